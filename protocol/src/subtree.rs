@@ -398,7 +398,9 @@ mod tests {
     #[test]
     fn root_of_gives_the_tile_that_lists_the_children() {
         let id = TileId::new(7, 100, 3).unwrap();
-        assert_eq!(Subtree::root_of(id), TileId::new(5, 25, 0).unwrap());
+        let root = TileId::new(5, 25, 0).unwrap();
+        assert_eq!([Subtree::root_of(id), Subtree::root_of(root)], [root; 2]);
+        assert_eq!(Subtree::root_of(TileId::new(4, 15, 0).unwrap()), TileId::ROOT);
         assert!(Subtree::is_root(TileId::ROOT) && !Subtree::is_root(id));
     }
 }

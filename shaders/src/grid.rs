@@ -424,10 +424,13 @@ mod tests {
     fn heights_are_rounded_outwards_and_bound_finer_squares() {
         let ids = [id(1, 0, 0), id(1, 1, 0), id(1, 1, 1)];
         let grid = grid([10.0, 10.0], &ids);
-        let metres = |code: u32| (code as f32 - grid.head.z_eye) / grid.head.z_scale;
+        // All nodes together are 12 m high.
+        let steps = |metres: i32| f64::from(metres) * f64::from(Z_TOP) / 12.0;
         for (i, at) in [(0, [0, 0]), (1, [1, 0]), (2, [1, 1])] {
             let z = entry(&grid, 0, at[0], at[1]).unwrap()[1];
-            assert!(metres(z & 0xffff) <= i as f32 + 1e-3 && metres(z >> 16) >= 10.0 + i as f32 - 1e-3);
+            let [low, high] = [z & 0xffff, z >> 16].map(f64::from);
+            assert!(low <= steps(i) && low > steps(i) - 1.0, "{low} {}", steps(i));
+            assert!(high >= steps(10 + i) && high < steps(10 + i) + 1.0, "{high} {}", steps(10 + i));
         }
         let root = entry(&grid, 1, 0, 0).unwrap();
         assert_eq!(root, [GRID_MIXED, 0xffff << 16]);

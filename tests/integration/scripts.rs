@@ -1,4 +1,5 @@
-//! The Python scripts: each says how to use it, and the second decoder reads the frozen tiles. Without Python, or a module that a
+//! The Python scripts: each says how to use it, the second decoder reads the frozen tiles, and the faults that tests must catch
+//! have a place. Without Python, or a module that a
 //! script needs, they are reported as ignored.
 
 use anyhow::{Context, Result, ensure};
@@ -26,6 +27,7 @@ fn main() {
         .collect();
     let decoder = "the_second_decoder_reads_the_frozen_tiles".to_owned();
     trials.push(trial(decoder, passes_its_unit_tests, root.join("tools")));
+    trials.push(trial("faults_have_a_place".to_owned(), faults_have_a_place, root.join("tools/mutations.py")));
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }
 
@@ -64,6 +66,12 @@ fn explains_itself(script: &Path) -> Result<()> {
     let name = script.file_name().and_then(|name| name.to_str()).context("no name")?;
     let help = help_of(script)?;
     ensure!(help.contains("usage: ") && help.contains(name), "{help}");
+    Ok(())
+}
+
+/// Each fault of `mutations.toml` changes one line that exists.
+fn faults_have_a_place(script: &Path) -> Result<()> {
+    python(&["mutations.py", "--check"], script.parent().context("no folder")?)?;
     Ok(())
 }
 

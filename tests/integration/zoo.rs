@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3};
 use insula_bake::scene::{ObjectKind, Scene};
 use insula_shaders::layout::Shading;
 use insula_tests::{
+    truth::Truth,
     view::Camera,
     zoo::{BakedShape, ShapeScore, Shapes, orbit_camera, paint, rectangle, turned},
 };
@@ -68,7 +69,7 @@ fn boxes_turned_by_20_and_45_degrees() {
 fn a_pitched_roof() {
     let mut shapes = Shapes::default();
     house(&mut shapes, 0.0);
-    score("pitched-roof", &shapes, &two_views([0.0, 0.0, 4.0], 24.0)).ensure_at_least(0.97, 0.98, 0.93).unwrap();
+    score("pitched-roof", &shapes, &two_views([0.0, 0.0, 4.0], 24.0)).ensure_at_least(0.99, 0.99, 0.98).unwrap();
 }
 
 #[test]
@@ -195,9 +196,19 @@ fn a_fence_of_posts_and_rails() {
         shapes.cuboid([x - 0.06, -0.06, 0.0], [x + 0.06, 0.06, 1.5]);
     }
     shapes.cuboid([-6.0, -0.05, 0.6], [5.0, 0.05, 0.75]).cuboid([-6.0, -0.05, 1.2], [5.0, 0.05, 1.35]);
-    // Much smaller than a cell: it must be visible, but not accurate.
-    let score = score("fence", &shapes, &[orbit_camera([0.0, 0.0, 0.7], 10.0, -80.0, 10.0)]);
-    score.ensure_at_least(0.25, 0.95, 0.85).unwrap();
+    let cameras = [orbit_camera([0.0, 0.0, 0.7], 10.0, -80.0, 10.0)];
+    let mut shape = BakedShape::bake("fence", shapes.scene([0.0; 3]), CELL_M).unwrap();
+    // Posts and rails are much thinner than a cell. They are drawn as a wall, which is a little lower and shorter than the one
+    // that encloses them; most of it is not there.
+    let mut wall = Shapes::default();
+    wall.cuboid([-6.06, -0.06, 0.0], [5.06, 0.06, 1.5]);
+    let source = std::mem::replace(&mut shape.truth, Truth::new(wall.scene([0.0; 3])));
+    let enclosing = shape.score(&cameras).unwrap();
+    shape.truth = source;
+    let fence = shape.score(&cameras).unwrap();
+    println!("fence: {fence:?}, enclosing wall: {enclosing:?}");
+    fence.ensure_at_least(0.28, 0.99, 0.88).unwrap();
+    enclosing.ensure_at_least(0.58, 0.99, 0.88).unwrap();
 }
 
 #[test]
@@ -272,12 +283,16 @@ fn small_holes_in_a_roof_are_repaired() {
     // A slit of 10 cm across the roof.
     shapes.face(&[at(-6.0, -5.0), at(0.0, -5.0), at(0.0, 5.0), at(-6.0, 5.0)], paint::ROOF);
     shapes.face(&[at(0.1, -5.0), at(6.0, -5.0), at(6.0, 5.0), at(0.1, 5.0)], paint::ROOF);
-    let shape = BakedShape::bake("hole", shapes.scene([0.0; 3]), CELL_M).unwrap();
+    let mut shape = BakedShape::bake("hole", shapes.scene([0.0; 3]), CELL_M).unwrap();
     let camera = orbit_camera([0.0, 0.0, 8.0], 20.0, -60.0, 80.0);
     shape.score(&[camera]).unwrap().ensure_at_least(0.97, 0.97, 0.95).unwrap();
-    let drawn = shape.draw(&camera, 0.01, Shading::Albedo).unwrap();
-    let deepest = drawn.distance.iter().copied().filter(|d| d.is_finite()).fold(0.0, f32::max);
-    assert!(deepest < 25.0, "one looks {deepest} m into the shell");
+    // As if the slit were not there.
+    let mut whole = Shapes::default();
+    whole.cuboid([-6.0, -5.0, 0.0], [6.0, 5.0, 8.0]);
+    shape.truth = Truth::new(whole.scene([0.0; 3]));
+    let repaired = shape.score(&[camera]).unwrap();
+    println!("hole, repaired: {repaired:?}");
+    repaired.ensure_at_least(0.99, 0.99, 0.98).unwrap();
 }
 
 #[test]
@@ -428,7 +443,7 @@ fn flat_land_takes_few_bytes_and_an_empty_scene_is_an_error() {
     let shape = BakedShape::bake("flat", shapes.scene([0.0; 3]), CELL_M).unwrap();
     let (leaves, bytes) = shape.baked.levels().into_iter().next_back().map(|(_, level)| level).unwrap();
     println!("flat: {} bytes a leaf", bytes / leaves);
-    assert!(leaves >= 16 && bytes / leaves < 600, "{} bytes for a flat leaf", bytes / leaves);
+    assert!(leaves >= 16 && bytes / leaves < 100, "{} bytes for a flat leaf", bytes / leaves);
     shape.score(&two_views([0.0; 3], 60.0)).unwrap().ensure_at_least(0.97, 0.98, 0.98).unwrap();
     assert!(BakedShape::bake("nothing", Scene::default(), CELL_M).is_err());
 }

@@ -406,9 +406,15 @@ mod tests {
         for good in ["bytes 10-19/100", "bytes 10-19/*", "bytes 10-15/16"] {
             assert!(satisfies(good), "{good}");
         }
-        for wrong in
-            ["bytes 10-15/100", "bytes 10-15/*", "bytes 0-9/100", "bytes 10-25/100", "bytes 10-5/6", "items 10-19/100"]
-        {
+        for wrong in [
+            "bytes 10-15/100",
+            "bytes 10-15/*",
+            "bytes 0-9/100",
+            "bytes 12-19/100",
+            "bytes 10-25/100",
+            "bytes 10-5/6",
+            "items 10-19/100",
+        ] {
             assert!(!satisfies(wrong), "{wrong}");
         }
     }

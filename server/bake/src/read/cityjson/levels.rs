@@ -163,6 +163,8 @@ mod tests {
             choice(&with("BuildingInstallation")),
             [LevelChoice::Level(CityJsonLod(1.0)), LevelChoice::Level(CityJsonLod(2.0))]
         );
+        let on_a_footprint = with("BuildingInstallation").replace(r#""lod": "1""#, r#""lod": "0""#);
+        assert_eq!(choice(&on_a_footprint), [LevelChoice::Coarser, LevelChoice::Level(CityJsonLod(2.0))]);
     }
 
     #[test]
