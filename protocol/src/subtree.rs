@@ -396,6 +396,13 @@ mod tests {
     }
 
     #[test]
+    fn deviations_are_rounded_up_to_centimetres() {
+        let rounded = NodeDeviation::from_values([0.0, 0.121, 1.239, 30.5]).rounded();
+        assert_eq!(rounded.values(), [0.0, 0.13, 1.24, 30.5]);
+        assert_eq!(rounded.rounded(), rounded);
+    }
+
+    #[test]
     fn root_of_gives_the_tile_that_lists_the_children() {
         let id = TileId::new(7, 100, 3).unwrap();
         let root = TileId::new(5, 25, 0).unwrap();

@@ -96,6 +96,11 @@ mod tests {
     use super::*;
 
     #[test]
+    fn nouns_follow_their_numbers() {
+        assert_eq!([0, 1, 2].map(|n| count(n, "tile")), ["0 tiles", "1 tile", "2 tiles"]);
+    }
+
+    #[test]
     fn texts_of_people_stay_as_they_are() {
         for text in ["", "Delft", "Zürich, 東京 & São Paulo", "👩‍👧 \u{e9}", "a\\b \"c\" <d>"] {
             assert!(matches!(printable(text), Cow::Borrowed(found) if found == text), "{text}");

@@ -73,21 +73,23 @@ fn compare_frustum_tests(session: &Session, planes: &[FrustumPlane; 5]) {
     let by_sphere = |node: &TreeNode| is_sphere_in_view(planes, node.centre, node.half.length());
     let by_box = |node: &TreeNode| is_box_in_view(planes, node.centre, node.half);
     let by_both = |node: &TreeNode| by_sphere(node) && by_box(node);
-    let tests: [(&str, &dyn Fn(&TreeNode) -> bool); 3] =
-        [("sphere", &by_sphere), ("box", &by_box), ("sphere, then box", &by_both)];
     println!("{} nodes\n| test | culled | ns a node |\n|---|---|---|", nodes.len());
-    for (name, is_in_view) in tests {
-        let culled = nodes.iter().filter(|node| !is_in_view(node)).count();
-        let mut best_secs = f64::INFINITY;
-        for _ in 0..REPEATS {
-            let begin = Instant::now();
-            for node in &nodes {
-                black_box(is_in_view(black_box(node)));
-            }
-            best_secs = best_secs.min(begin.elapsed().as_secs_f64());
+    print_test("sphere", &nodes, by_sphere);
+    print_test("box", &nodes, by_box);
+    print_test("sphere, then box", &nodes, by_both);
+}
+
+fn print_test(name: &str, nodes: &[&TreeNode], is_in_view: impl Fn(&TreeNode) -> bool) {
+    let culled = nodes.iter().filter(|node| !is_in_view(node)).count();
+    let mut best_secs = f64::INFINITY;
+    for _ in 0..REPEATS {
+        let begin = Instant::now();
+        for node in nodes {
+            black_box(is_in_view(black_box(node)));
         }
-        println!("| {name} | {culled} | {:.1} |", best_secs * 1e9 / nodes.len() as f64);
+        best_secs = best_secs.min(begin.elapsed().as_secs_f64());
     }
+    println!("| {name} | {culled} | {:.1} |", best_secs * 1e9 / nodes.len() as f64);
 }
 
 /// The nodes that a client draws that culls by the frustum alone: which are seen, and which a depth buffer takes for visible.
