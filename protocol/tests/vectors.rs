@@ -23,6 +23,7 @@ macro_rules! vector {
 
 const BLOCKMAP: &[u8] = vector!("blockmap");
 const LOSSY_BLOCKMAP: &[u8] = vector!("lossy_blockmap");
+const TOWN_BLOCKMAP: &[u8] = vector!("town_blockmap");
 const SUBTREE: &[u8] = vector!("subtree");
 const SUBTREE_WITH_MESHES: &[u8] = vector!("subtree_with_meshes");
 const SUBTREE_WITH_DEVIATIONS: &[u8] = vector!("subtree_with_deviations");
@@ -85,6 +86,50 @@ fn colourful_blockmap() -> BlockMap {
         })
         .collect();
     BlockMap::from_columns(node_id(), 0.5, 0, 0, &columns).unwrap()
+}
+
+/// Ground on a slope with buildings, bridges and ponds: bottoms, tops and walls at many heights, so that all contexts of their
+/// coding occur.
+fn town_blockmap() -> BlockMap {
+    let column = |i: usize| {
+        let (x, y) = (i % 64, i / 64);
+        let (plot, within) = (x / 10 + y / 8 * 7, [x % 10, y % 8]);
+        let ground = (40 + x / 2 + y / 3) as u16;
+        let up = octahedral::encode([0.0, 0.0, 1.0]);
+        let roof = Texel::new([(plot * 37 % 256) as u8, 90, (plot * 11 % 200) as u8], (30 + plot % 30) as u8);
+        let is_built = within[0] < 7 && within[1] < 5;
+        if !is_built {
+            let land = MapColumn { z_min: ground - 9, z_max: ground, roof_normal: up, ..MapColumn::default() };
+            let texel = Texel::new([80, 120, 70], (50 + x % 7) as u8);
+            return (plot % 9 != 8).then_some(MapColumn { roof: texel, reflective: plot % 11 == 3, ..land });
+        }
+        let is_bridge = plot % 5 == 4;
+        let z_min = if is_bridge { ground + 30 } else { (48 + plot / 3) as u16 };
+        let z_max = z_min.max(ground) + (20 + plot * 13 % 70) as u16;
+        let slope = octahedral::encode([0.5, 0.25 * (plot % 3) as f32, 0.8]);
+        let inclined = plot % 3 == 1;
+        let is_wall = within[0] == 0 || within[0] == 6 || within[1] == 0 || within[1] == 4;
+        let texels = |rows: u16| {
+            let texel = |row: u16| match (plot % 7, row) {
+                (6, 2) => Texel::OPEN,
+                _ => Texel::new([(plot * 5 % 256) as u8, (row / 2 * 9) as u8, 60], (40 + row % 20) as u8),
+            };
+            (0..rows).map(texel).collect()
+        };
+        let strip = is_wall.then(|| WallStrip {
+            texels: texels(strip_rows(z_min, z_max, 0).1),
+            azimuth: if within[1] == 0 { 192 } else { (plot * 3) as u8 },
+        });
+        let gap = (is_wall && plot % 4 == 2 && z_max - z_min > 30).then_some([z_min + 5, z_min + 21 + (x % 4) as u16]);
+        let outer = (plot % 2 == 0).then_some(OuterTop { z: z_min + 6, roof });
+        let corner = (plot % 6 == 3).then_some(CornerWall { azimuth: 64, offset: -9, concave: y % 2 == 1 });
+        let clip = (is_wall && plot % 3 == 0).then_some(ColumnClip { offset: (x as i8) - 30, corner, outer });
+        let roof_normal = if inclined { slope } else { up };
+        let suspended = is_bridge;
+        Some(MapColumn { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip, reflective: false })
+    };
+    let columns: Vec<_> = (0..COLUMNS).map(column).collect();
+    BlockMap::from_columns(node_id(), 1.0, -3, 0, &columns).unwrap()
 }
 
 fn subtree() -> Subtree {
@@ -288,6 +333,20 @@ fn block_maps_are_read_and_written() {
 }
 
 #[test]
+fn a_town_is_read_and_written() {
+    let map = BlockMap::decode(node_id(), TOWN_BLOCKMAP).unwrap();
+    assert_eq!(map, town_blockmap());
+    assert_eq!(town_blockmap().encode().unwrap(), TOWN_BLOCKMAP);
+    // The second decoder is held to the same checksums.
+    let texels: Vec<u8> = map.roof.iter().chain(&map.strips).flat_map(|texel| texel.0.to_le_bytes()).collect();
+    let shapes: Vec<u8> = (0..COLUMNS)
+        .flat_map(|i| [u16::from(map.flags[i]), map.z_min[i], map.z_max[i], map.roof_normal[i]])
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    assert_eq!([&texels, &shapes].map(|bytes| checksum(bytes)), [4_232_154_836, 405_737_478]);
+}
+
+#[test]
 fn lossy_block_maps_are_read() {
     let original = colourful_blockmap();
     let map = BlockMap::decode(node_id(), LOSSY_BLOCKMAP).unwrap();
@@ -364,6 +423,7 @@ fn write_vectors() {
     };
     write("blockmap", blockmap().encode().unwrap());
     write("lossy_blockmap", colourful_blockmap().encode_at(Quality::Decibels(DB)).unwrap());
+    write("town_blockmap", town_blockmap().encode().unwrap());
     write("subtree", subtree().encode().unwrap());
     write("subtree_with_meshes", subtree_with_meshes().encode().unwrap());
     write("plain_mesh_tile", plain_tile().encode(leaf(), 1).unwrap());

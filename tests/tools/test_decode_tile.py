@@ -1,7 +1,7 @@
 """Frozen tiles, decoded by the second decoder, have the values that protocol/tests/vectors.rs wrote. No test needs a program
 of this repository: python3 -m unittest discover tests/tools
 """
-import pathlib, random, struct, unittest
+import pathlib, random, struct, unittest, zlib
 
 from decode_tile import decode, texels_crc32
 from tile_decoder.container import BadTile, Bytes
@@ -113,6 +113,15 @@ class FrozenTiles(unittest.TestCase):
             {"column": 4033, "flags": 67} | plain | wall | {"clip": clip},
             {"column": 4095, "flags": 11} | plain | wall | {"gap": (20, 60)},
         ])
+
+    def test_a_town(self):
+        values = decode(vector("town_blockmap"))
+        shapes = [0] * (4 * 4096)
+        for column in values["columns"]:
+            at = 4 * column["column"]
+            shapes[at:at + 4] = [column["flags"], *column["z"], column["normal"]]
+        self.assertEqual(texels_crc32(values), 4_232_154_836)
+        self.assertEqual(zlib.crc32(struct.pack("<16384H", *shapes)), 405_737_478)
 
     def test_lossy_texels(self):
         values = decode(vector("lossy_blockmap"))
