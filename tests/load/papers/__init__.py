@@ -1,0 +1,1 @@
+"""What papers.py measures: one module for each paper."""
