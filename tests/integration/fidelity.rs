@@ -34,14 +34,14 @@ fn check(name: &str, inputs: &[PathBuf]) -> Result<()> {
     let figures = format!("{}; {}", figures(finest), figures(one));
     println!("{name}: {figures}");
     let [worst, mean] = finest.iou(None);
-    ensure!(worst >= 0.96 && mean >= 0.982, "silhouettes at the finest level: {figures}");
+    ensure!(worst >= 0.98 && mean >= 0.99, "silhouettes at the finest level: {figures}");
     let [median, p95] = finest.deviation_cells();
-    ensure!(median <= 0.12 && p95 <= 0.7, "deviations at the finest level: {figures}");
+    ensure!(median <= 0.02 && p95 <= 0.1, "deviations at the finest level: {figures}");
     let [aerial, _] = one.iou(Some(StationKind::Aerial));
-    ensure!(aerial >= 0.95, "silhouettes from the air: {figures}");
-    ensure!(one.deviation_cells()[1] <= 1.5, "deviations at one pixel: {figures}");
+    ensure!(aerial >= 0.975, "silhouettes from the air: {figures}");
+    ensure!(one.deviation_cells()[1] <= 0.1, "deviations at one pixel: {figures}");
     match finest.colour(Some(StationKind::Aerial), true) {
-        Some(colour) => ensure!(colour.psnr_db >= 27.0 && colour.ssim >= 0.91, "textures from the air: {figures}"),
+        Some(colour) => ensure!(colour.psnr_db >= 29.5 && colour.ssim >= 0.93, "textures from the air: {figures}"),
         None => ensure!(name != "chiba-textured", "no textured pixel in any view"),
     }
     Ok(())
