@@ -21,30 +21,23 @@ const LEVEL_Z: f32 = 0.98;
 /// Largest difference of the azimuths of one wall, in 256ths of a turn.
 const SAME_AZIMUTH: u8 = 2;
 
-/// What is compared.
-#[derive(Debug, Clone, Copy)]
-struct Step {
-    occlusion: f64,
-    luma: f64,
-}
-
 /// Sums of the steps of some pairs.
 #[derive(Debug, Clone, Copy, Default)]
 struct Steps {
-    occlusion: f64,
-    luma: f64,
+    /// Of occlusion and of luma.
+    sums: [f64; 2],
     count: f64,
 }
 
 impl Steps {
-    fn add(&mut self, step: Step) {
-        self.occlusion += step.occlusion;
-        self.luma += step.luma;
+    fn add(&mut self, a: Texel, b: Texel) {
+        let occlusion = (f64::from(a.ao()) - f64::from(b.ao())).abs();
+        self.sums = [self.sums[0] + occlusion, self.sums[1] + (luma(a) - luma(b)).abs()];
         self.count += 1.0;
     }
 
     fn mean(&self) -> [f64; 2] {
-        [self.occlusion, self.luma].map(|sum| sum / self.count.max(1.0))
+        self.sums.map(|sum| sum / self.count.max(1.0))
     }
 }
 
@@ -91,16 +84,12 @@ fn luma(texel: Texel) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-fn step(a: Texel, b: Texel) -> Step {
-    Step { occlusion: (f64::from(a.ao()) - f64::from(b.ao())).abs(), luma: (luma(a) - luma(b)).abs() }
-}
-
 /// Adds the steps between two neighbouring columns.
 fn compare(a: &Leaf, i: usize, b: &Leaf, j: usize, tops: &mut Steps, walls: &mut Steps) {
     if let (Some((high, first)), Some((low, second))) = (a.level_top(i), b.level_top(j))
         && (high - low).abs() < LEVEL_M
     {
-        tops.add(step(first, second));
+        tops.add(first, second);
     }
     let turn = a.map.wall_azimuth[i].wrapping_sub(b.map.wall_azimuth[j]);
     if let (Some((first_a, rows_a)), Some((first_b, rows_b))) = (a.wall(i), b.wall(j))
@@ -108,7 +97,7 @@ fn compare(a: &Leaf, i: usize, b: &Leaf, j: usize, tops: &mut Steps, walls: &mut
     {
         for (row, texel) in (first_a..).zip(rows_a) {
             if let Some(other) = usize::try_from(row - first_b).ok().and_then(|row| rows_b.get(row)) {
-                walls.add(step(*texel, *other));
+                walls.add(*texel, *other);
             }
         }
     }

@@ -67,8 +67,8 @@ struct TexelModels {
     /// By activity, and whether an earlier component differs from its prediction.
     chroma: [[NumberModel; 6]; 2],
     ao: [NumberModel; 8],
-    /// By the coverage of the texel below.
-    coverage: [[BitModel; 3]; 4],
+    /// By whether the texel below is open.
+    coverage: [[BitModel; 3]; 2],
     /// Whether a palette colour is that of the first neighbour, and of the second.
     first: [BitModel; 3],
     second: BitModel,
@@ -147,7 +147,7 @@ impl<'a, C: BitCoder> TexelCoder<'a, C> {
     /// Codes whether a texel is open, predicted from the one below.
     pub(super) fn code_coverage(&mut self, is_open_below: bool, is_open: bool) -> bool {
         let coverage = |is_open: bool| if is_open { 0 } else { OPAQUE_COVERAGE };
-        let models = &mut self.models.coverage[coverage(is_open_below) as usize];
+        let models = &mut self.models.coverage[usize::from(is_open_below)];
         self.coder.choice(models, coverage(is_open)) == 0
     }
 

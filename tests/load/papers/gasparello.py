@@ -17,7 +17,7 @@ def scans(setup):
 
 
 def refined(setup, times):
-    """Nefertiti with four times as many triangles, so many times."""
+    """Nefertiti, subdivided `times` times. Each subdivision makes four triangles of one."""
     path = setup.out / f"nefertiti-x{4**times}.obj"
     if not path.is_file():
         say(f"making {path.name}")
