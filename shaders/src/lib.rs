@@ -16,5 +16,6 @@ pub mod mesh;
 pub mod pack;
 pub mod tone;
 pub mod wgsl;
+mod words;
 
 pub use atmosphere::irradiance;

@@ -13,11 +13,13 @@ use crate::layout::{
     ATTRIBUTE_PLANE, BLOCK_CELLS, NODE_BLOCKS, PAGE_WORDS, PLANES, QUAD_TOP_BITS, QUAD_TOP_MAX, ROOF_PLANE,
     STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_WORDS, WALK_PLANE,
 };
+use crate::words;
 use insula_protocol::{
     BlockMap, NODE_CELLS,
     blockmap::{COLUMNS, ColumnClip, MIN_NORMAL_Z, STEPS_PER_CELL, flag, strip_rows},
     octahedral,
 };
+use serde::{Deserialize, Serialize};
 
 /// Bits of a height in a word of the walk plane or of a column's bounds.
 pub(crate) const HEIGHT_BITS: u32 = 12;
@@ -42,11 +44,13 @@ pub(crate) const AO_SHIFT: u32 = 26;
 pub type Page = Box<[u32]>;
 
 /// A node in pages. Until [`PackedNode::relocate`], strip addresses are relative to the first strip page.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct PackedNode {
     /// [`PLANES`] planes, then strip pages, each of [`PAGE_WORDS`] words.
+    #[serde(with = "words::pages")]
     pub pages: Vec<Page>,
     /// Bounds of each block and tops of its quads, as [`SUMMARY_WORDS`] says.
+    #[serde(with = "words::array")]
     pub summary: [u32; SUMMARY_WORDS],
     /// Side of a column, in metres.
     pub cell_m: f32,

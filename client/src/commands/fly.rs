@@ -8,15 +8,13 @@ use crate::{
     report::{FlightReport, FlightSample, FrameDifference, compare_frames},
     session::Session,
     stream::{fetch::Http, simulated_link::SimulatedLink},
-    ui::{
-        frame_pacing::{FramePacer, FrameTime},
-        view_link::ViewLink,
-    },
+    ui::view_link::ViewLink,
 };
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{
     camera::CameraPath,
     frame::{MOVING_SAMPLES, RenderSettings},
+    interaction::frame_pacing::{FramePacer, FrameTime},
     streamer::FrameRequest,
     sun::Daylight,
 };

@@ -1,19 +1,16 @@
 //! The ray-caster behind `--adapter`: a GPU, or the CPU.
 
-use super::{
-    adapter_info::AdapterInfo,
-    cpu::CpuAdapter,
-    gpu::{GpuAdapter, GpuDevice},
-};
 use crate::error::{ClientError, Result};
 use insula_protocol::text::printable;
 use insula_shaders::{
     cpu::raycast::{Pixels, RayCounts},
+    gpu::GpuError,
     layout::SUMMARY_WORDS,
 };
 use insula_viewer::{
     cache::{Upload, pages_for},
     frame::FrameData,
+    render::{AdapterInfo, CpuAdapter, GpuAdapter, GpuDevice},
     select::occlusion_feedback::OcclusionQuery,
 };
 
@@ -65,7 +62,7 @@ impl Adapter {
         if choice == AdapterChoice::Cpu {
             return Ok(OpenedAdapter::cpu(pages));
         }
-        match headless_device(cache_bytes).and_then(|device| GpuAdapter::new(device, pages)) {
+        match headless_device(cache_bytes).and_then(|device| pollster::block_on(GpuAdapter::new(device, pages))) {
             Ok(gpu) => {
                 let opened = OpenedAdapter::gpu(gpu);
                 if let (AdapterChoice::Auto, Adapter::Gpu(gpu)) = (choice, &opened.adapter)
@@ -92,7 +89,7 @@ impl Adapter {
     /// Draws a frame and waits for its pixels. Fails if the GPU fails.
     pub fn draw(&mut self, data: &FrameData) -> Result<Pixels> {
         match self {
-            Self::Gpu(gpu) => gpu.draw(data),
+            Self::Gpu(gpu) => gpu.draw(data).map_err(graphics_error),
             Self::Cpu(cpu) => Ok(cpu.draw(data)),
         }
     }
@@ -113,7 +110,7 @@ impl Adapter {
     /// Counts the steps of a frame's rays, one ray per pixel. Costs about as much as drawing it. Fails if the GPU fails.
     pub fn count(&mut self, data: &FrameData) -> Result<RayCounts> {
         match self {
-            Self::Gpu(gpu) => gpu.count(data),
+            Self::Gpu(gpu) => gpu.count(data).map_err(graphics_error),
             Self::Cpu(cpu) => Ok(cpu.count(data)),
         }
     }
@@ -135,12 +132,17 @@ impl Upload for Adapter {
     }
 }
 
+/// A failure of the ray-caster on a GPU.
+pub fn graphics_error(error: GpuError) -> ClientError {
+    ClientError::Graphics(error.to_string())
+}
+
 /// Opens a device of Vulkan, Metal or DirectX, otherwise one of OpenGL, which prints complaints where there is no desktop.
 /// Obeys `WGPU_BACKEND`.
 fn headless_device(cache_bytes: u64) -> std::result::Result<GpuDevice, String> {
     let descriptor = || wgpu::InstanceDescriptor::new_without_display_handle_from_env();
     let mut primary = descriptor();
     primary.backends &= wgpu::Backends::PRIMARY;
-    GpuDevice::open(&wgpu::Instance::new(primary), None, cache_bytes)
-        .or_else(|_| GpuDevice::open(&wgpu::Instance::new(descriptor()), None, cache_bytes))
+    let open = |instance| pollster::block_on(GpuDevice::open(&wgpu::Instance::new(instance), None, cache_bytes));
+    open(primary).or_else(|_| open(descriptor()))
 }

@@ -1,11 +1,6 @@
 //! Draws frames on a GPU or on the CPU.
 
 mod adapter;
-mod adapter_info;
-mod cpu;
-mod gpu;
 
-pub use adapter::{Adapter, AdapterChoice, OpenedAdapter};
-pub use adapter_info::AdapterInfo;
-pub use cpu::CpuAdapter;
-pub use gpu::{GpuAdapter, GpuDevice};
+pub use adapter::{Adapter, AdapterChoice, OpenedAdapter, graphics_error};
+pub use insula_viewer::render::{AdapterInfo, CpuAdapter, GpuAdapter, GpuDevice};

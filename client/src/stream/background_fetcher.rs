@@ -3,11 +3,12 @@
 //! Requests run on tokio's threads, decoding on its blocking threads. The frame loop only starts, cancels and polls. Everything
 //! is bounded: requests in flight by [`Downloads`], decoders and waiting outcomes by [`BackgroundFetcher`].
 
-use super::{fetch::Http, jitter::jitter, notifier::Notifier, source::TileSource};
+use super::{fetch::Http, jitter::jitter, notifier::Notifier};
 use bytes::Bytes;
 use insula_viewer::{
     decode::{DecodedTile, decode},
     scene::TileKey,
+    source::TileSource,
     streamer::{Downloads, FetchError, FetchOutcome, TileFetcher},
 };
 use std::{collections::HashMap, sync::Arc, time::Instant};

@@ -4,7 +4,7 @@ use super::{
     fetch::Http,
     jitter::jitter,
     location::CityLocation,
-    source::{TileSource, disk::CachedCity, folder, server::ServerSource, web},
+    source::{disk::CachedCity, folder},
 };
 use crate::error::{ClientError, ListedCity, Result};
 use bytes::Bytes;
@@ -18,7 +18,11 @@ use insula_protocol::{
     route::{self, CITIES},
     text::printable,
 };
-use insula_viewer::{scene::tile::retry_delay, streamer::FetchError};
+use insula_viewer::{
+    scene::tile::retry_delay,
+    source::{TileSource, Transport, server::ServerSource, web_folder},
+    streamer::FetchError,
+};
 use std::{
     path::Path,
     sync::Arc,
@@ -87,7 +91,7 @@ impl CityOpener<'_> {
             || format!("{url}: no city here: give the URL of a baked city's folder, which has a {MANIFEST_FILE}");
         let manifest = self.fetch_manifest(&url, missing)?;
         self.check_name(&manifest)?;
-        let source = Arc::new(web::open(base, self.http));
+        let source = Arc::new(web_folder::open(base, &self.transport()));
         Ok(self.with_disk_cache(format!("{base}/"), manifest, source))
     }
 
@@ -122,8 +126,12 @@ impl CityOpener<'_> {
                 manifest.name
             )));
         }
-        let source = Arc::new(ServerSource::new(self.http.clone(), base, &self.query, &manifest));
+        let source = Arc::new(ServerSource::new(self.transport(), base, &self.query, &manifest));
         Ok(self.with_disk_cache(url, manifest, source))
+    }
+
+    fn transport(&self) -> Arc<dyn Transport> {
+        self.http.clone()
     }
 
     /// Fails if `--city` names another city.

@@ -4,7 +4,10 @@ use super::simulated_link::SimulatedLink;
 use crate::error::{ClientError, Result};
 use bytes::{Bytes, BytesMut};
 use insula_protocol::{DecodeError, route::is_same_host};
-use insula_viewer::streamer::FetchError;
+use insula_viewer::{
+    source::{BoxFuture, ContentRange, RangeResponse, Transport},
+    streamer::FetchError,
+};
 use reqwest::{
     StatusCode,
     header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, ETAG, LAST_MODIFIED, LOCATION, RANGE, RETRY_AFTER},
@@ -38,16 +41,6 @@ pub struct HttpOptions {
     pub body: Duration,
     /// Whether redirects to other hosts are followed (`--follow-redirects`). They may lead into the network of this machine.
     pub follow_redirects: bool,
-}
-
-/// Part of a file.
-#[derive(Debug)]
-pub(super) struct RangeResponse {
-    pub(super) bytes: Bytes,
-    /// Version of the file (ETag or date) if the host sends one.
-    pub(super) version: Option<String>,
-    /// Length of the whole file if the host sends it.
-    pub(super) file_bytes: Option<u64>,
 }
 
 impl Default for HttpOptions {
@@ -207,6 +200,16 @@ impl Http {
     }
 }
 
+impl Transport for Http {
+    fn get(&self, url: String, limit_bytes: usize) -> BoxFuture<'_, Result<Bytes, FetchError>> {
+        Box::pin(async move { self.get(&url, limit_bytes).await })
+    }
+
+    fn get_range(&self, url: String, range: Range<u64>) -> BoxFuture<'_, Result<RangeResponse, FetchError>> {
+        Box::pin(async move { self.get_range(&url, range).await })
+    }
+}
+
 impl Drop for Http {
     fn drop(&mut self) {
         // The last owner may be a task of the runtime, which must not wait for itself.
@@ -266,30 +269,6 @@ fn check_status(response: &reqwest::Response) -> Result<(), FetchError> {
 fn busy_error(response: &reqwest::Response) -> FetchError {
     let secs = response.headers().get(RETRY_AFTER).and_then(|v| v.to_str().ok()).and_then(|v| v.trim().parse().ok());
     FetchError::Busy { status: response.status().as_u16(), retry_after: secs.map(Duration::from_secs) }
-}
-
-/// Value of a `Content-Range` header: first and last byte, and the length of the file if the host knows it.
-#[derive(Debug, Clone, Copy)]
-struct ContentRange {
-    first: u64,
-    last: u64,
-    file_length: Option<u64>,
-}
-
-impl ContentRange {
-    /// Parses `bytes 0-99/1000` or `bytes 0-99/*`.
-    fn parse(text: &str) -> Option<Self> {
-        let (range, length) = text.trim().strip_prefix("bytes")?.trim_start().split_once('/')?;
-        let (first, last) = range.split_once('-')?;
-        let (first, last) = (first.trim().parse().ok()?, last.trim().parse().ok()?);
-        Some(Self { first, last, file_length: length.trim().parse().ok() })
-    }
-
-    /// Whether this is the response to a request for `first..=last`: shorter only where the file ends.
-    fn satisfies(&self, first: u64, last: u64) -> bool {
-        let is_file_end = self.last < last && self.file_length == self.last.checked_add(1);
-        self.first == first && self.last >= first && (self.last == last || is_file_end)
-    }
 }
 
 #[cfg(test)]

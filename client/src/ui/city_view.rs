@@ -2,10 +2,6 @@
 
 use super::{
     bookmarks::BookmarkPanel,
-    camera_control::CameraControl,
-    day_animation::DayAnimation,
-    frame_pacing::FramePacer,
-    measure::MeasureTool,
     overlay::{DisplayOptions, MESSAGE_TIME, TimedMessage},
     path_playback::PathPlayback,
     path_recording::PathRecorder,
@@ -18,7 +14,15 @@ use super::{
 use crate::{render::Adapter, session::Session};
 use insula_protocol::text::printable;
 use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
-use insula_viewer::{camera::Camera, frame::RenderSettings, streamer::FrameRequest, sun::Daylight};
+use insula_viewer::{
+    camera::Camera,
+    frame::RenderSettings,
+    interaction::{
+        camera_control::CameraControl, day_animation::DayAnimation, frame_pacing::FramePacer, measure::MeasureTool,
+    },
+    streamer::FrameRequest,
+    sun::Daylight,
+};
 use std::time::Instant;
 
 /// Initial state of a [`CityView`].

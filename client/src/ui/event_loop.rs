@@ -4,7 +4,6 @@
 //! server. Frames are drawn only when something changes; otherwise the loop sleeps.
 
 use super::{
-    camera_control::MoveDirection,
     city_chooser::CityChooser,
     city_view::{CityView, CityViewSetup},
     connector::{ConnectFns, ConnectedCity, Connector, MAX_PREVIEWS, StartStatus, ViewerEvent},
@@ -23,6 +22,7 @@ use crate::{
 use insula_protocol::text::printable;
 use insula_viewer::{
     camera::Camera,
+    interaction::camera_control::MoveDirection,
     sun::{Daylight, SunOptions, parse_time},
 };
 use std::{

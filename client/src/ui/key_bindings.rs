@@ -1,7 +1,7 @@
 //! Keys and what they do.
 
-use super::camera_control::MoveDirection;
 use insula_shaders::layout::Shading;
+use insula_viewer::interaction::camera_control::MoveDirection;
 use winit::keyboard::KeyCode;
 
 /// Action of a key.

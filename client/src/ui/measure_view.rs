@@ -1,13 +1,17 @@
 //! Draws the measured figure over the frame, and the panel of the tool.
 
 use super::{
-    measure::{MeasureKind, MeasureTool},
     outlined,
     projection::{project, project_line},
-    units::length_text,
 };
 use egui::{Align2, Color32, Label, Painter, Pos2, Rect, Stroke, Ui, vec2};
-use insula_viewer::camera::View;
+use insula_viewer::{
+    camera::View,
+    interaction::{
+        measure::{MeasureKind, MeasureTool},
+        units::length_text,
+    },
+};
 
 const COLOUR: Color32 = Color32::from_rgb(255, 214, 90);
 /// Lines that are shorter than this on the screen have no text.

@@ -5,17 +5,13 @@
 
 pub mod actions;
 pub mod bookmarks;
-pub mod camera_control;
 pub mod city_chooser;
 pub mod city_view;
 pub mod compass;
 pub mod connector;
-pub mod day_animation;
 pub mod event_loop;
-pub mod frame_pacing;
 pub mod furniture;
 pub mod key_bindings;
-pub mod measure;
 pub mod measure_view;
 pub mod minimap;
 pub mod outlined;
@@ -33,7 +29,6 @@ pub mod scale_bar;
 pub mod settings;
 pub mod stream_status;
 pub mod touchpad;
-pub mod units;
 pub mod view_link;
 pub mod viewport;
 pub mod window;

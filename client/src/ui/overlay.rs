@@ -1,19 +1,18 @@
 //! Panels over the frame: sliders, counters, help, messages, attribution.
 
-use super::{
-    bookmarks::ViewAction,
-    camera_control::{CameraControl, ControlMode},
-    day_animation::{DAY_SECS, DayAnimation},
-    key_bindings::HELP,
-    picture_size::PictureSize,
-    process_memory::resident_bytes,
-};
+use super::{bookmarks::ViewAction, key_bindings::HELP, picture_size::PictureSize, process_memory::resident_bytes};
 use crate::session::Session;
 use chrono::{Datelike, NaiveDate};
 use egui::{Align2, Color32, Context, Frame, RichText, Ui};
 use insula_protocol::text::printable;
 use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
-use insula_viewer::sun::Daylight;
+use insula_viewer::{
+    interaction::{
+        camera_control::{CameraControl, ControlMode},
+        day_animation::{DAY_SECS, DayAnimation},
+    },
+    sun::Daylight,
+};
 use std::{
     ops::RangeInclusive,
     time::{Duration, Instant},

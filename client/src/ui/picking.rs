@@ -1,8 +1,8 @@
 //! What lies under a position of the window: for the measuring tool and for the readout of coordinates.
 
-use super::{city_view::CityView, projection::ray_direction, window::ViewerWindow};
+use super::{city_view::CityView, window::ViewerWindow};
 use glam::DVec3;
-use insula_viewer::frame::RenderSettings;
+use insula_viewer::{frame::RenderSettings, projection::ray_direction};
 use std::time::Instant;
 
 impl CityView {

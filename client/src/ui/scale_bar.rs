@@ -1,7 +1,7 @@
 //! The scale bar: the length of a horizontal line on the screen, at a given distance.
 
-use super::units::length_text;
 use egui::{Align2, Color32, FontId, Sense, Stroke, Ui, vec2};
+use insula_viewer::interaction::units::length_text;
 
 /// Longest bar, in points.
 const MAX_POINTS: f32 = 150.0;

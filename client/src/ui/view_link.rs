@@ -6,9 +6,9 @@ use crate::{
     error::{ClientError, Result},
     stream::location::CityLocation,
 };
-use glam::DVec3;
 use insula_viewer::{
     camera::Camera,
+    camera_text,
     sun::{Daylight, SunTime, parse_time},
 };
 use std::ffi::OsStr;
@@ -17,8 +17,6 @@ use std::ffi::OsStr;
 const SCHEME: &str = "insula://";
 /// Length of the longest accepted link.
 const MAX_BYTES: usize = 2048;
-/// Largest accepted coordinate.
-const MAX_COORDINATE_M: f64 = 1e10;
 
 /// A city, and optionally a view of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,7 +48,7 @@ impl ViewLink {
         let (mut camera, mut time, mut scheme) = (None, None, "http");
         for (name, value) in url.query_pairs() {
             match &*name {
-                "camera" => camera = Some(parse_camera(&value).ok_or_else(|| invalid("invalid camera"))?),
+                "camera" => camera = Some(camera_text::parse(&value).ok_or_else(|| invalid("invalid camera"))?),
                 "time" => time = Some(parse_time(&value).map_err(|e| invalid(&e))?),
                 "tls" => scheme = if value == "1" { "https" } else { "http" },
                 _ => {}
@@ -91,38 +89,17 @@ pub fn format_link(address: &str, camera: &Camera, daylight: &Daylight) -> Optio
         (None, Some(host)) => (host, "&tls=1"),
         _ => return None,
     };
-    let p = camera.position;
-    let (yaw, pitch) = camera.angles();
-    let azimuth = (90.0 - yaw.to_degrees()).rem_euclid(360.0);
     let time = match daylight.fixed_bearing {
         Some(_) => String::new(),
         None => format!("&time={}", daylight.time_text()),
     };
-    Some(format!(
-        "{SCHEME}{host}?camera={:.3},{:.3},{:.3},{azimuth:.4},{:.4},{:.3}{time}{tls}",
-        p.x,
-        p.y,
-        p.z,
-        pitch.to_degrees(),
-        camera.fov_y_rad.to_degrees(),
-    ))
-}
-
-/// Parses `X,Y,Z,AZIMUTH,PITCH,FOV` in metres and degrees.
-fn parse_camera(text: &str) -> Option<Camera> {
-    let numbers: Vec<f64> = text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
-    let [x, y, z, azimuth, pitch, fov] = numbers[..] else { return None };
-    let is_in_range = [x, y, z].iter().all(|v| v.abs() < MAX_COORDINATE_M);
-    if !is_in_range || !azimuth.is_finite() || !(-90.0..=90.0).contains(&pitch) || !(1.0..=170.0).contains(&fov) {
-        return None;
-    }
-    let yaw = (90.0 - azimuth).to_radians();
-    Some(Camera::from_angles(DVec3::new(x, y, z), yaw, pitch.to_radians(), fov.to_radians()))
+    Some(format!("{SCHEME}{host}?camera={}{time}{tls}", camera_text::format(camera)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use insula_viewer::sun::SunOptions;
 
     fn daylight(options: &SunOptions) -> Daylight {

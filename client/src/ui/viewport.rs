@@ -3,7 +3,6 @@
 use super::{
     bookmarks::ViewAction,
     city_view::CityView,
-    frame_pacing::{FrameDetail, FrameTime},
     furniture::{self, Furniture},
     measure_view, minimap,
     overlay::{self, DisplayOptions, OverlayTexts, panel},
@@ -19,6 +18,7 @@ use insula_shaders::{cpu::raycast::RenderedRows, layout::Shading};
 use insula_viewer::{
     camera::Camera,
     frame::{FrameData, RenderSettings},
+    interaction::frame_pacing::{FrameDetail, FrameTime},
     select::priority::PriorityGroup,
     sun::Daylight,
 };

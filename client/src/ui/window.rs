@@ -142,7 +142,7 @@ impl ViewerWindow {
             let name = &device.info().name;
             eprintln!("note: {} is a software driver, using the CPU ray-caster instead", printable(name));
         } else if choice != AdapterChoice::Cpu {
-            match GpuAdapter::new(device.clone(), pages) {
+            match pollster::block_on(GpuAdapter::new(device.clone(), pages)) {
                 Ok(gpu) => return OpenedAdapter::gpu(gpu),
                 Err(reason) => {
                     tracing::debug!("the GPU cannot run the ray-caster: {reason}");

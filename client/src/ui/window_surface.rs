@@ -2,7 +2,7 @@
 
 use crate::{
     error::{ClientError, Result},
-    render::{GpuAdapter, GpuDevice},
+    render::{GpuAdapter, GpuDevice, graphics_error},
 };
 use insula_shaders::{
     cpu::raycast::Pixels,
@@ -60,7 +60,8 @@ impl WindowSurface {
         };
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
         let surface = instance.create_surface(window.clone()).map_err(|e| failed(&e))?;
-        let device = GpuDevice::open(&instance, Some(&surface), cache_bytes).map_err(|e| failed(&e))?;
+        let device =
+            pollster::block_on(GpuDevice::open(&instance, Some(&surface), cache_bytes)).map_err(|e| failed(&e))?;
         let size = window.inner_size();
         let mut config = surface
             .get_default_config(&device.adapter, size.width.max(1), size.height.max(1))
@@ -154,7 +155,7 @@ impl WindowSurface {
         let mut encoder = self.device.device.create_command_encoder(&label);
         let mut drawn = None;
         if let Some(SceneFrame { gpu, data }) = scene {
-            gpu.encode(&mut encoder, data)?;
+            gpu.encode(&mut encoder, data).map_err(graphics_error)?;
             gpu.encode_query(&mut encoder, data);
             self.draw_scene(&mut encoder, gpu);
             drawn = Some(gpu);

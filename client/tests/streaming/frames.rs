@@ -8,15 +8,14 @@ use super::{
     },
 };
 use glam::DVec3;
-use insula_client::{
-    commands::connect::connect,
-    session::Session,
-    stream::fetch::Http,
-    ui::camera_control::{CameraControl, MoveDirection},
-};
+use insula_client::{commands::connect::connect, session::Session, stream::fetch::Http};
 use insula_protocol::route;
 use insula_shaders::layout::Shading;
-use insula_viewer::{camera::Camera, frame::RenderSettings};
+use insula_viewer::{
+    camera::Camera,
+    frame::RenderSettings,
+    interaction::camera_control::{CameraControl, MoveDirection},
+};
 use std::{
     sync::{Arc, LazyLock},
     time::{Duration, Instant},

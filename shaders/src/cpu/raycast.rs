@@ -99,6 +99,20 @@ impl RenderedRows {
         end == height_px
     }
 
+    /// Appends rows that were rendered elsewhere: the words and hits that [`render_row`] gives. Distances are not known. Returns
+    /// whether all rows of `frame` are there.
+    pub fn append(&mut self, frame: &FrameUniform, words: &[u32], hit: &[u32]) -> bool {
+        self.words.extend_from_slice(words);
+        self.hit.extend_from_slice(hit);
+        self.rows = self.words.len() as u32 / frame.width_px.max(1);
+        self.rows >= frame.height_px
+    }
+
+    /// Number of rendered rows.
+    pub fn rows(&self) -> u32 {
+        self.rows
+    }
+
     /// The pixels of `frame`, of which all rows were rendered.
     pub fn develop(self, frame: &FrameUniform) -> Pixels {
         let Self { words, distance, hit, .. } = self;
@@ -106,6 +120,15 @@ impl RenderedRows {
             Pixels { width_px: frame.width_px, height_px: frame.height_px, distance, hit, ..Pixels::default() };
         out.set_words(frame, words);
         out
+    }
+}
+
+/// Renders one row on this thread. Appends a word (radiance of a lit frame, else colour) and the node that was hit for each pixel.
+pub fn render_row(scene: &SceneRef<'_>, y: u32, words: &mut Vec<u32>, hit: &mut Vec<u32>) {
+    for x in 0..scene.frame.width_px {
+        let pixel = pixel(scene, [x, y]);
+        words.push(pixel.word);
+        hit.push(pixel.hit);
     }
 }
 

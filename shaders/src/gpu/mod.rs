@@ -2,11 +2,13 @@
 
 pub mod compose;
 pub mod hit_counts;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod nearest;
 pub mod raycast;
 
 pub use compose::Compose;
 pub use hit_counts::HitCounts;
+#[cfg(not(target_arch = "wasm32"))]
 pub use nearest::Nearest;
 pub use raycast::{Capacity, Raycaster};
 
@@ -58,7 +60,8 @@ fn shader_module(device: &wgpu::Device, label: &str, source: String) -> wgpu::Sh
     device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
 }
 
-/// Waits for the device and copies a buffer. Fails if the device was lost.
+/// Waits for the device and copies a buffer, which a browser cannot. Fails if the device was lost.
+#[cfg(not(target_arch = "wasm32"))]
 fn read_words(device: &wgpu::Device, queue: &wgpu::Queue, source: &wgpu::Buffer) -> Result<Vec<u32>, GpuError> {
     let failed = |e: &dyn std::fmt::Display| GpuError::ReadBack(e.to_string());
     let staging = buffer(device, "read back", source.size(), wgpu::BufferUsages::MAP_READ);

@@ -1,10 +1,11 @@
 //! The ray-caster on a device: its buffers, its dispatch, its read-back. CPU twin: [`crate::cpu::raycast`].
 
-use super::{DeviceQueue, GpuError, buffer, read_words};
-use crate::{
-    cpu::raycast::{Pixels, RayCounts},
-    layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding},
-};
+#[cfg(not(target_arch = "wasm32"))]
+use super::read_words;
+use super::{DeviceQueue, GpuError, buffer};
+#[cfg(not(target_arch = "wasm32"))]
+use crate::cpu::raycast::{Pixels, RayCounts};
+use crate::layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding};
 use bytemuck::Zeroable;
 use std::collections::HashMap;
 use wgpu::util::DeviceExt;
@@ -61,6 +62,8 @@ struct OutputBuffers {
     width_px: u32,
     height_px: u32,
     colour: wgpu::Buffer,
+    /// Only read back.
+    #[cfg_attr(target_arch = "wasm32", expect(dead_code))]
     distance: wgpu::Buffer,
     hit: wgpu::Buffer,
     bind_group: wgpu::BindGroup,
@@ -208,6 +211,7 @@ impl Raycaster {
 
     /// Work of the rays of such a frame, one per pixel. Draws nothing, and waits for the device. Fails if there are
     /// more nodes than the capacity allows, or if the counts cannot be read back.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn count(
         &mut self,
         on: DeviceQueue<'_>,
@@ -291,6 +295,7 @@ impl Raycaster {
     }
 
     /// Waits for the device and copies the last frame. Fails if the device was lost.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn read_back(&self, device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Pixels, GpuError> {
         let read = |source: &wgpu::Buffer| read_words(device, queue, source);
         let OutputBuffers { width_px, height_px, .. } = self.output;

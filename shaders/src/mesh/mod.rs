@@ -17,10 +17,11 @@ mod bvh;
 mod packer;
 mod texture;
 
-use crate::{layout::PAGE_WORDS, pack::Page};
+use crate::{layout::PAGE_WORDS, pack::Page, words};
 use glam::DVec3;
 use insula_protocol::{TileId, mesh::Mesh};
 use packer::MeshPacker;
+use serde::{Deserialize, Serialize};
 pub use texture::MeshTexture;
 
 /// Most triangles of a leaf's mesh.
@@ -75,9 +76,10 @@ pub enum PackError {
 }
 
 /// A mesh in pages. Until [`PackedMesh::relocate`], references and the texture's table are relative to its first page.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct PackedMesh {
     /// Pages of [`PAGE_WORDS`] words. The head is at the beginning of the first.
+    #[serde(with = "words::pages")]
     pub pages: Vec<Page>,
     /// Number of triangles.
     pub triangles: u32,

@@ -3,11 +3,13 @@
 //! Only tiles that decode are kept, under the city's name, version and address: a server cannot place tiles into a city of
 //! another server. Whatever fails here costs a fetch and no pixel.
 
-use super::{PendingTile, TileSource};
 use bytes::Bytes;
 use insula_archive::disk_cache::DiskCache;
 use insula_protocol::{Manifest, TileKind, text::printable};
-use insula_viewer::scene::TileKey;
+use insula_viewer::{
+    scene::TileKey,
+    source::{PendingTile, TileSource},
+};
 use std::{
     io,
     sync::{Arc, Once},

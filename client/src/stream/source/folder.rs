@@ -1,9 +1,9 @@
 //! A baked city's folder on this machine.
 
-use super::archive::{ArchivedCity, to_read_error};
 use crate::stream::fetch::Http;
 use bytes::Bytes;
 use insula_archive::{RangeRead, RangeSource, ReadError, file::FileSource};
+use insula_viewer::source::archive::{ArchivedCity, to_read_error};
 use std::{
     ops::Range,
     path::{Path, PathBuf},

@@ -22,6 +22,7 @@ use insula_shaders::{
 };
 use lru::LruCache;
 use pages::PagePool;
+use serde::{Deserialize, Serialize};
 
 /// Size of an atlas page.
 pub const PAGE_BYTES: u64 = PAGE_WORDS as u64 * 4;
@@ -82,7 +83,7 @@ enum CacheItem {
 }
 
 /// A decoded tile, ready for the cache.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub enum PackedTile {
     /// A node's V-BlockMap.
     Node(Box<PackedNode>, ColumnSolids),

@@ -7,6 +7,7 @@ use insula_protocol::{
     blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, flag},
 };
 use insula_shaders::pack::slope_codes;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// The last column along an axis.
@@ -15,7 +16,7 @@ const LAST_CELL: f64 = (NODE_CELLS - 1) as f64;
 const MAX_CELLS: usize = 2 * NODE_CELLS + 2;
 
 /// A column. Heights in codes.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct Column {
     z_min: u16,
     z_max: u16,
@@ -26,7 +27,7 @@ struct Column {
 }
 
 /// What few columns have.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct ColumnDetail {
     column: u16,
     /// Empty without a gap.
@@ -35,7 +36,7 @@ struct ColumnDetail {
 }
 
 /// A [`ColumnClip`] without colours.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct PackedClip {
     offset: i8,
     /// Azimuth and offset of a corner's second plane, and whether the column fills the inner side of either.
@@ -45,7 +46,7 @@ struct PackedClip {
 }
 
 /// The solids of a resident V-BlockMap.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ColumnSolids {
     columns: Box<[Column]>,
     /// In the order of their columns.

@@ -6,6 +6,7 @@
 use super::SolidInterval;
 use glam::{DVec2, DVec3, U16Vec3, Vec3Swizzles};
 use insula_protocol::mesh::Mesh;
+use serde::{Deserialize, Serialize};
 
 /// Surfaces above each other that are nearer than this many metres are one.
 const TIE_M: f64 = 0.02;
@@ -15,7 +16,7 @@ const MIN_NORMAL_Z: f64 = 1e-4;
 const EDGE_SLACK: f64 = 1e-6;
 
 /// The solids of a resident mesh.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct MeshSolids {
     /// Corners on the mesh's grid.
     triangles: Box<[[U16Vec3; 3]]>,

@@ -1,7 +1,8 @@
 //! The day animation: runs the time of day, and repeats the day.
 
-use insula_viewer::sun::Daylight;
-use std::time::{Duration, Instant};
+use crate::sun::Daylight;
+use std::time::Duration;
+use web_time::Instant;
 
 /// Longest step. Without a limit, the sun would jump after a stall.
 const MAX_STEP: Duration = Duration::from_millis(500);
@@ -52,11 +53,11 @@ impl DayAnimation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_viewer::sun::SunOptions;
+    use crate::sun::SunOptions;
 
     #[test]
     fn a_day_takes_its_seconds_and_repeats() {
-        let mut daylight = Daylight::new(&SunOptions::default(), &insula_viewer::test_support::manifest(0));
+        let mut daylight = Daylight::new(&SunOptions::default(), &crate::test_support::manifest(0));
         let (date, begin, mut day) = (daylight.date, Instant::now(), DayAnimation::default());
         assert!(!day.advance(&mut daylight, begin) && !day.is_running() && daylight.hour == 16.5);
         day.toggle(begin);

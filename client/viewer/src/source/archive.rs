@@ -1,9 +1,9 @@
 //! A city's archives in a folder or on a plain host.
 
 use super::{PendingTile, TileSource};
+use crate::{scene::TileKey, streamer::FetchError};
 use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource};
 use insula_protocol::{TileKind, mesh_tile};
-use insula_viewer::{scene::TileKey, streamer::FetchError};
 
 /// A city without a server.
 #[derive(Debug)]
@@ -14,7 +14,7 @@ pub struct ArchivedCity {
 
 impl ArchivedCity {
     /// `open` returns the source of each archive; `location` is for people.
-    pub(super) fn new(location: String, open: impl Fn(TileKind) -> SharedSource) -> Self {
+    pub fn new(location: String, open: impl Fn(TileKind) -> SharedSource) -> Self {
         Self { location, city: LazyCity::new(open) }
     }
 }
@@ -50,7 +50,7 @@ fn from_archive(error: ArchiveError) -> FetchError {
 }
 
 /// What an error of the network means to an archive.
-pub(super) fn to_read_error(error: FetchError) -> ReadError {
+pub fn to_read_error(error: FetchError) -> ReadError {
     match error {
         FetchError::Missing => ReadError::Missing,
         FetchError::Busy { status, retry_after } => ReadError::Busy { status, retry_after },

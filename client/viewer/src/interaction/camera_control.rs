@@ -1,11 +1,9 @@
 //! Steers the camera with keys and mouse: flying, or orbiting around a point.
 
+use crate::{camera::Camera, collision::CitySolids};
 use glam::DVec3;
-use insula_viewer::{camera::Camera, collision::CitySolids};
-use std::{
-    f64::consts::FRAC_PI_2,
-    time::{Duration, Instant},
-};
+use std::{f64::consts::FRAC_PI_2, time::Duration};
+use web_time::Instant;
 
 /// Angle per pixel of dragging.
 const DRAG_RAD_PER_PX: f64 = 0.004;
@@ -178,12 +176,11 @@ impl CameraControl {
 
     /// Switches from orbiting around the ground ahead to flying, walking, and back.
     pub fn toggle_mode(&mut self) {
-        self.mode = match self.mode {
+        self.set_mode(match self.mode {
             ControlMode::Fly => ControlMode::Walk,
             ControlMode::Walk => ControlMode::Orbit,
             ControlMode::Orbit => ControlMode::Fly,
-        };
-        self.pivot_distance_m = self.distance_to_ground_m();
+        });
     }
 
     /// Distance to the ground ahead, 5 m to 50 km; 200 m for a camera that does not look down.
@@ -277,6 +274,31 @@ impl CameraControl {
         if self.mode == ControlMode::Orbit {
             self.orbit(pivot);
         }
+    }
+
+    /// Moves along the ground by a distance on the screen, in pixels to the right and down, so that the pivot follows. `height_px` is
+    /// the height of the view.
+    pub fn pan(&mut self, dx_px: f64, dy_px: f64, height_px: f64) {
+        if self.mode != ControlMode::Orbit {
+            self.pivot_distance_m = self.distance_to_ground_m();
+        }
+        let camera = self.camera();
+        let metres_per_px = 2.0 * (self.fov_y_rad * 0.5).tan() * self.pivot_distance_m / height_px.max(1.0);
+        // The flatter the view, the more ground a pixel covers.
+        let ahead = DVec3::new(self.yaw_rad.cos(), self.yaw_rad.sin(), 0.0) / self.pitch_rad.sin().abs().max(0.25);
+        self.position += (ahead * dy_px - camera.right * dx_px) * metres_per_px;
+        self.checked = self.position;
+    }
+
+    /// Tilts up by `angle_rad`, around the pivot when orbiting.
+    pub fn tilt(&mut self, angle_rad: f64) {
+        self.drag(0.0, -angle_rad / DRAG_RAD_PER_PX);
+    }
+
+    /// Sets the control mode.
+    pub fn set_mode(&mut self, mode: ControlMode) {
+        self.mode = mode;
+        self.pivot_distance_m = self.distance_to_ground_m();
     }
 
     /// The wheel was turned, positive upwards: faster when flying, closer when orbiting.
@@ -429,6 +451,21 @@ mod tests {
         assert!((camera.forward - upwards.forward).length() < 1e-12 && camera.position == upwards.position);
         control.go_to(point);
         assert_eq!(control.camera().position, DVec3::new(700.0, 300.0, 3.0));
+    }
+
+    #[test]
+    fn panning_keeps_the_point_ahead_under_the_pointer() {
+        let mut control = control();
+        let camera = control.camera();
+        control.pan(30.0, 0.0, 600.0);
+        let moved = control.camera().position - camera.position;
+        let expected_m = 2.0 * 0.5f64.tan() * 100.0 * 2f64.sqrt() * 30.0 / 600.0;
+        assert!((moved + camera.right * expected_m).length() < 1e-9, "{moved}");
+        control.pan(0.0, 30.0, 600.0);
+        let moved = control.camera().position - camera.position;
+        assert!(moved.z.abs() < 1e-9 && (moved.y - expected_m * 2f64.sqrt()).abs() < 1e-9, "{moved}");
+        control.tilt(0.2);
+        assert!((control.camera().angles().1 - camera.angles().1 - 0.2).abs() < 1e-9);
     }
 
     #[test]

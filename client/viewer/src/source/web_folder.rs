@@ -1,7 +1,9 @@
 //! A baked city's folder on any host that answers ranges: a web server, a bucket, a CDN.
 
-use super::archive::{ArchivedCity, to_read_error};
-use crate::stream::fetch::{Http, RangeResponse};
+use super::{
+    RangeResponse, Transport,
+    archive::{ArchivedCity, to_read_error},
+};
 use bytes::Bytes;
 use insula_archive::{RangeRead, RangeSource, ReadError};
 use std::{
@@ -13,13 +15,13 @@ use std::{
 #[derive(Debug, Clone)]
 struct WebArchive {
     url: String,
-    http: Arc<Http>,
+    http: Arc<dyn Transport>,
     /// Version and length of the file, as the first response has them.
     first: Arc<OnceLock<(Option<String>, Option<u64>)>>,
 }
 
 /// The city at `base`, an address without a slash at its end.
-pub fn open(base: &str, http: &Arc<Http>) -> ArchivedCity {
+pub fn open(base: &str, http: &Arc<dyn Transport>) -> ArchivedCity {
     ArchivedCity::new(base.to_owned(), |kind| {
         Arc::new(WebArchive { url: format!("{base}/{}", kind.file_name()), http: http.clone(), first: Arc::default() })
     })
@@ -49,7 +51,7 @@ impl RangeSource for WebArchive {
     fn read(&self, range: Range<u64>) -> RangeRead {
         let archive = self.clone();
         RangeRead::Pending(Box::pin(async move {
-            let response = archive.http.get_range(&archive.url, range).await.map_err(to_read_error)?;
+            let response = archive.http.get_range(archive.url.clone(), range).await.map_err(to_read_error)?;
             archive.check(response)
         }))
     }

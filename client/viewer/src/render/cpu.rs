@@ -1,12 +1,12 @@
 //! The CPU ray-caster with its own copy of the atlas in main memory.
 
-use insula_shaders::{
-    cpu::raycast::{Pixels, RayCounts, RenderedRows, SceneRef, count, render},
-    layout::{PAGE_WORDS, SUMMARY_WORDS},
-};
-use insula_viewer::{
+use crate::{
     cache::{Upload, slots_for},
     frame::FrameData,
+};
+use insula_shaders::{
+    cpu::raycast::{Pixels, RayCounts, RenderedRows, SceneRef, count, render},
+    layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS},
 };
 
 /// Atlas and summaries of the CPU ray-caster.
@@ -27,22 +27,26 @@ impl CpuAdapter {
 
     /// Draws a frame on all cores.
     pub fn draw(&self, data: &FrameData) -> Pixels {
-        render(&self.scene(data))
+        render(&self.scene_of(data))
     }
 
     /// Draws the next `count` rows of a frame on all cores. Returns whether all rows are drawn.
     pub fn draw_rows(&self, data: &FrameData, rows: &mut RenderedRows, count: u32) -> bool {
-        rows.render(&self.scene(data), count)
+        rows.render(&self.scene_of(data), count)
     }
 
     /// Counts the steps of a frame's rays, one ray per pixel.
     pub fn count(&self, data: &FrameData) -> RayCounts {
-        count(&self.scene(data))
+        count(&self.scene_of(data))
     }
 
-    fn scene<'a>(&'a self, data: &'a FrameData) -> SceneRef<'a> {
-        let FrameData { frame, grid, nodes, .. } = data;
+    /// What the ray-caster reads for a frame.
+    pub fn scene<'a>(&'a self, frame: &'a FrameUniform, grid: &'a [[u32; 2]], nodes: &'a [DrawNode]) -> SceneRef<'a> {
         SceneRef { frame, grid, nodes, summaries: &self.summaries, atlas: &self.atlas }
+    }
+
+    fn scene_of<'a>(&'a self, data: &'a FrameData) -> SceneRef<'a> {
+        self.scene(&data.frame, &data.grid, &data.nodes)
     }
 }
 

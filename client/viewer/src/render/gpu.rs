@@ -1,16 +1,16 @@
 //! The GPU ray-caster.
 
 use super::adapter_info::AdapterInfo;
-use crate::error::{ClientError, Result};
-use insula_shaders::{
-    cpu::raycast::{Pixels, RayCounts},
-    gpu::{Capacity, DeviceQueue, HitCounts, Raycaster},
-    layout::SUMMARY_WORDS,
-};
-use insula_viewer::{
+use crate::{
     cache::{PAGE_BYTES, Upload, slots_for},
     frame::FrameData,
     select::{occlusion_feedback::OcclusionQuery, transitions::MAX_FADING},
+};
+#[cfg(not(target_arch = "wasm32"))]
+use insula_shaders::cpu::raycast::{Pixels, RayCounts};
+use insula_shaders::{
+    gpu::{Capacity, DeviceQueue, GpuError, HitCounts, Raycaster},
+    layout::SUMMARY_WORDS,
 };
 
 /// An open GPU device.
@@ -27,13 +27,17 @@ pub struct GpuDevice {
 impl GpuDevice {
     /// Opens the best device that can present to `surface`, or any device without one. Its storage buffers may have up to
     /// `bytes`, or less if the device supports less. Fails if no driver has a device.
-    pub fn open(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>, bytes: u64) -> Result<Self, String> {
+    pub async fn open(
+        instance: &wgpu::Instance,
+        surface: Option<&wgpu::Surface<'_>>,
+        bytes: u64,
+    ) -> Result<Self, String> {
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
             compatible_surface: surface,
             ..wgpu::RequestAdapterOptions::default()
         };
-        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| e.to_string())?;
+        let adapter = instance.request_adapter(&options).await.map_err(|e| e.to_string())?;
         let supported = adapter.limits();
         let storage_bytes = bytes.min(supported.max_storage_buffer_binding_size).min(supported.max_buffer_size);
         let defaults = wgpu::Limits::default();
@@ -45,7 +49,7 @@ impl GpuDevice {
         };
         let descriptor =
             wgpu::DeviceDescriptor { label: Some("insula"), required_limits, ..wgpu::DeviceDescriptor::default() };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| e.to_string())?;
+        let (device, queue) = adapter.request_device(&descriptor).await.map_err(|e| e.to_string())?;
         device.on_uncaptured_error(std::sync::Arc::new(|error| tracing::error!("GPU error: {error}")));
         Ok(Self { adapter, device, queue, storage_bytes })
     }
@@ -77,7 +81,7 @@ pub struct GpuAdapter {
 impl GpuAdapter {
     /// Allocates GPU memory for `pages` pages, or for fewer if one buffer cannot be that large. Fails if the memory or a
     /// shader is refused.
-    pub fn new(device: GpuDevice, pages: u32) -> Result<Self, String> {
+    pub async fn new(device: GpuDevice, pages: u32) -> Result<Self, String> {
         let pages = pages.min((device.storage_bytes / PAGE_BYTES) as u32);
         let slots = slots_for(pages);
         let nodes = slots + 2 * MAX_FADING as u32;
@@ -85,7 +89,7 @@ impl GpuAdapter {
         let validation = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let raycaster = Raycaster::new(&device.device, capacity);
-        let errors = [pollster::block_on(memory.pop()), pollster::block_on(validation.pop())];
+        let errors = [memory.pop().await, validation.pop().await];
         match errors.into_iter().flatten().next() {
             Some(error) => Err(error.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" ")),
             None => {
@@ -101,11 +105,10 @@ impl GpuAdapter {
     }
 
     /// Records the ray-casting pass. The pixels stay on the device. Fails if the frame exceeds the capacity.
-    pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) -> Result<()> {
-        let failed = |e: insula_shaders::gpu::GpuError| ClientError::Graphics(e.to_string());
+    pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) -> Result<(), GpuError> {
         self.raycaster.resize(&self.device.device, [data.frame.width_px, data.frame.height_px]);
         let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
-        self.raycaster.render(on, encoder, &data.frame, &data.grid, &data.nodes).map_err(failed)
+        self.raycaster.render(on, encoder, &data.frame, &data.grid, &data.nodes)
     }
 
     /// Records a pass that counts the hits per node of the frame that [`GpuAdapter::encode`] recorded. Does nothing if these
@@ -135,21 +138,21 @@ impl GpuAdapter {
     }
 
     /// Counts the steps of a frame's rays without drawing it. Waits for the result. Fails if the GPU fails.
-    pub fn count(&mut self, data: &FrameData) -> Result<RayCounts> {
+    #[cfg(not(target_arch = "wasm32"))]
+    pub fn count(&mut self, data: &FrameData) -> Result<RayCounts, GpuError> {
         let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
         self.raycaster.resize(on.device, [data.frame.width_px, data.frame.height_px]);
-        let counts = self.raycaster.count(on, &data.frame, &data.grid, &data.nodes);
-        counts.map_err(|e| ClientError::Graphics(e.to_string()))
+        self.raycaster.count(on, &data.frame, &data.grid, &data.nodes)
     }
 
     /// Draws a frame and reads its pixels back. Fails if the GPU fails.
-    pub fn draw(&mut self, data: &FrameData) -> Result<Pixels> {
+    #[cfg(not(target_arch = "wasm32"))]
+    pub fn draw(&mut self, data: &FrameData) -> Result<Pixels, GpuError> {
         let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
         let mut encoder = self.device.device.create_command_encoder(&label);
         self.encode(&mut encoder, data)?;
         self.device.queue.submit([encoder.finish()]);
-        let pixels = self.raycaster.read_back(&self.device.device, &self.device.queue);
-        pixels.map_err(|e| ClientError::Graphics(e.to_string()))
+        self.raycaster.read_back(&self.device.device, &self.device.queue)
     }
 }
 

@@ -1,16 +1,15 @@
 //! Tiles from an Insula server.
 
-use super::{PendingTile, TileSource};
-use crate::stream::fetch::Http;
+use super::{PendingTile, TileSource, Transport};
+use crate::scene::TileKey;
 use insula_archive::limits::max_tile_bytes;
 use insula_protocol::{Manifest, TileKind, route};
-use insula_viewer::scene::TileKey;
 use std::sync::Arc;
 
 /// One version of a city on a server.
 #[derive(Debug)]
 pub struct ServerSource {
-    http: Arc<Http>,
+    http: Arc<dyn Transport>,
     base: String,
     /// Appended to each address: a share link, or empty.
     query: String,
@@ -20,7 +19,7 @@ pub struct ServerSource {
 
 impl ServerSource {
     /// The city of `manifest` on the server at `base` (`http://host:port`). `query` is appended to the address of each tile.
-    pub fn new(http: Arc<Http>, base: &str, query: &str, manifest: &Manifest) -> Self {
+    pub fn new(http: Arc<dyn Transport>, base: &str, query: &str, manifest: &Manifest) -> Self {
         let base = base.trim_end_matches('/').to_owned();
         Self { http, base, query: query.to_owned(), name: manifest.name.clone(), version: manifest.version.clone() }
     }
@@ -33,7 +32,7 @@ impl TileSource for ServerSource {
             kind => route::tile(&self.name, &self.version, kind, key.id),
         };
         let url = format!("{}{path}{}", self.base, self.query);
-        Box::pin(async move { self.http.get(&url, max_tile_bytes(key.kind())).await })
+        self.http.get(url, max_tile_bytes(key.kind()))
     }
 
     fn location(&self) -> &str {

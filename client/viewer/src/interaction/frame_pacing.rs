@@ -1,7 +1,8 @@
 //! Decides how finely frames are drawn: coarse while the view changes, fine when it rests.
 
-use insula_viewer::frame::{MOVING_SAMPLES, STILL_SAMPLES};
-use std::time::{Duration, Instant};
+use crate::frame::{MOVING_SAMPLES, STILL_SAMPLES};
+use std::time::Duration;
+use web_time::Instant;
 
 /// A view that has not changed for this time is drawn with more rays per pixel.
 const REST: Duration = Duration::from_millis(250);

@@ -1,0 +1,36 @@
+//! A camera as text, in view links and in addresses of pages: `X,Y,Z,AZIMUTH,PITCH,FOV`.
+//!
+//! Metres in the city's coordinates; degrees clockwise from the grid's north, upwards, and of the vertical field of view.
+
+use crate::camera::Camera;
+use glam::DVec3;
+
+/// Largest accepted coordinate.
+const MAX_COORDINATE_M: f64 = 1e10;
+
+/// The text of a camera, to the millimetre.
+pub fn format(camera: &Camera) -> String {
+    let p = camera.position;
+    let (yaw, pitch) = camera.angles();
+    let azimuth = (90.0 - yaw.to_degrees()).rem_euclid(360.0);
+    format!(
+        "{:.3},{:.3},{:.3},{azimuth:.4},{:.4},{:.3}",
+        p.x,
+        p.y,
+        p.z,
+        pitch.to_degrees(),
+        camera.fov_y_rad.to_degrees()
+    )
+}
+
+/// Parses a text that may come from anybody. `None` if it is not a camera.
+pub fn parse(text: &str) -> Option<Camera> {
+    let numbers: Vec<f64> = text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
+    let [x, y, z, azimuth, pitch, fov] = numbers[..] else { return None };
+    let is_in_range = [x, y, z].iter().all(|v| v.abs() < MAX_COORDINATE_M);
+    if !is_in_range || !azimuth.is_finite() || !(-90.0..=90.0).contains(&pitch) || !(1.0..=170.0).contains(&fov) {
+        return None;
+    }
+    let yaw = (90.0 - azimuth).to_radians();
+    Some(Camera::from_angles(DVec3::new(x, y, z), yaw, pitch.to_radians(), fov.to_radians()))
+}

@@ -1,0 +1,53 @@
+//! Makes `client/web/dist` from the WebAssembly module of `insula-web` and the files of `client/web/page`.
+//!
+//! ```text
+//! wasm -> bindings (wasm-bindgen, wasm-opt) -> asset_files (names, hash) -> dist (compressed forms, manifest)
+//! ```
+//!
+//! `insula-server` embeds the result, see `docs/decisions/0015-viewer-assets.md`.
+
+mod asset_files;
+mod bindings;
+mod dist;
+mod error;
+
+use error::BundleError;
+use std::{env, path::Path, process::ExitCode};
+
+const USAGE: &str = "usage: insula-web-bundle MODULE.wasm PAGE DIST
+Binds MODULE.wasm, adds the files of the folder PAGE, and replaces the folder DIST.
+WASM_OPT is the program that optimises the module: default wasm-opt if it is installed; none for none.";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    match &arguments[..] {
+        [help] if help == "--help" => {
+            println!("{USAGE}");
+            ExitCode::SUCCESS
+        }
+        [wasm, page, out] => match bundle(Path::new(wasm), Path::new(page), Path::new(out)) {
+            Ok(summary) => {
+                println!("{summary}");
+                ExitCode::SUCCESS
+            }
+            Err(error) => {
+                eprintln!("error: {error}");
+                ExitCode::FAILURE
+            }
+        },
+        _ => {
+            eprintln!("{USAGE}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Makes the folder `out`. Returns a summary for people.
+fn bundle(wasm: &Path, page: &Path, out: &Path) -> Result<String, BundleError> {
+    let bound = bindings::bind(wasm, env::var_os("WASM_OPT"))?;
+    let mut files = asset_files::read_page(page)?;
+    for (name, content) in bound.assets {
+        asset_files::add(&mut files, name, content)?;
+    }
+    dist::replace(out, &files, &bound.types)
+}

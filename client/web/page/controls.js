@@ -1,0 +1,75 @@
+/** The controls of the application page, put together. */
+
+import { liveRegions } from './announcer.js';
+import { attributionNodes } from './attribution.js';
+import { aboutDialog, helpDialog } from './dialogs.js';
+import { element } from './dom.js';
+import { furniture, navigation } from './furniture.js';
+import { syncHash } from './hash-sync.js';
+import { adapterNotice, statusNotice } from './notices.js';
+import { hasSingleKeys, listenForPageKeys } from './page-keys.js';
+import { PageContext } from './page-context.js';
+import { bookmarksPanel } from './panel-bookmarks.js';
+import { measurePanel } from './panel-measure.js';
+import { picturePanel } from './panel-picture.js';
+import { searchPanel } from './panel-search.js';
+import { sharePanel } from './panel-share.js';
+import { timePanel } from './panel-time.js';
+import { viewPanel } from './panel-view.js';
+import { strings } from './strings.js';
+import { applyTheme } from './theme.js';
+import { toolbar } from './toolbar.js';
+
+/**
+ * Adds the controls of a city to the page.
+ * @param {HTMLElement} app The container of the city.
+ * @param {import('./insula-city.js').InsulaCity} city
+ * @param {object} manifest
+ */
+export function startControls(app, city, manifest) {
+  applyTheme();
+  const page = new PageContext(city, manifest);
+  const { panels } = page;
+  const fixed = furniture(page);
+  const about = aboutDialog(page, app.querySelector('#insula-about'));
+  const help = helpDialog({ singleKeys: hasSingleKeys(), change: (singleKeys) => keys.set(singleKeys) });
+  const toggles = ['search', 'view', 'time', 'measure', 'bookmarks', 'share', 'picture'];
+  const { node, buttons, closeMore } = toolbar({
+    ...Object.fromEntries(toggles.map((name) => [name, () => panels.toggle(name)])),
+    help: () => help.showModal(),
+    about: () => about.showModal(),
+  });
+
+  const [measure, bookmarks, share] = [measurePanel(page), bookmarksPanel(page), sharePanel(page)];
+  const all = {
+    search: searchPanel(page),
+    view: viewPanel(page, { counters: fixed.showCounters }),
+    time: timePanel(page),
+    measure,
+    bookmarks,
+    share,
+    picture: picturePanel(page),
+  };
+  Object.entries(all).forEach(([name, panel]) => panels.add(name, buttons[name], panel));
+  const toggled = Object.fromEntries(['search', 'time', 'bookmarks', 'picture'].map((n) => [n, () => panels.toggle(n)]));
+  const keys = listenForPageKeys(city, {
+    ...toggled,
+    bookmark: bookmarks.add,
+    copyLink: share.copyLink,
+    measure: measure.next,
+    undo: () => panels.current === 'measure' && city.measure('undo'),
+    counters: () => fixed.showCounters(!fixed.areCountersShown()),
+    help: () => help.showModal(),
+    escape: () => closeMore() || panels.close(true),
+  });
+
+  const title = element('h1', { class: 'title', dir: 'auto' }, page.title);
+  const notices = element('div', { class: 'notices' }, statusNotice(city, page.title), adapterNotice(city));
+  const sources = element('div', { class: 'sources', role: 'group', 'aria-label': strings.furniture.attribution });
+  sources.append(...attributionNodes(page.manifest));
+  sources.hidden = sources.childNodes.length === 0;
+  const corner = element('div', { class: 'corner' }, navigation(page), sources);
+  app.append(title, node, panels.node, notices, fixed.node, corner, about, help, ...liveRegions);
+  app.classList.add('has-controls');
+  syncHash(page);
+}

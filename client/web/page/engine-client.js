@@ -1,0 +1,119 @@
+/** The worker that owns the viewer, as the element sees it: messages, and requests with replies. */
+
+/** @type {Promise<WebAssembly.Module>|null} */
+let compiled = null;
+
+/**
+ * The compiled viewer. It is compiled once for all elements of a page; a failed attempt may be repeated.
+ * @returns {Promise<WebAssembly.Module>}
+ */
+function compiledViewer() {
+  compiled ??= compile().catch((error) => {
+    compiled = null;
+    throw error;
+  });
+  return compiled;
+}
+
+async function compile() {
+  const response = await fetch(new URL('./insula_web_bg.wasm', import.meta.url));
+  if (!response.ok) throw new Error(`insula_web_bg.wasm: status ${response.status}`);
+  // Static hosts may not know the type, and compiling a stream demands it.
+  const type = response.headers.get('content-type') ?? '';
+  if (type.startsWith('application/wasm')) return WebAssembly.compileStreaming(response);
+  return WebAssembly.compile(await response.arrayBuffer());
+}
+
+/** Starts the worker. One of another origin must be imported by a script of this origin. */
+function startWorker() {
+  const url = new URL('./engine.js', import.meta.url);
+  if (url.origin === location.origin) return new Worker(url, { type: 'module' });
+  const script = new Blob([`import ${JSON.stringify(url.href)};`], { type: 'text/javascript' });
+  const blobUrl = URL.createObjectURL(script);
+  const worker = new Worker(blobUrl, { type: 'module' });
+  worker.addEventListener('message', () => URL.revokeObjectURL(blobUrl), { once: true });
+  return worker;
+}
+
+/** A worker of one viewer. */
+export class EngineClient {
+  /** @type {Worker} */
+  #worker;
+  /** @type {Map<number, {resolve: (value: unknown) => void, reject: (error: Error) => void}>} */
+  #pending = new Map();
+  #nextId = 1;
+  /** Messages that wait for `init`; `null` afterwards. @type {object[]|null} */
+  #waiting = [];
+  #isDisposed = false;
+
+  /**
+   * Starts a worker whose messages go to `onMessage`.
+   * @param {(message: {op: string, [key: string]: unknown}) => void} onMessage
+   */
+  constructor(onMessage) {
+    this.#worker = startWorker();
+    const report = (text) => onMessage({ op: 'status', kind: 'error', text });
+    this.#worker.onmessage = ({ data }) => (data.op === 'reply' ? this.#settle(data) : onMessage(data));
+    this.#worker.onerror = (event) => report(event.message || 'engine.js');
+    this.#worker.onmessageerror = () => report('engine.js');
+  }
+
+  /**
+   * Compiles the viewer and starts it. Fails if the viewer cannot be loaded.
+   * @param {() => object} values Values of `init`, read when the viewer is compiled.
+   * @param {OffscreenCanvas[]} canvases
+   */
+  async init(values, canvases) {
+    const module = await compiledViewer();
+    if (this.#isDisposed) return;
+    const id = this.#nextId++;
+    this.#worker.postMessage({ ...values(), op: 'init', id, module }, canvases);
+    const waiting = this.#waiting ?? [];
+    this.#waiting = null;
+    waiting.forEach((message) => this.#worker.postMessage(message));
+    await new Promise((resolve, reject) => this.#pending.set(id, { resolve, reject }));
+  }
+
+  /**
+   * Sends a message without a reply.
+   * @param {string} op
+   * @param {object} [values]
+   */
+  send(op, values = {}) {
+    const message = { ...values, op };
+    if (this.#isDisposed) return;
+    if (this.#waiting) this.#waiting.push(message);
+    else this.#worker.postMessage(message);
+  }
+
+  /**
+   * Sends a message and waits for its reply. Fails with the engine's text.
+   * @param {string} op
+   * @param {object} [values]
+   * @returns {Promise<any>}
+   */
+  request(op, values = {}) {
+    if (this.#isDisposed) return Promise.reject(new Error('the viewer is closed'));
+    const id = this.#nextId++;
+    const reply = new Promise((resolve, reject) => this.#pending.set(id, { resolve, reject }));
+    this.send(op, { ...values, id });
+    return reply;
+  }
+
+  /** Ends the worker and all requests. */
+  dispose() {
+    this.send('dispose');
+    this.#isDisposed = true;
+    this.#pending.forEach(({ reject }) => reject(new Error('the viewer is closed')));
+    this.#pending.clear();
+    // The engine ends its own workers first. A worker that does not is ended after a second.
+    setTimeout(() => this.#worker.terminate(), 1000);
+  }
+
+  #settle({ id, value, error }) {
+    const request = this.#pending.get(id);
+    this.#pending.delete(id);
+    if (error === undefined || error === null) request?.resolve(value);
+    else request?.reject(new Error(String(error)));
+  }
+}

@@ -1,0 +1,249 @@
+/** The worker that owns a viewer: takes messages of the element, runs the frame loop, and reports. */
+
+import init, { CityViewer } from './insula_web.js';
+import { CpuCanvas, captioned } from './canvas.js';
+import { Helpers } from './helpers.js';
+import { Network, locate } from './network.js';
+
+/** Attempts to get a lost GPU back, and the time between them. */
+const MAX_REOPENINGS = 3;
+const REOPEN_MS = 3000;
+
+class Engine {
+  #network = new Network();
+  /** @type {CityViewer} */ #viewer;
+  /** @type {Helpers} */ #helpers;
+  /** @type {CpuCanvas} */ #canvas;
+  /** @type {any} */ #options;
+  #isGpu = false;
+  #isShown = false;
+  #isVisible = true;
+  #isRunning = false;
+  #isDue = false;
+  #timer = 0;
+  #reopenings = 0;
+  #lastMissing = -1;
+  /** @type {{id: number, caption: string[]}[]} */ #pictures = [];
+  /** @type {{width: number, height: number}|null} */ #size = null;
+
+  async start(options) {
+    this.#options = options;
+    this.#canvas = new CpuCanvas(options.canvasCpu);
+    const cacheBytes = options.cacheMib * 2 ** 20;
+    this.#helpers = new Helpers(options.module, options.workers, cacheBytes);
+    const [city] = await Promise.all([
+      locate(options.src, options.manifest),
+      init({ module_or_path: options.module }),
+    ]);
+    const { width, height, camera, time, tau } = options;
+    const values = { ...city, width, height, cacheBytes, camera, time, tau };
+    this.#viewer = new CityViewer(this.#host(), JSON.stringify(values));
+    this.manifest = JSON.parse(city.manifest);
+    this.#reportCpu(this.#whyCpu());
+    this.wake();
+    return { manifest: this.manifest };
+  }
+
+  /** What the crate needs of the page. */
+  #host() {
+    return {
+      fetch: (url, range, limit, request) => this.#network.fetch(url, range, limit, request),
+      abort: (request) => this.#network.abort(request),
+      decode: (key, bytes) => this.#helpers.decode([...key], bytes),
+      wake: () => this.wake(),
+    };
+  }
+
+  /** Why no GPU draws; empty while one may be found. */
+  #whyCpu() {
+    const { adapter, hasGpu, secure } = this.#options;
+    if (adapter === 'cpu') return 'the CPU was asked for';
+    if (!secure) return 'no WebGPU on plain http';
+    return hasGpu ? '' : 'this browser has no WebGPU';
+  }
+
+  #reportCpu(why) {
+    const name = `CPU, ${this.#helpers.count} workers`;
+    postMessage({ op: 'adapter', kind: 'cpu', name, why });
+    if (why) this.#viewer.refuseGpu();
+  }
+
+  /** Something changed: the frame loop goes on. */
+  wake() {
+    this.#isDue = true;
+    if (this.#isRunning || !this.#viewer) return;
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => this.#run(), 0);
+  }
+
+  async #run() {
+    if (this.#isRunning || !this.#isVisible) return;
+    this.#isRunning = true;
+    let waitMs = 0;
+    try {
+      while (waitMs === 0 && this.#isVisible) {
+        this.#isDue = false;
+        waitMs = await this.#step();
+        if (this.#isDue) waitMs = 0;
+      }
+    } catch (error) {
+      console.error(error);
+      postMessage({ op: 'status', kind: 'error', text: `the viewer stopped: ${error?.message ?? error}` });
+      return;
+    }
+    this.#isRunning = false;
+    this.#timer = setTimeout(() => this.#run(), Math.min(waitMs, 2 ** 30));
+  }
+
+  /** One step of the frame loop. Returns how long to wait before the next. */
+  async #step() {
+    const lost = this.#viewer.lostGpu();
+    if (lost !== undefined) this.#loseGpu(lost);
+    const step = JSON.parse(this.#viewer.update());
+    this.#report();
+    if (step.action === 'none') {
+      // Messages must be received although the loop goes on.
+      if (step.waitMs === 0) await new Promise((resolve) => setTimeout(resolve, 10));
+      return step.waitMs;
+    }
+    const begin = performance.now();
+    if (step.action === 'gpu') await this.#drawOnGpu(step, begin);
+    else await this.#drawRows(step, begin);
+    return 0;
+  }
+
+  async #drawRows(step, begin) {
+    if (step.hasWrites) this.#helpers.write(this.#viewer.takeWrites());
+    if (step.isNew) this.#helpers.begin(this.#viewer.frameWords());
+    const { words, hit } = await this.#helpers.draw(step.width, step.first, step.end);
+    const ms = performance.now() - begin;
+    const pixels = this.#viewer.rowsDrawn(words, hit, ms);
+    if (!pixels) return;
+    const image = new ImageData(new Uint8ClampedArray(pixels.buffer), step.width, step.height);
+    if (step.isPicture) return this.#finishPicture(image);
+    this.#canvas.show(image);
+    this.#presented(step, ms);
+  }
+
+  async #drawOnGpu(step, begin) {
+    const drawn = this.#viewer.drawGpu();
+    // The picture must be taken in the task that drew it.
+    const bitmap = step.isPicture ? this.#options.canvasGpu.transferToImageBitmap() : null;
+    await drawn;
+    const ms = performance.now() - begin;
+    this.#viewer.gpuDrawn(ms);
+    if (bitmap) return this.#finishPicture(bitmap);
+    if (!this.#isGpu) {
+      this.#isGpu = true;
+      postMessage({ op: 'adapter', kind: 'gpu', name: this.gpuName, why: '' });
+    }
+    this.#presented(step, ms);
+  }
+
+  /** A frame is on the screen. */
+  #presented({ divisor, samples, isFinal }, frameMs) {
+    postMessage({ ...JSON.parse(this.#viewer.frame()), frameMs, divisor, samples, final: isFinal });
+    if (this.#isShown || !this.#viewer.has_frame()) return;
+    this.#isShown = true;
+    postMessage({ op: 'ready', manifest: this.manifest });
+    // The first picture does not wait for a GPU, whose pipelines may take seconds.
+    if (!this.#whyCpu()) this.#openGpu();
+  }
+
+  #report() {
+    const status = this.#viewer.status();
+    if (status) postMessage(JSON.parse(status));
+    const missing = this.#viewer.missing();
+    if (missing === this.#lastMissing) return;
+    this.#lastMissing = missing;
+    const { bytes, requests } = this.#network;
+    postMessage({ op: 'progress', missing, bytes, requests, final: missing === 0 });
+  }
+
+  async #openGpu() {
+    const { canvasGpu, cacheMib, adapter } = this.#options;
+    try {
+      const gpu = await CityViewer.openGpu(canvasGpu, cacheMib * 2 ** 20, adapter === 'gpu');
+      this.gpuName = this.#viewer.useGpu(gpu);
+      this.#helpers.resetAtlas(0);
+      this.wake();
+    } catch (error) {
+      this.#reportCpu(String(error?.message ?? error));
+    }
+  }
+
+  #loseGpu(reason) {
+    this.#isGpu = false;
+    this.#helpers.resetAtlas(this.#options.cacheMib * 2 ** 20);
+    this.#viewer.loseGpu();
+    this.#reportCpu(`the device was lost: ${reason || 'no reason given'}`);
+    if (this.#reopenings++ < MAX_REOPENINGS) setTimeout(() => this.#openGpu(), REOPEN_MS);
+  }
+
+  picture({ id, width, height, caption }) {
+    this.#pictures.push({ id, caption });
+    if (this.#pictures.length > 1) return;
+    this.#size = { width, height };
+    this.#viewer.makePicture(width, height);
+    this.wake();
+  }
+
+  async #finishPicture(image) {
+    const { id, caption } = this.#pictures.shift();
+    reply(id, captioned(image, caption ?? []));
+    if (this.#pictures.length > 0) this.#viewer.makePicture(this.#size.width, this.#size.height);
+  }
+
+  visible({ visible }) {
+    this.#isVisible = visible;
+    if (visible) this.wake();
+  }
+
+  pick({ id, x, y }) {
+    const [px, py, pz, distance] = this.#viewer.pick(x, y);
+    reply(id, Promise.resolve(distance === undefined ? null : { position: [px, py, pz], distance }));
+  }
+
+  loseDevice() {
+    this.#viewer.destroyGpu();
+    setTimeout(() => this.wake(), 100);
+  }
+
+  command(message) {
+    this.#viewer.command(JSON.stringify(message));
+    this.wake();
+    // The figure and the markers may have changed although the picture has not.
+    if (this.#isShown && ['markers', 'lines', 'measure'].includes(message.op)) {
+      postMessage({ ...JSON.parse(this.#viewer.frame()), final: true });
+    }
+  }
+
+  dispose() {
+    this.#isVisible = false;
+    this.#helpers?.dispose();
+    close();
+  }
+}
+
+/** Answers a request with a value, or with the reason why there is none. */
+function reply(id, value) {
+  value.then(
+    (result) => postMessage({ op: 'reply', id, value: result }),
+    (error) => postMessage({ op: 'reply', id, error: String(error?.message ?? error) }),
+  );
+}
+
+const engine = new Engine();
+
+addEventListener('message', ({ data }) => {
+  const { op, id } = data;
+  try {
+    if (op === 'init') reply(id, engine.start(data));
+    else if (op === 'screenshot') engine.picture(data);
+    else if (['visible', 'pick', 'loseDevice', 'dispose'].includes(op)) engine[op](data);
+    else engine.command(data);
+  } catch (error) {
+    if (id === undefined) console.warn(`${op}: ${error?.message ?? error}`);
+    else reply(id, Promise.reject(error));
+  }
+});

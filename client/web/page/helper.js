@@ -1,0 +1,53 @@
+/** A worker that decodes tiles and draws rows of frames on the CPU, with its own copy of the atlas. */
+
+import init, { RowRenderer, decode_tile } from './insula_web.js';
+
+/** @type {RowRenderer|null} */
+let renderer = null;
+/** Jobs wait until the module runs. @type {Promise<unknown>} */
+let ready = Promise.resolve();
+
+const jobs = {
+  init({ module, cacheBytes }) {
+    ready = init({ module_or_path: module }).then(() => jobs.renderer({ cacheBytes }));
+  },
+
+  /** Makes an empty atlas, or none: on a GPU, rows are not drawn here. */
+  renderer({ cacheBytes }) {
+    renderer?.free();
+    renderer = cacheBytes > 0 ? new RowRenderer(cacheBytes) : null;
+  },
+
+  write({ words }) {
+    renderer?.write(words);
+  },
+
+  frame({ words }) {
+    renderer?.begin(words);
+  },
+
+  draw({ number, first, end, step }) {
+    const words = renderer?.draw(first, end, step) ?? new Uint32Array();
+    const hit = renderer?.take_hits() ?? new Uint32Array();
+    postMessage({ number, words, hit }, [words.buffer, hit.buffer]);
+  },
+
+  decode({ number, key, bytes }) {
+    try {
+      const decoded = decode_tile(key, bytes);
+      postMessage({ number, decoded }, [decoded.buffer]);
+    } catch (error) {
+      postMessage({ number, error: String(error?.message ?? error) });
+    }
+  },
+};
+
+addEventListener('message', ({ data }) => {
+  if (data.job === 'init') jobs.init(data);
+  else ready = ready.then(() => jobs[data.job](data)).catch((error) => fail(data, error));
+});
+
+/** A job that fails must be answered too, or the engine would wait for ever. */
+function fail(data, error) {
+  postMessage({ number: data.number, error: String(error?.message ?? error), isFatal: true });
+}

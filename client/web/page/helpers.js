@@ -1,0 +1,108 @@
+/** The workers that decode tiles and draw rows for the engine. */
+
+/** Starts a module worker. One of another origin must be imported by a script of this origin. */
+function startWorker(name) {
+  const url = new URL(name, import.meta.url);
+  if (url.origin === self.origin) return new Worker(url, { type: 'module' });
+  const script = new Blob([`import ${JSON.stringify(url.href)};`], { type: 'text/javascript' });
+  return new Worker(URL.createObjectURL(script), { type: 'module' });
+}
+
+export class Helpers {
+  /** @type {{worker: Worker, pending: number}[]} */
+  #workers = [];
+  /** @type {Map<number, {resolve: (value: any) => void, reject: (error: Error) => void, at: number}>} */
+  #jobs = new Map();
+  #lastNumber = 0;
+
+  /**
+   * @param {WebAssembly.Module} module
+   * @param {number} count
+   * @param {number} cacheBytes Size of the atlas of each worker.
+   */
+  constructor(module, count, cacheBytes) {
+    for (let at = 0; at < count; at++) {
+      const worker = startWorker('./helper.js');
+      worker.onmessage = ({ data }) => this.#settle(data);
+      worker.onerror = (event) => this.#failAll(at, event.message || 'helper.js');
+      worker.postMessage({ job: 'init', module, cacheBytes });
+      this.#workers.push({ worker, pending: 0 });
+    }
+  }
+
+  get count() {
+    return this.#workers.length;
+  }
+
+  /** Decodes a tile in the least busy worker. Fails if the tile is damaged. */
+  decode(key, bytes) {
+    const at = this.#workers.reduce((best, { pending }, i) => (pending < this.#workers[best].pending ? i : best), 0);
+    return this.#ask(at, { job: 'decode', key, bytes }, [bytes.buffer]).then(({ decoded }) => decoded);
+  }
+
+  /** Makes new atlases, or none for 0 bytes. */
+  resetAtlas(cacheBytes) {
+    this.#tellAll({ job: 'renderer', cacheBytes });
+  }
+
+  /** Writes to all atlases. */
+  write(words) {
+    this.#tellAll({ job: 'write', words });
+  }
+
+  /** The frame that the next rows are of. */
+  begin(words) {
+    this.#tellAll({ job: 'frame', words });
+  }
+
+  /**
+   * Draws rows `first` to `end` of a frame of a width, each worker every n-th. Fails if a worker fails.
+   * @returns {Promise<{words: Uint32Array, hit: Uint32Array}>}
+   */
+  async draw(width, first, end) {
+    const step = this.#workers.length;
+    const parts = this.#workers.map((_, at) => this.#ask(at, { job: 'draw', first: first + at, end, step }));
+    const words = new Uint32Array(width * (end - first));
+    const hit = new Uint32Array(words.length);
+    for (const [at, part] of (await Promise.all(parts)).entries()) {
+      for (let row = at, from = 0; row < end - first; row += step, from += width) {
+        words.set(part.words.subarray(from, from + width), row * width);
+        hit.set(part.hit.subarray(from, from + width), row * width);
+      }
+    }
+    return { words, hit };
+  }
+
+  dispose() {
+    this.#workers.forEach(({ worker }) => worker.terminate());
+    this.#workers = [];
+  }
+
+  #tellAll(message) {
+    this.#workers.forEach(({ worker }) => worker.postMessage(message));
+  }
+
+  #ask(at, message, transfer = []) {
+    const number = ++this.#lastNumber;
+    this.#workers[at].pending++;
+    return new Promise((resolve, reject) => {
+      this.#jobs.set(number, { resolve, reject, at });
+      this.#workers[at].worker.postMessage({ ...message, number }, transfer);
+    });
+  }
+
+  #settle(answer) {
+    const job = this.#jobs.get(answer.number);
+    if (!job) return;
+    this.#jobs.delete(answer.number);
+    this.#workers[job.at].pending--;
+    if (answer.error === undefined) job.resolve(answer);
+    else job.reject(new Error(answer.error));
+  }
+
+  #failAll(at, text) {
+    for (const [number, job] of this.#jobs) {
+      if (job.at === at) this.#settle({ number, error: text });
+    }
+  }
+}

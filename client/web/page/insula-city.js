@@ -1,0 +1,237 @@
+/** The custom element <insula-city>: a city in any page. Its work is done in a worker; this file connects both. */
+
+import { wantsLessMotion } from './device.js';
+import { element, printable, svg } from './dom.js';
+import { ElementNotices } from './element-notices.js';
+import { applyStyle } from './element-style.js';
+import { Overlay } from './overlay.js';
+import { strings } from './strings.js';
+import { cameraNumbers, isTime } from './view-text.js';
+import { defaultOptions, optionMessages, validChanges } from './viewer-options.js';
+import { ViewerSession } from './viewer-session.js';
+
+/** An element that was removed, and not only moved, ends its viewer after this time. */
+const DISPOSE_MS = 1000;
+const FLIGHT_SECS = 1.5;
+
+/** The members are documented for users in insula-viewer.d.ts of the package. */
+export class InsulaCity extends HTMLElement {
+  static observedAttributes = ['src', 'camera', 'time', 'adapter', 'tau'];
+
+  options = defaultOptions();
+  /** Manifest of the city: set by a page that has it already, or loaded by the engine. @type {object|null} */
+  manifest = null;
+  #surface = element('div', { class: 'surface' });
+  #overlay = new Overlay(this, (what) => this.#sendPoints(what));
+  #notices = new ElementNotices();
+  /** @type {ViewerSession|null} */ #session = null;
+  /** @type {EventTarget} */ #keyTarget = this;
+  /** The last frame's message. @type {any} */ #frame = null;
+  /** Details of the last event of each name. @type {Record<string, any>} */
+  last = {};
+  #disposal = 0;
+  #isMeasuring = false;
+  /** The label that this file has set; `null` before. @type {string|null} */ #ownLabel = null;
+
+  constructor() {
+    super();
+    const root = this.attachShadow({ mode: 'open' });
+    applyStyle(root);
+    const cross = 'M12.5 1v9m0 5v9M1 12.5h9m5 0h9';
+    const aim = svg('svg', { class: 'aim', viewBox: '0 0 25 25' }, svg('path', { d: cross }), svg('path', { d: cross }));
+    root.append(this.#surface, ...this.#overlay.nodes, aim, ...this.#notices.nodes, element('slot'));
+  }
+
+  connectedCallback() {
+    clearTimeout(this.#disposal);
+    if (!this.hasAttribute('tabindex')) this.tabIndex = 0;
+    if (!this.hasAttribute('role')) this.setAttribute('role', 'application');
+    this.setAttribute('aria-roledescription', strings.element.role);
+    this.setAttribute('aria-description', strings.element.keys);
+    this.#label();
+    if (this.#session) this.#send('visible', { visible: true });
+    else this.#startSoon();
+  }
+
+  disconnectedCallback() {
+    this.#send('visible', { visible: false });
+    this.#disposal = setTimeout(() => this.#dispose(), DISPOSE_MS);
+  }
+
+  attributeChangedCallback(name, before, value) {
+    if (before === value) return;
+    if (name === 'src' || name === 'adapter') {
+      if (name === 'src' && before !== null) this.manifest = null;
+      this.restart();
+    }
+    if (!this.#session || value === null) return;
+    if (name === 'camera') this.flyTo(value, { seconds: 0 }).catch(() => {});
+    if (name === 'time') this.setTime(value);
+    if (name === 'tau') this.setOptions({ tau: Number(value) });
+  }
+
+  /** The last drawn view; `null` before the first picture. */
+  get view() {
+    return this.#frame;
+  }
+
+  restart() {
+    this.#dispose();
+    this.#startSoon();
+  }
+
+  async flyTo(place, { seconds = FLIGHT_SECS } = {}) {
+    const duration = wantsLessMotion() ? 0 : Math.max(Number(seconds) || 0, 0);
+    const numbers = Array.isArray(place) ? place.map(Number) : cameraNumbers(String(place));
+    if (numbers?.length === 3 && numbers.every(Number.isFinite)) {
+      this.#send('goto', { position: numbers, seconds: duration });
+      return;
+    }
+    const camera = numbers?.join(',') ?? '';
+    if (!cameraNumbers(camera)) throw new RangeError(strings.element.noCamera);
+    this.#send('camera', { camera, seconds: duration });
+  }
+
+  setTime(time) {
+    if (isTime(String(time))) this.#send('time', { time: String(time) });
+  }
+
+  async setColors() {
+    throw new Error(strings.element.noObjects);
+  }
+
+  setOptions(values) {
+    const changes = validChanges(values);
+    Object.assign(this.options, changes);
+    optionMessages(changes).forEach(([op, message]) => this.#send(op, message));
+    this.#emit('options', { ...this.options, changes });
+  }
+
+  async pick(x, y) {
+    return this.#ask('pick', { x: x / Math.max(this.clientWidth, 1), y: y / Math.max(this.clientHeight, 1) });
+  }
+
+  async screenshot({ width, height, caption = [] } = {}) {
+    const { width: w, height: h } = this.#session?.watch ?? { width: 1, height: 1 };
+    const lines = [caption].flat().map(String);
+    return this.#ask('screenshot', { width: Math.round(width ?? w), height: Math.round(height ?? h), caption: lines });
+  }
+
+  addMarker(marker) {
+    return this.#overlay.addMarker(marker);
+  }
+
+  addLine(line) {
+    return this.#overlay.addLine(line);
+  }
+
+  measure(action, kind) {
+    if (action === 'start' || action === 'stop') this.#isMeasuring = action === 'start';
+    this.#surface.classList.toggle('measuring', this.#isMeasuring);
+    this.#send('measure', { action, kind });
+  }
+
+  steer(op, values = {}) {
+    this.#send(op, values);
+  }
+
+  listenForKeys(target) {
+    this.#keyTarget = target;
+    this.#session?.listenForKeys(target);
+  }
+
+  /** Starts after the running script, which may set the manifest and the first view. */
+  #startSoon() {
+    queueMicrotask(() => this.isConnected && !this.#session && this.hasAttribute('src') && this.#start());
+  }
+
+  #start() {
+    this.options.tau = validChanges({ tau: Number(this.getAttribute('tau')) }).tau ?? this.options.tau;
+    this.#session = new ViewerSession(this, this.#surface, this.#keyTarget, {
+      receive: (message) => this.#receive(message),
+      click: (x, y, count) => this.#click(x, y, count),
+    });
+    this.#sendPoints('markers');
+    this.#sendPoints('lines');
+  }
+
+  #dispose() {
+    this.#session?.dispose();
+    this.#session = this.#frame = null;
+    this.last = {};
+  }
+
+  #receive({ op, ...detail }) {
+    if (op === 'frame') return this.#showFrame(detail);
+    if (op === 'ready') {
+      this.manifest = detail.manifest ?? this.manifest;
+      this.#label();
+      this.#notices.showAttribution(this.manifest);
+    }
+    if (op === 'status') this.#notices.showStatus(detail);
+    if (op === 'adapter') this.#surface.dataset.adapter = detail.kind;
+    this.#emit(op, detail);
+    return undefined;
+  }
+
+  #showFrame(frame) {
+    const isMoved = frame.camera !== this.#frame?.camera;
+    this.#frame = frame;
+    if (frame.mode) this.options.mode = frame.mode;
+    this.#overlay.update(frame, this.#session?.watch.ratio ?? 1);
+    this.#emit('frame', frame);
+    const { camera, position, azimuth, pitch } = frame;
+    if (isMoved) this.#emit('camera', { camera, position, azimuth, pitch });
+  }
+
+  async #click(x, y, count) {
+    if (this.#isMeasuring) return this.#send('measure', { action: 'click', x, y });
+    if (count === 2) return this.#send('approach', { x, y });
+    const hit = await this.#ask('pick', { x, y }).catch(() => null);
+    if (hit) this.#emit('pick', { object: null, ...hit });
+    return undefined;
+  }
+
+  #send(op, values) {
+    this.#session?.engine.send(op, values);
+  }
+
+  async #ask(op, values) {
+    if (!this.#session) throw new Error(strings.element.notRunning);
+    return this.#session.engine.request(op, values);
+  }
+
+  #sendPoints(what) {
+    if (what === 'markers') this.#send('markers', { points: this.#overlay.markerPoints });
+    else this.#send('lines', { lines: this.#overlay.linePoints });
+  }
+
+  #label() {
+    const title = printable(this.manifest?.title);
+    const label = title ? strings.element.label(title) : strings.element.labelWithoutTitle;
+    if (this.getAttribute('aria-label') !== this.#ownLabel) return;
+    this.#ownLabel = label;
+    this.setAttribute('aria-label', label);
+  }
+
+  #emit(name, detail) {
+    this.last[name] = detail;
+    this.dispatchEvent(new CustomEvent(name, { detail }));
+  }
+}
+
+for (const name of InsulaCity.observedAttributes) {
+  Object.defineProperty(InsulaCity.prototype, name, {
+    configurable: true,
+    enumerable: true,
+    get() {
+      return this.getAttribute(name);
+    },
+    set(value) {
+      if (value == null) this.removeAttribute(name);
+      else this.setAttribute(name, String(value));
+    },
+  });
+}
+
+if (!customElements.get('insula-city')) customElements.define('insula-city', InsulaCity);

@@ -1,0 +1,129 @@
+/** Requests of the engine: limited in bytes and in time. */
+
+/** A response may take this long, and a second more for each 256 bytes that have arrived. */
+const TIMEOUT_MS = 15000;
+const MS_PER_BYTE = 1000 / 256;
+const MAX_MANIFEST_BYTES = 4 << 20;
+
+/** What Rust sees of a response. */
+class Answer {
+  /** @param {{status?: number, error?: string, tooLong?: boolean, bytes?: Uint8Array, headers?: Headers}} parts */
+  constructor({ status = 0, error, tooLong = false, bytes = new Uint8Array(), headers }) {
+    Object.assign(this, { status, error, tooLong, bytes });
+    this.headers = headers;
+  }
+
+  header(name) {
+    return this.headers?.get(name) ?? undefined;
+  }
+}
+
+export class Network {
+  /** @type {Map<number, AbortController>} */
+  #controllers = new Map();
+  requests = 0;
+  bytes = 0;
+
+  /** See `Host::fetch` of the crate. */
+  async fetch(url, range, limit, request) {
+    const controller = new AbortController();
+    this.#controllers.set(request, controller);
+    this.requests++;
+    try {
+      return await this.#get(url, range, limit, controller);
+    } catch (error) {
+      return new Answer({ error: error?.name === 'AbortError' ? 'no answer in time' : String(error?.message ?? error) });
+    } finally {
+      this.#controllers.delete(request);
+    }
+  }
+
+  abort(request) {
+    this.#controllers.get(request)?.abort();
+  }
+
+  async #get(url, range, limit, controller) {
+    let timer = setTimeout(() => controller.abort(), TIMEOUT_MS);
+    try {
+      const headers = range ? { range } : {};
+      const response = await fetch(url, { headers, signal: controller.signal, credentials: 'same-origin' });
+      const { status } = response;
+      if (status !== 200 && status !== 206) {
+        controller.abort();
+        return new Answer({ status, headers: response.headers });
+      }
+      const chunks = [];
+      let length = 0;
+      for await (const chunk of chunksOf(response)) {
+        length += chunk.length;
+        this.bytes += chunk.length;
+        // A host without ranges answers with the whole file: its status says so, and its body is of no use.
+        if (length > limit) {
+          controller.abort();
+          return new Answer({ status, headers: response.headers, tooLong: !(range && status === 200) });
+        }
+        chunks.push(chunk);
+        clearTimeout(timer);
+        timer = setTimeout(() => controller.abort(), TIMEOUT_MS + chunk.length * MS_PER_BYTE);
+      }
+      return new Answer({ status, headers: response.headers, bytes: joined(chunks, length) });
+    } finally {
+      clearTimeout(timer);
+    }
+  }
+}
+
+/** Not every browser iterates over streams. */
+async function* chunksOf(response) {
+  const reader = response.body?.getReader();
+  while (reader) {
+    const { done, value } = await reader.read();
+    if (done) return;
+    yield value;
+  }
+}
+
+function joined(chunks, length) {
+  if (chunks.length === 1) return chunks[0];
+  const all = new Uint8Array(length);
+  let at = 0;
+  for (const chunk of chunks) {
+    all.set(chunk, at);
+    at += chunk.length;
+  }
+  return all;
+}
+
+/** Fetches the text of a manifest. `null` if there is none. Fails if the host does not answer. */
+async function manifestAt(url) {
+  const response = await fetch(url, { headers: { accept: 'application/json' } });
+  if (response.status === 404 || response.status === 403) return null;
+  if (!response.ok) throw new Error(`${url}: status ${response.status}`);
+  const text = await response.text();
+  if (text.length > MAX_MANIFEST_BYTES) throw new Error(`${url}: too long for a manifest`);
+  return text.trimStart().startsWith('{') ? text : null;
+}
+
+/**
+ * Where the tiles of a city are: `.../v1/cities/NAME` on a server, the page `.../cities/NAME` of one, or a baked city's folder.
+ * @param {string} src An absolute URL.
+ * @param {object|null} known The manifest, if the page has it.
+ * @returns {Promise<{manifest: string, base: string, isFolder: boolean, query: string}>}
+ */
+export async function locate(src, known) {
+  const url = new URL(src);
+  const share = url.searchParams.get('share');
+  const query = share ? `?share=${encodeURIComponent(share)}` : '';
+  const path = url.pathname.replace(/\/+$/, '');
+  const city = /^(.*?)(\/v1)?\/cities\/([a-z0-9_-]{1,64})$/.exec(path);
+  const folder = { base: url.origin + path, isFolder: true, query: '' };
+  const server = city && { base: url.origin + city[1], isFolder: false, query };
+  if (known) return { ...(server?.base !== undefined && city[2] ? server : folder), manifest: JSON.stringify(known) };
+  if (server) {
+    const manifest = await manifestAt(`${server.base}/v1/cities/${city[3]}${query}`);
+    if (manifest) return { ...server, manifest };
+  }
+  const manifest = await manifestAt(`${folder.base}/city.json`);
+  if (manifest) return { ...folder, manifest };
+  throw new Error(`${src}: there is no city here`);
+}

@@ -1,0 +1,40 @@
+/** Keys of the page: they open panels and do what the toolbar does. Keys of the view belong to the element. */
+
+import { PAGE_KEYS, isTaken } from './key-table.js';
+import { load, save } from './storage.js';
+
+const KEY = 'single-keys';
+
+/** Whether keys act wherever the focus is, or only while the city has it. @returns {boolean} */
+export function hasSingleKeys() {
+  return load(KEY, true) === true;
+}
+
+/**
+ * Listens for keys.
+ * @param {import('./insula-city.js').InsulaCity} city
+ * @param {Record<string, () => void>} actions By the names of PAGE_KEYS.
+ * @returns {{set: (singleKeys: boolean) => void}}
+ */
+export function listenForPageKeys(city, actions) {
+  const set = (singleKeys) => {
+    save(KEY, singleKeys ? null : false);
+    city.listenForKeys(singleKeys ? document : city);
+  };
+  document.addEventListener('keydown', (event) => {
+    const isEscape = event.code === 'Escape';
+    const isOnCity = event.target === city;
+    if (event.repeat || (!isEscape && !isOnCity && !hasSingleKeys() && event.code !== 'F1')) return;
+    // Escape closes a panel even from its text field.
+    const isDialog = event.target instanceof Element && event.target.closest('dialog') !== null;
+    if (isEscape ? isDialog || event.defaultPrevented : isTaken(event)) return;
+    if (event.ctrlKey && event.code !== 'KeyZ') return;
+    if (event.code === 'KeyZ' && !event.ctrlKey) return;
+    const action = event.key === '?' ? 'help' : PAGE_KEYS[event.code];
+    if (!action || !actions[action]) return;
+    if (!isEscape) event.preventDefault();
+    actions[action]();
+  });
+  set(hasSingleKeys());
+  return { set };
+}

@@ -1,0 +1,100 @@
+/** What users change in a viewer: options as messages to the engine, and the actions of keys and gamepads. */
+
+import { MODES, SHADINGS } from './key-table.js';
+
+const ZOOM_STEP = 1.25;
+
+/**
+ * What is displayed, and how the camera is steered.
+ * @typedef {object} ViewerOptions
+ * @property {number} tau Tolerated error in pixels.
+ * @property {string} shading One of SHADINGS.
+ * @property {boolean} shadows
+ * @property {boolean|null} collision `null` as long as the mode decides.
+ * @property {string} mode One of MODES.
+ * @property {boolean} day Whether the time of day runs.
+ */
+
+/** @returns {ViewerOptions} */
+export function defaultOptions() {
+  return { tau: 1, shading: 'lit', shadows: true, collision: null, mode: 'orbit', day: false };
+}
+
+/**
+ * Whether ground and buildings stop the camera: when walking, unless the user chose otherwise.
+ * @param {ViewerOptions} options
+ * @returns {boolean}
+ */
+export function collides({ collision, mode }) {
+  return collision ?? mode === 'walk';
+}
+
+/**
+ * The changes that are valid.
+ * @param {object} changes
+ * @returns {Partial<ViewerOptions>}
+ */
+export function validChanges(changes) {
+  /** @type {Record<string, (value: any) => boolean>} */
+  const rules = {
+    tau: (value) => Number.isFinite(value) && value > 0,
+    shading: (value) => SHADINGS.includes(value),
+    shadows: (value) => typeof value === 'boolean',
+    collision: (value) => typeof value === 'boolean',
+    mode: (value) => MODES.includes(value),
+    day: (value) => typeof value === 'boolean',
+  };
+  return Object.fromEntries(Object.entries(changes).filter(([key, value]) => rules[key]?.(value)));
+}
+
+/**
+ * Messages to the engine for changed options.
+ * @param {Partial<ViewerOptions>} changes
+ * @returns {[string, object][]}
+ */
+export function optionMessages({ tau, shading, shadows, collision, mode, day }) {
+  const number = shading === undefined ? undefined : SHADINGS.indexOf(shading);
+  const shown = Object.entries({ tau, shadows, shading: number }).filter(([, value]) => value !== undefined);
+  /** @type {[string, object][]} */
+  const messages = [];
+  if (shown.length > 0) messages.push(['options', Object.fromEntries(shown)]);
+  if (mode !== undefined) messages.push(['mode', { mode }]);
+  if (collision !== undefined) messages.push(['collision', { on: collision }]);
+  if (day !== undefined) messages.push(['day', { running: day }]);
+  return messages;
+}
+
+/**
+ * Does an action of the key table.
+ * @param {import('./insula-city.js').InsulaCity} city
+ * @param {string} action
+ * @param {number} [value] Number of a shading.
+ */
+export function act(city, action, value = 0) {
+  const { options } = city;
+  const mode = MODES[(MODES.indexOf(options.mode) + 1) % MODES.length];
+  /** @type {Record<string, () => void>} */
+  const actions = {
+    mode: () => city.setOptions({ mode }),
+    home: () => city.steer('home'),
+    north: () => city.steer('north'),
+    collision: () => city.setOptions({ collision: !collides(options) }),
+    shadows: () => city.setOptions({ shadows: !options.shadows }),
+    shading: () => city.setOptions({ shading: SHADINGS[value] }),
+    day: () => city.setOptions({ day: !options.day }),
+    closer: () => city.steer('zoom', { factor: ZOOM_STEP }),
+    farther: () => city.steer('zoom', { factor: 1 / ZOOM_STEP }),
+  };
+  actions[action]?.();
+}
+
+/**
+ * The options that differ from those with which the engine starts.
+ * @param {ViewerOptions} options
+ * @returns {Partial<ViewerOptions>}
+ */
+export function changedOptions(options) {
+  /** @type {Record<string, unknown>} */
+  const initial = { ...defaultOptions(), tau: options.tau };
+  return Object.fromEntries(Object.entries(options).filter(([key, value]) => value !== initial[key]));
+}

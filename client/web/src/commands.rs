@@ -1,0 +1,128 @@
+//! Messages of the page to the viewer: JSON objects whose field `op` names one of these.
+
+use insula_viewer::interaction::{
+    camera_control::{ControlMode, MoveDirection},
+    measure::MeasureKind,
+};
+use serde::Deserialize;
+
+/// How a viewer begins.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct ViewerOptions {
+    /// The text of the manifest, which the page has fetched.
+    pub(crate) manifest: String,
+    /// `http://host` of a server, or the URL of a baked city's folder.
+    pub(crate) base: String,
+    pub(crate) is_folder: bool,
+    /// Appended to each address of a server: a share link, or empty.
+    #[serde(default)]
+    pub(crate) query: String,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) cache_bytes: u64,
+    pub(crate) tau: Option<f64>,
+    pub(crate) camera: Option<String>,
+    pub(crate) time: Option<String>,
+}
+
+/// A command without an answer.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "op", rename_all = "camelCase")]
+pub(crate) enum Command {
+    Resize { width: u32, height: u32 },
+    Move { direction: Direction, held: bool },
+    Fast { held: bool },
+    Release {},
+    Drag { dx: f64, dy: f64 },
+    Pan { dx: f64, dy: f64 },
+    Zoom { factor: f64 },
+    Wheel { steps: f64 },
+    Turn { rad: f64 },
+    Tilt { rad: f64 },
+    Approach { x: f64, y: f64 },
+    Mode { mode: Mode },
+    North {},
+    Home {},
+    Collision { on: bool },
+    Camera { camera: String, seconds: Option<f64> },
+    Goto { position: [f64; 3] },
+    Time { time: String },
+    Day { running: bool },
+    Options { tau: Option<f64>, shadows: Option<bool>, shading: Option<usize> },
+    Markers { points: Vec<[f64; 3]> },
+    Lines { lines: Vec<Vec<[f64; 3]>> },
+    Measure(MeasureCommand),
+}
+
+/// What the measuring tool does.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "action", rename_all = "camelCase")]
+pub(crate) enum MeasureCommand {
+    Start {},
+    Stop {},
+    Kind { kind: Kind },
+    Click { x: f64, y: f64 },
+    Undo {},
+    Clear {},
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum Direction {
+    Forward,
+    Back,
+    Left,
+    Right,
+    Up,
+    Down,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum Mode {
+    Orbit,
+    Fly,
+    Walk,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum Kind {
+    Line,
+    Area,
+    Height,
+}
+
+impl From<Direction> for MoveDirection {
+    fn from(direction: Direction) -> Self {
+        match direction {
+            Direction::Forward => Self::Forward,
+            Direction::Back => Self::Back,
+            Direction::Left => Self::Left,
+            Direction::Right => Self::Right,
+            Direction::Up => Self::Up,
+            Direction::Down => Self::Down,
+        }
+    }
+}
+
+impl From<Mode> for ControlMode {
+    fn from(mode: Mode) -> Self {
+        match mode {
+            Mode::Orbit => Self::Orbit,
+            Mode::Fly => Self::Fly,
+            Mode::Walk => Self::Walk,
+        }
+    }
+}
+
+impl From<Kind> for MeasureKind {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Line => Self::Line,
+            Kind::Area => Self::Area,
+            Kind::Height => Self::Height,
+        }
+    }
+}

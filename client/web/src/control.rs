@@ -1,0 +1,157 @@
+//! Carries out the page's commands.
+
+use crate::{
+    commands::{Command, MeasureCommand},
+    navigation::CameraFlight,
+    viewer::{CityViewer, to_js},
+};
+use glam::DVec3;
+use insula_shaders::layout::Shading;
+use insula_viewer::{
+    camera::Camera,
+    camera_text,
+    sun::{Daylight, SunOptions, parse_time},
+};
+use wasm_bindgen::prelude::*;
+use web_time::Instant;
+
+/// Most markers, and points of all lines.
+const MAX_POINTS: usize = 10_000;
+/// Largest side of a frame in pixels.
+const MAX_SIDE_PX: u32 = 8192;
+/// Height above a point, in metres, from which it is looked at, unless the camera is higher.
+const VISIT_HEIGHT_M: f64 = 150.0;
+
+#[wasm_bindgen]
+impl CityViewer {
+    /// Carries out a command (JSON, see `Command`). Fails if it is not one.
+    pub fn command(&mut self, json: &str) -> Result<(), JsError> {
+        let command = serde_json::from_str(json).map_err(to_js)?;
+        match command {
+            Command::Markers { points } => {
+                self.markers = points.into_iter().take(MAX_POINTS).map(DVec3::from).collect();
+            }
+            Command::Lines { lines } => self.set_lines(lines),
+            Command::Measure(action) => self.measure(&action),
+            Command::Resize { width, height } => {
+                self.size_px = [width, height].map(|side| side.clamp(1, MAX_SIDE_PX));
+            }
+            Command::Time { time } => {
+                let time = parse_time(&time).map_err(to_js)?;
+                let options = SunOptions { time: Some(time), ..SunOptions::default() };
+                let at = Daylight::new(&options, self.streamer.tree().manifest());
+                (self.daylight.date, self.daylight.hour, self.daylight.fixed_bearing) = (at.date, at.hour, None);
+            }
+            Command::Day { running } => {
+                if running != self.day.is_running() {
+                    self.day.toggle(Instant::now());
+                }
+            }
+            Command::Options { tau, shadows, shading } => self.set_options(tau, shadows, shading),
+            steering => self.steer(steering)?,
+        }
+        Ok(())
+    }
+}
+
+impl CityViewer {
+    /// A command that moves the camera. Ends a flight.
+    fn steer(&mut self, command: Command) -> Result<(), JsError> {
+        let now = Instant::now();
+        self.flight = None;
+        let height_px = f64::from(self.size_px[1]);
+        match command {
+            Command::Move { direction, held } => self.control.set_held(direction.into(), held, now),
+            Command::Fast { held } => self.control.set_fast(held),
+            Command::Release {} => self.control.release_keys(),
+            Command::Drag { dx, dy } => self.control.drag(dx, dy),
+            Command::Pan { dx, dy } => self.control.pan(dx, dy, height_px),
+            Command::Zoom { factor } if factor.is_finite() && factor > 0.0 => self.control.zoom(factor),
+            Command::Wheel { steps } => self.control.turn_wheel(steps.clamp(-50.0, 50.0)),
+            Command::Turn { rad } => self.control.turn(rad),
+            Command::Tilt { rad } => self.control.tilt(rad),
+            Command::Approach { x, y } => {
+                if let Some((point, _)) = self.surface_at(x, y) {
+                    self.control.approach(point);
+                }
+            }
+            Command::Mode { mode } => self.control.set_mode(mode.into()),
+            Command::North {} => self.control.turn_north(),
+            Command::Home {} => self.control.go_home(),
+            Command::Collision { on } => {
+                if on != self.control.collides() {
+                    self.control.toggle_collision();
+                }
+            }
+            Command::Camera { camera, seconds } => {
+                let camera = camera_text::parse(&camera)
+                    .ok_or_else(|| JsError::new("a camera is X,Y,Z,AZIMUTH,PITCH,FOV in metres and degrees"))?;
+                self.fly_to(camera, seconds.unwrap_or(0.0));
+            }
+            Command::Goto { position } => self.visit(position.into()),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn fly_to(&mut self, camera: Camera, seconds: f64) {
+        if seconds > 0.0 {
+            self.flight = Some(CameraFlight::new(self.control.camera(), camera, seconds, Instant::now()));
+        } else {
+            self.control.set_camera(&camera);
+        }
+    }
+
+    /// Looks at a point, from where the camera can see it.
+    fn visit(&mut self, point: DVec3) {
+        if !point.is_finite() {
+            return;
+        }
+        let camera = self.control.camera();
+        let least_m = point.z + VISIT_HEIGHT_M;
+        if camera.forward.z > -0.3 || camera.position.z < least_m {
+            let (yaw, _) = camera.angles();
+            let position = camera.position.with_z(camera.position.z.max(least_m));
+            self.control.set_camera(&Camera::from_angles(position, yaw, -0.7, camera.fov_y_rad));
+        }
+        self.control.go_to(point);
+    }
+
+    fn set_options(&mut self, tau_px: Option<f64>, shadows: Option<bool>, shading: Option<usize>) {
+        if let Some(tau_px) = tau_px.filter(|tau_px| tau_px.is_finite()) {
+            self.tau_px = tau_px.clamp(0.25, 16.0);
+        }
+        if let Some(shadows) = shadows {
+            self.daylight.shadows = shadows;
+        }
+        if let Some(shading) = shading.and_then(|number| Shading::ALL.get(number)) {
+            self.shading = *shading;
+        }
+    }
+
+    fn set_lines(&mut self, lines: Vec<Vec<[f64; 3]>>) {
+        let mut points = 0;
+        let mut is_within_limit = |line: &Vec<[f64; 3]>| {
+            points += line.len();
+            points <= MAX_POINTS
+        };
+        let lines = lines.into_iter().take_while(&mut is_within_limit);
+        self.lines = lines.map(|line| line.into_iter().map(DVec3::from).collect()).collect();
+    }
+
+    fn measure(&mut self, action: &MeasureCommand) {
+        match *action {
+            MeasureCommand::Start {} if !self.measure.is_active => self.measure.toggle(),
+            MeasureCommand::Stop {} if self.measure.is_active => self.measure.toggle(),
+            MeasureCommand::Kind { kind } => self.measure.set_kind(kind.into()),
+            MeasureCommand::Click { x, y } => {
+                if let Some((point, _)) = self.surface_at(x, y) {
+                    self.measure.add_point(point);
+                }
+            }
+            MeasureCommand::Undo {} => self.measure.undo(),
+            MeasureCommand::Clear {} => self.measure.clear(),
+            MeasureCommand::Start {} | MeasureCommand::Stop {} => {}
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! Fetches tiles, and has other workers decode them.
+
+use crate::{decoder::key_numbers, host::Host};
+use bytes::Bytes;
+use futures_util::future::{AbortHandle, abortable};
+use insula_protocol::{DecodeError, TileKind};
+use insula_viewer::{
+    decode::{DecodedTile, decode},
+    scene::TileKey,
+    source::TileSource,
+    streamer::{FetchError, FetchOutcome, TileFetcher},
+    transfer,
+};
+use js_sys::Uint8Array;
+use std::{
+    cell::RefCell,
+    collections::{HashMap, VecDeque},
+    rc::Rc,
+    sync::Arc,
+};
+use wasm_bindgen::JsCast;
+use wasm_bindgen_futures::{JsFuture, spawn_local};
+use web_time::Instant;
+
+/// A [`TileFetcher`] on promises. Outcomes that wait are bounded by the requests in flight.
+pub(crate) struct BrowserFetcher {
+    host: Host,
+    source: Arc<dyn TileSource>,
+    tasks: HashMap<TileKey, AbortHandle>,
+    outcomes: Rc<RefCell<VecDeque<FetchOutcome>>>,
+}
+
+impl BrowserFetcher {
+    pub(crate) fn new(host: Host, source: Arc<dyn TileSource>) -> Self {
+        Self { host, source, tasks: HashMap::new(), outcomes: Rc::default() }
+    }
+}
+
+impl TileFetcher for BrowserFetcher {
+    fn start(&mut self, key: TileKey, ticket: u64) {
+        let (host, source, outcomes) = (self.host.clone(), self.source.clone(), self.outcomes.clone());
+        let (task, handle) = abortable(async move {
+            let begin = Instant::now();
+            let response = source.tile(key).await;
+            let duration = begin.elapsed();
+            let result = match response {
+                Ok(bytes) => decode_elsewhere(&host, key, bytes).await,
+                Err(error) => Err(error),
+            };
+            outcomes.borrow_mut().push_back(FetchOutcome { key, ticket, is_local: false, duration, result });
+            host.wake();
+        });
+        self.tasks.insert(key, handle);
+        spawn_local(async move {
+            // An aborted task has no outcome.
+            let _ = task.await;
+        });
+    }
+
+    fn cancel(&mut self, key: TileKey) {
+        if let Some(task) = self.tasks.remove(&key) {
+            task.abort();
+        }
+    }
+
+    fn poll(&mut self) -> Option<FetchOutcome> {
+        let outcome = self.outcomes.borrow_mut().pop_front()?;
+        self.tasks.remove(&outcome.key);
+        Some(outcome)
+    }
+
+    fn is_local(&self, _key: TileKey) -> bool {
+        false
+    }
+
+    fn jitter(&mut self) -> f64 {
+        js_sys::Math::random()
+    }
+}
+
+impl Drop for BrowserFetcher {
+    fn drop(&mut self) {
+        self.tasks.values().for_each(AbortHandle::abort);
+    }
+}
+
+/// Decodes a tile in another worker, except subtrees, which are small.
+async fn decode_elsewhere(host: &Host, key: TileKey, bytes: Bytes) -> Result<DecodedTile, FetchError> {
+    if key.kind() == TileKind::Subtree {
+        return decode(key, &bytes).map_err(FetchError::Damaged);
+    }
+    let decoded = JsFuture::from(host.decode(&key_numbers(key), Uint8Array::from(&bytes[..]))).await;
+    let decoded: Uint8Array =
+        decoded.map_err(|_| FetchError::Damaged(DecodeError::Invalid("a tile that does not decode")))?.unchecked_into();
+    transfer::from_bytes(&decoded.to_vec()).map(DecodedTile::Packed).map_err(FetchError::Damaged)
+}

@@ -1,0 +1,376 @@
+//! The frame loop: what is drawn next, and on what.
+//!
+//! The engine calls [`CityViewer::update`], carries out the step that it returns, reports it, and calls it again when the step says
+//! so. On the CPU a step is some rows of a frame, so that a moving camera never waits for a fine frame.
+
+use crate::{
+    gpu_canvas::GpuCanvas,
+    page_writes::PageWrites,
+    row_renderer::frame_words,
+    viewer::{CityViewer, json},
+};
+use insula_shaders::{
+    cpu::{hit_counts::hit_counts, raycast::RenderedRows},
+    layout::{SUMMARY_WORDS, Shading},
+};
+use insula_viewer::{
+    cache::Upload,
+    camera::Camera,
+    collision::CitySolids,
+    frame::{FrameData, STILL_SAMPLES},
+    interaction::frame_pacing::{FrameDetail, FrameTime},
+    sun::Daylight,
+};
+use js_sys::Promise;
+use serde::Serialize;
+use std::time::Duration;
+use wasm_bindgen::prelude::*;
+use web_time::Instant;
+
+/// Shortest wait for something that gives no notice, such as a retry that becomes due.
+const POLL: Duration = Duration::from_millis(50);
+/// Longest wait of a view that rests.
+const REST: Duration = Duration::from_secs(3600);
+
+/// What draws, and how it learns of writes to the atlas.
+pub(crate) enum Renderer {
+    Cpu {
+        /// Writes that the workers have not got.
+        writes: PageWrites,
+        /// All writes so far, for a GPU that may be opening.
+        past: Option<Vec<u32>>,
+    },
+    Gpu(Box<GpuCanvas>),
+}
+
+impl Default for Renderer {
+    fn default() -> Self {
+        Self::Cpu { writes: PageWrites::default(), past: Some(Vec::new()) }
+    }
+}
+
+impl Renderer {
+    /// All writes since the start, unless they were forgotten.
+    pub(crate) fn past_writes(&mut self) -> &[u32] {
+        match self {
+            Self::Cpu { writes, past: Some(past) } => {
+                past.extend(writes.take());
+                past
+            }
+            _ => &[],
+        }
+    }
+
+    pub(crate) fn forget_past_writes(&mut self) {
+        if let Self::Cpu { past, .. } = self {
+            *past = None;
+        }
+    }
+}
+
+impl Upload for Renderer {
+    fn write_page(&mut self, page: u32, words: &[u32]) {
+        match self {
+            Self::Cpu { writes, .. } => writes.write_page(page, words),
+            Self::Gpu(gpu) => gpu.adapter.write_page(page, words),
+        }
+    }
+
+    fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+        match self {
+            Self::Cpu { writes, .. } => writes.write_summary(slot, words),
+            Self::Gpu(gpu) => gpu.adapter.write_summary(slot, words),
+        }
+    }
+}
+
+/// What a frame depends on besides the tiles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ViewState {
+    camera: Camera,
+    size_px: [u32; 2],
+    tau_px: f64,
+    daylight: Daylight,
+    shading: Shading,
+}
+
+/// A frame that is being drawn on the CPU.
+#[derive(Debug)]
+pub(crate) struct FrameJob {
+    data: FrameData,
+    rows: RenderedRows,
+    detail: FrameDetail,
+    is_picture: bool,
+    duration: Duration,
+    /// Whether the workers have the frame.
+    is_sent: bool,
+}
+
+/// What the engine does next.
+#[derive(Debug, Default, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct Step {
+    /// `rows` of a frame on the CPU, a frame on the `gpu`, or `none`.
+    action: &'static str,
+    /// How long to wait for an arrival or a command before the next update.
+    wait_ms: f64,
+    width: u32,
+    height: u32,
+    /// The rows to draw.
+    first: u32,
+    end: u32,
+    /// Whether the frame must be sent to the workers.
+    is_new: bool,
+    /// Whether writes to the atlas must be sent to the workers.
+    has_writes: bool,
+    /// Whether the frame is the picture that was asked for.
+    is_picture: bool,
+    divisor: u32,
+    samples: u32,
+    is_final: bool,
+}
+
+#[wasm_bindgen]
+impl CityViewer {
+    /// Takes in arrivals, moves the camera, requests tiles, and returns the next step (JSON, see `Step`).
+    pub fn update(&mut self) -> String {
+        let now = Instant::now();
+        let is_moving = self.advance(now);
+        self.notice_view(now);
+        self.take_gpu_hits();
+        self.streamer.set_sun(self.daylight.render_settings(self.shading, 1).shadow_casting_sun());
+        let has_news = self.streamer.has_work();
+        let request = self.request(1);
+        let elapsed = self.elapsed();
+        self.streamer.update(&request, &mut self.renderer, elapsed);
+        if has_news || self.streamer.has_work() {
+            self.pacer.content_changed();
+            (self.is_stale, self.job) = (true, None);
+        }
+        let step = match self.wait(now) {
+            Some(_) if is_moving => Step::wait(Duration::ZERO),
+            Some(wait) => Step::wait(wait),
+            None => self.draw_step(now),
+        };
+        json(&step)
+    }
+
+    /// Waiting writes to the atlas, for `RowRenderer::write`.
+    #[wasm_bindgen(js_name = takeWrites)]
+    pub fn take_writes(&mut self) -> Vec<u32> {
+        let Renderer::Cpu { writes, past } = &mut self.renderer else { return Vec::new() };
+        let words = writes.take();
+        if let Some(past) = past {
+            past.extend_from_slice(&words);
+        }
+        words
+    }
+
+    /// The frame whose rows are drawn, for `RowRenderer::begin`.
+    #[wasm_bindgen(js_name = frameWords)]
+    pub fn frame_words(&mut self) -> Vec<u32> {
+        let Some(job) = &mut self.job else { return Vec::new() };
+        job.is_sent = true;
+        frame_words(&job.data)
+    }
+
+    /// Takes in rows that the workers drew in `ms`. Returns the pixels (r, g, b, a) when the frame is complete.
+    #[wasm_bindgen(js_name = rowsDrawn)]
+    pub fn rows_drawn(&mut self, words: &[u32], hit: &[u32], ms: f64) -> Option<Vec<u8>> {
+        let job = self.job.as_mut()?;
+        let time = Duration::try_from_secs_f64(ms / 1e3).unwrap_or_default();
+        job.duration += time;
+        let frame = job.data.frame;
+        let drawn = words.len() as f64 / f64::from((frame.width_px * frame.height_px).max(1));
+        let is_complete = job.rows.append(&frame, words, hit);
+        let detail = job.detail;
+        if detail.is_final {
+            self.pacer.end_step(time, drawn, frame.samples);
+        }
+        if !is_complete {
+            return None;
+        }
+        let job = self.job.take()?;
+        let pixels = job.rows.develop(&frame);
+        self.streamer.report_hits(&job.data.query, &hit_counts(&pixels.hit, job.data.nodes.len()));
+        if !detail.is_final {
+            let time = FrameTime { scene: job.duration, all: job.duration };
+            self.pacer.end_frame(time, detail, true);
+        } else if frame.samples < detail.samples {
+            self.refine(job.data, detail);
+        } else if job.is_picture {
+            self.picture_px = None;
+        } else {
+            self.pacer.end_steps();
+        }
+        Some(bytemuck::cast_slice(&pixels.colour).to_vec())
+    }
+
+    /// Draws a frame on the GPU. The promise resolves when it is drawn. Fails with the reason.
+    #[wasm_bindgen(js_name = drawGpu)]
+    pub fn draw_gpu(&mut self) -> Result<Promise, JsError> {
+        let (Some(job), Renderer::Gpu(gpu)) = (&self.job, &mut self.renderer) else {
+            return Err(JsError::new("there is no frame to draw"));
+        };
+        let size_px = [job.data.frame.width_px, job.data.frame.height_px].map(|side| side * job.detail.divisor);
+        gpu.draw(&job.data, size_px).map_err(|reason| JsError::new(&reason))
+    }
+
+    /// A frame of the GPU took `ms`.
+    #[wasm_bindgen(js_name = gpuDrawn)]
+    pub fn gpu_drawn(&mut self, ms: f64) {
+        let Some(job) = self.job.take() else { return };
+        let time = Duration::try_from_secs_f64(ms / 1e3).unwrap_or_default();
+        if job.is_picture {
+            self.picture_px = None;
+            return;
+        }
+        self.pacer.end_frame(FrameTime { scene: time, all: time }, job.detail, true);
+    }
+
+    /// Makes a picture of this size: a later step draws it, when all tiles are there.
+    #[wasm_bindgen(js_name = makePicture)]
+    pub fn make_picture(&mut self, width: u32, height: u32) {
+        self.picture_px = Some([width, height].map(|side| side.clamp(1, 8192)));
+        (self.job, self.view_state) = (None, None);
+    }
+}
+
+impl Step {
+    fn wait(time: Duration) -> Self {
+        Self { action: "none", wait_ms: time.as_secs_f64() * 1e3, ..Self::default() }
+    }
+}
+
+impl CityViewer {
+    /// Moves camera and sun. Returns whether anything moves.
+    fn advance(&mut self, now: Instant) -> bool {
+        if let Some(flight) = &self.flight {
+            let (camera, has_arrived) = flight.camera_at(now);
+            self.control.set_camera(&camera);
+            if has_arrived {
+                self.flight = None;
+            }
+        }
+        let is_day_running = self.day.advance(&mut self.daylight, now);
+        self.control.advance_to(now);
+        let manifest = self.streamer.tree().manifest();
+        let solids = CitySolids::new(manifest, self.streamer.cache());
+        self.control.keep_outside(&solids, manifest.ground_z_m);
+        let is_moving = self.flight.is_some() || is_day_running || self.control.is_moving();
+        if !is_moving && self.streamer.is_settled() {
+            self.control.lift_out(&solids);
+        }
+        is_moving
+    }
+
+    /// Compares the view with that of the last frame. If it differs, the frame that is being drawn is of no use.
+    fn notice_view(&mut self, now: Instant) {
+        let state = ViewState {
+            camera: self.control.camera(),
+            size_px: self.picture_px.unwrap_or(self.size_px),
+            tau_px: self.tau_px,
+            daylight: self.daylight,
+            shading: self.shading,
+        };
+        if self.view_state != Some(state) {
+            self.pacer.view_changed(now);
+            (self.view_state, self.job, self.is_stale) = (Some(state), None, true);
+        }
+    }
+
+    fn take_gpu_hits(&mut self) {
+        if let Renderer::Gpu(gpu) = &mut self.renderer
+            && let Some((query, pixels)) = gpu.adapter.take_hits()
+        {
+            self.streamer.report_hits(&query, &pixels);
+        }
+    }
+
+    /// How long nothing needs to be drawn; `None` if a frame is due.
+    fn wait(&self, now: Instant) -> Option<Duration> {
+        if !self.has_frame() {
+            return Some(POLL);
+        }
+        if self.is_stale || self.job.is_some() {
+            return None;
+        }
+        let is_settled = self.streamer.is_settled();
+        if self.picture_px.is_some() {
+            return if is_settled { None } else { Some(POLL) };
+        }
+        let Some(final_at) = self.pacer.final_frame_at() else { return Some(REST) };
+        if !is_settled {
+            return Some(POLL);
+        }
+        Some(final_at.saturating_duration_since(now)).filter(|wait| !wait.is_zero())
+    }
+
+    /// The detail of the next frame, and whether it is the picture that was asked for: that has all rays, and is drawn when the
+    /// tiles that its own hits ask for are there.
+    fn next_detail(&self, now: Instant) -> (FrameDetail, bool) {
+        let is_settled = self.streamer.is_settled();
+        match self.picture_px {
+            Some(size_px) => {
+                let is_picture = is_settled && self.streamer.has_feedback(size_px);
+                let samples = if is_picture { STILL_SAMPLES } else { 1 };
+                (FrameDetail { divisor: 1, samples, is_final: is_picture }, is_picture)
+            }
+            None => (self.pacer.detail(now, is_settled), false),
+        }
+    }
+
+    /// The next step of the frame that is being drawn, or of a new one.
+    fn draw_step(&mut self, now: Instant) -> Step {
+        if self.job.is_none() {
+            let (detail, is_picture) = self.next_detail(now);
+            let is_cpu = matches!(self.renderer, Renderer::Cpu { .. });
+            // A fine frame on the CPU takes long: one with a ray a pixel comes first.
+            let samples = match detail.is_final && is_cpu && !is_picture {
+                true => self.pacer.first_still_samples(detail.samples),
+                false => detail.samples,
+            };
+            let settings = self.daylight.render_settings(self.shading, samples);
+            let data = self.streamer.frame_data(&self.request(detail.divisor), &settings);
+            self.job = Some(FrameJob::new(data, detail, is_picture));
+            self.is_stale = false;
+        }
+        let Some(job) = &self.job else { return Step::wait(POLL) };
+        let frame = &job.data.frame;
+        let (action, count) = match &self.renderer {
+            Renderer::Gpu(_) => ("gpu", frame.height_px),
+            Renderer::Cpu { .. } if job.detail.is_final => {
+                ("rows", self.pacer.rows_per_step(frame.height_px, frame.samples))
+            }
+            Renderer::Cpu { .. } => ("rows", frame.height_px),
+        };
+        let first = job.rows.rows();
+        Step {
+            action,
+            wait_ms: 0.0,
+            width: frame.width_px,
+            height: frame.height_px,
+            first,
+            end: (first + count).min(frame.height_px),
+            is_new: !job.is_sent,
+            has_writes: matches!(&self.renderer, Renderer::Cpu { writes, .. } if !writes.is_empty()),
+            is_picture: job.is_picture,
+            divisor: job.detail.divisor,
+            samples: frame.samples,
+            is_final: job.detail.is_final && frame.samples == job.detail.samples,
+        }
+    }
+
+    /// Draws a still frame again, with all its rays.
+    fn refine(&mut self, data: FrameData, detail: FrameDetail) {
+        let mut data = data;
+        data.frame.samples = detail.samples;
+        self.job = Some(FrameJob::new(data, detail, false));
+    }
+}
+
+impl FrameJob {
+    fn new(data: FrameData, detail: FrameDetail, is_picture: bool) -> Self {
+        Self { data, rows: RenderedRows::default(), detail, is_picture, duration: Duration::ZERO, is_sent: false }
+    }
+}

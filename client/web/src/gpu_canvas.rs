@@ -1,0 +1,133 @@
+//! The GPU ray-caster on a canvas.
+
+use insula_shaders::gpu::{Compose, DeviceQueue};
+use insula_viewer::{
+    frame::FrameData,
+    render::{GpuAdapter, GpuDevice},
+};
+use js_sys::Promise;
+use std::sync::{Arc, OnceLock};
+use web_sys::OffscreenCanvas;
+
+/// A canvas that a GPU draws on.
+#[derive(Debug)]
+pub(crate) struct GpuCanvas {
+    canvas: OffscreenCanvas,
+    surface: wgpu::Surface<'static>,
+    config: wgpu::SurfaceConfiguration,
+    compose: Compose,
+    pub(crate) adapter: GpuAdapter,
+    /// Why the device was lost, once it is.
+    lost: Arc<OnceLock<String>>,
+}
+
+impl GpuCanvas {
+    /// Opens a device that can draw on `canvas`, with an atlas of at most `pages` pages and `cache_bytes` bytes. Software adapters are
+    /// refused unless `accepts_software`: the CPU ray-caster is faster. Fails with a reason for people.
+    pub(crate) async fn open(
+        canvas: OffscreenCanvas,
+        pages: u32,
+        cache_bytes: u64,
+        accepts_software: bool,
+    ) -> Result<Self, String> {
+        let descriptor = wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::BROWSER_WEBGPU,
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        };
+        let instance = wgpu::Instance::new(descriptor);
+        let target = wgpu::SurfaceTarget::OffscreenCanvas(canvas.clone());
+        let surface = instance.create_surface(target).map_err(|error| error.to_string())?;
+        let device = GpuDevice::open(&instance, Some(&surface), cache_bytes).await?;
+        if !accepts_software && is_software(&device) {
+            return Err("a software adapter is slower than the CPU ray-caster".into());
+        }
+        let config = surface
+            .get_default_config(&device.adapter, canvas.width().max(1), canvas.height().max(1))
+            .ok_or("the canvas has no format that this device can draw")?;
+        let adapter = GpuAdapter::new(device, pages).await?;
+        let compose = Compose::new(&adapter.device.device, config.format);
+        surface.configure(&adapter.device.device, &config);
+        let lost = Arc::new(OnceLock::new());
+        let reason = lost.clone();
+        adapter.device.device.set_device_lost_callback(move |_, message| {
+            // The first reason is the cause of the others.
+            let _ = reason.set(message);
+        });
+        Ok(Self { canvas, surface, config, compose, adapter, lost })
+    }
+
+    /// Name of the device.
+    pub(crate) fn name(&self) -> String {
+        let name = self.adapter.device.info().name;
+        if name.is_empty() { "WebGPU".into() } else { format!("WebGPU, {name}") }
+    }
+
+    /// Why the device was lost, if it was.
+    pub(crate) fn lost(&self) -> Option<&str> {
+        self.lost.get().map(String::as_str)
+    }
+
+    /// Loses the device, for tests.
+    pub(crate) fn destroy(&self) {
+        self.adapter.device.device.destroy();
+    }
+
+    /// Draws a frame on a canvas of `size_px`. The promise resolves when the device has drawn it. Fails with a reason.
+    pub(crate) fn draw(&mut self, data: &FrameData, size_px: [u32; 2]) -> Result<Promise, String> {
+        self.resize(size_px);
+        let target = match self.surface.get_current_texture() {
+            wgpu::CurrentSurfaceTexture::Success(texture) | wgpu::CurrentSurfaceTexture::Suboptimal(texture) => texture,
+            _ => return Err("the canvas has no texture".into()),
+        };
+        let view = target.texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let GpuDevice { device, queue, .. } = self.adapter.device.clone();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
+        self.adapter.encode(&mut encoder, data).map_err(|error| error.to_string())?;
+        self.adapter.encode_query(&mut encoder, data);
+        let on = DeviceQueue { device: &device, queue: &queue };
+        self.compose.measure(on, &mut encoder, &self.adapter.raycaster, size_px);
+        let mut pass = begin_pass(&mut encoder, &view);
+        self.compose.draw(&device, &mut pass, &self.adapter.raycaster);
+        drop(pass);
+        queue.submit([encoder.finish()]);
+        self.adapter.query_submitted();
+        queue.present(target);
+        Ok(Promise::new(&mut |resolve, _| {
+            queue.on_submitted_work_done(move || {
+                // The function of a promise does not fail.
+                let _ = resolve.call0(&wasm_bindgen::JsValue::UNDEFINED);
+            });
+        }))
+    }
+
+    fn resize(&mut self, [width, height]: [u32; 2]) {
+        if [self.config.width, self.config.height] != [width, height] {
+            (self.config.width, self.config.height) = (width, height);
+            self.canvas.set_width(width);
+            self.canvas.set_height(height);
+            self.surface.configure(&self.adapter.device.device, &self.config);
+        }
+    }
+}
+
+/// Whether a device computes on the CPU. Browsers do not say it of all: SwiftShader is known by its name.
+fn is_software(device: &GpuDevice) -> bool {
+    let info = device.adapter.get_info();
+    let names = format!("{} {} {}", info.name, info.driver, info.driver_info).to_lowercase();
+    device.is_software() || ["swiftshader", "llvmpipe", "warp", "basic render"].iter().any(|name| names.contains(name))
+}
+
+fn begin_pass(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView) -> wgpu::RenderPass<'static> {
+    let attachment = wgpu::RenderPassColorAttachment {
+        view,
+        depth_slice: None,
+        resolve_target: None,
+        ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+    };
+    let descriptor = wgpu::RenderPassDescriptor {
+        label: Some("scene"),
+        color_attachments: &[Some(attachment)],
+        ..wgpu::RenderPassDescriptor::default()
+    };
+    encoder.begin_render_pass(&descriptor).forget_lifetime()
+}

@@ -1,0 +1,51 @@
+//! What the crate needs from the page: `page/engine.js` implements it.
+
+use js_sys::{Promise, Uint8Array};
+use wasm_bindgen::prelude::*;
+
+#[wasm_bindgen]
+extern "C" {
+    /// The engine's services.
+    #[derive(Debug, Clone)]
+    pub type Host;
+
+    /// Fetches a URL, or a range of it (`bytes=0-99`), of at most `limit` bytes. `request` is a number for [`Host::abort`].
+    /// Resolves to a [`Response`] and never rejects.
+    #[wasm_bindgen(method)]
+    pub fn fetch(this: &Host, url: &str, range: Option<String>, limit: f64, request: u32) -> Promise;
+
+    /// Gives up a request.
+    #[wasm_bindgen(method)]
+    pub fn abort(this: &Host, request: u32);
+
+    /// Decodes a tile in a worker: kind (0 V-BlockMap, 2 mesh), level, x, y, level of detail. Resolves to the bytes of
+    /// [`decode_tile`](crate::decoder::decode_tile), or rejects with the reason.
+    #[wasm_bindgen(method)]
+    pub fn decode(this: &Host, key: &[u32], bytes: Uint8Array) -> Promise;
+
+    /// A tile has arrived: a frame is due.
+    #[wasm_bindgen(method)]
+    pub fn wake(this: &Host);
+
+    /// An answer to [`Host::fetch`].
+    pub type Response;
+
+    /// HTTP status; 0 if there was no answer.
+    #[wasm_bindgen(method, getter)]
+    pub fn status(this: &Response) -> u16;
+
+    /// Why there was no answer, or none of at most the limit.
+    #[wasm_bindgen(method, getter)]
+    pub fn error(this: &Response) -> Option<String>;
+
+    /// Whether the body had more bytes than the limit.
+    #[wasm_bindgen(method, getter, js_name = tooLong)]
+    pub fn too_long(this: &Response) -> bool;
+
+    #[wasm_bindgen(method, getter)]
+    pub fn bytes(this: &Response) -> Uint8Array;
+
+    /// A header of the answer.
+    #[wasm_bindgen(method)]
+    pub fn header(this: &Response, name: &str) -> Option<String>;
+}

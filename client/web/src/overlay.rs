@@ -1,0 +1,171 @@
+//! What the page shows over a frame: positions of markers and lines, the measured figure, the state of streaming.
+
+use crate::{fetcher::BrowserFetcher, viewer::CityViewer};
+use glam::{DVec2, DVec3};
+use insula_viewer::{
+    camera::View,
+    camera_text,
+    interaction::{camera_control::ControlMode, measure::MeasureKind},
+    projection::{project, project_line},
+    select::priority::PriorityGroup,
+    streamer::Streamer,
+};
+use serde::Serialize;
+use std::time::Duration;
+
+/// The page is informed after the server has not responded for this time.
+const SILENCE: Duration = Duration::from_millis(700);
+/// Points nearer to a surface than this share of their distance are visible.
+const VISIBLE_SHARE: f64 = 0.995;
+
+/// Message `frame`.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct FrameMessage {
+    op: &'static str,
+    camera: String,
+    position: [f64; 3],
+    azimuth: f64,
+    pitch: f64,
+    mode: &'static str,
+    collides: bool,
+    time: String,
+    meters_per_pixel: Option<f64>,
+    markers: Vec<(f64, f64, bool)>,
+    lines: Vec<Vec<(f64, f64, bool)>>,
+    measure: Option<MeasureMessage>,
+    missing: usize,
+    is_settled: bool,
+    tiles: u64,
+}
+
+/// The measured figure.
+#[derive(Debug, Serialize)]
+struct MeasureMessage {
+    kind: &'static str,
+    text: String,
+    points: Vec<[f64; 2]>,
+    lines: Vec<[f64; 4]>,
+    closed: bool,
+}
+
+/// Message `status`.
+#[derive(Debug, Serialize, PartialEq, Clone)]
+pub(crate) struct StatusMessage {
+    op: &'static str,
+    kind: Option<&'static str>,
+    text: String,
+}
+
+impl StatusMessage {
+    /// The state of streaming `elapsed` after its start.
+    pub(crate) fn of(streamer: &Streamer<BrowserFetcher>, elapsed: Duration) -> Self {
+        let downloads = streamer.downloads();
+        let failing = downloads.failing_since().map(|since| elapsed.saturating_sub(since));
+        let (kind, text) = match streamer.check() {
+            Err(error) => (Some("error"), error.to_string()),
+            Ok(()) if lacks_tiles(streamer) && failing.is_some_and(|time| time > SILENCE) => {
+                (Some("offline"), downloads.last_error().to_owned())
+            }
+            Ok(()) if streamer.selection().draw_tiles.is_empty() => (Some("loading"), String::new()),
+            Ok(()) => (None, String::new()),
+        };
+        Self { op: "status", kind, text }
+    }
+}
+
+fn lacks_tiles(streamer: &Streamer<BrowserFetcher>) -> bool {
+    missing(streamer) > 0
+}
+
+/// Tiles that the frame lacks.
+pub(crate) fn missing(streamer: &Streamer<BrowserFetcher>) -> usize {
+    streamer.selection().requests.iter().filter(|wanted| wanted.group != PriorityGroup::Preload).count()
+}
+
+impl CityViewer {
+    /// The message about the frame that is on the screen.
+    pub(crate) fn frame_message(&self) -> FrameMessage {
+        let view = self.view();
+        let camera = &view.camera;
+        let (yaw, pitch) = camera.angles();
+        let pixels = |share: DVec2| share * DVec2::new(f64::from(view.width_px), f64::from(view.height_px));
+        let marker = |point: &DVec3| match project(&view, *point) {
+            Some(share) => (pixels(share).x, pixels(share).y, self.sees(*point)),
+            None => (0.0, 0.0, false),
+        };
+        FrameMessage {
+            op: "frame",
+            camera: camera_text::format(camera),
+            position: camera.position.to_array(),
+            azimuth: (90.0 - yaw.to_degrees()).rem_euclid(360.0),
+            pitch: pitch.to_degrees(),
+            mode: match self.control.mode() {
+                ControlMode::Orbit => "orbit",
+                ControlMode::Fly => "fly",
+                ControlMode::Walk => "walk",
+            },
+            collides: self.control.collides(),
+            time: self.daylight.time_text(),
+            meters_per_pixel: self.meters_per_pixel(&view),
+            markers: self.markers.iter().map(marker).collect(),
+            lines: self.lines.iter().map(|line| self.points_along(&view, line)).collect(),
+            measure: self.measure_message(&view),
+            missing: missing(&self.streamer),
+            is_settled: self.streamer.is_settled(),
+            tiles: {
+                let counts = self.streamer.tile_counts();
+                counts.blockmaps + counts.meshes
+            },
+        }
+    }
+
+    fn measure_message(&self, view: &View) -> Option<MeasureMessage> {
+        let text = self.measure.text()?;
+        let size = DVec2::new(f64::from(view.width_px), f64::from(view.height_px));
+        let point = |p: &DVec3| project(view, *p).map(|share| (share * size).to_array());
+        let line = |ends: [DVec3; 2]| project_line(view, ends).map(|[a, b]| flat(a * size, b * size));
+        let kind = self.measure.kind();
+        Some(MeasureMessage {
+            kind: kind.word(),
+            text,
+            points: self.measure.points().iter().filter_map(point).collect(),
+            lines: self.measure.lines().filter_map(line).collect(),
+            closed: kind == MeasureKind::Area,
+        })
+    }
+
+    /// Whether nothing of the city is between the camera and a point.
+    fn sees(&self, point: DVec3) -> bool {
+        let eye = self.control.camera().position;
+        let to = eye.lerp(point, VISIBLE_SHARE);
+        self.solids().hit_on_way(eye, to).is_none()
+    }
+
+    /// Points along a line: places in pixels, and whether nothing hides them.
+    fn points_along(&self, view: &View, line: &[DVec3]) -> Vec<(f64, f64, bool)> {
+        const PARTS: u32 = 8;
+        let size = DVec2::new(f64::from(view.width_px), f64::from(view.height_px));
+        let parts = |ends: &[DVec3]| {
+            let [a, b] = [ends[0], ends[1]];
+            (0..PARTS).map(move |i| a.lerp(b, f64::from(i) / f64::from(PARTS)))
+        };
+        let points = line.windows(2).flat_map(parts).chain(line.last().copied());
+        points
+            .map(|point| match project(view, point).map(|share| share * size) {
+                Some(at) => (at.x, at.y, self.sees(point)),
+                None => (0.0, 0.0, false),
+            })
+            .collect()
+    }
+
+    /// Metres that a pixel covers across the view at what is in its middle.
+    fn meters_per_pixel(&self, view: &View) -> Option<f64> {
+        let (_, distance_m) = self.surface_at(0.5, 0.5)?;
+        Some(distance_m / view.focal_px())
+    }
+}
+
+fn flat(a: DVec2, b: DVec2) -> [f64; 4] {
+    [a.x, a.y, b.x, b.y]
+}

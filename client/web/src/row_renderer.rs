@@ -1,0 +1,93 @@
+//! Draws rows of a frame on the CPU, in a worker with its own copy of the atlas.
+
+use crate::page_writes;
+use bytemuck::{Pod, Zeroable};
+use insula_shaders::{
+    cpu::raycast::render_row,
+    layout::{DrawNode, FrameUniform},
+};
+use insula_viewer::{cache::pages_for, frame::FrameData, render::CpuAdapter};
+use wasm_bindgen::prelude::*;
+
+/// The CPU ray-caster of one worker.
+#[wasm_bindgen]
+#[derive(Debug)]
+pub struct RowRenderer {
+    adapter: CpuAdapter,
+    frame: Option<ReceivedFrame>,
+    hit: Vec<u32>,
+}
+
+/// What [`frame_words`] wrote.
+#[derive(Debug)]
+struct ReceivedFrame {
+    frame: FrameUniform,
+    grid: Vec<[u32; 2]>,
+    nodes: Vec<DrawNode>,
+}
+
+#[wasm_bindgen]
+impl RowRenderer {
+    /// An atlas of `cache_bytes` bytes.
+    #[wasm_bindgen(constructor)]
+    pub fn new(cache_bytes: f64) -> Self {
+        Self { adapter: CpuAdapter::new(pages_for(cache_bytes as u64)), frame: None, hit: Vec::new() }
+    }
+
+    /// Writes pages and summaries.
+    pub fn write(&mut self, words: &[u32]) {
+        page_writes::apply(words, &mut self.adapter);
+    }
+
+    /// The frame whose rows are drawn next. Fails if it is not one.
+    pub fn begin(&mut self, words: &[u32]) -> Result<(), JsError> {
+        self.frame = Some(ReceivedFrame::parse(words).ok_or_else(|| JsError::new("not a frame of this version"))?);
+        Ok(())
+    }
+
+    /// Draws rows `first`, `first + step`, ... below `end`. Returns a word for each pixel.
+    pub fn draw(&mut self, first: u32, end: u32, step: u32) -> Vec<u32> {
+        let (mut words, mut hit) = (Vec::new(), Vec::new());
+        if let Some(ReceivedFrame { frame, grid, nodes }) = &self.frame {
+            let scene = self.adapter.scene(frame, grid, nodes);
+            let end = end.min(frame.height_px);
+            for y in (first..end).step_by(step.max(1) as usize) {
+                render_row(&scene, y, &mut words, &mut hit);
+            }
+        }
+        self.hit = hit;
+        words
+    }
+
+    /// The nodes that the pixels of the last [`RowRenderer::draw`] hit.
+    pub fn take_hits(&mut self) -> Vec<u32> {
+        std::mem::take(&mut self.hit)
+    }
+}
+
+/// A frame for [`RowRenderer::begin`]: the numbers of grid entries and nodes, the uniform, the grid, the nodes.
+pub(crate) fn frame_words(data: &FrameData) -> Vec<u32> {
+    let mut words = vec![data.grid.len() as u32, data.nodes.len() as u32];
+    words.extend_from_slice(bytemuck::cast_slice(std::slice::from_ref(&data.frame)));
+    words.extend_from_slice(bytemuck::cast_slice(&data.grid));
+    words.extend_from_slice(bytemuck::cast_slice(&data.nodes));
+    words
+}
+
+impl ReceivedFrame {
+    fn parse(words: &[u32]) -> Option<Self> {
+        let &[grid, nodes, ref rest @ ..] = words else { return None };
+        let (frame, rest) = split::<FrameUniform>(rest, 1)?;
+        let (grid, rest) = split::<[u32; 2]>(rest, grid as usize)?;
+        let (nodes, rest) = split::<DrawNode>(rest, nodes as usize)?;
+        rest.is_empty().then_some(Self { frame: *frame.first()?, grid, nodes })
+    }
+}
+
+/// The first `count` values of some words, and the rest.
+fn split<T: Pod + Zeroable>(words: &[u32], count: usize) -> Option<(Vec<T>, &[u32])> {
+    let (values, rest) = words.split_at_checked(count.checked_mul(size_of::<T>() / 4)?)?;
+    let mut out = vec![T::zeroed(); count];
+    bytemuck::cast_slice_mut(&mut out).copy_from_slice(bytemuck::cast_slice::<u32, u8>(values));
+    Some((out, rest))
+}

@@ -1,0 +1,285 @@
+//! The viewer that the engine's worker owns.
+
+use crate::{
+    commands::ViewerOptions,
+    fetcher::BrowserFetcher,
+    frame_loop::{FrameJob, Renderer},
+    gpu_canvas::GpuCanvas,
+    host::Host,
+    navigation::CameraFlight,
+    overlay::{StatusMessage, missing},
+    page_writes,
+    transport::BrowserTransport,
+};
+use glam::DVec3;
+use insula_archive::city::parse_manifest;
+use insula_protocol::Manifest;
+use insula_shaders::layout::Shading;
+use insula_viewer::{
+    cache::pages_for,
+    camera::{Camera, View},
+    camera_text,
+    collision::CitySolids,
+    interaction::{
+        camera_control::CameraControl, day_animation::DayAnimation, frame_pacing::FramePacer, measure::MeasureTool,
+    },
+    projection::ray_direction,
+    scene::SceneTree,
+    source::{TileSource, Transport, server::ServerSource, web_folder},
+    streamer::{Downloads, FrameRequest, Streamer},
+    sun::{Daylight, SunOptions, parse_time},
+};
+use std::sync::Arc;
+use wasm_bindgen::prelude::*;
+use web_sys::OffscreenCanvas;
+use web_time::Instant;
+
+/// Requests in flight at the start.
+const INITIAL_REQUESTS: usize = 12;
+/// Largest side of a frame in pixels.
+const MAX_SIDE_PX: u32 = 8192;
+/// How far surfaces are searched along a ray.
+const MAX_PICK_M: f64 = 50_000.0;
+/// Selectable tolerated errors in pixels.
+const TAU_PX: std::ops::RangeInclusive<f64> = 0.25..=16.0;
+
+/// A city in a page.
+#[wasm_bindgen]
+pub struct CityViewer {
+    host: Host,
+    source: Arc<dyn TileSource>,
+    pub(crate) streamer: Streamer<BrowserFetcher>,
+    pub(crate) renderer: Renderer,
+    pub(crate) control: CameraControl,
+    pub(crate) flight: Option<CameraFlight>,
+    pub(crate) daylight: Daylight,
+    pub(crate) day: DayAnimation,
+    pub(crate) pacer: FramePacer,
+    pub(crate) shading: Shading,
+    pub(crate) tau_px: f64,
+    pub(crate) size_px: [u32; 2],
+    /// Size of the picture that is being made.
+    pub(crate) picture_px: Option<[u32; 2]>,
+    pub(crate) job: Option<FrameJob>,
+    /// Whether the screen shows another view, or fewer tiles than there are.
+    pub(crate) is_stale: bool,
+    pub(crate) measure: MeasureTool,
+    pub(crate) markers: Vec<DVec3>,
+    pub(crate) lines: Vec<Vec<DVec3>>,
+    pub(crate) view_state: Option<crate::frame_loop::ViewState>,
+    cache_bytes: u64,
+    status: Option<StatusMessage>,
+    started: Instant,
+}
+
+#[wasm_bindgen]
+impl CityViewer {
+    /// A viewer of the city that `options` (JSON, see `ViewerOptions`) describe. Nothing is fetched before the first update. Fails
+    /// if the options or the manifest are invalid.
+    #[wasm_bindgen(constructor)]
+    pub fn new(host: Host, options: &str) -> Result<Self, JsError> {
+        let options: ViewerOptions = serde_json::from_str(options).map_err(to_js)?;
+        let manifest = parse_manifest(options.manifest.as_bytes()).map_err(to_js)?;
+        let transport: Arc<dyn Transport> = Arc::new(BrowserTransport::new(host.clone()));
+        let source: Arc<dyn TileSource> = if options.is_folder {
+            Arc::new(web_folder::open(&options.base, &transport))
+        } else {
+            Arc::new(ServerSource::new(transport, &options.base, &options.query, &manifest))
+        };
+        let size_px = [options.width, options.height].map(|side| side.clamp(1, MAX_SIDE_PX));
+        let aspect = f64::from(size_px[0]) / f64::from(size_px[1]);
+        let overview = || Camera::overview(manifest.focus_bounds(), aspect);
+        let camera = options.camera.as_deref().and_then(camera_text::parse).unwrap_or_else(overview);
+        let time = options.time.as_deref().and_then(|time| parse_time(time).ok());
+        let daylight = Daylight::new(&SunOptions { time, ..SunOptions::default() }, &manifest);
+        let control = CameraControl::new(&camera, manifest.ground_z_m);
+        let streamer = open_streamer(&host, &source, manifest, pages_for(options.cache_bytes));
+        Ok(Self {
+            host,
+            source,
+            streamer,
+            renderer: Renderer::default(),
+            control,
+            flight: None,
+            daylight,
+            day: DayAnimation::default(),
+            pacer: FramePacer::new(Instant::now(), true),
+            shading: Shading::Lit,
+            tau_px: options.tau.unwrap_or(1.0).clamp(*TAU_PX.start(), *TAU_PX.end()),
+            size_px,
+            picture_px: None,
+            job: None,
+            is_stale: true,
+            measure: MeasureTool::default(),
+            markers: Vec::new(),
+            lines: Vec::new(),
+            view_state: None,
+            cache_bytes: options.cache_bytes,
+            status: None,
+            started: Instant::now(),
+        })
+    }
+
+    /// The message about the last frame: positions of what the page shows over it.
+    pub fn frame(&self) -> String {
+        json(&self.frame_message())
+    }
+
+    /// The message about the state of streaming if it has changed since the last call.
+    pub fn status(&mut self) -> Option<String> {
+        let status = StatusMessage::of(&self.streamer, self.started.elapsed());
+        let is_new = self.status.as_ref() != Some(&status);
+        self.status = Some(status);
+        self.status.as_ref().filter(|_| is_new).map(json)
+    }
+
+    /// Number of tiles that the frame lacks.
+    pub fn missing(&self) -> usize {
+        missing(&self.streamer)
+    }
+
+    /// Whether anything of the city can be drawn.
+    pub fn has_frame(&self) -> bool {
+        !self.streamer.selection().draw_tiles.is_empty()
+    }
+
+    /// The point of the city at shares of the view's width and height, as x, y, z and the distance; empty if there is none.
+    pub fn pick(&self, x: f64, y: f64) -> Vec<f64> {
+        let Some((point, distance_m)) = self.surface_at(x, y) else { return Vec::new() };
+        vec![point.x, point.y, point.z, distance_m]
+    }
+
+    /// Opens the GPU ray-caster on a canvas, apart from the viewer, which goes on drawing meanwhile. See `GpuCanvas::open`.
+    #[wasm_bindgen(js_name = openGpu)]
+    pub async fn open_gpu(
+        canvas: OffscreenCanvas,
+        cache_bytes: f64,
+        accepts_software: bool,
+    ) -> Result<GpuHandle, JsError> {
+        let bytes = cache_bytes as u64;
+        let opened = GpuCanvas::open(canvas, pages_for(bytes), bytes, accepts_software).await;
+        opened.map(|gpu| GpuHandle { gpu: Box::new(gpu) }).map_err(|reason| JsError::new(&reason))
+    }
+
+    /// Draws on a GPU from now on. What is resident is written to its atlas. Returns its name.
+    #[wasm_bindgen(js_name = useGpu)]
+    pub fn use_gpu(&mut self, handle: GpuHandle) -> String {
+        let mut gpu = handle.gpu;
+        let name = gpu.name();
+        let pages = pages_for(self.cache_bytes);
+        if gpu.adapter.pages() < pages {
+            let fewer = gpu.adapter.pages();
+            self.restart(fewer);
+        } else {
+            page_writes::apply(self.renderer.past_writes(), &mut gpu.adapter);
+        }
+        self.renderer = Renderer::Gpu(gpu);
+        self.pacer = FramePacer::new(Instant::now(), false);
+        (self.job, self.view_state) = (None, None);
+        name
+    }
+
+    /// No GPU will be used: what was kept for it is dropped.
+    #[wasm_bindgen(js_name = refuseGpu)]
+    pub fn refuse_gpu(&mut self) {
+        self.renderer.forget_past_writes();
+    }
+
+    /// Why the GPU was lost, if it was.
+    #[wasm_bindgen(js_name = lostGpu)]
+    pub fn lost_gpu(&self) -> Option<String> {
+        match &self.renderer {
+            Renderer::Gpu(gpu) => gpu.lost().map(str::to_owned),
+            Renderer::Cpu { .. } => None,
+        }
+    }
+
+    /// Loses the GPU, for tests.
+    #[wasm_bindgen(js_name = destroyGpu)]
+    pub fn destroy_gpu(&self) {
+        if let Renderer::Gpu(gpu) = &self.renderer {
+            gpu.destroy();
+        }
+    }
+
+    /// Draws on the CPU again because the GPU failed. The workers' atlases are empty, so tiles are fetched again.
+    #[wasm_bindgen(js_name = loseGpu)]
+    pub fn lose_gpu(&mut self) {
+        self.restart(pages_for(self.cache_bytes));
+        self.renderer = Renderer::default();
+        self.renderer.forget_past_writes();
+        self.pacer = FramePacer::new(Instant::now(), true);
+    }
+}
+
+/// An open GPU that draws nothing yet.
+#[wasm_bindgen]
+pub struct GpuHandle {
+    gpu: Box<GpuCanvas>,
+}
+
+impl CityViewer {
+    fn restart(&mut self, pages: u32) {
+        let manifest = self.streamer.tree().manifest().clone();
+        self.streamer = open_streamer(&self.host, &self.source, manifest, pages);
+        (self.job, self.view_state) = (None, None);
+    }
+
+    pub(crate) fn elapsed(&self) -> std::time::Duration {
+        self.started.elapsed()
+    }
+
+    /// The request for a frame of the whole view, with `divisor` times fewer pixels along each side.
+    pub(crate) fn request(&self, divisor: u32) -> FrameRequest {
+        let size_px = self.picture_px.unwrap_or(self.size_px).map(|side| (side / divisor).max(1));
+        FrameRequest {
+            camera: self.control.camera(),
+            heading: self.control.heading(),
+            size_px,
+            tau_px: self.tau_px,
+            switching: None,
+        }
+    }
+
+    pub(crate) fn view(&self) -> View {
+        self.streamer.view(&FrameRequest { size_px: self.size_px, ..self.request(1) }, self.control.camera())
+    }
+
+    pub(crate) fn solids(&self) -> CitySolids<'_> {
+        CitySolids::new(self.streamer.tree().manifest(), self.streamer.cache())
+    }
+
+    /// The point of the city at shares of the view's width and height, and its distance. Outside of the city, the ground is a plane.
+    pub(crate) fn surface_at(&self, x: f64, y: f64) -> Option<(DVec3, f64)> {
+        let view = self.view();
+        let (eye, direction) = (view.camera.position, ray_direction(&view, x, y));
+        let ground_m = (self.streamer.tree().manifest().ground_z_m - eye.z) / direction.z;
+        let is_ground = ground_m > 0.0 && ground_m < MAX_PICK_M;
+        let reach_m = if is_ground { ground_m } else { MAX_PICK_M };
+        let ground = is_ground.then(|| eye + direction * ground_m);
+        let point = self.solids().hit_on_way(eye, eye + direction * reach_m).or(ground)?;
+        Some((point, point.distance(eye)))
+    }
+}
+
+fn open_streamer(
+    host: &Host,
+    source: &Arc<dyn TileSource>,
+    manifest: Manifest,
+    pages: u32,
+) -> Streamer<BrowserFetcher> {
+    let fetcher = BrowserFetcher::new(host.clone(), source.clone());
+    let tree = SceneTree::new(manifest).with_meshes(true);
+    let mut streamer = Streamer::new(tree, Downloads::new(fetcher, INITIAL_REQUESTS), pages);
+    streamer.set_transitions(true);
+    streamer
+}
+
+pub(crate) fn to_js(error: impl std::fmt::Display) -> JsError {
+    JsError::new(&error.to_string())
+}
+
+/// The JSON of a message. These have no maps and no fallible parts, so that it always is one.
+pub(crate) fn json(message: &impl serde::Serialize) -> String {
+    serde_json::to_string(message).unwrap_or_default()
+}
