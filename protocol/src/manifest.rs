@@ -54,6 +54,9 @@ pub struct Manifest {
     pub tile_version: u16,
     /// Hash of the bake's settings. A bake with other settings is not resumed.
     pub settings: String,
+    /// Where the middle of its focus lies on Earth, if the bake knows the coordinate system.
+    #[serde(default)]
+    pub location: Option<GeoLocation>,
     /// Whether windows are generated, on walls of which the source has no picture. Not written if false; the last field, so
     /// that it can be absent in bincode as well.
     #[serde(default, deserialize_with = "absent_is_false", skip_serializing_if = "std::ops::Not::not")]
@@ -66,6 +69,24 @@ fn absent_is_false<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D
     match bool::deserialize(deserializer) {
         Err(_) if !has_names => Ok(false),
         read => read,
+    }
+}
+
+/// A place on Earth.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct GeoLocation {
+    /// North, -90 to 90.
+    pub latitude_deg: f64,
+    /// East, -180 to 180.
+    pub longitude_deg: f64,
+    /// From the grid's north to true north, clockwise.
+    pub north_deg: f64,
+}
+
+impl GeoLocation {
+    fn is_on_earth(&self) -> bool {
+        // Comparisons with NaN are false.
+        self.latitude_deg.abs() <= 90.0 && self.longitude_deg.abs() <= 180.0 && self.north_deg.abs() <= 360.0
     }
 }
 
@@ -128,6 +149,9 @@ impl Manifest {
         let side = self.cell_m * f64::from(self.node_cells) * f64::from(1u32 << self.depth);
         if ((side - self.root_side_m) / side).abs() > 1e-9 {
             return Err("root_side_m is not node_cells * cell_m * 2^depth".into());
+        }
+        if !self.location.is_none_or(|location| location.is_on_earth()) {
+            return Err("its location is not on Earth".into());
         }
         if !is_name(&self.name) || !is_name(&self.version) {
             return Err("name or version is not 1 to 64 characters of a-z, 0-9, _ and -".into());
@@ -226,6 +250,7 @@ mod tests {
             attribution: Vec::new(),
             tile_version: 1,
             settings: String::new(),
+            location: None,
             generated_facades: false,
         }
     }
@@ -234,7 +259,9 @@ mod tests {
     fn long_texts_and_lists_are_refused() {
         assert_eq!(manifest().check(), Ok(()));
         let attribution = |length: usize| Attribution { text: "x".repeat(length), licence: None, url: None };
-        let changes: [&dyn Fn(&mut Manifest); 6] = [
+        let nowhere = GeoLocation { latitude_deg: 91.0, longitude_deg: 0.0, north_deg: 0.0 };
+        let changes: [&dyn Fn(&mut Manifest); 7] = [
+            &|manifest| manifest.location = Some(nowhere),
             &|manifest| manifest.title.push('x'),
             &|manifest| manifest.crs = Some("x".repeat(MAX_TEXT_BYTES + 1)),
             &|manifest| manifest.attribution = vec![attribution(MAX_TEXT_BYTES + 1)],

@@ -12,6 +12,12 @@ const OPENAPI: &str = "/v1/openapi.json";
 const HEALTH: &str = "/healthz";
 const READINESS: &str = "/readyz";
 const METRICS: &str = "/metrics";
+/// Prefix of the pages of cities.
+const PAGES: &str = "/cities";
+const ASSETS: &str = "/assets";
+const SERVICE_WORKER: &str = "/service-worker.js";
+/// Name of a city's picture, in its folder and after the address of its page.
+pub const THUMBNAIL_FILE: &str = "thumbnail.png";
 
 /// An address of the server. Its `Display` is the path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -28,6 +34,21 @@ pub enum Route<'a> {
     Manifest {
         city: &'a str,
     },
+    /// The page of a city for people.
+    CityPage {
+        city: &'a str,
+    },
+    /// A small picture of a city.
+    Thumbnail {
+        city: &'a str,
+    },
+    /// A file of the browser viewer ([`is_asset_name`]), immutable under the hash of all its files.
+    Asset {
+        hash: &'a str,
+        file: &'a str,
+    },
+    /// The script that keeps pages and tiles for use without a network. It must lie above all that it keeps.
+    ServiceWorker,
     Tile(TileRoute<'a>),
 }
 
@@ -69,9 +90,17 @@ impl<'a> Route<'a> {
             READINESS => return Ok(Self::Readiness),
             METRICS => return Ok(Self::Metrics),
             CITIES => return Ok(Self::Cities),
+            SERVICE_WORKER => return Ok(Self::ServiceWorker),
             _ => {}
         }
-        let rest = path.strip_prefix(CITIES).and_then(|rest| rest.strip_prefix('/')).ok_or(RouteError::Unknown)?;
+        if let Some(rest) = below(path, PAGES) {
+            return parse_page(rest);
+        }
+        if let Some((hash, file)) = below(path, ASSETS).and_then(|rest| rest.split_once('/')) {
+            let is_asset = is_name(hash) && is_asset_name(file);
+            return if is_asset { Ok(Self::Asset { hash, file }) } else { Err(RouteError::Unknown) };
+        }
+        let rest = below(path, CITIES).ok_or(RouteError::Unknown)?;
         if rest.contains('/') {
             return parse_tile(rest).map(Self::Tile);
         }
@@ -93,6 +122,10 @@ impl<'a> Route<'a> {
             Self::Metrics => RouteTemplate::Metrics,
             Self::Cities => RouteTemplate::Cities,
             Self::Manifest { .. } => RouteTemplate::Manifest,
+            Self::CityPage { .. } => RouteTemplate::CityPage,
+            Self::Thumbnail { .. } => RouteTemplate::Thumbnail,
+            Self::Asset { .. } => RouteTemplate::Asset,
+            Self::ServiceWorker => RouteTemplate::ServiceWorker,
             Self::Tile(tile) => RouteTemplate::of_tile(tile.kind),
         }
     }
@@ -108,12 +141,38 @@ impl fmt::Display for Route<'_> {
             Self::Metrics => f.write_str(METRICS),
             Self::Cities => f.write_str(CITIES),
             Self::Manifest { city } => write!(f, "{CITIES}/{city}"),
+            Self::CityPage { city } => write!(f, "{PAGES}/{city}"),
+            Self::Thumbnail { city } => write!(f, "{PAGES}/{city}/{THUMBNAIL_FILE}"),
+            Self::Asset { hash, file } => write!(f, "{ASSETS}/{hash}/{file}"),
+            Self::ServiceWorker => f.write_str(SERVICE_WORKER),
             Self::Tile(TileRoute { city, version, kind, id, lod }) => {
                 write!(f, "{CITIES}/{city}/{version}/{}/{id}", kind.path_segment())?;
                 if *kind == TileKind::Mesh { write!(f, "/{lod}") } else { Ok(()) }
             }
         }
     }
+}
+
+/// What follows a prefix and a slash.
+fn below<'a>(path: &'a str, prefix: &str) -> Option<&'a str> {
+    path.strip_prefix(prefix)?.strip_prefix('/')
+}
+
+/// Parses `{city}`, and `{city}/thumbnail.png`.
+fn parse_page(rest: &str) -> Result<Route<'_>, RouteError> {
+    let (city, file) = rest.split_once('/').map_or((rest, None), |(city, file)| (city, Some(file)));
+    match file {
+        Some(file) if file != THUMBNAIL_FILE => Err(RouteError::Unknown),
+        _ if !is_name(city) => Err(RouteError::InvalidName),
+        Some(_) => Ok(Route::Thumbnail { city }),
+        None => Ok(Route::CityPage { city }),
+    }
+}
+
+/// Whether a file of the browser viewer can have this name: 1 to 64 of `a-z`, `0-9`, `.`, `_` and `-`, not beginning with a dot.
+pub fn is_asset_name(name: &str) -> bool {
+    let is_allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"._-".contains(&byte);
+    (1..=64).contains(&name.len()) && !name.starts_with('.') && name.bytes().all(is_allowed)
 }
 
 /// Parses `{city}/{version}/{kind}/{level}/{x}/{y}`, with `/{lod}` for meshes.
@@ -156,13 +215,17 @@ pub enum RouteTemplate {
     Health,
     Readiness,
     Metrics,
+    CityPage,
+    Thumbnail,
+    Asset,
+    ServiceWorker,
     /// All paths without a route.
     Other,
 }
 
 impl RouteTemplate {
     /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 15] = [
         Self::Subtrees,
         Self::BlockMaps,
         Self::Meshes,
@@ -173,6 +236,10 @@ impl RouteTemplate {
         Self::Health,
         Self::Readiness,
         Self::Metrics,
+        Self::CityPage,
+        Self::Thumbnail,
+        Self::Asset,
+        Self::ServiceWorker,
         Self::Other,
     ];
 
@@ -192,6 +259,10 @@ impl RouteTemplate {
             (Some("healthz"), None, None, None, None) => Self::Health,
             (Some("readyz"), None, None, None, None) => Self::Readiness,
             (Some("metrics"), None, None, None, None) => Self::Metrics,
+            (Some("cities"), Some(_), None, None, None) => Self::CityPage,
+            (Some("cities"), Some(_), Some(THUMBNAIL_FILE), None, None) => Self::Thumbnail,
+            (Some("assets"), Some(_), Some(_), None, None) => Self::Asset,
+            (Some("service-worker.js"), None, None, None, None) => Self::ServiceWorker,
             _ => Self::Other,
         }
     }
@@ -217,6 +288,10 @@ impl RouteTemplate {
             Self::Health => "healthz",
             Self::Readiness => "readyz",
             Self::Metrics => "metrics",
+            Self::CityPage => "page",
+            Self::Thumbnail => "thumbnail",
+            Self::Asset => "asset",
+            Self::ServiceWorker => "service-worker",
             Self::Other => "other",
         }
     }
@@ -234,6 +309,10 @@ impl RouteTemplate {
             Self::Health => HEALTH,
             Self::Readiness => READINESS,
             Self::Metrics => METRICS,
+            Self::CityPage => "/cities/{city}",
+            Self::Thumbnail => "/cities/{city}/thumbnail.png",
+            Self::Asset => "/assets/{hash}/{file}",
+            Self::ServiceWorker => SERVICE_WORKER,
             Self::Other => return None,
         })
     }
@@ -247,6 +326,21 @@ impl RouteTemplate {
 /// The path of a city's manifest.
 pub fn manifest(city: &str) -> String {
     Route::Manifest { city }.path()
+}
+
+/// The path of a city's page.
+pub fn city_page(city: &str) -> String {
+    Route::CityPage { city }.path()
+}
+
+/// The path of a city's picture.
+pub fn thumbnail(city: &str) -> String {
+    Route::Thumbnail { city }.path()
+}
+
+/// The path of the folder of the browser viewer's files.
+pub fn assets(hash: &str) -> String {
+    format!("{ASSETS}/{hash}/")
 }
 
 /// The path of a subtree or V-BlockMap tile; of a mesh, its finest level of detail.

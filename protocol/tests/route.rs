@@ -33,6 +33,10 @@ fn every_address_has_its_path() {
         (Route::Metrics, "/metrics"),
         (Route::Cities, "/v1/cities"),
         (Route::Manifest { city: "delft" }, "/v1/cities/delft"),
+        (Route::CityPage { city: "delft" }, "/cities/delft"),
+        (Route::Thumbnail { city: "delft" }, "/cities/delft/thumbnail.png"),
+        (Route::Asset { hash: VERSION, file: "insula_web_bg.wasm" }, "/assets/0123456789abcdef/insula_web_bg.wasm"),
+        (Route::ServiceWorker, "/service-worker.js"),
         (tile(TileKind::Subtree, 0), "/v1/cities/delft/0123456789abcdef/subtrees/7/100/3"),
         (tile(TileKind::BlockMap, 0), "/v1/cities/delft/0123456789abcdef/blockmaps/7/100/3"),
         (tile(TileKind::Mesh, 0), "/v1/cities/delft/0123456789abcdef/meshes/7/100/3/0"),
@@ -78,6 +82,18 @@ fn other_shapes_are_unknown() {
         "/v1/cities/delft/0123456789abcdef/Subtrees/7/100/3",
         "/v1/cities/delft/0123456789abcdef/objects/7/100/3",
         "/v1/cities/delft%2F0123456789abcdef/subtrees/7/100/3",
+        "/cities",
+        "/cities/delft/",
+        "/cities/delft/city.json",
+        "/cities/delft/thumbnail.png/",
+        "/assets",
+        "/assets/0123456789abcdef",
+        "/assets/0123456789abcdef/",
+        "/assets/0123456789abcdef/.app.js",
+        "/assets/0123456789abcdef/a/app.js",
+        "/assets/0123456789abcdef/..%2fapp.js",
+        "/assets/../app.js",
+        "/service-worker.js/",
     ] {
         assert_eq!(Route::parse(path), Err(RouteError::Unknown), "{path}");
     }
@@ -112,6 +128,8 @@ fn names_are_limited_and_never_decoded() {
             assert_eq!(Route::parse(&path), Err(RouteError::InvalidName), "{path}");
         }
     }
+    assert_eq!(Route::parse("/cities/.."), Err(RouteError::InvalidName));
+    assert_eq!(Route::parse("/cities/Delft/thumbnail.png"), Err(RouteError::InvalidName));
     assert_eq!(Route::parse("/v1/cities/../x/subtrees/99/0/0"), Err(RouteError::InvalidTile), "numbers come first");
 }
 
@@ -142,6 +160,12 @@ fn invalid_addresses_are_classified_by_their_shape() {
         ("/v1", RouteTemplate::Other),
         ("/metrics/x", RouteTemplate::Other),
         ("/favicon.ico", RouteTemplate::Other),
+        ("/cities/", RouteTemplate::CityPage),
+        ("/cities/%ff", RouteTemplate::CityPage),
+        ("/cities", RouteTemplate::Other),
+        ("/cities/a/b", RouteTemplate::Other),
+        ("/assets/A/..", RouteTemplate::Asset),
+        ("/assets/a/b/c", RouteTemplate::Other),
     ] {
         assert_eq!(RouteTemplate::of_path(path), template, "{path}");
     }
@@ -160,7 +184,7 @@ proptest! {
     }
 
     #[test]
-    fn a_parsed_path_is_the_only_path_of_its_route(path in "(/(v1|cities|meshes|subtrees|[a-z%.0-9/]{0,6})){0,10}") {
+    fn a_parsed_path_is_the_only_path_of_its_route(path in "(/(v1|cities|assets|thumbnail.png|meshes|subtrees|[a-z%.0-9/]{0,6})){0,10}") {
         if let Ok(route) = Route::parse(&path) {
             prop_assert_eq!(route.path(), path.clone());
             prop_assert_eq!(RouteTemplate::of_path(&path), route.template());

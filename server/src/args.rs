@@ -37,6 +37,11 @@ pub enum ServerCommand {
         after_help = "Example:\n  echo \"2026-11 $(openssl rand -hex 32)\" >> share.keys\n  insula-server sign --keys share.keys --city delft --expires 7d --url https://cities.example.org\n\nA server that has the same file as access.share_keys accepts the link. The last key of the file signs; all verify.\nRemove a key to end its links. Who has a link has the city: send it over a private channel."
     )]
     Sign(SignArgs),
+    /// Write a static web site with the viewer and cities
+    #[command(
+        after_help = "Example:\n  insula-server publish cities/delft cities/chiba --out site --title \"Our cities\"\n\nSITE needs no server of its own: any host that answers range requests will do (object stores, nginx, web hosts).\nAn earlier site is replaced at the end; any other folder that is not empty is refused."
+    )]
+    Publish(PublishArgs),
     /// Show the contents of a city
     #[command(
         after_help = "Example:\n  insula-server inspect cities/delft\n  insula-server inspect cities/delft --tile 3/2/5 --png node.png"
@@ -291,6 +296,23 @@ pub struct SignArgs {
     pub config: Option<PathBuf>,
 }
 
+/// Arguments of `publish`.
+#[derive(Debug, clap::Args)]
+pub struct PublishArgs {
+    /// City folders, or folders of city folders
+    #[arg(required = true, value_name = "CITY")]
+    pub cities: Vec<PathBuf>,
+    /// Folder to write the site to
+    #[arg(long, value_name = "SITE")]
+    pub out: PathBuf,
+    /// Title of the site
+    #[arg(long, value_name = "T")]
+    pub title: Option<String>,
+    /// Address that the site will have, for previews of links to it
+    #[arg(long, value_name = "URL", value_parser = parse_site_address)]
+    pub url: Option<String>,
+}
+
 /// `[x0, y0, x1, y1]` in millimetres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ShareArea(pub [i64; 4]);
@@ -395,6 +417,18 @@ fn parse_origin(text: &str) -> Result<String, String> {
     }
 }
 
+/// Parses an address of a web site, which gets a slash at the end.
+fn parse_site_address(text: &str) -> Result<String, String> {
+    let rest = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
+    let is_allowed = |byte: u8| byte.is_ascii_alphanumeric() || b".-_~:[]/%".contains(&byte);
+    match rest {
+        Some(rest) if !rest.is_empty() && rest.bytes().all(is_allowed) => {
+            Ok(format!("{}/", text.trim_end_matches('/')))
+        }
+        _ => Err("expected an address such as https://HOST/PATH".into()),
+    }
+}
+
 fn parse_tile(text: &str) -> Result<TileId, String> {
     let mut parts = text.split('/').map(str::parse::<u32>);
     let id = match (parts.next(), parts.next(), parts.next(), parts.next()) {
@@ -430,6 +464,7 @@ mod tests {
         assert!(parse("insula-server bake a --out c --update --memory 600MiB").is_ok());
         assert!(parse("insula-server serve a b --listen localhost:0 --config c.json").is_ok());
         assert!(parse("insula-server sign --city a --expires 7d --bbox -1,2,3,4 --read-only --version ab*").is_ok());
+        assert!(parse("insula-server publish a b --out s --title T --url https://h/path").is_ok());
         assert!(parse("insula-server inspect a --tile 1/1/0 --png p.png").is_ok());
         assert!(parse("insula-server compress a.ply b --bits 16").is_ok());
         assert!(parse("insula-server simplify a.ply b.obj --error 0.5").is_ok());
@@ -460,6 +495,9 @@ mod tests {
             "insula-server inspect a --tile 1/1/0",
             "insula-server inspect a --png p",
             "insula-server verify",
+            "insula-server publish a",
+            "insula-server publish --out s",
+            "insula-server publish a --out s --url h",
             "insula-server compress a.ply",
             "insula-server compress a.ply b --bits 17",
             "insula-server decompress a",

@@ -7,6 +7,7 @@ pub mod commands;
 pub mod config;
 pub mod http;
 pub mod memory;
+pub mod page;
 mod secret_file;
 pub mod share_link;
 pub mod store;

@@ -154,8 +154,9 @@ impl ShareScope {
 
     /// Whether the link opens addresses of this kind.
     pub fn admits_route(&self, route: RouteTemplate) -> bool {
-        use RouteTemplate::{BlockMaps, Cities, Index, Manifest, Meshes, Subtrees};
-        !self.is_read_only || matches!(route, Index | Cities | Manifest | Subtrees | BlockMaps | Meshes)
+        use RouteTemplate::{BlockMaps, Cities, CityPage, Index, Manifest, Meshes, Subtrees, Thumbnail};
+        let is_read = matches!(route, Index | Cities | CityPage | Thumbnail | Manifest | Subtrees | BlockMaps | Meshes);
+        !self.is_read_only || is_read
     }
 
     /// Whether the node of a tile meets the area.

@@ -3,6 +3,7 @@
 
 pub mod baked;
 mod baked_meshes;
+pub mod browser;
 pub mod cameras;
 pub mod compare;
 pub mod deep_city;

@@ -89,6 +89,7 @@ fn manifest(name: &str) -> Manifest {
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: true,
         generated_ground: false,
+        location: None,
         generated_facades: false,
         counts: CityCounts::default(),
         attribution: vec![Attribution { text: "The testers".into(), licence: Some("CC0".into()), url: None }],

@@ -5,25 +5,20 @@
 
 use crate::{frame::RenderSettings, moon, select::shadow_casters::MAX_SHADOW_M};
 use chrono::{DateTime, Datelike, Days, NaiveDate, NaiveDateTime, Timelike};
-use glam::{DQuat, DVec2, DVec3};
-use insula_protocol::Manifest;
+use glam::{DQuat, DVec3};
+use insula_protocol::{Manifest, manifest::GeoLocation};
 use insula_shaders::{
     layout::Shading,
     light::{Air, NightLights},
 };
-use proj4rs::{Proj, adaptors::transform_vertex_2d};
 use solar_positioning::{Location, RefractionCorrection, SolarPositions, time::JulianDate};
 
 /// Accepted years.
 const YEARS: std::ops::RangeInclusive<i32> = 1800..=2200;
 /// Terrestrial time minus universal time. A minute more or less moves no shadow visibly.
 const DELTA_T_SECS: f64 = 69.0;
-/// Assumed location of a city without a known CRS: a temperate latitude.
+/// Assumed location of a city whose location is not known: a temperate latitude.
 const DEFAULT_LOCATION: Location = Location { latitude: 40.0, longitude: 0.0 };
-/// EPSG code of `JGD2011 / Japan Plane Rectangular CS I` with heights, and without. The codes of twelve more zones follow each.
-const JAPAN_WITH_HEIGHTS: u16 = 10_162;
-const JAPAN: u16 = 6669;
-
 /// What the user asks for. `None` takes the default.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SunOptions {
@@ -65,7 +60,7 @@ pub struct SiteLocation {
     location: Location,
     /// Angle from the grid's north to true north, clockwise.
     north_deg: f64,
-    /// Whether the location follows from the CRS; otherwise, it is assumed.
+    /// Whether the bake knew the location; otherwise, it is assumed.
     pub is_known: bool,
 }
 
@@ -123,38 +118,22 @@ impl Bearing {
 }
 
 impl SiteLocation {
-    /// Location of the city's centre; without a known CRS, 40 degrees north.
+    /// Location of the city's centre; if the bake does not know it, 40 degrees north.
     fn from_manifest(manifest: &Manifest) -> Self {
-        let [low, high] = manifest.focus.map(DVec2::from);
-        let located = manifest.crs.as_deref().and_then(|crs| locate(crs, (low + high) * 0.5));
-        located.unwrap_or(Self { location: DEFAULT_LOCATION, north_deg: 0.0, is_known: false })
+        match manifest.location {
+            Some(GeoLocation { latitude_deg, longitude_deg, north_deg }) => Self {
+                location: Location { latitude: latitude_deg, longitude: longitude_deg },
+                north_deg,
+                is_known: true,
+            },
+            None => Self { location: DEFAULT_LOCATION, north_deg: 0.0, is_known: false },
+        }
     }
 
     /// Latitude and longitude: degrees north and east.
     pub fn degrees(&self) -> [f64; 2] {
         [self.location.latitude, self.location.longitude]
     }
-}
-
-/// Location of a point in a CRS, such as `EPSG:7415`.
-fn locate(crs: &str, point: DVec2) -> Option<SiteLocation> {
-    let code: u16 = crs.strip_prefix("EPSG:")?.parse().ok()?;
-    // The library does not know Japan's systems with heights yet.
-    let code = match code.checked_sub(JAPAN_WITH_HEIGHTS) {
-        Some(zone) if zone < 13 => JAPAN + zone,
-        _ => code,
-    };
-    let from = Proj::from_epsg_code(code).ok()?;
-    let to = Proj::from_proj_string("+proj=longlat +datum=WGS84").ok()?;
-    let degrees = |p: DVec2| {
-        let (longitude, latitude) = transform_vertex_2d(&from, &to, (p.x, p.y)).ok()?;
-        let (longitude, latitude) = (longitude.to_degrees(), latitude.to_degrees());
-        (longitude.abs() <= 180.0 && latitude.abs() <= 90.0).then_some(DVec2::new(longitude, latitude))
-    };
-    let (here, north) = (degrees(point)?, degrees(point + DVec2::Y * 1000.0)?);
-    let to_north = (north - here) * DVec2::new(here.y.to_radians().cos(), 1.0);
-    let location = Location { latitude: here.y, longitude: here.x };
-    Some(SiteLocation { location, north_deg: -to_north.x.atan2(to_north.y).to_degrees(), is_known: true })
 }
 
 impl Daylight {
@@ -256,56 +235,35 @@ impl Daylight {
 mod tests {
     use super::*;
 
-    fn daylight(crs: Option<&str>, centre: DVec2, args: &SunOptions) -> Daylight {
-        let mut manifest = crate::test_support::manifest(0);
-        (manifest.crs, manifest.focus) = (crs.map(str::to_owned), [centre.to_array(); 2]);
-        Daylight::new(args, &manifest)
+    fn daylight(location: Option<GeoLocation>, args: &SunOptions) -> Daylight {
+        Daylight::new(args, &Manifest { location, ..crate::test_support::manifest(0) })
     }
 
     fn at(text: &str) -> SunOptions {
         SunOptions { time: Some(parse_time(text).unwrap()), ..SunOptions::default() }
     }
 
-    /// Delft's Nieuwe Kerk: 52.0123 N, 4.3609 E.
-    const DELFT: DVec2 = DVec2::new(84_498.0, 447_540.0);
-
-    #[test]
-    fn location_follows_from_the_crs() {
-        let site = daylight(Some("EPSG:7415"), DELFT, &SunOptions::default()).site;
-        let [north, east] = site.degrees();
-        assert!(site.is_known && (north - 52.0123).abs() < 0.005 && (east - 4.3609).abs() < 0.01, "{site:?}");
-        // The grid's central meridian is 5.39 E. West of it, true north is clockwise of the grid's, by sin(52 deg) times the
-        // difference.
-        assert!((site.north_deg - 0.81).abs() < 0.05, "{site:?}");
-        for zone in ["EPSG:32654", "EPSG:6677", "EPSG:10170"] {
-            assert!(
-                daylight(Some(zone), DVec2::new(-8000.0, -36_000.0), &SunOptions::default()).site.is_known,
-                "{zone}"
-            );
-        }
-        for unknown in [None, Some("EPSG:1"), Some("EPSG:99999"), Some("somewhere")] {
-            assert!(!daylight(unknown, DELFT, &SunOptions::default()).site.is_known, "{unknown:?}");
-        }
-    }
+    const DELFT: Option<GeoLocation> =
+        Some(GeoLocation { latitude_deg: 52.0123, longitude_deg: 4.3609, north_deg: 0.81 });
 
     #[test]
     fn bearing_agrees_with_almanacs() {
         // Solstice noon: 90 - 52.01 + 23.44 degrees, in the south.
-        let noon = daylight(Some("EPSG:7415"), DELFT, &at("2024-06-21T12:00")).bearing();
+        let noon = daylight(DELFT, &at("2024-06-21T12:00")).bearing();
         assert!((noon.altitude_deg - 61.43).abs() < 0.1 && (noon.azimuth_deg - 180.0).abs() < 2.0, "{noon:?}");
-        let late = daylight(None, DELFT, &at("2024-03-20T17:00")).bearing();
+        let late = daylight(None, &at("2024-03-20T17:00")).bearing();
         assert!((late.azimuth_deg - 260.0).abs() < 3.0 && (5.0..15.0).contains(&late.altitude_deg), "{late:?}");
-        assert!(daylight(None, DELFT, &at("2024-12-21T23:59:30")).bearing().altitude_deg < -60.0);
+        assert!(daylight(None, &at("2024-12-21T23:59:30")).bearing().altitude_deg < -60.0);
     }
 
     #[test]
     fn time_with_an_offset_is_the_same_moment_everywhere() {
-        let direction = |text: &str| daylight(Some("EPSG:7415"), DELFT, &at(text)).direction();
+        let direction = |text: &str| daylight(DELFT, &at(text)).direction();
         let a = direction("2024-06-21T23:30+09:00");
         assert!((a - direction("2024-06-21T14:30Z")).length() < 1e-12);
         // 4.36 degrees east are 17 and a half minutes.
         assert!((a - direction("2024-06-21T14:47:26")).length() < 1e-3);
-        let mut day = daylight(None, DELFT, &at("2024-02-28T23:00"));
+        let mut day = daylight(None, &at("2024-02-28T23:00"));
         day.advance(1.5);
         assert_eq!((day.date, day.hour), (NaiveDate::from_ymd_opt(2024, 2, 29).unwrap(), 0.5));
         day.advance(-1.0);
@@ -314,13 +272,13 @@ mod tests {
 
     #[test]
     fn the_moon_follows_the_date() {
-        let full = daylight(Some("EPSG:7415"), DELFT, &at("2024-09-18T00:30"));
+        let full = daylight(DELFT, &at("2024-09-18T00:30"));
         let moon = full.moon_direction().unwrap();
         assert!(moon.z > 0.3 && moon.dot(full.direction()) < -0.97, "{moon}");
-        let new = daylight(Some("EPSG:7415"), DELFT, &at("2024-10-02T12:00"));
+        let new = daylight(DELFT, &at("2024-10-02T12:00"));
         assert!(new.moon_direction().unwrap().dot(new.direction()) > 0.97);
         let fixed = SunOptions { bearing: parse_bearing("90,-20").ok(), ..SunOptions::default() };
-        assert_eq!(daylight(None, DELFT, &fixed).moon_direction(), None);
+        assert_eq!(daylight(None, &fixed).moon_direction(), None);
     }
 
     #[test]
@@ -334,6 +292,6 @@ mod tests {
             assert!(parse_bearing(wrong).is_err(), "{wrong}");
         }
         let fixed = SunOptions { bearing: Some(west), ..SunOptions::default() };
-        assert!((daylight(Some("EPSG:7415"), DELFT, &fixed).direction() + DVec3::X).length() < 1e-12);
+        assert!((daylight(DELFT, &fixed).direction() + DVec3::X).length() < 1e-12);
     }
 }

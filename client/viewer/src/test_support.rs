@@ -21,6 +21,7 @@ pub fn manifest(depth: u8) -> Manifest {
         focus: [[0.0; 2]; 2],
         has_terrain: false,
         generated_ground: false,
+        location: None,
         generated_facades: false,
         counts: CityCounts::default(),
         attribution: Vec::new(),

@@ -1,5 +1,6 @@
-/** Entry of the application page. The viewer starts first; the controls are loaded while it works. */
+/** Entry of the application page. The viewer starts first; the controls follow while it works. */
 
+import { startControls } from './controls.js';
 import './insula-city.js';
 import { load } from './storage.js';
 import { strings } from './strings.js';
@@ -45,7 +46,7 @@ async function start() {
   if (time) city.time = time;
   const [tau, shadows] = [load('tau', null), load('shadows', null)];
   city.setOptions({ tau, shadows });
-  const { startControls } = await import('./controls.js');
+  await new Promise((resolve) => setTimeout(resolve));
   startControls(app, city, city.manifest ?? (await loadedManifest(city)));
   registerServiceWorker();
 }

@@ -63,7 +63,7 @@ export function startControls(app, city, manifest) {
     escape: () => closeMore() || panels.close(true),
   });
 
-  const title = element('h1', { class: 'title', dir: 'auto' }, page.title);
+  const title = element('h1', { class: 'title' }, element('bdi', {}, page.title));
   const notices = element('div', { class: 'notices' }, statusNotice(city, page.title), adapterNotice(city));
   const sources = element('div', { class: 'sources', role: 'group', 'aria-label': strings.furniture.attribution });
   sources.append(...attributionNodes(page.manifest));

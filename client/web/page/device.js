@@ -1,8 +1,7 @@
 /** What the device offers, for the start of the viewer. */
 
 /**
- * Memory for tiles in MiB. Browsers that do not tell the device's memory get the share of a phone of 2 GiB if they are on
- * one, else the largest.
+ * Memory for tiles in MiB. Some browsers, and all on plain http, do not tell the device's memory: then phones count as 4 GiB.
  * @returns {number}
  */
 function cacheMib() {
@@ -18,8 +17,9 @@ function cacheMib() {
  * @returns {{cacheMib: number, workers: number, secure: boolean, hasGpu: boolean}}
  */
 export function deviceValues() {
-  // One core is left to the page and one to the viewer.
-  const workers = Math.min(Math.max((navigator.hardwareConcurrency ?? 2) - 2, 1), 4);
+  // The viewer waits while its workers draw, so only the page needs a core of its own.
+  const cores = navigator.hardwareConcurrency ?? 2;
+  const workers = Math.min(cores > 2 ? cores - 1 : cores, 4);
   return { cacheMib: cacheMib(), workers, secure: isSecureContext, hasGpu: Boolean(navigator.gpu) };
 }
 

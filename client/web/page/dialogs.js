@@ -19,10 +19,7 @@ export function aboutDialog(page, description) {
   const texts = strings.about;
   const drawnBy = element('dd', { dir: 'auto' });
   const transferred = element('dd');
-  follow(page.city, 'adapter', ({ detail: { kind, name, why } }) => {
-    const gpu = strings.adapter.gpu(printable(name));
-    setText(drawnBy, kind === 'cpu' ? `${strings.adapter.cpu}. ${adapterText(why)}` : gpu);
-  });
+  follow(page.city, 'adapter', ({ detail }) => setText(drawnBy, adapterText(detail)));
   follow(page.city, 'progress', ({ detail }) => setText(transferred, bytesText(detail.bytes ?? 0)));
   const rows = [
     [texts.drawnBy, drawnBy],

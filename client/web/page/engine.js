@@ -25,6 +25,7 @@ class Engine {
   #lastMissing = -1;
   /** @type {{id: number, caption: string[]}[]} */ #pictures = [];
   /** @type {{width: number, height: number}|null} */ #size = null;
+  /** Messages that arrived before the viewer. @type {object[]|null} */ #early = [];
 
   async start(options) {
     this.#options = options;
@@ -39,6 +40,9 @@ class Engine {
     const values = { ...city, width, height, cacheBytes, camera, time, tau };
     this.#viewer = new CityViewer(this.#host(), JSON.stringify(values));
     this.manifest = JSON.parse(city.manifest);
+    const early = this.#early;
+    this.#early = null;
+    early.forEach((message) => receive(message));
     this.#reportCpu(this.#whyCpu());
     this.wake();
     return { manifest: this.manifest };
@@ -180,6 +184,12 @@ class Engine {
     if (this.#reopenings++ < MAX_REOPENINGS) setTimeout(() => this.#openGpu(), REOPEN_MS);
   }
 
+  /** Keeps a message for later if there is no viewer yet. Returns whether it did. */
+  keeps(message) {
+    this.#early?.push(message);
+    return this.#early !== null;
+  }
+
   picture({ id, width, height, caption }) {
     this.#pictures.push({ id, caption });
     if (this.#pictures.length > 1) return;
@@ -235,15 +245,20 @@ function reply(id, value) {
 
 const engine = new Engine();
 
-addEventListener('message', ({ data }) => {
-  const { op, id } = data;
+function receive(message) {
+  const { op, id } = message;
   try {
-    if (op === 'init') reply(id, engine.start(data));
-    else if (op === 'screenshot') engine.picture(data);
-    else if (['visible', 'pick', 'loseDevice', 'dispose'].includes(op)) engine[op](data);
-    else engine.command(data);
+    if (op === 'screenshot') engine.picture(message);
+    else if (['pick', 'loseDevice'].includes(op)) engine[op](message);
+    else engine.command(message);
   } catch (error) {
     if (id === undefined) console.warn(`${op}: ${error?.message ?? error}`);
     else reply(id, Promise.reject(error));
   }
+}
+
+addEventListener('message', ({ data }) => {
+  if (data.op === 'init') reply(data.id, engine.start(data));
+  else if (data.op === 'visible' || data.op === 'dispose') engine[data.op](data);
+  else if (!engine.keeps(data)) receive(data);
 });

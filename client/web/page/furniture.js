@@ -14,10 +14,10 @@ const ZOOM_STEP = 1.5;
 
 /** The compass: a needle towards the grid's north. */
 function compass(page) {
-  const letter = svg('text', { x: 0, y: -14.5, 'text-anchor': 'middle' });
+  const letter = svg('text', { x: 0, y: -13, 'text-anchor': 'middle' });
   letter.append(texts.north);
-  const north = svg('path', { class: 'north', d: 'M0-11.5L4.5 2H-4.5z' });
-  const south = svg('path', { class: 'south', d: 'M0 15.5L4.5 2H-4.5z' });
+  const north = svg('path', { class: 'north', d: 'M0-11L5.5 3.5H-5.5z' });
+  const south = svg('path', { class: 'south', d: 'M0 18L5.5 3.5H-5.5z' });
   const needle = svg('g', {}, north, south, letter);
   const face = svg('svg', { viewBox: '-24 -24 48 48', 'aria-hidden': 'true', focusable: 'false' }, needle);
   const node = element('button', { type: 'button', class: 'compass', click: () => page.city.steer('north') }, face);
@@ -26,7 +26,7 @@ function compass(page) {
     const wind = texts.winds[Math.round(degrees / 45) % texts.winds.length];
     node.setAttribute('aria-label', texts.compass(wind, ((degrees % 360) + 360) % 360));
   };
-  page.city.addEventListener('camera', ({ detail }) => needle.setAttribute('transform', `rotate(${-detail.azimuth})`));
+  follow(page.city, 'camera', ({ detail }) => needle.setAttribute('transform', `rotate(${-detail.azimuth})`));
   page.addEventListener('rest', label);
   label();
   return node;
@@ -35,7 +35,7 @@ function compass(page) {
 /** The scale bar: the length of a horizontal line in the middle of the view. */
 function scale(page) {
   const bar = element('div', { class: 'bar' });
-  const label = element('span');
+  const label = element('span', { dir: 'ltr' });
   const node = element('div', { class: 'scale', role: 'img', hidden: true }, label, bar);
   follow(page.city, 'frame', ({ detail }) => {
     const ratio = devicePixelRatio;
@@ -85,8 +85,9 @@ function works({ city }) {
     setText(loading, detail.missing > 0 ? texts.tiles(detail.missing) : '');
   });
   follow(city, 'frame', ({ detail }) => {
-    if (counters.hidden) return;
-    const { frameMs = 0, divisor = 1, samples = 1 } = detail;
+    const { frameMs, divisor, samples } = detail;
+    // Frames that only moved markers were not drawn.
+    if (counters.hidden || frameMs === undefined) return;
     setText(counters, texts.counters({ ms: frameMs.toFixed(1), divisor, samples, bytes: bytesText(bytes) }));
   });
   return { loading, counters };

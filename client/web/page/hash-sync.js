@@ -1,5 +1,6 @@
 /** Keeps the view in the location's hash: written when the view rests, followed when a link changes it. */
 
+import { follow } from './events.js';
 import { formatView, parseView } from './view-text.js';
 
 /** The view rests when it has not changed for this time. Browsers limit how often a location may change. */
@@ -15,7 +16,7 @@ export function syncHash(page) {
     history.replaceState(history.state, '', `#${shown}`);
     page.dispatchEvent(new Event('rest'));
   };
-  page.city.addEventListener('frame', () => {
+  follow(page.city, 'frame', () => {
     const view = formatView(page.view);
     if (view === shown) return;
     shown = view;

@@ -31,6 +31,7 @@ export class InsulaCity extends HTMLElement {
   last = {};
   #disposal = 0;
   #isMeasuring = false;
+  /** @type {string|undefined} */ #measureKind;
   /** The label that this file has set; `null` before. @type {string|null} */ #ownLabel = null;
 
   constructor() {
@@ -127,6 +128,7 @@ export class InsulaCity extends HTMLElement {
 
   measure(action, kind) {
     if (action === 'start' || action === 'stop') this.#isMeasuring = action === 'start';
+    this.#measureKind = kind ?? this.#measureKind;
     this.#surface.classList.toggle('measuring', this.#isMeasuring);
     this.#send('measure', { action, kind });
   }
@@ -153,6 +155,9 @@ export class InsulaCity extends HTMLElement {
     });
     this.#sendPoints('markers');
     this.#sendPoints('lines');
+    if (!this.#isMeasuring) return;
+    this.measure('start');
+    this.measure('kind', this.#measureKind);
   }
 
   #dispose() {

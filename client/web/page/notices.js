@@ -10,16 +10,17 @@ import { button, iconButton } from './widgets.js';
 const DISMISSED = 'dismissed-adapter';
 
 /**
- * The reason why the CPU draws, in words for people; an unknown reason as the engine says it.
- * @param {string|undefined} why
+ * What draws the picture, and why if that is the CPU. An unknown reason stays as the engine says it.
+ * @param {{kind: string, name?: string, why?: string}} adapter
  * @returns {string}
  */
-export function adapterText(why) {
+export function adapterText({ kind, name, why }) {
   const texts = strings.adapter;
+  if (kind !== 'cpu') return texts.gpu(printable(name));
   const reason = printable(why);
-  if (reason === '') return texts.withoutReason;
+  if (reason === '') return texts.cpu;
   const lost = /^the device was lost:?\s*(.*)$/.exec(reason);
-  return texts.because(lost ? texts.lost(lost[1]) : (texts.reasons[reason] ?? reason));
+  return texts.cpuBecause(lost ? texts.lost(lost[1]) : (texts.reasons[reason] ?? reason));
 }
 
 /**
@@ -73,8 +74,9 @@ export function adapterNotice(city) {
     // The style blurs what lies behind panels only where a graphics adapter does it.
     document.documentElement.dataset.adapter = detail.kind;
     why = printable(detail.why);
-    node.hidden = detail.kind !== 'cpu' || load(DISMISSED, null) === why;
-    setText(text, adapterText(detail.why));
+    // Without a reason, a graphics adapter may still be found.
+    node.hidden = detail.kind !== 'cpu' || why === '' || load(DISMISSED, null) === why;
+    setText(text, strings.adapter.notice(adapterText(detail)));
   });
   return node;
 }

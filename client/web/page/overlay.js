@@ -23,6 +23,7 @@ export class Overlay {
   /** @type {{points: number[][], node: SVGElement}[]} */
   #lines = [];
   #nextSlot = 1;
+  #hasMeasure = false;
   #host;
   #changed;
 
@@ -99,7 +100,8 @@ export class Overlay {
     if (lines.length === this.#lines.length) {
       this.#lines.forEach(({ node }, i) => node.setAttribute('d', pathOf(lines[i], ratio)));
     }
-    this.#showMeasure(measure, ratio);
+    if (measure || this.#hasMeasure) this.#showMeasure(measure, ratio);
+    this.#hasMeasure = measure !== null;
   }
 
   #remove(what, list, item) {
@@ -113,19 +115,16 @@ export class Overlay {
 
   #showMeasure(measure, ratio) {
     const points = measure?.points ?? [];
-    this.#measureText.hidden = points.length === 0 || !measure.text;
-    if (points.length === 0) return this.#measureLine.replaceChildren();
-    const visible = points.map((point) => point && [point[0], point[1], true]);
-    if (measure.closed && points.length > 2) visible.push(visible[0]);
-    const d = pathOf(visible, ratio);
-    // The dark outline keeps the line visible over bright scenes.
-    const dots = visible.filter(Boolean).map(([x, y]) => svg('circle', { cx: x / ratio, cy: y / ratio, r: 4 }));
-    this.#measureLine.replaceChildren(svg('path', { d, class: 'outline' }), svg('path', { d }), ...dots);
-    setText(this.#measureText, measure.text ?? '');
     const last = points.at(-1);
-    if (last) place(this.#measureText, last[0] / ratio, last[1] / ratio);
-    else this.#measureText.hidden = true;
-    return undefined;
+    this.#measureText.hidden = !last || !measure.text;
+    const lines = (measure?.lines ?? []).map(([x0, y0, x1, y1]) => `M${text([x0, y0], ratio)}L${text([x1, y1], ratio)}`);
+    const d = lines.join('');
+    const dots = points.map(([x, y]) => svg('circle', { cx: x / ratio, cy: y / ratio, r: 4 }));
+    // The dark outline keeps the line visible over bright scenes.
+    this.#measureLine.replaceChildren(svg('path', { d, class: 'outline' }), svg('path', { d }), ...dots);
+    if (!last) return;
+    setText(this.#measureText, measure.text);
+    place(this.#measureText, last[0] / ratio, last[1] / ratio);
   }
 }
 

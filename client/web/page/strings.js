@@ -4,7 +4,7 @@
  * Texts with values are functions, so that a translation may order the words freely.
  */
 
-const LANGUAGE = 'en';
+const LANGUAGE = 'en-GB';
 const plurals = new Intl.PluralRules(LANGUAGE);
 const numbers = new Intl.NumberFormat(LANGUAGE);
 
@@ -39,7 +39,7 @@ export const strings = {
     more: 'More',
     search: 'Search',
     view: 'View',
-    time: 'Time of day',
+    time: 'Time',
     measure: 'Measure',
     bookmarks: 'Bookmarks',
     share: 'Share',
@@ -98,7 +98,7 @@ export const strings = {
     detail: 'Detail',
     fine: 'finer',
     coarse: 'coarser',
-    detailValue: (px) => `errors up to ${px} pixels`,
+    detailValue: (px) => `errors up to ${px} px`,
     move: 'Turn and tilt',
     turnLeft: 'Turn left',
     turnRight: 'Turn right',
@@ -186,15 +186,16 @@ export const strings = {
 
   adapter: {
     cpu: 'the CPU',
+    cpuBecause: (why) => `the CPU, because ${why}`,
     gpu: (name) => name || 'the graphics adapter',
-    because: (why) => `Drawn by the CPU, because ${why}.`,
-    withoutReason: 'Drawn by the CPU.',
+    notice: (adapter) => `Drawn by ${adapter}.`,
     dismiss: 'Hide this notice',
     lost: (why) => `the graphics device was lost (${why})`,
     /** Reasons of the engine in words for people. @type {Record<string, string>} */
     reasons: {
       'no WebGPU on plain http': 'browsers offer WebGPU only on https and localhost',
       'this browser has no WebGPU': 'this browser has no WebGPU',
+      'the CPU was asked for': 'this page asks for it',
       'no graphics adapter': 'this device offers no graphics adapter',
       'a software adapter is slower than the CPU ray-caster': 'this device has only a software graphics adapter',
     },

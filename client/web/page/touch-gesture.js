@@ -2,6 +2,8 @@
 
 /** Fingers must move this far before the gesture is known. */
 const DECIDE_PX = 8;
+/** Browsers report one finger after the other: a finger alone must move this far. */
+const DECIDE_ALONE_PX = 20;
 /** Angle of the camera per pixel of a vertical drag. */
 const TILT_RAD_PER_PX = 0.005;
 /** Fingers that tilt lie beside each other: their line is flatter than this. */
@@ -58,7 +60,8 @@ export class TwoFingers {
 /** Whether fingers tilt or move the view; `null` if they have hardly moved. */
 function decide(first, points) {
   const ways = points.map(([x, y], i) => [x - first[i][0], y - first[i][1]]);
-  if (Math.max(...ways.map(length)) < DECIDE_PX) return null;
+  const [shorter, longer] = ways.map(length).sort((a, b) => a - b);
+  if (longer < DECIDE_PX || (shorter < DECIDE_PX / 2 && longer < DECIDE_ALONE_PX)) return null;
   const [dx, dy] = span(first);
   const areBeside = Math.abs(dy) < MAX_TILT_SLOPE * Math.abs(dx);
   const isVertical = ways.every(([x, y]) => Math.abs(y) > 2 * Math.abs(x) && Math.abs(y) > DECIDE_PX / 4);

@@ -46,7 +46,7 @@ pub(crate) enum Command {
     Home {},
     Collision { on: bool },
     Camera { camera: String, seconds: Option<f64> },
-    Goto { position: [f64; 3] },
+    Goto { position: [f64; 3], seconds: Option<f64> },
     Time { time: String },
     Day { running: bool },
     Options { tau: Option<f64>, shadows: Option<bool>, shading: Option<usize> },

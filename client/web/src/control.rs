@@ -88,7 +88,10 @@ impl CityViewer {
                     .ok_or_else(|| JsError::new("a camera is X,Y,Z,AZIMUTH,PITCH,FOV in metres and degrees"))?;
                 self.fly_to(camera, seconds.unwrap_or(0.0));
             }
-            Command::Goto { position } => self.visit(position.into()),
+            Command::Goto { position, seconds } => {
+                let camera = self.visiting(position.into());
+                self.fly_to(camera, seconds.unwrap_or(0.0));
+            }
             _ => {}
         }
         Ok(())
@@ -102,19 +105,21 @@ impl CityViewer {
         }
     }
 
-    /// Looks at a point, from where the camera can see it.
-    fn visit(&mut self, point: DVec3) {
+    /// A camera that looks at a point from where it can be seen; the present one if the point is none.
+    fn visiting(&self, point: DVec3) -> Camera {
+        let mut control = self.control.clone();
+        let camera = control.camera();
         if !point.is_finite() {
-            return;
+            return camera;
         }
-        let camera = self.control.camera();
         let least_m = point.z + VISIT_HEIGHT_M;
         if camera.forward.z > -0.3 || camera.position.z < least_m {
             let (yaw, _) = camera.angles();
             let position = camera.position.with_z(camera.position.z.max(least_m));
-            self.control.set_camera(&Camera::from_angles(position, yaw, -0.7, camera.fov_y_rad));
+            control.set_camera(&Camera::from_angles(position, yaw, -0.7, camera.fov_y_rad));
         }
-        self.control.go_to(point);
+        control.go_to(point);
+        control.camera()
     }
 
     fn set_options(&mut self, tau_px: Option<f64>, shadows: Option<bool>, shading: Option<usize>) {

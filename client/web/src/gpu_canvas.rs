@@ -9,6 +9,9 @@ use js_sys::Promise;
 use std::sync::{Arc, OnceLock};
 use web_sys::OffscreenCanvas;
 
+/// Reason of a browser that has WebGPU but nothing that computes it.
+const NO_ADAPTER: &str = "no graphics adapter";
+
 /// A canvas that a GPU draws on.
 #[derive(Debug)]
 pub(crate) struct GpuCanvas {
@@ -37,7 +40,9 @@ impl GpuCanvas {
         let instance = wgpu::Instance::new(descriptor);
         let target = wgpu::SurfaceTarget::OffscreenCanvas(canvas.clone());
         let surface = instance.create_surface(target).map_err(|error| error.to_string())?;
-        let device = GpuDevice::open(&instance, Some(&surface), cache_bytes).await?;
+        let opened = GpuDevice::open(&instance, Some(&surface), cache_bytes).await;
+        // The library lists the kinds of drivers that a browser cannot have.
+        let device = opened.map_err(|error| if error.contains("adapter") { NO_ADAPTER.into() } else { error })?;
         if !accepts_software && is_software(&device) {
             return Err("a software adapter is slower than the CPU ray-caster".into());
         }

@@ -29,6 +29,10 @@ pub enum CommandError {
     Faults { path: PathBuf, faults: usize },
     #[error("{}: {reason}", path.display())]
     Mesh { path: PathBuf, reason: String },
+    #[error("{}: {reason}", path.display())]
+    Publish { path: PathBuf, reason: String },
+    #[error("this program has no viewer to publish: run client/web/build, and build insula-server again")]
+    NoViewer,
     #[error("{0}")]
     Bake(String),
     #[error("{0}")]

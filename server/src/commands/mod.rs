@@ -14,12 +14,15 @@ mod map_image;
 #[cfg(feature = "bake")]
 mod mesh;
 mod output;
+mod publish;
 mod serve;
 mod sign;
+mod site_folder;
 mod stats;
 mod verify;
 
 pub use error::CommandError;
+pub use publish::publish_site;
 
 use crate::args::{Args, ServerCommand};
 
@@ -28,6 +31,7 @@ pub fn run(args: Args) -> Result<(), CommandError> {
     match args.command {
         ServerCommand::Serve(args) => serve::run(&args),
         ServerCommand::Sign(args) => sign::run(&args),
+        ServerCommand::Publish(args) => publish::run(&args),
         ServerCommand::Inspect(args) => inspect::run(&args),
         ServerCommand::Verify(args) => verify::run(&args),
         ServerCommand::Setup(setup) => {

@@ -54,6 +54,34 @@ impl EncodedContent {
         Self(vec![("identity", identity)])
     }
 
+    /// Content that was compressed before.
+    pub(super) fn compressed_before(
+        plain: Bytes,
+        brotli: Bytes,
+        gzip: Bytes,
+        content_type: &'static str,
+        cache_control: HeaderValue,
+    ) -> Self {
+        let plain_bytes = plain.len();
+        let mut all: Vec<_> = [("br", brotli), ("gzip", gzip), ("identity", plain)]
+            .into_iter()
+            .filter(|(coding, body)| *coding == "identity" || body.len() < plain_bytes)
+            .map(|(coding, body)| {
+                let representation = Representation {
+                    etag: etag_of(&body),
+                    body,
+                    content_type: HeaderValue::from_static(content_type),
+                    cache_control: cache_control.clone(),
+                    encoding: (coding != "identity").then_some(HeaderValue::from_static(coding)),
+                    vary: Some(HeaderValue::from_static("accept-encoding")),
+                };
+                (coding, representation)
+            })
+            .collect();
+        all.sort_by_key(|(_, representation)| representation.body.len());
+        Self(all)
+    }
+
     /// The coding that the client prefers; among equally preferred ones the smallest.
     pub(super) fn select(&self, headers: &HeaderMap) -> &Representation {
         let accepted = accepted_codings(headers);

@@ -3,7 +3,7 @@
 use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
     city_documents::{BINCODE, JSON, ListPage},
-    index_page,
+    city_page::respond_with_city,
     page_request::{PageRequest, page_request},
     problem::Problem,
     state::AppState,
@@ -71,7 +71,7 @@ pub(super) async fn manifest(
     if let (CityAccess::Link(_), Some(city)) = (access, city)
         && accepts(&headers, "text/html") > 0.0
     {
-        return Ok(index_page::shared_city(&state, city, &method, &uri, &headers));
+        return Ok(respond_with_city(&state, city, false, &method, &uri, &headers));
     }
     let document = catalog.documents().city(&name).ok_or(not_found)?;
     let bincode = document.bincode.as_ref().filter(|_| prefers_bincode(&headers));

@@ -1,7 +1,8 @@
 //! Baked cities over HTTP/1.1 and HTTP/2, with or without TLS.
 //!
 //! ```text
-//! server -> worker -> (tls) -> connection -> service -> cached_tiles -> router -> tile, manifest, index_page, health
+//! server -> worker -> (tls) -> connection -> service -> cached_tiles -> router -> tile, manifest, index_page, city_page,
+//!                                                                                       viewer_files, health
 //! operations -> service -> router                             a listener of its own for health and metrics
 //! ```
 //!
@@ -12,6 +13,7 @@ mod access_control;
 mod cached_tiles;
 mod catalog;
 mod city_documents;
+mod city_page;
 mod client_usage;
 mod connection;
 mod connection_state;
@@ -25,6 +27,7 @@ mod manifest;
 mod metrics;
 mod operations;
 mod page_request;
+mod page_response;
 mod problem;
 mod rate_limit;
 mod reload;
@@ -43,6 +46,7 @@ mod tile;
 mod tile_cache;
 mod tls;
 mod turns;
+mod viewer_files;
 mod worker;
 
 pub use problem::Problem;

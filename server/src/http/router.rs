@@ -1,10 +1,10 @@
 //! The routes of all addresses.
 
 use super::{
-    health, index_page, manifest,
+    city_page, health, index_page, manifest,
     problem::{NO_ROUTE, Problem},
     thread_state::ThreadState,
-    tile,
+    tile, viewer_files,
 };
 use axum::{
     Router,
@@ -39,6 +39,10 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::Cities => get(manifest::list_cities),
         RouteTemplate::Manifest => get(manifest::manifest),
         RouteTemplate::Subtrees | RouteTemplate::BlockMaps | RouteTemplate::Meshes => get(tile::tile),
+        RouteTemplate::CityPage => get(city_page::city_page),
+        RouteTemplate::Thumbnail => get(city_page::thumbnail),
+        RouteTemplate::Asset => get(viewer_files::asset),
+        RouteTemplate::ServiceWorker => get(viewer_files::service_worker),
         RouteTemplate::Other => get(not_found),
     }
 }

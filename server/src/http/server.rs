@@ -10,7 +10,7 @@ use super::{
     tls::TlsIdentity,
     worker::{AcceptedConnection, WorkerPool},
 };
-use crate::{config::ServeConfig, store::Store};
+use crate::{config::ServeConfig, page::ViewerAssets, store::Store};
 use std::{
     future::Future,
     io,
@@ -88,7 +88,7 @@ impl HttpServer {
             ),
             None => None,
         };
-        let service = HttpService::new(AppState::with_access(store, config, access));
+        let service = HttpService::new(AppState::with_access(store, config, access, ViewerAssets::embedded()));
         Ok(Self { service, tls, operations, config: config.clone(), reload_signal: Arc::default() })
     }
 

@@ -2,10 +2,11 @@
 
 use super::{
     access_control::AccessControl, catalog::Catalog, city_documents::CityDocuments, in_flight::InFlightBudget,
-    log_limit::LogLimit, metrics::HttpMetrics, rate_limit::RateLimiter,
+    log_limit::LogLimit, metrics::HttpMetrics, rate_limit::RateLimiter, viewer_files::ViewerContent,
 };
 use crate::{
     config::{CorsPolicy, LimitsConfig, LogRequests, ServeConfig},
+    page::ViewerAssets,
     store::Store,
 };
 use arc_swap::{ArcSwap, Guard};
@@ -25,6 +26,7 @@ pub struct AppState(Arc<SharedState>);
 #[derive(Debug)]
 struct SharedState {
     catalog: ArcSwap<Catalog>,
+    viewer: Option<ViewerContent>,
     metrics: HttpMetrics,
     rate_limiter: RateLimiter,
     in_flight: InFlightBudget,
@@ -61,14 +63,25 @@ impl MessageKind {
 impl AppState {
     /// State for public cities. Private ones need the tokens that [`HttpServer`](super::HttpServer) reads.
     pub fn new(store: Store, config: &ServeConfig) -> Self {
-        Self::with_access(store, config, AccessControl::default())
+        Self::with_viewer(store, config, ViewerAssets::embedded())
     }
 
-    pub(super) fn with_access(store: Store, config: &ServeConfig, access: AccessControl) -> Self {
+    /// As [`Self::new`], with another browser viewer than that of the program, or with none.
+    pub fn with_viewer(store: Store, config: &ServeConfig, viewer: Option<ViewerAssets>) -> Self {
+        Self::with_access(store, config, AccessControl::default(), viewer)
+    }
+
+    pub(super) fn with_access(
+        store: Store,
+        config: &ServeConfig,
+        access: AccessControl,
+        viewer: Option<ViewerAssets>,
+    ) -> Self {
         let store_metrics = store.metrics().cloned();
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self(Arc::new(SharedState {
             catalog: ArcSwap::from_pointee(Catalog::new(store, access)),
+            viewer: viewer.map(ViewerContent::new),
             metrics: HttpMetrics::new(store_metrics.as_ref()),
             rate_limiter: RateLimiter::new(config.limits.client_rate, config.limits.client_burst),
             in_flight: InFlightBudget::new(config.limits.in_flight, config.limits.in_flight_bytes),
@@ -110,6 +123,11 @@ impl AppState {
     /// The current cities. A guard keeps them open after a replacement.
     pub fn catalog(&self) -> Guard<Arc<Catalog>> {
         self.0.catalog.load()
+    }
+
+    /// The browser viewer; `None` if the program was built without it.
+    pub(super) fn viewer(&self) -> Option<&ViewerContent> {
+        self.0.viewer.as_ref()
     }
 
     pub(super) fn metrics(&self) -> &HttpMetrics {

@@ -1,10 +1,12 @@
 //! An open city, and the identity of its files, by which a replacement is noticed.
 
 use super::error::StoreError;
-use insula_archive::{BakedCity, city::MANIFEST_FILE};
-use insula_protocol::TileKind;
+use bytes::Bytes;
+use insula_archive::{BakedCity, city::MANIFEST_FILE, file::open_regular};
+use insula_protocol::{TileKind, route::THUMBNAIL_FILE};
 use std::{
-    fs, io,
+    fs,
+    io::{self, Read},
     ops::Deref,
     path::{Path, PathBuf},
     sync::atomic::{AtomicU64, Ordering},
@@ -13,6 +15,9 @@ use std::{
 
 /// Attempts to open a city that is replaced meanwhile.
 const MAX_ATTEMPTS: usize = 5;
+/// Larger pictures are not served: a bake writes half of this at most.
+const MAX_THUMBNAIL_BYTES: u64 = 2 << 20;
+const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 static NEXT_SERIAL: AtomicU64 = AtomicU64::new(0);
 
@@ -24,6 +29,7 @@ pub struct CityStore {
     city: BakedCity,
     /// `None` for a remote city. Its location is text, which the name of a folder need not be.
     folder: Option<PathBuf>,
+    has_thumbnail: bool,
 }
 
 /// Identity of a city's files, which changes when they are replaced.
@@ -46,14 +52,15 @@ impl CityStore {
             let stamp = CityStamp::of(folder)?;
             let city = BakedCity::open(folder);
             if CityStamp::of(folder)? == stamp {
-                return Ok(Self { folder: Some(folder.to_owned()), ..Self::new(stamp, city?) });
+                let has_thumbnail = folder.join(THUMBNAIL_FILE).is_file();
+                return Ok(Self { folder: Some(folder.to_owned()), has_thumbnail, ..Self::new(stamp, city?) });
             }
         }
         Err(StoreError::Changing { place: folder.display().to_string() })
     }
 
     pub(super) fn new(stamp: CityStamp, city: BakedCity) -> Self {
-        Self { serial: NEXT_SERIAL.fetch_add(1, Ordering::Relaxed), stamp, city, folder: None }
+        Self { serial: NEXT_SERIAL.fetch_add(1, Ordering::Relaxed), stamp, city, folder: None, has_thumbnail: false }
     }
 
     /// A number that differs between all cities and versions that the process has opened.
@@ -62,8 +69,26 @@ impl CityStore {
     }
 
     /// The folder that it was opened from; `None` if it is remote.
-    pub(super) fn folder(&self) -> Option<&Path> {
+    pub(crate) fn folder(&self) -> Option<&Path> {
         self.folder.as_deref()
+    }
+
+    /// Whether the files in the folder are those that were opened. False if it is remote.
+    pub(crate) fn is_unchanged(&self) -> bool {
+        self.folder.as_ref().is_some_and(|folder| CityStamp::of(folder).is_ok_and(|stamp| stamp == self.stamp))
+    }
+
+    /// Whether the bake's picture was in the folder when it was opened.
+    pub(crate) fn has_thumbnail(&self) -> bool {
+        self.has_thumbnail
+    }
+
+    /// Reads the bake's picture. `None` if there is none, or it is none.
+    pub(crate) fn read_thumbnail(&self) -> Option<Bytes> {
+        let path = self.folder.as_ref().filter(|_| self.has_thumbnail)?.join(THUMBNAIL_FILE);
+        let mut png = Vec::new();
+        open_regular(&path).ok()?.take(MAX_THUMBNAIL_BYTES + 1).read_to_end(&mut png).ok()?;
+        (png.len() as u64 <= MAX_THUMBNAIL_BYTES && png.starts_with(PNG_SIGNATURE)).then(|| png.into())
     }
 
     pub(super) fn stamp(&self) -> &CityStamp {

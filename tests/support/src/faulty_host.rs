@@ -101,6 +101,28 @@ fn parse_range(line: &str) -> Option<(u64, u64)> {
     Some((first.parse().ok()?, last.parse().ok()?))
 }
 
+/// The file of a request: without its query; of a folder, its page.
+fn file_path(target: &str) -> String {
+    let path = target.split('?').next().unwrap_or_default().trim_start_matches('/');
+    if path.is_empty() || path.ends_with('/') { format!("{path}index.html") } else { path.to_owned() }
+}
+
+/// What browsers insist on.
+fn content_type(path: &str) -> &'static str {
+    match path.rsplit('.').next() {
+        Some("html") => "text/html; charset=utf-8",
+        Some("js") => "text/javascript",
+        Some("css") => "text/css",
+        Some("json") => "application/json",
+        Some("wasm") => "application/wasm",
+        Some("png") => "image/png",
+        Some("webp") => "image/webp",
+        Some("svg") => "image/svg+xml",
+        Some("webmanifest") => "application/manifest+json",
+        _ => "application/octet-stream",
+    }
+}
+
 /// Serves one request; `None` closes the connection.
 fn respond(stream: &mut BufReader<TcpStream>, folder: &Path, faults: &HostFaults) -> Option<()> {
     let head = read_head(stream)?;
@@ -113,7 +135,8 @@ fn respond(stream: &mut BufReader<TcpStream>, folder: &Path, faults: &HostFaults
     let happens = |stride: u64, percent: &AtomicU64| number * stride % 100 < percent.load(Relaxed);
     let (fails, lies) = (happens(61, &faults.failing_percent), happens(37, &faults.lying_percent));
     let mut request = head.first()?.split(' ');
-    let (method, path) = (request.next()?, request.next()?.trim_start_matches('/'));
+    let (method, target) = (request.next()?, request.next()?);
+    let path = file_path(target);
     let out = stream.get_mut();
     if fails && number.is_multiple_of(3) {
         return None;
@@ -121,7 +144,7 @@ fn respond(stream: &mut BufReader<TcpStream>, folder: &Path, faults: &HostFaults
     if fails && number % 3 == 1 {
         return out.write_all(b"HTTP/1.1 500 Internal Server Error\r\nContent-Length: 0\r\n\r\n").ok();
     }
-    let (Ok(file), Ok(metadata)) = (fs::File::open(folder.join(path)), fs::metadata(folder.join(path))) else {
+    let (Ok(file), Ok(metadata)) = (fs::File::open(folder.join(&path)), fs::metadata(folder.join(&path))) else {
         return out.write_all(b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n").ok();
     };
     let length = metadata.len();
@@ -136,8 +159,9 @@ fn respond(stream: &mut BufReader<TcpStream>, folder: &Path, faults: &HostFaults
     let mut body = vec![0; (last + 1 - first) as usize];
     file.read_exact_at(&mut body, first).ok()?;
     let mut headers = format!(
-        "Content-Length: {}\r\nETag: \"{modified:x}{}\"\r\nLast-Modified: Sat, 21 Nov 2026 08:00:00 GMT\r\n",
+        "Content-Length: {}\r\nContent-Type: {}\r\nETag: \"{modified:x}{}\"\r\nLast-Modified: Sat, 21 Nov 2026 08:00:00 GMT\r\n",
         body.len(),
+        content_type(&path),
         if is_replaced { "-new" } else { "" }
     );
     let status = if range.is_some() { "206 Partial Content" } else { "200 OK" };

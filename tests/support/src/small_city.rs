@@ -85,6 +85,7 @@ pub fn manifest(name: &str) -> Manifest {
         focus: [[0.0; 2], [1.0; 2]],
         has_terrain: false,
         generated_ground: false,
+        location: None,
         generated_facades: false,
         counts: CityCounts {
             objects: 2,

@@ -79,8 +79,7 @@ fn write(folder: &Path, files: &AssetFiles, types: &BTreeMap<String, Vec<u8>>) -
         for (suffix, bytes) in [("", content), (".br", &brotli), (".gz", &gzip)] {
             write_file(&path(suffix), bytes)?;
         }
-        let entry =
-            AssetEntry { name: name.clone(), bytes: content.len(), brotli: brotli.len(), gzip: gzip.len() };
+        let entry = AssetEntry { name: name.clone(), bytes: content.len(), brotli: brotli.len(), gzip: gzip.len() };
         manifest.files.push(entry);
     }
     for (name, content) in types {

@@ -1,7 +1,7 @@
 //! Makes `client/web/dist` from the WebAssembly module of `insula-web` and the files of `client/web/page`.
 //!
 //! ```text
-//! wasm -> bindings (wasm-bindgen, wasm-opt) -> asset_files (names, hash) -> dist (compressed forms, manifest)
+//! wasm -> bindings (wasm-bindgen, wasm-opt) -> asset_files (names, hash) -> joined_modules -> dist (compressed forms, manifest)
 //! ```
 //!
 //! `insula-server` embeds the result, see `docs/decisions/0015-viewer-assets.md`.
@@ -10,6 +10,7 @@ mod asset_files;
 mod bindings;
 mod dist;
 mod error;
+mod joined_modules;
 
 use error::BundleError;
 use std::{env, path::Path, process::ExitCode};
@@ -49,5 +50,5 @@ fn bundle(wasm: &Path, page: &Path, out: &Path) -> Result<String, BundleError> {
     for (name, content) in bound.assets {
         asset_files::add(&mut files, name, content)?;
     }
-    dist::replace(out, &files, &bound.types)
+    dist::replace(out, &joined_modules::join(files)?, &bound.types)
 }

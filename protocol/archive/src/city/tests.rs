@@ -30,6 +30,7 @@ fn manifest() -> Manifest {
         ground_z_m: 0.0,
         has_terrain: false,
         generated_ground: false,
+        location: None,
         generated_facades: false,
         counts: manifest::CityCounts::default(),
         attribution: Vec::new(),

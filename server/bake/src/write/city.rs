@@ -1,7 +1,8 @@
 //! Writes the final files of a city.
 //!
 //! In: the tree of packed tiles, and facts about the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
-//! `meshes.pmtiles` if there are meshes, `city.json` and `fingerprints.bin`, synchronised, in the scratch folder.
+//! `meshes.pmtiles` if there are meshes, `city.json`, `fingerprints.bin` and `thumbnail.png`, synchronised, in the scratch
+//! folder.
 //! Next: `ScratchFolder::publish` renames them to the output.
 
 use std::{
@@ -19,11 +20,12 @@ use insula_protocol::{
     mesh_tile, tile,
 };
 
+use super::location::locate;
 use super::{
     archive,
     files::write_synced,
     fingerprints::Fingerprints,
-    mesh_pack,
+    mesh_pack, thumbnail,
     tile_pack::{PackReader, StoredTile},
     tile_tree::{self, TileTree},
 };
@@ -136,6 +138,11 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
     write_synced(&path, &json)?;
     bytes += json.len() as u64;
     bytes += Fingerprints { version: manifest.version.clone(), blocks: input.fingerprints }.write(folder)?;
+    // A city is complete without its picture.
+    match thumbnail::write(folder, input.tree, input.packs, &manifest) {
+        Ok(length) => bytes += length,
+        Err(error) => tracing::warn!("the city has no {}: {error}", thumbnail::FILE_NAME),
+    }
     Ok(WrittenCity { manifest, bytes })
 }
 
@@ -171,19 +178,21 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
     let CityInput { config, grid, facts, read, tree, .. } = input;
     let source_title = || read.sources.iter().flat_map(|source| &source.titles).next().cloned();
     let per_level = |f: fn(&[StoredTile]) -> u64| tree.levels().iter().map(|level| f(level)).collect();
+    let (crs, focus) = (facts.crs.clone().or_else(|| read.crs.clone()), focus(input));
+    let location = crs.as_deref().and_then(|crs| locate(crs, focus));
     Manifest {
         format_version: FORMAT_VERSION,
         name: config.name.clone(),
         title: config.title.clone().or_else(source_title).unwrap_or_else(|| config.name.clone()),
         version: String::new(),
-        crs: facts.crs.clone().or_else(|| read.crs.clone()),
+        crs,
         origin: std::array::from_fn(|axis| facts.origin[axis] + grid.corner[axis]),
         root_side_m: grid.node_side_m(0),
         depth: grid.depth,
         node_cells: NODE_CELLS as u16,
         cell_m: grid.cell_m,
         bounds: facts.bounds,
-        focus: focus(input),
+        focus,
         ground_z_m: facts.ground_z_m,
         has_terrain: facts.has_terrain,
         generated_ground: facts.generated_ground,
@@ -196,6 +205,7 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
         attribution: attribution(&config.attribution, read),
         tile_version: tile::VERSION,
         settings: config.settings.clone(),
+        location,
         generated_facades: read.facades.is_some(),
     }
 }

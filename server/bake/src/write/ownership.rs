@@ -17,7 +17,7 @@ use serde::Deserialize;
 
 use super::{
     files::{remove_file, remove_folder},
-    fingerprints,
+    fingerprints, thumbnail,
 };
 use crate::error::BakeError;
 
@@ -33,6 +33,7 @@ type Rule = fn(&str, fs::FileType) -> bool;
 fn is_city_file(name: &str) -> bool {
     name == MANIFEST_FILE
         || name == fingerprints::FILE_NAME
+        || name == thumbnail::FILE_NAME
         || TileKind::ALL.iter().any(|kind| kind.file_name() == name)
 }
 
@@ -135,7 +136,8 @@ fn has_manifest(folder: &Path) -> bool {
 /// Removes a city that [`check_out`] accepts. Fails, and keeps the folder, if it contains anything else.
 pub(super) fn remove_city(folder: &Path) -> Result<(), BakeError> {
     check_out(folder)?;
-    for name in TileKind::ALL.iter().map(|kind| kind.file_name()).chain([fingerprints::FILE_NAME, MANIFEST_FILE]) {
+    let others = [fingerprints::FILE_NAME, thumbnail::FILE_NAME, MANIFEST_FILE];
+    for name in TileKind::ALL.iter().map(|kind| kind.file_name()).chain(others) {
         remove_file(&folder.join(name))?;
     }
     match fs::remove_dir(folder) {

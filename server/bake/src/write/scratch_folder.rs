@@ -241,6 +241,7 @@ mod tests {
             ground_z_m: 0.0,
             has_terrain: false,
             generated_ground: false,
+            location: None,
             generated_facades: false,
             counts: CityCounts::default(),
             attribution: Vec::new(),

@@ -1,0 +1,205 @@
+//! Joins modules of the page into one file for each entry, so that a browser makes few requests, one after the other.
+//!
+//! Each module becomes a function that is called once and returns what the module exports. That covers what the page's modules use:
+//! named imports from `./NAME.js` at the beginning of a line, and exported functions, classes and constants. Anything else is an
+//! error. Modules that are not of the page are imported as they are.
+
+use crate::{asset_files::AssetFiles, error::BundleError};
+use std::fmt::Write;
+
+/// Modules that the page or a worker starts with.
+const ENTRIES: [&str; 4] = ["app.js", "insula-city.js", "engine.js", "helper.js"];
+/// Made by wasm-bindgen; several entries share it.
+const EXTERNAL: &str = "insula_web.js";
+/// Scripts that browsers fetch by themselves.
+const SEPARATE: [&str; 1] = ["service-worker.js"];
+
+/// Replaces the entries by what they import, joined, and drops the other modules. Entries that the page lacks are left out.
+pub(crate) fn join(files: AssetFiles) -> Result<AssetFiles, BundleError> {
+    let mut joined = AssetFiles::new();
+    for entry in ENTRIES.into_iter().filter(|entry| files.contains_key(*entry)) {
+        let mut joiner = Joiner { files: &files, begun: Vec::new(), externals: Vec::new(), out: String::new() };
+        let exports = joiner.add(entry)?;
+        let mut text = joiner.externals.concat() + &joiner.out;
+        if !exports.is_empty() {
+            let _ = writeln!(text, "export const {{ {} }} = {};", exports.join(", "), variable(entry));
+        }
+        joined.insert(entry.to_owned(), text.into_bytes());
+    }
+    let is_kept = |name: &str| !name.ends_with(".js") || name == EXTERNAL || SEPARATE.contains(&name);
+    joined.extend(files.iter().filter(|(name, _)| is_kept(name)).map(|(name, text)| (name.clone(), text.clone())));
+    Ok(joined)
+}
+
+struct Joiner<'a> {
+    files: &'a AssetFiles,
+    begun: Vec<String>,
+    /// Imports of modules that stay separate.
+    externals: Vec<String>,
+    out: String,
+}
+
+/// A module in parts.
+#[derive(Default)]
+struct Module {
+    /// What each import takes, and the file that it takes it from.
+    imports: Vec<(String, String)>,
+    exports: Vec<String>,
+    body: String,
+}
+
+impl Joiner<'_> {
+    /// Adds a module after those that it imports. Returns the names of its exports.
+    fn add(&mut self, name: &str) -> Result<Vec<String>, BundleError> {
+        let failed = |reason: &str| BundleError::Asset(format!("{name}: {reason}"));
+        let content = self.files.get(name).ok_or_else(|| failed("a module imports it, and there is no such file"))?;
+        let text = std::str::from_utf8(content).map_err(|_| failed("not UTF-8"))?;
+        let module = Module::parse(text).map_err(|reason| failed(&reason))?;
+        if self.begun.iter().any(|begun| begun == name) {
+            return Ok(module.exports);
+        }
+        self.begun.push(name.to_owned());
+        let mut head = String::new();
+        for (names, from) in &module.imports {
+            if from == EXTERNAL {
+                let line = format!("import {names} from './{from}';\n");
+                if !self.externals.contains(&line) {
+                    self.externals.push(line);
+                }
+                continue;
+            }
+            self.add(from)?;
+            if !names.is_empty() {
+                let _ = writeln!(head, "const {} = {};", names.replace(" as ", ": "), variable(from));
+            }
+        }
+        let Module { exports, body, .. } = module;
+        let _ = writeln!(
+            self.out,
+            "const {} = (() => {{\n{head}{body}return {{ {} }};\n}})();",
+            variable(name),
+            exports.join(", ")
+        );
+        Ok(exports)
+    }
+}
+
+/// The variable that holds a module's exports. No module has a name that begins so.
+fn variable(name: &str) -> String {
+    format!("module_{}", name.trim_end_matches(".js").replace(['-', '.'], "_"))
+}
+
+impl Module {
+    fn parse(text: &str) -> Result<Self, String> {
+        let mut module = Self::default();
+        let mut lines = text.lines();
+        while let Some(line) = lines.next() {
+            if line.starts_with("/**") || line.starts_with("/*") {
+                module.push(after_comment(line, &mut lines));
+            } else if line.starts_with("import ") {
+                let mut statement = line.to_owned();
+                while !statement.ends_with(';') {
+                    statement += " ";
+                    statement += lines.next().ok_or("an import does not end with ;")?.trim();
+                }
+                module.imports.push(import_of(&statement)?);
+            } else if let Some(rest) = line.strip_prefix("export ") {
+                module.exports.push(exported(rest)?);
+                module.push(rest);
+            } else if !line.trim_start().starts_with("//") {
+                module.push(line);
+            }
+        }
+        Ok(module)
+    }
+
+    fn push(&mut self, line: &str) {
+        if !line.is_empty() {
+            self.body += line;
+            self.body.push('\n');
+        }
+    }
+}
+
+/// What follows a comment that begins a line.
+fn after_comment<'a>(first: &'a str, lines: &mut impl Iterator<Item = &'a str>) -> &'a str {
+    let mut line = Some(first);
+    while let Some(text) = line {
+        if let Some((_, rest)) = text.split_once("*/") {
+            return rest.trim_start();
+        }
+        line = lines.next();
+    }
+    ""
+}
+
+/// What `import NAMES from './FILE';` or `import './FILE';` takes, and from where.
+fn import_of(statement: &str) -> Result<(String, String), String> {
+    let unknown = || format!("an import that cannot be joined: {statement}");
+    let rest = statement.trim_start_matches("import ").trim_end_matches(';');
+    let (names, from) = rest.rsplit_once("from ").unwrap_or(("", rest));
+    let file = from.trim().trim_matches(['\'', '"']).strip_prefix("./").ok_or_else(unknown)?;
+    let names = names.trim();
+    let is_list = names.starts_with('{') && names.ends_with('}');
+    if is_list || names.is_empty() || file == EXTERNAL {
+        Ok((names.to_owned(), file.to_owned()))
+    } else {
+        Err(unknown())
+    }
+}
+
+/// The name of `function NAME(...`, `class NAME ...` or `const NAME = ...`.
+fn exported(declaration: &str) -> Result<String, String> {
+    let kinds = ["async function* ", "async function ", "function* ", "function ", "class ", "const "];
+    let name = kinds.iter().find_map(|kind| declaration.strip_prefix(kind));
+    let is_part = |c: char| c.is_alphanumeric() || c == '_' || c == '$';
+    let name: String = name.unwrap_or_default().chars().take_while(|c| is_part(*c)).collect();
+    if name.is_empty() { Err(format!("an export that cannot be joined: export {declaration}")) } else { Ok(name) }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    fn files(list: &[(&str, &str)]) -> AssetFiles {
+        list.iter().map(|(name, text)| ((*name).to_owned(), text.as_bytes().to_vec())).collect()
+    }
+
+    #[test]
+    fn modules_come_once_and_after_what_they_import() {
+        let all = files(&[
+            (
+                "app.js",
+                "/** The page. */\nimport init, { A } from './insula_web.js';\nimport { a } from './a.js';\nimport {\n  b as c,\n} from './b.js';\nstart(a, c);\nexport class App {}\n",
+            ),
+            ("a.js", "import { b } from './b.js';\n// Why.\n/** @type {B} */ const d = b;\nexport const a = d;\n"),
+            ("b.js", "export function b() {}\n"),
+            ("insula_web.js", "export class A {}"),
+            ("style.css", "a{}"),
+        ]);
+        let joined = join(all).unwrap();
+        let names: Vec<_> = joined.keys().map(String::as_str).collect();
+        assert_eq!(names, ["app.js", "insula_web.js", "style.css"]);
+        let expected = "import init, { A } from './insula_web.js';\n\
+            const module_b = (() => {\nfunction b() {}\nreturn { b };\n})();\n\
+            const module_a = (() => {\nconst { b } = module_b;\nconst d = b;\nconst a = d;\nreturn { a };\n})();\n\
+            const module_app = (() => {\nconst { a } = module_a;\nconst { b: c, } = module_b;\nstart(a, c);\nclass App {}\n\
+            return { App };\n})();\nexport const { App } = module_app;\n";
+        assert_eq!(String::from_utf8(joined["app.js"].clone()).unwrap(), expected);
+    }
+
+    #[test]
+    fn what_cannot_be_joined_is_an_error() {
+        for text in [
+            "import { a } from './missing.js';",
+            "import a from './b.js';",
+            "import { a } from 'react';",
+            "export default 1;",
+            "export let a = 1;",
+            "import { a }",
+        ] {
+            assert!(join(files(&[("app.js", text), ("b.js", "")])).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,226 @@
+/** Types of the custom element <insula-city>. */
+
+/** World coordinates in the city's system: metres to the east, to the north, and up. */
+export type Position = [x: number, y: number, z: number];
+
+/**
+ * A camera: `X,Y,Z,AZIMUTH,PITCH,FOV` in metres and degrees, as in `insula://` links. The azimuth is clockwise from the grid's
+ * north, the pitch is positive upwards, and the field of view is vertical.
+ */
+export type CameraText = string;
+
+/** Solar time `YYYY-MM-DDThh:mm`, or a time with an offset from UTC such as `2024-06-21T17:00+09:00`. */
+export type TimeText = string;
+
+export type Shading = 'lit' | 'albedo' | 'ao' | 'normal' | 'lod' | 'kind';
+export type ControlMode = 'orbit' | 'fly' | 'walk';
+export type MeasureKind = 'line' | 'area' | 'height';
+
+export interface Attribution {
+  text: string;
+  licence: string | null;
+  url: string | null;
+}
+
+/** Links a position of the city with longitude and latitude, in degrees. */
+export interface ControlPoint {
+  xy: [x: number, y: number];
+  lonLat: [longitude: number, latitude: number];
+}
+
+/** What is known of a city before its first tile. All texts are from outside: show them as text, never as markup. */
+export interface Manifest {
+  name: string;
+  title: string;
+  version: string;
+  /** For example `EPSG:7415`; `null` for local metres. */
+  crs: string | null;
+  bounds: [min: Position, max: Position];
+  focus: [min: [number, number], max: [number, number]];
+  ground_z_m: number;
+  cell_m: number;
+  attribution: Attribution[];
+  /** Two control points, if the city has them. */
+  lonLat?: [ControlPoint, ControlPoint];
+  [other: string]: unknown;
+}
+
+export interface ViewerOptions {
+  /** Tolerated error on the screen, in pixels. */
+  tau: number;
+  shading: Shading;
+  /** Whether the sun casts shadows. */
+  shadows: boolean;
+  /** Whether ground and buildings stop the camera; `null` as long as the mode decides. */
+  collision: boolean | null;
+  mode: ControlMode;
+  /** Whether the time of day runs. */
+  day: boolean;
+}
+
+export interface ReadyDetail {
+  manifest: Manifest;
+}
+
+export interface ProgressDetail {
+  /** Tiles that the view lacks. */
+  missing: number;
+  /** Bytes that were transferred. */
+  bytes: number;
+  requests: number;
+  /** Whether the picture is complete at the tolerated error. */
+  final: boolean;
+}
+
+export interface PickResult {
+  position: Position;
+  /** From the camera, in metres. */
+  distance: number;
+}
+
+export interface PickDetail extends PickResult {
+  /** The object at this position; always `null` as long as cities have no object identities. */
+  object: null;
+}
+
+export interface CameraDetail {
+  camera: CameraText;
+  position: Position;
+  /** Degrees clockwise from the grid's north. */
+  azimuth: number;
+  /** Degrees, positive upwards. */
+  pitch: number;
+}
+
+export interface StatusDetail {
+  /** `null` if all is well. */
+  kind: null | 'loading' | 'offline' | 'error';
+  text: string;
+}
+
+export interface AdapterDetail {
+  kind: 'cpu' | 'gpu';
+  name: string;
+  /** Why the CPU draws. */
+  why?: string;
+}
+
+export interface FrameDetail extends CameraDetail {
+  mode: ControlMode;
+  time: TimeText | null;
+  /** Metres per device pixel at the surface in the middle of the view; `null` for the sky. */
+  metersPerPixel: number | null;
+  final: boolean;
+}
+
+export interface InsulaCityEventMap {
+  /** The first picture of the city was drawn. */
+  ready: CustomEvent<ReadyDetail>;
+  progress: CustomEvent<ProgressDetail>;
+  /** The user clicked or tapped the city, or pressed Enter. */
+  pick: CustomEvent<PickDetail>;
+  camera: CustomEvent<CameraDetail>;
+  status: CustomEvent<StatusDetail>;
+  adapter: CustomEvent<AdapterDetail>;
+  /** Options have changed, by the page or by a key. */
+  options: CustomEvent<ViewerOptions & { changes: Partial<ViewerOptions> }>;
+  /** A picture was drawn. */
+  frame: CustomEvent<FrameDetail>;
+}
+
+export interface MarkerValues {
+  position: Position;
+  /** Content of the page; its lower middle is put at the position. It becomes a child of the city. */
+  element?: HTMLElement;
+  /** A label, instead of an element. */
+  text?: string;
+}
+
+export interface Marker {
+  moveTo(position: Position): void;
+  remove(): void;
+}
+
+export interface LineValues {
+  points: Position[];
+  /** Any colour of CSS. */
+  color?: string;
+  /** In CSS pixels. */
+  width?: number;
+}
+
+export interface Line {
+  remove(): void;
+}
+
+/** `<insula-city src="https://host/v1/cities/NAME">` */
+export class InsulaCity extends HTMLElement {
+  /** Address of the city: `/v1/cities/NAME` of a server, or a folder of a static site. */
+  src: string | null;
+  /** First view. Setting it later moves the camera there at once. It does not follow the camera: see `view`. */
+  camera: CameraText | null;
+  time: TimeText | null;
+  /** What draws: `auto` by default. */
+  adapter: 'auto' | 'cpu' | 'gpu' | null;
+  /** Tolerated error on the screen, in pixels. */
+  tau: string | null;
+  /** A page that has the manifest already saves a request by setting it before the viewer starts. */
+  manifest: Manifest | null;
+  /** Current options. Change them with `setOptions`. */
+  readonly options: Readonly<ViewerOptions>;
+  /** The last drawn picture; `null` before the first. */
+  readonly view: FrameDetail | null;
+
+  /** Flies to a camera, or centres a position without turning. At once, if the user asked for less motion. */
+  flyTo(place: CameraText | number[], options?: { seconds?: number }): Promise<void>;
+  /** Sets the time of the light. */
+  setTime(time: TimeText): void;
+  /** Fails as long as cities have no object identities. */
+  setColors(rules: unknown): Promise<void>;
+  setOptions(changes: Partial<Omit<ViewerOptions, 'collision'>> & { collision?: boolean }): void;
+  /** The surface at a position of the element in CSS pixels; `null` for the sky. */
+  pick(x: number, y: number): Promise<PickResult | null>;
+  /** A picture as PNG, by default as large as the element in device pixels. */
+  screenshot(options?: { width?: number; height?: number; caption?: string | string[] }): Promise<Blob>;
+  /** Adds a marker, which is hidden where something is in front of it. */
+  addMarker(marker: MarkerValues): Marker;
+  /** Adds a line, whose parts are hidden where something is in front of them. */
+  addLine(line: LineValues): Line;
+  measure(action: 'start' | 'stop' | 'kind' | 'undo' | 'clear', kind?: MeasureKind): void;
+  /** Moves the camera like a gesture. Angles are in radians: `turn` to the left, `tilt` upwards. */
+  steer(op: 'turn' | 'tilt', values: { rad: number }): void;
+  steer(op: 'zoom', values: { factor: number }): void;
+  steer(op: 'drag' | 'pan', values: { dx: number; dy: number }): void;
+  steer(op: 'north' | 'home'): void;
+  /** Takes keys from another target, such as the document, instead of only while the element has the focus. */
+  listenForKeys(target: EventTarget): void;
+  /** Ends the viewer and starts it anew, for example after an error. */
+  restart(): void;
+
+  addEventListener<K extends keyof InsulaCityEventMap>(
+    type: K,
+    listener: (this: InsulaCity, event: InsulaCityEventMap[K]) => unknown,
+    options?: boolean | AddEventListenerOptions,
+  ): void;
+  addEventListener(
+    type: string,
+    listener: EventListenerOrEventListenerObject,
+    options?: boolean | AddEventListenerOptions,
+  ): void;
+  removeEventListener<K extends keyof InsulaCityEventMap>(
+    type: K,
+    listener: (this: InsulaCity, event: InsulaCityEventMap[K]) => unknown,
+    options?: boolean | EventListenerOptions,
+  ): void;
+  removeEventListener(
+    type: string,
+    listener: EventListenerOrEventListenerObject,
+    options?: boolean | EventListenerOptions,
+  ): void;
+}
+
+declare global {
+  interface HTMLElementTagNameMap {
+    'insula-city': InsulaCity;
+  }
+}

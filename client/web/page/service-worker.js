@@ -1,0 +1,256 @@
+/**
+ * Keeps visited pages, the viewer's files and tiles for use without a network.
+ *
+ * Addresses that never change are answered from the cache first; pages and manifests from the network first. The cache is bounded:
+ * beyond its limit, what was used longest ago is removed. Only GET requests to this host are looked at.
+ */
+
+const CACHE_NAME = 'insula-1';
+const DATABASE = 'insula-cache';
+const STORE = 'entries';
+const MAX_BYTES = 256 * 2 ** 20;
+/** Share of the space that the browser grants this host. */
+const MAX_SHARE = 0.3;
+/** After a removal the cache is this full, so that not every new entry causes one. */
+const KEPT_SHARE = 0.9;
+/** An entry that is used again within this time is not marked again. */
+const MARK_MS = 60_000;
+/** A page that is in the cache waits this long for the network. */
+const PATIENCE_MS = 4_000;
+/** Stands for the range of a request in the cache's keys: the cache cannot hold partial responses. */
+const RANGE_PARAMETER = 'insula-range';
+
+const IMMUTABLE = [
+  /\/assets\/[0-9a-f]{16}\/[^/]+$/,
+  /\/v1\/cities\/[^/]+\/[^/]+\/(subtrees|blockmaps|meshes)\/[\d/]+$/,
+];
+const ARCHIVE = /\/[a-z]+\.pmtiles$/;
+const MANIFEST = /(\/city\.json|\/v1\/cities\/[^/]+)$/;
+const PAGE_FILE = /\/(thumbnail\.png|v1\/cities)$/;
+const ASSET_IN_PAGE = /(?:href|src)="([^"]*assets\/[0-9a-f]{16}\/[^"]+)"/g;
+
+self.addEventListener('install', (event) => event.waitUntil(self.skipWaiting()));
+self.addEventListener('activate', (event) => event.waitUntil(start()));
+self.addEventListener('fetch', (event) => {
+  const answer = answerTo(event.request, event);
+  if (answer) event.respondWith(answer);
+});
+
+/** Removes the caches of older versions, and keeps the pages that are open: they were loaded before this script ran. */
+async function start() {
+  const names = await caches.keys();
+  const old = names.filter((name) => name.startsWith('insula-') && name !== CACHE_NAME);
+  await Promise.all(old.map((name) => caches.delete(name)));
+  await self.clients.claim();
+  const pages = await self.clients.matchAll({ type: 'window', includeUncontrolled: true });
+  await Promise.all(pages.map((page) => fromNetworkFirst(new Request(page.url), true).catch(() => null)));
+}
+
+/**
+ * The response to a request; null if the browser should fetch as usual.
+ * @param {Request} request
+ * @param {ExtendableEvent} event
+ * @returns {Promise<Response> | null}
+ */
+function answerTo(request, event) {
+  const url = new URL(request.url);
+  if (request.method !== 'GET' || url.origin !== self.location.origin) return null;
+  const later = (work) => event.waitUntil(work.catch(() => undefined));
+  if (request.headers.has('range')) {
+    return ARCHIVE.test(url.pathname) ? rangeOf(request, later) : null;
+  }
+  if (IMMUTABLE.some((pattern) => pattern.test(url.pathname))) return fromCacheFirst(request, later);
+  const isPage = request.mode === 'navigate';
+  if (isPage || MANIFEST.test(url.pathname) || PAGE_FILE.test(url.pathname)) return fromNetworkFirst(request, isPage);
+  return null;
+}
+
+/** @param {Request} request @param {(work: Promise<unknown>) => void} later */
+async function fromCacheFirst(request, later) {
+  const found = await lookUp(request.url);
+  if (found) return found;
+  const response = await fetch(request);
+  if (response.status === 200) later(keep(request.url, response.clone()));
+  return response;
+}
+
+/** @param {Request} request @param {boolean} isPage */
+async function fromNetworkFirst(request, isPage) {
+  const key = withoutHash(request.url);
+  const known = await lookUp(key);
+  try {
+    const options = known ? { signal: AbortSignal.timeout(PATIENCE_MS) } : {};
+    const response = await fetch(request, options);
+    if (response.status === 200 && !isUnkept(response)) {
+      await forgetReplacedArchives(key, known, response.clone());
+      if (isPage) await keepAssets(key, await response.clone().text());
+      await keep(key, response.clone());
+    }
+    // A gateway whose server is down is no better than no network.
+    return known && response.status >= 500 ? known : response;
+  } catch (error) {
+    if (known) return known;
+    throw error;
+  }
+}
+
+/**
+ * A range of an archive. It is stored as a whole response, because caches refuse partial ones.
+ * @param {Request} request @param {(work: Promise<unknown>) => void} later
+ */
+async function rangeOf(request, later) {
+  const key = new URL(withoutHash(request.url));
+  key.searchParams.set(RANGE_PARAMETER, request.headers.get('range') ?? '');
+  const found = await lookUp(key.href);
+  if (found) return new Response(found.body, { status: 206, statusText: 'Partial Content', headers: found.headers });
+  const response = await fetch(request);
+  if (response.status === 206) {
+    const { headers, body } = response.clone();
+    later(keep(key.href, new Response(body, { status: 200, headers })));
+  }
+  return response;
+}
+
+/** Whether the host forbids to keep a response. @param {Response} response */
+function isUnkept(response) {
+  return /no-store/.test(response.headers.get('cache-control') ?? '') || response.redirected;
+}
+
+/** @param {string} address */
+function withoutHash(address) {
+  return address.split('#', 1)[0];
+}
+
+/**
+ * Removes the ranges of a city's archives once its manifest has changed: they are of the old files.
+ * @param {string} key @param {Response | undefined} known @param {Response} response
+ */
+async function forgetReplacedArchives(key, known, response) {
+  if (!known || !key.split('?', 1)[0].endsWith('/city.json')) return;
+  if ((await known.clone().text()) === (await response.text())) return;
+  const folder = key.slice(0, key.lastIndexOf('city.json'));
+  const index = await entries;
+  await index.remove(index.all().filter((entry) => entry.key.startsWith(folder) && entry.key.includes('.pmtiles?')));
+}
+
+/** Keeps the files that a page names, so that the page works without a network. @param {string} page @param {string} html */
+async function keepAssets(page, html) {
+  const addresses = [...html.matchAll(ASSET_IN_PAGE)].map((match) => new URL(match[1], page).href);
+  const fetchMissing = async (address) => {
+    if (new URL(address).origin !== self.location.origin || (await lookUp(address))) return;
+    const response = await fetch(address);
+    if (response.status === 200) await keep(address, response);
+  };
+  await Promise.all([...new Set(addresses)].map(fetchMissing));
+}
+
+/** A kept response, which is marked as used. @param {string} key */
+async function lookUp(key) {
+  const cache = await caches.open(CACHE_NAME);
+  const found = await cache.match(key, { ignoreVary: true });
+  if (found) entries.then((index) => index.mark(key)).catch(() => undefined);
+  return found;
+}
+
+/** Keeps a response, and removes others if there are too many bytes. @param {string} key @param {Response} response */
+async function keep(key, response) {
+  const body = await response.blob();
+  const limit = await limitBytes();
+  if (body.size > limit / 4) return;
+  const cache = await caches.open(CACHE_NAME);
+  const index = await entries;
+  try {
+    await cache.put(key, new Response(body, { status: 200, headers: response.headers }));
+  } catch (error) {
+    // The browser grants less than it said.
+    await index.shrink(index.bytes / 2);
+    throw error;
+  }
+  await index.add(key, body.size);
+  if (index.bytes > limit) await index.shrink(limit * KEPT_SHARE);
+}
+
+async function limitBytes() {
+  const estimate = await (navigator.storage?.estimate?.() ?? Promise.resolve({}));
+  return Math.min(MAX_BYTES, (estimate.quota ?? MAX_BYTES) * MAX_SHARE);
+}
+
+/** The sizes of all entries and when they were used. A copy in a database outlives this script, which the browser often stops. */
+class EntryIndex {
+  /** @param {IDBDatabase} database @param {{key: string, bytes: number, used: number}[]} list */
+  constructor(database, list) {
+    this.database = database;
+    this.byKey = new Map(list.map((entry) => [entry.key, entry]));
+    this.bytes = list.reduce((sum, entry) => sum + entry.bytes, 0);
+  }
+
+  static async open() {
+    const opening = indexedDB.open(DATABASE, 1);
+    opening.onupgradeneeded = () => opening.result.createObjectStore(STORE, { keyPath: 'key' });
+    const database = await settled(opening);
+    const index = new EntryIndex(database, await settled(database.transaction(STORE).objectStore(STORE).getAll()));
+    await index.adopt();
+    return index;
+  }
+
+  /** Makes index and cache agree: the browser may have stopped this script between the two. */
+  async adopt() {
+    const cache = await caches.open(CACHE_NAME);
+    const kept = new Set((await cache.keys()).map((request) => request.url));
+    await this.remove(this.all().filter((entry) => !kept.has(entry.key)));
+    await Promise.all([...kept].filter((key) => !this.byKey.has(key)).map((key) => cache.delete(key)));
+  }
+
+  all() {
+    return [...this.byKey.values()];
+  }
+
+  /** @param {string} key @param {number} bytes */
+  async add(key, bytes) {
+    this.bytes += bytes - (this.byKey.get(key)?.bytes ?? 0);
+    await this.put({ key, bytes, used: Date.now() });
+  }
+
+  /** @param {string} key */
+  async mark(key) {
+    const entry = this.byKey.get(key);
+    if (entry && Date.now() - entry.used > MARK_MS) await this.put({ ...entry, used: Date.now() });
+  }
+
+  async put(entry) {
+    this.byKey.set(entry.key, entry);
+    await settled(this.database.transaction(STORE, 'readwrite').objectStore(STORE).put(entry));
+  }
+
+  /** Removes what was used longest ago, until at most `bytes` are left. @param {number} bytes */
+  async shrink(bytes) {
+    const oldestFirst = this.all().sort((a, b) => a.used - b.used);
+    const removed = [];
+    for (let rest = this.bytes; rest > bytes && oldestFirst.length > 0; rest -= removed.at(-1).bytes) {
+      removed.push(oldestFirst.shift());
+    }
+    await this.remove(removed);
+  }
+
+  async remove(list) {
+    if (list.length === 0) return;
+    const cache = await caches.open(CACHE_NAME);
+    const store = this.database.transaction(STORE, 'readwrite').objectStore(STORE);
+    for (const entry of list) {
+      if (this.byKey.delete(entry.key)) this.bytes -= entry.bytes;
+      store.delete(entry.key);
+    }
+    await Promise.all(list.map((entry) => cache.delete(entry.key)));
+  }
+}
+
+/** @param {IDBRequest} request */
+function settled(request) {
+  return new Promise((resolve, reject) => {
+    request.onsuccess = () => resolve(request.result);
+    request.onerror = () => reject(request.error);
+  });
+}
+
+/** @type {Promise<EntryIndex>} */
+const entries = EntryIndex.open();

@@ -1,0 +1,147 @@
+//! `publish`: writes a static web site with the viewer and cities, for any host that answers range requests.
+//!
+//! ```text
+//! SITE/index.html                 the list of cities; of a single city, its page
+//!      assets/HASH/FILE           the viewer; FILE.br and FILE.gz for hosts that send compressed files
+//!      cities/NAME/index.html     page, and beside it the files of the city
+//!      service-worker.js
+//!      insula-site.json           marks the folder: only such a folder is ever replaced
+//! ```
+
+use super::{
+    error::CommandError,
+    output::{print, refuse_inside},
+    site_folder::{SITE_FILE, SiteFolder},
+};
+use crate::{
+    args::PublishArgs,
+    page::{
+        self, CityFacts, CityLinks, ListPage, ListedCity, SERVICE_WORKER_FILE, ViewerAssets, list_policy, meta_policy,
+        viewer_policy,
+    },
+    store::{CityStore, Store},
+};
+use insula_archive::city::MANIFEST_FILE;
+use insula_protocol::{
+    route::THUMBNAIL_FILE,
+    text::{count, human_bytes},
+};
+use std::sync::Arc;
+
+/// Runs `publish` with the viewer of this program.
+pub(super) fn run(args: &PublishArgs) -> Result<(), CommandError> {
+    publish_site(args, &ViewerAssets::embedded().ok_or(CommandError::NoViewer)?)
+}
+
+/// Writes the site, and prints a summary. Fails if a city cannot be opened or changes meanwhile, if the folder holds anything but a
+/// site, or if it cannot be written; the old site then stays.
+pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), CommandError> {
+    if let Some(url) = args.cities.iter().find(|city| city.to_string_lossy().contains("://")) {
+        let reason = "only folders can be published; download the city first";
+        return Err(CommandError::Usage(format!("{}: {reason}", url.display())));
+    }
+    let store = Store::open(&args.cities)?;
+    let cities: Vec<&Arc<CityStore>> = store.cities().collect();
+    cities.iter().filter_map(|city| city.folder()).try_for_each(|folder| refuse_inside(&args.out, folder))?;
+    let mut site = SiteFolder::create(&args.out)?;
+    write_viewer(&mut site, viewer)?;
+    for city in &cities {
+        write_city(&mut site, city)?;
+        let links = in_city_folder(city, args, cities.len());
+        let html = page::city_page(facts(city), &links, viewer);
+        site.write(&format!("cities/{}/index.html", city.manifest().name), html.as_bytes())?;
+    }
+    let index = match &cities[..] {
+        [city] => page::city_page(facts(city), &in_root(city, args), viewer),
+        cities => list(cities, viewer, args),
+    };
+    site.write("index.html", index.as_bytes())?;
+    let names: Vec<_> = cities.iter().map(|city| &city.manifest().name).collect();
+    let about = serde_json::json!({ "assets": viewer.hash(), "cities": names });
+    site.write(SITE_FILE, format!("{about:#}\n").as_bytes())?;
+    let (files, bytes) = site.publish()?;
+    print(&format!(
+        "{}: {}, {}: any web server that answers range requests can serve it\n",
+        args.out.display(),
+        count(files, "file"),
+        human_bytes(bytes)
+    ));
+    Ok(())
+}
+
+fn write_viewer(site: &mut SiteFolder, viewer: &ViewerAssets) -> Result<(), CommandError> {
+    for (name, file) in viewer.files() {
+        if name == SERVICE_WORKER_FILE {
+            site.write(name, &file.plain)?;
+            continue;
+        }
+        for (suffix, bytes) in [("", &file.plain), (".br", &file.brotli), (".gz", &file.gzip)] {
+            site.write(&format!("{}{name}{suffix}", viewer.folder("")), bytes)?;
+        }
+    }
+    Ok(())
+}
+
+/// Links or copies the files of a city that viewers read.
+fn write_city(site: &mut SiteFolder, city: &CityStore) -> Result<(), CommandError> {
+    let Some(folder) = city.folder() else { return Ok(()) };
+    let archives = city.archives().map(|(kind, _)| kind.file_name());
+    for name in archives.chain([MANIFEST_FILE]).chain(city.has_thumbnail().then_some(THUMBNAIL_FILE)) {
+        site.link(&folder.join(name), &format!("cities/{}/{name}", city.manifest().name))?;
+    }
+    if city.is_unchanged() {
+        return Ok(());
+    }
+    let reason = "it was replaced meanwhile; run the command again".into();
+    Err(CommandError::Publish { path: folder.to_owned(), reason })
+}
+
+fn facts(city: &CityStore) -> CityFacts<'_> {
+    CityFacts { manifest: city.manifest(), file_bytes: city.file_bytes() }
+}
+
+/// The links of a city's page in the city's folder.
+fn in_city_folder(city: &CityStore, args: &PublishArgs, cities: usize) -> CityLinks {
+    CityLinks {
+        source: "./".into(),
+        manifest: MANIFEST_FILE.into(),
+        root: "../../".into(),
+        thumbnail: city.has_thumbnail().then(|| THUMBNAIL_FILE.to_owned()),
+        list: (cities > 1).then(|| "../../".to_owned()),
+        ..links(city, args)
+    }
+}
+
+/// The links of a city's page or entry in the site's folder.
+fn in_root(city: &CityStore, args: &PublishArgs) -> CityLinks {
+    let folder = format!("cities/{}/", city.manifest().name);
+    CityLinks {
+        manifest: format!("{folder}{MANIFEST_FILE}"),
+        thumbnail: city.has_thumbnail().then(|| format!("{folder}{THUMBNAIL_FILE}")),
+        source: folder,
+        ..links(city, args)
+    }
+}
+
+fn links(city: &CityStore, args: &PublishArgs) -> CityLinks {
+    let folder = args.url.as_ref().map(|url| format!("{url}cities/{}/", city.manifest().name));
+    CityLinks {
+        site: args.title.clone().unwrap_or_else(|| page::SITE_TITLE.into()),
+        preview: folder.as_ref().filter(|_| city.has_thumbnail()).map(|folder| format!("{folder}{THUMBNAIL_FILE}")),
+        canonical: folder,
+        is_public: true,
+        meta_policy: Some(meta_policy(viewer_policy())),
+        ..CityLinks::default()
+    }
+}
+
+fn list(cities: &[&Arc<CityStore>], viewer: &ViewerAssets, args: &PublishArgs) -> String {
+    let icon = viewer.folder("") + "icon.svg";
+    let title = args.title.as_deref().unwrap_or(page::SITE_TITLE);
+    let mut page = ListPage::new(title, viewer.has("icon.svg").then_some(&icon), Some(&meta_policy(list_policy())));
+    for city in cities {
+        let links = in_root(city, args);
+        page.push_city(&ListedCity { facts: facts(city), page: Some(links.source.clone()), links });
+    }
+    page.finish()
+}

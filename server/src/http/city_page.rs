@@ -1,0 +1,131 @@
+//! The page of one city, `/cities/{city}`, and its picture.
+
+use super::{
+    access_control::{AccessRequest, CityAccess, Credentials},
+    page_response::{displayed_origin, known_origin, respond, share_query},
+    problem::Problem,
+    representation::{REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
+    state::AppState,
+};
+use crate::{
+    page::{self, CityFacts, CityLinks, ListPage, ListedCity, NO_VIEWER, SITE_TITLE},
+    store::CityStore,
+};
+use axum::{
+    body::Body,
+    extract::State,
+    http::{HeaderMap, HeaderValue, Method, Uri},
+    response::Response,
+};
+use insula_protocol::route::{self, Route, RouteTemplate};
+use std::sync::Arc;
+use tokio::task::spawn_blocking;
+
+const NO_PICTURE: Problem = Problem::not_found("there is no picture of this city");
+
+/// `/cities/{city}`. Fails with 401 without a required token, 404 for an unknown city.
+pub(super) async fn city_page(
+    State(state): State<AppState>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (city, access) = find(&state, RouteTemplate::CityPage, &uri, &headers)?;
+    Ok(respond_with_city(&state, &city, access.is_public(), &method, &uri, &headers))
+}
+
+/// `/cities/{city}/thumbnail.png`. Fails as [`city_page`], and with 404 if the city has no picture, or the share link is for a part
+/// of the city.
+pub(super) async fn thumbnail(
+    State(state): State<AppState>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (city, access) = find(&state, RouteTemplate::Thumbnail, &uri, &headers)?;
+    if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+        return Err(NO_PICTURE);
+    }
+    let read = spawn_blocking(move || city.read_thumbnail()).await;
+    let png = read.ok().flatten().ok_or(NO_PICTURE)?;
+    let representation = Representation {
+        etag: etag_of(&png),
+        body: png,
+        content_type: HeaderValue::from_static("image/png"),
+        cache_control: if access.is_public() { REVALIDATE } else { REVALIDATE_PRIVATE },
+        encoding: None,
+        vary: None,
+    };
+    Ok(representation.respond(&method, &headers).map(Body::from))
+}
+
+/// The city at the address of a page that the request may see.
+fn find(
+    state: &AppState,
+    template: RouteTemplate,
+    uri: &Uri,
+    headers: &HeaderMap,
+) -> Result<(Arc<CityStore>, CityAccess), Problem> {
+    // Such a city cannot exist. Without a token, the response must be the one for private cities.
+    let name = match Route::parse(uri.path()) {
+        Ok(Route::CityPage { city } | Route::Thumbnail { city }) => city,
+        _ => "",
+    };
+    let catalog = state.catalog();
+    let city = catalog.store().city(name);
+    let version = city.map(|city| city.manifest().version.as_str());
+    let request = AccessRequest { route: template, city: name, version };
+    let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
+    let city = city.ok_or(Problem::not_found("there is no such city"))?;
+    Ok((Arc::clone(city), access))
+}
+
+/// The page of a city that the request may see: with the viewer, if the server has it.
+pub(super) fn respond_with_city(
+    state: &AppState,
+    city: &CityStore,
+    is_public: bool,
+    method: &Method,
+    uri: &Uri,
+    headers: &HeaderMap,
+) -> Response {
+    let facts = facts(city);
+    let links = CityLinks { list: Some("/".into()), ..links(state, city, is_public, uri, headers) };
+    let (html, policy) = match state.viewer() {
+        Some(viewer) => (page::city_page(facts, &links, viewer.assets()), page::viewer_policy()),
+        None => {
+            let mut page = ListPage::new(SITE_TITLE, None, None);
+            page.push_city(&ListedCity { facts, page: None, links });
+            page.push_paragraph(NO_VIEWER);
+            (page.finish(), page::list_policy())
+        }
+    };
+    respond(html, policy, is_public, method, headers)
+}
+
+/// A city as pages describe it.
+pub(super) fn facts(city: &CityStore) -> CityFacts<'_> {
+    CityFacts { manifest: city.manifest(), file_bytes: city.file_bytes() }
+}
+
+/// The addresses of a city, with the share link of the request if the city needs one.
+pub(super) fn links(state: &AppState, city: &CityStore, is_public: bool, uri: &Uri, headers: &HeaderMap) -> CityLinks {
+    let name = &city.manifest().name;
+    let query = if is_public { None } else { share_query(uri) }.unwrap_or_default();
+    let manifest = route::manifest(name) + &query;
+    let thumbnail = city.has_thumbnail().then(|| route::thumbnail(name) + &query);
+    let origin = known_origin(state, uri, headers).filter(|_| is_public);
+    CityLinks {
+        site: SITE_TITLE.into(),
+        source: manifest.clone(),
+        view_address: Some(displayed_origin(state, uri, headers) + &manifest),
+        manifest,
+        root: "/".into(),
+        preview: thumbnail.as_ref().and_then(|path| Some(origin.clone()? + path)),
+        thumbnail,
+        canonical: origin.map(|origin| origin + &route::city_page(name)),
+        list: None,
+        is_public,
+        meta_policy: None,
+    }
+}

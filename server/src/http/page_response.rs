@@ -1,0 +1,54 @@
+//! What the responses with pages share: headers, and the address by which the client knows the server.
+
+use super::{
+    representation::{REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
+    request_host::request_host,
+    response::NO_REFERRER,
+    state::AppState,
+};
+use crate::share_link;
+use axum::{
+    body::Body,
+    http::{HeaderMap, HeaderValue, Method, Uri, header},
+    response::Response,
+};
+use bytes::Bytes;
+
+/// Responds with a page under a Content-Security-Policy.
+pub(super) fn respond(
+    html: String,
+    policy: &'static str,
+    is_public: bool,
+    method: &Method,
+    headers: &HeaderMap,
+) -> Response {
+    let representation = Representation {
+        etag: etag_of(html.as_bytes()),
+        body: Bytes::from(html),
+        content_type: HeaderValue::from_static("text/html; charset=utf-8"),
+        cache_control: if is_public { REVALIDATE } else { REVALIDATE_PRIVATE },
+        encoding: None,
+        vary: None,
+    };
+    let mut response = representation.respond(method, headers).map(Body::from);
+    response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(policy));
+    response.headers_mut().insert(header::REFERRER_POLICY, NO_REFERRER);
+    response
+}
+
+/// Scheme and host of the request. `None` for a host that has not the form of one.
+pub(super) fn known_origin(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Option<String> {
+    let host = request_host(uri, headers)?;
+    let is_allowed = |b: u8| b.is_ascii_alphanumeric() || b".:-[]_".contains(&b);
+    (!host.is_empty() && host.bytes().all(is_allowed)).then(|| format!("{}://{host}", state.scheme()))
+}
+
+/// As [`known_origin`], with a placeholder.
+pub(super) fn displayed_origin(state: &AppState, uri: &Uri, headers: &HeaderMap) -> String {
+    known_origin(state, uri, headers).unwrap_or_else(|| format!("{}://HOST", state.scheme()))
+}
+
+/// The share link of the request as a query. Only for requests whose link has been verified.
+pub(super) fn share_query(uri: &Uri) -> Option<String> {
+    uri.query().and_then(share_link::from_query).map(|link| format!("?{}={link}", share_link::PARAMETER))
+}

@@ -1,0 +1,106 @@
+//! The files of the browser viewer, which `client/web/build` makes and `build.rs` embeds.
+
+use bytes::Bytes;
+use insula_protocol::route::{self, is_asset_name};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The viewer of this program; `None` if there was none when it was built.
+static EMBEDDED: Option<EmbeddedViewer> = include!(concat!(env!("OUT_DIR"), "/embedded_viewer.rs"));
+
+/// What `build.rs` writes.
+struct EmbeddedViewer {
+    hash: &'static str,
+    files: &'static [EmbeddedFile],
+}
+
+struct EmbeddedFile {
+    name: &'static str,
+    plain: &'static [u8],
+    brotli: &'static [u8],
+    gzip: &'static [u8],
+}
+
+/// The files of the browser viewer. All of them have addresses with the hash of all, so none ever changes. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct ViewerAssets {
+    hash: String,
+    files: BTreeMap<String, ViewerFile>,
+}
+
+/// A file, plain and compressed.
+#[derive(Debug, Clone)]
+pub struct ViewerFile {
+    pub plain: Bytes,
+    pub brotli: Bytes,
+    pub gzip: Bytes,
+}
+
+impl ViewerAssets {
+    /// The viewer that is part of this program, if there is one.
+    pub fn embedded() -> Option<Self> {
+        let viewer = EMBEDDED.as_ref()?;
+        let file = |file: &EmbeddedFile| {
+            let [plain, brotli, gzip] = [file.plain, file.brotli, file.gzip].map(Bytes::from_static);
+            (file.name.to_owned(), ViewerFile { plain, brotli, gzip })
+        };
+        Some(Self::new(viewer.hash, viewer.files.iter().map(file)))
+    }
+
+    /// A viewer of other files. Those with names that addresses cannot have are left out.
+    pub fn new(hash: &str, files: impl IntoIterator<Item = (String, ViewerFile)>) -> Self {
+        let files = files.into_iter().filter(|(name, _)| is_asset_name(name)).collect();
+        Self { hash: hash.to_owned(), files }
+    }
+
+    /// Hash of all files, which is part of their addresses.
+    pub fn hash(&self) -> &str {
+        &self.hash
+    }
+
+    /// Address of the folder of files below the address of a site's root.
+    pub(crate) fn folder(&self, root: &str) -> String {
+        format!("{root}{}", route::assets(&self.hash).trim_start_matches('/'))
+    }
+
+    /// The scripts that a page runs at once, from `entries` on, each before those that only it imports. Scripts that are imported
+    /// later, by `import()`, are not among them.
+    pub(crate) fn imported<'a>(&'a self, entries: &[&'a str]) -> Vec<&'a str> {
+        let mut found: Vec<&str> = entries.iter().copied().filter(|name| self.has(name)).collect();
+        let mut next = 0;
+        while let Some(file) = found.get(next).and_then(|name| self.files.get(*name)) {
+            let text = std::str::from_utf8(&file.plain).unwrap_or_default();
+            for statement in [" from './", "import './", "}from'./", "import'./"] {
+                let names = text.split(statement).skip(1).filter_map(|rest| rest.split('\'').next());
+                found.extend(names.filter(|name| self.has(name) && !found.contains(name)).collect::<BTreeSet<_>>());
+            }
+            next += 1;
+        }
+        found
+    }
+
+    /// The files by name.
+    pub fn files(&self) -> impl ExactSizeIterator<Item = (&str, &ViewerFile)> {
+        self.files.iter().map(|(name, file)| (name.as_str(), file))
+    }
+
+    /// Whether there is a file of this name.
+    pub fn has(&self, name: &str) -> bool {
+        self.files.contains_key(name)
+    }
+}
+
+/// The media type of a file by its name.
+pub(crate) fn media_type(name: &str) -> &'static str {
+    match name.rsplit_once('.').map_or("", |(_, suffix)| suffix) {
+        "js" => "text/javascript; charset=utf-8",
+        "wasm" => "application/wasm",
+        "css" => "text/css; charset=utf-8",
+        "json" => "application/json",
+        "webmanifest" => "application/manifest+json",
+        "html" => "text/html; charset=utf-8",
+        "svg" => "image/svg+xml",
+        "png" => "image/png",
+        "woff2" => "font/woff2",
+        _ => "application/octet-stream",
+    }
+}

@@ -1,0 +1,175 @@
+//! One page: navigation, scripts, pictures, and what it reported.
+
+use super::{
+    base64,
+    connection::{Connection, PATIENCE},
+    page_log::{Message, PageLog, Request, auto_attach},
+};
+use anyhow::{Context, Result, bail, ensure};
+use serde_json::{Value, json};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+const POLL: Duration = Duration::from_millis(50);
+
+/// A page with a browsing context of its own; closed when dropped.
+#[derive(Debug)]
+pub struct Page {
+    connection: Arc<Connection>,
+    session: String,
+    context: String,
+}
+
+impl Page {
+    pub(super) fn open(connection: &Arc<Connection>) -> Result<Self> {
+        let context = connection.call("", "Target.createBrowserContext", json!({}))?;
+        let context = context["browserContextId"].as_str().context("no context")?.to_owned();
+        let new = json!({ "url": "about:blank", "browserContextId": context });
+        let target = connection.call("", "Target.createTarget", new)?;
+        let attach = json!({ "targetId": target["targetId"], "flatten": true });
+        let session = connection.call("", "Target.attachToTarget", attach)?;
+        let session = session["sessionId"].as_str().context("no session")?.to_owned();
+        connection.add_page(&session);
+        let page = Self { connection: connection.clone(), session, context };
+        for domain in ["Page", "Runtime", "Network", "Log", "Audits"] {
+            page.call(&format!("{domain}.enable"), json!({}))?;
+        }
+        page.call("Target.setAutoAttach", auto_attach())?;
+        Ok(page)
+    }
+
+    /// Calls a method of the protocol for the page.
+    pub fn call(&self, method: &str, params: Value) -> Result<Value> {
+        self.connection.call(&self.session, method, params)
+    }
+
+    /// Calls it for the page and all its workers, of which some may have ended.
+    pub(super) fn call_everywhere(&self, method: &str, params: &Value) -> Result<()> {
+        for session in self.log(|log| log.sessions[1..].to_vec())? {
+            let _ = self.connection.call(&session, method, params.clone());
+        }
+        self.call(method, params.clone()).map(drop)
+    }
+
+    pub(super) fn log<T>(&self, act: impl FnOnce(&mut PageLog) -> T) -> Result<T> {
+        self.connection.with_log(&self.session, act)
+    }
+
+    /// Runs a script before those of each document that is opened from now on.
+    pub fn prepare(&self, script: &str) -> Result<()> {
+        self.call("Page.addScriptToEvaluateOnNewDocument", json!({ "source": script })).map(drop)
+    }
+
+    /// Opens an address and waits for the document's `load` event.
+    pub fn navigate(&self, url: &str) -> Result<()> {
+        let before = self.log(|log| log.loads)?;
+        self.begin_navigation(url)?;
+        let loaded = |log: &PageLog| (log.loads > before).then_some(());
+        self.connection.wait_for_log(PATIENCE, &self.session, loaded).with_context(|| format!("loading {url}"))
+    }
+
+    /// Opens an address. Fails if there is no response.
+    pub fn begin_navigation(&self, url: &str) -> Result<()> {
+        let reply = self.call("Page.navigate", json!({ "url": url }))?;
+        ensure!(reply["errorText"].is_null(), "{url}: {}", reply["errorText"]);
+        Ok(())
+    }
+
+    /// Value of an expression, which may be a promise. Fails with the exception that it throws.
+    pub fn evaluate(&self, expression: &str) -> Result<Value> {
+        self.evaluate_within(PATIENCE, expression)
+    }
+
+    /// The same with a time limit.
+    pub fn evaluate_within(&self, limit: Duration, expression: &str) -> Result<Value> {
+        let params = json!({
+            "expression": expression, "awaitPromise": true, "returnByValue": true, "userGesture": true,
+        });
+        let mut reply = self.connection.call_within(limit, &self.session, "Runtime.evaluate", params)?;
+        let thrown = &reply["exceptionDetails"];
+        if !thrown.is_null() {
+            let what = thrown["exception"]["description"].as_str().map(str::to_owned);
+            bail!("{}: {expression}", what.unwrap_or_else(|| thrown.to_string()));
+        }
+        Ok(reply["result"]["value"].take())
+    }
+
+    /// Polls an expression until it is true. An exception counts as false.
+    pub fn wait_for(&self, expression: &str, limit: Duration) -> Result<()> {
+        let begin = Instant::now();
+        loop {
+            let rest = limit.saturating_sub(begin.elapsed());
+            let last = self.evaluate_within(rest.max(POLL), &format!("Boolean({expression})"));
+            if matches!(last, Ok(Value::Bool(true))) {
+                return Ok(());
+            }
+            if rest.is_zero() {
+                let why = last.err().map(|error| format!("; {error:#}")).unwrap_or_default();
+                bail!("not within {limit:?}: {expression}{why}; the page reported {:?}", self.problems()?);
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+
+    /// The visible part of the page as PNG.
+    pub fn screenshot_png(&self) -> Result<Vec<u8>> {
+        let reply = self.call("Page.captureScreenshot", json!({ "format": "png" }))?;
+        base64::decode(reply["data"].as_str().context("no picture")?)
+    }
+
+    /// The bytes of an expression whose value is a promise of a `Blob`.
+    pub fn blob(&self, expression: &str) -> Result<Vec<u8>> {
+        let script = format!(
+            "(async () => {{ const blob = await ({expression});
+                return await new Promise((done, failed) => {{
+                    const reader = new FileReader();
+                    reader.onload = () => done(reader.result);
+                    reader.onerror = () => failed(reader.error);
+                    reader.readAsDataURL(blob);
+                }});
+            }})()"
+        );
+        let url = self.evaluate(&script)?;
+        base64::decode(url.as_str().and_then(|url| url.split_once(',')).context("no data URL")?.1)
+    }
+
+    /// Everything that was reported so far.
+    pub fn console_messages(&self) -> Result<Vec<Message>> {
+        self.log(|log| log.messages.clone())
+    }
+
+    /// Errors: uncaught exceptions, `console.error`, violations of the content security policy, failed requests.
+    pub fn problems(&self) -> Result<Vec<Message>> {
+        let is_problem = |message: &Message| ["error", "assert"].contains(&message.level.as_str());
+        Ok(self.console_messages()?.into_iter().filter(is_problem).collect())
+    }
+
+    /// Forgets the messages so far.
+    pub fn clear_messages(&self) -> Result<()> {
+        self.log(|log| log.messages.clear())
+    }
+
+    /// Requests so far, those of workers included.
+    pub fn requests(&self) -> Result<Vec<Request>> {
+        self.log(|log| log.requests.clone())
+    }
+
+    /// Bytes that were transferred until a time in seconds since 1970.
+    pub fn bytes_until(&self, time_s: f64) -> Result<u64> {
+        self.log(|log| log.transfers.iter().filter(|(at_s, _)| *at_s <= time_s).map(|(_, bytes)| bytes).sum())
+    }
+
+    /// Bytes that were transferred so far.
+    pub fn bytes(&self) -> Result<u64> {
+        self.bytes_until(f64::INFINITY)
+    }
+}
+
+impl Drop for Page {
+    fn drop(&mut self) {
+        let close = json!({ "browserContextId": self.context });
+        let _ = self.connection.send("", "Target.disposeBrowserContext", close);
+    }
+}
