@@ -10,6 +10,10 @@ setup:
 fmt:
     .ci/run fmt
 
+# The browser viewer, which the server embeds when it is built next.
+web:
+    .ci/run web
+
 lint:
     .ci/run lint
 

@@ -1,6 +1,7 @@
 /** Entry of the application page. The viewer starts first; the controls follow while it works. */
 
 import { startControls } from './controls.js';
+import { prepareEngine } from './engine-client.js';
 import './insula-city.js';
 import { load } from './storage.js';
 import { strings } from './strings.js';
@@ -29,6 +30,8 @@ function registerServiceWorker() {
   // Without it, the page works online. Browsers offer it only on https and localhost.
   if (path && 'serviceWorker' in navigator) navigator.serviceWorker.register(path).catch(() => {});
 }
+
+prepareEngine();
 
 async function start() {
   const app = document.getElementById('insula-app');

@@ -1,29 +1,5 @@
 /** The worker that owns the viewer, as the element sees it: messages, and requests with replies. */
 
-/** @type {Promise<WebAssembly.Module>|null} */
-let compiled = null;
-
-/**
- * The compiled viewer. It is compiled once for all elements of a page; a failed attempt may be repeated.
- * @returns {Promise<WebAssembly.Module>}
- */
-function compiledViewer() {
-  compiled ??= compile().catch((error) => {
-    compiled = null;
-    throw error;
-  });
-  return compiled;
-}
-
-async function compile() {
-  const response = await fetch(new URL('./insula_web_bg.wasm', import.meta.url));
-  if (!response.ok) throw new Error(`insula_web_bg.wasm: status ${response.status}`);
-  // Static hosts may not know the type, and compiling a stream demands it.
-  const type = response.headers.get('content-type') ?? '';
-  if (type.startsWith('application/wasm')) return WebAssembly.compileStreaming(response);
-  return WebAssembly.compile(await response.arrayBuffer());
-}
-
 /** Starts the worker. One of another origin must be imported by a script of this origin. */
 function startWorker() {
   const url = new URL('./engine.js', import.meta.url);
@@ -35,6 +11,20 @@ function startWorker() {
   return worker;
 }
 
+/** A worker that no viewer has taken yet. @type {Worker|null} */
+let spare = null;
+
+/** Starts a worker for the first viewer of a page that will have one: it loads while the page is being set up. */
+export function prepareEngine() {
+  spare ??= startWorker();
+}
+
+function takeWorker() {
+  const worker = spare ?? startWorker();
+  spare = null;
+  return worker;
+}
+
 /** A worker of one viewer. */
 export class EngineClient {
   /** @type {Worker} */
@@ -42,8 +32,6 @@ export class EngineClient {
   /** @type {Map<number, {resolve: (value: unknown) => void, reject: (error: Error) => void}>} */
   #pending = new Map();
   #nextId = 1;
-  /** Messages that wait for `init`; `null` afterwards. @type {object[]|null} */
-  #waiting = [];
   #isDisposed = false;
 
   /**
@@ -51,7 +39,7 @@ export class EngineClient {
    * @param {(message: {op: string, [key: string]: unknown}) => void} onMessage
    */
   constructor(onMessage) {
-    this.#worker = startWorker();
+    this.#worker = takeWorker();
     const report = (text) => onMessage({ op: 'status', kind: 'error', text });
     this.#worker.onmessage = ({ data }) => (data.op === 'reply' ? this.#settle(data) : onMessage(data));
     this.#worker.onerror = (event) => report(event.message || 'engine.js');
@@ -59,18 +47,13 @@ export class EngineClient {
   }
 
   /**
-   * Compiles the viewer and starts it. Fails if the viewer cannot be loaded.
-   * @param {() => object} values Values of `init`, read when the viewer is compiled.
+   * Starts the viewer. Fails if it cannot be loaded.
+   * @param {object} values Values of `init`.
    * @param {OffscreenCanvas[]} canvases
    */
   async init(values, canvases) {
-    const module = await compiledViewer();
-    if (this.#isDisposed) return;
     const id = this.#nextId++;
-    this.#worker.postMessage({ ...values(), op: 'init', id, module }, canvases);
-    const waiting = this.#waiting ?? [];
-    this.#waiting = null;
-    waiting.forEach((message) => this.#worker.postMessage(message));
+    this.#worker.postMessage({ ...values, op: 'init', id }, canvases);
     await new Promise((resolve, reject) => this.#pending.set(id, { resolve, reject }));
   }
 
@@ -81,9 +64,7 @@ export class EngineClient {
    */
   send(op, values = {}) {
     const message = { ...values, op };
-    if (this.#isDisposed) return;
-    if (this.#waiting) this.#waiting.push(message);
-    else this.#worker.postMessage(message);
+    if (!this.#isDisposed) this.#worker.postMessage(message);
   }
 
   /**

@@ -3,11 +3,16 @@
 import init, { CityViewer } from './insula_web.js';
 import { CpuCanvas, captioned } from './canvas.js';
 import { Helpers } from './helpers.js';
-import { Network, locate } from './network.js';
+import { Network, compileViewer, locate } from './network.js';
 
 /** Attempts to get a lost GPU back, and the time between them. */
 const MAX_REOPENINGS = 3;
 const REOPEN_MS = 3000;
+
+/** The module is fetched before the page says what to show. */
+const compiled = compileViewer();
+// Its failure is reported when it is waited for.
+compiled.catch(() => {});
 
 class Engine {
   #network = new Network();
@@ -31,10 +36,10 @@ class Engine {
     this.#options = options;
     this.#canvas = new CpuCanvas(options.canvasCpu);
     const cacheBytes = options.cacheMib * 2 ** 20;
-    this.#helpers = new Helpers(options.module, options.workers, cacheBytes);
+    this.#helpers = new Helpers(compiled, options.workers, cacheBytes);
     const [city] = await Promise.all([
       locate(options.src, options.manifest),
-      init({ module_or_path: options.module }),
+      compiled.then((module) => init({ module_or_path: module })),
     ]);
     const { width, height, camera, time, tau } = options;
     const values = { ...city, width, height, cacheBytes, camera, time, tau };

@@ -16,16 +16,17 @@ export class Helpers {
   #lastNumber = 0;
 
   /**
-   * @param {WebAssembly.Module} module
+   * @param {Promise<WebAssembly.Module>} compiled Workers start while it is being compiled.
    * @param {number} count
    * @param {number} cacheBytes Size of the atlas of each worker.
    */
-  constructor(module, count, cacheBytes) {
+  constructor(compiled, count, cacheBytes) {
     for (let at = 0; at < count; at++) {
       const worker = startWorker('./helper.js');
       worker.onmessage = ({ data }) => this.#settle(data);
       worker.onerror = (event) => this.#failAll(at, event.message || 'helper.js');
-      worker.postMessage({ job: 'init', module, cacheBytes });
+      // The engine reports the failure of a module that does not compile.
+      compiled.then((module) => worker.postMessage({ job: 'init', module, cacheBytes }), () => {});
       this.#workers.push({ worker, pending: 0 });
     }
   }

@@ -94,6 +94,16 @@ function joined(chunks, length) {
   return all;
 }
 
+/** Compiles the viewer. Fails if it cannot be fetched. @returns {Promise<WebAssembly.Module>} */
+export async function compileViewer() {
+  const response = await fetch(new URL('./insula_web_bg.wasm', import.meta.url));
+  if (!response.ok) throw new Error(`insula_web_bg.wasm: status ${response.status}`);
+  // Static hosts may not know the type, and compiling a stream demands it.
+  const type = response.headers.get('content-type') ?? '';
+  if (type.startsWith('application/wasm')) return WebAssembly.compileStreaming(response);
+  return WebAssembly.compile(await response.arrayBuffer());
+}
+
 /** Fetches the text of a manifest. `null` if there is none. Fails if the host does not answer. */
 async function manifestAt(url) {
   const response = await fetch(url, { headers: { accept: 'application/json' } });

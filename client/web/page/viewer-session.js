@@ -74,8 +74,7 @@ export class ViewerSession {
     const canvases = ['cpu', 'gpu'].map((kind) => element('canvas', { class: kind, 'aria-hidden': 'true' }));
     this.#surface.replaceChildren(...canvases);
     const [canvasCpu, canvasGpu] = canvases.map((canvas) => canvas.transferControlToOffscreen());
-    // Read when the viewer is compiled, because the size may have changed until then.
-    const values = () => ({
+    const values = {
       src: new URL(city.getAttribute('src') ?? '', document.baseURI).href,
       manifest: city.manifest,
       camera: city.getAttribute('camera'),
@@ -86,7 +85,7 @@ export class ViewerSession {
       canvasGpu,
       ...this.#size(),
       ...deviceValues(),
-    });
+    };
     this.#receive({ op: 'status', kind: 'loading', text: '' });
     this.engine.init(values, [canvasCpu, canvasGpu]).catch(({ message }) => {
       this.#receive({ op: 'status', kind: 'error', text: message });

@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 use insula_protocol::route::{self, is_asset_name};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// The viewer of this program; `None` if there was none when it was built.
 static EMBEDDED: Option<EmbeddedViewer> = include!(concat!(env!("OUT_DIR"), "/embedded_viewer.rs"));
@@ -60,22 +60,6 @@ impl ViewerAssets {
     /// Address of the folder of files below the address of a site's root.
     pub(crate) fn folder(&self, root: &str) -> String {
         format!("{root}{}", route::assets(&self.hash).trim_start_matches('/'))
-    }
-
-    /// The scripts that a page runs at once, from `entries` on, each before those that only it imports. Scripts that are imported
-    /// later, by `import()`, are not among them.
-    pub(crate) fn imported<'a>(&'a self, entries: &[&'a str]) -> Vec<&'a str> {
-        let mut found: Vec<&str> = entries.iter().copied().filter(|name| self.has(name)).collect();
-        let mut next = 0;
-        while let Some(file) = found.get(next).and_then(|name| self.files.get(*name)) {
-            let text = std::str::from_utf8(&file.plain).unwrap_or_default();
-            for statement in [" from './", "import './", "}from'./", "import'./"] {
-                let names = text.split(statement).skip(1).filter_map(|rest| rest.split('\'').next());
-                found.extend(names.filter(|name| self.has(name) && !found.contains(name)).collect::<BTreeSet<_>>());
-            }
-            next += 1;
-        }
-        found
     }
 
     /// The files by name.

@@ -13,8 +13,8 @@ use std::fmt::Write;
 /// The application's script, and the module that all wait for: it is the largest.
 const ENTRY: &str = "app.js";
 const MODULE: &str = "insula_web_bg.wasm";
-/// The scripts of workers.
-const WORKERS: [&str; 2] = ["engine.js", "helper.js"];
+/// The scripts of workers, which the browser learns of late.
+const WORKERS: [&str; 3] = ["engine.js", "insula_web.js", "helper.js"];
 
 /// The page of a city.
 pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerAssets) -> String {
@@ -92,18 +92,9 @@ fn push_assets(out: &mut String, root: &str, assets: &ViewerAssets) {
         out,
         "<link rel=\"stylesheet\" href=\"{folder}style.css\"><script type=\"module\" src=\"{folder}{ENTRY}\"></script>"
     );
-    let (first, in_workers) = (assets.imported(&[ENTRY]), assets.imported(&WORKERS));
-    let mut preload = |name: &str, how: &str| {
-        if name != ENTRY && name != SERVICE_WORKER_FILE {
-            let _ = write!(out, "<link rel=\"modulepreload\"{how} href=\"{folder}{name}\">");
-        }
-    };
-    in_workers.iter().for_each(|name| preload(name, " as=\"worker\""));
-    let in_page = |name: &&str| !in_workers.contains(name);
-    first.iter().copied().filter(in_page).for_each(|name| preload(name, ""));
-    let scripts = assets.files().map(|(name, _)| name).filter(|name| name.ends_with(".js"));
-    let later = scripts.filter(in_page).filter(|name| !first.contains(name));
-    later.for_each(|name| preload(name, " fetchpriority=\"low\""));
+    for name in WORKERS.into_iter().filter(|name| assets.has(name)) {
+        let _ = write!(out, "<link rel=\"modulepreload\" href=\"{folder}{name}\">");
+    }
     for (name, relation) in
         [("icon.svg", "icon"), ("icon-192.png", "apple-touch-icon"), ("manifest.webmanifest", "manifest")]
     {
