@@ -29,18 +29,17 @@ fn to_bytes<'a>(words: impl Iterator<Item = &'a u32>) -> Vec<u8> {
 /// Whole pages.
 pub(crate) mod pages {
     use super::*;
-    use crate::pack::Page;
 
-    pub(crate) fn serialize<S: Serializer>(pages: &[Page], serializer: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(pages: &[Box<[u32]>], serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_bytes(&to_bytes(pages.iter().flat_map(|page| page.iter())))
     }
 
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Page>, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Box<[u32]>>, D::Error> {
         let words = deserializer.deserialize_bytes(WordBytes)?;
         if !words.len().is_multiple_of(PAGE_WORDS) {
             return Err(D::Error::custom("a part of a page"));
         }
-        Ok(words.chunks_exact(PAGE_WORDS).map(Page::from).collect())
+        Ok(words.chunks_exact(PAGE_WORDS).map(Box::from).collect())
     }
 }
 

@@ -100,14 +100,15 @@ impl Workspace {
 #[test]
 fn packages_depend_only_on_those_below_them() {
     let workspace = Workspace::load();
-    let allowed: [(&str, &[&str]); 8] = [
+    let allowed: [(&str, &[&str]); 9] = [
         ("insula-protocol", &[]),
         ("insula-archive", &["insula-protocol"]),
         ("insula-command-line", &["insula-protocol"]),
         ("insula-shaders", &["insula-protocol"]),
         ("insula-bake", &["insula-protocol", "insula-archive", "insula-shaders"]),
         ("insula-server", &["insula-protocol", "insula-archive", "insula-command-line", "insula-bake"]),
-        ("insula-viewer", &["insula-protocol", "insula-shaders"]),
+        ("insula-viewer", &["insula-protocol", "insula-archive", "insula-shaders"]),
+        ("insula-web", &["insula-protocol", "insula-archive", "insula-shaders", "insula-viewer"]),
         (
             "insula-client",
             &[
@@ -149,9 +150,11 @@ fn optional_parts_are_optional_dependencies() {
         assert!(found.is_some_and(|d| d.optional), "insula-archive must build without {optional}");
     }
     assert!(!workspace.default_features("insula-archive").contains("block-cache"));
-    let shaders = workspace.declared("insula-shaders").into_iter().find(|d| d.name == "wgpu");
-    assert!(shaders.is_some_and(|d| d.optional), "the shaders must build without wgpu");
-    assert!(!workspace.default_features("insula-shaders").contains("gpu"));
+    for package in ["insula-shaders", "insula-viewer"] {
+        let wgpu = workspace.declared(package).into_iter().find(|d| d.name == "wgpu");
+        assert!(wgpu.is_some_and(|d| d.optional), "{package} must build without wgpu");
+        assert!(!workspace.default_features(package).contains("gpu"));
+    }
 }
 
 #[test]
@@ -178,7 +181,7 @@ fn packages_do_not_use_banned_libraries() {
     check("insula-shaders", &[&network[..], &["tokio", "winit", "egui"]].concat(), &names("insula-shaders"));
     check(
         "insula-viewer",
-        &[&network[..], &graphics, &["tokio", "clap", "rayon", "directories", "pollster"]].concat(),
+        &[&network[..], &["winit", "egui", "tokio", "clap", "rayon", "directories", "pollster"]].concat(),
         &names("insula-viewer"),
     );
     check("insula-bake", &[&network[..], &graphics, &["tokio", "clap"]].concat(), &names("insula-bake"));

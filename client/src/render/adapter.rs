@@ -45,7 +45,8 @@ pub struct OpenedAdapter {
 impl OpenedAdapter {
     /// The CPU ray-caster with an atlas of `pages` pages.
     pub fn cpu(pages: u32) -> Self {
-        Self { adapter: Adapter::Cpu(CpuAdapter::new(pages)), info: AdapterInfo::cpu(), pages }
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        Self { adapter: Adapter::Cpu(CpuAdapter::new(pages)), info: AdapterInfo::cpu(cores), pages }
     }
 
     /// The ray-caster on a GPU.

@@ -13,6 +13,8 @@ const MAX_BYTES = 256 * 2 ** 20;
 const MAX_SHARE = 0.3;
 /** After a removal the cache is this full, so that not every new entry causes one. */
 const KEPT_SHARE = 0.9;
+/** Pages and the viewer's files outlive tiles that were used as much later: without them, no tile is of use. */
+const PAGE_BONUS_MS = 30 * 24 * 3_600_000;
 /** An entry that is used again within this time is not marked again. */
 const MARK_MS = 60_000;
 /** A page that is in the cache waits this long for the network. */
@@ -20,10 +22,8 @@ const PATIENCE_MS = 4_000;
 /** Stands for the range of a request in the cache's keys: the cache cannot hold partial responses. */
 const RANGE_PARAMETER = 'insula-range';
 
-const IMMUTABLE = [
-  /\/assets\/[0-9a-f]{16}\/[^/]+$/,
-  /\/v1\/cities\/[^/]+\/[^/]+\/(subtrees|blockmaps|meshes)\/[\d/]+$/,
-];
+const ASSET = /\/assets\/[0-9a-f]{16}\/[^/]+$/;
+const TILE = /\/v1\/cities\/[^/]+\/[^/]+\/(subtrees|blockmaps|meshes)\/[\d/]+$/;
 const ARCHIVE = /\/[a-z]+\.pmtiles$/;
 const MANIFEST = /(\/city\.json|\/v1\/cities\/[^/]+)$/;
 const PAGE_FILE = /\/(thumbnail\.png|v1\/cities)$/;
@@ -59,7 +59,7 @@ function answerTo(request, event) {
   if (request.headers.has('range')) {
     return ARCHIVE.test(url.pathname) ? rangeOf(request, later) : null;
   }
-  if (IMMUTABLE.some((pattern) => pattern.test(url.pathname))) return fromCacheFirst(request, later);
+  if (ASSET.test(url.pathname) || TILE.test(url.pathname)) return fromCacheFirst(request, later);
   const isPage = request.mode === 'navigate';
   if (isPage || MANIFEST.test(url.pathname) || PAGE_FILE.test(url.pathname)) return fromNetworkFirst(request, isPage);
   return null;
@@ -224,7 +224,9 @@ class EntryIndex {
 
   /** Removes what was used longest ago, until at most `bytes` are left. @param {number} bytes */
   async shrink(bytes) {
-    const oldestFirst = this.all().sort((a, b) => a.used - b.used);
+    const isOfCity = ({ pathname }) => TILE.test(pathname) || ARCHIVE.test(pathname);
+    const rank = ({ key, used }) => used + (isOfCity(new URL(key)) ? 0 : PAGE_BONUS_MS);
+    const oldestFirst = this.all().sort((a, b) => rank(a) - rank(b));
     const removed = [];
     for (let rest = this.bytes; rest > bytes && oldestFirst.length > 0; rest -= removed.at(-1).bytes) {
       removed.push(oldestFirst.shift());

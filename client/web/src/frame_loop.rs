@@ -86,7 +86,7 @@ impl Upload for Renderer {
 
 /// What a frame depends on besides the tiles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ViewState {
+pub(crate) struct DrawnView {
     camera: Camera,
     size_px: [u32; 2],
     tau_px: f64,
@@ -266,7 +266,7 @@ impl CityViewer {
 
     /// Compares the view with that of the last frame. If it differs, the frame that is being drawn is of no use.
     fn notice_view(&mut self, now: Instant) {
-        let state = ViewState {
+        let state = DrawnView {
             camera: self.control.camera(),
             size_px: self.picture_px.unwrap_or(self.size_px),
             tau_px: self.tau_px,

@@ -42,6 +42,7 @@ extern "C" {
     #[wasm_bindgen(method, getter, js_name = tooLong)]
     pub fn too_long(this: &Response) -> bool;
 
+    /// The body.
     #[wasm_bindgen(method, getter)]
     pub fn bytes(this: &Response) -> Uint8Array;
 

@@ -19,12 +19,12 @@ pub(crate) struct BrowserTransport {
 }
 
 /// Aborts its request when the future that waits for it is dropped. An answer that has arrived is not affected.
-struct PendingRequest<'a> {
+struct AbortOnDrop<'a> {
     host: &'a Host,
     number: u32,
 }
 
-impl Drop for PendingRequest<'_> {
+impl Drop for AbortOnDrop<'_> {
     fn drop(&mut self) {
         self.host.abort(self.number);
     }
@@ -38,7 +38,7 @@ impl BrowserTransport {
     async fn send(&self, url: &str, range: Option<String>, limit_bytes: u64) -> Result<Response, FetchError> {
         let number = self.last_request.get().wrapping_add(1);
         self.last_request.set(number);
-        let _pending = PendingRequest { host: &self.host, number };
+        let _abort = AbortOnDrop { host: &self.host, number };
         let answer = JsFuture::from(self.host.fetch(url, range, limit_bytes as f64, number)).await;
         let failed = |_| FetchError::Network("the request failed".into());
         let response: Response = answer.map_err(failed)?.unchecked_into();

@@ -66,7 +66,7 @@ pub struct CityViewer {
     pub(crate) measure: MeasureTool,
     pub(crate) markers: Vec<DVec3>,
     pub(crate) lines: Vec<Vec<DVec3>>,
-    pub(crate) view_state: Option<crate::frame_loop::ViewState>,
+    pub(crate) view_state: Option<crate::frame_loop::DrawnView>,
     cache_bytes: u64,
     status: Option<StatusMessage>,
     started: Instant,

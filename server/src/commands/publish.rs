@@ -16,8 +16,8 @@ use super::{
 use crate::{
     args::PublishArgs,
     page::{
-        self, CityFacts, CityLinks, ListPage, ListedCity, SERVICE_WORKER_FILE, ViewerAssets, list_policy, meta_policy,
-        viewer_policy,
+        self, CityFacts, CityInList, CityLinks, CityListPage, SERVICE_WORKER_FILE, ViewerAssets, list_policy,
+        meta_policy, viewer_policy,
     },
     store::{CityStore, Store},
 };
@@ -138,10 +138,10 @@ fn links(city: &CityStore, args: &PublishArgs) -> CityLinks {
 fn list(cities: &[&Arc<CityStore>], viewer: &ViewerAssets, args: &PublishArgs) -> String {
     let icon = viewer.folder("") + "icon.svg";
     let title = args.title.as_deref().unwrap_or(page::SITE_TITLE);
-    let mut page = ListPage::new(title, viewer.has("icon.svg").then_some(&icon), Some(&meta_policy(list_policy())));
+    let mut page = CityListPage::new(title, viewer.has("icon.svg").then_some(&icon), Some(&meta_policy(list_policy())));
     for city in cities {
         let links = in_root(city, args);
-        page.push_city(&ListedCity { facts: facts(city), page: Some(links.source.clone()), links });
+        page.push_city(&CityInList { facts: facts(city), page: Some(links.source.clone()), links });
     }
     page.finish()
 }

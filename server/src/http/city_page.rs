@@ -8,7 +8,7 @@ use super::{
     state::AppState,
 };
 use crate::{
-    page::{self, CityFacts, CityLinks, ListPage, ListedCity, NO_VIEWER, SITE_TITLE},
+    page::{self, CityFacts, CityInList, CityLinks, CityListPage, NO_VIEWER, SITE_TITLE},
     store::CityStore,
 };
 use axum::{
@@ -94,8 +94,8 @@ pub(super) fn respond_with_city(
     let (html, policy) = match state.viewer() {
         Some(viewer) => (page::city_page(facts, &links, viewer.assets()), page::viewer_policy()),
         None => {
-            let mut page = ListPage::new(SITE_TITLE, None, None);
-            page.push_city(&ListedCity { facts, page: None, links });
+            let mut page = CityListPage::new(SITE_TITLE, None, None);
+            page.push_city(&CityInList { facts, page: None, links });
             page.push_paragraph(NO_VIEWER);
             (page.finish(), page::list_policy())
         }

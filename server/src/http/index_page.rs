@@ -9,7 +9,7 @@ use super::{
     state::AppState,
 };
 use crate::{
-    page::{self, ListPage, ListedCity, NO_VIEWER, SITE_TITLE},
+    page::{self, CityInList, CityListPage, NO_VIEWER, SITE_TITLE},
     store::CityStore,
 };
 use axum::{
@@ -49,7 +49,7 @@ pub(super) async fn index(
         }
     }
     let icon = state.viewer().map(|viewer| viewer.assets().folder("/") + "icon.svg");
-    let mut page = ListPage::new(SITE_TITLE, icon.as_deref(), None);
+    let mut page = CityListPage::new(SITE_TITLE, icon.as_deref(), None);
     let origin = displayed_origin(&state, &uri, &headers);
     page.push_paragraph(&format!(
         "Whole cities, streamed. Open one with <code>insula view {origin}{CITIES}/NAME</code>; \
@@ -67,7 +67,7 @@ pub(super) async fn index(
         let links = links(&state, city, !is_shared(name), &uri, &headers);
         let query = links.manifest.strip_prefix(&route::manifest(name)).unwrap_or_default();
         let city_page = state.viewer().map(|_| route::city_page(name) + query);
-        page.push_city(&ListedCity { facts: facts(city), page: city_page, links });
+        page.push_city(&CityInList { facts: facts(city), page: city_page, links });
         shown += 1;
         if cities.peek().is_some() && (shown == request.limit.get() || page.is_full()) {
             let limit = request.limit;

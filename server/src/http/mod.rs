@@ -46,6 +46,7 @@ mod tile;
 mod tile_cache;
 mod tls;
 mod turns;
+mod viewer_content;
 mod viewer_files;
 mod worker;
 

@@ -2,7 +2,7 @@
 
 use super::{
     access_control::AccessControl, catalog::Catalog, city_documents::CityDocuments, in_flight::InFlightBudget,
-    log_limit::LogLimit, metrics::HttpMetrics, rate_limit::RateLimiter, viewer_files::ViewerContent,
+    log_limit::LogLimit, metrics::HttpMetrics, rate_limit::RateLimiter, viewer_content::ViewerContent,
 };
 use crate::{
     config::{CorsPolicy, LimitsConfig, LogRequests, ServeConfig},

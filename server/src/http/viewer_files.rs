@@ -2,13 +2,7 @@
 //!
 //! They are compressed when the viewer is built. All are public, and immutable under the hash of all of them.
 
-use super::{
-    content_encoding::EncodedContent,
-    problem::Problem,
-    representation::{IMMUTABLE, REVALIDATE},
-    state::AppState,
-};
-use crate::page::{SERVICE_WORKER_FILE, ViewerAssets, ViewerFile, media_type};
+use super::{problem::Problem, state::AppState};
 use axum::{
     body::Body,
     extract::State,
@@ -16,40 +10,10 @@ use axum::{
     response::Response,
 };
 use insula_protocol::route::Route;
-use std::collections::BTreeMap;
 
 const NO_FILE: Problem = Problem::not_found("the viewer of this server has no such file: load the page again");
 /// The service worker fetches from its own host, and runs no other script.
 const WORKER_POLICY: HeaderValue = HeaderValue::from_static("default-src 'none'; connect-src 'self'");
-
-/// The viewer with its files ready to be sent.
-#[derive(Debug)]
-pub(super) struct ViewerContent {
-    assets: ViewerAssets,
-    files: BTreeMap<String, EncodedContent>,
-    service_worker: Option<EncodedContent>,
-}
-
-impl ViewerContent {
-    pub(super) fn new(assets: ViewerAssets) -> Self {
-        let content = |name: &str, file: &ViewerFile, cache_control| {
-            let ViewerFile { plain, brotli, gzip } = file.clone();
-            EncodedContent::compressed_before(plain, brotli, gzip, media_type(name), cache_control)
-        };
-        let files = assets.files().map(|(name, file)| (name.to_owned(), content(name, file, IMMUTABLE))).collect();
-        let worker = assets.files().find(|(name, _)| *name == SERVICE_WORKER_FILE);
-        let service_worker = worker.map(|(name, file)| content(name, file, REVALIDATE));
-        Self { assets, files, service_worker }
-    }
-
-    pub(super) fn assets(&self) -> &ViewerAssets {
-        &self.assets
-    }
-
-    fn file(&self, hash: &str, name: &str) -> Option<&EncodedContent> {
-        self.files.get(name).filter(|_| hash == self.assets.hash())
-    }
-}
 
 /// `/assets/{hash}/{file}`. Fails with 404 for files of another version.
 pub(super) async fn asset(
@@ -69,7 +33,7 @@ pub(super) async fn service_worker(
     method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let content = state.viewer().and_then(|viewer| viewer.service_worker.as_ref()).ok_or(NO_FILE)?;
+    let content = state.viewer().and_then(|viewer| viewer.service_worker()).ok_or(NO_FILE)?;
     let mut response = content.select(&headers).clone().respond(&method, &headers).map(Body::from);
     response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, WORKER_POLICY);
     Ok(response)

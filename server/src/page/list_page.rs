@@ -16,18 +16,18 @@ pub(super) const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-widt
 
 /// A page that lists cities, in the making.
 #[derive(Debug)]
-pub(crate) struct ListPage(String);
+pub(crate) struct CityListPage(String);
 
 /// A city in a list.
 #[derive(Debug)]
-pub(crate) struct ListedCity<'a> {
+pub(crate) struct CityInList<'a> {
     pub(crate) facts: CityFacts<'a>,
     /// Address of the city's page; `None` without the viewer.
     pub(crate) page: Option<String>,
     pub(crate) links: CityLinks,
 }
 
-impl ListPage {
+impl CityListPage {
     /// An empty list. `icon` is the address of the viewer's icon; `meta_policy` is for pages without headers.
     pub(crate) fn new(title: &str, icon: Option<&str>, meta_policy: Option<&str>) -> Self {
         let title = escape_html(title);
@@ -49,7 +49,7 @@ impl ListPage {
     }
 
     /// Adds a city.
-    pub(crate) fn push_city(&mut self, city: &ListedCity<'_>) {
+    pub(crate) fn push_city(&mut self, city: &CityInList<'_>) {
         let title = escape_html(&city.facts.manifest.title);
         self.0.push_str("<section>");
         if let Some(thumbnail) = &city.links.thumbnail {

@@ -12,7 +12,7 @@ mod policy;
 pub(crate) use assets::media_type;
 pub use assets::{ViewerAssets, ViewerFile};
 pub(crate) use city_page::city_page;
-pub(crate) use list_page::{ListPage, ListedCity};
+pub(crate) use list_page::{CityInList, CityListPage};
 pub(crate) use policy::{list_policy, meta_policy, viewer_policy};
 
 use insula_protocol::Manifest;

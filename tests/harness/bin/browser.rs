@@ -237,7 +237,7 @@ fn fly(args: &Args, url: &str) -> Result<Flight> {
         memory_mib,
     };
     println!("flight of {} s, main thread {} times slower:", args.flight, args.slow);
-    println!("- longest task of the main thread {:.0} ms", flight.longest_task_ms);
+    println!("- longest task of the main thread {:.0} ms; 0: none over 50 ms", flight.longest_task_ms);
     println!("- between frames {:.0} ms, p95 {:.0} ms", flight.frame_interval_p50_ms, flight.frame_interval_p95_ms);
     println!("- key to picture {:.0} ms, p95 {:.0} ms", flight.key_to_picture_p50_ms, flight.key_to_picture_p95_ms);
     println!("- memory in MiB: {:.0?}", flight.memory_mib);

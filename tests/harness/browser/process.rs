@@ -39,7 +39,7 @@ const REMOVALS: usize = 20;
 
 /// The program.
 pub(super) fn find() -> Option<PathBuf> {
-    match std::env::var_os("INSULA_CHROMIUM") {
+    match std::env::var_os("INSULA_CHROMIUM").filter(|path| !path.is_empty()) {
         Some(path) => Some(path.into()),
         None => NAMES.into_iter().find_map(find_installed),
     }

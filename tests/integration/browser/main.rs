@@ -5,6 +5,7 @@
 //! one after another, because a page beside others is slow.
 
 mod accessibility;
+mod component;
 mod driver;
 mod faults;
 mod pictures;
@@ -25,7 +26,7 @@ const DRIVER: [(&str, Test); 5] = [
     ("driver_collects_errors", driver::errors_are_collected),
 ];
 
-const VIEWER: [(&str, Test); 16] = [
+const VIEWER: [(&str, Test); 18] = [
     ("the_page_shows_the_city", viewer::the_page_shows_the_city),
     ("the_page_of_a_single_city_is_the_root", viewer::a_single_city_is_the_root),
     ("a_page_without_scripts_lists_the_city", viewer::a_page_without_scripts_lists_the_city),
@@ -42,6 +43,15 @@ const VIEWER: [(&str, Test); 16] = [
     ("an_offline_page_keeps_its_picture", faults::an_offline_page_keeps_its_picture),
     ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
     ("a_bad_host_is_survived", site::a_bad_host_is_survived),
+    ("the_plain_example_runs", component::the_plain_example_runs),
+    ("markers_are_occluded", component::markers_are_occluded),
+];
+
+/// Tests that need files of others, and the variable that names them.
+const WITH_FILES: [(&str, Test, &str); 3] = [
+    ("the_react_example_runs", component::the_react_example_runs, "INSULA_VENDOR"),
+    ("the_maplibre_example_runs", component::the_maplibre_example_runs, "INSULA_VENDOR"),
+    ("axe_finds_nothing_serious", accessibility::axe_finds_nothing_serious, "INSULA_AXE"),
 ];
 
 fn main() {
@@ -60,9 +70,11 @@ fn main() {
     };
     let mut trials: Vec<Trial> = DRIVER.into_iter().map(|test| trial(test, has_browser)).collect();
     trials.extend(VIEWER.into_iter().map(|test| trial(test, has_viewer)));
-    let has_axe = std::env::var_os("INSULA_AXE").is_some();
-    let axe: (&str, Test) = ("axe_finds_nothing_serious", accessibility::axe_finds_nothing_serious);
-    trials.push(trial(axe, has_viewer && has_axe).with_ignored_flag(!has_axe || !has_viewer && !is_required));
+    for (name, test, variable) in WITH_FILES {
+        let has_files = std::env::var_os(variable).is_some();
+        let ignored = !has_files || !has_viewer && !is_required;
+        trials.push(trial((name, test), has_viewer).with_ignored_flag(ignored));
+    }
     let mut arguments = Arguments::from_args();
     arguments.test_threads.get_or_insert(1);
     libtest_mimic::run(&arguments, trials).exit();

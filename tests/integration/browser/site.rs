@@ -11,7 +11,8 @@ use insula_tests::{
 use std::{process::Command, sync::atomic::Ordering::Relaxed, time::Duration};
 use tempfile::TempDir;
 
-fn publish() -> Result<TempDir> {
+/// The bundled city, published into `site` of a folder.
+pub(super) fn publish() -> Result<TempDir> {
     let folder = tempfile::tempdir()?;
     let mut command = Command::new(program("insula-server")?);
     let output =

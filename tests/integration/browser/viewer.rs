@@ -158,6 +158,8 @@ pub(super) fn keys_and_mouse_move_the_camera() -> Result<()> {
     // The address is the link to this view.
     let camera = page.camera(0)?;
     page.page.wait_for(&format!("decodeURIComponent(location.hash).includes('camera={camera}')"), REACTION)?;
+    page.moves_by("h", 0, |page| page.press("h"))?;
+    page.wait_until_final(0)?;
     ensure_city_is_visible(&page)?;
     ensure_no_problems(&page)
 }

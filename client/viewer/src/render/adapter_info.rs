@@ -10,9 +10,8 @@ pub struct AdapterInfo {
 }
 
 impl AdapterInfo {
-    /// Description of the CPU ray-caster.
-    pub fn cpu() -> Self {
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    /// Description of the CPU ray-caster on a number of cores.
+    pub fn cpu(cores: usize) -> Self {
         Self { name: format!("CPU ray-caster, {cores} cores"), backend: "cpu".into() }
     }
 }

@@ -1,6 +1,6 @@
 //! The ray-casters with the atlas that each reads: the CPU's in main memory, and with the feature `gpu` that of a device.
 //!
-//! In: pages by [`Upload`](crate::cache::Upload), and a [`FrameData`](crate::frame::FrameData). Out: pixels.
+//! They take pages by [`Upload`](crate::cache::Upload) and draw a [`FrameData`](crate::frame::FrameData).
 
 mod adapter_info;
 mod cpu;

@@ -1,0 +1,147 @@
+//! The package's example pages on a plain host, with a city of a server on another origin.
+//!
+//! React and MapLibre are not part of the package: `INSULA_VENDOR` names a folder with the files that the package's README
+//! names. Without it, their examples are reported as ignored.
+
+use super::{
+    site::publish,
+    viewer::{CITY_COLOURS, REACTION, ensure_no_problems, keep, serve},
+};
+use anyhow::{Context, Result, ensure};
+use insula_test_support::faulty_host::FaultyHost;
+use insula_tests::{
+    browser::{
+        Browser, BrowserOptions, Button,
+        city_page::{CityPage, colours},
+    },
+    programs::ServerProcess,
+};
+use std::{fs, path::Path};
+use tempfile::TempDir;
+
+/// A page of the examples; ended in the reverse order.
+struct Example {
+    page: CityPage,
+    _browser: Browser,
+    _host: FaultyHost,
+    _server: ServerProcess,
+    _folder: TempDir,
+}
+
+/// Copies the files of a folder.
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from).with_context(|| from.display().to_string())? {
+        let entry = entry?;
+        if entry.file_type()?.is_file() {
+            fs::copy(entry.path(), to.join(entry.file_name()))?;
+        }
+    }
+    Ok(())
+}
+
+impl Example {
+    /// The package as npm lays it out: the published assets, beside the examples.
+    fn open(name: &str) -> Result<Self> {
+        let (site, folder) = (publish()?, tempfile::tempdir()?);
+        let assets = fs::read_dir(site.path().join("site/assets"))?.next().context("no assets")??.path();
+        copy(&assets, folder.path())?;
+        let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/web/package/examples");
+        copy(&examples, &folder.path().join("examples"))?;
+        // Browsers ask every host for it.
+        fs::write(folder.path().join("favicon.ico"), "icon")?;
+        if let Some(vendor) = std::env::var_os("INSULA_VENDOR") {
+            copy(Path::new(&vendor), &folder.path().join("examples/vendor"))?;
+        }
+        let (server, host) = (serve()?, FaultyHost::start(folder.path()));
+        let browser = Browser::launch(BrowserOptions { size: [1000, 800], ..BrowserOptions::default() })?;
+        let url = format!("{}/examples/{name}.html?src=http://{}/v1/cities/chiba", host.url(), server.address);
+        let page = CityPage::open(&browser, &url)?;
+        page.wait_until_final(0)?;
+        Ok(Self { page, _browser: browser, _host: host, _server: server, _folder: folder })
+    }
+
+    /// The middle of an element in CSS pixels.
+    fn middle_of(&self, selector: &str) -> Result<[f64; 2]> {
+        let script = format!(
+            "(box => [box.x + box.width / 2, box.y + box.height / 2])(document.querySelector('{selector}').getBoundingClientRect())"
+        );
+        let at = self.page.page.evaluate(&script)?;
+        Ok([at[0].as_f64().context("no place")?, at[1].as_f64().context("no place")?])
+    }
+
+    /// A click into a city shows coordinates in an element.
+    fn pick(&self, shown_in: &str) -> Result<()> {
+        let [x, y] = self.middle_of("insula-city")?;
+        self.page.page.click([x, y + 20.0], 1)?;
+        let shown =
+            format!(r"/^-?\d+\.\d, -?\d+\.\d, -?\d+\.\d/.test(document.querySelector('{shown_in}').textContent)");
+        self.page.page.wait_for(&shown, REACTION)
+    }
+
+    fn ensure_cities(&self, count: usize) -> Result<()> {
+        for number in 0..count {
+            let found = colours(&self.page.picture(number, [320, 200])?);
+            ensure!(found >= CITY_COLOURS, "viewer {number}: {found} colours");
+        }
+        ensure_no_problems(&self.page)
+    }
+}
+
+pub(super) fn the_plain_example_runs() -> Result<()> {
+    let example = Example::open("plain")?;
+    let page = &example.page;
+    example.pick("#picked")?;
+    keep(page, "example-plain")?;
+    page.moves_by("the button", 0, |page| page.evaluate("document.getElementById('down').click()").map(drop))?;
+    page.page.wait_for(&format!("{}.view.pitch < -80", CityPage::element(0)), REACTION)?;
+    page.wait_until_final(0)?;
+    keep(page, "example-plain-down")?;
+    example.ensure_cities(1)
+}
+
+pub(super) fn the_react_example_runs() -> Result<()> {
+    let example = Example::open("react")?;
+    let page = &example.page;
+    page.wait_until_ready(1)?;
+    page.wait_until_final(1)?;
+    example.pick("#state")?;
+    keep(page, "example-react")?;
+    example.ensure_cities(2)?;
+    page.page.evaluate("document.querySelector('button').click()")?;
+    page.page.wait_for("document.querySelectorAll('insula-city').length === 1", REACTION)?;
+    page.wait_until_final(0)?;
+    example.ensure_cities(1)
+}
+
+/// Of two markers on one ray, the one before the surface is shown, and the one behind it is not. Their text is text.
+pub(super) fn markers_are_occluded() -> Result<()> {
+    let example = Example::open("plain")?;
+    let page = &example.page.page;
+    page.evaluate(&format!(
+        "(async () => {{ const city = {};
+            const {{ position: at }} = await city.pick(city.clientWidth / 2, city.clientHeight * 0.6);
+            const eye = city.view.position;
+            const between = share => at.map((v, k) => v + (eye[k] - v) * share);
+            city.addMarker({{ position: between(0.05), text: '<b>before</b>' }});
+            city.addMarker({{ position: between(-0.05), text: 'behind' }});
+            globalThis.shown = () => [...city.shadowRoot.querySelectorAll('.marker:not([hidden])')].map(m => m.textContent);
+        }})()",
+        CityPage::element(0)
+    ))?;
+    page.wait_for("shown().includes('<b>before</b>')", REACTION)?;
+    ensure!(page.evaluate("shown().includes('behind')")? == false, "{}", page.evaluate("shown()")?);
+    ensure_no_problems(&example.page)
+}
+
+/// The map and the city follow each other.
+pub(super) fn the_maplibre_example_runs() -> Result<()> {
+    let example = Example::open("maplibre")?;
+    let page = &example.page;
+    page.page.wait_for("document.querySelector('#map canvas')", REACTION)?;
+    let [x, y] = example.middle_of("#map")?;
+    page.moves_by("the map", 0, |page| page.drag(Button::Left, [x, y], [x + 60.0, y + 20.0]))?;
+    page.wait_until_final(0)?;
+    keep(page, "example-maplibre")?;
+    example.ensure_cities(1)
+}
