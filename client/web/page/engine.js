@@ -116,7 +116,7 @@ class Engine {
       return step.waitMs;
     }
     const begin = performance.now();
-    if (step.action === 'gpu') await this.#drawOnGpu(step, begin);
+    if (step.action === 'gpu') await this.#drawOnGpu(step, begin).catch((error) => this.#loseGpu(error.message));
     else await this.#drawRows(step, begin);
     return 0;
   }
