@@ -24,6 +24,7 @@ class Engine {
   #isShown = false;
   #isVisible = true;
   #isRunning = false;
+  #isDrawing = false;
   #isDue = false;
   #timer = 0;
   #reopenings = 0;
@@ -80,6 +81,7 @@ class Engine {
   /** Something changed: the frame loop goes on. */
   wake() {
     this.#isDue = true;
+    if (this.#isDrawing) this.#viewer.updateWhileDrawing();
     if (this.#isRunning || !this.#viewer) return;
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => this.#run(), 0);
@@ -116,8 +118,10 @@ class Engine {
       return step.waitMs;
     }
     const begin = performance.now();
+    this.#isDrawing = true;
     if (step.action === 'gpu') await this.#drawOnGpu(step, begin).catch((error) => this.#loseGpu(error.message));
     else await this.#drawRows(step, begin);
+    this.#isDrawing = false;
     return 0;
   }
 

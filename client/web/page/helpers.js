@@ -8,12 +8,17 @@ function startWorker(name) {
   return new Worker(URL.createObjectURL(script), { type: 'module' });
 }
 
+/** Rows keep a worker as busy as this many tiles. */
+const ROWS_WEIGHT = 8;
+
 export class Helpers {
   /** @type {{worker: Worker, pending: number}[]} */
   #workers = [];
-  /** @type {Map<number, {resolve: (value: any) => void, reject: (error: Error) => void, at: number}>} */
+  /** @type {Map<number, {resolve: (value: any) => void, reject: (error: Error) => void, at: number, weight: number}>} */
   #jobs = new Map();
   #lastNumber = 0;
+  /** Number of workers that draw: the first ones. */
+  #drawing = 0;
 
   /**
    * @param {Promise<WebAssembly.Module>} compiled Workers start while it is being compiled.
@@ -21,24 +26,28 @@ export class Helpers {
    * @param {number} cacheBytes Size of the atlas of each worker.
    */
   constructor(compiled, count, cacheBytes) {
-    for (let at = 0; at < count; at++) {
+    this.#drawing = count;
+    // One more decodes all the time: tiles do not wait for rows.
+    for (let at = 0; at <= count; at++) {
       const worker = startWorker('./helper.js');
       worker.onmessage = ({ data }) => this.#settle(data);
       worker.onerror = (event) => this.#failAll(at, event.message || 'helper.js');
       // The engine reports the failure of a module that does not compile.
-      compiled.then((module) => worker.postMessage({ job: 'init', module, cacheBytes }), () => {});
+      const atlasBytes = at < count ? cacheBytes : 0;
+      compiled.then((module) => worker.postMessage({ job: 'init', module, cacheBytes: atlasBytes }), () => {});
       this.#workers.push({ worker, pending: 0 });
     }
   }
 
   get count() {
-    return this.#workers.length;
+    return this.#drawing;
   }
 
   /** Decodes a tile in the least busy worker. Fails if the tile is damaged. */
   decode(key, bytes) {
-    const at = this.#workers.reduce((best, { pending }, i) => (pending < this.#workers[best].pending ? i : best), 0);
-    return this.#ask(at, { job: 'decode', key, bytes }, [bytes.buffer]).then(({ decoded }) => decoded);
+    const last = this.#workers.length - 1;
+    const at = this.#workers.reduce((best, { pending }, i) => (pending < this.#workers[best].pending ? i : best), last);
+    return this.#ask(at, 1, { job: 'decode', key, bytes }, [bytes.buffer]).then(({ decoded }) => decoded);
   }
 
   /** Makes new atlases, or none for 0 bytes. */
@@ -61,8 +70,9 @@ export class Helpers {
    * @returns {Promise<{words: Uint32Array, hit: Uint32Array}>}
    */
   async draw(width, first, end) {
-    const step = this.#workers.length;
-    const parts = this.#workers.map((_, at) => this.#ask(at, { job: 'draw', first: first + at, end, step }));
+    const step = this.#drawing;
+    const draw = (_, at) => this.#ask(at, ROWS_WEIGHT, { job: 'draw', first: first + at, end, step });
+    const parts = this.#workers.slice(0, step).map(draw);
     const words = new Uint32Array(width * (end - first));
     const hit = new Uint32Array(words.length);
     for (const [at, part] of (await Promise.all(parts)).entries()) {
@@ -80,14 +90,15 @@ export class Helpers {
   }
 
   #tellAll(message) {
-    this.#workers.forEach(({ worker }) => worker.postMessage(message));
+    this.#workers.slice(0, this.#drawing).forEach(({ worker }) => worker.postMessage(message));
   }
 
-  #ask(at, message, transfer = []) {
+  /** `weight` is how long the job takes, in tiles. */
+  #ask(at, weight, message, transfer = []) {
     const number = ++this.#lastNumber;
-    this.#workers[at].pending++;
+    this.#workers[at].pending += weight;
     return new Promise((resolve, reject) => {
-      this.#jobs.set(number, { resolve, reject, at });
+      this.#jobs.set(number, { resolve, reject, at, weight });
       this.#workers[at].worker.postMessage({ ...message, number }, transfer);
     });
   }
@@ -96,7 +107,7 @@ export class Helpers {
     const job = this.#jobs.get(answer.number);
     if (!job) return;
     this.#jobs.delete(answer.number);
-    this.#workers[job.at].pending--;
+    this.#workers[job.at].pending -= job.weight;
     if (answer.error === undefined) job.resolve(answer);
     else job.reject(new Error(answer.error));
   }

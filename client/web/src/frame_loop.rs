@@ -29,6 +29,9 @@ use web_time::Instant;
 
 /// Shortest wait for something that gives no notice, such as a retry that becomes due.
 const POLL: Duration = Duration::from_millis(50);
+/// While tiles arrive for a view that does not change, this many times as long as a frame took passes before the next: decoding needs
+/// the cores too.
+const PAUSE_PER_FRAME: u32 = 2;
 /// Longest wait of a view that rests.
 const REST: Duration = Duration::from_secs(3600);
 
@@ -155,6 +158,13 @@ impl CityViewer {
         json(&step)
     }
 
+    /// Takes in arrivals and requests further tiles while a frame is drawn.
+    #[wasm_bindgen(js_name = updateWhileDrawing)]
+    pub fn update_while_drawing(&mut self) {
+        let elapsed = self.elapsed();
+        self.streamer.update_while_drawing(&mut self.fine_requests, elapsed);
+    }
+
     /// Waiting writes to the atlas, for `RowRenderer::write`.
     #[wasm_bindgen(js_name = takeWrites)]
     pub fn take_writes(&mut self) -> Vec<u32> {
@@ -191,6 +201,7 @@ impl CityViewer {
             return None;
         }
         let job = self.job.take()?;
+        self.drawn_at = Some(Instant::now());
         let pixels = job.rows.develop(&frame);
         self.streamer.report_hits(&job.data.query, &hit_counts(&pixels.hit, job.data.nodes.len()));
         if !detail.is_final {
@@ -220,6 +231,7 @@ impl CityViewer {
     #[wasm_bindgen(js_name = gpuDrawn)]
     pub fn gpu_drawn(&mut self, ms: f64) {
         let Some(job) = self.job.take() else { return };
+        self.drawn_at = Some(Instant::now());
         let time = Duration::try_from_secs_f64(ms / 1e3).unwrap_or_default();
         if job.is_picture {
             self.picture_px = None;
@@ -275,7 +287,8 @@ impl CityViewer {
         };
         if self.view_state != Some(state) {
             self.pacer.view_changed(now);
-            (self.view_state, self.job, self.is_stale) = (Some(state), None, true);
+            (self.view_state, self.job) = (Some(state), None);
+            (self.is_stale, self.is_view_new) = (true, true);
         }
     }
 
@@ -292,8 +305,12 @@ impl CityViewer {
         if !self.has_frame() {
             return Some(POLL);
         }
-        if self.is_stale || self.job.is_some() {
+        if self.is_view_new || self.job.is_some() {
             return None;
+        }
+        if self.is_stale {
+            let next_at = self.drawn_at.map_or(now, |drawn_at| drawn_at + self.pacer.frame_time() * PAUSE_PER_FRAME);
+            return Some(next_at.saturating_duration_since(now)).filter(|wait| !wait.is_zero());
         }
         let is_settled = self.streamer.is_settled();
         if self.picture_px.is_some() {
@@ -333,7 +350,8 @@ impl CityViewer {
             let settings = self.daylight.render_settings(self.shading, samples);
             let data = self.streamer.frame_data(&self.request(detail.divisor), &settings);
             self.job = Some(FrameJob::new(data, detail, is_picture));
-            self.is_stale = false;
+            (self.is_stale, self.is_view_new) = (false, false);
+            self.fine_requests = self.streamer.fine_requests_per_frame();
         }
         let Some(job) = &self.job else { return Step::wait(POLL) };
         let frame = &job.data.frame;

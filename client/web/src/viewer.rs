@@ -61,12 +61,18 @@ pub struct CityViewer {
     /// Size of the picture that is being made.
     pub(crate) picture_px: Option<[u32; 2]>,
     pub(crate) job: Option<FrameJob>,
-    /// Whether the screen shows another view, or fewer tiles than there are.
+    /// Whether the screen shows another view, or other tiles than there are.
     pub(crate) is_stale: bool,
+    /// Whether the screen shows another view.
+    pub(crate) is_view_new: bool,
+    /// When the last frame was drawn.
+    pub(crate) drawn_at: Option<Instant>,
     pub(crate) measure: MeasureTool,
     pub(crate) markers: Vec<DVec3>,
     pub(crate) lines: Vec<Vec<DVec3>>,
     pub(crate) view_state: Option<crate::frame_loop::DrawnView>,
+    /// Requests for fine tiles that may still start while the frame is drawn.
+    pub(crate) fine_requests: usize,
     cache_bytes: u64,
     status: Option<StatusMessage>,
     started: Instant,
@@ -110,10 +116,13 @@ impl CityViewer {
             picture_px: None,
             job: None,
             is_stale: true,
+            is_view_new: true,
+            drawn_at: None,
             measure: MeasureTool::default(),
             markers: Vec::new(),
             lines: Vec::new(),
             view_state: None,
+            fine_requests: 0,
             cache_bytes: options.cache_bytes,
             status: None,
             started: Instant::now(),
