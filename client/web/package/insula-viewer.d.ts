@@ -22,10 +22,12 @@ export interface Attribution {
   url: string | null;
 }
 
-/** Links a position of the city with longitude and latitude, in degrees. */
-export interface ControlPoint {
-  xy: [x: number, y: number];
-  lonLat: [longitude: number, latitude: number];
+/** Where the middle of a city's focus lies on Earth, in degrees. */
+export interface GeoLocation {
+  latitude_deg: number;
+  longitude_deg: number;
+  /** From the grid's north to true north, clockwise. */
+  north_deg: number;
 }
 
 /** What is known of a city before its first tile. All texts are from outside: show them as text, never as markup. */
@@ -40,8 +42,8 @@ export interface Manifest {
   ground_z_m: number;
   cell_m: number;
   attribution: Attribution[];
-  /** Two control points, if the city has them. */
-  lonLat?: [ControlPoint, ControlPoint];
+  /** `null` if the bake does not know the coordinate system. */
+  location?: GeoLocation | null;
   [other: string]: unknown;
 }
 

@@ -8,6 +8,7 @@ use serde::Deserialize;
 
 /// How a viewer begins.
 #[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct ViewerOptions {
     /// The text of the manifest, which the page has fetched.
@@ -20,6 +21,7 @@ pub(crate) struct ViewerOptions {
     pub(crate) query: String,
     pub(crate) width: u32,
     pub(crate) height: u32,
+    #[cfg_attr(test, ts(type = "number"))]
     pub(crate) cache_bytes: u64,
     pub(crate) tau: Option<f64>,
     pub(crate) camera: Option<String>,
@@ -28,6 +30,7 @@ pub(crate) struct ViewerOptions {
 
 /// A command without an answer.
 #[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(tag = "op", rename_all = "camelCase")]
 pub(crate) enum Command {
     Resize { width: u32, height: u32 },
@@ -57,6 +60,7 @@ pub(crate) enum Command {
 
 /// What the measuring tool does.
 #[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(tag = "action", rename_all = "camelCase")]
 pub(crate) enum MeasureCommand {
     Start {},
@@ -68,6 +72,7 @@ pub(crate) enum MeasureCommand {
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Direction {
     Forward,
@@ -79,6 +84,7 @@ pub(crate) enum Direction {
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Mode {
     Orbit,
@@ -87,6 +93,7 @@ pub(crate) enum Mode {
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 #[serde(rename_all = "camelCase")]
 pub(crate) enum Kind {
     Line,

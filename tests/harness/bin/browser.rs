@@ -26,8 +26,14 @@ use std::{
 #[derive(Debug, Parser)]
 struct Args {
     /// Baked cities
-    #[arg(required = true)]
+    #[arg(required_unless_present = "page")]
     cities: Vec<PathBuf>,
+    /// Measure cold starts of another page instead
+    #[arg(long, requires = "until")]
+    page: Option<String>,
+    /// JavaScript that gives the milliseconds from that page's navigation to its first picture, once it is there
+    #[arg(long)]
+    until: Option<String>,
     /// Megabits per second of the emulated link
     #[arg(long, default_value_t = 20.0)]
     mbit: f64,
@@ -103,6 +109,8 @@ const KEYS: usize = 30;
 const MEMORY_EVERY: Duration = Duration::from_secs(10);
 /// Longest wait for a picture after a key.
 const MOST: Duration = Duration::from_secs(10);
+/// Longest start of a page.
+const LONGEST_START: Duration = Duration::from_secs(120);
 /// Time from a key to the frame with the next camera.
 const STOPWATCH: &str = r"(() => {
 globalThis.insulaKeyMs = [];
@@ -117,6 +125,9 @@ addEventListener('camera', () => {
 fn main() -> Result<()> {
     let args = Args::parse();
     ensure!(Browser::find().is_some(), "no Chromium: install it, or name it in INSULA_CHROMIUM");
+    if let (Some(url), Some(until)) = (&args.page, &args.until) {
+        return measure_page(&args, url, until);
+    }
     let mut reports = Vec::new();
     for city in &args.cities {
         reports.push(measure(&args, city)?);
@@ -193,6 +204,30 @@ fn cold_start(args: &Args, url: &str) -> Result<Start> {
         final_picture_bytes: city.page.bytes_until(final_ms / 1e3)?,
         longest_task_ms: number(&city.page, "insulaLongestTaskMs")?,
     })
+}
+
+/// Cold starts of a page that is not ours.
+fn measure_page(args: &Args, url: &str, until: &str) -> Result<()> {
+    println!("| start | first picture ms | kB |\n|---|---|---|");
+    for number_of_start in 1..=args.runs {
+        let browser = launch(args)?;
+        let page = browser.open_page()?;
+        page.emulate_network(args.mbit, args.rtt)?;
+        let slowdown = match args.slow_what {
+            Slow::All => Some(browser.slow_down(args.slow)?),
+            Slow::Page => None,
+        };
+        if slowdown.is_none() {
+            page.throttle_cpu(args.slow)?;
+        }
+        page.begin_navigation(url)?;
+        page.wait_for(until, LONGEST_START)?;
+        let first_ms = number(&page, until)?;
+        let at_secs = (number(&page, "performance.timeOrigin")? + first_ms) / 1e3;
+        let kilobytes = page.bytes_until(at_secs)? as f64 / 1e3;
+        println!("| {number_of_start} | {first_ms:.0} | {kilobytes:.0} |");
+    }
+    Ok(())
 }
 
 fn number(page: &Page, expression: &str) -> Result<f64> {

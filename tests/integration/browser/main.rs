@@ -26,7 +26,7 @@ const DRIVER: [(&str, Test); 5] = [
     ("driver_collects_errors", driver::errors_are_collected),
 ];
 
-const VIEWER: [(&str, Test); 18] = [
+const VIEWER: [(&str, Test); 19] = [
     ("the_page_shows_the_city", viewer::the_page_shows_the_city),
     ("the_page_of_a_single_city_is_the_root", viewer::a_single_city_is_the_root),
     ("a_page_without_scripts_lists_the_city", viewer::a_page_without_scripts_lists_the_city),
@@ -42,6 +42,7 @@ const VIEWER: [(&str, Test); 18] = [
     ("a_restarted_server_is_found_again", faults::a_restarted_server_is_found_again),
     ("an_offline_page_keeps_its_picture", faults::an_offline_page_keeps_its_picture),
     ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
+    ("a_visited_city_works_offline", site::a_visited_city_works_offline),
     ("a_bad_host_is_survived", site::a_bad_host_is_survived),
     ("the_plain_example_runs", component::the_plain_example_runs),
     ("markers_are_occluded", component::markers_are_occluded),

@@ -44,6 +44,24 @@ pub(super) fn a_published_site_works() -> Result<()> {
     ensure_no_problems(&page)
 }
 
+/// What was visited can be visited again without a network.
+pub(super) fn a_visited_city_works_offline() -> Result<()> {
+    let folder = publish()?;
+    let (host, browser) = (FaultyHost::start(folder.path()), Browser::launch(BrowserOptions::default())?);
+    let url = format!("{}/site/cities/chiba/", host.url());
+    let page = open(&browser, &host)?;
+    page.page.evaluate("navigator.serviceWorker.ready.then(() => true)")?;
+    // Now the worker sees all requests.
+    page.page.navigate(&url)?;
+    page.wait_until_ready(0)?;
+    page.wait_until_final(0)?;
+    host.faults.is_gone.store(true, Relaxed);
+    page.page.navigate(&url)?;
+    page.wait_until_ready(0)?;
+    page.wait_until_final(0)?;
+    ensure_city_is_visible(&page)
+}
+
 /// A tenth of the responses fail or are cut, and some are wrong: the picture becomes the same as without faults.
 pub(super) fn a_bad_host_is_survived() -> Result<()> {
     let folder = publish()?;

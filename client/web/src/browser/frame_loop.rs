@@ -3,8 +3,9 @@
 //! The engine calls [`CityViewer::update`], carries out the step that it returns, reports it, and calls it again when the step says
 //! so. On the CPU a step is some rows of a frame, so that a moving camera never waits for a fine frame.
 
-use crate::{
+use super::{
     gpu_canvas::GpuCanvas,
+    messages::Step,
     page_writes::PageWrites,
     row_renderer::frame_words,
     viewer::{CityViewer, json},
@@ -22,7 +23,6 @@ use insula_viewer::{
     sun::Daylight,
 };
 use js_sys::Promise;
-use serde::Serialize;
 use std::time::Duration;
 use wasm_bindgen::prelude::*;
 use web_time::Instant;
@@ -107,30 +107,6 @@ pub(crate) struct FrameJob {
     duration: Duration,
     /// Whether the workers have the frame.
     is_sent: bool,
-}
-
-/// What the engine does next.
-#[derive(Debug, Default, Serialize)]
-#[serde(rename_all = "camelCase")]
-pub(crate) struct Step {
-    /// `rows` of a frame on the CPU, a frame on the `gpu`, or `none`.
-    action: &'static str,
-    /// How long to wait for an arrival or a command before the next update.
-    wait_ms: f64,
-    width: u32,
-    height: u32,
-    /// The rows to draw.
-    first: u32,
-    end: u32,
-    /// Whether the frame must be sent to the workers.
-    is_new: bool,
-    /// Whether writes to the atlas must be sent to the workers.
-    has_writes: bool,
-    /// Whether the frame is the picture that was asked for.
-    is_picture: bool,
-    divisor: u32,
-    samples: u32,
-    is_final: bool,
 }
 
 #[wasm_bindgen]

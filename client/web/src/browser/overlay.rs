@@ -1,6 +1,10 @@
 //! What the page shows over a frame: positions of markers and lines, the measured figure, the state of streaming.
 
-use crate::{fetcher::BrowserFetcher, viewer::CityViewer};
+use super::{
+    fetcher::BrowserFetcher,
+    messages::{FrameMessage, MeasureMessage, StatusMessage},
+    viewer::CityViewer,
+};
 use glam::{DVec2, DVec3};
 use insula_viewer::{
     camera::View,
@@ -10,52 +14,12 @@ use insula_viewer::{
     select::priority::PriorityGroup,
     streamer::Streamer,
 };
-use serde::Serialize;
 use std::time::Duration;
 
 /// The page is informed after the server has not responded for this time.
 const SILENCE: Duration = Duration::from_millis(700);
 /// Points nearer to a surface than this share of their distance are visible.
 const VISIBLE_SHARE: f64 = 0.995;
-
-/// Message `frame`.
-#[derive(Debug, Serialize)]
-#[serde(rename_all = "camelCase")]
-pub(crate) struct FrameMessage {
-    op: &'static str,
-    camera: String,
-    position: [f64; 3],
-    azimuth: f64,
-    pitch: f64,
-    mode: &'static str,
-    collides: bool,
-    time: String,
-    meters_per_pixel: Option<f64>,
-    markers: Vec<(f64, f64, bool)>,
-    lines: Vec<Vec<(f64, f64, bool)>>,
-    measure: Option<MeasureMessage>,
-    missing: usize,
-    is_settled: bool,
-    tiles: u64,
-}
-
-/// The measured figure.
-#[derive(Debug, Serialize)]
-struct MeasureMessage {
-    kind: &'static str,
-    text: String,
-    points: Vec<[f64; 2]>,
-    lines: Vec<[f64; 4]>,
-    closed: bool,
-}
-
-/// Message `status`.
-#[derive(Debug, Serialize, PartialEq, Clone)]
-pub(crate) struct StatusMessage {
-    op: &'static str,
-    kind: Option<&'static str>,
-    text: String,
-}
 
 impl StatusMessage {
     /// The state of streaming `elapsed` after its start.

@@ -1,6 +1,6 @@
 //! Fetches tiles, and has other workers decode them.
 
-use crate::{decoder::key_numbers, host::Host};
+use super::{decoder::key_numbers, host::Host};
 use bytes::Bytes;
 use futures_util::future::{AbortHandle, abortable};
 use insula_protocol::{DecodeError, TileKind};

@@ -1,6 +1,6 @@
 //! HTTP by the browser's `fetch`.
 
-use crate::host::{Host, Response};
+use super::host::{Host, Response};
 use bytes::Bytes;
 use insula_protocol::DecodeError;
 use insula_viewer::{

@@ -1,13 +1,14 @@
 //! The viewer that the engine's worker owns.
 
-use crate::{
+use super::{
     commands::ViewerOptions,
     fetcher::BrowserFetcher,
     frame_loop::{FrameJob, Renderer},
     gpu_canvas::GpuCanvas,
     host::Host,
+    messages::StatusMessage,
     navigation::CameraFlight,
-    overlay::{StatusMessage, missing},
+    overlay::missing,
     page_writes,
     transport::BrowserTransport,
 };
@@ -70,7 +71,7 @@ pub struct CityViewer {
     pub(crate) measure: MeasureTool,
     pub(crate) markers: Vec<DVec3>,
     pub(crate) lines: Vec<Vec<DVec3>>,
-    pub(crate) view_state: Option<crate::frame_loop::DrawnView>,
+    pub(crate) view_state: Option<super::frame_loop::DrawnView>,
     /// Requests for fine tiles that may still start while the frame is drawn.
     pub(crate) fine_requests: usize,
     cache_bytes: u64,

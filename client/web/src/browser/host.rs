@@ -19,7 +19,7 @@ extern "C" {
     pub fn abort(this: &Host, request: u32);
 
     /// Decodes a tile in a worker: kind (0 V-BlockMap, 2 mesh), level, x, y, level of detail. Resolves to the bytes of
-    /// [`decode_tile`](crate::decoder::decode_tile), or rejects with the reason.
+    /// [`decode_tile`](super::decoder::decode_tile), or rejects with the reason.
     #[wasm_bindgen(method)]
     pub fn decode(this: &Host, key: &[u32], bytes: Uint8Array) -> Promise;
 

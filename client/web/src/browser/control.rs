@@ -1,6 +1,6 @@
 //! Carries out the page's commands.
 
-use crate::{
+use super::{
     commands::{Command, MeasureCommand},
     navigation::CameraFlight,
     viewer::{CityViewer, to_js},

@@ -1,6 +1,6 @@
 //! Draws rows of a frame on the CPU, in a worker with its own copy of the atlas.
 
-use crate::page_writes;
+use super::page_writes;
 use bytemuck::{Pod, Zeroable};
 use insula_shaders::{
     cpu::raycast::render_row,

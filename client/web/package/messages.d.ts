@@ -1,0 +1,135 @@
+/** Messages between the element and its engine. Made from client/web/src by a test. */
+
+/**
+ * How a viewer begins.
+ */
+export type ViewerOptions = { 
+/**
+ * The text of the manifest, which the page has fetched.
+ */
+manifest: string, 
+/**
+ * `http://host` of a server, or the URL of a baked city's folder.
+ */
+base: string, isFolder: boolean, 
+/**
+ * Appended to each address of a server: a share link, or empty.
+ */
+query: string, width: number, height: number, cacheBytes: number, tau: number | null, camera: string | null, time: string | null, };
+
+/**
+ * A command without an answer.
+ */
+export type Command = { "op": "resize", width: number, height: number, } | { "op": "move", direction: Direction, held: boolean, } | { "op": "fast", held: boolean, } | { "op": "release", } | { "op": "drag", dx: number, dy: number, } | { "op": "pan", dx: number, dy: number, } | { "op": "zoom", factor: number, } | { "op": "wheel", steps: number, } | { "op": "turn", rad: number, } | { "op": "tilt", rad: number, } | { "op": "approach", x: number, y: number, } | { "op": "mode", mode: Mode, } | { "op": "north", } | { "op": "home", } | { "op": "collision", on: boolean, } | { "op": "camera", camera: string, seconds: number | null, } | { "op": "goto", position: [number, number, number], seconds: number | null, } | { "op": "time", time: string, } | { "op": "day", running: boolean, } | { "op": "options", tau: number | null, shadows: boolean | null, shading: number | null, } | { "op": "markers", points: Array<[number, number, number]>, } | { "op": "lines", lines: Array<Array<[number, number, number]>>, } | { "op": "measure" } & MeasureCommand;
+
+/**
+ * What the measuring tool does.
+ */
+export type MeasureCommand = { "action": "start", } | { "action": "stop", } | { "action": "kind", kind: Kind, } | { "action": "click", x: number, y: number, } | { "action": "undo", } | { "action": "clear", };
+
+export type Direction = "forward" | "back" | "left" | "right" | "up" | "down";
+
+export type Mode = "orbit" | "fly" | "walk";
+
+export type Kind = "line" | "area" | "height";
+
+/**
+ * What is over the picture that is on the screen. Places are pixels of the frame, from the upper left corner.
+ */
+export type FrameMessage = { op: string, 
+/**
+ * `X,Y,Z,AZIMUTH,PITCH,FOV` in metres and degrees.
+ */
+camera: string, position: [number, number, number], 
+/**
+ * Degrees clockwise from the grid's north.
+ */
+azimuth: number, 
+/**
+ * Degrees above the horizon.
+ */
+pitch: number, mode: string, 
+/**
+ * Whether ground and buildings stop the camera.
+ */
+collides: boolean, 
+/**
+ * Solar time, `YYYY-MM-DDThh:mm`.
+ */
+time: string, 
+/**
+ * At what is in the middle of the view; `null` for the sky.
+ */
+metersPerPixel: number | null, 
+/**
+ * Place of each marker, and whether nothing hides it.
+ */
+markers: Array<[number, number, boolean]>, 
+/**
+ * The same of points along each line.
+ */
+lines: Array<Array<[number, number, boolean]>>, measure: MeasureMessage | null, 
+/**
+ * Tiles that the frame lacks.
+ */
+missing: number, 
+/**
+ * Whether nothing can improve the frame.
+ */
+isSettled: boolean, 
+/**
+ * Tiles that arrived so far.
+ */
+tiles: number, };
+
+/**
+ * The measured figure.
+ */
+export type MeasureMessage = { kind: string, 
+/**
+ * The result, or what to do next.
+ */
+text: string, points: Array<[number, number]>, 
+/**
+ * Ends of each line: x, y, x, y.
+ */
+lines: Array<[number, number, number, number]>, closed: boolean, };
+
+/**
+ * The state of streaming.
+ */
+export type StatusMessage = { op: string, 
+/**
+ * `loading`, `offline`, `error`; `null` if all is well.
+ */
+kind: string | null, text: string, };
+
+/**
+ * What the engine does next.
+ */
+export type Step = { 
+/**
+ * `rows` of a frame on the CPU, a frame on the `gpu`, or `none`.
+ */
+action: string, 
+/**
+ * How long to wait for an arrival or a command before the next update.
+ */
+waitMs: number, width: number, height: number, 
+/**
+ * The rows to draw.
+ */
+first: number, end: number, 
+/**
+ * Whether the frame must be sent to the workers.
+ */
+isNew: boolean, 
+/**
+ * Whether writes to the atlas must be sent to the workers.
+ */
+hasWrites: boolean, 
+/**
+ * Whether the frame is the picture that was asked for.
+ */
+isPicture: boolean, divisor: number, samples: number, isFinal: boolean, };
+

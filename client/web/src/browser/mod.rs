@@ -1,0 +1,17 @@
+//! The viewer of a page, and what its other workers run.
+
+pub mod console;
+mod control;
+pub mod decoder;
+mod fetcher;
+mod frame_loop;
+mod gpu_canvas;
+pub mod host;
+mod navigation;
+mod overlay;
+mod page_writes;
+pub mod row_renderer;
+mod transport;
+pub mod viewer;
+
+use crate::{commands, messages};
