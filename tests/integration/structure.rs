@@ -63,7 +63,12 @@ fn only_render_and_ui_name_wgpu() {
     assert_only(
         "client/",
         &["wgpu::", "egui_wgpu"],
-        &["client/src/render/", "client/src/ui/", "client/viewer/src/render/gpu.rs", "client/web/src/gpu_canvas.rs"],
+        &[
+            "client/src/render/",
+            "client/src/ui/",
+            "client/viewer/src/render/gpu.rs",
+            "client/web/src/browser/gpu_canvas.rs",
+        ],
     );
     assert_only("shaders/src/", &["wgpu::"], &["shaders/src/gpu/"]);
     assert_only("server/", &["wgpu::"], &[]);
