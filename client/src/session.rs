@@ -24,7 +24,7 @@ use insula_viewer::{
         occlusion_feedback::{OcclusionFeedback, OcclusionQuery},
         transitions::Transitions,
     },
-    streamer::{Downloads, FrameRequest, LookaheadState, Streamer, TileCounts},
+    streamer::{Downloads, FrameRequest, LookaheadState, StreamStatus, Streamer, TileCounts},
 };
 use std::{
     sync::{
@@ -301,6 +301,16 @@ impl Session {
     /// See [`Streamer::has_work`].
     pub fn has_work(&self) -> bool {
         self.streamer.has_work()
+    }
+
+    /// See [`Streamer::stream_status`].
+    pub fn stream_status(&self) -> StreamStatus {
+        self.streamer.stream_status(self.started.elapsed())
+    }
+
+    /// See [`Streamer::missing_tiles`].
+    pub fn missing_tiles(&self) -> usize {
+        self.streamer.missing_tiles()
     }
 
     /// See [`Streamer::lacks_tiles`].

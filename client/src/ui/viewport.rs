@@ -8,7 +8,7 @@ use super::{
     overlay::{self, DisplayOptions, OverlayTexts, panel},
     picture_job::PictureJob,
     settings::UserSettings,
-    stream_status::{StreamStatus, loading_text},
+    stream_status::{loading_text, status_text},
     window::{OverlayLayout, ViewerWindow},
     window_surface::{SceneFrame, color_image},
 };
@@ -19,7 +19,7 @@ use insula_viewer::{
     camera::Camera,
     frame::{FrameData, RenderSettings},
     interaction::frame_pacing::{FrameDetail, FrameTime},
-    select::priority::PriorityGroup,
+    streamer::StreamStatus,
     sun::Daylight,
 };
 use std::time::{Duration, Instant};
@@ -315,9 +315,9 @@ impl Viewport {
 
     /// Updates the status, and logs it if it changed.
     fn update_status(&mut self) {
-        let status = StreamStatus::of(&self.city.session);
+        let status = self.city.session.stream_status();
         if status != self.status {
-            let text = status.text(&self.city.session);
+            let text = status_text(status, &self.city.session);
             tracing::info!("status: {}", text.as_deref().unwrap_or("ready"));
             self.status = status;
         }
@@ -345,7 +345,7 @@ impl Viewport {
         let furniture = self.furniture(window);
         let CityView { session, control, display, bookmark_panel, measure, recorder, ray_counts, .. } = &mut self.city;
         let texts = OverlayTexts::new(session, frame_time, control, *ray_counts);
-        let status_text = self.status.text(session);
+        let status_text = status_text(self.status, session);
         let is_error = self.status != StreamStatus::Loading;
         let camera = control.camera();
         let view = session.view(&request, camera);
@@ -393,14 +393,15 @@ impl Viewport {
     fn furniture(&self, window: &ViewerWindow) -> Furniture {
         let CityView { session, control, readout, picture, .. } = &self.city;
         let pixels_per_point = f64::from(window.egui.pixels_per_point());
-        let wanted = session.selection().requests.iter();
-        let missing = wanted.filter(|request| request.group != PriorityGroup::Preload).count();
         Furniture {
             yaw_rad: control.camera().angles().0,
             metres_per_point: readout.metres_per_px().map(|metres| metres * pixels_per_point),
             has_pointer: readout.has_pointer(),
             coordinates: readout.text(session.tree().manifest().crs.as_deref()),
-            works: loading_text(missing).into_iter().chain(picture.as_ref().map(PictureJob::text)).collect(),
+            works: loading_text(session.missing_tiles())
+                .into_iter()
+                .chain(picture.as_ref().map(PictureJob::text))
+                .collect(),
         }
     }
 

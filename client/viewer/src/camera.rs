@@ -52,6 +52,11 @@ impl Camera {
         (self.forward.y.atan2(self.forward.x), self.forward.z.clamp(-1.0, 1.0).asin())
     }
 
+    /// Degrees clockwise from the grid's north, 0 to 360.
+    pub fn azimuth_deg(&self) -> f64 {
+        (90.0 - self.angles().0.to_degrees()).rem_euclid(360.0)
+    }
+
     /// Sees all of `bounds` (`[min, max]`) from the south-east, 25 degrees above the horizon. `aspect` is width by height.
     pub fn overview(bounds: [[f64; 3]; 2], aspect: f64) -> Self {
         let (low, high) = (DVec3::from(bounds[0]), DVec3::from(bounds[1]));

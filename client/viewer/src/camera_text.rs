@@ -11,8 +11,7 @@ const MAX_COORDINATE_M: f64 = 1e10;
 /// The text of a camera, to the millimetre.
 pub fn format(camera: &Camera) -> String {
     let p = camera.position;
-    let (yaw, pitch) = camera.angles();
-    let azimuth = (90.0 - yaw.to_degrees()).rem_euclid(360.0);
+    let (azimuth, (_, pitch)) = (camera.azimuth_deg(), camera.angles());
     format!(
         "{:.3},{:.3},{:.3},{azimuth:.4},{:.4},{:.3}",
         p.x,

@@ -214,7 +214,7 @@ impl Daylight {
     }
 
     /// Sets date and hour, and releases a fixed bearing.
-    fn set_time(&mut self, time: &SunTime) {
+    pub fn set_time(&mut self, time: &SunTime) {
         let since_midnight = f64::from(time.at.num_seconds_from_midnight()) / 3600.0;
         let ahead = if time.is_universal { self.site.location.longitude / 15.0 } else { 0.0 };
         (self.date, self.hour, self.fixed_bearing) = (time.at.date(), 0.0, None);

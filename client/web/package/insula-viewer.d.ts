@@ -196,7 +196,7 @@ export class InsulaCity extends HTMLElement {
   steer(op: 'north' | 'home'): void;
   /** Takes keys from another target, such as the document, instead of only while the element has the focus. */
   listenForKeys(target: EventTarget): void;
-  /** Ends the viewer and starts it anew, for example after an error. */
+  /** Restarts the viewer, for example after an error. */
   restart(): void;
 
   addEventListener<K extends keyof InsulaCityEventMap>(

@@ -58,7 +58,7 @@ collides: boolean,
  */
 time: string, 
 /**
- * At what is in the middle of the view; `null` for the sky.
+ * At the surface in the middle of the view; `null` if there is none.
  */
 metersPerPixel: number | null, 
 /**

@@ -1,26 +1,17 @@
 /** The worker that owns the viewer, as the element sees it: messages, and requests with replies. */
 
-/** Starts the worker. One of another origin must be imported by a script of this origin. */
-function startWorker() {
-  const url = new URL('./engine.js', import.meta.url);
-  if (url.origin === location.origin) return new Worker(url, { type: 'module' });
-  const script = new Blob([`import ${JSON.stringify(url.href)};`], { type: 'text/javascript' });
-  const blobUrl = URL.createObjectURL(script);
-  const worker = new Worker(blobUrl, { type: 'module' });
-  worker.addEventListener('message', () => URL.revokeObjectURL(blobUrl), { once: true });
-  return worker;
-}
+import { startWorker } from './workers.js';
 
 /** A worker that no viewer has taken yet. @type {Worker|null} */
 let spare = null;
 
 /** Starts a worker for the first viewer of a page that will have one: it loads while the page is being set up. */
 export function prepareEngine() {
-  spare ??= startWorker();
+  spare ??= startWorker('engine.js');
 }
 
 function takeWorker() {
-  const worker = spare ?? startWorker();
+  const worker = spare ?? startWorker('engine.js');
   spare = null;
   return worker;
 }

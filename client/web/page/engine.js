@@ -29,8 +29,9 @@ class Engine {
   #timer = 0;
   #reopenings = 0;
   #lastMissing = -1;
-  /** @type {{id: number, caption: string[]}[]} */ #pictures = [];
-  /** @type {{width: number, height: number}|null} */ #size = null;
+  /** Pictures that were asked for; the first is being made.
+   * @type {{id: number, width: number, height: number, caption: string[]}[]} */
+  #pictures = [];
   /** Messages that arrived before the viewer. @type {object[]|null} */ #early = [];
 
   async start(options) {
@@ -39,7 +40,7 @@ class Engine {
     const cacheBytes = options.cacheMib * 2 ** 20;
     this.#helpers = new Helpers(compiled, options.workers, cacheBytes);
     const [city] = await Promise.all([
-      locate(options.src, options.manifest),
+      locate(this.#network, options.src, options.manifest),
       compiled.then((module) => init({ module_or_path: module })),
     ]);
     const { width, height, camera, time, tau } = options;
@@ -119,9 +120,12 @@ class Engine {
     }
     const begin = performance.now();
     this.#isDrawing = true;
-    if (step.action === 'gpu') await this.#drawOnGpu(step, begin).catch((error) => this.#loseGpu(error.message));
-    else await this.#drawRows(step, begin);
-    this.#isDrawing = false;
+    try {
+      if (step.action === 'gpu') await this.#drawOnGpu(step, begin).catch((error) => this.#loseGpu(error.message));
+      else await this.#drawRows(step, begin);
+    } finally {
+      this.#isDrawing = false;
+    }
     return 0;
   }
 
@@ -134,6 +138,8 @@ class Engine {
     if (!pixels) return;
     const image = new ImageData(new Uint8ClampedArray(pixels.buffer), step.width, step.height);
     if (step.isPicture) return this.#finishPicture(image);
+    // Frames of another size, whose hits a picture needs, are not for the screen.
+    if (this.#pictures.length > 0) return;
     this.#canvas.show(image);
     this.#presented(step, ms);
   }
@@ -199,18 +205,21 @@ class Engine {
     return this.#early !== null;
   }
 
-  picture({ id, width, height, caption }) {
-    this.#pictures.push({ id, caption });
-    if (this.#pictures.length > 1) return;
-    this.#size = { width, height };
+  picture({ id, width, height, caption = [] }) {
+    this.#pictures.push({ id, width, height, caption });
+    if (this.#pictures.length === 1) this.#makePicture();
+  }
+
+  #makePicture() {
+    const [{ width, height }] = this.#pictures;
     this.#viewer.makePicture(width, height);
     this.wake();
   }
 
-  async #finishPicture(image) {
+  #finishPicture(image) {
     const { id, caption } = this.#pictures.shift();
-    reply(id, captioned(image, caption ?? []));
-    if (this.#pictures.length > 0) this.#viewer.makePicture(this.#size.width, this.#size.height);
+    reply(id, captioned(image, caption));
+    if (this.#pictures.length > 0) this.#makePicture();
   }
 
   visible({ visible }) {

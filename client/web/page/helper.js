@@ -47,7 +47,8 @@ addEventListener('message', ({ data }) => {
   else ready = ready.then(() => jobs[data.job](data)).catch((error) => fail(data, error));
 });
 
-/** A job that fails must be answered too, or the engine would wait for ever. */
-function fail(data, error) {
-  postMessage({ number: data.number, error: String(error?.message ?? error), isFatal: true });
+/** A job with a number must be answered, or the engine would wait for ever. */
+function fail({ number }, error) {
+  console.error(error);
+  if (number !== undefined) postMessage({ number, error: String(error?.message ?? error) });
 }

@@ -1,12 +1,6 @@
 /** The workers that decode tiles and draw rows for the engine. */
 
-/** Starts a module worker. One of another origin must be imported by a script of this origin. */
-function startWorker(name) {
-  const url = new URL(name, import.meta.url);
-  if (url.origin === self.origin) return new Worker(url, { type: 'module' });
-  const script = new Blob([`import ${JSON.stringify(url.href)};`], { type: 'text/javascript' });
-  return new Worker(URL.createObjectURL(script), { type: 'module' });
-}
+import { startWorker } from './workers.js';
 
 /** Rows keep a worker as busy as this many tiles. */
 const ROWS_WEIGHT = 8;
@@ -29,7 +23,7 @@ export class Helpers {
     this.#drawing = count;
     // One more decodes all the time: tiles do not wait for rows.
     for (let at = 0; at <= count; at++) {
-      const worker = startWorker('./helper.js');
+      const worker = startWorker('helper.js');
       worker.onmessage = ({ data }) => this.#settle(data);
       worker.onerror = (event) => this.#failAll(at, event.message || 'helper.js');
       // The engine reports the failure of a module that does not compile.

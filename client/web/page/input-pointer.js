@@ -109,7 +109,7 @@ export class PointerInput {
       last !== null &&
       press.time - last.time < DOUBLE_CLICK_MS &&
       distance(press.at, last.at) < DOUBLE_CLICK_PX;
-    // A third click starts anew.
+    // A third click begins another double click.
     this.#lastClick = isDouble ? null : { at: press.at, time: event.timeStamp };
     const [x, y] = this.#share(press.at);
     this.#actions.click(x, y, isDouble ? 2 : 1);

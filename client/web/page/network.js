@@ -1,8 +1,10 @@
 /** Requests of the engine: limited in bytes and in time. */
 
-/** A response may take this long, and a second more for each 256 bytes that have arrived. */
+/** A response may take this long, and a second longer for each 256 bytes that have arrived. */
 const TIMEOUT_MS = 15000;
 const MS_PER_BYTE = 1000 / 256;
+/** Longest time of a response, whatever its length. */
+const MAX_MS = 600_000;
 const MAX_MANIFEST_BYTES = 4 << 20;
 
 /** What Rust sees of a response. */
@@ -25,12 +27,30 @@ export class Network {
   bytes = 0;
 
   /** See `Host::fetch` of the crate. */
-  async fetch(url, range, limit, request) {
+  fetch(url, range, limit, request) {
+    return this.#send(url, range ? { range } : {}, limit, request);
+  }
+
+  /**
+   * Fetches the text of a manifest. `null` if there is none. Fails if the host does not answer, or if it is too long.
+   * @param {string} url
+   * @returns {Promise<string|null>}
+   */
+  async manifest(url) {
+    const { status, error, tooLong, bytes } = await this.#send(url, { accept: 'application/json' }, MAX_MANIFEST_BYTES, 0);
+    if (status === 404 || status === 403) return null;
+    if (tooLong) throw new Error(`${url}: too long for a manifest`);
+    if (error || status !== 200) throw new Error(`${url}: ${error ?? `status ${status}`}`);
+    const text = new TextDecoder().decode(bytes);
+    return text.trimStart().startsWith('{') ? text : null;
+  }
+
+  async #send(url, headers, limit, request) {
     const controller = new AbortController();
     this.#controllers.set(request, controller);
     this.requests++;
     try {
-      return await this.#get(url, range, limit, controller);
+      return await this.#get(url, headers, limit, controller);
     } catch (error) {
       return new Answer({ error: error?.name === 'AbortError' ? 'no answer in time' : String(error?.message ?? error) });
     } finally {
@@ -42,10 +62,10 @@ export class Network {
     this.#controllers.get(request)?.abort();
   }
 
-  async #get(url, range, limit, controller) {
+  async #get(url, headers, limit, controller) {
+    const begin = performance.now();
     let timer = setTimeout(() => controller.abort(), TIMEOUT_MS);
     try {
-      const headers = range ? { range } : {};
       const response = await fetch(url, { headers, signal: controller.signal, credentials: 'same-origin' });
       const { status } = response;
       if (status !== 200 && status !== 206) {
@@ -60,11 +80,12 @@ export class Network {
         // A host without ranges answers with the whole file: its status says so, and its body is of no use.
         if (length > limit) {
           controller.abort();
-          return new Answer({ status, headers: response.headers, tooLong: !(range && status === 200) });
+          return new Answer({ status, headers: response.headers, tooLong: !(headers.range && status === 200) });
         }
         chunks.push(chunk);
         clearTimeout(timer);
-        timer = setTimeout(() => controller.abort(), TIMEOUT_MS + chunk.length * MS_PER_BYTE);
+        const allowedMs = Math.min(TIMEOUT_MS + length * MS_PER_BYTE, MAX_MS);
+        timer = setTimeout(() => controller.abort(), begin + allowedMs - performance.now());
       }
       return new Answer({ status, headers: response.headers, bytes: joined(chunks, length) });
     } finally {
@@ -104,23 +125,14 @@ export async function compileViewer() {
   return WebAssembly.compile(await response.arrayBuffer());
 }
 
-/** Fetches the text of a manifest. `null` if there is none. Fails if the host does not answer. */
-async function manifestAt(url) {
-  const response = await fetch(url, { headers: { accept: 'application/json' } });
-  if (response.status === 404 || response.status === 403) return null;
-  if (!response.ok) throw new Error(`${url}: status ${response.status}`);
-  const text = await response.text();
-  if (text.length > MAX_MANIFEST_BYTES) throw new Error(`${url}: too long for a manifest`);
-  return text.trimStart().startsWith('{') ? text : null;
-}
-
 /**
  * Where the tiles of a city are: `.../v1/cities/NAME` on a server, the page `.../cities/NAME` of one, or a baked city's folder.
+ * @param {Network} network
  * @param {string} src An absolute URL.
  * @param {object|null} known The manifest, if the page has it.
  * @returns {Promise<{manifest: string, base: string, isFolder: boolean, query: string}>}
  */
-export async function locate(src, known) {
+export async function locate(network, src, known) {
   const url = new URL(src);
   const share = url.searchParams.get('share');
   const query = share ? `?share=${encodeURIComponent(share)}` : '';
@@ -128,12 +140,12 @@ export async function locate(src, known) {
   const city = /^(.*?)(\/v1)?\/cities\/([a-z0-9_-]{1,64})$/.exec(path);
   const folder = { base: url.origin + path, isFolder: true, query: '' };
   const server = city && { base: url.origin + city[1], isFolder: false, query };
-  if (known) return { ...(server?.base !== undefined && city[2] ? server : folder), manifest: JSON.stringify(known) };
+  if (known) return { ...(city?.[2] ? server : folder), manifest: JSON.stringify(known) };
   if (server) {
-    const manifest = await manifestAt(`${server.base}/v1/cities/${city[3]}${query}`);
+    const manifest = await network.manifest(`${server.base}/v1/cities/${city[3]}${query}`);
     if (manifest) return { ...server, manifest };
   }
-  const manifest = await manifestAt(`${folder.base}/city.json`);
+  const manifest = await network.manifest(`${folder.base}/city.json`);
   if (manifest) return { ...folder, manifest };
   throw new Error(`${src}: there is no city here`);
 }

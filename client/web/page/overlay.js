@@ -29,7 +29,7 @@ export class Overlay {
 
   /**
    * @param {HTMLElement} host The custom element: content of markers becomes its child, so that the page's styles apply.
-   * @param {(what: 'markers'|'lines') => void} changed Called when points have to be projected anew.
+   * @param {(what: 'markers'|'lines') => void} changed Called when points must be projected again.
    */
   constructor(host, changed) {
     this.#host = host;

@@ -20,7 +20,7 @@ pub(crate) struct FrameMessage {
     pub(crate) collides: bool,
     /// Solar time, `YYYY-MM-DDThh:mm`.
     pub(crate) time: String,
-    /// At what is in the middle of the view; `null` for the sky.
+    /// At the surface in the middle of the view; `null` if there is none.
     pub(crate) meters_per_pixel: Option<f64>,
     /// Place of each marker, and whether nothing hides it.
     pub(crate) markers: Vec<(f64, f64, bool)>,

@@ -109,14 +109,14 @@ impl CityPage {
         Ok(())
     }
 
-    /// Starts an element anew with other attributes, and waits for its first picture.
+    /// Restarts an element with other attributes, and waits for its first picture.
     pub fn restart_with(&self, number: usize, attributes: &[(&str, &str)]) -> Result<()> {
         let element = Self::element(number);
         let set = attributes.iter().map(|(name, value)| format!("element.setAttribute('{name}', '{value}');"));
         let script = format!(
             "(() => {{ const element = {element}, before = element.getAttribute('adapter'); {}
                 delete element.insulaSeen;
-                // Another adapter starts it anew already.
+                // Another adapter restarts it already.
                 if (element.getAttribute('adapter') === before) element.restart(); }})()",
             set.collect::<String>()
         );

@@ -26,7 +26,7 @@ const DRIVER: [(&str, Test); 5] = [
     ("driver_collects_errors", driver::errors_are_collected),
 ];
 
-const VIEWER: [(&str, Test); 19] = [
+const VIEWER: [(&str, Test); 20] = [
     ("the_page_shows_the_city", viewer::the_page_shows_the_city),
     ("the_page_of_a_single_city_is_the_root", viewer::a_single_city_is_the_root),
     ("a_page_without_scripts_lists_the_city", viewer::a_page_without_scripts_lists_the_city),
@@ -38,6 +38,7 @@ const VIEWER: [(&str, Test); 19] = [
     ("hostile_names_are_text", viewer::hostile_names_are_text),
     ("the_cpu_draws_the_native_picture", pictures::the_cpu_draws_the_native_picture),
     ("webgpu_draws_the_native_picture", pictures::webgpu_draws_the_native_picture),
+    ("pictures_have_their_own_sizes", pictures::pictures_have_their_own_sizes),
     ("a_lost_device_falls_back_to_the_cpu", pictures::a_lost_device_falls_back),
     ("a_restarted_server_is_found_again", faults::a_restarted_server_is_found_again),
     ("an_offline_page_keeps_its_picture", faults::an_offline_page_keeps_its_picture),

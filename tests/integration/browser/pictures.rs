@@ -66,5 +66,26 @@ pub(super) fn a_lost_device_falls_back() -> Result<()> {
     let why = page.last_event(0, "adapter")?["detail"]["why"].clone();
     ensure!(why.as_str().is_some_and(|why| why.contains("lost")), "{why}");
     page.wait_until_final(0)?;
+    ensure_city_is_visible(&page)?;
+    // A new device is opened after some seconds. It has to get all tiles.
+    page.wait_for_adapter(0, "gpu")?;
+    page.wait_until_final(0)?;
+    ensure_city_is_visible(&page)
+}
+
+/// Pictures of several sizes are made one after another, and the page keeps its own.
+pub(super) fn pictures_have_their_own_sizes() -> Result<()> {
+    let server = serve()?;
+    let browser = Browser::launch(BrowserOptions { size: SIZE_PX, ..BrowserOptions::default() })?;
+    let page = CityPage::open(&browser, &super::viewer::url(&server))?;
+    let sizes = page.page.evaluate(&format!(
+        "Promise.all([[64, 48], [96, 40]].map(async ([width, height]) => {{
+            const picture = await createImageBitmap(await {}.screenshot({{ width, height }}));
+            return [picture.width, picture.height];
+        }}))",
+        CityPage::element(0)
+    ))?;
+    ensure!(sizes == serde_json::json!([[64, 48], [96, 40]]), "{sizes}");
+    page.wait_until_final(0)?;
     ensure_city_is_visible(&page)
 }

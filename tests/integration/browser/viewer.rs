@@ -1,4 +1,4 @@
-//! The page of a city on a real server: what is seen, and what mouse, keys and fingers do.
+//! The page of a city on a real server: its picture, and the effects of mouse, keys and touch.
 
 use anyhow::{Context, Result, ensure};
 use image::RgbImage;

@@ -46,6 +46,7 @@ pub use idle_prefetch::{FEEDBACK_DOWNSCALE, LookaheadState};
 use insula_protocol::TileKind;
 use occlusion_gate::OcclusionGate;
 use request_policy::{RequestPhase, RequestPolicy};
+pub use status::StreamStatus;
 use std::{collections::HashSet, time::Duration};
 use tile_store::TileStore;
 pub use upload_queue::TileCounts;

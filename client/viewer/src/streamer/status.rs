@@ -12,8 +12,44 @@ use crate::{
     select::{Selection, occlusion_feedback::OcclusionFeedback, priority::PriorityGroup, transitions::Transitions},
 };
 use insula_protocol::TileId;
+use std::time::Duration;
+
+/// People are told after the server has not responded for this time.
+const SILENCE: Duration = Duration::from_millis(700);
+
+/// State of streaming, as people see it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StreamStatus {
+    /// The city is shown, and the server responds or is not needed.
+    Ready,
+    /// Nothing can be drawn yet.
+    Loading,
+    /// Tiles are missing and the server does not respond.
+    Reconnecting,
+    /// The city cannot be shown.
+    Failed,
+}
 
 impl<F: TileFetcher> Streamer<F> {
+    /// Status after the last selection.
+    pub fn stream_status(&self, now: Duration) -> StreamStatus {
+        // A frame that lacks no tiles needs no server.
+        let failing_since = self.downloads.failing_since().filter(|_| self.lacks_tiles());
+        match self.check() {
+            Err(_) => StreamStatus::Failed,
+            Ok(()) if failing_since.is_some_and(|since| now.saturating_sub(since) > SILENCE) => {
+                StreamStatus::Reconnecting
+            }
+            Ok(()) if self.selection.draw_tiles.is_empty() => StreamStatus::Loading,
+            Ok(()) => StreamStatus::Ready,
+        }
+    }
+
+    /// Number of tiles that the last selection's frame lacks, preloaded ones aside.
+    pub fn missing_tiles(&self) -> usize {
+        self.selection.requests.iter().filter(|wanted| wanted.group != PriorityGroup::Preload).count()
+    }
+
     /// Fails if the city has no usable root, or its source will never serve it.
     pub fn check(&self) -> Result<(), StreamError> {
         let root = [TileKey::subtree(TileId::ROOT), TileKey::block_map(TileId::ROOT)];
@@ -66,7 +102,7 @@ impl<F: TileFetcher> Streamer<F> {
 
     /// Whether the last selection's frame lacks tiles, preloaded ones aside.
     pub fn lacks_tiles(&self) -> bool {
-        self.selection.requests.iter().any(|wanted| wanted.group != PriorityGroup::Preload)
+        self.missing_tiles() > 0
     }
 
     /// Whether arrivals belong to the idle prefetch rather than to the frame.

@@ -3,22 +3,16 @@
 use super::{
     commands::{Command, MeasureCommand},
     navigation::CameraFlight,
-    viewer::{CityViewer, to_js},
+    viewer::{CityViewer, clamped_size, clamped_tau, to_js},
 };
 use glam::DVec3;
 use insula_shaders::layout::Shading;
-use insula_viewer::{
-    camera::Camera,
-    camera_text,
-    sun::{Daylight, SunOptions, parse_time},
-};
+use insula_viewer::{camera::Camera, camera_text, sun::parse_time};
 use wasm_bindgen::prelude::*;
 use web_time::Instant;
 
-/// Most markers, and points of all lines.
-const MAX_POINTS: usize = 10_000;
-/// Largest side of a frame in pixels.
-const MAX_SIDE_PX: u32 = 8192;
+/// Most markers, and most points of all lines: each frame searches for what hides them.
+const MAX_POINTS: usize = 1000;
 /// Height above a point, in metres, from which it is looked at, unless the camera is higher.
 const VISIT_HEIGHT_M: f64 = 150.0;
 
@@ -29,18 +23,19 @@ impl CityViewer {
         let command = serde_json::from_str(json).map_err(to_js)?;
         match command {
             Command::Markers { points } => {
-                self.markers = points.into_iter().take(MAX_POINTS).map(DVec3::from).collect();
+                check_count(points.len())?;
+                self.markers = points.into_iter().map(DVec3::from).collect();
             }
-            Command::Lines { lines } => self.set_lines(lines),
+            Command::Lines { lines } => {
+                check_count(lines.iter().map(Vec::len).sum())?;
+                self.lines = lines.into_iter().map(|line| line.into_iter().map(DVec3::from).collect()).collect();
+            }
             Command::Measure(action) => self.measure(&action),
             Command::Resize { width, height } => {
-                self.size_px = [width, height].map(|side| side.clamp(1, MAX_SIDE_PX));
+                self.size_px = clamped_size(width, height);
             }
             Command::Time { time } => {
-                let time = parse_time(&time).map_err(to_js)?;
-                let options = SunOptions { time: Some(time), ..SunOptions::default() };
-                let at = Daylight::new(&options, self.streamer.tree().manifest());
-                (self.daylight.date, self.daylight.hour, self.daylight.fixed_bearing) = (at.date, at.hour, None);
+                self.daylight.set_time(&parse_time(&time).map_err(to_js)?);
             }
             Command::Day { running } => {
                 if running != self.day.is_running() {
@@ -123,8 +118,8 @@ impl CityViewer {
     }
 
     fn set_options(&mut self, tau_px: Option<f64>, shadows: Option<bool>, shading: Option<usize>) {
-        if let Some(tau_px) = tau_px.filter(|tau_px| tau_px.is_finite()) {
-            self.tau_px = tau_px.clamp(0.25, 16.0);
+        if let Some(tau_px) = tau_px {
+            self.tau_px = clamped_tau(tau_px);
         }
         if let Some(shadows) = shadows {
             self.daylight.shadows = shadows;
@@ -132,16 +127,6 @@ impl CityViewer {
         if let Some(shading) = shading.and_then(|number| Shading::ALL.get(number)) {
             self.shading = *shading;
         }
-    }
-
-    fn set_lines(&mut self, lines: Vec<Vec<[f64; 3]>>) {
-        let mut points = 0;
-        let mut is_within_limit = |line: &Vec<[f64; 3]>| {
-            points += line.len();
-            points <= MAX_POINTS
-        };
-        let lines = lines.into_iter().take_while(&mut is_within_limit);
-        self.lines = lines.map(|line| line.into_iter().map(DVec3::from).collect()).collect();
     }
 
     fn measure(&mut self, action: &MeasureCommand) {
@@ -159,4 +144,12 @@ impl CityViewer {
             MeasureCommand::Start {} | MeasureCommand::Stop {} => {}
         }
     }
+}
+
+/// Fails if there are more points than a frame has time for.
+fn check_count(points: usize) -> Result<(), JsError> {
+    if points > MAX_POINTS {
+        return Err(JsError::new(&format!("{points} points: at most {MAX_POINTS} are shown")));
+    }
+    Ok(())
 }

@@ -8,7 +8,7 @@ use super::{
     messages::Step,
     page_writes::PageWrites,
     row_renderer::frame_words,
-    viewer::{CityViewer, json},
+    viewer::{CityViewer, clamped_size, json},
 };
 use insula_shaders::{
     cpu::{hit_counts::hit_counts, raycast::RenderedRows},
@@ -32,6 +32,8 @@ const POLL: Duration = Duration::from_millis(50);
 /// While tiles arrive for a view that does not change, this many times as long as a frame took passes before the next: decoding needs
 /// the cores too.
 const PAUSE_PER_FRAME: u32 = 2;
+/// Writes that are kept for a GPU: 64 MiB. With more, the GPU gets its tiles again, from the browser's cache.
+const MAX_PAST_WORDS: usize = 16 << 20;
 /// Longest wait of a view that rests.
 const REST: Duration = Duration::from_secs(3600);
 
@@ -40,7 +42,7 @@ pub(crate) enum Renderer {
     Cpu {
         /// Writes that the workers have not got.
         writes: PageWrites,
-        /// All writes so far, for a GPU that may be opening.
+        /// All writes so far, for a GPU that may be opening. `None` if no GPU is expected, or if they exceed [`MAX_PAST_WORDS`].
         past: Option<Vec<u32>>,
     },
     Gpu(Box<GpuCanvas>),
@@ -53,14 +55,23 @@ impl Default for Renderer {
 }
 
 impl Renderer {
-    /// All writes since the start, unless they were forgotten.
-    pub(crate) fn past_writes(&mut self) -> &[u32] {
+    /// The waiting writes, which are forgotten except for a GPU.
+    fn take_writes(&mut self) -> Vec<u32> {
+        let Self::Cpu { writes, past } = self else { return Vec::new() };
+        let words = writes.take();
+        if let Some(all) = past {
+            all.extend_from_slice(&words);
+        }
+        past.take_if(|all| all.len() > MAX_PAST_WORDS);
+        words
+    }
+
+    /// All writes since the start; `None` if they are not kept.
+    pub(crate) fn past_writes(&mut self) -> Option<Vec<u32>> {
+        self.take_writes();
         match self {
-            Self::Cpu { writes, past: Some(past) } => {
-                past.extend(writes.take());
-                past
-            }
-            _ => &[],
+            Self::Cpu { past, .. } => past.take(),
+            Self::Gpu(_) => None,
         }
     }
 
@@ -144,12 +155,7 @@ impl CityViewer {
     /// Waiting writes to the atlas, for `RowRenderer::write`.
     #[wasm_bindgen(js_name = takeWrites)]
     pub fn take_writes(&mut self) -> Vec<u32> {
-        let Renderer::Cpu { writes, past } = &mut self.renderer else { return Vec::new() };
-        let words = writes.take();
-        if let Some(past) = past {
-            past.extend_from_slice(&words);
-        }
-        words
+        self.renderer.take_writes()
     }
 
     /// The frame whose rows are drawn, for `RowRenderer::begin`.
@@ -219,7 +225,7 @@ impl CityViewer {
     /// Makes a picture of this size: a later step draws it, when all tiles are there.
     #[wasm_bindgen(js_name = makePicture)]
     pub fn make_picture(&mut self, width: u32, height: u32) {
-        self.picture_px = Some([width, height].map(|side| side.clamp(1, 8192)));
+        self.picture_px = Some(clamped_size(width, height));
         (self.job, self.view_state) = (None, None);
     }
 }
@@ -356,8 +362,7 @@ impl CityViewer {
     }
 
     /// Draws a still frame again, with all its rays.
-    fn refine(&mut self, data: FrameData, detail: FrameDetail) {
-        let mut data = data;
+    fn refine(&mut self, mut data: FrameData, detail: FrameDetail) {
         data.frame.samples = detail.samples;
         self.job = Some(FrameJob::new(data, detail, false));
     }

@@ -11,40 +11,24 @@ use insula_viewer::{
     camera_text,
     interaction::{camera_control::ControlMode, measure::MeasureKind},
     projection::{project, project_line},
-    select::priority::PriorityGroup,
-    streamer::Streamer,
+    streamer::{StreamStatus, Streamer},
 };
 use std::time::Duration;
 
-/// The page is informed after the server has not responded for this time.
-const SILENCE: Duration = Duration::from_millis(700);
 /// Points nearer to a surface than this share of their distance are visible.
 const VISIBLE_SHARE: f64 = 0.995;
 
 impl StatusMessage {
     /// The state of streaming `elapsed` after its start.
     pub(crate) fn of(streamer: &Streamer<BrowserFetcher>, elapsed: Duration) -> Self {
-        let downloads = streamer.downloads();
-        let failing = downloads.failing_since().map(|since| elapsed.saturating_sub(since));
-        let (kind, text) = match streamer.check() {
-            Err(error) => (Some("error"), error.to_string()),
-            Ok(()) if lacks_tiles(streamer) && failing.is_some_and(|time| time > SILENCE) => {
-                (Some("offline"), downloads.last_error().to_owned())
-            }
-            Ok(()) if streamer.selection().draw_tiles.is_empty() => (Some("loading"), String::new()),
-            Ok(()) => (None, String::new()),
+        let (kind, text) = match streamer.stream_status(elapsed) {
+            StreamStatus::Ready => (None, String::new()),
+            StreamStatus::Loading => (Some("loading"), String::new()),
+            StreamStatus::Reconnecting => (Some("offline"), streamer.downloads().last_error().to_owned()),
+            StreamStatus::Failed => (Some("error"), streamer.check().err().map(|e| e.to_string()).unwrap_or_default()),
         };
         Self { op: "status", kind, text }
     }
-}
-
-fn lacks_tiles(streamer: &Streamer<BrowserFetcher>) -> bool {
-    missing(streamer) > 0
-}
-
-/// Tiles that the frame lacks.
-pub(crate) fn missing(streamer: &Streamer<BrowserFetcher>) -> usize {
-    streamer.selection().requests.iter().filter(|wanted| wanted.group != PriorityGroup::Preload).count()
 }
 
 impl CityViewer {
@@ -52,7 +36,6 @@ impl CityViewer {
     pub(crate) fn frame_message(&self) -> FrameMessage {
         let view = self.view();
         let camera = &view.camera;
-        let (yaw, pitch) = camera.angles();
         let pixels = |share: DVec2| share * DVec2::new(f64::from(view.width_px), f64::from(view.height_px));
         let marker = |point: &DVec3| match project(&view, *point) {
             Some(share) => (pixels(share).x, pixels(share).y, self.sees(*point)),
@@ -62,8 +45,8 @@ impl CityViewer {
             op: "frame",
             camera: camera_text::format(camera),
             position: camera.position.to_array(),
-            azimuth: (90.0 - yaw.to_degrees()).rem_euclid(360.0),
-            pitch: pitch.to_degrees(),
+            azimuth: camera.azimuth_deg(),
+            pitch: camera.angles().1.to_degrees(),
             mode: match self.control.mode() {
                 ControlMode::Orbit => "orbit",
                 ControlMode::Fly => "fly",
@@ -75,7 +58,7 @@ impl CityViewer {
             markers: self.markers.iter().map(marker).collect(),
             lines: self.lines.iter().map(|line| self.points_along(&view, line)).collect(),
             measure: self.measure_message(&view),
-            missing: missing(&self.streamer),
+            missing: self.streamer.missing_tiles(),
             is_settled: self.streamer.is_settled(),
             tiles: {
                 let counts = self.streamer.tile_counts();
@@ -123,7 +106,7 @@ impl CityViewer {
             .collect()
     }
 
-    /// Metres that a pixel covers across the view at what is in its middle.
+    /// Width of a pixel in metres at the surface in the middle of the view.
     fn meters_per_pixel(&self, view: &View) -> Option<f64> {
         let (_, distance_m) = self.surface_at(0.5, 0.5)?;
         Some(distance_m / view.focal_px())

@@ -1,6 +1,6 @@
 //! Writes to the atlas on their way to the workers that draw on the CPU, each of which has its own copy.
 //!
-//! As bytes: for each write its kind (0 page, 1 summary), its number, its number of words, then the words; little-endian.
+//! As words: for each write its kind (0 page, 1 summary), its number, its length in words, then its words.
 
 use insula_shaders::layout::SUMMARY_WORDS;
 use insula_viewer::cache::Upload;

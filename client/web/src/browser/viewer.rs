@@ -8,7 +8,6 @@ use super::{
     host::Host,
     messages::StatusMessage,
     navigation::CameraFlight,
-    overlay::missing,
     page_writes,
     transport::BrowserTransport,
 };
@@ -42,7 +41,7 @@ const MAX_SIDE_PX: u32 = 8192;
 /// How far surfaces are searched along a ray.
 const MAX_PICK_M: f64 = 50_000.0;
 /// Selectable tolerated errors in pixels.
-const TAU_PX: std::ops::RangeInclusive<f64> = 0.25..=16.0;
+const TAU_PX: [f64; 2] = [0.25, 16.0];
 
 /// A city in a page.
 #[wasm_bindgen]
@@ -93,7 +92,7 @@ impl CityViewer {
         } else {
             Arc::new(ServerSource::new(transport, &options.base, &options.query, &manifest))
         };
-        let size_px = [options.width, options.height].map(|side| side.clamp(1, MAX_SIDE_PX));
+        let size_px = clamped_size(options.width, options.height);
         let aspect = f64::from(size_px[0]) / f64::from(size_px[1]);
         let overview = || Camera::overview(manifest.focus_bounds(), aspect);
         let camera = options.camera.as_deref().and_then(camera_text::parse).unwrap_or_else(overview);
@@ -112,7 +111,7 @@ impl CityViewer {
             day: DayAnimation::default(),
             pacer: FramePacer::new(Instant::now(), true),
             shading: Shading::Lit,
-            tau_px: options.tau.unwrap_or(1.0).clamp(*TAU_PX.start(), *TAU_PX.end()),
+            tau_px: clamped_tau(options.tau.unwrap_or(1.0)),
             size_px,
             picture_px: None,
             job: None,
@@ -145,7 +144,7 @@ impl CityViewer {
 
     /// Number of tiles that the frame lacks.
     pub fn missing(&self) -> usize {
-        missing(&self.streamer)
+        self.streamer.missing_tiles()
     }
 
     /// Whether anything of the city can be drawn.
@@ -171,17 +170,17 @@ impl CityViewer {
         opened.map(|gpu| GpuHandle { gpu: Box::new(gpu) }).map_err(|reason| JsError::new(&reason))
     }
 
-    /// Draws on a GPU from now on. What is resident is written to its atlas. Returns its name.
+    /// Draws on a GPU from now on. Its atlas gets what is resident, as far as that was kept; otherwise tiles are fetched again. Returns
+    /// its name.
     #[wasm_bindgen(js_name = useGpu)]
     pub fn use_gpu(&mut self, handle: GpuHandle) -> String {
         let mut gpu = handle.gpu;
         let name = gpu.name();
-        let pages = pages_for(self.cache_bytes);
-        if gpu.adapter.pages() < pages {
-            let fewer = gpu.adapter.pages();
-            self.restart(fewer);
-        } else {
-            page_writes::apply(self.renderer.past_writes(), &mut gpu.adapter);
+        let pages = gpu.adapter.pages();
+        match self.renderer.past_writes() {
+            Some(writes) if pages == pages_for(self.cache_bytes) => page_writes::apply(&writes, &mut gpu.adapter),
+            // Its atlas is empty or smaller.
+            _ => self.restart(pages),
         }
         self.renderer = Renderer::Gpu(gpu);
         self.pacer = FramePacer::new(Instant::now(), false);
@@ -283,6 +282,16 @@ fn open_streamer(
     let mut streamer = Streamer::new(tree, Downloads::new(fetcher, INITIAL_REQUESTS), pages);
     streamer.set_transitions(true);
     streamer
+}
+
+/// A size in pixels that a frame can have.
+pub(crate) fn clamped_size(width: u32, height: u32) -> [u32; 2] {
+    [width, height].map(|side| side.clamp(1, MAX_SIDE_PX))
+}
+
+/// A tolerated error that can be selected; 1 for what is not a number.
+pub(crate) fn clamped_tau(tau_px: f64) -> f64 {
+    if tau_px.is_nan() { 1.0 } else { tau_px.clamp(TAU_PX[0], TAU_PX[1]) }
 }
 
 pub(crate) fn to_js(error: impl std::fmt::Display) -> JsError {
