@@ -12,8 +12,6 @@ pub(crate) enum BundleError {
     Io { path: PathBuf, cause: io::Error },
     /// The module cannot be bound.
     Bindings(String),
-    /// The program that optimises the module fails.
-    Optimiser(String),
     /// A file cannot be an asset.
     Asset(String),
 }
@@ -31,9 +29,6 @@ impl fmt::Display for BundleError {
         match self {
             Self::Io { path, cause } => write!(f, "{}: {cause}", path.display()),
             Self::Bindings(reason) => write!(f, "the module cannot be bound: {reason}"),
-            Self::Optimiser(reason) => {
-                write!(f, "wasm-opt: {reason}; install a newer one, or leave it out with WASM_OPT=none")
-            }
             Self::Asset(reason) => f.write_str(reason),
         }
     }

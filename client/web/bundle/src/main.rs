@@ -1,7 +1,7 @@
 //! Makes `client/web/dist` from the WebAssembly module of `insula-web` and the files of `client/web/page`.
 //!
 //! ```text
-//! wasm -> bindings (wasm-bindgen, wasm-opt) -> asset_files (names, hash) -> joined_modules -> dist (compressed forms, manifest)
+//! wasm -> bindings (wasm-bindgen) -> asset_files (names, hash) -> joined_modules -> dist (compressed forms, manifest)
 //! ```
 //!
 //! `insula-server` embeds the result, see `docs/decisions/0015-viewer-assets.md`.
@@ -16,8 +16,7 @@ use error::BundleError;
 use std::{env, path::Path, process::ExitCode};
 
 const USAGE: &str = "usage: insula-web-bundle MODULE.wasm PAGE DIST
-Binds MODULE.wasm, adds the files of the folder PAGE, and replaces the folder DIST.
-WASM_OPT is the program that optimises the module: default wasm-opt if it is installed; none for none.";
+Binds MODULE.wasm, adds the files of the folder PAGE, and replaces the folder DIST.";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
@@ -45,7 +44,7 @@ fn main() -> ExitCode {
 
 /// Makes the folder `out`. Returns a summary for people.
 fn bundle(wasm: &Path, page: &Path, out: &Path) -> Result<String, BundleError> {
-    let bound = bindings::bind(wasm, env::var_os("WASM_OPT"))?;
+    let bound = bindings::bind(wasm)?;
     let mut files = asset_files::read_page(page)?;
     for (name, content) in bound.assets {
         asset_files::add(&mut files, name, content)?;
