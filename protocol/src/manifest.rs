@@ -57,10 +57,32 @@ pub struct Manifest {
     /// Where the middle of its focus lies on Earth, if the bake knows the coordinate system.
     #[serde(default)]
     pub location: Option<GeoLocation>,
-    /// Whether windows are generated, on walls of which the source has no picture. Not written if false; the last field, so
-    /// that it can be absent in bincode as well.
-    #[serde(default, deserialize_with = "absent_is_false", skip_serializing_if = "std::ops::Not::not")]
+    /// Whether windows are generated, on walls of which the source has no picture. Older manifests do not have the field if it
+    /// is false.
+    #[serde(default, deserialize_with = "absent_is_false")]
     pub generated_facades: bool,
+    /// What heights are measured from, if the bake knows it. Not written if it does not; the last field, so that it can be
+    /// absent in bincode as well.
+    #[serde(default, deserialize_with = "absent_is_none", skip_serializing_if = "Option::is_none")]
+    pub heights: Option<HeightReference>,
+}
+
+/// What the heights of a city are measured from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HeightReference {
+    /// Vertical datum, such as `EPSG:5709`.
+    pub datum: String,
+    /// Model of the geoid by which heights above the ellipsoid were converted; `None` if none were.
+    pub geoid: Option<String>,
+}
+
+/// Reads an optional value. At the end of bincode, whose fields have no names, absence is an error of the first read.
+fn absent_is_none<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<HeightReference>, D::Error> {
+    let has_names = deserializer.is_human_readable();
+    match Option::deserialize(deserializer) {
+        Err(_) if !has_names => Ok(None),
+        read => read,
+    }
 }
 
 /// Reads a boolean. At the end of bincode, whose fields have no names, absence is an error of the first read.
@@ -162,7 +184,8 @@ impl Manifest {
     /// Fails if a text or a list is longer than the limits.
     fn check_texts(&self) -> Result<(), String> {
         let attributions = self.attribution.iter().flat_map(Attribution::texts);
-        let texts = [&self.title, &self.settings].into_iter().chain(&self.crs).chain(attributions);
+        let heights = self.heights.iter().flat_map(|heights| [&heights.datum].into_iter().chain(&heights.geoid));
+        let texts = [&self.title, &self.settings].into_iter().chain(&self.crs).chain(heights).chain(attributions);
         let lengths = || texts.clone().map(String::len);
         if lengths().any(|length| length > MAX_TEXT_BYTES) {
             return Err(format!("a text is longer than {MAX_TEXT_BYTES} bytes"));
@@ -252,6 +275,7 @@ mod tests {
             settings: String::new(),
             location: None,
             generated_facades: false,
+            heights: None,
         }
     }
 
@@ -286,12 +310,13 @@ mod tests {
     }
 
     #[test]
-    fn generated_facades_are_labelled_and_absent_without() {
-        for generated_facades in [false, true] {
-            let manifest = Manifest { generated_facades, ..manifest() };
+    fn generated_facades_and_heights_are_labelled() {
+        let heights = HeightReference { datum: "EPSG:5709".into(), geoid: Some("EGM96".into()) };
+        for (generated_facades, heights) in [(false, None), (true, None), (false, Some(heights))] {
+            let manifest = Manifest { generated_facades, heights, ..manifest() };
             let json = serde_json::to_string(&manifest).unwrap();
             assert_eq!(json.contains("\"generated_facades\":true"), generated_facades);
-            assert_eq!(json.contains("generated_facades"), generated_facades);
+            assert_eq!(json.contains("heights"), manifest.heights.is_some());
             assert_eq!(serde_json::from_str::<Manifest>(&json).unwrap(), manifest);
             let packed = crate::codec::bincode::to_bytes(&manifest).unwrap();
             assert_eq!(crate::codec::bincode::from_bytes::<Manifest>(&packed).unwrap(), manifest);

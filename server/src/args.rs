@@ -42,9 +42,9 @@ pub enum ServerCommand {
         after_help = "Example:\n  insula-server publish cities/delft cities/chiba --out site --title \"Our cities\"\n\nSITE needs no server of its own: any host that answers range requests will do (object stores, nginx, web hosts).\nAn earlier site is replaced at the end; any other folder that is not empty is refused."
     )]
     Publish(PublishArgs),
-    /// Show the contents of a city
+    /// Show the contents of a city, or of a file before it is baked
     #[command(
-        after_help = "Example:\n  insula-server inspect cities/delft\n  insula-server inspect cities/delft --tile 3/2/5 --png node.png"
+        after_help = "Example:\n  insula-server inspect cities/delft\n  insula-server inspect 52397519_bldg_6697_op.gml\n  insula-server inspect cities/delft --tile 3/2/5 --png node.png"
     )]
     Inspect(InspectArgs),
     /// Check every checksum of a city and decode every tile
@@ -131,12 +131,62 @@ pub struct CompareArgs {
     pub heatmap: Option<PathBuf>,
 }
 
+/// What is read of the inputs, and where it goes.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub struct ReadArgs {
+    /// Coordinate system of the city, as in EPSG:25832 [default: the first projected one of the inputs, else a UTM zone]
+    #[arg(long, value_name = "EPSG:N", value_parser = parse_crs)]
+    pub crs: Option<String>,
+    /// Folder of geoid grids (GeoTIFF, as PROJ has them), for heights above the ellipsoid
+    #[arg(long, value_name = "DIR", env = "INSULA_GRIDS")]
+    pub grids: Option<PathBuf>,
+    /// Longitude, latitude (degrees) and height (metres) of the origin of meshes: OBJ, PLY, STL, glTF
+    #[arg(long, value_name = "LON,LAT,H", value_parser = parse_place, allow_hyphen_values = true)]
+    pub at: Option<GeoPlace>,
+    /// Only objects in this area, in degrees
+    #[arg(long, value_name = "W,S,E,N", value_parser = parse_degrees_box, allow_hyphen_values = true)]
+    pub bbox: Option<DegreesBox>,
+    /// Only objects of these kinds: building, building-part, bridge, tunnel, road, rail, water, vegetation, land-use,
+    /// furniture, relief, generic
+    #[arg(long, value_name = "KINDS", value_delimiter = ',')]
+    pub only: Vec<String>,
+    /// No objects of these kinds
+    #[arg(long, value_name = "KINDS", value_delimiter = ',')]
+    pub skip: Vec<String>,
+    /// Attribute that has the heights of footprints
+    #[arg(long, value_name = "NAME")]
+    pub height_field: Option<String>,
+    /// Of objects that inputs have at several levels of detail, keep the best
+    #[arg(long, value_enum, value_name = "lod")]
+    pub prefer: Option<Preference>,
+    /// Keep objects that two inputs have
+    #[arg(long, conflicts_with = "prefer")]
+    pub keep_duplicates: bool,
+}
+
+/// Which of two equal objects is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Preference {
+    /// The one of the better level of detail
+    Lod,
+}
+
+/// Longitude and latitude in degrees, height in metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GeoPlace(pub [f64; 3]);
+
+/// West, south, east and north in degrees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DegreesBox(pub [f64; 4]);
+
 /// Arguments of `bake`.
 #[derive(Debug, clap::Args)]
 pub struct BakeArgs {
-    /// CityJSON, CityJSONSeq, GeoJSON or OBJ files, or folders of them
+    /// City files, folders or .zip archives of them, patterns as in 'tiles/*.gml', or @FILE with an input in each line
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// Folder to write the city to
     #[arg(long, value_name = "CITY")]
     pub out: PathBuf,
@@ -320,8 +370,11 @@ pub struct ShareArea(pub [i64; 4]);
 /// Arguments of `inspect`.
 #[derive(Debug, clap::Args)]
 pub struct InspectArgs {
-    /// City folder
+    /// City folder, or an input of `bake`
+    #[arg(value_name = "CITY|INPUT")]
     pub city: PathBuf,
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// Print JSON
     #[arg(long, conflicts_with_all = ["tile", "png"])]
     pub json: bool,
@@ -365,6 +418,39 @@ fn parse_cell(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(cell_m) if (0.01..=1000.0).contains(&cell_m) => Ok(cell_m),
         _ => Err("expected metres between 0.01 and 1000, such as 0.5".into()),
+    }
+}
+
+fn parse_crs(text: &str) -> Result<String, String> {
+    let code = text.strip_prefix("EPSG:").or_else(|| text.strip_prefix("epsg:")).unwrap_or(text);
+    match code.parse::<u32>() {
+        Ok(code) if code > 0 => Ok(format!("EPSG:{code}")),
+        _ => Err("expected the code of a projected system, such as EPSG:25832".into()),
+    }
+}
+
+/// Parses numbers that are separated by commas.
+fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|word| word.trim().parse().ok().filter(|number: &f64| number.is_finite())).collect();
+    numbers?.try_into().ok()
+}
+
+fn parse_place(text: &str) -> Result<GeoPlace, String> {
+    match parse_numbers(text) {
+        Some([lon, lat, height_m]) if lon.abs() <= 180.0 && lat.abs() <= 90.0 => Ok(GeoPlace([lon, lat, height_m])),
+        _ => Err("expected longitude, latitude and height, such as 4.357,52.011,3".into()),
+    }
+}
+
+fn parse_degrees_box(text: &str) -> Result<DegreesBox, String> {
+    match parse_numbers(text) {
+        Some([west, south, east, north])
+            if west < east && south < north && west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0 =>
+        {
+            Ok(DegreesBox([west, south, east, north]))
+        }
+        _ => Err("expected west, south, east and north in degrees, such as 4.35,52.00,4.37,52.02".into()),
     }
 }
 

@@ -106,9 +106,9 @@ fn inputs_that_cannot_be_read_fail_the_bake_in_the_same_way() {
             "CityObjects": {{"a": {{"type": "Building", "geometry": [{{"type": "MultiSurface", "lod": "2", "boundaries": [[[0,1,2]]]}}]}}}}}}"#
         )
     };
-    let degrees = town("https://www.opengis.net/def/crs/EPSG/0/4326");
+    let unknown = town("https://www.opengis.net/def/crs/EPSG/0/999999");
     let cut = town("https://www.opengis.net/def/crs/EPSG/0/7415");
-    assert_bad("degrees.city.json", Some(&degrees), &["degrees"]);
+    assert_bad("unknown.city.json", Some(&unknown), &["999999"]);
     assert_bad("cut.city.json", Some(&cut[..cut.len() - 9]), &["damaged or cut short"]);
     // It names the system of its coordinates, and has a building, before it breaks off.
     let line = cut.replace('\n', " ");
@@ -117,7 +117,8 @@ fn inputs_that_cannot_be_read_fail_the_bake_in_the_same_way() {
     assert_bad("cut.city.jsonl.gz", Some(&sequence), &["cannot be read"]);
     assert_bad("missing.obj", None, &["cannot be read"]);
     assert_bad("points.geojson", Some(POINT), &["its only object is left out: no polygon", "repair it"]);
-    assert_bad("my town.gml", Some("<gml/>"), &["CityGML: not read", "citygml-tools to-cityjson 'my town.gml'"]);
+    assert_bad("my town.kml", Some("<kml/>"), &["KML: not read", "'my town.geojson' 'my town.kml'"]);
+    assert_bad("town.gml", Some("<gml/>"), &["CityGML"]);
 }
 
 const POINT: &str = r#"{"type": "FeatureCollection", "features": [{"type": "Feature", "id": "tree", "properties": {},
@@ -125,22 +126,22 @@ const POINT: &str = r#"{"type": "FeatureCollection", "features": [{"type": "Feat
 
 #[test]
 fn bake_without_a_good_input_fails_with_the_first_bad_one() {
-    let folder = workplace(&[("a.gpkg", ""), ("b.city.json", "{")]);
-    for inputs in [&["a.gpkg", "b.city.json"][..], &["a.gpkg"]] {
+    let folder = workplace(&[("a.kml", ""), ("b.city.json", "{")]);
+    for inputs in [&["a.kml", "b.city.json"][..], &["a.kml"]] {
         let output = run(folder.path(), &[&["bake", "--out", "c", "--skip-bad-inputs"][..], inputs].concat());
         let lines = told(&output);
         assert!(output.status.code() == Some(1) && lines.len() == 1, "{lines:?}");
         assert!(
-            lines[0].starts_with("error: a.gpkg: GeoPackage") && lines[0].ends_with("a.geojson a.gpkg"),
+            lines[0].starts_with("error: a.kml: KML") && lines[0].ends_with("a.geojson a.kml"),
             "{}",
             lines[0]
         );
         assert!(!folder.path().join("c.partial").exists());
     }
     fs::create_dir(folder.path().join("in")).unwrap();
-    fs::write(folder.path().join("in/a.gml"), "").unwrap();
+    fs::write(folder.path().join("in/a.kml"), "").unwrap();
     let lines = told(&run(folder.path(), &["bake", "in", "--out", "c"]));
-    assert!(lines[0].contains("in/a.gml: CityGML") && !lines[0].contains("--skip"), "{}", lines[0]);
+    assert!(lines[0].contains("in/a.kml: KML") && !lines[0].contains("--skip"), "{}", lines[0]);
 }
 
 #[test]

@@ -91,6 +91,7 @@ fn manifest(name: &str) -> Manifest {
         generated_ground: false,
         location: None,
         generated_facades: false,
+        heights: None,
         counts: CityCounts::default(),
         attribution: vec![Attribution { text: "The testers".into(), licence: Some("CC0".into()), url: None }],
         tile_version: 1,

@@ -23,6 +23,7 @@ pub fn manifest(depth: u8) -> Manifest {
         generated_ground: false,
         location: None,
         generated_facades: false,
+        heights: None,
         counts: CityCounts::default(),
         attribution: Vec::new(),
         tile_version: 1,

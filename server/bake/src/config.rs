@@ -14,7 +14,7 @@ use crate::{
     error::BakeError,
     ground::{self, GroundOption},
     hash, mesh,
-    read::{FACADE_ALGORITHM, FacadeOption, ObjUpAxis, Palette},
+    read::{DuplicateOption, FACADE_ALGORITHM, FacadeOption, KindFilter, ObjUpAxis, Palette, PlacingOptions},
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
 };
@@ -78,6 +78,14 @@ pub struct BakeOptions {
     pub attribution: Vec<Attribution>,
     /// The vertical axis of OBJ files.
     pub obj_up: ObjUpAxis,
+    /// Kinds of objects that are read.
+    pub kinds: KindFilter,
+    /// Where the objects are, and where they go.
+    pub placing: PlacingOptions,
+    /// Attribute that has the heights of footprints, before the usual ones.
+    pub height_field: Option<String>,
+    /// What becomes of objects that two inputs have.
+    pub duplicates: DuplicateOption,
     /// Colours of surfaces, and what is done with those of the source.
     pub palette: Palette,
     /// Folders from which textures and material libraries may be read besides the source's own.
@@ -110,6 +118,10 @@ impl Default for BakeOptions {
             title: None,
             attribution: Vec::new(),
             obj_up: ObjUpAxis::default(),
+            kinds: KindFilter::default(),
+            placing: PlacingOptions::default(),
+            height_field: None,
+            duplicates: DuplicateOption::default(),
             palette: Palette::default(),
             texture_roots: Vec::new(),
             sample: SampleSettings::default(),

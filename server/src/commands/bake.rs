@@ -6,12 +6,14 @@ use super::{
     output::{print, refuse_input, refuse_inside, write},
 };
 use crate::{
-    args::{BakeArgs, GeneratedFacades, GeneratedGround, UpAxis, VisibilityRenderer},
+    args::{BakeArgs, GeneratedFacades, GeneratedGround, Preference, ReadArgs, UpAxis, VisibilityRenderer},
     memory,
 };
 use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
-    read::{FacadeOption, InputError, ObjUpAxis, Palette, ReadReport},
+    read::{
+        DuplicateOption, FacadeOption, FeatureKind, InputError, KindFilter, ObjUpAxis, Palette, PlacingOptions, ReadReport,
+    },
     sample::{SampleSettings, VisibilityBackend},
 };
 use insula_protocol::{
@@ -33,7 +35,7 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
         check_report(report, args)?;
     }
     let progress = BakeProgress::start(&args.out);
-    let options = options(args, palette);
+    let options = options(args, palette)?;
     memory::set_limit(options.memory_limit_bytes());
     let result = insula_bake::bake(&options, &progress);
     progress.clear();
@@ -93,13 +95,53 @@ fn is_report(path: &Path) -> bool {
     file.is_ok_and(|file| serde_json::from_reader::<_, ReportMembers>(file).is_ok())
 }
 
-fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
+/// The kinds of these names. Fails with the names that exist if one does not.
+fn kinds(names: &[String]) -> Result<Vec<FeatureKind>, CommandError> {
+    let of = |name: &String| {
+        let known = FeatureKind::NAMES.iter().find(|(known, _)| known == name);
+        known.map(|(_, kind)| *kind).ok_or_else(|| {
+            let all = FeatureKind::NAMES.map(|(known, _)| known).join(", ");
+            CommandError::Usage(format!("{name}: no kind of objects; the kinds are {all}"))
+        })
+    };
+    names.iter().map(of).collect()
+}
+
+/// The kinds that are read. Fails if one does not exist.
+pub(super) fn kind_filter(args: &ReadArgs) -> Result<KindFilter, CommandError> {
+    Ok(KindFilter { only: kinds(&args.only)?, skip: kinds(&args.skip)? })
+}
+
+/// Coordinate systems and places.
+pub(super) fn placing(args: &ReadArgs) -> PlacingOptions {
+    PlacingOptions {
+        crs: args.crs.clone(),
+        grids: args.grids.clone(),
+        at: args.at.map(|place| place.0),
+        bbox_deg: args.bbox.map(|bbox| bbox.0),
+    }
+}
+
+/// What becomes of objects that two inputs have.
+pub(super) fn duplicates(args: &ReadArgs) -> DuplicateOption {
+    match args.prefer {
+        Some(Preference::Lod) => DuplicateOption::KeepBestLevel,
+        None if args.keep_duplicates => DuplicateOption::KeepAll,
+        None => DuplicateOption::KeepFirst,
+    }
+}
+
+fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandError> {
     let attribution = args.attribution.clone().map(|text| Attribution {
         text,
         licence: args.licence.clone(),
         url: args.source_url.clone(),
     });
-    BakeOptions {
+    Ok(BakeOptions {
+        kinds: kind_filter(&args.read)?,
+        placing: placing(&args.read),
+        height_field: args.read.height_field.clone(),
+        duplicates: duplicates(&args.read),
         inputs: args.inputs.clone(),
         out: args.out.clone(),
         cell_m: args.cell,
@@ -135,7 +177,7 @@ fn options(args: &BakeArgs, palette: Palette) -> BakeOptions {
             },
             ..SampleSettings::with_views(args.views)
         },
-    }
+    })
 }
 
 fn summary(report: &BakeReport, args: &BakeArgs) -> String {
@@ -180,6 +222,10 @@ fn left_out(read: &ReadReport) -> String {
     for (reason, fault) in read.sources.iter().flat_map(|source| &source.skipped) {
         *by_reason.entry(reason).or_default() += fault.count;
     }
+    let duplicates = read.duplicates();
+    if duplicates > 0 {
+        text += &format!(", {} left out", count(duplicates, "duplicate"));
+    }
     let merged = read.merged();
     if merged > 0 {
         text += &format!(", {} merged into others of the same name", count(merged, "object"));
@@ -204,9 +250,10 @@ mod tests {
     #[test]
     fn arguments_become_bake_options() {
         let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
-            --attribution A --licence L --source-url U --obj-up y --no-meshes --scratch 3GiB --facades windows --skip-bad-inputs";
+            --attribution A --licence L --source-url U --obj-up y --no-meshes --scratch 3GiB --facades windows --skip-bad-inputs \
+            --crs 25832 --at 4.3,-52,3 --only building,bridge --skip road --height-field H --prefer lod --bbox -1,2,3,4";
         let ServerCommand::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
-        let options = options(&args, Palette::default());
+        let options = options(&args, Palette::default()).unwrap();
         assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
         assert_eq!((options.cell_m, options.threads, options.resume), (0.5, Some(3), true));
         assert!(!options.meshes && options.skip_bad_inputs);
@@ -214,6 +261,11 @@ mod tests {
         assert_eq!((options.update, options.memory_bytes, options.scratch_bytes), (true, Some(2 << 30), 3 << 30));
         assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
         assert_eq!(options.obj_up, ObjUpAxis::Y);
+        let PlacingOptions { crs, at, bbox_deg, .. } = &options.placing;
+        assert_eq!((crs.as_deref(), *at), (Some("EPSG:25832"), Some([4.3, -52.0, 3.0])));
+        assert_eq!(*bbox_deg, Some([-1.0, 2.0, 3.0, 4.0]));
+        assert!(options.kinds.contains(FeatureKind::BuildingPart) && !options.kinds.contains(FeatureKind::Road));
+        assert_eq!((options.height_field.as_deref(), options.duplicates), (Some("H"), DuplicateOption::KeepBestLevel));
         let [source] = &options.attribution[..] else { panic!("{:?}", options.attribution) };
         assert_eq!((&*source.text, source.licence.as_deref(), source.url.as_deref()), ("A", Some("L"), Some("U")));
     }

@@ -17,6 +17,10 @@ use std::{fmt::Write, io::Cursor, path::Path};
 
 /// Runs `inspect`. Fails if the city cannot be opened, the tile is missing or damaged, or the image cannot be written.
 pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
+    #[cfg(feature = "bake")]
+    if super::survey::is_input(&args.city) {
+        return super::survey::run(args);
+    }
     let city = CityStore::open(&args.city)?;
     if let (Some(tile), Some(png)) = (args.tile, &args.png) {
         refuse_inside(png, &args.city)?;

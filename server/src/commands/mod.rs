@@ -19,6 +19,8 @@ mod serve;
 mod sign;
 mod site_folder;
 mod stats;
+#[cfg(feature = "bake")]
+mod survey;
 mod verify;
 
 pub use error::CommandError;

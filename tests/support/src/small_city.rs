@@ -87,6 +87,7 @@ pub fn manifest(name: &str) -> Manifest {
         generated_ground: false,
         location: None,
         generated_facades: false,
+        heights: None,
         counts: CityCounts {
             objects: 2,
             triangles: 24,

@@ -32,6 +32,7 @@ fn manifest() -> Manifest {
         generated_ground: false,
         location: None,
         generated_facades: false,
+        heights: None,
         counts: manifest::CityCounts::default(),
         attribution: Vec::new(),
         tile_version: tile::VERSION,

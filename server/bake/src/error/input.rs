@@ -21,9 +21,17 @@ pub enum InputError {
         /// The parser's message.
         what: String,
     },
+    /// A file of another format than JSON is invalid or ends too early.
+    #[error("{path}: {place}: {what}; the file is damaged or cut short, fetch or export it again")]
+    Damaged {
+        path: String,
+        /// Such as `line 7` or `byte 120`.
+        place: String,
+        what: String,
+    },
     /// The file format is not supported.
     #[error(
-        "{path}: {what}; supported are CityJSON 1.0 to 2.0 (.city.json, .json), CityJSONSeq (.city.jsonl, .jsonl), GeoJSON (.geojson, .json; one feature per line: .geojsonl) and OBJ (.obj), each also as .gz"
+        "{path}: {what}; supported are CityGML (.gml, .xml), CityJSON (.json, .jsonl), GeoJSON (.geojson, .geojsonl), GeoPackage (.gpkg), Shapefile (.shp), FlatGeobuf (.fgb), GeoParquet (.parquet), CSV with WKT (.csv), OpenStreetMap (.osm, .pbf), glTF (.gltf, .glb), 3D Tiles (tileset.json, .3tz), I3S (.slpk), OBJ, PLY and STL; most also as .gz or in a .zip"
     )]
     Unsupported { path: String, what: String },
     /// A known format that is not read.
@@ -34,12 +42,12 @@ pub enum InputError {
         /// How to make a file of it that is read.
         advice: String,
     },
-    /// Two sources of one city use different coordinate systems.
-    #[error("{path}: is in {crs}, but {first_path} is in {first_crs}; reproject one of them, or bake two cities")]
-    CrsMismatch { path: String, crs: String, first_path: String, first_crs: String },
-    /// The coordinates are in degrees, not metres.
-    #[error("{path}: {crs} is in degrees; reproject the file to a projected system in metres")]
-    Degrees { path: String, crs: String },
+    /// A coordinate system is not known, or positions of it cannot be brought to the city's.
+    #[error("{path}: coordinate system {crs}: {what}; reproject the file with `ogr2ogr -t_srs`, or give --crs EPSG:N")]
+    Crs { path: String, crs: String, what: String },
+    /// The coordinates are in degrees, and the city has no projected system yet.
+    #[error("{path}: is in degrees; give the city's coordinate system with --crs EPSG:N")]
+    NoProjection { path: String },
     /// A file, a line or a count is larger than the options allow.
     #[error("{path}: {what} exceeds the limit of {limit}; split the file, or raise the limit (--memory)")]
     TooLarge { path: String, what: String, limit: u64 },
@@ -52,7 +60,7 @@ pub enum InputError {
     },
     /// An input folder has no city file, or there is no input.
     #[error(
-        "{path}: contains no city file; give a .city.json, .city.jsonl, .geojson or .obj file, or a folder with such files"
+        "{path}: contains no city file; give CityGML, CityJSON, GeoJSON, GeoPackage, OpenStreetMap, glTF, 3D Tiles or other files that `insula-server bake --help` names, or a folder of them"
     )]
     NoSource { path: String },
     /// Every object of a source is left out, while others give the city.
@@ -80,6 +88,10 @@ impl InputError {
 
     pub(crate) fn json(path: &str, error: &serde_json::Error) -> Self {
         Self::Json { path: path.to_owned(), line: error.line(), column: error.column(), what: json_message(error) }
+    }
+
+    pub(crate) fn damaged(path: &str, place: impl Into<String>, what: impl Into<String>) -> Self {
+        Self::Damaged { path: path.to_owned(), place: place.into(), what: what.into() }
     }
 
     pub(crate) fn unsupported(path: &str, what: impl Into<String>) -> Self {

@@ -101,6 +101,10 @@ impl<'a> BakeRun<'a> {
             cell_m: self.config.cell_m,
             facades: options.facades,
             skip_bad_inputs: options.skip_bad_inputs,
+            kinds: options.kinds.clone(),
+            placing: options.placing.clone(),
+            height_field: options.height_field.clone(),
+            duplicates: options.duplicates,
             max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
             max_line_bytes: self.config.max_line_bytes().min(defaults.max_line_bytes),
             ..defaults
@@ -120,6 +124,10 @@ impl<'a> BakeRun<'a> {
             self.clock.time("read", || read::read_to_disk(&options.inputs, &read_options, scratch, &tick))?;
         for BadInput { path, reason } in &report.bad_inputs {
             self.progress.warn(&format!("{path}: left out: {reason}"));
+        }
+        report.unread.iter().for_each(|line| self.progress.warn(line));
+        for warning in report.placing_warnings() {
+            self.progress.warn(warning);
         }
         if let Some(warning) = estimate::warning(&city, self.config) {
             self.progress.warn(&warning);

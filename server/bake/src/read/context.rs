@@ -2,13 +2,18 @@
 
 use std::path::PathBuf;
 
+use super::duplicates::DuplicateOption;
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
+use super::local_frame::{self, LocalFrame};
+use super::object::{AxisOrder, CrsReference, KindFilter};
 use super::palette::Palette;
+use super::place::{Placement, World};
 use super::polygon::Triangulator;
-use super::report::{FacadeReport, SourceReport};
+use super::report::{FacadeReport, ReadReport};
 use super::scene_builder::{OpenObject, SceneBuilder, WorldTriangle};
+use super::source::CitySource;
 use super::texture::TextureLoader;
-use crate::error::InputError;
+use crate::error::{BakeError, InputError};
 use crate::scene::scratch_scene::ScratchScene;
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
@@ -45,6 +50,27 @@ pub struct ReadOptions {
     pub facades: FacadeOption,
     /// Whether inputs that cannot be read, or of which nothing is left, are left out instead of being errors.
     pub skip_bad_inputs: bool,
+    /// Kinds of objects that are read.
+    pub kinds: KindFilter,
+    /// Where the objects are, and where they go.
+    pub placing: PlacingOptions,
+    /// Attribute that has the heights of footprints, before the usual ones.
+    pub height_field: Option<String>,
+    /// What becomes of objects that two sources have.
+    pub duplicates: DuplicateOption,
+}
+
+/// Coordinate systems and places.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PlacingOptions {
+    /// The city's coordinate system, such as `EPSG:25832`; `None` for the first projected one of the sources.
+    pub crs: Option<String>,
+    /// Folder of geoid grids besides the one that is built in.
+    pub grids: Option<PathBuf>,
+    /// Longitude and latitude in degrees and height in metres of the origin of mesh files, which have no coordinate system.
+    pub at: Option<[f64; 3]>,
+    /// West, south, east and north in degrees: objects outside are left out.
+    pub bbox_deg: Option<[f64; 4]>,
 }
 
 impl Default for ReadOptions {
@@ -60,6 +86,10 @@ impl Default for ReadOptions {
             cell_m: 1.0,
             facades: FacadeOption::default(),
             skip_bad_inputs: false,
+            kinds: KindFilter::default(),
+            placing: PlacingOptions::default(),
+            height_field: None,
+            duplicates: DuplicateOption::default(),
         }
     }
 }
@@ -75,34 +105,37 @@ pub(crate) struct ReadContext<'o> {
     pub(crate) triangulator: Triangulator,
     /// Index of the current source.
     pub(crate) source: usize,
-    crs: Option<NamedCrs>,
+    /// The city's coordinate system.
+    pub(crate) world: World,
+    /// Whether a source in degrees may choose the city's coordinate system, because no other source has one.
+    pub(crate) is_last_resort: bool,
     facades: FacadeMaker,
 }
 
 /// The state before a source.
 pub(crate) struct SourceMark {
     objects: usize,
-    crs: Option<NamedCrs>,
-}
-
-/// A coordinate system and the first source that named it.
-#[derive(Clone)]
-struct NamedCrs {
-    crs: String,
-    path: String,
+    world: World,
 }
 
 impl<'o> ReadContext<'o> {
-    pub(crate) fn new(options: &'o ReadOptions, triangles: TriangleStore, textures: TextureStore) -> Self {
-        Self {
+    /// Fails if the city's coordinate system is not known.
+    pub(crate) fn new(
+        options: &'o ReadOptions,
+        triangles: TriangleStore,
+        textures: TextureStore,
+    ) -> Result<Self, InputError> {
+        let PlacingOptions { crs, grids, .. } = &options.placing;
+        Ok(Self {
             options,
             builder: SceneBuilder::new(triangles, options.cell_m),
             textures: TextureLoader::new(options.max_texture_pixels, textures),
             triangulator: Triangulator::new(),
             source: 0,
-            crs: None,
+            world: World::new(crs.as_deref(), grids.clone())?,
+            is_last_resort: false,
             facades: FacadeMaker::default(),
-        }
+        })
     }
 
     /// Moves faces to an object that is open in the builder. If facades are generated, walls get them by the building's
@@ -125,43 +158,71 @@ impl<'o> ReadContext<'o> {
 
     /// The state before the next source.
     pub(crate) fn mark(&self) -> SourceMark {
-        SourceMark { objects: self.builder.len(), crs: self.crs.clone() }
+        SourceMark { objects: self.builder.len(), world: self.world.clone() }
     }
 
     /// Leaves out a source that failed, as far as it was read since the mark.
-    pub(crate) fn abandon_source(&mut self, SourceMark { objects, crs }: SourceMark) {
+    pub(crate) fn abandon_source(&mut self, SourceMark { objects, world }: SourceMark) {
         self.builder.abandon_since(objects);
-        self.crs = crs;
+        self.world = world;
     }
 
-    /// The city's coordinate system, if a source named one.
-    pub(crate) fn crs(&self) -> Option<&str> {
-        self.crs.as_ref().map(|named| named.crs.as_str())
+    /// Gives a placement the city's system. Fails with [`InputError::NoProjection`] if the system has to follow from `first`, a
+    /// position in degrees, although another source may name a projected one.
+    pub(crate) fn settle(&mut self, placement: &mut Placement, label: &str, first: [f64; 3]) -> Result<(), InputError> {
+        if placement.needs_world() && !self.world.is_settled() && !self.is_last_resort {
+            return Err(InputError::NoProjection { path: label.to_owned() });
+        }
+        placement.settle(&mut self.world, label, first)
     }
 
-    /// Sets the city's coordinate system. Fails if another source uses a different one. A source that names none is
-    /// assumed to use that of the others.
-    pub(crate) fn agree_on_crs(&mut self, path: &str, crs: Option<&str>) -> Result<(), InputError> {
-        let Some(crs) = crs else { return Ok(()) };
-        match &self.crs {
-            None => self.crs = Some(NamedCrs { crs: crs.to_owned(), path: path.to_owned() }),
-            Some(first) if first.crs == crs => {}
-            Some(first) => {
-                return Err(InputError::CrsMismatch {
-                    path: path.to_owned(),
-                    crs: crs.to_owned(),
-                    first_path: first.path.clone(),
-                    first_crs: first.crs.clone(),
-                });
+    /// The place of a mesh file, which has no coordinate system: where the user says, else that of the other sources. Fails if
+    /// the file that places it is invalid.
+    pub(crate) fn place_of_mesh(&mut self, source: &CitySource<'_>) -> Result<(Placement, LocalFrame), InputError> {
+        match local_frame::find(source, self.options.placing.at)? {
+            Some((reference, frame)) => {
+                let mut placement = self.world.place(&source.label, &reference)?;
+                self.settle(&mut placement, &source.label, [0.0; 3])?;
+                Ok((placement, frame))
+            }
+            None => Ok((Placement::Unknown, LocalFrame::IDENTITY)),
+        }
+    }
+
+    /// The city of all sources, without what is left out: objects outside of the wanted area, duplicates, and what is too far
+    /// away. Corrects the reports. Fails if the stored triangles cannot be read.
+    pub(crate) fn finish(mut self, report: &mut ReadReport) -> Result<ScratchScene, BakeError> {
+        let sources = &mut report.sources;
+        if let Some(bbox_deg) = self.options.placing.bbox_deg
+            && let Some([low, high]) = self.area_on_map(bbox_deg)
+        {
+            self.builder.drop_outside(low, high, sources);
+        }
+        self.builder.drop_duplicates(self.options.duplicates, sources)?;
+        let mut city = self.builder.finish(self.textures.textures, sources);
+        city.crs = self.world.crs_name();
+        report.vertical_datum = self.world.vertical();
+        report.geoid = self.world.geoid();
+        Ok(city)
+    }
+
+    /// The box on the map around an area in degrees; `None` if the city's system does not have it.
+    fn area_on_map(&mut self, [west, south, east, north]: [f64; 4]) -> Option<[[f64; 2]; 2]> {
+        /// Points along each side: the sides are curves on the map.
+        const STEPS: u32 = 16;
+        let degrees = CrsReference { name: "OGC:CRS84".to_owned(), order: AxisOrder::EastFirst };
+        let placement = self.world.place("--bbox", &degrees).ok()?;
+        let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
+        for i in 0..=STEPS {
+            for j in 0..=STEPS {
+                let at = |from: f64, to: f64, step: u32| from + (to - from) * f64::from(step) / f64::from(STEPS);
+                let [x, y, _] = placement.position([at(west, east, i), at(south, north, j), 0.0])?;
+                for (axis, value) in [x, y].into_iter().enumerate() {
+                    low[axis] = low[axis].min(value);
+                    high[axis] = high[axis].max(value);
+                }
             }
         }
-        Ok(())
-    }
-
-    /// The city of all sources. Corrects the reports for objects that are left out because they are too far away.
-    pub(crate) fn finish(self, sources: &mut [SourceReport]) -> ScratchScene {
-        let mut city = self.builder.finish(self.textures.textures, sources);
-        city.crs = self.crs.map(|named| named.crs);
-        city
+        Some([low, high])
     }
 }

@@ -3,33 +3,61 @@
 //! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`].
 //! Next: `partition`.
 
+mod archive;
+mod attributes;
 mod bad_inputs;
+mod citygml;
 mod cityjson;
 mod context;
 mod counted_float;
+mod crs;
+mod duplicates;
 mod facade;
+mod files;
+mod footprint;
 mod geojson;
+mod gltf;
+mod i3s;
+mod input;
 mod json;
+mod json_kind;
+mod list;
+mod local_frame;
+mod mesh_file;
 mod obj;
+mod object;
+mod osm;
 mod palette;
+mod place;
 mod polygon;
 mod report;
+mod roof;
 mod scene_builder;
+mod sink;
 mod source;
+mod survey;
+#[cfg(test)]
+mod test_sink;
 #[cfg(test)]
 mod tests;
 mod texture;
 mod texture_level;
+mod tiles3d;
 mod unread_formats;
+mod vector;
 
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 pub use crate::error::InputError;
-pub use context::{ObjUpAxis, ReadOptions};
+pub use context::{ObjUpAxis, PlacingOptions, ReadOptions};
+pub use duplicates::DuplicateOption;
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
+pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
-pub use report::{BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport};
+pub use report::{AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport};
 pub use source::ReadProgress;
+pub use survey::{InputSurvey, survey};
 
 use crate::error::BakeError;
 use crate::scene::Scene;
@@ -40,6 +68,11 @@ use crate::scene::triangle_store::TriangleStore;
 use crate::subject;
 use bad_inputs::{BadInputs, nothing_left};
 use context::{ByteProgress, ReadContext};
+use input::Input;
+use json_kind::JsonKind;
+use list::SourceList;
+use object::ObjectSink;
+use sink::SceneSink;
 use source::{CitySource, SourceKind, kind_by_name};
 
 /// Reads files, and the city files directly in folders by name, into one scene.
@@ -52,7 +85,8 @@ pub fn read(
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
     let mut bad = BadInputs::new(options.skip_bad_inputs);
-    read_scene(&source::list(inputs, &options.texture_roots, &mut bad)?, bad, options, progress)
+    let listed = list::list(inputs, &options.texture_roots, &mut bad)?;
+    read_scene(&listed, bad, options, progress)
 }
 
 /// Reads city files from memory, each named as it would be on disk. Material libraries and textures are looked up among
@@ -62,7 +96,8 @@ pub fn read_embedded(
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
-    read_scene(&source::embedded(files), BadInputs::new(options.skip_bad_inputs), options, progress)
+    let listed = SourceList { sources: list::embedded(files), unread: Vec::new() };
+    read_scene(&listed, BadInputs::new(options.skip_bad_inputs), options, progress)
 }
 
 /// Where [`read_to_disk`] keeps triangles and textures.
@@ -86,10 +121,10 @@ pub(crate) fn read_to_disk(
     let triangles = TriangleStore::in_file(scratch.folder.join("triangles"), scratch.budget.clone())?;
     let folder = scratch.folder.to_owned();
     let textures = TextureStore::in_folder(folder, scratch.texture_cache_bytes, scratch.budget.clone());
-    let context = ReadContext::new(options, triangles, textures);
+    let context = ReadContext::new(options, triangles, textures)?;
     let mut bad = BadInputs::new(options.skip_bad_inputs);
-    let sources = source::list(inputs, &options.texture_roots, &mut bad)?;
-    let mut read = read_sources(&sources, bad, context, progress)?;
+    let listed = list::list(inputs, &options.texture_roots, &mut bad)?;
+    let mut read = read_sources(&listed, bad, context, progress)?;
     read.city.stored.finish()?;
     read.city.names.finish();
     read.city.textures.finish()?;
@@ -98,14 +133,14 @@ pub(crate) fn read_to_disk(
 }
 
 fn read_scene(
-    sources: &[CitySource<'_>],
+    listed: &SourceList<'_>,
     bad: BadInputs,
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
-    let context = ReadContext::new(options, TriangleStore::Memory(Vec::new()), TextureStore::in_memory());
-    let mut read = read_sources(sources, bad, context, progress)?;
-    let label = || sources.first().map_or(String::new(), |source| source.label.clone());
+    let context = ReadContext::new(options, TriangleStore::Memory(Vec::new()), TextureStore::in_memory())?;
+    let mut read = read_sources(listed, bad, context, progress)?;
+    let label = || listed.sources.first().map_or(String::new(), |source| source.label.clone());
     let levelled = read.level_textures(options);
     let scene = levelled.and_then(|()| read.city.into_scene());
     Ok((scene.map_err(|error| InputError::io(&label(), std::io::Error::other(error)))?, read.report))
@@ -137,20 +172,24 @@ impl ReadCity {
 }
 
 fn read_sources(
-    sources: &[CitySource<'_>],
+    listed: &SourceList<'_>,
     mut bad: BadInputs,
     mut context: ReadContext<'_>,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<ReadCity, InputError> {
+    let sources = &listed.sources;
     if sources.is_empty() {
         bad.fail_with_first()?;
         return Err(InputError::NoSource { path: "the input".to_owned() });
     }
     let bytes_total = sources.iter().map(|source| source.bytes).sum();
-    let mut report = ReadReport::default();
+    let mut report = ReadReport { unread: listed.unread.clone(), ..ReadReport::default() };
     let mut set_of_source = Vec::new();
     let mut bytes_before = 0;
-    for source in sources {
+    let mut waiting: VecDeque<&CitySource<'_>> = sources.iter().collect();
+    let mut postponed = Vec::new();
+    context.is_last_resort = sources.len() == 1;
+    while let Some(source) = waiting.pop_front() {
         let tick = |done: u64| {
             progress(ReadProgress { bytes_done: bytes_before + done.min(source.bytes), bytes_total });
         };
@@ -159,20 +198,30 @@ fn read_sources(
         subject::set(format_args!("{}", source.label));
         let mark = context.mark();
         let result = read_source(&mut context, source, &tick);
-        match bad.skip(&source.label, result)? {
-            Some(Some(read)) => {
-                report.sources.push(read);
-                set_of_source.push(context.textures.set_of(source));
+        if matches!(result, Err(InputError::NoProjection { .. })) && !context.is_last_resort {
+            context.abandon_source(mark);
+            postponed.push(source);
+        } else {
+            match bad.skip(&source.label, result)? {
+                Some(Some(read)) => {
+                    report.sources.push(read);
+                    set_of_source.push(context.textures.set_of(source));
+                }
+                Some(None) => report.ignored.push(source.label.clone()),
+                None => context.abandon_source(mark),
             }
-            Some(None) => report.ignored.push(source.label.clone()),
-            None => context.abandon_source(mark),
+            bytes_before += source.bytes;
         }
-        bytes_before += source.bytes;
+        if waiting.is_empty() && !postponed.is_empty() {
+            context.is_last_resort = true;
+            waiting.extend(std::mem::take(&mut postponed));
+        }
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
     report.facades = context.take_facades();
     let set_of_texture = std::mem::take(&mut context.textures.set_of_texture);
-    let mut city = context.finish(&mut report.sources);
+    let failed = |error: BakeError| InputError::io(&sources[0].label, std::io::Error::other(error));
+    let mut city = context.finish(&mut report).map_err(failed)?;
     if city.triangles == 0 {
         bad.fail_with_first()?;
         return Err(empty_city(sources, &report));
@@ -187,8 +236,7 @@ fn read_sources(
     Ok(ReadCity { city, report, set_of_texture, set_of_source })
 }
 
-/// Removes the sources of which nothing is left, and their coordinate system, from the city that the others give. Fails if
-/// there is one, unless bad inputs are skipped.
+/// Removes the sources of which nothing is left, and the coordinate system that only they have. Fails if there is one, unless bad inputs are skipped.
 fn remove_empty_sources(
     report: &mut ReadReport,
     set_of_source: &mut Vec<u32>,
@@ -205,32 +253,61 @@ fn remove_empty_sources(
             set_of_source.push(set);
         }
     }
-    if report.sources.len() < count {
-        city.crs = report.sources.iter().find_map(|source| source.crs.clone());
+    if report.sources.len() < count && report.sources.iter().all(|source| source.crs.is_none()) {
+        city.crs = None;
     }
     Ok(())
 }
 
-/// Reads a source; `None` if it was found in a folder and turns out to be other JSON than a city.
+/// Reads a source; `None` if it was found in a folder and turns out not to be a city.
 fn read_source(
     context: &mut ReadContext<'_>,
     source: &CitySource<'_>,
     tick: ByteProgress<'_>,
 ) -> Result<Option<SourceReport>, InputError> {
-    match kind_by_name(&source.name) {
-        Some(SourceKind::Json) => {
-            let json_type = geojson::read_type(source, context.options.max_line_bytes);
-            match json_type.as_deref() {
-                Some("FeatureCollection") => geojson::read(context, source, tick).map(Some),
-                _ => cityjson::read(context, source, tick),
-            }
-        }
-        Some(SourceKind::JsonLines) => cityjson::read(context, source, tick),
-        Some(SourceKind::GeoJson | SourceKind::GeoJsonLines) => geojson::read(context, source, tick).map(Some),
-        Some(SourceKind::Obj) => obj::read(context, source, tick).map(Some),
-        None => Err(unread_formats::refusal(&source.label)),
+    let result = read_by_kind(context, source, tick);
+    match result {
+        Err(InputError::Unsupported { .. }) if source.found => Ok(None),
+        result => result,
     }
 }
+
+fn read_by_kind(
+    context: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    tick: ByteProgress<'_>,
+) -> Result<Option<SourceReport>, InputError> {
+    let Some(kind) = kind_by_name(&source.name) else { return Err(unread_formats::refusal(&source.label)) };
+    let (format, reader): (SourceFormat, Reader) = match kind {
+        SourceKind::Json => match json_kind::of(source) {
+            JsonKind::Tileset => (SourceFormat::Tiles3d, tiles3d::read),
+            JsonKind::SceneLayer => (SourceFormat::I3s, i3s::read),
+            JsonKind::FeatureCollection => return geojson::read(context, source, tick).map(Some),
+            JsonKind::Other => return cityjson::read(context, source, tick),
+        },
+        SourceKind::JsonLines => return cityjson::read(context, source, tick),
+        SourceKind::GeoJson | SourceKind::GeoJsonLines => return geojson::read(context, source, tick).map(Some),
+        SourceKind::Obj => return obj::read(context, source, tick).map(Some),
+        SourceKind::Xml => (SourceFormat::CityGml, citygml::read),
+        SourceKind::FlatGeobuf => (SourceFormat::FlatGeobuf, vector::read_flatgeobuf),
+        SourceKind::GeoPackage => (SourceFormat::GeoPackage, vector::read_geopackage),
+        SourceKind::Shapefile => (SourceFormat::Shapefile, vector::read_shapefile),
+        SourceKind::GeoParquet => (SourceFormat::GeoParquet, vector::read_geoparquet),
+        SourceKind::Csv => (SourceFormat::Csv, vector::read_csv),
+        SourceKind::OpenStreetMap => (SourceFormat::OpenStreetMap, osm::read),
+        SourceKind::Gltf => (SourceFormat::Gltf, gltf::read),
+        SourceKind::Ply => (SourceFormat::Ply, mesh_file::read),
+        SourceKind::Stl => (SourceFormat::Stl, mesh_file::read),
+        SourceKind::Tile => (SourceFormat::Tiles3d, tiles3d::read),
+    };
+    let mut sink = SceneSink::new(context, source, format, tick)?;
+    let input = sink.input();
+    reader(&input, &mut sink)?;
+    Ok(Some(sink.into_report()))
+}
+
+/// Reads a source and passes its objects to the sink. Fails if the source cannot be read at all.
+type Reader = fn(&Input<'_>, &mut dyn ObjectSink) -> Result<(), InputError>;
 
 fn empty_city(sources: &[CitySource<'_>], report: &ReadReport) -> InputError {
     let first = sources.first().map_or("", |source| &source.label);

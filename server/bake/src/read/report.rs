@@ -4,16 +4,23 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::attributes::{AttributeValue, Attributes};
+use super::object::FeatureKind;
+
 /// Number of examples that are kept of each fault.
 const EXAMPLES: usize = 5;
 /// Longer texts of a source, such as identifiers, are cut in the report.
 const MAX_TEXT_CHARS: usize = 300;
 /// Most types of objects that are counted each; the rest is counted together.
 const MAX_TYPES: usize = 1000;
+/// Kind of the problem that places are less exact than they could be.
+pub(super) const INEXACT: &str = "coordinates less exact than possible";
 /// Reason for leaving out objects that are too far from the others.
 pub(super) const FAR: &str = "far from the city";
 /// Stands for all types past [`MAX_TYPES`].
 const OTHER_TYPES: &str = "(other types)";
+/// Stands for all attributes past [`MAX_TYPES`].
+const OTHER_ATTRIBUTES: &str = "(other attributes)";
 
 fn shorten(text: String) -> String {
     match text.char_indices().nth(MAX_TEXT_CHARS) {
@@ -39,6 +46,35 @@ impl FaultCount {
     }
 }
 
+/// How often an attribute has a value, of which types, and its first different values.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct AttributeCount {
+    pub count: u64,
+    /// Number of values by type: `text`, `integer`, `float`, `bool`, `date`.
+    pub types: BTreeMap<&'static str, u64>,
+    pub examples: Vec<String>,
+}
+
+impl AttributeCount {
+    fn add(&mut self, value: &AttributeValue) {
+        self.count += 1;
+        let name = match value {
+            AttributeValue::Text(_) => "text",
+            AttributeValue::Integer(_) => "integer",
+            AttributeValue::Float(_) => "float",
+            AttributeValue::Bool(_) => "bool",
+            AttributeValue::Date { .. } => "date",
+        };
+        *self.types.entry(name).or_default() += 1;
+        if self.examples.len() < EXAMPLES {
+            let text = shorten(value.to_string());
+            if !self.examples.contains(&text) {
+                self.examples.push(text);
+            }
+        }
+    }
+}
+
 /// File format of a source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum SourceFormat {
@@ -50,6 +86,20 @@ pub enum SourceFormat {
     GeoJson,
     /// Wavefront OBJ with MTL.
     Obj,
+    CityGml,
+    FlatGeobuf,
+    GeoPackage,
+    Shapefile,
+    GeoParquet,
+    /// Lines of values, one of them WKT.
+    Csv,
+    OpenStreetMap,
+    Gltf,
+    /// A tileset or a single tile.
+    Tiles3d,
+    I3s,
+    Ply,
+    Stl,
 }
 
 /// Where a surface's colour comes from.
@@ -101,6 +151,18 @@ pub struct SourceReport {
     pub found: u64,
     /// Objects of the city: with at least one triangle.
     pub objects: u64,
+    /// Objects by their kind, as far as the kind is wanted.
+    pub objects_by_kind: BTreeMap<FeatureKind, u64>,
+    /// Objects by their level of detail, if the source has levels.
+    pub objects_by_level: BTreeMap<String, u64>,
+    /// Objects of kinds that are not wanted.
+    pub left_out_by_kind: u64,
+    /// Objects outside of the wanted area.
+    pub outside_bbox: u64,
+    /// Objects that another source or this one has already.
+    pub duplicates: FaultCount,
+    /// Attributes by name. Names past the first thousand are counted together.
+    pub attributes: BTreeMap<String, AttributeCount>,
     /// All objects by the source's own type, including those without geometry.
     pub objects_by_type: BTreeMap<String, u64>,
     /// Objects left out because a part or the parent has a better level of detail.
@@ -140,6 +202,12 @@ impl SourceReport {
             bytes,
             found: 0,
             objects: 0,
+            objects_by_kind: BTreeMap::new(),
+            objects_by_level: BTreeMap::new(),
+            left_out_by_kind: 0,
+            outside_bbox: 0,
+            duplicates: FaultCount::default(),
+            attributes: BTreeMap::new(),
             objects_by_type: BTreeMap::new(),
             coarser_left_out: 0,
             without_geometry: 0,
@@ -162,7 +230,8 @@ impl SourceReport {
     #[must_use]
     pub fn unaccounted(&self) -> i64 {
         let counted = |faults: &BTreeMap<String, FaultCount>| faults.values().map(|fault| fault.count).sum::<u64>();
-        let known = self.objects + self.coarser_left_out + self.without_geometry;
+        let left_out = self.left_out_by_kind + self.outside_bbox + self.duplicates.count;
+        let known = self.objects + self.coarser_left_out + self.without_geometry + left_out;
         self.found as i64 - (known + counted(&self.merged) + counted(&self.skipped)) as i64
     }
 
@@ -172,6 +241,19 @@ impl SourceReport {
 
     pub(crate) fn skip(&mut self, reason: &str, example: impl FnOnce() -> String) {
         count_fault(&mut self.skipped, reason, example);
+    }
+
+    /// Counts the attributes of an object.
+    pub(crate) fn count_attributes(&mut self, attributes: &Attributes) {
+        for (name, value) in attributes.iter() {
+            if let Some(count) = self.attributes.get_mut(name) {
+                count.add(value);
+            } else {
+                let is_full = self.attributes.len() >= MAX_TYPES;
+                let name = if is_full { OTHER_ATTRIBUTES } else { name };
+                self.attributes.entry(name.to_owned()).or_default().add(value);
+            }
+        }
     }
 
     pub(crate) fn problem(&mut self, kind: &str, example: impl FnOnce() -> String) {
@@ -229,13 +311,33 @@ pub struct ReadReport {
     pub bad_inputs: Vec<BadInput>,
     pub objects: u64,
     pub triangles: u64,
-    /// Common coordinate system of the sources.
+    /// Coordinate system of the city.
     pub crs: Option<String>,
+    /// Datum of the city's heights, if a source or a conversion tells it.
+    pub vertical_datum: Option<String>,
+    /// Geoid by which heights above the ellipsoid became heights above it; `None` if none were converted.
+    pub geoid: Option<String>,
+    /// Files in folders and archives whose format is known and not read, one line for each format.
+    pub unread: Vec<String>,
     /// Generated facades; `None` without.
     pub facades: Option<FacadeReport>,
 }
 
 impl ReadReport {
+    /// Why places are less exact than they could be, each reason once.
+    pub fn placing_warnings(&self) -> impl Iterator<Item = &str> {
+        let faults = self.sources.iter().filter_map(|source| source.problems.get(INEXACT));
+        let all: std::collections::BTreeSet<&str> =
+            faults.flat_map(|fault| fault.first.iter().map(String::as_str)).collect();
+        all.into_iter()
+    }
+
+    /// Number of duplicates left out in all sources.
+    #[must_use]
+    pub fn duplicates(&self) -> u64 {
+        self.sources.iter().map(|source| source.duplicates.count).sum()
+    }
+
     /// Number of objects skipped in all sources.
     #[must_use]
     pub fn skipped(&self) -> u64 {

@@ -5,7 +5,9 @@ use std::collections::HashMap;
 use glam::Vec3;
 use insula_protocol::NODE_CELLS;
 
+use super::duplicates::{DuplicateCandidate, DuplicateOption, PAIRS_PER_PASS, PairMasks, SimilarPair, similar_pairs};
 use super::report::{FAR, SourceReport};
+use crate::error::BakeError;
 use crate::scene::grid::BLOCK_LEAVES;
 use crate::scene::object_names::ObjectNames;
 use crate::scene::scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial, StoredObject};
@@ -43,12 +45,40 @@ const MIN_CELLS: f32 = 0.25;
 /// Longer identifiers are cut: they are in memory until all sources are read.
 const MAX_ID_BYTES: usize = 1024;
 
+/// What a source tells of an object besides its shape.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct ObjectRelation {
+    /// Of its parent's identifier, see [`hash_of_id`].
+    pub(crate) parent: Option<u64>,
+    /// Level of detail, if the source has levels.
+    pub(crate) lod: Option<f32>,
+    /// Whether the object is left out if another one names it as its parent.
+    pub(crate) yields_to_parts: bool,
+}
+
+/// A box in world coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PlacedBox {
+    pub(crate) low: [f64; 3],
+    pub(crate) high: [f64; 3],
+}
+
+/// Number by which identifiers are compared. Two different ones have the same number once in 10^10 cities.
+pub(crate) fn hash_of_id(id: &str) -> u64 {
+    let hash = blake3::hash(id.as_bytes());
+    u64::from_le_bytes(std::array::from_fn(|i| hash.as_bytes()[i]))
+}
+
 struct PendingObject {
     id: String,
+    /// See [`hash_of_id`].
+    id_hash: u64,
     kind: ObjectKind,
     source: usize,
     /// Whether it is left out, with the reason in the report already.
     is_dropped: bool,
+    /// What tells whether another object is the same.
+    relation: ObjectRelation,
     /// Area of all triangles.
     surface_m2: f64,
     /// The stored corners are relative to this, because f32 is exact enough only near the object until the origin is
@@ -70,6 +100,22 @@ impl PendingObject {
     /// Maximum along an axis, in world coordinates.
     fn high(&self, axis: usize) -> f64 {
         self.anchor[axis] + f64::from(self.max[axis])
+    }
+
+    /// The object as the search for duplicates takes it.
+    fn candidate(&self, object: usize) -> DuplicateCandidate {
+        let bounds = PlacedBox {
+            low: std::array::from_fn(|axis| self.low(axis)),
+            high: std::array::from_fn(|axis| self.high(axis)),
+        };
+        DuplicateCandidate {
+            object,
+            bounds,
+            id: self.id_hash,
+            parent: self.relation.parent,
+            lod: self.relation.lod.unwrap_or(0.0),
+            is_terrain: self.kind == ObjectKind::Terrain,
+        }
     }
 
     /// Extent along an axis.
@@ -127,7 +173,9 @@ impl OpenObject {
         let Self { kind, anchor, min, max, surface_m2, triangles, .. } = self;
         let anchor = anchor?;
         let id = id[..id.floor_char_boundary(MAX_ID_BYTES)].to_owned();
-        Some(PendingObject { id, kind, source, is_dropped: false, surface_m2, anchor, min, max, triangles })
+        let (relation, id_hash) = (ObjectRelation::default(), hash_of_id(&id));
+        let is_dropped = false;
+        Some(PendingObject { id, id_hash, kind, source, is_dropped, relation, surface_m2, anchor, min, max, triangles })
     }
 }
 
@@ -199,7 +247,20 @@ impl SceneBuilder {
     /// Ends an object and counts it in the report. One without triangles is not added, one that is too large for the
     /// cell size is left out.
     pub(crate) fn close(&mut self, source: usize, id: &str, open: OpenObject, report: &mut SourceReport) {
+        self.close_related(source, id, open, ObjectRelation::default(), report);
+    }
+
+    /// As [`Self::close`], with what the source tells of the object's parent and level of detail.
+    pub(crate) fn close_related(
+        &mut self,
+        source: usize,
+        id: &str,
+        open: OpenObject,
+        relation: ObjectRelation,
+        report: &mut SourceReport,
+    ) {
         let Some(mut object) = open.into_pending(source, id) else { return };
+        object.relation = relation;
         if let Some((reason, detail)) = object.size_fault(self.cell_m) {
             report.skip(reason, || format!("{id}: {detail}"));
             object.is_dropped = true;
@@ -233,15 +294,108 @@ impl SceneBuilder {
         // Triangles of an object that was never closed have this number.
         self.pending.push(PendingObject {
             id: String::new(),
+            id_hash: 0,
             kind: ObjectKind::Building,
             source: 0,
             is_dropped: true,
+            relation: ObjectRelation::default(),
             surface_m2: 0.0,
             anchor: [0.0; 3],
             min: [0.0; 3],
             max: [0.0; 3],
             triangles: 0,
         });
+    }
+
+    /// Leaves out objects of which the city has another one already, and those that only outline their parts. Corrects the
+    /// reports. Fails if the triangles cannot be read.
+    pub(crate) fn drop_duplicates(
+        &mut self,
+        option: DuplicateOption,
+        sources: &mut [SourceReport],
+    ) -> Result<(), BakeError> {
+        self.drop_outlines_of_parts(sources);
+        if option == DuplicateOption::KeepAll {
+            return Ok(());
+        }
+        let kept = self.pending.iter().enumerate().filter(|(_, object)| !object.is_dropped);
+        let pairs = similar_pairs(kept.map(|(i, object)| object.candidate(i)).collect(), option);
+        let mut same: Vec<SimilarPair> = pairs.iter().filter(|pair| pair.has_same_id).copied().collect();
+        let by_shape: Vec<SimilarPair> = pairs.into_iter().filter(|pair| !pair.has_same_id).collect();
+        for some in by_shape.chunks(PAIRS_PER_PASS) {
+            same.extend(self.with_equal_footprints(some)?);
+        }
+        same.sort_by_key(|pair| (pair.first, pair.second));
+        for SimilarPair { first, second, has_same_id, .. } in same {
+            let lod = |i: usize| self.pending[i].relation.lod.unwrap_or(0.0);
+            let is_better = option == DuplicateOption::KeepBestLevel && lod(second) > lod(first);
+            let (kept, left_out) = if is_better { (second, first) } else { (first, second) };
+            if !self.pending[kept].is_dropped && !self.pending[left_out].is_dropped {
+                self.drop_duplicate(left_out, kept, has_same_id, sources);
+            }
+        }
+        Ok(())
+    }
+
+    fn drop_duplicate(&mut self, left_out: usize, kept: usize, has_same_id: bool, sources: &mut [SourceReport]) {
+        let (object, other) = (&self.pending[left_out], &self.pending[kept]);
+        let why = if has_same_id { "same identifier" } else { "same footprint and height" };
+        let detail = format!("{}: {why} as {} of {}", object.id, other.id, sources[other.source].path);
+        let report = &mut sources[object.source];
+        subtract_from_report(object, report);
+        report.duplicates.add(|| detail);
+        self.pending[left_out].is_dropped = true;
+    }
+
+    /// Leaves out the objects that others name as their parent, where the source says that the parts show them.
+    fn drop_outlines_of_parts(&mut self, sources: &mut [SourceReport]) {
+        if !self.pending.iter().any(|object| object.relation.yields_to_parts) {
+            return;
+        }
+        let kept = self.pending.iter().filter(|object| !object.is_dropped);
+        let parents: std::collections::HashSet<u64> = kept.filter_map(|object| object.relation.parent).collect();
+        for object in &mut self.pending {
+            if !object.is_dropped && object.relation.yields_to_parts && parents.contains(&object.id_hash) {
+                object.is_dropped = true;
+                let report = &mut sources[object.source];
+                subtract_from_report(object, report);
+                report.coarser_left_out += 1;
+            }
+        }
+    }
+
+    /// Those of the pairs whose footprints are the same.
+    fn with_equal_footprints(&mut self, pairs: &[SimilarPair]) -> Result<Vec<SimilarPair>, BakeError> {
+        let mut masks: Vec<PairMasks> = pairs.iter().map(|pair| PairMasks::new(*pair)).collect();
+        let mut pairs_of: HashMap<usize, Vec<usize>> = HashMap::new();
+        for (i, pair) in pairs.iter().enumerate() {
+            pairs_of.entry(pair.first).or_default().push(i);
+            pairs_of.entry(pair.second).or_default().push(i);
+        }
+        self.triangles.finish()?;
+        let pending = &self.pending;
+        self.triangles.try_for_each(|triangle| {
+            let object = triangle.object as usize;
+            if let Some(of_object) = pairs_of.get(&object) {
+                let anchor = pending[object].anchor;
+                let on_map = |corner: [f32; 3]| [0, 1].map(|axis: usize| anchor[axis] + f64::from(corner[axis]));
+                of_object.iter().for_each(|pair| masks[*pair].add(object, triangle.corners.map(on_map)));
+            }
+            Ok(())
+        })?;
+        Ok(pairs.iter().zip(&masks).filter(|(_, masks)| masks.are_equal()).map(|(pair, _)| *pair).collect())
+    }
+
+    /// Leaves out the objects whose boxes lie outside of an area on the map, and counts them.
+    pub(crate) fn drop_outside(&mut self, low: [f64; 2], high: [f64; 2], sources: &mut [SourceReport]) {
+        for object in self.pending.iter_mut().filter(|object| !object.is_dropped) {
+            if (0..2).any(|axis| object.high(axis) < low[axis] || object.low(axis) > high[axis]) {
+                object.is_dropped = true;
+                let report = &mut sources[object.source];
+                subtract_from_report(object, report);
+                report.outside_bbox += 1;
+            }
+        }
     }
 
     /// The city. Its origin is the centre of the bounds in x and y and their bottom in z, in whole metres, so that
@@ -327,12 +481,16 @@ fn facing_up(face: &WorldTriangle) -> WorldTriangle {
     WorldTriangle { corners: [a, c, b], uv: [face.uv[0], face.uv[2], face.uv[1]], ..*face }
 }
 
-fn remove_from_report(object: &PendingObject, distance_m: f64, report: &mut SourceReport) {
+fn subtract_from_report(object: &PendingObject, report: &mut SourceReport) {
     report.objects -= 1;
     report.triangles -= object.triangles;
     if object.kind == ObjectKind::Terrain {
         report.terrain_triangles -= object.triangles;
     }
+}
+
+fn remove_from_report(object: &PendingObject, distance_m: f64, report: &mut SourceReport) {
+    subtract_from_report(object, report);
     report.skip(FAR, || format!("{}: {:.0} km away", object.id, distance_m / 1000.0));
 }
 

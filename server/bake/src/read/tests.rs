@@ -103,14 +103,38 @@ fn sequence_is_recognised_by_content() {
     assert_eq!((report.sources[0].format, scene.triangles.len()), (SourceFormat::CityJsonSeq, 1));
 }
 
+/// `pyproj.Transformer.from_crs("OGC:CRS84", "EPSG:28992", always_xy=True).transform(4.3573, 52.0110)`.
+const DELFT: [f64; 2] = [84_293.499, 447_460.720];
+
 #[test]
-fn coordinate_systems_must_agree_and_be_in_metres() {
-    let (dutch, african) = (city("EPSG:7415"), city("urn:ogc:def:crs:EPSG::32734"));
-    let error = embedded(&[("a.json", dutch.as_bytes()), ("b.json", african.as_bytes())]).unwrap_err();
-    let expected = "b.json: is in EPSG:32734, but a.json is in EPSG:7415; reproject one of them, or bake two cities";
-    assert_eq!(error.to_string(), expected);
-    let error = embedded(&[("a.json", city("EPSG:4326").as_bytes())]).unwrap_err();
-    assert!(matches!(error, InputError::Degrees { .. }), "{error}");
+fn coordinate_systems_are_brought_together() {
+    // A square of 10 m in Delft, and one of 0.0001 degrees a few metres to the east.
+    let square = |crs: &str, [x, y]: [f64; 2], side: f64| {
+        let (x1, y1) = (x + side, y + side);
+        format!(
+            r#"{{"type": "FeatureCollection", "crs": {{"type": "name", "properties": {{"name": "{crs}"}}}}, "features": [
+                {{"type": "Feature", "id": "{crs}", "properties": {{"height": 10}}, "geometry": {{"type": "Polygon",
+                "coordinates": [[[{x}, {y}], [{x1}, {y}], [{x1}, {y1}], [{x}, {y1}], [{x}, {y}]]]}}}}]}}"#
+        )
+    };
+    let dutch = square("EPSG:28992", [84_500.0, 447_500.0], 10.0);
+    let degrees = square("OGC:CRS84", [4.3573, 52.0110], 0.0001);
+    let unknown = square("EPSG:999999", [1.0, 2.0], 3.0);
+    // The source in degrees comes first, but the projected one decides.
+    let files = [("a.geojson", degrees.as_bytes()), ("b.geojson", dutch.as_bytes())];
+    let (scene, report) = embedded(&files).unwrap();
+    assert_eq!((scene.crs.as_deref(), scene.objects.len()), (Some("EPSG:28992"), 2));
+    assert_eq!(report.sources.iter().map(|source| source.path.as_str()).collect::<Vec<_>>(), ["b.geojson", "a.geojson"]);
+    let corner = |object: u32| {
+        let corners = scene.triangles.iter().filter(|t| t.object == object).flat_map(|t| t.corners);
+        let low = corners.fold([f32::MAX; 2], |low, c| [low[0].min(c[0]), low[1].min(c[1])]);
+        [0, 1].map(|axis| scene.origin[axis] + f64::from(low[axis]))
+    };
+    assert!((corner(0)[0] - 84_500.0).abs() < 0.01, "{:?}", corner(0));
+    let [x, y] = corner(1);
+    assert!((x - DELFT[0]).abs() < 0.5 && (y - DELFT[1]).abs() < 0.5, "{x} {y}");
+    let error = embedded(&[("a.geojson", unknown.as_bytes())]).unwrap_err();
+    assert!(error.to_string().contains("999999"), "{error}");
 }
 
 #[test]

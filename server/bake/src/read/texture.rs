@@ -8,7 +8,8 @@ use std::sync::Arc;
 use image::{ImageReader, Limits};
 
 use super::report::SourceReport;
-use super::source::{CitySource, OUTSIDE, read_sibling};
+use super::files::OUTSIDE;
+use super::source::{CitySource, read_sibling};
 use crate::scene::SceneTexture;
 use crate::scene::texture_store::TextureStore;
 
@@ -52,12 +53,54 @@ impl TextureLoader {
 
     /// The texture's number; `None` if it cannot be loaded, with the reason in the report.
     pub(crate) fn load(&mut self, source: &CitySource<'_>, name: &str, report: &mut SourceReport) -> Option<u32> {
+        let max_pixels = self.max_pixels;
+        let name = name.replace('\\', "/");
+        self.load_by(source, in_folder(source, &name), report, || find(source, &name, max_pixels))
+    }
+
+    /// As [`Self::load`], of an encoded image within the source with a name of its own.
+    pub(crate) fn load_encoded(
+        &mut self,
+        source: &CitySource<'_>,
+        name: &str,
+        bytes: &[u8],
+        report: &mut SourceReport,
+    ) -> Option<u32> {
+        let max_pixels = self.max_pixels;
+        self.load_by(source, format!("{}#{name}", source.name), report, || decode(bytes.to_vec(), max_pixels))
+    }
+
+    /// As [`Self::load`], of decoded texels within the source.
+    pub(crate) fn add_texels(
+        &mut self,
+        source: &CitySource<'_>,
+        name: &str,
+        [width, height]: [u32; 2],
+        rgba: &[[u8; 4]],
+        report: &mut SourceReport,
+    ) -> Option<u32> {
+        let is_whole = u64::from(width) * u64::from(height) == rgba.len() as u64 && !rgba.is_empty();
+        self.load_by(source, format!("{}#{name}", source.name), report, || match is_whole {
+            true => {
+                let rgb = rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
+                Ok(SceneTexture { width, height, rgb, is_pattern: false })
+            }
+            false => Err(TextureFault { kind: "texture broken", detail: format!("{width} x {height} texels expected") }),
+        })
+    }
+
+    fn load_by(
+        &mut self,
+        source: &CitySource<'_>,
+        name: String,
+        report: &mut SourceReport,
+        find: impl FnOnce() -> Result<SceneTexture, TextureFault>,
+    ) -> Option<u32> {
         let set = self.set_of(source);
-        let key = (source.files.location(), name.to_owned());
-        let loaded = match self.by_name.entry(key) {
+        let loaded = match self.by_name.entry((source.files.location(), name.clone())) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(vacant) => {
-                let found = find(source, name, self.max_pixels);
+                let found = find();
                 report.textures += u64::from(found.is_ok());
                 self.set_of_texture.extend(found.as_ref().ok().map(|_| Some(set)));
                 vacant.insert(found.map(|texture| self.textures.add(Arc::new(texture))))
@@ -73,6 +116,14 @@ impl TextureLoader {
     }
 }
 
+/// Name of a file next to the source among the source's files.
+fn in_folder(source: &CitySource<'_>, name: &str) -> String {
+    match source.name.rsplit_once('/') {
+        Some((folder, _)) => format!("{folder}/{name}"),
+        None => name.to_owned(),
+    }
+}
+
 /// Reads and decodes an image next to the source.
 fn find(source: &CitySource<'_>, name: &str, max_pixels: u64) -> Result<SceneTexture, TextureFault> {
     if name.contains("://") {
@@ -81,14 +132,11 @@ fn find(source: &CitySource<'_>, name: &str, max_pixels: u64) -> Result<SceneTex
             detail: "remote images are not fetched, put the image next to the file".to_owned(),
         });
     }
-    let name = name.replace('\\', "/");
     let limit = max_pixels.saturating_mul(FILE_BYTES_PER_PIXEL).saturating_add(FILE_BYTES_BASE);
-    let bare = name.rsplit('/').next().unwrap_or(&name);
-    let folder = source.name.rsplit_once('/').map_or("", |(folder, _)| folder);
-    let in_folder = |name: &str| if folder.is_empty() { name.to_owned() } else { format!("{folder}/{name}") };
-    let read = |name: &str| read_sibling(&*source.files, &in_folder(name), limit);
+    let bare = name.rsplit('/').next().unwrap_or(name);
+    let read = |name: &str| read_sibling(&*source.files, &in_folder(source, name), limit);
     // Files often have absolute paths of the machine that exported them. The image is then mostly next to the source.
-    let bytes = read(&name).or_else(|error| if bare == name { Err(error) } else { read(bare).map_err(|_| error) });
+    let bytes = read(name).or_else(|error| if bare == name { Err(error) } else { read(bare).map_err(|_| error) });
     let bytes = bytes.map_err(|error| {
         let kind = match error.kind() {
             ErrorKind::NotFound => "texture missing",
@@ -127,7 +175,7 @@ fn one_line(error: &dyn std::fmt::Display) -> String {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::super::report::SourceFormat;
-    use super::super::source::embedded;
+    use super::super::list::embedded;
     use super::*;
 
     /// Encodes a PNG of one colour.

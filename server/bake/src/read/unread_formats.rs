@@ -15,33 +15,22 @@ use Conversion::{Advice, Command};
 
 const TO_OBJ: Conversion = Command { command: "assimp export IN OUT", extension: "obj" };
 const TO_GEOJSON: Conversion = Command { command: "ogr2ogr -f GeoJSON -t_srs EPSG:4326 OUT IN", extension: "geojson" };
-const FROM_OSM: Conversion = Command { command: "osmium export IN -o OUT", extension: "geojson" };
 const FROM_POINTS: Conversion =
     Advice("points have no surfaces: roofer (github.com/3DBAG/roofer) makes CityJSONSeq of them and of footprints");
 const FROM_CAD: Conversion = Advice("export it as OBJ, in metres, from the program that made it");
 const FROM_RASTER: Conversion = Advice("terrain is read as triangles, CityJSON's TINRelief or OBJ");
-const UNPACK: Conversion = Advice("unpack it and give the files in it");
+const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
 
 /// Extensions, without `.gz`, with the name of the format.
 const FORMATS: &[(&[&str], &str, Conversion)] = &[
-    (&["gml", "citygml", "xml"], "CityGML", Command { command: "citygml-tools to-cityjson IN", extension: "json" }),
-    (&["cityjson"], "CityJSON of this name", Advice("rename it to end in .city.json")),
-    (&["gpkg"], "GeoPackage", TO_GEOJSON),
-    (&["shp"], "Shapefile", TO_GEOJSON),
-    (&["fgb"], "FlatGeobuf", TO_GEOJSON),
     (&["kml", "kmz"], "KML", TO_GEOJSON),
-    (&["parquet", "geoparquet"], "GeoParquet", TO_GEOJSON),
-    (&["osm", "pbf"], "OpenStreetMap data", FROM_OSM),
+    (&["gdb", "mdb"], "Esri geodatabase", TO_GEOJSON),
     (&["ifc"], "IFC", Command { command: "IfcConvert IN OUT", extension: "obj" }),
     (&["fbx"], "FBX", TO_OBJ),
     (&["3ds"], "3DS", TO_OBJ),
     (&["dae"], "COLLADA", TO_OBJ),
-    (&["gltf", "glb"], "glTF", TO_OBJ),
-    (&["stl"], "STL", TO_OBJ),
-    (&["ply"], "PLY", TO_OBJ),
     (&["off"], "OFF", TO_OBJ),
     (&["x3d"], "X3D", TO_OBJ),
-    (&["b3dm", "i3dm", "pnts", "cmpt"], "3D Tiles", Advice("give the files that the tiles were made from")),
     (&["dwg", "dxf", "dgn"], "CAD drawings", FROM_CAD),
     (&["skp"], "SketchUp", FROM_CAD),
     (&["3dm"], "Rhino", FROM_CAD),
@@ -50,7 +39,7 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["blend"], "Blender", FROM_CAD),
     (&["las", "laz", "e57", "xyz"], "point clouds", FROM_POINTS),
     (&["tif", "tiff", "hgt", "asc"], "rasters", FROM_RASTER),
-    (&["zip", "7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
+    (&["7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
 ];
 
 fn extension(name: &str) -> Option<String> {
@@ -64,9 +53,9 @@ fn find(name: &str) -> Option<&'static (&'static [&'static str], &'static str, C
     FORMATS.iter().find(|(extensions, ..)| extensions.contains(&extension.as_str()))
 }
 
-/// Whether the file's name is that of a city model or of something that becomes one.
-pub(super) fn is_model(name: &str) -> bool {
-    find(name).is_some()
+/// Name of the format of a city model, or of something that becomes one, that is not read; `None` for any other file.
+pub(super) fn format_of(name: &str) -> Option<&'static str> {
+    find(name).map(|(_, format, _)| *format)
 }
 
 /// The error of a file whose name is not that of a city file: how to convert it, if that is known.
@@ -98,15 +87,13 @@ mod tests {
     fn refusals_name_a_command_that_can_be_pasted() {
         let message = |path: &str| refusal(path).to_string();
         assert_eq!(
-            message("in/my town.gml"),
-            "in/my town.gml: CityGML: not read; convert it with: citygml-tools to-cityjson 'in/my town.gml'"
+            message("in/my town.kml"),
+            "in/my town.kml: KML: not read; convert it with: ogr2ogr -f GeoJSON -t_srs EPSG:4326 'in/my town.geojson' 'in/my town.kml'"
         );
-        assert!(message("a.GPKG").ends_with("ogr2ogr -f GeoJSON -t_srs EPSG:4326 a.geojson a.GPKG"));
-        assert!(message("a.osm.pbf").ends_with("osmium export a.osm.pbf -o a.osm.geojson"));
         assert!(message("x.y/a.ifc").ends_with("IfcConvert x.y/a.ifc x.y/a.obj"));
         assert!(message("a.skp").ends_with("export it as OBJ, in metres, from the program that made it"));
         assert!(message("a.laz").contains("roofer"));
-        assert!(message("notes.txt").contains("supported are CityJSON"), "any other file");
-        assert!(message("none").contains("supported are CityJSON"));
+        assert!(message("notes.txt").contains("supported are CityGML"), "any other file");
+        assert!(message("none").contains("supported are CityGML"));
     }
 }

@@ -14,7 +14,7 @@ use std::{
 use insula_protocol::{
     NODE_CELLS, TileId,
     manifest::{
-        Attribution, CityCounts, FORMAT_VERSION, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES, Manifest,
+        Attribution, CityCounts, FORMAT_VERSION, HeightReference, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES, Manifest,
         shorten_text,
     },
     mesh_tile, tile,
@@ -207,6 +207,7 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
         settings: config.settings.clone(),
         location,
         generated_facades: read.facades.is_some(),
+        heights: read.vertical_datum.clone().map(|datum| HeightReference { datum, geoid: read.geoid.clone() }),
     }
 }
 

@@ -243,6 +243,7 @@ mod tests {
             generated_ground: false,
             location: None,
             generated_facades: false,
+            heights: None,
             counts: CityCounts::default(),
             attribution: Vec::new(),
             tile_version: 1,

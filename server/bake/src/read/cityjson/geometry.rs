@@ -13,8 +13,9 @@ use crate::read::facade::FacadeUse;
 use crate::read::json::position::JsonPosition;
 use crate::read::palette::{Look, ObjectShape, SurfaceFacts, WallKind, normal_z, object_kind};
 use crate::read::polygon::{MAX_CORNERS, NO_AREA, PolygonFault};
+use crate::read::place::Placement;
 use crate::read::report::{ColourOrigin, SourceReport};
-use crate::read::scene_builder::{OpenObject, WorldTriangle, is_valid_position};
+use crate::read::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, is_valid_position};
 use crate::read::source::CitySource;
 use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
 
@@ -29,28 +30,44 @@ pub(super) struct ObjectFault {
 pub(super) struct VertexFrame<'a> {
     vertices: &'a [JsonPosition],
     transform: Option<VertexTransform>,
-    placement: Option<TemplatePlacement>,
+    /// From the source's coordinate system to the city's.
+    placement: &'a Placement,
+    instance: Option<InstanceFrame>,
 }
 
 /// Position of a template: a row-major matrix, then the anchor is added.
-struct TemplatePlacement {
+struct InstanceFrame {
     matrix: [f64; 16],
     anchor: [f64; 3],
 }
 
 impl<'a> VertexFrame<'a> {
-    pub(super) fn new(vertices: &'a [JsonPosition], transform: Option<VertexTransform>) -> Self {
-        Self { vertices, transform, placement: None }
+    pub(super) fn new(
+        vertices: &'a [JsonPosition],
+        transform: Option<VertexTransform>,
+        placement: &'a Placement,
+    ) -> Self {
+        Self { vertices, transform, placement, instance: None }
     }
 
     /// World position of a vertex. Fails if the index is out of range or the position invalid.
     fn point(&self, index: i64) -> Result<[f64; 3], ObjectFault> {
+        let p = self.source_point(index)?;
+        if let Some(placed) = self.placement.position(p).filter(|placed| is_valid_position(*placed)) {
+            return Ok(placed);
+        }
+        let detail = format!("vertex {index} is at {:e}, {:e}, {:e}", p[0], p[1], p[2]);
+        Err(ObjectFault { reason: "coordinate not a number or out of range", detail })
+    }
+
+    /// Position of a vertex in the source's coordinate system. Fails if the index is out of range.
+    fn source_point(&self, index: i64) -> Result<[f64; 3], ObjectFault> {
         let Some(position) = usize::try_from(index).ok().and_then(|index| self.vertices.get(index)) else {
             let detail = format!("vertex index {index} out of range of {}", self.vertices.len());
             return Err(ObjectFault { reason: "vertex index out of range", detail });
         };
         let mut p = self.transform.map_or(position.0, |transform| transform.apply(position.0));
-        if let Some(TemplatePlacement { matrix: m, anchor }) = &self.placement {
+        if let Some(InstanceFrame { matrix: m, anchor }) = &self.instance {
             let w = m[12] * p[0] + m[13] * p[1] + m[14] * p[2] + m[15];
             let w = if w == 0.0 { 1.0 } else { w };
             p = std::array::from_fn(|row| {
@@ -58,11 +75,7 @@ impl<'a> VertexFrame<'a> {
                 (m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]) / w + anchor[row]
             });
         }
-        if is_valid_position(p) {
-            return Ok(p);
-        }
-        let detail = format!("vertex {index} is at {:e}, {:e}, {:e}", p[0], p[1], p[2]);
-        Err(ObjectFault { reason: "coordinate not a number or beyond 1e9 m", detail })
+        Ok(p)
     }
 }
 
@@ -115,6 +128,8 @@ pub(super) struct ObjectReader<'r, 'o, 's> {
     faces: Vec<WorldTriangle>,
     /// That of the current object.
     facade_use: FacadeUse,
+    /// That of the current object.
+    pub(super) relation: ObjectRelation,
     points: Vec<[f64; 3]>,
     uvs: Vec<[f32; 2]>,
     hole_starts: Vec<u32>,
@@ -129,7 +144,8 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         let open = OpenObject::new(ObjectKind::default());
         let facade_use = FacadeUse::default();
         let (faces, points, uvs, hole_starts) = (vec![], vec![], vec![], vec![]);
-        Self { context, source, report, open, faces, facade_use, points, uvs, hole_starts }
+        let relation = ObjectRelation::default();
+        Self { context, source, report, open, faces, facade_use, relation, points, uvs, hole_starts }
     }
 
     /// Adds an object with its geometries of one level to the city. Returns whether it has a surface. Fails if the
@@ -160,7 +176,7 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             return Err(fault);
         }
         let has_surface = open.triangles > 0;
-        builder.close(source, id, open, self.report);
+        builder.close_related(source, id, open, self.relation, self.report);
         Ok(has_surface)
     }
 
@@ -397,7 +413,7 @@ fn for_each_outer_ring(boundaries: &Nested, depth: u32, visit: &mut impl FnMut(&
 /// The template of an instance, and the frame that places it. Fails if the instance is malformed.
 fn place_template<'t>(
     instance: &CityJsonGeometry,
-    frame: &VertexFrame<'_>,
+    frame: &VertexFrame<'t>,
     templates: &'t GeometryTemplates,
 ) -> Result<(&'t CityJsonGeometry, VertexFrame<'t>), ObjectFault> {
     let index = instance.template.unwrap_or(-1);
@@ -412,7 +428,7 @@ fn place_template<'t>(
             detail: format!("{} numbers instead of 16", numbers.len()),
         })?,
     };
-    let anchor = frame.point(instance.boundaries.child(0).index().unwrap_or(-1))?;
-    let placement = Some(TemplatePlacement { matrix, anchor });
-    Ok((template, VertexFrame { vertices: &templates.vertices, transform: None, placement }))
+    let anchor = frame.source_point(instance.boundaries.child(0).index().unwrap_or(-1))?;
+    let (vertices, placement) = (&templates.vertices, frame.placement);
+    Ok((template, VertexFrame { vertices, transform: None, placement, instance: Some(InstanceFrame { matrix, anchor }) }))
 }

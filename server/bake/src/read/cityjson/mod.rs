@@ -19,7 +19,7 @@ use super::report::{SourceFormat, SourceReport};
 use super::source::{CitySource, SourceKind, kind_by_name, open, read_all};
 use crate::error::InputError;
 use geometry::ObjectReader;
-use objects::{ObjectBatch, SharedMembers, begin_report, parse_member, read_objects};
+use objects::{ObjectBatch, SharedMembers, begin, parse_member, read_objects};
 use schema::{CityJsonAppearance, CityJsonDocument, GeometryTemplates};
 
 /// Reads a source; `None` if it was found in a folder and is other JSON. Fails if the text is damaged or not CityJSON.
@@ -98,10 +98,11 @@ fn read_document(
     if document.kind.as_deref() != Some("CityJSON") {
         return refuse_type(source, document.kind);
     }
-    let mut report = begin_report(context, source, &document, SourceFormat::CityJson)?;
+    let (mut report, placement) = begin(context, source, &document, SourceFormat::CityJson)?;
     let appearance: CityJsonAppearance = parse_member(document.appearance, "appearance", &mut report);
     let templates: GeometryTemplates = parse_member(document.templates, "geometry-templates", &mut report);
-    let shared = SharedMembers { transform: document.transform, templates: &templates, appearance: &appearance };
+    let (transform, placement) = (document.transform, &placement);
+    let shared = SharedMembers { transform, placement, templates: &templates, appearance: &appearance };
     let objects = document.city_objects.texts();
     let count = objects.len().max(1) as u64;
     let tick_objects = |done: usize| tick((u128::from(source.bytes) * done as u128 / u128::from(count)) as u64);

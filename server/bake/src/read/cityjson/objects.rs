@@ -2,6 +2,7 @@
 
 use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
+use serde_json::{Map, Value};
 
 use super::appearance::AppearanceReader;
 use super::geometry::{ObjectReader, ObjectReferences, VertexFrame, WholeBuilding};
@@ -11,39 +12,63 @@ use super::schema::{
     VertexTransform,
 };
 use crate::error::{InputError, json_message};
+use crate::read::attributes::Attributes;
 use crate::read::context::ReadContext;
 use crate::read::facade::FacadeUse;
-use crate::read::json::{metadata, position::JsonPosition};
+use crate::read::json::{attributes::flatten, metadata, position::JsonPosition};
+use crate::read::object::{AxisOrder, CrsReference, FeatureKind};
 use crate::read::palette::WallKind;
-use crate::read::report::{SourceFormat, SourceReport};
+use crate::read::place::Placement;
+use crate::read::report::{INEXACT, SourceFormat, SourceReport};
+use crate::read::scene_builder::{ObjectRelation, hash_of_id};
 use crate::read::source::CitySource;
 use crate::subject;
 
 /// Objects between two progress reports.
 const TICK_OBJECTS: usize = 256;
 
-/// Checks a document or header and starts the report. Fails if its version or coordinate system is not supported.
-pub(super) fn begin_report(
+/// Checks a document or header, and starts the report and the placement. Fails if its version or coordinate system is not
+/// supported.
+pub(super) fn begin(
     context: &mut ReadContext<'_>,
     source: &CitySource<'_>,
     header: &CityJsonDocument<'_>,
     format: SourceFormat,
-) -> Result<SourceReport, InputError> {
+) -> Result<(SourceReport, Placement), InputError> {
     let version = header.version.as_deref().unwrap_or("");
     if !(version.starts_with("1.") || version.starts_with("2.") || version.is_empty()) {
         return Err(InputError::unsupported(&source.label, format!("its version is CityJSON {version}")));
     }
     let mut report = SourceReport::new(&source.label, format, source.bytes);
+    let mut crs = None;
     if let Some(raw) = header.metadata
         && let Ok(value) = serde_json::from_str(raw.get())
     {
-        metadata::describe(&value, &mut report);
+        crs = metadata::describe(&value, &mut report);
     }
-    if let Some(crs) = report.crs.clone().filter(|crs| metadata::is_degrees(crs)) {
-        return Err(InputError::Degrees { path: source.label.clone(), crs });
+    let Some(name) = crs else { return Ok((report, Placement::Unknown)) };
+    // As the specification says: the order of the system's definition. Writers follow it for degrees, not for projected systems
+    // whose definition begins with the northing.
+    let is_degrees = metadata::is_degrees(&name);
+    let order = if is_degrees { AxisOrder::Authority } else { AxisOrder::EastFirst };
+    let mut placement = context.world.place(&source.label, &CrsReference { name, order })?;
+    if let Some(first) = first_position(header) {
+        context.settle(&mut placement, &source.label, first)?;
     }
-    context.agree_on_crs(&source.label, report.crs.as_deref())?;
-    Ok(report)
+    report.crs = placement.source_crs().map(str::to_owned);
+    for warning in placement.warnings() {
+        report.problem(INEXACT, || warning.clone());
+    }
+    Ok((report, placement))
+}
+
+/// A position near the document's objects: features have no vertices of their own in the header.
+fn first_position(header: &CityJsonDocument<'_>) -> Option<[f64; 3]> {
+    let JsonPosition(first) = header.vertices.first().copied().unwrap_or(JsonPosition([0.0; 3]));
+    match header.transform {
+        Some(transform) => Some(transform.apply(first)),
+        None => header.vertices.first().map(|position| position.0),
+    }
 }
 
 /// Parses an optional member. A malformed one is noted in the report and ignored.
@@ -62,6 +87,7 @@ pub(super) fn parse_member<T: DeserializeOwned + Default>(
 /// Members that apply to a whole file.
 pub(super) struct SharedMembers<'a> {
     pub(super) transform: Option<VertexTransform>,
+    pub(super) placement: &'a Placement,
     pub(super) templates: &'a GeometryTemplates,
     /// The appearance that the templates refer to.
     pub(super) appearance: &'a CityJsonAppearance,
@@ -88,9 +114,13 @@ pub(super) fn read_objects(
     let wholes = find_wholes(&outlines);
     let attributes: Vec<Option<&RawValue>> =
         outlines.iter().map(|(_, outline)| outline.as_ref().and_then(|outline| outline.attributes)).collect();
+    let parents: Vec<Option<u64>> = outlines
+        .iter()
+        .map(|(_, outline)| outline.as_ref()?.parents.as_ref()?.first().map(|id| hash_of_id(id)))
+        .collect();
     drop(outlines);
     let mut references = ObjectReferences {
-        frame: VertexFrame::new(batch.vertices, shared.transform),
+        frame: VertexFrame::new(batch.vertices, shared.transform, shared.placement),
         appearance: AppearanceReader::new(batch.appearance),
         templates: shared.templates,
         template_appearance: AppearanceReader::new(shared.appearance),
@@ -100,7 +130,10 @@ pub(super) fn read_objects(
         let (walls, facade_use) = (by_use(&uses, WallKind::of_use), by_use(&uses, FacadeUse::of_use));
         let whole =
             WholeBuilding { id: batch.objects[wholes[i]].id, walls, facade_use: facade_use.unwrap_or_default() };
-        read_object(&mut reader, object, choice, &whole, &mut references);
+        let own = attributes[i].and_then(|text| serde_json::from_str(text.get()).ok());
+        let own: Map<String, Value> = own.unwrap_or_default();
+        let facts = ObjectFacts { attributes: &own, parent: parents[i] };
+        read_object(&mut reader, object, choice, &whole, facts, &mut references);
         if (i + 1) % TICK_OBJECTS == 0 {
             tick(i + 1);
         }
@@ -113,11 +146,20 @@ fn by_use<T>(attributes: &UseAttributes, of_use: fn(&str) -> Option<T>) -> Optio
     [usage, function, class].iter().find_map(|value| of_use(value.as_str()?))
 }
 
+/// What an object has besides its geometry.
+#[derive(Clone, Copy)]
+struct ObjectFacts<'a> {
+    attributes: &'a Map<String, Value>,
+    /// See [`hash_of_id`].
+    parent: Option<u64>,
+}
+
 fn read_object(
     reader: &mut ObjectReader<'_, '_, '_>,
     text: &ObjectText<'_>,
     choice: LevelChoice,
     whole: &WholeBuilding<'_>,
+    facts: ObjectFacts<'_>,
     references: &mut ObjectReferences<'_>,
 ) {
     let id = text.id;
@@ -130,6 +172,15 @@ fn read_object(
         }
     };
     reader.report.count_type(&object.kind);
+    let kind = FeatureKind::of_cityjson_type(&object.kind);
+    if !reader.context.options.kinds.contains(kind) {
+        reader.report.left_out_by_kind += 1;
+        return;
+    }
+    let mut attributes = Attributes::default();
+    flatten(facts.attributes, &mut attributes);
+    reader.report.count_attributes(&attributes);
+    *reader.report.objects_by_kind.entry(kind).or_default() += 1;
     let level = match choice {
         LevelChoice::Level(level) => level,
         LevelChoice::Coarser => {
@@ -141,6 +192,9 @@ fn read_object(
             return;
         }
     };
+    *reader.report.objects_by_level.entry(level.0.to_string()).or_default() += 1;
+    let relation = ObjectRelation { parent: facts.parent, lod: Some(level.0 as f32), yields_to_parts: false };
+    reader.relation = relation;
     match reader.read(id, &object, level, whole, references) {
         Ok(true) => {}
         Ok(false) => reader.report.skip("no surface with an area", || id.to_owned()),

@@ -3,7 +3,7 @@
 use std::io::BufRead;
 
 use super::geometry::ObjectReader;
-use super::objects::{ObjectBatch, SharedMembers, begin_report, parse_member, read_objects};
+use super::objects::{ObjectBatch, SharedMembers, begin, parse_member, read_objects};
 use super::schema::{CityJsonAppearance, CityJsonDocument, GeometryTemplates};
 use crate::error::{InputError, json_message};
 use crate::read::context::ReadContext;
@@ -36,10 +36,11 @@ pub(super) fn read(
         let what = "its first line is not a CityJSON header";
         return Err(InputError::unsupported(&source.label, what));
     }
-    let mut report = begin_report(context, source, &header, SourceFormat::CityJsonSeq)?;
+    let (mut report, placement) = begin(context, source, &header, SourceFormat::CityJsonSeq)?;
     let appearance: CityJsonAppearance = parse_member(header.appearance.take(), "appearance", &mut report);
     let templates: GeometryTemplates = parse_member(header.templates.take(), "geometry-templates", &mut report);
-    let shared = SharedMembers { transform: header.transform, templates: &templates, appearance: &appearance };
+    let (transform, placement) = (header.transform, &placement);
+    let shared = SharedMembers { transform, placement, templates: &templates, appearance: &appearance };
     // The header may have objects too.
     read_feature(context, source, &shared, &header, &mut report);
     let mut number = 1;

@@ -4,64 +4,40 @@ use std::io::BufRead;
 
 use serde_json::{Map, Value};
 
-use super::colour::{PrismMaterial, by_use, is_water, prism_materials, water_material};
-use super::footprint::Footprint;
-use super::height::PrismHeight;
-use super::projection::InputProjection;
-use super::schema::{GeoJsonFeature, GeoJsonPolygon};
+use super::schema::GeoJsonFeature;
 use crate::error::{InputError, json_message};
-use crate::read::context::ReadContext;
-use crate::read::facade::FacadeUse;
-use crate::read::json::{lenient, metadata};
-use crate::read::palette::{Look, ObjectShape, WallKind};
-use crate::read::report::{SourceFormat, SourceReport};
-use crate::read::scene_builder::{OpenObject, WorldTriangle};
+use crate::read::attributes::Attributes;
+use crate::read::footprint::kind_of;
+use crate::read::json::{attributes::flatten, lenient, metadata};
+use crate::read::object::{AxisOrder, CrsReference, FeatureKind, Footprint, ObjectSink, Shape, SourceObject};
+use crate::read::sink::SceneSink;
 use crate::read::source::{CitySource, NextLine, next_line};
-use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
 use crate::subject;
 
 /// Features between two progress reports.
 const TICK_FEATURES: u64 = 64;
 /// Separates the records of a sequence (RFC 8142).
 const RECORD_SEPARATOR: u8 = 0x1e;
-
-/// Height of water above the ground of the footprints.
-const WATER_M: f64 = 0.0;
-
-/// What becomes of a polygon, with the numbers of its materials.
-enum PolygonForm {
-    Prism {
-        height: PrismHeight,
-        facade_use: FacadeUse,
-        materials: [u32; 3],
-    },
-    /// A level surface.
-    Water {
-        material: u32,
-    },
-}
+/// What RFC 7946 prescribes.
+const DEGREES: &str = "OGC:CRS84";
 
 /// Reads the features of a source.
 pub(super) struct FeatureReader<'r, 'o, 's> {
-    pub(super) context: &'r mut ReadContext<'o>,
+    pub(super) sink: SceneSink<'r, 'o, 's>,
     pub(super) source: &'s CitySource<'s>,
-    pub(super) report: SourceReport,
-    projection: InputProjection,
     /// Number of features so far.
     count: u64,
-    faces: Vec<WorldTriangle>,
+    has_crs: bool,
 }
 
 impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
-    pub(super) fn new(context: &'r mut ReadContext<'o>, source: &'s CitySource<'s>) -> Self {
-        let projection = InputProjection::new(context.crs());
-        let report = SourceReport::new(&source.label, SourceFormat::GeoJson, source.bytes);
-        Self { context, source, report, projection, count: 0, faces: Vec::new() }
+    pub(super) fn new(sink: SceneSink<'r, 'o, 's>, source: &'s CitySource<'s>) -> Self {
+        Self { sink, source, count: 0, has_crs: false }
     }
 
     /// Reads one feature per line. A damaged line is skipped and reported. Fails if the source cannot be read.
     pub(super) fn read_lines(&mut self, mut lines: Box<dyn BufRead + '_>, tick: &dyn Fn()) -> Result<(), InputError> {
-        let limit = usize::try_from(self.context.options.max_line_bytes).unwrap_or(usize::MAX);
+        let limit = usize::try_from(self.sink.options().max_line_bytes).unwrap_or(usize::MAX);
         let mut line = Vec::new();
         loop {
             let status = next_line(&mut *lines, &mut line, limit);
@@ -69,8 +45,7 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
                 NextLine::EndOfFile => return Ok(()),
                 NextLine::TooLong => {
                     self.count += 1;
-                    let count = self.count;
-                    self.report.skip("line too long", || format!("feature {count}: more than {limit} bytes"));
+                    self.sink.skip("line too long", format!("feature {}: more than {limit} bytes", self.count));
                 }
                 NextLine::Complete => {
                     let text = line.strip_prefix(&[RECORD_SEPARATOR]).unwrap_or(&line).trim_ascii();
@@ -81,15 +56,6 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
             }
             self.tick(tick);
         }
-    }
-
-    /// The report of the whole source.
-    pub(super) fn into_report(mut self) -> SourceReport {
-        // Also of a zone that an earlier source chose.
-        let zone = self.projection.zone().filter(|_| self.report.objects > 0);
-        self.report.found = self.count;
-        self.report.crs = self.report.crs.or_else(|| zone.map(str::to_owned));
-        self.report
     }
 
     /// Calls `tick` now and then.
@@ -105,21 +71,24 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
             let what = "its \"crs\" comes after its features; move it to the front";
             return Err(InputError::unsupported(&self.source.label, what));
         }
-        let named = InputProjection::from_crs(crs).map_err(|what| InputError::unsupported(&self.source.label, what))?;
-        let Some(epsg) = named else { return Ok(()) };
-        self.projection = InputProjection::Metres;
-        self.report.crs = Some(epsg);
-        self.context.agree_on_crs(&self.source.label, self.report.crs.as_deref())
+        let named = name_of(crs).map_err(|what| InputError::unsupported(&self.source.label, what))?;
+        let Some(name) = named else { return Ok(()) };
+        self.has_crs = true;
+        self.sink.set_crs(&CrsReference { name, order: AxisOrder::EastFirst })
     }
 
     /// Takes metadata from any other member of the document.
     pub(super) fn describe(&mut self, name: &str, value: Value) {
-        metadata::describe(&Value::Object([(name.to_owned(), value)].into_iter().collect()), &mut self.report);
+        let members = Value::Object([(name.to_owned(), value)].into_iter().collect());
+        metadata::describe(&members, self.sink.report_mut());
     }
 
-    /// Reads one feature; a malformed one is skipped and reported. Fails if its coordinate system differs from the
-    /// city's.
+    /// Reads one feature; a malformed one is skipped and reported. Fails if its coordinate system cannot be that of the
+    /// city.
     pub(super) fn read_feature(&mut self, text: &[u8]) -> Result<(), InputError> {
+        if !std::mem::replace(&mut self.has_crs, true) {
+            self.sink.set_crs(&CrsReference { name: DEGREES.to_owned(), order: AxisOrder::EastFirst })?;
+        }
         self.count += 1;
         let number = self.count;
         subject::set(format_args!("{}: feature number {number}", self.source.label));
@@ -127,96 +96,72 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
         let feature = match lenient::parse::<GeoJsonFeature>(text, &mut repaired) {
             Ok(feature) if feature.kind == "Feature" => feature,
             Ok(feature) => {
-                self.report.skip("no feature", || format!("feature {number}: its type is \"{}\"", feature.kind));
+                self.sink.skip("no feature", format!("feature {number}: its type is \"{}\"", feature.kind));
                 return Ok(());
             }
             Err(error) => {
-                self.report.skip("malformed feature", || format!("feature {number}: {}", json_message(&error)));
+                self.sink.skip("malformed feature", format!("feature {number}: {}", json_message(&error)));
                 return Ok(());
             }
         };
         let id = feature.id().unwrap_or_else(|| format!("feature {number}"));
-        subject::set(format_args!("{}: feature {id}", self.source.label));
         let Some(geometry) = &feature.geometry else {
-            self.report.skip("no geometry", || id);
+            self.sink.skip("no geometry", id);
             return Ok(());
         };
-        self.report.count_type(&geometry.kind);
-        match geometry.polygons() {
-            Ok(polygons) if polygons.is_empty() => {
-                self.report.skip("no polygon", || format!("{id}: its geometry is \"{}\"", geometry.kind));
+        let footprints = match geometry.footprints() {
+            Ok(footprints) if footprints.is_empty() => {
+                self.sink.skip("no polygon", format!("{id}: its geometry is \"{}\"", geometry.kind));
+                return Ok(());
             }
-            Ok(polygons) => {
-                if let Some(epsg) = self.projection.choose_zone(&polygons) {
-                    self.context.agree_on_crs(&self.source.label, Some(&epsg))?;
-                    self.report.crs = Some(epsg);
-                }
-                self.add_object(&id, &feature, &polygons);
+            Ok(footprints) => footprints,
+            Err(detail) => {
+                self.sink.skip("malformed coordinates", format!("{id}: {detail}"));
+                return Ok(());
             }
-            Err(detail) => self.report.skip("malformed coordinates", || format!("{id}: {detail}")),
-        }
-        Ok(())
-    }
-
-    /// What becomes of the polygons of a feature.
-    fn form_of(&mut self, id: &str, properties: &Map<String, Value>) -> PolygonForm {
-        let options = self.context.options;
-        let palette = &options.palette;
-        if is_water(properties) {
-            let water = water_material(palette);
-            return PolygonForm::Water { material: self.number_of(&water) };
-        }
-        let height = PrismHeight::of(properties, |kind, detail| {
-            self.report.problem(kind, || format!("{id}: {detail}"));
-        });
-        let look = Look::new(id, by_use(properties, WallKind::of_use), &ObjectShape::new());
-        let materials = prism_materials(properties, palette, &look, |detail| {
-            self.report.problem("colour not understood", || format!("{id}: {detail}"));
-        });
-        let windows = by_use(properties, FacadeUse::of_use).unwrap_or_default();
-        // Walls of glass need no windows.
-        let facade_use = if materials[1].is_reflective { FacadeUse::Windowless } else { windows };
-        PolygonForm::Prism { height, facade_use, materials: materials.map(|material| self.number_of(&material)) }
-    }
-
-    fn number_of(&mut self, material: &PrismMaterial) -> u32 {
-        let PrismMaterial { rgb, origin, is_reflective } = *material;
-        self.report.colours.add(origin);
-        self.context.builder.material(StoredMaterial { rgb, texture: None, is_reflective })
-    }
-
-    /// Adds the polygons of a feature as one object.
-    fn add_object(&mut self, id: &str, feature: &GeoJsonFeature, polygons: &[GeoJsonPolygon]) {
-        let form = self.form_of(id, &feature.properties);
-        let (kind, facade_use) = match form {
-            PolygonForm::Prism { facade_use, .. } => (ObjectKind::Building, facade_use),
-            PolygonForm::Water { .. } => (ObjectKind::Terrain, FacadeUse::Windowless),
         };
-        let mut open = OpenObject::new(kind);
-        let mut fault = None;
-        for polygon in polygons {
-            self.faces.clear();
-            let note = |kind: &str| self.report.problem(kind, || id.to_owned());
-            let (triangulator, faces) = (&mut self.context.triangulator, &mut self.faces);
-            let added = Footprint::new(polygon, &self.projection, note).and_then(|footprint| match &form {
-                PolygonForm::Prism { height, materials, .. } => {
-                    footprint.extrude(height, *materials, triangulator, faces)
-                }
-                PolygonForm::Water { material } => footprint.cover(WATER_M, *material, triangulator, faces),
-            });
-            match added {
-                Ok(true) => {}
-                Ok(false) => self.report.problem("ring crosses itself", || id.to_owned()),
-                Err(reason) => fault = Some(reason),
-            }
-            self.context.push(&mut open, &mut self.faces, facade_use);
+        let object = object_of(id, &geometry.kind, &feature.properties, footprints);
+        self.sink.add(object)
+    }
+}
+
+fn object_of(id: String, source_type: &str, properties: &Map<String, Value>, footprints: Vec<Footprint>) -> SourceObject {
+    let mut attributes = Attributes::default();
+    flatten(properties, &mut attributes);
+    SourceObject {
+        id,
+        parent: None,
+        kind: kind_of(&attributes).unwrap_or(FeatureKind::Building),
+        source_type: source_type.to_owned(),
+        lod: None,
+        attributes,
+        shape: Shape::Footprints(footprints),
+    }
+}
+
+/// The name of the system in a `crs` member; `None` for the default. Fails with the reason if it has none.
+fn name_of(crs: &Value) -> Result<Option<String>, String> {
+    match &crs["properties"] {
+        properties if properties["name"].is_string() => {
+            Ok(Some(properties["name"].as_str().unwrap_or_default().to_owned()))
         }
-        match fault {
-            Some(reason) if open.triangles == 0 => self.report.skip(reason, || id.to_owned()),
-            Some(reason) => self.report.problem(reason, || id.to_owned()),
-            None if open.triangles == 0 => self.report.skip("no surface with an area", || id.to_owned()),
-            None => {}
-        }
-        self.context.builder.close(self.context.source, id, open, &mut self.report);
+        properties if properties["code"].is_number() => Ok(Some(format!("EPSG:{}", properties["code"]))),
+        _ if crs.is_null() => Ok(None),
+        _ => Err("its \"crs\" has no name; remove it, or export as WGS84".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crs_member_is_understood_in_every_spelling() {
+        let named = |text: &str| name_of(&serde_json::from_str(text).unwrap());
+        let name = |name: &str| format!(r#"{{"type": "name", "properties": {{"name": "{name}"}}}}"#);
+        assert_eq!(named("null"), Ok(None));
+        assert_eq!(named(&name("EPSG:28992")), Ok(Some("EPSG:28992".to_owned())));
+        assert_eq!(named(r#"{"type": "EPSG", "properties": {"code": 6677}}"#), Ok(Some("EPSG:6677".to_owned())));
+        assert!(named("{}").is_err() && named("7").is_err());
     }
 }

@@ -1,17 +1,14 @@
 //! GeoJSON footprints, extruded to prisms: a document whose features are read one at a time, or one feature per line.
 
-mod colour;
 mod features;
-mod footprint;
-mod height;
-mod projection;
 mod schema;
 mod stream;
 #[cfg(test)]
 mod tests;
 
 use super::context::{ByteProgress, ReadContext};
-use super::report::SourceReport;
+use super::report::{SourceFormat, SourceReport};
+use super::sink::SceneSink;
 use super::source::{CitySource, SourceKind, kind_by_name, open};
 use crate::error::InputError;
 use features::FeatureReader;
@@ -26,12 +23,13 @@ pub(crate) fn read(
 ) -> Result<SourceReport, InputError> {
     let opened = open(source)?;
     let bytes_read = opened.bytes_read;
-    let mut features = FeatureReader::new(context, source);
+    let sink = SceneSink::new(context, source, SourceFormat::GeoJson, tick)?;
+    let mut features = FeatureReader::new(sink, source);
     let tick = || tick(bytes_read.get());
     if kind_by_name(&source.name) == Some(SourceKind::GeoJsonLines) {
         features.read_lines(opened.reader, &tick)?;
     } else {
         stream::read(opened.reader, &mut features, &tick)?;
     }
-    Ok(features.into_report())
+    Ok(features.sink.into_report())
 }

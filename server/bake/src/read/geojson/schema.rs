@@ -6,9 +6,10 @@ use serde_json::{Map, Value};
 
 use crate::error::json_message;
 use crate::read::json::position::JsonPosition;
+use crate::read::object::Footprint;
 
 /// A polygon: its outer ring, then its holes. Invalid coordinates are NaN.
-pub(super) type GeoJsonPolygon = Vec<Vec<JsonPosition>>;
+type PolygonRings = Vec<Vec<JsonPosition>>;
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
@@ -50,17 +51,19 @@ impl GeoJsonFeature {
 impl GeoJsonGeometry {
     /// All polygons of the geometry and of its parts; none for points and lines. Fails with the reason if the
     /// coordinates are malformed.
-    pub(super) fn polygons(&self) -> Result<Vec<GeoJsonPolygon>, String> {
+    pub(super) fn footprints(&self) -> Result<Vec<Footprint>, String> {
         let text = self.coordinates.as_ref().map_or("[]", |raw| raw.get());
-        match self.kind.as_str() {
+        let polygons: Result<Vec<PolygonRings>, serde_json::Error> = match self.kind.as_str() {
             "Polygon" => serde_json::from_str(text).map(|polygon| vec![polygon]),
             "MultiPolygon" => serde_json::from_str(text),
             "GeometryCollection" => {
-                let parts: Result<Vec<_>, _> = self.geometries.iter().map(GeoJsonGeometry::polygons).collect();
+                let parts: Result<Vec<_>, _> = self.geometries.iter().map(GeoJsonGeometry::footprints).collect();
                 return Ok(parts?.concat());
             }
             _ => Ok(Vec::new()),
-        }
-        .map_err(|error| json_message(&error))
+        };
+        let on_map = |ring: &Vec<JsonPosition>| ring.iter().map(|JsonPosition([x, y, _])| [*x, *y]).collect();
+        let footprint = |rings: &PolygonRings| Footprint { rings: rings.iter().map(on_map).collect() };
+        polygons.map(|polygons| polygons.iter().map(footprint).collect()).map_err(|error| json_message(&error))
     }
 }

@@ -21,7 +21,7 @@ pub(super) fn read(
     features: &mut FeatureReader<'_, '_, '_>,
     tick: &dyn Fn(),
 ) -> Result<(), InputError> {
-    let options = features.context.options;
+    let options = features.sink.options();
     let limits = ByteLimits::new(options.max_source_bytes, options.max_line_bytes);
     let label = features.source.label.clone();
     let mut json = serde_json::Deserializer::from_reader(LimitedReader {

@@ -11,21 +11,23 @@ const DEGREES: &[u32] = &[4258, 4269, 4283, 4326, 4612, 4937, 4979, 6668, 6697, 
 /// Further titles, attributions or licences of a source are left out.
 const MAX_TEXTS: usize = 1000;
 
-/// Fills the report's coordinate system, titles, attributions and licences.
-pub(crate) fn describe(metadata: &Value, report: &mut SourceReport) {
-    walk(metadata, "", report);
+/// Fills the report's titles, attributions and licences. Returns the name of the coordinate system.
+pub(crate) fn describe(metadata: &Value, report: &mut SourceReport) -> Option<String> {
+    let mut crs = None;
+    walk(metadata, "", report, &mut crs);
+    crs
 }
 
 /// Finds members at any depth: some files put them into arrays and extensions.
-fn walk(value: &Value, within: &str, report: &mut SourceReport) {
+fn walk(value: &Value, within: &str, report: &mut SourceReport, crs: &mut Option<String>) {
     match value {
-        Value::Array(entries) => entries.iter().for_each(|entry| walk(entry, within, report)),
+        Value::Array(entries) => entries.iter().for_each(|entry| walk(entry, within, report, crs)),
         Value::Object(members) => {
             for (name, member) in members {
                 if let Value::String(text) = member {
-                    note(name, within, text, report);
+                    note(name, within, text, report, crs);
                 } else {
-                    walk(member, name, report);
+                    walk(member, name, report, crs);
                 }
             }
         }
@@ -33,7 +35,7 @@ fn walk(value: &Value, within: &str, report: &mut SourceReport) {
     }
 }
 
-fn note(name: &str, within: &str, text: &str, report: &mut SourceReport) {
+fn note(name: &str, within: &str, text: &str, report: &mut SourceReport, crs: &mut Option<String>) {
     let text = text.trim();
     let list = match name.to_ascii_lowercase().as_str() {
         "title" => &mut report.titles,
@@ -42,38 +44,49 @@ fn note(name: &str, within: &str, text: &str, report: &mut SourceReport) {
         "description" if within == "source" => &mut report.attributions,
         "license" | "licence" | "datasetlicense" | "uselimitation" => &mut report.licences,
         "referencesystem" => {
-            report.crs = report.crs.take().or_else(|| epsg(text));
+            if crs.is_none() && !text.is_empty() {
+                *crs = Some(text.to_owned());
+            }
             return;
         }
         _ => return,
     };
-    let short = shorten_text(text);
-    if text.is_empty() || list.iter().any(|known| known == short) {
-        return;
-    }
-    if list.len() >= MAX_TEXTS {
-        report.problem("too many texts in the metadata", || name.to_owned());
-        return;
-    }
-    list.push(short.to_owned());
-    if short.len() < text.len() {
-        report.problem("text in the metadata too long, cut", || format!("{name}: {} bytes", text.len()));
+    match add_text(list, text) {
+        TextFault::None => {}
+        TextFault::TooMany => report.problem("too many texts in the metadata", || name.to_owned()),
+        TextFault::TooLong => {
+            report.problem("text in the metadata too long, cut", || format!("{name}: {} bytes", text.len()));
+        }
     }
 }
 
-/// Finds an EPSG code in a URL, a URN or a name; returns it as `EPSG:7415`.
-pub(crate) fn epsg(reference_system: &str) -> Option<String> {
-    if !reference_system.to_ascii_uppercase().contains("EPSG") {
-        return None;
+/// What became of a text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum TextFault {
+    None,
+    TooMany,
+    /// It is cut.
+    TooLong,
+}
+
+/// Adds a text to a list of titles, attributions or licences, unless the list has it.
+pub(crate) fn add_text(list: &mut Vec<String>, text: &str) -> TextFault {
+    let text = text.trim();
+    let short = shorten_text(text);
+    if text.is_empty() || list.iter().any(|known| known == short) {
+        return TextFault::None;
     }
-    let code = reference_system.trim_end_matches('/').rsplit(|c: char| !c.is_ascii_digit()).next()?;
-    let code: u32 = code.parse().ok()?;
-    Some(format!("EPSG:{code}"))
+    if list.len() >= MAX_TEXTS {
+        return TextFault::TooMany;
+    }
+    list.push(short.to_owned());
+    if short.len() < text.len() { TextFault::TooLong } else { TextFault::None }
 }
 
 /// Whether a system such as `EPSG:4326` is in degrees instead of metres.
 pub(crate) fn is_degrees(crs: &str) -> bool {
-    crs.strip_prefix("EPSG:").and_then(|code| code.parse().ok()).is_some_and(|code: u32| DEGREES.contains(&code))
+    let code = crs.trim_end_matches('/').rsplit(|c: char| !c.is_ascii_digit()).next();
+    code.and_then(|code| code.parse().ok()).is_some_and(|code: u32| DEGREES.contains(&code))
 }
 
 #[cfg(test)]
@@ -82,20 +95,11 @@ mod tests {
     use crate::read::report::SourceFormat;
 
     #[test]
-    fn epsg_code_is_found_in_every_spelling_of_a_reference_system() {
-        let spellings = [
-            "urn:ogc:def:crs:EPSG::7415",
-            "https://www.opengis.net/def/crs/EPSG/0/7415",
-            "http://www.opengis.net/def/crs/EPSG/0/7415/",
-            "EPSG:7415",
-            "epsg:7415",
-        ];
-        for spelling in spellings {
-            assert_eq!(epsg(spelling).as_deref(), Some("EPSG:7415"), "{spelling}");
+    fn degrees_are_known_in_every_spelling_of_a_reference_system() {
+        for name in ["urn:ogc:def:crs:EPSG::4979", "http://www.opengis.net/def/crs/EPSG/0/6697/", "EPSG:4326"] {
+            assert!(is_degrees(name), "{name}");
         }
-        assert_eq!(epsg("urn:ogc:def:crs:OGC:1.3:CRS84"), None);
-        assert_eq!(epsg("EPSG:"), None);
-        assert!(is_degrees("EPSG:4326") && !is_degrees("EPSG:7415"));
+        assert!(!is_degrees("EPSG:7415") && !is_degrees(""));
     }
 
     #[test]
@@ -119,8 +123,7 @@ mod tests {
                 "license": "CC BY 4.0", "description": "not an origin"}
         }]);
         let mut report = SourceReport::new("a", SourceFormat::CityJson, 0);
-        describe(&metadata, &mut report);
-        assert_eq!(report.crs.as_deref(), Some("EPSG:32734"));
+        assert_eq!(describe(&metadata, &mut report).as_deref(), Some("EPSG:32734"));
         assert_eq!(report.titles, ["Cape Town"]);
         assert_eq!(report.attributions.len(), 2);
         assert!(report.attributions.contains(&"OpenStreetMap contributors".to_owned()));

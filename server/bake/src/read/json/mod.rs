@@ -1,5 +1,6 @@
 //! What the readers of JSON formats share.
 
+pub(crate) mod attributes;
 pub(crate) mod lenient;
 pub(crate) mod metadata;
 pub(crate) mod position;

@@ -40,6 +40,10 @@ pub(crate) fn read(
     if context.options.obj_up == ObjUpAxis::Y {
         file.positions.iter_mut().for_each(|p| *p = [p[0], -p[2], p[1]]);
     }
+    let (placement, frame) = context.place_of_mesh(source)?;
+    report.crs = placement.source_crs().map(str::to_owned);
+    // A position that cannot be placed is reported as invalid with its face.
+    file.positions.iter_mut().for_each(|p| *p = placement.position(frame.apply(*p)).unwrap_or([f64::NAN; 3]));
     let mut reader = ObjReader { context, source, file: &file, report: &mut report };
     let faces = reader.usable_faces();
     let library = reader.read_libraries();

@@ -118,7 +118,7 @@ impl ObjectShape {
 }
 
 /// The vector that is as long as the ring's area and perpendicular to it (Newell's method).
-fn area_vector(ring: &[[f64; 3]]) -> DVec3 {
+pub(crate) fn area_vector(ring: &[[f64; 3]]) -> DVec3 {
     let Some(&anchor) = ring.first() else { return DVec3::ZERO };
     // Relative to the first corner: products of full map coordinates would lose their digits by cancellation.
     let from = |p: [f64; 3]| DVec3::from_array(p) - DVec3::from_array(anchor);

@@ -14,7 +14,7 @@ use super::source::read_file;
 use crate::error::{InputError, json_message};
 use crate::scene::ObjectKind;
 use harmonise::{harmonise, is_unknown};
-pub(crate) use look::{Look, ObjectShape, WallKind, normal_z};
+pub(crate) use look::{Look, ObjectShape, WallKind, area_vector, normal_z};
 use tables::{MATERIALS, OBJECTS, OTHER, Part, REFLECTIVE, REFLECTIVE_WORDS, SURFACES};
 
 /// Larger palette files are refused.

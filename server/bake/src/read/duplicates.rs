@@ -1,0 +1,241 @@
+//! Finds objects that the inputs have twice, such as buildings on the border of neighbouring deliveries.
+//!
+//! A sweep along x with a list of active boxes finds all pairs of objects whose boxes overlap on the map (Giannitrapani and
+//! Fusiello, "Graphics Lab", sweep over intervals): O(n log n + pairs). A pair is one object if both have the same
+//! identifier and mostly the same box, or the same footprint and height. Footprints are compared as bit masks that one pass
+//! over the stored triangles fills, so that memory follows the number of similar pairs, not the size of the city.
+
+use super::scene_builder::PlacedBox;
+
+/// What becomes of an object that another source, or the same, has already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DuplicateOption {
+    /// The first one is kept.
+    #[default]
+    KeepFirst,
+    /// The one of the best level of detail is kept, also where their heights differ.
+    KeepBestLevel,
+    /// All are kept.
+    KeepAll,
+}
+
+/// Shares of the boxes' union that must be common before identifiers, or footprints, are compared.
+const SAME_ID_BOX_SHARE: f64 = 0.5;
+const FOOTPRINT_BOX_SHARE: f64 = 0.85;
+/// Share of the footprints' union that is common to two footprints that are the same.
+const FOOTPRINT_SHARE: f64 = 0.95;
+/// Heights of the same object differ by less.
+const HEIGHT_TOLERANCE_M: f64 = 1.0;
+/// Points in x and y at which footprints are compared.
+const MASK_SIDE: usize = 64;
+/// Pairs whose footprints are compared in one pass over the triangles: 100 MB of masks.
+pub(super) const PAIRS_PER_PASS: usize = 100_000;
+
+/// An object as far as it matters here.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DuplicateCandidate {
+    /// Index of the pending object.
+    pub(super) object: usize,
+    pub(super) bounds: PlacedBox,
+    pub(super) id: u64,
+    pub(super) parent: Option<u64>,
+    /// Level of detail; 0 where the source has none.
+    pub(super) lod: f32,
+    pub(super) is_terrain: bool,
+}
+
+/// Two objects that may be one. Indices of pending objects, the earlier one first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SimilarPair {
+    pub(super) first: usize,
+    pub(super) second: usize,
+    /// Whether the identifiers are equal; otherwise the footprints decide.
+    pub(super) has_same_id: bool,
+    /// The box of both on the map.
+    low: [f64; 2],
+    high: [f64; 2],
+}
+
+/// All pairs that may be one object, in order of the first and then of the second object.
+pub(super) fn similar_pairs(mut candidates: Vec<DuplicateCandidate>, option: DuplicateOption) -> Vec<SimilarPair> {
+    candidates.sort_by(|a, b| a.bounds.low[0].total_cmp(&b.bounds.low[0]).then(a.object.cmp(&b.object)));
+    let mut pairs = Vec::new();
+    let mut active: Vec<DuplicateCandidate> = Vec::new();
+    for new in candidates {
+        active.retain(|old| old.bounds.high[0] >= new.bounds.low[0]);
+        pairs.extend(active.iter().filter_map(|old| similar(old, &new, option)));
+        active.push(new);
+    }
+    pairs.sort_by_key(|pair| (pair.first, pair.second));
+    pairs
+}
+
+fn similar(a: &DuplicateCandidate, b: &DuplicateCandidate, option: DuplicateOption) -> Option<SimilarPair> {
+    let is_part = |part: &DuplicateCandidate, whole: &DuplicateCandidate| part.parent == Some(whole.id);
+    if a.is_terrain != b.is_terrain || is_part(a, b) || is_part(b, a) {
+        return None;
+    }
+    let share = common_share(&a.bounds, &b.bounds);
+    let has_same_id = a.id == b.id && share >= SAME_ID_BOX_SHARE;
+    let differs = |x: f64, y: f64| (x - y).abs() >= HEIGHT_TOLERANCE_M;
+    let has_same_height = !differs(a.bounds.low[2], b.bounds.low[2]) && !differs(a.bounds.high[2], b.bounds.high[2]);
+    let may_differ = option == DuplicateOption::KeepBestLevel && a.lod != b.lod;
+    if !has_same_id && (share < FOOTPRINT_BOX_SHARE || !(has_same_height || may_differ)) {
+        return None;
+    }
+    let (first, second) = (a.object.min(b.object), a.object.max(b.object));
+    let low = [0, 1].map(|axis: usize| a.bounds.low[axis].min(b.bounds.low[axis]));
+    let high = [0, 1].map(|axis: usize| a.bounds.high[axis].max(b.bounds.high[axis]));
+    Some(SimilarPair { first, second, has_same_id, low, high })
+}
+
+/// Area on the map that two boxes have in common, as a share of their union's.
+fn common_share(a: &PlacedBox, b: &PlacedBox) -> f64 {
+    let side = |axis: usize| (a.high[axis].min(b.high[axis]) - a.low[axis].max(b.low[axis])).max(0.0);
+    let area = |bounds: &PlacedBox| (bounds.high[0] - bounds.low[0]) * (bounds.high[1] - bounds.low[1]);
+    let common = side(0) * side(1);
+    let union = area(a) + area(b) - common;
+    if union > 0.0 { common / union } else { 0.0 }
+}
+
+/// The footprints of a pair, at the same points.
+pub(super) struct PairMasks {
+    pair: SimilarPair,
+    masks: [[u64; MASK_SIDE]; 2],
+}
+
+impl PairMasks {
+    pub(super) fn new(pair: SimilarPair) -> Self {
+        Self { pair, masks: [[0; MASK_SIDE]; 2] }
+    }
+
+    /// Adds a triangle of one of both objects, in world coordinates on the map.
+    pub(super) fn add(&mut self, object: usize, corners: [[f64; 2]; 3]) {
+        let SimilarPair { first, low, high, .. } = self.pair;
+        let step = [0, 1].map(|axis: usize| (high[axis] - low[axis]) / MASK_SIDE as f64);
+        if !(step[0] > 0.0 && step[1] > 0.0) {
+            return;
+        }
+        let points = corners.map(|corner| [0, 1].map(|axis: usize| (corner[axis] - low[axis]) / step[axis] - 0.5));
+        cover(&mut self.masks[usize::from(object != first)], points);
+    }
+
+    /// Whether both footprints are the same.
+    pub(super) fn are_equal(&self) -> bool {
+        let [a, b] = &self.masks;
+        let count = |of: fn(u64, u64) -> u64| a.iter().zip(b).map(|(a, b)| of(*a, *b).count_ones()).sum::<u32>();
+        let (common, union) = (count(|a, b| a & b), count(|a, b| a | b));
+        union > 0 && f64::from(common) > FOOTPRINT_SHARE * f64::from(union)
+    }
+}
+
+/// Sets the bits of the points in a triangle. Points are at whole numbers.
+fn cover(mask: &mut [u64; MASK_SIDE], points: [[f64; 2]; 3]) {
+    let range = |axis: usize| {
+        let values = points.map(|point| point[axis]);
+        let low = values.into_iter().fold(f64::MAX, f64::min).ceil().max(0.0);
+        (low as usize, values.into_iter().fold(f64::MIN, f64::max).floor())
+    };
+    let (first_row, last_row) = range(1);
+    if last_row < 0.0 {
+        return;
+    }
+    for row in first_row..=(last_row as usize).min(MASK_SIDE - 1) {
+        let y = row as f64;
+        let (mut left, mut right) = (f64::MAX, f64::MIN);
+        for i in 0..3 {
+            let (a, b) = (points[i], points[(i + 1) % 3]);
+            if (a[1] <= y) != (b[1] <= y) {
+                let x = a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]);
+                left = left.min(x);
+                right = right.max(x);
+            }
+        }
+        let (from, to) = (left.ceil().max(0.0), right.floor().min(MASK_SIDE as f64 - 1.0));
+        if from <= to {
+            let width = (to - from) as u32 + 1;
+            mask[row] |= (u64::MAX >> (64 - width)) << from as u32;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn candidate(object: usize, low: [f64; 3], high: [f64; 3], id: u64) -> DuplicateCandidate {
+        let bounds = PlacedBox { low, high };
+        DuplicateCandidate { object, bounds, id, parent: None, lod: 0.0, is_terrain: false }
+    }
+
+    fn pairs(candidates: &[DuplicateCandidate]) -> Vec<(usize, usize, bool)> {
+        let found = similar_pairs(candidates.to_vec(), DuplicateOption::KeepFirst);
+        found.iter().map(|pair| (pair.first, pair.second, pair.has_same_id)).collect()
+    }
+
+    #[test]
+    fn all_overlapping_pairs_are_found() {
+        // Against all pairs, on boxes of a simple generator.
+        let mut state = 7_u64;
+        let mut next = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 40) as f64 / (1 << 24) as f64
+        };
+        let all: Vec<DuplicateCandidate> = (0..600)
+            .map(|object| {
+                let low = [(next() * 12.0).floor(), (next() * 12.0).floor(), 0.0];
+                candidate(object, low, [low[0] + 4.0, low[1] + 4.0, 5.0], object as u64 % 40)
+            })
+            .collect();
+        let mut expected = Vec::new();
+        for a in 0..all.len() {
+            for b in a + 1..all.len() {
+                if let Some(pair) = similar(&all[a], &all[b], DuplicateOption::KeepFirst) {
+                    expected.push((pair.first, pair.second, pair.has_same_id));
+                }
+            }
+        }
+        assert!(expected.len() > 100);
+        assert_eq!(pairs(&all), expected);
+    }
+
+    #[test]
+    fn height_kind_and_relation_distinguish_objects() {
+        let base = candidate(0, [0.0; 3], [10.0; 3], 1);
+        assert_eq!(pairs(&[base, candidate(1, [0.0; 3], [10.0, 10.0, 10.9], 2)]), [(0, 1, false)]);
+        assert!(pairs(&[base, candidate(1, [0.0; 3], [10.0, 10.0, 11.1], 2)]).is_empty());
+        let terrain = DuplicateCandidate { is_terrain: true, ..candidate(1, [0.0; 3], [10.0; 3], 2) };
+        assert!(pairs(&[base, terrain]).is_empty());
+        let part = DuplicateCandidate { parent: Some(1), ..candidate(1, [0.0; 3], [10.0; 3], 2) };
+        assert!(pairs(&[base, part]).is_empty());
+        let far = candidate(1, [8.0, 0.0, 0.0], [18.0, 10.0, 10.0], 1);
+        assert!(pairs(&[base, far]).is_empty(), "the same identifier at another place");
+        let lower = DuplicateCandidate { lod: 1.0, ..candidate(1, [0.0; 3], [10.0, 10.0, 6.0], 2) };
+        assert_eq!(similar_pairs(vec![base, lower], DuplicateOption::KeepBestLevel).len(), 1);
+    }
+
+    #[test]
+    fn footprints_are_compared_by_their_shape() {
+        let pair = similar(
+            &candidate(0, [0.0; 3], [10.0; 3], 1),
+            &candidate(1, [0.0; 3], [10.0; 3], 2),
+            DuplicateOption::KeepFirst,
+        );
+        let masks = |second: &[[[f64; 2]; 3]]| {
+            let mut masks = PairMasks::new(pair.unwrap());
+            masks.add(0, [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]);
+            masks.add(0, [[0.0, 0.0], [10.0, 10.0], [0.0, 10.0]]);
+            second.iter().for_each(|triangle| masks.add(1, *triangle));
+            masks.are_equal()
+        };
+        // The same square, cut along the other diagonal and facing down.
+        assert!(masks(&[[[0.0, 0.0], [0.0, 10.0], [10.0, 0.0]], [[10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]]));
+        assert!(!masks(&[[[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]]), "half of it");
+        assert!(!masks(&[]), "no footprint");
+        let shifted = |dx: f64| {
+            let [a, b, c, d] = [[dx, 0.0], [10.0 + dx, 0.0], [10.0 + dx, 10.0], [dx, 10.0]];
+            masks(&[[a, b, c], [a, c, d]])
+        };
+        assert!(shifted(0.2) && !shifted(0.6));
+    }
+}

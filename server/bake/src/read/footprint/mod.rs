@@ -1,0 +1,16 @@
+//! Areas on the map, and what becomes of them: a building with height, roof and colours by its attributes, or a level
+//! surface. The same for all formats.
+//!
+//! Names of attributes are those of OpenStreetMap, of city offices and of Overture.
+
+mod colour;
+mod height;
+mod kind;
+mod prism;
+mod roof_tags;
+
+pub(crate) use colour::{ResolvedColour, building_colours, by_use};
+pub(crate) use height::{BuildingHeight, length_m};
+pub(crate) use kind::kind_of;
+pub(crate) use prism::{GroundPlan, PrismMaterials};
+pub(crate) use roof_tags::RoofTags;

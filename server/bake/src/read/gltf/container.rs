@@ -1,0 +1,124 @@
+//! The container: a GLB's chunks, or JSON alone.
+
+use super::schema::Root;
+use super::version1;
+use crate::error::InputError;
+
+const GLB_MAGIC: &[u8] = b"glTF";
+const JSON_CHUNK: u32 = 0x4e4f_534a;
+const BINARY_CHUNK: u32 = 0x004e_4942;
+
+/// Extensions that may be required. Those of materials and lights only change the look.
+const KNOWN: [&str; 16] = [
+    "KHR_draco_mesh_compression",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    "KHR_texture_basisu",
+    "EXT_texture_webp",
+    "EXT_mesh_gpu_instancing",
+    "EXT_mesh_features",
+    "EXT_instance_features",
+    "EXT_structural_metadata",
+    "CESIUM_RTC",
+    "CESIUM_primitive_outline",
+    "KHR_node_visibility",
+    "KHR_techniques_webgl",
+    "KHR_xmp_json_ld",
+];
+const KNOWN_PREFIXES: [&str; 4] = ["KHR_materials_", "KHR_lights_", "EXT_lights_", "KHR_animation_"];
+
+/// Parsed JSON, and the binary chunk of a GLB.
+pub(super) struct Document<'a> {
+    pub(super) root: Root,
+    pub(super) binary: Option<&'a [u8]>,
+}
+
+/// Parses a GLB or JSON. Fails if it is damaged, of another version or requires unknown extensions.
+pub(super) fn parse<'a>(label: &str, bytes: &'a [u8]) -> Result<Document<'a>, InputError> {
+    let (json, binary, version) = if bytes.starts_with(GLB_MAGIC) {
+        glb(label, bytes)?
+    } else {
+        (bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None, 2)
+    };
+    let json = trim_padding(json);
+    if version == 1 {
+        return version1::parse(label, json, binary);
+    }
+    let root: Root = match serde_json::from_slice(json) {
+        Ok(root) => root,
+        Err(_) if version1::is_version_1(json) => return version1::parse(label, json, binary),
+        Err(error) => return Err(InputError::json(label, &error)),
+    };
+    if root.asset.version.starts_with("1.") || root.asset.version.starts_with("0.") {
+        return version1::parse(label, json, binary);
+    }
+    if !root.asset.version.starts_with("2.") && root.asset.version != "2" {
+        let what = format!("glTF version \"{}\" is not supported", root.asset.version);
+        return Err(InputError::unsupported(label, what));
+    }
+    check_required(label, &root)?;
+    Ok(Document { root, binary })
+}
+
+/// Fails if an extension is required that is not known.
+pub(super) fn check_required(label: &str, root: &Root) -> Result<(), InputError> {
+    let is_known = |name: &str| KNOWN.contains(&name) || KNOWN_PREFIXES.iter().any(|prefix| name.starts_with(prefix));
+    let unknown: Vec<&str> =
+        root.extensions_required.iter().map(String::as_str).filter(|name| !is_known(name)).collect();
+    if unknown.is_empty() {
+        return Ok(());
+    }
+    let names = unknown.iter().take(5).map(|name| &name[..name.floor_char_boundary(80)]).collect::<Vec<_>>().join(", ");
+    Err(InputError::unsupported(label, format!("the glTF requires extensions that are not supported: {names}")))
+}
+
+/// Padding of the JSON chunk: blanks, or zeros of careless writers.
+fn trim_padding(json: &[u8]) -> &[u8] {
+    let end = json.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    &json[..end]
+}
+
+/// The JSON, the binary chunk and the version of a GLB.
+fn glb<'a>(label: &str, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>, u32), InputError> {
+    let damaged = |place: usize, what: &str| InputError::damaged(label, format!("byte {place}"), what);
+    let word = |at: usize| u32_at(bytes, at).ok_or_else(|| damaged(at, "the GLB header is incomplete"));
+    let version = word(4)?;
+    // Writers that pad a GLB forget to count it; what is there counts.
+    let bytes = &bytes[..bytes.len().min((word(8)? as usize).max(12))];
+    if version == 1 {
+        let (length, format) = (word(12)? as usize, word(16)?);
+        if format != 0 {
+            return Err(damaged(16, "the content of the GLB is not JSON"));
+        }
+        let rest = bytes.get(20..).ok_or_else(|| damaged(20, "the GLB has no content"))?;
+        let (json, binary) = rest.split_at_checked(length).ok_or_else(|| damaged(12, "the GLB's JSON is cut short"))?;
+        return Ok((json, Some(binary), 1));
+    }
+    if version != 2 {
+        return Err(InputError::unsupported(label, format!("GLB version {version} is not supported")));
+    }
+    let mut at = 12;
+    let (mut json, mut binary) = (None, None);
+    while let (Some(length), Some(kind)) = (u32_at(bytes, at), u32_at(bytes, at + 4)) {
+        let start = at + 8;
+        let chunk = bytes.get(start..).and_then(|rest| rest.get(..length as usize));
+        match kind {
+            JSON_CHUNK if json.is_none() => {
+                json = Some(chunk.ok_or_else(|| damaged(at, "the GLB's JSON is cut short"))?);
+            }
+            BINARY_CHUNK if binary.is_none() => {
+                binary = Some(chunk.ok_or_else(|| damaged(at, "the GLB's binary chunk is cut short"))?);
+            }
+            _ => {}
+        }
+        let Some(next) = start.checked_add(length as usize) else { break };
+        at = next;
+    }
+    Ok((json.ok_or_else(|| damaged(12, "the GLB has no JSON chunk"))?, binary, 2))
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+    bytes.get(at..at.checked_add(4)?)?.try_into().ok().map(u32::from_le_bytes)
+}

@@ -1,0 +1,130 @@
+//! Files that readers read.
+
+use std::cell::Cell;
+#[cfg(test)]
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::PathBuf;
+use std::rc::Rc;
+
+use flate2::read::MultiGzDecoder;
+
+use crate::error::InputError;
+
+/// Files with a common parent: a source, its siblings and its images. Names are relative to it, with `/`.
+pub(crate) trait SourceFiles {
+    /// Opens a file. Fails with `NotFound` if it does not exist, and with `PermissionDenied` outside of the source's folder.
+    fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>>;
+    /// Size of a file in bytes.
+    fn len(&self, name: &str) -> io::Result<u64>;
+    /// The file on disk, for readers that need random access: itself, or a temporary copy of an archive's entry.
+    fn on_disk(&self, name: &str) -> io::Result<LocalFile>;
+    /// Distinguishes these files from those of other sources.
+    fn location(&self) -> String;
+}
+
+/// A file on disk, which is removed with this value if it is a copy.
+#[derive(Debug)]
+pub(crate) struct LocalFile {
+    pub(crate) path: PathBuf,
+    pub(crate) copy: Option<tempfile::TempPath>,
+}
+
+/// The source that a reader reads.
+#[derive(Clone, Copy)]
+pub(crate) struct Input<'a> {
+    /// For messages.
+    pub(crate) label: &'a str,
+    /// Name within `files`; it may end in `.gz`.
+    pub(crate) name: &'a str,
+    pub(crate) files: &'a dyn SourceFiles,
+    /// Unpacked sources with more bytes are refused; so is any single allocation beyond it.
+    pub(crate) max_bytes: u64,
+    /// West, south, east and north in degrees: readers may leave out objects outside of it. The sink filters again.
+    pub(crate) bbox_deg: Option<[f64; 4]>,
+}
+
+/// An opened source.
+pub(crate) struct OpenInput<'a> {
+    /// Its unpacked bytes; fails when there are more than the limit.
+    pub(crate) reader: Box<dyn BufRead + 'a>,
+    /// Packed bytes read so far, for [`super::object::ObjectSink::tick`].
+    pub(crate) bytes_read: Rc<Cell<u64>>,
+}
+
+struct CountingReader<'a> {
+    inner: Box<dyn Read + 'a>,
+    count: Rc<Cell<u64>>,
+}
+
+impl Read for CountingReader<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.inner.read(buffer)?;
+        self.count.set(self.count.get() + read as u64);
+        Ok(read)
+    }
+}
+
+struct LimitedReader<R> {
+    inner: R,
+    left: u64,
+}
+
+impl<R: Read> Read for LimitedReader<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.inner.read(buffer)?;
+        self.left = self.left.checked_sub(read as u64).ok_or_else(|| io::Error::other("more unpacked bytes than allowed"))?;
+        Ok(read)
+    }
+}
+
+impl<'a> Input<'a> {
+    /// Opens the source and unpacks `.gz`. Fails if the file cannot be opened.
+    pub(crate) fn open(&self) -> Result<OpenInput<'a>, InputError> {
+        let inner = self.files.open(self.name).map_err(|cause| InputError::io(self.label, cause))?;
+        let bytes_read = Rc::new(Cell::new(0));
+        let counted = CountingReader { inner, count: Rc::clone(&bytes_read) };
+        let unpacked: Box<dyn Read> = if self.name.to_ascii_lowercase().ends_with(".gz") {
+            Box::new(MultiGzDecoder::new(BufReader::new(counted)))
+        } else {
+            Box::new(counted)
+        };
+        let limited = LimitedReader { inner: unpacked, left: self.max_bytes };
+        Ok(OpenInput { reader: Box::new(BufReader::with_capacity(1 << 16, limited)), bytes_read })
+    }
+
+    /// Reads the whole unpacked source. Fails if it is larger than `limit` or [`Self::max_bytes`].
+    pub(crate) fn read_all(&self, limit: u64) -> Result<Vec<u8>, InputError> {
+        let limit = limit.min(self.max_bytes);
+        let mut bytes = Vec::new();
+        let read = self.open()?.reader.take(limit.saturating_add(1)).read_to_end(&mut bytes);
+        read.map_err(|cause| InputError::io(self.label, cause))?;
+        if bytes.len() as u64 > limit {
+            return Err(InputError::TooLarge { path: self.label.to_owned(), what: "its size in bytes".to_owned(), limit });
+        }
+        Ok(bytes)
+    }
+}
+
+/// Files of a folder, for tests.
+#[cfg(test)]
+pub(crate) struct FolderFiles(pub(crate) PathBuf);
+
+#[cfg(test)]
+impl SourceFiles for FolderFiles {
+    fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
+        Ok(Box::new(File::open(self.0.join(name))?))
+    }
+
+    fn len(&self, name: &str) -> io::Result<u64> {
+        Ok(std::fs::metadata(self.0.join(name))?.len())
+    }
+
+    fn on_disk(&self, name: &str) -> io::Result<LocalFile> {
+        Ok(LocalFile { path: self.0.join(name), copy: None })
+    }
+
+    fn location(&self) -> String {
+        self.0.display().to_string()
+    }
+}

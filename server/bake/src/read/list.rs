@@ -1,0 +1,354 @@
+//! The sources among the inputs: files, folders, archives, patterns and lists of them.
+
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use super::archive::{ZipFiles, is_archive};
+use super::bad_inputs::BadInputs;
+use super::files::{EmbeddedFiles, FolderFiles};
+use super::input::SourceFiles;
+use super::source::{CitySource, kind_by_name, read_file};
+use super::unread_formats;
+use crate::error::InputError;
+
+/// Folders in folders beyond this depth are left out.
+const MAX_DEPTH: usize = 24;
+/// Larger lists are refused.
+const MAX_LIST_BYTES: u64 = 64 << 20;
+/// Files that are a whole city together with all others in their folder and below.
+const WHOLE_FOLDERS: [&str; 3] = ["tileset.json", "3dSceneLayer.json", "3dSceneLayer.json.gz"];
+
+/// The sources of the inputs, and what was not taken.
+pub(super) struct SourceList<'a> {
+    /// In the order of the inputs, those of a folder by name. A file that is given twice is in it once.
+    pub(super) sources: Vec<CitySource<'a>>,
+    /// Files in folders and archives whose format is known and not read, one line for each format.
+    pub(super) unread: Vec<String>,
+}
+
+/// Files in a folder or an archive, by their names within it.
+#[derive(Default)]
+struct Selection {
+    names: Vec<String>,
+    /// The first of each format that is not read, with the number of them.
+    unread: Vec<(&'static str, String, u64)>,
+}
+
+/// Lists the sources of the inputs. An input is a file, a folder, an archive, a pattern with `*` and `?`, a list of inputs
+/// (`@FILE`, one a line), or an address. Fails if an input cannot be read, has no known name or is a folder without a
+/// city file, unless `bad` skips it.
+///
+/// Textures and material libraries are read from a source's folder and below, and from `texture_roots`.
+pub(super) fn list(
+    inputs: &[PathBuf],
+    texture_roots: &[PathBuf],
+    bad: &mut BadInputs,
+) -> Result<SourceList<'static>, InputError> {
+    let roots = texture_roots.iter().map(|root| {
+        let label = root.display().to_string();
+        fs::canonicalize(root).map_err(|cause| InputError::io(&label, cause))
+    });
+    let roots: Rc<[PathBuf]> = roots.collect::<Result<_, _>>()?;
+    let mut lister =
+        Lister { roots, seen: HashSet::new(), list: SourceList { sources: Vec::new(), unread: Vec::new() } };
+    for input in inputs {
+        let label = input.display().to_string();
+        let expanded = expand(input);
+        for path in bad.skip(&label, expanded)?.unwrap_or_default() {
+            let added = lister.add(&path, bad);
+            bad.skip(&path.display().to_string(), added)?;
+        }
+    }
+    Ok(lister.list)
+}
+
+/// The paths that an input stands for: the lines of a list, the matches of a pattern, else itself.
+fn expand(input: &Path) -> Result<Vec<PathBuf>, InputError> {
+    let label = input.display().to_string();
+    if let Some(list) = label.strip_prefix('@') {
+        return read_list(Path::new(list));
+    }
+    if input.exists() || !label.contains(['*', '?', '[']) {
+        return Ok(vec![input.to_owned()]);
+    }
+    let no_pattern = |error: glob::PatternError| InputError::unsupported(&label, format!("no pattern: {error}"));
+    let mut paths: Vec<PathBuf> = glob::glob(&label).map_err(no_pattern)?.filter_map(Result::ok).collect();
+    paths.sort();
+    if paths.is_empty() { Err(InputError::no_source(input)) } else { Ok(paths) }
+}
+
+/// The paths in a list, relative to its folder. Empty lines and those that begin with `#` are left out.
+fn read_list(path: &Path) -> Result<Vec<PathBuf>, InputError> {
+    let bytes = read_file(path, MAX_LIST_BYTES)?;
+    let text = String::from_utf8_lossy(&bytes);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let lines = text.trim_start_matches('\u{feff}').lines().map(str::trim);
+    let paths: Vec<PathBuf> =
+        lines.filter(|line| !line.is_empty() && !line.starts_with('#')).map(|line| folder.join(line)).collect();
+    if paths.is_empty() { Err(InputError::no_source(path)) } else { Ok(paths) }
+}
+
+struct Lister {
+    roots: Rc<[PathBuf]>,
+    seen: HashSet<PathBuf>,
+    list: SourceList<'static>,
+}
+
+impl Lister {
+    /// Adds the sources of a path. Fails if there is none.
+    fn add(&mut self, path: &Path, bad: &mut BadInputs) -> Result<(), InputError> {
+        let label = path.display().to_string();
+        let meta = fs::metadata(path).map_err(|cause| InputError::io(&label, cause))?;
+        let is_packed = meta.is_file() && is_archive(&label);
+        if !meta.is_dir() && !is_packed {
+            return self.add_file(path);
+        }
+        if is_packed {
+            if !self.is_new(path) {
+                return Ok(());
+            }
+            let files = ZipFiles::new(path)?;
+            let selection = select(files.names().map(str::to_owned).collect());
+            self.check_selection(path, &selection)?;
+            let files = Rc::new(files);
+            for name in selection.names {
+                let source = archived_source(&label, name, Rc::clone(&files));
+                let label = source.as_ref().map_or(label.clone(), |source| source.label.clone());
+                self.list.sources.extend(bad.skip(&label, source)?);
+            }
+            return Ok(());
+        }
+        let mut names = Vec::new();
+        walk(path, "", 0, &mut names)?;
+        let selection = select(names);
+        self.check_selection(path, &selection)?;
+        for name in selection.names {
+            let file = path.join(&name);
+            if self.is_new(&file) {
+                let files = FolderFiles::new(path.to_owned(), name.clone(), Rc::clone(&self.roots));
+                let source = source_of(files, name, file.display().to_string(), true);
+                self.list.sources.extend(bad.skip(&file.display().to_string(), source)?);
+            }
+        }
+        Ok(())
+    }
+
+    fn add_file(&mut self, path: &Path) -> Result<(), InputError> {
+        let label = path.display().to_string();
+        // Bytes of a name that are not UTF-8 are shown as replacement characters.
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if kind_by_name(&name).is_none() {
+            return Err(unread_formats::refusal(&label));
+        }
+        if !self.is_new(path) {
+            return Ok(());
+        }
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        let files = FolderFiles::of_file(folder, name.clone(), path.to_owned(), Rc::clone(&self.roots));
+        self.list.sources.push(source_of(files, name, label, false)?);
+        Ok(())
+    }
+
+    fn is_new(&mut self, path: &Path) -> bool {
+        self.seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()))
+    }
+
+    /// Notes what is not read. Fails if nothing is.
+    fn check_selection(&mut self, path: &Path, selection: &Selection) -> Result<(), InputError> {
+        if selection.names.is_empty() {
+            return Err(match selection.unread.first() {
+                Some((_, first, _)) => unread_formats::refusal(&path.join(first).display().to_string()),
+                None => InputError::no_source(path),
+            });
+        }
+        let lines = selection.unread.iter().map(|(format, first, count)| {
+            let more = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
+            format!("{}{more}: {format}: not read", path.join(first).display())
+        });
+        self.list.unread.extend(lines);
+        Ok(())
+    }
+}
+
+fn source_of(
+    files: FolderFiles,
+    name: String,
+    label: String,
+    found: bool,
+) -> Result<CitySource<'static>, InputError> {
+    let bytes = files.len(&name).map_err(|cause| InputError::io(&label, cause))?;
+    Ok(CitySource { name, label, files: Rc::new(files), bytes, found })
+}
+
+fn archived_source(archive: &str, name: String, files: Rc<ZipFiles>) -> Result<CitySource<'static>, InputError> {
+    let label = format!("{archive}/{name}");
+    let bytes = files.len(&name).map_err(|cause| InputError::io(&label, cause))?;
+    Ok(CitySource { name, label, files, bytes, found: true })
+}
+
+/// Adds the names of all plain files in a folder and below, relative to the first. Hidden ones, and links to folders, are left
+/// out. Fails if the folder cannot be read.
+fn walk(folder: &Path, prefix: &str, depth: usize, names: &mut Vec<String>) -> Result<(), InputError> {
+    let fail = |cause| InputError::io(&folder.display().to_string(), cause);
+    let mut folders = Vec::new();
+    for entry in fs::read_dir(folder).map_err(fail)? {
+        let entry = entry.map_err(fail)?;
+        // A name that is not text cannot be that of a city file.
+        let Ok(name) = entry.file_name().into_string() else { continue };
+        let path = entry.path();
+        if name.starts_with('.') || name == "__MACOSX" {
+            continue;
+        }
+        if entry.file_type().map_err(fail)?.is_dir() {
+            folders.push((path, name));
+        } else if path.is_file() {
+            names.push(format!("{prefix}{name}"));
+        }
+    }
+    for (path, name) in folders {
+        if depth < MAX_DEPTH {
+            walk(&path, &format!("{prefix}{name}/"), depth + 1, names)?;
+        }
+    }
+    Ok(())
+}
+
+/// The sources among the names of files.
+fn select(mut names: Vec<String>) -> Selection {
+    names.sort();
+    let split = |name: &str| name.rsplit_once('/').map_or((String::new(), name.to_owned()), |(a, b)| (format!("{a}/"), b.to_owned()));
+    let mut wholes: Vec<String> = Vec::new();
+    let mut selection = Selection::default();
+    for name in &names {
+        let (folder, file) = split(name);
+        if WHOLE_FOLDERS.contains(&file.as_str()) && !wholes.iter().any(|whole| folder.starts_with(whole.as_str())) {
+            wholes.push(folder);
+        }
+    }
+    // The outermost folders only.
+    let all = wholes.clone();
+    wholes.retain(|whole| !all.iter().any(|other| other != whole && whole.starts_with(other.as_str())));
+    for name in names {
+        let (folder, file) = split(&name);
+        let is_hidden = name.split('/').any(|part| part.starts_with('.') || part == "__MACOSX");
+        let whole = wholes.iter().find(|whole| folder.starts_with(whole.as_str()));
+        let is_whole = whole.is_some_and(|whole| *whole == folder && WHOLE_FOLDERS.contains(&file.as_str()));
+        if is_whole || !is_hidden && whole.is_none() && kind_by_name(&name).is_some() {
+            selection.names.push(name);
+        } else if !is_hidden && whole.is_none()
+            && let Some(format) = unread_formats::format_of(&name)
+        {
+            match selection.unread.iter_mut().find(|(known, ..)| *known == format) {
+                Some((.., count)) => *count += 1,
+                None => selection.unread.push((format, name, 1)),
+            }
+        }
+    }
+    selection
+}
+
+/// The city files among the given ones, sorted by name. All files are available as images and material libraries.
+pub(crate) fn embedded<'a>(files: &'a [(&'a str, &'a [u8])]) -> Vec<CitySource<'a>> {
+    let store: Rc<dyn SourceFiles + 'a> = Rc::new(EmbeddedFiles { files });
+    let mut cities: Vec<_> = files.iter().filter(|(name, _)| kind_by_name(name).is_some()).collect();
+    cities.sort_by_key(|(name, _)| *name);
+    let source = |(name, bytes): &(&str, &[u8])| CitySource {
+        label: (*name).to_owned(),
+        name: (*name).to_owned(),
+        files: Rc::clone(&store),
+        bytes: bytes.len() as u64,
+        found: false,
+    };
+    cities.into_iter().map(source).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::source::{read_all, read_sibling};
+    use super::*;
+    use std::io;
+
+    fn selected(names: &[&str]) -> Vec<String> {
+        select(names.iter().map(|name| (*name).to_owned()).collect()).names
+    }
+
+    #[test]
+    fn tilesets_and_hidden_files_are_not_taken_apart() {
+        let names = ["b/tileset.json", "b/0/0.glb", "b/0/tileset.json", "a.gml", "c/d.fgb", "c/.e.fgb", "c/f.png"];
+        assert_eq!(selected(&names), ["a.gml", "b/tileset.json", "c/d.fgb"]);
+        assert_eq!(selected(&["tileset.json", "x.json"]), ["tileset.json"]);
+        let unread = select(vec!["a.ifc".to_owned(), "b/c.ifc".to_owned(), "d.json".to_owned()]).unread;
+        assert_eq!(unread, [("IFC", "a.ifc".to_owned(), 2)]);
+    }
+
+    #[test]
+    fn folders_patterns_and_lists_give_each_file_once() {
+        let folder = insula_test_support::folder::TestFolder::new("lists");
+        let path = |name: &str| folder.path.join(name);
+        fs::create_dir_all(path("in/deep")).unwrap();
+        for name in ["in/a.obj", "in/deep/b.gml", "in/notes.md", "in/c.ifc"] {
+            fs::write(path(name), "x").unwrap();
+        }
+        fs::write(path("list.txt"), "# comment\n\nin/deep\nin/a.obj\n").unwrap();
+        let found = |inputs: &[PathBuf]| {
+            let listed = list(inputs, &[], &mut BadInputs::new(false))?;
+            let strip = |label: &str| label.replace(&folder.path.display().to_string(), "").replace('\\', "/");
+            Ok::<_, InputError>(listed.sources.iter().map(|source| strip(&source.label)).collect::<Vec<_>>())
+        };
+        assert_eq!(found(&[path("in"), path("in/a.obj")]).unwrap(), ["/in/a.obj", "/in/deep/b.gml"]);
+        assert_eq!(found(&[path("in/*.obj")]).unwrap(), ["/in/a.obj"]);
+        let at_list = PathBuf::from(format!("@{}", path("list.txt").display()));
+        assert_eq!(found(&[at_list]).unwrap(), ["/in/deep/b.gml", "/in/a.obj"]);
+        assert!(matches!(found(&[path("none*.obj")]), Err(InputError::NoSource { .. })));
+        let listed = list(&[path("in")], &[], &mut BadInputs::new(false)).unwrap();
+        assert!(listed.unread.len() == 1 && listed.unread[0].ends_with("c.ifc: IFC: not read"), "{:?}", listed.unread);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn files_beside_a_source_are_read_from_its_folder_and_the_roots_only() {
+        use std::os::unix::fs::symlink;
+        let folder = insula_test_support::folder::TestFolder::new("siblings");
+        let path = |name: &str| folder.path.join(name);
+        for name in ["in/sub", "private", "shared"] {
+            fs::create_dir_all(path(name)).unwrap();
+        }
+        for name in ["in/a.obj", "in/own.png", "in/sub/b.png", "private/photo.png", "shared/c.png"] {
+            fs::write(path(name), name).unwrap();
+        }
+        symlink(path("private/photo.png"), path("in/link.png")).unwrap();
+        symlink(path("private"), path("in/dir")).unwrap();
+        symlink(path("in/a.obj"), path("in/linked.obj")).unwrap();
+        let private = path("private/photo.png").display().to_string();
+        let shared = path("shared/c.png").display().to_string();
+        for (roots, source) in [(vec![], "in/a.obj"), (vec![path("shared")], "in/linked.obj")] {
+            let sources = list(&[path(source)], &roots, &mut BadInputs::new(false)).unwrap().sources;
+            let read = |name: &str| read_sibling(&*sources[0].files, name, 99);
+            assert_eq!(read("own.png").unwrap(), b"in/own.png");
+            assert_eq!(read("sub/../sub/b.png").unwrap(), b"in/sub/b.png");
+            assert_eq!(read(&sources[0].name).unwrap(), b"in/a.obj");
+            for name in ["../private/photo.png", "link.png", "dir/photo.png", &private] {
+                assert_eq!(read(name).unwrap_err().kind(), io::ErrorKind::PermissionDenied, "{name}");
+            }
+            for name in ["../shared/c.png", &shared] {
+                assert_eq!(read(name).is_ok(), !roots.is_empty(), "{name}");
+            }
+            assert_eq!(read("c.png").is_ok(), !roots.is_empty());
+            assert_eq!(read("none.png").unwrap_err().kind(), io::ErrorKind::NotFound);
+        }
+        assert!(list(&[path("in/a.obj")], &[path("none")], &mut BadInputs::new(true)).is_err());
+    }
+
+    #[test]
+    fn embedded_cities_are_sorted_and_other_files_are_siblings() {
+        let files: [(&str, &[u8]); 3] = [("b.obj", b"2"), ("a.mtl", b"m"), ("a.obj", b"1")];
+        let sources = embedded(&files);
+        assert_eq!(sources.iter().map(|source| source.name.as_str()).collect::<Vec<_>>(), ["a.obj", "b.obj"]);
+        assert_eq!(read_sibling(&*sources[0].files, "a.mtl", 10).unwrap(), b"m");
+        assert!(read_sibling(&*sources[0].files, "a.mtl", 0).is_err());
+        assert!(matches!(read_all(&sources[0], 0), Err(InputError::TooLarge { .. })));
+        assert_eq!(read_all(&sources[0], 1).unwrap(), b"1");
+    }
+}

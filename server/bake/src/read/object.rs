@@ -1,0 +1,309 @@
+//! What every reader makes of a source: objects with geometry and attributes. The bake does the rest alike for all
+//! formats: coordinates to the city's system, triangles, heights of footprints, colours, textures and the report.
+
+use std::rc::Rc;
+
+use serde::Serialize;
+
+use super::attributes::Attributes;
+use crate::error::InputError;
+
+/// What an object is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FeatureKind {
+    Building,
+    BuildingPart,
+    Bridge,
+    Tunnel,
+    Road,
+    Rail,
+    Water,
+    Vegetation,
+    LandUse,
+    Furniture,
+    Relief,
+    Generic,
+}
+
+impl FeatureKind {
+    /// All kinds with their names on the command line and in reports.
+    pub const NAMES: [(&str, Self); 12] = [
+        ("building", Self::Building),
+        ("building-part", Self::BuildingPart),
+        ("bridge", Self::Bridge),
+        ("tunnel", Self::Tunnel),
+        ("road", Self::Road),
+        ("rail", Self::Rail),
+        ("water", Self::Water),
+        ("vegetation", Self::Vegetation),
+        ("land-use", Self::LandUse),
+        ("furniture", Self::Furniture),
+        ("relief", Self::Relief),
+        ("generic", Self::Generic),
+    ];
+
+    /// The name on the command line and in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(_, kind)| *kind == self).map_or("generic", |(name, _)| name)
+    }
+
+    /// The kind of an object of CityJSON by its type. Unknown types, such as those of extensions, are generic.
+    pub(crate) fn of_cityjson_type(name: &str) -> Self {
+        match name {
+            "BuildingPart" | "BuildingUnit" | "BuildingRoom" | "BuildingStorey" => Self::BuildingPart,
+            _ if name.starts_with("Building") => Self::Building,
+            _ if name.starts_with("Bridge") => Self::Bridge,
+            _ if name.starts_with("Tunnel") => Self::Tunnel,
+            "Road" | "TransportSquare" => Self::Road,
+            "Railway" => Self::Rail,
+            "WaterBody" | "Waterway" => Self::Water,
+            "PlantCover" | "SolitaryVegetationObject" => Self::Vegetation,
+            "LandUse" => Self::LandUse,
+            "CityFurniture" => Self::Furniture,
+            "TINRelief" => Self::Relief,
+            _ => Self::Generic,
+        }
+    }
+
+    /// The type of CityJSON by which palettes name the kind.
+    pub(crate) fn cityjson_type(self) -> &'static str {
+        match self {
+            Self::Building => "Building",
+            Self::BuildingPart => "BuildingPart",
+            Self::Bridge => "Bridge",
+            Self::Tunnel => "Tunnel",
+            Self::Road => "Road",
+            Self::Rail => "Railway",
+            Self::Water => "WaterBody",
+            Self::Vegetation => "PlantCover",
+            Self::LandUse => "LandUse",
+            Self::Furniture => "CityFurniture",
+            Self::Relief => "TINRelief",
+            Self::Generic => "GenericCityObject",
+        }
+    }
+}
+
+/// Kinds of objects that are read.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct KindFilter {
+    /// Only these; all if empty.
+    pub only: Vec<FeatureKind>,
+    /// None of these.
+    pub skip: Vec<FeatureKind>,
+}
+
+impl KindFilter {
+    /// Whether objects of a kind are read. Parts belong to their buildings unless they are named.
+    #[must_use]
+    pub fn contains(&self, kind: FeatureKind) -> bool {
+        let is_in = |kinds: &[FeatureKind]| {
+            kinds.contains(&kind) || kind == FeatureKind::BuildingPart && kinds.contains(&FeatureKind::Building)
+        };
+        (self.only.is_empty() || is_in(&self.only)) && !is_in(&self.skip)
+    }
+}
+
+/// One object of a source.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SourceObject {
+    /// The source's own identifier: gml:id, CityJSON key, feature id. Never empty: a reader without one counts (`feature 7`).
+    pub(crate) id: String,
+    /// Identifier of the object that this is a part of.
+    pub(crate) parent: Option<String>,
+    pub(crate) kind: FeatureKind,
+    /// The source's own name of the type, such as `bldg:Building` or `building=yes`, for the report.
+    pub(crate) source_type: String,
+    /// Level of detail of `shape`, if the source has levels.
+    pub(crate) lod: Option<f32>,
+    pub(crate) attributes: Attributes,
+    pub(crate) shape: Shape,
+}
+
+/// Geometry of an object, in the coordinate system that was set last with [`ObjectSink::set_crs`].
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Shape {
+    /// The object only groups others or has attributes.
+    None,
+    /// Surfaces in space.
+    Surfaces { polygons: Vec<Surface>, meshes: Vec<TriangleMesh> },
+    /// Areas on the map. Those of buildings are extruded, with height, roof and colours by the attributes; others are laid on
+    /// the ground.
+    Footprints(Vec<Footprint>),
+    /// Lines with a width, laid on the ground: roads, rails, rivers.
+    Strips(Vec<Strip>),
+    /// Points on the ground: trees, street lamps.
+    Points(Vec<[f64; 2]>),
+}
+
+/// A planar polygon in space. Counter-clockwise seen from outside.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Surface {
+    /// The outer ring, then the holes, without the repeated last point of a closed ring.
+    pub(crate) points: Vec<[f64; 3]>,
+    /// Index of the first point of each hole, ascending.
+    pub(crate) hole_starts: Vec<u32>,
+    /// Texture coordinates with v up, one for each point; empty without a texture.
+    pub(crate) uv: Vec<[f32; 2]>,
+    /// Number returned by [`ObjectSink::add_material`].
+    pub(crate) material: Option<u32>,
+    pub(crate) role: SurfaceRole,
+}
+
+/// Which part of a building a surface is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) enum SurfaceRole {
+    Roof,
+    Wall,
+    Ground,
+    Window,
+    Door,
+    /// Not known; the slope decides.
+    #[default]
+    Other,
+}
+
+impl SurfaceRole {
+    /// The semantic surface of CityJSON by which palettes name the role; `None` if the role is not known.
+    pub(crate) fn cityjson_semantic(self) -> Option<&'static str> {
+        match self {
+            Self::Roof => Some("RoofSurface"),
+            Self::Wall => Some("WallSurface"),
+            Self::Ground => Some("GroundSurface"),
+            Self::Window => Some("Window"),
+            Self::Door => Some("Door"),
+            Self::Other => None,
+        }
+    }
+}
+
+/// Triangles with shared vertices.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct TriangleMesh {
+    pub(crate) positions: Vec<[f64; 3]>,
+    /// Texture coordinates with v up, one for each position; empty without a texture.
+    pub(crate) uv: Vec<[f32; 2]>,
+    /// 8-bit sRGB, one for each position, multiplied with the material's; empty without.
+    pub(crate) colours: Vec<[u8; 3]>,
+    /// Indices into `positions`, counter-clockwise seen from outside.
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Number returned by [`ObjectSink::add_material`].
+    pub(crate) material: Option<u32>,
+}
+
+/// An area on the map.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Footprint {
+    /// The outer ring, then the holes, in any orientation, closed or not: the bake repairs rings.
+    pub(crate) rings: Vec<Vec<[f64; 2]>>,
+}
+
+/// A line with a width.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Strip {
+    pub(crate) points: Vec<[f64; 2]>,
+    pub(crate) width_m: f64,
+}
+
+/// Colour and texture of surfaces.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SourceMaterial {
+    /// 8-bit sRGB; multiplied with the texture if there is one.
+    pub(crate) rgb: Option<[u8; 3]>,
+    pub(crate) texture: Option<SourceTexture>,
+    /// 0 (invisible) to 1 (opaque).
+    pub(crate) opacity: f32,
+    /// Texels with less alpha than this are holes; `None` if the texture's alpha has no meaning.
+    pub(crate) alpha_cutoff: Option<f32>,
+    /// 0 (glass) to 1 (matt); `None` if the source does not tell.
+    pub(crate) roughness: Option<f32>,
+    /// 0 to 1; `None` if the source does not tell.
+    pub(crate) metallic: Option<f32>,
+}
+
+impl Default for SourceMaterial {
+    fn default() -> Self {
+        Self { rgb: None, texture: None, opacity: 1.0, alpha_cutoff: None, roughness: None, metallic: None }
+    }
+}
+
+/// An image, and what is outside of it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SourceTexture {
+    pub(crate) image: SourceImage,
+    pub(crate) wrap: Wrap,
+}
+
+/// Where an image comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum SourceImage {
+    /// A file, by its path relative to the source (decoded: no `%20`), with `/`.
+    File(String),
+    /// An encoded image (PNG, JPEG, WebP) within the source, with a name that is unique in it.
+    Encoded { name: String, bytes: Rc<[u8]> },
+    /// Decoded texels, for formats that the bake does not decode (KTX2): `width * height` of 8-bit sRGB with alpha, from the top.
+    Texels { name: String, width: u32, height: u32, rgba: Rc<[[u8; 4]]> },
+}
+
+/// What texture coordinates outside of 0 to 1 mean.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) enum Wrap {
+    #[default]
+    Repeat,
+    Mirror,
+    Clamp,
+    /// The surface has no texture there.
+    None,
+}
+
+/// Order of the coordinates of the positions that a reader passes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum AxisOrder {
+    /// As the EPSG registry defines the system, such as latitude first for EPSG:4326 and EPSG:6697. For GML.
+    Authority,
+    /// East (or longitude) first, whatever the registry says. For GeoPackage, WKB, Shapefile, OpenStreetMap, CityJSON.
+    EastFirst,
+}
+
+/// A coordinate system as a source names it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct CrsReference {
+    /// `EPSG:7415`, a URN, a URL, WKT, PROJJSON or the name of an agency; `ECEF` for geocentric WGS84 in metres.
+    pub(crate) name: String,
+    pub(crate) order: AxisOrder,
+}
+
+/// Text of a source about itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Description {
+    Title,
+    Attribution,
+    Licence,
+}
+
+/// Receives what a reader finds.
+pub(crate) trait ObjectSink {
+    /// Sets the coordinate system of all following objects. Readers call it before the first object, and again when it changes.
+    /// Without a call, positions are metres of an unknown place. Fails if positions of it cannot be placed.
+    fn set_crs(&mut self, crs: &CrsReference) -> Result<(), InputError>;
+
+    /// Number of a material. Equal ones may be added again.
+    fn add_material(&mut self, material: SourceMaterial) -> u32;
+
+    /// Takes an object. Fails only if the whole bake must end.
+    fn add(&mut self, object: SourceObject) -> Result<(), InputError>;
+
+    /// Counts an object that is left out. `detail` starts with its identifier, or its place such as `line 7`.
+    fn skip(&mut self, reason: &'static str, detail: String);
+
+    /// Counts a fault that costs only a part of an object, such as a polygon or a texture.
+    fn problem(&mut self, kind: &'static str, detail: String);
+
+    /// Notes a text of the source about itself.
+    fn describe(&mut self, what: Description, text: &str);
+
+    /// Reports progress: bytes of the source's file that are done. Cheap; call it now and then.
+    fn tick(&mut self, bytes_done: u64);
+}

@@ -1,0 +1,307 @@
+//! OpenStreetMap: `.osm.pbf`, `.osm` and `.osm.gz`.
+//!
+//! A file is read several times, because relations come after ways and ways after nodes. The first pass notes the
+//! multipolygons and adds the trees ([`survey`]). Then rounds of a limited number of nodes ([`collect`]) make objects of ways
+//! and multipolygons: building parts first, so that outlines which they cover are left out. The parts themselves follow at
+//! the end, when their outlines are known. Memory follows the limits of a round, the relations and the building parts, not
+//! the file.
+
+mod box_tree;
+mod classes;
+mod collect;
+mod cover;
+mod element;
+mod emit;
+mod nesting;
+mod nodes;
+mod parts;
+mod pbf;
+mod relations;
+mod rings;
+mod survey;
+#[cfg(test)]
+mod tests;
+mod xml;
+
+use std::ops::{ControlFlow, Range};
+
+use crate::error::InputError;
+use crate::read::attributes::AttributeValue;
+use crate::read::input::Input;
+use crate::read::object::{AxisOrder, CrsReference, Description, FeatureKind, ObjectSink};
+use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify};
+use collect::{Limits, Round, is_part, outline_of};
+use element::{Element, ElementFile, ElementId, Pass, Tags};
+use emit::{area_of_way, areas_of_relation, footprints, is_in_bbox, lines, object, pieces_of_way};
+use parts::{Heights, OutlineFate, Parts};
+use rings::Polygon;
+use survey::Survey;
+
+const COVERED: &str = "outline covered by its building parts";
+/// Points of all building parts; they are in memory together.
+const MAX_PART_BYTES: u64 = 4 << 30;
+/// Ways between two reports of progress.
+const WAYS_PER_TICK: u64 = 4096;
+
+/// Reads a file of OpenStreetMap: PBF if its name ends in `.pbf`, XML otherwise. Positions are longitude and latitude in
+/// degrees. Fails if the file is no such map, or is damaged.
+pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
+    read_within(input, Limits::default(), sink)
+}
+
+fn read_within(input: &Input<'_>, limits: Limits, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
+    let is_pbf = input.name.to_ascii_lowercase().ends_with(".pbf");
+    let mut file: Box<dyn ElementFile + '_> =
+        if is_pbf { Box::new(pbf::PbfFile::open(input)?) } else { Box::new(xml::XmlFile::new(input)) };
+    sink.describe(Description::Attribution, "OpenStreetMap contributors");
+    sink.describe(Description::Licence, "ODbL 1.0");
+    sink.set_crs(&CrsReference { name: "OGC:CRS84".to_owned(), order: AxisOrder::EastFirst })?;
+    let survey = Survey::read(input, &mut *file, sink)?;
+    let size_bytes = input.files.len(input.name).map_err(|cause| InputError::io(input.label, cause))?;
+    let mut reading = Reading { input, survey, parts: Parts::default(), size_bytes };
+    reading.read_objects(&mut *file, limits, sink)?;
+    reading.add_parts(&mut *file, sink)?;
+    sink.tick(size_bytes);
+    Ok(())
+}
+
+/// The passes after the first.
+struct Reading<'a, 'i> {
+    input: &'a Input<'i>,
+    survey: Survey,
+    parts: Parts,
+    size_bytes: u64,
+}
+
+impl Reading<'_, '_> {
+    fn read_objects(
+        &mut self,
+        file: &mut dyn ElementFile,
+        limits: Limits,
+        sink: &mut dyn ObjectSink,
+    ) -> Result<(), InputError> {
+        let mut work = self.survey.work();
+        let part_relations = self.survey.relations.part_count();
+        let mut has_all_parts = false;
+        while !work.is_empty() {
+            let round = Round::collect(&work, limits, &mut self.survey.relations, file, sink)?;
+            let done = &round.work;
+            self.collect_part_ways(done.part_ways.clone(), &round, file, sink)?;
+            let parts_end = done.relations.end.min(part_relations).max(done.relations.start);
+            self.collect_part_relations(done.relations.start..parts_end, &round, sink);
+            if self.parts.bytes() > MAX_PART_BYTES {
+                let (path, what) = (self.input.label.to_owned(), "the size of its building parts in bytes".to_owned());
+                return Err(InputError::TooLarge { path, what, limit: MAX_PART_BYTES });
+            }
+            (work.part_ways.start, work.ways.start) = (done.part_ways.end, done.ways.end);
+            work.relations.start = done.relations.end;
+            if !has_all_parts && work.part_ways.is_empty() && work.relations.start >= part_relations {
+                self.parts.finish();
+                has_all_parts = true;
+            }
+            self.add_ways(done.ways.clone(), &round, file, sink)?;
+            self.add_relations(parts_end..done.relations.end, &round, sink)?;
+        }
+        Ok(())
+    }
+
+    /// Keeps the building parts among ways.
+    fn collect_part_ways(
+        &mut self,
+        ways: Range<u64>,
+        round: &Round,
+        file: &mut dyn ElementFile,
+        sink: &mut dyn ObjectSink,
+    ) -> Result<(), InputError> {
+        if ways.is_empty() {
+            return Ok(());
+        }
+        file.read_through(Pass::Ways(ways), sink, &mut |element, sink| {
+            if let Some((id, refs, tags, class)) = object_way(element)
+                && is_part(class.kind)
+                && !self.survey.relations.speaks_for(id, class, tags)
+            {
+                let id = ElementId::Way(id);
+                match area_of_way(refs, &round.nodes) {
+                    Ok(polygon) => {
+                        self.parts.push(id, &[polygon], Heights::of(tags), self.survey.named_outline(id));
+                    }
+                    Err(reason) => sink.skip(reason, id.to_string()),
+                }
+            }
+            Ok(ControlFlow::Continue(()))
+        })
+    }
+
+    fn collect_part_relations(&mut self, range: Range<usize>, round: &Round, sink: &mut dyn ObjectSink) {
+        for number in range {
+            let relations = &self.survey.relations;
+            let relation = &relations.list()[number];
+            let id = ElementId::Relation(relation.id);
+            match areas_of_relation(relation, relations, &round.members, &round.nodes) {
+                Ok(polygons) => {
+                    let heights = Heights::of(relations.tags(relation));
+                    self.parts.push(id, &polygons, heights, self.survey.named_outline(id));
+                }
+                Err(reason) => sink.skip(reason, id.to_string()),
+            }
+        }
+    }
+
+    /// Adds the ways that are no building parts.
+    fn add_ways(
+        &mut self,
+        ways: Range<u64>,
+        round: &Round,
+        file: &mut dyn ElementFile,
+        sink: &mut dyn ObjectSink,
+    ) -> Result<(), InputError> {
+        if ways.is_empty() {
+            return Ok(());
+        }
+        file.read_through(Pass::Ways(ways), sink, &mut |element, sink| {
+            let Element::Way { id, number, refs, tags } = element else { return Ok(ControlFlow::Continue(())) };
+            if number % WAYS_PER_TICK == 0 {
+                let share = number as f64 / self.survey.way_count.max(1) as f64;
+                sink.tick((self.size_bytes as f64 * (0.5 + 0.5 * share)) as u64);
+            }
+            match classify(tags, outline_of(refs)) {
+                Verdict::Object(class) if !is_part(class.kind) => self.add_way(id, refs, tags, class, round, sink)?,
+                // The open outer ways of a multipolygon may have its tags too.
+                Verdict::LeftOut(reason)
+                    if reason != NOT_CLOSED || self.survey.relations.around(id).next().is_none() =>
+                {
+                    sink.skip(reason, ElementId::Way(id).to_string());
+                }
+                _ => {}
+            }
+            Ok(ControlFlow::Continue(()))
+        })
+    }
+
+    fn add_way(
+        &mut self,
+        way: i64,
+        refs: &[i64],
+        tags: Tags<'_>,
+        class: Class,
+        round: &Round,
+        sink: &mut dyn ObjectSink,
+    ) -> Result<(), InputError> {
+        let id = ElementId::Way(way);
+        if self.survey.relations.speaks_for(way, class, tags) {
+            if outline_of(refs) == Outline::ClosedWay && !self.survey.relations.adopts(way) {
+                sink.skip("outer ring with the tags of its multipolygon", id.to_string());
+            }
+            return Ok(());
+        }
+        if class.form == Form::Area {
+            let polygons = area_of_way(refs, &round.nodes).map(|polygon| vec![polygon]);
+            return add_area(self.input, &mut self.parts, (id, class, tags), polygons, sink);
+        }
+        let (pieces, is_missing) = match pieces_of_way(refs, &round.nodes) {
+            Ok(pieces) => pieces,
+            Err(reason) => {
+                sink.skip(reason, id.to_string());
+                return Ok(());
+            }
+        };
+        if is_missing {
+            sink.problem("partly outside of the extract", id.to_string());
+        }
+        if !is_in_bbox(self.input.bbox_deg, pieces.iter().flatten()) {
+            return Ok(());
+        }
+        sink.add(object(id, class, tags, None, lines(pieces, class.form)))
+    }
+
+    fn add_relations(
+        &mut self,
+        range: Range<usize>,
+        round: &Round,
+        sink: &mut dyn ObjectSink,
+    ) -> Result<(), InputError> {
+        let relations = &self.survey.relations;
+        for relation in &relations.list()[range] {
+            // Without telling tags on its outer ways either it is no object.
+            let Some(class) = relation.class else { continue };
+            let polygons = areas_of_relation(relation, relations, &round.members, &round.nodes);
+            let (id, tags) = (ElementId::Relation(relation.id), relations.tags(relation));
+            add_area(self.input, &mut self.parts, (id, class, tags), polygons, sink)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the building parts, in the order in which they were kept.
+    fn add_parts(&mut self, file: &mut dyn ElementFile, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
+        if self.parts.is_empty() {
+            return Ok(());
+        }
+        let mut next = 0;
+        let bbox_deg = self.input.bbox_deg;
+        let parts = &self.parts;
+        let mut add = |id: ElementId, class: Class, tags: Tags<'_>, sink: &mut dyn ObjectSink| {
+            let Some(part) = parts.get(next, id) else { return Ok(()) };
+            next += 1;
+            if !is_in_bbox(bbox_deg, part.polygons.iter().flatten().flatten()) {
+                return Ok(());
+            }
+            let mut object = object(id, class, tags, part.parent, footprints(part.polygons));
+            for (key, value) in part.inherited {
+                object.attributes.push(key, AttributeValue::Text(value.clone()));
+            }
+            sink.add(object)
+        };
+        file.read_through(Pass::Ways(self.survey.work().part_ways), sink, &mut |element, sink| {
+            if let Some((id, _, tags, class)) = object_way(element).filter(|(.., class)| is_part(class.kind)) {
+                add(ElementId::Way(id), class, tags, sink)?;
+            }
+            Ok(ControlFlow::Continue(()))
+        })?;
+        let relations = &self.survey.relations;
+        for relation in &relations.list()[..relations.part_count()] {
+            if let Some(class) = relation.class {
+                add(ElementId::Relation(relation.id), class, relations.tags(relation), sink)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Adds an area, unless it is an outline for which its parts stand.
+fn add_area(
+    input: &Input<'_>,
+    parts: &mut Parts,
+    (id, class, tags): (ElementId, Class, Tags<'_>),
+    polygons: Result<Vec<Polygon>, &'static str>,
+    sink: &mut dyn ObjectSink,
+) -> Result<(), InputError> {
+    let mut skip = |reason| {
+        sink.skip(reason, id.to_string());
+        Ok(())
+    };
+    let polygons = match polygons {
+        Ok(polygons) => polygons,
+        Err(reason) => return skip(reason),
+    };
+    if class.kind == FeatureKind::Building {
+        match parts.settle_outline(id, tags, &polygons) {
+            OutlineFate::Kept => {}
+            OutlineFate::LeftOut => return skip(COVERED),
+            OutlineFate::NotCompared => sink.problem("too many building parts, outline kept", id.to_string()),
+        }
+    }
+    if !is_in_bbox(input.bbox_deg, polygons.iter().flatten().flatten()) {
+        return Ok(());
+    }
+    sink.add(object(id, class, tags, None, footprints(polygons)))
+}
+
+/// A way that is an object.
+fn object_way(element: Element<'_>) -> Option<(i64, &[i64], Tags<'_>, Class)> {
+    let Element::Way { id, refs, tags, .. } = element else { return None };
+    match classify(tags, outline_of(refs)) {
+        Verdict::Object(class) => Some((id, refs, tags, class)),
+        _ => None,
+    }
+}

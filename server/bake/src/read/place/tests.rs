@@ -1,0 +1,301 @@
+//! Tests of placements. Expected positions are of pyproj 3.7.2 (PROJ 9.5.1); the call is beside each.
+
+use std::path::PathBuf;
+
+use super::{Placement, World};
+use crate::error::InputError;
+use crate::read::object::{AxisOrder, CrsReference};
+
+fn reference(name: &str, order: AxisOrder) -> CrsReference {
+    CrsReference { name: name.to_owned(), order }
+}
+
+fn east_first(name: &str) -> CrsReference {
+    reference(name, AxisOrder::EastFirst)
+}
+
+fn world(target: &str) -> World {
+    World::new(Some(target), None).unwrap()
+}
+
+fn place(target: &str, source: &str, p: [f64; 3]) -> [f64; 3] {
+    let placement = world(target).place("file", &east_first(source)).unwrap();
+    placement.position(p).unwrap_or_else(|| panic!("{source} to {target}"))
+}
+
+#[track_caller]
+fn assert_near(actual: [f64; 3], expected: [f64; 3], tolerance_m: f64) {
+    let is_near = actual.iter().zip(expected).all(|(a, e)| (a - e).abs() <= tolerance_m);
+    assert!(is_near, "{actual:?}, not {expected:?}");
+}
+
+#[test]
+fn positions_are_projected_like_proj() {
+    // pyproj.Transformer.from_crs(source, target, always_xy=True).transform(x, y)
+    for (source, target, [x, y], [east, north], tolerance_m) in [
+        ("EPSG:6668", "EPSG:6677", [139.75, 35.69], [-7542.1830, -34_389.7611], 1e-3),
+        ("EPSG:6668", "EPSG:32654", [139.75, 35.69], [386_898.3201, 3_950_285.6460], 1e-3),
+        ("EPSG:4326", "EPSG:25832", [9.99, 53.55], [565_590.9407, 5_933_912.1654], 1e-3),
+        ("EPSG:3857", "EPSG:32631", [545_000.0, 6_868_000.0], [629_056.1277, 5_804_307.4447], 1e-3),
+        ("EPSG:3035", "EPSG:25832", [4_321_000.0, 3_210_000.0], [568_649.7049, 5_761_510.3164], 1e-3),
+        ("EPSG:2180", "EPSG:32634", [637_000.0, 487_000.0], [500_457.8579, 5_786_839.9333], 1e-3),
+        ("EPSG:2193", "EPSG:32760", [1_748_000.0, 5_428_000.0], [313_042.3341, 5_427_102.3566], 1e-3),
+        ("EPSG:2056", "EPSG:32632", [2_683_000.0, 1_247_000.0], [465_081.1291, 5_246_231.8431], 1e-3),
+        // With newer parameters of the shift.
+        ("EPSG:4326", "EPSG:28992", [4.9, 52.37], [121_819.3652, 487_013.7615], 0.3),
+        ("EPSG:31467", "EPSG:25832", [3_566_000.0, 5_935_000.0], [565_903.4012, 5_933_065.2919], 5.0),
+        ("EPSG:27700", "EPSG:32630", [530_000.0, 180_000.0], [699_292.6820, 5_709_783.2103], 3.0),
+        ("EPSG:5514", "EPSG:32633", [-743_000.0, -1_043_000.0], [458_407.9908, 5_548_504.2371], 6.0),
+    ] {
+        assert_near(place(target, source, [x, y, 7.5]), [east, north, 7.5], tolerance_m);
+    }
+    // from_crs("+proj=tmerc +lat_0=0 +lon_0=9 +k=1 +x_0=3500000 +y_0=0 +ellps=bessel
+    // +towgs84=598.1,73.7,418.2,0.202,0.045,-2.455,6.7 +units=m +type=crs", 25832, always_xy=True): the same parameters.
+    let same = place("EPSG:25832", "EPSG:31467", [3_566_000.0, 5_935_000.0, 0.0]);
+    assert_near(same, [565_902.5742, 5_933_065.0257, 0.0], 1e-3);
+    // from_crs(4326, "+proj=sterea +lat_0=52.15616055555555 +lon_0=5.38763888888889 +k=0.9999079 +x_0=155000 +y_0=463000
+    // +ellps=bessel +towgs84=565.2369,50.0087,465.658,-0.406857,0.350733,-1.87035,4.0812 +units=m +type=crs", always_xy=True)
+    assert_near(place("EPSG:28992", "EPSG:4326", [4.9, 52.37, 0.0]), [121_819.3606, 487_013.7614, 0.0], 1e-3);
+}
+
+#[test]
+fn the_order_of_axes_goes_by_the_registry_for_gml_only() {
+    let expected = [-7542.1830, -34_389.7611, 12.0];
+    for (name, order, p) in [
+        ("EPSG:6697", AxisOrder::Authority, [35.69, 139.75, 12.0]),
+        ("http://www.opengis.net/def/crs/EPSG/0/6697", AxisOrder::Authority, [35.69, 139.75, 12.0]),
+        ("EPSG:6697", AxisOrder::EastFirst, [139.75, 35.69, 12.0]),
+        ("urn:ogc:def:crs:OGC:1.3:CRS84", AxisOrder::Authority, [139.75, 35.69, 12.0]),
+        ("EPSG:6677", AxisOrder::Authority, [-34_389.7611, -7542.1830, 12.0]),
+        ("EPSG:6677", AxisOrder::EastFirst, [-7542.1830, -34_389.7611, 12.0]),
+    ] {
+        let placement = world("EPSG:6677").place("file", &reference(name, order)).unwrap();
+        assert_near(placement.position(p).unwrap(), expected, 1e-3);
+    }
+}
+
+#[test]
+fn the_same_system_passes_bit_by_bit() {
+    let p = [121_819.360_6 + 1e-10, 487_013.761_4, -0.1 + 0.3];
+    let mut world = World::new(None, None).unwrap();
+    let first = world.place("a", &east_first("EPSG:7415")).unwrap();
+    assert_eq!((world.horizontal().as_deref(), world.vertical().as_deref()), (Some("EPSG:28992"), Some("EPSG:5709")));
+    assert_eq!((world.crs_name().as_deref(), world.geoid()), (Some("EPSG:7415"), None));
+    let second = world.place("b", &east_first("urn:ogc:def:crs:EPSG::28992")).unwrap();
+    for placement in [&first, &second, &Placement::Unknown] {
+        assert_eq!(placement.position(p).unwrap().map(f64::to_bits), p.map(f64::to_bits));
+        assert!(placement.warnings().is_empty() && !placement.needs_world());
+    }
+    assert!(first.is_of(&east_first("EPSG:7415")) && !first.is_of(&east_first("EPSG:28992")));
+    assert!(!first.is_of(&reference("EPSG:7415", AxisOrder::Authority)));
+    assert_eq!(first.source_crs(), Some("EPSG:7415"));
+    assert_eq!(Placement::Unknown.source_crs(), None);
+    // Systems of modern datums with one projection are the same.
+    let placement = self::world("EPSG:32632").place("c", &east_first("EPSG:25832")).unwrap();
+    assert_eq!(placement.position([565_931.1, 5_934_222.2, 3.3]), Some([565_931.1, 5_934_222.2, 3.3]));
+    assert!(placement.warnings().is_empty());
+}
+
+#[test]
+fn positions_that_are_no_places_are_refused() {
+    let mut world = world("EPSG:25832");
+    let degrees = world.place("a", &east_first("EPSG:4326")).unwrap();
+    let metres = world.place("b", &east_first("EPSG:25832")).unwrap();
+    let space = world.place("c", &east_first("ECEF")).unwrap();
+    for bad in [f64::NAN, f64::INFINITY, -f64::INFINITY, 1e300] {
+        for placement in [&degrees, &metres, &space, &Placement::Unknown] {
+            assert_eq!(placement.position([bad, 53.0, 0.0]), None);
+            assert_eq!(placement.position([9.0, bad, 0.0]), None);
+            assert_eq!(placement.position([9.0, 53.0, bad]), None);
+        }
+    }
+    assert_eq!(degrees.position([9.0, 91.0, 0.0]), None);
+    assert_eq!(degrees.position([5_934_222.0, 565_931.0, 0.0]), None);
+    assert_eq!(space.position([0.0, 0.0, 0.0]), None);
+}
+
+#[test]
+fn the_first_position_chooses_a_zone_of_utm() {
+    for (first, expected) in [
+        ([15.0, 0.0], "EPSG:32633"),
+        ([15.0, -45.0], "EPSG:32733"),
+        ([180.0, 10.0], "EPSG:32660"),
+        ([-180.0, 10.0], "EPSG:32601"),
+        ([139.75, 35.69], "EPSG:32654"),
+        ([5.3, 60.4], "EPSG:32632"),
+        ([15.6, 78.2], "EPSG:32633"),
+    ] {
+        let mut world = World::new(None, None).unwrap();
+        let mut placement = world.place("a", &east_first("OGC:CRS84")).unwrap();
+        assert!(placement.needs_world() && !world.is_settled());
+        assert_eq!(placement.position([first[0], first[1], 0.0]), None);
+        placement.settle(&mut world, "a", [first[0], first[1], 0.0]).unwrap();
+        placement.settle(&mut world, "a", [0.0, 0.0, 0.0]).unwrap();
+        assert!(!placement.needs_world() && world.is_settled());
+        assert_eq!(world.horizontal().as_deref(), Some(expected));
+        assert_eq!((world.crs_name().as_deref(), world.vertical()), (Some(expected), None));
+    }
+    // Web Mercator is no world, and there is no UTM at the poles.
+    let mut world = World::new(None, None).unwrap();
+    let mut placement = world.place("a", &east_first("EPSG:3857")).unwrap();
+    placement.settle(&mut world, "a", [0.0, 3e7, 0.0]).unwrap();
+    assert!(placement.needs_world());
+    placement.settle(&mut world, "a", [545_000.0, 6_868_000.0, 0.0]).unwrap();
+    assert_eq!(world.horizontal().as_deref(), Some("EPSG:32631"));
+    assert_near(placement.position([545_000.0, 6_868_000.0, 2.0]).unwrap(), [629_056.1277, 5_804_307.4447, 2.0], 1e-3);
+    // A placement that waits takes the system that another source gave the world.
+    let mut world = World::new(None, None).unwrap();
+    let mut waiting = world.place("a", &east_first("EPSG:4326")).unwrap();
+    world.place("b", &east_first("EPSG:25832")).unwrap();
+    waiting.settle(&mut world, "a", [9.99, 53.55, 0.0]).unwrap();
+    assert_near(waiting.position([9.99, 53.55, 0.0]).unwrap(), [565_590.9407, 5_933_912.1654, 0.0], 1e-3);
+}
+
+#[test]
+fn heights_above_the_ellipsoid_go_through_the_geoid() {
+    // Transformer.from_crs(4979, 4978, always_xy=True).transform(139.75, 35.69, 50.0); the geoid of the bundled grid there by
+    // +proj=vgridshift is 36.532421875.
+    let centre = [-3_958_262.272_160_042_5, 3_350_916.362_988_820_8, 3_700_339.015_446_681_5];
+    let expected = [-7542.1830, -34_389.7611, 50.0 - 36.532_421_875];
+    let mut world = world("EPSG:6677");
+    for (name, p) in [
+        ("ECEF", centre),
+        ("EPSG:4978", centre),
+        ("EPSG:4979", [139.75, 35.69, 50.0]),
+        ("OGC:CRS84h", [139.75, 35.69, 50.0]),
+        ("EPSG:6667", [139.75, 35.69, 50.0]),
+    ] {
+        let placement = world.place("a", &east_first(name)).unwrap();
+        assert_near(placement.position(p).unwrap(), expected, 1e-3);
+        let warnings = placement.warnings();
+        if name == "ECEF" {
+            assert!(warnings.len() == 1 && warnings[0].contains("jp_gsi_gsigeo2011.tif"), "{warnings:?}");
+        } else {
+            assert!(warnings.is_empty(), "one warning is enough: {warnings:?}");
+        }
+    }
+    assert_eq!((world.vertical().as_deref(), world.geoid().as_deref()), (Some("EPSG:6695"), Some("EGM96")));
+    // Heights above sea level do not change.
+    let placement = world.place("a", &east_first("EPSG:6697")).unwrap();
+    assert_near(placement.position([139.75, 35.69, 50.0]).unwrap(), [-7542.1830, -34_389.7611, 50.0], 1e-3);
+}
+
+#[test]
+fn local_metres_turn_around_their_origin() {
+    // +proj=pipeline +step +inv +proj=topocentric +ellps=WGS84 +lon_0=140.11458539 +lat_0=35.61016729 +h_0=(3 + geoid)
+    // +step +inv +proj=cart +ellps=WGS84 +step +proj=unitconvert +xy_in=rad +xy_out=deg, then from_crs(4326, 32654), of
+    // (1500, -2500, 40); the height less the geoid there.
+    let mut world = World::new(None, None).unwrap();
+    let mut placement = world.place("a", &east_first("ENU:140.11458539,35.61016729,3")).unwrap();
+    assert!(placement.needs_world());
+    placement.settle(&mut world, "a", [0.0, 0.0, 0.0]).unwrap();
+    assert_eq!(world.horizontal().as_deref(), Some("EPSG:32654"));
+    let expected = [421_284.7154, 3_938_559.9637, 43.868_710_592_586];
+    assert_near(placement.position([1500.0, -2500.0, 40.0]).unwrap(), expected, 1e-4);
+    let origin = placement.position([0.0, 0.0, 0.0]).unwrap();
+    assert!((origin[2] - 3.0).abs() < 1e-6, "{origin:?}");
+}
+
+#[test]
+fn units_become_metres() {
+    // A world in feet is the same projection in metres, which the registry has: EPSG:32118 is EPSG:2263 in metres.
+    let mut world = World::new(None, None).unwrap();
+    let placement = world.place("a", &east_first("EPSG:2263")).unwrap();
+    assert_eq!(world.horizontal().as_deref(), Some("EPSG:32118"));
+    let foot = 1200.0 / 3937.0;
+    // from_crs(2263, 32118, always_xy=True).transform(987000, 211000)
+    let expected = [300_838.2017, 64_312.9286, 100.0 * foot];
+    assert_near(placement.position([987_000.0, 211_000.0, 100.0]).unwrap(), expected, 1e-3);
+    assert_eq!(placement.warnings().len(), 1);
+    // NAVD88 in feet.
+    let placement = world.place("a", &east_first("EPSG:2263+6360")).unwrap();
+    assert_near(placement.position([987_000.0, 211_000.0, 100.0]).unwrap(), expected, 1e-3);
+    assert_eq!(world.vertical().as_deref(), Some("EPSG:5703"), "NAVD88 in metres");
+}
+
+#[test]
+fn habits_of_publishers_are_understood() {
+    let german = place("EPSG:25832", "urn:adv:crs:ETRS89_UTM32*DE_DHHN2016_NH", [32_565_931.5, 5_934_222.25, 4.0]);
+    assert_eq!(german, [565_931.5, 5_934_222.25, 4.0]);
+    for p in [[19_406.2, 3_572_920.1, 4.0], [-19_406.2, -3_572_920.1, 4.0]] {
+        assert_eq!(place("EPSG:2048", "EPSG:2048", p), [-19_406.2, -3_572_920.1, 4.0]);
+    }
+    for p in [[1_043_000.5, 743_000.25, 4.0], [743_000.25, 1_043_000.5, 4.0], [-743_000.25, -1_043_000.5, 4.0]] {
+        assert_eq!(place("EPSG:5514", "EPSG:5514", p), [-743_000.25, -1_043_000.5, 4.0]);
+    }
+}
+
+#[test]
+fn doubtful_accuracy_is_told() {
+    let mut world = world("EPSG:25832");
+    let warnings = |world: &mut World, name: &str| {
+        let placement = world.place("a", &east_first(name)).unwrap();
+        placement.warnings().join("; ")
+    };
+    assert!(warnings(&mut world, "EPSG:31467").contains("DHDN is shifted without its grid: expect an error of up to 5 m"));
+    assert!(warnings(&mut world, "EPSG:2370").contains("is not known: positions can be off by hundreds of metres"));
+    assert_eq!(warnings(&mut world, "EPSG:4258"), "");
+    assert_eq!(warnings(&mut world, "EPSG:25832+7837"), "");
+    assert!(warnings(&mut world, "EPSG:25832+5783").contains("heights are above DHHN92 (EPSG:5783)"));
+    assert_eq!(world.vertical().as_deref(), Some("EPSG:7837"));
+}
+
+#[test]
+fn unknown_systems_are_errors_with_advice() {
+    let error = |world: &mut World, name: &str| world.place("a.gml", &east_first(name)).unwrap_err().to_string();
+    let mut open = World::new(None, None).unwrap();
+    for name in ["", "Amersfoort", "EPSG:1", "EPSG:5709", "LOCAL_CS[\"x\"]", "PROJCS[", "{", "ENU:1,2", "urn:adv:crs:X"] {
+        let message = error(&mut open, name);
+        assert!(message.contains("is not known") && message.contains("ogr2ogr -t_srs"), "{name}: {message}");
+    }
+    // The New Zealand Map Grid.
+    assert!(error(&mut open, "EPSG:27200").contains("is not supported"));
+    assert!(error(&mut world("EPSG:25832"), "EPSG:27200").contains("is not supported"));
+    assert!(!open.is_settled());
+    let long = format!("PROJCS[\"{}\"", "x".repeat(5000));
+    assert!(error(&mut open, &long).len() < 900);
+    // With --crs, what is not understood is taken to be in it.
+    let placement = world("EPSG:25832").place("a", &east_first("LOCAL_CS[\"x\"]")).unwrap();
+    assert_eq!(placement.position([565_931.0, 5_934_222.0, 3.0]), Some([565_931.0, 5_934_222.0, 3.0]));
+    assert!(placement.warnings()[0].contains("taken to be EPSG:25832"));
+    assert!(placement.is_of(&east_first("LOCAL_CS[\"x\"]")));
+}
+
+#[test]
+fn targets_must_be_maps_with_true_lengths() {
+    for name in ["EPSG:4326", "EPSG:3857", "EPSG:4978", "ECEF", "EPSG:8857", "nonsense", "EPSG:99999"] {
+        assert!(matches!(World::new(Some(name), None), Err(InputError::Unsupported { .. })), "{name}");
+    }
+    assert!(World::new(None, Some(PathBuf::from("/no such folder"))).is_err());
+    let world = world("EPSG:7415");
+    assert_eq!((world.vertical().as_deref(), world.crs_name().as_deref()), (Some("EPSG:5709"), Some("EPSG:7415")));
+}
+
+#[test]
+fn worlds_and_placements_can_cross_threads() {
+    fn check<T: Send + Sync + Clone + std::fmt::Debug>() {}
+    check::<World>();
+    check::<Placement>();
+}
+
+/// Speed by hand: `cargo test --release speed -- --ignored --nocapture`.
+#[test]
+#[ignore = "a measurement, not a check"]
+fn speed() {
+    for (source, p) in [
+        ("EPSG:25832", [565_931.0, 5_934_222.0, 3.0]),
+        ("EPSG:4326", [9.99, 53.55, 3.0]),
+        ("EPSG:4979", [9.99, 53.55, 3.0]),
+        ("EPSG:31467", [3_566_000.0, 5_935_000.0, 3.0]),
+        ("ECEF", [3_741_000.0, 659_000.0, 5_107_000.0]),
+    ] {
+        let placement = world("EPSG:32632").place("a", &east_first(source)).unwrap();
+        let start = std::time::Instant::now();
+        let mut sum = 0.0;
+        for index in 0..1_000_000 {
+            let moved = placement.position([p[0] + f64::from(index) * 1e-9, p[1], p[2]]).unwrap();
+            sum += moved[0] + moved[2];
+        }
+        println!("{source}: {:?} for 1e6 positions ({sum})", start.elapsed());
+    }
+}

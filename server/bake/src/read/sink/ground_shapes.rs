@@ -1,0 +1,143 @@
+//! Lines with a width, and points: roads and trees.
+
+use super::{SceneSink, footprints::layer_m};
+use crate::read::attributes::AttributeValue;
+use crate::read::facade::FacadeUse;
+use crate::read::object::{FeatureKind, SourceObject, Strip};
+use crate::read::scene_builder::{OpenObject, WorldTriangle};
+use crate::scene::ObjectKind;
+
+/// Lines are drawn with this width at least.
+const MIN_WIDTH_M: f64 = 0.5;
+const MAX_WIDTH_M: f64 = 200.0;
+/// The miter of a bend is at most this many half widths long; sharper bends are cut.
+const MAX_MITER: f64 = 2.0;
+/// Sides of a crown seen from above.
+const CROWN_SIDES: usize = 6;
+/// Height of a tree without one.
+const TREE_M: f64 = 8.0;
+const TREE_RANGE_M: std::ops::RangeInclusive<f64> = 1.0..=120.0;
+/// Width of a crown, and height of its lower end and of its widest part, as shares of the tree's height.
+const CROWN_WIDTH: f64 = 0.55;
+const CROWN_LOW: f64 = 0.22;
+const CROWN_MIDDLE: f64 = 0.5;
+
+impl SceneSink<'_, '_, '_> {
+    /// Adds lines as level strips.
+    pub(super) fn add_strips(&mut self, object: &SourceObject, strips: &[Strip]) {
+        let material = self.flat_material(object.kind);
+        let mut open = OpenObject::new(ObjectKind::Terrain);
+        let mut fault = None;
+        for strip in strips {
+            let points: Option<Vec<[f64; 2]>> = strip.points.iter().map(|point| self.place_on_map(*point)).collect();
+            let Some(points) = points else {
+                fault = Some("coordinate not a number or out of range");
+                continue;
+            };
+            let width_m = if strip.width_m.is_finite() { strip.width_m } else { MIN_WIDTH_M };
+            let z = layer_m(object.kind);
+            widen(&points, width_m.clamp(MIN_WIDTH_M, MAX_WIDTH_M) / 2.0, |quad| {
+                let [a, b, c, d] = quad.map(|[x, y]| [x, y, z]);
+                let face = |corners| WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade: false };
+                self.faces.extend([face([a, b, c]), face([a, c, d])]);
+            });
+            self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
+        }
+        self.finish_areas(object, open, fault);
+    }
+
+    /// Adds trees as double pyramids. Points of other kinds have no shape.
+    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[[f64; 2]]) {
+        if object.kind != FeatureKind::Vegetation {
+            self.report.without_geometry += 1;
+            return;
+        }
+        let material = self.flat_material(object.kind);
+        let height_m = match object.attributes.get("height") {
+            Some(AttributeValue::Text(text)) => crate::read::footprint::length_m(text),
+            Some(value) => value.as_f64(),
+            None => None,
+        };
+        let height_m = height_m.filter(|height_m| TREE_RANGE_M.contains(height_m)).unwrap_or(TREE_M);
+        let mut open = OpenObject::new(ObjectKind::Building);
+        let mut fault = None;
+        for point in points {
+            match self.place_on_map(*point) {
+                Some(foot) => add_tree(foot, height_m, material, &mut self.faces),
+                None => fault = Some("coordinate not a number or out of range"),
+            }
+        }
+        self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
+        self.finish_areas(object, open, fault);
+    }
+}
+
+/// Calls `quad` with the corners of each segment of a widened line, counter-clockwise. Neighbours share their corners at bends.
+fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64; 2]; 4])) {
+    let mut line: Vec<[f64; 2]> = Vec::with_capacity(points.len());
+    for point in points {
+        if line.last().is_none_or(|last| (last[0] - point[0]).hypot(last[1] - point[1]) > 1e-3) {
+            line.push(*point);
+        }
+    }
+    let normal = |a: [f64; 2], b: [f64; 2]| {
+        let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+        [(a[1] - b[1]) / length, (b[0] - a[0]) / length]
+    };
+    // The offset to the left of each point.
+    let offset = |i: usize| {
+        let before = i.checked_sub(1).map(|before| normal(line[before], line[i]));
+        let after = line.get(i + 1).map(|next| normal(line[i], *next));
+        let (a, b) = (before.or(after).unwrap_or_default(), after.or(before).unwrap_or_default());
+        let sum = [a[0] + b[0], a[1] + b[1]];
+        let square = sum[0] * sum[0] + sum[1] * sum[1];
+        // The miter is `2 / |a + b|` half widths long.
+        let scale = if square > (2.0 / MAX_MITER).powi(2) { 2.0 / square } else { return [a[0] * half_m, a[1] * half_m] };
+        [sum[0] * scale * half_m, sum[1] * scale * half_m]
+    };
+    for i in 1..line.len() {
+        let (from, to) = (offset(i - 1), offset(i));
+        let (a, b) = (line[i - 1], line[i]);
+        let moved = |p: [f64; 2], by: [f64; 2], sign: f64| [p[0] + sign * by[0], p[1] + sign * by[1]];
+        quad([moved(a, from, -1.0), moved(b, to, -1.0), moved(b, to, 1.0), moved(a, from, 1.0)]);
+    }
+}
+
+fn add_tree([x, y]: [f64; 2], height_m: f64, material: u32, faces: &mut Vec<WorldTriangle>) {
+    let radius_m = height_m * CROWN_WIDTH / 2.0;
+    let at = |side: usize| {
+        let (sin, cos) = (side as f64 * std::f64::consts::TAU / CROWN_SIDES as f64).sin_cos();
+        [x + radius_m * cos, y + radius_m * sin, height_m * CROWN_MIDDLE]
+    };
+    let (top, low) = ([x, y, height_m], [x, y, height_m * CROWN_LOW]);
+    for side in 0..CROWN_SIDES {
+        let (a, b) = (at(side), at((side + 1) % CROWN_SIDES));
+        for corners in [[a, b, top], [b, a, low]] {
+            faces.push(WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade: false });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn quads(points: &[[f64; 2]]) -> Vec<[[f64; 2]; 4]> {
+        let mut found = Vec::new();
+        widen(points, 2.0, |quad| found.push(quad));
+        found
+    }
+
+    #[test]
+    fn a_line_has_its_width_and_no_gap_at_bends() {
+        assert_eq!(quads(&[[0.0, 0.0], [10.0, 0.0]]), [[[0.0, -2.0], [10.0, -2.0], [10.0, 2.0], [0.0, 2.0]]]);
+        let bent = quads(&[[0.0, 0.0], [10.0, 0.0], [10.0, 0.0], [10.0, 10.0]]);
+        assert_eq!(bent.len(), 2);
+        assert_eq!((bent[0][1], bent[0][2]), (bent[1][0], bent[1][3]), "the bend is shared");
+        assert!((bent[0][1][0] - 12.0).abs() < 1e-9 && (bent[0][1][1] + 2.0).abs() < 1e-9, "{bent:?}");
+        assert!(quads(&[[1.0, 1.0], [1.0, 1.0]]).is_empty());
+        // A hairpin has no endless miter.
+        let hairpin = quads(&[[0.0, 0.0], [10.0, 0.0], [0.0, 0.1]]);
+        assert!(hairpin.iter().flatten().all(|point| point[0].abs() < 13.0), "{hairpin:?}");
+    }
+}

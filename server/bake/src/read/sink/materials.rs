@@ -1,0 +1,103 @@
+//! Materials of a source, by the numbers that its reader uses.
+
+use std::collections::HashMap;
+
+use crate::read::context::ReadContext;
+use crate::read::object::{SourceImage, SourceMaterial, Wrap};
+use crate::read::report::SourceReport;
+use crate::read::source::CitySource;
+
+/// Materials that let more light through are glass.
+const GLASS_OPACITY: f32 = 0.95;
+/// Materials that let more light through are not seen at all.
+const INVISIBLE_OPACITY: f32 = 0.02;
+/// Materials that are smoother and no metal are glass or water.
+const GLASS_ROUGHNESS: f32 = 0.15;
+/// Further materials are those of the first.
+const MAX_MATERIALS: usize = 1 << 20;
+
+/// A material whose texture is loaded.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ReadMaterial {
+    pub(super) rgb: Option<[u8; 3]>,
+    /// Number of the texture in the scene, and what is outside of it.
+    pub(super) texture: Option<(u32, Wrap)>,
+    pub(super) is_reflective: bool,
+    pub(super) is_invisible: bool,
+}
+
+/// What distinguishes materials. Images within the source are known by their names.
+#[derive(PartialEq, Eq, Hash)]
+struct MaterialKey {
+    rgb: Option<[u8; 3]>,
+    image: Option<(String, u8)>,
+    numbers: [Option<u32>; 4],
+}
+
+impl MaterialKey {
+    fn new(material: &SourceMaterial) -> Self {
+        let name_of = |image: &SourceImage| match image {
+            SourceImage::File(name) | SourceImage::Encoded { name, .. } | SourceImage::Texels { name, .. } => name.clone(),
+        };
+        let SourceMaterial { rgb, texture, opacity, alpha_cutoff, roughness, metallic } = material;
+        Self {
+            rgb: *rgb,
+            image: texture.as_ref().map(|texture| (name_of(&texture.image), texture.wrap as u8)),
+            numbers: [Some(*opacity), *alpha_cutoff, *roughness, *metallic].map(|number| number.map(f32::to_bits)),
+        }
+    }
+}
+
+/// The materials that a reader added.
+#[derive(Default)]
+pub(super) struct MaterialTable {
+    materials: Vec<ReadMaterial>,
+    numbers: HashMap<MaterialKey, u32>,
+}
+
+impl MaterialTable {
+    /// Number of a material; its texture is loaded with the first use.
+    pub(super) fn add(
+        &mut self,
+        material: SourceMaterial,
+        context: &mut ReadContext<'_>,
+        source: &CitySource<'_>,
+        report: &mut SourceReport,
+    ) -> u32 {
+        let key = MaterialKey::new(&material);
+        if let Some(number) = self.numbers.get(&key) {
+            return *number;
+        }
+        if self.materials.len() >= MAX_MATERIALS {
+            report.problem("too many materials", || format!("more than {MAX_MATERIALS}"));
+            return 0;
+        }
+        let texture = material.texture.as_ref().and_then(|texture| {
+            let number = match &texture.image {
+                SourceImage::File(name) => context.textures.load(source, name, report),
+                SourceImage::Encoded { name, bytes } => context.textures.load_encoded(source, name, bytes, report),
+                SourceImage::Texels { name, width, height, rgba } => {
+                    context.textures.add_texels(source, name, [*width, *height], rgba, report)
+                }
+            };
+            number.map(|number| (number, texture.wrap))
+        });
+        let is_smooth = material.roughness.is_some_and(|roughness| roughness < GLASS_ROUGHNESS)
+            && material.metallic.is_some_and(|metallic| metallic < 0.5);
+        let read = ReadMaterial {
+            rgb: material.rgb,
+            texture,
+            is_reflective: material.opacity < GLASS_OPACITY || is_smooth && texture.is_none(),
+            is_invisible: material.opacity < INVISIBLE_OPACITY,
+        };
+        let number = self.materials.len() as u32;
+        self.materials.push(read);
+        self.numbers.insert(key, number);
+        number
+    }
+
+    /// The material of that number.
+    pub(super) fn get(&self, number: Option<u32>) -> Option<ReadMaterial> {
+        self.materials.get(number? as usize).copied()
+    }
+}

@@ -1,0 +1,214 @@
+//! Takes the objects of a source into the city, alike for all formats: kinds that are wanted, places in the city's
+//! coordinate system, triangles, colours and textures.
+
+mod footprints;
+mod ground_shapes;
+mod materials;
+mod surfaces;
+
+use super::attributes::AttributeValue;
+use super::context::{ByteProgress, ReadContext, ReadOptions};
+use super::facade::FacadeUse;
+use super::input::Input;
+use super::local_frame::LocalFrame;
+use super::object::{
+    CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject,
+};
+use super::place::Placement;
+use super::report::{INEXACT, SourceFormat, SourceReport};
+use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
+use super::source::CitySource;
+use crate::error::InputError;
+use crate::scene::ObjectKind;
+use crate::subject;
+use materials::MaterialTable;
+
+/// Triangles that are collected before they are added to the city.
+const FLUSH_TRIANGLES: usize = 1 << 14;
+/// An object with more triangles is left out: instances of a large template can make any number of them.
+const MAX_OBJECT_TRIANGLES: u64 = 32 << 20;
+
+/// The sink of one source.
+pub(crate) struct SceneSink<'r, 'o, 's> {
+    context: &'r mut ReadContext<'o>,
+    source: &'s CitySource<'s>,
+    report: SourceReport,
+    materials: MaterialTable,
+    placement: Placement,
+    /// Before `placement`, for meshes without a coordinate system.
+    frame: LocalFrame,
+    faces: Vec<WorldTriangle>,
+    tick: ByteProgress<'r>,
+}
+
+impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
+    /// Fails if the file that places a mesh is invalid.
+    pub(crate) fn new(
+        context: &'r mut ReadContext<'o>,
+        source: &'s CitySource<'s>,
+        format: SourceFormat,
+        tick: ByteProgress<'r>,
+    ) -> Result<Self, InputError> {
+        let report = SourceReport::new(&source.label, format, source.bytes);
+        let is_mesh = matches!(format, SourceFormat::Gltf | SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Tiles3d);
+        let (placement, frame) = match is_mesh {
+            true => context.place_of_mesh(source)?,
+            false => (Placement::Unknown, LocalFrame::IDENTITY),
+        };
+        let (materials, faces) = (MaterialTable::default(), Vec::new());
+        Ok(Self { context, source, report, materials, placement, frame, faces, tick })
+    }
+
+    /// The source as readers take it.
+    pub(crate) fn input(&self) -> Input<'s> {
+        let options = self.context.options;
+        Input { bbox_deg: options.placing.bbox_deg, ..self.source.input(options.max_source_bytes) }
+    }
+
+    pub(crate) fn options(&self) -> &'o ReadOptions {
+        self.context.options
+    }
+
+    /// The report so far.
+    pub(crate) fn report_mut(&mut self) -> &mut SourceReport {
+        &mut self.report
+    }
+
+    /// The report of the whole source.
+    pub(crate) fn into_report(mut self) -> SourceReport {
+        self.report.crs = self.placement.source_crs().map(str::to_owned);
+        for warning in self.placement.warnings() {
+            self.report.problem(INEXACT, || warning.clone());
+        }
+        self.report
+    }
+
+    /// World position of a position of the source; `None` if it is invalid, or cannot be there in the source's system.
+    fn place(&self, position: [f64; 3]) -> Option<[f64; 3]> {
+        self.placement.position(self.frame.apply(position)).filter(|position| is_valid_position(*position))
+    }
+
+    /// World position on the map.
+    fn place_on_map(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        self.place([x, y, 0.0]).map(|[x, y, _]| [x, y])
+    }
+
+    /// Begins the object: its kind is wanted, and it is counted.
+    fn begin(&mut self, object: &SourceObject) -> bool {
+        self.report.found += 1;
+        self.report.count_type(&object.source_type);
+        let is_wanted = self.context.options.kinds.contains(object.kind);
+        if !is_wanted {
+            self.report.left_out_by_kind += 1;
+            return false;
+        }
+        self.report.count_attributes(&object.attributes);
+        *self.report.objects_by_kind.entry(object.kind).or_default() += 1;
+        if let Some(lod) = object.lod {
+            *self.report.objects_by_level.entry(lod.to_string()).or_default() += 1;
+        }
+        true
+    }
+
+    /// Adds the collected triangles to the city. Returns whether the object may have more.
+    fn flush(&mut self, open: &mut OpenObject, facade_use: FacadeUse) -> bool {
+        self.context.push(open, &mut self.faces, facade_use);
+        open.triangles <= MAX_OBJECT_TRIANGLES
+    }
+
+    /// Ends an object.
+    fn close(&mut self, object: &SourceObject, open: OpenObject) {
+        let SourceObject { id, parent, lod, attributes, .. } = object;
+        let builder = &mut self.context.builder;
+        if open.triangles > MAX_OBJECT_TRIANGLES {
+            let detail = format!("{id}: more than the limit of {MAX_OBJECT_TRIANGLES}");
+            self.report.skip("too many triangles in one object", || detail);
+            builder.abandon(self.context.source, id, open);
+            return;
+        }
+        // Overture's outline of a building whose parts are features of their own.
+        let yields_to_parts = attributes.get("has_parts") == Some(&AttributeValue::Bool(true));
+        let relation = ObjectRelation { parent: parent.as_deref().map(hash_of_id), lod: *lod, yields_to_parts };
+        builder.close_related(self.context.source, id, open, relation, &mut self.report);
+    }
+}
+
+impl ObjectSink for SceneSink<'_, '_, '_> {
+    fn set_crs(&mut self, crs: &CrsReference) -> Result<(), InputError> {
+        if self.placement.is_of(crs) {
+            return Ok(());
+        }
+        self.placement = self.context.world.place(&self.source.label, crs)?;
+        self.frame = LocalFrame::IDENTITY;
+        Ok(())
+    }
+
+    fn add_material(&mut self, material: SourceMaterial) -> u32 {
+        self.materials.add(material, self.context, self.source, &mut self.report)
+    }
+
+    fn add(&mut self, object: SourceObject) -> Result<(), InputError> {
+        subject::set(format_args!("{}: object {}", self.report.path, object.id));
+        if !self.begin(&object) {
+            return Ok(());
+        }
+        if let Some(first) = first_position(&object.shape) {
+            self.context.settle(&mut self.placement, &self.source.label, first)?;
+        }
+        match &object.shape {
+            Shape::None => self.report.without_geometry += 1,
+            Shape::Surfaces { polygons, meshes } => self.add_surfaces(&object, polygons, meshes),
+            Shape::Footprints(footprints) => match object.kind {
+                FeatureKind::Building | FeatureKind::BuildingPart | FeatureKind::Bridge | FeatureKind::Tunnel => {
+                    self.add_buildings(&object, footprints);
+                }
+                _ => self.add_areas(&object, footprints),
+            },
+            Shape::Strips(strips) => self.add_strips(&object, strips),
+            Shape::Points(points) => self.add_points(&object, points),
+        }
+        Ok(())
+    }
+
+    fn skip(&mut self, reason: &'static str, detail: String) {
+        self.report.found += 1;
+        self.report.skip(reason, || detail);
+    }
+
+    fn problem(&mut self, kind: &'static str, detail: String) {
+        self.report.problem(kind, || detail);
+    }
+
+    fn describe(&mut self, what: Description, text: &str) {
+        let list = match what {
+            Description::Title => &mut self.report.titles,
+            Description::Attribution => &mut self.report.attributions,
+            Description::Licence => &mut self.report.licences,
+        };
+        super::json::metadata::add_text(list, text);
+    }
+
+    fn tick(&mut self, bytes_done: u64) {
+        (self.tick)(bytes_done);
+    }
+}
+
+/// A position of the geometry, in the source's coordinates.
+fn first_position(shape: &Shape) -> Option<[f64; 3]> {
+    let on_map = |point: &[f64; 2]| [point[0], point[1], 0.0];
+    match shape {
+        Shape::None => None,
+        Shape::Surfaces { polygons, meshes } => {
+            let of_polygons = polygons.iter().find_map(|surface| surface.points.first());
+            of_polygons.or_else(|| meshes.iter().find_map(|mesh| mesh.positions.first())).copied()
+        }
+        Shape::Footprints(footprints) => footprints.iter().flat_map(|plan| &plan.rings).flatten().next().map(on_map),
+        Shape::Strips(strips) => strips.iter().flat_map(|strip| &strip.points).next().map(on_map),
+        Shape::Points(points) => points.first().map(on_map),
+    }
+}
+
+/// How columns close an object of this kind: flat kinds are one-sided ground unless they are modelled as a volume.
+fn scene_kind(kind: FeatureKind, has_volume: bool) -> ObjectKind {
+    super::palette::object_kind(kind.cityjson_type(), has_volume)
+}

@@ -1,0 +1,234 @@
+//! Surfaces and meshes in space: placed, triangulated and coloured.
+
+use super::{FLUSH_TRIANGLES, SceneSink, materials::ReadMaterial, scene_kind};
+use crate::read::facade::FacadeUse;
+use crate::read::footprint::by_use;
+use crate::read::object::{FeatureKind, SourceObject, Surface, SurfaceRole, TriangleMesh, Wrap};
+use crate::read::palette::{Look, ObjectShape, SurfaceFacts, WallKind, area_vector, normal_z};
+use crate::read::polygon::{NO_AREA, PolygonFault};
+use crate::read::report::ColourOrigin;
+use crate::read::scene_builder::{OpenObject, WorldTriangle};
+use crate::scene::scratch_scene::StoredMaterial;
+
+/// An object of a flat kind is a volume if its surfaces that face down have this share of the area of those that face up.
+const VOLUME_SHARE: f64 = 0.3;
+/// Bits by which the colours of vertices are rounded, so that a scan does not have a material for each of its triangles.
+const VERTEX_COLOUR_BITS: u32 = 3;
+
+/// What the surfaces of an object have in common.
+struct ObjectLook {
+    kind: FeatureKind,
+    look: Look,
+    facade_use: FacadeUse,
+}
+
+/// Colour, texture and kind of a surface.
+#[derive(Clone, Copy)]
+struct SurfaceLook {
+    /// Number of the scene's material.
+    material: u32,
+    wrap: Option<Wrap>,
+    is_facade: bool,
+}
+
+impl SceneSink<'_, '_, '_> {
+    /// Adds the surfaces of an object in space.
+    pub(super) fn add_surfaces(&mut self, object: &SourceObject, polygons: &[Surface], meshes: &[TriangleMesh]) {
+        let placed: Vec<Vec<[f64; 3]>> = polygons.iter().map(|surface| self.place_surface(object, surface)).collect();
+        let mut shape = ObjectShape::new();
+        let (mut up_m2, mut down_m2) = (0.0, 0.0);
+        for (surface, points) in polygons.iter().zip(&placed) {
+            let ring = outer_ring(surface, points);
+            shape.add(ring);
+            let z = area_vector(ring).z;
+            up_m2 += z.max(0.0);
+            down_m2 += (-z).max(0.0);
+        }
+        let is_building = matches!(object.kind, FeatureKind::Building | FeatureKind::BuildingPart);
+        let whole = object.parent.as_deref().unwrap_or(&object.id);
+        let mut look = ObjectLook {
+            kind: object.kind,
+            look: match is_building {
+                true => Look::new(whole, by_use(&object.attributes, WallKind::of_use), &shape),
+                false => Look::PLAIN,
+            },
+            facade_use: by_use(&object.attributes, FacadeUse::of_use).unwrap_or_default(),
+        };
+        // A model with windows of its own needs no others.
+        if polygons.iter().any(|surface| matches!(surface.role, SurfaceRole::Window | SurfaceRole::Door)) {
+            look.facade_use = FacadeUse::Windowless;
+        }
+        let has_volume = down_m2 > VOLUME_SHARE * up_m2;
+        let mut open = OpenObject::new(scene_kind(object.kind, has_volume));
+        for (surface, points) in polygons.iter().zip(&placed) {
+            self.add_surface(object, surface, points, &look);
+            if self.faces.len() >= FLUSH_TRIANGLES && !self.flush(&mut open, look.facade_use) {
+                break;
+            }
+        }
+        for mesh in meshes {
+            if !self.add_mesh(object, mesh, &look, &mut open) {
+                break;
+            }
+        }
+        self.flush(&mut open, look.facade_use);
+        if open.triangles == 0 {
+            self.report.skip("no surface with an area", || object.id.clone());
+        }
+        self.close(object, open);
+    }
+
+    /// World positions of a surface's corners; none if one is invalid.
+    fn place_surface(&mut self, object: &SourceObject, surface: &Surface) -> Vec<[f64; 3]> {
+        let points: Option<Vec<[f64; 3]>> = surface.points.iter().map(|point| self.place(*point)).collect();
+        points.unwrap_or_else(|| {
+            self.report.problem("coordinate not a number or out of range", || object.id.clone());
+            Vec::new()
+        })
+    }
+
+    fn add_surface(&mut self, object: &SourceObject, surface: &Surface, points: &[[f64; 3]], look: &ObjectLook) {
+        if points.is_empty() {
+            return;
+        }
+        let material = self.materials.get(surface.material);
+        if material.is_some_and(|material| material.is_invisible) {
+            self.report.problem("invisible surface left out", || object.id.clone());
+            return;
+        }
+        let has_uv = surface.uv.len() == points.len();
+        let drawn = self.surface_look(surface.role, normal_z(outer_ring(surface, points)), material, has_uv, look);
+        let triangles = match self.context.triangulator.triangulate(points, &surface.hole_starts) {
+            Ok(triangles) => triangles,
+            Err(PolygonFault::NoArea) => {
+                self.report.problem(NO_AREA, || format!("{}: {} corners", object.id, points.len()));
+                return;
+            }
+            Err(fault) => {
+                self.report.problem(fault.reason(), || format!("{}: {} corners", object.id, points.len()));
+                return;
+            }
+        };
+        for triangle in triangles {
+            let corners = triangle.map(|i| points[i as usize]);
+            let uv = triangle.map(|i| surface.uv.get(i as usize).map_or([0.0; 2], |uv| drawn.uv(*uv)));
+            self.faces.push(drawn.triangle(corners, uv));
+        }
+    }
+
+    /// Adds a mesh. Returns whether the object may have more triangles.
+    fn add_mesh(
+        &mut self,
+        object: &SourceObject,
+        mesh: &TriangleMesh,
+        look: &ObjectLook,
+        open: &mut OpenObject,
+    ) -> bool {
+        let material = self.materials.get(mesh.material);
+        if material.is_some_and(|material| material.is_invisible) {
+            self.report.problem("invisible surface left out", || object.id.clone());
+            return true;
+        }
+        let placed: Vec<Option<[f64; 3]>> = mesh.positions.iter().map(|position| self.place(*position)).collect();
+        let has_uv = mesh.uv.len() == mesh.positions.len();
+        let mut last: Option<(f64, Option<[u8; 3]>, SurfaceLook)> = None;
+        for triangle in &mesh.triangles {
+            let corners = triangle.map(|i| placed.get(i as usize).copied().flatten());
+            let [Some(a), Some(b), Some(c)] = corners else {
+                self.report.problem("coordinate not a number or out of range", || object.id.clone());
+                continue;
+            };
+            let corners = [a, b, c];
+            let normal_z = normal_z(&corners);
+            let colour = mean_colour(mesh, *triangle);
+            let drawn = match last {
+                Some((of_normal, of_colour, drawn)) if of_normal == normal_z && of_colour == colour => drawn,
+                _ => {
+                    let tinted = tint(material, colour);
+                    self.surface_look(SurfaceRole::Other, normal_z, tinted, has_uv, look)
+                }
+            };
+            last = Some((normal_z, colour, drawn));
+            let uv = triangle.map(|i| mesh.uv.get(i as usize).map_or([0.0; 2], |uv| drawn.uv(*uv)));
+            self.faces.push(drawn.triangle(corners, uv));
+            if self.faces.len() >= FLUSH_TRIANGLES && !self.flush(open, look.facade_use) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Colour and texture of a surface: its own, else the palette's.
+    fn surface_look(
+        &mut self,
+        role: SurfaceRole,
+        normal_z: f64,
+        material: Option<ReadMaterial>,
+        has_uv: bool,
+        look: &ObjectLook,
+    ) -> SurfaceLook {
+        let semantic = role.cityjson_semantic();
+        let facts = SurfaceFacts { semantic, object_type: look.kind.cityjson_type(), material: None, normal_z };
+        let texture = material.and_then(|material| material.texture).filter(|_| has_uv);
+        let own = material.and_then(|material| material.rgb);
+        let (rgb, origin) = match texture {
+            Some(_) => (own.unwrap_or([255; 3]), ColourOrigin::Texture),
+            None => self.context.options.palette.resolve(own, &facts, &look.look),
+        };
+        let is_reflective = facts.is_reflective() || material.is_some_and(|material| material.is_reflective);
+        self.report.colours.add(origin);
+        let stored = StoredMaterial { rgb, texture: texture.map(|(number, _)| number), is_reflective };
+        SurfaceLook {
+            material: self.context.builder.material(stored),
+            wrap: texture.map(|(_, wrap)| wrap),
+            is_facade: texture.is_none()
+                && !is_reflective
+                && matches!(look.kind, FeatureKind::Building | FeatureKind::BuildingPart)
+                && matches!(role, SurfaceRole::Wall | SurfaceRole::Other),
+        }
+    }
+}
+
+impl SurfaceLook {
+    /// Texture coordinates as the scene has them, where textures repeat; zero without a texture.
+    fn uv(self, uv: [f32; 2]) -> [f32; 2] {
+        match self.wrap {
+            None => [0.0; 2],
+            Some(Wrap::Repeat | Wrap::Mirror) => uv,
+            Some(Wrap::Clamp | Wrap::None) => uv.map(|c| c.clamp(0.0, 1.0)),
+        }
+    }
+
+    fn triangle(self, corners: [[f64; 3]; 3], uv: [[f32; 2]; 3]) -> WorldTriangle {
+        WorldTriangle { corners, uv, material: self.material, is_facade: self.is_facade }
+    }
+}
+
+/// The placed outer ring of a surface; empty if it is invalid.
+fn outer_ring<'p>(surface: &Surface, points: &'p [[f64; 3]]) -> &'p [[f64; 3]] {
+    let end = surface.hole_starts.first().map_or(points.len(), |start| *start as usize);
+    points.get(..end).unwrap_or(points)
+}
+
+/// The rounded mean colour of a triangle's vertices, if they have colours.
+fn mean_colour(mesh: &TriangleMesh, triangle: [u32; 3]) -> Option<[u8; 3]> {
+    if mesh.colours.len() != mesh.positions.len() || mesh.colours.is_empty() {
+        return None;
+    }
+    let of = triangle.map(|i| mesh.colours.get(i as usize).copied().unwrap_or_default());
+    Some(std::array::from_fn(|channel| {
+        let mean = of.iter().map(|rgb| u32::from(rgb[channel])).sum::<u32>() / 3;
+        let step = 1 << VERTEX_COLOUR_BITS;
+        ((mean + step / 2) / step * step).min(255) as u8
+    }))
+}
+
+/// The material with the colour of vertices, which multiplies its own.
+fn tint(material: Option<ReadMaterial>, colour: Option<[u8; 3]>) -> Option<ReadMaterial> {
+    let Some(colour) = colour else { return material };
+    let plain = ReadMaterial { rgb: None, texture: None, is_reflective: false, is_invisible: false };
+    let material = material.unwrap_or(plain);
+    let own = material.rgb.unwrap_or([255; 3]);
+    let rgb = std::array::from_fn(|channel| (u32::from(own[channel]) * u32::from(colour[channel]) / 255) as u8);
+    Some(ReadMaterial { rgb: Some(rgb), ..material })
+}

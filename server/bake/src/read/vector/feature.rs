@@ -1,0 +1,221 @@
+//! Passes the features of all vector formats on: identifier, kind, coordinate system, shape and filter by place.
+
+use super::geometry::Geometry;
+use super::layer::Layer;
+use super::shape::shape_of;
+use crate::error::InputError;
+use crate::read::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
+use crate::read::footprint::kind_of;
+use crate::read::input::Input;
+use crate::read::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
+
+/// What most formats mean by longitude and latitude.
+pub(super) const DEGREES: &str = "OGC:CRS84";
+/// Names of attributes that identify a feature, in lower case; the first that has a value counts.
+const ID_NAMES: [&str; 11] = [
+    "id", "@id", "gml_id", "identificatie", "osm_id", "osm_way_id", "objectid", "fid", "ogc_fid", "feature_id", "gid",
+];
+/// Attributes that hold further tags as one text.
+const TAG_NAMES: [&str; 2] = ["other_tags", "all_tags"];
+/// A first feature in degrees is at most this large; one in metres is hardly ever smaller.
+const MAX_DEGREES_OF_FEATURE: f64 = 0.2;
+/// EPSG codes of systems in degrees that publishers use.
+const DEGREE_CODES: [u32; 12] = [4326, 4979, 4258, 4937, 4269, 6668, 6697, 7844, 4171, 4490, 4230, 4267];
+
+/// Takes the features of a source.
+pub(super) struct FeatureWriter<'a> {
+    pub(super) sink: &'a mut dyn ObjectSink,
+    layer: Layer,
+    /// The last system that the sink was told; `None` if it was told none.
+    crs: Option<String>,
+    /// Whether the system is settled, named or guessed.
+    is_placed: bool,
+    /// Wanted area, if features outside are left out.
+    bbox_deg: Option<[f64; 4]>,
+    is_in_degrees: bool,
+    count: u64,
+}
+
+impl<'a> FeatureWriter<'a> {
+    pub(super) fn new(input: &Input<'_>, sink: &'a mut dyn ObjectSink) -> Self {
+        // A box over the antimeridian is left to the sink.
+        let bbox_deg = input.bbox_deg.filter(|[west, _, east, _]| west <= east);
+        let layer = Layer::of_file(input.name, std::iter::empty());
+        Self { sink, layer, crs: None, is_placed: false, bbox_deg, is_in_degrees: false, count: 0 }
+    }
+
+    /// Begins a layer. Without a system, the first feature decides whether its coordinates are degrees. Fails if positions
+    /// of the system cannot be placed.
+    pub(super) fn begin(&mut self, layer: Layer, crs: Option<String>) -> Result<(), InputError> {
+        self.layer = layer;
+        self.is_placed = false;
+        match crs {
+            Some(crs) => self.set_crs(crs),
+            None => Ok(()),
+        }
+    }
+
+    /// Sets the system of the following features.
+    pub(super) fn set_crs(&mut self, name: String) -> Result<(), InputError> {
+        self.is_placed = true;
+        if self.crs.as_ref() == Some(&name) {
+            return Ok(());
+        }
+        self.is_in_degrees = is_in_degrees(&name);
+        self.crs = Some(name.clone());
+        self.sink.set_crs(&CrsReference { name, order: AxisOrder::EastFirst })
+    }
+
+    /// The wanted area in coordinates of the current system, if that is known to be in degrees.
+    pub(super) fn wanted_deg(&self) -> Option<[f64; 4]> {
+        self.bbox_deg.filter(|_| self.is_in_degrees)
+    }
+
+    /// Whether an extent (west, south, east, north) in the current system is outside of the wanted area.
+    pub(super) fn is_unwanted(&self, [west, south, east, north]: [f64; 4]) -> bool {
+        self.wanted_deg().is_some_and(|[w, s, e, n]| west > e || east < w || south > n || north < s)
+    }
+
+    /// Counts a feature that is not read any further because it [`Self::is_unwanted`].
+    pub(super) fn pass_over(&mut self) {
+        self.count += 1;
+    }
+
+    /// Takes a feature, or skips it for the reason in `geometry`. `number` is the source's own, such as a row id. Fails if
+    /// the whole bake must end.
+    pub(super) fn add(
+        &mut self,
+        number: Option<String>,
+        mut attributes: Attributes,
+        geometry: Result<Geometry, &'static str>,
+    ) -> Result<(), InputError> {
+        self.count += 1;
+        let count = self.count;
+        let id = id_of(&attributes).or(number).unwrap_or_else(|| format!("feature {count}"));
+        let geometry = match geometry {
+            Ok(geometry) => geometry,
+            Err(reason) => {
+                self.sink.skip(reason, id);
+                return Ok(());
+            }
+        };
+        self.settle_crs(&geometry)?;
+        if let (Some(_), Some(bounds)) = (self.wanted_deg(), geometry.bounds())
+            && self.is_unwanted(bounds)
+        {
+            return Ok(());
+        }
+        add_tags(&mut attributes);
+        let told = kind_of(&attributes).or(self.layer.kind);
+        let mut problems = Vec::new();
+        let shape = shape_of(geometry, told, &attributes, &mut problems);
+        problems.into_iter().for_each(|problem| self.sink.problem(problem, id.clone()));
+        match shape {
+            Ok(shape) => self.sink.add(self.object(id, told, attributes, shape)),
+            Err(reason) => {
+                self.sink.skip(reason, id);
+                Ok(())
+            }
+        }
+    }
+
+    /// The object of a feature. Of no known kind, an area is a building (unless the layer tells which are), all else is
+    /// generic.
+    fn object(&self, id: String, told: Option<FeatureKind>, attributes: Attributes, shape: Shape) -> SourceObject {
+        let is_body = matches!(shape, Shape::Footprints(_) | Shape::Surfaces { .. });
+        let default = if is_body && !self.layer.is_mixed { FeatureKind::Building } else { FeatureKind::Generic };
+        let kind = told.unwrap_or(default);
+        let parent = match attributes.get("building_id") {
+            Some(parent) if kind == FeatureKind::BuildingPart => Some(parent.to_string()),
+            _ => None,
+        };
+        SourceObject { id, parent, kind, source_type: self.layer.name.clone(), lod: None, attributes, shape }
+    }
+
+    /// Guesses the system of a source that names none: degrees, if the first feature can be so and is small.
+    fn settle_crs(&mut self, geometry: &Geometry) -> Result<(), InputError> {
+        if self.is_placed {
+            return Ok(());
+        }
+        let Some([west, south, east, north]) = geometry.bounds() else { return Ok(()) };
+        self.is_placed = true;
+        let is_on_globe = west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0;
+        let is_small = east - west < MAX_DEGREES_OF_FEATURE && north - south < MAX_DEGREES_OF_FEATURE;
+        // A point at the origin of a plan in metres is no place at sea.
+        let is_origin = west == 0.0 && south == 0.0;
+        if is_on_globe && is_small && !is_origin {
+            let detail = format!("{}: coordinates look like degrees and are taken as WGS 84", self.layer.name);
+            self.sink.problem("coordinate system not given", detail);
+            return self.set_crs(DEGREES.to_owned());
+        }
+        self.is_in_degrees = false;
+        if self.crs.take().is_some() {
+            // The system of another layer must not be taken for this one's.
+            let detail = format!("{}: coordinates are taken in the system of the layer before", self.layer.name);
+            self.sink.problem("coordinate system not given", detail);
+        }
+        Ok(())
+    }
+}
+
+fn id_of(attributes: &Attributes) -> Option<String> {
+    let text = |value: &AttributeValue| match value {
+        AttributeValue::Text(text) if text.trim().is_empty() => None,
+        AttributeValue::Text(text) => Some(text.trim().to_owned()),
+        AttributeValue::Integer(_) => Some(value.to_string()),
+        AttributeValue::Float(number) if number.fract() == 0.0 && number.abs() < 1e15 => Some(format!("{number:.0}")),
+        _ => None,
+    };
+    ID_NAMES.iter().find_map(|known| {
+        attributes.iter().filter(|(name, _)| name.eq_ignore_ascii_case(known)).find_map(|(_, value)| text(value))
+    })
+}
+
+/// Whether a coordinate system is in degrees, as far as its name or text tells.
+fn is_in_degrees(crs: &str) -> bool {
+    let crs = crs.trim_start();
+    let code = crs.strip_prefix("EPSG:").and_then(|code| code.parse().ok());
+    let starts_with = |prefix: &str| crs.get(..prefix.len()).is_some_and(|head| head.eq_ignore_ascii_case(prefix));
+    let is_json = crs.starts_with('{') && crs.contains("\"GeographicCRS\"") && !crs.contains("\"ProjectedCRS\"");
+    crs == DEGREES || code.is_some_and(|code| DEGREE_CODES.contains(&code)) || starts_with("GEOG") || is_json
+}
+
+/// Adds the tags of OpenStreetMap that GDAL leaves in one text: `"key"=>"value"`, or a JSON object.
+fn add_tags(attributes: &mut Attributes) {
+    for name in TAG_NAMES {
+        let Some(text) = attributes.get(name).and_then(AttributeValue::as_str).map(str::to_owned) else { continue };
+        if text.starts_with('{') {
+            if let Ok(serde_json::Value::Object(tags)) = serde_json::from_str(&text) {
+                for (key, value) in tags {
+                    if let Some(value) = value.as_str() {
+                        attributes.push(&key, AttributeValue::from_untyped(value));
+                    }
+                }
+            }
+            continue;
+        }
+        let mut texts = quoted_texts(&text);
+        while let (Some(key), Some(value)) = (texts.next(), texts.next()) {
+            if attributes.len() >= MAX_ATTRIBUTES {
+                break;
+            }
+            attributes.push(&key, AttributeValue::from_untyped(&value));
+        }
+    }
+}
+
+/// The texts in quotation marks, with `\` before marks and itself.
+fn quoted_texts(text: &str) -> impl Iterator<Item = String> + '_ {
+    let mut chars = text.chars();
+    std::iter::from_fn(move || {
+        chars.find(|c| *c == '"')?;
+        let mut found = String::new();
+        loop {
+            match chars.next()? {
+                '"' => return Some(found),
+                '\\' => found.extend(chars.next()),
+                c => found.push(c),
+            }
+        }
+    })
+}

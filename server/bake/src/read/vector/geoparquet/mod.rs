@@ -1,0 +1,199 @@
+//! GeoParquet, such as Overture's buildings: columns in row groups, a geometry column in WKB or as nested lists.
+//!
+//! Row groups outside of the wanted area are not read, if a column has the boxes of the features. Decoders of the parquet
+//! crate may panic on damaged pages; that ends the reading with an error like any other damage.
+
+mod columns;
+mod metadata;
+mod native;
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use arrow_array::{Array, BinaryArray, RecordBatch};
+use parquet::arrow::ProjectionMask;
+use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
+use parquet::file::metadata::ParquetMetaData;
+
+use super::feature::FeatureWriter;
+use super::geometry::Geometry;
+use super::layer::Layer;
+use super::{local, wkb};
+use crate::error::InputError;
+use crate::read::attributes::{AttributeValue, Attributes};
+use crate::read::input::Input;
+use crate::read::object::{Description, ObjectSink};
+use columns::ColumnValues;
+use metadata::{GeoColumn, GeometryEncoding};
+
+/// Rows that are decoded at once.
+const BATCH_ROWS: usize = 1024;
+/// Sources of data that are named.
+const MAX_ATTRIBUTIONS: usize = 32;
+
+/// Reads a source. Fails if it is no parquet file, has no geometry column, is damaged, or is in a system that cannot be
+/// placed.
+pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
+    let local = local::on_disk(input)?;
+    let file = local::open(input, &local)?;
+    let file_bytes = file.metadata().map_err(|cause| InputError::io(input.label, cause))?.len();
+    // The types are those of the columns, not of the copy of an Arrow schema that some writers add.
+    let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
+    let metadata = guarded(input, "footer", || {
+        ArrowReaderMetadata::load(&file, options).map_err(|cause| damaged(input, "footer", &cause.to_string()))
+    })?;
+    let geo = metadata::find(metadata.metadata(), metadata.schema())
+        .map_err(|what| InputError::unsupported(input.label, what))?;
+    check_sizes(input, metadata.metadata())?;
+    let mut writer = FeatureWriter::new(input, sink);
+    let names = metadata.schema().fields().iter().map(|field| field.name().as_str());
+    writer.begin(Layer::of_file(input.name, names), geo.crs.clone())?;
+    let groups = match writer.wanted_deg() {
+        Some(wanted) => metadata::groups_within(metadata.metadata(), &geo.covering, wanted),
+        None => (0..metadata.metadata().num_row_groups()).collect(),
+    };
+    let mut source = Source { input, file, file_bytes, metadata, geo, attributions: BTreeSet::new(), bytes_done: 0 };
+    for group in groups {
+        source.read_group(group, &mut writer)?;
+    }
+    for attribution in &source.attributions {
+        writer.sink.describe(Description::Attribution, attribution);
+    }
+    writer.sink.tick(file_bytes);
+    Ok(())
+}
+
+fn damaged(input: &Input<'_>, place: &str, what: &str) -> InputError {
+    let first = what.lines().next().unwrap_or("not readable");
+    InputError::damaged(input.label, place, first)
+}
+
+/// Runs a decoder of the parquet crate; its panic is damage of the file.
+fn guarded<T>(input: &Input<'_>, place: &str, decode: impl FnOnce() -> Result<T, InputError>) -> Result<T, InputError> {
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err(damaged(input, place, "its decoder failed")))
+}
+
+/// Fails if a column of a row group is larger than allowed: pages of any size within it would be unpacked.
+fn check_sizes(input: &Input<'_>, metadata: &ParquetMetaData) -> Result<(), InputError> {
+    for (index, group) in metadata.row_groups().iter().enumerate() {
+        for column in group.columns() {
+            let bytes = u64::try_from(column.uncompressed_size()).unwrap_or(u64::MAX);
+            if bytes > input.max_bytes {
+                let what = format!("column {} of row group {index}, {bytes} bytes,", column.column_path());
+                return Err(InputError::TooLarge { path: input.label.to_owned(), what, limit: input.max_bytes });
+            }
+        }
+    }
+    Ok(())
+}
+
+struct Source<'a> {
+    input: &'a Input<'a>,
+    file: File,
+    file_bytes: u64,
+    metadata: ArrowReaderMetadata,
+    geo: GeoColumn,
+    attributions: BTreeSet<String>,
+    bytes_done: u64,
+}
+
+impl Source<'_> {
+    fn read_group(&mut self, group: usize, writer: &mut FeatureWriter<'_>) -> Result<(), InputError> {
+        let place = format!("row group {group}");
+        let (input, facts) = (self.input, self.metadata.metadata().row_group(group));
+        let group_rows = u64::try_from(facts.num_rows()).unwrap_or(0);
+        let group_bytes = u64::try_from(facts.compressed_size()).unwrap_or(0);
+        let wanted = columns::wanted(self.metadata.schema(), &self.geo);
+        let mask = ProjectionMask::roots(self.metadata.parquet_schema(), wanted);
+        let file = self.file.try_clone().map_err(|cause| InputError::io(input.label, cause))?;
+        let mut batches = guarded(input, &place, || {
+            ParquetRecordBatchReaderBuilder::new_with_metadata(file, self.metadata.clone())
+                .with_batch_size(BATCH_ROWS)
+                .with_row_groups(vec![group])
+                .with_projection(mask)
+                .build()
+                .map_err(|cause| damaged(input, &place, &cause.to_string()))
+        })?;
+        let mut rows = 0;
+        loop {
+            let batch = guarded(input, &place, || {
+                let next = batches.next().transpose();
+                next.map_err(|cause| damaged(input, &place, &cause.to_string()))
+            })?;
+            let Some(batch) = batch else { break };
+            rows += batch.num_rows() as u64;
+            if rows > group_rows {
+                return Err(damaged(input, &place, "it has more rows than it announces"));
+            }
+            self.read_batch(&batch, writer)?;
+            let share = (group_bytes as f64 * rows as f64 / group_rows.max(1) as f64) as u64;
+            writer.sink.tick((self.bytes_done.saturating_add(share)).min(self.file_bytes));
+        }
+        if rows < group_rows {
+            return Err(damaged(input, &place, "it has fewer rows than it announces"));
+        }
+        self.bytes_done = self.bytes_done.saturating_add(group_bytes);
+        Ok(())
+    }
+
+    fn read_batch(&mut self, batch: &RecordBatch, writer: &mut FeatureWriter<'_>) -> Result<(), InputError> {
+        let schema = batch.schema();
+        let columns: Vec<(&str, ColumnValues<'_>)> = schema
+            .fields()
+            .iter()
+            .zip(batch.columns())
+            .filter(|(field, _)| *field.name() != self.geo.name)
+            .map(|(field, array)| (field.name().as_str(), ColumnValues::of(array)))
+            .collect();
+        let geometry = batch.column_by_name(&self.geo.name);
+        let binary = geometry.and_then(|array| array.as_any().downcast_ref::<BinaryArray>());
+        for row in 0..batch.num_rows() {
+            let parsed = match geometry {
+                None => Err("no geometry"),
+                Some(array) if array.is_null(row) => Err("no geometry"),
+                Some(array) => geometry_of(array, binary, row, &self.geo.encoding),
+            };
+            if let Ok(geometry) = &parsed
+                && writer.wanted_deg().is_some()
+                && geometry.bounds().is_some_and(|bounds| writer.is_unwanted(bounds))
+            {
+                writer.pass_over();
+                continue;
+            }
+            let mut attributes = Attributes::default();
+            for (name, values) in &columns {
+                values.push(row, name, &mut attributes, 0);
+            }
+            self.note_attributions(&attributes);
+            writer.add(None, attributes, parsed)?;
+        }
+        Ok(())
+    }
+
+    /// Notes the data sets that Overture names as the sources of a feature.
+    fn note_attributions(&mut self, attributes: &Attributes) {
+        let dataset = attributes.get("sources.0.dataset").and_then(AttributeValue::as_str);
+        if let Some(dataset) = dataset
+            && self.attributions.len() < MAX_ATTRIBUTIONS
+            && !self.attributions.contains(dataset)
+        {
+            self.attributions.insert(dataset.to_owned());
+        }
+    }
+}
+
+fn geometry_of(
+    array: &dyn Array,
+    binary: Option<&BinaryArray>,
+    row: usize,
+    encoding: &GeometryEncoding,
+) -> Result<Geometry, &'static str> {
+    let mut geometry = Geometry::default();
+    match (encoding, binary) {
+        (GeometryEncoding::Wkb, Some(binary)) => wkb::parse(binary.value(row), &mut geometry).map(|_| ())?,
+        (GeometryEncoding::Wkb, None) => return Err("geometry of unknown type"),
+        (GeometryEncoding::Nested(kind), _) => native::read(array, row, *kind, &mut geometry)?,
+    }
+    Ok(geometry)
+}

@@ -1,0 +1,143 @@
+//! What a feature's geometry becomes: areas, surfaces in space, strips or points.
+
+use super::geometry::{Geometry, Polygon, Ring};
+use super::orient::turn_outward;
+use crate::read::attributes::{AttributeValue, Attributes};
+use crate::read::object::{FeatureKind, Footprint, Shape, Strip, Surface};
+
+/// A ring whose heights differ by less is level.
+const LEVEL_M: f64 = 0.001;
+/// Names of attributes that say how high a building is; then its polygon is its plan, at whatever heights its corners are.
+const HEIGHT_NAMES: [&str; 9] = [
+    "height", "Height", "HEIGHT", "building:height", "measuredHeight", "measured_height", "building:levels", "num_floors",
+    "levels",
+];
+const WIDTH_NAMES: [&str; 6] = ["width", "Width", "WIDTH", "width_m", "est_width", "breedte"];
+const LANE_NAMES: [&str; 3] = ["lanes", "Lanes", "LANES"];
+const LANE_M: f64 = 3.0;
+const WIDTH_RANGE_M: std::ops::RangeInclusive<f64> = 0.2..=200.0;
+/// Names of attributes whose value is a class of OpenStreetMap.
+const CLASS_NAMES: [&str; 5] = ["highway", "fclass", "class", "waterway", "railway"];
+/// Widths by class.
+const CLASS_WIDTHS_M: &[(&[&str], f64)] = &[
+    (&["motorway", "trunk"], 10.0),
+    (&["primary"], 9.0),
+    (&["secondary"], 8.0),
+    (&["tertiary"], 7.0),
+    (&["residential", "unclassified", "living_street", "motorway_link", "trunk_link", "primary_link"], 6.0),
+    (&["pedestrian"], 5.0),
+    (&["service", "track", "secondary_link", "tertiary_link"], 4.0),
+    (&["cycleway"], 2.5),
+    (&["footway", "path", "steps", "bridleway"], 2.0),
+    (&["river"], 20.0),
+    (&["canal"], 10.0),
+    (&["stream"], 2.5),
+    (&["ditch", "drain"], 1.5),
+];
+
+/// Shape of a feature of a known kind. Each of `problems` is a part that is left out. Fails with the reason for skipping the
+/// feature.
+pub(super) fn shape_of(
+    geometry: Geometry,
+    kind: Option<FeatureKind>,
+    attributes: &Attributes,
+    problems: &mut Vec<&'static str>,
+) -> Result<Shape, &'static str> {
+    let Geometry { polygons, mut meshes, lines, points, is_surface } = geometry;
+    let has_areas = !polygons.is_empty() || !meshes.is_empty();
+    if has_areas && !lines.is_empty() {
+        problems.push("line beside polygons left out");
+    }
+    if (has_areas || !lines.is_empty()) && !points.is_empty() {
+        problems.push("point beside polygons or lines left out");
+    }
+    if has_areas {
+        if is_surface || is_in_space(&polygons, attributes) {
+            let mut polygons: Vec<Surface> = polygons.into_iter().filter_map(|polygon| surface(polygon, problems)).collect();
+            if polygons.is_empty() && meshes.is_empty() {
+                return Err("no ring with three points");
+            }
+            turn_outward(&mut polygons, &mut meshes);
+            return Ok(Shape::Surfaces { polygons, meshes });
+        }
+        let on_map = |ring: Ring| ring.into_iter().map(|[x, y, _]| [x, y]).collect();
+        let footprint = |polygon: Polygon| Footprint { rings: polygon.into_iter().map(on_map).collect() };
+        return Ok(Shape::Footprints(polygons.into_iter().map(footprint).collect()));
+    }
+    if !lines.is_empty() {
+        let width_m = width_m(kind, attributes).ok_or("line without a width that is no road, railway or water")?;
+        let strip = |line: Ring| Strip { points: line.into_iter().map(|[x, y, _]| [x, y]).collect(), width_m };
+        return Ok(Shape::Strips(lines.into_iter().map(strip).collect()));
+    }
+    if points.is_empty() {
+        return Err("empty geometry");
+    }
+    Ok(Shape::Points(points.into_iter().map(|[x, y, _]| [x, y]).collect()))
+}
+
+/// Whether polygons are surfaces in space: a ring of one is not level. A single one of a building with a height is its plan
+/// on uneven ground.
+fn is_in_space(polygons: &[Polygon], attributes: &Attributes) -> bool {
+    let is_level = |ring: &Ring| {
+        let low = ring.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
+        let high = ring.iter().map(|p| p[2]).fold(f64::NEG_INFINITY, f64::max);
+        high - low < LEVEL_M
+    };
+    if polygons.iter().flatten().all(is_level) {
+        return false;
+    }
+    let is_plan = polygons.len() == 1
+        && HEIGHT_NAMES.iter().any(|name| attributes.get(name).is_some_and(|value| value.as_f64().is_some()));
+    !is_plan
+}
+
+/// The polygon without the repeated last positions of its rings; `None` if the outer ring is no ring.
+fn surface(polygon: Polygon, problems: &mut Vec<&'static str>) -> Option<Surface> {
+    let mut surface = Surface::default();
+    for (index, mut ring) in polygon.into_iter().enumerate() {
+        if ring.len() > 1 && ring.first() == ring.last() {
+            ring.pop();
+        }
+        if ring.len() < 3 {
+            problems.push("ring has fewer than three points");
+            if index == 0 {
+                return None;
+            }
+            continue;
+        }
+        if index > 0 {
+            surface.hole_starts.push(u32::try_from(surface.points.len()).ok()?);
+        }
+        surface.points.append(&mut ring);
+    }
+    Some(surface)
+}
+
+/// Width of a line; `None` if it is of no kind with a usual width and names none.
+fn width_m(kind: Option<FeatureKind>, attributes: &Attributes) -> Option<f64> {
+    let number = |names: &[&str]| names.iter().find_map(|name| length(attributes.get(name)?));
+    let given = number(&WIDTH_NAMES).or_else(|| number(&LANE_NAMES).map(|lanes| lanes * LANE_M));
+    if let Some(given) = given.filter(|width_m| WIDTH_RANGE_M.contains(width_m)) {
+        return Some(given);
+    }
+    let usual = match kind? {
+        FeatureKind::Road | FeatureKind::Bridge | FeatureKind::Tunnel => 6.0,
+        FeatureKind::Rail => 3.0,
+        FeatureKind::Water => 4.0,
+        _ => return None,
+    };
+    let class = CLASS_NAMES.iter().filter_map(|name| attributes.get(name)?.as_str());
+    let by_class = |class: &str| CLASS_WIDTHS_M.iter().find(|(known, _)| known.contains(&class)).map(|(_, width)| *width);
+    Some(class.filter_map(by_class).next().unwrap_or(usual))
+}
+
+/// A number of metres, also as `3.5 m`.
+fn length(value: &AttributeValue) -> Option<f64> {
+    match value {
+        AttributeValue::Text(text) => {
+            let text = text.trim();
+            text.strip_suffix('m').unwrap_or(text).trim_end().parse().ok()
+        }
+        value => value.as_f64(),
+    }
+}

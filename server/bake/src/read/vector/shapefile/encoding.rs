@@ -1,0 +1,103 @@
+//! The encoding of texts: named by a `.cpg` file, by a number in the table's header, or not at all.
+
+use encoding_rs::Encoding;
+
+/// Encodings by the header's number.
+const LANGUAGES: &[(&[u8], &str)] = &[
+    (&[0x03, 0x57, 0x58, 0x59, 0x0d, 0x0e, 0x10, 0x12, 0x14, 0x16, 0x18, 0x1a, 0x1d], "windows-1252"),
+    (&[0x13, 0x7b], "shift_jis"),
+    (&[0x4d, 0x7a], "gbk"),
+    (&[0x4e, 0x79], "euc-kr"),
+    (&[0x4f, 0x78], "big5"),
+    (&[0x50, 0x7c], "windows-874"),
+    (&[0x26, 0x65, 0x66], "ibm866"),
+    (&[0xc8], "windows-1250"),
+    (&[0xc9], "windows-1251"),
+    (&[0xca], "windows-1254"),
+    (&[0xcb], "windows-1253"),
+    (&[0xcc], "windows-1257"),
+];
+
+/// Encodings by the number of a code page.
+const CODE_PAGES: &[(&str, &str)] = &[
+    ("65001", "utf-8"),
+    ("932", "shift_jis"),
+    ("936", "gbk"),
+    ("54936", "gb18030"),
+    ("949", "euc-kr"),
+    ("950", "big5"),
+    ("866", "ibm866"),
+    ("874", "windows-874"),
+    ("20932", "euc-jp"),
+    ("51932", "euc-jp"),
+];
+
+/// The encoding of a table by the text of its `.cpg` file, else by the number in its header; `None` if neither tells.
+pub(super) fn encoding_of(code_page: Option<&str>, language: u8) -> Option<&'static Encoding> {
+    let by_language = || LANGUAGES.iter().find(|(numbers, _)| numbers.contains(&language)).map(|(_, label)| *label);
+    code_page.and_then(by_name).or_else(|| by_language().and_then(|label| Encoding::for_label(label.as_bytes())))
+}
+
+/// The encoding of a name such as `UTF-8`, `1252`, `ANSI 1252`, `ISO 8859-1`, `88591` or `LDID/87`.
+fn by_name(name: &str) -> Option<&'static Encoding> {
+    let name = name.trim();
+    if let Some(encoding) = Encoding::for_label(name.as_bytes()) {
+        return Some(encoding);
+    }
+    let digits: String = name.chars().filter(char::is_ascii_digit).collect();
+    if name.to_ascii_uppercase().starts_with("LDID") {
+        return encoding_of(None, digits.parse().ok()?);
+    }
+    if let Some((_, label)) = CODE_PAGES.iter().find(|(number, _)| *number == digits) {
+        return Encoding::for_label(label.as_bytes());
+    }
+    let label = match digits.strip_prefix("8859") {
+        Some(part) => format!("iso-8859-{part}"),
+        None if digits.len() == 4 && digits.starts_with("125") => format!("windows-{digits}"),
+        None if digits == "8" && name.to_ascii_uppercase().contains("UTF") => "utf-8".to_owned(),
+        None => return None,
+    };
+    Encoding::for_label(label.as_bytes())
+}
+
+/// The text of a field. Of no known encoding it is UTF-8, or else Windows-1252.
+pub(super) fn decode(field: &[u8], encoding: Option<&'static Encoding>) -> String {
+    let is_utf8 = encoding.is_none_or(|encoding| encoding == encoding_rs::UTF_8);
+    match std::str::from_utf8(field) {
+        Ok(text) if is_utf8 => text.to_owned(),
+        // Cut within a character, because the column is too narrow.
+        Err(fault) if is_utf8 && fault.error_len().is_none() => {
+            String::from_utf8_lossy(&field[..fault.valid_up_to()]).into_owned()
+        }
+        _ => encoding.unwrap_or(encoding_rs::WINDOWS_1252).decode_without_bom_handling(field).0.into_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_encodings() {
+        let name = |text| by_name(text).map(Encoding::name);
+        assert_eq!(name("UTF-8"), Some("UTF-8"));
+        assert_eq!(name(" utf 8"), Some("UTF-8"));
+        assert_eq!(name("ANSI 1252"), Some("windows-1252"));
+        assert_eq!(name("88591"), Some("windows-1252"));
+        assert_eq!(name("ISO 8859-2"), Some("ISO-8859-2"));
+        assert_eq!(name("LDID/19"), Some("Shift_JIS"));
+        assert_eq!(name("CP932"), Some("Shift_JIS"));
+        assert_eq!(name("OEM 936"), Some("GBK"));
+        assert_eq!(name("klingon"), None);
+        assert_eq!(encoding_of(Some("klingon"), 0x13).map(Encoding::name), Some("Shift_JIS"));
+        assert_eq!(encoding_of(None, 0), None);
+    }
+
+    #[test]
+    fn texts_of_any_encoding() {
+        assert_eq!(decode(b"Stra\xdfe", None), "Straße");
+        assert_eq!(decode("Straße".as_bytes(), None), "Straße");
+        assert_eq!(decode(&"Straße".as_bytes()[..5], Some(encoding_rs::UTF_8)), "Stra");
+        assert_eq!(decode(b"\x93\x8c\x8b\x9e", Some(encoding_rs::SHIFT_JIS)), "東京");
+    }
+}
