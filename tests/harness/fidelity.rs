@@ -58,9 +58,11 @@ pub struct View {
     pub drawn: Pixels,
 }
 
-/// Reads city files with the options of the bake.
+/// Reads city files with the options of the bake, without the search for duplicates: an OBJ that stands for another format does
+/// not tell parts from their parents.
 pub fn read(inputs: &[PathBuf]) -> Result<Scene> {
-    let options = insula_bake::read::ReadOptions::default();
+    let duplicates = insula_bake::read::DuplicateOption::KeepAll;
+    let options = insula_bake::read::ReadOptions { duplicates, ..Default::default() };
     Ok(insula_bake::read::read(inputs, &options, &|_| ())?.0)
 }
 

@@ -27,13 +27,15 @@ fn main() {
         .collect();
     let decoder = "the_second_decoder_reads_the_frozen_tiles".to_owned();
     trials.push(trial(decoder, passes_its_unit_tests, root.join("tools")));
+    let reader = "the_second_reader_of_formats_passes_its_tests".to_owned();
+    trials.push(trial(reader, passes_its_unit_tests, root.join("tools/formats")));
     trials.push(trial("faults_have_a_place".to_owned(), faults_have_a_place, root.join("tools/mutations.py")));
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }
 
 /// The scripts that a person runs.
 fn scripts(root: &Path) -> Vec<PathBuf> {
-    let files = ["load", "tools"].iter().filter_map(|folder| root.join(folder).read_dir().ok()).flatten();
+    let files = ["load", "tools", "tools/formats"].iter().filter_map(|folder| root.join(folder).read_dir().ok()).flatten();
     let paths = files.filter_map(|file| Some(file.ok()?.path()));
     let is_script = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();

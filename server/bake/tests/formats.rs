@@ -33,10 +33,7 @@ fn bodies(scene: &Scene) -> Vec<Body> {
     let mut found: BTreeMap<u32, Body> = BTreeMap::new();
     for triangle in &scene.triangles {
         let corners = triangle.corners.map(|c| DVec3::from_array(c.map(f64::from)));
-        let body = found.entry(triangle.object).or_insert(Body {
-            volume_m3: 0.0,
-            bounds: [DVec3::MAX, DVec3::MIN],
-        });
+        let body = found.entry(triangle.object).or_insert(Body { volume_m3: 0.0, bounds: [DVec3::MAX, DVec3::MIN] });
         body.volume_m3 += corners[0].dot(corners[1].cross(corners[2])) / 6.0;
         for corner in corners {
             body.bounds = [body.bounds[0].min(corner + origin), body.bounds[1].max(corner + origin)];
@@ -61,7 +58,11 @@ fn a_block_is_the_same_in_every_format() {
         ("block.osm", DEGREES_M),
     ];
     // halls, court, tower: 2 x 30 x 20 x 9.25, (40 x 30 - 20 x 10) x 18.5, 12 x 12 x 64.
-    let expected = [(11_100.0, [60.0, 0.0, 90.0, 50.0]), (18_500.0, [0.0, 0.0, 40.0, 30.0]), (9_216.0, [110.0, 10.0, 122.0, 22.0])];
+    let expected = [
+        (11_100.0, [60.0, 0.0, 90.0, 50.0]),
+        (18_500.0, [0.0, 0.0, 40.0, 30.0]),
+        (9_216.0, [110.0, 10.0, 122.0, 22.0]),
+    ];
     let mut options = ReadOptions::default();
     options.placing.crs = Some("EPSG:25832".to_owned());
     for (name, tolerance_m) in formats {
@@ -81,7 +82,9 @@ fn a_block_is_the_same_in_every_format() {
         let source = &report.sources[0];
         assert_eq!(source.objects_by_kind[&FeatureKind::Building], 3, "{name}");
         let usage = if name.ends_with(".osm") { "building" } else { "usage" };
-        assert_eq!(source.attributes[usage].examples, ["residential", "industrial", "office"], "{name}");
+        let mut uses = source.attributes[usage].examples.clone();
+        uses.sort();
+        assert_eq!(uses, ["industrial", "office", "residential"], "{name}");
     }
 }
 
@@ -98,10 +101,8 @@ fn the_same_block_in_two_formats_is_one() {
 
 #[test]
 fn kinds_and_an_area_choose_objects() {
-    let only_roads = ReadOptions {
-        kinds: KindFilter { only: vec![FeatureKind::Road], skip: Vec::new() },
-        ..ReadOptions::default()
-    };
+    let only_roads =
+        ReadOptions { kinds: KindFilter { only: vec![FeatureKind::Road], skip: Vec::new() }, ..ReadOptions::default() };
     assert!(read(&[data("block.gml")], &only_roads, &|_| {}).is_err(), "nothing is left");
     // The tower alone: 110 m and more east of the origin, at 9 degrees east on the zone's central meridian.
     let mut options = ReadOptions::default();

@@ -113,7 +113,8 @@ def main():
             points = positions(vertices, head.get("transform"))
             if number == 0:
                 system = head["metadata"]["referenceSystem"]
-                out.write(f'<?xml version="1.0" encoding="UTF-8"?>\n<core:CityModel{spaces} xmlns:xlink="http://www.w3.org/1999/xlink">'
+                out.write('<?xml version="1.0" encoding="UTF-8"?>\n'
+                          f'<core:CityModel{spaces} xmlns:xlink="http://www.w3.org/1999/xlink">'
                           f'<gml:boundedBy><gml:Envelope srsName={quoteattr(system)} srsDimension="3"><gml:lowerCorner>0 0 0'
                           "</gml:lowerCorner><gml:upperCorner>0 0 0</gml:upperCorner></gml:Envelope></gml:boundedBy>\n")
             writer = Writer(options.version, points)

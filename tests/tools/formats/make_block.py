@@ -42,7 +42,8 @@ def write_vectors(out):
     table["wkt"] = [f"SRID=25832;{shape.wkt}" for shape in shapes]
     table.to_csv(out / "block.csv", index=False)
     features = json.loads(frame.to_json(drop_id=True))
-    features["crs"] = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}
+    # The first member, so that readers know it before the features.
+    features = {"crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}, **features}
     (out / "block.geojson").write_text(json.dumps(features))
     with gzip.GzipFile(out / "block.gpkg.gz", "wb", mtime=0) as packed:
         packed.write((out / "block.gpkg").read_bytes())

@@ -29,10 +29,13 @@ pub enum InputError {
         place: String,
         what: String,
     },
-    /// The file format is not supported.
+    /// The file is of no known format.
     #[error(
         "{path}: {what}; supported are CityGML (.gml, .xml), CityJSON (.json, .jsonl), GeoJSON (.geojson, .geojsonl), GeoPackage (.gpkg), Shapefile (.shp), FlatGeobuf (.fgb), GeoParquet (.parquet), CSV with WKT (.csv), OpenStreetMap (.osm, .pbf), glTF (.gltf, .glb), 3D Tiles (tileset.json, .3tz), I3S (.slpk), OBJ, PLY and STL; most also as .gz or in a .zip"
     )]
+    UnknownFormat { path: String, what: String },
+    /// The content of a file is not supported.
+    #[error("{path}: {what}")]
     Unsupported { path: String, what: String },
     /// A known format that is not read.
     #[error("{path}: {format}: not read; {advice}")]
@@ -92,6 +95,10 @@ impl InputError {
 
     pub(crate) fn damaged(path: &str, place: impl Into<String>, what: impl Into<String>) -> Self {
         Self::Damaged { path: path.to_owned(), place: place.into(), what: what.into() }
+    }
+
+    pub(crate) fn unknown_format(path: &str, what: impl Into<String>) -> Self {
+        Self::UnknownFormat { path: path.to_owned(), what: what.into() }
     }
 
     pub(crate) fn unsupported(path: &str, what: impl Into<String>) -> Self {

@@ -125,6 +125,11 @@ impl<'a> BakeRun<'a> {
         for BadInput { path, reason } in &report.bad_inputs {
             self.progress.warn(&format!("{path}: left out: {reason}"));
         }
+        if let Some(first) = report.ignored.first() {
+            let more = report.ignored.len() - 1;
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            self.progress.warn(&format!("{first}{more}: no city model, left alone"));
+        }
         report.unread.iter().for_each(|line| self.progress.warn(line));
         for warning in report.placing_warnings() {
             self.progress.warn(warning);

@@ -265,9 +265,11 @@ fn read_source(
     source: &CitySource<'_>,
     tick: ByteProgress<'_>,
 ) -> Result<Option<SourceReport>, InputError> {
-    let result = read_by_kind(context, source, tick);
-    match result {
-        Err(InputError::Unsupported { .. }) if source.found => Ok(None),
+    // Any folder has files of these names that are no cities.
+    let is_common =
+        matches!(kind_by_name(&source.name), Some(SourceKind::Json | SourceKind::Xml | SourceKind::Csv));
+    match read_by_kind(context, source, tick) {
+        Err(InputError::Unsupported { .. } | InputError::UnknownFormat { .. }) if source.found && is_common => Ok(None),
         result => result,
     }
 }

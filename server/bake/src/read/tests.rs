@@ -201,8 +201,8 @@ fn missing_empty_and_foreign_inputs_are_errors() {
     let folder = folder("foreign", &[("a.txt", b"x"), ("b.json", b"[1]")]);
     let fails = |name: &str| read(&[folder.path.join(name)], &ReadOptions::default(), &|_| {}).unwrap_err();
     assert!(matches!(fails("none.json"), InputError::Io { .. }));
-    assert!(matches!(fails("a.txt"), InputError::Unsupported { .. }));
-    assert!(matches!(fails("b.json"), InputError::Unsupported { .. }));
+    assert!(matches!(fails("a.txt"), InputError::UnknownFormat { .. }));
+    assert!(matches!(fails("b.json"), InputError::UnknownFormat { .. }));
     fs::remove_file(folder.path.join("b.json")).unwrap();
     assert!(matches!(fails(""), InputError::NoSource { .. }));
 }

@@ -61,7 +61,7 @@ pub(super) fn format_of(name: &str) -> Option<&'static str> {
 /// The error of a file whose name is not that of a city file: how to convert it, if that is known.
 pub(super) fn refusal(path: &str) -> InputError {
     let Some((_, format, conversion)) = find(path) else {
-        return InputError::unsupported(path, "its name is not that of a city file");
+        return InputError::unknown_format(path, "its name is not that of a city file");
     };
     let advice = match conversion {
         Advice(advice) => (*advice).to_owned(),

@@ -80,8 +80,9 @@ impl Appearances {
         self.surfaces.push(SurfaceMaterial { surface, material, theme });
     }
 
-    /// Sorts the appearances for use, after all are added. Where themes give a surface different looks, that of the theme with
-    /// the most textures counts; without textures, the first theme. Themes without textures do not count if others have some.
+    /// Sorts the appearances for use, after all are added. Where themes give a surface different looks, that of the
+    /// theme with the most textures counts; without textures, the first theme. Themes without textures do not count if
+    /// others have some.
     pub(super) fn finish(&mut self) {
         let mut textures_of_theme = vec![0u32; self.themes.len()];
         for ring in &self.rings {

@@ -50,7 +50,8 @@ impl Scan {
     }
 }
 
-/// Whether the bytes from one before `start` are the local name `appearance`, `Appearance` or `appearanceMember` of a tag.
+/// Whether the bytes from one before `start` are the local name `appearance`, `Appearance` or `appearanceMember` of a
+/// tag.
 fn is_tag_of_appearance(bytes: &[u8], start: usize) -> bool {
     let after = &bytes[start + "ppearance".len()..];
     let after = after.strip_prefix(b"Member").unwrap_or(after);
@@ -210,8 +211,8 @@ impl SurfaceData<'_> {
         }
     }
 
-    /// Reads a list of texture coordinates: in CityGML 3.0 a `ring` follows each `textureCoordinates`, in older versions it is
-    /// their attribute. Returns whether there was room for them.
+    /// Reads a list of texture coordinates: in CityGML 3.0 a `ring` follows each `textureCoordinates`, in older
+    /// versions it is their attribute. Returns whether there was room for them.
     fn read_coordinates(&self, appearances: &mut Appearances, list: u32, material: u32) -> bool {
         let mut rings = self.tree.children(list).filter(|child| self.local(*child) == "ring");
         let mut has_room = true;

@@ -75,7 +75,8 @@ impl<'a> Codelists<'a> {
     }
 }
 
-/// Code and name of a definition. The code is the identifier, or else the name; then its description is what it stands for.
+/// Code and name of a definition. The code is the identifier, or else the name; then its description is what it stands
+/// for.
 fn definition(tree: &Tree, reader: &XmlReader<'_>) -> Option<(Box<str>, Box<str>)> {
     let text = |local| tree.child_named(&reader.names, 0, local).and_then(|child| tree.text_of(child));
     let (identifier, name, description) = (text("identifier"), text("name"), text("description"));

@@ -1,8 +1,8 @@
 //! Coordinates in texts.
 
-/// Reads the positions of a `posList` or `pos`, which may have two or three numbers each; heights that are missing are 0.
-/// `declared` is the dimension that the file declares. It is not believed where only the other one makes the list whole, or
-/// closes the ring: files that declare 2 for positions with heights exist. What is no number becomes NaN.
+/// Reads the positions of a `posList` or `pos`, which may have two or three numbers each; heights that are missing are
+/// 0. `declared` is the dimension that the file declares. It is not believed where only the other one makes the list
+/// whole, or closes the ring: files that declare 2 for positions with heights exist. What is no number becomes NaN.
 pub(super) fn push_positions(text: &str, declared: Option<u8>, points: &mut Vec<[f64; 3]>) {
     let start = points.len();
     let (mut rest, mut rest_len) = ([f64::NAN; 3], 0);
@@ -17,7 +17,6 @@ pub(super) fn push_positions(text: &str, declared: Option<u8>, points: &mut Vec<
     let numbers = points[start..].as_flattened();
     let is_flat = match (declared, (numbers.len() + rest_len).is_multiple_of(2), rest_len == 0) {
         (_, true, false) => true,
-        (_, _, true) if !(numbers.len()).is_multiple_of(2) => false,
         (Some(2), true, true) => is_closed(numbers, 2) || !is_closed(numbers, 3),
         (_, true, true) => is_closed(numbers, 2) && !is_closed(numbers, 3),
         _ => false,

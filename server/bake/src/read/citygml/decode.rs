@@ -13,7 +13,8 @@ const CHUNK_BYTES: usize = 1 << 16;
 /// A single tag or text may have this many bytes.
 const MAX_EVENT_BYTES: u64 = 128 << 20;
 
-/// Decodes a file to UTF-8 by its byte order mark or XML declaration. Bytes that are invalid in the encoding become U+FFFD.
+/// Decodes a file to UTF-8 by its byte order mark or XML declaration. Bytes that are invalid in the encoding become
+/// U+FFFD.
 pub(super) struct TextReader<'a> {
     inner: Chain<Cursor<Vec<u8>>, Box<dyn BufRead + 'a>>,
     decoder: Decoder,

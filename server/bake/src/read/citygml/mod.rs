@@ -1,9 +1,9 @@
 //! Reader of CityGML 1.0, 2.0 and 3.0.
 //!
-//! The file is streamed: one top-level object at a time is in memory, in the compact form of [`tree`]. Elements are known by
-//! the family of their namespace and their local name, never by prefix, so all versions are read alike. A file with
-//! appearances is read twice, because they often come after the surfaces that they colour; a file in which objects refer to
-//! surfaces of later objects is read twice more.
+//! The file is streamed: one top-level object at a time is in memory, in the compact form of [`tree`]. Elements are
+//! known by the family of their namespace and their local name, never by prefix, so all versions are read alike. A file
+//! with appearances is read twice, because they often come after the surfaces that they colour; a file in which objects
+//! refer to surfaces of later objects is read twice more.
 
 mod appearance;
 mod appearance_reader;
@@ -41,8 +41,8 @@ use super::input::Input;
 use super::object::ObjectSink;
 use crate::error::InputError;
 
-/// Reads all objects of a CityGML file. Positions are in the order of axes that the registry of coordinate systems defines.
-/// Fails if the file cannot be read, is not CityGML or is damaged; objects before the damage are passed on.
+/// Reads all objects of a CityGML file. Positions are in the order of axes that the registry of coordinate systems
+/// defines. Fails if the file cannot be read, is not CityGML or is damaged; objects before the damage are passed on.
 pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
     let appearances = if has_appearances(input)? { appearances_of(input, sink)? } else { Appearances::default() };
     let mut session = Session::new(input, sink, appearances);

@@ -34,6 +34,13 @@ struct Within {
     pieces: Vec<Piece>,
 }
 
+impl Within {
+    fn add(&mut self, mut other: Self) {
+        self.level = self.level.max(other.level);
+        self.pieces.append(&mut other.pieces);
+    }
+}
+
 /// Who asks for an object.
 struct Asked<'p> {
     id: String,
@@ -93,9 +100,7 @@ impl Session<'_, '_> {
         let mut parts = Within::default();
         for (index, part) in plan.parts.iter().enumerate() {
             let id = id_within(elements, *part, &asked.id, index);
-            let mut part = self.finish(elements, *part, within(id, false), finished);
-            parts.level = parts.level.max(part.level);
-            parts.pieces.append(&mut part.pieces);
+            parts.add(self.finish(elements, *part, within(id, false), finished));
         }
         let (chosen, surfaces) = self.surfaces_of(elements, &plan, &parts, &asked);
         let has_surfaces = !surfaces.is_empty() || parts.level.is_some();
@@ -105,7 +110,6 @@ impl Session<'_, '_> {
             self.finish(elements, *unit, within(id, is_hidden), finished);
         }
         let srs = chosen.srs.clone().or_else(|| srs.map(str::to_owned));
-        let level = chosen.level.max(parts.level);
         let lod = chosen.level.filter(|_| !surfaces.is_empty());
         let has_others = finished.len() > slot + 1;
         let outcome = match self.reason_to_skip(
@@ -124,9 +128,9 @@ impl Session<'_, '_> {
             }
         };
         finished[slot] = Some(Finished { outcome, srs });
-        let faces = chosen.pieces.into_iter().filter(|piece| matches!(piece.geometry, PieceGeometry::Face(_)));
-        parts.pieces.extend(faces);
-        Within { level, pieces: parts.pieces }
+        let is_face = |piece: &Piece| matches!(piece.geometry, PieceGeometry::Face(_));
+        parts.add(Within { level: chosen.level, pieces: chosen.pieces.into_iter().filter(is_face).collect() });
+        parts
     }
 
     /// The surfaces of an object, without those that its parts show better.

@@ -1,7 +1,7 @@
 //! Paths of files that a CityGML file names.
 
-/// A path of a file that the source names, relative to the same folder as the source's own name: with `/`, without percent
-/// encoding, and without `..` as far as possible.
+/// A path of a file that the source names, relative to the same folder as the source's own name: with `/`, without
+/// percent encoding, and without `..` as far as possible.
 pub(super) fn relative_to(source_name: &str, uri: &str) -> String {
     let path = percent_decoded(uri.trim().trim_start_matches("file://")).replace('\\', "/");
     let folder = source_name.rsplit_once('/').map_or("", |(folder, _)| folder);

@@ -18,13 +18,14 @@ const GEOGRAPHIC_CODES: [&str; 14] =
 pub(super) struct Placement {
     rows: [[f64; 4]; 3],
     reference: [f64; 3],
-    /// Units of the coordinate system for a metre east, north and up, if they are not metres; the first axis is north then.
+    /// Units of the coordinate system for a metre east, north and up, if they are not metres; the first axis is north
+    /// then.
     units_per_metre: Option<[f64; 3]>,
 }
 
 impl Placement {
-    /// `matrix` is a row-major 4 x 4 matrix as a text, the identity if it is none. `srs` names the coordinate system of the
-    /// reference point.
+    /// `matrix` is a row-major 4 x 4 matrix as a text, the identity if it is none. `srs` names the coordinate system of
+    /// the reference point.
     pub(super) fn new(matrix: Option<&str>, reference: Option<[f64; 3]>, srs: Option<&str>) -> Self {
         let mut rows =
             matrix.and_then(rows_of).unwrap_or([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);

@@ -25,7 +25,8 @@ pub(super) struct Chosen {
     pub(super) faults: Faults,
 }
 
-/// Chooses the surfaces of the object at `node`, with those of its installations. Surfaces in `excluded` belong to its parts.
+/// Chooses the surfaces of the object at `node`, with those of its installations. Surfaces in `excluded` belong to its
+/// parts.
 pub(super) fn choose(scene: Scene<'_>, plan: &Plan, excluded: &[Range<u32>]) -> Chosen {
     let mut extra = choose_all(scene, &plan.installations);
     let used: HashSet<u32> = faces_of(&extra.pieces).collect();
@@ -102,8 +103,8 @@ fn pieces_of_level(gatherer: &mut Gatherer<'_>, level: &Level) -> Vec<Piece> {
     pieces
 }
 
-/// Joins thematic surfaces and the object's own ones, which may repeat them: by reference (then they are left out already),
-/// as copies, or as another model of the same.
+/// Joins thematic surfaces and the object's own ones, which may repeat them: by reference (then they are left out
+/// already), as copies, or as another model of the same.
 fn join(tree: &Tree, mut bounded: Vec<Piece>, mut own: Vec<Piece>, closures: &[Piece], repeated: u32) -> Vec<Piece> {
     if bounded.is_empty() || own.is_empty() {
         bounded.append(&mut own);

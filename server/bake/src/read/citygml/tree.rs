@@ -1,4 +1,5 @@
-//! The elements of one object in compact form: flat arrays, with the coordinates as numbers and each surface as one element.
+//! The elements of one object in compact form: flat arrays, with the coordinates as numbers and each surface as one
+//! element.
 
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash, Hasher};

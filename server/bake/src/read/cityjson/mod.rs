@@ -86,7 +86,7 @@ fn refuse_type(source: &CitySource<'_>, found: Option<String>) -> Result<Option<
         return Ok(None);
     }
     let what = found.map_or("not CityJSON".to_owned(), |found| format!("its type is \"{found}\", not \"CityJSON\""));
-    Err(InputError::unsupported(&source.label, what))
+    Err(InputError::unknown_format(&source.label, what))
 }
 
 fn read_document(

@@ -85,7 +85,8 @@ impl Definition {
         let mut utm = Utm::default();
         let mut has_null_grid = false;
         for token in text.split_ascii_whitespace() {
-            let (key, value) = token.trim_start_matches('+').split_once('=').unwrap_or((token.trim_start_matches('+'), ""));
+            let (key, value) =
+                token.trim_start_matches('+').split_once('=').unwrap_or((token.trim_start_matches('+'), ""));
             match key {
                 "proj" => definition.projection = value.to_owned(),
                 "zone" => utm.zone = value.parse().ok(),
@@ -150,9 +151,10 @@ impl Definition {
 
     fn is_modern(&self) -> bool {
         let name = self.ellipsoid.strip_prefix("+ellps=").unwrap_or_default();
-        MODERN_ELLIPSOIDS.contains(&name) || self.ellipsoid_m().is_some_and(|[a, b]| {
-            (a - 6_378_137.0).abs() < 0.01 && (b - 6_356_752.314).abs() < 0.01
-        })
+        MODERN_ELLIPSOIDS.contains(&name)
+            || self
+                .ellipsoid_m()
+                .is_some_and(|[a, b]| (a - 6_378_137.0).abs() < 0.01 && (b - 6_356_752.314).abs() < 0.01)
     }
 
     fn is_sphere(&self) -> bool {
@@ -274,7 +276,8 @@ impl Definition {
         let mut compared = 0;
         for [longitude, latitude] in SAMPLES_DEG {
             let position = (middle + longitude.to_radians(), latitude.to_radians());
-            let (left, right) = (transform_vertex_2d(&degrees, &from, position), transform_vertex_2d(&degrees, &to, position));
+            let (left, right) =
+                (transform_vertex_2d(&degrees, &from, position), transform_vertex_2d(&degrees, &to, position));
             match (left, right) {
                 (Ok(left), Ok(right)) if (left.0 - right.0).hypot(left.1 - right.1) <= SAME_POSITION_M => compared += 1,
                 // Both fail where a projection is not defined.

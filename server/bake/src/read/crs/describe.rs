@@ -50,13 +50,19 @@ pub(super) fn system(
         Some(crs) => crs,
         None => {
             let found = horizontal_system(horizontal)?;
-            let vertical = horizontal.height_unit_m.map_or(Vertical::Unknown, |unit_m| Vertical::Ellipsoidal { unit_m });
-            Crs { name: found.code.map_or_else(|| text_name.to_owned(), |code| format!("EPSG:{code}")), horizontal: found, vertical }
+            let vertical =
+                horizontal.height_unit_m.map_or(Vertical::Unknown, |unit_m| Vertical::Ellipsoidal { unit_m });
+            Crs {
+                name: found.code.map_or_else(|| text_name.to_owned(), |code| format!("EPSG:{code}")),
+                horizontal: found,
+                vertical,
+            }
         }
     };
     if let Some(vertical) = vertical {
         crs.vertical = vertical_system(vertical);
-        if let (Some(horizontal), Vertical::Orthometric(VerticalDatum { code: Some(code), .. })) = (crs.horizontal.code, &crs.vertical)
+        if let (Some(horizontal), Vertical::Orthometric(VerticalDatum { code: Some(code), .. })) =
+            (crs.horizontal.code, &crs.vertical)
         {
             crs.name = format!("EPSG:{horizontal}+{code}");
         }
@@ -135,7 +141,8 @@ fn registered(description: &HorizontalDescription, definition: &Definition, base
                 System::Geographic { unit_deg, .. } => unit_deg,
                 _ => return false,
             };
-            (unit_deg - description.unit).abs() < 1e-9 && known.definition().is_some_and(|known| same_meridian(known, definition))
+            (unit_deg - description.unit).abs() < 1e-9
+                && known.definition().is_some_and(|known| same_meridian(known, definition))
         });
         return same.filter(|_| !description.is_geocentric);
     }

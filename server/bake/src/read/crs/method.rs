@@ -15,18 +15,35 @@ pub(super) enum Meaning {
 /// The meaning of a parameter's name.
 pub(super) fn meaning(parameter: &str) -> Meaning {
     match &*name_key(parameter) {
-        "latitudeoforigin" | "latitudeofnaturalorigin" | "latitudeoffalseorigin" | "latitudeofcenter" | "latitudeofcentre"
-        | "latitudeofprojectioncentre" | "latitudeofprojectioncenter" | "latitudeof1stpoint" => Meaning::Degrees("lat_0"),
-        "centralmeridian" | "longitudeofnaturalorigin" | "longitudeoffalseorigin" | "longitudeofcenter"
-        | "longitudeofcentre" | "longitudeofprojectioncentre" | "longitudeofprojectioncenter" | "longitudeoforigin"
+        "latitudeoforigin"
+        | "latitudeofnaturalorigin"
+        | "latitudeoffalseorigin"
+        | "latitudeofcenter"
+        | "latitudeofcentre"
+        | "latitudeofprojectioncentre"
+        | "latitudeofprojectioncenter"
+        | "latitudeof1stpoint" => Meaning::Degrees("lat_0"),
+        "centralmeridian"
+        | "longitudeofnaturalorigin"
+        | "longitudeoffalseorigin"
+        | "longitudeofcenter"
+        | "longitudeofcentre"
+        | "longitudeofprojectioncentre"
+        | "longitudeofprojectioncenter"
+        | "longitudeoforigin"
         | "straightverticallongitudefrompole" => Meaning::Degrees("lon_0"),
-        "standardparallel1" | "latitudeof1ststandardparallel" | "latitudeofstandardparallel" => Meaning::Degrees("lat_1"),
+        "standardparallel1" | "latitudeof1ststandardparallel" | "latitudeofstandardparallel" => {
+            Meaning::Degrees("lat_1")
+        }
         "standardparallel2" | "latitudeof2ndstandardparallel" => Meaning::Degrees("lat_2"),
         "azimuth" | "azimuthofinitialline" | "azimuthatprojectioncentre" | "colatitudeofconeaxis" => {
             Meaning::Degrees("alpha")
         }
         "rectifiedgridangle" | "anglefromrectifiedtoskewgrid" => Meaning::Degrees("gamma"),
-        "scalefactor" | "scalefactoratnaturalorigin" | "scalefactoronpseudostandardparallel" | "scalefactoroninitialline"
+        "scalefactor"
+        | "scalefactoratnaturalorigin"
+        | "scalefactoronpseudostandardparallel"
+        | "scalefactoroninitialline"
         | "scalefactoratprojectioncentre" => Meaning::Ratio("k"),
         "falseeasting" | "eastingatfalseorigin" | "eastingatprojectioncentre" => Meaning::Metres("x_0"),
         "falsenorthing" | "northingatfalseorigin" | "northingatprojectioncentre" => Meaning::Metres("y_0"),
@@ -65,7 +82,10 @@ pub(super) fn projection(method: &str, parameters: &Parameters) -> Result<String
         format!("+proj={projection}{}{}", parameters.text(names), parameters.text(&FALSE_ORIGIN))
     };
     Ok(match &*key {
-        "transversemercator" | "gausskruger" | "transversemercatorcomplex" | "transversemercatorsouthorientated"
+        "transversemercator"
+        | "gausskruger"
+        | "transversemercatorcomplex"
+        | "transversemercatorsouthorientated"
         | "transversemercatorsouthoriented" => text("tmerc", &["lat_0", "lon_0", "k"]),
         "lambertconformalconic1sp" => text("lcc", &["lat_0=lat_1", "lat_0", "lon_0", "k=k_0"]),
         "lambertconformalconic2sp" | "lambertconicconformal2sp" => text("lcc", &["lat_0", "lon_0", "lat_1", "lat_2"]),
@@ -80,7 +100,10 @@ pub(super) fn projection(method: &str, parameters: &Parameters) -> Result<String
             text("sterea", &["lat_0", "lon_0", "k"])
         }
         "stereographic" => text("stere", &["lat_0", "lon_0", "k"]),
-        "polarstereographic" | "polarstereographicvarianta" | "polarstereographicvariantb" | "stereographicnorthpole"
+        "polarstereographic"
+        | "polarstereographicvarianta"
+        | "polarstereographicvariantb"
+        | "stereographicnorthpole"
         | "stereographicsouthpole" => polar_stereographic(parameters),
         "mercator" | "mercator1sp" | "mercator2sp" | "mercatorvarianta" | "mercatorvariantb" => {
             text("merc", &["lat_1=lat_ts", "lon_0", "k"])
@@ -92,9 +115,13 @@ pub(super) fn projection(method: &str, parameters: &Parameters) -> Result<String
         "krovak" | "krovakobliqueconformalconic" | "krovaknorthorientated" => {
             text("krovak", &["lat_0", "lon_0", "alpha", "k"])
         }
-        _ if key.contains("hotineobliquemercator") || key.contains("rectifiedskeworthomorphic") => oblique(&key, parameters),
+        _ if key.contains("hotineobliquemercator") || key.contains("rectifiedskeworthomorphic") => {
+            oblique(&key, parameters)
+        }
         "cassini" | "cassinisoldner" => text("cass", &["lat_0", "lon_0"]),
-        "equirectangular" | "platecarree" | "equidistantcylindrical" => text("eqc", &["lat_1=lat_ts", "lat_0", "lon_0"]),
+        "equirectangular" | "platecarree" | "equidistantcylindrical" => {
+            text("eqc", &["lat_1=lat_ts", "lat_0", "lon_0"])
+        }
         "cylindricalequalarea" | "lambertcylindricalequalarea" => text("cea", &["lat_1=lat_ts", "lon_0"]),
         "polyconic" | "americanpolyconic" => text("poly", &["lat_0", "lon_0"]),
         "equidistantconic" => text("eqdc", &["lat_0", "lon_0", "lat_1", "lat_2"]),

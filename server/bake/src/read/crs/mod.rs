@@ -51,7 +51,10 @@ pub(crate) struct Horizontal {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum System {
     /// Longitude and latitude.
-    Geographic { definition: Definition, unit_deg: f64 },
+    Geographic {
+        definition: Definition,
+        unit_deg: f64,
+    },
     Projected(Definition),
     /// From the centre of the Earth.
     Geocentric(Definition),
@@ -72,7 +75,9 @@ pub(crate) struct LocalOrigin {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Vertical {
     Unknown,
-    Ellipsoidal { unit_m: f64 },
+    Ellipsoidal {
+        unit_m: f64,
+    },
     /// The sea level of a datum.
     Orthometric(VerticalDatum),
 }

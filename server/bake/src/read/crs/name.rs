@@ -2,7 +2,9 @@
 
 use super::axes::Axes;
 use super::definition::Definition;
-use super::{Crs, CrsError, Horizontal, LocalOrigin, System, Vertical, VerticalDatum, from_codes, horizontal_from_code, registry};
+use super::{
+    Crs, CrsError, Horizontal, LocalOrigin, System, Vertical, VerticalDatum, from_codes, horizontal_from_code, registry,
+};
 
 /// Longer names are refused.
 const MAX_NAME_BYTES: usize = 1024;
@@ -88,7 +90,9 @@ fn code(text: &str) -> Option<u32> {
 /// Local metres east, north and up around a point: `ENU:LON,LAT,H`.
 fn local(name: &str, origin: &str) -> Result<Crs, CrsError> {
     let numbers: Option<Vec<f64>> = origin.split(',').map(|number| number.trim().parse().ok()).collect();
-    let [longitude_deg, latitude_deg, height_m] = numbers.unwrap_or_default()[..] else { return Err(CrsError::Unknown) };
+    let [longitude_deg, latitude_deg, height_m] = numbers.unwrap_or_default()[..] else {
+        return Err(CrsError::Unknown);
+    };
     let is_valid = longitude_deg.abs() <= 360.0 && latitude_deg.abs() <= 90.0 && height_m.abs() <= 1e5;
     if !is_valid {
         return Err(CrsError::Unsupported("the longitude, latitude or height is out of range".to_owned()));

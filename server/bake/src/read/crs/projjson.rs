@@ -116,7 +116,8 @@ fn ellipsoid(value: &Value) -> Option<[f64; 2]> {
 
 /// Metres, degrees or 1 in a unit.
 fn unit(value: &Value) -> f64 {
-    let factor = value["conversion_factor"].as_f64().filter(|factor| factor.is_finite() && *factor > 1e-9 && *factor < 1e6);
+    let factor =
+        value["conversion_factor"].as_f64().filter(|factor| factor.is_finite() && *factor > 1e-9 && *factor < 1e6);
     match (factor, value["type"].as_str()) {
         (Some(factor), Some("AngularUnit")) => factor.to_degrees(),
         (Some(factor), _) => factor,

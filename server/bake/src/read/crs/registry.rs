@@ -82,7 +82,9 @@ fn horizontal_ranges() -> &'static [Range] {
 
 fn ranges_of_row(row: &'static str) -> Vec<Range> {
     let mut fields = row.split('|');
-    let (Some(base), Some(axes), Some(codes)) = (fields.next(), fields.next(), fields.next()) else { return Vec::new() };
+    let (Some(base), Some(axes), Some(codes)) = (fields.next(), fields.next(), fields.next()) else {
+        return Vec::new();
+    };
     let base = match base {
         "2D" => Base::Geographic2d,
         "3D" => Base::Geographic3d,
@@ -217,6 +219,7 @@ pub(super) fn shift(geographic_code: u32) -> Option<ShiftEntry> {
 
 /// Name of the datum of a geographic system.
 pub(super) fn datum_name(geographic_code: u32) -> Option<&'static str> {
-    let row = rows(DATUMS).find(|row| row.split('|').next().and_then(|code| code.parse().ok()) == Some(geographic_code))?;
+    let row =
+        rows(DATUMS).find(|row| row.split('|').next().and_then(|code| code.parse().ok()) == Some(geographic_code))?;
     row.rsplit('|').next()
 }

@@ -74,8 +74,15 @@ impl<'n> Parts<'n> {
 fn abridged_shift(node: &Node) -> Option<Shift> {
     let mut shift = [0.0; 7];
     for parameter in node.nodes().filter(|node| node.keyword == "PARAMETER") {
-        let names = ["X-axis translation", "Y-axis translation", "Z-axis translation", "X-axis rotation", "Y-axis rotation",
-            "Z-axis rotation", "Scale difference"];
+        let names = [
+            "X-axis translation",
+            "Y-axis translation",
+            "Z-axis translation",
+            "X-axis rotation",
+            "Y-axis rotation",
+            "Z-axis rotation",
+            "Scale difference",
+        ];
         let index = names.iter().position(|name| name.eq_ignore_ascii_case(parameter.name()))?;
         shift[index] = parameter.number(1)?;
         if index == 6 && (shift[6] - 1.0).abs() < 0.1 {
@@ -109,7 +116,8 @@ fn horizontal_description(node: &Node) -> Option<HorizontalDescription> {
         is_geocentric,
         unit: if is_projected || is_geocentric { length_m } else { angle_deg },
         axes: axes_of(&axes),
-        height_unit_m: (axes.len() == 3 && !is_geocentric).then(|| axes.get(2).and_then(|axis| unit(axis)).unwrap_or(1.0)),
+        height_unit_m: (axes.len() == 3 && !is_geocentric)
+            .then(|| axes.get(2).and_then(|axis| unit(axis)).unwrap_or(1.0)),
         ..HorizontalDescription::default()
     };
     if is_projected {
@@ -126,9 +134,9 @@ fn horizontal_description(node: &Node) -> Option<HorizontalDescription> {
 /// GDAL has no method for Web Mercator in WKT1, but says with a string for PROJ that it is on a sphere.
 fn is_pseudo_mercator(node: &Node) -> bool {
     let strings = node.nodes().filter(|node| node.keyword == "EXTENSION").flat_map(|node| &node.items);
-    strings.filter_map(|item| if let Item::Text(text) = item { Some(text) } else { None }).any(|text| {
-        text.contains("+proj=merc") && text.contains("+a=6378137 ") && text.contains("+b=6378137 ")
-    })
+    strings
+        .filter_map(|item| if let Item::Text(text) = item { Some(text) } else { None })
+        .any(|text| text.contains("+proj=merc") && text.contains("+a=6378137 ") && text.contains("+b=6378137 "))
 }
 
 fn is_cartesian(node: &Node) -> bool {
@@ -207,7 +215,9 @@ fn vertical_description(node: &Node) -> VerticalDescription {
     let is_down = node.nodes().any(|axis| {
         let is_down = |item: &Item| matches!(item, Item::Word(word) if word.eq_ignore_ascii_case("down"));
         axis.keyword == "AXIS" && axis.items.iter().any(is_down)
-            || axis.keyword == "PARAMETER" && axis.name().eq_ignore_ascii_case("Direction") && axis.number(1) == Some(-1.0)
+            || axis.keyword == "PARAMETER"
+                && axis.name().eq_ignore_ascii_case("Direction")
+                && axis.number(1) == Some(-1.0)
     });
     VerticalDescription {
         code: node.epsg(),

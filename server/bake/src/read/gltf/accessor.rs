@@ -199,10 +199,6 @@ fn replaced<'a>(
             packed.get_mut(start..start.saturating_add(size)).ok_or_else(|| fault("sparse index out of range"))?;
         element.copy_from_slice(value);
     }
-    Ok(Column { bytes: Cow::Owned(packed), stride: size, ..dense_parts(&dense) })
-}
-
-/// A column of the same layout without elements.
-fn dense_parts<'a>(column: &Column<'_>) -> Column<'a> {
-    Column { bytes: Cow::Owned(Vec::new()), ..*column }
+    let Column { count, component, width, is_normalised, .. } = dense;
+    Ok(Column { bytes: Cow::Owned(packed), count, stride: size, component, width, is_normalised })
 }

@@ -8,6 +8,10 @@ const GLB_MAGIC: &[u8] = b"glTF";
 const JSON_CHUNK: u32 = 0x4e4f_534a;
 const BINARY_CHUNK: u32 = 0x004e_4942;
 
+/// A few bytes of JSON must not become gigabytes: more objects or values are refused.
+const MAX_OBJECTS: usize = 1 << 22;
+const MAX_VALUES: usize = 1 << 24;
+
 /// Extensions that may be required. Those of materials and lights only change the look.
 const KNOWN: [&str; 16] = [
     "KHR_draco_mesh_compression",
@@ -43,6 +47,7 @@ pub(super) fn parse<'a>(label: &str, bytes: &'a [u8]) -> Result<Document<'a>, In
         (bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None, 2)
     };
     let json = trim_padding(json);
+    check_size(label, json)?;
     if version == 1 {
         return version1::parse(label, json, binary);
     }
@@ -72,6 +77,18 @@ pub(super) fn check_required(label: &str, root: &Root) -> Result<(), InputError>
     }
     let names = unknown.iter().take(5).map(|name| &name[..name.floor_char_boundary(80)]).collect::<Vec<_>>().join(", ");
     Err(InputError::unsupported(label, format!("the glTF requires extensions that are not supported: {names}")))
+}
+
+/// Fails if JSON has too many objects or values.
+fn check_size(label: &str, json: &[u8]) -> Result<(), InputError> {
+    for (byte, limit, what) in
+        [(b'{', MAX_OBJECTS, "its number of JSON objects"), (b',', MAX_VALUES, "its number of JSON values")]
+    {
+        if json.iter().filter(|own| **own == byte).count() > limit {
+            return Err(InputError::TooLarge { path: label.to_owned(), what: what.to_owned(), limit: limit as u64 });
+        }
+    }
+    Ok(())
 }
 
 /// Padding of the JSON chunk: blanks, or zeros of careless writers.

@@ -29,6 +29,15 @@ pub(super) struct LocalPrimitive {
     pub(super) faults: Vec<Fault>,
 }
 
+impl LocalPrimitive {
+    /// Bytes of a copy of it in the scene.
+    pub(super) fn bytes(&self) -> u64 {
+        let vertex = size_of::<[f64; 3]>() + 4 * self.feature_ids.len();
+        let others = self.uv.len() * size_of::<[f32; 2]>() + self.colours.len() * 3;
+        (self.positions.len() * vertex + others + self.triangles.len() * size_of::<[u32; 3]>()) as u64
+    }
+}
+
 /// What is needed to decode primitives.
 #[derive(Clone, Copy)]
 pub(super) struct PrimitiveContext<'a> {
@@ -189,6 +198,10 @@ fn read_features(columns: &Columns<'_>, used: &Used<'_>, local: &mut LocalPrimit
     let faults = &mut local.faults;
     let sets = columns.primitive.extensions.as_deref().and_then(|e| e.features.as_ref());
     for set in sets.iter().flat_map(|sets| &sets.feature_ids) {
+        if let Err(fault) = columns.context.buffers.budget().take_bytes(used.len() as u64 * 4) {
+            faults.push(fault);
+            return;
+        }
         let values = match set.attribute {
             Some(number) => {
                 let column = columns.get_or_note(&format!("_FEATURE_ID_{number}"), used.count, faults);

@@ -20,7 +20,7 @@ struct PlacedNode {
     to_scene: DMat4,
     /// Index of the topmost ancestor with a mesh, or of the node itself.
     owner: Option<usize>,
-    /// Path of names for messages would be long: nodes are named by their index.
+    /// Whether neither the node nor one above is hidden.
     is_visible: bool,
 }
 
@@ -68,31 +68,41 @@ impl<'a> SceneBuilder<'a> {
     /// The nodes of the scene, parents first. A node is placed once, however often it is named.
     fn placed_nodes(&mut self) -> Vec<PlacedNode> {
         let root = self.context.root;
-        let mut is_placed = vec![false; root.nodes.len()];
-        let mut placed = Vec::new();
-        let place = |index| PlacedNode { index, to_scene: DMat4::IDENTITY, owner: None, is_visible: true };
-        let mut open: Vec<PlacedNode> = scene_nodes(root).into_iter().rev().map(place).collect();
-        while let Some(parent) = open.pop() {
-            let index = parent.index;
-            let (Some(node), Some(done)) = (root.nodes.get(index), is_placed.get_mut(index)) else {
-                self.scene.problems.push(Fault::missing("node", index).at("tree of nodes"));
-                continue;
-            };
-            if std::mem::replace(done, true) {
-                self.scene.problems.push(("node with several parents", format!("node {index}")));
-                continue;
+        let mut is_named = vec![false; root.nodes.len()];
+        let (mut repeated, mut missing) = (0u64, 0u64);
+        let mut is_first = |index: &usize| match is_named.get_mut(*index) {
+            Some(is_named) => {
+                let is_first = !std::mem::replace(is_named, true);
+                repeated += u64::from(!is_first);
+                is_first
             }
-            let to_scene = parent.to_scene * local_transform(node);
-            let owner = parent.owner.or(node.mesh.map(|_| index));
+            None => {
+                missing += 1;
+                false
+            }
+        };
+        let mut placed = Vec::new();
+        let mut open: Vec<PlacedNode> = Vec::new();
+        let mut tops = scene_nodes(root);
+        tops.retain(&mut is_first);
+        let place = |index| PlacedNode { index, to_scene: DMat4::IDENTITY, owner: None, is_visible: true };
+        open.extend(tops.into_iter().rev().map(place));
+        while let Some(PlacedNode { index, to_scene, owner, is_visible }) = open.pop() {
+            let Some(node) = root.nodes.get(index) else { continue };
+            let to_scene = to_scene * local_transform(node);
+            let owner = owner.or(node.mesh.map(|_| index));
             let visibility = node.extensions.as_deref().and_then(|e| e.visibility.as_ref());
-            let is_visible = parent.is_visible && visibility.and_then(|v| v.visible).unwrap_or(true);
-            open.extend(node.children.iter().rev().map(|child| PlacedNode {
-                index: *child,
-                to_scene,
-                owner,
-                is_visible,
-            }));
+            let is_visible = is_visible && visibility.and_then(|v| v.visible).unwrap_or(true);
+            let first = open.len();
+            let children = node.children.iter().copied().filter(&mut is_first);
+            open.extend(children.map(|child| PlacedNode { index: child, to_scene, owner, is_visible }));
+            open.get_mut(first..).unwrap_or(&mut []).reverse();
             placed.push(PlacedNode { index, to_scene, owner, is_visible });
+        }
+        for (count, kind) in [(repeated, "node with several parents"), (missing, "missing part of a glTF")] {
+            if count > 0 {
+                self.scene.problems.push((kind, format!("tree of nodes: {count} times")));
+            }
         }
         placed
     }
@@ -168,7 +178,10 @@ impl<'a> SceneBuilder<'a> {
         let joints = skin.map(|skin| self.joint_matrices(skin, to_scene)).transpose()?;
         let (node_name, mesh_name) = self.names(placed.index, mesh);
         let count = primitives.iter().map(|local| local.positions.len() as u64).sum::<u64>();
-        self.context.buffers.budget().take_vertices(count.saturating_mul(instances.len() as u64))?;
+        let bytes = primitives.iter().map(LocalPrimitive::bytes).sum::<u64>();
+        let budget = self.context.buffers.budget();
+        budget.take_vertices(count.saturating_mul(instances.len() as u64))?;
+        budget.take_bytes(bytes.saturating_mul(instances.len() as u64))?;
         for local in primitives {
             let attributes = self.node_attributes(node, mesh, local);
             for instance in &instances {

@@ -1,17 +1,11 @@
 //! The parts of glTF's JSON that are read, with those of its extensions.
 
 use std::collections::BTreeMap;
-use std::fmt;
-use std::marker::PhantomData;
 
 use serde::Deserialize;
-use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde_json::value::RawValue;
 
 use super::metadata_schema::StructuralMetadata;
-
-/// More items of one kind (nodes, accessors, ...) are refused: a few bytes of text must not become gigabytes.
-const MAX_ITEMS: usize = 1 << 20;
 
 /// Text of a member that is parsed only if needed.
 pub(super) type Raw = Option<Box<RawValue>>;
@@ -23,27 +17,16 @@ pub(super) struct Root {
     pub(super) extensions_required: Vec<String>,
     pub(super) extensions: RootExtensions,
     pub(super) scene: Option<usize>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) scenes: Vec<Scene>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) nodes: Vec<Node>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) meshes: Vec<Mesh>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) skins: Vec<Skin>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) accessors: Vec<Accessor>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) buffer_views: Vec<BufferView>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) buffers: Vec<Buffer>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) materials: Vec<Material>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) textures: Vec<Texture>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) images: Vec<Image>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) samplers: Vec<Sampler>,
 }
 
@@ -138,7 +121,6 @@ pub(super) struct FeatureSet {
 #[serde(default)]
 pub(super) struct Mesh {
     pub(super) name: Option<Box<str>>,
-    #[serde(deserialize_with = "bounded")]
     pub(super) primitives: Vec<Primitive>,
     pub(super) extras: Raw,
 }
@@ -363,28 +345,4 @@ pub(super) struct Image {
 pub(super) struct Sampler {
     pub(super) wrap_s: Option<u32>,
     pub(super) wrap_t: Option<u32>,
-}
-
-/// Reads a list of at most [`MAX_ITEMS`].
-fn bounded<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
-    struct Items<T>(PhantomData<T>);
-    impl<'de, T: Deserialize<'de>> Visitor<'de> for Items<T> {
-        type Value = Vec<T>;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str("a list")
-        }
-
-        fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Vec<T>, A::Error> {
-            let mut list = Vec::new();
-            while let Some(item) = items.next_element()? {
-                if list.len() == MAX_ITEMS {
-                    return Err(de::Error::custom(format!("more than {MAX_ITEMS} items in a list")));
-                }
-                list.push(item);
-            }
-            Ok(list)
-        }
-    }
-    deserializer.deserialize_seq(Items(PhantomData))
 }

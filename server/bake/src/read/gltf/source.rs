@@ -13,6 +13,8 @@ use crate::read::object::{
 
 /// Bytes of memory of a decoded vertex, with its triangles.
 const BYTES_PER_VERTEX: u64 = 64;
+/// Decoded geometry is larger than in the file: 64 bits for 32, and copies of shared meshes.
+const DECODED_SIZE: u64 = 4;
 /// Squared semi-axes of the WGS84 ellipsoid.
 const SEMI_MAJOR_M: f64 = 6_378_137.0;
 const SEMI_MINOR_M: f64 = 6_356_752.314_245;
@@ -29,8 +31,8 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
         file.take(input.max_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
         if bytes.len() as u64 > input.max_bytes { Err(io::Error::other("larger than allowed")) } else { Ok(bytes) }
     };
-    let max_vertices = input.max_bytes / BYTES_PER_VERTEX;
-    let options = GltfOptions { max_bytes: input.max_bytes, max_vertices, loads_images: false };
+    let max_bytes = input.max_bytes.saturating_mul(DECODED_SIZE);
+    let options = GltfOptions { max_bytes, max_vertices: max_bytes / BYTES_PER_VERTEX, loads_images: false };
     let mut scene = decode(input.label, &bytes, &resources, &options)?;
     drop(bytes);
     for (kind, detail) in std::mem::take(&mut scene.problems) {
@@ -43,7 +45,8 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
     if geocentric.is_some() {
         sink.set_crs(&CrsReference { name: "ECEF".into(), order: AxisOrder::EastFirst })?;
     }
-    let objects = ObjectBuilder::new(&scene, sink).build();
+    let primitives = std::mem::take(&mut scene.primitives);
+    let objects = ObjectBuilder::new(&scene, sink).build(primitives);
     for object in objects {
         sink.add(object)?;
     }
@@ -87,9 +90,9 @@ impl<'a> ObjectBuilder<'a> {
         Self { scene, sink, materials: HashMap::new(), owners, objects: BTreeMap::new() }
     }
 
-    fn build(mut self) -> Vec<SourceObject> {
-        for primitive in &self.scene.primitives {
-            self.add(primitive);
+    fn build(mut self, primitives: Vec<GltfPrimitive>) -> Vec<SourceObject> {
+        for primitive in primitives {
+            self.add(&primitive);
         }
         self.report_lost();
         let mut seen = HashMap::new();

@@ -14,8 +14,14 @@ const BINARY: [&str; 2] = ["binary_glTF", "KHR_binary_glTF"];
 /// Extensions of version 1.0 that are converted.
 const CONVERTED: [&str; 3] = ["KHR_binary_glTF", "KHR_materials_common", "WEB3D_quantized_attributes"];
 
+/// Larger JSON is not converted.
+const MAX_JSON_BYTES: usize = 64 << 20;
+
 /// Whether JSON that is no version 2.0 is version 1.0.
 pub(super) fn is_version_1(json: &[u8]) -> bool {
+    if json.len() > MAX_JSON_BYTES {
+        return false;
+    }
     let Ok(value) = serde_json::from_slice::<Value>(json) else { return false };
     let version = value.pointer("/asset/version").and_then(Value::as_str).unwrap_or("");
     version.starts_with("1.") || value.get("meshes").is_some_and(Value::is_object)
@@ -23,6 +29,10 @@ pub(super) fn is_version_1(json: &[u8]) -> bool {
 
 /// Parses JSON of version 1.0. Fails if it is damaged or requires unknown extensions.
 pub(super) fn parse<'a>(label: &str, json: &[u8], binary: Option<&'a [u8]>) -> Result<Document<'a>, InputError> {
+    if json.len() > MAX_JSON_BYTES {
+        let what = "the size of its JSON of version 1.0 in bytes".to_owned();
+        return Err(InputError::TooLarge { path: label.to_owned(), what, limit: MAX_JSON_BYTES as u64 });
+    }
     let old: Value = serde_json::from_slice(json).map_err(|error| InputError::json(label, &error))?;
     if old.get("extensionsUsed").and_then(Value::as_array).is_some_and(|used| used.contains(&json!(CONVERTED[2]))) {
         return Err(InputError::unsupported(label, "glTF 1.0 with quantized attributes is not supported"));

@@ -1,18 +1,36 @@
 //! Tests of PLY and STL.
 
-use std::fs;
+use std::io::{self, Read};
 
 use super::read;
 use crate::error::InputError;
-use crate::read::input::{FolderFiles, Input};
+use crate::read::input::{Input, LocalFile, SourceFiles};
 use crate::read::object::{Shape, SourceImage, Surface, TriangleMesh};
 use crate::read::test_sink::TestSink;
 
+/// One file in memory.
+struct OneFile<'a>(&'a [u8]);
+
+impl SourceFiles for OneFile<'_> {
+    fn open(&self, _: &str) -> io::Result<Box<dyn Read + '_>> {
+        Ok(Box::new(self.0))
+    }
+
+    fn len(&self, _: &str) -> io::Result<u64> {
+        Ok(self.0.len() as u64)
+    }
+
+    fn on_disk(&self, _: &str) -> io::Result<LocalFile> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
+    fn location(&self) -> String {
+        String::new()
+    }
+}
+
 fn read_bytes(name: &str, bytes: &[u8]) -> Result<TestSink, InputError> {
-    let folder = tempfile::tempdir().expect("a folder");
-    fs::write(folder.path().join(name), bytes).expect("a file");
-    let files = FolderFiles(folder.path().to_path_buf());
-    let input = Input { label: name, name, files: &files, max_bytes: 1 << 20, bbox_deg: None };
+    let input = Input { label: name, name, files: &OneFile(bytes), max_bytes: 1 << 20, bbox_deg: None };
     let mut sink = TestSink::default();
     read(&input, &mut sink).map(|()| sink)
 }
@@ -107,8 +125,12 @@ fn ply_faces_have_textures_and_polygons() {
     let sink = read_bytes("a.ply", text.as_bytes()).expect("readable");
     let (polygons, meshes) = geometry(&sink);
     assert_eq!(meshes.len(), 2);
-    assert_eq!(meshes[0].triangles.len(), 1);
-    assert_eq!(meshes[0].uv, [[0.5, 0.5], [1.0, 0.0], [1.0, 1.0]]);
+    assert_eq!(meshes[0].triangles, [[0, 1, 2], [0, 2, 3], [4, 1, 5]]);
+    assert_eq!(
+        meshes[0].uv[4..],
+        [[0.5, 0.5], [1.0, 1.0]],
+        "corners with other texture coordinates are vertices of their own"
+    );
     assert_eq!(meshes[1].triangles, [[0, 1, 2], [0, 2, 3]], "a convex quadrilateral is two triangles");
     assert_eq!(polygons.len(), 0, "the concave one is a fan from its first corner");
     let names: Vec<_> =

@@ -65,12 +65,14 @@ pub(super) fn area_of_way(refs: &[i64], nodes: &NodeStore) -> Result<Polygon, &'
     if ring.len() < 4 { Err(TOO_FEW) } else { Ok(vec![ring]) }
 }
 
-/// The areas of a multipolygon. Fails with the reason if it has none.
+/// The areas of a multipolygon. Fails with the reason if it has none. `left` counts the nodes of multipolygons that may
+/// still be assembled: many of a hostile file may be made of the same large ways.
 pub(super) fn areas_of_relation(
     relation: &Relation,
     relations: &Relations,
     members: &MemberWays,
     nodes: &NodeStore,
+    left: &mut u64,
 ) -> Result<Vec<Polygon>, &'static str> {
     if members.is_too_large() {
         return Err("multipolygon too large");
@@ -83,7 +85,10 @@ pub(super) fn areas_of_relation(
         return Err("multipolygon without ways");
     }
     let ways: Option<Vec<&[i64]>> = ids.iter().map(|id| members.get(*id)).collect();
-    polygons(ways.ok_or(OUTSIDE)?.into_iter(), nodes)
+    let ways = ways.ok_or(OUTSIDE)?;
+    let count: usize = ways.iter().map(|way| way.len()).sum();
+    *left = left.checked_sub(count as u64).ok_or("too many multipolygons of the same ways")?;
+    polygons(ways.into_iter(), nodes)
 }
 
 /// Polygons as the areas of an object.

@@ -40,6 +40,9 @@ use survey::Survey;
 const COVERED: &str = "outline covered by its building parts";
 /// Points of all building parts; they are in memory together.
 const MAX_PART_BYTES: u64 = 4 << 30;
+/// Nodes of multipolygons that are assembled for each byte of a file, and in any case. A way borders a few of them.
+const ASSEMBLED_PER_BYTE: u64 = 16;
+const MIN_ASSEMBLED: u64 = 16 << 20;
 /// Ways between two reports of progress.
 const WAYS_PER_TICK: u64 = 4096;
 
@@ -58,7 +61,8 @@ fn read_within(input: &Input<'_>, limits: Limits, sink: &mut dyn ObjectSink) -> 
     sink.set_crs(&CrsReference { name: "OGC:CRS84".to_owned(), order: AxisOrder::EastFirst })?;
     let survey = Survey::read(input, &mut *file, sink)?;
     let size_bytes = input.files.len(input.name).map_err(|cause| InputError::io(input.label, cause))?;
-    let mut reading = Reading { input, survey, parts: Parts::default(), size_bytes };
+    let assembled_left = MIN_ASSEMBLED + ASSEMBLED_PER_BYTE * size_bytes.min(u64::MAX >> 8);
+    let mut reading = Reading { input, survey, parts: Parts::default(), size_bytes, assembled_left };
     reading.read_objects(&mut *file, limits, sink)?;
     reading.add_parts(&mut *file, sink)?;
     sink.tick(size_bytes);
@@ -71,6 +75,8 @@ struct Reading<'a, 'i> {
     survey: Survey,
     parts: Parts,
     size_bytes: u64,
+    /// Nodes of multipolygons that may still be assembled.
+    assembled_left: u64,
 }
 
 impl Reading<'_, '_> {
@@ -138,7 +144,7 @@ impl Reading<'_, '_> {
             let relations = &self.survey.relations;
             let relation = &relations.list()[number];
             let id = ElementId::Relation(relation.id);
-            match areas_of_relation(relation, relations, &round.members, &round.nodes) {
+            match areas_of_relation(relation, relations, &round.members, &round.nodes, &mut self.assembled_left) {
                 Ok(polygons) => {
                     let heights = Heights::of(relations.tags(relation));
                     self.parts.push(id, &polygons, heights, self.survey.named_outline(id));
@@ -225,7 +231,8 @@ impl Reading<'_, '_> {
         for relation in &relations.list()[range] {
             // Without telling tags on its outer ways either it is no object.
             let Some(class) = relation.class else { continue };
-            let polygons = areas_of_relation(relation, relations, &round.members, &round.nodes);
+            let polygons =
+                areas_of_relation(relation, relations, &round.members, &round.nodes, &mut self.assembled_left);
             let (id, tags) = (ElementId::Relation(relation.id), relations.tags(relation));
             add_area(self.input, &mut self.parts, (id, class, tags), polygons, sink)?;
         }

@@ -21,8 +21,10 @@ const WHOLE: f64 = 0.9;
 const MOST: f64 = 0.5;
 /// Parts that begin higher do not stand on the ground.
 const ON_GROUND_M: f64 = 0.5;
-/// Comparisons of outlines and parts by area; beyond it outlines are kept. A city has a few for each part.
-const MAX_COMPARISONS: u64 = 50 << 20;
+/// Points of outlines and parts that are compared by area; beyond it outlines are kept. A country has some hundred million.
+const MAX_COMPARED_POINTS: u64 = 1 << 31;
+/// Longer values are not inherited. Values of OpenStreetMap have at most 255 characters.
+const MAX_INHERITED_BYTES: usize = 1024;
 /// Keys of an outline's tags that hold for its parts too, unless they have their own.
 const INHERITED: &[&str] = &["building", "building:colour", "building:material", "roof:colour", "roof:material"];
 
@@ -80,7 +82,7 @@ pub(super) struct Parts {
     named: Vec<(ElementId, u32)>,
     /// Keys and values of outlines' tags.
     inherited: Vec<Vec<(&'static str, String)>>,
-    comparisons: u64,
+    compared_points: u64,
 }
 
 /// A part whose outline is known.
@@ -161,8 +163,11 @@ impl Parts {
         let mut members: Vec<(u32, f64)> = named.map(|part| (part, 1.0)).collect();
         let mut near = Vec::new();
         self.tree.overlapping(bounds, |part| near.push(part));
-        self.comparisons += near.len() as u64;
-        if self.comparisons > MAX_COMPARISONS {
+        let outline_points: usize = rings.iter().map(|ring| ring.len()).sum();
+        let compared = near.iter().chain(members.iter().map(|(part, _)| part));
+        let points: u64 = compared.map(|part| self.point_count(*part) + outline_points as u64).sum();
+        self.compared_points += points;
+        if self.compared_points > MAX_COMPARED_POINTS {
             return OutlineFate::NotCompared;
         }
         near.retain(|part| self.parts[*part as usize].named_outline.is_none() && self.parts[*part as usize].id != id);
@@ -203,8 +208,12 @@ impl Parts {
     }
 
     fn keep_inherited(&mut self, tags: Tags<'_>) -> Option<u32> {
-        let own =
-            INHERITED.iter().filter_map(|key| Some((*key, tags.get(key).filter(|value| *value != "yes")?.to_owned())));
+        let own = INHERITED.iter().filter_map(|key| {
+            Some((
+                *key,
+                tags.get(key).filter(|value| *value != "yes" && value.len() <= MAX_INHERITED_BYTES)?.to_owned(),
+            ))
+        });
         let own: Vec<(&'static str, String)> = own.collect();
         if own.is_empty() {
             return None;
@@ -216,6 +225,11 @@ impl Parts {
     fn rings_of(&self, part: u32) -> Vec<&[Position]> {
         let [from, to] = self.parts[part as usize].rings;
         self.rings[from as usize..to as usize].iter().map(|ring| self.points_of(ring)).collect()
+    }
+
+    fn point_count(&self, part: u32) -> u64 {
+        let [from, to] = self.parts[part as usize].rings;
+        self.rings[from as usize..to as usize].iter().map(|ring| u64::from(ring.count)).sum()
     }
 
     fn points_of(&self, ring: &RingPlace) -> &[Position] {

@@ -7,6 +7,9 @@ use crate::read::object::FeatureKind;
 /// More bytes of members and tags of all relations are refused. A country has some ten million.
 pub(super) const MAX_BYTES: usize = 1 << 31;
 
+/// Multipolygons around a way that are looked at. A way is the border of a few as a rule.
+const MAX_AROUND: usize = 64;
+
 /// A multipolygon.
 #[derive(Debug, Clone)]
 pub(super) struct Relation {
@@ -126,7 +129,7 @@ impl Relations {
     pub(super) fn around(&self, way: i64) -> impl Iterator<Item = &Relation> {
         let first = self.outer_ways.partition_point(|(id, _)| *id < way);
         let own = self.outer_ways[first..].iter().take_while(move |(id, _)| *id == way);
-        own.filter_map(|(_, number)| self.list.get(*number as usize))
+        own.take(MAX_AROUND).filter_map(|(_, number)| self.list.get(*number as usize))
     }
 
     /// Whether a way's tags are those of a multipolygon around it, so that the way is no object of its own.
@@ -152,9 +155,8 @@ impl Relations {
     /// Gives relations without telling tags the tags of one of their outer ways. `range` limits their numbers.
     pub(super) fn adopt_tags(&mut self, way: i64, tags: Tags<'_>, range: std::ops::Range<usize>) {
         let first = self.outer_ways.partition_point(|(id, _)| *id < way);
-        let mut next = first;
-        while let Some(&(_, number)) = self.outer_ways.get(next).filter(|(id, _)| *id == way) {
-            next += 1;
+        for next in first..first + MAX_AROUND {
+            let Some(&(_, number)) = self.outer_ways.get(next).filter(|(id, _)| *id == way) else { return };
             let number = number as usize;
             let has_class = self.list.get(number).is_none_or(|relation| relation.class.is_some());
             if has_class || !range.contains(&number) || self.text.len() > MAX_BYTES {

@@ -11,6 +11,9 @@ use crate::error::InputError;
 use crate::read::input::Input;
 use crate::read::object::{FeatureKind, ObjectSink, Shape, SourceObject};
 
+/// More building parts with a named outline are refused.
+const MAX_NAMED: usize = 16 << 20;
+
 /// What a file has.
 #[derive(Debug, Default)]
 pub(super) struct Survey {
@@ -77,9 +80,13 @@ impl Survey {
         tags: Tags<'_>,
         sink: &mut dyn ObjectSink,
     ) -> Result<(), InputError> {
+        let too_large = |what: &str, limit: usize| {
+            Err(InputError::TooLarge { path: input.label.to_owned(), what: what.to_owned(), limit: limit as u64 })
+        };
         if tags.get("type") == Some("building") {
             self.name_outline(members);
-            return Ok(());
+            let is_too_large = self.named_outlines.len() > MAX_NAMED;
+            return if is_too_large { too_large("the number of its building parts", MAX_NAMED) } else { Ok(()) };
         }
         match self.relations.push(id, members, tags) {
             Kept::Yes | Kept::No => Ok(()),
@@ -87,11 +94,7 @@ impl Survey {
                 sink.skip(reason, ElementId::Relation(id).to_string());
                 Ok(())
             }
-            Kept::TooMany => Err(InputError::TooLarge {
-                path: input.label.to_owned(),
-                what: "the size of its relations in bytes".to_owned(),
-                limit: super::relations::MAX_BYTES as u64,
-            }),
+            Kept::TooMany => too_large("the size of its relations in bytes", super::relations::MAX_BYTES),
         }
     }
 

@@ -17,7 +17,9 @@ pub(super) enum Habit {
     None,
     /// Zones of UTM in ETRS89: eastings may have the zone in front, as in 32 500 000. This is what is subtracted from eastings
     /// beyond a third of it.
-    ZonePrefix { metres: f64 },
+    ZonePrefix {
+        metres: f64,
+    },
     /// South African Lo systems: coordinates count west and south in the registry, east and north in other files. Places are
     /// south of the equator, where the second coordinate is 0.
     SouthAfrican,
@@ -127,8 +129,7 @@ impl SourceInput {
             return None;
         }
         let (longitude_rad, latitude_rad) = transform_vertex_2d(&plane.source, &plane.wgs84, (x, y)).ok()?;
-        is_on_earth([longitude_rad, latitude_rad])
-            .then_some(Geodetic { longitude_rad, latitude_rad, height_m: 0.0 })
+        is_on_earth([longitude_rad, latitude_rad]).then_some(Geodetic { longitude_rad, latitude_rad, height_m: 0.0 })
     }
 
     /// Longitude and latitude in degrees; `None` if the position is not on Earth.

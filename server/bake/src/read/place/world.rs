@@ -60,7 +60,10 @@ impl World {
         if !world.adopt(&crs) {
             return Err(InputError::unsupported(
                 label,
-                format!("{} is not a projected system with true lengths; give that of a UTM zone or of your country", crs.name),
+                format!(
+                    "{} is not a projected system with true lengths; give that of a UTM zone or of your country",
+                    crs.name
+                ),
             ));
         }
         world.target = Some(crs.name);
@@ -96,7 +99,9 @@ impl World {
             let placed = Arc::make_mut(placed);
             placed.reference = reference.clone();
             let name = shortened(&reference.name);
-            placed.warnings.push(format!("the coordinate system \"{name}\" is not known; taken to be {target} (--crs)"));
+            placed
+                .warnings
+                .push(format!("the coordinate system \"{name}\" is not known; taken to be {target} (--crs)"));
         }
         Ok(placement)
     }
@@ -129,16 +134,18 @@ impl World {
 
     /// Makes the system the world's if it is projected, with nearly true lengths. Returns whether it is.
     fn adopt(&mut self, crs: &Crs) -> bool {
-        let Some((code, definition)) = crs.horizontal.in_metres().filter(|(_, definition)| definition.is_metric()) else {
+        let Some((code, definition)) = crs.horizontal.in_metres().filter(|(_, definition)| definition.is_metric())
+        else {
             return false;
         };
         let Ok(proj) = definition.proj() else { return false };
         let label = code.map_or_else(|| definition.text(), |code| format!("EPSG:{code}"));
-        let is_unchanged = code == crs.horizontal.code && match &crs.vertical {
-            Vertical::Unknown => true,
-            Vertical::Orthometric(datum) => datum.unit_m == 1.0,
-            Vertical::Ellipsoidal { .. } => false,
-        };
+        let is_unchanged = code == crs.horizontal.code
+            && match &crs.vertical {
+                Vertical::Unknown => true,
+                Vertical::Orthometric(datum) => datum.unit_m == 1.0,
+                Vertical::Ellipsoidal { .. } => false,
+            };
         let name = if is_unchanged && code.is_some() { crs.name.clone() } else { label.clone() };
         let horizontal = &crs.horizontal;
         let (datum, shift_error_m) = (horizontal.datum.clone(), horizontal.shift_error_m);
@@ -202,7 +209,10 @@ impl World {
         if !is_same_map {
             self.warn_of_shift(input, &system, warnings);
         }
-        if input.unit != 1.0 && matches!(input.horizontal.system, System::Projected(_)) && input.height_unit_m == input.unit {
+        if input.unit != 1.0
+            && matches!(input.horizontal.system, System::Projected(_))
+            && input.height_unit_m == input.unit
+        {
             warnings.push(format!("coordinates and heights are converted from units of {} m to metres", input.unit));
         }
         let map = (!is_same_map).then_some(system.proj);
@@ -271,10 +281,15 @@ const ADVICE: &str = "reproject the file with ogr2ogr -t_srs EPSG:..., or give i
 
 fn not_a_system(label: &str, name: &str, error: &CrsError, advice: &str) -> InputError {
     let name = shortened(name);
-    InputError::unsupported(label, match error {
-        CrsError::Unknown => format!("the coordinate system \"{name}\" is not known; {advice}"),
-        CrsError::Unsupported(what) => format!("the coordinate system \"{name}\" is not supported: {what}; {advice}"),
-    })
+    InputError::unsupported(
+        label,
+        match error {
+            CrsError::Unknown => format!("the coordinate system \"{name}\" is not known; {advice}"),
+            CrsError::Unsupported(what) => {
+                format!("the coordinate system \"{name}\" is not supported: {what}; {advice}")
+            }
+        },
+    )
 }
 
 /// The start of a long name, such as well-known text.

@@ -209,27 +209,28 @@ fn mixtures_of_elements_never_panic() {
             file += parts[(state >> 33) as usize % parts.len()];
         }
         let _ = read_bytes(file.as_bytes());
-        // Well-formed as well: close whatever is open.
-        let mut open = Vec::new();
-        let mut reader = quick_xml::Reader::from_str(&file);
-        reader.config_mut().allow_unmatched_ends = true;
-        reader.config_mut().check_end_names = false;
-        let mut balanced = String::new();
-        while let Ok(event) = reader.read_event() {
-            match event {
-                quick_xml::events::Event::Start(start) => {
-                    balanced += &format!("<{}>", &*start);
-                    open.push(start.name().as_ref().to_owned());
-                }
-                quick_xml::events::Event::Empty(empty) => balanced += &format!("<{}/>", &*empty),
-                quick_xml::events::Event::Text(text) => balanced += &text,
-                quick_xml::events::Event::Eof => break,
-                _ => {}
-            }
-        }
-        for name in open.iter().rev() {
-            balanced += &format!("</{name}>");
-        }
-        read_bytes(balanced.as_bytes()).1.unwrap();
+        read_bytes(balanced(&file).as_bytes()).1.unwrap();
     }
+}
+
+/// The file with the end tags that it lacks, and without those that end nothing.
+fn balanced(file: &str) -> String {
+    let mut open = Vec::new();
+    let mut reader = quick_xml::Reader::from_str(file);
+    reader.config_mut().allow_unmatched_ends = true;
+    reader.config_mut().check_end_names = false;
+    let mut balanced = String::new();
+    while let Ok(event) = reader.read_event() {
+        match event {
+            quick_xml::events::Event::Start(start) => {
+                balanced += &format!("<{}>", &*start);
+                open.push(start.name().as_ref().to_owned());
+            }
+            quick_xml::events::Event::Empty(empty) => balanced += &format!("<{}/>", &*empty),
+            quick_xml::events::Event::Text(text) => balanced += &text,
+            quick_xml::events::Event::Eof => break,
+            _ => {}
+        }
+    }
+    open.iter().rev().fold(balanced, |balanced, name| balanced + &format!("</{name}>"))
 }

@@ -157,7 +157,8 @@ fn metres(values: &DecodingResult, index: usize, band: Band) -> f32 {
         DecodingResult::U32(values) => values.get(index).map(|value| f64::from(*value)),
         _ => None,
     };
-    let Some(raw) = raw.filter(|raw| band.nodata.is_none_or(|nodata| *raw != nodata && *raw as f32 != nodata as f32)) else {
+    let Some(raw) = raw.filter(|raw| band.nodata.is_none_or(|nodata| *raw != nodata && *raw as f32 != nodata as f32))
+    else {
         return f32::NAN;
     };
     let value = (raw * band.scale + band.offset) as f32;

@@ -20,6 +20,8 @@ use wire::{WireFault, fields};
 /// Limits of the format.
 const MAX_BLOB_HEADER_BYTES: u32 = 64 << 10;
 const MAX_BLOB_BYTES: u64 = 32 << 20;
+/// More blobs are refused. A file of the whole world has less than a million.
+const MAX_BLOBS: usize = 4 << 20;
 /// Features of files that are understood.
 const FEATURES: [&[u8]; 2] = [b"OsmSchema-V0.6", b"DenseNodes"];
 
@@ -95,9 +97,14 @@ impl<'a> PbfFile<'a> {
                 BlobKind::Other => {}
             }
             unpacked_bytes += self.unpacked.len() as u64;
+            let too_large = |what: &str, limit: u64| {
+                Err(InputError::TooLarge { path: self.label.to_owned(), what: what.to_owned(), limit })
+            };
             if unpacked_bytes > self.max_bytes {
-                let what = "its unpacked size in bytes".to_owned();
-                return Err(InputError::TooLarge { path: self.label.to_owned(), what, limit: self.max_bytes });
+                return too_large("its unpacked size in bytes", self.max_bytes);
+            }
+            if self.blobs.len() > MAX_BLOBS {
+                return too_large("the number of its blobs", MAX_BLOBS as u64);
             }
             sink.tick(start / 2);
         }

@@ -8,7 +8,7 @@ use glam::DVec2;
 use super::events::Collision;
 use crate::read::roof::RoofFault;
 use crate::read::roof::plan::PlanPoint;
-use crate::read::roof::simple::{SPIKE_SINE, edges};
+use crate::read::roof::simple::edges;
 
 /// Turns to the right by more than this sine are reflex.
 const REFLEX_SINE: f64 = 1e-9;
@@ -243,12 +243,17 @@ impl Wavefront {
             self.join(vertex)?;
             return Ok(true);
         }
-        let is_spike = a.direction.dot(b.direction) < 0.0 && a.direction.perp_dot(b.direction).abs() <= SPIKE_SINE;
+        let is_spike = a.direction.dot(b.direction) < 0.0 && a.direction.perp_dot(b.direction).abs() <= self.spike_sine();
         if is_spike || previous == next {
             self.remove_spike(vertex);
             return Ok(true);
         }
         Ok(false)
+    }
+
+    /// Edges that turn back by less than this sine are on each other: on a length of 10 m, they are within the tolerance.
+    fn spike_sine(&self) -> f64 {
+        0.1 * self.tolerance_m
     }
 
     /// Joins a vertex with the next one: the edge between them is gone.

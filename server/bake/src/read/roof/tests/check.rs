@@ -89,7 +89,7 @@ pub(crate) fn check(
         return Err(format!("roof covers {covered} of {area}"));
     }
     let reached = surfaces.iter().flat_map(|s| &s.points).map(|point| point[2]).fold(f64::MIN, f64::max);
-    if (reached - spec.top_m).abs() > 1e-6 {
+    if (reached - spec.top_m).abs() > 1e-5 * (spec.top_m - spec.eaves_m) {
         return Err(format!("top at {reached}"));
     }
     if volume > 0.0 { Ok(volume) } else { Err(format!("volume {volume}")) }
