@@ -14,7 +14,7 @@ use crate::{
     error::BakeError,
     ground::{self, GroundOption},
     hash, mesh,
-    read::{DuplicateOption, FACADE_ALGORITHM, FacadeOption, KindFilter, ObjUpAxis, Palette, PlacingOptions},
+    read::{DuplicateOption, FACADE_ALGORITHM, FacadeOption, FetchFunction, KindFilter, ObjUpAxis, Palette, PlacingOptions},
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
 };
@@ -86,6 +86,8 @@ pub struct BakeOptions {
     pub height_field: Option<String>,
     /// What becomes of objects that two inputs have.
     pub duplicates: DuplicateOption,
+    /// Fetches inputs that are addresses; without it they are refused.
+    pub fetch: Option<FetchFunction>,
     /// Colours of surfaces, and what is done with those of the source.
     pub palette: Palette,
     /// Folders from which textures and material libraries may be read besides the source's own.
@@ -122,6 +124,7 @@ impl Default for BakeOptions {
             placing: PlacingOptions::default(),
             height_field: None,
             duplicates: DuplicateOption::default(),
+            fetch: None,
             palette: Palette::default(),
             texture_roots: Vec::new(),
             sample: SampleSettings::default(),

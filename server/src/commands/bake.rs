@@ -3,6 +3,7 @@
 use super::{
     bake_progress::BakeProgress,
     error::CommandError,
+    fetch::fetch,
     output::{print, refuse_input, refuse_inside, write},
 };
 use crate::{
@@ -142,6 +143,7 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
         placing: placing(&args.read),
         height_field: args.read.height_field.clone(),
         duplicates: duplicates(&args.read),
+        fetch: Some(fetch),
         inputs: args.inputs.clone(),
         out: args.out.clone(),
         cell_m: args.cell,

@@ -7,6 +7,8 @@ mod bake_progress;
 #[cfg(feature = "bake")]
 mod compare;
 mod error;
+#[cfg(feature = "bake")]
+mod fetch;
 mod inspect;
 #[cfg(feature = "bake")]
 mod interrupt;

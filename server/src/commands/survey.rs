@@ -3,6 +3,7 @@
 use super::{
     bake::{duplicates, kind_filter, placing},
     error::CommandError,
+    fetch::fetch,
     output::{print, print_json},
 };
 use crate::args::InspectArgs;
@@ -24,7 +25,9 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Whether `inspect` reads the path as an input of a bake: it exists and is no baked city.
 pub(super) fn is_input(path: &Path) -> bool {
-    path.exists() && !path.join("city.json").is_file() || path.to_string_lossy().starts_with('@')
+    let text = path.to_string_lossy();
+    let is_tileset = text.starts_with("http") && text.ends_with(".json") && !text.ends_with("/city.json");
+    path.exists() && !path.join("city.json").is_file() || text.starts_with('@') || is_tileset
 }
 
 /// Reads the input and prints what it contains. Fails if a bake would.
@@ -34,6 +37,7 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
         placing: placing(&args.read),
         height_field: args.read.height_field.clone(),
         duplicates: duplicates(&args.read),
+        fetch: Some(fetch),
         skip_bad_inputs: true,
         ..ReadOptions::default()
     };

@@ -105,6 +105,7 @@ impl<'a> BakeRun<'a> {
             placing: options.placing.clone(),
             height_field: options.height_field.clone(),
             duplicates: options.duplicates,
+            fetch: options.fetch,
             max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
             max_line_bytes: self.config.max_line_bytes().min(defaults.max_line_bytes),
             ..defaults

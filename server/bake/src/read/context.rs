@@ -9,6 +9,7 @@ use super::object::{AxisOrder, CrsReference, KindFilter};
 use super::palette::Palette;
 use super::place::{Placement, World};
 use super::polygon::Triangulator;
+use super::remote::FetchFunction;
 use super::report::{FacadeReport, ReadReport};
 use super::scene_builder::{OpenObject, SceneBuilder, WorldTriangle};
 use super::source::CitySource;
@@ -29,7 +30,7 @@ pub enum ObjUpAxis {
 }
 
 /// How to read, and the limits.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct ReadOptions {
     pub obj_up: ObjUpAxis,
     /// Images with more pixels are not decoded.
@@ -58,6 +59,8 @@ pub struct ReadOptions {
     pub height_field: Option<String>,
     /// What becomes of objects that two sources have.
     pub duplicates: DuplicateOption,
+    /// Fetches inputs that are addresses; without it they are refused.
+    pub fetch: Option<FetchFunction>,
 }
 
 /// Coordinate systems and places.
@@ -90,6 +93,7 @@ impl Default for ReadOptions {
             placing: PlacingOptions::default(),
             height_field: None,
             duplicates: DuplicateOption::default(),
+            fetch: None,
         }
     }
 }

@@ -7,8 +7,10 @@ use std::rc::Rc;
 
 use super::archive::{ZipFiles, is_archive};
 use super::bad_inputs::BadInputs;
+use super::context::ReadOptions;
 use super::files::{EmbeddedFiles, FolderFiles};
 use super::input::SourceFiles;
+use super::remote;
 use super::source::{CitySource, kind_by_name, read_file};
 use super::unread_formats;
 use crate::error::InputError;
@@ -40,13 +42,13 @@ struct Selection {
 /// (`@FILE`, one a line), or an address. Fails if an input cannot be read, has no known name or is a folder without a
 /// city file, unless `bad` skips it.
 ///
-/// Textures and material libraries are read from a source's folder and below, and from `texture_roots`.
+/// Textures and material libraries are read from a source's folder and below, and from the options' roots.
 pub(super) fn list(
     inputs: &[PathBuf],
-    texture_roots: &[PathBuf],
+    options: &ReadOptions,
     bad: &mut BadInputs,
 ) -> Result<SourceList<'static>, InputError> {
-    let roots = texture_roots.iter().map(|root| {
+    let roots = options.texture_roots.iter().map(|root| {
         let label = root.display().to_string();
         fs::canonicalize(root).map_err(|cause| InputError::io(&label, cause))
     });
@@ -55,6 +57,11 @@ pub(super) fn list(
         Lister { roots, seen: HashSet::new(), list: SourceList { sources: Vec::new(), unread: Vec::new() } };
     for input in inputs {
         let label = input.display().to_string();
+        if remote::is_address(&label) {
+            let source = remote::source(&label, options.fetch);
+            lister.list.sources.extend(bad.skip(&label, source)?);
+            continue;
+        }
         let expanded = expand(input);
         for path in bad.skip(&label, expanded)?.unwrap_or_default() {
             let added = lister.add(&path, bad);
@@ -112,6 +119,10 @@ impl Lister {
             let files = ZipFiles::new(path)?;
             let selection = select(files.names().map(str::to_owned).collect());
             self.check_selection(path, &selection)?;
+            if !files.refused.is_empty() {
+                let line = format!("{label}: {} names of entries that lead out of it: not read", files.refused.len());
+                self.list.unread.push(line);
+            }
             let files = Rc::new(files);
             for name in selection.names {
                 let source = archived_source(&label, name, Rc::clone(&files));
@@ -293,7 +304,7 @@ mod tests {
         }
         fs::write(path("list.txt"), "# comment\n\nin/deep\nin/a.obj\n").unwrap();
         let found = |inputs: &[PathBuf]| {
-            let listed = list(inputs, &[], &mut BadInputs::new(false))?;
+            let listed = list(inputs, &ReadOptions::default(), &mut BadInputs::new(false))?;
             let strip = |label: &str| label.replace(&folder.path.display().to_string(), "").replace('\\', "/");
             Ok::<_, InputError>(listed.sources.iter().map(|source| strip(&source.label)).collect::<Vec<_>>())
         };
@@ -302,7 +313,7 @@ mod tests {
         let at_list = PathBuf::from(format!("@{}", path("list.txt").display()));
         assert_eq!(found(&[at_list]).unwrap(), ["/in/deep/b.gml", "/in/a.obj"]);
         assert!(matches!(found(&[path("none*.obj")]), Err(InputError::NoSource { .. })));
-        let listed = list(&[path("in")], &[], &mut BadInputs::new(false)).unwrap();
+        let listed = list(&[path("in")], &ReadOptions::default(), &mut BadInputs::new(false)).unwrap();
         assert!(listed.unread.len() == 1 && listed.unread[0].ends_with("c.ifc: IFC: not read"), "{:?}", listed.unread);
     }
 
@@ -324,7 +335,8 @@ mod tests {
         let private = path("private/photo.png").display().to_string();
         let shared = path("shared/c.png").display().to_string();
         for (roots, source) in [(vec![], "in/a.obj"), (vec![path("shared")], "in/linked.obj")] {
-            let sources = list(&[path(source)], &roots, &mut BadInputs::new(false)).unwrap().sources;
+            let options = ReadOptions { texture_roots: roots.clone(), ..ReadOptions::default() };
+            let sources = list(&[path(source)], &options, &mut BadInputs::new(false)).unwrap().sources;
             let read = |name: &str| read_sibling(&*sources[0].files, name, 99);
             assert_eq!(read("own.png").unwrap(), b"in/own.png");
             assert_eq!(read("sub/../sub/b.png").unwrap(), b"in/sub/b.png");
@@ -338,7 +350,8 @@ mod tests {
             assert_eq!(read("c.png").is_ok(), !roots.is_empty());
             assert_eq!(read("none.png").unwrap_err().kind(), io::ErrorKind::NotFound);
         }
-        assert!(list(&[path("in/a.obj")], &[path("none")], &mut BadInputs::new(true)).is_err());
+        let options = ReadOptions { texture_roots: vec![path("none")], ..ReadOptions::default() };
+        assert!(list(&[path("in/a.obj")], &options, &mut BadInputs::new(true)).is_err());
     }
 
     #[test]

@@ -30,6 +30,7 @@ mod osm;
 mod palette;
 mod place;
 mod polygon;
+mod remote;
 mod report;
 mod roof;
 mod scene_builder;
@@ -55,6 +56,7 @@ pub use duplicates::DuplicateOption;
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
+pub use remote::FetchFunction;
 pub use report::{AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport};
 pub use source::ReadProgress;
 pub use survey::{InputSurvey, survey};
@@ -85,7 +87,7 @@ pub fn read(
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
     let mut bad = BadInputs::new(options.skip_bad_inputs);
-    let listed = list::list(inputs, &options.texture_roots, &mut bad)?;
+    let listed = list::list(inputs, options, &mut bad)?;
     read_scene(&listed, bad, options, progress)
 }
 
@@ -123,7 +125,7 @@ pub(crate) fn read_to_disk(
     let textures = TextureStore::in_folder(folder, scratch.texture_cache_bytes, scratch.budget.clone());
     let context = ReadContext::new(options, triangles, textures)?;
     let mut bad = BadInputs::new(options.skip_bad_inputs);
-    let listed = list::list(inputs, &options.texture_roots, &mut bad)?;
+    let listed = list::list(inputs, options, &mut bad)?;
     let mut read = read_sources(&listed, bad, context, progress)?;
     read.city.stored.finish()?;
     read.city.names.finish();

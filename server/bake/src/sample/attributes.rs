@@ -183,7 +183,7 @@ fn find_target(block: &LocalBlock, cells: &CellGrid, surfel: &VisibleSurfel) -> 
         let Some(cell) = cells.at(x, y) else { continue };
         let from_centre = p.xy() - (Vec2::new(x as f32, y as f32) + 0.5) * c;
         if let Some(target) = match_column(&cell.column, from_centre, surfel, c) {
-            return is_in_block.then_some((y as usize * block.cells[0] + x as usize, target));
+            return is_in_block.then(|| (y as usize * block.cells[0] + x as usize, target));
         }
         // Stepping along a vertical normal would stay in the same cell.
         if surfel.normal.z.abs() > 0.9 {

@@ -69,10 +69,9 @@ fn is_tag_of_appearance(bytes: &[u8], start: usize) -> bool {
     before.last() == Some(&b'<')
 }
 
-/// Reads all appearances of a file. `source_name` is the name of the file that image paths are relative to.
+/// Reads all appearances of a file.
 pub(super) fn read_appearances(
     reader: &mut XmlReader<'_>,
-    source_name: &str,
     sink: &mut dyn ObjectSink,
     appearances: &mut Appearances,
 ) -> Result<(), InputError> {
@@ -103,7 +102,7 @@ pub(super) fn read_appearances(
         if data {
             match build(reader, &mut tree, &context)? {
                 Built::Complete => {
-                    let mut data = SurfaceData { tree: &tree, names: &reader.names, source_name, theme, sink };
+                    let mut data = SurfaceData { tree: &tree, names: &reader.names, theme, sink };
                     data.read(appearances);
                 }
                 _ => sink.problem("surface data too large", format!("byte {}", reader.position())),
@@ -116,7 +115,6 @@ pub(super) fn read_appearances(
 struct SurfaceData<'d> {
     tree: &'d Tree,
     names: &'d Names,
-    source_name: &'d str,
     theme: u32,
     sink: &'d mut dyn ObjectSink,
 }
@@ -181,7 +179,7 @@ impl SurfaceData<'_> {
         if uri.contains("://") && !uri.starts_with("file://") {
             return self.problem("texture on the network not read", data);
         }
-        let image = relative_to(self.source_name, uri);
+        let image = relative_to("", uri);
         let wrap = match self.child_text(data, "wrapMode").unwrap_or("wrap") {
             "mirror" => Wrap::Mirror,
             "clamp" => Wrap::Clamp,

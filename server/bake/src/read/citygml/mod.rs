@@ -91,7 +91,7 @@ fn has_appearances(input: &Input<'_>) -> Result<bool, InputError> {
 fn appearances_of(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<Appearances, InputError> {
     let text = TextReader::new(input.label, input.open()?.reader)?;
     let mut appearances = Appearances::default();
-    let _ = read_appearances(&mut XmlReader::new(input.label, text), input.name, sink, &mut appearances);
+    let _ = read_appearances(&mut XmlReader::new(input.label, text), sink, &mut appearances);
     appearances.finish();
     Ok(appearances)
 }

@@ -15,7 +15,6 @@ pub(crate) struct Axes(Direction, Direction);
 
 impl Axes {
     pub(crate) const EAST_NORTH: Self = Self(Direction::East, Direction::North);
-    pub(crate) const NORTH_EAST: Self = Self(Direction::North, Direction::East);
 
     /// `None` if both directions are along the same line.
     pub(crate) fn new(first: Direction, second: Direction) -> Option<Self> {

@@ -12,8 +12,8 @@ const PARAMETERS: [&str; 19] = [
 const ELLIPSOID: [&str; 8] = ["ellps", "a", "b", "rf", "f", "R", "es", "R_A"];
 /// Ellipsoids of modern datums, which are within two metres of WGS84.
 const MODERN_ELLIPSOIDS: [&str; 2] = ["GRS80", "WGS84"];
-/// Datums by the names that PROJ has for them: ellipsoid and `+towgs84`. For NAD27 the mean of the United States, EPSG:1173;
-/// the grids of `proj4rs` are not bundled.
+/// Datums by the names that PROJ has for them: ellipsoid and `+towgs84`. For NAD27 the mean of the United States,
+/// EPSG:1173; the grids of `proj4rs` are not bundled.
 const DATUMS: [(&str, &str, &str); 10] = [
     ("WGS84", "WGS84", "0,0,0"),
     ("NAD83", "GRS80", "0,0,0"),
@@ -45,14 +45,14 @@ const UNITS_M: [(&str, f64); 12] = [
 const WORLD_PROJECTIONS: [&str; 11] =
     ["webmerc", "eqc", "cea", "eqearth", "moll", "robin", "sinu", "mill", "geos", "ortho", "gnom"];
 
-/// Systems whose coordinates differ by less are the same: GRS80 and WGS84 differ by less than a millimetre, and published
-/// parameters are rounded.
+/// Systems whose coordinates differ by less are the same: GRS80 and WGS84 differ by less than a millimetre, and
+/// published parameters are rounded.
 const SAME_POSITION_M: f64 = 0.01;
 /// Longitudes relative to the central meridian, and latitudes, at which projections are compared.
 const SAMPLES_DEG: [[f64; 2]; 4] = [[1.0, 35.0], [-2.0, 50.0], [0.5, -30.0], [1.5, 80.0]];
 
-/// Parameters of a shift to WGS84: three translations in metres, three rotations in arc seconds (position vector), and a
-/// scale in parts per million.
+/// Parameters of a shift to WGS84: three translations in metres, three rotations in arc seconds (position vector), and
+/// a scale in parts per million.
 pub(crate) type Shift = [f64; 7];
 
 /// A horizontal system.

@@ -9,7 +9,6 @@ use super::{Crs, CrsError, Horizontal, System, Vertical, VerticalDatum, registry
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct HorizontalDescription {
     pub(super) code: Option<u32>,
-    pub(super) name: String,
     pub(super) datum: String,
     /// Equatorial radius in metres and inverse flattening (0 for a sphere).
     pub(super) ellipsoid: Option<[f64; 2]>,
@@ -158,8 +157,8 @@ fn same_meridian(known: &Definition, definition: &Definition) -> bool {
     }
 }
 
-/// Code of a projected system with one of these geographic systems and this projection. Several systems can be equal: the
-/// first whose axes are east and north, zones of UTM before others.
+/// Code of a projected system with one of these geographic systems and this projection. Several systems can be equal:
+/// the first whose axes are east and north, zones of UTM before others.
 pub(super) fn projected_code(definition: &Definition, bases: &[u32]) -> Option<u32> {
     let mut found: Vec<(bool, bool, u32)> = registry::projected_codes()
         .filter(|(_, base, _)| bases.contains(base))

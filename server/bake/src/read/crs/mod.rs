@@ -1,7 +1,7 @@
 //! Coordinate systems: what a source's name of one means, as a horizontal and a vertical part.
 //!
-//! Names are codes of the EPSG registry, URNs, URLs, well-known text of all dialects, PROJJSON, strings for PROJ, the names of
-//! the German AdV, and the own names `ECEF` and `ENU:LON,LAT,H`.
+//! Names are codes of the EPSG registry, URNs, URLs, well-known text of all dialects, PROJJSON, strings for PROJ, the
+//! names of the German AdV, and the own names `ECEF` and `ENU:LON,LAT,H`.
 
 mod axes;
 mod definition;
@@ -139,14 +139,6 @@ impl Horizontal {
                 Some(definition)
             }
             System::Local(_) => None,
-        }
-    }
-
-    /// `EPSG:28992`, or a string for PROJ.
-    pub(crate) fn label(&self) -> Option<String> {
-        match self.code {
-            Some(code) => Some(format!("EPSG:{code}")),
-            None => self.definition().map(Definition::text),
         }
     }
 

@@ -75,7 +75,6 @@ fn horizontal_description(value: &Value) -> Option<HorizontalDescription> {
     let mut directions = axes.iter().filter_map(|axis| direction(axis["direction"].as_str()?));
     let mut description = HorizontalDescription {
         code: epsg(value).or_else(|| crs84(value)),
-        name: value["name"].as_str().unwrap_or_default().to_owned(),
         datum: datum["name"].as_str().unwrap_or_default().to_owned(),
         ellipsoid: ellipsoid(&datum["ellipsoid"]),
         prime_meridian_deg: match meridian["value"].as_f64() {

@@ -1,5 +1,5 @@
-//! Tables of the EPSG registry: axis order, compound and vertical systems, names of datums. Definitions of horizontal systems
-//! are in the crate `crs-definitions`.
+//! Tables of the EPSG registry: axis order, compound and vertical systems, names of datums. Definitions of horizontal
+//! systems are in the crate `crs-definitions`.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;

@@ -22,8 +22,8 @@ pub(super) enum Item {
 }
 
 impl Node {
-    /// Parses one node, or several with commas between, as Esri writes a vertical system behind a horizontal one. `None` if the
-    /// text is not well-formed.
+    /// Parses one node, or several with commas between, as Esri writes a vertical system behind a horizontal one.
+    /// `None` if the text is not well-formed.
     pub(super) fn parse_all(text: &str) -> Option<Vec<Self>> {
         if text.len() > MAX_BYTES {
             return None;

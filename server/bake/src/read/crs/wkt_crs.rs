@@ -108,7 +108,6 @@ fn horizontal_description(node: &Node) -> Option<HorizontalDescription> {
     let length_m = unit(node).filter(|unit| *unit > 0.0).unwrap_or(1.0);
     let mut description = HorizontalDescription {
         code: node.epsg(),
-        name: node.name().to_owned(),
         datum: datum.name().to_owned(),
         ellipsoid: Some([ellipsoid.number(1)? * unit(ellipsoid).unwrap_or(1.0), ellipsoid.number(2)?]),
         prime_meridian_deg: base.node(&["PRIMEM", "PRIMEMERIDIAN"]).map_or(0.0, |node| meridian_deg(node, angle_deg)),

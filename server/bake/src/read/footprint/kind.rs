@@ -90,6 +90,7 @@ const BUILDING_ATTRIBUTES: [&str; 8] = [
 
 /// Subtypes of Overture's other themes than buildings.
 const OVERTURE_SUBTYPES: &[(FeatureKind, &[&str])] = &[
+    (FeatureKind::Bridge, &["bridge"]),
     (FeatureKind::Road, &["road"]),
     (FeatureKind::Rail, &["rail"]),
     (FeatureKind::Water, &["water", "river", "lake", "stream", "pond", "canal", "reservoir", "ocean", "human_made"]),

@@ -20,8 +20,8 @@ pub(super) struct Geodetic {
 impl Geodetic {
     /// From metres from the centre of the Earth. `None` if the position is deep within it or not finite.
     ///
-    /// The iteration of Bowring, B. R. (1976), Transformation from spatial to geographical coordinates, Survey Review 23,
-    /// on the parametric latitude; it converges in two or three steps near the Earth.
+    /// The iteration of Bowring, B. R. (1976), Transformation from spatial to geographical coordinates, Survey Review
+    /// 23, on the parametric latitude; it converges in two or three steps near the Earth.
     pub(super) fn from_centre([x, y, z]: [f64; 3]) -> Option<Self> {
         let radius_m = x.hypot(y);
         if !(radius_m.hypot(z) >= MIN_RADIUS_M && radius_m.hypot(z) <= 1e9) {

@@ -15,16 +15,16 @@ pub(super) const WGS84: &str = "+proj=longlat +ellps=WGS84 +towgs84=0,0,0";
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Habit {
     None,
-    /// Zones of UTM in ETRS89: eastings may have the zone in front, as in 32 500 000. This is what is subtracted from eastings
-    /// beyond a third of it.
+    /// Zones of UTM in ETRS89: eastings may have the zone in front, as in 32 500 000. This is what is subtracted from
+    /// eastings beyond a third of it.
     ZonePrefix {
         metres: f64,
     },
-    /// South African Lo systems: coordinates count west and south in the registry, east and north in other files. Places are
-    /// south of the equator, where the second coordinate is 0.
+    /// South African Lo systems: coordinates count west and south in the registry, east and north in other files.
+    /// Places are south of the equator, where the second coordinate is 0.
     SouthAfrican,
-    /// Krovak's projection: coordinates count south and west, or east and north. All places are south and west of the origin,
-    /// and farther to the south than to the west.
+    /// Krovak's projection: coordinates count south and west, or east and north. All places are south and west of the
+    /// origin, and farther to the south than to the west.
     Krovak,
 }
 

@@ -1,9 +1,9 @@
 //! Places positions of sources in the city's coordinate system.
 //!
-//! The city's system, the world, is projected, in metres, with heights above sea level. It is the first such system that a
-//! source names, or that of `--crs`, or else the zone of UTM of the first position. Sources in the same system pass unchanged;
-//! other positions are projected one by one. Heights above the ellipsoid become heights above sea level by the geoid model of
-//! the world's vertical datum. Heights of different vertical datums are not converted.
+//! The city's system, the world, is projected, in metres, with heights above sea level. It is the first such system
+//! that a source names, or that of `--crs`, or else the zone of UTM of the first position. Sources in the same system
+//! pass unchanged; other positions are projected one by one. Heights above the ellipsoid become heights above sea level
+//! by the geoid model of the world's vertical datum. Heights of different vertical datums are not converted.
 
 mod earth;
 mod input;
@@ -67,13 +67,14 @@ impl Placement {
         }
     }
 
-    /// Whether positions are on Earth, but the world has no system yet: [`Self::settle`] must come before [`Self::position`].
+    /// Whether positions are on Earth, but the world has no system yet: [`Self::settle`] must come before
+    /// [`Self::position`].
     pub(crate) fn needs_world(&self) -> bool {
         matches!(self, Self::Known(placed) if placed.transform.is_none())
     }
 
-    /// Gives the world a system, if it has none: the zone of UTM of the first position, in coordinates of the source. Does
-    /// nothing if the world has one, or if UTM is not defined there. Fails if a geoid grid is damaged.
+    /// Gives the world a system, if it has none: the zone of UTM of the first position, in coordinates of the source.
+    /// Does nothing if the world has one, or if UTM is not defined there. Fails if a geoid grid is damaged.
     pub(crate) fn settle(&mut self, world: &mut World, label: &str, first: [f64; 3]) -> Result<(), InputError> {
         let Self::Known(placed) = self else { return Ok(()) };
         if placed.transform.is_some() {
@@ -88,8 +89,9 @@ impl Placement {
         Ok(())
     }
 
-    /// Position in the world: metres east, north and up, heights above sea level. `p` has coordinates in the source's order
-    /// and units. `None` if it is not finite or out of range, or if the projection fails there, or if the world has no system.
+    /// Position in the world: metres east, north and up, heights above sea level. `p` has coordinates in the source's
+    /// order and units. `None` if it is not finite or out of range, or if the projection fails there, or if the world
+    /// has no system.
     #[inline]
     pub(crate) fn position(&self, p: [f64; 3]) -> Option<[f64; 3]> {
         if !p.iter().all(|coordinate| coordinate.abs() <= MAX_COORDINATE_M) {

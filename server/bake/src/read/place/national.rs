@@ -1,8 +1,8 @@
-//! Vertical datums that go with national map projections. They tell the geoid model for sources of one height system and a
-//! city that only names its projection.
+//! Vertical datums that go with national map projections. They tell the geoid model for sources of one height system
+//! and a city that only names its projection.
 
-/// Code of the vertical datum of heights in a projected system, where a country has one of each. From the national mapping
-/// agencies' recommendations, as in the compound systems of the EPSG registry.
+/// Code of the vertical datum of heights in a projected system, where a country has one of each. From the national
+/// mapping agencies' recommendations, as in the compound systems of the EPSG registry.
 pub(super) fn vertical_code(horizontal_code: u32) -> Option<u32> {
     Some(match horizontal_code {
         28_992 => 5709,                                  // Netherlands: NAP

@@ -27,7 +27,7 @@ const NOTED_SHIFT_ERROR_M: f64 = 0.1;
 #[derive(Debug, Clone)]
 pub(crate) struct World {
     system: Option<WorldSystem>,
-    /// Of `--crs`.
+    /// The name given with `--crs`.
     target: Option<String>,
     vertical: Option<VerticalDatum>,
     folder: Option<GridFolder>,
@@ -49,8 +49,8 @@ struct WorldSystem {
 }
 
 impl World {
-    /// `target` is the system of `--crs`, `grids` a folder with geoid grids. Fails if the target is not a known projected
-    /// system in metres, or if the folder cannot be read.
+    /// `target` is the system of `--crs`, `grids` a folder with geoid grids. Fails if the target is not a known
+    /// projected system in metres, or if the folder cannot be read.
     pub(crate) fn new(target: Option<&str>, grids: Option<PathBuf>) -> Result<Self, InputError> {
         let folder = grids.map(|path| GridFolder::open(&path)).transpose()?;
         let mut world = Self { system: None, target: None, vertical: None, folder, geoid: None };
@@ -66,12 +66,12 @@ impl World {
                 ),
             ));
         }
-        world.target = Some(crs.name);
+        world.target = Some(name.to_owned());
         Ok(world)
     }
 
-    /// How the positions of a source are placed. Its system becomes the world's, if the world has none yet and it is suitable.
-    /// Fails if the system is not known or not supported, or if a geoid grid is damaged.
+    /// How the positions of a source are placed. Its system becomes the world's, if the world has none yet and it is
+    /// suitable. Fails if the system is not known or not supported, or if a geoid grid is damaged.
     pub(crate) fn place(&mut self, label: &str, reference: &CrsReference) -> Result<Placement, InputError> {
         let mut warnings = Vec::new();
         let crs = match crs::resolve(&reference.name) {
@@ -126,8 +126,8 @@ impl World {
         self.geoid.as_ref().map(|geoid| geoid.name.clone())
     }
 
-    /// The name of the whole system as the first source or `--crs` has it, such as `EPSG:7415`, or that of its projected part
-    /// if something else was changed.
+    /// The name of the whole system as the first source or `--crs` has it, such as `EPSG:7415`, or that of its
+    /// projected part if something else was changed.
     pub(crate) fn crs_name(&self) -> Option<String> {
         self.system.as_ref().map(|system| system.name.clone())
     }
@@ -175,8 +175,8 @@ impl World {
         match &self.vertical {
             None => self.vertical = Some(datum.in_metres()),
             Some(known) if !is_same_datum(known, datum) => warnings.push(format!(
-                "heights are above {} ({}), those of the city above {} ({}): they are not converted; expect a difference of \
-                 some decimetres",
+                "heights are above {} ({}), those of the city above {} ({}): they are not converted; expect a \
+                 difference of some decimetres",
                 datum.name,
                 datum.label(),
                 known.name,
@@ -235,14 +235,14 @@ impl World {
         for (datum, error_m) in [(&source.datum, source.shift_error_m), (&system.datum, system.shift_error_m)] {
             if error_m.is_infinite() {
                 warnings.push(format!(
-                    "the shift of the datum {datum} is not known: positions can be off by hundreds of metres; reproject the \
-                     file with ogr2ogr -t_srs {}",
+                    "the shift of the datum {datum} is not known: positions can be off by hundreds of metres; \
+                     reproject the file with ogr2ogr -t_srs {}",
                     system.label
                 ));
             } else if error_m > NOTED_SHIFT_ERROR_M {
                 warnings.push(format!(
-                    "the datum {datum} is shifted without its grid: expect an error of up to {error_m} m; reproject the file \
-                     with ogr2ogr -t_srs {} and the grids of PROJ if that is too much",
+                    "the datum {datum} is shifted without its grid: expect an error of up to {error_m} m; reproject \
+                     the file with ogr2ogr -t_srs {} and the grids of PROJ if that is too much",
                     system.label
                 ));
             }
@@ -307,8 +307,8 @@ fn missing_grid(datum: &VerticalDatum, files: &[&str]) -> String {
     let error = format!("expect an error of heights of about {typical_m} m (up to {most_m} m)");
     match files.first() {
         Some(file) => format!(
-            "heights above the ellipsoid are converted with EGM96, because the geoid grid {file} of {} is not in the folder of \
-             grids (--grids DIR): {error}",
+            "heights above the ellipsoid are converted with EGM96, because the geoid grid {file} of {} is not in the \
+             folder of grids (--grids DIR): {error}",
             datum.name
         ),
         None => format!(

@@ -53,8 +53,8 @@ impl Geoid {
         Ok(Some(Self { name: name.to_owned(), grid: read_file(path)?, world }))
     }
 
-    /// Height of the geoid above the ellipsoid of WGS84 (or a modern one like it) in metres. Outside of the model's area
-    /// that of EGM96. `None` if the position is not on Earth.
+    /// Height of the geoid above the ellipsoid of WGS84 (or a modern one like it) in metres. Outside of the model's
+    /// area that of EGM96. `None` if the position is not on Earth.
     pub(crate) fn undulation_m(&self, longitude_deg: f64, latitude_deg: f64) -> Option<f64> {
         let inside = self.grid.undulation_m(longitude_deg, latitude_deg);
         inside.or_else(|| self.world.undulation_m(longitude_deg, latitude_deg))

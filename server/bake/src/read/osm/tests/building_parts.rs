@@ -5,6 +5,10 @@ use crate::read::attributes::AttributeValue;
 use crate::read::object::FeatureKind;
 use crate::read::test_sink::TestSink;
 
+type Tag = (&'static str, &'static str);
+/// Bounds and tags of a part.
+type Part = ([i64; 4], &'static [Tag]);
+
 const PART: (&str, &str) = ("building:part", "yes");
 
 /// Identifiers of the buildings, and those of the parts with their parents.
@@ -15,7 +19,7 @@ fn found(sink: &TestSink) -> (Vec<&str>, Vec<(&str, Option<&str>)>) {
 }
 
 /// An outline of 1000 by 1000 with tags, and parts of it.
-fn building(tags: &[(&'static str, &'static str)], parts: &[([i64; 4], &[(&'static str, &'static str)])]) -> TestSink {
+fn building(tags: &[Tag], parts: &[Part]) -> TestSink {
     let mut map = Map::default();
     map.rectangle(1, [0, 0, 1000, 1000], &[&[("building", "office")], tags].concat());
     for (id, (bounds, tags)) in (2..).zip(parts) {
@@ -39,17 +43,15 @@ fn an_outline_is_kept_where_its_parts_are_not_all_of_it() {
     let sink = building(&[("height", "30")], &[([0, 0, 300, 300], &[("height", "60")])]);
     assert_eq!(found(&sink), (vec!["way/1"], vec![("way/2", Some("way/1"))]));
     // Most of the building: an outline as high as its highest part tells the height of the whole.
-    let most: &[([i64; 4], &[(&str, &str)])] = &[([0, 0, 700, 1000], &[("height", "20")])];
+    let most: &[Part] = &[([0, 0, 700, 1000], &[("height", "20")])];
     assert_eq!(found(&building(&[("height", "20")], most)).0.len(), 0);
     assert_eq!(found(&building(&[("height", "12")], most)).0.len(), 1);
     assert_eq!(found(&building(&[], most)).0.len(), 1);
     // Storeys on top of the outline.
-    let upper: &[([i64; 4], &[(&str, &str)])] =
-        &[([0, 0, 1000, 1000], &[("building:levels", "7"), ("building:min_level", "2")])];
+    let upper: &[Part] = &[([0, 0, 1000, 1000], &[("building:levels", "7"), ("building:min_level", "2")])];
     assert_eq!(found(&building(&[("building:levels", "2")], upper)).0.len(), 1);
     // A part over a passage.
-    let passage: &[([i64; 4], &[(&str, &str)])] =
-        &[([0, 0, 700, 1000], &[]), ([700, 0, 1000, 1000], &[("min_height", "4")])];
+    let passage: &[Part] = &[([0, 0, 700, 1000], &[]), ([700, 0, 1000, 1000], &[("min_height", "4")])];
     assert_eq!(found(&building(&[], passage)).0.len(), 0);
 }
 

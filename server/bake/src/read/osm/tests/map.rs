@@ -13,13 +13,15 @@ use crate::read::test_sink::TestSink;
 
 type Tags = Vec<(&'static str, &'static str)>;
 
+type Member = (char, i64, &'static str);
+
 /// Elements of a map. Positions are in units of 1e-7 degrees.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Map {
     pub(super) nodes: Vec<(i64, [i64; 2], Tags)>,
     pub(super) ways: Vec<(i64, Vec<i64>, Tags)>,
     /// Members with their types (`n`, `w`, `r`) and roles.
-    pub(super) relations: Vec<(i64, Vec<(char, i64, &'static str)>, Tags)>,
+    pub(super) relations: Vec<(i64, Vec<Member>, Tags)>,
 }
 
 impl Map {

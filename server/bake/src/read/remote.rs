@@ -1,0 +1,106 @@
+//! Files on a web server: a tileset and its tiles, or any other city file.
+//!
+//! The bake has no HTTP of its own. The program that calls it passes a function that fetches.
+
+use std::io::{self, Cursor, Read};
+
+use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
+
+use super::files::copy_to_disk;
+use super::input::{LocalFile, SourceFiles};
+use super::source::{CitySource, kind_by_name};
+use crate::error::InputError;
+
+/// Fetches an address: at most the given number of bytes. Fails with `NotFound` if there is nothing.
+pub type FetchFunction = fn(url: &str, max_bytes: u64) -> io::Result<Vec<u8>>;
+
+/// Larger files are refused: each is in memory.
+const MAX_FILE_BYTES: u64 = 1 << 30;
+/// Characters of a file's name that an address cannot have. `%` is not among them: names in tilesets are decoded before.
+const ESCAPED: &AsciiSet = &CONTROLS.add(b' ').add(b'"').add(b'#').add(b'%').add(b'<').add(b'>').add(b'?').add(b'`');
+
+/// Whether an input is an address.
+pub(super) fn is_address(input: &str) -> bool {
+    input.starts_with("http://") || input.starts_with("https://")
+}
+
+/// The files below the folder of an address.
+struct RemoteFiles {
+    /// Ends in `/`.
+    folder: String,
+    fetch: FetchFunction,
+}
+
+/// The source at an address. Fails if its name is not that of a city file, or nothing can be fetched here.
+pub(super) fn source(url: &str, fetch: Option<FetchFunction>) -> Result<CitySource<'static>, InputError> {
+    let Some(fetch) = fetch else { return Err(InputError::unsupported(url, "this program reads no addresses")) };
+    let plain = url.split(['?', '#']).next().unwrap_or(url);
+    let (folder, name) = plain.rsplit_once('/').unwrap_or((plain, ""));
+    if kind_by_name(name).is_none() {
+        let what = "its name is not that of a city file; give the address of a tileset.json";
+        return Err(InputError::unknown_format(url, what));
+    }
+    let files = RemoteFiles { folder: format!("{folder}/"), fetch };
+    Ok(CitySource {
+        label: url.to_owned(),
+        name: percent_encoding::percent_decode_str(name).decode_utf8_lossy().into_owned(),
+        files: std::rc::Rc::new(files),
+        bytes: 0,
+        found: false,
+    })
+}
+
+impl RemoteFiles {
+    fn get(&self, name: &str) -> io::Result<Vec<u8>> {
+        let leads_out = name.starts_with('/') || name.contains("://") || name.split('/').any(|part| part == "..");
+        if leads_out {
+            return Err(io::Error::new(io::ErrorKind::PermissionDenied, "it lies outside of the source's folder"));
+        }
+        let url = format!("{}{}", self.folder, utf8_percent_encode(name, ESCAPED));
+        (self.fetch)(&url, MAX_FILE_BYTES)
+    }
+}
+
+impl SourceFiles for RemoteFiles {
+    fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
+        Ok(Box::new(Cursor::new(self.get(name)?)))
+    }
+
+    /// Always 0: the size is not known before the file is fetched.
+    fn len(&self, _name: &str) -> io::Result<u64> {
+        Ok(0)
+    }
+
+    fn on_disk(&self, name: &str) -> io::Result<LocalFile> {
+        copy_to_disk(&mut Cursor::new(self.get(name)?))
+    }
+
+    fn location(&self) -> String {
+        self.folder.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn echo(url: &str, _: u64) -> io::Result<Vec<u8>> {
+        Ok(url.as_bytes().to_vec())
+    }
+
+    #[test]
+    fn names_are_below_the_folder_of_the_address() {
+        let source = source("https://example.org/a%20b/tileset.json?key=1", Some(echo)).unwrap();
+        assert_eq!(source.name, "tileset.json");
+        let read = |name: &str| {
+            let mut text = String::new();
+            source.files.open(name)?.read_to_string(&mut text).map(|_| text)
+        };
+        assert_eq!(read("tiles/0 1.b3dm").unwrap(), "https://example.org/a%20b/tiles/0%201.b3dm");
+        for name in ["../x", "/x", "http://other/x", "a/../../x"] {
+            assert_eq!(read(name).unwrap_err().kind(), io::ErrorKind::PermissionDenied, "{name}");
+        }
+        assert!(super::source("https://example.org/city", Some(echo)).is_err());
+        assert!(super::source("https://example.org/tileset.json", None).is_err());
+    }
+}
