@@ -26,7 +26,7 @@ pub enum ServerCommand {
     #[command(
         after_help = "Example:\n  insula-server bake buildings.city.json terrain.city.json --out cities/delft --cell 0.5 \\\n    --attribution \"3D BAG, tudelft3d\" --licence \"CC BY 4.0\" --source-url https://3dbag.nl\n\nIf the bake is killed, CITY is either absent or complete; --resume continues where it stopped.\nAfter a change of the sources, the same command with --update bakes only what has changed."
     )]
-    Bake(BakeArgs),
+    Bake(Box<BakeArgs>),
     /// Serve cities over HTTP
     #[command(
         after_help = "Example:\n  insula-server serve cities/delft cities/chiba --listen 0.0.0.0:7700\n\nSettings are read from a TOML file, then from the environment (limits.in_flight is INSULA_SERVE_LIMITS_IN_FLIGHT),\nthen from --set; later values override earlier ones. --print-config prints all settings with their documentation.\nSIGHUP reloads cities, certificate and tokens. Replace a city's folder by renaming, as bake does.\nThe log goes to standard error; RUST_LOG sets its level."
@@ -241,7 +241,7 @@ pub struct BakeArgs {
     /// Web page of the data
     #[arg(long, value_name = "URL", requires = "attribution")]
     pub source_url: Option<String>,
-    /// Axis of OBJ files that points up
+    /// Axis of OBJ, PLY and STL files that points up
     #[arg(long, value_enum, default_value = "z")]
     pub obj_up: UpAxis,
     /// harmonised (default): pure and white colours of sources become materials, photos get the level of lit walls;

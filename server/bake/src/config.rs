@@ -14,7 +14,9 @@ use crate::{
     error::BakeError,
     ground::{self, GroundOption},
     hash, mesh,
-    read::{DuplicateOption, FACADE_ALGORITHM, FacadeOption, FetchFunction, KindFilter, ObjUpAxis, Palette, PlacingOptions},
+    read::{
+        DuplicateOption, FACADE_ALGORITHM, FacadeOption, FetchFunction, KindFilter, ObjUpAxis, Palette, PlacingOptions,
+    },
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
 };

@@ -111,3 +111,20 @@ fn kinds_and_an_area_choose_objects() {
     assert_eq!((scene.objects.len(), report.sources[0].outside_bbox), (1, 2));
     assert!((scene.triangles.iter().flat_map(|t| t.corners).map(|c| c[2]).fold(0.0, f32::max) - 64.0).abs() < 0.01);
 }
+
+/// Real buildings of Project PLATEAU, in degrees: see NOTICE.
+#[test]
+fn real_citygml_is_placed_and_textured() {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/yokosuka");
+    let (scene, report) = read(&[path], &ReadOptions::default(), &|_| {}).unwrap();
+    let source = &report.sources[0];
+    assert_eq!((report.crs.as_deref(), report.vertical_datum.as_deref()), (Some("EPSG:32654"), Some("EPSG:6695")));
+    assert_eq!((source.found, source.objects, source.unaccounted()), (15, 14, 0));
+    assert_eq!((source.objects_by_kind[&FeatureKind::BuildingPart], source.textures), (2, 3));
+    assert_eq!((source.objects_by_level["1"], source.objects_by_level["2"]), (11, 3));
+    assert_eq!(source.attributes["measuredHeight"].count, 14);
+    assert!(source.colours.textured > 300, "{:?}", source.colours);
+    // The corners of the file's envelope by pyproj (EPSG:6697 to EPSG:32654), whose boxes differ by the meridian's convergence.
+    let [x, y, z] = scene.origin;
+    assert!((x - 385_284.0).abs() < 5.0 && (y - 3_902_596.0).abs() < 5.0 && z == 2.0, "{x} {y} {z}");
+}

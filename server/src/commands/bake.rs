@@ -13,7 +13,8 @@ use crate::{
 use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
     read::{
-        DuplicateOption, FacadeOption, FeatureKind, InputError, KindFilter, ObjUpAxis, Palette, PlacingOptions, ReadReport,
+        DuplicateOption, FacadeOption, FeatureKind, InputError, KindFilter, ObjUpAxis, Palette, PlacingOptions,
+        ReadReport,
     },
     sample::{SampleSettings, VisibilityBackend},
 };

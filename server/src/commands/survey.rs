@@ -147,13 +147,7 @@ fn attribute_text(attributes: &BTreeMap<String, AttributeCount>) -> String {
         let types = attribute.types.keys().copied().collect::<Vec<_>>().join(", ");
         let examples = attribute.examples.join(" | ");
         let examples: String = examples.chars().take(80).collect();
-        let _ = writeln!(
-            out,
-            "  {:<32} {:>8}  {types:<16} {}",
-            printable(name),
-            attribute.count,
-            printable(&examples)
-        );
+        let _ = writeln!(out, "  {:<32} {:>8}  {types:<16} {}", printable(name), attribute.count, printable(&examples));
     }
     if attributes.len() > MAX_ROWS {
         let _ = writeln!(out, "  and {} more; --json has all", attributes.len() - MAX_ROWS);

@@ -17,7 +17,11 @@ pub(crate) enum AttributeValue {
     /// Finite.
     Float(f64),
     Bool(bool),
-    Date { year: i32, month: u8, day: u8 },
+    Date {
+        year: i32,
+        month: u8,
+        day: u8,
+    },
 }
 
 impl AttributeValue {

@@ -27,6 +27,7 @@ pub(crate) trait SourceFiles {
 #[derive(Debug)]
 pub(crate) struct LocalFile {
     pub(crate) path: PathBuf,
+    #[expect(dead_code, reason = "its end removes the copy")]
     pub(crate) copy: Option<tempfile::TempPath>,
 }
 
@@ -73,7 +74,8 @@ struct LimitedReader<R> {
 impl<R: Read> Read for LimitedReader<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.inner.read(buffer)?;
-        self.left = self.left.checked_sub(read as u64).ok_or_else(|| io::Error::other("more unpacked bytes than allowed"))?;
+        self.left =
+            self.left.checked_sub(read as u64).ok_or_else(|| io::Error::other("more unpacked bytes than allowed"))?;
         Ok(read)
     }
 }
@@ -100,7 +102,11 @@ impl<'a> Input<'a> {
         let read = self.open()?.reader.take(limit.saturating_add(1)).read_to_end(&mut bytes);
         read.map_err(|cause| InputError::io(self.label, cause))?;
         if bytes.len() as u64 > limit {
-            return Err(InputError::TooLarge { path: self.label.to_owned(), what: "its size in bytes".to_owned(), limit });
+            return Err(InputError::TooLarge {
+                path: self.label.to_owned(),
+                what: "its size in bytes".to_owned(),
+                limit,
+            });
         }
         Ok(bytes)
     }

@@ -183,12 +183,7 @@ impl Lister {
     }
 }
 
-fn source_of(
-    files: FolderFiles,
-    name: String,
-    label: String,
-    found: bool,
-) -> Result<CitySource<'static>, InputError> {
+fn source_of(files: FolderFiles, name: String, label: String, found: bool) -> Result<CitySource<'static>, InputError> {
     let bytes = files.len(&name).map_err(|cause| InputError::io(&label, cause))?;
     Ok(CitySource { name, label, files: Rc::new(files), bytes, found })
 }
@@ -229,7 +224,9 @@ fn walk(folder: &Path, prefix: &str, depth: usize, names: &mut Vec<String>) -> R
 /// The sources among the names of files.
 fn select(mut names: Vec<String>) -> Selection {
     names.sort();
-    let split = |name: &str| name.rsplit_once('/').map_or((String::new(), name.to_owned()), |(a, b)| (format!("{a}/"), b.to_owned()));
+    let split = |name: &str| {
+        name.rsplit_once('/').map_or((String::new(), name.to_owned()), |(a, b)| (format!("{a}/"), b.to_owned()))
+    };
     let mut wholes: Vec<String> = Vec::new();
     let mut selection = Selection::default();
     for name in &names {
@@ -248,7 +245,8 @@ fn select(mut names: Vec<String>) -> Selection {
         let is_whole = whole.is_some_and(|whole| *whole == folder && WHOLE_FOLDERS.contains(&file.as_str()));
         if is_whole || !is_hidden && whole.is_none() && kind_by_name(&name).is_some() {
             selection.names.push(name);
-        } else if !is_hidden && whole.is_none()
+        } else if !is_hidden
+            && whole.is_none()
             && let Some(format) = unread_formats::format_of(&name)
         {
             match selection.unread.iter_mut().find(|(known, ..)| *known == format) {

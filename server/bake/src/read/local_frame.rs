@@ -22,13 +22,21 @@ pub(super) struct LocalFrame {
     cos: f64,
     sin: f64,
     scale: f64,
+    /// Whether y points up in the file, and z south.
+    is_y_up: bool,
 }
 
 impl LocalFrame {
-    pub(super) const IDENTITY: Self = Self { cos: 1.0, sin: 0.0, scale: 1.0 };
+    pub(super) const IDENTITY: Self = Self { cos: 1.0, sin: 0.0, scale: 1.0, is_y_up: false };
+
+    /// The frame of a file in which y points up.
+    pub(super) fn with_y_up(self) -> Self {
+        Self { is_y_up: true, ..self }
+    }
 
     /// Metres east, north and up of the mesh's origin.
-    pub(super) fn apply(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    pub(super) fn apply(self, position: [f64; 3]) -> [f64; 3] {
+        let [x, y, z] = if self.is_y_up { [position[0], -position[2], position[1]] } else { position };
         [x * self.cos + y * self.sin, y * self.cos - x * self.sin, z * self.scale]
     }
 }
@@ -68,12 +76,13 @@ pub(super) fn find(
     };
     let place: PlaceFile = serde_json::from_slice(&bytes).map_err(|error| InputError::json(&label, &error))?;
     let PlaceFile { lon, lat, height, heading, scale } = place;
-    let is_valid = lon.abs() <= 180.0 && lat.abs() <= 90.0 && height.is_finite() && heading.is_finite();
-    if !is_valid || !(scale > 0.0 && scale.is_finite()) {
+    let is_place = lon.abs() <= 180.0 && lat.abs() <= 90.0 && height.is_finite();
+    let is_frame = heading.is_finite() && scale.is_finite() && scale > 0.0;
+    if !(is_place && is_frame) {
         return Err(InputError::unsupported(&label, "its numbers are out of range"));
     }
     let (sin, cos) = heading.to_radians().sin_cos();
-    Ok(Some((reference([lon, lat, height]), LocalFrame { cos: cos * scale, sin: sin * scale, scale })))
+    Ok(Some((reference([lon, lat, height]), LocalFrame { cos: cos * scale, sin: sin * scale, scale, is_y_up: false })))
 }
 
 fn reference([lon, lat, height_m]: [f64; 3]) -> CrsReference {
@@ -96,6 +105,7 @@ mod tests {
         // What points north in the file points east.
         let east = frame.apply([0.0, 1.0, 1.0]);
         assert!((east[0] - 2.0).abs() < 1e-12 && east[1].abs() < 1e-12 && east[2] == 2.0, "{east:?}");
+        assert_eq!(LocalFrame::IDENTITY.with_y_up().apply([1.0, 2.0, 3.0]), [1.0, -3.0, 2.0]);
         let (reference, frame) = find(&sources[1], Some([1.0, 2.0, 3.0])).unwrap().unwrap();
         assert_eq!((reference.name.as_str(), frame), ("ENU:1,2,3", LocalFrame::IDENTITY));
         assert_eq!(find(&sources[1], None).unwrap(), None);

@@ -57,7 +57,9 @@ pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
 pub use remote::FetchFunction;
-pub use report::{AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport};
+pub use report::{
+    AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport,
+};
 pub use source::ReadProgress;
 pub use survey::{InputSurvey, survey};
 
@@ -100,6 +102,11 @@ pub fn read_embedded(
 ) -> Result<(Scene, ReadReport), InputError> {
     let listed = SourceList { sources: list::embedded(files), unread: Vec::new() };
     read_scene(&listed, BadInputs::new(options.skip_bad_inputs), options, progress)
+}
+
+/// The projection of a named coordinate system; `None` if it is not known.
+pub(crate) fn projection_of(crs: &str) -> Option<proj4rs::Proj> {
+    crs::resolve(crs).ok()?.horizontal.definition()?.proj().ok()
 }
 
 /// Where [`read_to_disk`] keeps triangles and textures.
@@ -268,8 +275,7 @@ fn read_source(
     tick: ByteProgress<'_>,
 ) -> Result<Option<SourceReport>, InputError> {
     // Any folder has files of these names that are no cities.
-    let is_common =
-        matches!(kind_by_name(&source.name), Some(SourceKind::Json | SourceKind::Xml | SourceKind::Csv));
+    let is_common = matches!(kind_by_name(&source.name), Some(SourceKind::Json | SourceKind::Xml | SourceKind::Csv));
     match read_by_kind(context, source, tick) {
         Err(InputError::Unsupported { .. } | InputError::UnknownFormat { .. }) if source.found && is_common => Ok(None),
         result => result,

@@ -124,7 +124,10 @@ fn coordinate_systems_are_brought_together() {
     let files = [("a.geojson", degrees.as_bytes()), ("b.geojson", dutch.as_bytes())];
     let (scene, report) = embedded(&files).unwrap();
     assert_eq!((scene.crs.as_deref(), scene.objects.len()), (Some("EPSG:28992"), 2));
-    assert_eq!(report.sources.iter().map(|source| source.path.as_str()).collect::<Vec<_>>(), ["b.geojson", "a.geojson"]);
+    assert_eq!(
+        report.sources.iter().map(|source| source.path.as_str()).collect::<Vec<_>>(),
+        ["b.geojson", "a.geojson"]
+    );
     let corner = |object: u32| {
         let corners = scene.triangles.iter().filter(|t| t.object == object).flat_map(|t| t.corners);
         let low = corners.fold([f32::MAX; 2], |low, c| [low[0].min(c[0]), low[1].min(c[1])]);

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use image::{ImageReader, Limits};
 
-use super::report::SourceReport;
 use super::files::OUTSIDE;
+use super::report::SourceReport;
 use super::source::{CitySource, read_sibling};
 use crate::scene::SceneTexture;
 use crate::scene::texture_store::TextureStore;
@@ -85,7 +85,9 @@ impl TextureLoader {
                 let rgb = rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
                 Ok(SceneTexture { width, height, rgb, is_pattern: false })
             }
-            false => Err(TextureFault { kind: "texture broken", detail: format!("{width} x {height} texels expected") }),
+            false => {
+                Err(TextureFault { kind: "texture broken", detail: format!("{width} x {height} texels expected") })
+            }
         })
     }
 
@@ -174,8 +176,8 @@ fn one_line(error: &dyn std::fmt::Display) -> String {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::super::report::SourceFormat;
     use super::super::list::embedded;
+    use super::super::report::SourceFormat;
     use super::*;
 
     /// Encodes a PNG of one colour.

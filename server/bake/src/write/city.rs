@@ -14,8 +14,8 @@ use std::{
 use insula_protocol::{
     NODE_CELLS, TileId,
     manifest::{
-        Attribution, CityCounts, FORMAT_VERSION, HeightReference, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES, Manifest,
-        shorten_text,
+        Attribution, CityCounts, FORMAT_VERSION, HeightReference, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES,
+        Manifest, shorten_text,
     },
     mesh_tile, tile,
 };

@@ -1,22 +1,13 @@
 //! Where a city lies on Earth, from its coordinate system: clients need it for the sun and for maps beside the city, and have no
 //! table of coordinate systems.
 
+use crate::read::projection_of;
 use insula_protocol::manifest::GeoLocation;
 use proj4rs::{Proj, adaptors::transform_vertex_2d};
 
-/// EPSG code of `JGD2011 / Japan Plane Rectangular CS I` with heights, and without. The codes of twelve more zones follow each.
-const JAPAN_WITH_HEIGHTS: u16 = 10_162;
-const JAPAN: u16 = 6669;
-
 /// Location of the middle of `focus` in a CRS such as `EPSG:7415`. `None` if the CRS is not known, or the place is not in it.
 pub(super) fn locate(crs: &str, focus: [[f64; 2]; 2]) -> Option<GeoLocation> {
-    let code: u16 = crs.strip_prefix("EPSG:")?.parse().ok()?;
-    // The library does not know Japan's systems with heights yet.
-    let code = match code.checked_sub(JAPAN_WITH_HEIGHTS) {
-        Some(zone) if zone < 13 => JAPAN + zone,
-        _ => code,
-    };
-    let from = Proj::from_epsg_code(code).ok()?;
+    let from = projection_of(crs)?;
     let to = Proj::from_proj_string("+proj=longlat +datum=WGS84").ok()?;
     let degrees = |x: f64, y: f64| {
         let (longitude, latitude) = transform_vertex_2d(&from, &to, (x, y)).ok()?;

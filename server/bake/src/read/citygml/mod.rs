@@ -33,9 +33,8 @@ use std::io::BufRead;
 use appearance::Appearances;
 use appearance_reader::{Scan, read_appearances};
 use decode::TextReader;
-use names::Class;
 use session::{Pass, Session};
-use xml::{Event, XmlReader};
+use xml::XmlReader;
 
 use super::input::Input;
 use super::object::ObjectSink;
@@ -54,22 +53,6 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
     let collected = session.run(Pass::Collect);
     let deferred = session.run(Pass::Deferred);
     result.and(collected).and(deferred)
-}
-
-/// Whether a file that begins with these bytes is CityGML. About 64 kB are enough.
-pub(crate) fn looks_like(first_bytes: &[u8]) -> bool {
-    let Ok(text) = TextReader::new("", Box::new(first_bytes)) else { return false };
-    let mut reader = XmlReader::new("", text);
-    loop {
-        match reader.next() {
-            Ok(Event::Start { class: Class::CityModel, .. }) => return true,
-            Ok(Event::Start { class: Class::FeatureCollection, element, .. }) => {
-                return element.attributes_raw().contains("opengis.net/citygml");
-            }
-            Ok(Event::Text(_) | Event::Other) => {}
-            Ok(Event::Start { .. } | Event::End | Event::EndOfFile) | Err(_) => return false,
-        }
-    }
 }
 
 /// Whether the file has appearances. Faults of the file are left to the pass that reads the objects.

@@ -12,8 +12,8 @@ use crate::read::context::ReadContext;
 use crate::read::facade::FacadeUse;
 use crate::read::json::position::JsonPosition;
 use crate::read::palette::{Look, ObjectShape, SurfaceFacts, WallKind, normal_z, object_kind};
-use crate::read::polygon::{MAX_CORNERS, NO_AREA, PolygonFault};
 use crate::read::place::Placement;
+use crate::read::polygon::{MAX_CORNERS, NO_AREA, PolygonFault};
 use crate::read::report::{ColourOrigin, SourceReport};
 use crate::read::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, is_valid_position};
 use crate::read::source::CitySource;
@@ -430,5 +430,8 @@ fn place_template<'t>(
     };
     let anchor = frame.source_point(instance.boundaries.child(0).index().unwrap_or(-1))?;
     let (vertices, placement) = (&templates.vertices, frame.placement);
-    Ok((template, VertexFrame { vertices, transform: None, placement, instance: Some(InstanceFrame { matrix, anchor }) }))
+    Ok((
+        template,
+        VertexFrame { vertices, transform: None, placement, instance: Some(InstanceFrame { matrix, anchor }) },
+    ))
 }

@@ -1,7 +1,7 @@
 //! Whole CityJSON documents.
 
 use crate::read::texture::tests::png;
-use crate::read::{InputError, ReadOptions, ReadReport, read_embedded};
+use crate::read::{DuplicateOption, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 
 /// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
@@ -21,8 +21,13 @@ fn solid(lod: &str) -> String {
     format!(r#"{{"type": "Solid", "lod": "{lod}", "boundaries": [[{FACES}]]}}"#)
 }
 
+/// Also those that stand in the same place.
+fn all_objects() -> ReadOptions {
+    ReadOptions { duplicates: DuplicateOption::KeepAll, ..ReadOptions::default() }
+}
+
 fn read(text: &str) -> (Scene, ReadReport) {
-    read_embedded(&[("a.city.json", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap()
+    read_embedded(&[("a.city.json", text.as_bytes())], &all_objects(), &|_| {}).unwrap()
 }
 
 /// Enclosed volume, positive if all faces face outwards.
@@ -246,7 +251,7 @@ fn malformed_objects_are_skipped_with_a_reason() {
     let skipped = &report.sources[0].skipped;
     let expected = ["index: vertex index 99 out of range of 11", "negative: vertex index -1 out of range of 11"];
     assert_eq!(skipped["vertex index out of range"].first[..2], expected);
-    assert_eq!(skipped["coordinate not a number or beyond 1e9 m"].count, 3);
+    assert_eq!(skipped["coordinate not a number or out of range"].count, 3);
     assert_eq!(skipped["malformed object"].count, 2);
     assert_eq!(report.skipped(), 10, "{skipped:?}");
 }
@@ -281,8 +286,7 @@ fn sequence_skips_broken_lines() {
     let odd = feature("odd").replace("[0,0,0]", "[NaN,0,0]");
     let lines = [HEADER, &feature("a"), cut, "", "nonsense", r#"{"type": "Feature"}"#, &odd, &feature("b")];
     let text = lines.join("\n");
-    let (scene, report) =
-        read_embedded(&[("a.city.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap();
+    let (scene, report) = read_embedded(&[("a.city.jsonl", text.as_bytes())], &all_objects(), &|_| {}).unwrap();
     assert_eq!(scene.objects.iter().map(|object| object.id.as_str()).collect::<Vec<_>>(), ["a", "b"]);
     assert!((volume(&scene) - 2.0).abs() < 1e-4);
     assert_eq!(scene.origin[0], 100.0);
@@ -290,7 +294,7 @@ fn sequence_skips_broken_lines() {
     assert_eq!(skipped["broken line"].count, 2);
     assert!(skipped["broken line"].first[0].starts_with("line 3, column 1"), "{skipped:?}");
     assert_eq!(skipped["line is no feature"].count, 1);
-    assert_eq!(skipped["coordinate not a number or beyond 1e9 m"].count, 1);
+    assert_eq!(skipped["coordinate not a number or out of range"].count, 1);
 }
 
 #[test]

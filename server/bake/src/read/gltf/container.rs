@@ -98,7 +98,9 @@ fn trim_padding(json: &[u8]) -> &[u8] {
 }
 
 /// The JSON, the binary chunk and the version of a GLB.
-fn glb<'a>(label: &str, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>, u32), InputError> {
+type GlbParts<'a> = (&'a [u8], Option<&'a [u8]>, u32);
+
+fn glb<'a>(label: &str, bytes: &'a [u8]) -> Result<GlbParts<'a>, InputError> {
     let damaged = |place: usize, what: &str| InputError::damaged(label, format!("byte {place}"), what);
     let word = |at: usize| u32_at(bytes, at).ok_or_else(|| damaged(at, "the GLB header is incomplete"));
     let version = word(4)?;

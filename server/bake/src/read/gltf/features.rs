@@ -7,7 +7,7 @@ use super::schema::FeatureSet;
 use super::{FeatureIdValues, FeatureIds, GltfPrimitive, TriangleMesh};
 
 /// Label of the identifiers of b3dm.
-pub(crate) const BATCH_ID: &str = "_BATCHID";
+const BATCH_ID: &str = "_BATCHID";
 
 /// Identifiers of a set with a value for each vertex. Fails if the set names a table that does not exist.
 pub(super) fn per_vertex(set: &FeatureSet, values: Vec<u32>, tables: usize) -> Result<FeatureIds, Fault> {

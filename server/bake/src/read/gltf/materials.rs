@@ -13,7 +13,6 @@ const GLASS_OPACITY: f32 = 0.25;
 /// How a material's texture is mapped.
 #[derive(Debug, Clone)]
 pub(super) struct TextureUse {
-    texture: usize,
     /// Number of the set of texture coordinates.
     pub(super) tex_coord: u32,
     /// KHR_texture_transform: rows of the matrix from coordinates to coordinates, v down.
@@ -26,7 +25,7 @@ impl TextureUse {
         let ([u, v], [su, sv]) = (transform.offset.unwrap_or_default(), transform.scale.unwrap_or([1.0; 2]));
         let (sin, cos) = transform.rotation.sin_cos();
         let rows = [[cos * su, sin * sv, u], [-sin * su, cos * sv, v]];
-        Self { texture: info.index, tex_coord: transform.tex_coord.unwrap_or(info.tex_coord), rows }
+        Self { tex_coord: transform.tex_coord.unwrap_or(info.tex_coord), rows }
     }
 
     /// Texture coordinates with v up from those of the file; (0, 0) if they are not finite.

@@ -20,7 +20,6 @@ const ID_NAMES: [&str; 8] = ["gml:id", "gml_id", "gmlid", "id", "globalid", "gui
 pub(crate) struct PropertyTable {
     /// Identifier of the class, for `source_type`.
     pub(crate) class: String,
-    pub(crate) name: Option<String>,
     /// Number of features.
     pub(crate) count: u32,
     columns: Vec<PropertyColumn>,
@@ -78,12 +77,7 @@ pub(super) fn tables(
     };
     let mut tables = Vec::with_capacity(metadata.property_tables.len());
     for (number, entry) in metadata.property_tables.iter().enumerate() {
-        let mut table = PropertyTable {
-            class: entry.class.clone(),
-            name: entry.name.clone(),
-            count: entry.count,
-            columns: Vec::new(),
-        };
+        let mut table = PropertyTable { class: entry.class.clone(), count: entry.count, columns: Vec::new() };
         let Some(class) = schema.classes.get(&entry.class) else {
             note(Fault::new(KIND, format!("class {} does not exist", entry.class)), &format!("table {number}"));
             tables.push(table);

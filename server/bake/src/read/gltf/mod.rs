@@ -36,7 +36,6 @@ use images::Images;
 use primitive::PrimitiveContext;
 use scene::SceneBuilder;
 
-pub(crate) use features::BATCH_ID;
 pub(crate) use metadata::PropertyTable;
 pub(crate) use source::read;
 
@@ -82,12 +81,8 @@ pub(crate) struct GltfScene {
 pub(crate) struct GltfPrimitive {
     /// Index of the node that has the mesh.
     pub(crate) node: usize,
-    /// Index of the mesh.
-    pub(crate) mesh: usize,
     /// Number of the instance (EXT_mesh_gpu_instancing) if the node has instances.
     pub(crate) instance: Option<u32>,
-    pub(crate) node_name: Option<Rc<str>>,
-    pub(crate) mesh_name: Option<Rc<str>>,
     /// `extras` of the node, then of the mesh and the primitive.
     pub(crate) attributes: Rc<Attributes>,
     /// Finite, with the transforms of the nodes.

@@ -176,7 +176,6 @@ impl<'a> SceneBuilder<'a> {
         let instances = self.instances(node)?;
         let skin = node.skin.and_then(|skin| self.context.root.skins.get(skin));
         let joints = skin.map(|skin| self.joint_matrices(skin, to_scene)).transpose()?;
-        let (node_name, mesh_name) = self.names(placed.index, mesh);
         let count = primitives.iter().map(|local| local.positions.len() as u64).sum::<u64>();
         let bytes = primitives.iter().map(LocalPrimitive::bytes).sum::<u64>();
         let budget = self.context.buffers.budget();
@@ -187,10 +186,7 @@ impl<'a> SceneBuilder<'a> {
             for instance in &instances {
                 let mut primitive = GltfPrimitive {
                     node: placed.index,
-                    mesh,
                     instance: instance.number,
-                    node_name: node_name.clone(),
-                    mesh_name: mesh_name.clone(),
                     attributes: Rc::clone(&attributes),
                     uv: local.uv.clone(),
                     colours: local.colours.clone(),
@@ -220,15 +216,6 @@ impl<'a> SceneBuilder<'a> {
         if !primitive.triangles.is_empty() {
             self.scene.primitives.push(primitive);
         }
-    }
-
-    fn names(&self, node: usize, mesh: usize) -> (Option<Rc<str>>, Option<Rc<str>>) {
-        let root = self.context.root;
-        let name = |name: &Option<Box<str>>| name.as_deref().filter(|name| !name.is_empty()).map(Rc::from);
-        (
-            root.nodes.get(node).and_then(|node| name(&node.name)),
-            root.meshes.get(mesh).and_then(|mesh| name(&mesh.name)),
-        )
     }
 
     fn node_attributes(&self, node: &Node, mesh: usize, local: &LocalPrimitive) -> Rc<Attributes> {

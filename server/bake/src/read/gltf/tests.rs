@@ -20,7 +20,7 @@ fn glb_and_json_are_equal() {
         let primitive = &scene.primitives[0];
         assert_eq!(primitive.positions, QUAD.map(|p| p.map(f64::from)));
         assert_eq!(primitive.triangles, [[0, 1, 2], [0, 2, 3]]);
-        assert_eq!(primitive.node_name.as_deref(), Some("house"));
+        assert_eq!(scene.mesh_nodes[0].name.as_deref(), Some("house"));
     }
 }
 
@@ -29,7 +29,7 @@ fn nodes_transform_in_order_and_mirrors_keep_the_outside() {
     let mut document = Document::quad();
     document.json["nodes"] = serde_json::json!([
         {"translation": [10, 0, 0], "children": [1], "extras": {"use": "school", "levels": [1, 2]}},
-        {"name": "house", "mesh": 0, "scale": [-2, 1, 1], "rotation": [0, 0.7071067811865476, 0, 0.7071067811865476]},
+        {"name": "house", "mesh": 0, "scale": [-2, 1, 1], "rotation": [0, std::f64::consts::FRAC_1_SQRT_2, 0, std::f64::consts::FRAC_1_SQRT_2]},
     ]);
     document.json["meshes"][0]["extras"] = serde_json::json!({"height": 12.5});
     let scene = decode_document(&document).expect("readable");

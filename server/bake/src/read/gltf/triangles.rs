@@ -16,7 +16,7 @@ pub(super) fn triangles(mode: u32, corners: usize, vertex: impl Fn(usize) -> u32
     match mode {
         STRIP => {
             let triangle = |i: usize| {
-                let [a, b] = if i % 2 == 0 { [i, i + 1] } else { [i + 1, i] };
+                let [a, b] = if i.is_multiple_of(2) { [i, i + 1] } else { [i + 1, i] };
                 [a, b, i + 2].map(&vertex)
             };
             (0..corners.saturating_sub(2)).map(triangle).filter(|triangle| !joined(*triangle)).collect()

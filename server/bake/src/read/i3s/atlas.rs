@@ -7,7 +7,7 @@ use super::mesh::NodeMesh;
 const MAX_CELLS: i64 = 256;
 /// All triangles of a node together are cut into at most this many times their number, and some.
 const MAX_GROWTH: usize = 16;
-/// Texture coordinates that are this little beyond a whole number do not start a repetition.
+/// Texture coordinates that are this close to a whole number are meant to be it.
 const TOLERANCE: f32 = 1e-4;
 const FULL: [u16; 4] = [0, 0, u16::MAX, u16::MAX];
 
@@ -65,9 +65,15 @@ fn corner(mesh: &NodeMesh, vertex: u32) -> Corner {
     let uv = mesh.uv.get(at).copied().unwrap_or_default();
     Corner {
         offset: mesh.offsets.get(at).copied().unwrap_or_default(),
-        uv: uv.map(|number| if number.is_finite() { number.clamp(-1e6, 1e6) } else { 0.0 }),
+        uv: uv.map(snapped),
         colour: mesh.colours.get(at).copied().unwrap_or([255; 3]).map(f32::from),
     }
+}
+
+/// The number, or the whole number that it is meant to be. Numbers that are not finite are 0.
+fn snapped(number: f32) -> f32 {
+    let number = if number.is_finite() { number.clamp(-1e6, 1e6) } else { 0.0 };
+    if (number - number.round()).abs() < TOLERANCE { number.round() } else { number }
 }
 
 /// The first and last repetition that a triangle has, in u and v.
@@ -76,8 +82,8 @@ fn cells(corners: &[Corner; 3]) -> [[i64; 2]; 2] {
         let numbers = corners.map(|corner| corner.uv[axis]);
         let low = numbers.iter().copied().fold(f32::MAX, f32::min);
         let high = numbers.iter().copied().fold(f32::MIN, f32::max);
-        let first = (low + TOLERANCE).floor() as i64;
-        [first, ((high - TOLERANCE).ceil() as i64 - 1).max(first)]
+        let first = low.floor() as i64;
+        [first, (high.ceil() as i64 - 1).max(first)]
     };
     let [u, v] = [axis(0), axis(1)];
     [[u[0], v[0]], [u[1], v[1]]]
@@ -101,7 +107,7 @@ fn cut(corners: &[Corner; 3], cell: [f32; 2]) -> Vec<Corner> {
     let mut polygon = corners.to_vec();
     for axis in 0..2 {
         for (limit, sign) in [(cell[axis], 1.0), (cell[axis] + 1.0, -1.0)] {
-            let inside = |corner: &Corner| (corner.uv[axis] - limit) * sign + TOLERANCE;
+            let inside = |corner: &Corner| (corner.uv[axis] - limit) * sign;
             let mut kept = Vec::with_capacity(polygon.len() + 2);
             for (i, to) in polygon.iter().enumerate() {
                 let from = &polygon[(i + polygon.len() - 1) % polygon.len()];

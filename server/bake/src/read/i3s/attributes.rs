@@ -96,7 +96,9 @@ fn number(name: &str) -> Option<(usize, Parse)> {
         "Int32" => (4, |bytes| integer(bytes, i32::from_le_bytes)),
         "UInt32" | "Oid32" => (4, |bytes| integer(bytes, u32::from_le_bytes)),
         "Int64" | "UInt64" | "Oid64" => (8, |bytes| integer(bytes, i64::from_le_bytes)),
-        "Float32" => (4, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::Float(f32::from_le_bytes(bytes).into()))),
+        "Float32" => {
+            (4, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::Float(f32::from_le_bytes(bytes).into())))
+        }
         "Float64" => (8, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::Float(f64::from_le_bytes(bytes)))),
         _ => return None,
     })
@@ -115,7 +117,11 @@ mod tests {
     const DOUBLES: &str = r#"{"header":[{"property":"count"}],"attributeValues":{"valueType":"Float64"}}"#;
 
     fn text_bytes(lengths: &[u32], text: &[u8]) -> Vec<u8> {
-        let mut bytes = [lengths.len() as u32, text.len() as u32].iter().chain(lengths).flat_map(|n| n.to_le_bytes()).collect::<Vec<_>>();
+        let mut bytes = [lengths.len() as u32, text.len() as u32]
+            .iter()
+            .chain(lengths)
+            .flat_map(|n| n.to_le_bytes())
+            .collect::<Vec<_>>();
         bytes.extend_from_slice(text);
         bytes
     }

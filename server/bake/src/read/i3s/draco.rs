@@ -49,7 +49,9 @@ pub(super) fn decode(bytes: &[u8], max_bytes: u64) -> Result<NodeMesh, String> {
     if let Some(uv) = mesh.named_attribute(GeometryAttributeType::TexCoord) {
         node.uv = uv.read_f32s(count, 2).chunks_exact(2).map(|uv| [uv[0], uv[1]]).collect();
     }
-    if let Some(colours) = mesh.named_attribute(GeometryAttributeType::Color).filter(|a| a.data_type() == DataType::Uint8) {
+    if let Some(colours) =
+        mesh.named_attribute(GeometryAttributeType::Color).filter(|a| a.data_type() == DataType::Uint8)
+    {
         node.colours = (0..count).map(|point| value_at(colours, point).unwrap_or([255; 3])).collect();
     }
     if let Some(regions) = by_type(&mesh, "uv-region").filter(|attribute| attribute.data_type() == DataType::Uint16) {
@@ -77,7 +79,9 @@ fn read_features(mesh: &Mesh, node: &mut NodeMesh) {
         let point = triangle[0] as usize;
         let index = match indices.data_type() {
             DataType::Uint8 => value_at::<1>(indices, point).map(|bytes| u32::from(bytes[0])),
-            DataType::Uint16 | DataType::Int16 => value_at(indices, point).map(|bytes| u16::from_le_bytes(bytes).into()),
+            DataType::Uint16 | DataType::Int16 => {
+                value_at(indices, point).map(|bytes| u16::from_le_bytes(bytes).into())
+            }
             DataType::Uint32 | DataType::Int32 => value_at(indices, point).map(u32::from_le_bytes),
             _ => None,
         };

@@ -71,12 +71,8 @@ pub(super) struct Layout {
     /// Where the attributes start.
     offset: u64,
     fields: Vec<Field>,
-}
-
-impl Default for Number {
-    fn default() -> Self {
-        Self::U32
-    }
+    /// Whether texture coordinates and their regions may be missing: the schema of a store is that of all nodes.
+    is_loose: bool,
 }
 
 impl Layout {
@@ -110,6 +106,7 @@ impl Layout {
             feature_count: has_header.then_some((4, Number::U32)),
             offset: json.offset,
             fields,
+            is_loose: false,
         })
     }
 
@@ -118,7 +115,7 @@ impl Layout {
         if schema.topology.as_deref().is_some_and(|topology| topology.eq_ignore_ascii_case("Indexed")) {
             return Err("indexed geometry is not read".to_owned());
         }
-        let mut layout = Self::default();
+        let mut layout = Self { is_loose: true, ..Self::default() };
         for header in schema.header.iter().flatten() {
             let name = header.r#type.as_deref().unwrap_or_default();
             let number = Number::new(name).ok_or_else(|| format!("the type `{name}` is not known"))?;
@@ -193,8 +190,8 @@ impl Layout {
         Ok(mesh)
     }
 
-    /// The fields that the buffer has. Texture coordinates and their regions are sometimes missing although the layout has
-    /// them; then the layout without them fits the length better. `None` if none fits.
+    /// The fields that the buffer has. If some are missing, the layout without them fits the length better. `None` if none
+    /// fits.
     fn fields_within(&self, length: u64, vertices: u64, features: u64) -> Option<Vec<Field>> {
         let without = |left_out: &[Meaning]| {
             let fields = self.fields.iter().filter(|field| !left_out.contains(&field.meaning));
@@ -206,8 +203,13 @@ impl Layout {
                 end.checked_add(field.size(items)?)
             })
         };
-        let choices =
-            [without(&[]), without(&[Meaning::Region]), without(&[Meaning::Uv]), without(&[Meaning::Uv, Meaning::Region])];
+        let choices = [
+            without(&[]),
+            without(&[Meaning::Region]),
+            without(&[Meaning::Uv]),
+            without(&[Meaning::Uv, Meaning::Region]),
+        ];
+        let choices = if self.is_loose { &choices[..] } else { &choices[..1] };
         let exact = choices.iter().find(|fields| end(fields) == Some(length));
         let fitting = || choices.iter().find(|fields| end(fields).is_some_and(|end| end <= length));
         exact.or_else(fitting).cloned()
@@ -229,7 +231,8 @@ impl Field {
         let items = data.chunks_exact(stride);
         match (self.meaning, self.number, self.components) {
             (Meaning::Position, Number::F32, 3..) => {
-                mesh.offsets = items.map(|item| [0, 4, 8].map(|at| f64::from(f32_at(item, at).unwrap_or(f32::NAN)))).collect();
+                mesh.offsets =
+                    items.map(|item| [0, 4, 8].map(|at| f64::from(f32_at(item, at).unwrap_or(f32::NAN)))).collect();
             }
             (Meaning::Position, Number::F64, 3..) => {
                 mesh.offsets = items.map(|item| [0, 8, 16].map(|at| f64_at(item, at).unwrap_or(f64::NAN))).collect();

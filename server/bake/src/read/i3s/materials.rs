@@ -13,8 +13,9 @@ use crate::read::tiles3d::uri;
 
 /// The cutoff of masks if the layer tells none.
 const DEFAULT_ALPHA_CUTOFF: f32 = 0.25;
-const JPEG: &[&str] = &["jpg", "jpeg"];
-const PNG: &[&str] = &["png"];
+/// Extensions of images; some packages call all binary files alike.
+const JPEG: &[&str] = &["jpg", "jpeg", "bin"];
+const PNG: &[&str] = &["png", "bin"];
 
 /// The shared resource of a node before version 1.7.
 #[derive(Debug, Deserialize)]
@@ -151,7 +152,8 @@ fn shared(
         let value = members.as_ref().and_then(|members| members.values().next());
         value.cloned().unwrap_or_default()
     };
-    let params = serde_json::from_value::<SharedMaterialJson>(first(&json.material_definitions)).unwrap_or_default().params;
+    let params =
+        serde_json::from_value::<SharedMaterialJson>(first(&json.material_definitions)).unwrap_or_default().params;
     let rgb = params.diffuse.as_deref().and_then(colour).map(|[r, g, b, _]| [r, g, b]);
     let transparency = params.transparency.filter(|transparency| (0.0..=1.0).contains(transparency)).unwrap_or(0.0);
     let mut material = SourceMaterial { rgb, opacity: 1.0 - transparency, ..SourceMaterial::default() };

@@ -142,9 +142,15 @@ pub(super) enum GeometrySource {
 pub(super) enum MaterialSource {
     None,
     /// A material definition of the layer, with textures in the folder.
-    Defined { folder: String, definition: u32 },
+    Defined {
+        folder: String,
+        definition: u32,
+    },
     /// The shared resource of the node, and whether the node has textures.
-    Shared { path: String, has_textures: bool },
+    Shared {
+        path: String,
+        has_textures: bool,
+    },
 }
 
 /// Reads nodes by their identifiers.
@@ -212,7 +218,10 @@ impl Node {
             let resource = geometry.resource?;
             let material = mesh.material.filter(|material| material.definition.is_some());
             Some(NodeResources {
-                geometry: GeometrySource::Defined { folder: folder(resource), definition: geometry.definition.unwrap_or(0) },
+                geometry: GeometrySource::Defined {
+                    folder: folder(resource),
+                    definition: geometry.definition.unwrap_or(0),
+                },
                 counts: [geometry.vertex_count, geometry.feature_count],
                 attributes: mesh.attribute.and_then(|attribute| attribute.resource).map(folder),
                 material: material.map_or(MaterialSource::None, |material| MaterialSource::Defined {
@@ -223,7 +232,12 @@ impl Node {
         });
         let mesh = mesh.filter(|mesh| mesh.counts[0] != Some(0));
         let children = json.children.unwrap_or_default().into_iter().map(NodeId::Paged).collect();
-        Self { center: center_of(json.obb.as_ref(), None), radius_m: radius_of(json.obb.as_ref(), None), children, mesh }
+        Self {
+            center: center_of(json.obb.as_ref(), None),
+            radius_m: radius_of(json.obb.as_ref(), None),
+            children,
+            mesh,
+        }
     }
 
     fn of_document(id: &str, json: NodeJson) -> Self {

@@ -31,7 +31,8 @@ impl LayerPlace {
         let reference = layer.spatial_reference.as_ref();
         let positive = |code: Option<i64>| code.filter(|code| *code > 0);
         let code = reference.and_then(|reference| positive(reference.latest_wkid).or(positive(reference.wkid)));
-        let vertical = reference.and_then(|reference| positive(reference.latest_vcs_wkid).or(positive(reference.vcs_wkid)));
+        let vertical =
+            reference.and_then(|reference| positive(reference.latest_vcs_wkid).or(positive(reference.vcs_wkid)));
         let model = layer.height_model_info.as_ref();
         let height_model = model.and_then(|model| model.height_model.as_deref());
         let is_ellipsoidal = match height_model {
@@ -53,9 +54,8 @@ impl LayerPlace {
         };
         let elevation = layer.elevation_info.as_ref();
         let offset = elevation.filter(|elevation| elevation.mode.as_deref() == Some("absoluteHeight"));
-        let offset_m = offset.and_then(|elevation| {
-            Some(elevation.offset? * elevation.unit.as_deref().and_then(unit_m).unwrap_or(1.0))
-        });
+        let offset_m = offset
+            .and_then(|elevation| Some(elevation.offset? * elevation.unit.as_deref().and_then(unit_m).unwrap_or(1.0)));
         Self {
             crs: name.map(|name| CrsReference { name, order: AxisOrder::EastFirst }),
             is_in_degrees,
@@ -104,7 +104,11 @@ mod tests {
     #[test]
     fn names_of_systems() {
         let cases = [
-            (r#"{"spatialReference":{"wkid":4326},"heightModelInfo":{"heightModel":"ellipsoidal"}}"#, Some("EPSG:4979"), true),
+            (
+                r#"{"spatialReference":{"wkid":4326},"heightModelInfo":{"heightModel":"ellipsoidal"}}"#,
+                Some("EPSG:4979"),
+                true,
+            ),
             (r#"{"spatialReference":{"wkid":4326,"vcsWkid":115700}}"#, Some("EPSG:4979"), true),
             (
                 r#"{"spatialReference":{"wkid":4326,"vcsWkid":5773},"heightModelInfo":{"heightModel":"gravity_related_height"}}"#,
@@ -115,7 +119,11 @@ mod tests {
             (r#"{"spatialReference":{"wkid":102100}}"#, Some("EPSG:3857"), false),
             (r#"{"spatialReference":{"wkid":102711}}"#, Some("ESRI:102711"), false),
             (r#"{"spatialReference":{"wkid":-1,"wkt":"PROJCS[..]"}}"#, Some("PROJCS[..]"), false),
-            (r#"{"store":{"vertexCRS":"http://www.opengis.net/def/crs/EPSG/0/4326"}}"#, Some("http://www.opengis.net/def/crs/EPSG/0/4326"), true),
+            (
+                r#"{"store":{"vertexCRS":"http://www.opengis.net/def/crs/EPSG/0/4326"}}"#,
+                Some("http://www.opengis.net/def/crs/EPSG/0/4326"),
+                true,
+            ),
             ("{}", None, false),
         ];
         for (json, name, is_in_degrees) in cases {

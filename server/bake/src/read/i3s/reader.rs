@@ -20,8 +20,8 @@ use crate::read::tiles3d::kind;
 const MAX_NODES: usize = 1 << 24;
 /// Nodes are nested at most this deep.
 const MAX_DEPTH: u32 = 256;
-/// Layers of which more nodes cannot be read are given up.
-const MAX_FAULTS: u64 = 100_000;
+/// Layers of which more nodes cannot be read, and ten times more than can, are given up.
+const MAX_FAULTS: u64 = 10_000;
 /// Metres of a degree of latitude, rather too few.
 const METRES_PER_DEGREE: f64 = 110_000.0;
 
@@ -33,6 +33,7 @@ pub(super) struct LayerReader<'r, 'f, 'a> {
     sink: &'r mut dyn ObjectSink,
     place: LayerPlace,
     visited: HashSet<NodeId>,
+    meshes: u64,
     faults: u64,
 }
 
@@ -43,7 +44,16 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
         objects: Objects<'r>,
         sink: &'r mut dyn ObjectSink,
     ) -> Self {
-        Self { resources, layer, objects, sink, place: LayerPlace::new(layer), visited: HashSet::new(), faults: 0 }
+        Self {
+            resources,
+            layer,
+            objects,
+            sink,
+            place: LayerPlace::new(layer),
+            visited: HashSet::new(),
+            meshes: 0,
+            faults: 0,
+        }
     }
 
     /// Passes on the objects of all finest nodes. Fails if there is no node at all, or if the run must end.
@@ -107,8 +117,8 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
     fn skip(&mut self, reason: &'static str, detail: String) -> Result<(), InputError> {
         self.sink.skip(reason, detail);
         self.faults += 1;
-        if self.faults > MAX_FAULTS {
-            let what = format!("more than {MAX_FAULTS} nodes cannot be read");
+        if self.faults > MAX_FAULTS.max(10 * self.meshes) {
+            let what = format!("{} nodes cannot be read", self.faults);
             return Err(InputError::damaged(self.resources.files.input.label, "nodes", what));
         }
         Ok(())
@@ -116,7 +126,8 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
 
     /// Whether a node is certainly outside of the wanted part.
     fn is_outside(&self, node: &Node) -> bool {
-        let Some([west, south, east, north]) = self.resources.files.input.bbox_deg.filter(|_| self.place.is_in_degrees) else {
+        let Some([west, south, east, north]) = self.resources.files.input.bbox_deg.filter(|_| self.place.is_in_degrees)
+        else {
             return false;
         };
         let [lon, lat, _] = node.center;
@@ -160,7 +171,8 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
                 Some(_) => Ok(None),
                 None => Layout::of_definition(buffer).map(Some),
             };
-            let decoded = layout.and_then(|layout| self.decode(&format!("{folder}/geometries/{i}"), layout.as_ref(), counts));
+            let decoded =
+                layout.and_then(|layout| self.decode(&format!("{folder}/geometries/{i}"), layout.as_ref(), counts));
             match decoded {
                 Ok(geometry) => return Ok(geometry),
                 Err(what) => {
@@ -217,6 +229,7 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
         let parts = geometry.by_feature(&place, material);
         let mut seen = vec![false; geometry.features.len()];
         let has_objects = !parts.is_empty();
+        self.meshes += 1;
         for (feature, mesh) in parts {
             feature.and_then(|feature| seen.get_mut(feature)).into_iter().for_each(|seen| *seen = true);
             let attributes = feature.and_then(|feature| Some(attributes.as_ref()?.get(feature))).unwrap_or_default();

@@ -45,7 +45,8 @@ impl<'f, 'a> Resources<'f, 'a> {
 
     /// Reads a resource by its path within the layer, such as `nodes/3/geometries/0`, unpacked. Fails if no name fits.
     pub(super) fn read(&self, path: &str, resource: Resource) -> io::Result<(String, Vec<u8>)> {
-        let name = uri::join(&self.folder, path).map_err(|reason| io::Error::new(io::ErrorKind::PermissionDenied, reason))?;
+        let name =
+            uri::join(&self.folder, path).map_err(|reason| io::Error::new(io::ErrorKind::PermissionDenied, reason))?;
         let extensions: &[&str] = match resource {
             Resource::Json => &["json"],
             Resource::Binary => &["bin"],

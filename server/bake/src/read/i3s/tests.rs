@@ -41,14 +41,14 @@ fn layer() -> Value {
         "geometryDefinitions": [{"geometryBuffers": [
             {"compressedAttributes": {"encoding": "draco"}},
             {"offset": 8, "position": format("Float32", 3), "uv0": format("Float32", 2), "color": format("UInt8", 4),
-                "uvRegion": format("UInt16", 4), "featureId": format("UInt64", 1), "faceRange": format("UInt32", 2)}
+                "featureId": format("UInt64", 1), "faceRange": format("UInt32", 2)}
         ]}],
         "attributeStorageInfo": [{"key": "f_1", "name": "storeys", "header": [{"property": "count"}],
             "attributeValues": {"valueType": "Int16"}}]
     })
 }
 
-/// Two triangles of two features, without regions although the layout has them.
+/// Two triangles of two features, without regions although the schema of the store has them.
 fn geometry() -> Vec<u8> {
     let mut bytes: Vec<u8> = [6_u32, 2].iter().flat_map(|count| count.to_le_bytes()).collect();
     let positions = [0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.5, 10.0_f32];
@@ -73,8 +73,16 @@ fn node(children: &[u32], resource: Option<u32>) -> Value {
 /// A layer with a root, a coarse node 1 and below it the nodes 2 and 3, of which 3 is missing its files.
 fn write_layer(folder: &Path) {
     write(folder, "3dSceneLayer.json", layer().to_string().as_bytes());
-    write(folder, "nodepages/0.json", json!({"nodes": [node(&[1], None), node(&[2, 3], Some(5))]}).to_string().as_bytes());
-    write(folder, "nodepages/1.json", json!({"nodes": [node(&[1], Some(6)), node(&[], Some(7))]}).to_string().as_bytes());
+    write(
+        folder,
+        "nodepages/0.json",
+        json!({"nodes": [node(&[1], None), node(&[2, 3], Some(5))]}).to_string().as_bytes(),
+    );
+    write(
+        folder,
+        "nodepages/1.json",
+        json!({"nodes": [node(&[1], Some(6)), node(&[], Some(7))]}).to_string().as_bytes(),
+    );
     for resource in [5, 6] {
         write(folder, &format!("nodes/{resource}/geometries/1.bin"), &geometry());
         write(folder, &format!("nodes/{resource}/textures/0.jpg"), b"image");
@@ -96,7 +104,10 @@ fn finest_nodes_are_read_with_attributes_materials_and_places() {
     assert_eq!(meshes[0].positions[2], [8.0, 50.5, 110.0 * 0.3048]);
     assert_eq!((meshes[0].uv[0], meshes[0].colours[0]), ([0.25, 0.0], [255, 0, 0]));
     let material = &sink.materials[meshes[0].material.unwrap() as usize];
-    assert_eq!((material.rgb, material.alpha_cutoff, material.roughness), (Some([255, 128, 0]), Some(0.25), Some(0.75)));
+    assert_eq!(
+        (material.rgb, material.alpha_cutoff, material.roughness),
+        (Some([255, 128, 0]), Some(0.25), Some(0.75))
+    );
     let SourceImage::Encoded { name, .. } = &material.texture.as_ref().unwrap().image else { panic!() };
     assert_eq!(name, "nodes/6/textures/0.jpg");
     // Node 1 is below node 2 again; node 3 has no files.
@@ -132,7 +143,8 @@ fn documents_of_nodes_and_shared_resources_are_read() {
     let layers = "SceneServer/layers/0";
     let at = |name: &str| format!("{layers}/{name}/index.json");
     write(folder.path(), &format!("{layers}/index.json"), layer.to_string().as_bytes());
-    let root = json!({"id": "root", "mbs": [0, 0, 0, 9], "children": [{"id": "1", "href": "../1"}, {"id": "../../../x"}]});
+    let root =
+        json!({"id": "root", "mbs": [0, 0, 0, 9], "children": [{"id": "1", "href": "../1"}, {"id": "../../../x"}]});
     write(folder.path(), &at("nodes/root"), root.to_string().as_bytes());
     let node = json!({"id": "1", "mbs": [400000.0, 5500000.0, 7.0, 9], "geometryData": [{"href": "./geometries/0"}],
         "textureData": [{"href": "./textures/0_0"}], "sharedResource": {"href": "./shared"}});

@@ -112,6 +112,7 @@ impl World {
     }
 
     /// The projected system: `EPSG:28992`, or a string for PROJ if the registry has no code for it.
+    #[cfg(test)]
     pub(crate) fn horizontal(&self) -> Option<String> {
         self.system.as_ref().map(|system| system.label.clone())
     }

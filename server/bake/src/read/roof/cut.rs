@@ -8,8 +8,9 @@ use super::RoofFault;
 use super::plan::{PlanFace, PlanPoint};
 use super::simple;
 
-/// Values nearer to zero than this share of the largest are zero.
-const ZERO_SHARE: f64 = 1e-6;
+/// Values nearer to zero than these shares of the largest are zero. If faces are so narrow that the pieces do not fit, the
+/// next one is tried.
+const ZERO_SHARES: [f64; 3] = [1e-6, 1e-9, 1e-12];
 /// Points on a line that are nearer than this to each other end no cut.
 const MIN_CUT_M: f64 = 1e-9;
 
@@ -18,10 +19,25 @@ const MIN_CUT_M: f64 = 1e-9;
 pub(super) fn cut(
     points: &mut Vec<PlanPoint>,
     faces: &[PlanFace],
-    mut scalars: Vec<f64>,
+    scalars: &[f64],
 ) -> Result<Vec<PlanFace>, RoofFault> {
     let largest = scalars.iter().fold(0.0_f64, |largest, scalar| largest.max(scalar.abs()));
-    scalars.iter_mut().filter(|scalar| scalar.abs() <= ZERO_SHARE * largest).for_each(|scalar| *scalar = 0.0);
+    for share in ZERO_SHARES {
+        let rounded = |&scalar: &f64| if scalar.abs() <= share * largest { 0.0 } else { scalar };
+        let pieces = cut_rounded(points, faces, scalars.iter().map(rounded).collect());
+        if pieces.is_ok() {
+            return pieces;
+        }
+        points.truncate(scalars.len());
+    }
+    Err(RoofFault::Faces)
+}
+
+fn cut_rounded(
+    points: &mut Vec<PlanPoint>,
+    faces: &[PlanFace],
+    mut scalars: Vec<f64>,
+) -> Result<Vec<PlanFace>, RoofFault> {
     let mut crossings = HashMap::new();
     let mut pieces = Vec::with_capacity(faces.len() + 8);
     for face in faces {
@@ -103,11 +119,13 @@ impl FaceCut<'_> {
 
     /// Direction of the zeros, and the points on them in its order. `None` if they are all in one place.
     fn line(&self) -> Option<(DVec2, Vec<usize>)> {
-        let mut on_line: Vec<usize> = self.rings.iter().flatten().copied().filter(|&i| self.scalars[i] == 0.0).collect();
+        let mut on_line: Vec<usize> =
+            self.rings.iter().flatten().copied().filter(|&i| self.scalars[i] == 0.0).collect();
         let first = self.at(*on_line.first()?);
         let far = |a: &usize, b: &usize| self.at(*a).distance(first).total_cmp(&self.at(*b).distance(first));
         let farthest = on_line.iter().copied().max_by(far)?;
-        let along = (self.at(farthest) - first).try_normalize().filter(|_| self.at(farthest).distance(first) > MIN_CUT_M)?;
+        let along =
+            (self.at(farthest) - first).try_normalize().filter(|_| self.at(farthest).distance(first) > MIN_CUT_M)?;
         on_line.sort_by(|&a, &b| self.at(a).dot(along).total_cmp(&self.at(b).dot(along)).then(a.cmp(&b)));
         on_line.dedup();
         Some((along, on_line))
@@ -147,7 +165,9 @@ pub(super) fn trace_faces(points: &[PlanPoint], edges: &[(usize, usize)]) -> Res
         if simple::area(&corners) > 0.0 { faces.push((vec![ring], vec![corners])) } else { holes.push((ring, corners)) }
     }
     for (ring, corners) in holes {
-        let around = faces.iter_mut().find(|(_, outer)| simple::contains(outer, (corners[0] + corners[1 % corners.len()]) / 2.0));
+        let around = faces
+            .iter_mut()
+            .find(|(_, outer)| simple::contains(outer, (corners[0] + corners[1 % corners.len()]) / 2.0));
         around.ok_or(RoofFault::Faces)?.0.push(ring);
     }
     Ok(faces.into_iter().map(|(face, _)| face).collect())

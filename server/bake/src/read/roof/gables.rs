@@ -42,10 +42,7 @@ pub(super) fn gabled(outline: &Outline, is_half_hipped: bool) -> Result<Plan, Ro
 }
 
 /// A roof over straight walls, or over all edges if that fails.
-fn with_either(
-    outline: &Outline,
-    plan: impl Fn(bool) -> Result<Plan, RoofFault>,
-) -> Result<Plan, RoofFault> {
+fn with_either(outline: &Outline, plan: impl Fn(bool) -> Result<Plan, RoofFault>) -> Result<Plan, RoofFault> {
     let checked = |is_exact: bool| plan(is_exact).and_then(Plan::checked);
     let straight = simplify::sides(outline, false).len();
     match checked(false) {
@@ -223,7 +220,8 @@ impl SkeletonRoof {
             at: gable.top.at.lerp(end.at, share),
             rise: gable.top.rise + share * (end.rise - gable.top.rise),
         };
-        let (Some(first), Some(last)) = (self.wall_at_height(side, previous, rise), self.wall_at_height(side, next, rise))
+        let (Some(first), Some(last)) =
+            (self.wall_at_height(side, previous, rise), self.wall_at_height(side, next, rise))
         else {
             return false;
         };

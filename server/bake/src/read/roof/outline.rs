@@ -35,7 +35,8 @@ impl Outline {
         }
         let corners = |ring: &[[f64; 2]]| ring.iter().map(|&corner| DVec2::from_array(corner)).collect::<Vec<_>>();
         let outer = corners(&rings[0]);
-        let [low, high] = [outer.iter().fold(outer[0], |a, b| a.min(*b)), outer.iter().fold(outer[0], |a, b| a.max(*b))];
+        let [low, high] =
+            [outer.iter().fold(outer[0], |a, b| a.min(*b)), outer.iter().fold(outer[0], |a, b| a.max(*b))];
         let centre = ((low + high) / 2.0).round();
         let centred: Vec<Vec<DVec2>> =
             rings.iter().map(|ring| corners(ring).into_iter().map(|corner| corner - centre).collect()).collect();
@@ -68,7 +69,8 @@ fn check(rings: &[Vec<DVec2>]) -> Result<(), RoofFault> {
             }
         }
         let area_m2 = simple::area(ring);
-        if !(if i == 0 { area_m2 } else { -area_m2 } > TOUCH_M) {
+        let turned_m2 = if i == 0 { area_m2 } else { -area_m2 };
+        if turned_m2.is_nan() || turned_m2 <= TOUCH_M {
             return Err(RoofFault::Turn);
         }
     }
@@ -76,9 +78,10 @@ fn check(rings: &[Vec<DVec2>]) -> Result<(), RoofFault> {
         return Err(RoofFault::Crossing);
     }
     let is_inside = |hole: &Vec<DVec2>| {
-        simple::contains(&rings[..1], hole[0]) && rings[1..].iter().all(|other| {
-            std::ptr::eq(hole, other) || !simple::contains(std::slice::from_ref(other), hole[0])
-        })
+        simple::contains(&rings[..1], hole[0])
+            && rings[1..]
+                .iter()
+                .all(|other| std::ptr::eq(hole, other) || !simple::contains(std::slice::from_ref(other), hole[0]))
     };
     if rings[1..].iter().all(is_inside) { Ok(()) } else { Err(RoofFault::Crossing) }
 }

@@ -47,7 +47,7 @@ impl Plan {
     /// Cuts all faces where `scalar` is zero. It must be continuous, and linear in each face.
     pub(super) fn cut(&mut self, scalar: impl Fn(&PlanPoint) -> f64) -> Result<(), RoofFault> {
         let scalars: Vec<f64> = self.points.iter().map(scalar).collect();
-        self.faces = cut::cut(&mut self.points, &self.faces, scalars)?;
+        self.faces = cut::cut(&mut self.points, &self.faces, &scalars)?;
         Ok(())
     }
 

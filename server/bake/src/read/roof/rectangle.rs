@@ -78,7 +78,8 @@ pub(super) fn is_nearly_rectangular(outline: &Outline) -> bool {
 /// Width of the rooms below a roof: that of the rectangle around the plan, or of the rectangle with the plan's area and
 /// perimeter if that is narrower, as it is for an L. `None` for plans without area.
 pub(super) fn usual_width_m(rings: &[Vec<[f64; 2]>]) -> Option<f64> {
-    let rings: Vec<Vec<DVec2>> = rings.iter().map(|ring| ring.iter().map(|&c| DVec2::from_array(c)).collect()).collect();
+    let rings: Vec<Vec<DVec2>> =
+        rings.iter().map(|ring| ring.iter().map(|&c| DVec2::from_array(c)).collect()).collect();
     let around = Rectangle::around(rings.first()?)?;
     let area_m2: f64 = rings.iter().map(|ring| simple::area(ring)).sum();
     let perimeter_m: f64 = rings.iter().flat_map(|ring| simple::edges(ring)).map(|(a, b)| a.distance(b)).sum();

@@ -23,7 +23,8 @@ pub(super) fn close(outline: &Outline, plan: &Plan, spec: &RoofSpec) -> Result<V
             let wall = walk(&border, corner, ring[(i + 1) % ring.len()])?;
             walked += wall.len() - 1;
             // The floor shares the points at which the roof meets it.
-            ground.extend(wall[..wall.len() - 1].iter().copied().filter(|&point| point == corner || shell.is_low(point)));
+            ground
+                .extend(wall[..wall.len() - 1].iter().copied().filter(|&point| point == corner || shell.is_low(point)));
             shell.add_walls(&wall, &mut surfaces);
         }
         ground.reverse();

@@ -49,7 +49,8 @@ pub(super) fn over(outline: &Outline, steps: &[Step]) -> Result<Plan, RoofFault>
     let mut faces = Vec::with_capacity(count * (steps.len() + 1));
     for step in 0..steps.len() {
         let number = |i: usize| step * count + i % count;
-        faces.extend((0..count).map(|i| vec![vec![number(i), number(i + 1), number(i + 1) + count, number(i) + count]]));
+        faces
+            .extend((0..count).map(|i| vec![vec![number(i), number(i + 1), number(i + 1) + count, number(i) + count]]));
     }
     let last = steps.len() * count;
     faces.extend((0..count).map(|i| vec![vec![last + i, last + (i + 1) % count, apex]]));
@@ -67,6 +68,7 @@ fn seeing_centre(outline: &Outline) -> Option<DVec2> {
         sum += (a + b) * a.perp_dot(b);
     }
     let centre = first + sum / (6.0 * outline.area_m2);
-    let does_see = |(a, b): (DVec2, DVec2)| (b - a).perp_dot(centre - a) > SIGHT_SINE * (b - a).length() * a.distance(centre);
+    let does_see =
+        |(a, b): (DVec2, DVec2)| (b - a).perp_dot(centre - a) > SIGHT_SINE * (b - a).length() * a.distance(centre);
     super::simple::edges(ring).all(does_see).then_some(centre)
 }

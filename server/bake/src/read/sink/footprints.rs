@@ -110,7 +110,8 @@ impl SceneSink<'_, '_, '_> {
         let windows = by_use(attributes, FacadeUse::of_use).unwrap_or_default();
         // Walls of glass need no windows.
         let facade_use = if colours.wall.is_reflective { FacadeUse::Windowless } else { windows };
-        let [roof_number, wall, floor] = [colours.roof, colours.wall, colours.floor].map(|colour| self.number_of(colour));
+        let [roof_number, wall, floor] =
+            [colours.roof, colours.wall, colours.floor].map(|colour| self.number_of(colour));
         BuildingForm { height, roof, materials: PrismMaterials { roof: roof_number, wall, floor }, facade_use }
     }
 

@@ -92,7 +92,8 @@ fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64; 2]; 4])) 
         let sum = [a[0] + b[0], a[1] + b[1]];
         let square = sum[0] * sum[0] + sum[1] * sum[1];
         // The miter is `2 / |a + b|` half widths long.
-        let scale = if square > (2.0 / MAX_MITER).powi(2) { 2.0 / square } else { return [a[0] * half_m, a[1] * half_m] };
+        let scale =
+            if square > (2.0 / MAX_MITER).powi(2) { 2.0 / square } else { return [a[0] * half_m, a[1] * half_m] };
         [sum[0] * scale * half_m, sum[1] * scale * half_m]
     };
     for i in 1..line.len() {

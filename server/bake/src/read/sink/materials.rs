@@ -37,7 +37,9 @@ struct MaterialKey {
 impl MaterialKey {
     fn new(material: &SourceMaterial) -> Self {
         let name_of = |image: &SourceImage| match image {
-            SourceImage::File(name) | SourceImage::Encoded { name, .. } | SourceImage::Texels { name, .. } => name.clone(),
+            SourceImage::File(name) | SourceImage::Encoded { name, .. } | SourceImage::Texels { name, .. } => {
+                name.clone()
+            }
         };
         let SourceMaterial { rgb, texture, opacity, alpha_cutoff, roughness, metallic } = material;
         Self {

@@ -7,13 +7,12 @@ mod materials;
 mod surfaces;
 
 use super::attributes::AttributeValue;
-use super::context::{ByteProgress, ReadContext, ReadOptions};
+use super::context::{ByteProgress, ObjUpAxis, ReadContext, ReadOptions};
 use super::facade::FacadeUse;
+use super::footprint::has_height;
 use super::input::Input;
 use super::local_frame::LocalFrame;
-use super::object::{
-    CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject,
-};
+use super::object::{CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject};
 use super::place::Placement;
 use super::report::{INEXACT, SourceFormat, SourceReport};
 use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
@@ -50,11 +49,15 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         tick: ByteProgress<'r>,
     ) -> Result<Self, InputError> {
         let report = SourceReport::new(&source.label, format, source.bytes);
-        let is_mesh = matches!(format, SourceFormat::Gltf | SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Tiles3d);
+        let is_mesh =
+            matches!(format, SourceFormat::Gltf | SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Tiles3d);
         let (placement, frame) = match is_mesh {
             true => context.place_of_mesh(source)?,
             false => (Placement::Unknown, LocalFrame::IDENTITY),
         };
+        let is_turned =
+            matches!(format, SourceFormat::Ply | SourceFormat::Stl) && context.options.obj_up == ObjUpAxis::Y;
+        let frame = if is_turned { frame.with_y_up() } else { frame };
         let (materials, faces) = (MaterialTable::default(), Vec::new());
         Ok(Self { context, source, report, materials, placement, frame, faces, tick })
     }
@@ -158,12 +161,13 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
         match &object.shape {
             Shape::None => self.report.without_geometry += 1,
             Shape::Surfaces { polygons, meshes } => self.add_surfaces(&object, polygons, meshes),
-            Shape::Footprints(footprints) => match object.kind {
-                FeatureKind::Building | FeatureKind::BuildingPart | FeatureKind::Bridge | FeatureKind::Tunnel => {
+            Shape::Footprints(footprints) => {
+                if is_extruded(&object, self.context.options.height_field.as_deref()) {
                     self.add_buildings(&object, footprints);
+                } else {
+                    self.add_areas(&object, footprints);
                 }
-                _ => self.add_areas(&object, footprints),
-            },
+            }
             Shape::Strips(strips) => self.add_strips(&object, strips),
             Shape::Points(points) => self.add_points(&object, points),
         }
@@ -190,6 +194,15 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
 
     fn tick(&mut self, bytes_done: u64) {
         (self.tick)(bytes_done);
+    }
+}
+
+/// Whether areas become volumes. The area of a bridge without a height is its deck, not a block of guessed height.
+fn is_extruded(object: &SourceObject, height_field: Option<&str>) -> bool {
+    match object.kind {
+        FeatureKind::Building | FeatureKind::BuildingPart => true,
+        FeatureKind::Bridge | FeatureKind::Tunnel => has_height(&object.attributes, height_field),
+        _ => false,
     }
 }
 

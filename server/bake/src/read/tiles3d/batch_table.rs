@@ -142,7 +142,9 @@ impl<'a> BatchTable<'a> {
     /// The table of a tile with `length` features.
     pub(super) fn new(json: &Map<String, Value>, binary: &'a [u8], length: u32) -> Self {
         let mut table = Self::default();
-        for (name, value) in json.iter().filter(|(name, _)| !matches!(name.as_str(), "extensions" | "extras" | "HIERARCHY")) {
+        for (name, value) in
+            json.iter().filter(|(name, _)| !matches!(name.as_str(), "extensions" | "extras" | "HIERARCHY"))
+        {
             match Column::new(value, binary, length) {
                 Ok(column) => table.columns.push((name.clone(), column)),
                 Err(reason) => table.faults.push((name.clone(), reason)),

@@ -147,7 +147,8 @@ impl TileReader<'_, '_> {
             return Ok(true);
         }
         for (i, content) in root.contents.iter().enumerate() {
-            let Some(template) = content.uri.as_ref().filter(|_| subtree.has_content(i, local.level, local.morton)) else {
+            let Some(template) = content.uri.as_ref().filter(|_| subtree.has_content(i, local.level, local.morton))
+            else {
                 continue;
             };
             let attributes = attributes_of(root.tileset.json, root.tile, content);

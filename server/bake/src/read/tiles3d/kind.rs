@@ -5,8 +5,20 @@ use crate::read::object::FeatureKind;
 
 /// Attributes whose value is an identifier, the best first. Compared without case, `_`, `:` and `-`.
 const ID_NAMES: [&str; 14] = [
-    "gmlid", "id", "globalid", "buildingid", "elementid", "featureid", "objectid", "guid", "uuid", "identifier", "osmid", "bin",
-    "uniqueid", "name",
+    "gmlid",
+    "id",
+    "globalid",
+    "buildingid",
+    "elementid",
+    "featureid",
+    "objectid",
+    "guid",
+    "uuid",
+    "identifier",
+    "osmid",
+    "bin",
+    "uniqueid",
+    "name",
 ];
 /// Attributes whose value names a class. Compared in the same way.
 const CLASS_NAMES: [&str; 9] =

@@ -10,7 +10,7 @@ use super::{globe, kind, uri};
 use crate::read::attributes::Attributes;
 use crate::read::gltf::{FeatureIds, GltfPrimitive, GltfScene, z_up};
 use crate::read::object::{
-    CrsReference, AxisOrder, Description, FeatureKind, Shape, SourceImage, SourceMaterial, SourceObject, TriangleMesh,
+    AxisOrder, CrsReference, Description, FeatureKind, Shape, SourceImage, SourceMaterial, SourceObject, TriangleMesh,
 };
 
 /// Transforms with larger numbers are refused: no place on Earth needs them.
@@ -178,7 +178,8 @@ impl TileReader<'_, '_> {
 
     /// Passes on a text of rights, once.
     pub(super) fn note_copyright(&mut self, text: &str) {
-        if self.copyrights.len() < MAX_COPYRIGHTS && !text.trim().is_empty() && self.copyrights.insert(text.to_owned()) {
+        if self.copyrights.len() < MAX_COPYRIGHTS && !text.trim().is_empty() && self.copyrights.insert(text.to_owned())
+        {
             self.sink.describe(Description::Attribution, text.trim());
         }
     }
@@ -223,7 +224,8 @@ fn whole_attributes(tile: &Tile, scene: &GltfScene) -> Attributes {
     let mut attributes = tile.attributes.clone();
     let mut add = |more: &Attributes| more.iter().for_each(|(name, value)| attributes.push(name, value.clone()));
     add(&scene.attributes);
-    if let Some(first) = scene.primitives.first().filter(|first| scene.primitives.iter().all(|p| p.node == first.node)) {
+    if let Some(first) = scene.primitives.first().filter(|first| scene.primitives.iter().all(|p| p.node == first.node))
+    {
         add(&first.attributes);
     }
     attributes
@@ -256,12 +258,12 @@ impl MaterialNumbers {
                     material.texture = None;
                 }
             },
-            Some(SourceImage::Encoded { name, .. } | SourceImage::Texels { name, .. }) => {
-                if !name.starts_with(gltf_name) {
-                    *name = format!("{gltf_name}#{name}");
-                }
+            Some(SourceImage::Encoded { name, .. } | SourceImage::Texels { name, .. })
+                if !name.starts_with(gltf_name) =>
+            {
+                *name = format!("{gltf_name}#{name}");
             }
-            None => {}
+            _ => {}
         }
         let number = reader.sink.add_material(material);
         self.numbers.insert(index, number);

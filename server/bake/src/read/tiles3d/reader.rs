@@ -19,10 +19,12 @@ use crate::read::object::ObjectSink;
 
 /// Tilesets with more tiles are refused.
 const MAX_TILES: u64 = 1 << 25;
-/// Tilesets of which more tiles cannot be read are given up.
-const MAX_FAULTS: u64 = 100_000;
+/// Tilesets of which more tiles cannot be read, and ten times more than can, are given up.
+const MAX_FAULTS: u64 = 10_000;
 /// External tilesets are nested at most this deep.
 const MAX_TILESET_DEPTH: usize = 64;
+/// As many tiles does an external tileset count, because it costs as much time.
+const TILES_OF_TILESET: u64 = 32;
 /// Tiles are nested at most this deep, over all external tilesets.
 const MAX_TILE_DEPTH: u32 = 384;
 /// Bytes of a content that tell whether it is an external tileset.
@@ -87,6 +89,7 @@ pub(super) struct TileReader<'a, 's> {
     /// The last glTF that an i3dm named, with its name.
     pub(super) shared_scene: Option<(String, Rc<GltfScene>)>,
     tiles: u64,
+    contents: u64,
     faults: u64,
     /// Names of the tilesets that are open, from the root.
     open: Vec<String>,
@@ -95,7 +98,7 @@ pub(super) struct TileReader<'a, 's> {
 impl<'a, 's> TileReader<'a, 's> {
     pub(super) fn new(files: TileFiles<'a>, sink: &'s mut dyn ObjectSink) -> Self {
         let (place, copyrights, shared_scene) = (None, BTreeSet::new(), None);
-        Self { files, sink, place, copyrights, shared_scene, tiles: 0, faults: 0, open: Vec::new() }
+        Self { files, sink, place, copyrights, shared_scene, tiles: 0, contents: 0, faults: 0, open: Vec::new() }
     }
 
     /// Reads a tileset and everything below. Returns whether it has contents. Fails only if the whole run must end; a
@@ -195,13 +198,8 @@ impl<'a, 's> TileReader<'a, 's> {
         own: Parent,
     ) -> Result<bool, InputError> {
         let up = tileset.json.asset.as_ref().and_then(|asset| asset.gltf_up_axis.as_deref());
-        let mut tile = Tile {
-            name: String::new(),
-            transform: own.transform,
-            up: UpAxis::new(up),
-            attributes,
-            kind: None,
-        };
+        let mut tile =
+            Tile { name: String::new(), transform: own.transform, up: UpAxis::new(up), attributes, kind: None };
         let bytes = if let Some(data) = uri::data_of(uri) {
             // The name looks like a file beside the tileset, for URIs within the content.
             tile.name = format!("{}#tile{}", tileset.name, self.tiles);
@@ -227,7 +225,10 @@ impl<'a, 's> TileReader<'a, 's> {
         };
         self.sink.tick(self.files.bytes_read());
         match added {
-            Ok(count) => Ok(count > 0),
+            Ok(count) => {
+                self.contents += 1;
+                Ok(count > 0)
+            }
             Err(fault) => self.skip_content(&tile.name, fault).map(|()| false).map_err(ContentFault::into_error),
         }
     }
@@ -242,9 +243,12 @@ impl<'a, 's> TileReader<'a, 's> {
             self.sink.skip("external tilesets are nested too deeply", name.to_owned());
             return Ok(false);
         }
+        self.tiles += TILES_OF_TILESET;
         match self.read_tileset(name, own)? {
             Ok(has_content) => Ok(has_content),
-            Err(error) => self.skip_content(name, ContentFault::Tile(error)).map(|()| false).map_err(ContentFault::into_error),
+            Err(error) => {
+                self.skip_content(name, ContentFault::Tile(error)).map(|()| false).map_err(ContentFault::into_error)
+            }
         }
     }
 
@@ -261,8 +265,8 @@ impl<'a, 's> TileReader<'a, 's> {
         };
         self.sink.skip(reason, format!("{name}: {detail}"));
         self.faults += 1;
-        if self.faults > MAX_FAULTS {
-            let what = format!("more than {MAX_FAULTS} tiles cannot be read");
+        if self.faults > MAX_FAULTS.max(10 * self.contents) {
+            let what = format!("{} tiles cannot be read", self.faults);
             return Err(ContentFault::End(InputError::damaged(self.files.input.label, "tiles", what)));
         }
         Ok(())
@@ -272,6 +276,7 @@ impl<'a, 's> TileReader<'a, 's> {
     fn is_tileset(&self, name: &str) -> bool {
         match uri::extension(name).as_str() {
             "b3dm" | "i3dm" | "cmpt" | "pnts" | "glb" | "gltf" | "vctr" | "geom" => false,
+            "json" => true,
             _ => {
                 let Ok(start) = self.files.read_start(name, SNIFFED_BYTES) else { return false };
                 // A glTF has its members at the root, a tileset has them below `root`.

@@ -185,7 +185,10 @@ fn external_tilesets_are_followed_but_not_in_circles_or_out_of_the_folder() {
     let root = json!({"transform": [2,0,0,0, 0,2,0,0, 0,0,2,0, 0,0,0,1], "content": {"url": "sub/inner.json"}});
     let glb = glb(3.0, &[0]);
     let inner = inner.to_string();
-    let sink = read_tileset(&root, &[("sub/inner.json", inner.as_bytes()), ("a.glb", &glb), ("sub/broken.json", b"{\"root\":")]);
+    let sink = read_tileset(
+        &root,
+        &[("sub/inner.json", inner.as_bytes()), ("a.glb", &glb), ("sub/broken.json", b"{\"root\":")],
+    );
     assert_eq!(first_position(&sink.objects[0]), DVec3::new(206.0, 0.0, 0.0));
     let expected =
         ["external tileset contains itself", "tile is not fetched", "tile is not fetched", "tile cannot be read"];
@@ -350,10 +353,8 @@ fn objects_of_two_worlds_are_not_mixed() {
     ]});
     let sink = read_tileset(&root, &[("a.glb", &glb), ("b.glb", &glb)]);
     assert_eq!((ids(&sink), sink.crs.len()), (vec!["b.glb#0"], 1));
-    let expected = [
-        "transform of a tile is malformed",
-        "object is not on the globe as others of the tileset are, or the reverse",
-    ];
+    let expected =
+        ["transform of a tile is malformed", "object is not on the globe as others of the tileset are, or the reverse"];
     assert_eq!(reasons(&sink), expected);
 }
 
@@ -363,7 +364,7 @@ fn cut_tiles_are_refused_at_every_length_without_a_panic() {
     let features = json!({"INSTANCES_LENGTH": 1, "POSITION": {"byteOffset": 0}});
     let instances = i3dm(&features, &floats(&[1.0, 2.0, 3.0]), &glb(0.0, &[0]));
     let folder = tempfile::tempdir().unwrap();
-    for (name, whole) in [("a.b3dm", &batch), ("a.i3dm", &instances), ("a.cmpt", &cmpt(&[batch.clone()]))] {
+    for (name, whole) in [("a.b3dm", &batch), ("a.i3dm", &instances), ("a.cmpt", &cmpt(std::slice::from_ref(&batch)))] {
         for length in 0..whole.len() {
             std::fs::write(folder.path().join(name), &whole[..length]).unwrap();
             let (sink, result) = read_in(folder.path(), name, None);

@@ -131,7 +131,16 @@ mod tests {
     #[test]
     fn names_outside_of_the_files_are_refused() {
         let uris = [
-            "../../a", "..%2F..%2Fa", "https://example.org/a", "//host/a", "file:///etc/passwd", "C:\\a", "", ".", "..", "?",
+            "../../a",
+            "..%2F..%2Fa",
+            "https://example.org/a",
+            "//host/a",
+            "file:///etc/passwd",
+            "C:\\a",
+            "",
+            ".",
+            "..",
+            "?",
             "a%00b",
         ];
         for uri in uris {

@@ -2,7 +2,7 @@
 
 use super::geometry::Geometry;
 use super::layer::Layer;
-use super::shape::shape_of;
+use super::shape::{Facing, facing, shape_of};
 use crate::error::InputError;
 use crate::read::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use crate::read::footprint::kind_of;
@@ -12,8 +12,22 @@ use crate::read::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shap
 /// What most formats mean by longitude and latitude.
 pub(super) const DEGREES: &str = "OGC:CRS84";
 /// Names of attributes that identify a feature, in lower case; the first that has a value counts.
-const ID_NAMES: [&str; 11] = [
-    "id", "@id", "gml_id", "identificatie", "osm_id", "osm_way_id", "objectid", "fid", "ogc_fid", "feature_id", "gid",
+const ID_NAMES: [&str; 15] = [
+    "id",
+    "@id",
+    "gml_id",
+    "identificatie",
+    "osm_id",
+    "osm_way_id",
+    "objectid",
+    "fid",
+    "ogc_fid",
+    "feature_id",
+    "gid",
+    "building_id",
+    "bldg_id",
+    "globalid",
+    "uuid",
 ];
 /// Attributes that hold further tags as one text.
 const TAG_NAMES: [&str; 2] = ["other_tags", "all_tags"];
@@ -21,6 +35,27 @@ const TAG_NAMES: [&str; 2] = ["other_tags", "all_tags"];
 const MAX_DEGREES_OF_FEATURE: f64 = 0.2;
 /// EPSG codes of systems in degrees that publishers use.
 const DEGREE_CODES: [u32; 12] = [4326, 4979, 4258, 4937, 4269, 6668, 6697, 7844, 4171, 4490, 4230, 4267];
+
+/// Level polygons with heights that wait until it is known whether they are faces of bodies.
+const MAX_WAITING: usize = 256;
+
+/// A feature that is ready but for its shape.
+struct Feature {
+    id: String,
+    /// What its attributes or its layer say it is.
+    told: Option<FeatureKind>,
+    attributes: Attributes,
+    geometry: Geometry,
+}
+
+/// What the level polygons with heights of a layer are.
+enum LevelPolygons {
+    /// Not yet known.
+    Waiting(Vec<Feature>),
+    Plans,
+    /// Faces of bodies, because other features of the layer are walls.
+    Faces,
+}
 
 /// Takes the features of a source.
 pub(super) struct FeatureWriter<'a> {
@@ -33,6 +68,7 @@ pub(super) struct FeatureWriter<'a> {
     /// Wanted area, if features outside are left out.
     bbox_deg: Option<[f64; 4]>,
     is_in_degrees: bool,
+    level_polygons: LevelPolygons,
     count: u64,
 }
 
@@ -41,12 +77,14 @@ impl<'a> FeatureWriter<'a> {
         // A box over the antimeridian is left to the sink.
         let bbox_deg = input.bbox_deg.filter(|[west, _, east, _]| west <= east);
         let layer = Layer::of_file(input.name, std::iter::empty());
-        Self { sink, layer, crs: None, is_placed: false, bbox_deg, is_in_degrees: false, count: 0 }
+        let level_polygons = LevelPolygons::Waiting(Vec::new());
+        Self { sink, layer, crs: None, is_placed: false, bbox_deg, is_in_degrees: false, level_polygons, count: 0 }
     }
 
     /// Begins a layer. Without a system, the first feature decides whether its coordinates are degrees. Fails if positions
     /// of the system cannot be placed.
     pub(super) fn begin(&mut self, layer: Layer, crs: Option<String>) -> Result<(), InputError> {
+        self.finish()?;
         self.layer = layer;
         self.is_placed = false;
         match crs {
@@ -61,6 +99,7 @@ impl<'a> FeatureWriter<'a> {
         if self.crs.as_ref() == Some(&name) {
             return Ok(());
         }
+        self.finish()?;
         self.is_in_degrees = is_in_degrees(&name);
         self.crs = Some(name.clone());
         self.sink.set_crs(&CrsReference { name, order: AxisOrder::EastFirst })
@@ -107,6 +146,43 @@ impl<'a> FeatureWriter<'a> {
         }
         add_tags(&mut attributes);
         let told = kind_of(&attributes).or(self.layer.kind);
+        let facing = facing(&geometry);
+        let feature = Feature { id, told, attributes, geometry };
+        match (facing, &mut self.level_polygons) {
+            (Facing::Level, LevelPolygons::Waiting(waiting)) if waiting.len() < MAX_WAITING => {
+                waiting.push(feature);
+                Ok(())
+            }
+            (Facing::Level, LevelPolygons::Waiting(_)) => {
+                self.settle_level_polygons(LevelPolygons::Plans)?;
+                self.pass_on(feature)
+            }
+            (Facing::Wall, LevelPolygons::Waiting(_)) => {
+                self.settle_level_polygons(LevelPolygons::Faces)?;
+                self.pass_on(feature)
+            }
+            _ => self.pass_on(feature),
+        }
+    }
+
+    /// Ends the layer: passes on all that waits.
+    pub(super) fn finish(&mut self) -> Result<(), InputError> {
+        self.settle_level_polygons(LevelPolygons::Plans)?;
+        self.level_polygons = LevelPolygons::Waiting(Vec::new());
+        Ok(())
+    }
+
+    fn settle_level_polygons(&mut self, settled: LevelPolygons) -> Result<(), InputError> {
+        match std::mem::replace(&mut self.level_polygons, settled) {
+            LevelPolygons::Waiting(waiting) => waiting.into_iter().try_for_each(|feature| self.pass_on(feature)),
+            LevelPolygons::Plans | LevelPolygons::Faces => Ok(()),
+        }
+    }
+
+    fn pass_on(&mut self, feature: Feature) -> Result<(), InputError> {
+        let Feature { id, told, attributes, mut geometry } = feature;
+        geometry.is_surface |=
+            matches!(self.level_polygons, LevelPolygons::Faces) && facing(&geometry) == Facing::Level;
         let mut problems = Vec::new();
         let shape = shape_of(geometry, told, &attributes, &mut problems);
         problems.into_iter().for_each(|problem| self.sink.problem(problem, id.clone()));

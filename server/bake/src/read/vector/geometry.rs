@@ -25,11 +25,14 @@ pub(super) struct Geometry {
     pub(super) points: Vec<[f64; 3]>,
     /// The source says that the polygons and meshes are surfaces in space: TIN, polyhedral surface or multipatch.
     pub(super) is_surface: bool,
+    /// The positions have heights.
+    pub(super) has_z: bool,
 }
 
 impl Geometry {
+    #[cfg(test)]
     pub(super) fn is_empty(&self) -> bool {
-        self.polygons.is_empty() && self.meshes.is_empty() && self.lines.is_empty() && self.points.is_empty()
+        self.positions().next().is_none()
     }
 
     /// All positions.

@@ -8,28 +8,67 @@ const WORDS: &[(FeatureKind, &[&str])] = &[
     (
         FeatureKind::Building,
         &[
-            "building", "buildings", "bldg", "footprint", "footprints", "gebouw", "gebouwen", "pand", "panden", "gebaeude",
-            "gebäude", "batiment", "batiments", "edificio", "edificios", "edifici", "budynki", "bygning", "bygninger",
+            "building",
+            "buildings",
+            "bldg",
+            "footprint",
+            "footprints",
+            "gebouw",
+            "gebouwen",
+            "pand",
+            "panden",
+            "gebaeude",
+            "gebäude",
+            "batiment",
+            "batiments",
+            "edificio",
+            "edificios",
+            "edifici",
+            "budynki",
+            "bygning",
+            "bygninger",
         ],
     ),
     (FeatureKind::Bridge, &["bridge", "bridges"]),
     (FeatureKind::Tunnel, &["tunnel", "tunnels"]),
-    (FeatureKind::Road, &["road", "roads", "street", "streets", "highway", "highways", "wegdeel", "strassen", "routes"]),
+    (
+        FeatureKind::Road,
+        &["road", "roads", "street", "streets", "highway", "highways", "wegdeel", "strassen", "routes"],
+    ),
     (FeatureKind::Rail, &["rail", "rails", "railway", "railways", "spoor", "tram", "trams"]),
     (
         FeatureKind::Water,
-        &["water", "waters", "waterway", "waterways", "river", "rivers", "lake", "lakes", "waterdeel", "hydro", "ocean"],
+        &[
+            "water",
+            "waters",
+            "waterway",
+            "waterways",
+            "river",
+            "rivers",
+            "lake",
+            "lakes",
+            "waterdeel",
+            "hydro",
+            "ocean",
+        ],
     ),
     (
         FeatureKind::Vegetation,
         &["tree", "trees", "forest", "forests", "wood", "woods", "vegetation", "park", "parks", "baeume", "bomen"],
     ),
-    (FeatureKind::LandUse, &["landuse", "landcover"]),
+    (
+        FeatureKind::LandUse,
+        &["landuse", "landcover", "parcel", "parcels", "plot", "plots", "lots", "perceel", "cadastre", "tessellation"],
+    ),
     (FeatureKind::Generic, &["pois", "poi", "places", "boundary", "boundaries", "admin", "districts", "countries"]),
 ];
 
 /// Columns that only exist where features of all kinds are in one table.
 const MIXED_COLUMNS: [&str; 5] = ["landuse", "natural", "amenity", "highway", "boundary"];
+
+/// Columns that all features of Overture have, and those that only its buildings have.
+const OVERTURE_COLUMNS: [&str; 3] = ["id", "sources", "version"];
+const OVERTURE_BUILDING_COLUMNS: [&str; 4] = ["has_parts", "building_id", "num_floors", "roof_shape"];
 
 /// A table or file of features.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -37,7 +76,7 @@ pub(super) struct Layer {
     pub(super) name: String,
     /// What the name says about features whose attributes tell no kind.
     pub(super) kind: Option<FeatureKind>,
-    /// Features of all kinds are in one table, with a column that names the buildings among them.
+    /// Features of all kinds are in one table, with a column that names the buildings among them, or without any.
     pub(super) is_mixed: bool,
 }
 
@@ -46,7 +85,9 @@ impl Layer {
     pub(super) fn new<'c>(name: &str, columns: impl Iterator<Item = &'c str>) -> Self {
         let columns: Vec<String> = columns.map(str::to_ascii_lowercase).collect();
         let has = |name: &str| columns.iter().any(|column| column == name);
-        let is_mixed = has("building") && MIXED_COLUMNS.iter().any(|name| has(name));
+        let is_of_all_kinds = has("building") && MIXED_COLUMNS.iter().any(|name| has(name));
+        let is_of_overture = OVERTURE_COLUMNS.iter().all(|name| has(name));
+        let is_mixed = is_of_all_kinds || is_of_overture && !OVERTURE_BUILDING_COLUMNS.iter().any(|name| has(name));
         Self { name: name.to_owned(), kind: kind_of_name(name), is_mixed }
     }
 
@@ -92,5 +133,7 @@ mod tests {
     fn tables_of_all_kinds_are_mixed() {
         assert!(Layer::new("multipolygons", ["osm_id", "building", "landuse"].into_iter()).is_mixed);
         assert!(!Layer::new("multipolygons", ["building", "height"].into_iter()).is_mixed);
+        assert!(Layer::new("land", ["id", "sources", "version", "subtype"].into_iter()).is_mixed);
+        assert!(!Layer::new("a", ["id", "sources", "version", "has_parts"].into_iter()).is_mixed);
     }
 }

@@ -67,7 +67,10 @@ mod tests {
 
     #[test]
     fn siblings_keep_folder_and_stem() {
-        assert_eq!(sibling_names("a.b/Town.v2.SHP.gz", "dbf")[..3], ["a.b/Town.v2.dbf", "a.b/Town.v2.DBF", "a.b/Town.v2.Dbf"]);
+        assert_eq!(
+            sibling_names("a.b/Town.v2.SHP.gz", "dbf")[..3],
+            ["a.b/Town.v2.dbf", "a.b/Town.v2.DBF", "a.b/Town.v2.Dbf"]
+        );
         assert_eq!(sibling_names("a.b/town", "prj")[0], "a.b/town.prj");
     }
 }

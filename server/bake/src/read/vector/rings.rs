@@ -150,7 +150,8 @@ mod tests {
     use super::*;
 
     fn square(x: f64, y: f64, size: f64, clockwise: bool) -> Ring {
-        let mut ring = vec![[x, y, 0.0], [x + size, y, 0.0], [x + size, y + size, 0.0], [x, y + size, 0.0], [x, y, 0.0]];
+        let mut ring =
+            vec![[x, y, 0.0], [x + size, y, 0.0], [x + size, y + size, 0.0], [x, y + size, 0.0], [x, y, 0.0]];
         if clockwise {
             ring.reverse();
         }
@@ -161,8 +162,7 @@ mod tests {
     fn holes_find_their_outer_ring() {
         let (big, small, island) = (square(0., 0., 10., true), square(20., 0., 3., true), square(3., 3., 1., true));
         let (yard, far) = (square(2., 2., 4., false), square(21., 1., 1., false));
-        let (polygons, left_out) =
-            group(vec![far.clone(), big.clone(), yard.clone(), small.clone(), island.clone()]);
+        let (polygons, left_out) = group(vec![far.clone(), big.clone(), yard.clone(), small.clone(), island.clone()]);
         assert_eq!((polygons, left_out), (vec![vec![big, yard], vec![small, far], vec![island]], 0));
     }
 
@@ -181,9 +181,8 @@ mod tests {
 
     #[test]
     fn many_rings_end() {
-        let rings: Vec<Ring> = (0..3000)
-            .map(|i| square(f64::from(i), f64::from(i), f64::from(10_000 - 2 * i), i % 2 == 0))
-            .collect();
+        let rings: Vec<Ring> =
+            (0..3000).map(|i| square(f64::from(i), f64::from(i), f64::from(10_000 - 2 * i), i % 2 == 0)).collect();
         assert_eq!(group(rings).0.len(), 1500);
         assert!(group(Vec::new()).0.is_empty());
         let broken = vec![vec![[f64::NAN; 3]; 5], Vec::new(), square(0., 0., 1., true)];

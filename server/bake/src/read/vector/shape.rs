@@ -1,15 +1,24 @@
 //! What a feature's geometry becomes: areas, surfaces in space, strips or points.
 
 use super::geometry::{Geometry, Polygon, Ring};
-use super::orient::turn_outward;
+use super::orient::{ring_area_vector, turn_outward};
 use crate::read::attributes::{AttributeValue, Attributes};
 use crate::read::object::{FeatureKind, Footprint, Shape, Strip, Surface};
 
 /// A ring whose heights differ by less is level.
 const LEVEL_M: f64 = 0.001;
+/// A polygon that covers less than this share of the square of its extent on the map stands upright.
+const WALL_SHARE: f64 = 1e-3;
 /// Names of attributes that say how high a building is; then its polygon is its plan, at whatever heights its corners are.
 const HEIGHT_NAMES: [&str; 9] = [
-    "height", "Height", "HEIGHT", "building:height", "measuredHeight", "measured_height", "building:levels", "num_floors",
+    "height",
+    "Height",
+    "HEIGHT",
+    "building:height",
+    "measuredHeight",
+    "measured_height",
+    "building:levels",
+    "num_floors",
     "levels",
 ];
 const WIDTH_NAMES: [&str; 6] = ["width", "Width", "WIDTH", "width_m", "est_width", "breedte"];
@@ -43,7 +52,7 @@ pub(super) fn shape_of(
     attributes: &Attributes,
     problems: &mut Vec<&'static str>,
 ) -> Result<Shape, &'static str> {
-    let Geometry { polygons, mut meshes, lines, points, is_surface } = geometry;
+    let Geometry { polygons, mut meshes, lines, points, is_surface, .. } = geometry;
     let has_areas = !polygons.is_empty() || !meshes.is_empty();
     if has_areas && !lines.is_empty() {
         problems.push("line beside polygons left out");
@@ -53,7 +62,8 @@ pub(super) fn shape_of(
     }
     if has_areas {
         if is_surface || is_in_space(&polygons, attributes) {
-            let mut polygons: Vec<Surface> = polygons.into_iter().filter_map(|polygon| surface(polygon, problems)).collect();
+            let mut polygons: Vec<Surface> =
+                polygons.into_iter().filter_map(|polygon| surface(polygon, problems)).collect();
             if polygons.is_empty() && meshes.is_empty() {
                 return Err("no ring with three points");
             }
@@ -75,14 +85,44 @@ pub(super) fn shape_of(
     Ok(Shape::Points(points.into_iter().map(|[x, y, _]| [x, y]).collect()))
 }
 
+/// Whether a feature can be a single face of a body, and which.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Facing {
+    /// A level polygon with heights: a floor, a flat roof or a plan.
+    Level,
+    /// A polygon that stands upright.
+    Wall,
+    Other,
+}
+
+/// Whether a feature can be a single face of a body.
+pub(super) fn facing(geometry: &Geometry) -> Facing {
+    let [polygon] = geometry.polygons.as_slice() else { return Facing::Other };
+    if !geometry.has_z || geometry.is_surface {
+        return Facing::Other;
+    }
+    if polygon.iter().all(is_level) {
+        return Facing::Level;
+    }
+    let Some(ring) = polygon.first() else { return Facing::Other };
+    let extent = |axis: usize| {
+        let values = || ring.iter().map(move |position| position[axis]);
+        values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+    };
+    let square = extent(0).powi(2) + extent(1).powi(2);
+    if ring_area_vector(ring)[2].abs() < WALL_SHARE * square { Facing::Wall } else { Facing::Other }
+}
+
+/// Whether all positions of a ring are at one height.
+fn is_level(ring: &Ring) -> bool {
+    let low = ring.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
+    let high = ring.iter().map(|p| p[2]).fold(f64::NEG_INFINITY, f64::max);
+    high - low < LEVEL_M
+}
+
 /// Whether polygons are surfaces in space: a ring of one is not level. A single one of a building with a height is its plan
 /// on uneven ground.
 fn is_in_space(polygons: &[Polygon], attributes: &Attributes) -> bool {
-    let is_level = |ring: &Ring| {
-        let low = ring.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
-        let high = ring.iter().map(|p| p[2]).fold(f64::NEG_INFINITY, f64::max);
-        high - low < LEVEL_M
-    };
     if polygons.iter().flatten().all(is_level) {
         return false;
     }
@@ -127,7 +167,8 @@ fn width_m(kind: Option<FeatureKind>, attributes: &Attributes) -> Option<f64> {
         _ => return None,
     };
     let class = CLASS_NAMES.iter().filter_map(|name| attributes.get(name)?.as_str());
-    let by_class = |class: &str| CLASS_WIDTHS_M.iter().find(|(known, _)| known.contains(&class)).map(|(_, width)| *width);
+    let by_class =
+        |class: &str| CLASS_WIDTHS_M.iter().find(|(known, _)| known.contains(&class)).map(|(_, width)| *width);
     Some(class.filter_map(by_class).next().unwrap_or(usual))
 }
 

@@ -136,6 +136,7 @@ impl WkbReader<'_> {
             return Err(TOO_DEEP);
         }
         let header = self.header()?;
+        geometry.has_z |= header.has_z;
         match header.kind {
             1 => {
                 let point = self.position(header)?;

@@ -26,22 +26,24 @@ const NAMES: [&str; 17] = [
 /// Whether a text begins as a geometry does.
 pub(super) fn looks_like_wkt(text: &str) -> bool {
     let (_, text) = split_srid(text.trim_start());
-    let mut parser = WktParser { rest: text, has_z: false, has_m: false };
+    let mut parser = WktParser::new(text);
     parser.tag().is_ok_and(|name| !name.is_empty()) && (parser.peek() == Some(b'(') || parser.takes_word("EMPTY"))
 }
 
 /// Reads a geometry. Returns its SRID if it names one. Fails with the reason for skipping the feature.
 pub(super) fn parse(text: &str, geometry: &mut Geometry) -> Result<Option<u32>, &'static str> {
     let (srid, rest) = split_srid(text.trim_start());
-    let mut parser = WktParser { rest, has_z: false, has_m: false };
+    let mut parser = WktParser::new(rest);
     parser.geometry(geometry, 0)?;
+    geometry.has_z |= parser.found_z;
     if parser.peek().is_some_and(|byte| byte != b';') { Err(MALFORMED) } else { Ok(srid) }
 }
 
 /// Splits off `SRID=4326;` or `EPSG:4326;`.
 fn split_srid(text: &str) -> (Option<u32>, &str) {
     let head = text.get(..5).unwrap_or_default();
-    if !head.eq_ignore_ascii_case("srid=") && !head.eq_ignore_ascii_case("epsg:") && !head.eq_ignore_ascii_case("epsg=") {
+    if !head.eq_ignore_ascii_case("srid=") && !head.eq_ignore_ascii_case("epsg:") && !head.eq_ignore_ascii_case("epsg=")
+    {
         return (None, text);
     }
     match text[5..].split_once(';') {
@@ -55,9 +57,15 @@ struct WktParser<'a> {
     /// Dimensions named by the current tag.
     has_z: bool,
     has_m: bool,
+    /// A position has a height.
+    found_z: bool,
 }
 
-impl WktParser<'_> {
+impl<'a> WktParser<'a> {
+    fn new(rest: &'a str) -> Self {
+        Self { rest, has_z: false, has_m: false, found_z: false }
+    }
+
     fn peek(&mut self) -> Option<u8> {
         self.rest = self.rest.trim_start();
         self.rest.bytes().next()
@@ -132,8 +140,9 @@ impl WktParser<'_> {
             }
             let value = self.number()?;
             // A third number is z unless the tag says that it is m.
-            if index == 0 && !(self.has_m && !self.has_z) {
+            if index == 0 && (self.has_z || !self.has_m) {
                 z = value;
+                self.found_z = true;
             }
         }
         Ok([x, y, z])
@@ -176,7 +185,11 @@ impl WktParser<'_> {
         if depth > MAX_DEPTH {
             return Err(TOO_DEEP);
         }
-        if self.peek() == Some(b'(') {
+        if self.takes_word("EMPTY") {
+            return Ok(Ring::new());
+        }
+        // No tag begins as `EMPTY` does.
+        if matches!(self.peek(), Some(b'(' | b'E' | b'e')) {
             return self.line();
         }
         match self.tag()? {

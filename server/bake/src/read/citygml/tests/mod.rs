@@ -7,7 +7,7 @@ mod hostile;
 
 use std::io::{self, Read};
 
-use super::{looks_like, read};
+use super::read;
 use crate::error::InputError;
 use crate::read::input::{Input, LocalFile, SourceFiles};
 use crate::read::object::{Shape, SourceObject, Surface};
@@ -128,22 +128,6 @@ fn corners(object: &SourceObject) -> Vec<f64> {
     let mut corners: Vec<_> = polygons(object).iter().map(|surface| surface.points[0][0]).collect();
     corners.sort_by(f64::total_cmp);
     corners
-}
-
-#[test]
-fn knows_citygml_by_its_first_bytes() {
-    assert!(looks_like(HEAD_2.as_bytes()));
-    assert!(looks_like(&[b"\xEF\xBB\xBF", HEAD_2.as_bytes()].concat()));
-    assert!(looks_like(b"<!-- made by hand --><CityModel/>"));
-    let utf16: Vec<u8> = format!("\u{FEFF}{HEAD_2}").encode_utf16().flat_map(u16::to_le_bytes).collect();
-    assert!(looks_like(&utf16));
-    assert!(looks_like(
-        br#"<wfs:FeatureCollection xmlns:wfs="w" xmlns:b="http://www.opengis.net/citygml/building/2.0">"#
-    ));
-    assert!(!looks_like(br#"<wfs:FeatureCollection xmlns:wfs="w"><gml:member>"#));
-    assert!(!looks_like(br#"<x:CityModel xmlns:x="http://www.opengis.net/kml/2.2"/>"#));
-    assert!(!looks_like(b"<osm version='0.6'>"));
-    assert!(!looks_like(b"plain text") && !looks_like(b"") && !looks_like(&HEAD_2.as_bytes()[..60]));
 }
 
 #[test]

@@ -57,19 +57,33 @@ fn faces(wavefront: Wavefront, tolerance_m: f64) -> Result<Skeleton, RoofFault> 
             parts.push(ring.clone());
         }
         // The base comes first.
-        let first = parts.iter().position(|ring| ring.windows(2).any(|pair| (pair[0], pair[1]) == base) || is_closing(ring, base));
+        let first = parts
+            .iter()
+            .position(|ring| ring.windows(2).any(|pair| (pair[0], pair[1]) == base) || is_closing(ring, base));
         let first = first.ok_or(RoofFault::Skeleton)?;
         parts.swap(0, first);
         let start = parts[0].iter().position(|&node| node == base.0).ok_or(RoofFault::Skeleton)?;
         parts[0].rotate_left(start);
         faces.push(parts);
     }
-    let is_simple = |ring: &Vec<usize>| {
+    let is_valid = |ring: &Vec<usize>| {
         let corners: Vec<DVec2> = ring.iter().map(|&i| traces.nodes[i].at).collect();
-        simple::is_simple(&[corners], -10.0 * tolerance_m)
+        !has_spike(&corners, 2.0 * tolerance_m) && simple::is_simple(&[corners], -10.0 * tolerance_m)
     };
-    let are_simple = faces.iter().flatten().all(is_simple);
-    if are_simple { Ok(Skeleton { nodes: traces.nodes, faces }) } else { Err(RoofFault::Skeleton) }
+    let are_valid = faces.iter().flatten().all(is_valid);
+    if are_valid { Ok(Skeleton { nodes: traces.nodes, faces }) } else { Err(RoofFault::Skeleton) }
+}
+
+/// Whether a ring runs out and back on one line within a distance. Vertices between nearly parallel edges are so fast that
+/// a wrong order of events leads to this.
+fn has_spike(ring: &[DVec2], width_m: f64) -> bool {
+    let count = ring.len();
+    (0..count).any(|i| {
+        let [a, b, c] = [0, 1, 2].map(|k| ring[(i + k) % count]);
+        let is_long = a.distance(b).min(b.distance(c)) > 10.0 * width_m;
+        let does_return = (b - a).dot(c - b) < 0.0;
+        is_long && does_return && simple::distance(a, b, c).min(simple::distance(b, c, a)) <= width_m
+    })
 }
 
 fn is_closing(ring: &[usize], (from, to): (usize, usize)) -> bool {

@@ -156,7 +156,14 @@ impl Wavefront {
     }
 
     /// Adds a vertex between two others, and links them.
-    pub(super) fn insert(&mut self, in_edge: usize, out_edge: usize, previous: usize, next: usize, node: usize) -> usize {
+    pub(super) fn insert(
+        &mut self,
+        in_edge: usize,
+        out_edge: usize,
+        previous: usize,
+        next: usize,
+        node: usize,
+    ) -> usize {
         let number = self.add(in_edge, out_edge, previous, next, node);
         self.vertices[previous].next = number;
         self.vertices[next].previous = number;
@@ -243,7 +250,8 @@ impl Wavefront {
             self.join(vertex)?;
             return Ok(true);
         }
-        let is_spike = a.direction.dot(b.direction) < 0.0 && a.direction.perp_dot(b.direction).abs() <= self.spike_sine();
+        let is_spike =
+            a.direction.dot(b.direction) < 0.0 && a.direction.perp_dot(b.direction).abs() <= self.spike_sine();
         if is_spike || previous == next {
             self.remove_spike(vertex);
             return Ok(true);

@@ -111,7 +111,11 @@ fn check_edges(surfaces: &[Surface]) -> Result<(), String> {
     for ((a, b), times) in &count {
         if *times != 1 || count.get(&(*b, *a)) != Some(&1) {
             let back = count.get(&(*b, *a)).copied().unwrap_or(0);
-            return Err(format!("edge {:?} {:?}: {times} and {back} back", a.map(f64::from_bits), b.map(f64::from_bits)));
+            return Err(format!(
+                "edge {:?} {:?}: {times} and {back} back",
+                a.map(f64::from_bits),
+                b.map(f64::from_bits)
+            ));
         }
     }
     Ok(())
@@ -153,8 +157,10 @@ fn check_simple(surface: &Surface, normal: Point) -> Result<(), String> {
     let u = u.map(|x| x / length(u));
     let v = cross(normal, u);
     let flat = |point: Point| [dot(minus(point, surface.points[0]), u), dot(minus(point, surface.points[0]), v)];
-    let all: Vec<([f64; 2], [f64; 2])> =
-        rings(surface).iter().flat_map(|ring| edges(ring).map(|(a, b)| (flat(a), flat(b))).collect::<Vec<_>>()).collect();
+    let all: Vec<([f64; 2], [f64; 2])> = rings(surface)
+        .iter()
+        .flat_map(|ring| edges(ring).map(|(a, b)| (flat(a), flat(b))).collect::<Vec<_>>())
+        .collect();
     let side = |(a, b): ([f64; 2], [f64; 2]), p: [f64; 2]| {
         let (x, y) = (b[0] - a[0], b[1] - a[1]);
         (x * (p[1] - a[1]) - y * (p[0] - a[0])) / x.hypot(y)

@@ -71,9 +71,8 @@ fn plans_without_a_roof_are_faults() {
 #[test]
 fn heights_must_be_in_order() {
     let rings = rectangle(14.0, 8.0);
-    let fault = |base_m, eaves_m, top_m| {
-        build(&rings, &RoofSpec { base_m, eaves_m, top_m, ..spec(RoofShape::Gabled) }).err()
-    };
+    let fault =
+        |base_m, eaves_m, top_m| build(&rings, &RoofSpec { base_m, eaves_m, top_m, ..spec(RoofShape::Gabled) }).err();
     for (base_m, eaves_m, top_m) in
         [(0.0, 5.0, 4.0), (5.0, 4.0, 6.0), (0.0, f64::NAN, 1.0), (f64::NEG_INFINITY, 0.0, 1.0), (3.0, 3.0, 3.0)]
     {

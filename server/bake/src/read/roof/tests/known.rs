@@ -94,7 +94,8 @@ fn skeletons_of_known_plans_are_exact() {
     let (surfaces, _) = build_checked(&plans::comb(&[9.0, 4.0, 6.0, 4.0]), &hipped);
     assert_eq!(count(&surfaces, SurfaceRole::Roof), 16);
     // A reflex corner meets the opposite wall before any edge disappears.
-    let notch = vec![ring(&[(0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (11.0, 10.0), (10.0, 2.0), (9.0, 10.0), (0.0, 10.0)])];
+    let notch =
+        vec![ring(&[(0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (11.0, 10.0), (10.0, 2.0), (9.0, 10.0), (0.0, 10.0)])];
     let (surfaces, _) = build_checked(&notch, &hipped);
     assert_eq!((count(&surfaces, SurfaceRole::Roof), summits(&surfaces, &hipped).len()), (7, 2));
 }
@@ -113,7 +114,8 @@ fn ridges_end_in_gables() {
 
 #[test]
 fn corners_on_straight_walls_make_no_ridges() {
-    let rings = vec![ring(&[(0.0, 0.0), (9.0, -0.005), (14.0, 0.0), (14.0, 4.0), (14.004, 5.0), (14.0, 8.0), (0.0, 8.0)])];
+    let rings =
+        vec![ring(&[(0.0, 0.0), (9.0, -0.005), (14.0, 0.0), (14.0, 4.0), (14.004, 5.0), (14.0, 8.0), (0.0, 8.0)])];
     let (surfaces, _) = build_checked(&rings, &spec(RoofShape::Hipped));
     assert_eq!((count(&surfaces, SurfaceRole::Roof), count(&surfaces, SurfaceRole::Wall)), (4, 7));
     let mut rings = l_shape();
@@ -170,7 +172,9 @@ fn ridges_have_their_direction() {
 
 #[test]
 fn roofs_down_to_the_floor_have_walls_only_where_they_need_them() {
-    for (shape, walls) in [(RoofShape::Hipped, 0), (RoofShape::Gabled, 2), (RoofShape::Skillion, 3), (RoofShape::Dome, 0)] {
+    for (shape, walls) in
+        [(RoofShape::Hipped, 0), (RoofShape::Gabled, 2), (RoofShape::Skillion, 3), (RoofShape::Dome, 0)]
+    {
         let spec = RoofSpec { eaves_m: 0.0, ..spec(shape) };
         let (surfaces, _) = build_checked(&rectangle(14.0, 8.0), &spec);
         assert_eq!(count(&surfaces, SurfaceRole::Wall), walls, "{shape:?}");

@@ -13,8 +13,18 @@ use crate::read::input::{Input, OpenInput};
 use crate::read::object::ObjectSink;
 
 /// Names of geometry columns, in lower case, the most certain first.
-const GEOMETRY_NAMES: [&str; 10] =
-    ["wkt", "the_geom", "geom", "geometry", "wkt_geom", "wkt_geometry", "geom_wkt", "geometry_wkt", "wkb_geometry", "shape"];
+const GEOMETRY_NAMES: [&str; 10] = [
+    "wkt",
+    "the_geom",
+    "geom",
+    "geometry",
+    "wkt_geom",
+    "wkt_geometry",
+    "geom_wkt",
+    "geometry_wkt",
+    "wkb_geometry",
+    "shape",
+];
 /// Names of columns with the EPSG code of the geometry.
 const SRID_NAMES: [&str; 3] = ["epsg", "srid", "crs"];
 const DELIMITERS: [u8; 4] = [b',', b';', b'\t', b'|'];
@@ -65,10 +75,14 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
         }
     }
     writer.sink.tick(bytes_read.get());
-    Ok(())
+    writer.finish()
 }
 
-fn next(input: &Input<'_>, lines: &mut Reader<Box<dyn BufRead + '_>>, record: &mut ByteRecord) -> Result<bool, InputError> {
+fn next(
+    input: &Input<'_>,
+    lines: &mut Reader<Box<dyn BufRead + '_>>,
+    record: &mut ByteRecord,
+) -> Result<bool, InputError> {
     lines.read_byte_record(record).map_err(|error| {
         let line = error.position().map_or(0, ::csv::Position::line);
         match error.into_kind() {

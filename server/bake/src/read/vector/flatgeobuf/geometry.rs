@@ -2,7 +2,9 @@
 
 use ::flatgeobuf::{Geometry as Table, GeometryType};
 
-use crate::read::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, divide_arcs};
+use crate::read::vector::geometry::{
+    Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, divide_arcs,
+};
 
 /// Reads a geometry. `header_type` is that of the whole file; `Unknown` if each geometry has its own. `positions_left` is
 /// the number of positions that may still be read. Fails with the reason for skipping the feature.
@@ -16,6 +18,7 @@ pub(super) fn read(
     if depth > MAX_DEPTH {
         return Err(TOO_DEEP);
     }
+    geometry.has_z |= table.z().is_some_and(|z| !z.is_empty());
     let kind = if header_type == GeometryType::Unknown { table.type_() } else { header_type };
     match kind {
         GeometryType::Point | GeometryType::MultiPoint => {

@@ -103,7 +103,8 @@ mod tests {
 
     #[test]
     fn sizes_of_trees() {
-        let crate_size = |features, node_size| ::flatgeobuf::packed_r_tree::PackedRTree::index_size(features, node_size);
+        let crate_size =
+            |features, node_size| ::flatgeobuf::packed_r_tree::PackedRTree::index_size(features, node_size);
         for features in [1, 2, 15, 16, 17, 256, 257, 179, 100_000] {
             for node_size in [2, 16, 65535] {
                 let bytes = nodes(features, node_size).unwrap() * NODE_BYTES;

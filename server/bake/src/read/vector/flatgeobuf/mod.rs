@@ -62,6 +62,7 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
         }
     }
     writer.sink.tick(bytes_read.get());
+    writer.finish()?;
     if wanted.is_all() && schema.features > number {
         let what = format!("{} features are announced, {number} are there", schema.features);
         return Err(InputError::damaged(input.label, format!("feature {}", number + 1), what));
@@ -102,7 +103,12 @@ fn read_header(
     };
     writer.begin(layer, crs_of(&header))?;
     let node_size = header.index_node_size();
-    Ok(Schema { columns, geometry_type: header.geometry_type(), features: header.features_count(), index_node_size: node_size })
+    Ok(Schema {
+        columns,
+        geometry_type: header.geometry_type(),
+        features: header.features_count(),
+        index_node_size: node_size,
+    })
 }
 
 fn describe(header: &Header<'_>, writer: &mut FeatureWriter<'_>) {

@@ -48,10 +48,10 @@ fn value(kind: ColumnType, bytes: &mut &[u8]) -> Option<Option<AttributeValue>> 
         ColumnType::ULong => number::whole(u64::from_le_bytes(take(bytes)?)),
         ColumnType::Float => Float(number::widen(f32::from_le_bytes(take(bytes)?))),
         ColumnType::Double => Float(f64::from_le_bytes(take(bytes)?)),
-        ColumnType::String | ColumnType::Json => AttributeValue::Text(text(bytes)?),
-        ColumnType::DateTime => {
+        ColumnType::String | ColumnType::Json | ColumnType::DateTime => {
             let text = text(bytes)?;
-            AttributeValue::date(&text).unwrap_or(AttributeValue::Text(text))
+            let date = if kind == ColumnType::DateTime { AttributeValue::date(&text) } else { None };
+            return Some(date.or_else(|| (!text.is_empty()).then_some(AttributeValue::Text(text))));
         }
         ColumnType::Binary => {
             text_bytes(bytes)?;

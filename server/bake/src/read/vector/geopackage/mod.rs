@@ -63,7 +63,7 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
         reader.read(table, &mut writer, &mut bytes_done)?;
     }
     writer.sink.tick(file_bytes);
-    Ok(())
+    writer.finish()
 }
 
 /// Opens a database that nothing changes, in a way that lets it do nothing.
@@ -129,7 +129,10 @@ impl TableReader<'_> {
         for text in [&table.title, &table.description].into_iter().flatten() {
             writer.sink.describe(Description::Title, text);
         }
-        writer.begin(Layer::new(&table.name, table.columns.iter().map(|column| column.name.as_str())), table.crs.clone())?;
+        writer.begin(
+            Layer::new(&table.name, table.columns.iter().map(|column| column.name.as_str())),
+            table.crs.clone(),
+        )?;
         self.checks.store(0, Ordering::Relaxed);
         let mut statement = self.connection.prepare(&table.query()).map_err(fault)?;
         let mut rows = statement.query([]).map_err(fault)?;
@@ -183,7 +186,7 @@ impl TableReader<'_> {
     }
 }
 
-/// The value of a column; `None` for null and bytes.
+/// The value of a column; `None` for null, an empty text and bytes.
 fn value_of(value: ValueRef<'_>, column: &Column) -> Option<AttributeValue> {
     match value {
         ValueRef::Integer(number) if column.kind == ColumnType::Bool => Some(AttributeValue::Bool(number != 0)),
@@ -192,7 +195,7 @@ fn value_of(value: ValueRef<'_>, column: &Column) -> Option<AttributeValue> {
         ValueRef::Text(text) => {
             let text = String::from_utf8_lossy(text);
             let date = if column.kind == ColumnType::Date { AttributeValue::date(&text) } else { None };
-            Some(date.unwrap_or_else(|| AttributeValue::Text(text.into_owned())))
+            date.or_else(|| (!text.is_empty()).then(|| AttributeValue::Text(text.into_owned())))
         }
         ValueRef::Null | ValueRef::Blob(_) => None,
     }

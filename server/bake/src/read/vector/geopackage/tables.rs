@@ -2,6 +2,8 @@
 
 use rusqlite::{Connection, OptionalExtension, Row};
 
+/// Names of columns that only number the rows.
+const ROW_NUMBERS: [&str; 2] = ["fid", "ogc_fid"];
 /// Further tables are left out.
 const MAX_TABLES: u32 = 1000;
 
@@ -15,7 +17,7 @@ pub(super) struct FeatureTable {
     geometry: String,
     /// The column that numbers the rows; the hidden one of SQLite if `None`.
     key: Option<String>,
-    /// All columns but the geometry.
+    /// All columns but the geometry and the mere number of the row.
     pub(super) columns: Vec<Column>,
 }
 
@@ -75,7 +77,11 @@ pub(super) fn find(connection: &Connection) -> rusqlite::Result<FoundTables> {
             found.left_out.push((name, "table without its geometry column"));
             continue;
         }
-        let columns = columns.into_iter().filter(|column| !column.name.eq_ignore_ascii_case(&geometry)).collect();
+        let is_kept = |column: &Column| {
+            let is_row_number = key.as_deref() == Some(&column.name) && ROW_NUMBERS.contains(&column.name.as_str());
+            !is_row_number && !column.name.eq_ignore_ascii_case(&geometry)
+        };
+        let columns = columns.into_iter().filter(is_kept).collect();
         let crs = if has_systems { crs(connection, srs_id)? } else { None };
         let title = title.filter(|title| !title.trim().is_empty() && *title != name);
         let description = description.filter(|text| !text.trim().is_empty());

@@ -2,9 +2,9 @@
 
 use arrow_array::cast::AsArray;
 use arrow_array::types::{
-    ArrowPrimitiveType, Date32Type, Decimal32Type, Decimal64Type, Decimal128Type, Float16Type, Float32Type, Float64Type,
-    Int8Type, Int16Type, Int32Type, Int64Type, TimestampMicrosecondType, TimestampMillisecondType, TimestampNanosecondType,
-    TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
+    ArrowPrimitiveType, Date32Type, Decimal32Type, Decimal64Type, Decimal128Type, Float16Type, Float32Type,
+    Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, TimestampMicrosecondType, TimestampMillisecondType,
+    TimestampNanosecondType, TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
 };
 use arrow_array::{Array, ArrayRef, BooleanArray, ListArray, MapArray, PrimitiveArray, StringArray, StructArray};
 use arrow_schema::{DataType, Schema, TimeUnit};
@@ -73,11 +73,13 @@ impl<'a> ColumnValues<'a> {
 
     /// Adds the attributes of a row.
     pub(super) fn push(&self, row: usize, name: &str, attributes: &mut Attributes, depth: u32) {
-        if depth > MAX_DEPTH || attributes.len() >= MAX_ATTRIBUTES || row >= self.array.len() || self.array.is_null(row) {
+        if depth > MAX_DEPTH || attributes.len() >= MAX_ATTRIBUTES || row >= self.array.len() || self.array.is_null(row)
+        {
             return;
         }
         match &self.values {
             Values::Bool(array) => attributes.push(name, AttributeValue::Bool(array.value(row))),
+            Values::Text(array) if array.value(row).is_empty() => {}
             Values::Text(array) => attributes.push(name, AttributeValue::Text(array.value(row).to_owned())),
             Values::Primitive(value) => {
                 if let Some(value) = value(row) {

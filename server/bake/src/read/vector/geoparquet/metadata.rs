@@ -63,7 +63,8 @@ fn of_metadata(geo: &Value, schema: &Schema) -> Result<GeoColumn, String> {
     let name = primary.or_else(first).ok_or("a parquet file without the geometry column that its metadata name")?;
     let column = columns.get(name).unwrap_or(&Value::Null);
     let encoding = column["encoding"].as_str().unwrap_or("WKB");
-    let encoding = encoding_of(encoding).ok_or_else(|| format!("GeoParquet with geometries encoded as {encoding:?}"))?;
+    let encoding =
+        encoding_of(encoding).ok_or_else(|| format!("GeoParquet with geometries encoded as {encoding:?}"))?;
     let crs = match column.get("crs") {
         None => Some(DEGREES.to_owned()),
         Some(Value::Null) => None,
@@ -140,7 +141,11 @@ fn box_column(schema: &Schema) -> Option<[String; 4]> {
 }
 
 /// Row groups that may have features in an area (west, south, east, north).
-pub(super) fn groups_within(metadata: &ParquetMetaData, covering: &Option<[String; 4]>, wanted: [f64; 4]) -> Vec<usize> {
+pub(super) fn groups_within(
+    metadata: &ParquetMetaData,
+    covering: &Option<[String; 4]>,
+    wanted: [f64; 4],
+) -> Vec<usize> {
     let is_near = |group: &RowGroupMetaData| {
         let Some(covering) = covering else { return true };
         let range = |path: &String| statistics_range(group, path);

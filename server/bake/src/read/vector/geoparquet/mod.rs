@@ -61,7 +61,7 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
         writer.sink.describe(Description::Attribution, attribution);
     }
     writer.sink.tick(file_bytes);
-    Ok(())
+    writer.finish()
 }
 
 fn damaged(input: &Input<'_>, place: &str, what: &str) -> InputError {

@@ -8,7 +8,12 @@ use super::metadata::NestedKind;
 use crate::read::vector::geometry::{Geometry, MALFORMED, Polygon, Ring, UNKNOWN_TYPE};
 
 /// Reads the geometry of a row. Fails with the reason for skipping the feature.
-pub(super) fn read(array: &dyn Array, row: usize, kind: NestedKind, geometry: &mut Geometry) -> Result<(), &'static str> {
+pub(super) fn read(
+    array: &dyn Array,
+    row: usize,
+    kind: NestedKind,
+    geometry: &mut Geometry,
+) -> Result<(), &'static str> {
     match kind {
         NestedKind::Point => {
             let positions = array.as_struct_opt().ok_or(UNKNOWN_TYPE)?;
@@ -27,6 +32,8 @@ pub(super) fn read(array: &dyn Array, row: usize, kind: NestedKind, geometry: &m
             }
         }
     }
+    let has_z = geometry.positions().any(|position| position[2] != 0.0);
+    geometry.has_z |= has_z;
     Ok(())
 }
 

@@ -49,7 +49,7 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
         }
     }
     writer.sink.tick(bytes_read.get());
-    Ok(())
+    writer.finish()
 }
 
 /// Opens the attributes; damaged ones are reported and left out.

@@ -28,7 +28,9 @@ pub(super) fn add(parts: Vec<Part>, geometry: &mut Geometry, problems: &mut Vec<
         ring.reverse();
         let is_hole = match kind {
             INNER_RING => true,
-            RING => geometry.polygons.last().and_then(|polygon| polygon.first()).is_some_and(|outer| lies_in(outer, &ring)),
+            RING => {
+                geometry.polygons.last().and_then(|polygon| polygon.first()).is_some_and(|outer| lies_in(outer, &ring))
+            }
             OUTER_RING | FIRST_RING => false,
             _ => {
                 problems.push("patch of unknown type");
@@ -57,7 +59,8 @@ fn mesh(kind: u32, positions: Ring) -> Option<TriangleMesh> {
 fn lies_in(outer: &Ring, ring: &Ring) -> bool {
     let bounds = |ring: &Ring| {
         let fold = |start: f64, take: fn(f64, f64) -> f64| {
-            ring.iter().fold([start; 3], |bounds, p| [take(bounds[0], p[0]), take(bounds[1], p[1]), take(bounds[2], p[2])])
+            ring.iter()
+                .fold([start; 3], |bounds, p| [take(bounds[0], p[0]), take(bounds[1], p[1]), take(bounds[2], p[2])])
         };
         (fold(f64::INFINITY, f64::min), fold(f64::NEG_INFINITY, f64::max))
     };

@@ -10,20 +10,22 @@ const EXTENT_BYTES: usize = 32;
 pub(super) fn read(content: &[u8], problems: &mut Vec<&'static str>) -> Result<Geometry, &'static str> {
     let mut reader = ShapeReader { bytes: content };
     let mut geometry = Geometry::default();
-    match reader.u32()? {
+    let code = reader.u32()?;
+    geometry.has_z = matches!(code, 11 | 13 | 15 | 18 | 31);
+    match code {
         0 => return Err("no geometry"),
         1 | 21 => geometry.push_point([reader.f64()?, reader.f64()?, 0.0]),
         11 => geometry.push_point([reader.f64()?, reader.f64()?, reader.f64()?]),
-        code @ (8 | 18 | 28) => {
+        8 | 18 | 28 => {
             reader.skip(EXTENT_BYTES)?;
             let count = reader.count(16)?;
             reader.positions(count, code == 18)?.into_iter().for_each(|point| geometry.push_point(point));
         }
-        code @ (3 | 13 | 23) => {
+        3 | 13 | 23 => {
             let parts = reader.parts(false, code == 13)?;
             parts.into_iter().for_each(|part| geometry.push_line(part.ring));
         }
-        code @ (5 | 15 | 25) => {
+        5 | 15 | 25 => {
             let parts = reader.parts(false, code == 15)?.into_iter().map(|part| part.ring);
             let (polygons, left_out) = rings::group(parts.filter(|ring| !ring.is_empty()).collect());
             if left_out > 0 {
@@ -96,8 +98,7 @@ impl ShapeReader<'_> {
         let position_count = self.count(16)?;
         let starts: Result<Vec<u32>, _> = (0..part_count).map(|_| self.u32()).collect();
         let starts = starts?;
-        let kinds: Result<Vec<u32>, _> =
-            (0..part_count).map(|_| if has_kinds { self.u32() } else { Ok(0) }).collect();
+        let kinds: Result<Vec<u32>, _> = (0..part_count).map(|_| if has_kinds { self.u32() } else { Ok(0) }).collect();
         let positions = self.positions(position_count, has_z)?;
         let ends = starts.iter().skip(1).map(|start| *start as usize).chain([positions.len()]);
         let mut parts = Vec::with_capacity(part_count);

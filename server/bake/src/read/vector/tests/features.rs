@@ -20,8 +20,10 @@ const SLOPE: &str = "POLYGON Z((0 0 0,1 0 0,1 1 2,0 1 2,0 0 0))";
 #[test]
 fn level_polygons_are_plans_and_others_surfaces() {
     let line = |wkt: &str, height: &str| format!("\"{wkt}\";{height}");
-    let lines = [line(LEVEL, ""), line(WALL, ""), line(SLOPE, ""), line(SLOPE, "9")];
+    let lines = [line(LEVEL, ""), line(SLOPE, ""), line(SLOPE, ""), line(SLOPE, "9")];
     let sink = features("town.csv", "wkt;height", &lines.each_ref().map(String::as_str));
+    // The level polygon waits for walls until the end.
+    let sink = TestSink { objects: [&sink.objects[3..], &sink.objects[..3]].concat(), ..sink };
     assert_eq!(rings(&sink.objects[0].shape)[0].rings[0].len(), 5);
     for object in &sink.objects[1..3] {
         let Shape::Surfaces { polygons, meshes } = &object.shape else { panic!("{object:?}") };
@@ -32,8 +34,24 @@ fn level_polygons_are_plans_and_others_surfaces() {
 }
 
 #[test]
+fn level_polygons_among_walls_are_faces() {
+    let lines = [LEVEL, WALL, LEVEL].map(|wkt| format!("\"{wkt}\";1"));
+    let sink = features("town.csv", "wkt;n", &lines.each_ref().map(String::as_str));
+    let is_surface = |shape: &Shape| matches!(shape, Shape::Surfaces { .. });
+    assert_eq!(sink.objects.iter().filter(|object| is_surface(&object.shape)).count(), 3);
+    let flat = "POLYGON((0 0,1 0,1 1,0 1,0 0))";
+    let lines = [flat, WALL, flat].map(|wkt| format!("\"{wkt}\";1"));
+    let sink = features("town.csv", "wkt;n", &lines.each_ref().map(String::as_str));
+    assert_eq!(sink.objects.iter().filter(|object| is_surface(&object.shape)).count(), 1, "those have no heights");
+    let many = vec![format!("\"{LEVEL}\";1"); 300];
+    let sink = features("town.csv", "wkt;n", &many.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(sink.objects.len() == 300 && sink.objects.iter().all(|object| !is_surface(&object.shape)));
+}
+
+#[test]
 fn holes_of_surfaces_are_numbered() {
-    let wall = "POLYGON Z((0 0 0,9 0 0,9 0 9,0 0 9,0 0 0),(1 0 1,1 0 2,2 0 2,1 0 1),(5 0 5,5 0 5),(3 0 3,3 0 4,4 0 4,3 0 3))";
+    let wall =
+        "POLYGON Z((0 0 0,9 0 0,9 0 9,0 0 9,0 0 0),(1 0 1,1 0 2,2 0 2,1 0 1),(5 0 5,5 0 5),(3 0 3,3 0 4,4 0 4,3 0 3))";
     let sink = features("town.csv", "id|wkt", &[&format!("w|{wall}")]);
     let Shape::Surfaces { polygons, .. } = &sink.objects[0].shape else { panic!() };
     assert_eq!((polygons[0].points.len(), polygons[0].hole_starts.as_slice()), (10, &[4, 7][..]));
@@ -85,7 +103,8 @@ fn kinds_by_tags_and_by_the_layer() {
 
 #[test]
 fn identifiers_in_order_of_trust() {
-    let sink = features("t.csv", "name;OBJECTID;gml_id;wkt", &["x;7;BLD_1;POINT(9 9)", "y;8;;POINT(9 9)", "z;;;POINT(9 9)"]);
+    let sink =
+        features("t.csv", "name;OBJECTID;gml_id;wkt", &["x;7;BLD_1;POINT(9 9)", "y;8;;POINT(9 9)", "z;;;POINT(9 9)"]);
     let ids: Vec<&str> = sink.objects.iter().map(|object| object.id.as_str()).collect();
     assert_eq!(ids, ["BLD_1", "8", "line 4"]);
 }
@@ -95,7 +114,9 @@ fn degrees_are_recognised_and_metres_are_not() {
     let degrees = features("t.csv", "wkt;n", &["POLYGON((139.7 35.6,139.701 35.6,139.7 35.601,139.7 35.6));1"]);
     assert_eq!((degrees.crs.len(), degrees.crs[0].name.as_str()), (1, "OGC:CRS84"));
     assert_eq!(degrees.problems[0].0, "coordinate system not given");
-    for metres in ["POLYGON((10 10,20 10,20 20,10 10))", "POLYGON((85000 446000,85010 446000,85000 446010,85000 446000))"] {
+    for metres in
+        ["POLYGON((10 10,20 10,20 20,10 10))", "POLYGON((85000 446000,85010 446000,85000 446010,85000 446000))"]
+    {
         let sink = features("t.csv", "wkt;n", &[&format!("{metres};1")]);
         assert_eq!((sink.crs.len(), sink.problems.len()), (0, 0), "{metres}");
     }
@@ -103,7 +124,7 @@ fn degrees_are_recognised_and_metres_are_not() {
 
 #[test]
 fn features_outside_of_the_wanted_area_are_left_out() {
-    let lines = "wkt;n\nSRID=4326;POINT(4 52);1\nSRID=4326;POINT(5 52);2\nSRID=28992;POINT(85000 446000);3\n";
+    let lines = "wkt,n\nSRID=4326;POINT(4 52),1\nSRID=4326;POINT(5 52),2\nSRID=28992;POINT(85000 446000),3\n";
     let (result, sink) = run(read_csv, &[("t.csv", lines.as_bytes())], Some([4.5, 51.0, 6.0, 53.0]));
     result.unwrap();
     assert_eq!((sink.objects.len(), sink.skipped.len()), (2, 0), "those in metres are left to the sink");

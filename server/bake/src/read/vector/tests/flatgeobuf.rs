@@ -33,12 +33,13 @@ fn file(crs: FgbCrs<'_>, has_index: bool, plans: &[Vec<Vec<[f64; 2]>>]) -> Vec<u
         writer.add_column(name, kind, |_, _| {});
     }
     for plan in plans {
-        let add = |feature: &mut flatgeobuf::FeatureWriter<'_>| {
-            feature.property(0, "name", &ColumnValue::String("Ä")).unwrap();
-            feature.property(1, "h", &ColumnValue::Double(2.5)).unwrap();
-            feature.property(2, "n", &ColumnValue::ULong(u64::MAX)).unwrap();
-        };
-        writer.add_feature_geom(Polygon(plan.clone()), add).unwrap();
+        writer
+            .add_feature_geom(Polygon(plan.clone()), |feature| {
+                feature.property(0, "name", &ColumnValue::String("Ä")).unwrap();
+                feature.property(1, "h", &ColumnValue::Double(2.5)).unwrap();
+                feature.property(2, "n", &ColumnValue::ULong(u64::MAX)).unwrap();
+            })
+            .unwrap();
     }
     let mut bytes = Vec::new();
     writer.write(&mut bytes).unwrap();

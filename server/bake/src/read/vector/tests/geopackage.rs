@@ -24,8 +24,15 @@ fn blob(wkb: &[u8], extent: Option<[f64; 4]>) -> Vec<u8> {
 }
 
 fn add_table(connection: &Connection, name: &str, srs_id: i64, columns: &str) {
-    connection.execute_batch(&format!("CREATE TABLE \"{name}\" (fid INTEGER PRIMARY KEY, geom BLOB{columns})")).unwrap();
-    connection.execute("INSERT INTO gpkg_contents VALUES (?1, 'features', 'My ' || ?1, '', ?2)", (name, srs_id)).unwrap();
+    connection
+        .execute_batch(&format!(
+            "CREATE TABLE \"{}\" (fid INTEGER PRIMARY KEY, geom BLOB{columns})",
+            name.replace('"', "\"\"")
+        ))
+        .unwrap();
+    connection
+        .execute("INSERT INTO gpkg_contents VALUES (?1, 'features', 'My ' || ?1, '', ?2)", (name, srs_id))
+        .unwrap();
     connection.execute("INSERT INTO gpkg_geometry_columns VALUES (?1, 'GEOM', 'POLYGON', ?2)", (name, srs_id)).unwrap();
 }
 
@@ -44,7 +51,12 @@ fn database(fill: impl FnOnce(&Connection)) -> Vec<u8> {
 fn tables_of_features() {
     let plan = [square(0.0, 0.0, 9.0), square(1.0, 1.0, 2.0)];
     let bytes = database(|connection| {
-        add_table(connection, "pand \"x\"", 28992, ", name TEXT, height REAL, n INTEGER, ok BOOLEAN, built DATE, raw BLOB");
+        add_table(
+            connection,
+            "pand \"x\"",
+            28992,
+            ", name TEXT, height REAL, n INTEGER, ok BOOLEAN, built DATE, raw BLOB",
+        );
         let insert = "INSERT INTO \"pand \"\"x\"\"\" VALUES (?1, ?2, 'Ä', 12.5, 7, 1, '2001-02-03', x'00')";
         connection.execute(insert, (5, blob(&polygon_wkb(&plan, None), Some([0.0, 9.0, 0.0, 9.0])))).unwrap();
         connection.execute(insert, (6, blob(&polygon_wkb(&plan, None)[..30], None))).unwrap();
@@ -56,10 +68,9 @@ fn tables_of_features() {
     let sink = read(read_geopackage, &[("a b.gpkg", &bytes)]);
     assert_eq!(sink.objects.len(), 1);
     let object = &sink.objects[0];
-    assert_eq!((object.id.as_str(), object.source_type.as_str()), ("5", "pand \"x\""));
+    assert_eq!((object.id.as_str(), object.source_type.as_str()), ("pand \"x\".5", "pand \"x\""));
     assert_eq!(rings(&object.shape)[0].rings, plan);
     let expected = [
-        ("fid", AttributeValue::Integer(5)),
         ("name", text("Ä")),
         ("height", AttributeValue::Float(12.5)),
         ("n", AttributeValue::Integer(7)),
@@ -67,7 +78,10 @@ fn tables_of_features() {
         ("built", AttributeValue::Date { year: 2001, month: 2, day: 3 }),
     ];
     assert_eq!(object.attributes, attributes(&expected));
-    assert_eq!(sink.skipped, [("malformed geometry", "6".to_owned()), ("no geometry", "7".to_owned())]);
+    assert_eq!(
+        sink.skipped,
+        [("malformed geometry", "pand \"x\".6".to_owned()), ("no geometry", "pand \"x\".7".to_owned())]
+    );
     let names: Vec<&str> = sink.crs.iter().map(|crs| crs.name.as_str()).collect();
     assert_eq!(names, ["EPSG:28992", "PROJCS[\"b\"]"]);
     let problems: Vec<&str> = sink.problems.iter().map(|problem| problem.1.as_str()).collect();

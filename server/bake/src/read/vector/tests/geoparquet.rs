@@ -95,7 +95,10 @@ fn overture_columns() -> Vec<(&'static str, ArrayRef)> {
 fn parts_of_overture() {
     let sink = read(read_geoparquet, &[("part-0.parquet", &file(overture_columns(), Some(WKB), Compression::SNAPPY))]);
     let object = &sink.objects[0];
-    assert_eq!((object.id.as_str(), object.parent.as_deref(), object.kind), ("p1", Some("b1"), FeatureKind::BuildingPart));
+    assert_eq!(
+        (object.id.as_str(), object.parent.as_deref(), object.kind),
+        ("p1", Some("b1"), FeatureKind::BuildingPart)
+    );
     assert_eq!(rings(&object.shape)[0].rings, plan(0));
     let date = |day: u8| AttributeValue::Date { year: 1970, month: 1, day };
     let expected = [
@@ -129,19 +132,25 @@ fn row_groups_and_rows_outside_of_the_area_are_not_read() {
         assert_eq!(found, [plan(5), plan(6)]);
     }
     // The geometries of the first rows are damaged: they are not looked at.
-    let damaged: ArrayRef = Arc::new((0..4_u32).map(|n| Some(if n < 2 { vec![9] } else { polygon_wkb(&plan(n), None) })).collect::<BinaryArray>());
+    let damaged: ArrayRef = Arc::new(
+        (0..4_u32).map(|n| Some(if n < 2 { vec![9] } else { polygon_wkb(&plan(n), None) })).collect::<BinaryArray>(),
+    );
     let bytes = file(vec![("geometry", damaged), ("bbox", boxes(4))], Some(WKB), Compression::UNCOMPRESSED);
     let (result, sink) = run(read_geoparquet, &[("a.parquet", &bytes)], Some([2.0, 50.0, 6.0, 51.0]));
     result.unwrap();
     assert_eq!((sink.objects.len(), sink.skipped.len()), (2, 0));
-    assert_eq!(read(read_geoparquet, &[("a.parquet", &bytes)]).skipped[0], ("malformed geometry", "feature 1".to_owned()));
+    assert_eq!(
+        read(read_geoparquet, &[("a.parquet", &bytes)]).skipped[0],
+        ("malformed geometry", "feature 1".to_owned())
+    );
 }
 
 #[test]
 fn systems_and_compressions() {
     let geo = |crs: &str| WKB.replace("\"WKB\"", &format!("\"WKB\", \"crs\": {crs}"));
     let crs = |geo: Option<&str>| {
-        let sink = read(read_geoparquet, &[("a.parquet", &file(vec![("geometry", geometries(1))], geo, Compression::SNAPPY))]);
+        let sink =
+            read(read_geoparquet, &[("a.parquet", &file(vec![("geometry", geometries(1))], geo, Compression::SNAPPY))]);
         sink.crs.first().map(|crs| crs.name.clone())
     };
     let coded = geo(r#"{"type": "ProjectedCRS", "id": {"authority": "EPSG", "code": 6677}}"#);

@@ -53,7 +53,7 @@ fn attack(reader: Reader, files: &[(&str, &[u8])], step: usize, max_objects: usi
     }
     let (name, bytes) = files[0];
     let input = Input { label: name, name, files: &files_of, max_bytes: MAX_BYTES, bbox_deg: None };
-    let mut check = |bytes: &[u8]| {
+    let check = |bytes: &[u8]| {
         fs::write(folder.path().join(name), bytes).unwrap();
         let mut sink = TestSink::default();
         let _ = reader(&input, &mut sink);

@@ -80,11 +80,17 @@ fn polygons_with_attributes_and_system() {
     let hole: Vec<[f64; 3]> = ring(&square(1.0, 1.0, 2.0), 0.0).into_iter().rev().collect();
     let far = ring(&square(50.0, 0.0, 9.0), 0.0);
     let shapes = [shape(5, &[(0, &far), (0, &outer), (0, &hole)]), vec![0; 4], shape(5, &[(0, &outer)])];
-    let columns = [("NAME", b'C', 6, 0), ("HEIGHT", b'N', 6, 2), ("NR", b'N', 4, 0), ("BUILT", b'D', 8, 0), ("OK", b'L', 1, 0)];
-    let rows: [&[u8]; 3] = [b" K\xf6ln   12.50   720010203T", b"                           ", b"*abc    ******  8        ?"];
+    let columns =
+        [("NAME", b'C', 6, 0), ("HEIGHT", b'N', 6, 2), ("NR", b'N', 4, 0), ("BUILT", b'D', 8, 0), ("OK", b'L', 1, 0)];
+    let rows: [&[u8]; 3] =
+        [b" K\xf6ln   12.50   720010203T", b"                           ", b"*abc    ******  8        ?"];
     let rows = [rows[0], &rows[1][..26], rows[2]];
-    let files: [(&str, &[u8]); 4] =
-        [("Haus.SHP", &shp(&shapes)), ("Haus.DBF", &dbf(0x57, &columns, &rows)), ("Haus.prj", b"PROJCS[]"), ("Haus.x", b"")];
+    let files: [(&str, &[u8]); 4] = [
+        ("Haus.SHP", &shp(&shapes)),
+        ("Haus.DBF", &dbf(0x57, &columns, &rows)),
+        ("Haus.prj", b"PROJCS[]"),
+        ("Haus.x", b""),
+    ];
     let sink = read(read_shapefile, &files);
     assert_eq!(sink.crs[0].name, "PROJCS[]");
     let footprints = rings(&sink.objects[0].shape);
@@ -140,15 +146,8 @@ fn multipatches_are_surfaces_in_space() {
     let top = ring(&base, 3.0);
     let hole = ring(&[[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]], 3.0);
     let strip = [[0.0, 0.0, 0.0], [0.0, 0.0, 3.0], [9.0, 0.0, 0.0], [9.0, 0.0, 3.0]];
-    let parts: [(u32, Positions<'_>); 7] = [
-        (0, &strip),
-        (1, &square(0.0, base)),
-        (2, &top),
-        (3, &hole),
-        (6, &strip[..3]),
-        (4, &top),
-        (5, &hole),
-    ];
+    let parts: [(u32, Positions<'_>); 7] =
+        [(0, &strip), (1, &square(0.0, base)), (2, &top), (3, &hole), (6, &strip[..3]), (4, &top), (5, &hole)];
     let sink = read(read_shapefile, &[("a.shp", &shp(&[shape(31, &parts)]))]);
     let Shape::Surfaces { polygons, meshes } = &sink.objects[0].shape else { panic!() };
     assert_eq!(meshes.iter().map(|mesh| mesh.triangles.len()).collect::<Vec<_>>(), [2, 2, 1]);

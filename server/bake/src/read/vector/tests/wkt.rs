@@ -55,7 +55,9 @@ fn hostile_text_fails() {
     for length in 0..whole.len() {
         assert!(read(&whole[..length]).is_err(), "{length} characters");
     }
-    for text in ["POINT(1)", "POINT(1 2 3 4 5)", "POINT(1 2", "POINT(a b)", "POINT(1 2) x", "POLYGONX((0 0))", "🏠", "SRID=;"] {
+    for text in
+        ["POINT(1)", "POINT(1 2 3 4 5)", "POINT(1 2", "POINT(a b)", "POINT(1 2) x", "POLYGONX((0 0))", "🏠", "SRID=;"]
+    {
         assert!(read(text).is_err(), "{text}");
     }
     assert_eq!(read(&"GEOMETRYCOLLECTION(".repeat(10_000)), Err(TOO_DEEP));
