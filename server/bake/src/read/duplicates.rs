@@ -5,8 +5,6 @@
 //! identifier and mostly the same box, or the same footprint and height. Footprints are compared as bit masks that one pass
 //! over the stored triangles fills, so that memory follows the number of similar pairs, not the size of the city.
 
-use super::scene_builder::PlacedBox;
-
 /// What becomes of an object that another source, or the same, has already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DuplicateOption {
@@ -30,6 +28,13 @@ const HEIGHT_TOLERANCE_M: f64 = 1.0;
 const MASK_SIDE: usize = 64;
 /// Pairs whose footprints are compared in one pass over the triangles: 100 MB of masks.
 pub(super) const PAIRS_PER_PASS: usize = 100_000;
+
+/// A box in world coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PlacedBox {
+    pub(super) low: [f64; 3],
+    pub(super) high: [f64; 3],
+}
 
 /// An object as far as it matters here.
 #[derive(Debug, Clone, Copy)]

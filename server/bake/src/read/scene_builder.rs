@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::Vec3;
 use insula_protocol::NODE_CELLS;
 
-use super::duplicates::{DuplicateCandidate, DuplicateOption, PAIRS_PER_PASS, PairMasks, SimilarPair, similar_pairs};
+use super::duplicates::{DuplicateCandidate, DuplicateOption, PAIRS_PER_PASS, PairMasks, PlacedBox, SimilarPair, similar_pairs};
 use super::report::{FAR, SourceReport};
 use crate::error::BakeError;
 use crate::scene::grid::BLOCK_LEAVES;
@@ -54,13 +54,6 @@ pub(crate) struct ObjectRelation {
     pub(crate) lod: Option<f32>,
     /// Whether the object is left out if another one names it as its parent.
     pub(crate) yields_to_parts: bool,
-}
-
-/// A box in world coordinates.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct PlacedBox {
-    pub(crate) low: [f64; 3],
-    pub(crate) high: [f64; 3],
 }
 
 /// Number by which identifiers are compared. Two different ones have the same number once in 10^10 cities.

@@ -188,8 +188,7 @@ impl<'a> WktParser<'a> {
         if self.takes_word("EMPTY") {
             return Ok(Ring::new());
         }
-        // No tag begins as `EMPTY` does.
-        if matches!(self.peek(), Some(b'(' | b'E' | b'e')) {
+        if self.peek() == Some(b'(') {
             return self.line();
         }
         match self.tag()? {
