@@ -7,11 +7,9 @@ use std::io::ErrorKind;
 use serde::Deserialize;
 
 use super::object::{AxisOrder, CrsReference};
-use super::source::{CitySource, read_sibling};
+use super::source::{CitySource, PLACE_FILE, read_sibling};
 use crate::error::InputError;
 
-/// End of the name of a file that places another one.
-pub(super) const PLACE_FILE: &str = ".place.json";
 /// Larger files are refused.
 const MAX_FILE_BYTES: u64 = 64 << 10;
 

@@ -5,7 +5,9 @@ use std::collections::HashMap;
 use glam::Vec3;
 use insula_protocol::NODE_CELLS;
 
-use super::duplicates::{DuplicateCandidate, DuplicateOption, PAIRS_PER_PASS, PairMasks, PlacedBox, SimilarPair, similar_pairs};
+use super::duplicates::{
+    DuplicateCandidate, DuplicateOption, PAIRS_PER_PASS, PairMasks, PlacedBox, SimilarPair, similar_pairs,
+};
 use super::report::{FAR, SourceReport};
 use crate::error::BakeError;
 use crate::scene::grid::BLOCK_LEAVES;

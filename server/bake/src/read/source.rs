@@ -9,8 +9,10 @@ use std::rc::Rc;
 use flate2::read::MultiGzDecoder;
 
 use super::input::{Input, SourceFiles};
-use super::local_frame::PLACE_FILE;
 use crate::error::InputError;
+
+/// End of the name of a file that places a mesh file: see `local_frame`.
+pub(super) const PLACE_FILE: &str = ".place.json";
 
 /// Progress of reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -12,6 +12,7 @@ mod codelists;
 mod convert;
 mod coordinates;
 mod decode;
+mod elements;
 mod gather;
 mod kinds;
 mod names;

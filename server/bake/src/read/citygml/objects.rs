@@ -2,23 +2,17 @@
 
 use super::attributes::AttributeReader;
 use super::convert::{Converter, Surfaces};
+use super::elements::Elements;
 use super::gather::{Faults, LIBRARY, Piece, PieceGeometry, Scene, UNRESOLVED};
 use super::kinds::{is_group, is_other_relief, kind_of};
-use super::names::{Class, Names};
+use super::names::Class;
 use super::plan::Plan;
 use super::session::Session;
 use super::shape::{Chosen, choose, remove_copies};
-use super::tree::{AttributeKind, Tree};
+use super::tree::AttributeKind;
 use crate::error::InputError;
 use crate::read::attributes::Attributes;
 use crate::read::object::{AxisOrder, CrsReference, FeatureKind, Shape, SourceObject};
-
-/// The elements of a top-level object.
-#[derive(Clone, Copy)]
-pub(super) struct Elements<'e> {
-    pub(super) tree: &'e Tree,
-    pub(super) names: &'e Names,
-}
 
 /// An object that is ready for the sink, or the reason why it is left out.
 struct Finished {

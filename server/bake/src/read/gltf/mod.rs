@@ -3,6 +3,7 @@
 mod accessor;
 mod buffers;
 mod container;
+mod document;
 mod draco;
 mod extras;
 mod fault;

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::container::{Document, check_required};
+use super::document::{Document, check_required};
 use super::schema::Root;
 use crate::error::InputError;
 

@@ -3,6 +3,7 @@
 mod ply;
 mod ply_faces;
 mod ply_header;
+mod ply_places;
 mod ply_values;
 mod stl;
 #[cfg(test)]

@@ -2,17 +2,14 @@
 
 use super::FileMesh;
 use super::ply_faces::{FaceBuilder, FaceLayout, Vertices};
-use super::ply_header::{self, PlyElement, PlyHeader, PlyNumber};
+use super::ply_header::{self, PlyElement, PlyHeader};
+use super::ply_places::{colour_of, places};
 use super::ply_values::{PlyRow, PlyValues};
 use crate::error::InputError;
 use crate::read::object::ObjectSink;
 
 /// Names of texture coordinates, v up.
 const UV_NAMES: [[&str; 2]; 4] = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texcoord_u", "texcoord_v"]];
-/// Names of colours.
-const COLOUR_NAMES: [[&str; 3]; 3] =
-    [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
-
 /// Reads a PLY. Fails if it is damaged or has no faces.
 pub(super) fn read(label: &str, id: &str, bytes: &[u8], sink: &mut dyn ObjectSink) -> Result<FileMesh, InputError> {
     let header = ply_header::parse(label, bytes)?;
@@ -84,38 +81,4 @@ fn read_vertices(label: &str, element: &PlyElement, values: &mut PlyValues<'_>) 
         }
     })?;
     Ok(vertices)
-}
-
-/// Places of properties that are single values.
-pub(super) fn places<const N: usize>(element: &PlyElement, names: [&str; N]) -> Option<[usize; N]> {
-    let mut found = [0; N];
-    for (place, name) in found.iter_mut().zip(names) {
-        *place = element.properties.iter().position(|property| property.name == name && property.length.is_none())?;
-    }
-    Some(found)
-}
-
-/// Where the colour of a row is, and how it is stored.
-pub(super) struct ColourPlaces {
-    places: [usize; 3],
-    /// To 8 bits.
-    scale: f64,
-}
-
-impl ColourPlaces {
-    /// 8-bit sRGB; not a number becomes 0.
-    pub(super) fn of(&self, row: &PlyRow) -> [u8; 3] {
-        self.places.map(|place| (row.single(place) * self.scale).round() as u8)
-    }
-}
-
-/// The colour of an element's rows, if they have one.
-pub(super) fn colour_of(element: &PlyElement) -> Option<ColourPlaces> {
-    let places = COLOUR_NAMES.iter().find_map(|names| places(element, *names))?;
-    let scale = match element.properties.get(places[0])?.number {
-        PlyNumber::F32 | PlyNumber::F64 => 255.0,
-        PlyNumber::I16 | PlyNumber::U16 => 1.0 / 257.0,
-        _ => 1.0,
-    };
-    Some(ColourPlaces { places, scale })
 }

@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::FileMesh;
-use super::ply::{ColourPlaces, colour_of, places};
 use super::ply_header::PlyElement;
+use super::ply_places::{ColourPlaces, colour_of, places};
 use super::ply_values::PlyRow;
 use crate::read::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Surface, TriangleMesh, Wrap};
 

@@ -240,8 +240,8 @@ pub(super) fn is_tree(tags: Tags<'_>) -> bool {
 /// Whether tags say nothing of what an element is, so that they may be on the outer ring, as in maps before 2017.
 pub(super) fn tell_nothing(tags: Tags<'_>) -> bool {
     const ABOUT_THE_RELATION: &[&[u8]] =
-        &[b"type", b"source", b"note", b"fixme", b"FIXME", b"created_by", b"attribution", b"comment"];
-    tags.iter().all(|(key, _)| ABOUT_THE_RELATION.contains(&key))
+        &[b"type", b"source", b"note", b"fixme", b"created_by", b"attribution", b"comment"];
+    tags.iter().all(|(key, _)| ABOUT_THE_RELATION.contains(&key.to_ascii_lowercase().as_slice()))
 }
 
 fn building(tags: Tags<'_>, key: &'static str, value: &str, kind: FeatureKind, outline: Outline) -> Verdict {

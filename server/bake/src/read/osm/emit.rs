@@ -4,9 +4,10 @@ use super::classes::{Class, Form};
 use super::collect::MemberWays;
 use super::cover::bounds;
 use super::element::{ElementId, Position, Tags, UNITS_PER_DEGREE, degrees};
+use super::nesting::Polygon;
 use super::nodes::NodeStore;
 use super::relations::{MemberWay, Relation, Relations};
-use super::rings::{OUTSIDE, Polygon, TOO_FEW, polygons};
+use super::rings::{OUTSIDE, TOO_FEW, polygons};
 use crate::read::attributes::{AttributeValue, Attributes};
 use crate::read::object::{Footprint, Shape, SourceObject, Strip};
 

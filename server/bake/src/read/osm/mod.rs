@@ -33,8 +33,8 @@ use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify};
 use collect::{Limits, Round, is_part, outline_of};
 use element::{Element, ElementFile, ElementId, Pass, Tags};
 use emit::{area_of_way, areas_of_relation, footprints, is_in_bbox, lines, object, pieces_of_way};
+use nesting::Polygon;
 use parts::{Heights, OutlineFate, Parts};
-use rings::Polygon;
 use survey::Survey;
 
 const COVERED: &str = "outline covered by its building parts";

@@ -1,7 +1,9 @@
 //! Which rings are in which: outer rings with their holes. Rings touch at most.
 
 use super::element::Position;
-use super::rings::Polygon;
+
+/// Rings of a polygon, the outer one first, each closed by its first position.
+pub(super) type Polygon = Vec<Vec<Position>>;
 
 /// Crossings that are counted for one multipolygon; those of a hostile one would take hours.
 const MAX_STEPS: u64 = 1 << 31;

@@ -7,8 +7,8 @@ use super::box_tree::BoxTree;
 use super::cover::{Bounds, bounds, covered_share, share_within};
 use super::element::{ElementId, Position, Tags};
 use super::emit::attributes;
+use super::nesting::Polygon;
 use super::nesting::area;
-use super::rings::Polygon;
 use crate::read::footprint::BuildingHeight;
 
 /// A part belongs to the outline within which it is by this share at least.

@@ -7,12 +7,8 @@
 use std::collections::HashMap;
 
 use super::classes::NOT_CLOSED;
-use super::element::Position;
-use super::nesting;
+use super::nesting::{self, Polygon};
 use super::nodes::NodeStore;
-
-/// Rings of a polygon, the outer one first, each closed by its first position.
-pub(super) type Polygon = Vec<Vec<Position>>;
 
 pub(super) const OUTSIDE: &str = "outside of the extract";
 pub(super) const TOO_FEW: &str = "ring has fewer than three points";

@@ -5,8 +5,19 @@ use std::collections::HashMap;
 use glam::DVec2;
 
 use super::RoofFault;
-use super::plan::{PlanFace, PlanPoint};
 use super::simple;
+
+/// A point of a roof.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PlanPoint {
+    /// In metres from the outline's centre.
+    pub(super) at: DVec2,
+    /// Height, from 0 at the eaves to 1 at the top. Less than 0 only where a corner is slightly outside of its wall's line.
+    pub(super) rise: f64,
+}
+
+/// A face: its outer ring counter-clockwise, then its holes clockwise, as numbers of points.
+pub(super) type PlanFace = Vec<Vec<usize>>;
 
 /// Values nearer to zero than these shares of the largest are zero. If faces are so narrow that the pieces do not fit, the
 /// next one is tried.

@@ -4,23 +4,12 @@ use glam::DVec2;
 
 use super::RoofFault;
 use super::cut;
+pub(super) use super::cut::{PlanFace, PlanPoint};
 use super::outline::Outline;
 use super::simple;
 
 /// Edges of a face may cross by this much, by rounding.
 const OVERLAP_M: f64 = 1e-5;
-
-/// A point of a roof.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct PlanPoint {
-    /// In metres from the outline's centre.
-    pub(super) at: DVec2,
-    /// Height, from 0 at the eaves to 1 at the top. Less than 0 only where a corner is slightly outside of its wall's line.
-    pub(super) rise: f64,
-}
-
-/// A face: its outer ring counter-clockwise, then its holes clockwise, as numbers of points.
-pub(super) type PlanFace = Vec<Vec<usize>>;
 
 /// A roof as faces with shared points. The first points are the outline's corners. Every edge between two faces is an edge
 /// of both, and all others are parts of the outline.

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::batch_table::Column;
+use super::batch_column::Column;
 use crate::read::attributes::Attributes;
 
 /// Parents, grandparents and so on of which a feature inherits attributes.

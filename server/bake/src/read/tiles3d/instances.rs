@@ -3,7 +3,7 @@
 use glam::{DMat3, DMat4, DVec3};
 use serde_json::Value;
 
-use super::batch_table::Component;
+use super::batch_column::Component;
 use super::bytes::{f32_at, part, u16_at};
 use super::container::Tables;
 use super::globe;

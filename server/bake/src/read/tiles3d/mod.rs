@@ -2,6 +2,7 @@
 //!
 //! Positions are geocentric if the tileset is on the globe; metres of an unknown place otherwise. One tile is in memory at a time.
 
+mod batch_column;
 mod batch_table;
 pub(crate) mod bytes;
 mod container;
@@ -17,6 +18,7 @@ mod reader;
 mod subtree;
 #[cfg(test)]
 mod tests;
+mod tile;
 mod tileset;
 pub(crate) mod uri;
 mod volume;
@@ -28,8 +30,8 @@ use super::input::Input;
 use super::object::ObjectSink;
 use crate::error::InputError;
 use files::TileFiles;
-use objects::{Tile, UpAxis};
 use reader::{ContentFault, Parent, TileReader};
+use tile::{Tile, UpAxis};
 
 /// Reads a tileset (`tileset.json`), or a single tile (`.b3dm`, `.i3dm`, `.cmpt`). Fails if it cannot be read itself; tiles of a
 /// tileset that cannot be read are skipped.

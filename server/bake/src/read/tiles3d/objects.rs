@@ -6,9 +6,10 @@ use glam::{DMat4, DVec3};
 
 use super::batch_table::BatchTable;
 use super::reader::{ContentFault, Place, TileReader};
+use super::tile::Tile;
 use super::{globe, kind, uri};
 use crate::read::attributes::Attributes;
-use crate::read::gltf::{FeatureIds, GltfPrimitive, GltfScene, z_up};
+use crate::read::gltf::{FeatureIds, GltfPrimitive, GltfScene};
 use crate::read::object::{
     AxisOrder, CrsReference, Description, FeatureKind, Shape, SourceImage, SourceMaterial, SourceObject, TriangleMesh,
 };
@@ -17,46 +18,6 @@ use crate::read::object::{
 const MAX_TRANSFORM: f64 = 1e12;
 /// Further texts of rights are left out.
 const MAX_COPYRIGHTS: usize = 64;
-
-/// The direction that is up in glTF.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum UpAxis {
-    X,
-    Y,
-    Z,
-}
-
-impl UpAxis {
-    pub(super) fn new(name: Option<&str>) -> Self {
-        match name {
-            Some("X" | "x") => Self::X,
-            Some("Z" | "z") => Self::Z,
-            _ => Self::Y,
-        }
-    }
-
-    fn to_z_up(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
-        match self {
-            Self::X => [-z, y, x],
-            Self::Y => z_up([x, y, z]),
-            Self::Z => [x, y, z],
-        }
-    }
-}
-
-/// A tile whose content is read.
-#[derive(Debug, Clone)]
-pub(super) struct Tile {
-    /// Name of the file, or the place of a content within the tileset.
-    pub(super) name: String,
-    /// To the coordinates of the whole tileset.
-    pub(super) transform: DMat4,
-    pub(super) up: UpAxis,
-    /// Metadata of the tile and its content.
-    pub(super) attributes: Attributes,
-    /// What the names of the files tell.
-    pub(super) kind: Option<FeatureKind>,
-}
 
 /// A scene of a tile, and what its features are.
 pub(super) struct Content<'a> {

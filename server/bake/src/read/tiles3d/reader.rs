@@ -7,7 +7,7 @@ use glam::DMat4;
 
 use super::container::first_character;
 use super::files::TileFiles;
-use super::objects::{Tile, UpAxis};
+use super::tile::{Tile, UpAxis};
 use super::tileset::{ContentJson, TileJson, TilesetJson};
 use super::volume::Volume;
 use super::{kind, uri};

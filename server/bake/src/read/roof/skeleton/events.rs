@@ -1,37 +1,14 @@
 //! Events in which a reflex vertex meets another part of the wavefront.
 
-use std::cmp::{Ordering, Reverse};
+use std::cmp::Reverse;
 use std::f64::consts::TAU;
 
 use glam::DVec2;
 
-use super::wavefront::{MIN_RATE, Vertex, Wavefront};
+use super::wavefront::{Collision, MIN_RATE, Vertex, Wavefront};
 
 /// Directions that differ by less than this angle, in radians, are equal.
 const EQUAL_RAD: f64 = 1e-6;
-
-/// A reflex vertex is on the line of an edge.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Collision {
-    time: f64,
-    vertex: usize,
-    edge: usize,
-}
-
-impl Eq for Collision {}
-
-impl Ord for Collision {
-    fn cmp(&self, other: &Self) -> Ordering {
-        let times = self.time.total_cmp(&other.time);
-        times.then(self.vertex.cmp(&other.vertex)).then(self.edge.cmp(&other.edge))
-    }
-}
-
-impl PartialOrd for Collision {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
 
 /// What a reflex vertex meets.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,14 +1,36 @@
 //! The moving edges of a straight skeleton, and the events in which edges disappear.
 
-use std::cmp::Reverse;
+use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 use glam::DVec2;
 
-use super::events::Collision;
 use crate::read::roof::RoofFault;
 use crate::read::roof::plan::PlanPoint;
 use crate::read::roof::simple::edges;
+
+/// A reflex vertex is on the line of an edge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Collision {
+    pub(super) time: f64,
+    pub(super) vertex: usize,
+    pub(super) edge: usize,
+}
+
+impl Eq for Collision {}
+
+impl Ord for Collision {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let times = self.time.total_cmp(&other.time);
+        times.then(self.vertex.cmp(&other.vertex)).then(self.edge.cmp(&other.edge))
+    }
+}
+
+impl PartialOrd for Collision {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
 
 /// Turns to the right by more than this sine are reflex.
 const REFLEX_SINE: f64 = 1e-9;

@@ -2,9 +2,14 @@
 //!
 //! Seen from outside, triangles and outer rings are clockwise, so all are turned round here.
 
-use super::shapes::Part;
 use crate::read::object::TriangleMesh;
 use crate::read::vector::geometry::{Geometry, Ring};
+
+/// A part of a shape, and what a multipatch says it is.
+pub(super) struct Part {
+    pub(super) kind: u32,
+    pub(super) ring: Ring,
+}
 
 const TRIANGLE_STRIP: u32 = 0;
 const TRIANGLE_FAN: u32 = 1;

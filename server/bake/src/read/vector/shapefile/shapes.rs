@@ -1,6 +1,6 @@
 //! Shapes: points, lines and polygons with or without heights and measures.
 
-use super::multipatch;
+use super::multipatch::{self, Part};
 use crate::read::vector::geometry::{Geometry, MALFORMED, Ring, UNKNOWN_TYPE};
 use crate::read::vector::rings;
 
@@ -37,12 +37,6 @@ pub(super) fn read(content: &[u8], problems: &mut Vec<&'static str>) -> Result<G
         _ => return Err(UNKNOWN_TYPE),
     }
     Ok(geometry)
-}
-
-/// A part of a shape, and what a multipatch says it is.
-pub(super) struct Part {
-    pub(super) kind: u32,
-    pub(super) ring: Ring,
 }
 
 struct ShapeReader<'a> {
