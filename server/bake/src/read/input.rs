@@ -66,12 +66,12 @@ impl Read for CountingReader<'_> {
     }
 }
 
-struct LimitedReader<R> {
+struct BoundedReader<R> {
     inner: R,
     left: u64,
 }
 
-impl<R: Read> Read for LimitedReader<R> {
+impl<R: Read> Read for BoundedReader<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.inner.read(buffer)?;
         self.left =
@@ -91,7 +91,7 @@ impl<'a> Input<'a> {
         } else {
             Box::new(counted)
         };
-        let limited = LimitedReader { inner: unpacked, left: self.max_bytes };
+        let limited = BoundedReader { inner: unpacked, left: self.max_bytes };
         Ok(OpenInput { reader: Box::new(BufReader::with_capacity(1 << 16, limited)), bytes_read })
     }
 
@@ -114,10 +114,10 @@ impl<'a> Input<'a> {
 
 /// Files of a folder, for tests.
 #[cfg(test)]
-pub(crate) struct FolderFiles(pub(crate) PathBuf);
+pub(crate) struct TestFiles(pub(crate) PathBuf);
 
 #[cfg(test)]
-impl SourceFiles for FolderFiles {
+impl SourceFiles for TestFiles {
     fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
         Ok(Box::new(File::open(self.0.join(name))?))
     }

@@ -32,7 +32,7 @@ pub(super) struct SourceList<'a> {
 
 /// Files in a folder or an archive, by their names within it.
 #[derive(Default)]
-struct Selection {
+struct SelectedFiles {
     names: Vec<String>,
     /// The first of each format that is not read, with the number of them.
     unread: Vec<(&'static str, String, u64)>,
@@ -167,7 +167,7 @@ impl Lister {
     }
 
     /// Notes what is not read. Fails if nothing is.
-    fn check_selection(&mut self, path: &Path, selection: &Selection) -> Result<(), InputError> {
+    fn check_selection(&mut self, path: &Path, selection: &SelectedFiles) -> Result<(), InputError> {
         if selection.names.is_empty() {
             return Err(match selection.unread.first() {
                 Some((_, first, _)) => unread_formats::refusal(&path.join(first).display().to_string()),
@@ -222,13 +222,13 @@ fn walk(folder: &Path, prefix: &str, depth: usize, names: &mut Vec<String>) -> R
 }
 
 /// The sources among the names of files.
-fn select(mut names: Vec<String>) -> Selection {
+fn select(mut names: Vec<String>) -> SelectedFiles {
     names.sort();
     let split = |name: &str| {
         name.rsplit_once('/').map_or((String::new(), name.to_owned()), |(a, b)| (format!("{a}/"), b.to_owned()))
     };
     let mut wholes: Vec<String> = Vec::new();
-    let mut selection = Selection::default();
+    let mut selection = SelectedFiles::default();
     for name in &names {
         let (folder, file) = split(name);
         if WHOLE_FOLDERS.contains(&file.as_str()) && !wholes.iter().any(|whole| folder.starts_with(whole.as_str())) {

@@ -14,7 +14,7 @@ use std::fs;
 use super::geometry::Geometry;
 use crate::error::InputError;
 use crate::read::attributes::{AttributeValue, Attributes};
-use crate::read::input::{FolderFiles, Input};
+use crate::read::input::{Input, TestFiles};
 use crate::read::object::{Footprint, ObjectSink, Shape};
 use crate::read::test_sink::TestSink;
 
@@ -28,7 +28,7 @@ fn run(reader: Reader, files: &[(&str, &[u8])], bbox_deg: Option<[f64; 4]>) -> (
     for (name, bytes) in files {
         fs::write(folder.path().join(name), bytes).unwrap();
     }
-    let files_of = FolderFiles(folder.path().to_path_buf());
+    let files_of = TestFiles(folder.path().to_path_buf());
     let name = files[0].0;
     let input = Input { label: name, name, files: &files_of, max_bytes: MAX_BYTES, bbox_deg };
     let mut sink = TestSink::default();
@@ -47,7 +47,7 @@ fn read(reader: Reader, files: &[(&str, &[u8])]) -> TestSink {
 /// account for no more objects than `max_objects`.
 fn attack(reader: Reader, files: &[(&str, &[u8])], step: usize, max_objects: usize) {
     let folder = tempfile::tempdir().unwrap();
-    let files_of = FolderFiles(folder.path().to_path_buf());
+    let files_of = TestFiles(folder.path().to_path_buf());
     for (name, bytes) in files {
         fs::write(folder.path().join(name), bytes).unwrap();
     }
