@@ -20,13 +20,7 @@ pub(super) struct FolderFiles {
 }
 
 impl FolderFiles {
-    /// The files of the folder at `path`, of which `source` (a name within it) is chosen by the user.
-    pub(super) fn new(path: PathBuf, source: String, roots: Rc<[PathBuf]>) -> Self {
-        let source_path = path.join(&source);
-        Self::of_file(path, source, source_path, roots)
-    }
-
-    /// As [`Self::new`], of a source that the user named by `source_path`.
+    /// The files of the folder at `path`, of which `source` (a name within it) is chosen by the user, at `source_path`.
     pub(super) fn of_file(path: PathBuf, source: String, source_path: PathBuf, roots: Rc<[PathBuf]>) -> Self {
         Self { path, source: (source, source_path), roots }
     }

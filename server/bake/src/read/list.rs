@@ -1,6 +1,6 @@
 //! The sources among the inputs: files, folders, archives, patterns and lists of them.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -131,14 +131,15 @@ impl Lister {
             }
             return Ok(());
         }
-        let mut names = Vec::new();
-        walk(path, "", 0, &mut names)?;
-        let selection = select(names);
+        let mut paths = BTreeMap::new();
+        walk(path, "", 0, &mut paths)?;
+        let selection = select(paths.keys().cloned().collect());
         self.check_selection(path, &selection)?;
         for name in selection.names {
-            let file = path.join(&name);
+            let file = paths.remove(&name).unwrap_or_else(|| path.join(&name));
             if self.is_new(&file) {
-                let files = FolderFiles::new(path.to_owned(), name.clone(), Rc::clone(&self.roots));
+                let roots = Rc::clone(&self.roots);
+                let files = FolderFiles::of_file(path.to_owned(), name.clone(), file.clone(), roots);
                 let source = source_of(files, name, file.display().to_string(), true);
                 self.list.sources.extend(bad.skip(&file.display().to_string(), source)?);
             }
@@ -194,15 +195,15 @@ fn archived_source(archive: &str, name: String, files: Rc<ZipFiles>) -> Result<C
     Ok(CitySource { name, label, files, bytes, found: true })
 }
 
-/// Adds the names of all plain files in a folder and below, relative to the first. Hidden ones, and links to folders, are left
+/// Adds the paths of all plain files in a folder and below by their names, relative to the first. Hidden ones, and links to folders, are left
 /// out. Fails if the folder cannot be read.
-fn walk(folder: &Path, prefix: &str, depth: usize, names: &mut Vec<String>) -> Result<(), InputError> {
+fn walk(folder: &Path, prefix: &str, depth: usize, paths: &mut BTreeMap<String, PathBuf>) -> Result<(), InputError> {
     let fail = |cause| InputError::io(&folder.display().to_string(), cause);
     let mut folders = Vec::new();
     for entry in fs::read_dir(folder).map_err(fail)? {
         let entry = entry.map_err(fail)?;
-        // A name that is not text cannot be that of a city file.
-        let Ok(name) = entry.file_name().into_string() else { continue };
+        // Bytes of a name that are not UTF-8 are shown as replacement characters.
+        let name = entry.file_name().to_string_lossy().into_owned();
         let path = entry.path();
         if name.starts_with('.') || name == "__MACOSX" {
             continue;
@@ -210,12 +211,12 @@ fn walk(folder: &Path, prefix: &str, depth: usize, names: &mut Vec<String>) -> R
         if entry.file_type().map_err(fail)?.is_dir() {
             folders.push((path, name));
         } else if path.is_file() {
-            names.push(format!("{prefix}{name}"));
+            paths.insert(format!("{prefix}{name}"), path);
         }
     }
     for (path, name) in folders {
         if depth < MAX_DEPTH {
-            walk(&path, &format!("{prefix}{name}/"), depth + 1, names)?;
+            walk(&path, &format!("{prefix}{name}/"), depth + 1, paths)?;
         }
     }
     Ok(())
