@@ -22,7 +22,7 @@ const MAX_LIST_BYTES: u64 = 64 << 20;
 /// Files that are a whole city together with all others in their folder and below.
 const WHOLE_FOLDERS: [&str; 3] = ["tileset.json", "3dSceneLayer.json", "3dSceneLayer.json.gz"];
 
-/// The sources of the inputs, and what was not taken.
+/// The sources of the inputs, and the files that no reader takes.
 pub(super) struct SourceList<'a> {
     /// In the order of the inputs, those of a folder by name. A file that is given twice is in it once.
     pub(super) sources: Vec<CitySource<'a>>,
@@ -167,7 +167,7 @@ impl Lister {
         self.seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()))
     }
 
-    /// Notes what is not read. Fails if nothing is.
+    /// Notes the files that no reader takes. Fails if there is no source.
     fn check_selection(&mut self, path: &Path, selection: &SelectedFiles) -> Result<(), InputError> {
         if selection.names.is_empty() {
             return Err(match selection.unread.first() {

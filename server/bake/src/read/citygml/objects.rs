@@ -35,8 +35,8 @@ impl Within {
     }
 }
 
-/// Who asks for an object.
-struct Asked<'p> {
+/// What an object inherits from the object that contains it.
+struct ObjectContext<'p> {
     id: String,
     parent: Option<&'p str>,
     /// Coordinate system where the object does not tell its own.
@@ -50,8 +50,8 @@ impl Session<'_, '_> {
     pub(super) fn emit(&mut self, elements: Elements<'_>, id: String) -> Result<(), InputError> {
         let srs = self.model_srs.clone();
         let mut finished = Vec::new();
-        let asked = Asked { id, parent: None, srs: srs.as_deref(), is_hidden: false };
-        self.finish(elements, 0, asked, &mut finished);
+        let context = ObjectContext { id, parent: None, srs: srs.as_deref(), is_hidden: false };
+        self.finish(elements, 0, context, &mut finished);
         for Finished { outcome, srs } in finished.into_iter().flatten() {
             match outcome {
                 Ok(object) => {
@@ -80,27 +80,31 @@ impl Session<'_, '_> {
         &mut self,
         elements: Elements<'_>,
         node: u32,
-        asked: Asked<'_>,
+        context: ObjectContext<'_>,
         finished: &mut Vec<Option<Finished>>,
     ) -> Within {
         let Elements { tree, names } = elements;
         let plan = Plan::new(tree, names, node);
         let slot = finished.len();
         finished.push(None);
-        let srs = envelope_srs(elements, node).or(asked.srs);
-        let within =
-            |id, is_hidden| Asked { id, parent: Some(&*asked.id), srs, is_hidden: is_hidden || asked.is_hidden };
+        let srs = envelope_srs(elements, node).or(context.srs);
+        let within = |id, is_hidden| ObjectContext {
+            id,
+            parent: Some(&*context.id),
+            srs,
+            is_hidden: is_hidden || context.is_hidden,
+        };
 
         let mut parts = Within::default();
         for (index, part) in plan.parts.iter().enumerate() {
-            let id = id_within(elements, *part, &asked.id, index);
+            let id = id_within(elements, *part, &context.id, index);
             parts.add(self.finish(elements, *part, within(id, false), finished));
         }
-        let (chosen, surfaces) = self.surfaces_of(elements, &plan, &parts, &asked);
+        let (chosen, surfaces) = self.surfaces_of(elements, &plan, &parts, &context);
         let has_surfaces = !surfaces.is_empty() || parts.level.is_some();
         for (index, unit) in plan.subdivisions.iter().chain(&plan.members).enumerate() {
             let is_hidden = has_surfaces && index < plan.subdivisions.len();
-            let id = id_within(elements, *unit, &asked.id, index + plan.parts.len());
+            let id = id_within(elements, *unit, &context.id, index + plan.parts.len());
             self.finish(elements, *unit, within(id, is_hidden), finished);
         }
         let srs = chosen.srs.clone().or_else(|| srs.map(str::to_owned));
@@ -112,13 +116,13 @@ impl Session<'_, '_> {
             &plan,
             &chosen.faults,
             &surfaces,
-            has_others || asked.is_hidden,
+            has_others || context.is_hidden,
         ) {
-            Some(reason) => Err((reason, asked.id)),
+            Some(reason) => Err((reason, context.id)),
             None => {
                 let attributes = self.attributes_of(elements, node);
-                self.report_faults(&asked.id, chosen.faults, &surfaces.faults, chosen.has_lines && !has_surfaces);
-                Ok(source_object(elements, node, asked, lod, attributes, surfaces.into_shape()))
+                self.report_faults(&context.id, chosen.faults, &surfaces.faults, chosen.has_lines && !has_surfaces);
+                Ok(source_object(elements, node, context, lod, attributes, surfaces.into_shape()))
             }
         };
         finished[slot] = Some(Finished { outcome, srs });
@@ -133,9 +137,9 @@ impl Session<'_, '_> {
         elements: Elements<'_>,
         plan: &Plan,
         parts: &Within,
-        asked: &Asked<'_>,
+        context: &ObjectContext<'_>,
     ) -> (Chosen, Surfaces) {
-        if asked.is_hidden {
+        if context.is_hidden {
             return (Chosen::default(), Surfaces::default());
         }
         let Elements { tree, names } = elements;
@@ -202,7 +206,7 @@ impl Session<'_, '_> {
 fn source_object(
     elements: Elements<'_>,
     node: u32,
-    asked: Asked<'_>,
+    context: ObjectContext<'_>,
     level: Option<u8>,
     attributes: Attributes,
     shape: Shape,
@@ -213,8 +217,8 @@ fn source_object(
         kind = FeatureKind::Generic;
     }
     SourceObject {
-        id: asked.id,
-        parent: asked.parent.map(str::to_owned),
+        id: context.id,
+        parent: context.parent.map(str::to_owned),
         kind,
         source_type: name.local.to_string(),
         lod: level.map(f32::from),

@@ -5,7 +5,7 @@ use super::definition::{Definition, Shift};
 use super::method::{self, Parameters};
 use super::{Crs, CrsError, Horizontal, System, Vertical, VerticalDatum, registry};
 
-/// What well-known text or PROJJSON tell of a horizontal system.
+/// A horizontal system as well-known text or PROJJSON describes it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct HorizontalDescription {
     pub(super) code: Option<u32>,
@@ -25,7 +25,7 @@ pub(super) struct HorizontalDescription {
     pub(super) height_unit_m: Option<f64>,
 }
 
-/// What they tell of a vertical system.
+/// A vertical system as well-known text or PROJJSON describes it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct VerticalDescription {
     pub(super) code: Option<u32>,

@@ -15,7 +15,7 @@ const HEIGHT_RANGE_M: std::ops::RangeInclusive<f64> = 0.1..=200.0;
 /// A roof leaves at least this much of the building's height to the walls, unless its own height says otherwise.
 const LEAST_WALL_SHARE: f64 = 0.35;
 
-/// A roof as it is described. What is not described is left to the shape.
+/// A roof as attributes describe it. Missing values follow from the shape.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RoofTags {
     shape: RoofShape,

@@ -66,7 +66,7 @@ fn glb<'a>(label: &str, bytes: &'a [u8]) -> Result<GlbParts<'a>, InputError> {
     let damaged = |place: usize, what: &str| InputError::damaged(label, format!("byte {place}"), what);
     let word = |at: usize| u32_at(bytes, at).ok_or_else(|| damaged(at, "the GLB header is incomplete"));
     let version = word(4)?;
-    // Writers that pad a GLB forget to count it; what is there counts.
+    // Some writers do not count their padding: the length in the header may exceed the file's.
     let bytes = &bytes[..bytes.len().min((word(8)? as usize).max(12))];
     if version == 1 {
         let (length, format) = (word(12)? as usize, word(16)?);

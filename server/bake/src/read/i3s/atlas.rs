@@ -1,5 +1,5 @@
-//! Texture atlases whose parts repeat: each triangle is cut where its texture starts anew, so that its texture coordinates lie
-//! within its part of the atlas.
+//! Texture atlases whose parts repeat: each triangle is cut where its texture repeats, so that the texture coordinates of
+//! each piece lie within its part of the atlas.
 
 use super::mesh::NodeMesh;
 

@@ -285,7 +285,7 @@ fn layer(tags: Tags<'_>) -> f64 {
     tags.get("layer").and_then(|layer| layer.trim().parse().ok()).unwrap_or(0.0)
 }
 
-/// Why what is not a building cannot be seen from above; `None` if it can.
+/// The reason why an element other than a building is invisible from above; `None` if it is visible.
 fn hidden(tags: Tags<'_>) -> Option<&'static str> {
     match tags.get("tunnel") {
         // What passes through a building or below a roof against snow lies on the ground.

@@ -84,7 +84,7 @@ fn length(spans: &[[f64; 2]]) -> f64 {
     spans.iter().map(|[from, to]| to - from).sum()
 }
 
-/// Length of what is in both lists of ordered stretches that do not overlap.
+/// Total length of the intersection of two lists of intervals. Each list is sorted and without overlaps.
 fn common_length(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
     let (mut i, mut k, mut sum) = (0, 0, 0.0);
     while let (Some(left), Some(right)) = (a.get(i), b.get(k)) {

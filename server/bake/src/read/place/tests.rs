@@ -259,7 +259,7 @@ fn unknown_systems_are_errors_with_advice() {
     assert!(!open.is_settled());
     let long = format!("PROJCS[\"{}\"", "x".repeat(5000));
     assert!(error(&mut open, &long).len() < 900);
-    // With --crs, what is not understood is taken to be in it.
+    // With --crs, a source whose system is not understood is assumed to be in that system.
     let placement = world("EPSG:25832").place("a", &east_first("LOCAL_CS[\"x\"]")).unwrap();
     assert_eq!(placement.position([565931.0, 5934222.0, 3.0]), Some([565931.0, 5934222.0, 3.0]));
     assert!(placement.warnings()[0].contains("taken to be EPSG:25832"));
@@ -287,26 +287,4 @@ fn worlds_and_placements_can_cross_threads() {
     fn check<T: Send + Sync + Clone + std::fmt::Debug>() {}
     check::<World>();
     check::<Placement>();
-}
-
-/// Speed by hand: `cargo test --release speed -- --ignored --nocapture`.
-#[test]
-#[ignore = "a measurement, not a check"]
-fn speed() {
-    for (source, p) in [
-        ("EPSG:25832", [565931.0, 5934222.0, 3.0]),
-        ("EPSG:4326", [9.99, 53.55, 3.0]),
-        ("EPSG:4979", [9.99, 53.55, 3.0]),
-        ("EPSG:31467", [3566000.0, 5935000.0, 3.0]),
-        ("ECEF", [3741000.0, 659000.0, 5107000.0]),
-    ] {
-        let placement = world("EPSG:32632").place("a", &east_first(source)).unwrap();
-        let start = std::time::Instant::now();
-        let mut sum = 0.0;
-        for index in 0..1_000_000 {
-            let moved = placement.position([p[0] + f64::from(index) * 1e-9, p[1], p[2]]).unwrap();
-            sum += moved[0] + moved[2];
-        }
-        println!("{source}: {:?} for 1e6 positions ({sum})", start.elapsed());
-    }
 }

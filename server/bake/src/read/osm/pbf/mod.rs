@@ -73,7 +73,7 @@ impl<'a> PbfFile<'a> {
         InputError::damaged(self.label, format!("byte {byte}"), what)
     }
 
-    /// Reads all blobs in turn, and notes their places.
+    /// Reads all blobs in the order of the file, and stores their offsets.
     fn read_first(&mut self, sink: &mut dyn ObjectSink, visit: &mut Visit<'_>) -> Result<(), InputError> {
         self.blobs.clear();
         let (mut start, mut unpacked_bytes, mut has_header) = (0_u64, 0_u64, false);
