@@ -1,6 +1,7 @@
 //! Placement of implicit geometry: one template of surfaces at many places.
 
 use super::coordinates::numbers;
+use crate::read::crs::is_geographic;
 
 /// Metres of a degree of latitude.
 const METRES_PER_DEGREE: f64 = 111_195.0;
@@ -8,10 +9,6 @@ const METRES_PER_DEGREE: f64 = 111_195.0;
 const SAME_PLACE: f64 = 1e-4;
 /// Shorter translations of a matrix are offsets within the template.
 const FAR_UNITS: f64 = 1000.0;
-
-/// Codes of geographic systems whose axes are latitude and longitude in degrees. Templates in them are in metres.
-const GEOGRAPHIC_CODES: [&str; 14] =
-    ["4326", "4979", "4258", "4937", "4269", "4617", "4283", "7844", "7843", "6668", "6697", "4612", "4267", "9518"];
 
 /// How a template is moved to its place.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,7 +32,7 @@ impl Placement {
                 row[3] = 0.0;
             }
         }
-        let is_degrees = reference.is_some() && srs.is_some_and(is_geographic);
+        let is_degrees = reference.is_some() && srs.is_some_and(is_latitude_first);
         let units_per_metre = is_degrees.then(|| {
             let north = 1.0 / METRES_PER_DEGREE;
             [north / origin[0].to_radians().cos().max(1e-6), north, 1.0]
@@ -79,12 +76,9 @@ fn is_same_place(rows: &[[f64; 4]; 3], reference: [f64; 3]) -> bool {
     size > FAR_UNITS && difference <= size * SAME_PLACE
 }
 
-/// Whether a coordinate system is in degrees with latitude first, by the code in its name.
-fn is_geographic(srs: &str) -> bool {
-    let name = srs.to_ascii_uppercase();
-    let Some((_, rest)) = name.split_once("EPSG") else { return false };
-    let code = rest.split(|c: char| !c.is_ascii_digit()).find(|part| part.len() >= 4);
-    code.is_some_and(|code| GEOGRAPHIC_CODES.contains(&code))
+/// Whether a coordinate system is in degrees with latitude first.
+fn is_latitude_first(srs: &str) -> bool {
+    is_geographic(srs) && !srs.contains("CRS84")
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ use super::schema::{
 use crate::error::{InputError, json_message};
 use crate::read::attributes::Attributes;
 use crate::read::context::ReadContext;
+use crate::read::crs::is_geographic;
 use crate::read::facade::FacadeUse;
 use crate::read::json::{attributes::flatten, metadata, position::JsonPosition};
 use crate::read::object::{AxisOrder, CrsReference, FeatureKind};
@@ -49,8 +50,7 @@ pub(super) fn begin(
     let Some(name) = crs else { return Ok((report, Placement::Unknown)) };
     // As the specification says: the order of the system's definition. Writers follow it for degrees, not for projected systems
     // whose definition begins with the northing.
-    let is_degrees = metadata::is_degrees(&name);
-    let order = if is_degrees { AxisOrder::Authority } else { AxisOrder::EastFirst };
+    let order = if is_geographic(&name) { AxisOrder::Authority } else { AxisOrder::EastFirst };
     let mut placement = context.world.place(&source.label, &CrsReference { name, order })?;
     if let Some(first) = first_position(header) {
         context.settle(&mut placement, &source.label, first)?;

@@ -182,6 +182,11 @@ pub(crate) fn resolve(name: &str) -> Result<Crs, CrsError> {
     }
 }
 
+/// Whether a name is that of a system in longitude and latitude.
+pub(crate) fn is_geographic(name: &str) -> bool {
+    resolve(name).is_ok_and(|crs| matches!(crs.horizontal.system, System::Geographic { .. }))
+}
+
 /// The system with a code, or with a horizontal and a vertical one.
 fn from_codes(code: u32, vertical: Option<u32>) -> Result<Crs, CrsError> {
     if let (None, Some((horizontal, vertical))) = (vertical, registry::compound(code)) {

@@ -279,3 +279,12 @@ fn damaged_texts_give_errors() {
         let _ = resolve(&ESRI_NEW_YORK.replace("41.03333333333333", number));
     }
 }
+
+#[test]
+fn geographic_systems_are_known_in_every_spelling() {
+    for name in ["urn:ogc:def:crs:EPSG::4979", "http://www.opengis.net/def/crs/EPSG/0/6697/", "EPSG:4326", "OGC:CRS84"]
+    {
+        assert!(is_geographic(name), "{name}");
+    }
+    assert!(!is_geographic("EPSG:7415") && !is_geographic("") && !is_geographic("ECEF"));
+}

@@ -6,11 +6,15 @@
 mod colour;
 mod height;
 mod kind;
+mod line_width;
 mod prism;
 mod roof_tags;
 
 pub(crate) use colour::{ResolvedColour, building_colours, by_use};
 pub(crate) use height::{BuildingHeight, has_height, length_m};
 pub(crate) use kind::kind_of;
+pub(crate) use line_width::{
+    AEROWAY_WIDTHS_M, HIGHWAY_WIDTHS_M, LANE_M, RAILWAY_WIDTHS_M, WATERWAY_WIDTHS_M, usual_width_m,
+};
 pub(crate) use prism::{GroundPlan, PrismMaterials};
 pub(crate) use roof_tags::RoofTags;

@@ -5,9 +5,6 @@ use serde_json::Value;
 
 use crate::read::report::SourceReport;
 
-/// EPSG codes of common systems in degrees.
-const DEGREES: &[u32] = &[4258, 4269, 4283, 4326, 4612, 4937, 4979, 6668, 6697, 7844];
-
 /// Further titles, attributions or licences of a source are left out.
 const MAX_TEXTS: usize = 1000;
 
@@ -83,24 +80,10 @@ pub(crate) fn add_text(list: &mut Vec<String>, text: &str) -> TextFault {
     if short.len() < text.len() { TextFault::TooLong } else { TextFault::None }
 }
 
-/// Whether a system such as `EPSG:4326` is in degrees instead of metres.
-pub(crate) fn is_degrees(crs: &str) -> bool {
-    let code = crs.trim_end_matches('/').rsplit(|c: char| !c.is_ascii_digit()).next();
-    code.and_then(|code| code.parse().ok()).is_some_and(|code: u32| DEGREES.contains(&code))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::read::report::SourceFormat;
-
-    #[test]
-    fn degrees_are_known_in_every_spelling_of_a_reference_system() {
-        for name in ["urn:ogc:def:crs:EPSG::4979", "http://www.opengis.net/def/crs/EPSG/0/6697/", "EPSG:4326"] {
-            assert!(is_degrees(name), "{name}");
-        }
-        assert!(!is_degrees("EPSG:7415") && !is_degrees(""));
-    }
 
     #[test]
     fn long_texts_are_cut_and_too_many_left_out() {

@@ -5,6 +5,7 @@ use super::layer::Layer;
 use super::shape::{Facing, facing, shape_of};
 use crate::error::InputError;
 use crate::read::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
+use crate::read::crs::is_geographic;
 use crate::read::footprint::kind_of;
 use crate::read::input::Input;
 use crate::read::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
@@ -33,8 +34,6 @@ const ID_NAMES: [&str; 15] = [
 const TAG_NAMES: [&str; 2] = ["other_tags", "all_tags"];
 /// A first feature in degrees is at most this large; one in metres is hardly ever smaller.
 const MAX_DEGREES_OF_FEATURE: f64 = 0.2;
-/// EPSG codes of systems in degrees that publishers use.
-const DEGREE_CODES: [u32; 12] = [4326, 4979, 4258, 4937, 4269, 6668, 6697, 7844, 4171, 4490, 4230, 4267];
 
 /// Level polygons with heights that wait until it is known whether they are faces of bodies.
 const MAX_WAITING: usize = 256;
@@ -100,7 +99,7 @@ impl<'a> FeatureWriter<'a> {
             return Ok(());
         }
         self.finish()?;
-        self.is_in_degrees = is_in_degrees(&name);
+        self.is_in_degrees = is_geographic(&name);
         self.crs = Some(name.clone());
         self.sink.set_crs(&CrsReference { name, order: AxisOrder::EastFirst })
     }
@@ -245,15 +244,6 @@ fn id_of(attributes: &Attributes) -> Option<String> {
     ID_NAMES.iter().find_map(|known| {
         attributes.iter().filter(|(name, _)| name.eq_ignore_ascii_case(known)).find_map(|(_, value)| text(value))
     })
-}
-
-/// Whether a coordinate system is in degrees, as far as its name or text tells.
-fn is_in_degrees(crs: &str) -> bool {
-    let crs = crs.trim_start();
-    let code = crs.strip_prefix("EPSG:").and_then(|code| code.parse().ok());
-    let starts_with = |prefix: &str| crs.get(..prefix.len()).is_some_and(|head| head.eq_ignore_ascii_case(prefix));
-    let is_json = crs.starts_with('{') && crs.contains("\"GeographicCRS\"") && !crs.contains("\"ProjectedCRS\"");
-    crs == DEGREES || code.is_some_and(|code| DEGREE_CODES.contains(&code)) || starts_with("GEOG") || is_json
 }
 
 /// Adds the tags of OpenStreetMap that GDAL leaves in one text: `"key"=>"value"`, or a JSON object.

@@ -3,6 +3,7 @@
 use super::geometry::{Geometry, Polygon, Ring};
 use super::orient::{ring_area_vector, turn_outward};
 use crate::read::attributes::{AttributeValue, Attributes};
+use crate::read::footprint::{LANE_M, length_m, usual_width_m};
 use crate::read::object::{FeatureKind, Footprint, Shape, Strip, Surface};
 
 /// A ring whose heights differ by less is level.
@@ -23,26 +24,9 @@ const HEIGHT_NAMES: [&str; 9] = [
 ];
 const WIDTH_NAMES: [&str; 6] = ["width", "Width", "WIDTH", "width_m", "est_width", "breedte"];
 const LANE_NAMES: [&str; 3] = ["lanes", "Lanes", "LANES"];
-const LANE_M: f64 = 3.0;
 const WIDTH_RANGE_M: std::ops::RangeInclusive<f64> = 0.2..=200.0;
 /// Names of attributes whose value is a class of OpenStreetMap.
 const CLASS_NAMES: [&str; 5] = ["highway", "fclass", "class", "waterway", "railway"];
-/// Widths by class.
-const CLASS_WIDTHS_M: &[(&[&str], f64)] = &[
-    (&["motorway", "trunk"], 10.0),
-    (&["primary"], 9.0),
-    (&["secondary"], 8.0),
-    (&["tertiary"], 7.0),
-    (&["residential", "unclassified", "living_street", "motorway_link", "trunk_link", "primary_link"], 6.0),
-    (&["pedestrian"], 5.0),
-    (&["service", "track", "secondary_link", "tertiary_link"], 4.0),
-    (&["cycleway"], 2.5),
-    (&["footway", "path", "steps", "bridleway"], 2.0),
-    (&["river"], 20.0),
-    (&["canal"], 10.0),
-    (&["stream"], 2.5),
-    (&["ditch", "drain"], 1.5),
-];
 
 /// Shape of a feature of a known kind. Each of `problems` is a part that is left out. Fails with the reason for skipping the
 /// feature.
@@ -167,18 +151,10 @@ fn width_m(kind: Option<FeatureKind>, attributes: &Attributes) -> Option<f64> {
         _ => return None,
     };
     let class = CLASS_NAMES.iter().filter_map(|name| attributes.get(name)?.as_str());
-    let by_class =
-        |class: &str| CLASS_WIDTHS_M.iter().find(|(known, _)| known.contains(&class)).map(|(_, width)| *width);
-    Some(class.filter_map(by_class).next().unwrap_or(usual))
+    Some(class.filter_map(usual_width_m).next().unwrap_or(usual))
 }
 
 /// A number of metres, also as `3.5 m`.
 fn length(value: &AttributeValue) -> Option<f64> {
-    match value {
-        AttributeValue::Text(text) => {
-            let text = text.trim();
-            text.strip_suffix('m').unwrap_or(text).trim_end().parse().ok()
-        }
-        value => value.as_f64(),
-    }
+    value.as_str().map_or_else(|| value.as_f64(), length_m)
 }

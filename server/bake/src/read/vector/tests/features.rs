@@ -77,7 +77,7 @@ fn lines_have_a_width_or_are_left_out() {
         other => panic!("{other:?}"),
     };
     let widths: Vec<f64> = sink.objects.iter().map(|object| width(&object.shape)).collect();
-    assert_eq!(widths, [6.0, 3.5, 12.0, 7.0, 2.0]);
+    assert_eq!(widths, [5.5, 3.5, 12.0, 7.0, 2.0]);
     assert_eq!(sink.skipped, [("line without a width that is no road, railway or water", "d".to_owned())]);
     assert_eq!(kinds(&sink)[3], FeatureKind::Generic);
     let rivers = features("rivers.csv", "wkt;n", &["LINESTRING(0 0,99 0);1"]);
