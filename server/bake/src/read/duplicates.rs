@@ -1,9 +1,10 @@
 //! Finds objects that the inputs have twice, such as buildings on the border of neighbouring deliveries.
 //!
 //! A sweep along x with a list of active boxes finds all pairs of objects whose boxes overlap on the map (Giannitrapani and
-//! Fusiello, "Graphics Lab", sweep over intervals): O(n log n + pairs). A pair is one object if both have the same
-//! identifier and mostly the same box, or the same footprint and height. Footprints are compared as bit masks that one pass
-//! over the stored triangles fills, so that memory follows the number of similar pairs, not the size of the city.
+//! Fusiello, "Graphics Lab", sweep over intervals): O(n log n + pairs), with a bound on the pairs of each object. A pair is
+//! one object if both have the same identifier and mostly the same box, or the same footprint and height. Footprints are
+//! compared as bit masks that one pass over the stored triangles fills, so that memory follows the number of similar pairs,
+//! not the size of the city.
 
 /// What becomes of an object that another source, or the same, has already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -24,10 +25,15 @@ const FOOTPRINT_BOX_SHARE: f64 = 0.85;
 const FOOTPRINT_SHARE: f64 = 0.95;
 /// Heights of the same object differ by less.
 const HEIGHT_TOLERANCE_M: f64 = 1.0;
+/// An object is compared with this many similar ones at most: a source may have any number of objects in one place, and one
+/// that is kept suffices.
+const MAX_SIMILAR: usize = 4;
+/// An object is compared with this many of the active boxes at most, the last ones. A city has some thousands.
+const MAX_ACTIVE: usize = 20_000;
 /// Points in x and y at which footprints are compared.
 const MASK_SIDE: usize = 64;
-/// Pairs whose footprints are compared in one pass over the triangles: 100 MB of masks.
-pub(super) const PAIRS_PER_PASS: usize = 100_000;
+/// Pairs whose footprints are compared in one pass over the triangles: 64 MiB of masks.
+pub(super) const PAIRS_PER_PASS: usize = 1 << 16;
 
 /// A box in world coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,7 +74,8 @@ pub(super) fn similar_pairs(mut candidates: Vec<DuplicateCandidate>, option: Dup
     let mut active: Vec<DuplicateCandidate> = Vec::new();
     for new in candidates {
         active.retain(|old| old.bounds.high[0] >= new.bounds.low[0]);
-        pairs.extend(active.iter().filter_map(|old| similar(old, &new, option)));
+        let last = &active[active.len().saturating_sub(MAX_ACTIVE)..];
+        pairs.extend(last.iter().filter_map(|old| similar(old, &new, option)).take(MAX_SIMILAR));
         active.push(new);
     }
     pairs.sort_by_key(|pair| (pair.first, pair.second));
@@ -180,7 +187,7 @@ mod tests {
 
     #[test]
     fn all_overlapping_pairs_are_found() {
-        // Against all pairs, on boxes of a simple generator.
+        // Against all pairs, on boxes of a simple generator. Few are in one place, so that none is left out by the bound.
         let mut state = 7_u64;
         let mut next = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -188,7 +195,7 @@ mod tests {
         };
         let all: Vec<DuplicateCandidate> = (0..600)
             .map(|object| {
-                let low = [(next() * 12.0).floor(), (next() * 12.0).floor(), 0.0];
+                let low = [(next() * 60.0).floor(), (next() * 12.0).floor(), 0.0];
                 candidate(object, low, [low[0] + 4.0, low[1] + 4.0, 5.0], object as u64 % 40)
             })
             .collect();
@@ -200,8 +207,16 @@ mod tests {
                 }
             }
         }
-        assert!(expected.len() > 100);
+        assert!(expected.len() > 50, "{}", expected.len());
         assert_eq!(pairs(&all), expected);
+    }
+
+    #[test]
+    fn any_number_of_objects_in_one_place_give_few_pairs() {
+        let all: Vec<DuplicateCandidate> = (0..500).map(|i| candidate(i, [0.0; 3], [10.0; 3], i as u64)).collect();
+        let found = pairs(&all);
+        assert!(found.len() <= 500 * MAX_SIMILAR, "{}", found.len());
+        assert!((1..500).all(|i| found.contains(&(0, i, false))), "each is compared with the first");
     }
 
     #[test]
