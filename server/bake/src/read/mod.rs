@@ -3,6 +3,7 @@
 //! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`].
 //! Next: `partition`.
 
+mod alpha_mask;
 mod archive;
 mod attributes;
 mod bad_inputs;

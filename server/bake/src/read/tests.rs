@@ -209,3 +209,45 @@ fn missing_empty_and_foreign_inputs_are_errors() {
     fs::remove_file(folder.path.join("b.json")).unwrap();
     assert!(matches!(fails(""), InputError::NoSource { .. }));
 }
+
+#[test]
+fn alpha_cuts_holes_into_meshes() {
+    // A fence: the upper half of its texture is a hole.
+    let corners = [[0.0f32, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 4.0, 0.0], [8.0, 4.0, 0.0]];
+    let uv = [[0.0f32, 1.0], [1.0, 1.0], [0.0, 0.0], [1.0, 0.0]];
+    let numbers = corners.as_flattened().iter().chain(uv.as_flattened());
+    let buffer: Vec<u8> = numbers.flat_map(|number| number.to_le_bytes()).collect();
+    let texels = image::RgbaImage::from_fn(16, 16, |_, y| image::Rgba([200, 10, 10, if y < 8 { 0 } else { 255 }]));
+    let mut png = std::io::Cursor::new(Vec::new());
+    texels.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let document = |material: &str| {
+        format!(
+            r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
+            "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0, "TEXCOORD_0": 1}}, "mode": 5, "material": 0}}]}}],
+            "materials": [{{"pbrMetallicRoughness": {{"baseColorTexture": {{"index": 0}}}}, {material}}}],
+            "textures": [{{"source": 0}}], "images": [{{"uri": "fence.png"}}],
+            "buffers": [{{"uri": "fence.bin", "byteLength": 80}}],
+            "bufferViews": [{{"buffer": 0, "byteLength": 48}}, {{"buffer": 0, "byteOffset": 48, "byteLength": 32}}],
+            "accessors": [
+                {{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [8, 4, 0]}},
+                {{"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"}}]}}"#
+        )
+    };
+    let top_and_count = |material: &str| {
+        let json = document(material);
+        let files: [(&str, &[u8]); 3] =
+            [("fence.gltf", json.as_bytes()), ("fence.bin", &buffer), ("fence.png", png.get_ref())];
+        let folder = folder("alpha", &files);
+        let options = ReadOptions { obj_up: ObjUpAxis::Y, ..ReadOptions::default() };
+        let (scene, report) = read(&[folder.path.join("fence.gltf")], &options, &|_| {}).unwrap();
+        assert_eq!(report.sources[0].textures, 1);
+        let heights = scene.triangles.iter().flat_map(|triangle| triangle.corners.map(|corner| corner[2]));
+        (heights.fold(f32::NEG_INFINITY, f32::max), scene.triangles.len())
+    };
+    let (top, count) = top_and_count(r#""alphaMode": "OPAQUE""#);
+    assert!((top - 4.0).abs() < 1e-4 && count == 2, "{top} {count}");
+    let (top, count) = top_and_count(r#""alphaMode": "MASK""#);
+    assert!((top - 2.0).abs() < 0.3 && count < 400, "{top} {count}");
+    let (top, _) = top_and_count(r#""alphaMode": "BLEND""#);
+    assert!((top - 2.0).abs() < 0.3, "coverage of less than a half is a hole: {top}");
+}

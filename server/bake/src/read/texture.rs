@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use image::{ImageReader, Limits};
 
+use super::alpha_mask::AlphaGrid;
 use super::files::OUTSIDE;
 use super::report::SourceReport;
 use super::source::{CitySource, read_sibling};
@@ -18,6 +19,9 @@ const FILE_BYTES_PER_PIXEL: u64 = 8;
 /// Allowed file size besides pixels.
 const FILE_BYTES_BASE: u64 = 1 << 20;
 
+/// The alpha of further textures is ignored. One takes 16 KiB.
+const MAX_ALPHA_GRIDS: usize = 4096;
+
 /// Loads textures by name and remembers those that failed.
 pub(crate) struct TextureLoader {
     by_name: HashMap<(String, String), Result<u32, TextureFault>>,
@@ -26,6 +30,8 @@ pub(crate) struct TextureLoader {
     sets: HashMap<String, u32>,
     /// By texture; `None` for a generated one.
     pub(crate) set_of_texture: Vec<Option<u32>>,
+    /// Of textures that are not opaque.
+    alpha: HashMap<u32, AlphaGrid>,
     pub(crate) textures: TextureStore,
 }
 
@@ -34,15 +40,39 @@ struct TextureFault {
     detail: String,
 }
 
+/// A decoded image.
+struct Decoded {
+    texture: SceneTexture,
+    /// `None` if it is opaque.
+    alpha: Option<AlphaGrid>,
+}
+
+impl Decoded {
+    fn new([width, height]: [u32; 2], rgba: impl ExactSizeIterator<Item = [u8; 4]> + Clone) -> Self {
+        let alpha: Vec<u8> = rgba.clone().map(|[_, _, _, alpha]| alpha).collect();
+        let rgb = rgba.map(|[r, g, b, _]| [r, g, b]).collect();
+        Self {
+            texture: SceneTexture { width, height, rgb, is_pattern: false },
+            alpha: AlphaGrid::new(width as usize, height as usize, &alpha),
+        }
+    }
+}
+
 impl TextureLoader {
     pub(crate) fn new(max_pixels: u64, textures: TextureStore) -> Self {
-        Self { by_name: HashMap::new(), max_pixels, sets: HashMap::new(), set_of_texture: Vec::new(), textures }
+        let (by_name, sets, alpha) = (HashMap::new(), HashMap::new(), HashMap::new());
+        Self { by_name, max_pixels, sets, set_of_texture: Vec::new(), alpha, textures }
     }
 
     /// The set of a source's textures: those of its folder.
     pub(crate) fn set_of(&mut self, source: &CitySource<'_>) -> u32 {
         let next = self.sets.len() as u32;
         *self.sets.entry(source.files.location()).or_insert(next)
+    }
+
+    /// The alpha of a texture; `None` if it is opaque.
+    pub(crate) fn alpha(&self, number: u32) -> Option<&AlphaGrid> {
+        self.alpha.get(&number)
     }
 
     /// Adds a texture that no source has, and returns its number.
@@ -81,10 +111,7 @@ impl TextureLoader {
     ) -> Option<u32> {
         let is_whole = u64::from(width) * u64::from(height) == rgba.len() as u64 && !rgba.is_empty();
         self.load_by(source, format!("{}#{name}", source.name), report, || match is_whole {
-            true => {
-                let rgb = rgba.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
-                Ok(SceneTexture { width, height, rgb, is_pattern: false })
-            }
+            true => Ok(Decoded::new([width, height], rgba.iter().copied())),
             false => {
                 Err(TextureFault { kind: "texture broken", detail: format!("{width} x {height} texels expected") })
             }
@@ -96,7 +123,7 @@ impl TextureLoader {
         source: &CitySource<'_>,
         name: String,
         report: &mut SourceReport,
-        find: impl FnOnce() -> Result<SceneTexture, TextureFault>,
+        find: impl FnOnce() -> Result<Decoded, TextureFault>,
     ) -> Option<u32> {
         let set = self.set_of(source);
         let loaded = match self.by_name.entry((source.files.location(), name.clone())) {
@@ -105,7 +132,13 @@ impl TextureLoader {
                 let found = find();
                 report.textures += u64::from(found.is_ok());
                 self.set_of_texture.extend(found.as_ref().ok().map(|_| Some(set)));
-                vacant.insert(found.map(|texture| self.textures.add(Arc::new(texture))))
+                vacant.insert(found.map(|Decoded { texture, alpha }| {
+                    let number = self.textures.add(Arc::new(texture));
+                    if self.alpha.len() < MAX_ALPHA_GRIDS {
+                        self.alpha.extend(alpha.map(|alpha| (number, alpha)));
+                    }
+                    number
+                }))
             }
         };
         match loaded {
@@ -127,7 +160,7 @@ fn in_folder(source: &CitySource<'_>, name: &str) -> String {
 }
 
 /// Reads and decodes an image next to the source.
-fn find(source: &CitySource<'_>, name: &str, max_pixels: u64) -> Result<SceneTexture, TextureFault> {
+fn find(source: &CitySource<'_>, name: &str, max_pixels: u64) -> Result<Decoded, TextureFault> {
     if name.contains("://") {
         return Err(TextureFault {
             kind: "texture on the web",
@@ -151,7 +184,7 @@ fn find(source: &CitySource<'_>, name: &str, max_pixels: u64) -> Result<SceneTex
 }
 
 /// Decodes an image if its header announces an acceptable size.
-fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<SceneTexture, TextureFault> {
+fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<Decoded, TextureFault> {
     let broken = |error: &dyn std::fmt::Display| TextureFault { kind: "texture broken", detail: one_line(error) };
     let bytes = Cursor::new(bytes);
     let header = ImageReader::new(bytes.clone()).with_guessed_format().map_err(|error| broken(&error))?;
@@ -165,9 +198,12 @@ fn decode(bytes: Vec<u8>, max_pixels: u64) -> Result<SceneTexture, TextureFault>
     let mut limits = Limits::default();
     limits.max_alloc = Some(max_pixels.saturating_mul(FILE_BYTES_PER_PIXEL).saturating_add(FILE_BYTES_BASE));
     reader.limits(limits);
-    let rgb = reader.decode().map_err(|error| broken(&error))?.into_rgb8();
-    let rgb = rgb.into_raw().chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect();
-    Ok(SceneTexture { width, height, rgb, is_pattern: false })
+    let image = reader.decode().map_err(|error| broken(&error))?;
+    if image.color().has_alpha() {
+        return Ok(Decoded::new([width, height], image.into_rgba8().pixels().map(|pixel| pixel.0)));
+    }
+    let rgb = image.into_rgb8().pixels().map(|pixel| pixel.0).collect();
+    Ok(Decoded { texture: SceneTexture { width, height, rgb, is_pattern: false }, alpha: None })
 }
 
 fn one_line(error: &dyn std::fmt::Display) -> String {

@@ -29,7 +29,7 @@ use std::io;
 use std::rc::Rc;
 
 use super::attributes::Attributes;
-use super::object::{SourceMaterial, TriangleMesh};
+use super::object::{SourceImage, SourceMaterial, TriangleMesh};
 use crate::error::InputError;
 use buffers::Buffers;
 use fault::Budget;
@@ -75,6 +75,15 @@ pub(crate) struct GltfScene {
     pub(crate) attributes: Attributes,
     /// Faults that cost a part: a fixed kind and a detail that starts with the place, such as `mesh 3, primitive 0`.
     pub(crate) problems: Vec<(&'static str, String)>,
+}
+
+/// An image by its content: KTX2 is decoded to at most about `max_bytes`, others stay encoded. Fails with what is wrong.
+pub(crate) fn source_image(name: String, bytes: Vec<u8>, max_bytes: u64) -> Result<SourceImage, String> {
+    if !ktx2::is_ktx2(&bytes) {
+        return Ok(SourceImage::Encoded { name, bytes: Rc::from(bytes) });
+    }
+    let texels = ktx2::decode(&bytes, &Budget::new(max_bytes, 0)).map_err(|fault| fault.what)?;
+    Ok(SourceImage::Texels { name, width: texels.width, height: texels.height, rgba: texels.rgba.into() })
 }
 
 /// Triangles with one material, in the space of the scene.

@@ -1,14 +1,13 @@
 //! Materials of nodes and their textures.
 
-use std::rc::Rc;
-
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use super::layer::{LayerJson, MaterialJson, TextureFormatJson};
 use super::nodes::MaterialSource;
 use super::resources::{Resource, Resources};
-use crate::read::object::{SourceImage, SourceMaterial, SourceTexture, Wrap};
+use crate::read::gltf;
+use crate::read::object::{SourceMaterial, SourceTexture, Wrap};
 use crate::read::tiles3d::uri;
 
 /// The cutoff of masks if the layer tells none.
@@ -16,6 +15,7 @@ const DEFAULT_ALPHA_CUTOFF: f32 = 0.25;
 /// Extensions of images; some packages call all binary files alike.
 const JPEG: &[&str] = &["jpg", "jpeg", "bin"];
 const PNG: &[&str] = &["png", "bin"];
+const KTX2: &[&str] = &["ktx2", "bin"];
 
 /// The shared resource of a node before version 1.7.
 #[derive(Debug, Deserialize)]
@@ -118,7 +118,11 @@ fn defined(
         fault("texture does not exist", format!("{folder}: texture set {set}"));
         return material;
     };
-    let image = set.formats.iter().find_map(|format| Some((format, extensions_of(&format.format)?)));
+    let mut images: Vec<_> =
+        set.formats.iter().filter_map(|format| Some((format, extensions_of(&format.format)?))).collect();
+    // The others lose less and are read faster.
+    images.sort_by_key(|(_, extensions)| *extensions == KTX2);
+    let image = images.first().copied();
     match image {
         Some((TextureFormatJson { name, .. }, extensions)) => {
             let path = format!("{folder}/textures/{name}");
@@ -137,6 +141,7 @@ fn extensions_of(format: &str) -> Option<&'static [&'static str]> {
     match format.to_ascii_lowercase().as_str() {
         "jpg" | "jpeg" | "image/jpeg" => Some(JPEG),
         "png" | "image/png" => Some(PNG),
+        "ktx2" | "image/ktx2" => Some(KTX2),
         _ => None,
     }
 }
@@ -190,11 +195,10 @@ fn texture_at(
     wrap: Wrap,
     fault: &mut dyn FnMut(&'static str, String),
 ) -> Option<SourceTexture> {
-    match resources.read(path, Resource::Image(extensions)) {
-        Ok((name, bytes)) => {
-            let image = SourceImage::Encoded { name, bytes: Rc::from(bytes) };
-            Some(SourceTexture { image, wrap })
-        }
+    let read = resources.read(path, Resource::Image(extensions)).map_err(|error| error.to_string());
+    let max_bytes = resources.files.input.max_bytes;
+    match read.and_then(|(name, bytes)| gltf::source_image(name, bytes, max_bytes)) {
+        Ok(image) => Some(SourceTexture { image, wrap }),
         Err(error) => {
             fault("texture is not read", format!("{path}: {error}"));
             None

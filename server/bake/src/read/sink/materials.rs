@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use crate::read::alpha_mask::AlphaMask;
 use crate::read::context::ReadContext;
 use crate::read::object::{SourceImage, SourceMaterial, Wrap};
 use crate::read::report::SourceReport;
@@ -16,12 +17,17 @@ const GLASS_ROUGHNESS: f32 = 0.15;
 /// Further materials are those of the first.
 const MAX_MATERIALS: usize = 1 << 20;
 
+/// Textures of one source with holes; further ones are opaque. A mask takes 65 KiB.
+const MAX_MASKS: usize = 512;
+
 /// A material whose texture is loaded.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ReadMaterial {
     pub(super) rgb: Option<[u8; 3]>,
     /// Number of the texture in the scene, and what is outside of it.
     pub(super) texture: Option<(u32, Wrap)>,
+    /// Number of the mask that cuts holes.
+    pub(super) mask: Option<u32>,
     pub(super) is_reflective: bool,
     pub(super) is_invisible: bool,
 }
@@ -55,6 +61,9 @@ impl MaterialKey {
 pub(super) struct MaterialTable {
     materials: Vec<ReadMaterial>,
     numbers: HashMap<MaterialKey, u32>,
+    masks: Vec<AlphaMask>,
+    /// By texture and cutoff; `None` without holes.
+    mask_numbers: HashMap<(u32, u32), Option<u32>>,
 }
 
 impl MaterialTable {
@@ -84,11 +93,25 @@ impl MaterialTable {
             };
             number.map(|number| (number, texture.wrap))
         });
+        let mask = texture.zip(material.alpha_cutoff).and_then(|((texture, _), cutoff)| {
+            let grid = context.textures.alpha(texture)?;
+            let known = self.mask_numbers.entry((texture, cutoff.to_bits()));
+            *known.or_insert_with(|| {
+                let mask = AlphaMask::new(grid, cutoff)?;
+                if self.masks.len() >= MAX_MASKS {
+                    report.problem("too many textures with holes", || format!("more than {MAX_MASKS}"));
+                    return None;
+                }
+                self.masks.push(mask);
+                Some(self.masks.len() as u32 - 1)
+            })
+        });
         let is_smooth = material.roughness.is_some_and(|roughness| roughness < GLASS_ROUGHNESS)
             && material.metallic.is_some_and(|metallic| metallic < 0.5);
         let read = ReadMaterial {
             rgb: material.rgb,
             texture,
+            mask,
             is_reflective: material.opacity < GLASS_OPACITY || is_smooth && texture.is_none(),
             is_invisible: material.opacity < INVISIBLE_OPACITY,
         };
@@ -96,6 +119,11 @@ impl MaterialTable {
         self.materials.push(read);
         self.numbers.insert(key, number);
         number
+    }
+
+    /// The mask of that number.
+    pub(super) fn mask(&self, number: Option<u32>) -> Option<&AlphaMask> {
+        self.masks.get(number? as usize)
     }
 
     /// The material of that number.

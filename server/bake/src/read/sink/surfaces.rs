@@ -1,6 +1,7 @@
 //! Surfaces and meshes in space: placed, triangulated and coloured.
 
 use super::{FLUSH_TRIANGLES, SceneSink, materials::ReadMaterial, scene_kind};
+use crate::read::alpha_mask::AlphaMask;
 use crate::read::facade::FacadeUse;
 use crate::read::footprint::by_use;
 use crate::read::object::{FeatureKind, SourceObject, Surface, SurfaceRole, TriangleMesh, Wrap};
@@ -15,6 +16,9 @@ const VOLUME_SHARE: f64 = 0.3;
 /// Bits by which the colours of vertices are rounded, so that a scan does not have a material for each of its triangles.
 const VERTEX_COLOUR_BITS: u32 = 3;
 
+/// The edges of holes are true to this part of a cell.
+const MIN_EDGE_CELLS: f64 = 0.125;
+
 /// What the surfaces of an object have in common.
 struct ObjectLook {
     kind: FeatureKind,
@@ -28,6 +32,8 @@ struct SurfaceLook {
     /// Number of the scene's material.
     material: u32,
     wrap: Option<Wrap>,
+    /// Number of the mask that cuts holes.
+    mask: Option<u32>,
     is_facade: bool,
 }
 
@@ -109,10 +115,12 @@ impl SceneSink<'_, '_, '_> {
                 return;
             }
         };
+        let min_edge_m = self.context.options.cell_m * MIN_EDGE_CELLS;
         for triangle in triangles {
             let corners = triangle.map(|i| points[i as usize]);
             let uv = triangle.map(|i| surface.uv.get(i as usize).map_or([0.0; 2], |uv| drawn.uv(*uv)));
-            self.faces.push(drawn.triangle(corners, uv));
+            let mask = self.materials.mask(drawn.mask);
+            drawn.add_triangle(corners, uv, mask, min_edge_m, &mut self.faces);
         }
     }
 
@@ -131,6 +139,7 @@ impl SceneSink<'_, '_, '_> {
         }
         let placed: Vec<Option<[f64; 3]>> = mesh.positions.iter().map(|position| self.place(*position)).collect();
         let has_uv = mesh.uv.len() == mesh.positions.len();
+        let min_edge_m = self.context.options.cell_m * MIN_EDGE_CELLS;
         let mut last: Option<(f64, Option<[u8; 3]>, SurfaceLook)> = None;
         for triangle in &mesh.triangles {
             let corners = triangle.map(|i| placed.get(i as usize).copied().flatten());
@@ -150,7 +159,8 @@ impl SceneSink<'_, '_, '_> {
             };
             last = Some((normal_z, colour, drawn));
             let uv = triangle.map(|i| mesh.uv.get(i as usize).map_or([0.0; 2], |uv| drawn.uv(*uv)));
-            self.faces.push(drawn.triangle(corners, uv));
+            let mask = self.materials.mask(drawn.mask);
+            drawn.add_triangle(corners, uv, mask, min_edge_m, &mut self.faces);
             if self.faces.len() >= FLUSH_TRIANGLES && !self.flush(open, look.facade_use) {
                 return false;
             }
@@ -181,6 +191,7 @@ impl SceneSink<'_, '_, '_> {
         SurfaceLook {
             material: self.context.builder.material(stored),
             wrap: texture.map(|(_, wrap)| wrap),
+            mask: texture.and_then(|_| material?.mask),
             is_facade: texture.is_none()
                 && !is_reflective
                 && matches!(look.kind, FeatureKind::Building | FeatureKind::BuildingPart)
@@ -196,6 +207,23 @@ impl SurfaceLook {
             None => [0.0; 2],
             Some(Wrap::Repeat | Wrap::Mirror) => uv,
             Some(Wrap::Clamp | Wrap::None) => uv.map(|c| c.clamp(0.0, 1.0)),
+        }
+    }
+
+    /// Adds a triangle without the holes of its texture.
+    fn add_triangle(
+        self,
+        corners: [[f64; 3]; 3],
+        uv: [[f32; 2]; 3],
+        mask: Option<&AlphaMask>,
+        min_edge_m: f64,
+        faces: &mut Vec<WorldTriangle>,
+    ) {
+        match mask {
+            None => faces.push(self.triangle(corners, uv)),
+            Some(mask) => {
+                mask.cut((corners, uv), min_edge_m, &mut |(corners, uv)| faces.push(self.triangle(corners, uv)));
+            }
         }
     }
 
@@ -226,7 +254,7 @@ fn mean_colour(mesh: &TriangleMesh, triangle: [u32; 3]) -> Option<[u8; 3]> {
 /// The material with the colour of vertices, which multiplies its own.
 fn tint(material: Option<ReadMaterial>, colour: Option<[u8; 3]>) -> Option<ReadMaterial> {
     let Some(colour) = colour else { return material };
-    let plain = ReadMaterial { rgb: None, texture: None, is_reflective: false, is_invisible: false };
+    let plain = ReadMaterial { rgb: None, texture: None, mask: None, is_reflective: false, is_invisible: false };
     let material = material.unwrap_or(plain);
     let own = material.rgb.unwrap_or([255; 3]);
     let rgb = std::array::from_fn(|channel| (u32::from(own[channel]) * u32::from(colour[channel]) / 255) as u8);
