@@ -202,6 +202,15 @@ pub struct BakeArgs {
     /// Ground where the sources have no terrain
     #[arg(long, value_enum, default_value_t = GeneratedGround::Auto)]
     pub ground: GeneratedGround,
+    /// Largest distance of terrain from an elevation model, in metres [default: a fifth of a cell]
+    #[arg(long, value_name = "M", value_parser = parse_positive_metres, allow_negative_numbers = true)]
+    pub terrain_error: Option<f64>,
+    /// How far terrain reaches beyond the city, in metres
+    #[arg(long, value_name = "M", default_value = "500", value_parser = parse_metres, allow_negative_numbers = true)]
+    pub terrain_margin: f64,
+    /// Smallest texels of pictures from above, in metres
+    #[arg(long, value_name = "M", default_value = "0.25", value_parser = parse_positive_metres, allow_negative_numbers = true)]
+    pub ground_texel: f64,
     /// Walls of which the inputs have no picture: of one colour, or with generated windows
     #[arg(long, value_enum, default_value_t = GeneratedFacades::Plain)]
     pub facades: GeneratedFacades,
@@ -418,6 +427,20 @@ fn parse_cell(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(cell_m) if (0.01..=1000.0).contains(&cell_m) => Ok(cell_m),
         _ => Err("expected metres between 0.01 and 1000, such as 0.5".into()),
+    }
+}
+
+fn parse_metres(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(metres) if (0.0..=1e6).contains(&metres) => Ok(metres),
+        _ => Err("expected metres between 0 and 1000000, such as 500".into()),
+    }
+}
+
+fn parse_positive_metres(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(metres) if (0.01..=1000.0).contains(&metres) => Ok(metres),
+        _ => Err("expected metres between 0.01 and 1000, such as 0.25".into()),
     }
 }
 

@@ -16,6 +16,7 @@ use crate::{
     hash, mesh,
     read::{
         DuplicateOption, FACADE_ALGORITHM, FacadeOption, FetchFunction, KindFilter, ObjUpAxis, Palette, PlacingOptions,
+        TerrainOptions,
     },
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
@@ -86,6 +87,8 @@ pub struct BakeOptions {
     pub placing: PlacingOptions,
     /// Attribute that has the heights of footprints, before the usual ones.
     pub height_field: Option<String>,
+    /// How elevation models become terrain.
+    pub terrain: TerrainOptions,
     /// What becomes of objects that two inputs have.
     pub duplicates: DuplicateOption,
     /// Fetches inputs that are addresses; without it they are refused.
@@ -125,6 +128,7 @@ impl Default for BakeOptions {
             kinds: KindFilter::default(),
             placing: PlacingOptions::default(),
             height_field: None,
+            terrain: TerrainOptions::default(),
             duplicates: DuplicateOption::default(),
             fetch: None,
             palette: Palette::default(),

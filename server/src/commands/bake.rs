@@ -14,7 +14,7 @@ use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
     read::{
         DuplicateOption, FacadeOption, FeatureKind, InputError, KindFilter, ObjUpAxis, Palette, PlacingOptions,
-        ReadReport,
+        ReadReport, TerrainOptions,
     },
     sample::{SampleSettings, VisibilityBackend},
 };
@@ -148,6 +148,13 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
         inputs: args.inputs.clone(),
         out: args.out.clone(),
         cell_m: args.cell,
+        terrain: TerrainOptions {
+            error_cells: args
+                .terrain_error
+                .map_or(TerrainOptions::default().error_cells, |error_m| error_m / args.cell),
+            margin_m: args.terrain_margin,
+            texel_m: args.ground_texel,
+        },
         quality: args.quality,
         meshes: !args.no_meshes,
         ground: match args.ground {

@@ -104,6 +104,7 @@ impl<'a> BakeRun<'a> {
             kinds: options.kinds.clone(),
             placing: options.placing.clone(),
             height_field: options.height_field.clone(),
+            terrain: options.terrain,
             duplicates: options.duplicates,
             fetch: options.fetch,
             max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),

@@ -3,19 +3,21 @@
 use std::path::PathBuf;
 
 use super::duplicates::DuplicateOption;
+use super::elevation::{Elevation, TerrainOptions, TerrainTile};
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
-use super::object::{AxisOrder, CrsReference, KindFilter};
-use super::palette::Palette;
+use super::object::{AxisOrder, CrsReference, FeatureKind, KindFilter};
+use super::palette::{Look, Palette, SurfaceFacts};
 use super::place::{Placement, World};
 use super::polygon::Triangulator;
 use super::remote::FetchFunction;
-use super::report::{FacadeReport, ReadReport};
+use super::report::{FacadeReport, ReadReport, SourceReport};
 use super::scene_builder::{OpenObject, SceneBuilder, WorldTriangle};
 use super::source::CitySource;
 use super::texture::TextureLoader;
 use crate::error::{BakeError, InputError};
-use crate::scene::scratch_scene::ScratchScene;
+use crate::scene::ObjectKind;
+use crate::scene::scratch_scene::{ScratchScene, StoredMaterial};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
 
@@ -59,6 +61,8 @@ pub struct ReadOptions {
     pub height_field: Option<String>,
     /// What becomes of objects that two sources have.
     pub duplicates: DuplicateOption,
+    /// How elevation models become terrain.
+    pub terrain: TerrainOptions,
     /// Fetches inputs that are addresses; without it they are refused.
     pub fetch: Option<FetchFunction>,
 }
@@ -93,6 +97,7 @@ impl Default for ReadOptions {
             placing: PlacingOptions::default(),
             height_field: None,
             duplicates: DuplicateOption::default(),
+            terrain: TerrainOptions::default(),
             fetch: None,
         }
     }
@@ -111,6 +116,8 @@ pub(crate) struct ReadContext<'o> {
     pub(crate) source: usize,
     /// The city's coordinate system.
     pub(crate) world: World,
+    /// The ground's heights.
+    pub(crate) elevation: Elevation,
     /// Whether a source in degrees may choose the city's coordinate system, because no other source has one.
     pub(crate) is_last_resort: bool,
     facades: FacadeMaker,
@@ -137,6 +144,7 @@ impl<'o> ReadContext<'o> {
             triangulator: Triangulator::new(),
             source: 0,
             world: World::new(crs.as_deref(), grids.clone())?,
+            elevation: Elevation::default(),
             is_last_resort: false,
             facades: FacadeMaker::default(),
         })
@@ -191,6 +199,59 @@ impl<'o> ReadContext<'o> {
             }
             None => Ok((Placement::Unknown, LocalFrame::IDENTITY)),
         }
+    }
+
+    /// World height of the ground at a position on the map; 0 where no elevation model has one. Fails if a model cannot be read,
+    /// or cannot be placed.
+    pub(crate) fn ground_m(&mut self, position: [f64; 2]) -> Result<f64, InputError> {
+        if self.elevation.is_empty() {
+            return Ok(0.0);
+        }
+        self.elevation.settle(&mut self.world)?;
+        Ok(self.elevation.height_m(position)?.unwrap_or(0.0))
+    }
+
+    /// Adds terrain around all objects so far, if there are elevation models. Fails if one cannot be read, or cannot be placed.
+    pub(crate) fn add_terrain(&mut self, sources: &mut [SourceReport]) -> Result<(), InputError> {
+        let kind = FeatureKind::Relief;
+        if self.elevation.is_empty()
+            && let Some(report) = self.elevation.first_picture().and_then(|number| sources.get_mut(number))
+        {
+            let path = report.path.clone();
+            report.problem("picture without an elevation model, not drawn", || path);
+        }
+        if self.elevation.is_empty() || !self.options.kinds.contains(kind) {
+            return Ok(());
+        }
+        self.elevation.settle(&mut self.world)?;
+        let facts = SurfaceFacts { semantic: None, object_type: kind.cityjson_type(), material: None, normal_z: 1.0 };
+        let (rgb, _) = self.options.palette.resolve(None, &facts, &Look::PLAIN);
+        let city = self.builder.bounds_on_map();
+        let (builder, textures, source) = (&mut self.builder, &mut self.textures, self.elevation.first_source());
+        let (set, Some(report)) = (textures.set_named("pictures from above"), sources.get_mut(source)) else {
+            return Ok(());
+        };
+        let (cell_m, options) = (self.options.cell_m, self.options.terrain);
+        self.elevation.make_terrain(city, cell_m, options, rgb, &mut |tile| {
+            let TerrainTile { name, triangles, drape } = tile;
+            let drape = drape.map(|(texture, place)| (textures.add_picture(texture, set), place));
+            let texture = drape.map(|(texture, _)| texture);
+            let colour = if texture.is_some() { [255; 3] } else { rgb };
+            let material = builder.material(StoredMaterial::matt(colour, texture));
+            let uv = |corner: [f64; 3]| drape.map_or([0.0; 2], |(_, place)| place.uv(corner));
+            let face = |corners: &[[f64; 3]; 3]| WorldTriangle {
+                corners: *corners,
+                uv: corners.map(uv),
+                material,
+                is_facade: false,
+            };
+            let faces: Vec<WorldTriangle> = triangles.iter().map(face).collect();
+            let mut open = OpenObject::new(ObjectKind::Terrain);
+            builder.push(&mut open, &faces);
+            report.found += 1;
+            *report.objects_by_kind.entry(kind).or_default() += 1;
+            builder.close(source, &name, open, report);
+        })
     }
 
     /// The city of all sources, without what is left out: objects outside of the wanted area, duplicates, and what is too far

@@ -13,6 +13,7 @@ mod context;
 mod counted_float;
 mod crs;
 mod duplicates;
+mod elevation;
 mod facade;
 mod files;
 mod footprint;
@@ -31,6 +32,7 @@ mod osm;
 mod palette;
 mod place;
 mod polygon;
+mod raster;
 mod remote;
 mod report;
 mod roof;
@@ -54,6 +56,7 @@ use std::path::{Path, PathBuf};
 pub use crate::error::InputError;
 pub use context::{ObjUpAxis, PlacingOptions, ReadOptions};
 pub use duplicates::DuplicateOption;
+pub use elevation::TerrainOptions;
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
@@ -196,7 +199,9 @@ fn read_sources(
     let mut report = ReadReport { unread: listed.unread.clone(), ..ReadReport::default() };
     let mut set_of_source = Vec::new();
     let mut bytes_before = 0;
-    let mut waiting: VecDeque<&CitySource<'_>> = sources.iter().collect();
+    // Buildings stand on the ground, so its heights come first.
+    let (elevation, others): (Vec<_>, Vec<_>) = sources.iter().partition(|source| is_elevation(source));
+    let mut waiting: VecDeque<&CitySource<'_>> = elevation.into_iter().chain(others).collect();
     let mut postponed = Vec::new();
     context.is_last_resort = sources.len() == 1;
     while let Some(source) = waiting.pop_front() {
@@ -228,6 +233,7 @@ fn read_sources(
         }
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
+    context.add_terrain(&mut report.sources)?;
     report.facades = context.take_facades();
     let set_of_texture = std::mem::take(&mut context.textures.set_of_texture);
     let failed = |error: BakeError| InputError::io(&sources[0].label, std::io::Error::other(error));
@@ -310,6 +316,10 @@ fn read_by_kind(
         SourceKind::Ply => (SourceFormat::Ply, mesh_file::read),
         SourceKind::Stl => (SourceFormat::Stl, mesh_file::read),
         SourceKind::Tile => (SourceFormat::Tiles3d, tiles3d::read),
+        SourceKind::Elevation => {
+            context.elevation.open(source, context.source)?;
+            return Ok(Some(SourceReport::new(&source.label, SourceFormat::Elevation, source.bytes)));
+        }
     };
     let mut sink = SceneSink::new(context, source, format, tick)?;
     let input = sink.input();
@@ -319,6 +329,10 @@ fn read_by_kind(
 
 /// Reads a source and passes its objects to the sink. Fails if the source cannot be read at all.
 type Reader = fn(&Input<'_>, &mut dyn ObjectSink) -> Result<(), InputError>;
+
+fn is_elevation(source: &CitySource<'_>) -> bool {
+    kind_by_name(&source.name) == Some(SourceKind::Elevation)
+}
 
 fn empty_city(sources: &[CitySource<'_>], report: &ReadReport) -> InputError {
     let first = sources.first().map_or("", |source| &source.label);

@@ -100,6 +100,8 @@ pub enum SourceFormat {
     I3s,
     Ply,
     Stl,
+    /// Heights of the ground: GeoTIFF, SRTM or an ASCII grid.
+    Elevation,
 }
 
 /// Where a surface's colour comes from.

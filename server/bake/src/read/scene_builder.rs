@@ -382,6 +382,20 @@ impl SceneBuilder {
         Ok(pairs.iter().zip(&masks).filter(|(_, masks)| masks.are_equal()).map(|(pair, _)| *pair).collect())
     }
 
+    /// Lowest and highest corner on the map of the objects that are kept; `None` without any.
+    pub(crate) fn bounds_on_map(&self) -> Option<[[f64; 2]; 2]> {
+        let too_far = self.find_too_far();
+        let is_kept = |(object, far): &(&PendingObject, Option<f64>)| !object.is_dropped && far.is_none();
+        let kept = self.pending.iter().zip(too_far).filter(is_kept).map(|(object, _)| object);
+        kept.fold(None, |bounds, object| {
+            let [low, high] = bounds.unwrap_or([[f64::MAX; 2], [f64::MIN; 2]]);
+            Some([
+                [0, 1].map(|axis| low[axis].min(object.low(axis))),
+                [0, 1].map(|axis| high[axis].max(object.high(axis))),
+            ])
+        })
+    }
+
     /// Leaves out the objects whose boxes lie outside of an area on the map, and counts them.
     pub(crate) fn drop_outside(&mut self, low: [f64; 2], high: [f64; 2], sources: &mut [SourceReport]) {
         for object in self.pending.iter_mut().filter(|object| !object.is_dropped) {

@@ -65,6 +65,8 @@ pub(crate) enum SourceKind {
     Stl,
     /// A single tile of 3D Tiles.
     Tile,
+    /// Heights of the ground on a grid.
+    Elevation,
 }
 
 /// The kind by extension, ignoring `.gz`.
@@ -91,6 +93,7 @@ pub(crate) fn kind_by_name(name: &str) -> Option<SourceKind> {
         "ply" => Some(SourceKind::Ply),
         "stl" => Some(SourceKind::Stl),
         "b3dm" | "i3dm" | "cmpt" | "pnts" => Some(SourceKind::Tile),
+        "tif" | "tiff" | "hgt" | "asc" => Some(SourceKind::Elevation),
         _ => None,
     }
 }

@@ -75,6 +75,18 @@ impl TextureLoader {
         self.alpha.get(&number)
     }
 
+    /// A set by a name that is no folder.
+    pub(crate) fn set_named(&mut self, name: &str) -> u32 {
+        let next = self.sets.len() as u32;
+        *self.sets.entry(format!("<{name}>")).or_insert(next)
+    }
+
+    /// Adds a photo that is no image of a source, and returns its number.
+    pub(crate) fn add_picture(&mut self, texture: SceneTexture, set: u32) -> u32 {
+        self.set_of_texture.push(Some(set));
+        self.textures.add(Arc::new(texture))
+    }
+
     /// Adds a texture that no source has, and returns its number.
     pub(crate) fn add_generated(&mut self, texture: Arc<SceneTexture>) -> u32 {
         self.set_of_texture.push(None);

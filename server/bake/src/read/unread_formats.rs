@@ -18,7 +18,7 @@ const TO_GEOJSON: Conversion = Command { command: "ogr2ogr -f GeoJSON -t_srs EPS
 const FROM_POINTS: Conversion =
     Advice("points have no surfaces: roofer (github.com/3DBAG/roofer) makes CityJSONSeq of them and of footprints");
 const FROM_CAD: Conversion = Advice("export it as OBJ, in metres, from the program that made it");
-const FROM_RASTER: Conversion = Advice("terrain is read as triangles, CityJSON's TINRelief or OBJ");
+const TO_GEOTIFF: Conversion = Command { command: "gdal_translate IN OUT", extension: "tif" };
 const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
 
 /// Extensions, without `.gz`, with the name of the format.
@@ -38,7 +38,7 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["max"], "3ds Max", FROM_CAD),
     (&["blend"], "Blender", FROM_CAD),
     (&["las", "laz", "e57", "xyz"], "point clouds", FROM_POINTS),
-    (&["tif", "tiff", "hgt", "asc"], "rasters", FROM_RASTER),
+    (&["vrt", "img", "dem", "bil", "flt", "ecw", "jp2"], "rasters", TO_GEOTIFF),
     (&["7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
 ];
 

@@ -1,6 +1,7 @@
 //! Areas on the map: buildings by their attributes, other kinds as level surfaces.
 
 use super::SceneSink;
+use crate::error::InputError;
 use crate::read::facade::FacadeUse;
 use crate::read::footprint::{
     BuildingHeight, GroundPlan, PrismMaterials, ResolvedColour, RoofTags, building_colours, by_use,
@@ -31,23 +32,26 @@ struct BuildingForm {
 }
 
 impl SceneSink<'_, '_, '_> {
-    /// Adds footprints of a building as one object.
-    pub(super) fn add_buildings(&mut self, object: &SourceObject, footprints: &[Footprint]) {
+    /// Adds footprints of a building as one object. Fails if the ground's height cannot be read.
+    pub(super) fn add_buildings(&mut self, object: &SourceObject, footprints: &[Footprint]) -> Result<(), InputError> {
         let form = self.building_form(object);
         let mut open = OpenObject::new(ObjectKind::Building);
         let mut fault = None;
         for footprint in footprints {
             self.faces.clear();
-            if let Err(reason) = self.ground_plan(object, footprint).and_then(|plan| self.build(object, &plan, &form)) {
-                fault = Some(reason);
+            let plan = self.ground_plan(object, footprint);
+            match plan.and_then(|plan| self.build(object, &plan, &form).map(|()| plan)) {
+                Ok(plan) => self.stand(&plan.rings)?,
+                Err(reason) => fault = Some(reason),
             }
             self.context.push(&mut open, &mut self.faces, form.facade_use);
         }
         self.finish_areas(object, open, fault);
+        Ok(())
     }
 
-    /// Adds areas as level surfaces.
-    pub(super) fn add_areas(&mut self, object: &SourceObject, footprints: &[Footprint]) {
+    /// Adds areas as surfaces on the ground. Fails if its height cannot be read.
+    pub(super) fn add_areas(&mut self, object: &SourceObject, footprints: &[Footprint]) -> Result<(), InputError> {
         let material = self.flat_material(object.kind);
         let mut open = OpenObject::new(ObjectKind::Terrain);
         let mut fault = None;
@@ -62,9 +66,11 @@ impl SceneSink<'_, '_, '_> {
                 Ok(false) => self.report.problem("ring crosses itself", || object.id.clone()),
                 Err(reason) => fault = Some(reason),
             }
+            self.drape()?;
             self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
         }
         self.finish_areas(object, open, fault);
+        Ok(())
     }
 
     /// Number of the material of a flat kind, by the palette.

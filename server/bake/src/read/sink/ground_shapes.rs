@@ -1,6 +1,7 @@
 //! Lines with a width, and points: roads and trees.
 
 use super::{SceneSink, footprints::layer_m};
+use crate::error::InputError;
 use crate::read::attributes::AttributeValue;
 use crate::read::facade::FacadeUse;
 use crate::read::object::{FeatureKind, SourceObject, Strip};
@@ -23,8 +24,8 @@ const CROWN_LOW: f64 = 0.22;
 const CROWN_MIDDLE: f64 = 0.5;
 
 impl SceneSink<'_, '_, '_> {
-    /// Adds lines as level strips.
-    pub(super) fn add_strips(&mut self, object: &SourceObject, strips: &[Strip]) {
+    /// Adds lines as strips on the ground. Fails if its height cannot be read.
+    pub(super) fn add_strips(&mut self, object: &SourceObject, strips: &[Strip]) -> Result<(), InputError> {
         let material = self.flat_material(object.kind);
         let mut open = OpenObject::new(ObjectKind::Terrain);
         let mut fault = None;
@@ -41,16 +42,18 @@ impl SceneSink<'_, '_, '_> {
                 let face = |corners| WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade: false };
                 self.faces.extend([face([a, b, c]), face([a, c, d])]);
             });
+            self.drape()?;
             self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
         }
         self.finish_areas(object, open, fault);
+        Ok(())
     }
 
     /// Adds trees as double pyramids. Points of other kinds have no shape.
-    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[[f64; 2]]) {
+    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[[f64; 2]]) -> Result<(), InputError> {
         if object.kind != FeatureKind::Vegetation {
             self.report.without_geometry += 1;
-            return;
+            return Ok(());
         }
         let material = self.flat_material(object.kind);
         let height_m = match object.attributes.get("height") {
@@ -63,12 +66,16 @@ impl SceneSink<'_, '_, '_> {
         let mut fault = None;
         for point in points {
             match self.place_on_map(*point) {
-                Some(foot) => add_tree(foot, height_m, material, &mut self.faces),
+                Some(foot) => {
+                    let ground_m = self.context.ground_m(foot)?;
+                    add_tree([foot[0], foot[1], ground_m], height_m, material, &mut self.faces);
+                }
                 None => fault = Some("coordinate not a number or out of range"),
             }
         }
         self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
         self.finish_areas(object, open, fault);
+        Ok(())
     }
 }
 
@@ -104,13 +111,13 @@ fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64; 2]; 4])) 
     }
 }
 
-fn add_tree([x, y]: [f64; 2], height_m: f64, material: u32, faces: &mut Vec<WorldTriangle>) {
+fn add_tree([x, y, z]: [f64; 3], height_m: f64, material: u32, faces: &mut Vec<WorldTriangle>) {
     let radius_m = height_m * CROWN_WIDTH / 2.0;
     let at = |side: usize| {
         let (sin, cos) = (side as f64 * std::f64::consts::TAU / CROWN_SIDES as f64).sin_cos();
-        [x + radius_m * cos, y + radius_m * sin, height_m * CROWN_MIDDLE]
+        [x + radius_m * cos, y + radius_m * sin, z + height_m * CROWN_MIDDLE]
     };
-    let (top, low) = ([x, y, height_m], [x, y, height_m * CROWN_LOW]);
+    let (top, low) = ([x, y, z + height_m], [x, y, z + height_m * CROWN_LOW]);
     for side in 0..CROWN_SIDES {
         let (a, b) = (at(side), at((side + 1) % CROWN_SIDES));
         for corners in [[a, b, top], [b, a, low]] {

@@ -4,6 +4,7 @@
 mod footprints;
 mod ground_shapes;
 mod materials;
+mod standing;
 mod surfaces;
 
 use super::attributes::AttributeValue;
@@ -163,13 +164,13 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
             Shape::Surfaces { polygons, meshes } => self.add_surfaces(&object, polygons, meshes),
             Shape::Footprints(footprints) => {
                 if is_extruded(&object, self.context.options.height_field.as_deref()) {
-                    self.add_buildings(&object, footprints);
+                    self.add_buildings(&object, footprints)?;
                 } else {
-                    self.add_areas(&object, footprints);
+                    self.add_areas(&object, footprints)?;
                 }
             }
-            Shape::Strips(strips) => self.add_strips(&object, strips),
-            Shape::Points(points) => self.add_points(&object, points),
+            Shape::Strips(strips) => self.add_strips(&object, strips)?,
+            Shape::Points(points) => self.add_points(&object, points)?,
         }
         Ok(())
     }

@@ -1,0 +1,206 @@
+//! The ground from rasters: its height anywhere, terrain made of it, and pictures of it from above.
+//!
+//! | step | module |
+//! |---|---|
+//! | a raster with its place | `model` |
+//! | where a grid's points lie in a raster | `lattice`, `pixel_finder` |
+//! | triangles of a region | `terrain`, with [`crate::roam`] |
+//! | the picture on them | `drape` |
+
+mod drape;
+mod lattice;
+mod model;
+mod pixel_finder;
+mod terrain;
+#[cfg(test)]
+mod tests;
+
+use std::cell::RefCell;
+use std::fs::File;
+use std::num::NonZeroUsize;
+
+use lru::LruCache;
+
+use super::object::{AxisOrder, CrsReference};
+use super::place::World;
+use super::raster::{GeoPlace, Raster, RasterError, RasterLimits, SampleKind};
+use super::source::{CitySource, read_sibling};
+use crate::error::InputError;
+use lattice::MapGrid;
+use model::PlacedRaster;
+
+pub use terrain::TerrainOptions;
+pub(crate) use terrain::TerrainTile;
+
+/// Points along the side of a block of heights that is read for single positions.
+const BLOCK_POINTS: usize = 64;
+/// Blocks that are kept: 16 KiB each.
+const MAX_BLOCKS: usize = 1024;
+/// Larger files beside a raster are no world files or coordinate systems.
+const MAX_SIDECAR_BYTES: u64 = 1 << 20;
+
+/// A block's height at each point, by row.
+type Block = Box<[f32]>;
+
+/// All rasters of a city. Where several overlap, the finest counts.
+pub(crate) struct Elevation {
+    /// Rasters of heights, from coarse to fine once they are settled.
+    models: Vec<PlacedRaster>,
+    /// Pictures from above, in the same order.
+    pictures: Vec<PlacedRaster>,
+    is_settled: bool,
+    blocks: RefCell<LruCache<[i64; 2], Block>>,
+}
+
+impl Default for Elevation {
+    fn default() -> Self {
+        let capacity = NonZeroUsize::new(MAX_BLOCKS).unwrap_or(NonZeroUsize::MIN);
+        Self {
+            models: Vec::new(),
+            pictures: Vec::new(),
+            is_settled: false,
+            blocks: RefCell::new(LruCache::new(capacity)),
+        }
+    }
+}
+
+impl Elevation {
+    /// Whether no height is known.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.models.is_empty()
+    }
+
+    /// Number of the first picture's report.
+    pub(crate) fn first_picture(&self) -> Option<usize> {
+        self.pictures.iter().map(|picture| picture.source).min()
+    }
+
+    /// Number of the first model's report.
+    pub(crate) fn first_source(&self) -> usize {
+        self.models.iter().map(|model| model.source).min().unwrap_or(0)
+    }
+
+    /// Opens an elevation model or an orthophoto; `number` is that of its report. Fails if it is neither, is damaged, or has no
+    /// place.
+    pub(crate) fn open(&mut self, source: &CitySource<'_>, number: usize) -> Result<(), InputError> {
+        let file = source.files.on_disk(&source.name).map_err(|cause| InputError::io(&source.label, cause))?;
+        let reader = File::open(&file.path).map_err(|cause| InputError::io(&source.label, cause))?;
+        let opened = Raster::open(Box::new(std::io::BufReader::new(reader)), &source.name, RasterLimits::default());
+        let raster = opened.map_err(|error| raster_fault(&source.label, error))?;
+        let facts = raster.facts();
+        // Heights have one band, and hardly ever 8 bits.
+        let is_picture = facts.bands > 2 || facts.sample == SampleKind::U8;
+        let place = match facts.place {
+            Some(place) => place,
+            None => world_file(source)?,
+        };
+        let crs = crs_of(source, &raster);
+        self.is_settled = false;
+        let list = if is_picture { &mut self.pictures } else { &mut self.models };
+        list.push(PlacedRaster::new(&source.label, number, raster, place, crs, file));
+        Ok(())
+    }
+
+    /// Places the models in the world. Fails if one has no place in it.
+    pub(crate) fn settle(&mut self, world: &mut World) -> Result<(), InputError> {
+        if self.is_settled {
+            return Ok(());
+        }
+        let pixel_m = |raster: &PlacedRaster| raster.placed.as_ref().map_or(0.0, |placed| placed.pixel_m);
+        for list in [&mut self.models, &mut self.pictures] {
+            for raster in list.iter_mut() {
+                raster.settle(world)?;
+            }
+            list.sort_by(|a, b| pixel_m(b).total_cmp(&pixel_m(a)));
+        }
+        self.is_settled = true;
+        Ok(())
+    }
+
+    /// Heights of a grid; NaN where no model has one. Fails if a raster cannot be read.
+    fn read(&self, grid: &MapGrid) -> Result<Vec<f32>, InputError> {
+        let mut heights = vec![f32::NAN; grid.size[0] * grid.size[1]];
+        for model in &self.models {
+            let found = model.heights(grid).map_err(|error| raster_fault(&model.label, error))?;
+            for (height, finer) in heights.iter_mut().zip(found) {
+                let Some(finer) = finer else { continue };
+                *height = match height.is_nan() {
+                    true => finer.height_m,
+                    false => *height + (finer.height_m - *height) * finer.weight,
+                };
+            }
+        }
+        Ok(heights)
+    }
+
+    /// Distance of the points of a block: that of the finest model's pixels.
+    fn step_m(&self) -> f64 {
+        self.models.last().and_then(|model| model.placed.as_ref()).map_or(1.0, |placed| placed.pixel_m)
+    }
+
+    /// World height of the ground at a position on the map; `None` where no model has one. Fails if a raster cannot be read.
+    pub(crate) fn height_m(&self, [x, y]: [f64; 2]) -> Result<Option<f64>, InputError> {
+        let step_m = self.step_m();
+        let side_m = step_m * BLOCK_POINTS as f64;
+        let block = [x, y].map(|along| (along / side_m).floor());
+        let key = block.map(|number| number as i64);
+        let corner = block.map(|number| number * side_m);
+        let mut blocks = self.blocks.borrow_mut();
+        if !blocks.contains(&key) {
+            let size = [BLOCK_POINTS + 1; 2];
+            let heights = self.read(&MapGrid { corner, step_m, size })?;
+            blocks.put(key, heights.into());
+        }
+        let Some(heights) = blocks.get(&key) else { return Ok(None) };
+        let [fx, fy] = [(x - corner[0]) / step_m, (y - corner[1]) / step_m];
+        let [x0, y0] = [fx, fy].map(|f| (f.floor().max(0.0) as usize).min(BLOCK_POINTS - 1));
+        let at = |x: usize, y: usize| f64::from(heights[y * (BLOCK_POINTS + 1) + x]);
+        let (sx, sy) = (fx - x0 as f64, fy - y0 as f64);
+        let south = at(x0, y0) * (1.0 - sx) + at(x0 + 1, y0) * sx;
+        let north = at(x0, y0 + 1) * (1.0 - sx) + at(x0 + 1, y0 + 1) * sx;
+        let height = south * (1.0 - sy) + north * sy;
+        Ok(height.is_finite().then_some(height))
+    }
+}
+
+/// Where a raster without a place of its own is: what the world file beside it says.
+fn world_file(source: &CitySource<'_>) -> Result<GeoPlace, InputError> {
+    let stem = source.name.rsplit_once('.').map_or(source.name.as_str(), |(stem, _)| stem);
+    let extensions = ["tfw", "tifw", "wld", "jgw", "pgw", "j2w"];
+    let found = extensions
+        .iter()
+        .find_map(|extension| read_sibling(&*source.files, &format!("{stem}.{extension}"), MAX_SIDECAR_BYTES).ok());
+    let Some(bytes) = found else {
+        let what = "it does not tell where it is, and has no world file beside it (.tfw)";
+        return Err(InputError::unsupported(&source.label, what));
+    };
+    GeoPlace::from_world_file(&String::from_utf8_lossy(&bytes)).map_err(|error| raster_fault(&source.label, error))
+}
+
+/// The coordinate system of a raster: its own, or that of a `.prj` file beside it.
+fn crs_of(source: &CitySource<'_>, raster: &Raster) -> Option<CrsReference> {
+    let crs = &raster.facts().crs;
+    let beside = || {
+        let stem = source.name.rsplit_once('.').map_or(source.name.as_str(), |(stem, _)| stem);
+        let bytes = read_sibling(&*source.files, &format!("{stem}.prj"), MAX_SIDECAR_BYTES).ok()?;
+        Some(String::from_utf8_lossy(&bytes).into_owned())
+    };
+    let horizontal = crs.horizontal.clone().or_else(beside).or_else(|| crs.citation.clone())?;
+    let name = match &crs.vertical {
+        Some(vertical) if horizontal.starts_with("EPSG:") => {
+            format!("{horizontal}+{}", vertical.trim_start_matches("EPSG:"))
+        }
+        None if crs.is_ellipsoidal && horizontal == "EPSG:4326" => "EPSG:4979".to_owned(),
+        _ => horizontal,
+    };
+    Some(CrsReference { name, order: AxisOrder::EastFirst })
+}
+
+fn raster_fault(label: &str, error: RasterError) -> InputError {
+    match error {
+        RasterError::Io(cause) => InputError::io(label, cause),
+        RasterError::NotThisFormat => InputError::unknown_format(label, "it is no raster that is read"),
+        RasterError::Unsupported(_) => InputError::unsupported(label, error.to_string()),
+        error => InputError::damaged(label, "raster", error.to_string()),
+    }
+}

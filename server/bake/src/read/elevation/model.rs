@@ -1,0 +1,208 @@
+//! One raster with its place in the world: heights of the ground, or a picture of it.
+
+use std::cell::RefCell;
+
+use super::lattice::{Lattice, MapGrid, RasterPoint};
+use super::pixel_finder::PixelFinder;
+use crate::error::InputError;
+use crate::read::input::LocalFile;
+use crate::read::object::CrsReference;
+use crate::read::place::{Placement, World};
+use crate::read::raster::{GeoPlace, Raster, RasterError, RasterSize, Window};
+
+/// Colours with less alpha are none.
+const OPAQUE: u8 = 128;
+/// Pixels over which a model fades into coarser ones at its border.
+const FADE_PX: f64 = 12.0;
+/// A smaller copy of the raster is read if its pixels are at most this many steps of the wanted grid.
+const MAX_PIXEL_STEPS: f64 = 1.25;
+/// Points along each side of a raster by which its bounds are known.
+const BORDER_STEPS: u32 = 16;
+
+/// An opened raster.
+pub(super) struct PlacedRaster {
+    pub(super) label: String,
+    /// Number of its report.
+    pub(super) source: usize,
+    raster: RefCell<Raster>,
+    place: GeoPlace,
+    crs: Option<CrsReference>,
+    /// Known once the world has a coordinate system.
+    pub(super) placed: Option<RasterPlacement>,
+    /// It is a copy, if the raster was packed.
+    _file: LocalFile,
+}
+
+/// A raster's place in the world.
+pub(super) struct RasterPlacement {
+    pub(super) placement: Placement,
+    /// Lowest and highest corner on the map.
+    pub(super) bounds: [[f64; 2]; 2],
+    /// Metres from pixel to pixel.
+    pub(super) pixel_m: f64,
+}
+
+/// A height, and how much it counts against coarser models: from 0 at the model's border to 1.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WeightedHeight {
+    pub(super) height_m: f32,
+    pub(super) weight: f32,
+}
+
+impl PlacedRaster {
+    pub(super) fn new(
+        label: &str,
+        source: usize,
+        raster: Raster,
+        place: GeoPlace,
+        crs: Option<CrsReference>,
+        file: LocalFile,
+    ) -> Self {
+        let raster = RefCell::new(raster);
+        Self { label: label.to_owned(), source, raster, place, crs, placed: None, _file: file }
+    }
+
+    /// Finds the raster's place in the world, which gets the raster's system if it has none. Fails if the system is not known, or if
+    /// the raster has no place in the world.
+    pub(super) fn settle(&mut self, world: &mut World) -> Result<(), InputError> {
+        if self.placed.is_some() {
+            return Ok(());
+        }
+        let mut placement = match &self.crs {
+            Some(crs) => world.place(&self.label, crs)?,
+            None => Placement::Unknown,
+        };
+        let RasterSize { width, height } = self.raster.borrow().facts().size;
+        let [middle_x, middle_y] = self.place.position(f64::from(width) / 2.0, f64::from(height) / 2.0);
+        placement.settle(world, &self.label, [middle_x, middle_y, 0.0])?;
+        let finder = PixelFinder { place: self.place, placement: &placement };
+        let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
+        for i in 0..=BORDER_STEPS {
+            for j in 0..=BORDER_STEPS {
+                let at = |side: u32, step: u32| f64::from(side - 1) * f64::from(step) / f64::from(BORDER_STEPS);
+                let Some(world) = finder.world([at(width, i), at(height, j)], 0.0) else { continue };
+                for axis in 0..2 {
+                    low[axis] = low[axis].min(world[axis]);
+                    high[axis] = high[axis].max(world[axis]);
+                }
+            }
+        }
+        let steps = finder.derivatives([f64::from(width) / 2.0, f64::from(height) / 2.0]);
+        let pixel_m = steps.map_or(0.0, |steps| steps.iter().map(|[x, y]| x.hypot(*y)).fold(f64::MAX, f64::min));
+        if !(pixel_m > 0.0 && low[0] <= high[0]) {
+            let what = "it lies where the city's coordinate system is not defined";
+            return Err(InputError::unsupported(&self.label, what));
+        }
+        self.placed = Some(RasterPlacement { placement, bounds: [low, high], pixel_m });
+        Ok(())
+    }
+
+    /// Heights of a grid; `None` where the raster has none. Fails if it cannot be read.
+    pub(super) fn heights(&self, grid: &MapGrid) -> Result<Vec<Option<WeightedHeight>>, RasterError> {
+        self.sample(grid, Raster::read_heights, |pixels, point| {
+            let (height, weight) =
+                pixels.blend(point.pixel, |height| height.is_finite().then(|| [f64::from(*height)]))?;
+            let height_m = (point.offset_m + point.scale * height[0]) as f32;
+            Some(WeightedHeight { height_m, weight })
+        })
+    }
+
+    /// Colours of a grid as 8-bit sRGB; `None` where the raster has none. Fails if it cannot be read.
+    pub(super) fn colours(&self, grid: &MapGrid) -> Result<Vec<Option<[u8; 3]>>, RasterError> {
+        self.sample(grid, Raster::read_colours, |pixels, point| {
+            let opaque = |rgba: &[u8; 4]| (rgba[3] >= OPAQUE).then(|| [rgba[0], rgba[1], rgba[2]].map(f64::from));
+            let (rgb, _) = pixels.blend(point.pixel, opaque)?;
+            Some(rgb.map(|value| value.round() as u8))
+        })
+    }
+
+    /// What `value` makes of the pixels around each point of a grid.
+    fn sample<P, V: Copy>(
+        &self,
+        grid: &MapGrid,
+        read: impl Fn(&mut Raster, Window, usize) -> Result<Vec<P>, RasterError>,
+        value: impl Fn(&Pixels<'_, P>, RasterPoint) -> Option<V>,
+    ) -> Result<Vec<Option<V>>, RasterError> {
+        let len = grid.size[0] * grid.size[1];
+        let Some(placed) = &self.placed else { return Ok(vec![None; len]) };
+        let mut raster = self.raster.borrow_mut();
+        let level = self.level_for(&raster, placed, grid.step_m);
+        let (size, place) = (raster.facts().levels[level], raster.facts().place_of_level(level).unwrap_or(self.place));
+        let finder = PixelFinder { place, placement: &placed.placement };
+        let lattice = Lattice::new(grid, finder, [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0]);
+        let Some(window) = lattice.bounds().and_then(|bounds| window_around(bounds, size)) else {
+            return Ok(vec![None; len]);
+        };
+        let values = read(&mut raster, window, level)?;
+        let pixels = Pixels { window, size, values: &values };
+        let points = (0..grid.size[1]).flat_map(|y| (0..grid.size[0]).map(move |x| [x, y]));
+        Ok(points.map(|[x, y]| value(&pixels, lattice.point(x, y)?)).collect())
+    }
+
+    /// The smallest copy of the raster that is fine enough for a grid.
+    fn level_for(&self, raster: &Raster, placed: &RasterPlacement, step_m: f64) -> usize {
+        let facts = raster.facts();
+        let pixel_m = |size: &RasterSize| placed.pixel_m * f64::from(facts.size.width) / f64::from(size.width.max(1));
+        let is_fine = |size: &RasterSize| pixel_m(size) <= step_m * MAX_PIXEL_STEPS;
+        facts.levels.iter().rposition(is_fine).unwrap_or(0)
+    }
+}
+
+/// A window of a raster.
+struct Pixels<'p, P> {
+    window: Window,
+    size: RasterSize,
+    values: &'p [P],
+}
+
+impl<P> Pixels<'_, P> {
+    /// The value at a place among the pixels, bilinear of those around it that have one, and its weight against coarser rasters.
+    /// `None` outside, or if most of the pixels around have no value.
+    fn blend<const N: usize>(
+        &self,
+        [x, y]: [f64; 2],
+        value: impl Fn(&P) -> Option<[f64; N]>,
+    ) -> Option<([f64; N], f32)> {
+        let last = [self.size.width, self.size.height].map(|side| f64::from(side) - 1.0);
+        let is_inside = x >= -0.5 && y >= -0.5 && x <= last[0] + 0.5 && y <= last[1] + 0.5;
+        if !is_inside {
+            return None;
+        }
+        let [cx, cy] = [x.clamp(0.0, last[0]), y.clamp(0.0, last[1])];
+        let [fx, fy] = [cx - cx.floor(), cy - cy.floor()];
+        let (x0, y0) = (cx.floor() as u32, cy.floor() as u32);
+        let corners = [
+            (x0, y0, (1.0 - fx) * (1.0 - fy)),
+            (x0 + 1, y0, fx * (1.0 - fy)),
+            (x0, y0 + 1, (1.0 - fx) * fy),
+            (x0 + 1, y0 + 1, fx * fy),
+        ];
+        let (mut sums, mut weights) = ([0.0; N], 0.0);
+        for (column, row, weight) in corners.into_iter().filter(|(.., weight)| *weight > 0.0) {
+            if let Some(numbers) = self.at(column, row).and_then(&value) {
+                sums.iter_mut().zip(numbers).for_each(|(sum, number)| *sum += number * weight);
+                weights += weight;
+            }
+        }
+        let to_border = (x + 0.5).min(y + 0.5).min(last[0] + 0.5 - x).min(last[1] + 0.5 - y);
+        (weights >= 0.5).then(|| (sums.map(|sum| sum / weights), (to_border / FADE_PX).clamp(0.0, 1.0) as f32))
+    }
+
+    fn at(&self, column: u32, row: u32) -> Option<&P> {
+        let Window { x, y, width, height } = self.window;
+        let (column, row) = (column.wrapping_sub(x), row.wrapping_sub(y));
+        let is_inside = column < width && row < height;
+        is_inside.then(|| self.values.get(row as usize * width as usize + column as usize))?
+    }
+}
+
+/// The window with all pixels that places between two corners need; `None` outside of the raster.
+fn window_around([low, high]: [[f64; 2]; 2], size: RasterSize) -> Option<Window> {
+    let range = |axis: usize, side: u32| {
+        let first = (low[axis].floor() - 1.0).max(0.0);
+        let last = (high[axis].ceil() + 1.0).min(f64::from(side) - 1.0);
+        (first <= last).then(|| (first as u32, (last - first) as u32 + 1))
+    };
+    let ((x, width), (y, height)) = (range(0, size.width)?, range(1, size.height)?);
+    Some(Window { x, y, width, height })
+}

@@ -1,0 +1,161 @@
+//! Triangles of the ground in a region.
+
+use std::array;
+use std::cell::RefCell;
+
+use super::Elevation;
+use super::drape::DrapePlace;
+use super::lattice::MapGrid;
+use crate::error::InputError;
+use crate::roam::{Borders, HeightSource, triangulate_region};
+use crate::scene::SceneTexture;
+
+/// More heights make the grid coarser.
+const MAX_HEIGHTS: f64 = 4e8;
+/// Steps along the side of a tile, if a raster's pixels are as large as its steps.
+const TILE_STEPS: u32 = 1024;
+/// Pixels along the side of a tile's window in a raster that is finer than the grid.
+const MAX_TILE_PIXELS: f64 = 4096.0;
+
+/// How terrain is made of elevation models.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TerrainOptions {
+    /// Triangles are within this distance of the models' heights, in cells.
+    pub error_cells: f64,
+    /// Terrain reaches this far beyond the city.
+    pub margin_m: f64,
+    /// Side of the smallest texels of pictures from above.
+    pub texel_m: f64,
+}
+
+impl Default for TerrainOptions {
+    /// A fifth of a cell cannot be seen where cells are a pixel. Half a kilometre hides the border from streets. Kerbs and
+    /// marks of lanes need a quarter of a metre.
+    fn default() -> Self {
+        Self { error_cells: 0.2, margin_m: 500.0, texel_m: 0.25 }
+    }
+}
+
+/// A part of the terrain.
+pub(crate) struct TerrainTile {
+    /// Such as `terrain 3/4`.
+    pub(crate) name: String,
+    /// World positions, counter-clockwise seen from above.
+    pub(crate) triangles: Vec<[[f64; 3]; 3]>,
+    /// The pictures on it.
+    pub(crate) drape: Option<(SceneTexture, DrapePlace)>,
+}
+
+/// The grid over a region.
+struct Region<'e> {
+    elevation: &'e Elevation,
+    /// World position of the south-western point, a multiple of the step.
+    corner: [f64; 2],
+    step_m: f64,
+    size: [u32; 2],
+    /// The part that was read last.
+    part: RefCell<Part>,
+}
+
+/// Heights of the columns and rows from `min`, by row.
+#[derive(Default)]
+struct Part {
+    min: [u32; 2],
+    width: usize,
+    heights: Vec<f32>,
+}
+
+impl HeightSource for Region<'_> {
+    type Error = InputError;
+
+    fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    fn read(&self, min: [u32; 2], max: [u32; 2]) -> Result<Vec<f32>, InputError> {
+        let corner = array::from_fn(|axis| self.corner[axis] + f64::from(min[axis]) * self.step_m);
+        let size: [usize; 2] = array::from_fn(|axis| (max[axis] - min[axis]) as usize + 1);
+        let heights = self.elevation.read(&MapGrid { corner, step_m: self.step_m, size })?;
+        *self.part.borrow_mut() = Part { min, width: size[0], heights: heights.clone() };
+        Ok(heights)
+    }
+}
+
+impl<'e> Region<'e> {
+    /// The region around `city`, its lowest and highest corner, as far as there are models; all of them without a city. `None` if
+    /// they do not overlap.
+    fn new(elevation: &'e Elevation, city: Option<[[f64; 2]; 2]>, cell_m: f64, margin_m: f64) -> Option<Self> {
+        let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
+        for placed in elevation.models.iter().filter_map(|model| model.placed.as_ref()) {
+            low = array::from_fn(|axis| low[axis].min(placed.bounds[0][axis]));
+            high = array::from_fn(|axis| high[axis].max(placed.bounds[1][axis]));
+        }
+        if let Some([city_low, city_high]) = city {
+            low = array::from_fn(|axis| low[axis].max(city_low[axis] - margin_m));
+            high = array::from_fn(|axis| high[axis].min(city_high[axis] + margin_m));
+        }
+        if !(low[0] < high[0] && low[1] < high[1]) {
+            return None;
+        }
+        let mut step_m = elevation.step_m().max(cell_m / 2.0);
+        while (0..2).map(|axis| (high[axis] - low[axis]) / step_m).product::<f64>() > MAX_HEIGHTS {
+            step_m *= 2.0;
+        }
+        let corner = array::from_fn(|axis| (low[axis] / step_m).floor() * step_m);
+        let size = array::from_fn(|axis| ((high[axis] - corner[axis]) / step_m).ceil().min(1e8) as u32 + 1);
+        Some(Self { elevation, corner, step_m, size, part: RefCell::default() })
+    }
+
+    /// World position of a place in the part that was read last.
+    fn position(&self, place: [u32; 2]) -> [f64; 3] {
+        let part = self.part.borrow();
+        let [column, row] = [0, 1].map(|axis| place[axis].wrapping_sub(part.min[axis]) as usize);
+        let height = part.heights.get(row.wrapping_mul(part.width).wrapping_add(column)).copied().unwrap_or(0.0);
+        let [x, y] = array::from_fn(|axis| self.corner[axis] + f64::from(place[axis]) * self.step_m);
+        [x, y, f64::from(height)]
+    }
+
+    /// Steps along the side of a tile, a power of two.
+    fn tile_steps(&self) -> u32 {
+        let pixels_per_step = (self.step_m / self.elevation.step_m()).max(1.0);
+        let steps = (MAX_TILE_PIXELS / pixels_per_step).clamp(32.0, f64::from(TILE_STEPS)) as u32;
+        1 << steps.ilog2()
+    }
+}
+
+impl Elevation {
+    /// Passes the terrain around a city to `add`, tile by tile. Pictures have the colour `ground` where they have none. The models must be settled. Fails if a raster cannot be read.
+    pub(crate) fn make_terrain(
+        &self,
+        city: Option<[[f64; 2]; 2]>,
+        cell_m: f64,
+        options: TerrainOptions,
+        ground: [u8; 3],
+        add: &mut dyn FnMut(TerrainTile),
+    ) -> Result<(), InputError> {
+        let Some(region) = Region::new(self, city, cell_m, options.margin_m) else { return Ok(()) };
+        let borders = Borders::survey(&region, region.tile_steps(), (options.error_cells * cell_m) as f32)?;
+        for tile in borders.tiling().tiles() {
+            let mesh = triangulate_region(&region, &borders, tile)?;
+            let positions: Vec<[f64; 3]> = mesh.vertices.iter().map(|place| region.position(*place)).collect();
+            let triangles: Vec<[[f64; 3]; 3]> =
+                mesh.triangles.iter().map(|corners| corners.map(|corner| positions[corner as usize])).collect();
+            if triangles.is_empty() {
+                continue;
+            }
+            let drape = match self.pictures.is_empty() {
+                true => None,
+                false => self.drape(bounds_on_map(&triangles), options.texel_m, ground)?,
+            };
+            add(TerrainTile { name: format!("terrain {}/{}", tile[0], tile[1]), triangles, drape });
+        }
+        Ok(())
+    }
+}
+
+/// Lowest and highest corner on the map.
+fn bounds_on_map(triangles: &[[[f64; 3]; 3]]) -> [[f64; 2]; 2] {
+    triangles.iter().flatten().fold([[f64::MAX; 2], [f64::MIN; 2]], |[low, high], corner| {
+        [[0, 1].map(|axis| low[axis].min(corner[axis])), [0, 1].map(|axis| high[axis].max(corner[axis]))]
+    })
+}

@@ -1,0 +1,159 @@
+//! Terrain and what stands on it, from files on disk.
+
+use std::fmt::Write;
+use std::fs;
+
+use crate::read::{ReadOptions, ReadReport, SourceFormat, read};
+use crate::scene::{ObjectKind, Scene};
+use insula_test_support::folder::TestFolder;
+
+/// Origin of the test's maps, in EPSG:25832.
+const EAST_M: f64 = 500_000.0;
+const NORTH_M: f64 = 5_400_000.0;
+
+/// The ground: a slope with a hill on it.
+fn ground_m(x: f64, y: f64) -> f64 {
+    let hill = (-((x - 200.0).powi(2) + (y - 150.0).powi(2)) / 5000.0).exp();
+    100.0 + 0.1 * x + 30.0 * hill
+}
+
+/// An ASCII grid of `size` points with the south-western one at `corner` metres from the origin.
+fn grid(corner: [f64; 2], size: [usize; 2], step_m: f64, height_m: impl Fn(f64, f64) -> f64) -> String {
+    let [x, y] = [EAST_M + corner[0], NORTH_M + corner[1]];
+    let mut text = format!(
+        "ncols {}\nnrows {}\nxllcenter {x}\nyllcenter {y}\ncellsize {step_m}\nNODATA_value -9999\n",
+        size[0], size[1]
+    );
+    for row in (0..size[1]).rev() {
+        for column in 0..size[0] {
+            let height = height_m(corner[0] + column as f64 * step_m, corner[1] + row as f64 * step_m);
+            write!(text, "{height:.4} ").unwrap();
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// A square building of 10 m with its south-western corner at a place.
+fn house([x, y]: [f64; 2]) -> String {
+    let (x, y) = (EAST_M + x, NORTH_M + y);
+    let ring =
+        format!("[[{x}, {y}], [{}, {y}], [{}, {}], [{x}, {}], [{x}, {y}]]", x + 10.0, x + 10.0, y + 10.0, y + 10.0);
+    format!(
+        r#"{{"type": "FeatureCollection", "crs": {{"type": "name", "properties": {{"name": "EPSG:25832"}}}}, "features": [
+        {{"type": "Feature", "properties": {{"height": 12}}, "geometry": {{"type": "Polygon", "coordinates": [{ring}]}}}}]}}"#
+    )
+}
+
+fn read_files(name: &str, files: &[(&str, &str)], options: &ReadOptions) -> (Scene, ReadReport) {
+    let folder = TestFolder::new(&format!("elevation-{name}"));
+    for (name, text) in files {
+        fs::write(folder.path.join(name), text).unwrap();
+        if let Some(stem) = name.strip_suffix(".asc") {
+            fs::write(folder.path.join(format!("{stem}.prj")), "EPSG:25832").unwrap();
+        }
+    }
+    read(std::slice::from_ref(&folder.path), options, &|_| {}).unwrap()
+}
+
+/// World corners of the triangles of one kind, from the origin of the test's maps.
+fn corners(scene: &Scene, kind: ObjectKind) -> Vec<[[f64; 3]; 3]> {
+    let of_kind = scene.triangles.iter().filter(|t| scene.objects[t.object as usize].kind == kind);
+    let origin = [scene.origin[0] - EAST_M, scene.origin[1] - NORTH_M, scene.origin[2]];
+    of_kind.map(|t| t.corners.map(|c| [0, 1, 2].map(|axis| f64::from(c[axis]) + origin[axis]))).collect()
+}
+
+/// Height of triangles at a place; `None` beside them.
+fn height_at(triangles: &[[[f64; 3]; 3]], [x, y]: [f64; 2]) -> Option<f64> {
+    triangles.iter().find_map(|[a, b, c]| {
+        let cross = |p: &[f64; 3], q: &[f64; 3]| (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]);
+        let [w, u, v] = [cross(a, b), cross(b, c), cross(c, a)];
+        let area = u + v + w;
+        let is_inside = [u, v, w].iter().all(|part| part / area >= -1e-9);
+        is_inside.then(|| (a[2] * u + b[2] * v + c[2] * w) / area)
+    })
+}
+
+#[test]
+fn terrain_follows_the_model_and_buildings_stand_on_it() {
+    let dem = grid([-100.0, -100.0], [101, 81], 5.0, ground_m);
+    let files = [("a.geojson", &*house([150.0, 120.0])), ("dem.asc", &dem)];
+    let (scene, report) = read_files("follows", &files, &ReadOptions::default());
+    let source = report.sources.iter().find(|source| source.format == SourceFormat::Elevation).unwrap();
+    assert!(source.objects > 0 && source.terrain_triangles > 100, "{source:?}");
+    assert_eq!(report.crs.as_deref(), Some("EPSG:25832"));
+    let terrain = corners(&scene, ObjectKind::Terrain);
+    assert!(terrain.len() < 2 * 100 * 80, "{}", terrain.len());
+    for i in 0..400 {
+        // Vertices of the model, from border to border.
+        let [x, y] = [-100.0 + 5.0 * f64::from(i * 37 % 101), -100.0 + 5.0 * f64::from(i * 53 % 81)];
+        let height = height_at(&terrain, [x, y]).unwrap_or_else(|| panic!("no terrain at {x} {y}"));
+        assert!((height - ground_m(x, y)).abs() < 0.2 + 1e-3, "{x} {y}: {height} {}", ground_m(x, y));
+    }
+    let house = corners(&scene, ObjectKind::Building);
+    let heights = || house.iter().flatten().map(|corner| corner[2]);
+    let (low, high) = (heights().fold(f64::MAX, f64::min), heights().fold(f64::MIN, f64::max));
+    let lowest = [[0.0, 0.0], [10.0, 0.0], [0.0, 10.0], [10.0, 10.0]]
+        .map(|[x, y]: [f64; 2]| ground_m(150.0 + x, 120.0 + y))
+        .into_iter()
+        .fold(f64::MAX, f64::min);
+    assert!((low - lowest).abs() < 0.3 && (high - low - 12.0).abs() < 1e-3, "{low} {high} {lowest}");
+}
+
+#[test]
+fn the_finest_model_counts_and_fades_into_the_coarser_one() {
+    let coarse = grid([0.0, 0.0], [41, 41], 10.0, |_, _| 50.0);
+    let fine = grid([100.0, 100.0], [201, 201], 1.0, |_, _| 53.0);
+    let files = [("coarse.asc", &*coarse), ("fine.asc", &fine)];
+    let (scene, _) = read_files("finest", &files, &ReadOptions::default());
+    let terrain = corners(&scene, ObjectKind::Terrain);
+    for (place, expected) in
+        [([50.0, 50.0], 50.0), ([200.0, 200.0], 53.0), ([380.0, 20.0], 50.0), ([120.0, 280.0], 53.0)]
+    {
+        let height = height_at(&terrain, place).unwrap();
+        assert!((height - expected).abs() < 0.21, "{place:?}: {height}");
+    }
+    let steepest = terrain.iter().map(|[a, b, c]| {
+        let rise = [a, b, c].map(|p| p[2]);
+        let length = (b[0] - a[0]).hypot(b[1] - a[1]).min((c[0] - a[0]).hypot(c[1] - a[1]));
+        (rise.iter().copied().fold(f64::MIN, f64::max) - rise.iter().copied().fold(f64::MAX, f64::min)) / length
+    });
+    let steepest = steepest.fold(0.0, f64::max);
+    assert!(steepest > 0.1 && steepest < 1.0, "a slope, no cliff: {steepest}");
+}
+
+#[test]
+fn degrees_and_holes_are_placed() {
+    // SRTM's tile at 48 degrees north and 9 degrees east, whose heights grow to the east by a metre a sample.
+    let samples = (0..1201 * 1201_i32).flat_map(|i| {
+        let (column, row) = (i % 1201, i / 1201);
+        let is_hole = (600..640).contains(&column) && (600..640).contains(&row);
+        (if is_hole { -32768 } else { column as i16 }).to_be_bytes()
+    });
+    let folder = TestFolder::new("elevation-degrees");
+    fs::write(folder.path.join("N48E009.hgt"), samples.collect::<Vec<u8>>()).unwrap();
+    // 9.5 degrees east, 48.75 degrees north, by pyproj: on the sample in column 600 and row 300.
+    let place = [536_753.89, 5_399_785.65];
+    fs::write(folder.path.join("a.geojson"), house([place[0] - EAST_M, place[1] - NORTH_M])).unwrap();
+    let (scene, report) = read(std::slice::from_ref(&folder.path), &ReadOptions::default(), &|_| {}).unwrap();
+    assert_eq!(report.crs.as_deref(), Some("EPSG:25832"));
+    let house = corners(&scene, ObjectKind::Building);
+    let low = house.iter().flatten().map(|corner| corner[2]).fold(f64::MAX, f64::min);
+    assert!((low - 600.0).abs() < 0.3, "{low}");
+    let terrain = corners(&scene, ObjectKind::Terrain);
+    let near = [place[0] - EAST_M + 300.0, place[1] - NORTH_M + 200.0];
+    // A sample is 61.2 m wide there.
+    let height = height_at(&terrain, near).unwrap();
+    assert!((height - (600.0 + 300.0 / 61.25)).abs() < 0.5, "{height}");
+}
+
+#[test]
+fn rasters_without_a_place_are_refused() {
+    let folder = TestFolder::new("elevation-nowhere");
+    let path = folder.path.join("dem.tif");
+    fs::write(&path, b"II*\0\x08\0\0\0\0\0\0\0\0\0").unwrap();
+    assert!(read(std::slice::from_ref(&path), &ReadOptions::default(), &|_| {}).is_err());
+    fs::write(&path, b"no raster at all").unwrap();
+    let error = read(&[path], &ReadOptions::default(), &|_| {}).unwrap_err().to_string();
+    assert!(error.contains("dem.tif"), "{error}");
+}

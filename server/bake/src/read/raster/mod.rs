@@ -1,0 +1,112 @@
+//! Georeferenced rasters: heights of the ground and pictures from above, read by window without the whole file in
+//! memory.
+
+mod ascii_grid;
+mod cache;
+mod error;
+mod facts;
+mod hgt;
+mod jpeg2000;
+mod picture;
+mod place;
+mod samples;
+mod source;
+#[cfg(test)]
+mod tests;
+mod tiff;
+mod words;
+
+pub(crate) use self::error::RasterError;
+#[cfg(test)]
+pub(crate) use self::facts::RasterCrs;
+pub(crate) use self::facts::{RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
+pub(crate) use self::place::GeoPlace;
+pub(crate) use self::source::ReadSeek;
+
+use self::ascii_grid::AsciiGrid;
+use self::hgt::Hgt;
+use self::picture::Picture;
+use self::source::Source;
+use self::tiff::TiffRaster;
+
+/// Bytes by which formats are told apart.
+const START_BYTES: u64 = 64;
+
+/// An opened raster.
+pub(crate) struct Raster {
+    facts: RasterFacts,
+    limits: RasterLimits,
+    content: Content,
+}
+
+/// The formats.
+enum Content {
+    Tiff(Box<TiffRaster>),
+    Hgt(Hgt),
+    Ascii(AsciiGrid),
+    Picture(Picture),
+}
+
+impl Raster {
+    /// Opens a raster and reads what is known of it before its pixels. `name` is the file's: SRTM tiles have their
+    /// place in it.
+    ///
+    /// An ESRI ASCII grid is read once from start to end, because only this tells where its rows are.
+    pub(crate) fn open(reader: Box<dyn ReadSeek>, name: &str, limits: RasterLimits) -> Result<Self, RasterError> {
+        let mut source = Source::new(reader)?;
+        let start = source.start(START_BYTES)?;
+        let (content, facts) = if tiff::is_tiff(&start) {
+            let (tiff, facts) = TiffRaster::open(source, limits)?;
+            (Content::Tiff(Box::new(tiff)), facts)
+        } else if picture::is_picture(&start) || jpeg2000::is_jpeg2000(&start) {
+            let (picture, facts) = Picture::open(source, &start, limits)?;
+            (Content::Picture(picture), facts)
+        } else if hgt::is_hgt(name) {
+            let (hgt, facts) = Hgt::open(source, name)?;
+            (Content::Hgt(hgt), facts)
+        } else if ascii_grid::is_ascii_grid(&start) {
+            let (grid, facts) = AsciiGrid::open(source, limits)?;
+            (Content::Ascii(grid), facts)
+        } else {
+            return Err(RasterError::NotThisFormat);
+        };
+        Ok(Self { facts, limits, content })
+    }
+
+    /// What is known of the raster.
+    pub(crate) fn facts(&self) -> &RasterFacts {
+        &self.facts
+    }
+
+    /// Heights of a window of a level by row, from the first band; NaN where there are none. Level 0 is the
+    /// raster itself.
+    ///
+    /// Fails if the window is not within the level.
+    pub(crate) fn read_heights(&mut self, window: Window, level: usize) -> Result<Vec<f32>, RasterError> {
+        let len = self.window_len(window, level)?;
+        match &mut self.content {
+            Content::Tiff(tiff) => tiff.read_heights(window, level, len),
+            Content::Hgt(hgt) => hgt.read_heights(window, len),
+            Content::Ascii(grid) => grid.read_heights(window, len),
+            Content::Picture(_) => Err(RasterError::unsupported("colours in place of heights")),
+        }
+    }
+
+    /// Red, green, blue and alpha of a window of a level by row, of 8 bits. Alpha is 0 where there is no
+    /// value.
+    ///
+    /// Fails if the window is not within the level.
+    pub(crate) fn read_colours(&mut self, window: Window, level: usize) -> Result<Vec<[u8; 4]>, RasterError> {
+        let len = self.window_len(window, level)?;
+        match &mut self.content {
+            Content::Tiff(tiff) => tiff.read_colours(window, level, len),
+            Content::Picture(picture) => picture.read_colours(window, len),
+            Content::Hgt(_) | Content::Ascii(_) => Err(RasterError::unsupported("heights in place of colours")),
+        }
+    }
+
+    fn window_len(&self, window: Window, level: usize) -> Result<usize, RasterError> {
+        let size = self.facts.levels.get(level).ok_or(RasterError::Outside)?;
+        window.checked_len(*size, &self.limits)
+    }
+}

@@ -1,0 +1,77 @@
+//! Colours of TIFF files.
+
+use super::super::Window;
+use super::tiff_file::{TestForm, TestImage, Values, file};
+use super::{colours, open};
+
+/// Two pixels of bands of 8 bits.
+fn pixels(bands: u16, photometric: u16, numbers: &[u8]) -> TestImage {
+    TestImage::new([2, 1], bands, [8, 1], numbers.to_vec()).shorts(262, &[photometric])
+}
+
+#[test]
+fn kinds_of_colours() {
+    assert_eq!(colours(&pixels(1, 1, &[0, 7]).file()), [[0, 0, 0, 255], [7, 7, 7, 255]]);
+    assert_eq!(colours(&pixels(1, 0, &[0, 7]).file()), [[255; 4], [248, 248, 248, 255]]);
+    assert_eq!(colours(&pixels(3, 2, &[1, 2, 3, 4, 5, 6]).file()), [[1, 2, 3, 255], [4, 5, 6, 255]]);
+    // Grey and two more bands, by writers that do not know of colours.
+    assert_eq!(colours(&pixels(3, 1, &[1, 2, 3, 4, 5, 6]).file()), [[1, 2, 3, 255], [4, 5, 6, 255]]);
+    assert_eq!(colours(&pixels(4, 5, &[0, 0, 0, 0, 0, 255, 0, 51]).file()), [[255; 4], [204, 0, 204, 255]]);
+    // Infrared is no alpha.
+    let infrared = pixels(4, 2, &[1, 2, 3, 0, 4, 5, 6, 9]).shorts(338, &[0]);
+    assert_eq!(colours(&infrared.file()), [[1, 2, 3, 255], [4, 5, 6, 255]]);
+    let mut map = vec![0; 768];
+    (map[1], map[256 + 1], map[512 + 1]) = (0xff00, 0x8000, 0x0100);
+    assert_eq!(colours(&pixels(1, 3, &[1, 200]).shorts(320, &map).file()), [[255, 128, 1, 255], [0, 0, 0, 255]]);
+    assert_eq!(colours(&pixels(1, 3, &[1, 2]).file()), [[0, 0, 0, 255]; 2]);
+    let wide = TestImage::new([2, 1], 1, [16, 1], vec![0xff, 0xff, 0x00, 0x80]);
+    assert_eq!(colours(&wide.file()), [[255; 4], [128, 128, 128, 255]]);
+    let black_and_white = TestImage::new([2, 1], 1, [1, 1], vec![0b0100_0000]);
+    assert_eq!(colours(&black_and_white.file()), [[0, 0, 0, 255], [255; 4]]);
+}
+
+#[test]
+fn transparent_pixels() {
+    let alpha = pixels(4, 2, &[10, 20, 30, 255, 10, 20, 30, 51]);
+    assert_eq!(colours(&alpha.clone().shorts(338, &[2]).file()), [[10, 20, 30, 255], [10, 20, 30, 51]]);
+    assert_eq!(colours(&alpha.shorts(338, &[1]).file()), [[10, 20, 30, 255], [50, 100, 150, 51]]);
+    let grey = pixels(2, 1, &[9, 255, 9, 0]).shorts(338, &[2]);
+    assert_eq!(colours(&grey.file()), [[9, 9, 9, 255], [9, 9, 9, 0]]);
+    // A pixel is missing if all of its colours are.
+    let nodata = pixels(3, 2, &[0, 0, 1, 0, 0, 0]).tag(42113, Values::Text("0"));
+    assert_eq!(colours(&nodata.file()), [[0, 0, 1, 255], [0, 0, 0, 0]]);
+    let mask = TestImage::new([2, 1], 1, [1, 1], vec![0b0100_0000]).shorts(254, &[4]);
+    let masked = file(TestForm::default(), &[pixels(1, 1, &[5, 6]), mask]);
+    assert_eq!(colours(&masked), [[5, 5, 5, 0], [6, 6, 6, 255]]);
+}
+
+#[test]
+fn numbers_without_colours_are_refused() {
+    let window = Window { x: 0, y: 0, width: 1, height: 1 };
+    for image in [
+        TestImage::new([2, 1], 1, [32, 3], vec![0; 8]),
+        TestImage::new([2, 1], 1, [16, 2], vec![0; 4]),
+        pixels(1, 9, &[0, 0]),
+        pixels(2, 2, &[0; 4]),
+    ] {
+        assert!(open(&image.file()).unwrap().read_colours(window, 0).is_err());
+    }
+}
+
+/// 32 x 32 pixels of (8 x, 8 y, 255 - 4 x).
+fn assert_gradient(pixels: &[[u8; 4]], tolerance: u8) {
+    assert_eq!(pixels.len(), 32 * 32);
+    for (index, pixel) in pixels.iter().enumerate() {
+        let (x, y) = ((index % 32) as u8, (index / 32) as u8);
+        let expected = [x * 8, y * 8, 255 - x * 4, 255];
+        let is_near = pixel.iter().zip(expected).all(|(value, expected)| value.abs_diff(expected) <= tolerance);
+        assert!(is_near, "{x} {y}: {pixel:?} is not {expected:?}");
+    }
+}
+
+#[test]
+fn pictures_of_gdal() {
+    assert_gradient(&colours(include_bytes!("data/jpeg.tif")), 12);
+    assert_gradient(&colours(include_bytes!("data/webp.tif")), 0);
+    assert_gradient(&colours(include_bytes!("data/picture.jp2")), 0);
+}

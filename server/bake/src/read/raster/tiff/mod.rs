@@ -1,0 +1,161 @@
+//! TIFF, BigTIFF, GeoTIFF and cloud-optimised GeoTIFF, read by tile or strip.
+
+mod chunks;
+mod colours;
+mod directory;
+mod gdal;
+mod geo;
+mod layout;
+mod numbers;
+mod picture_chunk;
+mod unpack;
+
+use std::collections::HashSet;
+
+use self::chunks::{Chunks, TiffImage};
+use self::colours::{Colours, alpha_band};
+use self::directory::{Directory, TiffFile};
+use self::gdal::{GdalTags, HeightRule};
+use self::geo::GeoTags;
+use self::layout::Layout;
+use super::error::RasterError;
+use super::facts::{RasterCrs, RasterFacts, RasterLimits, RasterSize, Window};
+use super::place::GeoPlace;
+use super::source::Source;
+
+const SUBFILE_TYPE: u16 = 254;
+const REDUCED: u64 = 1;
+const MASK: u64 = 4;
+/// Files with more directories are refused.
+const MAX_DIRECTORIES: usize = 1024;
+
+/// Whether a file starts like a TIFF file.
+pub(super) fn is_tiff(start: &[u8]) -> bool {
+    matches!(start, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..])
+}
+
+/// A TIFF file.
+pub(super) struct TiffRaster {
+    chunks: Chunks,
+    /// The image, then its smaller copies.
+    levels: Vec<TiffImage>,
+    /// Images of 0 where the image, or its copy of the same size, has no value.
+    masks: Vec<TiffImage>,
+    nodata: Option<f64>,
+    heights: HeightRule,
+}
+
+impl TiffRaster {
+    pub(super) fn open(source: Source, limits: RasterLimits) -> Result<(Self, RasterFacts), RasterError> {
+        let (mut file, first) = TiffFile::open(source)?;
+        let first = file.directory(first)?;
+        let main = TiffImage { number: 0, layout: Layout::read(&mut file, &first)? };
+        let (tags, gdal) = (GeoTags::read(&mut file, &first)?, GdalTags::read(&mut file, &first, main.layout.sample)?);
+        let crs = tags.crs();
+        let mut facts = RasterFacts {
+            bands: main.layout.bands,
+            place: tags.place(),
+            crs: RasterCrs { height_unit_m: crs.height_unit_m.or(gdal.height_unit_m), ..crs },
+            nodata: gdal.nodata,
+            ..RasterFacts::new(main.layout.size, main.layout.sample)
+        };
+        let (mut levels, masks) = other_images(&mut file, first.next, &main.layout)?;
+        levels.sort_by_key(|level| std::cmp::Reverse(level.layout.size.pixels()));
+        levels.insert(0, main);
+        facts.levels = levels.iter().map(|level| level.layout.size).collect();
+        facts.has_mask = masks.iter().any(|mask| mask.layout.size == facts.size);
+        let chunks = Chunks::new(file, limits);
+        Ok((Self { chunks, levels, masks, nodata: gdal.nodata, heights: gdal.heights }, facts))
+    }
+
+    /// Heights of a window that is within the level; NaN where there are none.
+    pub(super) fn read_heights(&mut self, window: Window, level: usize, len: usize) -> Result<Vec<f32>, RasterError> {
+        let image = level_of(&self.levels, level)?;
+        let mut heights = vec![f32::NAN; len];
+        let bands: Vec<u16> = [0].into_iter().chain(alpha_band(&image.layout)).collect();
+        let (rule, nodata) = (self.heights, self.nodata);
+        self.chunks.visit(image, (&bands, window), nodata.unwrap_or(0.0), |slot, pixel, number| {
+            if slot == 0 {
+                heights[pixel] = rule.height(number, nodata);
+            } else if number == 0.0 {
+                heights[pixel] = f32::NAN;
+            }
+        })?;
+        if let Some(mask) = mask_of(&self.masks, image.layout.size) {
+            self.chunks.visit(mask, (&[0], window), 0.0, |_, pixel, number| {
+                if number == 0.0 {
+                    heights[pixel] = f32::NAN;
+                }
+            })?;
+        }
+        Ok(heights)
+    }
+
+    /// Red, green, blue and alpha of a window that is within the level.
+    pub(super) fn read_colours(
+        &mut self,
+        window: Window,
+        level: usize,
+        len: usize,
+    ) -> Result<Vec<[u8; 4]>, RasterError> {
+        let image = level_of(&self.levels, level)?;
+        let colours = Colours::new(&image.layout, self.nodata)?;
+        let mut pixels = vec![colours.start(); len];
+        self.chunks.visit(image, (&colours.bands, window), self.nodata.unwrap_or(0.0), |slot, pixel, number| {
+            colours.add(&mut pixels[pixel], slot, number);
+        })?;
+        if let Some(mask) = mask_of(&self.masks, image.layout.size) {
+            self.chunks.visit(mask, (&[0], window), 0.0, |_, pixel, number| {
+                if number == 0.0 {
+                    pixels[pixel][3] = 0;
+                }
+            })?;
+        }
+        Ok(pixels)
+    }
+}
+
+/// Where a picture of another format is, by the TIFF file without pixels that it contains (GeoJP2).
+pub(super) fn read_geo(source: Source) -> Result<(Option<GeoPlace>, RasterCrs), RasterError> {
+    let (mut file, first) = TiffFile::open(source)?;
+    let directory = file.directory(first)?;
+    let tags = GeoTags::read(&mut file, &directory)?;
+    Ok((tags.place(), tags.crs()))
+}
+
+/// The smaller copies of an image, and the masks. Other images, such as further pages, are left out.
+fn other_images(
+    file: &mut TiffFile,
+    mut next: u64,
+    main: &Layout,
+) -> Result<(Vec<TiffImage>, Vec<TiffImage>), RasterError> {
+    let (mut levels, mut masks, mut seen) = (Vec::new(), Vec::new(), HashSet::new());
+    while next > 0 {
+        if !seen.insert(next) || seen.len() > MAX_DIRECTORIES {
+            return Err(RasterError::damaged("it has too many images, or a circle of them"));
+        }
+        let directory: Directory = file.directory(next)?;
+        next = directory.next;
+        let kind = file.integer(&directory, SUBFILE_TYPE)?.unwrap_or(0);
+        if kind & (REDUCED | MASK) == 0 {
+            continue;
+        }
+        let image = TiffImage { number: seen.len(), layout: Layout::read(file, &directory)? };
+        let is_smaller = image.layout.size.pixels() < main.size.pixels();
+        let is_same_kind = image.layout.bands == main.bands && image.layout.sample == main.sample;
+        if kind & MASK != 0 {
+            masks.push(image);
+        } else if is_smaller && is_same_kind {
+            levels.push(image);
+        }
+    }
+    Ok((levels, masks))
+}
+
+fn level_of(levels: &[TiffImage], level: usize) -> Result<&TiffImage, RasterError> {
+    levels.get(level).ok_or(RasterError::Outside)
+}
+
+fn mask_of(masks: &[TiffImage], size: RasterSize) -> Option<&TiffImage> {
+    masks.iter().find(|mask| mask.layout.size == size)
+}

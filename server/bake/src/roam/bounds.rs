@@ -1,0 +1,120 @@
+//! Error bounds of all triangles ("wedgies" in ROAM), computed once.
+
+use super::deviation::deviation;
+use super::diamond::{Diamond, Place, roots};
+use super::field::{HeightField, MAX_SIDE};
+use super::mesh::{Mesh, MeshBuilder};
+use super::tile::draw;
+
+/// For each diamond an upper bound of the vertical distance between any sample and the drawn surface, two bytes each.
+///
+/// A diamond's bound is at least the exact deviation of its triangles and at least the bounds of all diamonds that can
+/// be halved only after it. Halving exactly the diamonds with bounds above a limit therefore gives a closed surface.
+#[derive(Debug, Clone)]
+pub struct ErrorBounds {
+    /// At the middle of each diamond.
+    codes: Vec<u16>,
+    side: u32,
+}
+
+impl ErrorBounds {
+    /// Bounds for a field that is covered by root squares with `side` steps, rounded up to a power of two.
+    pub fn new(field: &HeightField, side: u32) -> Self {
+        let side = side.clamp(2, MAX_SIDE).next_power_of_two();
+        let mut bounds = Self { codes: vec![0; field.len()], side };
+        for centre in upwards(field.ends(), side) {
+            bounds.compute(field, centre);
+        }
+        bounds
+    }
+
+    /// The surface of the diamonds with bounds up to `max_error_m`, for several levels of detail from the same bounds.
+    /// It has more triangles than that of `triangulate`.
+    pub fn triangulate(&self, field: &HeightField, max_error_m: f32) -> Mesh {
+        // Infinite bounds are above any limit: such diamonds must be halved.
+        let limit_m = if max_error_m > 0.0 { max_error_m.min(f32::MAX) } else { 0.0 };
+        let mut mesh = MeshBuilder::default();
+        for corner in root_corners(field, self.side) {
+            for root in roots(corner, self.side) {
+                draw(field, root, &|index| self.error_m(index) > limit_m, &mut |corners| mesh.add(corners));
+            }
+        }
+        mesh.finish()
+    }
+
+    /// Sets the bound of a diamond, from which the next larger ones inherit.
+    fn compute(&mut self, field: &HeightField, centre: Place) {
+        let (Some(index), Some(diamond)) = (field.index(centre), Diamond::at(centre, self.side)) else { return };
+        let own = diamond.triangles().map(|corners| encode(deviation(field, &corners, f64::INFINITY))).max();
+        let code = self.codes[index].max(own.unwrap_or(0));
+        self.codes[index] = code;
+        for apex in diamond.apexes.into_iter().flatten().filter_map(|apex| field.index(apex)) {
+            self.codes[apex] = self.codes[apex].max(code);
+        }
+    }
+
+    /// The bound of the diamond in the middle of which sample `index` lies, in metres. Infinite if it must be halved.
+    pub(super) fn error_m(&self, index: usize) -> f32 {
+        self.codes.get(index).map_or(f32::INFINITY, |code| decode(*code))
+    }
+
+    pub(super) fn side(&self) -> u32 {
+        self.side
+    }
+}
+
+/// First places of the root squares that cover a field, row by row.
+pub(super) fn root_corners(field: &HeightField, side: u32) -> impl Iterator<Item = Place> + use<> {
+    let [columns, rows] = field.size().map(|n| n.saturating_sub(1).div_ceil(side));
+    (0..rows).flat_map(move |y| (0..columns).map(move |x| [x * side, y * side]))
+}
+
+/// Middles of all diamonds between two places, the smallest first. `side`: steps of root squares, a power of two.
+pub(super) fn upwards([min, max]: [Place; 2], side: u32) -> impl Iterator<Item = Place> {
+    let halves = (0..side.trailing_zeros()).map(|power| 1_u32 << power);
+    let first = move |axis: usize, offset: u32, step: u32| min[axis] + (offset + step - min[axis] % step) % step;
+    let lattice = move |[dx, dy]: [u32; 2], step: u32| {
+        let rows = (first(1, dy, step)..=max[1]).step_by(step as usize);
+        rows.flat_map(move |y| (first(0, dx, step)..=max[0]).step_by(step as usize).map(move |x| [x, y]))
+    };
+    // Places between two corners of the larger squares along x, then along y, then in their middles.
+    halves.flat_map(move |half| [[half, 0], [0, half], [half; 2]].into_iter().flat_map(move |d| lattice(d, 2 * half)))
+}
+
+/// The upper half of a positive number's bits after the sign, rounded up: 8 bits of its fraction remain.
+fn encode(error: f64) -> u16 {
+    let nearest = error as f32;
+    let above = if f64::from(nearest) < error { nearest.next_up() } else { nearest };
+    ((above.to_bits() + 0x7fff) >> 15) as u16
+}
+
+fn decode(code: u16) -> f32 {
+    f32::from_bits(u32::from(code) << 15)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_round_up_by_less_than_half_a_percent() {
+        for error in [0.0, 1e-30, 1e-3, 0.1, 0.5, 1.0, 1.001, 9.99, 123.4, 8848.86, 1e30, f64::from(f32::MAX)] {
+            let decoded = f64::from(decode(encode(error)));
+            assert!(decoded >= error && (decoded <= error * 1.004 || error > 1e38), "{error} {decoded}");
+        }
+        assert!(decode(encode(1e300)).is_infinite() && decode(encode(f64::INFINITY)).is_infinite());
+    }
+
+    #[test]
+    fn every_place_is_the_middle_of_one_diamond() {
+        let mut places: Vec<Place> = upwards([[0, 0], [20, 9]], 8).collect();
+        let count = places.len();
+        places.sort_unstable();
+        places.dedup();
+        // All but the corners of root squares.
+        assert_eq!((places.len(), count), (21 * 10 - 3 * 2, 21 * 10 - 3 * 2));
+        let ranks: Vec<u32> =
+            upwards([[0, 0], [20, 9]], 8).filter_map(|p| Diamond::at(p, 8)).map(|d| d.rank()).collect();
+        assert!(ranks.is_sorted());
+    }
+}

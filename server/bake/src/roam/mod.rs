@@ -1,0 +1,37 @@
+//! Triangles of height fields by ROAM (Duchaineau and others 1997, "ROAMing Terrain: Real-time Optimally Adapting
+//! Meshes"): right isosceles triangles that are halved where the surface is too far from a sample.
+//!
+//! - `triangulate` makes the surface of a field in memory for one largest error. `Borders::survey` and
+//!   `triangulate_region` make the same surface tile by tile from any source.
+//! - `ErrorBounds` holds the errors of all triangles, for surfaces of several largest errors and for `RoamMesh`.
+//! - `RoamMesh` follows a view: `update` splits and merges until its triangles suit the view.
+//!
+//! All surfaces are closed: each edge has a triangle on both sides or lies on a border of the data, and no vertex lies
+//! inside of an edge, between tiles too. A cell's half belongs to the surface if its three corners have data. Triangles
+//! that cover both data and places without are halved down to the cells.
+//!
+//! Every sample is within the largest error of the surface, measured vertically and exactly: a triangle's error is the
+//! largest distance of any sample in it, not an estimate from the middles of edges.
+
+mod borders;
+mod bounds;
+mod deviation;
+mod diamond;
+mod dynamic;
+mod field;
+mod mesh;
+mod priority;
+mod queue;
+#[cfg(test)]
+mod tests;
+mod tile;
+mod tiling;
+
+pub use borders::Borders;
+pub use bounds::ErrorBounds;
+pub use diamond::Place;
+pub use dynamic::{Changes, RoamMesh};
+pub use field::{HeightField, HeightSource};
+pub use mesh::{Mesh, TILE_STEPS, triangulate, triangulate_region};
+pub use priority::{Node, Priority, ScreenError};
+pub use tiling::{TileSurvey, Tiling};
