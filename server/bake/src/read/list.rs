@@ -113,28 +113,16 @@ impl Lister {
             return self.add_file(path);
         }
         if is_packed {
-            if !self.is_new(path) {
-                return Ok(());
-            }
-            let files = ZipFiles::new(path)?;
-            let selection = select(files.names().map(str::to_owned).collect());
-            self.check_selection(path, &selection)?;
-            if !files.refused.is_empty() {
-                let line = format!("{label}: {} names of entries that lead out of it: not read", files.refused.len());
-                self.list.unread.push(line);
-            }
-            let files = Rc::new(files);
-            for name in selection.names {
-                let source = archived_source(&label, name, Rc::clone(&files));
-                let label = source.as_ref().map_or(label.clone(), |source| source.label.clone());
-                self.list.sources.extend(bad.skip(&label, source)?);
-            }
-            return Ok(());
+            return self.add_archive(path, bad);
         }
         let mut paths = BTreeMap::new();
         walk(path, "", 0, &mut paths)?;
+        let archives: Vec<PathBuf> =
+            paths.iter().filter(|(name, _)| is_archive(name)).map(|(_, path)| path.clone()).collect();
         let selection = select(paths.keys().cloned().collect());
-        self.check_selection(path, &selection)?;
+        if archives.is_empty() || !selection.names.is_empty() {
+            self.check_selection(path, &selection)?;
+        }
         for name in selection.names {
             let file = paths.remove(&name).unwrap_or_else(|| path.join(&name));
             if self.is_new(&file) {
@@ -143,6 +131,42 @@ impl Lister {
                 let source = source_of(files, name, file.display().to_string(), true);
                 self.list.sources.extend(bad.skip(&file.display().to_string(), source)?);
             }
+        }
+        let before = self.list.sources.len();
+        for archive in &archives {
+            match self.add_archive(archive, bad) {
+                // Archives of other things lie in any folder.
+                Err(InputError::NoSource { .. } | InputError::UnknownFormat { .. } | InputError::Unsupported { .. }) => {}
+                added => {
+                    bad.skip(&archive.display().to_string(), added)?;
+                }
+            }
+        }
+        self.list.sources[before..].iter_mut().for_each(|source| source.found = true);
+        if self.list.sources.is_empty() && !archives.is_empty() {
+            return Err(InputError::no_source(path));
+        }
+        Ok(())
+    }
+
+    /// Adds the sources in an archive. Fails if there is none.
+    fn add_archive(&mut self, path: &Path, bad: &mut BadInputs) -> Result<(), InputError> {
+        let label = path.display().to_string();
+        if !self.is_new(path) {
+            return Ok(());
+        }
+        let files = ZipFiles::new(path)?;
+        let selection = select(files.names().map(str::to_owned).collect());
+        self.check_selection(path, &selection)?;
+        if !files.refused.is_empty() {
+            let line = format!("{label}: {} names of entries that lead out of it: not read", files.refused.len());
+            self.list.unread.push(line);
+        }
+        let files = Rc::new(files);
+        for name in selection.names {
+            let source = archived_source(&label, name, Rc::clone(&files));
+            let label = source.as_ref().map_or(label.clone(), |source| source.label.clone());
+            self.list.sources.extend(bad.skip(&label, source)?);
         }
         Ok(())
     }

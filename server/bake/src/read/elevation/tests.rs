@@ -157,3 +157,60 @@ fn rasters_without_a_place_are_refused() {
     let error = read(&[path], &ReadOptions::default(), &|_| {}).unwrap_err().to_string();
     assert!(error.contains("dem.tif"), "{error}");
 }
+
+#[test]
+fn pictures_lie_where_they_belong() {
+    // Squares of 10 m, each of its own colour, with pixels of half a metre.
+    let colour = |x: f64, y: f64| [(x / 10.0).floor() as u8 * 12, (y / 10.0).floor() as u8 * 12, 77];
+    let mut pixels = Vec::new();
+    for row in 0..300 {
+        for column in 0..400 {
+            let (x, y) = (f64::from(column) * 0.5 + 0.25, 150.0 - f64::from(row) * 0.5 - 0.25);
+            pixels.extend(colour(x, y));
+        }
+    }
+    let mut picture = std::io::Cursor::new(Vec::new());
+    let mut encoder = tiff::encoder::TiffEncoder::new(&mut picture).unwrap();
+    encoder.write_image::<tiff::encoder::colortype::RGB8>(400, 300, &pixels).unwrap();
+    let folder = TestFolder::new("elevation-pictures");
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path.join(name), bytes).unwrap();
+    write("photo.tif", picture.get_ref());
+    write("photo.prj", b"EPSG:25832");
+    write("photo.tfw", format!("0.5\n0\n0\n-0.5\n{}\n{}\n", EAST_M + 0.25, NORTH_M + 149.75).as_bytes());
+    write("dem.asc", grid([-50.0, -50.0], [61, 51], 5.0, |x, y| 0.3 * x + 0.1 * y).as_bytes());
+    write("dem.prj", b"EPSG:25832");
+    let (scene, report) = read(std::slice::from_ref(&folder.path), &ReadOptions::default(), &|_| {}).unwrap();
+    assert!(report.sources.iter().all(|source| source.problems.is_empty()), "{:?}", report.sources);
+    let origin = [scene.origin[0] - EAST_M, scene.origin[1] - NORTH_M];
+    let mut checked = 0;
+    for triangle in &scene.triangles {
+        let material = &scene.materials[triangle.material as usize];
+        let texture = material.texture.as_ref().expect("a picture");
+        let at = |weights: [f64; 3]| {
+            let mix = |values: [f64; 3]| values.iter().zip(weights).map(|(value, weight)| value * weight).sum::<f64>();
+            let position = [0, 1].map(|axis| mix(triangle.corners.map(|c| f64::from(c[axis]))) + origin[axis]);
+            let uv = [0, 1].map(|axis| mix(triangle.uv.map(|uv| f64::from(uv[axis]))));
+            (position, uv)
+        };
+        for weights in [[0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6]] {
+            let ([x, y], [u, v]) = at(weights);
+            let is_near_edge = [x, y].iter().any(|c| (c / 10.0 - (c / 10.0).round()).abs() * 10.0 < 0.5);
+            let is_inside = x > 1.0 && y > 1.0 && x < 199.0 && y < 149.0;
+            if is_inside && !is_near_edge {
+                let column = (u * f64::from(texture.width)) as usize;
+                let row = ((1.0 - v) * f64::from(texture.height)) as usize;
+                let found = texture.rgb[row * texture.width as usize + column];
+                let [r, g, _] = colour(x, y);
+                // Level with lit materials, so only the order of brightness is that of the file.
+                let expected = [r, g];
+                let gain = f64::from(found[2]) / 77.0;
+                for (found, expected) in found.iter().zip(expected) {
+                    let wanted = f64::from(expected) * gain;
+                    assert!((f64::from(*found) - wanted).abs() < 6.0 + 0.05 * wanted, "{x} {y}: {found} {wanted}");
+                }
+                checked += 1;
+            }
+        }
+    }
+    assert!(checked >= 6, "{checked}");
+}

@@ -91,3 +91,14 @@ fn world_files() {
         assert!(GeoPlace::from_world_file(text).is_err(), "{text}");
     }
 }
+
+#[test]
+fn projections_that_the_file_defines() {
+    // South Africa's Lo19: transverse Mercator at 19 degrees east, with numbers among the real ones.
+    let keys = [1, 1, 0, 5, 1024, 0, 1, 1, 2048, 0, 1, 4326, 3072, 0, 1, 32767, 3075, 0, 1, 1, 3080, 34736, 1, 0];
+    let file = image().shorts(KEYS, &keys).tag(34736, Values::Doubles(vec![19.0])).file();
+    let crs = open(&file).unwrap().facts().crs.clone();
+    assert_eq!(crs.horizontal.as_deref(), Some("+proj=tmerc +datum=WGS84 +units=m +lon_0=19"));
+    let feet = [1, 1, 0, 4, 1024, 0, 1, 1, 2048, 0, 1, 4326, 3075, 0, 1, 1, 3076, 0, 1, 9002];
+    assert_eq!(open(&image().shorts(KEYS, &feet).file()).unwrap().facts().crs.horizontal, None);
+}

@@ -9,6 +9,7 @@ const MODEL_PIXEL_SCALE: u16 = 33550;
 const MODEL_TIE_POINT: u16 = 33922;
 const MODEL_TRANSFORMATION: u16 = 34264;
 const GEO_KEYS: u16 = 34735;
+const GEO_REALS: u16 = 34736;
 const GEO_TEXTS: u16 = 34737;
 
 const MODEL_TYPE_KEY: u64 = 1024;
@@ -18,8 +19,20 @@ const GEOGRAPHIC_TYPE_KEY: u64 = 2048;
 const GEOGRAPHIC_CITATION_KEY: u64 = 2049;
 const PROJECTED_TYPE_KEY: u64 = 3072;
 const PROJECTED_CITATION_KEY: u64 = 3073;
+const METHOD_KEY: u64 = 3075;
+const LINEAR_UNITS_KEY: u64 = 3076;
 const VERTICAL_TYPE_KEY: u64 = 4096;
 const VERTICAL_UNITS_KEY: u64 = 4099;
+/// Keys of parameters, best first, with their names in PROJ.
+const PARAMETERS: [(&str, &[u64]); 7] = [
+    ("lat_0", &[3081, 3085, 3089]),
+    ("lon_0", &[3080, 3084, 3088]),
+    ("lat_1", &[3078]),
+    ("lat_2", &[3079]),
+    ("k_0", &[3092, 3093]),
+    ("x_0", &[3082, 3086, 3090]),
+    ("y_0", &[3083, 3087, 3091]),
+];
 const PROJECTED_MODEL: u64 = 1;
 const GEOGRAPHIC_MODEL: u64 = 2;
 const PIXEL_IS_POINT: u64 = 2;
@@ -27,6 +40,7 @@ const PIXEL_IS_POINT: u64 = 2;
 /// The geographic tags of an image.
 pub(super) struct GeoTags {
     keys: Vec<u64>,
+    reals: Vec<f64>,
     texts: Vec<u8>,
     scale: Vec<f64>,
     tie_points: Vec<f64>,
@@ -37,6 +51,7 @@ impl GeoTags {
     pub(super) fn read(file: &mut TiffFile, directory: &Directory) -> Result<Self, RasterError> {
         Ok(Self {
             keys: file.integers(directory, GEO_KEYS)?,
+            reals: file.reals(directory, GEO_REALS)?,
             texts: file.bytes(directory, GEO_TEXTS)?,
             scale: file.reals(directory, MODEL_PIXEL_SCALE)?,
             tie_points: file.reals(directory, MODEL_TIE_POINT)?,
@@ -62,12 +77,43 @@ impl GeoTags {
         Some(([east, north], [a, d], [b, e]))
     }
 
-    /// The coordinate system. Systems that the file defines by itself have only their citation.
+    /// A projection that the file defines by itself, for PROJ. `None` if its method or its datum is not known, or its unit is not the
+    /// metre.
+    fn projection(&self) -> Option<String> {
+        let method = match self.number(METHOD_KEY)? {
+            1 => "tmerc",
+            7 => "merc",
+            8 | 9 => "lcc",
+            10 => "laea",
+            11 => "aea",
+            15 => "stere",
+            16 => "sterea",
+            _ => return None,
+        };
+        if self.number(LINEAR_UNITS_KEY).is_some_and(|unit| unit != 9001) {
+            return None;
+        }
+        let datum = match self.number(GEOGRAPHIC_TYPE_KEY)? {
+            4326 => "+datum=WGS84",
+            // Of the continents: the same as WGS84 within a metre.
+            4258 | 4148 | 4283 | 4269 | 6668 | 4612 | 4674 => "+ellps=GRS80 +towgs84=0,0,0",
+            _ => return None,
+        };
+        let mut text = format!("+proj={method} {datum} +units=m");
+        for (name, keys) in PARAMETERS {
+            if let Some(value) = keys.iter().find_map(|key| self.real(*key)) {
+                text += &format!(" +{name}={value}");
+            }
+        }
+        Some(text)
+    }
+
+    /// The coordinate system. Systems that the file defines by itself, and that are not understood, have only their citation.
     pub(super) fn crs(&self) -> RasterCrs {
         let code = |key| self.number(key).filter(|code| (1024..32767).contains(code));
         let epsg = |key| code(key).map(|code| format!("EPSG:{code}"));
         let horizontal = match self.number(MODEL_TYPE_KEY) {
-            Some(PROJECTED_MODEL) => epsg(PROJECTED_TYPE_KEY),
+            Some(PROJECTED_MODEL) => epsg(PROJECTED_TYPE_KEY).or_else(|| self.projection()),
             Some(GEOGRAPHIC_MODEL) => epsg(GEOGRAPHIC_TYPE_KEY),
             Some(_) => None,
             None => epsg(PROJECTED_TYPE_KEY).or_else(|| epsg(GEOGRAPHIC_TYPE_KEY)),
@@ -91,6 +137,11 @@ impl GeoTags {
 
     fn number(&self, wanted: u64) -> Option<u64> {
         self.key(wanted).filter(|key| key[1] == 0).map(|key| key[3])
+    }
+
+    fn real(&self, wanted: u64) -> Option<f64> {
+        let key = self.key(wanted).filter(|key| key[1] == u64::from(GEO_REALS))?;
+        self.reals.get(usize::try_from(key[3]).ok()?).copied().filter(|value| value.is_finite())
     }
 
     fn text(&self, wanted: u64) -> Option<String> {
