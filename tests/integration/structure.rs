@@ -116,7 +116,7 @@ fn no_file_is_included_by_path() {
 }
 
 /// Folders of readers. Each has the words of its format (node, class, column), which no other module sees.
-const READERS: [&str; 10] = [
+const READERS: [&str; 11] = [
     "server/bake/src/read/citygml/",
     "server/bake/src/read/crs/",
     "server/bake/src/read/gltf/",
@@ -124,6 +124,7 @@ const READERS: [&str; 10] = [
     "server/bake/src/read/mesh_file/",
     "server/bake/src/read/osm/",
     "server/bake/src/read/place/",
+    "server/bake/src/read/raster/",
     "server/bake/src/read/roof/",
     "server/bake/src/read/tiles3d/",
     "server/bake/src/read/vector/",

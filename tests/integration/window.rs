@@ -22,7 +22,7 @@ use std::{
 };
 
 /// Longest wait for a change; with a software driver, frames take long.
-const MAX_WAIT: Duration = Duration::from_secs(30);
+const MAX_WAIT: Duration = Duration::from_secs(120);
 /// Size of the window of a session in points.
 const SESSION_WINDOW: [u32; 2] = [640, 440];
 /// Largest share of differing pixels of two pictures of a view: edges, where other tiles were resident.

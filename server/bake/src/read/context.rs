@@ -11,7 +11,7 @@ use super::palette::{Look, Palette, SurfaceFacts};
 use super::place::{Placement, World};
 use super::polygon::Triangulator;
 use super::remote::FetchFunction;
-use super::report::{FacadeReport, ReadReport, SourceReport};
+use super::report::{FacadeReport, INEXACT, ReadReport, SourceReport};
 use super::scene_builder::{OpenObject, SceneBuilder, WorldTriangle};
 use super::source::CitySource;
 use super::texture::TextureLoader;
@@ -201,14 +201,14 @@ impl<'o> ReadContext<'o> {
         }
     }
 
-    /// World height of the ground at a position on the map; 0 where no elevation model has one. Fails if a model cannot be read,
+    /// World height of the ground at a position on the map, or near it; 0 if no elevation model has one there. Fails if a model cannot be read,
     /// or cannot be placed.
     pub(crate) fn ground_m(&mut self, position: [f64; 2]) -> Result<f64, InputError> {
         if self.elevation.is_empty() {
             return Ok(0.0);
         }
         self.elevation.settle(&mut self.world)?;
-        Ok(self.elevation.height_m(position)?.unwrap_or(0.0))
+        Ok(self.elevation.nearest_height_m(position)?.unwrap_or(0.0))
     }
 
     /// Adds terrain around all objects so far, if there are elevation models. Fails if one cannot be read, or cannot be placed.
@@ -224,6 +224,13 @@ impl<'o> ReadContext<'o> {
             return Ok(());
         }
         self.elevation.settle(&mut self.world)?;
+        for (number, placement) in self.elevation.placements() {
+            let Some(report) = sources.get_mut(number) else { continue };
+            report.crs = placement.source_crs().map(str::to_owned);
+            for warning in placement.warnings() {
+                report.problem(INEXACT, || warning.clone());
+            }
+        }
         let facts = SurfaceFacts { semantic: None, object_type: kind.cityjson_type(), material: None, normal_z: 1.0 };
         let (rgb, _) = self.options.palette.resolve(None, &facts, &Look::PLAIN);
         let city = self.builder.bounds_on_map();

@@ -136,7 +136,9 @@ impl Lister {
         for archive in &archives {
             match self.add_archive(archive, bad) {
                 // Archives of other things lie in any folder.
-                Err(InputError::NoSource { .. } | InputError::UnknownFormat { .. } | InputError::Unsupported { .. }) => {}
+                Err(
+                    InputError::NoSource { .. } | InputError::UnknownFormat { .. } | InputError::Unsupported { .. },
+                ) => {}
                 added => {
                     bad.skip(&archive.display().to_string(), added)?;
                 }

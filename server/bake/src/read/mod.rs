@@ -49,6 +49,7 @@ mod texture_level;
 mod tiles3d;
 mod unread_formats;
 mod vector;
+mod world_triangle;
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};

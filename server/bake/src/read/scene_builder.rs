@@ -9,6 +9,7 @@ use super::duplicates::{
     DuplicateCandidate, DuplicateOption, PAIRS_PER_PASS, PairMasks, PlacedBox, SimilarPair, similar_pairs,
 };
 use super::report::{FAR, SourceReport};
+pub(crate) use super::world_triangle::WorldTriangle;
 use crate::error::BakeError;
 use crate::scene::grid::BLOCK_LEAVES;
 use crate::scene::object_names::ObjectNames;
@@ -22,19 +23,6 @@ pub(crate) const MAX_COORDINATE_M: f64 = 1e9;
 /// An object further than this from the city's median position is left out: it would reduce the precision of the whole
 /// city.
 const MAX_DISTANCE_M: f64 = 200_000.0;
-
-/// A triangle in world coordinates.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct WorldTriangle {
-    /// World positions in metres.
-    pub(crate) corners: [[f64; 3]; 3],
-    /// Texture coordinates, v up.
-    pub(crate) uv: [[f32; 2]; 3],
-    /// Number returned by [`SceneBuilder::material`].
-    pub(crate) material: u32,
-    /// Whether it belongs to the outside of a building without a texture, and may get a generated facade if it is steep.
-    pub(crate) is_facade: bool,
-}
 
 /// An object with more cells of surface in one block of leaves is left out: the block would need gigabytes. 500 layers
 /// over a whole block have as many.
@@ -224,7 +212,7 @@ impl SceneBuilder {
         let anchor = *open.anchor.get_or_insert(first.corners[0]);
         let object = self.pending.len() as u32;
         for face in faces {
-            let face = if open.kind == ObjectKind::Terrain { facing_up(face) } else { *face };
+            let face = if open.kind == ObjectKind::Terrain { face.facing_up() } else { *face };
             let corners = face.corners.map(|corner| std::array::from_fn(|axis| (corner[axis] - anchor[axis]) as f32));
             for corner in &corners {
                 for axis in 0..3 {
@@ -479,16 +467,6 @@ impl SceneBuilder {
             .map(|object| Some(distance(object)).filter(|&distance_m| distance_m > MAX_DISTANCE_M))
             .collect()
     }
-}
-
-/// Turns a triangle that faces down. Terrain is one-sided, so it must face up.
-fn facing_up(face: &WorldTriangle) -> WorldTriangle {
-    let [a, b, c] = face.corners;
-    let z = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    if z >= 0.0 {
-        return *face;
-    }
-    WorldTriangle { corners: [a, c, b], uv: [face.uv[0], face.uv[2], face.uv[1]], ..*face }
 }
 
 fn subtract_from_report(object: &PendingObject, report: &mut SourceReport) {

@@ -42,6 +42,7 @@ impl Borders {
         borders
     }
 
+    /// The tiles.
     pub fn tiling(&self) -> &Tiling {
         &self.tiling
     }

@@ -3,7 +3,7 @@
 use super::deviation::deviation;
 use super::diamond::{Diamond, Place, roots};
 use super::field::{HeightField, MAX_SIDE};
-use super::mesh::{Mesh, MeshBuilder};
+use super::mesh::{MeshBuilder, TerrainMesh};
 use super::tile::draw;
 
 /// For each diamond an upper bound of the vertical distance between any sample and the drawn surface, two bytes each.
@@ -30,7 +30,7 @@ impl ErrorBounds {
 
     /// The surface of the diamonds with bounds up to `max_error_m`, for several levels of detail from the same bounds.
     /// It has more triangles than that of `triangulate`.
-    pub fn triangulate(&self, field: &HeightField, max_error_m: f32) -> Mesh {
+    pub fn triangulate(&self, field: &HeightField, max_error_m: f32) -> TerrainMesh {
         // Infinite bounds are above any limit: such diamonds must be halved.
         let limit_m = if max_error_m > 0.0 { max_error_m.min(f32::MAX) } else { 0.0 };
         let mut mesh = MeshBuilder::default();

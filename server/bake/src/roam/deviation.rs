@@ -1,7 +1,7 @@
 //! Distance of a triangle from the samples that it covers.
 
 use super::diamond::{Corners, middle};
-use super::field::{Cover, HeightField, spans};
+use super::field::{DataCover, HeightField, spans};
 
 /// Largest vertical distance between a triangle and any sample in it or on its edges, in metres. Infinite if the
 /// triangle covers places with and without data, because it must be halved; zero if it covers none with data.
@@ -9,9 +9,9 @@ use super::field::{Cover, HeightField, spans};
 /// The search ends at the first row that is farther than `limit_m`.
 pub(super) fn deviation(field: &HeightField, corners: &Corners, limit_m: f64) -> f64 {
     match field.cover(corners) {
-        Cover::Mixed => return f64::INFINITY,
-        Cover::Empty => return 0.0,
-        Cover::Full => (),
+        DataCover::Mixed => return f64::INFINITY,
+        DataCover::Empty => return 0.0,
+        DataCover::Full => (),
     }
     let z = corners.map(|p| f64::from(field.height(p)));
     let Some(centre) = middle(corners) else { return 0.0 };

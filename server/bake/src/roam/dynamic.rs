@@ -6,8 +6,8 @@
 
 use super::bounds::{ErrorBounds, root_corners};
 use super::diamond::{Corners, Diamond, Place, roots};
-use super::field::{Cover, HeightField};
-use super::mesh::{Mesh, MeshBuilder};
+use super::field::{DataCover, HeightField};
+use super::mesh::{MeshBuilder, TerrainMesh};
 use super::priority::{Key, Priority, ordered};
 use super::queue::Keys;
 use super::tile::draw;
@@ -117,11 +117,13 @@ impl<'a> RoamMesh<'a> {
         true
     }
 
+    /// Number of triangles.
     pub fn triangle_count(&self) -> usize {
         self.triangle_count
     }
 
-    pub fn mesh(&self) -> Mesh {
+    /// The triangles.
+    pub fn mesh(&self) -> TerrainMesh {
         let mut mesh = MeshBuilder::default();
         self.draw(&mut |corners| mesh.add(corners));
         mesh.finish()
@@ -162,7 +164,7 @@ impl RoamMesh<'_> {
     /// How many triangles more the mesh has after a split.
     fn gain(&self, index: usize) -> usize {
         let triangles = self.diamond(self.field.place(index)).into_iter().flat_map(Diamond::triangles);
-        triangles.filter(|corners| self.field.cover(corners) == Cover::Full).count()
+        triangles.filter(|corners| self.field.cover(corners) == DataCover::Full).count()
     }
 
     fn can_split(&self, index: usize) -> bool {

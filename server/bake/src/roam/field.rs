@@ -31,7 +31,7 @@ pub struct HeightField {
 
 /// How much of a triangle has data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Cover {
+pub(super) enum DataCover {
     Full,
     /// Some of the smallest triangles in it have data at all corners.
     Mixed,
@@ -67,6 +67,7 @@ impl HeightField {
         Ok(Self::part(min, size, heights_m).unwrap_or(empty))
     }
 
+    /// Number of samples along x and y.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
@@ -112,15 +113,15 @@ impl HeightField {
     }
 
     /// How much of a triangle has data.
-    pub(super) fn cover(&self, corners: &Corners) -> Cover {
+    pub(super) fn cover(&self, corners: &Corners) -> DataCover {
         let is_inside = corners.iter().all(|p| self.index(*p).is_some());
         let is_full = is_inside
             && (!self.has_gaps
                 || spans(corners).all(|[y, from, to]| !self.row(y, from, to).iter().any(|z| z.is_nan())));
         match is_full {
-            true => Cover::Full,
-            false if self.has_ground(*corners) => Cover::Mixed,
-            false => Cover::Empty,
+            true => DataCover::Full,
+            false if self.has_ground(*corners) => DataCover::Mixed,
+            false => DataCover::Empty,
         }
     }
 

@@ -12,7 +12,7 @@ const NONE: u32 = u32::MAX;
 
 /// Triangles over places of a grid. Every edge belongs to two triangles or lies on a border of the data.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Mesh {
+pub struct TerrainMesh {
     /// Column and row of each vertex.
     pub vertices: Vec<Place>,
     /// Vertices of each triangle, counter-clockwise for rows that follow each other to the left of the columns'
@@ -22,10 +22,10 @@ pub struct Mesh {
 
 /// The surface of a field within `max_error_m` of all its samples. It covers every cell with data at all corners of one
 /// of its halves and nothing else. Fields with less than two samples along a side have no triangles.
-pub fn triangulate(field: &HeightField, max_error_m: f32) -> Mesh {
+pub fn triangulate(field: &HeightField, max_error_m: f32) -> TerrainMesh {
     let Ok(borders) = Borders::survey(field, TILE_STEPS, max_error_m);
     let tiling = borders.tiling();
-    let mut mesh = Mesh::default();
+    let mut mesh = TerrainMesh::default();
     let mut vertices = TileVertices::new(tiling.side());
     let mut kept = KeptBorders::new(field.size()[0], tiling.side());
     for tile in tiling.tiles() {
@@ -44,8 +44,12 @@ pub fn triangulate(field: &HeightField, max_error_m: f32) -> Mesh {
 
 /// The part of the surface in one tile of those that were surveyed, with places of the whole grid. It has the same
 /// vertices on each border as the tile on the other side.
-pub fn triangulate_region<S: HeightSource>(source: &S, borders: &Borders, tile: [u32; 2]) -> Result<Mesh, S::Error> {
-    let (mut mesh, tiling) = (Mesh::default(), borders.tiling());
+pub fn triangulate_region<S: HeightSource>(
+    source: &S,
+    borders: &Borders,
+    tile: [u32; 2],
+) -> Result<TerrainMesh, S::Error> {
+    let (mut mesh, tiling) = (TerrainMesh::default(), borders.tiling());
     if !tiling.has_tile(tile) {
         return Ok(mesh);
     }
@@ -61,7 +65,7 @@ pub fn triangulate_region<S: HeightSource>(source: &S, borders: &Borders, tile: 
 /// Numbers the vertices of triangles by their places.
 #[derive(Default)]
 pub(super) struct MeshBuilder {
-    mesh: Mesh,
+    mesh: TerrainMesh,
     numbers: HashMap<Place, u32>,
 }
 
@@ -77,7 +81,7 @@ impl MeshBuilder {
         self.mesh.triangles.push(triangle);
     }
 
-    pub(super) fn finish(self) -> Mesh {
+    pub(super) fn finish(self) -> TerrainMesh {
         self.mesh
     }
 }

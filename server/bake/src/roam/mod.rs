@@ -32,6 +32,6 @@ pub use bounds::ErrorBounds;
 pub use diamond::Place;
 pub use dynamic::{Changes, RoamMesh};
 pub use field::{HeightField, HeightSource};
-pub use mesh::{Mesh, TILE_STEPS, triangulate, triangulate_region};
+pub use mesh::{TILE_STEPS, TerrainMesh, triangulate, triangulate_region};
 pub use priority::{Node, Priority, ScreenError};
 pub use tiling::{TileSurvey, Tiling};

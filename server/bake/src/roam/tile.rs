@@ -3,7 +3,7 @@
 use super::bounds::upwards;
 use super::deviation::deviation;
 use super::diamond::{Corners, Diamond, Place, halves, middle, roots};
-use super::field::{Cover, HeightField};
+use super::field::{DataCover, HeightField};
 
 /// A root square, called a tile: its samples and its halved diamonds.
 pub(super) struct Tile<'a> {
@@ -113,7 +113,7 @@ pub(super) fn draw(
         Some(centre) if field.index(centre).is_none_or(is_halved) => {
             halves(corners, centre).into_iter().for_each(|half| draw(field, half, is_halved, emit));
         }
-        _ if field.cover(&corners) == Cover::Full => emit(corners),
+        _ if field.cover(&corners) == DataCover::Full => emit(corners),
         _ => (),
     }
 }

@@ -22,7 +22,7 @@ use std::num::NonZeroUsize;
 use lru::LruCache;
 
 use super::object::{AxisOrder, CrsReference};
-use super::place::World;
+use super::place::{Placement, World};
 use super::raster::{GeoPlace, Raster, RasterError, RasterLimits, SampleKind};
 use super::source::{CitySource, read_sibling};
 use crate::error::InputError;
@@ -36,6 +36,10 @@ pub(crate) use terrain::TerrainTile;
 const BLOCK_POINTS: usize = 64;
 /// Blocks that are kept: 16 KiB each.
 const MAX_BLOCKS: usize = 1024;
+/// Known heights are sought in these directions, at distances that double.
+const DIRECTIONS: [[f64; 2]; 8] =
+    [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.7, 0.7], [-0.7, 0.7], [0.7, -0.7], [-0.7, -0.7]];
+const MAX_DOUBLINGS: u32 = 10;
 /// Larger files beside a raster are no world files or coordinate systems.
 const MAX_SIDECAR_BYTES: u64 = 1 << 20;
 
@@ -117,6 +121,12 @@ impl Elevation {
         Ok(())
     }
 
+    /// The placed rasters: the number of each one's report, and its placement.
+    pub(crate) fn placements(&self) -> impl Iterator<Item = (usize, &Placement)> {
+        let all = self.models.iter().chain(&self.pictures);
+        all.filter_map(|raster| Some((raster.source, &raster.placed.as_ref()?.placement)))
+    }
+
     /// Heights of a grid; NaN where no model has one. Fails if a raster cannot be read.
     fn read(&self, grid: &MapGrid) -> Result<Vec<f32>, InputError> {
         let mut heights = vec![f32::NAN; grid.size[0] * grid.size[1]];
@@ -134,12 +144,29 @@ impl Elevation {
     }
 
     /// Distance of the points of a block: that of the finest model's pixels.
-    fn step_m(&self) -> f64 {
+    pub(crate) fn step_m(&self) -> f64 {
         self.models.last().and_then(|model| model.placed.as_ref()).map_or(1.0, |placed| placed.pixel_m)
     }
 
+    /// World height of the ground at a position on the map, or about the nearest one that is known; `None` if there is none far
+    /// around. Fails if a raster cannot be read.
+    pub(crate) fn nearest_height_m(&self, position: [f64; 2]) -> Result<Option<f64>, InputError> {
+        if let Some(height) = self.height_m(position)? {
+            return Ok(Some(height));
+        }
+        for doubling in 0..MAX_DOUBLINGS {
+            let reach_m = self.step_m() * f64::from(1_u32 << doubling);
+            for [x, y] in DIRECTIONS {
+                if let Some(height) = self.height_m([position[0] + x * reach_m, position[1] + y * reach_m])? {
+                    return Ok(Some(height));
+                }
+            }
+        }
+        Ok(None)
+    }
+
     /// World height of the ground at a position on the map; `None` where no model has one. Fails if a raster cannot be read.
-    pub(crate) fn height_m(&self, [x, y]: [f64; 2]) -> Result<Option<f64>, InputError> {
+    fn height_m(&self, [x, y]: [f64; 2]) -> Result<Option<f64>, InputError> {
         let step_m = self.step_m();
         let side_m = step_m * BLOCK_POINTS as f64;
         let block = [x, y].map(|along| (along / side_m).floor());

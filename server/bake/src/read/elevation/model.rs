@@ -12,7 +12,7 @@ use crate::read::raster::{GeoPlace, Raster, RasterError, RasterSize, Window};
 
 /// Colours with less alpha are none.
 const OPAQUE: u8 = 128;
-/// Pixels over which a model fades into coarser ones at its border.
+/// WindowPixels over which a model fades into coarser ones at its border.
 const FADE_PX: f64 = 12.0;
 /// A smaller copy of the raster is read if its pixels are at most this many steps of the wanted grid.
 const MAX_PIXEL_STEPS: f64 = 1.25;
@@ -121,7 +121,7 @@ impl PlacedRaster {
         &self,
         grid: &MapGrid,
         read: impl Fn(&mut Raster, Window, usize) -> Result<Vec<P>, RasterError>,
-        value: impl Fn(&Pixels<'_, P>, RasterPoint) -> Option<V>,
+        value: impl Fn(&WindowPixels<'_, P>, RasterPoint) -> Option<V>,
     ) -> Result<Vec<Option<V>>, RasterError> {
         let len = grid.size[0] * grid.size[1];
         let Some(placed) = &self.placed else { return Ok(vec![None; len]) };
@@ -134,7 +134,7 @@ impl PlacedRaster {
             return Ok(vec![None; len]);
         };
         let values = read(&mut raster, window, level)?;
-        let pixels = Pixels { window, size, values: &values };
+        let pixels = WindowPixels { window, size, values: &values };
         let points = (0..grid.size[1]).flat_map(|y| (0..grid.size[0]).map(move |x| [x, y]));
         Ok(points.map(|[x, y]| value(&pixels, lattice.point(x, y)?)).collect())
     }
@@ -149,13 +149,13 @@ impl PlacedRaster {
 }
 
 /// A window of a raster.
-struct Pixels<'p, P> {
+struct WindowPixels<'p, P> {
     window: Window,
     size: RasterSize,
     values: &'p [P],
 }
 
-impl<P> Pixels<'_, P> {
+impl<P> WindowPixels<'_, P> {
     /// The value at a place among the pixels, bilinear of those around it that have one, and its weight against coarser rasters.
     /// `None` outside, or if most of the pixels around have no value.
     fn blend<const N: usize>(

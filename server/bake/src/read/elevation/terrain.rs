@@ -54,12 +54,12 @@ struct Region<'e> {
     step_m: f64,
     size: [u32; 2],
     /// The part that was read last.
-    part: RefCell<Part>,
+    part: RefCell<RegionPart>,
 }
 
 /// Heights of the columns and rows from `min`, by row.
 #[derive(Default)]
-struct Part {
+struct RegionPart {
     min: [u32; 2],
     width: usize,
     heights: Vec<f32>,
@@ -76,7 +76,7 @@ impl HeightSource for Region<'_> {
         let corner = array::from_fn(|axis| self.corner[axis] + f64::from(min[axis]) * self.step_m);
         let size: [usize; 2] = array::from_fn(|axis| (max[axis] - min[axis]) as usize + 1);
         let heights = self.elevation.read(&MapGrid { corner, step_m: self.step_m, size })?;
-        *self.part.borrow_mut() = Part { min, width: size[0], heights: heights.clone() };
+        *self.part.borrow_mut() = RegionPart { min, width: size[0], heights: heights.clone() };
         Ok(heights)
     }
 }

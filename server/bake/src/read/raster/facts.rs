@@ -104,7 +104,14 @@ impl RasterFacts {
 
     /// Where the pixels of a level are.
     pub(crate) fn place_of_level(&self, level: usize) -> Option<GeoPlace> {
-        Some(self.place?.of_level(self.size, *self.levels.get(level)?))
+        let (place, size) = (self.place?, self.levels.get(level)?);
+        let across = f64::from(self.size.width) / f64::from(size.width);
+        let down = f64::from(self.size.height) / f64::from(size.height);
+        Some(GeoPlace {
+            origin: place.position((across - 1.0) / 2.0, (down - 1.0) / 2.0),
+            column: place.column.map(|step| step * across),
+            row: place.row.map(|step| step * down),
+        })
     }
 }
 

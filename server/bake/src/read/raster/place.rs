@@ -1,7 +1,6 @@
 //! Where pixels are on the map.
 
 use super::error::RasterError;
-use super::facts::RasterSize;
 
 /// Larger coordinates are taken for damage.
 const MAX_COORDINATE: f64 = 1e12;
@@ -56,16 +55,5 @@ impl GeoPlace {
         let (x, y) = (position[0] - self.origin[0], position[1] - self.origin[1]);
         let area = a * e - b * d;
         [(x * e - b * y) / area, (a * y - x * d) / area]
-    }
-
-    /// Place of a smaller copy of the same area.
-    pub(super) fn of_level(&self, full: RasterSize, level: RasterSize) -> Self {
-        let across = f64::from(full.width) / f64::from(level.width);
-        let down = f64::from(full.height) / f64::from(level.height);
-        Self {
-            origin: self.position((across - 1.0) / 2.0, (down - 1.0) / 2.0),
-            column: self.column.map(|step| step * across),
-            row: self.row.map(|step| step * down),
-        }
     }
 }

@@ -4,9 +4,11 @@ use super::SceneSink;
 use crate::error::InputError;
 use crate::read::scene_builder::WorldTriangle;
 
-/// Areas follow the ground with edges of this length at most, and of this many cells.
+/// Areas follow the ground with edges of this length at most, of this many cells, and of this share of the distance between the
+/// model's heights.
 const MAX_EDGE_M: f64 = 8.0;
 const MAX_EDGE_CELLS: f64 = 4.0;
+const MAX_EDGE_STEPS: f64 = 0.5;
 
 impl SceneSink<'_, '_, '_> {
     /// Lifts the collected faces, which stand on a level plane at 0, to the lowest ground under a plan. Fails if an elevation model
@@ -31,7 +33,9 @@ impl SceneSink<'_, '_, '_> {
             return Ok(());
         }
         let options = self.context.options;
-        let max_edge_m = MAX_EDGE_M.max(MAX_EDGE_CELLS * options.cell_m);
+        self.context.elevation.settle(&mut self.context.world)?;
+        let of_model = self.context.elevation.step_m() * MAX_EDGE_STEPS;
+        let max_edge_m = MAX_EDGE_M.max(MAX_EDGE_CELLS * options.cell_m).max(of_model);
         // So far above the terrain's triangles as these may be above the ground.
         let above_m = options.terrain.error_cells * options.cell_m;
         let mut divided = Vec::with_capacity(self.faces.len());

@@ -5,7 +5,7 @@ mod surface;
 mod tiles;
 
 use super::field::HeightField;
-use super::{Mesh, Place};
+use super::{Place, TerrainMesh};
 use std::collections::{HashMap, HashSet};
 
 /// Random numbers that are the same in each run (SplitMix64).
@@ -53,7 +53,7 @@ pub(super) fn field(size: [u32; 2], heights: Vec<f32>) -> HeightField {
 }
 
 /// Checks that a mesh is closed and covers all that has data, and gives its largest distance from a sample.
-pub(super) fn check(mesh: &Mesh, field: &HeightField) -> f64 {
+pub(super) fn check(mesh: &TerrainMesh, field: &HeightField) -> f64 {
     check_edges(mesh);
     let mut twice_area = 0;
     let mut farthest = 0.0_f64;
@@ -85,7 +85,7 @@ pub(super) fn check(mesh: &Mesh, field: &HeightField) -> f64 {
 }
 
 /// Checks that no edge has more than two triangles, and that none of a mesh's vertices lies inside of an edge.
-fn check_edges(mesh: &Mesh) {
+fn check_edges(mesh: &TerrainMesh) {
     let places: HashSet<Place> = mesh.vertices.iter().copied().collect();
     assert_eq!(places.len(), mesh.vertices.len(), "vertices are not shared");
     let mut uses: HashMap<[u32; 2], usize> = HashMap::new();

@@ -56,7 +56,7 @@ fn odd_sizes_end_at_the_field() {
     assert!(check(&triangulate(&rough, 2.0), &rough) <= 2.0 + 1e-9);
     for size in [[1, 1], [1, 9], [9, 1], [0, 0], [0, 5]] {
         let thin = field(size, vec![1.0; (size[0] * size[1]) as usize]);
-        assert_eq!(triangulate(&thin, 0.1), Mesh::default());
+        assert_eq!(triangulate(&thin, 0.1), TerrainMesh::default());
     }
 }
 
@@ -77,7 +77,7 @@ fn places_without_data_are_holes() {
         }
     }
     let nothing = field([70, 70], vec![f32::NAN; 4900]);
-    assert_eq!(triangulate(&nothing, 1.0), Mesh::default());
+    assert_eq!(triangulate(&nothing, 1.0), TerrainMesh::default());
 }
 
 #[test]

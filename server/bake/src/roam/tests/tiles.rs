@@ -5,7 +5,7 @@ use super::{check, field, fractal};
 use std::collections::{BTreeSet, HashMap};
 
 /// Triangles by their corners' places, to compare meshes.
-fn places(mesh: &Mesh) -> BTreeSet<[Place; 3]> {
+fn places(mesh: &TerrainMesh) -> BTreeSet<[Place; 3]> {
     mesh.triangles.iter().map(|t| t.map(|i| mesh.vertices[i as usize])).collect()
 }
 
@@ -20,7 +20,7 @@ fn tiles_share_their_borders() {
         let field = field(size, heights);
         for error in [0.1, 1.0, 3.0, 10.0] {
             let borders = Borders::survey(&field, side, error).unwrap();
-            let mut joined = Mesh::default();
+            let mut joined = TerrainMesh::default();
             let mut numbers: HashMap<Place, u32> = HashMap::new();
             for tile in borders.tiling().tiles() {
                 let part = triangulate_region(&field, &borders, tile).unwrap();
@@ -89,6 +89,6 @@ fn a_source_with_the_wrong_number_of_heights_has_holes() {
     }
     assert_eq!(Borders::survey(&Broken, 32, 1.0).unwrap_err(), "no file");
     let borders = Borders::survey(&Broken, 64, 1.0).unwrap();
-    assert_eq!(triangulate_region(&Broken, &borders, [0, 0]).unwrap(), Mesh::default());
+    assert_eq!(triangulate_region(&Broken, &borders, [0, 0]).unwrap(), TerrainMesh::default());
     assert!(triangulate_region(&Broken, &borders, [5, 0]).unwrap().triangles.is_empty());
 }
