@@ -260,8 +260,8 @@ pub struct BakeArgs {
     /// Folder from which textures may be read besides those of the inputs; may be repeated
     #[arg(long, value_name = "DIR")]
     pub texture_root: Vec<PathBuf>,
-    /// Directions of the sky from which the bake looks at the city; a quarter as many more look at undersides. More of them make
-    /// occlusion more even, and take longer
+    /// Directions of the sky from which the bake looks at the city; a quarter as many more look at undersides. More of
+    /// them make occlusion more even, and take longer
     #[arg(long, default_value_t = 128, value_name = "N", value_parser = clap::value_parser!(u32).range(32..=1024))]
     pub views: u32,
     /// Device that renders the visibility maps; gpu needs a program built with feature `gpu`

@@ -332,8 +332,8 @@ fn a_user_controls_the_window() -> Result<()> {
     Ok(())
 }
 
-/// A server with two cities: one is chosen, viewed, left, found again and measured; the server stops and is restarted. In the end,
-/// the window system destroys the window.
+/// A server with two cities: one is chosen, viewed, left, found again and measured; the server stops and is restarted.
+/// In the end, the window system destroys the window.
 fn a_session_with_a_chosen_city(display: Display) -> Result<()> {
     let folder = tempfile::tempdir()?;
     let city = fixtures::baked_chiba()?;

@@ -32,8 +32,8 @@ pub const DEFAULT_MEMORY_BYTES: u64 = 512 << 20;
 const MEMORY_BYTES_PER_THREAD: u64 = 192 << 20;
 /// The program and a single block need this much.
 const MIN_MEMORY_BYTES: u64 = 64 << 20;
-/// Memory besides `--memory` for allocations that are not estimated in advance. With the program and the allocator's overhead a bake
-/// stays within 512 MiB more than `--memory`.
+/// Memory besides `--memory` for allocations that are not estimated in advance. With the program and the allocator's
+/// overhead a bake stays within 512 MiB more than `--memory`.
 const RESERVE_BYTES: u64 = 384 << 20;
 /// The part of the reserve that a single block may need.
 const BLOCK_RESERVE_BYTES: usize = 320 << 20;

@@ -27,7 +27,8 @@ use std::{collections::BTreeMap, io::Read, path::Path};
 /// Longer files are not taken for a report.
 const MAX_REPORT_BYTES: u64 = 64 << 20;
 
-/// Runs `bake`: writes the city and the report, and prints a summary. Fails if the bake fails or the report cannot be written.
+/// Runs `bake`: writes the city and the report, and prints a summary. Fails if the bake fails or the report cannot be
+/// written.
 pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
     let palette = match &args.palette {
         Some(value) => Palette::from_option(value).map_err(|error| CommandError::Bake(error.to_string()))?,

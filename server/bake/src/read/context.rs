@@ -179,8 +179,8 @@ impl<'o> ReadContext<'o> {
         self.world = world;
     }
 
-    /// Gives a placement the city's system. Fails with [`InputError::NoProjection`] if the system has to follow from `first`, a
-    /// position in degrees, although another source may name a projected one.
+    /// Gives a placement the city's system. Fails with [`InputError::NoProjection`] if the system has to follow from
+    /// `first`, a position in degrees, although another source may name a projected one.
     pub(crate) fn settle(&mut self, placement: &mut Placement, label: &str, first: [f64; 3]) -> Result<(), InputError> {
         if placement.needs_world() && !self.world.is_settled() && !self.is_last_resort {
             return Err(InputError::NoProjection { path: label.to_owned() });
@@ -188,8 +188,8 @@ impl<'o> ReadContext<'o> {
         placement.settle(&mut self.world, label, first)
     }
 
-    /// The place of a mesh file, which has no coordinate system: where the user says, else that of the other sources. Fails if
-    /// the file that places it is invalid.
+    /// The place of a mesh file, which has no coordinate system: where the user says, else that of the other sources.
+    /// Fails if the file that places it is invalid.
     pub(crate) fn place_of_mesh(&mut self, source: &CitySource<'_>) -> Result<(Placement, LocalFrame), InputError> {
         match local_frame::find(source, self.options.placing.at)? {
             Some((reference, frame)) => {
@@ -201,8 +201,8 @@ impl<'o> ReadContext<'o> {
         }
     }
 
-    /// World height of the ground at a position on the map, or near it; 0 if no elevation model has one there. Fails if a model cannot be read,
-    /// or cannot be placed.
+    /// World height of the ground at a position on the map, or near it; 0 if no elevation model has one there. Fails if
+    /// a model cannot be read, or cannot be placed.
     pub(crate) fn ground_m(&mut self, position: [f64; 2]) -> Result<f64, InputError> {
         if self.elevation.is_empty() {
             return Ok(0.0);
@@ -211,7 +211,8 @@ impl<'o> ReadContext<'o> {
         Ok(self.elevation.nearest_height_m(position)?.unwrap_or(0.0))
     }
 
-    /// Adds terrain around all objects so far, if there are elevation models. Fails if one cannot be read, or cannot be placed.
+    /// Adds terrain around all objects so far, if there are elevation models. Fails if one cannot be read, or cannot be
+    /// placed.
     pub(crate) fn add_terrain(&mut self, sources: &mut [SourceReport]) -> Result<(), InputError> {
         let kind = FeatureKind::Relief;
         if self.elevation.is_empty()
@@ -261,8 +262,8 @@ impl<'o> ReadContext<'o> {
         })
     }
 
-    /// The city of all sources, without what is left out: objects outside of the wanted area, duplicates, and what is too far
-    /// away. Corrects the reports. Fails if the stored triangles cannot be read.
+    /// The city of all sources, without what is left out: objects outside of the wanted area, duplicates, and what is
+    /// too far away. Corrects the reports. Fails if the stored triangles cannot be read.
     pub(crate) fn finish(mut self, report: &mut ReadReport) -> Result<ScratchScene, BakeError> {
         let sources = &mut report.sources;
         if let Some(bbox_deg) = self.options.placing.bbox_deg

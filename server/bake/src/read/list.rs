@@ -221,8 +221,8 @@ fn archived_source(archive: &str, name: String, files: Rc<ZipFiles>) -> Result<C
     Ok(CitySource { name, label, files, bytes, found: true })
 }
 
-/// Adds the paths of all plain files in a folder and below by their names, relative to the first. Hidden ones, and links to folders, are left
-/// out. Fails if the folder cannot be read.
+/// Adds the paths of all plain files in a folder and below by their names, relative to the first. Hidden ones, and
+/// links to folders, are left out. Fails if the folder cannot be read.
 fn walk(folder: &Path, prefix: &str, depth: usize, paths: &mut BTreeMap<String, PathBuf>) -> Result<(), InputError> {
     let fail = |cause| InputError::io(&folder.display().to_string(), cause);
     let mut folders = Vec::new();

@@ -253,7 +253,8 @@ fn read_sources(
     Ok(ReadCity { city, report, set_of_texture, set_of_source })
 }
 
-/// Removes the sources of which nothing is left, and the coordinate system that only they have. Fails if there is one, unless bad inputs are skipped.
+/// Removes the sources of which nothing is left, and the coordinate system that only they have. Fails if there is one,
+/// unless bad inputs are skipped.
 fn remove_empty_sources(
     report: &mut ReadReport,
     set_of_source: &mut Vec<u32>,

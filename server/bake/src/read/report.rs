@@ -148,8 +148,8 @@ pub struct SourceReport {
     pub format: SourceFormat,
     /// Size of the file, compressed if the file is.
     pub bytes: u64,
-    /// Objects that the source has: CityJSON objects, features, OBJ objects or groups, else the connected parts of an OBJ. Lines
-    /// of a source of one object per line count even if they cannot be read.
+    /// Objects that the source has: CityJSON objects, features, OBJ objects or groups, else the connected parts of an
+    /// OBJ. Lines of a source of one object per line count even if they cannot be read.
     pub found: u64,
     /// Objects of the city: with at least one triangle.
     pub objects: u64,

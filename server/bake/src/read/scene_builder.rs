@@ -313,7 +313,8 @@ impl SceneBuilder {
             let lod = |i: usize| self.pending[i].relation.lod.unwrap_or(0.0);
             let is_better = option == DuplicateOption::KeepBestLevel && lod(second) > lod(first);
             let (kept, left_out) = if is_better { (second, first) } else { (first, second) };
-            // Also if the other one is a duplicate itself: then both are the one that it equals. The best of all is never left out.
+            // Also if the other one is a duplicate itself: then both are the one that it equals. The best of all is
+            // never left out.
             if !self.pending[left_out].is_dropped {
                 self.drop_duplicate(left_out, kept, has_same_id, sources);
             }

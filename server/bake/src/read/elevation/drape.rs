@@ -26,8 +26,9 @@ impl DrapePlace {
 }
 
 impl Elevation {
-    /// The pictures over the rectangle from `low` to `high`, with texels of `texel_m` or of the pictures' own size if that is larger.
-    /// Where there is none, it has the colour `ground`; `None` if there is none anywhere. Fails if a picture cannot be read.
+    /// The pictures over the rectangle from `low` to `high`, with texels of `texel_m` or of the pictures' own size if
+    /// that is larger. Where there is none, it has the colour `ground`; `None` if there is none anywhere. Fails if a
+    /// picture cannot be read.
     pub(crate) fn drape(
         &self,
         [low, high]: [[f64; 2]; 2],

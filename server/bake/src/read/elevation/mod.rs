@@ -84,8 +84,8 @@ impl Elevation {
         self.models.iter().map(|model| model.source).min().unwrap_or(0)
     }
 
-    /// Opens an elevation model or an orthophoto; `number` is that of its report. Fails if it is neither, is damaged, or has no
-    /// place.
+    /// Opens an elevation model or an orthophoto; `number` is that of its report. Fails if it is neither, is damaged,
+    /// or has no place.
     pub(crate) fn open(&mut self, source: &CitySource<'_>, number: usize) -> Result<(), InputError> {
         let file = source.files.on_disk(&source.name).map_err(|cause| InputError::io(&source.label, cause))?;
         let reader = File::open(&file.path).map_err(|cause| InputError::io(&source.label, cause))?;
@@ -148,8 +148,8 @@ impl Elevation {
         self.models.last().and_then(|model| model.placed.as_ref()).map_or(1.0, |placed| placed.pixel_m)
     }
 
-    /// World height of the ground at a position on the map, or about the nearest one that is known; `None` if there is none far
-    /// around. Fails if a raster cannot be read.
+    /// World height of the ground at a position on the map, or about the nearest one that is known; `None` if there is
+    /// none far around. Fails if a raster cannot be read.
     pub(crate) fn nearest_height_m(&self, position: [f64; 2]) -> Result<Option<f64>, InputError> {
         if let Some(height) = self.height_m(position)? {
             return Ok(Some(height));
@@ -165,7 +165,8 @@ impl Elevation {
         Ok(None)
     }
 
-    /// World height of the ground at a position on the map; `None` where no model has one. Fails if a raster cannot be read.
+    /// World height of the ground at a position on the map; `None` where no model has one. Fails if a raster cannot be
+    /// read.
     fn height_m(&self, [x, y]: [f64; 2]) -> Result<Option<f64>, InputError> {
         let step_m = self.step_m();
         let side_m = step_m * BLOCK_POINTS as f64;

@@ -62,8 +62,8 @@ impl PlacedRaster {
         Self { label: label.to_owned(), source, raster, place, crs, placed: None, _file: file }
     }
 
-    /// Finds the raster's place in the world, which gets the raster's system if it has none. Fails if the system is not known, or if
-    /// the raster has no place in the world.
+    /// Finds the raster's place in the world, which gets the raster's system if it has none. Fails if the system is not
+    /// known, or if the raster has no place in the world.
     pub(super) fn settle(&mut self, world: &mut World) -> Result<(), InputError> {
         if self.placed.is_some() {
             return Ok(());
@@ -156,8 +156,8 @@ struct WindowPixels<'p, P> {
 }
 
 impl<P> WindowPixels<'_, P> {
-    /// The value at a place among the pixels, bilinear of those around it that have one, and its weight against coarser rasters.
-    /// `None` outside, or if most of the pixels around have no value.
+    /// The value at a place among the pixels, bilinear of those around it that have one, and its weight against coarser
+    /// rasters. `None` outside, or if most of the pixels around have no value.
     fn blend<const N: usize>(
         &self,
         [x, y]: [f64; 2],

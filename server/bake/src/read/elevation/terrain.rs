@@ -82,8 +82,8 @@ impl HeightSource for Region<'_> {
 }
 
 impl<'e> Region<'e> {
-    /// The region around `city`, its lowest and highest corner, as far as there are models; all of them without a city. `None` if
-    /// they do not overlap.
+    /// The region around `city`, its lowest and highest corner, as far as there are models; all of them without a city.
+    /// `None` if they do not overlap.
     fn new(elevation: &'e Elevation, city: Option<[[f64; 2]; 2]>, cell_m: f64, margin_m: f64) -> Option<Self> {
         let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
         for placed in elevation.models.iter().filter_map(|model| model.placed.as_ref()) {
@@ -124,7 +124,8 @@ impl<'e> Region<'e> {
 }
 
 impl Elevation {
-    /// Passes the terrain around a city to `add`, tile by tile. Pictures have the colour `ground` where they have none. The models must be settled. Fails if a raster cannot be read.
+    /// Passes the terrain around a city to `add`, tile by tile. Pictures have the colour `ground` where they have none.
+    /// The models must be settled. Fails if a raster cannot be read.
     pub(crate) fn make_terrain(
         &self,
         city: Option<[[f64; 2]; 2]>,

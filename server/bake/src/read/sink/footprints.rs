@@ -12,7 +12,8 @@ use crate::read::roof;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
 
-/// Heights of level surfaces above the ground of the footprints, so that roads are drawn over land use, and rails over roads.
+/// Heights of level surfaces above the ground of the footprints, so that roads are drawn over land use, and rails over
+/// roads.
 pub(super) fn layer_m(kind: FeatureKind) -> f64 {
     match kind {
         FeatureKind::LandUse => 0.01,

@@ -79,7 +79,8 @@ impl SceneSink<'_, '_, '_> {
     }
 }
 
-/// Calls `quad` with the corners of each segment of a widened line, counter-clockwise. Neighbours share their corners at bends.
+/// Calls `quad` with the corners of each segment of a widened line, counter-clockwise. Neighbours share their corners
+/// at bends.
 fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64; 2]; 4])) {
     let mut line: Vec<[f64; 2]> = Vec::with_capacity(points.len());
     for point in points {

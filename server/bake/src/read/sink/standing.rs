@@ -4,15 +4,15 @@ use super::SceneSink;
 use crate::error::InputError;
 use crate::read::scene_builder::WorldTriangle;
 
-/// Areas follow the ground with edges of this length at most, of this many cells, and of this share of the distance between the
-/// model's heights.
+/// Areas follow the ground with edges of this length at most, of this many cells, and of this share of the distance
+/// between the model's heights.
 const MAX_EDGE_M: f64 = 8.0;
 const MAX_EDGE_CELLS: f64 = 4.0;
 const MAX_EDGE_STEPS: f64 = 0.5;
 
 impl SceneSink<'_, '_, '_> {
-    /// Lifts the collected faces, which stand on a level plane at 0, to the lowest ground under a plan. Fails if an elevation model
-    /// cannot be read.
+    /// Lifts the collected faces, which stand on a level plane at 0, to the lowest ground under a plan. Fails if an
+    /// elevation model cannot be read.
     pub(super) fn stand(&mut self, rings: &[Vec<[f64; 2]>]) -> Result<(), InputError> {
         if self.context.elevation.is_empty() {
             return Ok(());
@@ -27,7 +27,8 @@ impl SceneSink<'_, '_, '_> {
         Ok(())
     }
 
-    /// Lays the collected faces, which are level, on the ground: divides them, and adds its height. Fails as [`Self::stand`].
+    /// Lays the collected faces, which are level, on the ground: divides them, and adds its height. Fails as
+    /// [`Self::stand`].
     pub(super) fn drape(&mut self) -> Result<(), InputError> {
         if self.context.elevation.is_empty() {
             return Ok(());

@@ -77,8 +77,8 @@ impl GeoTags {
         Some(([east, north], [a, d], [b, e]))
     }
 
-    /// A projection that the file defines by itself, for PROJ. `None` if its method or its datum is not known, or its unit is not the
-    /// metre.
+    /// A projection that the file defines by itself, for PROJ. `None` if its method or its datum is not known, or its
+    /// unit is not the metre.
     fn projection(&self) -> Option<String> {
         let method = match self.number(METHOD_KEY)? {
             1 => "tmerc",
@@ -108,7 +108,8 @@ impl GeoTags {
         Some(text)
     }
 
-    /// The coordinate system. Systems that the file defines by itself, and that are not understood, have only their citation.
+    /// The coordinate system. Systems that the file defines by itself, and that are not understood, have only their
+    /// citation.
     pub(super) fn crs(&self) -> RasterCrs {
         let code = |key| self.number(key).filter(|code| (1024..32767).contains(code));
         let epsg = |key| code(key).map(|code| format!("EPSG:{code}"));
