@@ -208,6 +208,13 @@ pub struct BakeArgs {
     /// How far terrain reaches beyond the city, in metres
     #[arg(long, value_name = "M", default_value = "500", value_parser = parse_metres, allow_negative_numbers = true)]
     pub terrain_margin: f64,
+    /// Elevation model of the land around the city, or a picture of it: drawn far beyond the city in columns of up to
+    /// 64 metres; may be repeated
+    #[arg(long, value_name = "FILE")]
+    pub surroundings: Vec<PathBuf>,
+    /// How far the land around the city reaches, in kilometres
+    #[arg(long, value_name = "KM", default_value = "30", requires = "surroundings", value_parser = parse_kilometres, allow_negative_numbers = true)]
+    pub surroundings_reach: f64,
     /// Smallest texels of pictures from above, in metres
     #[arg(long, value_name = "M", default_value = "0.25", value_parser = parse_positive_metres, allow_negative_numbers = true)]
     pub ground_texel: f64,
@@ -441,6 +448,13 @@ fn parse_positive_metres(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(metres) if (0.01..=1000.0).contains(&metres) => Ok(metres),
         _ => Err("expected metres between 0.01 and 1000, such as 0.25".into()),
+    }
+}
+
+fn parse_kilometres(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(kilometres) if (0.1..=500.0).contains(&kilometres) => Ok(kilometres),
+        _ => Err("expected kilometres between 0.1 and 500, such as 30".into()),
     }
 }
 

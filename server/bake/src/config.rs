@@ -16,7 +16,7 @@ use crate::{
     hash, mesh,
     read::{
         DuplicateOption, FACADE_ALGORITHM, FacadeOption, FetchFunction, KindFilter, ObjUpAxis, Palette, PlacingOptions,
-        TerrainOptions,
+        SurroundingsOptions, TerrainOptions,
     },
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
@@ -89,6 +89,8 @@ pub struct BakeOptions {
     pub height_field: Option<String>,
     /// How elevation models become terrain.
     pub terrain: TerrainOptions,
+    /// The land around the city.
+    pub surroundings: SurroundingsOptions,
     /// What becomes of objects that two inputs have.
     pub duplicates: DuplicateOption,
     /// Fetches inputs that are addresses; without it they are refused.
@@ -129,6 +131,7 @@ impl Default for BakeOptions {
             placing: PlacingOptions::default(),
             height_field: None,
             terrain: TerrainOptions::default(),
+            surroundings: SurroundingsOptions::default(),
             duplicates: DuplicateOption::default(),
             fetch: None,
             palette: Palette::default(),

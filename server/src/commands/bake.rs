@@ -14,7 +14,7 @@ use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
     read::{
         DuplicateOption, FacadeOption, FeatureKind, InputError, KindFilter, ObjUpAxis, Palette, PlacingOptions,
-        ReadReport, TerrainOptions,
+        ReadReport, SurroundingsOptions, TerrainOptions,
     },
     sample::{SampleSettings, VisibilityBackend},
 };
@@ -156,6 +156,7 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
             margin_m: args.terrain_margin,
             texel_m: args.ground_texel,
         },
+        surroundings: SurroundingsOptions { files: args.surroundings.clone(), reach_m: args.surroundings_reach * 1e3 },
         quality: args.quality,
         meshes: !args.no_meshes,
         ground: match args.ground {

@@ -12,12 +12,15 @@ use super::{
 };
 use crate::{
     columns::{deviation, voxels::VoxelNode},
+    config::BakeConfig,
     error::BakeError,
     hash::ShortHash,
     mesh,
     report::PackOutcome,
-    sample::{BlockInput, sample_block},
+    sample::{BlockInput, SampleSettings, sample_block},
     scene::{
+        Scene,
+        grid::CityGrid,
         partition::{LeafBlock, Partition},
         scratch_scene::ScratchScene,
     },
@@ -29,8 +32,8 @@ use crate::{
 };
 
 /// The tiles and meshes of a block.
-struct BlockTiles {
-    tiles: Vec<EncodedTile>,
+pub(super) struct BlockTiles {
+    pub(super) tiles: Vec<EncodedTile>,
     meshes: Vec<LeafMesh>,
 }
 
@@ -106,25 +109,37 @@ impl LeafBaker<'_> {
     fn bake_leaves(&self, block: &LeafBlock, leaves: &[TileId]) -> Result<BlockTiles, BakeError> {
         let TileContext { grid, config, .. } = *self.context;
         let scene = BlockScene::load(self.partition, block)?.into_scene(self.city)?;
-        let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
-        let input = BlockInput { scene: &scene, grid, triangles: &triangles, leaves };
-        let mut nodes = sample_block(&input, &config.sample);
-        nodes.sort_unstable_by_key(|node| node.id);
-        let mesh = |node: &VoxelNode| {
-            // Columns show plain ground as exactly.
-            let lods =
-                if node.has_columns() { mesh::leaf_lods(&scene, grid, node.id, config.quality)? } else { Vec::new() };
-            Ok(LeafMesh { id: node.id, lods })
-        };
-        let meshes =
-            if config.meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };
-        let source = deviation::source_surface(&scene, grid.corner);
-        drop((scene, triangles));
-        let measure = |map: &BlockMap, node: &VoxelNode| {
-            (deviation::of_leaf(map, node, source.as_ref()), deviation::leaf_points(map))
-        };
-        let encode = |node| encode_node(grid, config, node, "made from its voxels", [].into_iter(), measure);
-        let tiles = nodes.into_par_iter().map(encode).collect::<Result<_, _>>()?;
-        Ok(BlockTiles { tiles, meshes })
+        encode_leaves(scene, grid, config, &config.sample, leaves, config.meshes)
     }
+}
+
+/// Samples the leaves of a block of `grid`, and encodes their tiles, and their meshes if wanted. Takes the block's scene
+/// to free it early. Fails if a leaf exceeds the format's limits.
+pub(super) fn encode_leaves(
+    scene: Scene,
+    grid: &CityGrid,
+    config: &BakeConfig,
+    sample: &SampleSettings,
+    leaves: &[TileId],
+    has_meshes: bool,
+) -> Result<BlockTiles, BakeError> {
+    let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
+    let input = BlockInput { scene: &scene, grid, triangles: &triangles, leaves };
+    let mut nodes = sample_block(&input, sample);
+    nodes.sort_unstable_by_key(|node| node.id);
+    let mesh = |node: &VoxelNode| {
+        // Columns show plain ground as exactly.
+        let lods =
+            if node.has_columns() { mesh::leaf_lods(&scene, grid, node.id, config.quality)? } else { Vec::new() };
+        Ok(LeafMesh { id: node.id, lods })
+    };
+    let meshes = if has_meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };
+    let source = deviation::source_surface(&scene, grid.corner);
+    drop((scene, triangles));
+    let measure = |map: &BlockMap, node: &VoxelNode| {
+        (deviation::of_leaf(map, node, source.as_ref()), deviation::leaf_points(map))
+    };
+    let encode = |node| encode_node(grid, config, node, "made from its voxels", [].into_iter(), measure);
+    let tiles = nodes.into_par_iter().map(encode).collect::<Result<_, _>>()?;
+    Ok(BlockTiles { tiles, meshes })
 }

@@ -6,6 +6,7 @@
 mod block_scene;
 mod context;
 mod estimate;
+mod far_land;
 mod generated;
 mod leaves;
 mod parents;
@@ -14,6 +15,7 @@ mod work_queue;
 
 use std::cell::Cell;
 
+use insula_protocol::NODE_CELLS;
 use rayon::ThreadPool;
 
 use crate::{
@@ -22,7 +24,7 @@ use crate::{
     ground::{self, GroundOption, GroundReport},
     hash::{ShortHash, short_hex},
     progress::Progress,
-    read::{self, BadInput, ReadOptions, ReadProgress, ReadReport, ScratchOptions},
+    read::{self, ALIGNED_LEAVES, BadInput, ReadOptions, ReadProgress, ReadReport, ScratchOptions, Surroundings},
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
         Scene,
@@ -41,6 +43,7 @@ pub use generated::{GeneratedCity, bake_generated};
 
 use block_scene::{BlockScene, worst_memory_bytes};
 use context::{FinishedTiles, TileContext};
+use far_land::FarLand;
 use leaves::LeafBaker;
 use update::PreviousCity;
 use work_queue::{MemoryBudget, run_bounded};
@@ -55,8 +58,8 @@ pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport
     check_inputs(&config.out, &options.inputs)?;
     let bake = || {
         let mut run = BakeRun::new(&config, progress)?;
-        let (city, read) = run.read(options)?;
-        run.bake(city, read)
+        let (city, surroundings, read) = run.read(options)?;
+        run.bake(city, surroundings.as_ref(), read)
     };
     bake().map_err(|error| error.of_bake(&config.out))
 }
@@ -70,7 +73,7 @@ pub fn bake_scene(
     progress: &dyn Progress,
 ) -> Result<BakeReport, BakeError> {
     let config = BakeConfig::new(options)?;
-    let bake = || BakeRun::new(&config, progress)?.bake(ScratchScene::from_scene(scene)?, read_report);
+    let bake = || BakeRun::new(&config, progress)?.bake(ScratchScene::from_scene(scene)?, None, read_report);
     bake().map_err(|error| error.of_bake(&config.out))
 }
 
@@ -92,7 +95,7 @@ impl<'a> BakeRun<'a> {
     }
 
     /// Reads the inputs into the scratch folder.
-    fn read(&mut self, options: &BakeOptions) -> Result<(ScratchScene, ReadReport), BakeError> {
+    fn read(&mut self, options: &BakeOptions) -> Result<(ScratchScene, Option<Surroundings>, ReadReport), BakeError> {
         let defaults = ReadOptions::default();
         let read_options = ReadOptions {
             obj_up: options.obj_up,
@@ -105,6 +108,7 @@ impl<'a> BakeRun<'a> {
             placing: options.placing.clone(),
             height_field: options.height_field.clone(),
             terrain: options.terrain,
+            surroundings: options.surroundings.clone(),
             duplicates: options.duplicates,
             fetch: options.fetch,
             max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
@@ -122,7 +126,7 @@ impl<'a> BakeRun<'a> {
             }
             self.progress.advance(now.bytes_done.saturating_sub(done.replace(now.bytes_done)));
         };
-        let (city, report) =
+        let (city, surroundings, report) =
             self.clock.time("read", || read::read_to_disk(&options.inputs, &read_options, scratch, &tick))?;
         for BadInput { path, reason } in &report.bad_inputs {
             self.progress.warn(&format!("{path}: left out: {reason}"));
@@ -139,22 +143,29 @@ impl<'a> BakeRun<'a> {
         if let Some(warning) = estimate::warning(&city, self.config) {
             self.progress.warn(&warning);
         }
-        Ok((city, report))
+        Ok((city, surroundings, report))
     }
 
     /// Runs all stages after reading.
-    fn bake(mut self, mut city: ScratchScene, read: ReadReport) -> Result<BakeReport, BakeError> {
+    fn bake(
+        mut self,
+        mut city: ScratchScene,
+        surroundings: Option<&Surroundings>,
+        read: ReadReport,
+    ) -> Result<BakeReport, BakeError> {
         let Some(bounds) = city.bounds else {
             return Err(BakeError::Empty { triangles: 0, cell_m: self.config.cell_m });
         };
         let mut facts = SceneFacts::new(&city, bounds);
-        let ground = self.ground(&mut city)?;
+        // Where the land goes on, there are no gaps to fill.
+        let ground = if surroundings.is_some() { None } else { self.ground(&mut city)? };
         facts.set_ground(ground.as_ref());
-        let grid = self.grid(&city, city.bounds.unwrap_or(bounds))?;
+        facts.include_land(surroundings.map(|land| land.z_range_m[0]));
+        let grid = self.grid(&city, city.bounds.unwrap_or(bounds), surroundings)?;
         let partition = self.partition(&city, &grid)?;
         city.drop_triangles();
         let previous = self.open_previous();
-        let resume = self.prepare_scratch(&partition)?;
+        let resume = self.prepare_scratch(&partition, surroundings)?;
         let (config, progress, packs) = (self.config, self.progress, self.scratch.packs());
         let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
         let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
@@ -162,8 +173,10 @@ impl<'a> BakeRun<'a> {
         let context =
             TileContext { config, grid: &grid, packs: &packs, progress, resume, previous: previous_city, plane_m };
         let mut tiles = FinishedTiles::new(grid.depth);
+        let origin = city.origin;
         self.bake_leaves(&context, city, &partition, &mut tiles)?;
-        self.bake_parents(&context, &mut tiles)?;
+        let land = surroundings.map(|land| FarLand::new(land, origin, &grid, tiles.tree.level(grid.depth)));
+        self.bake_parents(&context, land.as_ref(), &mut tiles)?;
         let fingerprints = partition.fingerprints();
         let tree = &tiles.tree;
         let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree, packs: &packs, fingerprints };
@@ -187,8 +200,25 @@ impl<'a> BakeRun<'a> {
     }
 
     /// Places the quadtree. Fails if the city is too wide for the cell size.
-    fn grid(&self, city: &ScratchScene, [min, max]: [[f64; 3]; 2]) -> Result<CityGrid, BakeError> {
+    fn grid(
+        &self,
+        city: &ScratchScene,
+        [mut min, mut max]: [[f64; 3]; 2],
+        surroundings: Option<&Surroundings>,
+    ) -> Result<CityGrid, BakeError> {
         let cell_m = self.config.cell_m;
+        if let Some(land) = surroundings {
+            let leaf_m = cell_m * NODE_CELLS as f64;
+            let square_m = leaf_m * ALIGNED_LEAVES;
+            for axis in 0..2 {
+                let origin = city.origin[axis];
+                let low = (min[axis] + origin).min(land.bounds[0][axis]);
+                // The corner's leaf is the first of a square at which the city's terrain may end.
+                min[axis] = (low / square_m).floor() * square_m + leaf_m / 2.0 - origin;
+                max[axis] = max[axis].max(land.bounds[1][axis] - origin);
+            }
+            min[2] = min[2].min(land.z_range_m[0] - city.origin[2]);
+        }
         CityGrid::covering(min, max, city.origin, cell_m).ok_or_else(|| {
             let side_m = (max[0] - min[0]).max(max[1] - min[1]);
             BakeError::Extent { side_m, cell_m }
@@ -231,8 +261,13 @@ impl<'a> BakeRun<'a> {
     }
 
     /// Keeps or removes the packs of an interrupted bake, and logs which.
-    fn prepare_scratch(&mut self, partition: &HashedPartition) -> Result<ResumeStatus, BakeError> {
-        let input = InputHashes { settings: self.config.settings.clone(), scene: partition.scene_hash() };
+    fn prepare_scratch(
+        &mut self,
+        partition: &HashedPartition,
+        surroundings: Option<&Surroundings>,
+    ) -> Result<ResumeStatus, BakeError> {
+        let scene = partition.scene_hash(surroundings);
+        let input = InputHashes { settings: self.config.settings.clone(), scene };
         let status = self.scratch.prepare(&input, self.config.resume)?;
         let out = self.config.out.display();
         match status {
@@ -270,9 +305,14 @@ impl<'a> BakeRun<'a> {
     }
 
     /// Bakes the tiles of all levels above the leaves.
-    fn bake_parents(&mut self, context: &TileContext<'_>, tiles: &mut FinishedTiles) -> Result<(), BakeError> {
+    fn bake_parents(
+        &mut self,
+        context: &TileContext<'_>,
+        land: Option<&FarLand<'_>>,
+        tiles: &mut FinishedTiles,
+    ) -> Result<(), BakeError> {
         for level in (0..context.grid.depth).rev() {
-            let bake = || parents::bake_level(context, &self.pool, &tiles.tree, level);
+            let bake = || parents::bake_level(context, &self.pool, &tiles.tree, land, level);
             let packs = self.clock.time(&format!("level {level}"), bake)?;
             tiles.add_level(level, packs);
         }
@@ -331,8 +371,11 @@ impl HashedPartition {
     }
 
     /// Hash of everything that determines the tiles.
-    fn scene_hash(&self) -> String {
+    fn scene_hash(&self, surroundings: Option<&Surroundings>) -> String {
         let mut hasher = blake3::Hasher::new();
+        if let Some(land) = surroundings {
+            hasher.update(&land.hash);
+        }
         for ((x, y), fingerprint) in self.fingerprints() {
             hasher.update(&x.to_le_bytes()).update(&y.to_le_bytes()).update(&fingerprint);
         }

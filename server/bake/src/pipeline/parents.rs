@@ -5,6 +5,7 @@ use rayon::{ThreadPool, prelude::*};
 
 use super::{
     context::{FinishedPack, TileContext, encode_node},
+    far_land::FarLand,
     update::PreviousCity,
     work_queue::run_bounded,
 };
@@ -23,26 +24,39 @@ use crate::{
 };
 
 /// Bakes all nodes of a level from the tiles of the level below in `tree`: averages, parametrises, encodes and stores.
-/// Fails with the first error of a node.
+/// Nodes of the land around the city are made from its elevation models. Fails with the first error of a node.
 pub(super) fn bake_level(
     context: &TileContext<'_>,
     pool: &ThreadPool,
     tree: &TileTree,
+    land: Option<&FarLand<'_>>,
     level: u8,
 ) -> Result<Vec<FinishedPack>, BakeError> {
-    let packs = PackNodes::group(tree.parents_of(level + 1));
+    let mut nodes = tree.parents_of(level + 1);
+    nodes.extend(land.into_iter().flat_map(|land| land.nodes(level)));
+    let packs = PackNodes::group(nodes);
     context.progress.stage(&format!("level {level}"), packs.iter().map(|pack| pack.nodes.len() as u64).sum());
-    run_bounded(context.config.threads, &packs, |pack| pool.install(|| bake_pack(context, tree, pack)))
+    run_bounded(context.config.threads, &packs, |pack| pool.install(|| bake_pack(context, tree, land, pack)))
 }
 
 /// Bakes the nodes of one pack, unless an interrupted bake finished it. Nodes without changes below them are taken from
 /// the city to update.
-fn bake_pack(context: &TileContext<'_>, tree: &TileTree, pack: &PackNodes) -> Result<FinishedPack, BakeError> {
+fn bake_pack(
+    context: &TileContext<'_>,
+    tree: &TileTree,
+    land: Option<&FarLand<'_>>,
+    pack: &PackNodes,
+) -> Result<FinishedPack, BakeError> {
     if let Some(tiles) = context.find_resumed(pack.pack) {
         context.progress.skip(pack.nodes.len() as u64);
         return Ok(FinishedPack { tiles, meshes: Vec::new(), outcome: PackOutcome::Resumed });
     }
     let baked = pack.nodes.par_iter().map(|id| {
+        if let Some(land) = land.filter(|land| land.contains(*id)) {
+            let tile = land.bake(context.config, context.grid, *id)?;
+            context.progress.advance(1);
+            return Ok(tile.map(|tile| (tile, false)));
+        }
         let unchanged = context.previous.filter(|previous| has_same_children(previous, tree, *id));
         let reused = unchanged.and_then(|previous| previous.tile(*id));
         let is_unchanged = reused.is_some();
@@ -59,9 +73,10 @@ fn bake_pack(context: &TileContext<'_>, tree: &TileTree, pack: &PackNodes) -> Re
         } else {
             context.progress.advance(1)
         };
-        Ok::<_, BakeError>((tile, is_unchanged))
+        Ok::<_, BakeError>(Some((tile, is_unchanged)))
     });
-    let (tiles, unchanged): (Vec<EncodedTile>, Vec<bool>) = baked.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    let baked: Vec<Option<(EncodedTile, bool)>> = baked.collect::<Result<_, _>>()?;
+    let (tiles, unchanged): (Vec<EncodedTile>, Vec<bool>) = baked.into_iter().flatten().unzip();
     let mut tiles = tile_pack::write(context.packs, pack.pack, &tiles)?;
     tiles.iter_mut().zip(&unchanged).for_each(|(tile, unchanged)| tile.unchanged = *unchanged);
     let all_unchanged = unchanged.iter().all(|unchanged| *unchanged);

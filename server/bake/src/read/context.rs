@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::duplicates::DuplicateOption;
-use super::elevation::{Elevation, TerrainOptions, TerrainTile};
+use super::elevation::{Elevation, LandColours, Surroundings, SurroundingsOptions, TerrainOptions, TerrainTile};
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
 use super::object::{AxisOrder, CrsReference, FeatureKind, KindFilter};
@@ -63,6 +63,8 @@ pub struct ReadOptions {
     pub duplicates: DuplicateOption,
     /// How elevation models become terrain.
     pub terrain: TerrainOptions,
+    /// The land around the city.
+    pub surroundings: SurroundingsOptions,
     /// Fetches inputs that are addresses; without it they are refused.
     pub fetch: Option<FetchFunction>,
 }
@@ -98,6 +100,7 @@ impl Default for ReadOptions {
             height_field: None,
             duplicates: DuplicateOption::default(),
             terrain: TerrainOptions::default(),
+            surroundings: SurroundingsOptions::default(),
             fetch: None,
         }
     }
@@ -232,8 +235,7 @@ impl<'o> ReadContext<'o> {
                 report.problem(INEXACT, || warning.clone());
             }
         }
-        let facts = SurfaceFacts { semantic: None, object_type: kind.cityjson_type(), material: None, normal_z: 1.0 };
-        let (rgb, _) = self.options.palette.resolve(None, &facts, &Look::PLAIN);
+        let rgb = self.colour_of(kind);
         let city = self.builder.bounds_on_map();
         let (builder, textures, source) = (&mut self.builder, &mut self.textures, self.elevation.first_source());
         let (set, Some(report)) = (textures.set_named("pictures from above"), sources.get_mut(source)) else {
@@ -260,6 +262,21 @@ impl<'o> ReadContext<'o> {
             *report.objects_by_kind.entry(kind).or_default() += 1;
             builder.close(source, &name, open, report);
         })
+    }
+
+    /// Colour of the ground of a kind, 8-bit sRGB.
+    fn colour_of(&self, kind: FeatureKind) -> [u8; 3] {
+        let facts = SurfaceFacts { semantic: None, object_type: kind.cityjson_type(), material: None, normal_z: 1.0 };
+        self.options.palette.resolve(None, &facts, &Look::PLAIN).0
+    }
+
+    /// The land around the city; `None` if none is wanted or known. Fails if an elevation model cannot be read.
+    pub(crate) fn take_surroundings(&mut self) -> Result<Option<Surroundings>, InputError> {
+        let colours =
+            LandColours { land: self.colour_of(FeatureKind::Relief), water: self.colour_of(FeatureKind::Water) };
+        let city = self.builder.bounds_on_map();
+        let elevation = std::mem::take(&mut self.elevation);
+        Surroundings::new(elevation, city, &self.options.surroundings, colours)
     }
 
     /// The city of all sources, without what is left out: objects outside of the wanted area, duplicates, and what is

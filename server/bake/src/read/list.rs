@@ -62,12 +62,13 @@ pub(super) fn list(
             lister.list.sources.extend(bad.skip(&label, source)?);
             continue;
         }
-        let expanded = expand(input);
-        for path in bad.skip(&label, expanded)?.unwrap_or_default() {
-            let added = lister.add(&path, bad);
-            bad.skip(&path.display().to_string(), added)?;
-        }
+        lister.add_expanded(input, bad)?;
     }
+    let of_city = lister.list.sources.len();
+    for input in &options.surroundings.files {
+        lister.add_expanded(input, bad)?;
+    }
+    lister.list.sources[of_city..].iter_mut().for_each(|source| source.is_surroundings = true);
     Ok(lister.list)
 }
 
@@ -104,6 +105,16 @@ struct Lister {
 }
 
 impl Lister {
+    /// Adds the sources of all paths that an input stands for. Fails if there is none, unless `bad` skips it.
+    fn add_expanded(&mut self, input: &Path, bad: &mut BadInputs) -> Result<(), InputError> {
+        let expanded = expand(input);
+        for path in bad.skip(&input.display().to_string(), expanded)?.unwrap_or_default() {
+            let added = self.add(&path, bad);
+            bad.skip(&path.display().to_string(), added)?;
+        }
+        Ok(())
+    }
+
     /// Adds the sources of a path. Fails if there is none.
     fn add(&mut self, path: &Path, bad: &mut BadInputs) -> Result<(), InputError> {
         let label = path.display().to_string();
@@ -212,13 +223,13 @@ impl Lister {
 
 fn source_of(files: FolderFiles, name: String, label: String, found: bool) -> Result<CitySource<'static>, InputError> {
     let bytes = files.len(&name).map_err(|cause| InputError::io(&label, cause))?;
-    Ok(CitySource { name, label, files: Rc::new(files), bytes, found })
+    Ok(CitySource { name, label, files: Rc::new(files), bytes, found, is_surroundings: false })
 }
 
 fn archived_source(archive: &str, name: String, files: Rc<ZipFiles>) -> Result<CitySource<'static>, InputError> {
     let label = format!("{archive}/{name}");
     let bytes = files.len(&name).map_err(|cause| InputError::io(&label, cause))?;
-    Ok(CitySource { name, label, files, bytes, found: true })
+    Ok(CitySource { name, label, files, bytes, found: true, is_surroundings: false })
 }
 
 /// Adds the paths of all plain files in a folder and below by their names, relative to the first. Hidden ones, and
@@ -296,6 +307,7 @@ pub(crate) fn embedded<'a>(files: &'a [(&'a str, &'a [u8])]) -> Vec<CitySource<'
         files: Rc::clone(&store),
         bytes: bytes.len() as u64,
         found: false,
+        is_surroundings: false,
     };
     cities.into_iter().map(source).collect()
 }

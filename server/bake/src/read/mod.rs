@@ -57,7 +57,8 @@ use std::path::{Path, PathBuf};
 pub use crate::error::InputError;
 pub use context::{ObjUpAxis, PlacingOptions, ReadOptions};
 pub use duplicates::DuplicateOption;
-pub use elevation::TerrainOptions;
+pub(crate) use elevation::{ALIGNED_LEAVES, LandSquare, Surroundings};
+pub use elevation::{SurroundingsOptions, TerrainOptions};
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
@@ -131,7 +132,7 @@ pub(crate) fn read_to_disk(
     options: &ReadOptions,
     scratch: ScratchOptions<'_>,
     progress: &dyn Fn(ReadProgress),
-) -> Result<(ScratchScene, ReadReport), BakeError> {
+) -> Result<(ScratchScene, Option<Surroundings>, ReadReport), BakeError> {
     let triangles = TriangleStore::in_file(scratch.folder.join("triangles"), scratch.budget.clone())?;
     let folder = scratch.folder.to_owned();
     let textures = TextureStore::in_folder(folder, scratch.texture_cache_bytes, scratch.budget.clone());
@@ -143,7 +144,7 @@ pub(crate) fn read_to_disk(
     read.city.names.finish();
     read.city.textures.finish()?;
     read.level_textures(options)?;
-    Ok((read.city, read.report))
+    Ok((read.city, read.surroundings, read.report))
 }
 
 fn read_scene(
@@ -163,6 +164,7 @@ fn read_scene(
 /// A city as it is read, with the textures of photos at the level that they have.
 struct ReadCity {
     city: ScratchScene,
+    surroundings: Option<Surroundings>,
     report: ReadReport,
     /// The set of each photo, whose members get one factor; `None` for a generated texture.
     set_of_texture: Vec<Option<u32>>,
@@ -235,6 +237,7 @@ fn read_sources(
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
     context.add_terrain(&mut report.sources)?;
+    let surroundings = context.take_surroundings()?;
     report.facades = context.take_facades();
     let set_of_texture = std::mem::take(&mut context.textures.set_of_texture);
     let failed = |error: BakeError| InputError::io(&sources[0].label, std::io::Error::other(error));
@@ -250,7 +253,7 @@ fn read_sources(
     report.bad_inputs = bad.into_found();
     #[cfg(test)]
     report.sources.iter().for_each(|source| assert_eq!(source.unaccounted(), 0, "{source:?}"));
-    Ok(ReadCity { city, report, set_of_texture, set_of_source })
+    Ok(ReadCity { city, surroundings, report, set_of_texture, set_of_source })
 }
 
 /// Removes the sources of which nothing is left, and the coordinate system that only they have. Fails if there is one,
@@ -297,6 +300,10 @@ fn read_by_kind(
     tick: ByteProgress<'_>,
 ) -> Result<Option<SourceReport>, InputError> {
     let Some(kind) = kind_by_name(&source.name) else { return Err(unread_formats::refusal(&source.label)) };
+    if source.is_surroundings && kind != SourceKind::Elevation {
+        let what = "surroundings are elevation models and pictures from above: give it as an input of the city";
+        return Err(InputError::unsupported(&source.label, what));
+    }
     let (format, reader): (SourceFormat, Reader) = match kind {
         SourceKind::Json => match json_kind::of(source) {
             JsonKind::Tileset => (SourceFormat::Tiles3d, tiles3d::read),

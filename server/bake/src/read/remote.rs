@@ -47,6 +47,7 @@ pub(super) fn source(url: &str, fetch: Option<FetchFunction>) -> Result<CitySour
         files: std::rc::Rc::new(files),
         bytes: 0,
         found: false,
+        is_surroundings: false,
     })
 }
 

@@ -33,6 +33,8 @@ pub(crate) struct CitySource<'a> {
     pub(crate) bytes: u64,
     /// Found in a folder rather than named by the user. It is then ignored if it turns out not to be a city file.
     pub(crate) found: bool,
+    /// Shows the land around the city, and is not a part of it.
+    pub(crate) is_surroundings: bool,
 }
 
 impl CitySource<'_> {

@@ -31,7 +31,7 @@ pub fn survey(
     let folder = tempfile::tempdir().map_err(|cause| InputError::io("temporary folder", cause))?;
     let budget = ScratchBudget::new(SCRATCH_BYTES);
     let scratch = ScratchOptions { folder: folder.path(), texture_cache_bytes: TEXTURE_CACHE_BYTES, budget: &budget };
-    let (city, read) = read_to_disk(inputs, options, scratch, progress)?;
+    let (city, _, read) = read_to_disk(inputs, options, scratch, progress)?;
     let to_world = |corner: [f64; 3]| std::array::from_fn(|axis| city.origin[axis] + corner[axis]);
     Ok(InputSurvey { bounds: city.bounds.map(|bounds| bounds.map(to_world)), read })
 }

@@ -75,6 +75,11 @@ impl SceneFacts {
             (self.ground_z_m, self.generated_ground) = (ground.plane_z_m, true);
         }
     }
+
+    /// Lowers the ground to the lowest land around the city, if there is any.
+    pub(crate) fn include_land(&mut self, lowest_m: Option<f64>) {
+        self.ground_z_m = lowest_m.map_or(self.ground_z_m, |lowest_m| self.ground_z_m.min(lowest_m));
+    }
 }
 
 fn lowest_terrain(city: &ScratchScene) -> Option<f32> {

@@ -114,6 +114,14 @@ impl BakedCity {
         Self { files: files(&out), report }
     }
 
+    /// Bakes the files in `folder`; `options.inputs` are names in it, and `options.out` is replaced by a folder in it.
+    pub(crate) fn bake_files(folder: &Path, options: BakeOptions) -> Self {
+        let out = folder.join("out").join("city");
+        let inputs = options.inputs.iter().map(|name| folder.join(name)).collect();
+        let report = insula_bake::bake(&BakeOptions { inputs, out: out.clone(), ..options }, &Silent).unwrap();
+        Self { files: files(&out), report }
+    }
+
     /// The city of boxes with default options, baked once per test program with three threads.
     pub(crate) fn boxes() -> &'static Self {
         static BOXES: OnceLock<BakedCity> = OnceLock::new();

@@ -6,11 +6,13 @@
 //! | where a grid's points lie in a raster | `lattice`, `pixel_finder` |
 //! | triangles of a region | `terrain`, with [`crate::roam`] |
 //! | the picture on them | `drape` |
+//! | the land around the city, read square by square while it is baked | `surroundings` |
 
 mod drape;
 mod lattice;
 mod model;
 mod pixel_finder;
+mod surroundings;
 mod terrain;
 #[cfg(test)]
 mod tests;
@@ -29,8 +31,10 @@ use crate::error::InputError;
 use lattice::MapGrid;
 use model::PlacedRaster;
 
+pub use surroundings::SurroundingsOptions;
+pub(crate) use surroundings::{LandColours, LandSquare, Surroundings};
 pub use terrain::TerrainOptions;
-pub(crate) use terrain::TerrainTile;
+pub(crate) use terrain::{ALIGNED_LEAVES, TerrainTile};
 
 /// Points along the side of a block of heights that is read for single positions.
 const BLOCK_POINTS: usize = 64;
@@ -101,7 +105,9 @@ impl Elevation {
         let crs = crs_of(source, &raster);
         self.is_settled = false;
         let list = if is_picture { &mut self.pictures } else { &mut self.models };
-        list.push(PlacedRaster::new(&source.label, number, raster, place, crs, file));
+        let mut placed = PlacedRaster::new(&source.label, number, raster, place, crs, file);
+        placed.is_surroundings = source.is_surroundings;
+        list.push(placed);
         Ok(())
     }
 

@@ -24,6 +24,8 @@ pub(super) struct PlacedRaster {
     pub(super) label: String,
     /// Number of its report.
     pub(super) source: usize,
+    /// It shows the land around the city.
+    pub(super) is_surroundings: bool,
     raster: RefCell<Raster>,
     place: GeoPlace,
     crs: Option<CrsReference>,
@@ -59,7 +61,7 @@ impl PlacedRaster {
         file: LocalFile,
     ) -> Self {
         let raster = RefCell::new(raster);
-        Self { label: label.to_owned(), source, raster, place, crs, placed: None, _file: file }
+        Self { label: label.to_owned(), source, is_surroundings: false, raster, place, crs, placed: None, _file: file }
     }
 
     /// Finds the raster's place in the world, which gets the raster's system if it has none. Fails if the system is not

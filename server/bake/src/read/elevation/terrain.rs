@@ -9,6 +9,7 @@ use super::lattice::MapGrid;
 use crate::error::InputError;
 use crate::roam::{Borders, HeightSource, triangulate_region};
 use crate::scene::SceneTexture;
+use insula_protocol::NODE_CELLS;
 
 /// More heights make the grid coarser.
 const MAX_HEIGHTS: f64 = 4e8;
@@ -16,6 +17,10 @@ const MAX_HEIGHTS: f64 = 4e8;
 const TILE_STEPS: u32 = 1024;
 /// Pixels along the side of a tile's window in a raster that is finer than the grid.
 const MAX_TILE_PIXELS: f64 = 4096.0;
+/// Where land surrounds the city, its terrain ends at squares of this many leaves, at which that land begins.
+pub(crate) const ALIGNED_LEAVES: f64 = 2.0;
+/// It ends this far within them, so that no rounding makes it reach the next square.
+const INSET_M: f64 = 0.01;
 
 /// How terrain is made of elevation models.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,6 +58,8 @@ struct Region<'e> {
     corner: [f64; 2],
     step_m: f64,
     size: [u32; 2],
+    /// Lowest and highest coordinates that vertices may have.
+    limits: [[f64; 2]; 2],
     /// The part that was read last.
     part: RefCell<RegionPart>,
 }
@@ -82,11 +89,12 @@ impl HeightSource for Region<'_> {
 }
 
 impl<'e> Region<'e> {
-    /// The region around `city`, its lowest and highest corner, as far as there are models; all of them without a city.
-    /// `None` if they do not overlap.
+    /// The region around `city`, its lowest and highest corner, as far as there are models; without a city all models,
+    /// except those of the land around it. `None` if they do not overlap.
     fn new(elevation: &'e Elevation, city: Option<[[f64; 2]; 2]>, cell_m: f64, margin_m: f64) -> Option<Self> {
         let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
-        for placed in elevation.models.iter().filter_map(|model| model.placed.as_ref()) {
+        let models = elevation.models.iter().filter(|model| city.is_some() || !model.is_surroundings);
+        for placed in models.filter_map(|model| model.placed.as_ref()) {
             low = array::from_fn(|axis| low[axis].min(placed.bounds[0][axis]));
             high = array::from_fn(|axis| high[axis].max(placed.bounds[1][axis]));
         }
@@ -101,9 +109,17 @@ impl<'e> Region<'e> {
         while (0..2).map(|axis| (high[axis] - low[axis]) / step_m).product::<f64>() > MAX_HEIGHTS {
             step_m *= 2.0;
         }
+        let mut limits = [[f64::MIN; 2], [f64::MAX; 2]];
+        if elevation.has_surroundings() {
+            let side_m = cell_m * NODE_CELLS as f64 * ALIGNED_LEAVES;
+            step_m = side_m / (side_m / step_m).log2().ceil().exp2();
+            low = low.map(|along| (along / side_m).floor() * side_m);
+            high = high.map(|along| (along / side_m).ceil() * side_m);
+            limits = [low.map(|along| along + INSET_M), high.map(|along| along - INSET_M)];
+        }
         let corner = array::from_fn(|axis| (low[axis] / step_m).floor() * step_m);
-        let size = array::from_fn(|axis| ((high[axis] - corner[axis]) / step_m).ceil().min(1e8) as u32 + 1);
-        Some(Self { elevation, corner, step_m, size, part: RefCell::default() })
+        let size = array::from_fn(|axis| ((high[axis] - corner[axis]) / step_m - 1e-6).ceil().min(1e8) as u32 + 1);
+        Some(Self { elevation, corner, step_m, size, limits, part: RefCell::default() })
     }
 
     /// World position of a place in the part that was read last.
@@ -111,7 +127,10 @@ impl<'e> Region<'e> {
         let part = self.part.borrow();
         let [column, row] = [0, 1].map(|axis| place[axis].wrapping_sub(part.min[axis]) as usize);
         let height = part.heights.get(row.wrapping_mul(part.width).wrapping_add(column)).copied().unwrap_or(0.0);
-        let [x, y] = array::from_fn(|axis| self.corner[axis] + f64::from(place[axis]) * self.step_m);
+        let [x, y] = array::from_fn(|axis| {
+            let along = self.corner[axis] + f64::from(place[axis]) * self.step_m;
+            along.clamp(self.limits[0][axis], self.limits[1][axis])
+        });
         [x, y, f64::from(height)]
     }
 
