@@ -30,19 +30,19 @@ fuzz *ARGS:
 # Alternating measurements of Insula and nginx with the same tiles: just throughput CITY [--tls]
 throughput *ARGS:
     cargo build --profile dist -p insula-server --no-default-features
-    cargo build --release -p insula-server --example tile_files
+    cargo build --release -p insula-measure --bin tile_files
     tests/load/throughput.py --server "${CARGO_TARGET_DIR:-target}/dist/insula-server" {{ARGS}}
 
 # All load measurements: viewers, nginx, overload: just load CITY --out DIR
 load *ARGS:
     cargo build --release --bin insula --bin insula-server
-    cargo build --release -p insula-server --example tile_files
+    cargo build --release -p insula-measure --bin tile_files
     cd tests/load && cargo build --release --features scenarios
     tests/load/run.py {{ARGS}}
 
 # Accuracy of a bake against its source: just fidelity FILE... --out DIR
 fidelity *ARGS:
-    cargo run --release -p insula-tests --bin fidelity -- {{ARGS}}
+    cargo run --release -p insula-measure --bin fidelity -- {{ARGS}}
 
 # Debian packages and a tarball of both programs: just package OUT
 package OUT:

@@ -4,7 +4,7 @@
 Prints direct normal, diffuse and global irradiance (W/m2) for 20 heights of the sun up to 90 degrees, and their ratios to
 `pvlib.clearsky.ineichen`, the model whose input is Linke's turbidity. Exits with 1 if a ratio is off by more than 15%. Also
 prints by how much pvlib's other models, with the same particles and water, differ from it. Needs pvlib (PyPI). Build first:
-`cargo build --release -p insula-shaders --example irradiance`.
+`cargo build --release -p insula-measure --bin irradiance`.
 """
 import argparse, csv, pathlib, subprocess, sys
 import numpy as np
@@ -27,7 +27,7 @@ def main():
     ap = argparse.ArgumentParser(description=__doc__)
     ap.add_argument("--turbidities", default="3,4,5")
     ap.add_argument("--from", dest="lowest", type=float, default=10)
-    ap.add_argument("--program", type=pathlib.Path, default="target/release/examples/irradiance")
+    ap.add_argument("--program", type=pathlib.Path, default="target/release/irradiance")
     args = ap.parse_args()
     up = np.linspace(args.lowest, 90, 20)
     printed = subprocess.run([args.program, args.turbidities, ",".join(f"{v:.6f}" for v in up)], check=True, text=True,

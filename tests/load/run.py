@@ -5,7 +5,7 @@
 
 Records the requests of the real client (record.py) and repeats them with goose (scenarios): with empty caches, as a ramp, a
 spike and a soak. Then compares with nginx (throughput.py, without and with TLS) and overloads the server (overload). Build
-first: `cargo build --release --workspace --bins`, `cargo build --release -p insula-server --example tile_files`, and in tests/load
+first: `cargo build --release --workspace --bins`, `cargo build --release -p insula-measure --bin tile_files`, and in tests/load
 `cargo build --release`. The comparison needs wrk, nginx and openssl. Exits with 1 if a target is missed.
 """
 

@@ -3,7 +3,7 @@
 
     tests/load/throughput.py CITY [--rounds 5] [--seconds 8] [--tls] [--peer NAME=SERVER] [--report FILE.json]
 
-Needs wrk, nginx, openssl, and `cargo build --release -p insula-server --example tile_files --bin insula-server`.
+Needs wrk, nginx, openssl, and `cargo build --release -p insula-measure -p insula-server --bin tile_files --bin insula-server`.
 All servers run all the time, all but one of them idle. Each round measures each, in alternating order, so that other load on
 the machine affects all equally. Peers are other builds of Insula.
 """
@@ -86,7 +86,7 @@ def main():
     os.chmod(folder, 0o755)
     started = []
     try:
-        subprocess.run([TARGET / "examples/tile_files", args.city, folder / "files"], check=True)
+        subprocess.run([TARGET / "tile_files", args.city, folder / "files"], check=True)
         paths = folder / "files/paths.txt"
         scheme, certificate, settings = "http", "", []
         if args.tls:

@@ -155,20 +155,31 @@ pub(super) fn slow_processors_are_emulated() -> Result<()> {
     };
     let main = || site.page.evaluate(work)?.as_f64().context("no time");
     let worker = || Ok(site.seconds("work")? * 1000.0);
-    let (fast_ms, worker_ms) = (shortest(&main)?, shortest(&worker)?);
-    site.page.throttle_cpu(4.0)?;
-    let (slow_ms, slow_worker_ms) = (shortest(&main)?, shortest(&worker)?);
-    println!("main thread {:.1} times slower, worker {:.1} times", slow_ms / fast_ms, slow_worker_ms / worker_ms);
-    ensure!(slow_ms > 1.4 * fast_ms, "{slow_ms} ms after {fast_ms} ms");
-    site.page.throttle_cpu(1.0)?;
-    let slowdown = site.browser.slow_down(4.0)?;
-    let (slow_ms, slow_worker_ms) = (shortest(&main)?, shortest(&worker)?);
-    println!("whole browser: {:.1} times slower, worker {:.1} times", slow_ms / fast_ms, slow_worker_ms / worker_ms);
-    ensure!(slow_ms > 1.4 * fast_ms && slow_worker_ms > 1.4 * worker_ms, "{slow_ms} ms, worker {slow_worker_ms} ms");
-    drop(slowdown);
-    let after_ms = shortest(&worker)?;
-    ensure!(after_ms < 2.0 * worker_ms, "{after_ms} ms after the slowdown, {worker_ms} ms before");
-    Ok(())
+    // Other programs may slow down one of the measurements that are compared, but hardly that of each round.
+    let slowdowns = || -> Result<()> {
+        let (fast_ms, worker_ms) = (shortest(&main)?, shortest(&worker)?);
+        site.page.throttle_cpu(4.0)?;
+        let (slow_ms, slow_worker_ms) = (shortest(&main)?, shortest(&worker)?);
+        site.page.throttle_cpu(1.0)?;
+        println!("main thread {:.1} times slower, worker {:.1} times", slow_ms / fast_ms, slow_worker_ms / worker_ms);
+        ensure!(slow_ms > 1.4 * fast_ms, "{slow_ms} ms after {fast_ms} ms");
+        let slowdown = site.browser.slow_down(4.0)?;
+        let (slow_ms, slow_worker_ms) = (shortest(&main)?, shortest(&worker)?);
+        drop(slowdown);
+        println!(
+            "whole browser: {:.1} times slower, worker {:.1} times",
+            slow_ms / fast_ms,
+            slow_worker_ms / worker_ms
+        );
+        ensure!(
+            slow_ms > 1.4 * fast_ms && slow_worker_ms > 1.4 * worker_ms,
+            "{slow_ms} ms, worker {slow_worker_ms} ms"
+        );
+        let after_ms = shortest(&worker)?;
+        ensure!(after_ms < 2.0 * worker_ms, "{after_ms} ms after the slowdown, {worker_ms} ms before");
+        Ok(())
+    };
+    slowdowns().or_else(|_| slowdowns()).or_else(|_| slowdowns())
 }
 
 pub(super) fn errors_are_collected() -> Result<()> {

@@ -76,7 +76,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=pathlib.Path, required=True)
     parser.add_argument("--program", required=True, help="insula-server")
-    parser.add_argument("--fidelity", required=True, help="the program `fidelity` of tests/harness/bin")
+    parser.add_argument("--fidelity", required=True, help="the program `fidelity` of tests/measure")
     parser.add_argument("--cases", type=pathlib.Path, default=HERE / "cases.json")
     parser.add_argument("--only", help="only cases whose name or format contains this")
     parser.add_argument("--out", type=pathlib.Path, help="folder that keeps cities, truths and frames")

@@ -1,6 +1,6 @@
 //! Compares the mesh codec with Draco, meshoptimizer with zstd, and static Huffman codes: bytes, bits per vertex, time.
 //!
-//! `cargo run --release -p insula-tests --bin mesh_codec -- --scan skull.obj --city delft.city.jsonl`. Needs Draco's programs
+//! `cargo run --release -p insula-measure --bin mesh_codec -- --scan skull.obj --city delft.city.jsonl`. Needs Draco's programs
 //! (Debian package `draco`). For a city, bytes are those of its leaves with their headers; times are those of the whole city as
 //! one mesh, because Draco prints whole milliseconds.
 

@@ -1,6 +1,6 @@
 //! Generates a city that can be served.
 //!
-//! `cargo run --release -p insula-tests --bin synth -- --buildings 100000 --out DIR`
+//! `cargo run --release -p insula-measure --bin synth -- --buildings 100000 --out DIR`
 
 use anyhow::Result;
 use clap::Parser;

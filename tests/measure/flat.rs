@@ -1,6 +1,6 @@
 //! Measures how the frame time depends on the size of the city, for the ray-caster and for a plain renderer of triangles.
 //!
-//! `cargo run --release -p insula-tests --bin flat -- --cities DIR`: DIR holds the cities `synth1k` to `synth1m` that the program
+//! `cargo run --release -p insula-measure --bin flat -- --cities DIR`: DIR holds the cities `synth1k` to `synth1m` that the program
 //! `synth` makes; missing ones are made. All sizes are drawn in turn, several rounds; the best round counts.
 
 use anyhow::{Context, Result};

@@ -1,6 +1,6 @@
 //! Compares the bytes that views in streets fetch with those of the source's files.
 //!
-//! `cargo run --release -p insula-tests --bin street -- CITY_INPUTS... --city CITY`. For each street camera of `fidelity`: the
+//! `cargo run --release -p insula-measure --bin street -- CITY_INPUTS... --city CITY`. For each street camera of `fidelity`: the
 //! bytes that a client with empty caches fetches until its frame is final, and the bytes of the source that belong to the visible
 //! leaves. A leaf is visible if a ray hits it, or a node above it, when everything in the view frustum is resident. See
 //! `insula_tests::source_bytes`. For comparison: the source's bytes times the fraction of visible leaves, and the bytes of whole

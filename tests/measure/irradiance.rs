@@ -1,7 +1,7 @@
 //! Prints irradiances of clear skies as CSV, for `tests/load/irradiance.py`. `depth` is the optical depth of the particles at
 //! 0.55 micrometres.
 //!
-//! `cargo run --release -p insula-shaders --example irradiance -- [TURBIDITIES] [HEIGHTS]`, for instance `2,3,4 5,30,90`: heights
+//! `cargo run --release -p insula-measure --bin irradiance -- [TURBIDITIES] [HEIGHTS]`, for instance `2,3,4 5,30,90`: heights
 //! of the sun over the horizon in degrees, with refraction.
 
 use insula_shaders::irradiance::ClearAir;

@@ -1,6 +1,6 @@
 //! Measures how far each level of a baked city lies from its source, in both directions, against the stated errors.
 //!
-//! `cargo run --release -p insula-tests --bin node_error -- CITY SOURCE...`
+//! `cargo run --release -p insula-measure --bin node_error -- CITY SOURCE...`
 
 use anyhow::{Result, ensure};
 use clap::Parser;

@@ -1,6 +1,6 @@
 //! Measures the generated ground of a baked city against its source.
 //!
-//! `cargo run --release -p insula-tests --bin ground -- --city CITY SOURCE... [--without CITY]`: the share of buildings whose lowest
+//! `cargo run --release -p insula-measure --bin ground -- --city CITY SOURCE... [--without CITY]`: the share of buildings whose lowest
 //! point is on or under the ground, of those that are sunk by more than a metre, and of the bytes that the ground costs, by a bake of
 //! the same sources with `--ground none`.
 

@@ -1,6 +1,6 @@
 //! Measures how much a slow pan flickers: the mean difference of consecutive frames, compared with supersampled frames.
 //!
-//! `cargo run --release -p insula-tests --bin flicker -- CITY... --report flicker.json`: each CITY is a baked folder. With few
+//! `cargo run --release -p insula-measure --bin flicker -- CITY... --report flicker.json`: each CITY is a baked folder. With few
 //! rays per pixel, frames differ by what the rays happen to hit, in addition to the motion.
 
 use anyhow::{Context, Result};

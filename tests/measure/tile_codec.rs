@@ -2,7 +2,7 @@
 //!
 //! The cities must be baked with `--quality lossless`.
 //!
-//! `cargo run --release -p insula-server --example tile_codec -- CITY...`
+//! `cargo run --release -p insula-measure --bin tile_codec -- CITY...`
 
 use anyhow::{Context, ensure};
 use image::{ExtendedColorType, ImageEncoder, codecs};

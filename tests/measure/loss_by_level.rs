@@ -3,7 +3,7 @@
 //! Parents are made from decoded children, so losses could add up. The arguments are a city baked with `--quality lossless`
 //! and the same city baked with loss.
 //!
-//! `cargo run --release -p insula-server --example loss_by_level -- LOSSLESS CITY`
+//! `cargo run --release -p insula-measure --bin loss_by_level -- LOSSLESS CITY`
 
 use anyhow::{Context, ensure};
 use insula_protocol::BlockMap;

@@ -1,6 +1,6 @@
 //! Compares ways to find the nodes that a view needs: box and sphere in the frustum, hits and depth buffer behind occluders.
 //!
-//! `cargo run --release -p insula-tests --bin culling -- --city DIR [--camera FILE]`: DIR is a baked folder, for example of `synth`.
+//! `cargo run --release -p insula-measure --bin culling -- --city DIR [--camera FILE]`: DIR is a baked folder, for example of `synth`.
 //! The depth buffer is that of the finished frame at full size, which is more than a client could know before it draws. A pyramid of
 //! it (Greene, Kass and Miller 1993) finds at most as much to be occluded.
 

@@ -1,6 +1,6 @@
 //! Writes a GeoJSON file with N x N copies of another, side by side, to measure bakes of larger cities.
 //!
-//! `cargo run --release -p insula-bake --example copies -- city.geojson 2 larger.geojson`
+//! `cargo run --release -p insula-measure --bin copies -- city.geojson 2 larger.geojson`
 
 use std::{
     fs::File,

@@ -1,7 +1,7 @@
 //! Writes every tile of a city to a file at its URL's path, so that a static web server can serve it (`tests/load/throughput.py`).
 //! Also writes the list of paths, `paths.txt`.
 //!
-//! `cargo run --release -p insula-server --example tile_files -- CITY FOLDER`
+//! `cargo run --release -p insula-measure --bin tile_files -- CITY FOLDER`
 
 use anyhow::{Context, bail};
 use insula_protocol::route;

@@ -1,6 +1,6 @@
 //! Compares simplification with meshoptimizer's: triangles, time, distance to the source.
 //!
-//! `cargo run --release -p insula-tests --bin mesh_simplify -- skull.obj nefertiti.obj`. Distances are those of evenly spread
+//! `cargo run --release -p insula-measure --bin mesh_simplify -- skull.obj nefertiti.obj`. Distances are those of evenly spread
 //! points, and for the largest one of all vertices, to the other surface, in both directions, divided by the diagonal of the
 //! bounding box.
 

@@ -1,6 +1,6 @@
 //! Measures how much a frame changes when leaves switch from columns to meshes, compared with a camera motion of one pixel.
 //!
-//! `cargo run --release -p insula-tests --bin handover -- CITY_INPUTS... --city CITY`
+//! `cargo run --release -p insula-measure --bin handover -- CITY_INPUTS... --city CITY`
 
 use anyhow::Result;
 use clap::Parser;

@@ -1,6 +1,6 @@
 //! Bakes a city and compares twelve views of it with its ray-traced source.
 //!
-//! `cargo run --release -p insula-tests --bin fidelity -- CITY_INPUTS... --cell 1.0 --out DIR --report DIR/report.json`
+//! `cargo run --release -p insula-measure --bin fidelity -- CITY_INPUTS... --cell 1.0 --out DIR --report DIR/report.json`
 
 use anyhow::Result;
 use clap::Parser;

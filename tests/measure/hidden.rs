@@ -1,6 +1,6 @@
 //! Measures how much is drawn and fetched that is occluded, and what is missing when the camera turns.
 //!
-//! `cargo run --release -p insula-tests --bin hidden -- --city DIR`: DIR is a baked folder, for example of `synth`. Compares with
+//! `cargo run --release -p insula-measure --bin hidden -- --city DIR`: DIR is a baked folder, for example of `synth`. Compares with
 //! a client that culls by the view frustum only.
 
 use anyhow::Result;

@@ -3,7 +3,7 @@
 //! Coding must not add steps at borders. The pairs are columns with level tops of about the same height, and rows of walls
 //! that face the same way; a step is the mean absolute difference of a pair, occlusion of 63 and luma of 255.
 //!
-//! `cargo run --release -p insula-server --example border_steps -- CITY...`
+//! `cargo run --release -p insula-measure --bin border_steps -- CITY...`
 
 use anyhow::Result;
 use insula_protocol::{

@@ -1,7 +1,7 @@
 //! Measures how much frames jump while a city loads in front of a fixed camera: the difference of consecutive frames at 60 per
 //! second, with and without cross-fades, compared with that of a slow pan.
 //!
-//! `cargo run --release -p insula-tests --bin fade -- CITY... --report fade.json`: each CITY is a baked folder. Differences are
+//! `cargo run --release -p insula-measure --bin fade -- CITY... --report fade.json`: each CITY is a baked folder. Differences are
 //! also measured in blocks of 16 x 16 pixels, because refinement changes parts of a frame.
 
 use anyhow::{Context, Result};

@@ -1,7 +1,7 @@
 //! Measures the viewer in a browser: the first picture on a slow link and processor, transferred bytes, the longest task of
 //! the main thread and the time from a key to its picture while flying, memory, and the same picture as the native client.
 //!
-//! `cargo run --release -p insula-tests --bin browser -- CITY... [--runs 3] [--flight 60] [--pictures]`
+//! `cargo run --release -p insula-measure --bin browser -- CITY... [--runs 3] [--flight 60] [--pictures]`
 
 use anyhow::{Context, Result, ensure};
 use clap::{Parser, ValueEnum};
