@@ -1,12 +1,18 @@
 //! The command line as it is typed. `serve` turns its part into a [`ServeConfig`](crate::config::ServeConfig).
 
-use crate::{
-    config::{DEFAULT_LISTEN, check_address},
-    share_link::{self, parse_lifetime, parse_version},
-};
+mod parse;
+
+pub use parse::{DegreesBox, GeoPlace, ShareArea};
+
+use crate::share_link::{parse_lifetime, parse_version};
 use clap::{Parser, Subcommand, ValueEnum};
 use insula_command_line::SetupCommand;
-use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
+use insula_protocol::{TileId, blockmap::Quality};
+use parse::{
+    parse_address, parse_area, parse_bytes, parse_cell, parse_crs, parse_degrees_box, parse_kilometres,
+    parse_max_error, parse_metres, parse_name, parse_origin, parse_place, parse_positive_metres, parse_quality,
+    parse_ratio, parse_samples, parse_site_address, parse_tile,
+};
 use std::{path::PathBuf, time::Duration};
 
 const EXAMPLE: &str = "Example:\n  insula-server bake delft.city.json --out delft\n  insula-server serve delft";
@@ -170,14 +176,6 @@ pub enum Preference {
     /// The one of the better level of detail
     Lod,
 }
-
-/// Longitude and latitude in degrees, height in metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GeoPlace(pub [f64; 3]);
-
-/// West, south, east and north in degrees.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DegreesBox(pub [f64; 4]);
 
 /// Arguments of `bake`.
 #[derive(Debug, clap::Args)]
@@ -379,10 +377,6 @@ pub struct PublishArgs {
     pub url: Option<String>,
 }
 
-/// `[x0, y0, x1, y1]` in millimetres.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ShareArea(pub [i64; 4]);
-
 /// Arguments of `inspect`.
 #[derive(Debug, clap::Args)]
 pub struct InspectArgs {
@@ -407,160 +401,6 @@ pub struct InspectArgs {
 pub struct VerifyArgs {
     /// City folder
     pub city: PathBuf,
-}
-
-fn parse_ratio(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(ratio) if ratio > 0.0 && ratio <= 1.0 => Ok(ratio),
-        _ => Err("expected a number above 0 and at most 1, such as 0.1".into()),
-    }
-}
-
-fn parse_samples(text: &str) -> Result<usize, String> {
-    match text.parse::<usize>() {
-        Ok(samples) if (1..=10_000_000).contains(&samples) => Ok(samples),
-        _ => Err("expected a number between 1 and 10000000, such as 200000".into()),
-    }
-}
-
-fn parse_max_error(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(error) if error >= 0.0 && error.is_finite() => Ok(error),
-        _ => Err("expected a length of at least 0, such as 0.5".into()),
-    }
-}
-
-fn parse_cell(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(cell_m) if (0.01..=1000.0).contains(&cell_m) => Ok(cell_m),
-        _ => Err("expected metres between 0.01 and 1000, such as 0.5".into()),
-    }
-}
-
-fn parse_metres(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(metres) if (0.0..=1e6).contains(&metres) => Ok(metres),
-        _ => Err("expected metres between 0 and 1000000, such as 500".into()),
-    }
-}
-
-fn parse_positive_metres(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(metres) if (0.01..=1000.0).contains(&metres) => Ok(metres),
-        _ => Err("expected metres between 0.01 and 1000, such as 0.25".into()),
-    }
-}
-
-fn parse_kilometres(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(kilometres) if (0.1..=500.0).contains(&kilometres) => Ok(kilometres),
-        _ => Err("expected kilometres between 0.1 and 500, such as 30".into()),
-    }
-}
-
-fn parse_crs(text: &str) -> Result<String, String> {
-    let code = text.strip_prefix("EPSG:").or_else(|| text.strip_prefix("epsg:")).unwrap_or(text);
-    match code.parse::<u32>() {
-        Ok(code) if code > 0 => Ok(format!("EPSG:{code}")),
-        _ => Err("expected the code of a projected system, such as EPSG:25832".into()),
-    }
-}
-
-/// Parses numbers that are separated by commas.
-fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
-    let numbers: Option<Vec<f64>> =
-        text.split(',').map(|word| word.trim().parse().ok().filter(|number: &f64| number.is_finite())).collect();
-    numbers?.try_into().ok()
-}
-
-fn parse_place(text: &str) -> Result<GeoPlace, String> {
-    match parse_numbers(text) {
-        Some([lon, lat, height_m]) if lon.abs() <= 180.0 && lat.abs() <= 90.0 => Ok(GeoPlace([lon, lat, height_m])),
-        _ => Err("expected longitude, latitude and height, such as 4.357,52.011,3".into()),
-    }
-}
-
-fn parse_degrees_box(text: &str) -> Result<DegreesBox, String> {
-    match parse_numbers(text) {
-        Some([west, south, east, north])
-            if west < east && south < north && west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0 =>
-        {
-            Ok(DegreesBox([west, south, east, north]))
-        }
-        _ => Err("expected west, south, east and north in degrees, such as 4.35,52.00,4.37,52.02".into()),
-    }
-}
-
-/// Parses sizes such as `600MiB`, `2GB`, `1G`, `1073741824`.
-fn parse_bytes(text: &str) -> Result<u64, String> {
-    let end = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
-    let (number, unit) = text.split_at(end);
-    let factor: Option<u64> = match unit.to_ascii_lowercase().as_str() {
-        "" | "b" => Some(1),
-        "k" | "kib" => Some(1 << 10),
-        "m" | "mib" => Some(1 << 20),
-        "g" | "gib" => Some(1 << 30),
-        "kb" => Some(1_000),
-        "mb" => Some(1_000_000),
-        "gb" => Some(1_000_000_000),
-        _ => None,
-    };
-    let bytes = number.parse::<u64>().ok().zip(factor).and_then(|(number, factor)| number.checked_mul(factor));
-    bytes.ok_or_else(|| "expected a size, such as 600MiB or 2GB".into())
-}
-
-fn parse_quality(text: &str) -> Result<Quality, String> {
-    match text.parse::<f32>() {
-        _ if text == "lossless" => Ok(Quality::Lossless),
-        Ok(db) if (20.0..=60.0).contains(&db) => Ok(Quality::Decibels(db)),
-        _ => Err("expected decibels between 20 and 60, such as 36, or the word lossless".into()),
-    }
-}
-
-fn parse_name(text: &str) -> Result<String, String> {
-    if is_name(text) { Ok(text.into()) } else { Err("expected 1 to 64 of a-z, 0-9, _ and -".into()) }
-}
-
-fn parse_address(text: &str) -> Result<String, String> {
-    check_address(text).map(|()| text.to_owned()).map_err(|_| format!("expected HOST:PORT, such as {DEFAULT_LISTEN}"))
-}
-
-fn parse_area(text: &str) -> Result<ShareArea, String> {
-    share_link::parse_area(text).map(ShareArea)
-}
-
-/// Parses `http://HOST[:PORT]` or `https://...`. Fails if there is more, such as a path.
-fn parse_origin(text: &str) -> Result<String, String> {
-    let origin = text.strip_suffix('/').unwrap_or(text);
-    let host = origin.strip_prefix("https://").or_else(|| origin.strip_prefix("http://"));
-    let is_allowed = |byte: u8| byte.is_ascii_alphanumeric() || b".-_:[]".contains(&byte);
-    match host {
-        Some(host) if !host.is_empty() && host.bytes().all(is_allowed) => Ok(origin.to_owned()),
-        _ => Err("expected http://HOST or https://HOST, with a port if it needs one".into()),
-    }
-}
-
-/// Parses an address of a web site, which gets a slash at the end.
-fn parse_site_address(text: &str) -> Result<String, String> {
-    let rest = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
-    let is_allowed = |byte: u8| byte.is_ascii_alphanumeric() || b".-_~:[]/%".contains(&byte);
-    match rest {
-        Some(rest) if !rest.is_empty() && rest.bytes().all(is_allowed) => {
-            Ok(format!("{}/", text.trim_end_matches('/')))
-        }
-        _ => Err("expected an address such as https://HOST/PATH".into()),
-    }
-}
-
-fn parse_tile(text: &str) -> Result<TileId, String> {
-    let mut parts = text.split('/').map(str::parse::<u32>);
-    let id = match (parts.next(), parts.next(), parts.next(), parts.next()) {
-        (Some(Ok(level)), Some(Ok(x)), Some(Ok(y)), None) => {
-            u8::try_from(level).ok().and_then(|level| TileId::new(level, x, y))
-        }
-        _ => None,
-    };
-    id.ok_or_else(|| "expected level/x/y with x and y below 2^level, such as 3/2/5".into())
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Error bounds of all triangles ("wedgies" in ROAM), computed once.
 
 use super::deviation::deviation;
-use super::diamond::{Diamond, Place, roots};
+use super::diamond::{Diamond, Place, roots, upwards};
 use super::field::{HeightField, MAX_SIDE};
 use super::mesh::{MeshBuilder, TerrainMesh};
 use super::tile::draw;
@@ -69,18 +69,6 @@ pub(super) fn root_corners(field: &HeightField, side: u32) -> impl Iterator<Item
     (0..rows).flat_map(move |y| (0..columns).map(move |x| [x * side, y * side]))
 }
 
-/// Middles of all diamonds between two places, the smallest first. `side`: steps of root squares, a power of two.
-pub(super) fn upwards([min, max]: [Place; 2], side: u32) -> impl Iterator<Item = Place> {
-    let halves = (0..side.trailing_zeros()).map(|power| 1_u32 << power);
-    let first = move |axis: usize, offset: u32, step: u32| min[axis] + (offset + step - min[axis] % step) % step;
-    let lattice = move |[dx, dy]: [u32; 2], step: u32| {
-        let rows = (first(1, dy, step)..=max[1]).step_by(step as usize);
-        rows.flat_map(move |y| (first(0, dx, step)..=max[0]).step_by(step as usize).map(move |x| [x, y]))
-    };
-    // Places between two corners of the larger squares along x, then along y, then in their middles.
-    halves.flat_map(move |half| [[half, 0], [0, half], [half; 2]].into_iter().flat_map(move |d| lattice(d, 2 * half)))
-}
-
 /// The upper half of a positive number's bits after the sign, rounded up: 8 bits of its fraction remain.
 fn encode(error: f64) -> u16 {
     let nearest = error as f32;
@@ -103,18 +91,5 @@ mod tests {
             assert!(decoded >= error && (decoded <= error * 1.004 || error > 1e38), "{error} {decoded}");
         }
         assert!(decode(encode(1e300)).is_infinite() && decode(encode(f64::INFINITY)).is_infinite());
-    }
-
-    #[test]
-    fn every_place_is_the_middle_of_one_diamond() {
-        let mut places: Vec<Place> = upwards([[0, 0], [20, 9]], 8).collect();
-        let count = places.len();
-        places.sort_unstable();
-        places.dedup();
-        // All but the corners of root squares.
-        assert_eq!((places.len(), count), (21 * 10 - 3 * 2, 21 * 10 - 3 * 2));
-        let ranks: Vec<u32> =
-            upwards([[0, 0], [20, 9]], 8).filter_map(|p| Diamond::at(p, 8)).map(|d| d.rank()).collect();
-        assert!(ranks.is_sorted());
     }
 }

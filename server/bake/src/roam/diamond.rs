@@ -93,3 +93,33 @@ fn turn(a: Place, b: Place, c: Place) -> i64 {
     let [a, b, c] = [a, b, c].map(|p| p.map(i64::from));
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
+
+/// Middles of all diamonds between two places, the smallest first. `side`: steps of root squares, a power of two.
+pub(super) fn upwards([min, max]: [Place; 2], side: u32) -> impl Iterator<Item = Place> {
+    let halves = (0..side.trailing_zeros()).map(|power| 1_u32 << power);
+    let first = move |axis: usize, offset: u32, step: u32| min[axis] + (offset + step - min[axis] % step) % step;
+    let lattice = move |[dx, dy]: [u32; 2], step: u32| {
+        let rows = (first(1, dy, step)..=max[1]).step_by(step as usize);
+        rows.flat_map(move |y| (first(0, dx, step)..=max[0]).step_by(step as usize).map(move |x| [x, y]))
+    };
+    // Places between two corners of the larger squares along x, then along y, then in their middles.
+    halves.flat_map(move |half| [[half, 0], [0, half], [half; 2]].into_iter().flat_map(move |d| lattice(d, 2 * half)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_place_is_the_middle_of_one_diamond() {
+        let mut places: Vec<Place> = upwards([[0, 0], [20, 9]], 8).collect();
+        let count = places.len();
+        places.sort_unstable();
+        places.dedup();
+        // All but the corners of root squares.
+        assert_eq!((places.len(), count), (21 * 10 - 3 * 2, 21 * 10 - 3 * 2));
+        let ranks: Vec<u32> =
+            upwards([[0, 0], [20, 9]], 8).filter_map(|p| Diamond::at(p, 8)).map(|d| d.rank()).collect();
+        assert!(ranks.is_sorted());
+    }
+}

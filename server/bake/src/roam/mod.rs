@@ -22,6 +22,7 @@ mod field;
 mod mesh;
 mod priority;
 mod queue;
+mod surface;
 #[cfg(test)]
 mod tests;
 mod tile;
@@ -32,6 +33,7 @@ pub use bounds::ErrorBounds;
 pub use diamond::Place;
 pub use dynamic::{Changes, RoamMesh};
 pub use field::{HeightField, HeightSource};
-pub use mesh::{TILE_STEPS, TerrainMesh, triangulate, triangulate_region};
+pub use mesh::TerrainMesh;
 pub use priority::{Node, Priority, ScreenError};
+pub use surface::{TILE_STEPS, triangulate, triangulate_region};
 pub use tiling::{TileSurvey, Tiling};

@@ -1,8 +1,7 @@
 //! Which triangles of one root square are halved so that none is farther from a sample than a limit.
 
-use super::bounds::upwards;
 use super::deviation::deviation;
-use super::diamond::{Corners, Diamond, Place, halves, middle, roots};
+use super::diamond::{Corners, Diamond, Place, halves, middle, roots, upwards};
 use super::field::{DataCover, HeightField};
 
 /// A root square, called a tile: its samples and its halved diamonds.
