@@ -12,7 +12,7 @@ use super::leaves::encode_leaves;
 use crate::{
     config::BakeConfig,
     error::BakeError,
-    read::{LandSquare, Surroundings},
+    read::{FarModels, LandSquare},
     sample::SampleSettings,
     scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle, grid::CityGrid},
     write::tile_pack::{EncodedTile, StoredTile},
@@ -32,7 +32,7 @@ const WATER: u32 = 1;
 
 /// The nodes of the land around a city.
 pub(super) struct FarLand<'a> {
-    surroundings: &'a Surroundings,
+    surroundings: &'a FarModels,
     /// The scene's origin in the world.
     origin: [f64; 3],
     /// By level, in the order of their ids.
@@ -41,12 +41,7 @@ pub(super) struct FarLand<'a> {
 
 impl<'a> FarLand<'a> {
     /// The nodes around the city's `leaves`.
-    pub(super) fn new(
-        surroundings: &'a Surroundings,
-        origin: [f64; 3],
-        grid: &CityGrid,
-        leaves: &[StoredTile],
-    ) -> Self {
+    pub(super) fn new(surroundings: &'a FarModels, origin: [f64; 3], grid: &CityGrid, leaves: &[StoredTile]) -> Self {
         let mut of_city = HashSet::new();
         for leaf in leaves {
             let mut id = leaf.id;

@@ -24,7 +24,7 @@ use crate::{
     ground::{self, GroundOption, GroundReport},
     hash::{ShortHash, short_hex},
     progress::Progress,
-    read::{self, ALIGNED_LEAVES, BadInput, ReadOptions, ReadProgress, ReadReport, ScratchOptions, Surroundings},
+    read::{self, ALIGNED_LEAVES, BadInput, FarModels, ReadOptions, ReadProgress, ReadReport, ScratchOptions},
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
         Scene,
@@ -95,7 +95,7 @@ impl<'a> BakeRun<'a> {
     }
 
     /// Reads the inputs into the scratch folder.
-    fn read(&mut self, options: &BakeOptions) -> Result<(ScratchScene, Option<Surroundings>, ReadReport), BakeError> {
+    fn read(&mut self, options: &BakeOptions) -> Result<(ScratchScene, Option<FarModels>, ReadReport), BakeError> {
         let defaults = ReadOptions::default();
         let read_options = ReadOptions {
             obj_up: options.obj_up,
@@ -150,7 +150,7 @@ impl<'a> BakeRun<'a> {
     fn bake(
         mut self,
         mut city: ScratchScene,
-        surroundings: Option<&Surroundings>,
+        surroundings: Option<&FarModels>,
         read: ReadReport,
     ) -> Result<BakeReport, BakeError> {
         let Some(bounds) = city.bounds else {
@@ -204,7 +204,7 @@ impl<'a> BakeRun<'a> {
         &self,
         city: &ScratchScene,
         [mut min, mut max]: [[f64; 3]; 2],
-        surroundings: Option<&Surroundings>,
+        surroundings: Option<&FarModels>,
     ) -> Result<CityGrid, BakeError> {
         let cell_m = self.config.cell_m;
         if let Some(land) = surroundings {
@@ -264,7 +264,7 @@ impl<'a> BakeRun<'a> {
     fn prepare_scratch(
         &mut self,
         partition: &HashedPartition,
-        surroundings: Option<&Surroundings>,
+        surroundings: Option<&FarModels>,
     ) -> Result<ResumeStatus, BakeError> {
         let scene = partition.scene_hash(surroundings);
         let input = InputHashes { settings: self.config.settings.clone(), scene };
@@ -371,7 +371,7 @@ impl HashedPartition {
     }
 
     /// Hash of everything that determines the tiles.
-    fn scene_hash(&self, surroundings: Option<&Surroundings>) -> String {
+    fn scene_hash(&self, surroundings: Option<&FarModels>) -> String {
         let mut hasher = blake3::Hasher::new();
         if let Some(land) = surroundings {
             hasher.update(&land.hash);

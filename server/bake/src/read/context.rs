@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::duplicates::DuplicateOption;
-use super::elevation::{Elevation, LandColours, Surroundings, SurroundingsOptions, TerrainOptions, TerrainTile};
+use super::elevation::{Elevation, FarModels, LandColours, SurroundingsOptions, TerrainOptions, TerrainTile};
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
 use super::object::{AxisOrder, CrsReference, FeatureKind, KindFilter};
@@ -271,12 +271,12 @@ impl<'o> ReadContext<'o> {
     }
 
     /// The land around the city; `None` if none is wanted or known. Fails if an elevation model cannot be read.
-    pub(crate) fn take_surroundings(&mut self) -> Result<Option<Surroundings>, InputError> {
+    pub(crate) fn take_surroundings(&mut self) -> Result<Option<FarModels>, InputError> {
         let colours =
             LandColours { land: self.colour_of(FeatureKind::Relief), water: self.colour_of(FeatureKind::Water) };
         let city = self.builder.bounds_on_map();
         let elevation = std::mem::take(&mut self.elevation);
-        Surroundings::new(elevation, city, &self.options.surroundings, colours)
+        FarModels::new(elevation, city, &self.options.surroundings, colours)
     }
 
     /// The city of all sources, without what is left out: objects outside of the wanted area, duplicates, and what is

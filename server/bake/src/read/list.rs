@@ -65,6 +65,8 @@ pub(super) fn list(
         lister.add_expanded(input, bad)?;
     }
     let of_city = lister.list.sources.len();
+    // A model may show the city's own ground, too.
+    lister.seen.clear();
     for input in &options.surroundings.files {
         lister.add_expanded(input, bad)?;
     }

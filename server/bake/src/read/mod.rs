@@ -57,7 +57,7 @@ use std::path::{Path, PathBuf};
 pub use crate::error::InputError;
 pub use context::{ObjUpAxis, PlacingOptions, ReadOptions};
 pub use duplicates::DuplicateOption;
-pub(crate) use elevation::{ALIGNED_LEAVES, LandSquare, Surroundings};
+pub(crate) use elevation::{ALIGNED_LEAVES, FarModels, LandSquare};
 pub use elevation::{SurroundingsOptions, TerrainOptions};
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use object::{FeatureKind, KindFilter};
@@ -132,7 +132,7 @@ pub(crate) fn read_to_disk(
     options: &ReadOptions,
     scratch: ScratchOptions<'_>,
     progress: &dyn Fn(ReadProgress),
-) -> Result<(ScratchScene, Option<Surroundings>, ReadReport), BakeError> {
+) -> Result<(ScratchScene, Option<FarModels>, ReadReport), BakeError> {
     let triangles = TriangleStore::in_file(scratch.folder.join("triangles"), scratch.budget.clone())?;
     let folder = scratch.folder.to_owned();
     let textures = TextureStore::in_folder(folder, scratch.texture_cache_bytes, scratch.budget.clone());
@@ -164,7 +164,7 @@ fn read_scene(
 /// A city as it is read, with the textures of photos at the level that they have.
 struct ReadCity {
     city: ScratchScene,
-    surroundings: Option<Surroundings>,
+    surroundings: Option<FarModels>,
     report: ReadReport,
     /// The set of each photo, whose members get one factor; `None` for a generated texture.
     set_of_texture: Vec<Option<u32>>,

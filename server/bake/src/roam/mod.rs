@@ -21,7 +21,6 @@ mod dynamic;
 mod field;
 mod mesh;
 mod priority;
-mod queue;
 mod surface;
 #[cfg(test)]
 mod tests;

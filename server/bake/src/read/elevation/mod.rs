@@ -32,7 +32,7 @@ use lattice::MapGrid;
 use model::PlacedRaster;
 
 pub use surroundings::SurroundingsOptions;
-pub(crate) use surroundings::{LandColours, LandSquare, Surroundings};
+pub(crate) use surroundings::{FarModels, LandColours, LandSquare};
 pub use terrain::TerrainOptions;
 pub(crate) use terrain::{ALIGNED_LEAVES, TerrainTile};
 

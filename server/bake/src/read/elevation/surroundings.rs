@@ -39,7 +39,7 @@ pub(crate) struct LandColours {
 }
 
 /// The land around a city.
-pub(crate) struct Surroundings {
+pub(crate) struct FarModels {
     elevation: Mutex<Elevation>,
     pub(crate) colours: LandColours,
     /// Lowest and highest corner on the map.
@@ -60,7 +60,7 @@ pub(crate) struct LandSquare {
     pub(crate) points: usize,
 }
 
-impl Surroundings {
+impl FarModels {
     /// The land as far as the models reach, and at most as far as wanted beyond `city`, its lowest and highest corner.
     /// The models must be settled. `None` if none is for the surroundings, or without a city. Fails if one cannot be
     /// read.
