@@ -126,6 +126,9 @@ pub(crate) struct ReadContext<'o> {
     facades: FacadeMaker,
 }
 
+/// Problem of a tile of terrain.
+const BAD_TILE: &str = "terrain tile that cannot be read, a coarser one drawn";
+
 /// The state before a source.
 pub(crate) struct SourceMark {
     objects: usize,
@@ -211,7 +214,7 @@ impl<'o> ReadContext<'o> {
             return Ok(0.0);
         }
         self.elevation.settle(&mut self.world)?;
-        Ok(self.elevation.nearest_height_m(position)?.unwrap_or(0.0))
+        Ok(self.elevation.extended_height_m(position)?.unwrap_or(0.0))
     }
 
     /// Adds terrain around all objects so far, if there are elevation models. Fails if one cannot be read, or cannot be
@@ -242,7 +245,7 @@ impl<'o> ReadContext<'o> {
             return Ok(());
         };
         let (cell_m, options) = (self.options.cell_m, self.options.terrain);
-        self.elevation.make_terrain(city, cell_m, options, rgb, &mut |tile| {
+        let made = self.elevation.make_terrain(city, cell_m, options, rgb, &mut |tile| {
             let TerrainTile { name, triangles, drape } = tile;
             let drape = drape.map(|(texture, place)| (textures.add_picture(texture, set), place));
             let texture = drape.map(|(texture, _)| texture);
@@ -261,7 +264,14 @@ impl<'o> ReadContext<'o> {
             report.found += 1;
             *report.objects_by_kind.entry(kind).or_default() += 1;
             builder.close(source, &name, open, report);
-        })
+        });
+        for (number, names, count) in self.elevation.bad_tiles() {
+            let Some(report) = sources.get_mut(number) else { continue };
+            for index in 0..count {
+                report.problem(BAD_TILE, || names.get(index).cloned().unwrap_or_default());
+            }
+        }
+        made
     }
 
     /// Colour of the ground of a kind, 8-bit sRGB.

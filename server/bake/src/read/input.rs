@@ -27,7 +27,6 @@ pub(crate) trait SourceFiles {
 #[derive(Debug)]
 pub(crate) struct LocalFile {
     pub(crate) path: PathBuf,
-    #[expect(dead_code, reason = "its end removes the copy")]
     pub(crate) copy: Option<tempfile::TempPath>,
 }
 

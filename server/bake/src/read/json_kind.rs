@@ -18,6 +18,8 @@ pub(super) enum JsonKind {
     Tileset,
     /// I3S.
     SceneLayer,
+    /// Quantized-mesh.
+    Terrain,
     /// CityJSON, or no city.
     Other,
 }
@@ -35,6 +37,7 @@ pub(super) fn of(source: &CitySource<'_>) -> JsonKind {
         Some("FeatureCollection") => JsonKind::FeatureCollection,
         Some("CityJSON") => JsonKind::Other,
         _ if has("\"geometricError\"") && has("\"asset\"") => JsonKind::Tileset,
+        _ if has("\"tiles\"") && has("quantized-mesh") => JsonKind::Terrain,
         _ if has("\"layerType\"") && has("\"store\"") => JsonKind::SceneLayer,
         _ => JsonKind::Other,
     }
@@ -51,6 +54,7 @@ mod tests {
         assert_eq!(kind(r#"{"features": [], "type": "FeatureCollection"}"#), JsonKind::FeatureCollection);
         assert_eq!(kind(r#"{"asset": {"version": "1.0"}, "geometricError": 5, "root": {}}"#), JsonKind::Tileset);
         assert_eq!(kind(r#"{"id": 0, "layerType": "3DObject", "store": {}}"#), JsonKind::SceneLayer);
+        assert_eq!(kind(r#"{"tilejson": "2.1.0", "format": "quantized-mesh-1.0", "tiles": []}"#), JsonKind::Terrain);
         assert_eq!(kind(r#"{"type": "CityJSON", "geometricError": 1, "asset": 2}"#), JsonKind::Other);
         assert_eq!(kind("{"), JsonKind::Other);
     }

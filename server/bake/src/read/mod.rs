@@ -300,7 +300,7 @@ fn read_by_kind(
     tick: ByteProgress<'_>,
 ) -> Result<Option<SourceReport>, InputError> {
     let Some(kind) = kind_by_name(&source.name) else { return Err(unread_formats::refusal(&source.label)) };
-    if source.is_surroundings && kind != SourceKind::Elevation {
+    if source.is_surroundings && !is_elevation(source) {
         let what = "surroundings are elevation models and pictures from above: give it as an input of the city";
         return Err(InputError::unsupported(&source.label, what));
     }
@@ -308,6 +308,7 @@ fn read_by_kind(
         SourceKind::Json => match json_kind::of(source) {
             JsonKind::Tileset => (SourceFormat::Tiles3d, tiles3d::read),
             JsonKind::SceneLayer => (SourceFormat::I3s, i3s::read),
+            JsonKind::Terrain => return open_elevation(context, source).map(Some),
             JsonKind::FeatureCollection => return geojson::read(context, source, tick).map(Some),
             JsonKind::Other => return cityjson::read(context, source, tick),
         },
@@ -325,10 +326,7 @@ fn read_by_kind(
         SourceKind::Ply => (SourceFormat::Ply, mesh_file::read),
         SourceKind::Stl => (SourceFormat::Stl, mesh_file::read),
         SourceKind::Tile => (SourceFormat::Tiles3d, tiles3d::read),
-        SourceKind::Elevation => {
-            context.elevation.open(source, context.source)?;
-            return Ok(Some(SourceReport::new(&source.label, SourceFormat::Elevation, source.bytes)));
-        }
+        SourceKind::Elevation => return open_elevation(context, source).map(Some),
     };
     let mut sink = SceneSink::new(context, source, format, tick)?;
     let input = sink.input();
@@ -336,11 +334,21 @@ fn read_by_kind(
     Ok(Some(sink.into_report()))
 }
 
+/// Opens an elevation model or a picture, which is read later. Fails as [`elevation::Elevation::open`].
+fn open_elevation(context: &mut ReadContext<'_>, source: &CitySource<'_>) -> Result<SourceReport, InputError> {
+    context.elevation.open(source, context.source)?;
+    Ok(SourceReport::new(&source.label, SourceFormat::Elevation, source.bytes))
+}
+
 /// Reads a source and passes its objects to the sink. Fails if the source cannot be read at all.
 type Reader = fn(&Input<'_>, &mut dyn ObjectSink) -> Result<(), InputError>;
 
 fn is_elevation(source: &CitySource<'_>) -> bool {
-    kind_by_name(&source.name) == Some(SourceKind::Elevation)
+    match kind_by_name(&source.name) {
+        Some(SourceKind::Elevation) => true,
+        Some(SourceKind::Json) => json_kind::of(source) == JsonKind::Terrain,
+        _ => false,
+    }
 }
 
 fn empty_city(sources: &[CitySource<'_>], report: &ReadReport) -> InputError {

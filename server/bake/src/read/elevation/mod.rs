@@ -14,6 +14,7 @@ mod model;
 mod pixel_finder;
 mod surroundings;
 mod terrain;
+mod terrain_files;
 #[cfg(test)]
 mod tests;
 
@@ -23,13 +24,15 @@ use std::num::NonZeroUsize;
 
 use lru::LruCache;
 
+use super::input::LocalFile;
 use super::object::{AxisOrder, CrsReference};
 use super::place::{Placement, World};
 use super::raster::{GeoPlace, Raster, RasterError, RasterLimits, SampleKind};
-use super::source::{CitySource, read_sibling};
+use super::source::{CitySource, SourceKind, kind_by_name, read_all, read_sibling};
 use crate::error::InputError;
 use lattice::MapGrid;
 use model::PlacedRaster;
+use terrain_files::TerrainFiles;
 
 pub use surroundings::SurroundingsOptions;
 pub(crate) use surroundings::{FarModels, LandColours, LandSquare};
@@ -40,12 +43,23 @@ pub(crate) use terrain::{ALIGNED_LEAVES, TerrainTile};
 const BLOCK_POINTS: usize = 64;
 /// Blocks that are kept: 16 KiB each.
 const MAX_BLOCKS: usize = 1024;
-/// Known heights are sought in these directions, at distances that double.
+/// Known heights are sought in these directions, at distances that double, and then nearer by halves.
 const DIRECTIONS: [[f64; 2]; 8] =
     [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.7, 0.7], [-0.7, 0.7], [0.7, -0.7], [-0.7, -0.7]];
 const MAX_DOUBLINGS: u32 = 10;
+const HALVINGS: u32 = 5;
 /// Larger files beside a raster are no world files or coordinate systems.
 const MAX_SIDECAR_BYTES: u64 = 1 << 20;
+/// A larger `layer.json` is refused. Lists of available tiles can be long.
+const MAX_LAYER_BYTES: u64 = 64 << 20;
+
+/// Web Mercator with heights above the ellipsoid, which has no code.
+const WEB_MERCATOR_3D: &str = r#"PROJCRS["WGS 84 / Pseudo-Mercator, ellipsoidal heights",
+    BASEGEOGCRS["WGS 84", DATUM["World Geodetic System 1984", ELLIPSOID["WGS 84", 6378137, 298.257223563]]],
+    CONVERSION["Popular Visualisation Pseudo-Mercator",
+        METHOD["Popular Visualisation Pseudo Mercator", ID["EPSG", 1024]]],
+    CS[Cartesian, 3], AXIS["easting", east], AXIS["northing", north], AXIS["ellipsoidal height", up],
+    LENGTHUNIT["metre", 1]]"#;
 
 /// A block's height at each point, by row.
 type Block = Box<[f32]>;
@@ -92,9 +106,13 @@ impl Elevation {
     /// or has no place.
     pub(crate) fn open(&mut self, source: &CitySource<'_>, number: usize) -> Result<(), InputError> {
         let file = source.files.on_disk(&source.name).map_err(|cause| InputError::io(&source.label, cause))?;
-        let reader = File::open(&file.path).map_err(|cause| InputError::io(&source.label, cause))?;
-        let opened = Raster::open(Box::new(std::io::BufReader::new(reader)), &source.name, RasterLimits::default());
-        let raster = opened.map_err(|error| raster_fault(&source.label, error))?;
+        let raster = if kind_by_name(&source.name) == Some(SourceKind::Json) {
+            open_terrain(source, &file)?
+        } else {
+            let reader = File::open(&file.path).map_err(|cause| InputError::io(&source.label, cause))?;
+            Raster::open(Box::new(std::io::BufReader::new(reader)), &source.name, RasterLimits::default())
+                .map_err(|error| raster_fault(&source.label, error))?
+        };
         let facts = raster.facts();
         // Heights have one band, and hardly ever 8 bits.
         let is_picture = facts.bands > 2 || facts.sample == SampleKind::U8;
@@ -127,6 +145,15 @@ impl Elevation {
         Ok(())
     }
 
+    /// Tiles of terrain that could not be read: the number of the terrain's report, the first names, and the number of
+    /// all.
+    pub(crate) fn bad_tiles(&self) -> impl Iterator<Item = (usize, Vec<String>, usize)> {
+        self.models.iter().map(|model| {
+            let (names, count) = model.bad_tiles();
+            (model.source, names, count)
+        })
+    }
+
     /// The placed rasters: the number of each one's report, and its placement.
     pub(crate) fn placements(&self) -> impl Iterator<Item = (usize, &Placement)> {
         let all = self.models.iter().chain(&self.pictures);
@@ -154,21 +181,42 @@ impl Elevation {
         self.models.last().and_then(|model| model.placed.as_ref()).map_or(1.0, |placed| placed.pixel_m)
     }
 
-    /// World height of the ground at a position on the map, or about the nearest one that is known; `None` if there is
-    /// none far around. Fails if a raster cannot be read.
-    pub(crate) fn nearest_height_m(&self, position: [f64; 2]) -> Result<Option<f64>, InputError> {
+    /// World height of the ground at a position on the map; where none is known, one between the nearest that are, in
+    /// all directions. `None` if there is none far around. Fails if a raster cannot be read.
+    pub(crate) fn extended_height_m(&self, position: [f64; 2]) -> Result<Option<f64>, InputError> {
         if let Some(height) = self.height_m(position)? {
             return Ok(Some(height));
         }
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for direction in DIRECTIONS {
+            let Some((height, distance_m)) = self.first_height_m(position, direction)? else { continue };
+            let weight = (distance_m * distance_m).recip();
+            (sum, weights) = (sum + height * weight, weights + weight);
+        }
+        Ok((weights > 0.0).then(|| sum / weights))
+    }
+
+    /// About the nearest known height in a direction, and its distance. Fails if a raster cannot be read.
+    fn first_height_m(&self, from: [f64; 2], direction: [f64; 2]) -> Result<Option<(f64, f64)>, InputError> {
+        let height_at = |distance_m: f64| self.height_m([0, 1].map(|axis| from[axis] + direction[axis] * distance_m));
+        let (mut unknown_m, mut found) = (0.0, None);
         for doubling in 0..MAX_DOUBLINGS {
-            let reach_m = self.step_m() * f64::from(1_u32 << doubling);
-            for [x, y] in DIRECTIONS {
-                if let Some(height) = self.height_m([position[0] + x * reach_m, position[1] + y * reach_m])? {
-                    return Ok(Some(height));
-                }
+            let distance_m = self.step_m() * f64::from(1_u32 << doubling);
+            if let Some(height) = height_at(distance_m)? {
+                found = Some((height, distance_m));
+                break;
+            }
+            unknown_m = distance_m;
+        }
+        let Some((mut height, mut known_m)) = found else { return Ok(None) };
+        for _ in 0..HALVINGS {
+            let middle_m = (unknown_m + known_m) / 2.0;
+            match height_at(middle_m)? {
+                Some(nearer) => (height, known_m) = (nearer, middle_m),
+                None => unknown_m = middle_m,
             }
         }
-        Ok(None)
+        Ok(Some((height, known_m)))
     }
 
     /// World height of the ground at a position on the map; `None` where no model has one. Fails if a raster cannot be
@@ -195,6 +243,18 @@ impl Elevation {
         let height = south * (1.0 - sy) + north * sy;
         Ok(height.is_finite().then_some(height))
     }
+}
+
+/// Opens terrain of Cesium. Fails if it is damaged, or if its tiles are in an archive.
+fn open_terrain(source: &CitySource<'_>, file: &LocalFile) -> Result<Raster, InputError> {
+    let Some(folder) = file.path.parent().filter(|_| file.copy.is_none()) else {
+        let what = "terrain tiles in an archive: unpack it and give the folder";
+        return Err(InputError::unsupported(&source.label, what));
+    };
+    let layer = read_all(source, MAX_LAYER_BYTES)?;
+    let tiles = Box::new(TerrainFiles::new(folder));
+    let opened = Raster::open_quantized_mesh(&layer, tiles, RasterLimits::default());
+    opened.map_err(|error| raster_fault(&source.label, error))
 }
 
 /// Where a raster without a place of its own is: what the world file beside it says.
@@ -225,6 +285,7 @@ fn crs_of(source: &CitySource<'_>, raster: &Raster) -> Option<CrsReference> {
             format!("{horizontal}+{}", vertical.trim_start_matches("EPSG:"))
         }
         None if crs.is_ellipsoidal && horizontal == "EPSG:4326" => "EPSG:4979".to_owned(),
+        None if crs.is_ellipsoidal && horizontal == "EPSG:3857" => WEB_MERCATOR_3D.to_owned(),
         _ => horizontal,
     };
     Some(CrsReference { name, order: AxisOrder::EastFirst })

@@ -99,6 +99,13 @@ impl PlacedRaster {
         Ok(())
     }
 
+    /// Names of the first tiles that could not be read, and the number of all.
+    pub(super) fn bad_tiles(&self) -> (Vec<String>, usize) {
+        let raster = self.raster.borrow();
+        let (names, count) = raster.bad_tiles();
+        (names.to_vec(), count)
+    }
+
     /// Heights of a grid; `None` where the raster has none. Fails if it cannot be read.
     pub(super) fn heights(&self, grid: &MapGrid) -> Result<Vec<Option<WeightedHeight>>, RasterError> {
         self.sample(grid, Raster::read_heights, |pixels, point| {

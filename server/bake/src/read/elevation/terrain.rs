@@ -58,6 +58,8 @@ struct Region<'e> {
     corner: [f64; 2],
     step_m: f64,
     size: [u32; 2],
+    /// Whether it has heights where no model has one: under a city, and in small gaps.
+    is_extended: bool,
     /// Lowest and highest coordinates that vertices may have.
     limits: [[f64; 2]; 2],
     /// The part that was read last.
@@ -82,7 +84,16 @@ impl HeightSource for Region<'_> {
     fn read(&self, min: [u32; 2], max: [u32; 2]) -> Result<Vec<f32>, InputError> {
         let corner = array::from_fn(|axis| self.corner[axis] + f64::from(min[axis]) * self.step_m);
         let size: [usize; 2] = array::from_fn(|axis| (max[axis] - min[axis]) as usize + 1);
-        let heights = self.elevation.read(&MapGrid { corner, step_m: self.step_m, size })?;
+        let grid = MapGrid { corner, step_m: self.step_m, size };
+        let mut heights = self.elevation.read(&grid)?;
+        for index in (0..heights.len()).filter(|_| self.is_extended) {
+            if heights[index].is_nan()
+                && let Some(height) =
+                    self.elevation.extended_height_m(grid.position(index % size[0], index / size[0]))?
+            {
+                heights[index] = height as f32;
+            }
+        }
         *self.part.borrow_mut() = RegionPart { min, width: size[0], heights: heights.clone() };
         Ok(heights)
     }
@@ -99,8 +110,9 @@ impl<'e> Region<'e> {
             high = array::from_fn(|axis| high[axis].max(placed.bounds[1][axis]));
         }
         if let Some([city_low, city_high]) = city {
-            low = array::from_fn(|axis| low[axis].max(city_low[axis] - margin_m));
-            high = array::from_fn(|axis| high[axis].min(city_high[axis] + margin_m));
+            // All of the city has ground under it.
+            low = array::from_fn(|axis| low[axis].max(city_low[axis] - margin_m).min(city_low[axis]));
+            high = array::from_fn(|axis| high[axis].min(city_high[axis] + margin_m).max(city_high[axis]));
         }
         if !(low[0] < high[0] && low[1] < high[1]) {
             return None;
@@ -119,7 +131,7 @@ impl<'e> Region<'e> {
         }
         let corner = array::from_fn(|axis| (low[axis] / step_m).floor() * step_m);
         let size = array::from_fn(|axis| ((high[axis] - corner[axis]) / step_m - 1e-6).ceil().min(1e8) as u32 + 1);
-        Some(Self { elevation, corner, step_m, size, limits, part: RefCell::default() })
+        Some(Self { elevation, corner, step_m, size, is_extended: city.is_some(), limits, part: RefCell::default() })
     }
 
     /// World position of a place in the part that was read last.

@@ -214,3 +214,60 @@ fn pictures_lie_where_they_belong() {
     }
     assert!(checked >= 6, "{checked}");
 }
+
+/// A tile of quantized-mesh: a square with one height.
+fn flat_tile(height_m: f32) -> Vec<u8> {
+    let mut bytes = vec![0; 88];
+    bytes[24..28].copy_from_slice(&height_m.to_le_bytes());
+    bytes[28..32].copy_from_slice(&height_m.to_le_bytes());
+    bytes.extend(4_u32.to_le_bytes());
+    // Zigzag steps of u, v and the height.
+    let vertices: [u16; 12] = [0, 65534, 65533, 65534, 0, 0, 65534, 0, 0, 0, 0, 0];
+    bytes.extend(vertices.iter().flat_map(|number| number.to_le_bytes()));
+    bytes.extend(2_u32.to_le_bytes());
+    let codes: [u16; 6] = [0, 0, 0, 2, 0, 2];
+    bytes.extend(codes.iter().flat_map(|code| code.to_le_bytes()));
+    bytes.extend([0; 16]);
+    bytes
+}
+
+#[test]
+fn heights_of_terrain_tiles_are_above_the_ellipsoid() {
+    // The tiles at 9 degrees east and 48.75 degrees north.
+    let layers = [("EPSG:4326", "8/268/197.terrain"), ("EPSG:3857", "9/268/335.terrain")];
+    let heights = layers.map(|(projection, tile)| {
+        let folder = TestFolder::new(&format!("elevation-tiles-{}", &projection[5..]));
+        let tile = folder.path.join("terrain").join(tile);
+        fs::create_dir_all(tile.parent().unwrap()).unwrap();
+        fs::write(tile, flat_tile(150.0)).unwrap();
+        let layer = format!(
+            r#"{{"format": "quantized-mesh-1.0", "projection": "{projection}", "tiles": ["{{z}}/{{x}}/{{y}}.terrain"]}}"#
+        );
+        fs::write(folder.path.join("terrain/layer.json"), layer).unwrap();
+        fs::write(folder.path.join("a.geojson"), house([0.0, 0.0])).unwrap();
+        let (scene, report) = read(std::slice::from_ref(&folder.path), &ReadOptions::default(), &|_| {}).unwrap();
+        assert!(report.sources.iter().any(|source| source.format == SourceFormat::Elevation));
+        height_at(&corners(&scene, ObjectKind::Terrain), [40.0, 30.0]).unwrap()
+    });
+    // EGM96 is about 48 m above the ellipsoid there.
+    assert!(heights.iter().all(|height| (100.0..104.0).contains(height)), "{heights:?}");
+    assert!((heights[0] - heights[1]).abs() < 0.01, "{heights:?}");
+}
+
+#[test]
+fn ground_goes_on_under_the_city_and_in_gaps() {
+    let plane = |x: f64, y: f64| 50.0 + 0.02 * x + 0.01 * y;
+    let with_gap = |x: f64, y: f64| {
+        let is_gap = (60.0..90.0).contains(&x) && (60.0..90.0).contains(&y);
+        if is_gap { -9999.0 } else { plane(x, y) }
+    };
+    let dem = grid([0.0, 0.0], [41, 41], 5.0, with_gap);
+    // One house on the model, and one 60 m beyond it.
+    let files = [("a.geojson", &*house([20.0, 20.0])), ("b.geojson", &house([260.0, 100.0])), ("dem.asc", &dem)];
+    let (scene, _) = read_files("extended", &files, &ReadOptions::default());
+    let terrain = corners(&scene, ObjectKind::Terrain);
+    let gap = height_at(&terrain, [75.0, 75.0]).expect("ground in the gap");
+    assert!((gap - plane(75.0, 75.0)).abs() < 1.0, "{gap}");
+    let beyond = height_at(&terrain, [265.0, 105.0]).expect("ground under the house");
+    assert!((beyond - 54.5).abs() < 1.5, "{beyond}");
+}

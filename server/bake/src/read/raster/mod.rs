@@ -9,6 +9,7 @@ mod hgt;
 mod jpeg2000;
 mod picture;
 mod place;
+mod quantized_mesh;
 mod samples;
 mod source;
 #[cfg(test)]
@@ -21,11 +22,13 @@ pub(crate) use self::error::RasterError;
 pub(crate) use self::facts::RasterCrs;
 pub(crate) use self::facts::{RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
 pub(crate) use self::place::GeoPlace;
+pub(crate) use self::quantized_mesh::TileFiles;
 pub(crate) use self::source::ReadSeek;
 
 use self::ascii_grid::AsciiGrid;
 use self::hgt::Hgt;
 use self::picture::Picture;
+use self::quantized_mesh::QuantizedMesh;
 use self::source::Source;
 use self::tiff::TiffRaster;
 
@@ -45,6 +48,7 @@ enum Content {
     Hgt(Hgt),
     Ascii(AsciiGrid),
     Picture(Picture),
+    QuantizedMesh(Box<QuantizedMesh>),
 }
 
 impl Raster {
@@ -73,6 +77,24 @@ impl Raster {
         Ok(Self { facts, limits, content })
     }
 
+    /// Opens terrain of Cesium by its `layer.json` and the files beside it.
+    pub(crate) fn open_quantized_mesh(
+        layer_json: &[u8],
+        tiles: Box<dyn TileFiles>,
+        limits: RasterLimits,
+    ) -> Result<Self, RasterError> {
+        let (terrain, facts) = QuantizedMesh::open(layer_json, tiles, limits)?;
+        Ok(Self { facts, limits, content: Content::QuantizedMesh(Box::new(terrain)) })
+    }
+
+    /// Names of the first tiles that could not be read until now, and the number of all. Coarser ones are read instead.
+    pub(crate) fn bad_tiles(&self) -> (&[String], usize) {
+        match &self.content {
+            Content::QuantizedMesh(terrain) => (terrain.bad_tiles(), terrain.bad_tile_count()),
+            _ => (&[], 0),
+        }
+    }
+
     /// What is known of the raster.
     pub(crate) fn facts(&self) -> &RasterFacts {
         &self.facts
@@ -88,6 +110,7 @@ impl Raster {
             Content::Tiff(tiff) => tiff.read_heights(window, level, len),
             Content::Hgt(hgt) => hgt.read_heights(window, len),
             Content::Ascii(grid) => grid.read_heights(window, len),
+            Content::QuantizedMesh(terrain) => terrain.read_heights(window, len),
             Content::Picture(_) => Err(RasterError::unsupported("colours in place of heights")),
         }
     }
@@ -101,7 +124,9 @@ impl Raster {
         match &mut self.content {
             Content::Tiff(tiff) => tiff.read_colours(window, level, len),
             Content::Picture(picture) => picture.read_colours(window, len),
-            Content::Hgt(_) | Content::Ascii(_) => Err(RasterError::unsupported("heights in place of colours")),
+            Content::Hgt(_) | Content::Ascii(_) | Content::QuantizedMesh(_) => {
+                Err(RasterError::unsupported("heights in place of colours"))
+            }
         }
     }
 
