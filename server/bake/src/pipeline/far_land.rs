@@ -115,7 +115,7 @@ impl<'a> FarLand<'a> {
         let heights = self.surroundings.heights(LandSquare { corner, step_m: cell_m, points: POINTS })?;
         let side_m = (POINTS - 1) as f64 * cell_m;
         let picture = self.surroundings.picture([corner, corner.map(|along| along + side_m)], cell_m / 2.0)?;
-        let (texture, place) = picture.unzip();
+        let (texture, place) = picture.map(|picture| (picture.texture, picture.place)).unzip();
         let texture = texture.map(Arc::new);
         let colours = self.surroundings.colours;
         let land = if texture.is_some() { [255; 3] } else { colours.land };

@@ -49,7 +49,7 @@ impl BadInputs {
 /// The error of a source of which every object is left out; `None` if it has others, or none at all.
 pub(super) fn nothing_left(source: &SourceReport) -> Option<InputError> {
     let objects = source.skipped.values().map(|fault| fault.count).sum();
-    if source.objects > 0 || objects == 0 {
+    if source.objects + source.painted > 0 || objects == 0 {
         return None;
     }
     let (reason, fault) = source.skipped.iter().max_by_key(|(_, fault)| fault.count)?;

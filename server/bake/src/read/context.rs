@@ -1,12 +1,16 @@
 //! Options and shared state of reading.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::duplicates::DuplicateOption;
-use super::elevation::{Elevation, FarModels, LandColours, SurroundingsOptions, TerrainOptions, TerrainTile};
+use super::elevation::{
+    Drape, Elevation, FarModels, GroundPictures, LandColours, SurroundingsOptions, TerrainOptions, TerrainTile,
+};
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
 use super::object::{AxisOrder, CrsReference, FeatureKind, KindFilter};
+use super::paint::ShapeStore;
 use super::palette::{Look, Palette, SurfaceFacts};
 use super::place::{Placement, World};
 use super::polygon::Triangulator;
@@ -121,6 +125,8 @@ pub(crate) struct ReadContext<'o> {
     pub(crate) world: World,
     /// The ground's heights.
     pub(crate) elevation: Elevation,
+    /// What is painted on terrain.
+    pub(crate) shapes: ShapeStore,
     /// Whether a source in degrees may choose the city's coordinate system, because no other source has one.
     pub(crate) is_last_resort: bool,
     facades: FacadeMaker,
@@ -151,6 +157,7 @@ impl<'o> ReadContext<'o> {
             source: 0,
             world: World::new(crs.as_deref(), grids.clone())?,
             elevation: Elevation::default(),
+            shapes: ShapeStore::new(Path::new(""), u64::MAX, 0),
             is_last_resort: false,
             facades: FacadeMaker::default(),
         })
@@ -207,6 +214,11 @@ impl<'o> ReadContext<'o> {
         }
     }
 
+    /// Whether flat areas and lines are painted on terrain, because there will be some.
+    pub(crate) fn is_painting(&self) -> bool {
+        !self.elevation.is_empty() && self.options.kinds.contains(FeatureKind::Relief)
+    }
+
     /// World height of the ground at a position on the map, or near it; 0 if no elevation model has one there. Fails if
     /// a model cannot be read, or cannot be placed.
     pub(crate) fn ground_m(&mut self, position: [f64; 2]) -> Result<f64, InputError> {
@@ -245,9 +257,17 @@ impl<'o> ReadContext<'o> {
             return Ok(());
         };
         let (cell_m, options) = (self.options.cell_m, self.options.terrain);
-        let made = self.elevation.make_terrain(city, cell_m, options, rgb, &mut |tile| {
+        let ground = GroundPictures::new(&self.shapes, rgb, cell_m, options.texel_m)
+            .map_err(|error| InputError::io(&report.path, std::io::Error::other(error)))?;
+        let made = self.elevation.make_terrain(city, cell_m, options, &ground, &mut |tile| {
             let TerrainTile { name, triangles, drape } = tile;
-            let drape = drape.map(|(texture, place)| (textures.add_picture(texture, set), place));
+            let drape = drape.map(|Drape { texture, place, has_photo }| {
+                let number = match has_photo {
+                    true => textures.add_picture(texture, set),
+                    false => textures.add_generated(Arc::new(texture)),
+                };
+                (number, place)
+            });
             let texture = drape.map(|(texture, _)| texture);
             let colour = if texture.is_some() { [255; 3] } else { rgb };
             let material = builder.material(StoredMaterial::matt(colour, texture));

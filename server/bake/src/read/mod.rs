@@ -29,6 +29,7 @@ mod mesh_file;
 mod obj;
 mod object;
 mod osm;
+mod paint;
 mod palette;
 mod place;
 mod polygon;
@@ -82,8 +83,13 @@ use input::Input;
 use json_kind::JsonKind;
 use list::SourceList;
 use object::ObjectSink;
+use paint::ShapeStore;
 use sink::SceneSink;
 use source::{CitySource, SourceKind, kind_by_name};
+
+/// Memory of the shapes that are painted on terrain; further ones are in a scratch file of at most this size.
+const MAX_SHAPE_BYTES: u64 = 32 << 20;
+const MAX_SHAPE_FILE_BYTES: u64 = 16 << 30;
 
 /// Reads files, and the city files directly in folders by name, into one scene.
 ///
@@ -136,7 +142,8 @@ pub(crate) fn read_to_disk(
     let triangles = TriangleStore::in_file(scratch.folder.join("triangles"), scratch.budget.clone())?;
     let folder = scratch.folder.to_owned();
     let textures = TextureStore::in_folder(folder, scratch.texture_cache_bytes, scratch.budget.clone());
-    let context = ReadContext::new(options, triangles, textures)?;
+    let mut context = ReadContext::new(options, triangles, textures)?;
+    context.shapes = ShapeStore::new(&scratch.folder.join("shapes"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
     let mut bad = BadInputs::new(options.skip_bad_inputs);
     let listed = list::list(inputs, options, &mut bad)?;
     let mut read = read_sources(&listed, bad, context, progress)?;

@@ -169,6 +169,8 @@ pub struct SourceReport {
     pub objects_by_type: BTreeMap<String, u64>,
     /// Objects left out because a part or the parent has a better level of detail.
     pub coarser_left_out: u64,
+    /// Objects that are painted on the terrain.
+    pub painted: u64,
     /// Objects that only group others or have attributes.
     pub without_geometry: u64,
     /// Objects that became part of another one, by reason.
@@ -212,6 +214,7 @@ impl SourceReport {
             attributes: BTreeMap::new(),
             objects_by_type: BTreeMap::new(),
             coarser_left_out: 0,
+            painted: 0,
             without_geometry: 0,
             merged: BTreeMap::new(),
             skipped: BTreeMap::new(),
@@ -233,7 +236,7 @@ impl SourceReport {
     pub fn unaccounted(&self) -> i64 {
         let counted = |faults: &BTreeMap<String, FaultCount>| faults.values().map(|fault| fault.count).sum::<u64>();
         let left_out = self.left_out_by_kind + self.outside_bbox + self.duplicates.count;
-        let known = self.objects + self.coarser_left_out + self.without_geometry + left_out;
+        let known = self.objects + self.painted + self.coarser_left_out + self.without_geometry + left_out;
         self.found as i64 - (known + counted(&self.merged) + counted(&self.skipped)) as i64
     }
 

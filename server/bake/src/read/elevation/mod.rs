@@ -34,6 +34,7 @@ use lattice::MapGrid;
 use model::PlacedRaster;
 use terrain_files::TerrainFiles;
 
+pub(crate) use drape::{Drape, GroundPictures};
 pub use surroundings::SurroundingsOptions;
 pub(crate) use surroundings::{FarModels, LandColours, LandSquare};
 pub use terrain::TerrainOptions;

@@ -5,10 +5,9 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::Elevation;
-use super::drape::DrapePlace;
+use super::drape::{Drape, GroundPictures};
 use super::lattice::MapGrid;
 use crate::error::InputError;
-use crate::scene::SceneTexture;
 
 /// Points along each side of the grid by which the range of heights is known.
 const OVERVIEW_POINTS: usize = 1024;
@@ -108,13 +107,8 @@ impl FarModels {
     }
 
     /// The pictures over the rectangle from `low` to `high`, as [`Elevation::drape`].
-    pub(crate) fn picture(
-        &self,
-        bounds: [[f64; 2]; 2],
-        texel_m: f64,
-    ) -> Result<Option<(SceneTexture, DrapePlace)>, InputError> {
-        let elevation = self.lock();
-        if elevation.pictures.is_empty() { Ok(None) } else { elevation.drape(bounds, texel_m, self.colours.land) }
+    pub(crate) fn picture(&self, bounds: [[f64; 2]; 2], texel_m: f64) -> Result<Option<Drape>, InputError> {
+        self.lock().drape(bounds, &GroundPictures::photos(self.colours.land, texel_m))
     }
 
     fn lock(&self) -> MutexGuard<'_, Elevation> {

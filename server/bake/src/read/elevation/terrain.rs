@@ -4,17 +4,17 @@ use std::array;
 use std::cell::RefCell;
 
 use super::Elevation;
-use super::drape::DrapePlace;
+use super::drape::{Drape, GroundPictures};
 use super::lattice::MapGrid;
 use crate::error::InputError;
 use crate::roam::{Borders, HeightSource, triangulate_region};
-use crate::scene::SceneTexture;
 use insula_protocol::NODE_CELLS;
 
 /// More heights make the grid coarser.
 const MAX_HEIGHTS: f64 = 4e8;
 /// Steps along the side of a tile, if a raster's pixels are as large as its steps.
 const TILE_STEPS: u32 = 1024;
+const MIN_TILE_STEPS: u32 = 16;
 /// Pixels along the side of a tile's window in a raster that is finer than the grid.
 const MAX_TILE_PIXELS: f64 = 4096.0;
 /// Where land surrounds the city, its terrain ends at squares of this many leaves, at which that land begins.
@@ -47,8 +47,8 @@ pub(crate) struct TerrainTile {
     pub(crate) name: String,
     /// World positions, counter-clockwise seen from above.
     pub(crate) triangles: Vec<[[f64; 3]; 3]>,
-    /// The pictures on it.
-    pub(crate) drape: Option<(SceneTexture, DrapePlace)>,
+    /// The picture on it.
+    pub(crate) drape: Option<Drape>,
 }
 
 /// The grid over a region.
@@ -146,27 +146,29 @@ impl<'e> Region<'e> {
         [x, y, f64::from(height)]
     }
 
-    /// Steps along the side of a tile, a power of two.
-    fn tile_steps(&self) -> u32 {
+    /// Steps along the side of a tile, a power of two. A tile is not wider than a picture of it.
+    fn tile_steps(&self, picture_m: f64) -> u32 {
         let pixels_per_step = (self.step_m / self.elevation.step_m()).max(1.0);
-        let steps = (MAX_TILE_PIXELS / pixels_per_step).clamp(32.0, f64::from(TILE_STEPS)) as u32;
-        1 << steps.ilog2()
+        let steps = (MAX_TILE_PIXELS / pixels_per_step).min(picture_m / self.step_m);
+        1 << (steps.clamp(f64::from(MIN_TILE_STEPS), f64::from(TILE_STEPS)) as u32).ilog2()
     }
 }
 
 impl Elevation {
-    /// Passes the terrain around a city to `add`, tile by tile. Pictures have the colour `ground` where they have none.
-    /// The models must be settled. Fails if a raster cannot be read.
+    /// Passes the terrain around a city to `add`, tile by tile, with pictures of the ground. The models must be
+    /// settled. Fails if a raster cannot be read.
     pub(crate) fn make_terrain(
         &self,
         city: Option<[[f64; 2]; 2]>,
         cell_m: f64,
         options: TerrainOptions,
-        ground: [u8; 3],
+        ground: &GroundPictures<'_>,
         add: &mut dyn FnMut(TerrainTile),
     ) -> Result<(), InputError> {
         let Some(region) = Region::new(self, city, cell_m, options.margin_m) else { return Ok(()) };
-        let borders = Borders::survey(&region, region.tile_steps(), (options.error_cells * cell_m) as f32)?;
+        let picture_m = if self.pictures.is_empty() && !ground.is_painted() { f64::INFINITY } else { ground.side_m() };
+        let tile_steps = region.tile_steps(picture_m);
+        let borders = Borders::survey(&region, tile_steps, (options.error_cells * cell_m) as f32)?;
         for tile in borders.tiling().tiles() {
             let mesh = triangulate_region(&region, &borders, tile)?;
             let positions: Vec<[f64; 3]> = mesh.vertices.iter().map(|place| region.position(*place)).collect();
@@ -175,10 +177,7 @@ impl Elevation {
             if triangles.is_empty() {
                 continue;
             }
-            let drape = match self.pictures.is_empty() {
-                true => None,
-                false => self.drape(bounds_on_map(&triangles), options.texel_m, ground)?,
-            };
+            let drape = self.drape(bounds_on_map(&triangles), ground)?;
             add(TerrainTile { name: format!("terrain {}/{}", tile[0], tile[1]), triangles, drape });
         }
         Ok(())

@@ -4,6 +4,7 @@
 mod footprints;
 mod ground_shapes;
 mod materials;
+mod painted;
 mod standing;
 mod surfaces;
 
@@ -162,6 +163,7 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
         match &object.shape {
             Shape::None => self.report.without_geometry += 1,
             Shape::Surfaces { polygons, meshes } => self.add_surfaces(&object, polygons, meshes),
+            shape if self.paint(&object, shape)? => {}
             Shape::Footprints(footprints) => {
                 if is_extruded(&object, self.context.options.height_field.as_deref()) {
                     self.add_buildings(&object, footprints)?;

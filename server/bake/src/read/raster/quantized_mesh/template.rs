@@ -14,12 +14,12 @@ pub(super) struct NamedTile {
 /// How tiles are named within the folder of `layer.json`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Template {
-    parts: Vec<Part>,
+    parts: Vec<TemplatePart>,
 }
 
 /// A part of a template.
 #[derive(Debug, Clone, PartialEq, Eq)]
-enum Part {
+enum TemplatePart {
     Text(String),
     Level,
     Column,
@@ -33,18 +33,19 @@ impl Template {
         let mut parts = Vec::new();
         while let Some((before, after)) = rest.split_once('{') {
             let (word, after) = after.split_once('}')?;
-            parts.push(Part::Text(before.to_owned()));
+            parts.push(TemplatePart::Text(before.to_owned()));
             parts.push(match word {
-                "z" => Part::Level,
-                "x" => Part::Column,
-                "y" => Part::Row,
-                "version" => Part::Text(version.to_owned()),
+                "z" => TemplatePart::Level,
+                "x" => TemplatePart::Column,
+                "y" => TemplatePart::Row,
+                "version" => TemplatePart::Text(version.to_owned()),
                 _ => return None,
             });
             rest = after;
         }
-        parts.push(Part::Text(rest.to_owned()));
-        let has_all = [Part::Level, Part::Column, Part::Row].iter().all(|number| parts.contains(number));
+        parts.push(TemplatePart::Text(rest.to_owned()));
+        let has_all =
+            [TemplatePart::Level, TemplatePart::Column, TemplatePart::Row].iter().all(|number| parts.contains(number));
         has_all.then_some(Self { parts })
     }
 
@@ -54,13 +55,13 @@ impl Template {
         let mut rest = name;
         for part in &self.parts {
             let number = match part {
-                Part::Text(text) => {
+                TemplatePart::Text(text) => {
                     rest = rest.strip_prefix(text.as_str())?;
                     continue;
                 }
-                Part::Level => &mut tile.level,
-                Part::Column => &mut tile.column,
-                Part::Row => &mut tile.row,
+                TemplatePart::Level => &mut tile.level,
+                TemplatePart::Column => &mut tile.column,
+                TemplatePart::Row => &mut tile.row,
             };
             let end = rest.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(rest.len());
             let (digits, after) = rest.split_at_checked(end)?;
@@ -73,11 +74,11 @@ impl Template {
 
     /// The name of a tile.
     pub(super) fn name(&self, tile: NamedTile) -> String {
-        let part = |part: &Part| match part {
-            Part::Text(text) => text.clone(),
-            Part::Level => tile.level.to_string(),
-            Part::Column => tile.column.to_string(),
-            Part::Row => tile.row.to_string(),
+        let part = |part: &TemplatePart| match part {
+            TemplatePart::Text(text) => text.clone(),
+            TemplatePart::Level => tile.level.to_string(),
+            TemplatePart::Column => tile.column.to_string(),
+            TemplatePart::Row => tile.row.to_string(),
         };
         self.parts.iter().map(part).collect()
     }

@@ -1,0 +1,38 @@
+//! Pictures of the ground from above: land use, water, roads, paths and rails, painted in colours of materials.
+//!
+//! In: shapes on the map, in metres. Out: texels in sRGB with alpha, on a grid that is anchored to the map, so that
+//! neighbouring pictures fit texel by texel. Next: textures of terrain.
+//!
+//! The picture is painted in blocks of 256 x 256 texels with 16 samples each. A sample holds what lies there (a
+//! [`PaintMaterial`]), not a colour: shapes replace each other without blending, so areas with a common border have no gap
+//! between them. The colour of a texel is the mean of its samples in linear light.
+
+mod canvas;
+mod class;
+mod clip;
+mod error;
+mod junctions;
+mod line_paint;
+mod material;
+mod noise;
+mod painter;
+mod palette;
+mod passes;
+mod pattern;
+mod prepare;
+mod resolve;
+mod road_paint;
+mod shape;
+mod store;
+mod stroke;
+mod surfacing;
+mod tags;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use class::{AreaClass, LineClass};
+pub(crate) use error::PaintError;
+pub(crate) use painter::{GroundPainter, over};
+pub(crate) use shape::{PaintArea, PaintLine, PaintShape};
+pub(crate) use store::{ShapeStore, ShapeStoreError};
+pub(crate) use tags::{area_look, is_zebra, line_look};

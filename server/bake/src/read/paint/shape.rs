@@ -1,0 +1,125 @@
+//! Shapes that are painted.
+
+use crate::read::paint::class::{AreaClass, LineClass};
+use crate::read::paint::junctions::{JUNCTION_REACH_M, ROUND_END_REACH_M};
+use crate::read::paint::road_paint::CASING_M;
+use crate::read::paint::stroke::MAX_MITER;
+use crate::read::paint::surfacing::Surfacing;
+
+/// Positions farther from the origin of the map, in metres, are none.
+pub(crate) const MAX_COORDINATE_M: f64 = 1e9;
+/// Widths of lines are brought into this range.
+pub(crate) const WIDTH_RANGE_M: [f64; 2] = [0.05, 200.0];
+
+/// An area or a line on the map.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum PaintShape {
+    Area(PaintArea),
+    Line(PaintLine),
+}
+
+/// An area on the map.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct PaintArea {
+    /// Rings in metres, x east and y north, in any orientation, closed or not. What an odd number of rings contains is
+    /// painted. Positions that are not finite are left out.
+    pub(crate) rings: Vec<Vec<[f64; 2]>>,
+    pub(crate) class: AreaClass,
+    /// What it is covered with, where that is not usual for the class.
+    pub(crate) surfacing: Option<Surfacing>,
+}
+
+/// A line on the map. Lines on bridges and in tunnels are left out by the reader: they are not on the ground.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct PaintLine {
+    /// Points in metres, x east and y north. Lines that meet have a common point there. Positions that are not finite
+    /// are left out.
+    pub(crate) points: Vec<[f64; 2]>,
+    pub(crate) class: LineClass,
+    /// Of the carriageway, without pavements; of the bed, for rails. The usual one of the class if it is not a number.
+    pub(crate) width_m: f64,
+    /// Number of lanes of a road, or of tracks of a railway, if known.
+    pub(crate) lanes: Option<u8>,
+    /// Whether all lanes of a road have the same direction.
+    pub(crate) is_one_way: bool,
+    pub(crate) sidewalks: Sidewalks,
+    /// What it is covered with, where that is not usual for the class.
+    pub(crate) surfacing: Option<Surfacing>,
+}
+
+/// On which sides a road has pavements.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub(crate) enum Sidewalks {
+    /// Both, if the class usually has them, but not on fields, in woods and on water.
+    #[default]
+    Usual,
+    None,
+    /// Left in the direction of the line.
+    Left,
+    Right,
+    Both,
+}
+
+impl Sidewalks {
+    /// All, in the order of their numbers.
+    pub(crate) const ALL: [Self; 5] = [Self::Usual, Self::None, Self::Left, Self::Right, Self::Both];
+}
+
+impl PaintLine {
+    /// A line of a class with its usual width and nothing else known.
+    #[must_use]
+    pub(crate) fn new(class: LineClass, points: Vec<[f64; 2]>) -> Self {
+        Self {
+            points,
+            class,
+            width_m: class.usual_width_m(),
+            lanes: None,
+            is_one_way: false,
+            sidewalks: Sidewalks::Usual,
+            surfacing: None,
+        }
+    }
+
+    /// The width that is painted.
+    pub(crate) fn width_m(&self) -> f64 {
+        let width_m = if self.width_m.is_finite() { self.width_m } else { self.class.usual_width_m() };
+        width_m.clamp(WIDTH_RANGE_M[0], WIDTH_RANGE_M[1])
+    }
+}
+
+impl PaintShape {
+    /// Lowest and highest position at which the shape changes a picture: with its width, its pavements, and around
+    /// junctions. A shape touches a rectangle if these bounds do. `None` if it has no position.
+    #[must_use]
+    pub(crate) fn bounds(&self) -> Option<[[f64; 2]; 2]> {
+        match self {
+            Self::Area(area) => bounds(area.rings.iter().flatten()),
+            Self::Line(line) => {
+                let joins_m = if line.class.is_street() { JUNCTION_REACH_M } else { ROUND_END_REACH_M };
+                let reach_m = (MAX_MITER * (line.width_m() / 2.0 + CASING_M)).max(joins_m);
+                let [low, high] = bounds(&line.points)?;
+                Some([low.map(|v| v - reach_m), high.map(|v| v + reach_m)])
+            }
+        }
+    }
+}
+
+/// Whether a position is one: finite, and on a map.
+pub(crate) fn is_position(point: [f64; 2]) -> bool {
+    point.iter().all(|v| v.abs() <= MAX_COORDINATE_M)
+}
+
+/// Lowest and highest of all positions that are some; `None` without.
+pub(crate) fn bounds<'p>(points: impl IntoIterator<Item = &'p [f64; 2]>) -> Option<[[f64; 2]; 2]> {
+    let mut positions = points.into_iter().filter(|point| is_position(**point));
+    let first = *positions.next()?;
+    Some(positions.fold([first, first], |[low, high], point| {
+        [[0, 1].map(|axis| low[axis].min(point[axis])), [0, 1].map(|axis| high[axis].max(point[axis]))]
+    }))
+}
+
+/// Whether two rectangles have a common point.
+pub(crate) fn overlap([low, high]: [[f64; 2]; 2], [other_low, other_high]: [[f64; 2]; 2]) -> bool {
+    (0..2).all(|axis| low[axis] <= other_high[axis] && other_low[axis] <= high[axis])
+}
