@@ -21,6 +21,9 @@ const SLACK_DB: f64 = 0.1;
 const MAX_TRIALS: usize = 6;
 /// Index of libwebp's coarsest quantiser.
 const MAX_QUANTISER: i32 = 127;
+/// The coarsest quantiser that is tried. Coarser ones reach the quality only where there is little contrast, and show
+/// patches of colour there that the texture does not have.
+const COARSEST_QUANTISER: i32 = 72;
 /// Index of the quantiser at which the search begins.
 const FIRST_QUANTISER: i32 = 42;
 /// Loss that the search expects from the next coarser quantiser.
@@ -85,7 +88,7 @@ impl MaskedTexture<'_> {
                 best = Some(file);
             }
             let is_close = trial.psnr_db <= min_db + SLACK_DB;
-            if is_good && (is_close || quantiser == MAX_QUANTISER) || !is_good && quantiser == 0 {
+            if is_good && (is_close || quantiser == COARSEST_QUANTISER) || !is_good && quantiser == 0 {
                 break;
             }
             *(if is_good { &mut good } else { &mut bad }) = Some(trial);
@@ -136,7 +139,7 @@ fn interpolate_quantiser(good: Trial, bad: Trial, aim_db: f64) -> Option<i32> {
 /// The quantiser to try as long as all trials were on one side of the quality.
 fn extrapolate_quantiser(trial: Trial, is_good: bool, aim_db: f64) -> i32 {
     let by = ((trial.psnr_db - aim_db) / DB_PER_QUANTISER).round() as i32;
-    (trial.quantiser + if is_good { by.max(1) } else { by.min(-1) }).clamp(0, MAX_QUANTISER)
+    (trial.quantiser + if is_good { by.max(1) } else { by.min(-1) }).clamp(0, COARSEST_QUANTISER)
 }
 
 /// The quality setting from which libwebp computes this quantiser: the inverse of its `QualityToCompression`.

@@ -84,6 +84,7 @@ use json_kind::JsonKind;
 use list::SourceList;
 use object::ObjectSink;
 use paint::ShapeStore;
+use report::INEXACT;
 use sink::SceneSink;
 use source::{CitySource, SourceKind, kind_by_name};
 
@@ -343,8 +344,12 @@ fn read_by_kind(
 
 /// Opens an elevation model or a picture, which is read later. Fails as [`elevation::Elevation::open`].
 fn open_elevation(context: &mut ReadContext<'_>, source: &CitySource<'_>) -> Result<SourceReport, InputError> {
-    context.elevation.open(source, context.source)?;
-    Ok(SourceReport::new(&source.label, SourceFormat::Elevation, source.bytes))
+    let warning = context.elevation.open(source, context.source)?;
+    let mut report = SourceReport::new(&source.label, SourceFormat::Elevation, source.bytes);
+    if let Some(warning) = warning {
+        report.problem(INEXACT, || warning.to_owned());
+    }
+    Ok(report)
 }
 
 /// Reads a source and passes its objects to the sink. Fails if the source cannot be read at all.

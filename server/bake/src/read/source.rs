@@ -95,7 +95,7 @@ pub(crate) fn kind_by_name(name: &str) -> Option<SourceKind> {
         "ply" => Some(SourceKind::Ply),
         "stl" => Some(SourceKind::Stl),
         "b3dm" | "i3dm" | "cmpt" | "pnts" => Some(SourceKind::Tile),
-        "tif" | "tiff" | "hgt" | "asc" => Some(SourceKind::Elevation),
+        "tif" | "tiff" | "hgt" | "asc" | "las" | "laz" => Some(SourceKind::Elevation),
         _ => None,
     }
 }

@@ -37,7 +37,7 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["rvt"], "Revit", FROM_CAD),
     (&["max"], "3ds Max", FROM_CAD),
     (&["blend"], "Blender", FROM_CAD),
-    (&["las", "laz", "e57", "xyz"], "point clouds", FROM_POINTS),
+    (&["e57", "xyz"], "point clouds", FROM_POINTS),
     (&["vrt", "img", "dem", "bil", "flt", "ecw", "jp2"], "rasters", TO_GEOTIFF),
     (&["7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
 ];
@@ -92,7 +92,7 @@ mod tests {
         );
         assert!(message("x.y/a.ifc").ends_with("IfcConvert x.y/a.ifc x.y/a.obj"));
         assert!(message("a.skp").ends_with("export it as OBJ, in metres, from the program that made it"));
-        assert!(message("a.laz").contains("roofer"));
+        assert!(message("a.e57").contains("roofer"));
         assert!(message("notes.txt").contains("supported are CityGML"), "any other file");
         assert!(message("none").contains("supported are CityGML"));
     }

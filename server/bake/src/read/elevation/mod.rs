@@ -103,9 +103,9 @@ impl Elevation {
         self.models.iter().map(|model| model.source).min().unwrap_or(0)
     }
 
-    /// Opens an elevation model or an orthophoto; `number` is that of its report. Fails if it is neither, is damaged,
+    /// Opens an elevation model or an orthophoto; `number` is that of its report. Returns what is inexact about it. Fails if it is neither, is damaged,
     /// or has no place.
-    pub(crate) fn open(&mut self, source: &CitySource<'_>, number: usize) -> Result<(), InputError> {
+    pub(crate) fn open(&mut self, source: &CitySource<'_>, number: usize) -> Result<Option<&'static str>, InputError> {
         let file = source.files.on_disk(&source.name).map_err(|cause| InputError::io(&source.label, cause))?;
         let raster = if kind_by_name(&source.name) == Some(SourceKind::Json) {
             open_terrain(source, &file)?
@@ -114,7 +114,7 @@ impl Elevation {
             Raster::open(Box::new(std::io::BufReader::new(reader)), &source.name, RasterLimits::default())
                 .map_err(|error| raster_fault(&source.label, error))?
         };
-        let facts = raster.facts();
+        let (facts, warning) = (raster.facts(), raster.warning());
         // Heights have one band, and hardly ever 8 bits.
         let is_picture = facts.bands > 2 || facts.sample == SampleKind::U8;
         let place = match facts.place {
@@ -127,7 +127,7 @@ impl Elevation {
         let mut placed = PlacedRaster::new(&source.label, number, raster, place, crs, file);
         placed.is_surroundings = source.is_surroundings;
         list.push(placed);
-        Ok(())
+        Ok(warning)
     }
 
     /// Places the models in the world. Fails if one has no place in it.

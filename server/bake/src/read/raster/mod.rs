@@ -5,10 +5,12 @@ mod ascii_grid;
 mod cache;
 mod error;
 mod facts;
+mod geo_keys;
 mod hgt;
 mod jpeg2000;
 mod picture;
 mod place;
+mod point_cloud;
 mod quantized_mesh;
 mod samples;
 mod source;
@@ -28,6 +30,7 @@ pub(crate) use self::source::ReadSeek;
 use self::ascii_grid::AsciiGrid;
 use self::hgt::Hgt;
 use self::picture::Picture;
+use self::point_cloud::PointCloud;
 use self::quantized_mesh::QuantizedMesh;
 use self::source::Source;
 use self::tiff::TiffRaster;
@@ -49,6 +52,7 @@ enum Content {
     Ascii(AsciiGrid),
     Picture(Picture),
     QuantizedMesh(Box<QuantizedMesh>),
+    PointCloud(Box<PointCloud>),
 }
 
 impl Raster {
@@ -65,6 +69,9 @@ impl Raster {
         } else if picture::is_picture(&start) || jpeg2000::is_jpeg2000(&start) {
             let (picture, facts) = Picture::open(source, &start, limits)?;
             (Content::Picture(picture), facts)
+        } else if point_cloud::is_point_cloud(&start) {
+            let (cloud, facts) = PointCloud::open(source, limits)?;
+            (Content::PointCloud(Box::new(cloud)), facts)
         } else if hgt::is_hgt(name) {
             let (hgt, facts) = Hgt::open(source, name)?;
             (Content::Hgt(hgt), facts)
@@ -85,6 +92,14 @@ impl Raster {
     ) -> Result<Self, RasterError> {
         let (terrain, facts) = QuantizedMesh::open(layer_json, tiles, limits)?;
         Ok(Self { facts, limits, content: Content::QuantizedMesh(Box::new(terrain)) })
+    }
+
+    /// What is inexact about the heights.
+    pub(crate) fn warning(&self) -> Option<&'static str> {
+        match &self.content {
+            Content::PointCloud(cloud) => cloud.warning(),
+            _ => None,
+        }
     }
 
     /// Names of the first tiles that could not be read until now, and the number of all. Coarser ones are read instead.
@@ -111,6 +126,7 @@ impl Raster {
             Content::Hgt(hgt) => hgt.read_heights(window, len),
             Content::Ascii(grid) => grid.read_heights(window, len),
             Content::QuantizedMesh(terrain) => terrain.read_heights(window, len),
+            Content::PointCloud(cloud) => cloud.read_heights(window, len),
             Content::Picture(_) => Err(RasterError::unsupported("colours in place of heights")),
         }
     }
@@ -124,7 +140,7 @@ impl Raster {
         match &mut self.content {
             Content::Tiff(tiff) => tiff.read_colours(window, level, len),
             Content::Picture(picture) => picture.read_colours(window, len),
-            Content::Hgt(_) | Content::Ascii(_) | Content::QuantizedMesh(_) => {
+            Content::Hgt(_) | Content::Ascii(_) | Content::QuantizedMesh(_) | Content::PointCloud(_) => {
                 Err(RasterError::unsupported("heights in place of colours"))
             }
         }
