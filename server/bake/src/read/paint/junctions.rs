@@ -5,25 +5,14 @@ use std::collections::HashMap;
 use crate::read::paint::class::LineClass;
 use crate::read::paint::material::PaintMaterial;
 use crate::read::paint::prepare::ReadyLine;
-use crate::read::paint::road_paint::CASING_M;
-use crate::read::paint::stroke::{MAX_MITER, WHOLE_PIECE_M};
+use crate::read::paint::reach::{MAX_HALF_M, STOP_M};
 
-/// Lane lines end this far before the edge of the street that is met.
-const STOP_M: f64 = 2.0;
-/// Wider streets end the lane lines of others no earlier. Wider lines have no lane lines and no round ends.
-pub(crate) const MAX_HALF_M: f64 = 15.0;
-/// Streets that meet change a picture this far around the junction: along the street to the end of the piece of a lane
-/// line that is cut, and across it to that of a bend.
-pub(crate) const JUNCTION_REACH_M: f64 = (MAX_HALF_M + STOP_M + WHOLE_PIECE_M) + MAX_MITER * MAX_HALF_M;
-/// Lines that meet give each other round ends, which have this radius.
-pub(crate) const ROUND_END_REACH_M: f64 = MAX_HALF_M + CASING_M + 0.5;
-const _: () = assert!(JUNCTION_REACH_M > ROUND_END_REACH_M, "streets have round ends too");
 /// Points of lines are equal if their centimetres are.
 const STEPS_PER_M: f64 = 100.0;
 
 /// A point of streets.
 #[derive(Debug, Clone, Copy, Default)]
-struct Node {
+struct JunctionNode {
     /// Parts of streets that begin there.
     arms: u32,
     /// Half widths of the two widest streets, with their numbers, the widest first.
@@ -78,8 +67,8 @@ fn cut_at_junctions(lines: &mut [ReadyLine]) {
     }
 }
 
-fn nodes(lines: &[ReadyLine]) -> HashMap<[i64; 2], Node> {
-    let mut nodes: HashMap<[i64; 2], Node> = HashMap::new();
+fn nodes(lines: &[ReadyLine]) -> HashMap<[i64; 2], JunctionNode> {
+    let mut nodes: HashMap<[i64; 2], JunctionNode> = HashMap::new();
     for (number, line) in lines.iter().enumerate().filter(|(_, line)| line.class.is_street()) {
         let last = line.points.len() - 1;
         for (i, point) in line.points.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Pictures of the ground from above: land use, water, roads, paths and rails, painted in colours of materials.
 //!
-//! In: shapes on the map, in metres. Out: texels in sRGB with alpha, on a grid that is anchored to the map, so that
-//! neighbouring pictures fit texel by texel. Next: textures of terrain.
+//! Shapes on the map, in metres, become texels in sRGB with alpha, on a grid that is anchored to the map, so that
+//! neighbouring pictures fit texel by texel. Terrain has them as textures.
 //!
 //! The picture is painted in blocks of 256 x 256 texels with 16 samples each. A sample holds what lies there (a
 //! [`PaintMaterial`]), not a colour: shapes replace each other without blending, so areas with a common border have no gap
@@ -20,6 +20,7 @@ mod palette;
 mod passes;
 mod pattern;
 mod prepare;
+mod reach;
 mod resolve;
 mod road_paint;
 mod shape;

@@ -2,18 +2,14 @@
 
 use crate::read::paint::canvas::{Brush, Canvas};
 use crate::read::paint::class::LineClass;
-use crate::read::paint::junctions::MAX_HALF_M;
 use crate::read::paint::material::{MaterialSet, PaintMaterial};
 use crate::read::paint::palette::PaintStyle;
 use crate::read::paint::prepare::ReadyLine;
+use crate::read::paint::reach::{CASING_M, KERB_M, MAX_HALF_M};
 use crate::read::paint::shape::Sidewalks;
 use crate::read::paint::stroke::{Stripe, band, stripe};
 use PaintMaterial as M;
 
-const KERB_M: f64 = 0.15;
-const PAVEMENT_M: f64 = 2.0;
-/// Width of what is painted beside a carriageway.
-pub(crate) const CASING_M: f64 = KERB_M + PAVEMENT_M;
 /// Width of lane lines.
 const LINE_M: f64 = 0.15;
 /// Lane lines: length of a dash, and from one to the next.

@@ -1,9 +1,7 @@
 //! Shapes that are painted.
 
 use crate::read::paint::class::{AreaClass, LineClass};
-use crate::read::paint::junctions::{JUNCTION_REACH_M, ROUND_END_REACH_M};
-use crate::read::paint::road_paint::CASING_M;
-use crate::read::paint::stroke::MAX_MITER;
+use crate::read::paint::reach::{CASING_M, JUNCTION_REACH_M, MAX_MITER, ROUND_END_REACH_M};
 use crate::read::paint::surfacing::Surfacing;
 
 /// Positions farther from the origin of the map, in metres, are none.

@@ -3,16 +3,12 @@
 use crate::read::paint::canvas::{BLOCK_SAMPLES, PolygonFill, SampleWindow};
 use crate::read::paint::clip::{between, clip_segment};
 use crate::read::paint::prepare::ReadyLine;
+use crate::read::paint::reach::{MAX_MITER, WHOLE_PIECE_M};
 
 /// More segments of one line in one block are left out: they cover it long before.
 const MAX_SEGMENTS: usize = 4096;
-/// Whole stripes are made of pieces of this length. A cut changes only the pieces that it touches: the edges of longer
-/// ones would be rounded in another way, far from the cut.
-pub(crate) const WHOLE_PIECE_M: f64 = 6.0;
 /// More pieces of one stripe in one block are left out.
 const MAX_PIECES: usize = 8192;
-/// The miter of a stripe's bend is at most this many times its distance from the line; sharper bends are cut.
-pub(crate) const MAX_MITER: f64 = 2.0;
 /// Bends that leave a smaller gap on their outer side, in samples, need no disc.
 const SMALL_GAP: f64 = 0.25;
 /// Corners of a disc deviate from its circle by this part of a sample.

@@ -1,3 +1,5 @@
+//! Shapes that are kept and found again.
+
 use super::*;
 use crate::read::paint::class::{AreaClass, LineClass};
 use crate::read::paint::shape::{PaintArea, PaintLine, Sidewalks};
