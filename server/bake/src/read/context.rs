@@ -132,6 +132,10 @@ pub(crate) struct ReadContext<'o> {
     facades: FacadeMaker,
 }
 
+/// Problem of an elevation model of another place.
+const NO_TERRAIN: &str = "elevation model far from the city, no terrain made";
+/// Terrain reaches so far beyond buildings for what is painted on it. Some areas and lines of extracts end far outside.
+const PAINTED_REACH_M: f64 = 2000.0;
 /// Problem of a tile of terrain.
 const BAD_TILE: &str = "terrain tile that cannot be read, a coarser one drawn";
 
@@ -251,7 +255,7 @@ impl<'o> ReadContext<'o> {
             }
         }
         let rgb = self.colour_of(kind);
-        let city = self.builder.bounds_on_map();
+        let city = self.terrain_bounds();
         let (builder, textures, source) = (&mut self.builder, &mut self.textures, self.elevation.first_source());
         let (set, Some(report)) = (textures.set_named("pictures from above"), sources.get_mut(source)) else {
             return Ok(());
@@ -259,6 +263,7 @@ impl<'o> ReadContext<'o> {
         let (cell_m, options) = (self.options.cell_m, self.options.terrain);
         let ground = GroundPictures::new(&self.shapes, rgb, cell_m, options.texel_m)
             .map_err(|error| InputError::io(&report.path, std::io::Error::other(error)))?;
+        let mut tiles = 0_u64;
         let made = self.elevation.make_terrain(city, cell_m, options, &ground, &mut |tile| {
             let TerrainTile { name, triangles, drape } = tile;
             let drape = drape.map(|Drape { texture, place, has_photo }| {
@@ -282,9 +287,16 @@ impl<'o> ReadContext<'o> {
             let mut open = OpenObject::new(ObjectKind::Terrain);
             builder.push(&mut open, &faces);
             report.found += 1;
+            tiles += 1;
             *report.objects_by_kind.entry(kind).or_default() += 1;
             builder.close(source, &name, open, report);
         });
+        if tiles == 0
+            && let Some(report) = sources.get_mut(source)
+        {
+            let path = report.path.clone();
+            report.problem(NO_TERRAIN, || path);
+        }
         for (number, names, count) in self.elevation.bad_tiles() {
             let Some(report) = sources.get_mut(number) else { continue };
             for index in 0..count {
@@ -292,6 +304,27 @@ impl<'o> ReadContext<'o> {
             }
         }
         made
+    }
+
+    /// Lowest and highest corner on the map of what needs ground: the objects, and what is painted near them, within the
+    /// wanted area. `None` without any.
+    fn terrain_bounds(&mut self) -> Option<[[f64; 2]; 2]> {
+        let painted = self.shapes.bounds();
+        let mut bounds = match (self.builder.bounds_on_map(), painted) {
+            (Some([low, high]), Some([painted_low, painted_high])) => [
+                [0, 1].map(|axis| low[axis].min(painted_low[axis].max(low[axis] - PAINTED_REACH_M))),
+                [0, 1].map(|axis| high[axis].max(painted_high[axis].min(high[axis] + PAINTED_REACH_M))),
+            ],
+            (objects, painted) => objects.or(painted)?,
+        };
+        if let Some(bbox_deg) = self.options.placing.bbox_deg
+            && let Some([low, high]) = self.area_on_map(bbox_deg)
+        {
+            bounds =
+                [[0, 1].map(|axis| bounds[0][axis].max(low[axis])), [0, 1].map(|axis| bounds[1][axis].min(high[axis]))];
+        }
+        let is_valid = (0..2).all(|axis| bounds[0][axis] < bounds[1][axis]);
+        is_valid.then_some(bounds)
     }
 
     /// Colour of the ground of a kind, 8-bit sRGB.

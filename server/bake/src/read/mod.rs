@@ -88,6 +88,9 @@ use report::INEXACT;
 use sink::SceneSink;
 use source::{CitySource, SourceKind, kind_by_name};
 
+/// Name of the file that describes a folder of terrain tiles.
+const TERRAIN_LAYER: &str = "layer.json";
+
 /// Memory of the shapes that are painted on terrain; further ones are in a scratch file of at most this size.
 const MAX_SHAPE_BYTES: u64 = 32 << 20;
 const MAX_SHAPE_FILE_BYTES: u64 = 16 << 30;
@@ -358,7 +361,8 @@ type Reader = fn(&Input<'_>, &mut dyn ObjectSink) -> Result<(), InputError>;
 fn is_elevation(source: &CitySource<'_>) -> bool {
     match kind_by_name(&source.name) {
         Some(SourceKind::Elevation) => true,
-        Some(SourceKind::Json) => json_kind::of(source) == JsonKind::Terrain,
+        // The name is checked first: telling the kind of a large document takes time.
+        Some(SourceKind::Json) => source.name.ends_with(TERRAIN_LAYER) && json_kind::of(source) == JsonKind::Terrain,
         _ => false,
     }
 }

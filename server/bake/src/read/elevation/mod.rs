@@ -266,7 +266,7 @@ fn world_file(source: &CitySource<'_>) -> Result<GeoPlace, InputError> {
         .iter()
         .find_map(|extension| read_sibling(&*source.files, &format!("{stem}.{extension}"), MAX_SIDECAR_BYTES).ok());
     let Some(bytes) = found else {
-        let what = "it does not tell where it is, and has no world file beside it (.tfw)";
+        let what = "it has no position, and no world file beside it (.tfw)";
         return Err(InputError::unsupported(&source.label, what));
     };
     GeoPlace::from_world_file(&String::from_utf8_lossy(&bytes)).map_err(|error| raster_fault(&source.label, error))

@@ -86,12 +86,10 @@ impl HeightSource for Region<'_> {
         let size: [usize; 2] = array::from_fn(|axis| (max[axis] - min[axis]) as usize + 1);
         let grid = MapGrid { corner, step_m: self.step_m, size };
         let mut heights = self.elevation.read(&grid)?;
-        for index in (0..heights.len()).filter(|_| self.is_extended) {
-            if heights[index].is_nan()
-                && let Some(height) =
-                    self.elevation.extended_height_m(grid.position(index % size[0], index / size[0]))?
-            {
-                heights[index] = height as f32;
+        if self.is_extended {
+            for (index, height) in heights.iter_mut().enumerate().filter(|(_, height)| height.is_nan()) {
+                let position = grid.position(index % size[0], index / size[0]);
+                *height = self.elevation.extended_height_m(position)?.map_or(f32::NAN, |extended| extended as f32);
             }
         }
         *self.part.borrow_mut() = RegionPart { min, width: size[0], heights: heights.clone() };

@@ -11,11 +11,12 @@ pub(crate) const BLOCK_TEXELS: usize = 256;
 pub(crate) const TEXEL_SAMPLES: usize = 4;
 /// Samples along the side of a block.
 pub(crate) const BLOCK_SAMPLES: usize = BLOCK_TEXELS * TEXEL_SAMPLES;
+const _: () = assert!(BLOCK_SAMPLES > 0 && BLOCK_SAMPLES < 1 << 20, "Pixmap and Mask refuse such sides");
 /// Shapes are cut this far outside of the block, in samples, so that the cuts are not seen.
 const MARGIN: f64 = 8.0;
 /// More corners of an area in one block are thinned out: areas whose edges all cross each other would take hours.
 const MAX_CORNERS: usize = 8192;
-/// Polygons that are filled at once. All lie on each other alike, so any number does.
+/// Polygons that are filled in one pass. The number does not change the result.
 const BATCH_POLYGONS: usize = 256;
 
 /// What a sample gets.
@@ -67,9 +68,9 @@ pub(crate) struct Canvas {
 impl Canvas {
     pub(crate) fn new() -> Self {
         let side = BLOCK_SAMPLES as u32;
-        // Only sides of 0, and of more than 2^29, have no pixels.
-        let samples = Pixmap::new(side, side).expect("the side of a block is a size");
-        let mask = Mask::new(side, side).expect("the side of a block is a size");
+        // Both refuse only sides of 0 and of 2^29 and more, which `BLOCK_SAMPLES` is not: it is asserted above.
+        let samples = Pixmap::new(side, side).expect("a valid side");
+        let mask = Mask::new(side, side).expect("a valid side");
         let window = SampleWindow { corner: [0.0; 2], samples_per_m: 1.0 };
         Self { samples, mask, window, corners: Default::default() }
     }

@@ -45,12 +45,12 @@ pub(crate) enum AreaClass {
     TrackBed,
 }
 
-/// Layers of areas, from the lowest. Within a layer, smaller areas lie on larger ones.
+/// Layers of areas, from the lowest. Within a layer, smaller areas are painted over larger ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum AreaLayer {
-    /// What land is used for. It does not tell what is to be seen: ponds in a park and woods of a cemetery lie on it.
+    /// Land use. It is painted first: a pond in a park or a wood in a cemetery covers it.
     Use,
-    /// What is to be seen: plants, soil and water. By size, ponds lie on woods, and islands on lakes.
+    /// Land cover: plants, soil and water. Smaller areas cover larger ones: ponds cover woods, islands cover lakes.
     Cover,
     Paved,
     Carriageway,

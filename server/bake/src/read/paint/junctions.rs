@@ -1,4 +1,4 @@
-//! Where lines meet: lane lines of streets end before, and ends of lines that go on are round.
+//! Junctions: lane lines end before them, and lines that continue have round ends.
 
 use std::collections::HashMap;
 

@@ -1,6 +1,6 @@
-//! What lies at a sample.
+//! Materials of the ground, one for each sample.
 
-/// What lies at a sample of the picture.
+/// The material at a sample of the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub(crate) enum PaintMaterial {

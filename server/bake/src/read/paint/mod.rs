@@ -3,9 +3,9 @@
 //! Shapes on the map, in metres, become texels in sRGB with alpha, on a grid that is anchored to the map, so that
 //! neighbouring pictures fit texel by texel. Terrain has them as textures.
 //!
-//! The picture is painted in blocks of 256 x 256 texels with 16 samples each. A sample holds what lies there (a
-//! [`PaintMaterial`]), not a colour: shapes replace each other without blending, so areas with a common border have no gap
-//! between them. The colour of a texel is the mean of its samples in linear light.
+//! The picture is painted in blocks of 256 x 256 texels with 16 samples each. A sample holds a
+//! [`PaintMaterial`] instead of a colour. Shapes replace each other without blending, so there is no gap between areas with
+//! a common border. The colour of a texel is the mean of its samples in linear light.
 
 mod canvas;
 mod class;

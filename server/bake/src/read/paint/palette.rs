@@ -14,7 +14,7 @@ pub(crate) struct PaintStyle {
     pub(crate) variation: f32,
     /// Lane lines and zebra crossings.
     pub(crate) has_markings: bool,
-    /// Pavements and kerbs of roads whose sources do not tell.
+    /// Whether roads without a tag for pavements get the usual ones.
     pub(crate) has_usual_sidewalks: bool,
 }
 

@@ -1,5 +1,4 @@
-//! The order in which a block is painted. Nothing else decides what lies on what, except the order of areas and lines
-//! within a pass, which [`ReadyShapes`] has.
+//! The order of the passes in which a block is painted. [`ReadyShapes`] has the order of areas and lines within a pass.
 
 use crate::read::paint::canvas::Canvas;
 use crate::read::paint::class::{AreaLayer, LineClass};

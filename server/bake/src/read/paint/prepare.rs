@@ -1,4 +1,4 @@
-//! Shapes as they are painted: without what is no position, in a fixed order.
+//! Prepares shapes for painting: drops invalid positions and sorts them.
 
 use std::borrow::Borrow;
 use std::cmp::Reverse;
@@ -14,7 +14,7 @@ use crate::read::paint::surfacing::Surfacing;
 const SAME_CORNER_TEXELS: f64 = 0.125;
 /// Points of lines nearer to each other, in metres, are one.
 const SAME_POINT_M: f64 = 0.01;
-/// More lanes or tracks are a mistake.
+/// More lanes or tracks are taken for an error of the source.
 const MAX_LANES: u8 = 16;
 /// Fields differ by so much from the mean of all, of 128.
 const FIELD_TONE: u64 = 104;

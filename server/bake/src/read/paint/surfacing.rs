@@ -1,8 +1,8 @@
-//! What paths, roads and squares are covered with.
+//! Surfaces of paths, roads and squares.
 
 use crate::read::paint::material::PaintMaterial;
 
-/// What a path, a road, a square or a pitch is covered with, where the source tells.
+/// Surface of a path, a road, a square or a pitch, if the source has one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub(crate) enum Surfacing {
@@ -37,7 +37,7 @@ impl Surfacing {
         Self::Clay,
     ];
 
-    /// By the value of `surface` in OpenStreetMap; `None` if it tells nothing, as `paved` does.
+    /// By the value of `surface` in OpenStreetMap; `None` for values without a material, such as `paved`.
     #[must_use]
     pub(crate) fn of_tag(value: &str) -> Option<Self> {
         let first = value.split([';', ':']).next().unwrap_or_default().trim();

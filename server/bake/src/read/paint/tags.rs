@@ -23,8 +23,8 @@ pub(crate) struct LineLook {
     pub(crate) surfacing: Option<Surfacing>,
 }
 
-/// Areas by a key and its values; without values, all but `no`. The first that fits counts: what is to be seen stands
-/// before what land is used for.
+/// Areas by a key and its values; without values, all but `no`. The first match counts, so land cover
+/// comes before land use.
 const AREAS: &[(&str, &[&str], AreaClass)] = &[
     ("area:highway", &["footway", "pedestrian", "path", "cycleway", "traffic_island"], A::Pavement),
     ("area:highway", &[], A::Carriageway),

@@ -93,6 +93,13 @@ impl ShapeStore {
         self.entries.len()
     }
 
+    /// Lowest and highest position of all shapes; `None` without any.
+    pub(crate) fn bounds(&self) -> Option<[[f64; 2]; 2]> {
+        self.entries.iter().map(|entry| entry.bounds).reduce(|[low, high], [other_low, other_high]| {
+            [[0, 1].map(|axis| low[axis].min(other_low[axis])), [0, 1].map(|axis| high[axis].max(other_high[axis]))]
+        })
+    }
+
     #[must_use]
     pub(crate) fn is_empty(&self) -> bool {
         self.entries.is_empty()
@@ -205,7 +212,7 @@ impl ScratchFile {
 
     fn read(&mut self, start: u64, bytes: &mut [u8]) -> io::Result<()> {
         self.is_at_end = false;
-        // Seeking writes what is in the buffer.
+        // Seeking flushes the buffer.
         self.writer.seek(SeekFrom::Start(start))?;
         self.writer.get_mut().read_exact(bytes)
     }

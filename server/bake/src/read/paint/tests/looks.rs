@@ -1,4 +1,4 @@
-//! What lies on what, and how wide it is.
+//! The order of layers, and the widths of lines.
 
 use super::*;
 

@@ -30,7 +30,7 @@ impl Coordinates {
         let candidates = || [&first, &second].into_iter().flatten();
         let known = candidates().find_map(|crs| Some((crs.clone(), crs::resolve(&full_name(crs)?).ok()?)));
         let Some((crs, system)) = known else {
-            // The reader of coordinate systems tells why it does not know the system.
+            // The reader of coordinate systems reports why the system is unknown.
             let named = candidates().find(|crs| crs.horizontal.is_some()).or(candidates().next());
             let crs = named.cloned().unwrap_or_default();
             let height_unit_m = crs.height_unit_m.unwrap_or(1.0);

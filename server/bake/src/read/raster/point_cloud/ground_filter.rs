@@ -1,16 +1,16 @@
-//! Removes what stands on the ground from a grid of lowest points.
+//! Removes buildings and plants from a grid of lowest points.
 //!
 //! Progressive morphological filter of Zhang and others, "A progressive morphological filter for removing nonground
 //! measurements from airborne LIDAR data", IEEE TGRS 41(4), 2003: the surface is opened (lowest, then highest height
-//! around each cell) with larger and larger squares. What a square does not fit into sinks. Cells that sink further
-//! than terrain could are not on the ground.
+//! around each cell) with larger and larger squares. This lowers everything that is narrower than the square. Cells that
+//! are lowered further than terrain could be are not ground.
 
 use super::super::facts::RasterSize;
 use super::extremes::Extreme;
 
 /// Largest square: wider buildings stay.
 const MAX_SQUARE_M: f32 = 60.0;
-/// Terrain sinks at most this far in the smallest square, and in all squares together.
+/// The opening lowers terrain by at most this much for the smallest square, and for all squares together.
 const MIN_STEP_M: f32 = 0.5;
 const MAX_STEP_M: f32 = 3.0;
 /// Steepest slope of terrain between a square and the next larger one.

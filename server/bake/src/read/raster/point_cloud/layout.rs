@@ -52,7 +52,7 @@ impl Layout {
             let chunks = plain_chunks(header, source.len())?;
             return Ok(Self { packing: Packing::None, record_bytes, chunks });
         }
-        let description = description.ok_or_else(|| RasterError::damaged("it does not tell how it is packed"))?;
+        let description = description.ok_or_else(|| RasterError::damaged("it has no record of its compression"))?;
         let table = LazVlr::from_buffer(description).map_err(packing::fault)?;
         let kind = description.first_chunk().copied().map_or(0, u16::from_le_bytes);
         let packing = Packing::new(table.items(), record_bytes)?;

@@ -120,7 +120,7 @@ struct Reading {
 }
 
 impl Reading {
-    /// Reads all points, to know which kind of them tells of the ground, and which cells suit them.
+    /// Reads all points. Returns the kind that represents the ground best, and the grid for its density.
     fn grid(&mut self, coordinates: &Coordinates, max_cells: u64) -> Result<(PointKind, Grid), RasterError> {
         let Self { source, header, layout, max_chunk_bytes } = self;
         let mut survey = Survey::new(header);

@@ -1,4 +1,4 @@
-//! The points of a file, one after the other, and what they tell of the ground.
+//! Reads the points of a file in order, and classifies them as ground or not.
 
 use std::io::{BufReader, Read, Seek, SeekFrom};
 
@@ -19,11 +19,11 @@ const MAX_BATCH_BYTES: u64 = 1 << 26;
 const MAX_BATCH_POINTS: u64 = 1 << 23;
 /// Ground, its key points in early versions, water, and roads.
 const GROUND_CLASSES: [u8; 4] = [2, 8, 9, 11];
-/// Plants, buildings and noise; wires, towers, bridges, overlap, high noise, things above, ground to ignore, snow, and
-/// what was there only for a time.
+/// Plants, buildings and noise; wires, towers, bridges, overlap, high noise, overhead structures, ignored
+/// ground, snow, and temporary objects (ASPRS LAS 1.4, table 17).
 const OTHER_CLASSES: [std::ops::RangeInclusive<u8>; 2] = [3..=7, 12..=22];
 
-/// What a point tells of the ground, best first.
+/// How well a point represents the ground, best first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PointKind {
     /// It is on the ground.
@@ -37,7 +37,7 @@ pub(super) enum PointKind {
 impl PointKind {
     pub(super) const ALL: [Self; 3] = [Self::Ground, Self::DoubtfulGround, Self::LastReturn];
 
-    /// What a record tells; `None` if nothing. Records have 20 bytes or more.
+    /// The kind of a record's point; `None` if it is not ground. Records have at least 20 bytes.
     fn of_record(record: &[u8], is_extended: bool) -> Option<Self> {
         let [returns, flags, class] = *record.get(14..)?.first_chunk()?;
         let (number, count, class, is_doubtful, is_withheld) = match is_extended {

@@ -16,7 +16,7 @@ const PACKING: &[u8] = b"laszip encoded";
 const WKT_RECORD: u16 = 2112;
 const PACKING_RECORD: u16 = 22204;
 
-/// What the records tell.
+/// The contents of the records that are used.
 #[derive(Default)]
 pub(super) struct Records {
     /// The coordinate system in well-known text.

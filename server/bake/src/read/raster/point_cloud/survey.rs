@@ -1,4 +1,4 @@
-//! The first reading of the points: how many tell of the ground, where they are, and how dense.
+//! The first pass over the points: the number, bounds and density of each kind.
 
 use super::header::Header;
 use super::points::{CloudPoint, PointKind};

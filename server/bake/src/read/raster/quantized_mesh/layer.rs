@@ -96,7 +96,7 @@ fn check_format(format: Option<&str>) -> Result<(), RasterError> {
 }
 
 /// The ranges are checked only. Which tiles exist is known by the files: a folder may have a part of a terrain, or more
-/// than its `layer.json` tells of.
+/// than its `layer.json` lists.
 fn check_available(levels: &[Vec<AvailableRange>]) -> Result<(), RasterError> {
     for (level, ranges) in levels.iter().enumerate() {
         let level = u8::try_from(level).ok().filter(|level| *level <= MAX_LEVEL);

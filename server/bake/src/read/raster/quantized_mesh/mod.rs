@@ -34,7 +34,7 @@ use super::place::GeoPlace;
 const MAX_PIXELS: u32 = 1 << 31;
 /// Bytes of a tile, packed or unpacked. A grid of 1025 x 1025 points has 32 MB.
 const MAX_TILE_BYTES: u64 = 1 << 26;
-/// Tiles that tell how far the vertices are from each other.
+/// Tiles from which the spacing of vertices is estimated.
 const MAX_SAMPLES: usize = 8;
 
 /// The files of a terrain: those of a folder or of an archive.
