@@ -307,24 +307,21 @@ impl<'o> ReadContext<'o> {
     }
 
     /// Lowest and highest corner on the map of what needs ground: the objects, and what is painted near them, within the
-    /// wanted area. `None` without any.
+    /// wanted area if there is one. `None` without all of these.
     fn terrain_bounds(&mut self) -> Option<[[f64; 2]; 2]> {
-        let painted = self.shapes.bounds();
-        let mut bounds = match (self.builder.bounds_on_map(), painted) {
-            (Some([low, high]), Some([painted_low, painted_high])) => [
+        let bounds = match (self.builder.bounds_on_map(), self.shapes.bounds()) {
+            (Some([low, high]), Some([painted_low, painted_high])) => Some([
                 [0, 1].map(|axis| low[axis].min(painted_low[axis].max(low[axis] - PAINTED_REACH_M))),
                 [0, 1].map(|axis| high[axis].max(painted_high[axis].min(high[axis] + PAINTED_REACH_M))),
-            ],
-            (objects, painted) => objects.or(painted)?,
+            ]),
+            (objects, painted) => objects.or(painted),
         };
-        if let Some(bbox_deg) = self.options.placing.bbox_deg
-            && let Some([low, high]) = self.area_on_map(bbox_deg)
-        {
-            bounds =
-                [[0, 1].map(|axis| bounds[0][axis].max(low[axis])), [0, 1].map(|axis| bounds[1][axis].min(high[axis]))];
-        }
-        let is_valid = (0..2).all(|axis| bounds[0][axis] < bounds[1][axis]);
-        is_valid.then_some(bounds)
+        let wanted = self.options.placing.bbox_deg.and_then(|bbox_deg| self.area_on_map(bbox_deg));
+        let (Some([low, high]), Some([wanted_low, wanted_high])) = (bounds, wanted) else { return bounds.or(wanted) };
+        let low: [f64; 2] = [0, 1].map(|axis| low[axis].max(wanted_low[axis]));
+        let high: [f64; 2] = [0, 1].map(|axis| high[axis].min(wanted_high[axis]));
+        let overlaps = (0..2).all(|axis| low[axis] < high[axis]);
+        if overlaps { Some([low, high]) } else { wanted }
     }
 
     /// Colour of the ground of a kind, 8-bit sRGB.

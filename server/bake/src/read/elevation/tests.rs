@@ -271,3 +271,60 @@ fn ground_goes_on_under_the_city_and_in_gaps() {
     let beyond = height_at(&terrain, [265.0, 105.0]).expect("ground under the house");
     assert!((beyond - 54.5).abs() < 1.5, "{beyond}");
 }
+
+#[test]
+fn flat_areas_are_painted_and_water_stays_a_surface() {
+    // About 9 degrees east, 48.7527 degrees north: the origin of the test's maps. A degree is 73.5 km and 111.2 km long.
+    let node = |id: i64, x: f64, y: f64| {
+        format!(r#"<node id="{id}" lat="{}" lon="{}"/>"#, 48.752_700 + y / 111_200.0, 9.0 + x / 73_500.0)
+    };
+    let square = |first: i64, x: f64, y: f64, side: f64, tags: &str| {
+        let corners = [[x, y], [x + side, y], [x + side, y + side], [x, y + side]];
+        let nodes: String = corners.iter().zip(first..).map(|([x, y], id)| node(id, *x, *y)).collect();
+        let refs: String = [0, 1, 2, 3, 0].map(|i| format!(r#"<nd ref="{}"/>"#, first + i)).concat();
+        (nodes, format!(r#"<way id="{first}">{refs}{tags}</way>"#))
+    };
+    let parts = [
+        square(10, 0.0, 0.0, 100.0, r#"<tag k="landuse" v="forest"/>"#),
+        square(20, 150.0, 0.0, 60.0, r#"<tag k="natural" v="water"/>"#),
+        square(30, 0.0, 150.0, 15.0, r#"<tag k="building" v="yes"/><tag k="height" v="9"/>"#),
+    ];
+    let bridge =
+        r#"<way id="40"><nd ref="21"/><nd ref="23"/><tag k="highway" v="primary"/><tag k="bridge" v="yes"/></way>"#;
+    let osm = format!(
+        r#"<osm version="0.6">{}{}{bridge}</osm>"#,
+        parts.each_ref().map(|(nodes, _)| nodes.as_str()).concat(),
+        parts.each_ref().map(|(_, way)| way.as_str()).concat()
+    );
+    let dem = grid([-300.0, -300.0], [81, 81], 10.0, |_, _| 20.0);
+    let mut options = ReadOptions::default();
+    options.placing.crs = Some("EPSG:25832".to_owned());
+    let (scene, report) = read_files("painted", &[("a.osm", &*osm), ("dem.asc", &dem)], &options);
+    let source = report.sources.iter().find(|source| source.format == SourceFormat::OpenStreetMap).unwrap();
+    assert_eq!((source.painted, source.objects), (1, 3), "{source:?}");
+    let water = scene.triangles.iter().filter(|t| scene.materials[t.material as usize].is_reflective);
+    assert!(water.count() >= 2, "water reflects");
+    // The colour of terrain at a place, from the texture of the triangle there.
+    let origin = [scene.origin[0] - EAST_M, scene.origin[1] - NORTH_M];
+    let colour_at = |x: f64, y: f64| {
+        scene.triangles.iter().find_map(|triangle| {
+            let texture = scene.materials[triangle.material as usize].texture.as_ref()?;
+            let [a, b, c] = triangle.corners.map(|c| [f64::from(c[0]) + origin[0], f64::from(c[1]) + origin[1]]);
+            let cross = |p: [f64; 2], q: [f64; 2]| (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]);
+            let parts = [cross(b, c), cross(c, a), cross(a, b)];
+            let area: f64 = parts.iter().sum();
+            let weights = parts.map(|part| part / area);
+            if weights.iter().any(|weight| *weight < 0.0) {
+                return None;
+            }
+            let uv = [0, 1].map(|axis| (0..3).map(|i| f64::from(triangle.uv[i][axis]) * weights[i]).sum::<f64>());
+            let column = (uv[0] * f64::from(texture.width)) as usize;
+            let row = ((1.0 - uv[1]) * f64::from(texture.height)) as usize;
+            Some(texture.rgb[row * texture.width as usize + column])
+        })
+    };
+    let [r, g, b] = colour_at(50.0, 70.0).expect("a picture");
+    assert!(g > r && g > b && g < 120, "forest: {r} {g} {b}");
+    let [r, g, b] = colour_at(-100.0, -100.0).expect("a picture");
+    assert!(g <= r && b <= r, "bare ground: {r} {g} {b}");
+}
