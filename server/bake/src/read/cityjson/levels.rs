@@ -179,8 +179,7 @@ mod tests {
         let all = ids.join(",");
         let object = |id: &String| format!(r#"[{id}, {{"geometry": [{{"lod": 1}}], "parents": [{all}]}}]"#);
         let text = format!("[{}]", ids.iter().map(object).collect::<Vec<_>>().join(","));
-        let start = std::time::Instant::now();
+        // Without a limit on parents and ancestors, this would take hours.
         assert!(choice(&text).iter().all(|choice| *choice == LevelChoice::Level(CityJsonLod(1.0))));
-        assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
     }
 }

@@ -1,7 +1,5 @@
 //! Shapes that no map has.
 
-use std::time::{Duration, Instant};
-
 use super::*;
 
 #[test]
@@ -38,9 +36,8 @@ fn many_corners_are_bounded_work() {
         PaintShape::Line(PaintLine::new(LineClass::Motorway, star.clone())),
         PaintShape::Line(PaintLine::new(LineClass::Rail, star)),
     ];
-    let start = Instant::now();
+    // Without the bounds this would take hours.
     paint(&shapes, [300, 200]);
-    assert!(start.elapsed() < Duration::from_secs(180), "{:?}", start.elapsed());
     // A smooth one is painted as it is.
     let circle = |i: u32| f64::from(i) * std::f64::consts::TAU / 1e6;
     let ring: Vec<[f64; 2]> =

@@ -39,7 +39,7 @@ fn touching(shapes: &[PaintShape], corner: [f64; 2], size: [usize; 2], texel_m: 
 
 #[test]
 fn neighbouring_pictures_are_parts_of_one() {
-    for (seed, texel_m) in (200..300).map(|s| (s, [0.25, 0.3, 0.5, 2.0][s as usize % 4])) {
+    for (seed, texel_m) in (200..220).map(|s| (s, [0.25, 0.3, 0.5, 2.0][s as usize % 4])) {
         let shapes = town(seed);
         let painter = GroundPainter::new(texel_m).unwrap();
         let corner = painter.snap([CORNER[0] - 7.0, CORNER[1] - 5.0]);
