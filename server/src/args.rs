@@ -206,6 +206,10 @@ pub struct BakeArgs {
     /// How far terrain reaches beyond the city, in metres
     #[arg(long, value_name = "M", default_value = "500", value_parser = parse_metres, allow_negative_numbers = true)]
     pub terrain_margin: f64,
+    /// The terrain is changed to meet buildings with heights of their own that are at most this far above or below it,
+    /// in metres; 0 leaves it as it is. Other buildings are reported
+    #[arg(long, value_name = "M", default_value = "3", value_parser = parse_metres, allow_negative_numbers = true)]
+    pub terrain_tolerance: f64,
     /// Elevation model of the land around the city, or a picture of it: drawn far beyond the city in columns of up to
     /// 64 metres; may be repeated
     #[arg(long, value_name = "FILE")]

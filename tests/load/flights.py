@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Compares what two bakes of one city cost a client and what they show: requests and bytes of flights, and pictures along them.
+"""Compares what two bakes of one city cost a client and what they show: requests, bytes and frame times of flights, and pictures
+along them.
 
     tests/load/flights.py OLD_CITY NEW_CITY [--tau T]... [--insula BIN]
 
@@ -34,20 +35,24 @@ def squared_error(a, b):
     return sum(ImageStat.Stat(ImageChops.difference(a, b)).sum2) / 3 / (a.width * a.height)
 
 
-def measure(insula, folder, city, tau):
-    """Requests, bytes and PSNR of each flight."""
-    manifest = json.loads((city / "city.json").read_text())
+def psnr_db(errors):
+    return 10 * math.log10(255**2 / max(sum(errors) / len(errors), 1e-9))
+
+
+def measure(insula, folder, city, paths, tau):
+    """Requests, bytes, median frame time, PSNR and pictures of each flight."""
     results = {}
-    for name, keys in camera_paths(manifest).items():
+    for name, keys in paths.items():
         path = folder / "path.json"
         path.write_text(json.dumps({"seconds": keys[-1]["t"], "keys": keys}))
         report = run(insula, folder, "fly", "--server", city, "--path", path, "--tau", str(tau))
-        errors = []
+        pictures, errors = [], []
         for key in keys[:: max(1, len(keys) // 3)][:3]:
             camera = {"position": key["position"], "target": key["target"]}
-            errors.append(squared_error(*(picture(insula, folder, city, camera, t) for t in (tau, 0.25))))
-        psnr = 10 * math.log10(255**2 / max(sum(errors) / len(errors), 1e-9))
-        results[name] = (report["requests"], report["bytes_fetched"], psnr)
+            pictures.append(picture(insula, folder, city, camera, tau))
+            errors.append(squared_error(pictures[-1], picture(insula, folder, city, camera, 0.25)))
+        frame_ms = report["frame_times"]["median_ms"]
+        results[name] = (report["requests"], report["bytes_fetched"], frame_ms, psnr_db(errors), pictures)
     return results
 
 
@@ -58,18 +63,21 @@ def main():
     parser.add_argument("--tau", type=float, action="append")
     parser.add_argument("--insula", default=TARGET / "insula")
     args = parser.parse_args()
-    print("| flight | tau | requests | bytes | PSNR before | PSNR |\n|---|---|---|---|---|---|")
+    print("| flight | tau | requests | bytes | frame time | PSNR before | PSNR | between them |")
+    print("|---|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        old = measure(args.insula, folder, args.old, 1.0)
+        paths = camera_paths(json.loads((args.old / "city.json").read_text()))
+        old = measure(args.insula, folder, args.old, paths, 1.0)
         for tau in args.tau or [1.0]:
-            new = measure(args.insula, folder, args.new, tau)
-            for flight, (requests, size, psnr) in new.items():
+            new = measure(args.insula, folder, args.new, paths, tau)
+            for flight, after in new.items():
                 before = old[flight]
-                ratios = f"{requests / before[0]:.3f} | {size / before[1]:.3f}"
-                print(f"| {flight} | {tau} | {ratios} | {before[2]:.2f} | {psnr:.2f} |", flush=True)
-            total = [sum(result[i] for result in new.values()) / sum(result[i] for result in old.values()) for i in (0, 1)]
-            print(f"| all | {tau} | {total[0]:.3f} | {total[1]:.3f} | | |", flush=True)
+                ratios = " | ".join(f"{after[i] / before[i]:.3f}" for i in range(3))
+                between = psnr_db([squared_error(*pair) for pair in zip(before[4], after[4])])
+                print(f"| {flight} | {tau} | {ratios} | {before[3]:.2f} | {after[3]:.2f} | {between:.2f} |", flush=True)
+            sums = [sum(result[i] for result in new.values()) / sum(result[i] for result in old.values()) for i in range(3)]
+            print(f"| all | {tau} | {' | '.join(f'{ratio:.3f}' for ratio in sums)} | | | |", flush=True)
 
 
 if __name__ == "__main__":

@@ -177,3 +177,53 @@ fn drawn_terrain_is_within_the_error_of_the_model() {
     // Within the error of a fifth of a cell, and the steps of heights.
     assert!(at(0.95) < 0.2 + 0.07, "median {}, 95% {}, largest {}", at(0.5), at(0.95), at(0.9999));
 }
+
+#[test]
+fn plain_land_ends_above_the_leaves() {
+    let folder = TestFolder::new("terrain-plain");
+    write_houses(&folder.path.join("houses.geojson"));
+    // Level in the west, evenly inclined in the middle, hilly in the east.
+    let land_m = |x: f64, y: f64| match x {
+        x if x < -100.0 => 20.0,
+        x if x < 200.0 => 20.0 + 0.1 * (x + 100.0),
+        x => 50.0 + 4.0 * ((x - 200.0) / 30.0).sin() + 3.0 * (y / 25.0).sin(),
+    };
+    write_grid(&folder.path.join("dem.asc"), [-900.0, -900.0], [900.0, 900.0], 10.0, land_m);
+    let terrain = TerrainOptions { margin_m: 600.0, ..TerrainOptions::default() };
+    let options = || BakeOptions {
+        inputs: vec!["houses.geojson".into(), "dem.asc".into()],
+        terrain,
+        threads: Some(2),
+        ..BakeOptions::default()
+    };
+    let city = BakedCity::bake_files(&folder.path, options());
+    let columns = Columns::new(&city);
+    let depth = columns.manifest.depth;
+    let has_leaf = |x: f64, y: f64| {
+        let side_m = columns.manifest.node_side_m(depth);
+        let [x, y] = [(0, EAST_M + x), (1, NORTH_M + y)]
+            .map(|(axis, along)| ((along - columns.manifest.origin[axis]) / side_m) as u32);
+        TileId::new(depth, x, y).is_some_and(|id| columns.maps.contains_key(&id))
+    };
+    let mut rng = Rng::new(8);
+    let mut leaves = [[0, 0]; 2];
+    for _ in 0..4000 {
+        let [x, y] = [rng.range(-550.0, 900.0), rng.range(-550.0, 800.0)];
+        let (cell_m, top_m) =
+            columns.top_m([EAST_M + x, NORTH_M + y]).unwrap_or_else(|| panic!("no column at {x}, {y}"));
+        let near_house = [[30.0, 20.0], [410.0, 250.0]]
+            .iter()
+            .any(|[west, south]| (west - 12.0..west + 22.0).contains(&x) && (south - 12.0..south + 22.0).contains(&y));
+        if !near_house && cell_m > 1.0 {
+            assert!((top_m - land_m(x, y)).abs() < 0.35, "{x}, {y}: {top_m} {}, cell {cell_m}", land_m(x, y));
+        }
+        if !(-100.0..200.0).contains(&x) {
+            leaves[usize::from(x > 0.0)][usize::from(has_leaf(x, y))] += 1;
+        }
+    }
+    let share = |[without, with]: [u32; 2]| f64::from(with) / f64::from(without + with);
+    assert!(share(leaves[0]) < 0.3 && share(leaves[1]) > 0.9, "leaves in the level and in the hilly part: {leaves:?}");
+    let version = columns.manifest.version.clone();
+    let updated = BakedCity::bake_files(&folder.path, BakeOptions { update: true, ..options() });
+    assert_eq!(updated.manifest().version, version);
+}

@@ -155,6 +155,7 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
                 .map_or(TerrainOptions::default().error_cells, |error_m| error_m / args.cell),
             margin_m: args.terrain_margin,
             texel_m: args.ground_texel,
+            tolerance_m: args.terrain_tolerance,
         },
         surroundings: SurroundingsOptions { files: args.surroundings.clone(), reach_m: args.surroundings_reach * 1e3 },
         quality: args.quality,

@@ -9,12 +9,14 @@
 //! | `merge` | one column from the vertical lines of a cell |
 //! | `wall_fit` | the clip that fits a cell's lines and walls best |
 //! | `downsample` | a parent's columns from its children's |
+//! | `coarser` | whether a node shows the same as its children |
 //! | `fill` | appearance for voxels that no surfel reached |
 //! | `code_gaps` | which gaps of a column are stored exactly, and which as rows of its wall |
 //! | `parametrise` | height codes and texels of a `BlockMap` |
 //! | `srgb` | 8-bit sRGB and linear light |
 
 pub(crate) mod clip;
+pub(crate) mod coarser;
 mod code_gaps;
 pub mod column_field;
 pub(crate) mod deviation;

@@ -77,8 +77,19 @@ impl FinishedTiles {
     }
 }
 
+/// What a finished node is compared for.
+#[derive(Default)]
+pub(super) struct NodeMeasures {
+    /// How far it lies from the source.
+    pub(super) deviation: NodeDeviation,
+    /// Points for its ancestors.
+    pub(super) points: Vec<[f32; 3]>,
+    /// Whether it shows the same as its children.
+    pub(super) shows_children: bool,
+}
+
 /// Encodes a node, whose bounds are to contain those of its `children`. Takes the node to free its voxels early. `measure` compares
-/// it with the source, and returns points for its ancestors. Fails if it exceeds the format's limits; `source` then says what the
+/// it with the source and its children. Fails if it exceeds the format's limits; `source` then says what the
 /// node is made from.
 pub(super) fn encode_node<'a>(
     grid: &CityGrid,
@@ -86,11 +97,11 @@ pub(super) fn encode_node<'a>(
     node: VoxelNode,
     source: &'static str,
     children: impl Iterator<Item = &'a StoredTile>,
-    measure: impl FnOnce(&BlockMap, &VoxelNode) -> (NodeDeviation, Vec<[f32; 3]>),
+    measure: impl FnOnce(&BlockMap, &VoxelNode) -> NodeMeasures,
 ) -> Result<EncodedTile, BakeError> {
     let id = node.id;
     let map = parametrise(grid, &node).map_err(BakeError::tile(id, source))?;
-    let (deviation, points) = measure(&map, &node);
+    let NodeMeasures { deviation, points, shows_children } = measure(&map, &node);
     drop(node);
     let (mut z_min_m, mut z_max_m) = (f32::INFINITY, f32::NEG_INFINITY);
     let own = z_bounds(&map.clone().stand_on_ground()).map(round_outward);
@@ -101,5 +112,5 @@ pub(super) fn encode_node<'a>(
         [z_min_m, z_max_m] = round_outward([map.z_base_m(); 2]);
     }
     let bytes = map.encode_at(config.quality).map_err(BakeError::tile(id, "encoded"))?;
-    Ok(EncodedTile { id, z_min_m, z_max_m, deviation, points, bytes })
+    Ok(EncodedTile { id, z_min_m, z_max_m, deviation, points, bytes, shows_children })
 }

@@ -6,9 +6,12 @@
 
 use std::path::Path;
 
-use insula_protocol::{BlockMap, Manifest, TileId, subtree::NodeDeviation};
+use insula_protocol::{BlockMap, Manifest, TileId};
 
-use super::{context::encode_node, work_queue::run_bounded};
+use super::{
+    context::{NodeMeasures, encode_node},
+    work_queue::run_bounded,
+};
 use crate::{
     columns::voxels::VoxelNode,
     config::{BakeConfig, BakeOptions},
@@ -124,7 +127,7 @@ impl PackBaker<'_> {
             match (self.generate)(*id) {
                 Some(node) => {
                     let children = id.children().filter_map(|child| self.tree.get(child));
-                    let exact = |_: &BlockMap, _: &VoxelNode| (NodeDeviation::default(), Vec::new());
+                    let exact = |_: &BlockMap, _: &VoxelNode| NodeMeasures::default();
                     tiles.push(encode_node(self.grid, self.config, node, "made from its voxels", children, exact)?);
                 }
                 None if id.level() == self.grid.depth => {}

@@ -7,7 +7,7 @@ use rayon::{ThreadPool, prelude::*};
 
 use super::{
     block_scene::{BlockScene, estimate_memory_bytes},
-    context::{FinishedPack, TileContext, encode_node},
+    context::{FinishedPack, NodeMeasures, TileContext, encode_node},
     work_queue::{MemoryBudget, run_bounded},
 };
 use crate::{
@@ -136,8 +136,10 @@ pub(super) fn encode_leaves(
     let meshes = if has_meshes { nodes.par_iter().map(mesh).collect::<Result<_, BakeError>>()? } else { Vec::new() };
     let source = deviation::source_surface(&scene, grid.corner);
     drop((scene, triangles));
-    let measure = |map: &BlockMap, node: &VoxelNode| {
-        (deviation::of_leaf(map, node, source.as_ref()), deviation::leaf_points(map))
+    let measure = |map: &BlockMap, node: &VoxelNode| NodeMeasures {
+        deviation: deviation::of_leaf(map, node, source.as_ref()),
+        points: deviation::leaf_points(map),
+        shows_children: false,
     };
     let encode = |node| encode_node(grid, config, node, "made from its voxels", [].into_iter(), measure);
     let tiles = nodes.into_par_iter().map(encode).collect::<Result<_, _>>()?;

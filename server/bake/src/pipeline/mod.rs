@@ -14,8 +14,9 @@ mod update;
 mod work_queue;
 
 use std::cell::Cell;
+use std::collections::HashSet;
 
-use insula_protocol::NODE_CELLS;
+use insula_protocol::{NODE_CELLS, TileId};
 use rayon::ThreadPool;
 
 use crate::{
@@ -37,6 +38,7 @@ use crate::{
         city::{self, CityInput, SceneFacts, WrittenCity},
         ownership::check_inputs,
         scratch_folder::{InputHashes, ScratchFolder},
+        tile_pack::PackId,
     },
 };
 pub use generated::{GeneratedCity, bake_generated};
@@ -177,7 +179,8 @@ impl<'a> BakeRun<'a> {
         self.bake_leaves(&context, city, &partition, &mut tiles)?;
         let land = surroundings.map(|land| FarLand::new(land, origin, &grid, tiles.tree.level(grid.depth)));
         self.bake_parents(&context, land.as_ref(), &mut tiles)?;
-        let fingerprints = partition.fingerprints();
+        let merged = tiles.tree.merge_plain_nodes();
+        let fingerprints = partition.fingerprints_without(&merged);
         let tree = &tiles.tree;
         let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree, packs: &packs, fingerprints };
         let (written, clock) = self.write(input, previous)?;
@@ -368,6 +371,14 @@ impl HashedPartition {
     /// Position and fingerprint of each block.
     fn fingerprints(&self) -> Vec<((u32, u32), ShortHash)> {
         self.partition.blocks.iter().zip(&self.hashes).map(|(block, hash)| ((block.x, block.y), *hash)).collect()
+    }
+
+    /// Those of the blocks without a leaf among `merged`: of the others, the city does not have all leaves, so an update bakes them
+    /// again.
+    fn fingerprints_without(&self, merged: &[TileId]) -> Vec<((u32, u32), ShortHash)> {
+        let blocks: HashSet<(u32, u32)> =
+            merged.iter().map(|id| PackId::of(*id)).map(|pack| (pack.x, pack.y)).collect();
+        self.fingerprints().into_iter().filter(|(place, _)| !blocks.contains(place)).collect()
     }
 
     /// Hash of everything that determines the tiles.

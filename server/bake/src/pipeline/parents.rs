@@ -4,13 +4,14 @@ use insula_protocol::{BlockMap, TileId, subtree::NodeDeviation};
 use rayon::{ThreadPool, prelude::*};
 
 use super::{
-    context::{FinishedPack, TileContext, encode_node},
+    context::{FinishedPack, NodeMeasures, TileContext, encode_node},
     far_land::FarLand,
     update::PreviousCity,
     work_queue::run_bounded,
 };
 use crate::{
     columns::{
+        coarser,
         deviation::{self, FarLeaves},
         downsample,
         voxels::VoxelNode,
@@ -112,7 +113,10 @@ fn bake_node(
     let leaf_cell_m = (id.level() + 1 < context.grid.depth).then_some(context.grid.cell_m);
     let measure = |map: &BlockMap, _: &VoxelNode| {
         let far_leaves = leaf_cell_m.map(|cell_m| FarLeaves { points: &points, cell_m });
-        (deviation::of_parent(map, children.iter().flatten(), &below, far_leaves), points)
+        let deviation = deviation::of_parent(map, children.iter().flatten(), &below, far_leaves);
+        let all = children.each_ref().map(Option::as_ref);
+        let shows_children = coarser::shows_children(map, all, context.grid.cell_m as f32);
+        NodeMeasures { deviation, points, shows_children }
     };
     encode_node(context.grid, context.config, node, "made from its children", stored(), measure)
 }

@@ -70,7 +70,9 @@ impl PreviousCity {
         let deviation = *self.nodes.deviations.get(&id)?;
         let bytes = tile_bytes(&self.city, TileKind::BlockMap, id)?;
         let is_valid = TileReader::new(&bytes, TileKind::BlockMap).is_ok();
-        is_valid.then_some(EncodedTile { id, z_min_m, z_max_m, deviation, points: Vec::new(), bytes })
+        // A parent is reused with all of its children, so it was not drawn instead of them.
+        let shows_children = false;
+        is_valid.then_some(EncodedTile { id, z_min_m, z_max_m, deviation, points: Vec::new(), bytes, shows_children })
     }
 
     /// The tiles of those of the leaves that exist, with their points; `None` if one is damaged.

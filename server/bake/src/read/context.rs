@@ -9,14 +9,15 @@ use super::elevation::{
 };
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
+use super::map_store::MapStore;
 use super::object::{AxisOrder, CrsReference, FeatureKind, KindFilter};
-use super::paint::ShapeStore;
+use super::paint::PaintShape;
 use super::palette::{Look, Palette, SurfaceFacts};
 use super::place::{Placement, World};
 use super::polygon::Triangulator;
 use super::remote::FetchFunction;
 use super::report::{FacadeReport, INEXACT, ReadReport, SourceReport};
-use super::scene_builder::{OpenObject, SceneBuilder, WorldTriangle};
+use super::scene_builder::{AnchoredBuilding, OpenObject, SceneBuilder, WorldTriangle};
 use super::source::CitySource;
 use super::texture::TextureLoader;
 use crate::error::{BakeError, InputError};
@@ -126,7 +127,7 @@ pub(crate) struct ReadContext<'o> {
     /// The ground's heights.
     pub(crate) elevation: Elevation,
     /// What is painted on terrain.
-    pub(crate) shapes: ShapeStore,
+    pub(crate) shapes: MapStore<PaintShape>,
     /// Whether a source in degrees may choose the city's coordinate system, because no other source has one.
     pub(crate) is_last_resort: bool,
     facades: FacadeMaker,
@@ -136,6 +137,8 @@ pub(crate) struct ReadContext<'o> {
 const NO_TERRAIN: &str = "elevation model far from the city, no terrain made";
 /// Terrain reaches so far beyond buildings for what is painted on it. Some areas and lines of extracts end far outside.
 const PAINTED_REACH_M: f64 = 2000.0;
+/// Problem of a building.
+const OFF_GROUND: &str = "building above or below the elevation model by more than --terrain-tolerance";
 /// Problem of a tile of terrain.
 const BAD_TILE: &str = "terrain tile that cannot be read, a coarser one drawn";
 
@@ -161,7 +164,7 @@ impl<'o> ReadContext<'o> {
             source: 0,
             world: World::new(crs.as_deref(), grids.clone())?,
             elevation: Elevation::default(),
-            shapes: ShapeStore::new(Path::new(""), u64::MAX, 0),
+            shapes: MapStore::new(Path::new(""), u64::MAX, 0),
             is_last_resort: false,
             facades: FacadeMaker::default(),
         })
@@ -231,6 +234,34 @@ impl<'o> ReadContext<'o> {
         }
         self.elevation.settle(&mut self.world)?;
         Ok(self.elevation.extended_height_m(position)?.unwrap_or(0.0))
+    }
+
+    /// Notes the buildings that terrain has to meet: those with heights of their own that are near the ground. The others
+    /// are reported. Fails if an elevation model cannot be read or placed, or if scratch files fail.
+    pub(crate) fn fit_ground(&mut self, sources: &mut [SourceReport]) -> Result<(), InputError> {
+        let tolerance_m = self.options.terrain.tolerance_m;
+        if !self.is_painting() || tolerance_m <= 0.0 {
+            return Ok(());
+        }
+        self.elevation.settle(&mut self.world)?;
+        let elevation = &mut self.elevation;
+        let visited = self.builder.for_each_base(&mut |AnchoredBuilding { id, source, base }| {
+            let Some(ground_m) = elevation.ground_under_m(&base)? else { return Ok(()) };
+            let Some(report) = sources.get_mut(source) else { return Ok(()) };
+            let above_m = base.height_m - ground_m;
+            if above_m.abs() <= tolerance_m {
+                report.terrain_fitted += 1;
+                let stored = elevation.bases.push(base);
+                return stored.map_err(|error| InputError::io("the ground", std::io::Error::other(error)).into());
+            }
+            let side = if above_m > 0.0 { "above" } else { "below" };
+            report.problem(OFF_GROUND, || format!("{id}: {:.1} m {side}", above_m.abs()));
+            Ok(())
+        });
+        visited.map_err(|error| match error {
+            BakeError::Read(error) => error,
+            error => InputError::io("the ground", std::io::Error::other(error)),
+        })
     }
 
     /// Adds terrain around all objects so far, if there are elevation models. Fails if one cannot be read, or cannot be

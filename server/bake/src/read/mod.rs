@@ -7,6 +7,7 @@ mod alpha_mask;
 mod archive;
 mod attributes;
 mod bad_inputs;
+mod building_base;
 mod citygml;
 mod cityjson;
 mod context;
@@ -25,6 +26,7 @@ mod json;
 mod json_kind;
 mod list;
 mod local_frame;
+mod map_store;
 mod mesh_file;
 mod obj;
 mod object;
@@ -82,8 +84,8 @@ use context::{ByteProgress, ReadContext};
 use input::Input;
 use json_kind::JsonKind;
 use list::SourceList;
+use map_store::MapStore;
 use object::ObjectSink;
-use paint::ShapeStore;
 use report::INEXACT;
 use sink::SceneSink;
 use source::{CitySource, SourceKind, kind_by_name};
@@ -91,7 +93,8 @@ use source::{CitySource, SourceKind, kind_by_name};
 /// Name of the file that describes a folder of terrain tiles.
 const TERRAIN_LAYER: &str = "layer.json";
 
-/// Memory of the shapes that are painted on terrain; further ones are in a scratch file of at most this size.
+/// Memory of the shapes that are painted on terrain, and of the bases of buildings that it meets; further ones are in
+/// scratch files of at most this size each.
 const MAX_SHAPE_BYTES: u64 = 32 << 20;
 const MAX_SHAPE_FILE_BYTES: u64 = 16 << 30;
 
@@ -147,7 +150,8 @@ pub(crate) fn read_to_disk(
     let folder = scratch.folder.to_owned();
     let textures = TextureStore::in_folder(folder, scratch.texture_cache_bytes, scratch.budget.clone());
     let mut context = ReadContext::new(options, triangles, textures)?;
-    context.shapes = ShapeStore::new(&scratch.folder.join("shapes"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
+    context.shapes = MapStore::new(&scratch.folder.join("shapes"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
+    context.elevation.bases = MapStore::new(&scratch.folder.join("bases"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
     let mut bad = BadInputs::new(options.skip_bad_inputs);
     let listed = list::list(inputs, options, &mut bad)?;
     let mut read = read_sources(&listed, bad, context, progress)?;
@@ -247,6 +251,7 @@ fn read_sources(
         }
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
+    context.fit_ground(&mut report.sources)?;
     context.add_terrain(&mut report.sources)?;
     let surroundings = context.take_surroundings()?;
     report.facades = context.take_facades();

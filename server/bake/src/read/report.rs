@@ -171,6 +171,8 @@ pub struct SourceReport {
     pub coarser_left_out: u64,
     /// Objects that are painted on the terrain.
     pub painted: u64,
+    /// Buildings under which the terrain was changed to meet them.
+    pub terrain_fitted: u64,
     /// Objects that only group others or have attributes.
     pub without_geometry: u64,
     /// Objects that became part of another one, by reason.
@@ -215,6 +217,7 @@ impl SourceReport {
             objects_by_type: BTreeMap::new(),
             coarser_left_out: 0,
             painted: 0,
+            terrain_fitted: 0,
             without_geometry: 0,
             merged: BTreeMap::new(),
             skipped: BTreeMap::new(),

@@ -90,6 +90,12 @@ impl TriangleStore {
         }
     }
 
+    /// Makes what was pushed so far readable. Fails if it cannot be written.
+    pub(crate) fn flush(&mut self) -> Result<(), BakeError> {
+        let Self::File(TriangleFile { path, writer: Some(writer), .. }) = self else { return Ok(()) };
+        writer.flush().map_err(|cause| BakeError::io(path, "written", cause))
+    }
+
     /// Ends the writing. Fails if any write failed or the scratch files are larger than they may be.
     pub(crate) fn finish(&mut self) -> Result<(), BakeError> {
         let Self::File(file) = self else { return Ok(()) };

@@ -221,6 +221,9 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
 fn focus(input: &CityInput<'_>) -> [[f64; 2]; 2] {
     let CityInput { grid, facts, tree, .. } = input;
     let leaves = tree.level(grid.depth);
+    if leaves.is_empty() {
+        return [0, 1].map(|end| [facts.bounds[end][0], facts.bounds[end][1]]);
+    }
     let side = grid.node_side_m(grid.depth);
     let quantile = |axis: usize, share: f64| {
         let mut positions: Vec<(u32, u32)> =

@@ -1,7 +1,7 @@
 //! The finished tiles of a block of one level in one scratch file.
 //!
-//! Layout, little-endian: magic, number of tiles, per tile x, y, z_min, z_max, the four deviations, bytes and number of points (4
-//! bytes each), per tile its bytes and points, a BLAKE3 hash of everything before. Only the version of the program that wrote a
+//! Layout, little-endian: magic, number of tiles, per tile x, y, z_min, z_max, the four deviations, bytes, number of points, and 1
+//! if it shows what its children do (4 bytes each), per tile its bytes and points, a BLAKE3 hash of everything before. Only the version of the program that wrote a
 //! pack reads it.
 
 use std::{
@@ -17,7 +17,7 @@ use crate::{error::BakeError, scene::grid::BLOCK_LEAVES};
 
 const MAGIC: [u8; 4] = *b"INSP";
 const HEAD_BYTES: usize = 8;
-const ENTRY_BYTES: usize = 40;
+const ENTRY_BYTES: usize = 44;
 const POINT_BYTES: usize = 12;
 
 /// The nodes that a pack contains: `BLOCK_LEAVES` x `BLOCK_LEAVES` nodes of one level.
@@ -67,6 +67,8 @@ pub(crate) struct EncodedTile {
     /// Points on what its leaves draw, for the deviations of its ancestors.
     pub(crate) points: Vec<[f32; 3]>,
     pub(crate) bytes: Vec<u8>,
+    /// Whether it shows the same as its children.
+    pub(crate) shows_children: bool,
 }
 
 /// A tile that is in its pack.
@@ -79,6 +81,8 @@ pub(crate) struct StoredTile {
     offset: u64,
     pub(crate) bytes: u32,
     points: u32,
+    /// Whether it shows the same as its children.
+    pub(crate) shows_children: bool,
     /// Whether the city that is updated has the same tile. Not stored in the pack.
     pub(crate) unchanged: bool,
 }
@@ -90,14 +94,24 @@ pub(crate) fn write(folder: &Path, pack: PackId, tiles: &[EncodedTile]) -> Resul
     bytes.extend_from_slice(&(tiles.len() as u32).to_le_bytes());
     let mut offset = (HEAD_BYTES + ENTRY_BYTES * tiles.len()) as u64;
     for tile in tiles {
-        let EncodedTile { id, z_min_m, z_max_m, deviation, .. } = *tile;
+        let EncodedTile { id, z_min_m, z_max_m, deviation, shows_children, .. } = *tile;
         let (len, points) = (tile.bytes.len() as u32, tile.points.len() as u32);
         let NodeDeviation { drawn_m, drawn_max_m, source_m, source_max_m } = deviation;
         let metres = [z_min_m, z_max_m, drawn_m, drawn_max_m, source_m, source_max_m].map(f32::to_bits);
-        for word in [id.x(), id.y()].into_iter().chain(metres).chain([len, points]) {
+        for word in [id.x(), id.y()].into_iter().chain(metres).chain([len, points, shows_children.into()]) {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
-        stored.push(StoredTile { id, z_min_m, z_max_m, deviation, offset, bytes: len, points, unchanged: false });
+        stored.push(StoredTile {
+            id,
+            z_min_m,
+            z_max_m,
+            deviation,
+            offset,
+            bytes: len,
+            points,
+            shows_children,
+            unchanged: false,
+        });
         offset += u64::from(len) + points_bytes(points);
     }
     for tile in tiles {
@@ -125,8 +139,18 @@ pub(crate) fn find(folder: &Path, pack: PackId) -> Option<Vec<StoredTile>> {
             source_m: metres(4)?,
             source_max_m: metres(5)?,
         };
-        let (bytes, points) = (word(at + 32)?, word(at + 36)?);
-        stored.push(StoredTile { id, z_min_m, z_max_m, deviation, offset, bytes, points, unchanged: false });
+        let (bytes, points, shows_children) = (word(at + 32)?, word(at + 36)?, word(at + 40)? != 0);
+        stored.push(StoredTile {
+            id,
+            z_min_m,
+            z_max_m,
+            deviation,
+            offset,
+            bytes,
+            points,
+            shows_children,
+            unchanged: false,
+        });
         offset += u64::from(bytes) + points_bytes(points);
     }
     (offset == bytes.len() as u64).then_some(stored)
@@ -186,7 +210,15 @@ mod tests {
         let deviation = NodeDeviation { drawn_m: 0.5, drawn_max_m: 2.0, source_m: 0.25, source_max_m: y as f32 };
         let id = TileId::new(4, x, y).unwrap();
         let points = vec![[1.5, f32::from(byte), -2.0]; usize::from(byte) - 1];
-        EncodedTile { id, z_min_m: -1.5, z_max_m: x as f32, deviation, points, bytes: vec![byte; len] }
+        EncodedTile {
+            id,
+            z_min_m: -1.5,
+            z_max_m: x as f32,
+            deviation,
+            points,
+            bytes: vec![byte; len],
+            shows_children: byte == 2,
+        }
     }
 
     #[test]

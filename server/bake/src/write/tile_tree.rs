@@ -66,6 +66,31 @@ impl TileTree {
         find_by_id(self.level(id.level()), id, |tile| tile.id)
     }
 
+    /// Removes the nodes that their parent shows as well, and that have no children left, from the finest level up; and their meshes.
+    /// The root keeps its children. Returns the removed leaves, in ascending order.
+    pub(crate) fn merge_plain_nodes(&mut self) -> Vec<TileId> {
+        let depth = self.levels.len().saturating_sub(1);
+        let mut leaves = Vec::new();
+        for level in (1..depth).rev() {
+            let shown: Vec<TileId> =
+                self.levels[level].iter().filter(|tile| tile.shows_children).map(|tile| tile.id).collect();
+            let (level, grandchildren) = (level as u8, level as u8 + 2);
+            let is_childless = |id: TileId| !id.children().any(|child| self.get(child).is_some());
+            let merged: Vec<TileId> = match usize::from(grandchildren) <= depth {
+                true => shown.into_iter().filter(|id| id.children().all(is_childless)).collect(),
+                false => shown,
+            };
+            let is_merged = |id: TileId| id.parent().is_some_and(|parent| merged.binary_search(&parent).is_ok());
+            let children = &mut self.levels[usize::from(level) + 1];
+            if usize::from(level) + 1 == depth {
+                leaves = children.iter().map(|tile| tile.id).filter(|id| is_merged(*id)).collect();
+            }
+            children.retain(|tile| !is_merged(tile.id));
+        }
+        self.meshes.retain(|mesh| leaves.binary_search(&mesh.id).is_err());
+        leaves
+    }
+
     /// The parents of the nodes of `level`, in the order of their ids.
     pub(crate) fn parents_of(&self, level: u8) -> Vec<TileId> {
         let mut parents: Vec<TileId> = self.level(level).iter().filter_map(|tile| tile.id.parent()).collect();
@@ -185,7 +210,45 @@ pub(crate) fn subtree_roots(nodes: &[Vec<NodeInfo>]) -> Vec<TileId> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::write::tile_pack::{self, EncodedTile};
     use insula_protocol::{Texel, blockmap::MapColumn};
+
+    #[test]
+    fn nodes_that_their_parent_shows_are_removed() {
+        let folder = insula_test_support::folder::TestFolder::new("merge-plain");
+        let mut tree = TileTree::new(3);
+        let id = |level, x, y| TileId::new(level, x, y).unwrap();
+        // One quarter of the city is plain, of another one only a part.
+        let plain = [id(1, 0, 0), id(2, 0, 0), id(2, 1, 0), id(2, 0, 1), id(2, 1, 1), id(1, 1, 0), id(2, 2, 0)];
+        for level in 0..=3_u8 {
+            let side = 1 << level;
+            let nodes = (0..side * side).map(|i| id(level, i % side, i / side)).filter(|id| id.y() < side.div_ceil(2));
+            let tiles: Vec<EncodedTile> = nodes
+                .map(|id| EncodedTile {
+                    id,
+                    z_min_m: 0.0,
+                    z_max_m: 1.0,
+                    deviation: Default::default(),
+                    points: Vec::new(),
+                    bytes: vec![0; 4],
+                    shows_children: level == 0 || plain.contains(&id),
+                })
+                .collect();
+            let groups = tile_pack::PackNodes::group(tiles.iter().map(|tile| tile.id).collect());
+            let packs = groups.iter().flat_map(|group| {
+                let of_pack: Vec<EncodedTile> =
+                    tiles.iter().filter(|tile| group.nodes.contains(&tile.id)).cloned().collect();
+                tile_pack::write(&folder.path, group.pack, &of_pack).unwrap()
+            });
+            tree.set(level, packs.collect());
+        }
+        let leaves = tree.merge_plain_nodes();
+        assert_eq!(leaves.len(), 16 + 4);
+        assert!(leaves.is_sorted() && leaves.contains(&id(3, 3, 3)) && leaves.contains(&id(3, 5, 1)));
+        let counts: Vec<usize> = tree.levels().iter().map(Vec::len).collect();
+        assert_eq!(counts, [1, 2, 8 - 4, 32 - 16 - 4]);
+        assert!(tree.get(id(2, 2, 0)).is_some() && tree.get(id(2, 1, 1)).is_none());
+    }
 
     fn map(columns: &[(usize, MapColumn)]) -> BlockMap {
         let mut all = vec![None; blockmap::COLUMNS];

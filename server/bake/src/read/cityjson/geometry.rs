@@ -168,6 +168,7 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         let name = ObjectName { id, object_type: &object.kind, look };
         let has_volume = has_volume(object, level, references.templates);
         self.open = OpenObject::new(object_kind(&object.kind, has_volume));
+        self.open.has_own_base = matches!(object.kind.as_str(), "Building" | "BuildingPart");
         let result = self.read_geometries(name, object, level, references).and_then(|()| self.flush());
         let open = std::mem::replace(&mut self.open, OpenObject::new(ObjectKind::default()));
         let (builder, source) = (&mut self.context.builder, self.context.source);

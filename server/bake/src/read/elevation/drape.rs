@@ -3,7 +3,8 @@
 use super::lattice::MapGrid;
 use super::{Elevation, raster_fault};
 use crate::error::InputError;
-use crate::read::paint::{GroundPainter, PaintError, ShapeStore, over};
+use crate::read::map_store::MapStore;
+use crate::read::paint::{GroundPainter, PaintError, PaintShape, over};
 use crate::scene::SceneTexture;
 
 /// Texels along the side of a texture.
@@ -15,7 +16,7 @@ const PAINTED_TEXEL_CELLS: f64 = 0.5;
 
 /// What pictures of the ground are made of, besides photos.
 pub(crate) struct GroundPictures<'s> {
-    shapes: Option<&'s ShapeStore>,
+    shapes: Option<&'s MapStore<PaintShape>>,
     /// 8-bit sRGB where there is nothing.
     ground: [u8; 3],
     texel_m: f64,
@@ -48,7 +49,12 @@ impl DrapePlace {
 impl<'s> GroundPictures<'s> {
     /// Photos with texels of at least `texel_m`, and shapes, on ground of a colour. Fails if texels of this size cannot
     /// be painted.
-    pub(crate) fn new(shapes: &'s ShapeStore, ground: [u8; 3], cell_m: f64, texel_m: f64) -> Result<Self, PaintError> {
+    pub(crate) fn new(
+        shapes: &'s MapStore<PaintShape>,
+        ground: [u8; 3],
+        cell_m: f64,
+        texel_m: f64,
+    ) -> Result<Self, PaintError> {
         let painted_texel_m = texel_m.max(PAINTED_TEXEL_CELLS * cell_m);
         GroundPainter::new(painted_texel_m)?;
         Ok(Self { shapes: (!shapes.is_empty()).then_some(shapes), ground, texel_m, painted_texel_m })

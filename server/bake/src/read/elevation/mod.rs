@@ -5,10 +5,12 @@
 //! | a raster with its place | `model` |
 //! | where a grid's points lie in a raster | `lattice`, `pixel_finder` |
 //! | triangles of a region | `terrain`, with [`crate::roam`] |
+//! | heights under buildings that have their own | `fit` |
 //! | the picture on them | `drape` |
 //! | the land around the city, read square by square while it is baked | `surroundings` |
 
 mod drape;
+mod fit;
 mod lattice;
 mod model;
 mod pixel_finder;
@@ -21,15 +23,19 @@ mod tests;
 use std::cell::RefCell;
 use std::fs::File;
 use std::num::NonZeroUsize;
+use std::path::Path;
 
 use lru::LruCache;
 
+use super::building_base::BuildingBase;
 use super::input::LocalFile;
+use super::map_store::MapStore;
 use super::object::{AxisOrder, CrsReference};
 use super::place::{Placement, World};
 use super::raster::{GeoPlace, Raster, RasterError, RasterLimits, SampleKind};
 use super::source::{CitySource, SourceKind, kind_by_name, read_all, read_sibling};
 use crate::error::InputError;
+use fit::fit_to_bases;
 use lattice::MapGrid;
 use model::PlacedRaster;
 use terrain_files::TerrainFiles;
@@ -72,6 +78,8 @@ pub(crate) struct Elevation {
     /// Pictures from above, in the same order.
     pictures: Vec<PlacedRaster>,
     is_settled: bool,
+    /// Bases of buildings that the ground meets.
+    pub(crate) bases: MapStore<BuildingBase>,
     blocks: RefCell<LruCache<[i64; 2], Block>>,
 }
 
@@ -82,6 +90,7 @@ impl Default for Elevation {
             models: Vec::new(),
             pictures: Vec::new(),
             is_settled: false,
+            bases: MapStore::new(Path::new(""), u64::MAX, 0),
             blocks: RefCell::new(LruCache::new(capacity)),
         }
     }
@@ -175,6 +184,23 @@ impl Elevation {
             }
         }
         Ok(heights)
+    }
+
+    /// Changes the heights of a grid so that the ground meets the bases of buildings. Fails if these cannot be read.
+    fn fit_to_buildings(&self, grid: &MapGrid, heights: &mut [f32]) -> Result<(), InputError> {
+        if self.bases.is_empty() {
+            return Ok(());
+        }
+        let high = grid.position(grid.size[0].saturating_sub(1), grid.size[1].saturating_sub(1));
+        let bases = self.bases.shapes_in([grid.corner, high]);
+        let bases = bases.map_err(|error| InputError::io("the ground", std::io::Error::other(error)))?;
+        fit_to_bases(grid, heights, &bases);
+        Ok(())
+    }
+
+    /// Mean height of the ground under a building; `None` where no model has one. Fails if a raster cannot be read.
+    pub(crate) fn ground_under_m(&self, base: &BuildingBase) -> Result<Option<f64>, InputError> {
+        base.mean_ground_m(|position| self.height_m(position))
     }
 
     /// Distance of the points of a block: that of the finest model's pixels.

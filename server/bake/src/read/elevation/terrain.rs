@@ -17,6 +17,8 @@ const TILE_STEPS: u32 = 1024;
 const MIN_TILE_STEPS: u32 = 16;
 /// Pixels along the side of a tile's window in a raster that is finer than the grid.
 const MAX_TILE_PIXELS: f64 = 4096.0;
+/// Coarser steps, in cells, would miss the buildings that the ground meets.
+const FIT_CELLS: f64 = 2.0;
 /// Where land surrounds the city, its terrain ends at squares of this many leaves, at which that land begins.
 pub(crate) const ALIGNED_LEAVES: f64 = 2.0;
 /// It ends this far within them, so that no rounding makes it reach the next square.
@@ -31,13 +33,16 @@ pub struct TerrainOptions {
     pub margin_m: f64,
     /// Side of the smallest texels of pictures from above.
     pub texel_m: f64,
+    /// The ground is changed to meet buildings that have heights of their own and are at most this far above or below
+    /// it; 0 leaves it as it is.
+    pub tolerance_m: f64,
 }
 
 impl Default for TerrainOptions {
     /// A fifth of a cell cannot be seen where cells are a pixel. Half a kilometre hides the border from streets. Kerbs and
-    /// marks of lanes need a quarter of a metre.
+    /// marks of lanes need a quarter of a metre. Models of ground and of buildings differ by up to some metres.
     fn default() -> Self {
-        Self { error_cells: 0.2, margin_m: 500.0, texel_m: 0.25 }
+        Self { error_cells: 0.2, margin_m: 500.0, texel_m: 0.25, tolerance_m: 3.0 }
     }
 }
 
@@ -92,6 +97,7 @@ impl HeightSource for Region<'_> {
                 *height = self.elevation.extended_height_m(position)?.map_or(f32::NAN, |extended| extended as f32);
             }
         }
+        self.elevation.fit_to_buildings(&grid, &mut heights)?;
         *self.part.borrow_mut() = RegionPart { min, width: size[0], heights: heights.clone() };
         Ok(heights)
     }
@@ -116,6 +122,9 @@ impl<'e> Region<'e> {
             return None;
         }
         let mut step_m = elevation.step_m().max(cell_m / 2.0);
+        if !elevation.bases.is_empty() {
+            step_m = step_m.min(cell_m * FIT_CELLS);
+        }
         while (0..2).map(|axis| (high[axis] - low[axis]) / step_m).product::<f64>() > MAX_HEIGHTS {
             step_m *= 2.0;
         }

@@ -328,3 +328,68 @@ fn flat_areas_are_painted_and_water_stays_a_surface() {
     let [r, g, b] = colour_at(-100.0, -100.0).expect("a picture");
     assert!(g <= r && b <= r, "bare ground: {r} {g} {b}");
 }
+
+/// A CityJSON document of boxes with heights of their own: south-western corner, bottom, and side.
+fn boxes(all: &[([f64; 3], f64)]) -> String {
+    let (mut objects, mut vertices) = (Vec::new(), Vec::new());
+    for (number, ([x, y, z], side)) in all.iter().enumerate() {
+        let first = vertices.len();
+        for k in 0..8 {
+            let corner = [
+                EAST_M + x + f64::from(k & 1) * side,
+                NORTH_M + y + f64::from(k >> 1 & 1) * side,
+                z + f64::from(k >> 2) * 8.0,
+            ];
+            vertices.push(format!("{:?}", corner.map(|v| (v * 1000.0).round() as i64)));
+        }
+        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [1, 3, 7, 5], [3, 2, 6, 7], [2, 0, 4, 6]];
+        let faces: Vec<String> = faces.iter().map(|face| format!("[{:?}]", face.map(|k| first + k))).collect();
+        objects.push(format!(
+            r#""b{number}": {{"type": "Building", "geometry": [{{"type": "MultiSurface", "lod": "1", "boundaries": [{}]}}]}}"#,
+            faces.join(", ")
+        ));
+    }
+    format!(
+        r#"{{"type": "CityJSON", "version": "2.0", "metadata": {{"referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/25832"}},
+        "transform": {{"scale": [0.001, 0.001, 0.001], "translate": [0, 0, 0]}},
+        "CityObjects": {{{}}}, "vertices": [{}]}}"#,
+        objects.join(", "),
+        vertices.join(", ")
+    )
+}
+
+#[test]
+fn terrain_meets_buildings_that_have_heights() {
+    let dem = grid([-100.0, -100.0], [21, 21], 25.0, |x, _| 100.0 + 0.1 * x);
+    // The ground is at 111 m under the first one's middle, at 121 m under the second one's, at 131 m under the third
+    // one's.
+    let places = [([104.0, 100.0, 109.5], 12.0), ([204.0, 100.0, 123.0], 12.0), ([304.0, 100.0, 140.0], 12.0)];
+    let files = [("a.city.json", &*boxes(&places)), ("dem.asc", &dem)];
+    let read_with = |tolerance_m: f64| {
+        let mut options = ReadOptions::default();
+        options.terrain.tolerance_m = tolerance_m;
+        read_files(&format!("fit-{tolerance_m}"), &files, &options)
+    };
+    let (scene, report) = read_with(3.0);
+    let source = report.sources.iter().find(|source| source.format != SourceFormat::Elevation).unwrap();
+    assert_eq!(source.terrain_fitted, 2);
+    let fault = &source.problems["building above or below the elevation model by more than --terrain-tolerance"];
+    assert_eq!((fault.count, fault.first.clone()), (1, vec!["b2: 9.0 m above".to_owned()]));
+    let terrain = corners(&scene, ObjectKind::Terrain);
+    let beside =
+        |[x, y, _]: [f64; 3]| [[x + 6.0, y - 0.1], [x - 0.1, y + 6.0], [x + 12.1, y + 6.0], [x + 6.0, y + 12.1]];
+    for (place, _) in &places[..2] {
+        for position in beside(*place) {
+            let height = height_at(&terrain, position).unwrap();
+            assert!((height - place[2]).abs() < 0.5, "{position:?}: {height} instead of {}", place[2]);
+        }
+    }
+    for [x, y] in [[90.0, 106.0], [150.0, 106.0], [110.0, 130.0], [303.5, 106.0], [310.0, 106.0]] {
+        let height = height_at(&terrain, [x, y]).unwrap();
+        assert!((height - (100.0 + 0.1 * x)).abs() < 0.21, "{x} {y}: {height}");
+    }
+    let (unchanged, report) = read_with(0.0);
+    assert!(report.sources.iter().all(|source| source.terrain_fitted == 0 && source.problems.is_empty()));
+    let terrain = corners(&unchanged, ObjectKind::Terrain);
+    assert!((height_at(&terrain, [110.0, 106.0]).unwrap() - 111.0).abs() < 0.21);
+}

@@ -197,6 +197,7 @@ impl<'r> ObjReader<'r, '_, '_> {
             self.report.count_type(name);
             let object = self.object(kind, id, run.iter().map(|&i| &faces[i]));
             let mut open = OpenObject::new(kind);
+            open.has_own_base = kind == ObjectKind::Building;
             for &i in run {
                 let face = &faces[i];
                 self.triangulate(face, &object, materials[face.material as usize], &mut triangles);

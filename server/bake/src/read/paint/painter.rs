@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
+use crate::read::map_store::MAX_COORDINATE_M;
 use crate::read::paint::canvas::{BLOCK_TEXELS, Canvas, SampleWindow, TEXEL_SAMPLES};
 use crate::read::paint::error::PaintError;
 use crate::read::paint::junctions::join_lines;
@@ -14,7 +15,7 @@ use crate::read::paint::pattern::{to_linear, to_srgb};
 use crate::read::paint::prepare::ReadyShapes;
 use crate::read::paint::resolve::Resolver;
 use crate::read::paint::road_paint::Grounds;
-use crate::read::paint::shape::{MAX_COORDINATE_M, PaintShape};
+use crate::read::paint::shape::PaintShape;
 
 const TEXEL_RANGE_M: RangeInclusive<f64> = 0.01..=1000.0;
 const MAX_SIDE: usize = 1 << 14;

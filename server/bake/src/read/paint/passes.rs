@@ -1,12 +1,12 @@
 //! The order of the passes in which a block is painted. [`ReadyShapes`] has the order of areas and lines within a pass.
 
+use crate::read::map_store::overlap;
 use crate::read::paint::canvas::Canvas;
 use crate::read::paint::class::{AreaLayer, LineClass};
 use crate::read::paint::line_paint::{paint_band, paint_bed, paint_rails};
 use crate::read::paint::palette::PaintStyle;
 use crate::read::paint::prepare::{ReadyLine, ReadyShapes};
 use crate::read::paint::road_paint::{Grounds, paint_carriageway, paint_kerb, paint_markings, paint_sidewalks};
-use crate::read::paint::shape::overlap;
 
 /// Paints all shapes that touch a block. Returns whether there are any.
 pub(crate) fn paint_block(

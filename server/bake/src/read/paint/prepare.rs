@@ -3,11 +3,12 @@
 use std::borrow::Borrow;
 use std::cmp::Reverse;
 
+use crate::read::map_store::{MapRecord, is_position, overlap};
 use crate::read::paint::canvas::Brush;
 use crate::read::paint::class::{AreaClass, AreaLayer, LineClass};
 use crate::read::paint::material::PaintMaterial;
 use crate::read::paint::noise::mix_bits;
-use crate::read::paint::shape::{PaintArea, PaintLine, PaintShape, Sidewalks, is_position, overlap};
+use crate::read::paint::shape::{PaintArea, PaintLine, PaintShape, Sidewalks};
 use crate::read::paint::surfacing::Surfacing;
 
 /// Corners of areas nearer to each other than this part of a texel are one.

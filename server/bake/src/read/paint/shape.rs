@@ -4,8 +4,6 @@ use crate::read::paint::class::{AreaClass, LineClass};
 use crate::read::paint::reach::{CASING_M, JUNCTION_REACH_M, MAX_MITER, ROUND_END_REACH_M};
 use crate::read::paint::surfacing::Surfacing;
 
-/// Positions farther from the origin of the map, in metres, are none.
-pub(crate) const MAX_COORDINATE_M: f64 = 1e9;
 /// Widths of lines are brought into this range.
 pub(crate) const WIDTH_RANGE_M: [f64; 2] = [0.05, 200.0];
 
@@ -84,40 +82,10 @@ impl PaintLine {
         let width_m = if self.width_m.is_finite() { self.width_m } else { self.class.usual_width_m() };
         width_m.clamp(WIDTH_RANGE_M[0], WIDTH_RANGE_M[1])
     }
-}
 
-impl PaintShape {
-    /// Lowest and highest position at which the shape changes a picture: with its width, its pavements, and around
-    /// junctions. A shape touches a rectangle if these bounds do. `None` if it has no position.
-    #[must_use]
-    pub(crate) fn bounds(&self) -> Option<[[f64; 2]; 2]> {
-        match self {
-            Self::Area(area) => bounds(area.rings.iter().flatten()),
-            Self::Line(line) => {
-                let joins_m = if line.class.is_street() { JUNCTION_REACH_M } else { ROUND_END_REACH_M };
-                let reach_m = (MAX_MITER * (line.width_m() / 2.0 + CASING_M)).max(joins_m);
-                let [low, high] = bounds(&line.points)?;
-                Some([low.map(|v| v - reach_m), high.map(|v| v + reach_m)])
-            }
-        }
+    /// How far from its positions the line changes a picture: with its width, its pavements, and around junctions.
+    pub(crate) fn reach_m(&self) -> f64 {
+        let joins_m = if self.class.is_street() { JUNCTION_REACH_M } else { ROUND_END_REACH_M };
+        (MAX_MITER * (self.width_m() / 2.0 + CASING_M)).max(joins_m)
     }
-}
-
-/// Whether a position is one: finite, and on a map.
-pub(crate) fn is_position(point: [f64; 2]) -> bool {
-    point.iter().all(|v| v.abs() <= MAX_COORDINATE_M)
-}
-
-/// Lowest and highest of all positions that are some; `None` without.
-pub(crate) fn bounds<'p>(points: impl IntoIterator<Item = &'p [f64; 2]>) -> Option<[[f64; 2]; 2]> {
-    let mut positions = points.into_iter().filter(|point| is_position(**point));
-    let first = *positions.next()?;
-    Some(positions.fold([first, first], |[low, high], point| {
-        [[0, 1].map(|axis| low[axis].min(point[axis])), [0, 1].map(|axis| high[axis].max(point[axis]))]
-    }))
-}
-
-/// Whether two rectangles have a common point.
-pub(crate) fn overlap([low, high]: [[f64; 2]; 2], [other_low, other_high]: [[f64; 2]; 2]) -> bool {
-    (0..2).all(|axis| low[axis] <= other_high[axis] && other_low[axis] <= high[axis])
 }

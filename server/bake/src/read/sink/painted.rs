@@ -2,10 +2,9 @@
 
 use super::SceneSink;
 use crate::error::InputError;
+use crate::read::map_store::MapStoreError;
 use crate::read::object::{FeatureKind, Footprint, Shape, SourceObject, Strip};
-use crate::read::paint::{
-    AreaClass, LineClass, PaintArea, PaintLine, PaintShape, ShapeStoreError, area_look, is_zebra, line_look,
-};
+use crate::read::paint::{AreaClass, LineClass, PaintArea, PaintLine, PaintShape, area_look, is_zebra, line_look};
 
 /// The attributes of an object as texts, by which its look is found.
 struct Tags(Vec<(String, String)>);
@@ -101,7 +100,7 @@ impl SceneSink<'_, '_, '_> {
         (lines, has_fault)
     }
 
-    fn no_store(&self, error: ShapeStoreError) -> InputError {
+    fn no_store(&self, error: MapStoreError) -> InputError {
         InputError::io(&self.source.label, std::io::Error::other(error))
     }
 }

@@ -66,6 +66,7 @@ impl SceneSink<'_, '_, '_> {
         }
         let has_volume = down_m2 > VOLUME_SHARE * up_m2;
         let mut open = OpenObject::new(scene_kind(object.kind, has_volume));
+        open.has_own_base = is_building;
         for (surface, points) in polygons.iter().zip(&placed) {
             self.add_surface(object, surface, points, &look);
             if self.faces.len() >= FLUSH_TRIANGLES && !self.flush(&mut open, look.facade_use) {

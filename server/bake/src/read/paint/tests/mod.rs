@@ -2,6 +2,7 @@
 
 mod hostile;
 mod looks;
+mod store;
 mod texels;
 
 use super::class::{AreaClass, LineClass};

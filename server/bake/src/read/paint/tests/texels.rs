@@ -1,7 +1,7 @@
 //! Texels: borders of pictures, edges of shapes, and what decides them.
 
 use super::*;
-use crate::read::paint::shape::overlap;
+use crate::read::map_store::{MapRecord, overlap};
 
 /// A town by chance: all classes, in an area of about 150 m.
 fn town(seed: u64) -> Vec<PaintShape> {

@@ -3,9 +3,7 @@
 //! The map is divided into square cells. Each has the numbers of the shapes that touch it, in the order in which they
 //! were added. A shape is kept once, however many cells it touches.
 
-mod record;
-#[cfg(test)]
-mod tests;
+mod bounds;
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -13,43 +11,58 @@ use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::read::paint::shape::{PaintShape, is_position, overlap};
+pub(crate) use bounds::{MAX_COORDINATE_M, MapBounds, bounds, is_position, overlap};
 
 const CELL_M: f64 = 1000.0;
 /// Shapes that touch more cells are looked at for every rectangle.
 const MAX_CELLS: i64 = 1024;
 const BUFFER_BYTES: usize = 1 << 18;
 
+/// A shape that can be kept.
+pub(crate) trait MapRecord: Sized {
+    /// Lowest and highest position of what it covers; `None` if it has no position.
+    fn bounds(&self) -> Option<MapBounds>;
+
+    /// Size of its bytes, see [`Self::encode`].
+    fn size_bytes(&self) -> u64;
+
+    /// Appends its bytes, if their size is below 4 GiB.
+    fn encode(&self, bytes: &mut Vec<u8>);
+
+    /// The inverse of [`Self::encode`]; `None` if the bytes are not those of a shape.
+    fn decode(bytes: &[u8]) -> Option<Self>;
+}
+
 /// Why shapes cannot be kept or found.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum ShapeStoreError {
+pub(crate) enum MapStoreError {
     #[error("the scratch file {path} cannot be {action}: {cause}")]
     Io { path: PathBuf, action: &'static str, cause: io::Error },
     #[error("the scratch file {path} has changed")]
     Damaged { path: PathBuf },
-    #[error("the shapes on the ground need more than {limit_mib} MiB of scratch files")]
+    #[error("shapes on the map need more than {limit_mib} MiB of scratch files")]
     TooLarge { limit_mib: u64 },
-    #[error("there are more than 4 billion shapes on the ground")]
+    #[error("there are more than 4 billion shapes on the map")]
     TooMany,
 }
 
 /// Where a shape is.
 #[derive(Debug)]
-enum Slot {
-    Memory(Arc<PaintShape>),
+enum Slot<T> {
+    Memory(Arc<T>),
     File { start: u64, bytes: u32 },
 }
 
 #[derive(Debug)]
-struct StoredShape {
-    bounds: [[f64; 2]; 2],
-    slot: Slot,
+struct StoredShape<T> {
+    bounds: MapBounds,
+    slot: Slot<T>,
 }
 
 /// Shapes by their place on the map.
 #[derive(Debug)]
-pub(crate) struct ShapeStore {
-    entries: Vec<StoredShape>,
+pub(crate) struct MapStore<T> {
+    entries: Vec<StoredShape<T>>,
     cells: HashMap<[i64; 2], Vec<u32>>,
     /// Numbers of the shapes that touch too many cells.
     wide: Vec<u32>,
@@ -68,7 +81,7 @@ struct ScratchFile {
     is_at_end: bool,
 }
 
-impl ShapeStore {
+impl<T: MapRecord> MapStore<T> {
     /// An empty store. Shapes beyond `memory_limit_bytes` are written to a file at `path`, which must not exist, and
     /// has at most `file_limit_bytes`. The file is created when it is needed, and removed with the store. Numbers and
     /// bounds of shapes, about 60 bytes each, stay in memory.
@@ -94,7 +107,7 @@ impl ShapeStore {
     }
 
     /// Lowest and highest position of all shapes; `None` without any.
-    pub(crate) fn bounds(&self) -> Option<[[f64; 2]; 2]> {
+    pub(crate) fn bounds(&self) -> Option<MapBounds> {
         self.entries.iter().map(|entry| entry.bounds).reduce(|[low, high], [other_low, other_high]| {
             [[0, 1].map(|axis| low[axis].min(other_low[axis])), [0, 1].map(|axis| high[axis].max(other_high[axis]))]
         })
@@ -107,10 +120,10 @@ impl ShapeStore {
 
     /// Adds a shape. One without a position is left out. Fails if the scratch file cannot be written or would be too
     /// large.
-    pub(crate) fn push(&mut self, shape: PaintShape) -> Result<(), ShapeStoreError> {
+    pub(crate) fn push(&mut self, shape: T) -> Result<(), MapStoreError> {
         let Some(bounds) = shape.bounds() else { return Ok(()) };
-        let number = u32::try_from(self.entries.len()).map_err(|_| ShapeStoreError::TooMany)?;
-        let bytes = record::size_bytes(&shape);
+        let number = u32::try_from(self.entries.len()).map_err(|_| MapStoreError::TooMany)?;
+        let bytes = shape.size_bytes();
         let slot = if let Some(left) = self.memory_left_bytes.checked_sub(bytes) {
             self.memory_left_bytes = left;
             Slot::Memory(Arc::new(shape))
@@ -131,7 +144,7 @@ impl ShapeStore {
 
     /// The shapes that touch a rectangle, from its lowest to its highest position in metres, in the order in which they
     /// were added. Fails if the scratch file cannot be read.
-    pub(crate) fn shapes_in(&self, rectangle: [[f64; 2]; 2]) -> Result<Vec<Arc<PaintShape>>, ShapeStoreError> {
+    pub(crate) fn shapes_in(&self, rectangle: MapBounds) -> Result<Vec<Arc<T>>, MapStoreError> {
         let mut numbers = self.wide.clone();
         match cells_of(rectangle) {
             Some(range) if range.count() <= self.cells.len() as i64 => {
@@ -146,23 +159,23 @@ impl ShapeStore {
         entries.filter(|entry| overlap(entry.bounds, rectangle)).map(|entry| self.load(entry)).collect()
     }
 
-    fn load(&self, entry: &StoredShape) -> Result<Arc<PaintShape>, ShapeStoreError> {
+    fn load(&self, entry: &StoredShape<T>) -> Result<Arc<T>, MapStoreError> {
         let (start, bytes) = match &entry.slot {
             Slot::Memory(shape) => return Ok(shape.clone()),
             Slot::File { start, bytes } => (*start, *bytes),
         };
-        let damaged = || ShapeStoreError::Damaged { path: self.path.clone() };
+        let damaged = || MapStoreError::Damaged { path: self.path.clone() };
         // A thread that panicked while it held the file left a position, which the next read sets anyway.
         let mut file = self.file.as_ref().ok_or_else(damaged)?.lock().unwrap_or_else(PoisonError::into_inner);
         let mut record = vec![0; bytes as usize];
         file.read(start, &mut record).map_err(|cause| self.failed("read", cause))?;
         drop(file);
-        record::decode(&record).map(Arc::new).ok_or_else(damaged)
+        T::decode(&record).map(Arc::new).ok_or_else(damaged)
     }
 
-    fn write(&mut self, shape: &PaintShape) -> Result<Slot, ShapeStoreError> {
-        let too_large = ShapeStoreError::TooLarge { limit_mib: self.file_limit_bytes >> 20 };
-        let Ok(bytes) = u32::try_from(record::size_bytes(shape)) else { return Err(too_large) };
+    fn write(&mut self, shape: &T) -> Result<Slot<T>, MapStoreError> {
+        let too_large = MapStoreError::TooLarge { limit_mib: self.file_limit_bytes >> 20 };
+        let Ok(bytes) = u32::try_from(shape.size_bytes()) else { return Err(too_large) };
         if self.file.is_none() {
             let file = File::options().read(true).write(true).create_new(true).open(&self.path);
             let file = file.map_err(|cause| self.failed("created", cause))?;
@@ -170,10 +183,10 @@ impl ShapeStore {
             self.file = Some(Mutex::new(ScratchFile { writer, end: 0, is_at_end: true }));
         }
         self.buffer.clear();
-        record::encode(shape, &mut self.buffer);
+        shape.encode(&mut self.buffer);
         let (file, buffer) = (&mut self.file, &self.buffer);
         let Some(file) = file.as_mut().map(|file| file.get_mut().unwrap_or_else(PoisonError::into_inner)) else {
-            return Err(ShapeStoreError::Damaged { path: self.path.clone() });
+            return Err(MapStoreError::Damaged { path: self.path.clone() });
         };
         let start = file.end;
         if start + u64::from(bytes) > self.file_limit_bytes {
@@ -185,12 +198,12 @@ impl ShapeStore {
         }
     }
 
-    fn failed(&self, action: &'static str, cause: io::Error) -> ShapeStoreError {
-        ShapeStoreError::Io { path: self.path.clone(), action, cause }
+    fn failed(&self, action: &'static str, cause: io::Error) -> MapStoreError {
+        MapStoreError::Io { path: self.path.clone(), action, cause }
     }
 }
 
-impl Drop for ShapeStore {
+impl<T> Drop for MapStore<T> {
     /// Removes the scratch file. If that fails, it stays until the whole scratch folder is removed.
     fn drop(&mut self) {
         if self.file.take().is_some() {
@@ -237,7 +250,7 @@ impl CellRange {
 
 /// The cells of a rectangle; `None` if its corners are no positions or it is empty. Bounds of shapes reach a little
 /// beyond all positions.
-fn cells_of([low, high]: [[f64; 2]; 2]) -> Option<CellRange> {
+fn cells_of([low, high]: MapBounds) -> Option<CellRange> {
     let is_one = |corner: [f64; 2]| is_position(corner.map(|v| v / 2.0));
     let is_some = is_one(low) && is_one(high) && (0..2).all(|axis| low[axis] <= high[axis]);
     // Below 10^7 by the limit of positions.

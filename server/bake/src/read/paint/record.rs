@@ -6,6 +6,7 @@
 //! u32 rings; each: u32 positions; each: f64 x, f64 y
 //! ```
 
+use crate::read::map_store::{MapBounds, MapRecord, bounds};
 use crate::read::paint::class::{AreaClass, LineClass};
 use crate::read::paint::shape::{PaintArea, PaintLine, PaintShape, Sidewalks};
 use crate::read::paint::surfacing::Surfacing;
@@ -15,29 +16,45 @@ const LINE: u8 = 1;
 const NO_SURFACING: u8 = u8::MAX;
 const POSITION_BYTES: usize = 16;
 
-/// Size of a shape's record.
-pub(super) fn size_bytes(shape: &PaintShape) -> u64 {
-    let ring = |ring: &Vec<[f64; 2]>| 4 + (ring.len() * POSITION_BYTES) as u64;
-    match shape {
-        PaintShape::Area(area) => 3 + 4 + area.rings.iter().map(ring).sum::<u64>(),
-        PaintShape::Line(line) => 3 + 3 + 8 + 4 + ring(&line.points),
+/// A shape touches a picture if its bounds do.
+impl MapRecord for PaintShape {
+    fn bounds(&self) -> Option<MapBounds> {
+        match self {
+            Self::Area(area) => bounds(area.rings.iter().flatten()),
+            Self::Line(line) => {
+                let [low, high] = bounds(&line.points)?;
+                let reach_m = line.reach_m();
+                Some([low.map(|v| v - reach_m), high.map(|v| v + reach_m)])
+            }
+        }
     }
-}
 
-/// Appends a shape whose size is below 4 GiB.
-pub(super) fn encode(shape: &PaintShape, bytes: &mut Vec<u8>) {
-    let surfacing = |surfacing: Option<Surfacing>| surfacing.map_or(NO_SURFACING, |surfacing| surfacing as u8);
-    match shape {
-        PaintShape::Area(area) => {
-            bytes.extend([AREA, area.class as u8, surfacing(area.surfacing)]);
-            encode_rings(&area.rings, bytes);
+    fn size_bytes(&self) -> u64 {
+        let ring = |ring: &Vec<[f64; 2]>| 4 + (ring.len() * POSITION_BYTES) as u64;
+        match self {
+            Self::Area(area) => 3 + 4 + area.rings.iter().map(ring).sum::<u64>(),
+            Self::Line(line) => 3 + 3 + 8 + 4 + ring(&line.points),
         }
-        PaintShape::Line(line) => {
-            bytes.extend([LINE, line.class as u8, surfacing(line.surfacing)]);
-            bytes.extend([line.lanes.unwrap_or(0), u8::from(line.is_one_way), line.sidewalks as u8]);
-            bytes.extend(line.width_m.to_le_bytes());
-            encode_rings(std::slice::from_ref(&line.points), bytes);
+    }
+
+    fn encode(&self, bytes: &mut Vec<u8>) {
+        let surfacing = |surfacing: Option<Surfacing>| surfacing.map_or(NO_SURFACING, |surfacing| surfacing as u8);
+        match self {
+            Self::Area(area) => {
+                bytes.extend([AREA, area.class as u8, surfacing(area.surfacing)]);
+                encode_rings(&area.rings, bytes);
+            }
+            Self::Line(line) => {
+                bytes.extend([LINE, line.class as u8, surfacing(line.surfacing)]);
+                bytes.extend([line.lanes.unwrap_or(0), u8::from(line.is_one_way), line.sidewalks as u8]);
+                bytes.extend(line.width_m.to_le_bytes());
+                encode_rings(std::slice::from_ref(&line.points), bytes);
+            }
         }
+    }
+
+    fn decode(bytes: &[u8]) -> Option<Self> {
+        decode(bytes)
     }
 }
 
@@ -50,8 +67,7 @@ fn encode_rings(rings: &[Vec<[f64; 2]>], bytes: &mut Vec<u8>) {
     }
 }
 
-/// The inverse of [`encode`]; `None` if the bytes are not those of a shape.
-pub(super) fn decode(mut bytes: &[u8]) -> Option<PaintShape> {
+fn decode(mut bytes: &[u8]) -> Option<PaintShape> {
     let [kind, class, surfacing] = take(&mut bytes)?;
     let surfacing = match surfacing {
         NO_SURFACING => None,

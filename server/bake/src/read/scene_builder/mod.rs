@@ -1,22 +1,26 @@
 //! Builds a city from objects: shares equal materials, chooses the origin and leaves out objects that are too far away.
 
+mod bases;
+mod pending;
+#[cfg(test)]
+mod tests;
+
 use std::collections::HashMap;
 
 use glam::Vec3;
-use insula_protocol::NODE_CELLS;
 
-use super::duplicates::{
-    DuplicateCandidate, DuplicateOption, PAIRS_PER_PASS, PairMasks, PlacedBox, SimilarPair, similar_pairs,
-};
+use super::duplicates::{DuplicateOption, PAIRS_PER_PASS, PairMasks, SimilarPair, similar_pairs};
 use super::report::{FAR, SourceReport};
 pub(crate) use super::world_triangle::WorldTriangle;
 use crate::error::BakeError;
-use crate::scene::grid::BLOCK_LEAVES;
 use crate::scene::object_names::ObjectNames;
 use crate::scene::scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial, StoredObject};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
 use crate::scene::{ObjectKind, SceneTriangle};
+pub(crate) use bases::AnchoredBuilding;
+use pending::PendingObject;
+pub(crate) use pending::{ObjectRelation, OpenObject};
 
 /// No projected system has positions on Earth with larger coordinates.
 pub(crate) const MAX_COORDINATE_M: f64 = 1e9;
@@ -24,142 +28,13 @@ pub(crate) const MAX_COORDINATE_M: f64 = 1e9;
 /// city.
 const MAX_DISTANCE_M: f64 = 200_000.0;
 
-/// An object with more cells of surface in one block of leaves is left out: the block would need gigabytes. 500 layers
-/// over a whole block have as many.
-const MAX_BLOCK_CELLS: f64 = 8.2e6;
-/// An object that is taller within one block, in cells, is left out: the format has 4096 cells of height.
-const MAX_BLOCK_HEIGHT_CELLS: f64 = 32_768.0;
 /// An object that is smaller in all directions, in cells, may fall between the lines that sample it.
 const MIN_CELLS: f32 = 0.25;
-
-/// Longer identifiers are cut: they are in memory until all sources are read.
-const MAX_ID_BYTES: usize = 1024;
-
-/// What a source tells of an object besides its shape.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct ObjectRelation {
-    /// Of its parent's identifier, see [`hash_of_id`].
-    pub(crate) parent: Option<u64>,
-    /// Level of detail, if the source has levels.
-    pub(crate) lod: Option<f32>,
-    /// Whether the object is left out if another one names it as its parent.
-    pub(crate) yields_to_parts: bool,
-}
 
 /// Number by which identifiers are compared. Two different ones have the same number once in 10^10 cities.
 pub(crate) fn hash_of_id(id: &str) -> u64 {
     let hash = blake3::hash(id.as_bytes());
     u64::from_le_bytes(std::array::from_fn(|i| hash.as_bytes()[i]))
-}
-
-struct PendingObject {
-    id: String,
-    /// See [`hash_of_id`].
-    id_hash: u64,
-    kind: ObjectKind,
-    source: usize,
-    /// Whether it is left out, with the reason in the report already.
-    is_dropped: bool,
-    /// What tells whether another object is the same.
-    relation: ObjectRelation,
-    /// Area of all triangles.
-    surface_m2: f64,
-    /// The stored corners are relative to this, because f32 is exact enough only near the object until the origin is
-    /// known.
-    anchor: [f64; 3],
-    /// Minimum of the corners relative to the anchor.
-    min: [f32; 3],
-    /// Maximum of the corners relative to the anchor.
-    max: [f32; 3],
-    triangles: u64,
-}
-
-impl PendingObject {
-    /// Minimum along an axis, in world coordinates.
-    fn low(&self, axis: usize) -> f64 {
-        self.anchor[axis] + f64::from(self.min[axis])
-    }
-
-    /// Maximum along an axis, in world coordinates.
-    fn high(&self, axis: usize) -> f64 {
-        self.anchor[axis] + f64::from(self.max[axis])
-    }
-
-    /// The object as the search for duplicates takes it.
-    fn candidate(&self, object: usize) -> DuplicateCandidate {
-        let bounds = PlacedBox {
-            low: std::array::from_fn(|axis| self.low(axis)),
-            high: std::array::from_fn(|axis| self.high(axis)),
-        };
-        DuplicateCandidate {
-            object,
-            bounds,
-            id: self.id_hash,
-            parent: self.relation.parent,
-            lod: self.relation.lod.unwrap_or(0.0),
-            is_terrain: self.kind == ObjectKind::Terrain,
-        }
-    }
-
-    /// Extent along an axis.
-    fn extent_m(&self, axis: usize) -> f64 {
-        f64::from(self.max[axis]) - f64::from(self.min[axis])
-    }
-
-    /// Why the object cannot be baked with cells of this size, with details; `None` if it can.
-    fn size_fault(&self, cell_m: f64) -> Option<(&'static str, String)> {
-        let extent_m: [f64; 3] = std::array::from_fn(|axis| self.extent_m(axis));
-        if let Some(largest_m) =
-            extent_m.into_iter().reduce(f64::max).filter(|extent_m| *extent_m > 2.0 * MAX_DISTANCE_M)
-        {
-            return Some(("larger than 400 km", format!("{:.0} km", largest_m / 1000.0)));
-        }
-        let block_m = cell_m * (NODE_CELLS as u32 * BLOCK_LEAVES) as f64;
-        let [share_x, share_y] = [0, 1].map(|axis: usize| (block_m / extent_m[axis]).min(1.0));
-        let height_cells = extent_m[2] * share_x.min(share_y) / cell_m;
-        if height_cells > MAX_BLOCK_HEIGHT_CELLS {
-            let detail = format!(
-                "{height_cells:.0} cells high in one block, the limit is {MAX_BLOCK_HEIGHT_CELLS}; use a larger --cell"
-            );
-            return Some(("too tall for the cell size", detail));
-        }
-        let cells = self.surface_m2 * share_x * share_y / (cell_m * cell_m);
-        (cells > MAX_BLOCK_CELLS).then(|| {
-            let detail = format!(
-                "{cells:.0} cells of surface in one block, the limit is {MAX_BLOCK_CELLS:.0}; use a larger --cell"
-            );
-            ("too much surface for the cell size", detail)
-        })
-    }
-}
-
-/// An object whose triangles are added one part after the other, so that they are never in memory together.
-pub(crate) struct OpenObject {
-    kind: ObjectKind,
-    anchor: Option<[f64; 3]>,
-    min: [f32; 3],
-    max: [f32; 3],
-    surface_m2: f64,
-    /// Number of triangles so far.
-    pub(crate) triangles: u64,
-    /// Whether a wall has a generated facade.
-    pub(crate) has_facade: bool,
-}
-
-impl OpenObject {
-    pub(crate) fn new(kind: ObjectKind) -> Self {
-        Self { kind, anchor: None, min: [0.0; 3], max: [0.0; 3], surface_m2: 0.0, triangles: 0, has_facade: false }
-    }
-
-    /// `None` without triangles.
-    fn into_pending(self, source: usize, id: &str) -> Option<PendingObject> {
-        let Self { kind, anchor, min, max, surface_m2, triangles, .. } = self;
-        let anchor = anchor?;
-        let id = id[..id.floor_char_boundary(MAX_ID_BYTES)].to_owned();
-        let (relation, id_hash) = (ObjectRelation::default(), hash_of_id(&id));
-        let is_dropped = false;
-        Some(PendingObject { id, id_hash, kind, source, is_dropped, relation, surface_m2, anchor, min, max, triangles })
-    }
 }
 
 /// Collects the objects of a city.
@@ -287,6 +162,7 @@ impl SceneBuilder {
             min: [0.0; 3],
             max: [0.0; 3],
             triangles: 0,
+            has_own_base: false,
         });
     }
 
@@ -481,112 +357,4 @@ fn subtract_from_report(object: &PendingObject, report: &mut SourceReport) {
 fn remove_from_report(object: &PendingObject, distance_m: f64, report: &mut SourceReport) {
     subtract_from_report(object, report);
     report.skip(FAR, || format!("{}: {:.0} km away", object.id, distance_m / 1000.0));
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::report::SourceFormat;
-    use super::*;
-    use crate::scene::SceneTexture;
-    use std::sync::Arc;
-
-    fn face_at(p: [f64; 3]) -> WorldTriangle {
-        let corners = [p, [p[0] + 1.0, p[1], p[2]], [p[0], p[1] + 1.0, p[2] + 2.0]];
-        WorldTriangle { corners, uv: [[0.0; 2]; 3], material: 0, is_facade: false }
-    }
-
-    fn builder() -> SceneBuilder {
-        SceneBuilder::new(TriangleStore::Memory(Vec::new()), 1.0)
-    }
-
-    fn report() -> Vec<SourceReport> {
-        vec![SourceReport::new("a", SourceFormat::Obj, 0)]
-    }
-
-    #[test]
-    fn large_coordinates_keep_a_precision_of_a_millimetre() {
-        let (mut builder, mut sources) = (builder(), report());
-        let places = [[6_240_000.123, 457_604.591, 2.463], [6_256_000.789, 457_604.501, 37.481]];
-        for place in places {
-            builder.add(0, "a", ObjectKind::Building, &[face_at(place)], &mut sources[0]);
-        }
-        let scene = builder.finish(TextureStore::in_memory(), &mut sources).into_scene().unwrap();
-        assert_eq!(scene.origin, [6_248_000.0, 457_605.0, 2.0]);
-        for (triangle, place) in scene.triangles.iter().zip(places) {
-            for axis in 0..3 {
-                let world = scene.origin[axis] + f64::from(triangle.corners[0][axis]);
-                assert!((world - place[axis]).abs() < 1e-3, "{world} is not {}", place[axis]);
-            }
-        }
-        assert_eq!([scene.triangles[0].object, scene.triangles[1].object], [0, 1]);
-        assert!((scene.objects[1].base_z_m - 35.481).abs() < 1e-3);
-    }
-
-    #[test]
-    fn objects_far_from_the_city_are_left_out_and_reported() {
-        let (mut builder, mut sources) = (builder(), report());
-        for (id, x) in [("a", 500_000.0), ("remote", 0.0), ("b", 500_010.0)] {
-            builder.add(0, id, ObjectKind::Terrain, &[face_at([x, 0.0, 0.0])], &mut sources[0]);
-        }
-        let scene = builder.finish(TextureStore::in_memory(), &mut sources).into_scene().unwrap();
-        let ids: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
-        assert_eq!(ids, ["a", "b"]);
-        assert_eq!(scene.triangles.len(), 2);
-        assert_eq!(scene.triangles[1].object, 1);
-        assert_eq!((sources[0].objects, sources[0].triangles, sources[0].terrain_triangles), (2, 2, 2));
-        assert_eq!(sources[0].skipped["far from the city"].first, ["remote: 500 km away"]);
-    }
-
-    #[test]
-    fn objects_too_large_for_the_cells_are_left_out_and_reported() {
-        let (mut builder, mut sources) = (builder(), report());
-        let mut add = |id: &str, faces: &[WorldTriangle]| {
-            builder.add(0, id, ObjectKind::Building, faces, &mut sources[0]);
-        };
-        let tall = |z: f64| {
-            let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, z]];
-            WorldTriangle { corners, uv: [[0.0; 2]; 3], material: 0, is_facade: false }
-        };
-        add("spike", &[tall(40_000.0)]);
-        add("pile", &vec![tall(10_000.0); 2000]);
-        add("tower", &[tall(10_000.0)]);
-        let wide = [[0.0; 3], [500_000.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        add("wide", &[WorldTriangle { corners: wide, ..tall(1.0) }]);
-        let dot = [[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]];
-        add("dot", &[WorldTriangle { corners: dot, ..tall(1.0) }]);
-        let mut open = OpenObject::new(ObjectKind::Building);
-        builder.push(&mut open, &[tall(1.0)]);
-        builder.abandon(0, "broken", open);
-        builder.add(0, "last", ObjectKind::Building, &[tall(2.0)], &mut sources[0]);
-        let scene = builder.finish(TextureStore::in_memory(), &mut sources).into_scene().unwrap();
-        let ids: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
-        assert_eq!(ids, ["tower", "dot", "last"]);
-        assert_eq!(scene.triangles.iter().map(|triangle| triangle.object).collect::<Vec<_>>(), [0, 1, 2]);
-        assert_eq!((sources[0].objects, sources[0].triangles), (3, 3));
-        let first = |reason: &str| sources[0].skipped[reason].first[0].clone();
-        assert!(first("too tall for the cell size").starts_with("spike: 40000 cells"));
-        assert!(first("too much surface for the cell size").starts_with("pile: "));
-        assert_eq!(first("larger than 400 km"), "wide: 500 km");
-        assert_eq!(sources[0].problems["smaller than a quarter of a cell"].first, ["dot"]);
-    }
-
-    #[test]
-    fn equal_materials_are_shared_and_terrain_faces_up() {
-        let (mut builder, mut sources) = (builder(), report());
-        let mut textures = TextureStore::in_memory();
-        let texture =
-            textures.add(Arc::new(SceneTexture { width: 1, height: 1, rgb: vec![[1, 2, 3]], is_pattern: false }));
-        let plain = StoredMaterial::matt([9; 3], None);
-        let number = builder.material(plain);
-        assert_ne!(number, builder.material(StoredMaterial { texture: Some(texture), ..plain }));
-        assert_ne!(number, builder.material(StoredMaterial { is_reflective: true, ..plain }));
-        assert_eq!(number, builder.material(plain));
-        let mut face = face_at([0.0; 3]);
-        face.corners.swap(1, 2);
-        builder.add(0, "t", ObjectKind::Terrain, &[face], &mut sources[0]);
-        let scene = builder.finish(textures, &mut sources).into_scene().unwrap();
-        let [a, b, c] = scene.triangles[0].corners;
-        assert!((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0);
-        assert_eq!(scene.materials.len(), 3);
-    }
 }

@@ -1,6 +1,9 @@
 //! Shapes that are kept and found again.
 
+use std::path::Path;
+
 use super::*;
+use crate::read::map_store::{MapRecord, MapStore, MapStoreError, overlap};
 use crate::read::paint::class::{AreaClass, LineClass};
 use crate::read::paint::shape::{PaintArea, PaintLine, Sidewalks};
 use crate::read::paint::surfacing::Surfacing;
@@ -37,8 +40,8 @@ fn shapes() -> Vec<PaintShape> {
     shapes
 }
 
-fn store(memory_bytes: u64, path: &Path) -> ShapeStore {
-    let mut store = ShapeStore::new(path, memory_bytes, FILE_LIMIT);
+fn store(memory_bytes: u64, path: &Path) -> MapStore<PaintShape> {
+    let mut store = MapStore::new(path, memory_bytes, FILE_LIMIT);
     shapes().into_iter().for_each(|shape| store.push(shape).unwrap());
     store
 }
@@ -69,7 +72,7 @@ fn shapes_are_found_by_place_whereever_they_are_kept() {
 #[test]
 fn shapes_can_be_added_after_reads() {
     let folder = tempfile::tempdir().unwrap();
-    let mut store = ShapeStore::new(&folder.path().join("shapes"), 0, FILE_LIMIT);
+    let mut store = MapStore::new(&folder.path().join("shapes"), 0, FILE_LIMIT);
     for i in 0..300 {
         let shape = square([f64::from(i) * 10.0, 0.0], 4.0, AreaClass::ALL[i as usize % AreaClass::ALL.len()]);
         store.push(shape.clone()).unwrap();
@@ -83,7 +86,7 @@ fn shapes_can_be_added_after_reads() {
 #[test]
 fn what_has_no_place_is_left_out() {
     let folder = tempfile::tempdir().unwrap();
-    let mut store = ShapeStore::new(&folder.path().join("shapes"), 0, FILE_LIMIT);
+    let mut store = MapStore::new(&folder.path().join("shapes"), 0, FILE_LIMIT);
     for at in [f64::NAN, f64::INFINITY, 1e300] {
         store.push(line(vec![[at, 0.0], [0.0, at]])).unwrap();
     }
@@ -99,12 +102,12 @@ fn what_has_no_place_is_left_out() {
 fn limits_and_files_of_others_are_respected() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shapes");
-    let mut small = ShapeStore::new(&path, 0, 300);
+    let mut small = MapStore::new(&path, 0, 300);
     small.push(square([0.0; 2], 1.0, AreaClass::Grass)).unwrap();
-    assert!(matches!(small.push(line(vec![[0.0; 2]; 50])), Err(ShapeStoreError::TooLarge { .. })));
+    assert!(matches!(small.push(line(vec![[0.0; 2]; 50])), Err(MapStoreError::TooLarge { .. })));
     assert_eq!(small.shapes_in([[-1.0; 2], [1.0; 2]]).unwrap().len(), 1);
-    let mut other = ShapeStore::new(&path, 0, FILE_LIMIT);
-    assert!(matches!(other.push(line(vec![[0.0; 2]])), Err(ShapeStoreError::Io { .. })));
+    let mut other = MapStore::new(&path, 0, FILE_LIMIT);
+    assert!(matches!(other.push(line(vec![[0.0; 2]])), Err(MapStoreError::Io { .. })));
     drop(other);
     assert!(path.exists(), "the file of the other store");
 }
@@ -118,28 +121,28 @@ fn a_file_that_changed_is_an_error() {
     assert_eq!(store.shapes_in(rectangle).unwrap().len(), 401);
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    assert!(matches!(store.shapes_in(rectangle), Err(ShapeStoreError::Io { .. })));
+    assert!(matches!(store.shapes_in(rectangle), Err(MapStoreError::Io { .. })));
     std::fs::write(&path, vec![0xff; bytes.len()]).unwrap();
-    assert!(matches!(store.shapes_in(rectangle), Err(ShapeStoreError::Damaged { .. })));
+    assert!(matches!(store.shapes_in(rectangle), Err(MapStoreError::Damaged { .. })));
 }
 
 #[test]
 fn records_are_read_whole_or_not_at_all() {
     for shape in [square([3.0, 4.0], 2.0, AreaClass::TrackBed), line(vec![[1.0, 2.0], [f64::INFINITY, -0.0]])] {
         let mut bytes = Vec::new();
-        record::encode(&shape, &mut bytes);
-        assert_eq!(bytes.len() as u64, record::size_bytes(&shape));
-        assert_eq!(record::decode(&bytes).as_ref(), Some(&shape));
+        shape.encode(&mut bytes);
+        assert_eq!(bytes.len() as u64, shape.size_bytes());
+        assert_eq!(PaintShape::decode(&bytes).as_ref(), Some(&shape));
         for end in 0..bytes.len() {
-            assert_eq!(record::decode(&bytes[..end]), None, "{end}");
+            assert_eq!(PaintShape::decode(&bytes[..end]), None, "{end}");
         }
         bytes.push(0);
-        assert_eq!(record::decode(&bytes), None);
+        assert_eq!(PaintShape::decode(&bytes), None);
         // Any byte may be wrong; counts must not be believed.
         for i in 0..bytes.len() {
             let mut wrong = bytes.clone();
             wrong[i] = 0xff;
-            let _ = record::decode(&wrong);
+            let _ = PaintShape::decode(&wrong);
         }
     }
 }
