@@ -34,7 +34,7 @@ const DOT_M: f64 = 1.0;
 const STEP_M: f64 = 2.0;
 const SPEC: FrameSpec = FrameSpec { width_px: 384, height_px: 256, shading: Shading::Albedo, samples: STILL_SAMPLES };
 /// Side of the windows whose shifts are measured.
-const WINDOW_PX: u32 = 64;
+const WINDOW_PX: u32 = 32;
 /// Digits 0 to 9 as five rows of three dots, the top row first.
 const DIGITS: [u16; 10] = [0o75557, 0o26227, 0o71747, 0o71717, 0o55711, 0o74717, 0o74757, 0o71222, 0o75757, 0o75717];
 
@@ -273,12 +273,12 @@ fn pictures_from_above_lie_where_they_belong() -> Result<()> {
         ensure!(near.windows >= 20 && near.shift_texels <= 0.5, "meshes at {x}, {y}: {near:?}");
         ensure!(near.psnr_db >= 30.0, "meshes at {x}, {y}: {near:?}");
     }
-    // All levels that show squares, each from where a column is a pixel.
+    // All levels that show squares, each from where a column has three pixels.
     for level in (0..=depth).rev().take(3) {
         let cell_m = baked.manifest().node_side_m(level) / 64.0;
         let ids = baked.ids(level);
         let focal_px = f64::from(SPEC.height_px) / (2.0 * 30.0_f64.to_radians().tan());
-        let from = above(96.0, 96.0, cell_m * focal_px);
+        let from = above(96.0, 96.0, cell_m * focal_px / 3.0);
         let whole = compare_view(&truth, &baked, &from, &ids, |_| None, cell_m)?;
         println!("columns of {cell_m} m: {whole:?}");
         ensure!(whole.windows > 0 && whole.shift_texels <= 0.5, "columns of {cell_m} m: {whole:?}");

@@ -16,6 +16,8 @@ const OPAQUE: u8 = 128;
 const FADE_PX: f64 = 12.0;
 /// A smaller copy of the raster is read if its pixels are at most this many steps of the wanted grid.
 const MAX_PIXEL_STEPS: f64 = 1.25;
+/// Pixels of a raster are on a grid if they are so near to it.
+const ALIGNED_M: f64 = 1e-3;
 /// Points along each side of a raster by which its bounds are known.
 const BORDER_STEPS: u32 = 16;
 
@@ -42,6 +44,8 @@ pub(super) struct RasterPlacement {
     pub(super) bounds: [[f64; 2]; 2],
     /// Metres from pixel to pixel.
     pub(super) pixel_m: f64,
+    /// Position of the first pixel's middle, if columns and rows run along the axes of the map at equal distances.
+    pub(super) aligned: Option<[f64; 2]>,
 }
 
 /// A height, and how much it counts against coarser models: from 0 at the model's border to 1.
@@ -95,7 +99,16 @@ impl PlacedRaster {
             let what = "it lies where the city's coordinate system is not defined";
             return Err(InputError::unsupported(&self.label, what));
         }
-        self.placed = Some(RasterPlacement { placement, bounds: [low, high], pixel_m });
+        let aligned = finder.world([0.0; 2], 0.0).map(|[x, y, _]| [x, y]).filter(|first| {
+            let last = [width, height].map(|side| f64::from(side.saturating_sub(1)));
+            let is_at = |pixel: [f64; 2]| {
+                let expected = [first[0] + pixel[0] * pixel_m, first[1] - pixel[1] * pixel_m];
+                let found = finder.world(pixel, 0.0);
+                found.is_some_and(|found| (0..2).all(|axis| (found[axis] - expected[axis]).abs() < ALIGNED_M))
+            };
+            [[last[0], 0.0], [0.0, last[1]], last].into_iter().all(is_at)
+        });
+        self.placed = Some(RasterPlacement { placement, bounds: [low, high], pixel_m, aligned });
         Ok(())
     }
 

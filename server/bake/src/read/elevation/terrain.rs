@@ -17,6 +17,8 @@ const TILE_STEPS: u32 = 1024;
 const MIN_TILE_STEPS: u32 = 16;
 /// Pixels along the side of a tile's window in a raster that is finer than the grid.
 const MAX_TILE_PIXELS: f64 = 4096.0;
+/// Steps of a grid from one of the model's points to the next, if it does not have the same points.
+const STEPS_PER_PIXEL: f64 = 4.0;
 /// Coarser steps, in cells, would miss the buildings that the ground meets.
 const FIT_CELLS: f64 = 2.0;
 /// Where land surrounds the city, its terrain ends at squares of this many leaves, at which that land begins.
@@ -59,7 +61,7 @@ pub(crate) struct TerrainTile {
 /// The grid over a region.
 struct Region<'e> {
     elevation: &'e Elevation,
-    /// World position of the south-western point, a multiple of the step.
+    /// World position of the south-western point.
     corner: [f64; 2],
     step_m: f64,
     size: [u32; 2],
@@ -121,10 +123,7 @@ impl<'e> Region<'e> {
         if !(low[0] < high[0] && low[1] < high[1]) {
             return None;
         }
-        let mut step_m = elevation.step_m().max(cell_m / 2.0);
-        if !elevation.bases.is_empty() {
-            step_m = step_m.min(cell_m * FIT_CELLS);
-        }
+        let (mut step_m, aligned) = elevation.grid_step(cell_m);
         while (0..2).map(|axis| (high[axis] - low[axis]) / step_m).product::<f64>() > MAX_HEIGHTS {
             step_m *= 2.0;
         }
@@ -136,7 +135,8 @@ impl<'e> Region<'e> {
             high = high.map(|along| (along / side_m).ceil() * side_m);
             limits = [low.map(|along| along + INSET_M), high.map(|along| along - INSET_M)];
         }
-        let corner = array::from_fn(|axis| (low[axis] / step_m).floor() * step_m);
+        let from = aligned.unwrap_or_default();
+        let corner = array::from_fn(|axis| from[axis] + ((low[axis] - from[axis]) / step_m).floor() * step_m);
         let size = array::from_fn(|axis| ((high[axis] - corner[axis]) / step_m - 1e-6).ceil().min(1e8) as u32 + 1);
         Some(Self { elevation, corner, step_m, size, is_extended: city.is_some(), limits, part: RefCell::default() })
     }
@@ -162,6 +162,21 @@ impl<'e> Region<'e> {
 }
 
 impl Elevation {
+    /// Distance of the grid's points, and the position of one if they are those of the finest model.
+    ///
+    /// A grid beside the model's points cuts off peaks between its own. So it is finer than them where they are farther
+    /// apart than cells.
+    fn grid_step(&self, cell_m: f64) -> (f64, Option<[f64; 2]>) {
+        let pixel_m = self.step_m();
+        let aligned = self.models.last().and_then(|model| model.placed.as_ref()?.aligned);
+        let is_free = self.bases.is_empty() && !self.has_surroundings() && pixel_m >= cell_m / 2.0;
+        if let Some(first) = aligned.filter(|_| is_free) {
+            return (pixel_m, Some(first));
+        }
+        let finest_m = if self.bases.is_empty() { f64::INFINITY } else { cell_m * FIT_CELLS };
+        ((pixel_m / STEPS_PER_PIXEL).max(cell_m).min(pixel_m).min(finest_m).max(cell_m / 2.0), None)
+    }
+
     /// Passes the terrain around a city to `add`, tile by tile, with pictures of the ground. The models must be
     /// settled. Fails if a raster cannot be read.
     pub(crate) fn make_terrain(

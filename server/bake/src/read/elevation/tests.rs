@@ -393,3 +393,34 @@ fn terrain_meets_buildings_that_have_heights() {
     let terrain = corners(&unchanged, ObjectKind::Terrain);
     assert!((height_at(&terrain, [110.0, 106.0]).unwrap() - 111.0).abs() < 0.21);
 }
+
+#[test]
+fn peaks_of_a_model_beside_the_grid_are_kept() {
+    let mut random = insula_test_support::rng::Rng::new(3);
+    let noise: Vec<f64> = (0..21 * 17).map(|_| random.range(-3.0, 3.0)).collect();
+    let corner = [-103.7, -98.2];
+    let at = |x: f64, y: f64| {
+        noise[((y - corner[1]) / 25.0).round() as usize * 21 + ((x - corner[0]) / 25.0).round() as usize]
+    };
+    let dem = grid(corner, [21, 17], 25.0, at);
+    let turned = {
+        // The same model in another system: its rows do not run along the axes of the map.
+        let mut options = ReadOptions::default();
+        options.placing.crs = Some("EPSG:25833".into());
+        options
+    };
+    for (name, options) in [("aligned", ReadOptions::default()), ("turned", turned)] {
+        let (scene, _) = read_files(name, &[("dem.asc", &*dem)], &options);
+        let z: Vec<f64> = corners(&scene, ObjectKind::Terrain).iter().flatten().map(|corner| corner[2]).collect();
+        let highest = noise.iter().copied().fold(f64::MIN, f64::max);
+        let found = z.iter().copied().fold(f64::MIN, f64::max);
+        assert!((found - highest).abs() < 0.5, "{name}: {found} {highest}");
+    }
+    let (scene, _) = read_files("on-grid", &[("dem.asc", &*dem)], &ReadOptions::default());
+    let terrain = corners(&scene, ObjectKind::Terrain);
+    for i in 0..200 {
+        let [x, y] = [corner[0] + 25.0 * f64::from(1 + i * 7 % 19), corner[1] + 25.0 * f64::from(1 + i * 5 % 15)];
+        let height = height_at(&terrain, [x, y]).unwrap();
+        assert!((height - at(x, y)).abs() < 0.21, "{x} {y}: {height} {}", at(x, y));
+    }
+}
