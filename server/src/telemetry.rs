@@ -8,10 +8,13 @@ use tracing_subscriber::{
     fmt::{FormatFields, format},
 };
 
+/// What libraries say of inputs that Insula handles: tiny-skia warns of shapes without an area.
+const QUIET: &str = "tiny_skia=error";
+
 /// Starts logging at `level`, which `RUST_LOG` overrides, as text or JSON lines. Further calls have no effect. Only programs
 /// call this: in a library it would override the choice of the program that embeds it.
 pub fn start(level: &str, json: bool) {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(format!("{level},{QUIET}")));
     let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
     let _ = if json {
         subscriber.json().flatten_event(true).with_current_span(false).with_span_list(false).try_init()

@@ -38,7 +38,7 @@ use crate::{
 pub(crate) use lod_chain::EncodedLod;
 
 /// Version of the algorithm. Raised whenever the same scene and settings would give other meshes than before.
-pub const ALGORITHM: u32 = 4;
+pub const ALGORITHM: u32 = 5;
 
 /// The leaf's levels of detail, the finest first. Empty if the leaf has no surface, or only one too small for its grid.
 ///

@@ -23,7 +23,7 @@ const MAX_TRIALS: usize = 6;
 const MAX_QUANTISER: i32 = 127;
 /// The coarsest quantiser that is tried. Coarser ones reach the quality only where there is little contrast, and show
 /// patches of colour there that the texture does not have.
-const COARSEST_QUANTISER: i32 = 72;
+const COARSEST_QUANTISER: i32 = 48;
 /// Index of the quantiser at which the search begins.
 const FIRST_QUANTISER: i32 = 42;
 /// Loss that the search expects from the next coarser quantiser.
