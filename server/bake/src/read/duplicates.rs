@@ -67,12 +67,18 @@ pub(super) struct SimilarPair {
     high: [f64; 2],
 }
 
-/// All pairs that may be one object, in order of the first and then of the second object.
-pub(super) fn similar_pairs(mut candidates: Vec<DuplicateCandidate>, option: DuplicateOption) -> Vec<SimilarPair> {
-    candidates.sort_by(|a, b| a.bounds.low[0].total_cmp(&b.bounds.low[0]).then(a.object.cmp(&b.object)));
+/// All pairs of `objects` that may be one object, in order of the first and then of the second object. Only their numbers are
+/// sorted: a country has millions.
+pub(super) fn similar_pairs(
+    mut objects: Vec<u32>,
+    candidate: impl Fn(u32) -> DuplicateCandidate,
+    option: DuplicateOption,
+) -> Vec<SimilarPair> {
+    let low_x = |object: u32| candidate(object).bounds.low[0];
+    objects.sort_unstable_by(|a, b| low_x(*a).total_cmp(&low_x(*b)).then(a.cmp(b)));
     let mut pairs = Vec::new();
     let mut active: Vec<DuplicateCandidate> = Vec::new();
-    for new in candidates {
+    for new in objects.into_iter().map(&candidate) {
         active.retain(|old| old.bounds.high[0] >= new.bounds.low[0]);
         let last = &active[active.len().saturating_sub(MAX_ACTIVE)..];
         pairs.extend(last.iter().filter_map(|old| similar(old, &new, option)).take(MAX_SIMILAR));
@@ -180,8 +186,12 @@ mod tests {
         DuplicateCandidate { object, bounds, id, parent: None, lod: 0.0, is_terrain: false }
     }
 
+    fn numbers(candidates: &[DuplicateCandidate]) -> Vec<u32> {
+        (0..candidates.len() as u32).collect()
+    }
+
     fn pairs(candidates: &[DuplicateCandidate]) -> Vec<(usize, usize, bool)> {
-        let found = similar_pairs(candidates.to_vec(), DuplicateOption::KeepFirst);
+        let found = similar_pairs(numbers(candidates), |i| candidates[i as usize], DuplicateOption::KeepFirst);
         found.iter().map(|pair| (pair.first, pair.second, pair.has_same_id)).collect()
     }
 
@@ -231,7 +241,8 @@ mod tests {
         let far = candidate(1, [8.0, 0.0, 0.0], [18.0, 10.0, 10.0], 1);
         assert!(pairs(&[base, far]).is_empty(), "the same identifier at another place");
         let lower = DuplicateCandidate { lod: 1.0, ..candidate(1, [0.0; 3], [10.0, 10.0, 6.0], 2) };
-        assert_eq!(similar_pairs(vec![base, lower], DuplicateOption::KeepBestLevel).len(), 1);
+        let both = [base, lower];
+        assert_eq!(similar_pairs(vec![0, 1], |i| both[i as usize], DuplicateOption::KeepBestLevel).len(), 1);
     }
 
     #[test]

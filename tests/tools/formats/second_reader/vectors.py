@@ -94,17 +94,30 @@ def placed_features(features, target, crs):
         yield from ((name, shape, attributes) for (name, _, attributes), shape in zip(batch, shapes))
 
 
+def has_wall(placed):
+    """Whether a layer has an upright polygon: then all of its polygons are surfaces in space."""
+    for _, geometry, _ in placed:
+        if geometry is not None and geometry.geom_type == "Polygon":
+            ring = shapely.get_coordinates(geometry.exterior, include_z=True)
+            extent = np.ptp(ring, axis=0)
+            if extent[2] >= LEVEL_M and shapely.Polygon(ring[:, :2]).area < 1e-3 * (extent[0] ** 2 + extent[1] ** 2):
+                return True
+    return False
+
+
 def read(path, target, options):
     is_multipatch = path.lower().endswith(".shp") and pathlib.Path(path).read_bytes()[32] == 31
     for features, crs in layers(path):
-        for name, geometry, attributes in placed_features(features, target, options.source_crs or crs):
+        placed = list(placed_features(features, target, options.source_crs or crs))
+        is_in_layer_of_surfaces = is_multipatch or has_wall(placed)
+        for name, geometry, attributes in placed:
             polygons = []
             for polygon in polygons_of(geometry):
                 rings = [polygon.exterior, *polygon.interiors]
                 polygons.append([shapely.get_coordinates(ring, include_z=True) for ring in rings])
             if not polygons:
                 continue
-            if is_multipatch or is_in_space(polygons, attributes):
+            if is_in_layer_of_surfaces or is_in_space(polygons, attributes):
                 made = CityObject(name, triangles=[t for t in map(triangulate, polygons) if len(t)])
                 if made.triangles:
                     yield made

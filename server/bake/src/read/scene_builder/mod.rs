@@ -151,7 +151,7 @@ impl SceneBuilder {
         self.pending[len..].iter_mut().for_each(|object| object.is_dropped = true);
         // Triangles of an object that was never closed have this number.
         self.pending.push(PendingObject {
-            id: String::new(),
+            id: Box::default(),
             id_hash: 0,
             kind: ObjectKind::Building,
             source: 0,
@@ -177,8 +177,10 @@ impl SceneBuilder {
         if option == DuplicateOption::KeepAll {
             return Ok(());
         }
-        let kept = self.pending.iter().enumerate().filter(|(_, object)| !object.is_dropped);
-        let pairs = similar_pairs(kept.map(|(i, object)| object.candidate(i)).collect(), option);
+        let pending = &self.pending;
+        let kept = (0..pending.len()).filter(|object| !pending[*object].is_dropped).map(|object| object as u32);
+        let candidate = |object: u32| pending[object as usize].candidate(object as usize);
+        let pairs = similar_pairs(kept.collect(), candidate, option);
         let mut same: Vec<SimilarPair> = pairs.iter().filter(|pair| pair.has_same_id).copied().collect();
         let by_shape: Vec<SimilarPair> = pairs.into_iter().filter(|pair| !pair.has_same_id).collect();
         for some in by_shape.chunks(PAIRS_PER_PASS) {
@@ -320,7 +322,7 @@ impl SceneBuilder {
             city.objects.push(StoredObject { kind: object.kind, base_z_m: placed(object.min[2], 2) });
             city.triangles += object.triangles;
             city.extent.add(object.surface_m2, [0, 1].map(|axis| object.extent_m(axis)));
-            city.names.push(object.id);
+            city.names.push(object.id.into());
         }
         city.bounds = Some([min, max]);
         city

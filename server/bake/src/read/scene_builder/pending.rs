@@ -27,7 +27,7 @@ pub(crate) struct ObjectRelation {
 }
 
 pub(super) struct PendingObject {
-    pub(super) id: String,
+    pub(super) id: Box<str>,
     /// See [`hash_of_id`].
     pub(super) id_hash: u64,
     pub(super) kind: ObjectKind,
@@ -147,7 +147,7 @@ impl OpenObject {
     pub(super) fn into_pending(self, source: usize, id: &str) -> Option<PendingObject> {
         let Self { kind, anchor, min, max, surface_m2, triangles, has_own_base, .. } = self;
         let anchor = anchor?;
-        let id = id[..id.floor_char_boundary(MAX_ID_BYTES)].to_owned();
+        let id: Box<str> = id[..id.floor_char_boundary(MAX_ID_BYTES)].into();
         let (relation, id_hash) = (ObjectRelation::default(), hash_of_id(&id));
         let is_dropped = false;
         Some(PendingObject {
