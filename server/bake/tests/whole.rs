@@ -72,11 +72,14 @@ fn every_node_has_a_tile_and_bounds_and_errors_nest() {
 #[test]
 fn equal_tiles_are_stored_once() {
     let mut scene = Scene { materials: city().materials, ..Scene::default() };
-    let corner = |x: f32, y: f32| [x * 1000.0, y * 1000.0, 5.0];
-    for corners in
-        [[corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0)], [corner(0.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)]]
-    {
-        scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 });
+    // Furrows, because plain ground would have no leaves.
+    let corner = |furrow: u32, y: f32| [furrow as f32 * 4.0, y, if furrow.is_multiple_of(2) { 5.0 } else { 7.0 }];
+    for furrow in 0..250 {
+        let [a, b] = [corner(furrow, 0.0), corner(furrow + 1, 0.0)];
+        let [c, d] = [corner(furrow + 1, 1000.0), corner(furrow, 1000.0)];
+        for corners in [[a, b, c], [a, c, d]] {
+            scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material: 0, object: 0 });
+        }
     }
     scene.objects.push(SceneObject { id: "plain".into(), kind: ObjectKind::Terrain, base_z_m: 5.0 });
     let baked = BakedCity::bake("equal", scene, BakeOptions { cell_m: 2.0, ..options(Path::new(""), 2) });

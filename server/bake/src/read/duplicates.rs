@@ -1,10 +1,13 @@
 //! Finds objects that the inputs have twice, such as buildings on the border of neighbouring deliveries.
 //!
 //! A sweep along x with a list of active boxes finds all pairs of objects whose boxes overlap on the map (Giannitrapani and
-//! Fusiello, "Graphics Lab", sweep over intervals): O(n log n + pairs), with a bound on the pairs of each object. A pair is
+//! Fusiello, "Graphics Lab", sweep over intervals): O(n log n + pairs), with a bound on the pairs of each object. The list is
+//! divided into strips along x: in a country, thousands of boxes are active at once. A pair is
 //! one object if both have the same identifier and mostly the same box, or the same footprint and height. Footprints are
 //! compared as bit masks that one pass over the stored triangles fills, so that memory follows the number of similar pairs,
 //! not the size of the city.
+
+use std::collections::BTreeMap;
 
 /// What becomes of an object that another source, or the same, has already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -23,13 +26,17 @@ const SAME_ID_BOX_SHARE: f64 = 0.5;
 const FOOTPRINT_BOX_SHARE: f64 = 0.85;
 /// Share of the footprints' union that is common to two footprints that are the same.
 const FOOTPRINT_SHARE: f64 = 0.95;
-/// Heights of the same object differ by less.
+/// Heights of the same object differ by less, and by less than this share of them: slabs have a top and an underside.
 const HEIGHT_TOLERANCE_M: f64 = 1.0;
+const HEIGHT_TOLERANCE_SHARE: f64 = 0.5;
+const LEAST_HEIGHT_TOLERANCE_M: f64 = 0.05;
 /// An object is compared with this many similar ones at most: a source may have any number of objects in one place, and one
 /// that is kept suffices.
 const MAX_SIMILAR: usize = 4;
-/// An object is compared with this many of the active boxes at most, the last ones. A city has some thousands.
+/// An object is compared with this many of the active boxes of a strip at most, the last ones.
 const MAX_ACTIVE: usize = 20_000;
+/// Side of a strip. Wider boxes are in a list of their own.
+const STRIP_M: f64 = 64.0;
 /// Points in x and y at which footprints are compared.
 const MASK_SIDE: usize = 64;
 /// Pairs whose footprints are compared in one pass over the triangles: 64 MiB of masks.
@@ -77,15 +84,55 @@ pub(super) fn similar_pairs(
     let low_x = |object: u32| candidate(object).bounds.low[0];
     objects.sort_unstable_by(|a, b| low_x(*a).total_cmp(&low_x(*b)).then(a.cmp(b)));
     let mut pairs = Vec::new();
-    let mut active: Vec<DuplicateCandidate> = Vec::new();
+    let mut active = ActiveBoxes::default();
     for new in objects.into_iter().map(&candidate) {
-        active.retain(|old| old.bounds.high[0] >= new.bounds.low[0]);
-        let last = &active[active.len().saturating_sub(MAX_ACTIVE)..];
-        pairs.extend(last.iter().filter_map(|old| similar(old, &new, option)).take(MAX_SIMILAR));
+        let mut left = MAX_SIMILAR;
+        active.for_each_near(&new, |old| {
+            if left > 0
+                && let Some(pair) = similar(old, &new, option)
+            {
+                pairs.push(pair);
+                left -= 1;
+            }
+        });
         active.push(new);
     }
     pairs.sort_by_key(|pair| (pair.first, pair.second));
     pairs
+}
+
+/// The boxes that a sweep along x has reached and not left.
+#[derive(Default)]
+struct ActiveBoxes {
+    /// By the strip of their lowest y; each reaches into the next one at most.
+    strips: BTreeMap<i64, Vec<DuplicateCandidate>>,
+    /// Those that are wider than a strip.
+    wide: Vec<DuplicateCandidate>,
+}
+
+impl ActiveBoxes {
+    fn push(&mut self, new: DuplicateCandidate) {
+        if new.bounds.high[1] - new.bounds.low[1] > STRIP_M {
+            self.wide.push(new);
+        } else {
+            self.strips.entry(strip(new.bounds.low[1])).or_default().push(new);
+        }
+    }
+
+    /// Calls `visit` for the boxes that may overlap a new one, and forgets those that the sweep has left.
+    fn for_each_near(&mut self, new: &DuplicateCandidate, mut visit: impl FnMut(&DuplicateCandidate)) {
+        let [from, to] = [strip(new.bounds.low[1]) - 1, strip(new.bounds.high[1])];
+        let strips = self.strips.range_mut(from..=to).map(|(_, strip)| strip);
+        for boxes in std::iter::once(&mut self.wide).chain(strips) {
+            boxes.retain(|old| old.bounds.high[0] >= new.bounds.low[0]);
+            boxes[boxes.len().saturating_sub(MAX_ACTIVE)..].iter().for_each(&mut visit);
+        }
+    }
+}
+
+/// Number of the strip of a coordinate, which is at most 10^9.
+fn strip(y: f64) -> i64 {
+    (y / STRIP_M).floor() as i64
 }
 
 fn similar(a: &DuplicateCandidate, b: &DuplicateCandidate, option: DuplicateOption) -> Option<SimilarPair> {
@@ -95,7 +142,10 @@ fn similar(a: &DuplicateCandidate, b: &DuplicateCandidate, option: DuplicateOpti
     }
     let share = common_share(&a.bounds, &b.bounds);
     let has_same_id = a.id == b.id && share >= SAME_ID_BOX_SHARE;
-    let differs = |x: f64, y: f64| (x - y).abs() >= HEIGHT_TOLERANCE_M;
+    let height_m = |bounds: &PlacedBox| bounds.high[2] - bounds.low[2];
+    let tolerance_m = height_m(&a.bounds).max(height_m(&b.bounds)) * HEIGHT_TOLERANCE_SHARE;
+    let tolerance_m = tolerance_m.clamp(LEAST_HEIGHT_TOLERANCE_M, HEIGHT_TOLERANCE_M);
+    let differs = |x: f64, y: f64| (x - y).abs() >= tolerance_m;
     let has_same_height = !differs(a.bounds.low[2], b.bounds.low[2]) && !differs(a.bounds.high[2], b.bounds.high[2]);
     let may_differ = option == DuplicateOption::KeepBestLevel && a.lod != b.lod;
     if !has_same_id && (share < FOOTPRINT_BOX_SHARE || !(has_same_height || may_differ)) {
@@ -205,8 +255,10 @@ mod tests {
         };
         let all: Vec<DuplicateCandidate> = (0..600)
             .map(|object| {
-                let low = [(next() * 60.0).floor(), (next() * 12.0).floor(), 0.0];
-                candidate(object, low, [low[0] + 4.0, low[1] + 4.0, 5.0], object as u64 % 40)
+                // Also across strips, and wider than one.
+                let low = [(next() * 60.0).floor(), (next() * 12.0).floor() + 58.0, 0.0];
+                let width = if object % 10 == 0 { 100.0 } else { 4.0 };
+                candidate(object, low, [low[0] + 4.0, low[1] + width, 5.0], object as u64 % 40)
             })
             .collect();
         let mut expected = Vec::new();
@@ -243,6 +295,13 @@ mod tests {
         let lower = DuplicateCandidate { lod: 1.0, ..candidate(1, [0.0; 3], [10.0, 10.0, 6.0], 2) };
         let both = [base, lower];
         assert_eq!(similar_pairs(vec![0, 1], |i| both[i as usize], DuplicateOption::KeepBestLevel).len(), 1);
+    }
+
+    #[test]
+    fn top_and_underside_of_a_slab_are_two() {
+        let face = |object, z: f64| candidate(object, [0.0, 0.0, z], [10.0, 10.0, z], object as u64);
+        assert!(pairs(&[face(0, 0.0), face(1, 0.8)]).is_empty());
+        assert_eq!(pairs(&[face(0, 0.0), face(1, 0.02)]), [(0, 1, false)]);
     }
 
     #[test]

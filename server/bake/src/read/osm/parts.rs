@@ -153,7 +153,10 @@ impl Parts {
 
     /// Finds the parts of an outline.
     pub(super) fn settle_outline(&mut self, id: ElementId, tags: Tags<'_>, polygons: &[Polygon]) -> OutlineFate {
-        if self.parts.is_empty() {
+        // Tagged as both and above the ground, it is a storey on other parts, which do not stand for it.
+        let is_upper_part =
+            || tags.get("building:part").is_some_and(|value| value != "no") && Heights::of(tags).base_m >= ON_GROUND_M;
+        if self.parts.is_empty() || is_upper_part() {
             return OutlineFate::Kept;
         }
         let rings: Vec<&[Position]> = polygons.iter().flatten().map(Vec::as_slice).collect();

@@ -56,6 +56,15 @@ fn an_outline_is_kept_where_its_parts_are_not_all_of_it() {
 }
 
 #[test]
+fn a_storey_that_is_tagged_as_outline_and_part_is_kept() {
+    let below: &[Part] = &[([0, 0, 1000, 1000], &[("building:levels", "7")])];
+    let storey = [PART, ("building:min_level", "7"), ("building:levels", "8")];
+    assert_eq!(found(&building(&storey, below)).0, ["way/1"]);
+    // An outline on the ground is left out, however it is tagged.
+    assert_eq!(found(&building(&[PART], below)).0.len(), 0);
+}
+
+#[test]
 fn a_part_belongs_to_the_outline_in_which_most_of_it_lies() {
     let mut map = Map::default();
     map.rectangle(1, [0, 0, 1000, 1000], &[("building", "yes")]).rectangle(

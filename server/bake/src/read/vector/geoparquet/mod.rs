@@ -74,10 +74,15 @@ fn guarded<T>(input: &Input<'_>, place: &str, decode: impl FnOnce() -> Result<T,
     catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err(damaged(input, place, "its decoder failed")))
 }
 
-/// Fails if a column of a row group is larger than allowed: pages of any size within it would be unpacked.
+/// Fails if a column of a row group is larger than allowed, because pages of any size within it would be unpacked, or if it
+/// has a negative place, at which the parquet crate panics.
 fn check_sizes(input: &Input<'_>, metadata: &ParquetMetaData) -> Result<(), InputError> {
     for (index, group) in metadata.row_groups().iter().enumerate() {
         for column in group.columns() {
+            let places = [column.data_page_offset(), column.compressed_size()].into_iter();
+            if places.chain(column.dictionary_page_offset()).any(|place| place < 0) {
+                return Err(damaged(input, &format!("row group {index}"), "a column has a negative place"));
+            }
             let bytes = u64::try_from(column.uncompressed_size()).unwrap_or(u64::MAX);
             if bytes > input.max_bytes {
                 let what = format!("column {} of row group {index}, {bytes} bytes,", column.column_path());
