@@ -441,9 +441,11 @@ fn flat_land_takes_few_bytes_and_an_empty_scene_is_an_error() {
     let flat: Vec<DVec3> = rectangle([-64.0, -64.0], [64.0, 64.0]).iter().map(|p| p.extend(0.0)).collect();
     shapes.object(ObjectKind::Terrain).face(&flat, paint::GROUND);
     let shape = BakedShape::bake("flat", shapes.scene([0.0; 3]), CELL_M).unwrap();
-    let (leaves, bytes) = shape.baked.levels().into_iter().next_back().map(|(_, level)| level).unwrap();
-    println!("flat: {} bytes a leaf", bytes / leaves);
-    assert!(leaves >= 16 && bytes / leaves < 100, "{} bytes for a flat leaf", bytes / leaves);
+    let levels = shape.baked.levels();
+    let (finest, (nodes, bytes)) = levels.into_iter().next_back().unwrap();
+    println!("flat: {nodes} nodes at level {finest}, {} bytes each", bytes / nodes);
+    assert!(finest < shape.baked.manifest().depth, "plain land has no leaves");
+    assert!(nodes <= 9 && bytes / nodes < 100, "{nodes} nodes of {} bytes", bytes / nodes);
     shape.score(&two_views([0.0; 3], 60.0)).unwrap().ensure_at_least(0.97, 0.98, 0.98).unwrap();
     assert!(BakedShape::bake("nothing", Scene::default(), CELL_M).is_err());
 }
