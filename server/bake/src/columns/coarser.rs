@@ -127,7 +127,8 @@ mod tests {
 
     #[test]
     fn details_are_not_shown() {
-        let ripples = |x: f32, _: f32, codes: f32| ground(if (x as u32) % 2 == 0 { 12.0 } else { 12.5 }, codes, UP);
+        let ripples =
+            |x: f32, _: f32, codes: f32| ground(if (x as u32).is_multiple_of(2) { 12.0 } else { 12.5 }, codes, UP);
         assert!(!is_shown(ripples));
         assert!(!is_shown(|x, _, codes| {
             let column = ground(12.0, codes, UP)?;
