@@ -15,7 +15,7 @@ const MAX_BLOCK_HEIGHT_CELLS: f64 = 32_768.0;
 /// Longer identifiers are cut: they are in memory until all sources are read.
 const MAX_ID_BYTES: usize = 1024;
 
-/// What a source tells of an object besides its shape.
+/// Facts of an object besides its shape.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct ObjectRelation {
     /// Of its parent's identifier, see [`hash_of_id`].
