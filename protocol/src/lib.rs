@@ -10,6 +10,7 @@ pub mod error;
 pub mod manifest;
 pub mod mesh;
 pub mod mesh_tile;
+pub mod object_tile;
 pub mod octahedral;
 pub mod route;
 pub mod subtree;

@@ -3,7 +3,12 @@
 //! Addresses are never percent-decoded. Names and numbers have one spelling each, so every resource has one address and
 //! caches hold it once.
 
-use crate::{TileId, TileKind, manifest::is_name, mesh_tile};
+use crate::{
+    TileId, TileKind,
+    manifest::is_name,
+    mesh_tile,
+    object_tile::{self, SCHEMA_ID},
+};
 use std::fmt;
 
 /// The list of cities, and the prefix of all addresses of a city.
@@ -12,6 +17,8 @@ const OPENAPI: &str = "/v1/openapi.json";
 const HEALTH: &str = "/healthz";
 const READINESS: &str = "/readyz";
 const METRICS: &str = "/metrics";
+/// Stands for a block's number in the address of the objects' schema.
+const SCHEMA: &str = "schema";
 /// Prefix of the pages of cities.
 const PAGES: &str = "/cities";
 const ASSETS: &str = "/assets";
@@ -59,7 +66,7 @@ pub struct TileRoute<'a> {
     /// The city's version ([`crate::Manifest::version`]).
     pub version: &'a str,
     pub kind: TileKind,
-    /// The tile's node; of a mesh, its leaf.
+    /// The tile's node; of a mesh, its leaf; of objects, their place in the archive ([`object_tile`]).
     pub id: TileId,
     /// Level of detail of a mesh, below [`mesh_tile::MAX_LODS`]; 0 for other kinds.
     pub lod: u8,
@@ -72,7 +79,7 @@ pub enum RouteError {
     #[error("the path matches no route")]
     Unknown,
     /// The path has the shape of a tile's address, but its numbers are invalid.
-    #[error("level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3")]
+    #[error("level, x, y and block must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3")]
     InvalidTile,
     /// The city or version is not a valid name ([`is_name`]).
     #[error("city and version must be 1 to 64 characters of a-z, 0-9, _ and -")]
@@ -146,7 +153,14 @@ impl fmt::Display for Route<'_> {
             Self::Asset { hash, file } => write!(f, "{ASSETS}/{hash}/{file}"),
             Self::ServiceWorker => f.write_str(SERVICE_WORKER),
             Self::Tile(TileRoute { city, version, kind, id, lod }) => {
-                write!(f, "{CITIES}/{city}/{version}/{}/{id}", kind.path_segment())?;
+                write!(f, "{CITIES}/{city}/{version}/{}/", kind.path_segment())?;
+                if *kind == TileKind::Objects {
+                    return match object_tile::block_number(*id) {
+                        Some(block) => write!(f, "{block}"),
+                        None => f.write_str(SCHEMA),
+                    };
+                }
+                write!(f, "{id}")?;
                 if *kind == TileKind::Mesh { write!(f, "/{lod}") } else { Ok(()) }
             }
         }
@@ -175,12 +189,16 @@ pub fn is_asset_name(name: &str) -> bool {
     (1..=64).contains(&name.len()) && !name.starts_with('.') && name.bytes().all(is_allowed)
 }
 
-/// Parses `{city}/{version}/{kind}/{level}/{x}/{y}`, with `/{lod}` for meshes.
+/// Parses `{city}/{version}/{kind}/{level}/{x}/{y}`, with `/{lod}` for meshes, and `{city}/{version}/objects/{block}`.
 fn parse_tile(rest: &str) -> Result<TileRoute<'_>, RouteError> {
     let mut segments = rest.split('/');
     let mut segment = || segments.next().ok_or(RouteError::Unknown);
     let (city, version) = (segment()?, segment()?);
     let kind = TileKind::from_path_segment(segment()?).ok_or(RouteError::Unknown)?;
+    if kind == TileKind::Objects {
+        let block = segment()?;
+        return if segments.next().is_some() { Err(RouteError::Unknown) } else { parse_objects(city, version, block) };
+    }
     let (level, x, y) = (segment()?, segment()?, segment()?);
     let lod = if kind == TileKind::Mesh { segment()? } else { "0" };
     if segments.next().is_some() {
@@ -196,6 +214,16 @@ fn parse_tile(rest: &str) -> Result<TileRoute<'_>, RouteError> {
     Ok(TileRoute { city, version, kind, id, lod })
 }
 
+/// The address of a block of objects, or of their schema.
+fn parse_objects<'a>(city: &'a str, version: &'a str, block: &str) -> Result<TileRoute<'a>, RouteError> {
+    let id = if block == SCHEMA { Some(SCHEMA_ID) } else { parse_number(block).and_then(object_tile::block_id) };
+    let id = id.ok_or(RouteError::InvalidTile)?;
+    if !is_name(city) || !is_name(version) {
+        return Err(RouteError::InvalidName);
+    }
+    Ok(TileRoute { city, version, kind: TileKind::Objects, id, lod: 0 })
+}
+
 /// Parses decimal digits without sign or leading zeros.
 fn parse_number(text: &str) -> Option<u32> {
     let is_plain = text.bytes().all(|b| b.is_ascii_digit()) && (text == "0" || !text.starts_with('0'));
@@ -208,6 +236,7 @@ pub enum RouteTemplate {
     Subtrees,
     BlockMaps,
     Meshes,
+    Objects,
     Manifest,
     Cities,
     Index,
@@ -225,10 +254,11 @@ pub enum RouteTemplate {
 
 impl RouteTemplate {
     /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Subtrees,
         Self::BlockMaps,
         Self::Meshes,
+        Self::Objects,
         Self::Manifest,
         Self::Cities,
         Self::Index,
@@ -272,6 +302,7 @@ impl RouteTemplate {
             TileKind::Subtree => Self::Subtrees,
             TileKind::BlockMap => Self::BlockMaps,
             TileKind::Mesh => Self::Meshes,
+            TileKind::Objects => Self::Objects,
         }
     }
 
@@ -281,6 +312,7 @@ impl RouteTemplate {
             Self::Subtrees => "subtrees",
             Self::BlockMaps => "blockmaps",
             Self::Meshes => "meshes",
+            Self::Objects => "objects",
             Self::Manifest => "manifest",
             Self::Cities => "cities",
             Self::Index => "index",
@@ -302,6 +334,7 @@ impl RouteTemplate {
             Self::Subtrees => "/v1/cities/{city}/{version}/subtrees/{level}/{x}/{y}",
             Self::BlockMaps => "/v1/cities/{city}/{version}/blockmaps/{level}/{x}/{y}",
             Self::Meshes => "/v1/cities/{city}/{version}/meshes/{level}/{x}/{y}/{lod}",
+            Self::Objects => "/v1/cities/{city}/{version}/objects/{block}",
             Self::Manifest => "/v1/cities/{city}",
             Self::Cities => CITIES,
             Self::Index => "/",
@@ -326,6 +359,16 @@ impl RouteTemplate {
 /// The path of a city's manifest.
 pub fn manifest(city: &str) -> String {
     Route::Manifest { city }.path()
+}
+
+/// The path of a block of objects.
+pub fn objects(city: &str, version: &str, block: u32) -> Option<String> {
+    Some(tile(city, version, TileKind::Objects, object_tile::block_id(block)?))
+}
+
+/// The path of the schema of a city's objects.
+pub fn schema(city: &str, version: &str) -> String {
+    tile(city, version, TileKind::Objects, SCHEMA_ID)
 }
 
 /// The path of a city's page.
@@ -357,7 +400,7 @@ pub fn mesh(city: &str, version: &str, leaf: TileId, lod: u8) -> String {
 pub fn archive_tile(city: &str, version: &str, kind: TileKind, id: TileId, depth: u8) -> Option<String> {
     match kind {
         TileKind::Mesh => mesh_tile::from_archive_id(id, depth).map(|(leaf, lod)| mesh(city, version, leaf, lod)),
-        TileKind::Subtree | TileKind::BlockMap => Some(tile(city, version, kind, id)),
+        TileKind::Subtree | TileKind::BlockMap | TileKind::Objects => Some(tile(city, version, kind, id)),
     }
 }
 

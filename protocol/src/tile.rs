@@ -1,6 +1,6 @@
 //! The container of all tiles: magic, version, kind, a section table, and sections with checksums.
 //!
-//! `blockmap`, `subtree` and `mesh_tile` define the contents of the sections.
+//! `blockmap`, `subtree`, `mesh_tile` and `object_tile` define the contents of the sections.
 
 use crate::{
     TileId, codec,
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// The first four bytes of every tile.
 pub const MAGIC: [u8; 4] = *b"INSU";
 /// Version of the container and of all tile kinds. Any change of bytes raises it.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 /// Maximum size of a section in bytes, packed or raw.
 pub const MAX_SECTION_BYTES: u32 = 16 << 20;
 /// Maximum number of sections in one tile.
@@ -28,15 +28,17 @@ pub enum TileKind {
     Subtree = 2,
     /// A leaf's triangles at one level of detail.
     Mesh = 3,
+    /// The schema of the objects' attributes, or a block of objects.
+    Objects = 4,
 }
 
 impl TileKind {
     /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Subtree, Self::BlockMap, Self::Mesh];
+    pub const ALL: [Self; 4] = [Self::Subtree, Self::BlockMap, Self::Mesh, Self::Objects];
 
-    /// Whether every city has an archive of this kind. Meshes are optional.
+    /// Whether every city has an archive of this kind. Meshes and objects are optional.
     pub const fn is_required(self) -> bool {
-        !matches!(self, Self::Mesh)
+        !matches!(self, Self::Mesh | Self::Objects)
     }
 
     /// The kind's segment in URLs.
@@ -45,6 +47,7 @@ impl TileKind {
             Self::Subtree => "subtrees",
             Self::BlockMap => "blockmaps",
             Self::Mesh => "meshes",
+            Self::Objects => "objects",
         }
     }
 
@@ -59,6 +62,7 @@ impl TileKind {
             Self::Subtree => "subtrees.pmtiles",
             Self::BlockMap => "blockmaps.pmtiles",
             Self::Mesh => "meshes.pmtiles",
+            Self::Objects => "objects.pmtiles",
         }
     }
 }

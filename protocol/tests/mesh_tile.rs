@@ -4,7 +4,7 @@
 
 use insula_protocol::{
     DecodeError, MeshTile, TileId, TileKind,
-    mesh_tile::{self, MAX_LODS, MAX_TEXTURE_SIDE_PX, TileTexture},
+    mesh_tile::{self, NO_OBJECT, MAX_LODS, MAX_TEXTURE_SIDE_PX, TileTexture},
     tile::{TileReader, TileWriter},
 };
 use proptest::prelude::*;
@@ -23,6 +23,39 @@ fn plain() -> MeshTile {
 
 fn textured() -> MeshTile {
     mesh_tile::cuboid([1.0, 2.0, -3.0], [9.0, 14.5, 21.0], [0; 3], Some(texture()))
+}
+
+/// Four houses on a ground, as triangles of five objects.
+#[test]
+fn triangles_keep_their_objects() {
+    let mut tile = plain();
+    let grid = tile.mesh.grid;
+    for k in 0..4 {
+        let other = mesh_tile::cuboid([f64::from(k), 2.0, -3.0], [9.0, 14.5, 21.0 + f64::from(k)], [1; 3], None);
+        let first = tile.mesh.positions.len() as u32;
+        tile.mesh.positions.extend(other.mesh.positions.iter().map(|p| [p[0] + 40 * k as u32, p[1], p[2]]));
+        tile.mesh.triangles.extend(other.mesh.triangles.iter().map(|t| t.map(|vertex| vertex + first)));
+        let attribute = &mut tile.mesh.attributes[0];
+        attribute.corners.extend(&other.mesh.attributes[0].corners);
+    }
+    tile.mesh.grid = grid;
+    tile.objects = (0..tile.mesh.triangles.len() as u32).map(|t| [7, 9, 1_000_000, NO_OBJECT, 8][t as usize / 12]).collect();
+    let by_corners = |tile: &MeshTile| {
+        let corners = |t: &[u32; 3]| {
+            let mut corners = t.map(|vertex| tile.mesh.positions[vertex as usize]);
+            corners.sort();
+            corners
+        };
+        let mut all: Vec<_> = tile.mesh.triangles.iter().map(corners).zip(tile.objects.iter().copied()).collect();
+        all.sort();
+        all
+    };
+    let decoded = MeshTile::decode(leaf(), 0, &tile.encode(leaf(), 0).unwrap()).unwrap();
+    assert_eq!(by_corners(&decoded), by_corners(&tile));
+    let bytes = |objects: Vec<u32>| MeshTile { objects, ..tile.clone() }.encode(leaf(), 0).unwrap().len();
+    assert!(bytes(tile.objects.clone()) < bytes(Vec::new()) + 40);
+    assert_eq!(bytes(vec![NO_OBJECT; 60]), bytes(Vec::new()));
+    assert!(MeshTile { objects: vec![1], ..tile }.encode(leaf(), 0).is_err());
 }
 
 #[test]

@@ -5,6 +5,7 @@
 use insula_protocol::{
     TileId, TileKind,
     mesh_tile::MAX_LODS,
+    object_tile::{SCHEMA_ID, block_id},
     route::{self, Route, RouteError, RouteTemplate, TileRoute},
 };
 use proptest::prelude::*;
@@ -17,6 +18,10 @@ fn leaf() -> TileId {
 
 fn tile(kind: TileKind, lod: u8) -> Route<'static> {
     Route::Tile(TileRoute { city: "delft", version: VERSION, kind, id: leaf(), lod })
+}
+
+fn objects(id: TileId) -> Route<'static> {
+    Route::Tile(TileRoute { city: "delft", version: VERSION, kind: TileKind::Objects, id, lod: 0 })
 }
 
 fn tile_error(rest: &str) -> RouteError {
@@ -41,6 +46,9 @@ fn every_address_has_its_path() {
         (tile(TileKind::BlockMap, 0), "/v1/cities/delft/0123456789abcdef/blockmaps/7/100/3"),
         (tile(TileKind::Mesh, 0), "/v1/cities/delft/0123456789abcdef/meshes/7/100/3/0"),
         (tile(TileKind::Mesh, 3), "/v1/cities/delft/0123456789abcdef/meshes/7/100/3/3"),
+        (objects(SCHEMA_ID), "/v1/cities/delft/0123456789abcdef/objects/schema"),
+        (objects(block_id(0).unwrap()), "/v1/cities/delft/0123456789abcdef/objects/0"),
+        (objects(block_id(54_321).unwrap()), "/v1/cities/delft/0123456789abcdef/objects/54321"),
     ] {
         assert_eq!(route.path(), path);
         assert_eq!(Route::parse(path), Ok(route));

@@ -1,7 +1,9 @@
 //! The command line as it is typed. `serve` turns its part into a [`ServeConfig`](crate::config::ServeConfig).
 
+mod objects;
 mod parse;
 
+pub use objects::ObjectsArgs;
 pub use parse::{DegreesBox, GeoPlace, ShareArea};
 
 use crate::share_link::{parse_lifetime, parse_version};
@@ -53,6 +55,11 @@ pub enum ServerCommand {
         after_help = "Example:\n  insula-server inspect cities/delft\n  insula-server inspect 52397519_bldg_6697_op.gml\n  insula-server inspect cities/delft --tile 3/2/5 --png node.png"
     )]
     Inspect(InspectArgs),
+    /// Show what is known of objects, or the attributes that a city has
+    #[command(
+        after_help = "Example:\n  insula-server objects cities/delft\n  insula-server objects cities/delft --ids 17,4711 --json"
+    )]
+    Objects(ObjectsArgs),
     /// Check every checksum of a city and decode every tile
     #[command(
         after_help = "Example:\n  insula-server verify cities/delft\n\nPrints the damaged tiles, one per line, and exits with 1 if there are any."
@@ -162,6 +169,12 @@ pub struct ReadArgs {
     /// Attribute that has the heights of footprints
     #[arg(long, value_name = "NAME")]
     pub height_field: Option<String>,
+    /// Attributes that the city must not have, as in 'owner*'; may be repeated
+    #[arg(long, value_name = "NAME")]
+    pub drop: Vec<String>,
+    /// Attribute whose texts can be searched, besides names, addresses and identifiers; may be repeated
+    #[arg(long, value_name = "NAME")]
+    pub search: Vec<String>,
     /// Of objects that inputs have at several levels of detail, keep the best
     #[arg(long, value_enum, value_name = "lod")]
     pub prefer: Option<Preference>,

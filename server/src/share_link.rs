@@ -7,7 +7,7 @@
 
 use crate::secret_file::SecretFile;
 use hmac::{Hmac, KeyInit, Mac};
-use insula_protocol::{Manifest, TileId, manifest::is_name, route::RouteTemplate};
+use insula_protocol::{Manifest, TileId, TileKind, manifest::is_name, route::RouteTemplate};
 use sha2::Sha256;
 use std::{
     fmt::{self, Write},
@@ -154,12 +154,18 @@ impl ShareScope {
 
     /// Whether the link opens addresses of this kind.
     pub fn admits_route(&self, route: RouteTemplate) -> bool {
-        use RouteTemplate::{BlockMaps, Cities, CityPage, Index, Manifest, Meshes, Subtrees, Thumbnail};
-        let is_read = matches!(route, Index | Cities | CityPage | Thumbnail | Manifest | Subtrees | BlockMaps | Meshes);
+        use RouteTemplate::{BlockMaps, Cities, CityPage, Index, Manifest, Meshes, Objects, Subtrees, Thumbnail};
+        let is_tile = matches!(route, Subtrees | BlockMaps | Meshes | Objects);
+        let is_read = is_tile || matches!(route, Index | Cities | CityPage | Thumbnail | Manifest);
         !self.is_read_only || is_read
     }
 
-    /// Whether the node of a tile meets the area.
+    /// Whether a tile may be sent. A block of objects has some of other places too, so only links without an area have objects.
+    pub fn admits_tile(&self, city: &Manifest, kind: TileKind, node: TileId) -> bool {
+        if kind == TileKind::Objects { self.area_mm.is_none() } else { self.admits_node(city, node) }
+    }
+
+    /// Whether a node meets the area.
     pub fn admits_node(&self, city: &Manifest, node: TileId) -> bool {
         let Some([x0, y0, x1, y1]) = self.area_mm.map(|area| area.map(|mm| mm as f64 / MM_PER_M)) else { return true };
         let side_m = city.root_side_m / f64::from(node.level()).exp2();

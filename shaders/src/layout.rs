@@ -103,10 +103,12 @@ pub enum Shading {
     /// A colour per kind of column: roof grey, exposed orange, suspended blue, with gaps red, inclined tinted green.
     /// Meshes are violet.
     Kind = 5,
+    /// No picture: each pixel is the palette word of the object that its centre ray hits, as an address in the atlas, or 0.
+    Objects = 6,
 }
 
 impl Shading {
-    /// All shadings, in the order of their keys in the client.
+    /// All shadings that are pictures, in the order of their keys in the client.
     pub const ALL: [Self; 6] = [Self::Lit, Self::Albedo, Self::Ao, Self::Normal, Self::Lod, Self::Kind];
 
     /// The word on command lines.
@@ -118,6 +120,7 @@ impl Shading {
             Self::Normal => "normal",
             Self::Lod => "lod",
             Self::Kind => "kind",
+            Self::Objects => "objects",
         }
     }
 }
@@ -165,7 +168,9 @@ pub struct FrameUniform {
     pub exposure: f32,
     /// Radius of the sun's disc in radians for soft shadows; 0: shadows are hard.
     pub sun_radius: f32,
-    pub unused: [f32; 2],
+    /// 1 if objects have colours or are hidden, or the frame shows objects; else rays do not read them.
+    pub objects: u32,
+    pub unused: f32,
     /// Place of the camera among lit windows, and metres that a ray covers at a distance of one metre
     /// ([`crate::cpu::night::bays_of`]).
     pub bays: [f32; 4],
@@ -265,7 +270,23 @@ pub struct DrawNode {
     pub mesh_z_m: f32,
     /// Place of a mesh's leaf among the columns ([`crate::mesh::leaf_offset`]). 0 without a mesh.
     pub leaf_offset: u32,
+    /// Page of the objects' plane, and first word of the palette in the atlas; 0 for a node without objects, and if a mesh is drawn.
+    pub object_page: u32,
+    pub palette: u32,
+    pub unused: [u32; 2],
 }
+
+/// In a word of a palette: the object has the colour in the lower 24 bits (8-bit sRGB, r lowest) instead of its own.
+pub const PALETTE_COLOURED: u32 = 1 << 24;
+/// In a word of a palette: rays pass through the object.
+pub const PALETTE_HIDDEN: u32 = 1 << 25;
+/// In a word of a palette: the object is outlined.
+pub const PALETTE_OUTLINED: u32 = 1 << 26;
+/// Bits of the objects of a column's top and wall in a word of the objects' plane; those of the lower top are above them. Each is 1 + a
+/// place in the palette, or 0.
+pub(crate) const OBJECT_BITS: u32 = 12;
+/// Colour of outlines, linear RGB.
+pub(crate) const OUTLINE_RGB: [f32; 3] = [1.0, 0.45, 0.0];
 
 /// Where the slot begins in [`DrawNode::slot_and_shift`].
 pub(crate) const SLOT_SHIFT: u32 = 3;

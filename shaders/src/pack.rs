@@ -7,16 +7,17 @@
 //! | 1 roof | texel |
 //! | 2 attributes | roof normal (16), wall azimuth (8), offset of the plane that clips the column (8, signed) |
 //! | 3 strips | address of the column's strip: a word of the atlas, 0 without a strip |
+//! | last | objects of a node that has some: 1 + places in the palette, of the top (12 bits), the wall (12) and the lower top (8). The palette is among the strips: a word per object, see [`crate::layout::PALETTE_COLOURED`] |
 //! | 4... | strips; none crosses a page. With [`flag::GAP`] the two words before the texels are the gap, `low \| high << 16`, and `z_max \| z_min << 12`; with [`flag::CLIPPED`] the two words before those are [`clip_word`] and the texel beyond the plane |
 
 use crate::layout::{
-    ATTRIBUTE_PLANE, BLOCK_CELLS, NODE_BLOCKS, PAGE_WORDS, PLANES, QUAD_TOP_BITS, QUAD_TOP_MAX, ROOF_PLANE,
+    ATTRIBUTE_PLANE, BLOCK_CELLS, NODE_BLOCKS, OBJECT_BITS, PAGE_WORDS, PLANES, QUAD_TOP_BITS, QUAD_TOP_MAX, ROOF_PLANE,
     STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_WORDS, WALK_PLANE,
 };
 use crate::words;
 use insula_protocol::{
     BlockMap, NODE_CELLS,
-    blockmap::{COLUMNS, ColumnClip, MIN_NORMAL_Z, STEPS_PER_CELL, flag, strip_rows},
+    blockmap::{COLUMNS, ColumnClip, MIN_NORMAL_Z, NO_OBJECT, STEPS_PER_CELL, flag, strip_rows},
     octahedral,
 };
 use serde::{Deserialize, Serialize};
@@ -46,7 +47,7 @@ pub type Page = Box<[u32]>;
 /// A node in pages. Until [`PackedNode::relocate`], strip addresses are relative to the first strip page.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct PackedNode {
-    /// [`PLANES`] planes, then strip pages, each of [`PAGE_WORDS`] words.
+    /// [`PLANES`] planes, then strip pages, then the objects' plane if there are objects, each of [`PAGE_WORDS`] words.
     #[serde(with = "words::pages")]
     pub pages: Vec<Page>,
     /// Bounds of each block and tops of its quads, as [`SUMMARY_WORDS`] says.
@@ -65,6 +66,50 @@ pub struct PackedNode {
     pub below: [u8; 4],
     /// The map's `z_shift`.
     pub z_shift: u32,
+    /// The objects, if it has some.
+    pub objects: Option<PackedObjects>,
+}
+
+/// The objects of a packed tile: a word each, one after the other, in one page.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PackedObjects {
+    /// Numbers in the city, in the order of the palette.
+    pub list: Vec<u32>,
+    /// First word of the palette: relative to the first page of strips of a node, to the first page of a mesh, until the tile is
+    /// relocated.
+    pub palette: u32,
+}
+
+/// Most objects of a column's palette.
+const MAX_OBJECTS: usize = (1 << OBJECT_BITS) - 1;
+/// Most objects that can be those of lower tops: they come first.
+const MAX_LOWER_OBJECTS: usize = 255;
+
+/// The objects of a map in the order of their palette: first those of lower tops, then the others, each ascending. Of too many, the
+/// last ones are left out.
+fn palette_of(map: &BlockMap) -> Vec<u32> {
+    let Some(objects) = &map.objects else { return Vec::new() };
+    let mut list: Vec<u32> = objects.lower.iter().copied().filter(|object| *object != NO_OBJECT).collect();
+    list.sort_unstable();
+    list.dedup();
+    list.truncate(MAX_LOWER_OBJECTS);
+    let first: std::collections::BTreeSet<u32> = list.iter().copied().collect();
+    list.extend(objects.distinct().into_iter().filter(|object| !first.contains(object)));
+    list.truncate(MAX_OBJECTS);
+    list
+}
+
+/// The words of the objects' plane.
+fn object_plane(map: &BlockMap, list: &[u32]) -> Page {
+    let mut page: Page = vec![0; PAGE_WORDS].into();
+    let Some(objects) = &map.objects else { return page };
+    let places: std::collections::BTreeMap<u32, u32> = (1..).zip(list).map(|(place, object)| (*object, place)).collect();
+    let place = |object: u32| places.get(&object).copied().unwrap_or(0);
+    for (i, word) in page.iter_mut().enumerate().take(COLUMNS) {
+        let lower = Some(place(objects.lower[i])).filter(|place| *place as usize <= MAX_LOWER_OBJECTS).unwrap_or(0);
+        *word = place(objects.roof[i]) | place(objects.wall[i]) << OBJECT_BITS | lower << (2 * OBJECT_BITS);
+    }
+    page
 }
 
 /// Number of pages that `map` takes when packed.
@@ -73,7 +118,9 @@ pub fn page_count(map: &BlockMap) -> usize {
     for i in 0..COLUMNS {
         layout.place(strip_words(map, i));
     }
-    PLANES + layout.pages
+    let objects = palette_of(map).len();
+    layout.place(objects);
+    PLANES + layout.pages + usize::from(objects > 0)
 }
 
 /// Slope of an inclined column's top in height codes per cell along x and y: the plane rises against its normal.
@@ -175,9 +222,16 @@ impl PackedNode {
                 *word = texel.0;
             }
         }
+        let list = palette_of(map);
+        let objects = (!list.is_empty()).then(|| {
+            if let Some(last) = pages.last_mut() {
+                *last = object_plane(map, &list);
+            }
+            PackedObjects { palette: layout.place(list.len()) as u32, list }
+        });
         let NodeSummary { words: summary, z_range, below } = summarise(map);
         let (cell_m, z_step_m, z_base_m) = (map.cell_m, map.z_step_m(), map.z_base_m());
-        Self { pages, summary, cell_m, z_step_m, z_base_m, z_range, below, z_shift: u32::from(map.z_shift) }
+        Self { pages, summary, cell_m, z_step_m, z_base_m, z_range, below, z_shift: u32::from(map.z_shift), objects }
     }
 
     /// Makes strip addresses absolute. `atlas_pages` are the pages that the cache has assigned, one per entry of
@@ -189,10 +243,13 @@ impl PackedNode {
             return;
         }
         let [walk, .., addresses] = planes else { return };
+        let absolute = |at: usize| atlas_pages[PLANES + at / PAGE_WORDS] * PAGE_WORDS as u32 + (at % PAGE_WORDS) as u32;
+        if let Some(objects) = &mut self.objects {
+            objects.palette = absolute(objects.palette as usize);
+        }
         for (word, walk) in addresses.iter_mut().zip(walk.iter()) {
             if (walk >> FLAGS_SHIFT) as u8 & flag::EXPOSED != 0 {
-                let at = *word as usize;
-                *word = atlas_pages[PLANES + at / PAGE_WORDS] * PAGE_WORDS as u32 + (at % PAGE_WORDS) as u32;
+                *word = absolute(*word as usize);
             }
         }
     }

@@ -32,7 +32,8 @@ use crate::{
     layout::{
         ATTRIBUTE_PLANE, BLOCK_CELLS, BLOCK_SHIFT, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED,
         GRID_NODE_BIT, GRID_NODE_MASK, GRID_SHARE_MASK, GRID_SHARE_SHIFT, HIT_BLOCK_PX, HIT_COUNTS_THREADS,
-        MAX_SAMPLES, MESH_FLAG, METER_READS, METER_THREADS, NO_NODE, NODE_BLOCKS, PAGE_WORDS, QUAD_TOP_BITS,
+        MAX_SAMPLES, MESH_FLAG, METER_READS, METER_THREADS, NO_NODE, NODE_BLOCKS, OBJECT_BITS, OUTLINE_RGB, PAGE_WORDS,
+        PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, QUAD_TOP_BITS,
         QUAD_TOP_MAX, QUARTER_MAX, QUARTER_SHIFT, ROOF_PLANE, SKY_AZIMUTHS, SKY_CELLS, SKY_HEIGHTS, SLOT_SHIFT,
         STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_VEC4S, Shading, WALK_PLANE, WORKGROUP, binding,
     },
@@ -74,6 +75,7 @@ pub fn raycast() -> String {
         include_str!("../wgsl/node.wgsl"),
         include_str!("../wgsl/column.wgsl"),
         include_str!("../wgsl/solid.wgsl"),
+        include_str!("../wgsl/objects.wgsl"),
         include_str!("../wgsl/mesh.wgsl"),
         include_str!("../wgsl/mesh_surface.wgsl"),
         include_str!("../wgsl/shade.wgsl"),
@@ -173,9 +175,11 @@ fn constants() -> String {
             SHADING_NORMAL = Shading::Normal,
             SHADING_LOD = Shading::Lod,
             SHADING_KIND = Shading::Kind,
+            SHADING_OBJECTS = Shading::Objects,
         }
         // Words of the atlas.
         u32 { PAGE_WORDS, WALK_PLANE, ROOF_PLANE, ATTRIBUTE_PLANE, STRIP_PLANE, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK }
+        u32 { OBJECT_BITS, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED }
         u32 { AZIMUTH_SHIFT, AZIMUTHS, CLIP_OFFSET_SHIFT, CLIP_CORNER, CLIP_CONCAVE, STEPS_PER_CELL }
         u32 { OPAQUE = insula_protocol::texel::OPAQUE, AO_SHIFT, MESH_FLAG }
         u32 {
@@ -199,6 +203,7 @@ fn constants() -> String {
         // Light.
         vec3 { HORIZON, ZENITH, GROUND, GROUND_ALBEDO, LUMINANCE, POWER_LOW, POWER_HIGH }
         vec3 { TINT_ROOF, TINT_MESH, TINT_GAP, TINT_SUSPENDED, TINT_EXPOSED, TINT_INCLINED }
+        vec3 { OUTLINE_RGB = glam::Vec3::from(OUTLINE_RGB) }
         f32 { GROUND_FADE_M, MIN_GROUND_DESCENT, DISC_INNER, DISC_OUTER, DISC, MIE_G, PHASE_SCALE, SKY_LOW }
         f32 { FACADES_BY_WALL, FACADES_BY_GROUND, GROUND_DEPTH, FACADE_DEPTH, ZENITH_SHARE, GOLDEN_COS = GOLDEN_TURN.x, GOLDEN_SIN = GOLDEN_TURN.y }
         u32 { SKY_HEIGHTS, SKY_AZIMUTHS, SKY_CELLS, STAR_RARITY }

@@ -104,6 +104,7 @@ fn structs_have_the_same_layout() {
         ("mesh", offset_of!(DrawNode, mesh)),
         ("mesh_z_m", offset_of!(DrawNode, mesh_z_m)),
         ("leaf_offset", offset_of!(DrawNode, leaf_offset)),
+        ("objects", offset_of!(DrawNode, object_page)),
     ];
     assert_eq!(members, rust.map(|(name, at)| (name.to_owned(), at)));
     assert_eq!(

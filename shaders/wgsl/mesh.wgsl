@@ -4,6 +4,8 @@
 struct MeshRay {
     o: vec3<f32>,
     inv: vec3<f32>,
+    // First word of the palette, 0 without one.
+    palette: u32,
     // Number of the longest axis of the direction.
     axis: u32,
     // Factors of the coordinate on that axis in the two others, which turn points from the origin on into a picture in which the
@@ -21,6 +23,8 @@ struct MeshHit {
     u: f32,
     v: f32,
     is_front: bool,
+    // Address of its object's word in the palette, or 0.
+    object: u32,
 }
 
 // A half of the tree that is still to be visited, and where the ray enters it.
@@ -46,11 +50,12 @@ fn walk_mesh(index: u32) {
     var d = segment.dir / step_m;
     d = select(d, vec3<f32>(MIN_DIRECTION), abs(d) < vec3<f32>(MIN_DIRECTION));
     set_mesh_ray(o, d);
+    mesh_ray.palette = whole.w;
     let span = box_span(whole);
     if span.x > span.y || span.x > segment.reach_m {
         return;
     }
-    mesh_hit = MeshHit(min(segment.reach_m, span.y + 1.0), 0u, 0.0, 0.0, true);
+    mesh_hit = MeshHit(min(segment.reach_m, span.y + 1.0), 0u, 0.0, 0.0, true, 0u);
     nearest_triangle(info.x);
     if mesh_hit.triangle == 0u {
         return;
@@ -190,7 +195,11 @@ fn test_triangle(at: u32) {
     if !(t >= 0.0 && t < mesh_hit.t + tie) {
         return;
     }
-    let found = MeshHit(t, at, weights.y, weights.z, is_front);
+    let object = object_of_triangle(at, mesh_ray.palette);
+    if is_hidden(object) {
+        return;
+    }
+    let found = MeshHit(t, at, weights.y, weights.z, is_front, object);
     if t < mesh_hit.t - tie || wins_tie(found) {
         mesh_hit = found;
     }
@@ -247,5 +256,7 @@ fn hit_triangle(index: u32, step_m: f32, info: vec4<u32>) {
     }
     let flags = MESH_FLAG | select(0u, REFLECTIVE, light.is_reflective);
     let shadow_origin = p + normal * (MESH_LIFT_M + MESH_LIFT_SHARE * t);
-    ray_hit = RayHit(true, albedo, light.sky, normal, flags, nodes[index].level, t, index, shadow_origin);
+    albedo = object_colour(mesh_hit.object, albedo);
+    let level = nodes[index].level;
+    ray_hit = RayHit(true, albedo, light.sky, normal, flags, level, t, index, mesh_hit.object, shadow_origin);
 }

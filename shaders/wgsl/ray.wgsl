@@ -18,6 +18,8 @@ override MESHES: bool = true;
 override FOR_STUDY: bool = false;
 // Whether walls have lit windows.
 override WINDOWS: bool = false;
+// Whether objects have colours or are hidden, or the frame shows objects.
+override OBJECTS: bool = false;
 
 // A part of a ray: from the eye to the visible surface, or from there towards the sun.
 struct RaySegment {
@@ -43,6 +45,8 @@ struct RayHit {
     level: u32,
     distance_m: f32,
     node: u32,
+    // Address of its object's word in a palette, or 0. Only with OBJECTS.
+    object: u32,
     // Where the ray towards the sun begins.
     shadow_origin: vec3<f32>,
 }

@@ -7,6 +7,9 @@ struct TracedRay {
     rgb: vec3<f32>,
     distance_m: f32,
     node: u32,
+    // Address of its object's word in a palette, or 0.
+    object: u32,
+    is_outlined: bool,
 }
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
@@ -23,6 +26,8 @@ fn raycast(
     var sum = vec3<f32>(0.0);
     let at = id.y * frame.width_px + id.x;
     var sample = vec2<u32>(0u);
+    var outlined = 0u;
+    var object = 0u;
     // The sun's disc. The rays go to points on a spiral over it.
     let across = vec3<f32>(-frame.light.side.y, frame.light.side.x, 0.0) * frame.sun_radius;
     let along = cross(across, frame.sun);
@@ -36,15 +41,20 @@ fn raycast(
         turn = vec2<f32>(turn.x * GOLDEN_COS - turn.y * GOLDEN_SIN, turn.x * GOLDEN_SIN + turn.y * GOLDEN_COS);
         let traced = trace(ray_direction(vec2<f32>(id) + offset), sun);
         sum += traced.rgb;
+        outlined += select(0u, 1u, traced.is_outlined);
         if s == n * n / 2u {
             pixel_distance_m[at] = traced.distance_m;
             pixel_hit[at] = traced.node;
+            object = traced.object;
         }
         // Without a division: lavapipe divides lane by lane.
         sample = select(vec2<u32>(sample.x + 1u, sample.y), vec2<u32>(0u, sample.y + 1u), sample.x + 1u == n);
     }
-    let rgb = sum / f32(n * n);
-    if FOR_STUDY && frame.shading != SHADING_LIT {
+    // The outline of an object is where the rays of a pixel disagree about it.
+    let rgb = select(sum / f32(n * n), OUTLINE_RGB, OBJECTS && outlined > 0u && outlined < n * n);
+    if FOR_STUDY && frame.shading == SHADING_OBJECTS {
+        pixel_colour[at] = object;
+    } else if FOR_STUDY && frame.shading != SHADING_LIT {
         pixel_colour[at] = encode_srgb(rgb);
     } else {
         pixel_colour[at] = encode_radiance(rgb);
@@ -87,7 +97,7 @@ fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
     var sun_share = 1.0;
     segment = RaySegment(vec3<f32>(0.0), dir, infinity, 0.0, false);
     loop {
-        ray_hit = RayHit(false, vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0u, 0u, infinity, NO_NODE, vec3<f32>(0.0));
+        ray_hit = RayHit(false, vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0u, 0u, infinity, NO_NODE, 0u, vec3<f32>(0.0));
         if frame.levels != 0u {
             walk_grid();
         }
@@ -110,7 +120,11 @@ fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
         let origin = floor(seen.shadow_origin * ORIGINS_PER_M + 0.5) / ORIGINS_PER_M;
         segment = RaySegment(origin, sun, frame.shadow_m, eye_m, true);
     }
-    return TracedRay(light.sky + light.sun * sun_share, seen.distance_m, seen.node);
+    var is_outlined = false;
+    if OBJECTS && seen.object != 0u {
+        is_outlined = (read_word(seen.object) & PALETTE_OUTLINED) != 0u;
+    }
+    return TracedRay(light.sky + light.sun * sun_share, seen.distance_m, seen.node, seen.object, is_outlined);
 }
 
 fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {

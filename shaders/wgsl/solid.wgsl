@@ -10,6 +10,10 @@ struct AdjacentWall {
 // Hits the first opaque texel of the solid that `meets` found, if there is one.
 fn hit_solid(cell: vec2<i32>) {
     let i = u32(cell.y * NODE_CELLS + cell.x);
+    let object = object_of_solid(i);
+    if is_hidden(object) {
+        return;
+    }
     let span = found.span;
     let solid = found.solid;
     let flags = flags_of(column.walk);
@@ -47,7 +51,7 @@ fn hit_solid(cell: vec2<i32>) {
     for (var n = 0; n < MAX_STRIP_ROWS; n++) {
         let texel = read_word(select(texel_at, u32(first + row), has_rows));
         if !has_rows || !is_open(texel) {
-            hit_texel(s, texel, normal, flags);
+            hit_texel(s, texel, normal, flags, object);
             return;
         }
         s = (f32(row + select(0, 1, up)) * codes - node_ray.o.z) / node_ray.d.z;
@@ -104,12 +108,13 @@ fn face_normal(cell: vec2<i32>) -> vec3<f32> {
 }
 
 // Ends the segment at a texel. It is lit only once, when the ray has ended.
-fn hit_texel(t: f32, texel: u32, normal: vec3<f32>, flags: u32) {
+fn hit_texel(t: f32, texel: u32, normal: vec3<f32>, flags: u32, object: u32) {
     ray_hit.is_hit = true;
     if segment.to_sun {
         return;
     }
-    ray_hit.albedo = linear_of(texel);
+    ray_hit.albedo = object_colour(object, linear_of(texel));
+    ray_hit.object = object;
     ray_hit.ao = ao_of(texel) / AO_MAX;
     ray_hit.normal = normal;
     ray_hit.flags = flags;

@@ -6,10 +6,11 @@ use insula_protocol::{BlockMap, NODE_CELLS, TileId, blockmap::voxel_error_m};
 use insula_shaders::{
     cpu::raycast::{self, Pixels, SceneRef},
     grid::{self, GridBuilder},
-    layout::{DrawNode, FrameUniform, PAGE_WORDS, PLANES, SUMMARY_WORDS},
+    layout::{DrawNode, FrameUniform, PAGE_WORDS, PLANES, SUMMARY_WORDS, Shading},
     mesh::{PackedMesh, leaf_offset},
     pack::PackedNode,
 };
+use std::collections::BTreeMap;
 
 /// Position and size of a city.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +33,8 @@ struct Drawn {
     /// 1 + position of its mesh in the atlas, in units of four words; 0 without a mesh.
     mesh: u32,
     square: TileId,
+    object_page: u32,
+    palette: u32,
     /// How many of 64 rays see the next node instead, during a cross-fade.
     share: u8,
 }
@@ -43,11 +46,13 @@ pub struct DrawList {
     drawn: Vec<Drawn>,
     summaries: Vec<u32>,
     atlas: Vec<u32>,
+    /// Objects by the first words of their palettes.
+    palettes: BTreeMap<u32, Vec<u32>>,
 }
 
 impl DrawList {
     pub fn new(area: CityArea) -> Self {
-        Self { area, drawn: Vec::new(), summaries: Vec::new(), atlas: Vec::new() }
+        Self { area, drawn: Vec::new(), summaries: Vec::new(), atlas: Vec::new(), palettes: BTreeMap::new() }
     }
 
     pub fn add(&mut self, map: &BlockMap) {
@@ -75,8 +80,11 @@ impl DrawList {
             z_shift: packed.z_shift,
             mesh: 0,
             square,
+            object_page: packed.objects.as_ref().and(pages.last()).copied().unwrap_or(0),
+            palette: packed.objects.as_ref().map_or(0, |objects| objects.palette),
             share: 0,
         });
+        self.palettes.extend(packed.objects.map(|objects| (objects.palette, objects.list)));
     }
 
     /// Adds the other side of a cross-fade: of 64 rays, `share` see this node instead of the one added last, in the same square.
@@ -93,6 +101,7 @@ impl DrawList {
         let first = (self.atlas.len() / PAGE_WORDS) as u32;
         let pages: Vec<u32> = (first..first + mesh.pages.len() as u32).collect();
         mesh.relocate(&pages);
+        self.palettes.extend(mesh.objects.take().map(|objects| (objects.palette, objects.list)));
         drawn.mesh = 1 + first * PAGE_WORDS as u32 / 4;
         let codes = mesh.z_m.map(|z| ((f64::from(z) - drawn.z_base_m) / f64::from(drawn.z_step_m)) as f32);
         drawn.z_range = [drawn.z_range[0].min(codes[0]), drawn.z_range[1].max(codes[1])];
@@ -112,6 +121,21 @@ impl DrawList {
     /// The node of a pixel's `hit`.
     pub fn id(&self, hit: u32) -> Option<TileId> {
         self.drawn.get(hit as usize).map(|drawn| drawn.id)
+    }
+
+    /// Sets each object's word in the palettes.
+    pub fn set_styles(&mut self, word: impl Fn(u32) -> u32) {
+        for (palette, list) in &self.palettes {
+            for (at, object) in (*palette as usize..).zip(list) {
+                self.atlas[at] = word(*object);
+            }
+        }
+    }
+
+    /// The object of a pixel of a frame with [`Shading::Objects`].
+    pub fn object_at(&self, address: u32) -> Option<u32> {
+        let (first, list) = self.palettes.range(..=address).next_back()?;
+        list.get((address - first) as usize).copied()
     }
 
     /// The input of the ray-caster for this camera.
@@ -138,6 +162,9 @@ impl DrawList {
                 mesh: drawn.mesh,
                 mesh_z_m: relative(x, y, 0.0)[2],
                 leaf_offset: if drawn.mesh == 0 { 0 } else { leaf_offset(drawn.square, drawn.id) },
+                object_page: drawn.object_page,
+                palette: drawn.palette,
+                unused: [0; 2],
             }
         });
         let nodes: Vec<DrawNode> = nodes.collect();
@@ -153,6 +180,7 @@ impl DrawList {
         let grid = builder.build_fading(&area, &ids, &shares, &nodes);
         let mut frame = camera.frame(spec);
         grid.head.write(&mut frame);
+        frame.objects = u32::from(spec.shading == Shading::Objects);
         Scene { frame, nodes, grid: grid.entries.clone(), draw_list: self }
     }
 }

@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{
+    blockmap::{ColumnObjects, 
         COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, STEPS_PER_CELL, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX,
         strip_rows,
     },
@@ -100,7 +100,25 @@ fn node(rng: &mut Rng, id: TileId, cell_m: f64) -> Result<BlockMap> {
         })
         .collect();
     let z_base_cells = rng.below(20) as i32 - 10;
-    BlockMap::from_columns(id, cell_m as f32, z_base_cells, z_shift, &columns).context("a random node")
+    let mut map = BlockMap::from_columns(id, cell_m as f32, z_base_cells, z_shift, &columns).context("a random node")?;
+    map.objects = Some(Box::new(objects(&columns, id)));
+    Ok(map)
+}
+
+/// An object for each part of a column: patches of roofs, walls and lower tops.
+fn objects(columns: &[Option<MapColumn>], id: TileId) -> ColumnObjects {
+    let mut objects = ColumnObjects::default();
+    let first = id.x() * 7919 + id.y() * 104_729;
+    for (i, column) in columns.iter().enumerate() {
+        let Some(column) = column else { continue };
+        let patch = first + (i % NODE_CELLS / 9 + i / NODE_CELLS / 9 * 8) as u32 * 3;
+        objects.roof[i] = patch;
+        objects.wall[i] = patch + u32::from(i % 3 == 0);
+        if column.gap.is_some() || column.clip.is_some_and(|clip| clip.outer.is_some()) {
+            objects.lower[i] = patch + 2;
+        }
+    }
+    objects
 }
 
 fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<MapColumn> {

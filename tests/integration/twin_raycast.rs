@@ -1,6 +1,6 @@
 //! The ray-caster: the GPU draws what the CPU draws, and the CPU draws what the reference ray-caster draws.
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
@@ -13,7 +13,7 @@ use insula_shaders::{
         raycast::{Pixels, count},
         shade::{Airlight, background, encode_srgb},
     },
-    layout::{Light, Shading},
+    layout::{Light, NO_NODE, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
     light::{Air, NightLights},
     tone::decode_radiance,
 };
@@ -41,6 +41,7 @@ fn main() {
         .on_gpu("gpu_and_cpu_agree_at_every_hour", gpu_and_cpu_agree_at_every_hour)
         .on_gpu("gpu_and_cpu_agree_on_water", gpu_and_cpu_agree_on_water)
         .on_gpu("gpu_and_cpu_agree_during_cross_fades", gpu_and_cpu_agree_during_cross_fades)
+        .on_gpu("gpu_and_cpu_agree_on_objects", gpu_and_cpu_agree_on_objects)
         .on_gpu("one_altered_gpu_pixel_is_detected", one_altered_gpu_pixel_is_detected)
         .plain("each_ray_of_a_cross_fade_sees_one_side", each_ray_of_a_cross_fade_sees_one_side)
         .plain("cpu_draws_what_the_reference_caster_draws", cpu_draws_what_the_reference_caster_draws)
@@ -120,6 +121,38 @@ fn gpu_and_cpu_agree_in_every_shading(gpu: &Gpu) -> Result<()> {
 }
 
 /// Towards the sun and away from it, from noon to night, in clear air and in haze.
+/// Both see the same objects, and draw them in the same colours, hidden and outlined.
+fn gpu_and_cpu_agree_on_objects(gpu: &Gpu) -> Result<()> {
+    let styles: [fn(u32) -> u32; 3] = [
+        |_| 0,
+        |object| if object % 4 == 0 { PALETTE_HIDDEN } else { 0 },
+        |object| PALETTE_COLOURED | (object.wrapping_mul(0x9e_3779) & 0xff_ffff) | (object % 2 * PALETTE_OUTLINED),
+    ];
+    let mut shown = 0;
+    for (seed, city) in cities().iter().enumerate() {
+        let mut city = city.clone();
+        let style = styles[seed % styles.len()];
+        city.draw_list.set_styles(style);
+        let camera = random::camera(&mut Rng::new(seed as u64), &city, Pose::Above);
+        for (shading, samples) in [(Shading::Objects, 1), (Shading::Albedo, 2)] {
+            let spec = FrameSpec { shading, samples, ..FRAME };
+            let mut scene = city.draw_list.scene(&camera, &spec);
+            scene.frame.objects = 1;
+            scenes_agree(gpu, &scene, &spec, &camera, "objects")?;
+            if shading == Shading::Objects {
+                let pixels = scene.render();
+                let objects: Vec<u32> = pixels.colour.iter().filter_map(|word| city.draw_list.object_at(*word)).collect();
+                ensure!(objects.iter().all(|object| style(*object) & PALETTE_HIDDEN == 0), "a hidden object is seen");
+                let hits = pixels.hit.iter().filter(|hit| **hit != NO_NODE).count();
+                ensure!(objects.len() == hits, "{} of {hits} hits have an object", objects.len());
+                shown += hits;
+            }
+        }
+    }
+    ensure!(shown > 10_000, "{shown} pixels");
+    Ok(())
+}
+
 fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
     let city = &cities()[1];
     for (i, height) in [1.2f32, 0.2, 0.02, -0.05, -0.6].into_iter().enumerate() {

@@ -125,6 +125,13 @@ impl Upload for Adapter {
         }
     }
 
+    fn write_words(&mut self, at: u32, words: &[u32]) {
+        match self {
+            Self::Gpu(gpu) => gpu.write_words(at, words),
+            Self::Cpu(cpu) => cpu.write_words(at, words),
+        }
+    }
+
     fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         match self {
             Self::Gpu(gpu) => gpu.write_summary(slot, words),

@@ -272,6 +272,8 @@ impl CachedSource<'_> {
             slot_and_shift: DrawNode::slot_and_shift(cached.slot, cached.z_shift),
             pages: DrawNode::pages_and_quarters(planes, cached.below),
             level: u32::from(self.id.level()),
+            object_page: cached.object_page,
+            palette: cached.palette,
             ..DrawNode::zeroed()
         }
     }

@@ -17,6 +17,7 @@ pub mod frame;
 pub mod interaction;
 mod moon;
 pub mod projection;
+pub mod objects;
 pub mod render;
 pub mod scene;
 pub mod select;

@@ -60,6 +60,7 @@ class Engine {
     return {
       fetch: (url, range, limit, request) => this.#network.fetch(url, range, limit, request),
       abort: (request) => this.#network.abort(request),
+      bypassCaches: () => this.#network.bypassCaches(),
       decode: (key, bytes) => this.#helpers.decode([...key], bytes),
       wake: () => this.wake(),
     };

@@ -5,6 +5,8 @@ const TIMEOUT_MS = 15000;
 const MS_PER_BYTE = 1000 / 256;
 /** Longest time of a response, whatever its length. */
 const MAX_MS = 600_000;
+/** Caches are passed by for this long after damaged bytes came. */
+const BYPASS_MS = 30_000;
 const MAX_MANIFEST_BYTES = 4 << 20;
 
 /** What Rust sees of a response. */
@@ -25,6 +27,7 @@ export class Network {
   #controllers = new Map();
   requests = 0;
   bytes = 0;
+  #bypassUntil = -Infinity;
 
   /** See `Host::fetch` of the crate. */
   fetch(url, range, limit, request) {
@@ -58,6 +61,11 @@ export class Network {
     }
   }
 
+  /** See `Host::bypass_caches` of the crate. */
+  bypassCaches() {
+    this.#bypassUntil = performance.now() + BYPASS_MS;
+  }
+
   abort(request) {
     this.#controllers.get(request)?.abort();
   }
@@ -66,7 +74,8 @@ export class Network {
     const begin = performance.now();
     let timer = setTimeout(() => controller.abort(), TIMEOUT_MS);
     try {
-      const response = await fetch(url, { headers, signal: controller.signal, credentials: 'same-origin' });
+      const cache = begin < this.#bypassUntil ? 'reload' : 'default';
+      const response = await fetch(url, { headers, cache, signal: controller.signal, credentials: 'same-origin' });
       const { status } = response;
       if (status !== 200 && status !== 206) {
         controller.abort();

@@ -67,7 +67,7 @@ function answerTo(request, event) {
 
 /** @param {Request} request @param {(work: Promise<unknown>) => void} later */
 async function fromCacheFirst(request, later) {
-  const found = await lookUp(request.url);
+  const found = await lookUpUnlessReloaded(request, request.url);
   if (found) return found;
   const response = await fetch(request);
   if (response.status === 200) later(keep(request.url, response.clone()));
@@ -101,7 +101,7 @@ async function fromNetworkFirst(request, isPage) {
 async function rangeOf(request, later) {
   const key = new URL(withoutHash(request.url));
   key.searchParams.set(RANGE_PARAMETER, request.headers.get('range') ?? '');
-  const found = await lookUp(key.href);
+  const found = await lookUpUnlessReloaded(request, key.href);
   if (found) return new Response(found.body, { status: 206, statusText: 'Partial Content', headers: found.headers });
   const response = await fetch(request);
   if (response.status === 206) {
@@ -142,6 +142,11 @@ async function keepAssets(page, html) {
     if (response.status === 200) await keep(address, response);
   };
   await Promise.all([...new Set(addresses)].map(fetchMissing));
+}
+
+/** A kept response, unless the viewer found it damaged. @param {Request} request @param {string} key */
+async function lookUpUnlessReloaded(request, key) {
+  return request.cache === 'reload' ? undefined : lookUp(key);
 }
 
 /** A kept response, which is marked as used. @param {string} key */

@@ -37,6 +37,8 @@ pub struct CityArchives {
     pub blockmaps: Archive,
     /// The leaves' meshes, if the city has any.
     pub meshes: Option<Archive>,
+    /// Schema and blocks of the objects, if the city has any.
+    pub objects: Option<Archive>,
 }
 
 impl BakedCity {
@@ -50,7 +52,7 @@ impl BakedCity {
                 let source = ArchiveError::Directory(what);
                 Err(CityError::Archive { location: city.path_of(kind.file_name()), source })
             };
-            if archive.deepest_level() > city.manifest.depth + extra_levels {
+            if kind != TileKind::Objects && archive.deepest_level() > city.manifest.depth + extra_levels {
                 return damage("it has tiles below the depth that city.json gives");
             }
             // Only V-BlockMaps do not name their node and may be equal. A run of millions would take a program hours to read.
@@ -63,7 +65,7 @@ impl BakedCity {
         }
         if city.manifest.tile_version != tile::VERSION {
             let found = city.manifest.tile_version;
-            let reason = format!("its tiles have format version {found}, this program reads {}", tile::VERSION);
+            let reason = format!("its tiles have format version {found}, this program reads {}: bake the city again", tile::VERSION);
             return Err(CityError::Manifest { location: city.path_of(MANIFEST_FILE), reason });
         }
         Ok(city)
@@ -76,12 +78,16 @@ impl BakedCity {
         let manifest = read_manifest(folder)?;
         let deadline = std::time::Instant::now() + crate::limits::MAX_OPENING_TIME;
         let open = |kind: TileKind| Archive::open(&folder.join(kind.file_name()), deadline);
-        let meshes = match open(TileKind::Mesh) {
-            Err(CityError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => None,
-            meshes => Some(meshes?),
+        let open_optional = |kind: TileKind| match open(kind) {
+            Err(CityError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            archive => archive.map(Some),
         };
-        let archives =
-            CityArchives { subtrees: open(TileKind::Subtree)?, blockmaps: open(TileKind::BlockMap)?, meshes };
+        let archives = CityArchives {
+            subtrees: open(TileKind::Subtree)?,
+            blockmaps: open(TileKind::BlockMap)?,
+            meshes: open_optional(TileKind::Mesh)?,
+            objects: open_optional(TileKind::Objects)?,
+        };
         Self::new(folder.display().to_string(), manifest, archives)
     }
 
@@ -105,6 +111,7 @@ impl BakedCity {
             TileKind::Subtree => Some(&self.archives.subtrees),
             TileKind::BlockMap => Some(&self.archives.blockmaps),
             TileKind::Mesh => self.archives.meshes.as_ref(),
+            TileKind::Objects => self.archives.objects.as_ref(),
         }
     }
 

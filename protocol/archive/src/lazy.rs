@@ -162,22 +162,25 @@ pub struct LazyCity {
     subtrees: LazyArchive,
     blockmaps: LazyArchive,
     meshes: LazyArchive,
+    objects: LazyArchive,
 }
 
 impl LazyCity {
     /// `open` returns the source of each archive.
     pub fn new(open: impl Fn(TileKind) -> SharedSource) -> Self {
         let archive = |kind| LazyArchive::new(open(kind), max_tile_bytes(kind));
-        let [subtrees, blockmaps, meshes] = [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh].map(archive);
-        Self { subtrees, blockmaps, meshes }
+        let [subtrees, blockmaps, meshes, objects] =
+            [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh, TileKind::Objects].map(archive);
+        Self { subtrees, blockmaps, meshes, objects }
     }
 
-    /// The archive of one kind of tile. That of meshes may not exist; its tiles then cannot be read.
+    /// The archive of one kind of tile. Those of meshes and objects may not exist; their tiles then cannot be read.
     pub fn archive(&self, kind: TileKind) -> &LazyArchive {
         match kind {
             TileKind::Subtree => &self.subtrees,
             TileKind::BlockMap => &self.blockmaps,
             TileKind::Mesh => &self.meshes,
+            TileKind::Objects => &self.objects,
         }
     }
 }

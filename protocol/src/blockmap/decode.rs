@@ -2,8 +2,9 @@
 
 use super::{
     BlockMap, Z_SHIFT_MAX,
-    encode::{MAX_COLOUR_STEP, TAG_COLUMNS, TAG_GROUND, TAG_META, TAG_REFLECTIVE},
+    encode::{MAX_COLOUR_STEP, TAG_COLUMNS, TAG_GROUND, TAG_META, TAG_OBJECTS, TAG_REFLECTIVE},
     ground::{self, NodeGround},
+    objects::{self, ColumnObjects},
     reflective,
     texel_coder::QuantisationSteps,
 };
@@ -31,9 +32,21 @@ impl BlockMap {
         check_end(&coder)?;
         map.ground = read_ground(&tile)?;
         read_reflective(&tile, &mut map)?;
+        map.objects = read_objects(&tile, &map)?;
         map.check()?;
         Ok(map)
     }
+}
+
+fn read_objects(tile: &TileReader<'_>, map: &BlockMap) -> Result<Option<Box<ColumnObjects>>, DecodeError> {
+    let section = tile.section(TAG_OBJECTS, MAX_SECTION_BYTES as usize)?;
+    if section.is_empty() {
+        return Ok(None);
+    }
+    let mut coder = RangeDecoder::new(&section);
+    let objects = objects::code(&mut coder, map, &ColumnObjects::default())?;
+    check_end(&coder)?;
+    Ok(Some(Box::new(objects)))
 }
 
 fn read_ground(tile: &TileReader<'_>) -> Result<Option<Box<NodeGround>>, DecodeError> {

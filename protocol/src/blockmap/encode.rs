@@ -2,7 +2,7 @@
 //!
 //! In: a [`BlockMap`]. Out: the bytes of its tile. Next: the bake stores them in an archive.
 
-use super::{BlockMap, COLUMNS, appearance, facades, flag, ground, reflective, texel_coder::QuantisationSteps};
+use super::{BlockMap, COLUMNS, appearance, facades, flag, ground, objects, reflective, texel_coder::QuantisationSteps};
 use crate::{
     TileKind,
     codec::range::{NullEncoder, RangeEncoder},
@@ -15,6 +15,7 @@ pub(super) const TAG_META: u8 = 1;
 pub(super) const TAG_COLUMNS: u8 = 2;
 pub(super) const TAG_GROUND: u8 = 3;
 pub(super) const TAG_REFLECTIVE: u8 = 4;
+pub(super) const TAG_OBJECTS: u8 = 5;
 
 /// Loss of a map's colours and occlusion. Shapes are always lossless.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,6 +62,11 @@ impl BlockMap {
             let mut coder = RangeEncoder::default();
             reflective::code(&mut coder, &mut self.clone())?;
             writer.add_raw_section(TAG_REFLECTIVE, &coder.finish())?;
+        }
+        if let Some(value) = self.objects.as_ref().filter(|value| !value.is_empty()) {
+            let mut coder = RangeEncoder::default();
+            objects::code(&mut coder, self, value)?;
+            writer.add_raw_section(TAG_OBJECTS, &coder.finish())?;
         }
         writer.finish()
     }

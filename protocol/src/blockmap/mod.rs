@@ -14,6 +14,7 @@ mod encode;
 mod facades;
 pub mod ground;
 mod neighbours;
+pub mod objects;
 mod reflective;
 mod texel_coder;
 mod tops;
@@ -22,6 +23,7 @@ mod walls;
 
 pub use encode::Quality;
 pub use ground::NodeGround;
+pub use objects::{ColumnObjects, NO_OBJECT};
 pub use texel_coder::QuantisationSteps;
 
 use crate::{
@@ -182,6 +184,8 @@ pub struct BlockMap {
     pub strips: Vec<Texel>,
     /// Ground that is stored beside the columns; see [`BlockMap::stand_on_ground`].
     pub ground: Option<Box<NodeGround>>,
+    /// The objects that the columns show; `None` if no column has any.
+    pub objects: Option<Box<ColumnObjects>>,
 }
 
 impl BlockMap {
@@ -202,6 +206,7 @@ impl BlockMap {
             clips: Vec::new(),
             strips: Vec::new(),
             ground: None,
+            objects: None,
         }
     }
 
@@ -315,6 +320,7 @@ impl BlockMap {
     /// Checks the rules of [`MapColumn`]. Fails on the first violation.
     pub(crate) fn check(&self) -> Result<(), DecodeError> {
         self.ground.as_ref().map_or(Ok(()), |ground| ground.check())?;
+        self.objects.as_ref().map_or(Ok(()), |objects| objects.check())?;
         let mut texels = 0usize;
         let (mut gaps, mut clips) = (self.gaps.iter(), self.clips.iter());
         let heights = self.z_min.iter().zip(&self.z_max);

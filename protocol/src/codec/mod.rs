@@ -4,6 +4,7 @@
 
 pub mod bincode;
 pub(crate) mod byte_reader;
+pub mod object_names;
 pub mod range;
 pub(crate) mod rans;
 pub mod varint;

@@ -36,5 +36,5 @@ pub fn cuboid(min: [f64; 3], max: [f64; 3], rgb: [u8; 3], texture: Option<TileTe
             corners: vec![0; 36],
         }
     };
-    MeshTile { mesh: Mesh { grid, positions, triangles, attributes: vec![attribute] }, texture }
+    MeshTile { mesh: Mesh { grid, positions, triangles, attributes: vec![attribute] }, texture, objects: Vec::new() }
 }

@@ -4,16 +4,21 @@
 //! There are no normals: triangles are flat.
 
 mod cuboid;
+mod objects;
 mod texture;
 
 pub use cuboid::cuboid;
+pub use crate::codec::object_names::NO_OBJECT;
 pub use texture::decode_webp;
 
 use crate::{
     TileId, TileKind,
-    codec::byte_reader::ByteReader,
+    codec::{
+        byte_reader::ByteReader,
+        range::{RangeDecoder, RangeEncoder},
+    },
     error::{DecodeError, check_limit},
-    mesh::{Attribute, AttributeKind, Mesh},
+    mesh::{Attribute, AttributeKind, EncodedMesh, Mesh},
     tile::{TileReader, TileWriter},
 };
 
@@ -33,6 +38,7 @@ pub const MAX_BYTES: usize = 2 * MAX_PART_BYTES + 1024;
 const TAG_META: u8 = 1;
 const TAG_MESH: u8 = 2;
 const TAG_TEXTURE: u8 = 3;
+const TAG_OBJECTS: u8 = 4;
 
 /// Triangles of one leaf at one level of detail.
 ///
@@ -42,6 +48,21 @@ pub struct MeshTile {
     /// At least one triangle.
     pub mesh: Mesh,
     pub texture: Option<TileTexture>,
+    /// Object of each triangle, [`NO_OBJECT`] for those of none; empty if no triangle has one.
+    pub objects: Vec<u32>,
+}
+
+fn read_objects(tile: &TileReader<'_>, mesh: &Mesh) -> Result<Vec<u32>, DecodeError> {
+    let section = tile.section(TAG_OBJECTS, MAX_PART_BYTES)?;
+    if section.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut coder = RangeDecoder::new(&section);
+    let objects = objects::code(&mut coder, &mesh.triangles, mesh.positions.len(), &[])?;
+    match coder.unread_bytes() {
+        0 => Ok(objects),
+        unread => Err(DecodeError::TrailingBytes(unread)),
+    }
 }
 
 /// A compressed image; [`TileTexture::decode`] decompresses it within its stated size.
@@ -75,7 +96,7 @@ impl MeshTile {
     pub fn encode(&self, id: TileId, lod: u8) -> Result<Vec<u8>, DecodeError> {
         self.check()?;
         archive_id(id, lod).ok_or(DecodeError::Invalid("a mesh tile's leaf or level of detail is too deep"))?;
-        let mesh = self.mesh.encode()?.bytes;
+        let EncodedMesh { bytes: mesh, corners, .. } = self.mesh.encode()?;
         check_limit("the size of a mesh tile's mesh", mesh.len(), MAX_PART_BYTES)?;
         // There are at most three dummy triangles per triangle, so only large meshes need a count.
         if 4 * self.mesh.triangles.len() > MAX_TRIANGLES {
@@ -91,7 +112,19 @@ impl MeshTile {
         if let Some(texture) = &self.texture {
             writer.add_raw_section(TAG_TEXTURE, &texture.bytes)?;
         }
+        if self.objects.iter().any(|object| *object != NO_OBJECT) {
+            writer.add_raw_section(TAG_OBJECTS, &self.code_objects(&mesh, &corners)?)?;
+        }
         writer.finish()
+    }
+
+    /// The section of objects, in the order of the triangles of the coded `mesh`, whose corners come from `corners` of this one.
+    fn code_objects(&self, mesh: &[u8], corners: &[u32]) -> Result<Vec<u8>, DecodeError> {
+        let coded = Mesh::decode_within(mesh, MAX_TRIANGLES)?;
+        let objects: Vec<u32> = corners.iter().step_by(3).map(|corner| self.objects[*corner as usize / 3]).collect();
+        let mut coder = RangeEncoder::default();
+        objects::code(&mut coder, &coded.triangles, coded.positions.len(), &objects)?;
+        Ok(coder.finish())
     }
 
     /// Decodes level of detail `lod` of leaf `id`. The texture is not decompressed. Fails on any bytes that are not
@@ -108,7 +141,8 @@ impl MeshTile {
             if bytes.is_empty() { None } else { Some(TileTexture { size_px: [reader.u16()?, reader.u16()?], bytes }) };
         reader.finish()?;
         let mesh = Mesh::decode_within(&tile.section(TAG_MESH, MAX_PART_BYTES)?, MAX_TRIANGLES)?;
-        let tile = Self { mesh, texture };
+        let objects = read_objects(&tile, &mesh)?;
+        let tile = Self { mesh, texture, objects };
         tile.check()?;
         Ok(tile)
     }
@@ -117,6 +151,9 @@ impl MeshTile {
         check_limit("the number of a mesh tile's triangles", self.mesh.triangles.len(), MAX_TRIANGLES)?;
         if self.mesh.triangles.is_empty() {
             return Err(DecodeError::Invalid("a mesh tile has no triangles"));
+        }
+        if !self.objects.is_empty() && self.objects.len() != self.mesh.triangles.len() {
+            return Err(DecodeError::Invalid("a mesh tile has objects of other than its triangles"));
         }
         let [attribute] = &self.mesh.attributes[..] else {
             return Err(DecodeError::Invalid("a mesh tile must have exactly one attribute"));

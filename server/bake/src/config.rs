@@ -15,15 +15,15 @@ use crate::{
     ground::{self, GroundOption},
     hash, mesh,
     read::{
-        DuplicateOption, FACADE_ALGORITHM, FacadeOption, FetchFunction, KindFilter, ObjUpAxis, Palette, PlacingOptions,
-        SurroundingsOptions, TerrainOptions,
+        DuplicateOption, FACADE_ALGORITHM, FacadeOption, FetchFunction, KindFilter, NamePatterns, ObjUpAxis, Palette,
+        PlacingOptions, SurroundingsOptions, TerrainOptions,
     },
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
 };
 
 /// Increased whenever the same scene and settings would give different tiles than before.
-pub const ALGORITHM: u32 = 10;
+pub const ALGORITHM: u32 = 11;
 /// Cells outside this range are taken for typing errors.
 const CELL_RANGE_M: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 /// Default memory limit; 192 MiB per thread if that is more.
@@ -109,6 +109,10 @@ pub struct BakeOptions {
     pub ground: GroundOption,
     /// What walls without a texture get.
     pub facades: FacadeOption,
+    /// Patterns of the names of attributes that the city must not have, such as `owner*`.
+    pub drop_attributes: Vec<String>,
+    /// Names of the attributes whose texts can be searched, besides names, addresses and identifiers.
+    pub search_attributes: Vec<String>,
 }
 
 impl Default for BakeOptions {
@@ -141,6 +145,8 @@ impl Default for BakeOptions {
             meshes: true,
             ground: GroundOption::default(),
             facades: FacadeOption::default(),
+            drop_attributes: Vec::new(),
+            search_attributes: Vec::new(),
         }
     }
 }
@@ -176,6 +182,8 @@ pub(crate) struct BakeConfig {
     pub(crate) quality: Quality,
     pub(crate) meshes: bool,
     pub(crate) ground: GroundOption,
+    pub(crate) dropped_attributes: NamePatterns,
+    pub(crate) searchable: Vec<String>,
     /// Hash of everything that determines the tiles except the scene, 16 hexadecimal digits.
     pub(crate) settings: String,
 }
@@ -220,6 +228,8 @@ impl BakeConfig {
             quality: options.quality,
             meshes: options.meshes,
             ground: options.ground,
+            dropped_attributes: check_patterns(&options.drop_attributes)?,
+            searchable: options.search_attributes.clone(),
             settings: hash_settings(options)?,
         })
     }
@@ -285,6 +295,13 @@ fn check_texts(options: &BakeOptions) -> Result<(), BakeError> {
         });
     }
     Ok(())
+}
+
+fn check_patterns(patterns: &[String]) -> Result<NamePatterns, BakeError> {
+    NamePatterns::parse(patterns).map_err(|value| {
+        let advice = "give names of attributes with * and ?, such as owner*".to_owned();
+        BakeError::Option { option: "--drop", value, advice }
+    })
 }
 
 fn check_memory(requested: Option<u64>, threads: usize) -> Result<usize, BakeError> {

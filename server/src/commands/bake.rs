@@ -144,6 +144,8 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
         kinds: kind_filter(&args.read)?,
         placing: placing(&args.read),
         height_field: args.read.height_field.clone(),
+        drop_attributes: args.read.drop.clone(),
+        search_attributes: args.read.search.clone(),
         duplicates: duplicates(&args.read),
         fetch: Some(fetch),
         inputs: args.inputs.clone(),

@@ -1,6 +1,6 @@
 //! Errors of the commands, one line each.
 
-use crate::{config::ConfigError, http::ServeError, store::StoreError};
+use crate::{config::ConfigError, http::ServeError, store::{ObjectError, StoreError}};
 use insula_protocol::text::count;
 use std::path::PathBuf;
 
@@ -9,6 +9,8 @@ use std::path::PathBuf;
 pub enum CommandError {
     #[error(transparent)]
     Store(#[from] StoreError),
+    #[error(transparent)]
+    Objects(#[from] ObjectError),
     #[error(transparent)]
     Config(#[from] ConfigError),
     #[error(transparent)]

@@ -15,6 +15,7 @@ mod interrupt;
 mod map_image;
 #[cfg(feature = "bake")]
 mod mesh;
+mod objects;
 mod output;
 mod publish;
 mod serve;
@@ -37,6 +38,7 @@ pub fn run(args: Args) -> Result<(), CommandError> {
         ServerCommand::Sign(args) => sign::run(&args),
         ServerCommand::Publish(args) => publish::run(&args),
         ServerCommand::Inspect(args) => inspect::run(&args),
+        ServerCommand::Objects(args) => objects::run(&args),
         ServerCommand::Verify(args) => verify::run(&args),
         ServerCommand::Setup(setup) => {
             setup.run::<Args>().map_err(|(path, error)| CommandError::Write { path, reason: error.to_string() })

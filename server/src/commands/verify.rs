@@ -1,7 +1,10 @@
 //! `verify`: checks every checksum, decodes every tile, and compares the parts of a city with each other.
 
 use super::{error::CommandError, output::print};
-use crate::{args::VerifyArgs, store::CityStore};
+use crate::{
+    args::VerifyArgs,
+    store::{CityObjects, CityStore},
+};
 use insula_archive::city::content_version;
 use insula_protocol::{
     BlockMap, MeshTile, Subtree, TileId, TileKind, mesh_tile,
@@ -75,6 +78,7 @@ fn find_faults(city: &CityStore) -> FaultList {
     let subtrees = read_subtrees(city, &mut faults);
     check_nodes(&lengths, &subtrees.nodes, &mut faults);
     check_meshes(city, subtrees, &mut faults);
+    check_objects(city, &mut faults);
     check_manifest(city, &lengths, &mut faults);
     faults
 }
@@ -174,6 +178,22 @@ fn check_meshes(city: &CityStore, subtrees: SubtreeContents, faults: &mut FaultL
     }
     for (id, number) in listed.keys() {
         faults.push(format!("meshes/{id}/{number}: missing, but a subtree lists it"));
+    }
+}
+
+/// Decodes the schema of the objects and every block.
+fn check_objects(city: &CityStore, faults: &mut FaultList) {
+    if city.archive(TileKind::Objects).is_none() {
+        return;
+    }
+    let objects = match CityObjects::open(city) {
+        Ok(objects) => objects,
+        Err(error) => return faults.push(error.to_string()),
+    };
+    for block in 0..objects.block_count() {
+        if let Err(error) = objects.block(block) {
+            faults.push(error.to_string());
+        }
     }
 }
 

@@ -38,7 +38,9 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::Metrics => get(health::metrics),
         RouteTemplate::Cities => get(manifest::list_cities),
         RouteTemplate::Manifest => get(manifest::manifest),
-        RouteTemplate::Subtrees | RouteTemplate::BlockMaps | RouteTemplate::Meshes => get(tile::tile),
+        RouteTemplate::Subtrees | RouteTemplate::BlockMaps | RouteTemplate::Meshes | RouteTemplate::Objects => {
+            get(tile::tile)
+        }
         RouteTemplate::CityPage => get(city_page::city_page),
         RouteTemplate::Thumbnail => get(city_page::thumbnail),
         RouteTemplate::Asset => get(viewer_files::asset),

@@ -90,13 +90,13 @@ impl RequestedTile {
             }
         };
         if let CityAccess::Link(scope) = access
-            && !scope.admits_node(city.manifest(), route.id)
+            && !scope.admits_tile(city.manifest(), route.kind, route.id)
         {
             return Err(NO_TILE);
         }
         // Only leaves have meshes, so that each mesh has one route.
         let id = match route.kind {
-            TileKind::Subtree | TileKind::BlockMap => route.id,
+            TileKind::Subtree | TileKind::BlockMap | TileKind::Objects => route.id,
             TileKind::Mesh => Some(route.id)
                 .filter(|id| id.level() == city.manifest().depth)
                 .and_then(|id| mesh_tile::archive_id(id, route.lod))

@@ -36,7 +36,7 @@ pub struct CityStore {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum CityStamp {
     /// Of the manifest and each existing archive.
-    Files([Option<FileStamp>; 4]),
+    Files([Option<FileStamp>; 5]),
     /// Hash of the manifest's text.
     Remote(blake3::Hash),
 }
@@ -105,7 +105,7 @@ impl Deref for CityStore {
 }
 
 impl CityStamp {
-    /// Fails if a file's metadata cannot be read, or one other than the meshes is missing.
+    /// Fails if a file's metadata cannot be read, or one other than the meshes and objects is missing.
     pub(super) fn of(folder: &Path) -> Result<Self, StoreError> {
         let file_stamp = |name: &str| {
             let path = folder.join(name);
@@ -113,12 +113,13 @@ impl CityStamp {
             let (device, inode) = identity(&metadata);
             Ok(Some((device, inode, metadata.len(), metadata.modified().ok())))
         };
-        let meshes = match file_stamp(TileKind::Mesh.file_name()) {
-            Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => None,
-            found => found?,
+        let optional = |kind: TileKind| match file_stamp(kind.file_name()) {
+            Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
+            found => found,
         };
+        let (meshes, objects) = (optional(TileKind::Mesh)?, optional(TileKind::Objects)?);
         let [subtrees, blockmaps] = [TileKind::Subtree, TileKind::BlockMap].map(|kind| file_stamp(kind.file_name()));
-        Ok(Self::Files([file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes]))
+        Ok(Self::Files([file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes, objects]))
     }
 }
 

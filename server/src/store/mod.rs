@@ -8,6 +8,7 @@
 mod cities;
 mod city;
 mod error;
+mod objects;
 mod reload;
 mod remote;
 mod requests;
@@ -16,5 +17,6 @@ mod same_host;
 pub use cities::Store;
 pub use city::CityStore;
 pub use error::StoreError;
+pub use objects::{CityObjects, ObjectError};
 pub use reload::{RetentionPolicy, StoreReload};
 pub(crate) use requests::StoreMetrics;

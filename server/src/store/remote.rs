@@ -94,6 +94,7 @@ impl RemoteCity {
             subtrees: archive(TileKind::Subtree).await?.ok_or_else(|| missing(TileKind::Subtree))?,
             blockmaps: archive(TileKind::BlockMap).await?.ok_or_else(|| missing(TileKind::BlockMap))?,
             meshes: archive(TileKind::Mesh).await?,
+            objects: archive(TileKind::Objects).await?,
         };
         Ok(Some(CityStore::new(stamp, BakedCity::new(self.url.clone(), manifest, archives)?)))
     }

@@ -4,6 +4,7 @@
 
 use super::{
     fast_math::nonzero,
+    objects::{is_hidden, object_colour, object_of_triangle},
     mesh_surface::{INSIDE_AO, SurfaceLight, is_inside, sample_texture, surface_light},
     ray::{Ray, RayHit},
     shade::linear_of,
@@ -39,6 +40,8 @@ pub(crate) const MIN_COSINE: f32 = 0.15;
 struct MeshRay {
     o: Vec3,
     inv: Vec3,
+    /// First word of the palette, 0 without one.
+    palette: u32,
     /// Number of the longest axis of the direction.
     axis: usize,
     /// Factors of the coordinate on that axis in the two others, which turn points from the origin on into a picture in which the
@@ -56,6 +59,8 @@ struct MeshHit {
     u: f32,
     v: f32,
     is_front: bool,
+    /// Address of its object's word in the palette, or 0.
+    object: u32,
 }
 
 /// A half of the tree that is still to be visited, and where the ray enters it.
@@ -75,13 +80,13 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     let whole = ray.read_vec4(head + 2);
     let zero = Vec3::new(node.corner[0], node.corner[1], node.mesh_z_m) + Vec3::new(x, y, z);
     let o = (ray.segment.origin - zero) / step_m;
-    let mesh_ray = MeshRay::new(o, (ray.segment.dir / step_m).map(nonzero));
+    let mesh_ray = MeshRay::new(o, (ray.segment.dir / step_m).map(nonzero), whole[3]);
     let [enter_m, exit_m] = box_span(&mesh_ray, whole);
     if enter_m > exit_m || enter_m > ray.segment.reach_m {
         return;
     }
     let reach_m = ray.segment.reach_m.min(exit_m + 1.0);
-    let mut mesh_hit = MeshHit { t: reach_m, triangle: 0, u: 0.0, v: 0.0, is_front: true };
+    let mut mesh_hit = MeshHit { t: reach_m, triangle: 0, u: 0.0, v: 0.0, is_front: true, object: 0 };
     match mesh_ray.axis {
         2 => nearest_triangle::<2>(ray, &mesh_ray, info[0], &mut mesh_hit),
         1 => nearest_triangle::<1>(ray, &mesh_ray, info[0], &mut mesh_hit),
@@ -99,7 +104,7 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
 
 impl MeshRay {
     /// Shears along the longest axis of `d`, so that coordinates do not grow (Woop, Benthin and Wald 2013).
-    fn new(o: Vec3, d: Vec3) -> Self {
+    fn new(o: Vec3, d: Vec3, palette: u32) -> Self {
         let inv = 1.0 / d;
         let length = d.abs();
         let axis = match () {
@@ -113,7 +118,7 @@ impl MeshRay {
             1 => (d.x, d.z, -d.y.signum()),
             _ => (d.y, d.z, d.x.signum()),
         };
-        Self { o, inv, axis, shear: [a * inv[axis], side * b * inv[axis], inv[axis]], side }
+        Self { o, inv, palette, axis, shear: [a * inv[axis], side * b * inv[axis], inv[axis]], side }
     }
 
     /// A point's two coordinates across the ray, and the one along the longest axis.
@@ -231,7 +236,11 @@ fn test_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRay, at: u
     if !(t >= 0.0 && t < mesh_hit.t + tie) {
         return;
     }
-    let found = MeshHit { t, triangle: at, u: wb, v: wc, is_front };
+    let object = object_of_triangle(ray, at, mesh_ray.palette);
+    if is_hidden(ray, object) {
+        return;
+    }
+    let found = MeshHit { t, triangle: at, u: wb, v: wc, is_front, object };
     if t < mesh_hit.t - tie || wins_tie(ray, &found, mesh_hit) {
         *mesh_hit = found;
     }
@@ -286,13 +295,14 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
     let reflective = if light.is_reflective { u32::from(flag::REFLECTIVE) } else { 0 };
     ray.hit = RayHit {
         is_hit: true,
-        albedo,
+        albedo: object_colour(ray, mesh_hit.object, albedo),
         ao: light.sky,
         normal,
         flags: MESH_FLAG | reflective,
         level: node.level,
         distance_m: t,
         node: index,
+        object: mesh_hit.object,
         shadow_origin: p + normal * (MESH_LIFT_M + MESH_LIFT_SHARE * t),
     };
 }

@@ -11,6 +11,7 @@ pub(crate) mod mesh;
 pub(crate) mod mesh_surface;
 pub mod night;
 mod node;
+mod objects;
 pub(crate) mod ray;
 pub mod raycast;
 pub mod shade;

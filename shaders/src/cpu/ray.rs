@@ -79,6 +79,8 @@ pub(super) struct RayHit {
     pub(super) level: u32,
     pub(super) distance_m: f32,
     pub(super) node: u32,
+    /// Address of its object's word in a palette; 0 if it has none, or if the frame does not need objects.
+    pub(super) object: u32,
     /// Where the ray towards the sun begins.
     pub(super) shadow_origin: Vec3,
 }
@@ -94,6 +96,7 @@ impl RayHit {
         level: 0,
         distance_m: f32::INFINITY,
         node: NO_NODE,
+        object: 0,
         shadow_origin: Vec3::ZERO,
     };
 }

@@ -15,7 +15,7 @@ use super::{
     walk::walk_grid,
 };
 use crate::{
-    layout::{FrameUniform, MAX_SAMPLES, NO_NODE, Shading},
+    layout::{FrameUniform, MAX_SAMPLES, NO_NODE, OUTLINE_RGB, PALETTE_OUTLINED, Shading},
     mesh::ORIGINS_PER_M,
     tone::{develop, encode_radiance, gradient_noise},
 };
@@ -55,6 +55,9 @@ struct TracedRay {
     rgb: Vec3,
     distance_m: f32,
     node: u32,
+    /// Address of its object's word in a palette, or 0.
+    object: u32,
+    is_outlined: bool,
     counts: RayCounts,
 }
 
@@ -160,7 +163,8 @@ pub fn count_where(scene: &SceneRef<'_>, is_counted: impl Fn(usize) -> bool + Sy
 fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
     let n = scene.frame.samples.clamp(1, MAX_SAMPLES);
     let mut sum = Vec3::ZERO;
-    let (mut distance_m, mut hit) = (f32::INFINITY, NO_NODE);
+    let (mut distance_m, mut hit, mut object) = (f32::INFINITY, NO_NODE, 0);
+    let mut outlined = 0;
     let airlight = Airlight::new(scene.frame, ray_direction(scene.frame, Vec2::new(x as f32, y as f32) + 0.5));
     let sun_axes = sun_axes(scene.frame);
     let mut turn = Vec2::from_angle(TAU * gradient_noise(x, y));
@@ -171,11 +175,17 @@ fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
         turn = turn.rotate(GOLDEN_TURN);
         let traced = trace(scene, dir, &PixelLight { sun, airlight }, threshold_of([x, y], n, s));
         sum += traced.rgb;
+        outlined += u32::from(traced.is_outlined);
         if s == n * n / 2 {
-            (distance_m, hit) = (traced.distance_m, traced.node);
+            (distance_m, hit, object) = (traced.distance_m, traced.node, traced.object);
         }
     }
-    let rgb = sum / (n * n) as f32;
+    if scene.frame.shading == Shading::Objects as u32 {
+        return Pixel { word: object, distance_m, hit };
+    }
+    // The outline of an object is where the rays of a pixel disagree about it.
+    let is_outline = outlined > 0 && outlined < n * n;
+    let rgb = if is_outline { Vec3::from(OUTLINE_RGB) } else { sum / (n * n) as f32 };
     let is_lit = scene.frame.shading == Shading::Lit as u32;
     Pixel { word: if is_lit { encode_radiance(rgb) } else { encode_srgb(rgb) }, distance_m, hit }
 }
@@ -245,6 +255,8 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) ->
         rgb: light.sky + light.sun * sun_share,
         distance_m: seen.distance_m,
         node: seen.node,
+        object: seen.object,
+        is_outlined: seen.object != 0 && ray.read_word(seen.object as usize) & PALETTE_OUTLINED != 0,
         counts: ray.counts,
     }
 }

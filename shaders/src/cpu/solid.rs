@@ -7,6 +7,7 @@
 use super::{
     column::{ColumnSolid, ColumnVisit, FoundSolid, SolidFace, bounds_of},
     fast_math::{ahead_of, floor},
+    objects::{is_hidden, object_colour, object_of_solid},
     ray::{NodeRay, Ray, RayHit, SUN_LIFT_CELLS},
     shade::linear_of,
     words::{ao_of, azimuth_direction, azimuth_of, codes_per_row, flags_of, is_open},
@@ -25,6 +26,10 @@ pub(crate) const MAX_STRIP_ROWS: i32 = 256;
 #[inline]
 pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSolid) {
     let (cell, flags, span) = (column.cell, column.flags, found.span);
+    let object = object_of_solid(ray, column, found);
+    if is_hidden(ray, object) {
+        return;
+    }
     let side = span.face == SolidFace::Side;
     let roof_normal = Vec3::from(octahedral::decode(column.attributes as u16));
     let flat_normal = if span.face == SolidFace::Bottom { Vec3::NEG_Z } else { Vec3::Z };
@@ -63,7 +68,7 @@ pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSo
             texel = ray.read_word((first + row) as usize);
         }
         if !has_rows || !is_open(texel) {
-            return hit_texel(ray, s, texel, normal, flags);
+            return hit_texel(ray, s, texel, normal, flags, object);
         }
         s = ((row + i32::from(up)) as f32 * codes - ray.node.o.z) / ray.node.d.z;
         normal = if up { Vec3::NEG_Z } else { Vec3::Z };
@@ -113,20 +118,21 @@ fn face_normal(node: &NodeRay, cell: IVec2) -> Vec3 {
 
 /// Ends the segment at a texel. It is lit only once, when the ray has ended.
 #[inline]
-fn hit_texel(ray: &mut Ray<'_>, t: f32, texel: u32, normal: Vec3, flags: u8) {
+fn hit_texel(ray: &mut Ray<'_>, t: f32, texel: u32, normal: Vec3, flags: u8, object: u32) {
     ray.hit.is_hit = true;
     if ray.segment.to_sun {
         return;
     }
     ray.hit = RayHit {
         is_hit: true,
-        albedo: linear_of(texel),
+        albedo: object_colour(ray, object, linear_of(texel)),
         ao: ao_of(texel) / f32::from(AO_MAX),
         normal,
         flags: u32::from(flags),
         level: ray.node.level,
         distance_m: t,
         node: ray.node.index,
+        object,
         shadow_origin: ray.segment.dir * t + normal * (ray.node.cell_m * SUN_LIFT_CELLS),
     };
 }

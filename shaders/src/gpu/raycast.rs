@@ -46,6 +46,8 @@ struct PipelineVariant {
     for_study: bool,
     /// With lit windows: lavapipe computes them even where they are not added.
     windows: bool,
+    /// Objects have colours or are hidden, or the frame shows objects.
+    objects: bool,
 }
 
 #[derive(Debug)]
@@ -126,6 +128,7 @@ fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, variant: Pipe
                 ("MESHES", variant.meshes),
                 ("FOR_STUDY", variant.for_study),
                 ("WINDOWS", variant.windows),
+                ("OBJECTS", variant.objects),
             ]
             .map(|(name, on)| (name, f64::from(u8::from(on)))),
             ..wgpu::PipelineCompilationOptions::default()
@@ -175,6 +178,14 @@ impl Raycaster {
         }
     }
 
+    /// Writes some words of the atlas. Words beyond the capacity are ignored.
+    pub fn write_words(&self, queue: &wgpu::Queue, at: u32, words: &[u32]) {
+        let end = u64::from(at) + words.len() as u64;
+        if end <= u64::from(self.capacity.atlas_pages) * PAGE_WORDS as u64 {
+            queue.write_buffer(&self.inputs.atlas, u64::from(at) * 4, bytemuck::cast_slice(words));
+        }
+    }
+
     /// Writes a node's summary. A slot beyond the capacity is ignored.
     pub fn write_summary(&self, queue: &wgpu::Queue, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         if slot < self.capacity.slots {
@@ -204,7 +215,7 @@ impl Raycaster {
         let meshes = nodes.iter().any(|node| node.mesh != 0);
         let for_study = frame.shading != Shading::Lit as u32;
         let windows = frame.light.window[3] > 0.0;
-        self.dispatch(on.device, encoder, PipelineVariant { count: false, meshes, for_study, windows });
+        self.dispatch(on.device, encoder, PipelineVariant { count: false, meshes, for_study, windows, objects: frame.objects != 0 });
         self.last_frame = *frame;
         Ok(())
     }
@@ -225,7 +236,7 @@ impl Raycaster {
         self.dispatch(
             device,
             &mut encoder,
-            PipelineVariant { count: true, meshes: true, for_study: true, windows: false },
+            PipelineVariant { count: true, meshes: true, for_study: true, ..PipelineVariant::default() },
         );
         queue.submit([encoder.finish()]);
         // Not a lit frame: the words are counts.

@@ -4,10 +4,11 @@
 //!
 //! | vec4s | content |
 //! |---|---|
-//! | head, 3 | lowest corner of the grid, metres from the leaf's south-west corner and the city's height zero (3 f32); metres of a step (f32); a reference to the whole tree; the texture's `width \| height << 16`, 0 without one; its number of levels; address of its table in words; lowest and highest corner of the mesh: `x_low \| x_high << 16`, y alike, z alike; 0 |
+//! | head, 3 | lowest corner of the grid, metres from the leaf's south-west corner and the city's height zero (3 f32); metres of a step (f32); a reference to the whole tree; the texture's `width \| height << 16`, 0 without one; its number of levels; address of its table in words; lowest and highest corner of the mesh: `x_low \| x_high << 16`, y alike, z alike; first word of the palette of its objects, 0 without |
 //! | table | a word per texture tile of 64 x 64 texels: its address in the atlas. Row by row, level by level, the finest first |
 //! | boxes, 2 | of two halves: `x_low \| x_high << 16`, y alike, z alike, a reference |
-//! | triangles, 2 each | corners' x0, y0, z0, x1, ... z2, 16 bits each; 16 bits of zero; what each corner carries: `u \| v << 16` in 65,535ths, or 8-bit sRGB without a texture |
+//! | triangles, 2 each | corners' x0, y0, z0, x1, ... z2, 16 bits each; its object (1 + place in the palette, 0 for none, 16 bits); what each corner carries: `u \| v << 16` in 65,535ths, or 8-bit sRGB without a texture |
+//! | palette | a word per object ([`crate::layout::PALETTE_COLOURED`]) |
 //! | texels | texture tiles: rows as long as the level is wide, at most 64 texels |
 //!
 //! A reference is a place in vec4s, and in its two highest bits the number of triangles there, 1 to 3, or 0 for two
@@ -17,7 +18,11 @@ mod bvh;
 mod packer;
 mod texture;
 
-use crate::{layout::PAGE_WORDS, pack::Page, words};
+use crate::{
+    layout::PAGE_WORDS,
+    pack::{PackedObjects, Page},
+    words,
+};
 use glam::DVec3;
 use insula_protocol::{TileId, mesh::Mesh};
 use packer::MeshPacker;
@@ -89,20 +94,22 @@ pub struct PackedMesh {
     table: std::ops::Range<u32>,
     /// Lowest and highest point, metres above the city's height zero.
     pub z_m: [f32; 2],
+    /// The objects, if it has some.
+    pub objects: Option<PackedObjects>,
 }
 
 impl PackedMesh {
-    /// Packs a decoded mesh and the texture that its texture coordinates refer to.
+    /// Packs a decoded mesh and the texture that its texture coordinates refer to. `objects` are those of its triangles, or empty.
     ///
     /// Fails if the mesh is too large or incomplete.
-    pub fn new(mesh: &Mesh, texture: Option<&MeshTexture>) -> Result<Self, PackError> {
-        let mut packer = MeshPacker::new(mesh, texture.is_some())?;
+    pub fn new(mesh: &Mesh, texture: Option<&MeshTexture>, objects: &[u32]) -> Result<Self, PackError> {
+        let mut packer = MeshPacker::new(mesh, texture.is_some(), objects)?;
         let levels = texture.map(|texture| texture.levels(MAX_TEXTURE_PX)).unwrap_or_default();
         let [low_m, high_m] = packer.pack(mesh, &levels);
         let triangles = packer.triangles();
-        let MeshPacker { words, references, table, .. } = packer;
+        let MeshPacker { words, references, table, palette, .. } = packer;
         let pages = words.chunks_exact(PAGE_WORDS).map(Page::from).collect();
-        Ok(Self { pages, triangles, references, table, z_m: [low_m, high_m] })
+        Ok(Self { pages, triangles, references, table, z_m: [low_m, high_m], objects: palette })
     }
 
     /// Makes all addresses absolute. `atlas_pages` are the pages that the cache has assigned, one per entry of
@@ -124,6 +131,10 @@ impl PackedMesh {
         }
         if !self.table.is_empty() {
             edit(packer::TABLE_WORD, &|old| moved(old, PAGE_WORDS));
+        }
+        if let Some(objects) = &mut self.objects {
+            objects.palette = moved(objects.palette, PAGE_WORDS);
+            edit(packer::PALETTE_WORD, &|old| moved(old, PAGE_WORDS));
         }
     }
 }

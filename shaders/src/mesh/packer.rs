@@ -5,8 +5,11 @@ use super::{
     bvh::{Bvh, BvhChild},
     texture::{self, MeshTexture},
 };
-use crate::layout::PAGE_WORDS;
-use insula_protocol::mesh::{AttributeKind, Mesh};
+use crate::{layout::PAGE_WORDS, pack::PackedObjects};
+use insula_protocol::{
+    mesh::{AttributeKind, Mesh},
+    mesh_tile::NO_OBJECT,
+};
 use std::ops::Range;
 
 /// Vec4s of the head.
@@ -15,6 +18,10 @@ const HEAD_VEC4S: usize = 3;
 const ROOT_WORD: u32 = 4;
 /// The head's word that holds the address of the texture's table.
 pub(super) const TABLE_WORD: u32 = 7;
+/// The head's word that holds the address of the palette.
+pub(super) const PALETTE_WORD: u32 = 11;
+/// Most objects of a palette: they lie in one page.
+const MAX_OBJECTS: usize = PAGE_WORDS;
 
 pub(super) struct MeshPacker {
     pub(super) words: Vec<u32>,
@@ -25,11 +32,14 @@ pub(super) struct MeshPacker {
     corners: Vec<[[u32; 3]; 3]>,
     /// Values at each triangle's corners: texture coordinates or colours.
     carried: Vec<[u32; 3]>,
+    /// Of each triangle 1 + the place of its object in the palette, or 0.
+    places: Vec<u32>,
+    pub(super) palette: Option<PackedObjects>,
 }
 
 impl MeshPacker {
     /// Fails if the mesh is too large or incomplete.
-    pub(super) fn new(mesh: &Mesh, textured: bool) -> Result<Self, PackError> {
+    pub(super) fn new(mesh: &Mesh, textured: bool, objects: &[u32]) -> Result<Self, PackError> {
         if mesh.triangles.len() > MAX_TRIANGLES {
             return Err(PackError::TooManyTriangles(mesh.triangles.len()));
         }
@@ -47,7 +57,9 @@ impl MeshPacker {
         if corners.is_empty() {
             (corners, carried) = (vec![[[0; 3]; 3]], vec![[0; 3]]);
         }
-        Ok(Self { words: Vec::new(), references: Vec::new(), table: 0..0, corners, carried })
+        let (list, places) = number_objects(objects, corners.len());
+        let palette = (!list.is_empty()).then_some(PackedObjects { list, palette: 0 });
+        Ok(Self { words: Vec::new(), references: Vec::new(), table: 0..0, corners, carried, places, palette })
     }
 
     pub(super) fn triangles(&self) -> u32 {
@@ -61,7 +73,12 @@ impl MeshPacker {
         let bvh = Bvh::of(&self.corners);
         let root = self.child(&bvh, &bvh.root);
         self.table = HEAD_VEC4S as u32 * 4..(HEAD_VEC4S * 4 + tiles) as u32;
-        self.head(mesh, &bvh, root, levels);
+        let objects = self.palette.as_ref().map_or(0, |objects| objects.list.len());
+        let palette = if objects > 0 { self.take(objects.div_ceil(4)) * 4 } else { 0 };
+        if let Some(objects) = &mut self.palette {
+            objects.palette = palette;
+        }
+        self.head(mesh, &bvh, root, levels, palette);
         self.words.resize(self.words.len().next_multiple_of(PAGE_WORDS), 0);
         texture::place(levels, &mut self.words, self.table.start as usize);
         self.words.resize(self.words.len().next_multiple_of(PAGE_WORDS), 0);
@@ -100,14 +117,14 @@ impl MeshPacker {
         for (k, triangle) in (0..).zip(triangles) {
             let p = self.corners[*triangle as usize].concat();
             let pair = |k: usize| p[k] | p.get(k + 1).copied().unwrap_or(0) << 16;
-            let [a, b, c] = self.carried[*triangle as usize];
+            let ([a, b, c], place) = (self.carried[*triangle as usize], self.places[*triangle as usize]);
             self.vec4_at(at + 2 * k).copy_from_slice(&[pair(0), pair(2), pair(4), pair(6)]);
-            self.vec4_at(at + 2 * k + 1).copy_from_slice(&[p[8], a, b, c]);
+            self.vec4_at(at + 2 * k + 1).copy_from_slice(&[p[8] | place << 16, a, b, c]);
         }
         at | (triangles.len() as u32) << REFERENCE_COUNT_SHIFT
     }
 
-    fn head(&mut self, mesh: &Mesh, bvh: &Bvh, root: u32, levels: &[MeshTexture]) {
+    fn head(&mut self, mesh: &Mesh, bvh: &Bvh, root: u32, levels: &[MeshTexture], palette: u32) {
         let metres = |v: f64| (v as f32).to_bits();
         let [x, y, z] = mesh.grid.min.map(metres);
         self.vec4_at(0).copy_from_slice(&[x, y, z, metres(mesh.grid.step)]);
@@ -116,8 +133,19 @@ impl MeshPacker {
         self.vec4_at(1).copy_from_slice(&[root, size, levels.len() as u32, table]);
         self.references.push(ROOT_WORD);
         let [x, y, z] = box_words(&bvh.root);
-        self.vec4_at(2).copy_from_slice(&[x, y, z, 0]);
+        self.vec4_at(2).copy_from_slice(&[x, y, z, palette]);
     }
+}
+
+/// The different objects ascending, and of each triangle 1 + the place of its own, or 0. Of too many, the last are left out.
+fn number_objects(objects: &[u32], triangles: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut list: Vec<u32> = objects.iter().copied().filter(|object| *object != NO_OBJECT).collect();
+    list.sort_unstable();
+    list.dedup();
+    list.truncate(MAX_OBJECTS);
+    let place = |t: usize| objects.get(t).and_then(|object| list.binary_search(object).ok()).map_or(0, |at| at as u32 + 1);
+    let places = (0..triangles).map(place).collect();
+    (list, places)
 }
 
 fn box_words(child: &BvhChild) -> [u32; 3] {

@@ -46,7 +46,8 @@ struct FrameUniform {
     shadow_m: f32,
     exposure: f32,
     sun_radius: f32,
-    unused: vec2<f32>,
+    objects: u32,
+    unused: f32,
     bays: vec4<f32>,
     light: Light,
     windows: array<vec4<i32>, GRID_LEVELS>,
@@ -63,4 +64,6 @@ struct DrawNode {
     mesh: u32,
     mesh_z_m: f32,
     leaf_offset: u32,
+    // Page of the objects' plane, and first word of the palette.
+    objects: vec4<u32>,
 }

@@ -7,7 +7,7 @@ use super::{
 };
 use glam::{DVec2, Vec2};
 use insula_bake::columns::voxels::{
-    SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelCorner, VoxelNode, VoxelOuterTop, VoxelPlane,
+    SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelCorner, VoxelNode, VoxelObjects, VoxelOuterTop, VoxelPlane,
 };
 use insula_protocol::{NODE_CELLS, TileId, blockmap::COLUMNS};
 use std::sync::OnceLock;
@@ -190,6 +190,7 @@ fn column(raster: &Raster, own: &Cell, centre: DVec2, around: &[Option<&Cell>; 9
         first_row,
         wall: wall.collect(),
         clip,
+        objects: VoxelObjects::default(),
         reflective: false,
     }
 }

@@ -45,6 +45,7 @@ const VIEWER: [(&str, Test); 20] = [
     ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
     ("a_visited_city_works_offline", site::a_visited_city_works_offline),
     ("a_bad_host_is_survived", site::a_bad_host_is_survived),
+    ("damaged_bytes_are_fetched_again", site::damaged_bytes_are_fetched_again),
     ("the_plain_example_runs", component::the_plain_example_runs),
     ("markers_are_occluded", component::markers_are_occluded),
 ];

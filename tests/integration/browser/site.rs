@@ -2,6 +2,7 @@
 
 use super::viewer::{REACTION, ensure_city_is_visible, ensure_no_problems, ensure_same_view, hosts, keep};
 use anyhow::{Result, ensure};
+use image::RgbImage;
 use insula_test_support::faulty_host::FaultyHost;
 use insula_tests::{
     browser::{Browser, BrowserOptions, Button, city_page::CityPage},
@@ -91,13 +92,41 @@ pub(super) fn a_bad_host_is_survived() -> Result<()> {
     let fresh = CityPage::open(&browser, &format!("{}/site/cities/chiba/#camera={camera}", host.url()))?;
     fresh.wait_until_final(0)?;
     let expected = fresh.picture(0, [320, 200])?;
-    // A tile that failed several times is fetched again only after a pause.
+    ensure_becomes(&page, &expected)
+}
+
+/// The worker that keeps responses must not answer with damaged ones for ever.
+pub(super) fn damaged_bytes_are_fetched_again() -> Result<()> {
+    let folder = publish()?;
+    let (host, browser) = (FaultyHost::start(folder.path()), Browser::launch(BrowserOptions::default())?);
+    let page = open(&browser, &host)?;
+    page.page.evaluate("navigator.serviceWorker.ready.then(() => true)")?;
+    // From here on the worker sees all requests.
+    page.page.navigate(&format!("{}/site/cities/chiba/", host.url()))?;
+    page.wait_until_ready(0)?;
+    page.wait_until_final(0)?;
+    host.faults.lying_percent.store(60, Relaxed);
+    for _ in 0..8 {
+        page.page.wheel([480.0, 300.0], -240.0)?;
+        std::thread::sleep(Duration::from_millis(300));
+    }
+    host.faults.lying_percent.store(0, Relaxed);
+    let clean = Browser::launch(BrowserOptions::default())?;
+    let url = format!("{}/site/cities/chiba/#camera={}", host.url(), page.camera(0)?);
+    let fresh = CityPage::open(&clean, &url)?;
+    fresh.wait_until_final(0)?;
+    let expected = fresh.picture(0, [320, 200])?;
+    ensure_becomes(&page, &expected)
+}
+
+/// A tile that failed several times is fetched again only after a pause.
+fn ensure_becomes(page: &CityPage, expected: &RgbImage) -> Result<()> {
     let begin = Instant::now();
     while begin.elapsed() < RECOVERY {
-        if ensure_same_view(&expected, &page.picture(0, [320, 200])?).is_ok() {
+        if ensure_same_view(expected, &page.picture(0, [320, 200])?).is_ok() {
             return Ok(());
         }
         std::thread::sleep(Duration::from_millis(500));
     }
-    ensure_same_view(&expected, &page.picture(0, [320, 200])?)
+    ensure_same_view(expected, &page.picture(0, [320, 200])?)
 }

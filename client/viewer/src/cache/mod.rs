@@ -11,6 +11,7 @@ mod pages;
 mod tests;
 
 use crate::{
+    objects::ObjectStyles,
     scene::TileKey,
     solids::{ColumnSolids, MeshSolids},
 };
@@ -18,9 +19,10 @@ use insula_protocol::{BlockMap, TileId, mesh::Mesh};
 use insula_shaders::{
     layout::{PAGE_WORDS, PLANES, SUMMARY_WORDS},
     mesh::{MeshTexture, PackError, PackedMesh},
-    pack::{PackedNode, Page},
+    pack::{PackedNode, PackedObjects, Page},
 };
 use lru::LruCache;
+use std::collections::BTreeMap;
 use pages::PagePool;
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +33,8 @@ pub const PAGE_BYTES: u64 = PAGE_WORDS as u64 * 4;
 pub trait Upload {
     /// Writes a page of the atlas.
     fn write_page(&mut self, page: u32, words: &[u32]);
+    /// Writes some words of the atlas from word `at` on, within one page.
+    fn write_words(&mut self, at: u32, words: &[u32]);
     /// Writes a node's summary.
     fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]);
 }
@@ -55,6 +59,9 @@ pub struct CachedNode {
     pub below: [u8; 4],
     /// The V-BlockMap's `z_shift`.
     pub z_shift: u32,
+    /// Page of the objects' plane and first word of the palette; zeros without objects.
+    pub object_page: u32,
+    pub palette: u32,
 }
 
 /// A resident mesh.
@@ -72,6 +79,8 @@ struct CacheEntry {
     item: CacheItem,
     pages: Vec<u32>,
     slot: Option<u32>,
+    /// First word of its palette.
+    palette: Option<u32>,
     /// The last frame that pinned it.
     last_frame: u64,
 }
@@ -97,9 +106,9 @@ impl PackedTile {
         Self::Node(Box::new(PackedNode::new(map)), ColumnSolids::new(map))
     }
 
-    /// Packs a decoded mesh with its texture. Fails if it cannot be drawn.
-    pub fn mesh(mesh: &Mesh, texture: Option<&MeshTexture>) -> Result<Self, PackError> {
-        Ok(Self::Mesh(Box::new(PackedMesh::new(mesh, texture)?), MeshSolids::new(mesh)))
+    /// Packs a decoded mesh with its texture and the objects of its triangles. Fails if it cannot be drawn.
+    pub fn mesh(mesh: &Mesh, texture: Option<&MeshTexture>, objects: &[u32]) -> Result<Self, PackError> {
+        Ok(Self::Mesh(Box::new(PackedMesh::new(mesh, texture, objects)?), MeshSolids::new(mesh)))
     }
 
     /// Content of its pages.
@@ -128,6 +137,10 @@ pub struct AtlasCache {
     slots: PagePool,
     frame: u64,
     peak_pages: u32,
+    /// How objects are drawn.
+    styles: ObjectStyles,
+    /// The resident palettes: their objects, by their first words.
+    palettes: BTreeMap<u32, Vec<u32>>,
 }
 
 /// Slots that tiles in `pages` pages can ever need: a V-BlockMap takes at least [`PLANES`] pages.
@@ -150,6 +163,8 @@ impl AtlasCache {
             slots: PagePool::new(slots_for(pages)),
             frame: 1,
             peak_pages: 0,
+            styles: ObjectStyles::default(),
+            palettes: BTreeMap::new(),
         }
     }
 
@@ -218,15 +233,51 @@ impl AtlasCache {
             return InsertResult::Full { evicted };
         };
         let slot = slot.first().copied();
-        let item = match packed {
-            PackedTile::Node(node, solids) => {
-                CacheItem::Node(upload_node(*node, &pages, slot.unwrap_or(0), upload), solids)
+        let (item, objects) = match packed {
+            PackedTile::Node(mut node, solids) => {
+                node.relocate(&pages);
+                let objects = node.objects.take();
+                let palette = objects.as_ref().map_or(0, |objects| objects.palette);
+                let cached = upload_node(*node, &pages, slot.unwrap_or(0), palette, upload);
+                (CacheItem::Node(cached, solids), objects)
             }
-            PackedTile::Mesh(mesh, solids) => CacheItem::Mesh(upload_mesh(*mesh, &pages, upload), solids),
+            PackedTile::Mesh(mut mesh, solids) => {
+                mesh.relocate(&pages);
+                let objects = mesh.objects.take();
+                (CacheItem::Mesh(upload_mesh(*mesh, &pages, upload), solids), objects)
+            }
         };
-        self.entries.put(key, CacheEntry { item, pages, slot, last_frame: self.frame });
+        let palette = objects.as_ref().map(|objects| objects.palette);
+        if let Some(PackedObjects { list, palette }) = objects {
+            if !self.styles.is_empty() {
+                upload.write_words(palette, &self.styles.words(&list));
+            }
+            self.palettes.insert(palette, list);
+        }
+        self.entries.put(key, CacheEntry { item, pages, slot, palette, last_frame: self.frame });
         self.peak_pages = self.peak_pages.max(self.pages.used());
         InsertResult::Inserted { evicted }
+    }
+
+    /// The object whose word in a palette has this address, as a frame with [`Shading::Objects`] gives it.
+    ///
+    /// [`Shading::Objects`]: insula_shaders::layout::Shading::Objects
+    pub fn object_at(&self, address: u32) -> Option<u32> {
+        let (first, list) = self.palettes.range(..=address).next_back()?;
+        list.get((address - first) as usize).copied()
+    }
+
+    /// How objects are drawn.
+    pub fn styles(&self) -> &ObjectStyles {
+        &self.styles
+    }
+
+    /// Draws objects in another way from the next frame on. No tile is fetched or packed again.
+    pub fn set_styles(&mut self, styles: ObjectStyles, upload: &mut impl Upload) {
+        for (palette, list) in &self.palettes {
+            upload.write_words(*palette, &styles.words(list));
+        }
+        self.styles = styles;
     }
 
     /// Evicts the least recently used tile; `None` if even that is pinned.
@@ -243,6 +294,9 @@ impl AtlasCache {
     /// Removes a tile.
     pub fn remove(&mut self, key: TileKey) {
         if let Some(entry) = self.entries.pop(&key) {
+            if let Some(palette) = entry.palette {
+                self.palettes.remove(&palette);
+            }
             self.pages.give_back(entry.pages);
             self.slots.give_back(entry.slot);
         }
@@ -274,16 +328,16 @@ impl AtlasCache {
     }
 }
 
-fn upload_node(mut node: PackedNode, pages: &[u32], slot: u32, upload: &mut impl Upload) -> CachedNode {
-    node.relocate(pages);
+fn upload_node(node: PackedNode, pages: &[u32], slot: u32, palette: u32, upload: &mut impl Upload) -> CachedNode {
     write_pages(&node.pages, pages, upload);
     upload.write_summary(slot, &node.summary);
     let PackedNode { cell_m, z_step_m, z_base_m, z_range, below, z_shift, .. } = node;
-    CachedNode { pages: pages.to_vec(), slot, cell_m, z_step_m, z_base_m, z_range, below, z_shift }
+    let object_page = if palette == 0 { 0 } else { pages.last().copied().unwrap_or(0) };
+    let pages = pages.to_vec();
+    CachedNode { pages, slot, cell_m, z_step_m, z_base_m, z_range, below, z_shift, object_page, palette }
 }
 
-fn upload_mesh(mut mesh: PackedMesh, pages: &[u32], upload: &mut impl Upload) -> CachedMesh {
-    mesh.relocate(pages);
+fn upload_mesh(mesh: PackedMesh, pages: &[u32], upload: &mut impl Upload) -> CachedMesh {
     write_pages(&mesh.pages, pages, upload);
     let head_page = pages.first().copied().unwrap_or(0);
     CachedMesh { head_page, triangles: mesh.triangles, z_m: mesh.z_m }

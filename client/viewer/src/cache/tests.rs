@@ -20,6 +20,11 @@ impl Upload for FakeAtlas {
         self.pages.insert(page, words.to_vec());
     }
 
+    fn write_words(&mut self, at: u32, words: &[u32]) {
+        let (page, first) = (at / PAGE_WORDS as u32, at as usize % PAGE_WORDS);
+        self.pages.get_mut(&page).unwrap()[first..first + words.len()].copy_from_slice(words);
+    }
+
     fn write_summary(&mut self, _: u32, _: &[u32; SUMMARY_WORDS]) {}
 }
 
@@ -59,7 +64,7 @@ fn mesh(pages: u32) -> PackedTile {
         triangles: vec![[0, 1, 2]],
         attributes: vec![colour],
     };
-    let PackedTile::Mesh(mut packed, solids) = PackedTile::mesh(&triangle, None).unwrap() else { panic!() };
+    let PackedTile::Mesh(mut packed, solids) = PackedTile::mesh(&triangle, None, &[]).unwrap() else { panic!() };
     packed.pages.resize(pages as usize, vec![0; PAGE_WORDS].into());
     PackedTile::Mesh(packed, solids)
 }

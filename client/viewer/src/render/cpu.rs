@@ -58,6 +58,13 @@ impl Upload for CpuAdapter {
         }
     }
 
+    fn write_words(&mut self, at: u32, words: &[u32]) {
+        let at = at as usize;
+        if let Some(target) = self.atlas.get_mut(at..at + words.len()) {
+            target.copy_from_slice(words);
+        }
+    }
+
     fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         let at = slot as usize * SUMMARY_WORDS;
         if let Some(target) = self.summaries.get_mut(at..at + SUMMARY_WORDS) {

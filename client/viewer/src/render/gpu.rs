@@ -161,6 +161,10 @@ impl Upload for GpuAdapter {
         self.raycaster.write_page(&self.device.queue, page, words);
     }
 
+    fn write_words(&mut self, at: u32, words: &[u32]) {
+        self.raycaster.write_words(&self.device.queue, at, words);
+    }
+
     fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         self.raycaster.write_summary(&self.device.queue, slot, words);
     }

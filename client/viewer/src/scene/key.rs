@@ -2,10 +2,10 @@
 
 use insula_protocol::{TileId, TileKind};
 
-/// Identifies a tile: a V-BlockMap, a subtree, or a level of detail of a mesh.
+/// Identifies a tile: a V-BlockMap, a subtree, a level of detail of a mesh, or objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct TileKey {
-    /// 0 for V-BlockMaps, 1 for subtrees, 2 for meshes: the first criterion of the order.
+    /// 0 for V-BlockMaps, 1 for subtrees, 2 for meshes, 3 for objects: the first criterion of the order.
     kind: u8,
     /// The node; for a subtree, its root.
     pub id: TileId,
@@ -29,12 +29,18 @@ impl TileKey {
         Self { kind: 2, id, lod }
     }
 
+    /// A block of objects, or their schema, by its place in the archive ([`insula_protocol::object_tile`]).
+    pub const fn objects(id: TileId) -> Self {
+        Self { kind: 3, id, lod: 0 }
+    }
+
     /// What the tile holds.
     pub const fn kind(self) -> TileKind {
         match self.kind {
             0 => TileKind::BlockMap,
             1 => TileKind::Subtree,
-            _ => TileKind::Mesh,
+            2 => TileKind::Mesh,
+            _ => TileKind::Objects,
         }
     }
 }

@@ -220,7 +220,7 @@ impl SceneTree {
     pub(crate) fn tile_pages(&self, key: TileKey) -> u32 {
         let Some(index) = self.find(key.id) else { return DEFAULT_PAGES };
         match key.kind() {
-            TileKind::Subtree => 0,
+            TileKind::Subtree | TileKind::Objects => 0,
             TileKind::BlockMap => self.node_pages(index),
             TileKind::Mesh => self.node(index).lods.get(usize::from(key.lod)).map_or(0, |lod| lod.pages),
         }
@@ -257,6 +257,7 @@ impl SceneTree {
                 let node = self.node(self.find(key.id)?);
                 node.lods.get(usize::from(key.lod)).map(|lod| lod.tile)
             }
+            TileKind::Objects => None,
         }
     }
 
@@ -273,6 +274,7 @@ impl SceneTree {
                 None => key.id == TileId::ROOT && self.root_tile.apply(event),
             },
             TileKind::Mesh => self.lod_mut(key).is_some_and(|lod| lod.tile.apply(event)),
+            TileKind::Objects => false,
         }
     }
 

@@ -47,6 +47,10 @@ impl TileFetcher for BrowserFetcher {
                 Ok(bytes) => decode_elsewhere(&host, key, bytes).await,
                 Err(error) => Err(error),
             };
+            // The damaged bytes may be in a cache of the browser, which would answer with them for ever.
+            if let Err(FetchError::Damaged(_) | FetchError::Broken | FetchError::Archive(_)) = &result {
+                host.bypass_caches();
+            }
             outcomes.borrow_mut().push_back(FetchOutcome { key, ticket, is_local: false, duration, result });
             host.wake();
         });

@@ -90,6 +90,13 @@ impl Upload for Renderer {
         }
     }
 
+    fn write_words(&mut self, at: u32, words: &[u32]) {
+        match self {
+            Self::Cpu { writes, .. } => writes.write_words(at, words),
+            Self::Gpu(gpu) => gpu.adapter.write_words(at, words),
+        }
+    }
+
     fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         match self {
             Self::Cpu { writes, .. } => writes.write_summary(slot, words),

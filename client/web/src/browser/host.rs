@@ -18,6 +18,10 @@ extern "C" {
     #[wasm_bindgen(method)]
     pub fn abort(this: &Host, request: u32);
 
+    /// Makes the requests of the next half minute pass the browser's caches by: one of them has damaged bytes.
+    #[wasm_bindgen(method, js_name = bypassCaches)]
+    pub fn bypass_caches(this: &Host);
+
     /// Decodes a tile in a worker: kind (0 V-BlockMap, 2 mesh), level, x, y, level of detail. Resolves to the bytes of
     /// [`decode_tile`](super::decoder::decode_tile), or rejects with the reason.
     #[wasm_bindgen(method)]

@@ -1,12 +1,13 @@
 //! Writes to the atlas on their way to the workers that draw on the CPU, each of which has its own copy.
 //!
-//! As words: for each write its kind (0 page, 1 summary), its number, its length in words, then its words.
+//! As words: for each write its kind (0 page, 1 summary, 2 words), its number, its length in words, then its words.
 
 use insula_shaders::layout::SUMMARY_WORDS;
 use insula_viewer::cache::Upload;
 
 const PAGE: u32 = 0;
 const SUMMARY: u32 = 1;
+const WORDS: u32 = 2;
 
 /// Writes that the workers have not got yet.
 #[derive(Debug, Default)]
@@ -35,6 +36,10 @@ impl Upload for PageWrites {
         self.push(PAGE, page, words);
     }
 
+    fn write_words(&mut self, at: u32, words: &[u32]) {
+        self.push(WORDS, at, words);
+    }
+
     fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
         self.push(SUMMARY, slot, words);
     }
@@ -46,6 +51,7 @@ pub(crate) fn apply(mut words: &[u32], upload: &mut impl Upload) {
         let Some((content, rest)) = rest.split_at_checked(length as usize) else { return };
         match (kind, content.try_into()) {
             (SUMMARY, Ok(summary)) => upload.write_summary(number, summary),
+            (WORDS, _) => upload.write_words(number, content),
             _ => upload.write_page(number, content),
         }
         words = rest;

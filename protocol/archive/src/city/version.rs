@@ -9,7 +9,7 @@ use std::{
 };
 
 /// The archives in the order in which the version covers them.
-const HASHED: [TileKind; 3] = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh];
+const HASHED: [TileKind; 4] = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh, TileKind::Objects];
 
 /// The version that the files in a city's folder should have: the first 16 hexadecimal digits of the BLAKE3 hash of the
 /// archives and of the manifest's text with an empty version. `stated` is the version that the manifest has.
@@ -20,7 +20,7 @@ pub fn content_version(folder: &Path, stated: &str) -> io::Result<String> {
     for kind in HASHED {
         match open_regular(&folder.join(kind.file_name())) {
             Ok(mut file) => drop(io::copy(&mut file, &mut hasher)?),
-            Err(error) if kind == TileKind::Mesh && error.kind() == io::ErrorKind::NotFound => {}
+            Err(error) if !kind.is_required() && error.kind() == io::ErrorKind::NotFound => {}
             Err(error) => return Err(error),
         }
     }

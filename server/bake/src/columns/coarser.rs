@@ -1,9 +1,9 @@
-//! Whether a node shows the same as its children: level or evenly inclined ground of one colour, such as water and fields.
+//! Whether a node shows the same as its children: level or evenly inclined ground of one colour and object, such as water and fields.
 //! Then the children are not needed.
 
 use insula_protocol::{
     BlockMap, NODE_CELLS,
-    blockmap::{COLUMNS, flag},
+    blockmap::{COLUMNS, NO_OBJECT, flag},
     octahedral,
 };
 
@@ -46,6 +46,10 @@ fn shows_column(map: &BlockMap, child: &BlockMap, quadrant: usize, column: usize
     }
     if child.flags[column] & flag::OCCUPIED == 0 {
         return true;
+    }
+    let object = |map: &BlockMap, i: usize| map.objects.as_ref().map_or(NO_OBJECT, |objects| objects.roof[i]);
+    if object(map, own) != object(child, column) {
+        return false;
     }
     let (a, b) = (map.roof[own], child.roof[column]);
     let is_same_colour = a.rgb().iter().zip(b.rgb()).all(|(a, b)| a.abs_diff(b) <= COLOUR);

@@ -13,7 +13,10 @@ use crate::{
         fill::{fill_unknown, mean_of_known},
         merge::{LINES_PER_SIDE, MergedColumn, PARENT_GAPS, VerticalLine, line_position_m},
         srgb::linear_from_srgb,
-        voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode},
+        object_votes::ObjectVotes,
+        voxels::{
+            SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelObjects,
+        },
         wall_fit::{CellObservations, WallPiece},
     },
     scene::grid::CityGrid,
@@ -22,7 +25,7 @@ use glam::{Vec2, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
     blockmap::{
-        CLIP_STEPS_PER_CELL, COLUMNS, MapColumn, STEPS_PER_CELL,
+        CLIP_STEPS_PER_CELL, COLUMNS, MapColumn, NO_OBJECT, STEPS_PER_CELL,
         ground::{SKY_MAX, SQUARES, VERTEX_COUNT, VERTICES, is_used_vertex},
         strip_rows,
     },
@@ -43,6 +46,7 @@ struct ChildColumn {
     outer: Option<VoxelAppearance>,
     wall: Option<ChildWall>,
     is_reflective: bool,
+    objects: VoxelObjects,
 }
 
 /// The wall strip of a child's column.
@@ -121,7 +125,15 @@ fn child_columns(map: &BlockMap) -> Vec<Option<ChildColumn>> {
     let step_m = map.z_step_m();
     let base_m = map.z_base_m() as f32;
     let metres = |code: u16| base_m + f32::from(code) * step_m;
-    map.columns().iter().map(|column| Some(child_column(column.as_ref()?, map, metres))).collect()
+    let objects = |i: usize| match &map.objects {
+        Some(objects) => VoxelObjects { roof: objects.roof[i], wall: objects.wall[i], lower: objects.lower[i] },
+        None => VoxelObjects::default(),
+    };
+    let column = |(i, column): (usize, &Option<MapColumn>)| {
+        let column = child_column(column.as_ref()?, map, metres);
+        Some(ChildColumn { objects: objects(i), ..column })
+    };
+    map.columns().iter().enumerate().map(column).collect()
 }
 
 fn child_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32) -> ChildColumn {
@@ -154,6 +166,7 @@ fn child_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32)
         outer: column.clip.and_then(|clip| clip.outer).map(|outer| appearance(outer.roof)),
         wall,
         is_reflective: column.reflective,
+        objects: VoxelObjects::default(),
     }
 }
 
@@ -314,6 +327,8 @@ impl ParentColumns {
         if let Some(outer) = clip.as_mut().and_then(|clip| clip.outer.as_mut()) {
             outer.appearance = mean_top_at(&children, outer.top_m, cell_m);
         }
+        let outer_m = clip.and_then(|clip| clip.outer).map(|outer| outer.top_m);
+        let lower_top_m = outer_m.or((solids.len() > 1).then_some(first.top_m));
         let walls = children.iter().filter_map(|child| child.wall.as_ref());
         let reflective = tops.iter().filter(|child| child.is_reflective).count();
         let mean_wall_normal = walls.map(|wall| wall.normal * wall.rows.len() as f32).sum::<Vec2>().to_array();
@@ -329,6 +344,7 @@ impl ParentColumns {
             first_row,
             wall: (first_row..first_row + rows).map(|row| wall_row(&children, row)).collect(),
             reflective: reflective > 0 && 2 * reflective >= tops.len(),
+            objects: objects_of(&children, tops, lower_top_m, cell_m),
         })
     }
 
@@ -356,6 +372,34 @@ impl ParentColumns {
             own.open_side_m(Some(neighbour), Vec2::new(dx as f32, dy as f32) * (0.5 * self.cell_m)) > self.cell_m
         })
     }
+}
+
+/// The objects that most of the children show: `tops` are those at the column's top.
+fn objects_of(
+    children: &[&ChildColumn],
+    tops: &[&ChildColumn],
+    lower_top_m: Option<f32>,
+    cell_m: f32,
+) -> VoxelObjects {
+    let mut votes: [ObjectVotes; 3] = Default::default();
+    tops.iter().for_each(|child| votes[0].add(child.objects.roof, 1.0));
+    for child in children {
+        if let Some(wall) = &child.wall {
+            votes[1].add(child.objects.wall, wall.rows.len() as f32);
+        }
+        let Some(lower_top_m) = lower_top_m else { continue };
+        let is_at_lower = |top_m: f32| (top_m - lower_top_m).abs() < cell_m;
+        if child.merged.solids.last().is_some_and(|run| is_at_lower(run.top_m)) {
+            votes[2].add(child.objects.roof, 1.0);
+        }
+        let gap_m = child.merged.solids.first().filter(|_| child.merged.solids.len() > 1).map(|run| run.top_m);
+        if child.merged.clip.and_then(|clip| clip.outer_top_m).or(gap_m).is_some_and(is_at_lower) {
+            votes[2].add(child.objects.lower, 1.0);
+        }
+    }
+    let [roof, wall, lower] = votes.map(|votes| votes.winner());
+    let wall = if wall == NO_OBJECT { roof } else { wall };
+    VoxelObjects { roof, wall, lower: if lower == NO_OBJECT { roof } else { lower } }
 }
 
 /// Mean of the children's roofs, and of the tops beyond their clips, at about the height `z_m`.

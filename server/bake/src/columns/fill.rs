@@ -3,9 +3,11 @@
 //! Rows of a wall take the nearest row of the same wall. Then up to [`PASSES`] passes over the node copy means of the
 //! eight neighbouring columns, so that appearance travels one cell per pass. What is still unknown takes the column's
 //! own wall or roof, or else [`GREY`]. Afterwards every appearance of the node is known.
+//!
+//! Objects spread in the same way: from the same column, else from the nearest neighbour at the same height.
 
 use crate::columns::voxels::{VoxelAppearance, VoxelColumn, VoxelNode, VoxelOuterTop};
-use insula_protocol::NODE_CELLS;
+use insula_protocol::{NODE_CELLS, blockmap::NO_OBJECT};
 
 /// Used where no neighbour within [`PASSES`] cells is known.
 const GREY: VoxelAppearance = VoxelAppearance { rgb: [0.4; 3], ao: 0.5, is_known: true };
@@ -24,6 +26,7 @@ struct FoundAppearance {
 
 /// Makes every appearance of the node known.
 pub(crate) fn fill_unknown(node: &mut VoxelNode) {
+    fill_objects(node);
     for column in node.columns.iter_mut().flatten() {
         fill_rows(&mut column.wall);
     }
@@ -42,6 +45,46 @@ pub(crate) fn fill_unknown(node: &mut VoxelNode) {
         }
     }
     node.columns.iter_mut().flatten().for_each(fill_from_self);
+}
+
+/// Gives roofs and walls without an object that of the column's other parts, else of a neighbour at the same height.
+fn fill_objects(node: &mut VoxelNode) {
+    for column in node.columns.iter_mut().flatten() {
+        let objects = &mut column.objects;
+        objects.roof = known_or(objects.roof, objects.wall);
+        objects.wall = known_or(objects.wall, objects.roof);
+    }
+    for _ in 0..PASSES {
+        let nameless = |column: &VoxelColumn| column.objects.roof == NO_OBJECT;
+        let list: Vec<usize> =
+            (0..node.columns.len()).filter(|i| node.columns[*i].as_ref().is_some_and(nameless)).collect();
+        let found: Vec<(usize, u32)> = list.into_iter().map(|i| (i, object_around(node, i))).collect();
+        if found.iter().all(|(_, object)| *object == NO_OBJECT) {
+            break;
+        }
+        for (i, object) in found {
+            if let Some(column) = node.columns[i].as_mut() {
+                column.objects.roof = object;
+                column.objects.wall = known_or(column.objects.wall, object);
+            }
+        }
+    }
+    for column in node.columns.iter_mut().flatten() {
+        column.objects.lower = known_or(column.objects.lower, column.objects.roof);
+    }
+}
+
+fn known_or(object: u32, other: u32) -> u32 {
+    if object == NO_OBJECT { other } else { object }
+}
+
+/// The object of the neighbouring roof whose height is the most similar.
+fn object_around(node: &VoxelNode, i: usize) -> u32 {
+    let top_m = |column: &VoxelColumn| column.solids.last().map_or(0.0, |run| run.top_m);
+    let Some(own_m) = node.columns[i].as_ref().map(top_m) else { return NO_OBJECT };
+    let known = neighbours(node, i).filter(|column| column.objects.roof != NO_OBJECT);
+    let nearest = known.min_by(|a, b| (top_m(a) - own_m).abs().total_cmp(&(top_m(b) - own_m).abs()));
+    nearest.filter(|column| (top_m(column) - own_m).abs() < SIMILAR_TOP_M).map_or(NO_OBJECT, |column| column.objects.roof)
 }
 
 fn is_unknown(appearance: &VoxelAppearance) -> bool {

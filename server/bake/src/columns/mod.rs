@@ -8,6 +8,7 @@
 //! | `clip` | vertical planes that end a column inside its cell |
 //! | `merge` | one column from the vertical lines of a cell |
 //! | `wall_fit` | the clip that fits a cell's lines and walls best |
+//! | `object_votes` | which object a part of a column shows |
 //! | `downsample` | a parent's columns from its children's |
 //! | `coarser` | whether a node shows the same as its children |
 //! | `fill` | appearance for voxels that no surfel reached |
@@ -23,6 +24,7 @@ pub(crate) mod deviation;
 pub mod downsample;
 pub(crate) mod fill;
 pub(crate) mod merge;
+pub(crate) mod object_votes;
 pub mod parametrise;
 pub(crate) mod srgb;
 pub mod voxels;

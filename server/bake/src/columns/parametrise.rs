@@ -16,9 +16,10 @@ use crate::{
 use insula_protocol::{
     BlockMap, DecodeError, Texel,
     blockmap::{
-        CLIP_STEPS_PER_CELL, ColumnClip, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop, STEPS_PER_CELL,
-        WallStrip, Z_CODE_MAX, Z_SHIFT_MAX,
+        CLIP_STEPS_PER_CELL, ColumnClip, ColumnObjects, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop, STEPS_PER_CELL,
+        WallStrip, Z_CODE_MAX, Z_SHIFT_MAX, flag,
         ground::{self, HEIGHTS_PER_CELL, MAX_HEIGHT, SKY_MAX, VERTICES, is_used_vertex},
+        objects::lower_tops,
         strip_rows,
     },
     octahedral,
@@ -113,8 +114,26 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
         .collect();
     let mut map = BlockMap::from_columns(node.id, codes.cell_m as f32, codes.base_cells, codes.shift, &columns)?;
     map.snap_hidden_bottoms();
+    map.objects = encode_objects(node, &map);
     map.ground = node.ground.as_ref().map(|ground| Box::new(encode_ground(ground, &codes)));
     Ok(map)
+}
+
+/// The objects of the parts that the map has; `None` if they have none.
+fn encode_objects(node: &VoxelNode, map: &BlockMap) -> Option<Box<ColumnObjects>> {
+    let mut objects = Box::<ColumnObjects>::default();
+    let lower_tops = lower_tops(map);
+    for (i, column) in node.columns.iter().enumerate() {
+        let Some(column) = column else { continue };
+        objects.roof[i] = column.objects.roof;
+        if map.flags[i] & flag::EXPOSED != 0 {
+            objects.wall[i] = column.objects.wall;
+        }
+        if lower_tops[i].is_some() {
+            objects.lower[i] = column.objects.lower;
+        }
+    }
+    (!objects.distinct().is_empty()).then_some(objects)
 }
 
 fn encode_ground(ground: &VoxelGround, codes: &HeightCodes) -> NodeGround {
@@ -222,8 +241,8 @@ fn encode_texel(appearance: &VoxelAppearance) -> Texel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::columns::voxels::{SolidRun, VoxelOuterTop};
-    use insula_protocol::{TileId, blockmap::flag};
+    use crate::columns::voxels::{SolidRun, VoxelObjects, VoxelOuterTop};
+    use insula_protocol::TileId;
 
     fn grid() -> CityGrid {
         CityGrid { corner: [0.0; 3], depth: 1, cell_m: 1.0 }
@@ -246,6 +265,7 @@ mod tests {
             wall: if exposed { wall } else { Vec::new() },
             clip: None,
             reflective: false,
+            objects: VoxelObjects::default(),
         }
     }
 

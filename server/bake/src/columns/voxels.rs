@@ -5,7 +5,7 @@
 use insula_protocol::{
     TileId,
     blockmap::{
-        COLUMNS,
+        COLUMNS, NO_OBJECT,
         ground::{VERTEX_COUNT, VERTICES},
     },
 };
@@ -67,6 +67,21 @@ pub struct VoxelClip {
     pub outer: Option<VoxelOuterTop>,
 }
 
+/// The objects that a column shows, by their numbers in the city.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct VoxelObjects {
+    pub roof: u32,
+    pub wall: u32,
+    /// Of the lower top: beyond the clip, or below the gap.
+    pub lower: u32,
+}
+
+impl Default for VoxelObjects {
+    fn default() -> Self {
+        Self { roof: NO_OBJECT, wall: NO_OBJECT, lower: NO_OBJECT }
+    }
+}
+
 /// One column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoxelColumn {
@@ -92,6 +107,7 @@ pub struct VoxelColumn {
     pub clip: Option<VoxelClip>,
     /// Whether most of its visible surface is water or glass.
     pub reflective: bool,
+    pub objects: VoxelObjects,
 }
 
 /// The columns of one node, [`COLUMNS`] of them, row-major from the south-west corner.

@@ -225,7 +225,8 @@ fn push_object(city: &mut ScratchScene, triangles: &[[[f32; 3]; 3]], plane_m: f3
     let (material, object) = (city.materials.len() as u32, city.objects.len() as u32);
     city.materials.push(StoredMaterial::matt(GROUND_COLOUR, None));
     // The plane's height, not the lowest point, so that blocks do not depend on ground far away.
-    city.objects.push(StoredObject { kind: ObjectKind::GeneratedGround, base_z_m: plane_m });
+    let bounds_m = [[0.0, 0.0, plane_m]; 2];
+    city.objects.push(StoredObject { kind: ObjectKind::GeneratedGround, base_z_m: plane_m, bounds_m, identity: None });
     city.names.push("generated ground".into());
     let mut stored_object = object;
     if !city.placements.is_empty() {

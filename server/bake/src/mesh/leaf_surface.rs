@@ -34,6 +34,8 @@ pub(super) struct LeafSurface {
     /// Has one layer: `Other` (u, v and material) if any material has a texture, else `Colour`. Two corners share a
     /// value only if they are at the same vertex.
     pub(super) model: TriangleModel,
+    /// Number in the city of each triangle's object.
+    pub(super) objects: Vec<u32>,
 }
 
 impl LeafSurface {
@@ -47,7 +49,7 @@ impl LeafSurface {
         let lattice = LeafLattice::around(&polygons, grid, id)?;
         let is_textured = polygons.iter().any(|polygon| texture_of(scene, polygon.material).is_some());
         let mut builder = SurfaceBuilder::default();
-        for ClippedTriangle { vertices, material } in &polygons {
+        for ClippedTriangle { vertices, material, object } in &polygons {
             let value = |uv: [f32; 2]| match (is_textured, texture_of(scene, *material).is_some()) {
                 (true, true) => [uv[0], uv[1], *material as f32],
                 (true, false) => [0.0, 0.0, *material as f32],
@@ -58,16 +60,16 @@ impl LeafSurface {
                 .map(|vertex| SurfaceCorner { point: lattice.round(vertex.p), value: value(vertex.uv) })
                 .collect();
             for k in 1..corners.len() - 1 {
-                builder.add([corners[0], corners[k], corners[k + 1]]);
+                builder.add([corners[0], corners[k], corners[k + 1]], *object);
             }
         }
-        let model = builder.finish(if is_textured { AttributeKind::Other } else { AttributeKind::Colour });
+        let (model, objects) = builder.finish(if is_textured { AttributeKind::Other } else { AttributeKind::Colour });
         let points = PointGrid {
             min: [0.0, 0.0, lattice.first[2] as f64 * lattice.step_m],
             step: lattice.step_m,
             bits: lattice.bits,
         };
-        (!model.triangles.is_empty()).then_some(Self { points, steps: lattice.steps, model })
+        (!model.triangles.is_empty()).then_some(Self { points, steps: lattice.steps, model, objects })
     }
 
     /// Whether any of its materials has a texture.
@@ -86,6 +88,8 @@ impl LeafSurface {
 struct ClippedTriangle {
     vertices: Vec<PolygonVertex>,
     material: u32,
+    /// Number in the city.
+    object: u32,
 }
 
 fn clip_triangles(scene: &Scene, grid: &CityGrid, id: TileId) -> Vec<ClippedTriangle> {
@@ -93,7 +97,7 @@ fn clip_triangles(scene: &Scene, grid: &CityGrid, id: TileId) -> Vec<ClippedTria
     let low = [id.x(), id.y()].map(|v| f64::from(v) * side_m);
     let high = [id.x() + 1, id.y() + 1].map(|v| f64::from(v) * side_m);
     let mut polygons = Vec::new();
-    for triangle in &scene.triangles {
+    for (i, triangle) in (0..).zip(&scene.triangles) {
         let vertex = |k: usize| PolygonVertex {
             p: std::array::from_fn(|axis| f64::from(triangle.corners[k][axis]) - grid.corner[axis]),
             uv: triangle.uv[k],
@@ -107,7 +111,8 @@ fn clip_triangles(scene: &Scene, grid: &CityGrid, id: TileId) -> Vec<ClippedTria
         }
         let vertices = clip_to_square(corners, low, high);
         if vertices.len() >= 3 {
-            polygons.push(ClippedTriangle { vertices, material: triangle.material });
+            let object = scene.object_number(i);
+            polygons.push(ClippedTriangle { vertices, material: triangle.material, object });
         }
     }
     polygons
@@ -172,11 +177,12 @@ struct SurfaceBuilder {
     value_numbers: HashMap<(u32, [u32; 3]), u32>,
     values: Vec<[f32; 4]>,
     corners: Vec<u32>,
+    objects: Vec<u32>,
 }
 
 impl SurfaceBuilder {
     /// Adds a triangle, unless two of its corners are at one point.
-    fn add(&mut self, corners: [SurfaceCorner; 3]) {
+    fn add(&mut self, corners: [SurfaceCorner; 3], object: u32) {
         let [a, b, c] = corners.map(|corner| corner.point);
         if a == b || b == c || c == a {
             return;
@@ -188,6 +194,7 @@ impl SurfaceBuilder {
             })
         });
         self.model.triangles.push(triangle);
+        self.objects.push(object);
         for (vertex, corner) in triangle.into_iter().zip(corners) {
             let value = corner.value;
             let number = *self.value_numbers.entry((vertex, value.map(f32::to_bits))).or_insert_with(|| {
@@ -198,8 +205,8 @@ impl SurfaceBuilder {
         }
     }
 
-    fn finish(self, kind: AttributeKind) -> TriangleModel {
+    fn finish(self, kind: AttributeKind) -> (TriangleModel, Vec<u32>) {
         let layer = CornerLayer { kind, width: 3, values: self.values, corners: self.corners };
-        TriangleModel { layers: vec![layer], ..self.model }
+        (TriangleModel { layers: vec![layer], ..self.model }, self.objects)
     }
 }

@@ -24,7 +24,7 @@ use crate::{
     error::BakeError,
     model::{CornerLayer, TriangleModel},
     scene::{Scene, grid::CityGrid},
-    simplify::{Goal, simplify},
+    simplify::{Goal, Simplified, simplify},
 };
 
 /// Error allowed in the coarsest level, as a share of the V-BlockMap's error.
@@ -57,9 +57,9 @@ pub(super) fn encode_lods(
     let step_m = surface.points.step;
     let blockmap_error_m = voxel_error_m(grid.cell_m);
     let encoder = LodEncoder { scene, id, surface, quality };
-    let Some((finest, model)) = encoder.encode_finest(blockmap_error_m)? else { return Ok(Vec::new()) };
+    let Some((finest, solid)) = encoder.encode_finest(blockmap_error_m)? else { return Ok(Vec::new()) };
     let mut lods = vec![finest];
-    let mut triangles_before = model.triangles.len();
+    let mut triangles_before = solid.model.triangles.len();
     let mut simplifier = SurfaceSimplifier { surface, part_half_diagonals: Vec::new() };
     for k in 1..MAX_LODS {
         let target_m = COARSEST_SHARE * blockmap_error_m / ERROR_RATIO.powi(i32::from(MAX_LODS - 1 - k));
@@ -71,7 +71,7 @@ pub(super) fn encode_lods(
         let (coarser, moved_m) = match simplifier.simplify_within(target_m, max_triangles) {
             Some(found) => found,
             // Even with the same triangles, a coarser texture may make the tile much smaller.
-            None if surface.is_textured() => (model.clone(), 0.0),
+            None if surface.is_textured() => (solid.clone(), 0.0),
             None => continue,
         };
         let Some(lod) = encoder.encode(&coarser, LodSpec { number, moved_m, texel_m: target_m })? else { continue };
@@ -79,12 +79,20 @@ pub(super) fn encode_lods(
         if f64::from(lod.info.error_m) < blockmap_error_m
             && lod.bytes.len() as f64 <= MAX_BYTES_SHARE * finer.bytes.len() as f64
         {
-            triangles_before = coarser.triangles.len();
+            triangles_before = coarser.model.triangles.len();
             let error_m = lod.info.error_m.max(finer.info.error_m);
             lods.push(EncodedLod { info: MeshLod { error_m, ..lod.info }, ..lod });
         }
     }
     Ok(lods)
+}
+
+/// Triangles and the objects that they belong to.
+#[derive(Debug, Clone)]
+struct NamedModel {
+    model: TriangleModel,
+    /// Number in the city of each triangle's object.
+    objects: Vec<u32>,
 }
 
 /// What distinguishes a level of detail besides its triangles.
@@ -108,21 +116,21 @@ struct LodEncoder<'a> {
 impl LodEncoder<'_> {
     /// Level 0 with its triangles: the surface itself, or simplified until it fits into a tile. `None` if that is not
     /// better than the leaf's V-BlockMap, whose error is `blockmap_error_m`.
-    fn encode_finest(&self, blockmap_error_m: f64) -> Result<Option<(EncodedLod, TriangleModel)>, BakeError> {
+    fn encode_finest(&self, blockmap_error_m: f64) -> Result<Option<(EncodedLod, NamedModel)>, BakeError> {
         let surface = self.surface;
         let step_m = surface.points.step;
         let mut max_triangles = MAX_TRIANGLES;
         while max_triangles > MIN_TRIANGLES {
-            let (model, moved_m) = if surface.model.triangles.len() <= max_triangles {
-                (surface.model.clone(), 0.0)
+            let (named, moved_m) = if surface.model.triangles.len() <= max_triangles {
+                (NamedModel { model: surface.model.clone(), objects: surface.objects.clone() }, 0.0)
             } else {
-                let model = simplify_on_grid(surface, Goal { triangles: max_triangles, error: f64::INFINITY });
+                let named = simplify_on_grid(surface, Goal { triangles: max_triangles, error: f64::INFINITY });
                 let reach = blockmap_error_m / step_m;
-                let moved = TriangleHash::new(&surface.model, reach).max_distance(&model, reach, |_| f64::INFINITY);
-                (model, moved * step_m)
+                let moved = TriangleHash::new(&surface.model, reach).max_distance(&named.model, reach, |_| f64::INFINITY);
+                (named, moved * step_m)
             };
-            if let Some(lod) = self.encode(&model, LodSpec { number: 0, moved_m, texel_m: 2.0 * step_m })? {
-                return Ok((f64::from(lod.info.error_m) < blockmap_error_m).then_some((lod, model)));
+            if let Some(lod) = self.encode(&named, LodSpec { number: 0, moved_m, texel_m: 2.0 * step_m })? {
+                return Ok((f64::from(lod.info.error_m) < blockmap_error_m).then_some((lod, named)));
             }
             max_triangles /= 2;
         }
@@ -130,7 +138,8 @@ impl LodEncoder<'_> {
     }
 
     /// Encodes a level of detail; `None` if it exceeds the limits of a tile.
-    fn encode(&self, model: &TriangleModel, spec: LodSpec) -> Result<Option<EncodedLod>, BakeError> {
+    fn encode(&self, named: &NamedModel, spec: LodSpec) -> Result<Option<EncodedLod>, BakeError> {
+        let NamedModel { model, objects } = named;
         let step_m = self.surface.points.step;
         // Rounding to the grid moves a vertex by up to half the diagonal of a grid cube.
         let mut error_m = voxel_error_m(step_m) + spec.moved_m;
@@ -146,7 +155,8 @@ impl LodEncoder<'_> {
         let triangles = model.triangles.clone();
         let mesh = Mesh { grid: self.surface.points, positions, triangles, attributes: vec![attribute] };
         let texture_px = texture.as_ref().map_or(0, |texture| texture.pixels());
-        match (MeshTile { mesh, texture }).encode(self.id, spec.number) {
+        let objects = objects.clone();
+        match (MeshTile { mesh, texture, objects }).encode(self.id, spec.number) {
             Ok(bytes) => {
                 // The codec drops duplicate triangles, so they are counted in the decoded tile.
                 let tile =
@@ -172,26 +182,26 @@ struct SurfaceSimplifier<'a> {
 impl SurfaceSimplifier<'_> {
     /// A simplified surface no further than `target_m` from the original, and its distance in metres. `None` if it
     /// would have no triangles, or more than `max_triangles`.
-    fn simplify_within(&mut self, target_m: f64, max_triangles: usize) -> Option<(TriangleModel, f64)> {
+    fn simplify_within(&mut self, target_m: f64, max_triangles: usize) -> Option<(NamedModel, f64)> {
         let original = &self.surface.model;
         let step_m = self.surface.points.step;
         let target = target_m / step_m;
         // The error of a collapse is a mean. The largest distance is more, so smaller goals are tried as well.
         for share in [1.0, 0.5, 0.25] {
             let coarser = simplify_on_grid(self.surface, Goal { triangles: 0, error: share * target });
-            if coarser.triangles.is_empty() || coarser.triangles.len() > max_triangles {
+            if coarser.model.triangles.is_empty() || coarser.model.triangles.len() > max_triangles {
                 return None;
             }
             if self.part_half_diagonals.is_empty() {
                 self.part_half_diagonals = part_half_diagonals(original);
             }
             let reach = 1.01 * target;
-            let from_coarser = TriangleHash::new(original, reach).max_distance(&coarser, reach, |_| f64::INFINITY);
+            let from_coarser = TriangleHash::new(original, reach).max_distance(&coarser.model, reach, |_| f64::INFINITY);
             if from_coarser > target {
                 continue;
             }
             let bound = |t: usize| self.part_half_diagonals[t];
-            let from_original = TriangleHash::new(&coarser, reach).max_distance(original, reach, bound);
+            let from_original = TriangleHash::new(&coarser.model, reach).max_distance(original, reach, bound);
             if from_original <= target {
                 return Some((coarser, from_coarser.max(from_original) * step_m));
             }
@@ -201,10 +211,11 @@ impl SurfaceSimplifier<'_> {
 }
 
 /// The surface simplified towards `goal`, rounded to the grid again. Vertices on the leaf's border stay.
-fn simplify_on_grid(surface: &LeafSurface, goal: Goal) -> TriangleModel {
+fn simplify_on_grid(surface: &LeafSurface, goal: Goal) -> NamedModel {
     let positions = &surface.model.positions;
     let is_locked = |vertex: u32| surface.is_on_border(positions[vertex as usize]);
-    let simplified = simplify(&surface.model, goal, is_locked).model;
+    let Simplified { model: simplified, sources, .. } = simplify(&surface.model, goal, is_locked);
+    let mut objects = Vec::with_capacity(sources.len());
     let max_z = f64::from((1u32 << surface.points.bits) - 1);
     let max_xy = f64::from(surface.steps);
     let mut numbers = HashMap::new();
@@ -224,12 +235,13 @@ fn simplify_on_grid(surface: &LeafSurface, goal: Goal) -> TriangleModel {
         let [a, b, c] = triangle.map(|vertex| vertices[vertex as usize]);
         if a != b && b != c && c != a {
             rounded.triangles.push([a, b, c]);
+            objects.push(surface.objects[sources[t] as usize]);
             for (to, from) in rounded.layers.iter_mut().zip(&simplified.layers) {
                 to.corners.extend_from_slice(&from.corners[3 * t..3 * t + 3]);
             }
         }
     }
-    rounded
+    NamedModel { model: rounded, objects }
 }
 
 /// Corner colours with three bytes per colour; equal colours are stored once.

@@ -5,6 +5,8 @@
 
 use std::collections::HashMap;
 
+use insula_protocol::blockmap::NO_OBJECT;
+
 use crate::{
     config::BakeConfig,
     error::BakeError,
@@ -67,6 +69,9 @@ impl BlockScene {
             });
             bytes.extend_from_slice(&object.base_z_m.to_bits().to_le_bytes());
         }
+        for number in self.numbers(city) {
+            bytes.extend_from_slice(&number.to_le_bytes());
+        }
         for material in self.materials.iter().map(|number| city.materials[*number as usize]) {
             bytes.extend_from_slice(&material.rgb);
             bytes.push(u8::from(material.texture.is_some()) | u8::from(material.is_reflective) << 1);
@@ -75,10 +80,16 @@ impl BlockScene {
         short_hash(&blake3::hash(&bytes))
     }
 
+    /// The city's number of each object of the block.
+    fn numbers(&self, city: &ScratchScene) -> impl Iterator<Item = u32> {
+        self.objects.iter().map(|object| city.numbers.get(*object as usize).copied().unwrap_or(NO_OBJECT))
+    }
+
     /// The block as a scene with its textures. Fails if a texture cannot be read.
     pub(super) fn into_scene(self, city: &ScratchScene) -> Result<Scene, BakeError> {
         let objects = self.objects.iter().map(|number| city.objects[*number as usize]);
         let objects = objects.map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
+        let numbers = self.numbers(city).collect();
         let materials = self.materials.iter().map(|number| city.load_material(city.materials[*number as usize]));
         Ok(Scene {
             origin: city.origin,
@@ -86,6 +97,7 @@ impl BlockScene {
             objects: objects.collect(),
             materials: materials.collect::<Result<_, _>>()?,
             crs: None,
+            numbers,
         })
     }
 }

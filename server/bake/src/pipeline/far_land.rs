@@ -152,7 +152,7 @@ impl<'a> FarLand<'a> {
         let lowest = triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| corner[2]);
         let base_z_m = lowest.reduce(f32::min).unwrap_or(0.0);
         let objects = vec![SceneObject { id: String::new(), kind: ObjectKind::Terrain, base_z_m }];
-        Ok(Scene { origin: self.origin, triangles, objects, materials, crs: None })
+        Ok(Scene { origin: self.origin, triangles, objects, materials, ..Scene::default() })
     }
 }
 

@@ -29,6 +29,8 @@ use crate::{
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
         Scene,
+        object_numbers::ObjectNumbers,
+        object_records::ObjectRecords,
         grid::{BLOCK_LEAVES, CityGrid},
         partition::{LeafBlock, Partition, PartitionOptions},
         scratch_budget::ScratchBudget,
@@ -36,6 +38,7 @@ use crate::{
     },
     write::{
         city::{self, CityInput, SceneFacts, WrittenCity},
+        objects::CityObjects,
         ownership::check_inputs,
         scratch_folder::{InputHashes, ScratchFolder},
         tile_pack::PackId,
@@ -113,6 +116,7 @@ impl<'a> BakeRun<'a> {
             surroundings: options.surroundings.clone(),
             duplicates: options.duplicates,
             fetch: options.fetch,
+            dropped_attributes: self.config.dropped_attributes.clone(),
             max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
             max_line_bytes: self.config.max_line_bytes().min(defaults.max_line_bytes),
             ..defaults
@@ -164,9 +168,13 @@ impl<'a> BakeRun<'a> {
         facts.set_ground(ground.as_ref());
         facts.include_land(surroundings.map(|land| land.z_range_m[0]));
         let grid = self.grid(&city, city.bounds.unwrap_or(bounds), surroundings)?;
+        let previous = self.open_previous();
+        let known = previous.as_ref().map(PreviousCity::object_numbers).unwrap_or_default();
+        let ObjectNumbers { of_object, rows } = ObjectNumbers::new(&city, &grid, &known);
+        city.numbers = of_object;
         let partition = self.partition(&city, &grid)?;
         city.drop_triangles();
-        let previous = self.open_previous();
+        let records = std::mem::replace(&mut city.records, ObjectRecords::Memory(Vec::new()));
         let resume = self.prepare_scratch(&partition, surroundings)?;
         let (config, progress, packs) = (self.config, self.progress, self.scratch.packs());
         let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
@@ -182,7 +190,10 @@ impl<'a> BakeRun<'a> {
         let merged = tiles.tree.merge_plain_nodes();
         let fingerprints = partition.fingerprints_without(&merged);
         let tree = &tiles.tree;
-        let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree, packs: &packs, fingerprints };
+        let searchable = config.searchable.clone();
+        let objects = Some(CityObjects { records: &records, rows: &rows, origin_m: grid.corner, searchable });
+        let input =
+            CityInput { config, grid: &grid, facts: &facts, read: &read, tree, packs: &packs, fingerprints, objects };
         let (written, clock) = self.write(input, previous)?;
         let (manifest, city_bytes, threads, blocks) = (written.manifest, written.bytes, config.threads, tiles.counts);
         let meshes = MeshReport::by_lod(tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info)));

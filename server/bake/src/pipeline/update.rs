@@ -9,8 +9,10 @@ use insula_archive::{
     BakedCity,
     city::{MANIFEST_FILE, content_version},
 };
+use insula_objects::{block::ObjectBlock, schema::Schema};
 use insula_protocol::{
     BlockMap, Subtree, TileId, TileKind, mesh_tile,
+    object_tile::{self, BLOCK_OBJECTS, SCHEMA_ID},
     subtree::{MeshLod, NodeDeviation},
     tile::TileReader,
 };
@@ -20,7 +22,7 @@ use crate::{
     config::BakeConfig,
     hash::ShortHash,
     mesh::EncodedLod,
-    scene::partition::LeafBlock,
+    scene::{object_numbers::IdentityKey, partition::LeafBlock, scratch_scene::hash_of_id},
     write::{fingerprints::Fingerprints, mesh_pack::LeafMesh, tile_pack::EncodedTile},
 };
 
@@ -52,6 +54,34 @@ impl PreviousCity {
         }
         let nodes = read_nodes(&city).ok_or("its subtrees are damaged")?;
         Ok(Self { fingerprints: fingerprints.blocks.into_iter().collect(), nodes, city })
+    }
+
+    /// The number of each object, by identifier and how many before it have the same. Empty if the objects cannot be read.
+    pub(super) fn object_numbers(&self) -> HashMap<IdentityKey, u32> {
+        let mut numbers = HashMap::new();
+        let mut occurrences: HashMap<u64, u32> = HashMap::new();
+        let Some(schema) = self.schema() else { return numbers };
+        for block in (0..schema.objects.div_ceil(BLOCK_OBJECTS)).filter_map(|block| self.object_block(block, &schema)) {
+            for &id in block.ids() {
+                let hash = hash_of_id(block.identifier(id).unwrap_or_default());
+                let count = occurrences.entry(hash).or_default();
+                numbers.insert((hash, *count), id);
+                *count += 1;
+            }
+        }
+        numbers
+    }
+
+    fn schema(&self) -> Option<Schema> {
+        let bytes = tile_bytes(&self.city, TileKind::Objects, SCHEMA_ID)?;
+        let schema: Schema = serde_json::from_slice(&object_tile::decode(SCHEMA_ID, &bytes).ok()?).ok()?;
+        schema.check().is_ok().then_some(schema)
+    }
+
+    fn object_block(&self, block: u32, schema: &Schema) -> Option<ObjectBlock> {
+        let id = object_tile::block_id(block)?;
+        let bytes = tile_bytes(&self.city, TileKind::Objects, id)?;
+        ObjectBlock::decode(block, &object_tile::decode(id, &bytes).ok()?, schema).ok()
     }
 
     /// Whether the block's input is unchanged.

@@ -2,6 +2,9 @@
 
 use std::fmt;
 
+use glob::{MatchOptions, Pattern};
+use insula_objects::value::{Value, days_from_civil};
+
 /// Further attributes of an object are left out.
 pub(crate) const MAX_ATTRIBUTES: usize = 1024;
 /// Longer names are cut.
@@ -78,6 +81,22 @@ impl AttributeValue {
     }
 }
 
+impl From<&AttributeValue> for Value {
+    fn from(value: &AttributeValue) -> Self {
+        match value {
+            AttributeValue::Text(text) => Self::Text(text.clone()),
+            AttributeValue::Integer(value) => Self::Integer(*value),
+            AttributeValue::Float(value) => Self::Float(*value),
+            AttributeValue::Bool(value) => Self::Bool(*value),
+            AttributeValue::Date { year, month, day } => match days_from_civil(*year, *month, *day) {
+                Some(day) => Self::Date(day),
+                // A day that no calendar has, such as 31 June.
+                None => Self::Text(value.to_string()),
+            },
+        }
+    }
+}
+
 impl fmt::Display for AttributeValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -87,6 +106,23 @@ impl fmt::Display for AttributeValue {
             Self::Bool(value) => value.fmt(f),
             Self::Date { year, month, day } => write!(f, "{year:04}-{month:02}-{day:02}"),
         }
+    }
+}
+
+/// Patterns of names, such as `owner*`. Upper and lower case are the same.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct NamePatterns(Vec<Pattern>);
+
+impl NamePatterns {
+    /// Parses patterns with `*`, `?` and `[...]`. Fails with the first that is invalid.
+    pub fn parse(patterns: &[String]) -> Result<Self, String> {
+        let parse = |text: &String| Pattern::new(text).map_err(|error| format!("{text}: {error}"));
+        patterns.iter().map(parse).collect::<Result<_, _>>().map(Self)
+    }
+
+    pub(crate) fn contains(&self, name: &str) -> bool {
+        let options = MatchOptions { case_sensitive: false, ..MatchOptions::default() };
+        self.0.iter().any(|pattern| pattern.matches_with(name, options))
     }
 }
 

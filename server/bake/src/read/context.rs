@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::attributes::{Attributes, NamePatterns};
 use super::duplicates::DuplicateOption;
 use super::elevation::{
     Drape, Elevation, FarModels, GroundPictures, LandColours, SurroundingsOptions, TerrainOptions, TerrainTile,
@@ -22,6 +23,7 @@ use super::source::CitySource;
 use super::texture::TextureLoader;
 use crate::error::{BakeError, InputError};
 use crate::scene::ObjectKind;
+use crate::scene::object_records::{ObjectRecord, RecordPlace};
 use crate::scene::scratch_scene::{ScratchScene, StoredMaterial};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
@@ -72,6 +74,8 @@ pub struct ReadOptions {
     pub surroundings: SurroundingsOptions,
     /// Fetches inputs that are addresses; without it they are refused.
     pub fetch: Option<FetchFunction>,
+    /// Attributes that the baked city must not have.
+    pub dropped_attributes: NamePatterns,
 }
 
 /// Coordinate systems and places.
@@ -107,6 +111,7 @@ impl Default for ReadOptions {
             terrain: TerrainOptions::default(),
             surroundings: SurroundingsOptions::default(),
             fetch: None,
+            dropped_attributes: NamePatterns::default(),
         }
     }
 }
@@ -181,6 +186,13 @@ impl<'o> ReadContext<'o> {
         }
         self.builder.push(open, faces);
         faces.clear();
+    }
+
+    /// Keeps what a source says of an object. Attributes that the options drop are left out.
+    pub(crate) fn record_of(&mut self, id: &str, kind: FeatureKind, attributes: &Attributes) -> RecordPlace {
+        let kept = attributes.iter().filter(|(name, _)| !self.options.dropped_attributes.contains(name));
+        let attributes = kept.map(|(name, value)| (name.to_owned(), value.into())).collect();
+        self.builder.add_record(ObjectRecord { identifier: id.to_owned(), kind, attributes })
     }
 
     /// The generated facades so far; `None` without.

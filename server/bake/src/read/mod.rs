@@ -62,6 +62,7 @@ pub use context::{ObjUpAxis, PlacingOptions, ReadOptions};
 pub use duplicates::DuplicateOption;
 pub(crate) use elevation::{ALIGNED_LEAVES, FarModels, LandSquare};
 pub use elevation::{SurroundingsOptions, TerrainOptions};
+pub use attributes::NamePatterns;
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
@@ -157,6 +158,7 @@ pub(crate) fn read_to_disk(
     let mut read = read_sources(&listed, bad, context, progress)?;
     read.city.stored.finish()?;
     read.city.names.finish();
+    read.city.records.finish()?;
     read.city.textures.finish()?;
     read.level_textures(options)?;
     Ok((read.city, read.surroundings, read.report))

@@ -14,7 +14,8 @@ use super::{
 };
 use crate::columns::{
     merge::MergedColumn,
-    voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode},
+    object_votes::ObjectVotes,
+    voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelNode, VoxelObjects},
 };
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, TileId};
@@ -69,6 +70,8 @@ struct VisibleSurfel {
     ao: f32,
     area_m2: f32,
     is_reflective: bool,
+    /// Number in the city.
+    object: u32,
 }
 
 /// Samples of one row of a wall.
@@ -96,6 +99,12 @@ struct ColumnAccumulator {
     matt_m2: f32,
     /// The rest of that area.
     reflective_m2: f32,
+    roof_objects: ObjectVotes,
+    wall_objects: ObjectVotes,
+    /// Of the top beyond the clip.
+    outer_objects: ObjectVotes,
+    /// Of tops of lower runs.
+    gap_objects: ObjectVotes,
 }
 
 /// The part of a column that a surfel belongs to.
@@ -105,8 +114,10 @@ enum SurfelTarget {
     Outer,
     /// A row of the wall.
     Side(i32),
-    /// A top or underside in a row of the wall.
-    Flat(i32),
+    /// The top of a lower run, in a row of the wall.
+    LowerTop(i32),
+    /// An underside in a row of the wall.
+    Underside(i32),
 }
 
 /// Adds appearance to the block's columns and cuts them into leaves.
@@ -169,7 +180,8 @@ fn visible_surfel(block: &LocalBlock, input: &BlockInput<'_>, surfel: &Surfel) -
     // upper half. The surfel was tested against one of the subsets.
     let ao = surfel.sky_cosines[side] * (2 * SKY_SUBSETS) as f32 / block.sky_directions as f32;
     let normal = if side == 0 { triangle.normal } else { -triangle.normal };
-    Some(VisibleSurfel { position: surfel.position, normal, rgb, ao, area_m2: surfel.area_m2, is_reflective })
+    let object = input.scene.object_number(triangle.source);
+    Some(VisibleSurfel { position: surfel.position, normal, rgb, ao, area_m2: surfel.area_m2, is_reflective, object })
 }
 
 /// The column and the part of it that a surfel belongs to: in its own cell if that is full there, else in the nearest
@@ -211,12 +223,12 @@ fn match_column(column: &MergedColumn, from_centre: Vec2, surfel: &VisibleSurfel
                 return Some(if is_roof {
                     SurfelTarget::Roof
                 } else {
-                    SurfelTarget::Flat(row_at(run_top_m - 1e-3 * c))
+                    SurfelTarget::LowerTop(row_at(run_top_m - 1e-3 * c))
                 });
             }
         } else if normal_z < -MIN_TOP_NORMAL_Z {
             if (z - run.bottom_m).abs() < TOP_REACH * c {
-                return Some(SurfelTarget::Flat(row_at(run.bottom_m + 1e-3 * c)));
+                return Some(SurfelTarget::Underside(row_at(run.bottom_m + 1e-3 * c)));
             }
         } else if z > run.bottom_m - 0.5 * c && z < run_top_m + 0.5 * c {
             return Some(SurfelTarget::Side(row_at(z.min(run_top_m - 1e-3 * c).max(run.bottom_m))));
@@ -251,16 +263,27 @@ impl ColumnAccumulator {
         match target {
             SurfelTarget::Roof => {
                 self.roof.add(surfel);
+                self.roof_objects.add(surfel.object, surfel.area_m2);
                 self.roof_normal += surfel.normal * surfel.area_m2;
             }
-            SurfelTarget::Outer => self.outer.add(surfel),
+            SurfelTarget::Outer => {
+                self.outer.add(surfel);
+                self.outer_objects.add(surfel.object, surfel.area_m2);
+            }
             SurfelTarget::Side(row) => {
+                self.wall_objects.add(surfel.object, surfel.area_m2);
                 self.wall_normal += surfel.normal.xy() * surfel.area_m2;
                 if let Some(sums) = self.row(row) {
                     sums.side.add(surfel);
                 }
             }
-            SurfelTarget::Flat(row) => {
+            SurfelTarget::LowerTop(row) => {
+                self.gap_objects.add(surfel.object, surfel.area_m2);
+                if let Some(sums) = self.row(row) {
+                    sums.flat.add(surfel);
+                }
+            }
+            SurfelTarget::Underside(row) => {
                 if let Some(sums) = self.row(row) {
                     sums.flat.add(surfel);
                 }
@@ -295,6 +318,7 @@ impl ColumnAccumulator {
         if let Some(outer) = clip.as_mut().and_then(|clip| clip.outer.as_mut()) {
             outer.appearance = self.outer.mean();
         }
+        let has_outer = clip.is_some_and(|clip| clip.outer.is_some());
         Some(VoxelColumn {
             clip,
             inclined: cell.column.is_inclined,
@@ -307,6 +331,11 @@ impl ColumnAccumulator {
             wall: self.wall(&solids, cells.cell_m()),
             solids,
             reflective: self.reflective_m2 > 0.0 && self.reflective_m2 >= self.matt_m2,
+            objects: VoxelObjects {
+                roof: self.roof_objects.winner(),
+                wall: self.wall_objects.winner(),
+                lower: if has_outer { self.outer_objects.winner() } else { self.gap_objects.winner() },
+            },
         })
     }
 

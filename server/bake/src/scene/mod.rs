@@ -3,12 +3,15 @@
 pub(crate) mod block_content;
 pub mod grid;
 pub(crate) mod object_names;
+pub(crate) mod object_numbers;
+pub(crate) mod object_records;
 pub(crate) mod partition;
 pub(crate) mod scratch_budget;
 pub(crate) mod scratch_scene;
 pub(crate) mod texture_store;
 pub(crate) mod triangle_store;
 
+use insula_protocol::blockmap::NO_OBJECT;
 use std::sync::Arc;
 
 /// Kind of an object. It decides the colour where the source gives none, and how columns are closed.
@@ -89,9 +92,17 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Coordinate system such as `EPSG:7415`; `None` where no source names one.
     pub crs: Option<String>,
+    /// Number in the baked city of each object, by which tiles name it; empty for tiles without objects.
+    pub numbers: Vec<u32>,
 }
 
 impl Scene {
+    /// Number of a triangle's object in the baked city; [`NO_OBJECT`] if it has none.
+    pub(crate) fn object_number(&self, triangle: u32) -> u32 {
+        let object = self.triangles.get(triangle as usize).map(|triangle| triangle.object as usize);
+        object.and_then(|object| self.numbers.get(object)).copied().unwrap_or(NO_OBJECT)
+    }
+
     /// Whether a triangle is water or glass; `false` for indices that do not exist.
     pub(crate) fn is_reflective(&self, triangle: u32) -> bool {
         let material = self.triangles.get(triangle as usize).and_then(|t| self.materials.get(t.material as usize));

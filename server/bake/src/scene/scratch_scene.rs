@@ -4,10 +4,14 @@
 
 use std::sync::Arc;
 
+use insula_objects::FeatureKind;
+
 use crate::{
     error::BakeError,
     scene::{
-        Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle, object_names::ObjectNames,
+        Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle,
+        object_names::ObjectNames,
+        object_records::{ObjectRecord, ObjectRecords, RecordPlace},
         texture_store::TextureStore, triangle_store::TriangleStore,
     },
 };
@@ -35,6 +39,23 @@ impl StoredMaterial {
 pub(crate) struct StoredObject {
     pub(crate) kind: ObjectKind,
     pub(crate) base_z_m: f32,
+    /// Lowest and highest corner relative to the origin.
+    pub(crate) bounds_m: [[f32; 3]; 2],
+    /// `None` for generated ground.
+    pub(crate) identity: Option<ObjectIdentity>,
+}
+
+/// By what an object is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ObjectIdentity {
+    /// What the source says of it.
+    pub(crate) record: RecordPlace,
+    /// Index of its source.
+    pub(crate) source: u32,
+    /// Hash of the source's identifier.
+    pub(crate) id_hash: u64,
+    /// That of its parent.
+    pub(crate) parent_hash: Option<u64>,
 }
 
 /// Position and number of an object whose triangles are stored relative to an anchor of their own.
@@ -75,6 +96,11 @@ pub(crate) struct ScratchScene {
     /// Minimum and maximum of all corners, relative to the origin; `None` without triangles.
     pub(crate) bounds: Option<[[f64; 3]; 2]>,
     pub(crate) objects: Vec<StoredObject>,
+    /// Number of each object in the baked city; empty until the objects are numbered.
+    pub(crate) numbers: Vec<u32>,
+    /// Objects without a shape of which others may be parts.
+    pub(crate) parents: Vec<ObjectIdentity>,
+    pub(crate) records: ObjectRecords,
     pub(crate) materials: Vec<StoredMaterial>,
     pub(crate) textures: TextureStore,
     /// Number of triangles.
@@ -127,7 +153,8 @@ impl ScratchScene {
             objects.map(|(object, id)| SceneObject { id: id.clone(), kind: object.kind, base_z_m: object.base_z_m });
         let materials = self.materials.iter().map(|material| self.load_material(*material));
         let materials = materials.collect::<Result<_, _>>()?;
-        Ok(Scene { origin: self.origin, triangles, objects: objects.collect(), materials, crs: self.crs })
+        let objects = objects.collect();
+        Ok(Scene { origin: self.origin, triangles, objects, materials, crs: self.crs, ..Scene::default() })
     }
 
     /// The material with its texture. Fails if the texture cannot be read.
@@ -140,6 +167,7 @@ impl ScratchScene {
     /// triangles.
     pub(crate) fn from_scene(scene: Scene) -> Result<Self, BakeError> {
         let bounds = checked_bounds(&scene)?;
+        let (objects, records) = identified_objects(&scene);
         let mut textures = TextureStore::in_memory();
         let mut known: Vec<Arc<SceneTexture>> = Vec::new();
         let mut number_of = |texture: Arc<SceneTexture>| {
@@ -159,12 +187,14 @@ impl ScratchScene {
         };
         let materials = scene.materials.into_iter().map(stored).collect();
         let names = ObjectNames::Memory(scene.objects.iter().map(|object| object.id.clone()).collect());
-        let objects = scene.objects.iter().map(|o| StoredObject { kind: o.kind, base_z_m: o.base_z_m });
         Ok(Self {
             origin: scene.origin,
             crs: scene.crs,
             bounds,
-            objects: objects.collect(),
+            objects,
+            numbers: Vec::new(),
+            parents: Vec::new(),
+            records,
             materials,
             textures,
             triangles: scene.triangles.len() as u64,
@@ -174,6 +204,42 @@ impl ScratchScene {
             stored: TriangleStore::Memory(scene.triangles),
         })
     }
+}
+
+/// The objects of a scene with their identifiers, which are all that is known of them.
+fn identified_objects(scene: &Scene) -> (Vec<StoredObject>, ObjectRecords) {
+    let mut records = ObjectRecords::Memory(Vec::new());
+    let mut bounds_m = vec![[[f32::MAX; 3], [f32::MIN; 3]]; scene.objects.len()];
+    for triangle in &scene.triangles {
+        let [low, high] = &mut bounds_m[triangle.object as usize];
+        for corner in triangle.corners {
+            *low = std::array::from_fn(|axis| low[axis].min(corner[axis]));
+            *high = std::array::from_fn(|axis| high[axis].max(corner[axis]));
+        }
+    }
+    let stored = scene.objects.iter().zip(bounds_m).map(|(object, bounds_m)| {
+        let kind = match object.kind {
+            ObjectKind::Building => FeatureKind::Building,
+            ObjectKind::Terrain => FeatureKind::Relief,
+            ObjectKind::GeneratedGround => FeatureKind::Generic,
+        };
+        let record = ObjectRecord { identifier: object.id.clone(), kind, attributes: Vec::new() };
+        let id_hash = hash_of_id(&object.id);
+        let identity = (object.kind != ObjectKind::GeneratedGround).then(|| ObjectIdentity {
+            record: records.push(record),
+            source: 0,
+            id_hash,
+            parent_hash: None,
+        });
+        StoredObject { kind: object.kind, base_z_m: object.base_z_m, bounds_m, identity }
+    });
+    (stored.collect(), records)
+}
+
+/// Number by which identifiers are compared. Two different ones have the same number once in 10^10 cities.
+pub(crate) fn hash_of_id(id: &str) -> u64 {
+    let hash = blake3::hash(id.as_bytes());
+    u64::from_le_bytes(std::array::from_fn(|i| hash.as_bytes()[i]))
 }
 
 fn checked_bounds(scene: &Scene) -> Result<Option<[[f64; 3]; 2]>, BakeError> {

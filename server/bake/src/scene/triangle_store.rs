@@ -60,6 +60,11 @@ impl TriangleFile {
         &self.path
     }
 
+    /// What limits the scratch files.
+    pub(crate) fn budget(&self) -> ScratchBudget {
+        self.budget.clone()
+    }
+
     /// Removes the file. A file that cannot be removed stays until the whole scratch folder is removed.
     pub(crate) fn remove(self) {
         drop(self.writer);

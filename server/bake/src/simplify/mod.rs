@@ -47,6 +47,8 @@ pub use within::{largest_distance, simplify_within};
 pub struct Simplified {
     /// The remaining triangles.
     pub model: TriangleModel,
+    /// For each of them the triangle of the input from which it comes.
+    pub sources: Vec<u32>,
     /// In the model's units: the largest root mean square distance of a new vertex from the surfaces that it replaces,
     /// or the largest half diagonal of a removed part.
     pub error: f64,
@@ -77,7 +79,9 @@ pub fn simplify(model: &TriangleModel, goal: Goal, is_locked: impl Fn(u32) -> bo
     let mut parts = parts::find_removable_parts(&pieces, &simplifier.mesh, &is_kept);
     let removed_parts = simplifier.run(goal, &mut parts);
     let model = output::build_model(&simplifier.mesh, &simplifier.wedges, model, centre);
-    Simplified { model, error: simplifier.error, repairs: pieces.report, removed_parts }
+    let sources = (0..simplifier.mesh.is_alive.len()).filter(|t| simplifier.mesh.is_alive[*t]);
+    let sources = sources.map(|t| pieces.corner[3 * t] / 3).collect();
+    Simplified { model, sources, error: simplifier.error, repairs: pieces.report, removed_parts }
 }
 
 /// Mean of the vertices. Positions relative to it keep the quadrics precise.

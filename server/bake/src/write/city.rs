@@ -1,7 +1,7 @@
 //! Writes the final files of a city.
 //!
 //! In: the tree of packed tiles, and facts about the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
-//! `meshes.pmtiles` if there are meshes, `city.json`, `fingerprints.bin` and `thumbnail.png`, synchronised, in the scratch
+//! `meshes.pmtiles` if there are meshes, `objects.pmtiles` if there are objects, `city.json`, `fingerprints.bin` and `thumbnail.png`, synchronised, in the scratch
 //! folder.
 //! Next: `ScratchFolder::publish` renames them to the output.
 
@@ -25,7 +25,9 @@ use super::{
     archive,
     files::write_synced,
     fingerprints::Fingerprints,
-    mesh_pack, thumbnail,
+    mesh_pack,
+    objects::CityObjects,
+    thumbnail,
     tile_pack::{PackReader, StoredTile},
     tile_tree::{self, TileTree},
 };
@@ -104,6 +106,8 @@ pub(crate) struct CityInput<'a> {
     pub(crate) packs: &'a Path,
     /// Position (x, y) and hash of each block of leaves.
     pub(crate) fingerprints: Vec<((u32, u32), ShortHash)>,
+    /// `None` for a city without sources.
+    pub(crate) objects: Option<CityObjects<'a>>,
 }
 
 /// A written city.
@@ -134,6 +138,11 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
     if !input.tree.meshes().is_empty() {
         let path = folder.join("meshes.pmtiles");
         bytes += write_meshes(&input, &path)?;
+        archives.push(path);
+    }
+    if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
+        let path = folder.join("objects.pmtiles");
+        bytes += objects.write(&objects.schema()?, &path)?;
         archives.push(path);
     }
     let mut manifest = build_manifest(&input);

@@ -9,6 +9,7 @@ pub(crate) mod city;
 pub(crate) mod files;
 pub(crate) mod fingerprints;
 mod location;
+pub(crate) mod objects;
 pub(crate) mod mesh_pack;
 pub(crate) mod ownership;
 pub(crate) mod scratch_folder;

@@ -54,7 +54,7 @@ fn in_scene(name: &str, kind: fs::FileType) -> bool {
 }
 
 fn is_scene_file(name: &str) -> bool {
-    name == "triangles" || name == "names" || name.ends_with(".rgb")
+    name == "triangles" || name == "names" || name == "records" || name.ends_with(".rgb")
 }
 
 fn in_buckets(name: &str, kind: fs::FileType) -> bool {

@@ -181,20 +181,22 @@ fn read_object(
     flatten(facts.attributes, &mut attributes);
     reader.report.count_attributes(&attributes);
     *reader.report.objects_by_kind.entry(kind).or_default() += 1;
+    let record = Some(reader.context.record_of(id, kind, &attributes));
+    let relation = ObjectRelation { parent: facts.parent, record, ..ObjectRelation::default() };
     let level = match choice {
         LevelChoice::Level(level) => level,
-        LevelChoice::Coarser => {
-            reader.report.coarser_left_out += 1;
-            return;
-        }
-        LevelChoice::NoGeometry => {
-            reader.report.without_geometry += 1;
+        LevelChoice::Coarser | LevelChoice::NoGeometry => {
+            let report = &mut *reader.report;
+            *match choice {
+                LevelChoice::NoGeometry => &mut report.without_geometry,
+                _ => &mut report.coarser_left_out,
+            } += 1;
+            reader.context.builder.add_parent(reader.context.source, id, relation);
             return;
         }
     };
     *reader.report.objects_by_level.entry(level.0.to_string()).or_default() += 1;
-    let relation = ObjectRelation { parent: facts.parent, lod: Some(level.0 as f32), yields_to_parts: false };
-    reader.relation = relation;
+    reader.relation = ObjectRelation { lod: Some(level.0 as f32), ..relation };
     match reader.read(id, &object, level, whole, references) {
         Ok(true) => {}
         Ok(false) => reader.report.skip("no surface with an area", || id.to_owned()),

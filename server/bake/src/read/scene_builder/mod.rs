@@ -8,13 +8,17 @@ mod tests;
 use std::collections::HashMap;
 
 use glam::Vec3;
+use insula_objects::FeatureKind;
 
 use super::duplicates::{DuplicateOption, PAIRS_PER_PASS, PairMasks, SimilarPair, similar_pairs};
 use super::report::{FAR, SourceReport};
 pub(crate) use super::world_triangle::WorldTriangle;
 use crate::error::BakeError;
 use crate::scene::object_names::ObjectNames;
-use crate::scene::scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial, StoredObject};
+use crate::scene::object_records::{ObjectRecord, ObjectRecords, RecordPlace};
+use crate::scene::scratch_scene::{
+    ObjectIdentity, ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial, StoredObject,
+};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
 use crate::scene::{ObjectKind, SceneTriangle};
@@ -31,16 +35,15 @@ const MAX_DISTANCE_M: f64 = 200_000.0;
 /// An object that is smaller in all directions, in cells, may fall between the lines that sample it.
 const MIN_CELLS: f32 = 0.25;
 
-/// Number by which identifiers are compared. Two different ones have the same number once in 10^10 cities.
-pub(crate) fn hash_of_id(id: &str) -> u64 {
-    let hash = blake3::hash(id.as_bytes());
-    u64::from_le_bytes(std::array::from_fn(|i| hash.as_bytes()[i]))
-}
+pub(crate) use crate::scene::scratch_scene::hash_of_id;
 
 /// Collects the objects of a city.
 pub(crate) struct SceneBuilder {
     pending: Vec<PendingObject>,
     triangles: TriangleStore,
+    /// Objects without a shape of which others may be parts.
+    parents: Vec<ObjectIdentity>,
+    records: ObjectRecords,
     materials: Vec<StoredMaterial>,
     material_numbers: HashMap<StoredMaterial, u32>,
     cell_m: f64,
@@ -54,7 +57,9 @@ pub(crate) fn is_valid_position(p: [f64; 3]) -> bool {
 impl SceneBuilder {
     /// `cell_m` is the side of a leaf's column, by which an object is judged as too large.
     pub(crate) fn new(triangles: TriangleStore, cell_m: f64) -> Self {
-        Self { pending: Vec::new(), triangles, materials: Vec::new(), material_numbers: HashMap::new(), cell_m }
+        let records = ObjectRecords::for_triangles(&triangles);
+        let (pending, parents, materials) = (Vec::new(), Vec::new(), Vec::new());
+        Self { pending, triangles, parents, records, materials, material_numbers: HashMap::new(), cell_m }
     }
 
     /// Number of a material. Equal ones have the same.
@@ -105,7 +110,22 @@ impl SceneBuilder {
     /// Ends an object and counts it in the report. One without triangles is not added, one that is too large for the
     /// cell size is left out.
     pub(crate) fn close(&mut self, source: usize, id: &str, open: OpenObject, report: &mut SourceReport) {
-        self.close_related(source, id, open, ObjectRelation::default(), report);
+        let kind = if open.kind == ObjectKind::Terrain { FeatureKind::Relief } else { FeatureKind::Generic };
+        let record = ObjectRecord { identifier: id.to_owned(), kind, attributes: Vec::new() };
+        let relation = ObjectRelation { record: Some(self.add_record(record)), ..ObjectRelation::default() };
+        self.close_related(source, id, open, relation, report);
+    }
+
+    /// Keeps what a source says of an object, for its [`ObjectRelation`].
+    pub(crate) fn add_record(&mut self, record: ObjectRecord) -> RecordPlace {
+        self.records.push(record)
+    }
+
+    /// Adds an object without a shape, of which others may be parts.
+    pub(crate) fn add_parent(&mut self, source: usize, id: &str, relation: ObjectRelation) {
+        let Some(record) = relation.record else { return };
+        let parent_hash = relation.parent;
+        self.parents.push(ObjectIdentity { record, source: source as u32, id_hash: hash_of_id(id), parent_hash });
     }
 
     /// As [`Self::close`], with what the source tells of the object's parent and level of detail.
@@ -290,6 +310,9 @@ impl SceneBuilder {
             crs: None,
             bounds: None,
             objects: Vec::with_capacity(self.pending.len()),
+            numbers: Vec::new(),
+            parents: self.parents,
+            records: self.records,
             materials: self.materials,
             textures,
             triangles: 0,
@@ -310,6 +333,8 @@ impl SceneBuilder {
                     remove_from_report(&object, distance_m, &mut sources[object.source]);
                 }
                 city.placements.push(ObjectPlacement { offset_m, object: None });
+                // An outline that its parts show is still their parent.
+                city.parents.extend(object.identity().filter(|_| object.relation.yields_to_parts));
                 continue;
             }
             // Rounded in the same way as the corners, so that the bounds are exact.
@@ -319,7 +344,10 @@ impl SceneBuilder {
                 max[axis] = max[axis].max(placed(object.max[axis], axis).into());
             }
             city.placements.push(ObjectPlacement { offset_m, object: Some(city.objects.len() as u32) });
-            city.objects.push(StoredObject { kind: object.kind, base_z_m: placed(object.min[2], 2) });
+            let bounds_m =
+                [object.min, object.max].map(|corner| std::array::from_fn(|axis| placed(corner[axis], axis)));
+            let (kind, identity) = (object.kind, object.identity());
+            city.objects.push(StoredObject { kind, base_z_m: bounds_m[0][2], bounds_m, identity });
             city.triangles += object.triangles;
             city.extent.add(object.surface_m2, [0, 1].map(|axis| object.extent_m(axis)));
             city.names.push(object.id.into());

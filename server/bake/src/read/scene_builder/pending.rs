@@ -5,6 +5,8 @@ use insula_protocol::NODE_CELLS;
 use super::{MAX_DISTANCE_M, hash_of_id};
 use crate::read::duplicates::{DuplicateCandidate, PlacedBox};
 use crate::scene::ObjectKind;
+use crate::scene::object_records::RecordPlace;
+use crate::scene::scratch_scene::ObjectIdentity;
 use crate::scene::grid::BLOCK_LEAVES;
 
 /// An object with more cells of surface in one block of leaves is left out: the block would need gigabytes. 500 layers
@@ -24,6 +26,8 @@ pub(crate) struct ObjectRelation {
     pub(crate) lod: Option<f32>,
     /// Whether the object is left out if another one names it as its parent.
     pub(crate) yields_to_parts: bool,
+    /// What the source says of the object; `None` for an object that tiles do not name.
+    pub(crate) record: Option<RecordPlace>,
 }
 
 pub(super) struct PendingObject {
@@ -75,6 +79,12 @@ impl PendingObject {
             lod: self.relation.lod.unwrap_or(0.0),
             is_terrain: self.kind == ObjectKind::Terrain,
         }
+    }
+
+    /// By what the object is known; `None` without a record.
+    pub(super) fn identity(&self) -> Option<ObjectIdentity> {
+        let (source, id_hash, parent_hash) = (self.source as u32, self.id_hash, self.relation.parent);
+        self.relation.record.map(|record| ObjectIdentity { record, source, id_hash, parent_hash })
     }
 
     /// What an object and its parts have in common.

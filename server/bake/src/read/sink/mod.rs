@@ -121,9 +121,18 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         open.triangles <= MAX_OBJECT_TRIANGLES
     }
 
+    /// Keeps what the source says of an object besides its shape.
+    fn relation(&mut self, object: &SourceObject) -> ObjectRelation {
+        let SourceObject { id, parent, kind, attributes, .. } = object;
+        let record = self.context.record_of(id, *kind, attributes);
+        let (parent, record) = (parent.as_deref().map(hash_of_id), Some(record));
+        ObjectRelation { parent, record, ..ObjectRelation::default() }
+    }
+
     /// Ends an object.
     fn close(&mut self, object: &SourceObject, open: OpenObject) {
-        let SourceObject { id, parent, lod, attributes, .. } = object;
+        let SourceObject { id, lod, attributes, .. } = object;
+        let relation = self.relation(object);
         let builder = &mut self.context.builder;
         if open.triangles > MAX_OBJECT_TRIANGLES {
             let detail = format!("{id}: more than the limit of {MAX_OBJECT_TRIANGLES}");
@@ -133,7 +142,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         }
         // Overture's outline of a building whose parts are features of their own.
         let yields_to_parts = attributes.get("has_parts") == Some(&AttributeValue::Bool(true));
-        let relation = ObjectRelation { parent: parent.as_deref().map(hash_of_id), lod: *lod, yields_to_parts };
+        let relation = ObjectRelation { lod: *lod, yields_to_parts, ..relation };
         builder.close_related(self.context.source, id, open, relation, &mut self.report);
     }
 }
@@ -161,7 +170,11 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
             self.context.settle(&mut self.placement, &self.source.label, first)?;
         }
         match &object.shape {
-            Shape::None => self.report.without_geometry += 1,
+            Shape::None => {
+                self.report.without_geometry += 1;
+                let relation = self.relation(&object);
+                self.context.builder.add_parent(self.context.source, &object.id, relation);
+            }
             Shape::Surfaces { polygons, meshes } => self.add_surfaces(&object, polygons, meshes),
             shape if self.paint(&object, shape)? => {}
             Shape::Footprints(footprints) => {

@@ -1,0 +1,5 @@
+//! How objects are drawn: colours, hidden and outlined ones.
+
+mod styles;
+
+pub use styles::ObjectStyles;

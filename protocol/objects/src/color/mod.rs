@@ -1,0 +1,281 @@
+//! Colours of objects by the value of one attribute, with a legend.
+//!
+//! Numbers and dates have a gradient over a range, texts and booleans have classes: their most frequent values.
+
+mod palette;
+
+use crate::{
+    block::ObjectBlock,
+    filter::{Source, similar_name, suggest},
+    kind::FeatureKind,
+    schema::{AttributeInfo, Schema},
+    value::{Value, ValueRef, ValueType},
+};
+use colorous::Gradient;
+use palette::{MAX_CLASSES, Palette};
+use serde::Serialize;
+
+/// Colour of objects without a value.
+pub const NO_DATA_RGB: [u8; 3] = [211, 211, 211];
+/// Colour of values that have no class of their own.
+pub const OTHER_RGB: [u8; 3] = [128, 128, 128];
+/// Maximum bytes of a text that [`ColorBy::parse`] reads.
+const MAX_TEXT_BYTES: usize = 512;
+/// Heights have no range in a schema. In metres.
+const HEIGHT_RANGE_M: [f64; 2] = [0.0, 100.0];
+/// Number of colours of a legend's ramp, and of its labelled entries.
+const RAMP_STOPS: usize = 32;
+const RAMP_ENTRIES: usize = 5;
+
+/// Why a text does not say by what to colour.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ColorError {
+    #[error("objects have no attribute {name}: {hint}")]
+    UnknownAttribute { name: String, hint: String },
+    #[error("no palette has the name {name}: write one of {names}")]
+    UnknownPalette { name: String, names: String },
+    #[error("the text has more than {MAX_TEXT_BYTES} bytes: write ATTRIBUTE or ATTRIBUTE:PALETTE")]
+    TooLong,
+}
+
+/// Colours of objects by an attribute, by `kind` or by `height`.
+#[derive(Debug, Clone)]
+pub struct ColorBy {
+    source: Source,
+    title: String,
+    unit: Option<String>,
+    value_type: ValueType,
+    scale: Scale,
+}
+
+#[derive(Debug, Clone)]
+enum Scale {
+    /// The values of the gradient's ends.
+    Range { gradient: Gradient, range: [f64; 2] },
+    /// Values as texts, with their colours. The flag says whether there are others.
+    Classes { classes: Vec<(String, [u8; 3])>, has_others: bool },
+}
+
+/// What colours mean.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Legend {
+    /// Name of the attribute.
+    pub title: String,
+    pub unit: Option<String>,
+    /// Classes, or values along the ramp in ascending order. The last entry is for objects without a value.
+    pub entries: Vec<LegendEntry>,
+    /// `None` for classes.
+    pub ramp: Option<Ramp>,
+}
+
+/// The meaning of one colour.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LegendEntry {
+    pub rgb: [u8; 3],
+    pub label: String,
+}
+
+/// Colours of a range of numbers, or of dates as days since 1970-01-01.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ramp {
+    /// Values of the first and the last colour. The first may be the larger one.
+    pub range: [f64; 2],
+    /// Colours at equal distances.
+    pub stops: Vec<[u8; 3]>,
+}
+
+impl ColorBy {
+    /// Parses `ATTRIBUTE` or `ATTRIBUTE:PALETTE`. The attribute is one of the schema or one of `id`, `identifier`, `kind`, `height`.
+    /// Fails if one of them is unknown.
+    ///
+    /// Palettes are those of [`ColorBy::palettes`]. Without one, numbers and dates have `viridis` over the range of the schema,
+    /// other values `classes`. A gradient for texts colours their classes, `classes` for numbers the most frequent numbers.
+    pub fn parse(text: &str, schema: &Schema) -> Result<Self, ColorError> {
+        if text.len() > MAX_TEXT_BYTES {
+            return Err(ColorError::TooLong);
+        }
+        // Names may have colons themselves.
+        if let Some(source) = Source::of_name(text, schema) {
+            return Ok(Self::new(source, text, None, schema));
+        }
+        let (name, palette) = text.rsplit_once(':').unwrap_or((text, ""));
+        let Some(source) = Source::of_name(name, schema) else {
+            let hint = match similar_name(name, schema) {
+                Some(similar) => format!("did you mean {similar}?"),
+                None => "see the schema for those that they have".to_owned(),
+            };
+            return Err(ColorError::UnknownAttribute { name: name.to_owned(), hint });
+        };
+        match Palette::from_name(palette) {
+            Some(palette) => Ok(Self::new(source, name, Some(palette), schema)),
+            None => {
+                let similar = suggest::nearest(palette, Palette::names()).map(str::to_owned);
+                let names = similar.unwrap_or_else(|| Palette::names().collect::<Vec<_>>().join(", "));
+                Err(ColorError::UnknownPalette { name: palette.to_owned(), names })
+            }
+        }
+    }
+
+    /// Names of all palettes.
+    pub fn palettes() -> impl Iterator<Item = &'static str> {
+        Palette::names()
+    }
+
+    fn new(source: Source, title: &str, palette: Option<Palette>, schema: &Schema) -> Self {
+        let info = match source {
+            Source::Attribute(attribute) => schema.attributes.get(attribute as usize),
+            _ => None,
+        };
+        let (value_type, range) = match (source, info) {
+            (Source::Height, _) => (ValueType::Float, HEIGHT_RANGE_M),
+            (Source::Id, _) => (ValueType::Integer, [0.0, f64::from(schema.objects.saturating_sub(1))]),
+            (_, Some(info)) => (info.value_type, [info.min.unwrap_or(0.0), info.max.unwrap_or(1.0)]),
+            _ => (ValueType::Text, [0.0, 1.0]),
+        };
+        let unit =
+            if source == Source::Height { Some("m".to_owned()) } else { info.and_then(|info| info.unit.clone()) };
+        let has_range = value_type.is_number() || value_type == ValueType::Date;
+        let scale = match palette.unwrap_or(if has_range { Palette::DEFAULT } else { Palette::Classes }) {
+            Palette::Gradient(gradient) if has_range => Scale::Range { gradient, range },
+            palette => classes(source, info, palette),
+        };
+        Self { source, title: title.to_owned(), unit, value_type, scale }
+    }
+
+    /// Replaces the values of the gradient's ends, for skewed values. Values beyond them have the colour of the nearer end. The
+    /// first may be the larger one. It has no effect on classes, or if a value is not finite.
+    #[must_use]
+    pub fn with_range(mut self, ends: [f64; 2]) -> Self {
+        if let Scale::Range { range, .. } = &mut self.scale
+            && ends.iter().all(|end| end.is_finite())
+        {
+            *range = ends;
+        }
+        self
+    }
+
+    /// The values of the gradient's ends. `None` for classes.
+    #[must_use]
+    pub fn range(&self) -> Option<[f64; 2]> {
+        match &self.scale {
+            Scale::Range { range, .. } => Some(*range),
+            Scale::Classes { .. } => None,
+        }
+    }
+
+    /// Index of the attribute in the schema. `None` for fields that every object has.
+    #[must_use]
+    pub fn attribute(&self) -> Option<u32> {
+        match self.source {
+            Source::Attribute(attribute) => Some(attribute),
+            _ => None,
+        }
+    }
+
+    /// The value of an object of the block by which it is coloured.
+    #[must_use]
+    pub fn value(&self, block: &ObjectBlock, id: u32) -> Option<Value> {
+        self.source.value(block, id, block.row(id)?).map(ValueRef::to_value)
+    }
+
+    /// The colour of a value, in sRGB and opaque.
+    #[must_use]
+    pub fn rgba(&self, value: Option<&Value>) -> [u8; 4] {
+        self.rgba_of(value.map(Value::borrowed))
+    }
+
+    /// The colour of an object of the block.
+    #[must_use]
+    pub fn object_rgba(&self, block: &ObjectBlock, id: u32) -> [u8; 4] {
+        self.rgba_of(block.row(id).and_then(|row| self.source.value(block, id, row)))
+    }
+
+    fn rgba_of(&self, value: Option<ValueRef<'_>>) -> [u8; 4] {
+        let [r, g, b] = value.and_then(|value| self.rgb(value)).unwrap_or(NO_DATA_RGB);
+        [r, g, b, u8::MAX]
+    }
+
+    /// The colour of a value. `None` if a gradient has no place for it.
+    fn rgb(&self, value: ValueRef<'_>) -> Option<[u8; 3]> {
+        match &self.scale {
+            Scale::Range { gradient, range } => {
+                let value = value.as_f64().filter(|value| value.is_finite())?;
+                Some(palette::sample(*gradient, position(value, *range)))
+            }
+            Scale::Classes { classes, .. } => {
+                let is_value = |name: &str| match value {
+                    ValueRef::Text(text) => text == name,
+                    _ => value.to_string() == name,
+                };
+                Some(classes.iter().find(|(name, _)| is_value(name)).map_or(OTHER_RGB, |(_, rgb)| *rgb))
+            }
+        }
+    }
+
+    /// What the colours mean.
+    #[must_use]
+    pub fn legend(&self) -> Legend {
+        let entry = |rgb: [u8; 3], label: &str| LegendEntry { rgb, label: label.to_owned() };
+        let (mut entries, ramp): (Vec<LegendEntry>, _) = match &self.scale {
+            Scale::Range { gradient, range } => {
+                let at = |i: usize, count: usize| i as f64 / (count - 1) as f64;
+                let stops = (0..RAMP_STOPS).map(|i| palette::sample(*gradient, at(i, RAMP_STOPS))).collect();
+                let mut entries: Vec<LegendEntry> = (0..RAMP_ENTRIES)
+                    .map(|i| at(i, RAMP_ENTRIES))
+                    .map(|at| entry(palette::sample(*gradient, at), &self.label(at, *range)))
+                    .collect();
+                if range[0] > range[1] {
+                    entries.reverse();
+                }
+                entries.dedup_by(|next, entry| next.label == entry.label);
+                (entries, Some(Ramp { range: *range, stops }))
+            }
+            Scale::Classes { classes, has_others } => {
+                let others = has_others.then(|| entry(OTHER_RGB, "others"));
+                (classes.iter().map(|(name, rgb)| entry(*rgb, name)).chain(others).collect(), None)
+            }
+        };
+        entries.push(entry(NO_DATA_RGB, "no data"));
+        Legend { title: self.title.clone(), unit: self.unit.clone(), entries, ramp }
+    }
+
+    /// The value at `at` between 0 and 1 of a range, with three significant digits of the range.
+    fn label(&self, at: f64, [from, to]: [f64; 2]) -> String {
+        // Both ends may be near the largest f64.
+        let value = from * (1.0 - at) + to * at;
+        match self.value_type {
+            ValueType::Date => ValueRef::Date(value.round() as i32).to_string(),
+            ValueType::Integer => format!("{value:.0}"),
+            _ => {
+                let decimals = 2.0 - (to - from).abs().max(1e-6).log10().floor();
+                format!("{value:.*}", decimals.clamp(0.0, 6.0) as usize)
+            }
+        }
+    }
+}
+
+/// The place of a value in a range: 0 and 1 are its ends.
+fn position(value: f64, [from, to]: [f64; 2]) -> f64 {
+    // Halves, because the difference of two f64 may be infinite.
+    let position = (value / 2.0 - from / 2.0) / (to / 2.0 - from / 2.0);
+    if position.is_nan() { 0.5 } else { position }
+}
+
+/// Classes of the most frequent values, of all kinds or of the two booleans.
+fn classes(source: Source, info: Option<&AttributeInfo>, palette: Palette) -> Scale {
+    let frequent = info.map_or(&[][..], |info| info.top.as_slice());
+    let names: Vec<&str> = match (source, info.map(|info| info.value_type)) {
+        (Source::Kind, _) => FeatureKind::NAMES.iter().map(|(name, _)| *name).collect(),
+        (_, Some(ValueType::Bool)) => vec!["true", "false"],
+        _ => frequent.iter().map(|(name, _)| name.as_str()).take(MAX_CLASSES).collect(),
+    };
+    let is_complete = match info {
+        Some(info) => info.value_type == ValueType::Bool || info.distinct == Some(names.len() as u32),
+        None => source == Source::Kind,
+    };
+    let color = |(i, name): (usize, &&str)| ((*name).to_owned(), palette.class(i, names.len()));
+    Scale::Classes { classes: names.iter().enumerate().map(color).collect(), has_others: !is_complete }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,166 @@
+//! Evaluates a filter for one object.
+
+use super::Source;
+use crate::{
+    block::ObjectBlock,
+    value::{Value, ValueRef, civil_from_days, parse_date},
+};
+use std::cmp::Ordering;
+
+/// A condition.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Expression {
+    All(Vec<Expression>),
+    Any(Vec<Expression>),
+    Not(Box<Expression>),
+    Compare {
+        left: Operand,
+        comparison: Comparison,
+        right: Operand,
+    },
+    OneOf {
+        operand: Operand,
+        values: Vec<Value>,
+    },
+    /// `part` is in lower case.
+    Contains {
+        operand: Operand,
+        part: String,
+    },
+    IsPresent(Operand),
+    IsTrue(Operand),
+}
+
+/// A value of an object, or a constant.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Operand {
+    Source(Source),
+    Constant(Value),
+    /// The year of a date.
+    Year(Box<Operand>),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Comparison {
+    Equal,
+    NotEqual,
+    Less,
+    LessOrEqual,
+    Greater,
+    GreaterOrEqual,
+}
+
+impl Comparison {
+    pub(super) fn from_symbol(symbol: &str) -> Option<Self> {
+        Some(match symbol {
+            "==" => Self::Equal,
+            "!=" => Self::NotEqual,
+            "<" => Self::Less,
+            "<=" => Self::LessOrEqual,
+            ">" => Self::Greater,
+            ">=" => Self::GreaterOrEqual,
+            _ => return None,
+        })
+    }
+
+    fn holds(self, order: Ordering) -> bool {
+        match self {
+            Self::Equal => order.is_eq(),
+            Self::NotEqual => order.is_ne(),
+            Self::Less => order.is_lt(),
+            Self::LessOrEqual => order.is_le(),
+            Self::Greater => order.is_gt(),
+            Self::GreaterOrEqual => order.is_ge(),
+        }
+    }
+}
+
+impl Expression {
+    /// Whether the condition holds for object `id` in row `row` of the block.
+    pub(super) fn holds(&self, block: &ObjectBlock, id: u32, row: usize) -> bool {
+        match self {
+            Self::All(parts) => parts.iter().all(|part| part.holds(block, id, row)),
+            Self::Any(parts) => parts.iter().any(|part| part.holds(block, id, row)),
+            Self::Not(part) => !part.holds(block, id, row),
+            Self::Compare { left, comparison, right } => {
+                let values = left.value(block, id, row).zip(right.value(block, id, row));
+                values.and_then(|(left, right)| compare(left, right)).is_some_and(|order| comparison.holds(order))
+            }
+            Self::OneOf { operand, values } => operand.value(block, id, row).is_some_and(|found| {
+                values.iter().any(|value| compare(found, value.borrowed()).is_some_and(Ordering::is_eq))
+            }),
+            Self::Contains { operand, part } => match operand.value(block, id, row) {
+                Some(ValueRef::Text(text)) => text.to_lowercase().contains(part.as_str()),
+                _ => false,
+            },
+            Self::IsPresent(operand) => operand.value(block, id, row).is_some(),
+            Self::IsTrue(operand) => operand.value(block, id, row) == Some(ValueRef::Bool(true)),
+        }
+    }
+
+    /// Calls `visit` with each source of a value.
+    pub(super) fn visit_sources(&self, visit: &mut dyn FnMut(Source)) {
+        match self {
+            Self::All(parts) | Self::Any(parts) => parts.iter().for_each(|part| part.visit_sources(visit)),
+            Self::Not(part) => part.visit_sources(visit),
+            Self::Compare { left, right, .. } => {
+                left.visit_sources(visit);
+                right.visit_sources(visit);
+            }
+            Self::OneOf { operand, .. }
+            | Self::Contains { operand, .. }
+            | Self::IsPresent(operand)
+            | Self::IsTrue(operand) => operand.visit_sources(visit),
+        }
+    }
+}
+
+impl Operand {
+    fn value<'a>(&'a self, block: &'a ObjectBlock, id: u32, row: usize) -> Option<ValueRef<'a>> {
+        match self {
+            Self::Source(source) => source.value(block, id, row),
+            Self::Constant(value) => Some(value.borrowed()),
+            Self::Year(operand) => {
+                let (year, _, _) = civil_from_days(days(operand.value(block, id, row)?)?);
+                Some(ValueRef::Integer(i64::from(year)))
+            }
+        }
+    }
+
+    fn visit_sources(&self, visit: &mut dyn FnMut(Source)) {
+        match self {
+            Self::Source(source) => visit(*source),
+            Self::Constant(_) => {}
+            Self::Year(operand) => operand.visit_sources(visit),
+        }
+    }
+}
+
+/// The day number of a date, or of the date with which a text begins.
+fn days(value: ValueRef<'_>) -> Option<i32> {
+    match value {
+        ValueRef::Date(days) => Some(days),
+        ValueRef::Text(text) => parse_date(text.get(..10)?),
+        _ => None,
+    }
+}
+
+/// Compares two values. `None` if they cannot be compared.
+fn compare(left: ValueRef<'_>, right: ValueRef<'_>) -> Option<Ordering> {
+    match (left, right) {
+        (ValueRef::Text(left), ValueRef::Text(right)) => Some(left.cmp(right)),
+        (ValueRef::Integer(left), ValueRef::Integer(right)) => Some(left.cmp(&right)),
+        (ValueRef::Bool(left), ValueRef::Bool(right)) => Some(left.cmp(&right)),
+        (ValueRef::Date(_), _) | (_, ValueRef::Date(_)) => Some(days(left)?.cmp(&days(right)?)),
+        (ValueRef::Bool(_), _) | (_, ValueRef::Bool(_)) => None,
+        _ => number(left)?.partial_cmp(&number(right)?),
+    }
+}
+
+/// A number, or that of a text.
+fn number(value: ValueRef<'_>) -> Option<f64> {
+    match value {
+        ValueRef::Text(text) => text.trim().parse().ok(),
+        _ => value.as_f64(),
+    }
+}

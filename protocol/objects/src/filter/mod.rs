@@ -1,0 +1,133 @@
+//! Filters: expressions over the attributes of objects, such as `yearOfConstruction < 1900 && height > 20`.
+//!
+//! | expression | holds if |
+//! |---|---|
+//! | `a == 1`, `!=`, `<`, `<=`, `>`, `>=` | the comparison holds; never if a value is missing |
+//! | `a in (1, 2)` | `a` is one of the values |
+//! | `a ~ "kirche"` | the text `a` contains the other one; upper and lower case are equal |
+//! | `a` | `a` is true or, if it is no boolean, present |
+//! | `a == null`, `a != null` | `a` is missing; present |
+//! | `!x`, `x && y`, `x \|\| y`, `(x)` | as usual; `!` binds tightest, then `&&` |
+//!
+//! Values are numbers, texts in double or single quotes, `true`, `false`, dates such as `2001-05-01`, attributes and `year(date)`.
+//! Names that have other characters than letters, digits and `_.:-@#$`, or that begin with a digit, are written in backticks. In
+//! quotes and backticks, a backslash makes the next character an ordinary one.
+//!
+//! Unless the schema has an attribute of that name, `id` is the number of the object, `identifier` its identifier in the source,
+//! `kind` what it is and `height` the height of its bounds in metres. Texts that begin with a date can be compared with dates,
+//! texts that are numbers with numbers.
+
+mod evaluate;
+mod lexer;
+mod parser;
+pub(crate) mod suggest;
+
+use crate::{block::ObjectBlock, kind::FeatureKind, schema::Schema, value::ValueRef};
+use evaluate::Expression;
+use roaring::RoaringBitmap;
+
+/// Maximum bytes of a filter.
+pub const MAX_FILTER_BYTES: usize = 4096;
+/// Maximum depth of parentheses, negations and function calls.
+pub const MAX_DEPTH: usize = 64;
+
+/// Why a text is no filter.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{message} (at byte {at})")]
+pub struct FilterError {
+    /// Offset in the text in bytes.
+    pub at: usize,
+    /// What is wrong and what to do.
+    pub message: String,
+}
+
+/// A condition on objects of a city.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Filter {
+    expression: Expression,
+    attributes: Vec<u32>,
+}
+
+impl Filter {
+    /// Parses a filter for the objects of a city. Fails on texts over [`MAX_FILTER_BYTES`], expressions deeper than [`MAX_DEPTH`],
+    /// unknown attributes, and comparisons of values of different types.
+    pub fn parse(text: &str, schema: &Schema) -> Result<Self, FilterError> {
+        if text.len() > MAX_FILTER_BYTES {
+            let message = format!("a filter has at most {MAX_FILTER_BYTES} bytes: shorten it");
+            return Err(FilterError { at: text.floor_char_boundary(MAX_FILTER_BYTES), message });
+        }
+        let expression = parser::parse(text, schema)?;
+        let mut attributes = Vec::new();
+        expression.visit_sources(&mut |source| {
+            if let Source::Attribute(attribute) = source {
+                attributes.push(attribute);
+            }
+        });
+        attributes.sort_unstable();
+        attributes.dedup();
+        Ok(Self { expression, attributes })
+    }
+
+    /// Whether an object of the block meets the condition. `false` if the block does not have it.
+    #[must_use]
+    pub fn matches(&self, block: &ObjectBlock, id: u32) -> bool {
+        block.row(id).is_some_and(|row| self.expression.holds(block, id, row))
+    }
+
+    /// The ids of the block's objects that meet the condition.
+    #[must_use]
+    pub fn select(&self, block: &ObjectBlock) -> RoaringBitmap {
+        let ids = block.ids().iter().enumerate();
+        ids.filter(|(row, id)| self.expression.holds(block, **id, *row)).map(|(_, id)| *id).collect()
+    }
+
+    /// Indices of the attributes that the filter uses, ascending. Fields that every object has are not among them.
+    #[must_use]
+    pub fn attributes(&self) -> &[u32] {
+        &self.attributes
+    }
+}
+
+/// Where a value of an object comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// Index in the schema.
+    Attribute(u32),
+    Id,
+    Identifier,
+    Kind,
+    /// Of the bounds, in metres.
+    Height,
+}
+
+impl Source {
+    /// Names of the fields that every object has.
+    pub(crate) const FIELDS: [(&str, Self); 4] =
+        [("id", Self::Id), ("identifier", Self::Identifier), ("kind", Self::Kind), ("height", Self::Height)];
+
+    /// The source of a name: an attribute of the schema or else a field.
+    pub(crate) fn of_name(name: &str, schema: &Schema) -> Option<Self> {
+        let attribute = schema.index_of(name).map(|index| Self::Attribute(index as u32));
+        attribute.or_else(|| Self::FIELDS.iter().find(|(known, _)| *known == name).map(|(_, field)| *field))
+    }
+
+    /// The value of the object in a row.
+    pub(crate) fn value(self, block: &ObjectBlock, id: u32, row: usize) -> Option<ValueRef<'_>> {
+        match self {
+            Self::Attribute(attribute) => block.value_ref(row, attribute),
+            Self::Id => Some(ValueRef::Integer(i64::from(id))),
+            Self::Identifier => block.identifier(id).map(ValueRef::Text),
+            Self::Kind => block.kind(id).map(FeatureKind::name).map(ValueRef::Text),
+            Self::Height => block.bounds(id).map(|bounds| ValueRef::Float(bounds.height_m())),
+        }
+    }
+}
+
+/// The most similar name of an attribute or field, for error messages.
+pub(crate) fn similar_name<'a>(name: &str, schema: &'a Schema) -> Option<&'a str> {
+    let attributes = schema.attributes.iter().map(|attribute| attribute.name.as_str());
+    suggest::nearest(name, attributes.chain(Source::FIELDS.iter().map(|(name, _)| *name)))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,63 @@
+//! The most similar of some names, for error messages.
+
+/// Longer names get no suggestion.
+const MAX_CHARS: usize = 64;
+
+/// The candidate of the smallest edit distance, upper and lower case being equal. `None` if all differ by more than a third of the
+/// name, and by more than two characters.
+pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let name = folded(name);
+    if name.len() > MAX_CHARS {
+        return None;
+    }
+    let limit = (name.len() / 3).max(2);
+    let distance = |candidate: &'a str| {
+        let folded = folded(candidate);
+        let is_near = folded.len().abs_diff(name.len()) <= limit;
+        is_near.then(|| (edit_distance(&name, &folded), candidate))
+    };
+    let nearest = candidates.into_iter().filter_map(distance).min_by_key(|(distance, _)| *distance)?;
+    (nearest.0 <= limit).then_some(nearest.1)
+}
+
+fn folded(name: &str) -> Vec<char> {
+    name.chars().flat_map(char::to_lowercase).collect()
+}
+
+/// Number of characters to insert, delete or replace (Levenshtein 1966).
+fn edit_distance(a: &[char], b: &[char]) -> usize {
+    let mut distances: Vec<usize> = (0..=b.len()).collect();
+    for (i, a) in a.iter().enumerate() {
+        let mut diagonal = i;
+        let mut left = i + 1;
+        if let Some(first) = distances.first_mut() {
+            *first = left;
+        }
+        for (b, slot) in b.iter().zip(distances.iter_mut().skip(1)) {
+            left = (left + 1).min(*slot + 1).min(diagonal + usize::from(a != b));
+            diagonal = std::mem::replace(slot, left);
+        }
+    }
+    distances.last().copied().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_those_of_levenshtein() {
+        let distance = |a: &str, b: &str| edit_distance(&folded(a), &folded(b));
+        assert_eq!(distance("kitten", "sitting"), 3);
+        assert_eq!((distance("", "abc"), distance("abc", ""), distance("abc", "ABC")), (3, 3, 0));
+        assert_eq!((distance("flaw", "lawn"), distance("ab", "ba")), (2, 2));
+    }
+
+    #[test]
+    fn only_similar_names_are_suggested() {
+        let names = ["yearOfConstruction", "height", "kind"];
+        assert_eq!(nearest("YearOfConstuction", names), Some("yearOfConstruction"));
+        assert_eq!(nearest("hieght", names), Some("height"));
+        assert_eq!((nearest("owner", names), nearest(&"x".repeat(65), names), nearest("", [])), (None, None, None));
+    }
+}

@@ -1,0 +1,137 @@
+//! The schema of a city: which attributes its objects have, their types, ranges and most frequent values.
+//!
+//! A schema is stored as JSON. Blocks of objects refer to attributes by their index in it.
+
+mod builder;
+
+pub use builder::SchemaBuilder;
+
+use crate::value::{MAX_TEXT_BYTES, Value, ValueType};
+use insula_protocol::DecodeError;
+use serde::{Deserialize, Serialize};
+
+/// Maximum number of attributes.
+pub const MAX_ATTRIBUTES: usize = 4096;
+/// Maximum bytes of an attribute's name or unit.
+pub const MAX_NAME_BYTES: usize = 256;
+/// Maximum number of distinct values that are counted.
+pub const MAX_DISTINCT: usize = 1000;
+/// Maximum number of most frequent values.
+pub const MAX_TOP: usize = 20;
+/// Maximum bytes of all names, units and texts together.
+pub const MAX_TOTAL_BYTES: usize = 16 << 20;
+
+/// What the objects of a city have.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Schema {
+    /// Number of objects; their ids are below it.
+    pub objects: u32,
+    /// At most [`MAX_ATTRIBUTES`], of different names, in the order of their first use.
+    pub attributes: Vec<AttributeInfo>,
+    /// Names of the attributes whose texts can be searched.
+    #[serde(default)]
+    pub searchable: Vec<String>,
+}
+
+/// An attribute of a city's objects.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AttributeInfo {
+    /// 1 to [`MAX_NAME_BYTES`] bytes.
+    pub name: String,
+    /// The type of all its values.
+    #[serde(rename = "type")]
+    pub value_type: ValueType,
+    /// Unit of its numbers, such as `m`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// Number of objects that have it.
+    pub count: u64,
+    /// Smallest value. Dates as days since 1970-01-01. `None` for texts and booleans.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min: Option<f64>,
+    /// Largest value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max: Option<f64>,
+    /// Number of different values; `None` above [`MAX_DISTINCT`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distinct: Option<u32>,
+    /// The most frequent values with their counts, at most [`MAX_TOP`], most frequent first. Counts are lower bounds if `distinct`
+    /// is `None`, because only the values that appeared first are counted then.
+    #[serde(default)]
+    pub top: Vec<(String, u64)>,
+}
+
+impl Schema {
+    /// The index of the attribute of a name.
+    #[must_use]
+    pub fn index_of(&self, name: &str) -> Option<usize> {
+        self.attributes.iter().position(|attribute| attribute.name == name)
+    }
+
+    /// The value in the type of attribute `attribute`. Numbers become floats in a column of floats, anything becomes a text in a
+    /// column of texts. A value that the type cannot hold is returned as it is; it occurs only if the schema was not built from
+    /// the same values.
+    #[must_use]
+    pub fn convert(&self, attribute: usize, value: &Value) -> Value {
+        let wanted = self.attributes.get(attribute).map(|attribute| attribute.value_type);
+        match (wanted, value) {
+            (Some(ValueType::Float), Value::Integer(value)) => Value::Float(*value as f64),
+            (Some(ValueType::Text), value) if value.type_of() != ValueType::Text => Value::Text(value.to_string()),
+            _ => value.clone(),
+        }
+    }
+
+    /// Fails if the schema breaks a limit of the format. Callers must check a schema that they did not build.
+    pub fn check(&self) -> Result<(), DecodeError> {
+        limit("the number of attributes", self.attributes.len(), MAX_ATTRIBUTES)?;
+        limit("the number of searchable attributes", self.searchable.len(), MAX_ATTRIBUTES)?;
+        let mut total_bytes = 0;
+        let mut names = std::collections::BTreeSet::new();
+        for attribute in &self.attributes {
+            total_bytes += attribute.check()?;
+            if !names.insert(attribute.name.as_str()) {
+                return Err(DecodeError::Invalid("two attributes have the same name"));
+            }
+        }
+        for name in &self.searchable {
+            limit("the bytes of an attribute's name", name.len(), MAX_NAME_BYTES)?;
+            total_bytes += name.len();
+        }
+        limit("the bytes of all names and texts of a schema", total_bytes, MAX_TOTAL_BYTES)
+    }
+}
+
+impl AttributeInfo {
+    /// Fails if the attribute breaks a limit. Returns the bytes of its texts.
+    fn check(&self) -> Result<usize, DecodeError> {
+        if self.name.is_empty() {
+            return Err(DecodeError::Invalid("an attribute has no name"));
+        }
+        let unit_bytes = self.unit.as_ref().map_or(0, String::len);
+        limit("the bytes of an attribute's name", self.name.len(), MAX_NAME_BYTES)?;
+        limit("the bytes of an attribute's unit", unit_bytes, MAX_NAME_BYTES)?;
+        limit("the number of different values", self.distinct.unwrap_or(0) as usize, MAX_DISTINCT)?;
+        limit("the number of most frequent values", self.top.len(), MAX_TOP)?;
+        let range = [self.min, self.max];
+        let is_ordered = self.min.zip(self.max).is_none_or(|(min, max)| min <= max);
+        if !is_ordered || range.iter().flatten().any(|value| !value.is_finite()) {
+            return Err(DecodeError::Invalid("the range of an attribute is inverted or not finite"));
+        }
+        let mut bytes = self.name.len() + unit_bytes;
+        for (text, _) in &self.top {
+            limit("the bytes of a text", text.len(), MAX_TEXT_BYTES)?;
+            bytes += text.len();
+        }
+        Ok(bytes)
+    }
+}
+
+/// Fails if `found` is above `limit`.
+fn limit(what: &'static str, found: usize, limit: usize) -> Result<(), DecodeError> {
+    if found > limit { Err(DecodeError::Limit { what, found: found as u64, limit: limit as u64 }) } else { Ok(()) }
+}
+
+#[cfg(test)]
+mod tests;

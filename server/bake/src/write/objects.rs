@@ -1,0 +1,106 @@
+//! Writes `objects.pmtiles`: the schema of the objects' attributes, and the objects in blocks.
+//!
+//! In: the numbered objects and their records. Out: one archive. The records are read twice: for the types and ranges of the attributes,
+//! and for the blocks.
+
+use std::{collections::HashMap, path::Path};
+
+use insula_objects::{
+    block::{self, BLOCK_OBJECTS, ObjectBounds, ObjectRecord},
+    schema::{Schema, SchemaBuilder},
+};
+use insula_protocol::{
+    DecodeError, TileId,
+    object_tile::{self, SCHEMA_ID, block_id, block_number},
+};
+
+use super::archive;
+use crate::{
+    error::BakeError,
+    scene::{
+        object_numbers::NumberedObject,
+        object_records::{ObjectRecords, RecordReader},
+    },
+};
+
+/// The objects of a city.
+pub(crate) struct CityObjects<'a> {
+    pub(crate) records: &'a ObjectRecords,
+    /// By number; `None` for numbers that are not in use.
+    pub(crate) rows: &'a [Option<NumberedObject>],
+    /// From the scene's origin to that of the city's tiles, in metres.
+    pub(crate) origin_m: [f64; 3],
+    /// Names of the attributes whose texts can be searched, besides identifiers.
+    pub(crate) searchable: Vec<String>,
+}
+
+impl CityObjects<'_> {
+    /// The attributes of all objects. Fails if a record cannot be read.
+    pub(crate) fn schema(&self) -> Result<Schema, BakeError> {
+        let mut reader = self.records.reader()?;
+        let mut builder = SchemaBuilder::default();
+        for row in self.rows.iter().flatten() {
+            for (name, value) in &reader.read(row.record)?.attributes {
+                builder.add(name, value);
+            }
+        }
+        if builder.dropped() > 0 {
+            tracing::warn!("{} values of attributes beyond the limit are left out", builder.dropped());
+        }
+        let mut schema = builder.finish(self.rows.len() as u32);
+        let is_known = |name: &&String| schema.index_of(name).is_some();
+        schema.searchable = self.searchable.iter().filter(is_known).cloned().collect();
+        Ok(schema)
+    }
+
+    /// Writes the archive and returns its length. Fails if a record cannot be read or the file cannot be written.
+    pub(crate) fn write(&self, schema: &Schema, path: &Path) -> Result<u64, BakeError> {
+        let blocks = self.rows.chunks(BLOCK_OBJECTS);
+        let used = (0..).zip(blocks).filter(|(_, rows)| rows.iter().any(Option::is_some));
+        let mut ids: Vec<TileId> = used.filter_map(|(block, _)| block_id(block)).collect();
+        ids.push(SCHEMA_ID);
+        let mut reader = self.records.reader()?;
+        let names: HashMap<&str, u32> =
+            (0..).zip(&schema.attributes).map(|(i, attribute)| (attribute.name.as_str(), i)).collect();
+        archive::write(path, &ids, |id| {
+            let content = match block_number(id) {
+                None => encode_schema(schema),
+                Some(block) => {
+                    let rows = self.rows.iter().skip((block * BLOCK_OBJECTS as u32) as usize).take(BLOCK_OBJECTS);
+                    let records = rows.map(|row| self.record(row.as_ref(), &mut reader, schema, &names));
+                    let records: Vec<Option<ObjectRecord>> = records.collect::<Result<_, _>>()?;
+                    block::encode(block, &records, schema)
+                }
+            };
+            content.and_then(|content| object_tile::encode(id, &content)).map_err(BakeError::tile(id, "encoded"))
+        })
+    }
+
+    fn record(
+        &self,
+        row: Option<&NumberedObject>,
+        reader: &mut RecordReader<'_>,
+        schema: &Schema,
+        names: &HashMap<&str, u32>,
+    ) -> Result<Option<ObjectRecord>, BakeError> {
+        let Some(row) = row else { return Ok(None) };
+        let record = reader.read(row.record)?;
+        let value = |(name, value): &(String, _)| {
+            let attribute = *names.get(name.as_str())?;
+            Some((attribute, schema.convert(attribute as usize, value)))
+        };
+        let mut attributes: Vec<_> = record.attributes.iter().filter_map(value).collect();
+        attributes.sort_by_key(|(attribute, _)| *attribute);
+        let decimetres = |z_m: f32, axis: usize| ((f64::from(z_m) - self.origin_m[axis]) * 10.0).round() as i32;
+        let bounds = row.bounds_m.map(|bounds| {
+            let [min, max] = bounds.map(|corner| std::array::from_fn(|axis| decimetres(corner[axis], axis)));
+            ObjectBounds { min, max }
+        });
+        let (identifier, kind, parent) = (record.identifier, record.kind, row.parent);
+        Ok(Some(ObjectRecord { identifier, kind, parent, bounds, attributes }))
+    }
+}
+
+fn encode_schema(schema: &Schema) -> Result<Vec<u8>, DecodeError> {
+    serde_json::to_vec(schema).map_err(|_| DecodeError::Invalid("a schema that is not JSON"))
+}

@@ -1,0 +1,130 @@
+//! The triangles of an object and its parts, leaf by leaf.
+//!
+//! As in `table::gather`, a family is open from the first leaf that shows it until the last one that the bounds of its members touch.
+
+use super::surfaces::Point;
+use crate::table::{
+    ExportError,
+    city::{City, Plan},
+    gather::LeafPositions,
+    walk::{EndNode, visit_end_nodes},
+};
+use insula_protocol::mesh_tile::NO_OBJECT;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+/// A family of more triangles is left out, because a feature is one line of text that readers keep in memory.
+const MAX_TRIANGLES: usize = 1 << 20;
+
+/// An object without a parent, and all that belong to it.
+pub(super) struct Family {
+    pub(super) root: u32,
+    /// By number; `None` if there are more than [`MAX_TRIANGLES`].
+    pub(super) members: Option<BTreeMap<u32, Member>>,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Member {
+    /// From the city's corner, in units of the map's grid and millimetres of height.
+    pub(super) triangles: Vec<[Point; 3]>,
+    pub(super) tolerance_m: f64,
+}
+
+type Emit<'a> = &'a mut dyn FnMut(Family) -> Result<(), ExportError>;
+
+/// Passes each family with a selected member that any mesh shows to `emit`. A member belongs to it if it or one of its parents is
+/// selected. Fails if tiles cannot be read, and with the error of `emit`.
+pub(super) fn visit_families(city: &City<'_>, plan: &Plan, emit: Emit<'_>) -> Result<(), ExportError> {
+    let Some(area) = plan.area else { return Ok(()) };
+    let mut gather = Gather { city, plan, open: HashMap::new(), closing: BTreeSet::new() };
+    visit_end_nodes(city.source, area, &mut |node| {
+        gather.add(node)?;
+        let done = city.order.last(node.id);
+        gather.close(|last| last <= done, emit)
+    })?;
+    gather.close(|_| true, emit)
+}
+
+struct Gather<'a> {
+    city: &'a City<'a>,
+    plan: &'a Plan,
+    open: HashMap<u32, Open>,
+    closing: BTreeSet<(u64, u32)>,
+}
+
+struct Open {
+    family: Family,
+    triangles: usize,
+}
+
+impl Gather<'_> {
+    fn add(&mut self, node: EndNode) -> Result<(), ExportError> {
+        let mesh = if node.has_mesh { self.city.source.mesh(node.id, 0)? } else { None };
+        let Some(mesh) = mesh else { return Ok(()) };
+        let LeafPositions { world, tolerance_m } = LeafPositions::of(self.city, node.id, &mesh);
+        let origin_z = super::origin_z(self.city);
+        let points: Vec<Point> = world
+            .iter()
+            .map(|[x, y, z]| {
+                let point = self.city.grid.point([*x, *y]);
+                [point.x, point.y, ((z - origin_z) * 1000.0).round() as i32]
+            })
+            .collect();
+        let mut roots = HashMap::new();
+        for (triangle, &object) in mesh.mesh.triangles.iter().zip(&mesh.objects) {
+            let root = match roots.get(&object) {
+                Some(root) => *root,
+                None => *roots.entry(object).or_insert(self.root_of(object)?),
+            };
+            let [Some(a), Some(b), Some(c)] = triangle.map(|vertex| points.get(vertex as usize).copied()) else {
+                continue;
+            };
+            if let Some(root) = root {
+                self.open(root)?.add(object, [a, b, c], tolerance_m);
+            }
+        }
+        Ok(())
+    }
+
+    /// The family of an object; `None` if the object is not exported.
+    fn root_of(&self, object: u32) -> Result<Option<u32>, ExportError> {
+        if object == NO_OBJECT || self.city.info(object)?.is_none() {
+            return Ok(None);
+        }
+        let ancestors = self.city.ancestors(object)?;
+        let is_selected = ancestors.iter().chain([&object]).any(|member| self.plan.selected.contains(*member));
+        let is_parent = || self.plan.is_parent_of_selected(object);
+        Ok((is_selected || is_parent()).then(|| ancestors.last().copied().unwrap_or(object)))
+    }
+
+    fn open(&mut self, root: u32) -> Result<&mut Open, ExportError> {
+        if !self.open.contains_key(&root) {
+            self.closing.insert((self.plan.last_leaf(self.city, root)?, root));
+        }
+        let family = Family { root, members: Some(BTreeMap::new()) };
+        Ok(self.open.entry(root).or_insert(Open { family, triangles: 0 }))
+    }
+
+    fn close(&mut self, is_done: impl Fn(u64) -> bool, emit: Emit<'_>) -> Result<(), ExportError> {
+        while let Some((_, root)) = self.closing.first().copied().filter(|(last, _)| is_done(*last)) {
+            self.closing.pop_first();
+            if let Some(open) = self.open.remove(&root) {
+                emit(open.family)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Open {
+    fn add(&mut self, object: u32, triangle: [Point; 3], tolerance_m: f64) {
+        self.triangles += 1;
+        if self.triangles > MAX_TRIANGLES {
+            self.family.members = None;
+        }
+        if let Some(members) = &mut self.family.members {
+            let member = members.entry(object).or_default();
+            member.tolerance_m = member.tolerance_m.max(tolerance_m);
+            member.triangles.push(triangle);
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! Columns of a V-BlockMap as few boxes: neighbouring columns of about the same height and colour and of the same object become one.
+//!
+//! In: a V-BlockMap. Out: a [`Geometry`] on a grid of whole cells and quarters of a cell in height. The steps, in order: `solids`
+//! (what each column fills), `merge` (rectangles), `faces` (tops, and the sides that neighbours do not cover).
+
+mod faces;
+mod merge;
+mod solids;
+#[cfg(test)]
+mod tests;
+
+use super::{ExportError, geometry::Geometry, matrix::Matrix};
+use crate::source::SourceError;
+use insula_protocol::BlockMap;
+
+/// Units of heights in a cell.
+const QUARTERS: u16 = 4;
+
+/// How far the boxes of a node may lie from its columns, in cells: tops move by up to 3/8, and walls stand on borders of cells.
+pub(crate) const ERROR_CELLS: f64 = 0.5;
+
+/// The boxes of a node. `feature` gives the row of an object in the property table; `None` leaves out what is not selected: it gets
+/// the object and the column.
+pub(crate) fn boxes(
+    map: BlockMap,
+    feature: &mut dyn FnMut(u32, usize) -> Result<Option<u32>, SourceError>,
+) -> Result<Geometry, ExportError> {
+    let map = map.stand_on_ground();
+    let layers = solids::layers(&map, feature)?;
+    let layers = layers.map(|layer| merge::Layer::of(&layer));
+    Ok(faces::faces(&layers))
+}
+
+/// From the grid of [`boxes`] to metres from the node's south-west corner at the city's height zero.
+pub(crate) fn grid(map: &BlockMap) -> Matrix {
+    let cell = f64::from(map.cell_m);
+    Matrix::scale([cell, cell, cell / f64::from(QUARTERS)]).then(&Matrix::translation([0.0, 0.0, map.z_base_m()]))
+}

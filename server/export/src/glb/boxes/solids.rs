@@ -1,0 +1,93 @@
+//! What columns fill: one solid, or two with a gap between them.
+
+use crate::source::SourceError;
+use insula_protocol::{
+    BlockMap, Texel,
+    blockmap::{COLUMNS, MapColumn, NO_OBJECT},
+};
+
+/// A vertical interval of a column, with what it shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Solid {
+    /// Sixteenths of a cell above the node's base, `low < high`.
+    pub(super) low: u32,
+    pub(super) high: u32,
+    /// Seen from above, 8-bit sRGB.
+    pub(super) roof: [u8; 3],
+    /// Mean of the wall strip; `None` without one.
+    pub(super) wall: Option<[u8; 3]>,
+    /// Feature of the object.
+    pub(super) feature: u32,
+    /// Whether there is empty space below it.
+    pub(super) is_floating: bool,
+}
+
+/// The solids of a node by column: the tops, and what lies below gaps.
+pub(super) type Layers = [Vec<Option<Solid>>; 2];
+
+/// The solids of all columns. A column of which a clip cuts away the middle of its cell counts as what lies beyond the clip.
+pub(super) fn layers(
+    map: &BlockMap,
+    feature: &mut dyn FnMut(u32, usize) -> Result<Option<u32>, SourceError>,
+) -> Result<Layers, SourceError> {
+    let mut layers = [vec![None; COLUMNS], vec![None; COLUMNS]];
+    for (i, column) in map.columns().iter().enumerate() {
+        let Some(column) = column else { continue };
+        let Some((column, part)) = at_middle(column) else { continue };
+        let object = map.objects.as_ref().map_or(NO_OBJECT, |objects| match part {
+            Part::Inner => objects.roof[i],
+            Part::Outer => objects.lower[i],
+        });
+        if let Some(feature) = feature(object, i)? {
+            [layers[0][i], layers[1][i]] = solids(map, &column, feature);
+        }
+    }
+    Ok(layers)
+}
+
+/// Which part of a clipped column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Inner,
+    Outer,
+}
+
+/// The part of a column in the middle of its cell; `None` if that is empty.
+fn at_middle(column: &MapColumn) -> Option<(MapColumn, Part)> {
+    let inner = MapColumn { clip: None, ..column.clone() };
+    let Some(clip) = column.clip else { return Some((inner, Part::Inner)) };
+    let is_inside = clip.offset >= 0;
+    let is_inside = match clip.corner {
+        Some(corner) if corner.concave => is_inside || corner.offset >= 0,
+        Some(corner) => is_inside && corner.offset >= 0,
+        None => is_inside,
+    };
+    if is_inside {
+        return Some((inner, Part::Inner));
+    }
+    let outer = clip.outer?;
+    Some((MapColumn { z_max: outer.z, roof: outer.roof, strip: None, gap: None, ..inner }, Part::Outer))
+}
+
+fn solids(map: &BlockMap, column: &MapColumn, feature: u32) -> [Option<Solid>; 2] {
+    let wall = column.strip.as_ref().and_then(|strip| mean(&strip.texels));
+    let solid = |low: u16, high: u16, is_floating: bool| {
+        let [low, high] = [low, high].map(|code| u32::from(code) << map.z_shift);
+        Some(Solid { low, high, roof: column.roof.rgb(), wall, feature, is_floating })
+    };
+    match column.gap {
+        Some([bottom, top]) => [solid(top, column.z_max, true), solid(column.z_min, bottom, column.suspended)],
+        None => [solid(column.z_min, column.z_max, column.suspended), None],
+    }
+}
+
+/// The mean colour of opaque texels; `None` if there are none.
+fn mean(texels: &[Texel]) -> Option<[u8; 3]> {
+    let (mut sum, mut count) = ([0u32; 3], 0);
+    for texel in texels.iter().filter(|texel| !texel.is_open()) {
+        let rgb = texel.rgb();
+        sum = [0, 1, 2].map(|k| sum[k] + u32::from(rgb[k]));
+        count += 1;
+    }
+    (count > 0).then(|| sum.map(|sum| ((sum + count / 2) / count) as u8))
+}

@@ -1,0 +1,83 @@
+//! Visits the nodes of a city that have no children, in the order of leaves.
+
+use super::{
+    ExportError,
+    grid::{LeafOrder, node_area},
+};
+use crate::source::{CitySource, SourceError};
+use insula_protocol::{Manifest, Subtree, TileId};
+use std::collections::{HashMap, HashSet};
+
+/// A node without children: a leaf, or land around the city that is not divided further.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct EndNode {
+    pub(crate) id: TileId,
+    pub(crate) has_mesh: bool,
+}
+
+type Visit<'a> = &'a mut dyn FnMut(EndNode) -> Result<(), ExportError>;
+
+/// Visits all end nodes that touch `area`, in world metres. Fails if a subtree cannot be read, and with the error of `visit`.
+pub(crate) fn visit_end_nodes(
+    source: &dyn CitySource,
+    area: [[f64; 2]; 2],
+    visit: Visit<'_>,
+) -> Result<(), ExportError> {
+    let manifest = source.manifest();
+    let walk = Walk { source, manifest, order: LeafOrder::of(manifest), area };
+    walk.enter(TileId::ROOT, visit)
+}
+
+struct Walk<'a> {
+    source: &'a dyn CitySource,
+    manifest: &'a Manifest,
+    order: LeafOrder,
+    area: [[f64; 2]; 2],
+}
+
+/// The nodes of a subtree.
+struct Nodes {
+    root: TileId,
+    child_masks: HashMap<TileId, u8>,
+    with_mesh: HashSet<TileId>,
+}
+
+impl Walk<'_> {
+    fn enter(&self, root: TileId, visit: Visit<'_>) -> Result<(), ExportError> {
+        let subtree = self.source.subtree(root)?.ok_or_else(|| SourceError {
+            what: format!("subtrees {root}"),
+            reason: "the city does not have it: bake it again".to_owned(),
+        })?;
+        self.descend(root, &Nodes::of(root, &subtree), visit)
+    }
+
+    fn descend(&self, node: TileId, nodes: &Nodes, visit: Visit<'_>) -> Result<(), ExportError> {
+        let [min, max] = node_area(self.manifest, node);
+        if (0..2).any(|k| max[k] < self.area[0][k] || self.area[1][k] < min[k]) {
+            return Ok(());
+        }
+        let Some(&child_mask) = nodes.child_masks.get(&node) else { return Ok(()) };
+        if child_mask == 0 {
+            return visit(EndNode { id: node, has_mesh: nodes.with_mesh.contains(&node) });
+        }
+        if Subtree::is_root(node) && node != nodes.root {
+            return self.enter(node, visit);
+        }
+        for child in self.order.children(node) {
+            if child_mask >> child.quadrant() & 1 == 1 {
+                self.descend(child, nodes, visit)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Nodes {
+    fn of(root: TileId, subtree: &Subtree) -> Self {
+        Self {
+            root,
+            child_masks: subtree.nodes.iter().map(|node| (node.id, node.child_mask)).collect(),
+            with_mesh: subtree.meshes.iter().filter(|mesh| !mesh.lods.is_empty()).map(|mesh| mesh.id).collect(),
+        }
+    }
+}

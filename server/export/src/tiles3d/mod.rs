@@ -1,0 +1,200 @@
+//! 3D Tiles 1.1: a city as a tileset with an implicit quadtree (OGC 22-025r4, "Implicit tiling").
+//!
+//! The quadtree is the city's own: tile `level/x/y` is node `level/x/y`. A leaf has the finest mesh of the city, other nodes have boxes
+//! of merged columns. Refinement replaces a tile by its children. Geometric errors are the measured ones of the city, in the metadata
+//! of subtree files as the bounding boxes are.
+//!
+//! | address | content | made by |
+//! |---|---|---|
+//! | `tileset.json` | root with its place on Earth, schema, attribution | [`Tileset::tileset_json`] |
+//! | `subtrees/{level}/{x}/{y}.subtree` | what exists in five levels below a node of level 0, 5, 10, ... | [`Tileset::subtree`] |
+//! | `content/{level}/{x}/{y}.glb` | the surfaces of a node with its objects | [`Tileset::content`] |
+//!
+//! Content is compressed by meshoptimizer. Its property tables are complete in leaves; in coarser tiles, where a table would be larger
+//! than the surfaces, names or only numbers of objects remain.
+
+mod archive;
+mod frame;
+mod subtree;
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub use frame::ToGeocentric;
+pub use write::{Destination, write_tileset};
+
+use crate::{
+    glb::{
+        ExportError, boxes,
+        builder::{GlbBuilder, Packing},
+        content::ContentWriter,
+        matrix::Matrix,
+        metadata::{Rows, add_table},
+        objects::ObjectReader,
+        square_of, subtree_at,
+    },
+    selection::Selection,
+    source::CitySource,
+};
+use frame::Frame;
+use insula_protocol::{
+    Subtree, TileId,
+    subtree::{NodeInfo, NodeMesh},
+};
+use serde_json::json;
+use subtree::Tile;
+
+/// Largest property table of a tile that is no leaf, in bytes: about as much as its surfaces take.
+const FAR_TABLE_BYTES: usize = 16 << 10;
+/// Address of the root of the tileset.
+pub const TILESET_JSON: &str = "tileset.json";
+
+/// A city as 3D Tiles. Tiles are made when they are asked for; the same city gives the same bytes.
+pub struct Tileset<'a> {
+    source: &'a dyn CitySource,
+    selection: &'a Selection,
+    frame: Frame<'a>,
+}
+
+/// A tile's content, with what an export counts.
+struct Content {
+    bytes: Vec<u8>,
+    triangles: usize,
+    objects: usize,
+}
+
+impl<'a> Tileset<'a> {
+    /// `to_geocentric` places the city on Earth. If it gives nothing in the middle of the city, the manifest's `location` does; a city
+    /// without either keeps its own metres, from the middle of its bounds.
+    pub fn new(source: &'a dyn CitySource, selection: &'a Selection, to_geocentric: ToGeocentric<'a>) -> Self {
+        Self { source, selection, frame: Frame::new(source.manifest(), to_geocentric) }
+    }
+
+    /// The tileset's JSON. Fails if the root's subtree cannot be read.
+    pub fn tileset_json(&self) -> Result<Vec<u8>, ExportError> {
+        let manifest = self.source.manifest();
+        let subtree = subtree_at(self.source, TileId::ROOT)?;
+        let root = subtree.nodes.first().map(|node| self.tile(&subtree, node));
+        let root = root.ok_or(ExportError::Nothing("the city has no nodes"))?;
+        let mut tile = json!({
+            "boundingVolume": { "box": root.bounding_box },
+            "geometricError": root.geometric_error_m,
+            "refine": "REPLACE",
+            "content": { "uri": "content/{level}/{x}/{y}.glb" },
+            "implicitTiling": {
+                "subdivisionScheme": "QUADTREE",
+                "subtreeLevels": subtree::LEVELS,
+                "availableLevels": manifest.depth + 1,
+                "subtrees": { "uri": "subtrees/{level}/{x}/{y}.subtree" },
+            },
+        });
+        if let Some(to_earth) = self.frame.to_earth() {
+            tile["transform"] = json!(to_earth.to_array());
+        }
+        let json = json!({
+            "asset": {
+                "version": "1.1",
+                "tilesetVersion": manifest.version,
+                "extras": { "title": manifest.title, "crs": manifest.crs, "attribution": manifest.attribution },
+            },
+            "schema": subtree::schema(),
+            // Without any tile, the whole city is missing.
+            "geometricError": manifest.root_side_m.max(f64::from(root.geometric_error_m)),
+            "root": tile,
+        });
+        serde_json::to_vec(&json).map_err(|error| ExportError::Encode(error.to_string()))
+    }
+
+    /// The subtree file of a node; `None` if there is none at this address. Fails if the city's subtrees cannot be read.
+    pub fn subtree(&self, level: u8, x: u32, y: u32) -> Result<Option<Vec<u8>>, ExportError> {
+        let Some(root) = TileId::new(level, x, y).filter(|id| Subtree::is_root(*id)) else { return Ok(None) };
+        let Some(subtree) = self.subtree_with(root)? else { return Ok(None) };
+        let is_below = |node: &&NodeInfo| node.id.ancestor(root.level()) == Some(root) && self.is_selected(node.id);
+        let nodes = || subtree.nodes.iter().filter(is_below);
+        let end = root.level() + subtree::LEVELS;
+        let tiles: Vec<Tile> = nodes().filter(|n| n.id.level() < end).map(|n| self.tile(&subtree, n)).collect();
+        if tiles.is_empty() {
+            return Ok(None);
+        }
+        let children: Vec<TileId> = nodes().map(|node| node.id).filter(|id| id.level() == end).collect();
+        subtree::encode(root, tiles, &children).map(Some)
+    }
+
+    /// The content of a node, a GLB; `None` if there is none at this address. Fails if the city's tiles cannot be read, or are
+    /// damaged.
+    pub fn content(&self, level: u8, x: u32, y: u32) -> Result<Option<Vec<u8>>, ExportError> {
+        let Some(node) = TileId::new(level, x, y) else { return Ok(None) };
+        Ok(self.node_content(node)?.map(|content| content.bytes))
+    }
+
+    fn node_content(&self, node: TileId) -> Result<Option<Content>, ExportError> {
+        if node.level() > self.source.manifest().depth || !self.is_selected(node) {
+            return Ok(None);
+        }
+        let Some(subtree) = self.subtree_with(node)? else { return Ok(None) };
+        let Some(info) = subtree.nodes.iter().find(|info| info.id == node).filter(|info| has_content(&subtree, info))
+        else {
+            return Ok(None);
+        };
+        let reader = ObjectReader::new(self.source);
+        let content = ContentWriter::new(self.source, self.selection, &reader);
+        let mut glb = GlbBuilder::new(self.source.manifest(), Packing::Meshopt);
+        let mut rows = Rows::default();
+        let place = self.frame.place(node).then(&Matrix::Y_UP);
+        let is_leaf = info.child_mask == 0;
+        let shown = if is_leaf {
+            content.add_leaf(&mut glb, &mut rows, node, &place)?
+        } else {
+            content.add_columns(&mut glb, &mut rows, node, &place)?
+        };
+        add_table(&mut glb, &reader, &rows, if is_leaf { usize::MAX } else { FAR_TABLE_BYTES })?;
+        Ok(Some(Content { bytes: glb.finish()?, triangles: shown.triangles, objects: rows.len() }))
+    }
+
+    /// The subtree that lists a node, as its root if there is such a one.
+    fn subtree_with(&self, node: TileId) -> Result<Option<Subtree>, ExportError> {
+        if node.level() > self.source.manifest().depth {
+            return Ok(None);
+        }
+        if let Some(subtree) = self.source.subtree(Subtree::root_of(node))? {
+            return Ok(Some(subtree));
+        }
+        // A leaf at a level of roots is only in the subtree above it.
+        let Some(parent) = node.parent().filter(|_| Subtree::is_root(node)) else { return Ok(None) };
+        let above = self.source.subtree(Subtree::root_of(parent))?;
+        Ok(above.filter(|subtree| subtree.nodes.iter().any(|info| info.id == node && info.child_mask == 0)))
+    }
+
+    fn is_selected(&self, node: TileId) -> bool {
+        self.selection.may_touch(square_of(self.source, node))
+    }
+
+    /// A node as a tile.
+    fn tile(&self, subtree: &Subtree, node: &NodeInfo) -> Tile {
+        let heights = [f64::from(node.z_min_m), f64::from(node.z_max_m)];
+        let cell = self.source.manifest().cell_m_at(node.id.level());
+        // Merged tops move by part of a cell, which also moves the bounds.
+        let moved = boxes::ERROR_CELLS * cell;
+        let mesh = mesh_of(subtree, node);
+        let error = match mesh.and_then(|mesh| mesh.lods.first()) {
+            Some(lod) => lod.error_m,
+            None => node.error_m + moved as f32,
+        };
+        Tile {
+            id: node.id,
+            has_content: has_content(subtree, node),
+            geometric_error_m: error,
+            bounding_box: self.frame.bounding_box(node.id, [heights[0] - moved, heights[1] + moved]).map(|v| v as f32),
+        }
+    }
+}
+
+/// The mesh of a node without children.
+fn mesh_of<'s>(subtree: &'s Subtree, node: &NodeInfo) -> Option<&'s NodeMesh> {
+    subtree.meshes.iter().find(|mesh| mesh.id == node.id && node.child_mask == 0)
+}
+
+/// Whether a node shows anything.
+fn has_content(subtree: &Subtree, node: &NodeInfo) -> bool {
+    node.blockmap_bytes > 0 || mesh_of(subtree, node).is_some()
+}

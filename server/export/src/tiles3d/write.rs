@@ -1,0 +1,100 @@
+//! Writes all files of a tileset into a folder, or into an archive (`.3tz`).
+
+use super::{TILESET_JSON, Tileset, archive::ArchiveWriter};
+use crate::glb::{ExportError, ExportReport};
+use insula_protocol::{Subtree, TileId};
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+/// Where a tileset is written to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Destination<'p> {
+    /// A folder, which is created. Files that are already there are replaced.
+    Folder(&'p Path),
+    /// A 3D Tiles archive, 3TZ 1.3: a ZIP file with stored entries and an index.
+    Archive(&'p Path),
+}
+
+impl<'p> Destination<'p> {
+    /// An archive if the name ends in `.3tz`, else a folder.
+    #[must_use]
+    pub fn of(path: &'p Path) -> Self {
+        let is_archive = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("3tz"));
+        if is_archive { Self::Archive(path) } else { Self::Folder(path) }
+    }
+}
+
+/// Writes a whole tileset, node by node, with one tile in memory at a time. Fails if the city cannot be read, if nothing is selected,
+/// or if the destination cannot be written; what was written then stays.
+pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Result<ExportReport, ExportError> {
+    let mut sink = match destination {
+        Destination::Folder(folder) => Sink::Folder(folder.to_owned()),
+        Destination::Archive(path) => {
+            let file = fs::File::create(path).map_err(ExportError::writing(path.display().to_string()))?;
+            Sink::Archive(Box::new(ArchiveWriter::new(io::BufWriter::new(file), path.display().to_string())))
+        }
+    };
+    let mut report = ExportReport::default();
+    write(&mut sink, &mut report, TILESET_JSON, &tileset.tileset_json()?)?;
+    let mut roots = vec![TileId::ROOT];
+    while let Some(root) = roots.pop() {
+        write_subtree(tileset, root, &mut sink, &mut report, &mut roots)?;
+    }
+    if report.triangles == 0 {
+        return Err(ExportError::Nothing("the city has no surface in the selected area, or none of the selected objects"));
+    }
+    match sink {
+        Sink::Folder(_) => Ok(report),
+        Sink::Archive(archive) => archive.finish().map(|()| report),
+    }
+}
+
+/// Writes the file of a subtree and the contents of its tiles, and adds the roots of child subtrees.
+fn write_subtree(
+    tileset: &Tileset<'_>,
+    root: TileId,
+    sink: &mut Sink,
+    report: &mut ExportReport,
+    roots: &mut Vec<TileId>,
+) -> Result<(), ExportError> {
+    let Some(file) = tileset.subtree(root.level(), root.x(), root.y())? else { return Ok(()) };
+    write(sink, report, &format!("subtrees/{root}.subtree"), &file)?;
+    let Some(subtree) = tileset.subtree_with(root)? else { return Ok(()) };
+    let end = root.level() + super::subtree::LEVELS;
+    let is_below = |id: TileId| id.ancestor(root.level()) == Some(root) && tileset.is_selected(id);
+    for node in subtree.nodes.iter().filter(|node| is_below(node.id)) {
+        if node.id.level() == end && Subtree::is_root(node.id) {
+            roots.push(node.id);
+            continue;
+        }
+        if let Some(content) = tileset.node_content(node.id)? {
+            write(sink, report, &format!("content/{}.glb", node.id), &content.bytes)?;
+            report.files += 1;
+            report.triangles += content.triangles as u64;
+            report.objects += content.objects as u64;
+        }
+    }
+    Ok(())
+}
+
+fn write(sink: &mut Sink, report: &mut ExportReport, name: &str, bytes: &[u8]) -> Result<(), ExportError> {
+    report.bytes += bytes.len() as u64;
+    match sink {
+        Sink::Archive(archive) => archive.add(name, bytes),
+        Sink::Folder(folder) => {
+            let path = folder.join(name);
+            let failed = || ExportError::writing(path.display().to_string());
+            if let Some(parent) = path.parent() {
+                fs::create_dir_all(parent).map_err(failed())?;
+            }
+            fs::write(&path, bytes).map_err(failed())
+        }
+    }
+}
+
+enum Sink {
+    Folder(PathBuf),
+    Archive(Box<ArchiveWriter<io::BufWriter<fs::File>>>),
+}

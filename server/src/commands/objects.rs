@@ -1,0 +1,108 @@
+//! `objects`: what is known of objects, and which attributes a city has.
+
+use super::{
+    error::CommandError,
+    output::{print, print_json},
+};
+use crate::{
+    args::ObjectsArgs,
+    store::{CityObjects, CityStore},
+};
+use insula_objects::{AttributeInfo, FeatureKind, ObjectRecord, Schema, Value};
+use insula_protocol::text::printable;
+use serde::Serialize;
+use serde_json::{Map, Number, json};
+use std::fmt::Write;
+
+/// An object as JSON.
+#[derive(Debug, Serialize)]
+pub(crate) struct ObjectJson {
+    pub(crate) id: u32,
+    pub(crate) identifier: String,
+    /// Identifier of its parent.
+    pub(crate) parent: Option<String>,
+    pub(crate) kind: FeatureKind,
+    pub(crate) attributes: Map<String, serde_json::Value>,
+}
+
+/// Runs `objects`. Fails if the city cannot be opened, has no objects, or not all of the requested ones.
+pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
+    let city = CityStore::open(&args.city)?;
+    let objects = CityObjects::open(&city)?;
+    if args.ids.is_empty() {
+        if args.json {
+            print_json(&pretty(&json!(objects.schema()))?);
+        } else {
+            print(&schema_table(objects.schema()));
+        }
+        return Ok(());
+    }
+    let mut found = Vec::with_capacity(args.ids.len());
+    for id in &args.ids {
+        let missing = || CommandError::Usage(format!("{}: there is no object {id}", args.city.display()));
+        let record = objects.object(*id)?.ok_or_else(missing)?;
+        found.push(describe(&objects, *id, record)?);
+    }
+    if args.json {
+        print_json(&pretty(&json!(found))?);
+    } else {
+        print(&found.iter().map(object_text).collect::<Vec<_>>().join("\n"));
+    }
+    Ok(())
+}
+
+/// An object with the names of its attributes. Fails if its parent's block is damaged.
+pub(crate) fn describe(
+    objects: &CityObjects<'_>,
+    id: u32,
+    record: ObjectRecord,
+) -> Result<ObjectJson, CommandError> {
+    let parent = record.parent.map(|parent| objects.identifier(parent)).transpose()?.flatten();
+    let named = |(attribute, value): (u32, Value)| {
+        let info = objects.schema().attributes.get(attribute as usize)?;
+        Some((info.name.clone(), to_json(value)))
+    };
+    let attributes = record.attributes.into_iter().filter_map(named).collect();
+    Ok(ObjectJson { id, identifier: record.identifier, parent, kind: record.kind, attributes })
+}
+
+/// A value as JSON; dates are texts.
+pub(crate) fn to_json(value: Value) -> serde_json::Value {
+    match value {
+        Value::Text(text) => text.into(),
+        Value::Integer(value) => value.into(),
+        Value::Float(value) => Number::from_f64(value).map_or(serde_json::Value::Null, Into::into),
+        Value::Bool(value) => value.into(),
+        date @ Value::Date(_) => date.to_string().into(),
+    }
+}
+
+fn pretty(value: &serde_json::Value) -> Result<String, CommandError> {
+    serde_json::to_string_pretty(value)
+        .map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })
+}
+
+fn object_text(object: &ObjectJson) -> String {
+    let mut out = format!("{} {} ({})\n", object.id, printable(&object.identifier), object.kind.name());
+    if let Some(parent) = &object.parent {
+        let _ = writeln!(out, "  part of {}", printable(parent));
+    }
+    for (name, value) in &object.attributes {
+        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let _ = writeln!(out, "  {:<28} {}", printable(name), printable(&text));
+    }
+    out
+}
+
+fn schema_table(schema: &Schema) -> String {
+    let mut out = format!("{} objects\n{:<32} {:<8} {:>9}  values\n", schema.objects, "attribute", "type", "objects");
+    for AttributeInfo { name, value_type, count, min, max, top, .. } in &schema.attributes {
+        let values = match (min, max) {
+            (Some(min), Some(max)) => format!("{min} to {max}"),
+            _ => top.iter().take(4).map(|(text, _)| text.as_str()).collect::<Vec<_>>().join(", "),
+        };
+        let values: String = printable(&values).chars().take(60).collect();
+        let _ = writeln!(out, "{:<32} {:<8} {count:>9}  {values}", printable(name), value_type.to_string());
+    }
+    out
+}
