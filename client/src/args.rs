@@ -1,6 +1,8 @@
 //! The command line of `insula`.
 
-use crate::{image_files::parse_picture_path, render::AdapterChoice, stream::fetch::HttpOptions};
+use crate::{
+    image_files::parse_picture_path, objects::ObjectStyleArgs, render::AdapterChoice, stream::fetch::HttpOptions,
+};
 use clap::{Args, Parser, Subcommand, builder::TypedValueParser};
 use insula_command_line::SetupCommand;
 use insula_shaders::layout::Shading;
@@ -176,6 +178,18 @@ pub struct SnapshotArgs {
     /// sun sends.
     #[arg(long, value_name = "PFM")]
     pub radiance: Option<PathBuf>,
+    /// Object file to write: the number of each pixel's object as little-endian u32, row by row from the top, 4294967295 for none; the
+    /// same bytes as red, green, blue and alpha of a .png.
+    #[arg(long, value_name = "FILE")]
+    pub objects: Option<PathBuf>,
+    /// File of what is known of the objects that are seen.
+    #[arg(long, value_name = "JSON")]
+    pub objects_json: Option<PathBuf>,
+    #[command(flatten)]
+    pub styles: ObjectStyleArgs,
+    /// Draw the legend of the colours into the image.
+    #[arg(long, requires = "color_by")]
+    pub legend: bool,
     /// Report file to write.
     #[arg(long, value_name = "JSON")]
     pub report: Option<PathBuf>,
@@ -184,6 +198,13 @@ pub struct SnapshotArgs {
     pub shading: Shading,
     #[command(flatten)]
     pub sun: SunArgs,
+}
+
+impl SnapshotArgs {
+    /// Whether anything is asked of the objects.
+    pub fn needs_objects(&self) -> bool {
+        self.objects.is_some() || self.objects_json.is_some() || !self.styles.is_empty()
+    }
 }
 
 /// Arguments of `insula fly`.

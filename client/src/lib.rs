@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! commands -> ui -> picture -> session -> report -> render -> error
-//!                                      -> stream -----------> error
+//!                                      -> objects -> stream -> error
 //! ```
 //!
 //! Only `stream` uses the network. Only `render` and `ui` name wgpu.
@@ -16,6 +16,7 @@ pub mod camera_files;
 pub mod commands;
 pub mod error;
 pub mod image_files;
+pub mod objects;
 pub mod picture;
 pub mod render;
 pub mod report;

@@ -6,9 +6,11 @@ use crate::{
     error::{ClientError, Result},
     render::{Adapter, AdapterInfo, OpenedAdapter},
     report::{FlightSample, FrameTimes, RunReport},
-    stream::{BackgroundFetcher, notifier::Notifier},
+    objects::ObjectReader,
+    stream::{BackgroundFetcher, fetch::Http, notifier::Notifier},
 };
 use glam::DVec3;
+use insula_protocol::blockmap::NO_OBJECT;
 use insula_shaders::cpu::{
     hit_counts::hit_counts,
     raycast::{Pixels, RenderedRows},
@@ -18,12 +20,14 @@ use insula_viewer::{
     camera::{Camera, View},
     collision::CitySolids,
     frame::{FrameData, RenderSettings},
+    objects::ObjectStyles,
     scene::{SceneTree, TreeNode},
     select::{
         Selection,
         occlusion_feedback::{OcclusionFeedback, OcclusionQuery},
         transitions::Transitions,
     },
+    source::TileSource,
     streamer::{Downloads, FrameRequest, LookaheadState, StreamStatus, Streamer, TileCounts},
 };
 use std::{
@@ -69,6 +73,8 @@ pub struct Session {
     requested_tau_px: f64,
     /// URL for view links; empty if the city has none.
     address: String,
+    /// Where attributes come from.
+    object_source: Option<(Arc<Http>, Arc<dyn TileSource>)>,
 }
 
 impl Session {
@@ -120,12 +126,35 @@ impl Session {
             converged_at: None,
             requested_tau_px: 1.0,
             address: String::new(),
+            object_source: None,
         }
     }
 
     /// The same session of the city at `address`, a URL for view links.
     pub fn with_address(self, address: String) -> Self {
         Self { address, ..self }
+    }
+
+    /// The same session, whose objects' attributes come from `source`.
+    pub fn with_objects(self, http: Arc<Http>, source: Arc<dyn TileSource>) -> Self {
+        Self { object_source: Some((http, source)), ..self }
+    }
+
+    /// Opens the objects of the city. Fails if it has none, or if they cannot be fetched.
+    pub fn open_objects(&self) -> Result<ObjectReader> {
+        let (http, source) =
+            self.object_source.as_ref().ok_or_else(|| ClientError::Failed("this city has no objects".into()))?;
+        ObjectReader::open(http, Arc::clone(source))
+    }
+
+    /// Draws objects in another way from the next frame on.
+    pub fn set_styles(&mut self, styles: ObjectStyles) {
+        self.streamer.set_styles(styles, &mut self.adapter);
+    }
+
+    /// The objects of the last frame's pixels, which showed [`Shading::Objects`](insula_shaders::layout::Shading::Objects).
+    pub fn objects_of(&self, pixels: &Pixels) -> Vec<u32> {
+        pixels.colour.iter().map(|address| self.cache().object_at(*address).unwrap_or(NO_OBJECT)).collect()
     }
 
     /// Prepares the next frame: takes in arrivals, selects, requests, and uploads.

@@ -1,4 +1,4 @@
-//! Frozen bytes of format version 2: every later program must decode them, and this encoder must still write
+//! Frozen bytes of format version 3: every later program must decode them, and this encoder must still write
 //! them, except for the lossy one: which levels an encoder chooses is not part of the format.
 //!
 //! `write_vectors` (ignored) made the files. They never change. A new format version gets new files.
@@ -7,28 +7,35 @@
 
 use insula_protocol::{
     BlockMap, MeshTile, Subtree, Texel, TileId,
-    blockmap::{COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, Quality, WallStrip, strip_rows},
+    blockmap::{
+        COLUMNS, ColumnClip, ColumnObjects, CornerWall, MapColumn, NO_OBJECT, OuterTop, Quality, WallStrip, flag,
+        objects::lower_tops, strip_rows,
+    },
     codec::checksum,
     mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
     mesh_tile::{self, TileTexture},
-    octahedral,
+    object_tile, octahedral,
     subtree::{MeshLod, NodeDeviation, NodeInfo, NodeMesh},
 };
 
 macro_rules! vector {
     ($name:literal) => {
-        include_bytes!(concat!("vectors/v2_", $name, ".bin"))
+        include_bytes!(concat!("vectors/v3_", $name, ".bin"))
     };
 }
 
 const BLOCKMAP: &[u8] = vector!("blockmap");
 const LOSSY_BLOCKMAP: &[u8] = vector!("lossy_blockmap");
 const TOWN_BLOCKMAP: &[u8] = vector!("town_blockmap");
+const TOWN_WITH_OBJECTS: &[u8] = vector!("town_with_objects");
 const SUBTREE: &[u8] = vector!("subtree");
 const SUBTREE_WITH_MESHES: &[u8] = vector!("subtree_with_meshes");
 const SUBTREE_WITH_DEVIATIONS: &[u8] = vector!("subtree_with_deviations");
 const PLAIN_TILE: &[u8] = vector!("plain_mesh_tile");
 const TEXTURED_TILE: &[u8] = vector!("textured_mesh_tile");
+const TILE_WITH_OBJECTS: &[u8] = vector!("mesh_tile_with_objects");
+const OBJECT_SCHEMA: &[u8] = vector!("object_schema");
+const OBJECT_BLOCK: &[u8] = vector!("object_block");
 const SCAN: &[u8] = vector!("scan_mesh");
 const ARCHITECTURAL: &[u8] = vector!("architectural_mesh");
 /// Written by [`by_hand`]: our encoder would never write these.
@@ -132,6 +139,37 @@ fn town_blockmap() -> BlockMap {
     BlockMap::from_columns(node_id(), 1.0, -3, 0, &columns).unwrap()
 }
 
+/// The town with an object for each plot, terrain, and ground of none. Some parts show any object.
+fn town_with_objects() -> BlockMap {
+    let mut map = town_blockmap();
+    let hash = |i: usize| (i as u32).wrapping_mul(2_654_435_761) >> 12;
+    let plot = |i: usize| (i % 64 / 10 + i / 64 / 8 * 7) as u32;
+    let is_built = |i: usize| i % 64 % 10 < 7 && i / 64 % 8 < 5;
+    let terrain = |i: usize| if plot(i).is_multiple_of(5) { NO_OBJECT } else { 3 };
+    let odd = |part: usize, i: usize| match hash(3 * i + part) {
+        noise if noise % 41 == 0 => Some(noise << 12),
+        noise if noise % 97 == 1 => Some(NO_OBJECT),
+        noise if noise % 397 == 2 => Some(NO_OBJECT - 1),
+        _ => None,
+    };
+    let mut objects = ColumnObjects::default();
+    let lower_tops = lower_tops(&map);
+    for i in 0..COLUMNS {
+        let own = 1000 + 37 * plot(i) + u32::from(i % 64 % 10 > 3);
+        if map.flags[i] & flag::OCCUPIED != 0 {
+            objects.roof[i] = odd(0, i).unwrap_or(if is_built(i) { own } else { terrain(i) });
+        }
+        if map.flags[i] & flag::EXPOSED != 0 {
+            objects.wall[i] = odd(1, i).unwrap_or(if plot(i) % 4 == 1 { own ^ 1 } else { objects.roof[i] });
+        }
+        if lower_tops[i].is_some() {
+            objects.lower[i] = odd(2, i).unwrap_or(if plot(i) % 3 == 1 { own } else { terrain(i) });
+        }
+    }
+    map.objects = Some(Box::new(objects));
+    map
+}
+
 fn subtree() -> Subtree {
     let node = |id, child_mask| NodeInfo {
         id,
@@ -176,6 +214,51 @@ fn plain_tile() -> MeshTile {
 fn textured_tile() -> MeshTile {
     let bytes = [&b"RIFF\x10\0\0\0WEBPVP8L"[..], &[7; 40]].concat();
     mesh_tile::cuboid([1.0, 2.0, -3.0], [9.0, 14.5, 21.0], [0; 3], Some(TileTexture { size_px: [640, 20], bytes }))
+}
+
+/// Six boxes on a line. A box is one object, or has another one on some triangles, or is two objects in halves.
+fn tile_with_objects() -> MeshTile {
+    let mut tile = plain_tile();
+    for k in 1..6 {
+        let first = tile.mesh.positions.len() as u32;
+        let positions = plain_tile().mesh.positions.into_iter().map(|[x, y, z]| [x / 8 + 500 * k, y, z]);
+        tile.mesh.positions.extend(positions);
+        tile.mesh.triangles.extend(plain_tile().mesh.triangles.iter().map(|t| t.map(|vertex| vertex + first)));
+        tile.mesh.attributes[0].corners.extend([0; 36]);
+    }
+    let object = |t: u32| match (t / 12, t % 12) {
+        (1, 3 | 4) => 70_000,
+        (2, side) if side >= 6 => NO_OBJECT,
+        (4, side) => [9, 1_000_000, NO_OBJECT - 1][side as usize / 2 % 3],
+        (k, _) => [7, 9, 1_000_000, 7, 0, 8][k as usize],
+    };
+    tile.objects = (0..72).map(object).collect();
+    tile
+}
+
+/// Block 2 of the objects of a city: five objects with an attribute of each type. `insula-objects` made it, and reads it in its tests.
+const BLOCK_CONTENT: &str = "\
+    494e534f01009b70ec4302000000d300000028b52ffd20d3c50500820b292c606f1a0344016a00008a0e90361013918dbe63\
+    460572b1cbd1a27e6fb06788ecbd1f141c7ceaa388086d2253daf47f0219d0eddda7f45f305558d3e9d5a8f61def43c496ee\
+    1eb39ee4e85988a7b9f0d47a8e228704ab58c7d77650ac60fb7dc37e77d74279e468ef7e59c3549308077e3bd9f6ad6a7fb3\
+    9a513eeef44e3618b58266599615ac2259193504893e9ab01291602ce1253308b938c7632f253aef1db03f17060080538000\
+    4cd085f1ea48a5ad08400f";
+
+/// The schema of these objects.
+const SCHEMA_CONTENT: &str = concat!(
+    r#"{"objects":1029,"attributes":["#,
+    r#"{"name":"text","type":"text","count":3,"distinct":3,"top":[["2010-10-13T12:00:00Z",1],["2010-10-13T12:23:09Z",1],["2010-10-13T12:49:14Z",1]]},"#,
+    r#"{"name":"integer","type":"integer","count":3,"min":1850.0,"max":1929.0,"distinct":3,"top":[["1850",1],["1923",1],["1929",1]]},"#,
+    r#"{"name":"float","type":"float","unit":"m","count":3,"min":0.0,"max":688.89,"distinct":3,"top":[["0",1],["605.63",1],["688.89",1]]},"#,
+    r#"{"name":"bool","type":"bool","count":3,"distinct":2,"top":[["false",2],["true",1]]},"#,
+    r#"{"name":"date","type":"date","count":3,"min":0.0,"max":8889.0,"distinct":3,"top":[["1970-01-01",1],["1971-07-18",1],["1994-05-04",1]]},"#,
+    r#"{"name":"code","type":"text","count":3,"distinct":3,"top":[["NL.IMBAG.Pand.0503100000010000",1],["NL.IMBAG.Pand.0503100000010563",1],["NL.IMBAG.Pand.0503100000018889",1]]}"#,
+    r#"],"searchable":["text","code"]}"#,
+);
+
+fn block_content() -> Vec<u8> {
+    let digits = |at: usize| u8::from_str_radix(&BLOCK_CONTENT[2 * at..2 * at + 2], 16).unwrap();
+    (0..BLOCK_CONTENT.len() / 2).map(digits).collect()
 }
 
 /// One attribute of each kind, with seams.
@@ -271,7 +354,7 @@ fn by_hand(kind: u8, id: Option<(u8, u8, u8)>, sections: &[(u8, bool, Vec<u8>)])
         header.extend(checksum(&packed).to_le_bytes());
         body.extend(packed);
     }
-    let mut tile = b"INSU\x02\0".to_vec();
+    let mut tile = b"INSU\x03\0".to_vec();
     tile.extend([kind, 0]);
     tile.extend((header.len() as u32).to_le_bytes());
     tile.extend(checksum(&header).to_le_bytes());
@@ -347,13 +430,25 @@ fn a_town_is_read_and_written() {
 }
 
 #[test]
+fn a_town_with_objects_is_read_and_written() {
+    let map = BlockMap::decode(node_id(), TOWN_WITH_OBJECTS).unwrap();
+    assert_eq!(map, town_with_objects());
+    assert_eq!(town_with_objects().encode().unwrap(), TOWN_WITH_OBJECTS);
+    // The second decoder is held to the same checksums.
+    let objects = map.objects.unwrap();
+    let bytes = |part: &[u32]| -> Vec<u8> { part.iter().flat_map(|object| object.to_le_bytes()).collect() };
+    let checksums = [&objects.roof, &objects.wall, &objects.lower].map(|part| checksum(&bytes(part)));
+    assert_eq!(checksums, [3_607_479_904, 2_173_267_658, 3_328_196_466]);
+}
+
+#[test]
 fn lossy_block_maps_are_read() {
     let original = colourful_blockmap();
     let map = BlockMap::decode(node_id(), LOSSY_BLOCKMAP).unwrap();
     let error = original.colour_error(&map);
     assert!((1.0..=255.0 * 255.0 / 10f64.powf(f64::from(DB) / 10.0)).contains(&error), "{error}");
     let texels: Vec<u8> = map.roof.iter().chain(&map.strips).flat_map(|texel| texel.0.to_le_bytes()).collect();
-    assert_eq!(checksum(&texels), 275_298_839);
+    assert_eq!(checksum(&texels), 2_826_750_924);
     let shapes = BlockMap { roof: original.roof.clone(), strips: original.strips.clone(), ..map };
     assert_eq!(shapes, original);
 }
@@ -378,6 +473,29 @@ fn mesh_tiles_are_read_and_written() {
         assert_eq!(found.texture, tile.texture);
         check_mesh(&found.mesh, &tile.mesh);
         assert_eq!(tile.encode(leaf(), lod).unwrap(), bytes);
+    }
+}
+
+#[test]
+fn triangles_with_objects_are_read_and_written() {
+    let (found, tile) = (MeshTile::decode(leaf(), 0, TILE_WITH_OBJECTS).unwrap(), tile_with_objects());
+    check_mesh(&found.mesh, &tile.mesh);
+    let corners = tile.mesh.encode().unwrap().corners;
+    let objects = corners.iter().step_by(3).map(|corner| tile.objects[*corner as usize / 3]);
+    assert!(objects.eq(found.objects));
+    assert_eq!(tile.encode(leaf(), 0).unwrap(), TILE_WITH_OBJECTS);
+}
+
+#[test]
+fn object_tiles_are_read_and_written() {
+    let block = object_tile::block_id(2).unwrap();
+    assert_eq!(block, TileId::new(12, 0, 1).unwrap());
+    for (id, bytes, content) in [
+        (object_tile::SCHEMA_ID, OBJECT_SCHEMA, SCHEMA_CONTENT.as_bytes()),
+        (block, OBJECT_BLOCK, &block_content()),
+    ] {
+        assert_eq!(object_tile::decode(id, bytes).unwrap(), content);
+        assert_eq!(object_tile::encode(id, content).unwrap(), bytes);
     }
 }
 
@@ -418,16 +536,20 @@ fn unusual_but_legal_tiles_are_read() {
 #[ignore = "writes the frozen files: only for a new format version"]
 fn write_vectors() {
     let write = |name: &str, bytes: Vec<u8>| {
-        let path = format!("{}/tests/vectors/v2_{name}.bin", env!("CARGO_MANIFEST_DIR"));
+        let path = format!("{}/tests/vectors/v3_{name}.bin", env!("CARGO_MANIFEST_DIR"));
         std::fs::write(path, bytes).unwrap();
     };
     write("blockmap", blockmap().encode().unwrap());
     write("lossy_blockmap", colourful_blockmap().encode_at(Quality::Decibels(DB)).unwrap());
     write("town_blockmap", town_blockmap().encode().unwrap());
+    write("town_with_objects", town_with_objects().encode().unwrap());
     write("subtree", subtree().encode().unwrap());
     write("subtree_with_meshes", subtree_with_meshes().encode().unwrap());
     write("plain_mesh_tile", plain_tile().encode(leaf(), 1).unwrap());
     write("textured_mesh_tile", textured_tile().encode(leaf(), 0).unwrap());
+    write("mesh_tile_with_objects", tile_with_objects().encode(leaf(), 0).unwrap());
+    write("object_schema", object_tile::encode(object_tile::SCHEMA_ID, SCHEMA_CONTENT.as_bytes()).unwrap());
+    write("object_block", object_tile::encode(object_tile::block_id(2).unwrap(), &block_content()).unwrap());
     write("scan_mesh", scan().encode().unwrap().bytes);
     write("architectural_mesh", architecture().encode().unwrap().bytes);
     write("subtree_with_deviations", subtree_with_deviations().encode().unwrap());

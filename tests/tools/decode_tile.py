@@ -3,14 +3,15 @@
 
 decode_tile.py VECTORS_OR_CITY [--tiles N] [--seed S] [--json] [--program INSULA_SERVER]
 
-Decodes all `.bin` and `.insm` files of a folder; or N random V-BlockMap tiles, N random mesh tiles and all subtree tiles of a
-city folder. Everything is decoded but the pictures of textures, which are WebP: of these, the size is checked. Prints one line
-per tile: its kind, the number of its columns, nodes or triangles, the CRC-32 of its texels as `protocol/tests/vectors.rs`
-computes it, and the SHA-256 of all decoded values as JSON; with --json the values themselves. Compares a city's tiles with its
-subtree tiles: all sizes, and of the decoded mesh tiles the numbers of triangles and of a texture's pixels.
+Decodes all `.bin` and `.insm` files of a folder; or N random V-BlockMap tiles, N random mesh tiles, and all subtree and object
+tiles of a city folder. Everything is decoded but the pictures of textures, which are WebP: of these, the size is checked. Prints
+one line per tile: its kind, the number of its columns, nodes, triangles, objects or attributes, the CRC-32 of its texels as
+`protocol/tests/vectors.rs` computes it, and the SHA-256 of all decoded values as JSON; with --json the values themselves.
+Compares a city's tiles with its subtree tiles: all sizes, and of the decoded mesh tiles the numbers of triangles and of a
+texture's pixels; and the objects that decoded tiles name with those of the object tiles.
 
-With --program, compares each V-BlockMap tile of a city with `inspect --png`, the levels with `inspect --json`, and each mesh
-with the OBJ and PLY files of `decompress`. Exits with 1 if a tile cannot be decoded or differs.
+With --program, compares each V-BlockMap tile of a city with `inspect --png`, the levels with `inspect --json`, each mesh with
+the OBJ and PLY files of `decompress`, and all objects with `objects --json`. Exits with 1 if a tile cannot be decoded or differs.
 """
 import argparse, hashlib, json, pathlib, random, struct, sys, zlib
 
@@ -20,6 +21,8 @@ from tile_decoder.container import BadTile, Bytes, read_archive, read_container
 from tile_decoder.mesh import read_mesh
 from tile_decoder.mesh_file import MAGIC, from_file, what_differs
 from tile_decoder.mesh_tile import MESH, read_mesh_tile
+from tile_decoder.object_names import NONE
+from tile_decoder.object_tile import read_object_tile
 from tile_decoder.shapes import CLIPPED, COLUMNS, EXPOSED, GAP, OCCUPIED
 from tile_decoder.subtree import read_subtree
 
@@ -44,6 +47,8 @@ def blockmap_values(tile, ground):
         if tile.has(i, CLIPPED):
             outer = tile.clip[i]["outer"]
             column["clip"] = tile.clip[i] | {"outer": outer and [outer[0], packed_texel(outer[1])]}
+        if tile.objects:
+            column["objects"] = [tile.objects.roof[i], tile.objects.wall[i], tile.objects.lower[i]]
         columns.append(column)
     values = {"kind": "blockmap", "cell_m": tile.cell_m, "z_base_cells": tile.z_base_cells, "z_shift": tile.z_shift}
     values["columns"] = columns
@@ -70,6 +75,8 @@ def decode(data):
         return read_subtree(tile_id, sections)
     if kind == "mesh":
         return read_mesh_tile(tile_id, sections)
+    if kind == "objects":
+        return read_object_tile(tile_id, sections)
     return blockmap_values(*read_blockmap(tile_id, sections))
 
 
@@ -78,9 +85,16 @@ def show(name, values, as_json):
     if as_json:
         print(json.dumps({"tile": name, "values": values}, sort_keys=True))
         return
-    count = next(len(values[key]) for key in ("columns", "nodes", "triangles") if key in values)
+    parts = values["schema"] if "schema" in values else values
+    count = next(len(parts[key]) for key in ("columns", "nodes", "triangles", "attributes", "objects") if key in parts)
     texels = f"texels {texels_crc32(values):08x}" if "columns" in values else "-"
     print(f"{name:<40} {values['kind']:<9} {count:>5} {texels:<16} {hashlib.sha256(text.encode()).hexdigest()[:16]}")
+
+
+def named_objects(values):
+    """The numbers that a V-BlockMap or mesh names."""
+    columns = [number for column in values.get("columns", []) for number in column.get("objects", [])]
+    return {*columns, *values.get("objects", [])} - {NONE}
 
 
 def is_equal_to_decompress(program, name, coded, values):
@@ -132,16 +146,25 @@ def decode_city(city, args):
     subtrees = [decode(data) for _, _, _, data in read_archive(city / "subtrees.pmtiles")]
     nodes = city_checks.nodes_of(subtrees)
 
+    objects = city_checks.read_objects(city)
+
     def draw(tiles):
         return random.Random(args.seed).sample(tiles, min(args.tiles, len(tiles)))
 
-    def is_blockmap_correct(name, data, _):
-        return not program or city_checks.is_equal_to_inspect(program, city, name, data)
+    def has_objects(name, values):
+        unknown = named_objects(values) - objects.keys()
+        if unknown:
+            print(f"{name}: {len(unknown)} objects that no object tile has, such as {min(unknown)}")
+        return not unknown
+
+    def is_blockmap_correct(name, data, values):
+        return has_objects(name, values) and (not program or city_checks.is_equal_to_inspect(program, city, name, data))
 
     def is_mesh_correct(name, data, values):
         side_m = manifest["root_side_m"] / 2 ** manifest["depth"]
         return all([
-            city_checks.is_equal_to_subtree(name, data, values, nodes), city_checks.is_on_common_grid(name, values, side_m),
+            has_objects(name, values), city_checks.is_equal_to_subtree(name, data, values, nodes),
+            city_checks.is_on_common_grid(name, values, side_m),
             not program or is_equal_to_decompress(program, name, read_container(data)[2][MESH], values),
         ])
 
@@ -150,12 +173,16 @@ def decode_city(city, args):
     correct_meshes = count_correct(chosen_meshes, args, is_mesh_correct)
     for subtree in subtrees:
         show(f"subtree {subtree['root']}", subtree, args.json)
+    for name, values in city_checks.read_object_archive(city):
+        show(name, values, args.json)
+    same_objects = not program or not objects or city_checks.are_objects_equal(program, city, objects)
     sizes = city_checks.are_sizes_equal(blockmaps, meshes, subtrees)
     levels = not program or city_checks.are_levels_equal(program, city, subtrees)
-    compared = f", levels {'equal' if levels else 'differ'}" if program else "; not compared with a program"
+    found = {"sizes": sizes} | ({"levels": levels, f"{len(objects)} objects": same_objects} if program else {})
+    compared = ", ".join(f"{name} {'equal' if equal else 'differ'}" for name, equal in found.items())
     print(f"{correct} of {len(chosen)} V-BlockMap tiles and {correct_meshes} of {len(chosen_meshes)} mesh tiles correct, "
-          f"sizes {'equal' if sizes else 'differ'}{compared}", file=sys.stderr)
-    return (correct, correct_meshes) == (len(chosen), len(chosen_meshes)) and sizes and levels
+          f"{compared}{'' if program else '; not compared with a program'}", file=sys.stderr)
+    return (correct, correct_meshes) == (len(chosen), len(chosen_meshes)) and sizes and levels and same_objects
 
 
 def main():

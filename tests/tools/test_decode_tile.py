@@ -4,16 +4,17 @@ of this repository: python3 -m unittest discover tests/tools
 import pathlib, random, struct, unittest, zlib
 
 from decode_tile import decode, texels_crc32
-from tile_decoder.container import BadTile, Bytes
+from tile_decoder.container import BadTile, Bytes, read_container
 from tile_decoder.mesh import read_mesh
-from tile_decoder.mesh_tile import webp_size
+from tile_decoder.mesh_tile import OBJECTS, webp_size
+from tile_decoder.object_names import NONE, read_triangle_objects
 
 VECTORS = pathlib.Path(__file__).parents[2] / "protocol/tests/vectors"
 UP, EAST_SLOPE = 0x7F7F, 0x7FB5
 
 
 def vector(name):
-    return (VECTORS / f"v2_{name}.bin").read_bytes()
+    return (VECTORS / f"v3_{name}.bin").read_bytes()
 
 
 def texel(r, g, b, ao, coverage=3):
@@ -45,6 +46,19 @@ def cuboid(colour, attribute):
     values = [colour or texture[i] for _ in SIDES for triangle in halves(range(4)) for i in triangle]
     triangles = [triangle for side in SIDES for triangle in halves(side)]
     return ([1.0, 2.0, -3.0], step, 12), points, triangles, [(*attribute, values)]
+
+
+def boxes_with_objects():
+    """Six boxes on a line: points, triangles and the object of each triangle."""
+    _, box, _, _ = cuboid((200, 90, 60), COLOUR)
+    points = box + [(x // 8 + 500 * k, y, z) for k in range(1, 6) for x, y, z in box]
+    sides = [SIDES[side] for side in (0, 5, 1, 2, 3, 4)]
+    triangles = [tuple(8 * k + i for i in triangle) for k in range(6) for side in sides for triangle in halves(side)]
+    objects = [[number] * 12 for number in (7, 9, 1_000_000, 7, 0, 8)]
+    objects[1][3:5] = [70_000] * 2
+    objects[2][6:] = [NONE] * 6
+    objects[4] = [9, 9, 1_000_000, 1_000_000, NONE - 1, NONE - 1] * 2
+    return points, triangles, sum(objects, [])
 
 
 def all_attributes(triangles):
@@ -123,9 +137,19 @@ class FrozenTiles(unittest.TestCase):
         self.assertEqual(texels_crc32(values), 4_232_154_836)
         self.assertEqual(zlib.crc32(struct.pack("<16384H", *shapes)), 405_737_478)
 
+    def test_a_town_with_objects(self):
+        values = decode(vector("town_with_objects"))
+        parts = [[NONE] * 4096 for _ in range(3)]
+        for column in values["columns"]:
+            for part, number in zip(parts, column.pop("objects")):
+                part[column["column"]] = number
+        found = [zlib.crc32(struct.pack("<4096I", *part)) for part in parts]
+        self.assertEqual(found, [3_607_479_904, 2_173_267_658, 3_328_196_466])
+        self.assertEqual(values, decode(vector("town_blockmap")))
+
     def test_lossy_texels(self):
         values = decode(vector("lossy_blockmap"))
-        self.assertEqual(texels_crc32(values), 275_298_839)
+        self.assertEqual(texels_crc32(values), 2_826_750_924)
         self.assertEqual([column["column"] for column in values["columns"]], [y * 64 + x for y in range(9) for x in range(12)])
         for column in values["columns"]:
             self.assertEqual(column["z"], [3, 40 + column["column"] % 7])
@@ -158,6 +182,40 @@ class FrozenTiles(unittest.TestCase):
         self.assertEqual((values["leaf"], values["lod"]), ("7/100/3", 0))
         self.check_mesh(values, *cuboid(None, TEXTURE_COORDINATE))
         self.assertEqual(values["texture"], {"size_px": (640, 20), "bytes": 56})
+
+    def test_mesh_tile_with_objects(self):
+        values = decode(vector("mesh_tile_with_objects"))
+        points, triangles, objects = boxes_with_objects()
+        grid = cuboid((200, 90, 60), COLOUR)[0]
+        self.check_mesh(values, grid, points, triangles, [(*COLOUR, [(200, 90, 60)] * 216)])
+        own, given = ([number for number in numbers for _ in range(3)] for numbers in (values["objects"], objects))
+        found = corners_of(values["points"], values["triangles"], [own])
+        self.assertEqual(found, corners_of(points, triangles, [given]))
+
+    def test_object_schema(self):
+        values = decode(vector("object_schema"))["schema"]
+        self.assertEqual((values["objects"], values["searchable"]), (1029, ["text", "code"]))
+        found = [(attribute["name"], attribute["type"], attribute.get("unit")) for attribute in values["attributes"]]
+        self.assertEqual(found, [
+            ("text", "text", None), ("integer", "integer", None), ("float", "float", "m"), ("bool", "bool", None),
+            ("date", "date", None), ("code", "text", None),
+        ])
+
+    def test_object_block(self):
+        """Three buildings, of which the first two have a part."""
+        values = decode(vector("object_block"))
+        expected = []
+        for number, time, year, size, is_old, day, end, low, high in [
+            (1024, "00:00", 1850, 0.0, True, 0, "10000", [0, 0, 3], [80, 90, 60]),
+            (1026, "49:14", 1929, 688.89, False, 8889, "18889", [889, 1889, 3], [978, 1979, 149]),
+            (1028, "23:09", 1923, 605.63, False, 563, "10563", [563, 5563, 3], [646, 5653, 123]),
+        ]:
+            identifier = f"NL.IMBAG.Pand.05031000000{end}"
+            attributes = [f"2010-10-13T12:{time}Z", year, size, is_old, day, identifier]
+            item = {"number": number, "kind": "building", "identifier": identifier, "bounds_dm": [low, high]}
+            part = item | {"number": number + 1, "kind": "building-part", "identifier": identifier + "-0", "parent": number}
+            expected += [item | {"attributes": dict(enumerate(attributes))}, part | {"attributes": {}}]
+        self.assertEqual((values["block"], values["objects"]), (2, expected[:5]))
 
     def test_scan_mesh(self):
         values = read_mesh(Bytes(vector("scan_mesh")))
@@ -201,6 +259,23 @@ class FrozenTiles(unittest.TestCase):
             except BadTile:
                 pass
 
+    def test_wrong_bytes_of_objects_are_refused_or_decoded(self):
+        rng, triangles = random.Random(2), decode(vector("mesh_tile_with_objects"))["triangles"]
+        good = read_container(vector("mesh_tile_with_objects"))[2][OBJECTS]
+        for length in range(len(good)):
+            self.assertNotEqual(self.objects_of(good[:length], triangles), self.objects_of(good, triangles))
+        self.assertIsNone(self.objects_of(good + bytes(5), triangles))
+        for _ in range(300):
+            data = bytearray(good)
+            data[rng.randrange(len(data))] = rng.randrange(256)
+            self.objects_of(bytes(data), triangles)
+
+    def objects_of(self, data, triangles):
+        try:
+            return read_triangle_objects(data, triangles)
+        except BadTile:
+            return None
+
     def test_meshes_beyond_the_limits_are_refused(self):
         start = vector("architectural_mesh")[:20]
         for vertices, triangles in [(262_145, 1), (1, 262_145)]:
@@ -209,7 +284,8 @@ class FrozenTiles(unittest.TestCase):
                 read_mesh(Bytes(start + counts), 262_144)
 
     def test_shortened_and_lengthened_tiles_are_refused(self):
-        for name in ["blockmap", "lossy_blockmap", "subtree", "subtree_with_meshes", "plain_mesh_tile", "textured_mesh_tile"]:
+        for name in ["blockmap", "lossy_blockmap", "subtree", "subtree_with_meshes", "plain_mesh_tile", "textured_mesh_tile",
+                     "mesh_tile_with_objects", "object_schema", "object_block"]:
             data = vector(name)
             for wrong in [data[:length] for length in range(len(data))] + [data + b"\0"]:
                 with self.assertRaises(BadTile):

@@ -53,7 +53,7 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     let camera = Camera::overview(session.tree().manifest().focus_bounds(), aspect);
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau, switching: None };
     let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
-    let picture = PictureFile { path: &args.out, has_caption: !args.pictures.no_caption };
+    let picture = PictureFile { path: &args.out, has_caption: !args.pictures.no_caption, legend: None };
     render_to_file(&mut session, &request, global, Shading::Lit, &daylight, &picture)?;
     let out = args.out.canonicalize().unwrap_or_else(|_| args.out.clone());
     let note = format!("wrote {} (drawn by {})", out.display(), session.adapter_info().name);

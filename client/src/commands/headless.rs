@@ -11,6 +11,7 @@ use crate::{
     stream::{BackgroundFetcher, fetch::Http},
     ui::view_link::format_link,
 };
+use insula_objects::color::Legend;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{
     cache::pages_for,
@@ -49,10 +50,10 @@ pub fn open_session(
         None => Http::with_options(None, global.http_options())?,
     });
     let city = connect(&http, place, global)?;
-    let downloads = BackgroundFetcher::downloads(http, city.source, INITIAL_REQUESTS, None);
+    let downloads = BackgroundFetcher::downloads(Arc::clone(&http), Arc::clone(&city.source), INITIAL_REQUESTS, None);
     let tree = SceneTree::new(city.manifest).with_meshes(!global.no_meshes);
     let session = Session::open(tree, downloads, opening, pages_for(cache_bytes), first, started)?;
-    Ok(session.with_address(city.address))
+    Ok(session.with_address(city.address).with_objects(http, city.source))
 }
 
 /// An image file to write.
@@ -60,6 +61,8 @@ pub(super) struct PictureFile<'a> {
     pub(super) path: &'a Path,
     /// Whether the city's sources are drawn into a corner.
     pub(super) has_caption: bool,
+    /// Colours of objects, drawn into another corner.
+    pub(super) legend: Option<Legend>,
 }
 
 /// Waits until the frame is settled, draws it with [`STILL_SAMPLES`] x [`STILL_SAMPLES`] rays per pixel, and writes it with
@@ -84,7 +87,8 @@ pub(super) fn render_to_file(
     let pixels = session.draw(request, &settings)?;
     session.record_frame_time(begin.elapsed());
     let link = format_link(session.address(), &request.camera, daylight);
-    write_picture(out.path, &pixels, &PictureNotes::new(session.tree().manifest(), link, out.has_caption))?;
+    let notes = PictureNotes::new(session.tree().manifest(), link, out.has_caption);
+    write_picture(out.path, &pixels, &PictureNotes { legend: out.legend.clone(), ..notes })?;
     Ok(pixels)
 }
 

@@ -5,13 +5,23 @@ use crate::{
     args::{GlobalArgs, SnapshotArgs},
     camera_files::read_camera,
     error::{ClientError, Result},
-    image_files::{write_pfm, write_radiance},
+    image_files::{write_objects, write_pfm, write_radiance},
+    objects::{ObjectJson, ObjectReader},
     report::RunReport,
     ui::view_link::ViewLink,
 };
-use insula_protocol::text::{human_bytes, printable};
+use insula_protocol::{
+    blockmap::NO_OBJECT,
+    text::{human_bytes, printable},
+};
+use insula_shaders::layout::Shading;
 use insula_viewer::{streamer::FrameRequest, sun::Daylight};
-use std::{fs, path::PathBuf};
+use std::{
+    cmp::Reverse,
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
@@ -23,10 +33,30 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau, switching: None };
     let mut session = open_session(&args.server, global, None, Some(&request))?;
     let daylight = Daylight::new(&args.sun.or_time(link.time).into(), session.tree().manifest());
-    let out = PictureFile { path: &args.out, has_caption: !args.pictures.no_caption };
+    let objects = if args.needs_objects() { Some(session.open_objects()?) } else { None };
+    let mut legend = None;
+    if let Some(objects) = objects.as_ref().filter(|_| !args.styles.is_empty()) {
+        let styled = objects.styles(&args.styles)?;
+        if args.styles.filter.is_some() {
+            eprintln!("{} objects pass the filter", styled.passing);
+        }
+        session.set_styles(styled.styles);
+        legend = styled.legend.filter(|_| args.legend);
+    }
+    let out = PictureFile { path: &args.out, has_caption: !args.pictures.no_caption, legend };
     let pixels = render_to_file(&mut session, &request, global, args.shading, &daylight, &out)?;
     if let Some(path) = &args.radiance {
         write_radiance(path, &pixels)?;
+    }
+    if let Some(objects) = objects.as_ref().filter(|_| args.objects.is_some() || args.objects_json.is_some()) {
+        let ids = session.draw(&request, &daylight.render_settings(Shading::Objects, 1))?;
+        let ids = session.objects_of(&ids);
+        if let Some(path) = &args.objects {
+            write_objects(path, args.size, &ids)?;
+        }
+        if let Some(path) = &args.objects_json {
+            write_object_list(path, objects, &ids)?;
+        }
     }
     if let Some(path) = &args.distance {
         // With one ray per pixel, the distance is that of the pixel's centre.
@@ -43,6 +73,22 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     Ok(())
 }
 
+/// Writes what is known of the objects that a picture shows, those with the most pixels first.
+fn write_object_list(path: &Path, objects: &ObjectReader, ids: &[u32]) -> Result<()> {
+    let mut pixels = BTreeMap::<u32, u64>::new();
+    ids.iter().filter(|id| **id != NO_OBJECT).for_each(|id| *pixels.entry(*id).or_default() += 1);
+    let mut shown: Vec<(u32, u64)> = pixels.into_iter().collect();
+    shown.sort_by_key(|(id, pixels)| (Reverse(*pixels), *id));
+    let mut list = Vec::with_capacity(shown.len());
+    for (id, pixels) in shown {
+        if let Some(object) = objects.describe(id)? {
+            list.push(ObjectJson { pixels: Some(pixels), ..object });
+        }
+    }
+    let json = serde_json::to_string_pretty(&list).map_err(|error| ClientError::Failed(error.to_string()))?;
+    fs::write(path, json + "\n").map_err(ClientError::file(path))
+}
+
 /// The written files with their sizes.
 fn written_files(args: &SnapshotArgs) -> String {
     let [width, height] = args.size;
@@ -51,7 +97,7 @@ fn written_files(args: &SnapshotArgs) -> String {
         format!("{} ({what}{size})", path.display())
     };
     let image = describe(&args.out, &format!("{width} x {height} pixels, "));
-    let others = [&args.radiance, &args.distance, &args.report].into_iter().flatten().map(|path| describe(path, ""));
+    let others = [&args.radiance, &args.distance, &args.objects, &args.objects_json, &args.report].into_iter().flatten().map(|path| describe(path, ""));
     format!("wrote {}", std::iter::once(image).chain(others).collect::<Vec<_>>().join(", "))
 }
 

@@ -13,7 +13,7 @@ use egui::{
 };
 use image::{Rgb, RgbImage};
 use insula_protocol::manifest::Attribution;
-use std::sync::Arc;
+use std::{ops::Range, sync::Arc};
 
 /// Smallest picture with a caption, in pixels.
 const MIN_PICTURE_PX: [u32; 2] = [320, 180];
@@ -136,11 +136,11 @@ fn fit(fonts: &mut Fonts, lines: &[CaptionLine], [width, height]: [f32; 2]) -> C
     Caption::new(fonts, joined(short, "; "), MIN_TEXT_PX, wrap)
 }
 
-fn font(text_px: f32) -> FontId {
+pub(super) fn font(text_px: f32) -> FontId {
     FontId::new(text_px, FontFamily::Proportional)
 }
 
-fn padding(text_px: f32) -> f32 {
+pub(super) fn padding(text_px: f32) -> f32 {
     (text_px * 0.15).round().max(1.0)
 }
 
@@ -148,14 +148,30 @@ fn padding(text_px: f32) -> f32 {
 fn paint(image: &mut RgbImage, caption: &Caption, atlas: &egui::ColorImage) {
     let [width, height] = caption.size_px().map(|side| side as u32);
     let (left, top) = (image.width().saturating_sub(width), image.height().saturating_sub(height));
-    for y in top..image.height() {
-        for x in left..image.width() {
+    darken(image, left..image.width(), top..image.height());
+    let origin = egui::vec2(left as f32, top as f32) + egui::Vec2::splat(caption.padding_px);
+    paint_glyphs(image, &caption.galley, origin, atlas, [left, top]);
+}
+
+/// Darkens a rectangle, so that text on it can be read.
+pub(super) fn darken(image: &mut RgbImage, columns: Range<u32>, rows: Range<u32>) {
+    for y in rows {
+        for x in columns.clone() {
             let Rgb(rgb) = image.get_pixel_mut(x, y);
             *rgb = rgb.map(|value| (f32::from(value) * BOX_TRANSMITTANCE) as u8);
         }
     }
-    let origin = egui::vec2(left as f32, top as f32) + egui::Vec2::splat(caption.padding_px);
-    for row in &caption.galley.rows {
+}
+
+/// Draws white glyphs at `origin`, none to the left of or above `corner`.
+pub(super) fn paint_glyphs(
+    image: &mut RgbImage,
+    galley: &Galley,
+    origin: egui::Vec2,
+    atlas: &egui::ColorImage,
+    [left, top]: [u32; 2],
+) {
+    for row in &galley.rows {
         for glyph in row.row.glyphs.iter().filter(|glyph| !glyph.uv_rect.is_nothing()) {
             let corner = origin + row.pos.to_vec2() + (glyph.pos + glyph.uv_rect.offset).to_vec2().round();
             let [[u0, v0], [u1, v1]] = [glyph.uv_rect.min, glyph.uv_rect.max].map(|uv| uv.map(usize::from));

@@ -1,6 +1,7 @@
 //! Image files of a rendered frame: PNG, JPEG or WebP for colours, PFM for distances and radiances.
 
 mod caption;
+mod legend;
 mod picture_format;
 mod picture_notes;
 
@@ -8,7 +9,7 @@ pub use picture_format::{PictureFormat, parse_picture_path};
 pub use picture_notes::PictureNotes;
 
 use crate::error::{ClientError, Result};
-use image::RgbImage;
+use image::{ImageFormat, RgbImage, RgbaImage};
 use insula_shaders::{cpu::raycast::Pixels, tone::decode_radiance};
 use std::path::Path;
 
@@ -23,6 +24,9 @@ pub fn write_png(path: &Path, pixels: &Pixels) -> Result<()> {
 pub fn write_picture(path: &Path, pixels: &Pixels, notes: &PictureNotes) -> Result<()> {
     let format = PictureFormat::of(path).map_err(ClientError::Usage)?;
     let mut image = rgb_image(path, pixels)?;
+    if let Some(legend) = &notes.legend {
+        legend::draw_legend(&mut image, legend);
+    }
     if notes.has_caption {
         caption::draw_caption(&mut image, &notes.credits);
     }
@@ -67,6 +71,19 @@ pub fn write_radiance(path: &Path, pixels: &Pixels) -> Result<()> {
         }
     }
     std::fs::write(path, out).map_err(ClientError::file(path))
+}
+
+/// Writes the number of each pixel's object, row by row from the top: a little-endian u32 a pixel, [`NO_OBJECT`] where there is none. A
+/// file that ends in `.png` gets the same bytes as red, green, blue and alpha. Fails if the file cannot be written.
+pub fn write_objects(path: &Path, [width, height]: [u32; 2], objects: &[u32]) -> Result<()> {
+    let bytes: Vec<u8> = objects.iter().flat_map(|object| object.to_le_bytes()).collect();
+    let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    if !is_png {
+        return std::fs::write(path, bytes).map_err(ClientError::file(path));
+    }
+    let image = RgbaImage::from_raw(width, height, bytes);
+    let image = image.ok_or_else(|| cannot_write(path, &"the frame has fewer pixels than its size says"))?;
+    image.save_with_format(path, ImageFormat::Png).map_err(|error| cannot_write(path, &error))
 }
 
 /// Writes the distances as PFM. Fails if the file cannot be written.

@@ -1,5 +1,6 @@
 //! What a saved picture says about itself: title, sources, licences, link to its view.
 
+use insula_objects::color::Legend;
 use insula_protocol::{Manifest, manifest::Attribution, text::printable};
 
 /// Notes in a picture's file. They come from a manifest, so they are made printable.
@@ -17,6 +18,8 @@ pub struct PictureNotes {
     pub link: Option<String>,
     /// Whether the sources are drawn in a corner of the picture.
     pub has_caption: bool,
+    /// Colours of objects, drawn in another corner.
+    pub legend: Option<Legend>,
 }
 
 impl PictureNotes {
@@ -37,7 +40,7 @@ impl PictureNotes {
         licences.dedup();
         let full = |source: &Attribution| source.texts().cloned().collect::<Vec<_>>().join(", ");
         let copyright = printable(&credits.iter().map(full).collect::<Vec<_>>().join("; ")).into_owned();
-        Self { title: clean(&manifest.title), credits, licences, copyright, link, has_caption }
+        Self { title: clean(&manifest.title), credits, licences, copyright, link, has_caption, legend: None }
     }
 
     /// Keywords and texts, without empty ones.

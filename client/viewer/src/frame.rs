@@ -108,6 +108,7 @@ impl FrameData {
     ) -> Self {
         let view = &View { camera: Camera { position: ray_origin(view.camera.position), ..view.camera }, ..*view };
         let mut frame = frame_uniform(tree, view, settings);
+        frame.objects = u32::from(settings.shading == Shading::Objects || cache.has_styles());
         let list = NodeList::new(&inputs, tree, cache, view);
         let manifest = tree.manifest();
         let root_error_m = voxel_error_m(manifest.cell_m_at(0));

@@ -368,6 +368,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     ]
     .map(str::to_owned)
     .into();
+    let odd: Vec<String> = [
+        "kerk berg hals vest dijk laan stee zeed rott maas spui mark raad kloo tore brug slui pold weid heid bosc duin vijv burg prof",
+        "kerx berx halx vesx dijx laax steex zeedx rottx maasx spux markx raadx kloox torex brugx sluix poldx weidx heidx",
+        "oeoeoeoe aeaeaeae ueueueue boeboeboe koekoekoe",
+        "東京都千代田区丸の内東京都千代田区丸の内東京都千代田区丸の内東京都千代田区丸の内東京都千代田区丸の内東京都千代田区丸の内",
+        "1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32 33 34 35 36 37",
+    ]
+    .map(str::to_owned)
+    .into();
+    report("odd", &index, &odd, |_, hits| !hits.is_empty());
     report("short", &index, &short, |_, hits| !hits.is_empty());
     Ok(())
 }

@@ -321,7 +321,11 @@ impl BlockMap {
                 });
             }
         }
-        Self::from_columns(self.id, self.cell_m, self.z_base_cells, self.z_shift, &columns).unwrap_or(self)
+        match Self::from_columns(self.id, self.cell_m, self.z_base_cells, self.z_shift, &columns) {
+            // The ground is no object.
+            Ok(map) => Self { objects: self.objects, ..map },
+            Err(_) => self,
+        }
     }
 
     /// Height codes of one cell.
@@ -403,7 +407,10 @@ fn fill_beyond(clip: &mut ColumnClip, ground: &MapColumn, [z_min, z_max]: [u16; 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{TileId, blockmap::Quality};
+    use crate::{
+        TileId,
+        blockmap::{ColumnObjects, NO_OBJECT, Quality},
+    };
 
     /// Ground that rises by a metre to the east in every square, without its north-eastern square.
     fn slope() -> NodeGround {
@@ -448,6 +455,16 @@ mod tests {
             strip: Some(WallStrip { texels, azimuth: 64 }),
             ..MapColumn::default()
         }
+    }
+
+    #[test]
+    fn ground_is_no_object_and_columns_keep_theirs() {
+        let mut map = map_on(bump(), &[(70, MapColumn { z_max: 200, ..MapColumn::default() })]);
+        let mut objects = ColumnObjects::default();
+        objects.roof[70] = 5;
+        map.objects = Some(Box::new(objects));
+        let on_ground = map.stand_on_ground().objects.unwrap();
+        assert_eq!((on_ground.roof[70], on_ground.roof[71]), (5, NO_OBJECT));
     }
 
     #[test]

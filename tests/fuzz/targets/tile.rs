@@ -2,11 +2,14 @@
 #![no_main]
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 
-use insula_protocol::{BlockMap, Subtree, TileId, TileKind, tile::{TileReader, TileWriter}};
+use insula_protocol::{
+    BlockMap, MeshTile, Subtree, TileId, TileKind, object_tile,
+    tile::{TileReader, TileWriter},
+};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    for kind in [TileKind::BlockMap, TileKind::Subtree] {
+    for kind in TileKind::ALL {
         if let Ok(reader) = TileReader::new(bytes, kind) {
             (0..16).for_each(|tag| drop(reader.section(tag, 1 << 16)));
         }
@@ -14,7 +17,7 @@ fuzz_target!(|bytes: &[u8]| {
     // The input lists sections: tag, length, bytes.
     let [kind, has_id, sections @ ..] = bytes else { return };
     let mut rest = sections;
-    let kind = if kind & 1 == 0 { TileKind::BlockMap } else { TileKind::Subtree };
+    let kind = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh, TileKind::Objects][usize::from(kind & 3)];
     let mut writer = TileWriter::new(kind, (has_id & 1 == 1).then_some(TileId::ROOT));
     while let [tag, low, high, tail @ ..] = rest {
         let length = usize::from(u16::from_le_bytes([*low, *high])).min(tail.len());
@@ -25,6 +28,10 @@ fuzz_target!(|bytes: &[u8]| {
         rest = after;
     }
     let Ok(tile) = writer.finish() else { return };
-    let _ = BlockMap::decode(TileId::ROOT, &tile);
-    let _ = Subtree::decode(&tile);
+    match kind {
+        TileKind::BlockMap => drop(BlockMap::decode(TileId::ROOT, &tile)),
+        TileKind::Subtree => drop(Subtree::decode(&tile)),
+        TileKind::Mesh => drop(MeshTile::decode(TileId::ROOT, 0, &tile)),
+        TileKind::Objects => drop(object_tile::decode(object_tile::SCHEMA_ID, &tile)),
+    }
 });

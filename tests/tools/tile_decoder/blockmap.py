@@ -3,6 +3,7 @@ import math
 from .appearance import read_appearance
 from .container import BadTile, Bytes
 from .ground import read_ground
+from .object_names import read_column_objects
 from .range_coder import RangeReader, bit_models
 from .shapes import (COLUMNS, OCCUPIED, REFLECTIVE, Map, facade_order, neighbour, read_bottoms, read_exposed, read_tops,
                      read_walls)
@@ -17,6 +18,8 @@ def read_blockmap(tile_id, sections):
     ground = read_section(sections[3], read_ground) if 3 in sections else None
     if 4 in sections:
         read_section(sections[4], lambda coder: read_reflective(coder, tile))
+    if 5 in sections:
+        tile.objects = read_column_objects(sections[5], tile)
     check_columns(tile)
     return tile, ground
 

@@ -1,10 +1,11 @@
 """Comparisons of a city's decoded tiles with each other and with what `insula-server` says about them."""
-import json, pathlib, subprocess, tempfile
+import datetime, json, pathlib, subprocess, tempfile
 from . import map_image
 from .blockmap import read_blockmap
 from .container import BadTile, read_archive, read_container
 from .ground_columns import stand_on_ground
 from .mesh_tile import TEXTURE, read_name, webp_size
+from .object_tile import read_object_tile
 
 
 def nodes_of(subtrees):
@@ -25,6 +26,60 @@ def read_mesh_archive(city):
             raise BadTile(f"mesh tile {z}/{x}/{y} names another leaf or level of detail")
         tiles[name] = data
     return tiles
+
+
+def read_object_archive(city):
+    """The schema, then all blocks, as (name, values); nothing in a city without objects."""
+    path = city / "objects.pmtiles"
+    if not path.exists():
+        return
+    tiles = {}
+    for *place, data in read_archive(path):
+        _, tile_id, tiles[tuple(place)] = read_container(data)
+        if tile_id != tuple(place):
+            raise BadTile(f"object tile {place} names another place")
+    if (0, 0, 0) not in tiles:
+        raise BadTile("objects without a schema")
+    values = read_object_tile((0, 0, 0), tiles.pop((0, 0, 0)))
+    yield "schema of objects", values
+    for place, sections in sorted(tiles.items()):
+        block = read_object_tile(place, sections, values["schema"])
+        yield f"objects {block['block']}", block
+
+
+def read_objects(city):
+    """All objects by number, with names of attributes and texts of dates."""
+    objects, attributes = {}, []
+    for _, values in read_object_archive(city):
+        if values["kind"] == "schema":
+            attributes = values["schema"]["attributes"]
+            continue
+        for item in values["objects"]:
+            named = {attributes[place]["name"]: readable(value, attributes[place]["type"])
+                     for place, value in item["attributes"].items()}
+            objects[item["number"]] = item | {"attributes": named}
+    return objects
+
+
+def readable(value, value_type):
+    """A date as text; years beyond 1 to 9999 fail."""
+    return str(datetime.date(1970, 1, 1) + datetime.timedelta(value)) if value_type == "date" else value
+
+
+def are_objects_equal(program, city, objects):
+    """Compares all objects with those that `objects` prints."""
+    numbers, equal = sorted(objects), True
+    for start in range(0, len(numbers), 1000):
+        ids = ",".join(map(str, numbers[start:start + 1000]))
+        text = subprocess.run([program, "objects", city, "--ids", ids, "--json"], check=True, capture_output=True).stdout
+        for found in json.loads(text):
+            item = objects[found["id"]]
+            parent = objects[item["parent"]]["identifier"] if "parent" in item else None
+            own = {key: item[key] for key in ("identifier", "kind", "attributes")} | {"id": item["number"], "parent": parent}
+            if own != found:
+                equal = False
+                print(f"object {found['id']}: found {own}, expected {found}")
+    return equal
 
 
 def are_sizes_equal(blockmaps, meshes, subtrees):

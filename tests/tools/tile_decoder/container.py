@@ -1,7 +1,8 @@
 """Tile container and city folder's archives (docs/formats.md, "Tile container" and "The archives")."""
 import gzip, struct, subprocess, zlib
 
-KINDS = {1: "blockmap", 2: "subtree", 3: "mesh"}
+VERSION = 3
+KINDS = {1: "blockmap", 2: "subtree", 3: "mesh", 4: "objects"}
 MAX_HEADER_BYTES = 1 << 20
 MAX_SECTIONS = 16
 MAX_SECTION_BYTES = 16 << 20
@@ -73,8 +74,8 @@ def read_container(data):
     """"Tile container": returns the kind, the id (level, x, y) or None, and the sections by tag."""
     reader = Bytes(data)
     magic, version, kind, reserved, header_bytes, header_crc = struct.unpack("<4sHBBII", reader.take(16))
-    if magic != b"INSU" or version != 2 or kind not in KINDS or reserved != 0 or header_bytes > MAX_HEADER_BYTES:
-        raise BadTile("not a tile of version 2")
+    if magic != b"INSU" or version != VERSION or kind not in KINDS or reserved != 0 or header_bytes > MAX_HEADER_BYTES:
+        raise BadTile("not a tile of version 3")
     header = reader.take(header_bytes)
     if zlib.crc32(header) != header_crc:
         raise BadTile("the header's checksum is wrong")

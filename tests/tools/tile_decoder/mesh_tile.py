@@ -2,8 +2,9 @@
 import struct
 from .container import BadTile, Bytes
 from .mesh import read_mesh
+from .object_names import read_triangle_objects
 
-META, MESH, TEXTURE = 1, 2, 3
+META, MESH, TEXTURE, OBJECTS = 1, 2, 3, 4
 MAX_LODS = 4
 MAX_TRIANGLES = 262_144
 MAX_PART_BYTES = 4 << 20
@@ -29,6 +30,10 @@ def read_mesh_tile(tile_id, sections):
     if not values["triangles"]:
         raise BadTile("a mesh tile has no triangles")
     check_attribute(values["attributes"], bool(texture))
+    if sections.get(OBJECTS):
+        if len(sections[OBJECTS]) > MAX_PART_BYTES:
+            raise BadTile("a mesh tile's objects are too large")
+        values["objects"] = read_triangle_objects(sections[OBJECTS], values["triangles"])
     if texture:
         values["texture"] = {"size_px": read_size(meta, texture), "bytes": len(texture)}
     return values

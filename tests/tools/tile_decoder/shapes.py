@@ -46,6 +46,8 @@ class Map:
         self.gap, self.clip = [None] * COLUMNS, [None] * COLUMNS
         # Texels are (r, g, b, ao, coverage).
         self.roof, self.strip = [None] * COLUMNS, [None] * COLUMNS
+        # The numbers of the objects that the columns show, if the tile has them.
+        self.objects = None
 
     def has(self, i, flag):
         return i is not None and self.flags[i] & flag != 0

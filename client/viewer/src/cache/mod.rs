@@ -139,6 +139,7 @@ pub struct AtlasCache {
     peak_pages: u32,
     /// How objects are drawn.
     styles: ObjectStyles,
+    has_styles: bool,
     /// The resident palettes: their objects, by their first words.
     palettes: BTreeMap<u32, Vec<u32>>,
 }
@@ -164,6 +165,7 @@ impl AtlasCache {
             frame: 1,
             peak_pages: 0,
             styles: ObjectStyles::default(),
+            has_styles: false,
             palettes: BTreeMap::new(),
         }
     }
@@ -249,7 +251,7 @@ impl AtlasCache {
         };
         let palette = objects.as_ref().map(|objects| objects.palette);
         if let Some(PackedObjects { list, palette }) = objects {
-            if !self.styles.is_empty() {
+            if self.has_styles {
                 upload.write_words(palette, &self.styles.words(&list));
             }
             self.palettes.insert(palette, list);
@@ -267,6 +269,11 @@ impl AtlasCache {
         list.get((address - first) as usize).copied()
     }
 
+    /// Whether any object is drawn in another way than by its own colours.
+    pub(crate) fn has_styles(&self) -> bool {
+        self.has_styles
+    }
+
     /// How objects are drawn.
     pub fn styles(&self) -> &ObjectStyles {
         &self.styles
@@ -277,6 +284,7 @@ impl AtlasCache {
         for (palette, list) in &self.palettes {
             upload.write_words(*palette, &styles.words(list));
         }
+        self.has_styles = !styles.is_empty();
         self.styles = styles;
     }
 

@@ -24,6 +24,7 @@ mod upload_queue;
 
 use crate::{
     cache::{Upload, slots_for},
+    objects::ObjectStyles,
     camera::{Camera, View},
     frame::{FrameData, FrameInputs, RenderSettings},
     scene::{SceneTree, TileKey},
@@ -115,6 +116,11 @@ impl<F: TileFetcher> Streamer<F> {
     /// Replaces the empty cache by one of `pages` pages, once the adapter is open.
     pub fn resize_cache(&mut self, pages: u32) {
         self.tiles.resize_cache(pages);
+    }
+
+    /// Draws objects in another way from the next frame on.
+    pub fn set_styles(&mut self, styles: ObjectStyles, upload: &mut impl Upload) {
+        self.tiles.cache.set_styles(styles, upload);
     }
 
     /// The view of a request seen from `camera`, with this cache's budget.

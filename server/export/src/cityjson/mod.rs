@@ -37,6 +37,11 @@ pub(crate) fn write(city: &City<'_>, plan: &Plan, out: &Path) -> Result<ExportRe
     let mut lines = Lines { city, out: BufWriter::new(file), path: out, written: RoaringBitmap::new() };
     lines.put(&head)?;
     visit_families(city, plan, &mut |family| lines.write_family(family, &mut report))?;
+    if lines.written.is_empty() && !plan.selected.is_empty() {
+        let warning =
+            "no mesh shows the selected objects, so they have no geometry: bake with meshes, or export 3D Tiles";
+        report.warnings.push(warning.to_owned());
+    }
     lines.write_rest(plan, &mut report)?;
     let file = lines.out.into_inner().map_err(|error| ExportError::write(out)(error.into_error()))?;
     report.bytes = output.commit(file)?;
@@ -130,18 +135,20 @@ impl Lines<'_> {
         }))
     }
 
-    /// Writes the selected objects that no tile shows.
+    /// Writes the selected objects that no mesh shows, each with those of its family.
     fn write_rest(&mut self, plan: &Plan, report: &mut ExportReport) -> Result<(), ExportError> {
+        let mut rest = Vec::new();
         for object in &plan.selected - &self.written {
-            if self.written.contains(object) {
-                continue;
-            }
-            let root = self.city.ancestors(object)?.last().copied().unwrap_or(object);
+            rest.push((self.city.ancestors(object)?.last().copied().unwrap_or(object), object));
+        }
+        rest.sort_unstable();
+        for family in rest.chunk_by(|(root, _), (other, _)| root == other) {
+            let Some(&(root, _)) = family.first() else { continue };
             if self.written.contains(root) {
-                report.skip("no tile shows it, and its parent was written before");
+                family.iter().for_each(|_| report.skip("no mesh shows it, and its parent was written before"));
                 continue;
             }
-            let members = BTreeMap::from([(object, Member::default())]);
+            let members = family.iter().map(|(_, object)| (*object, Member::default())).collect();
             self.write_family(Family { root, members: Some(members) }, report)?;
         }
         Ok(())

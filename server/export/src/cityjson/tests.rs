@@ -75,7 +75,7 @@ fn a_building_and_its_parts_are_one_feature() {
     assert_eq!((house["vertices"].as_array().unwrap().len(), house["vertices"][0][2].as_i64().unwrap() % 1000), (8, 0));
     // Without an identifier it has its number.
     let court = feature(&lines, &format!("object-{COURT}"));
-    let expected = 704.0 + (4.0 * 28.0 + 2.0 * (10.0 + 8.0 + 10.0 + 8.0)) * 15.0;
+    let expected = 720.0 + (4.0 * 28.0 + 2.0 * (10.0 + 8.0 + 10.0 + 8.0)) * 15.0;
     assert!(area_m2(court, &format!("object-{COURT}")) > 0.99 * expected);
     let used: BTreeSet<u64> = court["CityObjects"][format!("object-{COURT}")]["geometry"][0]["boundaries"]
         .as_array()
@@ -100,4 +100,32 @@ fn a_selected_part_comes_with_its_parent_and_a_parent_with_its_parts() {
     assert_eq!(of(&[PARTS[0]]), (vec!["b-b".to_owned(), "b-b-1".to_owned()], 2));
     assert_eq!(of(&[BUILDING]).0, ["b-b", "b-b-1", "b-b-2"]);
     assert_eq!(of(&[HOUSE]).0, ["b-a"]);
+}
+
+#[test]
+fn a_city_without_meshes_has_objects_without_geometry() {
+    let (lines, report) = lines(false, &Selection::default());
+    assert_eq!((report.objects, report.without_geometry, report.warnings.len()), (8, 8, 1));
+    assert!(lines[1..].iter().all(|line| line["vertices"] == json!([])));
+    // The parts come with their parent once.
+    assert_eq!(feature(&lines, "b-b")["CityObjects"].as_object().unwrap().len(), 3);
+}
+
+#[test]
+fn houses_across_leaves_have_the_surfaces_of_their_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.city.jsonl");
+    let city = TestCity::of_rotated_houses();
+    export(&city, Format::CityJsonSeq, &Selection::default(), &Projections::default(), &path).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    let features: Vec<Value> = text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(features.len(), 36);
+    // Floor, two long walls, two gable walls, and two slopes 5 m long.
+    let expected = 96.0 + 2.0 * 48.0 + 2.0 * (32.0 + 12.0) + 2.0 * 60.0;
+    for feature in &features {
+        let id = feature["id"].as_str().unwrap();
+        let surfaces = feature["CityObjects"][id]["geometry"][0]["boundaries"].as_array().unwrap().len();
+        assert!(surfaces == 7, "{id}: {surfaces}");
+        assert!((area_m2(feature, id) - expected).abs() < 0.3, "{id}: {}", area_m2(feature, id));
+    }
 }

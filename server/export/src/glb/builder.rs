@@ -43,8 +43,8 @@ pub(crate) struct GlbBuilder {
     used: BTreeSet<&'static str>,
     required: BTreeSet<&'static str>,
     packing: Packing,
-    /// The material of meshes with colours of vertices, by whether it is double-sided.
-    plain_materials: [Option<usize>; 2],
+    /// The material of meshes with colours of vertices.
+    plain_material: Option<usize>,
 }
 
 impl GlbBuilder {
@@ -63,7 +63,7 @@ impl GlbBuilder {
             used: BTreeSet::new(),
             required: BTreeSet::new(),
             packing,
-            plain_materials: [None; 2],
+            plain_material: None,
         }
     }
 
@@ -204,22 +204,24 @@ impl GlbBuilder {
         let source = document.images.len() - 1;
         document.textures.push(json!({ "sampler": 0, "extensions": { WEBP: { "source": source } } }));
         let texture = Some(TextureInfo { index: document.textures.len() - 1 });
-        self.push_material(texture, true)
+        self.push_material(texture)
     }
 
     /// The material of meshes with colours of vertices.
-    pub(crate) fn plain_material(&mut self, double_sided: bool) -> usize {
-        if let Some(material) = self.plain_materials[usize::from(double_sided)] {
+    pub(crate) fn plain_material(&mut self) -> usize {
+        if let Some(material) = self.plain_material {
             return material;
         }
-        let material = self.push_material(None, double_sided);
-        self.plain_materials[usize::from(double_sided)] = Some(material);
+        let material = self.push_material(None);
+        self.plain_material = Some(material);
         material
     }
 
-    fn push_material(&mut self, base_color_texture: Option<TextureInfo>, double_sided: bool) -> usize {
+    /// Materials are double-sided: sources have single surfaces, and where a coarser tile meets a finer one, the inside of boxes closes
+    /// what would be a gap.
+    fn push_material(&mut self, base_color_texture: Option<TextureInfo>) -> usize {
         let pbr_metallic_roughness = PbrMetallicRoughness { base_color_texture, metallic_factor: 0.0 };
-        self.document.materials.push(Material { pbr_metallic_roughness, double_sided });
+        self.document.materials.push(Material { pbr_metallic_roughness, double_sided: true });
         self.document.materials.len() - 1
     }
 

@@ -62,7 +62,7 @@ impl<'a> ContentWriter<'a> {
         if triangles > 0 {
             let material = match &tile.texture {
                 Some(texture) => glb.add_textured_material(&texture.bytes),
-                None => glb.plain_material(true),
+                None => glb.plain_material(),
             };
             let grid = &tile.mesh.grid;
             let grid = Matrix::scale([grid.step; 3]).then(&Matrix::translation(grid.min));
@@ -122,7 +122,7 @@ impl<'a> ContentWriter<'a> {
         let geometry = self.box_geometry(map, node, rows)?;
         let triangles = geometry.indices.len() / 3;
         if triangles > 0 {
-            let material = glb.plain_material(false);
+            let material = glb.plain_material();
             let mesh = glb.add_mesh(&geometry, material)?;
             glb.add_node(Some(node.to_string()), grid.then(place).to_array(), mesh);
         }

@@ -117,7 +117,6 @@ pub(crate) struct Attributes {
 #[serde(rename_all = "camelCase")]
 pub(crate) struct Material {
     pub(crate) pbr_metallic_roughness: PbrMetallicRoughness,
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(crate) double_sided: bool,
 }
 

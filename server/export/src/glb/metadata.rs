@@ -161,14 +161,14 @@ impl<'a> Table<'a> {
             semantic,
             column,
         };
-        let mut properties = vec![own("id", Some("ID"), Column::Number(self.ids.to_vec()))];
+        let mut properties = vec![own("id", None, Column::Number(self.ids.to_vec()))];
         if detail >= Detail::Name {
             let known = || self.records.iter().map(Option::as_ref);
             let kinds = known().map(|record| record.map(|record| record.kind.name().to_owned())).collect();
             properties.push(own("kind", None, Column::Text(kinds)));
             let identifier = |record: &ObjectRecord| Some(record.identifier.clone()).filter(|name| !name.is_empty());
             let identifiers = known().map(|record| record.and_then(identifier)).collect();
-            properties.push(own("identifier", None, Column::Text(identifiers)));
+            properties.push(own("identifier", Some("ID"), Column::Text(identifiers)));
         }
         if detail >= Detail::Full {
             properties.push(own("parent", None, Column::Text(self.parents.clone())));

@@ -22,6 +22,7 @@ pub(crate) mod geometry;
 pub(crate) mod matrix;
 pub(crate) mod metadata;
 pub(crate) mod objects;
+pub(crate) mod reach;
 #[cfg(test)]
 pub(crate) mod test_city;
 #[cfg(test)]
@@ -41,6 +42,7 @@ use insula_protocol::{Subtree, TileId};
 use matrix::{Matrix, subtract};
 use metadata::{Rows, add_table};
 use objects::ObjectReader;
+use reach::Reach;
 use serde_json::json;
 use std::io::Write;
 
@@ -102,14 +104,6 @@ fn middle(source: &dyn CitySource, selection: &Selection) -> [f64; 3] {
     [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), manifest.origin[2]]
 }
 
-/// The square of a node on the map, world metres, `[min, max]`.
-pub(crate) fn square_of(source: &dyn CitySource, node: TileId) -> [[f64; 2]; 2] {
-    let manifest = source.manifest();
-    let [x, y, _] = manifest.node_corner(node);
-    let side = manifest.node_side_m(node.level());
-    [[x, y], [x + side, y + side]]
-}
-
 /// The subtree below a node that must have one.
 pub(crate) fn subtree_at(source: &dyn CitySource, root: TileId) -> Result<Subtree, ExportError> {
     let missing = || SourceError { what: format!("subtree {root}"), reason: "it is missing: bake the city again".into() };
@@ -119,12 +113,13 @@ pub(crate) fn subtree_at(source: &dyn CitySource, root: TileId) -> Result<Subtre
 /// The nodes without children in the selected area, in the order of a traversal by quadrants. Above the deepest level, these are nodes
 /// of the surroundings.
 fn leaves(source: &dyn CitySource, selection: &Selection) -> Result<Vec<TileId>, ExportError> {
+    let reach = Reach::new(source, selection)?;
     let mut leaves = Vec::new();
     let mut roots = vec![TileId::ROOT];
     while let Some(root) = roots.pop() {
         let subtree = subtree_at(source, root)?;
         for node in &subtree.nodes {
-            if !selection.may_touch(square_of(source, node.id)) {
+            if !reach.has(node.id) {
                 continue;
             }
             let has_children = node.child_mask & 0xf != 0;

@@ -4,11 +4,12 @@ use crate::{
     selection::Selection,
     source::{CitySource, SourceError},
 };
-use insula_objects::{
-    BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectRecord,
-};
+use insula_objects::{BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectRecord};
 use insula_protocol::blockmap::NO_OBJECT;
 use std::{cell::RefCell, collections::BTreeMap, rc::Rc};
+
+/// Most blocks that are kept.
+const MAX_BLOCKS: usize = 64;
 
 /// Reads objects of a city. Blocks that were read are kept, because the objects of a tile come from few.
 pub(crate) struct ObjectReader<'a> {
@@ -28,7 +29,11 @@ impl<'a> ObjectReader<'a> {
             return Ok(block.clone());
         }
         let block = self.source.objects(number)?.map(Rc::new);
-        self.blocks.borrow_mut().insert(number, block.clone());
+        let mut blocks = self.blocks.borrow_mut();
+        if blocks.len() == MAX_BLOCKS {
+            blocks.clear();
+        }
+        blocks.insert(number, block.clone());
         Ok(block)
     }
 
@@ -60,6 +65,7 @@ enum Choice {
 /// Decides which surfaces are selected.
 pub(crate) struct Chooser<'a> {
     selection: &'a Selection,
+    is_everything: bool,
     reader: &'a ObjectReader<'a>,
     origin: [f64; 3],
     known: RefCell<BTreeMap<u32, Choice>>,
@@ -68,13 +74,14 @@ pub(crate) struct Chooser<'a> {
 impl<'a> Chooser<'a> {
     pub(crate) fn new(selection: &'a Selection, reader: &'a ObjectReader<'a>) -> Self {
         let origin = reader.source.manifest().origin;
-        Self { selection, reader, origin, known: RefCell::default() }
+        let is_everything = *selection == Selection::default();
+        Self { selection, is_everything, reader, origin, known: RefCell::default() }
     }
 
     /// Whether a surface of `object` at a world position is selected. Objects are selected as a whole, by [`Selection::contains`];
     /// land and surfaces without an object by their place.
     pub(crate) fn has(&self, object: u32, place: [f64; 2]) -> Result<bool, SourceError> {
-        if *self.selection == Selection::default() {
+        if self.is_everything {
             return Ok(true);
         }
         if object == NO_OBJECT {

@@ -131,6 +131,15 @@ pub(crate) fn webp() -> TileTexture {
     TileTexture { size_px: [2, 1], bytes: bytes.into_inner() }
 }
 
+/// House 1 stands in the columns of the root, house `2 + q` in the leaf in quadrant `q`.
+fn house_bounds(house: u32) -> ObjectBounds {
+    let Some(quadrant) = house.checked_sub(2).map(|quadrant| quadrant as i32) else {
+        return ObjectBounds { min: [200, 200, 10], max: [440, 440, 300] };
+    };
+    let [x, y] = [640 * (quadrant & 1), 640 * (quadrant >> 1)];
+    ObjectBounds { min: [x + 100, y + 100, 5], max: [x + 220, y + 220, 150] }
+}
+
 fn records() -> Vec<Option<ObjectRecord>> {
     let terrain = ObjectRecord {
         identifier: "terrain".into(),
@@ -143,7 +152,7 @@ fn records() -> Vec<Option<ObjectRecord>> {
         identifier: format!("house-{id}"),
         kind: if id == HOUSES { FeatureKind::BuildingPart } else { FeatureKind::Building },
         parent: (id == HOUSES).then_some(1),
-        bounds: Some(ObjectBounds { min: [100, 100, 5], max: [220, 220, 150] }),
+        bounds: Some(house_bounds(id)),
         attributes: vec![
             (0, Value::Text(format!("M\u{fc}hle {id}"))),
             (1, Value::Integer(i64::from(id) + 1)),

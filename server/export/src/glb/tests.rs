@@ -67,10 +67,15 @@ fn a_selection_takes_whole_objects_and_land_by_place() {
     let objects = Some([4].into_iter().collect());
     let (glb, _) = export(&city, &Selection { objects, ..Selection::default() }).unwrap();
     assert_eq!((glb.column("id"), glb.list("meshes").len()), (vec!["4".to_owned()], 1));
-    // The south-eastern leaf's western half, without the middle of its house by the bounds of the test city.
+    // The western half of the south-eastern leaf, with the middle of its house.
     let bbox = Some([[1064.0, 2000.0], [1096.0, 2064.0]]);
     let (glb, _) = export(&city, &Selection { bbox, ..Selection::default() }).unwrap();
-    assert!(glb.scene_positions().iter().all(|p| p[0].abs() <= 16.01));
+    assert_eq!(glb.column("id"), ["3"]);
+    assert!(glb.scene_positions().iter().all(|p| p[0].abs() <= 6.01));
+    // A strip without the middle of any house, in a leaf with columns: all that is left is land.
+    let bbox = Some([[1000.0, 2064.0], [1012.0, 2128.0]]);
+    let (glb, _) = export(&city, &Selection { bbox, ..Selection::default() }).unwrap();
+    assert_eq!(glb.column("kind"), ["relief"]);
     let nothing = Selection { bbox: Some([[0.0; 2]; 2]), ..Selection::default() };
     assert!(matches!(export(&city, &nothing), Err(ExportError::Nothing(_))));
 }

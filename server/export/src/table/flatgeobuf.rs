@@ -1,6 +1,6 @@
 //! FlatGeobuf: typed columns, multipolygons in world metres, and an index by place.
 //!
-//! The writer of the crate keeps features in a temporary file and 56 bytes of each in memory, for the index. Objects without a
+//! The writer of the crate keeps features in a temporary file, and about 150 bytes of each in memory for the index. Objects without a
 //! footprint are left out, because the index cannot have them. The header's `metadata` is a JSON object with `attribution`.
 
 use super::{

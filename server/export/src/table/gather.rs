@@ -11,7 +11,7 @@ use super::{
     walk::{EndNode, visit_end_nodes},
 };
 use insula_protocol::{MeshTile, TileId, mesh_tile::NO_OBJECT};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, hash_map::Entry};
 
 /// Positions this close to a leaf's border are on it, in steps of the mesh's grid: triangles are cut there.
 const BORDER_STEPS: f64 = 1.5;
@@ -179,11 +179,12 @@ impl Targets {
         if object == NO_OBJECT {
             return Ok(&[]);
         }
-        if !self.0.contains_key(&object) {
-            let all = std::iter::once(object).chain(city.ancestors(object)?);
-            let targets = all.filter(|target| plan.selected.contains(*target)).collect();
-            self.0.insert(object, targets);
+        match self.0.entry(object) {
+            Entry::Occupied(known) => Ok(known.into_mut()),
+            Entry::Vacant(new) => {
+                let all = std::iter::once(object).chain(city.ancestors(object)?);
+                Ok(new.insert(all.filter(|target| plan.selected.contains(*target)).collect()))
+            }
         }
-        Ok(self.0.get(&object).map_or(&[], Vec::as_slice))
     }
 }

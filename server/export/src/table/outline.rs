@@ -92,11 +92,19 @@ impl Outline {
         for mut shape in shapes {
             let holes = shape.split_off(shape.len().min(1));
             if let Some(outer) = shape.pop().filter(is_kept) {
-                polygons.push(std::iter::once(outer).chain(holes.into_iter().filter(is_kept)).collect());
+                let rings = std::iter::once(outer).chain(holes.into_iter().filter(is_kept));
+                polygons.push(rings.map(from_first).collect());
             }
         }
         polygons
     }
+}
+
+/// The ring from its westernmost point on, so that equal outlines have equal rings.
+fn from_first(mut ring: Vec<MapPoint>) -> Vec<MapPoint> {
+    let first = ring.iter().enumerate().min_by_key(|(_, point)| (point.x, point.y)).map_or(0, |(i, _)| i);
+    ring.rotate_left(first);
+    ring
 }
 
 /// Area in square metres.
@@ -154,12 +162,17 @@ mod tests {
     #[test]
     fn courtyards_are_holes_and_slits_are_closed() {
         let mut outline = Outline::default();
-        let parts = [[0, 0, 30_000, 10_000], [0, 20_000, 30_000, 30_000], [0, 10_000, 10_000, 20_000]];
+        // The first two are a millimetre apart, up to the third.
+        let parts = [
+            [0, 0, 30_000, 9_999],
+            [20_000, 10_000, 30_000, 20_000],
+            [0, 0, 21_000, 10_000],
+            [0, 10_000, 10_000, 20_000],
+            [0, 20_000, 30_000, 30_000],
+        ];
         for [x0, y0, x1, y1] in parts {
             add(&mut outline, [x0, y0], [x1, y1]);
         }
-        // A millimetre away from the others.
-        add(&mut outline, [20_000, 10_001], [30_000, 19_999]);
         let (polygons, area) = finish(outline);
         assert_eq!((polygons.len(), polygons[0].len(), polygons[0][0].len(), polygons[0][1].len()), (1, 2, 4, 4));
         assert!((area - 800.0).abs() < 0.1, "{area}");
@@ -188,5 +201,39 @@ mod tests {
         }
         let (polygons, area) = finish(outline);
         assert_eq!((polygons.len(), polygons[0][0].len(), area), (1, 4, 10_000.0));
+    }
+
+    #[test]
+    fn any_triangles_cover_what_their_outline_does() {
+        let mut rng = insula_test_support::rng::Rng::new(7);
+        for _ in 0..40 {
+            let mut outline = Outline::default();
+            let triangles: Vec<[MapPoint; 3]> = (0..30)
+                .map(|_| {
+                    let middle = [rng.below(40_000) as i32, rng.below(40_000) as i32];
+                    [0; 3].map(|_| point(middle[0] + rng.below(9_000) as i32, middle[1] + rng.below(9_000) as i32))
+                })
+                .collect();
+            triangles.iter().for_each(|corners| outline.add_triangle(*corners));
+            let (polygons, _) = finish(outline);
+            let (mut points, mut wrong) = (0, 0);
+            for i in 0..10_000 {
+                let place = point(i % 100 * 490, i / 100 * 490);
+                let in_triangle = triangles.iter().any(|corners| is_in_ring(corners, place));
+                let in_rings = polygons.iter().flatten().filter(|ring| is_in_ring(ring, place)).count();
+                points += 1;
+                wrong += usize::from(in_triangle != (in_rings % 2 == 1));
+            }
+            assert!(points == 10_000 && wrong <= 3, "{wrong}");
+        }
+    }
+
+    fn is_in_ring(ring: &[MapPoint], place: MapPoint) -> bool {
+        let crosses = |(a, b): (&MapPoint, &MapPoint)| {
+            let (to_a, to_b) = (f64::from(a.y - place.y), f64::from(b.y - place.y));
+            (to_a > 0.0) != (to_b > 0.0)
+                && f64::from(a.x) + to_a / (to_a - to_b) * f64::from(b.x - a.x) > f64::from(place.x)
+        };
+        ring.iter().zip(ring.iter().cycle().skip(1)).filter(|edge| crosses(*edge)).count() % 2 == 1
     }
 }

@@ -77,18 +77,65 @@ pub(crate) struct TestCity {
     schema: Schema,
     blocks: HashMap<u32, Vec<u8>>,
     has_meshes: bool,
+    /// Triangles in metres from the city's corner, in place of the boxes.
+    triangles: Vec<(u32, [[f64; 3]; 3])>,
 }
 
 impl TestCity {
     /// With meshes, or with columns only.
     pub(crate) fn new(has_meshes: bool) -> Self {
-        let records = records();
+        Self { has_meshes, ..Self::of(records(), Vec::new()) }
+    }
+
+    /// Houses with gable roofs at any angle, some of them across the leaves' borders: 6 x 6, each 12 x 8 x 7 m. Their leaves are 32 m,
+    /// and their meshes have the precision of 16 bits of the leaf.
+    pub(crate) fn of_rotated_houses() -> Self {
+        let (mut triangles, mut houses) = (Vec::new(), Vec::new());
+        for house in 0..36u32 {
+            let angle = f64::from(house) * 0.37;
+            let middle = [12.0 + f64::from(house % 6) * 20.3, 12.0 + f64::from(house / 6) * 20.3];
+            let at = |x: f64, y: f64, z: f64| {
+                [middle[0] + x * angle.cos() - y * angle.sin(), middle[1] + x * angle.sin() + y * angle.cos(), z]
+            };
+            let [a, b, c, d] =
+                [(-6.0, -4.0), (6.0, -4.0), (6.0, 4.0), (-6.0, 4.0)].map(|(x, y)| [at(x, y, 5.0), at(x, y, 9.0)]);
+            let [e, f] = [at(-6.0, 0.0, 12.0), at(6.0, 0.0, 12.0)];
+            let quads = [
+                [a[1], b[1], f, e],
+                [c[1], d[1], e, f],
+                [a[0], b[0], b[1], a[1]],
+                [b[0], c[0], c[1], b[1]],
+                [c[0], d[0], d[1], c[1]],
+                [d[0], a[0], a[1], d[1]],
+                [a[0], d[0], c[0], b[0]],
+            ];
+            let of_quads = quads.iter().flat_map(|[p, q, r, s]| [[*p, *q, *r], [*p, *r, *s]]);
+            let gables = [[b[1], c[1], f], [d[1], a[1], e]];
+            triangles.extend(of_quads.chain(gables).map(|triangle| (house, triangle)));
+            let decimetres = |v: f64| (v * 10.0) as i32;
+            let bounds = ObjectBounds {
+                min: [decimetres(middle[0] - 7.3), decimetres(middle[1] - 7.3), 50],
+                max: [decimetres(middle[0] + 7.3), decimetres(middle[1] + 7.3), 120],
+            };
+            let record = ObjectRecord {
+                identifier: format!("h{house}"),
+                kind: FeatureKind::Building,
+                parent: None,
+                bounds: Some(bounds),
+                attributes: Vec::new(),
+            };
+            houses.push((house, record, Vec::new()));
+        }
+        Self { has_meshes: true, ..Self::of(houses, triangles) }
+    }
+
+    fn of(records: Vec<(u32, ObjectRecord, Attributes)>, triangles: Vec<(u32, [[f64; 3]; 3])>) -> Self {
         let mut builder = SchemaBuilder::default();
         for (name, value) in records.iter().flat_map(|(_, _, attributes)| attributes) {
             builder.add(name, value);
         }
         builder.set_unit("eaves", "m");
-        let schema = builder.finish(HEDGE + 1);
+        let schema = builder.finish(records.last().map_or(0, |(object, ..)| object + 1));
         let mut blocks: HashMap<u32, Vec<Option<ObjectRecord>>> = HashMap::new();
         for (object, mut record, attributes) in records {
             record.attributes = attributes
@@ -101,10 +148,55 @@ impl TestCity {
             rows.resize(object as usize % BLOCK_OBJECTS + 1, None);
             *rows.last_mut().unwrap() = Some(record);
         }
-        let blocks =
-            blocks.into_iter().map(|(number, rows)| (number, block::encode(number, &rows, &schema).unwrap())).collect();
-        Self { manifest: manifest(2), schema, blocks, has_meshes }
+        let encode = |(number, rows): (u32, Vec<_>)| (number, block::encode(number, &rows, &schema).unwrap());
+        let blocks = blocks.into_iter().map(encode).collect();
+        Self { manifest: manifest(2), schema, blocks, has_meshes: false, triangles }
     }
+
+    fn mesh_of(&self, leaf: TileId) -> Option<MeshTile> {
+        if self.triangles.is_empty() {
+            return mesh_of(leaf);
+        }
+        let corner = [f64::from(leaf.x()) * 32.0, f64::from(leaf.y()) * 32.0];
+        let (mut positions, mut triangles, mut objects): (Vec<[f64; 3]>, _, _) = (Vec::new(), Vec::new(), Vec::new());
+        for (object, triangle) in &self.triangles {
+            let polygon = cut(triangle.map(|[x, y, z]| [x - corner[0], y - corner[1], z]).to_vec());
+            for i in 2..polygon.len() {
+                let number = |position: [f64; 3]| {
+                    positions.push(position);
+                    positions.len() as u32 - 1
+                };
+                triangles.push([polygon[0], polygon[i - 1], polygon[i]].map(number));
+                objects.push(*object);
+            }
+        }
+        if positions.is_empty() {
+            return None;
+        }
+        let grid = PositionGrid::enclosing(&positions, 16);
+        let positions = positions.iter().map(|position| grid.nearest(*position)).collect();
+        Some(MeshTile { mesh: Mesh { grid, positions, triangles, attributes: Vec::new() }, texture: None, objects })
+    }
+}
+
+/// The part of a polygon in a leaf: 0 to 32 m in x and y.
+fn cut(mut polygon: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
+    for (axis, sign, border) in [(0, 1.0, 0.0), (0, -1.0, 32.0), (1, 1.0, 0.0), (1, -1.0, 32.0)] {
+        let inside = |p: &[f64; 3]| sign * (p[axis] - border);
+        let mut next = Vec::new();
+        for (i, p) in polygon.iter().enumerate() {
+            let q = polygon[(i + 1) % polygon.len()];
+            let (u, v) = (inside(p), inside(&q));
+            if u >= 0.0 {
+                next.push(*p);
+            }
+            if (u > 0.0 && v < 0.0) || (u < 0.0 && v > 0.0) {
+                next.push([0, 1, 2].map(|k| p[k] + u / (u - v) * (q[k] - p[k])));
+            }
+        }
+        polygon = next;
+    }
+    polygon
 }
 
 type Attributes = Vec<(&'static str, Value)>;
@@ -123,7 +215,7 @@ fn records() -> Vec<(u32, ObjectRecord, Attributes)> {
         ("eaves", Value::Float(7.25)),
         ("name", text("Huis \"Ä\", oud\n东京")),
         ("listed", Value::Bool(true)),
-        ("built", Value::Date(-27_576)),
+        ("built", Value::Date(-27_577)),
     ];
     let ghost = ObjectRecord {
         bounds: Some(ObjectBounds { min: [1000, 1000, 0], max: [1010, 1010, 10] }),
@@ -238,7 +330,7 @@ impl CitySource for TestCity {
             ids.extend(id.children().filter(|_| child_mask > 0));
             let [z_min_m, z_max_m, error_m, radius_m] = [0.0, 40.0, 1.0, 100.0];
             subtree.nodes.push(NodeInfo { id, child_mask, z_min_m, z_max_m, error_m, radius_m, blockmap_bytes: 1 });
-            if child_mask == 0 && self.has_meshes && mesh_of(id).is_some() {
+            if child_mask == 0 && self.has_meshes && self.mesh_of(id).is_some() {
                 let lods = vec![MeshLod { error_m: 0.0, bytes: 1, triangles: 1, texture_px: 0 }];
                 subtree.meshes.push(NodeMesh { id, lods });
             }
@@ -251,6 +343,6 @@ impl CitySource for TestCity {
     }
 
     fn mesh(&self, leaf: TileId, lod: u8) -> Result<Option<MeshTile>, SourceError> {
-        Ok(mesh_of(leaf).filter(|_| lod == 0 && self.has_meshes))
+        Ok(self.mesh_of(leaf).filter(|_| lod == 0 && self.has_meshes))
     }
 }

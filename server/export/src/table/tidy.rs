@@ -40,11 +40,11 @@ fn one_pass(ring: &[MapPoint], tolerance: f64) -> Vec<MapPoint> {
     let mut first_was_removed = false;
     for i in 0..count {
         let [previous, point, next] = [i + count - 1, i, i + 1].map(|j| ring[j % count]);
-        let may_remove = !was_removed && !(i + 1 == count && first_was_removed);
+        let has_removed_neighbour = was_removed || (i + 1 == count && first_was_removed);
         let is_needed = to_segment(point, previous, next) > tolerance
             && to_segment(previous, point, next) > tolerance
             && to_segment(next, previous, point) > tolerance;
-        was_removed = may_remove && !is_needed;
+        was_removed = !has_removed_neighbour && !is_needed;
         first_was_removed |= was_removed && i == 0;
         if !was_removed {
             kept.push(point);

@@ -13,8 +13,8 @@ pub type ToGeocentric<'a> = &'a dyn Fn([f64; 3]) -> Option<[f64; 3]>;
 /// Semi-major axis and squared eccentricity of the WGS84 ellipsoid.
 const EARTH_RADIUS_M: f64 = 6_378_137.0;
 const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_141_317e-3;
-/// Bounding boxes are larger than nodes by this, so that rounding does not cut anything.
-const MARGIN_M: f64 = 0.01;
+/// Bounding boxes are larger than nodes by this part of their side, so that rounding to f32 does not cut anything.
+const MARGIN: f64 = 1e-4;
 /// What the Earth and the grid curve between points that are tested, in heights of an arc of the Earth over the node's side. Mercator's
 /// scale, which changes most of all, changes by less than twice that much up to 60 degrees of latitude.
 const CURVATURE: f64 = 4.0;
@@ -89,7 +89,7 @@ impl<'a> Frame<'a> {
         }
         let curved = if self.from_earth.is_some() { CURVATURE * side * side / (8.0 * EARTH_RADIUS_M) } else { 0.0 };
         let centre = [0, 1, 2].map(|k| 0.5 * (min[k] + max[k]));
-        let half = [0, 1, 2].map(|k| 0.5 * (max[k] - min[k]) + curved + MARGIN_M);
+        let half = [0, 1, 2].map(|k| 0.5 * (max[k] - min[k]) + curved + MARGIN * side);
         let [x, y, z] = half;
         [centre[0], centre[1], centre[2], x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z]
     }
@@ -177,8 +177,8 @@ mod tests {
         let [min, max] = manifest.bounds;
         let near = [0.5 * (min[0] + max[0]) + 10.0, 0.5 * (min[1] + max[1]) + 20.0, manifest.ground_z_m + 5.0];
         let off = length(subtract(to_earth.map([10.0, 20.0, 5.0]), to_geocentric(near).unwrap()));
-        // The grid's scale is wrong by 0.4% there.
-        assert!(off < 0.05, "{off}");
+        // The grid's scale is wrong by 0.8% there, 50 km from where it is exact.
+        assert!(off < 0.2, "{off}");
     }
 
     #[test]

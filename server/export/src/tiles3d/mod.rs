@@ -31,7 +31,8 @@ use crate::{
         matrix::Matrix,
         metadata::{Rows, add_table},
         objects::ObjectReader,
-        square_of, subtree_at,
+        reach::Reach,
+        subtree_at,
     },
     selection::Selection,
     source::CitySource,
@@ -54,6 +55,8 @@ pub struct Tileset<'a> {
     source: &'a dyn CitySource,
     selection: &'a Selection,
     frame: Frame<'a>,
+    reader: ObjectReader<'a>,
+    reach: Reach<'a>,
 }
 
 /// A tile's content, with what an export counts.
@@ -66,8 +69,16 @@ struct Content {
 impl<'a> Tileset<'a> {
     /// `to_geocentric` places the city on Earth. If it gives nothing in the middle of the city, the manifest's `location` does; a city
     /// without either keeps its own metres, from the middle of its bounds.
-    pub fn new(source: &'a dyn CitySource, selection: &'a Selection, to_geocentric: ToGeocentric<'a>) -> Self {
-        Self { source, selection, frame: Frame::new(source.manifest(), to_geocentric) }
+    ///
+    /// Fails if the selection names objects and a block of objects cannot be read.
+    pub fn new(
+        source: &'a dyn CitySource,
+        selection: &'a Selection,
+        to_geocentric: ToGeocentric<'a>,
+    ) -> Result<Self, ExportError> {
+        let frame = Frame::new(source.manifest(), to_geocentric);
+        let reach = Reach::new(source, selection)?;
+        Ok(Self { source, selection, frame, reader: ObjectReader::new(source), reach })
     }
 
     /// The tileset's JSON. Fails if the root's subtree cannot be read.
@@ -136,8 +147,7 @@ impl<'a> Tileset<'a> {
         else {
             return Ok(None);
         };
-        let reader = ObjectReader::new(self.source);
-        let content = ContentWriter::new(self.source, self.selection, &reader);
+        let content = ContentWriter::new(self.source, self.selection, &self.reader);
         let mut glb = GlbBuilder::new(self.source.manifest(), Packing::Meshopt);
         let mut rows = Rows::default();
         let place = self.frame.place(node).then(&Matrix::Y_UP);
@@ -147,7 +157,7 @@ impl<'a> Tileset<'a> {
         } else {
             content.add_columns(&mut glb, &mut rows, node, &place)?
         };
-        add_table(&mut glb, &reader, &rows, if is_leaf { usize::MAX } else { FAR_TABLE_BYTES })?;
+        add_table(&mut glb, &self.reader, &rows, if is_leaf { usize::MAX } else { FAR_TABLE_BYTES })?;
         Ok(Some(Content { bytes: glb.finish()?, triangles: shown.triangles, objects: rows.len() }))
     }
 
@@ -165,8 +175,9 @@ impl<'a> Tileset<'a> {
         Ok(above.filter(|subtree| subtree.nodes.iter().any(|info| info.id == node && info.child_mask == 0)))
     }
 
+    /// Whether a node may have something that is selected.
     fn is_selected(&self, node: TileId) -> bool {
-        self.selection.may_touch(square_of(self.source, node))
+        self.reach.has(node)
     }
 
     /// A node as a tile.

@@ -21,7 +21,7 @@ fn to_geocentric([x, y, z]: [f64; 3]) -> Option<[f64; 3]> {
 }
 
 fn tileset<'a>(city: &'a TestCity, selection: &'a Selection) -> Tileset<'a> {
-    Tileset::new(city, selection, &to_geocentric)
+    Tileset::new(city, selection, &to_geocentric).unwrap()
 }
 
 /// The JSON and the binary part of a subtree file.
@@ -144,6 +144,12 @@ fn a_selection_leaves_out_tiles() {
     let (json, binary) = parse_subtree(&tileset.subtree(0, 0, 0).unwrap().unwrap());
     assert_eq!(view(&json, &binary, &json["tileAvailability"]["bitstream"])[0], 0b0_1011);
     assert!(tileset.content(1, 1, 0).unwrap().is_none());
+    let house = Selection { objects: Some([4].into_iter().collect()), ..EVERYTHING };
+    let tileset = self::tileset(&city, &house);
+    assert!(tileset.content(1, 1, 1).unwrap().is_none() && tileset.content(1, 0, 1).unwrap().is_some());
+    // The house is there by its bounds, but the columns of this node show another one: a scene without nodes.
+    let empty = Glb::parse(&tileset.content(0, 0, 0).unwrap().unwrap());
+    assert_eq!((empty.list("nodes").len(), empty.check_primitives()), (0, 0));
 }
 
 #[test]
@@ -190,5 +196,5 @@ fn broken_tiles_and_full_disks_are_errors() {
 }
 
 fn tileset_of_nothing(city: &TestCity) -> Result<Vec<u8>, ExportError> {
-    Tileset::new(city, &EVERYTHING, &|_| None).tileset_json()
+    Tileset::new(city, &EVERYTHING, &|_| None)?.tileset_json()
 }

@@ -22,11 +22,12 @@ pub(crate) const ERROR_CELLS: f64 = 0.5;
 /// The boxes of a node. `feature` gives the row of an object in the property table; `None` leaves out what is not selected: it gets
 /// the object and the column.
 pub(crate) fn boxes(
-    map: BlockMap,
+    mut map: BlockMap,
     feature: &mut dyn FnMut(u32, usize) -> Result<Option<u32>, SourceError>,
 ) -> Result<Geometry, ExportError> {
-    let map = map.stand_on_ground();
-    let layers = solids::layers(&map, feature)?;
+    // Generated ground has no objects, and the parts that it adds had none before.
+    let objects = map.objects.take();
+    let layers = solids::layers(&map.stand_on_ground(), objects.as_deref(), feature)?;
     let layers = layers.map(|layer| merge::Layer::of(&layer));
     Ok(faces::faces(&layers))
 }

@@ -1,9 +1,9 @@
 //! What columns fill: one solid, or two with a gap between them.
 
-use crate::source::SourceError;
+use crate::{glb::geometry::NO_FEATURE, source::SourceError};
 use insula_protocol::{
     BlockMap, Texel,
-    blockmap::{COLUMNS, MapColumn, NO_OBJECT},
+    blockmap::{COLUMNS, ColumnObjects, MapColumn, NO_OBJECT},
 };
 
 /// A vertical interval of a column, with what it shows.
@@ -25,37 +25,45 @@ pub(super) struct Solid {
 /// The solids of a node by column: the tops, and what lies below gaps.
 pub(super) type Layers = [Vec<Option<Solid>>; 2];
 
-/// The solids of all columns. A column of which a clip cuts away the middle of its cell counts as what lies beyond the clip.
+/// The solids of all columns, with the objects of `objects`. A column of which a clip cuts away the middle of its cell counts as what lies beyond the clip.
 pub(super) fn layers(
     map: &BlockMap,
+    objects: Option<&ColumnObjects>,
     feature: &mut dyn FnMut(u32, usize) -> Result<Option<u32>, SourceError>,
 ) -> Result<Layers, SourceError> {
     let mut layers = [vec![None; COLUMNS], vec![None; COLUMNS]];
     for (i, column) in map.columns().iter().enumerate() {
         let Some(column) = column else { continue };
         let Some((column, part)) = at_middle(column) else { continue };
-        let object = map.objects.as_ref().map_or(NO_OBJECT, |objects| match part {
-            Part::Inner => objects.roof[i],
-            Part::Outer => objects.lower[i],
-        });
-        if let Some(feature) = feature(object, i)? {
-            [layers[0][i], layers[1][i]] = solids(map, &column, feature);
+        let object = |part: Part| {
+            objects.map_or(NO_OBJECT, |objects| match part {
+                Part::Top => objects.roof[i],
+                Part::Lower => objects.lower[i],
+            })
+        };
+        let [top, below] = solids(map, &column);
+        for (layer, solid, part) in [(0, top, part), (1, below, Part::Lower)] {
+            let Some(solid) = solid else { continue };
+            if let Some(feature) = feature(object(part), i)? {
+                layers[layer][i] = Some(Solid { feature, ..solid });
+            }
         }
     }
     Ok(layers)
 }
 
-/// Which part of a clipped column.
+/// Which part of a column, as [`ColumnObjects`] has them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Part {
-    Inner,
-    Outer,
+    Top,
+    /// Beyond the clip, or below the gap.
+    Lower,
 }
 
 /// The part of a column in the middle of its cell; `None` if that is empty.
 fn at_middle(column: &MapColumn) -> Option<(MapColumn, Part)> {
     let inner = MapColumn { clip: None, ..column.clone() };
-    let Some(clip) = column.clip else { return Some((inner, Part::Inner)) };
+    let Some(clip) = column.clip else { return Some((inner, Part::Top)) };
     let is_inside = clip.offset >= 0;
     let is_inside = match clip.corner {
         Some(corner) if corner.concave => is_inside || corner.offset >= 0,
@@ -63,17 +71,18 @@ fn at_middle(column: &MapColumn) -> Option<(MapColumn, Part)> {
         None => is_inside,
     };
     if is_inside {
-        return Some((inner, Part::Inner));
+        return Some((inner, Part::Top));
     }
     let outer = clip.outer?;
-    Some((MapColumn { z_max: outer.z, roof: outer.roof, strip: None, gap: None, ..inner }, Part::Outer))
+    Some((MapColumn { z_max: outer.z, roof: outer.roof, strip: None, gap: None, ..inner }, Part::Lower))
 }
 
-fn solids(map: &BlockMap, column: &MapColumn, feature: u32) -> [Option<Solid>; 2] {
+/// The solid at the top of a column without a clip, and the one below its gap.
+fn solids(map: &BlockMap, column: &MapColumn) -> [Option<Solid>; 2] {
     let wall = column.strip.as_ref().and_then(|strip| mean(&strip.texels));
     let solid = |low: u16, high: u16, is_floating: bool| {
         let [low, high] = [low, high].map(|code| u32::from(code) << map.z_shift);
-        Some(Solid { low, high, roof: column.roof.rgb(), wall, feature, is_floating })
+        Some(Solid { low, high, roof: column.roof.rgb(), wall, feature: NO_FEATURE, is_floating })
     };
     match column.gap {
         Some([bottom, top]) => [solid(top, column.z_max, true), solid(column.z_min, bottom, column.suspended)],

@@ -85,6 +85,7 @@ fn a_bridge_has_an_underside_and_land_below_it() {
         let gap = Some([32, 100]);
         if is_bridge { Some(MapColumn { gap, ..walled(8, 112) }) } else { plain(32, 100) }
     }));
+    assert!(bridge.features.iter().all(|feature| *feature == insula_protocol::blockmap::NO_OBJECT));
     let deck: BTreeSet<u16> = bridge.positions.iter().filter(|p| p[0] == 1 && p[1] == 20).map(|p| p[2]).collect();
     assert_eq!(deck, [8, 25, 28].into(), "land, underside, top");
     let downwards = bridge.indices.chunks(3).filter(|t| normal_z(&bridge, t) < 0.0).count();
