@@ -5,7 +5,7 @@ use crate::{
     stream::fetch::Http,
 };
 use insula_objects::{
-    ObjectBlock, ObjectRecord, Schema, Value,
+    ObjectBlock, ObjectBounds, ObjectRecord, Schema, Value,
     color::{ColorBy, Legend},
     filter::Filter,
 };
@@ -23,6 +23,8 @@ use std::sync::Arc;
 pub struct ObjectReader {
     http: Arc<Http>,
     objects: CityObjects,
+    /// World coordinates of the city's origin, in metres.
+    origin: [f64; 3],
 }
 
 /// An object as JSON.
@@ -34,6 +36,9 @@ pub struct ObjectJson {
     pub parent: Option<String>,
     pub kind: &'static str,
     pub attributes: Map<String, serde_json::Value>,
+    /// World coordinates of the middle of its box, in metres.
+    #[serde(skip)]
+    pub centre: Option<[f64; 3]>,
     /// Pixels of a picture that show it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixels: Option<u64>,
@@ -47,7 +52,14 @@ pub struct ObjectStyleArgs {
     #[arg(long, value_name = "ATTRIBUTE[:PALETTE]")]
     pub color_by: Option<String>,
     /// Values of the two ends of the palette [default: the smallest and largest of the city].
-    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 2, allow_hyphen_values = true, requires = "color_by")]
+    #[arg(
+        long,
+        value_name = "LOW,HIGH",
+        value_delimiter = ',',
+        num_args = 2,
+        allow_hyphen_values = true,
+        requires = "color_by"
+    )]
     pub range: Vec<f64>,
     /// Objects that pass, as in 'yearOfConstruction < 1900 && height > 20'.
     #[arg(long, value_name = "EXPR")]
@@ -75,11 +87,11 @@ pub struct StyledObjects {
 
 impl ObjectReader {
     /// Fetches the schema. Fails if the city has no objects, or if they cannot be fetched.
-    pub fn open(http: &Arc<Http>, source: Arc<dyn TileSource>) -> Result<Self> {
+    pub fn open(http: &Arc<Http>, source: Arc<dyn TileSource>, origin: [f64; 3]) -> Result<Self> {
         let place = source.location().to_owned();
         let opened = http.block_on(CityObjects::open(source)).map_err(|error| fetch_error(&place, &error))?;
         let missing = || ClientError::Failed(format!("{place}: the city has no objects: bake it again"));
-        Ok(Self { http: Arc::clone(http), objects: opened.ok_or_else(missing)? })
+        Ok(Self { http: Arc::clone(http), objects: opened.ok_or_else(missing)?, origin })
     }
 
     /// The attributes of all objects.
@@ -112,14 +124,31 @@ impl ObjectReader {
         };
         let attributes = record.attributes.into_iter().filter_map(named).collect();
         let (identifier, kind) = (record.identifier, record.kind.name());
-        Ok(Some(ObjectJson { id, identifier, parent, kind, attributes, pixels: None }))
+        let centre = record.bounds.map(|ObjectBounds { min, max }| {
+            std::array::from_fn(|axis| self.origin[axis] + (f64::from(min[axis]) + f64::from(max[axis])) / 20.0)
+        });
+        Ok(Some(ObjectJson { id, identifier, parent, kind, attributes, centre, pixels: None }))
+    }
+
+    /// The same, with the attributes of its parent where it has none of its own. Fails as [`Self::object`] does.
+    pub fn describe_with_parent(&self, id: u32) -> Result<Option<ObjectJson>> {
+        let Some(mut object) = self.describe(id)? else { return Ok(None) };
+        let parent = self.object(id)?.and_then(|record| record.parent);
+        if let Some(parent) = parent.map(|parent| self.describe(parent)).transpose()?.flatten() {
+            for (name, value) in parent.attributes {
+                object.attributes.entry(name).or_insert(value);
+            }
+        }
+        Ok(Some(object))
     }
 
     /// How all objects are drawn. Fetches all blocks. Fails if an expression is invalid, or if a block cannot be fetched.
     pub fn styles(&self, args: &ObjectStyleArgs) -> Result<StyledObjects> {
         let usage = |what: String| ClientError::Usage(what);
         let color = match &args.color_by {
-            Some(text) => Some(ColorBy::parse(text, self.schema()).map_err(|e| usage(format!("--color-by {text}: {e}")))?),
+            Some(text) => {
+                Some(ColorBy::parse(text, self.schema()).map_err(|e| usage(format!("--color-by {text}: {e}")))?)
+            }
             None => None,
         };
         let color = match (color, args.range.as_slice()) {

@@ -4,9 +4,9 @@
 
 use crate::{
     error::{ClientError, Result},
+    objects::ObjectReader,
     render::{Adapter, AdapterInfo, OpenedAdapter},
     report::{FlightSample, FrameTimes, RunReport},
-    objects::ObjectReader,
     stream::{BackgroundFetcher, fetch::Http, notifier::Notifier},
 };
 use glam::DVec3;
@@ -142,9 +142,21 @@ impl Session {
 
     /// Opens the objects of the city. Fails if it has none, or if they cannot be fetched.
     pub fn open_objects(&self) -> Result<ObjectReader> {
-        let (http, source) =
-            self.object_source.as_ref().ok_or_else(|| ClientError::Failed("this city has no objects".into()))?;
-        ObjectReader::open(http, Arc::clone(source))
+        self.object_opener()()
+    }
+
+    /// What opens the objects of the city, on any thread. Fails as [`Self::open_objects`] does.
+    pub fn object_opener(&self) -> impl FnOnce() -> Result<ObjectReader> + Send + use<> {
+        let (source, origin) = (self.object_source.clone(), self.tree().manifest().origin);
+        move || {
+            let (http, source) = source.ok_or_else(|| ClientError::Failed("this city has no objects".into()))?;
+            ObjectReader::open(&http, source, origin)
+        }
+    }
+
+    /// The object whose palette word has this address.
+    pub fn object_at(&self, address: u32) -> Option<u32> {
+        self.cache().object_at(address)
     }
 
     /// Draws objects in another way from the next frame on.

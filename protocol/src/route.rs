@@ -21,6 +21,8 @@ const METRICS: &str = "/metrics";
 const SCHEMA: &str = "schema";
 /// Prefix of the pages of cities.
 const PAGES: &str = "/cities";
+/// What follows a city's version in the address of its search.
+const SEARCH: &str = "search";
 const ASSETS: &str = "/assets";
 const SERVICE_WORKER: &str = "/service-worker.js";
 /// Name of a city's picture, in its folder and after the address of its page.
@@ -57,6 +59,12 @@ pub enum Route<'a> {
     /// The script that keeps pages and tiles for use without a network. It must lie above all that it keeps.
     ServiceWorker,
     Tile(TileRoute<'a>),
+    /// The search of a city's objects by their texts. The query has the text.
+    Search {
+        city: &'a str,
+        /// The city's version ([`crate::Manifest::version`]).
+        version: &'a str,
+    },
 }
 
 /// The address of a tile.
@@ -79,7 +87,9 @@ pub enum RouteError {
     #[error("the path matches no route")]
     Unknown,
     /// The path has the shape of a tile's address, but its numbers are invalid.
-    #[error("level, x, y and block must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3")]
+    #[error(
+        "level, x, y and block must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3"
+    )]
     InvalidTile,
     /// The city or version is not a valid name ([`is_name`]).
     #[error("city and version must be 1 to 64 characters of a-z, 0-9, _ and -")]
@@ -108,6 +118,9 @@ impl<'a> Route<'a> {
             return if is_asset { Ok(Self::Asset { hash, file }) } else { Err(RouteError::Unknown) };
         }
         let rest = below(path, CITIES).ok_or(RouteError::Unknown)?;
+        if let Some(search) = parse_search(rest) {
+            return search;
+        }
         if rest.contains('/') {
             return parse_tile(rest).map(Self::Tile);
         }
@@ -134,6 +147,7 @@ impl<'a> Route<'a> {
             Self::Asset { .. } => RouteTemplate::Asset,
             Self::ServiceWorker => RouteTemplate::ServiceWorker,
             Self::Tile(tile) => RouteTemplate::of_tile(tile.kind),
+            Self::Search { .. } => RouteTemplate::Search,
         }
     }
 }
@@ -152,6 +166,7 @@ impl fmt::Display for Route<'_> {
             Self::Thumbnail { city } => write!(f, "{PAGES}/{city}/{THUMBNAIL_FILE}"),
             Self::Asset { hash, file } => write!(f, "{ASSETS}/{hash}/{file}"),
             Self::ServiceWorker => f.write_str(SERVICE_WORKER),
+            Self::Search { city, version } => write!(f, "{CITIES}/{city}/{version}/{SEARCH}"),
             Self::Tile(TileRoute { city, version, kind, id, lod }) => {
                 write!(f, "{CITIES}/{city}/{version}/{}/", kind.path_segment())?;
                 if *kind == TileKind::Objects {
@@ -181,6 +196,16 @@ fn parse_page(rest: &str) -> Result<Route<'_>, RouteError> {
         Some(_) => Ok(Route::Thumbnail { city }),
         None => Ok(Route::CityPage { city }),
     }
+}
+
+/// Parses `{city}/{version}/search`; `None` for other shapes.
+fn parse_search(rest: &str) -> Option<Result<Route<'_>, RouteError>> {
+    let (city, version) = rest.strip_suffix(SEARCH)?.strip_suffix('/')?.split_once('/')?;
+    if version.contains('/') {
+        return None;
+    }
+    let is_valid = is_name(city) && is_name(version);
+    Some(if is_valid { Ok(Route::Search { city, version }) } else { Err(RouteError::InvalidName) })
 }
 
 /// Whether a file of the browser viewer can have this name: 1 to 64 of `a-z`, `0-9`, `.`, `_` and `-`, not beginning with a dot.
@@ -237,6 +262,7 @@ pub enum RouteTemplate {
     BlockMaps,
     Meshes,
     Objects,
+    Search,
     Manifest,
     Cities,
     Index,
@@ -254,11 +280,12 @@ pub enum RouteTemplate {
 
 impl RouteTemplate {
     /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Subtrees,
         Self::BlockMaps,
         Self::Meshes,
         Self::Objects,
+        Self::Search,
         Self::Manifest,
         Self::Cities,
         Self::Index,
@@ -274,11 +301,12 @@ impl RouteTemplate {
     ];
 
     /// Classifies any path by its shape alone. Unlike [`Route::parse`] it also classifies addresses with invalid names
-    /// or numbers, and counts everything below a tile kind as that kind.
+    /// or numbers, and counts everything below a tile kind as that kind, and everything below a search as a search.
     pub fn of_path(path: &str) -> Self {
         let mut segments = path.strip_prefix('/').unwrap_or(path).splitn(6, '/');
         let mut segment = || segments.next();
         match (segment(), segment(), segment(), segment(), segment()) {
+            (Some("v1"), Some("cities"), Some(_), Some(_), Some(SEARCH)) => Self::Search,
             (Some("v1"), Some("cities"), Some(_), Some(_), Some(kind)) => {
                 TileKind::from_path_segment(kind).map_or(Self::Other, Self::of_tile)
             }
@@ -313,6 +341,7 @@ impl RouteTemplate {
             Self::BlockMaps => "blockmaps",
             Self::Meshes => "meshes",
             Self::Objects => "objects",
+            Self::Search => SEARCH,
             Self::Manifest => "manifest",
             Self::Cities => "cities",
             Self::Index => "index",
@@ -335,6 +364,7 @@ impl RouteTemplate {
             Self::BlockMaps => "/v1/cities/{city}/{version}/blockmaps/{level}/{x}/{y}",
             Self::Meshes => "/v1/cities/{city}/{version}/meshes/{level}/{x}/{y}/{lod}",
             Self::Objects => "/v1/cities/{city}/{version}/objects/{block}",
+            Self::Search => "/v1/cities/{city}/{version}/search",
             Self::Manifest => "/v1/cities/{city}",
             Self::Cities => CITIES,
             Self::Index => "/",
@@ -369,6 +399,11 @@ pub fn objects(city: &str, version: &str, block: u32) -> Option<String> {
 /// The path of the schema of a city's objects.
 pub fn schema(city: &str, version: &str) -> String {
     tile(city, version, TileKind::Objects, SCHEMA_ID)
+}
+
+/// The path of the search of a city's objects, without its query.
+pub fn search(city: &str, version: &str) -> String {
+    Route::Search { city, version }.path()
 }
 
 /// The path of a city's page.

@@ -4,7 +4,7 @@
 
 use insula_protocol::{
     DecodeError, MeshTile, TileId, TileKind,
-    mesh_tile::{self, NO_OBJECT, MAX_LODS, MAX_TEXTURE_SIDE_PX, TileTexture},
+    mesh_tile::{self, MAX_LODS, MAX_TEXTURE_SIDE_PX, NO_OBJECT, TileTexture},
     tile::{TileReader, TileWriter},
 };
 use proptest::prelude::*;
@@ -39,7 +39,8 @@ fn triangles_keep_their_objects() {
         attribute.corners.extend(&other.mesh.attributes[0].corners);
     }
     tile.mesh.grid = grid;
-    tile.objects = (0..tile.mesh.triangles.len() as u32).map(|t| [7, 9, 1_000_000, NO_OBJECT, 8][t as usize / 12]).collect();
+    tile.objects =
+        (0..tile.mesh.triangles.len() as u32).map(|t| [7, 9, 1_000_000, NO_OBJECT, 8][t as usize / 12]).collect();
     let by_corners = |tile: &MeshTile| {
         let corners = |t: &[u32; 3]| {
             let mut corners = t.map(|vertex| tile.mesh.positions[vertex as usize]);

@@ -49,6 +49,8 @@ fn every_address_has_its_path() {
         (objects(SCHEMA_ID), "/v1/cities/delft/0123456789abcdef/objects/schema"),
         (objects(block_id(0).unwrap()), "/v1/cities/delft/0123456789abcdef/objects/0"),
         (objects(block_id(54_321).unwrap()), "/v1/cities/delft/0123456789abcdef/objects/54321"),
+        (Route::Search { city: "delft", version: VERSION }, "/v1/cities/delft/0123456789abcdef/search"),
+        (Route::Search { city: "search", version: "objects" }, "/v1/cities/search/objects/search"),
     ] {
         assert_eq!(route.path(), path);
         assert_eq!(Route::parse(path), Ok(route));
@@ -59,6 +61,7 @@ fn every_address_has_its_path() {
 #[test]
 fn path_builders_agree_with_routes() {
     assert_eq!(route::manifest("delft"), Route::Manifest { city: "delft" }.path());
+    assert_eq!(route::search("delft", VERSION), Route::Search { city: "delft", version: VERSION }.path());
     assert_eq!(route::tile("delft", VERSION, TileKind::Subtree, leaf()), tile(TileKind::Subtree, 0).path());
     assert_eq!(route::mesh("delft", VERSION, leaf(), 2), tile(TileKind::Mesh, 2).path());
     let stored = TileId::new(9, 400, 12).unwrap();
@@ -90,6 +93,11 @@ fn other_shapes_are_unknown() {
         "/v1/cities/delft/0123456789abcdef/Subtrees/7/100/3",
         "/v1/cities/delft/0123456789abcdef/objects/7/100/3",
         "/v1/cities/delft%2F0123456789abcdef/subtrees/7/100/3",
+        "/v1/cities/delft/search",
+        "/v1/cities/delft/0123456789abcdef/search/",
+        "/v1/cities/delft/0123456789abcdef/search/a",
+        "/v1/cities/delft/0123456789abcdef/Search",
+        "/v1/cities/delft/0123456789abcdef/x/search",
         "/cities",
         "/cities/delft/",
         "/cities/delft/city.json",
@@ -130,9 +138,12 @@ fn names_are_limited_and_never_decoded() {
     let too_long = "a".repeat(65);
     for name in ["", ".", "..", "%2e%2e", "%64elft", "Delft", "a b", "a?b", "a#b", "a\0b", "d\u{e9}lft", &too_long] {
         assert_eq!(Route::parse(&format!("/v1/cities/{name}")), Err(RouteError::InvalidName), "{name}");
-        for path in
-            [format!("/v1/cities/{name}/{VERSION}/subtrees/0/0/0"), format!("/v1/cities/delft/{name}/meshes/0/0/0/0")]
-        {
+        for path in [
+            format!("/v1/cities/{name}/{VERSION}/subtrees/0/0/0"),
+            format!("/v1/cities/delft/{name}/meshes/0/0/0/0"),
+            format!("/v1/cities/{name}/{VERSION}/search"),
+            format!("/v1/cities/delft/{name}/search"),
+        ] {
             assert_eq!(Route::parse(&path), Err(RouteError::InvalidName), "{path}");
         }
     }
@@ -167,6 +178,9 @@ fn invalid_addresses_are_classified_by_their_shape() {
         ("/v1/cities/a/b/objects", RouteTemplate::Objects),
         ("/v1/cities/a/b/objects/-1/more", RouteTemplate::Objects),
         ("/v1/cities/a/b/object/1", RouteTemplate::Other),
+        ("/v1/cities/A/./search", RouteTemplate::Search),
+        ("/v1/cities/a/b/search/more", RouteTemplate::Search),
+        ("/v1/cities/a/search", RouteTemplate::Other),
         ("/v1", RouteTemplate::Other),
         ("/metrics/x", RouteTemplate::Other),
         ("/favicon.ico", RouteTemplate::Other),

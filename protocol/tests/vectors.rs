@@ -490,10 +490,9 @@ fn triangles_with_objects_are_read_and_written() {
 fn object_tiles_are_read_and_written() {
     let block = object_tile::block_id(2).unwrap();
     assert_eq!(block, TileId::new(12, 0, 1).unwrap());
-    for (id, bytes, content) in [
-        (object_tile::SCHEMA_ID, OBJECT_SCHEMA, SCHEMA_CONTENT.as_bytes()),
-        (block, OBJECT_BLOCK, &block_content()),
-    ] {
+    for (id, bytes, content) in
+        [(object_tile::SCHEMA_ID, OBJECT_SCHEMA, SCHEMA_CONTENT.as_bytes()), (block, OBJECT_BLOCK, &block_content())]
+    {
         assert_eq!(object_tile::decode(id, bytes).unwrap(), content);
         assert_eq!(object_tile::encode(id, content).unwrap(), bytes);
     }

@@ -3,7 +3,9 @@
 mod objects;
 mod parse;
 
-pub use objects::ObjectsArgs;
+#[cfg(feature = "bake")]
+pub use objects::{ExportArgs, ExportFormat};
+pub use objects::{ObjectsArgs, SearchArgs};
 pub use parse::{DegreesBox, GeoPlace, ShareArea};
 
 use crate::share_link::{parse_lifetime, parse_version};
@@ -60,6 +62,17 @@ pub enum ServerCommand {
         after_help = "Example:\n  insula-server objects cities/delft\n  insula-server objects cities/delft --ids 17,4711 --json"
     )]
     Objects(ObjectsArgs),
+    /// Find objects by names, addresses and identifiers
+    #[command(
+        after_help = "Example:\n  insula-server search cities/delft \"oude kerk\"\n  insula-server search cities/delft \"markt 87\" --limit 3 --json\n\nA text matches if each word of TEXT begins a word of it; case and accents do not matter. Longer words may have a typo."
+    )]
+    Search(SearchArgs),
+    /// Write a city, or a part of it, in a format of other programs
+    #[cfg(feature = "bake")]
+    #[command(
+        after_help = "Example:\n  insula-server export cities/delft --format flatgeobuf --out delft.fgb --filter 'height > 20'\n  insula-server export cities/delft --format 3dtiles --out delft.3tz"
+    )]
+    Export(ExportArgs),
     /// Check every checksum of a city and decode every tile
     #[command(
         after_help = "Example:\n  insula-server verify cities/delft\n\nPrints the damaged tiles, one per line, and exits with 1 if there are any."
@@ -360,7 +373,7 @@ pub struct SignArgs {
     /// Area that the link opens, in metres of the city's reference system [default: all]
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
     pub bbox: Option<ShareArea>,
-    /// Page, manifest and tiles only
+    /// Page, manifest, tiles and search only
     #[arg(long)]
     pub read_only: bool,
     /// Version that the link opens; may end with * [default: all versions]
@@ -446,6 +459,7 @@ mod tests {
         assert!(parse("insula-server sign --city a --expires 7d --bbox -1,2,3,4 --read-only --version ab*").is_ok());
         assert!(parse("insula-server publish a b --out s --title T --url https://h/path").is_ok());
         assert!(parse("insula-server inspect a --tile 1/1/0 --png p.png").is_ok());
+        assert!(parse("insula-server search a kerk --limit 1000 --json").is_ok());
         assert!(parse("insula-server compress a.ply b --bits 16").is_ok());
         assert!(parse("insula-server simplify a.ply b.obj --error 0.5").is_ok());
         for invalid in [
@@ -474,6 +488,10 @@ mod tests {
             "insula-server inspect a --tile 1/2/0 --png p",
             "insula-server inspect a --tile 1/1/0",
             "insula-server inspect a --png p",
+            "insula-server search a",
+            "insula-server search a ",
+            "insula-server search a kerk --limit 0",
+            "insula-server search a kerk --limit 1001",
             "insula-server verify",
             "insula-server publish a",
             "insula-server publish --out s",

@@ -2,7 +2,7 @@
 //!
 //! A link carries `?share=s1.KEY.CITY.VERSION.EXPIRY.SCOPE.MAC`. The MAC is HMAC-SHA-256 over all that precedes it, with the key
 //! named KEY. VERSION is a version, or a prefix of versions and `~`. EXPIRY is in seconds since 1970. SCOPE is `a` (all addresses
-//! of the city) or `r` (page, manifest and tiles), followed by `~x0~y0~x1~y1` in millimetres if the link is for an area. All
+//! of the city) or `r` (page, manifest, tiles and search), followed by `~x0~y0~x1~y1` in millimetres if the link is for an area. All
 //! characters are unreserved in URLs, so the link has one spelling.
 
 use crate::secret_file::SecretFile;
@@ -51,7 +51,7 @@ pub struct ShareGrant {
 /// The addresses that a link opens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ShareScope {
-    /// Page, manifest and tiles only.
+    /// Page, manifest, tiles and search only.
     pub is_read_only: bool,
     /// `[x0, y0, x1, y1]` in millimetres of the city's reference system. Tiles outside of it are not opened.
     pub area_mm: Option<[i64; 4]>,
@@ -154,9 +154,11 @@ impl ShareScope {
 
     /// Whether the link opens addresses of this kind.
     pub fn admits_route(&self, route: RouteTemplate) -> bool {
-        use RouteTemplate::{BlockMaps, Cities, CityPage, Index, Manifest, Meshes, Objects, Subtrees, Thumbnail};
+        use RouteTemplate::{
+            BlockMaps, Cities, CityPage, Index, Manifest, Meshes, Objects, Search, Subtrees, Thumbnail,
+        };
         let is_tile = matches!(route, Subtrees | BlockMaps | Meshes | Objects);
-        let is_read = is_tile || matches!(route, Index | Cities | CityPage | Thumbnail | Manifest);
+        let is_read = is_tile || matches!(route, Search | Index | Cities | CityPage | Thumbnail | Manifest);
         !self.is_read_only || is_read
     }
 

@@ -11,8 +11,8 @@
 //! | 4... | strips; none crosses a page. With [`flag::GAP`] the two words before the texels are the gap, `low \| high << 16`, and `z_max \| z_min << 12`; with [`flag::CLIPPED`] the two words before those are [`clip_word`] and the texel beyond the plane |
 
 use crate::layout::{
-    ATTRIBUTE_PLANE, BLOCK_CELLS, NODE_BLOCKS, OBJECT_BITS, PAGE_WORDS, PLANES, QUAD_TOP_BITS, QUAD_TOP_MAX, ROOF_PLANE,
-    STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_WORDS, WALK_PLANE,
+    ATTRIBUTE_PLANE, BLOCK_CELLS, NODE_BLOCKS, OBJECT_BITS, PAGE_WORDS, PLANES, QUAD_TOP_BITS, QUAD_TOP_MAX,
+    ROOF_PLANE, STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_WORDS, WALK_PLANE,
 };
 use crate::words;
 use insula_protocol::{
@@ -103,7 +103,8 @@ fn palette_of(map: &BlockMap) -> Vec<u32> {
 fn object_plane(map: &BlockMap, list: &[u32]) -> Page {
     let mut page: Page = vec![0; PAGE_WORDS].into();
     let Some(objects) = &map.objects else { return page };
-    let places: std::collections::BTreeMap<u32, u32> = (1..).zip(list).map(|(place, object)| (*object, place)).collect();
+    let places: std::collections::BTreeMap<u32, u32> =
+        (1..).zip(list).map(|(place, object)| (*object, place)).collect();
     let place = |object: u32| places.get(&object).copied().unwrap_or(0);
     for (i, word) in page.iter_mut().enumerate().take(COLUMNS) {
         let lower = Some(place(objects.lower[i])).filter(|place| *place as usize <= MAX_LOWER_OBJECTS).unwrap_or(0);

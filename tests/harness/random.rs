@@ -9,9 +9,9 @@ use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
-    blockmap::{ColumnObjects, 
-        COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, STEPS_PER_CELL, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX,
-        strip_rows,
+    blockmap::{
+        COLUMNS, ColumnClip, ColumnObjects, CornerWall, MapColumn, OuterTop, STEPS_PER_CELL, WallStrip, Z_CODE_MAX,
+        Z_SHIFT_MAX, strip_rows,
     },
     octahedral,
 };
@@ -100,7 +100,8 @@ fn node(rng: &mut Rng, id: TileId, cell_m: f64) -> Result<BlockMap> {
         })
         .collect();
     let z_base_cells = rng.below(20) as i32 - 10;
-    let mut map = BlockMap::from_columns(id, cell_m as f32, z_base_cells, z_shift, &columns).context("a random node")?;
+    let mut map =
+        BlockMap::from_columns(id, cell_m as f32, z_base_cells, z_shift, &columns).context("a random node")?;
     map.objects = Some(Box::new(objects(&columns, id)));
     Ok(map)
 }

@@ -100,14 +100,26 @@ impl Workspace {
 #[test]
 fn packages_depend_only_on_those_below_them() {
     let workspace = Workspace::load();
-    let allowed: [(&str, &[&str]); 9] = [
+    let allowed: [(&str, &[&str]); 11] = [
         ("insula-protocol", &[]),
         ("insula-archive", &["insula-protocol"]),
         ("insula-command-line", &["insula-protocol"]),
         ("insula-shaders", &["insula-protocol"]),
-        ("insula-bake", &["insula-protocol", "insula-archive", "insula-shaders"]),
-        ("insula-server", &["insula-protocol", "insula-archive", "insula-command-line", "insula-bake"]),
-        ("insula-viewer", &["insula-protocol", "insula-archive", "insula-shaders"]),
+        ("insula-objects", &["insula-protocol"]),
+        ("insula-bake", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders"]),
+        ("insula-export", &["insula-protocol", "insula-archive", "insula-objects"]),
+        (
+            "insula-server",
+            &[
+                "insula-protocol",
+                "insula-archive",
+                "insula-command-line",
+                "insula-objects",
+                "insula-bake",
+                "insula-export",
+            ],
+        ),
+        ("insula-viewer", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders"]),
         ("insula-web", &["insula-protocol", "insula-archive", "insula-shaders", "insula-viewer"]),
         (
             "insula-client",
@@ -115,6 +127,7 @@ fn packages_depend_only_on_those_below_them() {
                 "insula-protocol",
                 "insula-archive",
                 "insula-command-line",
+                "insula-objects",
                 "insula-shaders",
                 "insula-viewer",
                 "insula-server",

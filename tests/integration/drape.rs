@@ -136,7 +136,7 @@ fn truth() -> Truth {
         triangles,
         objects: vec![SceneObject { id: "hills".into(), kind: ObjectKind::Terrain, base_z_m: 0.0 }],
         materials: vec![Material { rgb: [255; 3], texture: Some(Arc::new(texture)), is_reflective: false }],
-        crs: None,
+        ..Scene::default()
     })
 }
 

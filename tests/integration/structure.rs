@@ -7,13 +7,15 @@ use insula_tests::source_code::{
 };
 
 /// Folders of the crates' sources.
-const CRATES: [&str; 9] = [
+const CRATES: [&str; 11] = [
     "protocol/src",
     "protocol/archive/src",
+    "protocol/objects/src",
     "shaders/src",
     "client/viewer/src",
     "client/src",
     "server/bake/src",
+    "server/export/src",
     "server/src",
     "tests/harness",
     "tests/support/src",

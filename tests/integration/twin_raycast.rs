@@ -141,7 +141,8 @@ fn gpu_and_cpu_agree_on_objects(gpu: &Gpu) -> Result<()> {
             scenes_agree(gpu, &scene, &spec, &camera, "objects")?;
             if shading == Shading::Objects {
                 let pixels = scene.render();
-                let objects: Vec<u32> = pixels.colour.iter().filter_map(|word| city.draw_list.object_at(*word)).collect();
+                let objects: Vec<u32> =
+                    pixels.colour.iter().filter_map(|word| city.draw_list.object_at(*word)).collect();
                 ensure!(objects.iter().all(|object| style(*object) & PALETTE_HIDDEN == 0), "a hidden object is seen");
                 let hits = pixels.hit.iter().filter(|hit| **hit != NO_NODE).count();
                 ensure!(objects.len() == hits, "{} of {hits} hits have an object", objects.len());

@@ -97,7 +97,10 @@ fn written_files(args: &SnapshotArgs) -> String {
         format!("{} ({what}{size})", path.display())
     };
     let image = describe(&args.out, &format!("{width} x {height} pixels, "));
-    let others = [&args.radiance, &args.distance, &args.objects, &args.objects_json, &args.report].into_iter().flatten().map(|path| describe(path, ""));
+    let others = [&args.radiance, &args.distance, &args.objects, &args.objects_json, &args.report]
+        .into_iter()
+        .flatten()
+        .map(|path| describe(path, ""));
     format!("wrote {}", std::iter::once(image).chain(others).collect::<Vec<_>>().join(", "))
 }
 

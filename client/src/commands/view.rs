@@ -100,9 +100,10 @@ fn open_window(first: FirstView, find: FindPlace, args: &ViewArgs, global: &Glob
         let (city, http, wake) = (connector.connect(name)?, connector.http.clone(), wake.clone());
         let (manifest, address) = (city.manifest.clone(), city.address.clone());
         let open_session = move |adapter| {
-            let downloads = BackgroundFetcher::downloads(http, city.source, INITIAL_REQUESTS, Some(wake));
+            let source = Arc::clone(&city.source);
+            let downloads = BackgroundFetcher::downloads(Arc::clone(&http), source, INITIAL_REQUESTS, Some(wake));
             let tree = SceneTree::new(city.manifest).with_meshes(has_meshes);
-            let mut session = Session::new(tree, downloads, adapter, started);
+            let mut session = Session::new(tree, downloads, adapter, started).with_objects(http, city.source);
             session.set_transitions(has_transitions);
             session
         };

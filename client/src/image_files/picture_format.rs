@@ -91,6 +91,7 @@ mod tests {
             copyright: "国土交通省 Project PLATEAU (CC BY 4.0)".into(),
             link: Some("insula://h/v1/cities/chiba?camera=1,2,3,4,5,60".into()),
             has_caption: false,
+            legend: None,
         }
     }
 

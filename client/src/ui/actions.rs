@@ -52,10 +52,14 @@ impl CityView {
         settings.minimap = display.shows_map;
     }
 
-    /// Ends the innermost thing that Escape ends: measuring, then a picture. Returns whether there was one.
+    /// Ends the innermost thing that Escape ends: measuring, the selection, then a picture. Returns whether there was one.
     pub(super) fn end_innermost(&mut self) -> bool {
         if self.measure.is_active {
             self.measure.toggle();
+            return true;
+        }
+        if !self.objects.selected().is_empty() {
+            self.select_object(None, false);
             return true;
         }
         let is_drawing = self.picture.take().is_some();
@@ -98,6 +102,7 @@ impl CityView {
                 let ground_z_m = self.session.tree().manifest().ground_z_m;
                 self.control.go_to(DVec3::new(x, y, z.unwrap_or(ground_z_m)));
             }
+            ViewAction::DeselectObjects => self.select_object(None, false),
             ViewAction::CopyLink => self.copy_link(window),
             ViewAction::NorthUp => self.control.turn_north(),
             ViewAction::SavePicture => self.save_picture(window),

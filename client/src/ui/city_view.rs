@@ -2,6 +2,7 @@
 
 use super::{
     bookmarks::BookmarkPanel,
+    object_panel::ObjectPanel,
     overlay::{DisplayOptions, MESSAGE_TIME, TimedMessage},
     path_playback::PathPlayback,
     path_recording::PathRecorder,
@@ -57,6 +58,9 @@ pub struct CityView {
     pub(super) bookmark_panel: BookmarkPanel,
     pub(super) measure: MeasureTool,
     pub(super) readout: PointerReadout,
+    pub(super) objects: ObjectPanel,
+    /// Whether Shift is down.
+    pub(super) is_shift_down: bool,
     pub(super) open_again: OpenAgainFn,
     pub(super) cache_bytes: u64,
     /// The picture that is being drawn.
@@ -92,6 +96,7 @@ impl CityView {
         let control = CameraControl::new(&camera, manifest.ground_z_m);
         let draws_in_steps = matches!(session.adapter(), Adapter::Cpu(_));
         tracing::info!("opened {}", manifest.name);
+        let objects = ObjectPanel::new(Box::new(session.object_opener()));
         Self {
             session,
             address,
@@ -113,6 +118,8 @@ impl CityView {
             bookmark_panel: BookmarkPanel::default(),
             measure: MeasureTool::default(),
             readout: PointerReadout::default(),
+            objects,
+            is_shift_down: false,
             open_again,
             cache_bytes,
             picture: None,

@@ -343,7 +343,10 @@ impl ViewerApp {
             WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } | WindowEvent::Occluded(false) => {
                 window.window.request_redraw();
             }
-            WindowEvent::ModifiersChanged(modifiers) => city.control.set_fast(modifiers.state().shift_key()),
+            WindowEvent::ModifiersChanged(modifiers) => {
+                city.is_shift_down = modifiers.state().shift_key();
+                city.control.set_fast(city.is_shift_down);
+            }
             WindowEvent::MouseInput { state, button: MouseButton::Left | MouseButton::Right, .. } => {
                 self.handle_button(*state);
             }

@@ -45,12 +45,13 @@ pub enum KeyAction {
 }
 
 /// Lines of the help panel: keys, and what they do.
-pub const HELP: [(&str, &str); 26] = [
+pub const HELP: [(&str, &str); 27] = [
     ("drag", "look around (fly and walk mode), turn around the point ahead (orbit mode)"),
     ("W A S D, arrows", "move; with Shift, four times as fast"),
     ("Q E, Page Down and Up", "move down and up"),
     ("wheel", "speed (fly mode), distance (orbit mode)"),
     ("touchpad", "two fingers: like the wheel, or turn; pinch: closer; rotate: turn"),
+    ("click, Shift click", "select an object and show its attributes; add one to the selection"),
     ("double click", "go to this place"),
     ("H, U", "back to the first view, north up"),
     ("X", "stop at buildings and the ground, or not; on in walk mode"),
@@ -71,7 +72,7 @@ pub const HELP: [(&str, &str); 26] = [
     ("K", "count ray steps when the view rests"),
     ("F11", "full screen"),
     ("F1", "this help"),
-    ("Esc", "end measuring, cancel a picture, quit"),
+    ("Esc", "end measuring, deselect, cancel a picture, quit"),
 ];
 
 /// The action of a key, if it has one.

@@ -14,6 +14,7 @@ pub mod furniture;
 pub mod key_bindings;
 pub mod measure_view;
 pub mod minimap;
+mod object_panel;
 pub mod outlined;
 pub mod overlay;
 pub mod path_playback;

@@ -2,14 +2,17 @@
 
 use super::{city_view::CityView, window::ViewerWindow};
 use glam::DVec3;
-use insula_viewer::{frame::RenderSettings, projection::ray_direction};
+use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use insula_viewer::{frame::RenderSettings, projection::ray_direction, streamer::FrameRequest};
 use std::time::Instant;
 
 impl CityView {
     /// Handles a click at shares of the window's width and height, 0 to 1.
     pub(super) fn click(&mut self, [x, y]: [f64; 2], window: &ViewerWindow) {
         if !self.measure.is_active {
-            return;
+            let object = self.pick_object(x, y, window);
+            self.select_object(object, self.is_shift_down);
+            return window.window.request_redraw();
         }
         match self.pick(x, y, window) {
             Some(point) if self.measure.add_point(point) => {
@@ -46,23 +49,44 @@ impl CityView {
         }
     }
 
-    /// The point of the city below a position of the window. Draws a frame of one pixel there.
+    /// Selects an object or none, as a click on it does, and outlines what is selected.
+    pub(super) fn select_object(&mut self, object: Option<u32>, adds: bool) {
+        self.objects.click(object, adds);
+        let mut styles = self.session.cache().styles().clone();
+        styles.outline(self.objects.selected().clone());
+        self.session.set_styles(styles);
+    }
+
+    /// The object below a position of the window, if there is one.
+    fn pick_object(&mut self, x: f64, y: f64, window: &ViewerWindow) -> Option<u32> {
+        let request = self.frame_request(window, 1);
+        let pixels = self.draw_pixel([x, y], &request, Shading::Objects)?;
+        self.session.object_at(*pixels.colour.first()?)
+    }
+
+    /// The point of the city below a position of the window.
     fn pick(&mut self, x: f64, y: f64, window: &ViewerWindow) -> Option<DVec3> {
         let request = self.frame_request(window, 1);
-        let view = self.session.view(&request, request.camera);
-        let direction = ray_direction(&view, x, y);
-        let settings = RenderSettings { samples: 1, shadow_m: 0.0, ..self.render_settings };
-        let mut data = self.session.frame_data(&request, &settings);
-        data.frame.forward = direction.as_vec3().to_array();
-        data.frame.right = data.frame.right.map(|v| v / view.width_px as f32);
-        data.frame.up = data.frame.up.map(|v| v / view.height_px as f32);
-        (data.frame.width_px, data.frame.height_px) = (1, 1);
-        let pixels = self.session.adapter_mut().draw(&data).ok()?;
+        let direction = ray_direction(&self.session.view(&request, request.camera), x, y);
+        let pixels = self.draw_pixel([x, y], &request, self.render_settings.shading)?;
         let mut distance_m = f64::from(*pixels.distance.first()?);
         if !distance_m.is_finite() {
             // Outside of the city, the ground is a plane.
             distance_m = (self.session.tree().manifest().ground_z_m - request.camera.position.z) / direction.z;
         }
         (distance_m > 0.0 && distance_m.is_finite()).then(|| request.camera.position + direction * distance_m)
+    }
+
+    /// Draws a frame of one pixel at shares of the window's width and height.
+    fn draw_pixel(&mut self, [x, y]: [f64; 2], request: &FrameRequest, shading: Shading) -> Option<Pixels> {
+        let view = self.session.view(request, request.camera);
+        let direction = ray_direction(&view, x, y);
+        let settings = RenderSettings { samples: 1, shadow_m: 0.0, shading, ..self.render_settings };
+        let mut data = self.session.frame_data(request, &settings);
+        data.frame.forward = direction.as_vec3().to_array();
+        data.frame.right = data.frame.right.map(|v| v / view.width_px as f32);
+        data.frame.up = data.frame.up.map(|v| v / view.height_px as f32);
+        (data.frame.width_px, data.frame.height_px) = (1, 1);
+        self.session.adapter_mut().draw(&data).ok()
     }
 }

@@ -31,6 +31,9 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Offset of panels above the one of [`furniture`], in points.
 const ABOVE_FURNITURE: f32 = -110.0;
 
+/// Offset of the panel of objects above the attribution, in points.
+const ABOVE_ATTRIBUTION: f32 = -44.0;
+
 /// A [`CityView`] and its frame loop.
 pub struct Viewport {
     pub(super) city: CityView,
@@ -58,6 +61,8 @@ struct ViewState {
     daylight: Daylight,
     shading: Shading,
     counts_rays: bool,
+    /// Number of changes of the selected objects.
+    selection: u64,
 }
 
 /// A frame that is to be presented.
@@ -256,7 +261,7 @@ impl Viewport {
 
     /// Compares the view with that of the last frame. If it differs, the scene is redrawn.
     fn notice_view(&mut self, now: Instant, window: &ViewerWindow) {
-        let CityView { control, display, pacer, counts_rays, .. } = &mut self.city;
+        let CityView { control, display, pacer, counts_rays, objects, .. } = &mut self.city;
         let view = ViewState {
             camera: control.camera(),
             size_px: window.surface.size_px(),
@@ -264,6 +269,7 @@ impl Viewport {
             daylight: display.daylight,
             shading: display.shading,
             counts_rays: *counts_rays,
+            selection: objects.generation(),
         };
         if self.view != Some(view) {
             pacer.view_changed(now);
@@ -340,10 +346,12 @@ impl Viewport {
     fn lay_out(&mut self, window: &mut ViewerWindow, settings: &mut UserSettings) -> OverlayLayout {
         self.city.check_picture(window);
         self.city.sample_pointer(window);
+        self.city.objects.poll();
         let request = self.city.frame_request(window, 1);
         let frame_time = self.city.pacer.frame_time();
         let furniture = self.furniture(window);
-        let CityView { session, control, display, bookmark_panel, measure, recorder, ray_counts, .. } = &mut self.city;
+        let CityView { session, control, display, bookmark_panel, measure, objects, recorder, ray_counts, .. } =
+            &mut self.city;
         let texts = OverlayTexts::new(session, frame_time, control, *ray_counts);
         let status_text = status_text(self.status, session);
         let is_error = self.status != StreamStatus::Loading;
@@ -366,6 +374,11 @@ impl Viewport {
                 panel(ctx, "map", Align2::RIGHT_TOP, [-10.0, 10.0], |ui| {
                     let point = minimap::show(ui, side, session, &camera);
                     action = point.map(|p| ViewAction::GoTo { x: p.x, y: p.y, z: None }).or(action);
+                });
+            }
+            if !objects.selected().is_empty() {
+                panel(ctx, "objects", Align2::RIGHT_BOTTOM, [-10.0, ABOVE_ATTRIBUTION], |ui| {
+                    action = objects.show(ui).or(action.take());
                 });
             }
             if bookmark_panel.is_open {
@@ -416,7 +429,7 @@ impl Viewport {
             window.window.request_redraw();
             return ControlFlow::Wait;
         }
-        let CityView { session, pacer, recorder, display, control, readout, .. } = &self.city;
+        let CityView { session, pacer, recorder, display, control, readout, objects, .. } = &self.city;
         let must_repaint = repaint_after.is_zero() && self.status == StreamStatus::Ready;
         if self.is_moving() || session.has_work() || session.adapter().has_pending_query() || must_repaint {
             window.window.request_redraw();
@@ -429,7 +442,7 @@ impl Viewport {
             false => Some(self.retry_at()),
             true => pacer.final_frame_at().map(|at| at.max(now)),
         };
-        let recording_at = recorder.is_some().then(|| now + POLL_INTERVAL);
+        let recording_at = (recorder.is_some() || objects.is_waiting()).then(|| now + POLL_INTERVAL);
         let message_at = display.message.as_ref().map(|message| message.until);
         let readout_at = readout.due_at(&control.camera(), now);
         self.wake_at = [repaint_at, progress_at, recording_at, message_at, readout_at].into_iter().flatten().min();

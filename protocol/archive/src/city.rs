@@ -17,6 +17,10 @@ pub use version::content_version;
 
 /// The manifest's file name in a city's folder.
 pub const MANIFEST_FILE: &str = "city.json";
+/// The file of a city's search index, if the city has one.
+pub const SEARCH_FILE: &str = "search.index";
+/// Largest search index in bytes. It is read whole, so it takes as much memory.
+pub const MAX_SEARCH_BYTES: u64 = 256 << 20;
 /// Largest manifest.
 pub const MAX_MANIFEST_BYTES: usize = bincode::LIMIT;
 
@@ -65,7 +69,10 @@ impl BakedCity {
         }
         if city.manifest.tile_version != tile::VERSION {
             let found = city.manifest.tile_version;
-            let reason = format!("its tiles have format version {found}, this program reads {}: bake the city again", tile::VERSION);
+            let reason = format!(
+                "its tiles have format version {found}, this program reads {}: bake the city again",
+                tile::VERSION
+            );
             return Err(CityError::Manifest { location: city.path_of(MANIFEST_FILE), reason });
         }
         Ok(city)

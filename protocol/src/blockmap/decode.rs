@@ -46,6 +46,9 @@ fn read_objects(tile: &TileReader<'_>, map: &BlockMap) -> Result<Option<Box<Colu
     let mut coder = RangeDecoder::new(&section);
     let objects = objects::code(&mut coder, map, &ColumnObjects::default())?;
     check_end(&coder)?;
+    if objects.is_empty() {
+        return Err(DecodeError::Invalid("a section of objects that no column shows"));
+    }
     Ok(Some(Box::new(objects)))
 }
 

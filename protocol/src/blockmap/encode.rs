@@ -2,7 +2,9 @@
 //!
 //! In: a [`BlockMap`]. Out: the bytes of its tile. Next: the bake stores them in an archive.
 
-use super::{BlockMap, COLUMNS, appearance, facades, flag, ground, objects, reflective, texel_coder::QuantisationSteps};
+use super::{
+    BlockMap, COLUMNS, appearance, facades, flag, ground, objects, reflective, texel_coder::QuantisationSteps,
+};
 use crate::{
     TileKind,
     codec::range::{NullEncoder, RangeEncoder},

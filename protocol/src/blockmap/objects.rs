@@ -5,10 +5,7 @@
 //! else one that was named shortly before, else any of the list. How likely it is that a neighbour shows the same object depends on
 //! the step in height between the two.
 
-use super::{
-    BlockMap, COLUMNS, NODE_CELLS, flag,
-    neighbours::neighbour,
-};
+use super::{BlockMap, COLUMNS, NODE_CELLS, flag, neighbours::neighbour};
 use crate::{
     codec::{
         object_names::{Naming, code_list},

@@ -71,7 +71,13 @@ impl<'a, C: BitCoder> Naming<'a, C> {
     }
 
     /// Codes one object of a part below 3 in a context below 12: the first of the candidates and then of the recent ones that it is, else its place in the list.
-    pub(crate) fn name(&mut self, part: usize, context: usize, candidates: impl Iterator<Item = u32>, value: u32) -> u32 {
+    pub(crate) fn name(
+        &mut self,
+        part: usize,
+        context: usize,
+        candidates: impl Iterator<Item = u32>,
+        value: u32,
+    ) -> u32 {
         let mut tried: [u32; CANDIDATES] = [0; CANDIDATES];
         let mut count = 0;
         let mut found = None;

@@ -7,8 +7,8 @@ mod cuboid;
 mod objects;
 mod texture;
 
-pub use cuboid::cuboid;
 pub use crate::codec::object_names::NO_OBJECT;
+pub use cuboid::cuboid;
 pub use texture::decode_webp;
 
 use crate::{
@@ -59,6 +59,9 @@ fn read_objects(tile: &TileReader<'_>, mesh: &Mesh) -> Result<Vec<u32>, DecodeEr
     }
     let mut coder = RangeDecoder::new(&section);
     let objects = objects::code(&mut coder, &mesh.triangles, mesh.positions.len(), &[])?;
+    if objects.iter().all(|object| *object == NO_OBJECT) {
+        return Err(DecodeError::Invalid("a section of objects that no triangle shows"));
+    }
     match coder.unread_bytes() {
         0 => Ok(objects),
         unread => Err(DecodeError::TrailingBytes(unread)),

@@ -4,9 +4,18 @@
 
 mod support;
 
-use std::{fs, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::Path,
+};
 
 use insula_bake::{BakeOptions, BakeReport, Silent, bake_scene, read::ReadReport, scene::Scene};
+use insula_objects::{ObjectBlock, Schema};
+use insula_protocol::{
+    TileKind,
+    object_tile::{self, SCHEMA_ID},
+};
 use insula_test_support::folder::TestFolder;
 use support::{BakedCity, COARSE_CELL_M, bake, city, coarse_options, files, options, out_folder, partial};
 
@@ -63,11 +72,36 @@ fn only_changed_blocks_are_baked() {
     let changed = update_boxes("update-changed", raised(city(), 2));
     assert!(changed.blocks_unchanged >= leaf_blocks - 1, "{changed:?}");
     assert!(changed.blocks_baked > 0 && changed.blocks_baked < same.blocks_unchanged / 2 + 1, "{changed:?}");
-    let smaller = full_bake("update-smaller", without(city(), 6));
-    let removed = update("update-removed", boxes, without(city(), 6), &smaller);
+}
+
+/// The number of each object by its identifier.
+fn numbers(city: &Path) -> BTreeMap<String, u32> {
+    let city = insula_archive::BakedCity::open(city).unwrap();
+    let content = |id| object_tile::decode(id, &city.tile(TileKind::Objects, id).unwrap().unwrap()).unwrap();
+    let schema: Schema = serde_json::from_slice(&content(SCHEMA_ID)).unwrap();
+    let block = ObjectBlock::decode(0, &content(object_tile::block_id(0).unwrap()), &schema).unwrap();
+    block.ids().iter().map(|id| (block.identifier(*id).unwrap().to_owned(), *id)).collect()
+}
+
+#[test]
+fn objects_keep_their_numbers_when_others_come_and_go() {
+    let folder = TestFolder::new("update-numbers");
+    let out = out_folder(&folder, "updated");
+    BakedCity::boxes().write(&out);
+    let before = numbers(&out);
+    let bake = |scene: Scene| bake_scene(scene, ReadReport::default(), &updating(options(&out, 2)), &Silent).unwrap();
+    let removed = bake(without(city(), 6));
     assert!(removed.blocks_unchanged > 0 && removed.blocks_baked > 0);
-    let added = update("update-added", &smaller, city(), boxes);
+    let without_one = numbers(&out);
+    assert_eq!(without_one.len(), before.len() - 1);
+    assert!(without_one.iter().all(|(identifier, number)| before[identifier] == *number));
+    let added = bake(city());
     assert!(added.blocks_unchanged > 0 && added.blocks_baked > 0);
+    let with_it = numbers(&out);
+    assert_eq!(with_it.len(), before.len());
+    assert!(without_one.iter().all(|(identifier, number)| with_it[identifier] == *number));
+    let all: BTreeSet<&u32> = with_it.values().collect();
+    assert_eq!(all.len(), before.len(), "two objects have one number");
 }
 
 #[test]

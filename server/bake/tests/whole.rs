@@ -21,7 +21,16 @@ fn number_of_threads_does_not_change_the_bytes() {
     let with_one = BakedCity::bake("one-thread", city(), options(Path::new(""), 1));
     assert_eq!(
         with_one.files.keys().collect::<Vec<_>>(),
-        ["blockmaps.pmtiles", "city.json", "fingerprints.bin", "meshes.pmtiles", "subtrees.pmtiles", "thumbnail.png"]
+        [
+            "blockmaps.pmtiles",
+            "city.json",
+            "fingerprints.bin",
+            "meshes.pmtiles",
+            "objects.pmtiles",
+            "search.index",
+            "subtrees.pmtiles",
+            "thumbnail.png"
+        ]
     );
     assert!(with_one.files == with_three.files);
     assert_eq!(with_one.report.city_bytes, with_one.files.values().map(|bytes| bytes.len() as u64).sum::<u64>());

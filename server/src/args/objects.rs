@@ -1,5 +1,6 @@
 //! Arguments of the commands that read objects.
 
+use insula_objects::search::MAX_QUERY_CHARS;
 use std::path::PathBuf;
 
 /// Arguments of `objects`.
@@ -13,4 +14,83 @@ pub struct ObjectsArgs {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// Arguments of `search`.
+#[derive(Debug, clap::Args)]
+pub struct SearchArgs {
+    /// City folder
+    pub city: PathBuf,
+    /// Starts of words of a name, an address or an identifier, in any order; 1 to 128 characters
+    #[arg(value_parser = parse_text)]
+    pub text: String,
+    /// Most hits, 1 to 1000
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub limit: u16,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Fails for a text that no search takes.
+fn parse_text(text: &str) -> Result<String, String> {
+    let is_valid = !text.trim().is_empty() && text.chars().count() <= MAX_QUERY_CHARS;
+    if is_valid { Ok(text.to_owned()) } else { Err(format!("expected 1 to {MAX_QUERY_CHARS} characters")) }
+}
+
+/// Arguments of `export`.
+#[cfg(feature = "bake")]
+#[derive(Debug, clap::Args)]
+pub struct ExportArgs {
+    /// City folder
+    pub city: PathBuf,
+    /// csv, geojson, geoparquet, flatgeobuf (footprints, heights and attributes), cityjsonseq, glb (meshes), geotiff (heights) or 3dtiles
+    #[arg(long, value_name = "FORMAT", value_parser = parse_format)]
+    pub format: ExportFormat,
+    /// File to write; for 3dtiles a folder, or a file that ends in .3tz
+    #[arg(long, value_name = "PATH")]
+    pub out: PathBuf,
+    /// Only objects with the middle in this area, in metres of the city's coordinate system
+    #[arg(long, value_name = "W,S,E,N", value_parser = parse_box, allow_hyphen_values = true)]
+    pub bbox: Option<[f64; 4]>,
+    /// Only objects that pass, as in 'height > 20'
+    #[arg(long, value_name = "EXPR")]
+    pub filter: Option<String>,
+    /// Only objects with the middle in the polygon of a GeoJSON file, in metres of the city's coordinate system
+    #[arg(long, value_name = "FILE")]
+    pub polygon: Option<PathBuf>,
+}
+
+/// A format of `export`.
+#[cfg(feature = "bake")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ExportFormat {
+    Glb,
+    Tiles3d,
+    Table(insula_export::table::Format),
+}
+
+#[cfg(feature = "bake")]
+fn parse_format(text: &str) -> Result<ExportFormat, String> {
+    use insula_export::table::Format;
+    match text {
+        "glb" => Ok(ExportFormat::Glb),
+        "3dtiles" => Ok(ExportFormat::Tiles3d),
+        _ => {
+            let found = Format::NAMES.iter().find(|(name, _)| *name == text);
+            let names: Vec<&str> = Format::NAMES.iter().map(|(name, _)| *name).collect();
+            found
+                .map(|(_, format)| ExportFormat::Table(*format))
+                .ok_or_else(|| format!("expected {}, glb or 3dtiles", names.join(", ")))
+        }
+    }
+}
+
+#[cfg(feature = "bake")]
+fn parse_box(text: &str) -> Result<[f64; 4], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
+    match numbers[..] {
+        [west, south, east, north] if west < east && south < north => Ok([west, south, east, north]),
+        _ => Err("expected west, south, east and north, separated by commas".to_owned()),
+    }
 }

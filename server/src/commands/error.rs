@@ -1,6 +1,10 @@
 //! Errors of the commands, one line each.
 
-use crate::{config::ConfigError, http::ServeError, store::{ObjectError, StoreError}};
+use crate::{
+    config::ConfigError,
+    http::ServeError,
+    store::{ObjectError, SearchFileError, StoreError},
+};
 use insula_protocol::text::count;
 use std::path::PathBuf;
 
@@ -11,6 +15,8 @@ pub enum CommandError {
     Store(#[from] StoreError),
     #[error(transparent)]
     Objects(#[from] ObjectError),
+    #[error(transparent)]
+    Search(#[from] SearchFileError),
     #[error(transparent)]
     Config(#[from] ConfigError),
     #[error(transparent)]
@@ -29,6 +35,8 @@ pub enum CommandError {
     /// `verify` found faults and has printed them.
     #[error("{} in {}; bake the city again, or copy it again from an intact source", count(*faults as u64, "fault"), path.display())]
     Faults { path: PathBuf, faults: usize },
+    #[error("{}: {reason}", path.display())]
+    Export { path: PathBuf, reason: String },
     #[error("{}: {reason}", path.display())]
     Mesh { path: PathBuf, reason: String },
     #[error("{}: {reason}", path.display())]

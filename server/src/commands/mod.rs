@@ -8,6 +8,8 @@ mod bake_progress;
 mod compare;
 mod error;
 #[cfg(feature = "bake")]
+mod export;
+#[cfg(feature = "bake")]
 mod fetch;
 mod inspect;
 #[cfg(feature = "bake")]
@@ -18,6 +20,7 @@ mod mesh;
 mod objects;
 mod output;
 mod publish;
+mod search;
 mod serve;
 mod sign;
 mod site_folder;
@@ -39,12 +42,15 @@ pub fn run(args: Args) -> Result<(), CommandError> {
         ServerCommand::Publish(args) => publish::run(&args),
         ServerCommand::Inspect(args) => inspect::run(&args),
         ServerCommand::Objects(args) => objects::run(&args),
+        ServerCommand::Search(args) => search::run(&args),
         ServerCommand::Verify(args) => verify::run(&args),
         ServerCommand::Setup(setup) => {
             setup.run::<Args>().map_err(|(path, error)| CommandError::Write { path, reason: error.to_string() })
         }
         #[cfg(feature = "bake")]
         ServerCommand::Bake(args) => bake::run(&args),
+        #[cfg(feature = "bake")]
+        ServerCommand::Export(args) => export::run(&args),
         #[cfg(feature = "bake")]
         ServerCommand::Compress(args) => mesh::compress(&args),
         #[cfg(feature = "bake")]

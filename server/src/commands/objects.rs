@@ -52,11 +52,7 @@ pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
 }
 
 /// An object with the names of its attributes. Fails if its parent's block is damaged.
-pub(crate) fn describe(
-    objects: &CityObjects<'_>,
-    id: u32,
-    record: ObjectRecord,
-) -> Result<ObjectJson, CommandError> {
+pub(crate) fn describe(objects: &CityObjects<'_>, id: u32, record: ObjectRecord) -> Result<ObjectJson, CommandError> {
     let parent = record.parent.map(|parent| objects.identifier(parent)).transpose()?.flatten();
     let named = |(attribute, value): (u32, Value)| {
         let info = objects.schema().attributes.get(attribute as usize)?;

@@ -21,7 +21,7 @@ use crate::{
     },
     store::{CityStore, Store},
 };
-use insula_archive::city::MANIFEST_FILE;
+use insula_archive::city::{MANIFEST_FILE, SEARCH_FILE};
 use insula_protocol::{
     route::THUMBNAIL_FILE,
     text::{count, human_bytes},
@@ -86,7 +86,9 @@ fn write_viewer(site: &mut SiteFolder, viewer: &ViewerAssets) -> Result<(), Comm
 fn write_city(site: &mut SiteFolder, city: &CityStore) -> Result<(), CommandError> {
     let Some(folder) = city.folder() else { return Ok(()) };
     let archives = city.archives().map(|(kind, _)| kind.file_name());
-    for name in archives.chain([MANIFEST_FILE]).chain(city.has_thumbnail().then_some(THUMBNAIL_FILE)) {
+    let optional =
+        city.has_search().then_some(SEARCH_FILE).into_iter().chain(city.has_thumbnail().then_some(THUMBNAIL_FILE));
+    for name in archives.chain([MANIFEST_FILE]).chain(optional) {
         site.link(&folder.join(name), &format!("cities/{}/{name}", city.manifest().name))?;
     }
     if city.is_unchanged() {

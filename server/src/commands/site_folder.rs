@@ -1,6 +1,7 @@
 //! The folder of a published site: made beside its place, and renamed when it is complete.
 
 use super::error::CommandError;
+use insula_archive::city::SEARCH_FILE;
 use serde::Deserialize;
 use std::{
     ffi::OsString,
@@ -160,7 +161,9 @@ fn unknown_entry(folder: &Path, depth: usize) -> io::Result<Option<PathBuf>> {
 fn is_site_file(name: &str) -> bool {
     const SUFFIXES: [&str; 11] =
         ["js", "wasm", "css", "json", "webmanifest", "html", "svg", "png", "woff2", "br", "gz"];
-    name.ends_with(".pmtiles") || name.rsplit_once('.').is_some_and(|(_, suffix)| SUFFIXES.contains(&suffix))
+    name == SEARCH_FILE
+        || name.ends_with(".pmtiles")
+        || name.rsplit_once('.').is_some_and(|(_, suffix)| SUFFIXES.contains(&suffix))
 }
 
 fn refuse(path: &Path, reason: &str) -> CommandError {

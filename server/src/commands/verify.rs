@@ -79,6 +79,7 @@ fn find_faults(city: &CityStore) -> FaultList {
     check_nodes(&lengths, &subtrees.nodes, &mut faults);
     check_meshes(city, subtrees, &mut faults);
     check_objects(city, &mut faults);
+    check_search(city, &mut faults);
     check_manifest(city, &lengths, &mut faults);
     faults
 }
@@ -194,6 +195,15 @@ fn check_objects(city: &CityStore, faults: &mut FaultList) {
         if let Err(error) = objects.block(block) {
             faults.push(error.to_string());
         }
+    }
+}
+
+/// Opens the search index, if there is one: that checks its checksum and its dictionary.
+fn check_search(city: &CityStore, faults: &mut FaultList) {
+    if city.has_search()
+        && let Err(error) = city.search_index()
+    {
+        faults.push(error.to_string());
     }
 }
 

@@ -1,8 +1,8 @@
 //! Baked cities over HTTP/1.1 and HTTP/2, with or without TLS.
 //!
 //! ```text
-//! server -> worker -> (tls) -> connection -> service -> cached_tiles -> router -> tile, manifest, index_page, city_page,
-//!                                                                                       viewer_files, health
+//! server -> worker -> (tls) -> connection -> service -> cached_tiles -> router -> tile, search, manifest, index_page,
+//!                                                                                       city_page, viewer_files, health
 //! operations -> service -> router                             a listener of its own for health and metrics
 //! ```
 //!
@@ -37,6 +37,7 @@ mod request_host;
 mod response;
 mod response_body;
 mod router;
+mod search;
 mod server;
 mod service;
 mod state;

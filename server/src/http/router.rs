@@ -3,6 +3,7 @@
 use super::{
     city_page, health, index_page, manifest,
     problem::{NO_ROUTE, Problem},
+    search,
     thread_state::ThreadState,
     tile, viewer_files,
 };
@@ -45,6 +46,7 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::Thumbnail => get(city_page::thumbnail),
         RouteTemplate::Asset => get(viewer_files::asset),
         RouteTemplate::ServiceWorker => get(viewer_files::service_worker),
+        RouteTemplate::Search => get(search::search),
         RouteTemplate::Other => get(not_found),
     }
 }

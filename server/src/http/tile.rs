@@ -15,7 +15,7 @@ use crate::store::CityStore;
 use axum::{
     body::Body,
     extract::State,
-    http::{HeaderMap, HeaderValue, Method, Request, StatusCode, header, request::Parts},
+    http::{HeaderMap, HeaderValue, Method, Request, StatusCode, Uri, header, request::Parts},
     response::Response,
 };
 use bytes::Bytes;
@@ -55,40 +55,18 @@ pub(super) struct RequestedTile {
 impl RequestedTile {
     /// The tile at a request's address. Fails with 400 for invalid numbers, 401 without a required token, or 404.
     pub(super) fn of_request(state: &AppState, request: &Parts) -> Result<Self, Problem> {
-        let path = request.uri.path();
-        let credentials = Credentials::new(&request.headers, &request.uri);
-        match Route::parse(path) {
-            Ok(Route::Tile(tile)) => Self::resolve(state, tile, credentials),
+        match Route::parse(request.uri.path()) {
+            Ok(Route::Tile(tile)) => Self::resolve(state, tile, &request.uri, &request.headers),
             Err(RouteError::InvalidTile) => Err(INVALID_TILE),
-            // Such a city or version cannot exist. Without a token, the response must be the one for private cities.
-            Err(RouteError::InvalidName) => {
-                let (route, city) = (RouteTemplate::of_path(path), path.split('/').nth(3).unwrap_or_default());
-                let request = AccessRequest { route, city, version: None };
-                state.catalog().access().authorize(credentials, request)?;
-                Err(Problem::not_found("there is no such city or version"))
-            }
+            Err(RouteError::InvalidName) => Err(unknown_name(state, &request.uri, &request.headers)),
             _ => Err(NO_ROUTE),
         }
     }
 
     /// Looks up city and version. Fails with 401 without a required token, or 404.
-    fn resolve(state: &AppState, route: TileRoute<'_>, credentials: Credentials<'_>) -> Result<Self, Problem> {
-        let catalog = state.catalog();
-        let found = catalog.store().version(route.city, route.version);
-        let is_known = found.is_some() || catalog.store().city(route.city).is_some();
-        let request = AccessRequest {
-            route: Route::Tile(route).template(),
-            city: route.city,
-            version: is_known.then_some(route.version),
-        };
-        let access = catalog.access().authorize(credentials, request)?;
-        let city = match found {
-            Some(city) => Arc::clone(city),
-            None if !is_known => return Err(Problem::not_found("there is no such city")),
-            None => {
-                return Err(Problem::not_found("the city has another version now: fetch its manifest again"));
-            }
-        };
+    fn resolve(state: &AppState, route: TileRoute<'_>, uri: &Uri, headers: &HeaderMap) -> Result<Self, Problem> {
+        let template = Route::Tile(route).template();
+        let (city, access) = find_version(state, template, route.city, route.version, uri, headers)?;
         if let CityAccess::Link(scope) = access
             && !scope.admits_tile(city.manifest(), route.kind, route.id)
         {
@@ -157,6 +135,35 @@ impl RequestedTile {
             _ => Problem::unavailable("this tile cannot be read at the moment"),
         }
     }
+}
+
+/// A version of a city that the request may see. Fails with 401 without a required token, or 404.
+pub(super) fn find_version(
+    state: &AppState,
+    route: RouteTemplate,
+    city: &str,
+    version: &str,
+    uri: &Uri,
+    headers: &HeaderMap,
+) -> Result<(Arc<CityStore>, CityAccess), Problem> {
+    let catalog = state.catalog();
+    let found = catalog.store().version(city, version);
+    let is_known = found.is_some() || catalog.store().city(city).is_some();
+    let request = AccessRequest { route, city, version: is_known.then_some(version) };
+    let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
+    match found {
+        Some(city) => Ok((Arc::clone(city), access)),
+        None if !is_known => Err(Problem::not_found("there is no such city")),
+        None => Err(Problem::not_found("the city has another version now: fetch its manifest again")),
+    }
+}
+
+/// The response for a city or version that cannot exist: 404, or without a token the one for private cities.
+pub(super) fn unknown_name(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Problem {
+    let (route, city) = (RouteTemplate::of_path(uri.path()), uri.path().split('/').nth(3).unwrap_or_default());
+    let request = AccessRequest { route, city, version: None };
+    let denied = state.catalog().access().authorize(Credentials::new(headers, uri), request).err();
+    denied.unwrap_or(Problem::not_found("there is no such city or version"))
 }
 
 /// Plain GET requests, the common case, get the prepared headers.

@@ -1,8 +1,15 @@
 //! An open city, and the identity of its files, by which a replacement is noticed.
 
-use super::error::StoreError;
+use super::{
+    error::StoreError,
+    search::{CityIndex, SearchFile, SearchFileError},
+};
 use bytes::Bytes;
-use insula_archive::{BakedCity, city::MANIFEST_FILE, file::open_regular};
+use insula_archive::{
+    BakedCity,
+    city::{MANIFEST_FILE, SEARCH_FILE},
+    file::open_regular,
+};
 use insula_protocol::{TileKind, route::THUMBNAIL_FILE};
 use std::{
     fs,
@@ -30,13 +37,14 @@ pub struct CityStore {
     /// `None` for a remote city. Its location is text, which the name of a folder need not be.
     folder: Option<PathBuf>,
     has_thumbnail: bool,
+    search: Option<SearchFile>,
 }
 
 /// Identity of a city's files, which changes when they are replaced.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum CityStamp {
-    /// Of the manifest and each existing archive.
-    Files([Option<FileStamp>; 5]),
+    /// Of the manifest, each existing archive and the search index.
+    Files(Box<[Option<FileStamp>; 6]>),
     /// Hash of the manifest's text.
     Remote(blake3::Hash),
 }
@@ -45,22 +53,25 @@ pub(super) enum CityStamp {
 type FileStamp = (u64, u64, u64, Option<SystemTime>);
 
 impl CityStore {
-    /// Opens a folder with `city.json` and an archive per [`TileKind`]. All files are of one version, even if the city is replaced
+    /// Opens a folder with `city.json`, an archive per [`TileKind`], and a search index if there is one. All files are of one version, even if the city is replaced
     /// meanwhile. Fails if a file is missing, damaged, or inconsistent with the manifest.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         for _ in 0..MAX_ATTEMPTS {
             let stamp = CityStamp::of(folder)?;
-            let city = BakedCity::open(folder);
+            let (city, search) = (BakedCity::open(folder), SearchFile::open(folder));
             if CityStamp::of(folder)? == stamp {
                 let has_thumbnail = folder.join(THUMBNAIL_FILE).is_file();
-                return Ok(Self { folder: Some(folder.to_owned()), has_thumbnail, ..Self::new(stamp, city?) });
+                let search = search.map_err(|source| StoreError::Io { path: folder.join(SEARCH_FILE), source })?;
+                let folder = Some(folder.to_owned());
+                return Ok(Self { folder, has_thumbnail, search, ..Self::new(stamp, city?) });
             }
         }
         Err(StoreError::Changing { place: folder.display().to_string() })
     }
 
     pub(super) fn new(stamp: CityStamp, city: BakedCity) -> Self {
-        Self { serial: NEXT_SERIAL.fetch_add(1, Ordering::Relaxed), stamp, city, folder: None, has_thumbnail: false }
+        let serial = NEXT_SERIAL.fetch_add(1, Ordering::Relaxed);
+        Self { serial, stamp, city, folder: None, has_thumbnail: false, search: None }
     }
 
     /// A number that differs between all cities and versions that the process has opened.
@@ -91,6 +102,17 @@ impl CityStore {
         (png.len() as u64 <= MAX_THUMBNAIL_BYTES && png.starts_with(PNG_SIGNATURE)).then(|| png.into())
     }
 
+    /// Whether the city has a search index. A remote city has none.
+    pub fn has_search(&self) -> bool {
+        self.search.is_some()
+    }
+
+    /// The search index, which the first call reads whole. Fails if there is none, or it cannot be read or is damaged.
+    pub fn search_index(&self) -> Result<CityIndex, SearchFileError> {
+        let none = || SearchFileError::None { place: self.location().to_owned() };
+        self.search.as_ref().ok_or_else(none)?.index()
+    }
+
     pub(super) fn stamp(&self) -> &CityStamp {
         &self.stamp
     }
@@ -105,7 +127,7 @@ impl Deref for CityStore {
 }
 
 impl CityStamp {
-    /// Fails if a file's metadata cannot be read, or one other than the meshes and objects is missing.
+    /// Fails if a file's metadata cannot be read, or one other than the meshes, objects and search index is missing.
     pub(super) fn of(folder: &Path) -> Result<Self, StoreError> {
         let file_stamp = |name: &str| {
             let path = folder.join(name);
@@ -113,13 +135,15 @@ impl CityStamp {
             let (device, inode) = identity(&metadata);
             Ok(Some((device, inode, metadata.len(), metadata.modified().ok())))
         };
-        let optional = |kind: TileKind| match file_stamp(kind.file_name()) {
+        let optional = |name: &str| match file_stamp(name) {
             Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
             found => found,
         };
-        let (meshes, objects) = (optional(TileKind::Mesh)?, optional(TileKind::Objects)?);
+        let [meshes, objects] = [TileKind::Mesh, TileKind::Objects].map(|kind| optional(kind.file_name()));
+        let search = optional(SEARCH_FILE)?;
         let [subtrees, blockmaps] = [TileKind::Subtree, TileKind::BlockMap].map(|kind| file_stamp(kind.file_name()));
-        Ok(Self::Files([file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes, objects]))
+        let stamps = [file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes?, objects?, search];
+        Ok(Self::Files(Box::new(stamps)))
     }
 }
 

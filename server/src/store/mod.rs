@@ -13,6 +13,7 @@ mod reload;
 mod remote;
 mod requests;
 mod same_host;
+mod search;
 
 pub use cities::Store;
 pub use city::CityStore;
@@ -20,3 +21,4 @@ pub use error::StoreError;
 pub use objects::{CityObjects, ObjectError};
 pub use reload::{RetentionPolicy, StoreReload};
 pub(crate) use requests::StoreMetrics;
+pub use search::{CityIndex, SearchFileError};

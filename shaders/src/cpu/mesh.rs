@@ -4,8 +4,8 @@
 
 use super::{
     fast_math::nonzero,
-    objects::{is_hidden, object_colour, object_of_triangle},
     mesh_surface::{INSIDE_AO, SurfaceLight, is_inside, sample_texture, surface_light},
+    objects::{is_hidden, object_colour, object_of_triangle},
     ray::{Ray, RayHit},
     shade::linear_of,
     words::halves,

@@ -215,7 +215,11 @@ impl Raycaster {
         let meshes = nodes.iter().any(|node| node.mesh != 0);
         let for_study = frame.shading != Shading::Lit as u32;
         let windows = frame.light.window[3] > 0.0;
-        self.dispatch(on.device, encoder, PipelineVariant { count: false, meshes, for_study, windows, objects: frame.objects != 0 });
+        self.dispatch(
+            on.device,
+            encoder,
+            PipelineVariant { count: false, meshes, for_study, windows, objects: frame.objects != 0 },
+        );
         self.last_frame = *frame;
         Ok(())
     }

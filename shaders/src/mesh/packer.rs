@@ -143,7 +143,8 @@ fn number_objects(objects: &[u32], triangles: usize) -> (Vec<u32>, Vec<u32>) {
     list.sort_unstable();
     list.dedup();
     list.truncate(MAX_OBJECTS);
-    let place = |t: usize| objects.get(t).and_then(|object| list.binary_search(object).ok()).map_or(0, |at| at as u32 + 1);
+    let place =
+        |t: usize| objects.get(t).and_then(|object| list.binary_search(object).ok()).map_or(0, |at| at as u32 + 1);
     let places = (0..triangles).map(place).collect();
     (list, places)
 }

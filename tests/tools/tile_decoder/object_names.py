@@ -122,6 +122,8 @@ def read_column_objects(data, tile):
     coder = RangeReader(data)
     objects = ColumnObjects(tile, NameReader(coder, 3 * COLUMNS)).read()
     coder.finish()
+    if set(objects.roof) | set(objects.wall) | set(objects.lower) == {NONE}:
+        raise BadTile("a section of objects that no column shows")
     return objects
 
 
@@ -135,4 +137,6 @@ def read_triangle_objects(data, triangles):
         objects.append(names.name(ROOF, len(known) + 4 * (len(set(known)) < 2), known))
         latest.update(dict.fromkeys(triangle, t))
     coder.finish()
+    if set(objects) == {NONE}:
+        raise BadTile("a section of objects that no triangle shows")
     return objects

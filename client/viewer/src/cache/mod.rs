@@ -22,9 +22,9 @@ use insula_shaders::{
     pack::{PackedNode, PackedObjects, Page},
 };
 use lru::LruCache;
-use std::collections::BTreeMap;
 use pages::PagePool;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Size of an atlas page.
 pub const PAGE_BYTES: u64 = PAGE_WORDS as u64 * 4;

@@ -24,9 +24,9 @@ mod upload_queue;
 
 use crate::{
     cache::{Upload, slots_for},
-    objects::ObjectStyles,
     camera::{Camera, View},
     frame::{FrameData, FrameInputs, RenderSettings},
+    objects::ObjectStyles,
     scene::{SceneTree, TileKey},
     select::{
         Selection, SelectionScratch,

@@ -198,7 +198,12 @@ fn a_damaged_tile_is_invalidated_and_read_once_more() {
             let source = DamagedSource(MemorySource::local(file.to_vec()), times);
             Archive::load(Arc::new(source), None).now_or_never().unwrap().unwrap()
         };
-        let archives = CityArchives { subtrees: load(&file, 0), blockmaps: load(&file, repaired_after), meshes: None, objects: None };
+        let archives = CityArchives {
+            subtrees: load(&file, 0),
+            blockmaps: load(&file, repaired_after),
+            meshes: None,
+            objects: None,
+        };
         let city = BakedCity::new("memory".into(), manifest(), archives).unwrap();
         match city.checked_tile(TileKind::BlockMap, id(1, 0, 0)).now_or_never().unwrap() {
             Ok(found) => assert!(found.unwrap() == tile(TileKind::BlockMap) && repaired_after < 2),

@@ -1,6 +1,6 @@
 //! The version of a city, recomputed from its files.
 
-use super::{MANIFEST_FILE, MAX_MANIFEST_BYTES};
+use super::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE};
 use crate::file::open_regular;
 use insula_protocol::TileKind;
 use std::{
@@ -8,19 +8,22 @@ use std::{
     path::Path,
 };
 
-/// The archives in the order in which the version covers them.
-const HASHED: [TileKind; 4] = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh, TileKind::Objects];
+/// The files in the order in which the version covers them, and whether each city has one.
+fn hashed_files() -> impl Iterator<Item = (&'static str, bool)> {
+    let kinds = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh, TileKind::Objects];
+    kinds.into_iter().map(|kind| (kind.file_name(), kind.is_required())).chain([(SEARCH_FILE, false)])
+}
 
 /// The version that the files in a city's folder should have: the first 16 hexadecimal digits of the BLAKE3 hash of the
-/// archives and of the manifest's text with an empty version. `stated` is the version that the manifest has.
+/// archives, the search index, and of the manifest's text with an empty version. `stated` is the version that the manifest has.
 ///
 /// It differs from `stated` if a file is of another bake or was changed. Fails if a file cannot be read.
 pub fn content_version(folder: &Path, stated: &str) -> io::Result<String> {
     let mut hasher = blake3::Hasher::new();
-    for kind in HASHED {
-        match open_regular(&folder.join(kind.file_name())) {
+    for (name, is_required) in hashed_files() {
+        match open_regular(&folder.join(name)) {
             Ok(mut file) => drop(io::copy(&mut file, &mut hasher)?),
-            Err(error) if !kind.is_required() && error.kind() == io::ErrorKind::NotFound => {}
+            Err(error) if !is_required && error.kind() == io::ErrorKind::NotFound => {}
             Err(error) => return Err(error),
         }
     }

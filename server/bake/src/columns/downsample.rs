@@ -12,11 +12,9 @@ use crate::{
         clip::{CellClip, CornerPlane, WallPlane},
         fill::{fill_unknown, mean_of_known},
         merge::{LINES_PER_SIDE, MergedColumn, PARENT_GAPS, VerticalLine, line_position_m},
-        srgb::linear_from_srgb,
         object_votes::ObjectVotes,
-        voxels::{
-            SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelObjects,
-        },
+        srgb::linear_from_srgb,
+        voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelObjects},
         wall_fit::{CellObservations, WallPiece},
     },
     scene::grid::CityGrid,
@@ -375,12 +373,7 @@ impl ParentColumns {
 }
 
 /// The objects that most of the children show: `tops` are those at the column's top.
-fn objects_of(
-    children: &[&ChildColumn],
-    tops: &[&ChildColumn],
-    lower_top_m: Option<f32>,
-    cell_m: f32,
-) -> VoxelObjects {
+fn objects_of(children: &[&ChildColumn], tops: &[&ChildColumn], lower_top_m: Option<f32>, cell_m: f32) -> VoxelObjects {
     let mut votes: [ObjectVotes; 3] = Default::default();
     tops.iter().for_each(|child| votes[0].add(child.objects.roof, 1.0));
     for child in children {

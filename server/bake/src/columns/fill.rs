@@ -84,7 +84,9 @@ fn object_around(node: &VoxelNode, i: usize) -> u32 {
     let Some(own_m) = node.columns[i].as_ref().map(top_m) else { return NO_OBJECT };
     let known = neighbours(node, i).filter(|column| column.objects.roof != NO_OBJECT);
     let nearest = known.min_by(|a, b| (top_m(a) - own_m).abs().total_cmp(&(top_m(b) - own_m).abs()));
-    nearest.filter(|column| (top_m(column) - own_m).abs() < SIMILAR_TOP_M).map_or(NO_OBJECT, |column| column.objects.roof)
+    nearest
+        .filter(|column| (top_m(column) - own_m).abs() < SIMILAR_TOP_M)
+        .map_or(NO_OBJECT, |column| column.objects.roof)
 }
 
 fn is_unknown(appearance: &VoxelAppearance) -> bool {

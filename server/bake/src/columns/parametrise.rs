@@ -16,8 +16,8 @@ use crate::{
 use insula_protocol::{
     BlockMap, DecodeError, Texel,
     blockmap::{
-        CLIP_STEPS_PER_CELL, ColumnClip, ColumnObjects, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop, STEPS_PER_CELL,
-        WallStrip, Z_CODE_MAX, Z_SHIFT_MAX, flag,
+        CLIP_STEPS_PER_CELL, ColumnClip, ColumnObjects, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop,
+        STEPS_PER_CELL, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX, flag,
         ground::{self, HEIGHTS_PER_CELL, MAX_HEIGHT, SKY_MAX, VERTICES, is_used_vertex},
         objects::lower_tops,
         strip_rows,

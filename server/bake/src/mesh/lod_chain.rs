@@ -126,7 +126,8 @@ impl LodEncoder<'_> {
             } else {
                 let named = simplify_on_grid(surface, Goal { triangles: max_triangles, error: f64::INFINITY });
                 let reach = blockmap_error_m / step_m;
-                let moved = TriangleHash::new(&surface.model, reach).max_distance(&named.model, reach, |_| f64::INFINITY);
+                let moved =
+                    TriangleHash::new(&surface.model, reach).max_distance(&named.model, reach, |_| f64::INFINITY);
                 (named, moved * step_m)
             };
             if let Some(lod) = self.encode(&named, LodSpec { number: 0, moved_m, texel_m: 2.0 * step_m })? {
@@ -196,7 +197,8 @@ impl SurfaceSimplifier<'_> {
                 self.part_half_diagonals = part_half_diagonals(original);
             }
             let reach = 1.01 * target;
-            let from_coarser = TriangleHash::new(original, reach).max_distance(&coarser.model, reach, |_| f64::INFINITY);
+            let from_coarser =
+                TriangleHash::new(original, reach).max_distance(&coarser.model, reach, |_| f64::INFINITY);
             if from_coarser > target {
                 continue;
             }

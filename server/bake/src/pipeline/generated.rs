@@ -92,7 +92,8 @@ pub fn bake_generated(
     let read = ReadReport::default();
     let fingerprints = Vec::new();
     let (tree, packs) = (&tree, &packs);
-    let input = CityInput { config: &config, grid, facts: &facts, read: &read, tree, packs, fingerprints, objects: None };
+    let input =
+        CityInput { config: &config, grid, facts: &facts, read: &read, tree, packs, fingerprints, objects: None };
     progress.stage("write", tree.levels().iter().map(|level| level.len() as u64).sum());
     let written = city::write(input, &scratch.city(), |n| progress.advance(n))?;
     scratch.publish()?;

@@ -29,9 +29,9 @@ use crate::{
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
         Scene,
+        grid::{BLOCK_LEAVES, CityGrid},
         object_numbers::ObjectNumbers,
         object_records::ObjectRecords,
-        grid::{BLOCK_LEAVES, CityGrid},
         partition::{LeafBlock, Partition, PartitionOptions},
         scratch_budget::ScratchBudget,
         scratch_scene::ScratchScene,

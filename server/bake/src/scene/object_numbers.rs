@@ -1,6 +1,6 @@
 //! Numbers of objects: along the Hilbert curve of the leaves, so that a leaf has few and near ones.
 //!
-//! In: the objects of a city, where they stand, and the numbers of the city that is updated. Out: a number for each object with a shape,
+//! From the objects of a city, where they stand, and the numbers of the city that is updated come a number for each object with a shape,
 //! and a row for each number. An object without a shape gets a number if it is the parent of one with a number.
 
 use std::collections::HashMap;

@@ -120,9 +120,7 @@ impl ObjectRecords {
     pub(crate) fn reader(&self) -> Result<RecordReader<'_>, BakeError> {
         let file = match self {
             Self::Memory(_) => None,
-            Self::File(file) => {
-                Some(File::open(&file.path).map_err(|cause| BakeError::io(&file.path, "read", cause))?)
-            }
+            Self::File(file) => Some(File::open(&file.path).map_err(|cause| BakeError::io(&file.path, "read", cause))?),
         };
         Ok(RecordReader { records: self, file })
     }
@@ -142,9 +140,8 @@ impl RecordFile {
         let written = |cause| BakeError::io(&self.path, "written", cause);
         let length = (bytes.len() as u32).to_le_bytes();
         let spent = self.budget.spend(length.len() + bytes.len());
-        let result = spent.and_then(|()| {
-            writer.write_all(&length).and_then(|()| writer.write_all(&bytes)).map_err(written)
-        });
+        let result =
+            spent.and_then(|()| writer.write_all(&length).and_then(|()| writer.write_all(&bytes)).map_err(written));
         if let Err(error) = result {
             (self.failed, self.writer) = (Some(error), None);
         }
@@ -202,7 +199,10 @@ mod tests {
         let record = |n: i64| ObjectRecord {
             identifier: format!("house {n}"),
             kind: FeatureKind::Building,
-            attributes: vec![("floors".into(), Value::Integer(n)), ("name".into(), Value::Text("x".repeat(n as usize)))],
+            attributes: vec![
+                ("floors".into(), Value::Integer(n)),
+                ("name".into(), Value::Text("x".repeat(n as usize))),
+            ],
         };
         for triangles in [TriangleStore::Memory(Vec::new()), stored] {
             let mut records = ObjectRecords::for_triangles(&triangles);

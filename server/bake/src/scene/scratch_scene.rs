@@ -12,7 +12,8 @@ use crate::{
         Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle,
         object_names::ObjectNames,
         object_records::{ObjectRecord, ObjectRecords, RecordPlace},
-        texture_store::TextureStore, triangle_store::TriangleStore,
+        texture_store::TextureStore,
+        triangle_store::TriangleStore,
     },
 };
 

@@ -1,8 +1,8 @@
 //! Writes the final files of a city.
 //!
 //! In: the tree of packed tiles, and facts about the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
-//! `meshes.pmtiles` if there are meshes, `objects.pmtiles` if there are objects, `city.json`, `fingerprints.bin` and `thumbnail.png`, synchronised, in the scratch
-//! folder.
+//! `meshes.pmtiles` if there are meshes, `objects.pmtiles` if there are objects, `search.index` if these have texts, `city.json`,
+//! `fingerprints.bin` and `thumbnail.png`, synchronised, in the scratch folder.
 //! Next: `ScratchFolder::publish` renames them to the output.
 
 use std::{
@@ -11,6 +11,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use insula_archive::city::SEARCH_FILE;
 use insula_protocol::{
     NODE_CELLS, TileId,
     manifest::{
@@ -27,7 +28,7 @@ use super::{
     fingerprints::Fingerprints,
     mesh_pack,
     objects::CityObjects,
-    thumbnail,
+    search, thumbnail,
     tile_pack::{PackReader, StoredTile},
     tile_tree::{self, TileTree},
 };
@@ -134,19 +135,24 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
     bytes += archive::write(&subtrees, &tile_tree::subtree_roots(&nodes), |root| {
         tile_tree::encode_subtree(input.tree, &nodes, root)
     })?;
-    let mut archives = vec![blockmaps, subtrees];
+    let mut hashed = vec![blockmaps, subtrees];
     if !input.tree.meshes().is_empty() {
         let path = folder.join("meshes.pmtiles");
         bytes += write_meshes(&input, &path)?;
-        archives.push(path);
+        hashed.push(path);
     }
     if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
-        let path = folder.join("objects.pmtiles");
-        bytes += objects.write(&objects.schema()?, &path)?;
-        archives.push(path);
+        let (path, search_path) = (folder.join("objects.pmtiles"), folder.join(SEARCH_FILE));
+        let schema = objects.schema()?;
+        bytes += objects.write(&schema, &path)?;
+        hashed.push(path);
+        if let Some(length) = search::write(objects, &schema, &search_path)? {
+            bytes += length;
+            hashed.push(search_path);
+        }
     }
     let mut manifest = build_manifest(&input);
-    manifest.version = hash_city(&manifest, &archives)?;
+    manifest.version = hash_city(&manifest, &hashed)?;
     let path = folder.join("city.json");
     let json = to_json(&manifest, &path)?;
     write_synced(&path, &json)?;
@@ -177,10 +183,10 @@ fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {
     Ok(json)
 }
 
-/// Hash of the archives and of the manifest without its version.
-fn hash_city(manifest: &Manifest, archives: &[PathBuf]) -> Result<String, BakeError> {
+/// Hash of the archives, the search index, and of the manifest without its version.
+fn hash_city(manifest: &Manifest, files: &[PathBuf]) -> Result<String, BakeError> {
     let mut hasher = blake3::Hasher::new();
-    for path in archives {
+    for path in files {
         let hashed = fs::File::open(path).and_then(|mut file| io::copy(&mut file, &mut hasher));
         hashed.map_err(|cause| BakeError::io(path, "read", cause))?;
     }

@@ -1,6 +1,6 @@
 //! Writes `objects.pmtiles`: the schema of the objects' attributes, and the objects in blocks.
 //!
-//! In: the numbered objects and their records. Out: one archive. The records are read twice: for the types and ranges of the attributes,
+//! The records of the numbered objects are read twice: for the types and ranges of the attributes,
 //! and for the blocks.
 
 use std::{collections::HashMap, path::Path};
@@ -11,7 +11,7 @@ use insula_objects::{
 };
 use insula_protocol::{
     DecodeError, TileId,
-    object_tile::{self, SCHEMA_ID, block_id, block_number},
+    object_tile::{self, MAX_CONTENT_BYTES, SCHEMA_ID, block_id, block_number},
 };
 
 use super::archive;
@@ -68,8 +68,7 @@ impl CityObjects<'_> {
                 Some(block) => {
                     let rows = self.rows.iter().skip((block * BLOCK_OBJECTS as u32) as usize).take(BLOCK_OBJECTS);
                     let records = rows.map(|row| self.record(row.as_ref(), &mut reader, schema, &names));
-                    let records: Vec<Option<ObjectRecord>> = records.collect::<Result<_, _>>()?;
-                    block::encode(block, &records, schema)
+                    encode_block(block, records.collect::<Result<_, _>>()?, schema)
                 }
             };
             content.and_then(|content| object_tile::encode(id, &content)).map_err(BakeError::tile(id, "encoded"))
@@ -101,6 +100,28 @@ impl CityObjects<'_> {
     }
 }
 
+/// A block. One with more text than a tile holds loses its attributes.
+fn encode_block(block: u32, mut records: Vec<Option<ObjectRecord>>, schema: &Schema) -> Result<Vec<u8>, DecodeError> {
+    match block::encode(block, &records, schema) {
+        Ok(content) if content.len() <= MAX_CONTENT_BYTES => Ok(content),
+        Ok(_) | Err(DecodeError::Limit { .. }) => {
+            tracing::warn!("objects {}: too much text, their attributes are left out", block as usize * BLOCK_OBJECTS);
+            records.iter_mut().flatten().for_each(|record| record.attributes.clear());
+            block::encode(block, &records, schema)
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// The schema as JSON, without its most frequent values if it would be too long with them.
 fn encode_schema(schema: &Schema) -> Result<Vec<u8>, DecodeError> {
-    serde_json::to_vec(schema).map_err(|_| DecodeError::Invalid("a schema that is not JSON"))
+    let json =
+        |schema: &Schema| serde_json::to_vec(schema).map_err(|_| DecodeError::Invalid("a schema that is not JSON"));
+    let content = json(schema)?;
+    if content.len() <= MAX_CONTENT_BYTES {
+        return Ok(content);
+    }
+    let mut short = schema.clone();
+    short.attributes.iter_mut().for_each(|attribute| attribute.top.clear());
+    json(&short)
 }

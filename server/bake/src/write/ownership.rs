@@ -9,7 +9,7 @@ use std::{
 };
 
 use insula_archive::{
-    city::{MANIFEST_FILE, MAX_MANIFEST_BYTES},
+    city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE},
     file::open_regular,
 };
 use insula_protocol::TileKind;
@@ -34,6 +34,7 @@ fn is_city_file(name: &str) -> bool {
     name == MANIFEST_FILE
         || name == fingerprints::FILE_NAME
         || name == thumbnail::FILE_NAME
+        || name == SEARCH_FILE
         || TileKind::ALL.iter().any(|kind| kind.file_name() == name)
 }
 
@@ -136,7 +137,7 @@ fn has_manifest(folder: &Path) -> bool {
 /// Removes a city that [`check_out`] accepts. Fails, and keeps the folder, if it contains anything else.
 pub(super) fn remove_city(folder: &Path) -> Result<(), BakeError> {
     check_out(folder)?;
-    let others = [fingerprints::FILE_NAME, thumbnail::FILE_NAME, MANIFEST_FILE];
+    let others = [fingerprints::FILE_NAME, thumbnail::FILE_NAME, SEARCH_FILE, MANIFEST_FILE];
     for name in TileKind::ALL.iter().map(|kind| kind.file_name()).chain(others) {
         remove_file(&folder.join(name))?;
     }

@@ -1,15 +1,15 @@
 //! Builds a GLB: collects buffer views, accessors, meshes and textures, and writes header and chunks (glTF 2.0, section 4.4).
 
+use super::ExportError;
 use super::{
     compress,
     document::{
-        ARRAY_BUFFER, Accessor, Asset, Attributes, Buffer, BufferView, CLAMP_TO_EDGE, Document, ELEMENT_ARRAY_BUFFER, FLOAT,
-        Image, LINEAR, LINEAR_MIPMAP_LINEAR, Material, Mesh, Node, PbrMetallicRoughness, Primitive, Sampler, Scene,
-        TextureInfo, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT,
+        ARRAY_BUFFER, Accessor, Asset, Attributes, Buffer, BufferView, CLAMP_TO_EDGE, Document, ELEMENT_ARRAY_BUFFER,
+        FLOAT, Image, LINEAR, LINEAR_MIPMAP_LINEAR, Material, Mesh, Node, PbrMetallicRoughness, Primitive, Sampler,
+        Scene, TextureInfo, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT,
     },
     geometry::{Geometry, Layout, NO_FEATURE},
 };
-use super::ExportError;
 use insula_protocol::Manifest;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -134,7 +134,8 @@ impl GlbBuilder {
             }
         }
         let byte_offset = self.append(bytes, 4);
-        let view = BufferView { byte_offset, byte_length: bytes.len(), byte_stride: Some(stride), ..BufferView::default() };
+        let view =
+            BufferView { byte_offset, byte_length: bytes.len(), byte_stride: Some(stride), ..BufferView::default() };
         Ok(self.push_view(BufferView { target: Some(ARRAY_BUFFER), ..view }))
     }
 

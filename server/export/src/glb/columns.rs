@@ -55,7 +55,11 @@ impl Column {
     /// Booleans. `is_complete`: whether all objects of the city have one.
     pub(super) fn bools(values: &[Option<&Value>], is_complete: bool) -> Self {
         let bools = values.iter().map(|value| if let Some(Value::Bool(value)) = value { Some(*value) } else { None });
-        if is_complete { Self::Bool(bools.map(Option::unwrap_or_default).collect()) } else { Self::Truth(bools.collect()) }
+        if is_complete {
+            Self::Bool(bools.map(Option::unwrap_or_default).collect())
+        } else {
+            Self::Truth(bools.collect())
+        }
     }
 
     /// Whether no row has a value.
@@ -72,9 +76,7 @@ impl Column {
 
     /// Type and `noData` of the property.
     pub(super) fn class_property(&self) -> Json {
-        let scalar = |component_type: &str, no_data: Json| {
-            json!({ "type": "SCALAR", "componentType": component_type, "noData": no_data })
-        };
+        let scalar = |component_type: &str, no_data: Json| json!({ "type": "SCALAR", "componentType": component_type, "noData": no_data });
         match self {
             Self::Number(_) => json!({ "type": "SCALAR", "componentType": "UINT32", "required": true }),
             Self::Int32(_) => scalar("INT32", json!(i32::MIN)),
@@ -156,7 +158,10 @@ mod tests {
         assert_eq!(Column::integers(&values, &info(0.0, 3e9)), Column::Float(vec![Some(7.0), None]));
         assert_eq!(Column::integers(&values, &info(0.0, 1e17)), Column::Text(vec![Some("7".into()), None]));
         // A value outside of the stated range.
-        assert_eq!(Column::integers(&[Some(&Value::Integer(i64::MAX))], &info(0.0, 1.0)), Column::Text(vec![Some(i64::MAX.to_string())]));
+        assert_eq!(
+            Column::integers(&[Some(&Value::Integer(i64::MAX))], &info(0.0, 1.0)),
+            Column::Text(vec![Some(i64::MAX.to_string())])
+        );
     }
 
     #[test]

@@ -1,8 +1,7 @@
 //! The surfaces of a node in a GLB: the triangles of a leaf's mesh, or boxes of columns.
 
 use super::{
-    ExportError,
-    boxes,
+    ExportError, boxes,
     builder::GlbBuilder,
     geometry::{Geometry, NO_FEATURE, linear},
     matrix::Matrix,
@@ -81,8 +80,8 @@ impl<'a> ContentWriter<'a> {
         let mut vertices: HashMap<(u32, u32, u32), u32> = HashMap::new();
         for (t, triangle) in tile.mesh.triangles.iter().enumerate() {
             let object = tile.objects.get(t).copied().unwrap_or(NO_OBJECT);
-            let middle =
-                [0, 1].map(|k| corner[k] + triangle.iter().map(|vertex| positions[*vertex as usize][k] / 3.0).sum::<f64>());
+            let middle = [0, 1]
+                .map(|k| corner[k] + triangle.iter().map(|vertex| positions[*vertex as usize][k] / 3.0).sum::<f64>());
             if !self.chooser.has(object, middle)? {
                 continue;
             }

@@ -82,7 +82,9 @@ pub fn write_glb(
         triangles += content.add_leaf(&mut glb, &mut rows, leaf, &place)?.triangles as u64;
     }
     if triangles == 0 {
-        return Err(ExportError::Nothing("the city has no surface in the selected area, or none of the selected objects"));
+        return Err(ExportError::Nothing(
+            "the city has no surface in the selected area, or none of the selected objects",
+        ));
     }
     add_table(&mut glb, &reader, &rows, usize::MAX)?;
     glb.gather_nodes(manifest.title.clone(), Matrix::Y_UP.to_array());
@@ -106,7 +108,8 @@ fn middle(source: &dyn CitySource, selection: &Selection) -> [f64; 3] {
 
 /// The subtree below a node that must have one.
 pub(crate) fn subtree_at(source: &dyn CitySource, root: TileId) -> Result<Subtree, ExportError> {
-    let missing = || SourceError { what: format!("subtree {root}"), reason: "it is missing: bake the city again".into() };
+    let missing =
+        || SourceError { what: format!("subtree {root}"), reason: "it is missing: bake the city again".into() };
     source.subtree(root)?.ok_or_else(|| missing().into())
 }
 

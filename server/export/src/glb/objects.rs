@@ -109,7 +109,9 @@ impl<'a> Chooser<'a> {
         let Some(block) = self.reader.block_of(object)? else { return Ok(Choice::ByPlace) };
         let is_land = matches!(
             block.kind(object),
-            None | Some(FeatureKind::Relief | FeatureKind::LandUse | FeatureKind::Water | FeatureKind::Road | FeatureKind::Rail)
+            None | Some(
+                FeatureKind::Relief | FeatureKind::LandUse | FeatureKind::Water | FeatureKind::Road | FeatureKind::Rail
+            )
         );
         let bounds = block.bounds(object).filter(|_| !is_land);
         let corner = |corner: [i32; 3]| [0, 1].map(|k| self.origin[k] + f64::from(corner[k]) / 10.0);

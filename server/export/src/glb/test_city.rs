@@ -157,7 +157,7 @@ fn records() -> Vec<Option<ObjectRecord>> {
             (0, Value::Text(format!("M\u{fc}hle {id}"))),
             (1, Value::Integer(i64::from(id) + 1)),
             (2, Value::Float(12.5)),
-            (3, Value::Bool(id % 2 == 0)),
+            (3, Value::Bool(id.is_multiple_of(2))),
         ],
     };
     let mut records: Vec<_> = std::iter::once(terrain).chain((1..=HOUSES).map(house)).map(Some).collect();

@@ -182,8 +182,12 @@ impl Glb {
     /// World positions of all vertices by the matrices of nodes, as glTF coordinates.
     pub(crate) fn scene_positions(&self) -> Vec<[f64; 3]> {
         let mut out = Vec::new();
-        let mut stack: Vec<(usize, Vec<Vec<f64>>)> =
-            self.json["scenes"][0]["nodes"].as_array().unwrap().iter().map(|n| (n.as_u64().unwrap() as usize, vec![])).collect();
+        let mut stack: Vec<(usize, Vec<Vec<f64>>)> = self.json["scenes"][0]["nodes"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|n| (n.as_u64().unwrap() as usize, vec![]))
+            .collect();
         while let Some((node, mut above)) = stack.pop() {
             let node = &self.json["nodes"][node];
             above.push(node["matrix"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect());

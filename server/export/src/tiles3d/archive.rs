@@ -43,7 +43,8 @@ impl<W: Write + Seek> ArchiveWriter<W> {
 
     /// Writes the index, sorted by its hashes as two little-endian numbers, and the directory.
     pub(super) fn finish(mut self) -> Result<(), ExportError> {
-        let number = |hash: &[u8; 16], at: usize| hash[at..at + 8].iter().rev().fold(0u64, |n, byte| n << 8 | u64::from(*byte));
+        let number =
+            |hash: &[u8; 16], at: usize| hash[at..at + 8].iter().rev().fold(0u64, |n, byte| n << 8 | u64::from(*byte));
         self.index.sort_by_key(|(hash, _)| (number(hash, 0), number(hash, 8)));
         let entry = |(hash, offset): &([u8; 16], u64)| [&hash[..], &offset.to_le_bytes()].concat();
         let bytes: Vec<u8> = self.index.iter().flat_map(entry).collect();

@@ -68,7 +68,9 @@ impl<'a> Frame<'a> {
         let half = 0.5 * self.manifest.node_side_m(node.level());
         let middle = add(corner, [half, half, 0.0]);
         let position = |world: [f64; 3]| Some(self.position(world));
-        let around = linearise(&position, middle, half).and_then(perpendicular).unwrap_or(Matrix::translation(self.position(middle)));
+        let around = linearise(&position, middle, half)
+            .and_then(perpendicular)
+            .unwrap_or(Matrix::translation(self.position(middle)));
         Matrix::translation([-half, -half, 0.0]).then(&around)
     }
 

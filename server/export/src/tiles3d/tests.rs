@@ -49,7 +49,8 @@ fn the_tileset_is_an_implicit_quadtree_on_earth() {
     assert_eq!(json["asset"]["extras"]["attribution"][0]["text"], "Town Hall");
     let tiling = &json["root"]["implicitTiling"];
     assert_eq!((&tiling["subtreeLevels"], &tiling["availableLevels"]), (&5.into(), &2.into()));
-    let transform: Vec<f64> = json["root"]["transform"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let transform: Vec<f64> =
+        json["root"]["transform"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
     // East, north and up of the plane; its middle at the height of the ground.
     let expected = [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 6_378_168.0, 1064.0, 2064.0, 1.0];
     assert!(transform.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{transform:?}");
@@ -77,7 +78,10 @@ fn subtrees_say_what_exists_with_errors_and_boxes() {
     let boxes = floats("boundingBox");
     assert_eq!(boxes.len(), 60);
     let leaf = &boxes[12..24];
-    assert!((leaf[0] + 32.0).abs() < 0.02 && (leaf[1] + 32.0).abs() < 0.02 && (leaf[3] - 32.0).abs() < 0.02, "{leaf:?}");
+    assert!(
+        (leaf[0] + 32.0).abs() < 0.02 && (leaf[1] + 32.0).abs() < 0.02 && (leaf[3] - 32.0).abs() < 0.02,
+        "{leaf:?}"
+    );
 }
 
 #[test]
@@ -117,7 +121,8 @@ fn deep_city() -> TestCity {
     deep.manifest = crate::glb::test_city::manifest(5, 1.0);
     deep.meshes.clear();
     let ids = (0..=5).map(|level| leaf.ancestor(level).unwrap());
-    let nodes = ids.clone().map(|id| insula_protocol::subtree::NodeInfo { id, child_mask: u8::from(id != leaf), ..node });
+    let nodes =
+        ids.clone().map(|id| insula_protocol::subtree::NodeInfo { id, child_mask: u8::from(id != leaf), ..node });
     deep.subtrees = [(TileId::ROOT, Subtree { nodes: nodes.collect(), ..Subtree::default() })].into();
     deep.columns = ids.map(|id| (id, columns.clone())).collect();
     deep

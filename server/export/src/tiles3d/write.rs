@@ -43,7 +43,9 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
         write_subtree(tileset, root, &mut sink, &mut report, &mut roots)?;
     }
     if report.triangles == 0 {
-        return Err(ExportError::Nothing("the city has no surface in the selected area, or none of the selected objects"));
+        return Err(ExportError::Nothing(
+            "the city has no surface in the selected area, or none of the selected objects",
+        ));
     }
     match sink {
         Sink::Folder(_) => Ok(report),

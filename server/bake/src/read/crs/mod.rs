@@ -158,6 +158,14 @@ impl Horizontal {
     }
 }
 
+/// The geographic system of a projected one, both by their codes.
+pub(crate) fn projected_base(code: u32) -> Option<u32> {
+    match registry::horizontal(code)?.base {
+        Base::Projected(base) => Some(base),
+        _ => None,
+    }
+}
+
 /// Why a name gives no system.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum CrsError {

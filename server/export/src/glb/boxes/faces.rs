@@ -61,11 +61,19 @@ impl Faces {
             let ends = [side, (side + 1) % 4];
             let [low, high] = [true, false].map(|is_low| {
                 ends.map(|corner| {
-                    let known = if is_low { bottoms[corner].filter(|(z, _)| *z == bottom).map(|(_, v)| v) } else { tops[corner] };
+                    let known = if is_low {
+                        bottoms[corner].filter(|(z, _)| *z == bottom).map(|(_, v)| v)
+                    } else {
+                        tops[corner]
+                    };
                     known.unwrap_or_else(|| {
                         let z = if is_low { bottom } else { block.high };
                         let vertex = self.vertex(corners[corner], z, block.wall, block.feature);
-                        if is_low { bottoms[corner] = Some((bottom, vertex)) } else { tops[corner] = Some(vertex) }
+                        if is_low {
+                            bottoms[corner] = Some((bottom, vertex))
+                        } else {
+                            tops[corner] = Some(vertex)
+                        }
                         vertex
                     })
                 })
@@ -77,7 +85,7 @@ impl Faces {
 
 /// How far down a side is visible: to the lowest height up to which a column beside it covers it.
 fn bottom_of_side(block: &Block, side: usize, layers: &[Layer; 2]) -> u16 {
-    let [along, across] = if side % 2 == 0 { [0, 1] } else { [1, 0] };
+    let [along, across] = if side.is_multiple_of(2) { [0, 1] } else { [1, 0] };
     let beside = match side {
         0 | 3 => block.min[across].checked_sub(1),
         _ => Some(block.max[across]).filter(|at| *at < NODE_CELLS),

@@ -110,7 +110,8 @@ impl Range {
 
 /// The box of a rectangle: its top is in the middle of the tops of its `members`, its bottom at their lowest.
 fn block(min: [usize; 2], max: [usize; 2], members: &[Solid]) -> Block {
-    let fold = |value: fn(&Solid) -> u32, pick: fn(u32, u32) -> u32| members.iter().map(value).reduce(pick).unwrap_or(0);
+    let fold =
+        |value: fn(&Solid) -> u32, pick: fn(u32, u32) -> u32| members.iter().map(value).reduce(pick).unwrap_or(0);
     let high = fold(|solid| solid.high, u32::min) + fold(|solid| solid.high, u32::max);
     // Codes of heights have at most 16 bits in sixteenths of a cell.
     let high = ((high + UNIT) / (2 * UNIT)).max(1) as u16;

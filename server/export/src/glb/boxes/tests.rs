@@ -72,10 +72,13 @@ fn a_house_on_land_has_its_walls_down_to_it() {
         let is_house = (20..30).contains(&x) && (20..25).contains(&y);
         if is_house { Some(walled(8, 160)) } else { plain(32, 100) }
     }));
-    let walls: Vec<usize> = (0..house.positions.len()).filter(|i| house.colours[*i][0] < house.colours[*i][2]).collect();
+    let walls: Vec<usize> =
+        (0..house.positions.len()).filter(|i| house.colours[*i][0] < house.colours[*i][2]).collect();
     assert_eq!(walls.len(), 8, "corners share vertices");
     assert!(walls.iter().all(|i| [8, 40].contains(&house.positions[*i][2])));
-    assert!(walls.iter().all(|i| [20, 30].contains(&house.positions[*i][0]) && [20, 25].contains(&house.positions[*i][1])));
+    assert!(
+        walls.iter().all(|i| [20, 30].contains(&house.positions[*i][0]) && [20, 25].contains(&house.positions[*i][1]))
+    );
 }
 
 #[test]

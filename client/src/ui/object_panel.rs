@@ -1,0 +1,248 @@
+//! The selected objects: which they are, and a panel of what is known of them.
+//!
+//! Attributes are fetched on a thread of their own, so that the window never waits for the network.
+
+use super::bookmarks::ViewAction;
+use crate::{
+    error::Result,
+    objects::{ObjectJson, ObjectReader},
+};
+use egui::{Color32, RichText, Ui};
+use insula_protocol::text::printable;
+use std::{
+    collections::BTreeSet,
+    sync::{Arc, Mutex, PoisonError, mpsc},
+};
+
+/// Most objects whose attributes are shown.
+const MAX_SHOWN: usize = 32;
+/// Longest value on a line, in characters.
+const MAX_VALUE_CHARS: usize = 200;
+
+/// Opens the reader of a city's objects.
+pub type OpenObjectsFn = Box<dyn FnOnce() -> Result<ObjectReader> + Send>;
+/// The reader, opened by the thread that needs it first.
+type SharedReader = Arc<Mutex<LazyReader>>;
+
+/// A reader before and after it is opened.
+enum LazyReader {
+    Closed(OpenObjectsFn),
+    Open(ObjectReader),
+    Failed(String),
+}
+
+/// What was found of an object, or why nothing was.
+struct FoundObject {
+    id: u32,
+    result: std::result::Result<Option<ObjectJson>, String>,
+}
+
+/// The selection and its panel.
+pub struct ObjectPanel {
+    selected: BTreeSet<u32>,
+    /// What is known of the selected objects, in the order of their selection.
+    found: Vec<FoundObject>,
+    /// What the shown attributes' names or values contain.
+    needle: String,
+    reader: SharedReader,
+    results: (mpsc::Sender<FoundObject>, mpsc::Receiver<FoundObject>),
+    pending: usize,
+    /// Number of changes of the selection.
+    generation: u64,
+}
+
+impl ObjectPanel {
+    /// Nothing is selected.
+    pub fn new(open: OpenObjectsFn) -> Self {
+        Self {
+            selected: BTreeSet::new(),
+            found: Vec::new(),
+            needle: String::new(),
+            reader: Arc::new(Mutex::new(LazyReader::Closed(open))),
+            results: mpsc::channel(),
+            pending: 0,
+            generation: 0,
+        }
+    }
+
+    /// The selected objects.
+    pub fn selected(&self) -> &BTreeSet<u32> {
+        &self.selected
+    }
+
+    /// Number of changes of the selection.
+    pub fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Whether attributes are on their way.
+    pub fn is_waiting(&self) -> bool {
+        self.pending > 0
+    }
+
+    /// A click on an object, or on none. With `adds` it is added to the selection, or removed from it; otherwise it is the only one.
+    pub fn click(&mut self, object: Option<u32>, adds: bool) {
+        self.generation += 1;
+        match object {
+            Some(id) if adds && self.selected.remove(&id) => self.found.retain(|found| found.id != id),
+            Some(id) => {
+                if !adds {
+                    self.clear();
+                }
+                self.selected.insert(id);
+                self.fetch(id);
+            }
+            None if adds => {}
+            None => self.clear(),
+        }
+    }
+
+    /// Selects nothing.
+    pub fn clear(&mut self) {
+        self.generation += 1;
+        self.selected.clear();
+        self.found.clear();
+    }
+
+    fn fetch(&mut self, id: u32) {
+        if self.selected.len() > MAX_SHOWN {
+            return;
+        }
+        self.pending += 1;
+        let (reader, sender) = (Arc::clone(&self.reader), self.results.0.clone());
+        // The window may be closed meanwhile.
+        std::thread::spawn(move || sender.send(FoundObject { id, result: describe(&reader, id) }));
+    }
+
+    /// Takes in attributes that have arrived.
+    pub fn poll(&mut self) {
+        while let Ok(found) = self.results.1.try_recv() {
+            self.pending = self.pending.saturating_sub(1);
+            if self.selected.contains(&found.id) {
+                self.found.push(found);
+            }
+        }
+    }
+
+    /// Lays the panel out. Returns what the user asks for.
+    pub fn show(&mut self, ui: &mut Ui) -> Option<ViewAction> {
+        let mut action = None;
+        let count = self.selected.len();
+        let title = if count == 1 { "1 object".to_owned() } else { format!("{count} objects") };
+        ui.horizontal(|ui| {
+            ui.label(RichText::new(title).strong().color(Color32::WHITE));
+            ui.add(egui::TextEdit::singleline(&mut self.needle).hint_text("find an attribute").desired_width(130.0));
+            if ui.button("Copy").on_hover_text("all attributes as JSON").clicked() {
+                ui.ctx().copy_text(self.json());
+            }
+            if ui.button("Close").on_hover_text("Esc").clicked() {
+                action = Some(ViewAction::DeselectObjects);
+            }
+        });
+        let needle = self.needle.to_lowercase();
+        for found in &self.found {
+            ui.separator();
+            match &found.result {
+                Ok(Some(object)) => action = show_object(ui, object, &needle).or(action.take()),
+                Ok(None) => drop(ui.label(format!("nothing is known of object {}", found.id))),
+                Err(reason) => drop(ui.label(printable(reason).into_owned())),
+            }
+        }
+        if self.pending > 0 {
+            ui.spinner();
+        }
+        action
+    }
+
+    fn json(&self) -> String {
+        let known: Vec<&ObjectJson> =
+            self.found.iter().filter_map(|found| found.result.as_ref().ok()?.as_ref()).collect();
+        serde_json::to_string_pretty(&known).unwrap_or_default()
+    }
+}
+
+/// What is known of an object, with that of its parent. Opens the reader if it is closed.
+fn describe(reader: &SharedReader, id: u32) -> std::result::Result<Option<ObjectJson>, String> {
+    let mut reader = reader.lock().unwrap_or_else(PoisonError::into_inner);
+    if matches!(*reader, LazyReader::Closed(_))
+        && let LazyReader::Closed(open) = std::mem::replace(&mut *reader, LazyReader::Failed(String::new()))
+    {
+        *reader = match open() {
+            Ok(opened) => LazyReader::Open(opened),
+            Err(error) => LazyReader::Failed(error.to_string()),
+        };
+    }
+    match &*reader {
+        LazyReader::Open(objects) => objects.describe_with_parent(id).map_err(|error| error.to_string()),
+        LazyReader::Failed(reason) => Err(reason.clone()),
+        LazyReader::Closed(_) => Ok(None),
+    }
+}
+
+/// One object. Only attributes whose name or value contains `needle` are shown.
+fn show_object(ui: &mut Ui, object: &ObjectJson, needle: &str) -> Option<ViewAction> {
+    let mut action = None;
+    ui.horizontal(|ui| {
+        ui.label(RichText::new(printable(&object.identifier)).strong());
+        if let Some([x, y, z]) = object.centre
+            && ui.button("Go to").clicked()
+        {
+            action = Some(ViewAction::GoTo { x, y, z: Some(z) });
+        }
+    });
+    let part = object.parent.as_ref().map(|parent| format!(", part of {}", printable(parent))).unwrap_or_default();
+    ui.label(RichText::new(format!("{} {}{part}", object.kind, object.id)).color(Color32::from_gray(160)));
+    egui::Grid::new(("object", object.id)).num_columns(2).spacing([10.0, 2.0]).show(ui, |ui| {
+        for (name, value) in &object.attributes {
+            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            if !needle.is_empty() && !name.to_lowercase().contains(needle) && !text.to_lowercase().contains(needle) {
+                continue;
+            }
+            let text: String = printable(&text).chars().take(MAX_VALUE_CHARS).collect();
+            ui.label(RichText::new(printable(name)).color(Color32::from_gray(160)));
+            if text.starts_with("https://") || text.starts_with("http://") {
+                ui.hyperlink(text);
+            } else {
+                ui.label(text);
+            }
+            ui.end_row();
+        }
+    });
+    action
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::ClientError;
+
+    fn panel() -> ObjectPanel {
+        ObjectPanel::new(Box::new(|| Err(ClientError::Failed("no objects here".into()))))
+    }
+
+    #[test]
+    fn clicks_select_one_object_and_with_shift_several() {
+        let mut panel = panel();
+        panel.click(Some(3), false);
+        panel.click(Some(5), true);
+        assert_eq!(*panel.selected(), BTreeSet::from([3, 5]));
+        panel.click(Some(3), true);
+        assert_eq!(*panel.selected(), BTreeSet::from([5]));
+        panel.click(Some(9), false);
+        assert_eq!(*panel.selected(), BTreeSet::from([9]));
+        let before = panel.generation();
+        panel.click(None, false);
+        assert!(panel.selected().is_empty() && panel.generation() > before);
+    }
+
+    #[test]
+    fn a_failure_is_shown_with_its_reason() {
+        let mut panel = panel();
+        panel.click(Some(3), false);
+        while panel.is_waiting() {
+            panel.poll();
+            std::thread::yield_now();
+        }
+        assert!(matches!(&panel.found[0].result, Err(reason) if reason.contains("no objects here")));
+    }
+}

@@ -1,0 +1,84 @@
+//! Where places of a city's coordinate system are on Earth, for programs that write baked cities in other formats.
+
+use super::crs;
+use proj4rs::{Proj, adaptors::transform_vertex_2d, transform::transform};
+
+/// A projected coordinate system by the name that a manifest has.
+pub struct EarthPlace {
+    plane: Proj,
+    degrees: Proj,
+    geocentric: Proj,
+    epsg: Option<u32>,
+    definition: Option<(u32, String, [f64; 2])>,
+}
+
+impl EarthPlace {
+    /// `None` if the system is not known.
+    #[must_use]
+    pub fn of(crs: &str) -> Option<Self> {
+        let horizontal = crs::resolve(crs).ok()?.horizontal;
+        let definition = horizontal.definition()?;
+        let base = horizontal.code.and_then(crs::projected_base);
+        Some(Self {
+            plane: definition.proj().ok()?,
+            degrees: Proj::from_proj_string("+proj=longlat +datum=WGS84").ok()?,
+            geocentric: Proj::from_proj_string("+proj=geocent +datum=WGS84").ok()?,
+            epsg: horizontal.code,
+            definition: base
+                .zip(definition.ellipsoid_m())
+                .map(|(base, ellipsoid)| (base, definition.text(), ellipsoid)),
+        })
+    }
+
+    /// EPSG code of the plane's system, without heights.
+    #[must_use]
+    pub fn epsg(&self) -> Option<u32> {
+        self.epsg
+    }
+
+    /// EPSG code of the geographic system that is projected, the definition for PROJ, and semi-major axis in metres and inverse
+    /// flattening of the ellipsoid.
+    #[must_use]
+    pub fn definition(&self) -> Option<(u32, &str, [f64; 2])> {
+        self.definition.as_ref().map(|(base, text, ellipsoid)| (*base, text.as_str(), *ellipsoid))
+    }
+
+    /// Longitude and latitude in degrees; `None` where the projection does not reach.
+    #[must_use]
+    pub fn lon_lat(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let (longitude, latitude) = transform_vertex_2d(&self.plane, &self.degrees, (x, y)).ok()?;
+        let degrees = [longitude.to_degrees(), latitude.to_degrees()];
+        (degrees[0].abs() <= 180.0 && degrees[1].abs() <= 90.0).then_some(degrees)
+    }
+
+    /// Metres from the centre of the Earth of a place with a height above the ellipsoid; `None` where the projection does not reach.
+    #[must_use]
+    pub fn geocentric(&self, [x, y, z]: [f64; 3]) -> Option<[f64; 3]> {
+        let [longitude, latitude] = self.lon_lat([x, y])?;
+        let mut point = (longitude.to_radians(), latitude.to_radians(), z);
+        transform(&self.degrees, &self.geocentric, &mut point).ok()?;
+        let all = [point.0, point.1, point.2];
+        all.iter().all(|v| v.is_finite()).then_some(all)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn delft_is_where_it_is() {
+        let place = EarthPlace::of("EPSG:7415").unwrap();
+        assert_eq!(place.epsg(), Some(28992));
+        let [longitude, latitude] = place.lon_lat([84_498.0, 447_540.0]).unwrap();
+        assert!((longitude - 4.3609).abs() < 1e-3 && (latitude - 52.0123).abs() < 1e-3, "{longitude} {latitude}");
+        let [x, y, z] = place.geocentric([84_498.0, 447_540.0, 45.0]).unwrap();
+        // 6,364.5 km from the centre at this latitude.
+        assert!(((x * x + y * y + z * z).sqrt() - 6_364_900.0).abs() < 1500.0);
+        assert!((y.atan2(x).to_degrees() - longitude).abs() < 1e-9);
+        let (base, text, [axis, _]) = place.definition().unwrap();
+        assert_eq!((base, axis.round()), (4289, 6_377_397.0));
+        assert!(text.contains("+proj=sterea"), "{text}");
+        assert!(EarthPlace::of("nowhere").is_none());
+    }
+}

@@ -1,0 +1,301 @@
+//! Writes `search.index`: the texts by which objects are found.
+//!
+//! One file from the numbered objects and their records, or none if no object has a text. A text is the object's
+//! identifier, a name, an address, or the value of an attribute that `--search` names. The index is built in memory, where it
+//! takes about three times the bytes of the texts.
+
+use std::{collections::HashMap, path::Path};
+
+use insula_archive::city::MAX_SEARCH_BYTES;
+use insula_objects::{
+    schema::Schema,
+    search::{SearchIndex, SearchIndexBuilder},
+};
+
+use super::{files::write_synced, objects::CityObjects};
+use crate::{error::BakeError, scene::object_records::ObjectRecord};
+
+/// Last parts of the names of attributes that are names of objects, in lower case.
+const NAMES: [&str; 20] = [
+    "name",
+    "naam",
+    "nom",
+    "nome",
+    "nombre",
+    "namn",
+    "navn",
+    "nazwa",
+    "bezeichnung",
+    "名称",
+    "名前",
+    "alt_name",
+    "official_name",
+    "short_name",
+    "local_name",
+    "loc_name",
+    "old_name",
+    "housename",
+    "buildingname",
+    "gebaeudename",
+];
+/// The same of attributes that are whole addresses. `freeform` is Overture's, `full` OpenStreetMap's `addr:full`.
+const ADDRESSES: [&str; 11] = [
+    "address",
+    "adresse",
+    "adres",
+    "anschrift",
+    "indirizzo",
+    "full_address",
+    "fulladdress",
+    "freeform",
+    "full",
+    "住所",
+    "所在地",
+];
+/// The same of streets. The numbers of the same group follow them in the text. `thoroughfare` is that of an address in CityGML.
+const STREETS: [&str; 9] = [
+    "street",
+    "streetname",
+    "street_name",
+    "straat",
+    "straatnaam",
+    "strasse",
+    "straße",
+    "strassenname",
+    "thoroughfare",
+];
+/// The same of numbers of houses.
+const NUMBERS: [&str; 12] = [
+    "housenumber",
+    "house_number",
+    "streetnumber",
+    "street_number",
+    "number",
+    "huisnummer",
+    "huisletter",
+    "huisnummertoevoeging",
+    "hausnummer",
+    "hausnummerzusatz",
+    "thoroughfarenumber",
+    "premisenumber",
+];
+/// Group of `addr:full`: elsewhere `full` is no address.
+const OSM_ADDRESS: &str = "addr:";
+
+/// The part that a value has in a text of several values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum TextPart {
+    Street,
+    Number,
+    /// The town or quarter of an address in CityGML. In Japan it is the whole address.
+    Locality,
+}
+
+/// What the values of an attribute are for the search.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct TextUse {
+    /// Each value is a text.
+    is_text: bool,
+    part: Option<TextPart>,
+    /// What precedes the last part of the attribute's name, in lower case. Values of the same group are of one address.
+    group: String,
+}
+
+impl TextUse {
+    /// The use by an attribute's name. Lists (`name.1`) count as their members.
+    fn of_name(name: &str) -> Self {
+        let lower = name.to_lowercase();
+        let trimmed = lower.trim_end_matches(|letter: char| letter.is_ascii_digit());
+        let whole = if trimmed.len() < lower.len() { trimmed.strip_suffix('.').unwrap_or(&lower) } else { &lower };
+        let (group, leaf) = whole.split_at(whole.rfind(['.', ':']).map_or(0, |at| at + 1));
+        let part = match leaf {
+            _ if STREETS.contains(&leaf) => Some(TextPart::Street),
+            _ if NUMBERS.contains(&leaf) => Some(TextPart::Number),
+            "locality" if is_address(group) => Some(TextPart::Locality),
+            _ => None,
+        };
+        let is_address = ADDRESSES.contains(&leaf) && (leaf != "full" || group == OSM_ADDRESS);
+        Self { is_text: is_address || is_name(group, leaf), part, group: group.to_owned() }
+    }
+}
+
+/// Whether an attribute is a name: also `names.primary` (Overture), `name:en` and `names.common.en` in a language.
+fn is_name(group: &str, leaf: &str) -> bool {
+    let ends_with =
+        |end: &str| group.strip_suffix(end).is_some_and(|head| head.is_empty() || head.ends_with(['.', ':']));
+    let language = leaf.split(['-', '_']).next().unwrap_or_default();
+    let is_language = (2..=3).contains(&language.len()) && language.bytes().all(|byte| byte.is_ascii_lowercase());
+    NAMES.contains(&leaf)
+        || leaf == "primary" && ends_with("names.")
+        || is_language && (ends_with("name:") || ends_with("names.common."))
+}
+
+/// Whether a group is an address of CityGML, `address.` or `address.1.`.
+fn is_address(group: &str) -> bool {
+    group.split('.').any(|part| part.rsplit(':').next() == Some("address"))
+}
+
+/// The attributes of a city that have texts.
+struct TextAttributes<'a>(HashMap<&'a str, TextUse>);
+
+impl<'a> TextAttributes<'a> {
+    /// `searchable` attributes of the schema are texts whatever their names.
+    fn new(schema: &'a Schema) -> Self {
+        let use_of = |name: &'a str| {
+            let mut found = TextUse::of_name(name);
+            found.is_text |= schema.searchable.iter().any(|searchable| searchable == name);
+            (found.is_text || found.part.is_some()).then_some((name, found))
+        };
+        Self(schema.attributes.iter().filter_map(|attribute| use_of(&attribute.name)).collect())
+    }
+
+    /// The texts of an object, its identifier first. Some may be empty or equal.
+    fn texts(&self, record: &ObjectRecord) -> Vec<String> {
+        let used = || record.attributes.iter().filter_map(|(name, value)| Some((self.0.get(name.as_str())?, value)));
+        let has_street =
+            |group: &str| used().any(|(other, _)| other.part == Some(TextPart::Street) && other.group == group);
+        let mut texts = vec![record.identifier.clone()];
+        for (found, value) in used() {
+            if found.is_text {
+                texts.push(value.to_string());
+            }
+            match found.part {
+                Some(TextPart::Street) => {
+                    let is_number =
+                        |other: &TextUse| other.part == Some(TextPart::Number) && other.group == found.group;
+                    let numbers = used().filter(|(other, _)| is_number(other)).map(|(_, number)| number.to_string());
+                    texts.push([value.to_string()].into_iter().chain(numbers).collect::<Vec<_>>().join(" "));
+                }
+                Some(TextPart::Locality) if !has_street(&found.group) => texts.push(value.to_string()),
+                Some(TextPart::Number | TextPart::Locality) | None => {}
+            }
+        }
+        texts
+    }
+}
+
+/// Writes the index and returns its length; `None`, and no file, if there is no text or the index would exceed its limits. Fails if a
+/// record cannot be read or the file cannot be written.
+pub(super) fn write(objects: &CityObjects<'_>, schema: &Schema, path: &Path) -> Result<Option<u64>, BakeError> {
+    let attributes = TextAttributes::new(schema);
+    let mut reader = objects.records.reader()?;
+    let mut builder = SearchIndexBuilder::new();
+    for (number, row) in (0..).zip(objects.rows) {
+        let Some(row) = row else { continue };
+        attributes.texts(&reader.read(row.record)?).iter().for_each(|text| builder.add(text, number));
+    }
+    // A city is complete without a search.
+    let index = match builder.finish() {
+        Ok(index) if index.len() as u64 <= MAX_SEARCH_BYTES => index,
+        Ok(index) => {
+            tracing::warn!("the city has no search: its index of {} bytes exceeds {MAX_SEARCH_BYTES}", index.len());
+            return Ok(None);
+        }
+        Err(error) => {
+            tracing::warn!("the city has no search: {error}");
+            return Ok(None);
+        }
+    };
+    if SearchIndex::open(&index).is_ok_and(|index| index.is_empty()) {
+        return Ok(None);
+    }
+    write_synced(path, &index)?;
+    Ok(Some(index.len() as u64))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{object_numbers::NumberedObject, object_records::ObjectRecords, triangle_store::TriangleStore};
+    use insula_objects::{FeatureKind, schema::SchemaBuilder, value::Value};
+    use insula_test_support::folder::TestFolder;
+
+    fn record(identifier: &str, attributes: &[(&str, &str)]) -> ObjectRecord {
+        let value = |text: &str| text.parse().map_or_else(|_| Value::Text(text.to_owned()), Value::Integer);
+        let attributes = attributes.iter().map(|(name, text)| ((*name).to_owned(), value(text))).collect();
+        ObjectRecord { identifier: identifier.to_owned(), kind: FeatureKind::Building, attributes }
+    }
+
+    fn schema(record: &ObjectRecord, searchable: &[&str]) -> Schema {
+        let mut builder = SchemaBuilder::default();
+        record.attributes.iter().for_each(|(name, value)| builder.add(name, value));
+        let mut schema = builder.finish(1);
+        schema.searchable = searchable.iter().map(|name| (*name).to_owned()).collect();
+        schema
+    }
+
+    fn texts(attributes: &[(&str, &str)], searchable: &[&str]) -> Vec<String> {
+        let record = record("id", attributes);
+        TextAttributes::new(&schema(&record, searchable)).texts(&record).split_off(1)
+    }
+
+    #[test]
+    fn names_and_addresses_of_many_sources_are_texts() {
+        for (attributes, expected) in [
+            (
+                &[("name", "Oude Kerk"), ("Name", "Old Church"), ("name.1", "Kerk")][..],
+                &["Oude Kerk", "Old Church", "Kerk"][..],
+            ),
+            (&[("gml:name", "Dom"), ("bldg:address", "Platz 1"), ("Bezeichnung", "B")], &["Dom", "Platz 1", "B"]),
+            (
+                &[("names.primary", "Kerk"), ("names.common.en", "Church"), ("names.rules.0.value", "x")],
+                &["Kerk", "Church"],
+            ),
+            (&[("name:zh-Hant", "塔"), ("name:etymology", "x"), ("名称", "市役所")], &["塔", "市役所"]),
+            (
+                &[("detail.1.name", "A"), ("filename", "x"), ("name.uom", "x"), ("full", "x"), ("addr:full", "B")],
+                &["A", "B"],
+            ),
+            (&[("addr:street", "Markt"), ("addr:city", "x"), ("addr:housenumber", "3a")], &["Markt 3a"]),
+            (&[("huisnummer", "5"), ("straatnaam", "Delft"), ("huisletter", "b")], &["Delft 5 b"]),
+            (&[("street", "Markt"), ("addr:housenumber", "3")], &["Markt"]),
+            (&[("number", "3"), ("height", "12"), ("locality", "x"), ("roof", "flat")], &[]),
+        ] {
+            assert_eq!(texts(attributes, &[]), expected, "{attributes:?}");
+        }
+    }
+
+    #[test]
+    fn addresses_of_citygml_have_a_street_or_else_a_locality() {
+        let german = [
+            ("address.country", "Germany"),
+            ("address.locality", "Bonn"),
+            ("address.thoroughfare", "Am Hang"),
+            ("address.thoroughfareNumber", "15"),
+            ("address.1.thoroughfare", "Am Markt"),
+            ("address.1.thoroughfareNumber", "2"),
+        ];
+        assert_eq!(texts(&german, &[]), ["Am Hang 15", "Am Markt 2"]);
+        assert_eq!(texts(&[("address.country", "日本"), ("address.locality", "横須賀市")], &[]), ["横須賀市"]);
+    }
+
+    #[test]
+    fn requested_attributes_are_texts_and_unknown_ones_are_not() {
+        let attributes = [("parcel", "4711"), ("owner", "x"), ("number", "9")];
+        assert_eq!(texts(&attributes, &["parcel", "number"]), ["4711", "9"]);
+        let known = record("id", &[("owner", "x")]);
+        let other = record("id", &[("name", "not in the schema")]);
+        assert_eq!(TextAttributes::new(&schema(&known, &[])).texts(&other), ["id"]);
+    }
+
+    #[test]
+    fn index_finds_numbers_and_is_absent_without_texts() {
+        let folder = TestFolder::new("search-index");
+        let path = folder.path.join("search.index");
+        let write_city = |identifiers: [&str; 2]| {
+            let mut records = ObjectRecords::for_triangles(&TriangleStore::Memory(Vec::new()));
+            let [first, second] = identifiers.map(|identifier| records.push(record(identifier, &[])));
+            let row = |record| Some(NumberedObject { record, parent: None, bounds_m: None });
+            let rows = [row(first), None, row(second)];
+            let objects = CityObjects { records: &records, rows: &rows, origin_m: [0.0; 3], searchable: Vec::new() };
+            write(&objects, &objects.schema().unwrap(), &path).unwrap()
+        };
+        assert_eq!(write_city(["", "-"]), None);
+        assert!(!path.exists());
+        let length = write_city(["Pand.1", "Pand.22"]).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(bytes.len() as u64, length);
+        let hits = SearchIndex::open(bytes).unwrap().search("22", 9);
+        assert_eq!(hits.iter().map(|hit| (hit.text.as_str(), hit.object)).collect::<Vec<_>>(), [("Pand.22", 2)]);
+    }
+}

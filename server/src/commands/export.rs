@@ -1,0 +1,198 @@
+//! `export`: a baked city, or a part of it, in the formats of other programs.
+
+use super::{error::CommandError, output::print};
+use crate::{
+    args::{ExportArgs, ExportFormat},
+    store::{CityObjects, CityStore},
+};
+use insula_bake::read::EarthPlace;
+use insula_export::{
+    glb,
+    selection::Selection,
+    source::{CitySource, SourceError},
+    table::{self, Format, PlaneDefinition, Projections},
+    tiles3d::{Destination, Tileset, write_tileset},
+};
+use insula_objects::{ObjectBlock, Schema, filter::Filter};
+use insula_protocol::{
+    BlockMap, Manifest, MeshTile, Subtree, TileId, TileKind, mesh_tile,
+    text::{count, human_bytes, printable},
+};
+use roaring::RoaringBitmap;
+use serde_json::Value;
+use std::{
+    fs::{self, File},
+    io::{BufWriter, Write as _},
+    path::Path,
+};
+
+/// Largest file of a polygon.
+const MAX_POLYGON_BYTES: u64 = 16 << 20;
+
+/// Runs `export`. Fails if the city cannot be read, the selection is invalid or empty, or the output cannot be written.
+pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
+    let city = CityStore::open(&args.city)?;
+    let source = StoredCity { objects: CityObjects::open(&city)?, city: &city };
+    let selection = selection(args, &source)?;
+    let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
+    let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
+    let text = match args.format {
+        ExportFormat::Glb => {
+            let partial = args.out.with_extension("glb.partial");
+            let file = File::create(&partial).map_err(|error| failed(error.to_string()))?;
+            let mut out = BufWriter::new(file);
+            let report = glb::write_glb(&source, &selection, &mut out).map_err(|error| failed(error.to_string()));
+            let report = report.and_then(|report| {
+                out.flush()
+                    .and_then(|()| fs::rename(&partial, &args.out))
+                    .map_err(|error| failed(error.to_string()))?;
+                Ok(report)
+            });
+            let report = report.inspect_err(|_| drop(fs::remove_file(&partial)))?;
+            format!("{}, {}", count(report.objects, "object"), human_bytes(report.bytes))
+        }
+        ExportFormat::Tiles3d => {
+            let to_geocentric = |p: [f64; 3]| place.as_ref()?.geocentric(p);
+            let tileset =
+                Tileset::new(&source, &selection, &to_geocentric).map_err(|error| failed(error.to_string()))?;
+            let report =
+                write_tileset(&tileset, Destination::of(&args.out)).map_err(|error| failed(error.to_string()))?;
+            format!("{}, {}", count(report.files, "file"), human_bytes(report.bytes))
+        }
+        ExportFormat::Table(format) => write_table(args, &source, format, &selection, place.as_ref())?,
+    };
+    print(&format!("wrote {} ({text})\n", args.out.display()));
+    Ok(())
+}
+
+fn write_table(
+    args: &ExportArgs,
+    source: &StoredCity<'_>,
+    format: Format,
+    selection: &Selection,
+    place: Option<&EarthPlace>,
+) -> Result<String, CommandError> {
+    let to_lon_lat = |p: [f64; 2]| place?.lon_lat(p);
+    let definition = place.and_then(EarthPlace::definition).map(|(base_epsg, proj, ellipsoid)| PlaneDefinition {
+        base_epsg,
+        proj: proj.to_owned(),
+        ellipsoid,
+    });
+    let projections = Projections {
+        to_lon_lat: place.is_some().then_some(&to_lon_lat as _),
+        epsg: place.and_then(EarthPlace::epsg),
+        definition: definition.as_ref(),
+    };
+    let report = table::export(source, format, selection, &projections, &args.out)
+        .map_err(|error| CommandError::Export { path: args.out.clone(), reason: error.to_string() })?;
+    for (reason, number) in &report.skipped {
+        eprintln!("note: {} left out: {reason}", count(*number, "object"));
+    }
+    report.warnings.iter().for_each(|warning| eprintln!("note: {}", printable(warning)));
+    if !report.attribution.is_empty() {
+        eprintln!("note: name the source wherever this is shown: {}", printable(&report.attribution));
+    }
+    Ok(format!("{}, {}", count(report.objects, "object"), human_bytes(report.bytes)))
+}
+
+/// What the arguments select. Fails if an expression or a file is invalid.
+fn selection(args: &ExportArgs, source: &StoredCity<'_>) -> Result<Selection, CommandError> {
+    let bbox = args.bbox.map(|[west, south, east, north]| [[west, south], [east, north]]);
+    let polygon = args.polygon.as_deref().map(read_polygon).transpose()?;
+    let objects = args.filter.as_deref().map(|text| passing(text, source)).transpose()?;
+    Ok(Selection { bbox, polygon, objects })
+}
+
+/// The objects that pass a filter, with the parts of those that do.
+fn passing(text: &str, source: &StoredCity<'_>) -> Result<RoaringBitmap, CommandError> {
+    let filter = Filter::parse(text, source.schema())
+        .map_err(|error| CommandError::Usage(format!("--filter {text}: {error}")))?;
+    let mut passing = RoaringBitmap::new();
+    let blocks = || (0..source.objects.block_count()).map(|block| source.objects.block(block));
+    for block in blocks() {
+        if let Some(block) = block? {
+            passing |= filter.select(&block);
+        }
+    }
+    for block in blocks() {
+        let Some(block) = block? else { continue };
+        for &id in block.ids() {
+            if block.parent(id).is_some_and(|parent| passing.contains(parent)) {
+                passing.insert(id);
+            }
+        }
+    }
+    Ok(passing)
+}
+
+/// The rings of the first polygon of a GeoJSON file, in the city's coordinate system. Fails if there is none.
+fn read_polygon(path: &Path) -> Result<Vec<Vec<[f64; 2]>>, CommandError> {
+    let wrong = |reason: &str| CommandError::Usage(format!("--polygon {}: {reason}", path.display()));
+    let size = fs::metadata(path).map_err(|error| wrong(&error.to_string()))?.len();
+    if size > MAX_POLYGON_BYTES {
+        return Err(wrong("larger than 16 MiB"));
+    }
+    let text = fs::read_to_string(path).map_err(|error| wrong(&error.to_string()))?;
+    let json: Value = serde_json::from_str(&text).map_err(|error| wrong(&error.to_string()))?;
+    let geometry = json.pointer("/features/0/geometry").or_else(|| json.get("geometry")).unwrap_or(&json);
+    let rings = match geometry.get("type").and_then(Value::as_str) {
+        Some("Polygon") => geometry.get("coordinates"),
+        Some("MultiPolygon") => geometry.pointer("/coordinates/0"),
+        _ => None,
+    };
+    let point = |point: &Value| Some([point.get(0)?.as_f64()?, point.get(1)?.as_f64()?]);
+    let ring = |ring: &Value| ring.as_array()?.iter().map(point).collect::<Option<Vec<_>>>();
+    let rings = rings.and_then(Value::as_array).and_then(|rings| rings.iter().map(ring).collect());
+    rings.ok_or_else(|| wrong("no GeoJSON polygon, in metres of the city's coordinate system"))
+}
+
+/// An opened city as exports read it.
+struct StoredCity<'a> {
+    city: &'a CityStore,
+    objects: CityObjects<'a>,
+}
+
+impl StoredCity<'_> {
+    fn tile(&self, kind: TileKind, id: TileId) -> Result<Option<Vec<u8>>, SourceError> {
+        let failed = |error: insula_archive::ReadError| source_error(kind, id, &error);
+        Ok(self.city.tile(kind, id).map_err(failed)?.map(Vec::from))
+    }
+}
+
+fn source_error(kind: TileKind, id: TileId, reason: &dyn std::fmt::Display) -> SourceError {
+    SourceError { what: format!("{} {id}", kind.path_segment()), reason: reason.to_string() }
+}
+
+impl CitySource for StoredCity<'_> {
+    fn manifest(&self) -> &Manifest {
+        self.city.manifest()
+    }
+
+    fn schema(&self) -> &Schema {
+        self.objects.schema()
+    }
+
+    fn objects(&self, block: u32) -> Result<Option<ObjectBlock>, SourceError> {
+        let failed = |error: crate::store::ObjectError| SourceError {
+            what: format!("objects {block}"),
+            reason: error.to_string(),
+        };
+        Ok(self.objects.block(block).map_err(failed)?.map(|block| (*block).clone()))
+    }
+
+    fn subtree(&self, root: TileId) -> Result<Option<Subtree>, SourceError> {
+        let Some(bytes) = self.tile(TileKind::Subtree, root)? else { return Ok(None) };
+        Subtree::decode(&bytes).map(Some).map_err(|error| source_error(TileKind::Subtree, root, &error))
+    }
+
+    fn columns(&self, node: TileId) -> Result<Option<BlockMap>, SourceError> {
+        let Some(bytes) = self.tile(TileKind::BlockMap, node)? else { return Ok(None) };
+        BlockMap::decode(node, &bytes).map(Some).map_err(|error| source_error(TileKind::BlockMap, node, &error))
+    }
+
+    fn mesh(&self, leaf: TileId, lod: u8) -> Result<Option<MeshTile>, SourceError> {
+        let Some(place) = mesh_tile::archive_id(leaf, lod) else { return Ok(None) };
+        let Some(bytes) = self.tile(TileKind::Mesh, place)? else { return Ok(None) };
+        MeshTile::decode(leaf, lod, &bytes).map(Some).map_err(|error| source_error(TileKind::Mesh, leaf, &error))
+    }
+}

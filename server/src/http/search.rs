@@ -1,0 +1,191 @@
+//! The search of a city's objects by their texts.
+//!
+//! In: the address of a city's version, with `q` and `limit`. Out: the hits as JSON, immutable under the version as a tile is. The work
+//! of a search is bounded (`insula_objects::search`); the first one reads the index.
+
+use super::{
+    access_control::CityAccess,
+    problem::Problem,
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
+    state::{AppState, MessageKind},
+    tile::{find_version, unknown_name},
+};
+use crate::store::{CityStore, SearchFileError};
+use axum::{
+    body::Body,
+    extract::State,
+    http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header},
+    response::Response,
+};
+use insula_objects::search::{MAX_QUERY_CHARS, SearchHit};
+use insula_protocol::route::{Route, RouteTemplate};
+use percent_encoding::percent_decode_str;
+use serde::Serialize;
+use std::{sync::Arc, time::Duration};
+use tokio::{sync::Semaphore, task::spawn_blocking, time::timeout};
+
+const DEFAULT_LIMIT: usize = 10;
+const MAX_LIMIT: usize = 100;
+/// Searches of the process that run at the same time. One takes milliseconds, except for the first, which reads the index.
+const MAX_RUNNING: usize = 8;
+/// A search that waits or runs longer has failed: a disk may not respond. Its thread cannot be stopped.
+const MAX_TIME: Duration = Duration::from_secs(10);
+
+const INVALID_TEXT: Problem = Problem::bad_request("q must be a text of 1 to 128 characters, percent-encoded UTF-8");
+const INVALID_LIMIT: Problem = Problem::bad_request("limit must be a number from 1 to 100");
+const NO_INDEX: Problem = Problem::not_found("this city has no search");
+
+static RUNNING: Semaphore = Semaphore::const_new(MAX_RUNNING);
+
+/// What a request searches for.
+#[derive(Debug, PartialEq, Eq)]
+struct SearchRequest {
+    /// 1 to [`MAX_QUERY_CHARS`] characters.
+    text: String,
+    /// 1 to [`MAX_LIMIT`].
+    limit: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct SearchHitJson {
+    text: String,
+    object: u32,
+    typos: u8,
+}
+
+impl From<SearchHit> for SearchHitJson {
+    fn from(SearchHit { text, object, typos }: SearchHit) -> Self {
+        Self { text, object, typos }
+    }
+}
+
+/// `/v1/cities/{city}/{version}/search`. Fails with 400 for an invalid `q` or `limit`, 401 without a required token, 404 for an unknown
+/// city or version, without an index, or with a share link for a part of the city; 500 if the index is damaged, 503 if it cannot be
+/// read.
+pub(super) async fn search(
+    State(state): State<AppState>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let SearchRequest { text, limit } = search_request(uri.query().unwrap_or_default())?;
+    let (city, access) = match Route::parse(uri.path()) {
+        Ok(Route::Search { city, version }) => {
+            find_version(&state, RouteTemplate::Search, city, version, &uri, &headers)?
+        }
+        _ => return Err(unknown_name(&state, &uri, &headers)),
+    };
+    // A hit outside of the area would tell what is there.
+    if !city.has_search() || matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+        return Err(NO_INDEX);
+    }
+    let searched = city.clone();
+    let found = run(move || searched.search_index().map(|index| index.search(&text, limit))).await;
+    let hits = match found {
+        Some(Ok(hits)) => hits,
+        Some(Err(error)) => return Err(report_failure(&state, &city, &error)),
+        None => return Err(Problem::unavailable("too many searches at once: retry in a second")),
+    };
+    let hits: Vec<SearchHitJson> = hits.into_iter().map(Into::into).collect();
+    let body = serde_json::to_vec(&hits).unwrap_or_default();
+    let representation = Representation {
+        etag: etag_of(&body),
+        body: body.into(),
+        content_type: HeaderValue::from_static("application/json"),
+        cache_control: if access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
+        encoding: None,
+        vary: None,
+    };
+    Ok(representation.respond(&method, &headers).map(Body::from))
+}
+
+/// Runs a search on a thread of its own. `None` if that takes too long, or other searches do.
+async fn run<T: Send + 'static>(search: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+    let task = async {
+        let permit = RUNNING.acquire().await.ok()?;
+        let searched = spawn_blocking(move || {
+            let result = search();
+            drop(permit);
+            result
+        });
+        searched.await.ok()
+    };
+    timeout(MAX_TIME, task).await.ok()?
+}
+
+/// Logs the failure. The client learns only whether a retry may help.
+fn report_failure(state: &AppState, city: &Arc<CityStore>, error: &SearchFileError) -> Problem {
+    if state.admits_message(MessageKind::TileFailure) {
+        tracing::error!(place = city.location(), %error, "cannot search a city");
+    }
+    match error {
+        SearchFileError::None { .. } => NO_INDEX,
+        SearchFileError::Unreadable { .. } => Problem::unavailable("the search index cannot be read at the moment"),
+        SearchFileError::Damaged { .. } => {
+            Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the server's copy of the search index is damaged")
+                .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
+        }
+    }
+}
+
+/// What a query asks for. Other parameters are ignored. Fails with 400 without a `q`, and for values that are invalid or given twice.
+fn search_request(query: &str) -> Result<SearchRequest, Problem> {
+    let (mut text, mut limit) = (None, None);
+    for (key, value) in query.split('&').map(|pair| pair.split_once('=').unwrap_or((pair, ""))) {
+        match key {
+            "q" if text.is_none() => text = Some(decode_text(value).ok_or(INVALID_TEXT)?),
+            "q" => return Err(INVALID_TEXT),
+            "limit" if limit.is_none() => {
+                let is_plain = value.bytes().all(|byte| byte.is_ascii_digit());
+                let number = value.parse().ok().filter(|number| is_plain && (1..=MAX_LIMIT).contains(number));
+                limit = Some(number.ok_or(INVALID_LIMIT)?);
+            }
+            "limit" => return Err(INVALID_LIMIT),
+            _ => {}
+        }
+    }
+    Ok(SearchRequest { text: text.ok_or(INVALID_TEXT)?, limit: limit.unwrap_or(DEFAULT_LIMIT) })
+}
+
+/// The text of a query parameter, in which browsers write blanks as `+`. `None` if it is empty, too long or not UTF-8.
+fn decode_text(value: &str) -> Option<String> {
+    // A character has at most 4 bytes, each of 3 characters.
+    if value.len() > 12 * MAX_QUERY_CHARS {
+        return None;
+    }
+    let value = value.replace('+', " ");
+    let text = percent_decode_str(&value).decode_utf8().ok()?;
+    let is_valid = !text.trim().is_empty() && text.chars().count() <= MAX_QUERY_CHARS;
+    is_valid.then(|| text.into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn queries_are_decoded_and_limited() {
+        let parse = |query: &str| search_request(query).ok().map(|request| (request.text, request.limit));
+        let found = |text: &str, limit| Some((text.to_owned(), limit));
+        assert_eq!(parse("q=kerk"), found("kerk", 10));
+        assert_eq!(parse("limit=3&q=Oude+Kerk%20M%C3%BCller%2B&share=x&other"), found("Oude Kerk Müller+", 3));
+        let longest = "%F0%9F%8F%A0".repeat(MAX_QUERY_CHARS);
+        assert_eq!(parse(&format!("q={longest}&limit=100")), found(&"🏠".repeat(MAX_QUERY_CHARS), 100));
+        let too_long = [format!("q={}", "a".repeat(MAX_QUERY_CHARS + 1)), format!("q={longest}a")];
+        for invalid in
+            ["", "q", "q=", "q=+%20", "q=%ff", "q=a&q=b", "Q=a"].into_iter().chain(too_long.iter().map(String::as_str))
+        {
+            assert_eq!(search_request(invalid).unwrap_err().respond().status(), StatusCode::BAD_REQUEST, "{invalid}");
+        }
+        for limit in ["", "0", "101", "-1", "+1", "1.0", "x", "1&limit=1", "99999999999999999999"] {
+            assert_eq!(parse(&format!("q=a&limit={limit}")), None, "{limit}");
+        }
+    }
+
+    #[tokio::test]
+    async fn a_search_that_panics_fails_alone() {
+        assert_eq!(run(|| panic!("a fault")).await, None::<()>);
+        assert_eq!(run(|| 1).await, Some(1));
+        assert_eq!(RUNNING.available_permits(), MAX_RUNNING);
+    }
+}

@@ -1,0 +1,131 @@
+//! The search index of an opened city on disk.
+//!
+//! The file is opened with the city, so that it is of the city's version even if the folder is replaced. It is read at the first
+//! search, and stays in memory as long as the city is open. It is read, not mapped: if a mapped file is truncated, the next access
+//! ends the process.
+
+use insula_archive::{
+    city::{MAX_SEARCH_BYTES, SEARCH_FILE},
+    file::open_regular,
+};
+use insula_objects::search::SearchIndex;
+use std::{
+    fs::File,
+    io::{self, Read, Seek},
+    path::Path,
+    sync::{Arc, Mutex, PoisonError},
+    time::{Duration, Instant},
+};
+
+/// An index that could not be opened is tried again after this time: each attempt reads the whole file.
+const RETRY_INTERVAL: Duration = Duration::from_secs(60);
+
+/// An index in memory. Cheap to clone.
+pub type CityIndex = Arc<SearchIndex<Vec<u8>>>;
+
+/// Why a city cannot be searched.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum SearchFileError {
+    #[error("{place}: the city has no search index: bake it again, or copy all files of its folder")]
+    None { place: String },
+    #[error("{place}/{SEARCH_FILE}: cannot be read: {reason}; check the disk and the permissions")]
+    Unreadable { place: String, reason: String },
+    #[error("{place}/{SEARCH_FILE}: {reason}; bake the city again, or copy it again from an intact source")]
+    Damaged { place: String, reason: String },
+}
+
+/// A city's file `search.index`.
+#[derive(Debug)]
+pub(super) struct SearchFile {
+    place: String,
+    content: Mutex<SearchContent>,
+}
+
+#[derive(Debug)]
+struct SearchContent {
+    file: File,
+    opened: Option<CityIndex>,
+    /// The last failure and its time.
+    failed: Option<(Instant, SearchFileError)>,
+}
+
+impl SearchFile {
+    /// Opens the file in a city's folder, unread; `None` if there is none. Fails if it cannot be opened or is no regular file.
+    pub(super) fn open(folder: &Path) -> io::Result<Option<Self>> {
+        let file = match open_regular(&folder.join(SEARCH_FILE)) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            file => file?,
+        };
+        let content = Mutex::new(SearchContent { file, opened: None, failed: None });
+        Ok(Some(Self { place: folder.display().to_string(), content }))
+    }
+
+    /// The index; the first call reads it, and others wait for that. Fails if it cannot be read, is damaged or too large.
+    pub(super) fn index(&self) -> Result<CityIndex, SearchFileError> {
+        let mut content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(index) = &content.opened {
+            return Ok(index.clone());
+        }
+        if let Some((_, error)) = content.failed.as_ref().filter(|(time, _)| time.elapsed() < RETRY_INTERVAL) {
+            return Err(error.clone());
+        }
+        match self.read(&mut content.file) {
+            Ok(index) => Ok(content.opened.insert(Arc::new(index)).clone()),
+            Err(error) => {
+                content.failed = Some((Instant::now(), error.clone()));
+                Err(error)
+            }
+        }
+    }
+
+    fn read(&self, file: &mut File) -> Result<SearchIndex<Vec<u8>>, SearchFileError> {
+        let unreadable =
+            |error: io::Error| SearchFileError::Unreadable { place: self.place.clone(), reason: error.to_string() };
+        let damaged = |reason: String| SearchFileError::Damaged { place: self.place.clone(), reason };
+        let length = file.metadata().map_err(unreadable)?.len();
+        if length > MAX_SEARCH_BYTES {
+            return Err(damaged(format!("it has {length} bytes, the limit is {MAX_SEARCH_BYTES}")));
+        }
+        let mut bytes = Vec::with_capacity(length as usize);
+        file.rewind().and_then(|()| file.take(MAX_SEARCH_BYTES).read_to_end(&mut bytes)).map_err(unreadable)?;
+        SearchIndex::open(bytes).map_err(|error| damaged(error.to_string()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_objects::search::SearchIndexBuilder;
+
+    #[test]
+    fn index_is_read_once_from_the_file_that_was_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(SearchFile::open(folder.path()).unwrap().is_none());
+        let mut builder = SearchIndexBuilder::new();
+        builder.add("Oude Kerk", 7);
+        let path = folder.path().join(SEARCH_FILE);
+        std::fs::write(&path, builder.finish().unwrap()).unwrap();
+        let file = SearchFile::open(folder.path()).unwrap().unwrap();
+        std::fs::rename(&path, folder.path().join("replaced")).unwrap();
+        let index = file.index().unwrap();
+        assert_eq!(index.search("kerk", 1)[0].object, 7);
+        assert!(Arc::ptr_eq(&index, &file.index().unwrap()));
+    }
+
+    #[test]
+    fn damaged_and_large_files_are_refused_and_not_read_again_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(SEARCH_FILE);
+        std::fs::write(&path, b"INSXnonsense").unwrap();
+        let file = SearchFile::open(folder.path()).unwrap().unwrap();
+        assert!(matches!(file.index(), Err(SearchFileError::Damaged { .. })));
+        std::fs::write(&path, SearchIndexBuilder::new().finish().unwrap()).unwrap();
+        assert!(file.index().is_err());
+        std::fs::File::create(&path).unwrap().set_len(MAX_SEARCH_BYTES + 1).unwrap();
+        let error = SearchFile::open(folder.path()).unwrap().unwrap().index().unwrap_err();
+        assert!(error.to_string().contains("the limit is"), "{error}");
+        std::fs::remove_file(&path).unwrap();
+        std::fs::create_dir(&path).unwrap();
+        assert!(SearchFile::open(folder.path()).is_err());
+    }
+}
