@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 /// The objects of a city, fetched while the caller waits.
 #[derive(Debug)]
-pub struct ObjectReader {
+pub struct ObjectLookup {
     http: Arc<Http>,
     objects: CityObjects,
     /// World coordinates of the city's origin, in metres.
@@ -85,7 +85,7 @@ pub struct StyledObjects {
     pub passing: usize,
 }
 
-impl ObjectReader {
+impl ObjectLookup {
     /// Fetches the schema. Fails if the city has no objects, or if they cannot be fetched.
     pub fn open(http: &Arc<Http>, source: Arc<dyn TileSource>, origin: [f64; 3]) -> Result<Self> {
         let place = source.location().to_owned();

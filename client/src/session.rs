@@ -4,7 +4,7 @@
 
 use crate::{
     error::{ClientError, Result},
-    objects::ObjectReader,
+    objects::ObjectLookup,
     render::{Adapter, AdapterInfo, OpenedAdapter},
     report::{FlightSample, FrameTimes, RunReport},
     stream::{BackgroundFetcher, fetch::Http, notifier::Notifier},
@@ -141,16 +141,16 @@ impl Session {
     }
 
     /// Opens the objects of the city. Fails if it has none, or if they cannot be fetched.
-    pub fn open_objects(&self) -> Result<ObjectReader> {
+    pub fn open_objects(&self) -> Result<ObjectLookup> {
         self.object_opener()()
     }
 
     /// What opens the objects of the city, on any thread. Fails as [`Self::open_objects`] does.
-    pub fn object_opener(&self) -> impl FnOnce() -> Result<ObjectReader> + Send + use<> {
+    pub fn object_opener(&self) -> impl FnOnce() -> Result<ObjectLookup> + Send + use<> {
         let (source, origin) = (self.object_source.clone(), self.tree().manifest().origin);
         move || {
             let (http, source) = source.ok_or_else(|| ClientError::Failed("this city has no objects".into()))?;
-            ObjectReader::open(&http, source, origin)
+            ObjectLookup::open(&http, source, origin)
         }
     }
 

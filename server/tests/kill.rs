@@ -32,6 +32,11 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     names(folder).into_iter().map(|name| (name.clone(), fs::read(folder.join(name)).unwrap())).collect()
 }
 
+fn write_city(folder: &Path, files: &BTreeMap<String, Vec<u8>>) {
+    fs::create_dir(folder).unwrap();
+    files.iter().for_each(|(name, bytes)| fs::write(folder.join(name), bytes).unwrap());
+}
+
 /// Runs `times` bakes, each killed one to three times and then resumed. Every second one updates a city of `before`.
 fn kill_and_resume(input: &Path, before: &Path, cell: &str, times: u32) {
     let folder = tempfile::tempdir().unwrap();
@@ -47,17 +52,23 @@ fn kill_and_resume(input: &Path, before: &Path, cell: &str, times: u32) {
     assert!(bake(input, &whole, &temporary, &["--cell", cell]).status().unwrap().success());
     let whole_time = start.elapsed();
     assert!(bake(before, &old, &temporary, &["--cell", cell]).status().unwrap().success());
-    let (expected, old) = (files(&whole), files(&old));
-    assert!(expected != old);
+    let (baked, old) = (files(&whole), files(&old));
+    assert!(baked != old);
+    // Objects keep their numbers in an update, so its files differ from those of a full bake.
+    let updated = city_folder("updated");
+    write_city(&updated, &old);
+    assert!(bake(input, &updated, &temporary, &["--cell", cell, "--update"]).status().unwrap().success());
+    let updated = files(&updated);
     let (mut random, mut kills) = (Rng::new(7), 0);
     for run in 0..times {
         let out = city_folder(&format!("run-{run}"));
         let mut options = vec!["--cell", cell, "--resume"];
-        if run % 2 == 1 {
-            fs::create_dir(&out).unwrap();
-            old.iter().for_each(|(name, bytes)| fs::write(out.join(name), bytes).unwrap());
+        let is_update = run % 2 == 1;
+        if is_update {
+            write_city(&out, &old);
             options.push("--update");
         }
+        let expected = if is_update { &updated } else { &baked };
         for _ in 0..1 + run % 3 {
             let mut child = bake(input, &out, &temporary, &options).spawn().unwrap();
             thread::sleep(whole_time.mul_f64(random.unit()).max(Duration::from_millis(1)));
@@ -65,11 +76,11 @@ fn kill_and_resume(input: &Path, before: &Path, cell: &str, times: u32) {
             child.kill().unwrap();
             child.wait().unwrap();
             let found = if out.exists() { files(&out) } else { BTreeMap::new() };
-            assert!(found.is_empty() || found == old || found == expected, "run {run}: an incomplete city");
+            assert!(found.is_empty() || found == old || found == *expected, "run {run}: an incomplete city");
         }
         let status = bake(input, &out, &temporary, &options).status().unwrap();
         assert!(status.success(), "run {run}: {status}");
-        assert!(files(&out) == expected, "run {run}: the files differ from those of an undisturbed bake");
+        assert!(files(&out) == *expected, "run {run}: the files differ from those of an undisturbed bake");
         assert_eq!(names(out.parent().unwrap()), ["city"], "run {run}: a file was left beside the city");
         assert!(names(&temporary).is_empty(), "run {run}: temporary files were left");
         fs::remove_dir_all(out.parent().unwrap()).unwrap();

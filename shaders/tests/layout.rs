@@ -58,6 +58,7 @@ fn structs_have_the_same_layout() {
             shadow_m,
             exposure,
             sun_radius,
+            objects,
             unused,
             bays,
             light,
@@ -91,7 +92,11 @@ fn structs_have_the_same_layout() {
             glow,
         }
     );
-    let module = self::module(&wgsl::compose());
+}
+
+#[test]
+fn structs_of_columns_and_the_frame_have_the_same_layout() {
+    let module = module(&wgsl::compose());
     assert_layout!(&module, ComposeUniform { frame_px, target_px, is_lit, exposure, key, unused });
     let module = self::module(&wgsl::raycast());
     // WGSL reads it in rows of four words: `heights` is z_step_m to slot_and_shift.

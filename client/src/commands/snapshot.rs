@@ -6,7 +6,7 @@ use crate::{
     camera_files::read_camera,
     error::{ClientError, Result},
     image_files::{write_objects, write_pfm, write_radiance},
-    objects::{ObjectJson, ObjectReader},
+    objects::{ObjectJson, ObjectLookup},
     report::RunReport,
     ui::view_link::ViewLink,
 };
@@ -74,7 +74,7 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
 }
 
 /// Writes what is known of the objects that a picture shows, those with the most pixels first.
-fn write_object_list(path: &Path, objects: &ObjectReader, ids: &[u32]) -> Result<()> {
+fn write_object_list(path: &Path, objects: &ObjectLookup, ids: &[u32]) -> Result<()> {
     let mut pixels = BTreeMap::<u32, u64>::new();
     ids.iter().filter(|id| **id != NO_OBJECT).for_each(|id| *pixels.entry(*id).or_default() += 1);
     let mut shown: Vec<(u32, u64)> = pixels.into_iter().collect();

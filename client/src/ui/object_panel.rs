@@ -5,7 +5,7 @@
 use super::bookmarks::ViewAction;
 use crate::{
     error::Result,
-    objects::{ObjectJson, ObjectReader},
+    objects::{ObjectJson, ObjectLookup},
 };
 use egui::{Color32, RichText, Ui};
 use insula_protocol::text::printable;
@@ -20,14 +20,14 @@ const MAX_SHOWN: usize = 32;
 const MAX_VALUE_CHARS: usize = 200;
 
 /// Opens the reader of a city's objects.
-pub type OpenObjectsFn = Box<dyn FnOnce() -> Result<ObjectReader> + Send>;
+pub(super) type OpenObjectsFn = Box<dyn FnOnce() -> Result<ObjectLookup> + Send>;
 /// The reader, opened by the thread that needs it first.
 type SharedReader = Arc<Mutex<LazyReader>>;
 
 /// A reader before and after it is opened.
 enum LazyReader {
     Closed(OpenObjectsFn),
-    Open(ObjectReader),
+    Open(ObjectLookup),
     Failed(String),
 }
 
@@ -38,14 +38,14 @@ struct FoundObject {
 }
 
 /// The selection and its panel.
-pub struct ObjectPanel {
+pub(super) struct ObjectPanel {
     selected: BTreeSet<u32>,
     /// What is known of the selected objects, in the order of their selection.
     found: Vec<FoundObject>,
     /// What the shown attributes' names or values contain.
     needle: String,
     reader: SharedReader,
-    results: (mpsc::Sender<FoundObject>, mpsc::Receiver<FoundObject>),
+    results: (mpsc::SyncSender<FoundObject>, mpsc::Receiver<FoundObject>),
     pending: usize,
     /// Number of changes of the selection.
     generation: u64,
@@ -53,35 +53,35 @@ pub struct ObjectPanel {
 
 impl ObjectPanel {
     /// Nothing is selected.
-    pub fn new(open: OpenObjectsFn) -> Self {
+    pub(super) fn new(open: OpenObjectsFn) -> Self {
         Self {
             selected: BTreeSet::new(),
             found: Vec::new(),
             needle: String::new(),
             reader: Arc::new(Mutex::new(LazyReader::Closed(open))),
-            results: mpsc::channel(),
+            results: mpsc::sync_channel(MAX_SHOWN),
             pending: 0,
             generation: 0,
         }
     }
 
     /// The selected objects.
-    pub fn selected(&self) -> &BTreeSet<u32> {
+    pub(super) fn selected(&self) -> &BTreeSet<u32> {
         &self.selected
     }
 
     /// Number of changes of the selection.
-    pub fn generation(&self) -> u64 {
+    pub(super) fn generation(&self) -> u64 {
         self.generation
     }
 
     /// Whether attributes are on their way.
-    pub fn is_waiting(&self) -> bool {
+    pub(super) fn is_waiting(&self) -> bool {
         self.pending > 0
     }
 
     /// A click on an object, or on none. With `adds` it is added to the selection, or removed from it; otherwise it is the only one.
-    pub fn click(&mut self, object: Option<u32>, adds: bool) {
+    pub(super) fn click(&mut self, object: Option<u32>, adds: bool) {
         self.generation += 1;
         match object {
             Some(id) if adds && self.selected.remove(&id) => self.found.retain(|found| found.id != id),
@@ -98,34 +98,42 @@ impl ObjectPanel {
     }
 
     /// Selects nothing.
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.generation += 1;
         self.selected.clear();
         self.found.clear();
     }
 
     fn fetch(&mut self, id: u32) {
-        if self.selected.len() > MAX_SHOWN {
+        // What is left out here is fetched by `poll`.
+        if self.selected.len() > MAX_SHOWN || self.pending == MAX_SHOWN {
             return;
         }
         self.pending += 1;
         let (reader, sender) = (Arc::clone(&self.reader), self.results.0.clone());
-        // The window may be closed meanwhile.
-        std::thread::spawn(move || sender.send(FoundObject { id, result: describe(&reader, id) }));
+        std::thread::spawn(move || {
+            // The window may be closed meanwhile.
+            sender.send(FoundObject { id, result: describe(&reader, id) }).ok();
+        });
     }
 
     /// Takes in attributes that have arrived.
-    pub fn poll(&mut self) {
+    pub(super) fn poll(&mut self) {
         while let Ok(found) = self.results.1.try_recv() {
             self.pending = self.pending.saturating_sub(1);
-            if self.selected.contains(&found.id) {
+            if self.selected.contains(&found.id) && self.found.iter().all(|other| other.id != found.id) {
                 self.found.push(found);
             }
+        }
+        if self.pending == 0 && self.selected.len() <= MAX_SHOWN {
+            let is_found = |id: &u32| self.found.iter().any(|found| found.id == *id);
+            let missing: Vec<u32> = self.selected.iter().copied().filter(|id| !is_found(id)).collect();
+            missing.into_iter().for_each(|id| self.fetch(id));
         }
     }
 
     /// Lays the panel out. Returns what the user asks for.
-    pub fn show(&mut self, ui: &mut Ui) -> Option<ViewAction> {
+    pub(super) fn show(&mut self, ui: &mut Ui) -> Option<ViewAction> {
         let mut action = None;
         let count = self.selected.len();
         let title = if count == 1 { "1 object".to_owned() } else { format!("{count} objects") };

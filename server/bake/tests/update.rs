@@ -128,7 +128,16 @@ fn larger_city_is_baked_in_full() {
     for corner in wide.triangles.iter_mut().filter(|t| t.object == 8).flat_map(|t| &mut t.corners) {
         corner[0] += 3000.0;
     }
-    assert_eq!(update_boxes("update-wide", wide).blocks_unchanged, 0);
+    let after = full_bake("update-wide-full", wide.clone());
+    let folder = TestFolder::new("update-wide");
+    let out = out_folder(&folder, "updated");
+    BakedCity::boxes().write(&out);
+    let report = bake_scene(wide, ReadReport::default(), &updating(options(&out, 2)), &Silent).unwrap();
+    assert_eq!(report.blocks_unchanged, 0);
+    // Objects keep their numbers, so tiles, which name them, differ from those of a full bake.
+    let updated = BakedCity { files: files(&out), report };
+    assert!(updated.nodes().keys().eq(after.nodes().keys()), "other nodes than a full bake");
+    assert!(updated.files["thumbnail.png"] == after.files["thumbnail.png"]);
 }
 
 #[test]

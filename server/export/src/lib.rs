@@ -3,14 +3,17 @@
 //! | module | contents |
 //! |---|---|
 //! | `cityjson` | CityJSON text sequences |
+//! | `file`, `format` | the entry of all exports of one file; its formats |
 //! | `glb` | GLB files, with identities and attributes of objects |
 //! | `raster` | heights as GeoTIFF |
 //! | `selection` | which part of a city an export has |
 //! | `source` | what an export reads: tiles and objects of a city |
-//! | `table` | objects with footprints as CSV, GeoJSON, GeoParquet and FlatGeobuf; the entry of all exports of one file |
+//! | `table` | objects with footprints as CSV, GeoJSON, GeoParquet and FlatGeobuf |
 //! | `tiles3d` | 3D Tiles with an implicit quadtree |
 
 mod cityjson;
+pub mod file;
+pub mod format;
 pub mod glb;
 mod raster;
 pub mod selection;

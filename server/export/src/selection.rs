@@ -4,7 +4,7 @@ use roaring::RoaringBitmap;
 
 /// A part of a city: the objects and places that are in all of the given sets.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Selection {
+pub struct ObjectSelection {
     /// Lower and upper corner in world metres, borders included.
     pub bbox: Option<[[f64; 2]; 2]>,
     /// Closed rings in world metres. A place inside an odd number of them is in the polygon; the last point need not repeat the
@@ -14,7 +14,7 @@ pub struct Selection {
     pub objects: Option<RoaringBitmap>,
 }
 
-impl Selection {
+impl ObjectSelection {
     /// Whether an object is selected: its number, and the middle of its bounds on the map. So of two areas side by side, one has
     /// it. An object without bounds is selected if only numbers restrict the selection.
     #[must_use]
@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn objects_are_in_the_area_of_their_middle() {
         let ring = |min: f64, max: f64| vec![[min, min], [max, min], [max, max], [min, max]];
-        let selection = Selection {
+        let selection = ObjectSelection {
             bbox: Some([[0.0, 0.0], [8.0, 20.0]]),
             polygon: Some(vec![ring(0.0, 10.0), ring(4.0, 6.0)]),
             objects: Some([1, 2].into_iter().collect()),
@@ -100,9 +100,9 @@ mod tests {
 
     #[test]
     fn without_sets_everything_is_selected() {
-        let all = Selection::default();
+        let all = ObjectSelection::default();
         assert!(all.contains(7, None) && all.contains_point([1e9, -1e9]) && all.may_touch([[0.0; 2]; 2]));
-        let some = Selection { objects: Some([7].into_iter().collect()), ..all };
+        let some = ObjectSelection { objects: Some([7].into_iter().collect()), ..all };
         assert!(some.contains(7, None) && !some.contains(8, None));
         assert_eq!(some.area(), None);
     }

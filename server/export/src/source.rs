@@ -13,7 +13,7 @@ pub struct SourceError {
 }
 
 /// A baked city, wherever it is stored.
-pub trait CitySource {
+pub trait ExportSource {
     fn manifest(&self) -> &Manifest;
     fn schema(&self) -> &Schema;
     /// The objects of a block; `None` if the city has no such block.

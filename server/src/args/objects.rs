@@ -67,12 +67,12 @@ pub struct ExportArgs {
 pub enum ExportFormat {
     Glb,
     Tiles3d,
-    Table(insula_export::table::Format),
+    Table(insula_export::format::Format),
 }
 
 #[cfg(feature = "bake")]
 fn parse_format(text: &str) -> Result<ExportFormat, String> {
-    use insula_export::table::Format;
+    use insula_export::format::Format;
     match text {
         "glb" => Ok(ExportFormat::Glb),
         "3dtiles" => Ok(ExportFormat::Tiles3d),

@@ -3,14 +3,15 @@
 use super::{error::CommandError, output::print};
 use crate::{
     args::{ExportArgs, ExportFormat},
-    store::{CityObjects, CityStore},
+    store::{CityStore, StoredObjects},
 };
 use insula_bake::read::EarthPlace;
 use insula_export::{
+    file,
+    format::{Format, PlaneDefinition, Projections},
     glb,
-    selection::Selection,
-    source::{CitySource, SourceError},
-    table::{self, Format, PlaneDefinition, Projections},
+    selection::ObjectSelection,
+    source::{ExportSource, SourceError},
     tiles3d::{Destination, Tileset, write_tileset},
 };
 use insula_objects::{ObjectBlock, Schema, filter::Filter};
@@ -32,7 +33,7 @@ const MAX_POLYGON_BYTES: u64 = 16 << 20;
 /// Runs `export`. Fails if the city cannot be read, the selection is invalid or empty, or the output cannot be written.
 pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
-    let source = StoredCity { objects: CityObjects::open(&city)?, city: &city };
+    let source = StoredCity { objects: StoredObjects::open(&city)?, city: &city };
     let selection = selection(args, &source)?;
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
@@ -69,7 +70,7 @@ fn write_table(
     args: &ExportArgs,
     source: &StoredCity<'_>,
     format: Format,
-    selection: &Selection,
+    selection: &ObjectSelection,
     place: Option<&EarthPlace>,
 ) -> Result<String, CommandError> {
     let to_lon_lat = |p: [f64; 2]| place?.lon_lat(p);
@@ -83,7 +84,7 @@ fn write_table(
         epsg: place.and_then(EarthPlace::epsg),
         definition: definition.as_ref(),
     };
-    let report = table::export(source, format, selection, &projections, &args.out)
+    let report = file::export(source, format, selection, &projections, &args.out)
         .map_err(|error| CommandError::Export { path: args.out.clone(), reason: error.to_string() })?;
     for (reason, number) in &report.skipped {
         eprintln!("note: {} left out: {reason}", count(*number, "object"));
@@ -96,11 +97,11 @@ fn write_table(
 }
 
 /// What the arguments select. Fails if an expression or a file is invalid.
-fn selection(args: &ExportArgs, source: &StoredCity<'_>) -> Result<Selection, CommandError> {
+fn selection(args: &ExportArgs, source: &StoredCity<'_>) -> Result<ObjectSelection, CommandError> {
     let bbox = args.bbox.map(|[west, south, east, north]| [[west, south], [east, north]]);
     let polygon = args.polygon.as_deref().map(read_polygon).transpose()?;
     let objects = args.filter.as_deref().map(|text| passing(text, source)).transpose()?;
-    Ok(Selection { bbox, polygon, objects })
+    Ok(ObjectSelection { bbox, polygon, objects })
 }
 
 /// The objects that pass a filter, with the parts of those that do.
@@ -149,7 +150,7 @@ fn read_polygon(path: &Path) -> Result<Vec<Vec<[f64; 2]>>, CommandError> {
 /// An opened city as exports read it.
 struct StoredCity<'a> {
     city: &'a CityStore,
-    objects: CityObjects<'a>,
+    objects: StoredObjects<'a>,
 }
 
 impl StoredCity<'_> {
@@ -163,7 +164,7 @@ fn source_error(kind: TileKind, id: TileId, reason: &dyn std::fmt::Display) -> S
     SourceError { what: format!("{} {id}", kind.path_segment()), reason: reason.to_string() }
 }
 
-impl CitySource for StoredCity<'_> {
+impl ExportSource for StoredCity<'_> {
     fn manifest(&self) -> &Manifest {
         self.city.manifest()
     }

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     args::ObjectsArgs,
-    store::{CityObjects, CityStore},
+    store::{CityStore, StoredObjects},
 };
 use insula_objects::{AttributeInfo, FeatureKind, ObjectRecord, Schema, Value};
 use insula_protocol::text::printable;
@@ -16,7 +16,7 @@ use std::fmt::Write;
 
 /// An object as JSON.
 #[derive(Debug, Serialize)]
-pub(crate) struct ObjectJson {
+pub(crate) struct ObjectReport {
     pub(crate) id: u32,
     pub(crate) identifier: String,
     /// Identifier of its parent.
@@ -28,7 +28,7 @@ pub(crate) struct ObjectJson {
 /// Runs `objects`. Fails if the city cannot be opened, has no objects, or not all of the requested ones.
 pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
-    let objects = CityObjects::open(&city)?;
+    let objects = StoredObjects::open(&city)?;
     if args.ids.is_empty() {
         if args.json {
             print_json(&pretty(&json!(objects.schema()))?);
@@ -52,14 +52,18 @@ pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
 }
 
 /// An object with the names of its attributes. Fails if its parent's block is damaged.
-pub(crate) fn describe(objects: &CityObjects<'_>, id: u32, record: ObjectRecord) -> Result<ObjectJson, CommandError> {
+pub(crate) fn describe(
+    objects: &StoredObjects<'_>,
+    id: u32,
+    record: ObjectRecord,
+) -> Result<ObjectReport, CommandError> {
     let parent = record.parent.map(|parent| objects.identifier(parent)).transpose()?.flatten();
     let named = |(attribute, value): (u32, Value)| {
         let info = objects.schema().attributes.get(attribute as usize)?;
         Some((info.name.clone(), to_json(value)))
     };
     let attributes = record.attributes.into_iter().filter_map(named).collect();
-    Ok(ObjectJson { id, identifier: record.identifier, parent, kind: record.kind, attributes })
+    Ok(ObjectReport { id, identifier: record.identifier, parent, kind: record.kind, attributes })
 }
 
 /// A value as JSON; dates are texts.
@@ -78,7 +82,7 @@ fn pretty(value: &serde_json::Value) -> Result<String, CommandError> {
         .map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })
 }
 
-fn object_text(object: &ObjectJson) -> String {
+fn object_text(object: &ObjectReport) -> String {
     let mut out = format!("{} {} ({})\n", object.id, printable(&object.identifier), object.kind.name());
     if let Some(parent) = &object.parent {
         let _ = writeln!(out, "  part of {}", printable(parent));

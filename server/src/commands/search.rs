@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     args::SearchArgs,
-    store::{CityObjects, CityStore},
+    store::{CityStore, StoredObjects},
 };
 use insula_objects::{FeatureKind, search::SearchHit};
 use insula_protocol::text::printable;
@@ -15,7 +15,7 @@ use std::fmt::Write;
 
 /// A hit with what identifies its object.
 #[derive(Debug, Serialize)]
-struct FoundObject {
+struct FoundObjectJson {
     object: u32,
     text: String,
     typos: u8,
@@ -29,11 +29,11 @@ struct FoundObject {
 pub(super) fn run(args: &SearchArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
     let index = city.search_index()?;
-    let objects = CityObjects::open(&city)?;
+    let objects = StoredObjects::open(&city)?;
     let found = |SearchHit { text, object, typos }| {
         let record = objects.object(object)?;
         let kind = record.as_ref().map(|record| record.kind);
-        Ok(FoundObject { object, text, typos, identifier: record.map(|record| record.identifier), kind })
+        Ok(FoundObjectJson { object, text, typos, identifier: record.map(|record| record.identifier), kind })
     };
     let hits = index.search(&args.text, usize::from(args.limit));
     let hits = hits.into_iter().map(found).collect::<Result<Vec<_>, CommandError>>()?;
@@ -47,12 +47,12 @@ pub(super) fn run(args: &SearchArgs) -> Result<(), CommandError> {
 }
 
 /// A line per hit: number, identifier and kind of the object, then the text unless it is the identifier.
-fn hits_text(hits: &[FoundObject]) -> String {
+fn hits_text(hits: &[FoundObjectJson]) -> String {
     if hits.is_empty() {
         return "nothing found\n".to_owned();
     }
     let mut out = String::new();
-    for FoundObject { object, text, identifier, kind, .. } in hits {
+    for FoundObjectJson { object, text, identifier, kind, .. } in hits {
         let name = identifier.as_deref().unwrap_or("unknown");
         let kind = kind.map_or("unknown", FeatureKind::name);
         let _ = write!(out, "{object} {} ({kind})", printable(name));

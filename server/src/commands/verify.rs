@@ -3,7 +3,7 @@
 use super::{error::CommandError, output::print};
 use crate::{
     args::VerifyArgs,
-    store::{CityObjects, CityStore},
+    store::{CityStore, StoredObjects},
 };
 use insula_archive::city::content_version;
 use insula_protocol::{
@@ -187,7 +187,7 @@ fn check_objects(city: &CityStore, faults: &mut FaultList) {
     if city.archive(TileKind::Objects).is_none() {
         return;
     }
-    let objects = match CityObjects::open(city) {
+    let objects = match StoredObjects::open(city) {
         Ok(objects) => objects,
         Err(error) => return faults.push(error.to_string()),
     };

@@ -1,6 +1,6 @@
 //! The search of a city's objects by their texts.
 //!
-//! In: the address of a city's version, with `q` and `limit`. Out: the hits as JSON, immutable under the version as a tile is. The work
+//! The address has a city's version, `q` and `limit`; the response has the hits as JSON, immutable under the version as a tile is. The work
 //! of a search is bounded (`insula_objects::search`); the first one reads the index.
 
 use super::{

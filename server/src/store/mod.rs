@@ -18,7 +18,7 @@ mod search;
 pub use cities::Store;
 pub use city::CityStore;
 pub use error::StoreError;
-pub use objects::{CityObjects, ObjectError};
+pub use objects::{ObjectError, StoredObjects};
 pub use reload::{RetentionPolicy, StoreReload};
 pub(crate) use requests::StoreMetrics;
 pub use search::{CityIndex, SearchFileError};

@@ -22,13 +22,13 @@ pub enum ObjectError {
 }
 
 /// Reads the objects of a city.
-pub struct CityObjects<'a> {
+pub struct StoredObjects<'a> {
     city: &'a BakedCity,
     schema: Schema,
     blocks: RefCell<LruCache<u32, Option<Arc<ObjectBlock>>>>,
 }
 
-impl<'a> CityObjects<'a> {
+impl<'a> StoredObjects<'a> {
     /// Reads the schema. Fails if the city has none, or a damaged one.
     pub fn open(city: &'a BakedCity) -> Result<Self, ObjectError> {
         let content = read(city, SCHEMA_ID, "schema")?;

@@ -17,7 +17,7 @@ const DISTINCT_TEXTS: u8 = 1;
 
 /// The values of one attribute.
 #[derive(Debug, Clone)]
-pub(super) struct Column {
+pub(super) struct AttributeColumn {
     /// Index in the schema.
     pub(super) attribute: u32,
     pub(super) rows: RowSet,
@@ -34,7 +34,7 @@ pub(super) enum Values {
     Date(Vec<i32>),
 }
 
-impl Column {
+impl AttributeColumn {
     /// The value of a row of the block.
     pub(super) fn value(&self, row: usize) -> Option<ValueRef<'_>> {
         let at = self.rows.rank(row)?;

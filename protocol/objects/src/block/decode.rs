@@ -3,7 +3,7 @@
 use super::{
     BLOCK_OBJECTS, MAGIC, MAX_PAYLOAD_BYTES, ObjectBlock, ObjectBounds, VERSION,
     bytes::Reader,
-    columns::{self, Column},
+    columns::{self, AttributeColumn},
     encode::{first_id, limit},
     numbers::{self, History},
     rows::{RowSet, RowSets},
@@ -72,7 +72,7 @@ impl ObjectBlock {
             let rows = row_sets.decode(&mut reader)?;
             let values =
                 columns::decode(&mut reader, value_type, &rows.rows(), &identifiers, &mut history, &mut budget)?;
-            columns.push(Column { attribute: attribute as u32, rows, values });
+            columns.push(AttributeColumn { attribute: attribute as u32, rows, values });
             next = attribute + 1;
         }
         reader.finish()?;

@@ -30,7 +30,7 @@ use crate::{
     kind::FeatureKind,
     value::{Value, ValueRef},
 };
-use columns::Column;
+use columns::AttributeColumn;
 use text_list::TextList;
 
 /// Number of ids of a block. Object `id` is in block `id / BLOCK_OBJECTS`.
@@ -85,7 +85,7 @@ pub struct ObjectBlock {
     parents: Vec<Option<u32>>,
     bounds: Vec<Option<ObjectBounds>>,
     /// By attribute, ascending.
-    columns: Vec<Column>,
+    columns: Vec<AttributeColumn>,
 }
 
 impl ObjectBlock {
@@ -99,7 +99,7 @@ impl ObjectBlock {
     #[must_use]
     pub fn record(&self, id: u32) -> Option<ObjectRecord> {
         let row = self.row(id)?;
-        let value = |column: &Column| Some((column.attribute, column.value(row)?.to_value()));
+        let value = |column: &AttributeColumn| Some((column.attribute, column.value(row)?.to_value()));
         Some(ObjectRecord {
             identifier: self.identifiers.get(row)?.to_owned(),
             kind: *self.kinds.get(row)?,
@@ -115,6 +115,7 @@ impl ObjectBlock {
         self.identifiers.get(self.row(id)?)
     }
 
+    /// The kind of an object; `None` if the block has no such object.
     #[must_use]
     pub fn kind(&self, id: u32) -> Option<FeatureKind> {
         self.kinds.get(self.row(id)?).copied()
@@ -126,6 +127,7 @@ impl ObjectBlock {
         self.parents.get(self.row(id)?).copied().flatten()
     }
 
+    /// The box of an object; `None` if the block has no such object, or if the object has no shape.
     #[must_use]
     pub fn bounds(&self, id: u32) -> Option<ObjectBounds> {
         self.bounds.get(self.row(id)?).copied().flatten()

@@ -1,3 +1,5 @@
+//! Blocks keep their objects; damaged bytes fail without a panic.
+
 use super::*;
 use crate::schema::{Schema, SchemaBuilder};
 use insula_protocol::{

@@ -12,7 +12,7 @@ use crate::{
     value::{Value, ValueRef, ValueType},
 };
 use colorous::Gradient;
-use palette::{MAX_CLASSES, Palette};
+use palette::{ColorPalette, MAX_CLASSES};
 use serde::Serialize;
 
 /// Colour of objects without a value.
@@ -106,11 +106,11 @@ impl ColorBy {
             };
             return Err(ColorError::UnknownAttribute { name: name.to_owned(), hint });
         };
-        match Palette::from_name(palette) {
+        match ColorPalette::from_name(palette) {
             Some(palette) => Ok(Self::new(source, name, Some(palette), schema)),
             None => {
-                let similar = suggest::nearest(palette, Palette::names()).map(str::to_owned);
-                let names = similar.unwrap_or_else(|| Palette::names().collect::<Vec<_>>().join(", "));
+                let similar = suggest::nearest(palette, ColorPalette::names()).map(str::to_owned);
+                let names = similar.unwrap_or_else(|| ColorPalette::names().collect::<Vec<_>>().join(", "));
                 Err(ColorError::UnknownPalette { name: palette.to_owned(), names })
             }
         }
@@ -118,10 +118,10 @@ impl ColorBy {
 
     /// Names of all palettes.
     pub fn palettes() -> impl Iterator<Item = &'static str> {
-        Palette::names()
+        ColorPalette::names()
     }
 
-    fn new(source: Source, title: &str, palette: Option<Palette>, schema: &Schema) -> Self {
+    fn new(source: Source, title: &str, palette: Option<ColorPalette>, schema: &Schema) -> Self {
         let info = match source {
             Source::Attribute(attribute) => schema.attributes.get(attribute as usize),
             _ => None,
@@ -135,8 +135,8 @@ impl ColorBy {
         let unit =
             if source == Source::Height { Some("m".to_owned()) } else { info.and_then(|info| info.unit.clone()) };
         let has_range = value_type.is_number() || value_type == ValueType::Date;
-        let scale = match palette.unwrap_or(if has_range { Palette::DEFAULT } else { Palette::Classes }) {
-            Palette::Gradient(gradient) if has_range => Scale::Range { gradient, range },
+        let scale = match palette.unwrap_or(if has_range { ColorPalette::DEFAULT } else { ColorPalette::Classes }) {
+            ColorPalette::Gradient(gradient) if has_range => Scale::Range { gradient, range },
             palette => classes(source, info, palette),
         };
         Self { source, title: title.to_owned(), unit, value_type, scale }
@@ -262,7 +262,7 @@ fn position(value: f64, [from, to]: [f64; 2]) -> f64 {
 }
 
 /// Classes of the most frequent values, of all kinds or of the two booleans.
-fn classes(source: Source, info: Option<&AttributeInfo>, palette: Palette) -> Scale {
+fn classes(source: Source, info: Option<&AttributeInfo>, palette: ColorPalette) -> Scale {
     let frequent = info.map_or(&[][..], |info| info.top.as_slice());
     let names: Vec<&str> = match (source, info.map(|info| info.value_type)) {
         (Source::Kind, _) => FeatureKind::NAMES.iter().map(|(name, _)| *name).collect(),

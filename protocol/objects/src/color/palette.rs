@@ -24,13 +24,13 @@ const COLORED: usize = 9;
 
 /// Where colours come from.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Palette {
+pub(super) enum ColorPalette {
     Gradient(Gradient),
     /// Colours that are as different as possible.
     Classes,
 }
 
-impl Palette {
+impl ColorPalette {
     pub(super) const DEFAULT: Self = Self::Gradient(colorous::VIRIDIS);
 
     pub(super) fn from_name(name: &str) -> Option<Self> {

@@ -1,3 +1,5 @@
+//! Legends and the colours of values.
+
 use super::*;
 use crate::{
     block::{self, ObjectBounds, ObjectRecord},

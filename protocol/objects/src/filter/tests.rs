@@ -1,3 +1,5 @@
+//! What expressions select, and what fails to parse.
+
 use super::*;
 use crate::{
     block::{self, ObjectBounds, ObjectRecord},

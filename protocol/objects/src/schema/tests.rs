@@ -1,3 +1,5 @@
+//! Schemas are read back; damaged bytes fail.
+
 use super::*;
 
 fn text(text: &str) -> Value {

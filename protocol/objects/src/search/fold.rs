@@ -118,7 +118,7 @@ pub(super) fn weak_string(glyphs: impl IntoIterator<Item = Glyph>) -> String {
 
 /// A token of a weak string: what the dictionary has at one start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Token<'a> {
+pub(super) struct WordToken<'a> {
     pub(super) text: &'a str,
     /// Its start in the string, in bytes.
     pub(super) at: usize,
@@ -129,7 +129,7 @@ pub(super) struct Token<'a> {
 }
 
 /// The tokens of a weak string, one per start: a word, or a CJK character with the next one if that is CJK too.
-pub(super) fn tokens(weak: &str) -> impl Iterator<Item = Token<'_>> {
+pub(super) fn tokens(weak: &str) -> impl Iterator<Item = WordToken<'_>> {
     let mut before = SEPARATOR;
     weak.char_indices().filter_map(move |(at, c)| {
         let previous = std::mem::replace(&mut before, c);
@@ -142,7 +142,7 @@ pub(super) fn tokens(weak: &str) -> impl Iterator<Item = Token<'_>> {
                 rest.find(|c| c == SEPARATOR || is_cjk(c)).unwrap_or(rest.len())
             };
             let last = bytes == rest.len();
-            Token {
+            WordToken {
                 text: cut(&rest[..bytes], MAX_TOKEN_BYTES),
                 at,
                 last,

@@ -38,7 +38,7 @@ use crate::{
     },
     write::{
         city::{self, CityInput, SceneFacts, WrittenCity},
-        objects::CityObjects,
+        objects::NumberedRecords,
         ownership::check_inputs,
         scratch_folder::{InputHashes, ScratchFolder},
         tile_pack::PackId,
@@ -191,7 +191,7 @@ impl<'a> BakeRun<'a> {
         let fingerprints = partition.fingerprints_without(&merged);
         let tree = &tiles.tree;
         let searchable = config.searchable.clone();
-        let objects = Some(CityObjects { records: &records, rows: &rows, origin_m: grid.corner, searchable });
+        let objects = Some(NumberedRecords { records: &records, rows: &rows, origin_m: grid.corner, searchable });
         let input =
             CityInput { config, grid: &grid, facts: &facts, read: &read, tree, packs: &packs, fingerprints, objects };
         let (written, clock) = self.write(input, previous)?;

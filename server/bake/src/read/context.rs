@@ -23,7 +23,7 @@ use super::source::CitySource;
 use super::texture::TextureLoader;
 use crate::error::{BakeError, InputError};
 use crate::scene::ObjectKind;
-use crate::scene::object_records::{ObjectRecord, RecordPlace};
+use crate::scene::object_records::{RecordPlace, SourceRecord};
 use crate::scene::scratch_scene::{ScratchScene, StoredMaterial};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
@@ -192,7 +192,7 @@ impl<'o> ReadContext<'o> {
     pub(crate) fn record_of(&mut self, id: &str, kind: FeatureKind, attributes: &Attributes) -> RecordPlace {
         let kept = attributes.iter().filter(|(name, _)| !self.options.dropped_attributes.contains(name));
         let attributes = kept.map(|(name, value)| (name.to_owned(), value.into())).collect();
-        self.builder.add_record(ObjectRecord { identifier: id.to_owned(), kind, attributes })
+        self.builder.add_record(SourceRecord { identifier: id.to_owned(), kind, attributes })
     }
 
     /// The generated facades so far; `None` without.

@@ -36,7 +36,7 @@ pub(crate) struct ObjectNumbers {
 pub(crate) type IdentityKey = (u64, u32);
 
 /// An object or a parent without a shape, while numbers are given.
-struct Candidate {
+struct NumberCandidate {
     identity: ObjectIdentity,
     bounds_m: Option<[[f32; 3]; 2]>,
     /// Index in the scene, if it has a shape.
@@ -72,20 +72,22 @@ impl ObjectNumbers {
     }
 }
 
-fn candidates(city: &ScratchScene, grid: &CityGrid) -> Vec<Candidate> {
+fn candidates(city: &ScratchScene, grid: &CityGrid) -> Vec<NumberCandidate> {
     let with_shape = city.objects.iter().enumerate().filter_map(|(i, object)| {
-        let (identity, bounds_m) = (object.identity?, Some(object.bounds_m));
-        let place = Some(place_of(object.bounds_m, grid));
-        Some(Candidate { identity, bounds_m, object: Some(i), parent: None, place })
+        let identity = object.identity?;
+        // The bounds of an object without triangles are inverted. It gets a number only as a parent.
+        let bounds_m = Some(object.bounds_m).filter(|[low, high]| (0..3).all(|axis| low[axis] <= high[axis]));
+        let place = bounds_m.map(|bounds_m| place_of(bounds_m, grid));
+        Some(NumberCandidate { identity, bounds_m, object: bounds_m.map(|_| i), parent: None, place })
     });
-    let parents = city.parents.iter().map(|identity| Candidate {
+    let parents = city.parents.iter().map(|identity| NumberCandidate {
         identity: *identity,
         bounds_m: None,
         object: None,
         parent: None,
         place: None,
     });
-    let mut all: Vec<Candidate> = with_shape.chain(parents).collect();
+    let mut all: Vec<NumberCandidate> = with_shape.chain(parents).collect();
     // In the order of the sources: a parent precedes its parts.
     all.sort_by_key(|candidate| candidate.identity.record);
     all
@@ -104,7 +106,7 @@ fn place_of([low, high]: [[f32; 3]; 2], grid: &CityGrid) -> u64 {
 }
 
 /// Finds each candidate's parent: in its own source, else in any. An object is not its own parent.
-fn link_parents(candidates: &mut [Candidate]) {
+fn link_parents(candidates: &mut [NumberCandidate]) {
     let (mut in_source, mut anywhere) = (HashMap::new(), HashMap::new());
     for (i, candidate) in candidates.iter().enumerate() {
         let ObjectIdentity { source, id_hash, .. } = candidate.identity;
@@ -120,7 +122,7 @@ fn link_parents(candidates: &mut [Candidate]) {
 }
 
 /// Gives parents without a shape the first place of their parts. Chains of parents are followed to a limited depth.
-fn place_parents(candidates: &mut [Candidate]) {
+fn place_parents(candidates: &mut [NumberCandidate]) {
     const MAX_DEPTH: usize = 8;
     for i in 0..candidates.len() {
         let Some(place) = candidates[i].place.filter(|_| candidates[i].object.is_some()) else { continue };
@@ -137,7 +139,11 @@ fn place_parents(candidates: &mut [Candidate]) {
 }
 
 /// The number of each candidate, those of `order` in this order. Known objects keep theirs.
-fn give_numbers(candidates: &[Candidate], order: &[usize], known: &HashMap<IdentityKey, u32>) -> Vec<Option<u32>> {
+fn give_numbers(
+    candidates: &[NumberCandidate],
+    order: &[usize],
+    known: &HashMap<IdentityKey, u32>,
+) -> Vec<Option<u32>> {
     let mut numbers = vec![None; candidates.len()];
     let mut next = known.values().max().map_or(0, |last| last + 1);
     // Occurrences are counted in the order of the numbers, as a reader of the city counts them.
@@ -159,7 +165,7 @@ mod tests {
     use super::*;
     use crate::scene::{
         ObjectKind, Scene,
-        object_records::{ObjectRecord, ObjectRecords},
+        object_records::{ObjectRecords, SourceRecord},
         scratch_scene::StoredObject,
     };
     use insula_objects::FeatureKind;
@@ -170,7 +176,7 @@ mod tests {
         let mut records = ObjectRecords::Memory(Vec::new());
         let mut identity = |id_hash: u64, parent_hash| {
             let identifier = id_hash.to_string();
-            let record = ObjectRecord { identifier, kind: FeatureKind::Building, attributes: Vec::new() };
+            let record = SourceRecord { identifier, kind: FeatureKind::Building, attributes: Vec::new() };
             ObjectIdentity { record: records.push(record), source: 0, id_hash, parent_hash }
         };
         city.parents = parents.iter().map(|hash| identity(*hash, None)).collect();
@@ -194,7 +200,7 @@ mod tests {
         let found = numbers(&objects, &[], &[]);
         let mut of_leaf: HashMap<[u32; 2], Vec<u32>> = HashMap::new();
         for ((.., [x, y]), number) in objects.iter().zip(&found.of_object) {
-            of_leaf.entry([(x + 1.0) as u32 / 64, (y + 1.0) as u32 / 64]).or_default().push(*number);
+            of_leaf.entry([x, y].map(|at| ((at + 1.0) as u32 / 64).min(7))).or_default().push(*number);
         }
         for mut list in of_leaf.into_values() {
             list.sort_unstable();
@@ -212,6 +218,17 @@ mod tests {
         assert_eq!((first.bounds_m, first.parent), (None, None));
         assert_eq!(found.of_object[1], 1);
         assert_eq!([0, 1].map(|i| found.rows[found.of_object[i] as usize].unwrap().parent), [Some(0); 2]);
+    }
+
+    #[test]
+    fn an_object_without_triangles_has_a_number_only_as_a_parent() {
+        let objects = [(10, Some(11), [1.0, 1.0]), (11, None, [f32::INFINITY; 2]), (12, None, [f32::INFINITY; 2])];
+        let (mut city, grid) = city(&objects, &[]);
+        city.objects[1..].iter_mut().for_each(|object| object.bounds_m = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]]);
+        let found = ObjectNumbers::new(&city, &grid, &HashMap::new());
+        assert_eq!(found.of_object, [1, NO_OBJECT, NO_OBJECT]);
+        assert_eq!(found.rows[1].unwrap().parent, Some(0));
+        assert_eq!(found.rows[0].unwrap().bounds_m, None);
     }
 
     #[test]

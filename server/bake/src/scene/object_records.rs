@@ -19,7 +19,7 @@ pub(crate) struct RecordPlace(u64);
 
 /// What a source says of an object.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct ObjectRecord {
+pub(crate) struct SourceRecord {
     /// The source's own: gml:id, CityJSON key, feature id.
     pub(crate) identifier: String,
     pub(crate) kind: FeatureKind,
@@ -71,7 +71,7 @@ impl From<Value> for StoredValue {
 /// Records in the order in which they were added.
 #[derive(Debug)]
 pub(crate) enum ObjectRecords {
-    Memory(Vec<ObjectRecord>),
+    Memory(Vec<SourceRecord>),
     File(RecordFile),
 }
 
@@ -98,7 +98,7 @@ impl ObjectRecords {
     }
 
     /// Adds a record. An object with more attributes than fit into a record loses them all.
-    pub(crate) fn push(&mut self, record: ObjectRecord) -> RecordPlace {
+    pub(crate) fn push(&mut self, record: SourceRecord) -> RecordPlace {
         match self {
             Self::Memory(all) => {
                 all.push(record);
@@ -127,9 +127,9 @@ impl ObjectRecords {
 }
 
 impl RecordFile {
-    fn push(&mut self, record: ObjectRecord) -> RecordPlace {
+    fn push(&mut self, record: SourceRecord) -> RecordPlace {
         let place = RecordPlace(self.end);
-        let ObjectRecord { identifier, kind, attributes } = record;
+        let SourceRecord { identifier, kind, attributes } = record;
         let attributes = attributes.into_iter().map(|(name, value)| (name, value.into())).collect();
         let mut stored = StoredRecord { identifier, kind, attributes };
         let bytes = bincode::to_bytes(&stored).or_else(|_| {
@@ -159,7 +159,7 @@ pub(crate) struct RecordReader<'a> {
 
 impl RecordReader<'_> {
     /// A record. Fails if it cannot be read.
-    pub(crate) fn read(&mut self, place: RecordPlace) -> Result<ObjectRecord, BakeError> {
+    pub(crate) fn read(&mut self, place: RecordPlace) -> Result<SourceRecord, BakeError> {
         match (self.records, &mut self.file) {
             (ObjectRecords::File(RecordFile { path, .. }), Some(file)) => {
                 let damaged = || BakeError::Scratch { path: path.clone() };
@@ -175,7 +175,7 @@ impl RecordReader<'_> {
                 let StoredRecord { identifier, kind, attributes } =
                     bincode::from_bytes(&bytes).map_err(|_| damaged())?;
                 let attributes = attributes.into_iter().map(|(name, value)| (name, value.into())).collect();
-                Ok(ObjectRecord { identifier, kind, attributes })
+                Ok(SourceRecord { identifier, kind, attributes })
             }
             (ObjectRecords::Memory(all), _) => {
                 let record = all.get(place.0 as usize);
@@ -196,7 +196,7 @@ mod tests {
         let folder = TestFolder::new("records");
         let budget = ScratchBudget::new(u64::MAX);
         let stored = TriangleStore::in_file(folder.path.join("triangles"), budget).unwrap();
-        let record = |n: i64| ObjectRecord {
+        let record = |n: i64| SourceRecord {
             identifier: format!("house {n}"),
             kind: FeatureKind::Building,
             attributes: vec![
@@ -222,7 +222,7 @@ mod tests {
         let mut records = ObjectRecords::for_triangles(&triangles);
         for _ in 0..100 {
             let identifier = "x".repeat(30);
-            records.push(ObjectRecord { identifier, kind: FeatureKind::Road, attributes: Vec::new() });
+            records.push(SourceRecord { identifier, kind: FeatureKind::Road, attributes: Vec::new() });
         }
         assert!(matches!(records.finish(), Err(BakeError::ScratchLimit { .. })));
     }

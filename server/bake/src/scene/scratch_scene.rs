@@ -11,7 +11,7 @@ use crate::{
     scene::{
         Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle,
         object_names::ObjectNames,
-        object_records::{ObjectRecord, ObjectRecords, RecordPlace},
+        object_records::{ObjectRecords, RecordPlace, SourceRecord},
         texture_store::TextureStore,
         triangle_store::TriangleStore,
     },
@@ -224,7 +224,7 @@ fn identified_objects(scene: &Scene) -> (Vec<StoredObject>, ObjectRecords) {
             ObjectKind::Terrain => FeatureKind::Relief,
             ObjectKind::GeneratedGround => FeatureKind::Generic,
         };
-        let record = ObjectRecord { identifier: object.id.clone(), kind, attributes: Vec::new() };
+        let record = SourceRecord { identifier: object.id.clone(), kind, attributes: Vec::new() };
         let id_hash = hash_of_id(&object.id);
         let identity = (object.kind != ObjectKind::GeneratedGround).then(|| ObjectIdentity {
             record: records.push(record),

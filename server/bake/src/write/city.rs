@@ -27,7 +27,7 @@ use super::{
     files::write_synced,
     fingerprints::Fingerprints,
     mesh_pack,
-    objects::CityObjects,
+    objects::NumberedRecords,
     search, thumbnail,
     tile_pack::{PackReader, StoredTile},
     tile_tree::{self, TileTree},
@@ -108,7 +108,7 @@ pub(crate) struct CityInput<'a> {
     /// Position (x, y) and hash of each block of leaves.
     pub(crate) fingerprints: Vec<((u32, u32), ShortHash)>,
     /// `None` for a city without sources.
-    pub(crate) objects: Option<CityObjects<'a>>,
+    pub(crate) objects: Option<NumberedRecords<'a>>,
 }
 
 /// A written city.

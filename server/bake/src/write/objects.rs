@@ -24,7 +24,7 @@ use crate::{
 };
 
 /// The objects of a city.
-pub(crate) struct CityObjects<'a> {
+pub(crate) struct NumberedRecords<'a> {
     pub(crate) records: &'a ObjectRecords,
     /// By number; `None` for numbers that are not in use.
     pub(crate) rows: &'a [Option<NumberedObject>],
@@ -34,7 +34,7 @@ pub(crate) struct CityObjects<'a> {
     pub(crate) searchable: Vec<String>,
 }
 
-impl CityObjects<'_> {
+impl NumberedRecords<'_> {
     /// The attributes of all objects. Fails if a record cannot be read.
     pub(crate) fn schema(&self) -> Result<Schema, BakeError> {
         let mut reader = self.records.reader()?;

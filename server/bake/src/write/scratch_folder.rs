@@ -289,7 +289,7 @@ mod tests {
         fs::remove_file(&out).unwrap();
         fs::create_dir(&out).unwrap();
         assert!(ScratchFolder::lock(&out).is_ok());
-        for text in ["{}", r#"{"type": "CityJSON", "version": "2.0", "CityObjects": {}, "vertices": []}"#, ""] {
+        for text in ["{}", r#"{"type": "CityJSON", "version": "2.0", "NumberedRecords": {}, "vertices": []}"#, ""] {
             fs::write(out.join("city.json"), text).unwrap();
             assert!(refused(&folder.path, &out).contains("city.json"), "{text}");
         }

@@ -12,8 +12,8 @@ use insula_objects::{
     search::{SearchIndex, SearchIndexBuilder},
 };
 
-use super::{files::write_synced, objects::CityObjects};
-use crate::{error::BakeError, scene::object_records::ObjectRecord};
+use super::{files::write_synced, objects::NumberedRecords};
+use crate::{error::BakeError, scene::object_records::SourceRecord};
 
 /// Last parts of the names of attributes that are names of objects, in lower case.
 const NAMES: [&str; 20] = [
@@ -150,7 +150,7 @@ impl<'a> TextAttributes<'a> {
     }
 
     /// The texts of an object, its identifier first. Some may be empty or equal.
-    fn texts(&self, record: &ObjectRecord) -> Vec<String> {
+    fn texts(&self, record: &SourceRecord) -> Vec<String> {
         let used = || record.attributes.iter().filter_map(|(name, value)| Some((self.0.get(name.as_str())?, value)));
         let has_street =
             |group: &str| used().any(|(other, _)| other.part == Some(TextPart::Street) && other.group == group);
@@ -176,7 +176,7 @@ impl<'a> TextAttributes<'a> {
 
 /// Writes the index and returns its length; `None`, and no file, if there is no text or the index would exceed its limits. Fails if a
 /// record cannot be read or the file cannot be written.
-pub(super) fn write(objects: &CityObjects<'_>, schema: &Schema, path: &Path) -> Result<Option<u64>, BakeError> {
+pub(super) fn write(objects: &NumberedRecords<'_>, schema: &Schema, path: &Path) -> Result<Option<u64>, BakeError> {
     let attributes = TextAttributes::new(schema);
     let mut reader = objects.records.reader()?;
     let mut builder = SearchIndexBuilder::new();
@@ -210,13 +210,13 @@ mod tests {
     use insula_objects::{FeatureKind, schema::SchemaBuilder, value::Value};
     use insula_test_support::folder::TestFolder;
 
-    fn record(identifier: &str, attributes: &[(&str, &str)]) -> ObjectRecord {
+    fn record(identifier: &str, attributes: &[(&str, &str)]) -> SourceRecord {
         let value = |text: &str| text.parse().map_or_else(|_| Value::Text(text.to_owned()), Value::Integer);
         let attributes = attributes.iter().map(|(name, text)| ((*name).to_owned(), value(text))).collect();
-        ObjectRecord { identifier: identifier.to_owned(), kind: FeatureKind::Building, attributes }
+        SourceRecord { identifier: identifier.to_owned(), kind: FeatureKind::Building, attributes }
     }
 
-    fn schema(record: &ObjectRecord, searchable: &[&str]) -> Schema {
+    fn schema(record: &SourceRecord, searchable: &[&str]) -> Schema {
         let mut builder = SchemaBuilder::default();
         record.attributes.iter().for_each(|(name, value)| builder.add(name, value));
         let mut schema = builder.finish(1);
@@ -287,7 +287,8 @@ mod tests {
             let [first, second] = identifiers.map(|identifier| records.push(record(identifier, &[])));
             let row = |record| Some(NumberedObject { record, parent: None, bounds_m: None });
             let rows = [row(first), None, row(second)];
-            let objects = CityObjects { records: &records, rows: &rows, origin_m: [0.0; 3], searchable: Vec::new() };
+            let objects =
+                NumberedRecords { records: &records, rows: &rows, origin_m: [0.0; 3], searchable: Vec::new() };
             write(&objects, &objects.schema().unwrap(), &path).unwrap()
         };
         assert_eq!(write_city(["", "-"]), None);

@@ -1,16 +1,18 @@
 //! Sequences of a small city, read back.
 
 use crate::{
-    selection::Selection,
+    file::export,
+    format::{Format, Projections},
+    selection::ObjectSelection,
     table::{
-        ExportReport, Format, Projections, export,
+        ExportReport,
         test_city::{BUILDING, COURT, HOUSE, ORIGIN, PARTS, TestCity},
     },
 };
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-fn lines(has_meshes: bool, selection: &Selection) -> (Vec<Value>, ExportReport) {
+fn lines(has_meshes: bool, selection: &ObjectSelection) -> (Vec<Value>, ExportReport) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.city.jsonl");
     let city = TestCity::new(has_meshes);
@@ -47,7 +49,7 @@ fn area_m2(feature: &Value, object: &str) -> f64 {
 
 #[test]
 fn the_first_line_has_the_metadata() {
-    let (lines, report) = lines(true, &Selection::default());
+    let (lines, report) = lines(true, &ObjectSelection::default());
     let head = &lines[0];
     assert_eq!((&head["type"], &head["version"]), (&json!("CityJSON"), &json!("2.0")));
     assert_eq!(head["metadata"]["referenceSystem"], "https://www.opengis.net/def/crs/EPSG/0/7415");
@@ -59,7 +61,7 @@ fn the_first_line_has_the_metadata() {
 
 #[test]
 fn a_building_and_its_parts_are_one_feature() {
-    let (lines, _) = lines(true, &Selection::default());
+    let (lines, _) = lines(true, &ObjectSelection::default());
     let building = feature(&lines, "b-b");
     let objects = &building["CityObjects"];
     assert_eq!(
@@ -91,7 +93,8 @@ fn a_building_and_its_parts_are_one_feature() {
 #[test]
 fn a_selected_part_comes_with_its_parent_and_a_parent_with_its_parts() {
     let of = |objects: &[u32]| {
-        let selection = Selection { objects: Some(objects.iter().copied().collect()), ..Selection::default() };
+        let selection =
+            ObjectSelection { objects: Some(objects.iter().copied().collect()), ..ObjectSelection::default() };
         let (lines, report) = lines(true, &selection);
         let keys: Vec<String> =
             lines[1..].iter().flat_map(|line| line["CityObjects"].as_object().unwrap().keys().cloned()).collect();
@@ -104,7 +107,7 @@ fn a_selected_part_comes_with_its_parent_and_a_parent_with_its_parts() {
 
 #[test]
 fn a_city_without_meshes_has_objects_without_geometry() {
-    let (lines, report) = lines(false, &Selection::default());
+    let (lines, report) = lines(false, &ObjectSelection::default());
     assert_eq!((report.objects, report.without_geometry, report.warnings.len()), (8, 8, 1));
     assert!(lines[1..].iter().all(|line| line["vertices"] == json!([])));
     // The parts come with their parent once.
@@ -116,7 +119,7 @@ fn houses_across_leaves_have_the_surfaces_of_their_source() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.city.jsonl");
     let city = TestCity::of_rotated_houses();
-    export(&city, Format::CityJsonSeq, &Selection::default(), &Projections::default(), &path).unwrap();
+    export(&city, Format::CityJsonSeq, &ObjectSelection::default(), &Projections::default(), &path).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     let features: Vec<Value> = text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(features.len(), 36);

@@ -8,7 +8,7 @@ use super::{
     metadata::Rows,
     objects::{Chooser, ObjectReader},
 };
-use crate::{selection::Selection, source::CitySource};
+use crate::{selection::ObjectSelection, source::ExportSource};
 use insula_protocol::{
     BlockMap, MeshTile, NODE_CELLS, TileId,
     mesh_tile::{MAX_LODS, NO_OBJECT},
@@ -17,7 +17,7 @@ use std::collections::HashMap;
 
 /// Puts parts of a city into GLBs.
 pub(crate) struct ContentWriter<'a> {
-    source: &'a dyn CitySource,
+    source: &'a dyn ExportSource,
     chooser: Chooser<'a>,
 }
 
@@ -30,7 +30,11 @@ pub(crate) struct Shown {
 }
 
 impl<'a> ContentWriter<'a> {
-    pub(crate) fn new(source: &'a dyn CitySource, selection: &'a Selection, reader: &'a ObjectReader<'a>) -> Self {
+    pub(crate) fn new(
+        source: &'a dyn ExportSource,
+        selection: &'a ObjectSelection,
+        reader: &'a ObjectReader<'a>,
+    ) -> Self {
         Self { source, chooser: Chooser::new(selection, reader) }
     }
 

@@ -33,8 +33,8 @@ mod tests;
 pub use error::ExportError;
 
 use crate::{
-    selection::Selection,
-    source::{CitySource, SourceError},
+    selection::ObjectSelection,
+    source::{ExportSource, SourceError},
 };
 use builder::{GlbBuilder, Packing};
 use content::ContentWriter;
@@ -66,8 +66,8 @@ pub struct ExportReport {
 ///
 /// Fails if a tile cannot be read, if nothing is selected, if the file would have 4 GiB or more, or if `out` fails.
 pub fn write_glb(
-    source: &dyn CitySource,
-    selection: &Selection,
+    source: &dyn ExportSource,
+    selection: &ObjectSelection,
     out: &mut dyn Write,
 ) -> Result<ExportReport, ExportError> {
     let manifest = source.manifest();
@@ -95,7 +95,7 @@ pub fn write_glb(
 }
 
 /// The world position that becomes the origin: the middle of what is selected of the city, at its height zero.
-fn middle(source: &dyn CitySource, selection: &Selection) -> [f64; 3] {
+fn middle(source: &dyn ExportSource, selection: &ObjectSelection) -> [f64; 3] {
     let manifest = source.manifest();
     let [min, max] = manifest.bounds;
     let [mut low, mut high] = [[min[0], min[1]], [max[0], max[1]]];
@@ -107,7 +107,7 @@ fn middle(source: &dyn CitySource, selection: &Selection) -> [f64; 3] {
 }
 
 /// The subtree below a node that must have one.
-pub(crate) fn subtree_at(source: &dyn CitySource, root: TileId) -> Result<Subtree, ExportError> {
+pub(crate) fn subtree_at(source: &dyn ExportSource, root: TileId) -> Result<Subtree, ExportError> {
     let missing =
         || SourceError { what: format!("subtree {root}"), reason: "it is missing: bake the city again".into() };
     source.subtree(root)?.ok_or_else(|| missing().into())
@@ -115,7 +115,7 @@ pub(crate) fn subtree_at(source: &dyn CitySource, root: TileId) -> Result<Subtre
 
 /// The nodes without children in the selected area, in the order of a traversal by quadrants. Above the deepest level, these are nodes
 /// of the surroundings.
-fn leaves(source: &dyn CitySource, selection: &Selection) -> Result<Vec<TileId>, ExportError> {
+fn leaves(source: &dyn ExportSource, selection: &ObjectSelection) -> Result<Vec<TileId>, ExportError> {
     let reach = Reach::new(source, selection)?;
     let mut leaves = Vec::new();
     let mut roots = vec![TileId::ROOT];

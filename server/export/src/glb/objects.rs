@@ -1,8 +1,8 @@
 //! The objects of a GLB: which are selected, their rows in the property table, and their records.
 
 use crate::{
-    selection::Selection,
-    source::{CitySource, SourceError},
+    selection::ObjectSelection,
+    source::{ExportSource, SourceError},
 };
 use insula_objects::{BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectRecord};
 use insula_protocol::blockmap::NO_OBJECT;
@@ -13,12 +13,12 @@ const MAX_BLOCKS: usize = 64;
 
 /// Reads objects of a city. Blocks that were read are kept, because the objects of a tile come from few.
 pub(crate) struct ObjectReader<'a> {
-    source: &'a dyn CitySource,
+    source: &'a dyn ExportSource,
     blocks: RefCell<BTreeMap<u32, Option<Rc<ObjectBlock>>>>,
 }
 
 impl<'a> ObjectReader<'a> {
-    pub(crate) fn new(source: &'a dyn CitySource) -> Self {
+    pub(crate) fn new(source: &'a dyn ExportSource) -> Self {
         Self { source, blocks: RefCell::default() }
     }
 
@@ -64,7 +64,7 @@ enum Choice {
 
 /// Decides which surfaces are selected.
 pub(crate) struct Chooser<'a> {
-    selection: &'a Selection,
+    selection: &'a ObjectSelection,
     is_everything: bool,
     reader: &'a ObjectReader<'a>,
     origin: [f64; 3],
@@ -72,13 +72,13 @@ pub(crate) struct Chooser<'a> {
 }
 
 impl<'a> Chooser<'a> {
-    pub(crate) fn new(selection: &'a Selection, reader: &'a ObjectReader<'a>) -> Self {
+    pub(crate) fn new(selection: &'a ObjectSelection, reader: &'a ObjectReader<'a>) -> Self {
         let origin = reader.source.manifest().origin;
-        let is_everything = *selection == Selection::default();
+        let is_everything = *selection == ObjectSelection::default();
         Self { selection, is_everything, reader, origin, known: RefCell::default() }
     }
 
-    /// Whether a surface of `object` at a world position is selected. Objects are selected as a whole, by [`Selection::contains`];
+    /// Whether a surface of `object` at a world position is selected. Objects are selected as a whole, by [`ObjectSelection::contains`];
     /// land and surfaces without an object by their place.
     pub(crate) fn has(&self, object: u32, place: [f64; 2]) -> Result<bool, SourceError> {
         if self.is_everything {

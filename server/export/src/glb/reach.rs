@@ -1,8 +1,8 @@
 //! Which nodes a selection reaches, so that others need not be read.
 
 use crate::{
-    selection::Selection,
-    source::{CitySource, SourceError},
+    selection::ObjectSelection,
+    source::{ExportSource, SourceError},
 };
 use insula_objects::{BLOCK_OBJECTS, ObjectBlock};
 use insula_protocol::TileId;
@@ -13,15 +13,15 @@ const MAX_NODES: u32 = 16;
 
 /// The nodes that a selection may reach.
 pub(crate) struct Reach<'a> {
-    source: &'a dyn CitySource,
-    selection: &'a Selection,
+    source: &'a dyn ExportSource,
+    selection: &'a ObjectSelection,
     /// Nodes that cover the bounds of the selected objects, and all nodes above those; `None` if the selection names no objects.
     objects: Option<[BTreeSet<TileId>; 2]>,
 }
 
 impl<'a> Reach<'a> {
     /// Reads the bounds of the selected objects. Fails if a block of objects cannot be read.
-    pub(crate) fn new(source: &'a dyn CitySource, selection: &'a Selection) -> Result<Self, SourceError> {
+    pub(crate) fn new(source: &'a dyn ExportSource, selection: &'a ObjectSelection) -> Result<Self, SourceError> {
         let mut reach = Self { source, selection, objects: None };
         let Some(selected) = &selection.objects else { return Ok(reach) };
         let mut cover = BTreeSet::new();
@@ -88,15 +88,15 @@ mod tests {
         city.manifest = crate::glb::test_city::manifest(4, 1.0);
         let node = |level, x, y| TileId::new(level, x, y).unwrap();
         // House 4 is at 10 to 22 m to the east and 74 to 86 m to the north of the city's corner, terrain at 0 to 128 m.
-        let house = Selection { objects: Some([4].into_iter().collect()), ..Selection::default() };
+        let house = ObjectSelection { objects: Some([4].into_iter().collect()), ..ObjectSelection::default() };
         let reach = Reach::new(&city, &house).unwrap();
         assert!(reach.has(TileId::ROOT) && reach.has(node(2, 0, 0)) && reach.has(node(4, 0, 1)));
         assert!(!reach.has(node(4, 0, 0)) && !reach.has(node(1, 1, 1)));
-        let land = Selection { objects: Some([0].into_iter().collect()), ..Selection::default() };
+        let land = ObjectSelection { objects: Some([0].into_iter().collect()), ..ObjectSelection::default() };
         let reach = Reach::new(&city, &land).unwrap();
         assert!(reach.has(node(4, 2, 2)) && !reach.has(node(4, 3, 0)));
         // Objects that do not exist.
-        let none = Selection { objects: Some([2, 9000].into_iter().collect()), ..Selection::default() };
+        let none = ObjectSelection { objects: Some([2, 9000].into_iter().collect()), ..ObjectSelection::default() };
         assert!(!Reach::new(&city, &none).unwrap().has(TileId::ROOT));
     }
 
@@ -104,7 +104,7 @@ mod tests {
     fn large_objects_are_covered_by_coarser_nodes() {
         let mut city = city();
         city.manifest = crate::glb::test_city::manifest(10, 1.0);
-        let everything = Selection::default();
+        let everything = ObjectSelection::default();
         let reach = Reach::new(&city, &everything).unwrap();
         let all = reach.cover([[-500, 0, 0], [i32::MAX, 655_359, 10]]);
         assert_eq!((all.len(), all[0].level()), (256, 4));

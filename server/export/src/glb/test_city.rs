@@ -1,6 +1,6 @@
 //! A synthetic city for tests: four leaves of 64 m, houses as columns and as meshes, objects with attributes.
 
-use crate::source::{CitySource, SourceError};
+use crate::source::{ExportSource, SourceError};
 use insula_objects::{
     BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectBounds, ObjectRecord, Schema, SchemaBuilder, Value, block,
 };
@@ -59,7 +59,7 @@ pub(crate) struct TestCity {
     pub(crate) broken: BTreeSet<TileId>,
 }
 
-impl CitySource for TestCity {
+impl ExportSource for TestCity {
     fn manifest(&self) -> &Manifest {
         &self.manifest
     }

@@ -7,11 +7,11 @@ use super::{
 };
 use crate::{
     glb::{ExportError, ExportReport},
-    selection::Selection,
+    selection::ObjectSelection,
 };
 use insula_protocol::TileId;
 
-fn export(city: &TestCity, selection: &Selection) -> Result<(Glb, ExportReport), ExportError> {
+fn export(city: &TestCity, selection: &ObjectSelection) -> Result<(Glb, ExportReport), ExportError> {
     let mut bytes = Vec::new();
     let report = write_glb(city, selection, &mut bytes)?;
     assert_eq!(report.bytes, bytes.len() as u64);
@@ -20,7 +20,7 @@ fn export(city: &TestCity, selection: &Selection) -> Result<(Glb, ExportReport),
 
 #[test]
 fn a_city_is_one_document_with_all_leaves() {
-    let (glb, report) = export(&city(), &Selection::default()).unwrap();
+    let (glb, report) = export(&city(), &ObjectSelection::default()).unwrap();
     assert_eq!(glb.check_primitives() as u64, report.triangles);
     assert_eq!((glb.list("meshes").len(), glb.list("nodes").len()), (4, 5));
     assert_eq!(glb.json["asset"]["copyright"], "Town Hall, CC BY 4.0");
@@ -33,7 +33,7 @@ fn a_city_is_one_document_with_all_leaves() {
 
 #[test]
 fn objects_keep_numbers_identifiers_and_attributes() {
-    let (glb, report) = export(&city(), &Selection::default()).unwrap();
+    let (glb, report) = export(&city(), &ObjectSelection::default()).unwrap();
     // By first use, leaf by leaf.
     assert_eq!(glb.column("id"), ["2", "0", "4", "3", "5"]);
     assert_eq!(report.objects, 5);
@@ -53,7 +53,7 @@ fn objects_keep_numbers_identifiers_and_attributes() {
 
 #[test]
 fn positions_are_metres_from_the_middle_with_y_up() {
-    let (glb, _) = export(&city(), &Selection::default()).unwrap();
+    let (glb, _) = export(&city(), &ObjectSelection::default()).unwrap();
     let positions = glb.scene_positions();
     // The city is 128 m wide. The first house is at 10 to 22 m from its south-western corner.
     let is_near = |p: &[f64; 3], q: [f64; 3]| (0..3).all(|k| (p[k] - q[k]).abs() < 0.01);
@@ -65,18 +65,18 @@ fn positions_are_metres_from_the_middle_with_y_up() {
 fn a_selection_takes_whole_objects_and_land_by_place() {
     let city = city();
     let objects = Some([4].into_iter().collect());
-    let (glb, _) = export(&city, &Selection { objects, ..Selection::default() }).unwrap();
+    let (glb, _) = export(&city, &ObjectSelection { objects, ..ObjectSelection::default() }).unwrap();
     assert_eq!((glb.column("id"), glb.list("meshes").len()), (vec!["4".to_owned()], 1));
     // The western half of the south-eastern leaf, with the middle of its house.
     let bbox = Some([[1064.0, 2000.0], [1096.0, 2064.0]]);
-    let (glb, _) = export(&city, &Selection { bbox, ..Selection::default() }).unwrap();
+    let (glb, _) = export(&city, &ObjectSelection { bbox, ..ObjectSelection::default() }).unwrap();
     assert_eq!(glb.column("id"), ["3"]);
     assert!(glb.scene_positions().iter().all(|p| p[0].abs() <= 6.01));
     // A strip without the middle of any house, in a leaf with columns: all that is left is land.
     let bbox = Some([[1000.0, 2064.0], [1012.0, 2128.0]]);
-    let (glb, _) = export(&city, &Selection { bbox, ..Selection::default() }).unwrap();
+    let (glb, _) = export(&city, &ObjectSelection { bbox, ..ObjectSelection::default() }).unwrap();
     assert_eq!(glb.column("kind"), ["relief"]);
-    let nothing = Selection { bbox: Some([[0.0; 2]; 2]), ..Selection::default() };
+    let nothing = ObjectSelection { bbox: Some([[0.0; 2]; 2]), ..ObjectSelection::default() };
     assert!(matches!(export(&city, &nothing), Err(ExportError::Nothing(_))));
 }
 
@@ -84,7 +84,7 @@ fn a_selection_takes_whole_objects_and_land_by_place() {
 fn the_same_city_gives_the_same_bytes() {
     let bytes = || {
         let mut bytes = Vec::new();
-        write_glb(&city(), &Selection::default(), &mut bytes).unwrap();
+        write_glb(&city(), &ObjectSelection::default(), &mut bytes).unwrap();
         bytes
     };
     assert_eq!(bytes(), bytes());
@@ -94,18 +94,18 @@ fn the_same_city_gives_the_same_bytes() {
 fn missing_and_broken_parts_are_errors_or_left_out() {
     let mut broken = city();
     broken.broken.insert(TileId::ROOT.child(2).unwrap());
-    assert!(matches!(export(&broken, &Selection::default()), Err(ExportError::Source(_))));
+    assert!(matches!(export(&broken, &ObjectSelection::default()), Err(ExportError::Source(_))));
     let mut damaged = city();
     damaged.blocks.insert(0, vec![1, 2, 3]);
-    assert!(matches!(export(&damaged, &Selection::default()), Err(ExportError::Source(_))));
+    assert!(matches!(export(&damaged, &ObjectSelection::default()), Err(ExportError::Source(_))));
     let mut without = city();
     without.subtrees.clear();
-    let error = export(&without, &Selection::default()).err().unwrap();
+    let error = export(&without, &ObjectSelection::default()).err().unwrap();
     assert_eq!(error.to_string(), "subtree 0/0/0 cannot be read: it is missing: bake the city again");
     let mut bare = city();
     bare.blocks.clear();
     bare.columns.remove(&TileId::ROOT.child(3).unwrap());
-    let (glb, _) = export(&bare, &Selection::default()).unwrap();
+    let (glb, _) = export(&bare, &ObjectSelection::default()).unwrap();
     assert_eq!(glb.column("id"), ["2", "0", "4", "3"]);
 }
 
@@ -120,5 +120,5 @@ fn a_failing_writer_is_reported() {
             Ok(())
         }
     }
-    assert!(matches!(write_glb(&city(), &Selection::default(), &mut Full), Err(ExportError::Write { .. })));
+    assert!(matches!(write_glb(&city(), &ObjectSelection::default(), &mut Full), Err(ExportError::Write { .. })));
 }

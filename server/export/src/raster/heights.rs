@@ -1,7 +1,7 @@
 //! The heights of a node's cells.
 
 use super::NODATA;
-use crate::selection::Selection;
+use crate::selection::ObjectSelection;
 use insula_protocol::{
     BlockMap, Manifest, NODE_CELLS,
     blockmap::{COLUMNS, NO_OBJECT, flag},
@@ -11,7 +11,7 @@ use insula_protocol::{
 pub(super) struct NodeHeights(Vec<f32>);
 
 impl NodeHeights {
-    pub(super) fn of(manifest: &Manifest, map: BlockMap, selection: &Selection) -> Self {
+    pub(super) fn of(manifest: &Manifest, map: BlockMap, selection: &ObjectSelection) -> Self {
         // The objects of columns do not change by the ground below them. Where it adds a column, there is no object.
         let objects = map.objects.clone();
         let map = map.stand_on_ground();

@@ -9,8 +9,9 @@ mod tests;
 mod tiff;
 
 use crate::{
-    selection::Selection,
-    table::{ExportError, ExportReport, Projections, city::City, output::OutputFile, walk::visit_end_nodes},
+    format::Projections,
+    selection::ObjectSelection,
+    table::{ExportError, ExportReport, city::City, output::OutputFile, walk::visit_end_nodes},
 };
 use heights::NodeHeights;
 use insula_protocol::NODE_CELLS;
@@ -33,7 +34,7 @@ struct Extent {
 /// Writes the heights of the selected area. Fails if the area has no cells, tiles cannot be read, or the file cannot be written.
 pub(crate) fn write(
     city: &City<'_>,
-    selection: &Selection,
+    selection: &ObjectSelection,
     projections: &Projections<'_>,
     out: &Path,
 ) -> Result<ExportReport, ExportError> {
@@ -71,7 +72,7 @@ pub(crate) fn write(
 
 impl Extent {
     /// The cells that the selected part of the city touches.
-    fn of(city: &City<'_>, selection: &Selection) -> Result<Self, ExportError> {
+    fn of(city: &City<'_>, selection: &ObjectSelection) -> Result<Self, ExportError> {
         let manifest = city.manifest;
         let all = manifest.bounds.map(|[x, y, _]| [x, y]);
         let area = selection.area().unwrap_or(all);
@@ -81,7 +82,7 @@ impl Extent {
         let first = [0, 1].map(|k| (cell(area[0][k].max(all[0][k]), k) + 1e-6).floor().clamp(0.0, end));
         let last = [0, 1].map(|k| (cell(area[1][k].min(all[1][k]), k) - 1e-6).ceil().clamp(0.0, end));
         if (0..2).any(|k| last[k] <= first[k]) {
-            return Err(ExportError::Selection("it has no part of the city".to_owned()));
+            return Err(ExportError::ObjectSelection("it has no part of the city".to_owned()));
         }
         let size = [0, 1].map(|k| (last[k] - first[k]) as u32);
         if size.iter().any(|side| *side > MAX_SIDE) {
@@ -93,7 +94,12 @@ impl Extent {
 }
 
 /// The heights of a tile, row by row from the north. `first` is its north-west cell, counted from that of the raster.
-fn read_tile(city: &City<'_>, selection: &Selection, extent: Extent, first: [u32; 2]) -> Result<Vec<f32>, ExportError> {
+fn read_tile(
+    city: &City<'_>,
+    selection: &ObjectSelection,
+    extent: Extent,
+    first: [u32; 2],
+) -> Result<Vec<f32>, ExportError> {
     let manifest = city.manifest;
     let side = TILE as usize;
     let mut tile = vec![NODATA; side * side];

@@ -2,9 +2,11 @@
 
 use super::NODATA;
 use crate::{
-    selection::Selection,
+    file::export,
+    format::{Format, Projections},
+    selection::ObjectSelection,
     table::{
-        ExportError, ExportReport, Format, Projections, export,
+        ExportError, ExportReport,
         test_city::{COURT, ORIGIN, TestCity},
     },
 };
@@ -31,7 +33,7 @@ impl Raster {
     }
 }
 
-fn read(selection: &Selection) -> Result<Raster, ExportError> {
+fn read(selection: &ObjectSelection) -> Result<Raster, ExportError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
     let projections = Projections { epsg: Some(28992), ..Projections::default() };
@@ -44,7 +46,7 @@ fn read(selection: &Selection) -> Result<Raster, ExportError> {
 
 #[test]
 fn heights_are_where_they_belong() {
-    let mut raster = read(&Selection::default()).unwrap();
+    let mut raster = read(&ObjectSelection::default()).unwrap();
     assert_eq!(raster.size, [256, 256]);
     let places = [
         (4.1, 4.1, 9.0),
@@ -74,16 +76,19 @@ fn heights_are_where_they_belong() {
 fn selections_crop_and_mask() {
     let [x, y, _] = ORIGIN;
     let bbox = Some([[x + 10.0, y + 5.2], [x + 60.0, y + 55.0]]);
-    let mut raster = read(&Selection { bbox, ..Selection::default() }).unwrap();
+    let mut raster = read(&ObjectSelection { bbox, ..ObjectSelection::default() }).unwrap();
     assert_eq!(raster.size, [100, 100]);
     // The middle of the southernmost cells is in the box, of others it would not be.
     assert_eq!((raster.at(10.1, 5.3), raster.at(59.9, 54.9), raster.at(40.0, 5.3)), (9.0, 15.0, 12.0));
     let objects = Some([COURT].into_iter().collect());
-    let mut raster = read(&Selection { bbox, objects, ..Selection::default() }).unwrap();
+    let mut raster = read(&ObjectSelection { bbox, objects, ..ObjectSelection::default() }).unwrap();
     assert_eq!((raster.at(10.1, 5.3), raster.at(59.9, 54.9)), (NODATA, 15.0));
     let polygon = Some(vec![vec![[x, y], [x + 20.0, y], [x, y + 20.0]]]);
-    let mut raster = read(&Selection { polygon, ..Selection::default() }).unwrap();
+    let mut raster = read(&ObjectSelection { polygon, ..ObjectSelection::default() }).unwrap();
     assert_eq!((raster.size, raster.at(4.1, 4.1), raster.at(13.9, 11.9)), ([40, 40], 9.0, NODATA));
     let nowhere = Some([[x - 9.0, y], [x - 8.0, y + 9.0]]);
-    assert!(matches!(read(&Selection { bbox: nowhere, ..Selection::default() }), Err(ExportError::Selection(_))));
+    assert!(matches!(
+        read(&ObjectSelection { bbox: nowhere, ..ObjectSelection::default() }),
+        Err(ExportError::ObjectSelection(_))
+    ));
 }

@@ -4,7 +4,7 @@ use super::{
     ExportError,
     grid::{LeafOrder, MapGrid},
 };
-use crate::{selection::Selection, source::CitySource};
+use crate::{selection::ObjectSelection, source::ExportSource};
 use insula_objects::{BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectBounds, ObjectRecord};
 use insula_protocol::Manifest;
 use roaring::RoaringBitmap;
@@ -19,7 +19,7 @@ const BOUNDS_MARGIN_M: f64 = 1.0;
 
 /// What exports need of a city.
 pub(crate) struct City<'a> {
-    pub(crate) source: &'a dyn CitySource,
+    pub(crate) source: &'a dyn ExportSource,
     pub(crate) manifest: &'a Manifest,
     pub(crate) grid: MapGrid,
     pub(crate) order: LeafOrder,
@@ -37,7 +37,7 @@ pub(crate) struct ObjectInfo {
 }
 
 impl<'a> City<'a> {
-    pub(crate) fn new(source: &'a dyn CitySource) -> Self {
+    pub(crate) fn new(source: &'a dyn ExportSource) -> Self {
         let manifest = source.manifest();
         let (grid, order) = (MapGrid::of(manifest), LeafOrder::of(manifest));
         Self { source, manifest, grid, order, blocks: RefCell::default() }
@@ -113,7 +113,7 @@ pub(crate) struct Plan {
 
 impl Plan {
     /// Reads all blocks of objects once. Fails if one cannot be read.
-    pub(crate) fn of(city: &City<'_>, selection: &Selection) -> Result<Self, ExportError> {
+    pub(crate) fn of(city: &City<'_>, selection: &ObjectSelection) -> Result<Self, ExportError> {
         let mut plan = Self::default();
         for number in 0..city.source.schema().objects.div_ceil(BLOCK_OBJECTS as u32) {
             let Some(block) = city.block(number)? else { continue };
@@ -124,7 +124,7 @@ impl Plan {
         Ok(plan)
     }
 
-    fn add(&mut self, city: &City<'_>, selection: &Selection, object: u32) -> Result<(), ExportError> {
+    fn add(&mut self, city: &City<'_>, selection: &ObjectSelection, object: u32) -> Result<(), ExportError> {
         let Some(info) = city.info(object)? else { return Ok(()) };
         let is_selected = selection.contains(object, info.bounds);
         let mut is_needed = is_selected;

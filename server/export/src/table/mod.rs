@@ -1,4 +1,4 @@
-//! Exports of objects as tables with footprints, and the entry of all exports of one file.
+//! Exports of objects as tables with footprints.
 //!
 //! | module | contents |
 //! |---|---|
@@ -33,103 +33,13 @@ mod wkb;
 
 pub use report::{ExportError, ExportReport};
 
-use crate::{cityjson, raster, selection::Selection, source::CitySource};
+use crate::format::{Format, Projections};
 use city::{City, Plan};
 use gather::{Footprint, visit_footprints};
 use output::OutputFile;
 use record::{Field, Record};
 use roaring::RoaringBitmap;
 use std::{fs::File, path::Path};
-
-/// A format of one file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
-    /// Comma-separated values (RFC 4180) with the footprint as well-known text.
-    Csv,
-    /// GeoJSON (RFC 7946).
-    GeoJson,
-    /// GeoParquet 1.1.
-    GeoParquet,
-    /// FlatGeobuf 3.
-    FlatGeobuf,
-    /// CityJSON 2.0 text sequences.
-    CityJsonSeq,
-    /// Heights as GeoTIFF 1.1.
-    GeoTiff,
-}
-
-impl Format {
-    /// All formats with their names on the command line.
-    pub const NAMES: [(&str, Self); 6] = [
-        ("csv", Self::Csv),
-        ("geojson", Self::GeoJson),
-        ("geoparquet", Self::GeoParquet),
-        ("flatgeobuf", Self::FlatGeobuf),
-        ("cityjsonseq", Self::CityJsonSeq),
-        ("geotiff", Self::GeoTiff),
-    ];
-}
-
-/// The city's coordinate system, as far as the caller knows it.
-#[derive(Clone, Copy, Default)]
-pub struct Projections<'a> {
-    /// Longitude and latitude in degrees of WGS 84 of a place in world metres; `None` where the projection does not reach. Only
-    /// GeoJSON needs it.
-    pub to_lon_lat: Option<&'a dyn Fn([f64; 2]) -> Option<[f64; 2]>>,
-    /// EPSG code of the projected system of the plane, such as 28992 where the manifest says `EPSG:7415`.
-    pub epsg: Option<u32>,
-    /// Its definition. Only GeoParquet needs it, because its readers do not look codes up.
-    pub definition: Option<&'a PlaneDefinition>,
-}
-
-/// How a projected coordinate system is defined.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PlaneDefinition {
-    /// EPSG code of the geographic system that is projected, such as 4289. With it, readers find the shift of its datum.
-    pub base_epsg: u32,
-    /// Definition for PROJ, such as `+proj=utm +zone=32 +ellps=GRS80 +units=m`.
-    pub proj: String,
-    /// Semi-major axis in metres and inverse flattening of the ellipsoid; infinite for a sphere.
-    pub ellipsoid: [f64; 2],
-}
-
-/// Writes the selected part of a city as a file. Nothing is at `out` if it fails, or what was there before.
-///
-/// Tables have one row for each selected object, with its number, identifiers, kind, footprint, heights, area and attributes. The
-/// footprint of an object includes its parts. Memory holds the objects around one place at a time.
-pub fn export(
-    source: &dyn CitySource,
-    format: Format,
-    selection: &Selection,
-    projections: &Projections<'_>,
-    out: &Path,
-) -> Result<ExportReport, ExportError> {
-    check(selection)?;
-    let city = City::new(source);
-    match format {
-        Format::GeoTiff => raster::write(&city, selection, projections, out),
-        Format::CityJsonSeq => cityjson::write(&city, &Plan::of(&city, selection)?, out),
-        _ => write_table(&city, format, &Plan::of(&city, selection)?, projections, out),
-    }
-}
-
-/// Fails on a selection in which no place can be.
-fn check(selection: &Selection) -> Result<(), ExportError> {
-    let wrong = |reason: &str| Err(ExportError::Selection(reason.to_owned()));
-    if let Some([min, max]) = selection.bbox {
-        let is_ordered = (0..2).all(|k| min[k] <= max[k] && min[k].is_finite() && max[k].is_finite());
-        if !is_ordered {
-            return wrong("the box must be west, south, east, north, in metres of the city's coordinate system");
-        }
-    }
-    if let Some(rings) = &selection.polygon {
-        let is_finite = rings.iter().flatten().flatten().all(|v| v.is_finite());
-        if rings.is_empty() || rings.iter().any(|ring| ring.len() < 3) || !is_finite {
-            return wrong("the polygon needs rings of three or more points");
-        }
-    }
-    Ok(())
-}
 
 /// Writes rows in one format.
 trait RecordWriter {
@@ -149,7 +59,8 @@ struct TableSetup<'a> {
     path: &'a Path,
 }
 
-fn write_table(
+/// Writes a row for each selected object. Fails if tiles cannot be read or the file cannot be written.
+pub(crate) fn write(
     city: &City<'_>,
     format: Format,
     plan: &Plan,

@@ -2,7 +2,7 @@
 //!
 //! Methods are given as definitions of PROJ. Readers find the shift of the datum by the code of the geographic system.
 
-use super::PlaneDefinition;
+use crate::format::PlaneDefinition;
 use serde_json::{Value, json};
 
 /// A projected system with its code. `None` if its definition has no `+proj`.

@@ -1,6 +1,6 @@
 //! What an export did, and why it failed.
 
-use crate::source::{CitySource, SourceError};
+use crate::source::{ExportSource, SourceError};
 use insula_protocol::Manifest;
 use serde::Serialize;
 use std::{
@@ -28,7 +28,7 @@ pub struct ExportReport {
 }
 
 impl ExportReport {
-    pub(crate) fn new(source: &dyn CitySource) -> Self {
+    pub(crate) fn new(source: &dyn ExportSource) -> Self {
         Self { attribution: attribution(source.manifest()), ..Self::default() }
     }
 
@@ -56,7 +56,7 @@ pub enum ExportError {
     #[error("{path}: cannot be written as {format}: {reason}")]
     Encode { path: PathBuf, format: &'static str, reason: String },
     #[error("the selection is not valid: {0}")]
-    Selection(String),
+    ObjectSelection(String),
     #[error("the selection is too large for {format}: {reason}")]
     TooLarge { format: &'static str, reason: String },
 }

@@ -1,6 +1,6 @@
 //! A city for tests: houses on 4 x 4 leaves of 32 m.
 
-use crate::source::{CitySource, SourceError};
+use crate::source::{ExportSource, SourceError};
 use insula_objects::{
     BLOCK_OBJECTS, FeatureKind, ObjectBlock, ObjectBounds, ObjectRecord, Schema, SchemaBuilder, Value, block,
 };
@@ -307,7 +307,7 @@ fn columns_of(leaf: TileId) -> BlockMap {
     map
 }
 
-impl CitySource for TestCity {
+impl ExportSource for TestCity {
     fn manifest(&self) -> &Manifest {
         &self.manifest
     }

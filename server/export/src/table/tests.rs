@@ -1,10 +1,14 @@
 //! Exports of a small city, read back.
 
 use super::{
-    ExportError, ExportReport, Format, PlaneDefinition, Projections, export,
+    ExportError, ExportReport,
     test_city::{BRIDGE, BUILDING, COURT, GHOST, HEDGE, HOUSE, ORIGIN, PARTS, TestCity},
 };
-use crate::selection::Selection;
+use crate::{
+    file::export,
+    format::{Format, PlaneDefinition, Projections},
+    selection::ObjectSelection,
+};
 use arrow_array::{Array, BinaryArray, BooleanArray, Date32Array, Float64Array, Int64Array, StringArray, StructArray};
 use flatgeobuf::{FallibleStreamingIterator, FeatureProperties, FgbReader};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -24,7 +28,7 @@ fn plane() -> PlaneDefinition {
     }
 }
 
-fn try_export(city: &TestCity, format: Format, selection: &Selection) -> Result<Exported, ExportError> {
+fn try_export(city: &TestCity, format: Format, selection: &ObjectSelection) -> Result<Exported, ExportError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("town.out");
     let to_lon_lat = |[x, y]: [f64; 2]| Some([(x - ORIGIN[0]) / 1000.0, 50.0 + (y - ORIGIN[1]) / 1000.0]);
@@ -35,7 +39,7 @@ fn try_export(city: &TestCity, format: Format, selection: &Selection) -> Result<
 }
 
 fn run(format: Format) -> Exported {
-    try_export(&TestCity::new(true), format, &Selection::default()).unwrap()
+    try_export(&TestCity::new(true), format, &ObjectSelection::default()).unwrap()
 }
 
 type Row = BTreeMap<String, String>;
@@ -47,7 +51,7 @@ fn rows(exported: &Exported) -> BTreeMap<u32, Row> {
     rows.into_iter().map(|row| (row["object"].parse().unwrap(), row)).collect()
 }
 
-fn csv_of(selection: &Selection) -> BTreeMap<u32, Row> {
+fn csv_of(selection: &ObjectSelection) -> BTreeMap<u32, Row> {
     rows(&try_export(&TestCity::new(true), Format::Csv, selection).unwrap())
 }
 
@@ -105,8 +109,8 @@ fn footprints_are_whole_across_leaves_and_include_parts() {
 
 #[test]
 fn columns_stand_in_for_meshes() {
-    let with_meshes = csv_of(&Selection::default());
-    let exported = try_export(&TestCity::new(false), Format::Csv, &Selection::default()).unwrap();
+    let with_meshes = csv_of(&ObjectSelection::default());
+    let exported = try_export(&TestCity::new(false), Format::Csv, &ObjectSelection::default()).unwrap();
     for (object, row) in rows(&exported) {
         for name in ["area_m2", "height_m", "ground_z_m"] {
             assert_eq!(row[name], with_meshes[&object][name], "{name} of {object}");
@@ -118,31 +122,31 @@ fn columns_stand_in_for_meshes() {
 fn selections_have_objects_by_their_middle() {
     let [x, y, _] = ORIGIN;
     let bbox = Some([[x, y], [x + 33.0, y + 70.0]]);
-    let of = |selection: &Selection| csv_of(selection).into_keys().collect::<Vec<_>>();
+    let of = |selection: &ObjectSelection| csv_of(selection).into_keys().collect::<Vec<_>>();
     // The building is where its parts are, of which one is in the box. Its footprint is whole.
-    let rows = csv_of(&Selection { bbox, ..Selection::default() });
+    let rows = csv_of(&ObjectSelection { bbox, ..ObjectSelection::default() });
     assert_eq!(rows.keys().copied().collect::<Vec<_>>(), [HOUSE, BUILDING, PARTS[0]]);
     assert_eq!(rows[&BUILDING]["area_m2"], "128");
     let polygon = Some(vec![vec![[x + 45.0, y], [x + 128.0, y], [x + 128.0, y + 80.0], [x + 45.0, y + 80.0]]]);
-    assert_eq!(of(&Selection { polygon, ..Selection::default() }), [COURT, HEDGE]);
+    assert_eq!(of(&ObjectSelection { polygon, ..ObjectSelection::default() }), [COURT, HEDGE]);
     let objects = Some([PARTS[1], HEDGE, 77].into_iter().collect());
-    assert_eq!(of(&Selection { objects, ..Selection::default() }), [PARTS[1], HEDGE]);
+    assert_eq!(of(&ObjectSelection { objects, ..ObjectSelection::default() }), [PARTS[1], HEDGE]);
     let nowhere = Some([[x - 50.0, y], [x - 40.0, y + 1.0]]);
-    assert!(of(&Selection { bbox: nowhere, ..Selection::default() }).is_empty());
+    assert!(of(&ObjectSelection { bbox: nowhere, ..ObjectSelection::default() }).is_empty());
 }
 
 #[test]
 fn invalid_selections_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let selections = [
-        Selection { bbox: Some([[1.0, 0.0], [0.0, 1.0]]), ..Selection::default() },
-        Selection { polygon: Some(vec![vec![[0.0, 0.0], [1.0, 1.0]]]), ..Selection::default() },
-        Selection { polygon: Some(Vec::new()), ..Selection::default() },
+        ObjectSelection { bbox: Some([[1.0, 0.0], [0.0, 1.0]]), ..ObjectSelection::default() },
+        ObjectSelection { polygon: Some(vec![vec![[0.0, 0.0], [1.0, 1.0]]]), ..ObjectSelection::default() },
+        ObjectSelection { polygon: Some(Vec::new()), ..ObjectSelection::default() },
     ];
     for selection in selections {
         let out = folder.path().join("x");
         let result = export(&TestCity::new(true), Format::Csv, &selection, &Projections::default(), &out);
-        assert!(matches!(result, Err(ExportError::Selection(_))));
+        assert!(matches!(result, Err(ExportError::ObjectSelection(_))));
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
@@ -168,8 +172,9 @@ fn geojson_has_longitude_and_latitude() {
 
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("plain.json");
-    let write =
-        |projections| export(&TestCity::new(true), Format::GeoJson, &Selection::default(), &projections, &out).unwrap();
+    let write = |projections| {
+        export(&TestCity::new(true), Format::GeoJson, &ObjectSelection::default(), &projections, &out).unwrap()
+    };
     assert_eq!(write(Projections::default()).warnings.len(), 1);
     let nowhere = |_| None;
     let report = write(Projections { to_lon_lat: Some(&nowhere), ..Projections::default() });
@@ -231,7 +236,7 @@ fn flatgeobuf_has_an_index_and_types() {
 
 #[test]
 fn houses_at_any_angle_keep_their_corners_across_leaves() {
-    let exported = try_export(&TestCity::of_rotated_houses(), Format::Csv, &Selection::default()).unwrap();
+    let exported = try_export(&TestCity::of_rotated_houses(), Format::Csv, &ObjectSelection::default()).unwrap();
     let rows = rows(&exported);
     assert_eq!(rows.len(), 36);
     for row in rows.values() {

@@ -4,7 +4,7 @@ use super::{
     ExportError,
     grid::{LeafOrder, node_area},
 };
-use crate::source::{CitySource, SourceError};
+use crate::source::{ExportSource, SourceError};
 use insula_protocol::{Manifest, Subtree, TileId};
 use std::collections::{HashMap, HashSet};
 
@@ -19,7 +19,7 @@ type Visit<'a> = &'a mut dyn FnMut(EndNode) -> Result<(), ExportError>;
 
 /// Visits all end nodes that touch `area`, in world metres. Fails if a subtree cannot be read, and with the error of `visit`.
 pub(crate) fn visit_end_nodes(
-    source: &dyn CitySource,
+    source: &dyn ExportSource,
     area: [[f64; 2]; 2],
     visit: Visit<'_>,
 ) -> Result<(), ExportError> {
@@ -29,7 +29,7 @@ pub(crate) fn visit_end_nodes(
 }
 
 struct Walk<'a> {
-    source: &'a dyn CitySource,
+    source: &'a dyn ExportSource,
     manifest: &'a Manifest,
     order: LeafOrder,
     area: [[f64; 2]; 2],

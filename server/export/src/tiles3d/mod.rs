@@ -34,8 +34,8 @@ use crate::{
         reach::Reach,
         subtree_at,
     },
-    selection::Selection,
-    source::CitySource,
+    selection::ObjectSelection,
+    source::ExportSource,
 };
 use frame::Frame;
 use insula_protocol::{
@@ -52,8 +52,8 @@ pub const TILESET_JSON: &str = "tileset.json";
 
 /// A city as 3D Tiles. Tiles are made when they are asked for; the same city gives the same bytes.
 pub struct Tileset<'a> {
-    source: &'a dyn CitySource,
-    selection: &'a Selection,
+    source: &'a dyn ExportSource,
+    selection: &'a ObjectSelection,
     frame: Frame<'a>,
     reader: ObjectReader<'a>,
     reach: Reach<'a>,
@@ -72,8 +72,8 @@ impl<'a> Tileset<'a> {
     ///
     /// Fails if the selection names objects and a block of objects cannot be read.
     pub fn new(
-        source: &'a dyn CitySource,
-        selection: &'a Selection,
+        source: &'a dyn ExportSource,
+        selection: &'a ObjectSelection,
         to_geocentric: ToGeocentric<'a>,
     ) -> Result<Self, ExportError> {
         let frame = Frame::new(source.manifest(), to_geocentric);

@@ -7,20 +7,20 @@ use crate::{
         test_city::{TestCity, city},
         test_reader::Glb,
     },
-    selection::Selection,
+    selection::ObjectSelection,
 };
 use insula_protocol::{Subtree, TileId};
 use serde_json::Value;
 use std::io::Read as _;
 
-const EVERYTHING: Selection = Selection { bbox: None, polygon: None, objects: None };
+const EVERYTHING: ObjectSelection = ObjectSelection { bbox: None, polygon: None, objects: None };
 
 /// A plane that touches the Earth at the null island.
 fn to_geocentric([x, y, z]: [f64; 3]) -> Option<[f64; 3]> {
     Some([6_378_137.0 + z, x, y])
 }
 
-fn tileset<'a>(city: &'a TestCity, selection: &'a Selection) -> Tileset<'a> {
+fn tileset<'a>(city: &'a TestCity, selection: &'a ObjectSelection) -> Tileset<'a> {
     Tileset::new(city, selection, &to_geocentric).unwrap()
 }
 
@@ -144,12 +144,12 @@ fn a_leaf_at_a_level_of_roots_has_a_subtree_of_its_own() {
 #[test]
 fn a_selection_leaves_out_tiles() {
     let city = city();
-    let west = Selection { bbox: Some([[1000.0, 2000.0], [1063.0, 2128.0]]), ..EVERYTHING };
+    let west = ObjectSelection { bbox: Some([[1000.0, 2000.0], [1063.0, 2128.0]]), ..EVERYTHING };
     let tileset = tileset(&city, &west);
     let (json, binary) = parse_subtree(&tileset.subtree(0, 0, 0).unwrap().unwrap());
     assert_eq!(view(&json, &binary, &json["tileAvailability"]["bitstream"])[0], 0b0_1011);
     assert!(tileset.content(1, 1, 0).unwrap().is_none());
-    let house = Selection { objects: Some([4].into_iter().collect()), ..EVERYTHING };
+    let house = ObjectSelection { objects: Some([4].into_iter().collect()), ..EVERYTHING };
     let tileset = self::tileset(&city, &house);
     assert!(tileset.content(1, 1, 1).unwrap().is_none() && tileset.content(1, 0, 1).unwrap().is_some());
     // The house is there by its bounds, but the columns of this node show another one: a scene without nodes.

@@ -15,7 +15,7 @@ use super::report::{FAR, SourceReport};
 pub(crate) use super::world_triangle::WorldTriangle;
 use crate::error::BakeError;
 use crate::scene::object_names::ObjectNames;
-use crate::scene::object_records::{ObjectRecord, ObjectRecords, RecordPlace};
+use crate::scene::object_records::{ObjectRecords, RecordPlace, SourceRecord};
 use crate::scene::scratch_scene::{
     ObjectIdentity, ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial, StoredObject,
 };
@@ -111,13 +111,13 @@ impl SceneBuilder {
     /// cell size is left out.
     pub(crate) fn close(&mut self, source: usize, id: &str, open: OpenObject, report: &mut SourceReport) {
         let kind = if open.kind == ObjectKind::Terrain { FeatureKind::Relief } else { FeatureKind::Generic };
-        let record = ObjectRecord { identifier: id.to_owned(), kind, attributes: Vec::new() };
+        let record = SourceRecord { identifier: id.to_owned(), kind, attributes: Vec::new() };
         let relation = ObjectRelation { record: Some(self.add_record(record)), ..ObjectRelation::default() };
         self.close_related(source, id, open, relation, report);
     }
 
     /// Keeps what a source says of an object, for its [`ObjectRelation`].
-    pub(crate) fn add_record(&mut self, record: ObjectRecord) -> RecordPlace {
+    pub(crate) fn add_record(&mut self, record: SourceRecord) -> RecordPlace {
         self.records.push(record)
     }
 

@@ -1,6 +1,6 @@
 //! Columns of a V-BlockMap as few boxes: neighbouring columns of about the same height and colour and of the same object become one.
 //!
-//! In: a V-BlockMap. Out: a [`Geometry`] on a grid of whole cells and quarters of a cell in height. The steps, in order: `solids`
+//! A V-BlockMap becomes a [`Geometry`] on a grid of whole cells and quarters of a cell in height. The steps, in order: `solids`
 //! (what each column fills), `merge` (rectangles), `faces` (tops, and the sides that neighbours do not cover).
 
 mod faces;

@@ -1,0 +1,52 @@
+//! The entry of all exports of one file.
+
+use crate::{
+    cityjson,
+    format::{Format, Projections},
+    raster,
+    selection::ObjectSelection,
+    source::ExportSource,
+    table::{
+        self, ExportError, ExportReport,
+        city::{City, Plan},
+    },
+};
+use std::path::Path;
+
+/// Writes the selected part of a city as a file. Nothing is at `out` if it fails, or what was there before.
+///
+/// Tables have one row for each selected object, with its number, identifiers, kind, footprint, heights, area and attributes. The
+/// footprint of an object includes its parts. Memory holds the objects around one place at a time.
+pub fn export(
+    source: &dyn ExportSource,
+    format: Format,
+    selection: &ObjectSelection,
+    projections: &Projections<'_>,
+    out: &Path,
+) -> Result<ExportReport, ExportError> {
+    check(selection)?;
+    let city = City::new(source);
+    match format {
+        Format::GeoTiff => raster::write(&city, selection, projections, out),
+        Format::CityJsonSeq => cityjson::write(&city, &Plan::of(&city, selection)?, out),
+        _ => table::write(&city, format, &Plan::of(&city, selection)?, projections, out),
+    }
+}
+
+/// Fails on a selection in which no place can be.
+fn check(selection: &ObjectSelection) -> Result<(), ExportError> {
+    let wrong = |reason: &str| Err(ExportError::ObjectSelection(reason.to_owned()));
+    if let Some([min, max]) = selection.bbox {
+        let is_ordered = (0..2).all(|k| min[k] <= max[k] && min[k].is_finite() && max[k].is_finite());
+        if !is_ordered {
+            return wrong("the box must be west, south, east, north, in metres of the city's coordinate system");
+        }
+    }
+    if let Some(rings) = &selection.polygon {
+        let is_finite = rings.iter().flatten().flatten().all(|v| v.is_finite());
+        if rings.is_empty() || rings.iter().any(|ring| ring.len() < 3) || !is_finite {
+            return wrong("the polygon needs rings of three or more points");
+        }
+    }
+    Ok(())
+}
