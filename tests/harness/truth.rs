@@ -67,6 +67,20 @@ impl Truth {
         self.intersect(triangle, o, d).map(|(distance_m, ..)| Hit { distance_m, triangle })
     }
 
+    /// Whether an object of this identifier has a surface within `slack_m` of a hit, along its ray.
+    pub fn shows(&self, identifier: &str, o: DVec3, d: DVec3, hit: &Hit, slack_m: f64) -> bool {
+        let mut found = false;
+        self.bvh.ray_traverse(Ray::new_inf(o.as_vec3a(), d.as_vec3a()), &mut RayHit::none(), |_, at| {
+            let triangle = self.bvh.primitive_indices[at];
+            let is_near = self.intersect(triangle, o, d).is_some_and(|(t, ..)| (t - hit.distance_m).abs() <= slack_m);
+            let object = self.scene.triangles[triangle as usize].object;
+            found |= is_near && self.scene.objects[object as usize].id == identifier;
+            // No hit shortens the ray.
+            f32::INFINITY
+        });
+        found
+    }
+
     /// Distance and the weights of the second and third corner (Moller and Trumbore 1997).
     fn intersect(&self, triangle: u32, o: DVec3, d: DVec3) -> Option<(f64, f64, f64)> {
         let [a, b, c] = self.corners(triangle);
