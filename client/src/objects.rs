@@ -8,6 +8,7 @@ use insula_objects::{
     ObjectBlock, ObjectBounds, ObjectRecord, Schema, Value,
     color::{ColorBy, Legend},
     filter::Filter,
+    search::SearchHit,
 };
 use insula_viewer::{
     objects::{CityObjects, FilteredOut, ObjectQuery, ObjectStyles, StyleBuilder},
@@ -109,6 +110,12 @@ impl ObjectLookup {
     pub fn object(&self, id: u32) -> Result<Option<ObjectRecord>> {
         let found = self.http.block_on(self.objects.object(id));
         found.map_err(|error| fetch_error(&format!("object {id}"), &error))
+    }
+
+    /// The objects whose texts match `query`, the best first, at most `limit`; `None` if the city has no search. Fails if it cannot be
+    /// searched.
+    pub fn search(&self, query: &str, limit: usize) -> Result<Option<Vec<SearchHit>>> {
+        self.http.block_on(self.objects.search(query, limit)).map_err(|error| fetch_error("search", &error))
     }
 
     /// An object with the names of its attributes. Fails as [`Self::object`] does.

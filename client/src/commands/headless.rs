@@ -86,7 +86,7 @@ pub(super) fn render_to_file(
     let begin = Instant::now();
     let pixels = session.draw(request, &settings)?;
     session.record_frame_time(begin.elapsed());
-    let link = format_link(session.address(), &request.camera, daylight);
+    let link = format_link(session.address(), &request.camera, daylight, None);
     let notes = PictureNotes::new(session.tree().manifest(), link, out.has_caption);
     write_picture(out.path, &pixels, &PictureNotes { legend: out.legend.clone(), ..notes })?;
     Ok(pixels)

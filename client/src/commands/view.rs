@@ -49,6 +49,7 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
         status: StartStatus::new(format!("connecting to {}", link.location)),
         camera: link.camera,
         time: link.time,
+        object: link.object,
     };
     let place = args.place.clone();
     open_window(first, Box::new(move |_| Ok(place.clone())), args, global)
@@ -57,7 +58,8 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
 /// Opens a window that bakes the city of `job` and shows it.
 #[cfg(feature = "embedded")]
 pub(super) fn open_baked(job: BakeJob, cache: CacheRoot, args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
-    let first = FirstView { status: StartStatus::new("opening the city".into()), camera: None, time: None };
+    let first =
+        FirstView { status: StartStatus::new("opening the city".into()), camera: None, time: None, object: None };
     open_window(first, find_baked(job, cache), args, global)
 }
 
@@ -67,6 +69,8 @@ struct FirstView {
     camera: Option<Camera>,
     /// Time of the light.
     time: Option<SunTime>,
+    /// The selected object.
+    object: Option<u32>,
 }
 
 /// Shows the city that `find` finds.
@@ -78,6 +82,7 @@ fn open_window(first: FirstView, find: FindPlace, args: &ViewArgs, global: &Glob
     let options = WindowOptions {
         status: first.status,
         camera: first.camera,
+        object: first.object,
         sun: args.sun.or_time(first.time).into(),
         tau_px: (global.tau != GlobalArgs::DEFAULT_TAU_PX).then_some(global.tau),
         adapter: global.adapter,

@@ -37,6 +37,8 @@ impl CityView {
             KeyAction::ToggleMeasuring => self.measure.next(),
             KeyAction::UndoPoint => self.measure.undo(),
             KeyAction::ToggleDay => self.toggle_day(settings),
+            KeyAction::ToggleSearch => self.search.is_open = !self.search.is_open,
+            KeyAction::ToggleStyles => self.styles.is_open = !self.styles.is_open,
             KeyAction::ToggleMap => display.shows_map = !display.shows_map,
             KeyAction::ToggleSliders if !has_room(window.size().map(|side| side as f32).into()) => {
                 self.show_message("no room for the sliders: enlarge the window".to_owned());
@@ -56,6 +58,9 @@ impl CityView {
     pub(super) fn end_innermost(&mut self) -> bool {
         if self.measure.is_active {
             self.measure.toggle();
+            return true;
+        }
+        if std::mem::take(&mut self.search.is_open) {
             return true;
         }
         if !self.objects.selected().is_empty() {
@@ -103,6 +108,10 @@ impl CityView {
                 self.control.go_to(DVec3::new(x, y, z.unwrap_or(ground_z_m)));
             }
             ViewAction::DeselectObjects => self.select_object(None, false),
+            ViewAction::SelectObject(id) => {
+                self.select_object(Some(id), false);
+                self.objects.go_to_when_known(id);
+            }
             ViewAction::CopyLink => self.copy_link(window),
             ViewAction::NorthUp => self.control.turn_north(),
             ViewAction::SavePicture => self.save_picture(window),
@@ -121,7 +130,8 @@ impl CityView {
     }
 
     fn copy_link(&mut self, window: &ViewerWindow) {
-        match format_link(&self.address, &self.control.camera(), &self.display.daylight) {
+        let object = self.objects.only_selected();
+        match format_link(&self.address, &self.control.camera(), &self.display.daylight, object) {
             Some(link) => {
                 window.egui.copy_text(link.clone());
                 self.show_message(format!("copied {link}"));

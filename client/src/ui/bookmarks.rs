@@ -19,6 +19,8 @@ pub enum ViewAction {
     AddBookmark,
     /// Centre a point in the view; on the ground if `z` is `None`.
     GoTo { x: f64, y: f64, z: Option<f64> },
+    /// Select an object and go to it.
+    SelectObject(u32),
     /// Select no object.
     DeselectObjects,
     /// Copy a link to the current view.

@@ -3,13 +3,16 @@
 use super::{
     bookmarks::BookmarkPanel,
     object_panel::ObjectPanel,
+    object_source::SharedLookup,
     overlay::{DisplayOptions, MESSAGE_TIME, TimedMessage},
     path_playback::PathPlayback,
     path_recording::PathRecorder,
     picture_job::{OpenAgainFn, PictureJob},
     picture_size::PictureSize,
     pointer_readout::PointerReadout,
+    search_panel::SearchPanel,
     settings::UserSettings,
+    style_panel::StylePanel,
     window::ViewerWindow,
 };
 use crate::{render::Adapter, session::Session};
@@ -59,6 +62,9 @@ pub struct CityView {
     pub(super) measure: MeasureTool,
     pub(super) readout: PointerReadout,
     pub(super) objects: ObjectPanel,
+    pub(super) search: SearchPanel,
+    /// Colours and filter of objects.
+    pub(super) styles: StylePanel,
     /// Whether Shift is down.
     pub(super) is_shift_down: bool,
     pub(super) open_again: OpenAgainFn,
@@ -96,7 +102,7 @@ impl CityView {
         let control = CameraControl::new(&camera, manifest.ground_z_m);
         let draws_in_steps = matches!(session.adapter(), Adapter::Cpu(_));
         tracing::info!("opened {}", manifest.name);
-        let objects = ObjectPanel::new(Box::new(session.object_opener()));
+        let lookup = SharedLookup::new(Box::new(session.object_opener()));
         Self {
             session,
             address,
@@ -118,7 +124,9 @@ impl CityView {
             bookmark_panel: BookmarkPanel::default(),
             measure: MeasureTool::default(),
             readout: PointerReadout::default(),
-            objects,
+            objects: ObjectPanel::new(lookup.clone()),
+            search: SearchPanel::new(lookup.clone()),
+            styles: StylePanel::new(lookup),
             is_shift_down: false,
             open_again,
             cache_bytes,

@@ -52,6 +52,8 @@ pub struct WindowOptions {
     pub status: StartStatus,
     /// Initial camera; one that overlooks the whole city if `None`.
     pub camera: Option<Camera>,
+    /// The object that is selected at first.
+    pub object: Option<u32>,
     pub sun: SunOptions,
     /// Tolerated screen-space error.
     pub tau_px: Option<f64>,
@@ -257,6 +259,12 @@ impl ViewerApp {
             cache_bytes: self.options.cache_bytes,
         };
         let mut view = CityView::new(setup, &self.settings, width / height.max(1.0));
+        if let Some(id) = self.options.object {
+            view.select_object(Some(id), false);
+            if self.options.camera.is_none() {
+                view.objects.go_to_when_known(id);
+            }
+        }
         if let Some(note) = self.settings_note.take() {
             view.show_message(note);
         }

@@ -35,6 +35,10 @@ pub enum KeyAction {
     /// Run or pause the time of day.
     ToggleDay,
     ToggleMap,
+    /// Show or hide the search box.
+    ToggleSearch,
+    /// Show or hide colours and filter of objects.
+    ToggleStyles,
     /// Show or hide the sliders.
     ToggleSliders,
     /// Show or hide the developer counters.
@@ -45,13 +49,15 @@ pub enum KeyAction {
 }
 
 /// Lines of the help panel: keys, and what they do.
-pub const HELP: [(&str, &str); 27] = [
+pub const HELP: [(&str, &str); 29] = [
     ("drag", "look around (fly and walk mode), turn around the point ahead (orbit mode)"),
     ("W A S D, arrows", "move; with Shift, four times as fast"),
     ("Q E, Page Down and Up", "move down and up"),
     ("wheel", "speed (fly mode), distance (orbit mode)"),
     ("touchpad", "two fingers: like the wheel, or turn; pinch: closer; rotate: turn"),
     ("click, Shift click", "select an object and show its attributes; add one to the selection"),
+    ("F, /", "search names, addresses and identifiers"),
+    ("G", "colours and filter of objects by their attributes"),
     ("double click", "go to this place"),
     ("H, U", "back to the first view, north up"),
     ("X", "stop at buildings and the ground, or not; on in walk mode"),
@@ -98,6 +104,8 @@ pub fn action_of(code: KeyCode) -> Option<KeyAction> {
         KeyCode::KeyR => KeyAction::ToggleRecording,
         KeyCode::KeyM => KeyAction::ToggleMeasuring,
         KeyCode::KeyN => KeyAction::ToggleMap,
+        KeyCode::KeyF | KeyCode::Slash => KeyAction::ToggleSearch,
+        KeyCode::KeyG => KeyAction::ToggleStyles,
         KeyCode::Backspace | KeyCode::KeyZ => KeyAction::UndoPoint,
         KeyCode::KeyT => KeyAction::ToggleDay,
         KeyCode::KeyO => KeyAction::ToggleSliders,

@@ -2,34 +2,16 @@
 //!
 //! Attributes are fetched on a thread of their own, so that the window never waits for the network.
 
-use super::bookmarks::ViewAction;
-use crate::{
-    error::Result,
-    objects::{ObjectJson, ObjectLookup},
-};
+use super::{bookmarks::ViewAction, object_source::SharedLookup};
+use crate::objects::ObjectJson;
 use egui::{Color32, RichText, Ui};
 use insula_protocol::text::printable;
-use std::{
-    collections::BTreeSet,
-    sync::{Arc, Mutex, PoisonError, mpsc},
-};
+use std::{collections::BTreeSet, sync::mpsc};
 
 /// Most objects whose attributes are shown.
 const MAX_SHOWN: usize = 32;
 /// Longest value on a line, in characters.
 const MAX_VALUE_CHARS: usize = 200;
-
-/// Opens the reader of a city's objects.
-pub(super) type OpenObjectsFn = Box<dyn FnOnce() -> Result<ObjectLookup> + Send>;
-/// The reader, opened by the thread that needs it first.
-type SharedReader = Arc<Mutex<LazyReader>>;
-
-/// A reader before and after it is opened.
-enum LazyReader {
-    Closed(OpenObjectsFn),
-    Open(ObjectLookup),
-    Failed(String),
-}
 
 /// What was found of an object, or why nothing was.
 struct FoundObject {
@@ -44,23 +26,26 @@ pub(super) struct ObjectPanel {
     found: Vec<FoundObject>,
     /// What the shown attributes' names or values contain.
     needle: String,
-    reader: SharedReader,
+    objects: SharedLookup,
     results: (mpsc::SyncSender<FoundObject>, mpsc::Receiver<FoundObject>),
     pending: usize,
+    /// An object to go to as soon as its place is known.
+    to_visit: Option<u32>,
     /// Number of changes of the selection.
     generation: u64,
 }
 
 impl ObjectPanel {
     /// Nothing is selected.
-    pub(super) fn new(open: OpenObjectsFn) -> Self {
+    pub(super) fn new(objects: SharedLookup) -> Self {
         Self {
             selected: BTreeSet::new(),
             found: Vec::new(),
             needle: String::new(),
-            reader: Arc::new(Mutex::new(LazyReader::Closed(open))),
+            objects,
             results: mpsc::sync_channel(MAX_SHOWN),
             pending: 0,
+            to_visit: None,
             generation: 0,
         }
     }
@@ -68,6 +53,11 @@ impl ObjectPanel {
     /// The selected objects.
     pub(super) fn selected(&self) -> &BTreeSet<u32> {
         &self.selected
+    }
+
+    /// The selected object, if it is one.
+    pub(super) fn only_selected(&self) -> Option<u32> {
+        self.selected.first().copied().filter(|_| self.selected.len() == 1)
     }
 
     /// Number of changes of the selection.
@@ -110,15 +100,20 @@ impl ObjectPanel {
             return;
         }
         self.pending += 1;
-        let (reader, sender) = (Arc::clone(&self.reader), self.results.0.clone());
+        let (objects, sender) = (self.objects.clone(), self.results.0.clone());
         std::thread::spawn(move || {
             // The window may be closed meanwhile.
-            sender.send(FoundObject { id, result: describe(&reader, id) }).ok();
+            sender.send(FoundObject { id, result: objects.read(|objects| objects.describe_with_parent(id)) }).ok();
         });
     }
 
-    /// Takes in attributes that have arrived.
-    pub(super) fn poll(&mut self) {
+    /// Makes [`Self::poll`] return the place of an object as soon as it is known.
+    pub(super) fn go_to_when_known(&mut self, id: u32) {
+        self.to_visit = Some(id);
+    }
+
+    /// Takes in attributes that have arrived. Returns the place to go to, in world coordinates, once.
+    pub(super) fn poll(&mut self) -> Option<[f64; 3]> {
         while let Ok(found) = self.results.1.try_recv() {
             self.pending = self.pending.saturating_sub(1);
             if self.selected.contains(&found.id) && self.found.iter().all(|other| other.id != found.id) {
@@ -130,6 +125,9 @@ impl ObjectPanel {
             let missing: Vec<u32> = self.selected.iter().copied().filter(|id| !is_found(id)).collect();
             missing.into_iter().for_each(|id| self.fetch(id));
         }
+        let visited = self.found.iter().find(|found| Some(found.id) == self.to_visit)?;
+        self.to_visit = None;
+        visited.result.as_ref().ok()?.as_ref()?.centre
     }
 
     /// Lays the panel out. Returns what the user asks for.
@@ -166,24 +164,6 @@ impl ObjectPanel {
         let known: Vec<&ObjectJson> =
             self.found.iter().filter_map(|found| found.result.as_ref().ok()?.as_ref()).collect();
         serde_json::to_string_pretty(&known).unwrap_or_default()
-    }
-}
-
-/// What is known of an object, with that of its parent. Opens the reader if it is closed.
-fn describe(reader: &SharedReader, id: u32) -> std::result::Result<Option<ObjectJson>, String> {
-    let mut reader = reader.lock().unwrap_or_else(PoisonError::into_inner);
-    if matches!(*reader, LazyReader::Closed(_))
-        && let LazyReader::Closed(open) = std::mem::replace(&mut *reader, LazyReader::Failed(String::new()))
-    {
-        *reader = match open() {
-            Ok(opened) => LazyReader::Open(opened),
-            Err(error) => LazyReader::Failed(error.to_string()),
-        };
-    }
-    match &*reader {
-        LazyReader::Open(objects) => objects.describe_with_parent(id).map_err(|error| error.to_string()),
-        LazyReader::Failed(reason) => Err(reason.clone()),
-        LazyReader::Closed(_) => Ok(None),
     }
 }
 
@@ -225,7 +205,7 @@ mod tests {
     use crate::error::ClientError;
 
     fn panel() -> ObjectPanel {
-        ObjectPanel::new(Box::new(|| Err(ClientError::Failed("no objects here".into()))))
+        ObjectPanel::new(SharedLookup::new(Box::new(|| Err(ClientError::Failed("no objects here".into())))))
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::{city_view::CityView, window::ViewerWindow};
 use glam::DVec3;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use insula_viewer::{frame::RenderSettings, projection::ray_direction, streamer::FrameRequest};
+use insula_viewer::{frame::RenderSettings, objects::ObjectStyles, projection::ray_direction, streamer::FrameRequest};
 use std::time::Instant;
 
 impl CityView {
@@ -52,7 +52,22 @@ impl CityView {
     /// Selects an object or none, as a click on it does, and outlines what is selected.
     pub(super) fn select_object(&mut self, object: Option<u32>, adds: bool) {
         self.objects.click(object, adds);
-        let mut styles = self.session.cache().styles().clone();
+        self.set_styles(self.session.cache().styles().clone());
+    }
+
+    /// Takes in attributes and styles that have arrived.
+    pub(super) fn poll_objects(&mut self) {
+        if let Some(place) = self.objects.poll() {
+            self.control.go_to(DVec3::from(place));
+        }
+        self.search.poll();
+        if let Some(styles) = self.styles.poll() {
+            self.set_styles(styles);
+        }
+    }
+
+    /// Draws objects in these styles, with outlines of those that are selected.
+    fn set_styles(&mut self, mut styles: ObjectStyles) {
         styles.outline(self.objects.selected().clone());
         self.session.set_styles(styles);
     }

@@ -9,7 +9,7 @@ use crate::{
     session::Session,
 };
 use insula_shaders::cpu::raycast::Pixels;
-use insula_viewer::{cache::pages_for, frame::RenderSettings, streamer::FrameRequest};
+use insula_viewer::{cache::pages_for, frame::RenderSettings, objects::ObjectStyles, streamer::FrameRequest};
 use std::{
     path::PathBuf,
     sync::{
@@ -40,6 +40,8 @@ pub struct PictureOrder {
     /// What the file says about the picture.
     pub notes: PictureNotes,
     pub settings: RenderSettings,
+    /// How objects are drawn.
+    pub styles: ObjectStyles,
     /// Whether the window uses the CPU ray-caster.
     pub on_cpu: bool,
     /// Size of the window's cache.
@@ -104,6 +106,7 @@ fn draw(order: &PictureOrder, open: &OpenAgainFn, state: &JobState, wake: &dyn F
     let is_cancelled = || state.is_cancelled.load(Ordering::Relaxed);
     let mut session = open(open_adapter(order)?)?;
     session.set_transitions(false);
+    session.set_styles(order.styles.clone());
     session.set_sun(order.settings.shadow_casting_sun());
     let feedback_px = order.request.size_px.map(|side| side.min(MAX_FEEDBACK_PX));
     settle(&mut session, &order.request, Settling { feedback_px, timeout: TIMEOUT }, |_| !is_cancelled())?;

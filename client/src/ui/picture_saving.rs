@@ -22,10 +22,14 @@ impl CityView {
         let window_px = window.surface.size_px();
         let size_px = self.display.picture.size_px(window_px);
         let request = FrameRequest { heading: None, size_px, ..self.frame_request(window, 1) };
-        let link = format_link(&self.address, &request.camera, &self.display.daylight);
+        let link = format_link(&self.address, &request.camera, &self.display.daylight, self.objects.only_selected());
+        let legend = self.styles.legend().cloned();
+        let notes =
+            PictureNotes { legend, ..PictureNotes::new(self.session.tree().manifest(), link, self.has_captions) };
         let order = PictureOrder {
             request,
-            notes: PictureNotes::new(self.session.tree().manifest(), link, self.has_captions),
+            notes,
+            styles: self.session.cache().styles().clone(),
             settings: self.picture_settings(),
             on_cpu: matches!(self.session.adapter(), Adapter::Cpu(_)),
             cache_bytes: self.cache_bytes,

@@ -1,4 +1,4 @@
-//! View links: `insula://host:port/v1/cities/NAME?camera=X,Y,Z,AZIMUTH,PITCH,FOV&time=...`.
+//! View links: `insula://host:port/v1/cities/NAME?camera=X,Y,Z,AZIMUTH,PITCH,FOV&time=...&object=ID`.
 //!
 //! A link may come from anybody, so it is checked strictly.
 
@@ -25,6 +25,8 @@ pub struct ViewLink {
     pub camera: Option<Camera>,
     /// Time of the light.
     pub time: Option<SunTime>,
+    /// Number of the object that is selected.
+    pub object: Option<u32>,
 }
 
 impl ViewLink {
@@ -34,7 +36,7 @@ impl ViewLink {
         let place = place.as_ref();
         let text = &*place.to_string_lossy();
         if !text.get(..SCHEME.len()).is_some_and(|scheme| scheme.eq_ignore_ascii_case(SCHEME)) {
-            return Ok(Self { location: CityLocation::parse(place)?, camera: None, time: None });
+            return Ok(Self { location: CityLocation::parse(place)?, camera: None, time: None, object: None });
         }
         let invalid = |why: &str| {
             // The link may be hostile: only its beginning is printed, without control characters.
@@ -45,11 +47,12 @@ impl ViewLink {
         };
         let url = parse_url(text).map_err(|why| invalid(&why))?;
         let host = url.host_str().filter(|host| !host.is_empty()).ok_or_else(|| invalid("no host"))?;
-        let (mut camera, mut time, mut scheme) = (None, None, "http");
+        let (mut camera, mut time, mut object, mut scheme) = (None, None, None, "http");
         for (name, value) in url.query_pairs() {
             match &*name {
                 "camera" => camera = Some(camera_text::parse(&value).ok_or_else(|| invalid("invalid camera"))?),
                 "time" => time = Some(parse_time(&value).map_err(|e| invalid(&e))?),
+                "object" => object = Some(value.parse().map_err(|_| invalid("invalid object"))?),
                 "tls" => scheme = if value == "1" { "https" } else { "http" },
                 _ => {}
             }
@@ -57,7 +60,7 @@ impl ViewLink {
         let port = url.port().map(|port| format!(":{port}")).unwrap_or_default();
         let location = CityLocation::parse(format!("{scheme}://{host}{port}{}", url.path()))
             .map_err(|_| invalid("its path names no city"))?;
-        Ok(Self { location, camera, time })
+        Ok(Self { location, camera, time, object })
     }
 }
 
@@ -81,9 +84,9 @@ fn parse_url(link: &str) -> std::result::Result<url::Url, String> {
     Ok(url)
 }
 
-/// The link to a view of the city at `address` (`http://host:port/v1/cities/NAME`, or the URL of a web folder). `None` for a
+/// The link to a view of the city at `address`, with an object selected (`http://host:port/v1/cities/NAME`, or the URL of a web folder). `None` for a
 /// city on this machine.
-pub fn format_link(address: &str, camera: &Camera, daylight: &Daylight) -> Option<String> {
+pub fn format_link(address: &str, camera: &Camera, daylight: &Daylight, object: Option<u32>) -> Option<String> {
     let (host, tls) = match (address.strip_prefix("http://"), address.strip_prefix("https://")) {
         (Some(host), _) => (host, ""),
         (None, Some(host)) => (host, "&tls=1"),
@@ -93,7 +96,8 @@ pub fn format_link(address: &str, camera: &Camera, daylight: &Daylight) -> Optio
         Some(_) => String::new(),
         None => format!("&time={}", daylight.time_text()),
     };
-    Some(format!("{SCHEME}{host}?camera={}{time}{tls}", camera_text::format(camera)))
+    let object = object.map(|id| format!("&object={id}")).unwrap_or_default();
+    Some(format!("{SCHEME}{host}?camera={}{time}{object}{tls}", camera_text::format(camera)))
 }
 
 #[cfg(test)]
@@ -113,10 +117,11 @@ mod tests {
         for (yaw, pitch) in [(0.0, 0.0), (3.0, -1.5), (-2.5, 0.7), (1.6, 1.55)] {
             let camera = Camera::from_angles(DVec3::new(386_495.204, -3_947_101.5, 60.25), yaw, pitch, 1.1);
             for base in ["http://h.example:7700", "https://h.example", "http://[::1]:7700"] {
-                let text = format_link(&format!("{base}/v1/cities/tokyo"), &camera, &light).unwrap();
+                let text = format_link(&format!("{base}/v1/cities/tokyo"), &camera, &light, Some(7)).unwrap();
                 let link = ViewLink::parse(&text).unwrap();
                 assert_eq!(link.location.to_string(), format!("{base}/v1/cities/tokyo"));
                 assert_eq!(link.time, Some(parse_time("2024-06-21T17:00").unwrap()));
+                assert_eq!(link.object, Some(7));
                 let parsed = link.camera.unwrap();
                 assert!((parsed.position - camera.position).length() < 2e-3, "{parsed:?}");
                 assert!((parsed.forward - camera.forward).length() < 1e-5 && (parsed.up - camera.up).length() < 1e-5);
@@ -124,12 +129,12 @@ mod tests {
             }
         }
         let camera = Camera::from_angles(DVec3::ZERO, 0.0, 0.0, 1.0);
-        assert_eq!(format_link("", &camera, &light), None);
+        assert_eq!(format_link("", &camera, &light, None), None);
         let fixed = daylight(&SunOptions {
             bearing: Some(insula_viewer::sun::parse_bearing("1,2").unwrap()),
             ..SunOptions::default()
         });
-        assert!(!format_link("http://h/v1/cities/a", &camera, &fixed).unwrap().contains("time"));
+        assert!(!format_link("http://h/v1/cities/a", &camera, &fixed, None).unwrap().contains("time"));
     }
 
     #[test]
@@ -151,6 +156,7 @@ mod tests {
             "insula://h/v1/cities/a?camera=1,2,3,0,0,0",
             "insula://h/v1/cities/a?camera=1,2,3,0,0,60,7",
             "insula://h/v1/cities/a?time=then",
+            "insula://h/v1/cities/a?object=-1",
             &long,
         ] {
             let error = ViewLink::parse(invalid).unwrap_err();

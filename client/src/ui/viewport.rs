@@ -63,6 +63,8 @@ struct ViewState {
     counts_rays: bool,
     /// Number of changes of the selected objects.
     selection: u64,
+    /// Number of changes of the styles.
+    styles: u64,
 }
 
 /// A frame that is to be presented.
@@ -261,7 +263,7 @@ impl Viewport {
 
     /// Compares the view with that of the last frame. If it differs, the scene is redrawn.
     fn notice_view(&mut self, now: Instant, window: &ViewerWindow) {
-        let CityView { control, display, pacer, counts_rays, objects, .. } = &mut self.city;
+        let CityView { control, display, pacer, counts_rays, objects, styles, .. } = &mut self.city;
         let view = ViewState {
             camera: control.camera(),
             size_px: window.surface.size_px(),
@@ -270,6 +272,7 @@ impl Viewport {
             shading: display.shading,
             counts_rays: *counts_rays,
             selection: objects.generation(),
+            styles: styles.generation(),
         };
         if self.view != Some(view) {
             pacer.view_changed(now);
@@ -346,12 +349,23 @@ impl Viewport {
     fn lay_out(&mut self, window: &mut ViewerWindow, settings: &mut UserSettings) -> OverlayLayout {
         self.city.check_picture(window);
         self.city.sample_pointer(window);
-        self.city.objects.poll();
+        self.city.poll_objects();
         let request = self.city.frame_request(window, 1);
         let frame_time = self.city.pacer.frame_time();
         let furniture = self.furniture(window);
-        let CityView { session, control, display, bookmark_panel, measure, objects, recorder, ray_counts, .. } =
-            &mut self.city;
+        let CityView {
+            session,
+            control,
+            display,
+            bookmark_panel,
+            measure,
+            objects,
+            search,
+            styles,
+            recorder,
+            ray_counts,
+            ..
+        } = &mut self.city;
         let texts = OverlayTexts::new(session, frame_time, control, *ray_counts);
         let status_text = status_text(self.status, session);
         let is_error = self.status != StreamStatus::Loading;
@@ -380,6 +394,16 @@ impl Viewport {
                 panel(ctx, "objects", Align2::RIGHT_BOTTOM, [-10.0, ABOVE_ATTRIBUTION], |ui| {
                     action = objects.show(ui).or(action.take());
                 });
+            }
+            if search.is_open {
+                panel(ctx, "search", Align2::CENTER_TOP, [0.0, 10.0], |ui| {
+                    action = search.show(ui).map(ViewAction::SelectObject).or(action.take());
+                });
+            } else {
+                search.hide();
+            }
+            if styles.is_shown() {
+                panel(ctx, "styles", Align2::LEFT_CENTER, [10.0, 0.0], |ui| styles.show(ui));
             }
             if bookmark_panel.is_open {
                 panel(ctx, "bookmarks", Align2::LEFT_BOTTOM, [10.0, ABOVE_FURNITURE], |ui| {
@@ -429,7 +453,7 @@ impl Viewport {
             window.window.request_redraw();
             return ControlFlow::Wait;
         }
-        let CityView { session, pacer, recorder, display, control, readout, objects, .. } = &self.city;
+        let CityView { session, pacer, recorder, display, control, readout, objects, search, styles, .. } = &self.city;
         let must_repaint = repaint_after.is_zero() && self.status == StreamStatus::Ready;
         if self.is_moving() || session.has_work() || session.adapter().has_pending_query() || must_repaint {
             window.window.request_redraw();
@@ -442,7 +466,8 @@ impl Viewport {
             false => Some(self.retry_at()),
             true => pacer.final_frame_at().map(|at| at.max(now)),
         };
-        let recording_at = (recorder.is_some() || objects.is_waiting()).then(|| now + POLL_INTERVAL);
+        let is_waiting = objects.is_waiting() || search.is_waiting() || styles.is_waiting();
+        let recording_at = (recorder.is_some() || is_waiting).then(|| now + POLL_INTERVAL);
         let message_at = display.message.as_ref().map(|message| message.until);
         let readout_at = readout.due_at(&control.camera(), now);
         self.wake_at = [repaint_at, progress_at, recording_at, message_at, readout_at].into_iter().flatten().min();

@@ -5,10 +5,12 @@
 
 use bytes::Bytes;
 use insula_archive::disk_cache::DiskCache;
+use insula_objects::search::SearchHit;
 use insula_protocol::{Manifest, TileKind, text::printable};
 use insula_viewer::{
     scene::TileKey,
-    source::{PendingTile, TileSource},
+    source::{BoxFuture, PendingTile, TileSource},
+    streamer::FetchError,
 };
 use std::{
     io,
@@ -97,6 +99,10 @@ impl TileSource for CachedCity {
 
     fn forget(&self, key: TileKey) {
         self.cache.remove(&self.cache_key(key));
+    }
+
+    fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
+        self.inner.search(query, limit)
     }
 
     fn location(&self) -> &str {

@@ -1,7 +1,7 @@
 //! The objects of a city from the source of its tiles: schema and blocks, fetched when they are needed and kept in bounds.
 
 use crate::{scene::TileKey, source::TileSource, streamer::FetchError};
-use insula_objects::{ObjectBlock, ObjectRecord, Schema};
+use insula_objects::{ObjectBlock, ObjectRecord, Schema, search::SearchHit};
 use insula_protocol::{
     DecodeError,
     object_tile::{self, SCHEMA_ID, block_of_object},
@@ -53,6 +53,12 @@ impl CityObjects {
         let decoded = content.map(decode).transpose().map_err(FetchError::Damaged)?;
         self.blocks.lock().unwrap_or_else(PoisonError::into_inner).put(block, decoded.clone());
         Ok(decoded)
+    }
+
+    /// The objects whose texts match `query`, the best first, at most `limit`; `None` if the city has no search. Fails if it cannot be
+    /// searched.
+    pub async fn search(&self, query: &str, limit: usize) -> Result<Option<Vec<SearchHit>>, FetchError> {
+        self.source.search(query, limit).await
     }
 
     /// An object; `None` if there is none of this number. Fails as [`Self::block`] does.

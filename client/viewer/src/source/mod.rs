@@ -13,6 +13,7 @@ pub mod web_folder;
 use crate::{scene::TileKey, streamer::FetchError};
 use bytes::Bytes;
 pub use insula_archive::source::BoxFuture;
+use insula_objects::search::SearchHit;
 use std::ops::Range;
 
 /// What several threads share, except in WebAssembly, where values of JavaScript belong to one.
@@ -45,6 +46,15 @@ pub trait TileSource: Shareable {
 
     /// Called when a tile from this source was damaged.
     fn forget(&self, _key: TileKey) {}
+
+    /// The objects whose texts match `query`, the best first, at most `limit`; `None` if the city has no search.
+    fn search<'a>(
+        &'a self,
+        _query: &'a str,
+        _limit: usize,
+    ) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
+        Box::pin(std::future::ready(Ok(None)))
+    }
 
     /// URL or folder of the city, for messages.
     fn location(&self) -> &str;

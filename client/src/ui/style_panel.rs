@@ -1,0 +1,346 @@
+//! The panel of colours and filters: how objects are drawn by their attributes.
+//!
+//! Styles are made on a thread of their own, one at a time, from blocks of objects that stay in memory. No tile is fetched again.
+
+use super::object_source::SharedLookup;
+use crate::objects::{ObjectLookup, ObjectStyleArgs, StyledObjects};
+use egui::{Color32, RichText, Sense, Ui, vec2};
+use insula_objects::{
+    color::{ColorBy, Legend, Ramp},
+    value::{Value, ValueType},
+};
+use insula_protocol::text::printable;
+use insula_viewer::objects::ObjectStyles;
+use std::sync::mpsc;
+
+/// What the user wants to see.
+#[derive(Debug, Clone, PartialEq, Default)]
+struct WantedStyle {
+    /// Empty: objects have their own colours.
+    attribute: String,
+    /// Empty: the default of the attribute.
+    palette: String,
+    /// Values of the ends of the palette, if they are not those of the city.
+    range: Option<[f64; 2]>,
+    /// Empty: all objects pass.
+    filter: String,
+    /// Whether objects that do not pass are hidden rather than pale.
+    hides_others: bool,
+    /// Objects with larger values of the attribute are hidden.
+    up_to: Option<f64>,
+}
+
+/// What a thread has found.
+enum StyleAnswer {
+    /// Names of attributes and whether their values are dates.
+    Attributes(Result<Vec<(String, bool)>, String>),
+    Styles(Result<StyledObjects, String>),
+}
+
+/// Colours, filter and legend.
+pub(super) struct StylePanel {
+    pub(super) is_open: bool,
+    objects: SharedLookup,
+    /// Names of attributes and whether their values are dates; `None` until they are asked for.
+    attributes: Option<Vec<(String, bool)>>,
+    wanted: WantedStyle,
+    /// What is drawn or being made.
+    requested: WantedStyle,
+    /// Text of the filter while it is typed.
+    typed_filter: String,
+    /// Smallest and largest value of the attribute.
+    full_range: Option<[f64; 2]>,
+    legend: Option<Legend>,
+    /// Number of objects that pass the filter.
+    passing: usize,
+    error: Option<String>,
+    answers: (mpsc::SyncSender<StyleAnswer>, mpsc::Receiver<StyleAnswer>),
+    is_busy: bool,
+    /// Number of changes of the styles.
+    generation: u64,
+}
+
+impl StylePanel {
+    /// All objects have their own colours.
+    pub(super) fn new(objects: SharedLookup) -> Self {
+        Self {
+            is_open: false,
+            objects,
+            attributes: None,
+            wanted: WantedStyle::default(),
+            requested: WantedStyle::default(),
+            typed_filter: String::new(),
+            full_range: None,
+            legend: None,
+            passing: 0,
+            error: None,
+            answers: mpsc::sync_channel(1),
+            is_busy: false,
+            generation: 0,
+        }
+    }
+
+    /// Whether there is something to show.
+    pub(super) fn is_shown(&self) -> bool {
+        self.is_open || self.legend.is_some()
+    }
+
+    /// Whether styles or attributes are on their way.
+    pub(super) fn is_waiting(&self) -> bool {
+        self.is_busy
+    }
+
+    /// Number of changes of the styles.
+    pub(super) fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// What explains the colours.
+    pub(super) fn legend(&self) -> Option<&Legend> {
+        self.legend.as_ref()
+    }
+
+    /// Starts what is wanted, and takes in what has arrived. Returns styles to draw from now on.
+    pub(super) fn poll(&mut self) -> Option<ObjectStyles> {
+        let mut styles = None;
+        while let Ok(answer) = self.answers.1.try_recv() {
+            self.is_busy = false;
+            match answer {
+                StyleAnswer::Attributes(Ok(names)) => self.attributes = Some(names),
+                StyleAnswer::Styles(Ok(styled)) => styles = Some(self.take_styles(styled)),
+                StyleAnswer::Attributes(Err(reason)) => {
+                    (self.attributes, self.error) = (Some(Vec::new()), Some(reason));
+                }
+                StyleAnswer::Styles(Err(reason)) => self.error = Some(reason),
+            }
+        }
+        if self.is_open && !self.is_busy {
+            if self.attributes.is_none() {
+                self.start(|objects| StyleAnswer::Attributes(objects.read(|objects| Ok(attributes(objects)))));
+            } else if self.wanted != self.requested {
+                self.requested = self.wanted.clone();
+                self.error = None;
+                let args = self.arguments();
+                self.start(move |objects| StyleAnswer::Styles(objects.read(|objects| objects.styles(&args))));
+            }
+        }
+        styles
+    }
+
+    fn take_styles(&mut self, styled: StyledObjects) -> ObjectStyles {
+        self.generation += 1;
+        self.passing = styled.passing;
+        let range = styled.legend.as_ref().and_then(|legend| legend.ramp.as_ref()).map(|ramp| ramp.range);
+        if self.requested.range.is_none() {
+            self.full_range = range;
+        }
+        self.legend = styled.legend;
+        styled.styles
+    }
+
+    fn start(&mut self, work: impl FnOnce(&SharedLookup) -> StyleAnswer + Send + 'static) {
+        let (objects, sender) = (self.objects.clone(), self.answers.0.clone());
+        let spawned = std::thread::Builder::new().name("insula-styles".into()).spawn(move || {
+            // The window may be closed meanwhile.
+            sender.send(work(&objects)).ok();
+        });
+        match spawned {
+            Ok(_) => self.is_busy = true,
+            Err(error) => self.error = Some(format!("no thread for the styles: {error}: close other programs")),
+        }
+    }
+
+    /// The options of a command line for what is requested.
+    fn arguments(&self) -> ObjectStyleArgs {
+        let WantedStyle { attribute, palette, range, filter, hides_others, up_to } = &self.requested;
+        let is_date = self.attributes.iter().flatten().any(|(name, is_date)| name == attribute && *is_date);
+        let limit = up_to.map(|value| format!("{} <= {}", quoted(attribute), literal(value, is_date)));
+        let filter = match (filter.is_empty(), limit) {
+            (true, limit) => limit,
+            (false, None) => Some(filter.clone()),
+            (false, Some(limit)) => Some(format!("({filter}) && {limit}")),
+        };
+        let color_by = match (attribute.is_empty(), palette.is_empty()) {
+            (true, _) => None,
+            (false, true) => Some(attribute.clone()),
+            (false, false) => Some(format!("{attribute}:{palette}")),
+        };
+        let others = if *hides_others || up_to.is_some() { "hide" } else { "ghost" };
+        ObjectStyleArgs { color_by, range: range.map(Vec::from).unwrap_or_default(), filter, others: others.to_owned() }
+    }
+
+    /// Lays the panel out.
+    pub(super) fn show(&mut self, ui: &mut Ui) {
+        if self.is_open {
+            self.show_controls(ui);
+        }
+        if let Some(legend) = &self.legend {
+            show_legend(ui, legend);
+        }
+    }
+
+    fn show_controls(&mut self, ui: &mut Ui) {
+        ui.label(RichText::new("Colours and filter").strong().color(Color32::WHITE));
+        self.show_color(ui);
+        ui.horizontal(|ui| {
+            ui.label("Filter");
+            let hint = "height > 20 && kind == 'building'";
+            let field = ui.add(egui::TextEdit::singleline(&mut self.typed_filter).hint_text(hint).desired_width(200.0));
+            if field.lost_focus() {
+                self.wanted.filter = self.typed_filter.trim().to_owned();
+            }
+        });
+        if !self.requested.filter.is_empty() {
+            ui.horizontal(|ui| {
+                ui.label(format!("{} objects pass; others are", self.passing));
+                ui.radio_value(&mut self.wanted.hides_others, false, "pale");
+                ui.radio_value(&mut self.wanted.hides_others, true, "hidden");
+            });
+        }
+        if self.is_busy {
+            ui.spinner();
+        }
+        if let Some(error) = &self.error {
+            ui.colored_label(Color32::from_rgb(255, 150, 130), printable(error));
+        }
+    }
+
+    fn show_color(&mut self, ui: &mut Ui) {
+        let names = self.attributes.iter().flatten().map(|(name, _)| name.as_str());
+        let before = self.wanted.attribute.clone();
+        ui.horizontal(|ui| {
+            ui.label("Colour by");
+            choose(ui, "attribute", "own colours", names, &mut self.wanted.attribute);
+            if !self.wanted.attribute.is_empty() {
+                choose(ui, "palette", "default palette", ColorBy::palettes(), &mut self.wanted.palette);
+            }
+        });
+        if self.wanted.attribute != before {
+            (self.wanted.range, self.wanted.up_to, self.full_range) = (None, None, None);
+        }
+        if let Some([low, high]) = self.full_range {
+            self.show_range(ui, [low, high]);
+        }
+    }
+
+    /// The ends of the palette, and the largest shown value, between the values `low` and `high` of the city.
+    fn show_range(&mut self, ui: &mut Ui, [low, high]: [f64; 2]) {
+        ui.horizontal(|ui| {
+            ui.label("From");
+            let mut range = self.wanted.range.unwrap_or([low, high]);
+            let speed = ((high - low) / 200.0).max(f64::MIN_POSITIVE);
+            ui.add(egui::DragValue::new(&mut range[0]).speed(speed).range(low..=high));
+            ui.label("to");
+            ui.add(egui::DragValue::new(&mut range[1]).speed(speed).range(low..=high));
+            self.wanted.range = Some(range).filter(|range| *range != [low, high]);
+        });
+        ui.horizontal(|ui| {
+            let mut is_limited = self.wanted.up_to.is_some();
+            ui.checkbox(&mut is_limited, "Only up to").on_hover_text("with years, the city grows");
+            let mut value = self.wanted.up_to.unwrap_or(high);
+            if is_limited {
+                ui.add(egui::Slider::new(&mut value, low..=high).step_by(if high - low > 50.0 { 1.0 } else { 0.0 }));
+            }
+            self.wanted.up_to = is_limited.then_some(value);
+        });
+    }
+}
+
+/// The attributes of a city and those that all cities have, and whether their values are dates.
+fn attributes(objects: &ObjectLookup) -> Vec<(String, bool)> {
+    let schema = &objects.schema().attributes;
+    let mut names: Vec<(String, bool)> =
+        schema.iter().map(|info| (info.name.clone(), info.value_type == ValueType::Date)).collect();
+    for name in ["height", "kind"] {
+        if schema.iter().all(|info| info.name != name) {
+            names.push((name.to_owned(), false));
+        }
+    }
+    names.sort();
+    names
+}
+
+/// A list to choose from. The first entry, `none`, is an empty text.
+fn choose<'a>(ui: &mut Ui, id: &str, none: &str, names: impl Iterator<Item = &'a str>, chosen: &mut String) {
+    let label = if chosen.is_empty() { none.to_owned() } else { printable(chosen).into_owned() };
+    egui::ComboBox::from_id_salt(id).selected_text(label).show_ui(ui, |ui| {
+        ui.selectable_value(chosen, String::new(), none);
+        for name in names {
+            ui.selectable_value(chosen, name.to_owned(), printable(name));
+        }
+    });
+}
+
+/// A name as filters have it.
+fn quoted(name: &str) -> String {
+    format!("`{}`", name.replace('\\', "\\\\").replace('`', "\\`"))
+}
+
+/// A value as filters have it. Dates are days since 1970-01-01.
+fn literal(value: f64, is_date: bool) -> String {
+    // The cast saturates.
+    if is_date { Value::Date(value.round() as i32).to_string() } else { value.to_string() }
+}
+
+fn show_legend(ui: &mut Ui, legend: &Legend) {
+    let unit = legend.unit.as_ref().map(|unit| format!(" ({unit})")).unwrap_or_default();
+    ui.label(RichText::new(printable(&format!("{}{unit}", legend.title))).strong());
+    if let Some(Ramp { stops, .. }) = &legend.ramp {
+        let (rect, _) = ui.allocate_exact_size(vec2(180.0, 10.0), Sense::hover());
+        let width = rect.width() / stops.len().max(1) as f32;
+        for (i, [r, g, b]) in stops.iter().enumerate() {
+            let left = rect.left_top() + vec2(width * i as f32, 0.0);
+            let stop = egui::Rect::from_min_size(left, vec2(width, rect.height()));
+            ui.painter().rect_filled(stop, 0.0, Color32::from_rgb(*r, *g, *b));
+        }
+    }
+    for entry in &legend.entries {
+        ui.horizontal(|ui| {
+            let [r, g, b] = entry.rgb;
+            let (rect, _) = ui.allocate_exact_size(vec2(12.0, 12.0), Sense::hover());
+            ui.painter().rect_filled(rect, 2.0, Color32::from_rgb(r, g, b));
+            ui.label(printable(&entry.label));
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::ClientError;
+
+    fn panel() -> StylePanel {
+        StylePanel::new(SharedLookup::new(Box::new(|| Err(ClientError::Failed("no objects here".into())))))
+    }
+
+    #[test]
+    fn a_limit_and_a_filter_become_one_expression() {
+        let mut panel = panel();
+        panel.attributes = Some(vec![("a `b`".to_owned(), true), ("year".to_owned(), false)]);
+        panel.requested = WantedStyle { attribute: "year".into(), up_to: Some(1900.0), ..WantedStyle::default() };
+        let args = panel.arguments();
+        assert_eq!((args.filter.as_deref(), args.others.as_str()), (Some("`year` <= 1900"), "hide"));
+        panel.requested.filter = "height > 3 || kind == 'bridge'".into();
+        panel.requested.attribute = "a `b`".into();
+        panel.requested.palette = "magma".into();
+        let args = panel.arguments();
+        assert_eq!(args.filter.as_deref(), Some("(height > 3 || kind == 'bridge') && `a \\`b\\`` <= 1975-03-16"));
+        assert_eq!(args.color_by.as_deref(), Some("a `b`:magma"));
+        panel.requested = WantedStyle::default();
+        assert!(panel.arguments().is_empty());
+    }
+
+    #[test]
+    fn a_failure_is_shown_with_its_reason_and_ends_the_wait() {
+        let mut panel = panel();
+        assert!(panel.poll().is_none() && !panel.is_waiting());
+        panel.is_open = true;
+        panel.poll();
+        while panel.is_waiting() {
+            panel.poll();
+            std::thread::yield_now();
+        }
+        assert!(panel.error.as_deref().is_some_and(|reason| reason.contains("no objects here")));
+        assert_eq!(panel.generation(), 0);
+    }
+}
