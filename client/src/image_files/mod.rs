@@ -73,7 +73,7 @@ pub fn write_radiance(path: &Path, pixels: &Pixels) -> Result<()> {
     std::fs::write(path, out).map_err(ClientError::file(path))
 }
 
-/// Writes the number of each pixel's object, row by row from the top: a little-endian u32 a pixel, [`NO_OBJECT`] where there is none. A
+/// Writes the number of each pixel's object, row by row from the top: a little-endian u32 a pixel, 4,294,967,295 where there is none. A
 /// file that ends in `.png` gets the same bytes as red, green, blue and alpha. Fails if the file cannot be written.
 pub fn write_objects(path: &Path, [width, height]: [u32; 2], objects: &[u32]) -> Result<()> {
     let bytes: Vec<u8> = objects.iter().flat_map(|object| object.to_le_bytes()).collect();

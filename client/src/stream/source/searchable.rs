@@ -104,3 +104,38 @@ impl TileSource for SearchableCity {
         self.inner.location()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stream::source::folder;
+    use insula_objects::search::SearchIndexBuilder;
+    use std::fs;
+
+    fn search(folder: &Path, query: &str) -> Result<Option<Vec<SearchHit>>, FetchError> {
+        let http = Http::new(None).unwrap().into();
+        let city = SearchableCity::in_folder(folder::open(folder, &http), folder, &http);
+        http.block_on(city.search(query, 5))
+    }
+
+    #[test]
+    fn the_index_of_a_folder_is_searched() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut builder = SearchIndexBuilder::new();
+        builder.add("Oude Delft 95", 7);
+        builder.add("Markt 1", 8);
+        fs::write(folder.path().join(SEARCH_FILE), builder.finish().unwrap()).unwrap();
+        let hits = search(folder.path(), "delft").unwrap().unwrap();
+        assert_eq!(hits.iter().map(|hit| hit.object).collect::<Vec<_>>(), [7]);
+        assert_eq!(search(folder.path(), "kerk").unwrap(), Some(Vec::new()));
+    }
+
+    #[test]
+    fn a_city_without_an_index_has_no_search_and_a_damaged_one_fails() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(search(folder.path(), "delft").unwrap(), None);
+        fs::write(folder.path().join(SEARCH_FILE), b"INSX and more").unwrap();
+        let error = search(folder.path(), "delft").unwrap_err();
+        assert!(error.to_string().contains(SEARCH_FILE), "{error}");
+    }
+}

@@ -75,3 +75,58 @@ impl TileSource for ServerSource {
         &self.base
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{source::RangeResponse, test_support::manifest};
+    use bytes::Bytes;
+    use std::{
+        ops::Range,
+        pin::pin,
+        sync::Mutex,
+        task::{Context, Poll, Waker},
+    };
+
+    /// Answers each request with `body`, and keeps its address.
+    #[derive(Debug)]
+    struct OneAnswer {
+        body: Result<&'static str, FetchError>,
+        asked: Mutex<String>,
+    }
+
+    impl Transport for OneAnswer {
+        fn get(&self, url: String, _: usize) -> BoxFuture<'_, Result<Bytes, FetchError>> {
+            *self.asked.lock().unwrap() = url;
+            Box::pin(std::future::ready(self.body.clone().map(Bytes::from)))
+        }
+
+        fn get_range(&self, _: String, _: Range<u64>) -> BoxFuture<'_, Result<RangeResponse, FetchError>> {
+            Box::pin(std::future::ready(Err(FetchError::Missing)))
+        }
+    }
+
+    fn search(body: Result<&'static str, FetchError>) -> (String, Result<Option<Vec<SearchHit>>, FetchError>) {
+        let http = Arc::new(OneAnswer { body, asked: Mutex::default() });
+        let source = ServerSource::new(http.clone(), "http://h:1/", "?share=s", &manifest(0));
+        let mut future = pin!(source.search("Straße & 1", 3));
+        let Poll::Ready(found) = future.as_mut().poll(&mut Context::from_waker(Waker::noop())) else {
+            panic!("the answer is there at once");
+        };
+        let asked = http.asked.lock().unwrap().clone();
+        (asked, found)
+    }
+
+    #[test]
+    fn a_search_keeps_the_share_link_and_encodes_the_text() {
+        let (asked, found) = search(Ok(r#"[{"text":"Straße 1","object":4,"typos":1}]"#));
+        assert!(asked.ends_with("/search?q=Stra%C3%9Fe%20%26%201&limit=3&share=s"), "{asked}");
+        assert_eq!(found.unwrap(), Some(vec![SearchHit { text: "Straße 1".into(), object: 4, typos: 1 }]));
+    }
+
+    #[test]
+    fn a_city_without_a_search_has_no_hits_and_a_false_response_fails() {
+        assert_eq!(search(Err(FetchError::Missing)).1.unwrap(), None);
+        assert!(matches!(search(Ok("{}")).1, Err(FetchError::Damaged(_))));
+    }
+}
