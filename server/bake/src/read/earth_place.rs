@@ -26,7 +26,8 @@ impl EarthPlace {
             epsg: horizontal.code,
             definition: base
                 .zip(definition.ellipsoid_m())
-                .map(|(base, ellipsoid)| (base, definition.text(), ellipsoid)),
+                // On a sphere the inverse flattening is infinite.
+                .map(|(base, [a, b])| (base, definition.text(), [a, a / (a - b)])),
         })
     }
 
@@ -76,8 +77,10 @@ mod tests {
         // 6,364.5 km from the centre at this latitude.
         assert!(((x * x + y * y + z * z).sqrt() - 6_364_900.0).abs() < 1500.0);
         assert!((y.atan2(x).to_degrees() - longitude).abs() < 1e-9);
-        let (base, text, [axis, _]) = place.definition().unwrap();
+        let (base, text, [axis, inverse_flattening]) = place.definition().unwrap();
         assert_eq!((base, axis.round()), (4289, 6_377_397.0));
+        // Bessel 1841.
+        assert!((inverse_flattening - 299.152_812_8).abs() < 1e-5, "{inverse_flattening}");
         assert!(text.contains("+proj=sterea"), "{text}");
         assert!(EarthPlace::of("nowhere").is_none());
     }
