@@ -10,6 +10,7 @@ use insula_objects::{
     filter::Filter,
     search::SearchHit,
 };
+use insula_protocol::object_tile::block_of_object;
 use insula_viewer::{
     objects::{CityObjects, FilteredOut, ObjectQuery, ObjectStyles, StyleBuilder},
     source::TileSource,
@@ -37,9 +38,12 @@ pub struct ObjectJson {
     pub parent: Option<String>,
     pub kind: &'static str,
     pub attributes: Map<String, serde_json::Value>,
-    /// World coordinates of the middle of its box, in metres.
+    /// World coordinates of the middle of its box, in metres; that of its parts' if it has no shape.
     #[serde(skip)]
     pub centre: Option<[f64; 3]>,
+    /// Parts of an object without a shape.
+    #[serde(skip)]
+    pub parts: Vec<u32>,
     /// Pixels of a picture that show it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixels: Option<u64>,
@@ -131,10 +135,32 @@ impl ObjectLookup {
         };
         let attributes = record.attributes.into_iter().filter_map(named).collect();
         let (identifier, kind) = (record.identifier, record.kind.name());
-        let centre = record.bounds.map(|ObjectBounds { min, max }| {
+        let (parts, bounds) = match record.bounds {
+            Some(bounds) => (Vec::new(), Some(bounds)),
+            None => self.parts(id)?,
+        };
+        let centre = bounds.map(|ObjectBounds { min, max }| {
             std::array::from_fn(|axis| self.origin[axis] + (f64::from(min[axis]) + f64::from(max[axis])) / 20.0)
         });
-        Ok(Some(ObjectJson { id, identifier, parent, kind, attributes, centre, pixels: None }))
+        Ok(Some(ObjectJson { id, identifier, parent, kind, attributes, centre, parts, pixels: None }))
+    }
+
+    /// The parts of an object, and their common box. A parent without a shape comes just before its first part, so only its block and
+    /// the next one are searched.
+    fn parts(&self, id: u32) -> Result<(Vec<u32>, Option<ObjectBounds>)> {
+        let (mut parts, mut all) = (Vec::new(), None);
+        let first = block_of_object(id);
+        for block in first..self.objects.block_count().min(first + 2) {
+            let Some(block) = self.block(block)? else { continue };
+            for &part in block.ids().iter().filter(|part| block.parent(**part) == Some(id)) {
+                parts.push(part);
+                all = match (all, block.bounds(part)) {
+                    (Some(all), Some(bounds)) => Some(union(all, bounds)),
+                    (all, bounds) => all.or(bounds),
+                };
+            }
+        }
+        Ok((parts, all))
     }
 
     /// The same, with the attributes of its parent where it has none of its own. Fails as [`Self::object`] does.
@@ -184,6 +210,14 @@ impl ObjectLookup {
     }
 }
 
+fn union(a: ObjectBounds, b: ObjectBounds) -> ObjectBounds {
+    let [min, max] = [[a.min, b.min], [a.max, b.max]];
+    ObjectBounds {
+        min: std::array::from_fn(|axis| min[0][axis].min(min[1][axis])),
+        max: std::array::from_fn(|axis| max[0][axis].max(max[1][axis])),
+    }
+}
+
 fn fetch_error(what: &str, error: &FetchError) -> ClientError {
     ClientError::Failed(format!("{what}: {error}"))
 }
@@ -196,5 +230,61 @@ fn to_json(value: Value) -> serde_json::Value {
         Value::Float(value) => Number::from_f64(value).map_or(serde_json::Value::Null, Into::into),
         Value::Bool(value) => value.into(),
         date @ Value::Date(_) => date.to_string().into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytes::Bytes;
+    use insula_objects::{FeatureKind, block, schema::SchemaBuilder};
+    use insula_protocol::object_tile::{self, SCHEMA_ID, block_id};
+    use insula_viewer::{scene::TileKey, source::PendingTile};
+
+    /// A building of two parts, which alone have shapes, and the first part's year.
+    struct House {
+        schema: Schema,
+    }
+
+    impl TileSource for House {
+        fn tile(&self, key: TileKey) -> PendingTile<'_> {
+            let tile = match key.id {
+                SCHEMA_ID => object_tile::encode(key.id, &serde_json::to_vec(&self.schema).unwrap()).unwrap(),
+                id if Some(id) == block_id(0) => {
+                    let bounds = |x: i32| Some(ObjectBounds { min: [x, 0, 0], max: [x + 100, 200, 300] });
+                    let record = |identifier: &str, kind, parent, bounds| {
+                        let attributes = vec![(0, Value::Integer(1650))];
+                        Some(ObjectRecord { identifier: identifier.to_owned(), kind, parent, bounds, attributes })
+                    };
+                    let records = [
+                        record("house", FeatureKind::Building, None, None),
+                        record("house-0", FeatureKind::BuildingPart, Some(0), bounds(0)),
+                        record("house-1", FeatureKind::BuildingPart, Some(0), bounds(300)),
+                    ];
+                    object_tile::encode(id, &block::encode(0, &records, &self.schema).unwrap()).unwrap()
+                }
+                _ => return Box::pin(async { Err(FetchError::Missing) }),
+            };
+            Box::pin(std::future::ready(Ok(Bytes::from(tile))))
+        }
+
+        fn location(&self) -> &str {
+            "house"
+        }
+    }
+
+    #[test]
+    fn a_building_without_a_shape_has_the_place_of_its_parts() {
+        let mut schema = SchemaBuilder::default();
+        (0..3).for_each(|_| schema.add("year", &Value::Integer(1650)));
+        let http = Arc::new(Http::new(None).unwrap());
+        let house = Arc::new(House { schema: schema.finish(3) });
+        let objects = ObjectLookup::open(&http, house, [1000.0, 0.0, 0.0]).unwrap();
+        let house = objects.describe(0).unwrap().unwrap();
+        assert_eq!((house.parts, house.centre), (vec![1, 2], Some([1020.0, 10.0, 15.0])));
+        let part = objects.describe(2).unwrap().unwrap();
+        assert_eq!((part.parts, part.centre), (Vec::new(), Some([1035.0, 10.0, 15.0])));
+        assert_eq!(part.parent.as_deref(), Some("house"));
+        assert!(objects.describe(3).unwrap().is_none());
     }
 }

@@ -10,8 +10,10 @@ use std::{collections::BTreeSet, sync::mpsc};
 
 /// Most objects whose attributes are shown.
 const MAX_SHOWN: usize = 32;
-/// Longest value on a line, in characters.
-const MAX_VALUE_CHARS: usize = 200;
+/// Longest value on a line, in characters. The pointer shows all of it.
+const MAX_VALUE_CHARS: usize = 40;
+/// Greatest height of the attributes as a share of the window's.
+const MAX_HEIGHT_SHARE: f32 = 0.45;
 
 /// What was found of an object, or why nothing was.
 struct FoundObject {
@@ -58,6 +60,12 @@ impl ObjectPanel {
     /// The selected object, if it is one.
     pub(super) fn only_selected(&self) -> Option<u32> {
         self.selected.first().copied().filter(|_| self.selected.len() == 1)
+    }
+
+    /// The selected objects and the parts of those without a shape.
+    pub(super) fn outlined(&self) -> BTreeSet<u32> {
+        let known = self.found.iter().filter_map(|found| found.result.as_ref().ok()?.as_ref());
+        self.selected.iter().copied().chain(known.flat_map(|object| object.parts.iter().copied())).collect()
     }
 
     /// Number of changes of the selection.
@@ -117,6 +125,8 @@ impl ObjectPanel {
         while let Ok(found) = self.results.1.try_recv() {
             self.pending = self.pending.saturating_sub(1);
             if self.selected.contains(&found.id) && self.found.iter().all(|other| other.id != found.id) {
+                // Its parts may be outlined now.
+                self.generation += 1;
                 self.found.push(found);
             }
         }
@@ -146,14 +156,17 @@ impl ObjectPanel {
             }
         });
         let needle = self.needle.to_lowercase();
-        for found in &self.found {
-            ui.separator();
-            match &found.result {
-                Ok(Some(object)) => action = show_object(ui, object, &needle).or(action.take()),
-                Ok(None) => drop(ui.label(format!("nothing is known of object {}", found.id))),
-                Err(reason) => drop(ui.label(printable(reason).into_owned())),
+        let height = ui.ctx().content_rect().height() * MAX_HEIGHT_SHARE;
+        egui::ScrollArea::vertical().max_height(height).show(ui, |ui| {
+            for found in &self.found {
+                ui.separator();
+                match &found.result {
+                    Ok(Some(object)) => action = show_object(ui, object, &needle).or(action.take()),
+                    Ok(None) => drop(ui.label(format!("nothing is known of object {}", found.id))),
+                    Err(reason) => drop(ui.label(printable(reason).into_owned())),
+                }
             }
-        }
+        });
         if self.pending > 0 {
             ui.spinner();
         }
@@ -186,12 +199,18 @@ fn show_object(ui: &mut Ui, object: &ObjectJson, needle: &str) -> Option<ViewAct
             if !needle.is_empty() && !name.to_lowercase().contains(needle) && !text.to_lowercase().contains(needle) {
                 continue;
             }
-            let text: String = printable(&text).chars().take(MAX_VALUE_CHARS).collect();
+            let text = printable(&text).into_owned();
+            let shown: String = text.chars().take(MAX_VALUE_CHARS).collect();
+            let is_cut = shown.len() < text.len();
+            let shown = if is_cut { format!("{shown}…") } else { shown };
             ui.label(RichText::new(printable(name)).color(Color32::from_gray(160)));
-            if text.starts_with("https://") || text.starts_with("http://") {
-                ui.hyperlink(text);
+            let line = if text.starts_with("https://") || text.starts_with("http://") {
+                ui.hyperlink_to(shown, &text)
             } else {
-                ui.label(text);
+                ui.label(shown)
+            };
+            if is_cut {
+                line.on_hover_text(text);
             }
             ui.end_row();
         }

@@ -6,6 +6,9 @@ use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{frame::RenderSettings, objects::ObjectStyles, projection::ray_direction, streamer::FrameRequest};
 use std::time::Instant;
 
+/// An object that was searched for is approached if it is farther away than this.
+const FAR_M: f64 = 400.0;
+
 impl CityView {
     /// Handles a click at shares of the window's width and height, 0 to 1.
     pub(super) fn click(&mut self, [x, y]: [f64; 2], window: &ViewerWindow) {
@@ -57,8 +60,16 @@ impl CityView {
 
     /// Takes in attributes and styles that have arrived.
     pub(super) fn poll_objects(&mut self) {
+        let before = self.objects.generation();
         if let Some(place) = self.objects.poll() {
-            self.control.go_to(DVec3::from(place));
+            let place = DVec3::from(place);
+            self.control.go_to(place);
+            if self.control.camera().position.distance(place) > FAR_M {
+                self.control.approach(place);
+            }
+        }
+        if self.objects.generation() != before {
+            self.set_styles(self.session.cache().styles().clone());
         }
         self.search.poll();
         if let Some(styles) = self.styles.poll() {
@@ -68,7 +79,7 @@ impl CityView {
 
     /// Draws objects in these styles, with outlines of those that are selected.
     fn set_styles(&mut self, mut styles: ObjectStyles) {
-        styles.outline(self.objects.selected().clone());
+        styles.outline(self.objects.outlined());
         self.session.set_styles(styles);
     }
 

@@ -184,7 +184,7 @@ impl StylePanel {
         self.show_color(ui);
         ui.horizontal(|ui| {
             ui.label("Filter");
-            let hint = "height > 20 && kind == 'building'";
+            let hint = "height > 20";
             let field = ui.add(egui::TextEdit::singleline(&mut self.typed_filter).hint_text(hint).desired_width(200.0));
             if field.lost_focus() {
                 self.wanted.filter = self.typed_filter.trim().to_owned();
