@@ -145,12 +145,12 @@ impl ObjectLookup {
         Ok(Some(ObjectJson { id, identifier, parent, kind, attributes, centre, parts, pixels: None }))
     }
 
-    /// The parts of an object, and their common box. A parent without a shape comes just before its first part, so only its block and
-    /// the next one are searched.
+    /// The parts of an object, and their common box. A parent without a shape is next to its first part, so only its block and
+    /// those beside it are searched.
     fn parts(&self, id: u32) -> Result<(Vec<u32>, Option<ObjectBounds>)> {
         let (mut parts, mut all) = (Vec::new(), None);
         let first = block_of_object(id);
-        for block in first..self.objects.block_count().min(first + 2) {
+        for block in first.saturating_sub(1)..self.objects.block_count().min(first + 2) {
             let Some(block) = self.block(block)? else { continue };
             for &part in block.ids().iter().filter(|part| block.parent(**part) == Some(id)) {
                 parts.push(part);

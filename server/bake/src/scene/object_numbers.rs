@@ -222,11 +222,13 @@ mod tests {
 
     #[test]
     fn an_object_without_triangles_has_a_number_only_as_a_parent() {
-        let objects = [(10, Some(11), [1.0, 1.0]), (11, None, [f32::INFINITY; 2]), (12, None, [f32::INFINITY; 2])];
+        let objects = [(11, None, [0.0; 2]), (10, Some(11), [1.0, 1.0]), (12, None, [0.0; 2])];
         let (mut city, grid) = city(&objects, &[]);
-        city.objects[1..].iter_mut().for_each(|object| object.bounds_m = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]]);
+        for object in [0, 2] {
+            city.objects[object].bounds_m = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+        }
         let found = ObjectNumbers::new(&city, &grid, &HashMap::new());
-        assert_eq!(found.of_object, [1, NO_OBJECT, NO_OBJECT]);
+        assert_eq!(found.of_object, [NO_OBJECT, 1, NO_OBJECT]);
         assert_eq!(found.rows[1].unwrap().parent, Some(0));
         assert_eq!(found.rows[0].unwrap().bounds_m, None);
     }
