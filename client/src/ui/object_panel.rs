@@ -12,6 +12,8 @@ use std::{collections::BTreeSet, sync::mpsc};
 const MAX_SHOWN: usize = 32;
 /// Longest value on a line, in characters. The pointer shows all of it.
 const MAX_VALUE_CHARS: usize = 40;
+/// Width of the panel, in points.
+const MAX_WIDTH: f32 = 400.0;
 /// Greatest height of the attributes as a share of the window's.
 const MAX_HEIGHT_SHARE: f32 = 0.45;
 
@@ -142,6 +144,7 @@ impl ObjectPanel {
 
     /// Lays the panel out. Returns what the user asks for.
     pub(super) fn show(&mut self, ui: &mut Ui) -> Option<ViewAction> {
+        ui.set_max_width(MAX_WIDTH);
         let mut action = None;
         let count = self.selected.len();
         let title = if count == 1 { "1 object".to_owned() } else { format!("{count} objects") };
