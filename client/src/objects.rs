@@ -17,7 +17,7 @@ use insula_viewer::{
     streamer::FetchError,
 };
 use serde::Serialize;
-use serde_json::{Map, Number};
+use serde_json::{Map, json};
 use std::sync::Arc;
 
 /// The objects of a city, fetched while the caller waits.
@@ -131,7 +131,7 @@ impl ObjectLookup {
         };
         let named = |(attribute, value): (u32, Value)| {
             let info = self.schema().attributes.get(attribute as usize)?;
-            Some((info.name.clone(), to_json(value)))
+            Some((info.name.clone(), json!(value)))
         };
         let attributes = record.attributes.into_iter().filter_map(named).collect();
         let (identifier, kind) = (record.identifier, record.kind.name());
@@ -220,17 +220,6 @@ fn union(a: ObjectBounds, b: ObjectBounds) -> ObjectBounds {
 
 fn fetch_error(what: &str, error: &FetchError) -> ClientError {
     ClientError::Failed(format!("{what}: {error}"))
-}
-
-/// A value as JSON; dates are texts.
-fn to_json(value: Value) -> serde_json::Value {
-    match value {
-        Value::Text(text) => text.into(),
-        Value::Integer(value) => value.into(),
-        Value::Float(value) => Number::from_f64(value).map_or(serde_json::Value::Null, Into::into),
-        Value::Bool(value) => value.into(),
-        date @ Value::Date(_) => date.to_string().into(),
-    }
 }
 
 #[cfg(test)]

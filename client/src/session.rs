@@ -146,10 +146,11 @@ impl Session {
     }
 
     /// What opens the objects of the city, on any thread. Fails as [`Self::open_objects`] does.
-    pub fn object_opener(&self) -> impl FnOnce() -> Result<ObjectLookup> + Send + use<> {
+    pub fn object_opener(&self) -> impl Fn() -> Result<ObjectLookup> + Send + use<> {
         let (source, origin) = (self.object_source.clone(), self.tree().manifest().origin);
         move || {
-            let (http, source) = source.ok_or_else(|| ClientError::Failed("this city has no objects".into()))?;
+            let (http, source) =
+                source.clone().ok_or_else(|| ClientError::Failed("this city has no objects".into()))?;
             ObjectLookup::open(&http, source, origin)
         }
     }

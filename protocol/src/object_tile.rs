@@ -1,6 +1,6 @@
 //! Tiles of a city's objects: one with the schema of their attributes, and blocks of objects.
 //!
-//! This module has their addresses and their frame. `insula-objects` defines what is in it.
+//! This module defines their addresses and their container. `insula-objects` defines their content.
 
 use crate::{
     TileId, TileKind,

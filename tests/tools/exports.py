@@ -12,7 +12,7 @@ Checks, of each object by its number:
 - footprints are valid, outer rings are counter-clockwise, and their area is `area_m2`;
 - GeoJSON, projected to the system that GeoParquet names, has the same areas within 0.1%;
 - CityJSON: vertices and links exist, parts have parents, roofs are not above `roof_z_m`;
-- GeoTIFF: its heights inside footprints are not above `roof_z_m` of what stands there by more than a cell.
+- GeoTIFF: inside a footprint, no height exceeds the object's `roof_z_m` by more than a cell.
 
 Prints a line for each file and each difference (at most 20 a file). Exits with 1 if there is a difference.
 """

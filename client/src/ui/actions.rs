@@ -38,7 +38,7 @@ impl CityView {
             KeyAction::UndoPoint => self.measure.undo(),
             KeyAction::ToggleDay => self.toggle_day(settings),
             KeyAction::ToggleSearch => self.search.is_open = !self.search.is_open,
-            KeyAction::ToggleStyles => self.styles.is_open = !self.styles.is_open,
+            KeyAction::ToggleStyles => self.styles.toggle(),
             KeyAction::ToggleMap => display.shows_map = !display.shows_map,
             KeyAction::ToggleSliders if !has_room(window.size().map(|side| side as f32).into()) => {
                 self.show_message("no room for the sliders: enlarge the window".to_owned());

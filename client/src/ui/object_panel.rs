@@ -1,12 +1,13 @@
 //! The selected objects: which they are, and a panel of what is known of them.
-//!
-//! Attributes are fetched on a thread of their own, so that the window never waits for the network.
 
-use super::{bookmarks::ViewAction, object_source::SharedLookup};
+use super::{
+    bookmarks::ViewAction,
+    object_source::{ObjectWorker, SharedLookup},
+};
 use crate::objects::ObjectJson;
 use egui::{Color32, RichText, Ui};
 use insula_protocol::text::printable;
-use std::{collections::BTreeSet, sync::mpsc};
+use std::collections::BTreeSet;
 
 /// Most objects whose attributes are shown.
 const MAX_SHOWN: usize = 32;
@@ -26,13 +27,11 @@ struct FoundObject {
 /// The selection and its panel.
 pub(super) struct ObjectPanel {
     selected: BTreeSet<u32>,
-    /// What is known of the selected objects, in the order of their selection.
+    /// What is known of the selected objects, in the order of arrival.
     found: Vec<FoundObject>,
     /// What the shown attributes' names or values contain.
     needle: String,
-    objects: SharedLookup,
-    results: (mpsc::SyncSender<FoundObject>, mpsc::Receiver<FoundObject>),
-    pending: usize,
+    worker: ObjectWorker<FoundObject>,
     /// An object to go to as soon as its place is known.
     to_visit: Option<u32>,
     /// Number of changes of the selection.
@@ -46,9 +45,7 @@ impl ObjectPanel {
             selected: BTreeSet::new(),
             found: Vec::new(),
             needle: String::new(),
-            objects,
-            results: mpsc::sync_channel(MAX_SHOWN),
-            pending: 0,
+            worker: ObjectWorker::new(objects),
             to_visit: None,
             generation: 0,
         }
@@ -77,12 +74,13 @@ impl ObjectPanel {
 
     /// Whether attributes are on their way.
     pub(super) fn is_waiting(&self) -> bool {
-        self.pending > 0
+        self.worker.is_busy()
     }
 
     /// A click on an object, or on none. With `adds` it is added to the selection, or removed from it; otherwise it is the only one.
     pub(super) fn click(&mut self, object: Option<u32>, adds: bool) {
         self.generation += 1;
+        self.to_visit = None;
         match object {
             Some(id) if adds && self.selected.remove(&id) => self.found.retain(|found| found.id != id),
             Some(id) => {
@@ -90,7 +88,6 @@ impl ObjectPanel {
                     self.clear();
                 }
                 self.selected.insert(id);
-                self.fetch(id);
             }
             None if adds => {}
             None => self.clear(),
@@ -104,42 +101,43 @@ impl ObjectPanel {
         self.found.clear();
     }
 
-    fn fetch(&mut self, id: u32) {
-        // What is left out here is fetched by `poll`.
-        if self.selected.len() > MAX_SHOWN || self.pending == MAX_SHOWN {
-            return;
-        }
-        self.pending += 1;
-        let (objects, sender) = (self.objects.clone(), self.results.0.clone());
-        std::thread::spawn(move || {
-            // The window may be closed meanwhile.
-            sender.send(FoundObject { id, result: objects.read(|objects| objects.describe_with_parent(id)) }).ok();
-        });
-    }
-
     /// Makes [`Self::poll`] return the place of an object as soon as it is known.
     pub(super) fn go_to_when_known(&mut self, id: u32) {
         self.to_visit = Some(id);
     }
 
-    /// Takes in attributes that have arrived. Returns the place to go to, in world coordinates, once.
+    /// Takes in attributes that have arrived, and fetches those of the next object. Returns the place to go to, in world coordinates,
+    /// once.
     pub(super) fn poll(&mut self) -> Option<[f64; 3]> {
-        while let Ok(found) = self.results.1.try_recv() {
-            self.pending = self.pending.saturating_sub(1);
-            if self.selected.contains(&found.id) && self.found.iter().all(|other| other.id != found.id) {
-                // Its parts may be outlined now.
-                self.generation += 1;
-                self.found.push(found);
-            }
+        if let Some(found) = self.worker.take() {
+            self.add(found);
         }
-        if self.pending == 0 && self.selected.len() <= MAX_SHOWN {
-            let is_found = |id: &u32| self.found.iter().any(|found| found.id == *id);
-            let missing: Vec<u32> = self.selected.iter().copied().filter(|id| !is_found(id)).collect();
-            missing.into_iter().for_each(|id| self.fetch(id));
+        if !self.worker.is_busy() && self.selected.len() <= MAX_SHOWN {
+            self.fetch_next();
         }
         let visited = self.found.iter().find(|found| Some(found.id) == self.to_visit)?;
         self.to_visit = None;
         visited.result.as_ref().ok()?.as_ref()?.centre
+    }
+
+    fn add(&mut self, found: FoundObject) {
+        if self.selected.contains(&found.id) {
+            // Its parts may be outlined now.
+            self.generation += 1;
+            self.found.push(found);
+        }
+    }
+
+    fn fetch_next(&mut self) {
+        let is_missing = |id: &&u32| self.found.iter().all(|found| found.id != **id);
+        let Some(id) = self.selected.iter().find(is_missing).copied() else { return };
+        let describe = move |objects: &SharedLookup| FoundObject {
+            id,
+            result: objects.read(|objects| objects.describe_with_parent(id)),
+        };
+        if let Err(reason) = self.worker.start(describe) {
+            self.add(FoundObject { id, result: Err(reason) });
+        }
     }
 
     /// Lays the panel out. Returns what the user asks for.
@@ -170,7 +168,7 @@ impl ObjectPanel {
                 }
             }
         });
-        if self.pending > 0 {
+        if self.is_waiting() {
             ui.spinner();
         }
         action
@@ -249,6 +247,7 @@ mod tests {
     fn a_failure_is_shown_with_its_reason() {
         let mut panel = panel();
         panel.click(Some(3), false);
+        panel.poll();
         while panel.is_waiting() {
             panel.poll();
             std::thread::yield_now();

@@ -1,12 +1,11 @@
 //! The search box: objects by their names, addresses and identifiers.
 //!
-//! A search runs on a thread of its own, one at a time; the text as it is then is searched next.
+//! One search runs at a time. When it ends, the text of that moment is searched.
 
-use super::object_source::SharedLookup;
+use super::object_source::{ObjectWorker, SharedLookup};
 use egui::{Color32, RichText, Ui};
 use insula_objects::search::{MAX_QUERY_CHARS, SearchHit};
 use insula_protocol::text::printable;
-use std::sync::mpsc;
 
 /// Most hits that are listed.
 const MAX_SHOWN: usize = 12;
@@ -19,13 +18,11 @@ type SearchAnswer = Result<Option<Vec<SearchHit>>, String>;
 /// The box and its hits.
 pub(super) struct SearchPanel {
     pub(super) is_open: bool,
-    objects: SharedLookup,
+    worker: ObjectWorker<SearchAnswer>,
     text: String,
     /// The text of `answer`, or of the search that runs.
     searched: String,
     answer: SearchAnswer,
-    answers: (mpsc::SyncSender<SearchAnswer>, mpsc::Receiver<SearchAnswer>),
-    is_busy: bool,
     /// Whether the box was open at the last frame.
     was_open: bool,
 }
@@ -35,28 +32,26 @@ impl SearchPanel {
     pub(super) fn new(objects: SharedLookup) -> Self {
         Self {
             is_open: false,
-            objects,
+            worker: ObjectWorker::new(objects),
             text: String::new(),
             searched: String::new(),
             answer: Ok(Some(Vec::new())),
-            answers: mpsc::sync_channel(1),
-            is_busy: false,
             was_open: false,
         }
     }
 
     /// Whether hits are on their way.
     pub(super) fn is_waiting(&self) -> bool {
-        self.is_busy
+        self.worker.is_busy()
     }
 
     /// Takes in hits that have arrived, and searches what was typed since.
     pub(super) fn poll(&mut self) {
-        if let Ok(answer) = self.answers.1.try_recv() {
-            (self.answer, self.is_busy) = (answer, false);
+        if let Some(answer) = self.worker.take() {
+            self.answer = answer;
         }
         let text = self.text.trim();
-        if self.is_busy || text == self.searched {
+        if self.worker.is_busy() || text == self.searched {
             return;
         }
         self.searched = text.to_owned();
@@ -64,14 +59,10 @@ impl SearchPanel {
             self.answer = Ok(Some(Vec::new()));
             return;
         }
-        let (objects, sender, text) = (self.objects.clone(), self.answers.0.clone(), text.to_owned());
-        let spawned = std::thread::Builder::new().name("insula-search".into()).spawn(move || {
-            // The window may be closed meanwhile.
-            sender.send(objects.read(|objects| objects.search(&text, MAX_SHOWN))).ok();
-        });
-        match spawned {
-            Ok(_) => self.is_busy = true,
-            Err(error) => self.answer = Err(format!("no thread for the search: {error}: close other programs")),
+        let text = text.to_owned();
+        let search = move |objects: &SharedLookup| objects.read(|objects| objects.search(&text, MAX_SHOWN));
+        if let Err(reason) = self.worker.start(search) {
+            self.answer = Err(reason);
         }
     }
 
@@ -85,7 +76,7 @@ impl SearchPanel {
         }
         let is_entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
         match &self.answer {
-            Ok(Some(hits)) if hits.is_empty() && !self.is_busy && !self.searched.is_empty() => {
+            Ok(Some(hits)) if hits.is_empty() && !self.worker.is_busy() && !self.searched.is_empty() => {
                 ui.label("nothing found");
                 None
             }

@@ -1,8 +1,8 @@
 //! The panel of colours and filters: how objects are drawn by their attributes.
 //!
-//! Styles are made on a thread of their own, one at a time, from blocks of objects that stay in memory. No tile is fetched again.
+//! Styles are made from blocks of objects that stay in memory. No tile is fetched again.
 
-use super::object_source::SharedLookup;
+use super::object_source::{ObjectWorker, SharedLookup};
 use crate::objects::{ObjectLookup, ObjectStyleArgs, StyledObjects};
 use egui::{Color32, RichText, Sense, Ui, vec2};
 use insula_objects::{
@@ -11,7 +11,6 @@ use insula_objects::{
 };
 use insula_protocol::text::printable;
 use insula_viewer::objects::ObjectStyles;
-use std::sync::mpsc;
 
 /// What the user wants to see.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -39,8 +38,8 @@ enum StyleAnswer {
 
 /// Colours, filter and legend.
 pub(super) struct StylePanel {
-    pub(super) is_open: bool,
-    objects: SharedLookup,
+    is_open: bool,
+    worker: ObjectWorker<StyleAnswer>,
     /// Names of attributes and whether their values are dates; `None` until they are asked for.
     attributes: Option<Vec<(String, bool)>>,
     wanted: WantedStyle,
@@ -54,8 +53,6 @@ pub(super) struct StylePanel {
     /// Number of objects that pass the filter.
     passing: usize,
     error: Option<String>,
-    answers: (mpsc::SyncSender<StyleAnswer>, mpsc::Receiver<StyleAnswer>),
-    is_busy: bool,
     /// Number of changes of the styles.
     generation: u64,
 }
@@ -65,7 +62,7 @@ impl StylePanel {
     pub(super) fn new(objects: SharedLookup) -> Self {
         Self {
             is_open: false,
-            objects,
+            worker: ObjectWorker::new(objects),
             attributes: None,
             wanted: WantedStyle::default(),
             requested: WantedStyle::default(),
@@ -74,10 +71,14 @@ impl StylePanel {
             legend: None,
             passing: 0,
             error: None,
-            answers: mpsc::sync_channel(1),
-            is_busy: false,
             generation: 0,
         }
+    }
+
+    /// Shows or hides the controls. What failed is tried again.
+    pub(super) fn toggle(&mut self) {
+        self.is_open = !self.is_open;
+        self.error = None;
     }
 
     /// Whether there is something to show.
@@ -87,7 +88,7 @@ impl StylePanel {
 
     /// Whether styles or attributes are on their way.
     pub(super) fn is_waiting(&self) -> bool {
-        self.is_busy
+        self.worker.is_busy()
     }
 
     /// Number of changes of the styles.
@@ -100,24 +101,20 @@ impl StylePanel {
         self.legend.as_ref()
     }
 
-    /// Starts what is wanted, and takes in what has arrived. Returns styles to draw from now on.
+    /// Takes in the answer of the thread, and starts a thread if the wanted style has changed. Returns new styles.
     pub(super) fn poll(&mut self) -> Option<ObjectStyles> {
         let mut styles = None;
-        while let Ok(answer) = self.answers.1.try_recv() {
-            self.is_busy = false;
+        if let Some(answer) = self.worker.take() {
             match answer {
                 StyleAnswer::Attributes(Ok(names)) => self.attributes = Some(names),
                 StyleAnswer::Styles(Ok(styled)) => styles = Some(self.take_styles(styled)),
-                StyleAnswer::Attributes(Err(reason)) => {
-                    (self.attributes, self.error) = (Some(Vec::new()), Some(reason));
-                }
-                StyleAnswer::Styles(Err(reason)) => self.error = Some(reason),
+                StyleAnswer::Attributes(Err(reason)) | StyleAnswer::Styles(Err(reason)) => self.error = Some(reason),
             }
         }
-        if self.is_open && !self.is_busy {
-            if self.attributes.is_none() {
+        if self.is_open && !self.worker.is_busy() {
+            if self.attributes.is_none() && self.error.is_none() {
                 self.start(|objects| StyleAnswer::Attributes(objects.read(|objects| Ok(attributes(objects)))));
-            } else if self.wanted != self.requested {
+            } else if self.attributes.is_some() && self.wanted != self.requested {
                 self.requested = self.wanted.clone();
                 self.error = None;
                 let args = self.arguments();
@@ -139,14 +136,8 @@ impl StylePanel {
     }
 
     fn start(&mut self, work: impl FnOnce(&SharedLookup) -> StyleAnswer + Send + 'static) {
-        let (objects, sender) = (self.objects.clone(), self.answers.0.clone());
-        let spawned = std::thread::Builder::new().name("insula-styles".into()).spawn(move || {
-            // The window may be closed meanwhile.
-            sender.send(work(&objects)).ok();
-        });
-        match spawned {
-            Ok(_) => self.is_busy = true,
-            Err(error) => self.error = Some(format!("no thread for the styles: {error}: close other programs")),
+        if let Err(reason) = self.worker.start(work) {
+            self.error = Some(reason);
         }
     }
 
@@ -197,7 +188,7 @@ impl StylePanel {
                 ui.radio_value(&mut self.wanted.hides_others, true, "hidden");
             });
         }
-        if self.is_busy {
+        if self.worker.is_busy() {
             ui.spinner();
         }
         if let Some(error) = &self.error {
@@ -334,7 +325,7 @@ mod tests {
     fn a_failure_is_shown_with_its_reason_and_ends_the_wait() {
         let mut panel = panel();
         assert!(panel.poll().is_none() && !panel.is_waiting());
-        panel.is_open = true;
+        panel.toggle();
         panel.poll();
         while panel.is_waiting() {
             panel.poll();

@@ -1,6 +1,6 @@
 //! Values of attributes and their types, and calendar dates as day numbers.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 
 /// Maximum bytes of a text.
@@ -70,6 +70,19 @@ impl Value {
             Self::Float(value) => ValueRef::Float(*value),
             Self::Bool(value) => ValueRef::Bool(*value),
             Self::Date(days) => ValueRef::Date(*days),
+        }
+    }
+}
+
+/// As JSON and the like have it. Dates are texts `YYYY-MM-DD`.
+impl Serialize for Value {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Text(text) => serializer.serialize_str(text),
+            Self::Integer(value) => serializer.serialize_i64(*value),
+            Self::Float(value) => serializer.serialize_f64(*value),
+            Self::Bool(value) => serializer.serialize_bool(*value),
+            Self::Date(_) => serializer.collect_str(self),
         }
     }
 }

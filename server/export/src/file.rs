@@ -13,7 +13,7 @@ use crate::{
 };
 use std::path::Path;
 
-/// Writes the selected part of a city as a file. Nothing is at `out` if it fails, or what was there before.
+/// Writes the selected part of a city as a file. If it fails, `out` is unchanged: the file is renamed when it is complete.
 ///
 /// Tables have one row for each selected object, with its number, identifiers, kind, footprint, heights, area and attributes. The
 /// footprint of an object includes its parts. Memory holds the objects around one place at a time.

@@ -11,7 +11,7 @@ use crate::{
 use insula_objects::{AttributeInfo, FeatureKind, ObjectRecord, Schema, Value};
 use insula_protocol::text::printable;
 use serde::Serialize;
-use serde_json::{Map, Number, json};
+use serde_json::{Map, json};
 use std::fmt::Write;
 
 /// An object as JSON.
@@ -60,21 +60,10 @@ pub(crate) fn describe(
     let parent = record.parent.map(|parent| objects.identifier(parent)).transpose()?.flatten();
     let named = |(attribute, value): (u32, Value)| {
         let info = objects.schema().attributes.get(attribute as usize)?;
-        Some((info.name.clone(), to_json(value)))
+        Some((info.name.clone(), json!(value)))
     };
     let attributes = record.attributes.into_iter().filter_map(named).collect();
     Ok(ObjectReport { id, identifier: record.identifier, parent, kind: record.kind, attributes })
-}
-
-/// A value as JSON; dates are texts.
-pub(crate) fn to_json(value: Value) -> serde_json::Value {
-    match value {
-        Value::Text(text) => text.into(),
-        Value::Integer(value) => value.into(),
-        Value::Float(value) => Number::from_f64(value).map_or(serde_json::Value::Null, Into::into),
-        Value::Bool(value) => value.into(),
-        date @ Value::Date(_) => date.to_string().into(),
-    }
 }
 
 fn pretty(value: &serde_json::Value) -> Result<String, CommandError> {

@@ -17,10 +17,9 @@ use axum::{
     http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header},
     response::Response,
 };
-use insula_objects::search::{MAX_QUERY_CHARS, SearchHit};
+use insula_objects::search::MAX_QUERY_CHARS;
 use insula_protocol::route::{Route, RouteTemplate};
 use percent_encoding::percent_decode_str;
-use serde::Serialize;
 use std::{sync::Arc, time::Duration};
 use tokio::{sync::Semaphore, task::spawn_blocking, time::timeout};
 
@@ -46,19 +45,6 @@ struct SearchRequest {
     limit: usize,
 }
 
-#[derive(Debug, Serialize)]
-struct SearchHitJson {
-    text: String,
-    object: u32,
-    typos: u8,
-}
-
-impl From<SearchHit> for SearchHitJson {
-    fn from(SearchHit { text, object, typos }: SearchHit) -> Self {
-        Self { text, object, typos }
-    }
-}
-
 /// `/v1/cities/{city}/{version}/search`. Fails with 400 for an invalid `q` or `limit`, 401 without a required token, 404 for an unknown
 /// city or version, without an index, or with a share link for a part of the city; 500 if the index is damaged, 503 if it cannot be
 /// read.
@@ -75,7 +61,7 @@ pub(super) async fn search(
         }
         _ => return Err(unknown_name(&state, &uri, &headers)),
     };
-    // A hit outside of the area would tell what is there.
+    // Hits are not limited to the area of the link, so such a link opens no search.
     if !city.has_search() || matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
         return Err(NO_INDEX);
     }
@@ -86,7 +72,6 @@ pub(super) async fn search(
         Some(Err(error)) => return Err(report_failure(&state, &city, &error)),
         None => return Err(Problem::unavailable("too many searches at once: retry in a second")),
     };
-    let hits: Vec<SearchHitJson> = hits.into_iter().map(Into::into).collect();
     let body = serde_json::to_vec(&hits).unwrap_or_default();
     let representation = Representation {
         etag: etag_of(&body),

@@ -6,25 +6,10 @@ use insula_archive::limits::max_tile_bytes;
 use insula_objects::search::SearchHit;
 use insula_protocol::{DecodeError, Manifest, TileKind, route};
 use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
-use serde::Deserialize;
 use std::sync::Arc;
 
 /// Largest response of a search.
 const MAX_HITS_BYTES: usize = 1 << 20;
-
-/// A hit as the server sends it.
-#[derive(Deserialize)]
-struct HitJson {
-    text: String,
-    object: u32,
-    typos: u8,
-}
-
-impl From<HitJson> for SearchHit {
-    fn from(HitJson { text, object, typos }: HitJson) -> Self {
-        Self { text, object, typos }
-    }
-}
 
 /// One version of a city on a server.
 #[derive(Debug)]
@@ -65,9 +50,10 @@ impl TileSource for ServerSource {
                 Err(FetchError::Missing) => return Ok(None),
                 response => response?,
             };
-            let hits: Vec<HitJson> = serde_json::from_slice(&bytes)
+            let mut hits: Vec<SearchHit> = serde_json::from_slice(&bytes)
                 .map_err(|_| FetchError::Damaged(DecodeError::Invalid("the hits of the search are not JSON")))?;
-            Ok(Some(hits.into_iter().map(SearchHit::from).take(limit).collect()))
+            hits.truncate(limit);
+            Ok(Some(hits))
         })
     }
 

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::ops::Range;
 
+use serde::{Deserialize, Serialize};
+
 use super::candidates::Candidates;
 use super::fold::{fold, weak_string};
 use super::layout::Layout;
@@ -12,7 +14,7 @@ use super::words::{self, Words};
 use super::{MAX_HITS, SearchError};
 
 /// A text that a query found.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SearchHit {
     /// The text as it was added, at most [`MAX_TEXT_BYTES`](super::MAX_TEXT_BYTES) bytes. From untrusted bytes it may be any text.
     pub text: String,

@@ -1,7 +1,7 @@
 //! Search of objects by their texts: names, addresses, identifiers.
 //!
-//! The bake writes one string of bytes with [`SearchIndexBuilder`]. The server maps it into memory, and a viewer downloads it
-//! in one piece; both read it with [`SearchIndex`].
+//! The bake writes one string of bytes with [`SearchIndexBuilder`]. The server and a viewer read it into
+//! memory in one piece, at the first search, and open it with [`SearchIndex`].
 //!
 //! # What is found
 //!

@@ -7,10 +7,11 @@ use crate::table::{
     ExportError,
     city::{City, Plan},
     gather::LeafPositions,
+    open_objects::OpenObjects,
     walk::{EndNode, visit_end_nodes},
 };
 use insula_protocol::mesh_tile::NO_OBJECT;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
 
 /// A family of more triangles is left out, because a feature is one line of text that readers keep in memory.
 const MAX_TRIANGLES: usize = 1 << 20;
@@ -35,23 +36,23 @@ type Emit<'a> = &'a mut dyn FnMut(Family) -> Result<(), ExportError>;
 /// selected. Fails if tiles cannot be read, and with the error of `emit`.
 pub(super) fn visit_families(city: &City<'_>, plan: &Plan, emit: Emit<'_>) -> Result<(), ExportError> {
     let Some(area) = plan.area else { return Ok(()) };
-    let mut gather = Gather { city, plan, open: HashMap::new(), closing: BTreeSet::new() };
+    let mut gather = Gather { city, plan, open: OpenObjects::default() };
     visit_end_nodes(city.source, area, &mut |node| {
         gather.add(node)?;
         let done = city.order.last(node.id);
-        gather.close(|last| last <= done, emit)
+        gather.close(done, emit)
     })?;
-    gather.close(|_| true, emit)
+    gather.close(u64::MAX, emit)
 }
 
 struct Gather<'a> {
     city: &'a City<'a>,
     plan: &'a Plan,
-    open: HashMap<u32, Open>,
-    closing: BTreeSet<(u64, u32)>,
+    open: OpenObjects<OpenFamily>,
 }
 
-struct Open {
+/// A family of which leaves are still to come.
+struct OpenFamily {
     family: Family,
     triangles: usize,
 }
@@ -96,26 +97,21 @@ impl Gather<'_> {
         Ok((is_selected || is_parent()).then(|| ancestors.last().copied().unwrap_or(object)))
     }
 
-    fn open(&mut self, root: u32) -> Result<&mut Open, ExportError> {
-        if !self.open.contains_key(&root) {
-            self.closing.insert((self.plan.last_leaf(self.city, root)?, root));
-        }
-        let family = Family { root, members: Some(BTreeMap::new()) };
-        Ok(self.open.entry(root).or_insert(Open { family, triangles: 0 }))
+    fn open(&mut self, root: u32) -> Result<&mut OpenFamily, ExportError> {
+        let new = || OpenFamily { family: Family { root, members: Some(BTreeMap::new()) }, triangles: 0 };
+        self.open.get(self.city, self.plan, root, new)
     }
 
-    fn close(&mut self, is_done: impl Fn(u64) -> bool, emit: Emit<'_>) -> Result<(), ExportError> {
-        while let Some((_, root)) = self.closing.first().copied().filter(|(last, _)| is_done(*last)) {
-            self.closing.pop_first();
-            if let Some(open) = self.open.remove(&root) {
-                emit(open.family)?;
-            }
+    /// Emits the families whose last leaf is at `position` or before it.
+    fn close(&mut self, position: u64, emit: Emit<'_>) -> Result<(), ExportError> {
+        while let Some((_, open)) = self.open.pop(position) {
+            emit(open.family)?;
         }
         Ok(())
     }
 }
 
-impl Open {
+impl OpenFamily {
     fn add(&mut self, object: u32, triangle: [Point; 3], tolerance_m: f64) {
         self.triangles += 1;
         if self.triangles > MAX_TRIANGLES {

@@ -19,7 +19,6 @@ use insula_objects::{FeatureKind, ObjectRecord};
 use roaring::RoaringBitmap;
 use serde_json::{Map, Value, json};
 use std::{
-    borrow::Cow,
     collections::BTreeMap,
     fs::File,
     io::{BufWriter, Write},
@@ -168,7 +167,7 @@ impl Lines<'_> {
         let mut attributes = Map::new();
         for (index, value) in &record.attributes {
             if let Some(attribute) = schema.attributes.get(*index as usize) {
-                attributes.insert(attribute.name.clone(), crate::table::geojson::to_json(Cow::Borrowed(value)));
+                attributes.insert(attribute.name.clone(), json!(value));
             }
         }
         if !attributes.is_empty() {

@@ -58,7 +58,7 @@ impl<'a> ObjectReader<'a> {
 enum Choice {
     /// All of it, or nothing.
     Whole(bool),
-    /// What lies in the area, as for land.
+    /// Triangles and columns in the selected area, as for land.
     ByPlace,
 }
 

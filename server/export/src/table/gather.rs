@@ -7,11 +7,12 @@ use super::{
     ExportError,
     city::{City, Plan},
     columns::ColumnView,
+    open_objects::OpenObjects,
     outline::{Outline, area_m2},
     walk::{EndNode, visit_end_nodes},
 };
 use insula_protocol::{MeshTile, TileId, mesh_tile::NO_OBJECT};
-use std::collections::{BTreeSet, HashMap, hash_map::Entry};
+use std::collections::{HashMap, hash_map::Entry};
 
 /// Positions this close to a leaf's border are on it, in steps of the mesh's grid: triangles are cut there.
 const BORDER_STEPS: f64 = 1.5;
@@ -35,25 +36,23 @@ type Emit<'a> = &'a mut dyn FnMut(u32, Footprint) -> Result<(), ExportError>;
 /// with the error of `emit`.
 pub(crate) fn visit_footprints(city: &City<'_>, plan: &Plan, emit: Emit<'_>) -> Result<(), ExportError> {
     let Some(area) = plan.area else { return Ok(()) };
-    let mut gather = Gather { city, plan, open: HashMap::new(), closing: BTreeSet::new() };
+    let mut gather = Gather { city, plan, open: OpenObjects::default() };
     visit_end_nodes(city.source, area, &mut |node| {
         gather.add(node)?;
         let done = city.order.last(node.id);
-        gather.close(|last| last <= done, emit)
+        gather.close(done, emit)
     })?;
-    gather.close(|_| true, emit)
+    gather.close(u64::MAX, emit)
 }
 
 struct Gather<'a> {
     city: &'a City<'a>,
     plan: &'a Plan,
-    open: HashMap<u32, Open>,
-    /// Positions of the last leaf of the open objects.
-    closing: BTreeSet<(u64, u32)>,
+    open: OpenObjects<OpenFootprint>,
 }
 
-/// An object of which leaves are still to come.
-struct Open {
+/// The footprint of an object of which leaves are still to come.
+struct OpenFootprint {
     outline: Outline,
     z_m: [f64; 2],
     tolerance_m: f64,
@@ -102,29 +101,24 @@ impl Gather<'_> {
         Ok(())
     }
 
-    fn open(&mut self, object: u32) -> Result<&mut Open, ExportError> {
-        if !self.open.contains_key(&object) {
-            self.closing.insert((self.plan.last_leaf(self.city, object)?, object));
-        }
-        Ok(self.open.entry(object).or_insert_with(|| Open {
+    fn open(&mut self, object: u32) -> Result<&mut OpenFootprint, ExportError> {
+        self.open.get(self.city, self.plan, object, || OpenFootprint {
             outline: Outline::default(),
             z_m: [f64::INFINITY, f64::NEG_INFINITY],
             tolerance_m: TOLERANCE_M,
-        }))
+        })
     }
 
-    fn close(&mut self, is_done: impl Fn(u64) -> bool, emit: Emit<'_>) -> Result<(), ExportError> {
-        while let Some((_, object)) = self.closing.first().copied().filter(|(last, _)| is_done(*last)) {
-            self.closing.pop_first();
-            if let Some(open) = self.open.remove(&object) {
-                emit(object, open.finish(self.city))?;
-            }
+    /// Emits the objects whose last leaf is at `position` or before it.
+    fn close(&mut self, position: u64, emit: Emit<'_>) -> Result<(), ExportError> {
+        while let Some((object, open)) = self.open.pop(position) {
+            emit(object, open.finish(self.city))?;
         }
         Ok(())
     }
 }
 
-impl Open {
+impl OpenFootprint {
     fn add_height(&mut self, z: f64) {
         self.z_m = [self.z_m[0].min(z), self.z_m[1].max(z)];
     }

@@ -6,10 +6,8 @@ use super::{
     ExportError, Projections, RecordWriter, TableSetup,
     record::{Field, Record},
 };
-use insula_objects::Value;
 use serde_json::json;
 use std::{
-    borrow::Cow,
     fs::File,
     io::{BufWriter, Write},
     path::PathBuf,
@@ -71,7 +69,7 @@ impl RecordWriter for Writer<'_> {
         let mut separator = "";
         for (field, value) in self.fields.iter().zip(record.values(self.fields)) {
             if let Some(value) = value {
-                line += &format!("{separator}{}:{}", json!(field.name), to_json(value));
+                line += &format!("{separator}{}:{}", json!(field.name), json!(value));
                 separator = ",";
             }
         }
@@ -85,16 +83,5 @@ impl RecordWriter for Writer<'_> {
         self.put("\n]}\n")?;
         let path = self.path;
         self.out.into_inner().map_err(|error| ExportError::write(&path)(error.into_error()))
-    }
-}
-
-/// Dates become texts `YYYY-MM-DD`.
-pub(crate) fn to_json(value: Cow<'_, Value>) -> serde_json::Value {
-    match value.into_owned() {
-        Value::Text(text) => json!(text),
-        Value::Integer(value) => json!(value),
-        Value::Float(value) => json!(value),
-        Value::Bool(value) => json!(value),
-        date @ Value::Date(_) => json!(date.to_string()),
     }
 }

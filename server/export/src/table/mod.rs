@@ -5,6 +5,7 @@
 //! | `report`, `output` | what was done and why it failed; files that appear whole or not at all |
 //! | `city` | blocks of objects through a cache; what is selected |
 //! | `grid`, `walk` | whole coordinates on the map; end nodes along a Hilbert curve |
+//! | `open_objects` | the objects around one place of that curve |
 //! | `gather`, `columns` | the footprint of each object from meshes, or from columns where there are none |
 //! | `outline`, `tidy` | union of triangles, without slivers |
 //! | `record` | the columns of the tables |
@@ -18,6 +19,7 @@ pub(crate) mod gather;
 pub(crate) mod geojson;
 mod geoparquet;
 pub(crate) mod grid;
+pub(crate) mod open_objects;
 mod outline;
 pub(crate) mod output;
 mod projjson;

@@ -19,8 +19,8 @@ const QUARTERS: u16 = 4;
 /// How far the boxes of a node may lie from its columns, in cells: tops move by up to 3/8, and walls stand on borders of cells.
 pub(crate) const ERROR_CELLS: f64 = 0.5;
 
-/// The boxes of a node. `feature` gives the row of an object in the property table; `None` leaves out what is not selected: it gets
-/// the object and the column.
+/// The boxes of a node. `feature` gets an object and its column, and gives the object's row in the property table; `None` leaves the
+/// object out, because it is not selected.
 pub(crate) fn boxes(
     mut map: BlockMap,
     feature: &mut dyn FnMut(u32, usize) -> Result<Option<u32>, SourceError>,
