@@ -4,15 +4,16 @@
 exports.py FILE... [--min-area M2] [--json]
 
 FILEs are exports of the same city and selection by `insula-server export`: `.csv`, `.geojson`, `.parquet`, `.fgb`, `.jsonl`
-(CityJSON text sequence) and `.tif`, at least one of them a table. Needs Python with numpy, shapely, pyarrow, geopandas, pyogrio,
-pyproj and rasterio; checks of a file whose reader is missing are left out, and said so. With cjio, CityJSON is also read by it.
+(CityJSON text sequence), `.glb` and `.tif`, at least one of them a table. Needs Python with numpy, shapely, pyarrow, geopandas, pyogrio,
+pyproj, rasterio and trimesh; checks of a file whose reader is missing are left out, and said so. With cjio, CityJSON is also read by it.
 
 Checks, of each object by its number:
 - all tables have the same objects (FlatGeobuf: those with a footprint), values and areas;
 - footprints are valid, outer rings are counter-clockwise, and their area is `area_m2`;
 - GeoJSON, projected to the system that GeoParquet names, has the same areas within 0.1%;
 - CityJSON: vertices and links exist, parts have parents, roofs are not above `roof_z_m`;
-- GeoTIFF: inside a footprint, no height exceeds the object's `roof_z_m` by more than a cell.
+- GeoTIFF: inside a footprint, no height exceeds the object's `roof_z_m` by more than a cell;
+- GLB: it is as high as the objects from the lowest `ground_z_m` to the highest `roof_z_m`, within 0.5 m.
 
 Prints a line for each file and each difference (at most 20 a file). Exits with 1 if there is a difference.
 """
@@ -227,6 +228,17 @@ def check_geotiff(report, path, table, min_area):
         report.notes.append(f"{name}: copyright {text!r}")
 
 
+def check_glb(report, path, table):
+    scene, name = module("trimesh").load(path), path.name
+    triangles = sum(len(geometry.faces) for geometry in scene.geometry.values())
+    low, high = scene.bounds
+    rows = [row for row in table.values() if row["geometry"] is not None]
+    height = max(float(row["roof_z_m"]) for row in rows) - min(float(row["ground_z_m"]) for row in rows)
+    # y is up.
+    report.check(abs(high[1] - low[1] - height) < 0.5, name, f"{high[1] - low[1]:.2f} m high, the objects {height:.2f} m")
+    report.notes.append(f"{name}: {triangles} triangles, {high[1] - low[1]:.2f} m high")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", type=pathlib.Path)
@@ -252,6 +264,8 @@ def main():
             check_cityjson(report, path, world)
         elif path.suffix == ".tif" and module("rasterio"):
             check_geotiff(report, path, world, options.min_area)
+        elif path.suffix == ".glb" and module("trimesh"):
+            check_glb(report, path, world)
     if options.json:
         print(json.dumps({"notes": report.notes, "differences": report.failures}, indent=1, ensure_ascii=False))
     else:
