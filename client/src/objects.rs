@@ -4,20 +4,12 @@ use crate::{
     error::{ClientError, Result},
     stream::fetch::Http,
 };
-use insula_objects::{
-    ObjectBlock, ObjectBounds, ObjectRecord, Schema, Value,
-    color::{ColorBy, Legend},
-    filter::Filter,
-    search::SearchHit,
-};
-use insula_protocol::object_tile::block_of_object;
+use insula_objects::{Schema, search::SearchHit};
 use insula_viewer::{
-    objects::{CityObjects, FilteredOut, ObjectQuery, ObjectStyles, StyleBuilder},
+    objects::{CityObjects, FilteredOut, ObjectDescription, RulesError, StyleRules, StyledObjects},
     source::TileSource,
     streamer::FetchError,
 };
-use serde::Serialize;
-use serde_json::{Map, json};
 use std::sync::Arc;
 
 /// The objects of a city, fetched while the caller waits.
@@ -25,28 +17,6 @@ use std::sync::Arc;
 pub struct ObjectLookup {
     http: Arc<Http>,
     objects: CityObjects,
-    /// World coordinates of the city's origin, in metres.
-    origin: [f64; 3],
-}
-
-/// An object as JSON.
-#[derive(Debug, Serialize)]
-pub struct ObjectJson {
-    pub id: u32,
-    pub identifier: String,
-    /// Identifier of its parent.
-    pub parent: Option<String>,
-    pub kind: &'static str,
-    pub attributes: Map<String, serde_json::Value>,
-    /// World coordinates of the middle of its box, in metres; that of its parts' if it has no shape.
-    #[serde(skip)]
-    pub centre: Option<[f64; 3]>,
-    /// Parts of an object without a shape.
-    #[serde(skip)]
-    pub parts: Vec<u32>,
-    /// Pixels of a picture that show it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pixels: Option<u64>,
 }
 
 /// What is asked of the objects on the command line.
@@ -79,41 +49,36 @@ impl ObjectStyleArgs {
     pub fn is_empty(&self) -> bool {
         self.color_by.is_none() && self.filter.is_none()
     }
-}
 
-/// Styles, and what explains them.
-#[derive(Debug)]
-pub struct StyledObjects {
-    pub styles: ObjectStyles,
-    pub legend: Option<Legend>,
-    /// Number of objects that pass the filter.
-    pub passing: usize,
+    /// What is asked.
+    pub fn rules(&self) -> StyleRules {
+        StyleRules {
+            attribute: self.color_by.clone().unwrap_or_default(),
+            palette: String::new(),
+            range: <[f64; 2]>::try_from(self.range.as_slice()).ok(),
+            filter: self.filter.clone().unwrap_or_default(),
+            filtered_out: match self.others.as_str() {
+                "hide" => FilteredOut::Hide,
+                "keep" => FilteredOut::Keep,
+                _ => FilteredOut::Ghost,
+            },
+            up_to: None,
+        }
+    }
 }
 
 impl ObjectLookup {
     /// Fetches the schema. Fails if the city has no objects, or if they cannot be fetched.
     pub fn open(http: &Arc<Http>, source: Arc<dyn TileSource>, origin: [f64; 3]) -> Result<Self> {
         let place = source.location().to_owned();
-        let opened = http.block_on(CityObjects::open(source)).map_err(|error| fetch_error(&place, &error))?;
+        let opened = http.block_on(CityObjects::open(source, origin)).map_err(|error| fetch_error(&place, &error))?;
         let missing = || ClientError::Failed(format!("{place}: the city has no objects: bake it again"));
-        Ok(Self { http: Arc::clone(http), objects: opened.ok_or_else(missing)?, origin })
+        Ok(Self { http: Arc::clone(http), objects: opened.ok_or_else(missing)? })
     }
 
     /// The attributes of all objects.
     pub fn schema(&self) -> &Schema {
         self.objects.schema()
-    }
-
-    /// A block; `None` if none of its numbers is in use.
-    fn block(&self, block: u32) -> Result<Option<Arc<ObjectBlock>>> {
-        let found = self.http.block_on(self.objects.block(block));
-        found.map_err(|error| fetch_error(&format!("objects/{block}"), &error))
-    }
-
-    /// An object; `None` if there is none of this number. Fails if its block cannot be fetched.
-    pub fn object(&self, id: u32) -> Result<Option<ObjectRecord>> {
-        let found = self.http.block_on(self.objects.object(id));
-        found.map_err(|error| fetch_error(&format!("object {id}"), &error))
     }
 
     /// The objects whose texts match `query`, the best first, at most `limit`; `None` if the city has no search. Fails if it cannot be
@@ -122,99 +87,24 @@ impl ObjectLookup {
         self.http.block_on(self.objects.search(query, limit)).map_err(|error| fetch_error("search", &error))
     }
 
-    /// An object with the names of its attributes. Fails as [`Self::object`] does.
-    pub fn describe(&self, id: u32) -> Result<Option<ObjectJson>> {
-        let Some(record) = self.object(id)? else { return Ok(None) };
-        let parent = match record.parent {
-            Some(parent) => self.object(parent)?.map(|parent| parent.identifier),
-            None => None,
-        };
-        let named = |(attribute, value): (u32, Value)| {
-            let info = self.schema().attributes.get(attribute as usize)?;
-            Some((info.name.clone(), json!(value)))
-        };
-        let attributes = record.attributes.into_iter().filter_map(named).collect();
-        let (identifier, kind) = (record.identifier, record.kind.name());
-        let (parts, bounds) = match record.bounds {
-            Some(bounds) => (Vec::new(), Some(bounds)),
-            None => self.parts(id)?,
-        };
-        let centre = bounds.map(|ObjectBounds { min, max }| {
-            std::array::from_fn(|axis| self.origin[axis] + (f64::from(min[axis]) + f64::from(max[axis])) / 20.0)
-        });
-        Ok(Some(ObjectJson { id, identifier, parent, kind, attributes, centre, parts, pixels: None }))
+    /// An object with the names of its attributes. Fails if it cannot be fetched.
+    pub fn describe(&self, id: u32) -> Result<Option<ObjectDescription>> {
+        let found = self.http.block_on(self.objects.describe(id));
+        found.map_err(|error| fetch_error(&format!("object {id}"), &error))
     }
 
-    /// The parts of an object, and their common box. A parent without a shape is next to its first part, so only its block and
-    /// those beside it are searched.
-    fn parts(&self, id: u32) -> Result<(Vec<u32>, Option<ObjectBounds>)> {
-        let (mut parts, mut all) = (Vec::new(), None);
-        let first = block_of_object(id);
-        for block in first.saturating_sub(1)..self.objects.block_count().min(first + 2) {
-            let Some(block) = self.block(block)? else { continue };
-            for &part in block.ids().iter().filter(|part| block.parent(**part) == Some(id)) {
-                parts.push(part);
-                all = match (all, block.bounds(part)) {
-                    (Some(all), Some(bounds)) => Some(union(all, bounds)),
-                    (all, bounds) => all.or(bounds),
-                };
-            }
-        }
-        Ok((parts, all))
-    }
-
-    /// The same, with the attributes of its parent where it has none of its own. Fails as [`Self::object`] does.
-    pub fn describe_with_parent(&self, id: u32) -> Result<Option<ObjectJson>> {
-        let Some(mut object) = self.describe(id)? else { return Ok(None) };
-        let parent = self.object(id)?.and_then(|record| record.parent);
-        if let Some(parent) = parent.map(|parent| self.describe(parent)).transpose()?.flatten() {
-            for (name, value) in parent.attributes {
-                object.attributes.entry(name).or_insert(value);
-            }
-        }
-        Ok(Some(object))
+    /// The same, with the attributes of its parent where it has none of its own. Fails as [`Self::describe`] does.
+    pub fn describe_with_parent(&self, id: u32) -> Result<Option<ObjectDescription>> {
+        let found = self.http.block_on(self.objects.describe_with_parent(id));
+        found.map_err(|error| fetch_error(&format!("object {id}"), &error))
     }
 
     /// How all objects are drawn. Fetches all blocks. Fails if an expression is invalid, or if a block cannot be fetched.
-    pub fn styles(&self, args: &ObjectStyleArgs) -> Result<StyledObjects> {
-        let usage = |what: String| ClientError::Usage(what);
-        let color = match &args.color_by {
-            Some(text) => {
-                Some(ColorBy::parse(text, self.schema()).map_err(|e| usage(format!("--color-by {text}: {e}")))?)
-            }
-            None => None,
-        };
-        let color = match (color, args.range.as_slice()) {
-            (Some(color), &[low, high]) => Some(color.with_range([low, high])),
-            (color, _) => color,
-        };
-        let filter = match &args.filter {
-            Some(text) => Some(Filter::parse(text, self.schema()).map_err(|e| usage(format!("--filter {text}: {e}")))?),
-            None => None,
-        };
-        let filtered_out = match args.others.as_str() {
-            "hide" => FilteredOut::Hide,
-            "keep" => FilteredOut::Keep,
-            _ => FilteredOut::Ghost,
-        };
-        let legend = color.as_ref().map(ColorBy::legend);
-        let query = ObjectQuery { color, filter, filtered_out };
-        let mut builder = StyleBuilder::default();
-        for block in 0..self.objects.block_count() {
-            if let Some(block) = self.block(block)? {
-                builder.add(&block, &query);
-            }
-        }
-        let (styles, passing) = builder.finish(&query);
-        Ok(StyledObjects { styles, legend, passing })
-    }
-}
-
-fn union(a: ObjectBounds, b: ObjectBounds) -> ObjectBounds {
-    let [min, max] = [[a.min, b.min], [a.max, b.max]];
-    ObjectBounds {
-        min: std::array::from_fn(|axis| min[0][axis].min(min[1][axis])),
-        max: std::array::from_fn(|axis| max[0][axis].max(max[1][axis])),
+    pub fn styles(&self, rules: &StyleRules) -> Result<StyledObjects> {
+        self.http.block_on(self.objects.styles(rules)).map_err(|error| match error {
+            RulesError::Fetch(error) => fetch_error("objects", &error),
+            invalid => ClientError::Usage(invalid.to_string()),
+        })
     }
 }
 
@@ -226,7 +116,7 @@ fn fetch_error(what: &str, error: &FetchError) -> ClientError {
 mod tests {
     use super::*;
     use bytes::Bytes;
-    use insula_objects::{FeatureKind, block, schema::SchemaBuilder};
+    use insula_objects::{FeatureKind, ObjectBounds, ObjectRecord, Value, block, schema::SchemaBuilder};
     use insula_protocol::object_tile::{self, SCHEMA_ID, block_id};
     use insula_viewer::{scene::TileKey, source::PendingTile};
 

@@ -380,6 +380,11 @@ impl Session {
         self.downloads().retry_at().map(|at| self.started + at)
     }
 
+    /// When a tile that was damaged repeatedly may be requested once more.
+    pub fn recheck_at(&self) -> Option<Instant> {
+        self.downloads().recheck_at().map(|at| self.started + at)
+    }
+
     /// URL for view links; empty if the city has none.
     pub fn address(&self) -> &str {
         &self.address

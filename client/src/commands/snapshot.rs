@@ -6,7 +6,7 @@ use crate::{
     camera_files::read_camera,
     error::{ClientError, Result},
     image_files::{write_objects, write_pfm, write_radiance},
-    objects::{ObjectJson, ObjectLookup},
+    objects::ObjectLookup,
     report::RunReport,
     ui::view_link::ViewLink,
 };
@@ -15,7 +15,8 @@ use insula_protocol::{
     text::{human_bytes, printable},
 };
 use insula_shaders::layout::Shading;
-use insula_viewer::{streamer::FrameRequest, sun::Daylight};
+use insula_viewer::{objects::ObjectDescription, streamer::FrameRequest, sun::Daylight};
+use serde::Serialize;
 use std::{
     cmp::Reverse,
     collections::BTreeMap,
@@ -36,7 +37,7 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     let objects = if args.needs_objects() { Some(session.open_objects()?) } else { None };
     let mut legend = None;
     if let Some(objects) = objects.as_ref().filter(|_| !args.styles.is_empty()) {
-        let styled = objects.styles(&args.styles)?;
+        let styled = objects.styles(&args.styles.rules())?;
         if args.styles.filter.is_some() {
             eprintln!("{} objects pass the filter", styled.passing);
         }
@@ -73,6 +74,15 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     Ok(())
 }
 
+/// An object of a picture.
+#[derive(Serialize)]
+struct ShownObject {
+    #[serde(flatten)]
+    object: ObjectDescription,
+    /// Pixels that show it.
+    pixels: u64,
+}
+
 /// Writes what is known of the objects that a picture shows, those with the most pixels first.
 fn write_object_list(path: &Path, objects: &ObjectLookup, ids: &[u32]) -> Result<()> {
     let mut pixels = BTreeMap::<u32, u64>::new();
@@ -82,7 +92,7 @@ fn write_object_list(path: &Path, objects: &ObjectLookup, ids: &[u32]) -> Result
     let mut list = Vec::with_capacity(shown.len());
     for (id, pixels) in shown {
         if let Some(object) = objects.describe(id)? {
-            list.push(ObjectJson { pixels: Some(pixels), ..object });
+            list.push(ShownObject { object, pixels });
         }
     }
     let json = serde_json::to_string_pretty(&list).map_err(|error| ClientError::Failed(error.to_string()))?;

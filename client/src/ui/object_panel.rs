@@ -4,9 +4,9 @@ use super::{
     bookmarks::ViewAction,
     object_source::{ObjectWorker, SharedLookup},
 };
-use crate::objects::ObjectJson;
 use egui::{Color32, RichText, Ui};
 use insula_protocol::text::printable;
+use insula_viewer::objects::ObjectDescription;
 use std::collections::BTreeSet;
 
 /// Most objects whose attributes are shown.
@@ -21,7 +21,7 @@ const MAX_HEIGHT_SHARE: f32 = 0.45;
 /// What was found of an object, or why nothing was.
 struct FoundObject {
     id: u32,
-    result: std::result::Result<Option<ObjectJson>, String>,
+    result: std::result::Result<Option<ObjectDescription>, String>,
 }
 
 /// The selection and its panel.
@@ -175,14 +175,14 @@ impl ObjectPanel {
     }
 
     fn json(&self) -> String {
-        let known: Vec<&ObjectJson> =
+        let known: Vec<&ObjectDescription> =
             self.found.iter().filter_map(|found| found.result.as_ref().ok()?.as_ref()).collect();
         serde_json::to_string_pretty(&known).unwrap_or_default()
     }
 }
 
 /// One object. Only attributes whose name or value contains `needle` are shown.
-fn show_object(ui: &mut Ui, object: &ObjectJson, needle: &str) -> Option<ViewAction> {
+fn show_object(ui: &mut Ui, object: &ObjectDescription, needle: &str) -> Option<ViewAction> {
     let mut action = None;
     ui.horizontal(|ui| {
         ui.label(RichText::new(printable(&object.identifier)).strong());

@@ -3,36 +3,15 @@
 //! Styles are made from blocks of objects that stay in memory. No tile is fetched again.
 
 use super::object_source::{ObjectWorker, SharedLookup};
-use crate::objects::{ObjectLookup, ObjectStyleArgs, StyledObjects};
 use egui::{Color32, RichText, Sense, Ui, vec2};
-use insula_objects::{
-    color::{ColorBy, Legend, Ramp},
-    value::{Value, ValueType},
-};
+use insula_objects::color::{ColorBy, Legend, Ramp};
 use insula_protocol::text::printable;
-use insula_viewer::objects::ObjectStyles;
-
-/// What the user wants to see.
-#[derive(Debug, Clone, PartialEq, Default)]
-struct WantedStyle {
-    /// Empty: objects have their own colours.
-    attribute: String,
-    /// Empty: the default of the attribute.
-    palette: String,
-    /// Values of the ends of the palette, if they are not those of the city.
-    range: Option<[f64; 2]>,
-    /// Empty: all objects pass.
-    filter: String,
-    /// Whether objects that do not pass are hidden rather than pale.
-    hides_others: bool,
-    /// Objects with larger values of the attribute are hidden.
-    up_to: Option<f64>,
-}
+use insula_viewer::objects::{FilteredOut, ObjectStyles, StyleRules, StyledObjects};
 
 /// What a thread has found.
 enum StyleAnswer {
-    /// Names of attributes and whether their values are dates.
-    Attributes(Result<Vec<(String, bool)>, String>),
+    /// Names of attributes.
+    Attributes(Result<Vec<String>, String>),
     Styles(Result<StyledObjects, String>),
 }
 
@@ -40,11 +19,11 @@ enum StyleAnswer {
 pub(super) struct StylePanel {
     is_open: bool,
     worker: ObjectWorker<StyleAnswer>,
-    /// Names of attributes and whether their values are dates; `None` until they are asked for.
-    attributes: Option<Vec<(String, bool)>>,
-    wanted: WantedStyle,
+    /// Names of attributes; `None` until they are asked for.
+    attributes: Option<Vec<String>>,
+    wanted: StyleRules,
     /// What is drawn or being made.
-    requested: WantedStyle,
+    requested: StyleRules,
     /// Text of the filter while it is typed.
     typed_filter: String,
     /// Smallest and largest value of the attribute.
@@ -64,8 +43,8 @@ impl StylePanel {
             is_open: false,
             worker: ObjectWorker::new(objects),
             attributes: None,
-            wanted: WantedStyle::default(),
-            requested: WantedStyle::default(),
+            wanted: StyleRules::default(),
+            requested: StyleRules::default(),
             typed_filter: String::new(),
             full_range: None,
             legend: None,
@@ -113,12 +92,14 @@ impl StylePanel {
         }
         if self.is_open && !self.worker.is_busy() {
             if self.attributes.is_none() && self.error.is_none() {
-                self.start(|objects| StyleAnswer::Attributes(objects.read(|objects| Ok(attributes(objects)))));
+                self.start(|objects| {
+                    StyleAnswer::Attributes(objects.read(|objects| Ok(objects.schema().names_to_color_by())))
+                });
             } else if self.attributes.is_some() && self.wanted != self.requested {
                 self.requested = self.wanted.clone();
                 self.error = None;
-                let args = self.arguments();
-                self.start(move |objects| StyleAnswer::Styles(objects.read(|objects| objects.styles(&args))));
+                let rules = self.requested.clone();
+                self.start(move |objects| StyleAnswer::Styles(objects.read(|objects| objects.styles(&rules))));
             }
         }
         styles
@@ -139,25 +120,6 @@ impl StylePanel {
         if let Err(reason) = self.worker.start(work) {
             self.error = Some(reason);
         }
-    }
-
-    /// The options of a command line for what is requested.
-    fn arguments(&self) -> ObjectStyleArgs {
-        let WantedStyle { attribute, palette, range, filter, hides_others, up_to } = &self.requested;
-        let is_date = self.attributes.iter().flatten().any(|(name, is_date)| name == attribute && *is_date);
-        let limit = up_to.map(|value| format!("{} <= {}", quoted(attribute), literal(value, is_date)));
-        let filter = match (filter.is_empty(), limit) {
-            (true, limit) => limit,
-            (false, None) => Some(filter.clone()),
-            (false, Some(limit)) => Some(format!("({filter}) && {limit}")),
-        };
-        let color_by = match (attribute.is_empty(), palette.is_empty()) {
-            (true, _) => None,
-            (false, true) => Some(attribute.clone()),
-            (false, false) => Some(format!("{attribute}:{palette}")),
-        };
-        let others = if *hides_others || up_to.is_some() { "hide" } else { "ghost" };
-        ObjectStyleArgs { color_by, range: range.map(Vec::from).unwrap_or_default(), filter, others: others.to_owned() }
     }
 
     /// Lays the panel out.
@@ -184,8 +146,8 @@ impl StylePanel {
         if !self.requested.filter.is_empty() {
             ui.horizontal(|ui| {
                 ui.label(format!("{} objects pass; others are", self.passing));
-                ui.radio_value(&mut self.wanted.hides_others, false, "pale");
-                ui.radio_value(&mut self.wanted.hides_others, true, "hidden");
+                ui.radio_value(&mut self.wanted.filtered_out, FilteredOut::Ghost, "pale");
+                ui.radio_value(&mut self.wanted.filtered_out, FilteredOut::Hide, "hidden");
             });
         }
         if self.worker.is_busy() {
@@ -197,7 +159,7 @@ impl StylePanel {
     }
 
     fn show_color(&mut self, ui: &mut Ui) {
-        let names = self.attributes.iter().flatten().map(|(name, _)| name.as_str());
+        let names = self.attributes.iter().flatten().map(String::as_str);
         let before = self.wanted.attribute.clone();
         ui.horizontal(|ui| {
             ui.label("Colour by");
@@ -237,20 +199,6 @@ impl StylePanel {
     }
 }
 
-/// The attributes of a city and those that all cities have, and whether their values are dates.
-fn attributes(objects: &ObjectLookup) -> Vec<(String, bool)> {
-    let schema = &objects.schema().attributes;
-    let mut names: Vec<(String, bool)> =
-        schema.iter().map(|info| (info.name.clone(), info.value_type == ValueType::Date)).collect();
-    for name in ["height", "kind"] {
-        if schema.iter().all(|info| info.name != name) {
-            names.push((name.to_owned(), false));
-        }
-    }
-    names.sort();
-    names
-}
-
 /// A list to choose from. The first entry, `none`, is an empty text.
 fn choose<'a>(ui: &mut Ui, id: &str, none: &str, names: impl Iterator<Item = &'a str>, chosen: &mut String) {
     let label = if chosen.is_empty() { none.to_owned() } else { printable(chosen).into_owned() };
@@ -260,17 +208,6 @@ fn choose<'a>(ui: &mut Ui, id: &str, none: &str, names: impl Iterator<Item = &'a
             ui.selectable_value(chosen, name.to_owned(), printable(name));
         }
     });
-}
-
-/// A name as filters have it.
-fn quoted(name: &str) -> String {
-    format!("`{}`", name.replace('\\', "\\\\").replace('`', "\\`"))
-}
-
-/// A value as filters have it. Dates are days since 1970-01-01.
-fn literal(value: f64, is_date: bool) -> String {
-    // The cast saturates.
-    if is_date { Value::Date(value.round() as i32).to_string() } else { value.to_string() }
 }
 
 fn show_legend(ui: &mut Ui, legend: &Legend) {
@@ -302,23 +239,6 @@ mod tests {
 
     fn panel() -> StylePanel {
         StylePanel::new(SharedLookup::new(Box::new(|| Err(ClientError::Failed("no objects here".into())))))
-    }
-
-    #[test]
-    fn a_limit_and_a_filter_become_one_expression() {
-        let mut panel = panel();
-        panel.attributes = Some(vec![("a `b`".to_owned(), true), ("year".to_owned(), false)]);
-        panel.requested = WantedStyle { attribute: "year".into(), up_to: Some(1900.0), ..WantedStyle::default() };
-        let args = panel.arguments();
-        assert_eq!((args.filter.as_deref(), args.others.as_str()), (Some("`year` <= 1900"), "hide"));
-        panel.requested.filter = "height > 3 || kind == 'bridge'".into();
-        panel.requested.attribute = "a `b`".into();
-        panel.requested.palette = "magma".into();
-        let args = panel.arguments();
-        assert_eq!(args.filter.as_deref(), Some("(height > 3 || kind == 'bridge') && `a \\`b\\`` <= 1975-03-16"));
-        assert_eq!(args.color_by.as_deref(), Some("a `b`:magma"));
-        panel.requested = WantedStyle::default();
-        assert!(panel.arguments().is_empty());
     }
 
     #[test]

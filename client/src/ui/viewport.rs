@@ -470,7 +470,9 @@ impl Viewport {
         let recording_at = (recorder.is_some() || is_waiting).then(|| now + POLL_INTERVAL);
         let message_at = display.message.as_ref().map(|message| message.until);
         let readout_at = readout.due_at(&control.camera(), now);
-        self.wake_at = [repaint_at, progress_at, recording_at, message_at, readout_at].into_iter().flatten().min();
+        let recheck_at = session.recheck_at().map(|at| at.max(now + POLL_INTERVAL));
+        let due = [repaint_at, progress_at, recording_at, message_at, readout_at, recheck_at];
+        self.wake_at = due.into_iter().flatten().min();
         if self.may_prefetch() { ControlFlow::WaitUntil(now) } else { wait_until(self.wake_at) }
     }
 

@@ -109,6 +109,21 @@ impl CityPage {
         Ok(())
     }
 
+    /// Waits until the camera has come to rest after an input: on a slow machine, frames lag behind.
+    pub fn wait_until_still(&self, number: usize) -> Result<()> {
+        let begin = Instant::now();
+        let mut before = self.camera(number)?;
+        loop {
+            std::thread::sleep(Duration::from_secs(1));
+            let camera = self.camera(number)?;
+            if camera == before {
+                return Ok(());
+            }
+            ensure!(begin.elapsed() < READY, "the camera does not come to rest");
+            before = camera;
+        }
+    }
+
     /// Restarts an element with other attributes, and waits for its first picture.
     pub fn restart_with(&self, number: usize, attributes: &[(&str, &str)]) -> Result<()> {
         let element = Self::element(number);

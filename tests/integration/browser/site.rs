@@ -111,6 +111,7 @@ pub(super) fn damaged_bytes_are_fetched_again() -> Result<()> {
         std::thread::sleep(Duration::from_millis(300));
     }
     host.faults.lying_percent.store(0, Relaxed);
+    page.wait_until_still(0)?;
     let clean = Browser::launch(BrowserOptions::default())?;
     let url = format!("{}/site/cities/chiba/#camera={}", host.url(), page.camera(0)?);
     let fresh = CityPage::open(&clean, &url)?;

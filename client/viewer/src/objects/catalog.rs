@@ -19,22 +19,30 @@ const KEPT_BLOCKS: NonZeroUsize = NonZeroUsize::new(256).unwrap();
 pub struct CityObjects {
     source: Arc<dyn TileSource>,
     schema: Schema,
+    /// World coordinates of the city's origin, in metres.
+    origin: [f64; 3],
     blocks: Mutex<LruCache<u32, Option<Arc<ObjectBlock>>>>,
 }
 
 impl CityObjects {
-    /// Fetches the schema. `None` if the city has no objects. Fails if it cannot be fetched or is damaged.
-    pub async fn open(source: Arc<dyn TileSource>) -> Result<Option<Self>, FetchError> {
+    /// Fetches the schema of the city whose origin has the world coordinates `origin`. `None` if the city has no objects. Fails if
+    /// it cannot be fetched or is damaged.
+    pub async fn open(source: Arc<dyn TileSource>, origin: [f64; 3]) -> Result<Option<Self>, FetchError> {
         let Some(content) = fetch(&*source, TileKey::objects(SCHEMA_ID)).await? else { return Ok(None) };
         let schema: Schema = serde_json::from_slice(&content)
             .map_err(|_| FetchError::Damaged(DecodeError::Invalid("the schema of the objects is not JSON")))?;
         schema.check().map_err(FetchError::Damaged)?;
-        Ok(Some(Self { source, schema, blocks: Mutex::new(LruCache::new(KEPT_BLOCKS)) }))
+        Ok(Some(Self { source, schema, origin, blocks: Mutex::new(LruCache::new(KEPT_BLOCKS)) }))
     }
 
     /// The attributes of all objects.
     pub fn schema(&self) -> &Schema {
         &self.schema
+    }
+
+    /// World coordinates of the city's origin, in metres.
+    pub(super) fn origin(&self) -> [f64; 3] {
+        self.origin
     }
 
     /// Number of blocks.

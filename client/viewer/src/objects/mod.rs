@@ -2,8 +2,12 @@
 
 mod catalog;
 mod coloring;
+mod description;
+mod style_rules;
 mod styles;
 
 pub use catalog::CityObjects;
 pub use coloring::{FilteredOut, ObjectQuery, StyleBuilder};
+pub use description::ObjectDescription;
+pub use style_rules::{RulesError, StyleRules, StyledObjects};
 pub use styles::ObjectStyles;

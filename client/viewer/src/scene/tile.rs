@@ -12,7 +12,9 @@
 //!     |                 |  has passed)   |                         |
 //!     |                 +----------------|-------------------------+
 //!     |                                  | Refuse, third Damage
-//!     |                                  +------------------> Bad   (final: its parent is drawn)
+//!     |                                  +------------------> Bad   (its parent is drawn)
+//!     |   Recheck                                              |
+//!     +--------------------------------------------------------+
 //! ```
 
 use std::time::Duration;
@@ -44,7 +46,7 @@ pub enum TileState {
         attempts: u8,
         retry_at: Duration,
     },
-    /// Given up: the tile does not exist, or was damaged repeatedly.
+    /// Given up: the tile does not exist, or was damaged repeatedly. Only a recheck ends this.
     Bad,
 }
 
@@ -77,6 +79,8 @@ pub enum TileEvent {
     },
     /// The server has no such tile.
     Refuse,
+    /// A bad tile may be requested once more: the damage may have been that of a cache on the way.
+    Recheck,
 }
 
 /// A tile's state, and its failures so far.
@@ -118,10 +122,11 @@ impl TileRecord {
             (S::Queued | S::Loading | S::Decoded | S::Resident, TileEvent::Drop) => S::Unknown,
             (S::Loading, TileEvent::Fail { now, retry_after, jitter }) => self.record_failure(now, retry_after, jitter),
             (S::Loading, TileEvent::Damage { now, jitter }) => {
-                self.damaged += 1;
+                self.damaged = self.damaged.saturating_add(1);
                 if self.damaged >= DAMAGE_LIMIT { S::Bad } else { self.record_failure(now, None, jitter) }
             }
             (S::Loading, TileEvent::Refuse) => S::Bad,
+            (S::Bad, TileEvent::Recheck) => S::Unknown,
             _ => return false,
         };
         self.state = next;
@@ -179,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn third_damage_is_final_and_retry_after_is_obeyed() {
+    fn third_damage_ends_requests_and_retry_after_is_obeyed() {
         let mut now = Duration::from_secs(100);
         let mut tile = TileRecord::default();
         for time in 1..=DAMAGE_LIMIT {
@@ -190,6 +195,12 @@ mod tests {
             now += MAX_RETRY_DELAY;
         }
         assert!(!tile.apply(TileEvent::Want { now }));
+        // After a recheck, one more damaged response is enough.
+        for event in [TileEvent::Recheck, TileEvent::Want { now }, TileEvent::Start] {
+            assert!(tile.apply(event), "{event:?}");
+        }
+        tile.apply(TileEvent::Damage { now, jitter: 0.3 });
+        assert!(tile.is_bad());
         let mut tile = TileRecord::default();
         tile.apply(TileEvent::Want { now });
         tile.apply(TileEvent::Start);

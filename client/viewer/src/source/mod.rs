@@ -7,6 +7,7 @@
 //! the shell's, behind [`Transport`].
 
 pub mod archive;
+pub mod searchable;
 pub mod server;
 pub mod web_folder;
 

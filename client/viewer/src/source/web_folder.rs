@@ -1,11 +1,16 @@
 //! A baked city's folder on any host that answers ranges: a web server, a bucket, a CDN.
 
 use super::{
-    RangeResponse, Transport,
+    RangeResponse, TileSource, Transport,
     archive::{ArchivedCity, to_read_error},
+    searchable::{SearchableCity, open_index},
 };
+use crate::streamer::FetchError;
 use bytes::Bytes;
-use insula_archive::{RangeRead, RangeSource, ReadError};
+use insula_archive::{
+    RangeRead, RangeSource, ReadError,
+    city::{MAX_SEARCH_BYTES, SEARCH_FILE},
+};
 use std::{
     ops::Range,
     sync::{Arc, OnceLock},
@@ -21,9 +26,19 @@ struct WebArchive {
 }
 
 /// The city at `base`, an address without a slash at its end.
-pub fn open(base: &str, http: &Arc<dyn Transport>) -> ArchivedCity {
-    ArchivedCity::new(base.to_owned(), |kind| {
+pub fn open(base: &str, http: &Arc<dyn Transport>) -> impl TileSource + 'static {
+    let archives = ArchivedCity::new(base.to_owned(), |kind| {
         Arc::new(WebArchive { url: format!("{base}/{}", kind.file_name()), http: http.clone(), first: Arc::default() })
+    });
+    let (url, http) = (format!("{base}/{SEARCH_FILE}"), http.clone());
+    SearchableCity::new(archives, move || {
+        let (url, http) = (url.clone(), http.clone());
+        Box::pin(async move {
+            match http.get(url, MAX_SEARCH_BYTES as usize).await {
+                Err(FetchError::Missing) => Ok(None),
+                response => open_index(response?).map(Some),
+            }
+        })
     })
 }
 

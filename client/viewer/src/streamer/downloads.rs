@@ -10,7 +10,10 @@ use crate::{
     select::priority::TileRequest,
 };
 use insula_protocol::DecodeError;
-use std::{collections::HashMap, time::Duration};
+use std::{
+    collections::{HashMap, VecDeque},
+    time::Duration,
+};
 
 /// Why a tile could not be fetched.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -42,6 +45,9 @@ pub enum FetchError {
     #[error("{0}")]
     Unusable(String),
 }
+
+/// Pause before a tile that was damaged repeatedly is requested once more. A proxy's bad copy often lives no longer.
+const RECHECK_PAUSE: Duration = Duration::from_secs(20);
 
 impl FetchError {
     /// Whether only this tile is at fault: the source itself responds.
@@ -111,6 +117,8 @@ pub struct Downloads<F> {
     last_error: String,
     /// Why this source will never serve the city.
     fatal: Option<String>,
+    /// Tiles that were damaged repeatedly, and when each is requested once more.
+    rechecks: VecDeque<(Duration, TileKey)>,
 }
 
 impl<F: TileFetcher> Downloads<F> {
@@ -125,6 +133,7 @@ impl<F: TileFetcher> Downloads<F> {
             last_success: Duration::ZERO,
             last_error: String::new(),
             fatal: None,
+            rechecks: VecDeque::new(),
         }
     }
 
@@ -187,7 +196,25 @@ impl<F: TileFetcher> Downloads<F> {
             self.fatal = Some(why.clone());
         }
         self.last_error = error.to_string();
-        tree.apply(key, error.event(now, jitter));
+        let event = error.event(now, jitter);
+        tree.apply(key, event);
+        let is_given_up = tree.tile(key).is_some_and(|tile| tile.is_bad());
+        if matches!(event, TileEvent::Damage { .. }) && is_given_up {
+            self.rechecks.push_back((now + RECHECK_PAUSE, key));
+        }
+    }
+
+    /// Allows one more request for each tile that was given up [`RECHECK_PAUSE`] ago because it was damaged.
+    pub(super) fn recheck_damaged(&mut self, tree: &mut SceneTree, now: Duration) {
+        while let Some((_, key)) = self.rechecks.front().copied().filter(|(due, _)| *due <= now) {
+            self.rechecks.pop_front();
+            tree.apply(key, TileEvent::Recheck);
+        }
+    }
+
+    /// When the next tile that was given up may be requested once more.
+    pub fn recheck_at(&self) -> Option<Duration> {
+        self.rechecks.front().map(|(due, _)| *due)
     }
 
     /// The fetcher.
@@ -234,5 +261,69 @@ impl<F: TileFetcher> Downloads<F> {
     /// When the next retry may start, while the source does not respond.
     pub fn retry_at(&self) -> Option<Duration> {
         self.queue.backoff.retry_at()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        scene::TileState,
+        select::tests::{request, tree},
+    };
+    use insula_protocol::TileId;
+
+    /// Answers every request with a damaged tile.
+    #[derive(Default)]
+    struct Damaging(Vec<(TileKey, u64)>);
+
+    impl TileFetcher for Damaging {
+        fn start(&mut self, key: TileKey, ticket: u64) {
+            self.0.push((key, ticket));
+        }
+
+        fn cancel(&mut self, _: TileKey) {}
+
+        fn poll(&mut self) -> Option<FetchOutcome> {
+            let (key, ticket) = self.0.pop()?;
+            Some(FetchOutcome {
+                key,
+                ticket,
+                is_local: false,
+                duration: Duration::ZERO,
+                result: Err(FetchError::Broken),
+            })
+        }
+
+        fn is_local(&self, _: TileKey) -> bool {
+            false
+        }
+
+        fn jitter(&mut self) -> f64 {
+            0.5
+        }
+    }
+
+    #[test]
+    fn damaged_tiles_are_requested_again_after_a_pause() {
+        let (mut tree, mut downloads) = (tree(), Downloads::new(Damaging::default(), 4));
+        let wanted = [request(TileKey::block_map(TileId::ROOT.child(1).unwrap()))];
+        let mut now = Duration::from_secs(100);
+        let mut started = 0;
+        while !tree.tile(wanted[0].key).unwrap().is_bad() {
+            started += downloads.request(&mut tree, &wanted, now);
+            assert!(downloads.poll(&mut tree, now).is_none());
+            now += Duration::from_secs(1);
+        }
+        assert!((2..10).contains(&started), "{started} requests");
+        assert_eq!(downloads.request(&mut tree, &wanted, now), 0);
+        let due = downloads.recheck_at().unwrap();
+        downloads.recheck_damaged(&mut tree, due - Duration::from_millis(1));
+        assert_eq!(downloads.request(&mut tree, &wanted, due), 0, "too early");
+        downloads.recheck_damaged(&mut tree, due);
+        assert_eq!((downloads.request(&mut tree, &wanted, due), downloads.recheck_at()), (1, None));
+        assert!(downloads.poll(&mut tree, due).is_none());
+        assert_eq!(tree.tile(wanted[0].key).unwrap().state(), TileState::Bad);
+        assert_eq!(downloads.recheck_at(), Some(due + RECHECK_PAUSE));
     }
 }

@@ -52,6 +52,7 @@ impl TileStore {
 
     /// Takes in what has arrived: merges subtrees into the tree, and queues other tiles for their upload.
     pub(super) fn receive<F: TileFetcher>(&mut self, downloads: &mut Downloads<F>, now: Duration) -> Received {
+        downloads.recheck_damaged(&mut self.tree, now);
         let last_serial = self.tree.last_serial();
         let mut has_tiles = false;
         while self.uploads.has_room()

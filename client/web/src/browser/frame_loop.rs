@@ -305,11 +305,17 @@ impl CityViewer {
         if self.picture_px.is_some() {
             return if is_settled { None } else { Some(POLL) };
         }
-        let Some(final_at) = self.pacer.final_frame_at() else { return Some(REST) };
+        let Some(final_at) = self.pacer.final_frame_at() else { return Some(self.rest()) };
         if !is_settled {
             return Some(POLL);
         }
         Some(final_at.saturating_duration_since(now)).filter(|wait| !wait.is_zero())
+    }
+
+    /// How long a complete view needs no step: until a tile that was damaged repeatedly may be requested once more.
+    fn rest(&self) -> Duration {
+        let recheck_at = self.streamer.downloads().recheck_at();
+        recheck_at.map_or(REST, |at| at.saturating_sub(self.elapsed()).max(POLL))
     }
 
     /// The detail of the next frame, and whether it is the picture that was asked for: that has all rays, and is drawn when the

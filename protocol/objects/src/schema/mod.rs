@@ -70,6 +70,19 @@ impl Schema {
         self.attributes.iter().position(|attribute| attribute.name == name)
     }
 
+    /// Names by which objects can be coloured: of all attributes, and `height` and `kind`, which all cities have. Sorted.
+    #[must_use]
+    pub fn names_to_color_by(&self) -> Vec<String> {
+        let mut names: Vec<String> = self.attributes.iter().map(|info| info.name.clone()).collect();
+        for name in ["height", "kind"] {
+            if self.index_of(name).is_none() {
+                names.push(name.to_owned());
+            }
+        }
+        names.sort();
+        names
+    }
+
     /// The value in the type of attribute `attribute`. Numbers become floats in a column of floats, anything becomes a text in a
     /// column of texts. A value that the type cannot hold is returned as it is; it occurs only if the schema was not built from
     /// the same values.
