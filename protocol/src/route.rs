@@ -17,6 +17,9 @@ const OPENAPI: &str = "/v1/openapi.json";
 const HEALTH: &str = "/healthz";
 const READINESS: &str = "/readyz";
 const METRICS: &str = "/metrics";
+/// What precedes the files of a tileset in the format 3D Tiles.
+const TILESETS: &str = "/3dtiles/";
+const TILESET_FILE: &str = "tileset.json";
 /// Stands for a block's number in the address of the objects' schema.
 const SCHEMA: &str = "schema";
 /// Prefix of the pages of cities.
@@ -65,6 +68,37 @@ pub enum Route<'a> {
         /// The city's version ([`crate::Manifest::version`]).
         version: &'a str,
     },
+    /// The root of a city's tileset in the format 3D Tiles.
+    Tileset {
+        city: &'a str,
+    },
+    /// A file of such a tileset.
+    TilesetFile {
+        city: &'a str,
+        /// The city's version ([`crate::Manifest::version`]).
+        version: &'a str,
+        kind: TilesetFileKind,
+        id: TileId,
+    },
+}
+
+/// A kind of file of a tileset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum TilesetFileKind {
+    /// Which tiles exist, `subtrees/{level}/{x}/{y}.subtree`.
+    Subtree,
+    /// The surfaces of a node, `content/{level}/{x}/{y}.glb`.
+    Content,
+}
+
+impl TilesetFileKind {
+    /// Folder and extension of its files.
+    const fn names(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Subtree => ("subtrees", ".subtree"),
+            Self::Content => ("content", ".glb"),
+        }
+    }
 }
 
 /// The address of a tile.
@@ -118,6 +152,9 @@ impl<'a> Route<'a> {
             return if is_asset { Ok(Self::Asset { hash, file }) } else { Err(RouteError::Unknown) };
         }
         let rest = below(path, CITIES).ok_or(RouteError::Unknown)?;
+        if let Some((city, file)) = rest.split_once(TILESETS) {
+            return parse_tileset(city, file);
+        }
         if let Some(search) = parse_search(rest) {
             return search;
         }
@@ -148,6 +185,8 @@ impl<'a> Route<'a> {
             Self::ServiceWorker => RouteTemplate::ServiceWorker,
             Self::Tile(tile) => RouteTemplate::of_tile(tile.kind),
             Self::Search { .. } => RouteTemplate::Search,
+            Self::Tileset { .. } => RouteTemplate::Tileset,
+            Self::TilesetFile { .. } => RouteTemplate::TilesetFile,
         }
     }
 }
@@ -167,6 +206,11 @@ impl fmt::Display for Route<'_> {
             Self::Asset { hash, file } => write!(f, "{ASSETS}/{hash}/{file}"),
             Self::ServiceWorker => f.write_str(SERVICE_WORKER),
             Self::Search { city, version } => write!(f, "{CITIES}/{city}/{version}/{SEARCH}"),
+            Self::Tileset { city } => write!(f, "{CITIES}/{city}{TILESETS}{TILESET_FILE}"),
+            Self::TilesetFile { city, version, kind, id } => {
+                let (folder, extension) = kind.names();
+                write!(f, "{CITIES}/{city}{TILESETS}{version}/{folder}/{id}{extension}")
+            }
             Self::Tile(TileRoute { city, version, kind, id, lod }) => {
                 write!(f, "{CITIES}/{city}/{version}/{}/", kind.path_segment())?;
                 if *kind == TileKind::Objects {
@@ -208,6 +252,33 @@ fn parse_search(rest: &str) -> Option<Result<Route<'_>, RouteError>> {
     Some(if is_valid { Ok(Route::Search { city, version }) } else { Err(RouteError::InvalidName) })
 }
 
+/// Parses `tileset.json`, and `{version}/{kind}/{level}/{x}/{y}` with the extension of the kind.
+fn parse_tileset<'a>(city: &'a str, file: &'a str) -> Result<Route<'a>, RouteError> {
+    if city.contains('/') {
+        return Err(RouteError::Unknown);
+    }
+    if file == TILESET_FILE {
+        return if is_name(city) { Ok(Route::Tileset { city }) } else { Err(RouteError::InvalidName) };
+    }
+    let mut segments = file.split('/');
+    let mut segment = || segments.next().ok_or(RouteError::Unknown);
+    let (version, folder, level, x, y) = (segment()?, segment()?, segment()?, segment()?, segment()?);
+    let of_folder = |kind: &TilesetFileKind| kind.names().0 == folder;
+    let kind = [TilesetFileKind::Subtree, TilesetFileKind::Content].into_iter().find(of_folder);
+    let y = kind.and_then(|kind| y.strip_suffix(kind.names().1));
+    let (Some(kind), Some(y), None) = (kind, y, segments.next()) else { return Err(RouteError::Unknown) };
+    let id = parse_node(level, x, y).ok_or(RouteError::InvalidTile)?;
+    if !is_name(city) || !is_name(version) {
+        return Err(RouteError::InvalidName);
+    }
+    Ok(Route::TilesetFile { city, version, kind, id })
+}
+
+/// Parses the numbers of a node.
+fn parse_node(level: &str, x: &str, y: &str) -> Option<TileId> {
+    TileId::new(u8::try_from(parse_number(level)?).ok()?, parse_number(x)?, parse_number(y)?)
+}
+
 /// Whether a file of the browser viewer can have this name: 1 to 64 of `a-z`, `0-9`, `.`, `_` and `-`, not beginning with a dot.
 pub fn is_asset_name(name: &str) -> bool {
     let is_allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"._-".contains(&byte);
@@ -229,8 +300,7 @@ fn parse_tile(rest: &str) -> Result<TileRoute<'_>, RouteError> {
     if segments.next().is_some() {
         return Err(RouteError::Unknown);
     }
-    let id = parse_number(level).and_then(|level| u8::try_from(level).ok()).zip(parse_number(x)).zip(parse_number(y));
-    let id = id.and_then(|((level, x), y)| TileId::new(level, x, y)).ok_or(RouteError::InvalidTile)?;
+    let id = parse_node(level, x, y).ok_or(RouteError::InvalidTile)?;
     let lod = parse_number(lod).and_then(|lod| u8::try_from(lod).ok()).filter(|lod| *lod < mesh_tile::MAX_LODS);
     let lod = lod.ok_or(RouteError::InvalidTile)?;
     if !is_name(city) || !is_name(version) {
@@ -263,6 +333,8 @@ pub enum RouteTemplate {
     Meshes,
     Objects,
     Search,
+    Tileset,
+    TilesetFile,
     Manifest,
     Cities,
     Index,
@@ -280,12 +352,14 @@ pub enum RouteTemplate {
 
 impl RouteTemplate {
     /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 19] = [
         Self::Subtrees,
         Self::BlockMaps,
         Self::Meshes,
         Self::Objects,
         Self::Search,
+        Self::Tileset,
+        Self::TilesetFile,
         Self::Manifest,
         Self::Cities,
         Self::Index,
@@ -306,6 +380,8 @@ impl RouteTemplate {
         let mut segments = path.strip_prefix('/').unwrap_or(path).splitn(6, '/');
         let mut segment = || segments.next();
         match (segment(), segment(), segment(), segment(), segment()) {
+            (Some("v1"), Some("cities"), Some(_), Some("3dtiles"), Some(TILESET_FILE)) => Self::Tileset,
+            (Some("v1"), Some("cities"), Some(_), Some("3dtiles"), Some(_)) => Self::TilesetFile,
             (Some("v1"), Some("cities"), Some(_), Some(_), Some(SEARCH)) => Self::Search,
             (Some("v1"), Some("cities"), Some(_), Some(_), Some(kind)) => {
                 TileKind::from_path_segment(kind).map_or(Self::Other, Self::of_tile)
@@ -342,6 +418,8 @@ impl RouteTemplate {
             Self::Meshes => "meshes",
             Self::Objects => "objects",
             Self::Search => SEARCH,
+            Self::Tileset => "tileset",
+            Self::TilesetFile => "tileset-files",
             Self::Manifest => "manifest",
             Self::Cities => "cities",
             Self::Index => "index",
@@ -365,6 +443,8 @@ impl RouteTemplate {
             Self::Meshes => "/v1/cities/{city}/{version}/meshes/{level}/{x}/{y}/{lod}",
             Self::Objects => "/v1/cities/{city}/{version}/objects/{block}",
             Self::Search => "/v1/cities/{city}/{version}/search",
+            Self::Tileset => "/v1/cities/{city}/3dtiles/tileset.json",
+            Self::TilesetFile => "/v1/cities/{city}/3dtiles/{version}/{kind}/{level}/{x}/{y}",
             Self::Manifest => "/v1/cities/{city}",
             Self::Cities => CITIES,
             Self::Index => "/",
@@ -404,6 +484,11 @@ pub fn schema(city: &str, version: &str) -> String {
 /// The path of the search of a city's objects, without its query.
 pub fn search(city: &str, version: &str) -> String {
     Route::Search { city, version }.path()
+}
+
+/// The path of the root of a city's tileset in the format 3D Tiles.
+pub fn tileset(city: &str) -> String {
+    Route::Tileset { city }.path()
 }
 
 /// The path of a city's page.

@@ -155,9 +155,10 @@ impl ShareScope {
     /// Whether the link opens addresses of this kind.
     pub fn admits_route(&self, route: RouteTemplate) -> bool {
         use RouteTemplate::{
-            BlockMaps, Cities, CityPage, Index, Manifest, Meshes, Objects, Search, Subtrees, Thumbnail,
+            BlockMaps, Cities, CityPage, Index, Manifest, Meshes, Objects, Search, Subtrees, Thumbnail, Tileset,
+            TilesetFile,
         };
-        let is_tile = matches!(route, Subtrees | BlockMaps | Meshes | Objects);
+        let is_tile = matches!(route, Subtrees | BlockMaps | Meshes | Objects | Tileset | TilesetFile);
         let is_read = is_tile || matches!(route, Search | Index | Cities | CityPage | Thumbnail | Manifest);
         !self.is_read_only || is_read
     }

@@ -106,13 +106,9 @@ impl CityView {
     /// Draws a frame of one pixel at shares of the window's width and height.
     fn draw_pixel(&mut self, [x, y]: [f64; 2], request: &FrameRequest, shading: Shading) -> Option<Pixels> {
         let view = self.session.view(request, request.camera);
-        let direction = ray_direction(&view, x, y);
         let settings = RenderSettings { samples: 1, shadow_m: 0.0, shading, ..self.render_settings };
         let mut data = self.session.frame_data(request, &settings);
-        data.frame.forward = direction.as_vec3().to_array();
-        data.frame.right = data.frame.right.map(|v| v / view.width_px as f32);
-        data.frame.up = data.frame.up.map(|v| v / view.height_px as f32);
-        (data.frame.width_px, data.frame.height_px) = (1, 1);
+        data.narrow_to_ray(&view, [x, y]);
         self.session.adapter_mut().draw(&data).ok()
     }
 }

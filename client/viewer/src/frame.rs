@@ -7,6 +7,7 @@
 use crate::{
     cache::{AtlasCache, CachedMesh, CachedNode},
     camera::{Camera, View},
+    projection::ray_direction,
     scene::{NodeIndex, SceneTree},
     select::{
         occlusion_feedback::OcclusionQuery,
@@ -98,6 +99,14 @@ pub struct FrameInputs<'a> {
 }
 
 impl FrameData {
+    /// Leaves one ray of the frame: that at shares of the width and height of `view`, 0 to 1 from the upper left corner.
+    pub fn narrow_to_ray(&mut self, view: &View, [x, y]: [f64; 2]) {
+        self.frame.forward = ray_direction(view, x, y).as_vec3().to_array();
+        self.frame.right = self.frame.right.map(|v| v / view.width_px as f32);
+        self.frame.up = self.frame.up.map(|v| v / view.height_px as f32);
+        (self.frame.width_px, self.frame.height_px) = (1, 1);
+    }
+
     /// Assembles a frame. What has been evicted from `cache` since the selection is drawn from its nearest resident ancestor.
     pub fn new(
         inputs: FrameInputs<'_>,

@@ -81,8 +81,95 @@ export interface PickResult {
 }
 
 export interface PickDetail extends PickResult {
-  /** The object at this position; always `null` as long as cities have no object identities. */
-  object: null;
+  /** The object at this position; `null` if there is none, or if it could not be fetched. */
+  object: ObjectDescription | null;
+  /** Why the object could not be fetched, or empty. */
+  error: string;
+  /** Whether the user held Shift: the object is added to the selection, or removed from it. */
+  adds: boolean;
+}
+
+/** What is known of an object. All texts are of the city's source: show them as text, never as markup. */
+export interface ObjectDescription {
+  /** Number of the object in this city. It stays when other parts of the city are updated. */
+  id: number;
+  identifier: string;
+  /** Identifier of the object that it is a part of. */
+  parent: string | null;
+  kind: string;
+  /** By name. What the object lacks is from its parent. Dates are texts. */
+  attributes: Record<string, string | number | boolean>;
+  /** Middle of its box, or of its parts' if it has no shape. */
+  centre: Position | null;
+  /** Parts of an object without a shape. */
+  parts: number[];
+}
+
+/** A hit of a search. */
+export interface SearchHit {
+  text: string;
+  /** Number of the object. */
+  object: number;
+  /** 0 or 1. */
+  typos: number;
+}
+
+/** An attribute of the city's objects. */
+export interface Attribute {
+  name: string;
+  type: 'text' | 'integer' | 'float' | 'bool' | 'date';
+  unit?: string;
+  /** Number of objects that have it. */
+  count: number;
+  /** Smallest and largest value. Dates are days since 1970-01-01. */
+  min?: number;
+  max?: number;
+  /** Number of different values, if they are few. */
+  distinct?: number;
+  /** The most frequent values with their counts. */
+  top: [value: string, count: number][];
+}
+
+export interface Schema {
+  /** Number of objects. */
+  objects: number;
+  /** Names of attributes by which objects can be coloured. */
+  colorBy: string[];
+  palettes: string[];
+  attributes: Attribute[];
+}
+
+/** How objects are coloured and filtered. What is left out asks for nothing. */
+export interface ColorRules {
+  /** An attribute, `height` or `kind`. */
+  attribute?: string;
+  /** One of the schema's palettes. */
+  palette?: string;
+  /** Values of the ends of the palette. Dates are days since 1970-01-01. */
+  range?: [low: number, high: number] | null;
+  /** Objects that pass, as in `yearOfConstruction < 1900 && height > 20`. */
+  filter?: string;
+  /** How the others are drawn: pale, not at all, or as they are. */
+  others?: 'ghost' | 'hide' | 'keep';
+  /** Objects with larger values of the attribute are hidden. */
+  upTo?: number | null;
+}
+
+/** What colours mean. */
+export interface Legend {
+  title: string;
+  unit: string | null;
+  /** Classes, or values along the ramp. The last entry is for objects without a value. */
+  entries: { rgb: [r: number, g: number, b: number]; label: string }[];
+  /** `null` for classes. */
+  ramp: { range: [first: number, last: number]; stops: [r: number, g: number, b: number][] } | null;
+}
+
+export interface Colors {
+  /** `null` without an attribute. */
+  legend: Legend | null;
+  /** Number of objects that pass the filter. */
+  passing: number;
 }
 
 export interface CameraDetail {
@@ -119,11 +206,18 @@ export interface InsulaCityEventMap {
   /** The first picture of the city was drawn. */
   ready: CustomEvent<ReadyDetail>;
   progress: CustomEvent<ProgressDetail>;
-  /** The user clicked or tapped the city, or pressed Enter. */
+  /**
+   * The user clicked or tapped the city, or pressed Enter. The object is selected and outlined then, unless a listener calls
+   * `preventDefault()`.
+   */
   pick: CustomEvent<PickDetail>;
   camera: CustomEvent<CameraDetail>;
   status: CustomEvent<StatusDetail>;
   adapter: CustomEvent<AdapterDetail>;
+  /** Other objects are selected. */
+  selection: CustomEvent<{ objects: ObjectDescription[] }>;
+  /** Objects have other colours. */
+  colors: CustomEvent<Colors & { rules: ColorRules | null }>;
   /** Options have changed, by the page or by a key. */
   options: CustomEvent<ViewerOptions & { changes: Partial<ViewerOptions> }>;
   /** A picture was drawn. */
@@ -177,8 +271,21 @@ export class InsulaCity extends HTMLElement {
   flyTo(place: CameraText | number[], options?: { seconds?: number }): Promise<void>;
   /** Sets the time of the light. */
   setTime(time: TimeText): void;
-  /** Fails as long as cities have no object identities. */
-  setColors(rules: unknown): Promise<void>;
+  /**
+   * Colours and filters objects; `null` gives them their own colours. Fails if the rules are invalid or the city has no objects, and
+   * then changes nothing. No tile is fetched again.
+   */
+  setColors(rules: ColorRules | null): Promise<Colors>;
+  /** The selected objects. */
+  readonly selection: ObjectDescription[];
+  /** Selects and outlines these objects and no others. */
+  select(ids: number | number[]): Promise<ObjectDescription[]>;
+  /** What is known of an object; `null` if there is none of this number. */
+  describe(id: number): Promise<ObjectDescription | null>;
+  /** Attributes and palettes. Fails if the city has no objects. */
+  schema(): Promise<Schema>;
+  /** Objects by names, addresses and identifiers, the best first; `null` if the city has no search. */
+  search(text: string, options?: { limit?: number }): Promise<SearchHit[] | null>;
   setOptions(changes: Partial<Omit<ViewerOptions, 'collision'>> & { collision?: boolean }): void;
   /** The surface at a position of the element in CSS pixels; `null` for the sky. */
   pick(x: number, y: number): Promise<PickResult | null>;

@@ -34,6 +34,32 @@ export type Mode = "orbit" | "fly" | "walk";
 export type Kind = "line" | "area" | "height";
 
 /**
+ * How objects are coloured and filtered. What is left out asks for nothing.
+ */
+export type ColorRules = { 
+/**
+ * An attribute, `height` or `kind`.
+ */
+attribute: string, palette: string, 
+/**
+ * Values of the ends of the palette, if they are not those of the city. Dates are days since 1970-01-01.
+ */
+range: [number, number] | null, 
+/**
+ * Objects that pass, as in `yearOfConstruction < 1900 && height > 20`.
+ */
+filter: string, others: Others, 
+/**
+ * Objects with larger values of the attribute are hidden.
+ */
+upTo: number | null, };
+
+/**
+ * How objects are drawn that do not pass a filter: pale, not at all, or as they are.
+ */
+export type Others = "ghost" | "hide" | "keep";
+
+/**
  * What is over the picture that is on the screen. Places are pixels of the frame, from the upper left corner.
  */
 export type FrameMessage = { op: string, 
@@ -94,6 +120,57 @@ text: string, points: Array<[number, number]>,
  * Ends of each line: x, y, x, y.
  */
 lines: Array<[number, number, number, number]>, closed: boolean, };
+
+/**
+ * What is known of an object. Texts are of the city's source: show them as text.
+ */
+export type ObjectMessage = { id: number, identifier: string, 
+/**
+ * Identifier of its parent.
+ */
+parent: string | null, kind: string, 
+/**
+ * By name. What the object lacks is from its parent. Dates are texts.
+ */
+attributes: Record<string, string | number | boolean>, 
+/**
+ * World coordinates of the middle of its box, or of its parts' if it has no shape.
+ */
+centre: [number, number, number] | null, 
+/**
+ * Parts of an object without a shape.
+ */
+parts: Array<number>, };
+
+/**
+ * What objects of a city have.
+ */
+export type SchemaMessage = { 
+/**
+ * Number of objects.
+ */
+objects: number, 
+/**
+ * Names of attributes by which objects can be coloured.
+ */
+colorBy: Array<string>, palettes: Array<string>, 
+/**
+ * The attributes as the schema of the city has them.
+ */
+attributes: import('./insula-viewer.js').Attribute[], };
+
+/**
+ * The colours of objects.
+ */
+export type ColorsMessage = { 
+/**
+ * What explains the colours; `null` without an attribute.
+ */
+legend: import('./insula-viewer.js').Legend | null, 
+/**
+ * Number of objects that pass the filter.
+ */
+passing: number, };
 
 /**
  * The state of streaming.

@@ -15,3 +15,17 @@ export async function copyField(input) {
     return document.execCommand('copy');
   }
 }
+
+/**
+ * Copies a text.
+ * @param {string} text
+ * @returns {Promise<boolean>} Whether it was copied.
+ */
+export async function copyText(text) {
+  try {
+    await navigator.clipboard.writeText(text);
+    return true;
+  } catch {
+    return false;
+  }
+}

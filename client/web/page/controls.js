@@ -10,7 +10,9 @@ import { adapterNotice, statusNotice } from './notices.js';
 import { hasSingleKeys, listenForPageKeys } from './page-keys.js';
 import { PageContext } from './page-context.js';
 import { bookmarksPanel } from './panel-bookmarks.js';
+import { colorsPanel, legendBox } from './panel-colors.js';
 import { measurePanel } from './panel-measure.js';
+import { objectsPanel } from './panel-objects.js';
 import { picturePanel } from './panel-picture.js';
 import { searchPanel } from './panel-search.js';
 import { sharePanel } from './panel-share.js';
@@ -33,7 +35,7 @@ export function startControls(app, city, manifest) {
   const fixed = furniture(page);
   const about = aboutDialog(page, app.querySelector('#insula-about'));
   const help = helpDialog({ singleKeys: hasSingleKeys(), change: (singleKeys) => keys.set(singleKeys) });
-  const toggles = ['search', 'view', 'time', 'measure', 'bookmarks', 'share', 'picture'];
+  const toggles = ['search', 'view', 'objects', 'colors', 'time', 'measure', 'bookmarks', 'share', 'picture'];
   const { node, buttons, closeMore } = toolbar({
     ...Object.fromEntries(toggles.map((name) => [name, () => panels.toggle(name)])),
     help: () => help.showModal(),
@@ -44,6 +46,8 @@ export function startControls(app, city, manifest) {
   const all = {
     search: searchPanel(page),
     view: viewPanel(page, { counters: fixed.showCounters }),
+    objects: objectsPanel(page),
+    colors: colorsPanel(page),
     time: timePanel(page),
     measure,
     bookmarks,
@@ -51,7 +55,7 @@ export function startControls(app, city, manifest) {
     picture: picturePanel(page),
   };
   Object.entries(all).forEach(([name, panel]) => panels.add(name, buttons[name], panel));
-  const toggled = Object.fromEntries(['search', 'time', 'bookmarks', 'picture'].map((n) => [n, () => panels.toggle(n)]));
+  const toggled = Object.fromEntries(['search', 'colors', 'time', 'bookmarks', 'picture'].map((n) => [n, () => panels.toggle(n)]));
   const keys = listenForPageKeys(city, {
     ...toggled,
     bookmark: bookmarks.add,
@@ -60,7 +64,7 @@ export function startControls(app, city, manifest) {
     undo: () => panels.current === 'measure' && city.measure('undo'),
     counters: () => fixed.showCounters(!fixed.areCountersShown()),
     help: () => help.showModal(),
-    escape: () => closeMore() || panels.close(true),
+    escape: () => closeMore() || panels.close(true) || city.select([]),
   });
 
   const title = element('h1', { class: 'title' }, element('bdi', {}, page.title));
@@ -69,7 +73,7 @@ export function startControls(app, city, manifest) {
   sources.append(...attributionNodes(page.manifest));
   sources.hidden = sources.childNodes.length === 0;
   const corner = element('div', { class: 'corner' }, navigation(page), sources);
-  app.append(title, node, panels.node, notices, fixed.node, corner, about, help, ...liveRegions);
+  app.append(title, node, panels.node, notices, fixed.node, legendBox(city), corner, about, help, ...liveRegions);
   app.classList.add('has-controls');
   syncHash(page);
 }

@@ -17,6 +17,7 @@ compiled.catch(() => {});
 class Engine {
   #network = new Network();
   /** @type {CityViewer} */ #viewer;
+  /** @type {import('./insula_web.js').ObjectReader} */ #objects;
   /** @type {Helpers} */ #helpers;
   /** @type {CpuCanvas} */ #canvas;
   /** @type {any} */ #options;
@@ -29,6 +30,8 @@ class Engine {
   #timer = 0;
   #reopenings = 0;
   #lastMissing = -1;
+  /** Changes of colours that were asked for. */
+  #colorings = 0;
   /** Pictures that were asked for; the first is being made.
    * @type {{id: number, width: number, height: number, caption: string[]}[]} */
   #pictures = [];
@@ -46,6 +49,7 @@ class Engine {
     const { width, height, camera, time, tau } = options;
     const values = { ...city, width, height, cacheBytes, camera, time, tau };
     this.#viewer = new CityViewer(this.#host(), JSON.stringify(values));
+    this.#objects = this.#viewer.objects();
     this.manifest = JSON.parse(city.manifest);
     const early = this.#early;
     this.#early = null;
@@ -233,6 +237,46 @@ class Engine {
     reply(id, Promise.resolve(distance === undefined ? null : { position: [px, py, pz], distance }));
   }
 
+  /** The number of the object that a place of the view shows, or `null`. The device that draws casts the ray. */
+  objectAt({ id, x, y }) {
+    const probe = async () => {
+      if (this.#viewer.isOnGpu()) return this.#viewer.probeOnGpu(x, y);
+      this.#helpers.write(this.#viewer.takeWrites());
+      return this.#helpers.probe(this.#viewer.probeWords(x, y));
+    };
+    reply(id, probe().then((word) => this.#viewer.objectOf(word) ?? null));
+  }
+
+  describe({ id, object }) {
+    reply(id, this.#objects.describe(object).then(parsed));
+  }
+
+  search({ id, text, limit }) {
+    reply(id, this.#objects.search(text, limit).then(parsed));
+  }
+
+  schema({ id }) {
+    reply(id, this.#objects.schema().then(parsed));
+  }
+
+  colors({ id, rules }) {
+    const number = ++this.#colorings;
+    const color = async () => {
+      const made = await this.#objects.styles(JSON.stringify(rules));
+      const message = parsed(made.message());
+      // A later change is not undone by an earlier one that took longer.
+      if (number === this.#colorings) this.#viewer.setStyles(made);
+      this.wake();
+      return message;
+    };
+    reply(id, color());
+  }
+
+  outline({ objects }) {
+    this.#viewer.outline(new Uint32Array(objects));
+    this.wake();
+  }
+
   loseDevice() {
     this.#viewer.destroyGpu();
     setTimeout(() => this.wake(), 100);
@@ -254,6 +298,14 @@ class Engine {
   }
 }
 
+/** A message of the crate; `undefined` if there is none. @param {string|undefined} json */
+function parsed(json) {
+  return json === undefined ? undefined : JSON.parse(json);
+}
+
+/** Requests and commands that the engine itself carries out. */
+const OWN = ['pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline'];
+
 /** Answers a request with a value, or with the reason why there is none. */
 function reply(id, value) {
   value.then(
@@ -268,7 +320,7 @@ function receive(message) {
   const { op, id } = message;
   try {
     if (op === 'screenshot') engine.picture(message);
-    else if (['pick', 'loseDevice'].includes(op)) engine[op](message);
+    else if (OWN.includes(op)) engine[op](message);
     else engine.command(message);
   } catch (error) {
     if (id === undefined) console.warn(`${op}: ${error?.message ?? error}`);

@@ -3,7 +3,7 @@
 /**
  * Listens to an event, and receives the last one if there was one already.
  * @param {import('./insula-city.js').InsulaCity} city
- * @param {'status'|'adapter'|'progress'|'ready'|'frame'|'camera'} name
+ * @param {'status'|'adapter'|'progress'|'ready'|'frame'|'camera'|'colors'|'selection'} name
  * @param {(event: {detail: any}) => void} listener
  */
 export function follow(city, name, listener) {

@@ -32,6 +32,10 @@ const jobs = {
     postMessage({ number, words, hit }, [words.buffer, hit.buffer]);
   },
 
+  probe({ number, words }) {
+    postMessage({ number, word: renderer?.probe(words) ?? 0 });
+  },
+
   decode({ number, key, bytes }) {
     try {
       const decoded = decode_tile(key, bytes);

@@ -78,6 +78,11 @@ export class Helpers {
     return { words, hit };
   }
 
+  /** Casts the ray of a frame of one pixel. @returns {Promise<number>} Its word. */
+  probe(words) {
+    return this.#ask(0, 1, { job: 'probe', words }).then(({ word }) => word);
+  }
+
   dispose() {
     this.#workers.forEach(({ worker }) => worker.terminate());
     this.#workers = [];

@@ -18,7 +18,7 @@ const PINCH_PER_PX = 0.01;
  * Receiver of motions. Positions are shares of the surface, 0 to 1.
  * @typedef {object} PointerActions
  * @property {(op: string, values: object) => void} send
- * @property {(x: number, y: number, count: number) => void} click
+ * @property {(x: number, y: number, count: number, adds: boolean) => void} click
  * @property {() => void} press
  */
 
@@ -112,7 +112,7 @@ export class PointerInput {
     // A third click begins another double click.
     this.#lastClick = isDouble ? null : { at: press.at, time: event.timeStamp };
     const [x, y] = this.#share(press.at);
-    this.#actions.click(x, y, isDouble ? 2 : 1);
+    this.#actions.click(x, y, isDouble ? 2 : 1, event.shiftKey);
   }
 
   #forget(event) {

@@ -3,6 +3,7 @@
 import { wantsLessMotion } from './device.js';
 import { element, printable, svg } from './dom.js';
 import { ElementNotices } from './element-notices.js';
+import { ElementObjects } from './element-objects.js';
 import { applyStyle } from './element-style.js';
 import { Overlay } from './overlay.js';
 import { strings } from './strings.js';
@@ -13,6 +14,7 @@ import { ViewerSession } from './viewer-session.js';
 /** An element that was removed, and not only moved, ends its viewer after this time. */
 const DISPOSE_MS = 1000;
 const FLIGHT_SECS = 1.5;
+const MAX_HITS = 20;
 
 /** The members are documented for users in insula-viewer.d.ts of the package. */
 export class InsulaCity extends HTMLElement {
@@ -24,6 +26,11 @@ export class InsulaCity extends HTMLElement {
   #surface = element('div', { class: 'surface' });
   #overlay = new Overlay(this, (what) => this.#sendPoints(what));
   #notices = new ElementNotices();
+  #objects = new ElementObjects({
+    ask: (op, values) => this.#ask(op, values),
+    send: (op, values) => this.#send(op, values),
+    emit: (name, detail) => this.#emit(name, detail),
+  });
   /** @type {ViewerSession|null} */ #session = null;
   /** @type {EventTarget} */ #keyTarget = this;
   /** The last frame's message. @type {any} */ #frame = null;
@@ -62,7 +69,10 @@ export class InsulaCity extends HTMLElement {
   attributeChangedCallback(name, before, value) {
     if (before === value) return;
     if (name === 'src' || name === 'adapter') {
-      if (name === 'src' && before !== null) this.manifest = null;
+      if (name === 'src' && before !== null) {
+        this.manifest = null;
+        this.#objects.forget();
+      }
       this.restart();
     }
     if (!this.#session || value === null) return;
@@ -97,8 +107,29 @@ export class InsulaCity extends HTMLElement {
     if (isTime(String(time))) this.#send('time', { time: String(time) });
   }
 
-  async setColors() {
-    throw new Error(strings.element.noObjects);
+  /** The selected objects. */
+  get selection() {
+    return this.#objects.selection;
+  }
+
+  async setColors(rules = null) {
+    return this.#objects.setColors(rules);
+  }
+
+  async select(ids) {
+    return this.#objects.select([ids].flat().map(Number));
+  }
+
+  async describe(id) {
+    return this.#objects.describe(id);
+  }
+
+  async schema() {
+    return this.#objects.schema();
+  }
+
+  async search(text, { limit = MAX_HITS } = {}) {
+    return this.#objects.search(text, limit);
   }
 
   setOptions(values) {
@@ -151,10 +182,11 @@ export class InsulaCity extends HTMLElement {
     this.options.tau = validChanges({ tau: Number(this.getAttribute('tau')) }).tau ?? this.options.tau;
     this.#session = new ViewerSession(this, this.#surface, this.#keyTarget, {
       receive: (message) => this.#receive(message),
-      click: (x, y, count) => this.#click(x, y, count),
+      click: (x, y, count, adds) => this.#click(x, y, count, adds),
     });
     this.#sendPoints('markers');
     this.#sendPoints('lines');
+    this.#objects.restart();
     if (!this.#isMeasuring) return;
     this.measure('start');
     this.measure('kind', this.#measureKind);
@@ -189,11 +221,19 @@ export class InsulaCity extends HTMLElement {
     if (isMoved) this.#emit('camera', { camera, position, azimuth, pitch });
   }
 
-  async #click(x, y, count) {
+  async #click(x, y, count, adds) {
     if (this.#isMeasuring) return this.#send('measure', { action: 'click', x, y });
     if (count === 2) return this.#send('approach', { x, y });
     const hit = await this.#ask('pick', { x, y }).catch(() => null);
-    if (hit) this.#emit('pick', { object: null, ...hit });
+    if (!hit) return this.#objects.click(null, adds);
+    let [object, error] = [null, ''];
+    try {
+      const id = await this.#ask('objectAt', { x, y });
+      object = id === null ? null : await this.describe(id);
+    } catch (reason) {
+      error = reason.message;
+    }
+    if (this.#emit('pick', { ...hit, object, error, adds }, true)) this.#objects.click(object, adds);
     return undefined;
   }
 
@@ -219,9 +259,10 @@ export class InsulaCity extends HTMLElement {
     this.setAttribute('aria-label', label);
   }
 
-  #emit(name, detail) {
+  /** Returns whether no listener has prevented what follows. */
+  #emit(name, detail, cancelable = false) {
     this.last[name] = detail;
-    this.dispatchEvent(new CustomEvent(name, { detail }));
+    return this.dispatchEvent(new CustomEvent(name, { detail, cancelable }));
   }
 }
 

@@ -48,6 +48,7 @@ export const VIEW_KEYS = {
 export const PAGE_KEYS = {
   KeyB: 'bookmark',
   KeyC: 'copyLink',
+  KeyG: 'colors',
   KeyI: 'counters',
   KeyM: 'measure',
   KeyO: 'time',

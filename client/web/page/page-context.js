@@ -35,15 +35,19 @@ export class PageContext extends EventTarget {
   /** The shown view. @returns {import('./view-text.js').View} */
   get view() {
     const { camera, time } = this.city.view ?? {};
-    return { camera: camera ?? this.city.camera, time: time ?? this.city.time };
+    const { selection } = this.city;
+    const object = selection.length === 1 ? selection[0].id : null;
+    return { camera: camera ?? this.city.camera, time: time ?? this.city.time, object };
   }
 
   /**
    * Goes to a view. What is not known stays as it is.
    * @param {import('./view-text.js').View} view
    */
-  open({ camera, time }) {
+  open({ camera, time, object = null }) {
     if (camera) this.city.flyTo(camera).catch(() => {});
     if (time) this.city.setTime(time);
+    // A link may name an object that the city no longer has.
+    if (object !== null) this.city.select([object]).catch(() => {});
   }
 }

@@ -55,8 +55,9 @@ export class Panels {
   /**
    * Opens a panel instead of another one.
    * @param {string} name
+   * @param {boolean} takesFocus Whether it gets the focus.
    */
-  open(name) {
+  open(name, takesFocus = true) {
     const entry = this.#entries.get(name);
     if (!entry || this.#current === name) return;
     this.close(false);
@@ -64,22 +65,24 @@ export class Panels {
     entry.section.hidden = false;
     entry.button.setAttribute('aria-expanded', 'true');
     entry.panel.opened?.();
-    (entry.panel.focus ?? entry.section).focus({ preventScroll: true });
+    if (takesFocus) (entry.panel.focus ?? entry.section).focus({ preventScroll: true });
   }
 
   /**
    * Closes the open panel.
    * @param {boolean} returnsFocus Whether its button gets the focus.
+   * @returns {boolean} Whether one was open.
    */
   close(returnsFocus) {
     const entry = this.#current === null ? undefined : this.#entries.get(this.#current);
-    if (!entry) return;
+    if (!entry) return false;
     this.#current = null;
     const hadFocus = entry.section.contains(document.activeElement);
     entry.section.hidden = true;
     entry.button.setAttribute('aria-expanded', 'false');
     entry.panel.closed?.();
     if (returnsFocus && hadFocus) entry.button.focus({ preventScroll: true });
+    return true;
   }
 }
 

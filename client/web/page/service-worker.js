@@ -23,7 +23,7 @@ const PATIENCE_MS = 4_000;
 const RANGE_PARAMETER = 'insula-range';
 
 const ASSET = /\/assets\/[0-9a-f]{16}\/[^/]+$/;
-const TILE = /\/v1\/cities\/[^/]+\/[^/]+\/(subtrees|blockmaps|meshes)\/[\d/]+$/;
+const TILE = /\/v1\/cities\/[^/]+\/[^/]+\/((subtrees|blockmaps|meshes)\/[\d/]+|objects\/(\d+|schema))$/;
 const ARCHIVE = /\/[a-z]+\.pmtiles$/;
 const MANIFEST = /(\/city\.json|\/v1\/cities\/[^/]+)$/;
 const PAGE_FILE = /\/(thumbnail\.png|v1\/cities)$/;

@@ -9,7 +9,7 @@ import { setTip, uniqueId } from './widgets.js';
 const texts = strings.toolbar;
 
 /** Names of the buttons in their order, with their keys. */
-const MAIN = { search: '/', view: '', time: 'O', measure: 'M', bookmarks: 'V' };
+const MAIN = { search: '/', view: '', objects: '', colors: 'G', time: 'O', measure: 'M', bookmarks: 'V' };
 const EXTRA = { share: 'C', picture: 'P', fullScreen: 'F11', dark: '', help: 'F1', about: '' };
 
 /**

@@ -8,8 +8,8 @@ const MAX_CHARS = 2048;
 const MAX_COORDINATE_M = 1e10;
 
 /**
- * A camera and a time of the light.
- * @typedef {{camera: string|null, time: string|null}} View
+ * A camera, a time of the light, and a selected object.
+ * @typedef {{camera: string|null, time: string|null, object?: number|null}} View
  */
 
 /**
@@ -42,17 +42,28 @@ export function isTime(text) {
 }
 
 /**
- * The view of a location's hash, `#camera=...&time=...`. What is malformed is left out.
+ * The number of an object, or `null` if the text is none.
+ * @param {string|null} text
+ * @returns {number|null}
+ */
+function objectNumber(text) {
+  const isNumber = text !== null && /^\d{1,10}$/.test(text) && Number(text) < 2 ** 32;
+  return isNumber ? Number(text) : null;
+}
+
+/**
+ * The view of a location's hash, `#camera=...&time=...&object=...`. What is malformed is left out.
  * @param {string} hash
  * @returns {View}
  */
 export function parseView(hash) {
-  if (hash.length > MAX_CHARS) return { camera: null, time: null };
+  if (hash.length > MAX_CHARS) return { camera: null, time: null, object: null };
   const values = new URLSearchParams(hash.replace(/^#/, '').replaceAll('+', '%2B'));
   const [camera, time] = [values.get('camera'), values.get('time')];
   return {
     camera: camera !== null && cameraNumbers(camera) ? camera : null,
     time: time !== null && isTime(time) ? time : null,
+    object: objectNumber(values.get('object')),
   };
 }
 
@@ -61,8 +72,9 @@ export function parseView(hash) {
  * @param {View} view
  * @returns {string}
  */
-export function formatView({ camera, time }) {
-  return [camera && `camera=${camera}`, time && `time=${time}`].filter(Boolean).join('&');
+export function formatView({ camera, time, object = null }) {
+  const parts = [camera && `camera=${camera}`, time && `time=${time}`, object !== null && `object=${object}`];
+  return parts.filter(Boolean).join('&');
 }
 
 /**

@@ -13,7 +13,7 @@ import { ViewWatch } from './view-watch.js';
  * What a session tells its element.
  * @typedef {object} SessionEvents
  * @property {(message: {op: string}) => void} receive
- * @property {(x: number, y: number, count: number) => void} click
+ * @property {(x: number, y: number, count: number, adds: boolean) => void} click
  */
 
 /** A running viewer. */
@@ -103,7 +103,7 @@ export class ViewerSession {
   }
 
   #act(action, value = 0) {
-    if (action === 'middle') this.#events.click(0.5, 0.5, 1);
+    if (action === 'middle') this.#events.click(0.5, 0.5, 1, false);
     else act(this.#city, action, value);
   }
 

@@ -103,6 +103,19 @@ export function slider({ text, min, max, step, value, format, input }) {
 }
 
 /**
+ * A list to choose from, with a label above it. It is empty until it is filled.
+ * @param {{text: string, change: (value: string) => void}} values
+ * @returns {{node: HTMLElement, fill: (choices: [string, string][]) => void, set: (value: string) => void}}
+ */
+export function select({ text, change }) {
+  const id = uniqueId();
+  const list = /** @type {HTMLSelectElement} */ (element('select', { id, change: () => change(list.value) }));
+  const fill = (choices) => list.replaceChildren(...choices.map(([value, name]) => element('option', { value }, name)));
+  const set = (value) => (list.value = value);
+  return { node: element('div', { class: 'field' }, element('label', { for: id }, text), list), fill, set };
+}
+
+/**
  * A text field with a label above it.
  * @param {{text: string, value?: string, type?: string, readOnly?: boolean, placeholder?: string, hint?: string}} values
  * @returns {{node: HTMLElement, input: HTMLInputElement}}

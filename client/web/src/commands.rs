@@ -1,8 +1,11 @@
 //! Messages of the page to the viewer: JSON objects whose field `op` names one of these.
 
-use insula_viewer::interaction::{
-    camera_control::{ControlMode, MoveDirection},
-    measure::MeasureKind,
+use insula_viewer::{
+    interaction::{
+        camera_control::{ControlMode, MoveDirection},
+        measure::MeasureKind,
+    },
+    objects::{FilteredOut, StyleRules},
 };
 use serde::Deserialize;
 
@@ -56,6 +59,46 @@ pub(crate) enum Command {
     Markers { points: Vec<[f64; 3]> },
     Lines { lines: Vec<Vec<[f64; 3]>> },
     Measure(MeasureCommand),
+}
+
+/// How objects are coloured and filtered. What is left out asks for nothing.
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+#[serde(rename_all = "camelCase", default, deny_unknown_fields)]
+pub(crate) struct ColorRules {
+    /// An attribute, `height` or `kind`.
+    attribute: String,
+    palette: String,
+    /// Values of the ends of the palette, if they are not those of the city. Dates are days since 1970-01-01.
+    range: Option<[f64; 2]>,
+    /// Objects that pass, as in `yearOfConstruction < 1900 && height > 20`.
+    filter: String,
+    others: Others,
+    /// Objects with larger values of the attribute are hidden.
+    up_to: Option<f64>,
+}
+
+/// How objects are drawn that do not pass a filter: pale, not at all, or as they are.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+#[serde(rename_all = "camelCase")]
+pub(crate) enum Others {
+    #[default]
+    Ghost,
+    Hide,
+    Keep,
+}
+
+impl From<ColorRules> for StyleRules {
+    fn from(rules: ColorRules) -> Self {
+        let ColorRules { attribute, palette, range, filter, others, up_to } = rules;
+        let filtered_out = match others {
+            Others::Ghost => FilteredOut::Ghost,
+            Others::Hide => FilteredOut::Hide,
+            Others::Keep => FilteredOut::Keep,
+        };
+        Self { attribute, palette, range, filter, filtered_out, up_to }
+    }
 }
 
 /// What the measuring tool does.

@@ -1,8 +1,8 @@
 //! The types of messages in TypeScript, made from those of Rust.
 
 use crate::{
-    commands::{Command, Direction, Kind, MeasureCommand, Mode, ViewerOptions},
-    messages::{FrameMessage, MeasureMessage, StatusMessage, Step},
+    commands::{ColorRules, Command, Direction, Kind, MeasureCommand, Mode, Others, ViewerOptions},
+    messages::{ColorsMessage, FrameMessage, MeasureMessage, ObjectMessage, SchemaMessage, StatusMessage, Step},
 };
 use std::{fmt::Write, fs, path::Path};
 use ts_rs::{Config, TS};
@@ -25,8 +25,13 @@ fn package_has_the_types_of_the_messages() {
     declare::<Direction>(&mut types, &config);
     declare::<Mode>(&mut types, &config);
     declare::<Kind>(&mut types, &config);
+    declare::<ColorRules>(&mut types, &config);
+    declare::<Others>(&mut types, &config);
     declare::<FrameMessage>(&mut types, &config);
     declare::<MeasureMessage>(&mut types, &config);
+    declare::<ObjectMessage>(&mut types, &config);
+    declare::<SchemaMessage>(&mut types, &config);
+    declare::<ColorsMessage>(&mut types, &config);
     declare::<StatusMessage>(&mut types, &config);
     declare::<Step>(&mut types, &config);
     if std::env::var_os("INSULA_WRITE_TYPES").is_some() {

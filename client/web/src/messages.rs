@@ -1,5 +1,6 @@
 //! Messages of the viewer to the page, as JSON.
 
+use insula_viewer::objects::ObjectDescription;
 use serde::Serialize;
 
 /// What is over the picture that is on the screen. Places are pixels of the frame, from the upper left corner.
@@ -57,6 +58,57 @@ pub(crate) struct StatusMessage {
     /// `loading`, `offline`, `error`; `null` if all is well.
     pub(crate) kind: Option<&'static str>,
     pub(crate) text: String,
+}
+
+/// What is known of an object. Texts are of the city's source: show them as text.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub(crate) struct ObjectMessage {
+    pub(crate) id: u32,
+    pub(crate) identifier: String,
+    /// Identifier of its parent.
+    pub(crate) parent: Option<String>,
+    pub(crate) kind: &'static str,
+    /// By name. What the object lacks is from its parent. Dates are texts.
+    #[cfg_attr(test, ts(type = "Record<string, string | number | boolean>"))]
+    pub(crate) attributes: serde_json::Value,
+    /// World coordinates of the middle of its box, or of its parts' if it has no shape.
+    pub(crate) centre: Option<[f64; 3]>,
+    /// Parts of an object without a shape.
+    pub(crate) parts: Vec<u32>,
+}
+
+impl From<ObjectDescription> for ObjectMessage {
+    fn from(object: ObjectDescription) -> Self {
+        let ObjectDescription { id, identifier, parent, kind, attributes, centre, parts } = object;
+        Self { id, identifier, parent, kind, attributes: attributes.into(), centre, parts }
+    }
+}
+
+/// What objects of a city have.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub(crate) struct SchemaMessage {
+    /// Number of objects.
+    pub(crate) objects: u32,
+    /// Names of attributes by which objects can be coloured.
+    pub(crate) color_by: Vec<String>,
+    pub(crate) palettes: Vec<&'static str>,
+    /// The attributes as the schema of the city has them.
+    #[cfg_attr(test, ts(type = "import('./insula-viewer.js').Attribute[]"))]
+    pub(crate) attributes: serde_json::Value,
+}
+
+/// The colours of objects.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub(crate) struct ColorsMessage {
+    /// What explains the colours; `null` without an attribute.
+    #[cfg_attr(test, ts(type = "import('./insula-viewer.js').Legend | null"))]
+    pub(crate) legend: serde_json::Value,
+    /// Number of objects that pass the filter.
+    pub(crate) passing: usize,
 }
 
 /// What the engine does next.

@@ -3,7 +3,7 @@
 use super::{error::CommandError, output::print};
 use crate::{
     args::{ExportArgs, ExportFormat},
-    store::{CityStore, StoredObjects},
+    store::{CityStore, StoredCity, StoredObjects},
 };
 use insula_bake::read::EarthPlace;
 use insula_export::{
@@ -11,14 +11,10 @@ use insula_export::{
     format::{Format, PlaneDefinition, Projections},
     glb,
     selection::ObjectSelection,
-    source::{ExportSource, SourceError},
     tiles3d::{Destination, Tileset, write_tileset},
 };
-use insula_objects::{ObjectBlock, Schema, filter::Filter};
-use insula_protocol::{
-    BlockMap, Manifest, MeshTile, Subtree, TileId, TileKind, mesh_tile,
-    text::{count, human_bytes, printable},
-};
+use insula_objects::filter::Filter;
+use insula_protocol::text::{count, human_bytes, printable};
 use roaring::RoaringBitmap;
 use serde_json::Value;
 use std::{
@@ -33,8 +29,10 @@ const MAX_POLYGON_BYTES: u64 = 16 << 20;
 /// Runs `export`. Fails if the city cannot be read, the selection is invalid or empty, or the output cannot be written.
 pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
-    let source = StoredCity { objects: StoredObjects::open(&city)?, city: &city };
-    let selection = selection(args, &source)?;
+    let objects = StoredObjects::open(&city)?;
+    let read = |kind, id| city.tile(kind, id);
+    let source = StoredCity::new(&city, objects.schema(), &read);
+    let selection = selection(args, &objects)?;
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
     let text = match args.format {
@@ -97,19 +95,19 @@ fn write_table(
 }
 
 /// What the arguments select. Fails if an expression or a file is invalid.
-fn selection(args: &ExportArgs, source: &StoredCity<'_>) -> Result<ObjectSelection, CommandError> {
+fn selection(args: &ExportArgs, objects: &StoredObjects<'_>) -> Result<ObjectSelection, CommandError> {
     let bbox = args.bbox.map(|[west, south, east, north]| [[west, south], [east, north]]);
     let polygon = args.polygon.as_deref().map(read_polygon).transpose()?;
-    let objects = args.filter.as_deref().map(|text| passing(text, source)).transpose()?;
+    let objects = args.filter.as_deref().map(|text| passing(text, objects)).transpose()?;
     Ok(ObjectSelection { bbox, polygon, objects })
 }
 
 /// The objects that pass a filter, with the parts of those that do.
-fn passing(text: &str, source: &StoredCity<'_>) -> Result<RoaringBitmap, CommandError> {
-    let filter = Filter::parse(text, source.schema())
+fn passing(text: &str, objects: &StoredObjects<'_>) -> Result<RoaringBitmap, CommandError> {
+    let filter = Filter::parse(text, objects.schema())
         .map_err(|error| CommandError::Usage(format!("--filter {text}: {error}")))?;
     let mut passing = RoaringBitmap::new();
-    let blocks = || (0..source.objects.block_count()).map(|block| source.objects.block(block));
+    let blocks = || (0..objects.block_count()).map(|block| objects.block(block));
     for block in blocks() {
         if let Some(block) = block? {
             passing |= filter.select(&block);
@@ -145,55 +143,4 @@ fn read_polygon(path: &Path) -> Result<Vec<Vec<[f64; 2]>>, CommandError> {
     let ring = |ring: &Value| ring.as_array()?.iter().map(point).collect::<Option<Vec<_>>>();
     let rings = rings.and_then(Value::as_array).and_then(|rings| rings.iter().map(ring).collect());
     rings.ok_or_else(|| wrong("no GeoJSON polygon, in metres of the city's coordinate system"))
-}
-
-/// An opened city as exports read it.
-struct StoredCity<'a> {
-    city: &'a CityStore,
-    objects: StoredObjects<'a>,
-}
-
-impl StoredCity<'_> {
-    fn tile(&self, kind: TileKind, id: TileId) -> Result<Option<Vec<u8>>, SourceError> {
-        let failed = |error: insula_archive::ReadError| source_error(kind, id, &error);
-        Ok(self.city.tile(kind, id).map_err(failed)?.map(Vec::from))
-    }
-}
-
-fn source_error(kind: TileKind, id: TileId, reason: &dyn std::fmt::Display) -> SourceError {
-    SourceError { what: format!("{} {id}", kind.path_segment()), reason: reason.to_string() }
-}
-
-impl ExportSource for StoredCity<'_> {
-    fn manifest(&self) -> &Manifest {
-        self.city.manifest()
-    }
-
-    fn schema(&self) -> &Schema {
-        self.objects.schema()
-    }
-
-    fn objects(&self, block: u32) -> Result<Option<ObjectBlock>, SourceError> {
-        let failed = |error: crate::store::ObjectError| SourceError {
-            what: format!("objects {block}"),
-            reason: error.to_string(),
-        };
-        Ok(self.objects.block(block).map_err(failed)?.map(|block| (*block).clone()))
-    }
-
-    fn subtree(&self, root: TileId) -> Result<Option<Subtree>, SourceError> {
-        let Some(bytes) = self.tile(TileKind::Subtree, root)? else { return Ok(None) };
-        Subtree::decode(&bytes).map(Some).map_err(|error| source_error(TileKind::Subtree, root, &error))
-    }
-
-    fn columns(&self, node: TileId) -> Result<Option<BlockMap>, SourceError> {
-        let Some(bytes) = self.tile(TileKind::BlockMap, node)? else { return Ok(None) };
-        BlockMap::decode(node, &bytes).map(Some).map_err(|error| source_error(TileKind::BlockMap, node, &error))
-    }
-
-    fn mesh(&self, leaf: TileId, lod: u8) -> Result<Option<MeshTile>, SourceError> {
-        let Some(place) = mesh_tile::archive_id(leaf, lod) else { return Ok(None) };
-        let Some(bytes) = self.tile(TileKind::Mesh, place)? else { return Ok(None) };
-        MeshTile::decode(leaf, lod, &bytes).map(Some).map_err(|error| source_error(TileKind::Mesh, leaf, &error))
-    }
 }

@@ -45,6 +45,8 @@ mod stream_progress;
 mod thread_state;
 mod tile;
 mod tile_cache;
+#[cfg(feature = "bake")]
+mod tileset;
 mod tls;
 mod turns;
 mod viewer_content;

@@ -47,6 +47,10 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::Asset => get(viewer_files::asset),
         RouteTemplate::ServiceWorker => get(viewer_files::service_worker),
         RouteTemplate::Search => get(search::search),
+        #[cfg(feature = "bake")]
+        RouteTemplate::Tileset | RouteTemplate::TilesetFile => get(super::tileset::tileset_file),
+        #[cfg(not(feature = "bake"))]
+        RouteTemplate::Tileset | RouteTemplate::TilesetFile => get(not_found),
         RouteTemplate::Other => get(not_found),
     }
 }

@@ -8,6 +8,8 @@
 mod cities;
 mod city;
 mod error;
+#[cfg(feature = "bake")]
+mod export_source;
 mod objects;
 mod reload;
 mod remote;
@@ -18,6 +20,8 @@ mod search;
 pub use cities::Store;
 pub use city::CityStore;
 pub use error::StoreError;
+#[cfg(feature = "bake")]
+pub use export_source::StoredCity;
 pub use objects::{ObjectError, StoredObjects};
 pub use reload::{RetentionPolicy, StoreReload};
 pub(crate) use requests::StoreMetrics;

@@ -41,12 +41,21 @@ pub fn cameras(manifest: &Manifest) -> Result<Vec<String>> {
 
 /// The native picture by the CPU, without a caption.
 pub fn native(view: &SharedView, folder: &Path) -> Result<RgbImage> {
+    native_with(view, folder, &[])
+}
+
+/// The same with options of `insula snapshot`.
+pub fn native_with(view: &SharedView, folder: &Path, options: &[&str]) -> Result<RgbImage> {
     let out = folder.join("native.png");
     let [width, height] = view.size_px;
     let place = format!("insula://{}/v1/cities/{}?camera={}&time={TIME}", view.server, view.city, view.camera);
     let mut command = Command::new(program("insula")?);
     command.args(["snapshot", "--adapter", "cpu", "--no-caption", "--server", &place]);
-    command.args(["--size", &format!("{width}x{height}"), "--out"]).arg(&out).env("XDG_CACHE_HOME", folder);
+    command
+        .args(options)
+        .args(["--size", &format!("{width}x{height}"), "--out"])
+        .arg(&out)
+        .env("XDG_CACHE_HOME", folder);
     let output = run(&mut command)?;
     ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     Ok(image::open(out)?.to_rgb8())

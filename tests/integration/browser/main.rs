@@ -8,6 +8,7 @@ mod accessibility;
 mod component;
 mod driver;
 mod faults;
+mod objects;
 mod pictures;
 mod site;
 mod viewer;
@@ -26,7 +27,7 @@ const DRIVER: [(&str, Test); 5] = [
     ("driver_collects_errors", driver::errors_are_collected),
 ];
 
-const VIEWER: [(&str, Test); 21] = [
+const VIEWER: [(&str, Test); 25] = [
     ("the_page_shows_the_city", viewer::the_page_shows_the_city),
     ("the_page_of_a_single_city_is_the_root", viewer::a_single_city_is_the_root),
     ("a_page_without_scripts_lists_the_city", viewer::a_page_without_scripts_lists_the_city),
@@ -48,6 +49,10 @@ const VIEWER: [(&str, Test); 21] = [
     ("damaged_bytes_are_fetched_again", site::damaged_bytes_are_fetched_again),
     ("the_plain_example_runs", component::the_plain_example_runs),
     ("markers_are_occluded", component::markers_are_occluded),
+    ("clicks_show_attributes", objects::clicks_show_attributes),
+    ("clicks_meet_the_same_objects_on_a_gpu", objects::clicks_meet_the_same_objects_on_a_gpu),
+    ("the_search_finds_objects", objects::the_search_finds_objects),
+    ("colours_have_a_legend", objects::colours_have_a_legend),
 ];
 
 /// Tests that need files of others, and the variable that names them.

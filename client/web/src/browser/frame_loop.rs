@@ -113,6 +113,7 @@ pub(crate) struct DrawnView {
     tau_px: f64,
     daylight: Daylight,
     shading: Shading,
+    style_changes: u64,
 }
 
 /// A frame that is being drawn on the CPU.
@@ -273,6 +274,7 @@ impl CityViewer {
             tau_px: self.tau_px,
             daylight: self.daylight,
             shading: self.shading,
+            style_changes: self.style_changes,
         };
         if self.view_state != Some(state) {
             self.pacer.view_changed(now);

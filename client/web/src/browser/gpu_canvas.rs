@@ -7,6 +7,7 @@ use insula_viewer::{
 };
 use js_sys::Promise;
 use std::sync::{Arc, OnceLock};
+use wasm_bindgen::JsValue;
 use web_sys::OffscreenCanvas;
 
 /// Reason of a browser that has WebGPU but nothing that computes it.
@@ -100,7 +101,37 @@ impl GpuCanvas {
         Ok(Promise::new(&mut |resolve, _| {
             queue.on_submitted_work_done(move || {
                 // The function of a promise does not fail.
-                let _ = resolve.call0(&wasm_bindgen::JsValue::UNDEFINED);
+                let _ = resolve.call0(&JsValue::UNDEFINED);
+            });
+        }))
+    }
+
+    /// Draws a frame of one pixel, which is not shown. The promise resolves to its word. Fails with a reason.
+    pub(crate) fn probe(&mut self, data: &FrameData) -> Result<Promise, String> {
+        let GpuDevice { device, queue, .. } = self.adapter.device.clone();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("probe") });
+        self.adapter.encode(&mut encoder, data).map_err(|error| error.to_string())?;
+        let word = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("probe"),
+            size: 4,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        encoder.copy_buffer_to_buffer(self.adapter.raycaster.colour_buffer(), 0, &word, 0, 4);
+        queue.submit([encoder.finish()]);
+        Ok(Promise::new(&mut |resolve, reject| {
+            let mapped = word.clone();
+            word.map_async(wgpu::MapMode::Read, .., move |result| {
+                let found = result.map_err(|error| error.to_string()).and_then(|()| {
+                    let bytes = mapped.get_mapped_range(..).map_err(|error| error.to_string())?;
+                    Ok(bytes.first_chunk().map(|bytes| u32::from_le_bytes(*bytes)))
+                });
+                let reply = match found {
+                    Ok(word) => resolve.call1(&JsValue::UNDEFINED, &word.into()),
+                    Err(reason) => reject.call1(&JsValue::UNDEFINED, &reason.into()),
+                };
+                // The functions of a promise do not fail.
+                let _ = reply;
             });
         }))
     }

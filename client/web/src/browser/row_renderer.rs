@@ -59,6 +59,17 @@ impl RowRenderer {
         words
     }
 
+    /// Casts the ray of a frame of one pixel, which is not the frame whose rows are drawn. Returns its word; 0 if it is not such a
+    /// frame.
+    pub fn probe(&self, words: &[u32]) -> u32 {
+        let Some(ReceivedFrame { frame, grid, nodes }) = &ReceivedFrame::parse(words) else { return 0 };
+        let (mut words, mut hit) = (Vec::new(), Vec::new());
+        if frame.width_px == 1 {
+            render_row(&self.adapter.scene(frame, grid, nodes), 0, &mut words, &mut hit);
+        }
+        words.first().copied().unwrap_or_default()
+    }
+
     /// The nodes that the pixels of the last [`RowRenderer::draw`] hit.
     pub fn take_hits(&mut self) -> Vec<u32> {
         std::mem::take(&mut self.hit)

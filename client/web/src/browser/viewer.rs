@@ -47,7 +47,7 @@ const TAU_PX: [f64; 2] = [0.25, 16.0];
 #[wasm_bindgen]
 pub struct CityViewer {
     host: Host,
-    source: Arc<dyn TileSource>,
+    pub(crate) source: Arc<dyn TileSource>,
     pub(crate) streamer: Streamer<BrowserFetcher>,
     pub(crate) renderer: Renderer,
     pub(crate) control: CameraControl,
@@ -73,6 +73,8 @@ pub struct CityViewer {
     pub(crate) view_state: Option<super::frame_loop::DrawnView>,
     /// Requests for fine tiles that may still start while the frame is drawn.
     pub(crate) fine_requests: usize,
+    /// Number of changes of the objects' styles.
+    pub(crate) style_changes: u64,
     cache_bytes: u64,
     status: Option<StatusMessage>,
     started: Instant,
@@ -123,6 +125,7 @@ impl CityViewer {
             lines: Vec::new(),
             view_state: None,
             fine_requests: 0,
+            style_changes: 0,
             cache_bytes: options.cache_bytes,
             status: None,
             started: Instant::now(),
@@ -194,6 +197,12 @@ impl CityViewer {
         self.renderer.forget_past_writes();
     }
 
+    /// Whether a GPU draws.
+    #[wasm_bindgen(js_name = isOnGpu)]
+    pub fn is_on_gpu(&self) -> bool {
+        matches!(self.renderer, Renderer::Gpu(_))
+    }
+
     /// Why the GPU was lost, if it was.
     #[wasm_bindgen(js_name = lostGpu)]
     pub fn lost_gpu(&self) -> Option<String> {
@@ -229,8 +238,9 @@ pub struct GpuHandle {
 
 impl CityViewer {
     fn restart(&mut self, pages: u32) {
-        let manifest = self.streamer.tree().manifest().clone();
+        let (manifest, styles) = (self.streamer.tree().manifest().clone(), self.styles().clone());
         self.streamer = open_streamer(&self.host, &self.source, manifest, pages);
+        self.apply_styles(styles);
         (self.job, self.view_state) = (None, None);
     }
 

@@ -81,8 +81,9 @@ impl<'a> Tileset<'a> {
         Ok(Self { source, selection, frame, reader: ObjectReader::new(source), reach })
     }
 
-    /// The tileset's JSON. Fails if the root's subtree cannot be read.
-    pub fn tileset_json(&self) -> Result<Vec<u8>, ExportError> {
+    /// The tileset's JSON, whose files are in `folder`: empty, or an address relative to the JSON with a slash at its end. Fails if the
+    /// root's subtree cannot be read.
+    pub fn tileset_json(&self, folder: &str) -> Result<Vec<u8>, ExportError> {
         let manifest = self.source.manifest();
         let subtree = subtree_at(self.source, TileId::ROOT)?;
         let root = subtree.nodes.first().map(|node| self.tile(&subtree, node));
@@ -91,12 +92,12 @@ impl<'a> Tileset<'a> {
             "boundingVolume": { "box": root.bounding_box },
             "geometricError": root.geometric_error_m,
             "refine": "REPLACE",
-            "content": { "uri": "content/{level}/{x}/{y}.glb" },
+            "content": { "uri": format!("{folder}content/{{level}}/{{x}}/{{y}}.glb") },
             "implicitTiling": {
                 "subdivisionScheme": "QUADTREE",
                 "subtreeLevels": subtree::LEVELS,
                 "availableLevels": manifest.depth + 1,
-                "subtrees": { "uri": "subtrees/{level}/{x}/{y}.subtree" },
+                "subtrees": { "uri": format!("{folder}subtrees/{{level}}/{{x}}/{{y}}.subtree") },
             },
         });
         if let Some(to_earth) = self.frame.to_earth() {

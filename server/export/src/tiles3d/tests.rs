@@ -44,7 +44,7 @@ fn view<'b>(json: &Value, binary: &'b [u8], index: &Value) -> &'b [u8] {
 #[test]
 fn the_tileset_is_an_implicit_quadtree_on_earth() {
     let city = city();
-    let json: Value = serde_json::from_slice(&tileset(&city, &EVERYTHING).tileset_json().unwrap()).unwrap();
+    let json: Value = serde_json::from_slice(&tileset(&city, &EVERYTHING).tileset_json("").unwrap()).unwrap();
     assert_eq!((&json["asset"]["version"], &json["root"]["refine"]), (&"1.1".into(), &"REPLACE".into()));
     assert_eq!(json["asset"]["extras"]["attribution"][0]["text"], "Town Hall");
     let tiling = &json["root"]["implicitTiling"];
@@ -201,5 +201,5 @@ fn broken_tiles_and_full_disks_are_errors() {
 }
 
 fn tileset_of_nothing(city: &TestCity) -> Result<Vec<u8>, ExportError> {
-    Tileset::new(city, &EVERYTHING, &|_| None)?.tileset_json()
+    Tileset::new(city, &EVERYTHING, &|_| None)?.tileset_json("")
 }

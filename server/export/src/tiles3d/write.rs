@@ -37,7 +37,7 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
         }
     };
     let mut report = ExportReport::default();
-    write(&mut sink, &mut report, TILESET_JSON, &tileset.tileset_json()?)?;
+    write(&mut sink, &mut report, TILESET_JSON, &tileset.tileset_json("")?)?;
     let mut roots = vec![TileId::ROOT];
     while let Some(root) = roots.pop() {
         write_subtree(tileset, root, &mut sink, &mut report, &mut roots)?;

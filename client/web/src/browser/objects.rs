@@ -1,0 +1,145 @@
+//! The objects of a city for the page: attributes, search, and styles by rules.
+
+use super::{
+    commands::ColorRules,
+    messages::{ColorsMessage, ObjectMessage, SchemaMessage},
+    viewer::{CityViewer, json, to_js},
+};
+use futures_util::lock::Mutex;
+use insula_objects::color::ColorBy;
+use insula_viewer::{
+    objects::{CityObjects, ObjectStyles, StyledObjects},
+    source::TileSource,
+};
+use js_sys::Promise;
+use std::{rc::Rc, sync::Arc};
+use wasm_bindgen::prelude::*;
+use wasm_bindgen_futures::future_to_promise;
+
+/// Most hits of a search.
+const MAX_HITS: usize = 100;
+
+/// Reads the objects of a city. It is apart from the viewer, which goes on drawing meanwhile.
+#[wasm_bindgen]
+#[derive(Clone)]
+pub struct ObjectReader {
+    source: Arc<dyn TileSource>,
+    origin: [f64; 3],
+    /// `None` until the first use.
+    opened: Rc<Mutex<Option<Rc<CityObjects>>>>,
+}
+
+/// Styles that were made from rules, and what explains them.
+#[wasm_bindgen]
+pub struct MadeStyles {
+    styles: ObjectStyles,
+    message: String,
+}
+
+#[wasm_bindgen]
+impl MadeStyles {
+    /// The message about the styles (JSON, see `ColorsMessage`).
+    pub fn message(&self) -> String {
+        self.message.clone()
+    }
+}
+
+#[wasm_bindgen]
+impl ObjectReader {
+    /// What is known of an object: resolves to JSON (see `ObjectMessage`), or to `undefined` if there is none of this number. Rejects
+    /// with the reason if it cannot be fetched.
+    pub fn describe(&self, id: u32) -> Promise {
+        let reader = self.clone();
+        future_to_promise(async move {
+            let described = reader.open().await?.describe_with_parent(id).await.map_err(to_js)?;
+            Ok(described.map_or(JsValue::UNDEFINED, |object| json(&ObjectMessage::from(object)).into()))
+        })
+    }
+
+    /// Resolves to the objects whose texts match (JSON, a list of `text`, `object` and `typos`), the best first, or to `undefined` if
+    /// the city has no search. Rejects with the reason if it cannot be searched.
+    pub fn search(&self, text: String, limit: u32) -> Promise {
+        let source = self.source.clone();
+        future_to_promise(async move {
+            let hits = source.search(&text, (limit as usize).clamp(1, MAX_HITS)).await.map_err(to_js)?;
+            Ok(hits.map_or(JsValue::UNDEFINED, |hits| json(&hits).into()))
+        })
+    }
+
+    /// Resolves to the attributes by which objects can be coloured, and the palettes (JSON, see `SchemaMessage`). Rejects with the
+    /// reason if the city has no objects, or if they cannot be fetched.
+    pub fn schema(&self) -> Promise {
+        let reader = self.clone();
+        future_to_promise(async move {
+            let objects = reader.open().await?;
+            let schema = objects.schema();
+            let message = SchemaMessage {
+                objects: schema.objects,
+                color_by: schema.names_to_color_by(),
+                palettes: ColorBy::palettes().collect(),
+                attributes: serde_json::to_value(&schema.attributes).map_err(to_js)?,
+            };
+            Ok(json(&message).into())
+        })
+    }
+
+    /// Makes styles from rules (JSON, see `ColorRules`): resolves to `MadeStyles`. Rejects with the reason if the rules are invalid, or
+    /// if objects cannot be fetched.
+    pub fn styles(&self, rules: &str) -> Promise {
+        let (reader, rules) = (self.clone(), serde_json::from_str::<ColorRules>(rules));
+        future_to_promise(async move {
+            let rules = rules.map_err(to_js)?.into();
+            let StyledObjects { styles, legend, passing } = reader.open().await?.styles(&rules).await.map_err(to_js)?;
+            let legend = serde_json::to_value(&legend).map_err(to_js)?;
+            Ok(MadeStyles { styles, message: json(&ColorsMessage { legend, passing }) }.into())
+        })
+    }
+}
+
+impl ObjectReader {
+    async fn open(&self) -> Result<Rc<CityObjects>, JsError> {
+        let mut opened = self.opened.lock().await;
+        if let Some(objects) = &*opened {
+            return Ok(objects.clone());
+        }
+        let found = CityObjects::open(self.source.clone(), self.origin).await.map_err(to_js)?;
+        let objects = found.ok_or_else(|| JsError::new("the city has no objects: bake it again"))?;
+        Ok(opened.insert(Rc::new(objects)).clone())
+    }
+}
+
+#[wasm_bindgen]
+impl CityViewer {
+    /// What reads the objects of this city.
+    pub fn objects(&self) -> ObjectReader {
+        let origin = self.streamer.tree().manifest().origin;
+        ObjectReader { source: self.source.clone(), origin, opened: Rc::default() }
+    }
+
+    /// Draws objects in these styles from the next frame on. No tile is fetched again.
+    #[wasm_bindgen(js_name = setStyles)]
+    pub fn set_styles(&mut self, made: MadeStyles) {
+        let outlined = self.styles().outlined().clone();
+        let mut styles = made.styles;
+        styles.outline(outlined);
+        self.apply_styles(styles);
+    }
+
+    /// Outlines these objects and no others.
+    pub fn outline(&mut self, objects: &[u32]) {
+        let mut styles = self.styles().clone();
+        styles.outline(objects.iter().copied().collect());
+        self.apply_styles(styles);
+    }
+}
+
+impl CityViewer {
+    pub(crate) fn styles(&self) -> &ObjectStyles {
+        self.streamer.cache().styles()
+    }
+
+    pub(crate) fn apply_styles(&mut self, styles: ObjectStyles) {
+        self.streamer.set_styles(styles, &mut self.renderer);
+        self.style_changes += 1;
+    }
+}

@@ -1,0 +1,197 @@
+//! A city as 3D Tiles for other programs (`insula_export::tiles3d`). Files are made when they are asked for, and cached.
+//!
+//! The addresses of files have the city's version, so that they are immutable; only `tileset.json` changes with the city.
+
+use super::{
+    access_control::{AccessRequest, CityAccess, Credentials},
+    problem::{NO_ROUTE, Problem},
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
+    state::{AppState, MessageKind},
+    tile::{find_version, unknown_name},
+};
+use crate::store::{CityStore, StoredCity};
+use axum::{
+    body::Body,
+    extract::State,
+    http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header},
+    response::Response,
+};
+use bytes::Bytes;
+use insula_bake::read::EarthPlace;
+use insula_export::{glb::ExportError, selection::ObjectSelection, tiles3d::Tileset};
+use insula_objects::Schema;
+use insula_protocol::{
+    TileId, TileKind,
+    object_tile::{self, SCHEMA_ID},
+    route::{Route, RouteError, RouteTemplate, TilesetFileKind},
+};
+use moka::future::Cache;
+use std::{
+    sync::{Arc, LazyLock},
+    time::Duration,
+};
+use tokio::{runtime::Handle, sync::Semaphore, task::spawn_blocking, time::timeout};
+
+/// Bytes of cached files.
+const MAX_CACHED_BYTES: u64 = 64 << 20;
+/// Files of the process that are made at the same time. Each takes a core for up to a second.
+const MAX_RUNNING: usize = 2;
+/// A file that waits or takes longer has failed. Its thread cannot be stopped.
+const MAX_TIME: Duration = Duration::from_secs(30);
+
+const NO_FILE: Problem = Problem::not_found("this tileset has no such file");
+const INVALID_NODE: Problem =
+    Problem::bad_request("level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level");
+
+static RUNNING: Semaphore = Semaphore::const_new(MAX_RUNNING);
+static FILES: LazyLock<Cache<FileKey, Bytes>> = LazyLock::new(|| {
+    Cache::builder()
+        .max_capacity(MAX_CACHED_BYTES)
+        .weigher(|_: &FileKey, bytes: &Bytes| u32::try_from(bytes.len()).unwrap_or(u32::MAX))
+        .build()
+});
+
+/// A file of one version of a city.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct FileKey {
+    /// [`CityStore::serial`].
+    serial: u64,
+    file: TilesetFile,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum TilesetFile {
+    Root,
+    Node(TilesetFileKind, TileId),
+}
+
+/// Why there is no file.
+#[derive(Debug, Clone)]
+enum FileError {
+    Missing,
+    Overloaded,
+    Failed(String),
+}
+
+/// `/v1/cities/{city}/3dtiles/tileset.json`, and the files that it names. Fails with 400 for invalid numbers, 401 without a required
+/// token, 404 for an unknown city, version or file, or with a share link for a part of the city; 500 if the city is damaged, 503 if the
+/// file cannot be made now.
+pub(super) async fn tileset_file(
+    State(state): State<AppState>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (city, access, file) = requested(&state, &uri, &headers)?;
+    // Tiles are not limited to the area of the link, so such a link opens no tileset.
+    if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+        return Err(NO_FILE);
+    }
+    let key = FileKey { serial: city.serial(), file };
+    let body = FILES.try_get_with(key, make(&city, file)).await.map_err(|error| problem(&state, &city, &error))?;
+    let is_public = access.is_public();
+    let representation = Representation {
+        etag: etag_of(&body),
+        body,
+        content_type: HeaderValue::from_static(match file {
+            TilesetFile::Root => "application/json",
+            TilesetFile::Node(TilesetFileKind::Subtree, _) => "application/octet-stream",
+            TilesetFile::Node(TilesetFileKind::Content, _) => "model/gltf-binary",
+        }),
+        cache_control: match (file, is_public) {
+            (TilesetFile::Root, true) => REVALIDATE,
+            (TilesetFile::Root, false) => REVALIDATE_PRIVATE,
+            (TilesetFile::Node(..), true) => IMMUTABLE,
+            (TilesetFile::Node(..), false) => IMMUTABLE_PRIVATE,
+        },
+        encoding: None,
+        vary: None,
+    };
+    Ok(representation.respond(&method, &headers).map(Body::from))
+}
+
+/// The city of an address that the request may see, and the file.
+fn requested(
+    state: &AppState,
+    uri: &Uri,
+    headers: &HeaderMap,
+) -> Result<(Arc<CityStore>, CityAccess, TilesetFile), Problem> {
+    match Route::parse(uri.path()) {
+        Ok(Route::Tileset { city: name }) => {
+            let catalog = state.catalog();
+            let city = catalog.store().city(name);
+            let version = city.map(|city| city.manifest().version.as_str());
+            let request = AccessRequest { route: RouteTemplate::Tileset, city: name, version };
+            let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
+            let city = city.ok_or(Problem::not_found("there is no such city"))?;
+            Ok((Arc::clone(city), access, TilesetFile::Root))
+        }
+        Ok(Route::TilesetFile { city, version, kind, id }) => {
+            let (city, access) = find_version(state, RouteTemplate::TilesetFile, city, version, uri, headers)?;
+            Ok((city, access, TilesetFile::Node(kind, id)))
+        }
+        Err(RouteError::InvalidTile) => Err(INVALID_NODE),
+        Err(RouteError::InvalidName) => Err(unknown_name(state, uri, headers)),
+        _ => Err(NO_ROUTE),
+    }
+}
+
+/// Makes a file on a thread of its own.
+async fn make(city: &Arc<CityStore>, file: TilesetFile) -> Result<Bytes, FileError> {
+    let (city, runtime) = (Arc::clone(city), Handle::current());
+    let task = async {
+        let permit = RUNNING.acquire().await.map_err(|_| FileError::Overloaded)?;
+        let made = spawn_blocking(move || {
+            let made = make_now(&city, file, &runtime);
+            drop(permit);
+            made
+        });
+        made.await.map_err(|error| FileError::Failed(error.to_string()))?
+    };
+    timeout(MAX_TIME, task).await.unwrap_or(Err(FileError::Overloaded))
+}
+
+/// Reads what a file needs, and makes it. Waits for the network if the city is in an object store.
+fn make_now(city: &CityStore, file: TilesetFile, runtime: &Handle) -> Result<Bytes, FileError> {
+    let failed = |error: &dyn std::fmt::Display| FileError::Failed(error.to_string());
+    let read = |kind, id| runtime.block_on(city.checked_tile(kind, id));
+    let schema = match read(TileKind::Objects, SCHEMA_ID).map_err(|error| failed(&error))? {
+        Some(bytes) => {
+            let content = object_tile::decode(SCHEMA_ID, &bytes).map_err(|error| failed(&error))?;
+            let schema: Schema = serde_json::from_slice(&content).map_err(|error| failed(&error))?;
+            schema.check().map_err(|error| failed(&error))?;
+            schema
+        }
+        None => Schema::default(),
+    };
+    let source = StoredCity::new(city, &schema, &read);
+    let manifest = city.manifest();
+    let place = manifest.crs.as_deref().and_then(EarthPlace::of);
+    let to_geocentric = |point: [f64; 3]| place.as_ref()?.geocentric(point);
+    let everything = ObjectSelection::default();
+    let tileset = Tileset::new(&source, &everything, &to_geocentric).map_err(|error| failed(&error))?;
+    let made: Result<Option<Vec<u8>>, ExportError> = match file {
+        TilesetFile::Root => tileset.tileset_json(&format!("{}/", manifest.version)).map(Some),
+        TilesetFile::Node(TilesetFileKind::Subtree, id) => tileset.subtree(id.level(), id.x(), id.y()),
+        TilesetFile::Node(TilesetFileKind::Content, id) => tileset.content(id.level(), id.x(), id.y()),
+    };
+    made.map_err(|error| failed(&error))?.map(Bytes::from).ok_or(FileError::Missing)
+}
+
+/// Logs a failure. The client learns only whether a retry may help.
+fn problem(state: &AppState, city: &CityStore, error: &FileError) -> Problem {
+    match error {
+        FileError::Missing => NO_FILE,
+        FileError::Overloaded => Problem::unavailable("too many tiles are being made: retry in a second"),
+        FileError::Failed(reason) => {
+            if state.admits_message(MessageKind::TileFailure) {
+                tracing::error!(place = city.location(), reason, "cannot make a tile of the tileset");
+            }
+            Problem::new(
+                StatusCode::INTERNAL_SERVER_ERROR,
+                "the server cannot make this file from its copy of the city",
+            )
+            .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! An open city as exports read it.
+
+use super::CityStore;
+use bytes::Bytes;
+use insula_archive::ReadError;
+use insula_export::source::{ExportSource, SourceError};
+use insula_objects::{ObjectBlock, Schema};
+use insula_protocol::{
+    BlockMap, Manifest, MeshTile, Subtree, TileId, TileKind, mesh_tile,
+    object_tile::{self, block_id},
+};
+use std::fmt::Display;
+
+/// Reads a tile; `None` if there is no such tile.
+type ReadTileFn<'a> = dyn Fn(TileKind, TileId) -> Result<Option<Bytes>, ReadError> + 'a;
+
+/// A city, and what reads its tiles.
+pub struct StoredCity<'a> {
+    city: &'a CityStore,
+    schema: &'a Schema,
+    read: &'a ReadTileFn<'a>,
+}
+
+impl<'a> StoredCity<'a> {
+    /// `read` is called for each tile, and may wait.
+    pub fn new(city: &'a CityStore, schema: &'a Schema, read: &'a ReadTileFn<'a>) -> Self {
+        Self { city, schema, read }
+    }
+
+    fn tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, SourceError> {
+        (self.read)(kind, id).map_err(|error| source_error(kind, id, &error))
+    }
+}
+
+fn source_error(kind: TileKind, id: TileId, reason: &dyn Display) -> SourceError {
+    SourceError { what: format!("{} {id}", kind.path_segment()), reason: reason.to_string() }
+}
+
+impl ExportSource for StoredCity<'_> {
+    fn manifest(&self) -> &Manifest {
+        self.city.manifest()
+    }
+
+    fn schema(&self) -> &Schema {
+        self.schema
+    }
+
+    fn objects(&self, block: u32) -> Result<Option<ObjectBlock>, SourceError> {
+        let Some(id) = block_id(block) else { return Ok(None) };
+        let Some(bytes) = self.tile(TileKind::Objects, id)? else { return Ok(None) };
+        let decoded =
+            object_tile::decode(id, &bytes).and_then(|content| ObjectBlock::decode(block, &content, self.schema));
+        let failed = |error| SourceError { what: format!("objects {block}"), reason: format!("{error}") };
+        decoded.map(Some).map_err(failed)
+    }
+
+    fn subtree(&self, root: TileId) -> Result<Option<Subtree>, SourceError> {
+        let Some(bytes) = self.tile(TileKind::Subtree, root)? else { return Ok(None) };
+        Subtree::decode(&bytes).map(Some).map_err(|error| source_error(TileKind::Subtree, root, &error))
+    }
+
+    fn columns(&self, node: TileId) -> Result<Option<BlockMap>, SourceError> {
+        let Some(bytes) = self.tile(TileKind::BlockMap, node)? else { return Ok(None) };
+        BlockMap::decode(node, &bytes).map(Some).map_err(|error| source_error(TileKind::BlockMap, node, &error))
+    }
+
+    fn mesh(&self, leaf: TileId, lod: u8) -> Result<Option<MeshTile>, SourceError> {
+        let Some(place) = mesh_tile::archive_id(leaf, lod) else { return Ok(None) };
+        let Some(bytes) = self.tile(TileKind::Mesh, place)? else { return Ok(None) };
+        MeshTile::decode(leaf, lod, &bytes).map(Some).map_err(|error| source_error(TileKind::Mesh, leaf, &error))
+    }
+}

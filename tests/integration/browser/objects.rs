@@ -1,0 +1,221 @@
+//! Objects in a page: clicks and the panel of attributes, the search, colours with their legend.
+
+use super::viewer::{REACTION, ensure_no_problems, keep};
+use anyhow::{Context, Result, ensure};
+use insula_bake::BakeOptions;
+use insula_tests::{
+    browser::{
+        Browser, BrowserOptions,
+        city_page::CityPage,
+        same_picture::{SharedView, native_with, share_of_same},
+    },
+    fixtures,
+    programs::ServerProcess,
+};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use tempfile::TempDir;
+
+const SIZE_PX: [u32; 2] = [1000, 640];
+const HOUSES_PER_SIDE: usize = 4;
+/// Distance of the houses, and where the first one stands.
+const STEP_M: f64 = 40.0;
+const CORNER: [f64; 2] = [84_000.0, 447_000.0];
+/// Smallest share of pixels that are those of the native client.
+const SAME: f64 = 0.998;
+/// Surfaces of columns are up to half a cell from the walls.
+const EDGE_M: f64 = 0.6;
+/// The same as a share of the distance of the houses.
+const CELL_MARGIN: f64 = EDGE_M / STEP_M;
+
+/// A town of cuboids, each with the year in which it was built.
+struct Town {
+    server: ServerProcess,
+    browser: Browser,
+    houses: Value,
+    _folder: TempDir,
+}
+
+impl Town {
+    fn open(gpu: bool) -> Result<(Self, CityPage)> {
+        let folder = tempfile::tempdir()?;
+        let mut houses = fixtures::city_json(HOUSES_PER_SIDE);
+        for i in 0..HOUSES_PER_SIDE * HOUSES_PER_SIDE {
+            houses["CityObjects"][format!("house-{i}")]["attributes"] =
+                json!({ "yearOfConstruction": 1600 + 20 * i, "link": "https://example.org/a" });
+        }
+        let input: PathBuf = folder.path().join("town.city.json");
+        std::fs::write(&input, houses.to_string())?;
+        let city = fixtures::baked("object-town", &BakeOptions { inputs: vec![input], ..BakeOptions::default() })?;
+        let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
+        let browser = Browser::launch(BrowserOptions { gpu, size: SIZE_PX, ..BrowserOptions::default() })?;
+        let page = CityPage::open(&browser, &format!("http://{}/", server.address))?;
+        if gpu {
+            page.restart_with(0, &[("adapter", "gpu")])?;
+            page.wait_for_adapter(0, "gpu")?;
+        }
+        page.wait_until_final(0)?;
+        Ok((Self { server, browser, houses, _folder: folder }, page))
+    }
+
+    /// The house below a position, and whether the position is at its edge.
+    fn house_at(&self, x: f64, y: f64) -> Option<(String, bool)> {
+        let [column, row] = [(x - CORNER[0]) / STEP_M, (y - CORNER[1]) / STEP_M];
+        let [column, row] = [column, row].map(|at| (at + CELL_MARGIN).floor().max(0.0) as usize);
+        let number = row * HOUSES_PER_SIDE + column;
+        let name = format!("house-{number}");
+        let ring = &self.houses["CityObjects"][&name]["geometry"][0]["boundaries"][0][0][0];
+        let corner = |at: usize| {
+            let vertex = &self.houses["vertices"][ring[at].as_u64()? as usize];
+            Some([vertex[0].as_f64()? * 0.001 + CORNER[0], vertex[1].as_f64()? * 0.001 + CORNER[1]])
+        };
+        let corners: Option<Vec<[f64; 2]>> = (0..4).map(corner).collect();
+        let corners = corners?;
+        let inside = |margin: f64| {
+            (0..2).all(|axis| {
+                let [low, high] = corners
+                    .iter()
+                    .fold([f64::MAX, f64::MIN], |[low, high], corner| [low.min(corner[axis]), high.max(corner[axis])]);
+                let at = [x, y][axis];
+                at > low - margin && at < high + margin
+            })
+        };
+        inside(EDGE_M).then(|| (name, !inside(-EDGE_M)))
+    }
+}
+
+fn element() -> String {
+    CityPage::element(0)
+}
+
+/// Clicks a place, and returns the details of the `pick` event.
+fn pick(page: &CityPage, at: [f64; 2]) -> Result<Value> {
+    // Two clicks in a row would be a double click.
+    std::thread::sleep(std::time::Duration::from_millis(450));
+    page.page.evaluate(&format!("delete {}.insulaSeen.pick", element()))?;
+    page.page.click(at, 1)?;
+    page.page.wait_for(&format!("{}.insulaSeen.pick", element()), REACTION)?;
+    Ok(page.last_event(0, "pick")?["detail"].clone())
+}
+
+/// Every click gives the house that stands at its position. Returns the last one.
+fn ensure_right_objects(town: &Town, page: &CityPage) -> Result<Value> {
+    let mut last = Value::Null;
+    for at in [[500.0, 330.0], [440.0, 300.0], [560.0, 340.0], [470.0, 380.0], [530.0, 280.0], [400.0, 350.0]] {
+        let picked = pick(page, at)?;
+        let [x, y] = [0, 1].map(|k| picked["position"][k].as_f64().unwrap_or(f64::NAN));
+        let found = picked["object"]["identifier"].as_str();
+        match town.house_at(x, y) {
+            Some((_, true)) => {}
+            house => ensure!(house.map(|(name, _)| name).as_deref() == found, "{picked}"),
+        }
+        if found.is_some() {
+            last = picked["object"].clone();
+        }
+    }
+    ensure!(last["id"].is_u64(), "no click met a house");
+    Ok(last)
+}
+
+/// Clicks select objects, outline them, and open the panel with their attributes.
+pub(super) fn clicks_show_attributes() -> Result<()> {
+    let (town, page) = Town::open(false)?;
+    let before = page.picture(0, [320, 200])?;
+    let object = ensure_right_objects(&town, &page)?;
+    let (id, name) = (object["id"].as_u64().context("no number")?, object["identifier"].as_str().context("no name")?);
+    page.page.evaluate(&format!("{}.select([{id}]).then(() => true)", element()))?;
+    let panel = "document.querySelector('.panel:not([hidden]) .objects')";
+    page.page.wait_for(&format!("{panel}?.querySelector('h3').textContent === '{name}'"), REACTION)?;
+    let number: usize = name.trim_start_matches("house-").parse()?;
+    let text = page.page.evaluate(&format!("{panel}.innerText"))?;
+    let year = (1600 + 20 * number).to_string();
+    ensure!(text.as_str().is_some_and(|text| text.contains("yearOfConstruction") && text.contains(&year)), "{text}");
+    let link = page.page.evaluate(&format!("{panel}.querySelector('a').href"))?;
+    ensure!(link == "https://example.org/a", "{link}");
+    let outlined = page.picture(0, [320, 200])?;
+    ensure!(share_of_same(&before, &outlined)? < 1.0, "no outline is drawn");
+    keep(&page, "object-panel")?;
+    page.page.wait_for(&format!("location.hash.includes('object={id}')"), REACTION)?;
+    // The link selects it again.
+    let link = page.page.evaluate("location.href")?;
+    let other = CityPage::open(&town.browser, link.as_str().context("no link")?)?;
+    other.page.wait_for(&format!("{}.selection[0]?.id === {id}", element()), REACTION)?;
+    ensure_no_problems(&page)
+}
+
+pub(super) fn clicks_meet_the_same_objects_on_a_gpu() -> Result<()> {
+    let (town, page) = Town::open(true)?;
+    ensure_right_objects(&town, &page)?;
+    // The next frame has its own size again.
+    page.wait_until_final(0)?;
+    ensure_no_problems(&page)
+}
+
+/// What is typed is found, selected and approached.
+pub(super) fn the_search_finds_objects() -> Result<()> {
+    let (_town, page) = Town::open(false)?;
+    page.page.press("/")?;
+    let panel = "document.querySelector('.panel:not([hidden])')";
+    page.page.wait_for(&format!("{panel} !== null"), REACTION)?;
+    page.page.evaluate(&format!(
+        "(input => {{ input.value = 'house-13'; input.dispatchEvent(new Event('input')); }})({panel}.querySelector('input'))"
+    ))?;
+    let row = format!("[...{panel}.querySelectorAll('.results .row')].find(row => row.textContent === 'house-13')");
+    page.page.wait_for(&format!("{row} !== undefined"), REACTION)?;
+    page.moves_by("a hit", 0, |page| page.evaluate(&format!("{row}.click()")).map(drop))?;
+    page.page.wait_for(&format!("{}.selection[0]?.identifier === 'house-13'", element()), REACTION)?;
+    page.wait_until_still(0)?;
+    let centre = page.page.evaluate(&format!("{}.selection[0].centre", element()))?;
+    let middle = page.page.evaluate(&format!("{e}.pick({e}.clientWidth / 2, {e}.clientHeight / 2)", e = element()))?;
+    for k in 0..2 {
+        let (a, b) = (centre[k].as_f64().context("no centre")?, middle["position"][k].as_f64().context("no surface")?);
+        ensure!((a - b).abs() < STEP_M, "the view's middle {middle} is not at {centre}");
+    }
+    keep(&page, "object-search")?;
+    ensure_no_problems(&page)
+}
+
+/// Colours and filters are those of the native client, have a legend, and fetch no tile.
+pub(super) fn colours_have_a_legend() -> Result<()> {
+    let (town, page) = Town::open(false)?;
+    let tiles = |page: &CityPage| -> Result<usize> {
+        let is_tile = |url: &str| url.contains("/blockmaps/") || url.contains("/meshes/") || url.contains("/subtrees/");
+        Ok(page.page.requests()?.iter().filter(|request| is_tile(&request.url)).count())
+    };
+    page.restart_with(0, &[("time", "2024-06-21T14:00")])?;
+    page.wait_until_final(0)?;
+    let before = tiles(&page)?;
+    let rules = json!({ "attribute": "yearOfConstruction", "filter": "yearOfConstruction < 1800", "others": "hide" });
+    let made = page.page.evaluate(&format!("{}.setColors({rules})", element()))?;
+    ensure!(made["passing"] == 10 && made["legend"]["title"] == "yearOfConstruction", "{made}");
+    page.wait_until_final(0)?;
+    let drawn = page.picture(0, SIZE_PX)?;
+    ensure!(tiles(&page)? == before, "a change of colours fetched tiles");
+    let camera = page.camera(0)?;
+    let city = page.page.evaluate(&format!("{}.manifest.name", element()))?;
+    let city = city.as_str().context("no name")?.to_owned();
+    let view = SharedView { server: town.server.address, city, camera, size_px: SIZE_PX };
+    let options = ["--color-by", "yearOfConstruction", "--filter", "yearOfConstruction < 1800", "--others", "hide"];
+    let folder = tempfile::tempdir()?;
+    let expected = native_with(&view, folder.path(), &options)?;
+    let same = share_of_same(&expected, &drawn)?;
+    println!("{:.3}% of the pixels are the native client's", same * 100.0);
+    ensure!(same >= SAME, "only {:.3}% of the pixels are the native client's", same * 100.0);
+    let legend = page.page.evaluate("document.querySelector('.legend:not([hidden])')?.innerText ?? ''")?;
+    ensure!(
+        legend.as_str().is_some_and(|text| text.contains("yearOfConstruction") && text.contains("1600")),
+        "{legend}"
+    );
+    page.page.press("g")?;
+    page.page
+        .wait_for("document.querySelector('.panel:not([hidden]) select option:nth-child(3)') !== null", REACTION)?;
+    keep(&page, "object-colours")?;
+    let refused = page.page.evaluate(&format!(
+        "{}.setColors({{ attribute: 'yearOfConstructio' }}).then(() => '', error => error.message)",
+        element()
+    ))?;
+    ensure!(refused.as_str().is_some_and(|text| text.contains("yearOfConstruction?")), "{refused}");
+    page.page.evaluate(&format!("{}.setColors(null)", element()))?;
+    page.page.wait_for("document.querySelector('.legend').hidden", REACTION)?;
+    ensure_no_problems(&page)
+}
