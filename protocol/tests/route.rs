@@ -6,7 +6,7 @@ use insula_protocol::{
     TileId, TileKind,
     mesh_tile::MAX_LODS,
     object_tile::{SCHEMA_ID, block_id},
-    route::{self, Route, RouteError, RouteTemplate, TileRoute},
+    route::{self, Route, RouteError, RouteTemplate, TileRoute, TilesetFileKind},
 };
 use proptest::prelude::*;
 
@@ -22,6 +22,10 @@ fn tile(kind: TileKind, lod: u8) -> Route<'static> {
 
 fn objects(id: TileId) -> Route<'static> {
     Route::Tile(TileRoute { city: "delft", version: VERSION, kind: TileKind::Objects, id, lod: 0 })
+}
+
+fn tileset_file(kind: TilesetFileKind) -> Route<'static> {
+    Route::TilesetFile { city: "delft", version: VERSION, kind, id: leaf() }
 }
 
 fn tile_error(rest: &str) -> RouteError {
@@ -51,6 +55,9 @@ fn every_address_has_its_path() {
         (objects(block_id(54_321).unwrap()), "/v1/cities/delft/0123456789abcdef/objects/54321"),
         (Route::Search { city: "delft", version: VERSION }, "/v1/cities/delft/0123456789abcdef/search"),
         (Route::Search { city: "search", version: "objects" }, "/v1/cities/search/objects/search"),
+        (Route::Tileset { city: "delft" }, "/v1/cities/delft/3dtiles/tileset.json"),
+        (tileset_file(TilesetFileKind::Subtree), "/v1/cities/delft/3dtiles/0123456789abcdef/subtrees/7/100/3.subtree"),
+        (tileset_file(TilesetFileKind::Content), "/v1/cities/delft/3dtiles/0123456789abcdef/content/7/100/3.glb"),
     ] {
         assert_eq!(route.path(), path);
         assert_eq!(Route::parse(path), Ok(route));

@@ -52,14 +52,21 @@ use insula_protocol::{
     NODE_CELLS,
     blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL, flag},
 };
-use std::f32::consts::TAU;
+use std::{f32::consts::TAU, fmt};
 
-const LAYOUT: &str = include_str!("../wgsl/shared/layout.wgsl");
-const MATH: &str = include_str!("../wgsl/shared/math.wgsl");
-const COMPOSE_UNIFORM: &str = include_str!("../wgsl/shared/compose_uniform.wgsl");
-const SRGB: &str = include_str!("../wgsl/shared/srgb.wgsl");
-const TONE: &str = include_str!("../wgsl/shared/tone.wgsl");
-const WORDS: &str = include_str!("../wgsl/shared/words.wgsl");
+/// A file of `wgsl`, as `build.rs` copied it.
+macro_rules! wgsl {
+    ($file:literal) => {
+        include_str!(concat!(env!("OUT_DIR"), "/", $file))
+    };
+}
+
+const LAYOUT: &str = wgsl!("shared/layout.wgsl");
+const MATH: &str = wgsl!("shared/math.wgsl");
+const COMPOSE_UNIFORM: &str = wgsl!("shared/compose_uniform.wgsl");
+const SRGB: &str = wgsl!("shared/srgb.wgsl");
+const TONE: &str = wgsl!("shared/tone.wgsl");
+const WORDS: &str = wgsl!("shared/words.wgsl");
 
 /// The ray-caster: entry point `raycast`, bindings in [`crate::layout::binding`], workgroups of [`WORKGROUP`].
 pub fn raycast() -> String {
@@ -69,67 +76,91 @@ pub fn raycast() -> String {
         SRGB,
         TONE,
         WORDS,
-        include_str!("../wgsl/ray.wgsl"),
-        include_str!("../wgsl/raycast.wgsl"),
-        include_str!("../wgsl/walk.wgsl"),
-        include_str!("../wgsl/node.wgsl"),
-        include_str!("../wgsl/column.wgsl"),
-        include_str!("../wgsl/solid.wgsl"),
-        include_str!("../wgsl/objects.wgsl"),
-        include_str!("../wgsl/mesh.wgsl"),
-        include_str!("../wgsl/mesh_surface.wgsl"),
-        include_str!("../wgsl/shade.wgsl"),
-        include_str!("../wgsl/night.wgsl"),
+        wgsl!("ray.wgsl"),
+        wgsl!("raycast.wgsl"),
+        wgsl!("walk.wgsl"),
+        wgsl!("node.wgsl"),
+        wgsl!("column.wgsl"),
+        wgsl!("solid.wgsl"),
+        wgsl!("objects.wgsl"),
+        wgsl!("mesh.wgsl"),
+        wgsl!("mesh_surface.wgsl"),
+        wgsl!("shade.wgsl"),
+        wgsl!("night.wgsl"),
     ])
 }
 
 /// Draws the ray-caster's pixels on a render target: entry points `corner`, `compose_srgb` and `compose_linear`.
 pub fn compose() -> String {
-    source(&[COMPOSE_UNIFORM, SRGB, TONE, include_str!("../wgsl/compose.wgsl")])
+    source(&[COMPOSE_UNIFORM, SRGB, TONE, wgsl!("compose.wgsl")])
 }
 
 /// Measures the exposure of the ray-caster's pixels: entry point `meter`.
 pub fn meter() -> String {
-    source(&[COMPOSE_UNIFORM, TONE, include_str!("../wgsl/meter.wgsl")])
+    source(&[COMPOSE_UNIFORM, TONE, wgsl!("meter.wgsl")])
 }
 
 /// Counts each node's pixels: entry point `hit_counts`.
 pub fn hit_counts() -> String {
-    source(&[include_str!("../wgsl/hit_counts.wgsl")])
+    source(&[wgsl!("hit_counts.wgsl")])
 }
 
 /// Draws the number of the nearest triangle, for the bake: entry points `corner` and `number`.
 pub fn nearest() -> String {
-    source(&[include_str!("../wgsl/nearest.wgsl")])
+    source(&[wgsl!("nearest.wgsl")])
 }
 
 fn source(files: &[&str]) -> String {
     [&[constants().as_str()], files].concat().join("\n")
 }
 
-/// A value as a WGSL literal of its type.
+/// A value of a type of WGSL.
+enum Literal {
+    U32(u32),
+    I32(i32),
+    F32(f32),
+    Vec3([f32; 3]),
+    Mat3([[f32; 3]; 3]),
+}
+
+impl fmt::Display for Literal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::U32(value) => write!(f, "{value}u"),
+            Self::I32(value) => write!(f, "{value}i"),
+            Self::F32(value) => write!(f, "{value:?}f"),
+            Self::Vec3([x, y, z]) => write!(f, "vec3<f32>({x:?}f, {y:?}f, {z:?}f)"),
+            Self::Mat3(axes) => {
+                let [x, y, z] = axes.map(Self::Vec3);
+                write!(f, "mat3x3<f32>({x}, {y}, {z})")
+            }
+        }
+    }
+}
+
+/// A value as a [`Literal`] of its type.
 macro_rules! literal {
     (u32 $value:expr) => {
-        format!("{}u", $value as u32)
+        Literal::U32($value as u32)
     };
     (i32 $value:expr) => {
-        format!("{}i", $value as i32)
+        Literal::I32($value as i32)
     };
     (f32 $value:expr) => {
-        format!("{:?}f", $value as f32)
+        Literal::F32($value as f32)
     };
     (mat3 $value:expr) => {
-        format!("mat3x3<f32>({}, {}, {})", literal!(vec3 $value.x_axis), literal!(vec3 $value.y_axis), literal!(vec3 $value.z_axis))
+        Literal::Mat3($value.to_cols_array_2d())
     };
     (vec3 $value:expr) => {
-        format!("vec3<f32>({:?}f, {:?}f, {:?}f)", $value.x, $value.y, $value.z)
+        Literal::Vec3($value.to_array())
     };
 }
 
 /// A declaration for each `type NAME = value`; the value is Rust's constant of that name if there is none.
 macro_rules! declare {
     ($($type:ident { $($name:ident $(= $value:expr)?),+ $(,)? })+) => {
-        [$($(format!("const {} = {};\n", stringify!($name), declare!(@ $type $name $($value)?))),+),+].concat()
+        declarations(&[$($((stringify!($name), declare!(@ $type $name $($value)?))),+),+])
     };
     (@ $type:ident $name:ident) => {
         literal!($type $name)
@@ -137,6 +168,10 @@ macro_rules! declare {
     (@ $type:ident $name:ident $value:expr) => {
         literal!($type $value)
     };
+}
+
+fn declarations(constants: &[(&str, Literal)]) -> String {
+    constants.iter().map(|(name, value)| format!("const {name} = {value};\n")).collect()
 }
 
 /// Declarations of all shared constants.

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Draws an exported folder of 3D Tiles with CesiumJS in headless Chromium.
+"""Draws 3D Tiles with CesiumJS in headless Chromium.
 
 cesium.py TILES --cesium FOLDER [--views FILE] [--out FOLDER]
 
-TILES is what `insula-server export CITY --format 3dtiles --out TILES` writes. FOLDER has `Cesium.js`, as `Build/Cesium` of a release
+TILES is what `insula-server export CITY --format 3dtiles --out TILES` writes, or the address of a tileset.json that a server offers.
+FOLDER has `Cesium.js`, as `Build/Cesium` of a release
 of CesiumJS. FILE is JSON, a list of `[name, eye, target]` in metres from the origin of the tileset's root; without it, four views from
 far away to the street.
 
@@ -11,7 +12,7 @@ Prints for each view the bytes and files that are fetched in addition, the numbe
 Writes the pictures to the folder of `--out`. Exits with 1 if a tile fails, a file is missing or the page has an error, and if no click
 finds an object.
 """
-import argparse, base64, http.server, json, pathlib, shutil, subprocess, sys, tempfile, threading, urllib.parse
+import argparse, base64, http.server, json, pathlib, shutil, subprocess, sys, tempfile, threading, urllib.error, urllib.parse, urllib.request
 
 VIEWS = [
     ["far", [0, -2500, 1500], [0, 0, 0]],
@@ -90,6 +91,22 @@ class Session:
         print(f"{view['name']}: {sum(new.values())} bytes in {len(new)} files, {view['features']} features, click: {identity or 'nothing'}")
 
 
+def read(folder, name):
+    """The bytes of a file in a folder or at a server; None if there is none."""
+    if isinstance(folder, pathlib.Path):
+        return (folder / name).read_bytes() if (folder / name).is_file() else None
+    try:
+        with urllib.request.urlopen(folder + name) as response:
+            return response.read()
+    except urllib.error.HTTPError:
+        return None
+
+
+def tiles_of(text):
+    """The folder of tiles, or the address before `tileset.json`."""
+    return text.removesuffix("tileset.json") if text.startswith("http://") else pathlib.Path(text)
+
+
 def handler_of(session):
     options = session.options
     folders = {"tiles": options.tiles, "cesium": options.cesium}
@@ -122,16 +139,15 @@ def handler_of(session):
                 kind, text = texts[path]
                 return self.reply(200, text.encode(), kind)
             folder, _, name = path.lstrip("/").partition("/")
-            file = folders[folder] / name if folder in folders else None
-            if file is None or not file.is_file():
+            body = read(folders[folder], name) if folder in folders else None
+            if body is None:
                 if folder == "tiles":
                     session.errors.append(f"{path} is missing")
                 return self.reply(404, b"")
-            body = file.read_bytes()
             if folder == "tiles":
                 session.fetched[path] = len(body)
             kinds = {".js": "text/javascript", ".css": "text/css", ".json": "application/json", ".wasm": "application/wasm"}
-            self.reply(200, body, kinds.get(file.suffix, "application/octet-stream"))
+            self.reply(200, body, kinds.get(pathlib.PurePath(name).suffix, "application/octet-stream"))
 
         def do_POST(self):
             body = self.rfile.read(int(self.headers["content-length"]))
@@ -151,7 +167,7 @@ def handler_of(session):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tiles", type=pathlib.Path, metavar="TILES")
+    parser.add_argument("tiles", type=tiles_of, metavar="TILES")
     parser.add_argument("--cesium", type=pathlib.Path, required=True, metavar="FOLDER")
     parser.add_argument("--views", type=lambda path: json.loads(pathlib.Path(path).read_text()), default=VIEWS, metavar="FILE")
     parser.add_argument("--out", type=pathlib.Path, metavar="FOLDER")

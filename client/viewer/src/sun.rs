@@ -210,7 +210,7 @@ impl Daylight {
     /// Date and hour in the format of `--time`, to the minute.
     pub fn time_text(&self) -> String {
         let minutes = ((self.hour * 60.0).round() as u32).min(24 * 60 - 1);
-        format!("{}T{:02}:{:02}", self.date.format("%Y-%m-%d"), minutes / 60, minutes % 60)
+        format!("{}T{:02}:{:02}", self.date, minutes / 60, minutes % 60)
     }
 
     /// Sets date and hour, and releases a fixed bearing.

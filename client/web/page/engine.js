@@ -283,7 +283,8 @@ class Engine {
   }
 
   command(message) {
-    this.#viewer.command(JSON.stringify(message));
+    const { op, ...values } = message;
+    this.#viewer.command(JSON.stringify({ [op]: op === 'measure' ? measureCommand(values) : values }));
     this.wake();
     // The figure and the markers may have changed although the picture has not.
     if (this.#isShown && ['markers', 'lines', 'measure'].includes(message.op)) {
@@ -296,6 +297,11 @@ class Engine {
     this.#helpers?.dispose();
     close();
   }
+}
+
+/** What the measuring tool does, as the crate reads it. */
+function measureCommand({ action, ...values }) {
+  return { [action]: values };
 }
 
 /** A message of the crate; `undefined` if there is none. @param {string|undefined} json */

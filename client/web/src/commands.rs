@@ -1,4 +1,5 @@
-//! Messages of the page to the viewer: JSON objects whose field `op` names one of these.
+//! Messages of the page to the viewer, as JSON. A command is an object whose only key is its name, with its values: enums with tags inside
+//! take several times the code.
 
 use insula_viewer::{
     interaction::{
@@ -34,7 +35,7 @@ pub(crate) struct ViewerOptions {
 /// A command without an answer.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
-#[serde(tag = "op", rename_all = "camelCase")]
+#[serde(rename_all = "camelCase")]
 pub(crate) enum Command {
     Resize { width: u32, height: u32 },
     Move { direction: Direction, held: bool },
@@ -104,7 +105,7 @@ impl From<ColorRules> for StyleRules {
 /// What the measuring tool does.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS))]
-#[serde(tag = "action", rename_all = "camelCase")]
+#[serde(rename_all = "camelCase")]
 pub(crate) enum MeasureCommand {
     Start {},
     Stop {},

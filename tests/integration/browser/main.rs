@@ -56,10 +56,11 @@ const VIEWER: [(&str, Test); 25] = [
 ];
 
 /// Tests that need files of others, and the variable that names them.
-const WITH_FILES: [(&str, Test, &str); 3] = [
+const WITH_FILES: [(&str, Test, &str); 4] = [
     ("the_react_example_runs", component::the_react_example_runs, "INSULA_VENDOR"),
     ("the_maplibre_example_runs", component::the_maplibre_example_runs, "INSULA_VENDOR"),
     ("axe_finds_nothing_serious", accessibility::axe_finds_nothing_serious, "INSULA_AXE"),
+    ("cesium_draws_the_tileset", objects::cesium_draws_the_tileset, "INSULA_CESIUM"),
 ];
 
 fn main() {

@@ -1,4 +1,4 @@
-//! Objects in a page: clicks and the panel of attributes, the search, colours with their legend.
+//! Objects in a page: clicks and the panel of attributes, the search, colours with their legend. Objects of 3D Tiles in CesiumJS.
 
 use super::viewer::{REACTION, ensure_no_problems, keep};
 use anyhow::{Context, Result, ensure};
@@ -10,10 +10,13 @@ use insula_tests::{
         same_picture::{SharedView, native_with, share_of_same},
     },
     fixtures,
-    programs::ServerProcess,
+    programs::{ServerProcess, run},
 };
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::{
+    path::{Path, PathBuf},
+    process::Command,
+};
 use tempfile::TempDir;
 
 const SIZE_PX: [u32; 2] = [1000, 640];
@@ -218,4 +221,33 @@ pub(super) fn colours_have_a_legend() -> Result<()> {
     page.page.evaluate(&format!("{}.setColors(null)", element()))?;
     page.page.wait_for("document.querySelector('.legend').hidden", REACTION)?;
     ensure_no_problems(&page)
+}
+
+/// CesiumJS draws the tileset that the server offers, and a click finds a house. `INSULA_CESIUM` names a folder with `Cesium.js`.
+pub(super) fn cesium_draws_the_tileset() -> Result<()> {
+    let cesium = std::env::var_os("INSULA_CESIUM").context("INSULA_CESIUM is not set")?;
+    let (town, page) = Town::open(false)?;
+    let city = page.page.evaluate(&format!("{}.manifest.name", element()))?;
+    let city = city.as_str().context("no name")?;
+    let folder = tempfile::tempdir()?;
+    let views = folder.path().join("views.json");
+    std::fs::write(&views, json!([["town", [-110, -110, 90], [0, 0, 5]]]).to_string())?;
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/cesium.py");
+    let address = format!("http://{}{}", town.server.address, insula_protocol::route::tileset(city));
+    let mut command = Command::new("python3");
+    command
+        .arg(script)
+        .arg(&address)
+        .arg("--cesium")
+        .arg(&cesium)
+        .arg("--views")
+        .arg(&views)
+        .arg("--out")
+        .arg(folder.path());
+    let output = run(&mut command)?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    ensure!(output.status.success() && text.contains("'identifier': 'house-"), "{text}");
+    let drawn = image::open(folder.path().join("town.png"))?.to_rgb8();
+    ensure!(insula_tests::browser::city_page::colours(&drawn) >= 40, "CesiumJS draws nothing");
+    Ok(())
 }

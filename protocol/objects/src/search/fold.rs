@@ -3,8 +3,7 @@
 //! A text becomes glyphs: compatibility forms are replaced (NFKC), letters are lower case, and everything between words is
 //! one space. Each glyph has its strong form, with diacritics, and its weak form, without.
 
-use unicode_normalization::char::{decompose_canonical, is_combining_mark};
-use unicode_normalization::{IsNormalized, UnicodeNormalization, is_nfkc_quick};
+use super::unicode::{decompose, is_mark, nfkc};
 
 /// Separates words in folded texts.
 pub(super) const SEPARATOR: char = ' ';
@@ -28,10 +27,10 @@ impl Glyph {
 /// Folds `text` into `out`, which is cleared. The result has no separator at its ends and no two in a row.
 pub(super) fn fold(text: &str, out: &mut Vec<Glyph>) {
     out.clear();
-    if text.chars().all(is_plain) || is_nfkc_quick(text.chars()) == IsNormalized::Yes {
+    if text.chars().all(is_plain) {
         text.chars().for_each(|c| push(c, out));
     } else {
-        text.nfkc().for_each(|c| push(c, out));
+        nfkc(text).chars().for_each(|c| push(c, out));
     }
     if out.last().is_some_and(|glyph| glyph.weak == SEPARATOR) {
         out.pop();
@@ -84,10 +83,10 @@ fn push_lower(c: char, out: &mut Vec<Glyph>) {
         out.extend(typed.chars().map(|weak| Glyph { weak, strong: c }));
     } else if is_diacritic(c) {
         // A mark that composes with no letter: the letter alone is the weak form.
-    } else if !c.is_alphanumeric() && !is_combining_mark(c) {
+    } else if !c.is_alphanumeric() && !is_mark(c) {
         push_separator(out);
     } else if matches!(c, '\u{c0}'..'\u{2000}') {
-        decompose_canonical(c, |weak| {
+        decompose(c, |weak| {
             if !is_diacritic(weak) {
                 out.push(Glyph { weak, strong: c });
             }

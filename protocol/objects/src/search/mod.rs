@@ -43,6 +43,7 @@ mod query;
 mod table;
 #[cfg(test)]
 mod tests;
+mod unicode;
 mod words;
 
 pub use build::SearchIndexBuilder;
