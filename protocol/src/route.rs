@@ -26,6 +26,8 @@ const SCHEMA: &str = "schema";
 const PAGES: &str = "/cities";
 /// What follows a city's version in the address of its search.
 const SEARCH: &str = "search";
+/// What follows a city's version in the address of a filter.
+const FILTER: &str = "filter";
 const ASSETS: &str = "/assets";
 const SERVICE_WORKER: &str = "/service-worker.js";
 /// Name of a city's picture, in its folder and after the address of its page.
@@ -64,6 +66,12 @@ pub enum Route<'a> {
     Tile(TileRoute<'a>),
     /// The search of a city's objects by their texts. The query has the text.
     Search {
+        city: &'a str,
+        /// The city's version ([`crate::Manifest::version`]).
+        version: &'a str,
+    },
+    /// Which of a city's objects pass a filter. The query has the filter.
+    Filter {
         city: &'a str,
         /// The city's version ([`crate::Manifest::version`]).
         version: &'a str,
@@ -155,8 +163,13 @@ impl<'a> Route<'a> {
         if let Some((city, file)) = rest.split_once(TILESETS) {
             return parse_tileset(city, file);
         }
-        if let Some(search) = parse_search(rest) {
-            return search;
+        if let Some((word, city, version)) = parse_query(rest) {
+            let is_valid = is_name(city) && is_name(version);
+            return match word {
+                _ if !is_valid => Err(RouteError::InvalidName),
+                SEARCH => Ok(Self::Search { city, version }),
+                _ => Ok(Self::Filter { city, version }),
+            };
         }
         if rest.contains('/') {
             return parse_tile(rest).map(Self::Tile);
@@ -185,6 +198,7 @@ impl<'a> Route<'a> {
             Self::ServiceWorker => RouteTemplate::ServiceWorker,
             Self::Tile(tile) => RouteTemplate::of_tile(tile.kind),
             Self::Search { .. } => RouteTemplate::Search,
+            Self::Filter { .. } => RouteTemplate::Filter,
             Self::Tileset { .. } => RouteTemplate::Tileset,
             Self::TilesetFile { .. } => RouteTemplate::TilesetFile,
         }
@@ -206,6 +220,7 @@ impl fmt::Display for Route<'_> {
             Self::Asset { hash, file } => write!(f, "{ASSETS}/{hash}/{file}"),
             Self::ServiceWorker => f.write_str(SERVICE_WORKER),
             Self::Search { city, version } => write!(f, "{CITIES}/{city}/{version}/{SEARCH}"),
+            Self::Filter { city, version } => write!(f, "{CITIES}/{city}/{version}/{FILTER}"),
             Self::Tileset { city } => write!(f, "{CITIES}/{city}{TILESETS}{TILESET_FILE}"),
             Self::TilesetFile { city, version, kind, id } => {
                 let (folder, extension) = kind.names();
@@ -242,14 +257,11 @@ fn parse_page(rest: &str) -> Result<Route<'_>, RouteError> {
     }
 }
 
-/// Parses `{city}/{version}/search`; `None` for other shapes.
-fn parse_search(rest: &str) -> Option<Result<Route<'_>, RouteError>> {
-    let (city, version) = rest.strip_suffix(SEARCH)?.strip_suffix('/')?.split_once('/')?;
-    if version.contains('/') {
-        return None;
-    }
-    let is_valid = is_name(city) && is_name(version);
-    Some(if is_valid { Ok(Route::Search { city, version }) } else { Err(RouteError::InvalidName) })
+/// The parts of `{city}/{version}/search` and `{city}/{version}/filter`, the word first; `None` for other shapes.
+fn parse_query(rest: &str) -> Option<(&str, &str, &str)> {
+    let (place, word) = rest.rsplit_once('/').filter(|(_, word)| [SEARCH, FILTER].contains(word))?;
+    let (city, version) = place.split_once('/').filter(|(_, version)| !version.contains('/'))?;
+    Some((word, city, version))
 }
 
 /// Parses `tileset.json`, and `{version}/{kind}/{level}/{x}/{y}` with the extension of the kind.
@@ -333,6 +345,7 @@ pub enum RouteTemplate {
     Meshes,
     Objects,
     Search,
+    Filter,
     Tileset,
     TilesetFile,
     Manifest,
@@ -352,12 +365,13 @@ pub enum RouteTemplate {
 
 impl RouteTemplate {
     /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::Subtrees,
         Self::BlockMaps,
         Self::Meshes,
         Self::Objects,
         Self::Search,
+        Self::Filter,
         Self::Tileset,
         Self::TilesetFile,
         Self::Manifest,
@@ -375,7 +389,7 @@ impl RouteTemplate {
     ];
 
     /// Classifies any path by its shape alone. Unlike [`Route::parse`] it also classifies addresses with invalid names
-    /// or numbers, and counts everything below a tile kind as that kind, and everything below a search as a search.
+    /// or numbers, and counts everything below a tile kind as that kind, and everything below a search or filter as such.
     pub fn of_path(path: &str) -> Self {
         let mut segments = path.strip_prefix('/').unwrap_or(path).splitn(6, '/');
         let mut segment = || segments.next();
@@ -383,6 +397,7 @@ impl RouteTemplate {
             (Some("v1"), Some("cities"), Some(_), Some("3dtiles"), Some(TILESET_FILE)) => Self::Tileset,
             (Some("v1"), Some("cities"), Some(_), Some("3dtiles"), Some(_)) => Self::TilesetFile,
             (Some("v1"), Some("cities"), Some(_), Some(_), Some(SEARCH)) => Self::Search,
+            (Some("v1"), Some("cities"), Some(_), Some(_), Some(FILTER)) => Self::Filter,
             (Some("v1"), Some("cities"), Some(_), Some(_), Some(kind)) => {
                 TileKind::from_path_segment(kind).map_or(Self::Other, Self::of_tile)
             }
@@ -418,6 +433,7 @@ impl RouteTemplate {
             Self::Meshes => "meshes",
             Self::Objects => "objects",
             Self::Search => SEARCH,
+            Self::Filter => FILTER,
             Self::Tileset => "tileset",
             Self::TilesetFile => "tileset-files",
             Self::Manifest => "manifest",
@@ -443,6 +459,7 @@ impl RouteTemplate {
             Self::Meshes => "/v1/cities/{city}/{version}/meshes/{level}/{x}/{y}/{lod}",
             Self::Objects => "/v1/cities/{city}/{version}/objects/{block}",
             Self::Search => "/v1/cities/{city}/{version}/search",
+            Self::Filter => "/v1/cities/{city}/{version}/filter",
             Self::Tileset => "/v1/cities/{city}/3dtiles/tileset.json",
             Self::TilesetFile => "/v1/cities/{city}/3dtiles/{version}/{kind}/{level}/{x}/{y}",
             Self::Manifest => "/v1/cities/{city}",
@@ -484,6 +501,11 @@ pub fn schema(city: &str, version: &str) -> String {
 /// The path of the search of a city's objects, without its query.
 pub fn search(city: &str, version: &str) -> String {
     Route::Search { city, version }.path()
+}
+
+/// The path of a filter of a city's objects, without its query.
+pub fn filter(city: &str, version: &str) -> String {
+    Route::Filter { city, version }.path()
 }
 
 /// The path of the root of a city's tileset in the format 3D Tiles.

@@ -120,7 +120,7 @@ fn packages_depend_only_on_those_below_them() {
             ],
         ),
         ("insula-viewer", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders"]),
-        ("insula-web", &["insula-protocol", "insula-archive", "insula-shaders", "insula-viewer"]),
+        ("insula-web", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders", "insula-viewer"]),
         (
             "insula-client",
             &[

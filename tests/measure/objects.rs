@@ -158,7 +158,7 @@ fn name(reader: &ObjectLookup, names: &mut HashMap<u32, Option<String>>, id: u32
     if let Some(name) = names.get(&id) {
         return Ok(name.clone());
     }
-    let name = reader.object(id).with_context(|| format!("object {id}"))?.map(|record| record.identifier);
+    let name = reader.describe(id).with_context(|| format!("object {id}"))?.map(|record| record.identifier);
     Ok(names.entry(id).or_insert(name).clone())
 }
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Opens exports of one city with programs of other people, and compares them.
 
-exports.py FILE... [--min-area M2] [--json]
+exports.py FILE... [--source FILE] [--min-area M2] [--json]
 
 FILEs are exports of the same city and selection by `insula-server export`: `.csv`, `.geojson`, `.parquet`, `.fgb`, `.jsonl`
 (CityJSON text sequence), `.glb` and `.tif`, at least one of them a table. Needs Python with numpy, shapely, pyarrow, geopandas, pyogrio,
@@ -13,7 +13,9 @@ Checks, of each object by its number:
 - GeoJSON, projected to the system that GeoParquet names, has the same areas within 0.1%;
 - CityJSON: vertices and links exist, parts have parents, roofs are not above `roof_z_m`;
 - GeoTIFF: inside a footprint, no height exceeds the object's `roof_z_m` by more than a cell;
-- GLB: it is as high as the objects from the lowest `ground_z_m` to the highest `roof_z_m`, within 0.5 m.
+- GLB: it is as high as the objects from the lowest `ground_z_m` to the highest `roof_z_m`, within 0.5 m;
+- with `--source`, the CityJSON or CityJSON text sequence that was baked: the first table has its objects, with the values of all
+  attributes that are texts, numbers or booleans.
 
 Prints a line for each file and each difference (at most 20 a file). Exits with 1 if there is a difference.
 """
@@ -239,10 +241,29 @@ def check_glb(report, path, table):
     report.notes.append(f"{name}: {triangles} triangles, {high[1] - low[1]:.2f} m high")
 
 
+def check_source(report, source, name, rows):
+    """The objects and values of a table are those of the baked CityJSON."""
+    text = source.read_text(encoding="utf-8")
+    documents = map(json.loads, text.splitlines()) if source.suffix == ".jsonl" else [json.loads(text)]
+    objects = {key: found for document in documents for key, found in document["CityObjects"].items()}
+    known = {row["identifier"]: row for row in rows.values()}
+    report.check(set(known) == set(objects), name, f"{len(known)} objects, {len(objects)} in {source.name}")
+    compared = 0
+    for key in sorted(set(known) & set(objects)):
+        for field, value in objects[key].get("attributes", {}).items():
+            if isinstance(value, (dict, list)) or value is None:
+                continue
+            compared += 1
+            found = known[key].get(field)
+            report.check(same(value, found), name, f"{key}: {field} is {text_of(found)!r}, in {source.name} {text_of(value)!r}")
+    report.notes.append(f"{source.name}: {len(objects)} objects, {compared} values")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", type=pathlib.Path)
     parser.add_argument("--min-area", type=float, default=1.0, help="smallest footprint that is compared with others, in m2")
+    parser.add_argument("--source", type=pathlib.Path, metavar="FILE", help="the CityJSON that was baked")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     report, tables = Report(), {}
@@ -258,6 +279,9 @@ def main():
         sys.exit("no table among the files: export one as csv, geojson, geoparquet or flatgeobuf")
     compare_tables(report, tables)
     check_lon_lat(report, tables, options.min_area)
+    if options.source:
+        name, (rows, _) = next(iter(tables.items()))
+        check_source(report, options.source, name, rows)
     world = next((rows for rows, crs in tables.values() if crs != "OGC:CRS84"), {})
     for path in options.files:
         if path.suffix == ".jsonl":

@@ -20,12 +20,12 @@ query: string, width: number, height: number, cacheBytes: number, tau: number | 
 /**
  * A command without an answer.
  */
-export type Command = { "op": "resize", width: number, height: number, } | { "op": "move", direction: Direction, held: boolean, } | { "op": "fast", held: boolean, } | { "op": "release", } | { "op": "drag", dx: number, dy: number, } | { "op": "pan", dx: number, dy: number, } | { "op": "zoom", factor: number, } | { "op": "wheel", steps: number, } | { "op": "turn", rad: number, } | { "op": "tilt", rad: number, } | { "op": "approach", x: number, y: number, } | { "op": "mode", mode: Mode, } | { "op": "north", } | { "op": "home", } | { "op": "collision", on: boolean, } | { "op": "camera", camera: string, seconds: number | null, } | { "op": "goto", position: [number, number, number], seconds: number | null, } | { "op": "time", time: string, } | { "op": "day", running: boolean, } | { "op": "options", tau: number | null, shadows: boolean | null, shading: number | null, } | { "op": "markers", points: Array<[number, number, number]>, } | { "op": "lines", lines: Array<Array<[number, number, number]>>, } | { "op": "measure" } & MeasureCommand;
+export type Command = { "resize": { width: number, height: number, } } | { "move": { direction: Direction, held: boolean, } } | { "fast": { held: boolean, } } | { "release": Record<symbol, never> } | { "drag": { dx: number, dy: number, } } | { "pan": { dx: number, dy: number, } } | { "zoom": { factor: number, } } | { "wheel": { steps: number, } } | { "turn": { rad: number, } } | { "tilt": { rad: number, } } | { "approach": { x: number, y: number, } } | { "mode": { mode: Mode, } } | { "north": Record<symbol, never> } | { "home": Record<symbol, never> } | { "collision": { on: boolean, } } | { "camera": { camera: string, seconds: number | null, } } | { "goto": { position: [number, number, number], seconds: number | null, } } | { "time": { time: string, } } | { "day": { running: boolean, } } | { "options": { tau: number | null, shadows: boolean | null, shading: number | null, } } | { "markers": { points: Array<[number, number, number]>, } } | { "lines": { lines: Array<Array<[number, number, number]>>, } } | { "measure": MeasureCommand };
 
 /**
  * What the measuring tool does.
  */
-export type MeasureCommand = { "action": "start", } | { "action": "stop", } | { "action": "kind", kind: Kind, } | { "action": "click", x: number, y: number, } | { "action": "undo", } | { "action": "clear", };
+export type MeasureCommand = { "start": Record<symbol, never> } | { "stop": Record<symbol, never> } | { "kind": { kind: Kind, } } | { "click": { x: number, y: number, } } | { "undo": Record<symbol, never> } | { "clear": Record<symbol, never> };
 
 export type Direction = "forward" | "back" | "left" | "right" | "up" | "down";
 

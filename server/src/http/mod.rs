@@ -18,6 +18,7 @@ mod client_usage;
 mod connection;
 mod connection_state;
 mod content_encoding;
+mod filter;
 mod health;
 mod hung_disk;
 mod in_flight;

@@ -118,7 +118,7 @@ fn search_request(query: &str) -> Result<SearchRequest, Problem> {
     let (mut text, mut limit) = (None, None);
     for (key, value) in query.split('&').map(|pair| pair.split_once('=').unwrap_or((pair, ""))) {
         match key {
-            "q" if text.is_none() => text = Some(decode_text(value).ok_or(INVALID_TEXT)?),
+            "q" if text.is_none() => text = Some(decode_text(value, MAX_QUERY_CHARS).ok_or(INVALID_TEXT)?),
             "q" => return Err(INVALID_TEXT),
             "limit" if limit.is_none() => {
                 let is_plain = value.bytes().all(|byte| byte.is_ascii_digit());
@@ -133,14 +133,14 @@ fn search_request(query: &str) -> Result<SearchRequest, Problem> {
 }
 
 /// The text of a query parameter, in which browsers write blanks as `+`. `None` if it is empty, too long or not UTF-8.
-fn decode_text(value: &str) -> Option<String> {
+pub(super) fn decode_text(value: &str, max_chars: usize) -> Option<String> {
     // A character has at most 4 bytes, each of 3 characters.
-    if value.len() > 12 * MAX_QUERY_CHARS {
+    if value.len() > 12 * max_chars {
         return None;
     }
     let value = value.replace('+', " ");
     let text = percent_decode_str(&value).decode_utf8().ok()?;
-    let is_valid = !text.trim().is_empty() && text.chars().count() <= MAX_QUERY_CHARS;
+    let is_valid = !text.trim().is_empty() && text.chars().count() <= max_chars;
     is_valid.then(|| text.into_owned())
 }
 

@@ -27,7 +27,7 @@ const DRIVER: [(&str, Test); 5] = [
     ("driver_collects_errors", driver::errors_are_collected),
 ];
 
-const VIEWER: [(&str, Test); 25] = [
+const VIEWER: [(&str, Test); 26] = [
     ("the_page_shows_the_city", viewer::the_page_shows_the_city),
     ("the_page_of_a_single_city_is_the_root", viewer::a_single_city_is_the_root),
     ("a_page_without_scripts_lists_the_city", viewer::a_page_without_scripts_lists_the_city),
@@ -53,6 +53,7 @@ const VIEWER: [(&str, Test); 25] = [
     ("clicks_meet_the_same_objects_on_a_gpu", objects::clicks_meet_the_same_objects_on_a_gpu),
     ("the_search_finds_objects", objects::the_search_finds_objects),
     ("colours_have_a_legend", objects::colours_have_a_legend),
+    ("a_plain_host_is_searched_in_the_page", objects::a_plain_host_is_searched_in_the_page),
 ];
 
 /// Tests that need files of others, and the variable that names them.

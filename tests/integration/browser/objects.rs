@@ -3,6 +3,7 @@
 use super::viewer::{REACTION, ensure_no_problems, keep};
 use anyhow::{Context, Result, ensure};
 use insula_bake::BakeOptions;
+use insula_test_support::faulty_host::FaultyHost;
 use insula_tests::{
     browser::{
         Browser, BrowserOptions,
@@ -10,7 +11,7 @@ use insula_tests::{
         same_picture::{SharedView, native_with, share_of_same},
     },
     fixtures,
-    programs::{ServerProcess, run},
+    programs::{ServerProcess, program, run},
 };
 use serde_json::{Value, json};
 use std::{
@@ -120,11 +121,22 @@ fn ensure_right_objects(town: &Town, page: &CityPage) -> Result<Value> {
     Ok(last)
 }
 
+/// Addresses and bytes of the objects that the page has fetched.
+fn object_requests(page: &CityPage) -> Result<Vec<(String, u64)>> {
+    let requests = page.page.requests()?;
+    let of_objects = requests.into_iter().filter(|request| request.url.contains("/objects/"));
+    Ok(of_objects.map(|request| (request.url, request.bytes)).collect())
+}
+
 /// Clicks select objects, outline them, and open the panel with their attributes.
 pub(super) fn clicks_show_attributes() -> Result<()> {
     let (town, page) = Town::open(false)?;
     let before = page.picture(0, [320, 200])?;
+    ensure!(object_requests(&page)?.is_empty(), "objects are fetched before they are needed");
     let object = ensure_right_objects(&town, &page)?;
+    // The schema when the pointer came, and one block.
+    let requests = object_requests(&page)?;
+    ensure!(requests.len() == 2 && requests.iter().all(|(_, bytes)| *bytes < 50_000), "{requests:?}");
     let (id, name) = (object["id"].as_u64().context("no number")?, object["identifier"].as_str().context("no name")?);
     page.page.evaluate(&format!("{}.select([{id}]).then(() => true)", element()))?;
     let panel = "document.querySelector('.panel:not([hidden]) .objects')";
@@ -188,6 +200,7 @@ pub(super) fn colours_have_a_legend() -> Result<()> {
     page.restart_with(0, &[("time", "2024-06-21T14:00")])?;
     page.wait_until_final(0)?;
     let before = tiles(&page)?;
+    ensure!(before > 0, "no request of a tile was seen");
     let rules = json!({ "attribute": "yearOfConstruction", "filter": "yearOfConstruction < 1800", "others": "hide" });
     let made = page.page.evaluate(&format!("{}.setColors({rules})", element()))?;
     ensure!(made["passing"] == 10 && made["legend"]["title"] == "yearOfConstruction", "{made}");
@@ -218,6 +231,13 @@ pub(super) fn colours_have_a_legend() -> Result<()> {
         element()
     ))?;
     ensure!(refused.as_str().is_some_and(|text| text.contains("yearOfConstruction?")), "{refused}");
+    // The server evaluates a filter without colours.
+    let before = object_requests(&page)?.len();
+    let made = page.page.evaluate(&format!("{}.setColors({{ filter: 'yearOfConstruction >= 1800' }})", element()))?;
+    ensure!(made["passing"] == 6 && made["legend"].is_null(), "{made}");
+    let is_filter = |url: &str| url.contains("/filter?q=");
+    ensure!(page.page.requests()?.iter().any(|request| is_filter(&request.url)), "no filter was requested");
+    ensure!(object_requests(&page)?.len() == before, "blocks were fetched for a filter");
     page.page.evaluate(&format!("{}.setColors(null)", element()))?;
     page.page.wait_for("document.querySelector('.legend').hidden", REACTION)?;
     ensure_no_problems(&page)
@@ -250,4 +270,28 @@ pub(super) fn cesium_draws_the_tileset() -> Result<()> {
     let drawn = image::open(folder.path().join("town.png"))?.to_rgb8();
     ensure!(insula_tests::browser::city_page::colours(&drawn) >= 40, "CesiumJS draws nothing");
     Ok(())
+}
+
+/// A plain host has no search: the page reads the index, and takes the normal forms of Unicode from the browser.
+pub(super) fn a_plain_host_is_searched_in_the_page() -> Result<()> {
+    let folder = tempfile::tempdir()?;
+    let mut houses = fixtures::city_json(2);
+    let objects = houses["CityObjects"].as_object_mut().context("no objects")?;
+    let house = objects.remove("house-3").context("no house")?;
+    objects.insert("Élysée ﬁn".into(), house);
+    let input = folder.path().join("town.city.json");
+    std::fs::write(&input, houses.to_string())?;
+    let city = fixtures::baked("plain-town", &BakeOptions { inputs: vec![input], ..BakeOptions::default() })?;
+    let mut command = Command::new(program("insula-server")?);
+    let output = run(command.arg("publish").arg(&city).arg("--out").arg(folder.path().join("site")))?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let (host, browser) = (FaultyHost::start(folder.path()), Browser::launch(BrowserOptions::default())?);
+    let page = CityPage::open(&browser, &format!("{}/site/", host.url()))?;
+    for (text, found) in [("elysee fin", 1), ("ÉLYSÉE", 1), ("house", 3), ("rathaus", 0)] {
+        let hits = page.page.evaluate(&format!("{}.search('{text}')", element()))?;
+        ensure!(hits.as_array().map(Vec::len) == Some(found), "{text}: {hits}");
+    }
+    let made = page.page.evaluate(&format!("{}.setColors({{ filter: 'height > 0' }})", element()))?;
+    ensure!(made["passing"] == 4, "{made}");
+    ensure_no_problems(&page)
 }

@@ -5,7 +5,7 @@
 
 use bytes::Bytes;
 use insula_archive::disk_cache::DiskCache;
-use insula_objects::search::SearchHit;
+use insula_objects::{filter::FilteredObjects, search::SearchHit};
 use insula_protocol::{Manifest, TileKind, text::printable};
 use insula_viewer::{
     scene::TileKey,
@@ -103,6 +103,10 @@ impl TileSource for CachedCity {
 
     fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
         self.inner.search(query, limit)
+    }
+
+    fn filter<'a>(&'a self, text: &'a str) -> BoxFuture<'a, Result<Option<FilteredObjects>, FetchError>> {
+        self.inner.filter(text)
     }
 
     fn location(&self) -> &str {

@@ -1,7 +1,7 @@
 //! The objects of a city from the source of its tiles: schema and blocks, fetched when they are needed and kept in bounds.
 
 use crate::{scene::TileKey, source::TileSource, streamer::FetchError};
-use insula_objects::{ObjectBlock, ObjectRecord, Schema, search::SearchHit};
+use insula_objects::{ObjectBlock, ObjectRecord, Schema, filter::FilteredObjects, search::SearchHit};
 use insula_protocol::{
     DecodeError,
     object_tile::{self, SCHEMA_ID, block_of_object},
@@ -67,6 +67,11 @@ impl CityObjects {
     /// searched.
     pub async fn search(&self, query: &str, limit: usize) -> Result<Option<Vec<SearchHit>>, FetchError> {
         self.source.search(query, limit).await
+    }
+
+    /// The result of a filter, if the source evaluates it; `None` if that is left to the blocks. Fails if the source fails.
+    pub(super) async fn filter(&self, text: &str) -> Result<Option<FilteredObjects>, FetchError> {
+        self.source.filter(text).await
     }
 
     /// An object; `None` if there is none of this number. Fails as [`Self::block`] does.

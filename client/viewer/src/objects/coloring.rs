@@ -4,7 +4,11 @@
 //! attribute, such as terrain, are drawn as they are.
 
 use super::ObjectStyles;
-use insula_objects::{FeatureKind, ObjectBlock, color::ColorBy, filter::Filter};
+use insula_objects::{
+    FeatureKind, ObjectBlock, Value,
+    color::ColorBy,
+    filter::{Filter, FilterBuilder, FilteredObjects},
+};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Colour of objects that do not pass a filter and are shown faintly.
@@ -33,12 +37,11 @@ pub struct ObjectQuery {
 /// Colour of objects that pass a filter where others keep theirs.
 const HIGHLIGHT_RGB: [u8; 3] = [255, 196, 61];
 
-/// What is known of an object while the styles are made.
+/// What is known of an object while the colours are made.
 #[derive(Clone, Copy)]
 struct Facts {
     kind: FeatureKind,
     rgb: Option<[u8; 3]>,
-    passes: bool,
     parent: Option<u32>,
 }
 
@@ -46,87 +49,87 @@ struct Facts {
 #[derive(Default)]
 pub struct StyleBuilder {
     facts: BTreeMap<u32, Facts>,
-    /// Kinds of which an object has a value.
-    coloured_kinds: BTreeSet<FeatureKind>,
-    /// Kinds of which an object passes the filter.
-    passing_kinds: BTreeSet<FeatureKind>,
+    filter: FilterBuilder,
+    objects: u64,
 }
 
 impl StyleBuilder {
     /// Evaluates the objects of a block.
     pub fn add(&mut self, block: &ObjectBlock, query: &ObjectQuery) {
+        self.objects += block.ids().len() as u64;
+        if let Some(filter) = &query.filter {
+            self.filter.add(block, filter);
+        }
+        let Some(color) = &query.color else { return };
         for &id in block.ids() {
             let Some(kind) = block.kind(id) else { continue };
-            let rgb = query.color.as_ref().and_then(|color| {
-                let value = color.value(block, id)?;
-                let [r, g, b, _] = color.rgba(Some(&value));
-                Some([r, g, b])
-            });
-            let passes = query.filter.as_ref().is_none_or(|filter| filter.matches(block, id));
-            if rgb.is_some() {
-                self.coloured_kinds.insert(kind);
-            }
-            if passes {
-                self.passing_kinds.insert(kind);
-            }
-            self.facts.insert(id, Facts { kind, rgb, passes, parent: block.parent(id) });
+            let rgb = color.value(block, id).map(|value| rgb_of(color, Some(&value)));
+            self.facts.insert(id, Facts { kind, rgb, parent: block.parent(id) });
         }
     }
 
     /// The styles of all objects that were added, and how many pass the filter.
-    pub fn finish(mut self, query: &ObjectQuery) -> (ObjectStyles, usize) {
-        self.include_parts();
+    pub fn finish(self, query: &ObjectQuery) -> (ObjectStyles, usize) {
+        let filtered = query.filter.is_some().then(|| self.filter.finish());
+        let passing = filtered.as_ref().map_or(self.objects, |filtered| filtered.passing.len());
         let mut styles = ObjectStyles::default();
-        let mut passing = 0;
-        for (&id, facts) in &self.facts {
-            let own = self.with_parent(facts);
-            passing += usize::from(own.passes);
-            let colour = query.color.as_ref().filter(|_| self.coloured_kinds.contains(&own.kind)).map(|color| {
-                let [r, g, b, _] = color.rgba(None);
-                own.rgb.unwrap_or([r, g, b])
-            });
-            let is_filtered = query.filter.is_some() && self.passing_kinds.contains(&own.kind);
-            match (is_filtered, own.passes, query.filtered_out) {
-                (true, false, FilteredOut::Hide) => styles.hide(id),
-                (true, false, FilteredOut::Ghost) => styles.set_colour(id, GHOST_RGB),
-                (true, true, FilteredOut::Keep) => styles.set_colour(id, colour.unwrap_or(HIGHLIGHT_RGB)),
-                _ => {
-                    if let Some(rgb) = colour {
-                        styles.set_colour(id, rgb);
-                    }
-                }
-            }
+        if let Some(filtered) = &filtered {
+            highlight(&mut styles, filtered, query.filtered_out);
         }
-        (styles, passing)
-    }
-
-    /// Kinds of parts count where those of their parents do.
-    fn include_parts(&mut self) {
-        let mut more = (BTreeSet::new(), BTreeSet::new());
-        for facts in self.facts.values() {
-            let Some(parent) = facts.parent.and_then(|parent| self.facts.get(&parent)) else { continue };
-            if parent.rgb.is_some() {
-                more.0.insert(facts.kind);
-            }
-            if parent.passes {
-                more.1.insert(facts.kind);
-            }
+        if let Some(color) = &query.color {
+            set_colours(&mut styles, &self.facts, rgb_of(color, None));
         }
-        self.coloured_kinds.extend(more.0);
-        self.passing_kinds.extend(more.1);
+        if let Some(filtered) = &filtered {
+            filter_out(&mut styles, filtered, query.filtered_out);
+        }
+        (styles, passing as usize)
     }
+}
 
-    /// An object's facts, with what it lacks from its parent.
-    fn with_parent(&self, facts: &Facts) -> Facts {
-        let Some(parent) = facts.parent.and_then(|parent| self.facts.get(&parent)) else { return *facts };
-        Facts { rgb: facts.rgb.or(parent.rgb), passes: facts.passes || parent.passes, ..*facts }
+/// The styles of a filter alone.
+pub(super) fn styles_of_filter(filtered: &FilteredObjects, filtered_out: FilteredOut) -> ObjectStyles {
+    let mut styles = ObjectStyles::default();
+    highlight(&mut styles, filtered, filtered_out);
+    filter_out(&mut styles, filtered, filtered_out);
+    styles
+}
+
+/// Colours what passes where the others stay as they are. Colours by an attribute replace this one.
+fn highlight(styles: &mut ObjectStyles, filtered: &FilteredObjects, filtered_out: FilteredOut) {
+    if filtered_out == FilteredOut::Keep {
+        filtered.passing.iter().for_each(|id| styles.set_colour(id, HIGHLIGHT_RGB));
     }
+}
+
+fn filter_out(styles: &mut ObjectStyles, filtered: &FilteredObjects, filtered_out: FilteredOut) {
+    for id in &filtered.others {
+        match filtered_out {
+            FilteredOut::Hide => styles.hide(id),
+            FilteredOut::Ghost => styles.set_colour(id, GHOST_RGB),
+            FilteredOut::Keep => {}
+        }
+    }
+}
+
+/// Colours the objects of all kinds of which one has a value, itself or by its parent.
+fn set_colours(styles: &mut ObjectStyles, facts: &BTreeMap<u32, Facts>, no_data: [u8; 3]) {
+    let own_or_parents = |object: &Facts| object.rgb.or_else(|| facts.get(&object.parent?)?.rgb);
+    let has_colour = |object: &&Facts| own_or_parents(object).is_some();
+    let kinds: BTreeSet<FeatureKind> = facts.values().filter(has_colour).map(|object| object.kind).collect();
+    for (&id, object) in facts.iter().filter(|(_, object)| kinds.contains(&object.kind)) {
+        styles.set_colour(id, own_or_parents(object).unwrap_or(no_data));
+    }
+}
+
+fn rgb_of(color: &ColorBy, value: Option<&Value>) -> [u8; 3] {
+    let [r, g, b, _] = color.rgba(value);
+    [r, g, b]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_objects::{ObjectRecord, SchemaBuilder, Value, block};
+    use insula_objects::{ObjectRecord, SchemaBuilder, block};
     use insula_shaders::layout::{PALETTE_COLOURED, PALETTE_HIDDEN};
 
     /// A terrain, an old house of two parts, a new house and one without a year.

@@ -1,6 +1,6 @@
 //! Texts that say how objects are drawn, as command lines and pages have them, and the styles that follow.
 
-use super::{CityObjects, FilteredOut, ObjectQuery, ObjectStyles, StyleBuilder};
+use super::{CityObjects, FilteredOut, ObjectQuery, ObjectStyles, StyleBuilder, coloring::styles_of_filter};
 use crate::streamer::FetchError;
 use insula_objects::{
     Schema, Value,
@@ -100,9 +100,15 @@ impl StyleRules {
 }
 
 impl CityObjects {
-    /// How all objects are drawn. Fetches all blocks. Fails if the rules are invalid, or if a block cannot be fetched.
+    /// How all objects are drawn. Fetches all blocks, unless the source evaluates a filter. Fails if the rules are invalid, or if a block cannot be fetched.
     pub async fn styles(&self, rules: &StyleRules) -> Result<StyledObjects, RulesError> {
         let query = rules.query(self.schema())?;
+        if let (None, Some(text)) = (&query.color, rules.filter_text(self.schema()))
+            && let Some(filtered) = self.filter(&text).await?
+        {
+            let styles = styles_of_filter(&filtered, query.filtered_out);
+            return Ok(StyledObjects { styles, legend: None, passing: filtered.passing.len() as usize });
+        }
         let mut builder = StyleBuilder::default();
         if !rules.is_empty() {
             for block in 0..self.block_count() {

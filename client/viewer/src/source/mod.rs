@@ -14,7 +14,7 @@ pub mod web_folder;
 use crate::{scene::TileKey, streamer::FetchError};
 use bytes::Bytes;
 pub use insula_archive::source::BoxFuture;
-use insula_objects::search::SearchHit;
+use insula_objects::{filter::FilteredObjects, search::SearchHit};
 use std::ops::Range;
 
 /// What several threads share, except in WebAssembly, where values of JavaScript belong to one.
@@ -54,6 +54,11 @@ pub trait TileSource: Shareable {
         _query: &'a str,
         _limit: usize,
     ) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
+        Box::pin(std::future::ready(Ok(None)))
+    }
+
+    /// The objects that pass a filter; `None` if this source evaluates no filters, or not this one.
+    fn filter<'a>(&'a self, _text: &'a str) -> BoxFuture<'a, Result<Option<FilteredObjects>, FetchError>> {
         Box::pin(std::future::ready(Ok(None)))
     }
 

@@ -3,13 +3,15 @@
 use super::{BoxFuture, PendingTile, TileSource, Transport};
 use crate::{scene::TileKey, streamer::FetchError};
 use insula_archive::limits::max_tile_bytes;
-use insula_objects::search::SearchHit;
+use insula_objects::{filter::FilteredObjects, search::SearchHit};
 use insula_protocol::{DecodeError, Manifest, TileKind, route};
 use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
 use std::sync::Arc;
 
 /// Largest response of a search.
 const MAX_HITS_BYTES: usize = 1 << 20;
+/// Largest result of a filter: a bit for each of 64 million objects, twice.
+const MAX_FILTERED_BYTES: usize = 16 << 20;
 
 /// One version of a city on a server.
 #[derive(Debug)]
@@ -30,6 +32,15 @@ impl ServerSource {
     }
 }
 
+impl ServerSource {
+    /// The address of `path` with the text `q`, further parameters and the share link.
+    fn url_with_text(&self, path: &str, text: &str, more: &str) -> String {
+        let text = utf8_percent_encode(text, NON_ALPHANUMERIC);
+        let share = self.query.strip_prefix('?').map(|share| format!("&{share}")).unwrap_or_default();
+        format!("{}{path}?q={text}{more}{share}", self.base)
+    }
+}
+
 impl TileSource for ServerSource {
     fn tile(&self, key: TileKey) -> PendingTile<'_> {
         let path = match key.kind() {
@@ -41,10 +52,7 @@ impl TileSource for ServerSource {
     }
 
     fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
-        let text = utf8_percent_encode(query, NON_ALPHANUMERIC);
-        let share = self.query.strip_prefix('?').map(|share| format!("&{share}")).unwrap_or_default();
-        let path = route::search(&self.name, &self.version);
-        let url = format!("{}{path}?q={text}&limit={limit}{share}", self.base);
+        let url = self.url_with_text(&route::search(&self.name, &self.version), query, &format!("&limit={limit}"));
         Box::pin(async move {
             let bytes = match self.http.get(url, MAX_HITS_BYTES).await {
                 Err(FetchError::Missing) => return Ok(None),
@@ -54,6 +62,17 @@ impl TileSource for ServerSource {
                 .map_err(|_| FetchError::Damaged(DecodeError::Invalid("the hits of the search are not JSON")))?;
             hits.truncate(limit);
             Ok(Some(hits))
+        })
+    }
+
+    fn filter<'a>(&'a self, text: &'a str) -> BoxFuture<'a, Result<Option<FilteredObjects>, FetchError>> {
+        let url = self.url_with_text(&route::filter(&self.name, &self.version), text, "");
+        Box::pin(async move {
+            match self.http.get(url, MAX_FILTERED_BYTES).await {
+                // An older server, or one that refuses the text.
+                Err(FetchError::Missing) => Ok(None),
+                response => FilteredObjects::decode(&response?).map(Some).map_err(FetchError::Damaged),
+            }
         })
     }
 

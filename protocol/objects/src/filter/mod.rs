@@ -17,10 +17,13 @@
 //! `kind` what it is and `height` the height of its bounds in metres. Texts that begin with a date can be compared with dates,
 //! texts that are numbers with numbers.
 
+mod city;
 mod evaluate;
 mod lexer;
 mod parser;
 pub(crate) mod suggest;
+
+pub use city::{FilterBuilder, FilteredObjects};
 
 use crate::{block::ObjectBlock, kind::FeatureKind, schema::Schema, value::ValueRef};
 use evaluate::Expression;

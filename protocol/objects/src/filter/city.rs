@@ -1,0 +1,133 @@
+//! A filter over all objects of a city: which pass, and which are filtered out.
+//!
+//! A part passes if its parent does. Kinds of which no object passes, such as terrain, are neither: they stay as they are.
+
+use super::Filter;
+use crate::{block::ObjectBlock, kind::FeatureKind};
+use insula_protocol::DecodeError;
+use roaring::RoaringBitmap;
+use std::collections::BTreeMap;
+
+/// The first word of a bitmap without runs, in Roaring's portable format. Others could expand to much more than their bytes.
+const COOKIE_WITHOUT_RUNS: u32 = 12_346;
+
+/// Objects by a filter.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FilteredObjects {
+    /// Objects that pass, and the parts of those.
+    pub passing: RoaringBitmap,
+    /// Objects of the same kinds that do not.
+    pub others: RoaringBitmap,
+}
+
+/// Evaluates a filter on the blocks of a city, one after the other.
+#[derive(Debug, Default)]
+pub struct FilterBuilder {
+    passing: RoaringBitmap,
+    by_kind: BTreeMap<FeatureKind, RoaringBitmap>,
+    /// Parts and their parents.
+    parts: Vec<[u32; 2]>,
+}
+
+impl FilterBuilder {
+    /// Evaluates the filter on the objects of a block.
+    pub fn add(&mut self, block: &ObjectBlock, filter: &Filter) {
+        self.passing |= filter.select(block);
+        for &id in block.ids() {
+            if let Some(kind) = block.kind(id) {
+                self.by_kind.entry(kind).or_default().insert(id);
+            }
+            self.parts.extend(block.parent(id).map(|parent| [id, parent]));
+        }
+    }
+
+    /// The result for all blocks that were added.
+    #[must_use]
+    pub fn finish(self) -> FilteredObjects {
+        let of_parents = self.parts.iter().filter(|[_, parent]| self.passing.contains(*parent)).map(|[part, _]| *part);
+        let parts: RoaringBitmap = of_parents.collect();
+        let passing = self.passing | parts;
+        let is_filtered = |objects: &&RoaringBitmap| !objects.is_disjoint(&passing);
+        let others = self.by_kind.values().filter(is_filtered).fold(RoaringBitmap::new(), |all, objects| all | objects);
+        FilteredObjects { others: others - &passing, passing }
+    }
+}
+
+impl FilteredObjects {
+    /// The bytes for a client: the length of the first bitmap (u32), `passing`, `others`.
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8> {
+        let mut bytes = (self.passing.serialized_size() as u32).to_le_bytes().to_vec();
+        for bitmap in [&self.passing, &self.others] {
+            // Writing to memory does not fail.
+            let _ = bitmap.serialize_into(&mut bytes);
+        }
+        bytes
+    }
+
+    /// Reads what [`FilteredObjects::encode`] wrote. Fails if the bytes are anything else.
+    pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
+        let invalid = DecodeError::Invalid("the result of a filter has no two bitmaps");
+        let Some((length, rest)) = bytes.split_first_chunk() else { return Err(invalid) };
+        let Some((first, second)) = rest.split_at_checked(u32::from_le_bytes(*length) as usize) else {
+            return Err(invalid);
+        };
+        let [Some(passing), Some(others)] = [first, second].map(bitmap) else { return Err(invalid) };
+        Ok(Self { passing, others })
+    }
+}
+
+fn bitmap(bytes: &[u8]) -> Option<RoaringBitmap> {
+    bytes.first_chunk().filter(|cookie| u32::from_le_bytes(**cookie) == COOKIE_WITHOUT_RUNS)?;
+    RoaringBitmap::deserialize_from(bytes).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ObjectRecord, SchemaBuilder, Value, block};
+
+    /// A terrain, an old house with a part, a new house.
+    fn filtered(text: &str) -> FilteredObjects {
+        let record = |kind, parent, year: Option<i64>| {
+            let attributes = year.map(|year| (0, Value::Integer(year))).into_iter().collect();
+            Some(ObjectRecord { identifier: String::new(), kind, parent, bounds: None, attributes })
+        };
+        let records = [
+            record(FeatureKind::Relief, None, None),
+            record(FeatureKind::Building, None, Some(1650)),
+            record(FeatureKind::BuildingPart, Some(1), None),
+            record(FeatureKind::Building, None, Some(2010)),
+        ];
+        let mut schema = SchemaBuilder::default();
+        [1650, 2010].iter().for_each(|year| schema.add("year", &Value::Integer(*year)));
+        let schema = schema.finish(4);
+        let bytes = block::encode(0, &records, &schema).unwrap();
+        let mut builder = FilterBuilder::default();
+        builder.add(&ObjectBlock::decode(0, &bytes, &schema).unwrap(), &Filter::parse(text, &schema).unwrap());
+        builder.finish()
+    }
+
+    #[test]
+    fn parts_pass_with_their_parents_and_other_kinds_stay() {
+        let FilteredObjects { passing, others } = filtered("year < 1900");
+        assert_eq!((passing.iter().collect(), others.iter().collect()), (vec![1, 2], vec![3]));
+        assert_eq!(filtered("year > 3000"), FilteredObjects::default());
+    }
+
+    #[test]
+    fn bytes_have_both_bitmaps_and_no_runs() {
+        let mut objects = filtered("year < 1900");
+        objects.others = (5..200_000).collect();
+        let bytes = objects.encode();
+        assert_eq!(FilteredObjects::decode(&bytes), Ok(objects));
+        for end in 0..bytes.len().min(64) {
+            assert!(FilteredObjects::decode(&bytes[..end]).is_err(), "{end} bytes");
+        }
+        let mut with_runs: RoaringBitmap = (0..1 << 20).collect();
+        with_runs.optimize();
+        let mut expanding = (with_runs.serialized_size() as u32).to_le_bytes().to_vec();
+        (0..2).for_each(|_| with_runs.serialize_into(&mut expanding).unwrap());
+        assert!(FilteredObjects::decode(&expanding).is_err());
+    }
+}

@@ -1,0 +1,156 @@
+//! Which objects of a city pass a filter, so that clients need not fetch all objects.
+//!
+//! The address has a city's version and the filter, so that the response is immutable as a tile is.
+
+use super::{
+    access_control::CityAccess,
+    problem::Problem,
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
+    search::decode_text,
+    state::{AppState, MessageKind},
+    tile::{find_version, unknown_name},
+};
+use crate::store::CityStore;
+use axum::{
+    body::Body,
+    extract::State,
+    http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header},
+    response::Response,
+};
+use insula_objects::{
+    ObjectBlock, Schema,
+    filter::{Filter, FilterBuilder, MAX_FILTER_BYTES},
+};
+use insula_protocol::{
+    TileKind,
+    object_tile::{self, BLOCK_OBJECTS, SCHEMA_ID, block_id},
+    route::{Route, RouteTemplate},
+};
+use std::{fmt::Display, sync::Arc, time::Duration};
+use tokio::{runtime::Handle, sync::Semaphore, task::spawn_blocking, time::timeout};
+
+/// Filters of the process that are evaluated at the same time. Each decodes all objects of its city.
+const MAX_RUNNING: usize = 2;
+/// A filter that waits or takes longer has failed. Its thread cannot be stopped.
+const MAX_TIME: Duration = Duration::from_secs(30);
+
+const INVALID_TEXT: Problem = Problem::bad_request("q must be a filter of 1 to 4096 characters, percent-encoded UTF-8");
+const NO_OBJECTS: Problem = Problem::not_found("this city has no objects");
+const NO_FILTER: Problem =
+    Problem::bad_request("q is no filter for the attributes of this city, which objects/schema lists");
+
+static RUNNING: Semaphore = Semaphore::const_new(MAX_RUNNING);
+
+/// Why a filter has no result.
+enum Failure {
+    NoObjects,
+    /// The text is no filter for this city.
+    Invalid,
+    Unreadable(String),
+}
+
+/// `/v1/cities/{city}/{version}/filter`. Fails with 400 for an invalid `q`, 401 without a required token, 404 for an unknown city or
+/// version, without objects, or with a share link for a part of the city; 500 if objects are damaged, 503 if there is no time.
+pub(super) async fn filter(
+    State(state): State<AppState>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let text = text_of(uri.query().unwrap_or_default()).ok_or(INVALID_TEXT)?;
+    let (city, access) = match Route::parse(uri.path()) {
+        Ok(Route::Filter { city, version }) => {
+            find_version(&state, RouteTemplate::Filter, city, version, &uri, &headers)?
+        }
+        _ => return Err(unknown_name(&state, &uri, &headers)),
+    };
+    // The result is not limited to the area of the link, so such a link opens no filter.
+    if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+        return Err(NO_OBJECTS);
+    }
+    let body = run(city.clone(), text).await;
+    let body = body.ok_or_else(|| Problem::unavailable("too many filters at once: retry in a second"))?;
+    let body = body.map_err(|failure| problem(&state, &city, failure))?;
+    let representation = Representation {
+        etag: etag_of(&body),
+        body: body.into(),
+        content_type: HeaderValue::from_static("application/octet-stream"),
+        cache_control: if access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
+        encoding: None,
+        vary: None,
+    };
+    Ok(representation.respond(&method, &headers).map(Body::from))
+}
+
+/// The filter of a query; `None` if there is none, or not one.
+fn text_of(query: &str) -> Option<String> {
+    let pairs = query.split('&').filter_map(|pair| pair.split_once('='));
+    let mut texts = pairs.filter(|(key, _)| *key == "q").map(|(_, value)| value);
+    let text = decode_text(texts.next()?, MAX_FILTER_BYTES)?;
+    texts.next().is_none().then_some(text)
+}
+
+/// Evaluates a filter on a thread of its own. `None` if that takes too long, or others do.
+async fn run(city: Arc<CityStore>, text: String) -> Option<Result<Vec<u8>, Failure>> {
+    let runtime = Handle::current();
+    let task = async {
+        let permit = RUNNING.acquire().await.ok()?;
+        let evaluated = spawn_blocking(move || {
+            let result = evaluate(&city, &text, &runtime);
+            drop(permit);
+            result
+        });
+        evaluated.await.ok()
+    };
+    timeout(MAX_TIME, task).await.ok()?
+}
+
+/// The bytes of [`FilteredObjects`](insula_objects::filter::FilteredObjects). Waits for the network if the city is in an object store.
+fn evaluate(city: &CityStore, text: &str, runtime: &Handle) -> Result<Vec<u8>, Failure> {
+    let unreadable = |error: &dyn Display| Failure::Unreadable(error.to_string());
+    let read = |id| {
+        let tile = runtime.block_on(city.checked_tile(TileKind::Objects, id)).map_err(|error| unreadable(&error))?;
+        tile.map(|tile| object_tile::decode(id, &tile)).transpose().map_err(|error| unreadable(&error))
+    };
+    let content = read(SCHEMA_ID)?.ok_or(Failure::NoObjects)?;
+    let schema: Schema = serde_json::from_slice(&content).map_err(|error| unreadable(&error))?;
+    schema.check().map_err(|error| unreadable(&error))?;
+    let filter = Filter::parse(text, &schema).map_err(|_| Failure::Invalid)?;
+    let mut builder = FilterBuilder::default();
+    for block in 0..schema.objects.div_ceil(BLOCK_OBJECTS) {
+        let Some(id) = block_id(block) else { break };
+        if let Some(content) = read(id)? {
+            builder.add(&ObjectBlock::decode(block, &content, &schema).map_err(|error| unreadable(&error))?, &filter);
+        }
+    }
+    Ok(builder.finish().encode())
+}
+
+/// Logs failures of the city's files.
+fn problem(state: &AppState, city: &CityStore, failure: Failure) -> Problem {
+    match failure {
+        Failure::NoObjects => NO_OBJECTS,
+        Failure::Invalid => NO_FILTER,
+        Failure::Unreadable(reason) => {
+            if state.admits_message(MessageKind::TileFailure) {
+                tracing::error!(place = city.location(), reason, "cannot filter the objects of a city");
+            }
+            Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the server cannot read the objects of this city")
+                .with(header::RETRY_AFTER, HeaderValue::from_static("60"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_query_has_one_filter() {
+        assert_eq!(text_of("share=x&q=height+%3E+20").as_deref(), Some("height > 20"));
+        let too_long = format!("q={}", "a".repeat(MAX_FILTER_BYTES + 1));
+        for invalid in ["", "q", "q=", "q=%ff", "q=a&q=b", &too_long] {
+            assert_eq!(text_of(invalid), None, "{invalid}");
+        }
+    }
+}
