@@ -15,6 +15,7 @@ use insula_tests::{
 };
 use serde_json::{Value, json};
 use std::{
+    collections::BTreeMap,
     path::{Path, PathBuf},
     process::Command,
 };
@@ -29,6 +30,8 @@ const CORNER: [f64; 2] = [84_000.0, 447_000.0];
 const SAME: f64 = 0.998;
 /// Surfaces of columns are up to half a cell from the walls.
 const EDGE_M: f64 = 0.6;
+/// Fewest colours of a picture of the town, whose houses have one colour, in the light of CesiumJS.
+const FEWEST_COLOURS: usize = 5;
 /// The same as a share of the distance of the houses.
 const CELL_MARGIN: f64 = EDGE_M / STEP_M;
 
@@ -121,11 +124,14 @@ fn ensure_right_objects(town: &Town, page: &CityPage) -> Result<Value> {
     Ok(last)
 }
 
-/// Addresses and bytes of the objects that the page has fetched.
-fn object_requests(page: &CityPage) -> Result<Vec<(String, u64)>> {
-    let requests = page.page.requests()?;
-    let of_objects = requests.into_iter().filter(|request| request.url.contains("/objects/"));
-    Ok(of_objects.map(|request| (request.url, request.bytes)).collect())
+/// Addresses and bytes of the objects that the page has fetched. A service worker passes requests on, which are seen twice then.
+fn object_requests(page: &CityPage) -> Result<BTreeMap<String, u64>> {
+    let mut bytes = BTreeMap::new();
+    for request in page.page.requests()?.into_iter().filter(|request| request.url.contains("/objects/")) {
+        let known = bytes.entry(request.url).or_default();
+        *known = request.bytes.max(*known);
+    }
+    Ok(bytes)
 }
 
 /// Clicks select objects, outline them, and open the panel with their attributes.
@@ -136,7 +142,7 @@ pub(super) fn clicks_show_attributes() -> Result<()> {
     let object = ensure_right_objects(&town, &page)?;
     // The schema when the pointer came, and one block.
     let requests = object_requests(&page)?;
-    ensure!(requests.len() == 2 && requests.iter().all(|(_, bytes)| *bytes < 50_000), "{requests:?}");
+    ensure!(requests.len() == 2 && requests.values().all(|bytes| (1..50_000).contains(bytes)), "{requests:?}");
     let (id, name) = (object["id"].as_u64().context("no number")?, object["identifier"].as_str().context("no name")?);
     page.page.evaluate(&format!("{}.select([{id}]).then(() => true)", element()))?;
     let panel = "document.querySelector('.panel:not([hidden]) .objects')";
@@ -250,6 +256,7 @@ pub(super) fn cesium_draws_the_tileset() -> Result<()> {
     let city = page.page.evaluate(&format!("{}.manifest.name", element()))?;
     let city = city.as_str().context("no name")?;
     let folder = tempfile::tempdir()?;
+    let pictures = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("browser").join("cesium");
     let views = folder.path().join("views.json");
     std::fs::write(&views, json!([["town", [-110, -110, 90], [0, 0, 5]]]).to_string())?;
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/cesium.py");
@@ -263,12 +270,12 @@ pub(super) fn cesium_draws_the_tileset() -> Result<()> {
         .arg("--views")
         .arg(&views)
         .arg("--out")
-        .arg(folder.path());
+        .arg(&pictures);
     let output = run(&mut command)?;
     let text = String::from_utf8_lossy(&output.stdout);
     ensure!(output.status.success() && text.contains("'identifier': 'house-"), "{text}");
-    let drawn = image::open(folder.path().join("town.png"))?.to_rgb8();
-    ensure!(insula_tests::browser::city_page::colours(&drawn) >= 40, "CesiumJS draws nothing");
+    let drawn = image::open(pictures.join("town.png"))?.to_rgb8();
+    ensure!(insula_tests::browser::city_page::colours(&drawn) >= FEWEST_COLOURS, "CesiumJS draws nothing");
     Ok(())
 }
 
