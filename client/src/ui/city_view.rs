@@ -65,6 +65,8 @@ pub struct CityView {
     pub(super) search: SearchPanel,
     /// Colours and filter of objects.
     pub(super) styles: StylePanel,
+    /// The reader of the objects, until the first view is complete.
+    pub(super) unopened_objects: Option<SharedLookup>,
     /// Whether Shift is down.
     pub(super) is_shift_down: bool,
     pub(super) open_again: OpenAgainFn,
@@ -126,7 +128,8 @@ impl CityView {
             readout: PointerReadout::default(),
             objects: ObjectPanel::new(lookup.clone()),
             search: SearchPanel::new(lookup.clone()),
-            styles: StylePanel::new(lookup),
+            styles: StylePanel::new(lookup.clone()),
+            unopened_objects: Some(lookup),
             is_shift_down: false,
             open_again,
             cache_bytes,

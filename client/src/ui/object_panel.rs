@@ -34,7 +34,9 @@ pub(super) struct ObjectPanel {
     worker: ObjectWorker<FoundObject>,
     /// An object to go to as soon as its place is known.
     to_visit: Option<u32>,
-    /// Number of changes of the selection.
+    /// The object under the pointer.
+    hovered: Option<u32>,
+    /// Number of changes of the selection and of the object under the pointer.
     generation: u64,
 }
 
@@ -47,6 +49,7 @@ impl ObjectPanel {
             needle: String::new(),
             worker: ObjectWorker::new(objects),
             to_visit: None,
+            hovered: None,
             generation: 0,
         }
     }
@@ -61,13 +64,23 @@ impl ObjectPanel {
         self.selected.first().copied().filter(|_| self.selected.len() == 1)
     }
 
-    /// The selected objects and the parts of those without a shape.
+    /// The selected objects, the parts of those without a shape, and the object under the pointer.
     pub(super) fn outlined(&self) -> BTreeSet<u32> {
         let known = self.found.iter().filter_map(|found| found.result.as_ref().ok()?.as_ref());
-        self.selected.iter().copied().chain(known.flat_map(|object| object.parts.iter().copied())).collect()
+        let parts = known.flat_map(|object| object.parts.iter().copied());
+        self.selected.iter().copied().chain(parts).chain(self.hovered).collect()
     }
 
-    /// Number of changes of the selection.
+    /// Another object, or none, is under the pointer. Returns whether that changes the outlines.
+    pub(super) fn hover(&mut self, object: Option<u32>) -> bool {
+        let before = self.outlined();
+        self.hovered = object;
+        let has_changed = self.outlined() != before;
+        self.generation += u64::from(has_changed);
+        has_changed
+    }
+
+    /// Number of changes of the selection and of the object under the pointer.
     pub(super) fn generation(&self) -> u64 {
         self.generation
     }
@@ -241,6 +254,16 @@ mod tests {
         let before = panel.generation();
         panel.click(None, false);
         assert!(panel.selected().is_empty() && panel.generation() > before);
+    }
+
+    #[test]
+    fn the_object_under_the_pointer_is_outlined_until_the_pointer_leaves() {
+        let mut panel = panel();
+        panel.click(Some(3), false);
+        assert!(!panel.hover(Some(3)) && panel.hover(Some(5)));
+        assert_eq!(panel.outlined(), BTreeSet::from([3, 5]));
+        assert!(!panel.hover(Some(5)) && panel.hover(None));
+        assert_eq!((panel.outlined(), panel.selected()), (BTreeSet::from([3]), &BTreeSet::from([3])));
     }
 
     #[test]

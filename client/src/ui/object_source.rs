@@ -21,6 +21,15 @@ impl SharedLookup {
         Self(Arc::new(Mutex::new(LazyLookup { open, opened: None })))
     }
 
+    /// Opens the reader on a thread of its own, so that the first click need not wait for the schema. The first use reports a failure.
+    pub(super) fn open_early(&self) {
+        let objects = self.clone();
+        let open = move || drop(objects.read(|_| Ok(())));
+        if let Err(error) = std::thread::Builder::new().name("insula-objects".into()).spawn(open) {
+            tracing::debug!("no thread for the objects: {error}");
+        }
+    }
+
     /// Calls `read` with the reader. Waits for other threads that read. Fails with a text if the city has no objects, or if they
     /// cannot be fetched; the next call tries again.
     pub(super) fn read<T>(&self, read: impl FnOnce(&ObjectLookup) -> Result<T>) -> std::result::Result<T, String> {

@@ -1,6 +1,7 @@
 //! What lies under a position of the window: for the measuring tool and for the readout of coordinates.
 
 use super::{city_view::CityView, window::ViewerWindow};
+use crate::render::Adapter;
 use glam::DVec3;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{frame::RenderSettings, objects::ObjectStyles, projection::ray_direction, streamer::FrameRequest};
@@ -49,6 +50,18 @@ impl CityView {
             let surface = self.pick(x, y, window);
             let view = self.session.view(&self.frame_request(window, 1), camera);
             self.readout.sample(&view, surface, now);
+            self.outline_hovered(x, y, window);
+        }
+    }
+
+    /// Outlines the object under the pointer. Only on a GPU: a still picture of the CPU takes too long to be drawn for each.
+    fn outline_hovered(&mut self, x: f64, y: f64, window: &ViewerWindow) {
+        let is_gpu = matches!(self.session.adapter(), Adapter::Gpu(_));
+        let has_pointer = self.readout.has_pointer() && !self.measure.is_active;
+        let object = if is_gpu && has_pointer { self.pick_object(x, y, window) } else { None };
+        if self.objects.hover(object) {
+            self.set_styles(self.session.cache().styles().clone());
+            window.window.request_redraw();
         }
     }
 
@@ -60,6 +73,11 @@ impl CityView {
 
     /// Takes in attributes and styles that have arrived.
     pub(super) fn poll_objects(&mut self) {
+        if self.session.is_settled()
+            && let Some(objects) = self.unopened_objects.take()
+        {
+            objects.open_early();
+        }
         let before = self.objects.generation();
         if let Some(place) = self.objects.poll() {
             let place = DVec3::from(place);
