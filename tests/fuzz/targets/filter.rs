@@ -25,7 +25,7 @@ fuzz_target!(|text: &str| {
         Err(error) => assert!(error.at <= text.len() && text.is_char_boundary(error.at)),
     }
     if let Ok(by) = ColorBy::parse(text, &schema) {
-        by.object_rgba(&block, 0);
-        by.legend();
+        let _ = by.object_rgba(&block, 0);
+        let _ = by.legend();
     }
 });
