@@ -4,6 +4,7 @@
 
 use super::{
     access_control::CityAccess,
+    bounded_work,
     problem::Problem,
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
     search::decode_text,
@@ -26,8 +27,8 @@ use insula_protocol::{
     object_tile::{self, BLOCK_OBJECTS, SCHEMA_ID, block_id},
     route::{Route, RouteTemplate},
 };
-use std::{fmt::Display, sync::Arc, time::Duration};
-use tokio::{runtime::Handle, sync::Semaphore, task::spawn_blocking, time::timeout};
+use std::{fmt::Display, time::Duration};
+use tokio::{runtime::Handle, sync::Semaphore};
 
 /// Filters of the process that are evaluated at the same time. Each decodes all objects of its city.
 const MAX_RUNNING: usize = 2;
@@ -68,7 +69,8 @@ pub(super) async fn filter(
     if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
         return Err(NO_OBJECTS);
     }
-    let body = run(city.clone(), text).await;
+    let (filtered, runtime) = (city.clone(), Handle::current());
+    let body = bounded_work::run(&RUNNING, MAX_TIME, move || evaluate(&filtered, &text, &runtime)).await;
     let body = body.ok_or_else(|| Problem::unavailable("too many filters at once: retry in a second"))?;
     let body = body.map_err(|failure| problem(&state, &city, failure))?;
     let representation = Representation {
@@ -88,21 +90,6 @@ fn text_of(query: &str) -> Option<String> {
     let mut texts = pairs.filter(|(key, _)| *key == "q").map(|(_, value)| value);
     let text = decode_text(texts.next()?, MAX_FILTER_BYTES)?;
     texts.next().is_none().then_some(text)
-}
-
-/// Evaluates a filter on a thread of its own. `None` if that takes too long, or others do.
-async fn run(city: Arc<CityStore>, text: String) -> Option<Result<Vec<u8>, Failure>> {
-    let runtime = Handle::current();
-    let task = async {
-        let permit = RUNNING.acquire().await.ok()?;
-        let evaluated = spawn_blocking(move || {
-            let result = evaluate(&city, &text, &runtime);
-            drop(permit);
-            result
-        });
-        evaluated.await.ok()
-    };
-    timeout(MAX_TIME, task).await.ok()?
 }
 
 /// The bytes of [`FilteredObjects`](insula_objects::filter::FilteredObjects). Waits for the network if the city is in an object store.

@@ -10,6 +10,7 @@
 //! file system path.
 
 mod access_control;
+mod bounded_work;
 mod cached_tiles;
 mod catalog;
 mod city_documents;

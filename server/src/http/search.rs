@@ -5,6 +5,7 @@
 
 use super::{
     access_control::CityAccess,
+    bounded_work,
     problem::Problem,
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
     state::{AppState, MessageKind},
@@ -21,7 +22,7 @@ use insula_objects::search::MAX_QUERY_CHARS;
 use insula_protocol::route::{Route, RouteTemplate};
 use percent_encoding::percent_decode_str;
 use std::{sync::Arc, time::Duration};
-use tokio::{sync::Semaphore, task::spawn_blocking, time::timeout};
+use tokio::sync::Semaphore;
 
 const DEFAULT_LIMIT: usize = 10;
 const MAX_LIMIT: usize = 100;
@@ -66,7 +67,9 @@ pub(super) async fn search(
         return Err(NO_INDEX);
     }
     let searched = city.clone();
-    let found = run(move || searched.search_index().map(|index| index.search(&text, limit))).await;
+    let found =
+        bounded_work::run(&RUNNING, MAX_TIME, move || searched.search_index().map(|index| index.search(&text, limit)))
+            .await;
     let hits = match found {
         Some(Ok(hits)) => hits,
         Some(Err(error)) => return Err(report_failure(&state, &city, &error)),
@@ -82,20 +85,6 @@ pub(super) async fn search(
         vary: None,
     };
     Ok(representation.respond(&method, &headers).map(Body::from))
-}
-
-/// Runs a search on a thread of its own. `None` if that takes too long, or other searches do.
-async fn run<T: Send + 'static>(search: impl FnOnce() -> T + Send + 'static) -> Option<T> {
-    let task = async {
-        let permit = RUNNING.acquire().await.ok()?;
-        let searched = spawn_blocking(move || {
-            let result = search();
-            drop(permit);
-            result
-        });
-        searched.await.ok()
-    };
-    timeout(MAX_TIME, task).await.ok()?
 }
 
 /// Logs the failure. The client learns only whether a retry may help.
@@ -165,12 +154,5 @@ mod tests {
         for limit in ["", "0", "101", "-1", "+1", "1.0", "x", "1&limit=1", "99999999999999999999"] {
             assert_eq!(parse(&format!("q=a&limit={limit}")), None, "{limit}");
         }
-    }
-
-    #[tokio::test]
-    async fn a_search_that_panics_fails_alone() {
-        assert_eq!(run(|| panic!("a fault")).await, None::<()>);
-        assert_eq!(run(|| 1).await, Some(1));
-        assert_eq!(RUNNING.available_permits(), MAX_RUNNING);
     }
 }

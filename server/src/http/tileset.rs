@@ -4,6 +4,7 @@
 
 use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
+    bounded_work,
     problem::{NO_ROUTE, Problem},
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
     state::{AppState, MessageKind},
@@ -30,7 +31,7 @@ use std::{
     sync::{Arc, LazyLock},
     time::Duration,
 };
-use tokio::{runtime::Handle, sync::Semaphore, task::spawn_blocking, time::timeout};
+use tokio::{runtime::Handle, sync::Semaphore};
 
 /// Bytes of cached files.
 const MAX_CACHED_BYTES: u64 = 64 << 20;
@@ -139,16 +140,8 @@ fn requested(
 /// Makes a file on a thread of its own.
 async fn make(city: &Arc<CityStore>, file: TilesetFile) -> Result<Bytes, FileError> {
     let (city, runtime) = (Arc::clone(city), Handle::current());
-    let task = async {
-        let permit = RUNNING.acquire().await.map_err(|_| FileError::Overloaded)?;
-        let made = spawn_blocking(move || {
-            let made = make_now(&city, file, &runtime);
-            drop(permit);
-            made
-        });
-        made.await.map_err(|error| FileError::Failed(error.to_string()))?
-    };
-    timeout(MAX_TIME, task).await.unwrap_or(Err(FileError::Overloaded))
+    let made = bounded_work::run(&RUNNING, MAX_TIME, move || make_now(&city, file, &runtime)).await;
+    made.unwrap_or(Err(FileError::Overloaded))
 }
 
 /// Reads what a file needs, and makes it. Waits for the network if the city is in an object store.
