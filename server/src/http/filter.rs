@@ -38,7 +38,7 @@ const MAX_TIME: Duration = Duration::from_secs(30);
 const INVALID_TEXT: Problem = Problem::bad_request("q must be a filter of 1 to 4096 characters, percent-encoded UTF-8");
 const NO_OBJECTS: Problem = Problem::not_found("this city has no objects");
 const NO_FILTER: Problem =
-    Problem::bad_request("q is no filter for the attributes of this city, which objects/schema lists");
+    Problem::bad_request("expr is no filter for the attributes of this city, which objects/schema lists");
 
 static RUNNING: Semaphore = Semaphore::const_new(MAX_RUNNING);
 
@@ -50,7 +50,7 @@ enum Failure {
     Unreadable(String),
 }
 
-/// `/v1/cities/{city}/{version}/filter`. Fails with 400 for an invalid `q`, 401 without a required token, 404 for an unknown city or
+/// `/v1/cities/{city}/{version}/filter`. Fails with 400 for an invalid `expr`, 401 without a required token, 404 for an unknown city or
 /// version, without objects, or with a share link for a part of the city; 500 if objects are damaged, 503 if there is no time.
 pub(super) async fn filter(
     State(state): State<AppState>,
@@ -87,7 +87,7 @@ pub(super) async fn filter(
 /// The filter of a query; `None` if there is none, or not one.
 fn text_of(query: &str) -> Option<String> {
     let pairs = query.split('&').filter_map(|pair| pair.split_once('='));
-    let mut texts = pairs.filter(|(key, _)| *key == "q").map(|(_, value)| value);
+    let mut texts = pairs.filter(|(key, _)| *key == "expr").map(|(_, value)| value);
     let text = decode_text(texts.next()?, MAX_FILTER_BYTES)?;
     texts.next().is_none().then_some(text)
 }
@@ -134,9 +134,9 @@ mod tests {
 
     #[test]
     fn a_query_has_one_filter() {
-        assert_eq!(text_of("share=x&q=height+%3E+20").as_deref(), Some("height > 20"));
-        let too_long = format!("q={}", "a".repeat(MAX_FILTER_BYTES + 1));
-        for invalid in ["", "q", "q=", "q=%ff", "q=a&q=b", &too_long] {
+        assert_eq!(text_of("share=x&expr=height+%3E+20").as_deref(), Some("height > 20"));
+        let too_long = format!("expr={}", "a".repeat(MAX_FILTER_BYTES + 1));
+        for invalid in ["", "expr", "expr=", "expr=%ff", "expr=a&expr=b", "q=a", &too_long] {
             assert_eq!(text_of(invalid), None, "{invalid}");
         }
     }

@@ -253,7 +253,7 @@ pub(super) fn colours_have_a_legend() -> Result<()> {
     let before = object_requests(&page)?.len();
     let made = page.page.evaluate(&format!("{}.setColors({{ filter: 'yearOfConstruction >= 1800' }})", element()))?;
     ensure!(made["passing"] == 6 && made["legend"].is_null(), "{made}");
-    let is_filter = |url: &str| url.contains("/filter?q=");
+    let is_filter = |url: &str| url.contains("/filter?expr=");
     ensure!(page.page.requests()?.iter().any(|request| is_filter(&request.url)), "no filter was requested");
     ensure!(object_requests(&page)?.len() == before, "blocks were fetched for a filter");
     page.page.evaluate(&format!("{}.setColors(null)", element()))?;

@@ -33,11 +33,11 @@ impl ServerSource {
 }
 
 impl ServerSource {
-    /// The address of `path` with the text `q`, further parameters and the share link.
-    fn url_with_text(&self, path: &str, text: &str, more: &str) -> String {
+    /// The address of `path` with the parameter `name`, further parameters and the share link.
+    fn url_with_text(&self, path: &str, name: &str, text: &str, more: &str) -> String {
         let text = utf8_percent_encode(text, NON_ALPHANUMERIC);
         let share = self.query.strip_prefix('?').map(|share| format!("&{share}")).unwrap_or_default();
-        format!("{}{path}?q={text}{more}{share}", self.base)
+        format!("{}{path}?{name}={text}{more}{share}", self.base)
     }
 }
 
@@ -52,7 +52,7 @@ impl TileSource for ServerSource {
     }
 
     fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
-        let url = self.url_with_text(&route::search(&self.name, &self.version), query, &format!("&limit={limit}"));
+        let url = self.url_with_text(&route::search(&self.name, &self.version), "q", query, &format!("&limit={limit}"));
         Box::pin(async move {
             let bytes = match self.http.get(url, MAX_HITS_BYTES).await {
                 Err(FetchError::Missing) => return Ok(None),
@@ -66,7 +66,7 @@ impl TileSource for ServerSource {
     }
 
     fn filter<'a>(&'a self, text: &'a str) -> BoxFuture<'a, Result<Option<FilteredObjects>, FetchError>> {
-        let url = self.url_with_text(&route::filter(&self.name, &self.version), text, "");
+        let url = self.url_with_text(&route::filter(&self.name, &self.version), "expr", text, "");
         Box::pin(async move {
             match self.http.get(url, MAX_FILTERED_BYTES).await {
                 // An older server, or one that refuses the text.
