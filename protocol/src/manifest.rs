@@ -9,6 +9,8 @@ pub const FORMAT_VERSION: u32 = 1;
 pub const MAX_TEXT_BYTES: usize = 4096;
 /// Most attributions.
 pub const MAX_ATTRIBUTIONS: usize = 256;
+/// Most stones of a city.
+pub const MAX_STONES: usize = 16;
 /// Most bytes of all texts together, so that a manifest stays below a megabyte however its characters are escaped.
 pub const MAX_ALL_TEXT_BYTES: usize = 128 << 10;
 
@@ -59,12 +61,15 @@ pub struct Manifest {
     pub location: Option<GeoLocation>,
     /// Whether windows are generated, on walls of which the source has no picture. Older manifests do not have the field if it
     /// is false.
-    #[serde(default, deserialize_with = "absent_is_false")]
+    #[serde(default, deserialize_with = "absent_is_default")]
     pub generated_facades: bool,
-    /// What heights are measured from, if the bake knows it. Not written if it does not; the last field, so that it can be
-    /// absent in bincode as well.
-    #[serde(default, deserialize_with = "absent_is_none", skip_serializing_if = "Option::is_none")]
+    /// What heights are measured from, if the bake knows it. Older manifests do not have the field if it does not.
+    #[serde(default, deserialize_with = "absent_is_default")]
     pub heights: Option<HeightReference>,
+    /// Stones of landmarks, which mesh tiles refer to by index; at most [`MAX_STONES`]. Each is the JSON text of its parameters.
+    /// Not written if there are none; the last field, so that it can be absent in bincode as well.
+    #[serde(default, deserialize_with = "absent_is_default", skip_serializing_if = "Vec::is_empty")]
+    pub stones: Vec<String>,
 }
 
 /// What the heights of a city are measured from.
@@ -76,20 +81,11 @@ pub struct HeightReference {
     pub geoid: Option<String>,
 }
 
-/// Reads an optional value. At the end of bincode, whose fields have no names, absence is an error of the first read.
-fn absent_is_none<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<HeightReference>, D::Error> {
+/// Reads a value. At the end of bincode, whose fields have no names, absence is an error of the first read.
+fn absent_is_default<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(deserializer: D) -> Result<T, D::Error> {
     let has_names = deserializer.is_human_readable();
-    match Option::deserialize(deserializer) {
-        Err(_) if !has_names => Ok(None),
-        read => read,
-    }
-}
-
-/// Reads a boolean. At the end of bincode, whose fields have no names, absence is an error of the first read.
-fn absent_is_false<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
-    let has_names = deserializer.is_human_readable();
-    match bool::deserialize(deserializer) {
-        Err(_) if !has_names => Ok(false),
+    match T::deserialize(deserializer) {
+        Err(_) if !has_names => Ok(T::default()),
         read => read,
     }
 }
@@ -185,13 +181,21 @@ impl Manifest {
     fn check_texts(&self) -> Result<(), String> {
         let attributions = self.attribution.iter().flat_map(Attribution::texts);
         let heights = self.heights.iter().flat_map(|heights| [&heights.datum].into_iter().chain(&heights.geoid));
-        let texts = [&self.title, &self.settings].into_iter().chain(&self.crs).chain(heights).chain(attributions);
+        let texts = [&self.title, &self.settings]
+            .into_iter()
+            .chain(&self.crs)
+            .chain(heights)
+            .chain(&self.stones)
+            .chain(attributions);
         let lengths = || texts.clone().map(String::len);
         if lengths().any(|length| length > MAX_TEXT_BYTES) {
             return Err(format!("a text is longer than {MAX_TEXT_BYTES} bytes"));
         }
         if lengths().sum::<usize>() > MAX_ALL_TEXT_BYTES || self.attribution.len() > MAX_ATTRIBUTIONS {
             return Err(format!("more than {MAX_ATTRIBUTIONS} attributions or {MAX_ALL_TEXT_BYTES} bytes of texts"));
+        }
+        if self.stones.len() > MAX_STONES {
+            return Err(format!("more than {MAX_STONES} stones"));
         }
         let levels = usize::from(self.depth) + 1;
         if self.counts.nodes_per_level.len() > levels || self.counts.bytes_per_level.len() > levels {
@@ -276,6 +280,7 @@ mod tests {
             location: None,
             generated_facades: false,
             heights: None,
+            stones: Vec::new(),
         }
     }
 
@@ -316,12 +321,21 @@ mod tests {
             let manifest = Manifest { generated_facades, heights, ..manifest() };
             let json = serde_json::to_string(&manifest).unwrap();
             assert_eq!(json.contains("\"generated_facades\":true"), generated_facades);
-            assert_eq!(json.contains("heights"), manifest.heights.is_some());
+            assert!(!json.contains("stones"));
             assert_eq!(serde_json::from_str::<Manifest>(&json).unwrap(), manifest);
             let packed = crate::codec::bincode::to_bytes(&manifest).unwrap();
             assert_eq!(crate::codec::bincode::from_bytes::<Manifest>(&packed).unwrap(), manifest);
         }
         assert!(serde_json::from_str::<Manifest>("{\"generated_facades\":7}").is_err());
+    }
+
+    #[test]
+    fn stones_are_the_last_field_and_have_limits() {
+        let with = |count: usize| Manifest { stones: vec!["{}".into(); count], ..manifest() };
+        let packed = crate::codec::bincode::to_bytes(&with(2)).unwrap();
+        assert_eq!(crate::codec::bincode::from_bytes::<Manifest>(&packed).unwrap(), with(2));
+        assert_eq!(with(MAX_STONES).check(), Ok(()));
+        assert!(with(MAX_STONES + 1).check().is_err());
     }
 
     #[test]

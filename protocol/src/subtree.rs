@@ -382,7 +382,7 @@ mod tests {
             assert!(subtree.encode().is_err());
         };
         wrong(|s| s.meshes[0].lods.clear());
-        wrong(|s| s.meshes[0].lods = vec![s.meshes[1].lods[0]; 5]);
+        wrong(|s| s.meshes[0].lods = vec![s.meshes[1].lods[0]; 7]);
         wrong(|s| s.meshes[0].lods[1].error_m = 0.001);
         wrong(|s| s.meshes[0].lods[0].error_m = f32::NAN);
         wrong(|s| s.meshes[0].lods[0].triangles = 0);

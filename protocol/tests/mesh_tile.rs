@@ -4,7 +4,8 @@
 
 use insula_protocol::{
     DecodeError, MeshTile, TileId, TileKind,
-    mesh_tile::{self, MAX_LODS, MAX_TEXTURE_SIDE_PX, NO_OBJECT, TileTexture},
+    mesh::{Attribute, AttributeKind},
+    mesh_tile::{self, LandmarkObject, MAX_LODS, MAX_TEXTURE_SIDE_PX, NO_OBJECT, OCCLUSION_BITS, TileTexture},
     tile::{TileReader, TileWriter},
 };
 use proptest::prelude::*;
@@ -100,9 +101,12 @@ fn truncated_flipped_and_extra_bytes_are_refused() {
     }
 }
 
+fn refused(tile: MeshTile) {
+    assert!(tile.encode(leaf(), 0).is_err());
+}
+
 #[test]
 fn invalid_tiles_are_refused() {
-    let refused = |tile: MeshTile| assert!(tile.encode(leaf(), 0).is_err());
     let with = |texture: TileTexture| MeshTile { texture: Some(texture), ..textured() };
     refused(MeshTile { texture: None, ..textured() });
     refused(MeshTile { texture: Some(texture()), ..plain() });
@@ -176,4 +180,55 @@ proptest! {
     fn random_bytes_are_refused(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
         prop_assert!(MeshTile::decode(leaf(), 0, &bytes).is_err());
     }
+}
+
+/// A box of stone beside one of none, with occlusion at its corners.
+fn statue() -> MeshTile {
+    let mut tile = plain();
+    tile.objects = (0..12).map(|t| if t < 6 { 4 } else { 9 }).collect();
+    tile.landmarks = vec![LandmarkObject { object: 9, stone: Some(3), anchor_m: [-12.5, 700.0, 3.25] }];
+    tile.mesh.attributes.push(Attribute {
+        kind: AttributeKind::Other,
+        components: 1,
+        bits: OCCLUSION_BITS,
+        range: [0.0, 1.0 / 63.0],
+        values: (0..8).map(|v| [9 * v, 0, 0, 0]).collect(),
+        corners: tile.mesh.triangles.concat(),
+    });
+    tile
+}
+
+#[test]
+fn landmarks_and_occlusion_round_trip() {
+    let tile = MeshTile::decode(leaf(), 0, &statue().encode(leaf(), 0).unwrap()).unwrap();
+    assert_eq!(tile.landmarks, statue().landmarks);
+    let shares = |tile: &MeshTile| {
+        let corner = |i: usize| {
+            let vertex = tile.mesh.triangles[i / 3][i % 3];
+            (tile.mesh.positions[vertex as usize], tile.occlusion(i).unwrap().to_bits())
+        };
+        let mut all: Vec<_> = (0..36).map(corner).collect();
+        all.sort();
+        all.dedup();
+        all
+    };
+    assert_eq!(shares(&tile), shares(&statue()));
+    assert_eq!(shares(&tile).len(), 8);
+    assert_eq!(plain().occlusion(0), None);
+}
+
+#[test]
+fn invalid_landmarks_are_refused() {
+    let stone = statue().landmarks[0];
+    let with = |landmarks: Vec<LandmarkObject>| MeshTile { landmarks, ..statue() };
+    refused(with(vec![LandmarkObject { object: 5, ..stone }]));
+    refused(with(vec![stone, stone]));
+    refused(with(vec![LandmarkObject { stone: Some(16), ..stone }]));
+    refused(with(vec![LandmarkObject { anchor_m: [0.0, f32::NAN, 0.0], ..stone }]));
+    refused(MeshTile { objects: Vec::new(), ..statue() });
+    let mut tile = statue();
+    tile.mesh.attributes[1].bits = 7;
+    refused(tile);
+    let both = MeshTile { landmarks: vec![LandmarkObject { stone: None, ..stone }], ..statue() };
+    assert_eq!(MeshTile::decode(leaf(), 0, &both.encode(leaf(), 0).unwrap()).unwrap().landmarks, both.landmarks);
 }

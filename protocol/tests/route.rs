@@ -133,7 +133,7 @@ fn numbers_have_one_spelling_and_limits() {
         }
         assert_eq!(tile_error(&format!("meshes/1/0/0/{number}")), RouteError::InvalidTile, "{number}");
     }
-    for rest in ["subtrees/21/0/0", "subtrees/1/2/0", "blockmaps/1/0/2", "subtrees/256/0/0", "meshes/1/0/0/4"] {
+    for rest in ["subtrees/21/0/0", "subtrees/1/2/0", "blockmaps/1/0/2", "subtrees/256/0/0", "meshes/1/0/0/6"] {
         assert_eq!(tile_error(rest), RouteError::InvalidTile, "{rest}");
     }
     assert!(Route::parse(&format!("/v1/cities/delft/{VERSION}/blockmaps/20/1048575/1048575")).is_ok());

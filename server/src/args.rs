@@ -214,9 +214,15 @@ pub struct BakeArgs {
     /// Folder to write the city to
     #[arg(long, value_name = "CITY")]
     pub out: PathBuf,
-    /// Width of a leaf's columns in metres, 0.01 to 1000
-    #[arg(long, value_name = "M", default_value = "1", value_parser = parse_cell, allow_negative_numbers = true)]
-    pub cell: f64,
+    /// Width of a leaf's columns in metres, 0.01 to 1000 [default: 1, less for a single small mesh]
+    #[arg(long, value_name = "M", value_parser = parse_cell, allow_negative_numbers = true)]
+    pub cell: Option<f64>,
+    /// Scans of statues and monuments, placed in the city by a JSON file
+    #[arg(long, value_name = "FILE.json")]
+    pub landmarks: Option<PathBuf>,
+    /// Stone of a mesh that is the only input: a preset, or a file of parameters
+    #[arg(long, value_name = "NAME|FILE.json", conflicts_with = "landmarks")]
+    pub stone: Option<String>,
     /// Lowest colour quality: PSNR in dB (20 to 60), or lossless
     #[arg(long, value_name = "DB", default_value = "36", value_parser = parse_quality, allow_negative_numbers = true)]
     pub quality: Quality,

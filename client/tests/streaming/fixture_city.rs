@@ -92,6 +92,7 @@ fn manifest(name: &str) -> Manifest {
         location: None,
         generated_facades: false,
         heights: None,
+        stones: Vec::new(),
         counts: CityCounts::default(),
         attribution: vec![Attribution { text: "The testers".into(), licence: Some("CC0".into()), url: None }],
         tile_version: 1,

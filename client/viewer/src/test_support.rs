@@ -24,6 +24,7 @@ pub fn manifest(depth: u8) -> Manifest {
         location: None,
         generated_facades: false,
         heights: None,
+        stones: Vec::new(),
         counts: CityCounts::default(),
         attribution: Vec::new(),
         tile_version: 1,

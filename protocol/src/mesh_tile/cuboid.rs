@@ -36,5 +36,6 @@ pub fn cuboid(min: [f64; 3], max: [f64; 3], rgb: [u8; 3], texture: Option<TileTe
             corners: vec![0; 36],
         }
     };
-    MeshTile { mesh: Mesh { grid, positions, triangles, attributes: vec![attribute] }, texture, objects: Vec::new() }
+    let mesh = Mesh { grid, positions, triangles, attributes: vec![attribute] };
+    MeshTile { mesh, texture, objects: Vec::new(), landmarks: Vec::new() }
 }

@@ -4,11 +4,13 @@
 //! There are no normals: triangles are flat.
 
 mod cuboid;
+mod landmarks;
 mod objects;
 mod texture;
 
 pub use crate::codec::object_names::NO_OBJECT;
 pub use cuboid::cuboid;
+pub use landmarks::{LandmarkObject, MAX_ANCHOR_M, MAX_LANDMARKS};
 pub use texture::decode_webp;
 
 use crate::{
@@ -23,9 +25,9 @@ use crate::{
 };
 
 /// Maximum number of levels of detail of a leaf; 0 is the finest.
-pub const MAX_LODS: u8 = 4;
+pub const MAX_LODS: u8 = 6;
 /// Maximum number of triangles of a tile, including those of dummy vertices.
-pub const MAX_TRIANGLES: usize = 1 << 18;
+pub const MAX_TRIANGLES: usize = 1 << 20;
 /// Maximum size in bytes of a tile's coded mesh, and of its texture.
 pub const MAX_PART_BYTES: usize = 4 << 20;
 /// Maximum number of pixels along a texture's side.
@@ -39,10 +41,15 @@ const TAG_META: u8 = 1;
 const TAG_MESH: u8 = 2;
 const TAG_TEXTURE: u8 = 3;
 const TAG_OBJECTS: u8 = 4;
+const TAG_LANDMARKS: u8 = 5;
+
+/// Bits of a vertex's ambient occlusion.
+pub const OCCLUSION_BITS: u8 = 6;
 
 /// Triangles of one leaf at one level of detail.
 ///
-/// The mesh has one attribute: texture coordinates if there is a texture, else colours of three 8-bit sRGB components.
+/// The mesh's first attribute has texture coordinates if there is a texture, else colours of three 8-bit sRGB components. A mesh
+/// with landmarks may have a second one: each vertex's visible share of the sky, [`OCCLUSION_BITS`] wide.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshTile {
     /// At least one triangle.
@@ -50,6 +57,8 @@ pub struct MeshTile {
     pub texture: Option<TileTexture>,
     /// Object of each triangle, [`NO_OBJECT`] for those of none; empty if no triangle has one.
     pub objects: Vec<u32>,
+    /// Those of the objects that are landmarks, ascending.
+    pub landmarks: Vec<LandmarkObject>,
 }
 
 fn read_objects(tile: &TileReader<'_>, mesh: &Mesh) -> Result<Vec<u32>, DecodeError> {
@@ -118,6 +127,9 @@ impl MeshTile {
         if self.objects.iter().any(|object| *object != NO_OBJECT) {
             writer.add_raw_section(TAG_OBJECTS, &self.code_objects(&mesh, &corners)?)?;
         }
+        if !self.landmarks.is_empty() {
+            writer.add_raw_section(TAG_LANDMARKS, &landmarks::encode(&self.landmarks, &self.objects)?)?;
+        }
         writer.finish()
     }
 
@@ -145,7 +157,9 @@ impl MeshTile {
         reader.finish()?;
         let mesh = Mesh::decode_within(&tile.section(TAG_MESH, MAX_PART_BYTES)?, MAX_TRIANGLES)?;
         let objects = read_objects(&tile, &mesh)?;
-        let tile = Self { mesh, texture, objects };
+        let section = tile.section(TAG_LANDMARKS, landmarks::MAX_SECTION_BYTES)?;
+        let landmarks = landmarks::decode(&section, &objects)?;
+        let tile = Self { mesh, texture, objects, landmarks };
         tile.check()?;
         Ok(tile)
     }
@@ -158,9 +172,16 @@ impl MeshTile {
         if !self.objects.is_empty() && self.objects.len() != self.mesh.triangles.len() {
             return Err(DecodeError::Invalid("a mesh tile has objects of other than its triangles"));
         }
-        let [attribute] = &self.mesh.attributes[..] else {
-            return Err(DecodeError::Invalid("a mesh tile must have exactly one attribute"));
+        let (attribute, occlusion) = match &self.mesh.attributes[..] {
+            [attribute] => (attribute, None),
+            [attribute, occlusion] => (attribute, Some(occlusion)),
+            _ => return Err(DecodeError::Invalid("a mesh tile must have one or two attributes")),
         };
+        let is_share = |a: &Attribute| (a.kind, a.components, a.bits) == (AttributeKind::Other, 1, OCCLUSION_BITS);
+        if !occlusion.is_none_or(is_share) {
+            return Err(DecodeError::Invalid("a mesh tile's second attribute must be occlusion"));
+        }
+        landmarks::check(&self.landmarks, &self.objects)?;
         if let Some(texture) = &self.texture {
             texture.check()?;
             let max = attribute.range[0] + attribute.range[1] * ((1u32 << attribute.bits) - 1) as f32;
@@ -189,8 +210,15 @@ impl MeshTile {
         [0, 1, 2].map(|k| value[k].min(255) as u8)
     }
 
+    /// Visible share of the sky at corner `3 t + k`, 0 to 1; `None` if the tile does not have it.
+    pub fn occlusion(&self, corner: usize) -> Option<f32> {
+        let attribute = self.mesh.attributes.get(1)?;
+        let value = attribute.values[attribute.corners[corner] as usize][0];
+        Some(value as f32 / ((1u32 << OCCLUSION_BITS) - 1) as f32)
+    }
+
     fn value(&self, corner: usize) -> (&Attribute, [u32; 4]) {
-        // `check` ensures one attribute, and the codec ensures a value for each corner.
+        // `check` ensures an attribute, and the codec ensures a value for each corner.
         let attribute = &self.mesh.attributes[0];
         (attribute, attribute.values[attribute.corners[corner] as usize])
     }

@@ -113,6 +113,10 @@ pub struct BakeOptions {
     pub drop_attributes: Vec<String>,
     /// Names of the attributes whose texts can be searched, besides names, addresses and identifiers.
     pub search_attributes: Vec<String>,
+    /// File that places landmarks in the city.
+    pub landmarks: Option<PathBuf>,
+    /// JSON text of the stone of a mesh that is the only input; `None` for its own colours.
+    pub stone: Option<String>,
 }
 
 impl Default for BakeOptions {
@@ -147,6 +151,8 @@ impl Default for BakeOptions {
             facades: FacadeOption::default(),
             drop_attributes: Vec::new(),
             search_attributes: Vec::new(),
+            landmarks: None,
+            stone: None,
         }
     }
 }

@@ -14,7 +14,7 @@ use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
     read::{
         DuplicateOption, FacadeOption, FeatureKind, InputError, KindFilter, ObjUpAxis, Palette, PlacingOptions,
-        ReadReport, SurroundingsOptions, TerrainOptions,
+        ReadReport, SurroundingsOptions, TerrainOptions, cell_of_mesh,
     },
     sample::{SampleSettings, VisibilityBackend},
 };
@@ -26,6 +26,8 @@ use std::{collections::BTreeMap, io::Read, path::Path};
 
 /// Longer files are not taken for a report.
 const MAX_REPORT_BYTES: u64 = 64 << 20;
+/// A longer file of a stone is cut, and refused.
+const MAX_STONE_BYTES: u64 = 4096;
 
 /// Runs `bake`: writes the city and the report, and prints a summary. Fails if the bake fails or the report cannot be
 /// written.
@@ -134,7 +136,21 @@ pub(super) fn duplicates(args: &ReadArgs) -> DuplicateOption {
     }
 }
 
+/// JSON text of a stone: a file's, or that of a preset. Fails if the file cannot be read.
+fn stone_of(value: &str) -> Result<String, CommandError> {
+    if !value.ends_with(".json") {
+        return Ok(serde_json::json!({ "preset": value }).to_string());
+    }
+    let failed = |error: std::io::Error| CommandError::Bake(format!("{value}: {error}"));
+    let file = std::fs::File::open(value).map_err(failed)?;
+    let mut text = String::new();
+    file.take(MAX_STONE_BYTES).read_to_string(&mut text).map_err(failed)?;
+    Ok(text)
+}
+
 fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandError> {
+    let stone = args.stone.as_deref().map(stone_of).transpose()?;
+    let cell_m = args.cell.or_else(|| cell_of_mesh(&args.inputs, stone.is_some())).unwrap_or(1.0);
     let attribution = args.attribution.clone().map(|text| Attribution {
         text,
         licence: args.licence.clone(),
@@ -150,11 +166,11 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
         fetch: Some(fetch),
         inputs: args.inputs.clone(),
         out: args.out.clone(),
-        cell_m: args.cell,
+        cell_m,
+        landmarks: args.landmarks.clone(),
+        stone,
         terrain: TerrainOptions {
-            error_cells: args
-                .terrain_error
-                .map_or(TerrainOptions::default().error_cells, |error_m| error_m / args.cell),
+            error_cells: args.terrain_error.map_or(TerrainOptions::default().error_cells, |error_m| error_m / cell_m),
             margin_m: args.terrain_margin,
             texel_m: args.ground_texel,
             tolerance_m: args.terrain_tolerance,

@@ -88,6 +88,7 @@ pub fn manifest(name: &str) -> Manifest {
         location: None,
         generated_facades: false,
         heights: None,
+        stones: Vec::new(),
         counts: CityCounts {
             objects: 2,
             triangles: 24,

@@ -33,6 +33,7 @@ fn manifest() -> Manifest {
         location: None,
         generated_facades: false,
         heights: None,
+        stones: Vec::new(),
         counts: manifest::CityCounts::default(),
         attribution: Vec::new(),
         tile_version: tile::VERSION,

@@ -3,12 +3,16 @@
 //! The step of the grid is 1/4096 of a leaf's side. Points are counted from the leaf's corner and from the city's
 //! height zero, so both neighbours of a border have the same points on it. Only a leaf that is more than sixteen times
 //! as tall as wide gets a coarser step, because a coordinate has at most 16 bits.
+//!
+//! The triangles of landmarks are small, so leaves with one get a step of 1/32768. On borders that no landmark crosses their
+//! points are those of the coarser grid, which the neighbours have.
 
 use std::collections::HashMap;
 
 use insula_protocol::{
     TileId,
     mesh::{AttributeKind, POSITION_BITS, PositionGrid as PointGrid},
+    mesh_tile::{LandmarkObject, MAX_ANCHOR_M, MAX_LANDMARKS},
 };
 
 use super::{
@@ -17,11 +21,13 @@ use super::{
 };
 use crate::{
     model::{CornerLayer, TriangleModel},
-    scene::{Scene, grid::CityGrid},
+    scene::{Landmark, Scene, grid::CityGrid},
 };
 
 /// Steps along a leaf's side.
 pub(super) const STEPS: u32 = 4096;
+/// Steps of a leaf with a landmark for each step of another one.
+const FINE_STEPS: u32 = 8;
 /// How often the number of steps may be halved in tall leaves.
 const MAX_HALVINGS: u32 = 12;
 
@@ -29,13 +35,15 @@ const MAX_HALVINGS: u32 = 12;
 #[derive(Debug, Clone)]
 pub(super) struct LeafSurface {
     pub(super) points: PointGrid,
-    /// Steps along the leaf's side: [`STEPS`] except in very tall leaves.
+    /// Steps along the leaf's side: [`STEPS`], more with a landmark, fewer in very tall leaves.
     pub(super) steps: u32,
     /// Has one layer: `Other` (u, v and material) if any material has a texture, else `Colour`. Two corners share a
     /// value only if they are at the same vertex.
     pub(super) model: TriangleModel,
     /// Number in the city of each triangle's object.
     pub(super) objects: Vec<u32>,
+    /// The landmarks in the leaf, ascending by number.
+    pub(super) landmarks: Vec<LandmarkObject>,
 }
 
 impl LeafSurface {
@@ -46,7 +54,7 @@ impl LeafSurface {
         if polygons.is_empty() {
             return None;
         }
-        let lattice = LeafLattice::around(&polygons, grid, id)?;
+        let lattice = LeafLattice::around(&polygons, grid, id, borders_of_landmarks(scene, grid, id))?;
         let is_textured = polygons.iter().any(|polygon| texture_of(scene, polygon.material).is_some());
         let mut builder = SurfaceBuilder::default();
         for ClippedTriangle { vertices, material, object } in &polygons {
@@ -69,7 +77,8 @@ impl LeafSurface {
             step: lattice.step_m,
             bits: lattice.bits,
         };
-        (!model.triangles.is_empty()).then_some(Self { points, steps: lattice.steps, model, objects })
+        let landmarks = landmarks_in(scene, grid, id, &objects);
+        (!model.triangles.is_empty()).then_some(Self { points, steps: lattice.steps, model, objects, landmarks })
     }
 
     /// Whether any of its materials has a texture.
@@ -82,6 +91,22 @@ impl LeafSurface {
         let last = f64::from(self.steps);
         position[..2].iter().any(|v| *v <= 0.0 || *v >= last)
     }
+}
+
+/// The landmarks among `objects`, with anchors in the coordinates of the leaf's mesh.
+fn landmarks_in(scene: &Scene, grid: &CityGrid, id: TileId, objects: &[u32]) -> Vec<LandmarkObject> {
+    let side_m = grid.node_side_m(id.level());
+    let low = [f64::from(id.x()) * side_m, f64::from(id.y()) * side_m, 0.0];
+    let found = |landmark: &Landmark| {
+        let object = scene.numbers.get(landmark.object as usize).copied().filter(|object| objects.contains(object))?;
+        let anchor_m = std::array::from_fn(|k| (f64::from(landmark.anchor_m[k]) - grid.corner[k] - low[k]) as f32);
+        let is_near = anchor_m.iter().all(|v: &f32| v.abs() <= MAX_ANCHOR_M);
+        Some(LandmarkObject { object, stone: landmark.stone, anchor_m }).filter(|_| is_near)
+    };
+    let mut landmarks: Vec<LandmarkObject> = scene.landmarks.iter().filter_map(found).collect();
+    landmarks.sort_by_key(|landmark| landmark.object);
+    landmarks.truncate(MAX_LANDMARKS);
+    landmarks
 }
 
 /// The part of a source triangle in the leaf: a convex polygon.
@@ -118,9 +143,39 @@ fn clip_triangles(scene: &Scene, grid: &CityGrid, id: TileId) -> Vec<ClippedTria
     polygons
 }
 
+/// Which borders of a leaf a landmark crosses: west, south, east, north; `None` if no landmark is in the leaf. The leaf on the other
+/// side gets the same, because it has the same triangles there.
+fn borders_of_landmarks(scene: &Scene, grid: &CityGrid, id: TileId) -> Option<[bool; 4]> {
+    if scene.landmarks.is_empty() {
+        return None;
+    }
+    let side_m = grid.node_side_m(id.level());
+    let low = [f64::from(id.x()) * side_m, f64::from(id.y()) * side_m];
+    let mut is_any = false;
+    let mut crosses = [false; 4];
+    for triangle in scene.triangles.iter().filter(|triangle| scene.landmark(triangle.object).is_some()) {
+        let range = |axis: usize| {
+            let values = triangle.corners.map(|corner| f64::from(corner[axis]) - grid.corner[axis] - low[axis]);
+            [values.into_iter().fold(f64::MAX, f64::min), values.into_iter().fold(f64::MIN, f64::max)]
+        };
+        let ranges = [range(0), range(1)];
+        let meets = |axis: usize| ranges[axis][0] <= side_m && ranges[axis][1] >= 0.0;
+        if !(meets(0) && meets(1)) {
+            continue;
+        }
+        is_any = true;
+        for (border, at) in [(0, 0.0), (1, 0.0), (2, side_m), (3, side_m)] {
+            crosses[border] |= ranges[border % 2][0] <= at && ranges[border % 2][1] >= at;
+        }
+    }
+    is_any.then_some(crosses)
+}
+
 /// The part of the city's point grid that a leaf covers.
 struct LeafLattice {
     step_m: f64,
+    /// Steps of the grid on the western, southern, eastern and northern border.
+    border_steps: [i64; 4],
     /// Steps along the leaf's side.
     steps: u32,
     /// The leaf's lowest point, in steps from the grid's corner and height zero.
@@ -130,8 +185,8 @@ struct LeafLattice {
 }
 
 impl LeafLattice {
-    /// With the finest step that leaves the polygons' heights within 16 bits.
-    fn around(polygons: &[ClippedTriangle], grid: &CityGrid, id: TileId) -> Option<Self> {
+    /// With the finest step that leaves the polygons' heights within 16 bits. `landmarks` as [`borders_of_landmarks`] says.
+    fn around(polygons: &[ClippedTriangle], grid: &CityGrid, id: TileId, landmarks: Option<[bool; 4]>) -> Option<Self> {
         let side_m = grid.node_side_m(id.level());
         let (mut z_low, mut z_high) = (f64::INFINITY, f64::NEG_INFINITY);
         for vertex in polygons.iter().flat_map(|polygon| &polygon.vertices) {
@@ -139,20 +194,32 @@ impl LeafLattice {
         }
         let max_height = f64::from((1u32 << POSITION_BITS.end()) - 2);
         let fits = |steps: &u32| (z_high - z_low) / (side_m / f64::from(*steps)) < max_height;
-        let steps = (0..=MAX_HALVINGS).map(|halvings| STEPS >> halvings).find(fits)?;
+        let finest = if landmarks.is_some() { FINE_STEPS * STEPS } else { STEPS };
+        let steps = (0..=MAX_HALVINGS).map(|halvings| finest >> halvings).find(fits)?;
+        let coarse = i64::from(steps / STEPS).max(1);
+        let border_steps = landmarks.unwrap_or_default().map(|is_fine| if is_fine { 1 } else { coarse });
         let step_m = side_m / f64::from(steps);
         let first =
             [i64::from(id.x()) * i64::from(steps), i64::from(id.y()) * i64::from(steps), count_steps(z_low, step_m)];
         let highest = (count_steps(z_high, step_m) - first[2]).max(i64::from(steps));
         let bits = POSITION_BITS.into_iter().find(|bits| highest < 1i64 << bits)?;
-        Some(Self { step_m, steps, first, bits })
+        Some(Self { step_m, border_steps, steps, first, bits })
     }
 
     /// The nearest point, in steps from the leaf's lowest one.
     fn round(&self, p: [f64; 3]) -> [i64; 3] {
-        let at: [i64; 3] = std::array::from_fn(|axis| count_steps(p[axis], self.step_m) - self.first[axis]);
         let steps = i64::from(self.steps);
-        [at[0].clamp(0, steps), at[1].clamp(0, steps), at[2].max(0)]
+        let at = |unit: i64| -> [i64; 3] {
+            let counted = |axis: usize| unit * count_steps(p[axis], unit as f64 * self.step_m) - self.first[axis];
+            [counted(0).clamp(0, steps), counted(1).clamp(0, steps), counted(2).max(0)]
+        };
+        let point = at(1);
+        let is_on = [point[0] == 0, point[1] == 0, point[0] == steps, point[1] == steps];
+        let unit = (0..4).filter(|border| is_on[*border]).map(|border| self.border_steps[border]).max();
+        match unit {
+            Some(unit) if unit > 1 => at(unit),
+            _ => point,
+        }
     }
 }
 

@@ -157,7 +157,8 @@ impl LodEncoder<'_> {
         let mesh = Mesh { grid: self.surface.points, positions, triangles, attributes: vec![attribute] };
         let texture_px = texture.as_ref().map_or(0, |texture| texture.pixels());
         let objects = objects.clone();
-        match (MeshTile { mesh, texture, objects }).encode(self.id, spec.number) {
+        let landmarks = self.surface.landmarks.clone();
+        match (MeshTile { mesh, texture, objects, landmarks }).encode(self.id, spec.number) {
             Ok(bytes) => {
                 // The codec drops duplicate triangles, so they are counted in the decoded tile.
                 let tile =

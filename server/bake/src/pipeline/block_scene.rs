@@ -12,7 +12,7 @@ use crate::{
     error::BakeError,
     hash::{ShortHash, short_hash},
     scene::{
-        ObjectKind, Scene, SceneObject, SceneTriangle,
+        Landmark, ObjectKind, Scene, SceneObject, SceneTriangle,
         block_content::BlockContent,
         grid::{BLOCK_LEAVES, CityGrid},
         partition::{LeafBlock, Partition},
@@ -69,6 +69,11 @@ impl BlockScene {
             });
             bytes.extend_from_slice(&object.base_z_m.to_bits().to_le_bytes());
         }
+        for Landmark { object, stone, anchor_m } in self.landmarks(city) {
+            bytes.extend_from_slice(&object.to_le_bytes());
+            bytes.push(stone.map_or(u8::MAX, |stone| stone));
+            bytes.extend(anchor_m.iter().flat_map(|v| v.to_bits().to_le_bytes()));
+        }
         for number in self.numbers(city) {
             bytes.extend_from_slice(&number.to_le_bytes());
         }
@@ -85,11 +90,20 @@ impl BlockScene {
         self.objects.iter().map(|object| city.numbers.get(*object as usize).copied().unwrap_or(NO_OBJECT))
     }
 
+    /// The landmarks in the block, by its own numbers.
+    fn landmarks(&self, city: &ScratchScene) -> impl Iterator<Item = Landmark> {
+        let of_block = |landmark: &Landmark| {
+            let object = self.objects.iter().position(|object| *object == landmark.object)?;
+            Some(Landmark { object: object as u32, ..*landmark })
+        };
+        city.landmarks.iter().filter_map(of_block)
+    }
+
     /// The block as a scene with its textures. Fails if a texture cannot be read.
     pub(super) fn into_scene(self, city: &ScratchScene) -> Result<Scene, BakeError> {
         let objects = self.objects.iter().map(|number| city.objects[*number as usize]);
         let objects = objects.map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
-        let numbers = self.numbers(city).collect();
+        let (numbers, landmarks) = (self.numbers(city).collect(), self.landmarks(city).collect());
         let materials = self.materials.iter().map(|number| city.load_material(city.materials[*number as usize]));
         Ok(Scene {
             origin: city.origin,
@@ -98,6 +112,7 @@ impl BlockScene {
             materials: materials.collect::<Result<_, _>>()?,
             crs: None,
             numbers,
+            landmarks,
         })
     }
 }

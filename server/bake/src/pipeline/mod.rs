@@ -117,6 +117,8 @@ impl<'a> BakeRun<'a> {
             duplicates: options.duplicates,
             fetch: options.fetch,
             dropped_attributes: self.config.dropped_attributes.clone(),
+            landmarks: options.landmarks.clone(),
+            stone: options.stone.clone(),
             max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
             max_line_bytes: self.config.max_line_bytes().min(defaults.max_line_bytes),
             ..defaults

@@ -9,6 +9,7 @@ use super::elevation::{
     Drape, Elevation, FarModels, GroundPictures, LandColours, SurroundingsOptions, TerrainOptions, TerrainTile,
 };
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
+use super::landmark::{self, CityStone};
 use super::local_frame::{self, LocalFrame};
 use super::map_store::MapStore;
 use super::object::{AxisOrder, CrsReference, FeatureKind, KindFilter};
@@ -27,6 +28,7 @@ use crate::scene::object_records::{RecordPlace, SourceRecord};
 use crate::scene::scratch_scene::{ScratchScene, StoredMaterial};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
+use insula_protocol::manifest::MAX_STONES;
 
 /// The vertical axis of an OBJ file. In the other formats it is always z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -76,6 +78,10 @@ pub struct ReadOptions {
     pub fetch: Option<FetchFunction>,
     /// Attributes that the baked city must not have.
     pub dropped_attributes: NamePatterns,
+    /// File that places landmarks.
+    pub landmarks: Option<PathBuf>,
+    /// JSON text of the stone of a mesh that is the only source.
+    pub stone: Option<String>,
 }
 
 /// Coordinate systems and places.
@@ -112,6 +118,8 @@ impl Default for ReadOptions {
             surroundings: SurroundingsOptions::default(),
             fetch: None,
             dropped_attributes: NamePatterns::default(),
+            landmarks: None,
+            stone: None,
         }
     }
 }
@@ -136,6 +144,7 @@ pub(crate) struct ReadContext<'o> {
     /// Whether a source in degrees may choose the city's coordinate system, because no other source has one.
     pub(crate) is_last_resort: bool,
     facades: FacadeMaker,
+    stones: Vec<String>,
 }
 
 /// Problem of an elevation model of another place.
@@ -172,6 +181,7 @@ impl<'o> ReadContext<'o> {
             shapes: MapStore::new(Path::new(""), u64::MAX, 0),
             is_last_resort: false,
             facades: FacadeMaker::default(),
+            stones: Vec::new(),
         })
     }
 
@@ -193,6 +203,36 @@ impl<'o> ReadContext<'o> {
         let kept = attributes.iter().filter(|(name, _)| !self.options.dropped_attributes.contains(name));
         let attributes = kept.map(|(name, value)| (name.to_owned(), value.into())).collect();
         self.builder.add_record(SourceRecord { identifier: id.to_owned(), kind, attributes })
+    }
+
+    /// Number and mean colour of a stone, by the JSON text of its parameters. Fails if it is no stone, or one too many.
+    pub(crate) fn add_stone(&mut self, label: &str, text: &str) -> Result<CityStone, InputError> {
+        let rgb = landmark::mean_colour(label, text)?;
+        let known = self.stones.iter().position(|stone| stone == text);
+        let number = known.unwrap_or(self.stones.len());
+        if number >= MAX_STONES {
+            return Err(InputError::unsupported(label, format!("a city has at most {MAX_STONES} stones")));
+        }
+        if known.is_none() {
+            self.stones.push(text.to_owned());
+        }
+        Ok(CityStone { number: number as u8, rgb })
+    }
+
+    /// Moves landmarks without a height of their own to the ground. Fails if an elevation model or the triangles cannot be read.
+    pub(crate) fn stand_landmarks(&mut self) -> Result<(), InputError> {
+        let places = self.builder.landmarks_without_ground();
+        if places.is_empty() {
+            return Ok(());
+        }
+        let heights_m = if self.elevation.is_empty() {
+            let failed = |error| InputError::io("the ground", std::io::Error::other(error));
+            self.builder.ground_heights(&places).map_err(failed)?
+        } else {
+            places.iter().map(|place| self.ground_m(*place)).collect::<Result<_, _>>()?
+        };
+        self.builder.stand_landmarks(&heights_m);
+        Ok(())
     }
 
     /// The generated facades so far; `None` without.
@@ -396,6 +436,7 @@ impl<'o> ReadContext<'o> {
         city.crs = self.world.crs_name();
         report.vertical_datum = self.world.vertical();
         report.geoid = self.world.geoid();
+        report.stones = self.stones;
         Ok(city)
     }
 

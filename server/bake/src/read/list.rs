@@ -48,22 +48,8 @@ pub(super) fn list(
     options: &ReadOptions,
     bad: &mut BadInputs,
 ) -> Result<SourceList<'static>, InputError> {
-    let roots = options.texture_roots.iter().map(|root| {
-        let label = root.display().to_string();
-        fs::canonicalize(root).map_err(|cause| InputError::io(&label, cause))
-    });
-    let roots: Rc<[PathBuf]> = roots.collect::<Result<_, _>>()?;
-    let mut lister =
-        Lister { roots, seen: HashSet::new(), list: SourceList { sources: Vec::new(), unread: Vec::new() } };
-    for input in inputs {
-        let label = input.display().to_string();
-        if remote::is_address(&label) {
-            let source = remote::source(&label, options.fetch);
-            lister.list.sources.extend(bad.skip(&label, source)?);
-            continue;
-        }
-        lister.add_expanded(input, bad)?;
-    }
+    let mut lister = Lister::new(options)?;
+    lister.add_inputs(inputs, options, bad)?;
     let of_city = lister.list.sources.len();
     // A model may show the city's own ground, too.
     lister.seen.clear();
@@ -71,6 +57,17 @@ pub(super) fn list(
         lister.add_expanded(input, bad)?;
     }
     lister.list.sources[of_city..].iter_mut().for_each(|source| source.is_surroundings = true);
+    Ok(lister.list)
+}
+
+/// Lists the sources of a landmark's mesh. Fails as [`list`].
+pub(super) fn list_mesh(
+    mesh: &Path,
+    options: &ReadOptions,
+    bad: &mut BadInputs,
+) -> Result<SourceList<'static>, InputError> {
+    let mut lister = Lister::new(options)?;
+    lister.add_inputs(&[mesh.to_owned()], options, bad)?;
     Ok(lister.list)
 }
 
@@ -107,6 +104,30 @@ struct Lister {
 }
 
 impl Lister {
+    /// Fails if a folder from which textures may be read does not exist.
+    fn new(options: &ReadOptions) -> Result<Self, InputError> {
+        let roots = options.texture_roots.iter().map(|root| {
+            let label = root.display().to_string();
+            fs::canonicalize(root).map_err(|cause| InputError::io(&label, cause))
+        });
+        let list = SourceList { sources: Vec::new(), unread: Vec::new() };
+        Ok(Self { roots: roots.collect::<Result<_, _>>()?, seen: HashSet::new(), list })
+    }
+
+    /// Adds the sources of inputs. Fails as [`list`].
+    fn add_inputs(&mut self, inputs: &[PathBuf], options: &ReadOptions, bad: &mut BadInputs) -> Result<(), InputError> {
+        for input in inputs {
+            let label = input.display().to_string();
+            if remote::is_address(&label) {
+                let source = remote::source(&label, options.fetch);
+                self.list.sources.extend(bad.skip(&label, source)?);
+                continue;
+            }
+            self.add_expanded(input, bad)?;
+        }
+        Ok(())
+    }
+
     /// Adds the sources of all paths that an input stands for. Fails if there is none, unless `bad` skips it.
     fn add_expanded(&mut self, input: &Path, bad: &mut BadInputs) -> Result<(), InputError> {
         let expanded = expand(input);

@@ -25,6 +25,7 @@ mod i3s;
 mod input;
 mod json;
 mod json_kind;
+mod landmark;
 mod list;
 mod local_frame;
 mod map_store;
@@ -66,6 +67,7 @@ pub use earth_place::EarthPlace;
 pub(crate) use elevation::{ALIGNED_LEAVES, FarModels, LandSquare};
 pub use elevation::{SurroundingsOptions, TerrainOptions};
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
+pub use landmark::cell_of_mesh;
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
 pub use remote::FetchFunction;
@@ -226,6 +228,7 @@ fn read_sources(
     let mut waiting: VecDeque<&CitySource<'_>> = elevation.into_iter().chain(others).collect();
     let mut postponed = Vec::new();
     context.is_last_resort = sources.len() == 1;
+    let is_alone = landmark::is_alone(sources, context.options);
     while let Some(source) = waiting.pop_front() {
         let tick = |done: u64| {
             progress(ReadProgress { bytes_done: bytes_before + done.min(source.bytes), bytes_total });
@@ -234,7 +237,11 @@ fn read_sources(
         context.source = report.sources.len();
         subject::set(format_args!("{}", source.label));
         let mark = context.mark();
-        let result = read_source(&mut context, source, &tick);
+        let result = if is_alone {
+            landmark::read_alone(&mut context, source).map(Some)
+        } else {
+            read_source(&mut context, source, &tick)
+        };
         if matches!(result, Err(InputError::NoProjection { .. })) && !context.is_last_resort {
             context.abandon_source(mark);
             postponed.push(source);
@@ -255,6 +262,7 @@ fn read_sources(
         }
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
+    read_landmarks(&mut context, &mut bad, &mut report, &mut set_of_source)?;
     context.fit_ground(&mut report.sources)?;
     context.add_terrain(&mut report.sources)?;
     let surroundings = context.take_surroundings()?;
@@ -274,6 +282,33 @@ fn read_sources(
     #[cfg(test)]
     report.sources.iter().for_each(|source| assert_eq!(source.unaccounted(), 0, "{source:?}"));
     Ok(ReadCity { city, surroundings, report, set_of_texture, set_of_source })
+}
+
+/// Reads the landmarks that the options name. Fails as [`landmark::read`], unless bad inputs are skipped.
+fn read_landmarks(
+    context: &mut ReadContext<'_>,
+    bad: &mut BadInputs,
+    report: &mut ReadReport,
+    set_of_source: &mut Vec<u32>,
+) -> Result<(), InputError> {
+    let Some(file) = &context.options.landmarks else { return Ok(()) };
+    context.is_last_resort = true;
+    for plan in landmark::read_plans(file)? {
+        let listed = list::list_mesh(&plan.mesh, context.options, bad)?;
+        for source in &listed.sources {
+            context.source = report.sources.len();
+            subject::set(format_args!("{}", source.label));
+            let mark = context.mark();
+            match bad.skip(&source.label, landmark::read(context, source, &plan))? {
+                Some(read) => {
+                    report.sources.push(read);
+                    set_of_source.push(context.textures.set_of(source));
+                }
+                None => context.abandon_source(mark),
+            }
+        }
+    }
+    context.stand_landmarks()
 }
 
 /// Removes the sources of which nothing is left, and the coordinate system that only they have. Fails if there is one,
@@ -345,6 +380,7 @@ fn read_by_kind(
         SourceKind::Gltf => (SourceFormat::Gltf, gltf::read),
         SourceKind::Ply => (SourceFormat::Ply, mesh_file::read),
         SourceKind::Stl => (SourceFormat::Stl, mesh_file::read),
+        SourceKind::Off => (SourceFormat::Off, mesh_file::read),
         SourceKind::Tile => (SourceFormat::Tiles3d, tiles3d::read),
         SourceKind::Elevation => return open_elevation(context, source).map(Some),
     };

@@ -142,11 +142,21 @@ pub(crate) struct SourceMaterial {
     pub(crate) roughness: Option<f32>,
     /// 0 to 1; `None` if the source does not tell.
     pub(crate) metallic: Option<f32>,
+    /// Whether no palette changes the colour.
+    pub(crate) is_exact: bool,
 }
 
 impl Default for SourceMaterial {
     fn default() -> Self {
-        Self { rgb: None, texture: None, opacity: 1.0, alpha_cutoff: None, roughness: None, metallic: None }
+        Self {
+            rgb: None,
+            texture: None,
+            opacity: 1.0,
+            alpha_cutoff: None,
+            roughness: None,
+            metallic: None,
+            is_exact: false,
+        }
     }
 }
 

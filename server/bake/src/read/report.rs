@@ -100,6 +100,7 @@ pub enum SourceFormat {
     I3s,
     Ply,
     Stl,
+    Off,
     /// Heights of the ground: GeoTIFF, SRTM or an ASCII grid.
     Elevation,
 }
@@ -329,6 +330,8 @@ pub struct ReadReport {
     pub unread: Vec<String>,
     /// Generated facades; `None` without.
     pub facades: Option<FacadeReport>,
+    /// Stones of landmarks: the JSON text of the parameters of each.
+    pub stones: Vec<String>,
 }
 
 impl ReadReport {

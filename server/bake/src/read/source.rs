@@ -65,6 +65,7 @@ pub(crate) enum SourceKind {
     Gltf,
     Ply,
     Stl,
+    Off,
     /// A single tile of 3D Tiles.
     Tile,
     /// Heights of the ground on a grid.
@@ -94,6 +95,7 @@ pub(crate) fn kind_by_name(name: &str) -> Option<SourceKind> {
         "gltf" | "glb" => Some(SourceKind::Gltf),
         "ply" => Some(SourceKind::Ply),
         "stl" => Some(SourceKind::Stl),
+        "off" => Some(SourceKind::Off),
         "b3dm" | "i3dm" | "cmpt" | "pnts" => Some(SourceKind::Tile),
         "tif" | "tiff" | "hgt" | "asc" | "las" | "laz" => Some(SourceKind::Elevation),
         _ => None,

@@ -94,6 +94,19 @@ pub struct Scene {
     pub crs: Option<String>,
     /// Number in the baked city of each object, by which tiles name it; empty for tiles without objects.
     pub numbers: Vec<u32>,
+    /// Landmarks.
+    pub landmarks: Vec<Landmark>,
+}
+
+/// An object of dense triangles, with a stone of its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Landmark {
+    /// Index into [`Scene::objects`].
+    pub object: u32,
+    /// Index into the manifest's stones; `None` if it has its own colours.
+    pub stone: Option<u8>,
+    /// Origin of the stone's pattern, in metres relative to [`Scene::origin`].
+    pub anchor_m: [f32; 3],
 }
 
 impl Scene {
@@ -101,6 +114,11 @@ impl Scene {
     pub(crate) fn object_number(&self, triangle: u32) -> u32 {
         let object = self.triangles.get(triangle as usize).map(|triangle| triangle.object as usize);
         object.and_then(|object| self.numbers.get(object)).copied().unwrap_or(NO_OBJECT)
+    }
+
+    /// The landmark that an object is.
+    pub(crate) fn landmark(&self, object: u32) -> Option<&Landmark> {
+        self.landmarks.iter().find(|landmark| landmark.object == object)
     }
 
     /// Whether a triangle is water or glass; `false` for indices that do not exist.

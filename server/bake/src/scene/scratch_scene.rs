@@ -9,7 +9,7 @@ use insula_objects::FeatureKind;
 use crate::{
     error::BakeError,
     scene::{
-        Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle,
+        Landmark, Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle,
         object_names::ObjectNames,
         object_records::{ObjectRecords, RecordPlace, SourceRecord},
         texture_store::TextureStore,
@@ -99,6 +99,8 @@ pub(crate) struct ScratchScene {
     pub(crate) objects: Vec<StoredObject>,
     /// Number of each object in the baked city; empty until the objects are numbered.
     pub(crate) numbers: Vec<u32>,
+    /// As in [`Scene`].
+    pub(crate) landmarks: Vec<Landmark>,
     /// Objects without a shape of which others may be parts.
     pub(crate) parents: Vec<ObjectIdentity>,
     pub(crate) records: ObjectRecords,
@@ -155,7 +157,8 @@ impl ScratchScene {
         let materials = self.materials.iter().map(|material| self.load_material(*material));
         let materials = materials.collect::<Result<_, _>>()?;
         let objects = objects.collect();
-        Ok(Scene { origin: self.origin, triangles, objects, materials, crs: self.crs, ..Scene::default() })
+        let (origin, crs, landmarks) = (self.origin, self.crs, self.landmarks);
+        Ok(Scene { origin, triangles, objects, materials, crs, landmarks, numbers: Vec::new() })
     }
 
     /// The material with its texture. Fails if the texture cannot be read.
@@ -194,6 +197,7 @@ impl ScratchScene {
             bounds,
             objects,
             numbers: Vec::new(),
+            landmarks: scene.landmarks,
             parents: Vec::new(),
             records,
             materials,

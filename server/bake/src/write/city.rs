@@ -228,6 +228,7 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
         location,
         generated_facades: read.facades.is_some(),
         heights: read.vertical_datum.clone().map(|datum| HeightReference { datum, geoid: read.geoid.clone() }),
+        stones: read.stones.clone(),
     }
 }
 

@@ -244,6 +244,7 @@ mod tests {
             location: None,
             generated_facades: false,
             heights: None,
+            stones: Vec::new(),
             counts: CityCounts::default(),
             attribution: Vec::new(),
             tile_version: 1,

@@ -40,6 +40,7 @@ pub(crate) fn manifest(depth: u8, cell_m: f64) -> Manifest {
         location: None,
         generated_facades: false,
         heights: None,
+        stones: Vec::new(),
     }
 }
 

@@ -68,6 +68,7 @@ pub(crate) fn manifest(depth: u8) -> Manifest {
         location: None,
         generated_facades: false,
         heights: Some(HeightReference { datum: "EPSG:5709".into(), geoid: None }),
+        stones: Vec::new(),
     }
 }
 

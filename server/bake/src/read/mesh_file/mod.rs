@@ -1,4 +1,4 @@
-//! PLY and STL meshes: each file is one object, in metres with z up.
+//! PLY, STL and OFF meshes: each file is one object, in metres with z up.
 
 mod ply;
 mod ply_faces;
@@ -14,9 +14,10 @@ use super::attributes::Attributes;
 use super::input::Input;
 use super::object::{FeatureKind, ObjectSink, Shape, SourceObject, Surface, TriangleMesh};
 use crate::error::InputError;
+use crate::model::{ModelError, ModelFormat, TriangleModel};
 
 /// Extensions of the file formats that this reader reads; `.gz` may follow.
-const EXTENSIONS: [&str; 2] = [".ply", ".stl"];
+const EXTENSIONS: [&str; 3] = [".ply", ".stl", ".off"];
 
 /// Geometry of a file.
 #[derive(Debug, Default)]
@@ -26,7 +27,7 @@ struct FileMesh {
     meshes: Vec<TriangleMesh>,
 }
 
-/// Reads a PLY or STL file as one building, whose identifier is the file's name without extension. Positions are metres east,
+/// Reads a PLY, STL or OFF file as one building, whose identifier is the file's name without extension. Positions are metres east,
 /// north and up of a place that the caller sets.
 ///
 /// Fails if the file is damaged, or a PLY without faces.
@@ -35,6 +36,8 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
     let id = stem(input.name);
     let mesh = if bytes.starts_with(b"ply") {
         ply::read(input.label, id, &bytes, sink)?
+    } else if input.name.to_ascii_lowercase().contains(".off") {
+        read_off(input.label, &bytes)?
     } else {
         stl::read(input.label, id, &bytes, sink)?
     };
@@ -54,6 +57,14 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
     }
     sink.tick(input.files.len(input.name).unwrap_or(0));
     Ok(())
+}
+
+/// Reads an OFF file. Fails if it is none, or is damaged.
+fn read_off(label: &str, bytes: &[u8]) -> Result<FileMesh, InputError> {
+    let damaged = |error: ModelError| InputError::damaged(label, "mesh", error.to_string());
+    let TriangleModel { positions, triangles, .. } = TriangleModel::read(bytes, ModelFormat::Off).map_err(damaged)?;
+    let meshes = vec![TriangleMesh { positions, triangles, ..TriangleMesh::default() }];
+    Ok(FileMesh { source_type: "OFF mesh", meshes, ..FileMesh::default() })
 }
 
 /// The file's name without folders and extensions; `mesh` if nothing is left.

@@ -1,6 +1,7 @@
 //! Builds a city from objects: shares equal materials, chooses the origin and leaves out objects that are too far away.
 
 mod bases;
+mod landmarks;
 mod pending;
 #[cfg(test)]
 mod tests;
@@ -21,8 +22,9 @@ use crate::scene::scratch_scene::{
 };
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
-use crate::scene::{ObjectKind, SceneTriangle};
+use crate::scene::{Landmark, ObjectKind, SceneTriangle};
 pub(crate) use bases::AnchoredBuilding;
+pub(crate) use landmarks::PendingLandmark;
 use pending::PendingObject;
 pub(crate) use pending::{ObjectRelation, OpenObject};
 
@@ -44,6 +46,7 @@ pub(crate) struct SceneBuilder {
     /// Objects without a shape of which others may be parts.
     parents: Vec<ObjectIdentity>,
     records: ObjectRecords,
+    landmarks: Vec<PendingLandmark>,
     materials: Vec<StoredMaterial>,
     material_numbers: HashMap<StoredMaterial, u32>,
     cell_m: f64,
@@ -58,8 +61,9 @@ impl SceneBuilder {
     /// `cell_m` is the side of a leaf's column, by which an object is judged as too large.
     pub(crate) fn new(triangles: TriangleStore, cell_m: f64) -> Self {
         let records = ObjectRecords::for_triangles(&triangles);
-        let (pending, parents, materials) = (Vec::new(), Vec::new(), Vec::new());
-        Self { pending, triangles, parents, records, materials, material_numbers: HashMap::new(), cell_m }
+        let (pending, parents, landmarks, materials) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let material_numbers = HashMap::new();
+        Self { pending, triangles, parents, records, landmarks, materials, material_numbers, cell_m }
     }
 
     /// Number of a material. Equal ones have the same.
@@ -311,6 +315,7 @@ impl SceneBuilder {
             bounds: None,
             objects: Vec::with_capacity(self.pending.len()),
             numbers: Vec::new(),
+            landmarks: Vec::new(),
             parents: self.parents,
             records: self.records,
             materials: self.materials,
@@ -353,6 +358,11 @@ impl SceneBuilder {
             city.names.push(object.id.into());
         }
         city.bounds = Some([min, max]);
+        let landmark = |pending: PendingLandmark| {
+            let ObjectPlacement { offset_m, object } = *city.placements.get(pending.object as usize)?;
+            Some(Landmark { object: object?, stone: pending.stone, anchor_m: offset_m.map(|v| v as f32) })
+        };
+        city.landmarks = self.landmarks.into_iter().filter_map(landmark).collect();
         city
     }
 

@@ -30,6 +30,8 @@ pub(super) struct ReadMaterial {
     pub(super) mask: Option<u32>,
     pub(super) is_reflective: bool,
     pub(super) is_invisible: bool,
+    /// Whether no palette changes the colour.
+    pub(super) is_exact: bool,
 }
 
 /// What distinguishes materials. Images within the source are known by their names.
@@ -38,6 +40,7 @@ struct MaterialKey {
     rgb: Option<[u8; 3]>,
     image: Option<(String, u8)>,
     numbers: [Option<u32>; 4],
+    is_exact: bool,
 }
 
 impl MaterialKey {
@@ -47,11 +50,12 @@ impl MaterialKey {
                 name.clone()
             }
         };
-        let SourceMaterial { rgb, texture, opacity, alpha_cutoff, roughness, metallic } = material;
+        let SourceMaterial { rgb, texture, opacity, alpha_cutoff, roughness, metallic, is_exact } = material;
         Self {
             rgb: *rgb,
             image: texture.as_ref().map(|texture| (name_of(&texture.image), texture.wrap as u8)),
             numbers: [Some(*opacity), *alpha_cutoff, *roughness, *metallic].map(|number| number.map(f32::to_bits)),
+            is_exact: *is_exact,
         }
     }
 }
@@ -114,6 +118,7 @@ impl MaterialTable {
             mask,
             is_reflective: material.opacity < GLASS_OPACITY || is_smooth && texture.is_none(),
             is_invisible: material.opacity < INVISIBLE_OPACITY,
+            is_exact: material.is_exact,
         };
         let number = self.materials.len() as u32;
         self.materials.push(read);

@@ -3,6 +3,7 @@
 
 mod footprints;
 mod ground_shapes;
+mod landmark;
 mod materials;
 mod painted;
 mod standing;
@@ -51,14 +52,13 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         tick: ByteProgress<'r>,
     ) -> Result<Self, InputError> {
         let report = SourceReport::new(&source.label, format, source.bytes);
-        let is_mesh =
-            matches!(format, SourceFormat::Gltf | SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Tiles3d);
+        let is_plain = matches!(format, SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Off | SourceFormat::Obj);
+        let is_mesh = matches!(format, SourceFormat::Gltf | SourceFormat::Tiles3d) || is_plain;
         let (placement, frame) = match is_mesh {
             true => context.place_of_mesh(source)?,
             false => (Placement::Unknown, LocalFrame::IDENTITY),
         };
-        let is_turned =
-            matches!(format, SourceFormat::Ply | SourceFormat::Stl) && context.options.obj_up == ObjUpAxis::Y;
+        let is_turned = is_plain && context.options.obj_up == ObjUpAxis::Y;
         let frame = if is_turned { frame.with_y_up() } else { frame };
         let (materials, faces) = (MaterialTable::default(), Vec::new());
         Ok(Self { context, source, report, materials, placement, frame, faces, tick })

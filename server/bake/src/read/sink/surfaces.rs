@@ -184,7 +184,10 @@ impl SceneSink<'_, '_, '_> {
         let own = material.and_then(|material| material.rgb);
         let (rgb, origin) = match texture {
             Some(_) => (own.unwrap_or([255; 3]), ColourOrigin::Texture),
-            None => self.context.options.palette.resolve(own, &facts, &look.look),
+            None => match own.filter(|_| material.is_some_and(|material| material.is_exact)) {
+                Some(exact) => (exact, ColourOrigin::Source),
+                None => self.context.options.palette.resolve(own, &facts, &look.look),
+            },
         };
         let is_reflective = facts.is_reflective() || material.is_some_and(|material| material.is_reflective);
         self.report.colours.add(origin);
@@ -255,7 +258,14 @@ fn mean_colour(mesh: &TriangleMesh, triangle: [u32; 3]) -> Option<[u8; 3]> {
 /// The material with the colour of vertices, which multiplies its own.
 fn tint(material: Option<ReadMaterial>, colour: Option<[u8; 3]>) -> Option<ReadMaterial> {
     let Some(colour) = colour else { return material };
-    let plain = ReadMaterial { rgb: None, texture: None, mask: None, is_reflective: false, is_invisible: false };
+    let plain = ReadMaterial {
+        rgb: None,
+        texture: None,
+        mask: None,
+        is_reflective: false,
+        is_invisible: false,
+        is_exact: false,
+    };
     let material = material.unwrap_or(plain);
     let own = material.rgb.unwrap_or([255; 3]);
     let rgb = std::array::from_fn(|channel| (u32::from(own[channel]) * u32::from(colour[channel]) / 255) as u8);

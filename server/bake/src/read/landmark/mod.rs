@@ -1,0 +1,241 @@
+//! Landmarks: meshes of statues and monuments, each one object of dense triangles, of a stone or in its own colours.
+//!
+//! | step | module |
+//! |---|---|
+//! | read the file that places them | `file` |
+//! | read a mesh of any format | `collect` |
+//! | repair it | `repair` |
+//! | check its stone | `stone` |
+//! | turn, scale and place it, as one object of the city | this |
+//!
+//! Without a height, a landmark stands on the ground ([`super::scene_builder`]).
+
+mod collect;
+mod file;
+mod repair;
+mod stone;
+
+use super::attributes::{AttributeValue, Attributes};
+use super::context::ReadContext;
+use super::object::{
+    AxisOrder, CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh,
+};
+use super::place::Placement;
+use super::report::{SourceFormat, SourceReport};
+use super::scene_builder::PendingLandmark;
+use super::sink::SceneSink;
+use super::source::CitySource;
+use crate::error::InputError;
+use collect::{Collected, collect, format_of};
+pub(super) use file::{LandmarkPlan, read_plans};
+use file::{Position, Size, Up};
+use glam::DVec3;
+use repair::{PlainMesh, Repairs};
+pub(super) use stone::{CityStone, mean_colour};
+
+/// Turns and scales a mesh, and moves the middle of its base to a place.
+struct MeshTransform {
+    base: DVec3,
+    place: DVec3,
+    scale: f64,
+    cos: f64,
+    sin: f64,
+    is_y_up: bool,
+}
+
+impl MeshTransform {
+    fn upright(&self, [x, y, z]: [f64; 3]) -> DVec3 {
+        if self.is_y_up { DVec3::new(x, -z, y) } else { DVec3::new(x, y, z) }
+    }
+
+    fn apply(&self, p: [f64; 3]) -> [f64; 3] {
+        let p = (self.upright(p) - self.base) * self.scale;
+        (self.place + DVec3::new(p.x * self.cos + p.y * self.sin, p.y * self.cos - p.x * self.sin, p.z)).to_array()
+    }
+
+    /// The transform of a plan, for positions with these bounds. Fails with what is wrong.
+    fn new(plan: &LandmarkPlan, place: DVec3, is_y_up: bool, meshes: &[TriangleMesh]) -> Result<Self, &'static str> {
+        let (sin, cos) = plan.heading_deg.to_radians().sin_cos();
+        let unplaced = Self { base: DVec3::ZERO, place: DVec3::ZERO, scale: 1.0, cos: 1.0, sin: 0.0, is_y_up };
+        let points = meshes.iter().flat_map(|mesh| &mesh.positions).map(|p| unplaced.upright(*p));
+        let bounds = points.map(|p| [p, p]).reduce(|[low, high], [p, _]| [low.min(p), high.max(p)]);
+        let Some([low, high]) = bounds.filter(|[low, high]| low.is_finite() && high.is_finite()) else {
+            return Err("it has no vertices, or one that is not finite");
+        };
+        let scale = match plan.size {
+            Size::Scale(scale) => scale,
+            Size::Height(height) if high.z > low.z => height / (high.z - low.z),
+            Size::Height(_) => return Err("it has no height of its own: give its scale"),
+        };
+        let middle = (low + high) / 2.0;
+        Ok(Self { base: DVec3::new(middle.x, middle.y, low.z), place, scale, cos, sin, is_y_up })
+    }
+}
+
+/// Reads a landmark into the city. Fails if its mesh cannot be read, or if its place or its stone is not known.
+pub(super) fn read(
+    context: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    plan: &LandmarkPlan,
+) -> Result<SourceReport, InputError> {
+    let format = mesh_format(source)?;
+    let mut collected = collect(source, context.options.max_source_bytes)?;
+    let stone = plan.stone.as_deref().map(|text| context.add_stone(&source.label, text)).transpose()?;
+    let (placement, place) = place_of(context, source, plan)?;
+    // glTF has its own vertical axis, which its reader knows.
+    let is_y_up = plan.up == Up::Y && format != SourceFormat::Gltf;
+    let transform = MeshTransform::new(plan, place, is_y_up, &collected.meshes)
+        .map_err(|what| InputError::unsupported(&source.label, what))?;
+    for position in collected.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions) {
+        *position = transform.apply(*position);
+    }
+    let mut sink = SceneSink::new(context, source, format, &|_| {})?;
+    sink.set_placement(placement);
+    let landmark =
+        PendingLandmark { object: 0, stone: stone.map(|stone| stone.number), is_on_ground: plan.height_m.is_none() };
+    add(&mut sink, collected, &plan.name, stone.map(|stone| stone.rgb), landmark)?;
+    let texts = [(Description::Attribution, &plan.attribution), (Description::Licence, &plan.licence)];
+    for (what, text) in texts {
+        text.iter().for_each(|text| sink.describe(what, text));
+    }
+    Ok(sink.into_report())
+}
+
+/// Reads the only input of a bake, a mesh, as a landmark where its file places it. Fails as [`read`].
+pub(super) fn read_alone(context: &mut ReadContext<'_>, source: &CitySource<'_>) -> Result<SourceReport, InputError> {
+    let format = mesh_format(source)?;
+    let collected = collect(source, context.options.max_source_bytes)?;
+    let stone = context.options.stone.as_deref().map(|text| context.add_stone(&source.label, text)).transpose()?;
+    let mut sink = SceneSink::new(context, source, format, &|_| {})?;
+    let name = source.name.rsplit('/').next().unwrap_or(&source.name);
+    let name = name.split_once('.').map_or(name, |(stem, _)| stem);
+    let landmark = PendingLandmark { object: 0, stone: stone.map(|stone| stone.number), is_on_ground: false };
+    add(&mut sink, collected, if name.is_empty() { "mesh" } else { name }, stone.map(|stone| stone.rgb), landmark)?;
+    Ok(sink.into_report())
+}
+
+fn mesh_format(source: &CitySource<'_>) -> Result<SourceFormat, InputError> {
+    let what = "a landmark is a PLY, OBJ, STL, OFF, GLB or glTF file";
+    format_of(&source.name).ok_or_else(|| InputError::unsupported(&source.label, what))
+}
+
+/// Where a plan's positions are: in the city's system at its place, or in metres around a place on Earth.
+fn place_of(
+    context: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    plan: &LandmarkPlan,
+) -> Result<(Placement, DVec3), InputError> {
+    let height_m = plan.height_m.unwrap_or(0.0);
+    match plan.position {
+        Position::City([x, y]) => Ok((Placement::Unknown, DVec3::new(x, y, height_m))),
+        Position::Earth([lon, lat]) => {
+            let name = format!("ENU:{lon},{lat},{height_m}");
+            let reference = CrsReference { name, order: AxisOrder::EastFirst };
+            let mut placement = context.world.place(&source.label, &reference)?;
+            context.settle(&mut placement, &source.label, [0.0; 3])?;
+            Ok((placement, DVec3::ZERO))
+        }
+    }
+}
+
+/// Adds the meshes as one object.
+fn add(
+    sink: &mut SceneSink<'_, '_, '_>,
+    collected: Collected,
+    name: &str,
+    stone_rgb: Option<[u8; 3]>,
+    landmark: PendingLandmark,
+) -> Result<(), InputError> {
+    let Collected { meshes, materials, problems, described } = collected;
+    problems.into_iter().for_each(|(kind, detail)| sink.problem(kind, detail));
+    described.iter().for_each(|(what, text)| sink.describe(*what, text));
+    let is_plain = meshes.iter().all(|mesh| mesh.uv.is_empty() && mesh.colours.is_empty() && mesh.material.is_none());
+    let meshes = if stone_rgb.is_some() || is_plain {
+        let material = stone_rgb.map(|rgb| {
+            sink.add_material(SourceMaterial { rgb: Some(rgb), is_exact: true, ..SourceMaterial::default() })
+        });
+        let mut plain = join(&meshes);
+        drop(meshes);
+        report(sink, name, plain.repair());
+        let PlainMesh { positions, triangles } = plain;
+        vec![TriangleMesh { positions, triangles, material, ..TriangleMesh::default() }]
+    } else {
+        let numbers: Vec<u32> = materials.into_iter().map(|material| sink.add_material(material)).collect();
+        let renumbered = |mesh: TriangleMesh| {
+            let material = mesh.material.and_then(|number| numbers.get(number as usize).copied());
+            TriangleMesh { material, ..mesh }
+        };
+        meshes.into_iter().map(renumbered).collect()
+    };
+    let mut attributes = Attributes::default();
+    attributes.push("name", AttributeValue::Text(name.to_owned()));
+    let object = SourceObject {
+        id: name.to_owned(),
+        parent: None,
+        kind: FeatureKind::Furniture,
+        source_type: "landmark".to_owned(),
+        lod: None,
+        attributes,
+        shape: Shape::Surfaces { polygons: Vec::new(), meshes },
+    };
+    sink.add_landmark(object, landmark)
+}
+
+fn join(meshes: &[TriangleMesh]) -> PlainMesh {
+    let mut all = PlainMesh::default();
+    for mesh in meshes {
+        let first = all.positions.len() as u32;
+        all.positions.extend(&mesh.positions);
+        let exists = |t: &&[u32; 3]| t.iter().all(|v| (*v as usize) < mesh.positions.len());
+        all.triangles.extend(mesh.triangles.iter().filter(exists).map(|t| t.map(|vertex| vertex + first)));
+    }
+    all
+}
+
+/// Reports what was repaired, and what was not.
+fn report(sink: &mut SceneSink<'_, '_, '_>, name: &str, repairs: Repairs) {
+    let Repairs { dropped_triangles, turned_triangles, filled_holes, open_edges, branching_edges, .. } = repairs;
+    let done = [
+        (dropped_triangles, "triangles without area or given twice dropped"),
+        (turned_triangles, "triangles turned outwards"),
+        (filled_holes, "tiny holes filled"),
+    ];
+    let left = [(open_edges, "open edges"), (branching_edges, "edges of more than two triangles")];
+    for (kind, counts) in [("scan repaired", &done[..]), ("scan with faults that remain", &left[..])] {
+        let texts: Vec<String> =
+            counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect();
+        if !texts.is_empty() {
+            sink.problem(kind, format!("{name}: {}", texts.join(", ")));
+        }
+    }
+}
+
+/// Whether the only input of a bake is a mesh without anything of a city: one that is baked as a landmark.
+pub(super) fn is_alone(sources: &[CitySource<'_>], options: &super::ReadOptions) -> bool {
+    let [source] = sources else { return false };
+    let is_scan = matches!(format_of(&source.name), Some(SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Off));
+    // An OBJ or glTF file may well be a city; a stone says that it is none.
+    is_scan || options.stone.is_some() && format_of(&source.name).is_some()
+}
+
+/// Side in metres of the columns for a mesh that is baked alone: they show its shape from afar. `None` if the inputs are no such mesh,
+/// or if it cannot be read.
+#[must_use]
+pub fn cell_of_mesh(inputs: &[std::path::PathBuf], has_stone: bool) -> Option<f64> {
+    /// Columns along the longest side.
+    const COLUMNS: f64 = 100.0;
+    const RANGE_M: [f64; 2] = [0.01, 1.0];
+    let [input] = inputs else { return None };
+    let options = super::ReadOptions { stone: has_stone.then(String::new), ..super::ReadOptions::default() };
+    let listed = super::list::list_mesh(input, &options, &mut super::BadInputs::new(false)).ok()?;
+    if !is_alone(&listed.sources, &options) {
+        return None;
+    }
+    let collected = collect(listed.sources.first()?, options.max_source_bytes).ok()?;
+    let [low, high] = join(&collected.meshes).bounds()?;
+    let cell_m = (high - low).max_element() / COLUMNS;
+    // 1, 2 or 5 times a power of ten.
+    let decade = 10f64.powf(cell_m.log10().floor());
+    let rounded = [1.0, 2.0, 5.0].map(|step| step * decade).into_iter().rfind(|step| *step <= cell_m).unwrap_or(decade);
+    cell_m.is_finite().then(|| rounded.clamp(RANGE_M[0], RANGE_M[1]))
+}

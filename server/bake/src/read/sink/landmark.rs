@@ -1,0 +1,25 @@
+//! Landmarks: single objects whose triangles stay dense.
+
+use super::SceneSink;
+use crate::error::InputError;
+use crate::read::local_frame::LocalFrame;
+use crate::read::object::{ObjectSink, SourceObject};
+use crate::read::place::Placement;
+use crate::read::scene_builder::PendingLandmark;
+
+impl SceneSink<'_, '_, '_> {
+    /// Sets where the positions are that follow.
+    pub(crate) fn set_placement(&mut self, placement: Placement) {
+        (self.placement, self.frame) = (placement, LocalFrame::IDENTITY);
+    }
+
+    /// Adds an object as a landmark, whose number is set here. Fails if the whole bake must end.
+    pub(crate) fn add_landmark(&mut self, object: SourceObject, landmark: PendingLandmark) -> Result<(), InputError> {
+        let number = self.context.builder.len();
+        self.add(object)?;
+        if self.context.builder.len() > number {
+            self.context.builder.add_landmark(PendingLandmark { object: number as u32, ..landmark });
+        }
+        Ok(())
+    }
+}
