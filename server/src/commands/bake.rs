@@ -150,7 +150,8 @@ fn stone_of(value: &str) -> Result<String, CommandError> {
 
 fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandError> {
     let stone = args.stone.as_deref().map(stone_of).transpose()?;
-    let cell_m = args.cell.or_else(|| cell_of_mesh(&args.inputs, stone.is_some())).unwrap_or(1.0);
+    let cell_of_monument = cell_of_mesh(&args.inputs, stone.is_some());
+    let cell_m = args.cell.or(cell_of_monument).unwrap_or(1.0);
     let attribution = args.attribution.clone().map(|text| Attribution {
         text,
         licence: args.licence.clone(),
@@ -179,6 +180,8 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
         quality: args.quality,
         meshes: !args.no_meshes,
         ground: match args.ground {
+            // A mesh without a city shows nothing but itself.
+            GeneratedGround::Auto if cell_of_monument.is_some() => GroundOption::None,
             GeneratedGround::Auto => GroundOption::Auto,
             GeneratedGround::None => GroundOption::None,
         },

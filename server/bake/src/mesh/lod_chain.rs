@@ -16,6 +16,7 @@ use insula_protocol::{
 };
 
 use super::{
+    dense_chain,
     leaf_surface::LeafSurface,
     surface_distance::{TriangleHash, part_half_diagonals},
     texture_bake::{TextureScale, bake_texture},
@@ -59,6 +60,10 @@ pub(super) fn encode_lods(
     let encoder = LodEncoder { scene, id, surface, quality };
     let Some((finest, solid)) = encoder.encode_finest(blockmap_error_m)? else { return Ok(Vec::new()) };
     let mut lods = vec![finest];
+    if !surface.landmarks.is_empty() {
+        dense_chain::add_levels(&encoder, &mut lods, solid, blockmap_error_m)?;
+        return Ok(lods);
+    }
     let mut triangles_before = solid.model.triangles.len();
     let mut simplifier = SurfaceSimplifier { surface, part_half_diagonals: Vec::new() };
     for k in 1..MAX_LODS {
@@ -89,27 +94,27 @@ pub(super) fn encode_lods(
 
 /// Triangles and the objects that they belong to.
 #[derive(Debug, Clone)]
-struct NamedModel {
-    model: TriangleModel,
+pub(super) struct NamedModel {
+    pub(super) model: TriangleModel,
     /// Number in the city of each triangle's object.
-    objects: Vec<u32>,
+    pub(super) objects: Vec<u32>,
 }
 
 /// What distinguishes a level of detail besides its triangles.
 #[derive(Debug, Clone, Copy)]
-struct LodSpec {
-    number: u8,
+pub(super) struct LodSpec {
+    pub(super) number: u8,
     /// Largest distance from the leaf's surface.
-    moved_m: f64,
+    pub(super) moved_m: f64,
     /// Side of the texture's texels.
-    texel_m: f64,
+    pub(super) texel_m: f64,
 }
 
 /// Encodes the levels of detail of one leaf.
-struct LodEncoder<'a> {
+pub(super) struct LodEncoder<'a> {
     scene: &'a Scene,
-    id: TileId,
-    surface: &'a LeafSurface,
+    pub(super) id: TileId,
+    pub(super) surface: &'a LeafSurface,
     quality: Quality,
 }
 
@@ -124,7 +129,8 @@ impl LodEncoder<'_> {
             let (named, moved_m) = if surface.model.triangles.len() <= max_triangles {
                 (NamedModel { model: surface.model.clone(), objects: surface.objects.clone() }, 0.0)
             } else {
-                let named = simplify_on_grid(surface, Goal { triangles: max_triangles, error: f64::INFINITY });
+                let goal = Goal { triangles: max_triangles, error: f64::INFINITY };
+                let named = simplify_on_grid(surface, (&surface.model, &surface.objects), goal);
                 let reach = blockmap_error_m / step_m;
                 let moved =
                     TriangleHash::new(&surface.model, reach).max_distance(&named.model, reach, |_| f64::INFINITY);
@@ -139,7 +145,7 @@ impl LodEncoder<'_> {
     }
 
     /// Encodes a level of detail; `None` if it exceeds the limits of a tile.
-    fn encode(&self, named: &NamedModel, spec: LodSpec) -> Result<Option<EncodedLod>, BakeError> {
+    pub(super) fn encode(&self, named: &NamedModel, spec: LodSpec) -> Result<Option<EncodedLod>, BakeError> {
         let NamedModel { model, objects } = named;
         let step_m = self.surface.points.step;
         // Rounding to the grid moves a vertex by up to half the diagonal of a grid cube.
@@ -190,7 +196,8 @@ impl SurfaceSimplifier<'_> {
         let target = target_m / step_m;
         // The error of a collapse is a mean. The largest distance is more, so smaller goals are tried as well.
         for share in [1.0, 0.5, 0.25] {
-            let coarser = simplify_on_grid(self.surface, Goal { triangles: 0, error: share * target });
+            let goal = Goal { triangles: 0, error: share * target };
+            let coarser = simplify_on_grid(self.surface, (original, &self.surface.objects), goal);
             if coarser.model.triangles.is_empty() || coarser.model.triangles.len() > max_triangles {
                 return None;
             }
@@ -213,11 +220,16 @@ impl SurfaceSimplifier<'_> {
     }
 }
 
-/// The surface simplified towards `goal`, rounded to the grid again. Vertices on the leaf's border stay.
-fn simplify_on_grid(surface: &LeafSurface, goal: Goal) -> NamedModel {
-    let positions = &surface.model.positions;
+/// A level of the surface, with its objects, simplified towards `goal` and rounded to the grid again. Vertices on the leaf's
+/// border stay.
+pub(super) fn simplify_on_grid(
+    surface: &LeafSurface,
+    (finer, finer_objects): (&TriangleModel, &[u32]),
+    goal: Goal,
+) -> NamedModel {
+    let positions = &finer.positions;
     let is_locked = |vertex: u32| surface.is_on_border(positions[vertex as usize]);
-    let Simplified { model: simplified, sources, .. } = simplify(&surface.model, goal, is_locked);
+    let Simplified { model: simplified, sources, .. } = simplify(finer, goal, is_locked);
     let mut objects = Vec::with_capacity(sources.len());
     let max_z = f64::from((1u32 << surface.points.bits) - 1);
     let max_xy = f64::from(surface.steps);
@@ -238,7 +250,7 @@ fn simplify_on_grid(surface: &LeafSurface, goal: Goal) -> NamedModel {
         let [a, b, c] = triangle.map(|vertex| vertices[vertex as usize]);
         if a != b && b != c && c != a {
             rounded.triangles.push([a, b, c]);
-            objects.push(surface.objects[sources[t] as usize]);
+            objects.push(finer_objects[sources[t] as usize]);
             for (to, from) in rounded.layers.iter_mut().zip(&simplified.layers) {
                 to.corners.extend_from_slice(&from.corners[3 * t..3 * t + 3]);
             }

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | clip triangles to the leaf's square | `square_clip` |
 //! | put them on the grid of points that all leaves share | `leaf_surface` |
-//! | simplify them, level by level, within measured errors | `lod_chain`, `surface_distance` |
+//! | simplify them, level by level, within measured errors | `lod_chain`, `dense_chain`, `surface_distance` |
 //! | cut textured surfaces into charts, and pack these | `charts`, `atlas` |
 //! | resample the source's textures into one per level | `texture_bake`, `texture_canvas`, `texture_fill` |
 //! | encode the texture as WebP | `texture_encode` |
@@ -17,6 +17,7 @@
 
 mod atlas;
 mod charts;
+mod dense_chain;
 mod leaf_surface;
 mod lod_chain;
 mod materials;

@@ -202,7 +202,9 @@ impl PlainMesh {
                 branching.push(from);
             }
         }
-        branching.iter().for_each(|vertex| drop(next.remove(vertex)));
+        for vertex in &branching {
+            next.remove(vertex);
+        }
         let mut starts: Vec<u32> = next.keys().copied().collect();
         starts.sort_unstable();
         for start in starts {
