@@ -1,0 +1,1 @@
+//! Reflection from a rough surface. GPU twin: `ward.wgsl`.
