@@ -14,6 +14,7 @@ pub mod layout;
 pub mod light;
 pub mod mesh;
 pub mod pack;
+pub mod stone;
 pub mod tone;
 pub mod wgsl;
 mod words;

@@ -18,6 +18,10 @@ use crate::{
             BAY_COUNT, BAYS_PER_M, GLASS_EAST, GLASS_HIGH, GLASS_LOW, GLASS_WEST, LIT_SHARE, MAX_WINDOW_SLOPE,
             MOON_RADIUS, MOON_TERMINATOR, STAR_CELLS, STAR_RARITY, STAR_SHARPNESS, WINDOW_DEPTH_SHIFT, WINDOW_MIN,
         },
+        noise::{
+            MIN_FOOTPRINT, NOISE_ABS, NOISE_ABS_VARIANCE, NOISE_DENSITY, NOISE_DENSITY_BEND, NOISE_SCALE,
+            NOISE_VARIANCE, OCTAVE_TURN,
+        },
         ray::{MAX_STEPS, MIN_DIRECTION, SUN_LIFT_CELLS, SUN_LIFT_M},
         raycast::GOLDEN_TURN,
         shade::{
@@ -27,6 +31,15 @@ use crate::{
             TINT_INCLINED, TINT_MESH, TINT_ROOF, TINT_SUSPENDED, WAVES, ZENITH, ZENITH_SHARE,
         },
         solid::MAX_STRIP_ROWS,
+        stone::{
+            BED_FLATNESS, BEND_FREQUENCY, BROAD_LACUNARITY, FINE_LACUNARITY, FINE_WIDTH, GRAIN_BEND_FREQUENCY,
+            GRANITE_PERSISTENCE, LIMESTONE_GRAINS, MICA_FREQUENCY, MIN_WIDTH, PATINA_ALPHA, PATINA_F0, PATINA_HEIGHT,
+            PATINA_NOISE, PATINA_OPEN, PATINA_RANGE, PATINA_UPWARDS, VEIN_FALL, WIDTH_VARIATION,
+        },
+        ward::{
+            LOBE_FACTOR_0, LOBE_FACTOR_1, LOBE_FACTOR_2, LOBE_FACTOR_3, LOBE_GRAZING_0, LOBE_GRAZING_1, LOBE_GRAZING_2,
+            LOBE_SLACK, MATT_VARIANCE, MIN_FACING,
+        },
     },
     grid::Z_TOP,
     layout::{
@@ -43,6 +56,7 @@ use crate::{
         AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_CONCAVE, CLIP_CORNER, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS,
         HEIGHT_MASK,
     },
+    stone::{BROAD_VEINS, FINE_VEINS, StoneKind},
     tone::{
         AGX_GAMMA, AGX_IN, AGX_LOG2_RANGE, AGX_MIN_LOG2, AGX_OUT, AGX_POWER, AGX_SATURATION, EXPONENT_BIAS,
         MANTISSA_BITS, MAX_RADIANCE, METER_BINS, METER_BINS_PER_STOP, METER_CUT, METER_MIN_LOG2,
@@ -70,24 +84,35 @@ const WORDS: &str = wgsl!("shared/words.wgsl");
 
 /// The ray-caster: entry point `raycast`, bindings in [`crate::layout::binding`], workgroups of [`WORKGROUP`].
 pub fn raycast() -> String {
-    source(&[
-        LAYOUT,
-        MATH,
-        SRGB,
-        TONE,
-        WORDS,
-        wgsl!("ray.wgsl"),
-        wgsl!("raycast.wgsl"),
-        wgsl!("walk.wgsl"),
-        wgsl!("node.wgsl"),
-        wgsl!("column.wgsl"),
-        wgsl!("solid.wgsl"),
-        wgsl!("objects.wgsl"),
-        wgsl!("mesh.wgsl"),
-        wgsl!("mesh_surface.wgsl"),
-        wgsl!("shade.wgsl"),
-        wgsl!("night.wgsl"),
-    ])
+    source(&RAYCAST)
+}
+
+/// Files of the ray-caster.
+const RAYCAST: [&str; 16] = [
+    LAYOUT,
+    MATH,
+    SRGB,
+    TONE,
+    WORDS,
+    wgsl!("ray.wgsl"),
+    wgsl!("raycast.wgsl"),
+    wgsl!("walk.wgsl"),
+    wgsl!("node.wgsl"),
+    wgsl!("column.wgsl"),
+    wgsl!("solid.wgsl"),
+    wgsl!("objects.wgsl"),
+    wgsl!("mesh.wgsl"),
+    wgsl!("mesh_surface.wgsl"),
+    wgsl!("shade.wgsl"),
+    wgsl!("night.wgsl"),
+];
+
+/// The functions of stone, which need those of the ray-caster: `stone_surface` and `reflect_stone`.
+const STONE: [&str; 3] = [wgsl!("noise.wgsl"), wgsl!("stone.wgsl"), wgsl!("ward.wgsl")];
+
+/// The ray-caster, the functions of stone, and `kernel`: an entry point that calls them, for tests.
+pub fn stone_samples(kernel: &str) -> String {
+    source(&[&RAYCAST[..], &STONE, &[kernel]].concat())
 }
 
 /// Draws the ray-caster's pixels on a render target: entry points `corner`, `compose_srgb` and `compose_linear`.
@@ -247,6 +272,22 @@ fn constants() -> String {
         f32 { BAYS_PER_M, GLASS_WEST, GLASS_EAST, GLASS_LOW, GLASS_HIGH, LIT_SHARE, MAX_WINDOW_SLOPE, WINDOW_MIN }
         i32 { BAY_COUNT }
         u32 { WINDOW_DEPTH_SHIFT }
+        // Stone.
+        f32 { NOISE_SCALE, NOISE_VARIANCE, NOISE_ABS, NOISE_ABS_VARIANCE, NOISE_DENSITY, NOISE_DENSITY_BEND, MIN_FOOTPRINT }
+        mat3 { OCTAVE_TURN }
+        u32 {
+            STONE_MARBLE = StoneKind::Marble,
+            STONE_GRANITE = StoneKind::Granite,
+            STONE_BRONZE = StoneKind::Bronze,
+            STONE_LIMESTONE = StoneKind::Limestone,
+            BROAD_VEINS,
+            FINE_VEINS,
+        }
+        f32 { FINE_WIDTH, BROAD_LACUNARITY, FINE_LACUNARITY, VEIN_FALL, BEND_FREQUENCY, WIDTH_VARIATION, MIN_WIDTH }
+        f32 { GRANITE_PERSISTENCE, MICA_FREQUENCY, GRAIN_BEND_FREQUENCY, BED_FLATNESS, LIMESTONE_GRAINS }
+        f32 { PATINA_UPWARDS, PATINA_OPEN, PATINA_RANGE, PATINA_NOISE, PATINA_HEIGHT, PATINA_ALPHA, PATINA_F0 }
+        vec3 { LOBE_FACTOR_0, LOBE_FACTOR_1, LOBE_FACTOR_2, LOBE_FACTOR_3, LOBE_GRAZING_0, LOBE_GRAZING_1, LOBE_GRAZING_2 }
+        f32 { LOBE_SLACK, MATT_VARIANCE, MIN_FACING }
         // Exposure and tone.
         u32 { MANTISSA_BITS, METER_BINS, METER_THREADS, METER_READS }
         i32 { EXPONENT_BIAS }

@@ -97,13 +97,13 @@ fn covered(v: f32, low: f32, high: f32, footprint: f32) -> f32 {
     below(high) - below(low)
 }
 
-fn scramble_cell(cell: IVec3) -> u32 {
+pub(super) fn scramble_cell(cell: IVec3) -> u32 {
     let [x, y, z] = cell.as_uvec3().to_array();
     scramble(scramble(scramble(x).wrapping_add(y)).wrapping_add(z))
 }
 
 /// A word whose bits depend on all bits of another (Wang's integer hash, 2007).
-fn scramble(word: u32) -> u32 {
+pub(super) fn scramble(word: u32) -> u32 {
     let mut h = (word ^ 61) ^ (word >> 16);
     h = h.wrapping_mul(9);
     h ^= h >> 4;

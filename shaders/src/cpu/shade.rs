@@ -141,7 +141,7 @@ pub fn shade(frame: &FrameUniform, surface: &SurfaceSample) -> Radiance {
 }
 
 /// Light that a surface reflects.
-fn reflected(frame: &FrameUniform, albedo: Vec3, n: Vec3, ao: f32) -> Radiance {
+pub(super) fn reflected(frame: &FrameUniform, albedo: Vec3, n: Vec3, ao: f32) -> Radiance {
     let light = &frame.light;
     let (up, upright) = (rgb(light.sky_up), n.z.abs());
     // Openness of the surroundings: 1 for a wall or a roof without neighbours.
@@ -203,11 +203,11 @@ fn light_from_city(light: &Light, around: &Surroundings, ao: f32) -> Vec3 {
 }
 
 /// Without shadow rays: a surface that sees little sky sees little sun. A wall in the open sees half of the sky.
-fn sun_share_by_sky(frame: &FrameUniform, ao: f32) -> f32 {
+pub(super) fn sun_share_by_sky(frame: &FrameUniform, ao: f32) -> f32 {
     if frame.shadow_m > 0.0 { 1.0 } else { (2.0 * ao + 0.25).min(1.0) }
 }
 
-fn rgb(v: [f32; 4]) -> Vec3 {
+pub(super) fn rgb(v: [f32; 4]) -> Vec3 {
     Vec4::from(v).xyz()
 }
 
@@ -285,7 +285,7 @@ pub fn ground_distance(frame: &FrameUniform, dir: Vec3) -> f32 {
 }
 
 /// Light that the air scatters from a direction above the horizon.
-fn sky(frame: &FrameUniform, dir: Vec3) -> Vec3 {
+pub(super) fn sky(frame: &FrameUniform, dir: Vec3) -> Vec3 {
     let light = &frame.light;
     let height = ((dir.z - SKY_LOW) / (1.0 - SKY_LOW)).max(0.0).sqrt() * (SKY_HEIGHTS - 1) as f32;
     let row = (height as usize).min(SKY_HEIGHTS - 2);

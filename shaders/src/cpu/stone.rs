@@ -1,0 +1,240 @@
+//! Colour and gloss of a stone at a point. GPU twin: `stone.wgsl`.
+//!
+//! Each pattern is a sum of parts that are independent of each other: octaves of veins, grains, clouds. Where a pixel covers a part,
+//! the part is replaced by its mean. Colours depend on each part linearly, so what a pixel shows keeps the mean colour of what it
+//! covers, near and far.
+
+use super::noise::{
+    NOISE_DENSITY, NOISE_DENSITY_BEND, NoiseSum, fbm, next_octave, octave_share, perlin, turbulence,
+};
+use super::night::{scramble, scramble_cell};
+use crate::stone::{BROAD_VEINS, FINE_VEINS, Stone, StoneKind};
+use glam::{IVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
+
+/// Width of fine veins as a share of that of broad ones. Mischitelli's powers 2 and 64 have this ratio (section 4.3.3).
+pub(crate) const FINE_WIDTH: f32 = 0.22;
+/// Lacunarities of broad and of fine veins, and the factor by which the strength of veins falls from octave to octave (there).
+pub(crate) const BROAD_LACUNARITY: f32 = 2.3;
+pub(crate) const FINE_LACUNARITY: f32 = 1.7;
+pub(crate) const VEIN_FALL: f32 = 2.3;
+/// Frequency of what bends veins and varies their width, in that of the broad veins, and how much the width varies.
+pub(crate) const BEND_FREQUENCY: f32 = 0.8;
+pub(crate) const WIDTH_VARIATION: f32 = 3.2;
+/// Least share of a vein's width.
+pub(crate) const MIN_WIDTH: f32 = 0.12;
+/// Persistence of the granite's octaves (section 4.4).
+pub(crate) const GRANITE_PERSISTENCE: f32 = 0.85;
+/// Frequency of mica, and of what bends grains, in that of the large grains.
+pub(crate) const MICA_FREQUENCY: f32 = 1.9;
+pub(crate) const GRAIN_BEND_FREQUENCY: f32 = 2.1;
+/// How much patina depends on the height of the normal, and on the visible sky.
+pub(crate) const PATINA_UPWARDS: f32 = 0.3;
+pub(crate) const PATINA_OPEN: f32 = 0.45;
+/// Half of the range over which patina sets in, and the noise that moves it.
+pub(crate) const PATINA_RANGE: f32 = 0.22;
+pub(crate) const PATINA_NOISE: f32 = 4.0;
+/// Rain stretches patina by the inverse of this.
+pub(crate) const PATINA_HEIGHT: f32 = 0.4;
+/// Roughness and reflectance of patina.
+pub(crate) const PATINA_ALPHA: f32 = 0.5;
+pub(crate) const PATINA_F0: f32 = 0.04;
+/// Frequency of beds along the ground, and of grains of a limestone, in that of beds along the height.
+pub(crate) const BED_FLATNESS: f32 = 0.1;
+pub(crate) const LIMESTONE_GRAINS: f32 = 14.0;
+
+/// What a stone shows at a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StoneSurface {
+    /// Share of light that is scattered, linear RGB.
+    pub albedo: Vec3,
+    /// Reflectance from straight ahead.
+    pub f0: Vec3,
+    /// Ward's roughness along `tangent` and across it.
+    pub alpha: Vec2,
+    /// Direction of the grain: a unit vector, horizontal, across the normal but where that is upright.
+    pub tangent: Vec3,
+}
+
+/// A stone at `p_m`, in metres from the object's origin. `normal` has unit length, `ao` is the visible share of the sky, and
+/// `footprint_m` the side in metres of what the pixel covers.
+pub fn stone_surface(stone: &Stone, p_m: Vec3, normal: Vec3, ao: f32, footprint_m: f32) -> StoneSurface {
+    let footprint = footprint_m * stone.cells_per_m;
+    let straight = p_m * stone.cells_per_m;
+    // Level and upright surfaces are not along the lattice.
+    let p = next_octave(straight, 1.0);
+    let (f0, alpha) = (Vec3::from(stone.f0), Vec2::from(stone.alpha));
+    let plain = StoneSurface { albedo: stone.base.into(), f0, alpha, tangent: tangent_of(normal) };
+    match stone.kind {
+        kind if kind == StoneKind::Marble as u32 => StoneSurface { albedo: marble(stone, p, footprint), ..plain },
+        kind if kind == StoneKind::Granite as u32 => StoneSurface { albedo: granite(stone, p, footprint), ..plain },
+        kind if kind == StoneKind::Bronze as u32 => {
+            let exposure = PATINA_UPWARDS * normal.z + PATINA_OPEN * (ao - 0.6);
+            bronze(stone, &plain, straight, exposure, footprint)
+        }
+        kind if kind == StoneKind::Limestone as u32 => {
+            StoneSurface { albedo: limestone(stone, straight, footprint), ..plain }
+        }
+        _ => plain,
+    }
+}
+
+/// Horizontal unit vector across `normal`.
+fn tangent_of(normal: Vec3) -> Vec3 {
+    let length = Vec2::new(normal.x, normal.y).length();
+    if length > 1e-3 { Vec3::new(-normal.y / length, normal.x / length, 0.0) } else { Vec3::X }
+}
+
+/// Noise and slope at `p`, faded out by a footprint.
+fn faded_noise(p: Vec3, footprint: f32) -> Vec4 {
+    let share = octave_share(footprint);
+    if share > 0.0 { perlin(p) * share } else { Vec4::ZERO }
+}
+
+/// Two kinds of veins through a cloudy ground (Mischitelli, section 4.3.3).
+fn marble(stone: &Stone, p: Vec3, footprint: f32) -> Vec3 {
+    let slow = faded_noise(next_octave(p, BEND_FREQUENCY), footprint * BEND_FREQUENCY);
+    let bent = p + slow.xyz() * stone.bend;
+    let width = stone.vein_width * (1.0 + WIDTH_VARIATION * slow.w).max(MIN_WIDTH);
+    let broad = veins(stone.octaves, bent, width, footprint, BROAD_LACUNARITY);
+    let fine_start = next_octave(bent, FINE_LACUNARITY);
+    let fine = veins(stone.octaves, fine_start, width * FINE_WIDTH, footprint * FINE_LACUNARITY, FINE_LACUNARITY);
+    let strength = |veins: u32, blend: f32| if stone.veins & veins != 0 { blend } else { 0.0 };
+    let tone = (1.0 + stone.variation * (broad.cloud + slow.w)).max(0.0);
+    let ground = Vec3::from(stone.base) * tone;
+    let veined = ground.lerp(stone.vein.into(), broad.share * strength(BROAD_VEINS, stone.blend[0]));
+    veined.lerp(stone.grain.into(), fine.share * strength(FINE_VEINS, stone.blend[1]))
+}
+
+/// Veins at a point.
+struct VeinSum {
+    /// Share that they cover.
+    share: f32,
+    /// Sum of the noise whose zeros they are.
+    cloud: f32,
+}
+
+/// Octaves of veins, each where its noise is 0. The powers of [`vein_profile`] and the steps are those of the report, but for the
+/// small part of the broad veins in the fine ones, which nobody would see.
+fn veins(octaves: u32, start: Vec3, width: f32, start_footprint: f32, lacunarity: f32) -> VeinSum {
+    let (mut p, mut footprint, mut amplitude) = (start, start_footprint, 1.0);
+    let (mut share, mut cloud) = (0.0, 0.0);
+    let mean = width * (NOISE_DENSITY * 16.0 / 15.0 + NOISE_DENSITY_BEND * width * width * 8.0 / 105.0);
+    for _ in 0..octaves {
+        let left = octave_share(footprint);
+        let mut vein = mean;
+        if left > 0.0 {
+            let noise = perlin(p);
+            vein += left * (vein_profile(noise.w, noise.xyz().length() * footprint, width) - mean);
+            cloud += noise.w * left * amplitude;
+        }
+        share += (1.0 - share) * vein * amplitude;
+        amplitude /= VEIN_FALL;
+        p = next_octave(p, lacunarity);
+        footprint *= lacunarity;
+    }
+    VeinSum { share, cloud }
+}
+
+/// Mean of a vein over a footprint in which the noise goes from `noise - spread / 2` to `noise + spread / 2`. Across a vein, its
+/// share is `(1 - (noise / width)^2)^2`: it has the half width of the report's powers of `smoothstep`, and its integral is a polynomial.
+fn vein_profile(noise: f32, spread: f32, width: f32) -> f32 {
+    let half = 0.5 * (spread / width).max(0.02);
+    let middle = noise / width;
+    (vein_integral(middle + half) - vein_integral(middle - half)) / (2.0 * half)
+}
+
+fn vein_integral(at: f32) -> f32 {
+    let u = at.clamp(-1.0, 1.0);
+    let square = u * u;
+    u * (1.0 + square * (square * 0.2 - 2.0 / 3.0))
+}
+
+/// Grains of feldspar and quartz, and smaller ones of mica between them. The noise is that of the report's section 4.4: few octaves
+/// with a high persistence.
+fn granite(stone: &Stone, p: Vec3, footprint: f32) -> Vec3 {
+    let bend = faded_noise(next_octave(p, GRAIN_BEND_FREQUENCY), footprint * GRAIN_BEND_FREQUENCY);
+    let bent = p + bend.xyz() * stone.bend;
+    let large = grains(bent, footprint, stone.blend[0]);
+    let mica = grains(next_octave(bent, MICA_FREQUENCY), footprint * MICA_FREQUENCY, stone.blend[1]);
+    let specks = fbm(p, stone.octaves, GRANITE_PERSISTENCE, footprint);
+    let tone = (1.0 + stone.variation * (large.y + 2.0 * specks.value)).max(0.0);
+    let ground = Vec3::from(stone.base).lerp(stone.vein.into(), large.x) * tone;
+    ground.lerp(stone.grain.into(), mica.x)
+}
+
+/// Cells around one point in each cell of the lattice (Worley 1996): a share of them, `share`, has 1 in x, the others 0, with soft
+/// borders. In y, each has a tone of its own, -0.5 to 0.5. The value of a cell does not depend on its shape, so that both means are
+/// exact with any weights.
+fn grains(p: Vec3, footprint: f32, share: f32) -> Vec2 {
+    let left = octave_share(footprint);
+    let mean = Vec2::new(share, 0.0);
+    if left <= 0.0 {
+        return mean;
+    }
+    let corner = p.floor();
+    let f = p - corner;
+    let cell = corner.as_ivec3();
+    // The smallest weights belong to places that are far from all points.
+    let (mut sharp, mut soft) = (mean.extend(1.0) * 1e-9, mean.extend(1.0) * 1e-9);
+    for k in 0..27 {
+        let step = IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+        let hash = scramble_cell(cell + step);
+        let point = Vec3::new((hash & 1023) as f32, (hash >> 10 & 1023) as f32, (hash >> 20 & 1023) as f32) / 1023.0;
+        let near = 1.0 - (step.as_vec3() + point - f).length_squared();
+        if near > 0.0 {
+            let of_cell = scramble(hash ^ 0x5bd1_e995);
+            let is_of_share = ((of_cell & 0xffff) as f32) < share * 65_536.0;
+            let value = Vec3::new(f32::from(is_of_share), (of_cell >> 16) as f32 / 65_535.0 - 0.5, 1.0);
+            let eighth = near * near * near * near * near * near * near * near;
+            let weight = eighth * eighth;
+            soft += value * weight;
+            sharp += value * (weight * weight * weight * weight);
+        }
+    }
+    let near = sharp / sharp.z;
+    let found = near.lerp(soft / soft.z, (8.0 * footprint).min(1.0));
+    mean.lerp(Vec2::new(found.x, found.y), left)
+}
+
+/// Metal below a patina, which grows where rain and air reach it. `exposure` is above 0 there.
+fn bronze(stone: &Stone, bare: &StoneSurface, straight: Vec3, exposure: f32, footprint: f32) -> StoneSurface {
+    let p = next_octave(straight * Vec3::new(1.0, 1.0, PATINA_HEIGHT), 1.0);
+    let patches = turbulence(p, stone.octaves, 0.65, footprint);
+    let fine = fbm(next_octave(p, 2.7), stone.octaves, 0.75, footprint * 2.7);
+    let noise = PATINA_NOISE * stone.variation;
+    let patina = ramp(stone.blend[0] - 0.5 + exposure, &patches, noise);
+    let thin = ramp(stone.blend[1] - 0.5, &fine, noise);
+    let green = Vec3::from(stone.vein).lerp(stone.grain.into(), thin);
+    StoneSurface {
+        albedo: bare.albedo.lerp(green, patina),
+        f0: bare.f0.lerp(Vec3::splat(PATINA_F0), patina),
+        alpha: bare.alpha.lerp(Vec2::splat(PATINA_ALPHA), patina),
+        ..*bare
+    }
+}
+
+/// A ramp from 0 to 1 around `at` plus noise. What a footprint hides of the noise makes it wider: it is the mean over a uniform
+/// distribution with the hidden variance.
+fn ramp(at: f32, noise: &NoiseSum, strength: f32) -> f32 {
+    let middle = 0.5 + (at + noise.value * strength) / (2.0 * PATINA_RANGE);
+    // Half of the range of a uniform distribution is the root of 3 times its variance.
+    let half = ((3.0 * noise.hidden).sqrt() * strength / (2.0 * PATINA_RANGE)).max(0.02);
+    (ramp_integral(middle + half) - ramp_integral(middle - half)) / (2.0 * half)
+}
+
+fn ramp_integral(at: f32) -> f32 {
+    let u = at.clamp(0.0, 1.0);
+    0.5 * u * u + (at - 1.0).max(0.0)
+}
+
+/// Fine grains in faint level beds.
+fn limestone(stone: &Stone, straight: Vec3, footprint: f32) -> Vec3 {
+    let slow = faded_noise(next_octave(straight, 0.2), footprint * 0.2);
+    let flat = straight * Vec3::new(BED_FLATNESS, BED_FLATNESS, 1.0) + Vec3::Z * (slow.w * stone.bend);
+    let beds = fbm(flat + 0.37, 2, 0.6, footprint);
+    let grains = fbm(next_octave(straight, LIMESTONE_GRAINS), stone.octaves, 0.85, footprint * LIMESTONE_GRAINS);
+    let share = |noise: f32| (0.5 + 1.6 * noise).clamp(0.0, 1.0);
+    let ground = Vec3::from(stone.base) * (1.0 + stone.variation * slow.w);
+    let bedded = ground.lerp(stone.vein.into(), stone.blend[0] * share(beds.value));
+    bedded.lerp(stone.grain.into(), stone.blend[1] * share(grains.value))
+}

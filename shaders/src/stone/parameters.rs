@@ -1,0 +1,110 @@
+//! Stones as files and pages describe them: a preset, and what differs from it.
+
+use super::{
+    definition::{BOTH_VEINS, BROAD_VEINS, FINE_VEINS, Stone, StoneError},
+    presets::PRESETS,
+};
+use crate::cpu::shade::linear_of_srgb;
+use serde::{Deserialize, Serialize};
+
+/// A stone by name, with other values where there are any. Ranges are those of [`Stone::check`].
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoneParameters {
+    /// Name of a preset ([`PRESETS`]).
+    pub preset: String,
+    /// Size of the pattern's largest parts in metres, 0.001 to 100.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale_m: Option<f32>,
+    /// Colours as sRGB, `#rrggbb`; see the table of [`Stone`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vein: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grain: Option<String>,
+    /// Strengths or shares of `vein` and `grain`, 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blend: Option<[f32; 2]>,
+    /// Reflectance from straight ahead as sRGB, `#rrggbb`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub f0: Option<String>,
+    /// Ward's roughness along the grain and across it, 0.02 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roughness: Option<[f32; 2]>,
+    /// Octaves of noise, 1 to 6.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub octaves: Option<u32>,
+    /// Which vein functions a marble has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub veins: Option<Veins>,
+    /// Half width of veins in units of the noise, 0.005 to 0.2: small values are sharp.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vein_width: Option<f32>,
+    /// How much the tone varies, 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variation: Option<f32>,
+    /// How far veins and grains are bent, in cells, 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bend: Option<f32>,
+    /// Reserved for translucency.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scattering: Option<u32>,
+}
+
+/// Vein functions of a marble.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Veins {
+    /// Soft and wide.
+    Broad,
+    /// Sharp and thin.
+    Fine,
+    /// Both.
+    Both,
+}
+
+impl StoneParameters {
+    /// The stone that they describe. Fails at an unknown preset, a colour that is none, and a value outside of its range.
+    pub fn stone(&self) -> Result<Stone, StoneError> {
+        let unknown = || {
+            let known = PRESETS.map(|(name, _)| name).join(", ");
+            StoneError::Preset { found: self.preset.clone(), known }
+        };
+        let mut stone = Stone::preset(&self.preset).ok_or_else(unknown)?;
+        let colours = [
+            ("base", &self.base, &mut stone.base),
+            ("vein", &self.vein, &mut stone.vein),
+            ("grain", &self.grain, &mut stone.grain),
+            ("f0", &self.f0, &mut stone.f0),
+        ];
+        for (field, text, colour) in colours {
+            if let Some(text) = text {
+                *colour = linear_of_hex(text).ok_or_else(|| StoneError::Colour { field, found: text.clone() })?;
+            }
+        }
+        stone.cells_per_m = self.scale_m.map_or(stone.cells_per_m, |scale| 1.0 / scale);
+        stone.blend = self.blend.unwrap_or(stone.blend);
+        stone.alpha = self.roughness.unwrap_or(stone.alpha);
+        stone.octaves = self.octaves.unwrap_or(stone.octaves);
+        stone.veins = self.veins.map_or(stone.veins, |veins| match veins {
+            Veins::Broad => BROAD_VEINS,
+            Veins::Fine => FINE_VEINS,
+            Veins::Both => BOTH_VEINS,
+        });
+        stone.vein_width = self.vein_width.unwrap_or(stone.vein_width);
+        stone.variation = self.variation.unwrap_or(stone.variation);
+        stone.bend = self.bend.unwrap_or(stone.bend);
+        stone.scattering = self.scattering.unwrap_or(stone.scattering);
+        stone.check()?;
+        Ok(stone)
+    }
+}
+
+/// Linear RGB of `#rrggbb`.
+fn linear_of_hex(text: &str) -> Option<[f32; 3]> {
+    let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6)?;
+    // `from_str_radix` also takes a sign.
+    let rgb = digits.bytes().all(|digit| digit.is_ascii_hexdigit()).then(|| u32::from_str_radix(digits, 16).ok())??;
+    Some([16, 8, 0].map(|shift| linear_of_srgb((rgb >> shift & 255) as f32 / 255.0)))
+}

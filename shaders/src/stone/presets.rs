@@ -1,0 +1,108 @@
+//! Stones by name.
+
+use super::definition::{BOTH_VEINS, Stone, StoneKind};
+
+/// Names and stones. Colours are estimates from photographs of polished slabs and weathered statues, in linear light.
+pub const PRESETS: [(&str, Stone); 6] = [
+    ("carrara-marble", CARRARA),
+    ("green-marble", GREEN),
+    ("red-granite", RED_GRANITE),
+    ("grey-granite", GREY_GRANITE),
+    ("bronze", BRONZE),
+    ("limestone", LIMESTONE),
+];
+
+const CARRARA: Stone = Stone {
+    base: [0.78, 0.77, 0.745],
+    kind: StoneKind::Marble as u32,
+    vein: [0.30, 0.315, 0.33],
+    cells_per_m: 1.0 / 0.45,
+    grain: [0.20, 0.21, 0.225],
+    octaves: 4,
+    f0: [0.045; 3],
+    scattering: 1,
+    alpha: [0.12; 2],
+    vein_width: 0.05,
+    veins: BOTH_VEINS,
+    blend: [0.55, 0.45],
+    variation: 0.25,
+    bend: 0.5,
+};
+
+const GREEN: Stone = Stone {
+    base: [0.022, 0.050, 0.036],
+    vein: [0.070, 0.135, 0.095],
+    grain: [0.52, 0.60, 0.53],
+    cells_per_m: 1.0 / 0.35,
+    scattering: 2,
+    alpha: [0.06; 2],
+    vein_width: 0.09,
+    blend: [0.9, 0.75],
+    variation: 0.5,
+    ..CARRARA
+};
+
+const RED_GRANITE: Stone = Stone {
+    base: [0.42, 0.155, 0.105],
+    kind: StoneKind::Granite as u32,
+    vein: [0.36, 0.31, 0.28],
+    cells_per_m: 1.0 / 0.012,
+    grain: [0.022, 0.020, 0.020],
+    octaves: 3,
+    f0: [0.045; 3],
+    scattering: 0,
+    alpha: [0.07; 2],
+    blend: [0.28, 0.2],
+    variation: 0.45,
+    bend: 0.25,
+    ..Stone::NONE
+};
+
+const GREY_GRANITE: Stone = Stone {
+    base: [0.46, 0.455, 0.44],
+    vein: [0.22, 0.225, 0.23],
+    grain: [0.03, 0.03, 0.032],
+    cells_per_m: 1.0 / 0.007,
+    alpha: [0.15; 2],
+    blend: [0.4, 0.24],
+    ..RED_GRANITE
+};
+
+const BRONZE: Stone = Stone {
+    base: [0.018, 0.012, 0.007],
+    kind: StoneKind::Bronze as u32,
+    vein: [0.10, 0.215, 0.165],
+    cells_per_m: 1.0 / 0.35,
+    grain: [0.045, 0.060, 0.042],
+    octaves: 5,
+    f0: [0.42, 0.25, 0.115],
+    scattering: 0,
+    alpha: [0.22, 0.28],
+    blend: [0.42, 0.4],
+    variation: 0.5,
+    bend: 0.3,
+    ..Stone::NONE
+};
+
+const LIMESTONE: Stone = Stone {
+    base: [0.58, 0.51, 0.385],
+    kind: StoneKind::Limestone as u32,
+    vein: [0.42, 0.345, 0.235],
+    cells_per_m: 1.0 / 0.12,
+    grain: [0.36, 0.31, 0.235],
+    octaves: 4,
+    f0: [0.04; 3],
+    scattering: 3,
+    alpha: [0.5; 2],
+    blend: [0.6, 0.7],
+    variation: 0.2,
+    bend: 0.2,
+    ..Stone::NONE
+};
+
+impl Stone {
+    /// The stone of a name of [`PRESETS`].
+    pub fn preset(name: &str) -> Option<Self> {
+        PRESETS.iter().find(|(known, _)| *known == name).map(|(_, stone)| *stone)
+    }
+}

@@ -1,0 +1,195 @@
+// Colour and gloss of a stone at a point. CPU twin: src/cpu/stone.rs.
+
+// src/stone/definition.rs documents the fields, tests/twin_stone.rs compares their offsets.
+struct Stone {
+    base: vec3<f32>,
+    kind: u32,
+    vein: vec3<f32>,
+    cells_per_m: f32,
+    grain: vec3<f32>,
+    octaves: u32,
+    f0: vec3<f32>,
+    scattering: u32,
+    alpha: vec2<f32>,
+    vein_width: f32,
+    veins: u32,
+    blend: vec2<f32>,
+    variation: f32,
+    bend: f32,
+}
+
+struct StoneSurface {
+    albedo: vec3<f32>,
+    f0: vec3<f32>,
+    // Roughness along `tangent` and across it.
+    alpha: vec2<f32>,
+    tangent: vec3<f32>,
+}
+
+// `p_m` is in metres from the object's origin, `footprint_m` the side of what the pixel covers.
+fn stone_surface(stone: Stone, p_m: vec3<f32>, normal: vec3<f32>, ao: f32, footprint_m: f32) -> StoneSurface {
+    let footprint = footprint_m * stone.cells_per_m;
+    let straight = p_m * stone.cells_per_m;
+    let p = next_octave(straight, 1.0);
+    var surface = StoneSurface(stone.base, stone.f0, stone.alpha, tangent_of(normal));
+    switch stone.kind {
+        case STONE_MARBLE: { surface.albedo = marble(stone, p, footprint); }
+        case STONE_GRANITE: { surface.albedo = granite(stone, p, footprint); }
+        case STONE_BRONZE: {
+            let exposure = PATINA_UPWARDS * normal.z + PATINA_OPEN * (ao - 0.6);
+            surface = bronze(stone, surface, straight, exposure, footprint);
+        }
+        case STONE_LIMESTONE: { surface.albedo = limestone(stone, straight, footprint); }
+        default: {}
+    }
+    return surface;
+}
+
+fn tangent_of(normal: vec3<f32>) -> vec3<f32> {
+    let size = length(normal.xy);
+    if size > 1e-3 {
+        return vec3<f32>(-normal.y / size, normal.x / size, 0.0);
+    }
+    return vec3<f32>(1.0, 0.0, 0.0);
+}
+
+fn faded_noise(p: vec3<f32>, footprint: f32) -> vec4<f32> {
+    let share = octave_share(footprint);
+    if share > 0.0 {
+        return perlin(p) * share;
+    }
+    return vec4<f32>(0.0);
+}
+
+fn marble(stone: Stone, p: vec3<f32>, footprint: f32) -> vec3<f32> {
+    let slow = faded_noise(next_octave(p, BEND_FREQUENCY), footprint * BEND_FREQUENCY);
+    let bent = p + slow.xyz * stone.bend;
+    let width = stone.vein_width * max(1.0 + WIDTH_VARIATION * slow.w, MIN_WIDTH);
+    let broad = veins(stone.octaves, bent, width, footprint, BROAD_LACUNARITY);
+    let fine_start = next_octave(bent, FINE_LACUNARITY);
+    let fine = veins(stone.octaves, fine_start, width * FINE_WIDTH, footprint * FINE_LACUNARITY, FINE_LACUNARITY);
+    let strength = select(vec2<f32>(0.0), stone.blend, (vec2<u32>(stone.veins) & vec2<u32>(BROAD_VEINS, FINE_VEINS)) != vec2<u32>(0u));
+    let tone = max(1.0 + stone.variation * (broad.cloud + slow.w), 0.0);
+    let ground = stone.base * tone;
+    let veined = mix(ground, stone.vein, broad.share * strength.x);
+    return mix(veined, stone.grain, fine.share * strength.y);
+}
+
+struct VeinSum {
+    share: f32,
+    cloud: f32,
+}
+
+fn veins(octaves: u32, start: vec3<f32>, width: f32, start_footprint: f32, lacunarity: f32) -> VeinSum {
+    var p = start;
+    var footprint = start_footprint;
+    var amplitude = 1.0;
+    var share = 0.0;
+    var cloud = 0.0;
+    let mean = width * (NOISE_DENSITY * 16.0 / 15.0 + NOISE_DENSITY_BEND * width * width * 8.0 / 105.0);
+    for (var i = 0u; i < octaves; i++) {
+        let left = octave_share(footprint);
+        var vein = mean;
+        if left > 0.0 {
+            let noise = perlin(p);
+            vein += left * (vein_profile(noise.w, length(noise.xyz) * footprint, width) - mean);
+            cloud += noise.w * left * amplitude;
+        }
+        share += (1.0 - share) * vein * amplitude;
+        amplitude /= VEIN_FALL;
+        p = next_octave(p, lacunarity);
+        footprint *= lacunarity;
+    }
+    return VeinSum(share, cloud);
+}
+
+fn vein_profile(noise: f32, spread: f32, width: f32) -> f32 {
+    let half_spread = 0.5 * max(spread / width, 0.02);
+    let middle = noise / width;
+    return (vein_integral(middle + half_spread) - vein_integral(middle - half_spread)) / (2.0 * half_spread);
+}
+
+fn vein_integral(at: f32) -> f32 {
+    let u = clamp(at, -1.0, 1.0);
+    let square = u * u;
+    return u * (1.0 + square * (square * 0.2 - 2.0 / 3.0));
+}
+
+fn granite(stone: Stone, p: vec3<f32>, footprint: f32) -> vec3<f32> {
+    let bend = faded_noise(next_octave(p, GRAIN_BEND_FREQUENCY), footprint * GRAIN_BEND_FREQUENCY);
+    let bent = p + bend.xyz * stone.bend;
+    let large = grains(bent, footprint, stone.blend.x);
+    let mica = grains(next_octave(bent, MICA_FREQUENCY), footprint * MICA_FREQUENCY, stone.blend.y);
+    let specks = fbm(p, stone.octaves, GRANITE_PERSISTENCE, footprint);
+    let tone = max(1.0 + stone.variation * (large.y + 2.0 * specks.value), 0.0);
+    let ground = mix(stone.base, stone.vein, large.x) * tone;
+    return mix(ground, stone.grain, mica.x);
+}
+
+fn grains(p: vec3<f32>, footprint: f32, share: f32) -> vec2<f32> {
+    let left = octave_share(footprint);
+    let mean = vec2<f32>(share, 0.0);
+    if left <= 0.0 {
+        return mean;
+    }
+    let corner = floor(p);
+    let f = p - corner;
+    let cell = vec3<i32>(corner);
+    var sharp = vec3<f32>(mean, 1.0) * 1e-9;
+    var soft = sharp;
+    for (var k = 0; k < 27; k++) {
+        let step = vec3<i32>(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+        let hash = scramble_cell(cell + step);
+        let point = vec3<f32>(vec3<u32>(hash, hash >> 10u, hash >> 20u) & vec3<u32>(1023u)) / 1023.0;
+        let offset = vec3<f32>(step) + point - f;
+        let near = 1.0 - dot(offset, offset);
+        if near > 0.0 {
+            let of_cell = scramble(hash ^ 0x5bd1e995u);
+            let is_of_share = f32(of_cell & 0xffffu) < share * 65536.0;
+            let value = vec3<f32>(select(0.0, 1.0, is_of_share), f32(of_cell >> 16u) / 65535.0 - 0.5, 1.0);
+            let eighth = near * near * near * near * near * near * near * near;
+            let weight = eighth * eighth;
+            soft += value * weight;
+            sharp += value * (weight * weight * weight * weight);
+        }
+    }
+    let found = mix(sharp / sharp.z, soft / soft.z, min(8.0 * footprint, 1.0));
+    return mix(mean, found.xy, left);
+}
+
+fn bronze(stone: Stone, bare: StoneSurface, straight: vec3<f32>, exposure: f32, footprint: f32) -> StoneSurface {
+    let p = next_octave(straight * vec3<f32>(1.0, 1.0, PATINA_HEIGHT), 1.0);
+    let patches = turbulence(p, stone.octaves, 0.65, footprint);
+    let fine = fbm(next_octave(p, 2.7), stone.octaves, 0.75, footprint * 2.7);
+    let noise = PATINA_NOISE * stone.variation;
+    let patina = ramp(stone.blend.x - 0.5 + exposure, patches, noise);
+    let thin = ramp(stone.blend.y - 0.5, fine, noise);
+    let green = mix(stone.vein, stone.grain, thin);
+    return StoneSurface(
+        mix(bare.albedo, green, patina),
+        mix(bare.f0, vec3<f32>(PATINA_F0), patina),
+        mix(bare.alpha, vec2<f32>(PATINA_ALPHA), patina),
+        bare.tangent,
+    );
+}
+
+fn ramp(at: f32, noise: NoiseSum, strength: f32) -> f32 {
+    let middle = 0.5 + (at + noise.value * strength) / (2.0 * PATINA_RANGE);
+    let half_range = max(sqrt(3.0 * noise.hidden) * strength / (2.0 * PATINA_RANGE), 0.02);
+    return (ramp_integral(middle + half_range) - ramp_integral(middle - half_range)) / (2.0 * half_range);
+}
+
+fn ramp_integral(at: f32) -> f32 {
+    let u = clamp(at, 0.0, 1.0);
+    return 0.5 * u * u + max(at - 1.0, 0.0);
+}
+
+fn limestone(stone: Stone, straight: vec3<f32>, footprint: f32) -> vec3<f32> {
+    let slow = faded_noise(next_octave(straight, 0.2), footprint * 0.2);
+    let flat = straight * vec3<f32>(BED_FLATNESS, BED_FLATNESS, 1.0) + vec3<f32>(0.0, 0.0, slow.w * stone.bend);
+    let beds = fbm(flat + 0.37, 2u, 0.6, footprint);
+    let grains = fbm(next_octave(straight, LIMESTONE_GRAINS), stone.octaves, 0.85, footprint * LIMESTONE_GRAINS);
+    let ground = stone.base * (1.0 + stone.variation * slow.w);
+    let bedded = mix(ground, stone.vein, stone.blend.x * clamp(0.5 + 1.6 * beds.value, 0.0, 1.0));
+    return mix(bedded, stone.grain, stone.blend.y * clamp(0.5 + 1.6 * grains.value, 0.0, 1.0));
+}

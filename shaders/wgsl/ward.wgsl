@@ -1,0 +1,92 @@
+// Reflection from a rough surface. CPU twin: src/cpu/ward.rs.
+
+// Directions along the grain, across it, and along the normal.
+fn axes_of(normal: vec3<f32>, tangent: vec3<f32>) -> mat3x3<f32> {
+    let flat = tangent - normal * dot(tangent, normal);
+    let along = flat / max(length(flat), 1e-4);
+    return mat3x3<f32>(along, cross(normal, along), normal);
+}
+
+// Ward's lobe without Fresnel's factor. `i` and `o` are unit vectors in the axes of the surface.
+fn ward(alpha: vec2<f32>, i: vec3<f32>, o: vec3<f32>) -> f32 {
+    if i.z <= 0.0 || o.z <= 0.0 {
+        return 0.0;
+    }
+    let h = i + o;
+    let slope = h.xy / (alpha * h.z);
+    let upright = h.z * h.z;
+    return exp(-dot(slope, slope)) * dot(h, h) / (0.5 * TAU * alpha.x * alpha.y * upright * upright);
+}
+
+fn fresnel(f0: vec3<f32>, cosine: f32) -> vec3<f32> {
+    let grazing = clamp(1.0 - cosine, 0.0, 1.0);
+    let square = grazing * grazing;
+    return f0 + (1.0 - f0) * (square * square * grazing);
+}
+
+fn roughness_towards(alpha: vec2<f32>, dir: vec3<f32>) -> f32 {
+    let size = dot(dir.xy, dir.xy);
+    let along = alpha * dir.xy;
+    return sqrt(select(alpha.x * alpha.y, dot(along, along) / max(size, 1e-6), size > 1e-6));
+}
+
+// Parts of the lobe's reflectance in all directions together.
+fn lobe_reflectance(alpha: f32, cosine: f32) -> vec2<f32> {
+    let powers = vec3<f32>(1.0, sqrt(alpha), alpha);
+    let steep = (LOBE_FACTOR_3 * cosine + LOBE_FACTOR_2) * cosine + LOBE_FACTOR_1;
+    let factor = dot(steep * cosine + LOBE_FACTOR_0, powers);
+    let grazing = dot((LOBE_GRAZING_2 * cosine + LOBE_GRAZING_1) * cosine + LOBE_GRAZING_0, powers);
+    let square = (1.0 - cosine) * (1.0 - cosine);
+    return clamp(vec2<f32>(factor, grazing * square * square), vec2<f32>(0.0), vec2<f32>(1.0));
+}
+
+fn transmitted(f0: vec3<f32>, alpha: f32, cosine: f32) -> vec3<f32> {
+    let grazing = lobe_reflectance(alpha, cosine).y + LOBE_SLACK * (1.0 - cosine);
+    return max(1.0 - f0 - grazing, vec3<f32>(0.0));
+}
+
+fn mean_transmitted(f0: vec3<f32>, alpha: f32) -> vec3<f32> {
+    return max(1.0 - f0 - 0.04 / (1.0 + alpha * (2.2 + 2.7 * alpha)), vec3<f32>(1e-3));
+}
+
+fn scattered(f0: vec3<f32>, alpha: vec2<f32>, i: vec3<f32>, o: vec3<f32>) -> vec3<f32> {
+    let way_in = transmitted(f0, roughness_towards(alpha, i), clamp(i.z, MIN_FACING, 1.0));
+    let way_out = transmitted(f0, roughness_towards(alpha, o), clamp(o.z, MIN_FACING, 1.0));
+    return way_in * way_out / mean_transmitted(f0, sqrt(alpha.x * alpha.y));
+}
+
+fn lobe_occlusion(cosine: f32, open: f32, alpha: f32) -> f32 {
+    return clamp(pow(cosine + open, exp2(-16.0 * alpha - 1.0)) - 1.0 + open, 0.0, 1.0);
+}
+
+// Mean radiance of the surroundings in a lobe around `towards`.
+fn surroundings(towards: vec3<f32>, alpha: f32, open: f32) -> vec3<f32> {
+    let city = frame.light.facade_sky.rgb + frame.light.facade_sun.rgb * (0.25 * open);
+    let ground = frame.light.ground_sky.rgb + frame.light.ground_sun.rgb * open;
+    let above = city + (sky(towards) - city) * open;
+    let sharp = mix(ground, above, clamp(0.5 + towards.z / (3.0 * alpha), 0.0, 1.0));
+    let matt = reflected(vec3<f32>(1.0), towards, open * (0.5 + 0.5 * towards.z)).sky;
+    return mix(sharp, matt, min(alpha * alpha / MATT_VARIANCE, 1.0));
+}
+
+// Light of a surface of stone that is seen in direction `dir`.
+fn reflect_stone(stone: StoneSurface, normal: vec3<f32>, ao: f32, dir: vec3<f32>) -> Radiance {
+    let axes = axes_of(normal, stone.tangent);
+    // Times the transposed axes.
+    let view = -dir * axes;
+    let light = frame.sun * axes;
+    let facing = clamp(view.z, MIN_FACING, 1.0);
+    let matt = reflected(stone.albedo, normal, ao);
+    let towards = dir + normal * (2.0 * max(view.z, 0.0));
+    let open = min(ao / (0.5 + 0.5 * abs(normal.z)), 1.0);
+    let roughness = roughness_towards(stone.alpha, view);
+    let parts = lobe_reflectance(roughness, facing);
+    let seen = surroundings(towards, sqrt(stone.alpha.x * stone.alpha.y), open);
+    let mirrored_sky = seen * (stone.f0 * parts.x + parts.y) * lobe_occlusion(facing, open, roughness);
+    let share = fresnel(stone.f0, 0.5 * length(view + light));
+    let lobe = ward(stone.alpha, light, view) * max(light.z, 0.0) * (0.5 * TAU) * sun_share_by_sky(ao);
+    return Radiance(
+        matt.sky * transmitted(stone.f0, roughness, facing) + mirrored_sky,
+        matt.sun * scattered(stone.f0, stone.alpha, light, view) + frame.light.sun.rgb * share * lobe,
+    );
+}
