@@ -5,6 +5,7 @@
 //!
 //! Positions are relative to the camera (world axes, metres), so that f32 is precise enough anywhere on Earth.
 
+use crate::stone::{MAX_STONES, Stone};
 use bytemuck::{Pod, Zeroable};
 use insula_protocol::NODE_CELLS;
 
@@ -170,7 +171,8 @@ pub struct FrameUniform {
     pub sun_radius: f32,
     /// 1 if objects have colours or are hidden, or the frame shows objects; else rays do not read them.
     pub objects: u32,
-    pub unused: f32,
+    /// 1 if there are meshes with landmarks; else their normals, occlusion and stones are not read.
+    pub landmarks: u32,
     /// Place of the camera among lit windows, and metres that a ray covers at a distance of one metre
     /// ([`crate::cpu::night::bays_of`]).
     pub bays: [f32; 4],
@@ -178,6 +180,8 @@ pub struct FrameUniform {
     pub light: Light,
     /// Per level of the grid, finest first: first entry, log2 of the window's side, the window's west and south end.
     pub windows: [[i32; 4]; GRID_LEVELS],
+    /// Stones of landmarks, by their number in the city.
+    pub stones: [Stone; MAX_STONES],
 }
 
 /// Heights above the horizon in the sky's tables.

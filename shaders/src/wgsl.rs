@@ -12,6 +12,7 @@
 use crate::{
     atmosphere::{LUMINANCE, MIE_G, PHASE_SCALE},
     cpu::{
+        landmark::MIN_FACING_NORMAL,
         mesh::{BOX_SLACK, EDGE_SLACK, MESH_LIFT_M, MESH_LIFT_SHARE, MIN_COSINE, PLANE_SINE_SQUARED, TIE_M, TIE_SHARE},
         mesh_surface::{INSIDE_AO, ROOF_NORMAL_Z, ROOF_WEIGHT_ON_WALL, UNKNOWN_AO},
         night::{
@@ -51,12 +52,15 @@ use crate::{
         Shading, WALK_PLANE, WORKGROUP, binding,
     },
     light::SKY_LOW,
-    mesh::{LEAF_OFFSET_STEPS, ORIGINS_PER_M, REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TEXTURE_TILE_PX, TRAVERSAL_STACK},
+    mesh::{
+        HEAD_VEC4S, LANDMARK_COUNT_SHIFT, LANDMARK_OCCLUSION_BIT, LANDMARK_VEC4S, LEAF_OFFSET_STEPS, LEVELS_MASK,
+        ORIGINS_PER_M, REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TEXTURE_TILE_PX, TRAVERSAL_STACK,
+    },
     pack::{
         AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_CONCAVE, CLIP_CORNER, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS,
         HEIGHT_MASK,
     },
-    stone::{BROAD_VEINS, FINE_VEINS, StoneKind},
+    stone::{BROAD_VEINS, FINE_VEINS, MAX_STONES, StoneKind},
     tone::{
         AGX_GAMMA, AGX_IN, AGX_LOG2_RANGE, AGX_MIN_LOG2, AGX_OUT, AGX_POWER, AGX_SATURATION, EXPONENT_BIAS,
         MANTISSA_BITS, MAX_RADIANCE, METER_BINS, METER_BINS_PER_STOP, METER_CUT, METER_MIN_LOG2,
@@ -88,7 +92,7 @@ pub fn raycast() -> String {
 }
 
 /// Files of the ray-caster.
-const RAYCAST: [&str; 16] = [
+const RAYCAST: [&str; 20] = [
     LAYOUT,
     MATH,
     SRGB,
@@ -103,16 +107,17 @@ const RAYCAST: [&str; 16] = [
     wgsl!("objects.wgsl"),
     wgsl!("mesh.wgsl"),
     wgsl!("mesh_surface.wgsl"),
+    wgsl!("landmark.wgsl"),
     wgsl!("shade.wgsl"),
     wgsl!("night.wgsl"),
+    wgsl!("noise.wgsl"),
+    wgsl!("stone.wgsl"),
+    wgsl!("ward.wgsl"),
 ];
 
-/// The functions of stone, which need those of the ray-caster: `stone_surface` and `reflect_stone`.
-const STONE: [&str; 3] = [wgsl!("noise.wgsl"), wgsl!("stone.wgsl"), wgsl!("ward.wgsl")];
-
-/// The ray-caster, the functions of stone, and `kernel`: an entry point that calls them, for tests.
+/// The ray-caster and `kernel`: an entry point that calls its functions of stone, `stone_surface` and `reflect_stone`, for tests.
 pub fn stone_samples(kernel: &str) -> String {
-    source(&[&RAYCAST[..], &STONE, &[kernel]].concat())
+    source(&[&RAYCAST[..], &[kernel]].concat())
 }
 
 /// Draws the ray-caster's pixels on a render target: entry points `corner`, `compose_srgb` and `compose_linear`.
@@ -272,6 +277,9 @@ fn constants() -> String {
         f32 { BAYS_PER_M, GLASS_WEST, GLASS_EAST, GLASS_LOW, GLASS_HIGH, LIT_SHARE, MAX_WINDOW_SLOPE, WINDOW_MIN }
         i32 { BAY_COUNT }
         u32 { WINDOW_DEPTH_SHIFT }
+        // Landmarks.
+        u32 { HEAD_VEC4S, LANDMARK_VEC4S, LANDMARK_COUNT_SHIFT, LEVELS_MASK, LANDMARK_OCCLUSION_BIT, MAX_STONES }
+        f32 { MIN_FACING_NORMAL }
         // Stone.
         f32 { NOISE_SCALE, NOISE_VARIANCE, NOISE_ABS, NOISE_ABS_VARIANCE, NOISE_DENSITY, NOISE_DENSITY_BEND, MIN_FOOTPRINT }
         mat3 { OCTAVE_TURN }

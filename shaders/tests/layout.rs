@@ -59,10 +59,11 @@ fn structs_have_the_same_layout() {
             exposure,
             sun_radius,
             objects,
-            unused,
+            landmarks,
             bays,
             light,
             windows,
+            stones,
         }
     );
     assert_layout!(

@@ -6,6 +6,8 @@ struct MeshRay {
     inv: vec3<f32>,
     // First word of the palette, 0 without one.
     palette: u32,
+    // Vec4s of a triangle.
+    stride: u32,
     // Number of the longest axis of the direction.
     axis: u32,
     // Factors of the coordinate on that axis in the two others, which turn points from the origin on into a picture in which the
@@ -51,6 +53,7 @@ fn walk_mesh(index: u32) {
     d = select(d, vec3<f32>(MIN_DIRECTION), abs(d) < vec3<f32>(MIN_DIRECTION));
     set_mesh_ray(o, d);
     mesh_ray.palette = whole.w;
+    mesh_ray.stride = triangle_stride(info);
     let span = box_span(whole);
     if span.x > span.y || span.x > segment.reach_m {
         return;
@@ -115,7 +118,7 @@ fn nearest_triangle(root: u32) {
         let at = reference & REFERENCE_MASK;
         if count > 0u {
             for (var k = 0u; k < count; k++) {
-                test_triangle(at + 2u * k);
+                test_triangle(at + mesh_ray.stride * k);
             }
             if segment.to_sun && mesh_hit.triangle != 0u {
                 return;
@@ -228,9 +231,9 @@ fn hit_triangle(index: u32, step_m: f32, info: vec4<u32>) {
     let carried = read_vec4(mesh_hit.triangle + 1u);
     let corners = unpack_corners(read_vec4(mesh_hit.triangle), carried.x);
     let across = cross(corners.b - corners.a, corners.c - corners.a);
-    let facing = select(-across, across, dot(across, segment.dir) < 0.0);
+    let turned = select(-1.0, 1.0, dot(across, segment.dir) < 0.0);
     let area = length(across);
-    let normal = select(-segment.dir, facing / area, area > 0.0);
+    let flat = select(-segment.dir, across * turned / area, area > 0.0);
     let t = mesh_hit.t;
     let p = segment.origin + segment.dir * t;
     let u = mesh_hit.u;
@@ -246,17 +249,28 @@ fn hit_triangle(index: u32, step_m: f32, info: vec4<u32>) {
         let e2 = halves(carried.w) / 65535.0 * size - a;
         let texels_per_m = sqrt(abs(e1.x * e2.y - e1.y * e2.x) / max(area * step_m * step_m, 1e-12));
         let pixel = 2.0 * length(frame.up) / f32(frame.height_px * max(frame.samples, 1u));
-        let cosine = sqrt(max(abs(dot(normal, segment.dir)), MIN_COSINE));
+        let cosine = sqrt(max(abs(dot(flat, segment.dir)), MIN_COSINE));
         let level = log2(max(t * pixel * texels_per_m / cosine, 1.0));
         albedo = sample_texture(info, (a + e1 * u + e2 * v) / size, level);
     }
     var light = SurfaceLight(INSIDE_AO, false);
-    if mesh_hit.is_front || !is_inside(index, p, normal) {
-        light = surface_light(index, p, normal);
+    let landmark = landmark_at(index, info, turned);
+    if landmark.has_sky {
+        light = SurfaceLight(landmark.sky, false);
+    } else if mesh_hit.is_front || !is_inside(index, p, flat) {
+        light = surface_light(index, p, flat);
     }
     let flags = MESH_FLAG | select(0u, REFLECTIVE, light.is_reflective);
-    let shadow_origin = p + normal * (MESH_LIFT_M + MESH_LIFT_SHARE * t);
-    albedo = object_colour(mesh_hit.object, albedo);
+    let shadow_origin = p + flat * (MESH_LIFT_M + MESH_LIFT_SHARE * t);
+    var normal = flat;
+    if landmark.is_one {
+        normal = normal_towards(landmark.normal, segment.dir);
+    }
+    let colour = object_colour(mesh_hit.object, albedo);
+    // A colour of an object replaces its stone.
+    let stone = select(0u, landmark.stone, all(colour == albedo));
     let level = nodes[index].level;
-    ray_hit = RayHit(true, albedo, light.sky, normal, flags, level, t, index, mesh_hit.object, shadow_origin);
+    ray_hit = RayHit(
+        true, colour, light.sky, normal, flags, level, t, index, mesh_hit.object, shadow_origin, stone, p - landmark.origin,
+    );
 }

@@ -2,7 +2,7 @@
 
 // Linear RGB of a texture at `uv`, blended between the two levels nearest to `wanted`.
 fn sample_texture(info: vec4<u32>, uv: vec2<f32>, wanted: f32) -> vec3<f32> {
-    let levels = max(info.z, 1u);
+    let levels = max(info.z & LEVELS_MASK, 1u);
     let level = min(wanted, f32(levels - 1u));
     let fine = u32(level);
     var table = info.w;

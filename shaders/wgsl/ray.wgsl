@@ -21,6 +21,9 @@ override WINDOWS: bool = false;
 // Whether objects have colours or are hidden, or the frame shows objects.
 override OBJECTS: bool = false;
 
+// Whether there are meshes with landmarks.
+override LANDMARKS: bool = false;
+
 // A part of a ray: from the eye to the visible surface, or from there towards the sun.
 struct RaySegment {
     // Relative to the camera, in metres.
@@ -49,6 +52,10 @@ struct RayHit {
     object: u32,
     // Where the ray towards the sun begins.
     shadow_origin: vec3<f32>,
+    // 1 + number of its stone; 0 without. Only with LANDMARKS.
+    stone: u32,
+    // Place in the stone's pattern, in metres from its origin.
+    stone_point: vec3<f32>,
 }
 
 // The ray inside of a node: x and y in cells, z in height codes; `t` stays in metres.

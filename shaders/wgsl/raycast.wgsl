@@ -97,7 +97,9 @@ fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
     var sun_share = 1.0;
     segment = RaySegment(vec3<f32>(0.0), dir, infinity, 0.0, false);
     loop {
-        ray_hit = RayHit(false, vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0u, 0u, infinity, NO_NODE, 0u, vec3<f32>(0.0));
+        ray_hit = RayHit();
+        ray_hit.distance_m = infinity;
+        ray_hit.node = NO_NODE;
         if frame.levels != 0u {
             walk_grid();
         }
@@ -130,7 +132,12 @@ fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
 fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
     let length_squared = dot(hit.normal, hit.normal);
     let normal = select(-dir, hit.normal * inverseSqrt(length_squared), length_squared > 1e-12);
-    var lit = shade(hit.albedo, hit.ao, normal, hit.flags, hit.level);
+    var lit = Radiance();
+    if has_stone(hit) {
+        lit = light_of_stone(hit, normal, dir);
+    } else {
+        lit = shade(hit.albedo, hit.ao, normal, hit.flags, hit.level);
+    }
     if !FOR_STUDY || frame.shading == SHADING_LIT {
         if (hit.flags & REFLECTIVE) != 0u {
             lit = mirrored(lit, normal, hit.ao, dir);

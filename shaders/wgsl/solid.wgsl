@@ -115,6 +115,7 @@ fn hit_texel(t: f32, texel: u32, normal: vec3<f32>, flags: u32, object: u32) {
     }
     ray_hit.albedo = object_colour(object, linear_of(texel));
     ray_hit.object = object;
+    ray_hit.stone = 0u;
     ray_hit.ao = ao_of(texel) / AO_MAX;
     ray_hit.normal = normal;
     ray_hit.flags = flags;

@@ -27,7 +27,7 @@ pub fn add(city: &mut RandomCity, rng: &mut Rng, share: f64) -> Result<Vec<Rando
         let side_m = city.area.root_side_m / f64::from(1u32 << map.id.level());
         let made = mesh(rng, map.id, side_m, map.z_base_m());
         city.draw_list
-            .add_mesh(map.id, PackedMesh::new(&made.mesh, made.texture.as_ref(), &[]).context("a random mesh")?);
+            .add_mesh(map.id, PackedMesh::new(&made.mesh, made.texture.as_ref(), &[], &[]).context("a random mesh")?);
         meshes.push(made);
     }
     Ok(meshes)

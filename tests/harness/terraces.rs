@@ -210,7 +210,7 @@ impl Builder {
             let triangles = (0..triangles.len() as u32).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
             let mesh = Mesh { grid, positions, triangles, attributes };
             terraces.draw_list.add(&BlockMap::from_columns(id, 1.0, 0, 0, &no_columns).context("an empty node")?);
-            terraces.draw_list.add_mesh(id, PackedMesh::new(&mesh, None, &[])?);
+            terraces.draw_list.add_mesh(id, PackedMesh::new(&mesh, None, &[], &[])?);
         }
         Ok(terraces)
     }

@@ -208,7 +208,7 @@ fn a_mesh_has_the_sky_occlusion_of_its_columns() -> Result<()> {
         let mut alone = DrawList::new(area);
         alone.add_in(leaf, &map);
         let mut meshed = alone.clone();
-        meshed.add_mesh(leaf, PackedMesh::new(&mesh, None, &[])?);
+        meshed.add_mesh(leaf, PackedMesh::new(&mesh, None, &[], &[])?);
         let middle = |of: u32| (f64::from(of) + 0.5) * side_m;
         let (x, y) = (middle(leaf.x()), middle(leaf.y()));
         let camera =

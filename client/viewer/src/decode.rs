@@ -30,9 +30,9 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
             Ok(DecodedTile::Packed(PackedTile::node(&map)))
         }
         TileKind::Mesh => {
-            let MeshTile { mesh, texture, objects } = MeshTile::decode(key.id, key.lod, bytes)?;
+            let MeshTile { mesh, texture, objects, landmarks } = MeshTile::decode(key.id, key.lod, bytes)?;
             let texture = texture.as_ref().map(MeshTexture::decode).transpose()?;
-            let packed = PackedTile::mesh(&mesh, texture.as_ref(), &objects);
+            let packed = PackedTile::mesh(&mesh, texture.as_ref(), &objects, &landmarks);
             packed.map(DecodedTile::Packed).map_err(|_| DecodeError::Invalid("a mesh that cannot be drawn"))
         }
         TileKind::Objects => Err(DecodeError::Invalid("objects are not drawn")),

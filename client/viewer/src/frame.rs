@@ -118,6 +118,7 @@ impl FrameData {
         let view = &View { camera: Camera { position: ray_origin(view.camera.position), ..view.camera }, ..*view };
         let mut frame = frame_uniform(tree, view, settings);
         frame.objects = u32::from(settings.shading == Shading::Objects || cache.has_styles());
+        frame.landmarks = u32::from(cache.has_landmarks());
         let list = NodeList::new(&inputs, tree, cache, view);
         let manifest = tree.manifest();
         let root_error_m = voxel_error_m(manifest.cell_m_at(0));
@@ -250,6 +251,7 @@ fn frame_uniform(tree: &SceneTree, view: &View, settings: &RenderSettings) -> Fr
         shading: settings.shading as u32,
         ground_z_m: (manifest.ground_z_m - camera.position.z) as f32,
         ground: 1,
+        stones: *tree.stones(),
         bays: bays_of(camera.position, (2.0 * tan_y / f64::from((view.height_px * samples).max(1))) as f32),
         light: settings.light,
         shadow_m: if settings.shadow_casting_sun().is_some() { settings.shadow_m as f32 } else { 0.0 },

@@ -4,6 +4,7 @@
 
 use super::{
     fast_math::nonzero,
+    landmark::{landmark_at, triangle_stride},
     mesh_surface::{INSIDE_AO, SurfaceLight, is_inside, sample_texture, surface_light},
     objects::{is_hidden, object_colour, object_of_triangle},
     ray::{Ray, RayHit},
@@ -42,6 +43,8 @@ struct MeshRay {
     inv: Vec3,
     /// First word of the palette, 0 without one.
     palette: u32,
+    /// Vec4s of a triangle.
+    stride: u32,
     /// Number of the longest axis of the direction.
     axis: usize,
     /// Factors of the coordinate on that axis in the two others, which turn points from the origin on into a picture in which the
@@ -52,12 +55,12 @@ struct MeshRay {
 }
 
 /// The nearest triangle so far.
-struct MeshHit {
+pub(super) struct MeshHit {
     t: f32,
     /// Its address in the atlas, in vec4s; 0 if there is none.
-    triangle: u32,
-    u: f32,
-    v: f32,
+    pub(super) triangle: u32,
+    pub(super) u: f32,
+    pub(super) v: f32,
     is_front: bool,
     /// Address of its object's word in the palette, or 0.
     object: u32,
@@ -80,7 +83,8 @@ pub(super) fn walk_mesh(ray: &mut Ray<'_>, index: u32) {
     let whole = ray.read_vec4(head + 2);
     let zero = Vec3::new(node.corner[0], node.corner[1], node.mesh_z_m) + Vec3::new(x, y, z);
     let o = (ray.segment.origin - zero) / step_m;
-    let mesh_ray = MeshRay::new(o, (ray.segment.dir / step_m).map(nonzero), whole[3]);
+    let mut mesh_ray = MeshRay::new(o, (ray.segment.dir / step_m).map(nonzero), whole[3]);
+    mesh_ray.stride = triangle_stride(info);
     let [enter_m, exit_m] = box_span(&mesh_ray, whole);
     if enter_m > exit_m || enter_m > ray.segment.reach_m {
         return;
@@ -118,7 +122,7 @@ impl MeshRay {
             1 => (d.x, d.z, -d.y.signum()),
             _ => (d.y, d.z, d.x.signum()),
         };
-        Self { o, inv, palette, axis, shear: [a * inv[axis], side * b * inv[axis], inv[axis]], side }
+        Self { o, inv, palette, stride: 2, axis, shear: [a * inv[axis], side * b * inv[axis], inv[axis]], side }
     }
 
     /// A point's two coordinates across the ray, and the one along the longest axis.
@@ -150,7 +154,7 @@ fn nearest_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRay, ro
         let (count, at) = (reference >> REFERENCE_COUNT_SHIFT, reference & REFERENCE_MASK);
         if count > 0 {
             for k in 0..count {
-                test_triangle::<AXIS>(ray, mesh_ray, at + 2 * k, mesh_hit);
+                test_triangle::<AXIS>(ray, mesh_ray, at + mesh_ray.stride * k, mesh_hit);
             }
             if ray.segment.to_sun && mesh_hit.triangle != 0 {
                 return;
@@ -271,7 +275,7 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
     let [a, b, c] = unpack_corners(words, carried[0]);
     let across = (b - a).cross(c - a);
     let facing = if across.dot(segment.dir) < 0.0 { across } else { -across };
-    let normal = facing.normalize_or(-segment.dir);
+    let flat = facing.normalize_or(-segment.dir);
     let p = segment.origin + segment.dir * t;
     let (u, v) = (mesh_hit.u, mesh_hit.v);
     let albedo = if info[1] == 0 {
@@ -283,19 +287,25 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
         let (e1, e2) = (b - a, c - a);
         let texels_per_m = (e1.perp_dot(e2).abs() / (across.length() * step_m * step_m).max(1e-12)).sqrt();
         let pixel = 2.0 * Vec3::from(frame.up).length() / (frame.height_px * frame.samples.max(1)) as f32;
-        let cosine = normal.dot(segment.dir).abs().max(MIN_COSINE).sqrt();
+        let cosine = flat.dot(segment.dir).abs().max(MIN_COSINE).sqrt();
         let level = (t * pixel * texels_per_m / cosine).max(1.0).log2();
         sample_texture(ray, info, (a + e1 * u + e2 * v) / size, level)
     };
-    let light = if mesh_hit.is_front || !is_inside(ray, node, p, normal) {
-        surface_light(ray, node, p, normal)
-    } else {
-        SurfaceLight { sky: INSIDE_AO, is_reflective: false }
+    let turned = if across.dot(segment.dir) < 0.0 { 1.0 } else { -1.0 };
+    let landmark = landmark_at(ray, node, info, mesh_hit, turned);
+    let light = match landmark.and_then(|landmark| landmark.sky) {
+        Some(sky) => SurfaceLight { sky, is_reflective: false },
+        None if mesh_hit.is_front || !is_inside(ray, node, p, flat) => surface_light(ray, node, p, flat),
+        None => SurfaceLight { sky: INSIDE_AO, is_reflective: false },
     };
+    let normal = landmark.map_or(flat, |landmark| landmark.normal_towards(segment.dir));
+    let colour = object_colour(ray, mesh_hit.object, albedo);
+    // A colour of an object replaces its stone.
+    let stone = landmark.filter(|_| colour == albedo).map_or(0, |landmark| landmark.stone);
     let reflective = if light.is_reflective { u32::from(flag::REFLECTIVE) } else { 0 };
     ray.hit = RayHit {
         is_hit: true,
-        albedo: object_colour(ray, mesh_hit.object, albedo),
+        albedo: colour,
         ao: light.sky,
         normal,
         flags: MESH_FLAG | reflective,
@@ -303,6 +313,8 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
         distance_m: t,
         node: index,
         object: mesh_hit.object,
-        shadow_origin: p + normal * (MESH_LIFT_M + MESH_LIFT_SHARE * t),
+        shadow_origin: p + flat * (MESH_LIFT_M + MESH_LIFT_SHARE * t),
+        stone,
+        stone_point: landmark.map_or(Vec3::ZERO, |landmark| p - landmark.origin),
     };
 }

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     layout::{DrawNode, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
-    mesh::{LEAF_OFFSET_STEPS, TEXTURE_TILE_PX},
+    mesh::{LEAF_OFFSET_STEPS, LEVELS_MASK, TEXTURE_TILE_PX},
     pack::head_words,
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
@@ -29,7 +29,7 @@ pub(crate) const ROOF_NORMAL_Z: f32 = 0.7;
 
 /// Linear RGB of a texture at `uv`, blended between the two levels nearest to `wanted`.
 pub(super) fn sample_texture(ray: &mut Ray<'_>, info: [u32; 4], uv: Vec2, wanted: f32) -> Vec3 {
-    let levels = info[2].max(1);
+    let levels = (info[2] & LEVELS_MASK).max(1);
     let level = wanted.min((levels - 1) as f32);
     let fine = level.floor() as u32;
     let mut table = info[3];

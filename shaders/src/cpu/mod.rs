@@ -7,6 +7,7 @@
 mod column;
 mod fast_math;
 pub mod hit_counts;
+pub(crate) mod landmark;
 pub(crate) mod mesh;
 pub(crate) mod mesh_surface;
 pub mod night;

@@ -83,6 +83,10 @@ pub(super) struct RayHit {
     pub(super) object: u32,
     /// Where the ray towards the sun begins.
     pub(super) shadow_origin: Vec3,
+    /// 1 + number of its stone; 0 without.
+    pub(super) stone: u32,
+    /// Place in the stone's pattern, in metres from its origin.
+    pub(super) stone_point: Vec3,
 }
 
 impl RayHit {
@@ -98,6 +102,8 @@ impl RayHit {
         node: NO_NODE,
         object: 0,
         shadow_origin: Vec3::ZERO,
+        stone: 0,
+        stone_point: Vec3::ZERO,
     };
 }
 

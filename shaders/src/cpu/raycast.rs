@@ -9,10 +9,13 @@ pub use super::ray::{RayCounts, SceneRef};
 
 use super::{
     fast_math::floor,
+    mesh::MIN_COSINE,
     night::lit_windows,
     ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
     shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, shade},
+    stone::stone_surface,
     walk::walk_grid,
+    ward::reflect_stone,
 };
 use crate::{
     layout::{FrameUniform, MAX_SAMPLES, NO_NODE, OUTLINE_RGB, PALETTE_OUTLINED, Shading},
@@ -261,11 +264,28 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) ->
     }
 }
 
+/// Light of a surface of stone; `None` if it is of none. Studies see the stone's colour as that of other surfaces.
+fn stone_of(hit: &RayHit, frame: &FrameUniform, surface: &SurfaceSample, dir: Vec3) -> Option<Radiance> {
+    let stone = frame.stones.get(hit.stone.checked_sub(1)? as usize).filter(|stone| stone.kind != 0)?;
+    let pixel = 2.0 * Vec3::from(frame.up).length() / (frame.height_px * frame.samples.max(1)) as f32;
+    let cosine = surface.normal.dot(dir).abs().max(MIN_COSINE).sqrt();
+    let footprint_m = hit.distance_m * pixel / cosine;
+    let found = stone_surface(stone, hit.stone_point, surface.normal, surface.ao, footprint_m);
+    if frame.shading == Shading::Lit as u32 {
+        Some(reflect_stone(frame, &found, surface.normal, surface.ao, dir))
+    } else {
+        Some(shade(frame, &SurfaceSample { albedo: found.albedo, ..*surface }))
+    }
+}
+
 /// Light of the surface that was hit.
 fn radiance_of(hit: &RayHit, frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radiance {
     let RayHit { albedo, ao, flags, level, distance_m, .. } = *hit;
     let surface = SurfaceSample { albedo, ao, normal: hit.normal.normalize_or(-dir), flags, level };
-    let mut light = shade(frame, &surface);
+    let mut light = match stone_of(hit, frame, &surface, dir) {
+        Some(light) => light,
+        None => shade(frame, &surface),
+    };
     if frame.shading == Shading::Lit as u32 {
         if surface.flags & u32::from(flag::REFLECTIVE) != 0 {
             light = mirrored(frame, light, &surface, dir);

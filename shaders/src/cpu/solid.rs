@@ -134,5 +134,7 @@ fn hit_texel(ray: &mut Ray<'_>, t: f32, texel: u32, normal: Vec3, flags: u8, obj
         node: ray.node.index,
         object,
         shadow_origin: ray.segment.dir * t + normal * (ray.node.cell_m * SUN_LIFT_CELLS),
+        stone: 0,
+        stone_point: Vec3::ZERO,
     };
 }

@@ -4,10 +4,8 @@
 //! the part is replaced by its mean. Colours depend on each part linearly, so what a pixel shows keeps the mean colour of what it
 //! covers, near and far.
 
-use super::noise::{
-    NOISE_DENSITY, NOISE_DENSITY_BEND, NoiseSum, fbm, next_octave, octave_share, perlin, turbulence,
-};
 use super::night::{scramble, scramble_cell};
+use super::noise::{NOISE_DENSITY, NOISE_DENSITY_BEND, NoiseSum, fbm, next_octave, octave_share, perlin, turbulence};
 use crate::stone::{BROAD_VEINS, FINE_VEINS, Stone, StoneKind};
 use glam::{IVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
 

@@ -48,6 +48,8 @@ struct PipelineVariant {
     windows: bool,
     /// Objects have colours or are hidden, or the frame shows objects.
     objects: bool,
+    /// There are meshes with landmarks.
+    landmarks: bool,
 }
 
 #[derive(Debug)]
@@ -129,6 +131,7 @@ fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, variant: Pipe
                 ("FOR_STUDY", variant.for_study),
                 ("WINDOWS", variant.windows),
                 ("OBJECTS", variant.objects),
+                ("LANDMARKS", variant.landmarks),
             ]
             .map(|(name, on)| (name, f64::from(u8::from(on)))),
             ..wgpu::PipelineCompilationOptions::default()
@@ -218,7 +221,14 @@ impl Raycaster {
         self.dispatch(
             on.device,
             encoder,
-            PipelineVariant { count: false, meshes, for_study, windows, objects: frame.objects != 0 },
+            PipelineVariant {
+                count: false,
+                meshes,
+                for_study,
+                windows,
+                objects: frame.objects != 0,
+                landmarks: meshes && frame.landmarks != 0,
+            },
         );
         self.last_frame = *frame;
         Ok(())

@@ -4,10 +4,11 @@
 //!
 //! | vec4s | content |
 //! |---|---|
-//! | head, 3 | lowest corner of the grid, metres from the leaf's south-west corner and the city's height zero (3 f32); metres of a step (f32); a reference to the whole tree; the texture's `width \| height << 16`, 0 without one; its number of levels; address of its table in words; lowest and highest corner of the mesh: `x_low \| x_high << 16`, y alike, z alike; first word of the palette of its objects, 0 without |
+//! | head, 3 | lowest corner of the grid, metres from the leaf's south-west corner and the city's height zero (3 f32); metres of a step (f32); a reference to the whole tree; the texture's `width \| height << 16`, 0 without one; its number of levels `\| landmarks << 8`; address of its table in words; lowest and highest corner of the mesh: `x_low \| x_high << 16`, y alike, z alike; first word of the palette of its objects, 0 without |
+//! | landmarks | of each: 1 + number of its stone in the city, 0 without; origin of the stone's pattern, in metres from the leaf's south-west corner and the city's height zero (3 f32) |
 //! | table | a word per texture tile of 64 x 64 texels: its address in the atlas. Row by row, level by level, the finest first |
 //! | boxes, 2 | of two halves: `x_low \| x_high << 16`, y alike, z alike, a reference |
-//! | triangles, 2 each | corners' x0, y0, z0, x1, ... z2, 16 bits each; its object (1 + place in the palette, 0 for none, 16 bits); what each corner carries: `u \| v << 16` in 65,535ths, or 8-bit sRGB without a texture |
+//! | triangles, 2 each, 3 in a mesh with landmarks | corners' x0, y0, z0, x1, ... z2, 16 bits each; its object (1 + place in the palette, 0 for none, 16 bits); what each corner carries: `u \| v << 16` in 65,535ths, or 8-bit sRGB without a texture. Then what each corner of a landmark carries: `octahedral normal in 2 x 12 bits \| occlusion << 24`; 1 + number of the landmark, 0 for none, and bit 31 if there is occlusion |
 //! | palette | a word per object ([`crate::layout::PALETTE_COLOURED`]) |
 //! | texels | texture tiles: rows as long as the level is wide, at most 64 texels |
 //!
@@ -15,6 +16,7 @@
 //! boxes.
 
 mod bvh;
+mod landmarks;
 mod packer;
 mod texture;
 
@@ -24,13 +26,17 @@ use crate::{
     words,
 };
 use glam::DVec3;
-use insula_protocol::{TileId, mesh::Mesh};
+use insula_protocol::{
+    TileId,
+    mesh::Mesh,
+    mesh_tile::{LandmarkObject, MAX_TRIANGLES as MAX_TILE_TRIANGLES},
+};
 use packer::MeshPacker;
 use serde::{Deserialize, Serialize};
 pub use texture::MeshTexture;
 
 /// Most triangles of a leaf's mesh.
-pub const MAX_TRIANGLES: usize = 1 << 18;
+pub const MAX_TRIANGLES: usize = MAX_TILE_TRIANGLES;
 /// Most texels along a texture's side; at most half of its square in all. A larger texture is halved until it fits.
 pub const MAX_TEXTURE_PX: u32 = 4096;
 /// Rays begin at multiples of this part of a metre, counted from the eye, which is a multiple itself. So places of leaves
@@ -46,6 +52,16 @@ pub(crate) const LEAF_OFFSET_STEPS: f32 = 1024.0;
 pub(crate) const REFERENCE_COUNT_SHIFT: u32 = 30;
 /// The place in a reference.
 pub(crate) const REFERENCE_MASK: u32 = (1 << REFERENCE_COUNT_SHIFT) - 1;
+/// Vec4s of the head.
+pub(crate) const HEAD_VEC4S: u32 = 3;
+/// Vec4s of a landmark's entry behind the head.
+pub(crate) const LANDMARK_VEC4S: u32 = 1;
+/// Where the number of landmarks begins in the head's word that has the number of levels of the texture.
+pub(crate) const LANDMARK_COUNT_SHIFT: u32 = 8;
+/// The number of levels in that word.
+pub(crate) const LEVELS_MASK: u32 = (1 << LANDMARK_COUNT_SHIFT) - 1;
+/// Set in the last word of a landmark's triangle if its corners carry occlusion. The other bits are 1 + the number of the entry.
+pub(crate) const LANDMARK_OCCLUSION_BIT: u32 = 1 << 31;
 /// Vec4s of a page.
 const PAGE_VEC4S: usize = PAGE_WORDS / 4;
 
@@ -96,20 +112,29 @@ pub struct PackedMesh {
     pub z_m: [f32; 2],
     /// The objects, if it has some.
     pub objects: Option<PackedObjects>,
+    /// Whether it has landmarks.
+    pub has_landmarks: bool,
 }
 
 impl PackedMesh {
-    /// Packs a decoded mesh and the texture that its texture coordinates refer to. `objects` are those of its triangles, or empty.
+    /// Packs a decoded mesh and the texture that its texture coordinates refer to. `objects` are those of its triangles, or empty;
+    /// `landmarks` those of the objects that are landmarks.
     ///
     /// Fails if the mesh is too large or incomplete.
-    pub fn new(mesh: &Mesh, texture: Option<&MeshTexture>, objects: &[u32]) -> Result<Self, PackError> {
-        let mut packer = MeshPacker::new(mesh, texture.is_some(), objects)?;
+    pub fn new(
+        mesh: &Mesh,
+        texture: Option<&MeshTexture>,
+        objects: &[u32],
+        landmarks: &[LandmarkObject],
+    ) -> Result<Self, PackError> {
+        let mut packer = MeshPacker::new(mesh, texture.is_some(), objects, landmarks)?;
         let levels = texture.map(|texture| texture.levels(MAX_TEXTURE_PX)).unwrap_or_default();
         let [low_m, high_m] = packer.pack(mesh, &levels);
         let triangles = packer.triangles();
+        let has_landmarks = packer.has_landmarks();
         let MeshPacker { words, references, table, palette, .. } = packer;
         let pages = words.chunks_exact(PAGE_WORDS).map(Page::from).collect();
-        Ok(Self { pages, triangles, references, table, z_m: [low_m, high_m], objects: palette })
+        Ok(Self { pages, triangles, references, table, z_m: [low_m, high_m], objects: palette, has_landmarks })
     }
 
     /// Makes all addresses absolute. `atlas_pages` are the pages that the cache has assigned, one per entry of

@@ -1,19 +1,18 @@
 //! Writes a mesh, its hierarchy and its texture into words, as [`super`] says.
 
 use super::{
-    MAX_TRIANGLES, PAGE_VEC4S, PackError, REFERENCE_COUNT_SHIFT,
+    HEAD_VEC4S, LANDMARK_COUNT_SHIFT, LANDMARK_VEC4S, MAX_TRIANGLES, PAGE_VEC4S, PackError, REFERENCE_COUNT_SHIFT,
     bvh::{Bvh, BvhChild},
+    landmarks::PackedLandmarks,
     texture::{self, MeshTexture},
 };
 use crate::{layout::PAGE_WORDS, pack::PackedObjects};
 use insula_protocol::{
     mesh::{AttributeKind, Mesh},
-    mesh_tile::NO_OBJECT,
+    mesh_tile::{LandmarkObject, NO_OBJECT},
 };
 use std::ops::Range;
 
-/// Vec4s of the head.
-const HEAD_VEC4S: usize = 3;
 /// The head's word that holds the reference to the whole tree.
 const ROOT_WORD: u32 = 4;
 /// The head's word that holds the address of the texture's table.
@@ -35,11 +34,17 @@ pub(super) struct MeshPacker {
     /// Of each triangle 1 + the place of its object in the palette, or 0.
     places: Vec<u32>,
     pub(super) palette: Option<PackedObjects>,
+    landmarks: PackedLandmarks,
 }
 
 impl MeshPacker {
     /// Fails if the mesh is too large or incomplete.
-    pub(super) fn new(mesh: &Mesh, textured: bool, objects: &[u32]) -> Result<Self, PackError> {
+    pub(super) fn new(
+        mesh: &Mesh,
+        textured: bool,
+        objects: &[u32],
+        landmarks: &[LandmarkObject],
+    ) -> Result<Self, PackError> {
         if mesh.triangles.len() > MAX_TRIANGLES {
             return Err(PackError::TooManyTriangles(mesh.triangles.len()));
         }
@@ -59,7 +64,26 @@ impl MeshPacker {
         }
         let (list, places) = number_objects(objects, corners.len());
         let palette = (!list.is_empty()).then_some(PackedObjects { list, palette: 0 });
-        Ok(Self { words: Vec::new(), references: Vec::new(), table: 0..0, corners, carried, places, palette })
+        let landmarks = PackedLandmarks::new(mesh, objects, landmarks);
+        Ok(Self {
+            words: Vec::new(),
+            references: Vec::new(),
+            table: 0..0,
+            corners,
+            carried,
+            places,
+            palette,
+            landmarks,
+        })
+    }
+
+    pub(super) fn has_landmarks(&self) -> bool {
+        !self.landmarks.entries.is_empty()
+    }
+
+    /// Vec4s of the head and of the landmarks behind it.
+    fn head_vec4s(&self) -> usize {
+        HEAD_VEC4S as usize + self.landmarks.entries.len() * LANDMARK_VEC4S as usize
     }
 
     pub(super) fn triangles(&self) -> u32 {
@@ -69,10 +93,11 @@ impl MeshPacker {
     /// Writes everything, in whole pages. Returns the lowest and the highest point in metres.
     pub(super) fn pack(&mut self, mesh: &Mesh, levels: &[MeshTexture]) -> [f32; 2] {
         let tiles: usize = levels.iter().map(MeshTexture::tiles).sum();
-        self.take((HEAD_VEC4S + tiles.div_ceil(4)).min(PAGE_VEC4S));
+        let head = self.head_vec4s();
+        self.take((head + tiles.div_ceil(4)).min(PAGE_VEC4S));
         let bvh = Bvh::of(&self.corners);
         let root = self.child(&bvh, &bvh.root);
-        self.table = HEAD_VEC4S as u32 * 4..(HEAD_VEC4S * 4 + tiles) as u32;
+        self.table = head as u32 * 4..(head * 4 + tiles) as u32;
         let objects = self.palette.as_ref().map_or(0, |objects| objects.list.len());
         let palette = if objects > 0 { self.take(objects.div_ceil(4)) * 4 } else { 0 };
         if let Some(objects) = &mut self.palette {
@@ -113,13 +138,17 @@ impl MeshPacker {
 
     fn leaf(&mut self, bvh: &Bvh, leaf: &BvhChild) -> u32 {
         let triangles = &bvh.order[leaf.triangles.start as usize..leaf.triangles.end as usize];
-        let at = self.take(2 * triangles.len());
-        for (k, triangle) in (0..).zip(triangles) {
+        let stride = if self.has_landmarks() { 3 } else { 2 };
+        let at = self.take(stride * triangles.len());
+        for (k, triangle) in (at..).step_by(stride).zip(triangles) {
             let p = self.corners[*triangle as usize].concat();
             let pair = |k: usize| p[k] | p.get(k + 1).copied().unwrap_or(0) << 16;
             let ([a, b, c], place) = (self.carried[*triangle as usize], self.places[*triangle as usize]);
-            self.vec4_at(at + 2 * k).copy_from_slice(&[pair(0), pair(2), pair(4), pair(6)]);
-            self.vec4_at(at + 2 * k + 1).copy_from_slice(&[p[8] | place << 16, a, b, c]);
+            self.vec4_at(k).copy_from_slice(&[pair(0), pair(2), pair(4), pair(6)]);
+            self.vec4_at(k + 1).copy_from_slice(&[p[8] | place << 16, a, b, c]);
+            if let Some(words) = self.landmarks.of_triangle.get(*triangle as usize).copied() {
+                self.vec4_at(k + 2).copy_from_slice(&words);
+            }
         }
         at | (triangles.len() as u32) << REFERENCE_COUNT_SHIFT
     }
@@ -130,10 +159,14 @@ impl MeshPacker {
         self.vec4_at(0).copy_from_slice(&[x, y, z, metres(mesh.grid.step)]);
         let size = levels.first().map_or(0, |finest| finest.width_px | finest.height_px << 16);
         let table = self.table.start;
-        self.vec4_at(1).copy_from_slice(&[root, size, levels.len() as u32, table]);
+        let landmarks = self.landmarks.entries.len() as u32;
+        self.vec4_at(1).copy_from_slice(&[root, size, levels.len() as u32 | landmarks << LANDMARK_COUNT_SHIFT, table]);
         self.references.push(ROOT_WORD);
         let [x, y, z] = box_words(&bvh.root);
         self.vec4_at(2).copy_from_slice(&[x, y, z, palette]);
+        for (at, entry) in (HEAD_VEC4S..).step_by(LANDMARK_VEC4S as usize).zip(self.landmarks.entries.clone()) {
+            self.vec4_at(at).copy_from_slice(&entry);
+        }
     }
 }
 

@@ -47,10 +47,11 @@ struct FrameUniform {
     exposure: f32,
     sun_radius: f32,
     objects: u32,
-    unused: f32,
+    landmarks: u32,
     bays: vec4<f32>,
     light: Light,
     windows: array<vec4<i32>, GRID_LEVELS>,
+    stones: array<Stone, MAX_STONES>,
 }
 
 // In rows of four words: a row is read at once.

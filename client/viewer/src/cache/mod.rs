@@ -15,7 +15,7 @@ use crate::{
     scene::TileKey,
     solids::{ColumnSolids, MeshSolids},
 };
-use insula_protocol::{BlockMap, TileId, mesh::Mesh};
+use insula_protocol::{BlockMap, TileId, mesh::Mesh, mesh_tile::LandmarkObject};
 use insula_shaders::{
     layout::{PAGE_WORDS, PLANES, SUMMARY_WORDS},
     mesh::{MeshTexture, PackError, PackedMesh},
@@ -106,9 +106,14 @@ impl PackedTile {
         Self::Node(Box::new(PackedNode::new(map)), ColumnSolids::new(map))
     }
 
-    /// Packs a decoded mesh with its texture and the objects of its triangles. Fails if it cannot be drawn.
-    pub fn mesh(mesh: &Mesh, texture: Option<&MeshTexture>, objects: &[u32]) -> Result<Self, PackError> {
-        Ok(Self::Mesh(Box::new(PackedMesh::new(mesh, texture, objects)?), MeshSolids::new(mesh)))
+    /// Packs a decoded mesh with its texture, the objects of its triangles, and the landmarks among them. Fails if it cannot be drawn.
+    pub fn mesh(
+        mesh: &Mesh,
+        texture: Option<&MeshTexture>,
+        objects: &[u32],
+        landmarks: &[LandmarkObject],
+    ) -> Result<Self, PackError> {
+        Ok(Self::Mesh(Box::new(PackedMesh::new(mesh, texture, objects, landmarks)?), MeshSolids::new(mesh)))
     }
 
     /// Content of its pages.
@@ -140,6 +145,8 @@ pub struct AtlasCache {
     /// How objects are drawn.
     styles: ObjectStyles,
     has_styles: bool,
+    /// Whether a mesh with landmarks has been resident.
+    has_landmarks: bool,
     /// The resident palettes: their objects, by their first words.
     palettes: BTreeMap<u32, Vec<u32>>,
 }
@@ -166,6 +173,7 @@ impl AtlasCache {
             peak_pages: 0,
             styles: ObjectStyles::default(),
             has_styles: false,
+            has_landmarks: false,
             palettes: BTreeMap::new(),
         }
     }
@@ -245,6 +253,7 @@ impl AtlasCache {
             }
             PackedTile::Mesh(mut mesh, solids) => {
                 mesh.relocate(&pages);
+                self.has_landmarks |= mesh.has_landmarks;
                 let objects = mesh.objects.take();
                 (CacheItem::Mesh(upload_mesh(*mesh, &pages, upload), solids), objects)
             }
@@ -272,6 +281,11 @@ impl AtlasCache {
     /// Whether any object is drawn in another way than by its own colours.
     pub(crate) fn has_styles(&self) -> bool {
         self.has_styles
+    }
+
+    /// Whether frames read what the triangles of landmarks carry.
+    pub(crate) fn has_landmarks(&self) -> bool {
+        self.has_landmarks
     }
 
     /// How objects are drawn.

@@ -64,7 +64,7 @@ fn mesh(pages: u32) -> PackedTile {
         triangles: vec![[0, 1, 2]],
         attributes: vec![colour],
     };
-    let PackedTile::Mesh(mut packed, solids) = PackedTile::mesh(&triangle, None, &[]).unwrap() else { panic!() };
+    let PackedTile::Mesh(mut packed, solids) = PackedTile::mesh(&triangle, None, &[], &[]).unwrap() else { panic!() };
     packed.pages.resize(pages as usize, vec![0; PAGE_WORDS].into());
     PackedTile::Mesh(packed, solids)
 }

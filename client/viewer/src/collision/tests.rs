@@ -199,7 +199,7 @@ fn a_mesh_counts_before_columns_and_a_finer_tile_before_a_coarser() {
     let tiles = vec![
         block_map(TileId::ROOT, 2.0, &everything),
         block_map(leaf(0, 0), 1.0, &[([15, 15], solid(0, 80))]),
-        (TileKey::mesh(leaf(0, 0), 1), PackedTile::mesh(&joined(&house, &tower), None, &[]).unwrap()),
+        (TileKey::mesh(leaf(0, 0), 1), PackedTile::mesh(&joined(&house, &tower), None, &[], &[]).unwrap()),
     ];
     let (manifest, cache) = (city(), cache_of(tiles));
     let solids = CitySolids::new(&manifest, &cache);

@@ -11,6 +11,7 @@ use insula_protocol::{
     subtree::{MeshLod, NodeInfo},
 };
 use insula_shaders::mesh::pages_guess;
+use insula_shaders::stone::{MAX_STONES, Stone, StoneParameters};
 use std::{collections::HashMap, num::NonZeroU32};
 
 /// Pages that a V-BlockMap is assumed to take until [`MIN_SAMPLES`] have been decoded. After that, the average is assumed.
@@ -90,6 +91,8 @@ impl LeafLod {
 #[derive(Debug, Clone)]
 pub struct SceneTree {
     manifest: Manifest,
+    /// Those of the manifest, or as they were edited.
+    stones: [Stone; MAX_STONES],
     slots: Vec<NodeSlot>,
     /// Slots without a node.
     vacant: Vec<u32>,
@@ -103,6 +106,16 @@ pub struct SceneTree {
     /// Most levels of detail of any leaf's mesh so far.
     mesh_levels: u8,
     pub(super) memory: TreeMemory,
+}
+
+/// The stones of a manifest. One that this version does not know leaves its landmarks in the colour of their triangles.
+fn stones_of(manifest: &Manifest) -> [Stone; MAX_STONES] {
+    let mut stones = [Stone::NONE; MAX_STONES];
+    for (stone, text) in stones.iter_mut().zip(&manifest.stones) {
+        let parameters = serde_json::from_str::<StoneParameters>(text).ok();
+        *stone = parameters.and_then(|parameters| parameters.stone().ok()).unwrap_or(Stone::NONE);
+    }
+    stones
 }
 
 /// Place of a node.
@@ -124,6 +137,7 @@ impl SceneTree {
     /// A tree without nodes. `manifest` must have passed [`Manifest::check`].
     pub fn new(manifest: Manifest) -> Self {
         Self {
+            stones: stones_of(&manifest),
             manifest,
             slots: Vec::new(),
             vacant: Vec::new(),
@@ -135,6 +149,18 @@ impl SceneTree {
             has_meshes: true,
             mesh_levels: 0,
             memory: TreeMemory::default(),
+        }
+    }
+
+    /// The stones of landmarks, by number.
+    pub fn stones(&self) -> &[Stone; MAX_STONES] {
+        &self.stones
+    }
+
+    /// Draws the landmarks of stone `number` in another stone from the next frame on.
+    pub fn set_stone(&mut self, number: usize, stone: Stone) {
+        if let Some(place) = self.stones.get_mut(number) {
+            *place = stone;
         }
     }
 
