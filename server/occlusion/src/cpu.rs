@@ -57,45 +57,73 @@ impl Worker {
     }
 
     fn add(&mut self, scene: &PreparedScene, pair: ViewPair) {
+        self.project_all(scene, pair);
+        self.map.clear();
+        self.draw_all(scene);
+        self.test_all(scene, pair);
+    }
+
+    #[inline(never)]
+    fn project_all(&mut self, scene: &PreparedScene, pair: ViewPair) {
         for (place, projected) in scene.places.iter().zip(&mut self.projected) {
             *projected = project(*place, pair, scene.frame);
         }
-        self.map.clear();
-        for triangle in &scene.triangles {
-            self.map.draw(triangle.map(|vertex| self.projected[vertex as usize]));
+    }
+
+    #[inline(never)]
+    fn draw_all(&mut self, scene: &PreparedScene) {
+        for [a, b, c] in &scene.triangles {
+            let [a, b, c] = [&self.projected[*a as usize], &self.projected[*b as usize], &self.projected[*c as usize]];
+            self.map.draw(*a, *b, *c);
         }
-        let texel = scene.frame.texel_steps();
-        let prm = params();
+    }
+
+    #[inline(never)]
+    fn test_all(&mut self, scene: &PreparedScene, pair: ViewPair) {
         for (i, normal) in scene.normals.iter().enumerate() {
-            let [x, y, depth] = self.projected[i];
-            let facing = pair.axes.map(|axis| dot(axis, *normal) as i32);
-            let cosine = facing[2].unsigned_abs() >> (2 * UNIT_SHIFT - 16);
-            let [near, far] = self.map.depths(x >> SUBTEXEL_BITS, y >> SUBTEXEL_BITS);
-            let slope = [facing[0], facing[1]].map(|n| -(n as f32) / facing[2] as f32);
-            let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
-            let lim = if steep > prm[0] { prm[0] / steep } else { 1.0 };
-            let to_centre = [x, y].map(|v| (128 - (v & 255)) as f32 / 256.0 * texel);
-            let plane = depth as f32 + lim * (slope[0] * to_centre[0] + slope[1] * to_centre[1]);
-            let bias = texel * (prm[1] + prm[2] * steep.min(prm[0]));
-            let visible = if facing[2] > 0 { near <= plane + bias } else { far >= plane - bias };
+            let (facing, is_visible) = test(*normal, self.projected[i], pair, scene.frame, &self.map);
+            let cosine = facing.unsigned_abs() >> (2 * UNIT_SHIFT - 16);
             let sum = &mut self.sums[i];
             sum.all += cosine;
-            if visible {
-                sum.visible += cosine;
-                if let Some(bent) = self.bent.get_mut(i) {
-                    let sign = facing[2].signum();
-                    (0..3).for_each(|k| bent[k] += sign * pair.axes[2][k]);
-                }
+            sum.visible += if is_visible { cosine } else { 0 };
+            if let Some(bent) = self.bent.get_mut(i).filter(|_| is_visible) {
+                (0..3).for_each(|k| bent[k] += facing.signum() * pair.axes[2][k]);
             }
         }
     }
 }
 
-#[inline]
+#[inline(always)]
+fn test(normal: [i32; 3], [x, y, depth]: Projected, pair: ViewPair, frame: MapFrame, map: &DepthMap) -> (i32, bool) {
+    let prm = params();
+    let texel = frame.texel_steps();
+    let [right, down, towards] = pair.axes;
+    let facing = dot32(towards, normal);
+    let (across_x, across_y) = (dot32(right, normal) as f32, dot32(down, normal) as f32);
+    let across = (across_x * across_x + across_y * across_y).sqrt();
+    let cosine = (facing.unsigned_abs() as f32).max(across / prm[0]);
+    let [near, far] = map.depths(x >> SUBTEXEL_BITS, y >> SUBTEXEL_BITS);
+    let over = if facing > 0 { near - depth as f32 } else { depth as f32 - far };
+    let to_centre = |v: i32| (128 - (v & 255)) as f32 * (texel / 256.0);
+    let plane = -(across_x * to_centre(x) + across_y * to_centre(y));
+    (facing, over * cosine <= plane + texel * (prm[1] * cosine + prm[2] * across))
+}
+
+/// Scalar product of unit vectors.
+#[inline(always)]
+fn dot32(a: [i32; 3], b: [i32; 3]) -> i32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
 fn project(place: [i32; 3], pair: ViewPair, frame: MapFrame) -> Projected {
-    let [x, y, z] = pair.axes.map(|axis| dot(axis, place));
     let (shift, middle) = (frame.product_shift(), frame.middle());
-    [(x >> shift) as i32 + middle, (y >> shift) as i32 + middle, (z >> UNIT_SHIFT) as i32]
+    let [right, down, towards] = pair.axes;
+    [
+        (dot(right, place) >> shift) as i32 + middle,
+        (dot(down, place) >> shift) as i32 + middle,
+        (dot(towards, place) >> UNIT_SHIFT) as i32,
+    ]
 }
 
 /// Occlusion of a scene.

@@ -5,6 +5,7 @@
 //! centre on an edge belongs to the triangle of which it is a top or left edge.
 
 use crate::prepared::SUBTEXEL_BITS;
+use glam::{BVec4A, Vec4};
 
 /// Steps of a texel.
 const TEXEL: i32 = 1 << SUBTEXEL_BITS;
@@ -12,19 +13,25 @@ const TEXEL: i32 = 1 << SUBTEXEL_BITS;
 const HALF: i32 = TEXEL / 2;
 /// Texels that are drawn at once.
 const LANES: usize = 4;
-/// Triangles up to this many steps wide and high are drawn with numbers of 32 bits.
-const SMALL: i32 = 64 * TEXEL;
+/// Triangles below this number of steps are small: all values of their edges, at most 2^24, are exact in 32 bits.
+const SMALL: i32 = 128 * TEXEL;
+/// Triangles that are seen from the side lose digits of their depths. Beyond this slope, in steps for each texel, depths are
+/// kept within those of the corners.
+const MAX_EXACT_SLOPE: f32 = (1 << 22) as f32;
+
+/// Texels from the first of a group.
+const STEPS: Vec4 = Vec4::new(0.0, 1.0, 2.0, 3.0);
 
 /// Depths of texels that lie side by side.
 #[derive(Debug, Clone, Copy)]
 struct TexelGroup {
     /// Largest depth towards the viewer.
-    near: [f32; LANES],
+    near: Vec4,
     /// Smallest depth.
-    far: [f32; LANES],
+    far: Vec4,
 }
 
-const EMPTY: TexelGroup = TexelGroup { near: [f32::MIN; LANES], far: [f32::MAX; LANES] };
+const EMPTY: TexelGroup = TexelGroup { near: Vec4::splat(f32::MIN), far: Vec4::splat(f32::MAX) };
 
 /// Nearest and farthest depths.
 pub(crate) struct DepthMap {
@@ -36,7 +43,8 @@ pub(crate) struct DepthMap {
 /// A projected vertex: right and down in steps of a texel, then its depth towards the viewer.
 pub(crate) type Projected = [i32; 3];
 
-/// A line between two corners: at least 0 inside of the triangle, including edges that own their points.
+/// A line between two corners: at least 0 inside of the triangle, including edges that own their points. Between centres of
+/// texels, products change by multiples of [`TEXEL`], so that only their quotients by it are kept.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     /// Value at the centre of the first texel of the bounding box.
@@ -84,6 +92,7 @@ impl DepthMap {
     }
 
     /// Nearest and farthest depth at a texel; [`f32::MIN`] and [`f32::MAX`] where nothing is.
+    #[inline(always)]
     pub(crate) fn depths(&self, x: i32, y: i32) -> [f32; 2] {
         let at = y as usize * self.groups_per_row + x as usize / LANES;
         let group = self.groups.get(at).unwrap_or(&EMPTY);
@@ -92,26 +101,25 @@ impl DepthMap {
 
     /// Draws a triangle, seen from either side.
     #[inline]
-    pub(crate) fn draw(&mut self, [a, b, c]: [Projected; 3]) {
-        let bounds = |axis: usize| {
-            let (low, high) = (a[axis].min(b[axis]).min(c[axis]), a[axis].max(b[axis]).max(c[axis]));
-            let texels = [((low + HALF - 1) >> SUBTEXEL_BITS).max(0), ((high - HALF) >> SUBTEXEL_BITS).min(self.size_px as i32 - 1)];
-            (texels, high - low)
-        };
-        let ((x, width), (y, height)) = (bounds(0), bounds(1));
+    pub(crate) fn draw(&mut self, a: Projected, b: Projected, c: Projected) {
+        let (left, right) = (a[0].min(b[0]).min(c[0]), a[0].max(b[0]).max(c[0]));
+        let (top, bottom) = (a[1].min(b[1]).min(c[1]), a[1].max(b[1]).max(c[1]));
+        let last = self.size_px as i32 - 1;
+        let x = [((left + HALF - 1) >> SUBTEXEL_BITS).max(0), ((right - HALF) >> SUBTEXEL_BITS).min(last)];
+        let y = [((top + HALF - 1) >> SUBTEXEL_BITS).max(0), ((bottom - HALF) >> SUBTEXEL_BITS).min(last)];
         if x[0] > x[1] || y[0] > y[1] {
             return;
         }
-        // Groups begin at multiples of their size.
-        let covered = TexelBox { x: [x[0] & !(LANES as i32 - 1), x[1]], y };
         let area = cross([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
         if area == 0 {
             return;
         }
         let (b, c) = if area > 0 { (b, c) } else { (c, b) };
+        // Groups begin at multiples of their size.
+        let covered = TexelBox { x: [x[0] & !(LANES as i32 - 1), x[1]], y };
+        let plane = depth_plane(a, b, c, area.abs(), covered);
         let edges = [edge(a, b, covered), edge(b, c, covered), edge(c, a, covered)];
-        let plane = depth_plane([a, b, c], area.abs(), covered);
-        if width.max(height) < SMALL {
+        if (right - left).max(bottom - top) < SMALL && plane.right.abs().max(plane.down.abs()) < MAX_EXACT_SLOPE {
             self.fill_small(edges, plane, covered);
         } else {
             self.fill_large(edges, plane, covered);
@@ -119,31 +127,33 @@ impl DepthMap {
     }
 
     /// Tests all texels of the bounding box.
-    fn fill_small(&mut self, edges: [Edge; 3], plane: DepthPlane, covered: TexelBox) {
-        // A box of at most 67 texels, so that values stay below 2^30.
-        let mut row = edges.map(|edge| lanes(edge.value as i32, edge.right as i32));
-        let down = edges.map(|edge| edge.down as i32);
-        let right = edges.map(|edge| edge.right as i32 * LANES as i32);
-        let mut depth_row = depth_lanes(plane);
+    #[inline(always)]
+    fn fill_small(&mut self, [a, b, c]: [Edge; 3], plane: DepthPlane, covered: TexelBox) {
+        let mut rows = [a.lanes(), b.lanes(), c.lanes()];
+        let right = [a.right_of_group(), b.right_of_group(), c.right_of_group()];
+        let down = [Vec4::splat(a.down as f32), Vec4::splat(b.down as f32), Vec4::splat(c.down as f32)];
+        let mut depth_row = plane.value + plane.right * STEPS;
+        let (depth_right, depth_down) = (Vec4::splat(plane.right * LANES as f32), Vec4::splat(plane.down));
         let (first, last) = (covered.x[0] as usize / LANES, covered.x[1] as usize / LANES);
         for y in covered.y[0] as usize..=covered.y[1] as usize {
-            let (mut values, mut depth) = (row, depth_row);
+            let [mut a, mut b, mut c] = rows;
+            let mut depth = depth_row;
             let from = y * self.groups_per_row;
             for group in &mut self.groups[from + first..=from + last] {
-                let inside = std::array::from_fn(|i| values[0][i] | values[1][i] | values[2][i]);
-                group.add(inside, depth, plane);
-                for (values, right) in values.iter_mut().zip(right) {
-                    values.iter_mut().for_each(|value| *value += right);
-                }
-                depth.iter_mut().for_each(|depth| *depth += plane.right * LANES as f32);
+                group.add(a.min(b).min(c).cmpge(Vec4::ZERO), depth);
+                a += right[0];
+                b += right[1];
+                c += right[2];
+                depth += depth_right;
             }
-            for (row, down) in row.iter_mut().zip(down) {
-                row.iter_mut().for_each(|value| *value += down);
-            }
-            depth_row.iter_mut().for_each(|depth| *depth += plane.down);
+            rows[0] += down[0];
+            rows[1] += down[1];
+            rows[2] += down[2];
+            depth_row += depth_down;
         }
     }
 
+    #[inline(never)]
     /// Computes for each row which texels are inside.
     fn fill_large(&mut self, edges: [Edge; 3], plane: DepthPlane, covered: TexelBox) {
         for y in 0..=covered.y[1] - covered.y[0] {
@@ -165,62 +175,65 @@ impl DepthMap {
             let (first, last) = (low as usize / LANES, high as usize / LANES);
             let start = plane.value + plane.down * y as f32;
             for (group, at) in self.groups[from + first..=from + last].iter_mut().zip(first..) {
-                let x: [i32; LANES] = std::array::from_fn(|i| (at * LANES + i) as i32);
-                let inside = x.map(|x| (x - low as i32) | (high as i32 - x));
-                group.add(inside, x.map(|x| start + plane.right * x as f32), plane);
+                let x = STEPS + (at * LANES) as f32;
+                let inside = x.cmpge(Vec4::splat(low as f32)) & x.cmple(Vec4::splat(high as f32));
+                let depth = start + plane.right * x;
+                group.add(inside, depth.max(Vec4::splat(plane.low)).min(Vec4::splat(plane.high)));
             }
         }
     }
 }
 
 impl TexelGroup {
-    /// Adds depths where `inside` is not negative.
-    #[inline]
-    fn add(&mut self, inside: [i32; LANES], depth: [f32; LANES], plane: DepthPlane) {
-        for i in 0..LANES {
-            let depth = if depth[i] > plane.low { depth[i] } else { plane.low };
-            let depth = if depth < plane.high { depth } else { plane.high };
-            let near = if depth > self.near[i] { depth } else { self.near[i] };
-            let far = if depth < self.far[i] { depth } else { self.far[i] };
-            self.near[i] = if inside[i] >= 0 { near } else { self.near[i] };
-            self.far[i] = if inside[i] >= 0 { far } else { self.far[i] };
-        }
+    /// Adds depths at texels that are inside.
+    #[inline(always)]
+    fn add(&mut self, inside: BVec4A, depth: Vec4) {
+        self.near = self.near.max(Vec4::select(inside, depth, EMPTY.near));
+        self.far = self.far.min(Vec4::select(inside, depth, EMPTY.far));
     }
 }
 
-fn lanes(value: i32, step: i32) -> [i32; LANES] {
-    [value, value + step, value + 2 * step, value + 3 * step]
-}
+impl Edge {
+    /// Values at the first texels of the bounding box.
+    #[inline(always)]
+    fn lanes(self) -> Vec4 {
+        self.value as f32 + self.right as f32 * STEPS
+    }
 
-fn depth_lanes(plane: DepthPlane) -> [f32; LANES] {
-    std::array::from_fn(|i| plane.value + plane.right * i as f32)
+    /// What a step of a whole group adds.
+    #[inline(always)]
+    fn right_of_group(self) -> Vec4 {
+        Vec4::splat(self.right as f32 * LANES as f32)
+    }
 }
 
 /// Positive if `b` is clockwise of `a` in a map, whose second axis points down.
+#[inline(always)]
 fn cross(a: [i32; 2], b: [i32; 2]) -> i64 {
     i64::from(a[0]) * i64::from(b[1]) - i64::from(a[1]) * i64::from(b[0])
 }
 
 /// The edge from `a` to `b` of a triangle whose corners turn clockwise.
-#[inline]
+#[inline(always)]
 fn edge(a: Projected, b: Projected, covered: TexelBox) -> Edge {
     let along = [b[0] - a[0], b[1] - a[1]];
     // Clockwise with y down, top edges run to the right, and left edges up.
     let is_owner = along[1] < 0 || along[1] == 0 && along[0] > 0;
     let centre = [covered.x[0] * TEXEL + HALF - a[0], covered.y[0] * TEXEL + HALF - a[1]];
     Edge {
-        value: cross(along, centre) - i64::from(!is_owner),
-        right: -i64::from(along[1]) * i64::from(TEXEL),
-        down: i64::from(along[0]) * i64::from(TEXEL),
+        value: (cross(along, centre) - i64::from(!is_owner)) >> SUBTEXEL_BITS,
+        right: -i64::from(along[1]),
+        down: i64::from(along[0]),
     }
 }
 
-#[inline]
-fn depth_plane([a, b, c]: [Projected; 3], area: i64, covered: TexelBox) -> DepthPlane {
-    let [ab, ac] = [b, c].map(|p| std::array::from_fn::<f64, 3, _>(|k| f64::from(p[k] - a[k])));
+#[inline(always)]
+fn depth_plane(a: Projected, b: Projected, c: Projected, area: i64, covered: TexelBox) -> DepthPlane {
+    let difference = |p: Projected, axis: usize| f64::from(p[axis] - a[axis]);
     let per_area = 1.0 / area as f64;
-    let right = (ab[2] * ac[1] - ac[2] * ab[1]) * per_area;
-    let down = (ac[2] * ab[0] - ab[2] * ac[0]) * per_area;
+    let (ab, ac) = (difference(b, 2), difference(c, 2));
+    let right = (ab * difference(c, 1) - ac * difference(b, 1)) * per_area;
+    let down = (ac * difference(b, 0) - ab * difference(c, 0)) * per_area;
     let centre = [covered.x[0] * TEXEL + HALF - a[0], covered.y[0] * TEXEL + HALF - a[1]];
     DepthPlane {
         value: (f64::from(a[2]) + right * f64::from(centre[0]) + down * f64::from(centre[1])) as f32,

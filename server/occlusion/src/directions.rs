@@ -36,8 +36,9 @@ pub(crate) fn view_pairs(count: u32) -> Vec<ViewPair> {
 }
 
 /// Scalar product with whole numbers, without rounding.
+#[inline(always)]
 pub(crate) fn dot(a: [i32; 3], b: [i32; 3]) -> i64 {
-    (0..3).map(|k| i64::from(a[k]) * i64::from(b[k])).sum()
+    i64::from(a[0]) * i64::from(b[0]) + i64::from(a[1]) * i64::from(b[1]) + i64::from(a[2]) * i64::from(b[2])
 }
 
 #[cfg(test)]

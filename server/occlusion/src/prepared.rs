@@ -95,8 +95,19 @@ impl PreparedScene {
                 return Err(OcclusionError::TooMany);
             }
         }
+        // Triangles that lie side by side in space do so in all maps, so that they find them in the cache.
+        triangles.sort_by_cached_key(|triangle| morton(places[triangle[0] as usize]));
         Ok(Self { places, normals: normals(mesh, |p| (DVec3::from(p) - centre) * per_unit), triangles, frame })
     }
+}
+
+/// The place of a point on Morton's curve (Morton 1966). Occluders beyond the mesh share its ends.
+fn morton(place: [i32; 3]) -> u32 {
+    let spread = |value: i32| {
+        let bits = ((value >> 12) + 256).clamp(0, 511) as u32;
+        (0..9).fold(0, |sum, bit| sum | (bits >> bit & 1) << (3 * bit))
+    };
+    spread(place[0]) | spread(place[1]) << 1 | spread(place[2]) << 2
 }
 
 fn check(
