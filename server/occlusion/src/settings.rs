@@ -60,7 +60,7 @@ pub struct Occlusion {
     /// For each vertex the cosine-weighted share of its hemisphere that is visible: 0 is closed, 1 open. Vertices without a
     /// normal (no triangle, or only degenerate ones) have 1.
     pub share: Vec<f32>,
-    /// For each vertex the mean of the visible directions, as a unit vector; its normal where nothing is visible, 0 where it
+    /// For each vertex the mean of the visible directions, weighted like the share, as a unit vector; its normal where nothing is visible, 0 where it
     /// has none. `None` unless [`OcclusionSettings::bent_normals`].
     pub bent_normals: Option<Vec<[f32; 3]>>,
 }
