@@ -15,6 +15,8 @@
 mod cpu;
 mod depth_map;
 mod directions;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod prepared;
 mod settings;
 mod sums;
@@ -46,5 +48,20 @@ pub fn cpu(
 ) -> Result<Occlusion, OcclusionError> {
     let scene = PreparedScene::new(mesh, occluders, settings)?;
     let sums = cpu::sums(&scene, &directions::view_pairs(settings.pairs()), settings.bent_normals, watch)?;
+    Ok(sums.finish(&scene, settings.bent_normals))
+}
+
+/// The same on the first graphics device that the environment allows.
+///
+/// Fails like [`cpu`], and if there is no device, or it is too small for the mesh.
+#[cfg(feature = "gpu")]
+pub fn gpu(
+    mesh: OccludedMesh<'_>,
+    occluders: &[[[f64; 3]; 3]],
+    settings: OcclusionSettings,
+    watch: &(dyn Fn(u32) -> bool + Sync),
+) -> Result<Occlusion, OcclusionError> {
+    let scene = PreparedScene::new(mesh, occluders, settings)?;
+    let sums = gpu::sums(&scene, &directions::view_pairs(settings.pairs()), settings.bent_normals, watch)?;
     Ok(sums.finish(&scene, settings.bent_normals))
 }
