@@ -153,7 +153,6 @@ impl DepthMap {
         }
     }
 
-    #[inline(never)]
     /// Computes for each row which texels are inside.
     fn fill_large(&mut self, edges: [Edge; 3], plane: DepthPlane, covered: TexelBox) {
         for y in 0..=covered.y[1] - covered.y[0] {
@@ -241,5 +240,72 @@ fn depth_plane(a: Projected, b: Projected, c: Projected, area: i64, covered: Tex
         down: (down * f64::from(TEXEL)) as f32,
         low: a[2].min(b[2]).min(c[2]) as f32,
         high: a[2].max(b[2]).max(c[2]) as f32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_test_support::rng::Rng;
+
+    const SIZE: u32 = 150;
+
+    /// Whether a texel's centre belongs to a triangle, by the definition.
+    fn covers(mut corners: [Projected; 3], x: i32, y: i32) -> bool {
+        let cross = |a: Projected, b: Projected, c: [i64; 2]| {
+            let [along_x, along_y] = [0, 1].map(|k| i64::from(b[k]) - i64::from(a[k]));
+            along_x * (c[1] - i64::from(a[1])) - along_y * (c[0] - i64::from(a[0]))
+        };
+        let area = cross(corners[0], corners[1], [0, 1].map(|k| i64::from(corners[2][k])));
+        if area < 0 {
+            corners.swap(1, 2);
+        }
+        let centre = [x, y].map(|v| i64::from(v * TEXEL + HALF));
+        area != 0
+            && (0..3).all(|k| {
+                let (a, b) = (corners[k], corners[(k + 1) % 3]);
+                let is_top_or_left = b[1] < a[1] || b[1] == a[1] && b[0] > a[0];
+                let value = cross(a, b, centre);
+                value > 0 || value == 0 && is_top_or_left
+            })
+    }
+
+    fn drawn(map: &DepthMap, x: i32, y: i32) -> bool {
+        map.depths(x, y)[0] > f32::MIN
+    }
+
+    #[test]
+    fn triangles_of_all_sizes_cover_what_the_definition_says() {
+        let mut rng = Rng::new(3);
+        for size in [300, 3_000, 30_000, 3_000_000] {
+            for _ in 0..60 {
+                // Whole and half texels, so that centres lie on edges.
+                let mut number = || (rng.below(size) as i32 - size as i32 / 2) / 128 * 128 + 75 * TEXEL;
+                let corners = [(); 3].map(|()| [number(), number(), number()]);
+                let mut map = DepthMap::new(SIZE);
+                map.draw(corners[0], corners[1], corners[2]);
+                for (x, y) in (0..SIZE as i32).flat_map(|y| (0..SIZE as i32).map(move |x| (x, y))) {
+                    assert_eq!(drawn(&map, x, y), covers(corners, x, y), "{corners:?} at {x}, {y}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn depths_lie_on_the_plane_and_the_extremes_stay() {
+        for scale in [1, 20] {
+            let corner = |x: i32, y: i32, z: i32| [x * TEXEL * scale, y * TEXEL * scale, z];
+            let mut map = DepthMap::new(SIZE);
+            // Depth is 100 x + 1000 y, in texels.
+            map.draw(corner(0, 0, 0), corner(7, 0, 700 * scale), corner(0, 7, 7000 * scale));
+            map.draw(corner(0, 0, 9), corner(2, 0, 9), corner(0, 2, 9));
+            let [near, far] = map.depths(1, 0);
+            assert!((near - 650.0).abs() < 0.01 && far == 9.0, "{near} {far}");
+            let [near, far] = map.depths(3 * scale, 2 * scale);
+            let plane = 100.0 * (3 * scale) as f32 + 1000.0 * (2 * scale) as f32 + 550.0;
+            assert!((near - plane).abs() < 0.1 && near == far, "{near} {plane}");
+            map.clear();
+            assert_eq!(map.depths(1, 0), [f32::MIN, f32::MAX]);
+        }
     }
 }

@@ -171,3 +171,34 @@ fn normals(mesh: OccludedMesh<'_>, place: impl Fn([f64; 3]) -> DVec3) -> Vec<[i3
     let whole = |sum: &DVec3| (sum.normalize_or_zero() * UNIT).round().as_ivec3().to_array();
     sums.iter().map(whole).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn occluders_are_cut_off_at_their_reach() {
+        let corner = |x: f64, y: f64| DVec3::new(x, y, 0.5);
+        let inside = [corner(0.0, 0.0), corner(0.5, 0.0), corner(0.0, 0.5)];
+        assert_eq!(clip(inside, 1.0), inside);
+        assert!(clip([corner(2.0, 0.0), corner(3.0, 0.0), corner(2.0, 1.0)], 1.0).is_empty());
+        let large = clip([corner(-9.0, -9.0), corner(90.0, -9.0), corner(-9.0, 90.0)], 1.0);
+        let area: f64 = (2..large.len()).map(|k| (large[k - 1] - large[0]).cross(large[k] - large[0]).z / 2.0).sum();
+        assert!((area - 4.0).abs() < 1e-9, "{large:?}");
+    }
+
+    #[test]
+    fn numbers_stay_within_those_of_the_gpu() {
+        let far = [[-1e15, 1e15, 1e15], [1e15, -1e15, 1e15], [1e15, 1e15, -1e15]];
+        let mesh = OccludedMesh { positions: &[[1.0, 0.0, 0.0], [0.0; 3], [0.0, 1.0, 0.0]], triangles: &[[0, 1, 2]] };
+        for map_px in [64, 100, 1000, 4096] {
+            let settings = OcclusionSettings { map_px, ..OcclusionSettings::default() };
+            let scene = PreparedScene::new(mesh, &[far], settings).unwrap();
+            let (mesh, far) = scene.places.split_at(3);
+            let most = |places: &[[i32; 3]]| places.as_flattened().iter().map(|v| v.abs()).max().unwrap_or(0);
+            assert!(most(mesh) <= 1 << 20 && most(mesh) > 1 << 18, "{map_px}: {mesh:?}");
+            // The product with an axis, after the split of the GPU, has 31 bits.
+            assert!(!far.is_empty() && f64::from(most(far)) * 3f64.sqrt() * UNIT / 1024.0 < f64::from(i32::MAX));
+        }
+    }
+}
