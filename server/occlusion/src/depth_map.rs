@@ -299,13 +299,13 @@ mod tests {
             // Depth is 100 x + 1000 y, in texels.
             map.draw(corner(0, 0, 0), corner(7, 0, 700 * scale), corner(0, 7, 7000 * scale));
             map.draw(corner(0, 0, 9), corner(2, 0, 9), corner(0, 2, 9));
-            let [near, far] = map.depths(1, 0);
-            assert!((near - 650.0).abs() < 0.01 && far == 9.0, "{near} {far}");
+            let [near, far] = map.depths(0, 0);
+            assert!((near - 550.0).abs() < 0.01 && far == 9.0, "{near} {far}");
             let [near, far] = map.depths(3 * scale, 2 * scale);
             let plane = 100.0 * (3 * scale) as f32 + 1000.0 * (2 * scale) as f32 + 550.0;
             assert!((near - plane).abs() < 0.1 && near == far, "{near} {plane}");
             map.clear();
-            assert_eq!(map.depths(1, 0), [f32::MIN, f32::MAX]);
+            assert_eq!(map.depths(0, 0), [f32::MIN, f32::MAX]);
         }
     }
 }

@@ -189,7 +189,7 @@ mod tests {
 
     #[test]
     fn numbers_stay_within_those_of_the_gpu() {
-        let far = [[-1e15, 1e15, 1e15], [1e15, -1e15, 1e15], [1e15, 1e15, -1e15]];
+        let far = [[-1e15, -1e15, -1.0], [1e15, -1e15, -1.0], [0.0, 1e15, -1.0]];
         let mesh = OccludedMesh { positions: &[[1.0, 0.0, 0.0], [0.0; 3], [0.0, 1.0, 0.0]], triangles: &[[0, 1, 2]] };
         for map_px in [64, 100, 1000, 4096] {
             let settings = OcclusionSettings { map_px, ..OcclusionSettings::default() };
