@@ -98,6 +98,11 @@ pub enum ServerCommand {
         after_help = "Example:\n  insula-server compare skull.obj skull_small.obj\n  insula-server compare delft.city.jsonl cities/delft --heatmap delft.ply\n\nReads PLY, OFF and OBJ, baked cities (their finest meshes) and everything that `bake` reads. Prints the mean, the root mean\nsquare and the largest distance in both directions, and in parts of the first one's diagonal."
     )]
     Compare(CompareArgs),
+    /// Compute the ambient occlusion of a mesh
+    #[command(
+        after_help = "Example:\n  insula-server ao nefertiti.obj --out nefertiti_ao.ply\n\nReads PLY, OFF and OBJ. Each vertex of OUT.ply has the cosine-weighted share of its surroundings that it sees as `quality`,\nfrom 0 (closed) to 1 (open), and the same as grey colour."
+    )]
+    Ao(AoArgs),
     #[command(flatten)]
     Setup(SetupCommand),
 }
@@ -155,6 +160,25 @@ pub struct CompareArgs {
     /// PLY file to write: the first surface, with colours from blue (near) to red (the largest distance)
     #[arg(long, value_name = "OUT.ply")]
     pub heatmap: Option<PathBuf>,
+}
+
+/// Arguments of `ao`.
+#[derive(Debug, clap::Args)]
+pub struct AoArgs {
+    /// PLY, OFF or OBJ file
+    pub mesh: PathBuf,
+    /// PLY file to write
+    #[arg(long, value_name = "OUT.ply")]
+    pub out: PathBuf,
+    /// Directions from which the mesh is looked at, 1 to 4096. They come in opposite pairs
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub views: u32,
+    /// Side of a depth map in texels, 64 to 4096
+    #[arg(long, value_name = "PX", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(64..=4096))]
+    pub map: u32,
+    /// Compute on a GPU; needs a program built with feature `gpu`
+    #[arg(long)]
+    pub gpu: bool,
 }
 
 /// What is read of the inputs, and where it goes.
@@ -468,6 +492,7 @@ mod tests {
         assert!(parse("insula-server search a kerk --limit 1000 --json").is_ok());
         assert!(parse("insula-server compress a.ply b --bits 16").is_ok());
         assert!(parse("insula-server simplify a.ply b.obj --error 0.5").is_ok());
+        assert!(parse("insula-server ao a.obj --out b.ply --views 64 --map 512 --gpu").is_ok());
         for invalid in [
             "insula-server",
             "insula-server bake a",
@@ -509,6 +534,10 @@ mod tests {
             "insula-server simplify a.ply b.ply --ratio 0",
             "insula-server simplify a.ply b.ply --ratio 0.5 --error 1",
             "insula-server simplify a.ply b.ply --error -1",
+            "insula-server ao a.obj",
+            "insula-server ao a.obj --out b.ply --views 0",
+            "insula-server ao a.obj --out b.ply --views 4097",
+            "insula-server ao a.obj --out b.ply --map 63",
             "insula-server dance",
         ] {
             assert_eq!(parse(invalid).err(), Some(2), "{invalid}");

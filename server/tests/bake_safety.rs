@@ -148,6 +148,9 @@ fn mesh_commands_do_not_overwrite_their_input() {
     place.write("a.off", off);
     place.refused("compress a.off a.off");
     place.refused("simplify a.off ./a.off --ratio 0.5");
+    place.succeeds("ao a.off --out a.ply --views 16 --map 64");
+    place.refused("ao a.ply --out ./a.ply");
+    place.refused("ao a.ply --out b.obj");
     place.succeeds("compress a.off a.insm");
     fs::copy(place.path("a.insm"), place.path("b.off")).unwrap();
     place.refused("decompress b.off b.off");

@@ -349,6 +349,44 @@ pub struct ComposeUniform {
     pub unused: u32,
 }
 
+/// The uniform of occlusion: a pair of opposite directions, the frame of its maps, and the constants of the test. The CPU
+/// twin, `insula-occlusion`, says what they are.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct OcclusionUniform {
+    pub right: [i32; 3],
+    /// Number of vertices that are tested.
+    pub vertices: u32,
+    pub down: [i32; 3],
+    /// Middle of a map, in steps of a texel.
+    pub middle: i32,
+    pub towards: [i32; 3],
+    pub subtexel_bits: u32,
+    /// By how much products are shifted, after [`OCCLUSION_SPLIT`], to give steps of a map.
+    pub map_shift: u32,
+    /// The same for depths.
+    pub depth_shift: u32,
+    /// By how much products of unit vectors are shifted to give cosines.
+    pub cosine_shift: u32,
+    pub cosine_bits: u32,
+    pub texel_steps: f32,
+    /// From a step of a map to clip space.
+    pub clip_scale: f32,
+    /// From a depth to the part of the map's range; 0 lies in its middle.
+    pub depth_scale: f32,
+    /// Words of a vertex's sum: 2, or 5 with a bent normal.
+    pub sum_words: u32,
+    pub bias_texels: f32,
+    pub bias_per_slope: f32,
+    pub max_bias_slope: f32,
+    pub max_slope: f32,
+}
+
+/// Bits of a place that are multiplied apart from the others.
+pub const OCCLUSION_SPLIT: u32 = 10;
+/// Threads of a workgroup that tests vertices.
+pub(crate) const OCCLUSION_THREADS: u32 = 64;
+
 /// Binding numbers of the shaders, all in group 0, and locations of vertex attributes.
 pub mod binding {
     /// Ray-caster: uniform [`super::FrameUniform`].
@@ -384,8 +422,22 @@ pub mod binding {
     /// Hit counts: storage, written. Pixels of each node.
     pub const COUNTS: u32 = 2;
 
-    /// Nearest triangle: location of a corner's place.
+    /// Nearest triangle and occlusion: location of a corner's place.
     pub const LOCATION_PLACE: u32 = 0;
     /// Nearest triangle: location of a triangle's number.
     pub const LOCATION_NUMBER: u32 = 1;
+
+    /// Occlusion: uniform [`super::OcclusionUniform`].
+    pub const OCCLUSION_VIEW: u32 = 0;
+    /// Occlusion: storage, three `i32` a vertex.
+    pub const OCCLUSION_PLACES: u32 = 1;
+    /// Occlusion: storage, three `i32` a vertex.
+    pub const OCCLUSION_NORMALS: u32 = 2;
+    /// Occlusion: depths nearest to the first direction's viewer.
+    pub const OCCLUSION_NEAR: u32 = 3;
+    /// Occlusion: depths farthest from him.
+    pub const OCCLUSION_FAR: u32 = 4;
+    /// Occlusion: storage, written. [`super::OcclusionUniform::sum_words`] `i32` a vertex: cosines of the visible
+    /// directions, cosines of all, and the sum of the visible directions.
+    pub const OCCLUSION_SUMS: u32 = 5;
 }

@@ -46,10 +46,10 @@ use crate::{
     layout::{
         ATTRIBUTE_PLANE, BLOCK_CELLS, BLOCK_SHIFT, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED,
         GRID_NODE_BIT, GRID_NODE_MASK, GRID_SHARE_MASK, GRID_SHARE_SHIFT, HIT_BLOCK_PX, HIT_COUNTS_THREADS,
-        MAX_SAMPLES, MESH_FLAG, METER_READS, METER_THREADS, NO_NODE, NODE_BLOCKS, OBJECT_BITS, OUTLINE_RGB, PAGE_WORDS,
-        PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, QUAD_TOP_BITS, QUAD_TOP_MAX, QUARTER_MAX, QUARTER_SHIFT,
-        ROOF_PLANE, SKY_AZIMUTHS, SKY_CELLS, SKY_HEIGHTS, SLOT_SHIFT, STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_VEC4S,
-        Shading, WALK_PLANE, WORKGROUP, binding,
+        MAX_SAMPLES, MESH_FLAG, METER_READS, METER_THREADS, NO_NODE, NODE_BLOCKS, OBJECT_BITS, OCCLUSION_SPLIT,
+        OCCLUSION_THREADS, OUTLINE_RGB, PAGE_WORDS, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, QUAD_TOP_BITS,
+        QUAD_TOP_MAX, QUARTER_MAX, QUARTER_SHIFT, ROOF_PLANE, SKY_AZIMUTHS, SKY_CELLS, SKY_HEIGHTS, SLOT_SHIFT,
+        STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_VEC4S, Shading, WALK_PLANE, WORKGROUP, binding,
     },
     light::SKY_LOW,
     mesh::{
@@ -140,6 +140,11 @@ pub fn nearest() -> String {
     source(&[wgsl!("nearest.wgsl")])
 }
 
+/// Draws depth maps of a mesh and tests its vertices: entry points `occluder` and `accumulate`.
+pub fn occlusion() -> String {
+    source(&[wgsl!("occlusion.wgsl")])
+}
+
 fn source(files: &[&str]) -> String {
     [&[constants().as_str()], files].concat().join("\n")
 }
@@ -225,8 +230,14 @@ fn constants() -> String {
             BINDING_COUNTS = binding::COUNTS,
             LOCATION_PLACE = binding::LOCATION_PLACE,
             LOCATION_NUMBER = binding::LOCATION_NUMBER,
+            BINDING_OCCLUSION_VIEW = binding::OCCLUSION_VIEW,
+            BINDING_OCCLUSION_PLACES = binding::OCCLUSION_PLACES,
+            BINDING_OCCLUSION_NORMALS = binding::OCCLUSION_NORMALS,
+            BINDING_OCCLUSION_NEAR = binding::OCCLUSION_NEAR,
+            BINDING_OCCLUSION_FAR = binding::OCCLUSION_FAR,
+            BINDING_OCCLUSION_SUMS = binding::OCCLUSION_SUMS,
         }
-        u32 { WORKGROUP_X = WORKGROUP[0], WORKGROUP_Y = WORKGROUP[1], HIT_COUNTS_THREADS, HIT_BLOCK_PX }
+        u32 { WORKGROUP_X = WORKGROUP[0], WORKGROUP_Y = WORKGROUP[1], HIT_COUNTS_THREADS, HIT_BLOCK_PX, OCCLUSION_SPLIT, OCCLUSION_THREADS }
         // Frame, grid, nodes and summaries.
         u32 { MAX_SAMPLES, MAX_STEPS, NO_NODE, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_LEVEL_SHIFT, GRID_LEVEL_MASK }
         u32 { GRID_SHARE_SHIFT, GRID_SHARE_MASK, GRID_NODE_MASK, SLOT_SHIFT, QUARTER_SHIFT }
@@ -360,7 +371,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(bindings, 9 + 3 + 3 + 3 + 3, "bindings and workgroup sizes");
+        assert_eq!(bindings, 9 + 3 + 3 + 3 + 3 + 6 + 1, "bindings and workgroup sizes");
     }
 
     #[test]

@@ -26,6 +26,7 @@ fn translate_all(translate: impl Fn(&Program<'_>) -> Result<usize, String>) -> u
         ("compose", wgsl::compose()),
         ("hit_counts", wgsl::hit_counts()),
         ("nearest", wgsl::nearest()),
+        ("occlusion", wgsl::occlusion()),
     ] {
         let module = naga::front::wgsl::parse_str(&source).expect(file);
         let info = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).expect(file);

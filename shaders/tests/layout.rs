@@ -1,7 +1,7 @@
 //! The WGSL is valid without optional capabilities, and its structs have the layout of Rust's.
 
 use insula_shaders::{
-    layout::{ComposeUniform, DrawNode, FrameUniform, Light, WORKGROUP},
+    layout::{ComposeUniform, DrawNode, FrameUniform, Light, OcclusionUniform, WORKGROUP},
     wgsl,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -118,6 +118,36 @@ fn structs_of_columns_and_the_frame_have_the_same_layout() {
         (size_of::<DrawNode>(), 12, 28)
     );
     assert_eq!((offset_of!(DrawNode, z_lo), offset_of!(DrawNode, z_hi)), (20, 24));
+}
+
+#[test]
+fn occlusion_has_the_same_uniform() {
+    let module = module(&wgsl::occlusion());
+    assert_layout!(
+        &module,
+        OcclusionUniform {
+            right,
+            vertices,
+            down,
+            middle,
+            towards,
+            subtexel_bits,
+            map_shift,
+            depth_shift,
+            cosine_shift,
+            cosine_bits,
+            texel_steps,
+            clip_scale,
+            depth_scale,
+            sum_words,
+            bias_texels,
+            bias_per_slope,
+            max_bias_slope,
+            max_slope,
+        }
+    );
+    let names: Vec<_> = module.entry_points.iter().map(|e| e.name.clone()).collect();
+    assert_eq!(names, ["occluder", "accumulate"]);
 }
 
 #[test]

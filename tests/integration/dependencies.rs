@@ -100,7 +100,7 @@ impl Workspace {
 #[test]
 fn packages_depend_only_on_those_below_them() {
     let workspace = Workspace::load();
-    let allowed: [(&str, &[&str]); 11] = [
+    let allowed: [(&str, &[&str]); 12] = [
         ("insula-protocol", &[]),
         ("insula-archive", &["insula-protocol"]),
         ("insula-command-line", &["insula-protocol"]),
@@ -108,6 +108,7 @@ fn packages_depend_only_on_those_below_them() {
         ("insula-objects", &["insula-protocol"]),
         ("insula-bake", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders"]),
         ("insula-export", &["insula-protocol", "insula-archive", "insula-objects"]),
+        ("insula-occlusion", &["insula-shaders"]),
         (
             "insula-server",
             &[
@@ -117,6 +118,7 @@ fn packages_depend_only_on_those_below_them() {
                 "insula-objects",
                 "insula-bake",
                 "insula-export",
+                "insula-occlusion",
             ],
         ),
         ("insula-viewer", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders"]),
@@ -150,9 +152,13 @@ fn packages_depend_only_on_those_below_them() {
 #[test]
 fn optional_parts_are_optional_dependencies() {
     let workspace = Workspace::load();
-    for (package, optional) in
-        [("insula-server", "insula-bake"), ("insula-client", "insula-server"), ("insula-client", "insula-bake")]
-    {
+    for (package, optional) in [
+        ("insula-server", "insula-bake"),
+        ("insula-server", "insula-occlusion"),
+        ("insula-occlusion", "insula-shaders"),
+        ("insula-client", "insula-server"),
+        ("insula-client", "insula-bake"),
+    ] {
         let found = workspace.declared(package).into_iter().find(|d| d.name == optional);
         assert!(found.is_some_and(|d| d.optional), "{package} must build without {optional}");
     }
@@ -198,6 +204,11 @@ fn packages_do_not_use_banned_libraries() {
         &names("insula-viewer"),
     );
     check("insula-bake", &[&network[..], &graphics, &["tokio", "clap"]].concat(), &names("insula-bake"));
+    check(
+        "insula-occlusion",
+        &[&network[..], &graphics, &["tokio", "tracing", "clap", "insula-bake"]].concat(),
+        &names("insula-occlusion"),
+    );
     check("insula-server", &graphics, &names("insula-server"));
     check("insula-client", &["axum", "pmtiles"], &names("insula-client"));
 }

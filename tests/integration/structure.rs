@@ -7,7 +7,7 @@ use insula_tests::source_code::{
 };
 
 /// Folders of the crates' sources.
-const CRATES: [&str; 11] = [
+const CRATES: [&str; 12] = [
     "protocol/src",
     "protocol/archive/src",
     "protocol/objects/src",
@@ -16,6 +16,7 @@ const CRATES: [&str; 11] = [
     "client/src",
     "server/bake/src",
     "server/export/src",
+    "server/occlusion/src",
     "server/src",
     "tests/harness",
     "tests/support/src",

@@ -1,6 +1,8 @@
 //! The commands of `insula-server`.
 
 #[cfg(feature = "bake")]
+mod ao;
+#[cfg(feature = "bake")]
 mod bake;
 #[cfg(feature = "bake")]
 mod bake_progress;
@@ -59,12 +61,15 @@ pub fn run(args: Args) -> Result<(), CommandError> {
         ServerCommand::Simplify(args) => mesh::simplify(&args),
         #[cfg(feature = "bake")]
         ServerCommand::Compare(args) => compare::run(&args),
+        #[cfg(feature = "bake")]
+        ServerCommand::Ao(args) => ao::run(&args),
         #[cfg(not(feature = "bake"))]
         ServerCommand::Bake(_)
         | ServerCommand::Compress(_)
         | ServerCommand::Decompress(_)
         | ServerCommand::Simplify(_)
-        | ServerCommand::Compare(_) => Err(CommandError::Bake(
+        | ServerCommand::Compare(_)
+        | ServerCommand::Ao(_) => Err(CommandError::Bake(
             "this program can only serve; use one that was built with the feature `bake`".into(),
         )),
     }

@@ -4,12 +4,16 @@ pub mod compose;
 pub mod hit_counts;
 #[cfg(not(target_arch = "wasm32"))]
 pub mod nearest;
+#[cfg(not(target_arch = "wasm32"))]
+pub mod occlusion;
 pub mod raycast;
 
 pub use compose::Compose;
 pub use hit_counts::HitCounts;
 #[cfg(not(target_arch = "wasm32"))]
 pub use nearest::Nearest;
+#[cfg(not(target_arch = "wasm32"))]
+pub use occlusion::OcclusionMaps;
 pub use raycast::{Capacity, Raycaster};
 
 /// A device, and the queue of its commands.
@@ -19,6 +23,40 @@ pub struct DeviceQueue<'a> {
     pub device: &'a wgpu::Device,
     /// Where commands and writes are submitted.
     pub queue: &'a wgpu::Queue,
+}
+
+/// A device of a program that shows nothing.
+#[cfg(not(target_arch = "wasm32"))]
+#[derive(Debug)]
+struct OpenDevice {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    /// The adapter and its backend.
+    name: String,
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+impl OpenDevice {
+    /// Opens the first device that the environment allows, with all its limits, and those of `wanted` that it has. Fails if
+    /// none works.
+    fn open(label: &str, wanted: wgpu::Features) -> Result<Self, GpuError> {
+        let none = |e: &dyn std::fmt::Display| GpuError::NoDevice(e.to_string());
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..wgpu::RequestAdapterOptions::default()
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| none(&e))?;
+        let info = adapter.get_info();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some(label),
+            required_limits: adapter.limits(),
+            required_features: adapter.features() & wanted,
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| none(&e))?;
+        Ok(Self { device, queue, name: format!("{} ({})", info.name, info.backend) })
+    }
 }
 
 /// Why the device delivered nothing.
@@ -43,6 +81,20 @@ pub enum GpuError {
         /// Largest side of a texture.
         limit: u32,
     },
+    /// A mesh needs a buffer larger than the device's.
+    #[error("the mesh takes a buffer of {found} bytes, this device has up to {limit}")]
+    BufferSize {
+        /// Bytes of the largest buffer.
+        found: u64,
+        /// Largest buffer that a shader can read.
+        limit: u64,
+    },
+    /// The device cannot keep what lies outside of a map's range of depths.
+    #[error("this device cannot draw surroundings: it has no depth clamp")]
+    NoDepthClamp,
+    /// Commands or resources were refused.
+    #[error("the graphics device refused: {0}")]
+    Refused(String),
     /// Buffers could not be read back.
     #[error("the frame could not be read back from the graphics device: {0}")]
     ReadBack(String),

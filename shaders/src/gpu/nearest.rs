@@ -1,6 +1,6 @@
 //! Maps of the nearest triangle, rendered on a GPU for the bake's visibility.
 
-use super::{GpuError, read_words, shader_module};
+use super::{GpuError, OpenDevice, read_words, shader_module};
 use crate::layout::binding;
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
@@ -30,22 +30,9 @@ pub struct Nearest {
 impl Nearest {
     /// Opens the first device that the environment allows. Fails if none works.
     pub fn open() -> Result<Self, GpuError> {
-        let none = |e: &dyn std::fmt::Display| GpuError::NoDevice(e.to_string());
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-        let options = wgpu::RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            ..wgpu::RequestAdapterOptions::default()
-        };
-        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|e| none(&e))?;
-        let info = adapter.get_info();
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("nearest"),
-            required_limits: adapter.limits(),
-            ..wgpu::DeviceDescriptor::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| none(&e))?;
+        let OpenDevice { device, queue, name } = OpenDevice::open("nearest", wgpu::Features::empty())?;
         let pipeline = pipeline(&device);
-        Ok(Self { device, queue, pipeline, name: format!("{} ({})", info.name, info.backend) })
+        Ok(Self { device, queue, pipeline, name })
     }
 
     /// Name of the adapter and its backend.

@@ -169,6 +169,16 @@ const LAYERS: [(AttributeKind, &[&str]); 5] = [
     (AttributeKind::Colour, &["red", "green", "blue"]),
 ];
 
+/// A single number for each vertex. It is only written: MeshLab keeps results of its filters there, which mean something else
+/// to each.
+const QUALITY: (AttributeKind, &[&str]) = (AttributeKind::Other, &["quality"]);
+
+/// Names of the properties that a layer is written as; none if PLY has no word for it.
+fn written_names(layer: &CornerLayer) -> &'static [&'static str] {
+    let found = LAYERS.iter().chain([&QUALITY]).find(|(kind, names)| *kind == layer.kind && names.len() == layer.width);
+    found.map_or(&[], |(_, names)| names)
+}
+
 fn read_vertices(
     model: &mut TriangleModel,
     element: &PlyElement,
@@ -263,10 +273,9 @@ pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
         head += &format!("property double {axis}\n");
     }
     for layer in &model.layers {
-        let found = LAYERS.iter().find(|(kind, names)| *kind == layer.kind && names.len() == layer.width);
         // Other programs expect bytes.
         let number = if layer.kind == AttributeKind::Colour { "uchar" } else { "float" };
-        for name in found.iter().flat_map(|(_, names)| *names) {
+        for name in written_names(layer) {
             head += &format!("property {number} {name}\n");
         }
     }
@@ -275,7 +284,7 @@ pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
     for row in &rows {
         model.positions[row[0] as usize].iter().for_each(|v| out.extend(v.to_le_bytes()));
         for (layer, value) in model.layers.iter().zip(&row[1..]) {
-            if LAYERS.iter().any(|(kind, names)| *kind == layer.kind && names.len() == layer.width) {
+            if !written_names(layer).is_empty() {
                 // PLY cannot leave a value out.
                 let value = layer.values.get(*value as usize).unwrap_or(&[0.0; 4]);
                 let values = &value[..layer.width];

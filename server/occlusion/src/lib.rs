@@ -1,0 +1,67 @@
+//! Ambient occlusion of dense meshes: which share of its surroundings each vertex sees.
+//!
+//! After Mischitelli (*Tecniche di visualizzazione avanzata in tempo reale*, Ferrara 2007, chapter 3). For a vertex `p` with the normal `n`, occlusion
+//! is the sum of `n.w` over the directions `w` above its tangent plane from which `p` is visible, divided by the sum of `n.w`
+//! over all directions above it: 0 is closed, 1 is open. The directions are spread evenly over the sphere. From each, all
+//! triangles are drawn into a depth map without perspective, and every vertex that faces it is compared with the map.
+//!
+//! Triangles hide what is behind them from both of their sides: scans have holes, and what is seen through a hole is the
+//! back of a surface that exists.
+//!
+//! [`cpu`] defines the result. `gpu` (feature `gpu`) differs from it only by the rounding of depths within a triangle: places
+//! in maps, the texels that triangles cover and all sums are whole numbers, which are the same everywhere. The result of
+//! [`cpu`] does not depend on the number of threads.
+
+mod cpu;
+mod depth_map;
+mod directions;
+#[cfg(feature = "gpu")]
+mod gpu;
+mod prepared;
+mod settings;
+mod sums;
+#[cfg(test)]
+mod tests;
+mod visibility;
+
+pub use prepared::REACH_RADII;
+pub use settings::{
+    MAP_PX, MAX_COORDINATE, MAX_COUNT, OccludedMesh, Occlusion, OcclusionError, OcclusionSettings, VIEWS,
+};
+
+use prepared::PreparedScene;
+
+/// Occlusion of a mesh's vertices, on all threads of the current rayon pool.
+///
+/// `occluders` are triangles in the mesh's coordinates that hide it but get no values, such as the ground that a statue
+/// stands on. They are cut off beyond [`REACH_RADII`] radii of the mesh's bounding sphere. `watch` gets the number of views
+/// that are done, from any thread; it cancels the work by `false`.
+///
+/// Fails if settings or counts are out of range, a coordinate is not finite or too large, a triangle has no vertex, or the
+/// work was cancelled. Memory: 24 bytes a vertex and 12 a triangle, and for each thread 8 bytes a texel and up to 32 a
+/// vertex; fewer threads work if that would exceed 2 GiB.
+pub fn cpu(
+    mesh: OccludedMesh<'_>,
+    occluders: &[[[f64; 3]; 3]],
+    settings: OcclusionSettings,
+    watch: &(dyn Fn(u32) -> bool + Sync),
+) -> Result<Occlusion, OcclusionError> {
+    let scene = PreparedScene::new(mesh, occluders, settings)?;
+    let sums = cpu::sums(&scene, &directions::view_pairs(settings.pairs()), settings.bent_normals, watch)?;
+    Ok(sums.finish(&scene, settings.bent_normals))
+}
+
+/// The same on the first graphics device that the environment allows.
+///
+/// Fails like [`cpu`], and if there is no device, or it is too small for the mesh.
+#[cfg(feature = "gpu")]
+pub fn gpu(
+    mesh: OccludedMesh<'_>,
+    occluders: &[[[f64; 3]; 3]],
+    settings: OcclusionSettings,
+    watch: &(dyn Fn(u32) -> bool + Sync),
+) -> Result<Occlusion, OcclusionError> {
+    let scene = PreparedScene::new(mesh, occluders, settings)?;
+    let sums = gpu::sums(&scene, &directions::view_pairs(settings.pairs()), settings.bent_normals, watch)?;
+    Ok(sums.finish(&scene, settings.bent_normals))
+}
