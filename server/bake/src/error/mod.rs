@@ -105,6 +105,9 @@ pub enum BakeError {
         action: &'static str,
         cause: DecodeError,
     },
+    /// The occlusion of a leaf's landmarks could not be computed.
+    #[error("tile {tile}: no occlusion of its landmarks: {cause}; use a smaller mesh")]
+    Occlusion { tile: TileId, cause: String },
     /// An archive could not be written.
     #[error("{path}: {what}; report this with the input")]
     Archive { path: PathBuf, what: String },

@@ -17,6 +17,7 @@ use insula_protocol::{
 
 use super::{
     dense_chain,
+    leaf_occlusion::LeafOcclusion,
     leaf_surface::LeafSurface,
     surface_distance::{TriangleHash, part_half_diagonals},
     texture_bake::{TextureScale, bake_texture},
@@ -57,7 +58,8 @@ pub(super) fn encode_lods(
 ) -> Result<Vec<EncodedLod>, BakeError> {
     let step_m = surface.points.step;
     let blockmap_error_m = voxel_error_m(grid.cell_m);
-    let encoder = LodEncoder { scene, id, surface, quality };
+    let occlusion = LeafOcclusion::new(scene, grid, id, surface)?;
+    let encoder = LodEncoder { scene, id, surface, occlusion, quality };
     let Some((finest, solid)) = encoder.encode_finest(blockmap_error_m)? else { return Ok(Vec::new()) };
     let mut lods = vec![finest];
     if !surface.landmarks.is_empty() {
@@ -115,6 +117,8 @@ pub(super) struct LodEncoder<'a> {
     scene: &'a Scene,
     pub(super) id: TileId,
     pub(super) surface: &'a LeafSurface,
+    /// `None` without landmarks.
+    occlusion: Option<LeafOcclusion>,
     quality: Quality,
 }
 
@@ -160,7 +164,9 @@ impl LodEncoder<'_> {
         };
         let positions = model.positions.iter().map(|p| p.map(|v| v as u32)).collect();
         let triangles = model.triangles.clone();
-        let mesh = Mesh { grid: self.surface.points, positions, triangles, attributes: vec![attribute] };
+        let occlusion = self.occlusion.as_ref().map(|occlusion| occlusion.attribute(model));
+        let attributes = [attribute].into_iter().chain(occlusion).collect();
+        let mesh = Mesh { grid: self.surface.points, positions, triangles, attributes };
         let texture_px = texture.as_ref().map_or(0, |texture| texture.pixels());
         let objects = objects.clone();
         let landmarks = self.surface.landmarks.clone();

@@ -8,6 +8,7 @@
 //! | clip triangles to the leaf's square | `square_clip` |
 //! | put them on the grid of points that all leaves share | `leaf_surface` |
 //! | simplify them, level by level, within measured errors | `lod_chain`, `dense_chain`, `surface_distance` |
+//! | compute occlusion at the vertices of landmarks | `leaf_occlusion` |
 //! | cut textured surfaces into charts, and pack these | `charts`, `atlas` |
 //! | resample the source's textures into one per level | `texture_bake`, `texture_canvas`, `texture_fill` |
 //! | encode the texture as WebP | `texture_encode` |
@@ -18,6 +19,7 @@
 mod atlas;
 mod charts;
 mod dense_chain;
+mod leaf_occlusion;
 mod leaf_surface;
 mod lod_chain;
 mod materials;
