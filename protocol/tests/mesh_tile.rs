@@ -191,8 +191,8 @@ fn statue() -> MeshTile {
         kind: AttributeKind::Other,
         components: 1,
         bits: OCCLUSION_BITS,
-        range: [0.0, 1.0 / 63.0],
-        values: (0..8).map(|v| [9 * v, 0, 0, 0]).collect(),
+        range: [0.0, 1.0 / 31.0],
+        values: (0..8).map(|v| [4 * v, 0, 0, 0]).collect(),
         corners: tile.mesh.triangles.concat(),
     });
     tile
@@ -227,7 +227,7 @@ fn invalid_landmarks_are_refused() {
     refused(with(vec![LandmarkObject { anchor_m: [0.0, f32::NAN, 0.0], ..stone }]));
     refused(MeshTile { objects: Vec::new(), ..statue() });
     let mut tile = statue();
-    tile.mesh.attributes[1].bits = 7;
+    tile.mesh.attributes[1].bits = 6;
     refused(tile);
     let both = MeshTile { landmarks: vec![LandmarkObject { stone: None, ..stone }], ..statue() };
     assert_eq!(MeshTile::decode(leaf(), 0, &both.encode(leaf(), 0).unwrap()).unwrap().landmarks, both.landmarks);

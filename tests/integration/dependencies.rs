@@ -107,7 +107,7 @@ fn packages_depend_only_on_those_below_them() {
         ("insula-shaders", &["insula-protocol"]),
         ("insula-objects", &["insula-protocol"]),
         ("insula-bake", &["insula-protocol", "insula-archive", "insula-objects", "insula-occlusion", "insula-shaders"]),
-        ("insula-export", &["insula-protocol", "insula-archive", "insula-objects"]),
+        ("insula-export", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders"]),
         ("insula-occlusion", &["insula-shaders"]),
         (
             "insula-server",

@@ -44,7 +44,7 @@ const TAG_OBJECTS: u8 = 4;
 const TAG_LANDMARKS: u8 = 5;
 
 /// Bits of a vertex's ambient occlusion.
-pub const OCCLUSION_BITS: u8 = 6;
+pub const OCCLUSION_BITS: u8 = 5;
 
 /// Triangles of one leaf at one level of detail.
 ///

@@ -7,6 +7,7 @@ use super::{
     matrix::Matrix,
     metadata::Rows,
     objects::{Chooser, ObjectReader},
+    stone::Stones,
 };
 use crate::{selection::ObjectSelection, source::ExportSource};
 use insula_protocol::{
@@ -19,6 +20,7 @@ use std::collections::HashMap;
 pub(crate) struct ContentWriter<'a> {
     source: &'a dyn ExportSource,
     chooser: Chooser<'a>,
+    stones: Stones,
 }
 
 /// What a node shows.
@@ -35,7 +37,7 @@ impl<'a> ContentWriter<'a> {
         selection: &'a ObjectSelection,
         reader: &'a ObjectReader<'a>,
     ) -> Self {
-        Self { source, chooser: Chooser::new(selection, reader) }
+        Self { source, chooser: Chooser::new(selection, reader), stones: Stones::new(source.manifest()) }
     }
 
     /// Adds the finest that there is of a leaf: its mesh, else its columns. `place` maps metres from the leaf's south-west corner at
@@ -103,7 +105,8 @@ impl<'a> ContentWriter<'a> {
                         let units = |share: f32| (share * f32::from(u16::MAX)).round() as u16;
                         geometry.uv.push(tile.uv(corner).map(units));
                     } else {
-                        geometry.colours.push(tile.rgb(corner).map(linear));
+                        let colour = tile.rgb(corner).map(linear);
+                        geometry.colours.push(self.stones.colour(tile, corner, positions[*vertex as usize], colour));
                     }
                 }
                 geometry.indices.push(index);

@@ -23,6 +23,7 @@ pub(crate) mod matrix;
 pub(crate) mod metadata;
 pub(crate) mod objects;
 pub(crate) mod reach;
+mod stone;
 #[cfg(test)]
 pub(crate) mod test_city;
 #[cfg(test)]

@@ -176,7 +176,12 @@ impl TestCity {
         }
         let grid = PositionGrid::enclosing(&positions, 16);
         let positions = positions.iter().map(|position| grid.nearest(*position)).collect();
-        Some(MeshTile { mesh: Mesh { grid, positions, triangles, attributes: Vec::new() }, texture: None, objects })
+        Some(MeshTile {
+            mesh: Mesh { grid, positions, triangles, attributes: Vec::new() },
+            texture: None,
+            objects,
+            landmarks: Vec::new(),
+        })
     }
 }
 
@@ -286,7 +291,12 @@ fn mesh_of(leaf: TileId) -> Option<MeshTile> {
     let triangles =
         (0..positions.len() as u32).step_by(4).flat_map(|i| [[i, i + 1, i + 2], [i, i + 2, i + 3]]).collect();
     let positions = positions.iter().map(|position| grid.nearest(*position)).collect();
-    Some(MeshTile { mesh: Mesh { grid, positions, triangles, attributes: Vec::new() }, texture: None, objects })
+    Some(MeshTile {
+        mesh: Mesh { grid, positions, triangles, attributes: Vec::new() },
+        texture: None,
+        objects,
+        landmarks: Vec::new(),
+    })
 }
 
 /// The columns of a leaf: tops and objects of the boxes.

@@ -1,0 +1,147 @@
+//! Landmarks: the GPU draws smooth normals, occlusion at vertices and all stones as the CPU does.
+
+use anyhow::{Context, Result};
+use glam::DVec3;
+use insula_protocol::{
+    BlockMap, TileId,
+    mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
+    mesh_tile::{LandmarkObject, OCCLUSION_BITS},
+};
+use insula_shaders::{
+    cpu::raycast::Pixels,
+    layout::Shading,
+    mesh::PackedMesh,
+    stone::{MAX_STONES, PRESETS, Stone},
+};
+use insula_tests::{
+    draw_list::{CityArea, DrawList, Scene},
+    gpu::Gpu,
+    trials::Trials,
+    twin,
+    view::{Camera, FrameSpec},
+};
+
+const FRAME: FrameSpec = FrameSpec { width_px: 161, height_px: 121, shading: Shading::Lit, samples: 1 };
+const SIDE_M: f64 = 32.0;
+/// Meridians of the sphere; half as many parallels.
+const STEPS: u32 = 96;
+
+fn main() {
+    Trials::open()
+        .on_gpu("gpu_draws_landmarks_as_the_cpu_does", gpu_draws_landmarks_as_the_cpu_does)
+        .plain("stones_normals_and_occlusion_are_seen", stones_normals_and_occlusion_are_seen)
+        .run()
+}
+
+/// A bumpy sphere of 3 m in the middle of a leaf. The lower half is more occluded.
+fn sphere() -> Mesh {
+    let grid = PositionGrid { min: [0.0; 3], step: SIDE_M / 32_768.0, bits: 16 };
+    let point = |i: u32, j: u32| {
+        let (theta, phi) = (
+            f64::from(i) * std::f64::consts::TAU / f64::from(STEPS),
+            f64::from(j) * std::f64::consts::TAU / f64::from(STEPS),
+        );
+        let radius = 3.0 + 0.2 * (5.0 * phi).sin() * (4.0 * theta).sin().powi(2);
+        let ring = theta.sin();
+        let p = DVec3::new(ring * phi.cos(), ring * phi.sin(), theta.cos()) * radius + DVec3::new(16.0, 16.0, 5.0);
+        grid.nearest(p.into())
+    };
+    let rings = STEPS / 2;
+    let mut positions = vec![point(0, 0), point(rings, 0)];
+    positions.extend((1..rings).flat_map(|i| (0..STEPS).map(move |j| (i, j))).map(|(i, j)| point(i, j)));
+    let at = |i: u32, j: u32| match i {
+        0 => 0,
+        i if i == rings => 1,
+        i => 2 + (i - 1) * STEPS + j % STEPS,
+    };
+    let quads = (0..rings).flat_map(|i| (0..STEPS).map(move |j| (i, j)));
+    let triangles: Vec<[u32; 3]> = quads
+        .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
+        .filter(|[a, b, c]| a != b && b != c && c != a)
+        .collect();
+    let colour = Attribute {
+        kind: AttributeKind::Colour,
+        components: 3,
+        bits: 8,
+        range: [0.0, 1.0 / 255.0],
+        values: vec![[180, 90, 60, 0]],
+        corners: vec![0; 3 * triangles.len()],
+    };
+    let share = |p: &[u32; 3]| [(f64::from(p[2]) * grid.step * 4.0).clamp(4.0, 31.0) as u32, 0, 0, 0];
+    let occlusion = Attribute {
+        kind: AttributeKind::Other,
+        components: 1,
+        bits: OCCLUSION_BITS,
+        range: [0.0, 1.0 / 31.0],
+        values: positions.iter().map(share).collect(),
+        corners: triangles.concat(),
+    };
+    Mesh { grid, positions, triangles, attributes: vec![colour, occlusion] }
+}
+
+/// A draw list of the sphere as a landmark.
+fn draw_list(stone: Option<u8>) -> Result<DrawList> {
+    let mut draw_list = DrawList::new(CityArea { origin: [0.0; 3], root_side_m: SIDE_M });
+    draw_list.add(&BlockMap::empty(TileId::ROOT, SIDE_M / 64.0, 0, 0));
+    let mesh = sphere();
+    let landmark = LandmarkObject { object: 7, stone, anchor_m: [15.0, 14.0, 2.0] };
+    let objects = vec![7; mesh.triangles.len()];
+    draw_list.add_mesh(TileId::ROOT, PackedMesh::new(&mesh, None, &objects, &[landmark])?);
+    Ok(draw_list)
+}
+
+fn stones() -> [Stone; MAX_STONES] {
+    std::array::from_fn(|k| PRESETS.get(k).map_or(Stone::NONE, |(_, stone)| *stone))
+}
+
+fn scene<'a>(draw_list: &'a DrawList, distance_m: f64, spec: &FrameSpec) -> Scene<'a> {
+    let position = [16.0 + 0.5 * distance_m, 16.0 - 0.8 * distance_m, 5.0 + 0.3 * distance_m];
+    let camera = Camera { position, target: [16.0, 16.0, 5.0], up: [0.0, 0.0, 1.0], fov_y_deg: 40.0 };
+    let mut scene = draw_list.scene(&camera, spec);
+    scene.frame.stones = stones();
+    scene.frame.landmarks = 1;
+    scene
+}
+
+fn gpu_draws_landmarks_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
+    let with_stones = (0..PRESETS.len() as u8).map(Some).chain([None]);
+    for stone in with_stones {
+        let draw_list = draw_list(stone)?;
+        for shading in [Shading::Lit, Shading::Albedo, Shading::Ao, Shading::Normal] {
+            for distance_m in [4.5, 12.0, 60.0] {
+                let mut scene = scene(&draw_list, distance_m, &FrameSpec { shading, ..FRAME });
+                scene.frame.shadow_m = if distance_m < 20.0 { 100.0 } else { 0.0 };
+                let (on_cpu, on_gpu) = (scene.render(), gpu.render(&scene)?);
+                let difference = twin::compare_twins(&scene, &on_cpu, &on_gpu);
+                difference
+                    .check()
+                    .map_err(anyhow::Error::msg)
+                    .with_context(|| format!("{stone:?}, {shading:?}, {distance_m} m"))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn differing(a: &Pixels, b: &Pixels) -> usize {
+    a.colour.iter().zip(&b.colour).filter(|(a, b)| a != b).count()
+}
+
+/// What a landmark has besides other objects changes its picture, but not its shape.
+fn stones_normals_and_occlusion_are_seen() -> Result<()> {
+    let (marble, plain) = (draw_list(Some(0))?, draw_list(None)?);
+    for shading in [Shading::Lit, Shading::Albedo, Shading::Ao, Shading::Normal] {
+        let spec = FrameSpec { shading, ..FRAME };
+        let on = scene(&marble, 12.0, &spec).render();
+        let mut off = scene(&marble, 12.0, &spec);
+        off.frame.landmarks = 0;
+        let off = off.render();
+        let covered = on.distance.iter().filter(|distance| distance.is_finite()).count();
+        anyhow::ensure!(covered > 2000 && on.distance == off.distance, "{covered} pixels");
+        anyhow::ensure!(2 * differing(&on, &off) > covered, "{shading:?}: as without landmarks");
+        let without_stone = scene(&plain, 12.0, &spec).render();
+        let has_stone = matches!(shading, Shading::Lit | Shading::Albedo);
+        anyhow::ensure!((differing(&on, &without_stone) > 1000) == has_stone, "{shading:?}: the stone");
+    }
+    Ok(())
+}
