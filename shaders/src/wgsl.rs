@@ -211,6 +211,11 @@ fn declarations(constants: &[(&str, Literal)]) -> String {
 
 /// Declarations of all shared constants.
 fn constants() -> String {
+    binding_constants() + &other_constants()
+}
+
+/// Declarations of bindings and locations.
+fn binding_constants() -> String {
     declare! {
         u32 {
             BINDING_FRAME = binding::FRAME,
@@ -237,6 +242,12 @@ fn constants() -> String {
             BINDING_OCCLUSION_FAR = binding::OCCLUSION_FAR,
             BINDING_OCCLUSION_SUMS = binding::OCCLUSION_SUMS,
         }
+    }
+}
+
+/// Declarations of all other shared constants.
+fn other_constants() -> String {
+    declare! {
         u32 { WORKGROUP_X = WORKGROUP[0], WORKGROUP_Y = WORKGROUP[1], HIT_COUNTS_THREADS, HIT_BLOCK_PX, OCCLUSION_SPLIT, OCCLUSION_THREADS }
         // Frame, grid, nodes and summaries.
         u32 { MAX_SAMPLES, MAX_STEPS, NO_NODE, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_LEVEL_SHIFT, GRID_LEVEL_MASK }

@@ -28,8 +28,9 @@ struct OcclusionUniform {
 @group(0) @binding(BINDING_OCCLUSION_VIEW) var<uniform> view: OcclusionUniform;
 @group(0) @binding(BINDING_OCCLUSION_PLACES) var<storage, read> places: array<i32>;
 @group(0) @binding(BINDING_OCCLUSION_NORMALS) var<storage, read> normals: array<i32>;
-@group(0) @binding(BINDING_OCCLUSION_NEAR) var near_map: texture_depth_2d;
-@group(0) @binding(BINDING_OCCLUSION_FAR) var far_map: texture_depth_2d;
+// Not of the type for depths, which OpenGL only samples.
+@group(0) @binding(BINDING_OCCLUSION_NEAR) var near_map: texture_2d<f32>;
+@group(0) @binding(BINDING_OCCLUSION_FAR) var far_map: texture_2d<f32>;
 @group(0) @binding(BINDING_OCCLUSION_SUMS) var<storage, read_write> sums: array<i32>;
 
 fn dot_whole(a: vec3<i32>, b: vec3<i32>) -> i32 {
@@ -67,7 +68,7 @@ fn to_centre(at: vec2<i32>) -> vec2<f32> {
 // Whether a vertex is seen, as `sees` of the CPU twin.
 fn sees(normal: vec3<i32>, at: vec3<i32>, facing: i32) -> bool {
     let texel = at.xy >> vec2<u32>(view.subtexel_bits);
-    let depth = select(textureLoad(far_map, texel, 0), textureLoad(near_map, texel, 0), facing > 0);
+    let depth = select(textureLoad(far_map, texel, 0).x, textureLoad(near_map, texel, 0).x, facing > 0);
     // Nothing was drawn there.
     if depth == select(1.0, 0.0, facing > 0) {
         return true;
