@@ -61,18 +61,22 @@ fn faded_noise(p: vec3<f32>, footprint: f32) -> vec4<f32> {
     return vec4<f32>(0.0);
 }
 
-fn marble(stone: Stone, p: vec3<f32>, footprint: f32) -> vec3<f32> {
+fn marble(stone: Stone, straight: vec3<f32>, footprint: f32) -> vec3<f32> {
+    let p = straight * vec3<f32>(VEIN_STRETCH, 1.0, 1.0);
     let slow = faded_noise(next_octave(p, BEND_FREQUENCY), footprint * BEND_FREQUENCY);
-    let bent = p + slow.xyz * stone.bend;
+    let quick = faded_noise(next_octave(p, CRINKLE_FREQUENCY), footprint * CRINKLE_FREQUENCY);
+    let places = fbm(next_octave(p, PLACE_FREQUENCY), 2u, 0.6, footprint * PLACE_FREQUENCY);
+    let bent = p + (slow.xyz + quick.xyz * CRINKLE) * stone.bend;
     let width = stone.vein_width * max(1.0 + WIDTH_VARIATION * slow.w, MIN_WIDTH);
     let broad = veins(stone.octaves, bent, width, footprint, BROAD_LACUNARITY);
     let fine_start = next_octave(bent, FINE_LACUNARITY);
     let fine = veins(stone.octaves, fine_start, width * FINE_WIDTH, footprint * FINE_LACUNARITY, FINE_LACUNARITY);
-    let strength = select(vec2<f32>(0.0), stone.blend, (vec2<u32>(stone.veins) & vec2<u32>(BROAD_VEINS, FINE_VEINS)) != vec2<u32>(0u));
-    let tone = max(1.0 + stone.variation * (broad.cloud + slow.w), 0.0);
+    let is_used = (vec2<u32>(stone.veins) & vec2<u32>(BROAD_VEINS, FINE_VEINS)) != vec2<u32>(0u);
+    let blend = select(vec2<f32>(0.0), stone.blend, is_used);
+    let tone = max(1.0 + stone.variation * (broad.cloud + 2.0 * places.value), 0.0);
     let ground = stone.base * tone;
-    let veined = mix(ground, stone.vein, broad.share * strength.x);
-    return mix(veined, stone.grain, fine.share * strength.y);
+    let veined = mix(ground, stone.vein, broad.share * blend.x * ramp(0.0, places, PLACE_CONTRAST));
+    return mix(veined, stone.grain, fine.share * blend.y * ramp(0.0, places, -PLACE_CONTRAST));
 }
 
 struct VeinSum {
@@ -174,8 +178,8 @@ fn bronze(stone: Stone, bare: StoneSurface, straight: vec3<f32>, exposure: f32, 
 }
 
 fn ramp(at: f32, noise: NoiseSum, strength: f32) -> f32 {
-    let middle = 0.5 + (at + noise.value * strength) / (2.0 * PATINA_RANGE);
-    let half_range = max(sqrt(3.0 * noise.hidden) * strength / (2.0 * PATINA_RANGE), 0.02);
+    let middle = 0.5 + (at + noise.value * strength) / (2.0 * RAMP_RANGE);
+    let half_range = max(sqrt(3.0 * noise.hidden) * abs(strength) / (2.0 * RAMP_RANGE), 0.02);
     return (ramp_integral(middle + half_range) - ramp_integral(middle - half_range)) / (2.0 * half_range);
 }
 
@@ -187,9 +191,9 @@ fn ramp_integral(at: f32) -> f32 {
 fn limestone(stone: Stone, straight: vec3<f32>, footprint: f32) -> vec3<f32> {
     let slow = faded_noise(next_octave(straight, 0.2), footprint * 0.2);
     let flat = straight * vec3<f32>(BED_FLATNESS, BED_FLATNESS, 1.0) + vec3<f32>(0.0, 0.0, slow.w * stone.bend);
-    let beds = fbm(flat + 0.37, 2u, 0.6, footprint);
+    let beds = fbm(flat + 0.37, 3u, 0.7, footprint);
     let grains = fbm(next_octave(straight, LIMESTONE_GRAINS), stone.octaves, 0.85, footprint * LIMESTONE_GRAINS);
     let ground = stone.base * (1.0 + stone.variation * slow.w);
-    let bedded = mix(ground, stone.vein, stone.blend.x * clamp(0.5 + 1.6 * beds.value, 0.0, 1.0));
-    return mix(bedded, stone.grain, stone.blend.y * clamp(0.5 + 1.6 * grains.value, 0.0, 1.0));
+    let bedded = mix(ground, stone.vein, stone.blend.x * ramp(0.0, beds, 1.0));
+    return mix(bedded, stone.grain, stone.blend.y * ramp(-0.08, grains, 1.5));
 }

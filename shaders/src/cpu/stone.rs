@@ -20,6 +20,14 @@ pub(crate) const VEIN_FALL: f32 = 2.3;
 /// Frequency of what bends veins and varies their width, in that of the broad veins, and how much the width varies.
 pub(crate) const BEND_FREQUENCY: f32 = 0.8;
 pub(crate) const WIDTH_VARIATION: f32 = 3.2;
+/// Frequency of what crinkles veins, and how much of it is added to what bends them.
+pub(crate) const CRINKLE_FREQUENCY: f32 = 3.3;
+pub(crate) const CRINKLE: f32 = 0.16;
+/// Veins are longer in one direction by the inverse of this.
+pub(crate) const VEIN_STRETCH: f32 = 0.5;
+/// Frequency of the places where veins are strong, and how sharply those are bounded.
+pub(crate) const PLACE_FREQUENCY: f32 = 0.6;
+pub(crate) const PLACE_CONTRAST: f32 = 1.6;
 /// Least share of a vein's width.
 pub(crate) const MIN_WIDTH: f32 = 0.12;
 /// Persistence of the granite's octaves (section 4.4).
@@ -30,16 +38,16 @@ pub(crate) const GRAIN_BEND_FREQUENCY: f32 = 2.1;
 /// How much patina depends on the height of the normal, and on the visible sky.
 pub(crate) const PATINA_UPWARDS: f32 = 0.3;
 pub(crate) const PATINA_OPEN: f32 = 0.45;
-/// Half of the range over which patina sets in, and the noise that moves it.
-pub(crate) const PATINA_RANGE: f32 = 0.22;
-pub(crate) const PATINA_NOISE: f32 = 4.0;
+/// Half of the range of [`ramp`], and the noise that moves patina.
+pub(crate) const RAMP_RANGE: f32 = 0.2;
+pub(crate) const PATINA_NOISE: f32 = 6.0;
 /// Rain stretches patina by the inverse of this.
-pub(crate) const PATINA_HEIGHT: f32 = 0.4;
+pub(crate) const PATINA_HEIGHT: f32 = 0.28;
 /// Roughness and reflectance of patina.
 pub(crate) const PATINA_ALPHA: f32 = 0.5;
 pub(crate) const PATINA_F0: f32 = 0.04;
 /// Frequency of beds along the ground, and of grains of a limestone, in that of beds along the height.
-pub(crate) const BED_FLATNESS: f32 = 0.1;
+pub(crate) const BED_FLATNESS: f32 = 0.08;
 pub(crate) const LIMESTONE_GRAINS: f32 = 14.0;
 
 /// What a stone shows at a point.
@@ -90,19 +98,24 @@ fn faded_noise(p: Vec3, footprint: f32) -> Vec4 {
     if share > 0.0 { perlin(p) * share } else { Vec4::ZERO }
 }
 
-/// Two kinds of veins through a cloudy ground (Mischitelli, section 4.3.3).
-fn marble(stone: &Stone, p: Vec3, footprint: f32) -> Vec3 {
+/// Two kinds of veins through a cloudy ground (Mischitelli, section 4.3.3). Either kind has places of its own, where it is strong.
+fn marble(stone: &Stone, straight: Vec3, footprint: f32) -> Vec3 {
+    let p = straight * Vec3::new(VEIN_STRETCH, 1.0, 1.0);
     let slow = faded_noise(next_octave(p, BEND_FREQUENCY), footprint * BEND_FREQUENCY);
-    let bent = p + slow.xyz() * stone.bend;
+    let quick = faded_noise(next_octave(p, CRINKLE_FREQUENCY), footprint * CRINKLE_FREQUENCY);
+    let places = fbm(next_octave(p, PLACE_FREQUENCY), 2, 0.6, footprint * PLACE_FREQUENCY);
+    let bent = p + (slow.xyz() + quick.xyz() * CRINKLE) * stone.bend;
     let width = stone.vein_width * (1.0 + WIDTH_VARIATION * slow.w).max(MIN_WIDTH);
     let broad = veins(stone.octaves, bent, width, footprint, BROAD_LACUNARITY);
     let fine_start = next_octave(bent, FINE_LACUNARITY);
     let fine = veins(stone.octaves, fine_start, width * FINE_WIDTH, footprint * FINE_LACUNARITY, FINE_LACUNARITY);
-    let strength = |veins: u32, blend: f32| if stone.veins & veins != 0 { blend } else { 0.0 };
-    let tone = (1.0 + stone.variation * (broad.cloud + slow.w)).max(0.0);
+    let strength = |veins: u32, blend: f32, contrast: f32| {
+        if stone.veins & veins != 0 { blend * ramp(0.0, &places, contrast) } else { 0.0 }
+    };
+    let tone = (1.0 + stone.variation * (broad.cloud + 2.0 * places.value)).max(0.0);
     let ground = Vec3::from(stone.base) * tone;
-    let veined = ground.lerp(stone.vein.into(), broad.share * strength(BROAD_VEINS, stone.blend[0]));
-    veined.lerp(stone.grain.into(), fine.share * strength(FINE_VEINS, stone.blend[1]))
+    let veined = ground.lerp(stone.vein.into(), broad.share * strength(BROAD_VEINS, stone.blend[0], PLACE_CONTRAST));
+    veined.lerp(stone.grain.into(), fine.share * strength(FINE_VEINS, stone.blend[1], -PLACE_CONTRAST))
 }
 
 /// Veins at a point.
@@ -216,9 +229,9 @@ fn bronze(stone: &Stone, bare: &StoneSurface, straight: Vec3, exposure: f32, foo
 /// A ramp from 0 to 1 around `at` plus noise. What a footprint hides of the noise makes it wider: it is the mean over a uniform
 /// distribution with the hidden variance.
 fn ramp(at: f32, noise: &NoiseSum, strength: f32) -> f32 {
-    let middle = 0.5 + (at + noise.value * strength) / (2.0 * PATINA_RANGE);
+    let middle = 0.5 + (at + noise.value * strength) / (2.0 * RAMP_RANGE);
     // Half of the range of a uniform distribution is the root of 3 times its variance.
-    let half = ((3.0 * noise.hidden).sqrt() * strength / (2.0 * PATINA_RANGE)).max(0.02);
+    let half = ((3.0 * noise.hidden).sqrt() * strength.abs() / (2.0 * RAMP_RANGE)).max(0.02);
     (ramp_integral(middle + half) - ramp_integral(middle - half)) / (2.0 * half)
 }
 
@@ -231,10 +244,9 @@ fn ramp_integral(at: f32) -> f32 {
 fn limestone(stone: &Stone, straight: Vec3, footprint: f32) -> Vec3 {
     let slow = faded_noise(next_octave(straight, 0.2), footprint * 0.2);
     let flat = straight * Vec3::new(BED_FLATNESS, BED_FLATNESS, 1.0) + Vec3::Z * (slow.w * stone.bend);
-    let beds = fbm(flat + 0.37, 2, 0.6, footprint);
+    let beds = fbm(flat + 0.37, 3, 0.7, footprint);
     let grains = fbm(next_octave(straight, LIMESTONE_GRAINS), stone.octaves, 0.85, footprint * LIMESTONE_GRAINS);
-    let share = |noise: f32| (0.5 + 1.6 * noise).clamp(0.0, 1.0);
     let ground = Vec3::from(stone.base) * (1.0 + stone.variation * slow.w);
-    let bedded = ground.lerp(stone.vein.into(), stone.blend[0] * share(beds.value));
-    bedded.lerp(stone.grain.into(), stone.blend[1] * share(grains.value))
+    let bedded = ground.lerp(stone.vein.into(), stone.blend[0] * ramp(0.0, &beds, 1.0));
+    bedded.lerp(stone.grain.into(), stone.blend[1] * ramp(-0.08, &grains, 1.5))
 }
