@@ -68,9 +68,9 @@ fn marble(stone: Stone, straight: vec3<f32>, footprint: f32) -> vec3<f32> {
     let places = fbm(next_octave(p, PLACE_FREQUENCY), 2u, 0.6, footprint * PLACE_FREQUENCY);
     let bent = p + (slow.xyz + quick.xyz * CRINKLE) * stone.bend;
     let width = stone.vein_width * max(1.0 + WIDTH_VARIATION * slow.w, MIN_WIDTH);
-    let broad = veins(stone.octaves, bent, width, footprint, BROAD_LACUNARITY);
+    let broad = veins(stone, bent, width, footprint, BROAD_LACUNARITY);
     let fine_start = next_octave(bent, FINE_LACUNARITY);
-    let fine = veins(stone.octaves, fine_start, width * FINE_WIDTH, footprint * FINE_LACUNARITY, FINE_LACUNARITY);
+    let fine = veins(stone, fine_start, width * FINE_WIDTH, footprint * FINE_LACUNARITY, FINE_LACUNARITY);
     let is_used = (vec2<u32>(stone.veins) & vec2<u32>(BROAD_VEINS, FINE_VEINS)) != vec2<u32>(0u);
     let blend = select(vec2<f32>(0.0), stone.blend, is_used);
     let tone = max(1.0 + stone.variation * (broad.cloud + 2.0 * places.value), 0.0);
@@ -84,19 +84,20 @@ struct VeinSum {
     cloud: f32,
 }
 
-fn veins(octaves: u32, start: vec3<f32>, width: f32, start_footprint: f32, lacunarity: f32) -> VeinSum {
+fn veins(stone: Stone, start: vec3<f32>, width: f32, start_footprint: f32, lacunarity: f32) -> VeinSum {
     var p = start;
     var footprint = start_footprint;
     var amplitude = 1.0;
     var share = 0.0;
     var cloud = 0.0;
-    let mean = width * (NOISE_DENSITY * 16.0 / 15.0 + NOISE_DENSITY_BEND * width * width * 8.0 / 105.0);
-    for (var i = 0u; i < octaves; i++) {
+    let mean = vein_mean(width, 0.0);
+    for (var i = 0u; i < stone.octaves; i++) {
         let left = octave_share(footprint);
         var vein = mean;
         if left > 0.0 {
             let noise = perlin(p);
-            vein += left * (vein_profile(noise.w, length(noise.xyz) * footprint, width) - mean);
+            let spread = length(noise.xyz) * footprint * (1.0 + BENT_SLOPE * stone.bend);
+            vein += left * (vein_profile(noise.w, spread, width) - vein_mean(width, spread));
             cloud += noise.w * left * amplitude;
         }
         share += (1.0 - share) * vein * amplitude;
@@ -105,6 +106,11 @@ fn veins(octaves: u32, start: vec3<f32>, width: f32, start_footprint: f32, lacun
         footprint *= lacunarity;
     }
     return VeinSum(share, cloud);
+}
+
+fn vein_mean(width: f32, spread: f32) -> f32 {
+    let density = NOISE_DENSITY / (1.0 - NOISE_DENSITY_BEND / (24.0 * NOISE_DENSITY) * spread * spread);
+    return width * (density * 16.0 / 15.0 + NOISE_DENSITY_BEND * width * width * 8.0 / 105.0);
 }
 
 fn vein_profile(noise: f32, spread: f32, width: f32) -> f32 {
@@ -131,7 +137,7 @@ fn granite(stone: Stone, p: vec3<f32>, footprint: f32) -> vec3<f32> {
 }
 
 fn grains(p: vec3<f32>, footprint: f32, share: f32) -> vec2<f32> {
-    let left = octave_share(footprint);
+    let left = octave_share(footprint * GRAIN_FOOTPRINT);
     let mean = vec2<f32>(share, 0.0);
     if left <= 0.0 {
         return mean;
@@ -163,11 +169,10 @@ fn grains(p: vec3<f32>, footprint: f32, share: f32) -> vec2<f32> {
 
 fn bronze(stone: Stone, bare: StoneSurface, straight: vec3<f32>, exposure: f32, footprint: f32) -> StoneSurface {
     let p = next_octave(straight * vec3<f32>(1.0, 1.0, PATINA_HEIGHT), 1.0);
-    let patches = turbulence(p, stone.octaves, 0.65, footprint);
-    let fine = fbm(next_octave(p, 2.7), stone.octaves, 0.75, footprint * 2.7);
-    let noise = PATINA_NOISE * stone.variation;
-    let patina = ramp(stone.blend.x - 0.5 + exposure, patches, noise);
-    let thin = ramp(stone.blend.y - 0.5, fine, noise);
+    let patches = fbm(p, stone.octaves, 0.65, footprint);
+    let patina = ramp(stone.blend.x - 0.5 + exposure, patches, PATINA_NOISE * stone.variation);
+    let creases = turbulence(next_octave(p, 2.7), min(stone.octaves, 3u), 0.75, footprint * 2.7);
+    let thin = clamp(stone.blend.y * (1.0 + PATINA_CREASES * creases.value), 0.0, 1.0);
     let green = mix(stone.vein, stone.grain, thin);
     return StoneSurface(
         mix(bare.albedo, green, patina),
@@ -179,13 +184,15 @@ fn bronze(stone: Stone, bare: StoneSurface, straight: vec3<f32>, exposure: f32, 
 
 fn ramp(at: f32, noise: NoiseSum, strength: f32) -> f32 {
     let middle = 0.5 + (at + noise.value * strength) / (2.0 * RAMP_RANGE);
-    let half_range = max(sqrt(3.0 * noise.hidden) * abs(strength) / (2.0 * RAMP_RANGE), 0.02);
-    return (ramp_integral(middle + half_range) - ramp_integral(middle - half_range)) / (2.0 * half_range);
+    let half_range = max(sqrt(6.0 * noise.hidden) * abs(strength) / (2.0 * RAMP_RANGE), 0.1);
+    let sides = ramp_integral(middle + half_range) + ramp_integral(middle - half_range);
+    return (sides - 2.0 * ramp_integral(middle)) / (half_range * half_range);
 }
 
 fn ramp_integral(at: f32) -> f32 {
     let u = clamp(at, 0.0, 1.0);
-    return 0.5 * u * u + max(at - 1.0, 0.0);
+    let above = max(at - 1.0, 0.0);
+    return u * u * u / 6.0 + 0.5 * above * (above + 1.0);
 }
 
 fn limestone(stone: Stone, straight: vec3<f32>, footprint: f32) -> vec3<f32> {
