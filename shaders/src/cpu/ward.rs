@@ -263,7 +263,7 @@ mod tests {
         for alpha in all_alphas() {
             assert!((ward(alpha, Vec3::Z, Vec3::Z) * 4.0 * PI * alpha.x * alpha.y - 1.0).abs() < 1e-5);
             for _ in 0..500 {
-                let mut any = || direction(rng.range(0.05, 1.0) as f32, rng.range(0.0, 6.28) as f32);
+                let mut any = || direction(rng.range(0.05, 1.0) as f32, TAU * rng.unit() as f32);
                 let (i, o) = (any(), any());
                 assert_eq!(ward(alpha, i, o), ward(alpha, o, i));
                 let f0 = Vec3::new(0.04, 0.3, 0.9);
