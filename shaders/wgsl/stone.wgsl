@@ -147,20 +147,25 @@ fn grains(p: vec3<f32>, footprint: f32, share: f32) -> vec2<f32> {
     let cell = vec3<i32>(corner);
     var sharp = vec3<f32>(mean, 1.0) * 1e-9;
     var soft = sharp;
-    for (var k = 0; k < 27; k++) {
-        let step = vec3<i32>(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-        let hash = scramble_cell(cell + step);
-        let point = vec3<f32>(vec3<u32>(hash, hash >> 10u, hash >> 20u) & vec3<u32>(1023u)) / 1023.0;
-        let offset = vec3<f32>(step) + point - f;
-        let near = 1.0 - dot(offset, offset);
-        if near > 0.0 {
-            let of_cell = scramble(hash ^ 0x5bd1e995u);
-            let is_of_share = f32(of_cell & 0xffffu) < share * 65536.0;
-            let value = vec3<f32>(select(0.0, 1.0, is_of_share), f32(of_cell >> 16u) / 65535.0 - 0.5, 1.0);
-            let eighth = near * near * near * near * near * near * near * near;
-            let weight = eighth * eighth;
-            soft += value * weight;
-            sharp += value * (weight * weight * weight * weight);
+    for (var i = 0; i < 9; i++) {
+        let column = vec2<i32>(i % 3 - 1, i / 3 - 1);
+        let at = bitcast<vec2<u32>>(cell.xy + column);
+        let hash_of_column = scramble(scramble(at.x) + at.y);
+        for (var k = -1; k <= 1; k++) {
+            let hash = scramble(hash_of_column + bitcast<u32>(cell.z + k));
+            let point = vec3<f32>(vec3<u32>(hash, hash >> 10u, hash >> 20u) & vec3<u32>(1023u));
+            let offset = vec3<f32>(vec3<i32>(column, k)) - f + point / 1023.0;
+            let near = 1.0 - dot(offset, offset);
+            if near > 0.0 {
+                let of_cell = scramble(hash ^ 0x5bd1e995u);
+                let is_of_share = f32(of_cell & 0xffffu) < share * 65536.0;
+                let value = vec3<f32>(select(0.0, 1.0, is_of_share), f32(of_cell >> 16u) / 65535.0 - 0.5, 1.0);
+                let square = near * near;
+                let eighth = square * square * square * square;
+                let weight = eighth * eighth;
+                soft += value * weight;
+                sharp += value * (weight * weight * weight * weight);
+            }
         }
     }
     let found = mix(sharp / sharp.z, soft / soft.z, min(8.0 * footprint, 1.0));
@@ -173,10 +178,11 @@ fn bronze(stone: Stone, bare: StoneSurface, straight: vec3<f32>, exposure: f32, 
     let patina = ramp(stone.blend.x - 0.5 + exposure, patches, PATINA_NOISE * stone.variation);
     let creases = turbulence(next_octave(p, 2.7), min(stone.octaves, 3u), 0.75, footprint * 2.7);
     let thin = clamp(stone.blend.y * (1.0 + PATINA_CREASES * creases.value), 0.0, 1.0);
+    let tarnish = clamp(1.0 - PATINA_TARNISH * creases.value, 0.0, 1.3);
     let green = mix(stone.vein, stone.grain, thin);
     return StoneSurface(
         mix(bare.albedo, green, patina),
-        mix(bare.f0, vec3<f32>(PATINA_F0), patina),
+        mix(bare.f0 * tarnish, vec3<f32>(PATINA_F0), patina),
         mix(bare.alpha, vec2<f32>(PATINA_ALPHA), patina),
         bare.tangent,
     );

@@ -59,6 +59,11 @@ fn lobe_occlusion(cosine: f32, open: f32, alpha: f32) -> f32 {
     return clamp(pow(cosine + open, exp2(-16.0 * alpha - 1.0)) - 1.0 + open, 0.0, 1.0);
 }
 
+fn openness(ao: f32, height: f32) -> f32 {
+    let unknown = UNKNOWN_BELOW * max(-height, 0.0);
+    return min((ao + unknown) / (0.5 + 0.5 * height + unknown), 1.0);
+}
+
 // Mean radiance of the surroundings in a lobe around `towards`.
 fn surroundings(towards: vec3<f32>, alpha: f32, open: f32) -> vec3<f32> {
     let city = frame.light.facade_sky.rgb + frame.light.facade_sun.rgb * (0.25 * open);
@@ -78,7 +83,7 @@ fn reflect_stone(stone: StoneSurface, normal: vec3<f32>, ao: f32, dir: vec3<f32>
     let facing = clamp(view.z, MIN_FACING, 1.0);
     let matt = reflected(stone.albedo, normal, ao);
     let towards = dir + normal * (2.0 * max(view.z, 0.0));
-    let open = min(ao / (0.5 + 0.5 * abs(normal.z)), 1.0);
+    let open = openness(ao, normal.z);
     let roughness = roughness_towards(stone.alpha, view);
     let parts = lobe_reflectance(roughness, facing);
     let seen = surroundings(towards, sqrt(stone.alpha.x * stone.alpha.y), open);

@@ -7,9 +7,9 @@
 use super::noise::{
     NOISE_DENSITY, NOISE_DENSITY_BEND, NoiseSum, fbm, next_octave, octave_share, perlin, turbulence,
 };
-use super::night::{scramble, scramble_cell};
+use super::night::scramble;
 use crate::stone::{BROAD_VEINS, FINE_VEINS, Stone, StoneKind};
-use glam::{IVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
+use glam::{IVec2, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 
 /// Width of fine veins as a share of that of broad ones. Mischitelli's powers 2 and 64 have this ratio (section 4.3.3).
 pub(crate) const FINE_WIDTH: f32 = 0.22;
@@ -44,7 +44,9 @@ pub(crate) const PATINA_UPWARDS: f32 = 0.3;
 pub(crate) const PATINA_OPEN: f32 = 0.45;
 /// Half of the range of [`ramp`], and the noise that moves patina.
 pub(crate) const RAMP_RANGE: f32 = 0.2;
-pub(crate) const PATINA_NOISE: f32 = 4.0;
+pub(crate) const PATINA_NOISE: f32 = 4.2;
+/// How much darker metal is in creases of the noise.
+pub(crate) const PATINA_TARNISH: f32 = 4.0;
 /// How much thinner patina is in creases of the noise.
 pub(crate) const PATINA_CREASES: f32 = 6.0;
 /// Rain stretches patina by the inverse of this.
@@ -204,19 +206,25 @@ fn grains(p: Vec3, footprint: f32, share: f32) -> Vec2 {
     let cell = corner.as_ivec3();
     // The smallest weights belong to places that are far from all points.
     let (mut sharp, mut soft) = (mean.extend(1.0) * 1e-9, mean.extend(1.0) * 1e-9);
-    for k in 0..27 {
-        let step = IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-        let hash = scramble_cell(cell + step);
-        let point = Vec3::new((hash & 1023) as f32, (hash >> 10 & 1023) as f32, (hash >> 20 & 1023) as f32) / 1023.0;
-        let near = 1.0 - (step.as_vec3() + point - f).length_squared();
-        if near > 0.0 {
-            let of_cell = scramble(hash ^ 0x5bd1_e995);
-            let is_of_share = ((of_cell & 0xffff) as f32) < share * 65_536.0;
-            let value = Vec3::new(f32::from(is_of_share), (of_cell >> 16) as f32 / 65_535.0 - 0.5, 1.0);
-            let eighth = near * near * near * near * near * near * near * near;
-            let weight = eighth * eighth;
-            soft += value * weight;
-            sharp += value * (weight * weight * weight * weight);
+    for i in 0..9 {
+        let column = IVec2::new(i % 3 - 1, i / 3 - 1);
+        let [x, y] = (cell.xy() + column).as_uvec2().to_array();
+        let hash_of_column = scramble(scramble(x).wrapping_add(y));
+        for k in -1..=1 {
+            // The hash of `scramble_cell`.
+            let hash = scramble(hash_of_column.wrapping_add((cell.z + k) as u32));
+            let point = Vec3::new((hash & 1023) as f32, (hash >> 10 & 1023) as f32, (hash >> 20 & 1023) as f32);
+            let near = 1.0 - (column.extend(k).as_vec3() - f + point / 1023.0).length_squared();
+            if near > 0.0 {
+                let of_cell = scramble(hash ^ 0x5bd1_e995);
+                let is_of_share = ((of_cell & 0xffff) as f32) < share * 65_536.0;
+                let value = Vec3::new(f32::from(is_of_share), (of_cell >> 16) as f32 / 65_535.0 - 0.5, 1.0);
+                let square = near * near;
+                let eighth = square * square * square * square;
+                let weight = eighth * eighth;
+                soft += value * weight;
+                sharp += value * (weight * weight * weight * weight);
+            }
         }
     }
     let near = sharp / sharp.z;
@@ -231,10 +239,11 @@ fn bronze(stone: &Stone, bare: &StoneSurface, straight: Vec3, exposure: f32, foo
     let patina = ramp(stone.blend[0] - 0.5 + exposure, &patches, PATINA_NOISE * stone.variation);
     let creases = turbulence(next_octave(p, 2.7), stone.octaves.min(3), 0.75, footprint * 2.7);
     let thin = (stone.blend[1] * (1.0 + PATINA_CREASES * creases.value)).clamp(0.0, 1.0);
+    let tarnish = (1.0 - PATINA_TARNISH * creases.value).clamp(0.0, 1.3);
     let green = Vec3::from(stone.vein).lerp(stone.grain.into(), thin);
     StoneSurface {
         albedo: bare.albedo.lerp(green, patina),
-        f0: bare.f0.lerp(Vec3::splat(PATINA_F0), patina),
+        f0: (bare.f0 * tarnish).lerp(Vec3::splat(PATINA_F0), patina),
         alpha: bare.alpha.lerp(Vec2::splat(PATINA_ALPHA), patina),
         ..*bare
     }

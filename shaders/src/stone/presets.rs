@@ -71,11 +71,11 @@ const GREY_GRANITE: Stone = Stone {
 const BRONZE: Stone = Stone {
     base: [0.018, 0.012, 0.007],
     kind: StoneKind::Bronze as u32,
-    vein: [0.10, 0.215, 0.165],
+    vein: [0.135, 0.235, 0.185],
     cells_per_m: 1.0 / 0.35,
     grain: [0.045, 0.060, 0.042],
     octaves: 5,
-    f0: [0.42, 0.25, 0.115],
+    f0: [0.36, 0.225, 0.12],
     scattering: 0,
     alpha: [0.22, 0.28],
     blend: [0.42, 0.4],
