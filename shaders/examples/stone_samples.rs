@@ -41,8 +41,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().ok_or("usage: stone_samples OUT.png [STONE]")?;
     let chosen = arguments.next();
-    let stones: Vec<Stone> =
-        PRESETS.iter().filter(|(name, _)| chosen.as_deref().is_none_or(|chosen| chosen == *name)).map(|p| p.1).collect();
+    let stones: Vec<Stone> = PRESETS
+        .iter()
+        .filter(|(name, _)| chosen.as_deref().is_none_or(|chosen| chosen == *name))
+        .map(|p| p.1)
+        .collect();
     let (columns, side) = if stones.len() == 1 { (1, SIDE_PX * 2) } else { (3, SIDE_PX) };
     let rows = (stones.len() as u32).div_ceil(columns);
     let (width, height) = (columns * side, rows * side);

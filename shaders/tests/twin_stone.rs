@@ -216,12 +216,16 @@ impl Gpu {
         let group = |index: u32, buffers: &[(u32, &wgpu::Buffer)]| {
             let entries: Vec<wgpu::BindGroupEntry<'_>> = buffers
                 .iter()
-                .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
+                .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                    binding: *binding,
+                    resource: buffer.as_entire_binding(),
+                })
                 .collect();
             let layout = &pipeline.get_bind_group_layout(index);
             device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
         };
-        let groups = [group(0, &[(binding::FRAME, &frame)]), group(1, &[(0, &inputs[0]), (1, &inputs[1]), (2, &output)])];
+        let groups =
+            [group(0, &[(binding::FRAME, &frame)]), group(1, &[(0, &inputs[0]), (1, &inputs[1]), (2, &output)])];
         let staging = buffer(bytemuck::cast_slice(&unwritten), BufferUsages::MAP_READ | BufferUsages::COPY_DST);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None });
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes: None });

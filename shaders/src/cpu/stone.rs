@@ -4,10 +4,8 @@
 //! the part is replaced by its mean. Colours depend on each part linearly, so what a pixel shows keeps the mean colour of what it
 //! covers, near and far.
 
-use super::noise::{
-    NOISE_DENSITY, NOISE_DENSITY_BEND, NoiseSum, fbm, next_octave, octave_share, perlin, turbulence,
-};
 use super::night::scramble;
+use super::noise::{NOISE_DENSITY, NOISE_DENSITY_BEND, NoiseSum, fbm, next_octave, octave_share, perlin, turbulence};
 use crate::stone::{BROAD_VEINS, FINE_VEINS, Stone, StoneKind};
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 
@@ -279,7 +277,7 @@ fn limestone(stone: &Stone, straight: Vec3, footprint: f32) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stone::PRESETS;
+    use crate::{cpu::noise::OCTAVE_TURN, stone::PRESETS};
     use insula_test_support::rng::Rng;
     use rayon::prelude::*;
 
@@ -327,18 +325,20 @@ mod tests {
             let variance = values.iter().map(|v| (v - middle) * (v - middle)).sum::<f32>();
             // The largest parts of a pattern have up to twelve cells: beds and places of veins.
             let scale_m = 12.0 / stone.cells_per_m;
-            let lags: Vec<f32> = (0..40).map(|k| scale_m + (100.0 - scale_m) * k as f32 / 39.0).collect();
-            let cells = (13..20).map(|k| k as f32 / stone.cells_per_m);
-            for lag_m in lags.iter().copied().chain(cells) {
-                for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-                    // Beds are level: they may go on.
-                    if stone.kind == StoneKind::Limestone as u32 && axis != Vec3::Z {
-                        continue;
-                    }
-                    let product = |(p, v): (&Vec3, &f32)| (luminance(*p + axis * lag_m) - middle) * (v - middle);
-                    let correlation = points.par_iter().zip(&values).map(product).sum::<f32>() / variance;
-                    assert!(correlation.abs() < 0.1, "{name}: {correlation} at {lag_m} m along {axis}");
+            let axes = [Vec3::X, Vec3::Y, Vec3::Z];
+            let by_metres = (0..40).map(|k| scale_m + (100.0 - scale_m) * k as f32 / 39.0);
+            let by_metres = by_metres.flat_map(|lag_m| axes.map(|axis| axis * lag_m));
+            // By whole cells, along the lattice.
+            let cells = (13..20).chain([24, 32, 48, 64, 96, 100, 128, 256]).map(|k| k as f32 / stone.cells_per_m);
+            let by_cells = cells.flat_map(|lag_m| axes.map(|axis| OCTAVE_TURN.transpose() * axis * lag_m));
+            for lag in by_metres.chain(by_cells) {
+                // Beds are level: they may go on.
+                if stone.kind == StoneKind::Limestone as u32 && lag.z.abs() < scale_m {
+                    continue;
                 }
+                let product = |(p, v): (&Vec3, &f32)| (luminance(*p + lag) - middle) * (v - middle);
+                let correlation = points.par_iter().zip(&values).map(product).sum::<f32>() / variance;
+                assert!(correlation.abs() < 0.1, "{name}: {correlation} at {lag} m");
             }
         }
     }
@@ -367,7 +367,8 @@ mod tests {
                 distances.par_iter().map(|m| row(stone, *m, rays, (footprint * m).max(1e-5))).collect()
             };
             let change = |frames: &[Vec<f32>]| -> f32 {
-                let squares = |pair: &[Vec<f32>]| pair[0].iter().zip(&pair[1]).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
+                let squares =
+                    |pair: &[Vec<f32>]| pair[0].iter().zip(&pair[1]).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
                 frames.windows(2).map(squares).sum()
             };
             let (filtered, reference) = (frames(1, 1e-3), frames(8, 0.0));

@@ -209,9 +209,8 @@ mod tests {
 
     /// What the lobe reflects of light from `i`.
     fn reflectance(alpha: Vec2, f0: f32, i: Vec3, count: u32) -> f32 {
-        let sum: f32 = lobe_samples(alpha, i, count)
-            .map(|sample| fresnel(Vec3::splat(f0), sample.along).x * sample.light)
-            .sum();
+        let sum: f32 =
+            lobe_samples(alpha, i, count).map(|sample| fresnel(Vec3::splat(f0), sample.along).x * sample.light).sum();
         sum / count as f32
     }
 
@@ -264,10 +263,8 @@ mod tests {
         for alpha in ROUGH {
             for cosine in COSINES {
                 let i = direction(cosine, 0.0);
-                let (dark, white) = (
-                    reflectance(Vec2::splat(alpha), 0.0, i, 10_000),
-                    reflectance(Vec2::splat(alpha), 1.0, i, 10_000),
-                );
+                let (dark, white) =
+                    (reflectance(Vec2::splat(alpha), 0.0, i, 10_000), reflectance(Vec2::splat(alpha), 1.0, i, 10_000));
                 let fit = lobe_reflectance(alpha, cosine);
                 assert!((fit.y - dark).abs() < 0.03, "{alpha} {cosine}: {fit} {dark}");
                 assert!((fit.x - (white - dark)).abs() < 0.035, "{alpha} {cosine}: {fit} {}", white - dark);

@@ -136,7 +136,8 @@ mod tests {
         let found = found.unwrap();
         let limestone = Stone::preset("limestone").unwrap();
         assert!((found.base[0] - 1.0).abs() < 1e-4 && (found.base[1] - 0.2158).abs() < 1e-3 && found.base[2] < 1e-6);
-        let rest = Stone { cells_per_m: 2.0, base: found.base, alpha: [0.1, 0.3], veins: FINE_VEINS, octaves: 2, ..limestone };
+        let rest =
+            Stone { cells_per_m: 2.0, base: found.base, alpha: [0.1, 0.3], veins: FINE_VEINS, octaves: 2, ..limestone };
         assert_eq!(found, rest);
     }
 
