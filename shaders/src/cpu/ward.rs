@@ -335,6 +335,26 @@ mod tests {
         assert!(hidden.sky.y < 0.5 * open.sky.y, "{hidden:?} {open:?}");
     }
 
+    /// Under a sky and above a ground of radiance 1, a white surface reflects at most 1, but for the errors of the fits.
+    #[test]
+    fn a_white_stone_vanishes_in_a_white_furnace() {
+        let white = [1.0, 1.0, 1.0, 0.0];
+        let mut light =
+            Light { sky_up: white, sky_wall: white, ground_sky: white, facade_sky: white, ..Zeroable::zeroed() };
+        light.sky.as_flattened_mut().fill(white);
+        let frame = FrameUniform { sun: [0.0, 0.0, 1.0], shadow_m: 100.0, light, ..FrameUniform::zeroed() };
+        for normal in [Vec3::Z, Vec3::X, Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.6, 0.0, -0.8)] {
+            for (alpha, k) in ROUGH.into_iter().flat_map(|alpha| (0..20).map(move |k| (alpha, k))) {
+                let across = Vec3::Y * (1.0 - (k as f32 / 20.0).powi(2)).sqrt();
+                let dir = -normal * (k as f32 / 20.0) + across;
+                let stone = StoneSurface { albedo: Vec3::ONE, ..surface(alpha) };
+                let found = reflect_stone(&frame, &stone, normal, 0.5 + 0.5 * normal.z, dir);
+                assert!(found.sky.y <= 1.003 && found.sky.y > 0.7, "{alpha} {normal} {dir}: {found:?}");
+                assert_eq!(found.sun, Vec3::ZERO);
+            }
+        }
+    }
+
     #[test]
     fn smooth_stone_mirrors_the_sun_and_rough_stone_does_not() {
         let frame = frame();
