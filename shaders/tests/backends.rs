@@ -10,6 +10,19 @@ use naga::{
     valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
 };
 
+/// Calls all functions of stone.
+const STONE_KERNEL: &str = "
+@group(1) @binding(0) var<uniform> stones: array<Stone, 16>;
+@group(1) @binding(1) var<storage, read_write> light: array<vec4<f32>>;
+@compute @workgroup_size(64)
+fn stone(@builtin(global_invocation_id) id: vec3<u32>) {
+    let up = vec3<f32>(0.0, 0.0, 1.0);
+    let surface = stone_surface(stones[id.x % 16u], vec3<f32>(id), up, 1.0, 0.01);
+    let found = reflect_stone(surface, up, 1.0, -up);
+    light[id.x] = vec4<f32>(found.sky + found.sun, 1.0);
+}
+";
+
 /// One entry point of a module with its overrides set.
 struct Program<'a> {
     module: &'a Module,
@@ -27,6 +40,7 @@ fn translate_all(translate: impl Fn(&Program<'_>) -> Result<usize, String>) -> u
         ("hit_counts", wgsl::hit_counts()),
         ("nearest", wgsl::nearest()),
         ("occlusion", wgsl::occlusion()),
+        ("stone", wgsl::stone_samples(STONE_KERNEL)),
     ] {
         let module = naga::front::wgsl::parse_str(&source).expect(file);
         let info = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).expect(file);

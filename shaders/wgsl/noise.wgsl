@@ -50,7 +50,7 @@ fn gradient_of(hash: u32) -> vec3<f32> {
 
 // Share of an octave that a footprint, in cells, leaves.
 fn octave_share(footprint: f32) -> f32 {
-    let x = clamp(0.5 / max(footprint, MIN_FOOTPRINT) - 1.0, 0.0, 1.0);
+    let x = clamp(0.75 / max(footprint, MIN_FOOTPRINT) - 1.0, 0.0, 1.0);
     return x * x * (3.0 - 2.0 * x);
 }
 

@@ -40,23 +40,28 @@ fn lobe_reflectance(alpha: f32, cosine: f32) -> vec2<f32> {
     return clamp(vec2<f32>(factor, grazing * square * square), vec2<f32>(0.0), vec2<f32>(1.0));
 }
 
-fn transmitted(f0: vec3<f32>, alpha: f32, cosine: f32) -> vec3<f32> {
-    let grazing = lobe_reflectance(alpha, cosine).y + LOBE_SLACK * (1.0 - cosine);
-    return max(1.0 - f0 - grazing, vec3<f32>(0.0));
+// Light that passes the lobe to the surface below, over 1 less the reflectance from straight ahead; at most.
+fn transmitted(alpha: f32, cosine: f32) -> f32 {
+    return 1.0 - min(lobe_reflectance(alpha, cosine).y, 1.0 - LOBE_SLACK) - LOBE_SLACK * (1.0 - cosine);
 }
 
-fn mean_transmitted(f0: vec3<f32>, alpha: f32) -> vec3<f32> {
-    return max(1.0 - f0 - 0.04 / (1.0 + alpha * (2.2 + 2.7 * alpha)), vec3<f32>(1e-3));
+fn mean_transmitted(alpha: f32) -> f32 {
+    return 1.0 - 0.04 / (1.0 + alpha * (2.2 + 2.7 * alpha));
 }
 
 fn scattered(f0: vec3<f32>, alpha: vec2<f32>, i: vec3<f32>, o: vec3<f32>) -> vec3<f32> {
-    let way_in = transmitted(f0, roughness_towards(alpha, i), clamp(i.z, MIN_FACING, 1.0));
-    let way_out = transmitted(f0, roughness_towards(alpha, o), clamp(o.z, MIN_FACING, 1.0));
-    return way_in * way_out / mean_transmitted(f0, sqrt(alpha.x * alpha.y));
+    let way_in = transmitted(roughness_towards(alpha, i), clamp(i.z, MIN_FACING, 1.0));
+    let way_out = transmitted(roughness_towards(alpha, o), clamp(o.z, MIN_FACING, 1.0));
+    return (1.0 - f0) * (way_in * way_out / mean_transmitted(sqrt(0.5 * dot(alpha, alpha))));
 }
 
 fn lobe_occlusion(cosine: f32, open: f32, alpha: f32) -> f32 {
     return clamp(pow(cosine + open, exp2(-16.0 * alpha - 1.0)) - 1.0 + open, 0.0, 1.0);
+}
+
+fn openness(ao: f32, height: f32) -> f32 {
+    let unknown = UNKNOWN_BELOW * max(-height, 0.0);
+    return min((ao + unknown) / (0.5 + 0.5 * height + unknown), 1.0);
 }
 
 // Mean radiance of the surroundings in a lobe around `towards`.
@@ -78,7 +83,7 @@ fn reflect_stone(stone: StoneSurface, normal: vec3<f32>, ao: f32, dir: vec3<f32>
     let facing = clamp(view.z, MIN_FACING, 1.0);
     let matt = reflected(stone.albedo, normal, ao);
     let towards = dir + normal * (2.0 * max(view.z, 0.0));
-    let open = min(ao / (0.5 + 0.5 * abs(normal.z)), 1.0);
+    let open = openness(ao, normal.z);
     let roughness = roughness_towards(stone.alpha, view);
     let parts = lobe_reflectance(roughness, facing);
     let seen = surroundings(towards, sqrt(stone.alpha.x * stone.alpha.y), open);
@@ -86,7 +91,7 @@ fn reflect_stone(stone: StoneSurface, normal: vec3<f32>, ao: f32, dir: vec3<f32>
     let share = fresnel(stone.f0, 0.5 * length(view + light));
     let lobe = ward(stone.alpha, light, view) * max(light.z, 0.0) * (0.5 * TAU) * sun_share_by_sky(ao);
     return Radiance(
-        matt.sky * transmitted(stone.f0, roughness, facing) + mirrored_sky,
+        matt.sky * (1.0 - stone.f0) * transmitted(roughness, facing) + mirrored_sky,
         matt.sun * scattered(stone.f0, stone.alpha, light, view) + frame.light.sun.rgb * share * lobe,
     );
 }

@@ -97,7 +97,8 @@ fn covered(v: f32, low: f32, high: f32, footprint: f32) -> f32 {
     below(high) - below(low)
 }
 
-pub(super) fn scramble_cell(cell: IVec3) -> u32 {
+/// A word whose bits depend on all bits of a lattice cell's coordinates. It is the same on all devices.
+pub fn scramble_cell(cell: IVec3) -> u32 {
     let [x, y, z] = cell.as_uvec3().to_array();
     scramble(scramble(scramble(x).wrapping_add(y)).wrapping_add(z))
 }

@@ -61,10 +61,10 @@ fn gradient_of(hash: u32) -> Vec3 {
     Vec3::new((hash & 1023) as f32, (hash >> 10 & 1023) as f32, (hash >> 20 & 1023) as f32) / 511.5 - 1.0
 }
 
-/// Share of an octave that a footprint of `footprint` cells leaves: it falls from 1 at a quarter of a cell to 0 at half a cell,
-/// where the octave's wavelength is two footprints.
+/// Share of an octave that a footprint of `footprint` cells leaves. The noise has a wavelength of about one and a half cells: the
+/// share falls from 1 at four footprints in a wavelength to 0 at two.
 pub fn octave_share(footprint: f32) -> f32 {
-    let x = (0.5 / footprint.max(MIN_FOOTPRINT) - 1.0).clamp(0.0, 1.0);
+    let x = (0.75 / footprint.max(MIN_FOOTPRINT) - 1.0).clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
@@ -190,11 +190,11 @@ mod tests {
     #[test]
     fn octaves_fade_into_their_means() {
         let mut rng = Rng::new(5);
-        assert_eq!((octave_share(0.25), octave_share(0.5), octave_share(0.0)), (1.0, 0.0, 1.0));
+        assert_eq!((octave_share(0.375), octave_share(0.75), octave_share(0.0)), (1.0, 0.0, 1.0));
         for _ in 0..200 {
             let p = place(&mut rng, 50.0);
-            assert_eq!(turbulence(p, 4, 0.5, 0.5).value, 0.0);
-            assert_eq!(turbulence(p, 4, 0.5, 0.25).value, turbulence(p, 1, 1.0, 0.25).value / 1.875);
+            assert_eq!(turbulence(p, 4, 0.5, 0.75).value, 0.0);
+            assert_eq!(turbulence(p, 4, 0.5, 0.375).value, turbulence(p, 1, 1.0, 0.375).value / 1.875);
         }
         let far = fbm(Vec3::ONE, 3, 0.85, 1.0);
         let weights = (1.0 + 0.85 * 0.85 + 0.7225 * 0.7225) / (1.0_f32 + 0.85 + 0.7225).powi(2);

@@ -4,10 +4,10 @@
 //! the part is replaced by its mean. Colours depend on each part linearly, so what a pixel shows keeps the mean colour of what it
 //! covers, near and far.
 
-use super::night::{scramble, scramble_cell};
+use super::night::scramble;
 use super::noise::{NOISE_DENSITY, NOISE_DENSITY_BEND, NoiseSum, fbm, next_octave, octave_share, perlin, turbulence};
 use crate::stone::{BROAD_VEINS, FINE_VEINS, Stone, StoneKind};
-use glam::{IVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
+use glam::{IVec2, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 
 /// Width of fine veins as a share of that of broad ones. Mischitelli's powers 2 and 64 have this ratio (section 4.3.3).
 pub(crate) const FINE_WIDTH: f32 = 0.22;
@@ -18,6 +18,16 @@ pub(crate) const VEIN_FALL: f32 = 2.3;
 /// Frequency of what bends veins and varies their width, in that of the broad veins, and how much the width varies.
 pub(crate) const BEND_FREQUENCY: f32 = 0.8;
 pub(crate) const WIDTH_VARIATION: f32 = 3.2;
+/// Frequency of what crinkles veins, and how much of it is added to what bends them.
+pub(crate) const CRINKLE_FREQUENCY: f32 = 3.3;
+pub(crate) const CRINKLE: f32 = 0.24;
+/// Veins are longer in one direction by the inverse of this.
+pub(crate) const VEIN_STRETCH: f32 = 0.42;
+/// Frequency of the places where veins are strong, and how sharply those are bounded.
+pub(crate) const PLACE_FREQUENCY: f32 = 0.6;
+pub(crate) const PLACE_CONTRAST: f32 = 1.6;
+/// How much steeper bends make the noise of veins.
+pub(crate) const BENT_SLOPE: f32 = 1.0;
 /// Least share of a vein's width.
 pub(crate) const MIN_WIDTH: f32 = 0.12;
 /// Persistence of the granite's octaves (section 4.4).
@@ -25,19 +35,25 @@ pub(crate) const GRANITE_PERSISTENCE: f32 = 0.85;
 /// Frequency of mica, and of what bends grains, in that of the large grains.
 pub(crate) const MICA_FREQUENCY: f32 = 1.9;
 pub(crate) const GRAIN_BEND_FREQUENCY: f32 = 2.1;
+/// Grains have sharper borders than noise: they fade out at this share of its footprint.
+pub(crate) const GRAIN_FOOTPRINT: f32 = 1.2;
 /// How much patina depends on the height of the normal, and on the visible sky.
 pub(crate) const PATINA_UPWARDS: f32 = 0.3;
 pub(crate) const PATINA_OPEN: f32 = 0.45;
-/// Half of the range over which patina sets in, and the noise that moves it.
-pub(crate) const PATINA_RANGE: f32 = 0.22;
-pub(crate) const PATINA_NOISE: f32 = 4.0;
+/// Half of the range of [`ramp`], and the noise that moves patina.
+pub(crate) const RAMP_RANGE: f32 = 0.2;
+pub(crate) const PATINA_NOISE: f32 = 4.2;
+/// How much darker metal is in creases of the noise.
+pub(crate) const PATINA_TARNISH: f32 = 4.0;
+/// How much thinner patina is in creases of the noise.
+pub(crate) const PATINA_CREASES: f32 = 6.0;
 /// Rain stretches patina by the inverse of this.
-pub(crate) const PATINA_HEIGHT: f32 = 0.4;
+pub(crate) const PATINA_HEIGHT: f32 = 0.28;
 /// Roughness and reflectance of patina.
 pub(crate) const PATINA_ALPHA: f32 = 0.5;
 pub(crate) const PATINA_F0: f32 = 0.04;
 /// Frequency of beds along the ground, and of grains of a limestone, in that of beds along the height.
-pub(crate) const BED_FLATNESS: f32 = 0.1;
+pub(crate) const BED_FLATNESS: f32 = 0.08;
 pub(crate) const LIMESTONE_GRAINS: f32 = 14.0;
 
 /// What a stone shows at a point.
@@ -88,19 +104,24 @@ fn faded_noise(p: Vec3, footprint: f32) -> Vec4 {
     if share > 0.0 { perlin(p) * share } else { Vec4::ZERO }
 }
 
-/// Two kinds of veins through a cloudy ground (Mischitelli, section 4.3.3).
-fn marble(stone: &Stone, p: Vec3, footprint: f32) -> Vec3 {
+/// Two kinds of veins through a cloudy ground (Mischitelli, section 4.3.3). Either kind has places of its own, where it is strong.
+fn marble(stone: &Stone, straight: Vec3, footprint: f32) -> Vec3 {
+    let p = straight * Vec3::new(VEIN_STRETCH, 1.0, 1.0);
     let slow = faded_noise(next_octave(p, BEND_FREQUENCY), footprint * BEND_FREQUENCY);
-    let bent = p + slow.xyz() * stone.bend;
+    let quick = faded_noise(next_octave(p, CRINKLE_FREQUENCY), footprint * CRINKLE_FREQUENCY);
+    let places = fbm(next_octave(p, PLACE_FREQUENCY), 2, 0.6, footprint * PLACE_FREQUENCY);
+    let bent = p + (slow.xyz() + quick.xyz() * CRINKLE) * stone.bend;
     let width = stone.vein_width * (1.0 + WIDTH_VARIATION * slow.w).max(MIN_WIDTH);
-    let broad = veins(stone.octaves, bent, width, footprint, BROAD_LACUNARITY);
+    let broad = veins(stone, bent, width, footprint, BROAD_LACUNARITY);
     let fine_start = next_octave(bent, FINE_LACUNARITY);
-    let fine = veins(stone.octaves, fine_start, width * FINE_WIDTH, footprint * FINE_LACUNARITY, FINE_LACUNARITY);
-    let strength = |veins: u32, blend: f32| if stone.veins & veins != 0 { blend } else { 0.0 };
-    let tone = (1.0 + stone.variation * (broad.cloud + slow.w)).max(0.0);
+    let fine = veins(stone, fine_start, width * FINE_WIDTH, footprint * FINE_LACUNARITY, FINE_LACUNARITY);
+    let strength = |veins: u32, blend: f32, contrast: f32| {
+        if stone.veins & veins != 0 { blend * ramp(0.0, &places, contrast) } else { 0.0 }
+    };
+    let tone = (1.0 + stone.variation * (broad.cloud + 2.0 * places.value)).max(0.0);
     let ground = Vec3::from(stone.base) * tone;
-    let veined = ground.lerp(stone.vein.into(), broad.share * strength(BROAD_VEINS, stone.blend[0]));
-    veined.lerp(stone.grain.into(), fine.share * strength(FINE_VEINS, stone.blend[1]))
+    let veined = ground.lerp(stone.vein.into(), broad.share * strength(BROAD_VEINS, stone.blend[0], PLACE_CONTRAST));
+    veined.lerp(stone.grain.into(), fine.share * strength(FINE_VEINS, stone.blend[1], -PLACE_CONTRAST))
 }
 
 /// Veins at a point.
@@ -113,16 +134,18 @@ struct VeinSum {
 
 /// Octaves of veins, each where its noise is 0. The powers of [`vein_profile`] and the steps are those of the report, but for the
 /// small part of the broad veins in the fine ones, which nobody would see.
-fn veins(octaves: u32, start: Vec3, width: f32, start_footprint: f32, lacunarity: f32) -> VeinSum {
+fn veins(stone: &Stone, start: Vec3, width: f32, start_footprint: f32, lacunarity: f32) -> VeinSum {
     let (mut p, mut footprint, mut amplitude) = (start, start_footprint, 1.0);
     let (mut share, mut cloud) = (0.0, 0.0);
-    let mean = width * (NOISE_DENSITY * 16.0 / 15.0 + NOISE_DENSITY_BEND * width * width * 8.0 / 105.0);
-    for _ in 0..octaves {
+    let mean = vein_mean(width, 0.0);
+    for _ in 0..stone.octaves {
         let left = octave_share(footprint);
         let mut vein = mean;
         if left > 0.0 {
             let noise = perlin(p);
-            vein += left * (vein_profile(noise.w, noise.xyz().length() * footprint, width) - mean);
+            // Where the place is bent, the noise is steeper than its slope.
+            let spread = noise.xyz().length() * footprint * (1.0 + BENT_SLOPE * stone.bend);
+            vein += left * (vein_profile(noise.w, spread, width) - vein_mean(width, spread));
             cloud += noise.w * left * amplitude;
         }
         share += (1.0 - share) * vein * amplitude;
@@ -131,6 +154,13 @@ fn veins(octaves: u32, start: Vec3, width: f32, start_footprint: f32, lacunarity
         footprint *= lacunarity;
     }
     VeinSum { share, cloud }
+}
+
+/// Mean of [`vein_profile`] over all places where the noise has this spread: the integral of a vein times the noise's density around
+/// 0, which falls to the sides.
+fn vein_mean(width: f32, spread: f32) -> f32 {
+    let density = NOISE_DENSITY / (1.0 - NOISE_DENSITY_BEND / (24.0 * NOISE_DENSITY) * spread * spread);
+    width * (density * 16.0 / 15.0 + NOISE_DENSITY_BEND * width * width * 8.0 / 105.0)
 }
 
 /// Mean of a vein over a footprint in which the noise goes from `noise - spread / 2` to `noise + spread / 2`. Across a vein, its
@@ -164,7 +194,7 @@ fn granite(stone: &Stone, p: Vec3, footprint: f32) -> Vec3 {
 /// borders. In y, each has a tone of its own, -0.5 to 0.5. The value of a cell does not depend on its shape, so that both means are
 /// exact with any weights.
 fn grains(p: Vec3, footprint: f32, share: f32) -> Vec2 {
-    let left = octave_share(footprint);
+    let left = octave_share(footprint * GRAIN_FOOTPRINT);
     let mean = Vec2::new(share, 0.0);
     if left <= 0.0 {
         return mean;
@@ -174,19 +204,25 @@ fn grains(p: Vec3, footprint: f32, share: f32) -> Vec2 {
     let cell = corner.as_ivec3();
     // The smallest weights belong to places that are far from all points.
     let (mut sharp, mut soft) = (mean.extend(1.0) * 1e-9, mean.extend(1.0) * 1e-9);
-    for k in 0..27 {
-        let step = IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-        let hash = scramble_cell(cell + step);
-        let point = Vec3::new((hash & 1023) as f32, (hash >> 10 & 1023) as f32, (hash >> 20 & 1023) as f32) / 1023.0;
-        let near = 1.0 - (step.as_vec3() + point - f).length_squared();
-        if near > 0.0 {
-            let of_cell = scramble(hash ^ 0x5bd1_e995);
-            let is_of_share = ((of_cell & 0xffff) as f32) < share * 65_536.0;
-            let value = Vec3::new(f32::from(is_of_share), (of_cell >> 16) as f32 / 65_535.0 - 0.5, 1.0);
-            let eighth = near * near * near * near * near * near * near * near;
-            let weight = eighth * eighth;
-            soft += value * weight;
-            sharp += value * (weight * weight * weight * weight);
+    for i in 0..9 {
+        let column = IVec2::new(i % 3 - 1, i / 3 - 1);
+        let [x, y] = (cell.xy() + column).as_uvec2().to_array();
+        let hash_of_column = scramble(scramble(x).wrapping_add(y));
+        for k in -1..=1 {
+            // The hash of `scramble_cell`.
+            let hash = scramble(hash_of_column.wrapping_add((cell.z + k) as u32));
+            let point = Vec3::new((hash & 1023) as f32, (hash >> 10 & 1023) as f32, (hash >> 20 & 1023) as f32);
+            let near = 1.0 - (column.extend(k).as_vec3() - f + point / 1023.0).length_squared();
+            if near > 0.0 {
+                let of_cell = scramble(hash ^ 0x5bd1_e995);
+                let is_of_share = ((of_cell & 0xffff) as f32) < share * 65_536.0;
+                let value = Vec3::new(f32::from(is_of_share), (of_cell >> 16) as f32 / 65_535.0 - 0.5, 1.0);
+                let square = near * near;
+                let eighth = square * square * square * square;
+                let weight = eighth * eighth;
+                soft += value * weight;
+                sharp += value * (weight * weight * weight * weight);
+            }
         }
     }
     let near = sharp / sharp.z;
@@ -197,42 +233,162 @@ fn grains(p: Vec3, footprint: f32, share: f32) -> Vec2 {
 /// Metal below a patina, which grows where rain and air reach it. `exposure` is above 0 there.
 fn bronze(stone: &Stone, bare: &StoneSurface, straight: Vec3, exposure: f32, footprint: f32) -> StoneSurface {
     let p = next_octave(straight * Vec3::new(1.0, 1.0, PATINA_HEIGHT), 1.0);
-    let patches = turbulence(p, stone.octaves, 0.65, footprint);
-    let fine = fbm(next_octave(p, 2.7), stone.octaves, 0.75, footprint * 2.7);
-    let noise = PATINA_NOISE * stone.variation;
-    let patina = ramp(stone.blend[0] - 0.5 + exposure, &patches, noise);
-    let thin = ramp(stone.blend[1] - 0.5, &fine, noise);
+    let patches = fbm(p, stone.octaves, 0.65, footprint);
+    let patina = ramp(stone.blend[0] - 0.5 + exposure, &patches, PATINA_NOISE * stone.variation);
+    let creases = turbulence(next_octave(p, 2.7), stone.octaves.min(3), 0.75, footprint * 2.7);
+    let thin = (stone.blend[1] * (1.0 + PATINA_CREASES * creases.value)).clamp(0.0, 1.0);
+    let tarnish = (1.0 - PATINA_TARNISH * creases.value).clamp(0.0, 1.3);
     let green = Vec3::from(stone.vein).lerp(stone.grain.into(), thin);
     StoneSurface {
         albedo: bare.albedo.lerp(green, patina),
-        f0: bare.f0.lerp(Vec3::splat(PATINA_F0), patina),
+        f0: (bare.f0 * tarnish).lerp(Vec3::splat(PATINA_F0), patina),
         alpha: bare.alpha.lerp(Vec2::splat(PATINA_ALPHA), patina),
         ..*bare
     }
 }
 
-/// A ramp from 0 to 1 around `at` plus noise. What a footprint hides of the noise makes it wider: it is the mean over a uniform
-/// distribution with the hidden variance.
+/// A ramp from 0 to 1 around `at` plus noise. What a footprint hides of the noise makes it wider: it is the mean over a triangular
+/// distribution with the hidden variance, which is close to that of noise.
 fn ramp(at: f32, noise: &NoiseSum, strength: f32) -> f32 {
-    let middle = 0.5 + (at + noise.value * strength) / (2.0 * PATINA_RANGE);
-    // Half of the range of a uniform distribution is the root of 3 times its variance.
-    let half = ((3.0 * noise.hidden).sqrt() * strength / (2.0 * PATINA_RANGE)).max(0.02);
-    (ramp_integral(middle + half) - ramp_integral(middle - half)) / (2.0 * half)
+    let middle = 0.5 + (at + noise.value * strength) / (2.0 * RAMP_RANGE);
+    // Half of the range of a triangular distribution is the root of 6 times its variance.
+    let half = ((6.0 * noise.hidden).sqrt() * strength.abs() / (2.0 * RAMP_RANGE)).max(0.1);
+    let sides = ramp_integral(middle + half) + ramp_integral(middle - half);
+    (sides - 2.0 * ramp_integral(middle)) / (half * half)
 }
 
+/// Integral of the integral of a ramp from 0 to 1.
 fn ramp_integral(at: f32) -> f32 {
-    let u = at.clamp(0.0, 1.0);
-    0.5 * u * u + (at - 1.0).max(0.0)
+    let (u, above) = (at.clamp(0.0, 1.0), (at - 1.0).max(0.0));
+    u * u * u / 6.0 + 0.5 * above * (above + 1.0)
 }
 
 /// Fine grains in faint level beds.
 fn limestone(stone: &Stone, straight: Vec3, footprint: f32) -> Vec3 {
     let slow = faded_noise(next_octave(straight, 0.2), footprint * 0.2);
     let flat = straight * Vec3::new(BED_FLATNESS, BED_FLATNESS, 1.0) + Vec3::Z * (slow.w * stone.bend);
-    let beds = fbm(flat + 0.37, 2, 0.6, footprint);
+    let beds = fbm(flat + 0.37, 3, 0.7, footprint);
     let grains = fbm(next_octave(straight, LIMESTONE_GRAINS), stone.octaves, 0.85, footprint * LIMESTONE_GRAINS);
-    let share = |noise: f32| (0.5 + 1.6 * noise).clamp(0.0, 1.0);
     let ground = Vec3::from(stone.base) * (1.0 + stone.variation * slow.w);
-    let bedded = ground.lerp(stone.vein.into(), stone.blend[0] * share(beds.value));
-    bedded.lerp(stone.grain.into(), stone.blend[1] * share(grains.value))
+    let bedded = ground.lerp(stone.vein.into(), stone.blend[0] * ramp(0.0, &beds, 1.0));
+    bedded.lerp(stone.grain.into(), stone.blend[1] * ramp(-0.08, &grains, 1.5))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{cpu::noise::OCTAVE_TURN, stone::PRESETS};
+    use insula_test_support::rng::Rng;
+    use rayon::prelude::*;
+
+    /// Points in a cube of some side in metres.
+    fn places(seed: u64, count: usize, side_m: f64) -> Vec<Vec3> {
+        let mut rng = Rng::new(seed);
+        let mut along = || rng.range(-0.5 * side_m, 0.5 * side_m) as f32;
+        (0..count).map(|_| Vec3::new(along(), along(), along())).collect()
+    }
+
+    /// Albedo of a wall in the open.
+    fn albedo(stone: &Stone, p: Vec3, footprint_m: f32) -> Vec3 {
+        stone_surface(stone, p, Vec3::NEG_Y, 0.5, footprint_m).albedo
+    }
+
+    fn mean(values: &[Vec3]) -> Vec3 {
+        (values.iter().map(|v| v.as_dvec3()).sum::<glam::DVec3>() / values.len() as f64).as_vec3()
+    }
+
+    #[test]
+    fn mean_colours_are_the_same_at_all_distances() {
+        let points = places(1, 400_000, 300.0);
+        for (name, stone) in &PRESETS {
+            let far = albedo(stone, Vec3::ZERO, 1e4);
+            let span = |at: Vec3| (at / far - 1.0).abs().max_element();
+            for footprint_m in [1e-5, 0.003, 0.02, 0.06, 0.15, 0.5] {
+                let near: Vec<Vec3> = points.par_iter().map(|p| albedo(stone, *p, footprint_m)).collect();
+                let (found, different) = (mean(&near), near.iter().filter(|v| span(**v) > 0.02).count());
+                println!("{name} {footprint_m} m: {found} {far} off by {:.4}, {different} differ", span(found));
+                assert!(span(found) < 0.01, "{name} at {footprint_m} m: {found}, from afar {far}");
+                assert!(footprint_m > 1e-3 || different > points.len() / 2, "{name} has no pattern");
+            }
+            assert_eq!(albedo(stone, Vec3::splat(7.7), 1e4), far, "{name}");
+        }
+    }
+
+    /// Correlation of the albedo with itself, shifted: a lattice or a period would show as a peak.
+    #[test]
+    fn patterns_do_not_repeat_within_100_m() {
+        let points = places(2, 8000, 400.0);
+        for (name, stone) in &PRESETS {
+            let luminance = |p: Vec3| albedo(stone, p, 1e-4).element_sum();
+            let values: Vec<f32> = points.par_iter().map(|p| luminance(*p)).collect();
+            let middle = values.iter().sum::<f32>() / values.len() as f32;
+            let variance = values.iter().map(|v| (v - middle) * (v - middle)).sum::<f32>();
+            // The largest parts of a pattern have up to twelve cells: beds and places of veins.
+            let scale_m = 12.0 / stone.cells_per_m;
+            let axes = [Vec3::X, Vec3::Y, Vec3::Z];
+            let by_metres = (0..40).map(|k| scale_m + (100.0 - scale_m) * k as f32 / 39.0);
+            let by_metres = by_metres.flat_map(|lag_m| axes.map(|axis| axis * lag_m));
+            // By whole cells, along the lattice.
+            let cells = (13..20).chain([24, 32, 48, 64, 96, 100, 128, 256]).map(|k| k as f32 / stone.cells_per_m);
+            let by_cells = cells.flat_map(|lag_m| axes.map(|axis| OCTAVE_TURN.transpose() * axis * lag_m));
+            for lag in by_metres.chain(by_cells) {
+                // Beds are level: they may go on.
+                if stone.kind == StoneKind::Limestone as u32 && lag.z.abs() < scale_m {
+                    continue;
+                }
+                let product = |(p, v): (&Vec3, &f32)| (luminance(*p + lag) - middle) * (v - middle);
+                let correlation = points.par_iter().zip(&values).map(product).sum::<f32>() / variance;
+                assert!(correlation.abs() < 0.1, "{name}: {correlation} at {lag} m");
+            }
+        }
+    }
+
+    /// Radiance of a row of pixels on a wall at a distance: `rays` along each side of a pixel.
+    fn row(stone: &Stone, distance_m: f32, rays: u32, footprint_m: f32) -> Vec<f32> {
+        let pixel_m = distance_m * 1e-3;
+        let offset = |k: u32| (k as f32 + 0.5) / rays as f32 - 0.5;
+        let pixel = |x: i32| {
+            let ray = |k: u32| {
+                let at = Vec2::new(x as f32 + offset(k % rays), offset(k / rays)) * pixel_m;
+                albedo(stone, Vec3::new(at.x, 1.3, at.y), footprint_m).y
+            };
+            (0..rays * rays).map(ray).sum::<f32>() / (rays * rays) as f32
+        };
+        (-24..24).map(pixel).collect()
+    }
+
+    #[test]
+    fn a_slow_zoom_flickers_no_more_than_64_rays_per_pixel() {
+        const RATIO: f32 = 1.02;
+        for (name, stone) in &PRESETS {
+            let steps = (250.0_f32.ln() / RATIO.ln()).ceil() as i32;
+            let distances: Vec<f32> = (0..=steps).map(|k| 2.0 * RATIO.powi(k)).collect();
+            let frames = |rays: u32, footprint: f32| -> Vec<Vec<f32>> {
+                distances.par_iter().map(|m| row(stone, *m, rays, (footprint * m).max(1e-5))).collect()
+            };
+            let change = |frames: &[Vec<f32>]| -> f32 {
+                let squares =
+                    |pair: &[Vec<f32>]| pair[0].iter().zip(&pair[1]).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
+                frames.windows(2).map(squares).sum()
+            };
+            let (filtered, reference) = (frames(1, 1e-3), frames(8, 0.0));
+            // By distance: 2 to 8 m, to 32 m, to 128 m, to 512 m.
+            for (k, (found, wanted)) in filtered.chunks(70).zip(reference.chunks(70)).enumerate() {
+                let ratio = change(found) / change(wanted);
+                println!("{name} from {:.0} m: {ratio:.3}", distances[70 * k]);
+                assert!(ratio < 1.2, "{name} changes {ratio} times as much as 64 rays per pixel");
+            }
+            let unfiltered = frames(1, 0.0);
+            assert!(change(&unfiltered) > 1.5 * change(&reference), "{name} needs no filter");
+        }
+    }
+
+    #[test]
+    fn patina_grows_where_rain_falls() {
+        let bronze = Stone::preset("bronze").unwrap();
+        let green = |normal: Vec3, ao: f32| stone_surface(&bronze, Vec3::ZERO, normal, ao, 1e4).albedo.y;
+        assert!(green(Vec3::Z, 1.0) > 2.0 * green(Vec3::NEG_Z, 0.1));
+        assert!(green(Vec3::X, 0.5) > green(Vec3::X, 0.1));
+        assert_eq!(stone_surface(&Stone::NONE, Vec3::ONE, Vec3::Z, 1.0, 0.1).albedo, Vec3::ZERO);
+    }
 }

@@ -7,9 +7,11 @@ use std::ops::RangeInclusive;
 pub const MAX_STONES: usize = 16;
 /// Most octaves of veins, and of other sums of noise.
 pub const MAX_OCTAVES: u32 = 6;
-/// Bits of [`Stone::veins`]: broad soft veins (`turb1` in Mischitelli's section 4.3.3), thin sharp ones (`turb2`), and both.
+/// Bit of [`Stone::veins`]: broad soft veins (`turb1` in Mischitelli's section 4.3.3).
 pub const BROAD_VEINS: u32 = 1;
+/// Bit of [`Stone::veins`]: thin sharp veins (`turb2`).
 pub const FINE_VEINS: u32 = 2;
+/// Both bits.
 pub const BOTH_VEINS: u32 = BROAD_VEINS | FINE_VEINS;
 
 /// What a stone consists of, which decides its pattern.
@@ -35,7 +37,7 @@ pub enum StoneKind {
 /// |---|---|---|---|---|
 /// | `base` | ground | feldspar | tarnish on bare metal | ground |
 /// | `vein` | broad veins | quartz | patina | beds |
-/// | `grain` | fine veins | mica | patina where it is thin | grains |
+/// | `grain` | fine veins | mica | thin patina | grains |
 /// | `blend` | strength of broad and of fine veins | share of quartz and of mica | share of patina, of thin patina in it | strength of beds and of grains |
 /// | `cells_per_m` | broad veins | grains | patches of patina | beds |
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -56,7 +58,7 @@ pub struct Stone {
     pub scattering: u32,
     /// Ward's roughness along the grain and across it: standard deviations of the slopes of the surface, 0.02 to 1.
     pub alpha: [f32; 2],
-    /// Half width of broad veins in units of the noise, 0.005 to 0.2. Fine ones have [`crate::cpu::stone::FINE_WIDTH`] of it.
+    /// Half width of broad veins in units of the noise, 0.005 to 0.2. Fine ones have 0.22 of it (`FINE_WIDTH`).
     pub vein_width: f32,
     /// Bits of vein functions: [`BROAD_VEINS`], [`FINE_VEINS`].
     pub veins: u32,

@@ -106,5 +106,69 @@ fn linear_of_hex(text: &str) -> Option<[f32; 3]> {
     let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6)?;
     // `from_str_radix` also takes a sign.
     let rgb = digits.bytes().all(|digit| digit.is_ascii_hexdigit()).then(|| u32::from_str_radix(digits, 16).ok())??;
-    Some([16, 8, 0].map(|shift| linear_of_srgb((rgb >> shift & 255) as f32 / 255.0)))
+    // The fit of the transfer function ends a little above 1.
+    Some([16, 8, 0].map(|shift| linear_of_srgb((rgb >> shift & 255) as f32 / 255.0).min(1.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stone(json: &str) -> Result<Stone, String> {
+        serde_json::from_str::<StoneParameters>(json).map_err(|e| e.to_string())?.stone().map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn presets_are_valid_and_their_names_are_found() {
+        for (name, preset) in PRESETS {
+            preset.check().unwrap();
+            assert_eq!(stone(&format!(r#"{{"preset":"{name}"}}"#)), Ok(preset));
+        }
+        assert_eq!(Stone::preset("cheese"), None);
+        assert!(stone(r#"{"preset":"cheese"}"#).unwrap_err().contains("carrara-marble, green-marble"));
+    }
+
+    #[test]
+    fn values_replace_those_of_the_preset() {
+        let found = stone(
+            r##"{"preset":"limestone","scale_m":0.5,"base":"#ff8000","roughness":[0.1,0.3],"veins":"fine","octaves":2}"##,
+        );
+        let found = found.unwrap();
+        let limestone = Stone::preset("limestone").unwrap();
+        assert!((found.base[0] - 1.0).abs() < 1e-4 && (found.base[1] - 0.2158).abs() < 1e-3 && found.base[2] < 1e-6);
+        let rest =
+            Stone { cells_per_m: 2.0, base: found.base, alpha: [0.1, 0.3], veins: FINE_VEINS, octaves: 2, ..limestone };
+        assert_eq!(found, rest);
+    }
+
+    #[test]
+    fn values_outside_of_their_ranges_are_refused_by_name() {
+        let refused = [
+            (r#""scale_m":0"#, "scale_m"),
+            (r#""scale_m":-1"#, "scale_m"),
+            (r#""scale_m":1e9"#, "scale_m"),
+            (r#""octaves":7"#, "octaves of a stone is 7, it can be 1 to 6"),
+            (r#""octaves":0"#, "octaves"),
+            (r#""octaves":4000000000"#, "octaves"),
+            (r#""roughness":[0.01,0.5]"#, "roughness"),
+            (r#""roughness":[0.5,1.5]"#, "roughness"),
+            (r#""vein_width":0"#, "vein_width"),
+            (r#""blend":[0,1.1]"#, "blend"),
+            (r#""variation":2"#, "variation"),
+            (r#""bend":-0.1"#, "bend"),
+            (r##""base":"#12345""##, "base"),
+            (r##""vein":"#+12345""##, "vein"),
+            (r##""f0":"#é1234""##, "f0"),
+            (r#""grain":"red""#, "grain of a stone is \"red\", not a colour"),
+            (r#""colour":"red""#, "unknown field `colour`"),
+            (r#""octaves":1.5"#, "expected u32"),
+        ];
+        for (value, message) in refused {
+            let found = stone(&format!(r#"{{"preset":"bronze",{value}}}"#)).unwrap_err();
+            assert!(found.contains(message), "{value}: {found}");
+        }
+        let not_finite = Stone { bend: f32::NAN, ..Stone::NONE };
+        assert!(not_finite.check().is_err() && Stone { kind: 9, ..Stone::NONE }.check().is_err());
+        assert!(Stone { cells_per_m: f32::INFINITY, ..Stone::NONE }.check().is_err() && Stone::NONE.check().is_ok());
+    }
 }
