@@ -82,7 +82,7 @@ fn sphere() -> Mesh {
 /// A draw list of the sphere as a landmark.
 fn draw_list(stone: Option<u8>) -> Result<DrawList> {
     let mut draw_list = DrawList::new(CityArea { origin: [0.0; 3], root_side_m: SIDE_M });
-    draw_list.add(&BlockMap::empty(TileId::ROOT, SIDE_M / 64.0, 0, 0));
+    draw_list.add(&BlockMap::empty(TileId::ROOT, (SIDE_M / 64.0) as f32, 0, 0));
     let mesh = sphere();
     let landmark = LandmarkObject { object: 7, stone, anchor_m: [15.0, 14.0, 2.0] };
     let objects = vec![7; mesh.triangles.len()];
