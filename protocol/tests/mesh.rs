@@ -273,5 +273,5 @@ fn a_tetrahedron_has_the_expected_bytes() {
     let grid = PositionGrid { min: [1.0, 2.0, 3.0], step: 0.5, bits: 12 };
     let mesh = Mesh { grid, positions, triangles, attributes: vec![] };
     let hex: String = check(&mesh).bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-    assert_eq!(hex, "02010c000000803f00000040000040400000003f04041000ff50d50ba7725e636d46fb82323cc6f16cbe9f69");
+    assert_eq!(hex, "03010c000000803f00000040000040400000003f04041000ff50d50ba7725e636d46fb82323cc6f16cbe9f69");
 }

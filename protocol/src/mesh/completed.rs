@@ -62,10 +62,9 @@ impl CompletedTriangles {
                 continue;
             };
             let (a, b) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
-            let twin = mesh.twins[t][(k + 1) % 3] as usize;
-            let beyond = mesh.triangles[twin / 3][(twin + 2) % 3];
-            let known = |other: u32| other < vertex && is_known(other);
-            if known(a) && known(b) && known(beyond) {
+            let beyond = mesh.beyond[t];
+            // Missing vertices have the highest number.
+            if beyond < vertex && is_known(a) && is_known(b) && is_known(beyond) {
                 let full = if k == 1 || t == start { a } else { corners[1] };
                 self.triangles[self.count] = CompletedTriangle { a, b, beyond, full };
                 self.count += 1;

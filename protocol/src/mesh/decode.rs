@@ -1,12 +1,14 @@
 //! Decoding of meshes from untrusted bytes.
 
 use super::{
-    ARCHITECTURAL, Attribute, AttributeKind, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS,
-    PositionGrid, VERSION, WIDE_GRID, architectural_positions, attribute_values,
+    ARCHITECTURAL, Attribute, AttributeKind, DEGREE_CLASSES, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh,
+    POSITION_BITS, PositionGrid, VERSION, WIDE_GRID, architectural_positions, attribute_values,
     connectivity::{self, Connectivity},
     half_edge::NONE,
     points::Points,
-    scan_positions::{self, CLASSES, WEIGHTS, Weights},
+    scan_positions,
+    scan_prediction::Classes,
+    scan_weights::Weights,
     weld,
 };
 use crate::{
@@ -24,8 +26,8 @@ struct MeshHeader {
     triangles: usize,
     /// Attributes without values.
     attributes: Vec<Attribute>,
-    /// Weights of the position coder for scans, if that is used.
-    weights: Option<Weights>,
+    /// Classes of the position coder for scans, if that is used.
+    scan_classes: Option<Classes>,
 }
 
 impl Mesh {
@@ -38,13 +40,13 @@ impl Mesh {
     /// [`Mesh::decode`] with a lower limit on triangles and on vertices, checked before memory is allocated for them.
     pub(crate) fn decode_within(bytes: &[u8], max_triangles: usize) -> Result<Self, DecodeError> {
         let mut reader = ByteReader::new(bytes);
-        let MeshHeader { grid, vertices, triangles, mut attributes, weights } =
+        let MeshHeader { grid, vertices, triangles, mut attributes, scan_classes } =
             read_header(&mut reader, max_triangles)?;
         let coded = reader.rest();
-        let mut symbols = RansDecoder::new(coded, if weights.is_some() { LANES } else { 1 });
+        let mut symbols = RansDecoder::new(coded, if scan_classes.is_some() { LANES } else { 1 });
         // A triangle rarely takes less than a bit, so more triangles are not likely.
         let likely_triangles = triangles.min(8 * coded.len());
-        let order = connectivity::read(&mut symbols, triangles, likely_triangles)?;
+        let order = connectivity::read(&mut symbols, triangles, likely_triangles, !attributes.is_empty())?;
         let all_vertices = order.degree.len();
         if order.triangles.len() != triangles || all_vertices - order.dummies.len() != vertices {
             return Err(DecodeError::Invalid("a mesh's numbers of triangles and vertices differ from its header"));
@@ -52,8 +54,8 @@ impl Mesh {
         let mut points = Points::new(all_vertices, &order.dummies, u32::from(grid.bits));
         let mut originals = Vec::new();
         weld::code(&mut symbols, &mut originals, all_vertices, |vertex| points.is_real(vertex))?;
-        if let Some(weights) = weights {
-            scan_positions::code(&mut symbols, &order, &mut points, &weights, &originals)?;
+        if let Some(classes) = scan_classes {
+            scan_positions::code(&mut symbols, &order, &mut points, &Weights::new(classes), &originals)?;
         } else {
             architectural_positions::code(&mut symbols, &order, &mut points, &originals)?;
         }
@@ -72,7 +74,7 @@ fn read_header(reader: &mut ByteReader<'_>, max_triangles: usize) -> Result<Mesh
         return Err(DecodeError::Version { found: version.into(), known: VERSION.into() });
     }
     let flags = reader.u8()?;
-    if flags & !(ARCHITECTURAL | WIDE_GRID) != 0 {
+    if flags & !(ARCHITECTURAL | WIDE_GRID | DEGREE_CLASSES) != 0 {
         return Err(DecodeError::Invalid("a mesh has unknown flags"));
     }
     let bits = reader.u8()?;
@@ -87,15 +89,13 @@ fn read_header(reader: &mut ByteReader<'_>, max_triangles: usize) -> Result<Mesh
     let triangles = reader.varint()? as usize;
     check_limit("the number of a mesh's triangles", triangles, max_triangles.min(MAX_TRIANGLES))?;
     let attributes = (0..attributes).map(|_| read_attribute(reader)).collect::<Result<Vec<_>, _>>()?;
-    let weights = if flags & ARCHITECTURAL == 0 { Some(read_weights(reader)?) } else { None };
-    Ok(MeshHeader { grid, vertices, triangles, attributes, weights })
-}
-
-fn read_weights(reader: &mut ByteReader<'_>) -> Result<Weights, DecodeError> {
-    let bytes = reader.array::<{ CLASSES * WEIGHTS }>()?;
-    let mut weights = [[0; WEIGHTS]; CLASSES];
-    weights.as_flattened_mut().iter_mut().zip(bytes).for_each(|(weight, byte)| *weight = byte as i8);
-    Ok(weights)
+    let scan_classes = match flags & (ARCHITECTURAL | DEGREE_CLASSES) {
+        0 => Some(Classes::Edges),
+        DEGREE_CLASSES => Some(Classes::Degrees),
+        ARCHITECTURAL => None,
+        _ => return Err(DecodeError::Invalid("a mesh has flags that exclude each other")),
+    };
+    Ok(MeshHeader { grid, vertices, triangles, attributes, scan_classes })
 }
 
 fn read_grid(reader: &mut ByteReader<'_>, is_wide: bool, bits: u8) -> Result<PositionGrid, DecodeError> {
