@@ -117,9 +117,11 @@ pub(super) fn read<C: SymbolCoder>(
     if with_twins {
         traversal.out.twins.reserve(likely_triangles);
     }
-    traversal.out.degree.reserve(likely_triangles / 2);
-    traversal.out.first_triangle.reserve(likely_triangles / 2);
-    traversal.active.nodes.reserve(likely_triangles / 2);
+    // Closed surfaces have a few more vertices than half their triangles. Each join adds a node.
+    let likely_vertices = likely_triangles / 2 + likely_triangles / 32 + 64;
+    traversal.out.degree.reserve(likely_vertices);
+    traversal.out.first_triangle.reserve(likely_vertices);
+    traversal.active.nodes.reserve(likely_vertices);
     traversal.run(coder)
 }
 

@@ -1,7 +1,7 @@
 //! Decoding of meshes from untrusted bytes.
 
 use super::{
-    ARCHITECTURAL, Attribute, AttributeKind, DEGREE_CLASSES, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh,
+    ARCHITECTURAL, Attribute, AttributeKind, CLASSES_SHIFT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh,
     POSITION_BITS, PositionGrid, VERSION, WIDE_GRID, architectural_positions, attribute_values,
     connectivity::{self, Connectivity},
     half_edge::NONE,
@@ -74,9 +74,13 @@ fn read_header(reader: &mut ByteReader<'_>, max_triangles: usize) -> Result<Mesh
         return Err(DecodeError::Version { found: version.into(), known: VERSION.into() });
     }
     let flags = reader.u8()?;
-    if flags & !(ARCHITECTURAL | WIDE_GRID | DEGREE_CLASSES) != 0 {
+    let classes = usize::from(flags >> CLASSES_SHIFT);
+    let scan_classes = Classes::ALL.get(classes).copied();
+    let is_architectural = flags & ARCHITECTURAL != 0;
+    if scan_classes.is_none() || is_architectural && classes != 0 {
         return Err(DecodeError::Invalid("a mesh has unknown flags"));
     }
+    let scan_classes = scan_classes.filter(|_| !is_architectural);
     let bits = reader.u8()?;
     if !POSITION_BITS.contains(&bits) {
         return Err(DecodeError::Invalid("a mesh's positions must have 8 to 16 bits"));
@@ -89,12 +93,6 @@ fn read_header(reader: &mut ByteReader<'_>, max_triangles: usize) -> Result<Mesh
     let triangles = reader.varint()? as usize;
     check_limit("the number of a mesh's triangles", triangles, max_triangles.min(MAX_TRIANGLES))?;
     let attributes = (0..attributes).map(|_| read_attribute(reader)).collect::<Result<Vec<_>, _>>()?;
-    let scan_classes = match flags & (ARCHITECTURAL | DEGREE_CLASSES) {
-        0 => Some(Classes::Edges),
-        DEGREE_CLASSES => Some(Classes::Degrees),
-        ARCHITECTURAL => None,
-        _ => return Err(DecodeError::Invalid("a mesh has flags that exclude each other")),
-    };
     Ok(MeshHeader { grid, vertices, triangles, attributes, scan_classes })
 }
 
@@ -147,9 +145,13 @@ fn remove_copies_and_dummies(
         }
     }
     let mut triangles = order.triangles;
-    triangles.retain_mut(|corners| {
-        *corners = corners.map(|vertex| new_index[vertex as usize]);
-        !corners.contains(&NONE)
-    });
+    let mut kept = 0;
+    for t in 0..triangles.len() {
+        let [a, b, c] = triangles[t];
+        let [a, b, c] = [new_index[a as usize], new_index[b as usize], new_index[c as usize]];
+        triangles[kept] = [a, b, c];
+        kept += usize::from(a.max(b).max(c) != NONE);
+    }
+    triangles.truncate(kept);
     (positions, triangles)
 }

@@ -1,8 +1,8 @@
 //! Encoding of meshes.
 
 use super::{
-    ARCHITECTURAL, Attribute, DEGREE_CLASSES, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS,
-    VERSION, WIDE_GRID, architectural_positions, attribute_values,
+    ARCHITECTURAL, Attribute, CLASSES_SHIFT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION,
+    WIDE_GRID, architectural_positions, attribute_values,
     closed_mesh::ClosedMesh,
     connectivity::{self, Connectivity},
     half_edge::{HalfEdgeMesh, NONE, RepairReport},
@@ -19,6 +19,9 @@ use crate::{
     },
     error::{DecodeError, check_limit},
 };
+
+/// Bits of the states that scan positions have beyond the one of architectural positions.
+const MORE_STATES: f64 = 32.0 * (LANES - 1) as f64;
 
 /// A coded mesh.
 #[derive(Debug, Clone)]
@@ -105,8 +108,7 @@ impl Mesh {
         let is_narrow = self.grid.fits_f32();
         let coder = match coder {
             PositionCoder::Architectural => ARCHITECTURAL,
-            PositionCoder::Scan(Classes::Edges) => 0,
-            PositionCoder::Scan(Classes::Degrees) => DEGREE_CLASSES,
+            PositionCoder::Scan(classes) => (classes as u8) << CLASSES_SHIFT,
         };
         let flags = coder | if is_narrow { 0 } else { WIDE_GRID };
         let mut bytes = vec![VERSION, flags, self.grid.bits, self.attributes.len() as u8];
@@ -152,12 +154,14 @@ fn encode_positions(
     let mut best = encoder.clone();
     architectural_positions::code(&mut best, order, points, originals)?;
     let mut coder = PositionCoder::Architectural;
-    for classes in [Classes::Edges, Classes::Degrees] {
+    let mut least = best.bits();
+    for classes in Classes::ALL {
         let weights = Weights::fit(order, points, classes);
         let mut scan = encoder.clone();
         scan_positions::code(&mut scan, order, points, &weights, originals)?;
-        if scan.bits() < best.bits() {
-            (best, coder) = (scan, PositionCoder::Scan(classes));
+        let bits = scan.bits() + MORE_STATES;
+        if bits < least {
+            (best, coder, least) = (scan, PositionCoder::Scan(classes), bits);
         }
     }
     Ok((best, coder))

@@ -43,8 +43,8 @@ pub const POSITION_BITS: std::ops::RangeInclusive<u8> = 8..=16;
 const ARCHITECTURAL: u8 = 1;
 /// Header flag: the grid's numbers are f64, otherwise f32.
 const WIDE_GRID: u8 = 2;
-/// Header flag: the classes of `scan_positions` depend on degrees, otherwise on edges.
-const DEGREE_CLASSES: u8 = 4;
+/// Position of the two bits of the header's flags that select the classes of `scan_positions`.
+const CLASSES_SHIFT: u32 = 2;
 
 /// Triangles with vertices on a grid.
 #[derive(Debug, Clone, PartialEq)]

@@ -30,9 +30,9 @@ use crate::{
 const MIN_VARIANCE: f32 = 0.1;
 
 /// Weight of the mean error of the class, in neighbours.
-const PRIOR: f32 = 4.0;
+const PRIOR: f32 = 3.0;
 /// Part of the level of a class that does not depend on its errors.
-const LEAST_LEVEL: f32 = 0.5;
+const LEAST_LEVEL: f32 = 1.0;
 /// Number of vertices of a class after which its mean error moves at the same rate.
 const SETTLED: usize = 32;
 
@@ -157,6 +157,7 @@ pub(super) fn code<C: SymbolCoder>(
     let states = weights.code(coder)?.map(state);
     let mut scan = ScanCoder { points, models: ScanModels::new(), states, last_class: [0; 16], last: NONE };
     let mut completed = CompletedTriangles::default();
+    let mut prediction = Prediction::default();
     for vertex in 0..scan.points.len() as u32 {
         if !scan.points.is_real(vertex) {
             continue;
@@ -168,8 +169,7 @@ pub(super) fn code<C: SymbolCoder>(
             continue;
         }
         completed.find(mesh, vertex, |other| scan.points.is_real(other));
-        let prediction = Prediction::new(completed.triangles(), mesh, scan.points, vertex, weights.classes);
-        if let Some(prediction) = prediction {
+        if prediction.find(completed.triangles(), mesh, scan.points, vertex, weights.classes) {
             scan.code_predicted(coder, vertex, &prediction)?;
             if vertex % 1024 == 0 && coder.overrun() {
                 return Err(DecodeError::Invalid("a mesh's positions are truncated"));

@@ -25,122 +25,155 @@ pub(super) const FIRST_OF_MANY: usize = OF_ONE + 9 * OF_ONE_PAIR;
 /// Number of classes.
 pub(super) const CLASSES: usize = FIRST_OF_MANY + DEGREES;
 
-/// What classes depend on, apart from the number of completed triangles and the degree of the vertex.
+/// What classes depend on, apart from the number of completed triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Classes {
-    /// Which edges are longest, and how wide the angle is that is left for the vertex.
-    Edges,
-    /// The degrees of the neighbours.
-    Degrees,
+    /// Which edges are longest, how wide the angle is that is left for the vertex, and the degree of the vertex.
+    Edges = 0,
+    /// The same, but of two triangles the degree of the vertex between them.
+    EdgesAndMiddle = 1,
+    /// The degrees of the vertex and of the neighbours.
+    Degrees = 2,
+}
+
+impl Classes {
+    /// All of them, by their number in the header.
+    pub(super) const ALL: [Self; 3] = [Self::Edges, Self::EdgesAndMiddle, Self::Degrees];
 }
 
 /// What a vertex is predicted from.
+#[derive(Default)]
 pub(super) struct Prediction {
-    pub(super) class: usize,
-    /// The position that is expected if all weights are 0.
-    pub(super) base: Vector4,
     /// What the weights multiply: vectors from `base` to other vertices, then one across the edge within the surface.
     pub(super) offsets: [Vector4; WEIGHTS],
+    /// The position that is expected if all weights are 0.
+    pub(super) base: Vector4,
     /// Sum of the products that the neighbours keep.
     pub(super) products: OuterProduct,
+    pub(super) plane: SurfacePlane,
+    pub(super) class: usize,
     /// Number of neighbours.
     pub(super) neighbours: usize,
-    pub(super) plane: SurfacePlane,
 }
 
 impl Prediction {
-    /// The prediction of a vertex, unless it completes no triangle.
+    /// Replaces this prediction by that of a vertex. Returns whether the vertex completes any triangle.
     #[inline(always)]
-    pub(super) fn new(
+    pub(super) fn find(
+        &mut self,
         triangles: &[CompletedTriangle],
         mesh: &Connectivity,
         points: &Points,
         vertex: u32,
         classes: Classes,
-    ) -> Option<Self> {
+    ) -> bool {
+        self.products = [[0.0; 4]; 2];
         let degree = clamped_degree(mesh, vertex);
         match triangles {
-            [] => None,
-            [only] => Some(Self::from_one(only, mesh, points, degree, classes)),
-            [first, second] => Some(Self::from_two(first, second, mesh, points, degree, classes)),
-            [first, rest @ ..] => Some(Self::from_many(first, rest, points, degree)),
+            [] => return false,
+            [only] => self.find_from_one(only, mesh, points, degree, classes),
+            [first, second] => self.find_from_two([first, second], mesh, points, degree, classes),
+            [first, rest @ ..] => self.find_from_many(first, rest, points, degree),
         }
+        true
     }
 
     #[inline(always)]
-    fn from_one(
+    fn find_from_one(
+        &mut self,
         only: &CompletedTriangle,
         mesh: &Connectivity,
         points: &Points,
         degree: usize,
         classes: Classes,
-    ) -> Self {
-        let mut products = [[0.0; 4]; 2];
-        let [base, b, beyond] = [only.a, only.b, only.beyond].map(|vertex| gather(points, vertex, &mut products));
-        let (to_b, to_beyond) = (sub(b, base), sub(beyond, base));
-        let plane = SurfacePlane::new(to_b, to_beyond);
+    ) {
+        let base = self.gather(points, only.a);
+        let to_b = sub(self.gather(points, only.b), base);
+        let to_beyond = sub(self.gather(points, only.beyond), base);
+        self.plane = SurfacePlane::new(to_b, to_beyond);
         let (kind, across) = match classes {
-            Classes::Edges => (longest(squared(to_b), squared(to_beyond), squared(sub(b, beyond))), [0.0; 4]),
-            Classes::Degrees => (clamped_degree(mesh, only.a), plane.across(to_b)),
+            Classes::Degrees => (clamped_degree(mesh, only.a), self.plane.across(to_b)),
+            _ => (longest(squared(to_b), squared(to_beyond), squared(sub(to_b, to_beyond))), [0.0; 4]),
         };
-        let offsets = [to_b, to_beyond, [0.0; 4], [0.0; 4], across];
-        Self { class: kind * DEGREES + degree, base, offsets, products, neighbours: 3, plane }
+        self.base = base;
+        self.offsets = [to_b, to_beyond, [0.0; 4], [0.0; 4], across];
+        (self.class, self.neighbours) = (kind * DEGREES + degree, 3);
     }
 
     #[inline(always)]
-    fn from_two(
-        first: &CompletedTriangle,
-        second: &CompletedTriangle,
+    fn find_from_two(
+        &mut self,
+        [first, second]: [&CompletedTriangle; 2],
         mesh: &Connectivity,
         points: &Points,
         degree: usize,
         classes: Classes,
-    ) -> Self {
+    ) {
         let (middle, other) = (second.full, second.not_full());
         let is_after = middle == first.a;
         let outer = if is_after { first.b } else { first.a };
-        let mut products = [[0.0; 4]; 2];
-        let vertices = [middle, outer, first.beyond, other, second.beyond];
-        let [base, u, x, v, y] = vertices.map(|vertex| gather(points, vertex, &mut products));
-        let [u, x, v, y] = [u, x, v, y].map(|point| sub(point, base));
+        let base = self.gather(points, middle);
+        let u = sub(self.gather(points, outer), base);
+        let x = sub(self.gather(points, first.beyond), base);
+        let v = sub(self.gather(points, other), base);
+        let y = sub(self.gather(points, second.beyond), base);
         // The edge of the first triangle runs from its corner `a` to `b`.
-        let plane = SurfacePlane::new(if is_after { u } else { scale(u, -1.0) }, if is_after { x } else { sub(x, u) });
+        self.plane = if is_after { SurfacePlane::new(u, x) } else { SurfacePlane::new(x, u) };
         let gap = sub(u, v);
         let (kind, across) = match classes {
-            Classes::Edges => {
+            Classes::Degrees => {
+                let pair = clamped_degree(mesh, outer) * DEGREES + clamped_degree(mesh, other);
+                let of_middle = (mesh.degree[middle as usize].clamp(4, 7) - 4) as usize;
+                let across = self.plane.across(gap);
+                (pair * ANGLES + of_middle, if is_after { across } else { scale(across, -1.0) })
+            }
+            _ => {
                 let (uu, vv) = (squared(u), squared(v));
                 let pair =
                     longest(uu, squared(x), squared(sub(u, x))) * 3 + longest(vv, squared(y), squared(sub(v, y)));
                 (pair * ANGLES + angle(squared(gap), uu + vv), [0.0; 4])
             }
-            Classes::Degrees => {
-                let pair = clamped_degree(mesh, outer) * DEGREES + clamped_degree(mesh, other);
-                let of_middle = (mesh.degree[middle as usize].clamp(4, 7) - 4) as usize;
-                (pair * ANGLES + of_middle, plane.across(if is_after { gap } else { scale(gap, -1.0) }))
-            }
         };
-        let class = OF_ONE + kind * DEGREES + degree;
-        Self { class, base, offsets: [u, x, v, y, across], products, neighbours: 5, plane }
+        let degree = if classes == Classes::EdgesAndMiddle { clamped_degree(mesh, middle) } else { degree };
+        self.base = base;
+        self.offsets = [u, x, v, y, across];
+        (self.class, self.neighbours) = (OF_ONE + kind * DEGREES + degree, 5);
     }
 
     #[inline(never)]
-    fn from_many(first: &CompletedTriangle, rest: &[CompletedTriangle], points: &Points, degree: usize) -> Self {
-        let mut products = [[0.0; 4]; 2];
-        let [a, b, mut beyond] = [first.a, first.b, first.beyond].map(|vertex| gather(points, vertex, &mut products));
-        let plane = SurfacePlane::new(sub(b, a), sub(beyond, a));
+    fn find_from_many(
+        &mut self,
+        first: &CompletedTriangle,
+        rest: &[CompletedTriangle],
+        points: &Points,
+        degree: usize,
+    ) {
+        let a = self.gather(points, first.a);
+        let b = self.gather(points, first.b);
+        let mut beyond = self.gather(points, first.beyond);
+        self.plane = SurfacePlane::new(sub(b, a), sub(beyond, a));
         let is_after = rest.first().is_some_and(|second| second.full == first.a);
         let (mut middles, mut last) = ([0.0; 4], [0.0; 4]);
         for triangle in rest {
             middles = add(middles, points.vector(triangle.full));
-            beyond = add(beyond, gather(points, triangle.beyond, &mut products));
-            last = gather(points, triangle.not_full(), &mut products);
+            beyond = add(beyond, self.gather(points, triangle.beyond));
+            last = self.gather(points, triangle.not_full());
         }
         let count = rest.len() as f32;
         let base = scale(middles, 1.0 / count);
         let ends = scale(add(if is_after { b } else { a }, last), 0.5);
         let beyond = scale(beyond, 1.0 / (count + 1.0));
-        let offsets = [sub(ends, base), sub(beyond, base), [0.0; 4], [0.0; 4], [0.0; 4]];
-        Self { class: FIRST_OF_MANY + degree, base, offsets, products, neighbours: 3 + 2 * rest.len(), plane }
+        self.base = base;
+        self.offsets = [sub(ends, base), sub(beyond, base), [0.0; 4], [0.0; 4], [0.0; 4]];
+        (self.class, self.neighbours) = (FIRST_OF_MANY + degree, 3 + 2 * rest.len());
+    }
+
+    /// The position of a neighbour, whose products are added.
+    #[inline(always)]
+    fn gather(&mut self, points: &Points, vertex: u32) -> Vector4 {
+        let (position, [x, y]) = points.state(vertex);
+        self.products = [add(self.products[0], x), add(self.products[1], y)];
+        position
     }
 
     #[inline(always)]
@@ -150,14 +183,6 @@ impl Prediction {
         let sides = add(add(scale(a, p), scale(b, q)), add(scale(c, r), scale(d, s)));
         add(add(self.base, scale(e, t)), sides)
     }
-}
-
-/// The position of a neighbour, whose product is added.
-#[inline(always)]
-fn gather(points: &Points, vertex: u32, products: &mut OuterProduct) -> Vector4 {
-    let (position, [x, y]) = points.state(vertex);
-    *products = [add(products[0], x), add(products[1], y)];
-    position
 }
 
 #[inline(always)]
@@ -186,6 +211,7 @@ fn clamped_degree(mesh: &Connectivity, vertex: u32) -> usize {
 }
 
 /// The plane of the triangle next to a vertex.
+#[derive(Default)]
 pub(super) struct SurfacePlane {
     pub(super) normal: Vector4,
     /// 1 over the squared length of `normal`, which counts as at least 1.

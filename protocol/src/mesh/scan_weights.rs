@@ -48,8 +48,8 @@ fn used(class: usize, classes: Classes) -> &'static [usize] {
     match (class, classes) {
         (..OF_ONE, Classes::Degrees) => &[0, 1, 4],
         (..OF_ONE | FIRST_OF_MANY.., _) => &[0, 1],
-        (_, Classes::Edges) => &[0, 1, 2, 3],
         (_, Classes::Degrees) => &[0, 1, 2, 3, 4],
+        _ => &[0, 1, 2, 3],
     }
 }
 
@@ -148,11 +148,11 @@ fn choose(
 /// Calls `f` with the prediction and the position of each vertex that completes a triangle.
 fn for_each(mesh: &Connectivity, points: &Points, classes: Classes, mut f: impl FnMut(&Prediction, Vector4)) {
     let mut completed = CompletedTriangles::default();
+    let mut prediction = Prediction::default();
     for vertex in 0..points.len() as u32 {
         if points.is_real(vertex) {
             completed.find(mesh, vertex, |other| points.is_real(other));
-            let prediction = Prediction::new(completed.triangles(), mesh, points, vertex, classes);
-            if let Some(prediction) = prediction {
+            if prediction.find(completed.triangles(), mesh, points, vertex, classes) {
                 f(&prediction, points.vector(vertex));
             }
         }
