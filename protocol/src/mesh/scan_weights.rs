@@ -19,9 +19,11 @@ const ONE: f32 = 128.0;
 /// Largest coded weight of either sign.
 const LARGEST: i32 = 512;
 /// Number of fits; each gives the vertices that the last one predicted badly less influence.
-const FITS: usize = 4;
-/// What a weight must save, in bits: more than it takes, because it was fitted to the same vertices.
-const BITS_PER_WEIGHT: f64 = 12.0;
+const FITS: usize = 6;
+/// Squared error that is assumed to be typical before the first fit.
+const FIRST_SQUARE: f64 = 16.0;
+/// What a weight must save, in bits.
+const BITS_PER_WEIGHT: f64 = 8.0;
 
 type ClassWeights = [i32; WEIGHTS];
 
@@ -90,13 +92,15 @@ impl Weights {
             let weights = typical(class).unwrap_or_else(|| fitted[class - 1].map(|weight| (weight * ONE) as i32));
             fitted[class] = weights.map(|weight| weight as f32 / ONE);
         }
+        let mut typical_squares = [FIRST_SQUARE; CLASSES];
         for _ in 0..FITS {
-            let mut sums = vec![NormalEquations::default(); CLASSES];
+            let mut sums = typical_squares.map(NormalEquations::new);
             for_each(mesh, points, classes, |prediction, target| {
                 sums[prediction.class].learn(prediction, target, &fitted[prediction.class]);
             });
             for class in 0..CLASSES {
                 fitted[class] = sums[class].solve(used(class, classes), fitted[class]);
+                typical_squares[class] = sums[class].typical_square();
             }
         }
         Self { classes, own: choose(mesh, points, classes, &fitted) }
@@ -125,7 +129,7 @@ fn choose(
         let bits = &mut bits[class];
         let cost = |weights: &[f32; WEIGHTS]| {
             let error = sub(target, prediction.position(weights));
-            1.5 * f64::from(dot(error, error) + 0.5).log2()
+            1.5 * rough_log2(f64::from(dot(error, error) + 2.0))
         };
         for (bits, weights) in bits.iter_mut().zip(&fitted[first..=class]) {
             *bits += cost(weights);
@@ -160,17 +164,36 @@ fn for_each(mesh: &Connectivity, points: &Points, classes: Classes, mut f: impl 
 }
 
 /// Sums for the least squares of one class.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 struct NormalEquations {
     matrix: [[f64; WEIGHTS]; WEIGHTS],
     target: [f64; WEIGHTS],
+    /// A vertex with this squared error counts half.
+    half: f64,
+    /// Sum of the logarithms of the squared errors, and their number.
+    logarithms: f64,
+    count: f64,
 }
 
 impl NormalEquations {
+    /// `typical_square` is the squared error of most vertices.
+    fn new(typical_square: f64) -> Self {
+        let half = 1.0 + 3.0 * typical_square;
+        Self { matrix: Default::default(), target: Default::default(), half, logarithms: 0.0, count: 0.0 }
+    }
+
+    /// The geometric mean of the squared errors.
+    fn typical_square(&self) -> f64 {
+        if self.count > 0.0 { rough_exp2(self.logarithms / self.count) } else { FIRST_SQUARE }
+    }
+
     /// Adds a vertex. What `weights` predict badly counts less.
     fn learn(&mut self, prediction: &Prediction, position: Vector4, weights: &[f32; WEIGHTS]) {
         let error = sub(position, prediction.position(weights));
-        let influence = 1.0 / (1.0 + f64::from(dot(error, error)));
+        let square = f64::from(dot(error, error));
+        let influence = 1.0 / (self.half + square);
+        self.logarithms += rough_log2(square + 0.3);
+        self.count += 1.0;
         let target = sub(position, prediction.base);
         for i in 0..WEIGHTS {
             let offset = prediction.offsets[i];
@@ -215,4 +238,15 @@ impl NormalEquations {
         }
         weights
     }
+}
+
+/// The binary logarithm of a positive number, linear between powers of two. Unlike that of the system's library, it is
+/// the same on all machines, so that all encoders write the same bytes.
+fn rough_log2(v: f64) -> f64 {
+    (v.to_bits() as i64 - 1f64.to_bits() as i64) as f64 / (1u64 << 52) as f64
+}
+
+/// The inverse of [`rough_log2`].
+fn rough_exp2(v: f64) -> f64 {
+    f64::from_bits(((v * (1u64 << 52) as f64) as i64 + 1f64.to_bits() as i64) as u64)
 }
