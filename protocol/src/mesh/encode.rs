@@ -23,6 +23,9 @@ use crate::{
 /// Bits of the states that scan positions have beyond the one of architectural positions.
 const MORE_STATES: f64 = 32.0 * (LANES - 1) as f64;
 
+/// If scan positions with typical weights are longer than architectural ones by this factor, no weights are fitted.
+const HOPELESS: f64 = 1.4;
+
 /// A coded mesh.
 #[derive(Debug, Clone)]
 pub struct EncodedMesh {
@@ -155,6 +158,12 @@ fn encode_positions(
     architectural_positions::code(&mut best, order, points, originals)?;
     let mut coder = PositionCoder::Architectural;
     let mut least = best.bits();
+    let mut untuned = encoder.clone();
+    scan_positions::code(&mut untuned, order, points, &Weights::new(Classes::Edges), originals)?;
+    let before = encoder.bits();
+    if untuned.bits() - before > HOPELESS * (least - before) {
+        return Ok((best, coder));
+    }
     for classes in Classes::ALL {
         let weights = Weights::fit(order, points, classes);
         let mut scan = encoder.clone();
