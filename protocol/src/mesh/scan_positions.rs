@@ -1,11 +1,10 @@
 //! Positions of scanned surfaces, predicted with an estimated covariance.
 //!
-//! A vertex is predicted from its parallelograms and its neighbours, with weights that the writer fitted to the mesh.
-//! The weights depend on the number of triangles that the vertex completes and on vertex degrees, which indicate how wide
-//! an angle is. The prediction error is taken as a normal distribution in space, with the covariance of the errors at
-//! the neighbours. So y is predicted again once x is known, and z once both are known. Along a smooth surface this has
-//! the effect of a local frame, and along a scanner's rays it is better, without a rotation that must be undone
-//! exactly.
+//! A vertex is predicted from its neighbours and the vertices beyond them, with the weights of its class
+//! (`scan_prediction`), which the writer fitted to the mesh (`scan_weights`). The prediction error is taken as a normal
+//! distribution in space, with the covariance of the errors at the neighbours, relative to the mean error of their
+//! classes. So y is predicted again once x is known, and z once both are known. Along a smooth surface this has the
+//! effect of a local frame, and along a scanner's rays it is better, without a rotation that must be undone exactly.
 //!
 //! All computations are IEEE single precision in the order of the source, so that all machines decode the same.
 
