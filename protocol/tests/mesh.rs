@@ -189,11 +189,16 @@ fn check(mesh: &Mesh) -> EncodedMesh {
 #[test]
 fn random_meshes_round_trip_exactly() {
     let count = std::env::var("INSULA_MESHES").ok().and_then(|count| count.parse().ok()).unwrap_or(3000);
+    let mut by_flags = [0; 16];
     for seed in 0..count {
         let mesh = random(seed, if seed % 50 == 0 { 30 } else { 9 });
         assert!(HalfEdgeMesh::new(&mesh.triangles, mesh.positions.len() as u32).is_sound(), "seed {seed}");
-        check(&mesh);
+        by_flags[usize::from(check(&mesh).bytes[1])] += 1;
     }
+    let [edges, architectural, edges_and_middle, degrees] =
+        [0, 1, 4, 8].map(|flags| by_flags[flags] + by_flags[flags + 2]);
+    let every = [edges, architectural, edges_and_middle, degrees];
+    assert!(every.iter().all(|meshes| *meshes > 0), "position coders that were used: {every:?}");
 }
 
 #[test]
@@ -228,11 +233,28 @@ fn an_empty_mesh_round_trips() {
 
 #[test]
 fn truncated_and_extra_bytes_are_refused() {
-    let bytes = check(&random(3, 9)).bytes;
-    for length in 0..bytes.len() {
-        assert!(Mesh::decode(&bytes[..length]).is_err(), "{length}");
+    // One mesh for each position coder.
+    let mut left = vec![0, 1, 4, 8];
+    for seed in 0..3000 {
+        let bytes = random(seed, 9).encode().unwrap().bytes;
+        let Some(at) = left.iter().position(|flags| *flags == bytes[1] & !2) else { continue };
+        left.remove(at);
+        for length in 0..bytes.len() {
+            assert!(Mesh::decode(&bytes[..length]).is_err(), "{length}");
+        }
+        assert!(Mesh::decode(&[&bytes[..], &[0, 0]].concat()).is_err());
     }
-    assert!(Mesh::decode(&[&bytes[..], &[0, 0]].concat()).is_err());
+    assert!(left.is_empty(), "no mesh has the flags {left:?}");
+}
+
+#[test]
+fn unknown_flags_are_refused() {
+    let bytes = random(3, 9).encode().unwrap().bytes;
+    for flags in [5, 9, 12, 13, 16, 32, 64, 128] {
+        let mut bytes = bytes.clone();
+        bytes[1] = flags | bytes[1] & 2;
+        assert_eq!(Mesh::decode(&bytes).unwrap_err().to_string(), "a mesh has unknown flags", "{flags}");
+    }
 }
 
 /// `INSULA_MUTATIONS` sets the number of mutations, for example 1000000.
@@ -273,5 +295,5 @@ fn a_tetrahedron_has_the_expected_bytes() {
     let grid = PositionGrid { min: [1.0, 2.0, 3.0], step: 0.5, bits: 12 };
     let mesh = Mesh { grid, positions, triangles, attributes: vec![] };
     let hex: String = check(&mesh).bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-    assert_eq!(hex, "02010c000000803f00000040000040400000003f04041000ff50d50ba7725e636d46fb82323cc6f16cbe9f69");
+    assert_eq!(hex, "03010c000000803f00000040000040400000003f04041000ff50d50ba7725e636d46fb82323cc6f16cbe9f69");
 }

@@ -500,8 +500,8 @@ fn object_tiles_are_read_and_written() {
 
 #[test]
 fn meshes_of_both_position_coders_are_read_and_written() {
-    for (bytes, mesh, flags) in [(SCAN, scan(), 2), (ARCHITECTURAL, architecture(), 1)] {
-        assert_eq!(bytes[1], flags, "1: architectural positions, 2: f64 grid");
+    for (bytes, mesh, flags) in [(SCAN, scan(), 6), (ARCHITECTURAL, architecture(), 1)] {
+        assert_eq!(bytes[1], flags, "1: architectural positions, 2: f64 grid, 4: classes by edges and middle");
         check_mesh(&Mesh::decode(bytes).unwrap(), &mesh);
         assert_eq!(mesh.encode().unwrap().bytes, bytes);
     }

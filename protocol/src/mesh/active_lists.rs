@@ -19,6 +19,8 @@ pub(super) struct ActiveNode {
     pub(super) prev: u32,
     /// The traversed half-edge on the edge to the next node.
     pub(super) edge: u32,
+    /// The third vertex of that half-edge's triangle.
+    pub(super) opposite: u32,
 }
 
 /// All active lists.

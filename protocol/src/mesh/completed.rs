@@ -50,23 +50,16 @@ impl CompletedTriangles {
         self.count = 0;
         let start = mesh.first_triangle[vertex as usize] as usize;
         let end = mesh.first_triangle.get(vertex as usize + 1).map_or(mesh.triangles.len(), |first| *first as usize);
-        for t in start..end {
-            let corners = mesh.triangles[t];
-            let k = if corners[2] == vertex {
-                2
-            } else if corners[0] == vertex {
-                0
-            } else if corners[1] == vertex {
-                1
-            } else {
-                continue;
-            };
-            let (a, b) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
-            let twin = mesh.twins[t][(k + 1) % 3] as usize;
-            let beyond = mesh.triangles[twin / 3][(twin + 2) % 3];
-            let known = |other: u32| other < vertex && is_known(other);
-            if known(a) && known(b) && known(beyond) {
-                let full = if k == 1 || t == start { a } else { corners[1] };
+        // The range is in order, because triangles are only ever added.
+        let (Some(triangles), Some(beyond)) = (mesh.triangles.get(start..end), mesh.beyond.get(start..end)) else {
+            return;
+        };
+        for (i, (corners, &beyond)) in triangles.iter().zip(beyond).enumerate() {
+            let [first, second, third] = *corners;
+            let (a, b) = if third == vertex { (first, second) } else { (second, third) };
+            // Missing vertices have the highest number.
+            if beyond < vertex && is_known(a) && is_known(b) && is_known(beyond) {
+                let full = if i == 0 { a } else { second };
                 self.triangles[self.count] = CompletedTriangle { a, b, beyond, full };
                 self.count += 1;
                 if self.count == MAX_TRIANGLES {

@@ -36,7 +36,10 @@ const CONTRADICTION: DecodeError = DecodeError::Invalid("a mesh's connectivity c
 pub(super) struct Connectivity {
     /// Vertices of each triangle, including those of dummy vertices. Vertices are numbered in traversal order.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// For each half-edge, its twin. The surface is closed.
+    /// For each triangle with the vertex that was added last, the vertex beyond the opposite edge; [`NONE`] if the
+    /// triangle there comes later, or if that vertex is not a corner.
+    pub(super) beyond: Vec<u32>,
+    /// For each half-edge, its twin; empty if no attribute needs it. The surface is closed.
     pub(super) twins: Vec<[u32; 3]>,
     /// The number of edges at each vertex.
     pub(super) degree: Vec<u32>,
@@ -85,11 +88,16 @@ struct Traversal<'a> {
     /// Nodes without free edges.
     full: Vec<u32>,
     max_triangles: usize,
+    with_twins: bool,
 }
 
 /// Writes the connectivity of `closed`. Fails only if `closed` is not a valid mesh.
-pub(super) fn write<C: SymbolCoder>(coder: &mut C, closed: &ClosedMesh) -> Result<Connectivity, DecodeError> {
-    let mut traversal = Traversal::new(closed, closed.triangles());
+pub(super) fn write<C: SymbolCoder>(
+    coder: &mut C,
+    closed: &ClosedMesh,
+    with_twins: bool,
+) -> Result<Connectivity, DecodeError> {
+    let mut traversal = Traversal::new(closed, closed.triangles(), with_twins);
     traversal.encoder = EncoderState::new(closed);
     traversal.run(coder)
 }
@@ -100,19 +108,25 @@ pub(super) fn read<C: SymbolCoder>(
     coder: &mut C,
     max_triangles: usize,
     likely_triangles: usize,
+    with_twins: bool,
 ) -> Result<Connectivity, DecodeError> {
     let closed = ClosedMesh::default();
-    let mut traversal = Traversal::new(&closed, max_triangles);
+    let mut traversal = Traversal::new(&closed, max_triangles, with_twins);
     traversal.out.triangles.reserve(likely_triangles);
-    traversal.out.twins.reserve(likely_triangles);
-    traversal.out.degree.reserve(likely_triangles / 2);
-    traversal.out.first_triangle.reserve(likely_triangles / 2);
-    traversal.active.nodes.reserve(likely_triangles / 2);
+    traversal.out.beyond.reserve(likely_triangles);
+    if with_twins {
+        traversal.out.twins.reserve(likely_triangles);
+    }
+    // Closed surfaces have a few more vertices than half their triangles. Each join adds a node.
+    let likely_vertices = likely_triangles / 2 + likely_triangles / 32 + 64;
+    traversal.out.degree.reserve(likely_vertices);
+    traversal.out.first_triangle.reserve(likely_vertices);
+    traversal.active.nodes.reserve(likely_vertices);
     traversal.run(coder)
 }
 
 impl<'a> Traversal<'a> {
-    fn new(closed: &'a ClosedMesh, max_triangles: usize) -> Self {
+    fn new(closed: &'a ClosedMesh, max_triangles: usize, with_twins: bool) -> Self {
         Self {
             active: ActiveLists::new(),
             out: Connectivity::default(),
@@ -121,6 +135,7 @@ impl<'a> Traversal<'a> {
             encoder: EncoderState::default(),
             full: Vec::new(),
             max_triangles,
+            with_twins,
         }
     }
 
@@ -160,9 +175,12 @@ impl<'a> Traversal<'a> {
             // The list runs opposite to the triangle, because the untraversed side lies to its left.
             let (next, prev, edge) = (first + (k + 2) % 3, first + (k + 1) % 3, edge + (k + 2) % 3);
             let free = self.out.degree[*corner as usize] - 2;
-            self.active.add(ActiveNode { vertex: *corner, free, next, prev, edge });
+            self.active.add(ActiveNode { vertex: *corner, free, next, prev, edge, opposite: NONE });
         }
-        self.add_triangle::<C>(corners, seed)?;
+        for k in 0..3 {
+            self.active.node_mut(first + k).opposite = corners[(k as usize + 1) % 3];
+        }
+        self.add_triangle::<C>(corners, NONE, seed)?;
         if C::WRITES {
             self.encoder.add_nodes(3);
             for k in 0..3 {
@@ -194,12 +212,13 @@ impl<'a> Traversal<'a> {
             return self.join(coder, f, gate);
         }
         let vertex = self.add_vertex(coder, symbol, degree)?;
-        let edge = self.add_triangle::<C>([before.vertex, focus.vertex, vertex], gate)?;
+        let edge = self.add_triangle::<C>([before.vertex, focus.vertex, vertex], before.opposite, gate)?;
         self.link_twins(edge, before.edge);
         let free = self.out.degree[vertex as usize] - 2;
-        let v = self.active.add(ActiveNode { vertex, free, next: f, prev: p, edge: edge + 1 });
+        let opposite = before.vertex;
+        let v = self.active.add(ActiveNode { vertex, free, next: f, prev: p, edge: edge + 1, opposite });
         let node = self.active.node_mut(p);
-        (node.next, node.edge, node.free) = (v, edge + 2, node.free - 1);
+        (node.next, node.edge, node.opposite, node.free) = (v, edge + 2, focus.vertex, node.free - 1);
         let node = self.active.node_mut(f);
         (node.prev, node.free) = (v, node.free - 1);
         if C::WRITES {
@@ -233,15 +252,16 @@ impl<'a> Traversal<'a> {
         }
         let part = if met.free > 2 { coder.number(&mut self.models.join_free_edges, part) } else { 0 };
         let rest = (met.free - 2).checked_sub(part).ok_or(CONTRADICTION)?;
-        let edge = self.add_triangle::<C>([before.vertex, focus.vertex, met.vertex], gate)?;
+        let beyond = if self.is_latest(met.vertex) { before.opposite } else { NONE };
+        let edge = self.add_triangle::<C>([before.vertex, focus.vertex, met.vertex], beyond, gate)?;
         self.link_twins(edge, before.edge);
         // The nodes after the met vertex now follow the previous node; those before it now lead to the focus.
-        let w = self.active.add(ActiveNode { vertex: met.vertex, free: part, next: met.next, prev: p, edge: met.edge });
+        let w = self.active.add(ActiveNode { free: part, prev: p, ..met });
         self.active.node_mut(met.next).prev = w;
         let node = self.active.node_mut(target);
-        (node.next, node.edge, node.free) = (f, edge + 1, rest);
+        (node.next, node.edge, node.opposite, node.free) = (f, edge + 1, before.vertex, rest);
         let node = self.active.node_mut(p);
-        (node.next, node.edge, node.free) = (w, edge + 2, node.free - 1);
+        (node.next, node.edge, node.opposite, node.free) = (w, edge + 2, focus.vertex, node.free - 1);
         let node = self.active.node_mut(f);
         (node.prev, node.free) = (target, node.free - 1);
         if C::WRITES {
@@ -314,7 +334,15 @@ impl<'a> Traversal<'a> {
             let (p, n) = (node.prev, node.next);
             let (before, after) = (*self.active.node(p), *self.active.node(n));
             let gate = if C::WRITES { self.encoder.outside(p) } else { 0 };
-            let edge = self.add_triangle::<C>([before.vertex, node.vertex, after.vertex], gate)?;
+            let beyond = if self.is_latest(after.vertex) {
+                before.opposite
+            } else if self.is_latest(before.vertex) {
+                node.opposite
+            } else {
+                NONE
+            };
+            let closed = node.vertex;
+            let edge = self.add_triangle::<C>([before.vertex, closed, after.vertex], beyond, gate)?;
             self.link_twins(edge, before.edge);
             self.link_twins(edge + 1, node.edge);
             self.active.node_mut(f).next = NONE;
@@ -330,7 +358,7 @@ impl<'a> Traversal<'a> {
                 _ => {}
             }
             let node = self.active.node_mut(p);
-            (node.next, node.edge, node.free) = (n, edge + 2, node.free - 1);
+            (node.next, node.edge, node.opposite, node.free) = (n, edge + 2, closed, node.free - 1);
             let node = self.active.node_mut(n);
             (node.prev, node.free) = (p, node.free - 1);
             if C::WRITES {
@@ -342,15 +370,29 @@ impl<'a> Traversal<'a> {
         Ok(())
     }
 
+    /// Whether no vertex was added after this one.
+    #[inline]
+    fn is_latest(&self, vertex: u32) -> bool {
+        vertex as usize + 1 == self.out.degree.len()
+    }
+
     /// Adds a triangle and returns its first half-edge.
     #[inline]
-    fn add_triangle<C: SymbolCoder>(&mut self, corners: [u32; 3], source: u32) -> Result<u32, DecodeError> {
+    fn add_triangle<C: SymbolCoder>(
+        &mut self,
+        corners: [u32; 3],
+        beyond: u32,
+        source: u32,
+    ) -> Result<u32, DecodeError> {
         let edge = 3 * self.out.triangles.len() as u32;
         if self.out.triangles.len() >= self.max_triangles {
             return Err(DecodeError::Invalid("a mesh has more triangles than its header says"));
         }
         self.out.triangles.push(corners);
-        self.out.twins.push([NONE; 3]);
+        self.out.beyond.push(beyond);
+        if self.with_twins {
+            self.out.twins.push([NONE; 3]);
+        }
         if C::WRITES {
             self.out.source.push(source);
             self.encoder.visit_triangle(source);
@@ -381,9 +423,11 @@ impl<'a> Traversal<'a> {
 
     #[inline]
     fn link_twins(&mut self, a: u32, b: u32) {
-        let twins = self.out.twins.as_flattened_mut();
-        twins[a as usize] = b;
-        twins[b as usize] = a;
+        if self.with_twins {
+            let twins = self.out.twins.as_flattened_mut();
+            twins[a as usize] = b;
+            twins[b as usize] = a;
+        }
     }
 
     /// Contexts of a new vertex's degree: the degrees at the edge it is attached to; and the degree of the vertex after

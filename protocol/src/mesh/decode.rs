@@ -1,12 +1,14 @@
 //! Decoding of meshes from untrusted bytes.
 
 use super::{
-    ARCHITECTURAL, Attribute, AttributeKind, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS,
-    PositionGrid, VERSION, WIDE_GRID, architectural_positions, attribute_values,
+    ARCHITECTURAL, Attribute, AttributeKind, CLASSES_SHIFT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh,
+    POSITION_BITS, PositionGrid, VERSION, WIDE_GRID, architectural_positions, attribute_values,
     connectivity::{self, Connectivity},
     half_edge::NONE,
     points::Points,
-    scan_positions::{self, CLASSES, WEIGHTS, Weights},
+    scan_positions,
+    scan_prediction::Classes,
+    scan_weights::Weights,
     weld,
 };
 use crate::{
@@ -24,8 +26,8 @@ struct MeshHeader {
     triangles: usize,
     /// Attributes without values.
     attributes: Vec<Attribute>,
-    /// Weights of the position coder for scans, if that is used.
-    weights: Option<Weights>,
+    /// Classes of the position coder for scans, if that is used.
+    scan_classes: Option<Classes>,
 }
 
 impl Mesh {
@@ -38,13 +40,13 @@ impl Mesh {
     /// [`Mesh::decode`] with a lower limit on triangles and on vertices, checked before memory is allocated for them.
     pub(crate) fn decode_within(bytes: &[u8], max_triangles: usize) -> Result<Self, DecodeError> {
         let mut reader = ByteReader::new(bytes);
-        let MeshHeader { grid, vertices, triangles, mut attributes, weights } =
+        let MeshHeader { grid, vertices, triangles, mut attributes, scan_classes } =
             read_header(&mut reader, max_triangles)?;
         let coded = reader.rest();
-        let mut symbols = RansDecoder::new(coded, if weights.is_some() { LANES } else { 1 });
+        let mut symbols = RansDecoder::new(coded, if scan_classes.is_some() { LANES } else { 1 });
         // A triangle rarely takes less than a bit, so more triangles are not likely.
         let likely_triangles = triangles.min(8 * coded.len());
-        let order = connectivity::read(&mut symbols, triangles, likely_triangles)?;
+        let order = connectivity::read(&mut symbols, triangles, likely_triangles, !attributes.is_empty())?;
         let all_vertices = order.degree.len();
         if order.triangles.len() != triangles || all_vertices - order.dummies.len() != vertices {
             return Err(DecodeError::Invalid("a mesh's numbers of triangles and vertices differ from its header"));
@@ -52,8 +54,8 @@ impl Mesh {
         let mut points = Points::new(all_vertices, &order.dummies, u32::from(grid.bits));
         let mut originals = Vec::new();
         weld::code(&mut symbols, &mut originals, all_vertices, |vertex| points.is_real(vertex))?;
-        if let Some(weights) = weights {
-            scan_positions::code(&mut symbols, &order, &mut points, &weights, &originals)?;
+        if let Some(classes) = scan_classes {
+            scan_positions::code(&mut symbols, &order, &mut points, &Weights::new(classes), &originals)?;
         } else {
             architectural_positions::code(&mut symbols, &order, &mut points, &originals)?;
         }
@@ -72,9 +74,13 @@ fn read_header(reader: &mut ByteReader<'_>, max_triangles: usize) -> Result<Mesh
         return Err(DecodeError::Version { found: version.into(), known: VERSION.into() });
     }
     let flags = reader.u8()?;
-    if flags & !(ARCHITECTURAL | WIDE_GRID) != 0 {
+    let classes = usize::from(flags >> CLASSES_SHIFT);
+    let scan_classes = Classes::ALL.get(classes).copied();
+    let is_architectural = flags & ARCHITECTURAL != 0;
+    if scan_classes.is_none() || is_architectural && classes != 0 {
         return Err(DecodeError::Invalid("a mesh has unknown flags"));
     }
+    let scan_classes = scan_classes.filter(|_| !is_architectural);
     let bits = reader.u8()?;
     if !POSITION_BITS.contains(&bits) {
         return Err(DecodeError::Invalid("a mesh's positions must have 8 to 16 bits"));
@@ -87,15 +93,7 @@ fn read_header(reader: &mut ByteReader<'_>, max_triangles: usize) -> Result<Mesh
     let triangles = reader.varint()? as usize;
     check_limit("the number of a mesh's triangles", triangles, max_triangles.min(MAX_TRIANGLES))?;
     let attributes = (0..attributes).map(|_| read_attribute(reader)).collect::<Result<Vec<_>, _>>()?;
-    let weights = if flags & ARCHITECTURAL == 0 { Some(read_weights(reader)?) } else { None };
-    Ok(MeshHeader { grid, vertices, triangles, attributes, weights })
-}
-
-fn read_weights(reader: &mut ByteReader<'_>) -> Result<Weights, DecodeError> {
-    let bytes = reader.array::<{ CLASSES * WEIGHTS }>()?;
-    let mut weights = [[0; WEIGHTS]; CLASSES];
-    weights.as_flattened_mut().iter_mut().zip(bytes).for_each(|(weight, byte)| *weight = byte as i8);
-    Ok(weights)
+    Ok(MeshHeader { grid, vertices, triangles, attributes, scan_classes })
 }
 
 fn read_grid(reader: &mut ByteReader<'_>, is_wide: bool, bits: u8) -> Result<PositionGrid, DecodeError> {
@@ -147,9 +145,13 @@ fn remove_copies_and_dummies(
         }
     }
     let mut triangles = order.triangles;
-    triangles.retain_mut(|corners| {
-        *corners = corners.map(|vertex| new_index[vertex as usize]);
-        !corners.contains(&NONE)
-    });
+    let mut kept = 0;
+    for t in 0..triangles.len() {
+        let [a, b, c] = triangles[t];
+        let [a, b, c] = [new_index[a as usize], new_index[b as usize], new_index[c as usize]];
+        triangles[kept] = [a, b, c];
+        kept += usize::from(a.max(b).max(c) != NONE);
+    }
+    triangles.truncate(kept);
     (positions, triangles)
 }

@@ -1,13 +1,15 @@
 //! Encoding of meshes.
 
 use super::{
-    ARCHITECTURAL, Attribute, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION, WIDE_GRID,
-    architectural_positions, attribute_values,
+    ARCHITECTURAL, Attribute, CLASSES_SHIFT, MAX_ATTRIBUTES, MAX_TRIANGLES, MAX_VERTICES, Mesh, POSITION_BITS, VERSION,
+    WIDE_GRID, architectural_positions, attribute_values,
     closed_mesh::ClosedMesh,
     connectivity::{self, Connectivity},
     half_edge::{HalfEdgeMesh, NONE, RepairReport},
     points::Points,
-    scan_positions::{self, Weights},
+    scan_positions,
+    scan_prediction::Classes,
+    scan_weights::Weights,
     weld,
 };
 use crate::{
@@ -18,10 +20,11 @@ use crate::{
     error::{DecodeError, check_limit},
 };
 
-/// Meshes of fewer vertices are coded with both position coders, and the shorter result is used.
-const TRY_BOTH_BELOW: usize = 4096;
-/// Larger meshes count as architectural if at least one in this many triangles has a vertical edge.
-const TRIANGLES_PER_VERTICAL_EDGE: usize = 50;
+/// Bits of the states that scan positions have beyond the one of architectural positions.
+const MORE_STATES: f64 = 32.0 * (LANES - 1) as f64;
+
+/// If scan positions with typical weights are longer than architectural ones by this factor, no weights are fitted.
+const HOPELESS: f64 = 1.4;
 
 /// A coded mesh.
 #[derive(Debug, Clone)]
@@ -47,22 +50,19 @@ impl Mesh {
         check_limit("the number of a mesh's triangles", closed.triangles(), MAX_TRIANGLES)?;
         check_limit("the number of a mesh's vertices", closed.vertices(), MAX_VERTICES)?;
         let mut encoder = RansEncoder::with_capacity(10 * closed.vertices());
-        let order = connectivity::write(&mut encoder, &closed)?;
+        let order = connectivity::write(&mut encoder, &closed, !self.attributes.is_empty())?;
         let Welded { mut points, mut originals, vertices } = self.weld(&order, &closed, &mesh)?;
         weld::code(&mut encoder, &mut originals, order.degree.len(), |vertex| points.is_real(vertex))?;
         let connectivity_bits = encoder.bits();
-        let (mut encoder, weights) = encode_positions(encoder, &order, &mut points, &originals)?;
+        let (mut encoder, coder) = encode_positions(encoder, &order, &mut points, &originals)?;
         let corners = corner_sources(&order, &mesh);
         for attribute in &self.attributes {
             let in_order = corners.iter().map(|corner| attribute.corners[*corner as usize]).collect();
             let mut attribute = Attribute { corners: in_order, ..attribute.clone() };
             attribute_values::code(&mut encoder, &order, &points, &mut attribute)?;
         }
-        let mut bytes = self.header(weights.is_none(), mesh.vertex.len(), closed.triangles());
-        let lanes = if weights.is_some() { LANES } else { 1 };
-        if let Some(weights) = weights {
-            bytes.extend(weights.as_flattened().iter().map(|weight| *weight as u8));
-        }
+        let mut bytes = self.header(coder, mesh.vertex.len(), closed.triangles());
+        let lanes = if coder == PositionCoder::Architectural { 1 } else { LANES };
         bytes.extend(encoder.finish(lanes));
         Ok(EncodedMesh { bytes, report: mesh.report, vertices, corners, connectivity_bits })
     }
@@ -107,9 +107,13 @@ impl Mesh {
         Ok(Welded { points, originals, vertices })
     }
 
-    fn header(&self, is_architectural: bool, vertices: usize, triangles: usize) -> Vec<u8> {
+    fn header(&self, coder: PositionCoder, vertices: usize, triangles: usize) -> Vec<u8> {
         let is_narrow = self.grid.fits_f32();
-        let flags = if is_architectural { ARCHITECTURAL } else { 0 } | if is_narrow { 0 } else { WIDE_GRID };
+        let coder = match coder {
+            PositionCoder::Architectural => ARCHITECTURAL,
+            PositionCoder::Scan(classes) => (classes as u8) << CLASSES_SHIFT,
+        };
+        let flags = coder | if is_narrow { 0 } else { WIDE_GRID };
         let mut bytes = vec![VERSION, flags, self.grid.bits, self.attributes.len() as u8];
         for number in self.grid.min.into_iter().chain([self.grid.step]) {
             if is_narrow {
@@ -128,6 +132,13 @@ impl Mesh {
     }
 }
 
+/// How positions are coded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum PositionCoder {
+    Architectural,
+    Scan(Classes),
+}
+
 struct Welded {
     points: Points,
     /// For each vertex in traversal order, the earliest vertex with the same input vertex.
@@ -136,40 +147,33 @@ struct Welded {
     vertices: Vec<u32>,
 }
 
-/// Codes positions with the better coder. Returns the weights if that is the one for scans.
+/// Codes positions with the shortest coder.
 fn encode_positions(
-    mut encoder: RansEncoder,
+    encoder: RansEncoder,
     order: &Connectivity,
     points: &mut Points,
     originals: &[u32],
-) -> Result<(RansEncoder, Option<Weights>), DecodeError> {
-    let try_both = points.len() < TRY_BOTH_BELOW;
-    if !try_both && is_architectural(order, points) {
-        architectural_positions::code(&mut encoder, order, points, originals)?;
-        return Ok((encoder, None));
+) -> Result<(RansEncoder, PositionCoder), DecodeError> {
+    let mut best = encoder.clone();
+    architectural_positions::code(&mut best, order, points, originals)?;
+    let mut coder = PositionCoder::Architectural;
+    let mut least = best.bits();
+    let mut untuned = encoder.clone();
+    scan_positions::code(&mut untuned, order, points, &Weights::new(Classes::Edges), originals)?;
+    let before = encoder.bits();
+    if untuned.bits() - before > HOPELESS * (least - before) {
+        return Ok((best, coder));
     }
-    let weights = scan_positions::fit(order, points);
-    let mut architectural = try_both.then(|| encoder.clone());
-    if let Some(encoder) = &mut architectural {
-        architectural_positions::code(encoder, order, points, originals)?;
+    for classes in Classes::ALL {
+        let weights = Weights::fit(order, points, classes);
+        let mut scan = encoder.clone();
+        scan_positions::code(&mut scan, order, points, &weights, originals)?;
+        let bits = scan.bits() + MORE_STATES;
+        if bits < least {
+            (best, coder, least) = (scan, PositionCoder::Scan(classes), bits);
+        }
     }
-    scan_positions::code(&mut encoder, order, points, &weights, originals)?;
-    let weights_bits = 8.0 * size_of::<Weights>() as f64;
-    Ok(match architectural {
-        Some(architectural) if architectural.bits() <= encoder.bits() + weights_bits => (architectural, None),
-        _ => (encoder, Some(weights)),
-    })
-}
-
-/// Whether enough triangles have a vertical edge.
-fn is_architectural(order: &Connectivity, points: &Points) -> bool {
-    let mut vertical = 0;
-    for triangle in &order.triangles {
-        let column = |k: usize| [points.coordinate(triangle[k], 0), points.coordinate(triangle[k], 1)];
-        let is_real = triangle.iter().all(|vertex| points.is_real(*vertex));
-        vertical += usize::from(is_real && (0..3).any(|k| column(k) == column((k + 1) % 3)));
-    }
-    vertical * TRIANGLES_PER_VERTICAL_EDGE > order.triangles.len()
+    Ok((best, coder))
 }
 
 /// For each vertex in traversal order, the input vertex; [`NONE`] for dummies.

@@ -20,6 +20,8 @@ mod manifold;
 mod points;
 mod scan_models;
 mod scan_positions;
+mod scan_prediction;
+mod scan_weights;
 mod weld;
 
 pub use attribute::{Attribute, AttributeKind};
@@ -27,7 +29,7 @@ pub use encode::EncodedMesh;
 pub use grid::PositionGrid;
 
 /// Version of the coded bytes.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 /// Maximum number of triangles of a mesh, including those of dummy vertices.
 pub const MAX_TRIANGLES: usize = 1 << 24;
 /// Maximum number of vertices of a mesh, including dummy vertices.
@@ -41,6 +43,8 @@ pub const POSITION_BITS: std::ops::RangeInclusive<u8> = 8..=16;
 const ARCHITECTURAL: u8 = 1;
 /// Header flag: the grid's numbers are f64, otherwise f32.
 const WIDE_GRID: u8 = 2;
+/// Position of the two bits of the header's flags that select the classes of `scan_positions`.
+const CLASSES_SHIFT: u32 = 2;
 
 /// Triangles with vertices on a grid.
 #[derive(Debug, Clone, PartialEq)]

@@ -105,9 +105,11 @@ impl Points {
         self.states[vertex as usize].position
     }
 
-    #[inline]
-    pub(super) fn residual(&self, vertex: u32) -> OuterProduct {
-        self.states[vertex as usize].residual
+    /// The position, and the outer product of the prediction error.
+    #[inline(always)]
+    pub(super) fn state(&self, vertex: u32) -> (Vector4, OuterProduct) {
+        let state = &self.states[vertex as usize];
+        (state.position, state.residual)
     }
 
     #[inline]

@@ -27,6 +27,8 @@ class Surface:
         self.triangles, self.first_triangle, self.degree, self.dummies = [], [], [], set()
         # By half-edge.
         self.twins = []
+        # By triangle.
+        self.beyond = []
 
     def is_real(self, vertex):
         return vertex not in self.dummies
@@ -38,10 +40,10 @@ class Surface:
 class Node:
     """A vertex in an active list. `next` is None once it is removed."""
 
-    __slots__ = ("vertex", "free", "next", "previous", "edge")
+    __slots__ = ("vertex", "free", "next", "previous", "edge", "opposite")
 
-    def __init__(self, vertex, free, edge):
-        self.vertex, self.free, self.edge = vertex, free, edge
+    def __init__(self, vertex, free, edge, opposite):
+        self.vertex, self.free, self.edge, self.opposite = vertex, free, edge, opposite
         self.next = self.previous = None
 
 
@@ -75,8 +77,10 @@ class ConnectivityReader:
     def start_piece(self):
         edge = len(self.surface.twins)
         corners = [self.add_vertex(self.coder.symbol(self.first_degree)) for _ in range(3)]
-        a, b, c = (self.add_node(corner, edge + (k + 2) % 3) for k, corner in enumerate(corners))
-        self.add_triangle(corners)
+        a, b, c = (
+            self.add_node(corner, edge + (k + 2) % 3, corners[(k + 1) % 3]) for k, corner in enumerate(corners)
+        )
+        self.add_triangle(corners, None)
         chain(a, c)
         chain(c, b)
         chain(b, a)
@@ -91,12 +95,12 @@ class ConnectivityReader:
             self.join(focus)
             return
         vertex = self.add_vertex(symbol)
-        edge = self.add_triangle([before.vertex, focus.vertex, vertex])
+        edge = self.add_triangle([before.vertex, focus.vertex, vertex], before.opposite)
         self.surface.link(edge, before.edge)
-        node = self.add_node(vertex, edge + 1)
+        node = self.add_node(vertex, edge + 1, before.vertex)
         chain(before, node)
         chain(node, focus)
-        before.edge = edge + 2
+        before.edge, before.opposite = edge + 2, focus.vertex
         before.free -= 1
         focus.free -= 1
         self.changed(node, before)
@@ -113,15 +117,16 @@ class ConnectivityReader:
         free = self.coder.number(self.share) if met.free > 2 else 0
         if free > met.free - 2:
             raise BadTile("a join has more free edges than its vertex")
-        edge = self.add_triangle([before.vertex, focus.vertex, met.vertex])
+        beyond = before.opposite if self.is_latest(met.vertex) else None
+        edge = self.add_triangle([before.vertex, focus.vertex, met.vertex], beyond)
         self.surface.link(edge, before.edge)
-        node = Node(met.vertex, free, met.edge)
+        node = Node(met.vertex, free, met.edge, met.opposite)
         self.nodes.append(node)
         chain(node, met.next)
         chain(before, node)
         chain(met, focus)
-        met.edge, met.free = edge + 1, met.free - 2 - free
-        before.edge = edge + 2
+        met.edge, met.opposite, met.free = edge + 1, before.vertex, met.free - 2 - free
+        before.edge, before.opposite = edge + 2, focus.vertex
         before.free -= 1
         focus.free -= 1
         self.changed(node, met, before, focus)
@@ -145,7 +150,12 @@ class ConnectivityReader:
             if node.next is None:
                 continue
             before, after = node.previous, node.next
-            edge = self.add_triangle([before.vertex, node.vertex, after.vertex])
+            beyond = None
+            if self.is_latest(after.vertex):
+                beyond = before.opposite
+            elif self.is_latest(before.vertex):
+                beyond = node.opposite
+            edge = self.add_triangle([before.vertex, node.vertex, after.vertex], beyond)
             self.surface.link(edge, before.edge)
             self.surface.link(edge + 1, node.edge)
             node.next = None
@@ -156,7 +166,7 @@ class ConnectivityReader:
             if before.free == 0 or after.free == 0 or before is after:
                 raise BadTile("a mesh closes where it cannot")
             chain(before, after)
-            before.edge = edge + 2
+            before.edge, before.opposite = edge + 2, node.vertex
             before.free -= 1
             after.free -= 1
             self.changed(before, after)
@@ -201,15 +211,20 @@ class ConnectivityReader:
         surface.first_triangle.append(len(surface.triangles))
         return vertex
 
-    def add_node(self, vertex, edge):
+    def is_latest(self, vertex):
+        return vertex == len(self.surface.degree) - 1
+
+    def add_node(self, vertex, edge, opposite):
         """Adds the node of a new vertex."""
-        self.nodes.append(Node(vertex, self.surface.degree[vertex] - 2, edge))
+        self.nodes.append(Node(vertex, self.surface.degree[vertex] - 2, edge, opposite))
         return self.nodes[-1]
 
-    def add_triangle(self, corners):
-        """Adds a triangle and returns its first half-edge."""
+    def add_triangle(self, corners, beyond):
+        """Adds a triangle and returns its first half-edge. `beyond` is the vertex beyond the edge opposite to the latest
+        vertex, if that is a corner and the triangle there was added before."""
         if len(self.surface.triangles) >= self.max_triangles:
             raise BadTile("a mesh has more triangles than it says")
         self.surface.triangles.append(corners)
+        self.surface.beyond.append(beyond)
         self.surface.twins += [None] * 3
         return len(self.surface.twins) - 3

@@ -8,8 +8,8 @@ from .copies import read_copies
 from .scan_positions import read_scan_positions
 from .symbol_coder import SymbolReader
 
-VERSION = 2
-ARCHITECTURAL, WIDE_GRID = 1, 2
+VERSION = 3
+ARCHITECTURAL, WIDE_GRID, CLASSES_SHIFT, CLASS_KINDS = 1, 2, 2, 3
 MAX_TRIANGLES, MAX_VERTICES, MAX_ATTRIBUTES = 1 << 24, 1 << 23, 8
 KINDS = ["normal", "colour", "texture coordinate", "other"]
 
@@ -18,17 +18,17 @@ def read_mesh(reader, max_triangles=MAX_TRIANGLES):
     """All values of a coded mesh, without dummies and copies: `points` on the grid, `triangles`, and the attributes' `values`
     by corner. No more than `max_triangles` triangles and vertices are read.
     """
-    values, weights = read_fields(reader, max_triangles)
-    coder = SymbolReader(reader.rest(), 4 if weights else 1)
+    values, classes = read_fields(reader, max_triangles)
+    coder = SymbolReader(reader.rest(), 1 if classes is None else 4)
     surface = read_connectivity(coder, values["triangles_with_dummies"])
     vertices = len(surface.degree) - len(surface.dummies)
     if len(surface.triangles) != values["triangles_with_dummies"] or vertices != values["vertices_with_copies"]:
         raise BadTile("a mesh has other numbers of triangles and vertices than it says")
     originals = read_copies(coder, surface)
-    if weights:
-        points = read_scan_positions(coder, surface, originals, weights, values["bits"])
-    else:
+    if classes is None:
         points = read_architectural_positions(coder, surface, originals, values["bits"])
+    else:
+        points = read_scan_positions(coder, surface, originals, classes, values["bits"])
     for attribute in values["attributes"]:
         attribute["values"] = read_attribute(coder, surface, points, attribute)
     coder.finish()
@@ -37,10 +37,13 @@ def read_mesh(reader, max_triangles=MAX_TRIANGLES):
 
 
 def read_fields(reader, max_triangles):
-    """The table "bytes, field". Returns the values and the weights of scan positions."""
+    """The table "bytes, field". Returns the values and the kind of classes of scan positions, None for architectural ones."""
     version, flags, bits, attributes = (reader.one("B") for _ in range(4))
-    if version != VERSION or flags > ARCHITECTURAL | WIDE_GRID or not 8 <= bits <= 16 or attributes > MAX_ATTRIBUTES:
-        raise BadTile("not a coded mesh of version 2")
+    classes = flags >> CLASSES_SHIFT
+    if version != VERSION or classes >= (1 if flags & ARCHITECTURAL else CLASS_KINDS):
+        raise BadTile("not a coded mesh of version 3")
+    if not 8 <= bits <= 16 or attributes > MAX_ATTRIBUTES:
+        raise BadTile("a mesh has too many bits or attributes")
     grid = [reader.one("d" if flags & WIDE_GRID else "f") for _ in range(4)]
     if not all(map(math.isfinite, grid)) or grid[3] <= 0:
         raise BadTile("a mesh's grid is not finite, or its step is not positive")
@@ -48,11 +51,10 @@ def read_fields(reader, max_triangles):
     if vertices > min(max_triangles, MAX_VERTICES) or triangles > max_triangles:
         raise BadTile("a mesh has too many vertices or triangles")
     attributes = [read_attribute_fields(reader) for _ in range(attributes)]
-    weights = None if flags & ARCHITECTURAL else [reader.one("b") for _ in range(36)]
     return {
         "position_coder": "architectural" if flags & ARCHITECTURAL else "scan", "bits": bits, "grid_min": grid[:3],
         "grid_step": grid[3], "vertices_with_copies": vertices, "triangles_with_dummies": triangles, "attributes": attributes,
-    }, weights
+    }, None if flags & ARCHITECTURAL else classes
 
 
 def read_attribute_fields(reader):

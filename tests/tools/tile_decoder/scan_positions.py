@@ -1,26 +1,39 @@
 """Positions of scanned surfaces (docs/formats.md, "Scan positions"). All numbers with fractions are f32."""
-import functools
 from .completed import completed_triangles
 from .container import BadTile
-from .single import Single, add, cross, dot, larger, nearest, products, single, sub, times, vector
+from .scan_prediction import predict
+from .scan_weights import read_weights
+from .single import Single, add, dot, larger, nearest, products, single, sub, times, vector
 from .symbol_coder import SymbolModel, even_model
 
 SCALES = 36
 NEAR, FAR = 7, 15
-ONE, HALF, TENTH, PRIOR = Single(1), Single(0.5), single(0.1), Single(2)
+SHAPES = [
+    (20, 100, 100, 1), (25, 140, 100, 1), (70, 290, 100, 1), (150, 400, 130, 2), (330, 590, 270, 6), (420, 650, 410, 13),
+    (550, 550, 560, 55), (600, 600, 670, 200),
+]
+SETTLED = 32
+ZERO, ONE, HALF, TENTH, PRIOR = Single(0), Single(1), Single(0.5), single(0.1), Single(3)
 
 
-@functools.cache
 def typical(scale, symbol):
     """The weight of a symbol of an error."""
-    variance = 1 << scale if scale < 6 else 64 << scale % 2
-    distance = 12 if symbol == FAR else symbol - NEAR
-    width = variance + 16 * distance * distance
-    return 30 + 1_000_000 // width * variance // width * variance
+    below, above, step, far = SHAPES[scale if scale < 6 else 6 + scale % 2]
+    if symbol == FAR:
+        return 1000 * far
+    count = 1_000_000
+    for distance in range(abs(symbol - NEAR)):
+        count = count // 1000 * ((below if symbol < NEAR else above) if distance == 0 else step)
+    return count + 100
 
 
 def unzigzag(number):
     return number >> 1 ^ -(number & 1)
+
+
+def side(expected):
+    """On which side of the nearest whole number an expected value lies."""
+    return Single(-1) if expected < nearest(expected) else ONE
 
 
 def wrapped(number):
@@ -28,17 +41,24 @@ def wrapped(number):
     return (number + (1 << 31)) % (1 << 32) - (1 << 31)
 
 
-def read_scan_positions(coder, surface, originals, weights, bits):
-    return ScanReader(coder, surface, weights, bits).read(originals)
+def read_scan_positions(coder, surface, originals, classes, bits):
+    return ScanReader(coder, surface, classes, bits).read(originals)
+
+
+class ClassState:
+    """The weights of a class, and its mean squared errors."""
+
+    def __init__(self, weights):
+        self.weights, self.along, self.across, self.count = weights, Single(64), Single(16), 0
 
 
 class ScanReader:
-    def __init__(self, coder, surface, weights, bits):
-        self.coder, self.surface, self.bits = coder, surface, bits
-        self.weights = [Single(weight / 64) for weight in weights]
+    def __init__(self, coder, surface, classes, bits):
+        self.coder, self.surface, self.classes, self.bits = coder, surface, classes, bits
         vertices = len(surface.degree)
-        self.points, self.squares = [None] * vertices, [(Single(0),) * 6] * vertices
-        self.tangential, self.normal = Single(64), Single(16)
+        self.points, self.squares = [None] * vertices, [(ZERO,) * 6] * vertices
+        self.states = [ClassState(weights) for weights in read_weights(coder, classes)]
+        self.last_class = {}
         self.first = [even_model(32) for _ in range(3)]
         self.far = even_model(32)
         scales = [[typical(scale, symbol) for symbol in range(16)] for scale in range(SCALES)]
@@ -59,56 +79,30 @@ class ScanReader:
         return self.points
 
     def read_predicted(self, vertex, completed):
-        expected = self.expected(vertex, completed)
-        plane = self.plane(completed[0])
-        point = self.read_near(self.covariance(completed, plane), expected)
+        found = predict(self.surface, self.points, vertex, completed, self.classes)
+        count = len(found.neighbours)
+        state = self.states[found.vertex_class]
+        if state.count == 0:
+            like = self.states[self.last_class.get(count, 0)]
+            state.along, state.across = like.along, like.across
+        self.last_class[count] = found.vertex_class
+        expected = found.position(state.weights)
+        level = (state.along + state.along + state.across) * (ONE / Single(3)) + ONE
+        point = self.read_near(self.covariance(found, state, level), expected)
         error = sub(vector(point), expected)
-        self.squares[vertex] = products(error)
-        self.adapt(error, plane)
+        self.squares[vertex] = times(products(error), ONE / level)
+        self.adapt(state, error, found)
         return point
 
-    def total(self, vertices):
-        """The sum of the positions of vertices. It is exact."""
-        return vector(map(sum, zip(*(self.points[vertex] for vertex in vertices))))
-
-    def expected(self, vertex, completed):
-        count = len(completed)
-        share = ONE / count
-        mean = times(self.total([v for triangle in completed for v in (triangle.a, triangle.b)]), HALF * share)
-        outward = sub(mean, times(self.total([triangle.beyond for triangle in completed]), share))
-        middle = vector((0, 0, 0))
-        if count > 1:
-            middle = sub(times(self.total([triangle.full for triangle in completed[1:]]), ONE / (count - 1)), mean)
-        k = 2 * self.weight_class(vertex, completed)
-        return add(mean, add(times(outward, self.weights[k]), times(middle, self.weights[k + 1])))
-
-    def weight_class(self, vertex, completed):
-        degree = self.surface.degree
-        by_degree = min(max(degree[vertex], 5), 7) - 5
-        if len(completed) == 2:
-            return 3 + 3 * (min(max(degree[completed[1].full], 4), 7) - 4) + by_degree
-        return by_degree if len(completed) == 1 else 15 + by_degree
-
-    def plane(self, triangle):
-        """The normal of the triangle beyond the vertex, and its squared length."""
-        a, b, beyond = (vector(self.points[v]) for v in (triangle.a, triangle.b, triangle.beyond))
-        normal = cross(sub(b, a), sub(beyond, a))
-        return normal, larger(dot(normal, normal), ONE)
-
-    def covariance(self, completed, plane):
-        normal, squared_length = plane
-        first = completed[0]
-        known = [first.beyond, first.other, first.full]
-        known += [v for triangle in completed[1:] for v in (triangle.beyond, triangle.other)]
-        sums = (Single(0),) * 6
-        for vertex in known:
+    def covariance(self, found, state, level):
+        sums = (ZERO,) * 6
+        for vertex in found.neighbours:
             sums = add(sums, self.squares[vertex])
-        share = ONE / (2 + len(known))
-        tilt = (self.normal - self.tangential) * (PRIOR * share) / squared_length
-        prior = self.tangential * PRIOR * share + TENTH
-        none = Single(0)
-        priors = (prior, none, none, prior, none, prior)
-        return add(add(times(sums, share), priors), times(products(normal), tilt))
+        share = ONE / (Single(len(found.neighbours)) + PRIOR)
+        tilt = (state.across - state.along) * (PRIOR * share) * found.inverse
+        prior = state.along * (PRIOR * share) + TENTH
+        priors = (prior, ZERO, ZERO, prior, ZERO, prior)
+        return add(add(times(sums, share * level), priors), times(products(found.normal), tilt))
 
     def read_near(self, covariance, expected):
         """Each coordinate is expected from those before it."""
@@ -119,15 +113,18 @@ class ScanReader:
         mixed = xx * yz - xy * xz
         z_y = mixed / minor
         variances = xx, minor * inverse, larger((xx * zz - xz * xz - mixed * z_y) * inverse, TENTH)
-        x_error, y_error, z_error = (single(error) for error in self.read_errors(variances))
-        x_start = nearest(expected[0])
+        x_coded, y_coded, z_coded = (single(error) for error in self.read_errors(variances))
+        x_start, x_side = nearest(expected[0]), side(expected[0])
         rounding = x_start - expected[0]
         z_x = z_x - z_y * y_x
         y_start = expected[1] + y_x * rounding
         z_start = expected[2] - z_y * expected[1] + z_x * rounding
+        x_error = x_coded * x_side
         x = x_error + x_start
-        y = y_error + nearest(y_start + y_x * x_error)
-        z = z_error + nearest(z_start + z_x * x_error + z_y * y)
+        y_expected = y_start + y_x * x_error
+        y = y_coded * side(y_expected) + nearest(y_expected)
+        z_expected = z_start + z_x * x_error + z_y * y
+        z = z_coded * side(z_expected) + nearest(z_expected)
         return int(x), int(y), int(z)
 
     def read_errors(self, variances):
@@ -149,11 +146,12 @@ class ScanReader:
         bits = self.coder.raw(a + b + c)
         return [bits >> b + c, bits >> c & (1 << b) - 1, bits & (1 << c) - 1]
 
-    def adapt(self, error, plane):
+    def adapt(self, state, error, found):
         """Moves the mean squared errors towards the last one."""
-        normal, squared_length = plane
-        across = dot(error, normal)
-        across = across * across / squared_length
-        self.normal = self.normal + (across - self.normal) * TENTH
+        across = dot(error, found.normal)
+        across = across * across * found.inverse
         along = (dot(error, error) - across) * HALF
-        self.tangential = larger(self.tangential + (along - self.tangential) * TENTH, Single(0))
+        rate = ONE / single(state.count + 1.5)
+        state.across = state.across + (across - state.across) * rate
+        state.along = larger(state.along + (along - state.along) * rate, ZERO)
+        state.count = min(state.count + 1, SETTLED)
