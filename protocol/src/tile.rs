@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// The first four bytes of every tile.
 pub const MAGIC: [u8; 4] = *b"INSU";
 /// Version of the container and of all tile kinds. Any change of bytes raises it.
-pub const VERSION: u16 = 3;
+pub const VERSION: u16 = 4;
 /// Maximum size of a section in bytes, packed or raw.
 pub const MAX_SECTION_BYTES: u32 = 16 << 20;
 /// Maximum number of sections in one tile.

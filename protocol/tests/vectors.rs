@@ -1,4 +1,4 @@
-//! Frozen bytes of format version 3: every later program must decode them, and this encoder must still write
+//! Frozen bytes of format version 4: every later program must decode them, and this encoder must still write
 //! them, except for the lossy one: which levels an encoder chooses is not part of the format.
 //!
 //! `write_vectors` (ignored) made the files. They never change. A new format version gets new files.
@@ -13,14 +13,14 @@ use insula_protocol::{
     },
     codec::checksum,
     mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
-    mesh_tile::{self, TileTexture},
+    mesh_tile::{self, LandmarkObject, OCCLUSION_BITS, TileTexture},
     object_tile, octahedral,
     subtree::{MeshLod, NodeDeviation, NodeInfo, NodeMesh},
 };
 
 macro_rules! vector {
     ($name:literal) => {
-        include_bytes!(concat!("vectors/v3_", $name, ".bin"))
+        include_bytes!(concat!("vectors/v4_", $name, ".bin"))
     };
 }
 
@@ -34,6 +34,7 @@ const SUBTREE_WITH_DEVIATIONS: &[u8] = vector!("subtree_with_deviations");
 const PLAIN_TILE: &[u8] = vector!("plain_mesh_tile");
 const TEXTURED_TILE: &[u8] = vector!("textured_mesh_tile");
 const TILE_WITH_OBJECTS: &[u8] = vector!("mesh_tile_with_objects");
+const TILE_WITH_LANDMARKS: &[u8] = vector!("mesh_tile_with_landmarks");
 const OBJECT_SCHEMA: &[u8] = vector!("object_schema");
 const OBJECT_BLOCK: &[u8] = vector!("object_block");
 const SCAN: &[u8] = vector!("scan_mesh");
@@ -233,6 +234,24 @@ fn tile_with_objects() -> MeshTile {
         (k, _) => [7, 9, 1_000_000, 7, 0, 8][k as usize],
     };
     tile.objects = (0..72).map(object).collect();
+    tile
+}
+
+/// The same boxes, two of them landmarks, with occlusion at all vertices.
+fn tile_with_landmarks() -> MeshTile {
+    let mut tile = tile_with_objects();
+    tile.landmarks = vec![
+        LandmarkObject { object: 7, stone: None, anchor_m: [0.0, -7.5, 1e5] },
+        LandmarkObject { object: 1_000_000, stone: Some(15), anchor_m: [12.25, 3.0, -0.125] },
+    ];
+    tile.mesh.attributes.push(Attribute {
+        kind: AttributeKind::Other,
+        components: 1,
+        bits: OCCLUSION_BITS,
+        range: [0.0, 1.0 / 31.0],
+        values: (0..tile.mesh.positions.len() as u32).map(|v| [v * 7 % 32, 0, 0, 0]).collect(),
+        corners: tile.mesh.triangles.concat(),
+    });
     tile
 }
 
@@ -487,6 +506,16 @@ fn triangles_with_objects_are_read_and_written() {
 }
 
 #[test]
+fn landmarks_are_read_and_written() {
+    let (found, tile) = (MeshTile::decode(leaf(), 5, TILE_WITH_LANDMARKS).unwrap(), tile_with_landmarks());
+    assert_eq!(found.landmarks, tile.landmarks);
+    let corners = tile.mesh.encode().unwrap().corners;
+    let expected = corners.iter().map(|corner| tile.occlusion(*corner as usize));
+    assert!(expected.eq((0..corners.len()).map(|corner| found.occlusion(corner))));
+    assert_eq!(tile.encode(leaf(), 5).unwrap(), TILE_WITH_LANDMARKS);
+}
+
+#[test]
 fn object_tiles_are_read_and_written() {
     let block = object_tile::block_id(2).unwrap();
     assert_eq!(block, TileId::new(12, 0, 1).unwrap());
@@ -535,7 +564,7 @@ fn unusual_but_legal_tiles_are_read() {
 #[ignore = "writes the frozen files: only for a new format version"]
 fn write_vectors() {
     let write = |name: &str, bytes: Vec<u8>| {
-        let path = format!("{}/tests/vectors/v3_{name}.bin", env!("CARGO_MANIFEST_DIR"));
+        let path = format!("{}/tests/vectors/v4_{name}.bin", env!("CARGO_MANIFEST_DIR"));
         std::fs::write(path, bytes).unwrap();
     };
     write("blockmap", blockmap().encode().unwrap());
@@ -547,6 +576,7 @@ fn write_vectors() {
     write("plain_mesh_tile", plain_tile().encode(leaf(), 1).unwrap());
     write("textured_mesh_tile", textured_tile().encode(leaf(), 0).unwrap());
     write("mesh_tile_with_objects", tile_with_objects().encode(leaf(), 0).unwrap());
+    write("mesh_tile_with_landmarks", tile_with_landmarks().encode(leaf(), 5).unwrap());
     write("object_schema", object_tile::encode(object_tile::SCHEMA_ID, SCHEMA_CONTENT.as_bytes()).unwrap());
     write("object_block", object_tile::encode(object_tile::block_id(2).unwrap(), &block_content()).unwrap());
     write("scan_mesh", scan().encode().unwrap().bytes);

@@ -14,7 +14,7 @@ UP, EAST_SLOPE = 0x7F7F, 0x7FB5
 
 
 def vector(name):
-    return (VECTORS / f"v3_{name}.bin").read_bytes()
+    return (VECTORS / f"v4_{name}.bin").read_bytes()
 
 
 def texel(r, g, b, ao, coverage=3):
@@ -183,6 +183,14 @@ class FrozenTiles(unittest.TestCase):
         self.check_mesh(values, *cuboid(None, TEXTURE_COORDINATE))
         self.assertEqual(values["texture"], {"size_px": (640, 20), "bytes": 56})
 
+    def test_mesh_tile_with_landmarks(self):
+        values = decode(vector("mesh_tile_with_landmarks"))
+        self.assertEqual(values["landmarks"], [
+            {"object": 7, "stone": None, "anchor_m": [0.0, -7.5, 1e5]},
+            {"object": 1_000_000, "stone": 15, "anchor_m": [12.25, 3.0, -0.125]},
+        ])
+        self.assertEqual([attribute["kind"] for attribute in values["attributes"]], ["colour", "other"])
+
     def test_mesh_tile_with_objects(self):
         values = decode(vector("mesh_tile_with_objects"))
         points, triangles, objects = boxes_with_objects()
@@ -285,7 +293,7 @@ class FrozenTiles(unittest.TestCase):
 
     def test_shortened_and_lengthened_tiles_are_refused(self):
         for name in ["blockmap", "lossy_blockmap", "subtree", "subtree_with_meshes", "plain_mesh_tile", "textured_mesh_tile",
-                     "mesh_tile_with_objects", "object_schema", "object_block"]:
+                     "mesh_tile_with_objects", "mesh_tile_with_landmarks", "object_schema", "object_block"]:
             data = vector(name)
             for wrong in [data[:length] for length in range(len(data))] + [data + b"\0"]:
                 with self.assertRaises(BadTile):

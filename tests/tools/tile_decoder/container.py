@@ -1,7 +1,7 @@
 """Tile container and city folder's archives (docs/formats.md, "Tile container" and "The archives")."""
 import gzip, struct, subprocess, zlib
 
-VERSION = 3
+VERSION = 4
 KINDS = {1: "blockmap", 2: "subtree", 3: "mesh", 4: "objects"}
 MAX_HEADER_BYTES = 1 << 20
 MAX_SECTIONS = 16
@@ -75,7 +75,7 @@ def read_container(data):
     reader = Bytes(data)
     magic, version, kind, reserved, header_bytes, header_crc = struct.unpack("<4sHBBII", reader.take(16))
     if magic != b"INSU" or version != VERSION or kind not in KINDS or reserved != 0 or header_bytes > MAX_HEADER_BYTES:
-        raise BadTile("not a tile of version 3")
+        raise BadTile("not a tile of version 4")
     header = reader.take(header_bytes)
     if zlib.crc32(header) != header_crc:
         raise BadTile("the header's checksum is wrong")

@@ -4,9 +4,12 @@ from .container import BadTile, Bytes
 from .mesh import read_mesh
 from .object_names import read_triangle_objects
 
-META, MESH, TEXTURE, OBJECTS = 1, 2, 3, 4
-MAX_LODS = 4
-MAX_TRIANGLES = 262_144
+META, MESH, TEXTURE, OBJECTS, LANDMARKS = 1, 2, 3, 4, 5
+MAX_LODS = 6
+MAX_TRIANGLES = 1_048_576
+MAX_LANDMARKS, LANDMARK_BYTES, MAX_STONES, NO_STONE = 64, 17, 16, 255
+MAX_ANCHOR_M = 1e5
+OCCLUSION_BITS = 5
 MAX_PART_BYTES = 4 << 20
 MAX_SIDE_PX, MAX_PX = 4096, 1 << 22
 # How far texture coordinates may lie outside 0 to 1.
@@ -34,14 +37,37 @@ def read_mesh_tile(tile_id, sections):
         if len(sections[OBJECTS]) > MAX_PART_BYTES:
             raise BadTile("a mesh tile's objects are too large")
         values["objects"] = read_triangle_objects(sections[OBJECTS], values["triangles"])
+    if sections.get(LANDMARKS):
+        values["landmarks"] = read_landmarks(sections[LANDMARKS], values.get("objects", []))
     if texture:
         values["texture"] = {"size_px": read_size(meta, texture), "bytes": len(texture)}
     return values
 
 
+def read_landmarks(section, objects):
+    """Object, stone (or None) and anchor of each landmark."""
+    count, rest = divmod(len(section), LANDMARK_BYTES)
+    if rest or count > MAX_LANDMARKS:
+        raise BadTile("a mesh tile's landmarks are too many, or cut")
+    landmarks = []
+    for number, stone, *anchor in struct.iter_unpack("<IB3f", section):
+        is_near = all(abs(v) <= MAX_ANCHOR_M for v in anchor)
+        if number not in objects or (stone != NO_STONE and stone >= MAX_STONES) or not is_near:
+            raise BadTile("a landmark has a number out of range, or no triangle")
+        landmarks.append({"object": number, "stone": None if stone == NO_STONE else stone, "anchor_m": anchor})
+    numbers = [landmark["object"] for landmark in landmarks]
+    if numbers != sorted(set(numbers)):
+        raise BadTile("a mesh tile's landmarks are not in order")
+    return landmarks
+
+
 def check_attribute(attributes, is_textured):
-    if len(attributes) != 1:
-        raise BadTile("a mesh tile has another number of attributes than one")
+    if len(attributes) not in (1, 2):
+        raise BadTile("a mesh tile has another number of attributes than one or two")
+    if len(attributes) == 2:
+        occlusion = attributes[1]
+        if (occlusion["kind"], occlusion["components"], occlusion["bits"]) != ("other", 1, OCCLUSION_BITS):
+            raise BadTile("a mesh tile's second attribute is not occlusion")
     attribute = attributes[0]
     found = attribute["kind"], attribute["components"]
     if not is_textured:

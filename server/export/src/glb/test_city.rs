@@ -35,7 +35,7 @@ pub(crate) fn manifest(depth: u8, cell_m: f64) -> Manifest {
         generated_ground: false,
         counts: CityCounts::default(),
         attribution: vec![Attribution { text: "Town Hall".into(), licence: Some("CC BY 4.0".into()), url: None }],
-        tile_version: 3,
+        tile_version: 4,
         settings: String::new(),
         location: None,
         generated_facades: false,
