@@ -373,7 +373,7 @@ fn by_hand(kind: u8, id: Option<(u8, u8, u8)>, sections: &[(u8, bool, Vec<u8>)])
         header.extend(checksum(&packed).to_le_bytes());
         body.extend(packed);
     }
-    let mut tile = b"INSU\x03\0".to_vec();
+    let mut tile = b"INSU\x04\0".to_vec();
     tile.extend([kind, 0]);
     tile.extend((header.len() as u32).to_le_bytes());
     tile.extend(checksum(&header).to_le_bytes());
