@@ -282,7 +282,7 @@ pub struct BakeArgs {
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
-    /// Approximate memory to use, as in 600MiB or 2GB [default: 192MiB per thread, at least 512MiB]
+    /// Approximate memory to use, as in 600MiB or 2GB [default: 192MiB per thread, at least 512MiB, with scans 1200MiB]
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub memory: Option<u64>,
     /// Most scratch files beside CITY for its triangles and textures, as in 200GiB

@@ -26,6 +26,8 @@ use std::{collections::BTreeMap, io::Read, path::Path};
 
 /// Longer files are not taken for a report.
 const MAX_REPORT_BYTES: u64 = 64 << 20;
+/// Default memory of a bake with scans: a block with a million triangles takes 800 MiB.
+const MEMORY_OF_SCANS: u64 = 1200 << 20;
 /// A longer file of a stone is cut, and refused.
 const MAX_STONE_BYTES: u64 = 4096;
 
@@ -151,6 +153,7 @@ fn stone_of(value: &str) -> Result<String, CommandError> {
 fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandError> {
     let stone = args.stone.as_deref().map(stone_of).transpose()?;
     let cell_of_monument = cell_of_mesh(&args.inputs, stone.is_some());
+    let is_monument = cell_of_monument.is_some();
     let cell_m = args.cell.or(cell_of_monument).unwrap_or(1.0);
     let attribution = args.attribution.clone().map(|text| Attribution {
         text,
@@ -181,7 +184,7 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
         meshes: !args.no_meshes,
         ground: match args.ground {
             // A mesh without a city shows nothing but itself.
-            GeneratedGround::Auto if cell_of_monument.is_some() => GroundOption::None,
+            GeneratedGround::Auto if is_monument => GroundOption::None,
             GeneratedGround::Auto => GroundOption::Auto,
             GeneratedGround::None => GroundOption::None,
         },
@@ -190,7 +193,7 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
             GeneratedFacades::Windows => FacadeOption::Windows,
         },
         threads: args.threads.map(usize::from),
-        memory_bytes: args.memory,
+        memory_bytes: args.memory.or((args.landmarks.is_some() || is_monument).then_some(MEMORY_OF_SCANS)),
         scratch_bytes: args.scratch,
         update: args.update,
         resume: args.resume,

@@ -123,9 +123,12 @@ pub(super) fn encode_leaves(
     leaves: &[TileId],
     has_meshes: bool,
 ) -> Result<BlockTiles, BakeError> {
-    let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
-    let input = BlockInput { scene: &scene, grid, triangles: &triangles, leaves };
+    let thin = scene.with_thin_landmarks();
+    let sampled = thin.as_ref().unwrap_or(&scene);
+    let triangles: Vec<u32> = (0..sampled.triangles.len() as u32).collect();
+    let input = BlockInput { scene: sampled, grid, triangles: &triangles, leaves };
     let mut nodes = sample_block(&input, sample);
+    drop(thin);
     nodes.sort_unstable_by_key(|node| node.id);
     let mesh = |node: &VoxelNode| {
         // Columns show plain ground as exactly.

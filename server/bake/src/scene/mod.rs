@@ -9,6 +9,7 @@ pub(crate) mod partition;
 pub(crate) mod scratch_budget;
 pub(crate) mod scratch_scene;
 pub(crate) mod texture_store;
+mod thinned;
 pub(crate) mod triangle_store;
 
 use insula_protocol::blockmap::NO_OBJECT;
