@@ -101,11 +101,11 @@ pub(in crate::read) fn read_plans(path: &Path) -> Result<Vec<LandmarkPlan>, Inpu
     let bytes = read_file(path, MAX_FILE_BYTES)?;
     let file: File = serde_json::from_slice(&bytes).map_err(|error| InputError::json(&label, &error))?;
     if file.landmarks.len() > MAX_LANDMARKS {
-        return Err(InputError::unsupported(&label, &format!("it has more than {MAX_LANDMARKS} landmarks")));
+        return Err(InputError::unsupported(&label, format!("it has more than {MAX_LANDMARKS} landmarks")));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let plan = |(i, entry): (usize, Entry)| {
-        entry.into_plan(folder).map_err(|what| InputError::unsupported(&label, &format!("landmark {}: {what}", i + 1)))
+        entry.into_plan(folder).map_err(|what| InputError::unsupported(&label, format!("landmark {}: {what}", i + 1)))
     };
     file.landmarks.into_iter().enumerate().map(plan).collect()
 }
