@@ -31,8 +31,12 @@ fn scan(steps: u32) -> String {
             f64::from(i) * std::f64::consts::PI / f64::from(steps),
             f64::from(j % (2 * steps)) * std::f64::consts::PI / f64::from(steps),
         );
-        let ring = if i == 0 || i == steps { 0.0 } else { theta.sin() };
-        format!("{:.7} {:.7} {:.7}\n", ring * phi.cos(), ring * phi.sin(), theta.cos())
+        let is_pole = i == 0 || i == steps;
+        let ring = if is_pole { 0.0 } else { theta.sin() };
+        // Rough, as scans are: regular meshes code so well that levels of detail save nothing.
+        let rough = if is_pole { 0 } else { (i * 7919 + j % (2 * steps) * 104_729) % 1000 };
+        let radius = 1.0 - f64::from(rough) * 1e-5;
+        format!("{:.7} {:.7} {:.7}\n", radius * ring * phi.cos(), radius * ring * phi.sin(), radius * theta.cos())
     };
     let (mut vertices, mut faces, mut count) = (String::new(), String::new(), 0);
     for (i, j) in (0..steps).flat_map(|i| (0..2 * steps).map(move |j| (i, j))) {

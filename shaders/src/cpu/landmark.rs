@@ -3,7 +3,7 @@
 //! The third vec4 of a triangle has what each corner carries besides: an octahedral normal of two times 12 bits, and the visible
 //! share of the sky in 8 bits above.
 
-use super::{mesh::MeshHit, ray::Ray};
+use super::ray::Ray;
 use crate::{
     layout::DrawNode,
     mesh::{HEAD_VEC4S, LANDMARK_COUNT_SHIFT, LANDMARK_OCCLUSION_BIT, LANDMARK_VEC4S},
@@ -12,6 +12,18 @@ use glam::{Vec2, Vec3};
 
 /// Least cosine between a smooth normal and the direction to the viewer. At silhouettes, interpolated normals can turn away.
 pub(crate) const MIN_FACING_NORMAL: f32 = 0.02;
+
+/// Where a ray hits a triangle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TrianglePoint {
+    /// Address of the triangle in the atlas, in vec4s.
+    pub(super) triangle: u32,
+    /// Shares of its second and third corner.
+    pub(super) u: f32,
+    pub(super) v: f32,
+    /// -1 if it is seen from behind, else 1.
+    pub(super) turned: f32,
+}
 
 /// What a landmark's triangle has besides other triangles.
 #[derive(Debug, Clone, Copy)]
@@ -42,19 +54,19 @@ pub(super) fn triangle_stride(info: [u32; 4]) -> u32 {
     if info[2] >> LANDMARK_COUNT_SHIFT > 0 { 3 } else { 2 }
 }
 
-/// The landmark that a hit triangle belongs to; `None` if to none. `turned` is -1 if the triangle is seen from behind.
+/// The landmark that a hit triangle belongs to; `None` if to none.
 pub(super) fn landmark_at(
     ray: &mut Ray<'_>,
     node: &DrawNode,
     info: [u32; 4],
-    hit: &MeshHit,
-    turned: f32,
+    hit: TrianglePoint,
 ) -> Option<LandmarkSurface> {
     let count = info[2] >> LANDMARK_COUNT_SHIFT;
     if count == 0 || ray.scene.frame.landmarks == 0 {
         return None;
     }
     let words = ray.read_vec4(hit.triangle + 2);
+    let turned = hit.turned;
     let number = words[3] & !LANDMARK_OCCLUSION_BIT;
     if number == 0 || number > count {
         return None;

@@ -4,7 +4,7 @@
 
 use super::{
     fast_math::nonzero,
-    landmark::{landmark_at, triangle_stride},
+    landmark::{TrianglePoint, landmark_at, triangle_stride},
     mesh_surface::{INSIDE_AO, SurfaceLight, is_inside, sample_texture, surface_light},
     objects::{is_hidden, object_colour, object_of_triangle},
     ray::{Ray, RayHit},
@@ -55,12 +55,12 @@ struct MeshRay {
 }
 
 /// The nearest triangle so far.
-pub(super) struct MeshHit {
+struct MeshHit {
     t: f32,
     /// Its address in the atlas, in vec4s; 0 if there is none.
-    pub(super) triangle: u32,
-    pub(super) u: f32,
-    pub(super) v: f32,
+    triangle: u32,
+    u: f32,
+    v: f32,
     is_front: bool,
     /// Address of its object's word in the palette, or 0.
     object: u32,
@@ -292,7 +292,7 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
         sample_texture(ray, info, (a + e1 * u + e2 * v) / size, level)
     };
     let turned = if across.dot(segment.dir) < 0.0 { 1.0 } else { -1.0 };
-    let landmark = landmark_at(ray, node, info, mesh_hit, turned);
+    let landmark = landmark_at(ray, node, info, TrianglePoint { triangle: mesh_hit.triangle, u, v, turned });
     let light = match landmark.and_then(|landmark| landmark.sky) {
         Some(sky) => SurfaceLight { sky, is_reflective: false },
         None if mesh_hit.is_front || !is_inside(ray, node, p, flat) => surface_light(ray, node, p, flat),

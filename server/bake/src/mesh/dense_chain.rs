@@ -9,7 +9,7 @@ use insula_protocol::{
     subtree::MeshLod,
 };
 
-use super::lod_chain::{EncodedLod, LodEncoder, LodSpec, NamedModel, simplify_on_grid};
+use super::lod_encoder::{EncodedLod, LodEncoder, LodSpec, NamedModel, simplify_on_grid};
 use crate::{
     error::BakeError,
     simplify::{Goal, largest_distance},
@@ -44,13 +44,14 @@ pub(super) fn add_levels(
         let texel_m = moved_m.max(2.0 * voxel_error_m(step_m));
         let Some(lod) = encoder.encode(&coarser, LodSpec { number, moved_m, texel_m })? else { break };
         let before = &lods[lods.len() - 1];
-        if f64::from(lod.info.error_m) >= blockmap_error_m
-            || lod.bytes.len() as f64 > MAX_BYTES_SHARE * before.bytes.len() as f64
-        {
+        if f64::from(lod.info.error_m) >= blockmap_error_m {
             break;
         }
-        let error_m = lod.info.error_m.max(before.info.error_m);
-        lods.push(EncodedLod { info: MeshLod { error_m, ..lod.info }, ..lod });
+        // Regular meshes code so well that their simplified form may be longer.
+        if lod.bytes.len() as f64 <= MAX_BYTES_SHARE * before.bytes.len() as f64 {
+            let error_m = lod.info.error_m.max(before.info.error_m);
+            lods.push(EncodedLod { info: MeshLod { error_m, ..lod.info }, ..lod });
+        }
         finer = coarser;
     }
     Ok(())

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | clip triangles to the leaf's square | `square_clip` |
 //! | put them on the grid of points that all leaves share | `leaf_surface` |
-//! | simplify them, level by level, within measured errors | `lod_chain`, `dense_chain`, `surface_distance` |
+//! | simplify them, level by level, within measured errors | `lod_chain`, `dense_chain`, `lod_encoder`, `surface_distance` |
 //! | compute occlusion at the vertices of landmarks | `leaf_occlusion` |
 //! | cut textured surfaces into charts, and pack these | `charts`, `atlas` |
 //! | resample the source's textures into one per level | `texture_bake`, `texture_canvas`, `texture_fill` |
@@ -22,6 +22,7 @@ mod dense_chain;
 mod leaf_occlusion;
 mod leaf_surface;
 mod lod_chain;
+mod lod_encoder;
 mod materials;
 mod square_clip;
 mod surface_distance;
@@ -38,7 +39,7 @@ use crate::{
     scene::{Scene, grid::CityGrid},
 };
 
-pub(crate) use lod_chain::EncodedLod;
+pub(crate) use lod_encoder::EncodedLod;
 
 /// Version of the algorithm. Raised whenever the same scene and settings would give other meshes than before.
 pub const ALGORITHM: u32 = 5;

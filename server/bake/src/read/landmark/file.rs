@@ -23,14 +23,14 @@ const MAX_HEIGHT_M: f64 = 10_000.0;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
-    landmarks: Vec<Entry>,
+struct LandmarkFile {
+    landmarks: Vec<LandmarkEntry>,
 }
 
 /// An entry as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-struct Entry {
+struct LandmarkEntry {
     mesh: PathBuf,
     name: Option<String>,
     position: Option<Vec<f64>>,
@@ -99,18 +99,18 @@ pub(in crate::read) struct LandmarkPlan {
 pub(in crate::read) fn read_plans(path: &Path) -> Result<Vec<LandmarkPlan>, InputError> {
     let label = path.display().to_string();
     let bytes = read_file(path, MAX_FILE_BYTES)?;
-    let file: File = serde_json::from_slice(&bytes).map_err(|error| InputError::json(&label, &error))?;
+    let file: LandmarkFile = serde_json::from_slice(&bytes).map_err(|error| InputError::json(&label, &error))?;
     if file.landmarks.len() > MAX_LANDMARKS {
         return Err(InputError::unsupported(&label, format!("it has more than {MAX_LANDMARKS} landmarks")));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
-    let plan = |(i, entry): (usize, Entry)| {
+    let plan = |(i, entry): (usize, LandmarkEntry)| {
         entry.into_plan(folder).map_err(|what| InputError::unsupported(&label, format!("landmark {}: {what}", i + 1)))
     };
     file.landmarks.into_iter().enumerate().map(plan).collect()
 }
 
-impl Entry {
+impl LandmarkEntry {
     /// Fails with what is wrong.
     fn into_plan(self, folder: &Path) -> Result<LandmarkPlan, &'static str> {
         let is_finite = |v: &f64| v.is_finite();
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     fn plan(text: &str) -> Result<LandmarkPlan, &'static str> {
-        serde_json::from_str::<Entry>(text).unwrap().into_plan(Path::new("data"))
+        serde_json::from_str::<LandmarkEntry>(text).unwrap().into_plan(Path::new("data"))
     }
 
     #[test]
