@@ -9,7 +9,6 @@ use super::elevation::{
     Drape, Elevation, FarModels, GroundPictures, LandColours, SurroundingsOptions, TerrainOptions, TerrainTile,
 };
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
-use super::landmark::{self, CityStone};
 use super::local_frame::{self, LocalFrame};
 use super::map_store::MapStore;
 use super::object::{AxisOrder, CrsReference, FeatureKind, KindFilter};
@@ -21,6 +20,7 @@ use super::remote::FetchFunction;
 use super::report::{FacadeReport, INEXACT, ReadReport, SourceReport};
 use super::scene_builder::{AnchoredBuilding, OpenObject, SceneBuilder, WorldTriangle};
 use super::source::CitySource;
+use super::stone::{CityStone, mean_colour};
 use super::texture::TextureLoader;
 use crate::error::{BakeError, InputError};
 use crate::scene::ObjectKind;
@@ -207,7 +207,7 @@ impl<'o> ReadContext<'o> {
 
     /// Number and mean colour of a stone, by the JSON text of its parameters. Fails if it is no stone, or one too many.
     pub(crate) fn add_stone(&mut self, label: &str, text: &str) -> Result<CityStone, InputError> {
-        let rgb = landmark::mean_colour(label, text)?;
+        let rgb = mean_colour(label, text)?;
         let known = self.stones.iter().position(|stone| stone == text);
         let number = known.unwrap_or(self.stones.len());
         if number >= MAX_STONES {

@@ -44,6 +44,7 @@ mod roof;
 mod scene_builder;
 mod sink;
 mod source;
+mod stone;
 mod survey;
 #[cfg(test)]
 mod test_sink;

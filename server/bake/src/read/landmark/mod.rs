@@ -5,7 +5,7 @@
 //! | read the file that places them | `file` |
 //! | read a mesh of any format | `collect` |
 //! | repair it | `repair` |
-//! | check its stone | `stone` |
+//! | check its stone | `../stone` |
 //! | turn, scale and place it, as one object of the city | this |
 //!
 //! Without a height, a landmark stands on the ground ([`super::scene_builder`]).
@@ -13,7 +13,6 @@
 mod collect;
 mod file;
 mod repair;
-mod stone;
 
 use super::attributes::{AttributeValue, Attributes};
 use super::context::ReadContext;
@@ -31,7 +30,6 @@ pub(super) use file::{LandmarkPlan, read_plans};
 use file::{Position, Size, Up};
 use glam::DVec3;
 use repair::{PlainMesh, Repairs};
-pub(super) use stone::{CityStone, mean_colour};
 
 /// Turns and scales a mesh, and moves the middle of its base to a place.
 struct MeshTransform {
