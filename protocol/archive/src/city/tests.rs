@@ -96,9 +96,9 @@ fn tiles_come_back_byte_for_byte() {
 fn meshes_may_be_missing_but_not_too_deep() {
     let folder = folder();
     let mesh = |level| [(id(level, 1, 1), tile(TileKind::Mesh))];
-    write_archive(folder.path(), TileKind::Mesh, &mesh(4));
+    write_archive(folder.path(), TileKind::Mesh, &mesh(6));
     assert_eq!(BakedCity::open(folder.path()).unwrap().archive(TileKind::Mesh).unwrap().len(), 1);
-    write_archive(folder.path(), TileKind::Mesh, &mesh(5));
+    write_archive(folder.path(), TileKind::Mesh, &mesh(7));
     assert!(refusal(folder.path()).contains("below the depth"));
     fs::write(folder.path().join("meshes.pmtiles"), "PMTiles").unwrap();
     assert!(refusal(folder.path()).contains("meshes.pmtiles"));
