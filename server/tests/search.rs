@@ -156,7 +156,7 @@ async fn filters_name_the_objects_that_pass() {
     use insula_objects::filter::FilteredObjects;
     let server = start(|_| {}).await;
     let filter = |query: &str| format!("{}?{query}", route::filter("two", small_city::VERSION));
-    let response = server.get(&filter("q=kind+%3D%3D+'building'"), "").await;
+    let response = server.get(&filter("expr=kind+%3D%3D+'building'"), "").await;
     assert!(response.starts_with("HTTP/1.1 200 "), "{response}");
     for header in ["cache-control: public, max-age=31536000, immutable\r\n", "content-length: "] {
         assert!(response.contains(header), "{header} is not in {response}");
@@ -164,14 +164,14 @@ async fn filters_name_the_objects_that_pass() {
     // The part is of another kind, of which none passes.
     let expected = FilteredObjects { passing: [0].into_iter().collect(), ..FilteredObjects::default() };
     assert!(response.contains(&format!("content-length: {}\r\n", expected.encode().len())), "{response}");
-    for query in ["", "q=", "q=heigt+%3E+3", "q=height+%3E", "q=height&q=height"] {
+    for query in ["", "expr=", "expr=heigt+%3E+3", "expr=height+%3E", "expr=height&expr=height", "q=height"] {
         assert_problem(&server.get(&filter(query), "").await, 400);
     }
     let other = route::filter("two", "0123456789abcdee");
-    assert_problem(&server.get(&format!("{other}?q=height"), "").await, 404);
+    assert_problem(&server.get(&format!("{other}?expr=height"), "").await, 404);
     fs::remove_file(server.folder.path().join("two").join(TileKind::Objects.file_name())).unwrap();
     server.reload().await;
-    assert_problem(&server.get(&filter("q=height"), "").await, 404);
+    assert_problem(&server.get(&filter("expr=height"), "").await, 404);
     server.stop().await;
 }
 
