@@ -22,6 +22,8 @@ use crate::{
 
 /// Cubes in which a nearest vertex is searched for, from the point's own outwards.
 const MAX_RINGS: i32 = 24;
+/// Side of the depth maps in texels. Twice as many take 1.6 times as long and change the error by a fifth at most.
+const MAP_PX: u32 = 512;
 /// Half the side of the ground plane below a landmark in a city without ground, in metres.
 const PLANE_M: f64 = 1000.0;
 const MOST: u32 = (1 << OCCLUSION_BITS) - 1;
@@ -55,7 +57,7 @@ impl LeafOcclusion {
         let (positions, triangles) = used_vertices(&surface.model, &own);
         let mut occluders = around(scene, grid, id, surface);
         occluders.extend(others.iter().map(|t| t.map(|vertex| surface.model.positions[vertex as usize])));
-        let settings = OcclusionSettings::default();
+        let settings = OcclusionSettings { map_px: MAP_PX, ..OcclusionSettings::default() };
         let mesh = OccludedMesh { positions: &positions, triangles: &triangles };
         let found = insula_occlusion::cpu(mesh, &occluders, settings, &|_| true)
             .map_err(|error| BakeError::Occlusion { tile: id, cause: error.to_string() })?;
