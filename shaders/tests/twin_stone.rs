@@ -1,4 +1,4 @@
-//! Stone in WGSL is what it is on the CPU. Without an adapter, what needs one is reported as ignored.
+//! Stone in WGSL agrees with the CPU. Tests that need an adapter are ignored without one.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec4, Vec4Swizzles};

@@ -67,16 +67,27 @@ fn mirrored(light: Radiance, n: vec3<f32>, ao: f32, dir: vec3<f32>) -> Radiance 
     let towards = dir + n * (2.0 * cosine);
     let upright = abs(n.z);
     let open = min(ao / (0.5 + 0.5 * upright), 1.0);
-    let city = frame.light.facade_sky.rgb + frame.light.facade_sun.rgb * (0.25 * open);
-    let ground = frame.light.ground_sky.rgb + frame.light.ground_sun.rgb * open;
-    let above = city + (sky(towards) - city) * open;
-    let seen = select(ground, above, towards.z > 0.0);
+    let around = reflected_light(towards, open);
+    let seen = select(around.ground, around.above, towards.z > 0.0);
     let spread = PANES + (WAVES - PANES) * upright;
     let glint = exp(-from_sun(towards) / (spread * spread)) / (spread * spread);
     return Radiance(
         light.sky + (seen - light.sky) * share,
         light.sun * (1.0 - share) + frame.light.sun.rgb * (glint * share * sun_share_by_sky(ao)),
     );
+}
+
+// Light that a mirror reflects from below and from above the horizon.
+struct ReflectedLight {
+    ground: vec3<f32>,
+    above: vec3<f32>,
+}
+
+// `open`: the openness of the mirror's surroundings.
+fn reflected_light(towards: vec3<f32>, open: f32) -> ReflectedLight {
+    let city = frame.light.facade_sky.rgb + frame.light.facade_sun.rgb * (0.25 * open);
+    let ground = frame.light.ground_sky.rgb + frame.light.ground_sun.rgb * open;
+    return ReflectedLight(ground, city + (sky(towards) - city) * open);
 }
 
 // What a surface is turned to.

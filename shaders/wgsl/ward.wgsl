@@ -66,10 +66,8 @@ fn openness(ao: f32, height: f32) -> f32 {
 
 // Mean radiance of the surroundings in a lobe around `towards`.
 fn surroundings(towards: vec3<f32>, alpha: f32, open: f32) -> vec3<f32> {
-    let city = frame.light.facade_sky.rgb + frame.light.facade_sun.rgb * (0.25 * open);
-    let ground = frame.light.ground_sky.rgb + frame.light.ground_sun.rgb * open;
-    let above = city + (sky(towards) - city) * open;
-    let sharp = mix(ground, above, clamp(0.5 + towards.z / (3.0 * alpha), 0.0, 1.0));
+    let around = reflected_light(towards, open);
+    let sharp = mix(around.ground, around.above, clamp(0.5 + towards.z / (3.0 * alpha), 0.0, 1.0));
     let matt = reflected(vec3<f32>(1.0), towards, open * (0.5 + 0.5 * towards.z)).sky;
     return mix(sharp, matt, min(alpha * alpha / MATT_VARIANCE, 1.0));
 }

@@ -115,7 +115,9 @@ pub struct BakeOptions {
     pub search_attributes: Vec<String>,
     /// File that places landmarks in the city.
     pub landmarks: Option<PathBuf>,
-    /// JSON text of the stone of a mesh that is the only input; `None` for its own colours.
+    /// Whether the only input is the mesh of a monument without a city ([`crate::read::cell_of_monument`]).
+    pub is_monument: bool,
+    /// JSON text of its stone; `None` for its own colours.
     pub stone: Option<String>,
 }
 
@@ -152,6 +154,7 @@ impl Default for BakeOptions {
             drop_attributes: Vec::new(),
             search_attributes: Vec::new(),
             landmarks: None,
+            is_monument: false,
             stone: None,
         }
     }

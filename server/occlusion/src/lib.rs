@@ -5,8 +5,7 @@
 //! over all directions above it: 0 is closed, 1 is open. The directions are spread evenly over the sphere. From each, all
 //! triangles are drawn into a depth map without perspective, and every vertex that faces it is compared with the map.
 //!
-//! Triangles hide what is behind them from both of their sides: scans have holes, and what is seen through a hole is the
-//! back of a surface that exists.
+//! Triangles occlude from both sides. Scans have holes, and a ray that enters one meets the back of a surface.
 //!
 //! [`cpu`] defines the result. `gpu` (feature `gpu`) differs from it only by the rounding of depths within a triangle: places
 //! in maps, the texels that triangles cover and all sums are whole numbers, which are the same everywhere. The result of

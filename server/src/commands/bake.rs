@@ -14,7 +14,7 @@ use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
     read::{
         DuplicateOption, FacadeOption, FeatureKind, InputError, KindFilter, ObjUpAxis, Palette, PlacingOptions,
-        ReadReport, SurroundingsOptions, TerrainOptions, cell_of_mesh,
+        ReadReport, SurroundingsOptions, TerrainOptions, cell_of_monument,
     },
     sample::{SampleSettings, VisibilityBackend},
 };
@@ -152,9 +152,12 @@ fn stone_of(value: &str) -> Result<String, CommandError> {
 
 fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandError> {
     let stone = args.stone.as_deref().map(stone_of).transpose()?;
-    let cell_of_monument = cell_of_mesh(&args.inputs, stone.is_some());
-    let is_monument = cell_of_monument.is_some();
-    let cell_m = args.cell.or(cell_of_monument).unwrap_or(1.0);
+    let monument = cell_of_monument(&args.inputs, stone.is_some(), args.read.at.map(|place| place.0));
+    let is_monument = monument.is_some() && args.landmarks.is_none();
+    if stone.is_some() && !is_monument {
+        return Err(CommandError::Bake("--stone needs one mesh as the only input; use --landmarks in a city".into()));
+    }
+    let cell_m = args.cell.or(monument.filter(|_| is_monument)).unwrap_or(1.0);
     let attribution = args.attribution.clone().map(|text| Attribution {
         text,
         licence: args.licence.clone(),
@@ -172,6 +175,7 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
         out: args.out.clone(),
         cell_m,
         landmarks: args.landmarks.clone(),
+        is_monument,
         stone,
         terrain: TerrainOptions {
             error_cells: args.terrain_error.map_or(TerrainOptions::default().error_cells, |error_m| error_m / cell_m),

@@ -166,9 +166,7 @@ pub(super) fn mirrored(frame: &FrameUniform, light: Radiance, surface: &SurfaceS
     let towards = dir + n * (2.0 * cosine);
     let upright = n.z.abs();
     let open = (surface.ao / (0.5 + 0.5 * upright)).min(1.0);
-    let city = rgb(of_light.facade_sky) + rgb(of_light.facade_sun) * (0.25 * open);
-    let ground = rgb(of_light.ground_sky) + rgb(of_light.ground_sun) * open;
-    let above = city + (sky(frame, towards) - city) * open;
+    let [ground, above] = reflected_light(frame, towards, open);
     let seen = if towards.z > 0.0 { above } else { ground };
     let spread = PANES + (WAVES - PANES) * upright;
     let glint = (-from_sun(frame, towards) / (spread * spread)).exp() / (spread * spread);
@@ -176,6 +174,14 @@ pub(super) fn mirrored(frame: &FrameUniform, light: Radiance, surface: &SurfaceS
         sky: light.sky + (seen - light.sky) * share,
         sun: light.sun * (1.0 - share) + rgb(of_light.sun) * (glint * share * sun_share_by_sky(frame, surface.ao)),
     }
+}
+
+/// Light that a mirror reflects from below and from above the horizon in direction `towards`. `open`: the openness of its surroundings.
+pub(super) fn reflected_light(frame: &FrameUniform, towards: Vec3, open: f32) -> [Vec3; 2] {
+    let light = &frame.light;
+    let city = rgb(light.facade_sky) + rgb(light.facade_sun) * (0.25 * open);
+    let ground = rgb(light.ground_sky) + rgb(light.ground_sun) * open;
+    [ground, city + (sky(frame, towards) - city) * open]
 }
 
 /// What a surface is turned to.
@@ -285,7 +291,7 @@ pub fn ground_distance(frame: &FrameUniform, dir: Vec3) -> f32 {
 }
 
 /// Light that the air scatters from a direction above the horizon.
-pub(super) fn sky(frame: &FrameUniform, dir: Vec3) -> Vec3 {
+fn sky(frame: &FrameUniform, dir: Vec3) -> Vec3 {
     let light = &frame.light;
     let height = ((dir.z - SKY_LOW) / (1.0 - SKY_LOW)).max(0.0).sqrt() * (SKY_HEIGHTS - 1) as f32;
     let row = (height as usize).min(SKY_HEIGHTS - 2);

@@ -69,6 +69,16 @@ pub struct StoneSurface {
     pub tangent: Vec3,
 }
 
+/// Share of a metal's reflectance that its colour from afar has: that of the part of the sky and the city which it reflects.
+const METAL_SHARE: f32 = 0.4;
+
+impl StoneSurface {
+    /// The colour of a matt surface that looks alike, linear RGB: where nothing evaluates reflections.
+    pub fn matt_colour(&self) -> Vec3 {
+        self.albedo + self.f0 * METAL_SHARE
+    }
+}
+
 /// A stone at `p_m`, in metres from the object's origin. `normal` has unit length, `ao` is the visible share of the sky, and
 /// `footprint_m` the side in metres of what the pixel covers.
 pub fn stone_surface(stone: &Stone, p_m: Vec3, normal: Vec3, ao: f32, footprint_m: f32) -> StoneSurface {

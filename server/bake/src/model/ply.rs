@@ -113,6 +113,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
         check_count(element.count)?;
         match element.name.as_str() {
             "vertex" => read_vertices(&mut model, element, &mut values)?,
+            "tristrips" if element.count > 0 => {
+                return Err(ModelError::Whole("a PLY file has triangle strips: convert them to faces"));
+            }
             _ => read_faces(&mut model, element, &mut values)?,
         }
     }

@@ -103,4 +103,7 @@ fn damaged_files_are_an_error_or_a_valid_model() {
     let huge = b"ply\nformat binary_little_endian 1.0\nelement vertex 9999999999\nproperty float x\nend_header\n";
     assert!(TriangleModel::read(huge, ModelFormat::Ply).is_err());
     assert!(TriangleModel::read(b"OFF\n4000000000 1 1\n", ModelFormat::Off).is_err());
+    let strips =
+        b"ply\nformat ascii 1.0\nelement tristrips 1\nproperty list int int vertex_indices\nend_header\n4 0 1 2 3\n";
+    assert!(TriangleModel::read(strips, ModelFormat::Ply).is_err());
 }

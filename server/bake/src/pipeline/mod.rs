@@ -118,6 +118,7 @@ impl<'a> BakeRun<'a> {
             fetch: options.fetch,
             dropped_attributes: self.config.dropped_attributes.clone(),
             landmarks: options.landmarks.clone(),
+            is_monument: options.is_monument,
             stone: options.stone.clone(),
             max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
             max_line_bytes: self.config.max_line_bytes().min(defaults.max_line_bytes),

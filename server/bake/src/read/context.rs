@@ -80,7 +80,9 @@ pub struct ReadOptions {
     pub dropped_attributes: NamePatterns,
     /// File that places landmarks.
     pub landmarks: Option<PathBuf>,
-    /// JSON text of the stone of a mesh that is the only source.
+    /// Whether the only source is the mesh of a monument without a city.
+    pub is_monument: bool,
+    /// JSON text of its stone.
     pub stone: Option<String>,
 }
 
@@ -119,6 +121,7 @@ impl Default for ReadOptions {
             fetch: None,
             dropped_attributes: NamePatterns::default(),
             landmarks: None,
+            is_monument: false,
             stone: None,
         }
     }

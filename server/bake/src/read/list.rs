@@ -60,14 +60,14 @@ pub(super) fn list(
     Ok(lister.list)
 }
 
-/// Lists the sources of a landmark's mesh. Fails as [`list`].
+/// Lists the sources of meshes, without those of the city's surroundings. Fails as [`list`].
 pub(super) fn list_mesh(
-    mesh: &Path,
+    meshes: &[PathBuf],
     options: &ReadOptions,
     bad: &mut BadInputs,
 ) -> Result<SourceList<'static>, InputError> {
     let mut lister = Lister::new(options)?;
-    lister.add_inputs(&[mesh.to_owned()], options, bad)?;
+    lister.add_inputs(meshes, options, bad)?;
     Ok(lister.list)
 }
 

@@ -68,7 +68,7 @@ pub use earth_place::EarthPlace;
 pub(crate) use elevation::{ALIGNED_LEAVES, FarModels, LandSquare};
 pub use elevation::{SurroundingsOptions, TerrainOptions};
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
-pub use landmark::cell_of_mesh;
+pub use landmark::cell_of_monument;
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
 pub use remote::FetchFunction;
@@ -229,7 +229,6 @@ fn read_sources(
     let mut waiting: VecDeque<&CitySource<'_>> = elevation.into_iter().chain(others).collect();
     let mut postponed = Vec::new();
     context.is_last_resort = sources.len() == 1;
-    let is_alone = landmark::is_alone(sources, context.options);
     while let Some(source) = waiting.pop_front() {
         let tick = |done: u64| {
             progress(ReadProgress { bytes_done: bytes_before + done.min(source.bytes), bytes_total });
@@ -238,7 +237,7 @@ fn read_sources(
         context.source = report.sources.len();
         subject::set(format_args!("{}", source.label));
         let mark = context.mark();
-        let result = if is_alone {
+        let result = if context.options.is_monument {
             landmark::read_alone(&mut context, source).map(Some)
         } else {
             read_source(&mut context, source, &tick)
@@ -295,7 +294,7 @@ fn read_landmarks(
     let Some(file) = &context.options.landmarks else { return Ok(()) };
     context.is_last_resort = true;
     for plan in landmark::read_plans(file)? {
-        let listed = list::list_mesh(&plan.mesh, context.options, bad)?;
+        let listed = list::list_mesh(std::slice::from_ref(&plan.mesh), context.options, bad)?;
         for source in &listed.sources {
             context.source = report.sources.len();
             subject::set(format_args!("{}", source.label));

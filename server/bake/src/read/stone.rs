@@ -10,8 +10,6 @@ use crate::error::InputError;
 
 /// A pixel that covers so much of a stone sees its mean colour.
 const FAR_M: f32 = 1e6;
-/// Share of a metal's reflectance that its colour from afar has: that of the part of the sky and the city which it reflects.
-const METAL_SHARE: f32 = 0.4;
 
 /// A stone of the city.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,7 +26,7 @@ pub(in crate::read) fn mean_colour(label: &str, text: &str) -> Result<[u8; 3], I
     let parameters: StoneParameters = serde_json::from_str(text).map_err(|error| refused(error.to_string()))?;
     let stone = parameters.stone().map_err(|error| refused(error.to_string()))?;
     let far = stone_surface(&stone, Vec3::ZERO, Vec3::X, 1.0, FAR_M);
-    let word = encode_srgb(far.albedo + far.f0 * METAL_SHARE);
+    let word = encode_srgb(far.matt_colour());
     Ok([0, 8, 16].map(|shift| (word >> shift & 255) as u8))
 }
 

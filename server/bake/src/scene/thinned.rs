@@ -46,17 +46,11 @@ impl Scene {
 /// Adds the simplified triangles of a landmark.
 fn thin(source: &[&SceneTriangle], triangles: &mut Vec<SceneTriangle>) {
     let mut model = TriangleModel::default();
-    let mut numbers = HashMap::with_capacity(source.len());
-    for triangle in source {
-        let corners = triangle.corners.map(|corner| {
-            // Adding zero turns -0 into 0.
-            *numbers.entry(corner.map(|v| (v + 0.0).to_bits())).or_insert_with(|| {
-                model.positions.push(corner.map(f64::from));
-                model.positions.len() as u32 - 1
-            })
-        });
-        model.triangles.push(corners);
+    for (first, triangle) in (0..).step_by(3).zip(source) {
+        model.positions.extend(triangle.corners.map(|corner| corner.map(f64::from)));
+        model.triangles.push([first, first + 1, first + 2]);
     }
+    model.weld();
     let goal = Goal { triangles: MAX_TRIANGLES, error: f64::INFINITY };
     let Simplified { model, sources, .. } = simplify(&model, goal, |_| false);
     for (corners, from) in model.triangles.iter().zip(&sources) {

@@ -7,8 +7,6 @@ use insula_shaders::{
     stone::{Stone, StoneParameters},
 };
 
-/// Share of a metal's reflectance that its colour has: that of the part of the sky and the city which it reflects.
-const METAL_SHARE: f32 = 0.4;
 /// Shares of the sky from here on count as open: upright surfaces see half of it.
 const OPEN_SHARE: f32 = 0.5;
 
@@ -36,8 +34,7 @@ impl Stones {
         if let Some(stone) = landmark.stone.and_then(|stone| self.0.get(usize::from(stone)).copied().flatten()) {
             let p = Vec3::from_array(p_m.map(|v| v as f32)) - Vec3::from_array(landmark.anchor_m);
             // Vertices are samples of the pattern: what is finer than the distance between them is their mean.
-            let surface = stone_surface(&stone, p, Vec3::X, 1.0, SPACING_STEPS * tile.mesh.grid.step as f32);
-            rgb = surface.albedo + surface.f0 * METAL_SHARE;
+            rgb = stone_surface(&stone, p, Vec3::X, 1.0, SPACING_STEPS * tile.mesh.grid.step as f32).matt_colour();
         }
         let open = tile.occlusion(corner).map_or(1.0, |share| (share / OPEN_SHARE).min(1.0));
         (rgb * open).to_array().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)

@@ -14,8 +14,13 @@ mod collect;
 mod file;
 mod repair;
 
+use std::path::PathBuf;
+
 use super::attributes::{AttributeValue, Attributes};
-use super::context::ReadContext;
+use super::bad_inputs::BadInputs;
+use super::context::{ReadContext, ReadOptions};
+use super::list::list_mesh;
+use super::local_frame;
 use super::object::{
     AxisOrder, CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh,
 };
@@ -190,7 +195,7 @@ fn join(meshes: &[TriangleMesh]) -> PlainMesh {
     all
 }
 
-/// Reports what was repaired, and what was not.
+/// Reports the repairs of a scan and the faults that remain.
 fn report(sink: &mut SceneSink<'_, '_, '_>, name: &str, repairs: Repairs) {
     let Repairs { dropped_triangles, turned_triangles, filled_holes, open_edges, branching_edges, .. } = repairs;
     let done = [
@@ -208,32 +213,68 @@ fn report(sink: &mut SceneSink<'_, '_, '_>, name: &str, repairs: Repairs) {
     }
 }
 
-/// Whether the only input of a bake is a mesh without anything of a city: one that is baked as a landmark.
-pub(super) fn is_alone(sources: &[CitySource<'_>], options: &super::ReadOptions) -> bool {
+/// Whether sources may be one mesh without a city. An OBJ or glTF file may well be a city; a stone says that it is none.
+fn may_be_monument(sources: &[CitySource<'_>], has_stone: bool) -> bool {
     let [source] = sources else { return false };
-    let is_scan = matches!(format_of(&source.name), Some(SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Off));
-    // An OBJ or glTF file may well be a city; a stone says that it is none.
-    is_scan || options.stone.is_some() && format_of(&source.name).is_some()
+    let format = format_of(&source.name);
+    matches!(format, Some(SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Off)) || has_stone && format.is_some()
 }
 
-/// Side in metres of the columns for a mesh that is baked alone: they show its shape from afar. `None` if the inputs are no such mesh,
-/// or if it cannot be read.
+/// Side in metres of the columns for inputs that are one mesh, a monument without a city: they show its shape from afar. `None` if the
+/// inputs are something else, or cannot be read.
+///
+/// A large mesh whose coordinates are metres on Earth is a city: `at` or a file beside it places it, or it lies far from its origin.
+/// Otherwise the unit of a scan is not known.
 #[must_use]
-pub fn cell_of_mesh(inputs: &[std::path::PathBuf], has_stone: bool) -> Option<f64> {
+pub fn cell_of_monument(inputs: &[PathBuf], has_stone: bool, at: Option<[f64; 3]>) -> Option<f64> {
     /// Columns along the longest side.
     const COLUMNS: f64 = 100.0;
     const RANGE_M: [f64; 2] = [0.01, 1.0];
-    let [input] = inputs else { return None };
-    let options = super::ReadOptions { stone: has_stone.then(String::new), ..super::ReadOptions::default() };
-    let listed = super::list::list_mesh(input, &options, &mut super::BadInputs::new(false)).ok()?;
-    if !is_alone(&listed.sources, &options) {
+    const MAX_MONUMENT_M: f64 = 100.0;
+    /// Distance of the origin from which coordinates are those of a map, in longest sides.
+    const FAR: f64 = 10.0;
+    let options = ReadOptions::default();
+    let listed = list_mesh(inputs, &options, &mut BadInputs::new(false)).ok()?;
+    if !may_be_monument(&listed.sources, has_stone) {
         return None;
     }
-    let collected = collect(listed.sources.first()?, options.max_source_bytes).ok()?;
-    let [low, high] = join(&collected.meshes).bounds()?;
-    let cell_m = (high - low).max_element() / COLUMNS;
+    let source = listed.sources.first()?;
+    let [low, high] = join(&collect(source, options.max_source_bytes).ok()?.meshes).bounds()?;
+    let longest = (high - low).max_element();
+    let is_placed = local_frame::find(source, at).ok()?.is_some() || low.abs().max_element() > FAR * longest;
+    if is_placed && longest > MAX_MONUMENT_M && !has_stone {
+        return None;
+    }
+    let cell_m = longest / COLUMNS;
     // 1, 2 or 5 times a power of ten.
     let decade = 10f64.powf(cell_m.log10().floor());
     let rounded = [1.0, 2.0, 5.0].map(|step| step * decade).into_iter().rfind(|step| *step <= cell_m).unwrap_or(decade);
     cell_m.is_finite().then(|| rounded.clamp(RANGE_M[0], RANGE_M[1]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_test_support::folder::TestFolder;
+
+    #[test]
+    fn a_lone_mesh_is_a_monument_unless_it_is_a_placed_city() {
+        let folder = TestFolder::new("monuments");
+        let write = |name: &str, from: f64, side: f64| {
+            let [a, b] = [from, from + side];
+            let text = format!("OFF\n3 1 0\n{a} {a} 0\n{b} {a} 0\n{b} {b} {side}\n3 0 1 2\n");
+            std::fs::write(folder.path.join(name), text).unwrap();
+            vec![folder.path.join(name)]
+        };
+        let (small, scan, map) =
+            (write("a.off", 0.0, 3.0), write("b.off", 0.0, 400.0), write("c.off", 85_000.0, 400.0));
+        assert_eq!(cell_of_monument(&small, false, None), Some(0.02));
+        assert_eq!(cell_of_monument(&scan, false, None), Some(1.0));
+        assert_eq!(cell_of_monument(&scan, false, Some([4.0, 52.0, 0.0])), None);
+        assert_eq!(cell_of_monument(&small, false, Some([4.0, 52.0, 0.0])), Some(0.02));
+        assert_eq!(cell_of_monument(&map, false, None), None);
+        assert_eq!(cell_of_monument(&map, true, None), Some(1.0));
+        assert_eq!(cell_of_monument(&[small[0].clone(), scan[0].clone()], true, None), None);
+        assert_eq!(cell_of_monument(&[folder.path.join("none.off")], true, None), None);
+    }
 }

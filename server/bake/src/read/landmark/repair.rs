@@ -6,6 +6,8 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use crate::model::TriangleModel;
+
 /// A hole of more edges stays open.
 const MAX_HOLE_EDGES: usize = 16;
 /// A hole that is longer around than this share of the mesh's diagonal stays open.
@@ -15,7 +17,7 @@ const MAX_OPEN_SHARE: f64 = 0.1;
 /// The volume of a closed part is at least this share of that of its bounding box's cube; less tells nothing.
 const MIN_VOLUME_SHARE: f64 = 1e-6;
 
-/// What was repaired, and what was not.
+/// Counts of repairs, and of faults that remain.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Repairs {
     pub(super) merged_vertices: usize,
@@ -64,22 +66,10 @@ impl PlainMesh {
     }
 
     fn merge_vertices(&mut self, repairs: &mut Repairs) {
-        let mut numbers: HashMap<[u64; 3], u32> = HashMap::with_capacity(self.positions.len());
-        let mut kept = Vec::with_capacity(self.positions.len());
-        let new: Vec<u32> = self
-            .positions
-            .iter()
-            .map(|p| {
-                // Adding zero turns -0 into 0.
-                *numbers.entry(p.map(|v| (v + 0.0).to_bits())).or_insert_with(|| {
-                    kept.push(*p);
-                    kept.len() as u32 - 1
-                })
-            })
-            .collect();
-        repairs.merged_vertices = self.positions.len() - kept.len();
-        self.positions = kept;
-        self.triangles.iter_mut().flatten().for_each(|vertex| *vertex = new[*vertex as usize]);
+        let (positions, triangles) = (std::mem::take(&mut self.positions), std::mem::take(&mut self.triangles));
+        let mut model = TriangleModel { positions, triangles, layers: Vec::new() };
+        repairs.merged_vertices = model.weld();
+        (self.positions, self.triangles) = (model.positions, model.triangles);
     }
 
     fn drop_triangles(&mut self, repairs: &mut Repairs) {
