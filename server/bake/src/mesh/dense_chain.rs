@@ -2,6 +2,9 @@
 //!
 //! A scan has triangles of a few millimetres everywhere, so that a fixed series of errors would leave most of its size between two
 //! levels. Here each level has a quarter of the triangles of the one before, whatever error that has.
+//!
+//! On a smooth surface, facets and the creases between leaves show long before positions are a pixel off: normals are off by more.
+//! So the stated errors are larger than the measured ones, and a level is used only from further away.
 
 use insula_protocol::{
     blockmap::voxel_error_m,
@@ -9,13 +12,17 @@ use insula_protocol::{
     subtree::MeshLod,
 };
 
-use super::lod_encoder::{EncodedLod, LodEncoder, LodSpec, NamedModel, simplify_on_grid};
+use super::lod_encoder::{EncodedLod, LodEncoder, LodSpec, NamedModel, rounded_up_to_8_bits, simplify_on_grid};
 use crate::{
     error::BakeError,
     simplify::{Goal, largest_distance},
     surface::Surface,
 };
 
+/// The stated error of a level, in units of the measured one.
+const SHADING_FACTOR: f64 = 4.0;
+/// The stated error is at most this share of that of the leaf's V-BlockMap, which replaces the meshes further away.
+const MAX_ERROR_SHARE: f64 = 0.9;
 /// Triangles of a level for each one of the next.
 const RATIO: usize = 4;
 /// A level with fewer triangles has no coarser one.
@@ -49,7 +56,8 @@ pub(super) fn add_levels(
         }
         // Regular meshes code so well that their simplified form may be longer.
         if lod.bytes.len() as f64 <= MAX_BYTES_SHARE * before.bytes.len() as f64 {
-            let error_m = lod.info.error_m.max(before.info.error_m);
+            let stated_m = (SHADING_FACTOR * f64::from(lod.info.error_m)).min(MAX_ERROR_SHARE * blockmap_error_m);
+            let error_m = rounded_up_to_8_bits(stated_m).max(lod.info.error_m).max(before.info.error_m);
             lods.push(EncodedLod { info: MeshLod { error_m, ..lod.info }, ..lod });
         }
         finer = coarser;

@@ -181,7 +181,7 @@ fn colour_attribute(layer: &CornerLayer) -> Attribute {
 }
 
 /// An error with eight bits of precision, so that the errors of many leaves compress well.
-fn rounded_up_to_8_bits(error_m: f64) -> f32 {
+pub(super) fn rounded_up_to_8_bits(error_m: f64) -> f32 {
     let next = if f64::from(error_m as f32) < error_m { (error_m as f32).next_up() } else { error_m as f32 };
     f32::from_bits((next.to_bits() + 0xffff) & 0xffff_0000)
 }
