@@ -8,7 +8,7 @@ use insula_shaders::{
     cpu::{
         shade::{Airlight, Radiance, SurfaceSample, background, shade},
         stone::stone_surface,
-        ward::reflect_stone,
+        ward::{StoneSide, reflect_stone},
     },
     layout::{FrameUniform, Light},
     light::Air,
@@ -98,7 +98,7 @@ fn ray_light(frame: &FrameUniform, stone: &Stone, dir: Vec3, ray_m: f32) -> Radi
         shade(frame, &SurfaceSample { albedo, ao, normal: n, flags: 0, level: 0 })
     } else {
         let surface = stone_surface(stone, p, n, ao, hit.distance_m * ray_m);
-        reflect_stone(frame, &surface, n, ao, dir)
+        reflect_stone(frame, &surface, &StoneSide::opaque(n, ao), dir)
     };
     if trace(start, Vec3::from(frame.sun)).is_some() {
         light.sun = Vec3::ZERO;

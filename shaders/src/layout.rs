@@ -5,7 +5,10 @@
 //!
 //! Positions are relative to the camera (world axes, metres), so that f32 is precise enough anywhere on Earth.
 
-use crate::stone::{MAX_STONES, Stone};
+use crate::{
+    stone::{MAX_STONES, Stone},
+    translucency::{MAX_MAPS, TranslucencyMap},
+};
 use bytemuck::{Pod, Zeroable};
 use insula_protocol::NODE_CELLS;
 
@@ -182,6 +185,14 @@ pub struct FrameUniform {
     pub windows: [[i32; 4]; GRID_LEVELS],
     /// Stones of landmarks, by their number in the city.
     pub stones: [Stone; MAX_STONES],
+    /// Translucency maps of landmarks.
+    pub translucency: [TranslucencyMap; MAX_MAPS],
+    /// 1 if there are any.
+    pub translucent: u32,
+    /// The map that a pass makes.
+    pub map_in_progress: u32,
+    /// What each map shows, as a hash; 0 without a map. A map is made again when its key changes.
+    pub map_keys: [u32; MAX_MAPS],
 }
 
 /// Heights above the horizon in the sky's tables.

@@ -16,6 +16,7 @@ pub mod mesh;
 pub mod pack;
 pub mod stone;
 pub mod tone;
+pub mod translucency;
 pub mod wgsl;
 mod words;
 

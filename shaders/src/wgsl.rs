@@ -39,6 +39,11 @@ use crate::{
             PATINA_TARNISH, PATINA_UPWARDS, PLACE_CONTRAST, PLACE_FREQUENCY, RAMP_RANGE, VEIN_FALL, VEIN_STRETCH,
             WIDTH_VARIATION,
         },
+        translucency::{
+            FAST_RINGS, FINE_RINGS, FIRST_RADIUS, FIRST_TEXELS, HEIGHT_SLACK, MIN_ENTRY_COSINE, MIN_STRETCH, RING_TURN,
+            SURFACE_STEP,
+        },
+        translucency_map::SAME_ANCHOR_M,
         ward::{
             LOBE_FACTOR_0, LOBE_FACTOR_1, LOBE_FACTOR_2, LOBE_FACTOR_3, LOBE_GRAZING_0, LOBE_GRAZING_1, LOBE_GRAZING_2,
             LOBE_SLACK, MATT_VARIANCE, MIN_FACING, UNKNOWN_BELOW,
@@ -67,6 +72,7 @@ use crate::{
         AGX_GAMMA, AGX_IN, AGX_LOG2_RANGE, AGX_MIN_LOG2, AGX_OUT, AGX_POWER, AGX_SATURATION, EXPONENT_BIAS,
         MANTISSA_BITS, MAX_RADIANCE, METER_BINS, METER_BINS_PER_STOP, METER_CUT, METER_MIN_LOG2,
     },
+    translucency::{COARSEST_PX, FINE_TAPS, MAX_MAPS, OCCUPIED as MAP_OCCUPIED},
 };
 use insula_protocol::{
     NODE_CELLS,
@@ -94,7 +100,7 @@ pub fn raycast() -> String {
 }
 
 /// Files of the ray-caster.
-const RAYCAST: [&str; 20] = [
+const RAYCAST: [&str; 22] = [
     LAYOUT,
     MATH,
     SRGB,
@@ -115,6 +121,8 @@ const RAYCAST: [&str; 20] = [
     wgsl!("noise.wgsl"),
     wgsl!("stone.wgsl"),
     wgsl!("ward.wgsl"),
+    wgsl!("translucency.wgsl"),
+    wgsl!("translucency_map.wgsl"),
 ];
 
 /// The ray-caster and `kernel`: an entry point that calls its functions of stone, `stone_surface` and `reflect_stone`, for tests.
@@ -320,6 +328,18 @@ fn other_constants() -> String {
         f32 { PATINA_UPWARDS, PATINA_OPEN, RAMP_RANGE, PATINA_NOISE, PATINA_TARNISH, PATINA_CREASES, PATINA_HEIGHT, PATINA_ALPHA, PATINA_F0 }
         vec3 { LOBE_FACTOR_0, LOBE_FACTOR_1, LOBE_FACTOR_2, LOBE_FACTOR_3, LOBE_GRAZING_0, LOBE_GRAZING_1, LOBE_GRAZING_2 }
         f32 { LOBE_SLACK, MATT_VARIANCE, MIN_FACING, UNKNOWN_BELOW, MIN_FACING_NORMAL }
+        // Translucency.
+        u32 {
+            MAX_MAPS,
+            COARSEST_PX,
+            MAP_OCCUPIED,
+            FINE_TAPS,
+            FINE_RING_COUNT = FINE_RINGS[0],
+            FINE_RING_TAPS = FINE_RINGS[1],
+            FAST_RING_COUNT = FAST_RINGS[0],
+            FAST_RING_TAPS = FAST_RINGS[1],
+        }
+        f32 { FIRST_RADIUS, FIRST_TEXELS, HEIGHT_SLACK, MIN_ENTRY_COSINE, MIN_STRETCH, RING_TURN, SURFACE_STEP, SAME_ANCHOR_M }
         // Exposure and tone.
         u32 { MANTISSA_BITS, METER_BINS, METER_THREADS, METER_READS }
         i32 { EXPONENT_BIAS }
@@ -384,7 +404,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(bindings, 9 + 3 + 3 + 3 + 3 + 6 + 1, "bindings and workgroup sizes");
+        assert_eq!(bindings, 9 + 3 + 3 + 3 + 3 + 6 + 3, "bindings and workgroup sizes");
     }
 
     #[test]

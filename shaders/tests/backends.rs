@@ -18,7 +18,7 @@ const STONE_KERNEL: &str = "
 fn stone(@builtin(global_invocation_id) id: vec3<u32>) {
     let up = vec3<f32>(0.0, 0.0, 1.0);
     let surface = stone_surface(stones[id.x % 16u], vec3<f32>(id), up, 1.0, 0.01);
-    let found = reflect_stone(surface, up, 1.0, -up);
+    let found = reflect_stone(surface, StoneSide(up, 1.0, vec3<f32>(0.0), false), -up);
     light[id.x] = vec4<f32>(found.sky + found.sun, 1.0);
 }
 ";

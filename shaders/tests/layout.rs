@@ -64,6 +64,10 @@ fn structs_have_the_same_layout() {
             light,
             windows,
             stones,
+            translucency,
+            translucent,
+            map_in_progress,
+            map_keys,
         }
     );
     assert_layout!(

@@ -3,7 +3,12 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec4, Vec4Swizzles};
 use insula_shaders::{
-    cpu::{night::scramble_cell, noise::perlin, stone::stone_surface, ward::reflect_stone},
+    cpu::{
+        night::scramble_cell,
+        noise::perlin,
+        stone::stone_surface,
+        ward::{StoneSide, reflect_stone},
+    },
     layout::{FrameUniform, Light, binding},
     light::Air,
     stone::{MAX_STONES, PRESETS, Stone},
@@ -35,7 +40,8 @@ fn sample_stones(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let point = points[id.x];
     let surface = stone_surface(stones[point.stone], point.p_m, point.normal, point.ao, point.footprint_m);
-    let light = reflect_stone(surface, point.normal, point.ao, point.dir);
+    let side = StoneSide(point.normal, point.ao, vec3<f32>(0.0), false);
+    let light = reflect_stone(surface, side, point.dir);
     let hash = scramble_cell(vec3<i32>(floor(point.p_m * 100.0)));
     samples[id.x * 5u] = vec4<u32>(bitcast<vec3<u32>>(surface.albedo), bitcast<u32>(surface.alpha.x));
     samples[id.x * 5u + 1u] = vec4<u32>(bitcast<vec3<u32>>(surface.f0), bitcast<u32>(surface.alpha.y));
@@ -90,16 +96,20 @@ fn structs_have_the_same_layout() {
         ("grain", offset_of!(Stone, grain)),
         ("octaves", offset_of!(Stone, octaves)),
         ("f0", offset_of!(Stone, f0)),
-        ("scattering", offset_of!(Stone, scattering)),
+        ("refraction", offset_of!(Stone, refraction)),
         ("alpha", offset_of!(Stone, alpha)),
         ("vein_width", offset_of!(Stone, vein_width)),
         ("veins", offset_of!(Stone, veins)),
         ("blend", offset_of!(Stone, blend)),
         ("variation", offset_of!(Stone, variation)),
         ("bend", offset_of!(Stone, bend)),
+        ("scattering", offset_of!(Stone, scattering)),
+        ("scattering_scale", offset_of!(Stone, scattering_scale)),
+        ("absorption", offset_of!(Stone, absorption)),
+        ("unused", offset_of!(Stone, unused)),
     ];
     assert_eq!(offsets, rust);
-    assert_eq!((*span as usize, size_of::<Stone>()), (96, 96));
+    assert_eq!((*span as usize, size_of::<Stone>()), (128, 128));
 }
 
 /// Every stone from all sides, near and far.
@@ -141,7 +151,7 @@ fn gpu_shows_the_same_stone_as_the_cpu(gpu: &Gpu) -> Result<(), Failed> {
         for (point, found) in points.iter().zip(samples.as_chunks::<5>().0) {
             let (name, stone) = &PRESETS[point.stone as usize];
             let surface = stone_surface(stone, point.p_m, point.normal, point.ao, point.footprint_m);
-            let light = reflect_stone(&frame, &surface, point.normal, point.ao, point.dir);
+            let light = reflect_stone(&frame, &surface, &StoneSide::opaque(point.normal, point.ao), point.dir);
             let cell = (point.p_m * 100.0).floor().as_ivec3();
             assert_eq!(found[2].w.to_bits(), scramble_cell(cell), "{cell}");
             let noise = perlin(point.p_m * 10.0);

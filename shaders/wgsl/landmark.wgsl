@@ -73,7 +73,16 @@ fn light_of_stone(hit: RayHit, normal: vec3<f32>, dir: vec3<f32>) -> Radiance {
     let footprint_m = hit.distance_m * pixel / cosine;
     let found = stone_surface(frame.stones[hit.stone - 1u], hit.stone_point, normal, hit.ao, footprint_m);
     if !FOR_STUDY || frame.shading == SHADING_LIT {
-        return reflect_stone(found, normal, hit.ao, dir);
+        var side = StoneSide(normal, hit.ao, vec3<f32>(0.0), false);
+        if TRANSLUCENT {
+            let point = dir * hit.distance_m;
+            let map = map_of(point - hit.stone_point);
+            if map > 0u {
+                side.through = gathered(map - 1u, point);
+                side.is_translucent = true;
+            }
+        }
+        return reflect_stone(found, side, dir);
     }
     return shade(found.albedo, hit.ao, normal, hit.flags, hit.level);
 }

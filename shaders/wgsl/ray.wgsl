@@ -23,6 +23,8 @@ override OBJECTS: bool = false;
 
 // Whether there are meshes with landmarks.
 override LANDMARKS: bool = false;
+// Whether there are translucency maps.
+override TRANSLUCENT: bool = false;
 
 // A part of a ray: from the eye to the visible surface, or from there towards the sun.
 struct RaySegment {

@@ -9,13 +9,17 @@ struct Stone {
     grain: vec3<f32>,
     octaves: u32,
     f0: vec3<f32>,
-    scattering: u32,
+    refraction: f32,
     alpha: vec2<f32>,
     vein_width: f32,
     veins: u32,
     blend: vec2<f32>,
     variation: f32,
     bend: f32,
+    scattering: vec3<f32>,
+    scattering_scale: f32,
+    absorption: vec3<f32>,
+    unused: f32,
 }
 
 struct StoneSurface {

@@ -72,8 +72,19 @@ fn surroundings(towards: vec3<f32>, alpha: f32, open: f32) -> vec3<f32> {
     return mix(sharp, matt, min(alpha * alpha / MATT_VARIANCE, 1.0));
 }
 
+// The side of a stone that is seen.
+struct StoneSide {
+    normal: vec3<f32>,
+    ao: f32,
+    // Light of the sun that comes through the stone.
+    through: vec3<f32>,
+    is_translucent: bool,
+}
+
 // Light of a surface of stone that is seen in direction `dir`.
-fn reflect_stone(stone: StoneSurface, normal: vec3<f32>, ao: f32, dir: vec3<f32>) -> Radiance {
+fn reflect_stone(stone: StoneSurface, side: StoneSide, dir: vec3<f32>) -> Radiance {
+    let normal = side.normal;
+    let ao = side.ao;
     let axes = axes_of(normal, stone.tangent);
     // Times the transposed axes.
     let view = -dir * axes;
@@ -88,8 +99,15 @@ fn reflect_stone(stone: StoneSurface, normal: vec3<f32>, ao: f32, dir: vec3<f32>
     let mirrored_sky = seen * (stone.f0 * parts.x + parts.y) * lobe_occlusion(facing, open, roughness);
     let share = fresnel(stone.f0, 0.5 * length(view + light));
     let lobe = ward(stone.alpha, light, view) * max(light.z, 0.0) * (0.5 * TAU) * sun_share_by_sky(ao);
+    let out = (1.0 - stone.f0) * transmitted(roughness, facing);
+    let gloss = frame.light.sun.rgb * share * lobe;
+    if side.is_translucent {
+        // No ray towards the sun is needed: the map knows where the sun is visible.
+        let inside = stone.albedo * frame.light.sun.rgb * side.through;
+        return Radiance((matt.sky + inside) * out + mirrored_sky, gloss);
+    }
     return Radiance(
-        matt.sky * (1.0 - stone.f0) * transmitted(roughness, facing) + mirrored_sky,
-        matt.sun * scattered(stone.f0, stone.alpha, light, view) + frame.light.sun.rgb * share * lobe,
+        matt.sky * out + mirrored_sky,
+        matt.sun * scattered(stone.f0, stone.alpha, light, view) + gloss,
     );
 }

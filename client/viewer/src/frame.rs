@@ -13,10 +13,11 @@ use crate::{
         occlusion_feedback::OcclusionQuery,
         transitions::{DrawSource, Transitions},
     },
+    translucency::{DrawnLandmarks, DrawnTile, RenderLight, Translucency},
 };
 use bytemuck::Zeroable;
 use glam::DVec3;
-use insula_protocol::{TileId, blockmap::voxel_error_m};
+use insula_protocol::{NODE_CELLS, TileId, blockmap::voxel_error_m};
 use insula_shaders::{
     cpu::night::bays_of,
     grid::{GridBuilder, GridFrame},
@@ -47,13 +48,23 @@ pub struct RenderSettings {
     pub shadow_m: f64,
     /// Factor from radiance to display; 0: by the frame's mean.
     pub exposure: f32,
+    /// Light through stones.
+    pub translucency: Translucency,
 }
 
 impl RenderSettings {
     /// Lit by a sun in direction `sun` through `air`. One ray a pixel, no shadows.
     pub(crate) fn lit_by(sun: DVec3, air: Air, night: &NightLights) -> Self {
         let light = Light::new(sun.as_vec3(), air, night);
-        Self { shading: Shading::Lit, samples: 1, sun, light, shadow_m: 0.0, exposure: 0.0 }
+        Self {
+            shading: Shading::Lit,
+            samples: 1,
+            sun,
+            light,
+            shadow_m: 0.0,
+            exposure: 0.0,
+            translucency: Translucency::default(),
+        }
     }
 
     /// Direction to the sun if it casts shadows: by day, with shadows enabled, and where light is shown.
@@ -120,6 +131,8 @@ impl FrameData {
         frame.objects = u32::from(settings.shading == Shading::Objects || cache.has_styles());
         frame.landmarks = u32::from(cache.has_landmarks());
         let list = NodeList::new(&inputs, tree, cache, view);
+        let lighting = RenderLight { translucency: settings.translucency, sun: settings.sun };
+        list.landmarks.write(&mut frame, view, &lighting, cache.capacity_pages(), &list.drawn);
         let manifest = tree.manifest();
         let root_error_m = voxel_error_m(manifest.cell_m_at(0));
         let grid_frame = GridFrame {
@@ -154,6 +167,9 @@ struct NodeList<'a> {
     owners: Vec<NodeIndex>,
     /// Largest screen-space error of a source that fades out, in pixels.
     fading_error_px: f64,
+    landmarks: DrawnLandmarks,
+    /// What is drawn, the centres of the areas, and half of their diagonals.
+    drawn: Vec<(DrawnTile, DVec3, f64)>,
 }
 
 /// An entry of a [`NodeList`].
@@ -177,6 +193,8 @@ impl<'a> NodeList<'a> {
             fade_rays: Vec::with_capacity(capacity),
             owners: Vec::with_capacity(capacity),
             fading_error_px: 0.0,
+            landmarks: DrawnLandmarks::default(),
+            drawn: Vec::new(),
         };
         // Finer nodes than those of the draw list may have been evicted since the last step.
         for tile in transitions.tiles().iter().filter(|tile| tree.is_known(tile.node)) {
@@ -214,6 +232,15 @@ impl<'a> NodeList<'a> {
         let mut node = source.node(tree, eye);
         if let Some(mesh) = entry.drawn.mesh_lod.and_then(|lod| cache.mesh(id, lod)) {
             source.set_mesh(&mut node, id, mesh, tree, eye);
+            let origin = DVec3::from(tree.manifest().node_corner(id)).with_z(tree.manifest().origin[2]);
+            self.landmarks.add(&mesh.landmarks, origin);
+        }
+        if cache.has_landmarks() {
+            let side_m = tree.manifest().cell_m_at(id.level()) * NODE_CELLS as f64;
+            let centre = DVec3::from(tree.manifest().node_corner(id)) + DVec3::new(0.5, 0.5, 0.0) * side_m;
+            let mesh_lod = if node.mesh != 0 { entry.drawn.mesh_lod } else { None };
+            let tile = DrawnTile { id, source: source.id, mesh_lod };
+            self.drawn.push((tile, centre, side_m * std::f64::consts::FRAC_1_SQRT_2));
         }
         self.nodes.push(node);
         self.ids.push(id);

@@ -29,3 +29,4 @@ pub mod switching;
 #[cfg(any(test, feature = "test-support"))]
 pub mod test_support;
 pub mod transfer;
+pub mod translucency;

@@ -19,6 +19,8 @@ pub mod raycast;
 pub mod shade;
 pub(crate) mod solid;
 pub mod stone;
+pub mod translucency;
+pub mod translucency_map;
 mod walk;
 pub mod ward;
 mod words;

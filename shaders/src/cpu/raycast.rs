@@ -14,8 +14,10 @@ use super::{
     ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
     shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, shade},
     stone::stone_surface,
+    translucency::{MapAxes, gathered},
+    translucency_map::map_of,
     walk::walk_grid,
-    ward::reflect_stone,
+    ward::{StoneSide, reflect_stone},
 };
 use crate::{
     layout::{FrameUniform, MAX_SAMPLES, NO_NODE, OUTLINE_RGB, PALETTE_OUTLINED, Shading},
@@ -214,7 +216,7 @@ fn sun_direction(frame: &FrameUniform, axes: &[Vec3; 2], area: f32, turn: Vec2) 
 
 /// From 0 to 63, as even as possible: an ordered pattern of 8 x 8 rays (Bayer 1973). Of 2 x 2 rays per pixel, the one
 /// that reports the pixel's hit has the lowest.
-fn threshold_of([x, y]: [u32; 2], samples: u32, sample: u32) -> u32 {
+pub(super) fn threshold_of([x, y]: [u32; 2], samples: u32, sample: u32) -> u32 {
     let (x, y) = (x * samples + sample % samples, y * samples + sample / samples + samples / 2);
     let a = x ^ y;
     (a & 1) << 5 | (y & 1) << 4 | (a & 2) << 2 | (y & 2) << 1 | (a & 4) >> 1 | (y & 4) >> 2
@@ -237,7 +239,7 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) ->
     let mut seen = ray.hit;
     let airlight = &pixel.airlight;
     let (light, eye_m) = if seen.is_hit {
-        (radiance_of(&seen, frame, dir, airlight), seen.distance_m)
+        (radiance_of(scene, &seen, dir, airlight), seen.distance_m)
     } else {
         let eye_m = ground_distance(frame, dir);
         seen.shadow_origin = dir * eye_m + Vec3::Z * SUN_LIFT_M;
@@ -265,24 +267,38 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) ->
 }
 
 /// Light of a surface of stone; `None` if it is of none. Studies see the stone's colour as that of other surfaces.
-fn stone_of(hit: &RayHit, frame: &FrameUniform, surface: &SurfaceSample, dir: Vec3) -> Option<Radiance> {
+fn stone_of(scene: &SceneRef<'_>, hit: &RayHit, surface: &SurfaceSample, dir: Vec3) -> Option<Radiance> {
+    let frame = scene.frame;
     let stone = frame.stones.get(hit.stone.checked_sub(1)? as usize).filter(|stone| stone.kind != 0)?;
     let pixel = 2.0 * Vec3::from(frame.up).length() / (frame.height_px * frame.samples.max(1)) as f32;
     let cosine = surface.normal.dot(dir).abs().max(MIN_COSINE).sqrt();
     let footprint_m = hit.distance_m * pixel / cosine;
     let found = stone_surface(stone, hit.stone_point, surface.normal, surface.ao, footprint_m);
     if frame.shading == Shading::Lit as u32 {
-        Some(reflect_stone(frame, &found, surface.normal, surface.ao, dir))
+        let side = StoneSide { normal: surface.normal, ao: surface.ao, through: light_through(scene, hit, dir) };
+        Some(reflect_stone(frame, &found, &side, dir))
     } else {
         Some(shade(frame, &SurfaceSample { albedo: found.albedo, ..*surface }))
     }
 }
 
+/// Light of the sun that comes through the stone that was hit; `None` if there is no translucency map of it.
+fn light_through(scene: &SceneRef<'_>, hit: &RayHit, dir: Vec3) -> Option<Vec3> {
+    if scene.frame.translucent == 0 {
+        return None;
+    }
+    let point = dir * hit.distance_m;
+    let map = map_of(&scene.frame.translucency, point - hit.stone_point)?;
+    let axes = MapAxes::new(scene.frame.sun.into(), Vec2::from(scene.frame.light.side));
+    Some(gathered(scene.atlas, map, &axes, point))
+}
+
 /// Light of the surface that was hit.
-fn radiance_of(hit: &RayHit, frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radiance {
+fn radiance_of(scene: &SceneRef<'_>, hit: &RayHit, dir: Vec3, airlight: &Airlight) -> Radiance {
+    let frame = scene.frame;
     let RayHit { albedo, ao, flags, level, distance_m, .. } = *hit;
     let surface = SurfaceSample { albedo, ao, normal: hit.normal.normalize_or(-dir), flags, level };
-    let mut light = match stone_of(hit, frame, &surface, dir) {
+    let mut light = match stone_of(scene, hit, &surface, dir) {
         Some(light) => light,
         None => shade(frame, &surface),
     };

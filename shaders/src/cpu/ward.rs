@@ -90,12 +90,12 @@ fn lobe_reflectance(alpha: f32, cosine: f32) -> Vec2 {
 
 /// Light from a direction that passes the lobe to the surface below, over 1 less the reflectance from straight ahead; at most. The
 /// lobe's factor and what is added to it are together at most 1.
-fn transmitted(alpha: f32, cosine: f32) -> f32 {
+pub(super) fn transmitted(alpha: f32, cosine: f32) -> f32 {
     1.0 - lobe_reflectance(alpha, cosine).y.min(1.0 - LOBE_SLACK) - LOBE_SLACK * (1.0 - cosine)
 }
 
 /// Mean of [`transmitted`] over a hemisphere, or a little more.
-fn mean_transmitted(alpha: f32) -> f32 {
+pub(super) fn mean_transmitted(alpha: f32) -> f32 {
     1.0 - 0.04 / (1.0 + alpha * (2.2 + 2.7 * alpha))
 }
 
@@ -128,9 +128,28 @@ fn surroundings(frame: &FrameUniform, towards: Vec3, alpha: f32, open: f32) -> V
     sharp.lerp(matt, (alpha * alpha / MATT_VARIANCE).min(1.0))
 }
 
-/// Light of a surface of stone that is seen in direction `dir`. `normal` is its unit normal towards the viewer, `ao` the visible
-/// share of the sky.
-pub fn reflect_stone(frame: &FrameUniform, stone: &StoneSurface, normal: Vec3, ao: f32, dir: Vec3) -> Radiance {
+/// The side of a stone that is seen.
+#[derive(Debug, Clone, Copy)]
+pub struct StoneSide {
+    /// Unit normal towards the viewer.
+    pub normal: Vec3,
+    /// Visible share of the sky.
+    pub ao: f32,
+    /// Light of the sun that comes through the stone ([`super::translucency::gathered`]); `None` for stones that are not
+    /// translucent.
+    pub through: Option<Vec3>,
+}
+
+impl StoneSide {
+    /// A side of a stone that is not translucent.
+    pub fn opaque(normal: Vec3, ao: f32) -> Self {
+        Self { normal, ao, through: None }
+    }
+}
+
+/// Light of a surface of stone that is seen in direction `dir`.
+pub fn reflect_stone(frame: &FrameUniform, stone: &StoneSurface, surface: &StoneSide, dir: Vec3) -> Radiance {
+    let StoneSide { normal, ao, through } = *surface;
     let StoneSurface { albedo, f0, alpha, tangent } = *stone;
     let (axes, sun) = (GrainAxes::new(normal, tangent), Vec3::from(frame.sun));
     let (view, light) = (axes.local(-dir), axes.local(sun));
@@ -145,9 +164,14 @@ pub fn reflect_stone(frame: &FrameUniform, stone: &StoneSurface, normal: Vec3, a
     // The half vector's cosine to the light is half of the length of their sum.
     let half = fresnel(f0, 0.5 * (view + light).length());
     let lobe = ward(alpha, light, view) * light.z.max(0.0) * PI * sun_share_by_sky(frame, ao);
-    Radiance {
-        sky: matt.sky * (1.0 - f0) * transmitted(roughness, facing) + mirrored,
-        sun: matt.sun * scattered(f0, alpha, light, view) + rgb(frame.light.sun) * half * lobe,
+    let out = (1.0 - f0) * transmitted(roughness, facing);
+    let gloss = rgb(frame.light.sun) * half * lobe;
+    match through {
+        // No ray towards the sun is needed: the map knows where the sun is visible.
+        Some(light) => {
+            Radiance { sky: (matt.sky + albedo * rgb(frame.light.sun) * light) * out + mirrored, sun: gloss }
+        }
+        None => Radiance { sky: matt.sky * out + mirrored, sun: matt.sun * scattered(f0, alpha, light, view) + gloss },
     }
 }
 
@@ -322,13 +346,13 @@ mod tests {
         let frame = frame();
         let dir = Vec3::new(0.3, 0.6, -0.7).normalize_or(Vec3::Z);
         for alpha in [0.05, 0.2, 0.6] {
-            let stone = reflect_stone(&frame, &surface(alpha), Vec3::Z, 1.0, dir);
+            let stone = reflect_stone(&frame, &surface(alpha), &StoneSide::opaque(Vec3::Z, 1.0), dir);
             let matt = reflected(&frame, Vec3::splat(0.7), Vec3::Z, 1.0);
             let (found, wanted) = (stone.sky.y + stone.sun.y, matt.sky.y + matt.sun.y);
             assert!((found / wanted - 1.0).abs() < 0.15, "{alpha}: {found} {wanted}");
         }
-        let hidden = reflect_stone(&frame, &surface(0.2), Vec3::Z, 0.0, dir);
-        let open = reflect_stone(&frame, &surface(0.2), Vec3::Z, 1.0, dir);
+        let hidden = reflect_stone(&frame, &surface(0.2), &StoneSide::opaque(Vec3::Z, 0.0), dir);
+        let open = reflect_stone(&frame, &surface(0.2), &StoneSide::opaque(Vec3::Z, 1.0), dir);
         assert!(hidden.sky.y < 0.5 * open.sky.y, "{hidden:?} {open:?}");
     }
 
@@ -345,7 +369,7 @@ mod tests {
                 let across = Vec3::Y * (1.0 - (k as f32 / 20.0).powi(2)).sqrt();
                 let dir = -normal * (k as f32 / 20.0) + across;
                 let stone = StoneSurface { albedo: Vec3::ONE, ..surface(alpha) };
-                let found = reflect_stone(&frame, &stone, normal, 0.5 + 0.5 * normal.z, dir);
+                let found = reflect_stone(&frame, &stone, &StoneSide::opaque(normal, 0.5 + 0.5 * normal.z), dir);
                 assert!(found.sky.y <= 1.003 && found.sky.y > 0.7, "{alpha} {normal} {dir}: {found:?}");
                 assert_eq!(found.sun, Vec3::ZERO);
             }
@@ -357,10 +381,12 @@ mod tests {
         let frame = frame();
         let sun = Vec3::from(frame.sun);
         let mirror = Vec3::new(sun.x, sun.y, -sun.z);
-        let sun_of = |alpha: f32, dir: Vec3| reflect_stone(&frame, &surface(alpha), Vec3::Z, 1.0, dir).sun.y;
+        let sun_of =
+            |alpha: f32, dir: Vec3| reflect_stone(&frame, &surface(alpha), &StoneSide::opaque(Vec3::Z, 1.0), dir).sun.y;
         assert!(sun_of(0.03, mirror) > 4.0 * sun_of(0.4, mirror));
         assert!(sun_of(0.03, -sun) < sun_of(0.4, mirror));
-        let from_below = reflect_stone(&frame, &surface(0.1), Vec3::Z, 1.0, Vec3::new(0.0, 0.8, 0.6));
+        let from_below =
+            reflect_stone(&frame, &surface(0.1), &StoneSide::opaque(Vec3::Z, 1.0), Vec3::new(0.0, 0.8, 0.6));
         assert!(from_below.sky.is_finite() && from_below.sun.is_finite());
     }
 }

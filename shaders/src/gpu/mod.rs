@@ -7,6 +7,7 @@ pub mod nearest;
 #[cfg(not(target_arch = "wasm32"))]
 pub mod occlusion;
 pub mod raycast;
+mod translucency;
 
 pub use compose::Compose;
 pub use hit_counts::HitCounts;

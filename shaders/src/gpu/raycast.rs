@@ -2,7 +2,7 @@
 
 #[cfg(not(target_arch = "wasm32"))]
 use super::read_words;
-use super::{DeviceQueue, GpuError, buffer};
+use super::{DeviceQueue, GpuError, buffer, translucency::MapMaker};
 #[cfg(not(target_arch = "wasm32"))]
 use crate::cpu::raycast::{Pixels, RayCounts};
 use crate::layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding};
@@ -27,17 +27,19 @@ pub struct Raycaster {
     capacity: Capacity,
     /// The variants that were needed so far.
     pipelines: HashMap<PipelineVariant, wgpu::ComputePipeline>,
-    bind_group_layout: wgpu::BindGroupLayout,
-    inputs: InputBuffers,
+    pub(super) bind_group_layout: wgpu::BindGroupLayout,
+    pub(super) inputs: InputBuffers,
     output: OutputBuffers,
     /// The frame that the output holds.
     last_frame: FrameUniform,
+    /// Makes translucency maps; `None` before the first one.
+    pub(super) maps: Option<MapMaker>,
 }
 
 /// A specialisation of the shader: code that it leaves out costs nothing, even on devices that execute both sides of an
 /// `if`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-struct PipelineVariant {
+pub(super) struct PipelineVariant {
     /// Counts the rays' work, and draws nothing.
     count: bool,
     /// The draw list has meshes.
@@ -50,27 +52,36 @@ struct PipelineVariant {
     objects: bool,
     /// There are meshes with landmarks.
     landmarks: bool,
+    /// There are translucency maps.
+    translucent: bool,
+}
+
+impl PipelineVariant {
+    /// For meshes with landmarks.
+    pub(super) fn with_landmarks() -> Self {
+        Self { meshes: true, landmarks: true, ..Self::default() }
+    }
 }
 
 #[derive(Debug)]
-struct InputBuffers {
+pub(super) struct InputBuffers {
     frame: wgpu::Buffer,
     grid: wgpu::Buffer,
     nodes: wgpu::Buffer,
     summaries: wgpu::Buffer,
-    atlas: wgpu::Buffer,
+    pub(super) atlas: wgpu::Buffer,
 }
 
 #[derive(Debug)]
-struct OutputBuffers {
+pub(super) struct OutputBuffers {
     width_px: u32,
     height_px: u32,
-    colour: wgpu::Buffer,
+    pub(super) colour: wgpu::Buffer,
     /// Only read back.
     #[cfg_attr(target_arch = "wasm32", expect(dead_code))]
     distance: wgpu::Buffer,
-    hit: wgpu::Buffer,
-    bind_group: wgpu::BindGroup,
+    pub(super) hit: wgpu::Buffer,
+    pub(super) bind_group: wgpu::BindGroup,
 }
 
 /// Entries of the grid buffer at first: more than a view of a million buildings needs at full HD.
@@ -112,7 +123,12 @@ fn module(device: &wgpu::Device, meshes: bool) -> wgpu::ShaderModule {
     unsafe { device.create_shader_module_trusted(wgpu::ShaderModuleDescriptor { label, source }, checks) }
 }
 
-fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, variant: PipelineVariant) -> wgpu::ComputePipeline {
+pub(super) fn pipeline(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    entry_point: &str,
+    variant: PipelineVariant,
+) -> wgpu::ComputePipeline {
     let module = module(device, variant.meshes);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("raycast"),
@@ -120,10 +136,10 @@ fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, variant: Pipe
         immediate_size: 0,
     });
     device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("raycast"),
+        label: Some(entry_point),
         layout: Some(&layout),
         module: &module,
-        entry_point: Some("raycast"),
+        entry_point: Some(entry_point),
         compilation_options: wgpu::PipelineCompilationOptions {
             constants: &[
                 ("COUNT", variant.count),
@@ -132,6 +148,7 @@ fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, variant: Pipe
                 ("WINDOWS", variant.windows),
                 ("OBJECTS", variant.objects),
                 ("LANDMARKS", variant.landmarks),
+                ("TRANSLUCENT", variant.translucent),
             ]
             .map(|(name, on)| (name, f64::from(u8::from(on)))),
             ..wgpu::PipelineCompilationOptions::default()
@@ -144,8 +161,9 @@ impl Raycaster {
     /// Allocates the device memory of `capacity` at once.
     pub fn new(device: &wgpu::Device, capacity: Capacity) -> Self {
         let bind_group_layout = bind_group_layout(device);
-        let pipelines =
-            HashMap::from([PipelineVariant::default()].map(|v| (v, pipeline(device, &bind_group_layout, v))));
+        let pipelines = HashMap::from(
+            [PipelineVariant::default()].map(|v| (v, pipeline(device, &bind_group_layout, "raycast", v))),
+        );
         let storage = wgpu::BufferUsages::STORAGE;
         let sized = |label: &str, count: u32, bytes: usize| {
             buffer(device, label, u64::from(count.max(1)) * bytes as u64, storage)
@@ -162,7 +180,7 @@ impl Raycaster {
             atlas: sized("atlas", capacity.atlas_pages, PAGE_WORDS * 4),
         };
         let output = OutputBuffers::new(device, &bind_group_layout, &inputs, [1, 1]);
-        Self { capacity, pipelines, bind_group_layout, inputs, output, last_frame: FrameUniform::zeroed() }
+        Self { capacity, pipelines, bind_group_layout, inputs, output, last_frame: FrameUniform::zeroed(), maps: None }
     }
 
     /// The capacity of the ray-caster.
@@ -228,6 +246,7 @@ impl Raycaster {
                 windows,
                 objects: frame.objects != 0,
                 landmarks: meshes && frame.landmarks != 0,
+                translucent: meshes && frame.translucent != 0,
             },
         );
         self.last_frame = *frame;
@@ -270,12 +289,14 @@ impl Raycaster {
         let (layout, output) = (&self.bind_group_layout, &self.output);
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("raycast"), timestamp_writes: None });
-        pass.set_pipeline(self.pipelines.entry(variant).or_insert_with(|| pipeline(device, layout, variant)));
+        pass.set_pipeline(
+            self.pipelines.entry(variant).or_insert_with(|| pipeline(device, layout, "raycast", variant)),
+        );
         pass.set_bind_group(0, &output.bind_group, &[]);
         pass.dispatch_workgroups(output.width_px.div_ceil(WORKGROUP[0]), output.height_px.div_ceil(WORKGROUP[1]), 1);
     }
 
-    fn upload(
+    pub(super) fn upload(
         &mut self,
         on: DeviceQueue<'_>,
         frame: &FrameUniform,
@@ -334,7 +355,7 @@ impl Raycaster {
 }
 
 impl OutputBuffers {
-    fn new(
+    pub(super) fn new(
         device: &wgpu::Device,
         layout: &wgpu::BindGroupLayout,
         inputs: &InputBuffers,

@@ -7,10 +7,23 @@ use insula_protocol::{
     mesh::Mesh,
     mesh_tile::{LandmarkObject, MAX_LANDMARKS},
 };
+use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
 /// Cosine of the largest angle between triangles that are one smooth surface; across larger angles there is an edge.
 const SMOOTH_COSINE: f32 = 0.5;
+
+/// Where a landmark is in a mesh, in the coordinates of its positions.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LandmarkBounds {
+    /// 1 + number of its stone, 0 without.
+    pub stone: u32,
+    /// Origin of the stone's pattern.
+    pub anchor_m: [f32; 3],
+    /// Corners of a box around its triangles.
+    pub low_m: [f32; 3],
+    pub high_m: [f32; 3],
+}
 
 /// The landmarks of a mesh.
 #[derive(Debug, Default)]
@@ -19,6 +32,7 @@ pub(super) struct PackedLandmarks {
     pub(super) entries: Vec<[u32; 4]>,
     /// The third vec4 of each triangle; empty without landmarks.
     pub(super) of_triangle: Vec<[u32; 4]>,
+    pub(super) bounds: Vec<LandmarkBounds>,
 }
 
 impl PackedLandmarks {
@@ -37,7 +51,29 @@ impl PackedLandmarks {
         let numbers: Vec<u32> = objects.iter().map(|object| number_of.get(object).copied().unwrap_or(0)).collect();
         let normals = CornerNormals::new(mesh, &numbers);
         let of_triangle = (0..mesh.triangles.len()).map(|t| triangle_words(mesh, &normals, &numbers, t)).collect();
-        Self { entries, of_triangle }
+        let bounds = landmarks.iter().take(MAX_LANDMARKS).zip(1..).map(|(landmark, number)| {
+            let triangles = mesh.triangles.iter().zip(&numbers).filter(|(_, of)| **of == number);
+            bounds_of(mesh, landmark, triangles.flat_map(|(triangle, _)| *triangle))
+        });
+        let bounds = bounds.collect();
+        Self { entries, of_triangle, bounds }
+    }
+}
+
+fn bounds_of(mesh: &Mesh, landmark: &LandmarkObject, vertices: impl Iterator<Item = u32>) -> LandmarkBounds {
+    let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
+    for position in vertices.filter_map(|vertex| mesh.positions.get(vertex as usize)) {
+        for axis in 0..3 {
+            (low[axis], high[axis]) = (low[axis].min(position[axis]), high[axis].max(position[axis]));
+        }
+    }
+    let metres =
+        |code: [u32; 3]| std::array::from_fn(|k| (mesh.grid.min[k] + f64::from(code[k]) * mesh.grid.step) as f32);
+    LandmarkBounds {
+        stone: landmark.stone.map_or(0, |stone| 1 + u32::from(stone)),
+        anchor_m: landmark.anchor_m,
+        low_m: metres(low.map(|code| code.min(u16::MAX.into()))),
+        high_m: metres(high),
     }
 }
 

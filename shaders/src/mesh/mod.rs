@@ -31,6 +31,7 @@ use insula_protocol::{
     mesh::Mesh,
     mesh_tile::{LandmarkObject, MAX_TRIANGLES as MAX_TILE_TRIANGLES},
 };
+pub use landmarks::LandmarkBounds;
 use packer::MeshPacker;
 use serde::{Deserialize, Serialize};
 pub use texture::MeshTexture;
@@ -112,8 +113,8 @@ pub struct PackedMesh {
     pub z_m: [f32; 2],
     /// The objects, if it has some.
     pub objects: Option<PackedObjects>,
-    /// Whether it has landmarks.
-    pub has_landmarks: bool,
+    /// Its landmarks.
+    pub landmarks: Vec<LandmarkBounds>,
 }
 
 impl PackedMesh {
@@ -131,10 +132,17 @@ impl PackedMesh {
         let levels = texture.map(|texture| texture.levels(MAX_TEXTURE_PX)).unwrap_or_default();
         let [low_m, high_m] = packer.pack(mesh, &levels);
         let triangles = packer.triangles();
-        let has_landmarks = packer.has_landmarks();
-        let MeshPacker { words, references, table, palette, .. } = packer;
+        let MeshPacker { words, references, table, palette, landmarks, .. } = packer;
         let pages = words.chunks_exact(PAGE_WORDS).map(Page::from).collect();
-        Ok(Self { pages, triangles, references, table, z_m: [low_m, high_m], objects: palette, has_landmarks })
+        Ok(Self {
+            pages,
+            triangles,
+            references,
+            table,
+            z_m: [low_m, high_m],
+            objects: palette,
+            landmarks: landmarks.bounds,
+        })
     }
 
     /// Makes all addresses absolute. `atlas_pages` are the pages that the cache has assigned, one per entry of

@@ -34,7 +34,7 @@ pub(super) struct MeshPacker {
     /// Of each triangle 1 + the place of its object in the palette, or 0.
     places: Vec<u32>,
     pub(super) palette: Option<PackedObjects>,
-    landmarks: PackedLandmarks,
+    pub(super) landmarks: PackedLandmarks,
 }
 
 impl MeshPacker {
@@ -77,7 +77,7 @@ impl MeshPacker {
         })
     }
 
-    pub(super) fn has_landmarks(&self) -> bool {
+    fn has_landmarks(&self) -> bool {
         !self.landmarks.entries.is_empty()
     }
 

@@ -31,7 +31,7 @@ pub enum StoneKind {
     Limestone = 4,
 }
 
-/// A stone, 96 bytes. Colours are linear RGB, 0 to 1. [`Stone::check`] says which values are valid.
+/// A stone, 128 bytes. Colours are linear RGB, 0 to 1. [`Stone::check`] says which values are valid.
 ///
 /// | field | marble | granite | bronze | limestone |
 /// |---|---|---|---|---|
@@ -54,8 +54,8 @@ pub struct Stone {
     pub octaves: u32,
     /// Reflectance seen from straight ahead. Metals have colours here, and almost none in `base`.
     pub f0: [f32; 3],
-    /// Place in a table of scattering lengths for translucency. Nothing reads it yet.
-    pub scattering: u32,
+    /// Index of refraction, 1.1 to 2.5.
+    pub refraction: f32,
     /// Ward's roughness along the grain and across it: standard deviations of the slopes of the surface, 0.02 to 1.
     pub alpha: [f32; 2],
     /// Half width of broad veins in units of the noise, 0.005 to 0.2. Fine ones have 0.22 of it (`FINE_WIDTH`).
@@ -68,6 +68,13 @@ pub struct Stone {
     pub variation: f32,
     /// How far veins and grains are bent, in cells, 0 to 1.
     pub bend: f32,
+    /// Reduced scattering coefficient per millimetre, 0.001 to 1000.
+    pub scattering: [f32; 3],
+    /// Factor of the lengths that light goes in the stone, at most 100. 0: no light passes through.
+    pub scattering_scale: f32,
+    /// Absorption coefficient per millimetre, 0.00001 to 1000.
+    pub absorption: [f32; 3],
+    pub unused: f32,
 }
 
 /// A parameter outside of its range.
@@ -122,13 +129,17 @@ impl Stone {
         grain: [0.0; 3],
         octaves: 1,
         f0: [0.04; 3],
-        scattering: 0,
+        refraction: 1.5,
         alpha: [0.2; 2],
         vein_width: 0.05,
         veins: BOTH_VEINS,
         blend: [0.0; 2],
         variation: 0.0,
         bend: 0.0,
+        scattering: [1.0; 3],
+        scattering_scale: 0.0,
+        absorption: [1.0; 3],
+        unused: 0.0,
     };
 
     /// Fails at the first parameter outside of its range. To be called with stones from outside before a shader reads them.
@@ -147,6 +158,10 @@ impl Stone {
         self.blend.into_iter().try_for_each(|v| within("blend", v, 0.0..=1.0))?;
         within("variation", self.variation, 0.0..=1.0)?;
         within("bend", self.bend, 0.0..=1.0)?;
+        within("refraction", self.refraction, 1.1..=2.5)?;
+        self.scattering.into_iter().try_for_each(|v| within("scattering_per_mm", v, 0.001..=1000.0))?;
+        self.absorption.into_iter().try_for_each(|v| within("absorption_per_mm", v, 1e-5..=1000.0))?;
+        within("scattering_scale", self.scattering_scale, 0.0..=100.0)?;
         Ok(())
     }
 }

@@ -47,9 +47,18 @@ pub struct StoneParameters {
     /// How far veins and grains are bent, in cells, 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bend: Option<f32>,
-    /// Reserved for translucency.
+    /// Index of refraction, 1.1 to 2.5.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub scattering: Option<u32>,
+    pub refraction: Option<f32>,
+    /// Reduced scattering coefficients per millimetre for red, green and blue, 0.001 to 1000.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scattering_per_mm: Option<[f32; 3]>,
+    /// Absorption coefficients per millimetre, 0.00001 to 1000.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub absorption_per_mm: Option<[f32; 3]>,
+    /// Factor of the lengths that light goes in the stone, 0 to 100. 0: no light passes through.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scattering_scale: Option<f32>,
 }
 
 /// Vein functions of a marble.
@@ -95,7 +104,10 @@ impl StoneParameters {
         stone.vein_width = self.vein_width.unwrap_or(stone.vein_width);
         stone.variation = self.variation.unwrap_or(stone.variation);
         stone.bend = self.bend.unwrap_or(stone.bend);
-        stone.scattering = self.scattering.unwrap_or(stone.scattering);
+        stone.refraction = self.refraction.unwrap_or(stone.refraction);
+        stone.scattering = self.scattering_per_mm.unwrap_or(stone.scattering);
+        stone.absorption = self.absorption_per_mm.unwrap_or(stone.absorption);
+        stone.scattering_scale = self.scattering_scale.unwrap_or(stone.scattering_scale);
         stone.check()?;
         Ok(stone)
     }
@@ -156,6 +168,10 @@ mod tests {
             (r#""blend":[0,1.1]"#, "blend"),
             (r#""variation":2"#, "variation"),
             (r#""bend":-0.1"#, "bend"),
+            (r#""refraction":1"#, "refraction"),
+            (r#""scattering_per_mm":[0,1,1]"#, "scattering_per_mm"),
+            (r#""absorption_per_mm":[1,1,0]"#, "absorption_per_mm"),
+            (r#""scattering_scale":101"#, "scattering_scale"),
             (r##""base":"#12345""##, "base"),
             (r##""vein":"#+12345""##, "vein"),
             (r##""f0":"#é1234""##, "f0"),

@@ -20,13 +20,17 @@ const CARRARA: Stone = Stone {
     grain: [0.13, 0.14, 0.155],
     octaves: 4,
     f0: [0.045; 3],
-    scattering: 1,
     alpha: [0.12; 2],
     vein_width: 0.07,
     veins: BOTH_VEINS,
     blend: [0.85, 0.6],
     variation: 0.35,
     bend: 0.5,
+    // Measured for marble by Jensen and others (A Practical Model for Subsurface Light Transport, 2001, figure 5).
+    scattering: [2.19, 2.62, 3.00],
+    absorption: [0.0021, 0.0041, 0.0071],
+    scattering_scale: 1.0,
+    ..Stone::NONE
 };
 
 const GREEN: Stone = Stone {
@@ -34,7 +38,7 @@ const GREEN: Stone = Stone {
     vein: [0.070, 0.135, 0.095],
     grain: [0.52, 0.60, 0.53],
     cells_per_m: 1.0 / 0.3,
-    scattering: 2,
+    scattering_scale: 0.0,
     alpha: [0.06; 2],
     vein_width: 0.09,
     blend: [0.9, 0.75],
@@ -50,7 +54,6 @@ const RED_GRANITE: Stone = Stone {
     grain: [0.022, 0.020, 0.020],
     octaves: 3,
     f0: [0.045; 3],
-    scattering: 0,
     alpha: [0.07; 2],
     blend: [0.28, 0.2],
     variation: 0.45,
@@ -76,7 +79,6 @@ const BRONZE: Stone = Stone {
     grain: [0.045, 0.060, 0.042],
     octaves: 5,
     f0: [0.36, 0.225, 0.12],
-    scattering: 0,
     alpha: [0.22, 0.28],
     blend: [0.42, 0.4],
     variation: 0.5,
@@ -92,7 +94,6 @@ const LIMESTONE: Stone = Stone {
     grain: [0.30, 0.25, 0.18],
     octaves: 4,
     f0: [0.04; 3],
-    scattering: 3,
     alpha: [0.5; 2],
     blend: [0.75, 0.8],
     variation: 0.4,

@@ -52,6 +52,10 @@ struct FrameUniform {
     light: Light,
     windows: array<vec4<i32>, GRID_LEVELS>,
     stones: array<Stone, MAX_STONES>,
+    translucency: array<TranslucencyMap, MAX_MAPS>,
+    translucent: u32,
+    map_in_progress: u32,
+    map_keys: vec2<u32>,
 }
 
 // In rows of four words: a row is read at once.

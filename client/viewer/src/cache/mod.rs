@@ -18,7 +18,7 @@ use crate::{
 use insula_protocol::{BlockMap, TileId, mesh::Mesh, mesh_tile::LandmarkObject};
 use insula_shaders::{
     layout::{PAGE_WORDS, PLANES, SUMMARY_WORDS},
-    mesh::{MeshTexture, PackError, PackedMesh},
+    mesh::{LandmarkBounds, MeshTexture, PackError, PackedMesh},
     pack::{PackedNode, PackedObjects, Page},
 };
 use lru::LruCache;
@@ -65,13 +65,15 @@ pub struct CachedNode {
 }
 
 /// A resident mesh.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct CachedMesh {
     /// Page that holds its header.
     pub head_page: u32,
     pub triangles: u32,
     /// Lowest and highest point above the city's origin, in metres.
     pub z_m: [f32; 2],
+    /// Its landmarks, in metres from the leaf's corner and the city's origin.
+    pub landmarks: Vec<LandmarkBounds>,
 }
 
 #[derive(Debug)]
@@ -253,7 +255,7 @@ impl AtlasCache {
             }
             PackedTile::Mesh(mut mesh, solids) => {
                 mesh.relocate(&pages);
-                self.has_landmarks |= mesh.has_landmarks;
+                self.has_landmarks |= !mesh.landmarks.is_empty();
                 let objects = mesh.objects.take();
                 (CacheItem::Mesh(upload_mesh(*mesh, &pages, upload), solids), objects)
             }
@@ -362,7 +364,7 @@ fn upload_node(node: PackedNode, pages: &[u32], slot: u32, palette: u32, upload:
 fn upload_mesh(mesh: PackedMesh, pages: &[u32], upload: &mut impl Upload) -> CachedMesh {
     write_pages(&mesh.pages, pages, upload);
     let head_page = pages.first().copied().unwrap_or(0);
-    CachedMesh { head_page, triangles: mesh.triangles, z_m: mesh.z_m }
+    CachedMesh { head_page, triangles: mesh.triangles, z_m: mesh.z_m, landmarks: mesh.landmarks }
 }
 
 fn write_pages(words: &[Page], pages: &[u32], upload: &mut impl Upload) {

@@ -1,11 +1,16 @@
 //! The CPU ray-caster with its own copy of the atlas in main memory.
 
+use super::MadeMaps;
 use crate::{
     cache::{Upload, slots_for},
     frame::FrameData,
+    translucency::MAP_PAGES,
 };
 use insula_shaders::{
-    cpu::raycast::{Pixels, RayCounts, RenderedRows, SceneRef, count, render},
+    cpu::{
+        raycast::{Pixels, RayCounts, RenderedRows, SceneRef, count, render},
+        translucency_map::make_map,
+    },
     layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS},
 };
 
@@ -14,25 +19,37 @@ use insula_shaders::{
 pub struct CpuAdapter {
     atlas: Vec<u32>,
     summaries: Vec<u32>,
+    maps: MadeMaps,
 }
 
 impl CpuAdapter {
     /// Memory for `pages` pages. The system commits it as pages are written.
     pub fn new(pages: u32) -> Self {
         Self {
-            atlas: vec![0; pages as usize * PAGE_WORDS],
+            atlas: vec![0; (pages + MAP_PAGES) as usize * PAGE_WORDS],
             summaries: vec![0; slots_for(pages) as usize * SUMMARY_WORDS],
+            maps: MadeMaps::default(),
         }
     }
 
     /// Draws a frame on all cores.
-    pub fn draw(&self, data: &FrameData) -> Pixels {
+    pub fn draw(&mut self, data: &FrameData) -> Pixels {
+        self.make_maps(&data.frame, &data.grid, &data.nodes);
         render(&self.scene_of(data))
     }
 
     /// Draws the next `count` rows of a frame on all cores. Returns whether all rows are drawn.
-    pub fn draw_rows(&self, data: &FrameData, rows: &mut RenderedRows, count: u32) -> bool {
+    pub fn draw_rows(&mut self, data: &FrameData, rows: &mut RenderedRows, count: u32) -> bool {
+        self.make_maps(&data.frame, &data.grid, &data.nodes);
         rows.render(&self.scene_of(data), count)
+    }
+
+    /// Makes the frame's translucency maps that the atlas does not hold. To be called before the frame is drawn.
+    pub fn make_maps(&mut self, frame: &FrameUniform, grid: &[[u32; 2]], nodes: &[DrawNode]) {
+        for number in self.maps.begin(frame) {
+            let words = make_map(&self.scene(frame, grid, nodes), number);
+            self.write_words(frame.translucency[number].address, &words);
+        }
     }
 
     /// Counts the steps of a frame's rays, one ray per pixel.

@@ -1,10 +1,11 @@
 //! The GPU ray-caster.
 
-use super::adapter_info::AdapterInfo;
+use super::{MadeMaps, adapter_info::AdapterInfo};
 use crate::{
     cache::{PAGE_BYTES, Upload, slots_for},
     frame::FrameData,
     select::{occlusion_feedback::OcclusionQuery, transitions::MAX_FADING},
+    translucency::MAP_PAGES,
 };
 #[cfg(not(target_arch = "wasm32"))]
 use insula_shaders::cpu::raycast::{Pixels, RayCounts};
@@ -76,16 +77,17 @@ pub struct GpuAdapter {
     pending_query: Option<OcclusionQuery>,
     /// Generation and size of the last frame that was counted.
     last_counted: Option<(u64, [u32; 2])>,
+    maps: MadeMaps,
 }
 
 impl GpuAdapter {
     /// Allocates GPU memory for `pages` pages, or for fewer if one buffer cannot be that large. Fails if the memory or a
     /// shader is refused.
     pub async fn new(device: GpuDevice, pages: u32) -> Result<Self, String> {
-        let pages = pages.min((device.storage_bytes / PAGE_BYTES) as u32);
+        let pages = pages.min(((device.storage_bytes / PAGE_BYTES) as u32).saturating_sub(MAP_PAGES));
         let slots = slots_for(pages);
         let nodes = slots + 2 * MAX_FADING as u32;
-        let capacity = Capacity { atlas_pages: pages, slots, nodes };
+        let capacity = Capacity { atlas_pages: pages + MAP_PAGES, slots, nodes };
         let validation = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let memory = device.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let raycaster = Raycaster::new(&device.device, capacity);
@@ -94,20 +96,30 @@ impl GpuAdapter {
             Some(error) => Err(error.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" ")),
             None => {
                 let tally = HitCounts::new(&device.device, nodes);
-                Ok(Self { device, raycaster, tally, pending_query: None, last_counted: None })
+                Ok(Self {
+                    device,
+                    raycaster,
+                    tally,
+                    pending_query: None,
+                    last_counted: None,
+                    maps: MadeMaps::default(),
+                })
             }
         }
     }
 
-    /// Number of pages that the atlas holds.
+    /// Number of pages that the atlas holds, without those of translucency maps.
     pub fn pages(&self) -> u32 {
-        self.raycaster.capacity().atlas_pages
+        self.raycaster.capacity().atlas_pages - MAP_PAGES
     }
 
     /// Records the ray-casting pass. The pixels stay on the device. Fails if the frame exceeds the capacity.
     pub fn encode(&mut self, encoder: &mut wgpu::CommandEncoder, data: &FrameData) -> Result<(), GpuError> {
         self.raycaster.resize(&self.device.device, [data.frame.width_px, data.frame.height_px]);
         let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
+        for number in self.maps.begin(&data.frame) {
+            self.raycaster.make_map(on, &data.frame, &data.grid, &data.nodes, number)?;
+        }
         self.raycaster.render(on, encoder, &data.frame, &data.grid, &data.nodes)
     }
 

@@ -7,7 +7,26 @@ mod cpu;
 #[cfg(feature = "gpu")]
 mod gpu;
 
+use insula_shaders::{layout::FrameUniform, translucency::MAX_MAPS};
+
 pub use adapter_info::AdapterInfo;
 pub use cpu::CpuAdapter;
 #[cfg(feature = "gpu")]
 pub use gpu::{GpuAdapter, GpuDevice};
+
+/// Which translucency maps an atlas holds, by their keys.
+#[derive(Debug, Default)]
+struct MadeMaps {
+    keys: [u32; MAX_MAPS],
+}
+
+impl MadeMaps {
+    /// Numbers of the frame's maps that the atlas does not hold. To be made before the frame is drawn.
+    fn begin(&mut self, frame: &FrameUniform) -> Vec<usize> {
+        let is_outdated =
+            |number: &usize| frame.map_keys[*number] != 0 && frame.map_keys[*number] != self.keys[*number];
+        let outdated: Vec<usize> = (0..MAX_MAPS).filter(is_outdated).collect();
+        outdated.iter().for_each(|number| self.keys[*number] = frame.map_keys[*number]);
+        outdated
+    }
+}

@@ -41,7 +41,9 @@ impl RowRenderer {
 
     /// The frame whose rows are drawn next. Fails if it is not one.
     pub fn begin(&mut self, words: &[u32]) -> Result<(), JsError> {
-        self.frame = Some(ReceivedFrame::parse(words).ok_or_else(|| JsError::new("not a frame of this version"))?);
+        let frame = ReceivedFrame::parse(words).ok_or_else(|| JsError::new("not a frame of this version"))?;
+        self.adapter.make_maps(&frame.frame, &frame.grid, &frame.nodes);
+        self.frame = Some(frame);
         Ok(())
     }
 
