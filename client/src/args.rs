@@ -9,6 +9,7 @@ use insula_shaders::layout::Shading;
 use insula_viewer::{
     sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time},
     switching::{MAX_SWITCHES, SwitchDistances, SwitchVolume},
+    translucency::Translucency,
 };
 use std::{ffi::OsString, path::PathBuf};
 
@@ -299,6 +300,9 @@ pub struct SunArgs {
     /// Light windows in walls after sunset: generated, not from the sources
     #[arg(long)]
     pub lit_windows: bool,
+    /// Sunlight through landmarks of marble: off, fast (maps of 256 texels, 9 taps) or fine (512 texels, 21 taps) [default: fine]
+    #[arg(long, value_name = "QUALITY", value_parser = parse_translucency)]
+    pub translucency: Option<Translucency>,
 }
 
 impl SunArgs {
@@ -318,8 +322,14 @@ impl From<SunArgs> for SunOptions {
             turbidity: args.turbidity,
             visibility_km: args.visibility,
             lit_windows: args.lit_windows,
+            translucency: args.translucency.unwrap_or_default(),
         }
     }
+}
+
+fn parse_translucency(text: &str) -> Result<Translucency, String> {
+    let found = Translucency::ALL.into_iter().find(|(word, _)| *word == text).map(|(_, quality)| quality);
+    found.ok_or_else(|| "expected off, fast or fine".into())
 }
 
 fn parse_in(text: &str, range: std::ops::RangeInclusive<f32>) -> Result<f32, String> {

@@ -208,7 +208,7 @@ impl Session {
     /// Draws the next `count` rows of a frame that is drawn in steps. After the last one, reports their hits and returns the
     /// pixels. `None` too on a GPU, which draws whole frames only.
     pub fn render_rows(&mut self, data: &FrameData, rows: &mut RenderedRows, count: u32) -> Option<Pixels> {
-        let Adapter::Cpu(cpu) = &self.adapter else { return None };
+        let Adapter::Cpu(cpu) = &mut self.adapter else { return None };
         if !cpu.draw_rows(data, rows, count) {
             return None;
         }

@@ -139,6 +139,19 @@ impl DrawList {
     }
 
     /// The input of the ray-caster for this camera.
+    /// Adds words to the atlas, in pages of their own. Returns the place of the first.
+    pub fn add_words(&mut self, words: &[u32]) -> u32 {
+        let first = self.atlas.len() as u32;
+        self.atlas.extend_from_slice(words);
+        self.atlas.resize(self.atlas.len().next_multiple_of(PAGE_WORDS), 0);
+        first
+    }
+
+    /// Replaces words of the atlas.
+    pub fn set_words(&mut self, first: u32, words: &[u32]) {
+        self.atlas[first as usize..][..words.len()].copy_from_slice(words);
+    }
+
     pub fn scene(&self, camera: &Camera, spec: &FrameSpec) -> Scene<'_> {
         let p = camera.position;
         let relative = |x: f64, y: f64, z: f64| {

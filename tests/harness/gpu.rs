@@ -6,6 +6,7 @@ use insula_shaders::{
     cpu::raycast::Pixels,
     gpu::{Capacity, DeviceQueue, Raycaster},
     layout::{PAGE_WORDS, SUMMARY_WORDS},
+    translucency::MAX_MAPS,
 };
 use std::sync::{Mutex, PoisonError};
 
@@ -55,8 +56,11 @@ impl Gpu {
         }
         let raycaster = cached.as_mut().context("no ray-caster")?;
         self.upload(raycaster, scene);
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
         let device_queue = DeviceQueue { device: &self.device, queue: &self.queue };
+        for number in 0..MAX_MAPS {
+            raycaster.make_map(device_queue, data.frame, data.grid, data.nodes, number)?;
+        }
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("test") });
         raycaster.render(device_queue, &mut encoder, data.frame, data.grid, data.nodes)?;
         self.queue.submit([encoder.finish()]);
         Ok(raycaster.read_back(&self.device, &self.queue)?)

@@ -8,10 +8,12 @@ use insula_protocol::{
     mesh_tile::{LandmarkObject, OCCLUSION_BITS},
 };
 use insula_shaders::{
-    cpu::raycast::Pixels,
+    cpu::{raycast::Pixels, translucency_map::make_map},
     layout::Shading,
     mesh::PackedMesh,
     stone::{MAX_STONES, PRESETS, Stone},
+    tone::decode_radiance,
+    translucency::{FAST_TAPS, FINE_TAPS, MAP_WORDS, MapPlace, TranslucencyMap},
 };
 use insula_tests::{
     draw_list::{CityArea, DrawList, Scene},
@@ -29,6 +31,8 @@ const STEPS: u32 = 96;
 fn main() {
     Trials::open()
         .on_gpu("gpu_draws_landmarks_as_the_cpu_does", gpu_draws_landmarks_as_the_cpu_does)
+        .on_gpu("gpu_lets_light_through_stone_as_the_cpu_does", gpu_lets_light_through_stone_as_the_cpu_does)
+        .plain("light_goes_through_stone_and_softens_shadows", light_goes_through_stone_and_softens_shadows)
         .plain("stones_normals_and_occlusion_are_seen", stones_normals_and_occlusion_are_seen)
         .run()
 }
@@ -125,6 +129,64 @@ fn gpu_draws_landmarks_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
 
 fn differing(a: &Pixels, b: &Pixels) -> usize {
     a.colour.iter().zip(&b.colour).filter(|(a, b)| a != b).count()
+}
+
+/// A draw list of the sphere in marble, with room for a map.
+fn translucent_list() -> Result<(DrawList, u32)> {
+    let mut draw_list = draw_list(Some(0))?;
+    let address = draw_list.add_words(&vec![0; MAP_WORDS as usize]);
+    Ok((draw_list, address))
+}
+
+/// The scene with a translucency map of the sphere that nothing has made.
+fn translucent_scene<'a>(draw_list: &'a DrawList, address: u32, distance_m: f64, taps: u32) -> Result<Scene<'a>> {
+    let mut scene = scene(draw_list, distance_m, &FRAME);
+    scene.frame.shadow_m = 100.0;
+    scene.frame.stones[0].scattering_scale = 60.0;
+    let eye = DVec3::new(16.0 + 0.5 * distance_m, 16.0 - 0.8 * distance_m, 5.0 + 0.3 * distance_m);
+    let place = MapPlace {
+        centre: (DVec3::new(16.0, 16.0, 5.0) - eye).as_vec3(),
+        radius_m: 3.3,
+        anchor: (DVec3::new(15.0, 14.0, 2.0) - eye).as_vec3(),
+    };
+    let map = TranslucencyMap::new(&scene.frame.stones[0], &place, 256, taps, address);
+    scene.frame.translucency[0] = map.context("the stone is not translucent")?;
+    scene.frame.translucent = 1;
+    Ok(scene)
+}
+
+/// Each makes its own map.
+fn gpu_lets_light_through_stone_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
+    for (taps, distance_m) in [(FINE_TAPS, 4.5), (FAST_TAPS, 4.5), (FINE_TAPS, 12.0)] {
+        let (draw_list, address) = translucent_list()?;
+        let unmade = translucent_scene(&draw_list, address, distance_m, taps)?;
+        let mut made_list = draw_list.clone();
+        made_list.set_words(address, &make_map(&unmade.as_ref(), 0));
+        let made = translucent_scene(&made_list, address, distance_m, taps)?;
+        let (on_cpu, on_gpu) = (made.render(), gpu.render(&unmade)?);
+        let opaque = unmade.render();
+        anyhow::ensure!(2 * differing(&on_cpu, &opaque) > 2000, "the map is not seen");
+        let difference = twin::compare_twins(&made, &on_cpu, &on_gpu);
+        difference.check().map_err(anyhow::Error::msg).with_context(|| format!("{taps} taps, {distance_m} m"))?;
+    }
+    Ok(())
+}
+
+/// Just behind the border between light and shadow, stone that light passes is brighter, and redder than where the sun shines.
+fn light_goes_through_stone_and_softens_shadows() -> Result<()> {
+    let (mut draw_list, address) = translucent_list()?;
+    let words = make_map(&translucent_scene(&draw_list, address, 9.0, FINE_TAPS)?.as_ref(), 0);
+    draw_list.set_words(address, &words);
+    let mut scene = translucent_scene(&draw_list, address, 9.0, FINE_TAPS)?;
+    let lit = scene.render();
+    scene.frame.translucent = 0;
+    let opaque = scene.render();
+    let rgb = |word: u32| DVec3::from(decode_radiance(word).to_array().map(f64::from));
+    let gains: Vec<DVec3> = lit.radiance.iter().zip(&opaque.radiance).map(|(a, b)| rgb(*a) - rgb(*b)).collect();
+    let gained: DVec3 = gains.iter().filter(|gain| gain.y > 0.02).sum();
+    let brighter = gains.iter().filter(|gain| gain.y > 0.02).count();
+    anyhow::ensure!(brighter > 200 && gained.x > 1.1 * gained.z, "{brighter} pixels, {gained}");
+    Ok(())
 }
 
 /// What a landmark has besides other objects changes its picture, but not its shape.

@@ -12,6 +12,7 @@ use insula_viewer::{
         day_animation::{DAY_SECS, DayAnimation},
     },
     sun::Daylight,
+    translucency::Translucency,
 };
 use std::{
     ops::RangeInclusive,
@@ -241,6 +242,12 @@ fn sun_sliders(ui: &mut Ui, daylight: &mut Daylight) {
     }
     ui.checkbox(&mut daylight.shadows, "sun shadows");
     ui.checkbox(&mut daylight.lit_windows, "lit windows at night");
+    ui.horizontal(|ui| {
+        ui.label("light through stone");
+        for (word, quality) in Translucency::ALL {
+            ui.radio_value(&mut daylight.translucency, quality, word);
+        }
+    });
     if !daylight.site.is_known {
         let [north, _] = daylight.site.degrees();
         ui.label(RichText::new(format!("unknown location, using {north:.0}\u{b0} north")).small());

@@ -3,7 +3,7 @@
 //! Hours are the city's own mean solar time: 12 when the sun is about highest, whatever the clocks there show. A time with an
 //! offset (`Z`, `+09:00`) is converted by the city's longitude.
 
-use crate::{frame::RenderSettings, moon, select::shadow_casters::MAX_SHADOW_M};
+use crate::{frame::RenderSettings, moon, select::shadow_casters::MAX_SHADOW_M, translucency::Translucency};
 use chrono::{DateTime, Datelike, Days, NaiveDate, NaiveDateTime, Timelike};
 use glam::{DQuat, DVec3};
 use insula_protocol::{Manifest, manifest::GeoLocation};
@@ -35,6 +35,8 @@ pub struct SunOptions {
     pub visibility_km: Option<f32>,
     /// Whether walls have lit windows after sunset.
     pub lit_windows: bool,
+    /// Sunlight through landmarks of stone.
+    pub translucency: Translucency,
 }
 
 /// A date and hour.
@@ -77,6 +79,8 @@ pub struct Daylight {
     pub shadows: bool,
     /// Whether walls have lit windows after sunset.
     pub lit_windows: bool,
+    /// Sunlight through landmarks of stone.
+    pub translucency: Translucency,
     air: Air,
     /// Factor from radiance to display; 0: by the frame's mean.
     exposure: f32,
@@ -147,6 +151,7 @@ impl Daylight {
             fixed_bearing: options.bearing,
             shadows: options.shadows.unwrap_or(true),
             lit_windows: options.lit_windows,
+            translucency: options.translucency,
             air: Air {
                 turbidity: options.turbidity.unwrap_or(clear.turbidity),
                 visibility_m: options.visibility_km.map_or(clear.visibility_m, |km| km * 1000.0),
@@ -227,7 +232,7 @@ impl Daylight {
         let night =
             NightLights { moon: self.moon_direction().map(|moon| moon.as_vec3()), lit_windows: self.lit_windows };
         let lit = RenderSettings::lit_by(self.direction(), self.air, &night);
-        RenderSettings { shading, samples, shadow_m, exposure: self.exposure, ..lit }
+        RenderSettings { shading, samples, shadow_m, exposure: self.exposure, translucency: self.translucency, ..lit }
     }
 }
 

@@ -39,6 +39,9 @@ pub enum Translucency {
 }
 
 impl Translucency {
+    /// All, with their words on command lines.
+    pub const ALL: [(&str, Self); 3] = [("off", Self::Off), ("fast", Self::Fast), ("fine", Self::Fine)];
+
     /// Width of maps, and taps in frames of `samples` rays along a pixel's side.
     fn quality(self, samples: u32) -> Option<[u32; 2]> {
         match self {

@@ -23,6 +23,8 @@ pub const FAST_TAPS: u32 = 9;
 pub const FINE_TAPS: u32 = 21;
 /// Rings are not wider than this many transport lengths beyond the thickness.
 const REACH: f32 = 3.0;
+/// Least reach in texels.
+const MIN_REACH_TEXELS: f32 = 6.0;
 
 /// Words of the level whose width is `px`.
 pub const fn level_words(px: u32) -> u32 {
@@ -83,7 +85,8 @@ pub struct MapPlace {
 }
 
 impl TranslucencyMap {
-    /// The map of a landmark. `None` if no light passes through its stone, or not farther than a texel of a map so wide.
+    /// The map of a landmark. `None` if no light passes through its stone, or not far enough for the texels of a map so wide:
+    /// what is smaller than a few of them would be noise.
     pub fn new(stone: &Stone, place: &MapPlace, width_px: u32, taps: u32, address: u32) -> Option<Self> {
         let dipole = Dipole::of(stone)?;
         let reach_m = REACH * dipole.transport.recip().max_element();
@@ -102,6 +105,6 @@ impl TranslucencyMap {
             share: (dipole.albedo * 0.5 / dipole.plane_reflectance()).into(),
             alpha: (stone.alpha[0] * stone.alpha[1]).sqrt(),
         };
-        (texel_m < reach_m).then_some(map)
+        (texel_m * MIN_REACH_TEXELS <= reach_m).then_some(map)
     }
 }
