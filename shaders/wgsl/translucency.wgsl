@@ -56,7 +56,9 @@ fn gathered(number: u32, p: vec3<f32>) -> vec3<f32> {
     let cosine = dot(plane, axes[2]);
     let along = unit_or(axes[0] - plane * dot(plane, axes[0]), axes[1]);
     let across = cross(plane, along);
-    let thickness_m = select(0.0, distance(first.point, point), first.is_surface);
+    // Along the normal: at grazing light, heights along the sun's rays are known less well.
+    let depth_below = dot(first.point - point, plane);
+    let thickness_m = select(0.0, max(abs(depth_below) - HEIGHT_SLACK * texel_m, 0.0), first.is_surface);
     let depth_m = map.depth_m.y;
     let from_sources = FIRST_RADIUS * sqrt(depth_m * depth_m + thickness_m * thickness_m);
     let base = max(from_sources, FIRST_TEXELS * texel_m / sqrt(cosine));
@@ -65,7 +67,7 @@ fn gathered(number: u32, p: vec3<f32>) -> vec3<f32> {
     let taps = select(FAST_RING_TAPS, FINE_RING_TAPS, is_fine);
     let reach_m = sqrt((2.0 * thickness_m + map.reach_m) * map.reach_m);
     let growth = pow(max(reach_m / base, 1.1), 1.0 / f32(rings));
-    let centre = select(point, first.point, first.is_surface);
+    let centre = select(point, point + plane * depth_below, first.is_surface);
     var sum = light_through(number, point, first, Sector(1.0, 0.0, 0.0, base * base, texel_m));
     var near = base;
     for (var ring = 0u; ring < rings; ring++) {

@@ -94,14 +94,17 @@ impl Gatherer<'_> {
         let cosine = plane.dot(axes.sun);
         let along = (axes.right - plane * plane.dot(axes.right)).normalize_or(axes.up);
         let across = plane.cross(along);
-        let thickness_m = if first.is_surface { first.point.distance(self.point) } else { 0.0 };
+        // Along the normal: at grazing light, heights along the sun's rays are known less well.
+        let depth_below = (first.point - self.point).dot(plane);
+        let thickness_m =
+            if first.is_surface { (depth_below.abs() - HEIGHT_SLACK * self.texel_m).max(0.0) } else { 0.0 };
         let depth_m = map.depth_m[1];
         let base = FIRST_RADIUS * (depth_m * depth_m + thickness_m * thickness_m).sqrt();
         let base = base.max(FIRST_TEXELS * self.texel_m / cosine.sqrt());
         let [rings, taps] = if map.taps >= FINE_TAPS { FINE_RINGS } else { FAST_RINGS };
         let reach_m = ((2.0 * thickness_m + map.reach_m) * map.reach_m).sqrt();
         let growth = (reach_m / base).max(1.1).powf(1.0 / rings as f32);
-        let centre = if first.is_surface { first.point } else { self.point };
+        let centre = if first.is_surface { self.point + plane * depth_below } else { self.point };
         let sector = Sector { share: 1.0, square: 0.0, inner: 0.0, outer: base * base, texel_m: self.texel_m };
         let mut sum = self.share(&first, &sector);
         let mut near = base;
