@@ -127,6 +127,56 @@ fn landmarks_stand_in_the_city_with_stone_and_occlusion() {
     assert!(foot < 0.15 && (0.4..0.6).contains(&middle) && top > 0.85, "{foot} {middle} {top}");
 }
 
+/// Two houses whose feet are 4 m apart in height, with a small landmark between.
+#[test]
+fn landmarks_stand_on_generated_ground() {
+    let folder = TestFolder::new("landmark-ground");
+    let block = |x: f64, z: f64| {
+        let corner = |k: u32| {
+            let [dx, dy, dz] = [k & 1, k >> 1 & 1, k >> 2].map(|bit| f64::from(bit) * 10.0);
+            format!("v {} {} {}\n", x + dx, dy, z + dz)
+        };
+        (0..8).map(corner).collect::<String>()
+    };
+    let faces = |first: u32| {
+        let quads = [[1, 3, 4, 2], [5, 6, 8, 7], [1, 2, 6, 5], [3, 7, 8, 4], [1, 5, 7, 3], [2, 4, 8, 6]];
+        quads.map(|q| format!("f {} {} {} {}\n", q[0] + first, q[1] + first, q[2] + first, q[3] + first)).concat()
+    };
+    let town = format!("o low\n{}{}o high\n{}{}", block(0.0, 0.0), faces(0), block(50.0, 4.0), faces(8));
+    fs::write(folder.path.join("town.obj"), town).unwrap();
+    fs::write(folder.path.join("ball.ply"), scan(40)).unwrap();
+    let landmarks =
+        r#"{"landmarks": [{"mesh": "ball.ply", "name": "Ball", "position": [18, 5], "target-height": 0.6}]}"#;
+    fs::write(folder.path.join("landmarks.json"), landmarks).unwrap();
+    let options = BakeOptions {
+        inputs: vec!["town.obj".into()],
+        landmarks: Some(folder.path.join("landmarks.json")),
+        cell_m: 0.5,
+        ground: GroundOption::Auto,
+        ..options(Path::new(""), 2)
+    };
+    let city = BakedCity::bake_files(&folder.path, options);
+    let (mut lowest, mut ground) = (f64::MAX, f64::MIN);
+    for ((leaf, _), tile) in tiles(&city).into_iter().filter(|((_, lod), _)| *lod == 0) {
+        let corner = city.manifest().node_corner(leaf);
+        let points: Vec<[f64; 3]> = tile.mesh.positions_m().map(|p| [0, 1, 2].map(|k| p[k] + corner[k])).collect();
+        for (triangle, object) in tile.mesh.triangles.iter().zip(&tile.objects) {
+            let [a, b, c] = triangle.map(|vertex| points[vertex as usize]);
+            if tile.landmarks.iter().any(|landmark| landmark.object == *object) {
+                lowest = lowest.min(a[2]).min(b[2]).min(c[2]);
+                continue;
+            }
+            let cross = |p: [f64; 3], q: [f64; 3]| (p[0] - 18.0) * (q[1] - 5.0) - (p[1] - 5.0) * (q[0] - 18.0);
+            let weights = [cross(b, c), cross(c, a), cross(a, b)];
+            let whole: f64 = weights.iter().sum();
+            if whole.abs() > 1e-9 && weights.iter().all(|weight| weight * whole >= 0.0) {
+                ground = ground.max((weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]) / whole);
+            }
+        }
+    }
+    assert!((-0.5..4.5).contains(&ground) && (lowest - ground).abs() < 0.05, "{lowest} on {ground}");
+}
+
 #[test]
 fn landmarks_have_levels_of_a_quarter_each_and_the_same_bytes_on_any_threads() {
     let city = baked("landmark-levels", 1, BALLS);

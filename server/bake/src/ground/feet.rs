@@ -117,7 +117,11 @@ impl WallBatch<'_> {
         let [a, b, c] = triangle.corners.map(Vec3::from_array);
         let normal = (b - a).cross(c - a);
         let is_wall = normal.z.abs() <= MAX_WALL_NORMAL_Z * normal.length() && normal.length() > 1e-6;
-        if self.city.objects[triangle.object as usize].kind != ObjectKind::Terrain && is_wall {
+        let object = triangle.object;
+        // Landmarks follow the ground, not the ground them.
+        let has_feet =
+            self.city.objects[object as usize].kind != ObjectKind::Terrain && !self.city.standing.contains(&object);
+        if has_feet && is_wall {
             for k in 0..3 {
                 *self.uses.entry(edge(triangle, k)).or_default() += 1;
             }

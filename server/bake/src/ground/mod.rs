@@ -11,12 +11,14 @@
 //! | heights of given terrain | `given` |
 //! | a smooth field through both, and down to the plane | `relax` |
 //! | triangles, fewer where it is flat | `mesh` |
+//! | landmarks that stand on them | `standing` |
 
 mod feet;
 mod given;
 mod grid;
 mod mesh;
 mod relax;
+mod standing;
 
 use insula_protocol::{
     NODE_CELLS,
@@ -36,7 +38,7 @@ use mesh::HeightRange;
 use relax::Bounds;
 
 /// Increased whenever the same city would get another ground.
-pub const ALGORITHM: u32 = 3;
+pub const ALGORITHM: u32 = 4;
 /// Buildings may sink this far where that makes the ground smoother.
 const SINK_M: f32 = 0.8;
 /// Generated ground passes this far below given terrain, and ends below it.
@@ -98,6 +100,9 @@ pub(crate) fn add(city: &mut ScratchScene, cell_m: f64) -> Result<Option<GroundR
     let (low, high) = (heights().fold(f32::INFINITY, f32::min), heights().fold(f32::NEG_INFINITY, f32::max));
     if triangles.is_empty() {
         return Ok(None);
+    }
+    if !surface.has_terrain {
+        standing::move_to(city, &triangles);
     }
     push_object(city, &triangles, surface.plane_m)?;
     let world = |z: f32| city.origin[2] + f64::from(z);

@@ -101,6 +101,8 @@ pub(crate) struct ScratchScene {
     pub(crate) numbers: Vec<u32>,
     /// As in [`Scene`].
     pub(crate) landmarks: Vec<Landmark>,
+    /// Objects of landmarks that stand on the ground, which may be generated.
+    pub(crate) standing: Vec<u32>,
     /// Objects without a shape of which others may be parts.
     pub(crate) parents: Vec<ObjectIdentity>,
     pub(crate) records: ObjectRecords,
@@ -198,6 +200,7 @@ impl ScratchScene {
             objects,
             numbers: Vec::new(),
             landmarks: scene.landmarks,
+            standing: Vec::new(),
             parents: Vec::new(),
             records,
             materials,

@@ -16,7 +16,7 @@ pub(crate) struct PendingLandmark {
     pub(crate) object: u32,
     /// Number of its stone; `None` if it has its own colours.
     pub(crate) stone: Option<u8>,
-    /// Whether it is still to be moved to the ground: its lowest point is at height 0.
+    /// Whether it is moved to the ground. Until then, its lowest point is at height 0.
     pub(crate) is_on_ground: bool,
 }
 
@@ -40,11 +40,10 @@ impl SceneBuilder {
         waiting.map(|landmark| self.pending[landmark.object as usize].middle()).collect()
     }
 
-    /// Lifts the landmarks that are to be moved to the ground, in order.
+    /// Lifts the landmarks that are to be moved to the ground, in order. To be called once.
     pub(crate) fn stand_landmarks(&mut self, heights_m: &[f64]) {
         let waiting = self.landmarks.iter_mut().filter(|landmark| landmark.is_on_ground);
         for (landmark, height_m) in waiting.zip(heights_m) {
-            landmark.is_on_ground = false;
             self.pending[landmark.object as usize].anchor[2] += height_m;
         }
     }

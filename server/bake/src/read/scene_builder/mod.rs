@@ -316,6 +316,7 @@ impl SceneBuilder {
             objects: Vec::with_capacity(self.pending.len()),
             numbers: Vec::new(),
             landmarks: Vec::new(),
+            standing: Vec::new(),
             parents: self.parents,
             records: self.records,
             materials: self.materials,
@@ -362,6 +363,8 @@ impl SceneBuilder {
             let ObjectPlacement { offset_m, object } = *city.placements.get(pending.object as usize)?;
             Some(Landmark { object: object?, stone: pending.stone, anchor_m: offset_m.map(|v| v as f32) })
         };
+        let standing = self.landmarks.iter().filter(|pending| pending.is_on_ground);
+        city.standing = standing.filter_map(|pending| city.placements.get(pending.object as usize)?.object).collect();
         city.landmarks = self.landmarks.into_iter().filter_map(landmark).collect();
         city
     }
