@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Draws a monument in each stone, lit from the front and from behind.
 
-    tests/tools/stones.py CITY --insula target/release/insula --camera CAM.json --out stones.jpg
+    tests/tools/stones.py CITY --insula target/release/insula --camera CAM.json --out stones.jpg [--translucency]
 
 CITY has one landmark of stone; its manifest is copied with other stones, so that nothing is baked again. Needs Pillow.
 """
@@ -16,6 +16,8 @@ import tempfile
 from PIL import Image, ImageDraw
 
 STONES = ["carrara-marble", "green-marble", "red-granite", "grey-granite", "bronze", "limestone"]
+# Factors of the lengths that light goes in marble; 0 is opaque.
+SCALES = [0, 8, 30]
 # Azimuth from the camera, and height, in degrees.
 SUNS = {"front": (-35, 40), "behind": (150, 30)}
 SIZE = 360, 420
@@ -40,22 +42,26 @@ def main():
     parser.add_argument("--insula", default="target/release/insula")
     parser.add_argument("--camera", required=True)
     parser.add_argument("--out", required=True)
+    parser.add_argument("--translucency", action="store_true", help="marble of several translucencies instead of all stones")
     args = parser.parse_args()
+    stones = [(name, {"preset": name}) for name in STONES]
+    if args.translucency:
+        stones = [(f"marble x {scale}", {"preset": STONES[0], "scattering_scale": scale}) for scale in SCALES]
     towards = heading(args.camera)
-    sheet = Image.new("RGB", (SIZE[0] * len(STONES), SIZE[1] * len(SUNS)))
+    sheet = Image.new("RGB", (SIZE[0] * len(stones), SIZE[1] * len(SUNS)))
     draw = ImageDraw.Draw(sheet)
     with tempfile.TemporaryDirectory() as folder:
         city = shutil.copytree(args.city, pathlib.Path(folder) / "city")
         manifest = json.loads((city / "city.json").read_text())
-        for column, stone in enumerate(STONES):
-            manifest["stones"] = [json.dumps({"preset": stone})]
+        for column, (label, stone) in enumerate(stones):
+            manifest["stones"] = [json.dumps(stone)]
             (city / "city.json").write_text(json.dumps(manifest, indent=2) + "\n")
             for row, (name, (azimuth, altitude)) in enumerate(SUNS.items()):
                 sun = f"{(towards + azimuth) % 360:.0f},{altitude}"
                 picture = snapshot(args.insula, city, args.camera, pathlib.Path(folder) / "a.png", "--sun", sun)
                 place = SIZE[0] * column, SIZE[1] * row
                 sheet.paste(picture, place)
-                draw.text((place[0] + 8, place[1] + 6), f"{stone}, sun: {name}", fill="white")
+                draw.text((place[0] + 8, place[1] + 6), f"{label}, sun: {name}", fill="white")
     sheet.save(args.out, quality=88)
 
 
