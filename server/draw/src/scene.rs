@@ -68,6 +68,9 @@ impl Scene {
             reader.add(&mesh)
         })?;
         reader.scene.without_mesh = without_mesh;
+        if !manifest.has_terrain {
+            reader.add_ground(area, manifest.ground_z_m)?;
+        }
         if reader.scene.faces.is_empty() { Err(DrawError::Empty) } else { Ok(reader.scene) }
     }
 
@@ -137,6 +140,18 @@ impl Reader<'_> {
         if self.scene.faces.len() > MAX_SCENE_TRIANGLES {
             return Err(DrawError::TooManyTriangles { limit: MAX_SCENE_TRIANGLES });
         }
+        Ok(())
+    }
+
+    /// Adds the ground plane that viewers show where a city without terrain has nothing.
+    fn add_ground(&mut self, [min, max]: [[f64; 2]; 2], z: f64) -> Result<(), DrawError> {
+        let Some(object) = self.object(NO_OBJECT)? else { return Ok(()) };
+        let corners = [[min[0], min[1]], [max[0], min[1]], max, [min[0], max[1]]];
+        let points = corners.map(|[x, y]| DVec3::new(x, y, z) - DVec3::from(self.scene.origin)).to_vec();
+        let plane = FacePlane { normal: DVec3::Z, offset: points[0].z };
+        let triangle = self.scene.faces.len() as u32;
+        self.scene.faces.push(Face { points, edges: vec![NO_EDGE; 4], plane, triangle });
+        self.scene.face_objects.push(object);
         Ok(())
     }
 

@@ -23,7 +23,10 @@ pub fn to_svg(drawing: &Drawing) -> String {
     text.push(format_args!("<title>{}</title>\n", escaped(&drawing.title)));
     text.push(format_args!("<rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n", color_text(drawing.paper)));
     text.clip();
-    text.push(format_args!("<g id=\"surfaces\" clip-path=\"url(#frame)\" stroke-linejoin=\"round\">\n"));
+    text.push(format_args!(
+        "<g id=\"surfaces\" clip-path=\"url(#frame)\"{}>\n",
+        if drawing.is_exact { " shape-rendering=\"crispEdges\"" } else { "" }
+    ));
     text.layers(|shape| shape.role == ShapeRole::Surface && shape.opacity >= 1.0, "");
     text.layers(|shape| shape.role == ShapeRole::Shadow, "shadow-");
     text.layers(|shape| shape.role == ShapeRole::Surface && shape.opacity < 1.0, "translucent-");
