@@ -18,6 +18,8 @@ const FACE_PLANES: usize = 8;
 /// What a split costs, in faces of imbalance.
 const SPLIT_COST: usize = 6;
 const NO_NODE: u32 = u32::MAX;
+/// No triangle of the scene.
+pub(crate) const NO_TRIANGLE: u32 = u32::MAX;
 
 /// Where the eye is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,8 +44,8 @@ impl Eye {
 #[derive(Debug, Default)]
 pub(crate) struct BspTree {
     nodes: Vec<BspNode>,
-    /// Names of cuts, from the first one on.
-    cuts: u32,
+    /// Of each cut, the scene's triangle whose plane made it; [`NO_TRIANGLE`] for planes parallel to the axes.
+    cuts: Vec<u32>,
 }
 
 #[derive(Debug)]
@@ -63,7 +65,7 @@ impl BspTree {
         max_faces: usize,
         progress: Progress<'_>,
     ) -> Result<Self, DrawError> {
-        let mut tree = Self { nodes: Vec::new(), cuts: 0 };
+        let mut tree = Self { nodes: Vec::new(), cuts: Vec::new() };
         let all = faces.len().max(1);
         let (mut placed, mut total) = (0, faces.len());
         // A set that is still to be divided, and the node and side below which it is.
@@ -76,7 +78,7 @@ impl BspTree {
             if let Some(parent) = tree.nodes.get_mut(parent as usize) {
                 *if is_front { &mut parent.front } else { &mut parent.back } = index;
             }
-            let plane = choose_plane(&faces);
+            let (plane, owner) = choose_plane(&faces);
             let mut node = BspNode { plane, faces: Vec::new(), front: NO_NODE, back: NO_NODE };
             let (mut front, mut back) = (Vec::new(), Vec::new());
             for face in faces {
@@ -86,8 +88,8 @@ impl BspTree {
                     Side::Back => back.push(face),
                     Side::Both => {
                         total += 1;
-                        let [before, behind] = face.split(&plane, first_cut.saturating_add(tree.cuts));
-                        tree.cuts += 1;
+                        let [before, behind] = face.split(&plane, first_cut.saturating_add(tree.cuts.len() as u32));
+                        tree.cuts.push(owner);
                         front.extend(before);
                         back.extend(behind);
                     }
@@ -112,8 +114,8 @@ impl BspTree {
         self.nodes.iter().map(|node| node.faces.len()).sum()
     }
 
-    /// Number of cuts that were made.
-    pub(crate) fn cuts(&self) -> u32 {
+    /// Of each cut, the scene's triangle whose plane made it; [`NO_TRIANGLE`] for planes parallel to the axes.
+    pub(crate) fn into_cuts(self) -> Vec<u32> {
         self.cuts
     }
 
@@ -137,13 +139,14 @@ impl BspTree {
 }
 
 /// The plane by which a set is divided: at least one face is on it, or not all are on one side.
-fn choose_plane(faces: &[Face]) -> FacePlane {
+fn choose_plane(faces: &[Face]) -> (FacePlane, u32) {
     if faces.len() > MAX_OWN_PLANES
         && let Some(plane) = axis_plane(faces)
     {
-        return plane;
+        return (plane, NO_TRIANGLE);
     }
-    face_plane(faces)
+    let face = best_face(faces);
+    (face.plane, face.triangle)
 }
 
 /// Lowest and highest coordinate of a face along an axis.
@@ -181,8 +184,8 @@ fn axis_plane(faces: &[Face]) -> Option<FacePlane> {
     best.map(|(_, plane)| plane)
 }
 
-/// The best plane of a face.
-fn face_plane(faces: &[Face]) -> FacePlane {
+/// The face with the best plane.
+fn best_face(faces: &[Face]) -> &Face {
     let largest = faces.iter().enumerate().max_by(|(_, a), (_, b)| a.area_m2().total_cmp(&b.area_m2()));
     let first = largest.map_or(0, |(index, _)| index);
     let others = (0..FACE_PLANES).map(|k| k * faces.len() / FACE_PLANES);
@@ -198,6 +201,6 @@ fn face_plane(faces: &[Face]) -> FacePlane {
         }
         front.abs_diff(back) + SPLIT_COST * both
     };
-    let planes = std::iter::once(first).chain(others).map(|index| faces[index].plane);
-    planes.min_by_key(cost).unwrap_or(faces[0].plane)
+    let tried = std::iter::once(first).chain(others).map(|index| &faces[index]);
+    tried.min_by_key(|face| cost(&face.plane)).unwrap_or(&faces[0])
 }

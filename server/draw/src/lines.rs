@@ -84,18 +84,21 @@ pub(crate) fn class_of(scene: &Scene, edge: &SceneEdge, eye: Eye, crease_deg: f6
 }
 
 /// Joins the parts of each edge. Edges from `first_cut` on are where faces were cut: what is seen on one side only of such a cut is
-/// where another surface passes through the face.
+/// where another surface passes through the face, if `is_meeting` of the cut's index and the face.
 pub(crate) fn visible_lines(
     mut parts: Vec<EdgePart>,
     first_cut: u32,
     class_of: impl Fn(u32) -> Option<LineClass>,
+    is_meeting: impl Fn(u32, u32) -> bool,
 ) -> Vec<VisibleLine> {
     parts.sort_by_key(|part| part.edge);
     let mut lines = Vec::new();
     for parts in parts.chunk_by(|a, b| a.edge == b.edge) {
         let edge = parts[0].edge;
         if edge >= first_cut {
-            cut_lines(parts, &mut lines);
+            if is_meeting(edge - first_cut, parts[0].face) {
+                cut_lines(parts, &mut lines);
+            }
         } else if let Some(class) = class_of(edge) {
             let line = Direction::of(parts);
             let all = joined(parts.iter().map(|part| line.interval(part).0).collect());
@@ -246,7 +249,7 @@ mod tests {
             part(5, 0, 3 * k),
             part(5, k, 0),
         ];
-        let lines = visible_lines(parts, 5, |edge| (edge == 1).then_some(LineClass::Crease));
+        let lines = visible_lines(parts, 5, |edge| (edge == 1).then_some(LineClass::Crease), |_, _| true);
         let ends: Vec<_> = lines.iter().map(|line| (line.class, line.ends.map(|end| end.x))).collect();
         assert_eq!(ends, [(LineClass::Crease, [0, 3 * k]), (LineClass::Intersection, [k, 3 * k])]);
     }

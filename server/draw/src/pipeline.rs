@@ -1,8 +1,8 @@
 //! All steps of a drawing: read, cull, sort, remove what is hidden, join.
 
 use crate::{
-    bsp::BspTree,
-    convex::{Convex, PageRect},
+    bsp::{BspTree, NO_TRIANGLE},
+    convex::{Convex, PagePoint, PageRect},
     drawing::{Drawing, DrawingCounts, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
     error::{DrawError, Progress},
     face::{Face, FacePlane},
@@ -61,7 +61,7 @@ pub fn draw(source: &dyn ExportSource, request: &DrawRequest, progress: Progress
     let tree = BspTree::new(facing, first_cut, MAX_SCENE_TRIANGLES, progress)?;
     counts.sorted = tree.len();
     let polygons = stage.polygons(&tree);
-    drop(tree);
+    let cuts = tree.into_cuts();
     let parts = visible_parts(&polygons, stage.grid.rect(&frame), MAX_PARTS, progress)?;
     counts.parts = parts.len();
     if parts.is_empty() {
@@ -69,7 +69,7 @@ pub fn draw(source: &dyn ExportSource, request: &DrawRequest, progress: Progress
     }
     let mut objects = Objects::new(&scene);
     objects.add_shapes(stage.shapes(&polygons, &parts, progress)?);
-    objects.add_lines(stage.lines(&polygons, &parts, first_cut), &request.style);
+    objects.add_lines(stage.lines(&polygons, &parts, &cuts), &request.style);
     let block = title_block(source, request, &stage.projection);
     let sheet = if request.is_bare { Vec::new() } else { sheet_items(&request.paper, &stage.projection, &block) };
     let color = |text: &str, default: Rgb| parse_color(text).unwrap_or(default);
@@ -114,6 +114,7 @@ struct Stage<'a> {
     request: &'a DrawRequest,
 }
 
+type Ends = [PagePoint; 2];
 /// Shapes of one object and colour.
 type ShapeKey = (u32, Rgb);
 
@@ -172,12 +173,8 @@ impl Stage<'_> {
         Ok(keys.into_iter().zip(joined).filter(|(_, rings)| !rings.is_empty()).map(shape).collect())
     }
 
-    fn lines(
-        &self,
-        polygons: &[PagePolygon],
-        parts: &[VisiblePart],
-        first_cut: u32,
-    ) -> Vec<(u32, LineClass, [crate::convex::PagePoint; 2])> {
+    fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart], cuts: &[u32]) -> Vec<(u32, LineClass, Ends)> {
+        let first_cut = self.scene.edges.len() as u32;
         let mut edges: Vec<EdgePart> = Vec::new();
         for part in parts {
             collect(&part.shape, polygons[part.polygon as usize].triangle, &mut edges);
@@ -190,8 +187,14 @@ impl Stage<'_> {
             let is_land = self.scene.object(edge.faces[0]).kind == FeatureKind::Relief;
             (!is_land || class == LineClass::Silhouette).then_some(class)
         };
-        let lines = visible_lines(edges, first_cut, class);
-        lines.into_iter().map(|line| (self.scene.face_objects[line.face as usize], line.class, line.ends)).collect()
+        // Planes of other faces go on where these have ended; land that passes through land is no line.
+        let is_meeting = |cut: u32, face: u32| {
+            let owner = cuts.get(cut as usize).copied().filter(|owner| *owner != NO_TRIANGLE);
+            let is_land = |face: u32| self.scene.object(face).kind == FeatureKind::Relief;
+            owner.is_some_and(|owner| !is_land(owner) || !is_land(face))
+        };
+        let lines = visible_lines(edges, first_cut, class, is_meeting).into_iter();
+        lines.map(|line| (self.scene.face_objects[line.face as usize], line.class, line.ends)).collect()
     }
 }
 
@@ -228,7 +231,7 @@ impl Objects {
         }
     }
 
-    fn add_lines(&mut self, mut lines: Vec<(u32, LineClass, [crate::convex::PagePoint; 2])>, style: &Stylesheet) {
+    fn add_lines(&mut self, mut lines: Vec<(u32, LineClass, Ends)>, style: &Stylesheet) {
         lines.sort_by_key(|(object, class, ends)| (*object, *class, ends[0].x, ends[0].y, ends[1].x, ends[1].y));
         for lines in lines.chunk_by(|a, b| a.0 == b.0 && a.1 == b.1) {
             let (object, class, _) = lines[0];

@@ -57,7 +57,7 @@ impl Scene {
             scene: Self { origin, ..Self::default() },
             names: ObjectNames::new(source, selection),
             indices: HashMap::new(),
-            selection,
+            area,
         };
         // Objects are selected by their middle, so they may reach out of the area.
         let grown = [area[0].map(|v| v - MARGIN_M), area[1].map(|v| v + MARGIN_M)];
@@ -69,7 +69,7 @@ impl Scene {
         })?;
         reader.scene.without_mesh = without_mesh;
         if !manifest.has_terrain {
-            reader.add_ground(area, manifest.ground_z_m)?;
+            reader.add_ground(area, manifest.ground_z_m - GROUND_DEPTH_M)?;
         }
         if reader.scene.faces.is_empty() { Err(DrawError::Empty) } else { Ok(reader.scene) }
     }
@@ -107,6 +107,8 @@ impl Scene {
 
 /// Objects are open at the foot: this share of their height, in which their ground may be uneven.
 const FOOT_SHARE: f64 = 0.3;
+/// The ground plane is this far below the city's own ground, so that the two are never in one plane.
+const GROUND_DEPTH_M: f64 = 0.05;
 /// How far objects may reach out of the area in which their middle is.
 const MARGIN_M: f64 = 200.0;
 
@@ -115,14 +117,14 @@ struct Reader<'a> {
     names: ObjectNames<'a>,
     /// Index in the scene of each object's number; `None` if it is not selected.
     indices: HashMap<u32, Option<u32>>,
-    selection: &'a ObjectSelection,
+    /// World metres: land is cut at its border.
+    area: [[f64; 2]; 2],
 }
 
 impl Reader<'_> {
     fn add(&mut self, mesh: &LeafMesh) -> Result<(), DrawError> {
         let mut edges = LeafEdges { mesh, known: HashMap::new() };
         let origin = DVec3::from(self.scene.origin);
-        let area = self.selection.area();
         for (t, corners) in mesh.tile.mesh.triangles.iter().enumerate() {
             let number = mesh.tile.objects.get(t).copied().unwrap_or(NO_OBJECT);
             let Some(object) = self.object(number)? else { continue };
@@ -132,8 +134,8 @@ impl Reader<'_> {
             let names = [0, 1, 2].map(|k| edges.name([corners[k], corners[(k + 1) % 3]]));
             let names = names.map(|key| key.map_or(NO_EDGE, |key| edges.add(key, index, &mut self.scene.edges)));
             let face = Face { points: points.to_vec(), edges: names.to_vec(), plane, triangle: index };
-            let is_cut = area.is_some() && is_land(self.scene.objects[object as usize].kind);
-            let Some(face) = (if is_cut { clip_to_area(face, area, origin) } else { Some(face) }) else { continue };
+            let is_cut = is_land(self.scene.objects[object as usize].kind);
+            let Some(face) = (if is_cut { clip_to_area(face, self.area, origin) } else { Some(face) }) else { continue };
             self.scene.faces.push(face);
             self.scene.face_objects.push(object);
         }
@@ -171,8 +173,7 @@ impl Reader<'_> {
 }
 
 /// The part of a face in an area of the map.
-fn clip_to_area(face: Face, area: Option<[[f64; 2]; 2]>, origin: DVec3) -> Option<Face> {
-    let Some([min, max]) = area else { return Some(face) };
+fn clip_to_area(face: Face, [min, max]: [[f64; 2]; 2], origin: DVec3) -> Option<Face> {
     let planes = [
         FacePlane { normal: DVec3::X, offset: min[0] - origin.x },
         FacePlane { normal: DVec3::NEG_X, offset: origin.x - max[0] },

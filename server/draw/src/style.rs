@@ -80,7 +80,7 @@ pub struct Hatch {
 
 impl Default for LineWeights {
     fn default() -> Self {
-        Self { silhouette: 0.25, crease: 0.1, border: 0.18, intersection: 0.18 }
+        Self { silhouette: 0.18, crease: 0.07, border: 0.13, intersection: 0.13 }
     }
 }
 
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn a_stylesheet_changes_what_it_names() {
         let sheet = Stylesheet::parse("fill = \"kind\"\n[colors]\nwater = \"#0000ff\"\n[lines]\ncrease = 0").unwrap();
-        assert_eq!((sheet.fill, sheet.lines.crease, sheet.lines.silhouette), (FillMode::Kind, 0.0, 0.25));
+        assert_eq!((sheet.fill, sheet.lines.crease, sheet.lines.silhouette), (FillMode::Kind, 0.0, 0.18));
         assert_eq!(sheet.color(FeatureKind::Water), [0, 0, 255]);
         assert_eq!(sheet.color(FeatureKind::Tunnel), sheet.color(FeatureKind::Furniture));
         for wrong in [

@@ -5,11 +5,13 @@ use crate::{
     style::{FillMode, Rgb, Stylesheet},
 };
 use glam::DVec3;
-use insula_export::leaves::LeafObject;
+use insula_export::leaves::{LeafObject, is_land};
 use insula_protocol::mesh_tile::NO_OBJECT;
 
 /// Steps of light. Faces of one step have one colour, so that they are one shape.
 const STEPS: f64 = 24.0;
+/// Land has fewer, because its small slopes are not what a drawing of a city shows.
+const LAND_STEPS: f64 = 6.0;
 /// Light of faces that the sun does not reach.
 const AMBIENT: f64 = 0.55;
 
@@ -35,7 +37,8 @@ impl<'a> Tones<'a> {
             FillMode::Object => Some([16, 8, 0].map(|shift| (object.number >> shift & 0xff) as u8)),
             FillMode::Light => {
                 let direct = plane.normal.dot(self.towards_sun).max(0.0);
-                let light = AMBIENT + (1.0 - AMBIENT) * (direct * STEPS).round() / STEPS;
+                let steps = if is_land(object.kind) { LAND_STEPS } else { STEPS };
+                let light = AMBIENT + (1.0 - AMBIENT) * (direct * steps).round() / steps;
                 Some(color.map(|v| (f64::from(v) * light).round() as u8))
             }
         }

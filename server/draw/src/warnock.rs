@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Cells with at most so many polygons are resolved.
-const MAX_RESOLVED: usize = 12;
+const MAX_RESOLVED: usize = 40;
 /// Cells are not divided below this side in units.
 const MIN_SIDE: i32 = 1 << 10;
 /// Cells are divided at the same time to this depth.
