@@ -1,7 +1,13 @@
 //! Draws a baked city and prints what it took: `draw_city CITY OUT.svg [plan|AZ,EL|CAM.json] [west,south,east,north|-] [PAPER] [SCALE|-] [STYLE.toml]`.
 
 use insula_archive::BakedCity;
-use insula_draw::{DrawRequest, draw, sheet::Paper, style::Stylesheet, svg::to_svg, view::DrawView};
+use insula_draw::{
+    DrawRequest, draw,
+    file::{DrawingFormat, write_drawing},
+    sheet::Paper,
+    style::Stylesheet,
+    view::DrawView,
+};
 use insula_export::{
     selection::ObjectSelection,
     source::{ExportSource, SourceError},
@@ -111,6 +117,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         paper: Paper::parse(paper.trim_end_matches("-bare"))?,
         scale: Some(arg(5, "-")).filter(|text| text != "-").map(|text| text.parse()).transpose()?,
         is_bare: paper.ends_with("-bare"),
+        title: None,
         style,
     };
     let started = Instant::now();
@@ -121,18 +128,17 @@ fn main() -> Result<(), Box<dyn Error>> {
         true
     })?;
     let drawn = started.elapsed();
-    let svg = to_svg(&drawing);
-    std::fs::write(out, &svg)?;
+    let bytes = write_drawing(&drawing, DrawingFormat::of(Path::new(out))?, Path::new(out))?;
     let c = drawing.counts;
     println!(
-        "{} objects, {} triangles, {} in view, {} after splits, {} parts; {:.2} s, {} bytes of SVG",
+        "{} objects, {} triangles, {} in view, {} after splits, {} parts; {:.2} s, {} bytes",
         drawing.objects.len(),
         c.triangles,
         c.facing,
         c.sorted,
         c.parts,
         drawn.as_secs_f64(),
-        svg.len()
+        bytes
     );
     Ok(())
 }

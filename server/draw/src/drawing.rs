@@ -16,6 +16,8 @@ pub struct Drawing {
     /// Where the city is.
     pub frame: PaperRect,
     pub title: String,
+    /// Who must be named wherever the drawing is shown; empty if nobody.
+    pub attribution: String,
     /// Whether each pixel of a picture shall have one colour of a shape, and no mixture.
     pub is_exact: bool,
     pub paper: Rgb,

@@ -12,15 +12,18 @@
 //! | `tone` | colours of shapes |
 //! | `drawing` | the finished drawing |
 //! | `pipeline` | all steps of a drawing |
-//! | `svg` | files |
+//! | `svg`, `pdf`, `dxf`, `file` | files |
 
 mod bsp;
 mod convex;
 pub mod drawing;
+mod dxf;
 pub mod error;
 mod face;
+pub mod file;
 mod join;
 pub mod lines;
+mod pdf;
 pub mod pipeline;
 mod scene;
 pub mod sheet;

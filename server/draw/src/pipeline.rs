@@ -35,6 +35,8 @@ pub struct DrawRequest {
     pub scale: Option<f64>,
     /// Whether the drawing fills the paper, without margins and title block.
     pub is_bare: bool,
+    /// Title of the sheet; that of the city if `None`.
+    pub title: Option<String>,
     pub style: Stylesheet,
 }
 
@@ -77,6 +79,7 @@ pub fn draw(source: &dyn ExportSource, request: &DrawRequest, progress: Progress
         grid: stage.grid,
         frame,
         title: block.title,
+        attribution: block.attribution,
         is_exact: request.style.fill == FillMode::Object,
         paper: color(&request.style.paper, [255; 3]),
         ink: color(&request.style.ink, [0; 3]),
@@ -103,7 +106,8 @@ fn title_block(source: &dyn ExportSource, request: &DrawRequest, projection: &Pr
         source.texts().map(String::as_str).collect::<Vec<_>>().join(", ")
     };
     let attribution = manifest.attribution.iter().map(of_source).collect::<Vec<_>>().join("; ");
-    TitleBlock { title: manifest.title.clone(), description: format!("{view}{scale}"), attribution }
+    let title = request.title.clone().unwrap_or_else(|| manifest.title.clone());
+    TitleBlock { title, description: format!("{view}{scale}"), attribution }
 }
 
 /// A scene and how it is seen.

@@ -135,7 +135,9 @@ impl Reader<'_> {
             let names = names.map(|key| key.map_or(NO_EDGE, |key| edges.add(key, index, &mut self.scene.edges)));
             let face = Face { points: points.to_vec(), edges: names.to_vec(), plane, triangle: index };
             let is_cut = is_land(self.scene.objects[object as usize].kind);
-            let Some(face) = (if is_cut { clip_to_area(face, self.area, origin) } else { Some(face) }) else { continue };
+            let Some(face) = (if is_cut { clip_to_area(face, self.area, origin) } else { Some(face) }) else {
+                continue;
+            };
             self.scene.faces.push(face);
             self.scene.face_objects.push(object);
         }

@@ -66,14 +66,12 @@ impl PaperGrid {
 
     /// Millimetres from the lower left corner.
     pub(crate) fn mm(&self, point: PagePoint) -> [f64; 2] {
-        [point.x, point.y]
-            .map(f64::from)
-            .map(|v| v / self.units_per_mm)
-            .iter()
-            .zip(self.size_mm)
-            .fold([f64::NAN; 2], |found, (v, size)| {
+        [point.x, point.y].map(f64::from).map(|v| v / self.units_per_mm).iter().zip(self.size_mm).fold(
+            [f64::NAN; 2],
+            |found, (v, size)| {
                 if found[0].is_nan() { [v + 0.5 * size, f64::NAN] } else { [found[0], v + 0.5 * size] }
-            })
+            },
+        )
     }
 
     pub(crate) fn rect(&self, rect: &PaperRect) -> PageRect {
