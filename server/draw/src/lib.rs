@@ -9,7 +9,7 @@
 //! | `bsp` | faces in the order of their distance |
 //! | `convex`, `warnock` | polygons on the page; their visible parts |
 //! | `join`, `lines` | visible parts as shapes and lines |
-//! | `tone` | colours of shapes |
+//! | `tone`, `hatch`, `shadow` | colours of shapes, hatching, shadows of the sun |
 //! | `drawing` | the finished drawing |
 //! | `pipeline` | all steps of a drawing |
 //! | `svg`, `pdf`, `dxf`, `file` | files |
@@ -21,11 +21,13 @@ mod dxf;
 pub mod error;
 mod face;
 pub mod file;
+mod hatch;
 mod join;
 pub mod lines;
 mod pdf;
 pub mod pipeline;
 mod scene;
+mod shadow;
 pub mod sheet;
 pub mod style;
 pub mod svg;

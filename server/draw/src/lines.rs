@@ -27,11 +27,14 @@ pub enum LineClass {
     Border,
     /// Where surfaces pass through each other.
     Intersection,
+    /// Hatching of a surface.
+    Hatch,
 }
 
 impl LineClass {
     /// All classes with their names in files.
-    pub const NAMES: [(&str, Self); 4] = [
+    pub const NAMES: [(&str, Self); 5] = [
+        ("hatch", Self::Hatch),
         ("silhouette", Self::Silhouette),
         ("crease", Self::Crease),
         ("border", Self::Border),

@@ -16,10 +16,20 @@ use std::io::Write;
 
 const PT_PER_MM: f64 = 72.0 / 25.4;
 /// Layers in the order in which they are drawn.
-const LAYERS: [&str; 8] =
-    ["surfaces", "shadows", "translucent surfaces", "creases", "intersections", "borders", "silhouettes", "sheet"];
-/// Classes of lines by their layer, from that of creases on.
-const LINES: [LineClass; 4] = [LineClass::Crease, LineClass::Intersection, LineClass::Border, LineClass::Silhouette];
+const LAYERS: [&str; 9] = [
+    "surfaces",
+    "shadows",
+    "translucent surfaces",
+    "hatching",
+    "creases",
+    "intersections",
+    "borders",
+    "silhouettes",
+    "sheet",
+];
+/// Classes of lines by their layer, from that of hatching on.
+const LINES: [LineClass; 5] =
+    [LineClass::Hatch, LineClass::Crease, LineClass::Intersection, LineClass::Border, LineClass::Silhouette];
 const FIRST_LINES: usize = 3;
 /// Opacities are rounded to this many steps, each of which is a graphics state.
 const OPACITY_STEPS: u8 = 100;

@@ -5,13 +5,15 @@ use crate::{
     convex::{Convex, PagePoint, PageRect},
     drawing::{Drawing, DrawingCounts, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
     error::{DrawError, Progress},
-    face::{Face, FacePlane},
+    face::Face,
+    hatch::hatched,
     join::{Rings, unions},
     lines::{EdgePart, LineClass, chains, class_of, collect, visible_lines},
-    scene::{MAX_SCENE_TRIANGLES, Scene, clip},
+    scene::{MAX_SCENE_TRIANGLES, Scene, clip, turned},
+    shadow::shadows,
     sheet::{Paper, TitleBlock, sheet_items},
-    style::{FillMode, Rgb, Stylesheet, parse_color},
-    tone::Tones,
+    style::{FillMode, Rgb, Stylesheet, kind_name, parse_color},
+    tone::{Tones, towards_sun},
     view::{DrawView, PaperGrid, Projection, ViewAxes},
     warnock::{PagePolygon, VisiblePart, visible_parts},
 };
@@ -70,7 +72,12 @@ pub fn draw(source: &dyn ExportSource, request: &DrawRequest, progress: Progress
         return Err(DrawError::Empty);
     }
     let mut objects = Objects::new(&scene);
+    let style = &request.style;
     objects.add_shapes(stage.shapes(&polygons, &parts, progress)?);
+    if style.shadows && style.sun[1] > 0.0 {
+        objects.add_shadows(stage.shadows(&polygons, &parts, progress)?, style);
+    }
+    objects.add_hatching(style, &stage.grid);
     objects.add_lines(stage.lines(&polygons, &parts, &cuts), &request.style);
     let block = title_block(source, request, &stage.projection);
     let sheet = if request.is_bare { Vec::new() } else { sheet_items(&request.paper, &stage.projection, &block) };
@@ -177,6 +184,17 @@ impl Stage<'_> {
         Ok(keys.into_iter().zip(joined).filter(|(_, rings)| !rings.is_empty()).map(shape).collect())
     }
 
+    fn shadows(
+        &self,
+        polygons: &[PagePolygon],
+        parts: &[VisiblePart],
+        progress: Progress<'_>,
+    ) -> Result<BTreeMap<u32, Rings>, DrawError> {
+        let visible = parts.iter().map(|part| (polygons[part.polygon as usize].triangle, part.shape.points.clone()));
+        let sun = towards_sun(&self.request.style);
+        shadows(self.scene, sun, (&self.projection, &self.grid), visible, (MAX_PARTS, progress))
+    }
+
     fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart], cuts: &[u32]) -> Vec<(u32, LineClass, Ends)> {
         let first_cut = self.scene.edges.len() as u32;
         let mut edges: Vec<EdgePart> = Vec::new();
@@ -202,18 +220,6 @@ impl Stage<'_> {
     }
 }
 
-/// A face as seen from its other side.
-fn turned(face: &Face) -> Face {
-    let mut points = face.points.clone();
-    points.reverse();
-    // The edge from each point to the next one is now the one that led to it.
-    let mut edges = face.edges.clone();
-    edges.reverse();
-    edges.rotate_left(1);
-    let plane = FacePlane { normal: -face.plane.normal, offset: -face.plane.offset };
-    Face { points, edges, plane, triangle: face.triangle }
-}
-
 /// The objects of a drawing while they are collected.
 struct Objects(Vec<DrawnObject>);
 
@@ -235,6 +241,25 @@ impl Objects {
         }
     }
 
+    fn add_shadows(&mut self, shadows: BTreeMap<u32, Rings>, style: &Stylesheet) {
+        let color = parse_color(&style.shadow_color).unwrap_or([0; 3]);
+        for (object, rings) in shadows {
+            let shape = DrawnShape { role: ShapeRole::Shadow, color, opacity: style.shadow_opacity, rings };
+            self.0[object as usize].shapes.push(shape);
+        }
+    }
+
+    fn add_hatching(&mut self, style: &Stylesheet, grid: &PaperGrid) {
+        for object in &mut self.0 {
+            let Some(hatch) = style.hatch.get(kind_name(object.kind)) else { continue };
+            let surfaces = object.shapes.iter().filter(|shape| shape.role == ShapeRole::Surface);
+            let chains: Vec<_> = surfaces.flat_map(|shape| hatched(&shape.rings, hatch, grid.units_per_mm)).collect();
+            if !chains.is_empty() && hatch.width > 0.0 {
+                object.lines.push(DrawnLine { class: LineClass::Hatch, width_mm: hatch.width, chains });
+            }
+        }
+    }
+
     fn add_lines(&mut self, mut lines: Vec<(u32, LineClass, Ends)>, style: &Stylesheet) {
         lines.sort_by_key(|(object, class, ends)| (*object, *class, ends[0].x, ends[0].y, ends[1].x, ends[1].y));
         for lines in lines.chunk_by(|a, b| a.0 == b.0 && a.1 == b.1) {
@@ -244,6 +269,7 @@ impl Objects {
                 LineClass::Crease => style.lines.crease,
                 LineClass::Border => style.lines.border,
                 LineClass::Intersection => style.lines.intersection,
+                LineClass::Hatch => 0.0,
             };
             if width_mm > 0.0 {
                 let ends: Vec<_> = lines.iter().map(|(.., ends)| *ends).collect();

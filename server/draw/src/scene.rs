@@ -198,6 +198,18 @@ pub(crate) fn clip(mut face: Face, planes: &[FacePlane]) -> Option<Face> {
     Some(face)
 }
 
+/// A face as seen from its other side.
+pub(crate) fn turned(face: &Face) -> Face {
+    let mut points = face.points.clone();
+    points.reverse();
+    // The edge from each point to the next one is now the one that led to it.
+    let mut edges = face.edges.clone();
+    edges.reverse();
+    edges.rotate_left(1);
+    let plane = FacePlane { normal: -face.plane.normal, offset: -face.plane.offset };
+    Face { points, edges, plane, triangle: face.triangle }
+}
+
 /// Both ends of an edge on the mesh's grid, the smaller first.
 type EdgeKey = [[u32; 3]; 2];
 

@@ -129,6 +129,13 @@ impl ViewAxes {
         }
     }
 
+    /// Parallel rays along a direction.
+    pub(crate) fn towards(forward: DVec3) -> Self {
+        let across = [DVec3::Z, DVec3::Y].map(|up| forward.cross(up)).into_iter().find(|right| right.length() > 1e-6);
+        let right = across.and_then(DVec3::try_normalize).unwrap_or(DVec3::X);
+        Self { right, up: right.cross(forward), forward, position: None, tan_y: 0.0 }
+    }
+
     pub(crate) fn eye(&self) -> Eye {
         self.position.map_or(Eye::Direction(-self.forward), Eye::Point)
     }
@@ -180,6 +187,14 @@ impl Projection {
         let middle =
             DVec2::new(0.5 * (self.frame.min[0] + self.frame.max[0]), 0.5 * (self.frame.min[1] + self.frame.max[1]));
         middle + (at / divisor - self.middle) * self.factor
+    }
+
+    /// The point of a plane that parallel rays project to a place of the paper.
+    pub(crate) fn lift(&self, mm: DVec2, plane: &FacePlane) -> DVec3 {
+        let frame_middle = DVec2::from([0, 1].map(|k| 0.5 * (self.frame.min[k] + self.frame.max[k])));
+        let at = (mm - frame_middle) / self.factor + self.middle;
+        let point = self.axes.right * at.x + self.axes.up * at.y;
+        point - self.axes.forward * (plane.height(point) / plane.normal.dot(self.axes.forward))
     }
 
     /// The planes of the view, normals inwards; what is outside is not drawn.
