@@ -1,4 +1,4 @@
-//! Draws a baked city and prints what it took: `draw_city CITY OUT.svg [plan|AZ,EL|CAM.json] [west,south,east,north|-] [PAPER] [SCALE|-] [STYLE.toml]`.
+//! Draws a baked city and prints what it took: `draw_city CITY OUT [plan|AZ,EL|CAM.json] [west,south,east,north|-] [PAPER] [SCALE|-] [STYLE.toml]`.
 
 use insula_archive::BakedCity;
 use insula_draw::{
@@ -129,6 +129,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     })?;
     let drawn = started.elapsed();
     let bytes = write_drawing(&drawing, DrawingFormat::of(Path::new(out))?, Path::new(out))?;
+    if std::env::var_os("OVERLAP").is_some() {
+        println!("shapes overlap by {:.2e} of the page", drawing.overlap());
+    }
     let c = drawing.counts;
     println!(
         "{} objects, {} triangles, {} in view, {} after splits, {} parts; {:.2} s, {} bytes",

@@ -2,7 +2,7 @@
 
 use crate::{
     convex::PagePoint,
-    join::Rings,
+    join::{Rings, twice_area, unions},
     lines::LineClass,
     style::Rgb,
     view::{PaperGrid, PaperRect},
@@ -83,6 +83,20 @@ pub struct DrawnLine {
 }
 
 impl Drawing {
+    /// The area in which opaque shapes overlap, as a share of the page: what they have together beyond their union. Joins all shapes,
+    /// which takes as long as drawing them.
+    #[must_use]
+    pub fn overlap(&self) -> f64 {
+        let opaque = |shape: &&DrawnShape| shape.role == ShapeRole::Surface && shape.opacity >= 1.0;
+        let shapes = self.objects.iter().flat_map(|object| object.shapes.iter().filter(opaque));
+        let all: Rings = shapes.flat_map(|shape| shape.rings.iter().cloned()).collect();
+        let area = |rings: &Rings| rings.iter().map(|ring| twice_area(ring)).sum::<i128>();
+        let union = unions(vec![all.clone()], &|_, _| true).unwrap_or_default();
+        let beyond = area(&all) - union.iter().map(area).sum::<i128>();
+        let page: f64 = self.grid.size_mm.iter().map(|side| side * self.grid.units_per_mm).product();
+        0.5 * beyond as f64 / page
+    }
+
     /// The rings of a shape in millimetres from the lower left corner of the paper.
     pub fn rings<'a>(&'a self, shape: &'a DrawnShape) -> impl Iterator<Item = Vec<[f64; 2]>> + 'a {
         shape.rings.iter().map(|ring| ring.iter().map(|point| self.grid.mm(*point)).collect())

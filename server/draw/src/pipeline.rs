@@ -143,6 +143,8 @@ impl Stage<'_> {
                 facing.extend(clip(face, &planes));
             }
         }
+        // Of surfaces in one place, the first one is seen: that of a part of a building rather than that of the whole.
+        facing.sort_by_key(|face| self.scene.object(face.triangle).kind != FeatureKind::BuildingPart);
         facing
     }
 

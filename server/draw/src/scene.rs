@@ -26,6 +26,7 @@ pub(crate) struct Scene {
     pub(crate) face_objects: Vec<u32>,
     pub(crate) objects: Vec<LeafObject>,
     pub(crate) edges: Vec<SceneEdge>,
+    pub(crate) has_terrain: bool,
     /// Leaves and other end nodes without a mesh.
     pub(crate) without_mesh: u64,
 }
@@ -54,7 +55,7 @@ impl Scene {
         let middle = |k: usize| (0.5 * (area[0][k] + area[1][k])).round();
         let origin = [middle(0), middle(1), manifest.ground_z_m.round()];
         let mut reader = Reader {
-            scene: Self { origin, ..Self::default() },
+            scene: Self { origin, has_terrain: manifest.has_terrain, ..Self::default() },
             names: ObjectNames::new(source, selection),
             indices: HashMap::new(),
             area,

@@ -14,6 +14,7 @@ use crate::{
     warnock::{PagePolygon, visible_parts},
 };
 use glam::{DVec2, DVec3};
+use insula_objects::FeatureKind;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -101,7 +102,9 @@ fn lit_faces(
         let points = face.points.iter().map(|p| grid.point(sun.project(*p))).collect();
         let shape = Convex { points, edges: vec![NO_EDGE; face.points.len()] };
         let bounds = PageRect::of(&shape.points);
-        (shape.twice_area() > 0).then_some(PagePolygon { shape, bounds, triangle: face.triangle, is_opaque: true })
+        // Flat ground casts no shadows: its leaves end above the plane around them.
+        let is_opaque = scene.has_terrain || scene.object(face.triangle).kind != FeatureKind::Relief;
+        (shape.twice_area() > 0).then_some(PagePolygon { shape, bounds, triangle: face.triangle, is_opaque })
     };
     let polygons: Vec<PagePolygon> = tree.front_to_back(Eye::Direction(towards_sun)).filter_map(project).collect();
     drop(tree);

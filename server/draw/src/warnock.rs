@@ -128,3 +128,132 @@ impl Subdivision<'_> {
         parts
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        bsp::{BspTree, Eye},
+        convex::{PagePoint, cross},
+        face::{Face, FacePlane},
+    };
+    use glam::DVec3;
+
+    const UNITS: f64 = 1_000_000.0;
+
+    /// Numbers of a linear congruential generator, 0 to 1.
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1u64 << 53) as f64
+        }
+    }
+
+    /// Triangles through each other, facing up, inside of a square of 100 m.
+    fn triangles(count: usize, random: &mut Random) -> Vec<Face> {
+        let mut faces = Vec::new();
+        while faces.len() < count {
+            let at = DVec3::new(random.next(), random.next(), random.next()) * 80.0;
+            let corner = |random: &mut Random| at + DVec3::new(random.next(), random.next(), random.next()) * 20.0;
+            let mut points = [corner(random), corner(random), corner(random)];
+            if FacePlane::of(points).is_some_and(|plane| plane.normal.z < 0.0) {
+                points.swap(1, 2);
+            }
+            let Some(plane) = FacePlane::of(points).filter(|plane| plane.normal.z > 0.05) else { continue };
+            faces.push(Face { points: points.to_vec(), edges: vec![0; 3], plane, triangle: faces.len() as u32 });
+        }
+        faces
+    }
+
+    fn page(face: &Face) -> PagePolygon {
+        let at = |p: &DVec3| PagePoint::new((p.x * UNITS) as i32, (p.y * UNITS) as i32);
+        let shape = Convex { points: face.points.iter().map(at).collect(), edges: face.edges.clone() };
+        PagePolygon { bounds: PageRect::of(&shape.points), shape, triangle: face.triangle, is_opaque: true }
+    }
+
+    fn contains(shape: &Convex, p: PagePoint, margin: f64) -> bool {
+        (0..shape.points.len()).all(|i| {
+            let (a, b) = (shape.points[i], shape.points[(i + 1) % shape.points.len()]);
+            let length = f64::from(b.x - a.x).hypot(f64::from(b.y - a.y));
+            cross(a, b, p) as f64 >= margin * length
+        })
+    }
+
+    #[test]
+    fn each_point_shows_the_nearest_of_triangles_that_pass_through_each_other() {
+        let mut random = Random(7);
+        let faces = triangles(600, &mut random);
+        let tree = BspTree::new(faces.clone(), 1000, 1 << 20, &|_, _| true).unwrap();
+        let splits = tree.len() as f64 / faces.len() as f64;
+        assert!(splits < 4.0, "{splits} faces for each triangle");
+        let polygons: Vec<PagePolygon> = tree.front_to_back(Eye::Direction(DVec3::Z)).map(page).collect();
+        let frame = PageRect { min: PagePoint::new(0, 0), max: PagePoint::new(100_000_000, 100_000_000) };
+        let parts = visible_parts(&polygons, frame, 1 << 20, &|_, _| true).unwrap();
+        let mut judged = 0;
+        for _ in 0..4000 {
+            let p = PagePoint::new((random.next() * 1e8) as i32, (random.next() * 1e8) as i32);
+            let (x, y) = (f64::from(p.x) / UNITS, f64::from(p.y) / UNITS);
+            let height = |face: &Face| {
+                let n = face.plane.normal;
+                (face.plane.offset - n.x * x - n.y * y) / n.z
+            };
+            let shapes: Vec<Convex> = faces.iter().map(|face| page(face).shape).collect();
+            // Points near an edge, or near the line where two triangles meet, may show either.
+            let is_near = |shape: &Convex| contains(shape, p, -1000.0) != contains(shape, p, 1000.0);
+            let mut seen: Vec<&Face> =
+                faces.iter().zip(&shapes).filter(|(_, shape)| contains(shape, p, 0.0)).map(|(face, _)| face).collect();
+            seen.sort_by(|a, b| height(b).total_cmp(&height(a)));
+            let is_tie = seen.len() > 1 && height(seen[0]) - height(seen[1]) < 0.01;
+            let shown: Vec<u32> = parts
+                .iter()
+                .filter(|part| contains(&part.shape, p, 0.0))
+                .map(|part| polygons[part.polygon as usize].triangle)
+                .collect();
+            if is_tie || shapes.iter().any(is_near) || parts.iter().any(|part| is_near(&part.shape)) {
+                continue;
+            }
+            judged += 1;
+            assert_eq!(shown, seen.first().map(|face| face.triangle).into_iter().collect::<Vec<_>>());
+        }
+        assert!(judged > 1000, "only {judged} points were judged");
+        let area: i64 = parts.iter().map(|part| part.shape.twice_area()).sum();
+        assert!(area > 0 && area as f64 <= 2e16 * (1.0 + 1e-9), "no part overlaps another one");
+    }
+
+    #[test]
+    fn the_order_holds_from_any_eye() {
+        let mut random = Random(3);
+        let faces = triangles(60, &mut random);
+        let tree = BspTree::new(faces, 1000, 1 << 20, &|_, _| true).unwrap();
+        for eye in [DVec3::new(500.0, 20.0, 30.0), DVec3::new(-90.0, -300.0, 200.0), DVec3::new(40.0, 40.0, 40.0)] {
+            let order: Vec<&Face> = tree.front_to_back(Eye::Point(eye)).collect();
+            for (i, near) in order.iter().enumerate() {
+                for far in &order[i + 1..] {
+                    // A ray to the middle of the nearer face must not pass the farther one before.
+                    let middle = near.points.iter().sum::<DVec3>() / near.points.len() as f64;
+                    let ray = middle - eye;
+                    let share = (far.plane.offset - far.plane.normal.dot(eye)) / far.plane.normal.dot(ray);
+                    let hit = eye + ray * share;
+                    let is_inside = (0..far.points.len()).all(|k| {
+                        let (a, b) = (far.points[k], far.points[(k + 1) % far.points.len()]);
+                        (b - a).cross(hit - a).dot(far.plane.normal) > 1e-6
+                    });
+                    assert!(!(share > 0.0 && share < 1.0 - 1e-6 && is_inside));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_progress_that_says_so_stops_the_work() {
+        let faces = triangles(600, &mut Random(7));
+        let polygons: Vec<PagePolygon> = faces.iter().map(page).collect();
+        let frame = PageRect { min: PagePoint::new(0, 0), max: PagePoint::new(100_000_000, 100_000_000) };
+        let stopped = visible_parts(&polygons, frame, 1 << 20, &|_, _| false);
+        assert!(matches!(stopped, Err(DrawError::Cancelled)));
+        let limited = visible_parts(&polygons, frame, 100, &|_, _| true);
+        assert!(matches!(limited, Err(DrawError::TooManyParts { limit: 100 })));
+    }
+}
