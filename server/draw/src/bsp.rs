@@ -4,7 +4,7 @@
 //! plane of one of their faces. Of several planes, the one with few splits and equal parts is taken.
 
 use crate::{
-    error::{DrawError, DrawStep, Progress, advance},
+    error::{DrawError, DrawStep, DrawProgress, advance},
     face::{Face, FacePlane, ON_PLANE_M, Side},
 };
 use glam::DVec3;
@@ -14,9 +14,9 @@ const MAX_OWN_PLANES: usize = 24;
 /// Planes that are tried for each axis.
 const AXIS_PLANES: usize = 12;
 /// Planes of faces that are tried.
-const FACE_PLANES: usize = 8;
+const FACE_PLANES: usize = 24;
 /// What a split costs, in faces of imbalance.
-const SPLIT_COST: usize = 6;
+const SPLIT_COST: usize = 12;
 const NO_NODE: u32 = u32::MAX;
 /// No triangle of the scene.
 pub(crate) const NO_TRIANGLE: u32 = u32::MAX;
@@ -63,7 +63,7 @@ impl BspTree {
         faces: Vec<Face>,
         first_cut: u32,
         max_faces: usize,
-        progress: Progress<'_>,
+        progress: DrawProgress<'_>,
     ) -> Result<Self, DrawError> {
         let mut tree = Self { nodes: Vec::new(), cuts: Vec::new() };
         let all = faces.len().max(1);

@@ -3,7 +3,7 @@
 use crate::{
     convex::PagePoint,
     join::{Rings, twice_area, unions},
-    lines::LineClass,
+    lines::LineRole,
     style::Rgb,
     view::{PaperGrid, PaperRect},
 };
@@ -77,7 +77,7 @@ pub enum ShapeRole {
 /// Lines of one class.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawnLine {
-    pub class: LineClass,
+    pub class: LineRole,
     pub width_mm: f64,
     pub(crate) chains: Vec<Vec<PagePoint>>,
 }

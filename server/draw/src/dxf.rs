@@ -5,7 +5,7 @@
 
 use crate::{
     drawing::{Drawing, DrawnObject, ShapeRole, SheetItem, TextAnchor},
-    lines::LineClass,
+    lines::LineRole,
     style::{Rgb, kind_name},
 };
 use insula_objects::FeatureKind;
@@ -49,8 +49,8 @@ fn layer_name(name: &str) -> String {
     name.to_ascii_uppercase().replace('-', "_")
 }
 
-fn line_layer(class: LineClass) -> String {
-    let name = LineClass::NAMES.iter().find(|(_, known)| *known == class).map_or("line", |(name, _)| name);
+fn line_layer(class: LineRole) -> String {
+    let name = LineRole::NAMES.iter().find(|(_, known)| *known == class).map_or("line", |(name, _)| name);
     format!("LINE_{}", layer_name(name))
 }
 
@@ -124,7 +124,7 @@ impl Dxf<'_> {
 
     fn tables(&mut self) {
         let mut layers: BTreeSet<(String, u8)> = BTreeSet::from([("SHEET".to_owned(), 7)]);
-        layers.extend(LineClass::NAMES.iter().map(|(_, class)| (line_layer(*class), 7)));
+        layers.extend(LineRole::NAMES.iter().map(|(_, class)| (line_layer(*class), 7)));
         let kinds: BTreeSet<FeatureKind> = self.drawing.objects.iter().map(|object| object.kind).collect();
         for kind in kinds {
             let of_kind = |object: &&DrawnObject| object.kind == kind;
@@ -240,6 +240,6 @@ mod tests {
     fn texts_are_ascii() {
         assert_eq!(dxf_text("30\u{b0}\n\u{6771}"), "30\\U+00B0 \\U+6771");
         assert!(dxf_text(&"x".repeat(1000)).len() <= MAX_TEXT);
-        assert_eq!(line_layer(LineClass::Crease), "LINE_CREASE");
+        assert_eq!(line_layer(LineRole::Crease), "LINE_CREASE");
     }
 }

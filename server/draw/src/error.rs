@@ -49,9 +49,9 @@ impl DrawStep {
 }
 
 /// Called with a step and the share of it that is done, 0 to 1. Returns whether to go on.
-pub type Progress<'a> = &'a (dyn Fn(DrawStep, f64) -> bool + Sync);
+pub type DrawProgress<'a> = &'a (dyn Fn(DrawStep, f64) -> bool + Sync);
 
 /// Fails if the progress says so.
-pub(crate) fn advance(progress: Progress<'_>, step: DrawStep, share: f64) -> Result<(), DrawError> {
+pub(crate) fn advance(progress: DrawProgress<'_>, step: DrawStep, share: f64) -> Result<(), DrawError> {
     if progress(step, share) { Ok(()) } else { Err(DrawError::Cancelled) }
 }

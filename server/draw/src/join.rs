@@ -2,7 +2,7 @@
 
 use crate::{
     convex::{PagePoint, cross},
-    error::{DrawError, DrawStep, Progress, advance},
+    error::{DrawError, DrawStep, DrawProgress, advance},
 };
 use i_overlay::{
     core::{
@@ -23,7 +23,7 @@ const TIDY_UNITS: f64 = 2.0;
 pub(crate) type Rings = Vec<Vec<PagePoint>>;
 
 /// The union of each group of rings. Fails if it is stopped.
-pub(crate) fn unions(groups: Vec<Rings>, progress: Progress<'_>) -> Result<Vec<Rings>, DrawError> {
+pub(crate) fn unions(groups: Vec<Rings>, progress: DrawProgress<'_>) -> Result<Vec<Rings>, DrawError> {
     let (count, done) = (groups.len().max(1) as f64, AtomicUsize::new(0));
     groups
         .into_par_iter()

@@ -7,7 +7,7 @@ use crate::{
     bsp::Eye,
     convex::{Convex, PagePoint},
     face::NO_EDGE,
-    scene::{Scene, SceneEdge},
+    scene::{DrawnScene, SceneEdge},
 };
 use std::collections::HashMap;
 
@@ -18,7 +18,7 @@ const MIN_CUT_UNITS: f64 = 20_000.0;
 
 /// What a line shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum LineClass {
+pub enum LineRole {
     /// Where a surface turns away from the eye.
     Silhouette,
     /// Between faces at an angle.
@@ -31,7 +31,7 @@ pub enum LineClass {
     Hatch,
 }
 
-impl LineClass {
+impl LineRole {
     /// All classes with their names in files.
     pub const NAMES: [(&str, Self); 5] = [
         ("hatch", Self::Hatch),
@@ -54,7 +54,7 @@ pub(crate) struct EdgePart {
 /// A visible line.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct VisibleLine {
-    pub(crate) class: LineClass,
+    pub(crate) class: LineRole,
     /// One of its faces.
     pub(crate) face: u32,
     pub(crate) ends: [PagePoint; 2],
@@ -70,19 +70,19 @@ pub(crate) fn collect(shape: &Convex, face: u32, out: &mut Vec<EdgePart>) {
 }
 
 /// The class of an edge of the mesh; `None` if it is not drawn.
-pub(crate) fn class_of(scene: &Scene, edge: &SceneEdge, eye: Eye, crease_deg: f64) -> Option<LineClass> {
+pub(crate) fn class_of(scene: &DrawnScene, edge: &SceneEdge, eye: Eye, crease_deg: f64) -> Option<LineRole> {
     if edge.count == 1 {
-        return Some(LineClass::Border);
+        return Some(LineRole::Border);
     }
     let planes = edge.faces.map(|face| scene.faces[face as usize].plane);
     let is_front = planes.map(|plane| eye.is_front(&plane));
     let cosine = planes[0].normal.dot(planes[1].normal);
     if is_front[0] != is_front[1] {
-        Some(LineClass::Silhouette)
+        Some(LineRole::Silhouette)
     } else if scene.face_objects[edge.faces[0] as usize] != scene.face_objects[edge.faces[1] as usize] {
-        Some(LineClass::Border)
+        Some(LineRole::Border)
     } else {
-        (cosine < crease_deg.to_radians().cos()).then_some(LineClass::Crease)
+        (cosine < crease_deg.to_radians().cos()).then_some(LineRole::Crease)
     }
 }
 
@@ -91,7 +91,7 @@ pub(crate) fn class_of(scene: &Scene, edge: &SceneEdge, eye: Eye, crease_deg: f6
 pub(crate) fn visible_lines(
     mut parts: Vec<EdgePart>,
     first_cut: u32,
-    class_of: impl Fn(u32) -> Option<LineClass>,
+    class_of: impl Fn(u32) -> Option<LineRole>,
     is_meeting: impl Fn(u32, u32) -> bool,
 ) -> Vec<VisibleLine> {
     parts.sort_by_key(|part| part.edge);
@@ -103,7 +103,7 @@ pub(crate) fn visible_lines(
                 cut_lines(parts, &mut lines);
             }
         } else if let Some(class) = class_of(edge) {
-            let line = Direction::of(parts);
+            let line = EdgeDirection::of(parts);
             let all = joined(parts.iter().map(|part| line.interval(part).0).collect());
             lines.extend(all.into_iter().map(|[a, b]| VisibleLine { class, face: parts[0].face, ends: [a.1, b.1] }));
         }
@@ -114,13 +114,13 @@ pub(crate) fn visible_lines(
 /// A position along a line, and the point there.
 type At = (f64, PagePoint);
 
-struct Direction {
+struct EdgeDirection {
     origin: PagePoint,
     x: f64,
     y: f64,
 }
 
-impl Direction {
+impl EdgeDirection {
     /// That of the longest part.
     fn of(parts: &[EdgePart]) -> Self {
         let vector = |part: &EdgePart| {
@@ -184,7 +184,7 @@ fn without(intervals: &[[At; 2]], others: &[[At; 2]]) -> Vec<[At; 2]> {
 }
 
 fn cut_lines(parts: &[EdgePart], lines: &mut Vec<VisibleLine>) {
-    let line = Direction::of(parts);
+    let line = EdgeDirection::of(parts);
     let mut sides = [Vec::new(), Vec::new()];
     for part in parts {
         let (interval, is_forward) = line.interval(part);
@@ -192,7 +192,7 @@ fn cut_lines(parts: &[EdgePart], lines: &mut Vec<VisibleLine>) {
     }
     let [backward, forward] = sides.map(joined);
     for [a, b] in without(&forward, &backward).into_iter().chain(without(&backward, &forward)) {
-        lines.push(VisibleLine { class: LineClass::Intersection, face: parts[0].face, ends: [a.1, b.1] });
+        lines.push(VisibleLine { class: LineRole::Intersection, face: parts[0].face, ends: [a.1, b.1] });
     }
 }
 
@@ -252,9 +252,9 @@ mod tests {
             part(5, 0, 3 * k),
             part(5, k, 0),
         ];
-        let lines = visible_lines(parts, 5, |edge| (edge == 1).then_some(LineClass::Crease), |_, _| true);
+        let lines = visible_lines(parts, 5, |edge| (edge == 1).then_some(LineRole::Crease), |_, _| true);
         let ends: Vec<_> = lines.iter().map(|line| (line.class, line.ends.map(|end| end.x))).collect();
-        assert_eq!(ends, [(LineClass::Crease, [0, 3 * k]), (LineClass::Intersection, [k, 3 * k])]);
+        assert_eq!(ends, [(LineRole::Crease, [0, 3 * k]), (LineRole::Intersection, [k, 3 * k])]);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 
 use crate::{
     drawing::{Drawing, DrawnShape, ShapeRole, SheetItem, TextAnchor},
-    lines::LineClass,
+    lines::LineRole,
     style::Rgb,
 };
 use flate2::{Compression, write::ZlibEncoder};
@@ -28,8 +28,8 @@ const LAYERS: [&str; 9] = [
     "sheet",
 ];
 /// Classes of lines by their layer, from that of hatching on.
-const LINES: [LineClass; 5] =
-    [LineClass::Hatch, LineClass::Crease, LineClass::Intersection, LineClass::Border, LineClass::Silhouette];
+const LINES: [LineRole; 5] =
+    [LineRole::Hatch, LineRole::Crease, LineRole::Intersection, LineRole::Border, LineRole::Silhouette];
 const FIRST_LINES: usize = 3;
 /// Opacities are rounded to this many steps, each of which is a graphics state.
 const OPACITY_STEPS: u8 = 100;
@@ -206,7 +206,7 @@ impl PageContent<'_> {
         self.content.end_marked_content();
     }
 
-    fn lines(&mut self, layer: usize, class: LineClass) {
+    fn lines(&mut self, layer: usize, class: LineRole) {
         let drawing = self.drawing;
         self.begin(layer);
         for object in &drawing.objects {

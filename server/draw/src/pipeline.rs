@@ -4,12 +4,12 @@ use crate::{
     bsp::{BspTree, NO_TRIANGLE},
     convex::{Convex, PagePoint, PageRect},
     drawing::{Drawing, DrawingCounts, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
-    error::{DrawError, Progress},
+    error::{DrawError, DrawProgress},
     face::Face,
     hatch::hatched,
     join::{Rings, unions},
-    lines::{EdgePart, LineClass, chains, class_of, collect, visible_lines},
-    scene::{MAX_SCENE_TRIANGLES, Scene, clip, turned},
+    lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines},
+    scene::{MAX_SCENE_TRIANGLES, DrawnScene, clip, turned},
     shadow::shadows,
     sheet::{Paper, TitleBlock, sheet_items},
     style::{FillMode, Rgb, Stylesheet, kind_name, parse_color},
@@ -43,12 +43,12 @@ pub struct DrawRequest {
 }
 
 /// Draws a city. Fails if it cannot be read, if there is nothing or too much to draw, or if `progress` stops it.
-pub fn draw(source: &dyn ExportSource, request: &DrawRequest, progress: Progress<'_>) -> Result<Drawing, DrawError> {
+pub fn draw(source: &dyn ExportSource, request: &DrawRequest, progress: DrawProgress<'_>) -> Result<Drawing, DrawError> {
     if request.scale.is_some_and(|scale| !(1.0..=10_000_000.0).contains(&scale)) {
         return Err(DrawError::Invalid("the scale must be from 1:1 to 1:10000000".to_owned()));
     }
     let error_m = request.scale.map_or(0.0, |scale| LOD_ERROR_MM * scale / 1000.0);
-    let scene = Scene::read(source, &request.selection, error_m, progress)?;
+    let scene = DrawnScene::read(source, &request.selection, error_m, progress)?;
     let axes = ViewAxes::new(&request.view, scene.origin)?;
     let frame = request.paper.frame(request.is_bare);
     let points = scene.faces.iter().flat_map(|face| face.points.iter().copied());
@@ -119,7 +119,7 @@ fn title_block(source: &dyn ExportSource, request: &DrawRequest, projection: &Pr
 
 /// A scene and how it is seen.
 struct Stage<'a> {
-    scene: &'a Scene,
+    scene: &'a DrawnScene,
     projection: Projection,
     grid: PaperGrid,
     request: &'a DrawRequest,
@@ -164,7 +164,7 @@ impl Stage<'_> {
         &self,
         polygons: &[PagePolygon],
         parts: &[VisiblePart],
-        progress: Progress<'_>,
+        progress: DrawProgress<'_>,
     ) -> Result<Vec<(u32, DrawnShape)>, DrawError> {
         let tones = Tones::new(&self.request.style);
         let mut groups: BTreeMap<ShapeKey, Rings> = BTreeMap::new();
@@ -190,14 +190,14 @@ impl Stage<'_> {
         &self,
         polygons: &[PagePolygon],
         parts: &[VisiblePart],
-        progress: Progress<'_>,
+        progress: DrawProgress<'_>,
     ) -> Result<BTreeMap<u32, Rings>, DrawError> {
         let visible = parts.iter().map(|part| (polygons[part.polygon as usize].triangle, part.shape.points.clone()));
         let sun = towards_sun(&self.request.style);
         shadows(self.scene, sun, (&self.projection, &self.grid), visible, (MAX_PARTS, progress))
     }
 
-    fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart], cuts: &[u32]) -> Vec<(u32, LineClass, Ends)> {
+    fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart], cuts: &[u32]) -> Vec<(u32, LineRole, Ends)> {
         let first_cut = self.scene.edges.len() as u32;
         let mut edges: Vec<EdgePart> = Vec::new();
         for part in parts {
@@ -209,7 +209,7 @@ impl Stage<'_> {
             let class = class_of(self.scene, edge, eye, crease_deg)?;
             // The triangles of terrain are no lines of the city.
             let is_land = self.scene.object(edge.faces[0]).kind == FeatureKind::Relief;
-            (!is_land || class == LineClass::Silhouette).then_some(class)
+            (!is_land || class == LineRole::Silhouette).then_some(class)
         };
         // Planes of other faces go on where these have ended; land that passes through land is no line.
         let is_meeting = |cut: u32, face: u32| {
@@ -226,7 +226,7 @@ impl Stage<'_> {
 struct Objects(Vec<DrawnObject>);
 
 impl Objects {
-    fn new(scene: &Scene) -> Self {
+    fn new(scene: &DrawnScene) -> Self {
         let object = |object: &insula_export::leaves::LeafObject| DrawnObject {
             number: (object.number != NO_OBJECT).then_some(object.number),
             kind: object.kind,
@@ -257,21 +257,21 @@ impl Objects {
             let surfaces = object.shapes.iter().filter(|shape| shape.role == ShapeRole::Surface);
             let chains: Vec<_> = surfaces.flat_map(|shape| hatched(&shape.rings, hatch, grid.units_per_mm)).collect();
             if !chains.is_empty() && hatch.width > 0.0 {
-                object.lines.push(DrawnLine { class: LineClass::Hatch, width_mm: hatch.width, chains });
+                object.lines.push(DrawnLine { class: LineRole::Hatch, width_mm: hatch.width, chains });
             }
         }
     }
 
-    fn add_lines(&mut self, mut lines: Vec<(u32, LineClass, Ends)>, style: &Stylesheet) {
+    fn add_lines(&mut self, mut lines: Vec<(u32, LineRole, Ends)>, style: &Stylesheet) {
         lines.sort_by_key(|(object, class, ends)| (*object, *class, ends[0].x, ends[0].y, ends[1].x, ends[1].y));
         for lines in lines.chunk_by(|a, b| a.0 == b.0 && a.1 == b.1) {
             let (object, class, _) = lines[0];
             let width_mm = match class {
-                LineClass::Silhouette => style.lines.silhouette,
-                LineClass::Crease => style.lines.crease,
-                LineClass::Border => style.lines.border,
-                LineClass::Intersection => style.lines.intersection,
-                LineClass::Hatch => 0.0,
+                LineRole::Silhouette => style.lines.silhouette,
+                LineRole::Crease => style.lines.crease,
+                LineRole::Border => style.lines.border,
+                LineRole::Intersection => style.lines.intersection,
+                LineRole::Hatch => 0.0,
             };
             if width_mm > 0.0 {
                 let ends: Vec<_> = lines.iter().map(|(.., ends)| *ends).collect();

@@ -1,12 +1,12 @@
 //! The surfaces of a part of a city, with names for their edges.
 
 use crate::{
-    error::{DrawError, DrawStep, Progress, advance},
+    error::{DrawError, DrawStep, DrawProgress, advance},
     face::{Face, FacePlane, NO_EDGE},
 };
 use glam::DVec3;
 use insula_export::{
-    leaves::{LeafMesh, LeafObject, ObjectNames, is_land, visit_leaf_meshes},
+    leaves::{LeafSurfaces, LeafObject, LeafObjects, is_land, visit_leaf_meshes},
     selection::ObjectSelection,
     source::ExportSource,
 };
@@ -18,7 +18,7 @@ pub const MAX_SCENE_TRIANGLES: usize = 4_000_000;
 
 /// Surfaces of a part of a city.
 #[derive(Debug, Default)]
-pub(crate) struct Scene {
+pub(crate) struct DrawnScene {
     /// World metres of the scene's origin.
     pub(crate) origin: [f64; 3],
     pub(crate) faces: Vec<Face>,
@@ -40,13 +40,13 @@ pub(crate) struct SceneEdge {
     pub(crate) faces: [u32; 2],
 }
 
-impl Scene {
+impl DrawnScene {
     /// Reads the selected part of a city, in levels of detail with an error of at most `error_m`. Fails if it has too many triangles.
     pub(crate) fn read(
         source: &dyn ExportSource,
         selection: &ObjectSelection,
         error_m: f64,
-        progress: Progress<'_>,
+        progress: DrawProgress<'_>,
     ) -> Result<Self, DrawError> {
         let manifest = source.manifest();
         let [min, max] = manifest.bounds;
@@ -54,9 +54,9 @@ impl Scene {
         let area = selection.area().unwrap_or(everything);
         let middle = |k: usize| (0.5 * (area[0][k] + area[1][k])).round();
         let origin = [middle(0), middle(1), manifest.ground_z_m.round()];
-        let mut reader = Reader {
+        let mut reader = SceneReader {
             scene: Self { origin, has_terrain: manifest.has_terrain, ..Self::default() },
-            names: ObjectNames::new(source, selection),
+            names: LeafObjects::new(source, selection),
             indices: HashMap::new(),
             area,
         };
@@ -113,17 +113,17 @@ const GROUND_DEPTH_M: f64 = 0.05;
 /// How far objects may reach out of the area in which their middle is.
 const MARGIN_M: f64 = 200.0;
 
-struct Reader<'a> {
-    scene: Scene,
-    names: ObjectNames<'a>,
+struct SceneReader<'a> {
+    scene: DrawnScene,
+    names: LeafObjects<'a>,
     /// Index in the scene of each object's number; `None` if it is not selected.
     indices: HashMap<u32, Option<u32>>,
     /// World metres: land is cut at its border.
     area: [[f64; 2]; 2],
 }
 
-impl Reader<'_> {
-    fn add(&mut self, mesh: &LeafMesh) -> Result<(), DrawError> {
+impl SceneReader<'_> {
+    fn add(&mut self, mesh: &LeafSurfaces) -> Result<(), DrawError> {
         let mut edges = LeafEdges { mesh, known: HashMap::new() };
         let origin = DVec3::from(self.scene.origin);
         for (t, corners) in mesh.tile.mesh.triangles.iter().enumerate() {
@@ -216,7 +216,7 @@ type EdgeKey = [[u32; 3]; 2];
 
 /// The edges of one leaf.
 struct LeafEdges<'a> {
-    mesh: &'a LeafMesh,
+    mesh: &'a LeafSurfaces,
     known: HashMap<EdgeKey, u32>,
 }
 

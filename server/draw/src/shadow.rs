@@ -6,10 +6,10 @@
 use crate::{
     bsp::{BspTree, Eye},
     convex::{Convex, PagePoint, PageRect},
-    error::{DrawError, Progress},
+    error::{DrawError, DrawProgress},
     face::{Face, FacePlane, NO_EDGE},
     join::{Rings, difference, unions, without_narrow},
-    scene::{MAX_SCENE_TRIANGLES, Scene, clip, turned},
+    scene::{MAX_SCENE_TRIANGLES, DrawnScene, clip, turned},
     view::{PaperGrid, PaperRect, Projection, ViewAxes},
     warnock::{PagePolygon, visible_parts},
 };
@@ -29,7 +29,7 @@ const OFFSET_STEP_M: f64 = 0.02;
 /// An object and one of its planes.
 type PlaneKey = (u32, [i64; 4]);
 
-fn key(scene: &Scene, face: u32) -> PlaneKey {
+fn key(scene: &DrawnScene, face: u32) -> PlaneKey {
     let FacePlane { normal, offset } = scene.faces[face as usize].plane;
     let [x, y, z] = normal.to_array().map(|v| (v / NORMAL_STEP).round() as i64);
     (scene.face_objects[face as usize], [x, y, z, (offset / OFFSET_STEP_M).round() as i64])
@@ -38,11 +38,11 @@ fn key(scene: &Scene, face: u32) -> PlaneKey {
 /// The shadows on each object, for the visible parts of the drawing with their faces. Fails if there are too many parts, or if it is
 /// stopped.
 pub(crate) fn shadows(
-    scene: &Scene,
+    scene: &DrawnScene,
     towards_sun: DVec3,
     (projection, grid): (&Projection, &PaperGrid),
     visible: impl Iterator<Item = (u32, Vec<PagePoint>)>,
-    (max_parts, progress): (usize, Progress<'_>),
+    (max_parts, progress): (usize, DrawProgress<'_>),
 ) -> Result<BTreeMap<u32, Rings>, DrawError> {
     let mut shown: BTreeMap<PlaneKey, Rings> = BTreeMap::new();
     for (face, ring) in visible {
@@ -83,10 +83,10 @@ fn ring_of(face: &Face, projection: &Projection, grid: &PaperGrid) -> Option<Vec
 
 /// The parts of faces that the sun sees.
 fn lit_faces(
-    scene: &Scene,
+    scene: &DrawnScene,
     towards_sun: DVec3,
     max_parts: usize,
-    progress: Progress<'_>,
+    progress: DrawProgress<'_>,
 ) -> Result<Vec<Face>, DrawError> {
     let axes = ViewAxes::towards(-towards_sun);
     let frame = PaperRect { min: [0.0; 2], max: [SUN_PAGE_MM; 2] };

@@ -2,7 +2,7 @@
 
 use crate::{
     drawing::{Drawing, DrawnObject, DrawnShape, ShapeRole, SheetItem, TextAnchor},
-    lines::LineClass,
+    lines::LineRole,
     style::{color_text, kind_name},
 };
 use std::fmt::Write;
@@ -154,7 +154,7 @@ impl Svg<'_> {
         self.push(format_args!(
             "<g id=\"lines\" clip-path=\"url(#frame)\" fill=\"none\" stroke=\"{ink}\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n"
         ));
-        for (name, class) in LineClass::NAMES {
+        for (name, class) in LineRole::NAMES {
             self.push(format_args!("<g id=\"{name}\">\n"));
             for object in &drawing.objects {
                 for line in object.lines.iter().filter(|line| line.class == class) {

@@ -6,7 +6,7 @@
 
 use crate::{
     convex::{Convex, PageRect},
-    error::{DrawError, DrawStep, Progress, advance},
+    error::{DrawError, DrawStep, DrawProgress, advance},
 };
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -43,7 +43,7 @@ pub(crate) fn visible_parts(
     polygons: &[PagePolygon],
     frame: PageRect,
     max_parts: usize,
-    progress: Progress<'_>,
+    progress: DrawProgress<'_>,
 ) -> Result<Vec<VisiblePart>, DrawError> {
     let subdivision =
         Subdivision { polygons, max_parts, parts: AtomicUsize::new(0), done: AtomicUsize::new(0), progress };
@@ -57,7 +57,7 @@ struct Subdivision<'a> {
     parts: AtomicUsize,
     /// Cells of [`PARALLEL_DEPTH`].
     done: AtomicUsize,
-    progress: Progress<'a>,
+    progress: DrawProgress<'a>,
 }
 
 impl Subdivision<'_> {
@@ -142,9 +142,9 @@ mod tests {
     const UNITS: f64 = 1_000_000.0;
 
     /// Numbers of a linear congruential generator, 0 to 1.
-    struct Random(u64);
+    struct RandomNumbers(u64);
 
-    impl Random {
+    impl RandomNumbers {
         fn next(&mut self) -> f64 {
             self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (self.0 >> 11) as f64 / (1u64 << 53) as f64
@@ -152,11 +152,11 @@ mod tests {
     }
 
     /// Triangles through each other, facing up, inside of a square of 100 m.
-    fn triangles(count: usize, random: &mut Random) -> Vec<Face> {
+    fn triangles(count: usize, random: &mut RandomNumbers) -> Vec<Face> {
         let mut faces = Vec::new();
         while faces.len() < count {
             let at = DVec3::new(random.next(), random.next(), random.next()) * 80.0;
-            let corner = |random: &mut Random| at + DVec3::new(random.next(), random.next(), random.next()) * 20.0;
+            let corner = |random: &mut RandomNumbers| at + DVec3::new(random.next(), random.next(), random.next()) * 20.0;
             let mut points = [corner(random), corner(random), corner(random)];
             if FacePlane::of(points).is_some_and(|plane| plane.normal.z < 0.0) {
                 points.swap(1, 2);
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn each_point_shows_the_nearest_of_triangles_that_pass_through_each_other() {
-        let mut random = Random(7);
+        let mut random = RandomNumbers(7);
         let faces = triangles(600, &mut random);
         let tree = BspTree::new(faces.clone(), 1000, 1 << 20, &|_, _| true).unwrap();
         let splits = tree.len() as f64 / faces.len() as f64;
@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn the_order_holds_from_any_eye() {
-        let mut random = Random(3);
+        let mut random = RandomNumbers(3);
         let faces = triangles(60, &mut random);
         let tree = BspTree::new(faces, 1000, 1 << 20, &|_, _| true).unwrap();
         for eye in [DVec3::new(500.0, 20.0, 30.0), DVec3::new(-90.0, -300.0, 200.0), DVec3::new(40.0, 40.0, 40.0)] {
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn a_progress_that_says_so_stops_the_work() {
-        let faces = triangles(600, &mut Random(7));
+        let faces = triangles(600, &mut RandomNumbers(7));
         let polygons: Vec<PagePolygon> = faces.iter().map(page).collect();
         let frame = PageRect { min: PagePoint::new(0, 0), max: PagePoint::new(100_000_000, 100_000_000) };
         let stopped = visible_parts(&polygons, frame, 1 << 20, &|_, _| false);

@@ -17,7 +17,7 @@ use std::collections::HashMap;
 
 /// The mesh of a leaf.
 #[derive(Debug)]
-pub struct LeafMesh {
+pub struct LeafSurfaces {
     pub leaf: TileId,
     /// Lower and upper corner of the leaf on the map, in world metres.
     pub area: [[f64; 2]; 2],
@@ -41,13 +41,13 @@ pub struct LeafObject {
 }
 
 /// Reads objects of a city by number.
-pub struct ObjectNames<'a> {
+pub struct LeafObjects<'a> {
     city: City<'a>,
     selection: &'a ObjectSelection,
     known: HashMap<u32, LeafObject>,
 }
 
-impl<'a> ObjectNames<'a> {
+impl<'a> LeafObjects<'a> {
     /// The objects of `source`, of which `selection` selects some.
     pub fn new(source: &'a dyn ExportSource, selection: &'a ObjectSelection) -> Self {
         Self { city: City::new(source), selection, known: HashMap::new() }
@@ -95,7 +95,7 @@ pub fn visit_leaf_meshes<E: From<ExportError>>(
     source: &dyn ExportSource,
     area: [[f64; 2]; 2],
     error_m: f64,
-    visit: &mut dyn FnMut(LeafMesh) -> Result<(), E>,
+    visit: &mut dyn FnMut(LeafSurfaces) -> Result<(), E>,
 ) -> Result<u64, E> {
     let city = City::new(source);
     let mut without_mesh = 0;
@@ -112,7 +112,7 @@ pub fn visit_leaf_meshes<E: From<ExportError>>(
         };
         let LeafPositions { world: positions, .. } = LeafPositions::of(&city, node.id, &tile);
         let area = node_area(city.manifest, node.id);
-        failure = visit(LeafMesh { leaf: node.id, area, positions, lod, tile }).err();
+        failure = visit(LeafSurfaces { leaf: node.id, area, positions, lod, tile }).err();
         Ok(())
     });
     walked?;
