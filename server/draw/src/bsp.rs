@@ -4,19 +4,19 @@
 //! plane of one of their faces. Of several planes, the one with few splits and equal parts is taken.
 
 use crate::{
-    error::{DrawError, DrawStep, DrawProgress, advance},
+    error::{DrawError, DrawProgress, DrawStep, advance},
     face::{Face, FacePlane, ON_PLANE_M, Side},
 };
 use glam::DVec3;
 
 /// Sets of more faces are divided by planes parallel to the axes.
-const MAX_OWN_PLANES: usize = 24;
+const MAX_OWN_PLANES: usize = 64;
 /// Planes that are tried for each axis.
 const AXIS_PLANES: usize = 12;
 /// Planes of faces that are tried.
 const FACE_PLANES: usize = 24;
 /// What a split costs, in faces of imbalance.
-const SPLIT_COST: usize = 12;
+const SPLIT_COST: usize = 40;
 const NO_NODE: u32 = u32::MAX;
 /// No triangle of the scene.
 pub(crate) const NO_TRIANGLE: u32 = u32::MAX;

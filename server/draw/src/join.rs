@@ -2,7 +2,7 @@
 
 use crate::{
     convex::{PagePoint, cross},
-    error::{DrawError, DrawStep, DrawProgress, advance},
+    error::{DrawError, DrawProgress, DrawStep, advance},
 };
 use i_overlay::{
     core::{

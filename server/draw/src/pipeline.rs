@@ -9,7 +9,7 @@ use crate::{
     hatch::hatched,
     join::{Rings, unions},
     lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines},
-    scene::{MAX_SCENE_TRIANGLES, DrawnScene, clip, turned},
+    scene::{DrawnScene, MAX_SCENE_TRIANGLES, clip, turned},
     shadow::shadows,
     sheet::{Paper, TitleBlock, sheet_items},
     style::{FillMode, Rgb, Stylesheet, kind_name, parse_color},
@@ -43,7 +43,11 @@ pub struct DrawRequest {
 }
 
 /// Draws a city. Fails if it cannot be read, if there is nothing or too much to draw, or if `progress` stops it.
-pub fn draw(source: &dyn ExportSource, request: &DrawRequest, progress: DrawProgress<'_>) -> Result<Drawing, DrawError> {
+pub fn draw(
+    source: &dyn ExportSource,
+    request: &DrawRequest,
+    progress: DrawProgress<'_>,
+) -> Result<Drawing, DrawError> {
     if request.scale.is_some_and(|scale| !(1.0..=10_000_000.0).contains(&scale)) {
         return Err(DrawError::Invalid("the scale must be from 1:1 to 1:10000000".to_owned()));
     }

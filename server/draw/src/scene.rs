@@ -1,12 +1,12 @@
 //! The surfaces of a part of a city, with names for their edges.
 
 use crate::{
-    error::{DrawError, DrawStep, DrawProgress, advance},
+    error::{DrawError, DrawProgress, DrawStep, advance},
     face::{Face, FacePlane, NO_EDGE},
 };
 use glam::DVec3;
 use insula_export::{
-    leaves::{LeafSurfaces, LeafObject, LeafObjects, is_land, visit_leaf_meshes},
+    leaves::{LeafObject, LeafObjects, LeafSurfaces, is_land, visit_leaf_meshes},
     selection::ObjectSelection,
     source::ExportSource,
 };

@@ -9,7 +9,7 @@ use crate::{
     error::{DrawError, DrawProgress},
     face::{Face, FacePlane, NO_EDGE},
     join::{Rings, difference, unions, without_narrow},
-    scene::{MAX_SCENE_TRIANGLES, DrawnScene, clip, turned},
+    scene::{DrawnScene, MAX_SCENE_TRIANGLES, clip, turned},
     view::{PaperGrid, PaperRect, Projection, ViewAxes},
     warnock::{PagePolygon, visible_parts},
 };

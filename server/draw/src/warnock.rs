@@ -6,7 +6,7 @@
 
 use crate::{
     convex::{Convex, PageRect},
-    error::{DrawError, DrawStep, DrawProgress, advance},
+    error::{DrawError, DrawProgress, DrawStep, advance},
 };
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -156,7 +156,8 @@ mod tests {
         let mut faces = Vec::new();
         while faces.len() < count {
             let at = DVec3::new(random.next(), random.next(), random.next()) * 80.0;
-            let corner = |random: &mut RandomNumbers| at + DVec3::new(random.next(), random.next(), random.next()) * 20.0;
+            let corner =
+                |random: &mut RandomNumbers| at + DVec3::new(random.next(), random.next(), random.next()) * 20.0;
             let mut points = [corner(random), corner(random), corner(random)];
             if FacePlane::of(points).is_some_and(|plane| plane.normal.z < 0.0) {
                 points.swap(1, 2);
