@@ -75,7 +75,7 @@ pub(crate) fn without_narrow(mut rings: Rings, width: f64) -> Rings {
 }
 
 /// Whether a ring is no wider than rounding makes it.
-fn is_sliver(ring: &Vec<PagePoint>) -> bool {
+fn is_sliver(ring: &[PagePoint]) -> bool {
     let length: f64 = (0..ring.len()).map(|i| distance(ring[i], ring[(i + 1) % ring.len()])).sum();
     ring.len() < 3 || twice_area(ring).unsigned_abs() as f64 <= 2.0 * TIDY_UNITS * length
 }

@@ -84,7 +84,7 @@ pub fn draw(
     objects.add_hatching(style, &stage.grid);
     objects.add_lines(stage.lines(&polygons, &parts, &cuts), &request.style);
     let block = title_block(source, request, &stage.projection);
-    let sheet = if request.is_bare { Vec::new() } else { sheet_items(&request.paper, &stage.projection, &block) };
+    let sheet = if request.is_bare { Vec::new() } else { sheet_items(&stage.projection, &block) };
     let color = |text: &str, default: Rgb| parse_color(text).unwrap_or(default);
     Ok(Drawing {
         grid: stage.grid,

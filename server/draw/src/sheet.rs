@@ -76,7 +76,7 @@ pub struct TitleBlock {
 
 /// The parts of a sheet around the frame.
 #[must_use]
-pub(crate) fn sheet_items(paper: &Paper, projection: &Projection, block: &TitleBlock) -> Vec<SheetItem> {
+pub(crate) fn sheet_items(projection: &Projection, block: &TitleBlock) -> Vec<SheetItem> {
     let frame = projection.frame;
     let part = (frame.min[0] / MARGIN_MM).min(1.0);
     let mut items = vec![SheetItem::Line { points: rectangle(&frame), width_mm: 0.35 }];
@@ -98,7 +98,6 @@ pub(crate) fn sheet_items(paper: &Paper, projection: &Projection, block: &TitleB
     for (line, words) in wrapped(&block.attribution, characters).iter().enumerate() {
         items.push(text([left, strip.max[1] - (16.0 + 2.7 * line as f64) * part], NOTE_MM, words));
     }
-    let _ = paper;
     items
 }
 

@@ -66,12 +66,8 @@ impl PaperGrid {
 
     /// Millimetres from the lower left corner.
     pub(crate) fn mm(&self, point: PagePoint) -> [f64; 2] {
-        [point.x, point.y].map(f64::from).map(|v| v / self.units_per_mm).iter().zip(self.size_mm).fold(
-            [f64::NAN; 2],
-            |found, (v, size)| {
-                if found[0].is_nan() { [v + 0.5 * size, f64::NAN] } else { [found[0], v + 0.5 * size] }
-            },
-        )
+        let at = |v: i32, k: usize| f64::from(v) / self.units_per_mm + 0.5 * self.size_mm[k];
+        [at(point.x, 0), at(point.y, 1)]
     }
 
     pub(crate) fn rect(&self, rect: &PaperRect) -> PageRect {
@@ -119,9 +115,9 @@ impl ViewAxes {
                 let (position, target) = (DVec3::from(position), DVec3::from(target));
                 let forward = (target - position).try_normalize().ok_or_else(failed)?;
                 let up = DVec3::from(up).try_normalize().unwrap_or(DVec3::Z);
-                let right = [up, DVec3::Y, DVec3::X].into_iter().map(|up| forward.cross(up));
-                let right = right.filter_map(|right| (right.length() > 1e-6).then(|| right.normalize_or(DVec3::X)));
-                let right = right.into_iter().next().ok_or_else(failed)?;
+                let across = [up, DVec3::Y, DVec3::X].into_iter().map(|up| forward.cross(up));
+                let right = across.into_iter().find(|right| right.length() > 1e-6).and_then(DVec3::try_normalize);
+                let right = right.ok_or_else(failed)?;
                 let tan_y = (0.5 * fov_y_deg).to_radians().tan();
                 let position = Some(position - DVec3::from(origin));
                 Ok(Self { right, up: right.cross(forward), forward, position, tan_y })
