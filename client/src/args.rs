@@ -1,5 +1,9 @@
 //! The command line of `insula`.
 
+mod draw;
+
+pub use draw::DrawArgs;
+
 use crate::{
     image_files::parse_picture_path, objects::ObjectStyleArgs, render::AdapterChoice, stream::fetch::HttpOptions,
 };
@@ -85,6 +89,11 @@ pub enum ClientCommand {
         after_help = "Example:\n  insula fly --server http://127.0.0.1:7700 --path path.json --bandwidth 50 --rtt 40 --report fly.json"
     )]
     Fly(FlyArgs),
+    /// Draw a city as vector shapes, with hidden lines and surfaces removed.
+    #[command(
+        after_help = "Example:\n  insula draw cities/delft --axonometric 30,35 --scale 1:1000 --paper A3 --out delft.svg"
+    )]
+    Draw(DrawArgs),
     #[command(flatten)]
     Setup(SetupCommand),
 }

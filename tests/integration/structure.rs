@@ -7,7 +7,7 @@ use insula_tests::source_code::{
 };
 
 /// Folders of the crates' sources.
-const CRATES: [&str; 12] = [
+const CRATES: [&str; 13] = [
     "protocol/src",
     "protocol/archive/src",
     "protocol/objects/src",
@@ -15,6 +15,7 @@ const CRATES: [&str; 12] = [
     "client/viewer/src",
     "client/src",
     "server/bake/src",
+    "server/draw/src",
     "server/export/src",
     "server/occlusion/src",
     "server/src",

@@ -4,6 +4,8 @@ pub mod connect;
 #[cfg(feature = "embedded")]
 mod demo;
 #[cfg(feature = "embedded")]
+mod draw;
+#[cfg(feature = "embedded")]
 mod embedded;
 mod fly;
 pub mod headless;
@@ -29,8 +31,10 @@ pub fn run(cli: Cli) -> Result<()> {
         ClientCommand::Open(args) => open::run(&args, &global),
         #[cfg(feature = "embedded")]
         ClientCommand::Demo(args) => demo::run(&args, &global),
+        #[cfg(feature = "embedded")]
+        ClientCommand::Draw(args) => draw::run(&args),
         #[cfg(not(feature = "embedded"))]
-        ClientCommand::Open(_) | ClientCommand::Demo(_) => Err(ClientError::Usage(
+        ClientCommand::Open(_) | ClientCommand::Demo(_) | ClientCommand::Draw(_) => Err(ClientError::Usage(
             "this program was built without the embedded server: use insula-server, then insula view".into(),
         )),
     }

@@ -34,7 +34,7 @@ pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
 }
 
 /// Whether an input is the address of a city, or the folder or manifest of a baked one, and not a city file.
-fn is_baked(input: &Path) -> bool {
+pub(super) fn is_baked(input: &Path) -> bool {
     let is_address = input.to_str().is_some_and(|text| text.contains("://"));
     // A city file may be named as a manifest is.
     let is_city = |location| matches!(location, CityLocation::Folder(folder) if read_manifest(&folder).is_ok());

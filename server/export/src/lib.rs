@@ -5,6 +5,7 @@
 //! | `cityjson` | CityJSON text sequences |
 //! | `file`, `format` | the entry of all exports of one file; its formats |
 //! | `glb` | GLB files, with identities and attributes of objects |
+//! | `leaves` | the finest meshes of a city, leaf by leaf |
 //! | `raster` | heights as GeoTIFF |
 //! | `selection` | which part of a city an export has |
 //! | `source` | what an export reads: tiles and objects of a city |
@@ -15,6 +16,7 @@ mod cityjson;
 pub mod file;
 pub mod format;
 pub mod glb;
+pub mod leaves;
 mod raster;
 pub mod selection;
 pub mod source;

@@ -1,5 +1,7 @@
 //! Which part of a city an export has.
 
+use crate::source::{ExportSource, SourceError};
+use insula_objects::{BLOCK_OBJECTS, filter::Filter};
 use roaring::RoaringBitmap;
 
 /// A part of a city: the objects and places that are in all of the given sets.
@@ -62,6 +64,26 @@ impl ObjectSelection {
             (area, other) => area.or(other),
         }
     }
+}
+
+/// The objects of a city that pass a filter, with the parts of those that do. Fails if objects cannot be read.
+pub fn passing(source: &dyn ExportSource, filter: &Filter) -> Result<RoaringBitmap, SourceError> {
+    let mut passing = RoaringBitmap::new();
+    let blocks = || (0..source.schema().objects.div_ceil(BLOCK_OBJECTS as u32)).map(|block| source.objects(block));
+    for block in blocks() {
+        if let Some(block) = block? {
+            passing |= filter.select(&block);
+        }
+    }
+    for block in blocks() {
+        let Some(block) = block? else { continue };
+        for &id in block.ids() {
+            if block.parent(id).is_some_and(|parent| passing.contains(parent)) {
+                passing.insert(id);
+            }
+        }
+    }
+    Ok(passing)
 }
 
 /// Whether a point lies inside a ring.

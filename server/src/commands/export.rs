@@ -10,7 +10,8 @@ use insula_export::{
     file,
     format::{Format, PlaneDefinition, Projections},
     glb,
-    selection::ObjectSelection,
+    selection::{ObjectSelection, passing},
+    source::{ExportSource, SourceError},
     tiles3d::{Destination, Tileset, write_tileset},
 };
 use insula_objects::filter::Filter;
@@ -32,7 +33,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let objects = StoredObjects::open(&city)?;
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(&city, objects.schema(), &read);
-    let selection = selection(args, &objects)?;
+    let selection = selection(args, &source)?;
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
     let text = match args.format {
@@ -95,33 +96,19 @@ fn write_table(
 }
 
 /// What the arguments select. Fails if an expression or a file is invalid.
-fn selection(args: &ExportArgs, objects: &StoredObjects<'_>) -> Result<ObjectSelection, CommandError> {
+fn selection(args: &ExportArgs, source: &StoredCity<'_>) -> Result<ObjectSelection, CommandError> {
     let bbox = args.bbox.map(|[west, south, east, north]| [[west, south], [east, north]]);
     let polygon = args.polygon.as_deref().map(read_polygon).transpose()?;
-    let objects = args.filter.as_deref().map(|text| passing(text, objects)).transpose()?;
+    let objects = args.filter.as_deref().map(|text| passing_objects(text, source, &args.city)).transpose()?;
     Ok(ObjectSelection { bbox, polygon, objects })
 }
 
 /// The objects that pass a filter, with the parts of those that do.
-fn passing(text: &str, objects: &StoredObjects<'_>) -> Result<RoaringBitmap, CommandError> {
-    let filter = Filter::parse(text, objects.schema())
+fn passing_objects(text: &str, source: &StoredCity<'_>, city: &Path) -> Result<RoaringBitmap, CommandError> {
+    let filter = Filter::parse(text, source.schema())
         .map_err(|error| CommandError::Usage(format!("--filter {text}: {error}")))?;
-    let mut passing = RoaringBitmap::new();
-    let blocks = || (0..objects.block_count()).map(|block| objects.block(block));
-    for block in blocks() {
-        if let Some(block) = block? {
-            passing |= filter.select(&block);
-        }
-    }
-    for block in blocks() {
-        let Some(block) = block? else { continue };
-        for &id in block.ids() {
-            if block.parent(id).is_some_and(|parent| passing.contains(parent)) {
-                passing.insert(id);
-            }
-        }
-    }
-    Ok(passing)
+    let failed = |error: SourceError| CommandError::Export { path: city.to_owned(), reason: error.to_string() };
+    passing(source, &filter).map_err(failed)
 }
 
 /// The rings of the first polygon of a GeoJSON file, in the city's coordinate system. Fails if there is none.

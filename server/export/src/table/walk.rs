@@ -5,14 +5,16 @@ use super::{
     grid::{LeafOrder, node_area},
 };
 use crate::source::{ExportSource, SourceError};
-use insula_protocol::{Manifest, Subtree, TileId};
-use std::collections::{HashMap, HashSet};
+use insula_protocol::{Manifest, Subtree, TileId, mesh_tile::MAX_LODS, subtree::NodeMesh};
+use std::collections::HashMap;
 
 /// A node without children: a leaf, or land around the city that is not divided further.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct EndNode {
     pub(crate) id: TileId,
     pub(crate) has_mesh: bool,
+    /// Errors of the levels of detail of its mesh in metres, finest first; infinite beyond the last one.
+    pub(crate) lod_errors_m: [f32; MAX_LODS as usize],
 }
 
 type Visit<'a> = &'a mut dyn FnMut(EndNode) -> Result<(), ExportError>;
@@ -39,7 +41,7 @@ struct Walk<'a> {
 struct Nodes {
     root: TileId,
     child_masks: HashMap<TileId, u8>,
-    with_mesh: HashSet<TileId>,
+    lod_errors: HashMap<TileId, [f32; MAX_LODS as usize]>,
 }
 
 impl Walk<'_> {
@@ -58,7 +60,9 @@ impl Walk<'_> {
         }
         let Some(&child_mask) = nodes.child_masks.get(&node) else { return Ok(()) };
         if child_mask == 0 {
-            return visit(EndNode { id: node, has_mesh: nodes.with_mesh.contains(&node) });
+            let errors = nodes.lod_errors.get(&node);
+            let lod_errors_m = errors.copied().unwrap_or([f32::INFINITY; MAX_LODS as usize]);
+            return visit(EndNode { id: node, has_mesh: errors.is_some(), lod_errors_m });
         }
         if Subtree::is_root(node) && node != nodes.root {
             return self.enter(node, visit);
@@ -72,12 +76,18 @@ impl Walk<'_> {
     }
 }
 
+fn lod_errors(mesh: &NodeMesh) -> (TileId, [f32; MAX_LODS as usize]) {
+    let mut errors = [f32::INFINITY; MAX_LODS as usize];
+    errors.iter_mut().zip(&mesh.lods).for_each(|(error, lod)| *error = lod.error_m);
+    (mesh.id, errors)
+}
+
 impl Nodes {
     fn of(root: TileId, subtree: &Subtree) -> Self {
         Self {
             root,
             child_masks: subtree.nodes.iter().map(|node| (node.id, node.child_mask)).collect(),
-            with_mesh: subtree.meshes.iter().filter(|mesh| !mesh.lods.is_empty()).map(|mesh| mesh.id).collect(),
+            lod_errors: subtree.meshes.iter().filter(|mesh| !mesh.lods.is_empty()).map(lod_errors).collect(),
         }
     }
 }

@@ -1,0 +1,97 @@
+//! Arguments of `insula draw`.
+
+use clap::{ArgGroup, Args};
+use insula_viewer::sun::{Bearing, SunTime, parse_bearing, parse_time};
+use std::path::PathBuf;
+
+/// Arguments of `insula draw`.
+#[derive(Debug, Args)]
+#[command(group = ArgGroup::new("seen").required(true).args(["view", "plan", "axonometric"]))]
+pub struct DrawArgs {
+    /// The folder of a baked city, or city files, as for `insula-server bake`.
+    #[arg(required = true, value_name = "SOURCE")]
+    pub sources: Vec<PathBuf>,
+    /// Perspective view of a camera file, as for `insula snapshot`. The field of view is the height of the drawing.
+    #[arg(long, value_name = "CAM.json")]
+    pub view: Option<PathBuf>,
+    /// View from above, to scale, north at the top.
+    #[arg(long)]
+    pub plan: bool,
+    /// View along parallel rays, to scale: degrees clockwise from north towards which it looks, and degrees above the horizon from
+    /// which it does, 0 to 90. With 0 it is an elevation.
+    #[arg(long, value_name = "AZIMUTH,ELEVATION", value_parser = parse_angles, allow_hyphen_values = true)]
+    pub axonometric: Option<[f64; 2]>,
+    /// File to write: .svg, .pdf or .dxf.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Only objects with the middle in this area, in metres of the city's coordinate system; land is cut at its border.
+    #[arg(long, value_name = "W,S,E,N", value_parser = parse_area, allow_hyphen_values = true)]
+    pub bbox: Option<[f64; 4]>,
+    /// Only objects that pass, as in 'height > 20'.
+    #[arg(long, value_name = "EXPR")]
+    pub filter: Option<String>,
+    /// Scale [default: the largest round one at which all is on the paper].
+    #[arg(long, value_name = "1:N", value_parser = parse_scale, conflicts_with = "view")]
+    pub scale: Option<f64>,
+    /// Paper: A0 to A5 in landscape format, A3-portrait, or width and height in millimetres.
+    #[arg(long, value_name = "A3|WxH", default_value = "A3")]
+    pub paper: String,
+    /// Stylesheet: line weights, colours, opacities, hatching and shadows, as in docs/formats.md.
+    #[arg(long, value_name = "STYLE.toml")]
+    pub style: Option<PathBuf>,
+    /// Title of the sheet [default: that of the city].
+    #[arg(long, value_name = "TEXT")]
+    pub title: Option<String>,
+    /// Fill the paper with the drawing: no frame, title block, scale bar and north arrow. Name the sources beside it.
+    #[arg(long)]
+    pub bare: bool,
+    /// Draw the shadows of the sun as shapes.
+    #[arg(long)]
+    pub shadows: bool,
+    /// Date and time of the light: 2024-06-21T17:00 in local mean solar time, or with an offset (Z, +09:00).
+    #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with = "sun")]
+    pub time: Option<SunTime>,
+    /// Position of the sun: degrees clockwise from north, and above the horizon.
+    #[arg(long, value_name = "AZIMUTH,ALTITUDE", value_parser = parse_bearing, allow_hyphen_values = true)]
+    pub sun: Option<Bearing>,
+}
+
+fn parse_angles(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
+    match numbers[..] {
+        [azimuth, elevation] if azimuth.abs() <= 360.0 && (0.0..=90.0).contains(&elevation) => Ok([azimuth, elevation]),
+        _ => Err("expected degrees from north, and degrees above the horizon from 0 to 90, like 30,35".to_owned()),
+    }
+}
+
+fn parse_area(text: &str) -> Result<[f64; 4], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
+    match numbers[..] {
+        [west, south, east, north] if west < east && south < north && (east - west + north - south).is_finite() => {
+            Ok([west, south, east, north])
+        }
+        _ => Err("expected west, south, east and north, separated by commas".to_owned()),
+    }
+}
+
+fn parse_scale(text: &str) -> Result<f64, String> {
+    let number = text.strip_prefix("1:").and_then(|number| number.parse().ok());
+    number.filter(|v| (1.0..=10_000_000.0).contains(v)).ok_or_else(|| "expected a scale such as 1:1000".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_checked() {
+        assert_eq!(parse_scale("1:500"), Ok(500.0));
+        assert_eq!(parse_angles("-30, 35"), Ok([-30.0, 35.0]));
+        assert_eq!(parse_area("1,2,3,4"), Ok([1.0, 2.0, 3.0, 4.0]));
+        for wrong in ["500", "1:0.1", "1:nan"] {
+            assert!(parse_scale(wrong).is_err(), "{wrong}");
+        }
+        assert!(parse_angles("30,91").is_err() && parse_angles("30").is_err());
+        assert!(parse_area("3,2,1,4").is_err() && parse_area("-inf,2,1,4").is_err());
+    }
+}

@@ -1,0 +1,177 @@
+//! `insula draw`: a city as vector shapes.
+
+use super::{
+    embedded::{BakeJob, CacheRoot, bake_cached, cache_key},
+    open::is_baked,
+};
+use crate::{
+    args::DrawArgs,
+    error::{ClientError, Result},
+};
+use insula_bake::read::{FacadeOption, Palette};
+use insula_draw::{
+    DrawError, DrawRequest, draw,
+    drawing::Drawing,
+    error::DrawStep,
+    file::{DrawingFormat, write_drawing},
+    sheet::Paper,
+    style::Stylesheet,
+    view::DrawView,
+};
+use insula_export::{
+    selection::{ObjectSelection, passing},
+    source::ExportSource,
+};
+use insula_objects::filter::Filter;
+use insula_protocol::text::{count, human_bytes, printable};
+use insula_server::store::{CityStore, StoredCity, StoredObjects};
+use insula_viewer::{
+    camera::CameraFile,
+    sun::{Daylight, SunOptions},
+};
+use std::{
+    fs,
+    io::IsTerminal,
+    path::{Path, PathBuf},
+    sync::Mutex,
+};
+
+/// Larger stylesheets and camera files are refused.
+const MAX_TEXT_BYTES: u64 = 1 << 20;
+
+/// Runs the command. Fails if the files cannot be baked, the city cannot be read, there is nothing or too much to draw, or the file
+/// cannot be written.
+pub(super) fn run(args: &DrawArgs) -> Result<()> {
+    let format = DrawingFormat::of(&args.out).map_err(|error| failed(&error))?;
+    let paper = Paper::parse(&args.paper).map_err(|error| failed(&error))?;
+    let view = view(args)?;
+    let folder = baked_folder(&args.sources)?;
+    let unreadable = |error: &dyn std::fmt::Display| ClientError::Failed(error.to_string());
+    let city = CityStore::open(&folder).map_err(|error| unreadable(&error))?;
+    let objects = StoredObjects::open(&city).map_err(|error| unreadable(&error))?;
+    let read = |kind, id| city.tile(kind, id);
+    let source = StoredCity::new(&city, objects.schema(), &read);
+    let request = DrawRequest {
+        view,
+        selection: selection(args, &source)?,
+        paper,
+        scale: args.scale,
+        is_bare: args.bare,
+        title: args.title.clone(),
+        style: style(args, &source)?,
+    };
+    let shown = Mutex::new(None);
+    let drawing = draw(&source, &request, &|step, share| show(&shown, step, share));
+    if std::io::stderr().is_terminal() {
+        eprint!("\r\x1b[K");
+    }
+    let drawing = drawing.map_err(|error| failed(&error))?;
+    let bytes = write_drawing(&drawing, format, &args.out).map_err(|error| failed(&error))?;
+    report(&drawing, args, bytes);
+    Ok(())
+}
+
+fn report(drawing: &Drawing, args: &DrawArgs, bytes: u64) {
+    let counts = &drawing.counts;
+    if counts.without_mesh > 0 {
+        let nodes = count(counts.without_mesh, "node");
+        eprintln!("note: {nodes} of the city without a mesh: only the ground is drawn there");
+    }
+    if args.bare && !drawing.attribution.is_empty() {
+        eprintln!("note: name the source beside the drawing: {}", printable(&drawing.attribution));
+    }
+    let objects = count(drawing.objects.iter().filter(|object| object.number.is_some()).count() as u64, "object");
+    let text = format!("wrote {} ({objects}, {})", args.out.display(), human_bytes(bytes));
+    eprintln!("{}", printable(&text));
+}
+
+fn failed(error: &DrawError) -> ClientError {
+    match error {
+        DrawError::Invalid(_) => ClientError::Usage(error.to_string()),
+        _ => ClientError::Failed(error.to_string()),
+    }
+}
+
+/// The folder of the baked city that the sources are, or are baked into.
+fn baked_folder(sources: &[PathBuf]) -> Result<PathBuf> {
+    if let [place] = sources
+        && is_baked(place)
+    {
+        if place.to_str().is_some_and(|text| text.contains("://")) {
+            let text = format!("{}: draw the folder of a baked city, or city files", place.display());
+            return Err(ClientError::Usage(text));
+        }
+        // The place may be the manifest of the city.
+        return Ok(if place.is_file() { place.parent().unwrap_or(Path::new("")).to_owned() } else { place.clone() });
+    }
+    let palette = Palette::default();
+    let cell_m = 1.0;
+    let cache_key = cache_key(sources, &palette, FacadeOption::default(), cell_m)?;
+    let job = BakeJob { inputs: sources.to_vec(), cell_m, palette, cache_key, ..BakeJob::default() };
+    bake_cached(&job, &CacheRoot::open()?, None)
+}
+
+fn read_text(path: &Path) -> Result<String> {
+    let size = fs::metadata(path).map_err(ClientError::file(path))?.len();
+    if size > MAX_TEXT_BYTES {
+        return Err(ClientError::Usage(format!("{}: larger than 1 MiB", path.display())));
+    }
+    fs::read_to_string(path).map_err(ClientError::file(path))
+}
+
+fn view(args: &DrawArgs) -> Result<DrawView> {
+    if let Some([azimuth_deg, elevation_deg]) = args.axonometric {
+        return Ok(DrawView::Axonometric { azimuth_deg, elevation_deg });
+    }
+    let Some(path) = &args.view else { return Ok(DrawView::Plan) };
+    let text = read_text(path)?;
+    let wrong = |error: String| ClientError::Usage(format!("{}: {error}", path.display()));
+    CameraFile::parse(&text).map_err(wrong)?;
+    let file: CameraFile = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+    let CameraFile { position, target, up, fov_y_deg } = file;
+    Ok(DrawView::Perspective { position, target, up, fov_y_deg })
+}
+
+fn selection(args: &DrawArgs, source: &dyn ExportSource) -> Result<ObjectSelection> {
+    let bbox = args.bbox.map(|[west, south, east, north]| [[west, south], [east, north]]);
+    let passing = |text: &String| {
+        let filter = Filter::parse(text, source.schema())
+            .map_err(|error| ClientError::Usage(format!("--filter {text}: {error}")))?;
+        passing(source, &filter).map_err(|error| ClientError::Failed(error.to_string()))
+    };
+    let objects = args.filter.as_ref().map(passing).transpose()?;
+    Ok(ObjectSelection { bbox, objects, ..ObjectSelection::default() })
+}
+
+fn style(args: &DrawArgs, source: &dyn ExportSource) -> Result<Stylesheet> {
+    let mut style = match &args.style {
+        Some(path) => {
+            let wrong = |error: DrawError| ClientError::Usage(format!("{}: {error}", path.display()));
+            Stylesheet::parse(&read_text(path)?).map_err(wrong)?
+        }
+        None => Stylesheet::default(),
+    };
+    style.shadows |= args.shadows;
+    if args.sun.is_some() || args.time.is_some() {
+        let options = SunOptions { time: args.time, bearing: args.sun, ..SunOptions::default() };
+        let bearing = Daylight::new(&options, source.manifest()).bearing();
+        if bearing.altitude_deg < 0.0 {
+            return Err(ClientError::Usage("the sun is below the horizon: choose another --time or --sun".into()));
+        }
+        style.sun = [bearing.azimuth_deg, bearing.altitude_deg];
+    }
+    Ok(style)
+}
+
+/// Shows the progress on a terminal. Returns true: nothing stops the drawing but the end of the process.
+fn show(shown: &Mutex<Option<(DrawStep, u32)>>, step: DrawStep, share: f64) -> bool {
+    let percent = (share * 100.0) as u32;
+    if std::io::stderr().is_terminal()
+        && let Ok(mut shown) = shown.lock()
+        && *shown != Some((step, percent))
+    {
+        *shown = Some((step, percent));
+        eprint!("\r\x1b[K{} {percent}%", step.word());
+    }
+    true
+}

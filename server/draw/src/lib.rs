@@ -1,0 +1,40 @@
+//! Draws a baked city as vector shapes with hidden lines and surfaces removed.
+//!
+//! | module | contents |
+//! |---|---|
+//! | `error` | why a drawing failed; progress |
+//! | `style`, `sheet` | the stylesheet; paper, title block, scale bar and north arrow |
+//! | `face`, `scene` | convex faces in space; the surfaces of a part of a city |
+//! | `view` | from the scene to the page |
+//! | `bsp` | faces in the order of their distance |
+//! | `convex`, `warnock` | polygons on the page; their visible parts |
+//! | `join`, `lines` | visible parts as shapes and lines |
+//! | `tone`, `hatch`, `shadow` | colours of shapes, hatching, shadows of the sun |
+//! | `drawing` | the finished drawing |
+//! | `pipeline` | all steps of a drawing |
+//! | `svg`, `pdf`, `dxf`, `file` | files |
+
+mod bsp;
+mod convex;
+pub mod drawing;
+mod dxf;
+pub mod error;
+mod face;
+pub mod file;
+mod hatch;
+mod join;
+pub mod lines;
+mod pdf;
+pub mod pipeline;
+mod scene;
+mod shadow;
+pub mod sheet;
+pub mod style;
+pub mod svg;
+mod tone;
+pub mod view;
+mod warnock;
+
+pub use error::DrawError;
+pub use pipeline::{DrawRequest, draw};
+pub use scene::MAX_SCENE_TRIANGLES;

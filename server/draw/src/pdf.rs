@@ -1,0 +1,271 @@
+//! Drawings as PDF of one page, with a layer for each kind of content and the number of each object as marked content.
+//!
+//! Texts are in Helvetica, which every reader has; characters that it lacks are question marks.
+
+use crate::{
+    drawing::{Drawing, DrawnShape, ShapeRole, SheetItem, TextAnchor},
+    lines::LineRole,
+    style::Rgb,
+};
+use flate2::{Compression, write::ZlibEncoder};
+use pdf_writer::{
+    Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr,
+    types::{LineCapStyle, LineJoinStyle},
+};
+use std::io::Write;
+
+const PT_PER_MM: f64 = 72.0 / 25.4;
+/// Layers in the order in which they are drawn.
+const LAYERS: [&str; 9] = [
+    "surfaces",
+    "shadows",
+    "translucent surfaces",
+    "hatching",
+    "creases",
+    "intersections",
+    "borders",
+    "silhouettes",
+    "sheet",
+];
+/// Classes of lines by their layer, from that of hatching on.
+const LINES: [LineRole; 5] =
+    [LineRole::Hatch, LineRole::Crease, LineRole::Intersection, LineRole::Border, LineRole::Silhouette];
+const FIRST_LINES: usize = 3;
+/// Opacities are rounded to this many steps, each of which is a graphics state.
+const OPACITY_STEPS: u8 = 100;
+
+/// Names of objects in the file.
+const CATALOG: Ref = Ref::new(1);
+const PAGES: Ref = Ref::new(2);
+const PAGE: Ref = Ref::new(3);
+const CONTENT: Ref = Ref::new(4);
+const FONT: Ref = Ref::new(5);
+const INFO: Ref = Ref::new(6);
+const FIRST_LAYER: i32 = 10;
+const FIRST_STATE: i32 = 100;
+
+/// The drawing as a PDF file.
+pub(crate) fn to_pdf(drawing: &Drawing) -> Vec<u8> {
+    let mut pdf = Pdf::new();
+    let layers = || (0..LAYERS.len()).map(|k| Ref::new(FIRST_LAYER + k as i32));
+    let mut catalog = pdf.catalog(CATALOG);
+    catalog.pages(PAGES);
+    let mut properties = catalog.insert(Name(b"OCProperties")).dict();
+    properties.insert(Name(b"OCGs")).array().items(layers());
+    properties.insert(Name(b"D")).dict().insert(Name(b"Order")).array().items(layers());
+    properties.finish();
+    catalog.finish();
+    for (k, name) in LAYERS.iter().enumerate() {
+        let mut layer = pdf.indirect(Ref::new(FIRST_LAYER + k as i32)).dict();
+        layer.pair(Name(b"Type"), Name(b"OCG")).pair(Name(b"Name"), TextStr(name));
+    }
+    pdf.pages(PAGES).kids([PAGE]).count(1);
+    let mut page = pdf.page(PAGE);
+    let [width, height] = drawing.grid.size_mm.map(pt);
+    page.media_box(Rect::new(0.0, 0.0, width, height)).parent(PAGES).contents(CONTENT);
+    let mut resources = page.resources();
+    resources.fonts().pair(Name(b"F"), FONT);
+    let mut states = resources.ext_g_states();
+    for step in 0..=OPACITY_STEPS {
+        states.pair(Name(state_name(step).as_bytes()), Ref::new(FIRST_STATE + i32::from(step)));
+    }
+    states.finish();
+    let mut named = resources.insert(Name(b"Properties")).dict();
+    for (k, layer) in layers().enumerate() {
+        named.pair(Name(format!("L{k}").as_bytes()), layer);
+    }
+    named.finish();
+    resources.finish();
+    page.finish();
+    for step in 0..=OPACITY_STEPS {
+        let share = f32::from(step) / f32::from(OPACITY_STEPS);
+        pdf.ext_graphics(Ref::new(FIRST_STATE + i32::from(step))).non_stroking_alpha(share);
+    }
+    pdf.type1_font(FONT).base_font(Name(b"Helvetica")).encoding_predefined(Name(b"WinAnsiEncoding"));
+    pdf.document_info(INFO).title(TextStr(&drawing.title)).producer(TextStr("Insula"));
+    let content = PageContent { drawing, content: Content::new() }.finish();
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    match encoder.write_all(&content).and_then(|()| encoder.finish()) {
+        Ok(packed) => {
+            pdf.stream(CONTENT, &packed).filter(Filter::FlateDecode);
+        }
+        // Memory does not fail to be written; without compression the page is the same.
+        Err(_) => {
+            pdf.stream(CONTENT, &content);
+        }
+    }
+    pdf.finish()
+}
+
+fn pt(mm: f64) -> f32 {
+    (mm * PT_PER_MM) as f32
+}
+
+fn state_name(step: u8) -> String {
+    format!("A{step}")
+}
+
+/// Text in the encoding of the font.
+fn latin(text: &str) -> Vec<u8> {
+    text.chars()
+        .map(|c| {
+            u8::try_from(u32::from(c)).ok().filter(|byte| (0x20..0x7f).contains(byte) || *byte >= 0xa0).unwrap_or(b'?')
+        })
+        .collect()
+}
+
+/// Width of a text in Helvetica of size 1, exact for digits and spaces.
+fn text_width(text: &str) -> f64 {
+    let width = |c: char| match c {
+        ' ' | '.' | ',' | ':' => 0.278,
+        'm' => 0.833,
+        'N' => 0.722,
+        _ => 0.556,
+    };
+    text.chars().map(width).sum()
+}
+
+struct PageContent<'a> {
+    drawing: &'a Drawing,
+    content: Content,
+}
+
+impl PageContent<'_> {
+    fn finish(mut self) -> Vec<u8> {
+        let drawing = self.drawing;
+        let [width, height] = drawing.grid.size_mm.map(pt);
+        self.fill_color(drawing.paper);
+        self.content.rect(0.0, 0.0, width, height).fill_nonzero();
+        self.content.save_state();
+        let frame = drawing.frame;
+        let size = frame.size().map(pt);
+        self.content.rect(pt(frame.min[0]), pt(frame.min[1]), size[0], size[1]).clip_nonzero().end_path();
+        self.shapes(0, |shape| shape.role == ShapeRole::Surface && shape.opacity >= 1.0);
+        self.shapes(1, |shape| shape.role == ShapeRole::Shadow);
+        self.shapes(2, |shape| shape.role == ShapeRole::Surface && shape.opacity < 1.0);
+        self.content.set_line_cap(LineCapStyle::RoundCap).set_line_join(LineJoinStyle::RoundJoin);
+        let [r, g, b] = drawing.ink.map(share);
+        self.content.set_stroke_rgb(r, g, b);
+        for (k, class) in LINES.into_iter().enumerate() {
+            self.lines(FIRST_LINES + k, class);
+        }
+        self.content.restore_state();
+        self.sheet();
+        self.content.finish().to_vec()
+    }
+
+    fn fill_color(&mut self, color: Rgb) {
+        let [r, g, b] = color.map(share);
+        self.content.set_fill_rgb(r, g, b);
+    }
+
+    fn begin(&mut self, layer: usize) {
+        let name = format!("L{layer}");
+        self.content.begin_marked_content_with_properties(Name(b"OC")).properties_named(Name(name.as_bytes()));
+    }
+
+    fn begin_object(&mut self, number: Option<u32>) {
+        let mut marked = self.content.begin_marked_content_with_properties(Name(b"Object"));
+        let id = number.map_or_else(|| "land".to_owned(), |number| format!("object-{number}"));
+        marked.properties().pair(Name(b"Id"), Str(id.as_bytes()));
+    }
+
+    fn path(&mut self, points: &[[f64; 2]], is_closed: bool) {
+        for (k, [x, y]) in points.iter().enumerate() {
+            if k == 0 {
+                self.content.move_to(pt(*x), pt(*y));
+            } else {
+                self.content.line_to(pt(*x), pt(*y));
+            }
+        }
+        if is_closed {
+            self.content.close_path();
+        }
+    }
+
+    fn shapes(&mut self, layer: usize, is_in: impl Fn(&DrawnShape) -> bool) {
+        let drawing = self.drawing;
+        self.begin(layer);
+        for object in &drawing.objects {
+            let mut shapes = object.shapes.iter().filter(|shape| is_in(shape)).peekable();
+            if shapes.peek().is_none() {
+                continue;
+            }
+            self.begin_object(object.number);
+            for shape in shapes {
+                self.fill_color(shape.color);
+                let step = (shape.opacity.clamp(0.0, 1.0) * f64::from(OPACITY_STEPS)).round() as u8;
+                self.content.set_parameters(Name(state_name(step).as_bytes()));
+                for ring in drawing.rings(shape) {
+                    self.path(&ring, true);
+                }
+                self.content.fill_nonzero();
+            }
+            self.content.end_marked_content();
+        }
+        self.content.end_marked_content();
+    }
+
+    fn lines(&mut self, layer: usize, class: LineRole) {
+        let drawing = self.drawing;
+        self.begin(layer);
+        for object in &drawing.objects {
+            for line in object.lines.iter().filter(|line| line.class == class) {
+                self.begin_object(object.number);
+                self.content.set_line_width(pt(line.width_mm));
+                for chain in drawing.chains(line) {
+                    self.path(&chain, false);
+                }
+                self.content.stroke();
+                self.content.end_marked_content();
+            }
+        }
+        self.content.end_marked_content();
+    }
+
+    fn sheet(&mut self) {
+        let drawing = self.drawing;
+        self.begin(LAYERS.len() - 1);
+        let [r, g, b] = drawing.ink.map(share);
+        self.content.set_fill_rgb(r, g, b).set_stroke_rgb(r, g, b);
+        for item in &drawing.sheet {
+            match item {
+                SheetItem::Line { points, width_mm } => {
+                    self.content.set_line_width(pt(*width_mm));
+                    self.path(points, false);
+                    self.content.stroke();
+                }
+                SheetItem::Area { points } => {
+                    self.path(points, true);
+                    self.content.fill_nonzero();
+                }
+                SheetItem::Text { at: [x, y], size_mm, anchor, text } => {
+                    let part = match anchor {
+                        TextAnchor::Start => 0.0,
+                        TextAnchor::Middle => 0.5,
+                        TextAnchor::End => 1.0,
+                    };
+                    let x = x - part * size_mm * text_width(text);
+                    self.content.begin_text().set_font(Name(b"F"), pt(*size_mm)).next_line(pt(x), pt(*y));
+                    self.content.show(Str(&latin(text))).end_text();
+                }
+            }
+        }
+        self.content.end_marked_content();
+    }
+}
+
+fn share(v: u8) -> f32 {
+    f32::from(v) / 255.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_are_in_the_encoding_of_the_font() {
+        assert_eq!(latin("30\u{b0} \u{6771}\n"), b"30\xb0 ??");
+        assert!((text_width("100 m") - 2.779).abs() < 1e-9);
+    }
+}

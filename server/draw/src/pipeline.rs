@@ -1,0 +1,294 @@
+//! All steps of a drawing: read, cull, sort, remove what is hidden, join.
+
+use crate::{
+    bsp::{BspTree, NO_TRIANGLE},
+    convex::{Convex, PagePoint, PageRect},
+    drawing::{Drawing, DrawingCounts, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
+    error::{DrawError, DrawProgress},
+    face::Face,
+    hatch::hatched,
+    join::{Rings, unions},
+    lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines},
+    scene::{DrawnScene, MAX_SCENE_TRIANGLES, clip, turned},
+    shadow::shadows,
+    sheet::{Paper, TitleBlock, sheet_items},
+    style::{FillMode, Rgb, Stylesheet, kind_name, parse_color},
+    tone::{Tones, towards_sun},
+    view::{DrawView, PaperGrid, Projection, ViewAxes},
+    warnock::{PagePolygon, VisiblePart, visible_parts},
+};
+use insula_export::{selection::ObjectSelection, source::ExportSource};
+use insula_objects::FeatureKind;
+use insula_protocol::mesh_tile::NO_OBJECT;
+use std::collections::BTreeMap;
+
+/// Most visible parts of surfaces.
+const MAX_PARTS: usize = 16_000_000;
+/// Levels of detail may be wrong by this much on paper, in millimetres, if the scale is given.
+const LOD_ERROR_MM: f64 = 0.05;
+
+/// What is drawn and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DrawRequest {
+    pub view: DrawView,
+    pub selection: ObjectSelection,
+    pub paper: Paper,
+    /// The scale is one to this; `None` for the largest round one at which the selection fits.
+    pub scale: Option<f64>,
+    /// Whether the drawing fills the paper, without margins and title block.
+    pub is_bare: bool,
+    /// Title of the sheet; that of the city if `None`.
+    pub title: Option<String>,
+    pub style: Stylesheet,
+}
+
+/// Draws a city. Fails if it cannot be read, if there is nothing or too much to draw, or if `progress` stops it.
+pub fn draw(
+    source: &dyn ExportSource,
+    request: &DrawRequest,
+    progress: DrawProgress<'_>,
+) -> Result<Drawing, DrawError> {
+    if request.scale.is_some_and(|scale| !(1.0..=10_000_000.0).contains(&scale)) {
+        return Err(DrawError::Invalid("the scale must be from 1:1 to 1:10000000".to_owned()));
+    }
+    let error_m = request.scale.map_or(0.0, |scale| LOD_ERROR_MM * scale / 1000.0);
+    let scene = DrawnScene::read(source, &request.selection, error_m, progress)?;
+    let axes = ViewAxes::new(&request.view, scene.origin)?;
+    let frame = request.paper.frame(request.is_bare);
+    let points = scene.faces.iter().flat_map(|face| face.points.iter().copied());
+    let projection = Projection::new(axes, frame, request.scale, points);
+    let stage = Stage { scene: &scene, projection, grid: PaperGrid::new(request.paper.size_mm), request };
+    let facing = stage.facing();
+    let mut counts = DrawingCounts {
+        triangles: scene.faces.len(),
+        facing: facing.len(),
+        without_mesh: scene.without_mesh,
+        ..DrawingCounts::default()
+    };
+    let first_cut = scene.edges.len() as u32;
+    let tree = BspTree::new(facing, first_cut, MAX_SCENE_TRIANGLES, progress)?;
+    counts.sorted = tree.len();
+    let polygons = stage.polygons(&tree);
+    let cuts = tree.into_cuts();
+    let parts = visible_parts(&polygons, stage.grid.rect(&frame), MAX_PARTS, progress)?;
+    counts.parts = parts.len();
+    if parts.is_empty() {
+        return Err(DrawError::Empty);
+    }
+    let mut objects = Objects::new(&scene);
+    let style = &request.style;
+    objects.add_shapes(stage.shapes(&polygons, &parts, progress)?);
+    if style.shadows && style.sun[1] > 0.0 {
+        objects.add_shadows(stage.shadows(&polygons, &parts, progress)?, style);
+    }
+    objects.add_hatching(style, &stage.grid);
+    objects.add_lines(stage.lines(&polygons, &parts, &cuts), &request.style);
+    let block = title_block(source, request, &stage.projection);
+    let sheet = if request.is_bare { Vec::new() } else { sheet_items(&stage.projection, &block) };
+    let color = |text: &str, default: Rgb| parse_color(text).unwrap_or(default);
+    Ok(Drawing {
+        grid: stage.grid,
+        frame,
+        title: block.title,
+        attribution: block.attribution,
+        is_exact: request.style.fill == FillMode::Object,
+        paper: color(&request.style.paper, [255; 3]),
+        ink: color(&request.style.ink, [0; 3]),
+        objects: objects.sorted(),
+        sheet,
+        counts,
+    })
+}
+
+fn title_block(source: &dyn ExportSource, request: &DrawRequest, projection: &Projection) -> TitleBlock {
+    let manifest = source.manifest();
+    let view = match request.view {
+        DrawView::Plan => "Plan".to_owned(),
+        DrawView::Axonometric { azimuth_deg, elevation_deg: 0.0 } => {
+            format!("Elevation, looking to {azimuth_deg}\u{b0}")
+        }
+        DrawView::Axonometric { azimuth_deg, elevation_deg } => {
+            format!("Axonometric view, looking to {azimuth_deg}\u{b0} from {elevation_deg}\u{b0} above the horizon")
+        }
+        DrawView::Perspective { .. } => "Perspective view".to_owned(),
+    };
+    let scale = projection.scale.map(|scale| format!(", 1:{scale}")).unwrap_or_default();
+    let of_source = |source: &insula_protocol::manifest::Attribution| {
+        source.texts().map(String::as_str).collect::<Vec<_>>().join(", ")
+    };
+    let attribution = manifest.attribution.iter().map(of_source).collect::<Vec<_>>().join("; ");
+    let title = request.title.clone().unwrap_or_else(|| manifest.title.clone());
+    TitleBlock { title, description: format!("{view}{scale}"), attribution }
+}
+
+/// A scene and how it is seen.
+struct Stage<'a> {
+    scene: &'a DrawnScene,
+    projection: Projection,
+    grid: PaperGrid,
+    request: &'a DrawRequest,
+}
+
+type Ends = [PagePoint; 2];
+/// Shapes of one object and colour.
+type ShapeKey = (u32, Rgb);
+
+impl Stage<'_> {
+    /// The faces in the view that may be seen. Of closed objects, only those towards the eye can; faces of open ones are turned to it.
+    fn facing(&self) -> Vec<Face> {
+        let eye = self.projection.axes.eye();
+        let planes = self.projection.planes();
+        let is_open = self.scene.open_objects();
+        let mut facing = Vec::new();
+        for (face, object) in self.scene.faces.iter().zip(&self.scene.face_objects) {
+            let is_front = eye.is_front(&face.plane);
+            if is_front || is_open[*object as usize] {
+                let face = if is_front { face.clone() } else { turned(face) };
+                facing.extend(clip(face, &planes));
+            }
+        }
+        // Of surfaces in one place, the first one is seen: that of a part of a building rather than that of the whole.
+        facing.sort_by_key(|face| self.scene.object(face.triangle).kind != FeatureKind::BuildingPart);
+        facing
+    }
+
+    fn polygons(&self, tree: &BspTree) -> Vec<PagePolygon> {
+        let faces = tree.front_to_back(self.projection.axes.eye());
+        let project = |face: &Face| {
+            let points = face.points.iter().map(|p| self.grid.point(self.projection.project(*p))).collect();
+            let shape = Convex { points, edges: face.edges.clone() };
+            let bounds = PageRect::of(&shape.points);
+            let is_opaque = self.request.style.opacity(self.scene.object(face.triangle).kind) >= 1.0;
+            (shape.twice_area() > 0).then_some(PagePolygon { shape, bounds, triangle: face.triangle, is_opaque })
+        };
+        faces.filter_map(project).collect()
+    }
+
+    fn shapes(
+        &self,
+        polygons: &[PagePolygon],
+        parts: &[VisiblePart],
+        progress: DrawProgress<'_>,
+    ) -> Result<Vec<(u32, DrawnShape)>, DrawError> {
+        let tones = Tones::new(&self.request.style);
+        let mut groups: BTreeMap<ShapeKey, Rings> = BTreeMap::new();
+        for part in parts {
+            let face = polygons[part.polygon as usize].triangle;
+            let plane = self.scene.faces[face as usize].plane;
+            if let Some(color) = tones.color(self.scene.object(face), &plane) {
+                let object = self.scene.face_objects[face as usize];
+                groups.entry((object, color)).or_default().push(part.shape.points.clone());
+            }
+        }
+        let keys: Vec<ShapeKey> = groups.keys().copied().collect();
+        let joined = unions(groups.into_values().collect(), progress)?;
+        let shape = |((object, color), rings): (ShapeKey, Rings)| {
+            let kind = self.scene.objects[object as usize].kind;
+            let opacity = self.request.style.opacity(kind);
+            (object, DrawnShape { role: ShapeRole::Surface, color, opacity, rings })
+        };
+        Ok(keys.into_iter().zip(joined).filter(|(_, rings)| !rings.is_empty()).map(shape).collect())
+    }
+
+    fn shadows(
+        &self,
+        polygons: &[PagePolygon],
+        parts: &[VisiblePart],
+        progress: DrawProgress<'_>,
+    ) -> Result<BTreeMap<u32, Rings>, DrawError> {
+        let visible = parts.iter().map(|part| (polygons[part.polygon as usize].triangle, part.shape.points.clone()));
+        let sun = towards_sun(&self.request.style);
+        shadows(self.scene, sun, (&self.projection, &self.grid), visible, (MAX_PARTS, progress))
+    }
+
+    fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart], cuts: &[u32]) -> Vec<(u32, LineRole, Ends)> {
+        let first_cut = self.scene.edges.len() as u32;
+        let mut edges: Vec<EdgePart> = Vec::new();
+        for part in parts {
+            collect(&part.shape, polygons[part.polygon as usize].triangle, &mut edges);
+        }
+        let (eye, crease_deg) = (self.projection.axes.eye(), self.request.style.crease_deg);
+        let class = |edge: u32| {
+            let edge = self.scene.edges.get(edge as usize)?;
+            let class = class_of(self.scene, edge, eye, crease_deg)?;
+            // The triangles of terrain are no lines of the city.
+            let is_land = self.scene.object(edge.faces[0]).kind == FeatureKind::Relief;
+            (!is_land || class == LineRole::Silhouette).then_some(class)
+        };
+        // Planes of other faces go on where these have ended; land that passes through land is no line.
+        let is_meeting = |cut: u32, face: u32| {
+            let owner = cuts.get(cut as usize).copied().filter(|owner| *owner != NO_TRIANGLE);
+            let is_land = |face: u32| self.scene.object(face).kind == FeatureKind::Relief;
+            owner.is_some_and(|owner| !is_land(owner) || !is_land(face))
+        };
+        let lines = visible_lines(edges, first_cut, class, is_meeting).into_iter();
+        lines.map(|line| (self.scene.face_objects[line.face as usize], line.class, line.ends)).collect()
+    }
+}
+
+/// The objects of a drawing while they are collected.
+struct Objects(Vec<DrawnObject>);
+
+impl Objects {
+    fn new(scene: &DrawnScene) -> Self {
+        let object = |object: &insula_export::leaves::LeafObject| DrawnObject {
+            number: (object.number != NO_OBJECT).then_some(object.number),
+            kind: object.kind,
+            identifier: object.identifier.clone(),
+            shapes: Vec::new(),
+            lines: Vec::new(),
+        };
+        Self(scene.objects.iter().map(object).collect())
+    }
+
+    fn add_shapes(&mut self, shapes: Vec<(u32, DrawnShape)>) {
+        for (object, shape) in shapes {
+            self.0[object as usize].shapes.push(shape);
+        }
+    }
+
+    fn add_shadows(&mut self, shadows: BTreeMap<u32, Rings>, style: &Stylesheet) {
+        let color = parse_color(&style.shadow_color).unwrap_or([0; 3]);
+        for (object, rings) in shadows {
+            let shape = DrawnShape { role: ShapeRole::Shadow, color, opacity: style.shadow_opacity, rings };
+            self.0[object as usize].shapes.push(shape);
+        }
+    }
+
+    fn add_hatching(&mut self, style: &Stylesheet, grid: &PaperGrid) {
+        for object in &mut self.0 {
+            let Some(hatch) = style.hatch.get(kind_name(object.kind)) else { continue };
+            let surfaces = object.shapes.iter().filter(|shape| shape.role == ShapeRole::Surface);
+            let chains: Vec<_> = surfaces.flat_map(|shape| hatched(&shape.rings, hatch, grid.units_per_mm)).collect();
+            if !chains.is_empty() && hatch.width > 0.0 {
+                object.lines.push(DrawnLine { class: LineRole::Hatch, width_mm: hatch.width, chains });
+            }
+        }
+    }
+
+    fn add_lines(&mut self, mut lines: Vec<(u32, LineRole, Ends)>, style: &Stylesheet) {
+        lines.sort_by_key(|(object, class, ends)| (*object, *class, ends[0].x, ends[0].y, ends[1].x, ends[1].y));
+        for lines in lines.chunk_by(|a, b| a.0 == b.0 && a.1 == b.1) {
+            let (object, class, _) = lines[0];
+            let width_mm = match class {
+                LineRole::Silhouette => style.lines.silhouette,
+                LineRole::Crease => style.lines.crease,
+                LineRole::Border => style.lines.border,
+                LineRole::Intersection => style.lines.intersection,
+                LineRole::Hatch => 0.0,
+            };
+            if width_mm > 0.0 {
+                let ends: Vec<_> = lines.iter().map(|(.., ends)| *ends).collect();
+                self.0[object as usize].lines.push(DrawnLine { class, width_mm, chains: chains(&ends) });
+            }
+        }
+    }
+
+    /// Those of which something is seen, by kind and number.
+    fn sorted(self) -> Vec<DrawnObject> {
+        let mut objects = self.0;
+        objects.retain(|object| !object.shapes.is_empty() || !object.lines.is_empty());
+        objects.sort_by_key(|object| (object.kind as u8, object.number));
+        objects
+    }
+}

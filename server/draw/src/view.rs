@@ -1,0 +1,279 @@
+//! From points of the scene to places on the page.
+
+use crate::{
+    bsp::Eye,
+    convex::{PagePoint, PageRect},
+    error::DrawError,
+    face::FacePlane,
+};
+use glam::{DVec2, DVec3};
+
+/// Nothing nearer to the eye than this is drawn, in metres.
+const NEAR_M: f64 = 0.1;
+/// Shapes reach this far over the frame until they are clipped exactly, in millimetres.
+const OVERLAP_MM: f64 = 1.0;
+/// Denominators of scales, times powers of ten.
+const SCALES: [f64; 6] = [1.0, 1.25, 2.0, 2.5, 5.0, 7.5];
+
+/// From where a drawing shows the city.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DrawView {
+    /// From above, north at the top.
+    Plan,
+    /// Parallel rays. The view looks towards `azimuth_deg`, clockwise from the grid's north, from `elevation_deg` above the horizon
+    /// (0 to 90).
+    Axonometric { azimuth_deg: f64, elevation_deg: f64 },
+    /// As a camera file has it, in world metres. The vertical field of view is the height of the frame.
+    Perspective { position: [f64; 3], target: [f64; 3], up: [f64; 3], fov_y_deg: f64 },
+}
+
+/// A rectangle of the paper in millimetres from its lower left corner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PaperRect {
+    pub min: [f64; 2],
+    pub max: [f64; 2],
+}
+
+impl PaperRect {
+    /// Width and height.
+    #[must_use]
+    pub fn size(&self) -> [f64; 2] {
+        [0, 1].map(|k| self.max[k] - self.min[k])
+    }
+}
+
+/// The paper and its grid of whole coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PaperGrid {
+    /// Width and height in millimetres.
+    pub size_mm: [f64; 2],
+    /// A power of two, so that the longer side has at most 2^30 units.
+    pub(crate) units_per_mm: f64,
+}
+
+impl PaperGrid {
+    pub(crate) fn new(size_mm: [f64; 2]) -> Self {
+        let longer = size_mm[0].max(size_mm[1]);
+        let exponent = (f64::from(1u32 << 30) / longer).log2().floor();
+        Self { size_mm, units_per_mm: exponent.exp2() }
+    }
+
+    /// The nearest place of the grid, whose origin is the middle of the paper.
+    pub(crate) fn point(&self, mm: DVec2) -> PagePoint {
+        let at = |v: f64, k: usize| ((v - 0.5 * self.size_mm[k]) * self.units_per_mm).round() as i32;
+        PagePoint::new(at(mm.x, 0), at(mm.y, 1))
+    }
+
+    /// Millimetres from the lower left corner.
+    pub(crate) fn mm(&self, point: PagePoint) -> [f64; 2] {
+        let at = |v: i32, k: usize| f64::from(v) / self.units_per_mm + 0.5 * self.size_mm[k];
+        [at(point.x, 0), at(point.y, 1)]
+    }
+
+    pub(crate) fn rect(&self, rect: &PaperRect) -> PageRect {
+        PageRect { min: self.point(DVec2::from(rect.min)), max: self.point(DVec2::from(rect.max)) }
+    }
+}
+
+/// The axes of a view, before the scale is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ViewAxes {
+    pub(crate) right: DVec3,
+    pub(crate) up: DVec3,
+    /// Away from the eye.
+    pub(crate) forward: DVec3,
+    /// Metres from the scene's origin; `None` for parallel rays.
+    pub(crate) position: Option<DVec3>,
+    /// Tangent of half of the vertical field of view; 0 for parallel rays.
+    tan_y: f64,
+}
+
+impl ViewAxes {
+    /// Fails if the view has no direction or a value is out of range.
+    pub(crate) fn new(view: &DrawView, origin: [f64; 3]) -> Result<Self, DrawError> {
+        let invalid = |text: &str| DrawError::Invalid(text.to_owned());
+        match *view {
+            DrawView::Plan => {
+                Ok(Self { right: DVec3::X, up: DVec3::Y, forward: DVec3::NEG_Z, position: None, tan_y: 0.0 })
+            }
+            DrawView::Axonometric { azimuth_deg, elevation_deg } => {
+                if !azimuth_deg.is_finite() || !(0.0..=90.0).contains(&elevation_deg) {
+                    return Err(invalid("an axonometric view needs an azimuth, and an elevation from 0 to 90 degrees"));
+                }
+                let (sin_az, cos_az) = azimuth_deg.to_radians().sin_cos();
+                let (sin_el, cos_el) = elevation_deg.to_radians().sin_cos();
+                let forward = DVec3::new(sin_az * cos_el, cos_az * cos_el, -sin_el);
+                let right = DVec3::new(cos_az, -sin_az, 0.0);
+                Ok(Self { right, up: right.cross(forward), forward, position: None, tan_y: 0.0 })
+            }
+            DrawView::Perspective { position, target, up, fov_y_deg } => {
+                let failed =
+                    || invalid("the camera needs a target beside its position, and a field of view from 1 to 170");
+                if !(1.0..=170.0).contains(&fov_y_deg) {
+                    return Err(failed());
+                }
+                let (position, target) = (DVec3::from(position), DVec3::from(target));
+                let forward = (target - position).try_normalize().ok_or_else(failed)?;
+                let up = DVec3::from(up).try_normalize().unwrap_or(DVec3::Z);
+                let across = [up, DVec3::Y, DVec3::X].into_iter().map(|up| forward.cross(up));
+                let right = across.into_iter().find(|right| right.length() > 1e-6).and_then(DVec3::try_normalize);
+                let right = right.ok_or_else(failed)?;
+                let tan_y = (0.5 * fov_y_deg).to_radians().tan();
+                let position = Some(position - DVec3::from(origin));
+                Ok(Self { right, up: right.cross(forward), forward, position, tan_y })
+            }
+        }
+    }
+
+    /// Parallel rays along a direction.
+    pub(crate) fn towards(forward: DVec3) -> Self {
+        let across = [DVec3::Z, DVec3::Y].map(|up| forward.cross(up)).into_iter().find(|right| right.length() > 1e-6);
+        let right = across.and_then(DVec3::try_normalize).unwrap_or(DVec3::X);
+        Self { right, up: right.cross(forward), forward, position: None, tan_y: 0.0 }
+    }
+
+    pub(crate) fn eye(&self) -> Eye {
+        self.position.map_or(Eye::Direction(-self.forward), Eye::Point)
+    }
+}
+
+/// From the scene to the paper.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Projection {
+    pub(crate) axes: ViewAxes,
+    pub(crate) frame: PaperRect,
+    /// Millimetres on paper of a metre; of the tangent 1 in a perspective.
+    factor: f64,
+    /// What is in the middle of the frame, in metres along the axes.
+    middle: DVec2,
+    /// The scale is one to this; `None` for a perspective.
+    pub(crate) scale: Option<f64>,
+}
+
+impl Projection {
+    /// Projects into `frame`. Of parallel rays, `points` are in the middle, with the given scale or the largest round one at which
+    /// all are in the frame.
+    pub(crate) fn new(
+        axes: ViewAxes,
+        frame: PaperRect,
+        scale: Option<f64>,
+        points: impl Iterator<Item = DVec3>,
+    ) -> Self {
+        let [width, height] = frame.size();
+        if axes.position.is_some() {
+            let factor = 0.5 * height / axes.tan_y;
+            return Self { axes, frame, factor, middle: DVec2::ZERO, scale: None };
+        }
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for point in points {
+            let at = DVec2::new(point.dot(axes.right), point.dot(axes.up));
+            (low, high) = (low.min(at), high.max(at));
+        }
+        let size = (high - low).max(DVec2::splat(1.0));
+        let fitting = 1000.0 * (size.x / width).max(size.y / height);
+        let scale = scale.unwrap_or_else(|| round_scale(fitting));
+        Self { axes, frame, factor: 1000.0 / scale, middle: 0.5 * (low + high), scale: Some(scale) }
+    }
+
+    /// Millimetres from the lower left corner of the paper.
+    pub(crate) fn project(&self, point: DVec3) -> DVec2 {
+        let p = self.axes.position.map_or(point, |eye| point - eye);
+        let at = DVec2::new(p.dot(self.axes.right), p.dot(self.axes.up));
+        let divisor = if self.axes.position.is_some() { p.dot(self.axes.forward).max(NEAR_M) } else { 1.0 };
+        let middle =
+            DVec2::new(0.5 * (self.frame.min[0] + self.frame.max[0]), 0.5 * (self.frame.min[1] + self.frame.max[1]));
+        middle + (at / divisor - self.middle) * self.factor
+    }
+
+    /// The point of a plane that parallel rays project to a place of the paper.
+    pub(crate) fn lift(&self, mm: DVec2, plane: &FacePlane) -> DVec3 {
+        let frame_middle = DVec2::from([0, 1].map(|k| 0.5 * (self.frame.min[k] + self.frame.max[k])));
+        let at = (mm - frame_middle) / self.factor + self.middle;
+        let point = self.axes.right * at.x + self.axes.up * at.y;
+        point - self.axes.forward * (plane.height(point) / plane.normal.dot(self.axes.forward))
+    }
+
+    /// The planes of the view, normals inwards; what is outside is not drawn.
+    pub(crate) fn planes(&self) -> Vec<FacePlane> {
+        let [width, height] = self.frame.size();
+        let half = DVec2::new(0.5 * width + OVERLAP_MM, 0.5 * height + OVERLAP_MM) / self.factor;
+        let (right, up, forward) = (self.axes.right, self.axes.up, self.axes.forward);
+        match self.axes.position {
+            None => [(right, half.x, self.middle.x), (up, half.y, self.middle.y)]
+                .into_iter()
+                .flat_map(|(axis, half, middle)| {
+                    [
+                        FacePlane { normal: axis, offset: middle - half },
+                        FacePlane { normal: -axis, offset: -middle - half },
+                    ]
+                })
+                .collect(),
+            Some(eye) => {
+                let near = FacePlane { normal: forward, offset: forward.dot(eye) + NEAR_M };
+                let inwards = [
+                    right + forward * half.x,
+                    -right + forward * half.x,
+                    up + forward * half.y,
+                    -up + forward * half.y,
+                ];
+                let sides = inwards.map(|normal| {
+                    let normal = normal.normalize_or(forward);
+                    FacePlane { normal, offset: normal.dot(eye) }
+                });
+                std::iter::once(near).chain(sides).collect()
+            }
+        }
+    }
+}
+
+/// The smallest round denominator that is at least `fitting`.
+fn round_scale(fitting: f64) -> f64 {
+    let power = 10f64.powf(fitting.max(1.0).log10().floor());
+    let rounded = SCALES.map(|scale| scale * power).into_iter().find(|scale| *scale >= fitting);
+    rounded.unwrap_or(10.0 * power)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME: PaperRect = PaperRect { min: [10.0, 10.0], max: [110.0, 60.0] };
+
+    #[test]
+    fn plans_are_to_scale_and_perspectives_fill_the_frame() {
+        let axes = ViewAxes::new(&DrawView::Plan, [0.0; 3]).unwrap();
+        let points = [DVec3::ZERO, DVec3::new(80.0, 30.0, 9.0)];
+        let plan = Projection::new(axes, FRAME, None, points.into_iter());
+        assert_eq!(plan.scale, Some(1000.0));
+        assert_eq!(plan.project(points[0]), DVec2::new(20.0, 20.0));
+        assert_eq!(plan.project(points[1]), DVec2::new(100.0, 50.0));
+        let view =
+            DrawView::Perspective { position: [0.0; 3], target: [0.0, 9.0, 0.0], up: [0.0, 0.0, 1.0], fov_y_deg: 90.0 };
+        let axes = ViewAxes::new(&view, [0.0; 3]).unwrap();
+        let perspective = Projection::new(axes, FRAME, None, std::iter::empty());
+        assert!((perspective.project(DVec3::new(0.0, 7.0, 7.0)) - DVec2::new(60.0, 60.0)).length() < 1e-9);
+        let planes = perspective.planes();
+        assert!(planes.iter().all(|plane| plane.height(DVec3::new(0.0, 7.0, 0.0)) > 0.0));
+        assert!(planes.iter().any(|plane| plane.height(DVec3::new(0.0, 7.0, 8.0)) < 0.0));
+    }
+
+    #[test]
+    fn an_axonometric_view_from_above_is_a_plan() {
+        let view = DrawView::Axonometric { azimuth_deg: 0.0, elevation_deg: 90.0 };
+        let (from_above, plan) =
+            (ViewAxes::new(&view, [0.0; 3]).unwrap(), ViewAxes::new(&DrawView::Plan, [0.0; 3]).unwrap());
+        assert!((from_above.up - plan.up).length() < 1e-12 && (from_above.forward - plan.forward).length() < 1e-12);
+        assert!([200.0, 1_001.0].map(round_scale) == [200.0, 1250.0]);
+    }
+
+    #[test]
+    fn grids_have_at_most_thirty_bits() {
+        for size in [[420.0, 297.0], [1189.0, 841.0], [10.0, 10.0]] {
+            let grid = PaperGrid::new(size);
+            let corner = grid.point(DVec2::from(size));
+            assert!(corner.x <= 1 << 29 && corner.x > 1 << 27, "{corner:?}");
+            let back = grid.mm(corner);
+            assert!((back[0] - size[0]).abs() < 1e-5 && (back[1] - size[1]).abs() < 1e-5);
+        }
+    }
+}
