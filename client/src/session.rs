@@ -13,7 +13,8 @@ use glam::DVec3;
 use insula_protocol::blockmap::NO_OBJECT;
 use insula_shaders::cpu::{
     hit_counts::hit_counts,
-    raycast::{Pixels, RenderedRows},
+    raycast::Pixels,
+    render::RenderedRows,
 };
 use insula_viewer::{
     cache::{AtlasCache, PAGE_BYTES},

@@ -80,16 +80,31 @@ pub fn exposure(frame: &FrameUniform, words: &[u32]) -> f32 {
     if frame.exposure > 0.0 {
         return frame.exposure;
     }
-    let mut bins = [0; METER_BINS as usize];
-    for word in words {
-        bins[meter_bin(decode_radiance(*word))] += 1;
-    }
+    let count = |words: &[u32]| {
+        let mut bins = [0; METER_BINS as usize];
+        for word in words {
+            bins[meter_bin(decode_radiance(*word))] += 1;
+        }
+        bins
+    };
+    let add = |a: [u32; METER_BINS as usize], b: [u32; METER_BINS as usize]| std::array::from_fn(|i| a[i] + b[i]);
+    let bins = words.par_chunks(METER_PIXELS).map(count).reduce(|| [0; METER_BINS as usize], add);
     frame.light.key / mean_of(&bins).exp2()
 }
 
+/// Pixels that a thread meters at once.
+const METER_PIXELS: usize = 1 << 13;
+/// Mantissas at which the bins of a power of two begin, without the first.
+const METER_EDGES: [f32; 5] = [1.122_462, 1.259_921, 1.414_213_5, 1.587_401, 1.781_797_4];
+
+/// The bin of a radiance's logarithm: by exponent and mantissa, because logarithms would take longer than drawing the sky.
 fn meter_bin(rgb: Vec3) -> usize {
-    let stops = rgb.dot(LUMINANCE).max(1e-6).log2() - METER_MIN_LOG2;
-    (stops * METER_BINS_PER_STOP).clamp(0.0, (METER_BINS - 1) as f32) as usize
+    let luminance = rgb.dot(LUMINANCE).max(1e-6);
+    let bits = luminance.to_bits();
+    let stops = (bits >> 23) as i32 - 127 - METER_MIN_LOG2 as i32;
+    let mantissa = f32::from_bits(bits & 0x7f_ffff | 1.0f32.to_bits());
+    let above = METER_EDGES.iter().filter(|edge| mantissa >= **edge).count() as i32;
+    (stops * METER_BINS_PER_STOP as i32 + above).clamp(0, METER_BINS as i32 - 1) as usize
 }
 
 /// Mean log2 of the luminances in the meter's bins.
@@ -219,6 +234,17 @@ mod tests {
             assert!((tables.curve(v) - agx_curve(v)).abs() < 5e-6, "{v}: {}, not {}", tables.curve(v), agx_curve(v));
         }
         assert_eq!(tables.curve(f32::INFINITY), tables.curve(1e5));
+    }
+
+    #[test]
+    fn bins_of_the_meter_are_even_in_the_logarithm() {
+        for i in 0..20_000 {
+            let v = (i as f32 / 500.0 - 20.0).exp2();
+            let place = (v.max(1e-6).log2() - METER_MIN_LOG2) * METER_BINS_PER_STOP;
+            let bin = meter_bin(Vec3::splat(v)) as f32;
+            let place = place.clamp(0.0, (METER_BINS - 1) as f32);
+            assert!(bin <= place + 1e-3 && place < bin + 1.001, "{v}: {bin}, not {place}");
+        }
     }
 
     #[test]

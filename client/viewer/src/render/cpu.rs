@@ -5,7 +5,11 @@ use crate::{
     frame::FrameData,
 };
 use insula_shaders::{
-    cpu::raycast::{Pixels, RayCounts, RenderedRows, SceneRef, count, render},
+    cpu::{
+        instruction_set::InstructionSet,
+        raycast::{Pixels, RayCounts, Sampling, SceneRef, count},
+        render::{RenderedRows, render_with},
+    },
     layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS},
 };
 
@@ -27,7 +31,7 @@ impl CpuAdapter {
 
     /// Draws a frame on all cores.
     pub fn draw(&self, data: &FrameData) -> Pixels {
-        render(&self.scene_of(data))
+        render_with(&self.scene_of(data), InstructionSet::best(), Sampling::Adaptive)
     }
 
     /// Draws the next `count` rows of a frame on all cores. Returns whether all rows are drawn.

@@ -1,0 +1,47 @@
+//! Instruction sets for which the packets of rays are compiled.
+
+use fearless_simd::Level;
+
+/// An instruction set for which packets are compiled.
+#[derive(Debug, Clone, Copy)]
+pub struct InstructionSet(Level);
+
+impl InstructionSet {
+    /// The best one of this machine; `None` where the scalar code is used.
+    pub fn best() -> Option<Self> {
+        Self::all().into_iter().next()
+    }
+
+    /// All that this machine has, the best first.
+    pub fn all() -> Vec<Self> {
+        let level = Level::new();
+        let mut all = Vec::new();
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        {
+            all.extend(level.as_avx512().map(Level::Avx512));
+            all.extend(level.as_avx2().map(Level::Avx2));
+        }
+        #[cfg(target_arch = "aarch64")]
+        all.extend(level.as_neon().map(Level::Neon));
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        all.extend(level.as_wasm_simd128().map(Level::WasmSimd128));
+        all.into_iter().map(Self).collect()
+    }
+
+    pub(super) fn level(self) -> Level {
+        self.0
+    }
+
+    /// Its name and number of lanes.
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Level::Avx512(_) => "AVX-512, 16 rays",
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Level::Avx2(_) => "AVX2, 8 rays",
+            #[cfg(target_arch = "aarch64")]
+            Level::Neon(_) => "NEON, 4 rays",
+            _ => "4 rays",
+        }
+    }
+}
