@@ -83,7 +83,9 @@ fn ways(args: &Args, kind: &str) -> Vec<Way> {
 fn main() -> Result<()> {
     let args = Args::parse();
     let mut session = open(&args.city, CACHE_MIB)?;
-    println!("view                   frame   way                         ms/frame  Mray/s  nodes  steps  fetches  cells  differs");
+    println!(
+        "view                   frame   way                         ms/frame  Mray/s  nodes  steps  fetches  cells  differs"
+    );
     for (name, camera) in cameras(&args)? {
         for kind in &args.frames {
             measure(&args, &mut session, &name, camera, kind)?;
@@ -170,5 +172,10 @@ fn difference(definition: &Pixels, pixels: &Pixels) -> String {
         moved += usize::from(a != b && !((a - b).abs() <= 1e-3 * a));
     }
     let count = pixels.colour.len().max(1) as f64;
-    format!("rms {:.3}, {:.3}% beyond 2, {:.3}% moved", (squares / count).sqrt(), 100.0 * apart as f64 / count, 100.0 * moved as f64 / count)
+    format!(
+        "rms {:.3}, {:.3}% beyond 2, {:.3}% moved",
+        (squares / count).sqrt(),
+        100.0 * apart as f64 / count,
+        100.0 * moved as f64 / count
+    )
 }

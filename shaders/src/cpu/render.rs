@@ -90,7 +90,12 @@ impl RenderedRows {
 }
 
 /// Renders rows from row `first` on this thread: as many as `out` has pixels for.
-fn render_band((set, sampling): (Option<InstructionSet>, Sampling), scene: &SceneRef<'_>, first: u32, out: &mut [Pixel]) {
+fn render_band(
+    (set, sampling): (Option<InstructionSet>, Sampling),
+    scene: &SceneRef<'_>,
+    first: u32,
+    out: &mut [Pixel],
+) {
     if let Some(set) = set {
         return render_rows(set, scene, sampling, first, out);
     }

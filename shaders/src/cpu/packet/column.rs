@@ -4,7 +4,8 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, Vec3s, float, float_u, gather_where, has, lanes_of, splat, splat_u, to_i, to_u,
+        F, I, IVec2s, M, U, Vec2s, Vec3s, always, float, float_u, gather_where, has, lanes_of, splat, splat_u, to_i,
+        to_u,
     },
     node_walk::NodeRays,
     shade::linear_of,
@@ -214,7 +215,10 @@ impl<S: Simd> Columns<S> {
         let (simd, atlas) = (rays.simd, scene.atlas);
         let number = to_u::<S>(crossing.cell.y * NODE_CELLS as i32 + crossing.cell.x);
         let flags = lanes.select(crossing.word >> FLAGS_SHIFT, splat_u(simd, 0));
-        let bit = |flag: u8| has(simd, flags, u32::from(flag));
+        let bit = always(
+            #[inline(always)]
+            |flag: u8| has(simd, flags, u32::from(flag)),
+        );
         let attributes = gather_where(simd, atlas, number + rays.planes[ATTRIBUTE_PLANE], lanes);
         let (exposed, clipped) = (bit(flag::EXPOSED), bit(flag::CLIPPED));
         let (mut strip, mut clip) = (splat_u(simd, 0), splat_u(simd, 0));
@@ -294,11 +298,14 @@ impl<S: Simd> Columns<S> {
         let top = outer.select(outer_top, self.z_max);
         let (zs, ze) = (rays.z_at(s), rays.z_at(e));
         let (slope_x, slope_y) = (outer.select(zero, self.slope.x), outer.select(zero, self.slope.y));
-        let top_at = |t: F<S>| {
-            let x = rays.o.x + rays.d.x * t - self.centre.x;
-            let y = rays.o.y + rays.d.y * t - self.centre.y;
-            top + (slope_x * x + slope_y * y)
-        };
+        let top_at = always(
+            #[inline(always)]
+            |t: F<S>| {
+                let x = rays.o.x + rays.d.x * t - self.centre.x;
+                let y = rays.o.y + rays.d.y * t - self.centre.y;
+                top + (slope_x * x + slope_y * y)
+            },
+        );
         let (over, above) = ([zs - top_at(s), ze - top_at(e)], [zs - self.z_min, ze - self.z_min]);
         let (spans, some) = clip_to_solid(simd, s, e, over, above);
         let side = !spans.top & !spans.bottom;
@@ -331,11 +338,14 @@ impl<S: Simd> Columns<S> {
             let wall = (word >> AZIMUTH_SHIFT) & (AZIMUTHS - 1);
             let offset = float::<S>(to_i::<S>(word) >> CLIP_OFFSET_SHIFT) / CLIP_STEPS_PER_CELL as f32;
             let n = directions(simd, wall);
-            let beyond = |t: F<S>| {
-                let x = rays.o.x + rays.d.x * t - self.centre.x;
-                let y = rays.o.y + rays.d.y * t - self.centre.y;
-                side * (n.x * x + n.y * y - offset)
-            };
+            let beyond = always(
+                #[inline(always)]
+                |t: F<S>| {
+                    let x = rays.o.x + rays.d.x * t - self.centre.x;
+                    let y = rays.o.y + rays.d.y * t - self.centre.y;
+                    side * (n.x * x + n.y * y - offset)
+                },
+            );
             let (a, b) = (beyond(ta), beyond(te));
             let crossing = ta + (te - ta) * (a / (a - b));
             let (a_out, b_out) = (lanes & a.simd_gt(zero), lanes & b.simd_gt(zero));
@@ -359,7 +369,10 @@ impl<S: Simd> Columns<S> {
     fn row_at(&self, rays: &NodeRays<'_, S>, solids: &FoundSolids<S>) -> U<S> {
         let simd = rays.simd;
         let codes = codes_per_row(rays.node.z_shift());
-        let row_of = |z: F<S>| (z / codes).floor();
+        let row_of = always(
+            #[inline(always)]
+            |z: F<S>| (z / codes).floor(),
+        );
         let clipped = has(simd, self.flags, u32::from(flag::CLIPPED));
         let head = clipped.select(splat_u(simd, 2), splat_u(simd, 0));
         let (low, high) = (row_of(solids.bottom), row_of(solids.top - 1.0));
@@ -409,18 +422,38 @@ fn clip_to_solid<S: Simd>(simd: S, ta: F<S>, te: F<S>, over: [F<S>; 2], above: [
 #[inline(always)]
 fn directions<S: Simd>(simd: S, azimuth: U<S>) -> Vec2s<S> {
     let table = azimuth_directions();
-    let at = |lane: usize| table[azimuth[lane] as usize % AZIMUTHS as usize];
-    Vec2s::<S> { x: F::<S>::from_fn(simd, |lane| at(lane).x), y: F::<S>::from_fn(simd, |lane| at(lane).y) }
+    let at = always(
+        #[inline(always)]
+        |lane: usize| table[azimuth[lane] as usize % AZIMUTHS as usize],
+    );
+    Vec2s::<S> {
+        x: F::<S>::from_fn(
+            simd,
+            #[inline(always)]
+            |lane| at(lane).x,
+        ),
+        y: F::<S>::from_fn(
+            simd,
+            #[inline(always)]
+            |lane| at(lane).y,
+        ),
+    }
 }
 
 /// [`octahedral::decode`](insula_protocol::octahedral::decode) of the lower halves of words.
 #[inline(always)]
 fn decode_normal<S: Simd>(simd: S, words: U<S>) -> Vec3s<S> {
     let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
-    let unpack = |byte: U<S>| (float_u::<S>(byte.min(splat_u(simd, 254))) - 127.0) / 127.0;
+    let unpack = always(
+        #[inline(always)]
+        |byte: U<S>| (float_u::<S>(byte.min(splat_u(simd, 254))) - 127.0) / 127.0,
+    );
     let (x, y) = (unpack(words & 0xff), unpack((words >> 8) & 0xff));
     let z = one - x.abs() - y.abs();
-    let sign = |v: F<S>| v.simd_lt(zero).select(-one, one);
+    let sign = always(
+        #[inline(always)]
+        |v: F<S>| v.simd_lt(zero).select(-one, one),
+    );
     let lower = z.simd_lt(zero);
     let (folded_x, folded_y) = ((one - y.abs()) * sign(x), (one - x.abs()) * sign(y));
     let (x, y) = (lower.select(folded_x, x), lower.select(folded_y, y));

@@ -4,7 +4,7 @@
 //! that differ from a neighbour. The rays of a packet are those of one pixel or of neighbours.
 
 use super::{
-    lanes::{F, M, U, Vec2s, Vec3s, float, float_u, lanes_of, splat, splat_u, to_i},
+    lanes::{F, M, U, Vec2s, Vec3s, always, float, float_u, lanes_of, splat, splat_u, to_i},
     shade::normalize_or,
     sky::airlight,
     trace::{TracedRays, trace},
@@ -259,7 +259,12 @@ impl<S: Simd> RayPacket<S> {
     /// `top`: row of the frame that the rays' rows are counted from.
     #[inline(always)]
     fn new(simd: S, rays: &[FrameRay], top: i32) -> Self {
-        let mut packet = Self { x: splat_u(simd, 0), y: splat_u(simd, 0), sample: splat_u(simd, 0), lanes: M::<S>::splat(simd, true) };
+        let mut packet = Self {
+            x: splat_u(simd, 0),
+            y: splat_u(simd, 0),
+            sample: splat_u(simd, 0),
+            lanes: M::<S>::splat(simd, true),
+        };
         for (lane, ray) in rays.iter().enumerate().take(F::<S>::LEN) {
             packet.x[lane] = ray.x;
             packet.y[lane] = ray.y.wrapping_add_signed(top);
@@ -273,15 +278,35 @@ impl<S: Simd> RayPacket<S> {
     #[inline(always)]
     fn direction(&self, simd: S, frame: &FrameUniform, samples: Option<u32>) -> Vec3s<S> {
         let (mut right, mut down) = (splat(simd, 0.5), splat(simd, 0.5));
-        if let Some(n) = samples.filter(|n| *n > 1) {
-            let offset = |place: u32| (place as f32 + 0.5) / n as f32;
-            right = F::<S>::from_fn(simd, |lane| offset(self.sample[lane] % n));
-            down = F::<S>::from_fn(simd, |lane| offset(self.sample[lane] / n));
+        if let Some(n) = samples.filter(
+            #[inline(always)]
+            |n| *n > 1,
+        ) {
+            let offset = always(
+                #[inline(always)]
+                |place: u32| (place as f32 + 0.5) / n as f32,
+            );
+            right = F::<S>::from_fn(
+                simd,
+                #[inline(always)]
+                |lane| offset(self.sample[lane] % n),
+            );
+            down = F::<S>::from_fn(
+                simd,
+                #[inline(always)]
+                |lane| offset(self.sample[lane] / n),
+            );
         }
-        let ndc = |at: F<S>, offset: F<S>, size: u32| (at + offset) / size as f32 * 2.0 - 1.0;
+        let ndc = always(
+            #[inline(always)]
+            |at: F<S>, offset: F<S>, size: u32| (at + offset) / size as f32 * 2.0 - 1.0,
+        );
         let row = float::<S>(to_i::<S>(self.y));
         let (x, y) = (ndc(float_u::<S>(self.x), right, frame.width_px), ndc(row, down, frame.height_px));
-        let along = |i: usize| (x * frame.right[i] + frame.forward[i]) - y * frame.up[i];
+        let along = always(
+            #[inline(always)]
+            |i: usize| (x * frame.right[i] + frame.forward[i]) - y * frame.up[i],
+        );
         normalize_or(simd, Vec3s::<S> { x: along(0), y: along(1), z: along(2) }, Vec3s::splat(simd, Vec3::X))
     }
 
@@ -311,7 +336,10 @@ impl<S: Simd> RayPacket<S> {
             root[lane] = ((self.sample[lane] as f32 + 0.5) / rays).sqrt();
         }
         let [across, up] = sun_axes(frame);
-        let point = |across: f32, up: f32| (turn.x * across + turn.y * up) * root;
+        let point = always(
+            #[inline(always)]
+            |across: f32, up: f32| (turn.x * across + turn.y * up) * root,
+        );
         sun.add(Vec3s::<S> { x: point(across.x, up.x), y: point(across.y, up.y), z: point(across.z, up.z) })
     }
 
@@ -319,9 +347,20 @@ impl<S: Simd> RayPacket<S> {
     #[inline(always)]
     fn threshold(&self, simd: S, samples: u32) -> U<S> {
         let n = samples;
-        let place = |lane: usize| (self.sample[lane] % n, self.sample[lane] / n + n / 2);
-        let x = U::<S>::from_fn(simd, |lane| self.x[lane].wrapping_mul(n).wrapping_add(place(lane).0));
-        let y = U::<S>::from_fn(simd, |lane| self.y[lane].wrapping_mul(n).wrapping_add(place(lane).1));
+        let place = always(
+            #[inline(always)]
+            |lane: usize| (self.sample[lane] % n, self.sample[lane] / n + n / 2),
+        );
+        let x = U::<S>::from_fn(
+            simd,
+            #[inline(always)]
+            |lane| self.x[lane].wrapping_mul(n).wrapping_add(place(lane).0),
+        );
+        let y = U::<S>::from_fn(
+            simd,
+            #[inline(always)]
+            |lane| self.y[lane].wrapping_mul(n).wrapping_add(place(lane).1),
+        );
         let a = x ^ y;
         ((a & 1) << 5) | ((y & 1) << 4) | ((a & 2) << 2) | ((y & 2) << 1) | ((a & 4) >> 1) | ((y & 4) >> 2)
     }

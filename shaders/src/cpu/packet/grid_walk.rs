@@ -2,7 +2,10 @@
 
 use super::{
     hits::{Hits, Segments},
-    lanes::{F, I, IVec2s, M, U, Vec2s, float, floor_clamped, has, lanes_of, nonzero, splat, splat_i, splat_u, to_i, to_u},
+    lanes::{
+        F, I, IVec2s, M, U, Vec2s, always, float, floor_clamped, has, lanes_of, nonzero, splat, splat_i, splat_u, to_i,
+        to_u,
+    },
     node_walk::walk_node,
 };
 use crate::{
@@ -12,8 +15,8 @@ use crate::{
     },
     grid::Z_TOP,
     layout::{
-        FrameUniform, GRID_LEVELS, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_MIXED, GRID_NODE_BIT, GRID_NODE_MASK, GRID_SHARE_MASK,
-        GRID_SHARE_SHIFT,
+        FrameUniform, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODE_MASK,
+        GRID_SHARE_MASK, GRID_SHARE_SHIFT,
     },
 };
 use fearless_simd::prelude::*;
@@ -46,7 +49,13 @@ struct NodeCrossings<S: Simd> {
 
 /// Gathers the surfaces that the segments in the lanes of `active` hit. The grid must have levels.
 #[inline(always)]
-pub(super) fn walk_grid<S: Simd>(simd: S, scene: &SceneRef<'_>, segments: &Segments<S>, active: M<S>, hits: &mut Hits<S>) {
+pub(super) fn walk_grid<S: Simd>(
+    simd: S,
+    scene: &SceneRef<'_>,
+    segments: &Segments<S>,
+    active: M<S>,
+    hits: &mut Hits<S>,
+) {
     let (mut walk, inside) = GridWalk::begin_walk(simd, scene.frame, segments);
     let zero = splat(simd, 0.0);
     let mut crossings = NodeCrossings { node: splat_u(simd, 0), t_in: zero, t_out: zero };
@@ -104,18 +113,24 @@ impl<S: Simd> GridWalk<S> {
         let (ahead_x, ahead_y) = (d.x.simd_gt(zero), d.y.simd_gt(zero));
         let squares = 1i32 << (frame.levels - 1);
         let [low_x, low_y] = frame.eye_cell.map(|cell| (-cell) as f32);
-        let span = |low: f32, ahead: M<S>, o: F<S>, inv: F<S>| {
-            let (first, last) = (splat(simd, low), splat(simd, low + squares as f32));
-            [(ahead.select(first, last) - o) * inv, (ahead.select(last, first) - o) * inv]
-        };
+        let span = always(
+            #[inline(always)]
+            |low: f32, ahead: M<S>, o: F<S>, inv: F<S>| {
+                let (first, last) = (splat(simd, low), splat(simd, low + squares as f32));
+                [(ahead.select(first, last) - o) * inv, (ahead.select(last, first) - o) * inv]
+            },
+        );
         let ([near_x, far_x], [near_y, far_y]) = (span(low_x, ahead_x, o.x, inv.x), span(low_y, ahead_y, o.y, inv.y));
         let (za, zb) = ((splat(simd, -1.0) - z) / dz, (splat(simd, Z_TOP + 1.0) - z) / dz);
         let t = near_x.max(near_y).max(za.min(zb)).max(zero);
         let t_end = far_x.min(far_y).min(za.max(zb)).min(splat(simd, segments.reach_m));
-        let square_of = |o: F<S>, d: F<S>, low: f32, eye_cell: i32| {
-            let (first, last) = (splat(simd, low), splat(simd, low + (squares - 1) as f32));
-            floor_clamped::<S>(o + d * t, first, last) + eye_cell
-        };
+        let square_of = always(
+            #[inline(always)]
+            |o: F<S>, d: F<S>, low: f32, eye_cell: i32| {
+                let (first, last) = (splat(simd, low), splat(simd, low + (squares - 1) as f32));
+                floor_clamped::<S>(o + d * t, first, last) + eye_cell
+            },
+        );
         let square = IVec2s {
             x: square_of(o.x, d.x, low_x, frame.eye_cell[0]),
             y: square_of(o.y, d.y, low_y, frame.eye_cell[1]),
@@ -183,11 +198,17 @@ impl<S: Simd> GridWalk<S> {
     ) -> IVec2s<S> {
         let simd = self.simd;
         let (one, zeros) = (splat_i(simd, 1), splat_i(simd, 0));
-        let place = |o: F<S>, d: F<S>, corner: I<S>, eye_cell: i32| {
-            let low = float::<S>(corner - eye_cell);
-            floor_clamped::<S>(o + d * exit, low, low + float::<S>(low_bits)) + eye_cell
-        };
-        let beyond = |edge: I<S>, ahead: M<S>| edge - ahead.select(zeros, one);
+        let place = always(
+            #[inline(always)]
+            |o: F<S>, d: F<S>, corner: I<S>, eye_cell: i32| {
+                let low = float::<S>(corner - eye_cell);
+                floor_clamped::<S>(o + d * exit, low, low + float::<S>(low_bits)) + eye_cell
+            },
+        );
+        let beyond = always(
+            #[inline(always)]
+            |edge: I<S>, ahead: M<S>| edge - ahead.select(zeros, one),
+        );
         IVec2s {
             x: x_first.select(beyond(edge[0], self.ahead_x), place(self.o.x, self.d.x, corner.x, eye_cell[0])),
             y: x_first.select(place(self.o.y, self.d.y, corner.y, eye_cell[1]), beyond(edge[1], self.ahead_y)),
@@ -218,9 +239,22 @@ impl<S: Simd> GridWalk<S> {
             }
             k = missing.select(k + 1, k);
         }
-        let word = |i: usize| {
-            U::<S>::from_fn(simd, |lane| scene.grid.get(at[lane] as usize).map_or(0, |entry| entry[i]))
-        };
+        let word = always(
+            #[inline(always)]
+            |i: usize| {
+                U::<S>::from_fn(
+                    simd,
+                    #[inline(always)]
+                    |lane| {
+                        scene.grid.get(at[lane] as usize).map_or(
+                            0,
+                            #[inline(always)]
+                            |entry| entry[i],
+                        )
+                    },
+                )
+            },
+        );
         ([word(0), word(1)], k)
     }
 }
@@ -230,12 +264,28 @@ impl<S: Simd> GridWalk<S> {
 fn windows_at<S: Simd>(simd: S, frame: &FrameUniform, k: I<S>, lanes: M<S>) -> (I<S>, I<S>, I<S>, I<S>) {
     let lane = (lanes.to_bitmask().trailing_zeros() as usize).min(F::<S>::LEN - 1);
     let common = k[lane];
-    let window = |k: i32| frame.windows.get(k as usize).copied().unwrap_or_default();
+    let window = always(
+        #[inline(always)]
+        |k: i32| frame.windows.get(k as usize).copied().unwrap_or_default(),
+    );
     if (lanes & k.simd_ne(splat_i(simd, common))).all_false() {
-        let [base, log2_side, low_x, low_y] = window(common).map(|v| splat_i(simd, v));
-        return (low_x, low_y, log2_side, base);
+        let [base, log2_side, low_x, low_y] = window(common);
+        let splat = always(
+            #[inline(always)]
+            |v: i32| splat_i(simd, v),
+        );
+        return (splat(low_x), splat(low_y), splat(log2_side), splat(base));
     }
-    let field = |i: usize| I::<S>::from_fn(simd, |lane| window(k[lane])[i]);
+    let field = always(
+        #[inline(always)]
+        |i: usize| {
+            I::<S>::from_fn(
+                simd,
+                #[inline(always)]
+                |lane| window(k[lane])[i],
+            )
+        },
+    );
     (field(2), field(3), field(1), field(0))
 }
 

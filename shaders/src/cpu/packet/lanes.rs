@@ -34,8 +34,7 @@ pub(super) struct IVec2s<S: Simd> {
 impl<S: Simd> Vec3s<S> {
     #[inline(always)]
     pub(super) fn splat(simd: S, v: Vec3) -> Self {
-        let [x, y, z] = v.to_array().map(|v| F::<S>::splat(simd, v));
-        Self { x, y, z }
+        Self { x: splat(simd, v.x), y: splat(simd, v.y), z: splat(simd, v.z) }
     }
 
     #[inline(always)]
@@ -50,22 +49,37 @@ impl<S: Simd> Vec3s<S> {
 
     #[inline(always)]
     pub(super) fn add(self, other: Self) -> Self {
-        self.zip(other, |a, b| a + b)
+        self.zip(
+            other,
+            #[inline(always)]
+            |a, b| a + b,
+        )
     }
 
     #[inline(always)]
     pub(super) fn sub(self, other: Self) -> Self {
-        self.zip(other, |a, b| a - b)
+        self.zip(
+            other,
+            #[inline(always)]
+            |a, b| a - b,
+        )
     }
 
     #[inline(always)]
     pub(super) fn mul(self, other: Self) -> Self {
-        self.zip(other, |a, b| a * b)
+        self.zip(
+            other,
+            #[inline(always)]
+            |a, b| a * b,
+        )
     }
 
     #[inline(always)]
     pub(super) fn scale(self, factor: F<S>) -> Self {
-        self.map(|v| v * factor)
+        self.map(
+            #[inline(always)]
+            |v| v * factor,
+        )
     }
 
     #[inline(always)]
@@ -75,7 +89,11 @@ impl<S: Simd> Vec3s<S> {
 
     #[inline(always)]
     pub(super) fn select(mask: M<S>, yes: Self, no: Self) -> Self {
-        yes.zip(no, |yes, no| mask.select(yes, no))
+        yes.zip(
+            no,
+            #[inline(always)]
+            |yes, no| mask.select(yes, no),
+        )
     }
 
     /// The vector of one ray.
@@ -88,6 +106,12 @@ impl<S: Simd> Vec3s<S> {
     pub(super) fn set_lane(&mut self, lane: usize, v: Vec3) {
         (self.x[lane], self.y[lane], self.z[lane]) = (v.x, v.y, v.z);
     }
+}
+
+/// A closure that is always inlined: code that is not compiled for the instruction set itself would call each instruction.
+#[inline(always)]
+pub(super) fn always<F>(closure: F) -> F {
+    closure
 }
 
 #[inline(always)]
@@ -148,7 +172,11 @@ pub(super) fn nonzero<S: Simd>(simd: S, v: F<S>) -> F<S> {
 /// Words at some addresses; 0 outside of `words`.
 #[inline(always)]
 pub(super) fn gather<S: Simd>(simd: S, words: &[u32], at: U<S>) -> U<S> {
-    U::<S>::from_fn(simd, |lane| words.get(at[lane] as usize).copied().unwrap_or(0))
+    U::<S>::from_fn(
+        simd,
+        #[inline(always)]
+        |lane| words.get(at[lane] as usize).copied().unwrap_or(0),
+    )
 }
 
 /// The same for the lanes of `mask`; 0 in the others.

@@ -4,7 +4,8 @@ use super::{
     column::{ColumnCrossing, hit_columns},
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, Vec3s, float, float_u, floor_clamped, gather_where, has, nonzero, splat, splat_i, splat_u, to_u,
+        F, I, IVec2s, M, U, Vec2s, Vec3s, always, float, float_u, floor_clamped, gather_where, has, nonzero, splat,
+        splat_i, splat_u, to_u,
     },
 };
 use crate::{
@@ -116,7 +117,10 @@ impl<'a, S: Simd> NodeRays<'a, S> {
     fn new(simd: S, segments: &Segments<S>, node: &'a DrawNode, index: u32) -> Self {
         let scale = Vec3s::splat(simd, Vec3::new(1.0 / node.cell_m, 1.0 / node.cell_m, 1.0 / node.z_step_m));
         let o = segments.origin.sub(Vec3s::splat(simd, node.corner.into())).mul(scale);
-        let d = segments.dir.mul(scale).map(|v| nonzero(simd, v));
+        let d = segments.dir.mul(scale).map(
+            #[inline(always)]
+            |v| nonzero(simd, v),
+        );
         let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
         let (ahead_x, ahead_y) = (d.x.simd_gt(zero), d.y.simd_gt(zero));
         let (forward, back) = (splat_i(simd, 1), splat_i(simd, -1));
@@ -154,9 +158,10 @@ impl<'a, S: Simd> NodeRays<'a, S> {
             return None;
         }
         let (zero, last) = (splat(simd, 0.0), splat(simd, (NODE_BLOCKS - 1) as f32));
-        let first = |o: F<S>, d: F<S>| {
-            floor_clamped::<S>((o + d * begin) * (1.0 / BLOCK_CELLS as f32), zero, last)
-        };
+        let first = always(
+            #[inline(always)]
+            |o: F<S>, d: F<S>| floor_clamped::<S>((o + d * begin) * (1.0 / BLOCK_CELLS as f32), zero, last),
+        );
         let block = IVec2s::<S> { x: first(self.o.x, self.d.x), y: first(self.o.y, self.d.y) };
         Some((BlockSteps { t_end: end, block, t: begin, done: M::<S>::splat(simd, false) }, lanes))
     }
@@ -166,10 +171,20 @@ impl<'a, S: Simd> NodeRays<'a, S> {
     fn highest(&self, begin: F<S>, end: F<S>) -> F<S> {
         let (simd, node) = (self.simd, self.node);
         let half = splat(simd, NODE_CELLS as f32 / 2.0);
-        let quarter = |t: F<S>| [(self.o.x + self.d.x * t).simd_ge(half), (self.o.y + self.d.y * t).simd_ge(half)];
+        let quarter = always(
+            #[inline(always)]
+            |t: F<S>| [(self.o.x + self.d.x * t).simd_ge(half), (self.o.y + self.d.y * t).simd_ge(half)],
+        );
         let ([ax, ay], [bx, by]) = (quarter(begin), quarter(end));
-        let below: [F<S>; 4] = std::array::from_fn(|i| splat(simd, node.quarter_below(i) as f32));
-        let below_of = |x: M<S>, y: M<S>| y.select(x.select(below[3], below[2]), x.select(below[1], below[0]));
+        let quarter_below = always(
+            #[inline(always)]
+            |i: usize| splat(simd, node.quarter_below(i) as f32),
+        );
+        let below = [quarter_below(0), quarter_below(1), quarter_below(2), quarter_below(3)];
+        let below_of = always(
+            #[inline(always)]
+            |x: M<S>, y: M<S>| y.select(x.select(below[3], below[2]), x.select(below[1], below[0])),
+        );
         // From a quarter to the opposite one the ray crosses a third.
         let opposite = (ax ^ bx) & (ay ^ by);
         let below = opposite.select(splat(simd, 0.0), below_of(ax, ay).min(below_of(bx, by)));
@@ -181,14 +196,22 @@ impl<'a, S: Simd> NodeRays<'a, S> {
     fn step_blocks(&self, scene: &SceneRef<'_>, wanting: M<S>, blocks: &mut BlockSteps<S>, cells: &mut CellSteps<S>) {
         let simd = self.simd;
         let block = blocks.block;
-        let edge = |block: I<S>, ahead: F<S>, o: F<S>| (float::<S>(block) + ahead) * BLOCK_CELLS as f32 - o;
+        let edge = always(
+            #[inline(always)]
+            |block: I<S>, ahead: F<S>, o: F<S>| (float::<S>(block) + ahead) * BLOCK_CELLS as f32 - o,
+        );
         let te_x = edge(block.x, self.ahead.x, self.o.x) * self.inv.x;
         let te_y = edge(block.y, self.ahead.y, self.o.y) * self.inv.y;
         let exit = te_x.min(te_y);
         let (t, t_end) = (blocks.t, exit.min(blocks.t_end).max(blocks.t));
         let number = to_u::<S>(block.y * NODE_BLOCKS as i32 + block.x);
         let rows = block_rows(simd, scene, number * 4 + self.summary, wanting);
-        let [a, b, c, d] = rows.map(|word| word >> SUMMARY_BYTE_SHIFT);
+        let [a, b, c, d] = rows;
+        let byte = always(
+            #[inline(always)]
+            |word: U<S>| word >> SUMMARY_BYTE_SHIFT,
+        );
+        let (a, b, c, d) = (byte(a), byte(b), byte(c), byte(d));
         let (lowest, highest) = (float_u::<S>(a | (b << 8)), float_u::<S>(c | (d << 8)));
         let (lower_t, upper_t) = (self.rises.select(t, t_end), self.rises.select(t_end, t));
         let meets = wanting & self.z_at(lower_t).simd_le(highest + 1.0) & self.z_at(upper_t).simd_ge(lowest - 1.0);
@@ -199,10 +222,13 @@ impl<'a, S: Simd> NodeRays<'a, S> {
         blocks.done |= wanting & (exit.simd_ge(blocks.t_end) | outside);
         blocks.t = wanting.select(t_end, t);
         let corner = IVec2s::<S> { x: block.x * BLOCK_CELLS as i32, y: block.y * BLOCK_CELLS as i32 };
-        let cell = |o: F<S>, d: F<S>, corner: I<S>| {
-            let low = float::<S>(corner);
-            floor_clamped::<S>(o + d * t, low, low + (BLOCK_CELLS - 1) as f32)
-        };
+        let cell = always(
+            #[inline(always)]
+            |o: F<S>, d: F<S>, corner: I<S>| {
+                let low = float::<S>(corner);
+                floor_clamped::<S>(o + d * t, low, low + (BLOCK_CELLS - 1) as f32)
+            },
+        );
         cells.active |= meets;
         cells.block.x = meets.select(block.x, cells.block.x);
         cells.block.y = meets.select(block.y, cells.block.y);
@@ -212,8 +238,8 @@ impl<'a, S: Simd> NodeRays<'a, S> {
         cells.t_end = meets.select(t_end, cells.t_end);
         cells.lowest = meets.select(lowest - 1.0 + 2.0, cells.lowest);
         cells.unit = meets.select((highest - lowest) * (1.0 / QUAD_TOP_MAX as f32), cells.unit);
-        for (row, found) in cells.rows.iter_mut().zip(rows) {
-            *row = meets.select(found, *row);
+        for row in 0..4 {
+            cells.rows[row] = meets.select(rows[row], cells.rows[row]);
         }
     }
 
@@ -290,10 +316,24 @@ impl<S: Simd> CellSteps<S> {
 #[inline(always)]
 fn block_rows<S: Simd>(simd: S, scene: &SceneRef<'_>, at: U<S>, lanes: M<S>) -> [U<S>; 4] {
     const EVERYTHING: [u32; 4] = [0xff << SUMMARY_BYTE_SHIFT, 0xff << SUMMARY_BYTE_SHIFT, 0, 0];
-    let read = |at: u32| scene.summaries.get(at as usize..).and_then(|words| words.first_chunk()).copied().unwrap_or(EVERYTHING);
+    let read = always(
+        #[inline(always)]
+        |at: u32| {
+            scene
+                .summaries
+                .get(at as usize..)
+                .and_then(
+                    #[inline(always)]
+                    |words| words.first_chunk(),
+                )
+                .copied()
+                .unwrap_or(EVERYTHING)
+        },
+    );
     let lane = (lanes.to_bitmask().trailing_zeros() as usize).min(F::<S>::LEN - 1);
     if (lanes & at.simd_ne(splat_u(simd, at[lane]))).all_false() {
-        return read(at[lane]).map(|word| splat_u(simd, word));
+        let [a, b, c, d] = read(at[lane]);
+        return [splat_u(simd, a), splat_u(simd, b), splat_u(simd, c), splat_u(simd, d)];
     }
     let mut rows = [splat_u(simd, 0); 4];
     let blocks = at.to_array();
@@ -309,7 +349,10 @@ fn block_rows<S: Simd>(simd: S, scene: &SceneRef<'_>, at: U<S>, lanes: M<S>) -> 
 /// Whether the rays may be in a solid somewhere in the cell, by the column's word.
 #[inline(always)]
 fn may_hit<S: Simd>(simd: S, word: U<S>, lower: F<S>, upper: F<S>, quad_top: F<S>) -> M<S> {
-    let bit = |flag: u8| has(simd, word, u32::from(flag) << FLAGS_SHIFT);
+    let bit = always(
+        #[inline(always)]
+        |flag: u8| has(simd, word, u32::from(flag) << FLAGS_SHIFT),
+    );
     let (high, low) = (float_u::<S>(word & HEIGHT_MASK), float_u::<S>((word >> HEIGHT_BITS) & HEIGHT_MASK));
     let with_gap = lower.simd_le(low) | upper.simd_ge(high);
     let top = bit(flag::INCLINED).select(quad_top, high);

@@ -4,14 +4,14 @@
 
 use super::{
     hits::Hits,
-    lanes::{F, U, Vec3s, float_u, splat},
+    lanes::{F, U, Vec3s, always, float_u, splat},
 };
 use crate::{
     cpu::{
         fast_math::{EXP_HIGH, EXP_LOW, EXP_MIN},
         shade::{
-            FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, GROUND_DEPTH, LAMP_DEPTH, LAMPS_IN_THE_OPEN, LAMPS_ON_WALLS,
-            POWER_HIGH, POWER_LOW, ZENITH_SHARE,
+            FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, GROUND_DEPTH, LAMP_DEPTH, LAMPS_IN_THE_OPEN,
+            LAMPS_ON_WALLS, POWER_HIGH, POWER_LOW, ZENITH_SHARE,
         },
     },
     layout::FrameUniform,
@@ -29,12 +29,16 @@ pub(super) struct Radiances<S: Simd> {
 /// Linear RGB of texels.
 #[inline(always)]
 pub(super) fn linear_of<S: Simd>(simd: S, texel: U<S>) -> Vec3s<S> {
-    let channel = |shift: u32| {
-        let v = float_u::<S>((texel >> shift) & 255) / 255.0;
-        let x = (v + 0.055) / 1.055;
-        let power = horner(simd, x, [POWER_HIGH.z, POWER_HIGH.y, POWER_HIGH.x, POWER_LOW.z, POWER_LOW.y, POWER_LOW.x]);
-        v.simd_le(splat(simd, 0.04045)).select(v / 12.92, power)
-    };
+    let channel = always(
+        #[inline(always)]
+        |shift: u32| {
+            let v = float_u::<S>((texel >> shift) & 255) / 255.0;
+            let x = (v + 0.055) / 1.055;
+            let power =
+                horner(simd, x, [POWER_HIGH.z, POWER_HIGH.y, POWER_HIGH.x, POWER_LOW.z, POWER_LOW.y, POWER_LOW.x]);
+            v.simd_le(splat(simd, 0.04045)).select(v / 12.92, power)
+        },
+    );
     Vec3s::<S> { x: channel(0), y: channel(8), z: channel(16) }
 }
 
@@ -62,7 +66,14 @@ pub(super) fn exp<S: Simd>(simd: S, v: F<S>) -> F<S> {
 /// Unit normals, or against the rays.
 #[inline(always)]
 pub(super) fn unit_normal<S: Simd>(simd: S, normal: Vec3s<S>, dir: Vec3s<S>) -> Vec3s<S> {
-    normalize_or(simd, normal, dir.map(|v| -v))
+    normalize_or(
+        simd,
+        normal,
+        dir.map(
+            #[inline(always)]
+            |v| -v,
+        ),
+    )
 }
 
 #[inline(always)]
@@ -86,24 +97,28 @@ pub(super) fn reflected<S: Simd>(simd: S, frame: &FrameUniform, hits: &Hits<S>, 
     let ground_share = reach / (reach + deep * GROUND_DEPTH);
     let far = reach * reach.sqrt();
     let sunlit = far / (far + deep * FACADE_DEPTH * deep) * (half - ahead * 0.5);
-    let facade_share = (upright * (FACADES_BY_GROUND - FACADES_BY_WALL) + FACADES_BY_WALL) * (one - ao - below).max(zero);
+    let facade_share =
+        (upright * (FACADES_BY_GROUND - FACADES_BY_WALL) + FACADES_BY_WALL) * (one - ao - below).max(zero);
     let least = (one - upright) * LAMPS_IN_THE_OPEN;
     let lamps = ((one - open) * LAMP_DEPTH).max(least).min(one) * n.z.max(splat(simd, LAMPS_ON_WALLS));
     let sun = Vec3::from(frame.sun);
     let facing = (n.x * sun.x + n.y * sun.y + n.z * sun.z).max(zero);
     let sun_share = if frame.shadow_m > 0.0 { one } else { (ao * 2.0 + 0.25).min(one) };
-    let channel = |i: usize, albedo: F<S>| {
-        let [up, sky_wall, wall_ahead, axis] =
-            [light.sky_up, light.sky_wall, light.sky_wall_ahead, light.sky_wall_axis].map(|rgb| rgb[i]);
-        let wall = ahead * wall_ahead + sky_wall + ahead * ahead * axis;
-        let overhead = up * ZENITH_SHARE;
-        let sky = ((wall - overhead) * open + overhead) * (one - upright) + upright * up;
-        let ground = ground_share * light.ground_sun[i] + light.ground_sky[i];
-        let facades = sunlit * light.facade_sun[i] + light.facade_sky[i] + ground * light.facade_ground;
-        let returned = ground * below + facades * facade_share;
-        let sky = albedo * (sky * ao + returned + lamps * light.street[i]);
-        (sky, albedo * (facing * light.sun[i]) * sun_share)
-    };
+    let channel = always(
+        #[inline(always)]
+        |i: usize, albedo: F<S>| {
+            let [up, sky_wall, wall_ahead, axis] =
+                [light.sky_up[i], light.sky_wall[i], light.sky_wall_ahead[i], light.sky_wall_axis[i]];
+            let wall = ahead * wall_ahead + sky_wall + ahead * ahead * axis;
+            let overhead = up * ZENITH_SHARE;
+            let sky = ((wall - overhead) * open + overhead) * (one - upright) + upright * up;
+            let ground = ground_share * light.ground_sun[i] + light.ground_sky[i];
+            let facades = sunlit * light.facade_sun[i] + light.facade_sky[i] + ground * light.facade_ground;
+            let returned = ground * below + facades * facade_share;
+            let sky = albedo * (sky * ao + returned + lamps * light.street[i]);
+            (sky, albedo * (facing * light.sun[i]) * sun_share)
+        },
+    );
     let [(rs, ru), (gs, gu), (bs, bu)] =
         [channel(0, hits.albedo.x), channel(1, hits.albedo.y), channel(2, hits.albedo.z)];
     Radiances::<S> { sky: Vec3s::<S> { x: rs, y: gs, z: bs }, sun: Vec3s::<S> { x: ru, y: gu, z: bu } }
@@ -119,6 +134,9 @@ pub(super) fn apply_haze<S: Simd>(
     distance_m: F<S>,
 ) -> Radiances<S> {
     let [r, g, b, _] = frame.light.haze;
-    let transmitted = Vec3s::<S> { x: distance_m * -r, y: distance_m * -g, z: distance_m * -b }.map(|v| exp(simd, v));
+    let transmitted = Vec3s::<S> { x: distance_m * -r, y: distance_m * -g, z: distance_m * -b }.map(
+        #[inline(always)]
+        |v| exp(simd, v),
+    );
     Radiances::<S> { sky: airlight.add(light.sky.sub(airlight).mul(transmitted)), sun: light.sun.mul(transmitted) }
 }

@@ -2,7 +2,7 @@
 //! [`shade`](crate::cpu::shade).
 
 use super::{
-    lanes::{F, I, M, U, Vec3s, float, lanes_of, splat, splat_i, to_u},
+    lanes::{F, I, M, U, Vec3s, always, float, lanes_of, splat, splat_i, to_u},
     shade::{Radiances, apply_haze},
 };
 use crate::{
@@ -30,7 +30,7 @@ struct SkyColumns<S: Simd> {
 pub(super) fn airlight<S: Simd>(simd: S, frame: &FrameUniform, dir: Vec3s<S>) -> Vec3s<S> {
     let (columns, length) = SkyColumns::new(simd, frame, dir);
     let row = splat_i(simd, 0);
-    let [smooth, forward] = [&frame.light.sky, &frame.light.glow].map(|table| columns.read(simd, table, row));
+    let (smooth, forward) = (columns.read(simd, &frame.light.sky, row), columns.read(simd, &frame.light.glow, row));
     let level = Vec3s::<S> { x: dir.x / length, y: dir.y / length, z: splat(simd, SKY_LOW) };
     smooth.add(forward.scale(phase(simd, frame, level)))
 }
@@ -79,10 +79,13 @@ fn sky<S: Simd>(simd: S, frame: &FrameUniform, dir: Vec3s<S>) -> Vec3s<S> {
     let row = height.to_int::<I<S>>().min(splat_i(simd, SKY_HEIGHTS as i32 - 2));
     let (columns, _) = SkyColumns::new(simd, frame, dir);
     let part = height - float::<S>(row);
-    let read = |table: &SkyTable| {
-        let (low, high) = (columns.read(simd, table, row), columns.read(simd, table, row + 1));
-        low.scale(one - part).add(high.scale(part))
-    };
+    let read = always(
+        #[inline(always)]
+        |table: &SkyTable| {
+            let (low, high) = (columns.read(simd, table, row), columns.read(simd, table, row + 1));
+            low.scale(one - part).add(high.scale(part))
+        },
+    );
     read(&frame.light.sky).add(read(&frame.light.glow).scale(phase(simd, frame, dir)))
 }
 
@@ -101,7 +104,10 @@ fn celestial_light<S: Simd>(simd: S, frame: &FrameUniform, lanes: M<S>, dir: Vec
             lunar[lane] = moon(frame, dir.lane(lane));
         }
     }
-    sun.map(|v| v + star + lunar)
+    sun.map(
+        #[inline(always)]
+        |v| v + star + lunar,
+    )
 }
 
 impl<S: Simd> SkyColumns<S> {
@@ -122,11 +128,21 @@ impl<S: Simd> SkyColumns<S> {
     fn read(&self, simd: S, table: &SkyTable, row: I<S>) -> Vec3s<S> {
         let cells: &[f32] = bytemuck::cast_slice(table);
         let first: U<S> = to_u::<S>((row * SKY_AZIMUTHS as i32 + self.left) * 4);
-        let at = |shift: u32| {
-            F::<S>::from_fn(simd, |lane| cells.get((first[lane] + shift) as usize).copied().unwrap_or(0.0))
-        };
+        let at = always(
+            #[inline(always)]
+            |shift: u32| {
+                F::<S>::from_fn(
+                    simd,
+                    #[inline(always)]
+                    |lane| cells.get((first[lane] + shift) as usize).copied().unwrap_or(0.0),
+                )
+            },
+        );
         let rest = splat(simd, 1.0) - self.part;
-        let channel = |c: u32| at(c) * rest + at(c + 4) * self.part;
+        let channel = always(
+            #[inline(always)]
+            |c: u32| at(c) * rest + at(c + 4) * self.part,
+        );
         Vec3s::<S> { x: channel(0), y: channel(1), z: channel(2) }
     }
 }

@@ -57,11 +57,17 @@ pub(super) fn trace<S: Simd>(
         if lit.any_true() {
             let on_plane = dir.scale(eye_m).add(Vec3s::splat(simd, Vec3::Z * SUN_LIFT_M));
             let origin = Vec3s::select(seen.is_hit, seen.shadow_origin, on_plane);
-            let origin = origin.map(|v| (v * ORIGINS_PER_M + 0.5).floor() / ORIGINS_PER_M);
+            let origin = origin.map(
+                #[inline(always)]
+                |v| (v * ORIGINS_PER_M + 0.5).floor() / ORIGINS_PER_M,
+            );
             let segments = Segments { origin, dir: sun, reach_m: frame.shadow_m, eye_m, to_sun: true, threshold };
             let mut shadows = Hits::nothing(simd);
             walk(simd, scene, &segments, lit, &mut shadows);
-            light.sun = light.sun.map(|v| shadows.is_hit.select(zero, v));
+            light.sun = light.sun.map(
+                #[inline(always)]
+                |v| shadows.is_hit.select(zero, v),
+            );
         }
     }
     let mut is_outlined = M::<S>::splat(simd, false);
