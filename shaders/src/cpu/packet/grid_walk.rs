@@ -3,16 +3,14 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, always, float, floor_clamped, has, lanes_of, nonzero, splat, splat_i, splat_u, to_i,
+        F, I, IVec2s, M, U, Vec2s, always, float, floor_clamped, has, nonzero, splat, splat_i, splat_u, to_i,
         to_u,
     },
+    mesh::walk_meshes,
     node_walk::walk_node,
 };
 use crate::{
-    cpu::{
-        mesh::walk_mesh,
-        ray::{MAX_STEPS, SceneRef},
-    },
+    cpu::ray::{MAX_STEPS, SceneRef},
     grid::Z_TOP,
     layout::{
         FrameUniform, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED, GRID_NODE_BIT, GRID_NODE_MASK,
@@ -81,13 +79,10 @@ pub(super) fn walk_grid<S: Simd>(
         let group = pending & crossings.node.simd_eq(splat_u(simd, index));
         match scene.nodes.get(index as usize) {
             None => {}
-            Some(node) if node.mesh != 0 => {
-                for lane in lanes_of::<S>(group) {
-                    let mut ray = segments.lane(scene, lane);
-                    walk_mesh(&mut ray, index);
-                    hits.set_lane(lane, &ray.hit);
-                }
-            }
+            Some(node) if node.mesh != 0 => simd.vectorize(
+                #[inline(always)]
+                || walk_meshes(simd, scene, segments, (node, index), group, hits),
+            ),
             Some(node) => simd.vectorize(
                 #[inline(always)]
                 || walk_node(simd, scene, segments, (node, index), group, [crossings.t_in, crossings.t_out], hits),

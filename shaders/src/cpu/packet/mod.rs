@@ -10,6 +10,8 @@ mod frame;
 mod grid_walk;
 mod hits;
 mod lanes;
+mod mesh;
+mod mesh_surface;
 mod node_walk;
 mod shade;
 mod sky;
