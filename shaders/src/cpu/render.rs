@@ -2,10 +2,13 @@
 
 use super::{
     instruction_set::InstructionSet,
-    packet::render_rows,
+    packet::{develop_pixels, render_rows},
     raycast::{Pixel, Pixels, Sampling, SceneRef, pixel},
 };
-use crate::layout::FrameUniform;
+use crate::{
+    layout::{FrameUniform, Shading},
+    tone::{DisplayTables, exposure},
+};
 use rayon::prelude::*;
 
 /// Renders the whole frame on all cores. Words that point outside of the arrays read as zero.
@@ -20,6 +23,8 @@ pub fn render_with(scene: &SceneRef<'_>, set: Option<InstructionSet>, sampling: 
     rows.develop(scene.frame)
 }
 
+/// Pixels that a thread develops at once.
+const DEVELOPED_PIXELS: usize = 1 << 13;
 /// Rows that a thread renders at once.
 const BAND_ROWS: usize = 16;
 
@@ -81,12 +86,26 @@ impl RenderedRows {
 
     /// The pixels of `frame`, of which all rows were rendered.
     pub fn develop(self, frame: &FrameUniform) -> Pixels {
-        let Self { words, distance, hit, .. } = self;
+        let Self { set, words, distance, hit, .. } = self;
         let mut out =
             Pixels { width_px: frame.width_px, height_px: frame.height_px, distance, hit, ..Pixels::default() };
-        out.set_words(frame, words);
+        match set.filter(|_| frame.shading == Shading::Lit as u32) {
+            Some(set) => (out.colour, out.radiance) = (develop_in_packets(set, frame, &words), words),
+            None => out.set_words(frame, words),
+        }
         out
     }
+}
+
+/// [`develop`](crate::tone::develop) of a lit frame.
+fn develop_in_packets(set: InstructionSet, frame: &FrameUniform, words: &[u32]) -> Vec<u32> {
+    let (exposure, tables, width) = (exposure(frame, words), DisplayTables::get(), frame.width_px.max(1));
+    let mut colours = vec![0; words.len()];
+    let chunks = words.par_chunks(DEVELOPED_PIXELS).zip(colours.par_chunks_mut(DEVELOPED_PIXELS)).enumerate();
+    chunks.for_each(|(chunk, (words, colours))| {
+        develop_pixels(set, (width, chunk * DEVELOPED_PIXELS), (exposure, tables), words, colours);
+    });
+    colours
 }
 
 /// Renders rows from row `first` on this thread: as many as `out` has pixels for.

@@ -7,6 +7,7 @@ use super::{
     lanes::{F, M, U, Vec2s, Vec3s, always, float, float_u, lanes_of, splat, splat_u, to_i},
     shade::normalize_or,
     sky::airlight,
+    tone::encode_radiances,
     trace::{TracedRays, trace},
 };
 use crate::{
@@ -15,7 +16,7 @@ use crate::{
         ray::SceneRef,
         raycast::{GOLDEN_TURN, Pixel, Sampling, pixel_word, sun_axes},
     },
-    layout::{FrameUniform, MAX_SAMPLES, NO_NODE},
+    layout::{FrameUniform, MAX_SAMPLES, NO_NODE, Shading},
     tone::gradient_noise,
 };
 use fearless_simd::{Level, prelude::*};
@@ -122,10 +123,39 @@ fn draw<S: Simd>(simd: S, scene: &SceneRef<'_>, sampling: Sampling, first: u32, 
             band.draw_others(simd, chunk, centre);
         }
     }
-    let drawn = band.pixels.iter().skip((width * border) as usize);
-    for (target, pixel) in out.iter_mut().zip(drawn) {
-        *target = pixel.finish(frame);
+    let drawn = band.pixels.get((width * border) as usize..).unwrap_or_default();
+    for (target, pixels) in out.chunks_mut(F::<S>::LEN).zip(drawn.chunks(F::<S>::LEN)) {
+        finish(simd, frame, pixels, target);
     }
+}
+
+/// What the pixels of a frame have become.
+fn finish<S: Simd>(simd: S, frame: &FrameUniform, pixels: &[PixelState], out: &mut [Pixel]) {
+    let is_plain = frame.shading == Shading::Lit as u32 && frame.objects == 0;
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            let mut words = splat_u(simd, 0);
+            if is_plain {
+                let mut rgb = Vec3s::splat(simd, Vec3::ZERO);
+                for (lane, pixel) in pixels.iter().enumerate() {
+                    rgb.set_lane(lane, pixel.sum_of_rays(frame));
+                }
+                let rays = frame.samples.clamp(1, MAX_SAMPLES).pow(2) as f32;
+                words = encode_radiances(
+                    simd,
+                    rgb.map(
+                        #[inline(always)]
+                        |v| v / rays,
+                    ),
+                );
+            }
+            for (lane, (target, pixel)) in out.iter_mut().zip(pixels).enumerate() {
+                let word = if is_plain { words[lane] } else { pixel.word(frame) };
+                *target = Pixel { word, distance_m: pixel.distance_m, hit: pixel.node };
+            }
+        },
+    );
 }
 
 impl Band<'_> {
@@ -247,11 +277,15 @@ impl PixelState {
             || self.is_outlined != other.is_outlined
     }
 
-    fn finish(&self, frame: &FrameUniform) -> Pixel {
+    /// Light of all its rays.
+    fn sum_of_rays(&self, frame: &FrameUniform) -> Vec3 {
         let rays = frame.samples.clamp(1, MAX_SAMPLES).pow(2) as f32;
-        let (sum, outlined) = if self.is_refined { (self.sum, self.outlined) } else { (self.centre * rays, 0) };
-        let word = pixel_word(frame, sum, outlined, self.object);
-        Pixel { word, distance_m: self.distance_m, hit: self.node }
+        if self.is_refined { self.sum } else { self.centre * rays }
+    }
+
+    fn word(&self, frame: &FrameUniform) -> u32 {
+        let outlined = if self.is_refined { self.outlined } else { 0 };
+        pixel_word(frame, self.sum_of_rays(frame), outlined, self.object)
     }
 }
 

@@ -3,8 +3,8 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, always, float, floor_clamped, has, nonzero, splat, splat_i, splat_u, to_i,
-        to_u,
+        F, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, lanes_of, nonzero, splat, splat_i,
+        splat_u, to_i, to_u,
     },
     mesh::walk_meshes,
     node_walk::walk_node,
@@ -74,8 +74,7 @@ pub(super) fn walk_grid<S: Simd>(
         // The node that the hindmost ray enters, for all that enter it.
         let t = pending.select(crossings.t_in, splat(simd, f32::INFINITY));
         let hindmost = t.simd_le(splat(simd, t.reduce_min())) & pending;
-        let lane = (hindmost.to_bitmask().trailing_zeros() as usize).min(F::<S>::LEN - 1);
-        let index = crossings.node[lane];
+        let index = crossings.node[first_lane::<S>(hindmost)];
         let group = pending & crossings.node.simd_eq(splat_u(simd, index));
         match scene.nodes.get(index as usize) {
             None => {}
@@ -234,31 +233,30 @@ impl<S: Simd> GridWalk<S> {
             }
             k = missing.select(k + 1, k);
         }
-        let word = always(
-            #[inline(always)]
-            |i: usize| {
-                U::<S>::from_fn(
-                    simd,
-                    #[inline(always)]
-                    |lane| {
-                        scene.grid.get(at[lane] as usize).map_or(
-                            0,
-                            #[inline(always)]
-                            |entry| entry[i],
-                        )
-                    },
-                )
-            },
-        );
-        ([word(0), word(1)], k)
+        (grid_words(simd, scene, at, seeking), k)
     }
+}
+
+/// Entries of the grid at `at`; 0 outside of it.
+#[inline(always)]
+fn grid_words<S: Simd>(simd: S, scene: &SceneRef<'_>, at: U<S>, lanes: M<S>) -> [U<S>; 2] {
+    let entry = |at: u32| scene.grid.get(at as usize).copied().unwrap_or_default();
+    let first = at[first_lane::<S>(lanes)];
+    if (lanes & at.simd_ne(splat_u(simd, first))).all_false() {
+        let [node, heights] = entry(first);
+        return [splat_u(simd, node), splat_u(simd, heights)];
+    }
+    let mut words = [splat_u(simd, 0); 2];
+    for lane in lanes_of::<S>(lanes) {
+        [words[0][lane], words[1][lane]] = entry(at[lane]);
+    }
+    words
 }
 
 /// Windows of the levels `k`: west and south end, log2 of the side, first entry.
 #[inline(always)]
 fn windows_at<S: Simd>(simd: S, frame: &FrameUniform, k: I<S>, lanes: M<S>) -> (I<S>, I<S>, I<S>, I<S>) {
-    let lane = (lanes.to_bitmask().trailing_zeros() as usize).min(F::<S>::LEN - 1);
-    let common = k[lane];
+    let common = k[first_lane::<S>(lanes)];
     let window = always(
         #[inline(always)]
         |k: i32| frame.windows.get(k as usize).copied().unwrap_or_default(),

@@ -185,6 +185,12 @@ pub(super) fn gather_where<S: Simd>(simd: S, words: &[u32], at: U<S>, mask: M<S>
     gather(simd, words, mask.select(at, splat_u(simd, u32::MAX)))
 }
 
+/// The first lane of a mask; the last lane of an empty one.
+#[inline(always)]
+pub(super) fn first_lane<S: Simd>(mask: M<S>) -> usize {
+    (mask.to_bitmask().trailing_zeros() as usize).min(F::<S>::LEN - 1)
+}
+
 /// The lanes of a mask in ascending order.
 #[inline(always)]
 pub(super) fn lanes_of<S: Simd>(mask: M<S>) -> impl Iterator<Item = usize> {

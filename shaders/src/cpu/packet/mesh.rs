@@ -126,13 +126,7 @@ pub(super) fn walk_meshes<S: Simd>(
 
 /// The same ray by ray.
 #[inline(always)]
-fn walk_singly<S: Simd>(
-    scene: &SceneRef<'_>,
-    segments: &Segments<S>,
-    index: u32,
-    group: M<S>,
-    hits: &mut Hits<S>,
-) {
+fn walk_singly<S: Simd>(scene: &SceneRef<'_>, segments: &Segments<S>, index: u32, group: M<S>, hits: &mut Hits<S>) {
     for lane in lanes_of::<S>(group) {
         let mut ray = segments.lane(scene, lane);
         walk_mesh(&mut ray, index);

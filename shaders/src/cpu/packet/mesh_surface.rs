@@ -4,7 +4,8 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, IVec2s, M, U, Vec2s, Vec3s, always, float_u, floor_clamped, gather_where, has, lanes_of, splat, splat_u, to_u,
+        F, IVec2s, M, U, Vec2s, Vec3s, always, float_u, floor_clamped, gather_where, has, lanes_of, splat, splat_u,
+        to_u,
     },
     mesh::{MeshHits, read_vec4},
     shade::{linear_of, normalize_or},
@@ -93,7 +94,8 @@ pub(super) fn hit_triangles<S: Simd>(
         inside = columns.is_inside(node, behind, p, normal);
         sky = inside.select(splat(simd, INSIDE_AO), sky);
     }
-    let flags = (reflective & !inside).select(splat_u(simd, MESH_FLAG | u32::from(flag::REFLECTIVE)), splat_u(simd, MESH_FLAG));
+    let flags =
+        (reflective & !inside).select(splat_u(simd, MESH_FLAG | u32::from(flag::REFLECTIVE)), splat_u(simd, MESH_FLAG));
     let origin = p.add(normal.scale(t * MESH_LIFT_SHARE + MESH_LIFT_M));
     hits.is_hit |= found;
     hits.albedo = Vec3s::select(found, albedo, hits.albedo);
@@ -161,7 +163,9 @@ impl<S: Simd> Columns<'_, S> {
         let offset = halves(node.leaf_offset) / LEAF_OFFSET_STEPS;
         let place = always(
             #[inline(always)]
-            |p: F<S>, normal: F<S>, corner: f32, offset: f32| (p - corner - normal * depth) / node.cell_m + offset - 0.5,
+            |p: F<S>, normal: F<S>, corner: f32, offset: f32| {
+                (p - corner - normal * depth) / node.cell_m + offset - 0.5
+            },
         );
         let at = Vec2s::<S> {
             x: place(p.x, normal.x, node.corner[0], offset.x),
@@ -220,11 +224,7 @@ impl<S: Simd> Columns<'_, S> {
         let head = bit(flag::CLIPPED).select(two, zeros) + gap.select(two, zeros);
         let strip = self.read(lanes & exposed, number + self.planes[STRIP_PLANE]);
         let texels = exposed.select(strip + head, zeros);
-        let bounds = if (lanes & gap).any_true() {
-            gap.select(self.read(lanes & gap, texels - 1), walk)
-        } else {
-            walk
-        };
+        let bounds = if (lanes & gap).any_true() { gap.select(self.read(lanes & gap, texels - 1), walk) } else { walk };
         let (z_max, z_min) = self.bounds(bounds);
         let far = z.simd_gt(z_max + 1.5 * codes) | z.simd_lt(z_min - 1.5 * codes);
         let known = lanes & bit(flag::OCCUPIED) & !far;

@@ -15,6 +15,8 @@ mod mesh_surface;
 mod node_walk;
 mod shade;
 mod sky;
+mod tone;
 mod trace;
 
 pub(super) use frame::render_rows;
+pub(super) use tone::develop_pixels;

@@ -4,8 +4,8 @@ use super::{
     column::{ColumnCrossing, hit_columns},
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, Vec3s, always, float, float_u, floor_clamped, gather_where, has, nonzero, splat,
-        splat_i, splat_u, to_u,
+        F, I, IVec2s, M, U, Vec2s, Vec3s, always, first_lane, float, float_u, floor_clamped, gather_where, has,
+        nonzero, splat, splat_i, splat_u, to_u,
     },
 };
 use crate::{
@@ -330,9 +330,9 @@ fn block_rows<S: Simd>(simd: S, scene: &SceneRef<'_>, at: U<S>, lanes: M<S>) -> 
                 .unwrap_or(EVERYTHING)
         },
     );
-    let lane = (lanes.to_bitmask().trailing_zeros() as usize).min(F::<S>::LEN - 1);
-    if (lanes & at.simd_ne(splat_u(simd, at[lane]))).all_false() {
-        let [a, b, c, d] = read(at[lane]);
+    let first = at[first_lane::<S>(lanes)];
+    if (lanes & at.simd_ne(splat_u(simd, first))).all_false() {
+        let [a, b, c, d] = read(first);
         return [splat_u(simd, a), splat_u(simd, b), splat_u(simd, c), splat_u(simd, d)];
     }
     let mut rows = [splat_u(simd, 0); 4];

@@ -2,7 +2,7 @@
 //! [`shade`](crate::cpu::shade).
 
 use super::{
-    lanes::{F, I, M, U, Vec3s, always, float, lanes_of, splat, splat_i, to_u},
+    lanes::{F, I, M, U, Vec3s, always, float, lanes_of, splat, splat_i, splat_u, to_u},
     shade::{Radiances, apply_haze},
 };
 use crate::{
@@ -128,13 +128,19 @@ impl<S: Simd> SkyColumns<S> {
     fn read(&self, simd: S, table: &SkyTable, row: I<S>) -> Vec3s<S> {
         let cells: &[f32] = bytemuck::cast_slice(table);
         let first: U<S> = to_u::<S>((row * SKY_AZIMUTHS as i32 + self.left) * 4);
+        let common = first[0];
+        let is_common = first.simd_eq(splat_u(simd, common)).all_true();
+        let cell = |at: u32| cells.get(at as usize).copied().unwrap_or(0.0);
         let at = always(
             #[inline(always)]
             |shift: u32| {
+                if is_common {
+                    return splat(simd, cell(common + shift));
+                }
                 F::<S>::from_fn(
                     simd,
                     #[inline(always)]
-                    |lane| cells.get((first[lane] + shift) as usize).copied().unwrap_or(0.0),
+                    |lane| cell(first[lane] + shift),
                 )
             },
         );
