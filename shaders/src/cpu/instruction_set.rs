@@ -14,18 +14,17 @@ impl InstructionSet {
 
     /// All that this machine has, the best first.
     pub fn all() -> Vec<Self> {
-        let level = Level::new();
-        let mut all = Vec::new();
-        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        {
-            all.extend(level.as_avx512().map(Level::Avx512));
-            all.extend(level.as_avx2().map(Level::Avx2));
-        }
-        #[cfg(target_arch = "aarch64")]
-        all.extend(level.as_neon().map(Level::Neon));
-        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
-        all.extend(level.as_wasm_simd128().map(Level::WasmSimd128));
-        all.into_iter().map(Self).collect()
+        let levels: &[Option<Level>] = &[
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Level::new().as_avx512().map(Level::Avx512),
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Level::new().as_avx2().map(Level::Avx2),
+            #[cfg(target_arch = "aarch64")]
+            Level::new().as_neon().map(Level::Neon),
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Level::new().as_wasm_simd128().map(Level::WasmSimd128),
+        ];
+        levels.iter().flatten().copied().map(Self).collect()
     }
 
     pub(super) fn level(self) -> Level {
@@ -34,6 +33,8 @@ impl InstructionSet {
 
     /// Its name and number of lanes.
     pub fn name(self) -> &'static str {
+        // Some machines have one instruction set.
+        #[allow(unreachable_patterns)]
         match self.0 {
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
             Level::Avx512(_) => "AVX-512, 16 rays",

@@ -26,7 +26,7 @@ use std::f32::consts::TAU;
 /// Squared length of the difference of normals from which neighbours differ: 8 degrees.
 const NORMALS_DIFFER: f32 = 0.02;
 /// Difference of radiances from which neighbours differ, as a share of the brighter one.
-const RADIANCES_DIFFER: f32 = 0.04;
+const RADIANCES_DIFFER: f32 = 0.03;
 
 /// A ray of the frame: its pixel, and its number in that.
 #[derive(Clone, Copy)]
@@ -81,6 +81,8 @@ pub(in crate::cpu) fn render_rows(
     first: u32,
     out: &mut [Pixel],
 ) {
+    // Some machines have one instruction set.
+    #[allow(unreachable_patterns)]
     match set.level() {
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
         Level::Avx512(simd) => draw(simd, scene, sampling, first, out),
@@ -186,19 +188,15 @@ impl Band<'_> {
         (ray.y * self.scene.frame.width_px + ray.x) as usize
     }
 
-    /// Whether a pixel differs from one of its neighbours.
+    /// Whether a pixel differs from one of its eight neighbours.
     fn differs(&self, ray: &FrameRay) -> bool {
-        let width = self.scene.frame.width_px as usize;
-        let at = self.at(ray);
-        let (has_left, has_right) = (ray.x > 0, ray.x as usize + 1 < width);
-        let around = [
-            has_left.then(|| at.wrapping_sub(1)),
-            has_right.then_some(at + 1),
-            Some(at.wrapping_sub(width)),
-            Some(at + width),
-        ];
-        let pixel = &self.pixels[at];
-        around.into_iter().flatten().filter_map(|at| self.pixels.get(at)).any(|other| pixel.differs_from(other))
+        let width = self.scene.frame.width_px;
+        let pixel = &self.pixels[self.at(ray)];
+        let columns = ray.x.saturating_sub(1)..(ray.x + 2).min(width);
+        let rows = [ray.y.wrapping_sub(1), ray.y, ray.y + 1];
+        let around =
+            rows.into_iter().flat_map(|y| columns.clone().map(move |x| (y.wrapping_mul(width)).wrapping_add(x)));
+        around.filter_map(|at| self.pixels.get(at as usize)).any(|other| pixel.differs_from(other))
     }
 
     fn draw_centres<S: Simd>(&mut self, simd: S, rays: &[FrameRay]) {

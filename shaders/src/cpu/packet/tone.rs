@@ -41,6 +41,8 @@ pub(in crate::cpu) fn develop_pixels(
     words: &[u32],
     colours: &mut [u32],
 ) {
+    // Some machines have one instruction set.
+    #[allow(unreachable_patterns)]
     match set.level() {
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
         Level::Avx512(simd) => develop_with(simd, (width, first), (exposure, tables), words, colours),
@@ -71,7 +73,7 @@ fn develop_with<S: Simd>(
                 for (lane, word) in words.iter().enumerate() {
                     radiances[lane] = *word;
                 }
-                let codes = codes_of(simd, tables, decode_radiances(simd, radiances).scale(splat(simd, exposure)));
+                let codes = codes_of(simd, tables, decode_radiances::<S>(radiances).scale(splat(simd, exposure)));
                 let at = (first + chunk * lanes) as u32;
                 // Pixels of a chunk may be of two rows.
                 let (mut x, mut y) = (splat_u(simd, 0), splat_u(simd, 0));
@@ -89,10 +91,9 @@ fn develop_with<S: Simd>(
 }
 
 #[inline(always)]
-fn decode_radiances<S: Simd>(simd: S, words: U<S>) -> Vec3s<S> {
+fn decode_radiances<S: Simd>(words: U<S>) -> Vec3s<S> {
     let exponent = (words >> 27) + (127 - EXPONENT_BIAS as u32 - MANTISSA_BITS);
     let scale: F<S> = (exponent << 23).bitcast();
-    let _ = simd;
     let mantissa = always(
         #[inline(always)]
         |shift: u32| float_u::<S>((words >> shift) & ((1 << MANTISSA_BITS) - 1)) * scale,
