@@ -31,7 +31,7 @@ const RADIANCES_DIFFER: f32 = 0.03;
 /// A ray of the frame: its pixel, and its number in that.
 #[derive(Clone, Copy)]
 struct FrameRay {
-    /// Column, and row from the band's first one that is drawn (the one above its own first).
+    /// Column, and row from the first of the band and its surroundings.
     x: u32,
     y: u32,
     sample: u32,
@@ -68,7 +68,7 @@ struct Band<'a> {
     scene: &'a SceneRef<'a>,
     /// Rays along a pixel's side.
     samples: u32,
-    /// The first row of `pixels` in the frame; -1 for that above the frame.
+    /// The first row of `pixels` in the frame; below 0 above the frame.
     top: i32,
     pixels: Vec<PixelState>,
 }
@@ -103,8 +103,10 @@ fn draw<S: Simd>(simd: S, scene: &SceneRef<'_>, sampling: Sampling, first: u32, 
     let rows = out.len() as u32 / width.max(1);
     let samples = frame.samples.clamp(1, MAX_SAMPLES);
     let is_adaptive = sampling == Sampling::Adaptive && samples > 1;
-    // The rows above and below decide with the others which pixels get more rays.
-    let border = u32::from(is_adaptive);
+    // Soft shadows begin a little beyond the pixels that show it.
+    let is_soft = frame.shadow_m > 0.0 && frame.sun_radius > 0.0;
+    // Rows above and below that decide with the others which pixels get more rays.
+    let border = u32::from(is_adaptive) * (1 + u32::from(is_soft));
     let top = first as i32 - border as i32;
     let pixels = vec![PixelState::NOTHING; (width * (rows + 2 * border)) as usize];
     let mut band = Band { scene, samples, top, pixels };
@@ -119,7 +121,9 @@ fn draw<S: Simd>(simd: S, scene: &SceneRef<'_>, sampling: Sampling, first: u32, 
             (0..samples * samples).filter(move |s| *s != centre).map(move |sample| FrameRay { sample, ..ray })
         };
         let is_drawn = |ray: &FrameRay| ray.y >= border && ray.y < rows + border;
-        rays.retain(|ray| is_drawn(ray) && (!is_adaptive || band.differs(ray)));
+        let edges = if is_adaptive { band.edges() } else { Vec::new() };
+        let is_refined = |at: usize| !is_adaptive || edges[at] || is_soft && band.around(at).any(|other| edges[other]);
+        rays.retain(|ray| is_drawn(ray) && is_refined(band.at(ray)));
         let rays: Vec<FrameRay> = rays.into_iter().flat_map(others).collect();
         for chunk in rays.chunks(F::<S>::LEN) {
             band.draw_others(simd, chunk, centre);
@@ -188,15 +192,22 @@ impl Band<'_> {
         (ray.y * self.scene.frame.width_px + ray.x) as usize
     }
 
-    /// Whether a pixel differs from one of its eight neighbours.
-    fn differs(&self, ray: &FrameRay) -> bool {
-        let width = self.scene.frame.width_px;
-        let pixel = &self.pixels[self.at(ray)];
-        let columns = ray.x.saturating_sub(1)..(ray.x + 2).min(width);
-        let rows = [ray.y.wrapping_sub(1), ray.y, ray.y + 1];
-        let around =
-            rows.into_iter().flat_map(|y| columns.clone().map(move |x| (y.wrapping_mul(width)).wrapping_add(x)));
-        around.filter_map(|at| self.pixels.get(at as usize)).any(|other| pixel.differs_from(other))
+    /// Pixels that differ from one of their eight neighbours.
+    fn edges(&self) -> Vec<bool> {
+        let is_edge = |at| {
+            let pixel = &self.pixels[at];
+            self.around(at).any(|other| pixel.differs_from(&self.pixels[other]))
+        };
+        (0..self.pixels.len()).map(is_edge).collect()
+    }
+
+    /// A pixel and its neighbours.
+    fn around(&self, at: usize) -> impl Iterator<Item = usize> {
+        let (width, len) = (self.scene.frame.width_px as usize, self.pixels.len());
+        let (x, y) = (at % width, at / width);
+        let columns = x.saturating_sub(1)..(x + 2).min(width);
+        let rows = y.saturating_sub(1)..(y + 2).min(len / width);
+        rows.flat_map(move |y| columns.clone().map(move |x| y * width + x))
     }
 
     fn draw_centres<S: Simd>(&mut self, simd: S, rays: &[FrameRay]) {
