@@ -95,7 +95,7 @@ pub fn exposure(frame: &FrameUniform, words: &[u32]) -> f32 {
 /// Pixels that a thread meters at once.
 const METER_PIXELS: usize = 1 << 13;
 /// Mantissas at which the bins of a power of two begin, without the first.
-const METER_EDGES: [f32; 5] = [1.122_462, 1.259_921, 1.414_213_5, 1.587_401, 1.781_797_4];
+const METER_EDGES: [f32; 5] = [1.122_462, 1.259_921, std::f32::consts::SQRT_2, 1.587_401, 1.781_797_4];
 
 /// The bin of a radiance's logarithm: by exponent and mantissa, because logarithms would take longer than drawing the sky.
 fn meter_bin(rgb: Vec3) -> usize {

@@ -47,7 +47,7 @@ pub(super) fn ahead_of(d: Vec2) -> Vec2 {
 }
 
 /// The power of two of a number from 0 to 1 as a polynomial: coefficients of x^0 to x^2, and of x^3 to x^5. Relative error 1e-7.
-pub(super) const EXP_LOW: Vec3 = Vec3::new(1.0, 0.693_151_74, 0.240_159_27);
+pub(super) const EXP_LOW: Vec3 = Vec3::new(1.0, 0.693_151_7, 0.240_159_27);
 pub(super) const EXP_HIGH: Vec3 = Vec3::new(0.055_818_675, 0.008_990_996_5, 0.001_879_318);
 /// Least power of two that [`exp`] returns.
 pub(super) const EXP_MIN: f32 = -126.0;

@@ -97,7 +97,7 @@ pub(super) fn hit_columns<S: Simd>(
     let plain = found.lanes & !rare;
     let mut left = rare;
     if plain.any_true() {
-        left = left | hit_plain_columns(scene, segments, rays, found, plain, hits);
+        left |= hit_plain_columns(scene, segments, rays, found, plain, hits);
     }
     for lane in lanes_of::<S>(left) {
         let mut ray = segments.lane(scene, lane);

@@ -66,7 +66,7 @@ pub(super) fn walk_grid<S: Simd>(
             steps += 1;
             let found = walk.step(scene, segments, seeking, &mut crossings);
             pending |= found;
-            seeking = seeking & !found & !walk.done;
+            seeking &= !found & !walk.done;
         }
         if pending.all_false() {
             return;
@@ -87,7 +87,7 @@ pub(super) fn walk_grid<S: Simd>(
                 || walk_node(simd, scene, segments, (node, index), group, [crossings.t_in, crossings.t_out], hits),
             ),
         }
-        pending = pending & !group;
+        pending &= !group;
         seeking = group & !walk.done & !hits.is_hit;
     }
 }
@@ -223,11 +223,11 @@ impl<S: Simd> GridWalk<S> {
             let is_inside = ((x | y) >> log2_side).simd_eq(splat_i(simd, 0));
             let found = missing & is_inside;
             at = found.select(to_u::<S>(base + (y << log2_side) + x), at);
-            missing = missing & !is_inside;
+            missing &= !is_inside;
             // No window holds the square of the ray.
             let coarsest = missing & k.simd_ge(splat_i(simd, GRID_LEVELS as i32 - 1));
             k = coarsest.select(splat_i(simd, last), k);
-            missing = missing & !coarsest;
+            missing &= !coarsest;
             if missing.all_false() {
                 break;
             }

@@ -265,8 +265,8 @@ impl<S: Simd> MeshRays<S> {
         let (mut lanes, mut is_front) = (lanes, front);
         if near_edge.any_true() {
             let (is_back, faces) = beyond_slack(simd, products, others, sides);
-            lanes = lanes & !(near_edge & !(is_back ^ faces));
-            is_front = is_front | (near_edge & faces);
+            lanes &= !(near_edge & !(is_back ^ faces));
+            is_front |= near_edge & faces;
         }
         let sign = is_front.select(splat(simd, -1.0), splat(simd, 1.0));
         let weights = [(sign * sides[0]).max(zero), (sign * sides[1]).max(zero), (sign * sides[2]).max(zero)];

@@ -182,8 +182,8 @@ impl<S: Simd> Columns<'_, S> {
             let along = if east > 0.0 { part.x } else { one - part.x };
             let up = if north > 0.0 { part.y } else { one - part.y };
             let weight = (along * up + 1e-4) * share;
-            sum = sum + sky * weight;
-            weights = weights + weight;
+            sum += sky * weight;
+            weights += weight;
         }
         let walk = self.read(lanes, self.number((at.x + 0.5).floor(), (at.y + 0.5).floor()) + self.planes[WALK_PLANE]);
         let reflective = has(simd, walk, u32::from(flag::REFLECTIVE) << FLAGS_SHIFT);

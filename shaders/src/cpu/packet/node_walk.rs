@@ -78,7 +78,7 @@ pub(super) fn walk_node<S: Simd>(
         loop {
             let wanting = lanes & !cells.active;
             // Rays that have left the node.
-            lanes = lanes & !(wanting & blocks.done);
+            lanes &= !(wanting & blocks.done);
             let wanting = wanting & !blocks.done;
             if wanting.all_false() {
                 break;
@@ -106,8 +106,8 @@ pub(super) fn walk_node<S: Simd>(
                 #[inline(always)]
                 || hit_columns(scene, segments, &rays, &found, hits),
             );
-            lanes = lanes & !hits.is_hit;
-            cells.active = cells.active & lanes;
+            lanes &= !hits.is_hit;
+            cells.active &= lanes;
         }
     }
 }
@@ -264,7 +264,7 @@ impl<'a, S: Simd> NodeRays<'a, S> {
         cells.cell.x = seeking.select(next.x, cell.x);
         cells.cell.y = seeking.select(next.y, cell.y);
         cells.t = seeking.select(t_out, t_in);
-        cells.active = cells.active & !ends;
+        cells.active &= !ends;
         let quad_top = cells.quad_top(simd, cell);
         let (z_in, z_out) = (self.z_at(t_in), self.z_at(t_out));
         let (lower, upper) = (self.rises.select(z_in, z_out), self.rises.select(z_out, z_in));
