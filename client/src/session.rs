@@ -11,10 +11,7 @@ use crate::{
 };
 use glam::DVec3;
 use insula_protocol::blockmap::NO_OBJECT;
-use insula_shaders::cpu::{
-    hit_counts::hit_counts,
-    raycast::{Pixels, RenderedRows},
-};
+use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels, render::RenderedRows};
 use insula_viewer::{
     cache::{AtlasCache, PAGE_BYTES},
     camera::{Camera, View},

@@ -63,13 +63,13 @@ pub fn decode_radiance(word: u32) -> Vec3 {
 
 /// Colours of a frame's pixels: r, g, b, 255 in sRGB. `words` are radiances if the frame is [`Shading::Lit`], else colours.
 pub fn develop(frame: &FrameUniform, words: &[u32]) -> Vec<u32> {
-    static DISPLAY: LazyLock<DisplayTables> = LazyLock::new(DisplayTables::new);
     if frame.shading != Shading::Lit as u32 {
         return words.to_vec();
     }
     let (exposure, width) = (exposure(frame, words), (frame.width_px as usize).max(1));
+    let tables = DisplayTables::get();
     let develop = |(i, word): (usize, &u32)| {
-        let codes = DISPLAY.codes(decode_radiance(*word) * exposure);
+        let codes = tables.codes(decode_radiance(*word) * exposure);
         dithered(codes, (i % width) as u32, (i / width) as u32)
     };
     words.par_iter().enumerate().map(develop).collect()
@@ -80,16 +80,31 @@ pub fn exposure(frame: &FrameUniform, words: &[u32]) -> f32 {
     if frame.exposure > 0.0 {
         return frame.exposure;
     }
-    let mut bins = [0; METER_BINS as usize];
-    for word in words {
-        bins[meter_bin(decode_radiance(*word))] += 1;
-    }
+    let count = |words: &[u32]| {
+        let mut bins = [0; METER_BINS as usize];
+        for word in words {
+            bins[meter_bin(decode_radiance(*word))] += 1;
+        }
+        bins
+    };
+    let add = |a: [u32; METER_BINS as usize], b: [u32; METER_BINS as usize]| std::array::from_fn(|i| a[i] + b[i]);
+    let bins = words.par_chunks(METER_PIXELS).map(count).reduce(|| [0; METER_BINS as usize], add);
     frame.light.key / mean_of(&bins).exp2()
 }
 
+/// Pixels that a thread meters at once.
+const METER_PIXELS: usize = 1 << 13;
+/// Mantissas at which the bins of a power of two begin, without the first.
+const METER_EDGES: [f32; 5] = [1.122_462, 1.259_921, std::f32::consts::SQRT_2, 1.587_401, 1.781_797_4];
+
+/// The bin of a radiance's logarithm: by exponent and mantissa, because logarithms would take longer than drawing the sky.
 fn meter_bin(rgb: Vec3) -> usize {
-    let stops = rgb.dot(LUMINANCE).max(1e-6).log2() - METER_MIN_LOG2;
-    (stops * METER_BINS_PER_STOP).clamp(0.0, (METER_BINS - 1) as f32) as usize
+    let luminance = rgb.dot(LUMINANCE).max(1e-6);
+    let bits = luminance.to_bits();
+    let stops = (bits >> 23) as i32 - 127 - METER_MIN_LOG2 as i32;
+    let mantissa = f32::from_bits(bits & 0x7f_ffff | 1.0f32.to_bits());
+    let above = METER_EDGES.iter().filter(|edge| mantissa >= **edge).count() as i32;
+    (stops * METER_BINS_PER_STOP as i32 + above).clamp(0, METER_BINS as i32 - 1) as usize
 }
 
 /// Mean log2 of the luminances in the meter's bins.
@@ -112,24 +127,30 @@ fn mean_of(bins: &[u32; METER_BINS as usize]) -> f32 {
 
 /// AgX: bright colours lose saturation as on film, and keep their hue. Its functions of one value are read from tables, because
 /// powers would take a tenth of a frame's time.
-struct DisplayTables {
+pub(crate) struct DisplayTables {
     /// AgX's curve by the value's exponent and the upper [`CURVE_MANTISSA_BITS`] of its mantissa.
-    curve: Vec<f32>,
+    pub(crate) curve: Vec<f32>,
     /// Code in sRGB, 0 to 255, by AgX's output from 0 to 1.
-    codes: Vec<f32>,
+    pub(crate) codes: Vec<f32>,
 }
 
 /// Bits of the mantissa that address the curve: straight lines between the entries differ by 5e-6 at most.
 const CURVE_MANTISSA_BITS: u32 = 8;
-const CURVE_SHIFT: u32 = 23 - CURVE_MANTISSA_BITS;
+pub(crate) const CURVE_SHIFT: u32 = 23 - CURVE_MANTISSA_BITS;
 /// Smallest value of the curve's table, where the curve is still flat: 2^-13.
-const CURVE_MIN: f32 = 1.0 / 8192.0;
+pub(crate) const CURVE_MIN: f32 = 1.0 / 8192.0;
 /// Powers of two that the curve's table covers.
 const CURVE_STOPS: u32 = 18;
 /// Steps of the table of codes.
-const CODE_STEPS: usize = 2048;
+pub(crate) const CODE_STEPS: usize = 2048;
 
 impl DisplayTables {
+    /// The tables, which are made once.
+    pub(crate) fn get() -> &'static Self {
+        static DISPLAY: LazyLock<DisplayTables> = LazyLock::new(DisplayTables::new);
+        &DISPLAY
+    }
+
     fn new() -> Self {
         let entry = |i: u32| agx_curve(f32::from_bits(CURVE_MIN.to_bits() + (i << CURVE_SHIFT)));
         let code = |i: usize| encoded((i as f32 / CODE_STEPS as f32).powf(AGX_GAMMA)) * 255.0;
@@ -177,8 +198,12 @@ fn dithered(codes: Vec3, x: u32, y: u32) -> u32 {
 /// From 0 to 1, as different as possible in pixels next to each other (Jimenez, "Next Generation Post Processing in Call of
 /// Duty", 2014: interleaved gradient noise).
 pub(crate) fn gradient_noise(x: u32, y: u32) -> f32 {
-    (52.982_918 * (0.067_110_56 * x as f32 + 0.005_837_15 * y as f32).fract()).fract()
+    let [scale, across, down] = NOISE;
+    (scale * (across * x as f32 + down * y as f32).fract()).fract()
 }
+
+/// Factors of [`gradient_noise`].
+pub(crate) const NOISE: [f32; 3] = [52.982_918, 0.067_110_56, 0.005_837_15];
 
 #[cfg(test)]
 mod tests {
@@ -219,6 +244,17 @@ mod tests {
             assert!((tables.curve(v) - agx_curve(v)).abs() < 5e-6, "{v}: {}, not {}", tables.curve(v), agx_curve(v));
         }
         assert_eq!(tables.curve(f32::INFINITY), tables.curve(1e5));
+    }
+
+    #[test]
+    fn bins_of_the_meter_are_even_in_the_logarithm() {
+        for i in 0..20_000 {
+            let v = (i as f32 / 500.0 - 20.0).exp2();
+            let place = (v.max(1e-6).log2() - METER_MIN_LOG2) * METER_BINS_PER_STOP;
+            let bin = meter_bin(Vec3::splat(v)) as f32;
+            let place = place.clamp(0.0, (METER_BINS - 1) as f32);
+            assert!(bin <= place + 1e-3 && place < bin + 1.001, "{v}: {bin}, not {place}");
+        }
     }
 
     #[test]

@@ -4,7 +4,10 @@ use crate::view::{Camera, FrameSpec};
 use glam::{DVec3, Vec2, Vec3};
 use insula_protocol::{BlockMap, NODE_CELLS, TileId, blockmap::voxel_error_m};
 use insula_shaders::{
-    cpu::raycast::{self, Pixels, SceneRef},
+    cpu::{
+        raycast::{Pixels, SceneRef},
+        render::render,
+    },
     grid::{self, GridBuilder},
     layout::{DrawNode, FrameUniform, PAGE_WORDS, PLANES, SUMMARY_WORDS, Shading},
     mesh::{PackedMesh, leaf_offset},
@@ -234,7 +237,7 @@ impl Scene<'_> {
     }
 
     pub fn render(&self) -> Pixels {
-        raycast::render(&self.as_ref())
+        render(&self.as_ref())
     }
 
     /// Numbers of nodes and pages that a GPU must hold.

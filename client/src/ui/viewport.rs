@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{error::Result, render::Adapter, session::PrefetchStep};
 use egui::Align2;
-use insula_shaders::{cpu::raycast::RenderedRows, layout::Shading};
+use insula_shaders::{cpu::render::RenderedRows, layout::Shading};
 use insula_viewer::{
     camera::Camera,
     frame::{FrameData, RenderSettings},

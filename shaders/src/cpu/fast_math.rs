@@ -4,7 +4,7 @@
 //! Here a NaN gives the second argument, as on most graphics devices.
 
 use super::ray::MIN_DIRECTION;
-use glam::{IVec2, Vec2};
+use glam::{IVec2, Vec2, Vec3};
 
 #[inline]
 pub(super) fn fast_min(a: f32, b: f32) -> f32 {
@@ -46,9 +46,37 @@ pub(super) fn ahead_of(d: Vec2) -> Vec2 {
     Vec2::new(f32::from(d.x > 0.0), f32::from(d.y > 0.0))
 }
 
+/// The power of two of a number from 0 to 1 as a polynomial: coefficients of x^0 to x^2, and of x^3 to x^5. Relative error 1e-7.
+pub(super) const EXP_LOW: Vec3 = Vec3::new(1.0, 0.693_151_7, 0.240_159_27);
+pub(super) const EXP_HIGH: Vec3 = Vec3::new(0.055_818_675, 0.008_990_996_5, 0.001_879_318);
+/// Least power of two that [`exp`] returns.
+pub(super) const EXP_MIN: f32 = -126.0;
+
+/// The exponential function, with a relative error of 4e-7 near 0.
+#[inline]
+pub(super) fn exp(v: f32) -> f32 {
+    let y = fast_min(fast_max(v * std::f32::consts::LOG2_E, EXP_MIN), -EXP_MIN);
+    let whole = floor(y);
+    let f = y - whole as f32;
+    let (low, high) = (EXP_LOW, EXP_HIGH);
+    let power = ((((high.z * f + high.y) * f + high.x) * f + low.z) * f + low.y) * f + low.x;
+    power * f32::from_bits(((whole + 127) as u32) << 23)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_exponential_function_agrees_with_the_standard_library() {
+        for i in -8000..100 {
+            let v = i as f32 / 100.0;
+            let (found, expected) = (exp(v), v.exp());
+            assert!((found / expected - 1.0).abs() < 4e-7 * (1.0 + v.abs()), "{v}: {found}, not {expected}");
+        }
+        assert_eq!(exp(0.0), 1.0);
+        assert!(exp(f32::NEG_INFINITY) < 1e-37 && exp(-1e9) < 1e-37);
+    }
 
     #[test]
     fn numbers_give_what_the_standard_library_gives_and_nan_the_second_argument() {

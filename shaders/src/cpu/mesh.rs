@@ -55,15 +55,15 @@ struct MeshRay {
 }
 
 /// The nearest triangle so far.
-struct MeshHit {
-    t: f32,
+pub(super) struct MeshHit {
+    pub(super) t: f32,
     /// Its address in the atlas, in vec4s; 0 if there is none.
-    triangle: u32,
-    u: f32,
-    v: f32,
-    is_front: bool,
+    pub(super) triangle: u32,
+    pub(super) u: f32,
+    pub(super) v: f32,
+    pub(super) is_front: bool,
     /// Address of its object's word in the palette, or 0.
-    object: u32,
+    pub(super) object: u32,
 }
 
 /// A half of the tree that is still to be visited, and where the ray enters it.
@@ -189,7 +189,7 @@ fn nearest_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRay, ro
 }
 
 /// A triangle's corners, in steps of the mesh's grid.
-fn unpack_corners(words: [u32; 4], last: u32) -> [Vec3; 3] {
+pub(super) fn unpack_corners(words: [u32; 4], last: u32) -> [Vec3; 3] {
     let [a, b, c, d] = words.map(halves);
     [Vec3::new(a.x, a.y, b.x), Vec3::new(b.y, c.x, c.y), Vec3::new(d.x, d.y, (last & 0xffff) as f32)]
 }
@@ -251,7 +251,7 @@ fn test_triangle<const AXIS: usize>(ray: &mut Ray<'_>, mesh_ray: &MeshRay, at: u
 }
 
 /// Which of two triangles at nearly the same place is seen.
-fn wins_tie(ray: &mut Ray<'_>, found: &MeshHit, before: &MeshHit) -> bool {
+pub(super) fn wins_tie(ray: &mut Ray<'_>, found: &MeshHit, before: &MeshHit) -> bool {
     if found.is_front != before.is_front {
         return found.is_front;
     }
@@ -267,9 +267,9 @@ fn normal_of(ray: &mut Ray<'_>, at: u32) -> Vec3 {
 }
 
 /// Gathers the triangle that was hit, with `t` from the segment's origin. Nothing is visible behind it.
-fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh_hit: &MeshHit) {
+pub(super) fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh_hit: &MeshHit) {
     let Some(node) = ray.scene.nodes.get(index as usize) else { return };
-    let (frame, segment, t) = (ray.scene.frame, ray.segment, mesh_hit.t);
+    let (segment, t) = (ray.segment, mesh_hit.t);
     let words = ray.read_vec4(mesh_hit.triangle);
     let carried = ray.read_vec4(mesh_hit.triangle + 1);
     let [a, b, c] = unpack_corners(words, carried[0]);
@@ -282,14 +282,8 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
         let [a, b, c] = [carried[1], carried[2], carried[3]].map(linear_of);
         a + (b - a) * u + (c - a) * v
     } else {
-        let size = halves(info[1]);
-        let [a, b, c] = [carried[1], carried[2], carried[3]].map(|word| halves(word) / 65535.0 * size);
-        let (e1, e2) = (b - a, c - a);
-        let texels_per_m = (e1.perp_dot(e2).abs() / (across.length() * step_m * step_m).max(1e-12)).sqrt();
-        let pixel = 2.0 * Vec3::from(frame.up).length() / (frame.height_px * frame.samples.max(1)) as f32;
-        let cosine = flat.dot(segment.dir).abs().max(MIN_COSINE).sqrt();
-        let level = (t * pixel * texels_per_m / cosine).max(1.0).log2();
-        sample_texture(ray, info, (a + e1 * u + e2 * v) / size, level)
+        let corners = [carried[1], carried[2], carried[3]];
+        texture_colour(ray, (info, step_m), corners, across, TextureHit { t, u, v, flat })
     };
     let turned = if across.dot(segment.dir) < 0.0 { 1.0 } else { -1.0 };
     let landmark = landmark_at(ray, node, info, TrianglePoint { triangle: mesh_hit.triangle, u, v, turned });
@@ -317,4 +311,34 @@ fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u32; 4], mesh
         stone,
         stone_point: landmark.map_or(Vec3::ZERO, |landmark| p - landmark.origin),
     };
+}
+
+/// Where a ray hits a triangle with a texture.
+#[derive(Clone, Copy)]
+pub(super) struct TextureHit {
+    pub(super) t: f32,
+    /// Shares of the second and third corner.
+    pub(super) u: f32,
+    pub(super) v: f32,
+    /// The triangle's unit normal.
+    pub(super) flat: Vec3,
+}
+
+/// Colour of a texture in a triangle whose corners lie at `carried` and whose normal, as long as twice its area, is `across`.
+pub(super) fn texture_colour(
+    ray: &mut Ray<'_>,
+    (info, step_m): ([u32; 4], f32),
+    carried: [u32; 3],
+    across: Vec3,
+    hit: TextureHit,
+) -> Vec3 {
+    let frame = ray.scene.frame;
+    let size = halves(info[1]);
+    let [a, b, c] = carried.map(|word| halves(word) / 65535.0 * size);
+    let (e1, e2) = (b - a, c - a);
+    let texels_per_m = (e1.perp_dot(e2).abs() / (across.length() * step_m * step_m).max(1e-12)).sqrt();
+    let pixel = 2.0 * Vec3::from(frame.up).length() / (frame.height_px * frame.samples.max(1)) as f32;
+    let cosine = hit.flat.dot(ray.segment.dir).abs().max(MIN_COSINE).sqrt();
+    let level = (hit.t * pixel * texels_per_m / cosine).max(1.0).log2();
+    sample_texture(ray, info, (a + e1 * hit.u + e2 * hit.v) / size, level)
 }

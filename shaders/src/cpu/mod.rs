@@ -7,6 +7,7 @@
 mod column;
 mod fast_math;
 pub mod hit_counts;
+pub mod instruction_set;
 pub(crate) mod landmark;
 pub(crate) mod mesh;
 pub(crate) mod mesh_surface;
@@ -14,8 +15,10 @@ pub mod night;
 mod node;
 pub mod noise;
 mod objects;
+mod packet;
 pub(crate) mod ray;
 pub mod raycast;
+pub mod render;
 pub mod shade;
 pub(crate) mod solid;
 pub mod stone;

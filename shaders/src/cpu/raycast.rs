@@ -66,78 +66,28 @@ struct TracedRay {
     counts: RayCounts,
 }
 
+/// Which pixels get all their rays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Sampling {
+    #[default]
+    Full,
+    /// Those that differ from a neighbour; the others get the ray through their centre. Without packets, as [`Self::Full`].
+    Adaptive,
+}
+
 /// One pixel's part of [`Pixels`].
-struct Pixel {
+#[derive(Debug, Clone, Copy)]
+pub struct Pixel {
     /// Radiance of a lit frame, else colour.
-    word: u32,
-    distance_m: f32,
-    hit: u32,
+    pub word: u32,
+    /// Metres along the pixel's ray, infinity where no node was hit.
+    pub distance_m: f32,
+    /// Index of the node that was hit, or [`NO_NODE`].
+    pub hit: u32,
 }
 
-/// Renders the whole frame on all cores. Words that point outside of the arrays read as zero.
-pub fn render(scene: &SceneRef<'_>) -> Pixels {
-    let mut rows = RenderedRows::default();
-    rows.render(scene, scene.frame.height_px);
-    rows.develop(scene.frame)
-}
-
-/// The upper rows of a frame that is rendered in steps, so that a caller can do something else meanwhile.
-#[derive(Debug, Default)]
-pub struct RenderedRows {
-    /// Number of rendered rows.
-    rows: u32,
-    words: Vec<u32>,
-    distance: Vec<f32>,
-    hit: Vec<u32>,
-}
-
-impl RenderedRows {
-    /// Renders the next `count` rows on all cores. Returns whether all rows are rendered. The scene must be the same in each step.
-    pub fn render(&mut self, scene: &SceneRef<'_>, count: u32) -> bool {
-        let (width_px, height_px) = (scene.frame.width_px, scene.frame.height_px);
-        let end = self.rows.saturating_add(count).min(height_px);
-        let row = |y: u32| (0..width_px).map(|x| pixel(scene, [x, y])).collect();
-        let rows: Vec<Vec<Pixel>> = (self.rows..end).into_par_iter().map(row).collect();
-        for pixel in rows.into_iter().flatten() {
-            self.words.push(pixel.word);
-            self.distance.push(pixel.distance_m);
-            self.hit.push(pixel.hit);
-        }
-        self.rows = end;
-        end == height_px
-    }
-
-    /// Appends rows that were rendered elsewhere: the words and hits that [`render_row`] gives. Distances are not known. Returns
-    /// whether all rows of `frame` are there.
-    pub fn append(&mut self, frame: &FrameUniform, words: &[u32], hit: &[u32]) -> bool {
-        self.words.extend_from_slice(words);
-        self.hit.extend_from_slice(hit);
-        self.rows = self.words.len() as u32 / frame.width_px.max(1);
-        self.rows >= frame.height_px
-    }
-
-    /// Number of rendered rows.
-    pub fn rows(&self) -> u32 {
-        self.rows
-    }
-
-    /// The pixels of `frame`, of which all rows were rendered.
-    pub fn develop(self, frame: &FrameUniform) -> Pixels {
-        let Self { words, distance, hit, .. } = self;
-        let mut out =
-            Pixels { width_px: frame.width_px, height_px: frame.height_px, distance, hit, ..Pixels::default() };
-        out.set_words(frame, words);
-        out
-    }
-}
-
-/// Renders one row on this thread. Appends a word (radiance of a lit frame, else colour) and the node that was hit for each pixel.
-pub fn render_row(scene: &SceneRef<'_>, y: u32, words: &mut Vec<u32>, hit: &mut Vec<u32>) {
-    for x in 0..scene.frame.width_px {
-        let pixel = pixel(scene, [x, y]);
-        words.push(pixel.word);
-        hit.push(pixel.hit);
-    }
+impl Pixel {
+    pub(super) const NOTHING: Self = Self { word: 0, distance_m: f32::INFINITY, hit: NO_NODE };
 }
 
 /// Work of the rays through the pixels' centres.
@@ -165,7 +115,7 @@ pub fn count_where(scene: &SceneRef<'_>, is_counted: impl Fn(usize) -> bool + Sy
 }
 
 /// WGSL's entry point.
-fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
+pub(super) fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
     let n = scene.frame.samples.clamp(1, MAX_SAMPLES);
     let mut sum = Vec3::ZERO;
     let (mut distance_m, mut hit, mut object) = (f32::INFINITY, NO_NODE, 0);
@@ -185,14 +135,19 @@ fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
             (distance_m, hit, object) = (traced.distance_m, traced.node, traced.object);
         }
     }
-    if scene.frame.shading == Shading::Objects as u32 {
-        return Pixel { word: object, distance_m, hit };
+    Pixel { word: pixel_word(scene.frame, sum, outlined, object), distance_m, hit }
+}
+
+/// A pixel's word: the sum of the light of its rays, how many of them hit an object with an outline, and the object of its centre.
+pub(super) fn pixel_word(frame: &FrameUniform, sum: Vec3, outlined: u32, object: u32) -> u32 {
+    let rays = frame.samples.clamp(1, MAX_SAMPLES).pow(2);
+    if frame.shading == Shading::Objects as u32 {
+        return object;
     }
     // The outline of an object is where the rays of a pixel disagree about it.
-    let is_outline = outlined > 0 && outlined < n * n;
-    let rgb = if is_outline { Vec3::from(OUTLINE_RGB) } else { sum / (n * n) as f32 };
-    let is_lit = scene.frame.shading == Shading::Lit as u32;
-    Pixel { word: if is_lit { encode_radiance(rgb) } else { encode_srgb(rgb) }, distance_m, hit }
+    let is_outline = outlined > 0 && outlined < rays;
+    let rgb = if is_outline { Vec3::from(OUTLINE_RGB) } else { sum / rays as f32 };
+    if frame.shading == Shading::Lit as u32 { encode_radiance(rgb) } else { encode_srgb(rgb) }
 }
 
 /// Light that all rays of a pixel share: air changes little within it.
@@ -203,7 +158,7 @@ struct PixelLight {
 }
 
 /// The sun's disc: radii across and along its height. Zero for hard shadows.
-fn sun_axes(frame: &FrameUniform) -> [Vec3; 2] {
+pub(super) fn sun_axes(frame: &FrameUniform) -> [Vec3; 2] {
     let across = Vec3::new(-frame.light.side[1], frame.light.side[0], 0.0) * frame.sun_radius;
     [across, across.cross(Vec3::from(frame.sun))]
 }
@@ -294,7 +249,7 @@ fn light_through(scene: &SceneRef<'_>, hit: &RayHit, dir: Vec3) -> Option<Vec3> 
 }
 
 /// Light of the surface that was hit.
-fn radiance_of(scene: &SceneRef<'_>, hit: &RayHit, dir: Vec3, airlight: &Airlight) -> Radiance {
+pub(super) fn radiance_of(scene: &SceneRef<'_>, hit: &RayHit, dir: Vec3, airlight: &Airlight) -> Radiance {
     let frame = scene.frame;
     let RayHit { albedo, ao, flags, level, distance_m, .. } = *hit;
     let surface = SurfaceSample { albedo, ao, normal: hit.normal.normalize_or(-dir), flags, level };

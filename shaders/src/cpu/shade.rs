@@ -2,7 +2,10 @@
 //!
 //! Only [`Shading::Lit`] has light and haze; the other shadings show what is baked.
 
-use super::night::{moon, stars};
+use super::{
+    fast_math::exp,
+    night::{moon, stars},
+};
 use crate::{
     atmosphere::{MIE_G, PHASE_SCALE},
     layout::{FrameUniform, Light, MESH_FLAG, SKY_AZIMUTHS, SKY_HEIGHTS, Shading, SkyTable},
@@ -220,7 +223,7 @@ pub(super) fn rgb(v: [f32; 4]) -> Vec3 {
 /// The sky low above the horizon in a ray's direction: the light that haze adds.
 #[derive(Debug, Clone, Copy)]
 pub struct Airlight {
-    rgb: Vec3,
+    pub(super) rgb: Vec3,
 }
 
 impl Airlight {
@@ -240,7 +243,7 @@ pub fn apply_haze(frame: &FrameUniform, light: Radiance, airlight: &Airlight, di
         return light;
     }
     let haze = rgb(frame.light.haze) * -distance_m;
-    let transmitted = Vec3::new(haze.x.exp(), haze.y.exp(), haze.z.exp());
+    let transmitted = haze.map(exp);
     let far = airlight.rgb;
     Radiance { sky: far + (light.sky - far) * transmitted, sun: light.sun * transmitted }
 }

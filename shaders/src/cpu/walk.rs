@@ -151,7 +151,7 @@ fn walk_block(ray: &mut Ray<'_>, mut walk: BlockWalk) {
 
 /// Never inlined: most cells have no column that the ray may hit, and the walk over them should stay in registers.
 #[inline(never)]
-fn walk_column(ray: &mut Ray<'_>, cell: IVec2, t_in: f32, t_out: f32, word: u32) {
+pub(super) fn walk_column(ray: &mut Ray<'_>, cell: IVec2, t_in: f32, t_out: f32, word: u32) {
     let mut column = ColumnVisit::read(ray, cell, t_in, t_out, word);
     while let Some(found) = column.meets(ray) {
         hit_solid(ray, &column, &found);

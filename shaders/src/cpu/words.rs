@@ -6,6 +6,7 @@ use insula_protocol::{
     blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL},
     texel::OPAQUE,
 };
+use std::sync::LazyLock;
 
 #[inline]
 pub(super) fn flags_of(walk: u32) -> u8 {
@@ -32,7 +33,15 @@ pub(super) fn azimuth_of(word: u32) -> u32 {
 /// Horizontal unit vector.
 #[inline]
 pub(super) fn azimuth_direction(azimuth: u32) -> Vec2 {
-    Vec2::from_angle(azimuth as f32 * (std::f32::consts::TAU / AZIMUTHS as f32))
+    azimuth_directions()[azimuth as usize % AZIMUTHS as usize]
+}
+
+/// The vectors of all azimuths: sine and cosine would take a third of the time of a clipped column.
+pub(super) fn azimuth_directions() -> &'static [Vec2; AZIMUTHS as usize] {
+    static DIRECTIONS: LazyLock<[Vec2; AZIMUTHS as usize]> = LazyLock::new(|| {
+        std::array::from_fn(|azimuth| Vec2::from_angle(azimuth as f32 * (std::f32::consts::TAU / AZIMUTHS as f32)))
+    });
+    &DIRECTIONS
 }
 
 /// Distance of a clipping plane from the cell's centre, in cells.

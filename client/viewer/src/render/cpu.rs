@@ -8,7 +8,9 @@ use crate::{
 };
 use insula_shaders::{
     cpu::{
-        raycast::{Pixels, RayCounts, RenderedRows, SceneRef, count, render},
+        instruction_set::InstructionSet,
+        raycast::{Pixels, RayCounts, Sampling, SceneRef, count},
+        render::{RenderedRows, render_with},
         translucency_map::make_map,
     },
     layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS},
@@ -35,7 +37,7 @@ impl CpuAdapter {
     /// Draws a frame on all cores.
     pub fn draw(&mut self, data: &FrameData) -> Pixels {
         self.make_maps(&data.frame, &data.grid, &data.nodes);
-        render(&self.scene_of(data))
+        render_with(&self.scene_of(data), InstructionSet::best(), Sampling::Adaptive)
     }
 
     /// Draws the next `count` rows of a frame on all cores. Returns whether all rows are drawn.

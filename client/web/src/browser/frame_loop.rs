@@ -11,7 +11,7 @@ use super::{
     viewer::{CityViewer, clamped_size, json},
 };
 use insula_shaders::{
-    cpu::{hit_counts::hit_counts, raycast::RenderedRows},
+    cpu::{hit_counts::hit_counts, render::RenderedRows},
     layout::{SUMMARY_WORDS, Shading},
 };
 use insula_viewer::{

@@ -3,7 +3,7 @@
 use super::page_writes;
 use bytemuck::{Pod, Zeroable};
 use insula_shaders::{
-    cpu::raycast::render_row,
+    cpu::render::render_row,
     layout::{DrawNode, FrameUniform},
 };
 use insula_viewer::{cache::pages_for, frame::FrameData, render::CpuAdapter};

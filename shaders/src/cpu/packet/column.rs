@@ -1,0 +1,462 @@
+//! Which of a column's solids the rays of a packet meet, and what they see there. The scalar code is
+//! [`column`](crate::cpu::column) and [`solid`](crate::cpu::solid), to which columns with gaps or holes are left.
+
+use super::{
+    hits::{Hits, Segments},
+    lanes::{
+        F, I, IVec2s, M, U, Vec2s, Vec3s, always, float, float_u, gather_where, has, lanes_of, splat, splat_u, to_i,
+        to_u,
+    },
+    node_walk::NodeRays,
+    shade::linear_of,
+};
+use crate::{
+    cpu::{
+        ray::{NodeRay, SUN_LIFT_CELLS, SceneRef},
+        walk::walk_column,
+        words::{azimuth_directions, codes_per_row},
+    },
+    layout::{ATTRIBUTE_PLANE, ROOF_PLANE, STRIP_PLANE},
+    pack::{
+        AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_CONCAVE, CLIP_CORNER, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS,
+        HEIGHT_MASK, slope_codes,
+    },
+};
+use fearless_simd::prelude::*;
+use glam::{IVec2, Vec2};
+use insula_protocol::{
+    NODE_CELLS,
+    blockmap::{CLIP_STEPS_PER_CELL, flag},
+    texel::{AO_MAX, OPAQUE},
+};
+
+/// The columns that rays have come to, in the lanes of `lanes`: the cell, where the rays cross it, the column's word.
+pub(super) struct ColumnCrossing<S: Simd> {
+    pub(super) lanes: M<S>,
+    pub(super) cell: IVec2s<S>,
+    pub(super) ta: F<S>,
+    pub(super) te: F<S>,
+    pub(super) word: U<S>,
+}
+
+/// Columns without gaps.
+struct Columns<S: Simd> {
+    number: U<S>,
+    flags: U<S>,
+    attributes: U<S>,
+    strip: U<S>,
+    clip: U<S>,
+    centre: Vec2s<S>,
+    z_min: F<S>,
+    z_max: F<S>,
+    slope: Vec2s<S>,
+}
+
+/// As the scalar `ClipSplit`.
+struct ClipSplit<S: Simd> {
+    begin: F<S>,
+    end: F<S>,
+    concave: M<S>,
+    walls: [U<S>; 3],
+}
+
+/// The first solids that the rays meet.
+struct FoundSolids<S: Simd> {
+    lanes: M<S>,
+    s: F<S>,
+    /// Entered through the side; else through the top or the bottom.
+    side: M<S>,
+    bottom_face: M<S>,
+    /// Beyond the plane that clips the column.
+    outer: M<S>,
+    wall: U<S>,
+    bottom: F<S>,
+    top: F<S>,
+}
+
+/// The part of the rays that is inside of a solid, entered through a side, the top or the bottom.
+struct Spans<S: Simd> {
+    s: F<S>,
+    e: F<S>,
+    top: M<S>,
+    bottom: M<S>,
+}
+
+/// Gathers what the rays hit in their columns.
+#[inline(always)]
+pub(super) fn hit_columns<S: Simd>(
+    scene: &SceneRef<'_>,
+    segments: &Segments<S>,
+    rays: &NodeRays<'_, S>,
+    found: &ColumnCrossing<S>,
+    hits: &mut Hits<S>,
+) {
+    let simd = rays.simd;
+    let rare = has(simd, found.word, u32::from(flag::GAP | flag::HOLES) << FLAGS_SHIFT);
+    let rare = if scene.frame.objects != 0 { found.lanes } else { found.lanes & rare };
+    let plain = found.lanes & !rare;
+    let mut left = rare;
+    if plain.any_true() {
+        left |= hit_plain_columns(scene, segments, rays, found, plain, hits);
+    }
+    for lane in lanes_of::<S>(left) {
+        let mut ray = segments.lane(scene, lane);
+        ray.node = rays.lane(lane);
+        let cell = IVec2::new(found.cell.x[lane], found.cell.y[lane]);
+        walk_column(&mut ray, cell, found.ta[lane], found.te[lane], found.word[lane]);
+        hits.set_lane(lane, &ray.hit);
+    }
+}
+
+/// The same for the columns in `plain`. Returns the rays that are left to the scalar code.
+#[inline(always)]
+fn hit_plain_columns<S: Simd>(
+    scene: &SceneRef<'_>,
+    segments: &Segments<S>,
+    rays: &NodeRays<'_, S>,
+    crossing: &ColumnCrossing<S>,
+    plain: M<S>,
+    hits: &mut Hits<S>,
+) -> M<S> {
+    let simd = rays.simd;
+    let columns = Columns::read(scene, rays, crossing, plain);
+    let solids = columns.meets(rays, crossing, plain);
+    if solids.lanes.all_false() || segments.to_sun {
+        // Whatever is met shadows.
+        hits.is_hit |= solids.lanes;
+        return M::<S>::splat(simd, false);
+    }
+    let exposed = has(simd, columns.flags, u32::from(flag::EXPOSED));
+    let is_roof = !solids.outer & !solids.side & !solids.bottom_face;
+    let is_row = !solids.outer & !is_roof & exposed;
+    // A column that shows its top only, met from another side.
+    let left = solids.lanes & !solids.outer & !is_roof & !exposed;
+    let at = solids.outer.select(columns.strip + 1, columns.number + rays.planes[ROOF_PLANE]);
+    let at = is_row.select(columns.row_at(rays, &solids), at);
+    let texel = gather_where(simd, scene.atlas, at, solids.lanes);
+    let is_open = (texel & OPAQUE).simd_eq(splat_u(simd, 0));
+    let left = left | (solids.lanes & is_row & is_open);
+    let lanes = solids.lanes & !left;
+    let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+    let flat = Vec3s::<S> { x: zero, y: zero, z: solids.bottom_face.select(-one, one) };
+    let mut normal = flat;
+    if (lanes & solids.side).any_true() {
+        let face = rays.face_normal(crossing.cell);
+        let wall = columns.wall_normal(rays, segments, &solids, face);
+        normal = Vec3s::select(solids.side, Vec3s::select(solids.outer, face, wall), normal);
+    }
+    if (lanes & is_roof).any_true() {
+        normal = Vec3s::select(is_roof, decode_normal(simd, columns.attributes), normal);
+    }
+    record(rays, segments, &columns, lanes, (solids.s, texel, normal), hits);
+    left
+}
+
+/// Ends the rays in `lanes` at texels.
+#[inline(always)]
+fn record<S: Simd>(
+    rays: &NodeRays<'_, S>,
+    segments: &Segments<S>,
+    columns: &Columns<S>,
+    lanes: M<S>,
+    (t, texel, normal): (F<S>, U<S>, Vec3s<S>),
+    hits: &mut Hits<S>,
+) {
+    let simd = rays.simd;
+    hits.is_hit |= lanes;
+    hits.albedo = Vec3s::select(lanes, linear_of(simd, texel), hits.albedo);
+    hits.ao = lanes.select(float_u::<S>(texel >> AO_SHIFT) / f32::from(AO_MAX), hits.ao);
+    hits.normal = Vec3s::select(lanes, normal, hits.normal);
+    hits.flags = lanes.select(columns.flags, hits.flags);
+    hits.level = lanes.select(splat_u(simd, rays.node.level), hits.level);
+    hits.distance_m = lanes.select(t, hits.distance_m);
+    hits.node = lanes.select(splat_u(simd, rays.index), hits.node);
+    let lift = splat(simd, rays.node.cell_m * SUN_LIFT_CELLS);
+    let origin = segments.dir.scale(t).add(normal.scale(lift));
+    hits.shadow_origin = Vec3s::select(lanes, origin, hits.shadow_origin);
+}
+
+impl<S: Simd> NodeRays<'_, S> {
+    /// The ray of a lane in the node, for the scalar code.
+    #[inline(always)]
+    fn lane(&self, lane: usize) -> NodeRay {
+        NodeRay {
+            index: self.index,
+            o: self.o.lane(lane),
+            d: self.d.lane(lane),
+            inv: Vec2::new(self.inv.x[lane], self.inv.y[lane]),
+            planes: self.planes.map(|first| first as usize),
+            z_shift: self.node.z_shift(),
+            summary: 0,
+            cell_m: self.node.cell_m,
+            level: self.node.level,
+        }
+    }
+
+    /// Normals of the cells' faces through which the rays enter.
+    #[inline(always)]
+    fn face_normal(&self, cell: IVec2s<S>) -> Vec3s<S> {
+        let simd = self.simd;
+        let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+        let near_x = (float::<S>(cell.x) + 1.0 - self.ahead.x - self.o.x) * self.inv.x;
+        let near_y = (float::<S>(cell.y) + 1.0 - self.ahead.y - self.o.y) * self.inv.y;
+        let across_x = near_x.simd_ge(near_y);
+        Vec3s {
+            x: across_x.select(one - self.ahead.x * 2.0, zero),
+            y: across_x.select(zero, one - self.ahead.y * 2.0),
+            z: zero,
+        }
+    }
+}
+
+impl<S: Simd> Columns<S> {
+    #[inline(always)]
+    fn read(scene: &SceneRef<'_>, rays: &NodeRays<'_, S>, crossing: &ColumnCrossing<S>, lanes: M<S>) -> Self {
+        let (simd, atlas) = (rays.simd, scene.atlas);
+        let number = to_u::<S>(crossing.cell.y * NODE_CELLS as i32 + crossing.cell.x);
+        let flags = lanes.select(crossing.word >> FLAGS_SHIFT, splat_u(simd, 0));
+        let bit = always(
+            #[inline(always)]
+            |flag: u8| has(simd, flags, u32::from(flag)),
+        );
+        let attributes = gather_where(simd, atlas, number + rays.planes[ATTRIBUTE_PLANE], lanes);
+        let (exposed, clipped) = (bit(flag::EXPOSED), bit(flag::CLIPPED));
+        let (mut strip, mut clip) = (splat_u(simd, 0), splat_u(simd, 0));
+        if exposed.any_true() {
+            strip = gather_where(simd, atlas, number + rays.planes[STRIP_PLANE], exposed);
+            if clipped.any_true() {
+                clip = gather_where(simd, atlas, strip, clipped);
+            }
+        }
+        let zero = splat(simd, 0.0);
+        let mut slope = Vec2s::<S> { x: zero, y: zero };
+        for lane in lanes_of::<S>(bit(flag::INCLINED)) {
+            [slope.x[lane], slope.y[lane]] = slope_codes(attributes[lane] as u16, rays.node.z_shift());
+        }
+        let half = 0.5;
+        Self {
+            number,
+            flags,
+            attributes,
+            strip,
+            clip,
+            centre: Vec2s::<S> { x: float::<S>(crossing.cell.x) + half, y: float::<S>(crossing.cell.y) + half },
+            z_min: float_u::<S>((crossing.word >> HEIGHT_BITS) & HEIGHT_MASK),
+            z_max: float_u::<S>(crossing.word & HEIGHT_MASK),
+            slope,
+        }
+    }
+
+    /// The first solids that the rays in `lanes` meet.
+    #[inline(always)]
+    fn meets(&self, rays: &NodeRays<'_, S>, crossing: &ColumnCrossing<S>, lanes: M<S>) -> FoundSolids<S> {
+        let simd = rays.simd;
+        let clipped = has(simd, self.flags, u32::from(flag::CLIPPED)) & lanes;
+        let (zero, none) = (splat(simd, 0.0), M::<S>::splat(simd, false));
+        let mut found = FoundSolids::<S> {
+            lanes: none,
+            s: zero,
+            side: none,
+            bottom_face: none,
+            outer: none,
+            wall: (self.attributes >> AZIMUTH_SHIFT) & (AZIMUTHS - 1),
+            bottom: self.z_min,
+            top: self.z_max,
+        };
+        let (ta, te) = (crossing.ta, crossing.te);
+        if clipped.all_false() {
+            self.meet_part(rays, lanes & ta.simd_lt(te), [ta, te], none, found.wall, &mut found);
+            return found;
+        }
+        let split = self.clip_split(rays, clipped, ta, te);
+        let has_outer = (self.clip & HEIGHT_MASK).simd_ne(splat_u(simd, 0));
+        let parts = [(ta, split.begin), (split.begin, split.end), (split.end, te)];
+        for (part, (s, e)) in parts.into_iter().enumerate() {
+            let outer = if part == 1 { split.concave } else { !split.concave };
+            let wanted = lanes & !found.lanes & s.simd_lt(e) & (!outer | has_outer);
+            if wanted.any_true() {
+                self.meet_part(rays, wanted, [s, e], outer, split.walls[part], &mut found);
+            }
+        }
+        found
+    }
+
+    /// Solids of one part of the rays' way through their cells.
+    #[inline(always)]
+    fn meet_part(
+        &self,
+        rays: &NodeRays<'_, S>,
+        wanted: M<S>,
+        [s, e]: [F<S>; 2],
+        outer: M<S>,
+        wall: U<S>,
+        found: &mut FoundSolids<S>,
+    ) {
+        let simd = rays.simd;
+        let zero = splat(simd, 0.0);
+        let outer_top = float_u::<S>(self.clip & HEIGHT_MASK);
+        let top = outer.select(outer_top, self.z_max);
+        let (zs, ze) = (rays.z_at(s), rays.z_at(e));
+        let (slope_x, slope_y) = (outer.select(zero, self.slope.x), outer.select(zero, self.slope.y));
+        let top_at = always(
+            #[inline(always)]
+            |t: F<S>| {
+                let x = rays.o.x + rays.d.x * t - self.centre.x;
+                let y = rays.o.y + rays.d.y * t - self.centre.y;
+                top + (slope_x * x + slope_y * y)
+            },
+        );
+        let (over, above) = ([zs - top_at(s), ze - top_at(e)], [zs - self.z_min, ze - self.z_min]);
+        let (spans, some) = clip_to_solid(simd, s, e, over, above);
+        let side = !spans.top & !spans.bottom;
+        // An eye inside a column (less than half a cell in front of a wall) sees out of it.
+        let inside = spans.s.simd_le(zero) & side;
+        let now = wanted & some & spans.s.simd_lt(spans.e) & !inside;
+        found.lanes |= now;
+        found.s = now.select(spans.s, found.s);
+        found.side = now.select(side, found.side);
+        found.bottom_face = now.select(spans.bottom, found.bottom_face);
+        found.outer = now.select(outer, found.outer);
+        found.wall = now.select(wall, found.wall);
+        found.top = now.select(top, found.top);
+    }
+
+    /// How the planes of the columns in `clipped` split their rays.
+    #[inline(always)]
+    fn clip_split(&self, rays: &NodeRays<'_, S>, clipped: M<S>, ta: F<S>, te: F<S>) -> ClipSplit<S> {
+        let simd = rays.simd;
+        let zero = splat(simd, 0.0);
+        let concave = has(simd, self.clip, CLIP_CONCAVE) & clipped;
+        let side = concave.select(splat(simd, -1.0), splat(simd, 1.0));
+        let wall = (self.attributes >> AZIMUTH_SHIFT) & (AZIMUTHS - 1);
+        let mut split = ClipSplit::<S> { begin: ta, end: te, concave, walls: [wall; 3] };
+        let corner = clipped & has(simd, self.clip, CLIP_CORNER);
+        for (word, lanes) in [(self.attributes, clipped), (self.clip, corner)] {
+            if lanes.all_false() {
+                continue;
+            }
+            let wall = (word >> AZIMUTH_SHIFT) & (AZIMUTHS - 1);
+            let offset = float::<S>(to_i::<S>(word) >> CLIP_OFFSET_SHIFT) / CLIP_STEPS_PER_CELL as f32;
+            let n = directions(simd, wall);
+            let beyond = always(
+                #[inline(always)]
+                |t: F<S>| {
+                    let x = rays.o.x + rays.d.x * t - self.centre.x;
+                    let y = rays.o.y + rays.d.y * t - self.centre.y;
+                    side * (n.x * x + n.y * y - offset)
+                },
+            );
+            let (a, b) = (beyond(ta), beyond(te));
+            let crossing = ta + (te - ta) * (a / (a - b));
+            let (a_out, b_out) = (lanes & a.simd_gt(zero), lanes & b.simd_gt(zero));
+            let whole = a_out & b_out;
+            let enters = a_out & !whole & crossing.simd_gt(split.begin);
+            let leaves = b_out & a.simd_le(zero) & crossing.simd_lt(split.end);
+            split.begin = whole.select(te, enters.select(crossing, split.begin));
+            split.walls[1] = enters.select(wall, split.walls[1]);
+            split.end = leaves.select(crossing, split.end);
+            split.walls[2] = leaves.select(wall, split.walls[2]);
+        }
+        // Never within: all of the ray is in the part before, which it enters through the cell's face.
+        let never = split.begin.simd_ge(split.end);
+        split.begin = never.select(te, split.begin);
+        split.end = never.select(te, split.end);
+        split
+    }
+
+    /// Addresses of the rows of strips at which the rays enter.
+    #[inline(always)]
+    fn row_at(&self, rays: &NodeRays<'_, S>, solids: &FoundSolids<S>) -> U<S> {
+        let simd = rays.simd;
+        let codes = codes_per_row(rays.node.z_shift());
+        let row_of = always(
+            #[inline(always)]
+            |z: F<S>| (z / codes).floor(),
+        );
+        let clipped = has(simd, self.flags, u32::from(flag::CLIPPED));
+        let head = clipped.select(splat_u(simd, 2), splat_u(simd, 0));
+        let (low, high) = (row_of(solids.bottom), row_of(solids.top - 1.0));
+        let row = row_of(rays.z_at(solids.s)).max(low).min(high);
+        let above: I<S> = (row - row_of(self.z_min)).to_int();
+        self.strip + head + to_u::<S>(above)
+    }
+
+    /// Normals of walls that the rays enter from outside, else of the cells' faces.
+    #[inline(always)]
+    fn wall_normal(
+        &self,
+        rays: &NodeRays<'_, S>,
+        segments: &Segments<S>,
+        solids: &FoundSolids<S>,
+        face: Vec3s<S>,
+    ) -> Vec3s<S> {
+        let simd = rays.simd;
+        let Vec2s::<S> { x, y } = directions(simd, solids.wall);
+        let normal = Vec3s::<S> { x, y, z: splat(simd, 0.0) };
+        Vec3s::select(normal.dot(segments.dir).simd_lt(splat(simd, 0.0)), normal, face)
+    }
+}
+
+/// As the scalar function; and whether there is such a part.
+#[inline(always)]
+fn clip_to_solid<S: Simd>(simd: S, ta: F<S>, te: F<S>, over: [F<S>; 2], above: [F<S>; 2]) -> (Spans<S>, M<S>) {
+    let zero = splat(simd, 0.0);
+    let (over_a, over_e) = (over[0].simd_gt(zero), over[1].simd_gt(zero));
+    let (below_a, below_e) = (above[0].simd_lt(zero), above[1].simd_lt(zero));
+    let some = !((over_a & over_e) | (below_a & below_e));
+    let at_top = ta + (te - ta) * (over[0] / (over[0] - over[1]));
+    let at_bottom = ta + (te - ta) * (above[0] / (above[0] - above[1]));
+    let s = over_a.select(at_top, ta);
+    let e = (!over_a & over_e).select(at_top, te);
+    let bottom = below_a & at_bottom.simd_gt(s);
+    let spans = Spans {
+        s: bottom.select(at_bottom, s),
+        e: (!below_a & below_e).select(e.min(at_bottom), e),
+        top: over_a & !bottom,
+        bottom,
+    };
+    (spans, some)
+}
+
+/// Horizontal unit vectors.
+#[inline(always)]
+fn directions<S: Simd>(simd: S, azimuth: U<S>) -> Vec2s<S> {
+    let table = azimuth_directions();
+    let at = always(
+        #[inline(always)]
+        |lane: usize| table[azimuth[lane] as usize % AZIMUTHS as usize],
+    );
+    Vec2s::<S> {
+        x: F::<S>::from_fn(
+            simd,
+            #[inline(always)]
+            |lane| at(lane).x,
+        ),
+        y: F::<S>::from_fn(
+            simd,
+            #[inline(always)]
+            |lane| at(lane).y,
+        ),
+    }
+}
+
+/// [`octahedral::decode`](insula_protocol::octahedral::decode) of the lower halves of words.
+#[inline(always)]
+fn decode_normal<S: Simd>(simd: S, words: U<S>) -> Vec3s<S> {
+    let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+    let unpack = always(
+        #[inline(always)]
+        |byte: U<S>| (float_u::<S>(byte.min(splat_u(simd, 254))) - 127.0) / 127.0,
+    );
+    let (x, y) = (unpack(words & 0xff), unpack((words >> 8) & 0xff));
+    let z = one - x.abs() - y.abs();
+    let sign = always(
+        #[inline(always)]
+        |v: F<S>| v.simd_lt(zero).select(-one, one),
+    );
+    let lower = z.simd_lt(zero);
+    let (folded_x, folded_y) = ((one - y.abs()) * sign(x), (one - x.abs()) * sign(y));
+    let (x, y) = (lower.select(folded_x, x), lower.select(folded_y, y));
+    let length = (x * x + y * y + z * z).sqrt();
+    Vec3s::<S> { x: x / length, y: y / length, z: z / length }
+}

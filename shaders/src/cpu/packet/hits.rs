@@ -1,0 +1,115 @@
+//! Segments of the rays of a packet, and the surfaces that they hit.
+
+use super::lanes::{F, M, U, Vec3s, splat, splat_u};
+use crate::{
+    cpu::ray::{NodeRay, Ray, RayCounts, RayHit, RaySegment, SceneRef},
+    layout::NO_NODE,
+};
+use fearless_simd::prelude::*;
+use glam::Vec3;
+
+/// [`RaySegment`] of each ray.
+#[derive(Clone, Copy)]
+pub(super) struct Segments<S: Simd> {
+    pub(super) origin: Vec3s<S>,
+    pub(super) dir: Vec3s<S>,
+    pub(super) reach_m: f32,
+    pub(super) eye_m: F<S>,
+    pub(super) to_sun: bool,
+    pub(super) threshold: U<S>,
+}
+
+/// [`RayHit`] of each ray.
+#[derive(Clone, Copy)]
+pub(super) struct Hits<S: Simd> {
+    pub(super) is_hit: M<S>,
+    pub(super) albedo: Vec3s<S>,
+    pub(super) ao: F<S>,
+    pub(super) normal: Vec3s<S>,
+    pub(super) flags: U<S>,
+    pub(super) level: U<S>,
+    pub(super) distance_m: F<S>,
+    pub(super) node: U<S>,
+    pub(super) object: U<S>,
+    pub(super) shadow_origin: Vec3s<S>,
+    pub(super) stone: U<S>,
+    pub(super) stone_point: Vec3s<S>,
+}
+
+impl<S: Simd> Segments<S> {
+    /// The ray of a lane, for the scalar code.
+    #[inline(always)]
+    pub(super) fn lane<'a>(&self, scene: &'a SceneRef<'a>, lane: usize) -> Ray<'a> {
+        let segment = RaySegment {
+            origin: self.origin.lane(lane),
+            dir: self.dir.lane(lane),
+            reach_m: self.reach_m,
+            eye_m: self.eye_m[lane],
+            to_sun: self.to_sun,
+        };
+        let (threshold, counts) = (self.threshold[lane], RayCounts::default());
+        Ray { scene, segment, threshold, hit: RayHit::NOTHING, node: NodeRay::default(), counts }
+    }
+}
+
+impl<S: Simd> Hits<S> {
+    /// Before the rays have hit anything.
+    #[inline(always)]
+    pub(super) fn nothing(simd: S) -> Self {
+        let (zero, zeros) = (splat(simd, 0.0), splat_u(simd, 0));
+        let zero3 = Vec3s::splat(simd, Vec3::ZERO);
+        Self {
+            is_hit: M::<S>::splat(simd, false),
+            albedo: zero3,
+            ao: zero,
+            normal: zero3,
+            flags: zeros,
+            level: zeros,
+            distance_m: splat(simd, f32::INFINITY),
+            node: splat_u(simd, NO_NODE),
+            object: zeros,
+            shadow_origin: zero3,
+            stone: zeros,
+            stone_point: zero3,
+        }
+    }
+
+    /// The hit of a lane, for the scalar code.
+    #[inline(always)]
+    pub(super) fn lane(&self, lane: usize) -> RayHit {
+        RayHit {
+            is_hit: self.is_hit.test(lane),
+            albedo: self.albedo.lane(lane),
+            ao: self.ao[lane],
+            normal: self.normal.lane(lane),
+            flags: self.flags[lane],
+            level: self.level[lane],
+            distance_m: self.distance_m[lane],
+            node: self.node[lane],
+            object: self.object[lane],
+            shadow_origin: self.shadow_origin.lane(lane),
+            stone: self.stone[lane],
+            stone_point: self.stone_point.lane(lane),
+        }
+    }
+
+    /// Takes over what the scalar code has hit.
+    #[inline(always)]
+    pub(super) fn set_lane(&mut self, lane: usize, hit: &RayHit) {
+        if !hit.is_hit {
+            return;
+        }
+        self.is_hit.set(lane, true);
+        self.albedo.set_lane(lane, hit.albedo);
+        self.ao[lane] = hit.ao;
+        self.normal.set_lane(lane, hit.normal);
+        self.flags[lane] = hit.flags;
+        self.level[lane] = hit.level;
+        self.distance_m[lane] = hit.distance_m;
+        self.node[lane] = hit.node;
+        self.object[lane] = hit.object;
+        self.shadow_origin.set_lane(lane, hit.shadow_origin);
+        self.stone[lane] = hit.stone;
+        self.stone_point.set_lane(lane, hit.stone_point);
+    }
+}

@@ -1,0 +1,204 @@
+//! Values of all rays of a packet, and the arithmetic of [`fast_math`](crate::cpu::fast_math) on them.
+
+use crate::cpu::ray::MIN_DIRECTION;
+use fearless_simd::prelude::*;
+use glam::Vec3;
+
+pub(super) type F<S> = <S as Simd>::f32s;
+pub(super) type I<S> = <S as Simd>::i32s;
+pub(super) type U<S> = <S as Simd>::u32s;
+pub(super) type M<S> = <S as Simd>::mask32s;
+
+/// Two numbers of each ray.
+#[derive(Clone, Copy)]
+pub(super) struct Vec2s<S: Simd> {
+    pub(super) x: F<S>,
+    pub(super) y: F<S>,
+}
+
+/// Three numbers of each ray.
+#[derive(Clone, Copy)]
+pub(super) struct Vec3s<S: Simd> {
+    pub(super) x: F<S>,
+    pub(super) y: F<S>,
+    pub(super) z: F<S>,
+}
+
+/// Two whole numbers of each ray.
+#[derive(Clone, Copy)]
+pub(super) struct IVec2s<S: Simd> {
+    pub(super) x: I<S>,
+    pub(super) y: I<S>,
+}
+
+impl<S: Simd> Vec3s<S> {
+    #[inline(always)]
+    pub(super) fn splat(simd: S, v: Vec3) -> Self {
+        Self { x: splat(simd, v.x), y: splat(simd, v.y), z: splat(simd, v.z) }
+    }
+
+    #[inline(always)]
+    pub(super) fn map(self, f: impl Fn(F<S>) -> F<S>) -> Self {
+        Self { x: f(self.x), y: f(self.y), z: f(self.z) }
+    }
+
+    #[inline(always)]
+    pub(super) fn zip(self, other: Self, f: impl Fn(F<S>, F<S>) -> F<S>) -> Self {
+        Self { x: f(self.x, other.x), y: f(self.y, other.y), z: f(self.z, other.z) }
+    }
+
+    #[inline(always)]
+    pub(super) fn add(self, other: Self) -> Self {
+        self.zip(
+            other,
+            #[inline(always)]
+            |a, b| a + b,
+        )
+    }
+
+    #[inline(always)]
+    pub(super) fn sub(self, other: Self) -> Self {
+        self.zip(
+            other,
+            #[inline(always)]
+            |a, b| a - b,
+        )
+    }
+
+    #[inline(always)]
+    pub(super) fn mul(self, other: Self) -> Self {
+        self.zip(
+            other,
+            #[inline(always)]
+            |a, b| a * b,
+        )
+    }
+
+    #[inline(always)]
+    pub(super) fn scale(self, factor: F<S>) -> Self {
+        self.map(
+            #[inline(always)]
+            |v| v * factor,
+        )
+    }
+
+    #[inline(always)]
+    pub(super) fn dot(self, other: Self) -> F<S> {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+
+    #[inline(always)]
+    pub(super) fn select(mask: M<S>, yes: Self, no: Self) -> Self {
+        yes.zip(
+            no,
+            #[inline(always)]
+            |yes, no| mask.select(yes, no),
+        )
+    }
+
+    /// The vector of one ray.
+    #[inline(always)]
+    pub(super) fn lane(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.x[lane], self.y[lane], self.z[lane])
+    }
+
+    #[inline(always)]
+    pub(super) fn set_lane(&mut self, lane: usize, v: Vec3) {
+        (self.x[lane], self.y[lane], self.z[lane]) = (v.x, v.y, v.z);
+    }
+}
+
+/// A closure that is always inlined: code that is not compiled for the instruction set itself would call each instruction.
+#[inline(always)]
+pub(super) fn always<F>(closure: F) -> F {
+    closure
+}
+
+#[inline(always)]
+pub(super) fn splat<S: Simd>(simd: S, v: f32) -> F<S> {
+    F::<S>::splat(simd, v)
+}
+
+#[inline(always)]
+pub(super) fn splat_i<S: Simd>(simd: S, v: i32) -> I<S> {
+    I::<S>::splat(simd, v)
+}
+
+#[inline(always)]
+pub(super) fn splat_u<S: Simd>(simd: S, v: u32) -> U<S> {
+    U::<S>::splat(simd, v)
+}
+
+#[inline(always)]
+pub(super) fn to_u<S: Simd>(v: I<S>) -> U<S> {
+    v.bitcast()
+}
+
+#[inline(always)]
+pub(super) fn to_i<S: Simd>(v: U<S>) -> I<S> {
+    v.bitcast()
+}
+
+#[inline(always)]
+pub(super) fn float<S: Simd>(v: I<S>) -> F<S> {
+    v.to_float()
+}
+
+/// Of values below 2^31.
+#[inline(always)]
+pub(super) fn float_u<S: Simd>(v: U<S>) -> F<S> {
+    float::<S>(to_i::<S>(v))
+}
+
+/// The floor, clamped to whole numbers from `low` to `high`.
+#[inline(always)]
+pub(super) fn floor_clamped<S: Simd>(v: F<S>, low: F<S>, high: F<S>) -> I<S> {
+    v.floor().max(low).min(high).to_int()
+}
+
+/// Whether any of the bits is set.
+#[inline(always)]
+pub(super) fn has<S: Simd>(simd: S, v: U<S>, bits: u32) -> M<S> {
+    (v & bits).simd_ne(splat_u(simd, 0))
+}
+
+/// `v`, or the least value that is not zero.
+#[inline(always)]
+pub(super) fn nonzero<S: Simd>(simd: S, v: F<S>) -> F<S> {
+    let least = splat(simd, MIN_DIRECTION);
+    v.abs().simd_lt(least).select(least, v)
+}
+
+/// Words at some addresses; 0 outside of `words`.
+#[inline(always)]
+pub(super) fn gather<S: Simd>(simd: S, words: &[u32], at: U<S>) -> U<S> {
+    U::<S>::from_fn(
+        simd,
+        #[inline(always)]
+        |lane| words.get(at[lane] as usize).copied().unwrap_or(0),
+    )
+}
+
+/// The same for the lanes of `mask`; 0 in the others.
+#[inline(always)]
+pub(super) fn gather_where<S: Simd>(simd: S, words: &[u32], at: U<S>, mask: M<S>) -> U<S> {
+    gather(simd, words, mask.select(at, splat_u(simd, u32::MAX)))
+}
+
+/// The first lane of a mask; the last lane of an empty one.
+#[inline(always)]
+pub(super) fn first_lane<S: Simd>(mask: M<S>) -> usize {
+    (mask.to_bitmask().trailing_zeros() as usize).min(F::<S>::LEN - 1)
+}
+
+/// The lanes of a mask in ascending order.
+#[inline(always)]
+pub(super) fn lanes_of<S: Simd>(mask: M<S>) -> impl Iterator<Item = usize> {
+    let mut bits = mask.to_bitmask();
+    std::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        let is_some = bits != 0;
+        bits &= bits.wrapping_sub(1);
+        is_some.then_some(lane)
+    })
+}

@@ -1,0 +1,282 @@
+//! The surface of a mesh that the rays of a packet hit. The scalar code is `hit_triangle` of [`mesh`](crate::cpu::mesh), and
+//! [`mesh_surface`](crate::cpu::mesh_surface).
+
+use super::{
+    hits::{Hits, Segments},
+    lanes::{
+        F, IVec2s, M, U, Vec2s, Vec3s, always, float_u, floor_clamped, gather_where, has, lanes_of, splat, splat_u,
+        to_u,
+    },
+    mesh::{MeshHits, read_vec4},
+    shade::{linear_of, normalize_or},
+};
+use crate::{
+    cpu::{
+        mesh::{MESH_LIFT_M, MESH_LIFT_SHARE, TextureHit, texture_colour},
+        mesh_surface::{INSIDE_AO, ROOF_NORMAL_Z, ROOF_WEIGHT_ON_WALL, UNKNOWN_AO},
+        node::planes_of,
+        ray::SceneRef,
+        words::{codes_per_row, halves},
+    },
+    layout::{DrawNode, MESH_FLAG, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
+    mesh::LEAF_OFFSET_STEPS,
+    pack::{AO_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK},
+};
+use fearless_simd::prelude::*;
+use insula_protocol::{
+    NODE_CELLS,
+    blockmap::flag,
+    texel::{AO_MAX, OPAQUE},
+};
+
+/// The columns that a mesh replaces.
+struct Columns<'a, S: Simd> {
+    simd: S,
+    atlas: &'a [u32],
+    planes: [u32; 4],
+    codes: f32,
+}
+
+/// The mesh's node, the number of that, metres of a step of its grid, and its facts.
+type MeshFacts<'a> = (&'a DrawNode, u32, f32, [u32; 4]);
+
+/// Triangles as in the atlas: corners, and what they carry.
+struct Triangles<S: Simd> {
+    corners: [Vec3s<S>; 3],
+    carried: [U<S>; 3],
+}
+
+/// Gathers the triangles that the rays in `found` hit.
+#[inline(always)]
+pub(super) fn hit_triangles<S: Simd>(
+    simd: S,
+    scene: &SceneRef<'_>,
+    segments: &Segments<S>,
+    (node, index, step_m, info): MeshFacts<'_>,
+    found: M<S>,
+    nearest: &MeshHits<S>,
+    hits: &mut Hits<S>,
+) {
+    let (zero, t) = (splat(simd, 0.0), nearest.t);
+    let triangles = Triangles::read(simd, scene, nearest.triangle, found);
+    let [a, b, c] = triangles.corners;
+    let across = cross(b.sub(a), c.sub(a));
+    let away = across.dot(segments.dir).simd_ge(zero);
+    let facing = across.map(
+        #[inline(always)]
+        |v| away.select(-v, v),
+    );
+    let back = segments.dir.map(
+        #[inline(always)]
+        |v| -v,
+    );
+    let normal = normalize_or(simd, facing, back);
+    let p = segments.origin.add(segments.dir.scale(t));
+    let mut albedo = triangles.colours(simd, nearest);
+    if info[1] != 0 {
+        for lane in lanes_of::<S>(found) {
+            let carried = [0, 1, 2].map(|i| triangles.carried[i][lane]);
+            let hit = TextureHit { t: t[lane], u: nearest.u[lane], v: nearest.v[lane], flat: normal.lane(lane) };
+            let mut ray = segments.lane(scene, lane);
+            albedo.set_lane(lane, texture_colour(&mut ray, (info, step_m), carried, across.lane(lane), hit));
+        }
+    }
+    let columns = Columns {
+        simd,
+        atlas: scene.atlas,
+        planes: planes_of(node).map(|first| first as u32),
+        codes: codes_per_row(node.z_shift()),
+    };
+    let (mut sky, reflective) = columns.surface_light(node, found, p, normal);
+    let behind = found & !nearest.is_front;
+    let mut inside = M::<S>::splat(simd, false);
+    if behind.any_true() {
+        inside = columns.is_inside(node, behind, p, normal);
+        sky = inside.select(splat(simd, INSIDE_AO), sky);
+    }
+    let flags =
+        (reflective & !inside).select(splat_u(simd, MESH_FLAG | u32::from(flag::REFLECTIVE)), splat_u(simd, MESH_FLAG));
+    let origin = p.add(normal.scale(t * MESH_LIFT_SHARE + MESH_LIFT_M));
+    hits.is_hit |= found;
+    hits.albedo = Vec3s::select(found, albedo, hits.albedo);
+    hits.ao = found.select(sky, hits.ao);
+    hits.normal = Vec3s::select(found, normal, hits.normal);
+    hits.flags = found.select(flags, hits.flags);
+    hits.level = found.select(splat_u(simd, node.level), hits.level);
+    hits.distance_m = found.select(t, hits.distance_m);
+    hits.node = found.select(splat_u(simd, index), hits.node);
+    hits.shadow_origin = Vec3s::select(found, origin, hits.shadow_origin);
+}
+
+#[inline(always)]
+fn cross<S: Simd>(a: Vec3s<S>, b: Vec3s<S>) -> Vec3s<S> {
+    Vec3s::<S> { x: a.y * b.z - b.y * a.z, y: a.z * b.x - b.z * a.x, z: a.x * b.y - b.x * a.y }
+}
+
+impl<S: Simd> Triangles<S> {
+    #[inline(always)]
+    fn read(simd: S, scene: &SceneRef<'_>, triangle: U<S>, lanes: M<S>) -> Self {
+        let zeros = splat_u(simd, 0);
+        let mut words = [zeros; 8];
+        for lane in lanes_of::<S>(lanes) {
+            let (first, second) = (read_vec4(scene, triangle[lane]), read_vec4(scene, triangle[lane] + 1));
+            for i in 0..4 {
+                words[i][lane] = first[i];
+                words[i + 4][lane] = second[i];
+            }
+        }
+        let low = always(
+            #[inline(always)]
+            |i: usize| float_u::<S>(words[i] & 0xffff),
+        );
+        let high = always(
+            #[inline(always)]
+            |i: usize| float_u::<S>(words[i] >> 16),
+        );
+        let corners = [
+            Vec3s::<S> { x: low(0), y: high(0), z: low(1) },
+            Vec3s::<S> { x: high(1), y: low(2), z: high(2) },
+            Vec3s::<S> { x: low(3), y: high(3), z: low(4) },
+        ];
+        Self { corners, carried: [words[5], words[6], words[7]] }
+    }
+
+    /// Linear RGB between the corners' colours.
+    #[inline(always)]
+    fn colours(&self, simd: S, nearest: &MeshHits<S>) -> Vec3s<S> {
+        let [a, b, c] = self.carried;
+        if (a.simd_ne(b) | a.simd_ne(c)).all_false() {
+            return linear_of(simd, a);
+        }
+        let (a, b, c) = (linear_of(simd, a), linear_of(simd, b), linear_of(simd, c));
+        a.add(b.sub(a).scale(nearest.u)).add(c.sub(a).scale(nearest.v))
+    }
+}
+
+impl<S: Simd> Columns<'_, S> {
+    /// Shares of the sky at `p`, and whether the surface is reflective.
+    #[inline(always)]
+    fn surface_light(&self, node: &DrawNode, lanes: M<S>, p: Vec3s<S>, normal: Vec3s<S>) -> (F<S>, M<S>) {
+        let simd = self.simd;
+        let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+        let depth = 0.5 * node.cell_m;
+        let offset = halves(node.leaf_offset) / LEAF_OFFSET_STEPS;
+        let place = always(
+            #[inline(always)]
+            |p: F<S>, normal: F<S>, corner: f32, offset: f32| {
+                (p - corner - normal * depth) / node.cell_m + offset - 0.5
+            },
+        );
+        let at = Vec2s::<S> {
+            x: place(p.x, normal.x, node.corner[0], offset.x),
+            y: place(p.y, normal.y, node.corner[1], offset.y),
+        };
+        let z = (p.z - node.corner[2] - normal.z * depth) / node.z_step_m;
+        let corner = Vec2s::<S> { x: at.x.floor(), y: at.y.floor() };
+        let part = Vec2s::<S> { x: at.x - corner.x, y: at.y - corner.y };
+        let (mut sum, mut weights) = (zero, zero);
+        for k in 0..4 {
+            let (east, north) = ((k & 1) as f32, (k >> 1) as f32);
+            let number = self.number(corner.x + east, corner.y + north);
+            let (sky, share) = self.sky(lanes, number, z, normal.z);
+            let along = if east > 0.0 { part.x } else { one - part.x };
+            let up = if north > 0.0 { part.y } else { one - part.y };
+            let weight = (along * up + 1e-4) * share;
+            sum += sky * weight;
+            weights += weight;
+        }
+        let walk = self.read(lanes, self.number((at.x + 0.5).floor(), (at.y + 0.5).floor()) + self.planes[WALK_PLANE]);
+        let reflective = has(simd, walk, u32::from(flag::REFLECTIVE) << FLAGS_SHIFT);
+        (weights.simd_gt(zero).select(sum / weights, splat(simd, UNKNOWN_AO)), reflective)
+    }
+
+    /// Numbers of the columns nearest to some places.
+    #[inline(always)]
+    fn number(&self, x: F<S>, y: F<S>) -> U<S> {
+        let (zero, last) = (splat(self.simd, 0.0), splat(self.simd, (NODE_CELLS - 1) as f32));
+        let cell = IVec2s::<S> { x: floor_clamped::<S>(x, zero, last), y: floor_clamped::<S>(y, zero, last) };
+        to_u::<S>(cell.y * NODE_CELLS as i32 + cell.x)
+    }
+
+    #[inline(always)]
+    fn read(&self, lanes: M<S>, at: U<S>) -> U<S> {
+        gather_where(self.simd, self.atlas, at, lanes)
+    }
+
+    /// Highest and lowest points of columns with these words.
+    #[inline(always)]
+    fn bounds(&self, word: U<S>) -> (F<S>, F<S>) {
+        (float_u::<S>(word & HEIGHT_MASK), float_u::<S>((word >> HEIGHT_BITS) & HEIGHT_MASK))
+    }
+
+    /// Shares of the sky that columns see at heights `z`, and the weights of those, as the scalar `column_sky`.
+    #[inline(always)]
+    fn sky(&self, lanes: M<S>, number: U<S>, z: F<S>, upwards: F<S>) -> (F<S>, F<S>) {
+        let (simd, codes) = (self.simd, self.codes);
+        let (zero, one, zeros) = (splat(simd, 0.0), splat(simd, 1.0), splat_u(simd, 0));
+        let walk = self.read(lanes, number + self.planes[WALK_PLANE]);
+        let bit = always(
+            #[inline(always)]
+            |flag: u8| has(simd, walk, u32::from(flag) << FLAGS_SHIFT),
+        );
+        let (exposed, gap) = (bit(flag::EXPOSED), bit(flag::GAP));
+        let two = splat_u(simd, 2);
+        let head = bit(flag::CLIPPED).select(two, zeros) + gap.select(two, zeros);
+        let strip = self.read(lanes & exposed, number + self.planes[STRIP_PLANE]);
+        let texels = exposed.select(strip + head, zeros);
+        let bounds = if (lanes & gap).any_true() { gap.select(self.read(lanes & gap, texels - 1), walk) } else { walk };
+        let (z_max, z_min) = self.bounds(bounds);
+        let far = z.simd_gt(z_max + 1.5 * codes) | z.simd_lt(z_min - 1.5 * codes);
+        let known = lanes & bit(flag::OCCUPIED) & !far;
+        let near_top = z.simd_gt(z_max - 1.5 * codes);
+        let is_roof = upwards.simd_gt(splat(simd, ROOF_NORMAL_Z));
+        let by_roof = !exposed | (is_roof & near_top);
+        let from_roof = known & by_roof & near_top;
+        let ao = always(
+            #[inline(always)]
+            |texel: U<S>| float_u::<S>(texel >> AO_SHIFT) / f32::from(AO_MAX),
+        );
+        let roof = ao(self.read(from_roof, number + self.planes[ROOF_PLANE]));
+        let mut sky = from_roof.select(is_roof.select(roof, roof * 0.5), zero);
+        let mut weight = from_roof.select(is_roof.select(one, splat(simd, ROOF_WEIGHT_ON_WALL)), zero);
+        let from_wall = known & !by_roof;
+        if from_wall.any_true() {
+            let first = (z_min / codes).floor();
+            let rows = ((z_max - 1.0) / codes).floor() - first;
+            let row = (z / codes - 0.5 - first).max(zero).min(rows);
+            let low = row.floor();
+            let a = self.read(from_wall, texels + low.to_int::<U<S>>());
+            let b = self.read(from_wall, texels + (low + 1.0).min(rows).to_int::<U<S>>());
+            let covered = always(
+                #[inline(always)]
+                |texel: U<S>, share: F<S>| (texel & OPAQUE).simd_ne(zeros).select(share, zero),
+            );
+            let (wa, wb) = (covered(a, one - (row - low)), covered(b, row - low));
+            let both = wa + wb;
+            let some = from_wall & both.simd_gt(zero);
+            sky = some.select((ao(a) * wa + ao(b) * wb) / both, sky);
+            weight = some.select(one, weight);
+        }
+        (sky, weight)
+    }
+
+    /// Whether the places in front of surfaces are within columns' solids.
+    #[inline(always)]
+    fn is_inside(&self, node: &DrawNode, lanes: M<S>, p: Vec3s<S>, normal: Vec3s<S>) -> M<S> {
+        let simd = self.simd;
+        let offset = halves(node.leaf_offset) / LEAF_OFFSET_STEPS;
+        let before = always(
+            #[inline(always)]
+            |p: F<S>, corner: f32, normal: F<S>| p - corner + normal * node.cell_m,
+        );
+        let x = before(p.x, node.corner[0], normal.x) / node.cell_m + offset.x;
+        let y = before(p.y, node.corner[1], normal.y) / node.cell_m + offset.y;
+        let z = before(p.z, node.corner[2], normal.z) / node.z_step_m;
+        let walk = self.read(lanes, self.number(x, y) + self.planes[WALK_PLANE]);
+        let occupied = has(simd, walk, u32::from(flag::OCCUPIED) << FLAGS_SHIFT);
+        // A gap may be in front of the surface.
+        let gap = has(simd, walk, u32::from(flag::GAP) << FLAGS_SHIFT);
+        let (z_max, z_min) = self.bounds(walk);
+        lanes & occupied & !gap & z.simd_gt(z_min) & z.simd_lt(z_max)
+    }
+}

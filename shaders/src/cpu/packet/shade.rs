@@ -1,0 +1,142 @@
+//! Light on the surfaces that the rays of a packet hit. The scalar code is [`shade`](crate::cpu::shade).
+//!
+//! Only surfaces without stones, reflections and lit windows in [`Shading::Lit`](crate::layout::Shading::Lit).
+
+use super::{
+    hits::Hits,
+    lanes::{F, U, Vec3s, always, float_u, splat},
+};
+use crate::{
+    cpu::{
+        fast_math::{EXP_HIGH, EXP_LOW, EXP_MIN},
+        shade::{
+            FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, GROUND_DEPTH, LAMP_DEPTH, LAMPS_IN_THE_OPEN,
+            LAMPS_ON_WALLS, POWER_HIGH, POWER_LOW, ZENITH_SHARE,
+        },
+    },
+    layout::FrameUniform,
+};
+use fearless_simd::prelude::*;
+use glam::Vec3;
+
+/// [`Radiance`](crate::cpu::shade::Radiance) of each ray.
+#[derive(Clone, Copy)]
+pub(super) struct Radiances<S: Simd> {
+    pub(super) sky: Vec3s<S>,
+    pub(super) sun: Vec3s<S>,
+}
+
+/// Linear RGB of texels.
+#[inline(always)]
+pub(super) fn linear_of<S: Simd>(simd: S, texel: U<S>) -> Vec3s<S> {
+    let channel = always(
+        #[inline(always)]
+        |shift: u32| {
+            let v = float_u::<S>((texel >> shift) & 255) / 255.0;
+            let x = (v + 0.055) / 1.055;
+            let power =
+                horner(simd, x, [POWER_HIGH.z, POWER_HIGH.y, POWER_HIGH.x, POWER_LOW.z, POWER_LOW.y, POWER_LOW.x]);
+            v.simd_le(splat(simd, 0.04045)).select(v / 12.92, power)
+        },
+    );
+    Vec3s::<S> { x: channel(0), y: channel(8), z: channel(16) }
+}
+
+/// A polynomial, its highest power first.
+#[inline(always)]
+fn horner<S: Simd, const N: usize>(simd: S, x: F<S>, factors: [f32; N]) -> F<S> {
+    let mut sum = splat(simd, factors[0]);
+    for factor in &factors[1..] {
+        sum = sum * x + *factor;
+    }
+    sum
+}
+
+/// [`exp`](crate::cpu::fast_math::exp).
+#[inline(always)]
+pub(super) fn exp<S: Simd>(simd: S, v: F<S>) -> F<S> {
+    let y = (v * std::f32::consts::LOG2_E).max(splat(simd, EXP_MIN)).min(splat(simd, -EXP_MIN));
+    let whole = y.floor();
+    let f = y - whole;
+    let power = horner(simd, f, [EXP_HIGH.z, EXP_HIGH.y, EXP_HIGH.x, EXP_LOW.z, EXP_LOW.y, EXP_LOW.x]);
+    let exponent: U<S> = (whole + 127.0).to_int();
+    power * (exponent << 23).bitcast::<F<S>>()
+}
+
+/// Unit normals, or against the rays.
+#[inline(always)]
+pub(super) fn unit_normal<S: Simd>(simd: S, normal: Vec3s<S>, dir: Vec3s<S>) -> Vec3s<S> {
+    normalize_or(
+        simd,
+        normal,
+        dir.map(
+            #[inline(always)]
+            |v| -v,
+        ),
+    )
+}
+
+#[inline(always)]
+pub(super) fn normalize_or<S: Simd>(simd: S, v: Vec3s<S>, fallback: Vec3s<S>) -> Vec3s<S> {
+    let recip = splat(simd, 1.0) / v.dot(v).sqrt();
+    let is_some = recip.simd_lt(splat(simd, f32::INFINITY)) & recip.simd_gt(splat(simd, 0.0));
+    Vec3s::select(is_some, v.scale(recip), fallback)
+}
+
+/// Light that the surfaces reflect, with unit normals `n`.
+#[inline(always)]
+pub(super) fn reflected<S: Simd>(simd: S, frame: &FrameUniform, hits: &Hits<S>, n: Vec3s<S>) -> Radiances<S> {
+    let (light, ao) = (&frame.light, hits.ao);
+    let (zero, one, half) = (splat(simd, 0.0), splat(simd, 1.0), splat(simd, 0.5));
+    let upright = n.z.abs();
+    let open = (ao / (upright * 0.5 + 0.5)).min(one);
+    let ahead = n.x * light.side[0] + n.y * light.side[1];
+    let below = half - n.z * 0.5;
+    // As `light_from_city`.
+    let (reach, deep) = (open * light.sun_tan, one - open + 1e-6);
+    let ground_share = reach / (reach + deep * GROUND_DEPTH);
+    let far = reach * reach.sqrt();
+    let sunlit = far / (far + deep * FACADE_DEPTH * deep) * (half - ahead * 0.5);
+    let facade_share =
+        (upright * (FACADES_BY_GROUND - FACADES_BY_WALL) + FACADES_BY_WALL) * (one - ao - below).max(zero);
+    let least = (one - upright) * LAMPS_IN_THE_OPEN;
+    let lamps = ((one - open) * LAMP_DEPTH).max(least).min(one) * n.z.max(splat(simd, LAMPS_ON_WALLS));
+    let sun = Vec3::from(frame.sun);
+    let facing = (n.x * sun.x + n.y * sun.y + n.z * sun.z).max(zero);
+    let sun_share = if frame.shadow_m > 0.0 { one } else { (ao * 2.0 + 0.25).min(one) };
+    let channel = always(
+        #[inline(always)]
+        |i: usize, albedo: F<S>| {
+            let [up, sky_wall, wall_ahead, axis] =
+                [light.sky_up[i], light.sky_wall[i], light.sky_wall_ahead[i], light.sky_wall_axis[i]];
+            let wall = ahead * wall_ahead + sky_wall + ahead * ahead * axis;
+            let overhead = up * ZENITH_SHARE;
+            let sky = ((wall - overhead) * open + overhead) * (one - upright) + upright * up;
+            let ground = ground_share * light.ground_sun[i] + light.ground_sky[i];
+            let facades = sunlit * light.facade_sun[i] + light.facade_sky[i] + ground * light.facade_ground;
+            let returned = ground * below + facades * facade_share;
+            let sky = albedo * (sky * ao + returned + lamps * light.street[i]);
+            (sky, albedo * (facing * light.sun[i]) * sun_share)
+        },
+    );
+    let [(rs, ru), (gs, gu), (bs, bu)] =
+        [channel(0, hits.albedo.x), channel(1, hits.albedo.y), channel(2, hits.albedo.z)];
+    Radiances::<S> { sky: Vec3s::<S> { x: rs, y: gs, z: bs }, sun: Vec3s::<S> { x: ru, y: gu, z: bu } }
+}
+
+/// Light from `distance_m` away, as it arrives at the eye through air that sends `airlight`.
+#[inline(always)]
+pub(super) fn apply_haze<S: Simd>(
+    simd: S,
+    frame: &FrameUniform,
+    light: &Radiances<S>,
+    airlight: Vec3s<S>,
+    distance_m: F<S>,
+) -> Radiances<S> {
+    let [r, g, b, _] = frame.light.haze;
+    let transmitted = Vec3s::<S> { x: distance_m * -r, y: distance_m * -g, z: distance_m * -b }.map(
+        #[inline(always)]
+        |v| exp(simd, v),
+    );
+    Radiances::<S> { sky: airlight.add(light.sky.sub(airlight).mul(transmitted)), sun: light.sun.mul(transmitted) }
+}

@@ -1,0 +1,141 @@
+//! Rays of a packet from the eye to a surface, and from there towards the sun. The scalar code is `trace` of
+//! [`raycast`](crate::cpu::raycast).
+
+use super::{
+    grid_walk::walk_grid,
+    hits::{Hits, Segments},
+    lanes::{F, M, U, Vec3s, lanes_of, splat, splat_u},
+    shade::{Radiances, apply_haze, reflected, unit_normal},
+    sky::{background, ground_distance},
+};
+use crate::{
+    cpu::{
+        ray::{SUN_LIFT_M, SceneRef},
+        raycast::radiance_of,
+        shade::{Airlight, background as scalar_background},
+    },
+    layout::{FrameUniform, PALETTE_OUTLINED, Shading},
+    mesh::ORIGINS_PER_M,
+};
+use fearless_simd::prelude::*;
+use glam::Vec3;
+use insula_protocol::blockmap::flag;
+
+/// Rays that have ended.
+pub(super) struct TracedRays<S: Simd> {
+    pub(super) rgb: Vec3s<S>,
+    pub(super) normal: Vec3s<S>,
+    pub(super) distance_m: F<S>,
+    pub(super) node: U<S>,
+    pub(super) object: U<S>,
+    pub(super) is_outlined: M<S>,
+}
+
+/// Traces rays from the eye, and those towards the sun from what they hit.
+#[inline(always)]
+pub(super) fn trace<S: Simd>(
+    simd: S,
+    scene: &SceneRef<'_>,
+    lanes: M<S>,
+    (dir, sun, airlight): (Vec3s<S>, Vec3s<S>, Vec3s<S>),
+    threshold: U<S>,
+) -> TracedRays<S> {
+    let frame = scene.frame;
+    let (zero, infinity) = (splat(simd, 0.0), splat(simd, f32::INFINITY));
+    let origin = Vec3s::splat(simd, Vec3::ZERO);
+    let reach_m = f32::INFINITY;
+    let segments = Segments { origin, dir, reach_m, eye_m: zero, to_sun: false, threshold };
+    let mut seen = Hits::nothing(simd);
+    walk(simd, scene, &segments, lanes, &mut seen);
+    let ground_m = ground_distance(simd, frame, dir);
+    let mut light = radiances(simd, scene, lanes, &seen, (dir, airlight, ground_m));
+    if frame.shadow_m > 0.0 {
+        let eye_m = seen.is_hit.select(seen.distance_m, ground_m);
+        let largest = light.sun.x.max(light.sun.y).max(light.sun.z);
+        // Nothing shadows the sky.
+        let lit = lanes & largest.simd_gt(zero) & eye_m.simd_lt(infinity);
+        if lit.any_true() {
+            let on_plane = dir.scale(eye_m).add(Vec3s::splat(simd, Vec3::Z * SUN_LIFT_M));
+            let origin = Vec3s::select(seen.is_hit, seen.shadow_origin, on_plane);
+            let origin = origin.map(
+                #[inline(always)]
+                |v| (v * ORIGINS_PER_M + 0.5).floor() / ORIGINS_PER_M,
+            );
+            let segments = Segments { origin, dir: sun, reach_m: frame.shadow_m, eye_m, to_sun: true, threshold };
+            let mut shadows = Hits::nothing(simd);
+            walk(simd, scene, &segments, lit, &mut shadows);
+            light.sun = light.sun.map(
+                #[inline(always)]
+                |v| shadows.is_hit.select(zero, v),
+            );
+        }
+    }
+    let mut is_outlined = M::<S>::splat(simd, false);
+    if frame.objects != 0 {
+        for lane in lanes_of::<S>(lanes & seen.object.simd_ne(splat_u(simd, 0))) {
+            let word = scene.atlas.get(seen.object[lane] as usize).copied().unwrap_or(0);
+            is_outlined.set(lane, word & PALETTE_OUTLINED != 0);
+        }
+    }
+    TracedRays {
+        rgb: light.sky.add(light.sun),
+        normal: seen.normal,
+        distance_m: seen.distance_m,
+        node: seen.node,
+        object: seen.object,
+        is_outlined,
+    }
+}
+
+/// Not inlined: it is called for rays from the eye and for those towards the sun.
+#[inline(always)]
+fn walk<S: Simd>(simd: S, scene: &SceneRef<'_>, segments: &Segments<S>, lanes: M<S>, hits: &mut Hits<S>) {
+    if scene.frame.levels != 0 {
+        simd.vectorize(
+            #[inline(always)]
+            || walk_grid(simd, scene, segments, lanes, hits),
+        );
+    }
+}
+
+/// Light of what the rays in `lanes` have hit, or of what is behind everything.
+#[inline(always)]
+fn radiances<S: Simd>(
+    simd: S,
+    scene: &SceneRef<'_>,
+    lanes: M<S>,
+    hits: &Hits<S>,
+    (dir, airlight, ground_m): (Vec3s<S>, Vec3s<S>, F<S>),
+) -> Radiances<S> {
+    let frame = scene.frame;
+    let zero3 = Vec3s::splat(simd, Vec3::ZERO);
+    let mut light = Radiances::<S> { sky: zero3, sun: zero3 };
+    let is_stone = hits.stone.simd_ne(splat_u(simd, 0));
+    let is_mirror = (hits.flags & u32::from(flag::REFLECTIVE)).simd_ne(splat_u(simd, 0));
+    let mut special = lanes & hits.is_hit & (is_stone | is_mirror);
+    if frame.shading != Shading::Lit as u32 || frame.light.window[3] > 0.0 {
+        special = lanes;
+    }
+    let plain = lanes & !special;
+    if (plain & hits.is_hit).any_true() {
+        let surfaces = reflected(simd, frame, hits, unit_normal(simd, hits.normal, dir));
+        light = apply_haze(simd, frame, &surfaces, airlight, hits.distance_m);
+    }
+    let beyond = plain & !hits.is_hit;
+    if beyond.any_true() {
+        let far = background(simd, frame, beyond, (dir, airlight, ground_m));
+        light.sky = Vec3s::select(beyond, far.sky, light.sky);
+        light.sun = Vec3s::select(beyond, far.sun, light.sun);
+    }
+    for lane in lanes_of::<S>(special) {
+        let (dir, airlight) = (dir.lane(lane), Airlight { rgb: airlight.lane(lane) });
+        let lit = if hits.is_hit.test(lane) {
+            radiance_of(scene, &hits.lane(lane), dir, &airlight)
+        } else {
+            scalar_background(frame, dir, &airlight)
+        };
+        light.sky.set_lane(lane, lit.sky);
+        light.sun.set_lane(lane, lit.sun);
+    }
+    light
+}

@@ -1,0 +1,133 @@
+//! Draws frames on all cores: in packets where the machine has vector instructions, else ray by ray.
+
+use super::{
+    instruction_set::InstructionSet,
+    packet::{develop_pixels, render_rows},
+    raycast::{Pixel, Pixels, Sampling, SceneRef, pixel},
+};
+use crate::{
+    layout::{FrameUniform, Shading},
+    tone::{DisplayTables, exposure},
+};
+use rayon::prelude::*;
+
+/// Renders the whole frame on all cores. Words that point outside of the arrays read as zero.
+pub fn render(scene: &SceneRef<'_>) -> Pixels {
+    render_with(scene, InstructionSet::best(), Sampling::Full)
+}
+
+/// The same with an instruction set, or ray by ray: the definition.
+pub fn render_with(scene: &SceneRef<'_>, set: Option<InstructionSet>, sampling: Sampling) -> Pixels {
+    let mut rows = RenderedRows { set, ..RenderedRows::new(sampling) };
+    rows.render(scene, scene.frame.height_px);
+    rows.develop(scene.frame)
+}
+
+/// Pixels that a thread develops at once.
+const DEVELOPED_PIXELS: usize = 1 << 13;
+/// Rows that a thread renders at once.
+const BAND_ROWS: usize = 16;
+
+/// The upper rows of a frame that is rendered in steps, so that a caller can do something else meanwhile.
+#[derive(Debug)]
+pub struct RenderedRows {
+    set: Option<InstructionSet>,
+    sampling: Sampling,
+    /// Number of rendered rows.
+    rows: u32,
+    words: Vec<u32>,
+    distance: Vec<f32>,
+    hit: Vec<u32>,
+}
+
+impl Default for RenderedRows {
+    /// As a viewer draws them.
+    fn default() -> Self {
+        Self::new(Sampling::Adaptive)
+    }
+}
+
+impl RenderedRows {
+    /// No rows yet.
+    pub fn new(sampling: Sampling) -> Self {
+        let set = InstructionSet::best();
+        Self { set, sampling, rows: 0, words: Vec::new(), distance: Vec::new(), hit: Vec::new() }
+    }
+
+    /// Renders the next `count` rows on all cores. Returns whether all rows are rendered. The scene must be the same in each step.
+    pub fn render(&mut self, scene: &SceneRef<'_>, count: u32) -> bool {
+        let (width, height_px) = (scene.frame.width_px as usize, scene.frame.height_px);
+        let end = self.rows.saturating_add(count).min(height_px);
+        let mut pixels = vec![Pixel::NOTHING; width * (end - self.rows) as usize];
+        let first = self.rows;
+        pixels.par_chunks_mut((width * BAND_ROWS).max(1)).enumerate().for_each(|(band, pixels)| {
+            render_band((self.set, self.sampling), scene, first + (band * BAND_ROWS) as u32, pixels);
+        });
+        self.words.extend(pixels.iter().map(|pixel| pixel.word));
+        self.distance.extend(pixels.iter().map(|pixel| pixel.distance_m));
+        self.hit.extend(pixels.iter().map(|pixel| pixel.hit));
+        self.rows = end;
+        end == height_px
+    }
+
+    /// Appends rows that were rendered elsewhere: the words and hits that [`render_row`] gives. Distances are not known. Returns
+    /// whether all rows of `frame` are there.
+    pub fn append(&mut self, frame: &FrameUniform, words: &[u32], hit: &[u32]) -> bool {
+        self.words.extend_from_slice(words);
+        self.hit.extend_from_slice(hit);
+        self.rows = self.words.len() as u32 / frame.width_px.max(1);
+        self.rows >= frame.height_px
+    }
+
+    /// Number of rendered rows.
+    pub fn rows(&self) -> u32 {
+        self.rows
+    }
+
+    /// The pixels of `frame`, of which all rows were rendered.
+    pub fn develop(self, frame: &FrameUniform) -> Pixels {
+        let Self { set, words, distance, hit, .. } = self;
+        let mut out =
+            Pixels { width_px: frame.width_px, height_px: frame.height_px, distance, hit, ..Pixels::default() };
+        match set.filter(|_| frame.shading == Shading::Lit as u32) {
+            Some(set) => (out.colour, out.radiance) = (develop_in_packets(set, frame, &words), words),
+            None => out.set_words(frame, words),
+        }
+        out
+    }
+}
+
+/// [`develop`](crate::tone::develop) of a lit frame.
+fn develop_in_packets(set: InstructionSet, frame: &FrameUniform, words: &[u32]) -> Vec<u32> {
+    let (exposure, tables, width) = (exposure(frame, words), DisplayTables::get(), frame.width_px.max(1));
+    let mut colours = vec![0; words.len()];
+    let chunks = words.par_chunks(DEVELOPED_PIXELS).zip(colours.par_chunks_mut(DEVELOPED_PIXELS)).enumerate();
+    chunks.for_each(|(chunk, (words, colours))| {
+        develop_pixels(set, (width, chunk * DEVELOPED_PIXELS), (exposure, tables), words, colours);
+    });
+    colours
+}
+
+/// Renders rows from row `first` on this thread: as many as `out` has pixels for.
+fn render_band(
+    (set, sampling): (Option<InstructionSet>, Sampling),
+    scene: &SceneRef<'_>,
+    first: u32,
+    out: &mut [Pixel],
+) {
+    if let Some(set) = set {
+        return render_rows(set, scene, sampling, first, out);
+    }
+    let width = scene.frame.width_px;
+    for (at, target) in (0u32..).zip(out) {
+        *target = pixel(scene, [at % width, first + at / width]);
+    }
+}
+
+/// Renders one row on this thread. Appends a word (radiance of a lit frame, else colour) and the node that was hit for each pixel.
+pub fn render_row(scene: &SceneRef<'_>, y: u32, words: &mut Vec<u32>, hit: &mut Vec<u32>) {
+    let mut row = vec![Pixel::NOTHING; scene.frame.width_px as usize];
+    render_band((InstructionSet::best(), Sampling::Full), scene, y, &mut row);
+    words.extend(row.iter().map(|pixel| pixel.word));
+    hit.extend(row.iter().map(|pixel| pixel.hit));
+}

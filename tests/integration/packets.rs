@@ -1,0 +1,135 @@
+//! Packets of rays draw what single rays draw, with every instruction set, and adaptive sampling draws nearly the same.
+
+use anyhow::{Result, ensure};
+use insula_shaders::{
+    cpu::{
+        instruction_set::InstructionSet,
+        night::bays_of,
+        raycast::{Pixels, Sampling},
+        render::{RenderedRows, render_with},
+    },
+    layout::{Light, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
+    light::{Air, NightLights},
+};
+use insula_tests::{
+    draw_list::Scene,
+    random::{self, Pose, RandomCity},
+    rng::Rng,
+    view::FrameSpec,
+};
+
+const FRAME: FrameSpec = FrameSpec { width_px: 121, height_px: 67, shading: Shading::Lit, samples: 1 };
+const CITIES: u64 = 12;
+
+fn cities() -> Vec<RandomCity> {
+    (0..CITIES).map(|seed| random::city(seed).expect("random cities are valid")).collect()
+}
+
+/// Fails unless all instruction sets draw what single rays draw.
+fn check(scene: &Scene<'_>, what: &str) -> Result<()> {
+    let scene = scene.as_ref();
+    let expected = render_with(&scene, None, Sampling::Full);
+    for set in InstructionSet::all() {
+        let found = render_with(&scene, Some(set), Sampling::Full);
+        let differs = |i: &usize| {
+            let words = |p: &Pixels| (p.colour[*i], p.radiance.get(*i).copied(), p.distance[*i].to_bits(), p.hit[*i]);
+            words(&expected) != words(&found)
+        };
+        let differing: Vec<usize> = (0..expected.colour.len()).filter(differs).collect();
+        if let Some(i) = differing.first() {
+            let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[*i], p.distance[*i], p.hit[*i] as i32);
+            anyhow::bail!(
+                "{what}, {}: {} pixels differ, the first is {i}: {}, not {}",
+                set.name(),
+                differing.len(),
+                values(&found),
+                values(&expected)
+            );
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn packets_draw_what_single_rays_draw() -> Result<()> {
+    for (seed, city) in cities().iter().enumerate() {
+        let mut rng = Rng::new(100 + seed as u64);
+        for (pose, samples) in Pose::ALL.into_iter().zip([1, 1, 2, 3, 1, 4].into_iter().cycle()) {
+            let camera = random::camera(&mut rng, city, pose);
+            let mut scene = city.draw_list.scene(&camera, &FrameSpec { samples, ..FRAME });
+            scene.frame.ground = seed as u32 % 2;
+            scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
+            scene.frame.shadow_m = if samples == 1 { 0.0 } else { 1e3 };
+            scene.frame.sun_radius = if samples == 3 { 0.005 } else { 0.0 };
+            check(&scene, &format!("city {seed}, {pose:?}, {samples} samples"))?;
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn packets_draw_every_shading_the_night_and_objects() -> Result<()> {
+    let styles = |object: u32| match object % 3 {
+        0 => PALETTE_HIDDEN,
+        1 => PALETTE_COLOURED | (object.wrapping_mul(0x9e_3779) & 0xff_ffff),
+        _ => PALETTE_OUTLINED,
+    };
+    for (seed, city) in cities().iter().enumerate() {
+        let mut city = city.clone();
+        let mut rng = Rng::new(200 + seed as u64);
+        city.draw_list.set_styles(styles);
+        for shading in Shading::ALL.into_iter().chain([Shading::Objects]) {
+            let camera = random::camera(&mut rng, &city, Pose::Above);
+            let mut scene = city.draw_list.scene(&camera, &FrameSpec { shading, samples: 2, ..FRAME });
+            scene.frame.objects = 1;
+            check(&scene, &format!("city {seed}, {}", shading.word()))?;
+        }
+        let camera = random::camera(&mut rng, &city, Pose::Grazing);
+        let mut scene = city.draw_list.scene(&camera, &FRAME);
+        let sun = glam::Vec3::new(0.3, 0.4, -0.1).normalize();
+        let night = NightLights { moon: Some(scene.frame.forward.into()), lit_windows: seed % 2 == 0 };
+        (scene.frame.sun, scene.frame.light) = (sun.into(), Light::new(sun, Air::default(), &night));
+        scene.frame.bays = bays_of(camera.position.into(), 1.0 / 67.0);
+        check(&scene, &format!("city {seed}, at night"))?;
+    }
+    Ok(())
+}
+
+#[test]
+fn packets_draw_cross_fades() -> Result<()> {
+    for (seed, city) in cities().iter().enumerate() {
+        let [both, ..] = random::fading(city, 300 + seed as u64, 20)?;
+        let camera = random::camera(&mut Rng::new(seed as u64), city, Pose::Above);
+        let mut scene = both.scene(&camera, &FrameSpec { samples: 2, ..FRAME });
+        scene.frame.shadow_m = 1e3;
+        check(&scene, &format!("city {seed}, fading"))?;
+    }
+    Ok(())
+}
+
+/// Adaptive frames do not depend on the steps in which they are drawn, nor on the instruction set.
+#[test]
+fn adaptive_frames_are_the_same_in_steps_and_close_to_full_ones() -> Result<()> {
+    let (mut squares, mut codes) = (0.0, 0.0f64);
+    for (seed, city) in cities().iter().enumerate() {
+        let camera = random::camera(&mut Rng::new(400 + seed as u64), city, Pose::Above);
+        let mut scene = city.draw_list.scene(&camera, &FrameSpec { samples: 3, ..FRAME });
+        scene.frame.shadow_m = 1e3;
+        let scene = scene.as_ref();
+        let full = render_with(&scene, None, Sampling::Full);
+        for set in InstructionSet::all() {
+            let whole = render_with(&scene, Some(set), Sampling::Adaptive);
+            let mut rows = RenderedRows::new(Sampling::Adaptive);
+            while !rows.render(&scene, 9) {}
+            ensure!(rows.develop(scene.frame) == whole, "city {seed}, {}", set.name());
+            for (a, b) in full.colour.iter().zip(&whole.colour) {
+                let apart = a.to_le_bytes().into_iter().zip(b.to_le_bytes()).take(3);
+                squares += apart.map(|(a, b)| f64::from(a.abs_diff(b)).powi(2)).sum::<f64>();
+                codes += 3.0;
+            }
+        }
+    }
+    let rms = (squares / codes.max(1.0)).sqrt();
+    ensure!(rms < 1.0, "adaptive frames differ by {rms} of 255");
+    Ok(())
+}
