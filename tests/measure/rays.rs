@@ -169,7 +169,8 @@ fn difference(definition: &Pixels, pixels: &Pixels) -> String {
         apart += usize::from(codes.fold(0.0, f64::max) > 2.0);
     }
     for (a, b) in definition.distance.iter().zip(&pixels.distance) {
-        moved += usize::from(a != b && !((a - b).abs() <= 1e-3 * a));
+        let is_same = a == b || a.is_finite() && (a - b).abs() <= 1e-3 * a;
+        moved += usize::from(!is_same);
     }
     let count = pixels.colour.len().max(1) as f64;
     format!(

@@ -115,6 +115,6 @@ fn cast(scene: &SceneRef<'_>, segment: RaySegment, pixel: [u32; 2]) -> RayHit {
 
 /// Whether the light of a frame's surfaces comes from translucency maps, and from which: that of the landmark whose pattern begins at
 /// `anchor`.
-pub(super) fn map_of<'a>(maps: &'a [TranslucencyMap; MAX_MAPS], anchor: Vec3) -> Option<&'a TranslucencyMap> {
+pub(super) fn map_of(maps: &[TranslucencyMap; MAX_MAPS], anchor: Vec3) -> Option<&TranslucencyMap> {
     maps.iter().find(|map| map.width_px != 0 && anchor.distance(map.anchor.into()) <= SAME_ANCHOR_M)
 }

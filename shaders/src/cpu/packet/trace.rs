@@ -14,7 +14,7 @@ use crate::{
         raycast::radiance_of,
         shade::{Airlight, background as scalar_background},
     },
-    layout::{FrameUniform, PALETTE_OUTLINED, Shading},
+    layout::{PALETTE_OUTLINED, Shading},
     mesh::ORIGINS_PER_M,
 };
 use fearless_simd::prelude::*;
