@@ -7,7 +7,7 @@ use super::{
         F, I, IVec2s, M, U, Vec2s, Vec3s, always, float, float_u, gather_where, has, lanes_of, splat, splat_u, to_i,
         to_u,
     },
-    node_walk::NodeRays,
+    node_rays::NodeRays,
     shade::linear_of,
 };
 use crate::{
@@ -39,8 +39,8 @@ pub(super) struct ColumnCrossing<S: Simd> {
     pub(super) word: U<S>,
 }
 
-/// Columns without gaps.
-struct Columns<S: Simd> {
+/// PlainColumns without gaps.
+struct PlainColumns<S: Simd> {
     number: U<S>,
     flags: U<S>,
     attributes: U<S>,
@@ -53,7 +53,7 @@ struct Columns<S: Simd> {
 }
 
 /// As the scalar `ClipSplit`.
-struct ClipSplit<S: Simd> {
+struct ClipSplits<S: Simd> {
     begin: F<S>,
     end: F<S>,
     concave: M<S>,
@@ -119,7 +119,7 @@ fn hit_plain_columns<S: Simd>(
     hits: &mut Hits<S>,
 ) -> M<S> {
     let simd = rays.simd;
-    let columns = Columns::read(scene, rays, crossing, plain);
+    let columns = PlainColumns::read(scene, rays, crossing, plain);
     let solids = columns.meets(rays, crossing, plain);
     if solids.lanes.all_false() || segments.to_sun {
         // Whatever is met shadows.
@@ -157,7 +157,7 @@ fn hit_plain_columns<S: Simd>(
 fn record<S: Simd>(
     rays: &NodeRays<'_, S>,
     segments: &Segments<S>,
-    columns: &Columns<S>,
+    columns: &PlainColumns<S>,
     lanes: M<S>,
     (t, texel, normal): (F<S>, U<S>, Vec3s<S>),
     hits: &mut Hits<S>,
@@ -209,7 +209,7 @@ impl<S: Simd> NodeRays<'_, S> {
     }
 }
 
-impl<S: Simd> Columns<S> {
+impl<S: Simd> PlainColumns<S> {
     #[inline(always)]
     fn read(scene: &SceneRef<'_>, rays: &NodeRays<'_, S>, crossing: &ColumnCrossing<S>, lanes: M<S>) -> Self {
         let (simd, atlas) = (rays.simd, scene.atlas);
@@ -323,13 +323,13 @@ impl<S: Simd> Columns<S> {
 
     /// How the planes of the columns in `clipped` split their rays.
     #[inline(always)]
-    fn clip_split(&self, rays: &NodeRays<'_, S>, clipped: M<S>, ta: F<S>, te: F<S>) -> ClipSplit<S> {
+    fn clip_split(&self, rays: &NodeRays<'_, S>, clipped: M<S>, ta: F<S>, te: F<S>) -> ClipSplits<S> {
         let simd = rays.simd;
         let zero = splat(simd, 0.0);
         let concave = has(simd, self.clip, CLIP_CONCAVE) & clipped;
         let side = concave.select(splat(simd, -1.0), splat(simd, 1.0));
         let wall = (self.attributes >> AZIMUTH_SHIFT) & (AZIMUTHS - 1);
-        let mut split = ClipSplit::<S> { begin: ta, end: te, concave, walls: [wall; 3] };
+        let mut split = ClipSplits::<S> { begin: ta, end: te, concave, walls: [wall; 3] };
         let corner = clipped & has(simd, self.clip, CLIP_CORNER);
         for (word, lanes) in [(self.attributes, clipped), (self.clip, corner)] {
             if lanes.all_false() {

@@ -20,7 +20,7 @@ use crate::{
 use fearless_simd::prelude::*;
 
 /// As the scalar walk's, of each ray.
-struct GridWalk<S: Simd> {
+struct GridWalks<S: Simd> {
     simd: S,
     o: Vec2s<S>,
     d: Vec2s<S>,
@@ -54,7 +54,7 @@ pub(super) fn walk_grid<S: Simd>(
     active: M<S>,
     hits: &mut Hits<S>,
 ) {
-    let (mut walk, inside) = GridWalk::begin_walk(simd, scene.frame, segments);
+    let (mut walk, inside) = GridWalks::begin_walk(simd, scene.frame, segments);
     let zero = splat(simd, 0.0);
     let mut crossings = NodeCrossings { node: splat_u(simd, 0), t_in: zero, t_out: zero };
     let mut seeking = active & inside;
@@ -92,7 +92,7 @@ pub(super) fn walk_grid<S: Simd>(
     }
 }
 
-impl<S: Simd> GridWalk<S> {
+impl<S: Simd> GridWalks<S> {
     /// And the rays that meet the grid.
     #[inline(always)]
     fn begin_walk(simd: S, frame: &FrameUniform, segments: &Segments<S>) -> (Self, M<S>) {

@@ -36,6 +36,22 @@ pub(super) struct Hits<S: Simd> {
     pub(super) stone_point: Vec3s<S>,
 }
 
+/// The nearest triangles so far.
+pub(super) struct MeshHits<S: Simd> {
+    pub(super) t: F<S>,
+    /// Addresses in the atlas, in vec4s; 0 if there is none.
+    pub(super) triangle: U<S>,
+    pub(super) u: F<S>,
+    pub(super) v: F<S>,
+    pub(super) is_front: M<S>,
+}
+
+/// Four words of the atlas, whose place is given in vec4s; 0 outside of it.
+#[inline(always)]
+pub(super) fn read_vec4(scene: &SceneRef<'_>, at: u32) -> [u32; 4] {
+    scene.atlas.get(at as usize * 4..).and_then(|words| words.first_chunk()).copied().unwrap_or_default()
+}
+
 impl<S: Simd> Segments<S> {
     /// The ray of a lane, for the scalar code.
     #[inline(always)]

@@ -3,7 +3,7 @@
 //! The packet visits a box if any of its rays meets it, the half first that the first of them enters first.
 
 use super::{
-    hits::{Hits, Segments},
+    hits::{Hits, MeshHits, Segments, read_vec4},
     lanes::{F, M, U, Vec3s, always, lanes_of, nonzero, splat, splat_u},
     mesh_surface::hit_triangles,
 };
@@ -30,28 +30,12 @@ struct MeshRays<S: Simd> {
     stride: u32,
 }
 
-/// The nearest triangles so far.
-pub(super) struct MeshHits<S: Simd> {
-    pub(super) t: F<S>,
-    /// Addresses in the atlas, in vec4s; 0 if there is none.
-    pub(super) triangle: U<S>,
-    pub(super) u: F<S>,
-    pub(super) v: F<S>,
-    pub(super) is_front: M<S>,
-}
-
 /// A half of the tree that is still to be visited by the rays that meet it, and where they enter it.
 #[derive(Clone, Copy)]
-struct PendingHalf<S: Simd> {
+struct SharedHalf<S: Simd> {
     reference: u32,
     lanes: M<S>,
     t: F<S>,
-}
-
-/// Four words of the atlas, whose place is given in vec4s; 0 outside of it.
-#[inline(always)]
-pub(super) fn read_vec4(scene: &SceneRef<'_>, at: u32) -> [u32; 4] {
-    scene.atlas.get(at as usize * 4..).and_then(|words| words.first_chunk()).copied().unwrap_or_default()
 }
 
 /// Gathers the first triangles that the rays in `group` hit in the mesh of a node.
@@ -182,7 +166,7 @@ impl<S: Simd> MeshRays<S> {
         nearest: &mut MeshHits<S>,
     ) {
         let simd = self.simd;
-        let nothing = PendingHalf::<S> { reference: 0, lanes, t: splat(simd, 0.0) };
+        let nothing = SharedHalf::<S> { reference: 0, lanes, t: splat(simd, 0.0) };
         let mut stack = [nothing; TRAVERSAL_STACK];
         let (mut height, mut reference) = (0, root);
         // Rays towards the sun that have hit something.
@@ -205,8 +189,8 @@ impl<S: Simd> MeshRays<S> {
                 let (any_a, any_b) = (meets_a.any_true(), meets_b.any_true());
                 let both = meets_a & meets_b;
                 let a_first = any_a && (!any_b || (both & enter_b.simd_lt(enter_a)).all_false());
-                let half_a = PendingHalf { reference: a[3], lanes: meets_a, t: enter_a };
-                let half_b = PendingHalf { reference: b[3], lanes: meets_b, t: enter_b };
+                let half_a = SharedHalf { reference: a[3], lanes: meets_a, t: enter_a };
+                let half_b = SharedHalf { reference: b[3], lanes: meets_b, t: enter_b };
                 if any_a && any_b && height < TRAVERSAL_STACK {
                     stack[height] = if a_first { half_b } else { half_a };
                     height += 1;
@@ -222,7 +206,7 @@ impl<S: Simd> MeshRays<S> {
                     return;
                 }
                 height -= 1;
-                let next: PendingHalf<S> = stack[height];
+                let next: SharedHalf<S> = stack[height];
                 lanes = next.lanes & next.t.simd_le(nearest.t) & !ended;
                 reference = next.reference;
                 if lanes.any_true() {

@@ -2,12 +2,11 @@
 //! [`mesh_surface`](crate::cpu::mesh_surface).
 
 use super::{
-    hits::{Hits, Segments},
+    hits::{Hits, MeshHits, Segments, read_vec4},
     lanes::{
         F, IVec2s, M, U, Vec2s, Vec3s, always, float_u, floor_clamped, gather_where, has, lanes_of, splat, splat_u,
         to_u,
     },
-    mesh::{MeshHits, read_vec4},
     shade::{linear_of, normalize_or},
 };
 use crate::{
@@ -30,7 +29,7 @@ use insula_protocol::{
 };
 
 /// The columns that a mesh replaces.
-struct Columns<'a, S: Simd> {
+struct CoveredColumns<'a, S: Simd> {
     simd: S,
     atlas: &'a [u32],
     planes: [u32; 4],
@@ -81,7 +80,7 @@ pub(super) fn hit_triangles<S: Simd>(
             albedo.set_lane(lane, texture_colour(&mut ray, (info, step_m), carried, across.lane(lane), hit));
         }
     }
-    let columns = Columns {
+    let columns = CoveredColumns {
         simd,
         atlas: scene.atlas,
         planes: planes_of(node).map(|first| first as u32),
@@ -153,7 +152,7 @@ impl<S: Simd> Triangles<S> {
     }
 }
 
-impl<S: Simd> Columns<'_, S> {
+impl<S: Simd> CoveredColumns<'_, S> {
     /// Shares of the sky at `p`, and whether the surface is reflective.
     #[inline(always)]
     fn surface_light(&self, node: &DrawNode, lanes: M<S>, p: Vec3s<S>, normal: Vec3s<S>) -> (F<S>, M<S>) {

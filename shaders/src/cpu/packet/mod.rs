@@ -12,6 +12,7 @@ mod hits;
 mod lanes;
 mod mesh;
 mod mesh_surface;
+mod node_rays;
 mod node_walk;
 mod shade;
 mod sky;

@@ -4,39 +4,21 @@ use super::{
     column::{ColumnCrossing, hit_columns},
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, Vec3s, always, first_lane, float, float_u, floor_clamped, gather_where, has,
-        nonzero, splat, splat_i, splat_u, to_u,
+        F, I, IVec2s, M, U, always, first_lane, float, float_u, floor_clamped, gather_where, has, splat, splat_i,
+        splat_u, to_u,
     },
+    node_rays::NodeRays,
 };
 use crate::{
-    cpu::{node::planes_of, ray::SceneRef},
+    cpu::ray::SceneRef,
     layout::{
         BLOCK_CELLS, BLOCK_SHIFT, DrawNode, NODE_BLOCKS, QUAD_TOP_BITS, QUAD_TOP_MAX, QUARTER_MAX, SUMMARY_BYTE_SHIFT,
-        SUMMARY_WORDS, WALK_PLANE,
+        WALK_PLANE,
     },
     pack::{FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK},
 };
 use fearless_simd::prelude::*;
-use glam::Vec3;
 use insula_protocol::{NODE_CELLS, blockmap::flag};
-
-/// The rays inside of a node, all of the same: x and y in cells, z in height codes; `t` stays in metres.
-#[derive(Clone, Copy)]
-pub(super) struct NodeRays<'a, S: Simd> {
-    pub(super) simd: S,
-    pub(super) node: &'a DrawNode,
-    pub(super) index: u32,
-    pub(super) planes: [u32; 4],
-    summary: u32,
-    pub(super) o: Vec3s<S>,
-    pub(super) d: Vec3s<S>,
-    pub(super) inv: Vec2s<S>,
-    /// 1 along the axes on which the ray's coordinate grows, else 0.
-    pub(super) ahead: Vec2s<S>,
-    /// The same as steps, 1 or -1.
-    step: IVec2s<S>,
-    pub(super) rises: M<S>,
-}
 
 /// The next block of each ray.
 struct BlockSteps<S: Simd> {
@@ -112,39 +94,7 @@ pub(super) fn walk_node<S: Simd>(
     }
 }
 
-impl<'a, S: Simd> NodeRays<'a, S> {
-    #[inline(always)]
-    fn new(simd: S, segments: &Segments<S>, node: &'a DrawNode, index: u32) -> Self {
-        let scale = Vec3s::splat(simd, Vec3::new(1.0 / node.cell_m, 1.0 / node.cell_m, 1.0 / node.z_step_m));
-        let o = segments.origin.sub(Vec3s::splat(simd, node.corner.into())).mul(scale);
-        let d = segments.dir.mul(scale).map(
-            #[inline(always)]
-            |v| nonzero(simd, v),
-        );
-        let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
-        let (ahead_x, ahead_y) = (d.x.simd_gt(zero), d.y.simd_gt(zero));
-        let (forward, back) = (splat_i(simd, 1), splat_i(simd, -1));
-        Self {
-            simd,
-            node,
-            index,
-            planes: planes_of(node).map(|first| first as u32),
-            summary: (node.slot() * SUMMARY_WORDS) as u32,
-            o,
-            d,
-            inv: Vec2s::<S> { x: one / d.x, y: one / d.y },
-            ahead: Vec2s::<S> { x: ahead_x.select(one, zero), y: ahead_y.select(one, zero) },
-            step: IVec2s::<S> { x: ahead_x.select(forward, back), y: ahead_y.select(forward, back) },
-            rises: d.z.simd_gt(zero),
-        }
-    }
-
-    /// Heights of the rays, in codes.
-    #[inline(always)]
-    pub(super) fn z_at(&self, t: F<S>) -> F<S> {
-        self.o.z + self.d.z * t
-    }
-
+impl<S: Simd> NodeRays<'_, S> {
     /// The rays that are between the node's lowest and highest point, and their first block.
     #[inline(always)]
     fn begin_node(&self, group: M<S>, t_in: F<S>, t_out: F<S>) -> Option<(BlockSteps<S>, M<S>)> {
