@@ -221,7 +221,7 @@ fn declarations(constants: &[(&str, Literal)]) -> String {
 
 /// Declarations of all shared constants.
 fn constants() -> String {
-    binding_constants() + &other_constants()
+    [binding_constants(), landmark_constants(), other_constants()].concat()
 }
 
 /// Declarations of bindings and locations.
@@ -252,6 +252,43 @@ fn binding_constants() -> String {
             BINDING_OCCLUSION_FAR = binding::OCCLUSION_FAR,
             BINDING_OCCLUSION_SUMS = binding::OCCLUSION_SUMS,
         }
+    }
+}
+
+/// Declarations of constants of landmarks, stone and translucency.
+fn landmark_constants() -> String {
+    declare! {
+        // Landmarks.
+        u32 { HEAD_VEC4S, LANDMARK_VEC4S, LANDMARK_COUNT_SHIFT, LEVELS_MASK, LANDMARK_OCCLUSION_BIT, MAX_STONES }
+        // Stone.
+        f32 { NOISE_SCALE, NOISE_VARIANCE, NOISE_ABS, NOISE_ABS_VARIANCE, NOISE_DENSITY, NOISE_DENSITY_BEND, MIN_FOOTPRINT }
+        mat3 { OCTAVE_TURN }
+        u32 {
+            STONE_MARBLE = StoneKind::Marble,
+            STONE_GRANITE = StoneKind::Granite,
+            STONE_BRONZE = StoneKind::Bronze,
+            STONE_LIMESTONE = StoneKind::Limestone,
+            BROAD_VEINS,
+            FINE_VEINS,
+        }
+        f32 { FINE_WIDTH, BROAD_LACUNARITY, FINE_LACUNARITY, VEIN_FALL, BEND_FREQUENCY, WIDTH_VARIATION, MIN_WIDTH }
+        f32 { CRINKLE_FREQUENCY, CRINKLE, VEIN_STRETCH, BENT_SLOPE, PLACE_FREQUENCY, PLACE_CONTRAST }
+        f32 { GRANITE_PERSISTENCE, MICA_FREQUENCY, GRAIN_BEND_FREQUENCY, GRAIN_FOOTPRINT, BED_FLATNESS, LIMESTONE_GRAINS }
+        f32 { PATINA_UPWARDS, PATINA_OPEN, RAMP_RANGE, PATINA_NOISE, PATINA_TARNISH, PATINA_CREASES, PATINA_HEIGHT, PATINA_ALPHA, PATINA_F0 }
+        vec3 { LOBE_FACTOR_0, LOBE_FACTOR_1, LOBE_FACTOR_2, LOBE_FACTOR_3, LOBE_GRAZING_0, LOBE_GRAZING_1, LOBE_GRAZING_2 }
+        f32 { LOBE_SLACK, MATT_VARIANCE, MIN_FACING, UNKNOWN_BELOW, MIN_FACING_NORMAL }
+        // Translucency.
+        u32 {
+            MAX_MAPS,
+            COARSEST_PX,
+            MAP_OCCUPIED,
+            FINE_TAPS,
+            FINE_RING_COUNT = FINE_RINGS[0],
+            FINE_RING_TAPS = FINE_RINGS[1],
+            FAST_RING_COUNT = FAST_RINGS[0],
+            FAST_RING_TAPS = FAST_RINGS[1],
+        }
+        f32 { FIRST_RADIUS, FIRST_TEXELS, HEIGHT_SLACK, MIN_ENTRY_COSINE, MIN_STRETCH, RING_TURN, SURFACE_STEP, SAME_ANCHOR_M }
     }
 }
 
@@ -309,37 +346,6 @@ fn other_constants() -> String {
         f32 { BAYS_PER_M, GLASS_WEST, GLASS_EAST, GLASS_LOW, GLASS_HIGH, LIT_SHARE, MAX_WINDOW_SLOPE, WINDOW_MIN }
         i32 { BAY_COUNT }
         u32 { WINDOW_DEPTH_SHIFT }
-        // Landmarks.
-        u32 { HEAD_VEC4S, LANDMARK_VEC4S, LANDMARK_COUNT_SHIFT, LEVELS_MASK, LANDMARK_OCCLUSION_BIT, MAX_STONES }
-        // Stone.
-        f32 { NOISE_SCALE, NOISE_VARIANCE, NOISE_ABS, NOISE_ABS_VARIANCE, NOISE_DENSITY, NOISE_DENSITY_BEND, MIN_FOOTPRINT }
-        mat3 { OCTAVE_TURN }
-        u32 {
-            STONE_MARBLE = StoneKind::Marble,
-            STONE_GRANITE = StoneKind::Granite,
-            STONE_BRONZE = StoneKind::Bronze,
-            STONE_LIMESTONE = StoneKind::Limestone,
-            BROAD_VEINS,
-            FINE_VEINS,
-        }
-        f32 { FINE_WIDTH, BROAD_LACUNARITY, FINE_LACUNARITY, VEIN_FALL, BEND_FREQUENCY, WIDTH_VARIATION, MIN_WIDTH }
-        f32 { CRINKLE_FREQUENCY, CRINKLE, VEIN_STRETCH, BENT_SLOPE, PLACE_FREQUENCY, PLACE_CONTRAST }
-        f32 { GRANITE_PERSISTENCE, MICA_FREQUENCY, GRAIN_BEND_FREQUENCY, GRAIN_FOOTPRINT, BED_FLATNESS, LIMESTONE_GRAINS }
-        f32 { PATINA_UPWARDS, PATINA_OPEN, RAMP_RANGE, PATINA_NOISE, PATINA_TARNISH, PATINA_CREASES, PATINA_HEIGHT, PATINA_ALPHA, PATINA_F0 }
-        vec3 { LOBE_FACTOR_0, LOBE_FACTOR_1, LOBE_FACTOR_2, LOBE_FACTOR_3, LOBE_GRAZING_0, LOBE_GRAZING_1, LOBE_GRAZING_2 }
-        f32 { LOBE_SLACK, MATT_VARIANCE, MIN_FACING, UNKNOWN_BELOW, MIN_FACING_NORMAL }
-        // Translucency.
-        u32 {
-            MAX_MAPS,
-            COARSEST_PX,
-            MAP_OCCUPIED,
-            FINE_TAPS,
-            FINE_RING_COUNT = FINE_RINGS[0],
-            FINE_RING_TAPS = FINE_RINGS[1],
-            FAST_RING_COUNT = FAST_RINGS[0],
-            FAST_RING_TAPS = FAST_RINGS[1],
-        }
-        f32 { FIRST_RADIUS, FIRST_TEXELS, HEIGHT_SLACK, MIN_ENTRY_COSINE, MIN_STRETCH, RING_TURN, SURFACE_STEP, SAME_ANCHOR_M }
         // Exposure and tone.
         u32 { MANTISSA_BITS, METER_BINS, METER_THREADS, METER_READS }
         i32 { EXPONENT_BIAS }

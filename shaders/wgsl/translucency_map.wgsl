@@ -1,7 +1,7 @@
 // Makes translucency maps with the ray-caster. CPU twin: src/cpu/translucency_map.rs.
 //
-// In: what the ray-caster reads, and the map in progress. Out: both words of each texel, in the buffers of colours and hits. Next: the
-// atlas, from which `translucency_level` makes the next coarser level.
+// Both words of each texel go to the buffers of colours and hits, and from there to the atlas, from which `translucency_level` makes
+// the next coarser level.
 
 @compute @workgroup_size(WORKGROUP_X, WORKGROUP_Y)
 fn translucency_map(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -24,6 +24,7 @@ pub mod source_code;
 pub mod stepped_client;
 pub mod synth;
 pub mod terraces;
+pub mod translucent_shapes;
 pub mod trials;
 pub mod truth;
 pub mod twin;

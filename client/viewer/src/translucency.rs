@@ -1,7 +1,7 @@
 //! Which landmarks of a frame have translucency maps.
 //!
-//! In: the meshes of a draw list. Out: the maps in the frame's uniform, each with a key of what it shows. Next: the ray-casters, which
-//! make a map when its key changes, and keep it while the sun and the meshes around the landmark stay.
+//! The meshes of a draw list decide which maps are in the frame's uniform, each with a key of what it shows. The ray-casters make a
+//! map when its key changes, and keep it while the sun and the meshes around the landmark stay.
 
 use crate::camera::View;
 use glam::DVec3;

@@ -1,6 +1,4 @@
 //! Makes translucency maps with the ray-caster (Mischitelli 2007, section 5.2.1). GPU twin: `translucency_map.wgsl`.
-//!
-//! In: a frame whose uniform has the map. Out: the words of the map. Next: the atlas.
 
 use super::{
     landmark::{pack_normal, unpack_normal},

@@ -11,15 +11,17 @@ use glam::Vec3;
 
 /// Maps that a frame has at most.
 pub const MAX_MAPS: usize = 2;
-/// Widths that a map may have, in texels.
+/// Least width of a map, in texels.
 pub const MIN_MAP_PX: u32 = 256;
+/// Largest width of a map, in texels.
 pub const MAX_MAP_PX: u32 = 512;
 /// Width of the coarsest level.
 pub(crate) const COARSEST_PX: u32 = 8;
 /// In the second word of a texel: there is a surface.
 pub(crate) const OCCUPIED: u32 = 1 << 24;
-/// Taps of the two filters of the report (section 5.2.1).
+/// Taps of the faster filter (section 5.2.1).
 pub const FAST_TAPS: u32 = 9;
+/// Taps of the finer filter.
 pub const FINE_TAPS: u32 = 21;
 /// Rings are not wider than this many transport lengths beyond the thickness.
 const REACH: f32 = 3.0;

@@ -13,22 +13,22 @@ use insula_test_support::rng::Rng;
 
 /// Triangles with normals at their corners, in metres.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Shape {
-    pub(crate) points: Vec<Vec3>,
-    pub(crate) normals: Vec<Vec3>,
-    pub(crate) triangles: Vec<[u32; 3]>,
+pub struct Shape {
+    pub points: Vec<Vec3>,
+    pub normals: Vec<Vec3>,
+    pub triangles: Vec<[u32; 3]>,
 }
 
 /// A point of a surface.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct SurfacePoint {
-    pub(crate) at: Vec3,
-    pub(crate) normal: Vec3,
+pub struct SurfacePoint {
+    pub at: Vec3,
+    pub normal: Vec3,
 }
 
 impl Shape {
     /// A closed surface around the origin, whose radius and normal depend on the direction.
-    pub(crate) fn ball(steps: u32, radius: impl Fn(Vec3) -> f32) -> Self {
+    pub fn ball(steps: u32, radius: impl Fn(Vec3) -> f32) -> Self {
         let direction = |i: u32, j: u32| {
             let (theta, phi) =
                 (i as f32 / steps as f32 * std::f32::consts::PI, j as f32 / steps as f32 * std::f32::consts::PI);
@@ -49,7 +49,7 @@ impl Shape {
     }
 
     /// A box around the origin with these half sides.
-    pub(crate) fn slab(half: Vec3) -> Self {
+    pub fn slab(half: Vec3) -> Self {
         let mut shape = Self::default();
         for axis in 0..3 {
             for sign in [-1.0f32, 1.0] {
@@ -71,7 +71,7 @@ impl Shape {
     }
 
     /// A flat palm and five fingers of 12 mm thickness that spread from it.
-    pub(crate) fn hand() -> Self {
+    pub fn hand() -> Self {
         let fingers = [-60f32, -25.0, 0.0, 22.0, 45.0].map(|degrees| {
             let angle = degrees.to_radians();
             Vec3::new(angle.sin(), 0.0, angle.cos())
@@ -87,7 +87,7 @@ impl Shape {
     }
 
     /// Normals as means over the triangles around each point; equal points have one normal.
-    pub(crate) fn with_normals(mut self) -> Self {
+    pub fn with_normals(mut self) -> Self {
         let mut sums = std::collections::HashMap::new();
         let key = |p: Vec3| (p * 1e6).round().as_ivec3();
         for t in &self.triangles {
@@ -102,7 +102,7 @@ impl Shape {
     }
 
     /// Points of the surface, evenly by area.
-    pub(crate) fn samples(&self, count: usize, seed: u64) -> (Vec<SurfacePoint>, f32) {
+    pub fn samples(&self, count: usize, seed: u64) -> (Vec<SurfacePoint>, f32) {
         let area_of = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| self.points[v as usize]);
             (b - a).cross(c - a).length() * 0.5
@@ -130,14 +130,14 @@ impl Shape {
 }
 
 /// The surface nearest to the sun by texel, and its normal.
-pub(crate) struct DepthBuffer {
-    pub(crate) width_px: u32,
-    pub(crate) radius_m: f32,
-    pub(crate) texels: Vec<Option<(f32, Vec3)>>,
+pub struct DepthBuffer {
+    pub width_px: u32,
+    pub radius_m: f32,
+    pub texels: Vec<Option<(f32, Vec3)>>,
 }
 
 impl DepthBuffer {
-    pub(crate) fn new(shape: &Shape, axes: &MapAxes, radius_m: f32, width_px: u32) -> Self {
+    pub fn new(shape: &Shape, axes: &MapAxes, radius_m: f32, width_px: u32) -> Self {
         let mut texels = vec![None; (width_px * width_px) as usize];
         let place =
             |p: Vec3| (Vec2::new(p.dot(axes.right), p.dot(axes.up)) / radius_m * 0.5 + 0.5) * width_px as f32 - 0.5;
@@ -172,7 +172,7 @@ impl DepthBuffer {
     }
 
     /// Whether nothing is between a point and the sun.
-    pub(crate) fn is_lit(&self, axes: &MapAxes, point: SurfacePoint) -> bool {
+    pub fn is_lit(&self, axes: &MapAxes, point: SurfacePoint) -> bool {
         let place = Vec2::new(point.at.dot(axes.right), point.at.dot(axes.up)) / self.radius_m * 0.5 + 0.5;
         let at = (place * self.width_px as f32).as_uvec2();
         let texel = 2.0 * self.radius_m / self.width_px as f32;
@@ -187,18 +187,18 @@ impl DepthBuffer {
 }
 
 /// A stone's light on a shape from a sun.
-pub(crate) struct LitShape {
-    pub(crate) shape: Shape,
-    pub(crate) axes: MapAxes,
-    pub(crate) dipole: Dipole,
-    pub(crate) map: TranslucencyMap,
-    pub(crate) words: Vec<u32>,
+pub struct LitShape {
+    pub shape: Shape,
+    pub axes: MapAxes,
+    pub dipole: Dipole,
+    pub map: TranslucencyMap,
+    pub words: Vec<u32>,
     /// Points that light enters, with the share of the sun's light on them times their area.
     entries: Vec<(SurfacePoint, f32)>,
 }
 
 impl LitShape {
-    pub(crate) fn new(shape: Shape, sun: Vec3, stone: &Stone, width_px: u32, samples: usize) -> Self {
+    pub fn new(shape: Shape, sun: Vec3, stone: &Stone, width_px: u32, samples: usize) -> Self {
         let side = Vec2::new(sun.x, sun.y).normalize_or(Vec2::X);
         let axes = MapAxes::new(sun, side);
         let radius_m = 1.02 * shape.points.iter().map(|p| p.length()).fold(0.0, f32::max);
@@ -228,7 +228,7 @@ impl LitShape {
     }
 
     /// Light that leaves at a point, by all points that it enters.
-    pub(crate) fn exact(&self, at: Vec3) -> Vec3 {
+    pub fn exact(&self, at: Vec3) -> Vec3 {
         let sum: glam::DVec3 = self
             .entries
             .iter()
@@ -238,23 +238,23 @@ impl LitShape {
     }
 
     /// The same by taps.
-    pub(crate) fn by_taps(&self, at: Vec3, taps: u32) -> Vec3 {
+    pub fn by_taps(&self, at: Vec3, taps: u32) -> Vec3 {
         gathered(&self.words, &TranslucencyMap { taps, ..self.map }, &self.axes, at)
     }
 }
 
 /// Errors of a filter over points of a shape.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct FilterError {
+pub struct FilterError {
     /// Mean of the difference over the mean of the exact light.
-    pub(crate) of_mean: f32,
+    pub of_mean: f32,
     /// Mean of the differences over the exact light, where that is at least a hundredth of the sun's.
-    pub(crate) relative: f32,
+    pub relative: f32,
     /// Mean of the light by taps over the mean of the exact light.
-    pub(crate) bias: f32,
+    pub bias: f32,
 }
 
-pub(crate) fn filter_error(lit: &LitShape, taps: u32, points: usize) -> FilterError {
+pub fn filter_error(lit: &LitShape, taps: u32, points: usize) -> FilterError {
     let (points, _) = lit.shape.samples(points, 77);
     let (mut apart, mut exact_sum, mut found_sum, mut relative, mut counted) = (0.0, 0.0, 0.0, 0.0, 0);
     for p in points {

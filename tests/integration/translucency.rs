@@ -1,17 +1,14 @@
-//! Translucency maps against all points that light enters. `examples/translucency_error.rs` prints the errors of more shapes and
+//! Translucency maps against all points that light enters. `tests/measure/translucency.rs` prints the errors of more shapes and
 //! meshes, with more points.
-
-#[path = "support/translucent_shapes.rs"]
-mod translucent_shapes;
 
 use glam::Vec3;
 use insula_shaders::{
     stone::Stone,
     translucency::{FAST_TAPS, FINE_TAPS},
 };
-use translucent_shapes::{LitShape, Shape, filter_error};
+use insula_tests::translucent_shapes::{LitShape, Shape, filter_error};
 
-/// Points that light enters; `examples/translucency_error.rs` has ten times as many.
+/// Points that light enters; `tests/measure/translucency.rs` has ten times as many.
 const SAMPLES: usize = 100_000;
 
 fn marble() -> Stone {

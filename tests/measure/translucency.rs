@@ -3,16 +3,13 @@
 //! that is at least 0.01; sum of the light over that of the exact light. Then the time of a point with either filter, on one thread.
 //!
 //! ```sh
-//! cargo run --release -p insula-shaders --example translucency_error -- [MESH...]
+//! cargo run --release -p insula-measure --bin translucency -- [MESH...]
 //! ```
-
-#[path = "../tests/support/translucent_shapes.rs"]
-mod translucent_shapes;
 
 use glam::Vec3;
 use insula_shaders::stone::Stone;
+use insula_tests::translucent_shapes::{LitShape, Shape, filter_error};
 use std::time::Instant;
-use translucent_shapes::{LitShape, Shape, filter_error};
 
 const POINTS: usize = 150;
 const SAMPLES: usize = 1_000_000;
