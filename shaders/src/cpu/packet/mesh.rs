@@ -4,7 +4,7 @@
 
 use super::{
     hits::{Hits, MeshHits, Segments, read_vec4},
-    lanes::{F, M, U, Vec3s, always, lanes_of, nonzero, splat, splat_u},
+    lanes::{F, M, Vec3s, always, lanes_of, nonzero, splat, splat_u},
     mesh_surface::hit_triangles,
 };
 use crate::{
