@@ -41,9 +41,8 @@ use crate::{
         },
         translucency::{
             FAST_RINGS, FINE_RINGS, FIRST_RADIUS, FIRST_TEXELS, HEIGHT_SLACK, MIN_ENTRY_COSINE, MIN_STRETCH, RING_TURN,
-            SURFACE_STEP,
+            SAME_ANCHOR_M, SURFACE_STEP,
         },
-        translucency_map::SAME_ANCHOR_M,
         ward::{
             LOBE_FACTOR_0, LOBE_FACTOR_1, LOBE_FACTOR_2, LOBE_FACTOR_3, LOBE_GRAZING_0, LOBE_GRAZING_1, LOBE_GRAZING_2,
             LOBE_SLACK, MATT_VARIANCE, MIN_FACING, UNKNOWN_BELOW,

@@ -14,8 +14,7 @@ use super::{
     ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
     shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, shade},
     stone::stone_surface,
-    translucency::{MapAxes, gathered},
-    translucency_map::map_of,
+    translucency::{MapAxes, gathered, map_of},
     walk::walk_grid,
     ward::{StoneSide, reflect_stone},
 };

@@ -5,7 +5,7 @@
 //! ring, over which the dipole has a closed integral; so on a plane the taps add up to all of the light, whatever their number.
 
 use super::landmark::unpack_normal;
-use crate::translucency::{COARSEST_PX, FINE_TAPS, OCCUPIED, TranslucencyMap, level_words};
+use crate::translucency::{COARSEST_PX, FINE_TAPS, MAX_MAPS, OCCUPIED, TranslucencyMap, level_words};
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
@@ -26,6 +26,9 @@ pub(crate) const HEIGHT_SLACK: f32 = 0.25;
 pub(crate) const MIN_STRETCH: f32 = 0.25;
 /// How far the taps of a ring are turned from those of the last one, in turns.
 pub(crate) const RING_TURN: f32 = 0.381_966;
+
+/// A landmark's hits are those whose stone pattern begins this near to the map's anchor, in metres.
+pub(crate) const SAME_ANCHOR_M: f32 = 0.02;
 
 /// The axes of a map: to the right, up, and towards the sun.
 #[derive(Debug, Clone, Copy)]
@@ -211,4 +214,9 @@ pub(super) fn height_of(word: u32, radius_m: f32) -> f32 {
 /// Share of the sun's light that enters at a texel.
 pub(super) fn entered_of(word: u32) -> f32 {
     (word >> 16) as f32 / 65_535.0
+}
+
+/// The map of the landmark whose stone pattern begins at `anchor`.
+pub(super) fn map_of(maps: &[TranslucencyMap; MAX_MAPS], anchor: Vec3) -> Option<&TranslucencyMap> {
+    maps.iter().find(|map| map.width_px != 0 && anchor.distance(map.anchor.into()) <= SAME_ANCHOR_M)
 }

@@ -4,19 +4,16 @@ use super::{
     landmark::{pack_normal, unpack_normal},
     ray::{NodeRay, Ray, RayCounts, RayHit, RaySegment, SceneRef},
     raycast::threshold_of,
-    translucency::{MapAxes, entered_of, height_of},
+    translucency::{MapAxes, SAME_ANCHOR_M, entered_of, height_of},
     walk::walk_grid,
     ward::{MIN_FACING, mean_transmitted, transmitted},
 };
 use crate::{
     mesh::ORIGINS_PER_M,
-    translucency::{COARSEST_PX, MAX_MAPS, OCCUPIED, TranslucencyMap, map_words},
+    translucency::{COARSEST_PX, OCCUPIED, TranslucencyMap, map_words},
 };
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-
-/// A landmark's hits are those whose stone pattern begins this near to the map's anchor, in metres.
-pub(crate) const SAME_ANCHOR_M: f32 = 0.02;
 
 /// The words of map `number` of the frame, finest level first; empty if the frame does not have it.
 pub fn make_map(scene: &SceneRef<'_>, number: usize) -> Vec<u32> {
@@ -109,10 +106,4 @@ fn cast(scene: &SceneRef<'_>, segment: RaySegment, pixel: [u32; 2]) -> RayHit {
         walk_grid(&mut ray);
     }
     ray.hit
-}
-
-/// Whether the light of a frame's surfaces comes from translucency maps, and from which: that of the landmark whose pattern begins at
-/// `anchor`.
-pub(super) fn map_of(maps: &[TranslucencyMap; MAX_MAPS], anchor: Vec3) -> Option<&TranslucencyMap> {
-    maps.iter().find(|map| map.width_px != 0 && anchor.distance(map.anchor.into()) <= SAME_ANCHOR_M)
 }
