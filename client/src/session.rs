@@ -11,7 +11,10 @@ use crate::{
 };
 use glam::DVec3;
 use insula_protocol::blockmap::NO_OBJECT;
-use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels, render::RenderedRows};
+use insula_shaders::{
+    cpu::{hit_counts::hit_counts, raycast::Pixels, render::RenderedRows},
+    stone::Stone,
+};
 use insula_viewer::{
     cache::{AtlasCache, PAGE_BYTES},
     camera::{Camera, View},
@@ -160,6 +163,11 @@ impl Session {
     /// Draws objects in another way from the next frame on.
     pub fn set_styles(&mut self, styles: ObjectStyles) {
         self.streamer.set_styles(styles, &mut self.adapter);
+    }
+
+    /// Draws the landmarks of stone `number` in another stone from the next frame on.
+    pub fn set_stone(&mut self, number: usize, stone: Stone) {
+        self.streamer.set_stone(number, stone);
     }
 
     /// The objects of the last frame's pixels, which showed [`Shading::Objects`](insula_shaders::layout::Shading::Objects).

@@ -39,6 +39,7 @@ impl CityView {
             KeyAction::ToggleDay => self.toggle_day(settings),
             KeyAction::ToggleSearch => self.search.is_open = !self.search.is_open,
             KeyAction::ToggleStyles => self.styles.toggle(),
+            KeyAction::ToggleStones => self.stones.is_open = !self.stones.is_open,
             KeyAction::ToggleMap => display.shows_map = !display.shows_map,
             KeyAction::ToggleSliders if !has_room(window.size().map(|side| side as f32).into()) => {
                 self.show_message("no room for the sliders: enlarge the window".to_owned());

@@ -12,6 +12,7 @@ use super::{
     pointer_readout::PointerReadout,
     search_panel::SearchPanel,
     settings::UserSettings,
+    stone_panel::StonePanel,
     style_panel::StylePanel,
     window::ViewerWindow,
 };
@@ -65,6 +66,7 @@ pub struct CityView {
     pub(super) search: SearchPanel,
     /// Colours and filter of objects.
     pub(super) styles: StylePanel,
+    pub(super) stones: StonePanel,
     /// The reader of the objects, until the first view is complete.
     pub(super) unopened_objects: Option<SharedLookup>,
     /// Whether Shift is down.
@@ -104,6 +106,7 @@ impl CityView {
         let control = CameraControl::new(&camera, manifest.ground_z_m);
         let draws_in_steps = matches!(session.adapter(), Adapter::Cpu(_));
         tracing::info!("opened {}", manifest.name);
+        let stones = StonePanel::new(&manifest.stones);
         let lookup = SharedLookup::new(Box::new(session.object_opener()));
         Self {
             session,
@@ -129,6 +132,7 @@ impl CityView {
             objects: ObjectPanel::new(lookup.clone()),
             search: SearchPanel::new(lookup.clone()),
             styles: StylePanel::new(lookup.clone()),
+            stones,
             unopened_objects: Some(lookup),
             is_shift_down: false,
             open_again,

@@ -39,6 +39,8 @@ pub enum KeyAction {
     ToggleSearch,
     /// Show or hide colours and filter of objects.
     ToggleStyles,
+    /// Show or hide the sliders of stones.
+    ToggleStones,
     /// Show or hide the sliders.
     ToggleSliders,
     /// Show or hide the developer counters.
@@ -49,7 +51,7 @@ pub enum KeyAction {
 }
 
 /// Lines of the help panel: keys, and what they do.
-pub const HELP: [(&str, &str); 29] = [
+pub const HELP: [(&str, &str); 30] = [
     ("drag", "look around (fly and walk mode), turn around the point ahead (orbit mode)"),
     ("W A S D, arrows", "move; with Shift, four times as fast"),
     ("Q E, Page Down and Up", "move down and up"),
@@ -58,6 +60,7 @@ pub const HELP: [(&str, &str); 29] = [
     ("click, Shift click", "select an object and show its attributes; add one to the selection"),
     ("F, /", "search names, addresses and identifiers"),
     ("G", "colours and filter of objects by their attributes"),
+    ("J", "stones of landmarks, with sliders"),
     ("double click", "go to this place"),
     ("H, U", "back to the first view, north up"),
     ("X", "stop at buildings and the ground, or not; on in walk mode"),
@@ -106,6 +109,7 @@ pub fn action_of(code: KeyCode) -> Option<KeyAction> {
         KeyCode::KeyN => KeyAction::ToggleMap,
         KeyCode::KeyF | KeyCode::Slash => KeyAction::ToggleSearch,
         KeyCode::KeyG => KeyAction::ToggleStyles,
+        KeyCode::KeyJ => KeyAction::ToggleStones,
         KeyCode::Backspace | KeyCode::KeyZ => KeyAction::UndoPoint,
         KeyCode::KeyT => KeyAction::ToggleDay,
         KeyCode::KeyO => KeyAction::ToggleSliders,

@@ -30,6 +30,7 @@ pub mod projection;
 pub mod scale_bar;
 mod search_panel;
 pub mod settings;
+mod stone_panel;
 pub mod stream_status;
 mod style_panel;
 pub mod touchpad;

@@ -18,7 +18,10 @@ use insula_shaders::{cpu::render::RenderedRows, layout::Shading};
 use insula_viewer::{
     camera::Camera,
     frame::{FrameData, RenderSettings},
-    interaction::frame_pacing::{FrameDetail, FrameTime},
+    interaction::{
+        frame_pacing::{FrameDetail, FrameTime},
+        measure::MeasureTool,
+    },
     streamer::StreamStatus,
     sun::Daylight,
 };
@@ -65,6 +68,8 @@ struct ViewState {
     selection: u64,
     /// Number of changes of the styles.
     styles: u64,
+    /// Number of changes of the stones.
+    stones: u64,
 }
 
 /// A frame that is to be presented.
@@ -263,7 +268,7 @@ impl Viewport {
 
     /// Compares the view with that of the last frame. If it differs, the scene is redrawn.
     fn notice_view(&mut self, now: Instant, window: &ViewerWindow) {
-        let CityView { control, display, pacer, counts_rays, objects, styles, .. } = &mut self.city;
+        let CityView { control, display, pacer, counts_rays, objects, styles, stones, .. } = &mut self.city;
         let view = ViewState {
             camera: control.camera(),
             size_px: window.surface.size_px(),
@@ -273,6 +278,7 @@ impl Viewport {
             counts_rays: *counts_rays,
             selection: objects.generation(),
             styles: styles.generation(),
+            stones: stones.generation(),
         };
         if self.view != Some(view) {
             pacer.view_changed(now);
@@ -362,6 +368,7 @@ impl Viewport {
             objects,
             search,
             styles,
+            stones,
             recorder,
             ray_counts,
             ..
@@ -374,7 +381,7 @@ impl Viewport {
         let manifest = session.tree().manifest();
         let bookmarks = settings.bookmarks.get(&manifest.name).map_or(&[][..], Vec::as_slice);
         let recording = recorder.as_ref().map(|recorder| format!("recording, {:.0} s", recorder.secs(Instant::now())));
-        let mut action = None;
+        let (mut action, mut changed_stone) = (None, None);
         let layout = window.lay_out(|ctx| {
             measure_view::paint(measure, &ctx.layer_painter(egui::LayerId::background()), &view, ctx.content_rect());
             action = overlay::show(ctx, &texts, display).or(action);
@@ -405,21 +412,20 @@ impl Viewport {
             if styles.is_shown() {
                 panel(ctx, "styles", Align2::LEFT_CENTER, [10.0, 0.0], |ui| styles.show(ui));
             }
+            if stones.is_open {
+                panel(ctx, "stones", Align2::RIGHT_CENTER, [-10.0, 0.0], |ui| changed_stone = stones.show(ui));
+            }
             if bookmark_panel.is_open {
                 panel(ctx, "bookmarks", Align2::LEFT_BOTTOM, [10.0, ABOVE_FURNITURE], |ui| {
                     action = bookmark_panel.show(ui, bookmarks, manifest).or(action);
                 });
             }
-            if measure.is_active {
-                let below_notice = if status_text.is_some() { 130.0 } else { 52.0 };
-                let show_tool = |ui: &mut egui::Ui| measure_view::show(ui, measure);
-                panel(ctx, "measure", Align2::CENTER_TOP, [0.0, below_notice], show_tool);
-            } else if let Some(text) = &recording {
-                panel(ctx, "tool", Align2::CENTER_BOTTOM, [0.0, -12.0], |ui| {
-                    ui.label(text);
-                });
-            }
+            let below_notice = if status_text.is_some() { 130.0 } else { 52.0 };
+            show_tool(ctx, measure, recording.as_deref(), below_notice);
         });
+        if let Some((number, stone)) = changed_stone {
+            session.set_stone(number, stone);
+        }
         if let Some(action) = action {
             self.city.apply(action, window, settings);
         }
@@ -532,6 +538,18 @@ impl Viewport {
             PrefetchStep::Done => None,
         };
         Ok(Some(wait_until(self.wake_at.into_iter().chain(next_step_at).min())))
+    }
+}
+
+/// Lays out what measures or records. `below_notice` is the place of the measuring panel from the window's top, in points.
+fn show_tool(ctx: &egui::Context, measure: &mut MeasureTool, recording: Option<&str>, below_notice: f32) {
+    if measure.is_active {
+        let show_tool = |ui: &mut egui::Ui| measure_view::show(ui, measure);
+        panel(ctx, "measure", Align2::CENTER_TOP, [0.0, below_notice], show_tool);
+    } else if let Some(text) = recording {
+        panel(ctx, "tool", Align2::CENTER_BOTTOM, [0.0, -12.0], |ui| {
+            ui.label(text);
+        });
     }
 }
 

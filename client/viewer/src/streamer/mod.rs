@@ -45,6 +45,7 @@ use glam::DVec3;
 use idle_prefetch::Lookahead;
 pub use idle_prefetch::{FEEDBACK_DOWNSCALE, LookaheadState};
 use insula_protocol::TileKind;
+use insula_shaders::stone::Stone;
 use occlusion_gate::OcclusionGate;
 use request_policy::{RequestPhase, RequestPolicy};
 pub use status::StreamStatus;
@@ -121,6 +122,11 @@ impl<F: TileFetcher> Streamer<F> {
     /// Draws objects in another way from the next frame on.
     pub fn set_styles(&mut self, styles: ObjectStyles, upload: &mut impl Upload) {
         self.tiles.cache.set_styles(styles, upload);
+    }
+
+    /// Draws the landmarks of stone `number` in another stone from the next frame on.
+    pub fn set_stone(&mut self, number: usize, stone: Stone) {
+        self.tiles.tree.set_stone(number, stone);
     }
 
     /// The view of a request seen from `camera`, with this cache's budget.
