@@ -305,14 +305,14 @@ impl ViewerApp {
             None => StartNotice::Busy(self.options.status.text()),
         };
         let chooser = &self.chooser;
-        let layout = window.lay_out(|ctx| {
+        let mut layout = window.lay_out(|ctx| {
             action = match chooser {
                 Some(chooser) => chooser.show(ctx).map(StartAction::Choose),
                 None => overlay::start_notice(ctx, &notice).then_some(StartAction::TryAgain),
             }
             .or(action.take());
         });
-        window.surface.present(None, &layout.shapes)?;
+        window.surface.present(None, &mut layout.shapes)?;
         match action {
             Some(StartAction::Choose(name)) => {
                 self.chooser = None;

@@ -121,8 +121,8 @@ impl Viewport {
             drawn = self.draw_scene(begin, window)?;
         }
         let display = self.city.display.clone();
-        let layout = self.lay_out(window, settings);
-        let is_presented = self.present(drawn, begin, &layout, window)?;
+        let mut layout = self.lay_out(window, settings);
+        let is_presented = self.present(drawn, begin, &mut layout, window)?;
         if let Some(data) = settled {
             self.settled(&data, window);
         }
@@ -225,11 +225,11 @@ impl Viewport {
         &mut self,
         drawn: Option<DrawnFrame>,
         begin: Instant,
-        layout: &OverlayLayout,
+        layout: &mut OverlayLayout,
         window: &mut ViewerWindow,
     ) -> Result<bool> {
         let Some(DrawnFrame { detail, data, time }) = drawn else {
-            return window.surface.present(None, &layout.shapes);
+            return window.surface.present(None, &mut layout.shapes);
         };
         let city = &mut self.city;
         let is_presented = city.session.while_fetching(|adapter| {
@@ -237,7 +237,7 @@ impl Viewport {
                 Adapter::Gpu(gpu) => Some(SceneFrame { gpu, data: &data }),
                 Adapter::Cpu(_) => None,
             };
-            window.surface.present(scene, &layout.shapes)
+            window.surface.present(scene, &mut layout.shapes)
         })?;
         city.session.frame_drawn(&data);
         city.session.record_frame_time(begin.elapsed());
@@ -413,7 +413,7 @@ impl Viewport {
                 panel(ctx, "styles", Align2::LEFT_CENTER, [10.0, 0.0], |ui| styles.show(ui));
             }
             if stones.is_open {
-                panel(ctx, "stones", Align2::RIGHT_CENTER, [-10.0, 0.0], |ui| changed_stone = stones.show(ui));
+                panel(ctx, "stones", Align2::RIGHT_CENTER, [-10.0, 40.0], |ui| changed_stone = stones.show(ui));
             }
             if bookmark_panel.is_open {
                 panel(ctx, "bookmarks", Align2::LEFT_BOTTOM, [10.0, ABOVE_FURNITURE], |ui| {

@@ -126,8 +126,8 @@ impl WindowSurface {
     }
 
     /// Presents the overlay, and below it the scene, which is redrawn if `scene` is given. Returns `false` if the surface was not
-    /// ready: the frame must be drawn again. Fails if the ray-caster fails.
-    pub fn present(&mut self, scene: Option<SceneFrame<'_>>, overlay: &OverlayShapes) -> Result<bool> {
+    /// ready: the frame must be drawn again. Takes the changes of the overlay's textures in any case. Fails if the ray-caster fails.
+    pub fn present(&mut self, scene: Option<SceneFrame<'_>>, overlay: &mut OverlayShapes) -> Result<bool> {
         for (id, deltas) in &overlay.textures.set {
             for delta in deltas {
                 self.painter.update_texture(&self.device.device, &self.device.queue, *id, delta);
@@ -137,6 +137,8 @@ impl WindowSurface {
         for id in &overlay.textures.free {
             self.painter.free_texture(id);
         }
+        // In builds with debug assertions, egui panics if changes are dropped.
+        overlay.textures.clear();
         is_presented
     }
 
