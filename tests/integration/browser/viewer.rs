@@ -29,7 +29,7 @@ const SAME_VIEW: f64 = 0.97;
 /// Longest wait for a reaction of the page.
 pub(super) const REACTION: Duration = Duration::from_secs(15);
 /// Page, program and tiles before the first picture.
-const FIRST_BYTES: u64 = 650_000;
+const FIRST_BYTES: u64 = 680_000;
 const DESKTOP: [u32; 2] = [1440, 900];
 const PHONE: [u32; 2] = [390, 844];
 
