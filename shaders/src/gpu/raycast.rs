@@ -2,7 +2,7 @@
 
 #[cfg(not(target_arch = "wasm32"))]
 use super::read_words;
-use super::{DeviceQueue, GpuError, buffer, translucency::MapMaker};
+use super::{DeviceQueue, GpuError, buffer};
 #[cfg(not(target_arch = "wasm32"))]
 use crate::cpu::raycast::{Pixels, RayCounts};
 use crate::layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS, Shading, WORKGROUP, binding};
@@ -34,6 +34,13 @@ pub struct Raycaster {
     last_frame: FrameUniform,
     /// Makes translucency maps; `None` before the first one.
     pub(super) maps: Option<MapMaker>,
+}
+
+/// What makes translucency maps.
+#[derive(Debug)]
+pub(super) struct MapMaker {
+    pub(super) finest: wgpu::ComputePipeline,
+    pub(super) coarser: wgpu::ComputePipeline,
 }
 
 /// A specialisation of the shader: code that it leaves out costs nothing, even on devices that execute both sides of an

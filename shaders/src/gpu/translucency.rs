@@ -2,19 +2,12 @@
 
 use super::{
     DeviceQueue, GpuError,
-    raycast::{OutputBuffers, PipelineVariant, Raycaster, pipeline},
+    raycast::{MapMaker, OutputBuffers, PipelineVariant, Raycaster, pipeline},
 };
 use crate::{
     layout::{DrawNode, FrameUniform, WORKGROUP},
     translucency::{COARSEST_PX, MAX_MAP_PX, level_words, map_words},
 };
-
-/// What makes translucency maps.
-#[derive(Debug)]
-pub(super) struct MapMaker {
-    finest: wgpu::ComputePipeline,
-    coarser: wgpu::ComputePipeline,
-}
 
 impl Raycaster {
     /// Makes the frame's translucency map `number` and writes it into the atlas, before the frame itself is rendered. Does nothing if
