@@ -1,5 +1,6 @@
 //! Shapes of stone, their translucency maps by a depth buffer, and the light that leaves them by brute force.
 
+use anyhow::{Context, Result};
 use glam::{Vec2, Vec3};
 use insula_shaders::{
     cpu::{
@@ -198,12 +199,13 @@ pub struct LitShape {
 }
 
 impl LitShape {
-    pub fn new(shape: Shape, sun: Vec3, stone: &Stone, width_px: u32, samples: usize) -> Self {
+    pub fn new(shape: Shape, sun: Vec3, stone: &Stone, width_px: u32, samples: usize) -> Result<Self> {
         let side = Vec2::new(sun.x, sun.y).normalize_or(Vec2::X);
         let axes = MapAxes::new(sun, side);
         let radius_m = 1.02 * shape.points.iter().map(|p| p.length()).fold(0.0, f32::max);
         let place = MapPlace { centre: Vec3::ZERO, radius_m, anchor: Vec3::ZERO };
-        let map = TranslucencyMap::new(stone, &place, width_px, 21, 0).expect("a translucent stone");
+        let map = TranslucencyMap::new(stone, &place, width_px, 21, 0)
+            .context("no light passes through the stone, or not far enough for the map")?;
         let buffer = DepthBuffer::new(&shape, &axes, radius_m, width_px);
         let texel = |texel: &Option<(f32, Vec3)>| {
             texel.map_or([0, 0], |(height, normal)| {
@@ -223,8 +225,8 @@ impl LitShape {
             (p, entered_share(map.alpha, cosine) * cosine * area)
         });
         let entries = entries.collect();
-        let dipole = Dipole::of(stone).expect("a translucent stone");
-        Self { shape, axes, dipole, map, words, entries }
+        let dipole = Dipole::of(stone).context("no light passes through the stone")?;
+        Ok(Self { shape, axes, dipole, map, words, entries })
     }
 
     /// Light that leaves at a point, by all points that it enters.

@@ -18,7 +18,7 @@ fn marble() -> Stone {
 
 fn check(name: &str, shape: &Shape) {
     let sun = Vec3::new(0.6, 0.5, 0.62).normalize();
-    let lit = LitShape::new(shape.clone(), sun, &marble(), 256, SAMPLES);
+    let lit = LitShape::new(shape.clone(), sun, &marble(), 256, SAMPLES).expect("marble is translucent");
     for (taps, most) in [(FINE_TAPS, 0.15), (FAST_TAPS, 0.25)] {
         let error = filter_error(&lit, taps, 100);
         let is_true = error.of_mean <= most && error.relative < 0.6 && (0.85..1.15).contains(&error.bias);
@@ -48,7 +48,8 @@ fn taps_gather_the_light_of_a_hand() {
 fn thin_parts_glow_and_thick_ones_do_not() {
     let stone = Stone::preset("carrara-marble").unwrap();
     let behind = |half_m: f32| {
-        let lit = LitShape::new(Shape::slab(Vec3::new(0.06, 0.06, half_m)), Vec3::Z, &stone, 512, 1000);
+        let lit = LitShape::new(Shape::slab(Vec3::new(0.06, 0.06, half_m)), Vec3::Z, &stone, 512, 1000)
+            .expect("marble is translucent");
         [FINE_TAPS, FAST_TAPS].map(|taps| lit.by_taps(Vec3::new(0.001, 0.002, -half_m), taps))
     };
     for (thin, thick) in behind(0.0015).into_iter().zip(behind(0.015)) {

@@ -13,7 +13,7 @@ use crate::{
         occlusion_feedback::OcclusionQuery,
         transitions::{DrawSource, Transitions},
     },
-    translucency::{DrawnLandmarks, DrawnTile, RenderLight, Translucency},
+    translucency::{DrawnLandmarks, DrawnTile, Translucency},
 };
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -131,8 +131,7 @@ impl FrameData {
         frame.objects = u32::from(settings.shading == Shading::Objects || cache.has_styles());
         frame.landmarks = u32::from(cache.has_landmarks());
         let list = NodeList::new(&inputs, tree, cache, view);
-        let lighting = RenderLight { translucency: settings.translucency, sun: settings.sun };
-        list.landmarks.write(&mut frame, view, &lighting, cache.capacity_pages(), &list.drawn);
+        list.landmarks.write(&mut frame, view, settings.translucency, cache.capacity_pages(), &list.drawn);
         let manifest = tree.manifest();
         let root_error_m = voxel_error_m(manifest.cell_m_at(0));
         let grid_frame = GridFrame {
@@ -168,8 +167,8 @@ struct NodeList<'a> {
     /// Largest screen-space error of a source that fades out, in pixels.
     fading_error_px: f64,
     landmarks: DrawnLandmarks,
-    /// What is drawn, the centres of the areas, and half of their diagonals.
-    drawn: Vec<(DrawnTile, DVec3, f64)>,
+    /// The tiles, if there may be landmarks among them.
+    drawn: Vec<DrawnTile>,
 }
 
 /// An entry of a [`NodeList`].
@@ -237,10 +236,10 @@ impl<'a> NodeList<'a> {
         }
         if cache.has_landmarks() {
             let side_m = tree.manifest().cell_m_at(id.level()) * NODE_CELLS as f64;
-            let centre = DVec3::from(tree.manifest().node_corner(id)) + DVec3::new(0.5, 0.5, 0.0) * side_m;
+            let centre = DVec3::from(tree.manifest().node_corner(id)).truncate() + 0.5 * side_m;
             let mesh_lod = if node.mesh != 0 { entry.drawn.mesh_lod } else { None };
-            let tile = DrawnTile { id, source: source.id, mesh_lod };
-            self.drawn.push((tile, centre, side_m * std::f64::consts::FRAC_1_SQRT_2));
+            let half_m = side_m * std::f64::consts::FRAC_1_SQRT_2;
+            self.drawn.push(DrawnTile { id, source: source.id, mesh_lod, centre, half_m });
         }
         self.nodes.push(node);
         self.ids.push(id);

@@ -4,7 +4,7 @@
 //! map when its key changes, and keep it while the sun and the meshes around the landmark stay.
 
 use crate::camera::View;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use insula_protocol::TileId;
 use insula_shaders::{
     layout::{FrameUniform, PAGE_WORDS, Shading},
@@ -52,12 +52,17 @@ impl Translucency {
     }
 }
 
-/// What is drawn at a place.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+/// A tile of the draw list, and the area that it covers.
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct DrawnTile {
     pub(crate) id: TileId,
+    /// The node that it is drawn from.
     pub(crate) source: TileId,
     pub(crate) mesh_lod: Option<u8>,
+    /// Centre of the area on the map, in world metres.
+    pub(crate) centre: DVec2,
+    /// Half of the area's diagonal.
+    pub(crate) half_m: f64,
 }
 
 /// A landmark of the draw list, in the coordinates of the world.
@@ -89,17 +94,17 @@ impl DrawnLandmarks {
     }
 
     /// Writes the maps of those landmarks in which light is seen to go farthest. The maps lie behind `atlas_pages` of the atlas.
-    /// `drawn` are all tiles of the draw list with the centres of their areas and half of their diagonals.
+    /// `drawn` are all tiles of the draw list.
     pub(crate) fn write(
         &self,
         frame: &mut FrameUniform,
         view: &View,
-        settings: &RenderLight,
+        translucency: Translucency,
         atlas_pages: u32,
-        drawn: &[(DrawnTile, DVec3, f64)],
+        drawn: &[DrawnTile],
     ) {
-        let Some([width_px, taps]) = settings.translucency.quality(frame.samples) else { return };
-        let is_day = settings.sun.z > 0.0 && frame.light.sun[0] > 0.0;
+        let Some([width_px, taps]) = translucency.quality(frame.samples) else { return };
+        let is_day = frame.sun[2] > 0.0 && frame.light.sun[0] > 0.0;
         if !is_day || frame.shading != Shading::Lit as u32 {
             return;
         }
@@ -132,13 +137,6 @@ impl DrawnLandmarks {
     }
 }
 
-/// What the light of a map depends on, besides the frame's uniform.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct RenderLight {
-    pub(crate) translucency: Translucency,
-    pub(crate) sun: DVec3,
-}
-
 impl DrawnLandmark {
     /// Centre and radius of a sphere around it.
     fn sphere(&self) -> (DVec3, f64) {
@@ -146,14 +144,14 @@ impl DrawnLandmark {
     }
 
     /// A number that changes when the map would: not 0.
-    fn key(&self, frame: &FrameUniform, map: &TranslucencyMap, drawn: &[(DrawnTile, DVec3, f64)]) -> u32 {
+    fn key(&self, frame: &FrameUniform, map: &TranslucencyMap, drawn: &[DrawnTile]) -> u32 {
         let mut hasher = DefaultHasher::new();
         let (centre, radius_m) = self.sphere();
         [self.anchor, self.low, self.high].map(|v| v.to_array().map(f64::to_bits)).hash(&mut hasher);
         (map.width_px, map.alpha.to_bits(), frame.sun.map(f32::to_bits), frame.shadow_m > 0.0).hash(&mut hasher);
-        for (tile, at, half_m) in drawn {
-            if at.truncate().distance(centre.truncate()) <= radius_m + half_m + SHADOW_M {
-                tile.hash(&mut hasher);
+        for tile in drawn {
+            if tile.centre.distance(centre.truncate()) <= radius_m + tile.half_m + SHADOW_M {
+                (tile.id, tile.source, tile.mesh_lod).hash(&mut hasher);
             }
         }
         (hasher.finish() as u32).max(1)
@@ -184,15 +182,9 @@ mod tests {
 
     fn written(landmarks: &DrawnLandmarks, distance_m: f64, sun: DVec3, lod: u8) -> FrameUniform {
         let mut frame = frame(sun);
-        let settings = RenderLight { translucency: Translucency::Fine, sun };
-        let tile = DrawnTile { id: TileId::ROOT, source: TileId::ROOT, mesh_lod: Some(lod) };
-        landmarks.write(
-            &mut frame,
-            &view(distance_m),
-            &settings,
-            100,
-            &[(tile, DVec3::new(1010.0, 2000.0, 0.0), 50.0)],
-        );
+        let (id, centre) = (TileId::ROOT, DVec2::new(1010.0, 2000.0));
+        let tile = DrawnTile { id, source: id, mesh_lod: Some(lod), centre, half_m: 50.0 };
+        landmarks.write(&mut frame, &view(distance_m), Translucency::Fine, 100, &[tile]);
         frame
     }
 

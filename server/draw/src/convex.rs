@@ -69,7 +69,7 @@ pub(crate) fn cross(a: PagePoint, b: PagePoint, p: PagePoint) -> i64 {
     d(a.x, b.x) * d(a.y, p.y) - d(a.y, b.y) * d(a.x, p.x)
 }
 
-/// What [`cross`] is for points one unit away from the line: nearer ones are on it.
+/// [`cross`] of a point one unit away from the line. Nearer points count as on the line.
 fn on_line(a: PagePoint, b: PagePoint) -> i64 {
     let d = |p: i32, q: i32| f64::from(q) - f64::from(p);
     d(a.x, b.x).hypot(d(a.y, b.y)).ceil() as i64

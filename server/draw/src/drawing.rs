@@ -2,11 +2,12 @@
 
 use crate::{
     convex::PagePoint,
-    join::{Rings, twice_area, unions},
+    join::{Rings, unions},
     lines::LineRole,
     style::Rgb,
     view::{PaperGrid, PaperRect},
 };
+use insula_export::rings::twice_area;
 use insula_objects::FeatureKind;
 
 /// Shapes and lines on a sheet of paper.
@@ -44,7 +45,7 @@ pub struct DrawingCounts {
     pub without_mesh: u64,
 }
 
-/// What is seen of an object.
+/// The visible shapes and lines of an object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawnObject {
     /// `None` for what belongs to no object.
@@ -66,7 +67,7 @@ pub struct DrawnShape {
     pub(crate) rings: Rings,
 }
 
-/// What a shape is.
+/// Whether a shape is a surface or a shadow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ShapeRole {
     Surface,
@@ -90,7 +91,7 @@ impl Drawing {
         let opaque = |shape: &&DrawnShape| shape.role == ShapeRole::Surface && shape.opacity >= 1.0;
         let shapes = self.objects.iter().flat_map(|object| object.shapes.iter().filter(opaque));
         let all: Rings = shapes.flat_map(|shape| shape.rings.iter().cloned()).collect();
-        let area = |rings: &Rings| rings.iter().map(|ring| twice_area(ring)).sum::<i128>();
+        let area = |rings: &Rings| rings.iter().map(|ring| i128::from(twice_area(ring))).sum::<i128>();
         let union = unions(vec![all.clone()], &|_, _| true).unwrap_or_default();
         let beyond = area(&all) - union.iter().map(area).sum::<i128>();
         let page: f64 = self.grid.size_mm.iter().map(|side| side * self.grid.units_per_mm).product();

@@ -1,7 +1,7 @@
 //! Joins the visible parts of surfaces to shapes: the union of those of one object and colour.
 
 use crate::{
-    convex::{PagePoint, cross},
+    convex::PagePoint,
     error::{DrawError, DrawProgress, DrawStep, advance},
 };
 use i_overlay::{
@@ -13,6 +13,7 @@ use i_overlay::{
     },
     i_shape::int::shape::IntShapes,
 };
+use insula_export::rings::{is_sliver, tidy};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -37,7 +38,7 @@ pub(crate) fn unions(groups: Vec<Rings>, progress: DrawProgress<'_>) -> Result<V
         .collect()
 }
 
-/// What is in `rings` and not in `holes`.
+/// Subtracts `holes` from `rings`.
 pub(crate) fn difference(rings: &Rings, holes: &Rings) -> Rings {
     tidied(overlay(rings, holes, OverlayRule::Difference))
 }
@@ -52,59 +53,20 @@ fn overlay(subject: &Rings, clip: &Rings, rule: OverlayRule) -> IntShapes<i32> {
 }
 
 fn tidied(shapes: IntShapes<i32>) -> Rings {
-    shapes.into_iter().flatten().map(tidy).filter(|ring| !is_sliver(ring)).collect()
-}
-
-/// Twice the signed area of a ring in square units.
-pub(crate) fn twice_area(ring: &[PagePoint]) -> i128 {
-    let Some(first) = ring.first() else { return 0 };
-    ring.windows(2).map(|pair| i128::from(cross(*first, pair[0], pair[1]))).sum()
-}
-
-fn distance(a: PagePoint, b: PagePoint) -> f64 {
-    (f64::from(a.x) - f64::from(b.x)).hypot(f64::from(a.y) - f64::from(b.y))
+    let tidied = shapes.into_iter().flatten().map(|ring| tidy(&ring, TIDY_UNITS)).collect();
+    without_narrow(tidied, 2.0 * TIDY_UNITS)
 }
 
 /// Rings wider than `width` units. A ring is as wide as a strip of its area and length.
 pub(crate) fn without_narrow(mut rings: Rings, width: f64) -> Rings {
-    rings.retain(|ring| {
-        let length: f64 = (0..ring.len()).map(|i| distance(ring[i], ring[(i + 1) % ring.len()])).sum();
-        twice_area(ring).unsigned_abs() as f64 > width * length
-    });
+    rings.retain(|ring| !is_sliver(ring, 0.0, width));
     rings
-}
-
-/// Whether a ring is no wider than rounding makes it.
-fn is_sliver(ring: &[PagePoint]) -> bool {
-    let length: f64 = (0..ring.len()).map(|i| distance(ring[i], ring[(i + 1) % ring.len()])).sum();
-    ring.len() < 3 || twice_area(ring).unsigned_abs() as f64 <= 2.0 * TIDY_UNITS * length
-}
-
-/// The ring without points that are on the line between their neighbours. Of two neighbours, one pass removes one.
-fn tidy(mut ring: Vec<PagePoint>) -> Vec<PagePoint> {
-    loop {
-        let count = ring.len();
-        let mut kept = Vec::with_capacity(count);
-        let mut was_removed = false;
-        for i in 0..count {
-            let [before, at, after] = [i + count - 1, i, i + 1].map(|j| ring[j % count]);
-            let is_last_beside_removed = i + 1 == count && kept.first() != ring.first();
-            let is_on_line = cross(before, after, at).unsigned_abs() as f64 <= TIDY_UNITS * distance(before, after);
-            was_removed = !was_removed && !is_last_beside_removed && is_on_line;
-            if !was_removed {
-                kept.push(at);
-            }
-        }
-        if kept.len() == count || kept.len() < 3 {
-            return kept;
-        }
-        ring = kept;
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_export::rings::twice_area;
 
     fn square(x: i32, y: i32, side: i32) -> Vec<PagePoint> {
         [[x, y], [x + side, y], [x + side, y + side], [x, y + side]].map(|[x, y]| PagePoint::new(x, y)).to_vec()

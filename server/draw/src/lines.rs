@@ -16,7 +16,7 @@ const JOIN_UNITS: f64 = 8.0;
 /// Shorter lines where surfaces pass through each other are not drawn, in units: rounding makes such.
 const MIN_CUT_UNITS: f64 = 20_000.0;
 
-/// What a line shows.
+/// The kind of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum LineRole {
     /// Where a surface turns away from the eye.
@@ -86,8 +86,10 @@ pub(crate) fn class_of(scene: &DrawnScene, edge: &SceneEdge, eye: Eye, crease_de
     }
 }
 
-/// Joins the parts of each edge. Edges from `first_cut` on are where faces were cut: what is seen on one side only of such a cut is
-/// where another surface passes through the face, if `is_meeting` of the cut's index and the face.
+/// Joins the visible parts of each edge to lines.
+///
+/// Edges from `first_cut` on are cuts of the BSP tree. Where only one side of a cut is visible, another surface passes through the
+/// face. It is drawn if `is_meeting` is true for the index of the cut and the face.
 pub(crate) fn visible_lines(
     mut parts: Vec<EdgePart>,
     first_cut: u32,
@@ -162,7 +164,7 @@ fn joined(mut intervals: Vec<[At; 2]>) -> Vec<[At; 2]> {
     joined
 }
 
-/// What is in `intervals` and not in `others`; both are sorted and disjoint.
+/// Subtracts `others` from `intervals`. Both are sorted and disjoint.
 fn without(intervals: &[[At; 2]], others: &[[At; 2]]) -> Vec<[At; 2]> {
     let mut left = Vec::new();
     for interval in intervals {

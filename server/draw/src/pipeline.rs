@@ -1,4 +1,4 @@
-//! All steps of a drawing: read, cull, sort, remove what is hidden, join.
+//! Makes a drawing: reads the scene, culls faces, sorts them, removes hidden parts, and joins the visible ones.
 
 use crate::{
     bsp::{BspTree, NO_TRIANGLE},

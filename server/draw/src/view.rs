@@ -144,7 +144,7 @@ pub(crate) struct Projection {
     pub(crate) frame: PaperRect,
     /// Millimetres on paper of a metre; of the tangent 1 in a perspective.
     factor: f64,
-    /// What is in the middle of the frame, in metres along the axes.
+    /// The point in the middle of the frame, in metres along the axes.
     middle: DVec2,
     /// The scale is one to this; `None` for a perspective.
     pub(crate) scale: Option<f64>,

@@ -5,8 +5,9 @@
 //! | `cityjson` | CityJSON text sequences |
 //! | `file`, `format` | the entry of all exports of one file; its formats |
 //! | `glb` | GLB files, with identities and attributes of objects |
-//! | `leaves` | the finest meshes of a city, leaf by leaf |
+//! | `leaves` | the meshes of a city, leaf by leaf |
 //! | `raster` | heights as GeoTIFF |
+//! | `rings` | areas of rings, and rings without what is smaller than their precision |
 //! | `selection` | which part of a city an export has |
 //! | `source` | what an export reads: tiles and objects of a city |
 //! | `table` | objects with footprints as CSV, GeoJSON, GeoParquet and FlatGeobuf |
@@ -18,6 +19,7 @@ pub mod format;
 pub mod glb;
 pub mod leaves;
 mod raster;
+pub mod rings;
 pub mod selection;
 pub mod source;
 pub mod table;

@@ -229,7 +229,7 @@ fn stone_of(scene: &SceneRef<'_>, hit: &RayHit, surface: &SurfaceSample, dir: Ve
     let footprint_m = hit.distance_m * pixel / cosine;
     let found = stone_surface(stone, hit.stone_point, surface.normal, surface.ao, footprint_m);
     if frame.shading == Shading::Lit as u32 {
-        let side = StoneSide { normal: surface.normal, ao: surface.ao, through: light_through(scene, hit, dir) };
+        let side = StoneSide { normal: surface.normal, ao: surface.ao, through: translucent_light(scene, hit, dir) };
         Some(reflect_stone(frame, &found, &side, dir))
     } else {
         Some(shade(frame, &SurfaceSample { albedo: found.albedo, ..*surface }))
@@ -237,7 +237,7 @@ fn stone_of(scene: &SceneRef<'_>, hit: &RayHit, surface: &SurfaceSample, dir: Ve
 }
 
 /// Light of the sun that comes through the stone that was hit; `None` if there is no translucency map of it.
-fn light_through(scene: &SceneRef<'_>, hit: &RayHit, dir: Vec3) -> Option<Vec3> {
+fn translucent_light(scene: &SceneRef<'_>, hit: &RayHit, dir: Vec3) -> Option<Vec3> {
     if scene.frame.translucent == 0 {
         return None;
     }

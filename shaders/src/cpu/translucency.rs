@@ -48,7 +48,7 @@ impl MapAxes {
 
 /// Light that enters around a place of the map.
 #[derive(Debug, Clone, Copy)]
-struct Tap {
+struct EntryTap {
     /// Share of the sun's light.
     entered: f32,
     /// Relative to the centre of the map.
@@ -91,7 +91,7 @@ pub fn gathered(words: &[u32], map: &TranslucencyMap, axes: &MapAxes, point: Vec
 impl Gatherer<'_> {
     fn light(&self) -> Vec3 {
         let (map, axes) = (self.map, self.axes);
-        let first = self.tap(self.point, 0);
+        let first = self.entry_tap(self.point, 0);
         let facing = first.normal.dot(axes.sun);
         let plane = (first.normal + axes.sun * (MIN_ENTRY_COSINE - facing).max(0.0)).normalize_or(axes.sun);
         let cosine = plane.dot(axes.sun);
@@ -109,7 +109,7 @@ impl Gatherer<'_> {
         let growth = (reach_m / base).max(1.1).powf(1.0 / rings as f32);
         let centre = if first.is_surface { self.point + plane * depth_below } else { self.point };
         let sector = Sector { share: 1.0, square: 0.0, inner: 0.0, outer: base * base, texel_m: self.texel_m };
-        let mut sum = self.share(&first, &sector);
+        let mut sum = self.light_through(&first, &sector);
         let mut near = base;
         for ring in 0..rings {
             let far = near * growth;
@@ -122,7 +122,7 @@ impl Gatherer<'_> {
             for k in 0..taps {
                 let turn = Vec2::from_angle(TAU * (k as f32 / taps as f32 + ring as f32 * RING_TURN));
                 let place = centre + (along * turn.x + across * turn.y) * radius;
-                sum += self.share(&self.tap(place, level), &sector);
+                sum += self.light_through(&self.entry_tap(place, level), &sector);
             }
             near = far;
         }
@@ -130,7 +130,7 @@ impl Gatherer<'_> {
     }
 
     /// What leaves at the point of the light that enters in the sector of a tap.
-    fn share(&self, tap: &Tap, sector: &Sector) -> Vec3 {
+    fn light_through(&self, tap: &EntryTap, sector: &Sector) -> Vec3 {
         if tap.entered <= 0.0 {
             return Vec3::ZERO;
         }
@@ -156,7 +156,7 @@ impl Gatherer<'_> {
     }
 
     /// The texels of a level around the place of `at`, of the surface that is nearest to the point's height.
-    fn tap(&self, at: Vec3, level: u32) -> Tap {
+    fn entry_tap(&self, at: Vec3, level: u32) -> EntryTap {
         let (map, axes) = (self.map, self.axes);
         let (mut width, mut first) = (map.width_px, map.address);
         for _ in 0..level {
@@ -175,8 +175,8 @@ impl Gatherer<'_> {
         let (mut nearest, mut apart) = (0.0, f32::INFINITY);
         for k in 0..4u32 {
             let step = Vec2::new((k & 1) as f32, (k >> 1) as f32);
-            let words = self.texel(first, width, corner + step);
-            let height = height_of(words[0], map.radius_m);
+            let words = self.map_texel(first, width, corner + step);
+            let height = map_height(words[0], map.radius_m);
             let weights = Vec2::ONE - step + (step * 2.0 - 1.0) * part;
             found[k as usize] = (words, height, weights.x * weights.y);
             if words[1] & OCCUPIED != 0 && (height - own).abs() < apart {
@@ -186,17 +186,17 @@ impl Gatherer<'_> {
         let (mut entered, mut height, mut normal, mut weight) = (0.0, 0.0, Vec3::ZERO, 0.0);
         for (words, z, share) in found {
             if words[1] & OCCUPIED != 0 && (z - nearest).abs() <= SURFACE_STEP * side_m / width as f32 {
-                entered += entered_of(words[0]) * share;
+                entered += map_entered(words[0]) * share;
                 height += z * share;
                 normal += unpack_normal(words[1]) * share;
                 weight += share;
             }
         }
         let point = axes.right * place.x + axes.up * place.y + axes.sun * (height / weight.max(1e-6));
-        Tap { entered, point, normal: normal.normalize_or(axes.sun), is_surface: weight > 0.0 }
+        EntryTap { entered, point, normal: normal.normalize_or(axes.sun), is_surface: weight > 0.0 }
     }
 
-    fn texel(&self, first: u32, width: u32, at: Vec2) -> [u32; 2] {
+    fn map_texel(&self, first: u32, width: u32, at: Vec2) -> [u32; 2] {
         let last = width as f32 - 1.0;
         if at.x < 0.0 || at.y < 0.0 || at.x > last || at.y > last {
             return [0, 0];
@@ -207,12 +207,12 @@ impl Gatherer<'_> {
 }
 
 /// Height of a texel towards the sun, from the centre of a map.
-pub(super) fn height_of(word: u32, radius_m: f32) -> f32 {
+pub(super) fn map_height(word: u32, radius_m: f32) -> f32 {
     ((word & 0xffff) as f32 * (2.0 / 65_535.0) - 1.0) * radius_m
 }
 
 /// Share of the sun's light that enters at a texel.
-pub(super) fn entered_of(word: u32) -> f32 {
+pub(super) fn map_entered(word: u32) -> f32 {
     (word >> 16) as f32 / 65_535.0
 }
 

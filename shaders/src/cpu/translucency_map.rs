@@ -4,7 +4,7 @@ use super::{
     landmark::{pack_normal, unpack_normal},
     ray::{NodeRay, Ray, RayCounts, RayHit, RaySegment, SceneRef},
     raycast::threshold_of,
-    translucency::{MapAxes, SAME_ANCHOR_M, entered_of, height_of},
+    translucency::{MapAxes, SAME_ANCHOR_M, map_entered, map_height},
     walk::walk_grid,
     ward::{MIN_FACING, mean_transmitted, transmitted},
 };
@@ -21,7 +21,7 @@ pub fn make_map(scene: &SceneRef<'_>, number: usize) -> Vec<u32> {
         return Vec::new();
     };
     let axes = MapAxes::new(scene.frame.sun.into(), Vec2::from(scene.frame.light.side));
-    let texel = |i: u32| map_texel(scene, map, &axes, [i % map.width_px, i / map.width_px]);
+    let texel = |i: u32| texel_from_sun(scene, map, &axes, [i % map.width_px, i / map.width_px]);
     let finest: Vec<[u32; 2]> = (0..map.width_px * map.width_px).into_par_iter().map(texel).collect();
     let mut words: Vec<u32> = finest.iter().map(|texel| texel[0]).chain(finest.iter().map(|texel| texel[1])).collect();
     add_levels(&mut words, map);
@@ -55,9 +55,9 @@ fn mean_texel(four: [[u32; 2]; 4], radius_m: f32) -> [u32; 2] {
     let (mut entered, mut height, mut normal, mut weight) = (0.0, 0.0, Vec3::ZERO, 0.0);
     for [low, high] in four {
         if high & OCCUPIED != 0 {
-            let share = entered_of(low) + 1e-3;
-            entered += entered_of(low) * 0.25;
-            height += height_of(low, radius_m) * share;
+            let share = map_entered(low) + 1e-3;
+            entered += map_entered(low) * 0.25;
+            height += map_height(low, radius_m) * share;
             normal += unpack_normal(high) * share;
             weight += share;
         }
@@ -77,7 +77,7 @@ pub fn entered_share(alpha: f32, cosine: f32) -> f32 {
     transmitted(alpha, cosine.clamp(MIN_FACING, 1.0)) / mean_transmitted(alpha)
 }
 
-fn map_texel(scene: &SceneRef<'_>, map: &TranslucencyMap, axes: &MapAxes, [x, y]: [u32; 2]) -> [u32; 2] {
+fn texel_from_sun(scene: &SceneRef<'_>, map: &TranslucencyMap, axes: &MapAxes, [x, y]: [u32; 2]) -> [u32; 2] {
     let frame = scene.frame;
     let centre = Vec3::from(map.centre);
     let place = (Vec2::new(x as f32, y as f32) + 0.5) * (2.0 / map.width_px as f32) - 1.0;

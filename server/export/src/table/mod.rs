@@ -7,7 +7,7 @@
 //! | `grid`, `walk` | whole coordinates on the map; end nodes along a Hilbert curve |
 //! | `open_objects` | the objects around one place of that curve |
 //! | `gather`, `columns` | the footprint of each object from meshes, or from columns where there are none |
-//! | `outline`, `tidy` | union of triangles, without slivers |
+//! | `outline` | union of triangles, without slivers |
 //! | `record` | the columns of the tables |
 //! | `csv`, `geojson`, `geoparquet`, `flatgeobuf` | the formats; `wkb` and `projjson` for geometries and coordinate systems |
 
@@ -29,7 +29,6 @@ mod report;
 pub(crate) mod test_city;
 #[cfg(test)]
 mod tests;
-mod tidy;
 pub(crate) mod walk;
 mod wkb;
 

@@ -2,10 +2,8 @@
 //!
 //! The union is that of `i_overlay` on whole coordinates, so it is exact and the same on every machine.
 
-use super::{
-    grid::{MapGrid, MapPoint},
-    tidy::{is_sliver, tidy, twice_area},
-};
+use super::grid::{MapGrid, MapPoint};
+use crate::rings::{is_sliver, tidy, twice_area};
 use i_overlay::{
     core::{
         fill_rule::FillRule,

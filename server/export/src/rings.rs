@@ -1,9 +1,10 @@
-//! Removes from rings what is smaller than their precision.
+//! Rings of points with whole coordinates: areas, and the removal of what is smaller than their precision.
 
-use super::grid::MapPoint;
+use i_overlay::i_float::int::point::IntPoint;
 
 /// Twice the area in square units, positive if counter-clockwise.
-pub(crate) fn twice_area(ring: &[MapPoint]) -> i64 {
+#[must_use]
+pub fn twice_area(ring: &[IntPoint<i32>]) -> i64 {
     let next = ring.iter().cycle().skip(1);
     let sum: i128 =
         ring.iter().zip(next).map(|(a, b)| i128::from(a.x) * i128::from(b.y) - i128::from(b.x) * i128::from(a.y)).sum();
@@ -11,7 +12,8 @@ pub(crate) fn twice_area(ring: &[MapPoint]) -> i64 {
 }
 
 /// Whether a ring has less than `min_area` square units or is at most `width` units wide.
-pub(super) fn is_sliver(ring: &[MapPoint], min_area: f64, width: f64) -> bool {
+#[must_use]
+pub fn is_sliver(ring: &[IntPoint<i32>], min_area: f64, width: f64) -> bool {
     let area = 0.5 * (twice_area(ring) as f64).abs();
     let next = ring.iter().cycle().skip(1);
     let length: f64 = ring.iter().zip(next).map(|(a, b)| distance(*a, *b)).sum();
@@ -20,7 +22,8 @@ pub(super) fn is_sliver(ring: &[MapPoint], min_area: f64, width: f64) -> bool {
 
 /// The ring without points that are within `tolerance` units of the line between their neighbours, and without spikes and slits
 /// of that width. Fewer than three points if nothing remains.
-pub(super) fn tidy(ring: &[MapPoint], tolerance: f64) -> Vec<MapPoint> {
+#[must_use]
+pub fn tidy(ring: &[IntPoint<i32>], tolerance: f64) -> Vec<IntPoint<i32>> {
     let mut ring = ring.to_vec();
     // Each pass but the last removes a point.
     loop {
@@ -33,7 +36,7 @@ pub(super) fn tidy(ring: &[MapPoint], tolerance: f64) -> Vec<MapPoint> {
 }
 
 /// Removes points that are not needed, but never two neighbours, because the second may be needed without the first.
-fn one_pass(ring: &[MapPoint], tolerance: f64) -> Vec<MapPoint> {
+fn one_pass(ring: &[IntPoint<i32>], tolerance: f64) -> Vec<IntPoint<i32>> {
     let count = ring.len();
     let mut kept = Vec::with_capacity(count);
     let mut was_removed = false;
@@ -53,13 +56,13 @@ fn one_pass(ring: &[MapPoint], tolerance: f64) -> Vec<MapPoint> {
     kept
 }
 
-fn distance(a: MapPoint, b: MapPoint) -> f64 {
+fn distance(a: IntPoint<i32>, b: IntPoint<i32>) -> f64 {
     (f64::from(a.x) - f64::from(b.x)).hypot(f64::from(a.y) - f64::from(b.y))
 }
 
 /// Distance of a point from a segment.
-fn to_segment(point: MapPoint, a: MapPoint, b: MapPoint) -> f64 {
-    let minus = |p: MapPoint, q: MapPoint| [f64::from(p.x) - f64::from(q.x), f64::from(p.y) - f64::from(q.y)];
+fn to_segment(point: IntPoint<i32>, a: IntPoint<i32>, b: IntPoint<i32>) -> f64 {
+    let minus = |p: IntPoint<i32>, q: IntPoint<i32>| [f64::from(p.x) - f64::from(q.x), f64::from(p.y) - f64::from(q.y)];
     let (along, to) = (minus(b, a), minus(point, a));
     let length2 = along[0] * along[0] + along[1] * along[1];
     let t = if length2 > 0.0 { ((to[0] * along[0] + to[1] * along[1]) / length2).clamp(0.0, 1.0) } else { 0.0 };
@@ -70,8 +73,8 @@ fn to_segment(point: MapPoint, a: MapPoint, b: MapPoint) -> f64 {
 mod tests {
     use super::*;
 
-    fn ring(points: &[[i32; 2]]) -> Vec<MapPoint> {
-        points.iter().map(|[x, y]| MapPoint::new(*x, *y)).collect()
+    fn ring(points: &[[i32; 2]]) -> Vec<IntPoint<i32>> {
+        points.iter().map(|[x, y]| IntPoint::new(*x, *y)).collect()
     }
 
     #[test]
