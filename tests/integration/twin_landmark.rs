@@ -8,7 +8,12 @@ use insula_protocol::{
     mesh_tile::{LandmarkObject, OCCLUSION_BITS},
 };
 use insula_shaders::{
-    cpu::{raycast::Pixels, translucency_map::make_map},
+    cpu::{
+        instruction_set::InstructionSet,
+        raycast::{Pixels, Sampling},
+        render::render_with,
+        translucency_map::make_map,
+    },
     layout::Shading,
     mesh::PackedMesh,
     stone::{MAX_STONES, PRESETS, Stone},
@@ -32,6 +37,7 @@ fn main() {
     Trials::open()
         .on_gpu("gpu_draws_landmarks_as_the_cpu_does", gpu_draws_landmarks_as_the_cpu_does)
         .on_gpu("gpu_lets_light_through_stone_as_the_cpu_does", gpu_lets_light_through_stone_as_the_cpu_does)
+        .plain("packets_draw_landmarks_as_single_rays_do", packets_draw_landmarks_as_single_rays_do)
         .plain("light_goes_through_stone_and_softens_shadows", light_goes_through_stone_and_softens_shadows)
         .plain("stones_normals_and_occlusion_are_seen", stones_normals_and_occlusion_are_seen)
         .run()
@@ -168,6 +174,24 @@ fn gpu_lets_light_through_stone_as_the_cpu_does(gpu: &Gpu) -> Result<()> {
         anyhow::ensure!(2 * differing(&on_cpu, &opaque) > 2000, "the map is not seen");
         let difference = twin::compare_twins(&made, &on_cpu, &on_gpu);
         difference.check().map_err(anyhow::Error::msg).with_context(|| format!("{taps} taps, {distance_m} m"))?;
+    }
+    Ok(())
+}
+
+fn packets_draw_landmarks_as_single_rays_do() -> Result<()> {
+    for stone in [Some(0), Some(4), None] {
+        let draw_list = draw_list(stone)?;
+        for (shading, distance_m) in
+            [(Shading::Lit, 4.5), (Shading::Lit, 12.0), (Shading::Normal, 12.0), (Shading::Ao, 12.0)]
+        {
+            let mut scene = scene(&draw_list, distance_m, &FrameSpec { shading, samples: 2, ..FRAME });
+            scene.frame.shadow_m = 100.0;
+            let singly = render_with(&scene.as_ref(), None, Sampling::Full);
+            for set in InstructionSet::all() {
+                let in_packets = render_with(&scene.as_ref(), Some(set), Sampling::Full);
+                anyhow::ensure!(in_packets == singly, "{stone:?}, {shading:?}, {distance_m} m, {}", set.name());
+            }
+        }
     }
     Ok(())
 }

@@ -2,7 +2,10 @@
 
 use super::lanes::{F, M, U, Vec3s, splat, splat_u};
 use crate::{
-    cpu::ray::{NodeRay, Ray, RayCounts, RayHit, RaySegment, SceneRef},
+    cpu::{
+        mesh::MeshHit,
+        ray::{NodeRay, Ray, RayCounts, RayHit, RaySegment, SceneRef},
+    },
     layout::NO_NODE,
 };
 use fearless_simd::prelude::*;
@@ -44,6 +47,21 @@ pub(super) struct MeshHits<S: Simd> {
     pub(super) u: F<S>,
     pub(super) v: F<S>,
     pub(super) is_front: M<S>,
+}
+
+impl<S: Simd> MeshHits<S> {
+    /// The triangle of a lane, for the scalar code. No object is read.
+    #[inline(always)]
+    pub(super) fn lane(&self, lane: usize) -> MeshHit {
+        MeshHit {
+            t: self.t[lane],
+            triangle: self.triangle[lane],
+            u: self.u[lane],
+            v: self.v[lane],
+            is_front: self.is_front.test(lane),
+            object: 0,
+        }
+    }
 }
 
 /// Four words of the atlas, whose place is given in vec4s; 0 outside of it.

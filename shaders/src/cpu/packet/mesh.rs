@@ -10,7 +10,7 @@ use super::{
 use crate::{
     cpu::{
         landmark::triangle_stride,
-        mesh::{BOX_SLACK, EDGE_SLACK, MeshHit, TIE_M, TIE_SHARE, unpack_corners, walk_mesh, wins_tie},
+        mesh::{BOX_SLACK, EDGE_SLACK, MeshHit, TIE_M, TIE_SHARE, hit_triangle, unpack_corners, walk_mesh, wins_tie},
         ray::SceneRef,
         words::halves,
     },
@@ -52,7 +52,7 @@ pub(super) fn walk_meshes<S: Simd>(
     let [x, y, z, step_m] = read_vec4(scene, head).map(f32::from_bits);
     let info = read_vec4(scene, head + 1);
     let whole = read_vec4(scene, head + 2);
-    if scene.frame.objects != 0 || triangle_stride(info) != 2 {
+    if scene.frame.objects != 0 {
         return walk_singly(scene, segments, index, group, hits);
     }
     let zero = Vec3::new(node.corner[0], node.corner[1], node.mesh_z_m) + Vec3::new(x, y, z);
@@ -88,7 +88,7 @@ pub(super) fn walk_meshes<S: Simd>(
     for axis in 0..3 {
         let lanes = meets & [!up & !north, north, up][axis];
         if lanes.any_true() {
-            let rays = MeshRays::new(simd, o, d, inv, axis);
+            let rays = MeshRays::new(simd, (o, d, inv), axis, triangle_stride(info));
             let root = (info[0], lanes);
             match axis {
                 2 => rays.nearest_triangles::<2>(scene, segments, root, &mut nearest),
@@ -100,6 +100,13 @@ pub(super) fn walk_meshes<S: Simd>(
     let found = meets & nearest.triangle.simd_ne(splat_u(simd, 0));
     if segments.to_sun {
         hits.is_hit |= found;
+    } else if triangle_stride(info) > 2 {
+        // Surfaces of landmarks are left to the scalar code.
+        for lane in lanes_of::<S>(found) {
+            let mut ray = segments.lane(scene, lane);
+            hit_triangle(&mut ray, index, step_m, info, &nearest.lane(lane));
+            hits.set_lane(lane, &ray.hit);
+        }
     } else if found.any_true() {
         simd.vectorize(
             #[inline(always)]
@@ -135,14 +142,14 @@ fn box_span<S: Simd>(simd: S, o: Vec3s<S>, inv: Vec3s<S>, words: [u32; 4]) -> [F
 
 impl<S: Simd> MeshRays<S> {
     #[inline(always)]
-    fn new(simd: S, o: Vec3s<S>, d: Vec3s<S>, inv: Vec3s<S>, axis: usize) -> Self {
+    fn new(simd: S, (o, d, inv): (Vec3s<S>, Vec3s<S>, Vec3s<S>), axis: usize, stride: u32) -> Self {
         let one = splat(simd, 1.0);
         let (a, b, side, along) = match axis {
             2 => (d.x, d.y, one.copysign(d.z), inv.z),
             1 => (d.x, d.z, -one.copysign(d.y), inv.y),
             _ => (d.y, d.z, one.copysign(d.x), inv.x),
         };
-        Self { simd, o, inv, shear: [a * along, side * b * along, along], side, stride: 2 }
+        Self { simd, o, inv, shear: [a * along, side * b * along, along], side, stride }
     }
 
     #[inline(always)]
@@ -262,8 +269,8 @@ impl<S: Simd> MeshRays<S> {
         let mut taken = valid & t.simd_lt(nearest.t - tie);
         for lane in lanes_of::<S>(valid & !taken) {
             let mut ray = segments.lane(scene, lane);
-            let found = mesh_hit(t[lane], at, is_front.test(lane));
-            let before = mesh_hit(nearest.t[lane], nearest.triangle[lane], nearest.is_front.test(lane));
+            let before = nearest.lane(lane);
+            let found = MeshHit { t: t[lane], triangle: at, is_front: is_front.test(lane), ..before };
             taken.set(lane, wins_tie(&mut ray, &found, &before));
         }
         nearest.t = taken.select(t, nearest.t);
@@ -285,9 +292,4 @@ fn beyond_slack<S: Simd>(simd: S, products: [F<S>; 3], others: [F<S>; 3], sides:
         front &= (sides[i] - slack).simd_le(zero);
     }
     (back, front)
-}
-
-/// What decides a tie.
-fn mesh_hit(t: f32, triangle: u32, is_front: bool) -> MeshHit {
-    MeshHit { t, triangle, u: 0.0, v: 0.0, is_front, object: 0 }
 }
