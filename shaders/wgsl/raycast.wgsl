@@ -34,14 +34,26 @@ fn raycast(
     let angle = TAU * gradient_noise(id);
     var turn = vec2<f32>(cos(angle), sin(angle));
     airlight = low_sky(ray_direction(vec2<f32>(id) + 0.5));
-    for (var s = 0u; s < n * n; s++) {
-        let offset = (vec2<f32>(sample) + 0.5) / f32(n);
-        threshold = threshold_of(id, n, sample);
+    var rays = n * n;
+    for (var s = 0u; s < rays; s++) {
+        // Rays beyond those of the pixel go through the centres of its neighbours.
+        let is_own = s < n * n;
+        let neighbour = select(neighbour_of(s), vec2<i32>(0), is_own);
+        let place = select(vec2<u32>(0u), sample, is_own);
+        let offset = (vec2<f32>(place) + 0.5) / f32(n) + vec2<f32>(neighbour);
+        threshold = threshold_of(id + bitcast<vec2<u32>>(neighbour), n, place);
         let sun = frame.sun + (across * turn.x + along * turn.y) * sqrt((f32(s) + 0.5) / f32(n * n));
         turn = vec2<f32>(turn.x * GOLDEN_COS - turn.y * GOLDEN_SIN, turn.x * GOLDEN_SIN + turn.y * GOLDEN_COS);
         let traced = trace(ray_direction(vec2<f32>(id) + offset), sun);
-        sum += traced.rgb;
         outlined += select(0u, 1u, traced.is_outlined);
+        if OBJECTS && !is_own {
+            continue;
+        }
+        sum += traced.rgb;
+        // One ray alone cannot disagree with others about an object.
+        if OBJECTS && n == 1u && traced.is_outlined {
+            rays = 5u;
+        }
         if s == n * n / 2u {
             pixel_distance_m[at] = traced.distance_m;
             pixel_hit[at] = traced.node;
@@ -51,7 +63,7 @@ fn raycast(
         sample = select(vec2<u32>(sample.x + 1u, sample.y), vec2<u32>(0u, sample.y + 1u), sample.x + 1u == n);
     }
     // The outline of an object is where the rays of a pixel disagree about it.
-    let rgb = select(sum / f32(n * n), OUTLINE_RGB, OBJECTS && outlined > 0u && outlined < n * n);
+    let rgb = select(sum / f32(n * n), OUTLINE_RGB, OBJECTS && outlined > 0u && outlined < rays);
     if FOR_STUDY && frame.shading == SHADING_OBJECTS {
         pixel_colour[at] = object;
     } else if FOR_STUDY && frame.shading != SHADING_LIT {
@@ -82,6 +94,12 @@ fn threshold_of(pixel: vec2<u32>, samples: u32, sample: vec2<u32>) -> u32 {
     let a = p.x ^ p.y;
     let low = ((a & 4u) >> 1u) | ((p.y & 4u) >> 2u);
     return ((a & 1u) << 5u) | ((p.y & 1u) << 4u) | ((a & 2u) << 2u) | ((p.y & 2u) << 1u) | low;
+}
+
+// Neighbours of a pixel, by the number of the ray from 1 to 4: to the left, to the right, above and below.
+fn neighbour_of(ray: u32) -> vec2<i32> {
+    let step = select(1, -1, (ray & 1u) == 1u);
+    return select(vec2<i32>(0, step), vec2<i32>(step, 0), ray <= 2u);
 }
 
 fn ray_direction(p_px: vec2<f32>) -> vec3<f32> {

@@ -222,17 +222,17 @@ impl Scene<'_> {
         }
     }
 
-    /// The same scene within `share_px` of the centre of pixel `x`, `y`, with 17 x 17 rays.
-    pub fn close_up(&self, [x, y]: [u32; 2], share_px: f32) -> Self {
+    /// The same scene within `share_px` of a place of the frame, in pixels from its upper left corner, with 17 x 17 rays.
+    pub fn close_up(&self, centre_px: Vec2, share_px: f32) -> Self {
         let mut near = self.clone();
         let frame = &mut near.frame;
         let size = Vec2::new(frame.width_px as f32, frame.height_px as f32);
-        let ndc = (Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0;
+        let ndc = centre_px / size * 2.0 - 1.0;
         let (right, up) = (Vec3::from(frame.right), Vec3::from(frame.up));
         frame.forward = (Vec3::from(frame.forward) + right * ndc.x - up * ndc.y).into();
         frame.right = (right * (2.0 * share_px / size.x)).into();
         frame.up = (up * (2.0 * share_px / size.y)).into();
-        (frame.width_px, frame.height_px) = (17, 17);
+        (frame.width_px, frame.height_px, frame.samples) = (17, 17, 1);
         near
     }
 

@@ -1,6 +1,7 @@
 //! Compares the frames of two ray-casters.
 
 use crate::draw_list::Scene;
+use glam::Vec2;
 use insula_shaders::cpu::raycast::Pixels;
 
 /// Largest allowed difference of a colour channel.
@@ -18,6 +19,8 @@ pub struct Difference {
     pub pixels: usize,
     /// Pixels that differ in colour or distance.
     pub differing: usize,
+    /// The first of them: x, y.
+    pub first: Option<[u32; 2]>,
     /// Differing pixels that lie on no edge of the first frame: x, y.
     pub off_edge: Vec<[u32; 2]>,
 }
@@ -41,15 +44,21 @@ impl Difference {
 const CLOSE_UPS_PX: [f32; 3] = [5e-3, 1e-3, 1e-4];
 
 /// Compares the GPU's frame of `scene` with the CPU's. Edges can be finer than a pixel, for example between two distant texels:
-/// a pixel also lies on an edge if rays of the CPU close to its own differ.
+/// a pixel also lies on an edge if rays of the CPU close to one of its own differ.
 pub fn compare_twins(scene: &Scene<'_>, on_cpu: &Pixels, on_gpu: &Pixels) -> Difference {
     let mut difference = compare(on_cpu, on_gpu);
-    if on_cpu.colour.len() == on_gpu.colour.len() && scene.frame.samples == 1 {
-        difference
-            .off_edge
-            .retain(|at| !CLOSE_UPS_PX.iter().any(|reach| holds_edge(&scene.close_up(*at, *reach).render())));
+    if on_cpu.colour.len() == on_gpu.colour.len() {
+        let is_edge =
+            |ray: Vec2| CLOSE_UPS_PX.iter().any(|reach| holds_edge(&scene.close_up(ray, *reach).render()));
+        difference.off_edge.retain(|at| !rays_of(*at, scene.frame.samples.max(1)).any(is_edge));
     }
     difference
+}
+
+/// Where the rays of a pixel pass, in pixels from the frame's upper left corner.
+fn rays_of([x, y]: [u32; 2], samples: u32) -> impl Iterator<Item = Vec2> {
+    let place = move |ray: u32| (Vec2::new((ray % samples) as f32, (ray / samples) as f32) + 0.5) / samples as f32;
+    (0..samples * samples).map(move |ray| Vec2::new(x as f32, y as f32) + place(ray))
 }
 
 fn holds_edge(near: &Pixels) -> bool {
@@ -62,7 +71,7 @@ fn holds_edge(near: &Pixels) -> bool {
 pub fn compare(first: &Pixels, other: &Pixels) -> Difference {
     let pixels = first.colour.len();
     if first.width_px != other.width_px || pixels != other.colour.len() || pixels == 0 {
-        return Difference { pixels, differing: pixels.max(1), off_edge: vec![[0, 0]] };
+        return Difference { pixels, differing: pixels.max(1), first: None, off_edge: vec![[0, 0]] };
     }
     let mut difference = Difference { pixels, ..Difference::default() };
     for at in 0..pixels {
@@ -71,9 +80,11 @@ pub fn compare(first: &Pixels, other: &Pixels) -> Difference {
         {
             continue;
         }
+        let place = [at as u32 % first.width_px, at as u32 / first.width_px];
         difference.differing += 1;
+        difference.first.get_or_insert(place);
         if !on_edge(first, at, other.colour[at], other.distance[at]) {
-            difference.off_edge.push([at as u32 % first.width_px, at as u32 / first.width_px]);
+            difference.off_edge.push(place);
         }
     }
     difference

@@ -80,9 +80,11 @@ fn packets_draw_every_shading_the_night_and_objects() -> Result<()> {
         city.draw_list.set_styles(styles);
         for shading in Shading::ALL.into_iter().chain([Shading::Objects]) {
             let camera = random::camera(&mut rng, &city, Pose::Above);
-            let mut scene = city.draw_list.scene(&camera, &FrameSpec { shading, samples: 2, ..FRAME });
-            scene.frame.objects = 1;
-            check(&scene, &format!("city {seed}, {}", shading.word()))?;
+            for samples in [1, 2] {
+                let mut scene = city.draw_list.scene(&camera, &FrameSpec { shading, samples, ..FRAME });
+                scene.frame.objects = 1;
+                check(&scene, &format!("city {seed}, {}, {samples} samples", shading.word()))?;
+            }
         }
         let camera = random::camera(&mut rng, &city, Pose::Grazing);
         let mut scene = city.draw_list.scene(&camera, &FRAME);

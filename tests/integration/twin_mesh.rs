@@ -67,7 +67,7 @@ fn twins_agree(
     let (on_cpu, on_gpu) = (scene.render(), gpu.render(&scene)?);
     let difference = twin::compare_twins(&scene, &on_cpu, &on_gpu);
     if let Err(error) = difference.check() {
-        let at = difference.off_edge.first().copied().unwrap_or_default();
+        let at = difference.off_edge.first().copied().or(difference.first).unwrap_or_default();
         let i = (at[1] * spec.width_px + at[0]) as usize;
         let values = |p: &Pixels| format!("{:08x} {} {}", p.colour[i], p.distance[i], p.hit[i] as i32);
         anyhow::bail!("{what}: {error}: cpu {}, gpu {}\n{camera:?}", values(&on_cpu), values(&on_gpu));

@@ -54,6 +54,9 @@ impl Pixels {
     }
 }
 
+/// Steps to the neighbours of a pixel, to the right and down.
+const NEIGHBOURS: [[i32; 2]; 4] = [[-1, 0], [1, 0], [0, -1], [0, 1]];
+
 /// A ray that has ended.
 struct TracedRay {
     rgb: Vec3,
@@ -134,17 +137,31 @@ pub(super) fn pixel(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> Pixel {
             (distance_m, hit, object) = (traced.distance_m, traced.node, traced.object);
         }
     }
-    Pixel { word: pixel_word(scene.frame, sum, outlined, object), distance_m, hit }
+    // The outline of an object is where the rays of a pixel disagree about it.
+    let is_outline = outlined > 0 && (outlined < n * n || n == 1 && is_beside_other(scene, [x, y]));
+    Pixel { word: pixel_word(scene.frame, sum, is_outline, object), distance_m, hit }
 }
 
-/// A pixel's word: the sum of the light of its rays, how many of them hit an object with an outline, and the object of its centre.
-pub(super) fn pixel_word(frame: &FrameUniform, sum: Vec3, outlined: u32, object: u32) -> u32 {
+/// Whether the ray through the centre of one of the four neighbours of a pixel hits no outlined object. Such pixels are the outline in
+/// frames of one ray a pixel.
+pub(super) fn is_beside_other(scene: &SceneRef<'_>, [x, y]: [u32; 2]) -> bool {
+    NEIGHBOURS.iter().any(|[right, down]| {
+        let neighbour = [x.wrapping_add_signed(*right), y.wrapping_add_signed(*down)];
+        let centre = Vec2::new(x as f32 + *right as f32, y as f32 + *down as f32) + 0.5;
+        let mut ray = Ray::from_eye(scene, ray_direction(scene.frame, centre), threshold_of(neighbour, 1, 0));
+        if scene.frame.levels != 0 {
+            walk_grid(&mut ray);
+        }
+        !ray.is_outlined(ray.hit.object)
+    })
+}
+
+/// A pixel's word: the sum of the light of its rays, whether it belongs to an outline, and the object of its centre.
+pub(super) fn pixel_word(frame: &FrameUniform, sum: Vec3, is_outline: bool, object: u32) -> u32 {
     let rays = frame.samples.clamp(1, MAX_SAMPLES).pow(2);
     if frame.shading == Shading::Objects as u32 {
         return object;
     }
-    // The outline of an object is where the rays of a pixel disagree about it.
-    let is_outline = outlined > 0 && outlined < rays;
     let rgb = if is_outline { Vec3::from(OUTLINE_RGB) } else { sum / rays as f32 };
     if frame.shading == Shading::Lit as u32 { encode_radiance(rgb) } else { encode_srgb(rgb) }
 }
@@ -184,9 +201,7 @@ fn ray_direction(frame: &FrameUniform, p_px: Vec2) -> Vec3 {
 /// Traces a ray from the eye, and one towards the sun from what it hit.
 fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) -> TracedRay {
     let frame = scene.frame;
-    let segment = RaySegment { origin: Vec3::ZERO, dir, reach_m: f32::INFINITY, eye_m: 0.0, to_sun: false };
-    let counts = RayCounts { rays: 1, ..RayCounts::default() };
-    let mut ray = Ray { scene, segment, threshold, hit: RayHit::NOTHING, node: NodeRay::default(), counts };
+    let mut ray = Ray::from_eye(scene, dir, threshold);
     if frame.levels != 0 {
         walk_grid(&mut ray);
     }
@@ -215,8 +230,21 @@ fn trace(scene: &SceneRef<'_>, dir: Vec3, pixel: &PixelLight, threshold: u32) ->
         distance_m: seen.distance_m,
         node: seen.node,
         object: seen.object,
-        is_outlined: seen.object != 0 && ray.read_word(seen.object as usize) & PALETTE_OUTLINED != 0,
+        is_outlined: ray.is_outlined(seen.object),
         counts: ray.counts,
+    }
+}
+
+impl<'a> Ray<'a> {
+    fn from_eye(scene: &'a SceneRef<'a>, dir: Vec3, threshold: u32) -> Self {
+        let segment = RaySegment { origin: Vec3::ZERO, dir, reach_m: f32::INFINITY, eye_m: 0.0, to_sun: false };
+        let counts = RayCounts { rays: 1, ..RayCounts::default() };
+        Ray { scene, segment, threshold, hit: RayHit::NOTHING, node: NodeRay::default(), counts }
+    }
+
+    /// Whether the object of this address of its word in a palette has an outline; 0 is no object.
+    fn is_outlined(&mut self, object: u32) -> bool {
+        object != 0 && self.read_word(object as usize) & PALETTE_OUTLINED != 0
     }
 }
 

@@ -14,7 +14,7 @@ use crate::{
     cpu::{
         instruction_set::InstructionSet,
         ray::SceneRef,
-        raycast::{GOLDEN_TURN, Pixel, Sampling, pixel_word, sun_axes},
+        raycast::{GOLDEN_TURN, Pixel, Sampling, is_beside_other, pixel_word, sun_axes},
     },
     layout::{FrameUniform, MAX_SAMPLES, NO_NODE, Shading},
     tone::gradient_noise,
@@ -47,6 +47,8 @@ struct PixelState {
     node: u32,
     object: u32,
     is_outlined: bool,
+    /// Whether a neighbour's ray hit no object with an outline, in frames of one ray a pixel.
+    is_beside_other: bool,
     /// Whether it has the other rays.
     is_refined: bool,
     sum: Vec3,
@@ -129,6 +131,9 @@ fn draw<S: Simd>(simd: S, scene: &SceneRef<'_>, sampling: Sampling, first: u32, 
             band.draw_others(simd, chunk, centre);
         }
     }
+    if samples == 1 && frame.objects != 0 {
+        band.find_outlines();
+    }
     let drawn = band.pixels.get((width * border) as usize..).unwrap_or_default();
     for (target, pixels) in out.chunks_mut(F::<S>::LEN).zip(drawn.chunks(F::<S>::LEN)) {
         finish(simd, frame, pixels, target);
@@ -199,6 +204,15 @@ impl Band<'_> {
             self.around(at).any(|other| pixel.differs_from(&self.pixels[other]))
         };
         (0..self.pixels.len()).map(is_edge).collect()
+    }
+
+    /// Outlines of objects in frames of one ray a pixel.
+    fn find_outlines(&mut self) {
+        let width = self.scene.frame.width_px;
+        for (at, pixel) in self.pixels.iter_mut().enumerate().filter(|(_, pixel)| pixel.is_outlined) {
+            let (x, y) = (at as u32 % width, (at as u32 / width).wrapping_add_signed(self.top));
+            pixel.is_beside_other = is_beside_other(self.scene, [x, y]);
+        }
     }
 
     /// A pixel and its neighbours.
@@ -272,6 +286,7 @@ impl PixelState {
         node: NO_NODE,
         object: 0,
         is_outlined: false,
+        is_beside_other: false,
         is_refined: false,
         sum: Vec3::ZERO,
         outlined: 0,
@@ -293,8 +308,9 @@ impl PixelState {
     }
 
     fn word(&self, frame: &FrameUniform) -> u32 {
-        let outlined = if self.is_refined { self.outlined } else { 0 };
-        pixel_word(frame, self.sum_of_rays(frame), outlined, self.object)
+        let rays = frame.samples.clamp(1, MAX_SAMPLES).pow(2);
+        let is_outline = if self.is_refined { self.outlined > 0 && self.outlined < rays } else { self.is_beside_other };
+        pixel_word(frame, self.sum_of_rays(frame), is_outline, self.object)
     }
 }
 
