@@ -48,8 +48,7 @@ const CLOSE_UPS_PX: [f32; 3] = [5e-3, 1e-3, 1e-4];
 pub fn compare_twins(scene: &Scene<'_>, on_cpu: &Pixels, on_gpu: &Pixels) -> Difference {
     let mut difference = compare(on_cpu, on_gpu);
     if on_cpu.colour.len() == on_gpu.colour.len() {
-        let is_edge =
-            |ray: Vec2| CLOSE_UPS_PX.iter().any(|reach| holds_edge(&scene.close_up(ray, *reach).render()));
+        let is_edge = |ray: Vec2| CLOSE_UPS_PX.iter().any(|reach| holds_edge(&scene.close_up(ray, *reach).render()));
         difference.off_edge.retain(|at| !rays_of(*at, scene.frame.samples.max(1)).any(is_edge));
     }
     difference

@@ -14,6 +14,8 @@ export class ElementObjects {
   #send;
   #emit;
   /** @type {Map<number, ObjectMessage>} */ #selected = new Map();
+  /** The object under the mouse. @type {number|null} */ #hovered = null;
+  #hovers = 0;
   /** @type {object|null} */ #rules = null;
   /** Changes of the selection so far: a later one wins over one that still waits. */
   #turn = 0;
@@ -82,8 +84,21 @@ export class ElementObjects {
     this.#setSelection(isRemoved ? others : [...others, object].slice(-MAX_SELECTED));
   }
 
+  /**
+   * The object under the mouse, or none: it is outlined, too.
+   * @param {Promise<number|null>} object
+   */
+  async hover(object) {
+    const hover = ++this.#hovers;
+    const id = await object;
+    if (hover !== this.#hovers || id === this.#hovered) return;
+    this.#hovered = id;
+    this.#outline();
+  }
+
   /** Draws a new viewer's objects like those of the last one. */
   restart() {
+    this.#hovered = null;
     if (this.#selected.size > 0) this.#outline();
     // The element reports why a city cannot be shown; without its objects, it is shown without colours.
     if (this.#rules) this.setColors(this.#rules).catch(() => {});
@@ -92,6 +107,7 @@ export class ElementObjects {
   /** Another city has other objects. */
   forget() {
     this.#turn++;
+    this.#hovered = null;
     this.#rules = null;
     if (this.#selected.size > 0) this.#setSelection([]);
   }
@@ -103,6 +119,7 @@ export class ElementObjects {
   }
 
   #outline() {
-    this.#send('outline', { objects: this.selection.flatMap(({ id, parts }) => [id, ...parts]) });
+    const hovered = this.#hovered === null ? [] : [this.#hovered];
+    this.#send('outline', { objects: [...this.selection.flatMap(({ id, parts }) => [id, ...parts]), ...hovered] });
   }
 }

@@ -5,6 +5,8 @@ import { TwoFingers } from './touch-gesture.js';
 /** A press that moves less is a click. */
 const CLICK_PX = 5;
 const CLICK_MS = 600;
+/** A mouse that rests this long hovers over what is below it. */
+const HOVER_MS = 80;
 /** Two clicks within this time and distance are a double click. */
 const DOUBLE_CLICK_MS = 350;
 const DOUBLE_CLICK_PX = 24;
@@ -20,6 +22,7 @@ const PINCH_PER_PX = 0.01;
  * @property {(op: string, values: object) => void} send
  * @property {(x: number, y: number, count: number, adds: boolean) => void} click
  * @property {() => void} press
+ * @property {(at: {x: number, y: number}|null) => void} hover A mouse rests there without a pressed button; `null` ends it.
  */
 
 /** Listens on a surface until it is disposed of. */
@@ -35,6 +38,7 @@ export class PointerInput {
   #press = null;
   /** @type {{at: [number, number], time: number}|null} */
   #lastClick = null;
+  #hoverTimer = 0;
 
   /**
    * @param {HTMLElement} surface
@@ -50,6 +54,7 @@ export class PointerInput {
     listen('pointerup', (event) => this.#up(event));
     listen('pointercancel', (event) => this.#forget(event));
     listen('lostpointercapture', (event) => this.#forget(event));
+    listen('pointerleave', () => this.#endHover());
     listen('wheel', (event) => this.#wheel(event));
     // The right button pans.
     listen('contextmenu', (event) => event.preventDefault());
@@ -57,11 +62,13 @@ export class PointerInput {
 
   /** Stops listening. */
   dispose() {
+    clearTimeout(this.#hoverTimer);
     this.#stop.abort();
   }
 
   #down(event) {
     event.preventDefault();
+    this.#endHover();
     this.#surface.setPointerCapture(event.pointerId);
     this.#pointers.set(event.pointerId, [event.clientX, event.clientY]);
     this.#actions.press();
@@ -76,12 +83,25 @@ export class PointerInput {
 
   #move(event) {
     const last = this.#pointers.get(event.pointerId);
-    if (!last) return;
+    if (!last) return this.#hover(event);
     const at = [event.clientX, event.clientY];
     if (this.#press && distance(at, this.#press.at) > CLICK_PX) this.#press = null;
     this.#pointers.set(event.pointerId, at);
     if (this.#gesture) this.#moveTwo(this.#gesture.move([...this.#pointers.values()]));
     else if (this.#pointers.size === 1) this.#moveOne(event, at[0] - last[0], at[1] - last[1]);
+    return undefined;
+  }
+
+  #hover({ pointerType, clientX, clientY }) {
+    clearTimeout(this.#hoverTimer);
+    if (pointerType !== 'mouse' || this.#pointers.size > 0) return;
+    const [x, y] = this.#share([clientX, clientY]);
+    this.#hoverTimer = setTimeout(() => this.#actions.hover({ x, y }), HOVER_MS);
+  }
+
+  #endHover() {
+    clearTimeout(this.#hoverTimer);
+    this.#actions.hover(null);
   }
 
   #moveOne(event, dx, dy) {

@@ -185,6 +185,7 @@ export class InsulaCity extends HTMLElement {
     this.#session = new ViewerSession(this, this.#surface, this.#keyTarget, {
       receive: (message) => this.#receive(message),
       click: (x, y, count, adds) => this.#click(x, y, count, adds),
+      hover: (at) => this.#hover(at),
     });
     this.#sendPoints('markers');
     this.#sendPoints('lines');
@@ -237,6 +238,12 @@ export class InsulaCity extends HTMLElement {
     }
     if (this.#emit('pick', { ...hit, object, error, adds }, true)) this.#objects.click(object, adds);
     return undefined;
+  }
+
+  /** Outlines the object under a resting mouse. Only on a GPU: on the CPU, a frame for each takes too long. */
+  #hover(at) {
+    const hasOutline = at !== null && !this.#isMeasuring && this.#surface.dataset.adapter === 'gpu';
+    this.#objects.hover(hasOutline ? this.#ask('objectAt', at).catch(() => null) : Promise.resolve(null));
   }
 
   #send(op, values) {

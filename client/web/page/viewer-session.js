@@ -14,6 +14,7 @@ import { ViewWatch } from './view-watch.js';
  * @typedef {object} SessionEvents
  * @property {(message: {op: string}) => void} receive
  * @property {(x: number, y: number, count: number, adds: boolean) => void} click
+ * @property {(at: {x: number, y: number}|null) => void} hover
  */
 
 /** A running viewer. */
@@ -49,7 +50,7 @@ export class ViewerSession {
       city.focus({ preventScroll: true });
       this.#gamepad.use();
     };
-    this.#pointer = new PointerInput(surface, { send, click: events.click, press });
+    this.#pointer = new PointerInput(surface, { send, click: events.click, hover: events.hover, press });
     this.#keyboard = this.#keysOf(keyTarget);
   }
 

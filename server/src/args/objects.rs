@@ -47,7 +47,7 @@ pub struct ExportArgs {
     /// csv, geojson, geoparquet, flatgeobuf (footprints, heights and attributes), cityjsonseq, glb (meshes), geotiff (heights) or 3dtiles
     #[arg(long, value_name = "FORMAT", value_parser = parse_format)]
     pub format: ExportFormat,
-    /// File to write; for 3dtiles a folder, or a file that ends in .3tz
+    /// File to write; for 3dtiles a folder, or a file that ends in .3tz or .pmtiles
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
     /// Only objects with the middle in this area, in metres of the city's coordinate system

@@ -37,6 +37,11 @@ impl Page {
         self.call("Input.dispatchMouseEvent", params).map(drop)
     }
 
+    /// Moves the mouse to a place without a pressed button.
+    pub fn point_at(&self, at: [f64; 2]) -> Result<()> {
+        self.mouse("mouseMoved", at, &json!({}))
+    }
+
     /// Clicks `count` times: 2 is a double click.
     pub fn click(&self, at: [f64; 2], count: u32) -> Result<()> {
         self.mouse("mouseMoved", at, &Value::Null)?;

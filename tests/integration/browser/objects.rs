@@ -18,6 +18,7 @@ use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
     process::Command,
+    time::Instant,
 };
 use tempfile::TempDir;
 
@@ -179,9 +180,27 @@ pub(super) fn clicks_meet_the_same_objects_on_a_gpu() -> Result<()> {
     ensure_right_objects(&town, &page, GPU_SIZE_PX)?;
     let selected = page.page.evaluate(&format!("{}.selection.length", element()))?;
     ensure!(selected == 0, "a prevented click selects {selected} objects");
+    ensure_hover_outlines(&page)?;
     // The next frame has its own size again.
     page.wait_until_final(0)?;
     ensure_no_problems(&page)
+}
+
+/// The object under a resting mouse has an outline until the mouse goes to the sky.
+fn ensure_hover_outlines(page: &CityPage) -> Result<()> {
+    let [width, height] = GPU_SIZE_PX.map(f64::from);
+    let [house, sky] = [[0.5, 0.52], [0.5, 0.02]].map(|[x, y]| [x * width, y * height]);
+    page.page.point_at(sky)?;
+    page.wait_until_final(0)?;
+    let plain = page.picture(0, GPU_SIZE_PX)?;
+    for (at, is_outlined) in [(house, true), (sky, false)] {
+        page.page.point_at(at)?;
+        let deadline = Instant::now() + REACTION;
+        while (share_of_same(&plain, &page.picture(0, GPU_SIZE_PX)?)? < 1.0) != is_outlined {
+            ensure!(Instant::now() < deadline, "outline of the object under the mouse: expected {is_outlined}");
+        }
+    }
+    Ok(())
 }
 
 /// What is typed is found, selected and approached.

@@ -15,6 +15,7 @@
 
 mod archive;
 mod frame;
+mod pmtiles;
 mod subtree;
 #[cfg(test)]
 mod tests;

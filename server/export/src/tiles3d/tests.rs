@@ -1,6 +1,6 @@
 //! Tilesets of a synthetic city.
 
-use super::{Destination, Tileset, archive::INDEX, write_tileset};
+use super::{Destination, TILESET_JSON, Tileset, archive::INDEX, write_tileset};
 use crate::{
     glb::{
         ExportError,
@@ -9,6 +9,7 @@ use crate::{
     },
     selection::ObjectSelection,
 };
+use base64::{Engine as _, engine::general_purpose::STANDARD};
 use insula_protocol::{Subtree, TileId};
 use serde_json::Value;
 use std::io::Read as _;
@@ -184,6 +185,79 @@ fn a_folder_and_an_archive_have_the_same_files() {
     let again = folder.path().join("again.3tz");
     write_tileset(&tileset, Destination::of(&again)).unwrap();
     assert_eq!(std::fs::read(again).unwrap(), bytes);
+}
+
+#[test]
+fn a_pmtiles_archive_has_the_files_of_a_folder() {
+    let city = deep_city();
+    let tileset = tileset(&city, &EVERYTHING);
+    let folder = tempfile::tempdir().unwrap();
+    let files = folder.path().join("tiles");
+    let report = write_tileset(&tileset, Destination::of(&files)).unwrap();
+    let path = folder.path().join("town.pmtiles");
+    assert_eq!(write_tileset(&tileset, Destination::of(&path)).unwrap(), report);
+    let archive = std::fs::read(&path).unwrap();
+    // Offsets and lengths of the header of PMTiles 3; with so few tiles, all are in the root directory.
+    let number = |at: usize| u64::from_le_bytes(archive[at..at + 8].try_into().unwrap()) as usize;
+    let unzipped = |at: usize| {
+        let mut bytes = Vec::new();
+        flate2::read::GzDecoder::new(&archive[number(at)..][..number(at + 8)]).read_to_end(&mut bytes).unwrap();
+        bytes
+    };
+    let metadata: serde_json::Value = serde_json::from_slice(&unzipped(24)).unwrap();
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(files.join(TILESET_JSON)).unwrap()).unwrap();
+    assert_eq!(metadata["tileset"], json);
+    let subtrees = metadata["subtrees"].as_object().unwrap();
+    for (root, text) in subtrees {
+        let bytes = STANDARD.decode(text.as_str().unwrap()).unwrap();
+        assert_eq!(bytes, std::fs::read(files.join(format!("subtrees/{root}.subtree"))).unwrap());
+    }
+    assert_eq!((subtrees.len(), number(72)), (2, 6));
+    let contents: Vec<Vec<u8>> = tiles_of(&unzipped(8))
+        .into_iter()
+        .map(|(offset, length)| archive[number(56) + offset..][..length].to_vec())
+        .collect();
+    let mut written: Vec<Vec<u8>> = Vec::new();
+    for level in std::fs::read_dir(files.join("content")).unwrap() {
+        for column in std::fs::read_dir(level.unwrap().path()).unwrap() {
+            let rows = std::fs::read_dir(column.unwrap().path()).unwrap();
+            written.extend(rows.map(|row| std::fs::read(row.unwrap().path()).unwrap()));
+        }
+    }
+    assert!(contents.len() == 6 && contents.iter().all(|content| written.contains(content)));
+    let again = folder.path().join("again.pmtiles");
+    write_tileset(&tileset, Destination::of(&again)).unwrap();
+    assert_eq!(std::fs::read(again).unwrap(), archive);
+}
+
+/// Offset and length of the entries of a PMTiles directory of single tiles.
+fn tiles_of(directory: &[u8]) -> Vec<(usize, usize)> {
+    let mut at = 0;
+    let mut next = || {
+        let mut value = 0;
+        for shift in (0..).step_by(7) {
+            let byte = directory[at];
+            at += 1;
+            value |= usize::from(byte & 0x7f) << shift;
+            if byte < 0x80 {
+                break;
+            }
+        }
+        value
+    };
+    let count = next();
+    (0..2 * count).for_each(|_| drop(next()));
+    let lengths: Vec<usize> = (0..count).map(|_| next()).collect();
+    let mut end = 0;
+    let place = |length: &usize| {
+        let offset = match next() {
+            0 => end,
+            written => written - 1,
+        };
+        end = offset + length;
+        (offset, *length)
+    };
+    lengths.iter().map(place).collect()
 }
 
 #[test]

@@ -1,10 +1,10 @@
-//! Writes all files of a tileset into a folder, or into an archive (`.3tz`).
+//! Writes all files of a tileset into a folder, or into an archive (`.3tz`, `.pmtiles`).
 
-use super::{TILESET_JSON, Tileset, archive::ArchiveWriter};
+use super::{TILESET_JSON, Tileset, archive::ArchiveWriter, pmtiles::TileArchive};
 use crate::glb::{ExportError, ExportReport};
 use insula_protocol::{Subtree, TileId};
 use std::{
-    fs, io,
+    fmt, fs, io,
     path::{Path, PathBuf},
 };
 
@@ -15,14 +15,38 @@ pub enum Destination<'p> {
     Folder(&'p Path),
     /// A 3D Tiles archive, 3TZ 1.3: a ZIP file with stored entries and an index.
     Archive(&'p Path),
+    /// A PMTiles archive, whose metadata have the tileset and its subtrees.
+    PmTiles(&'p Path),
 }
 
 impl<'p> Destination<'p> {
-    /// An archive if the name ends in `.3tz`, else a folder.
+    /// An archive if the name ends in `.3tz` or `.pmtiles`, else a folder.
     #[must_use]
     pub fn of(path: &'p Path) -> Self {
-        let is_archive = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("3tz"));
-        if is_archive { Self::Archive(path) } else { Self::Folder(path) }
+        let ends_in = |name| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
+        match (ends_in("3tz"), ends_in("pmtiles")) {
+            (true, _) => Self::Archive(path),
+            (_, true) => Self::PmTiles(path),
+            _ => Self::Folder(path),
+        }
+    }
+}
+
+/// A file of a tileset. Displayed as its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum TilesetFile {
+    Tileset,
+    Subtree(TileId),
+    Content(TileId),
+}
+
+impl fmt::Display for TilesetFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Tileset => f.write_str(TILESET_JSON),
+            Self::Subtree(root) => write!(f, "subtrees/{root}.subtree"),
+            Self::Content(node) => write!(f, "content/{node}.glb"),
+        }
     }
 }
 
@@ -35,9 +59,10 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
             let file = fs::File::create(path).map_err(ExportError::writing(path.display().to_string()))?;
             Sink::Archive(Box::new(ArchiveWriter::new(io::BufWriter::new(file), path.display().to_string())))
         }
+        Destination::PmTiles(path) => Sink::PmTiles(Box::new(TileArchive::create(path)?)),
     };
     let mut report = ExportReport::default();
-    write(&mut sink, &mut report, TILESET_JSON, &tileset.tileset_json("")?)?;
+    write(&mut sink, &mut report, TilesetFile::Tileset, &tileset.tileset_json("")?)?;
     let mut roots = vec![TileId::ROOT];
     while let Some(root) = roots.pop() {
         write_subtree(tileset, root, &mut sink, &mut report, &mut roots)?;
@@ -50,6 +75,7 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
     match sink {
         Sink::Folder(_) => Ok(report),
         Sink::Archive(archive) => archive.finish().map(|()| report),
+        Sink::PmTiles(archive) => archive.finish().map(|()| report),
     }
 }
 
@@ -62,7 +88,7 @@ fn write_subtree(
     roots: &mut Vec<TileId>,
 ) -> Result<(), ExportError> {
     let Some(file) = tileset.subtree(root.level(), root.x(), root.y())? else { return Ok(()) };
-    write(sink, report, &format!("subtrees/{root}.subtree"), &file)?;
+    write(sink, report, TilesetFile::Subtree(root), &file)?;
     let Some(subtree) = tileset.subtree_with(root)? else { return Ok(()) };
     let end = root.level() + super::subtree::LEVELS;
     let is_below = |id: TileId| id.ancestor(root.level()) == Some(root) && tileset.is_selected(id);
@@ -72,7 +98,7 @@ fn write_subtree(
             continue;
         }
         if let Some(content) = tileset.node_content(node.id)? {
-            write(sink, report, &format!("content/{}.glb", node.id), &content.bytes)?;
+            write(sink, report, TilesetFile::Content(node.id), &content.bytes)?;
             report.files += 1;
             report.triangles += content.triangles as u64;
             report.objects += content.objects as u64;
@@ -81,12 +107,13 @@ fn write_subtree(
     Ok(())
 }
 
-fn write(sink: &mut Sink, report: &mut ExportReport, name: &str, bytes: &[u8]) -> Result<(), ExportError> {
+fn write(sink: &mut Sink, report: &mut ExportReport, file: TilesetFile, bytes: &[u8]) -> Result<(), ExportError> {
     report.bytes += bytes.len() as u64;
     match sink {
-        Sink::Archive(archive) => archive.add(name, bytes),
+        Sink::Archive(archive) => archive.add(&file.to_string(), bytes),
+        Sink::PmTiles(archive) => archive.add(file, bytes),
         Sink::Folder(folder) => {
-            let path = folder.join(name);
+            let path = folder.join(file.to_string());
             let failed = || ExportError::writing(path.display().to_string());
             if let Some(parent) = path.parent() {
                 fs::create_dir_all(parent).map_err(failed())?;
@@ -99,4 +126,5 @@ fn write(sink: &mut Sink, report: &mut ExportReport, name: &str, bytes: &[u8]) -
 enum Sink {
     Folder(PathBuf),
     Archive(Box<ArchiveWriter<io::BufWriter<fs::File>>>),
+    PmTiles(Box<TileArchive>),
 }
