@@ -11,11 +11,11 @@ use insula_protocol::{
     route,
 };
 use insula_server::{
-    config::ServeConfig,
+    config::{BlockCacheConfig, ServeConfig},
     http::{AppState, HttpService},
     store::{CityStore, Store},
 };
-use insula_test_support::small_city;
+use insula_test_support::{faulty_host::FaultyHost, small_city};
 use std::{
     fs,
     path::Path,
@@ -254,4 +254,22 @@ fn index_is_part_of_the_version_and_of_verification() {
         failed.status.code() == Some(1) && text.contains("has no search index") && text.lines().count() == 1,
         "{text}"
     );
+}
+
+/// A city on another host has its search, and nothing of the index is fetched before the first one.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_remote_city_is_searched() {
+    let folder = small_city::temporary_city();
+    add_objects(folder.path());
+    let host = FaultyHost::start(folder.path());
+    let store = Store::open_anywhere(&[host.url().into()], &BlockCacheConfig::default()).await.unwrap();
+    let city = store.cities().next().unwrap();
+    assert!(city.has_search());
+    let (before, searched) = (host.requests(), city.clone());
+    let found = tokio::task::spawn_blocking(move || searched.search_index().map(|index| index.search("kerk", 3)));
+    assert_eq!(found.await.unwrap().unwrap()[0].object, 0);
+    assert_eq!(host.requests(), before + 1);
+    fs::remove_file(folder.path().join(SEARCH_FILE)).unwrap();
+    let store = Store::open_anywhere(&[host.url().into()], &BlockCacheConfig::default()).await.unwrap();
+    assert!(!store.cities().next().unwrap().has_search());
 }

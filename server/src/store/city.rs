@@ -74,6 +74,10 @@ impl CityStore {
         Self { serial, stamp, city, folder: None, has_thumbnail: false, search: None }
     }
 
+    pub(super) fn with_search(self, search: Option<SearchFile>) -> Self {
+        Self { search, ..self }
+    }
+
     /// A number that differs between all cities and versions that the process has opened.
     pub fn serial(&self) -> u64 {
         self.serial
@@ -102,7 +106,7 @@ impl CityStore {
         (png.len() as u64 <= MAX_THUMBNAIL_BYTES && png.starts_with(PNG_SIGNATURE)).then(|| png.into())
     }
 
-    /// Whether the city has a search index. A remote city has none.
+    /// Whether the city has a search index.
     pub fn has_search(&self) -> bool {
         self.search.is_some()
     }

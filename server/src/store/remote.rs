@@ -8,11 +8,12 @@ use super::{
     error::StoreError,
     requests::{RemoteObject, StoreRequests, read_body},
     same_host::SameHostConnector,
+    search::SearchFile,
 };
 use insula_archive::{
     Archive, BakedCity, CityArchives, CityError, ReadError,
     block_cache::BlockCache,
-    city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, parse_manifest},
+    city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE, parse_manifest},
     limits::MAX_OPENING_TIME,
 };
 use insula_protocol::TileKind;
@@ -96,29 +97,42 @@ impl RemoteCity {
             meshes: archive(TileKind::Mesh).await?,
             objects: archive(TileKind::Objects).await?,
         };
-        Ok(Some(CityStore::new(stamp, BakedCity::new(self.url.clone(), manifest, archives)?)))
+        let search = self.object(&manifest.version, SEARCH_FILE, false).await?;
+        let search = search.map(|object| SearchFile::remote(&self.url, object, Handle::current()));
+        Ok(Some(CityStore::new(stamp, BakedCity::new(self.url.clone(), manifest, archives)?).with_search(search)))
+    }
+
+    /// Finds a file of a version. `None` if there is no such file.
+    async fn object(
+        &self,
+        version: &str,
+        file_name: &str,
+        is_required: bool,
+    ) -> Result<Option<RemoteObject>, StoreError> {
+        let mut path = self.folder.clone().join(version).join(file_name);
+        let mut meta = self.requests.retry(|| self.store.head(&path)).await;
+        if matches!(meta, Err(object_store::Error::NotFound { .. })) {
+            path = self.folder.clone().join(file_name);
+            meta = self.requests.retry(|| self.store.head(&path)).await;
+        }
+        // Stores that may not be listed answer "forbidden" for missing objects.
+        let forbidden = matches!(meta, Err(object_store::Error::PermissionDenied { .. })) && !is_required;
+        if forbidden || matches!(meta, Err(object_store::Error::NotFound { .. })) {
+            return Ok(None);
+        }
+        let location = || format!("{}/{file_name}", self.url);
+        let meta = meta.map_err(|error| StoreError::Remote { url: location(), reason: error.to_string() })?;
+        let about = format!("{}/{path} {:?} {} {}", self.url, meta.e_tag, meta.size, meta.last_modified);
+        let hash = blake3::hash(about.as_bytes());
+        let id = hash.as_bytes()[..16].iter().fold(0, |id, byte| id << 8 | u128::from(*byte));
+        let (requests, store) = (self.requests.clone(), self.store.clone());
+        Ok(Some(RemoteObject { requests, store, path, tag: meta.e_tag, length: meta.size, id }))
     }
 
     /// Opens one archive. `None` if there is no such file.
     async fn archive(&self, version: &str, kind: TileKind) -> Result<Option<Archive>, StoreError> {
         let location = format!("{}/{}", self.url, kind.file_name());
-        let mut path = self.folder.clone().join(version).join(kind.file_name());
-        let mut meta = self.requests.retry(|| self.store.head(&path)).await;
-        if matches!(meta, Err(object_store::Error::NotFound { .. })) {
-            path = self.folder.clone().join(kind.file_name());
-            meta = self.requests.retry(|| self.store.head(&path)).await;
-        }
-        // Stores that may not be listed answer "forbidden" for missing objects.
-        let forbidden = matches!(meta, Err(object_store::Error::PermissionDenied { .. })) && !kind.is_required();
-        if forbidden || matches!(meta, Err(object_store::Error::NotFound { .. })) {
-            return Ok(None);
-        }
-        let meta = meta.map_err(|error| StoreError::Remote { url: location.clone(), reason: error.to_string() })?;
-        let about = format!("{}/{path} {:?} {} {}", self.url, meta.e_tag, meta.size, meta.last_modified);
-        let hash = blake3::hash(about.as_bytes());
-        let id = hash.as_bytes()[..16].iter().fold(0, |id, byte| id << 8 | u128::from(*byte));
-        let (requests, store) = (self.requests.clone(), self.store.clone());
-        let object = RemoteObject { requests, store, path, tag: meta.e_tag, length: meta.size, id };
+        let Some(object) = self.object(version, kind.file_name(), kind.is_required()).await? else { return Ok(None) };
         let source = self.cache.source(Arc::new(object));
         // Directories are parsed on a thread of their own, because this one may accept connections.
         let (runtime, deadline) = (Handle::current(), Instant::now() + MAX_OPENING_TIME);

@@ -1,10 +1,12 @@
-//! The search index of an opened city on disk.
+//! The search index of an opened city, on disk or in an object store.
 //!
-//! The file is opened with the city, so that it is of the city's version even if the folder is replaced. It is read at the first
-//! search, and stays in memory as long as the city is open. It is read, not mapped: if a mapped file is truncated, the next access
-//! ends the process.
+//! The file is opened with the city, so that it is of the city's version even if the folder is replaced; an object has the tag that it
+//! had then. It is read at the first search, and stays in memory as long as the city is open. It is read, not mapped: if a mapped file
+//! is truncated, the next access ends the process.
 
+use super::requests::RemoteObject;
 use insula_archive::{
+    block_cache::BlockObject,
     city::{MAX_SEARCH_BYTES, SEARCH_FILE},
     file::open_regular,
 };
@@ -16,6 +18,10 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
     time::{Duration, Instant},
 };
+use tokio::runtime::Handle;
+
+/// Bytes of one request to an object store: each must arrive within a third of the timeout.
+const PART_BYTES: u64 = 4 << 20;
 
 /// An index that could not be opened is tried again after this time: each attempt reads the whole file.
 const RETRY_INTERVAL: Duration = Duration::from_secs(60);
@@ -28,7 +34,7 @@ pub type CityIndex = Arc<SearchIndex<Vec<u8>>>;
 pub enum SearchFileError {
     #[error("{place}: the city has no search index: bake it again, or copy all files of its folder")]
     None { place: String },
-    #[error("{place}/{SEARCH_FILE}: cannot be read: {reason}; check the disk and the permissions")]
+    #[error("{place}/{SEARCH_FILE}: cannot be read: {reason}; check the disk or the store, and the permissions")]
     Unreadable { place: String, reason: String },
     #[error("{place}/{SEARCH_FILE}: {reason}; bake the city again, or copy it again from an intact source")]
     Damaged { place: String, reason: String },
@@ -43,24 +49,40 @@ pub(super) struct SearchFile {
 
 #[derive(Debug)]
 struct SearchContent {
-    file: File,
+    source: SearchSource,
     opened: Option<CityIndex>,
     /// The last failure and its time.
     failed: Option<(Instant, SearchFileError)>,
 }
 
+#[derive(Debug)]
+enum SearchSource {
+    File(File),
+    /// With the runtime that reads it.
+    Remote(RemoteObject, Handle),
+}
+
 impl SearchFile {
+    /// An object of a city in a store, unread.
+    pub(super) fn remote(url: &str, object: RemoteObject, runtime: Handle) -> Self {
+        Self::new(url.to_owned(), SearchSource::Remote(object, runtime))
+    }
+
+    fn new(place: String, source: SearchSource) -> Self {
+        Self { place, content: Mutex::new(SearchContent { source, opened: None, failed: None }) }
+    }
+
     /// Opens the file in a city's folder, unread; `None` if there is none. Fails if it cannot be opened or is no regular file.
     pub(super) fn open(folder: &Path) -> io::Result<Option<Self>> {
         let file = match open_regular(&folder.join(SEARCH_FILE)) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             file => file?,
         };
-        let content = Mutex::new(SearchContent { file, opened: None, failed: None });
-        Ok(Some(Self { place: folder.display().to_string(), content }))
+        Ok(Some(Self::new(folder.display().to_string(), SearchSource::File(file))))
     }
 
-    /// The index; the first call reads it, and others wait for that. Fails if it cannot be read, is damaged or too large.
+    /// The index; the first call reads it, and others wait for that. Not to be called on a thread of an asynchronous runtime. Fails if it
+    /// cannot be read, is damaged or too large.
     pub(super) fn index(&self) -> Result<CityIndex, SearchFileError> {
         let mut content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(index) = &content.opened {
@@ -69,7 +91,7 @@ impl SearchFile {
         if let Some((_, error)) = content.failed.as_ref().filter(|(time, _)| time.elapsed() < RETRY_INTERVAL) {
             return Err(error.clone());
         }
-        match self.read(&mut content.file) {
+        match self.read(&mut content.source) {
             Ok(index) => Ok(content.opened.insert(Arc::new(index)).clone()),
             Err(error) => {
                 content.failed = Some((Instant::now(), error.clone()));
@@ -78,17 +100,42 @@ impl SearchFile {
         }
     }
 
-    fn read(&self, file: &mut File) -> Result<SearchIndex<Vec<u8>>, SearchFileError> {
-        let unreadable =
-            |error: io::Error| SearchFileError::Unreadable { place: self.place.clone(), reason: error.to_string() };
+    fn read(&self, source: &mut SearchSource) -> Result<SearchIndex<Vec<u8>>, SearchFileError> {
+        let unreadable = |reason: String| SearchFileError::Unreadable { place: self.place.clone(), reason };
         let damaged = |reason: String| SearchFileError::Damaged { place: self.place.clone(), reason };
-        let length = file.metadata().map_err(unreadable)?.len();
+        let length = source.length().map_err(|error| unreadable(error.to_string()))?;
         if length > MAX_SEARCH_BYTES {
             return Err(damaged(format!("it has {length} bytes, the limit is {MAX_SEARCH_BYTES}")));
         }
-        let mut bytes = Vec::with_capacity(length as usize);
-        file.rewind().and_then(|()| file.take(MAX_SEARCH_BYTES).read_to_end(&mut bytes)).map_err(unreadable)?;
+        let bytes = source.read(length).map_err(unreadable)?;
         SearchIndex::open(bytes).map_err(|error| damaged(error.to_string()))
+    }
+}
+
+impl SearchSource {
+    fn length(&self) -> io::Result<u64> {
+        match self {
+            Self::File(file) => Ok(file.metadata()?.len()),
+            Self::Remote(object, _) => Ok(object.length()),
+        }
+    }
+
+    /// All of its `length` bytes. Fails with the reason.
+    fn read(&mut self, length: u64) -> Result<Vec<u8>, String> {
+        let mut bytes = Vec::with_capacity(length as usize);
+        match self {
+            Self::File(file) => {
+                let read = file.rewind().and_then(|()| file.take(MAX_SEARCH_BYTES).read_to_end(&mut bytes));
+                read.map_err(|error| error.to_string())?;
+            }
+            Self::Remote(object, runtime) => {
+                for start in (0..length).step_by(PART_BYTES as usize) {
+                    let part = object.fetch(start..length.min(start + PART_BYTES));
+                    bytes.extend_from_slice(&runtime.block_on(part).map_err(|error| error.to_string())?);
+                }
+            }
+        }
+        Ok(bytes)
     }
 }
 
