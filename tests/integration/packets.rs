@@ -14,6 +14,7 @@ use insula_shaders::{
 use insula_tests::{
     draw_list::Scene,
     random::{self, Pose, RandomCity},
+    random_mesh,
     rng::Rng,
     view::FrameSpec,
 };
@@ -77,6 +78,9 @@ fn packets_draw_every_shading_the_night_and_objects() -> Result<()> {
     for (seed, city) in cities().iter().enumerate() {
         let mut city = city.clone();
         let mut rng = Rng::new(200 + seed as u64);
+        if seed % 2 == 0 {
+            random_mesh::add(&mut city, &mut Rng::new(500 + seed as u64), 0.5)?;
+        }
         city.draw_list.set_styles(styles);
         for shading in Shading::ALL.into_iter().chain([Shading::Objects]) {
             let camera = random::camera(&mut rng, &city, Pose::Above);

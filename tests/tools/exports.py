@@ -5,7 +5,8 @@ exports.py FILE... [--source FILE] [--min-area M2] [--json]
 
 FILEs are exports of the same city and selection by `insula-server export`: `.csv`, `.geojson`, `.parquet`, `.fgb`, `.jsonl`
 (CityJSON text sequence), `.glb` and `.tif`, at least one of them a table. Needs Python with numpy, shapely, pyarrow, geopandas, pyogrio,
-pyproj, rasterio and trimesh; checks of a file whose reader is missing are left out, and said so. With cjio, CityJSON is also read by it.
+pyproj, rasterio and trimesh; checks of a file whose reader is missing are left out, and said so. With cjio, CityJSON is also read by it,
+and with the program cjval on the PATH (`cargo install cjval --features build-binary`) validated.
 
 Checks, of each object by its number:
 - all tables have the same objects (FlatGeobuf: those with a footprint), values and areas;
@@ -19,7 +20,7 @@ Checks, of each object by its number:
 
 Prints a line for each file and each difference (at most 20 a file). Exits with 1 if there is a difference.
 """
-import argparse, csv, importlib, json, math, pathlib, sys
+import argparse, csv, importlib, json, math, pathlib, shutil, subprocess, sys
 
 
 def module(name):
@@ -195,6 +196,7 @@ def check_cityjson(report, path, table):
                 report.check(over < 0.005, name, f"{key}: {over:.3f} m above roof_z_m")
         report.check(len(used) == len(feature["vertices"]), name, f"{feature['id']}: has unused vertices")
     report.notes.append(f"{name}: {len(features)} features, {objects} objects, {surfaces} rings")
+    validate_cityjson(report, path)
     cityjson = module("cjio.cityjson")
     if cityjson is None:
         report.notes.append(f"{name}: cjio is not installed, only own checks")
@@ -206,6 +208,22 @@ def check_cityjson(report, path, table):
     found = len(model.j["CityObjects"])
     report.check(found == objects, name, f"cjio finds {found} objects of {objects}: identifiers are not unique")
     report.notes.append(f"{name}: cjio reads {found} objects, EPSG:{model.get_epsg()}")
+
+
+def validate_cityjson(report, path):
+    """By the schemas of CityJSON, each feature on its own; cjval exits with 0 whatever it finds."""
+    name = path.name
+    if shutil.which("cjval") is None:
+        report.notes.append(f"{name}: cjval is not installed, not validated")
+        return
+    with open(path, "rb") as file:
+        done = subprocess.run(["cjval", "--report"], stdin=file, capture_output=True, text=True, check=True)
+    lines = [json.loads(line) for line in done.stdout.splitlines() if line.strip()]
+    for line in lines:
+        wrong = [kind for kinds in line["checks"].values() for kind, found in kinds.items() if not found["valid"]]
+        report.check(line["valid"] and not line["has_warnings"], name, f"cjval, {line['file']}: {', '.join(wrong)}")
+    report.check(lines, name, "cjval reports nothing")
+    report.notes.append(f"{name}: cjval validates {len(lines)} lines")
 
 
 def check_geotiff(report, path, table, min_area):

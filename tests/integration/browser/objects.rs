@@ -112,9 +112,9 @@ fn pick(page: &CityPage, at: [f64; 2]) -> Result<Value> {
     Ok(page.last_event(0, "pick")?["detail"].clone())
 }
 
-/// Every click gives the house that stands at its position. Returns the last one.
-fn ensure_right_objects(town: &Town, page: &CityPage, size_px: [u32; 2]) -> Result<Value> {
-    let mut last = Value::Null;
+/// Every click gives the house that stands at its position. Returns the last one, and where it was clicked.
+fn ensure_right_objects(town: &Town, page: &CityPage, size_px: [u32; 2]) -> Result<(Value, [f64; 2])> {
+    let mut last = (Value::Null, [0.0; 2]);
     for share in [[0.5, 0.52], [0.44, 0.47], [0.56, 0.53], [0.47, 0.59], [0.53, 0.44], [0.4, 0.55]] {
         let at = [share[0] * f64::from(size_px[0]), share[1] * f64::from(size_px[1])];
         let picked = pick(page, at)?;
@@ -125,10 +125,10 @@ fn ensure_right_objects(town: &Town, page: &CityPage, size_px: [u32; 2]) -> Resu
             house => ensure!(house.map(|(name, _)| name).as_deref() == found, "{picked}"),
         }
         if found.is_some() {
-            last = picked["object"].clone();
+            last = (picked["object"].clone(), at);
         }
     }
-    ensure!(last["id"].is_u64(), "no click met a house");
+    ensure!(last.0["id"].is_u64(), "no click met a house");
     Ok(last)
 }
 
@@ -147,7 +147,7 @@ pub(super) fn clicks_show_attributes() -> Result<()> {
     let (town, page) = Town::open(false)?;
     let before = page.picture(0, [320, 200])?;
     ensure!(object_requests(&page)?.is_empty(), "objects are fetched before they are needed");
-    let object = ensure_right_objects(&town, &page, SIZE_PX)?;
+    let (object, _) = ensure_right_objects(&town, &page, SIZE_PX)?;
     // The schema when the pointer came, and one block.
     let requests = object_requests(&page)?;
     ensure!(requests.len() == 2 && requests.values().all(|bytes| (1..50_000).contains(bytes)), "{requests:?}");
@@ -177,19 +177,18 @@ pub(super) fn clicks_meet_the_same_objects_on_a_gpu() -> Result<()> {
     // A panel would cover most of so small a page.
     let keep_panel_closed = "addEventListener('pick', event => event.preventDefault())";
     page.page.evaluate(&format!("{}.{keep_panel_closed}", element()))?;
-    ensure_right_objects(&town, &page, GPU_SIZE_PX)?;
+    let (_, house) = ensure_right_objects(&town, &page, GPU_SIZE_PX)?;
     let selected = page.page.evaluate(&format!("{}.selection.length", element()))?;
     ensure!(selected == 0, "a prevented click selects {selected} objects");
-    ensure_hover_outlines(&page)?;
+    ensure_hover_outlines(&page, house)?;
     // The next frame has its own size again.
     page.wait_until_final(0)?;
     ensure_no_problems(&page)
 }
 
 /// The object under a resting mouse has an outline until the mouse goes to the sky.
-fn ensure_hover_outlines(page: &CityPage) -> Result<()> {
-    let [width, height] = GPU_SIZE_PX.map(f64::from);
-    let [house, sky] = [[0.5, 0.52], [0.5, 0.02]].map(|[x, y]| [x * width, y * height]);
+fn ensure_hover_outlines(page: &CityPage, house: [f64; 2]) -> Result<()> {
+    let sky = [house[0], 3.0];
     page.page.point_at(sky)?;
     page.wait_until_final(0)?;
     let plain = page.picture(0, GPU_SIZE_PX)?;

@@ -8,6 +8,7 @@ use super::{
         to_u,
     },
     node_rays::NodeRays,
+    objects::{ColumnFaces, ObjectWords},
     shade::linear_of,
 };
 use crate::{
@@ -92,8 +93,7 @@ pub(super) fn hit_columns<S: Simd>(
     hits: &mut Hits<S>,
 ) {
     let simd = rays.simd;
-    let rare = has(simd, found.word, u32::from(flag::GAP | flag::HOLES) << FLAGS_SHIFT);
-    let rare = if scene.frame.objects != 0 { found.lanes } else { found.lanes & rare };
+    let rare = found.lanes & has(simd, found.word, u32::from(flag::GAP | flag::HOLES) << FLAGS_SHIFT);
     let plain = found.lanes & !rare;
     let mut left = rare;
     if plain.any_true() {
@@ -121,16 +121,22 @@ fn hit_plain_columns<S: Simd>(
     let simd = rays.simd;
     let columns = PlainColumns::read(scene, rays, crossing, plain);
     let solids = columns.meets(rays, crossing, plain);
-    if solids.lanes.all_false() || segments.to_sun {
-        // Whatever is met shadows.
-        hits.is_hit |= solids.lanes;
-        return M::<S>::splat(simd, false);
+    if solids.lanes.all_false() {
+        return solids.lanes;
+    }
+    let is_roof = !solids.outer & !solids.side & !solids.bottom_face;
+    let faces = ColumnFaces { outer: solids.outer, wall: !is_roof };
+    let objects = ObjectWords::of_columns(simd, scene, rays.node, solids.lanes, columns.number, faces);
+    let hidden = solids.lanes & objects.hidden(simd);
+    if segments.to_sun {
+        // Whatever is met and not hidden shadows.
+        hits.is_hit |= solids.lanes & !hidden;
+        return hidden;
     }
     let exposed = has(simd, columns.flags, u32::from(flag::EXPOSED));
-    let is_roof = !solids.outer & !solids.side & !solids.bottom_face;
     let is_row = !solids.outer & !is_roof & exposed;
     // A column that shows its top only, met from another side.
-    let left = solids.lanes & !solids.outer & !is_roof & !exposed;
+    let left = hidden | (solids.lanes & !solids.outer & !is_roof & !exposed);
     let at = solids.outer.select(columns.strip + 1, columns.number + rays.planes[ROOF_PLANE]);
     let at = is_row.select(columns.row_at(rays, &solids), at);
     let texel = gather_where(simd, scene.atlas, at, solids.lanes);
@@ -148,7 +154,7 @@ fn hit_plain_columns<S: Simd>(
     if (lanes & is_roof).any_true() {
         normal = Vec3s::select(is_roof, decode_normal(simd, columns.attributes), normal);
     }
-    record(rays, segments, &columns, lanes, (solids.s, texel, normal), hits);
+    record(rays, segments, &columns, lanes, (solids.s, texel, normal, &objects), hits);
     left
 }
 
@@ -159,12 +165,13 @@ fn record<S: Simd>(
     segments: &Segments<S>,
     columns: &PlainColumns<S>,
     lanes: M<S>,
-    (t, texel, normal): (F<S>, U<S>, Vec3s<S>),
+    (t, texel, normal, objects): (F<S>, U<S>, Vec3s<S>, &ObjectWords<S>),
     hits: &mut Hits<S>,
 ) {
     let simd = rays.simd;
     hits.is_hit |= lanes;
-    hits.albedo = Vec3s::select(lanes, linear_of(simd, texel), hits.albedo);
+    hits.albedo = Vec3s::select(lanes, objects.colours(simd, linear_of(simd, texel)), hits.albedo);
+    hits.object = lanes.select(objects.address, hits.object);
     hits.ao = lanes.select(float_u::<S>(texel >> AO_SHIFT) / f32::from(AO_MAX), hits.ao);
     hits.normal = Vec3s::select(lanes, normal, hits.normal);
     hits.flags = lanes.select(columns.flags, hits.flags);

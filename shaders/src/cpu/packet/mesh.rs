@@ -6,6 +6,7 @@ use super::{
     hits::{Hits, MeshHits, Segments, read_vec4},
     lanes::{F, M, Vec3s, always, lanes_of, nonzero, splat, splat_u},
     mesh_surface::hit_triangles,
+    objects::ObjectWords,
 };
 use crate::{
     cpu::{
@@ -52,9 +53,6 @@ pub(super) fn walk_meshes<S: Simd>(
     let [x, y, z, step_m] = read_vec4(scene, head).map(f32::from_bits);
     let info = read_vec4(scene, head + 1);
     let whole = read_vec4(scene, head + 2);
-    if scene.frame.objects != 0 {
-        return walk_singly(scene, segments, index, group, hits);
-    }
     let zero = Vec3::new(node.corner[0], node.corner[1], node.mesh_z_m) + Vec3::new(x, y, z);
     let o = segments.origin.sub(Vec3s::splat(simd, zero)).map(
         #[inline(always)]
@@ -98,24 +96,29 @@ pub(super) fn walk_meshes<S: Simd>(
         }
     }
     let found = meets & nearest.triangle.simd_ne(splat_u(simd, 0));
+    let objects = ObjectWords::of_triangles(simd, scene, node, found, nearest.triangle);
+    let hidden = found & objects.hidden(simd);
+    walk_singly(scene, segments, index, hidden, hits);
+    let found = found & !hidden;
     if segments.to_sun {
         hits.is_hit |= found;
     } else if triangle_stride(info) > 2 {
         // Surfaces of landmarks are left to the scalar code.
         for lane in lanes_of::<S>(found) {
             let mut ray = segments.lane(scene, lane);
-            hit_triangle(&mut ray, index, step_m, info, &nearest.lane(lane));
+            let hit = MeshHit { object: objects.address[lane], ..nearest.lane(lane) };
+            hit_triangle(&mut ray, index, step_m, info, &hit);
             hits.set_lane(lane, &ray.hit);
         }
     } else if found.any_true() {
         simd.vectorize(
             #[inline(always)]
-            || hit_triangles(simd, scene, segments, (node, index, step_m, info), found, &nearest, hits),
+            || hit_triangles(simd, scene, segments, (node, index, step_m, info), found, (&nearest, &objects), hits),
         );
     }
 }
 
-/// The same ray by ray.
+/// The same ray by ray, for those that have met a hidden object.
 #[inline(always)]
 fn walk_singly<S: Simd>(scene: &SceneRef<'_>, segments: &Segments<S>, index: u32, group: M<S>, hits: &mut Hits<S>) {
     for lane in lanes_of::<S>(group) {

@@ -7,6 +7,7 @@ use super::{
         F, IVec2s, M, U, Vec2s, Vec3s, always, float_u, floor_clamped, gather_where, has, lanes_of, splat, splat_u,
         to_u,
     },
+    objects::ObjectWords,
     shade::{linear_of, normalize_or},
 };
 use crate::{
@@ -53,7 +54,7 @@ pub(super) fn hit_triangles<S: Simd>(
     segments: &Segments<S>,
     (node, index, step_m, info): MeshFacts<'_>,
     found: M<S>,
-    nearest: &MeshHits<S>,
+    (nearest, objects): (&MeshHits<S>, &ObjectWords<S>),
     hits: &mut Hits<S>,
 ) {
     let (zero, t) = (splat(simd, 0.0), nearest.t);
@@ -97,7 +98,8 @@ pub(super) fn hit_triangles<S: Simd>(
         (reflective & !inside).select(splat_u(simd, MESH_FLAG | u32::from(flag::REFLECTIVE)), splat_u(simd, MESH_FLAG));
     let origin = p.add(normal.scale(t * MESH_LIFT_SHARE + MESH_LIFT_M));
     hits.is_hit |= found;
-    hits.albedo = Vec3s::select(found, albedo, hits.albedo);
+    hits.albedo = Vec3s::select(found, objects.colours(simd, albedo), hits.albedo);
+    hits.object = found.select(objects.address, hits.object);
     hits.ao = found.select(sky, hits.ao);
     hits.normal = Vec3s::select(found, normal, hits.normal);
     hits.flags = found.select(flags, hits.flags);

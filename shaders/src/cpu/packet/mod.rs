@@ -14,6 +14,7 @@ mod mesh;
 mod mesh_surface;
 mod node_rays;
 mod node_walk;
+mod objects;
 mod shade;
 mod sky;
 mod tone;
