@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use insula_protocol::{
     TileId,
     mesh::{Attribute, AttributeKind, Mesh, PositionGrid},
+    mesh_tile::NO_OBJECT,
 };
 use insula_shaders::mesh::{MeshTexture, PackedMesh};
 
@@ -26,11 +27,18 @@ pub fn add(city: &mut RandomCity, rng: &mut Rng, share: f64) -> Result<Vec<Rando
         }
         let side_m = city.area.root_side_m / f64::from(1u32 << map.id.level());
         let made = mesh(rng, map.id, side_m, map.z_base_m());
-        city.draw_list
-            .add_mesh(map.id, PackedMesh::new(&made.mesh, made.texture.as_ref(), &[], &[]).context("a random mesh")?);
+        let objects = objects_of(&made.mesh);
+        let packed = PackedMesh::new(&made.mesh, made.texture.as_ref(), &objects, &[]).context("a random mesh")?;
+        city.draw_list.add_mesh(map.id, packed);
         meshes.push(made);
     }
     Ok(meshes)
+}
+
+/// The objects of its triangles: a box is one, and every fifth box has none.
+fn objects_of(mesh: &Mesh) -> Vec<u32> {
+    let object = |triangle: usize| if triangle / 12 % 5 == 4 { NO_OBJECT } else { (triangle / 12) as u32 };
+    (0..mesh.triangles.len()).map(object).collect()
 }
 
 fn mesh(rng: &mut Rng, id: TileId, side_m: f64, z_m: f64) -> RandomMesh {
