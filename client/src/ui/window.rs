@@ -3,11 +3,11 @@
 use super::window_surface::{OverlayShapes, WindowSurface};
 use crate::{
     error::{ClientError, Result},
-    render::{AdapterChoice, GpuAdapter, OpenedAdapter},
+    render::{AdapterChoice, GpuDevice, OpenedAdapter},
 };
 use insula_protocol::text::printable;
 use insula_viewer::cache::pages_for;
-use std::{sync::Arc, time::Duration};
+use std::{sync::Arc, thread::JoinHandle, time::Duration};
 use winit::{
     dpi::{LogicalSize, PhysicalPosition},
     event::WindowEvent,
@@ -23,6 +23,10 @@ pub struct ViewerWindow {
     input: egui_winit::State,
     /// The city, below the overlay.
     background: Background,
+    /// The ray-caster, until it is taken.
+    opening: Option<JoinHandle<Result<OpenedAdapter>>>,
+    /// Number of cache pages that it is to hold.
+    pages: u32,
 }
 
 /// What is painted below the overlay.
@@ -43,8 +47,14 @@ pub struct OverlayLayout {
 }
 
 impl ViewerWindow {
-    /// Opens a window of `size` points. Fails if there is no screen, or if no device can present to it.
-    pub fn new(event_loop: &ActiveEventLoop, title: &str, size: [u32; 2], cache_bytes: u64) -> Result<Self> {
+    /// Opens a window of `size` points, and begins to open its ray-caster. Fails if there is no screen, or if no device can present to
+    /// it.
+    pub fn new(
+        event_loop: &ActiveEventLoop,
+        title: &str,
+        size: [u32; 2],
+        (choice, cache_bytes): (AdapterChoice, u64),
+    ) -> Result<Self> {
         let attributes = Window::default_attributes()
             .with_title(title)
             .with_min_inner_size(LogicalSize::new(200.0, 150.0))
@@ -59,7 +69,9 @@ impl ViewerWindow {
         let max_side = surface.device().device.limits().max_texture_dimension_2d as usize;
         let scale = Some(window.scale_factor() as f32);
         let input = egui_winit::State::new(egui.clone(), egui::ViewportId::ROOT, &window, scale, None, Some(max_side));
-        Ok(Self { window, surface, egui, input, background: Background::Empty })
+        let opening = open_adapter(surface.device().clone(), choice, cache_bytes);
+        let (background, pages) = (Background::Empty, pages_for(cache_bytes));
+        Ok(Self { window, surface, egui, input, background, opening, pages })
     }
 
     /// Passes an event to the overlay. Returns whether the overlay consumed it.
@@ -134,22 +146,24 @@ impl ViewerWindow {
         self.surface.size_px().map(|side| (f64::from(side) / scale).round() as u32)
     }
 
-    /// Opens the ray-caster: on the surface's device, or on the CPU if that is requested, faster, or all that works.
-    pub fn open_adapter(&self, choice: AdapterChoice, cache_bytes: u64) -> OpenedAdapter {
-        let pages = pages_for(cache_bytes);
-        let device = self.surface.device();
-        if choice == AdapterChoice::Auto && device.is_software() {
-            let name = &device.info().name;
-            eprintln!("note: {} is a software driver, using the CPU ray-caster instead", printable(name));
-        } else if choice != AdapterChoice::Cpu {
-            match pollster::block_on(GpuAdapter::new(device.clone(), pages)) {
-                Ok(gpu) => return OpenedAdapter::gpu(gpu),
-                Err(reason) => {
-                    tracing::debug!("the GPU cannot run the ray-caster: {reason}");
-                    eprintln!("note: the GPU cannot run the ray-caster, using the CPU instead");
-                }
-            }
-        }
-        OpenedAdapter::cpu(pages)
+    /// The ray-caster: on the surface's device, or on the CPU if that is requested, faster, or all that works. Waits until it is open.
+    pub fn take_adapter(&mut self) -> OpenedAdapter {
+        let opened = self.opening.take().and_then(|opening| opening.join().ok()).unwrap_or_else(|| {
+            Err(ClientError::Graphics("the ray-caster cannot be opened on a thread of its own".into()))
+        });
+        opened.unwrap_or_else(|error| {
+            eprintln!("note: {}, using the CPU instead", printable(&error.to_string()));
+            OpenedAdapter::cpu(self.pages)
+        })
     }
+}
+
+/// Opens the ray-caster on another thread: shaders are compiled, and a software driver is tried, while the city is being found.
+fn open_adapter(
+    device: GpuDevice,
+    choice: AdapterChoice,
+    cache_bytes: u64,
+) -> Option<JoinHandle<Result<OpenedAdapter>>> {
+    let open = move || OpenedAdapter::choose(choice, || Ok(device), cache_bytes);
+    std::thread::Builder::new().name("insula-adapter".into()).spawn(open).ok()
 }
