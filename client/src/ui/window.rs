@@ -1,11 +1,12 @@
 //! The window with its surface and its overlay, with or without a city in it.
 
-use super::window_surface::{OverlayShapes, WindowSurface};
+use super::window_surface::{OverlayShapes, WindowSurface, color_image};
 use crate::{
     error::{ClientError, Result},
     render::{AdapterChoice, GpuDevice, OpenedAdapter},
 };
 use insula_protocol::text::printable;
+use insula_shaders::cpu::raycast::Pixels;
 use insula_viewer::cache::pages_for;
 use std::{sync::Arc, thread::JoinHandle, time::Duration};
 use winit::{
@@ -33,8 +34,10 @@ pub struct ViewerWindow {
 enum Background {
     /// There is no city.
     Empty,
-    /// Pixels of the CPU ray-caster.
+    /// Pixels of the CPU ray-caster, as a texture.
     Image(egui::TextureHandle),
+    /// The same, which the surface copies.
+    Copied,
     /// The scene's texture on the GPU.
     Scene(egui::TextureId),
 }
@@ -95,13 +98,18 @@ impl ViewerWindow {
     }
 
     /// Sets the image below the overlay: the frame of the CPU ray-caster.
-    pub fn set_background(&mut self, image: egui::ColorImage) {
+    pub fn set_background(&mut self, pixels: &Pixels) {
+        if self.surface.keep_frame(pixels) {
+            self.background = Background::Copied;
+            return;
+        }
         let nearest = egui::TextureOptions::NEAREST;
-        self.background = Background::Image(self.egui.load_texture("frame", image, nearest));
+        self.background = Background::Image(self.egui.load_texture("frame", color_image(pixels), nearest));
     }
 
     /// Shows what the GPU draws below the overlay.
     pub fn show_scene(&mut self) {
+        self.surface.forget_frame();
         self.background = Background::Scene(self.surface.scene_texture());
     }
 
@@ -109,7 +117,7 @@ impl ViewerWindow {
     pub fn lay_out(&mut self, mut add_panels: impl FnMut(&egui::Context)) -> OverlayLayout {
         let raw_input = self.input.take_egui_input(&self.window);
         let background = match &self.background {
-            Background::Empty => None,
+            Background::Empty | Background::Copied => None,
             Background::Image(image) => Some(image.id()),
             Background::Scene(id) => Some(*id),
         };

@@ -14,9 +14,11 @@ mod mesh;
 mod mesh_surface;
 mod node_rays;
 mod node_walk;
+mod noise;
 mod objects;
 mod shade;
 mod sky;
+mod stone;
 mod tone;
 mod trace;
 
