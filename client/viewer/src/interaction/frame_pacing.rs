@@ -144,7 +144,7 @@ impl FramePacer {
                 true => (time.mul_f64(most(i, place)), time),
                 false => (time, time.mul_f64(most(i, place))),
             };
-            self.full_frame_times[i] = self.full_frame_times[i].clamp(least, greatest).min(MAX_ESTIMATE);
+            self.full_frame_times[i] = self.full_frame_times[i].max(least).min(greatest).min(MAX_ESTIMATE);
         }
     }
 
