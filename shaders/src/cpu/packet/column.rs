@@ -4,8 +4,8 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, Vec3s, always, float, float_u, gather_where, has, lanes_of, splat, splat_i, splat_u,
-        to_i, to_u,
+        F, I, IVec2s, M, U, Vec2s, Vec3s, always, float, float_u, gather_where, has, lanes_of, splat, splat_u, to_i,
+        to_u,
     },
     node_rays::NodeRays,
     objects::{ColumnFaces, ObjectWords},
@@ -81,16 +81,6 @@ struct Spans<S: Simd> {
     e: F<S>,
     top: M<S>,
     bottom: M<S>,
-}
-
-impl<S: Simd> ColumnCrossing<S> {
-    /// No ray has come to a column.
-    #[inline(always)]
-    pub(super) fn nowhere(simd: S) -> Self {
-        let (zero, none) = (splat(simd, 0.0), splat_i(simd, 0));
-        let cell = IVec2s::<S> { x: none, y: none };
-        Self { lanes: M::<S>::splat(simd, false), cell, ta: zero, te: zero, word: splat_u(simd, 0) }
-    }
 }
 
 /// Gathers what the rays hit in their columns.

@@ -198,12 +198,6 @@ pub(super) fn first_lane<S: Simd>(mask: M<S>) -> usize {
     (mask.to_bitmask().trailing_zeros() as usize).min(F::<S>::LEN - 1)
 }
 
-/// Number of lanes of a mask.
-#[inline(always)]
-pub(super) fn count_lanes<S: Simd>(mask: M<S>) -> u32 {
-    mask.to_bitmask().count_ones()
-}
-
 /// The lanes of a mask in ascending order.
 #[inline(always)]
 pub(super) fn lanes_of<S: Simd>(mask: M<S>) -> impl Iterator<Item = usize> {

@@ -24,9 +24,7 @@ pub(super) struct NodeRays<'a, S: Simd> {
     pub(super) inv: Vec2s<S>,
     /// 1 along the axes on which the ray's coordinate grows, else 0.
     pub(super) ahead: Vec2s<S>,
-    /// The same in whole numbers.
-    pub(super) ahead_steps: IVec2s<S>,
-    /// The directions of steps, 1 or -1.
+    /// The same as steps, 1 or -1.
     pub(super) step: IVec2s<S>,
     pub(super) rises: M<S>,
 }
@@ -42,7 +40,7 @@ impl<'a, S: Simd> NodeRays<'a, S> {
         );
         let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
         let (ahead_x, ahead_y) = (d.x.simd_gt(zero), d.y.simd_gt(zero));
-        let (forward, back, none) = (splat_i(simd, 1), splat_i(simd, -1), splat_i(simd, 0));
+        let (forward, back) = (splat_i(simd, 1), splat_i(simd, -1));
         Self {
             simd,
             node,
@@ -53,7 +51,6 @@ impl<'a, S: Simd> NodeRays<'a, S> {
             d,
             inv: Vec2s::<S> { x: one / d.x, y: one / d.y },
             ahead: Vec2s::<S> { x: ahead_x.select(one, zero), y: ahead_y.select(one, zero) },
-            ahead_steps: IVec2s::<S> { x: ahead_x.select(forward, none), y: ahead_y.select(forward, none) },
             step: IVec2s::<S> { x: ahead_x.select(forward, back), y: ahead_y.select(forward, back) },
             rises: d.z.simd_gt(zero),
         }

@@ -4,8 +4,8 @@ use super::{
     column::{ColumnCrossing, hit_columns},
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, MAX_LANES, U, always, count_lanes, first_lane, float, float_u, floor_clamped, gather_where,
-        has, splat, splat_i, splat_u, to_u,
+        F, I, IVec2s, M, MAX_LANES, U, always, first_lane, float, float_u, floor_clamped, gather_where, has, splat,
+        splat_i, splat_u, to_u,
     },
     node_rays::NodeRays,
 };
@@ -57,33 +57,40 @@ pub(super) fn walk_node<S: Simd>(
     let Some((mut blocks, mut lanes)) = rays.begin_node(group, t_in, t_out) else { return };
     let mut cells = CellSteps::nowhere(simd);
     loop {
-        let mut found = ColumnCrossing::nowhere(simd);
-        // All rays come to a column, or leave the node, before columns are looked at.
         loop {
-            let searching = lanes & !found.lanes;
+            let wanting = lanes & !cells.active;
             // Rays that have left the node.
-            lanes &= !(searching & !cells.active & blocks.done);
-            let (in_block, between) = (searching & cells.active, searching & !cells.active & !blocks.done);
-            // The step that more of the rays need.
-            let (cell_steps, block_steps) = (count_lanes::<S>(in_block), count_lanes::<S>(between));
-            if block_steps == 0 && cell_steps == 0 {
+            lanes &= !(wanting & blocks.done);
+            let wanting = wanting & !blocks.done;
+            if wanting.all_false() {
                 break;
             }
-            if block_steps >= cell_steps {
-                rays.step_blocks(scene, between, &mut blocks, &mut cells);
-            } else {
-                rays.step_cells(scene, in_block, &mut cells, &mut found);
-            }
+            rays.step_blocks(scene, wanting, &mut blocks, &mut cells);
         }
-        if found.lanes.all_false() {
+        if lanes.all_false() {
             return;
         }
-        simd.vectorize(
-            #[inline(always)]
-            || hit_columns(scene, segments, &rays, &found, hits),
-        );
-        lanes &= !hits.is_hit;
-        cells.active &= lanes;
+        let mut seeking = cells.active & lanes;
+        let zero = splat(simd, 0.0);
+        let none = splat_i(simd, 0);
+        let mut found = ColumnCrossing {
+            lanes: M::<S>::splat(simd, false),
+            cell: IVec2s::<S> { x: none, y: none },
+            ta: zero,
+            te: zero,
+            word: splat_u(simd, 0),
+        };
+        while seeking.any_true() {
+            seeking = rays.step_cells(scene, seeking, &mut cells, &mut found);
+        }
+        if found.lanes.any_true() {
+            simd.vectorize(
+                #[inline(always)]
+                || hit_columns(scene, segments, &rays, &found, hits),
+            );
+            lanes &= !hits.is_hit;
+            cells.active &= lanes;
+        }
     }
 }
 
@@ -186,47 +193,37 @@ impl<S: Simd> NodeRays<'_, S> {
         }
     }
 
-    /// Moves the rays in `seeking` on by a cell, or out of the quad of cells that they pass over.
+    /// Moves the rays in `seeking` on by a cell. Returns those that have found nothing yet and are still in their block.
     #[inline(always)]
-    fn step_cells(&self, scene: &SceneRef<'_>, seeking: M<S>, cells: &mut CellSteps<S>, found: &mut ColumnCrossing<S>) {
+    fn step_cells(
+        &self,
+        scene: &SceneRef<'_>,
+        seeking: M<S>,
+        cells: &mut CellSteps<S>,
+        found: &mut ColumnCrossing<S>,
+    ) -> M<S> {
         let simd = self.simd;
         let (cell, t_in) = (cells.cell, cells.t);
-        let quad_top = cells.quad_top(simd, cell);
-        let z_in = self.z_at(t_in);
-        // Over the whole quad that the cell is in, the ray moves on to the next one: to where it would come cell by cell.
-        let far = IVec2s::<S> { x: (cell.x & !1) + self.ahead_steps.x, y: (cell.y & !1) + self.ahead_steps.y };
-        let edge = always(
-            #[inline(always)]
-            |cell: I<S>, ahead: F<S>, o: F<S>, inv: F<S>| (float::<S>(cell) + ahead - o) * inv,
-        );
-        let cell_x = edge(cell.x, self.ahead.x, self.o.x, self.inv.x);
-        let cell_y = edge(cell.y, self.ahead.y, self.o.y, self.inv.y);
-        let quad_x = edge(far.x, self.ahead.x, self.o.x, self.inv.x);
-        let quad_y = edge(far.y, self.ahead.y, self.o.y, self.inv.y);
-        let z_beyond = self.z_at(quad_x.min(quad_y).min(cells.t_end).max(t_in));
-        let over = !self.rises.select(z_in, z_beyond).simd_le(quad_top);
-        let (te_x, te_y) = (over.select(quad_x, cell_x), over.select(quad_y, cell_y));
+        let te_x = (float::<S>(cell.x) + self.ahead.x - self.o.x) * self.inv.x;
+        let te_y = (float::<S>(cell.y) + self.ahead.y - self.o.y) * self.inv.y;
         let exit = te_x.min(te_y);
         let t_out = exit.min(cells.t_end).max(t_in);
-        let x_first = te_x.simd_le(te_y);
-        let last = IVec2s::<S> { x: over.select(far.x, cell.x), y: over.select(far.y, cell.y) };
-        let next = IVec2s::<S> {
-            x: x_first.select(last.x + self.step.x, cell_x.simd_le(te_y).select(last.x, cell.x)),
-            y: x_first.select(cell_y.simd_lt(te_x).select(last.y, cell.y), last.y + self.step.y),
-        };
+        let next = self.neighbour(cell, te_x.simd_le(te_y));
         let leaves = ((next.x >> BLOCK_SHIFT).simd_ne(cells.block.x)) | (next.y >> BLOCK_SHIFT).simd_ne(cells.block.y);
         let ends = seeking & (exit.simd_ge(cells.t_end) | leaves);
         cells.cell.x = seeking.select(next.x, cell.x);
         cells.cell.y = seeking.select(next.y, cell.y);
         cells.t = seeking.select(t_out, t_in);
         cells.active &= !ends;
-        let z_out = self.z_at(t_out);
+        let quad_top = cells.quad_top(simd, cell);
+        let (z_in, z_out) = (self.z_at(t_in), self.z_at(t_out));
         let (lower, upper) = (self.rises.select(z_in, z_out), self.rises.select(z_out, z_in));
-        let below_quad = seeking & !over & lower.simd_le(quad_top);
+        let below_quad = seeking & lower.simd_le(quad_top);
+        let mut stops = M::<S>::splat(simd, false);
         if below_quad.any_true() {
             let number = to_u::<S>(cell.y * NODE_CELLS as i32 + cell.x);
             let word = gather_where(simd, scene.atlas, number + self.planes[WALK_PLANE], below_quad);
-            let stops = may_hit(simd, word, lower, upper, quad_top) & below_quad;
+            stops = may_hit(simd, word, lower, upper, quad_top) & below_quad;
             found.lanes |= stops;
             found.cell.x = stops.select(cell.x, found.cell.x);
             found.cell.y = stops.select(cell.y, found.cell.y);
@@ -234,6 +231,7 @@ impl<S: Simd> NodeRays<'_, S> {
             found.te = stops.select(t_out, found.te);
             found.word = stops.select(word, found.word);
         }
+        seeking & !stops & !ends
     }
 
     /// The block or cell behind the edge that the rays reach first.
