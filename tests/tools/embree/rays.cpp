@@ -1,6 +1,6 @@
 // Casts one ray a pixel with Embree 3: rays.cpp's only caller is run.py beside it.
 //
-// rays TRIANGLES WIDTH HEIGHT ROUNDS CAMERA...: TRIANGLES has nine floats for each triangle, a CAMERA is
+// rays TRIANGLES WIDTH HEIGHT ROUNDS THREADS CAMERA...: TRIANGLES has nine floats for each triangle, a CAMERA is
 // NAME,X,Y,Z,TARGET_X,TARGET_Y,TARGET_Z,VERTICAL_FIELD_OF_VIEW_DEGREES in the same coordinates, Z up. Prints a line of JSON for each.
 #include <embree3/rtcore.h>
 
@@ -97,9 +97,9 @@ static void packets(RTCScene scene, const Camera &camera, int width, int height,
   }
 }
 
-// Seconds of a frame, on all cores, which take bands of rows as they become free.
+// Seconds of a frame on threads that take bands of rows as they become free.
 template <typename Draw>
-static double frame(int rows_at_once, int width, int height, std::vector<float> &image, Draw draw) {
+static double frame(int thread_count, int rows_at_once, int width, int height, std::vector<float> &image, Draw draw) {
   auto begin = std::chrono::steady_clock::now();
   std::atomic<int> next{0};
   auto work = [&] {
@@ -107,15 +107,15 @@ static double frame(int rows_at_once, int width, int height, std::vector<float> 
       for (int y = band; y < std::min(band + BAND_ROWS, height); y += rows_at_once) draw(y, &image[size_t(y) * width]);
   };
   std::vector<std::thread> threads;
-  for (unsigned i = 1; i < std::max(1u, std::thread::hardware_concurrency()); i++) threads.emplace_back(work);
+  for (int i = 1; i < thread_count; i++) threads.emplace_back(work);
   work();
   for (auto &thread : threads) thread.join();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
 int main(int argc, char **argv) {
-  if (argc < 6) return 2;
-  int width = std::atoi(argv[2]), height = std::atoi(argv[3]), rounds = std::atoi(argv[4]);
+  if (argc < 7) return 2;
+  int width = std::atoi(argv[2]), height = std::atoi(argv[3]), rounds = std::atoi(argv[4]), threads = std::atoi(argv[5]);
   FILE *file = std::fopen(argv[1], "rb");
   if (!file) return 1;
   std::fseek(file, 0, SEEK_END);
@@ -137,7 +137,7 @@ int main(int argc, char **argv) {
   rtcCommitScene(scene);
   double build_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   std::vector<float> image(size_t(width) * (height + 1));
-  for (int i = 5; i < argc; i++) {
+  for (int i = 6; i < argc; i++) {
     char name[64];
     float v[7];
     if (std::sscanf(argv[i], "%63[^,],%f,%f,%f,%f,%f,%f,%f", name, v, v + 1, v + 2, v + 3, v + 4, v + 5, v + 6) != 8) return 2;
@@ -147,10 +147,10 @@ int main(int argc, char **argv) {
     Camera camera = {name, eye, forward, right * (tan * width / height), up * tan};
     double best_single = 1e9, best_packets = 1e9;
     for (int round = 0; round < rounds; round++) {
-      best_single = std::min(best_single, frame(1, width, height, image, [&](int y, float *row) {
+      best_single = std::min(best_single, frame(threads, 1, width, height, image, [&](int y, float *row) {
                                single(scene, camera, width, height, y, row);
                              }));
-      best_packets = std::min(best_packets, frame(2, width, height, image, [&](int y, float *row) {
+      best_packets = std::min(best_packets, frame(threads, 2, width, height, image, [&](int y, float *row) {
                                 packets(scene, camera, width, height, y, row);
                               }));
     }

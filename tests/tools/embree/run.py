@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Embree beside Insula: primary rays on the finest triangles of a baked city, from the same cameras, in turn.
 
-    tests/tools/embree/run.py --city CITY --camera tests/paths/tokyo-street-camera.json... [--size 640 360] [--turns 3]
+    tests/tools/embree/run.py --city CITY --camera tests/paths/tokyo-street-camera.json... [--size 640 360] [--turns 3] [--threads N]
 
 Needs g++ and Embree 3 (Debian: libembree-dev); without them it says so and measures nothing. Insula's rays are those of the program
 `rays`, the triangles those of `insula-server export --format glb`. Each camera is measured in turn by both, several times; the best
@@ -11,6 +11,7 @@ counts. Embree shades with one product for each pixel; Insula's time has its lig
 import argparse
 import array
 import json
+import os
 import pathlib
 import shutil
 import struct
@@ -77,7 +78,8 @@ def insula_mrays(args, camera, ways):
     """The best of a few rounds of `rays`, by the name of the way."""
     width, height = map(str, args.size)
     command = [args.rays, "--city", args.city, "--camera", camera, "--frames", "primary", "--rounds", "5", "--size", width, height]
-    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[1:]
+    environment = os.environ | {"RAYON_NUM_THREADS": str(args.threads)}
+    lines = subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout.splitlines()[1:]
     found = {}
     for line in lines:
         name = next((way for way in ways if f" {way}" in line), None)
@@ -92,6 +94,7 @@ def main():
     parser.add_argument("--camera", nargs="+", type=pathlib.Path, required=True)
     parser.add_argument("--size", nargs=2, type=int, default=[640, 360])
     parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--threads", type=int, default=os.cpu_count(), help="of both; one is the least disturbed by other programs")
     parser.add_argument("--rays", default="target/release/rays")
     parser.add_argument("--server", default="target/release/insula-server")
     args = parser.parse_args()
@@ -110,7 +113,7 @@ def main():
         for camera in args.camera:
             best = {}
             for _ in range(args.turns):
-                command = [program, folder / "triangles", *map(str, args.size), "5", camera_text(camera, origin)]
+                command = [program, folder / "triangles", *map(str, args.size), "5", str(args.threads), camera_text(camera, origin)]
                 embree = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
                 found = {"Embree, packets of 8": embree["packets_mrays"], "Embree, single rays": embree["single_mrays"]}
                 for way, mrays in (found | insula_mrays(args, camera, ways)).items():
