@@ -1,6 +1,6 @@
 //! The ray-caster behind `--adapter`: a GPU, or the CPU.
 
-use super::trial::Trial;
+use super::trial::DriverTrial;
 use crate::error::{ClientError, Result};
 use insula_protocol::text::printable;
 use insula_shaders::{
@@ -97,7 +97,7 @@ impl OpenedAdapter {
 
     /// A software driver or the CPU ray-caster, whichever is faster. Fails if the driver does.
     fn faster_than(software: GpuDevice, pages: u32) -> std::result::Result<Self, String> {
-        let trial = Trial::run(&software)?;
+        let trial = DriverTrial::run(&software)?;
         let reason = trial.text(&printable(&software.info().name));
         if trial.prefers_cpu() {
             eprintln!("note: using the CPU ray-caster: {reason}");

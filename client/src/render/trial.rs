@@ -13,14 +13,14 @@ const MAX_TIME: Duration = Duration::from_millis(150);
 
 /// How long both take for a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Trial {
+pub(super) struct DriverTrial {
     /// The CPU ray-caster.
     pub(super) cpu: Duration,
     /// The software driver.
     pub(super) software: Duration,
 }
 
-impl Trial {
+impl DriverTrial {
     /// Draws with both. Takes about as long as the driver needs for compiling the ray-caster. Fails if the driver does, with the reason.
     pub(super) fn run(device: &GpuDevice) -> Result<Self, String> {
         let city = TrialCity::new().map_err(|e| e.to_string())?;
@@ -74,8 +74,8 @@ mod tests {
     #[test]
     fn the_faster_one_is_preferred_and_the_reason_says_by_how_much() {
         let ms = Duration::from_millis;
-        let trial = Trial { cpu: ms(4), software: ms(13) };
-        assert!(trial.prefers_cpu() && !Trial { cpu: ms(14), ..trial }.prefers_cpu());
+        let trial = DriverTrial { cpu: ms(4), software: ms(13) };
+        assert!(trial.prefers_cpu() && !DriverTrial { cpu: ms(14), ..trial }.prefers_cpu());
         let text = trial.text("llvmpipe");
         assert!(text.contains("CPU 4.0 ms") && text.contains("llvmpipe 13.0 ms"), "{text}");
     }
