@@ -31,8 +31,9 @@ pub struct Cli {
 /// Options of all commands.
 #[derive(Debug, Clone, Args)]
 pub struct GlobalArgs {
-    /// Ray-caster: `auto` uses a GPU if one works and the CPU otherwise, `gpu` fails without a GPU.
-    #[arg(long, value_enum, default_value = "auto", global = true)]
+    /// Ray-caster: `auto` uses a GPU if one works and the CPU otherwise; a software driver only if it draws faster than the CPU
+    /// ray-caster in a short trial at start. `gpu` fails without any driver.
+    #[arg(long, value_enum, default_value = "auto", env = "INSULA_ADAPTER", global = true)]
     pub adapter: AdapterChoice,
     /// Size of the tile cache in MiB; never exceeded. What is known of the city's nodes takes at most a quarter of it, or 16 MiB, more.
     #[arg(long, default_value = "256", value_name = "MIB", value_parser = clap::value_parser!(u32).range(8..=65_536), global = true)]

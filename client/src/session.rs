@@ -187,6 +187,9 @@ impl Session {
     /// Runs `draw` while another thread keeps fetching. The atlas does not change meanwhile.
     pub fn while_fetching<T>(&mut self, draw: impl FnOnce(&mut Adapter) -> T) -> T {
         let Self { streamer, adapter, started, .. } = self;
+        if let Adapter::Cpu(cpu) = adapter {
+            cpu.set_spares_core(!streamer.is_idle());
+        }
         if streamer.is_idle() {
             return draw(adapter);
         }

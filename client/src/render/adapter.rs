@@ -1,5 +1,6 @@
 //! The ray-caster behind `--adapter`: a GPU, or the CPU.
 
+use super::trial::DriverTrial;
 use crate::error::{ClientError, Result};
 use insula_protocol::text::printable;
 use insula_shaders::{
@@ -14,10 +15,13 @@ use insula_viewer::{
     select::occlusion_feedback::OcclusionQuery,
 };
 
+/// Reason of an adapter that `--adapter` or the environment names.
+const ASKED_FOR: &str = "asked for";
+
 /// Value of `--adapter`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum AdapterChoice {
-    /// The GPU if one works, otherwise the CPU.
+    /// The GPU if one works, otherwise the CPU, or a software driver where a trial shows that it is faster.
     #[default]
     Auto,
     /// The CPU ray-caster.
@@ -54,37 +58,59 @@ impl OpenedAdapter {
         let (info, pages) = (gpu.device.info(), gpu.pages());
         Self { adapter: Adapter::Gpu(Box::new(gpu)), info, pages }
     }
-}
 
-impl Adapter {
-    /// Opens an adapter without a window. Notes on standard error if `auto` finds no GPU. Fails if `gpu` finds none.
-    pub fn headless(choice: AdapterChoice, cache_bytes: u64) -> Result<OpenedAdapter> {
+    /// The same with the reason why it draws.
+    fn because(mut self, reason: impl Into<String>) -> Self {
+        self.info.reason = reason.into();
+        self
+    }
+
+    /// Opens what `choice` asks for: the CPU, or the device that `open_device` opens. Under `auto`, a software driver draws only if a
+    /// trial shows that it is faster than the CPU ray-caster. Notes on standard error why no GPU draws. Fails if `gpu` finds none.
+    pub fn choose(
+        choice: AdapterChoice,
+        open_device: impl FnOnce() -> std::result::Result<GpuDevice, String>,
+        cache_bytes: u64,
+    ) -> Result<Self> {
         let pages = pages_for(cache_bytes);
         if choice == AdapterChoice::Cpu {
-            return Ok(OpenedAdapter::cpu(pages));
+            return Ok(Self::cpu(pages).because(ASKED_FOR));
         }
-        match headless_device(cache_bytes).and_then(|device| pollster::block_on(GpuAdapter::new(device, pages))) {
-            Ok(gpu) => {
-                let opened = OpenedAdapter::gpu(gpu);
-                if let (AdapterChoice::Auto, Adapter::Gpu(gpu)) = (choice, &opened.adapter)
-                    && gpu.device.is_software()
-                {
-                    eprintln!(
-                        "note: {} is a software driver, --adapter cpu may be faster",
-                        printable(&opened.info.name)
-                    );
-                }
-                Ok(opened)
-            }
+        let opened = open_device().and_then(|device| match choice == AdapterChoice::Auto && device.is_software() {
+            true => Self::faster_than(device, pages),
+            false => pollster::block_on(GpuAdapter::new(device, pages)).map(Self::gpu),
+        });
+        match opened {
+            Ok(opened) if choice == AdapterChoice::Gpu => Ok(opened.because(ASKED_FOR)),
+            Ok(opened) if opened.info.reason.is_empty() => Ok(opened.because("a GPU")),
+            Ok(opened) => Ok(opened),
             Err(reason) if choice == AdapterChoice::Gpu => Err(ClientError::Graphics(format!(
                 "no usable GPU ({reason}): install a graphics driver, or use --adapter auto"
             ))),
             Err(reason) => {
                 tracing::debug!("no usable GPU: {reason}");
                 eprintln!("note: no usable GPU, using the CPU ray-caster instead");
-                Ok(OpenedAdapter::cpu(pages))
+                Ok(Self::cpu(pages).because("no usable GPU"))
             }
         }
+    }
+
+    /// A software driver or the CPU ray-caster, whichever is faster. Fails if the driver does.
+    fn faster_than(software: GpuDevice, pages: u32) -> std::result::Result<Self, String> {
+        let trial = DriverTrial::run(&software)?;
+        let reason = trial.text(&printable(&software.info().name));
+        if trial.prefers_cpu() {
+            eprintln!("note: using the CPU ray-caster: {reason}");
+            return Ok(Self::cpu(pages).because(reason));
+        }
+        pollster::block_on(GpuAdapter::new(software, pages)).map(|gpu| Self::gpu(gpu).because(reason))
+    }
+}
+
+impl Adapter {
+    /// Opens an adapter without a window. See [`OpenedAdapter::choose`].
+    pub fn headless(choice: AdapterChoice, cache_bytes: u64) -> Result<OpenedAdapter> {
+        OpenedAdapter::choose(choice, || headless_device(cache_bytes), cache_bytes)
     }
 
     /// Draws a frame and waits for its pixels. Fails if the GPU fails.

@@ -1,6 +1,7 @@
 //! Draws frames on a GPU or on the CPU.
 
 mod adapter;
+mod trial;
 
 pub use adapter::{Adapter, AdapterChoice, OpenedAdapter, graphics_error};
 pub use insula_viewer::render::{AdapterInfo, CpuAdapter, GpuAdapter, GpuDevice};

@@ -136,7 +136,8 @@ impl ApplicationHandler<ViewerEvent> for ViewerApp {
         if self.window.is_some() {
             return;
         }
-        match ViewerWindow::new(event_loop, "Insula", self.settings.window, self.options.cache_bytes) {
+        let adapter = (self.options.adapter, self.options.cache_bytes);
+        match ViewerWindow::new(event_loop, "Insula", self.settings.window, adapter) {
             Ok(window) => {
                 if self.settings.full_screen {
                     window.set_full_screen(true);
@@ -235,7 +236,7 @@ impl ViewerApp {
     }
 
     fn open_city(&mut self, city: ConnectedCity) {
-        let Some(window) = &self.window else { return };
+        let Some(window) = &mut self.window else { return };
         self.connector.error = None;
         let mut sun = self.options.sun;
         if sun.time.is_none() && sun.bearing.is_none() {
@@ -246,7 +247,7 @@ impl ViewerApp {
         window.window.set_title(&format!("{} - Insula", printable(&city.manifest.title)));
         let setup = CityViewSetup {
             daylight: Daylight::new(&sun, &city.manifest),
-            session: (city.open_session)(window.open_adapter(self.options.adapter, self.options.cache_bytes)),
+            session: (city.open_session)(window.take_adapter()),
             address: city.address,
             camera: self.options.camera,
             tau_px: self.options.tau_px.unwrap_or(self.settings.tau_px),

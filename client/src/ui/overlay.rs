@@ -84,6 +84,10 @@ impl OverlayTexts {
             ("mode", mode),
             ("drawn by", session.adapter_info().name.clone()),
         ];
+        let reason = &session.adapter_info().reason;
+        if !reason.is_empty() {
+            lines.push(("chosen because", reason.clone()));
+        }
         if let Some(bytes) = resident_bytes() {
             lines.push(("memory", mib(bytes)));
         }

@@ -10,7 +10,7 @@ use super::{
     settings::UserSettings,
     stream_status::{loading_text, status_text},
     window::{OverlayLayout, ViewerWindow},
-    window_surface::{SceneFrame, color_image},
+    window_surface::SceneFrame,
 };
 use crate::{error::Result, render::Adapter, session::PrefetchStep};
 use egui::Align2;
@@ -177,7 +177,7 @@ impl Viewport {
             return Ok(None);
         } else {
             let begin = Instant::now();
-            window.set_background(color_image(&session.render(&data)?));
+            window.set_background(&session.render(&data)?);
             return Ok(Some(DrawnFrame { detail, data, time: Some(begin.elapsed()) }));
         }
         Ok(Some(DrawnFrame { detail, data, time: None }))
@@ -196,7 +196,7 @@ impl Viewport {
             self.still = Some(still);
             return None;
         };
-        window.set_background(color_image(&pixels));
+        window.set_background(&pixels);
         if still.data.frame.samples < still.samples {
             still.data.frame.samples = still.samples;
             self.still = Some(still);
@@ -245,8 +245,13 @@ impl Viewport {
             playback.record_frame_time(begin.elapsed());
         }
         let all = begin.elapsed();
+        let ms = |time: Duration| time.as_secs_f64() * 1e3;
         tracing::trace!(
-            full_frame_ms = city.pacer.full_frame_time().as_secs_f64() * 1e3,
+            divisor = detail.divisor,
+            samples = detail.samples,
+            scene_ms = ms(time.unwrap_or(all)),
+            all_ms = ms(all),
+            full_frame_ms = ms(city.pacer.full_frame_time()),
             "frame of a new view presented"
         );
         if city.pacer.end_frame(FrameTime { scene: time.unwrap_or(all), all }, detail, is_presented) {

@@ -1,13 +1,14 @@
 //! The window with its surface and its overlay, with or without a city in it.
 
-use super::window_surface::{OverlayShapes, WindowSurface};
+use super::window_surface::{OverlayShapes, WindowSurface, color_image};
 use crate::{
     error::{ClientError, Result},
-    render::{AdapterChoice, GpuAdapter, OpenedAdapter},
+    render::{AdapterChoice, GpuDevice, OpenedAdapter},
 };
 use insula_protocol::text::printable;
+use insula_shaders::cpu::raycast::Pixels;
 use insula_viewer::cache::pages_for;
-use std::{sync::Arc, time::Duration};
+use std::{sync::Arc, thread::JoinHandle, time::Duration};
 use winit::{
     dpi::{LogicalSize, PhysicalPosition},
     event::WindowEvent,
@@ -23,14 +24,20 @@ pub struct ViewerWindow {
     input: egui_winit::State,
     /// The city, below the overlay.
     background: Background,
+    /// The ray-caster, until it is taken.
+    opening: Option<JoinHandle<Result<OpenedAdapter>>>,
+    /// Number of cache pages that it is to hold.
+    pages: u32,
 }
 
 /// What is painted below the overlay.
 enum Background {
     /// There is no city.
     Empty,
-    /// Pixels of the CPU ray-caster.
+    /// Pixels of the CPU ray-caster, as a texture.
     Image(egui::TextureHandle),
+    /// The same, which the surface copies.
+    Copied,
     /// The scene's texture on the GPU.
     Scene(egui::TextureId),
 }
@@ -43,8 +50,14 @@ pub struct OverlayLayout {
 }
 
 impl ViewerWindow {
-    /// Opens a window of `size` points. Fails if there is no screen, or if no device can present to it.
-    pub fn new(event_loop: &ActiveEventLoop, title: &str, size: [u32; 2], cache_bytes: u64) -> Result<Self> {
+    /// Opens a window of `size` points, and begins to open its ray-caster. Fails if there is no screen, or if no device can present to
+    /// it.
+    pub fn new(
+        event_loop: &ActiveEventLoop,
+        title: &str,
+        size: [u32; 2],
+        (choice, cache_bytes): (AdapterChoice, u64),
+    ) -> Result<Self> {
         let attributes = Window::default_attributes()
             .with_title(title)
             .with_min_inner_size(LogicalSize::new(200.0, 150.0))
@@ -59,7 +72,9 @@ impl ViewerWindow {
         let max_side = surface.device().device.limits().max_texture_dimension_2d as usize;
         let scale = Some(window.scale_factor() as f32);
         let input = egui_winit::State::new(egui.clone(), egui::ViewportId::ROOT, &window, scale, None, Some(max_side));
-        Ok(Self { window, surface, egui, input, background: Background::Empty })
+        let opening = open_adapter(surface.device().clone(), choice, cache_bytes);
+        let (background, pages) = (Background::Empty, pages_for(cache_bytes));
+        Ok(Self { window, surface, egui, input, background, opening, pages })
     }
 
     /// Passes an event to the overlay. Returns whether the overlay consumed it.
@@ -83,13 +98,18 @@ impl ViewerWindow {
     }
 
     /// Sets the image below the overlay: the frame of the CPU ray-caster.
-    pub fn set_background(&mut self, image: egui::ColorImage) {
+    pub fn set_background(&mut self, pixels: &Pixels) {
+        if self.surface.keep_frame(pixels) {
+            self.background = Background::Copied;
+            return;
+        }
         let nearest = egui::TextureOptions::NEAREST;
-        self.background = Background::Image(self.egui.load_texture("frame", image, nearest));
+        self.background = Background::Image(self.egui.load_texture("frame", color_image(pixels), nearest));
     }
 
     /// Shows what the GPU draws below the overlay.
     pub fn show_scene(&mut self) {
+        self.surface.forget_frame();
         self.background = Background::Scene(self.surface.scene_texture());
     }
 
@@ -97,7 +117,7 @@ impl ViewerWindow {
     pub fn lay_out(&mut self, mut add_panels: impl FnMut(&egui::Context)) -> OverlayLayout {
         let raw_input = self.input.take_egui_input(&self.window);
         let background = match &self.background {
-            Background::Empty => None,
+            Background::Empty | Background::Copied => None,
             Background::Image(image) => Some(image.id()),
             Background::Scene(id) => Some(*id),
         };
@@ -134,22 +154,24 @@ impl ViewerWindow {
         self.surface.size_px().map(|side| (f64::from(side) / scale).round() as u32)
     }
 
-    /// Opens the ray-caster: on the surface's device, or on the CPU if that is requested, faster, or all that works.
-    pub fn open_adapter(&self, choice: AdapterChoice, cache_bytes: u64) -> OpenedAdapter {
-        let pages = pages_for(cache_bytes);
-        let device = self.surface.device();
-        if choice == AdapterChoice::Auto && device.is_software() {
-            let name = &device.info().name;
-            eprintln!("note: {} is a software driver, using the CPU ray-caster instead", printable(name));
-        } else if choice != AdapterChoice::Cpu {
-            match pollster::block_on(GpuAdapter::new(device.clone(), pages)) {
-                Ok(gpu) => return OpenedAdapter::gpu(gpu),
-                Err(reason) => {
-                    tracing::debug!("the GPU cannot run the ray-caster: {reason}");
-                    eprintln!("note: the GPU cannot run the ray-caster, using the CPU instead");
-                }
-            }
-        }
-        OpenedAdapter::cpu(pages)
+    /// The ray-caster: on the surface's device, or on the CPU if that is requested, faster, or all that works. Waits until it is open.
+    pub fn take_adapter(&mut self) -> OpenedAdapter {
+        let opened = self.opening.take().and_then(|opening| opening.join().ok()).unwrap_or_else(|| {
+            Err(ClientError::Graphics("the ray-caster cannot be opened on a thread of its own".into()))
+        });
+        opened.unwrap_or_else(|error| {
+            eprintln!("note: {}, using the CPU instead", printable(&error.to_string()));
+            OpenedAdapter::cpu(self.pages)
+        })
     }
+}
+
+/// Opens the ray-caster on another thread: shaders are compiled, and a software driver is tried, while the city is being found.
+fn open_adapter(
+    device: GpuDevice,
+    choice: AdapterChoice,
+    cache_bytes: u64,
+) -> Option<JoinHandle<Result<OpenedAdapter>>> {
+    let open = move || OpenedAdapter::choose(choice, || Ok(device), cache_bytes);
+    std::thread::Builder::new().name("insula-adapter".into()).spawn(open).ok()
 }

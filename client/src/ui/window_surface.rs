@@ -26,6 +26,16 @@ pub struct WindowSurface {
     painter: egui_wgpu::Renderer,
     /// The last scene that the GPU drew: it stays on the screen while only the overlay changes.
     scene: Option<SceneTexture>,
+    /// The last frame of the CPU ray-caster, if it is copied to the surface.
+    kept: Option<KeptFrame>,
+}
+
+/// A frame of the CPU ray-caster that is copied to the surface, enlarged to its size. A software driver would take longer to paint
+/// it as a texture than the CPU for casting its rays.
+struct KeptFrame {
+    /// r, g, b, 255, r lowest.
+    words: Vec<u32>,
+    size_px: [u32; 2],
 }
 
 struct SceneTexture {
@@ -70,10 +80,14 @@ impl WindowSurface {
         // egui blends in sRGB, so the target must not encode to sRGB itself.
         config.format = formats.iter().copied().find(|f| !f.is_srgb()).unwrap_or(config.format);
         config.present_mode = wgpu::PresentMode::AutoVsync;
+        let copies = surface.get_capabilities(&device.adapter).usages & wgpu::TextureUsages::COPY_DST;
+        if device.is_software() {
+            config.usage |= copies;
+        }
         surface.configure(&device.device, &config);
         let compose = Compose::new(&device.device, SCENE_FORMAT);
         let painter = egui_wgpu::Renderer::new(&device.device, config.format, egui_wgpu::RendererOptions::default());
-        Ok(Self { surface, config, device, compose, painter, scene: None })
+        Ok(Self { surface, config, device, compose, painter, scene: None, kept: None })
     }
 
     /// The device, for the ray-caster.
@@ -92,6 +106,23 @@ impl WindowSurface {
             (self.config.width, self.config.height) = (width, height);
             self.surface.configure(&self.device.device, &self.config);
         }
+    }
+
+    /// Keeps a frame of the CPU ray-caster for copying it to the surface from now on. Returns `false` if an overlay is to paint it
+    /// instead: where a GPU does that, or the surface takes no copies.
+    pub fn keep_frame(&mut self, pixels: &Pixels) -> bool {
+        let has_format =
+            [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm].contains(&self.config.format);
+        if !has_format || !self.config.usage.contains(wgpu::TextureUsages::COPY_DST) {
+            return false;
+        }
+        self.kept = Some(KeptFrame { words: pixels.colour.clone(), size_px: [pixels.width_px, pixels.height_px] });
+        true
+    }
+
+    /// Forgets such a frame.
+    pub fn forget_frame(&mut self) {
+        self.kept = None;
     }
 
     /// The texture that shows the scene as the GPU drew it last, for the overlay to paint below its panels. It has the size of
@@ -162,6 +193,9 @@ impl WindowSurface {
             self.draw_scene(&mut encoder, gpu);
             drawn = Some(gpu);
         }
+        if let Some(kept) = &self.kept {
+            self.copy(kept, &target.texture);
+        }
         self.draw_overlay(&mut encoder, &view, overlay);
         self.device.queue.submit([encoder.finish()]);
         if let Some(gpu) = drawn {
@@ -171,12 +205,23 @@ impl WindowSurface {
         Ok(true)
     }
 
+    /// Copies a frame to the surface. The next commands find it there.
+    fn copy(&self, kept: &KeptFrame, target: &wgpu::Texture) {
+        let size_px = self.size_px();
+        let swaps = self.config.format == wgpu::TextureFormat::Bgra8Unorm;
+        let words = kept.enlarged(size_px, swaps);
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(size_px[0] * 4), rows_per_image: None };
+        let extent = wgpu::Extent3d { width: size_px[0], height: size_px[1], depth_or_array_layers: 1 };
+        self.device.queue.write_texture(target.as_image_copy(), bytemuck::cast_slice(&words), layout, extent);
+    }
+
     /// Records the passes that write the ray-caster's pixels into the scene's texture.
     fn draw_scene(&self, encoder: &mut wgpu::CommandEncoder, gpu: &GpuAdapter) {
         let Some(scene) = &self.scene else { return };
         let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
         self.compose.measure(on, encoder, &gpu.raycaster, scene.size_px);
-        let mut pass = begin_pass(encoder, "scene", &scene.view);
+        let mut pass = begin_pass(encoder, "scene", &scene.view, wgpu::LoadOp::Clear(BACKGROUND));
         self.compose.draw(&self.device.device, &mut pass, &gpu.raycaster);
     }
 
@@ -187,8 +232,34 @@ impl WindowSurface {
             egui_wgpu::ScreenDescriptor { size_in_pixels: self.size_px(), pixels_per_point: overlay.pixels_per_point };
         let extra = self.painter.update_buffers(device, queue, encoder, &overlay.primitives, &screen);
         debug_assert!(extra.is_empty(), "no paint callbacks are used");
-        let mut pass = begin_pass(encoder, "overlay", view);
+        let load = if self.kept.is_some() { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(BACKGROUND) };
+        let mut pass = begin_pass(encoder, "overlay", view, load);
         self.painter.render(&mut pass, &overlay.primitives, &screen);
+    }
+}
+
+impl KeptFrame {
+    /// The frame with this size, each pixel that of the nearest one; with red and blue swapped if `swaps`.
+    fn enlarged(&self, [width, height]: [u32; 2], swaps: bool) -> Vec<u32> {
+        let nearest = |at: u32, size: u32, kept: u32| {
+            ((2 * u64::from(at) + 1) * u64::from(kept) / (2 * u64::from(size.max(1)))) as usize
+        };
+        let columns: Vec<usize> = (0..width).map(|x| nearest(x, width, self.size_px[0])).collect();
+        let swapped =
+            |word: u32| if swaps { word & 0xff00_ff00 | (word & 0xff) << 16 | word >> 16 & 0xff } else { word };
+        let mut words = Vec::with_capacity(width as usize * height as usize);
+        let mut last = None;
+        for y in 0..height {
+            let row = nearest(y, height, self.size_px[1]);
+            if last == Some(row) {
+                words.extend_from_within(words.len() - width as usize..);
+                continue;
+            }
+            last = Some(row);
+            let from = self.words.get(row * self.size_px[0] as usize..).unwrap_or_default();
+            words.extend(columns.iter().map(|x| swapped(from.get(*x).copied().unwrap_or_default())));
+        }
+        words
     }
 }
 
@@ -196,12 +267,13 @@ fn begin_pass(
     encoder: &mut wgpu::CommandEncoder,
     label: &'static str,
     view: &wgpu::TextureView,
+    load: wgpu::LoadOp<wgpu::Color>,
 ) -> wgpu::RenderPass<'static> {
     let attachment = wgpu::RenderPassColorAttachment {
         view,
         depth_slice: None,
         resolve_target: None,
-        ops: wgpu::Operations { load: wgpu::LoadOp::Clear(BACKGROUND), store: wgpu::StoreOp::Store },
+        ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
     };
     let descriptor = wgpu::RenderPassDescriptor {
         label: Some(label),
@@ -215,4 +287,19 @@ fn begin_pass(
 pub fn color_image(pixels: &Pixels) -> egui::ColorImage {
     let rgba: Vec<u8> = pixels.colour.iter().flat_map(|c| c.to_le_bytes()).collect();
     egui::ColorImage::from_rgba_unmultiplied([pixels.width_px as usize, pixels.height_px as usize], &rgba)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kept_frames_are_enlarged_and_swapped() {
+        let kept = KeptFrame { words: vec![0xff01_0203, 0xff04_0506], size_px: [2, 1] };
+        assert_eq!(kept.enlarged([2, 1], false), kept.words);
+        let row = [0xff03_0201, 0xff03_0201, 0xff06_0504, 0xff06_0504];
+        assert_eq!(kept.enlarged([4, 2], true), [row, row].concat());
+        // A frame that does not divide the surface, as after a change of its size.
+        assert_eq!(kept.enlarged([3, 1], false), [kept.words[0], kept.words[1], kept.words[1]]);
+    }
 }

@@ -24,6 +24,7 @@ use insula_shaders::{
     layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, PAGE_WORDS, Shading},
     light::{Air, NightLights, SUN_RADIUS_RAD},
     mesh::{leaf_offset, ray_origin},
+    stone::{MAX_STONES, Stone},
 };
 
 /// Rays along a pixel's side while the camera is still: two miss much of a texture that is finer than the pixels, four gain
@@ -127,7 +128,7 @@ impl FrameData {
         settings: &RenderSettings,
     ) -> Self {
         let view = &View { camera: Camera { position: ray_origin(view.camera.position), ..view.camera }, ..*view };
-        let mut frame = frame_uniform(tree, view, settings);
+        let mut frame = frame_uniform(view, settings, tree.manifest().ground_z_m, tree.stones());
         frame.objects = u32::from(settings.shading == Shading::Objects || cache.has_styles());
         frame.landmarks = u32::from(cache.has_landmarks());
         let list = NodeList::new(&inputs, tree, cache, view);
@@ -262,8 +263,14 @@ fn replaces_drawn(caster: NodeIndex, transitions: &Transitions, tree: &SceneTree
         && (tile.is_fading() || drawn.error_px(tile.node, tree, view) > view.tau_px)
 }
 
-fn frame_uniform(tree: &SceneTree, view: &View, settings: &RenderSettings) -> FrameUniform {
-    let (camera, manifest) = (&view.camera, tree.manifest());
+/// Camera and light of a frame of a city, without its grid and its landmarks.
+pub(crate) fn frame_uniform(
+    view: &View,
+    settings: &RenderSettings,
+    ground_z_m: f64,
+    stones: &[Stone; MAX_STONES],
+) -> FrameUniform {
+    let camera = &view.camera;
     let tan_y = (camera.fov_y_rad * 0.5).tan();
     let samples = settings.samples.clamp(1, MAX_SAMPLES);
     FrameUniform {
@@ -275,9 +282,9 @@ fn frame_uniform(tree: &SceneTree, view: &View, settings: &RenderSettings) -> Fr
         samples,
         sun: settings.sun.as_vec3().to_array(),
         shading: settings.shading as u32,
-        ground_z_m: (manifest.ground_z_m - camera.position.z) as f32,
+        ground_z_m: (ground_z_m - camera.position.z) as f32,
         ground: 1,
-        stones: *tree.stones(),
+        stones: *stones,
         bays: bays_of(camera.position, (2.0 * tan_y / f64::from((view.height_px * samples).max(1))) as f32),
         light: settings.light,
         shadow_m: if settings.shadow_casting_sun().is_some() { settings.shadow_m as f32 } else { 0.0 },

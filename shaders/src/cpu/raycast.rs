@@ -13,7 +13,7 @@ use super::{
     night::lit_windows,
     ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
     shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, shade},
-    stone::stone_surface,
+    stone::{StoneSurface, stone_surface},
     translucency::{MapAxes, gathered, map_of},
     walk::walk_grid,
     ward::{StoneSide, reflect_stone},
@@ -21,6 +21,7 @@ use super::{
 use crate::{
     layout::{FrameUniform, MAX_SAMPLES, NO_NODE, OUTLINE_RGB, PALETTE_OUTLINED, Shading},
     mesh::ORIGINS_PER_M,
+    stone::Stone,
     tone::{develop, encode_radiance, gradient_noise},
 };
 use glam::{Vec2, Vec3};
@@ -248,19 +249,37 @@ impl<'a> Ray<'a> {
     }
 }
 
-/// Light of a surface of stone; `None` if it is of none. Studies see the stone's colour as that of other surfaces.
-fn stone_of(scene: &SceneRef<'_>, hit: &RayHit, surface: &SurfaceSample, dir: Vec3) -> Option<Radiance> {
-    let frame = scene.frame;
-    let stone = frame.stones.get(hit.stone.checked_sub(1)? as usize).filter(|stone| stone.kind != 0)?;
-    let pixel = 2.0 * Vec3::from(frame.up).length() / (frame.height_px * frame.samples.max(1)) as f32;
+/// The stone with a number, from 1; `None` if there is none.
+pub(super) fn stone_numbered(frame: &FrameUniform, number: u32) -> Option<&Stone> {
+    frame.stones.get(number.checked_sub(1)? as usize).filter(|stone| stone.kind != 0)
+}
+
+/// Side of what a ray covers at a distance of one metre, in metres.
+pub(super) fn pixel_m(frame: &FrameUniform) -> f32 {
+    2.0 * Vec3::from(frame.up).length() / (frame.height_px * frame.samples.max(1)) as f32
+}
+
+/// What a stone shows where it was hit.
+fn stone_at(frame: &FrameUniform, stone: &Stone, hit: &RayHit, surface: &SurfaceSample, dir: Vec3) -> StoneSurface {
     let cosine = surface.normal.dot(dir).abs().max(MIN_COSINE).sqrt();
-    let footprint_m = hit.distance_m * pixel / cosine;
-    let found = stone_surface(stone, hit.stone_point, surface.normal, surface.ao, footprint_m);
+    let footprint_m = hit.distance_m * pixel_m(frame) / cosine;
+    stone_surface(stone, hit.stone_point, surface.normal, surface.ao, footprint_m)
+}
+
+/// Light of a surface of stone. Studies see the stone's colour as that of other surfaces.
+fn light_of_stone(
+    scene: &SceneRef<'_>,
+    hit: &RayHit,
+    surface: &SurfaceSample,
+    dir: Vec3,
+    found: &StoneSurface,
+) -> Radiance {
+    let frame = scene.frame;
     if frame.shading == Shading::Lit as u32 {
         let side = StoneSide { normal: surface.normal, ao: surface.ao, through: translucent_light(scene, hit, dir) };
-        Some(reflect_stone(frame, &found, &side, dir))
+        reflect_stone(frame, found, &side, dir)
     } else {
-        Some(shade(frame, &SurfaceSample { albedo: found.albedo, ..*surface }))
+        shade(frame, &SurfaceSample { albedo: found.albedo, ..*surface })
     }
 }
 
@@ -276,12 +295,24 @@ fn translucent_light(scene: &SceneRef<'_>, hit: &RayHit, dir: Vec3) -> Option<Ve
 }
 
 /// Light of the surface that was hit.
-pub(super) fn radiance_of(scene: &SceneRef<'_>, hit: &RayHit, dir: Vec3, airlight: &Airlight) -> Radiance {
+fn radiance_of(scene: &SceneRef<'_>, hit: &RayHit, dir: Vec3, airlight: &Airlight) -> Radiance {
+    let frame = scene.frame;
+    radiance_with(scene, hit, dir, airlight, |stone, surface| stone_at(frame, stone, hit, surface, dir))
+}
+
+/// The same, with another way to evaluate a stone at a surface, whose normal has unit length.
+pub(super) fn radiance_with(
+    scene: &SceneRef<'_>,
+    hit: &RayHit,
+    dir: Vec3,
+    airlight: &Airlight,
+    evaluate: impl FnOnce(&Stone, &SurfaceSample) -> StoneSurface,
+) -> Radiance {
     let frame = scene.frame;
     let RayHit { albedo, ao, flags, level, distance_m, .. } = *hit;
     let surface = SurfaceSample { albedo, ao, normal: hit.normal.normalize_or(-dir), flags, level };
-    let mut light = match stone_of(scene, hit, &surface, dir) {
-        Some(light) => light,
+    let mut light = match stone_numbered(frame, hit.stone) {
+        Some(stone) => light_of_stone(scene, hit, &surface, dir, &evaluate(stone, &surface)),
         None => shade(frame, &surface),
     };
     if frame.shading == Shading::Lit as u32 {

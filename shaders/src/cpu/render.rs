@@ -9,7 +9,8 @@ use crate::{
     layout::{FrameUniform, Shading},
     tone::{DisplayTables, exposure},
 };
-use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
+use std::sync::OnceLock;
 
 /// Renders the whole frame on all cores. Words that point outside of the arrays read as zero.
 pub fn render(scene: &SceneRef<'_>) -> Pixels {
@@ -21,6 +22,21 @@ pub fn render_with(scene: &SceneRef<'_>, set: Option<InstructionSet>, sampling: 
     let mut rows = RenderedRows { set, ..RenderedRows::new(sampling) };
     rows.render(scene, scene.frame.height_px);
     rows.develop(scene.frame)
+}
+
+/// Draws on all cores but one where there are more than two: a window that streams leaves a core to what fetches and decodes tiles. On
+/// two cores the threads share them by turns, because one core alone would draw half as fast all the time.
+pub fn with_spare_core<T: Send>(draw: impl FnOnce() -> T + Send) -> T {
+    static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
+    let pool = POOL.get_or_init(|| {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = ThreadPoolBuilder::new().num_threads(cores.saturating_sub(1));
+        if cores > 2 { threads.build().ok() } else { None }
+    });
+    match pool {
+        Some(pool) => pool.install(draw),
+        None => draw(),
+    }
 }
 
 /// Pixels that a thread develops at once.

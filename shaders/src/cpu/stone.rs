@@ -103,7 +103,7 @@ pub fn stone_surface(stone: &Stone, p_m: Vec3, normal: Vec3, ao: f32, footprint_
 }
 
 /// Horizontal unit vector across `normal`.
-fn tangent_of(normal: Vec3) -> Vec3 {
+pub(super) fn tangent_of(normal: Vec3) -> Vec3 {
     let length = Vec2::new(normal.x, normal.y).length();
     if length > 1e-3 { Vec3::new(-normal.y / length, normal.x / length, 0.0) } else { Vec3::X }
 }

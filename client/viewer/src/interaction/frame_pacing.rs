@@ -6,19 +6,29 @@ use web_time::Instant;
 
 /// A view that has not changed for this time is drawn with more rays per pixel.
 const REST: Duration = Duration::from_millis(250);
-/// While the view changes or tiles arrive, frames that would take longer are drawn with a half, a quarter or an eighth of the
-/// pixels along each side.
-const MAX_MOVING_FRAME: Duration = Duration::from_millis(45);
+/// The same for the CPU ray-caster, whose steps input never waits for: full quality is to be there half a second after the last
+/// motion.
+const REST_IN_STEPS: Duration = Duration::from_millis(100);
+/// While the view changes or tiles arrive, frames that would take longer, with everything besides the scene, are drawn with a half, a
+/// quarter or an eighth of the pixels along each side.
+const MAX_MOVING_FRAME: Duration = Duration::from_millis(48);
+/// Least time of such a frame for the scene: where the rest takes long, the scene is not made ever coarser for it.
+const MIN_MOVING_SCENE: Duration = Duration::from_millis(24);
 /// Longest frame of a resting view. A GPU draws it at once, and the user must wait for it to move on.
 const MAX_STILL_FRAME: Duration = Duration::from_millis(400);
 /// The same for the CPU ray-caster, which draws it in steps.
 const MAX_STILL_FRAME_IN_STEPS: Duration = Duration::from_secs(4);
 /// One that would take longer is drawn with one ray a pixel before.
-const MAX_BLURRED: Duration = Duration::from_millis(300);
+const MAX_BLURRED: Duration = Duration::from_millis(400);
 /// Duration of such a step: input is handled after it.
 const STEP: Duration = Duration::from_millis(30);
 /// Largest divisor of the number of pixels along a side.
 const MAX_DIVISOR: u32 = 8;
+/// Most rays along a pixel's side whose frames are measured apart.
+const MAX_PACED: usize = STILL_SAMPLES as usize;
+/// Duration of a frame with 1, 2, ... rays along a pixel's side in relation to one with a single ray, before one was measured: the
+/// CPU ray-caster casts all of them only where neighbouring pixels differ.
+const ADAPTIVE_COST: [f64; MAX_PACED] = [1.0, 2.5, 5.0];
 
 /// How finely a frame is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,12 +51,19 @@ pub struct FrameTime {
 }
 
 /// Measures frames and chooses the detail of the next one.
+///
+/// How long a frame takes with more rays a pixel is learnt, because it depends on the view: where sampling is adaptive, nine rays cost
+/// between two and nine times as much as one.
 #[derive(Debug, Clone)]
 pub struct FramePacer {
     last_change: Instant,
     frame_time: Duration,
-    /// Estimated time of a frame with all pixels and one ray per pixel.
-    full_frame_time: Duration,
+    /// Time of a frame besides the scene.
+    overhead: Duration,
+    /// Estimated time of a frame with all pixels, by the rays along a pixel's side.
+    full_frame_times: [Duration; MAX_PACED],
+    /// Rays along a pixel's side of the frame that was measured last.
+    last_samples: u32,
     is_finished: bool,
     draws_in_steps: bool,
 }
@@ -55,8 +72,17 @@ impl FramePacer {
     /// A pacer before the first frame. `draws_in_steps`: whether frames of a resting view are drawn in steps.
     pub fn new(now: Instant, draws_in_steps: bool) -> Self {
         // The estimate starts high, so that the first frame is coarse and appears early.
-        let full_frame_time = MAX_MOVING_FRAME * (MAX_DIVISOR * MAX_DIVISOR);
-        Self { last_change: now, frame_time: Duration::ZERO, full_frame_time, is_finished: false, draws_in_steps }
+        let first = MAX_MOVING_FRAME * (MAX_DIVISOR * MAX_DIVISOR);
+        let cost = |i: usize| if draws_in_steps { ADAPTIVE_COST[i] } else { ((i + 1) * (i + 1)) as f64 };
+        Self {
+            last_change: now,
+            frame_time: Duration::ZERO,
+            overhead: Duration::ZERO,
+            full_frame_times: std::array::from_fn(|i| first.mul_f64(cost(i))),
+            last_samples: 1,
+            is_finished: false,
+            draws_in_steps,
+        }
     }
 
     /// The view changed: frames are coarse until it rests.
@@ -72,17 +98,17 @@ impl FramePacer {
 
     /// The detail of the next frame. `is_settled`: all tiles of the view are resident.
     pub fn detail(&self, now: Instant, is_settled: bool) -> FrameDetail {
-        let is_changing = now.duration_since(self.last_change) < REST;
+        let is_changing = now.duration_since(self.last_change) < self.rest();
         let is_final = !is_changing && is_settled;
+        let moving_limit = MAX_MOVING_FRAME.saturating_sub(self.overhead).max(MIN_MOVING_SCENE);
         let mut divisor = 1;
-        while !is_final && divisor < MAX_DIVISOR && self.full_frame_time / (divisor * divisor) > MAX_MOVING_FRAME {
+        while !is_final && divisor < MAX_DIVISOR && self.estimate(1) / (divisor * divisor) > moving_limit {
             divisor *= 2;
         }
-        let takes_at_most = |limit: Duration, samples: u32| self.full_frame_time * (samples * samples) <= limit;
         let still_limit = if self.draws_in_steps { MAX_STILL_FRAME_IN_STEPS } else { MAX_STILL_FRAME };
         let samples = if is_final {
-            if takes_at_most(still_limit, STILL_SAMPLES) { STILL_SAMPLES } else { MOVING_SAMPLES }
-        } else if takes_at_most(MAX_MOVING_FRAME, MOVING_SAMPLES) {
+            if self.estimate(STILL_SAMPLES) <= still_limit { STILL_SAMPLES } else { MOVING_SAMPLES }
+        } else if self.estimate(MOVING_SAMPLES) <= moving_limit {
             MOVING_SAMPLES
         } else {
             1
@@ -90,10 +116,43 @@ impl FramePacer {
         FrameDetail { divisor, samples, is_final }
     }
 
+    /// How long a view must not change before it rests.
+    fn rest(&self) -> Duration {
+        if self.draws_in_steps { REST_IN_STEPS } else { REST }
+    }
+
+    /// Estimated time of a frame with all pixels.
+    fn estimate(&self, samples: u32) -> Duration {
+        self.full_frame_times[place_of(samples)]
+    }
+
+    /// Takes in the time of a frame with all pixels.
+    fn measured(&mut self, time: Duration, samples: u32) {
+        let place = place_of(samples);
+        let change = time.as_secs_f64() / self.full_frame_times[place].as_secs_f64().max(1e-6);
+        if samples == self.last_samples {
+            // The view has become harder or easier, for all frames.
+            self.full_frame_times =
+                self.full_frame_times.map(|time| time.mul_f64(change.clamp(1e-3, 1e3)).min(MAX_ESTIMATE));
+        }
+        self.full_frame_times[place] = time.min(MAX_ESTIMATE);
+        self.last_samples = samples;
+        // More rays take longer, but at most in proportion.
+        let most = |i: usize, from: usize| ((i + 1) * (i + 1)) as f64 / ((from + 1) * (from + 1)) as f64;
+        for i in 0..MAX_PACED {
+            let (least, greatest) = match i < place {
+                true => (time.mul_f64(most(i, place)), time),
+                false => (time, time.mul_f64(most(i, place))),
+            };
+            self.full_frame_times[i] = self.full_frame_times[i].max(least).min(greatest).min(MAX_ESTIMATE);
+        }
+    }
+
     /// Ends a whole frame. Returns whether this was the first final frame of a view.
     pub fn end_frame(&mut self, frame: FrameTime, detail: FrameDetail, is_presented: bool) -> bool {
         self.frame_time = frame.all;
-        self.full_frame_time = frame.scene * (detail.divisor * detail.divisor) / (detail.samples * detail.samples);
+        self.overhead = (self.overhead + frame.all.saturating_sub(frame.scene)) / 2;
+        self.measured(frame.scene * (detail.divisor * detail.divisor), detail.samples);
         let was_finished = self.is_finished;
         self.is_finished = detail.is_final && is_presented;
         self.is_finished && !was_finished
@@ -101,8 +160,9 @@ impl FramePacer {
 
     /// Ends a step that drew `share` of a frame with all pixels and the given rays along a pixel's side.
     pub fn end_step(&mut self, time: Duration, share: f64, samples: u32) {
-        let frame_time = time.div_f64((share * f64::from(samples * samples)).max(1e-6));
-        self.full_frame_time = (self.full_frame_time + frame_time) / 2;
+        let frame_time = time.div_f64(share.max(1e-6)).min(MAX_ESTIMATE);
+        let place = place_of(samples);
+        self.full_frame_times[place] = (self.full_frame_times[place] + frame_time) / 2;
     }
 
     /// The same for a frame that was drawn in steps.
@@ -112,19 +172,18 @@ impl FramePacer {
 
     /// Rays along a pixel's side that such a frame begins with.
     pub fn first_still_samples(&self, samples: u32) -> u32 {
-        if self.full_frame_time * (samples * samples) > MAX_BLURRED { 1 } else { samples }
+        if self.estimate(samples) > MAX_BLURRED { 1 } else { samples }
     }
 
     /// Number of rows of a step, of a frame with `height_px` rows and the given rays along a pixel's side.
     pub fn rows_per_step(&self, height_px: u32, samples: u32) -> u32 {
-        let frame_secs = self.full_frame_time.as_secs_f64() * f64::from(samples * samples);
-        let share = STEP.as_secs_f64() / frame_secs.max(1e-6);
+        let share = STEP.as_secs_f64() / self.estimate(samples).as_secs_f64().max(1e-6);
         ((f64::from(height_px) * share) as u32).clamp(1, height_px.max(1))
     }
 
     /// Estimated time of a frame with all pixels and one ray per pixel.
     pub fn full_frame_time(&self) -> Duration {
-        self.full_frame_time
+        self.estimate(1)
     }
 
     /// Duration of the last frame.
@@ -139,42 +198,93 @@ impl FramePacer {
 
     /// When the final frame is due; `None` if it is on the screen.
     pub fn final_frame_at(&self) -> Option<Instant> {
-        (!self.is_finished).then(|| self.last_change + REST)
+        (!self.is_finished).then(|| self.last_change + self.rest())
     }
+}
+
+/// Longest time of a frame that is told from longer ones.
+const MAX_ESTIMATE: Duration = Duration::from_secs(3600);
+
+/// Where the time of a frame with these rays along a pixel's side is kept.
+fn place_of(samples: u32) -> usize {
+    (samples.max(1) as usize).min(MAX_PACED) - 1
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// A pacer whose frames take `time` with a ray a pixel, and in proportion with more.
+    fn pacer_of(begin: Instant, draws_in_steps: bool, time: Duration) -> FramePacer {
+        let full_frame_times = [time, time * 4, time * 9];
+        FramePacer { full_frame_times, ..FramePacer::new(begin, draws_in_steps) }
+    }
+
     #[test]
     fn frames_are_coarse_while_the_view_changes_and_fine_after_a_rest() {
         let begin = Instant::now();
-        let mut pacer = FramePacer::new(begin, false);
-        pacer.full_frame_time = 3 * MAX_MOVING_FRAME;
+        let mut pacer = pacer_of(begin, false, 3 * MAX_MOVING_FRAME);
         let coarse = FrameDetail { divisor: 2, samples: 1, is_final: false };
         assert_eq!(pacer.detail(begin, true), coarse);
         let later = begin + REST;
         assert_eq!(pacer.detail(later, false), coarse);
         let fine = FrameDetail { divisor: 1, samples: MOVING_SAMPLES, is_final: true };
         assert_eq!(pacer.detail(later, true), fine, "three rays along a side would take too long");
-        let fast = FramePacer { full_frame_time: MAX_MOVING_FRAME / 4, ..pacer.clone() };
+        let fast = pacer_of(begin, false, MAX_MOVING_FRAME / 4);
         let moving = FrameDetail { divisor: 1, samples: MOVING_SAMPLES, is_final: false };
         assert_eq!(fast.detail(begin, true), moving);
         assert_eq!(fast.detail(later, true), FrameDetail { samples: STILL_SAMPLES, ..fine });
-        let in_steps = FramePacer { draws_in_steps: true, ..pacer.clone() };
-        assert_eq!(in_steps.detail(later, true).samples, STILL_SAMPLES, "input does not wait for it");
-        assert_eq!(in_steps.rows_per_step(900, 1), 200);
-        assert_eq!(in_steps.rows_per_step(900, STILL_SAMPLES), 22);
+        let in_steps = pacer_of(begin, true, 3 * MAX_MOVING_FRAME);
+        assert_eq!(in_steps.detail(begin + REST_IN_STEPS, true).samples, STILL_SAMPLES, "input does not wait for it");
+        assert_eq!(in_steps.rows_per_step(960, 1), 200);
+        assert_eq!(in_steps.rows_per_step(960, STILL_SAMPLES), 22);
         assert_eq!([&in_steps, &fast].map(|pacer| pacer.first_still_samples(STILL_SAMPLES)), [1, STILL_SAMPLES]);
         assert_eq!(pacer.final_frame_at(), Some(later));
         let time = FrameTime { scene: REST, all: REST };
         assert!(pacer.end_frame(time, fine, true));
         assert!(!pacer.end_frame(time, fine, true), "the final frame was drawn before");
         assert_eq!(pacer.final_frame_at(), None);
+        let before = pacer.full_frame_time();
         pacer.end_step(REST, 0.25, 1);
-        assert_eq!(pacer.full_frame_time, (REST / 4 + REST * 4) / 2);
+        assert_eq!(pacer.full_frame_time(), (before + REST * 4) / 2);
         pacer.content_changed();
         assert!(pacer.final_frame_at().is_some());
+    }
+
+    #[test]
+    fn the_cost_of_more_rays_is_learnt() {
+        let begin = Instant::now();
+        let mut pacer = FramePacer::new(begin, true);
+        let draw = |pacer: &mut FramePacer, samples: u32, ms: u64| {
+            let scene = Duration::from_millis(ms);
+            let detail = FrameDetail { divisor: 1, samples, is_final: false };
+            pacer.end_frame(FrameTime { scene, all: scene }, detail, true);
+        };
+        draw(&mut pacer, 1, 20);
+        assert_eq!(pacer.estimate(2), Duration::from_millis(50), "before it is known");
+        draw(&mut pacer, 2, 30);
+        let known = pacer.full_frame_times;
+        assert_eq!(known[..2], [Duration::from_millis(20), Duration::from_millis(30)]);
+        // An easier view is easier for all.
+        draw(&mut pacer, 2, 15);
+        assert_eq!(pacer.full_frame_times, known.map(|time| time / 2));
+        // Nine rays take as long as one at least, and nine times as long at most.
+        draw(&mut pacer, 1, 2);
+        assert!(pacer.estimate(3) <= Duration::from_millis(18), "{:?}", pacer.full_frame_times);
+        draw(&mut pacer, 1, 400);
+        assert!(pacer.estimate(3) >= Duration::from_millis(400), "{:?}", pacer.full_frame_times);
+    }
+
+    #[test]
+    fn a_moving_frame_leaves_time_for_what_is_not_the_scene() {
+        let begin = Instant::now();
+        let mut pacer = pacer_of(begin, true, Duration::from_millis(40));
+        assert_eq!(pacer.detail(begin, true).divisor, 1);
+        let detail = FrameDetail { divisor: 1, samples: 1, is_final: false };
+        let time = FrameTime { scene: Duration::from_millis(40), all: Duration::from_millis(70) };
+        for _ in 0..8 {
+            pacer.end_frame(time, detail, true);
+        }
+        assert_eq!(pacer.detail(begin, true).divisor, 2, "30 ms are for the rest of the frame");
     }
 }

@@ -10,7 +10,7 @@ use insula_shaders::{
     cpu::{
         instruction_set::InstructionSet,
         raycast::{Pixels, RayCounts, Sampling, SceneRef, count},
-        render::{RenderedRows, render_with},
+        render::{RenderedRows, render_with, with_spare_core},
         translucency_map::make_map,
     },
     layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS},
@@ -22,6 +22,7 @@ pub struct CpuAdapter {
     atlas: Vec<u32>,
     summaries: Vec<u32>,
     maps: MadeMaps,
+    spares_core: bool,
 }
 
 impl CpuAdapter {
@@ -31,16 +32,24 @@ impl CpuAdapter {
             atlas: vec![0; (pages + MAP_PAGES) as usize * PAGE_WORDS],
             summaries: vec![0; slots_for(pages) as usize * SUMMARY_WORDS],
             maps: MadeMaps::default(),
+            spares_core: false,
         }
     }
 
-    /// Draws a frame on all cores.
-    pub fn draw(&mut self, data: &FrameData) -> Pixels {
-        self.make_maps(&data.frame, &data.grid, &data.nodes);
-        render_with(&self.scene_of(data), InstructionSet::best(), Sampling::Adaptive)
+    /// Whether frames leave a core to other work, where there are more than two. At first they do not.
+    pub fn set_spares_core(&mut self, spares_core: bool) {
+        self.spares_core = spares_core;
     }
 
-    /// Draws the next `count` rows of a frame on all cores. Returns whether all rows are drawn.
+    /// Draws a frame on all cores, or on all but one.
+    pub fn draw(&mut self, data: &FrameData) -> Pixels {
+        self.make_maps(&data.frame, &data.grid, &data.nodes);
+        let scene = self.scene_of(data);
+        let draw = || render_with(&scene, InstructionSet::best(), Sampling::Adaptive);
+        if self.spares_core { with_spare_core(draw) } else { draw() }
+    }
+
+    /// Draws the next `count` rows of a frame on all cores: a resting view has nothing to fetch. Returns whether all rows are drawn.
     pub fn draw_rows(&mut self, data: &FrameData, rows: &mut RenderedRows, count: u32) -> bool {
         self.make_maps(&data.frame, &data.grid, &data.nodes);
         rows.render(&self.scene_of(data), count)

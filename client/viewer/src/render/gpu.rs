@@ -55,7 +55,7 @@ impl GpuDevice {
         Ok(Self { adapter, device, queue, storage_bytes })
     }
 
-    /// Whether the driver computes on the CPU. The CPU ray-caster is faster then.
+    /// Whether the driver computes on the CPU. The CPU ray-caster may be faster then.
     pub fn is_software(&self) -> bool {
         self.adapter.get_info().device_type == wgpu::DeviceType::Cpu
     }
@@ -63,7 +63,7 @@ impl GpuDevice {
     /// Name and backend of the device.
     pub fn info(&self) -> AdapterInfo {
         let info = self.adapter.get_info();
-        AdapterInfo { name: info.name, backend: info.backend.to_string() }
+        AdapterInfo { name: info.name, backend: info.backend.to_string(), reason: String::new() }
     }
 }
 

@@ -6,6 +6,8 @@ mod adapter_info;
 mod cpu;
 #[cfg(feature = "gpu")]
 mod gpu;
+#[cfg(feature = "gpu")]
+mod trial;
 
 use insula_shaders::{layout::FrameUniform, translucency::MAX_MAPS};
 
@@ -13,6 +15,8 @@ pub use adapter_info::AdapterInfo;
 pub use cpu::CpuAdapter;
 #[cfg(feature = "gpu")]
 pub use gpu::{GpuAdapter, GpuDevice};
+#[cfg(feature = "gpu")]
+pub use trial::TrialCity;
 
 /// Which translucency maps an atlas holds, by their keys.
 #[derive(Debug, Default)]

@@ -3,8 +3,8 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, lanes_of, nonzero, splat, splat_i,
-        splat_u, to_i, to_u,
+        F, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, nonzero, splat, splat_i, splat_u,
+        to_i, to_u,
     },
     mesh::walk_meshes,
     node_walk::walk_node,
@@ -246,11 +246,22 @@ fn grid_words<S: Simd>(simd: S, scene: &SceneRef<'_>, at: U<S>, lanes: M<S>) -> 
         let [node, heights] = entry(first);
         return [splat_u(simd, node), splat_u(simd, heights)];
     }
-    let mut words = [splat_u(simd, 0); 2];
-    for lane in lanes_of::<S>(lanes) {
-        [words[0][lane], words[1][lane]] = entry(at[lane]);
-    }
-    words
+    let last = splat_u(simd, (scene.grid.len().min(1 << 31) as u32).saturating_sub(1));
+    let inside = at.min(last);
+    let zeros = splat_u(simd, 0);
+    let found = at.simd_le(last);
+    let word = always(
+        #[inline(always)]
+        |i: usize| {
+            let words = U::<S>::from_fn(
+                simd,
+                #[inline(always)]
+                |lane| entry(inside[lane])[i],
+            );
+            found.select(words, zeros)
+        },
+    );
+    [word(0), word(1)]
 }
 
 /// Windows of the levels `k`: west and south end, log2 of the side, first entry.

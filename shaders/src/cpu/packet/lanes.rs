@@ -9,6 +9,9 @@ pub(super) type I<S> = <S as Simd>::i32s;
 pub(super) type U<S> = <S as Simd>::u32s;
 pub(super) type M<S> = <S as Simd>::mask32s;
 
+/// Most rays of a packet.
+pub(super) const MAX_LANES: usize = 16;
+
 /// Two numbers of each ray.
 #[derive(Clone, Copy)]
 pub(super) struct Vec2s<S: Simd> {
@@ -172,11 +175,15 @@ pub(super) fn nonzero<S: Simd>(simd: S, v: F<S>) -> F<S> {
 /// Words at some addresses; 0 outside of `words`.
 #[inline(always)]
 pub(super) fn gather<S: Simd>(simd: S, words: &[u32], at: U<S>) -> U<S> {
-    U::<S>::from_fn(
+    let last = splat_u(simd, (words.len().min(1 << 31) as u32).saturating_sub(1));
+    // Lanes outside read the last word: a branch that depends on the lane would often be predicted wrongly.
+    let inside = at.min(last);
+    let found = U::<S>::from_fn(
         simd,
         #[inline(always)]
-        |lane| words.get(at[lane] as usize).copied().unwrap_or(0),
-    )
+        |lane| words.get(inside[lane] as usize).copied().unwrap_or(0),
+    );
+    at.simd_le(last).select(found, splat_u(simd, 0))
 }
 
 /// The same for the lanes of `mask`; 0 in the others.

@@ -2,7 +2,7 @@
 //!
 //! Same pixels as [`raycast`](super::raycast), which defines them: each lane computes what the scalar code computes, in the same
 //! order, so that the results are the same to the last bit. The code is generic over the instruction set and its number of lanes
-//! (`fearless_simd`, which chooses one at run time). What is rare (meshes, gaps, holes, stones, studies) is left to the scalar code,
+//! (`fearless_simd`, which chooses one at run time). What is rare (gaps, holes, hidden objects, studies) is left to the scalar code,
 //! lane by lane.
 
 mod column;
@@ -14,9 +14,11 @@ mod mesh;
 mod mesh_surface;
 mod node_rays;
 mod node_walk;
+mod noise;
 mod objects;
 mod shade;
 mod sky;
+mod stone;
 mod tone;
 mod trace;
 

@@ -4,8 +4,8 @@ use super::{
     column::{ColumnCrossing, hit_columns},
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, always, first_lane, float, float_u, floor_clamped, gather_where, has, splat, splat_i,
-        splat_u, to_u,
+        F, I, IVec2s, M, MAX_LANES, U, always, first_lane, float, float_u, floor_clamped, gather_where, has, splat,
+        splat_i, splat_u, to_u,
     },
     node_rays::NodeRays,
 };
@@ -285,15 +285,21 @@ fn block_rows<S: Simd>(simd: S, scene: &SceneRef<'_>, at: U<S>, lanes: M<S>) -> 
         let [a, b, c, d] = read(first);
         return [splat_u(simd, a), splat_u(simd, b), splat_u(simd, c), splat_u(simd, d)];
     }
-    let mut rows = [splat_u(simd, 0); 4];
-    let blocks = at.to_array();
-    for (lane, at) in blocks.as_ref().iter().enumerate() {
-        let words = read(*at);
-        for (row, word) in rows.iter_mut().zip(words) {
-            row[lane] = word;
-        }
+    let mut blocks = [[0; 4]; MAX_LANES];
+    for (lane, block) in blocks.iter_mut().enumerate().take(F::<S>::LEN) {
+        *block = read(at[lane]);
     }
-    rows
+    let row = always(
+        #[inline(always)]
+        |i: usize| {
+            U::<S>::from_fn(
+                simd,
+                #[inline(always)]
+                |lane| blocks[lane][i],
+            )
+        },
+    );
+    [row(0), row(1), row(2), row(3)]
 }
 
 /// Whether the rays may be in a solid somewhere in the cell, by the column's word.

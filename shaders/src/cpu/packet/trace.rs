@@ -7,15 +7,17 @@ use super::{
     lanes::{F, M, U, Vec3s, lanes_of, splat, splat_u},
     shade::{Radiances, apply_haze, reflected, unit_normal},
     sky::{background, ground_distance},
+    stone::stones_of,
 };
 use crate::{
     cpu::{
         ray::{SUN_LIFT_M, SceneRef},
-        raycast::radiance_of,
-        shade::{Airlight, background as scalar_background},
+        raycast::radiance_with,
+        shade::{Airlight, SurfaceSample, background as scalar_background},
     },
     layout::{PALETTE_OUTLINED, Shading},
     mesh::ORIGINS_PER_M,
+    stone::Stone,
 };
 use fearless_simd::prelude::*;
 use glam::Vec3;
@@ -127,10 +129,15 @@ fn radiances<S: Simd>(
         light.sky = Vec3s::select(beyond, far.sky, light.sky);
         light.sun = Vec3s::select(beyond, far.sun, light.sun);
     }
+    if special.all_false() {
+        return light;
+    }
+    let stones = stones_of(simd, frame, special & hits.is_hit & is_stone, hits, dir);
     for lane in lanes_of::<S>(special) {
         let (dir, airlight) = (dir.lane(lane), Airlight { rgb: airlight.lane(lane) });
         let lit = if hits.is_hit.test(lane) {
-            radiance_of(scene, &hits.lane(lane), dir, &airlight)
+            let stone = |_: &Stone, surface: &SurfaceSample| stones.lane(lane, surface.normal);
+            radiance_with(scene, &hits.lane(lane), dir, &airlight, stone)
         } else {
             scalar_background(frame, dir, &airlight)
         };
