@@ -18,6 +18,7 @@ pub mod texel;
 pub mod text;
 pub mod tile;
 pub mod tile_id;
+pub mod visibility_tile;
 
 pub use blockmap::{BlockMap, NODE_CELLS};
 pub use error::DecodeError;
@@ -27,3 +28,4 @@ pub use subtree::Subtree;
 pub use texel::Texel;
 pub use tile::TileKind;
 pub use tile_id::TileId;
+pub use visibility_tile::VisibilityTile;

@@ -344,6 +344,7 @@ pub enum RouteTemplate {
     BlockMaps,
     Meshes,
     Objects,
+    Visibility,
     Search,
     Filter,
     Tileset,
@@ -365,11 +366,12 @@ pub enum RouteTemplate {
 
 impl RouteTemplate {
     /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 21] = [
         Self::Subtrees,
         Self::BlockMaps,
         Self::Meshes,
         Self::Objects,
+        Self::Visibility,
         Self::Search,
         Self::Filter,
         Self::Tileset,
@@ -422,6 +424,7 @@ impl RouteTemplate {
             TileKind::BlockMap => Self::BlockMaps,
             TileKind::Mesh => Self::Meshes,
             TileKind::Objects => Self::Objects,
+            TileKind::Visibility => Self::Visibility,
         }
     }
 
@@ -432,6 +435,7 @@ impl RouteTemplate {
             Self::BlockMaps => "blockmaps",
             Self::Meshes => "meshes",
             Self::Objects => "objects",
+            Self::Visibility => "visibility",
             Self::Search => SEARCH,
             Self::Filter => FILTER,
             Self::Tileset => "tileset",
@@ -458,6 +462,7 @@ impl RouteTemplate {
             Self::BlockMaps => "/v1/cities/{city}/{version}/blockmaps/{level}/{x}/{y}",
             Self::Meshes => "/v1/cities/{city}/{version}/meshes/{level}/{x}/{y}/{lod}",
             Self::Objects => "/v1/cities/{city}/{version}/objects/{block}",
+            Self::Visibility => "/v1/cities/{city}/{version}/visibility/{level}/{x}/{y}",
             Self::Search => "/v1/cities/{city}/{version}/search",
             Self::Filter => "/v1/cities/{city}/{version}/filter",
             Self::Tileset => "/v1/cities/{city}/3dtiles/tileset.json",
@@ -542,7 +547,9 @@ pub fn mesh(city: &str, version: &str, leaf: TileId, lod: u8) -> String {
 pub fn archive_tile(city: &str, version: &str, kind: TileKind, id: TileId, depth: u8) -> Option<String> {
     match kind {
         TileKind::Mesh => mesh_tile::from_archive_id(id, depth).map(|(leaf, lod)| mesh(city, version, leaf, lod)),
-        TileKind::Subtree | TileKind::BlockMap | TileKind::Objects => Some(tile(city, version, kind, id)),
+        TileKind::Subtree | TileKind::BlockMap | TileKind::Objects | TileKind::Visibility => {
+            Some(tile(city, version, kind, id))
+        }
     }
 }
 

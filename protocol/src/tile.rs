@@ -1,6 +1,6 @@
 //! The container of all tiles: magic, version, kind, a section table, and sections with checksums.
 //!
-//! `blockmap`, `subtree`, `mesh_tile` and `object_tile` define the contents of the sections.
+//! `blockmap`, `subtree`, `mesh_tile`, `object_tile` and `visibility_tile` define the contents of the sections.
 
 use crate::{
     TileId, codec,
@@ -30,15 +30,17 @@ pub enum TileKind {
     Mesh = 3,
     /// The schema of the objects' attributes, or a block of objects.
     Objects = 4,
+    /// What can be seen from the streets of a part of the city.
+    Visibility = 5,
 }
 
 impl TileKind {
     /// All kinds.
-    pub const ALL: [Self; 4] = [Self::Subtree, Self::BlockMap, Self::Mesh, Self::Objects];
+    pub const ALL: [Self; 5] = [Self::Subtree, Self::BlockMap, Self::Mesh, Self::Objects, Self::Visibility];
 
-    /// Whether every city has an archive of this kind. Meshes and objects are optional.
+    /// Whether every city has an archive of this kind. Meshes, objects and visibility are optional.
     pub const fn is_required(self) -> bool {
-        !matches!(self, Self::Mesh | Self::Objects)
+        !matches!(self, Self::Mesh | Self::Objects | Self::Visibility)
     }
 
     /// The kind's segment in URLs.
@@ -48,6 +50,7 @@ impl TileKind {
             Self::BlockMap => "blockmaps",
             Self::Mesh => "meshes",
             Self::Objects => "objects",
+            Self::Visibility => "visibility",
         }
     }
 
@@ -63,6 +66,7 @@ impl TileKind {
             Self::BlockMap => "blockmaps.pmtiles",
             Self::Mesh => "meshes.pmtiles",
             Self::Objects => "objects.pmtiles",
+            Self::Visibility => "visibility.pmtiles",
         }
     }
 }

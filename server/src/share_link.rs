@@ -156,9 +156,9 @@ impl ShareScope {
     pub fn admits_route(&self, route: RouteTemplate) -> bool {
         use RouteTemplate::{
             BlockMaps, Cities, CityPage, Filter, Index, Manifest, Meshes, Objects, Search, Subtrees, Thumbnail,
-            Tileset, TilesetFile,
+            Tileset, TilesetFile, Visibility,
         };
-        let is_tile = matches!(route, Subtrees | BlockMaps | Meshes | Objects | Tileset | TilesetFile);
+        let is_tile = matches!(route, Subtrees | BlockMaps | Meshes | Objects | Visibility | Tileset | TilesetFile);
         let is_read = is_tile || matches!(route, Search | Filter | Index | Cities | CityPage | Thumbnail | Manifest);
         !self.is_read_only || is_read
     }

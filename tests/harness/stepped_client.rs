@@ -102,7 +102,7 @@ impl<'a> SteppedClient<'a> {
         let bytes = self.city.store.tile(key.kind(), place)?.with_context(|| format!("no {key:?}"))?;
         let packed = match decode(key, &bytes).with_context(|| format!("{key:?}"))? {
             DecodedTile::Packed(tile) => tile,
-            DecodedTile::Subtree(_) => return Ok(()),
+            DecodedTile::Subtree(_) | DecodedTile::Visibility(_) => return Ok(()),
         };
         match self.cache.insert(key, packed, &mut self.adapter) {
             InsertResult::Inserted { evicted } if evicted.is_empty() => make_resident(&mut self.tree, key, self.now),

@@ -3,7 +3,7 @@
 //! In: bytes from an untrusted source. Out: [`DecodedTile`]. Next: `cache`, `scene`.
 
 use crate::{cache::PackedTile, scene::TileKey};
-use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind};
+use insula_protocol::{BlockMap, DecodeError, MeshTile, Subtree, TileKind, VisibilityTile};
 use insula_shaders::mesh::MeshTexture;
 
 /// The content of a tile.
@@ -13,6 +13,8 @@ pub enum DecodedTile {
     Packed(PackedTile),
     /// A subtree, ready for the scene tree.
     Subtree(Subtree),
+    /// What can be seen from some cells, ready for the scene tree.
+    Visibility(VisibilityTile),
 }
 
 /// Decodes a tile. Fails if the bytes do not decode, or are those of another tile than `key`.
@@ -35,6 +37,7 @@ pub fn decode(key: TileKey, bytes: &[u8]) -> Result<DecodedTile, DecodeError> {
             let packed = PackedTile::mesh(&mesh, texture.as_ref(), &objects, &landmarks);
             packed.map(DecodedTile::Packed).map_err(|_| DecodeError::Invalid("a mesh that cannot be drawn"))
         }
+        TileKind::Visibility => VisibilityTile::decode(key.id, bytes).map(DecodedTile::Visibility),
         TileKind::Objects => Err(DecodeError::Invalid("objects are not drawn")),
     }
 }

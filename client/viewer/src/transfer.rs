@@ -14,14 +14,16 @@ fn config() -> Configuration<LittleEndian, Fixint, Limit<MAX_BYTES>> {
     standard().with_fixed_int_encoding().with_limit()
 }
 
-/// Decodes a V-BlockMap or a mesh. Fails as [`decode`] does, and for subtrees, which are small enough to be decoded where they are
+/// Decodes a V-BlockMap or a mesh. Fails as [`decode`] does, and for subtrees and visibility, which are small enough to be decoded where they are
 /// used.
 pub fn decode_to_bytes(key: TileKey, bytes: &[u8]) -> Result<Vec<u8>, DecodeError> {
     match decode(key, bytes)? {
         DecodedTile::Packed(tile) => {
             bincode::serde::encode_to_vec(&tile, config()).map_err(|_| DecodeError::Invalid("a tile that is too large"))
         }
-        DecodedTile::Subtree(_) => Err(DecodeError::Invalid("a subtree where a tile is expected")),
+        DecodedTile::Subtree(_) | DecodedTile::Visibility(_) => {
+            Err(DecodeError::Invalid("a subtree or visibility tile where another is expected"))
+        }
     }
 }
 

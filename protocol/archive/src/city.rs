@@ -43,6 +43,8 @@ pub struct CityArchives {
     pub meshes: Option<Archive>,
     /// Schema and blocks of the objects, if the city has any.
     pub objects: Option<Archive>,
+    /// What can be seen from streets, if the bake has computed it.
+    pub visibility: Option<Archive>,
 }
 
 impl BakedCity {
@@ -94,6 +96,7 @@ impl BakedCity {
             blockmaps: open(TileKind::BlockMap)?,
             meshes: open_optional(TileKind::Mesh)?,
             objects: open_optional(TileKind::Objects)?,
+            visibility: open_optional(TileKind::Visibility)?,
         };
         Self::new(folder.display().to_string(), manifest, archives)
     }
@@ -119,6 +122,7 @@ impl BakedCity {
             TileKind::BlockMap => Some(&self.archives.blockmaps),
             TileKind::Mesh => self.archives.meshes.as_ref(),
             TileKind::Objects => self.archives.objects.as_ref(),
+            TileKind::Visibility => self.archives.visibility.as_ref(),
         }
     }
 

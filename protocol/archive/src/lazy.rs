@@ -163,24 +163,26 @@ pub struct LazyCity {
     blockmaps: LazyArchive,
     meshes: LazyArchive,
     objects: LazyArchive,
+    visibility: LazyArchive,
 }
 
 impl LazyCity {
     /// `open` returns the source of each archive.
     pub fn new(open: impl Fn(TileKind) -> SharedSource) -> Self {
         let archive = |kind| LazyArchive::new(open(kind), max_tile_bytes(kind));
-        let [subtrees, blockmaps, meshes, objects] =
-            [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh, TileKind::Objects].map(archive);
-        Self { subtrees, blockmaps, meshes, objects }
+        let [subtrees, blockmaps, meshes, objects, visibility] =
+            [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh, TileKind::Objects, TileKind::Visibility].map(archive);
+        Self { subtrees, blockmaps, meshes, objects, visibility }
     }
 
-    /// The archive of one kind of tile. Those of meshes and objects may not exist; their tiles then cannot be read.
+    /// The archive of one kind of tile. Those of meshes, objects and visibility may not exist; their tiles then cannot be read.
     pub fn archive(&self, kind: TileKind) -> &LazyArchive {
         match kind {
             TileKind::Subtree => &self.subtrees,
             TileKind::BlockMap => &self.blockmaps,
             TileKind::Mesh => &self.meshes,
             TileKind::Objects => &self.objects,
+            TileKind::Visibility => &self.visibility,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Limits of what a program accepts from an archive.
 
-use insula_protocol::{TileKind, mesh_tile, object_tile};
+use insula_protocol::{TileKind, mesh_tile, object_tile, visibility_tile};
 use std::time::Duration;
 
 /// Longest time for reading the directories of a city. Those of ten million tiles take a second.
@@ -17,7 +17,7 @@ const MAX_BLOCKMAP_BYTES: usize = 8 << 20;
 /// Largest tile of any kind, with its frame.
 pub const MAX_TILE_BYTES: usize = mesh_tile::MAX_BYTES;
 const _: () = assert!(MAX_TILE_BYTES >= MAX_BLOCKMAP_BYTES && MAX_TILE_BYTES >= MAX_SUBTREE_BYTES);
-const _: () = assert!(MAX_TILE_BYTES >= object_tile::MAX_BYTES);
+const _: () = assert!(MAX_TILE_BYTES >= object_tile::MAX_BYTES && MAX_TILE_BYTES >= visibility_tile::MAX_BYTES);
 
 /// Largest tile of one kind, with its frame.
 pub const fn max_tile_bytes(kind: TileKind) -> usize {
@@ -26,5 +26,6 @@ pub const fn max_tile_bytes(kind: TileKind) -> usize {
         TileKind::BlockMap => MAX_BLOCKMAP_BYTES,
         TileKind::Mesh => mesh_tile::MAX_BYTES,
         TileKind::Objects => object_tile::MAX_BYTES,
+        TileKind::Visibility => visibility_tile::MAX_BYTES,
     }
 }

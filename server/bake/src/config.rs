@@ -119,6 +119,8 @@ pub struct BakeOptions {
     pub is_monument: bool,
     /// JSON text of its stone; `None` for its own colours.
     pub stone: Option<String>,
+    /// Whether to compute what can be seen from streets.
+    pub street_sets: bool,
 }
 
 impl Default for BakeOptions {
@@ -156,6 +158,7 @@ impl Default for BakeOptions {
             landmarks: None,
             is_monument: false,
             stone: None,
+            street_sets: false,
         }
     }
 }
@@ -193,6 +196,7 @@ pub(crate) struct BakeConfig {
     pub(crate) ground: GroundOption,
     pub(crate) dropped_attributes: NamePatterns,
     pub(crate) searchable: Vec<String>,
+    pub(crate) street_sets: bool,
     /// Hash of everything that determines the tiles except the scene, 16 hexadecimal digits.
     pub(crate) settings: String,
 }
@@ -239,6 +243,7 @@ impl BakeConfig {
             ground: options.ground,
             dropped_attributes: check_patterns(&options.drop_attributes)?,
             searchable: options.search_attributes.clone(),
+            street_sets: options.street_sets,
             settings: hash_settings(options)?,
         })
     }

@@ -176,6 +176,7 @@ fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandErro
         cell_m,
         landmarks: args.landmarks.clone(),
         is_monument,
+        street_sets: args.street_sets,
         stone,
         terrain: TerrainOptions {
             error_cells: args.terrain_error.map_or(TerrainOptions::default().error_cells, |error_m| error_m / cell_m),

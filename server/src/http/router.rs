@@ -39,7 +39,11 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::Metrics => get(health::metrics),
         RouteTemplate::Cities => get(manifest::list_cities),
         RouteTemplate::Manifest => get(manifest::manifest),
-        RouteTemplate::Subtrees | RouteTemplate::BlockMaps | RouteTemplate::Meshes | RouteTemplate::Objects => {
+        RouteTemplate::Subtrees
+        | RouteTemplate::BlockMaps
+        | RouteTemplate::Meshes
+        | RouteTemplate::Objects
+        | RouteTemplate::Visibility => {
             get(tile::tile)
         }
         RouteTemplate::CityPage => get(city_page::city_page),

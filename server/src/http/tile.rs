@@ -74,7 +74,7 @@ impl RequestedTile {
         }
         // Only leaves have meshes, so that each mesh has one route.
         let id = match route.kind {
-            TileKind::Subtree | TileKind::BlockMap | TileKind::Objects => route.id,
+            TileKind::Subtree | TileKind::BlockMap | TileKind::Objects | TileKind::Visibility => route.id,
             TileKind::Mesh => Some(route.id)
                 .filter(|id| id.level() == city.manifest().depth)
                 .and_then(|id| mesh_tile::archive_id(id, route.lod))

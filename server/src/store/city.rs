@@ -44,7 +44,7 @@ pub struct CityStore {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum CityStamp {
     /// Of the manifest, each existing archive and the search index.
-    Files(Box<[Option<FileStamp>; 6]>),
+    Files(Box<[Option<FileStamp>; 7]>),
     /// Hash of the manifest's text.
     Remote(blake3::Hash),
 }
@@ -143,10 +143,11 @@ impl CityStamp {
             Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
             found => found,
         };
-        let [meshes, objects] = [TileKind::Mesh, TileKind::Objects].map(|kind| optional(kind.file_name()));
+        let [meshes, objects, visibility] =
+            [TileKind::Mesh, TileKind::Objects, TileKind::Visibility].map(|kind| optional(kind.file_name()));
         let search = optional(SEARCH_FILE)?;
         let [subtrees, blockmaps] = [TileKind::Subtree, TileKind::BlockMap].map(|kind| file_stamp(kind.file_name()));
-        let stamps = [file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes?, objects?, search];
+        let stamps = [file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes?, objects?, search, visibility?];
         Ok(Self::Files(Box::new(stamps)))
     }
 }

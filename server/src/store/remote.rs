@@ -96,6 +96,7 @@ impl RemoteCity {
             blockmaps: archive(TileKind::BlockMap).await?.ok_or_else(|| missing(TileKind::BlockMap))?,
             meshes: archive(TileKind::Mesh).await?,
             objects: archive(TileKind::Objects).await?,
+            visibility: archive(TileKind::Visibility).await?,
         };
         let search = self.object(&manifest.version, SEARCH_FILE, false).await?;
         let search = search.map(|object| SearchFile::remote(&self.url, object, Handle::current()));

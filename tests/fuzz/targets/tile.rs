@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a finding is a panic")]
 
 use insula_protocol::{
-    BlockMap, MeshTile, Subtree, TileId, TileKind, object_tile,
+    BlockMap, MeshTile, Subtree, TileId, TileKind, VisibilityTile, object_tile,
     tile::{TileReader, TileWriter},
 };
 use libfuzzer_sys::fuzz_target;
@@ -17,7 +17,7 @@ fuzz_target!(|bytes: &[u8]| {
     // The input lists sections: tag, length, bytes.
     let [kind, has_id, sections @ ..] = bytes else { return };
     let mut rest = sections;
-    let kind = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh, TileKind::Objects][usize::from(kind & 3)];
+    let kind = TileKind::ALL[usize::from(kind) % TileKind::ALL.len()];
     let mut writer = TileWriter::new(kind, (has_id & 1 == 1).then_some(TileId::ROOT));
     while let [tag, low, high, tail @ ..] = rest {
         let length = usize::from(u16::from_le_bytes([*low, *high])).min(tail.len());
@@ -33,5 +33,6 @@ fuzz_target!(|bytes: &[u8]| {
         TileKind::Subtree => drop(Subtree::decode(&tile)),
         TileKind::Mesh => drop(MeshTile::decode(TileId::ROOT, 0, &tile)),
         TileKind::Objects => drop(object_tile::decode(object_tile::SCHEMA_ID, &tile)),
+        TileKind::Visibility => drop(VisibilityTile::decode(TileId::ROOT, &tile)),
     }
 });

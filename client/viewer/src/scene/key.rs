@@ -2,10 +2,10 @@
 
 use insula_protocol::{TileId, TileKind};
 
-/// Identifies a tile: a V-BlockMap, a subtree, a level of detail of a mesh, or objects.
+/// Identifies a tile: a V-BlockMap, a subtree, a level of detail of a mesh, objects, or visibility.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct TileKey {
-    /// 0 for V-BlockMaps, 1 for subtrees, 2 for meshes, 3 for objects: the first criterion of the order.
+    /// 0 for V-BlockMaps, 1 for subtrees, 2 for meshes, 3 for objects, 4 for visibility: the first criterion of the order.
     kind: u8,
     /// The node; for a subtree, its root.
     pub id: TileId,
@@ -34,13 +34,19 @@ impl TileKey {
         Self { kind: 3, id, lod: 0 }
     }
 
+    /// What can be seen from the streets of a node's cells ([`insula_protocol::visibility_tile`]).
+    pub const fn visibility(id: TileId) -> Self {
+        Self { kind: 4, id, lod: 0 }
+    }
+
     /// What the tile holds.
     pub const fn kind(self) -> TileKind {
         match self.kind {
             0 => TileKind::BlockMap,
             1 => TileKind::Subtree,
             2 => TileKind::Mesh,
-            _ => TileKind::Objects,
+            3 => TileKind::Objects,
+            _ => TileKind::Visibility,
         }
     }
 }

@@ -5,6 +5,7 @@ mod key;
 mod memory;
 pub mod tile;
 mod tree;
+mod visibility;
 
 #[cfg(test)]
 pub(crate) use eviction::MAX_SUBTREE_BYTES;

@@ -4,6 +4,7 @@ use super::{
     key::TileKey,
     memory::TreeMemory,
     tile::{TileEvent, TileRecord},
+    visibility::VisibilityTiles,
 };
 use glam::DVec3;
 use insula_protocol::{
@@ -106,6 +107,7 @@ pub struct SceneTree {
     /// Most levels of detail of any leaf's mesh so far.
     mesh_levels: u8,
     pub(super) memory: TreeMemory,
+    pub(super) visibility: VisibilityTiles,
 }
 
 /// The stones of a manifest. One that this version does not know leaves its landmarks in the colour of their triangles.
@@ -149,6 +151,7 @@ impl SceneTree {
             has_meshes: true,
             mesh_levels: 0,
             memory: TreeMemory::default(),
+            visibility: VisibilityTiles::default(),
         }
     }
 
@@ -246,7 +249,7 @@ impl SceneTree {
     pub(crate) fn tile_pages(&self, key: TileKey) -> u32 {
         let Some(index) = self.find(key.id) else { return DEFAULT_PAGES };
         match key.kind() {
-            TileKind::Subtree | TileKind::Objects => 0,
+            TileKind::Subtree | TileKind::Objects | TileKind::Visibility => 0,
             TileKind::BlockMap => self.node_pages(index),
             TileKind::Mesh => self.node(index).lods.get(usize::from(key.lod)).map_or(0, |lod| lod.pages),
         }
@@ -284,6 +287,7 @@ impl SceneTree {
                 node.lods.get(usize::from(key.lod)).map(|lod| lod.tile)
             }
             TileKind::Objects => None,
+            TileKind::Visibility => Some(self.visibility.state(key.id)),
         }
     }
 
@@ -301,6 +305,7 @@ impl SceneTree {
             },
             TileKind::Mesh => self.lod_mut(key).is_some_and(|lod| lod.tile.apply(event)),
             TileKind::Objects => false,
+            TileKind::Visibility => self.visibility.apply(key.id, event),
         }
     }
 

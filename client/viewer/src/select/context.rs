@@ -10,6 +10,7 @@ use crate::{
     scene::{NodeIndex, SceneTree, TileRecord, TileState, TreeNode},
     switching::NodeVolume,
 };
+use insula_protocol::{TileId, visibility_tile::VisibleSet};
 
 /// A node whose visibility is unknown is requested only while its parent's error exceeds this multiple of tau. This bounds how
 /// coarse a node is when it comes into view.
@@ -25,6 +26,8 @@ pub(super) struct SelectionContext<'a> {
     pub(super) planes: [FrustumPlane; 5],
     pub(super) metric: ErrorMetric,
     pub(super) is_camera_still: bool,
+    /// What the eye's cell may see, if the eye is in one.
+    visible: Option<VisibleSet<'a>>,
 }
 
 impl<'a> SelectionContext<'a> {
@@ -36,6 +39,7 @@ impl<'a> SelectionContext<'a> {
             planes: view.planes(),
             metric: ErrorMetric::new(view),
             is_camera_still: feedback.is_camera_still(view),
+            visible: tree.visible_set(view.camera.position),
         }
     }
 
@@ -61,6 +65,16 @@ impl<'a> SelectionContext<'a> {
         !cull::is_box_in_view(&self.planes, node.centre, node.half)
     }
 
+    /// Whether the potentially visible set of the eye's cell lacks a node: nothing of it can be seen from anywhere in the cell.
+    pub(super) fn is_hidden(&self, id: TileId) -> bool {
+        self.visible.is_some_and(|visible| !visible.may_see(id))
+    }
+
+    /// Whether the eye is in a cell whose set is known.
+    pub(super) fn has_visible_set(&self) -> bool {
+        self.visible.is_some()
+    }
+
     /// Whether an error is so large that visibility does not matter: content of this visibility is requested all the same.
     pub(super) fn is_large_error(&self, error_px: f64, visibility: Visibility) -> bool {
         let factor = if visibility == Visibility::Occluded { OCCLUDED_TAU_FACTOR } else { UNKNOWN_TAU_FACTOR };
@@ -72,6 +86,12 @@ impl<'a> SelectionContext<'a> {
     /// arriving anyway.
     pub(super) fn is_skipped_level(&self, node: &TreeNode) -> bool {
         is_alternate_level(node, self.tree) && self.feedback.has_feedback() && !is_resident_or_arriving(node.tile)
+    }
+
+    /// Whether a node on the way to what the eye's cell may see is refined without being fetched itself: it would be drawn for a
+    /// moment only. Without feedback, its children are requested at once; with it, every second level lets rays tell what occludes.
+    pub(super) fn skips_way(&self, node: &TreeNode) -> bool {
+        self.has_visible_set() && node.parent.is_some() && !is_resident_or_arriving(node.tile)
     }
 
     /// Whether a leaf is refined from its ancestor's tile to its mesh directly. Its V-BlockMap would be drawn only until the

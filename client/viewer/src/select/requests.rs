@@ -18,6 +18,8 @@ const HALF_WEIGHT_M: f64 = 64.0;
 /// Requests tiles that every selection depends on, whatever it visits.
 pub(super) fn request_entry_points(ctx: &SelectionContext<'_>, selection: &mut Selection) {
     request_subtrees_at_eye(ctx, selection);
+    let visibility = ctx.tree.missing_visibility(ctx.view.camera.position);
+    selection.requests.extend(visibility.map(TileRequest::entry_point));
     if ctx.tree.root().is_none() {
         request_unknown_root(ctx, selection);
     }

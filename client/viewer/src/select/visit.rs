@@ -16,6 +16,8 @@
 //! | unknown | its level is skipped | refine | it is not fetched itself, and the next frame's rays distinguish its children |
 //! | unknown | something of a child is resident | refine | it is drawn as finely as possible without fetching anything |
 //! | unknown | otherwise | draw as it is | the next frame decides whether it is visible |
+//! | occluded | the set of the eye's cell lacks it, and something of a child is resident | refine | it is drawn as finely as possible without fetching anything |
+//! | occluded | the set of the eye's cell lacks it | draw as it is | nothing in the cell can see it |
 //! | occluded | the camera is still, and a ray has hit it since then | refine into known children | coarsening it would make it protrude above its occluder, become visible, and be refined again: an oscillation |
 //! | occluded | the camera moves, error over 64 tau | refine | if it comes into view, it must not be coarser than that |
 //! | occluded | otherwise | draw as it is | it contributes nothing to the frame |
@@ -38,6 +40,7 @@
 //! | visible | otherwise | request ([`RequestReason::Visible`]) |
 //! | unknown | the camera moves, the parent's error is over 16 tau, and its columns are not skipped | request ([`RequestReason::LargeError`]) |
 //! | occluded | the camera moves, the parent's error is over 64 tau, and its columns are not skipped | request ([`RequestReason::LargeError`]) |
+//! | occluded | the set of the eye's cell lacks it | draw what is resident |
 //! | unknown, occluded | otherwise | draw what is resident |
 //!
 //! The request of a node that is then refined itself is dropped if its tile would be drawn for a moment only: its level is
@@ -127,6 +130,7 @@ impl Visitor<'_> {
             Visibility::Unknown => {
                 ctx.is_large_error(error_px, visibility) || ctx.is_skipped_level(node) || ctx.has_drawable_child(node)
             }
+            Visibility::Occluded if ctx.is_hidden(node.id) => ctx.has_drawable_child(node),
             Visibility::Occluded if ctx.is_camera_still => ctx.feedback.was_visible(index) && has_known_children(node),
             Visibility::Occluded => ctx.is_large_error(error_px, visibility),
         }
@@ -149,7 +153,8 @@ impl Visitor<'_> {
             Visibility::Visible if !is_large_error => Some(RequestReason::Visible),
             Visibility::Visible => Some(RequestReason::LargeError),
             Visibility::Unknown | Visibility::Occluded => {
-                let is_requested = !ctx.is_camera_still && is_large_error && !ctx.skips_columns(ctx.tree.node(child));
+                let is_requested = !ctx.is_hidden(ctx.tree.node(child).id)
+                    && !ctx.is_camera_still && is_large_error && !ctx.skips_columns(ctx.tree.node(child));
                 is_requested.then_some(RequestReason::LargeError)
             }
         }
@@ -174,7 +179,11 @@ impl Visitor<'_> {
                 self.selection.stats.culled += 1;
                 continue;
             }
-            in_view[quadrant] = Some((child, ctx.feedback.visibility(child, ctx.tree, ctx.view, visibility)));
+            let found = match ctx.is_hidden(known.id) {
+                true => Visibility::Occluded,
+                false => ctx.feedback.visibility(child, ctx.tree, ctx.view, visibility),
+            };
+            in_view[quadrant] = Some((child, found));
             if known.tile.is_bad() {
                 self.selection.stats.blocked += 1;
                 is_blocked = true;
@@ -236,7 +245,7 @@ impl Visitor<'_> {
         let node = ctx.tree.node(visit.node);
         let is_last_step =
             visit.request == Some(RequestReason::Visible) && visit.error_px <= LAST_STEP_TAU_FACTOR * ctx.view.tau_px;
-        if visit.request.is_some() && (is_last_step || ctx.is_skipped_level(node)) && !node.tile.is_resident() {
+        if visit.request.is_some() && (is_last_step || ctx.is_skipped_level(node) || ctx.skips_way(node)) && !node.tile.is_resident() {
             visit.request = None;
             self.selection.stats.pages -= ctx.tree.node_pages(visit.node);
         }

@@ -24,7 +24,7 @@ impl TileSource for ArchivedCity {
         Box::pin(async move {
             let id = match key.kind() {
                 TileKind::Mesh => mesh_tile::archive_id(key.id, key.lod).ok_or(FetchError::Missing)?,
-                TileKind::BlockMap | TileKind::Subtree | TileKind::Objects => key.id,
+                TileKind::BlockMap | TileKind::Subtree | TileKind::Objects | TileKind::Visibility => key.id,
             };
             self.city.archive(key.kind()).tile(id).await.map_err(from_archive)?.ok_or(FetchError::Missing)
         })

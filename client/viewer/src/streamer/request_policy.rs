@@ -67,7 +67,9 @@ impl<F: TileFetcher> RequestPolicy<'_, F> {
         let large_error_px = OCCLUDED_TAU_FACTOR * self.tau_px;
         let is_coarse_subtree = |w: &TileRequest| w.key.kind() == TileKind::Subtree && w.exceeds(large_error_px);
         let root = TileKey::block_map(TileId::ROOT);
-        let is_first = |w: &&TileRequest| w.key == root || is_coarse_subtree(w) || self.is_loading(w.key);
+        let is_visibility = |w: &TileRequest| w.key.kind() == TileKind::Visibility;
+        let is_first =
+            |w: &&TileRequest| w.key == root || is_coarse_subtree(w) || is_visibility(w) || self.is_loading(w.key);
         wanted.iter().filter(is_first).copied().collect()
     }
 

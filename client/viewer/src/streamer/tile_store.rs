@@ -67,6 +67,7 @@ impl TileStore {
                         self.uploads.tile_evicted(key);
                     }
                 }
+                DecodedTile::Visibility(tile) => self.tree.put_visibility(tile),
                 DecodedTile::Packed(tile) => {
                     self.tree.set_pages(key, tile.pages().len() as u32);
                     self.uploads.push(key, tile);

@@ -88,9 +88,9 @@ impl Drop for BrowserFetcher {
     }
 }
 
-/// Decodes a tile in another worker, except subtrees, which are small.
+/// Decodes a tile in another worker, except subtrees and visibility, which are small.
 async fn decode_elsewhere(host: &Host, key: TileKey, bytes: Bytes) -> Result<DecodedTile, FetchError> {
-    if key.kind() == TileKind::Subtree {
+    if matches!(key.kind(), TileKind::Subtree | TileKind::Visibility) {
         return decode(key, &bytes).map_err(FetchError::Damaged);
     }
     let decoded = JsFuture::from(host.decode(&key_numbers(key), Uint8Array::from(&bytes[..]))).await;

@@ -11,7 +11,8 @@ use std::{
 /// The files in the order in which the version covers them, and whether each city has one.
 fn hashed_files() -> impl Iterator<Item = (&'static str, bool)> {
     let kinds = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh, TileKind::Objects];
-    kinds.into_iter().map(|kind| (kind.file_name(), kind.is_required())).chain([(SEARCH_FILE, false)])
+    let visibility = (TileKind::Visibility.file_name(), false);
+    kinds.into_iter().map(|kind| (kind.file_name(), kind.is_required())).chain([(SEARCH_FILE, false), visibility])
 }
 
 /// The version that the files in a city's folder should have: the first 16 hexadecimal digits of the BLAKE3 hash of the

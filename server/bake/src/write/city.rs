@@ -1,7 +1,7 @@
 //! Writes the final files of a city.
 //!
 //! In: the tree of packed tiles, and facts about the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
-//! `meshes.pmtiles` if there are meshes, `objects.pmtiles` if there are objects, `search.index` if these have texts, `city.json`,
+//! `meshes.pmtiles` if there are meshes, `objects.pmtiles` if there are objects, `search.index` if these have texts, `visibility.pmtiles` if it is wanted, `city.json`,
 //! `fingerprints.bin` and `thumbnail.png`, synchronised, in the scratch folder.
 //! Next: `ScratchFolder::publish` renames them to the output.
 
@@ -18,7 +18,7 @@ use insula_protocol::{
         Attribution, CityCounts, FORMAT_VERSION, HeightReference, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES,
         Manifest, shorten_text,
     },
-    mesh_tile, tile,
+    mesh_tile, tile, tile::TileKind,
 };
 
 use super::location::locate;
@@ -28,7 +28,7 @@ use super::{
     fingerprints::Fingerprints,
     mesh_pack,
     objects::NumberedRecords,
-    search, thumbnail,
+    search, thumbnail, visibility,
     tile_pack::{PackReader, StoredTile},
     tile_tree::{self, TileTree},
 };
@@ -152,6 +152,12 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
         }
     }
     let mut manifest = build_manifest(&input);
+    if input.config.street_sets
+        && let Some(length) = visibility::write(folder, &manifest, input.config.threads)?
+    {
+        bytes += length;
+        hashed.push(folder.join(TileKind::Visibility.file_name()));
+    }
     manifest.version = hash_city(&manifest, &hashed)?;
     let path = folder.join("city.json");
     let json = to_json(&manifest, &path)?;

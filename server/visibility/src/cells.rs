@@ -1,0 +1,148 @@
+//! The cells of a city, and their sets.
+
+use crate::{
+    bundle::{Cell, Layer, Tables, Walker},
+    heights::{CityExtent, CityHeights, LeafRectangle},
+    settings::Settings,
+    windows::{SIZES, Windows},
+};
+use insula_protocol::{
+    BlockMap, TileId, VisibilityTile,
+    visibility_tile::{LAYERS, UNSEEN, VisibleCell, block_of_leaf},
+};
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+
+/// Buildings are narrower than about twice this, in metres.
+const GROUND_REACH_M: f32 = 30.0;
+
+/// The sets of a city's cells, one for each leaf.
+#[derive(Debug)]
+pub struct CitySets {
+    depth: u8,
+    settings: Settings,
+    leaves: LeafRectangle,
+    /// Row by row; `None` for leaf squares that are no nodes of their own.
+    cells: Vec<Option<VisibleCell>>,
+}
+
+impl CitySets {
+    /// Computes the sets of all cells; `advance` is called after each. `None` for a city without leaves. Fails with the first error
+    /// of `read`, which decodes the V-BlockMap of a node of `extent`.
+    pub fn compute<E: Send>(
+        extent: &CityExtent,
+        settings: &Settings,
+        read: impl Fn(TileId) -> Result<BlockMap, E> + Sync,
+        advance: impl Fn() + Sync,
+    ) -> Result<Option<Self>, E> {
+        let Some(heights) = CityHeights::read(extent, read)? else { return Ok(None) };
+        let tables = Tables::new(&heights);
+        let grounds = Grounds::new(&heights);
+        let walker = Walker { heights: &heights, tables: &tables, settings };
+        let leaves = heights.leaves;
+        let cells = (0..leaves.len()).into_par_iter().map(|i| {
+            if !heights.is_leaf[i] {
+                return None;
+            }
+            let (ground, cell) = grounds.cell(i, settings);
+            let mut seen = vec![UNSEEN as Layer; leaves.len()];
+            seen[i] = 0;
+            walker.see(&cell, &mut seen);
+            advance();
+            Some(VisibleCell { ground, seen: around(&leaves, i, settings.reach_leaves, &seen) })
+        });
+        let cells = cells.collect();
+        Ok(Some(Self { depth: extent.depth, settings: *settings, leaves, cells }))
+    }
+
+    /// The nodes that have a visibility tile.
+    pub fn blocks(&self) -> Vec<TileId> {
+        let all = self.cells.iter().enumerate().filter(|(_, cell)| cell.is_some());
+        let leaves = all.filter_map(|(i, _)| {
+            let (x, y) = self.leaves.place(i);
+            TileId::new(self.depth, x, y)
+        });
+        leaves.map(block_of_leaf).collect::<BTreeSet<_>>().into_iter().collect()
+    }
+
+    /// The visibility tile of a node: the cells of its leaves, and of those around it.
+    pub fn tile(&self, block: TileId) -> VisibilityTile {
+        let levels = self.depth - block.level();
+        let across = (1i64 << levels) + 2;
+        let corner = [block.x(), block.y()].map(|v| (i64::from(v) << levels) - 1);
+        let cell_at = |x: i64, y: i64| {
+            let i = self.leaves.index(u32::try_from(x).ok()?, u32::try_from(y).ok()?)?;
+            self.cells[i].clone()
+        };
+        VisibilityTile {
+            id: block,
+            depth: self.depth,
+            reach: self.settings.reach_leaves,
+            layers_dm: self.settings.layers_dm,
+            cells: (0..across * across).map(|i| cell_at(corner[0] + i % across, corner[1] + i / across)).collect(),
+        }
+    }
+
+    /// The cell above a leaf square.
+    pub fn cell(&self, x: u32, y: u32) -> Option<&VisibleCell> {
+        self.cells[self.leaves.index(x, y)?].as_ref()
+    }
+}
+
+/// What a cell sees of the leaves around it.
+fn around(leaves: &LeafRectangle, i: usize, reach: u8, seen: &[Layer]) -> Vec<u8> {
+    let (x, y) = leaves.place(i);
+    let reach = i64::from(reach);
+    let side = 2 * reach + 1;
+    let at = |x: i64, y: i64| leaves.index(u32::try_from(x).ok()?, u32::try_from(y).ok()?);
+    let places = (0..side * side).map(|k| at(i64::from(x) + k % side - reach, i64::from(y) + k / side - reach));
+    places.map(|place| place.map_or(UNSEEN, |place| seen[place])).collect()
+}
+
+/// Where the ground is.
+struct Grounds<'a> {
+    heights: &'a CityHeights,
+    /// Lowest tops around each square: the ground between the buildings, if the city stores none.
+    lowest: Windows,
+}
+
+impl<'a> Grounds<'a> {
+    fn new(heights: &'a CityHeights) -> Self {
+        // Squares without a column do not count.
+        let lowest = |a: u16, b: u16| if a.min(b) == 0 { a.max(b) } else { a.min(b) };
+        Self { heights, lowest: Windows::new(heights.width, heights.height, &heights.tops, lowest) }
+    }
+
+    /// The cell of a leaf, and its ground in half metres.
+    fn cell(&self, i: usize, settings: &Settings) -> (i16, Cell) {
+        let heights = self.heights;
+        let side_m = heights.square_m * heights.per_leaf as f32;
+        let (column, row) = (i % heights.leaves.width as usize, i / heights.leaves.width as usize);
+        let centre = [column, row].map(|v| (v as f32 + 0.5) * side_m);
+        let ground_m = heights.scale.height_m(self.ground(i, [column, row]));
+        let ground = (ground_m * 2.0).ceil().clamp(f32::from(i16::MIN), f32::from(i16::MAX)) as i16;
+        let tops: [f32; LAYERS] = settings.layers_dm.map(|top| f32::from(ground) / 2.0 + f32::from(top) / 10.0);
+        (ground, Cell { centre, half_m: side_m / 2.0, tops })
+    }
+
+    /// The highest ground of a leaf.
+    fn ground(&self, i: usize, [column, row]: [usize; 2]) -> u16 {
+        let heights = self.heights;
+        let stored = heights.ground[i];
+        if stored > 0 {
+            return stored;
+        }
+        // The lowest tops around each place, so that buildings do not count.
+        let reach = (GROUND_REACH_M / heights.square_m) as isize;
+        let window = 2isize << (SIZES - 1);
+        let lowest_around = |x: isize, y: isize| {
+            let places = |v: isize| [v - reach, v - window / 2, v + reach - window];
+            let all = places(y).into_iter().flat_map(|y| places(x).map(|x| self.lowest.at(SIZES - 1, x, y)));
+            all.filter(|code| *code > 0).min().unwrap_or(0)
+        };
+        let side = heights.per_leaf as usize;
+        let range = |v: usize| (v * side) as isize..((v + 1) * side) as isize;
+        let places = range(row).step_by(4).flat_map(|y| range(column).step_by(4).map(move |x| (x, y)));
+        places.map(|(x, y)| lowest_around(x, y)).max().unwrap_or(0)
+    }
+}

@@ -1,0 +1,18 @@
+//! Potentially visible sets: which leaves can be seen from the streets of a city.
+//!
+//! In: the V-BlockMaps of a baked city's nodes without children. Out: for each cell of the space where people walk and stand, the
+//! leaves that an eye in it may see ([`CitySets`]). Next: the bake writes them as visibility tiles.
+//!
+//! The sets are conservative: they lack nothing that is visible, and may have what is not.
+
+mod bundle;
+mod cells;
+mod height_scale;
+mod heights;
+mod settings;
+mod shape;
+mod windows;
+
+pub use cells::CitySets;
+pub use heights::CityExtent;
+pub use settings::Settings;
