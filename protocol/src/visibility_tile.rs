@@ -23,10 +23,14 @@ pub const LAYERS: usize = 3;
 pub const UNSEEN: u8 = LAYERS as u8;
 /// Levels between the leaves and the nodes that have visibility tiles.
 pub const BLOCK_LEVELS: u8 = 3;
-/// Largest reach in leaves.
+/// Scales of a set. The first is about leaves; the squares of each next one are four times as wide.
+pub const SCALES: u8 = 3;
+/// Levels of the quadtree between two scales.
+pub const SCALE_LEVELS: u8 = 2;
+/// Largest reach in squares.
 pub const MAX_REACH: u8 = 16;
 /// Maximum size of a tile in bytes: its values, uncompressed, and a header.
-pub const MAX_BYTES: usize = 128 << 10;
+pub const MAX_BYTES: usize = 384 << 10;
 
 const TAG_META: u8 = 1;
 const TAG_SETS: u8 = 2;
@@ -37,8 +41,8 @@ const META_BYTES: usize = 3 + 2 * LAYERS;
 pub struct VisibleCell {
     /// Height of the cell's highest ground above the city's origin, in half metres, rounded up.
     pub ground: i16,
-    /// For each leaf square from `reach` to the south-west to `reach` to the north-east, row by row, the lowest layer that may see
-    /// it, or [`UNSEEN`].
+    /// For each scale, and for each square from `reach` to the south-west of the cell's square to `reach` to the north-east, row by
+    /// row, the lowest layer that may see anything in it, or [`UNSEEN`].
     pub seen: Vec<u8>,
 }
 
@@ -49,7 +53,7 @@ pub struct VisibilityTile {
     pub id: TileId,
     /// Level of the leaves.
     pub depth: u8,
-    /// Sets are about this many leaves on each side of a cell.
+    /// Sets are about this many squares of each scale on each side of a cell's.
     pub reach: u8,
     /// Top of each layer above a cell's ground in decimetres, ascending.
     pub layers_dm: [u16; LAYERS],
@@ -79,17 +83,24 @@ impl VisibleSet<'_> {
             return true;
         }
         let levels = depth - node.level();
-        let range = |node: u32, leaf: u32| {
-            let first = (i64::from(node) << levels) - i64::from(leaf) + reach;
-            (first, first + (1 << levels))
-        };
-        let (columns, rows) = (range(node.x(), self.leaf.x()), range(node.y(), self.leaf.y()));
         let side = 2 * reach + 1;
-        if columns.0 < 0 || rows.0 < 0 || columns.1 > side || rows.1 > side {
-            return true;
-        }
         let is_seen = |i: i64| self.cell.seen.get(i as usize).is_none_or(|layer| *layer <= self.layer);
-        (rows.0..rows.1).any(|row| (columns.0..columns.1).any(|column| is_seen(row * side + column)))
+        for scale in 0..SCALES {
+            let scale_levels = SCALE_LEVELS * scale;
+            // Squares of this scale that the node covers, or the one that contains it.
+            let range = |node: u32, leaf: u32| {
+                let (finer, coarser) = (levels.saturating_sub(scale_levels), scale_levels.saturating_sub(levels));
+                let first = (i64::from(node) << finer >> coarser) - (i64::from(leaf) >> scale_levels) + reach;
+                (first, first + (1 << finer))
+            };
+            let (columns, rows) = (range(node.x(), self.leaf.x()), range(node.y(), self.leaf.y()));
+            if columns.0 >= 0 && rows.0 >= 0 && columns.1 <= side && rows.1 <= side {
+                let first = i64::from(scale) * side * side;
+                return (rows.0..rows.1)
+                    .any(|row| (columns.0..columns.1).any(|column| is_seen(first + row * side + column)));
+            }
+        }
+        true
     }
 }
 
@@ -138,7 +149,7 @@ impl VisibilityTile {
     /// The tile's bytes. Fails if a rule of the format is broken.
     pub fn encode(&self) -> Result<Vec<u8>, DecodeError> {
         self.check()?;
-        let values = (2 * usize::from(self.reach) + 1).pow(2);
+        let values = usize::from(SCALES) * (2 * usize::from(self.reach) + 1).pow(2);
         let is_wrong = |cell: &VisibleCell| cell.seen.len() != values || cell.seen.iter().any(|v| *v > UNSEEN);
         if self.cells.len() != self.cells_across().pow(2) || self.cells.iter().flatten().any(is_wrong) {
             return Err(DecodeError::Invalid("a visibility tile's cells are wrong"));
@@ -190,7 +201,7 @@ fn code<C: BitCoder>(coder: &mut C, tile: &mut VisibilityTile) -> Result<(), Dec
     let across = tile.cells_across();
     let mut exists = [BitModel::NEW; 3];
     let mut ground = NumberModel::default();
-    let mut models = vec![[BitModel::NEW; LAYERS]; CONTEXTS];
+    let mut models = vec![[BitModel::NEW; LAYERS]; CONTEXTS * usize::from(SCALES)];
     let mut last_ground = 0i32;
     for i in 0..across * across {
         let known = |i: Option<usize>| i.is_some_and(|i| tile.cells[i].is_some());
@@ -205,34 +216,46 @@ fn code<C: BitCoder>(coder: &mut C, tile: &mut VisibilityTile) -> Result<(), Dec
         last_ground += coder.number(&mut ground, i32::from(cell.ground).wrapping_sub(last_ground));
         cell.ground = i16::try_from(last_ground).map_err(|_| DecodeError::Invalid("a cell's ground is out of range"))?;
         let neighbour = |i: Option<usize>| i.and_then(|i| tile.cells[i].as_ref());
-        code_set(coder, &mut cell, [neighbour(west), neighbour(south)], tile.reach, &mut models);
+        let place = tile.corner().map(|v| v as i32);
+        let place = [place[0] + (i % across) as i32, place[1] + (i / across) as i32];
+        for scale in 0..SCALES {
+            let models = &mut models[usize::from(scale) * CONTEXTS..][..CONTEXTS];
+            code_scale(coder, &mut cell, [neighbour(west), neighbour(south)], place, [scale, tile.reach], models);
+        }
         tile.cells[i] = Some(cell);
     }
     Ok(())
 }
 
-/// Writes or reads a cell's set. The cells to the west and to the south see nearly the same.
-fn code_set<C: BitCoder>(
+/// Writes or reads one scale of the set of the cell at leaf `x`, `y`. The cells to the west and to the south see nearly the same.
+fn code_scale<C: BitCoder>(
     coder: &mut C,
     cell: &mut VisibleCell,
     [west, south]: [Option<&VisibleCell>; 2],
-    reach: u8,
+    [x, y]: [i32; 2],
+    [scale, reach]: [u8; 2],
     models: &mut [[BitModel; LAYERS]],
 ) {
     let side = 2 * usize::from(reach) + 1;
-    cell.seen.resize(side * side, UNSEEN);
+    let first = usize::from(scale) * side * side;
+    cell.seen.resize(first + side * side, UNSEEN);
+    // The same square lies as much further in a neighbour's set as the square of its cell lies before.
+    let step = |v: i32| ((v >> (SCALE_LEVELS * scale)) - ((v - 1) >> (SCALE_LEVELS * scale))) as usize;
+    let (to_east, to_north) = (step(x), step(y));
     for i in 0..side * side {
         let (column, row) = (i % side, i / side);
-        // The same leaf lies one column, or one row, further in the neighbour's set.
-        let of_west = west.filter(|_| column + 1 < side).map_or(UNKNOWN, |west| usize::from(west.seen[i + 1]));
-        let of_south = south.filter(|_| row + 1 < side).map_or(UNKNOWN, |south| usize::from(south.seen[i + side]));
-        let left = if column > 0 { usize::from(cell.seen[i - 1]) } else { UNKNOWN };
-        let below = if row > 0 { usize::from(cell.seen[i - side]) } else { UNKNOWN };
+        let known = |cell: Option<&VisibleCell>, column: usize, row: usize| {
+            let cell = cell.filter(|_| column < side && row < side);
+            cell.map_or(UNKNOWN, |cell| usize::from(cell.seen[first + row * side + column]))
+        };
+        let (of_west, of_south) = (known(west, column + to_east, row), known(south, column, row + to_north));
+        let left = if column > 0 { usize::from(cell.seen[first + i - 1]) } else { UNKNOWN };
+        let below = if row > 0 { usize::from(cell.seen[first + i - side]) } else { UNKNOWN };
         let context = (of_west * (UNKNOWN + 1) + of_south) * (UNKNOWN + 1) + left.min(below);
-        let value = cell.seen[i];
-        let is_value = |layer: u8| value == layer;
-        let found = (0..UNSEEN).find(|layer| coder.bit(&mut models[context][usize::from(*layer)], is_value(*layer)));
-        cell.seen[i] = found.unwrap_or(UNSEEN);
+        let value = cell.seen[first + i];
+        let found =
+            (0..UNSEEN).find(|layer| coder.bit(&mut models[context][usize::from(*layer)], value == *layer));
+        cell.seen[first + i] = found.unwrap_or(UNSEEN);
     }
 }
 
@@ -244,7 +267,7 @@ mod tests {
         let id = TileId::new(2, 1, 3).unwrap();
         let cell = |i: usize| VisibleCell {
             ground: 40 + (i / 10) as i16,
-            seen: (0..25).map(|k| ((k * k + i / 3) % 4) as u8).collect(),
+            seen: (0..75).map(|k| ((k * k + i / 3) % 4) as u8).collect(),
         };
         let cells = (0..100).map(|i| (i % 7 != 3).then(|| cell(i))).collect();
         VisibilityTile { id, depth: 5, reach: 2, layers_dm: [30, 80, 200], cells }
@@ -281,7 +304,7 @@ mod tests {
 
     #[test]
     fn a_shallow_city_has_one_tile() {
-        let cell = VisibleCell { ground: -3, seen: vec![0] };
+        let cell = VisibleCell { ground: -3, seen: vec![0, 1, 3] };
         let cells = (0..16).map(|i| (i % 5 == 0).then(|| cell.clone())).collect();
         let tile = VisibilityTile { id: TileId::ROOT, depth: 1, reach: 0, layers_dm: [1, 2, 3], cells };
         assert_eq!(VisibilityTile::decode(TileId::ROOT, &tile.encode().unwrap()).unwrap(), tile);
@@ -292,16 +315,19 @@ mod tests {
         let mut tile = sample();
         // Leaf 10/26 of the node's 8/24 to 15/31; its set spans 8/24 to 12/28.
         let at = tile.cell_index(10, 26).unwrap();
-        let mut seen = vec![UNSEEN; 25];
+        let mut seen = vec![UNSEEN; 75];
         (seen[12], seen[2 * 5 + 4]) = (0, 1);
+        // Of the second scale the square 0/5 to 4/9 around 2/6: its square 3/6 has leaf 13/26. Of the third, 0/1 around.
+        seen[25 + 2 * 5 + 3] = 0;
         tile.cells[at] = Some(VisibleCell { ground: 10, seen });
         let id = |level: u8, x: u32, y: u32| TileId::new(level, x, y).unwrap();
         let low = tile.set_at(10, 26, 7.9).unwrap();
         let middle = tile.set_at(10, 26, 8.1).unwrap();
         assert!(low.may_see(id(5, 10, 26)) && !low.may_see(id(5, 11, 26)) && !low.may_see(id(5, 12, 26)));
         assert!(middle.may_see(id(5, 12, 26)) && !middle.may_see(id(5, 12, 25)));
-        assert!(low.may_see(id(4, 5, 13)) && !low.may_see(id(4, 4, 12)) && low.may_see(TileId::ROOT));
-        assert!(low.may_see(id(5, 13, 26)), "beyond the reach");
+        assert!(low.may_see(id(4, 5, 13)) && !low.may_see(id(4, 4, 12)) && !low.may_see(TileId::ROOT));
+        assert!(low.may_see(id(5, 13, 26)) && low.may_see(id(3, 3, 6)), "beyond the first scale's reach");
+        assert!(!low.may_see(id(5, 9, 29)) && !low.may_see(id(3, 1, 6)) && !low.may_see(id(4, 4, 14)));
         assert!(tile.set_at(10, 26, 25.1).is_none() && tile.set_at(40, 26, 6.0).is_none());
         assert_eq!(block_of_leaf(id(5, 10, 26)), tile.id);
     }

@@ -560,7 +560,7 @@ fn check_mesh(found: &Mesh, original: &Mesh) {
 fn visibility() -> VisibilityTile {
     let cell = |i: usize| VisibleCell {
         ground: -7 + (i / 4) as i16,
-        seen: (0..25).map(|k| if k == 12 { 0 } else { ((k * 7 + i) % 5).min(3) as u8 }).collect(),
+        seen: (0..75).map(|k| if k == 12 { 0 } else { ((k * 7 + i) % 5).min(3) as u8 }).collect(),
     };
     let cells = (0..100).map(|i| (i % 9 != 5).then(|| cell(i))).collect();
     VisibilityTile { id: node_id(), depth: 6, reach: 2, layers_dm: [30, 80, 200], cells }

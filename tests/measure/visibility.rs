@@ -148,6 +148,7 @@ impl Totals {
         self.rays += rays as u64;
         if rays > 0 {
             // Of the set, leaves that exist.
+            // The first scale.
             let side = 2 * usize::from(tile.reach) + 1;
             let at = |i: usize, first: u32, place: usize| {
                 let _ = i;

@@ -13,8 +13,9 @@ use std::{
 use insula_bake::{BakeOptions, BakeReport, Silent, bake_scene, read::ReadReport, scene::Scene};
 use insula_objects::{ObjectBlock, Schema};
 use insula_protocol::{
-    TileKind,
+    TileKind, VisibilityTile,
     object_tile::{self, SCHEMA_ID},
+    visibility_tile,
 };
 use insula_test_support::folder::TestFolder;
 use support::{BakedCity, COARSE_CELL_M, bake, city, coarse_options, files, options, out_folder, partial};
@@ -176,4 +177,28 @@ fn damaged_city_is_repaired() {
     flipped[tile] ^= 1;
     fs::write(out.join("blockmaps.pmtiles"), flipped).unwrap();
     check("a damaged tile");
+}
+
+#[test]
+fn an_updated_city_has_the_sets_of_a_full_bake() {
+    let with_sets = |out: &Path| BakeOptions { street_sets: true, ..options(out, 2) };
+    let folder = TestFolder::new("update-sets");
+    let out = out_folder(&folder, "updated");
+    bake_scene(city(), ReadReport::default(), &with_sets(&out), &Silent).unwrap();
+    let baked = insula_archive::BakedCity::open(&out).unwrap();
+    let stated = &baked.manifest().version;
+    assert_eq!(insula_archive::city::content_version(&out, stated).unwrap(), *stated);
+    let leaves = baked.blockmaps().lengths().filter(|(id, _)| id.level() == baked.manifest().depth);
+    for (leaf, _) in leaves {
+        let block = visibility_tile::block_of_leaf(leaf);
+        let bytes = baked.tile(TileKind::Visibility, block).unwrap().unwrap();
+        let tile = VisibilityTile::decode(block, &bytes).unwrap();
+        let cell = tile.cells[tile.cell_index(leaf.x(), leaf.y()).unwrap()].as_ref().unwrap();
+        let middle = cell.seen.len() / 2;
+        assert_eq!(cell.seen[middle], 0, "{leaf} is seen from above itself");
+    }
+    let full = BakedCity::bake("update-sets-full", raised(city(), 2), with_sets(Path::new("")));
+    let updated = bake_scene(raised(city(), 2), ReadReport::default(), &updating(with_sets(&out)), &Silent).unwrap();
+    assert!(updated.blocks_unchanged > 0 && updated.blocks_baked > 0);
+    assert!(files(&out) == full.files, "other bytes than a full bake");
 }

@@ -9,7 +9,7 @@
 //! Heights only: columns are solid from below up to a height. A line from a lower eye to the same point lies lower everywhere, so the
 //! eyes of a layer see at most what its highest eyes see.
 
-use insula_protocol::visibility_tile::LAYERS;
+use insula_protocol::visibility_tile::{LAYERS, SCALE_LEVELS, SCALES};
 
 use crate::{
     heights::CityHeights,
@@ -30,6 +30,13 @@ const SOLID_STEP_SHARE: f32 = 1.0 / 80.0;
 const LOOK_SHARE: f32 = 1.0 / 40.0;
 /// What is lower than this below the lowest eyes is not taken as hiding anything, in metres.
 const LOW_M: f32 = 1.0;
+
+/// The whole number below a value, which must be within those of an i32. Without an instruction of its own, `f32::floor` is a call.
+#[inline]
+fn floor(v: f32) -> isize {
+    let whole = v as i32;
+    (whole - i32::from(v < whole as f32)) as isize
+}
 
 /// Number of a layer, or [`LAYERS`] for what no layer sees.
 pub(crate) type Layer = u8;
@@ -250,7 +257,7 @@ impl Walker<'_> {
     #[inline]
     fn window_at(&self, size: usize, point: [f32; 2]) -> [isize; 2] {
         let half = ((2usize << size) - 1) as f32 * 0.5;
-        point.map(|v| (v / self.heights.square_m - half).floor() as isize)
+        point.map(|v| floor(v / self.heights.square_m - half))
     }
 
     /// What is solid at a point.
@@ -268,7 +275,7 @@ impl Walker<'_> {
         let half = bundle.half_at(t);
         let [x0, y0] = bundle.point(t, -half).map(|v| v * per_m);
         let [x1, y1] = bundle.point(t, half).map(|v| v * per_m);
-        let middle = self.solid_at(((x0 + x1) * 0.5).floor() as isize, ((y0 + y1) * 0.5).floor() as isize);
+        let middle = self.solid_at(floor((x0 + x1) * 0.5), floor((y0 + y1) * 0.5));
         if middle <= enough {
             return middle;
         }
@@ -281,10 +288,10 @@ impl Walker<'_> {
         }
         let slope = if to[0] - from[0] > 1e-6 { (to[1] - from[1]) / (to[0] - from[0]) } else { 0.0 };
         let mut lowest = middle;
-        for major in (from[0] - SLACK).floor() as isize..=(to[0] + SLACK).floor() as isize {
+        for major in floor(from[0] - SLACK)..=floor(to[0] + SLACK) {
             let ends = [major as f32, major as f32 + 1.0].map(|v| from[1] + (v.clamp(from[0], to[0]) - from[0]) * slope);
             let (low, high) = (ends[0].min(ends[1]) - SLACK, ends[0].max(ends[1]) + SLACK);
-            for minor in low.floor() as isize..=high.floor() as isize {
+            for minor in floor(low)..=floor(high) {
                 lowest = lowest.min(if is_steep { self.solid_at(minor, major) } else { self.solid_at(major, minor) });
             }
             if lowest <= enough {
@@ -334,9 +341,15 @@ impl Walker<'_> {
     /// South-western and north-eastern corner of what a cell's set is about.
     fn limits(&self, cell: &Cell) -> [[f32; 2]; 2] {
         let leaf_m = self.heights.per_leaf as f32 * self.heights.square_m;
-        let leaf = cell.centre.map(|v| (v / leaf_m).floor());
-        let reach = f32::from(self.settings.reach_leaves);
-        [leaf.map(|v| (v - reach) * leaf_m), leaf.map(|v| (v + reach + 1.0) * leaf_m)]
+        let widest_m = leaf_m * f32::from(1u16 << (SCALE_LEVELS * (SCALES - 1)));
+        let reach_m = f32::from(self.settings.reach + 1) * widest_m;
+        [0, 1].map(|end| {
+            let size = [self.heights.leaves.width, self.heights.leaves.height].map(|count| count as f32 * leaf_m);
+            std::array::from_fn(|axis| match end {
+                0 => (cell.centre[axis] - reach_m).max(0.0),
+                _ => (cell.centre[axis] + reach_m).min(size[axis]),
+            })
+        })
     }
 
     /// Follows a bundle outwards. With `is_test`, whether its lines may see anything that is not in `seen` yet; otherwise notes
@@ -363,7 +376,7 @@ impl Walker<'_> {
             if is_beyond(0) || is_beyond(1) {
                 return false;
             }
-            let [x, y] = point.map(|v| (v / square_m).floor() as isize);
+            let [x, y] = point.map(|v| floor(v / square_m));
             let is_inside = (0..2).all(|axis| point[axis] >= 0.0 && point[axis] < size[axis]);
             // If small blocks are not hidden, larger ones are not.
             let skips = (0..BLOCK_SIDES.len()).filter(|_| is_inside).map_while(|level| {

@@ -4,11 +4,11 @@ use crate::{
     bundle::{Cell, Layer, Tables, Walker},
     heights::{CityExtent, CityHeights, LeafRectangle},
     settings::Settings,
-    windows::{SIZES, Windows},
+    windows::Windows,
 };
 use insula_protocol::{
     BlockMap, TileId, VisibilityTile,
-    visibility_tile::{LAYERS, UNSEEN, VisibleCell, block_of_leaf},
+    visibility_tile::{LAYERS, SCALE_LEVELS, SCALES, UNSEEN, VisibleCell, block_of_leaf},
 };
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -27,29 +27,32 @@ pub struct CitySets {
 }
 
 impl CitySets {
-    /// Computes the sets of all cells; `advance` is called after each. `None` for a city without leaves. Fails with the first error
-    /// of `read`, which decodes the V-BlockMap of a node of `extent`.
+    /// Computes the sets of the cells of all leaves that are `wanted`. `None` for a city without leaves. Fails with the first error of
+    /// `read`, which decodes the V-BlockMap of a node of `extent`.
     pub fn compute<E: Send>(
         extent: &CityExtent,
         settings: &Settings,
         read: impl Fn(TileId) -> Result<BlockMap, E> + Sync,
-        advance: impl Fn() + Sync,
+        wanted: impl Fn(TileId) -> bool + Sync,
     ) -> Result<Option<Self>, E> {
         let Some(heights) = CityHeights::read(extent, read)? else { return Ok(None) };
         let tables = Tables::new(&heights);
         let grounds = Grounds::new(&heights);
         let walker = Walker { heights: &heights, tables: &tables, settings };
         let leaves = heights.leaves;
+        // Land around the leaves is not computed: it counts as seen.
+        let is_land = |id: &TileId| id.level() < extent.depth && !leaves.contains(*id, extent.depth);
+        let beyond = if extent.terminals.iter().any(is_land) { 0 } else { UNSEEN };
         let cells = (0..leaves.len()).into_par_iter().map(|i| {
-            if !heights.is_leaf[i] {
+            let (x, y) = leaves.place(i);
+            if !heights.is_leaf[i] || !TileId::new(extent.depth, x, y).is_some_and(&wanted) {
                 return None;
             }
             let (ground, cell) = grounds.cell(i, settings);
             let mut seen = vec![UNSEEN as Layer; leaves.len()];
             seen[i] = 0;
             walker.see(&cell, &mut seen);
-            advance();
-            Some(VisibleCell { ground, seen: around(&leaves, i, settings.reach_leaves, &seen) })
+            Some(VisibleCell { ground, seen: around(&leaves, i, settings.reach, &seen, beyond) })
         });
         let cells = cells.collect();
         Ok(Some(Self { depth: extent.depth, settings: *settings, leaves, cells }))
@@ -77,7 +80,7 @@ impl CitySets {
         VisibilityTile {
             id: block,
             depth: self.depth,
-            reach: self.settings.reach_leaves,
+            reach: self.settings.reach,
             layers_dm: self.settings.layers_dm,
             cells: (0..across * across).map(|i| cell_at(corner[0] + i % across, corner[1] + i / across)).collect(),
         }
@@ -89,14 +92,23 @@ impl CitySets {
     }
 }
 
-/// What a cell sees of the leaves around it.
-fn around(leaves: &LeafRectangle, i: usize, reach: u8, seen: &[Layer]) -> Vec<u8> {
+/// What a cell sees of the squares of all scales around it. `beyond` is the value of what lies beyond the leaves.
+fn around(leaves: &LeafRectangle, i: usize, reach: u8, seen: &[Layer], beyond: Layer) -> Vec<u8> {
     let (x, y) = leaves.place(i);
     let reach = i64::from(reach);
     let side = 2 * reach + 1;
     let at = |x: i64, y: i64| leaves.index(u32::try_from(x).ok()?, u32::try_from(y).ok()?);
-    let places = (0..side * side).map(|k| at(i64::from(x) + k % side - reach, i64::from(y) + k / side - reach));
-    places.map(|place| place.map_or(UNSEEN, |place| seen[place])).collect()
+    let of_scale = |scale: u8| {
+        let levels = SCALE_LEVELS * scale;
+        let corner = [x, y].map(|v| (i64::from(v) >> levels) - reach);
+        (0..side * side).map(move |k| {
+            let first = [corner[0] + k % side, corner[1] + k / side].map(|v| v << levels);
+            let inner = (0..1i64 << levels).flat_map(|dy| (0..1i64 << levels).map(move |dx| (dx, dy)));
+            let layers = inner.map(|(dx, dy)| at(first[0] + dx, first[1] + dy).map_or(beyond, |place| seen[place]));
+            layers.min().unwrap_or(UNSEEN)
+        })
+    };
+    (0..SCALES).flat_map(of_scale).collect()
 }
 
 /// Where the ground is.
@@ -134,10 +146,12 @@ impl<'a> Grounds<'a> {
         }
         // The lowest tops around each place, so that buildings do not count.
         let reach = (GROUND_REACH_M / heights.square_m) as isize;
-        let window = 2isize << (SIZES - 1);
+        // Windows of 16 squares.
+        const SIZE: usize = 3;
+        let window = 2isize << SIZE;
         let lowest_around = |x: isize, y: isize| {
             let places = |v: isize| [v - reach, v - window / 2, v + reach - window];
-            let all = places(y).into_iter().flat_map(|y| places(x).map(|x| self.lowest.at(SIZES - 1, x, y)));
+            let all = places(y).into_iter().flat_map(|y| places(x).map(|x| self.lowest.at(SIZE, x, y)));
             all.filter(|code| *code > 0).min().unwrap_or(0)
         };
         let side = heights.per_leaf as usize;

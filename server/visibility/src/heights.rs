@@ -53,6 +53,13 @@ impl LeafRectangle {
         (dx < self.width && dy < self.height).then(|| dy as usize * self.width as usize + dx as usize)
     }
 
+    /// Whether a node of a city with `depth` levels lies within the rectangle.
+    pub(crate) fn contains(&self, id: TileId, depth: u8) -> bool {
+        let levels = depth.saturating_sub(id.level());
+        let is_within = |v: u32, first: u32, count: u32| v << levels >= first && (v + 1) << levels <= first + count;
+        is_within(id.x(), self.x, self.width) && is_within(id.y(), self.y, self.height)
+    }
+
     /// Column and row of a leaf square by its number.
     pub(crate) fn place(&self, index: usize) -> (u32, u32) {
         let index = index as u32;

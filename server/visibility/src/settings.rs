@@ -5,8 +5,8 @@ use insula_protocol::visibility_tile::LAYERS;
 /// How finely sets are computed. Coarser values give larger sets, never incomplete ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// A cell's set is about this many leaves on each side of the cell's leaf.
-    pub reach_leaves: u8,
+    /// A cell's set is about this many squares of each scale on each side of the cell's.
+    pub reach: u8,
     /// Half the width of the narrowest strips of lines, in metres. The widest are four times as wide.
     pub half_strip_m: f32,
     /// Number of the narrowest sectors of directions; there are a quarter as many of the widest. A multiple of 4.
@@ -21,8 +21,8 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
-            reach_leaves: 8,
-            half_strip_m: 1.5,
+            reach: 8,
+            half_strip_m: 1.0,
             sectors: 256,
             layers_dm: [30, 80, 200],
             slope_margin: 1.0 / 600.0,

@@ -1,14 +1,14 @@
 //! Lowest and highest values in square windows of a grid.
 
-/// Sizes of the windows are 2, 4, 8 and 16 squares.
-pub(crate) const SIZES: usize = 4;
+/// Sizes of the windows are 2, 4, 8, 16, 32 and 64 squares.
+pub(crate) const SIZES: usize = 6;
 /// Sides of the blocks of [`Blocks`], in squares.
 pub(crate) const BLOCK_SIDES: [usize; 3] = [8, 32, 128];
 
 /// Squares west and south of the grid at which a window may begin.
-const PADDING: usize = 16;
+const PADDING: usize = 64;
 
-/// A grid's lowest or highest values in all windows of 2, 4, 8 and 16 squares.
+/// A grid's lowest or highest values in all windows of 2 to 64 squares.
 #[derive(Debug)]
 pub(crate) struct Windows {
     /// Size with the padding.

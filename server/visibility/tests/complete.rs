@@ -56,7 +56,7 @@ impl City {
         let leaves = (0..LEAVES * LEAVES).map(|i| TileId::new(DEPTH, i % LEAVES, i / LEAVES).unwrap());
         let extent = CityExtent { depth: DEPTH, cell_m: 1.0, lowest_m: -10.0, terminals: leaves.collect() };
         let read = |id: TileId| Ok::<_, ()>(self.map(id));
-        CitySets::compute(&extent, &Settings::default(), read, || ()).unwrap().unwrap()
+        CitySets::compute(&extent, &Settings::default(), read, |_| true).unwrap().unwrap()
     }
 
     fn is_solid(&self, p: [f64; 3]) -> bool {

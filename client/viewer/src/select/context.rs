@@ -18,6 +18,9 @@ const UNKNOWN_TAU_FACTOR: f64 = 16.0;
 /// The same for occluded nodes.
 pub(crate) const OCCLUDED_TAU_FACTOR: f64 = 64.0;
 
+/// Levels between a leaf and the node that its mesh has its sky from ([`super::meshes::sky_source`]).
+const SKY_LEVELS: u8 = 2;
+
 /// The inputs of one selection, and values derived from them.
 pub(super) struct SelectionContext<'a> {
     pub(super) view: &'a View,
@@ -89,9 +92,10 @@ impl<'a> SelectionContext<'a> {
     }
 
     /// Whether a node on the way to what the eye's cell may see is refined without being fetched itself: it would be drawn for a
-    /// moment only. Without feedback, its children are requested at once; with it, every second level lets rays tell what occludes.
+    /// moment only. Not the level that meshes have their sky from.
     pub(super) fn skips_way(&self, node: &TreeNode) -> bool {
-        self.has_visible_set() && node.parent.is_some() && !is_resident_or_arriving(node.tile)
+        let is_sky_source = node.id.level() + SKY_LEVELS == self.tree.manifest().depth;
+        self.has_visible_set() && node.parent.is_some() && !is_sky_source && !is_resident_or_arriving(node.tile)
     }
 
     /// Whether a leaf is refined from its ancestor's tile to its mesh directly. Its V-BlockMap would be drawn only until the

@@ -45,7 +45,7 @@ pub fn write(folder: &Path, manifest: &Manifest, threads: usize) -> Result<Optio
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })?;
-    let Some(sets) = pool.install(|| CitySets::compute(&extent, &Settings::default(), read, || ()))? else {
+    let Some(sets) = pool.install(|| CitySets::compute(&extent, &Settings::default(), read, |_| true))? else {
         return Ok(None);
     };
     archive::write(&path, &sets.blocks(), |id| sets.tile(id).encode().map_err(BakeError::tile(id, "written"))).map(Some)

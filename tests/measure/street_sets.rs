@@ -1,0 +1,241 @@
+//! Compares what street views fetch with and without the city's sets of what can be seen, over a simulated link in simulated time.
+//!
+//! `cargo run --release -p insula-measure --bin street_sets -- CITY`: random eyes 1.7 m above the ground look along random directions.
+//! Each view is streamed from an empty cache to its final frame, once as if the city had no sets. Frames that find out what is
+//! occluded take no time, nor does decoding, so that the results do not depend on the machine.
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use glam::DVec3;
+use insula_archive::BakedCity;
+use insula_protocol::{BlockMap, NODE_CELLS, TileId, TileKind, blockmap::flag, mesh_tile};
+use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
+use insula_test_support::rng::Rng;
+use insula_viewer::{
+    cache::pages_for,
+    camera::Camera,
+    decode::decode,
+    frame::RenderSettings,
+    render::CpuAdapter,
+    scene::{SceneTree, TileKey},
+    streamer::{Downloads, FEEDBACK_DOWNSCALE, FetchError, FetchOutcome, FrameRequest, Streamer, TileFetcher},
+};
+use std::{cell::Cell, collections::BTreeSet, path::PathBuf, rc::Rc, time::Duration};
+
+/// Compares street views with and without sets
+#[derive(Debug, Parser)]
+struct Args {
+    /// Folder of the baked city, with sets
+    city: PathBuf,
+    /// Number of views
+    #[arg(long, default_value_t = 12)]
+    views: u32,
+    /// Megabits per second
+    #[arg(long, default_value_t = 20.0)]
+    bandwidth: f64,
+    /// Round trip in milliseconds
+    #[arg(long, default_value_t = 50)]
+    rtt: u64,
+    /// Requests at once to begin with
+    #[arg(long, default_value_t = 12)]
+    requests: usize,
+}
+
+const SIZE_PX: [u32; 2] = [1280, 720];
+const CACHE_BYTES: u64 = 512 << 20;
+const STEP: Duration = Duration::from_millis(2);
+const EYE_M: f64 = 1.7;
+const MAX_FULL_FRAMES: u32 = 24;
+
+/// Reads tiles from a folder as if they came over a link.
+struct SimulatedFetcher<'a> {
+    city: &'a BakedCity,
+    has_sets: bool,
+    bytes_per_sec: f64,
+    rtt: Duration,
+    now: Rc<Cell<Duration>>,
+    free_at: Duration,
+    in_flight: Vec<(Duration, TileKey, u64, Duration)>,
+    fetched: Vec<(TileKey, usize)>,
+}
+
+impl SimulatedFetcher<'_> {
+    fn bytes(&self, key: TileKey) -> Result<Vec<u8>, FetchError> {
+        let place = if key.kind() == TileKind::Mesh { mesh_tile::archive_id(key.id, key.lod) } else { Some(key.id) };
+        let is_absent = key.kind() == TileKind::Visibility && !self.has_sets;
+        let tile = place.filter(|_| !is_absent).and_then(|place| self.city.tile(key.kind(), place).ok().flatten());
+        tile.map(|tile| tile.to_vec()).ok_or(FetchError::Missing)
+    }
+}
+
+impl TileFetcher for SimulatedFetcher<'_> {
+    fn start(&mut self, key: TileKey, ticket: u64) {
+        let bytes = self.bytes(key).map_or(0, |bytes| bytes.len());
+        self.free_at = self.free_at.max(self.now.get() + self.rtt) + Duration::from_secs_f64(bytes as f64 / self.bytes_per_sec);
+        self.in_flight.push((self.free_at, key, ticket, self.now.get()));
+    }
+
+    fn cancel(&mut self, key: TileKey) {
+        self.in_flight.retain(|(_, other, ..)| *other != key);
+    }
+
+    fn poll(&mut self) -> Option<FetchOutcome> {
+        let at = self.in_flight.iter().position(|(due, ..)| *due <= self.now.get())?;
+        let (due, key, ticket, since) = self.in_flight.remove(at);
+        let bytes = self.bytes(key);
+        self.fetched.push((key, bytes.as_ref().map_or(0, Vec::len)));
+        let result = bytes.and_then(|bytes| decode(key, &bytes).map_err(FetchError::Damaged));
+        Some(FetchOutcome { key, ticket, is_local: false, duration: due - since, result })
+    }
+
+    fn is_local(&self, _: TileKey) -> bool {
+        false
+    }
+
+    fn jitter(&mut self) -> f64 {
+        0.5
+    }
+}
+
+/// What a view took.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cost {
+    bytes: usize,
+    requests: usize,
+    /// V-BlockMaps and meshes, and those of them of which no ray of the final frame hits anything.
+    tiles: usize,
+    unhit: usize,
+    unhit_bytes: usize,
+    secs: f64,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let city = BakedCity::open(&args.city)?;
+    let mut rng = Rng::new(11);
+    let mut sums = [[0.0; 6]; 2];
+    let mut wrong = 0.0f64;
+    for number in 0..args.views {
+        let camera = random_view(&city, &mut rng)?;
+        let (before, pixels) = stream(&city, camera, false, &args)?;
+        let (after, with_sets) = stream(&city, camera, true, &args)?;
+        let apart = pixels.colour.iter().zip(&with_sets.colour).filter(|(a, b)| differ(**a, **b)).count();
+        wrong = wrong.max(apart as f64 / pixels.colour.len() as f64);
+        for (name, cost, sum) in [("before", before, 0), ("with sets", after, 1)] {
+            println!(
+                "{number} {name}: {} kB, {} requests, {} tiles, {} hit by no ray of {} kB, {:.2} s",
+                cost.bytes / 1000, cost.requests, cost.tiles, cost.unhit, cost.unhit_bytes / 1000, cost.secs
+            );
+            let values = [cost.bytes, cost.requests, cost.tiles, cost.unhit, cost.unhit_bytes].map(|v| v as f64);
+            for (total, value) in sums[sum].iter_mut().zip(values.into_iter().chain([cost.secs])) {
+                *total += value;
+            }
+        }
+        println!("{number} pixels that differ: {:.4} %", 100.0 * apart as f64 / pixels.colour.len() as f64);
+    }
+    let views = f64::from(args.views);
+    for (name, sum) in ["before", "with sets"].into_iter().zip(sums) {
+        println!(
+            "{name}, mean: {:.0} kB, {:.0} requests, {:.0} tiles, {:.1} % hit by no ray ({:.1} % of the bytes), {:.2} s",
+            sum[0] / views / 1e3, sum[1] / views, sum[2] / views, 100.0 * sum[3] / sum[2], 100.0 * sum[4] / sum[0], sum[5] / views
+        );
+    }
+    println!("with sets: {:.2} of the bytes, {:.2} of the requests, {:.2} of the time; most pixels that differ {:.4} %",
+        sums[1][0] / sums[0][0], sums[1][1] / sums[0][1], sums[1][5] / sums[0][5], wrong * 100.0);
+    Ok(())
+}
+
+/// Whether two colours differ by more than 8 of 255 in a channel.
+fn differ(a: u32, b: u32) -> bool {
+    (0..3).any(|channel| (a >> (8 * channel) & 255).abs_diff(b >> (8 * channel) & 255) > 8)
+}
+
+/// A person in a street.
+fn random_view(city: &BakedCity, rng: &mut Rng) -> Result<Camera> {
+    let manifest = city.manifest();
+    let leaves: Vec<TileId> =
+        city.blockmaps().lengths().map(|(id, _)| id).filter(|id| id.level() == manifest.depth).collect();
+    loop {
+        let leaf = leaves[rng.below(leaves.len())];
+        let map = BlockMap::decode(leaf, &city.tile(TileKind::BlockMap, leaf)?.context("a leaf is missing")?)?;
+        // Among buildings: at least a tenth of the leaf is 3 m above its lowest top.
+        let map = map.stand_on_ground();
+        let tops: Vec<u16> = (0..map.z_max.len()).filter(|i| map.flags[*i] & flag::OCCUPIED != 0).map(|i| map.z_max[i]).collect();
+        let Some(lowest) = tops.iter().min() else { continue };
+        let high = tops.iter().filter(|top| f32::from(**top - lowest) * map.z_step_m() > 3.0).count();
+        let i = rng.below(map.z_max.len());
+        let height = map.z_base_m() + f64::from(map.z_max[i]) * f64::from(map.z_step_m());
+        let is_low = f32::from(map.z_max[i].saturating_sub(*lowest)) * map.z_step_m() < 1.5;
+        let yaw = rng.unit() * std::f64::consts::TAU;
+        if high * 10 < map.z_max.len() || !is_low || map.flags[i] & flag::OCCUPIED == 0 {
+            continue;
+        }
+        let [x, y, _] = manifest.node_corner(leaf);
+        let cell = |v: usize| (v as f64 + 0.5) * manifest.cell_m;
+        let eye = DVec3::new(x + cell(i % NODE_CELLS), y + cell(i / NODE_CELLS), manifest.origin[2] + height + EYE_M);
+        return Ok(Camera::from_angles(eye, yaw, 0.05, 60f64.to_radians()));
+    }
+}
+
+/// Streams a view to its end. Returns the final frame, too.
+fn stream(city: &BakedCity, camera: Camera, has_sets: bool, args: &Args) -> Result<(Cost, Pixels)> {
+    let clock = Rc::new(Cell::new(Duration::ZERO));
+    let fetcher = SimulatedFetcher {
+        city,
+        has_sets,
+        bytes_per_sec: args.bandwidth * 125_000.0,
+        rtt: Duration::from_millis(args.rtt),
+        now: clock.clone(),
+        free_at: Duration::ZERO,
+        in_flight: Vec::new(),
+        fetched: Vec::new(),
+    };
+    let pages = pages_for(CACHE_BYTES);
+    let mut adapter = CpuAdapter::new(pages);
+    let tree = SceneTree::new(city.manifest().clone());
+    let mut streamer = Streamer::new(tree, Downloads::new(fetcher, args.requests), pages);
+    let request = FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0, switching: None };
+    let small_px = SIZE_PX.map(|side| side / FEEDBACK_DOWNSCALE);
+    let settings = RenderSettings::default();
+    let (mut now, mut full_frames) = (Duration::ZERO, 0);
+    let mut last_arrival = Duration::ZERO;
+    loop {
+        clock.set(now);
+        let arrived = streamer.downloads().fetcher().fetched.len();
+        streamer.update(&request, &mut adapter, now);
+        if streamer.downloads().fetcher().fetched.len() > arrived {
+            last_arrival = now;
+        }
+        let size_px = if !streamer.is_fetched() {
+            if streamer.selection().draw_tiles.is_empty() || streamer.has_feedback(small_px) {
+                now += STEP;
+                continue;
+            }
+            small_px
+        } else if !streamer.has_feedback(SIZE_PX) && full_frames < MAX_FULL_FRAMES {
+            full_frames += 1;
+            SIZE_PX
+        } else {
+            break;
+        };
+        let data = streamer.frame_data(&FrameRequest { size_px, ..request }, &settings);
+        let pixels = adapter.draw(&data);
+        streamer.report_hits(&data.query, &hit_counts(&pixels.hit, data.nodes.len()));
+    }
+    let data = streamer.frame_data(&request, &settings);
+    let pixels = adapter.draw(&data);
+    let selection = streamer.selection();
+    let squares: Vec<TileId> = selection.draw_tiles.iter().map(|item| streamer.tree().node(item.node).id).collect();
+    let hit: BTreeSet<TileId> = pixels.hit.iter().filter_map(|at| squares.get(*at as usize).copied()).collect();
+    let mut cost = Cost { secs: last_arrival.as_secs_f64(), ..Cost::default() };
+    for (key, bytes) in &streamer.downloads().fetcher().fetched {
+        (cost.bytes, cost.requests) = (cost.bytes + bytes, cost.requests + 1);
+        if matches!(key.kind(), TileKind::BlockMap | TileKind::Mesh) {
+            let is_hit = hit.iter().any(|id| id.ancestor(key.id.level()) == Some(key.id));
+            cost.tiles += 1;
+            cost.unhit += usize::from(!is_hit);
+            cost.unhit_bytes += if is_hit { 0 } else { *bytes };
+        }
+    }
+    Ok((cost, pixels))
+}
