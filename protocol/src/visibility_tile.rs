@@ -214,10 +214,12 @@ fn code<C: BitCoder>(coder: &mut C, tile: &mut VisibilityTile) -> Result<(), Dec
         }
         let mut cell = tile.cells[i].take().unwrap_or(VisibleCell { ground: 0, seen: Vec::new() });
         last_ground += coder.number(&mut ground, i32::from(cell.ground).wrapping_sub(last_ground));
-        cell.ground = i16::try_from(last_ground).map_err(|_| DecodeError::Invalid("a cell's ground is out of range"))?;
+        cell.ground =
+            i16::try_from(last_ground).map_err(|_| DecodeError::Invalid("a cell's ground is out of range"))?;
         let neighbour = |i: Option<usize>| i.and_then(|i| tile.cells[i].as_ref());
         let place = tile.corner().map(|v| v as i32);
         let place = [place[0] + (i % across) as i32, place[1] + (i / across) as i32];
+        cell.seen.resize(usize::from(SCALES) * (2 * usize::from(tile.reach) + 1).pow(2), UNSEEN);
         for scale in 0..SCALES {
             let models = &mut models[usize::from(scale) * CONTEXTS..][..CONTEXTS];
             code_scale(coder, &mut cell, [neighbour(west), neighbour(south)], place, [scale, tile.reach], models);
@@ -238,7 +240,6 @@ fn code_scale<C: BitCoder>(
 ) {
     let side = 2 * usize::from(reach) + 1;
     let first = usize::from(scale) * side * side;
-    cell.seen.resize(first + side * side, UNSEEN);
     // The same square lies as much further in a neighbour's set as the square of its cell lies before.
     let step = |v: i32| ((v >> (SCALE_LEVELS * scale)) - ((v - 1) >> (SCALE_LEVELS * scale))) as usize;
     let (to_east, to_north) = (step(x), step(y));
@@ -253,8 +254,7 @@ fn code_scale<C: BitCoder>(
         let below = if row > 0 { usize::from(cell.seen[first + i - side]) } else { UNKNOWN };
         let context = (of_west * (UNKNOWN + 1) + of_south) * (UNKNOWN + 1) + left.min(below);
         let value = cell.seen[first + i];
-        let found =
-            (0..UNSEEN).find(|layer| coder.bit(&mut models[context][usize::from(*layer)], value == *layer));
+        let found = (0..UNSEEN).find(|layer| coder.bit(&mut models[context][usize::from(*layer)], value == *layer));
         cell.seen[first + i] = found.unwrap_or(UNSEEN);
     }
 }

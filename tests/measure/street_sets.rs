@@ -71,7 +71,8 @@ impl SimulatedFetcher<'_> {
 impl TileFetcher for SimulatedFetcher<'_> {
     fn start(&mut self, key: TileKey, ticket: u64) {
         let bytes = self.bytes(key).map_or(0, |bytes| bytes.len());
-        self.free_at = self.free_at.max(self.now.get() + self.rtt) + Duration::from_secs_f64(bytes as f64 / self.bytes_per_sec);
+        self.free_at =
+            self.free_at.max(self.now.get() + self.rtt) + Duration::from_secs_f64(bytes as f64 / self.bytes_per_sec);
         self.in_flight.push((self.free_at, key, ticket, self.now.get()));
     }
 
@@ -124,7 +125,12 @@ fn main() -> Result<()> {
         for (name, cost, sum) in [("before", before, 0), ("with sets", after, 1)] {
             println!(
                 "{number} {name}: {} kB, {} requests, {} tiles, {} hit by no ray of {} kB, {:.2} s",
-                cost.bytes / 1000, cost.requests, cost.tiles, cost.unhit, cost.unhit_bytes / 1000, cost.secs
+                cost.bytes / 1000,
+                cost.requests,
+                cost.tiles,
+                cost.unhit,
+                cost.unhit_bytes / 1000,
+                cost.secs
             );
             let values = [cost.bytes, cost.requests, cost.tiles, cost.unhit, cost.unhit_bytes].map(|v| v as f64);
             for (total, value) in sums[sum].iter_mut().zip(values.into_iter().chain([cost.secs])) {
@@ -137,11 +143,21 @@ fn main() -> Result<()> {
     for (name, sum) in ["before", "with sets"].into_iter().zip(sums) {
         println!(
             "{name}, mean: {:.0} kB, {:.0} requests, {:.0} tiles, {:.1} % hit by no ray ({:.1} % of the bytes), {:.2} s",
-            sum[0] / views / 1e3, sum[1] / views, sum[2] / views, 100.0 * sum[3] / sum[2], 100.0 * sum[4] / sum[0], sum[5] / views
+            sum[0] / views / 1e3,
+            sum[1] / views,
+            sum[2] / views,
+            100.0 * sum[3] / sum[2],
+            100.0 * sum[4] / sum[0],
+            sum[5] / views
         );
     }
-    println!("with sets: {:.2} of the bytes, {:.2} of the requests, {:.2} of the time; most pixels that differ {:.4} %",
-        sums[1][0] / sums[0][0], sums[1][1] / sums[0][1], sums[1][5] / sums[0][5], wrong * 100.0);
+    println!(
+        "with sets: {:.2} of the bytes, {:.2} of the requests, {:.2} of the time; most pixels that differ {:.4} %",
+        sums[1][0] / sums[0][0],
+        sums[1][1] / sums[0][1],
+        sums[1][5] / sums[0][5],
+        wrong * 100.0
+    );
     Ok(())
 }
 
@@ -160,7 +176,8 @@ fn random_view(city: &BakedCity, rng: &mut Rng) -> Result<Camera> {
         let map = BlockMap::decode(leaf, &city.tile(TileKind::BlockMap, leaf)?.context("a leaf is missing")?)?;
         // Among buildings: at least a tenth of the leaf is 3 m above its lowest top.
         let map = map.stand_on_ground();
-        let tops: Vec<u16> = (0..map.z_max.len()).filter(|i| map.flags[*i] & flag::OCCUPIED != 0).map(|i| map.z_max[i]).collect();
+        let tops: Vec<u16> =
+            (0..map.z_max.len()).filter(|i| map.flags[*i] & flag::OCCUPIED != 0).map(|i| map.z_max[i]).collect();
         let Some(lowest) = tops.iter().min() else { continue };
         let high = tops.iter().filter(|top| f32::from(**top - lowest) * map.z_step_m() > 3.0).count();
         let i = rng.below(map.z_max.len());

@@ -14,7 +14,7 @@ use insula_bake::write::visibility;
 use insula_protocol::{
     BlockMap, NODE_CELLS, TileId, TileKind, VisibilityTile,
     blockmap::flag,
-    visibility_tile::{block_of_leaf, LAYERS},
+    visibility_tile::{LAYERS, block_of_leaf},
 };
 use insula_shaders::layout::Shading;
 use insula_tests::{

@@ -171,7 +171,8 @@ impl LazyCity {
     pub fn new(open: impl Fn(TileKind) -> SharedSource) -> Self {
         let archive = |kind| LazyArchive::new(open(kind), max_tile_bytes(kind));
         let [subtrees, blockmaps, meshes, objects, visibility] =
-            [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh, TileKind::Objects, TileKind::Visibility].map(archive);
+            [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh, TileKind::Objects, TileKind::Visibility]
+                .map(archive);
         Self { subtrees, blockmaps, meshes, objects, visibility }
     }
 

@@ -7,7 +7,7 @@ use crate::{
 };
 use insula_archive::city::content_version;
 use insula_protocol::{
-    BlockMap, MeshTile, Subtree, TileId, TileKind, mesh_tile,
+    BlockMap, MeshTile, Subtree, TileId, TileKind, VisibilityTile, mesh_tile,
     subtree::{MeshLod, NodeInfo},
     text::{count, printable},
     tile,
@@ -79,6 +79,7 @@ fn find_faults(city: &CityStore) -> FaultList {
     check_nodes(&lengths, &subtrees.nodes, &mut faults);
     check_meshes(city, subtrees, &mut faults);
     check_objects(city, &mut faults);
+    check_visibility(city, &mut faults);
     check_search(city, &mut faults);
     check_manifest(city, &lengths, &mut faults);
     faults
@@ -179,6 +180,19 @@ fn check_meshes(city: &CityStore, subtrees: SubtreeContents, faults: &mut FaultL
     }
     for (id, number) in listed.keys() {
         faults.push(format!("meshes/{id}/{number}: missing, but a subtree lists it"));
+    }
+}
+
+/// Decodes every visibility tile.
+fn check_visibility(city: &CityStore, faults: &mut FaultList) {
+    let depth = city.manifest().depth;
+    for (id, bytes) in city.archive(TileKind::Visibility).into_iter().flat_map(|archive| archive.tiles()) {
+        let decoded = bytes.map_err(|error| error.to_string());
+        match decoded.and_then(|bytes| VisibilityTile::decode(id, &bytes).map_err(|error| error.to_string())) {
+            Ok(tile) if tile.depth == depth => {}
+            Ok(_) => faults.push(format!("visibility/{id}: of a city with another depth")),
+            Err(error) => faults.push(format!("visibility/{id}: {error}")),
+        }
     }
 }
 

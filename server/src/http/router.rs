@@ -43,9 +43,7 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         | RouteTemplate::BlockMaps
         | RouteTemplate::Meshes
         | RouteTemplate::Objects
-        | RouteTemplate::Visibility => {
-            get(tile::tile)
-        }
+        | RouteTemplate::Visibility => get(tile::tile),
         RouteTemplate::CityPage => get(city_page::city_page),
         RouteTemplate::Thumbnail => get(city_page::thumbnail),
         RouteTemplate::Asset => get(viewer_files::asset),

@@ -289,7 +289,8 @@ impl Walker<'_> {
         let slope = if to[0] - from[0] > 1e-6 { (to[1] - from[1]) / (to[0] - from[0]) } else { 0.0 };
         let mut lowest = middle;
         for major in floor(from[0] - SLACK)..=floor(to[0] + SLACK) {
-            let ends = [major as f32, major as f32 + 1.0].map(|v| from[1] + (v.clamp(from[0], to[0]) - from[0]) * slope);
+            let ends =
+                [major as f32, major as f32 + 1.0].map(|v| from[1] + (v.clamp(from[0], to[0]) - from[0]) * slope);
             let (low, high) = (ends[0].min(ends[1]) - SLACK, ends[0].max(ends[1]) + SLACK);
             for minor in floor(low)..=floor(high) {
                 lowest = lowest.min(if is_steep { self.solid_at(minor, major) } else { self.solid_at(major, minor) });
@@ -408,7 +409,8 @@ impl Walker<'_> {
                 continue;
             }
             while t < end {
-                let enough = horizons.iter().filter(|h| h.has_eyes()).map(|h| h.least_to_raise(t)).fold(f32::INFINITY, f32::min);
+                let enough =
+                    horizons.iter().filter(|h| h.has_eyes()).map(|h| h.least_to_raise(t)).fold(f32::INFINITY, f32::min);
                 let solid = self.solid_across(bundle, t, scale.down(f64::from(enough)));
                 if solid > 0 {
                     let solid_m = scale.height_m(solid);

@@ -165,7 +165,8 @@ impl CityHeights {
         let fine = 2 * self.per_leaf as usize;
         for (row, column) in all.clone().flat_map(|row| all.clone().map(move |column| (row, column))) {
             let i = row * NODE_CELLS + column;
-            let (sx, sy) = (x as usize * fine + column * fine / NODE_CELLS, y as usize * fine + row * fine / NODE_CELLS);
+            let (sx, sy) =
+                (x as usize * fine + column * fine / NODE_CELLS, y as usize * fine + row * fine / NODE_CELLS);
             let top = &mut self.tops[sy / 2 * self.width + sx / 2];
             *top = (*top).max(shape.tops[i]);
             let solid = &mut self.solids[sy * 2 * self.width + sx];
@@ -193,7 +194,8 @@ impl CityHeights {
             // A square that two columns share has the lower solid of both.
             let fine = u64::from(2 * self.per_leaf);
             let column_of = |square: u64, first_leaf: u64| {
-                let scaled = |square: u64| ((square - first_leaf * fine) * NODE_CELLS as u64 / (fine << levels)) as usize;
+                let scaled =
+                    |square: u64| ((square - first_leaf * fine) * NODE_CELLS as u64 / (fine << levels)) as usize;
                 scaled(square)
             };
             let corner = [id.x(), id.y()].map(|v| u64::from(v << levels));

@@ -20,12 +20,6 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self {
-            reach: 8,
-            half_strip_m: 1.0,
-            sectors: 256,
-            layers_dm: [30, 80, 200],
-            slope_margin: 1.0 / 600.0,
-        }
+        Self { reach: 8, half_strip_m: 1.0, sectors: 256, layers_dm: [30, 80, 200], slope_margin: 1.0 / 600.0 }
     }
 }

@@ -28,7 +28,8 @@ impl Windows {
         }
         for (k, table) in tables.iter_mut().enumerate() {
             let step = 1usize << k;
-            let at = |x: usize, y: usize, values: &[u16]| if x < width && y < height { values[y * width + x] } else { 0 };
+            let at =
+                |x: usize, y: usize, values: &[u16]| if x < width && y < height { values[y * width + x] } else { 0 };
             let mut next = vec![0; width * height];
             for y in 0..height {
                 for x in 0..width {

@@ -154,7 +154,9 @@ impl Visitor<'_> {
             Visibility::Visible => Some(RequestReason::LargeError),
             Visibility::Unknown | Visibility::Occluded => {
                 let is_requested = !ctx.is_hidden(ctx.tree.node(child).id)
-                    && !ctx.is_camera_still && is_large_error && !ctx.skips_columns(ctx.tree.node(child));
+                    && !ctx.is_camera_still
+                    && is_large_error
+                    && !ctx.skips_columns(ctx.tree.node(child));
                 is_requested.then_some(RequestReason::LargeError)
             }
         }
@@ -245,7 +247,10 @@ impl Visitor<'_> {
         let node = ctx.tree.node(visit.node);
         let is_last_step =
             visit.request == Some(RequestReason::Visible) && visit.error_px <= LAST_STEP_TAU_FACTOR * ctx.view.tau_px;
-        if visit.request.is_some() && (is_last_step || ctx.is_skipped_level(node) || ctx.skips_way(node)) && !node.tile.is_resident() {
+        if visit.request.is_some()
+            && (is_last_step || ctx.is_skipped_level(node) || ctx.skips_way(node))
+            && !node.tile.is_resident()
+        {
             visit.request = None;
             self.selection.stats.pages -= ctx.tree.node_pages(visit.node);
         }

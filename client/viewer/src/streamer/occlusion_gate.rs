@@ -73,7 +73,8 @@ impl OcclusionGate {
         let tree = inputs.tree;
         let state = |key: TileKey| tree.tile(key).map(|tile| tile.state());
         let is_on_its_way = |request: &&TileRequest| {
-            let is_in_view = request.group <= PriorityGroup::Normal && !matches!(request.key.kind(), TileKind::Subtree | TileKind::Visibility);
+            let is_in_view = request.group <= PriorityGroup::Normal
+                && !matches!(request.key.kind(), TileKind::Subtree | TileKind::Visibility);
             // A failed tile may arrive at any time, or never.
             let has_failed = matches!(state(request.key), Some(TileState::Failed { .. }));
             let is_late = (inputs.started_at)(request.key).is_some_and(|since| is_expired(since, inputs.now));

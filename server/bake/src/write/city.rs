@@ -18,7 +18,8 @@ use insula_protocol::{
         Attribution, CityCounts, FORMAT_VERSION, HeightReference, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES,
         Manifest, shorten_text,
     },
-    mesh_tile, tile, tile::TileKind,
+    mesh_tile, tile,
+    tile::TileKind,
 };
 
 use super::location::locate;
@@ -28,9 +29,10 @@ use super::{
     fingerprints::Fingerprints,
     mesh_pack,
     objects::NumberedRecords,
-    search, thumbnail, visibility,
+    search, thumbnail,
     tile_pack::{PackReader, StoredTile},
     tile_tree::{self, TileTree},
+    visibility,
 };
 use crate::{
     config::BakeConfig,

@@ -2,10 +2,7 @@
 //!
 //! Works from the archives of a written city alone, so that an update does the same as a whole bake.
 
-use std::{
-    path::Path,
-    time::Instant,
-};
+use std::{path::Path, time::Instant};
 
 use insula_archive::{Archive, limits::MAX_OPENING_TIME};
 use insula_protocol::{BlockMap, DecodeError, Manifest, Subtree, TileId, TileKind};
