@@ -43,7 +43,7 @@ struct Args {
     /// Number of random cells
     #[arg(long, default_value_t = 100)]
     cells: usize,
-    /// Rays of each cell; each eye has 1,024
+    /// Rays of each cell; each eye has 64
     #[arg(long, default_value_t = 10_240)]
     rays: usize,
     /// Highest layer of the eyes, 0 to 2
@@ -52,7 +52,7 @@ struct Args {
 }
 
 /// Width and height of an eye's frame.
-const FRAME_PX: u32 = 32;
+const FRAME_PX: u32 = 8;
 
 fn main() -> Result<()> {
     let args = Args::parse();
@@ -133,7 +133,7 @@ impl Totals {
             let angle = random.unit() * std::f64::consts::TAU;
             let pitch = (random.unit() - 0.4) * 1.2;
             let target = [position[0] + angle.cos(), position[1] + angle.sin(), position[2] + pitch];
-            let camera = Camera { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 70.0 };
+            let camera = Camera { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 60.0 };
             let spec = FrameSpec { width_px: FRAME_PX, height_px: FRAME_PX, shading: Shading::Objects, samples: 1 };
             let pixels = list.scene(&camera, &spec).render();
             for hit in pixels.hit.iter().filter_map(|hit| list.id(*hit)) {
