@@ -39,16 +39,16 @@ fn floor(v: f32) -> isize {
 }
 
 /// Number of a layer, or [`LAYERS`] for what no layer sees.
-pub(crate) type Layer = u8;
+pub(crate) type LayerNumber = u8;
 
 /// The tables of a city.
 #[derive(Debug)]
-pub(crate) struct Tables {
+pub(crate) struct HeightTables {
     tops: Windows,
     blocks: Blocks,
 }
 
-impl Tables {
+impl HeightTables {
     pub(crate) fn new(heights: &CityHeights) -> Self {
         let (width, height) = (heights.width, heights.height);
         Self {
@@ -60,7 +60,7 @@ impl Tables {
 
 /// A cell of which the set is computed. Lengths in metres from the south-western corner of the city's grid.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Cell {
+pub(crate) struct ViewCell {
     pub(crate) centre: [f32; 2],
     pub(crate) half_m: f32,
     /// The highest eyes of each layer, in metres above the city's origin.
@@ -126,7 +126,7 @@ impl Horizon {
 
 /// Lines whose direction and offset from the cell's centre lie in two ranges.
 #[derive(Debug, Clone, Copy)]
-struct Lines {
+struct LineRange {
     /// Middle and half of the range of angles.
     angle: f32,
     half_angle: f32,
@@ -135,7 +135,7 @@ struct Lines {
     half_m: f32,
 }
 
-impl Lines {
+impl LineRange {
     /// The four parts with half the ranges.
     fn parts(&self) -> [Self; 4] {
         let (half_angle, half_m) = (self.half_angle / 2.0, self.half_m / 2.0);
@@ -147,7 +147,7 @@ impl Lines {
         })
     }
 
-    fn bundle(&self, cell: &Cell) -> Bundle {
+    fn bundle(&self, cell: &ViewCell) -> Bundle {
         let along = [libm::cosf(self.angle), libm::sinf(self.angle)];
         let across = [-along[1], along[0]];
         let start = [0, 1].map(|axis| cell.centre[axis] + across[axis] * self.offset);
@@ -184,7 +184,7 @@ impl Bundle {
 
 /// Windows that cover a bundle over a short way.
 #[derive(Debug, Clone, Copy)]
-struct Cover {
+struct WindowCover {
     size: usize,
     count: usize,
     spacing: f32,
@@ -197,13 +197,13 @@ struct Cover {
 /// Follows the bundles of a cell.
 pub(crate) struct Walker<'a> {
     pub(crate) heights: &'a CityHeights,
-    pub(crate) tables: &'a Tables,
+    pub(crate) tables: &'a HeightTables,
     pub(crate) settings: &'a Settings,
 }
 
 impl Walker<'_> {
     /// Notes in `seen`, for each leaf square, the lowest layer that sees it.
-    pub(crate) fn see(&self, cell: &Cell, seen: &mut [Layer]) {
+    pub(crate) fn see(&self, cell: &ViewCell, seen: &mut [LayerNumber]) {
         let sectors = (self.settings.sectors >> HALVINGS).max(1);
         let half_angle = std::f32::consts::PI / sectors as f32;
         for sector in 0..sectors {
@@ -219,13 +219,13 @@ impl Walker<'_> {
             let half_m = reach / strips;
             for strip in 0..strips as u32 {
                 let offset = (2.0 * strip as f32 + 1.0 - strips) * half_m;
-                self.see_lines(cell, &Lines { angle, half_angle, offset, half_m }, HALVINGS, seen);
+                self.see_lines(cell, &LineRange { angle, half_angle, offset, half_m }, HALVINGS, seen);
             }
         }
     }
 
     /// Divides lines until they show nothing new, or are narrow enough.
-    fn see_lines(&self, cell: &Cell, lines: &Lines, halvings: u32, seen: &mut [Layer]) {
+    fn see_lines(&self, cell: &ViewCell, lines: &LineRange, halvings: u32, seen: &mut [LayerNumber]) {
         let bundle = lines.bundle(cell);
         if halvings == 0 {
             self.follow(cell, &bundle, seen, false);
@@ -236,7 +236,7 @@ impl Walker<'_> {
 
     /// The windows that cover a bundle from `t` on.
     #[inline]
-    fn cover(&self, bundle: &Bundle, t: f32) -> Cover {
+    fn cover(&self, bundle: &Bundle, t: f32) -> WindowCover {
         let square_m = self.heights.square_m;
         let half_m = bundle.half_at(t + square_m);
         let mut size = 0;
@@ -247,7 +247,7 @@ impl Walker<'_> {
             if is_enough || size + 1 == SIZES {
                 let half_m = bundle.half_at(t + side);
                 let count = (2.0 * half_m / side).ceil().max(1.0);
-                return Cover { size, count: count as usize, spacing: 2.0 * half_m / count, way: side, half_m };
+                return WindowCover { size, count: count as usize, spacing: 2.0 * half_m / count, way: side, half_m };
             }
             size += 1;
         }
@@ -303,7 +303,7 @@ impl Walker<'_> {
     }
 
     /// Where the eyes of each layer are on a bundle. `None` if there is none.
-    fn horizons(&self, cell: &Cell, bundle: &Bundle) -> Option<[Horizon; LAYERS]> {
+    fn horizons(&self, cell: &ViewCell, bundle: &Bundle) -> Option<[Horizon; LAYERS]> {
         // All lines of the bundle stay within the cell for no longer than its axis does in a larger cell.
         let half = cell.half_m + bundle.half_m + cell.half_m * 1.5 * bundle.spread;
         let [mut t0, mut t1] = [f32::NEG_INFINITY, f32::INFINITY];
@@ -340,7 +340,7 @@ impl Walker<'_> {
     }
 
     /// South-western and north-eastern corner of what a cell's set is about.
-    fn limits(&self, cell: &Cell) -> [[f32; 2]; 2] {
+    fn limits(&self, cell: &ViewCell) -> [[f32; 2]; 2] {
         let leaf_m = self.heights.per_leaf as f32 * self.heights.square_m;
         let widest_m = leaf_m * f32::from(1u16 << (SCALE_LEVELS * (SCALES - 1)));
         let reach_m = f32::from(self.settings.reach + 1) * widest_m;
@@ -355,7 +355,7 @@ impl Walker<'_> {
 
     /// Follows a bundle outwards. With `is_test`, whether its lines may see anything that is not in `seen` yet; otherwise notes
     /// what they may see.
-    fn follow(&self, cell: &Cell, bundle: &Bundle, seen: &mut [Layer], is_test: bool) -> bool {
+    fn follow(&self, cell: &ViewCell, bundle: &Bundle, seen: &mut [LayerNumber], is_test: bool) -> bool {
         let Some(mut horizons) = self.horizons(cell, bundle) else { return false };
         let mut t = horizons.iter().filter(|h| h.has_eyes()).map(|h| h.last).fold(f32::INFINITY, f32::min);
         let margin = self.settings.slope_margin;
@@ -399,7 +399,7 @@ impl Walker<'_> {
                 t = end;
                 continue;
             };
-            if self.mark(bundle, &cover, t, layer as Layer, seen, is_test) {
+            if self.mark(bundle, &cover, t, layer as LayerNumber, seen, is_test) {
                 return true;
             }
             // Ground hides little.
@@ -424,7 +424,7 @@ impl Walker<'_> {
 
     /// The highest code near the part of a bundle that begins at `t`; 0 if nothing is there.
     #[inline]
-    fn top_of(&self, bundle: &Bundle, cover: &Cover, t: f32) -> u16 {
+    fn top_of(&self, bundle: &Bundle, cover: &WindowCover, t: f32) -> u16 {
         let tops = (0..cover.count).map(|k| {
             let offset = (k as f32 + 0.5) * cover.spacing - cover.half_m;
             let [x, y] = self.window_at(cover.size, bundle.point(t + cover.way * 0.5, offset));
@@ -435,7 +435,15 @@ impl Walker<'_> {
 
     /// Notes that a layer sees the part of a bundle that begins at `t`. With `is_test`, returns whether that would be new.
     #[inline]
-    fn mark(&self, bundle: &Bundle, cover: &Cover, t: f32, layer: Layer, seen: &mut [Layer], is_test: bool) -> bool {
+    fn mark(
+        &self,
+        bundle: &Bundle,
+        cover: &WindowCover,
+        t: f32,
+        layer: LayerNumber,
+        seen: &mut [LayerNumber],
+        is_test: bool,
+    ) -> bool {
         let Some(part) = self.leaves_of(bundle, cover, t) else { return false };
         if is_test {
             return !self.all_leaves(part, |i| seen[i] <= layer);
@@ -449,7 +457,7 @@ impl Walker<'_> {
 
     /// The leaf squares, as ranges of columns and rows, around the part of a bundle that begins at `t`. `None` outside of the city.
     #[inline]
-    fn leaves_of(&self, bundle: &Bundle, cover: &Cover, t: f32) -> Option<[(usize, usize); 2]> {
+    fn leaves_of(&self, bundle: &Bundle, cover: &WindowCover, t: f32) -> Option<[(usize, usize); 2]> {
         let heights = self.heights;
         let per_m = 1.0 / (heights.per_leaf as f32 * heights.square_m);
         let counts = [heights.leaves.width as f32, heights.leaves.height as f32];

@@ -1,7 +1,7 @@
 //! The cells of a city, and their sets.
 
 use crate::{
-    bundle::{Cell, Layer, Tables, Walker},
+    bundle::{HeightTables, LayerNumber, ViewCell, Walker},
     heights::{CityExtent, CityHeights, LeafRectangle},
     settings::Settings,
     windows::Windows,
@@ -36,8 +36,8 @@ impl CitySets {
         wanted: impl Fn(TileId) -> bool + Sync,
     ) -> Result<Option<Self>, E> {
         let Some(heights) = CityHeights::read(extent, read)? else { return Ok(None) };
-        let tables = Tables::new(&heights);
-        let grounds = Grounds::new(&heights);
+        let tables = HeightTables::new(&heights);
+        let grounds = CellGrounds::new(&heights);
         let walker = Walker { heights: &heights, tables: &tables, settings };
         let leaves = heights.leaves;
         // Land around the leaves is not computed: it counts as seen.
@@ -49,7 +49,7 @@ impl CitySets {
                 return None;
             }
             let (ground, cell) = grounds.cell(i, settings);
-            let mut seen = vec![UNSEEN as Layer; leaves.len()];
+            let mut seen = vec![UNSEEN as LayerNumber; leaves.len()];
             seen[i] = 0;
             walker.see(&cell, &mut seen);
             Some(VisibleCell { ground, seen: around(&leaves, i, settings.reach, &seen, beyond) })
@@ -93,7 +93,7 @@ impl CitySets {
 }
 
 /// What a cell sees of the squares of all scales around it. `beyond` is the value of what lies beyond the leaves.
-fn around(leaves: &LeafRectangle, i: usize, reach: u8, seen: &[Layer], beyond: Layer) -> Vec<u8> {
+fn around(leaves: &LeafRectangle, i: usize, reach: u8, seen: &[LayerNumber], beyond: LayerNumber) -> Vec<u8> {
     let (x, y) = leaves.place(i);
     let reach = i64::from(reach);
     let side = 2 * reach + 1;
@@ -112,13 +112,13 @@ fn around(leaves: &LeafRectangle, i: usize, reach: u8, seen: &[Layer], beyond: L
 }
 
 /// Where the ground is.
-struct Grounds<'a> {
+struct CellGrounds<'a> {
     heights: &'a CityHeights,
     /// Lowest tops around each square: the ground between the buildings, if the city stores none.
     lowest: Windows,
 }
 
-impl<'a> Grounds<'a> {
+impl<'a> CellGrounds<'a> {
     fn new(heights: &'a CityHeights) -> Self {
         // Squares without a column do not count.
         let lowest = |a: u16, b: u16| if a.min(b) == 0 { a.max(b) } else { a.min(b) };
@@ -126,7 +126,7 @@ impl<'a> Grounds<'a> {
     }
 
     /// The cell of a leaf, and its ground in half metres.
-    fn cell(&self, i: usize, settings: &Settings) -> (i16, Cell) {
+    fn cell(&self, i: usize, settings: &Settings) -> (i16, ViewCell) {
         let heights = self.heights;
         let side_m = heights.square_m * heights.per_leaf as f32;
         let (column, row) = (i % heights.leaves.width as usize, i / heights.leaves.width as usize);
@@ -134,7 +134,7 @@ impl<'a> Grounds<'a> {
         let ground_m = heights.scale.height_m(self.ground(i, [column, row]));
         let ground = (ground_m * 2.0).ceil().clamp(f32::from(i16::MIN), f32::from(i16::MAX)) as i16;
         let tops: [f32; LAYERS] = settings.layers_dm.map(|top| f32::from(ground) / 2.0 + f32::from(top) / 10.0);
-        (ground, Cell { centre, half_m: side_m / 2.0, tops })
+        (ground, ViewCell { centre, half_m: side_m / 2.0, tops })
     }
 
     /// The highest ground of a leaf.

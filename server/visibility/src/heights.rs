@@ -2,7 +2,7 @@
 //!
 //! In: the shapes of all nodes without children. Out: [`CityHeights`]. Next: `windows` makes tables of them.
 
-use crate::{height_scale::HeightScale, shape::Shape};
+use crate::{height_scale::HeightScale, shape::NodeShape};
 use insula_protocol::{BlockMap, NODE_CELLS, TileId};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -133,14 +133,14 @@ impl CityHeights {
             rows[(id.y() - self.leaves.y) as usize].push(*id);
         }
         let scale = self.scale;
-        let load = |row: Option<&Vec<TileId>>| -> Result<HashMap<u32, Shape>, E> {
+        let load = |row: Option<&Vec<TileId>>| -> Result<HashMap<u32, NodeShape>, E> {
             let ids = row.map(Vec::as_slice).unwrap_or_default();
-            ids.par_iter().map(|id| Ok((id.x(), Shape::new(read(*id)?, &scale)))).collect()
+            ids.par_iter().map(|id| Ok((id.x(), NodeShape::new(read(*id)?, &scale)))).collect()
         };
         let (mut south, mut here) = (HashMap::new(), load(rows.first())?);
         for (y, row) in rows.iter().enumerate() {
             let north = load(rows.get(y + 1))?;
-            let finished: Vec<(u32, Shape)> = row
+            let finished: Vec<(u32, NodeShape)> = row
                 .par_iter()
                 .filter_map(|id| {
                     let x = id.x();
@@ -158,7 +158,7 @@ impl CityHeights {
     }
 
     /// Writes a leaf's shape; `x` and `y` count from the rectangle's corner.
-    fn put_leaf(&mut self, x: u32, y: u32, shape: &Shape) {
+    fn put_leaf(&mut self, x: u32, y: u32, shape: &NodeShape) {
         let index = (y * self.leaves.width + x) as usize;
         (self.ground[index], self.is_leaf[index]) = (shape.ground, true);
         let all = 0..NODE_CELLS;
@@ -190,7 +190,7 @@ impl CityHeights {
             if x0 >= x1 || y0 >= y1 {
                 continue;
             }
-            let shape = Shape::new(read(*id)?, &self.scale).open_gaps([None; 4]);
+            let shape = NodeShape::new(read(*id)?, &self.scale).open_gaps([None; 4]);
             // A square that two columns share has the lower solid of both.
             let fine = u64::from(2 * self.per_leaf);
             let column_of = |square: u64, first_leaf: u64| {

@@ -1,7 +1,7 @@
 //! The shape of one node's columns, as far as it decides what they hide.
 //!
 //! In: a V-BlockMap. Out: tops, and up to where each column is solid from below. A column with a gap hides what is below the gap
-//! only if the gap is closed on all sides, as between the floor and the roof of a hall ([`Shape::open_gaps`]).
+//! only if the gap is closed on all sides, as between the floor and the roof of a hall ([`NodeShape::open_gaps`]).
 
 use crate::height_scale::HeightScale;
 use insula_protocol::{
@@ -26,7 +26,7 @@ struct Gap {
 
 /// Heights of a node's columns in codes of a [`HeightScale`], row-major from the south-west corner; 0 for none.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Shape {
+pub(crate) struct NodeShape {
     /// Highest points, rounded up.
     pub(crate) tops: Vec<u16>,
     /// The height up to which a column is solid over its whole cell, rounded down, if its gap is closed.
@@ -38,7 +38,7 @@ pub(crate) struct Shape {
     pub(crate) ground: u16,
 }
 
-impl Shape {
+impl NodeShape {
     /// The shape of a map as clients draw it.
     pub(crate) fn new(map: BlockMap, scale: &HeightScale) -> Self {
         let ground = ground_of(&map, scale);
@@ -65,13 +65,14 @@ impl Shape {
             }
             let strip = map.strips.get(strip_at..strip_at + rows).unwrap_or_default();
             strip_at += rows;
-            let column = Column { map: &map, i, gap, clip, strip, hangs: flags & flag::SUSPENDED != 0 && !stands[i] };
+            let column =
+                HeightColumn { map: &map, i, gap, clip, strip, hangs: flags & flag::SUSPENDED != 0 && !stands[i] };
             shape.put(&column, scale);
         }
         shape
     }
 
-    fn put(&mut self, column: &Column<'_>, scale: &HeightScale) {
+    fn put(&mut self, column: &HeightColumn<'_>, scale: &HeightScale) {
         let i = column.i;
         let (low, high) = column.top_range();
         let solid = scale.down(low);
@@ -103,7 +104,7 @@ impl Shape {
 
     /// Lowers the solids below all gaps into which a way leads from outside. `around` are the nodes to the east, north, west and
     /// south; where there is none, everything is free.
-    pub(crate) fn open_gaps(mut self, around: [Option<&Shape>; 4]) -> Self {
+    pub(crate) fn open_gaps(mut self, around: [Option<&NodeShape>; 4]) -> Self {
         const NONE: u32 = u32::MAX;
         let mut gap_at = vec![NONE; COLUMNS];
         for (number, gap) in self.gaps.iter().enumerate() {
@@ -136,7 +137,7 @@ impl Shape {
     }
 
     /// Whether the space above the neighbour on a side leads into a gap, or whether the neighbour is of another node and has a gap.
-    fn leads_in(&self, gap: Gap, side: usize, around: &[Option<&Shape>; 4]) -> bool {
+    fn leads_in(&self, gap: Gap, side: usize, around: &[Option<&NodeShape>; 4]) -> bool {
         let (dx, dy) = SIDES[side];
         let opposite = (side + 2) % 4;
         if let Some(i) = inside(gap.column, dx, dy) {
@@ -165,7 +166,7 @@ fn wrapped(column: u16, dx: i32, dy: i32) -> usize {
 }
 
 /// An occupied column.
-struct Column<'a> {
+struct HeightColumn<'a> {
     map: &'a BlockMap,
     i: usize,
     gap: Option<[u16; 2]>,
@@ -175,7 +176,7 @@ struct Column<'a> {
     hangs: bool,
 }
 
-impl Column<'_> {
+impl HeightColumn<'_> {
     /// A height code in metres above the city's origin.
     fn height(&self, code: f64) -> f64 {
         self.map.z_base_m() + code * f64::from(self.map.z_step_m())
