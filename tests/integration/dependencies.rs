@@ -100,16 +100,27 @@ impl Workspace {
 #[test]
 fn packages_depend_only_on_those_below_them() {
     let workspace = Workspace::load();
-    let allowed: [(&str, &[&str]); 13] = [
+    let allowed: [(&str, &[&str]); 14] = [
         ("insula-protocol", &[]),
         ("insula-archive", &["insula-protocol"]),
         ("insula-command-line", &["insula-protocol"]),
         ("insula-shaders", &["insula-protocol"]),
         ("insula-objects", &["insula-protocol"]),
-        ("insula-bake", &["insula-protocol", "insula-archive", "insula-objects", "insula-occlusion", "insula-shaders"]),
+        (
+            "insula-bake",
+            &[
+                "insula-protocol",
+                "insula-archive",
+                "insula-objects",
+                "insula-occlusion",
+                "insula-shaders",
+                "insula-visibility",
+            ],
+        ),
         ("insula-export", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders"]),
         ("insula-draw", &["insula-protocol", "insula-objects", "insula-export"]),
         ("insula-occlusion", &["insula-shaders"]),
+        ("insula-visibility", &["insula-protocol"]),
         (
             "insula-server",
             &[

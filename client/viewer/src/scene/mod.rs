@@ -6,6 +6,7 @@ mod memory;
 pub mod tile;
 mod tree;
 mod visibility;
+mod visible_set;
 
 #[cfg(test)]
 pub(crate) use eviction::MAX_SUBTREE_BYTES;

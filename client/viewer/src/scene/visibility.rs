@@ -1,21 +1,11 @@
-//! The visibility tiles of a session: what can be seen from where the eye is.
+//! The visibility tiles of a session.
 
-use super::{
-    key::TileKey,
-    tile::{TileEvent, TileRecord},
-    tree::SceneTree,
-};
-use glam::DVec3;
-use insula_protocol::{
-    Manifest, TileId, VisibilityTile,
-    visibility_tile::{VisibleSet, block_of_leaf},
-};
+use super::tile::{TileEvent, TileRecord};
+use insula_protocol::{TileId, VisibilityTile};
 use std::collections::{HashMap, VecDeque};
 
 /// Most tiles that are kept. Each takes at most 109 kB.
 const CAPACITY: usize = 16;
-/// Eyes this far above the ground plane are in no cell, in metres, unless they are near the ground of a hill.
-const MAX_HEIGHT_M: f64 = 60.0;
 
 /// States and contents of visibility tiles.
 #[derive(Debug, Clone, Default)]
@@ -24,7 +14,7 @@ pub(super) struct VisibilityTiles {
     /// The latest last.
     resident: VecDeque<VisibilityTile>,
     /// Whether the city has none: the first request was refused.
-    is_absent: bool,
+    pub(super) is_absent: bool,
 }
 
 impl VisibilityTiles {
@@ -42,7 +32,8 @@ impl VisibilityTiles {
         self.states.entry(id).or_default().apply(event)
     }
 
-    fn put(&mut self, tile: VisibilityTile) {
+    /// Takes in a decoded tile. The oldest makes room for it.
+    pub(super) fn put(&mut self, tile: VisibilityTile) {
         if self.resident.len() >= CAPACITY
             && let Some(oldest) = self.resident.pop_front()
         {
@@ -52,41 +43,8 @@ impl VisibilityTiles {
         self.resident.push_back(tile);
     }
 
-    fn get(&self, id: TileId) -> Option<&VisibilityTile> {
+    /// A resident tile.
+    pub(super) fn get(&self, id: TileId) -> Option<&VisibilityTile> {
         self.resident.iter().find(|tile| tile.id == id)
-    }
-}
-
-/// The leaf square that a point is above. `None` outside of the root's area.
-fn leaf_at(manifest: &Manifest, point: DVec3) -> Option<TileId> {
-    let leaves = f64::from(1u32 << manifest.depth);
-    let at = (point - DVec3::from(manifest.origin)) / manifest.root_side_m * leaves;
-    let is_inside = |v: f64| (0.0..leaves).contains(&v);
-    (is_inside(at.x) && is_inside(at.y)).then(|| TileId::new(manifest.depth, at.x as u32, at.y as u32))?
-}
-
-impl SceneTree {
-    /// Takes in a decoded visibility tile.
-    pub(crate) fn put_visibility(&mut self, tile: VisibilityTile) {
-        self.visibility.put(tile);
-    }
-
-    /// The missing tile whose cells an eye may be in.
-    pub(crate) fn missing_visibility(&self, eye: DVec3) -> Option<TileKey> {
-        let manifest = self.manifest();
-        if self.visibility.is_absent || eye.z > manifest.ground_z_m + MAX_HEIGHT_M {
-            return None;
-        }
-        let id = block_of_leaf(leaf_at(manifest, eye)?);
-        let tile = self.visibility.state(id);
-        (!tile.is_resident() && !tile.is_bad()).then_some(TileKey::visibility(id))
-    }
-
-    /// What an eye may see. `None` if it is in no cell, or if its tile is not resident.
-    pub(crate) fn visible_set(&self, eye: DVec3) -> Option<VisibleSet<'_>> {
-        let manifest = self.manifest();
-        let leaf = leaf_at(manifest, eye)?;
-        let tile = self.visibility.get(block_of_leaf(leaf)).filter(|tile| tile.depth == manifest.depth)?;
-        tile.set_at(leaf.x(), leaf.y(), eye.z - manifest.origin[2])
     }
 }
