@@ -16,7 +16,6 @@ use insula_protocol::{
     mesh_tile::{self, LandmarkObject, OCCLUSION_BITS, TileTexture},
     object_tile, octahedral,
     subtree::{MeshLod, NodeDeviation, NodeInfo, NodeMesh},
-    visibility_tile::{VisibilityTile, VisibleCell},
 };
 
 macro_rules! vector {
@@ -38,7 +37,6 @@ const TILE_WITH_OBJECTS: &[u8] = vector!("mesh_tile_with_objects");
 const TILE_WITH_LANDMARKS: &[u8] = vector!("mesh_tile_with_landmarks");
 const OBJECT_SCHEMA: &[u8] = vector!("object_schema");
 const OBJECT_BLOCK: &[u8] = vector!("object_block");
-const VISIBILITY: &[u8] = vector!("visibility");
 const SCAN: &[u8] = vector!("scan_mesh");
 const ARCHITECTURAL: &[u8] = vector!("architectural_mesh");
 /// Written by [`by_hand`]: our encoder would never write these.
@@ -556,22 +554,6 @@ fn check_mesh(found: &Mesh, original: &Mesh) {
     }
 }
 
-/// Cells on a slope, some of which do not exist.
-fn visibility() -> VisibilityTile {
-    let cell = |i: usize| VisibleCell {
-        ground: -7 + (i / 4) as i16,
-        seen: (0..75).map(|k| if k == 12 { 0 } else { ((k * 7 + i) % 5).min(3) as u8 }).collect(),
-    };
-    let cells = (0..100).map(|i| (i % 9 != 5).then(|| cell(i))).collect();
-    VisibilityTile { id: node_id(), depth: 6, reach: 2, layers_dm: [30, 80, 200], cells }
-}
-
-#[test]
-fn visibility_tiles_are_frozen() {
-    assert!(VisibilityTile::decode(node_id(), VISIBILITY).unwrap() == visibility());
-    assert!(visibility().encode().unwrap() == VISIBILITY);
-}
-
 #[test]
 fn unusual_but_legal_tiles_are_read() {
     assert_eq!(Subtree::decode(SUBTREE_BY_HAND).unwrap(), subtree_with_meshes());
@@ -597,7 +579,6 @@ fn write_vectors() {
     write("mesh_tile_with_landmarks", tile_with_landmarks().encode(leaf(), 5).unwrap());
     write("object_schema", object_tile::encode(object_tile::SCHEMA_ID, SCHEMA_CONTENT.as_bytes()).unwrap());
     write("object_block", object_tile::encode(object_tile::block_id(2).unwrap(), &block_content()).unwrap());
-    write("visibility", visibility().encode().unwrap());
     write("scan_mesh", scan().encode().unwrap().bytes);
     write("architectural_mesh", architecture().encode().unwrap().bytes);
     write("subtree_with_deviations", subtree_with_deviations().encode().unwrap());

@@ -1,7 +1,7 @@
 //! Potentially visible sets: which leaves can be seen from the streets of a city.
 //!
-//! In: the V-BlockMaps of a baked city's nodes without children. Out: for each cell of the space where people walk and stand, the
-//! leaves that an eye in it may see ([`CitySets`]). Next: the bake writes them as visibility tiles.
+//! From the V-BlockMaps of a baked city's nodes without children come, for each cell of the space where people walk and stand, the
+//! leaves that an eye in it may see ([`CitySets`]). The bake writes them as visibility tiles.
 //!
 //! The sets are conservative: they lack nothing that is visible, and may have what is not.
 

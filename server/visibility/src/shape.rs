@@ -1,6 +1,6 @@
 //! The shape of one node's columns, as far as it decides what they hide.
 //!
-//! In: a V-BlockMap. Out: tops, and up to where each column is solid from below. A column with a gap hides what is below the gap
+//! From a V-BlockMap come tops, and up to where each column is solid from below. A column with a gap hides what is below the gap
 //! only if the gap is closed on all sides, as between the floor and the roof of a hall ([`NodeShape::open_gaps`]).
 
 use crate::height_scale::HeightScale;
