@@ -29,10 +29,10 @@ use crate::{
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
         Scene,
-        grid::{BLOCK_LEAVES, CityGrid},
+        grid::CityGrid,
         object_numbers::ObjectNumbers,
         object_records::ObjectRecords,
-        partition::{LeafBlock, Partition, PartitionOptions},
+        partition::{BlockSquare, LeafBlock, Partition, PartitionOptions},
         scratch_budget::ScratchBudget,
         scratch_scene::ScratchScene,
     },
@@ -250,13 +250,14 @@ impl<'a> BakeRun<'a> {
             let folder = self.scratch.scene_folder()?.join("buckets");
             let margin_m = config.sample.margin_m;
             let (buffer_bytes, max_blocks) = (config.bucket_bytes(), config.max_blocks());
-            let options = PartitionOptions { folder: &folder, margin_m, buffer_bytes, max_blocks, budget };
+            let square = BlockSquare::all();
+            let options = PartitionOptions { folder: &folder, square, margin_m, buffer_bytes, max_blocks, budget };
             let partition = Partition::new(city, grid, options, |n| progress.advance(n))?;
             partition.blocks.iter().try_for_each(|block| check_block(block, &partition, city, grid, config))?;
             let budget = MemoryBudget::new(config.block_bytes());
             let hashes = run_bounded(config.threads, &partition.blocks, |block| {
                 budget.with(block.triangles as usize * HASHED_TRIANGLE_BYTES, || {
-                    Ok::<_, BakeError>(BlockScene::load(&partition, block)?.fingerprint(city, config, grid, block))
+                    Ok::<_, BakeError>(BlockScene::load(&partition, block, grid)?.fingerprint(city, config, grid, block))
                 })
             })?;
             Ok(HashedPartition { partition, hashes })
@@ -367,9 +368,8 @@ fn check_block(
         return Ok(());
     }
     let object = partition.largest_object(block, grid)?.unwrap_or(0);
-    let side_m = grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES);
-    let [x, y] = [(0, block.x), (1, block.y)]
-        .map(|(axis, number)| city.origin[axis] + grid.corner[axis] + f64::from(number) * side_m);
+    let offset_m = grid.block_offset_m([block.x, block.y]);
+    let [x, y] = [0, 1].map(|axis| city.origin[axis] + grid.corner[axis] + offset_m[axis]);
     let [needed_mib, limit_mib] = [needed, limit].map(|bytes| bytes as u64 >> 20);
     Err(BakeError::BlockTooLarge { object: city.names.describe(object), x, y, needed_mib, limit_mib })
 }

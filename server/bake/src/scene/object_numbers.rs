@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 
 use insula_protocol::blockmap::NO_OBJECT;
+use serde::{Deserialize, Serialize};
 
 use super::{
     grid::CityGrid,
@@ -14,7 +15,7 @@ use super::{
 };
 
 /// What is known of a number.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct NumberedObject {
     pub(crate) record: RecordPlace,
     /// Number of its parent.

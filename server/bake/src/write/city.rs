@@ -20,6 +20,7 @@ use insula_protocol::{
     },
     mesh_tile, tile,
 };
+use serde::{Deserialize, Serialize};
 
 use super::location::locate;
 use super::{
@@ -42,7 +43,7 @@ use crate::{
 };
 
 /// The scene's part of the manifest, so that the scene need not be kept until the end.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct SceneFacts {
     pub(crate) origin: [f64; 3],
     pub(crate) bounds: [[f64; 3]; 2],
