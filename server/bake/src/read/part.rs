@@ -144,9 +144,15 @@ impl ListedInputs {
 }
 
 impl PartHead {
-    /// Number of its objects, those that are left out included.
-    pub(crate) fn object_count(&self) -> usize {
-        self.objects.len()
+    /// Whether all numbers are of things that it has.
+    pub(crate) fn is_valid(&self) -> bool {
+        let has = |number: Option<u32>, count: usize| number.is_none_or(|number| (number as usize) < count);
+        self.textures.len() == self.set_of_texture.len()
+            && self.set_of_source.len() == self.report.sources.len()
+            && self.materials.iter().all(|material| has(material.texture, self.textures.len()))
+            && self.set_of_texture.iter().all(|set| has(*set, self.sets.len()))
+            && self.set_of_source.iter().all(|set| has(Some(*set), self.sets.len()))
+            && self.objects.is_valid(self.report.sources.len())
     }
 }
 

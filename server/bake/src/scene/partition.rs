@@ -357,8 +357,12 @@ mod tests {
             triangle([[900.0, 10.0, 0.0], [905.0, 10.0, 0.0], [900.0, 15.0, 5.0]]),
         ];
         let held = |partition: &Partition| -> Vec<Vec<usize>> {
-            let number = |t: &SceneTriangle| all.iter().position(|other| other == t).unwrap();
-            let triangles = |block| partition.triangles(block).unwrap().iter().map(number).collect();
+            // Corners are relative to the block.
+            let at = |block: &LeafBlock, t: &SceneTriangle| t.corners[0][0] + 128.0 * block.x as f32;
+            let number = |x: f32| all.iter().position(|other| other.corners[0][0] == x).unwrap();
+            let triangles = |block: &LeafBlock| {
+                partition.triangles(block).unwrap().iter().map(|t| number(at(block, t))).collect()
+            };
             partition.blocks.iter().map(triangles).collect()
         };
         let (narrow, _folder) = partition("small", &all, 64.0, 1 << 20);

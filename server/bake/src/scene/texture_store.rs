@@ -36,11 +36,6 @@ impl TextureFacts {
         self.hash
     }
 
-    /// Size of the texels.
-    pub(crate) fn bytes(&self) -> u64 {
-        u64::from(self.width) * u64::from(self.height) * 3
-    }
-
     fn tone_curve(&self) -> Option<ToneCurve> {
         self.tone.as_deref().and_then(|tone| tone.try_into().ok())
     }

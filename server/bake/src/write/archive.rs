@@ -38,6 +38,13 @@ pub(crate) fn write(
     Ok(synced.map_err(|cause| BakeError::io(path, "written", cause))?.len())
 }
 
+/// Position of a tile in an archive, by which its tiles are sorted.
+pub(crate) fn archive_order(id: TileId) -> u64 {
+    // All tiles of the levels above come first.
+    let above = ((1_u64 << (2 * u32::from(id.level()))) - 1) / 3;
+    above + fast_hilbert::xy2h(id.x(), id.y(), id.level())
+}
+
 fn archive_error(path: &Path, cause: PmtError) -> BakeError {
     match cause {
         PmtError::Reading(cause) => BakeError::io(path, "written", cause),

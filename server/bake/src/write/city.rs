@@ -27,10 +27,10 @@ use super::{
     archive,
     files::write_synced,
     fingerprints::Fingerprints,
-    mesh_pack,
     objects::NumberedRecords,
     search, thumbnail,
-    tile_pack::{PackReader, StoredTile},
+    tile_bytes::TileBytes,
+    tile_pack::StoredTile,
     tile_tree::{self, TileTree},
 };
 use crate::{
@@ -104,8 +104,6 @@ pub(crate) struct CityInput<'a> {
     pub(crate) facts: &'a SceneFacts,
     pub(crate) read: &'a ReadReport,
     pub(crate) tree: &'a TileTree,
-    /// Folder of the packs.
-    pub(crate) packs: &'a Path,
     /// Position (x, y) and hash of each block of leaves.
     pub(crate) fingerprints: Vec<((u32, u32), ShortHash)>,
     /// `None` for a city without sources.
@@ -122,15 +120,19 @@ pub(crate) struct WrittenCity {
 
 /// Writes the files into `folder`, which must not exist; calls `advance` for every tile. Fails if a pack cannot be read
 /// or a file cannot be written.
-pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) -> Result<WrittenCity, BakeError> {
+pub(crate) fn write(
+    input: CityInput<'_>,
+    tiles: &mut dyn TileBytes,
+    folder: &Path,
+    advance: impl Fn(u64),
+) -> Result<WrittenCity, BakeError> {
     fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "created", cause))?;
     let (blockmaps, subtrees) = (folder.join("blockmaps.pmtiles"), folder.join("subtrees.pmtiles"));
     let ids: Vec<TileId> = input.tree.levels().iter().flatten().map(|tile| tile.id).collect();
-    let mut reader = PackReader::new(input.packs);
     let mut bytes = archive::write(&blockmaps, &ids, |id| {
         advance(1);
-        let stored = input.tree.get(id).ok_or_else(|| BakeError::Scratch { path: input.packs.to_owned() })?;
-        reader.read(stored)
+        let stored = input.tree.get(id).ok_or_else(|| BakeError::Scratch { path: folder.to_owned() })?;
+        tiles.tile(stored)
     })?;
     let nodes = tile_tree::describe(input.tree, input.grid);
     bytes += archive::write(&subtrees, &tile_tree::subtree_roots(&nodes), |root| {
@@ -139,7 +141,7 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
     let mut hashed = vec![blockmaps, subtrees];
     if !input.tree.meshes().is_empty() {
         let path = folder.join("meshes.pmtiles");
-        bytes += write_meshes(&input, &path)?;
+        bytes += write_meshes(&input, tiles, &path)?;
         hashed.push(path);
     }
     if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
@@ -160,7 +162,7 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
     bytes += json.len() as u64;
     bytes += Fingerprints { version: manifest.version.clone(), blocks: input.fingerprints }.write(folder)?;
     // A city is complete without its picture.
-    match thumbnail::write(folder, input.tree, input.packs, &manifest) {
+    match thumbnail::write(folder, input.tree, tiles, &manifest) {
         Ok(length) => bytes += length,
         Err(error) => tracing::warn!("the city has no {}: {error}", thumbnail::FILE_NAME),
     }
@@ -168,14 +170,14 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
 }
 
 /// Writes the archive of meshes, each level of detail under its own tile id.
-fn write_meshes(input: &CityInput<'_>, path: &Path) -> Result<u64, BakeError> {
-    let missing = || BakeError::Scratch { path: input.packs.to_owned() };
+fn write_meshes(input: &CityInput<'_>, tiles: &mut dyn TileBytes, path: &Path) -> Result<u64, BakeError> {
+    let missing = || BakeError::Scratch { path: path.to_owned() };
     let mut by_id = HashMap::with_capacity(input.tree.meshes().len());
     for mesh in input.tree.meshes() {
         by_id.insert(mesh_tile::archive_id(mesh.id, mesh.lod).ok_or_else(missing)?, mesh);
     }
     let ids: Vec<TileId> = by_id.keys().copied().collect();
-    archive::write(path, &ids, |id| mesh_pack::read(input.packs, by_id.get(&id).ok_or_else(missing)?))
+    archive::write(path, &ids, |id| tiles.mesh(by_id.get(&id).ok_or_else(missing)?))
 }
 
 fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {

@@ -17,9 +17,10 @@ pub(crate) struct PartObjects {
 }
 
 impl PartObjects {
-    /// Number of objects, those that are left out included.
-    pub(crate) fn len(&self) -> usize {
-        self.pending.len()
+    /// Whether all objects are of one of so many sources.
+    pub(crate) fn is_valid(&self, sources: usize) -> bool {
+        self.pending.iter().all(|object| object.is_dropped || object.source < sources)
+            && self.parents.iter().all(|parent| (parent.source as usize) < sources)
     }
 
     /// Number of triangles, without those of objects that are left out.

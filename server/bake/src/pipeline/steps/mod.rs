@@ -1,0 +1,31 @@
+//! A bake in steps, which any number of machines run: each reads results of earlier steps from a [`WorkStore`], and writes its own.
+//!
+//! | step | tasks | reads | writes |
+//! |---|---|---|---|
+//! | [`Steps::begin`] | 1 | names of inputs, their first places | the job: chunks of sources, coordinate system |
+//! | [`Steps::scan`] | chunks | the sources of a chunk | objects, triangles, records, textures |
+//! | [`Steps::plan`] | 1 | all scans | grid, regions, numbers of objects, generated ground |
+//! | [`Steps::shuffle`] | chunks, and the ground | a scan, the plan | its triangles by region |
+//! | [`Steps::region`] | regions | its triangles | leaves, meshes, parents up to the region's root |
+//! | [`Steps::crown`] | 1 | the regions' roots | the levels above |
+//! | [`Steps::join`] | 1 | all tiles | the city's files |
+//!
+//! A step that finds its result does nothing. Results depend on nothing but the inputs and the options: the same task may run twice, on
+//! two machines, in any order within its stage, with regions and chunks of any size, and the city is that of [`crate::bake`], byte for byte.
+
+mod crown;
+mod job;
+mod join;
+mod layout;
+mod plan;
+mod region;
+mod region_file;
+mod scan;
+mod sealed;
+mod shuffle;
+mod stage;
+mod work;
+
+pub use job::{DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, Steps};
+pub use stage::{Stage, StageStatus, abort};
+pub use work::{WorkFolder, WorkStore};
