@@ -81,14 +81,7 @@ fn bake_in_steps(work: &Path, options: &BakeOptions, chunk_bytes: u64, region_le
         let tasks = Steps::open(&store, Job::read(&store)?, options, &Silent)?.tasks(stage)?;
         for task in shuffled(tasks, &mut rng) {
             let steps = Steps::open(&store, Job::read(&store)?, options, &Silent)?;
-            match stage {
-                Stage::Scan => steps.scan(task)?,
-                Stage::Plan => steps.plan()?,
-                Stage::Shuffle => steps.shuffle(task)?,
-                Stage::Region => steps.region(task)?,
-                Stage::Crown => steps.crown()?,
-                Stage::Join => steps.join()?,
-            }
+            steps.run(stage, task)?;
         }
         let status = Steps::open(&store, Job::read(&store)?, options, &Silent)?.status()?;
         let of_stage = status.iter().find(|status| status.stage == stage).unwrap();

@@ -45,13 +45,16 @@ fn parse(words: &[&str], has_inputs: bool) -> Result<Step, CommandError> {
         ["plan"] if has_inputs => Some(Step::Begin),
         ["status"] => Some(Step::Status),
         ["abort"] => Some(Step::Abort),
+        ["join", step] => stage(&format!("join-{step}")).filter(|stage| stage.is_single()).map(|stage| Step::Run(stage, 0)),
+        ["join", "part", task] => number(task).map(|task| Step::Run(Stage::JoinPart, task)),
+        ["tasks", "join", step] => stage(&format!("join-{step}")).map(Step::Tasks),
         ["tasks", name] => stage(name).map(Step::Tasks),
         [name] => stage(name).filter(|stage| stage.is_single()).map(|stage| Step::Run(stage, 0)),
         [name, task] => stage(name).zip(number(task)).map(|(stage, task)| Step::Run(stage, task)),
         _ => None,
     };
     found.filter(|_| !has_inputs || words == ["plan"]).ok_or_else(|| {
-        let steps = "plan --inputs FILE..., scan I, plan, shuffle I, region R, crown, join-plan, join-part P, join-finish, \
+        let steps = "plan --inputs FILE..., scan I, plan, shuffle I, region R, crown, join plan, join part P, join finish, \
                      tasks STAGE, status, abort";
         CommandError::Usage(format!("{}: no step of a bake; the steps are {steps}", words.join(" ")))
     })
@@ -128,7 +131,10 @@ mod tests {
             (&["plan"][..], Step::Run(Stage::Plan, 0)),
             (&["scan", "7"], Step::Run(Stage::Scan, 7)),
             (&["region", "10000"], Step::Run(Stage::Region, 10_000)),
-            (&["join-finish"], Step::Run(Stage::JoinFinish, 0)),
+            (&["join", "finish"], Step::Run(Stage::JoinFinish, 0)),
+            (&["join-plan"], Step::Run(Stage::JoinPlan, 0)),
+            (&["join", "part", "3"], Step::Run(Stage::JoinPart, 3)),
+            (&["tasks", "join-part"], Step::Tasks(Stage::JoinPart)),
             (&["tasks", "shuffle"], Step::Tasks(Stage::Shuffle)),
             (&["status"], Step::Status),
             (&["abort"], Step::Abort),

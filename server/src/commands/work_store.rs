@@ -6,6 +6,7 @@ use insula_bake::{WorkFolder, WorkStore};
 use object_store::{
     ClientOptions, ObjectStore, ObjectStoreExt as _, PutPayload, RetryConfig, WriteMultipart,
     aws::{AmazonS3, AmazonS3Builder},
+    multipart::{MultipartStore, PartId},
     path::Path as ObjectPath,
 };
 use std::{
@@ -169,28 +170,32 @@ impl WorkStore for WorkBucket {
         })
     }
 
-    fn join(&self, parts: &[String], name: &str) -> io::Result<()> {
-        let folder = tempfile_folder()?;
-        let path = folder.join(format!("insula-join-{}", std::process::id()));
-        let joined = (|| {
-            let mut file = File::create(&path)?;
-            for part in parts {
-                let size = self.size(part)?.ok_or(io::ErrorKind::NotFound)?;
-                let mut start = 0;
-                while start < size {
-                    let length = (size - start).min(PART_BYTES as u64);
-                    file.write_all(&self.range(part, start, length)?)?;
-                    start += length;
-                }
-            }
-            self.put_file(name, &path)
-        })();
-        let _ = std::fs::remove_file(&path);
-        joined
+    fn begin_parts(&self, name: &str, _: u64) -> io::Result<String> {
+        self.run(async { self.store.create_multipart(&self.path(name)).await.map_err(io_error) })
     }
-}
 
-/// Folder of temporary files.
-fn tempfile_folder() -> io::Result<std::path::PathBuf> {
-    Ok(std::env::temp_dir())
+    fn put_part(&self, name: &str, ticket: &str, number: u32, _: u64, bytes: Vec<u8>) -> io::Result<String> {
+        let (path, ticket) = (self.path(name), ticket.to_owned());
+        self.run(async {
+            let put = self.store.put_part(&path, &ticket, number as usize, bytes.into()).await;
+            put.map(|part| part.content_id).map_err(io_error)
+        })
+    }
+
+    fn finish_parts(&self, name: &str, ticket: &str, receipts: Vec<String>) -> io::Result<()> {
+        let (path, ticket) = (self.path(name), ticket.to_owned());
+        let parts = receipts.into_iter().map(|content_id| PartId { content_id }).collect();
+        self.run(async { self.store.complete_multipart(&path, &ticket, parts).await.map(drop).map_err(io_error) })
+    }
+
+    fn abort_parts(&self, name: &str, ticket: &str) -> io::Result<()> {
+        let (path, ticket) = (self.path(name), ticket.to_owned());
+        self.run(async {
+            match self.store.abort_multipart(&path, &ticket).await {
+                // It was completed, or is gone.
+                Err(object_store::Error::NotFound { .. }) | Ok(()) => Ok(()),
+                Err(error) => Err(io_error(error)),
+            }
+        })
+    }
 }

@@ -425,7 +425,8 @@ mod tests {
         let city = ScratchScene::from_scene(scene).unwrap();
         let partition = |name: &str, max_blocks: usize, budget: u64| {
             let (folder, budget) = (&folder.path.join(name), &ScratchBudget::new(budget));
-            let options = PartitionOptions { folder, margin_m: 0.0, buffer_bytes: 99, max_blocks, budget };
+            let square = BlockSquare::all();
+            let options = PartitionOptions { folder, square, margin_m: 0.0, buffer_bytes: 99, max_blocks, budget };
             Partition::new(&city, &grid(5), options, |_| {}).map(|_| ())
         };
         assert!(matches!(partition("blocks", 200, u64::MAX), Err(BakeError::TooManyBlocks { limit: 200, .. })));

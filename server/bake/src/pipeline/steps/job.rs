@@ -103,6 +103,17 @@ impl Job {
         Ok(job)
     }
 
+    /// Its number, by which objects of other jobs are told from its own.
+    pub(super) fn id(&self) -> Result<String, BakeError> {
+        Ok(short_hex(&blake3::hash(&self.json()?)))
+    }
+
+    /// Number of scans.
+    #[must_use]
+    pub fn scans(&self) -> usize {
+        self.chunks.len()
+    }
+
     fn json(&self) -> Result<Vec<u8>, BakeError> {
         let failed = |cause: serde_json::Error| BakeError::io(JOB.as_ref(), "written", cause.into());
         serde_json::to_vec_pretty(self).map_err(failed)
@@ -165,7 +176,7 @@ impl<'a> Steps<'a> {
             let what = "its settings are others than those of this program";
             return Err(BakeError::StepDamaged { work: store.address(), name: JOB.to_owned(), what });
         }
-        let id = short_hex(&blake3::hash(&job.json()?));
+        let id = job.id()?;
         let read_options = config.read_options(options);
         let crs = job.crs.clone().or_else(|| read_options.placing.crs.clone());
         let placing = PlacingOptions { crs, ..read_options.placing.clone() };

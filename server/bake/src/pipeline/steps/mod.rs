@@ -8,7 +8,9 @@
 //! | [`Steps::shuffle`] | chunks, and the ground | a scan, the plan | its triangles by region |
 //! | [`Steps::region`] | regions | its triangles | leaves, meshes, parents up to the region's root |
 //! | [`Steps::crown`] | 1 | the regions' roots | the levels above |
-//! | [`Steps::join`] | 1 | all tiles | the city's files |
+//! | [`Steps::join_plan`] | 1 | the indexes of all tiles | the small files of the city; what the parts of the archives are |
+//! | [`Steps::join_part`] | parts | tiles | 64 MiB of an archive |
+//! | [`Steps::join_finish`] | 1 | receipts for the parts | the archives; `city.json` last |
 //!
 //! A step that finds its result does nothing. Results depend on nothing but the inputs and the options: the same task may run twice, on
 //! two machines, in any order within its stage, with regions and chunks of any size, and the city is that of [`crate::bake`], byte for byte.

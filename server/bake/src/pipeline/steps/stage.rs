@@ -2,7 +2,8 @@
 
 use super::{
     crown,
-    job::{JOB, Steps},
+    job::{JOB, Job, Steps},
+    join::JOIN_PLAN,
     layout::PLAN,
     region_file::index_name,
     work::WorkStore,
@@ -17,7 +18,9 @@ pub enum Stage {
     Shuffle,
     Region,
     Crown,
-    Join,
+    JoinPlan,
+    JoinPart,
+    JoinFinish,
 }
 
 /// A stage, and how many of its tasks are done.
@@ -31,14 +34,22 @@ pub struct StageStatus {
 
 impl Stage {
     /// All stages with their names on the command line.
-    pub const NAMES: [(&'static str, Self); 6] = [
+    pub const NAMES: [(&'static str, Self); 8] = [
         ("scan", Self::Scan),
         ("plan", Self::Plan),
         ("shuffle", Self::Shuffle),
         ("region", Self::Region),
         ("crown", Self::Crown),
-        ("join", Self::Join),
+        ("join-plan", Self::JoinPlan),
+        ("join-part", Self::JoinPart),
+        ("join-finish", Self::JoinFinish),
     ];
+
+    /// Whether the stage has one task.
+    #[must_use]
+    pub fn is_single(self) -> bool {
+        matches!(self, Self::Plan | Self::Crown | Self::JoinPlan | Self::JoinFinish)
+    }
 }
 
 impl Steps<'_> {
@@ -46,19 +57,34 @@ impl Steps<'_> {
     pub fn tasks(&self, stage: Stage) -> Result<usize, BakeError> {
         Ok(match stage {
             Stage::Scan => self.chunks().len(),
-            Stage::Plan | Stage::Crown | Stage::Join => 1,
+            Stage::Plan | Stage::Crown | Stage::JoinPlan | Stage::JoinFinish => 1,
             Stage::Shuffle => self.read_plan()?.chunks,
             Stage::Region => self.read_plan()?.regions.len(),
+            Stage::JoinPart => self.join_parts()?,
         })
+    }
+
+    /// Runs a task of a stage. Fails if there is no such task, or as the stage does.
+    pub fn run(&self, stage: Stage, task: usize) -> Result<(), BakeError> {
+        match stage {
+            Stage::Scan => self.scan(task),
+            Stage::Plan => self.plan(),
+            Stage::Shuffle => self.shuffle(task),
+            Stage::Region => self.region(task),
+            Stage::Crown => self.crown(),
+            Stage::JoinPlan => self.join_plan(),
+            Stage::JoinPart => self.join_part(task),
+            Stage::JoinFinish => self.join_finish(),
+        }
     }
 
     /// How many tasks of each stage are done. Fails if the store does not answer.
     pub fn status(&self) -> Result<Vec<StageStatus>, BakeError> {
         let objects = self.objects();
-        let has_plan = objects.has(PLAN)?;
+        let (has_plan, has_join) = (objects.has(PLAN)?, objects.has(JOIN_PLAN)?);
+        let names = |folder: &str| objects.store.list(folder).map_err(|cause| objects.failed(folder, cause));
         let count = |folder: &str, end: &str| {
-            let names = objects.store.list(folder).map_err(|cause| objects.failed(folder, cause))?;
-            Ok::<_, BakeError>(names.iter().filter(|name| name.ends_with(end)).count())
+            Ok::<_, BakeError>(names(folder)?.iter().filter(|name| name.ends_with(end)).count())
         };
         let status = |(_, stage): (&str, Stage)| {
             let done = match stage {
@@ -67,26 +93,39 @@ impl Steps<'_> {
                 Stage::Shuffle => count("shuffle", "/index")?,
                 Stage::Region => count("region", "/index")?,
                 Stage::Crown => objects.has(&index_name(crown::FOLDER))?.into(),
-                Stage::Join => objects.has("city/city.json")?.into(),
+                Stage::JoinPlan => has_join.into(),
+                Stage::JoinPart => names("join")?.iter().filter(|name| name.starts_with("join/receipt-")).count(),
+                Stage::JoinFinish => objects.has("city/city.json")?.into(),
             };
-            let follows = matches!(stage, Stage::Shuffle | Stage::Region);
-            let tasks = if follows && !has_plan { None } else { Some(self.tasks(stage)?) };
+            let is_known = match stage {
+                Stage::Shuffle | Stage::Region => has_plan,
+                Stage::JoinPart => has_join,
+                _ => true,
+            };
+            let tasks = if is_known { Some(self.tasks(stage)?) } else { None };
             Ok(StageStatus { stage, tasks, done })
         };
         Stage::NAMES.into_iter().map(status).collect()
     }
 }
 
-/// Removes the job and all results of its steps, but not a finished city. Returns the number of removed objects. Fails if the store does not answer.
+/// Removes the job and all results of its steps, but not a finished city, and the parts of archives that were not completed. Returns the number
+/// of removed objects. Fails if the store does not answer.
 pub fn abort(store: &dyn WorkStore) -> Result<usize, BakeError> {
     let failed = |name: &str| {
         let (work, name) = (store.address(), name.to_owned());
         move |cause| BakeError::Work { work, name, cause }
     };
+    let begun = Job::read(store).and_then(|job| job.begun_parts(store)).unwrap_or_default();
+    for (name, ticket) in &begun {
+        store.abort_parts(name, ticket).map_err(failed(name))?;
+    }
     // First, so that a step that begins now finds no job.
-    let mut removed = usize::from(store.size(JOB).map_err(failed(JOB))?.is_some());
+    let mut removed = begun.len() + usize::from(store.size(JOB).map_err(failed(JOB))?.is_some());
     store.remove(JOB).map_err(failed(JOB))?;
-    for folder in ["temporary", "scan", "pic", "plan", "shuffle", "region", "crown", "join"] {
+    let is_complete = store.size("city/city.json").map_err(failed("city"))?.is_some();
+    let folders = ["temporary", "scan", "pic", "plan", "shuffle", "region", "crown", "join", "parts"];
+    for folder in folders.into_iter().chain((!is_complete).then_some("city")) {
         for name in store.list(folder).map_err(failed(folder))? {
             store.remove(&name).map_err(failed(&name))?;
             removed += 1;

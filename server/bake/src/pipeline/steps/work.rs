@@ -36,8 +36,18 @@ pub trait WorkStore: Send + Sync {
     /// Removes an object, if it exists. Fails if the store does not answer.
     fn remove(&self, name: &str) -> io::Result<()>;
 
-    /// Joins objects, in order, into one. Fails as [`Self::put`], or if there is one that does not exist.
-    fn join(&self, parts: &[String], name: &str) -> io::Result<()>;
+    /// Begins an object of `size` bytes that is written in parts, and returns a ticket for them. Fails as [`Self::put`].
+    fn begin_parts(&self, name: &str, size: u64) -> io::Result<String>;
+
+    /// Writes a part, of which `start` is the place in the object, and returns a receipt. A part may be written again. Fails as [`Self::put`], or if
+    /// there is no such ticket.
+    fn put_part(&self, name: &str, ticket: &str, number: u32, start: u64, bytes: Vec<u8>) -> io::Result<String>;
+
+    /// Completes an object with the receipts for all parts in their order. Fails as [`Self::put_part`].
+    fn finish_parts(&self, name: &str, ticket: &str, receipts: Vec<String>) -> io::Result<()>;
+
+    /// Ends an object that was begun and not completed. Fails if the store does not answer.
+    fn abort_parts(&self, name: &str, ticket: &str) -> io::Result<()>;
 }
 
 /// Objects as files of a folder, which may be on a file system that machines share.
@@ -50,6 +60,8 @@ pub struct WorkFolder {
 static NEXT_TEMPORARY: AtomicU64 = AtomicU64::new(0);
 /// Folder of files that are not complete.
 const TEMPORARY: &str = "temporary";
+/// Folder of files that are written in parts.
+const PARTS: &str = "parts";
 
 impl WorkFolder {
     /// The folder is created with the first object.
@@ -153,9 +165,34 @@ impl WorkStore for WorkFolder {
         }
     }
 
-    fn join(&self, parts: &[String], name: &str) -> io::Result<()> {
-        let paths = parts.iter().map(|part| self.path(part)).collect::<io::Result<Vec<_>>>()?;
-        self.write(name, |file| paths.iter().try_for_each(|path| io::copy(&mut fs::File::open(path)?, file).map(drop)))
+    fn begin_parts(&self, name: &str, size: u64) -> io::Result<String> {
+        self.path(name)?;
+        let ticket = format!("{PARTS}/{}", blake3::hash(name.as_bytes()).to_hex());
+        let path = self.root.join(&ticket);
+        fs::create_dir_all(self.root.join(PARTS))?;
+        // Parts that are there stay: they are equal.
+        fs::OpenOptions::new().write(true).create(true).truncate(false).open(path)?.set_len(size)?;
+        Ok(ticket)
+    }
+
+    fn put_part(&self, _: &str, ticket: &str, _: u32, start: u64, bytes: Vec<u8>) -> io::Result<String> {
+        let mut file = fs::OpenOptions::new().write(true).open(self.path(ticket)?)?;
+        file.seek(SeekFrom::Start(start))?;
+        io::Write::write_all(&mut file, &bytes)?;
+        file.sync_all()?;
+        Ok(String::new())
+    }
+
+    fn finish_parts(&self, name: &str, ticket: &str, _: Vec<String>) -> io::Result<()> {
+        let path = self.path(name)?;
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent)?;
+        }
+        fs::rename(self.path(ticket)?, path)
+    }
+
+    fn abort_parts(&self, _: &str, ticket: &str) -> io::Result<()> {
+        self.remove(ticket)
     }
 }
 
@@ -165,7 +202,7 @@ mod tests {
     use insula_test_support::folder::TestFolder;
 
     #[test]
-    fn objects_are_replaced_listed_joined_and_removed() {
+    fn objects_are_replaced_listed_made_of_parts_and_removed() {
         let folder = TestFolder::new("work-folder");
         let store = WorkFolder::new(&folder.path.join("work"));
         assert_eq!((store.size("a/b").unwrap(), store.list("a").unwrap()), (None, vec![]));
@@ -176,9 +213,18 @@ mod tests {
         assert_eq!(store.range("a/b", 1, 6).unwrap_err().kind(), io::ErrorKind::UnexpectedEof);
         assert_eq!(store.range("a/b", 1, u64::MAX).unwrap_err().kind(), io::ErrorKind::UnexpectedEof);
         assert_eq!(store.list("a").unwrap(), ["a/b", "a/c/d"]);
-        store.join(&["a/b".into(), "a/c/d".into()], "e").unwrap();
+        let ticket = store.begin_parts("e", 7).unwrap();
+        for (number, start, bytes) in [(1, 6, "!"), (0, 0, "second"), (0, 0, "second")] {
+            store.put_part("e", &ticket, number, start, bytes.into()).unwrap();
+        }
+        assert_eq!(store.size("e").unwrap(), None);
+        store.finish_parts("e", &ticket, vec![String::new(); 2]).unwrap();
+        assert!(store.put_part("e", &ticket, 0, 0, vec![1]).is_err());
         store.fetch("e", &folder.path.join("copy")).unwrap();
         assert_eq!(fs::read(folder.path.join("copy")).unwrap(), b"second!");
+        let ticket = store.begin_parts("f", 1 << 30).unwrap();
+        store.abort_parts("f", &ticket).unwrap();
+        assert!(store.list("parts").unwrap().is_empty());
         store.remove("a/b").unwrap();
         store.remove("a/b").unwrap();
         assert_eq!(store.size("a/b").unwrap(), None);
