@@ -17,11 +17,11 @@ use insula_bake::{
 use insula_test_support::{folder::TestFolder, rng::Rng};
 use support::files;
 
-/// Writes files of footprints in degrees, each with its own part of a town, and some of the neighbour's.
-fn write_town(folder: &Path, count: usize) -> Vec<PathBuf> {
+/// Writes files of footprints in degrees, each with its own part of a town with this south-west corner, and some of the neighbour's.
+fn write_town(folder: &Path, [longitude, latitude]: [f64; 2], count: usize) -> Vec<PathBuf> {
     let house = |file: usize, i: usize| {
         let (x, y) = (file as f64 * 500.0 + (i % 6) as f64 * 70.0, (i / 6) as f64 * 55.0);
-        let (west, south) = (139.75 + x / 90_500.0, 35.68 + y / 110_900.0);
+        let (west, south) = (longitude + x / 90_500.0, latitude + y / 110_900.0);
         let (east, north) = (west + 22.0 / 90_500.0, south + (12 + i % 9) as f64 / 110_900.0);
         let height = 6 + i * 5 % 37;
         format!(
@@ -100,7 +100,7 @@ fn assert_same(made: &BTreeMap<String, Vec<u8>>, plain: &BTreeMap<String, Vec<u8
 #[test]
 fn steps_in_any_order_give_the_bytes_of_a_plain_bake() {
     let folder = TestFolder::new("steps");
-    let options = options(write_town(&folder.path, 3));
+    let options = options(write_town(&folder.path, [139.75, 35.68], 3));
     let plain = plain(&folder.path, &options);
     assert!(plain.len() == 8 && plain["meshes.pmtiles"].len() > 10_000);
     for (region_leaves, chunk_bytes) in [(2, 1), (4, u64::MAX), (32, 1)] {
@@ -108,4 +108,90 @@ fn steps_in_any_order_give_the_bytes_of_a_plain_bake() {
         bake_in_steps(&work, &options, chunk_bytes, region_leaves).unwrap();
         assert_same(&files(&work.join("city")), &plain, &format!("regions of {region_leaves} leaves"));
     }
+}
+
+#[test]
+fn photos_and_formats_of_all_kinds_give_the_bytes_of_a_plain_bake() {
+    let folder = TestFolder::new("steps-mixed");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    // A part of Yokosuka with photos on its walls, footprints around it, and a mesh without a place.
+    let mut inputs = write_town(&folder.path, [139.737, 35.257], 2);
+    inputs.insert(1, data.join("yokosuka/52397519_bldg_6697_op.gml.gz"));
+    let options = BakeOptions { cell_m: 4.0, facades: FacadeOption::Plain, ..options(inputs) };
+    let plain = plain(&folder.path, &options);
+    for (region_leaves, chunk_bytes) in [(2, 1), (64, u64::MAX)] {
+        let work = folder.path.join(format!("work-{region_leaves}"));
+        bake_in_steps(&work, &options, chunk_bytes, region_leaves).unwrap();
+        assert_same(&files(&work.join("city")), &plain, &format!("regions of {region_leaves} leaves"));
+    }
+}
+
+/// Ten towns on a line of 1,000 km.
+fn write_country(folder: &Path) -> Vec<PathBuf> {
+    let town = |town: usize| {
+        let house = |i: usize| {
+            let (x, y) = (100_000.0 * town as f64 + 300_000.0 + 40.0 * (i % 5) as f64, 5_000_000.0 + 30.0 * (i / 5) as f64);
+            format!(
+                r#"{{"type":"Feature","id":"t{town}-{i}","properties":{{"height":9}},"geometry":{{"type":"Polygon",
+                "coordinates":[[[{x},{y}],[{0},{y}],[{0},{1}],[{x},{1}],[{x},{y}]]]}}}}"#,
+                x + 12.25,
+                y + 10.5
+            )
+        };
+        let houses: Vec<String> = (0..25).map(house).collect();
+        let crs = r#""crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:EPSG::25832"}}"#;
+        let path = folder.join(format!("town-{town}.geojson"));
+        fs::write(&path, format!(r#"{{"type":"FeatureCollection",{crs},"features":[{}]}}"#, houses.join(","))).unwrap();
+        path
+    };
+    (0..10).map(town).collect()
+}
+
+#[test]
+fn a_country_loses_no_building() {
+    let folder = TestFolder::new("steps-country");
+    let options = BakeOptions { ground: GroundOption::None, ..options(write_country(&folder.path)) };
+    let out = folder.path.join("plain").join("town");
+    let report = insula_bake::bake(&BakeOptions { out: out.clone(), ..options.clone() }, &Silent).unwrap();
+    assert_eq!((report.objects, report.read.skipped()), (250, 0));
+    let work = folder.path.join("work");
+    bake_in_steps(&work, &options, 1, 32).unwrap();
+    assert_same(&files(&work.join("city")), &files(&out), "a country");
+    // Every house is drawn: columns of its own object, in a leaf where it stands.
+    let city = insula_archive::BakedCity::open(&out).unwrap();
+    let mut drawn = std::collections::BTreeSet::new();
+    for (id, bytes) in city.blockmaps().tiles() {
+        if id.level() == city.manifest().depth {
+            let map = insula_protocol::BlockMap::decode(id, &bytes.unwrap()).unwrap();
+            drawn.extend(map.objects.iter().flat_map(|objects| objects.distinct()));
+        }
+    }
+    assert_eq!(drawn.into_iter().collect::<Vec<u32>>(), (0..250).collect::<Vec<u32>>());
+}
+
+#[test]
+fn houses_of_a_country_are_as_exact_as_those_of_a_town() {
+    // The same town twice: alone, and as the last of a country. Its columns and meshes are the same.
+    let folder = TestFolder::new("steps-exact");
+    let towns = write_country(&folder.path);
+    let town_bytes = |name: &str, inputs: Vec<PathBuf>| {
+        let out = folder.path.join(name).join("town");
+        let options = BakeOptions { ground: GroundOption::None, cell_m: 1.0, out: out.clone(), ..options(inputs) };
+        insula_bake::bake(&options, &Silent).unwrap();
+        let city = insula_archive::BakedCity::open(&out).unwrap();
+        let side_m = city.manifest().node_side_m(city.manifest().depth);
+        let origin = city.manifest().origin;
+        let mut maps = BTreeMap::new();
+        for (id, bytes) in city.blockmaps().tiles() {
+            let west_m = origin[0] + f64::from(id.x()) * side_m;
+            if id.level() == city.manifest().depth && west_m > 1_190_000.0 {
+                let map = insula_protocol::BlockMap::decode(id, &bytes.unwrap()).unwrap();
+                let south_m = origin[1] + f64::from(id.y()) * side_m;
+                maps.insert([west_m, south_m].map(|v| v as i64), (map.z_max, map.z_min, map.flags));
+            }
+        }
+        maps
+    };
+    let (alone, of_country) = (town_bytes("alone", towns[9..].to_vec()), town_bytes("country", towns));
+    assert!(alone.len() >= 9 && alone == of_country);
 }
