@@ -237,7 +237,12 @@ pub struct BakeArgs {
     #[command(flatten)]
     pub read: ReadArgs,
     /// Folder to write the city to
-    #[arg(long, value_name = "CITY", required_unless_present = "work", default_value_if("work", ArgPredicate::IsPresent, "city"))]
+    #[arg(
+        long,
+        value_name = "CITY",
+        required_unless_present = "work",
+        default_value_if("work", ArgPredicate::IsPresent, "city")
+    )]
     pub out: PathBuf,
     /// Run one step of a bake that many machines run; the steps' results are in this folder or at s3://BUCKET/PATH, and
     /// in the end the city, in its folder city

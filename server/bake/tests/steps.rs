@@ -130,7 +130,8 @@ fn photos_and_formats_of_all_kinds_give_the_bytes_of_a_plain_bake() {
 fn write_country(folder: &Path) -> Vec<PathBuf> {
     let town = |town: usize| {
         let house = |i: usize| {
-            let (x, y) = (100_000.0 * town as f64 + 300_000.0 + 40.0 * (i % 5) as f64, 5_000_000.0 + 30.0 * (i / 5) as f64);
+            let (x, y) =
+                (100_000.0 * town as f64 + 300_000.0 + 40.0 * (i % 5) as f64, 5_000_000.0 + 30.0 * (i / 5) as f64);
             format!(
                 r#"{{"type":"Feature","id":"t{town}-{i}","properties":{{"height":9}},"geometry":{{"type":"Polygon",
                 "coordinates":[[[{x},{y}],[{0},{y}],[{0},{1}],[{x},{1}],[{x},{y}]]]}}}}"#,
@@ -194,4 +195,89 @@ fn houses_of_a_country_are_as_exact_as_those_of_a_town() {
     };
     let (alone, of_country) = (town_bytes("alone", towns[9..].to_vec()), town_bytes("country", towns));
     assert!(alone.len() >= 9 && alone == of_country);
+}
+
+/// The names of all objects below a folder of a work store, relative to it.
+fn objects(work: &Path, folder: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(work.join(folder)).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.strip_prefix(work).unwrap().to_string_lossy().into_owned();
+        if path.is_dir() { found.extend(objects(work, &name)) } else { found.push(path) }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn other_jobs_settings_and_damaged_objects_are_refused() {
+    let folder = TestFolder::new("steps-refused");
+    let options = options(write_town(&folder.path, [139.75, 35.68], 2));
+    let (work, store) = (folder.path.join("work"), WorkFolder::new(&folder.path.join("work")));
+    let request = |region_leaves| JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves };
+    assert!(matches!(Job::read(&store), Err(error @ BakeError::StepMissing { .. }) if !error.is_final()));
+    Steps::begin(&store, &options, &request(4), &Silent).unwrap();
+    let other = Steps::begin(&store, &options, &request(8), &Silent).unwrap_err();
+    assert!(other.is_final() && other.to_string().contains("another job"), "{other}");
+    assert!(Steps::begin(&store, &options, &request(3), &Silent).unwrap_err().is_final());
+    let finer = BakeOptions { cell_m: 1.0, ..options.clone() };
+    let Err(error) = Steps::open(&store, Job::read(&store).unwrap(), &finer, &Silent) else { panic!("other settings") };
+    assert!(error.is_final() && error.to_string().contains("settings"), "{error}");
+    let steps = || Steps::open(&store, Job::read(&store).unwrap(), &options, &Silent).unwrap();
+    // A step before its time may be tried again, one that does not exist may not.
+    assert!(!steps().run(Stage::Plan, 0).unwrap_err().is_final());
+    assert!(!steps().run(Stage::Region, 0).unwrap_err().is_final());
+    assert!(steps().run(Stage::Scan, 2).unwrap_err().is_final());
+    for stage in [Stage::Scan, Stage::Plan, Stage::Shuffle, Stage::Region, Stage::Crown] {
+        (0..steps().tasks(stage).unwrap()).for_each(|task| steps().run(stage, task).unwrap());
+    }
+    let check = |paths: Vec<PathBuf>, stage: Stage, task: usize| {
+        for path in paths {
+            let good = fs::read(&path).unwrap();
+            for cut in [0, good.len() / 2, good.len() - 1] {
+                fs::write(&path, &good[..cut]).unwrap();
+                assert!(steps().run(stage, task).is_err(), "{} cut to {cut}", path.display());
+            }
+            for at in [0, 9, good.len() / 2, good.len() - 1] {
+                let mut bad = good.clone();
+                bad[at] ^= 0x40;
+                fs::write(&path, bad).unwrap();
+                assert!(steps().run(stage, task).is_err(), "{} changed at {at}", path.display());
+            }
+            fs::write(&path, good).unwrap();
+        }
+    };
+    let heads = objects(&work, "scan").into_iter().filter(|path| path.ends_with("head")).collect();
+    fs::rename(work.join("plan"), work.join("kept")).unwrap();
+    check(heads, Stage::Plan, 0);
+    fs::rename(work.join("kept"), work.join("plan")).unwrap();
+    fs::remove_dir_all(work.join("region/0")).unwrap();
+    check(vec![work.join("shuffle/0/index")], Stage::Region, 0);
+    let bundles = work.join("shuffle/0/bundles");
+    let good = fs::read(&bundles).unwrap();
+    for bad in [good[..good.len() / 9].to_vec(), [&[1], &good[1..]].concat(), [&good[..30], b"!", &good[31..]].concat()]
+    {
+        fs::write(&bundles, bad).unwrap();
+        assert!(steps().run(Stage::Region, 0).is_err());
+    }
+    fs::write(&bundles, good).unwrap();
+    check(vec![work.join("plan/plan")], Stage::Region, 0);
+    steps().run(Stage::Region, 0).unwrap();
+    fs::remove_dir_all(work.join("crown")).unwrap();
+    check(vec![work.join("region/0/index")], Stage::Crown, 0);
+    // Nothing is left of a job that is given up.
+    assert!(insula_bake::abort(&store).unwrap() > 10);
+    assert!(objects(&work, ".").is_empty());
+}
+
+#[test]
+fn a_change_of_the_inputs_ends_the_job() {
+    let folder = TestFolder::new("steps-changed");
+    let options = options(write_town(&folder.path, [139.75, 35.68], 2));
+    let store = WorkFolder::new(&folder.path.join("work"));
+    let request = JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves: 4 };
+    let job = Steps::begin(&store, &options, &request, &Silent).unwrap();
+    fs::write(&options.inputs[0], "{}").unwrap();
+    let error = Steps::open(&store, job, &options, &Silent).unwrap().run(Stage::Scan, 1).unwrap_err();
+    assert!(error.is_final() && error.to_string().contains("have changed"), "{error}");
 }

@@ -45,7 +45,9 @@ fn parse(words: &[&str], has_inputs: bool) -> Result<Step, CommandError> {
         ["plan"] if has_inputs => Some(Step::Begin),
         ["status"] => Some(Step::Status),
         ["abort"] => Some(Step::Abort),
-        ["join", step] => stage(&format!("join-{step}")).filter(|stage| stage.is_single()).map(|stage| Step::Run(stage, 0)),
+        ["join", step] => {
+            stage(&format!("join-{step}")).filter(|stage| stage.is_single()).map(|stage| Step::Run(stage, 0))
+        }
         ["join", "part", task] => number(task).map(|task| Step::Run(Stage::JoinPart, task)),
         ["tasks", "join", step] => stage(&format!("join-{step}")).map(Step::Tasks),
         ["tasks", name] => stage(name).map(Step::Tasks),

@@ -27,7 +27,8 @@ pub(super) fn open(address: &str) -> Result<Box<dyn WorkStore>, CommandError> {
     match address.split_once("://") {
         None => Ok(Box::new(WorkFolder::new(Path::new(address)))),
         Some(("s3", rest)) => {
-            let bucket = WorkBucket::new(address, rest).map_err(|cause| CommandError::Bake(format!("{address}: {cause}")))?;
+            let bucket =
+                WorkBucket::new(address, rest).map_err(|cause| CommandError::Bake(format!("{address}: {cause}")))?;
             Ok(Box::new(bucket))
         }
         Some(_) => Err(CommandError::Usage(format!("{address}: expected a folder or s3://BUCKET/PATH"))),

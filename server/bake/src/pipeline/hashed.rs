@@ -28,28 +28,28 @@ const HASHED_TRIANGLE_BYTES: usize = 220;
 
 /// Places the quadtree. Fails if the city is too wide for the cell size.
 pub(super) fn city_grid(
-        city: &ScratchScene,
-        [mut min, mut max]: [[f64; 3]; 2],
-        surroundings: Option<&FarModels>,
-        cell_m: f64,
-    ) -> Result<CityGrid, BakeError> {
-        if let Some(land) = surroundings {
-            let leaf_m = cell_m * NODE_CELLS as f64;
-            let square_m = leaf_m * ALIGNED_LEAVES;
-            for axis in 0..2 {
-                let origin = city.origin[axis];
-                let low = (min[axis] + origin).min(land.bounds[0][axis]);
-                // The corner's leaf is the first of a square at which the city's terrain may end.
-                min[axis] = (low / square_m).floor() * square_m + leaf_m / 2.0 - origin;
-                max[axis] = max[axis].max(land.bounds[1][axis] - origin);
-            }
-            min[2] = min[2].min(land.z_range_m[0] - city.origin[2]);
+    city: &ScratchScene,
+    [mut min, mut max]: [[f64; 3]; 2],
+    surroundings: Option<&FarModels>,
+    cell_m: f64,
+) -> Result<CityGrid, BakeError> {
+    if let Some(land) = surroundings {
+        let leaf_m = cell_m * NODE_CELLS as f64;
+        let square_m = leaf_m * ALIGNED_LEAVES;
+        for axis in 0..2 {
+            let origin = city.origin[axis];
+            let low = (min[axis] + origin).min(land.bounds[0][axis]);
+            // The corner's leaf is the first of a square at which the city's terrain may end.
+            min[axis] = (low / square_m).floor() * square_m + leaf_m / 2.0 - origin;
+            max[axis] = max[axis].max(land.bounds[1][axis] - origin);
         }
-        CityGrid::covering(min, max, city.origin, cell_m).ok_or_else(|| {
-            let side_m = (max[0] - min[0]).max(max[1] - min[1]);
-            BakeError::Extent { side_m, cell_m }
-        })
+        min[2] = min[2].min(land.z_range_m[0] - city.origin[2]);
     }
+    CityGrid::covering(min, max, city.origin, cell_m).ok_or_else(|| {
+        let side_m = (max[0] - min[0]).max(max[1] - min[1]);
+        BakeError::Extent { side_m, cell_m }
+    })
+}
 
 /// Fails if a block needs more memory than it may use. The message names the object with most surface in it.
 fn check_block(

@@ -27,13 +27,8 @@ use crate::{
     read::{self, BadInput, FarModels, ReadProgress, ReadReport, ScratchOptions},
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
-        Scene,
-        grid::CityGrid,
-        object_numbers::ObjectNumbers,
-        object_records::ObjectRecords,
-        partition::BlockSquare,
-        scratch_budget::ScratchBudget,
-        scratch_scene::ScratchScene,
+        Scene, grid::CityGrid, object_numbers::ObjectNumbers, object_records::ObjectRecords, partition::BlockSquare,
+        scratch_budget::ScratchBudget, scratch_scene::ScratchScene,
     },
     write::{
         city::{self, CityInput, SceneFacts, WrittenCity},
@@ -44,7 +39,10 @@ use crate::{
     },
 };
 pub use generated::{GeneratedCity, bake_generated};
-pub use steps::{DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, Stage, StageStatus, Steps, WorkFolder, WorkStore, abort};
+pub use steps::{
+    DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, Stage, StageStatus, Steps, WorkFolder, WorkStore,
+    abort,
+};
 
 use context::{FinishedTiles, TileContext};
 use far_land::FarLand;
@@ -169,8 +167,7 @@ impl<'a> BakeRun<'a> {
         let tree = &tiles.tree;
         let searchable = config.searchable.clone();
         let objects = Some(NumberedRecords { records: &records, rows: &rows, origin_m: grid.corner, searchable });
-        let input =
-            CityInput { config, grid: &grid, facts: &facts, read: &read, tree, fingerprints, objects };
+        let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree, fingerprints, objects };
         let (written, clock) = self.write(input, previous)?;
         let (manifest, city_bytes, threads, blocks) = (written.manifest, written.bytes, config.threads, tiles.counts);
         let meshes = MeshReport::by_lod(tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info)));
@@ -282,7 +279,8 @@ impl<'a> BakeRun<'a> {
         let Self { progress, scratch, mut clock, .. } = self;
         progress.stage("write", input.tree.levels().iter().map(|level| level.len() as u64).sum());
         let written = clock.time("write", || {
-            let written = city::write(input, &mut PackedTiles::new(&scratch.packs()), &scratch.city(), |n| progress.advance(n))?;
+            let written =
+                city::write(input, &mut PackedTiles::new(&scratch.packs()), &scratch.city(), |n| progress.advance(n))?;
             // Closes the previous city's files: some systems do not rename a folder with open files.
             drop(previous);
             scratch.publish().map(|()| written)
@@ -290,4 +288,3 @@ impl<'a> BakeRun<'a> {
         Ok((written, clock))
     }
 }
-

@@ -44,6 +44,7 @@ mod report;
 mod roof;
 mod scene_builder;
 mod sink;
+mod slice;
 mod source;
 mod stone;
 mod survey;

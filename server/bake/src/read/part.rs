@@ -14,6 +14,7 @@ use super::context::{ReadContext, ReadOptions};
 use super::list::{self, SourceList};
 use super::report::ReadReport;
 use super::scene_builder::{BuilderParts, PartObjects, SceneBuilder};
+use super::slice::slices;
 use super::source::ReadProgress;
 use super::{ReadSources, ScratchOptions, finish_city, is_elevation, read_source, read_sources};
 use crate::error::{BakeError, InputError};
@@ -57,10 +58,10 @@ pub(crate) struct PartFiles {
 }
 
 impl ListedInputs {
-    /// Lists the sources. Fails as reading them does, and for sources that cannot be read in parts: elevation models, landmarks and
+    /// Lists the sources, sequences of more than `slice_bytes` as several. Fails as reading them does, and for sources that cannot be read in parts: elevation models, landmarks and
     /// land around the city.
-    pub(crate) fn new(inputs: &[PathBuf], options: &ReadOptions) -> Result<Self, InputError> {
-        let listed = list::list(inputs, options, &mut BadInputs::new(options.skip_bad_inputs))?;
+    pub(crate) fn new(inputs: &[PathBuf], options: &ReadOptions, slice_bytes: u64) -> Result<Self, InputError> {
+        let mut listed = list::list(inputs, options, &mut BadInputs::new(options.skip_bad_inputs))?;
         let unsupported = |label: &str| {
             InputError::unsupported(label, "elevation models and landmarks are not baked in steps; bake without --work")
         };
@@ -70,6 +71,7 @@ impl ListedInputs {
         if let Some(file) = &options.landmarks {
             return Err(unsupported(&file.display().to_string()));
         }
+        listed.sources = listed.sources.into_iter().flat_map(|source| slices(source, slice_bytes)).collect();
         Ok(Self { listed })
     }
 

@@ -73,7 +73,12 @@ impl TextureStore {
     /// Keeps textures in files of the existing folder `path`, and at most `limit_bytes` of them in memory.
     pub(crate) fn in_folder(path: PathBuf, limit_bytes: usize, budget: ScratchBudget) -> Self {
         let cache = Mutex::new(TextureCache { loaded: LruCache::unbounded(), bytes: 0, limit_bytes });
-        Self { facts: Vec::new(), by_hash: HashMap::new(), storage: TextureStorage::Folder { path, cache, budget }, failed: None }
+        Self {
+            facts: Vec::new(),
+            by_hash: HashMap::new(),
+            storage: TextureStorage::Folder { path, cache, budget },
+            failed: None,
+        }
     }
 
     /// Stores a texture and returns its number, that of an equal one if there is one. A write error is kept until [`Self::finish`].

@@ -106,8 +106,7 @@ pub(crate) fn lay_out(path: &Path, tiles: &[(TileId, u32, ShortHash)]) -> Result
     // A buffer of the writer may hold the last tiles with the first directories.
     let skipped = end.checked_sub(tail_start.unwrap_or(end)).ok_or_else(invalid)?;
     let tail = tail.get(skipped as usize..).unwrap_or_default().to_vec();
-    let written =
-        WrittenArchive { bytes: end + tail.len() as u64, digest: known.digest.finish(&head, &tail) };
+    let written = WrittenArchive { bytes: end + tail.len() as u64, digest: known.digest.finish(&head, &tail) };
     Ok(ArchiveLayout { head, distinct, tail, written })
 }
 
@@ -238,10 +237,12 @@ mod tests {
     fn layout_without_bytes_is_that_of_the_written_archive() {
         let folder = TestFolder::new("archive-layout");
         // So many tiles that there are leaf directories; some equal, in runs and apart; lengths below and above a buffer.
-        let mut ids: Vec<TileId> = (0..=6).flat_map(|level| {
-            let side = 1 << level;
-            (0..side * side).filter_map(move |i| TileId::new(level, i % side, i / side))
-        }).collect();
+        let mut ids: Vec<TileId> = (0..=6)
+            .flat_map(|level| {
+                let side = 1 << level;
+                (0..side * side).filter_map(move |i| TileId::new(level, i % side, i / side))
+            })
+            .collect();
         ids.sort_by_cached_key(|id| archive_order(*id));
         let bytes = |id: &TileId| -> Vec<u8> {
             let number = archive_order(*id);

@@ -5,11 +5,7 @@
 //! `fingerprints.bin` and `thumbnail.png`, synchronised, in the scratch folder.
 //! Next: `ScratchFolder::publish` renames them to the output.
 
-use std::{
-    collections::HashMap,
-    fs, io,
-    path::Path,
-};
+use std::{collections::HashMap, fs, io, path::Path};
 
 use insula_archive::city::{SEARCH_FILE, version_of};
 use insula_protocol::{
@@ -158,10 +154,9 @@ pub(crate) fn write_others(
 ) -> Result<WrittenCity, BakeError> {
     let TileArchives { blockmaps, meshes } = archives;
     let nodes = tile_tree::describe(input.tree, input.grid);
-    let subtrees =
-        archive::write(&folder.join("subtrees.pmtiles"), &tile_tree::subtree_roots(&nodes), |root| {
-            tile_tree::encode_subtree(input.tree, &nodes, root)
-        })?;
+    let subtrees = archive::write(&folder.join("subtrees.pmtiles"), &tile_tree::subtree_roots(&nodes), |root| {
+        tile_tree::encode_subtree(input.tree, &nodes, root)
+    })?;
     drop(nodes);
     let mut written: Vec<WrittenArchive> = [blockmaps, subtrees].into_iter().chain(meshes).collect();
     let mut search = None;

@@ -46,6 +46,8 @@ pub struct Job {
     crs: Option<String>,
     /// Leaves along the side of a region: a power of two.
     region_leaves: u32,
+    /// Size of the chunks, and of the slices of sequences.
+    chunk_bytes: u64,
     /// Runs of sources.
     chunks: Vec<JobChunk>,
 }
@@ -108,6 +110,10 @@ impl Job {
         Ok(short_hex(&blake3::hash(&self.json()?)))
     }
 
+    pub(super) fn chunk_bytes(&self) -> u64 {
+        self.chunk_bytes
+    }
+
     /// Number of scans.
     #[must_use]
     pub fn scans(&self) -> usize {
@@ -137,7 +143,7 @@ impl<'a> Steps<'a> {
         }
         progress.stage("list", 0);
         let read_options = config.read_options(options);
-        let listed = ListedInputs::new(&options.inputs, &read_options)?;
+        let listed = ListedInputs::new(&options.inputs, &read_options, request.chunk_bytes)?;
         let sizes = listed.sizes();
         let crs = listed.settle(&read_options)?;
         let job = Job {
@@ -150,6 +156,7 @@ impl<'a> Steps<'a> {
             inputs: options.inputs.clone(),
             crs,
             region_leaves: leaves,
+            chunk_bytes: request.chunk_bytes,
             chunks: chunks(&sizes, request.chunk_bytes),
         };
         let failed = |cause| BakeError::Work { work: store.address(), name: JOB.to_owned(), cause };

@@ -97,7 +97,11 @@ struct ArchivePart {
 enum Piece {
     Given(Vec<u8>),
     /// In the object of a region.
-    Stored { region: u32, start: u64, length: u64 },
+    Stored {
+        region: u32,
+        start: u64,
+        length: u64,
+    },
 }
 
 impl Piece {
@@ -137,16 +141,15 @@ impl Steps<'_> {
         let tiles = self.read_tiles(&plan)?;
         let tree = &tiles.tree;
         let mut bytes = StoreTiles::new(objects, &plan);
-        let mut joins = vec![bytes.lay_out(BLOCKMAPS_FILE, tree.levels().iter().flatten().map(TileSpan::of_tile), &tiles)?];
+        let mut joins =
+            vec![bytes.lay_out(BLOCKMAPS_FILE, tree.levels().iter().flatten().map(TileSpan::of_tile), &tiles)?];
         if !tree.meshes().is_empty() {
             joins.push(bytes.lay_out(MESHES_FILE, tree.meshes().iter().filter_map(TileSpan::of_mesh), &tiles)?);
         }
         let city_folder = folder.path().join(CITY);
         fs::create_dir(&city_folder).map_err(|cause| BakeError::io(&city_folder, "created", cause))?;
-        let archives = TileArchives {
-            blockmaps: joins[0].written.clone(),
-            meshes: joins.get(1).map(|join| join.written.clone()),
-        };
+        let archives =
+            TileArchives { blockmaps: joins[0].written.clone(), meshes: joins.get(1).map(|join| join.written.clone()) };
         self.write_others(&plan, &tiles, &mut bytes, archives, folder.path(), &city_folder)?;
         let failed = |cause| BakeError::io(&city_folder, "read", cause);
         for entry in fs::read_dir(&city_folder).map_err(failed)? {
@@ -457,9 +460,11 @@ impl PlannedArchive {
     /// Its parts, all but the last of the same size.
     fn parts(&self, archive: u32) -> Vec<ArchivePart> {
         let size = PART_BYTES.max(self.written.bytes.div_ceil(MAX_PARTS));
-        cut(&self.pieces, size).into_iter().zip(0..).map(|(pieces, number)| {
-            ArchivePart { archive, number, start: u64::from(number) * size, pieces }
-        }).collect()
+        cut(&self.pieces, size)
+            .into_iter()
+            .zip(0..)
+            .map(|(pieces, number)| ArchivePart { archive, number, start: u64::from(number) * size, pieces })
+            .collect()
     }
 }
 
@@ -503,7 +508,9 @@ mod tests {
             for piece in parts.into_iter().flatten() {
                 match piece {
                     Piece::Given(some) => bytes.extend(some),
-                    Piece::Stored { region, start, length } => stored.extend((start..start + length).map(|n| (region, n))),
+                    Piece::Stored { region, start, length } => {
+                        stored.extend((start..start + length).map(|n| (region, n)))
+                    }
                 }
             }
             assert!(bytes == (0..9).collect::<Vec<u8>>() && stored == (100..120).map(|n| (3, n)).collect::<Vec<_>>());

@@ -11,8 +11,8 @@ use insula_protocol::TileId;
 use super::{
     job::Steps,
     layout::{
-        CHUNK_KIND, GROUND, PLAN, PLAN_KIND, Plan, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture, REPORT,
-        REPORT_KIND, ROWS_KIND, ROWS_PER_OBJECT, ShownObject, chunk_name, rows_name,
+        CHUNK_KIND, GROUND, PLAN, PLAN_KIND, Plan, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture,
+        REPORT, REPORT_KIND, ROWS_KIND, ROWS_PER_OBJECT, ShownObject, chunk_name, rows_name,
     },
     scan::{fetch, picture_name, put_file, scratch_folder, triangles_name},
 };

@@ -20,10 +20,7 @@ use crate::{
     error::BakeError,
     hash::{ShortHash, short_hash},
     write::{
-        archive::archive_order,
-        mesh_pack::StoredMesh,
-        tile_bytes::TileBytes,
-        tile_pack::StoredTile,
+        archive::archive_order, mesh_pack::StoredMesh, tile_bytes::TileBytes, tile_pack::StoredTile,
         tile_tree::TileTree,
     },
 };

@@ -43,9 +43,9 @@ impl Steps<'_> {
             return Ok(());
         }
         let wanted = &self.chunks()[chunk];
-        let listed = ListedInputs::new(&self.job.inputs, &self.read_options)?;
+        let listed = ListedInputs::new(&self.job.inputs, &self.read_options, self.job.chunk_bytes())?;
         let range = wanted.first..wanted.first + wanted.bytes.len();
-        if listed.sizes().get(range.clone()) != Some(&wanted.bytes) {
+        if !listed.sizes().iter().eq(self.chunks().iter().flat_map(|chunk| &chunk.bytes)) {
             let what = "they have changed since they were listed; begin a new job";
             return Err(InputError::unsupported("the inputs", what).into());
         }
@@ -77,7 +77,11 @@ impl Steps<'_> {
     /// What a chunk has. Fails if it is not scanned, or damaged.
     pub(super) fn head(&self, chunk: usize) -> Result<PartHead, BakeError> {
         let head: PartHead = self.objects().read(&head_name(chunk), HEAD)?;
-        if head.is_valid() { Ok(head) } else { Err(self.objects().damaged(&head_name(chunk), "its fields are damaged")) }
+        if head.is_valid() {
+            Ok(head)
+        } else {
+            Err(self.objects().damaged(&head_name(chunk), "its fields are damaged"))
+        }
     }
 }
 

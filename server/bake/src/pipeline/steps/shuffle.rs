@@ -266,7 +266,10 @@ mod tests {
         let bundle = bundle_of(vec![triangle(3, 2), triangle(1, 2), triangle(3, 0)], &chunk());
         assert_eq!(bundle.head.objects.iter().map(|o| o.offset_m[0]).collect::<Vec<_>>(), [3.0, 1.0]);
         assert_eq!(bundle.head.materials.iter().map(|m| m.number).collect::<Vec<_>>(), [12, 10]);
-        assert_eq!(bundle.triangles.iter().map(|t| (t.object, t.material)).collect::<Vec<_>>(), [(0, 0), (1, 0), (0, 1)]);
+        assert_eq!(
+            bundle.triangles.iter().map(|t| (t.object, t.material)).collect::<Vec<_>>(),
+            [(0, 0), (1, 0), (0, 1)]
+        );
         let bytes = bundle.to_bytes().unwrap();
         assert_eq!(Bundle::from_bytes(&bytes), Some(bundle));
         for cut in 0..bytes.len() {

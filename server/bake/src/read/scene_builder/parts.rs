@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::pending::PendingObject;
 use super::SceneBuilder;
+use super::pending::PendingObject;
 use crate::error::BakeError;
 use crate::scene::object_records::ObjectRecords;
 use crate::scene::scratch_scene::{ObjectIdentity, StoredMaterial};

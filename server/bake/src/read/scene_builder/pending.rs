@@ -70,10 +70,7 @@ impl PendingObject {
 
     /// Its box in world coordinates.
     pub(super) fn place(&self) -> PlacedBox {
-        PlacedBox {
-            low: std::array::from_fn(|axis| self.low(axis)),
-            high: std::array::from_fn(|axis| self.high(axis)),
-        }
+        PlacedBox { low: std::array::from_fn(|axis| self.low(axis)), high: std::array::from_fn(|axis| self.high(axis)) }
     }
 
     /// The object as the search for duplicates takes it.
