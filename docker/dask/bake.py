@@ -13,6 +13,8 @@ import time
 from distributed import Client, as_completed
 
 STAGES = ["scan", "plan", "shuffle", "region", "crown", "join-plan", "join-part", "join-finish"]
+# Stages of one task, which has no number.
+SINGLE = ("plan", "crown", "join-plan", "join-finish")
 # Exit codes of errors that no retry mends: a wrong command line, and a task that fails on any machine.
 FINAL = (2, 3)
 
@@ -28,11 +30,12 @@ def run_stage(client, arguments, stage, tasks):
     """Runs the tasks of a stage until all are done. Ends the program at an error that no retry mends, or after too many rounds."""
     waiting = list(range(tasks))
     for attempt in range(arguments.attempts):
-        words = {task: [stage] if tasks == 1 and stage not in ("scan", "shuffle", "region", "join-part") else [stage, str(task)]
-                 for task in waiting}
-        # `pure=False`: a task that failed before is run again.
-        futures = {client.submit(run_step, arguments.program, arguments.work, words[task], arguments.threads, pure=False): task
-                   for task in waiting}
+        futures = {}
+        for task in waiting:
+            words = [stage] if stage in SINGLE else [stage, str(task)]
+            # `pure=False`: a task that failed before is run again.
+            future = client.submit(run_step, arguments.program, arguments.work, words, arguments.threads, pure=False)
+            futures[future] = task
         waiting = []
         for future in as_completed(futures, raise_errors=False):
             task = futures[future]

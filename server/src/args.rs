@@ -240,7 +240,8 @@ pub struct BakeArgs {
     #[arg(
         long,
         value_name = "CITY",
-        required = false, required_unless_present = "work",
+        required = false,
+        required_unless_present = "work",
         default_value_if("work", ArgPredicate::IsPresent, "city")
     )]
     pub out: PathBuf,

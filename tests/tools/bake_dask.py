@@ -3,7 +3,7 @@
 
     tests/tools/bake_dask.py --program target/release/insula-server INPUT... [--kills 10] [--workers 4] [--s3] -- [options of the bake]
 
-Needs `pip install distributed`, and `moto[server]` for --s3. Prints the times of both bakes and what was killed.
+Needs `pip install distributed`, and `moto[server]` for --s3 (with boto3). Prints the times of both bakes and what was killed.
 """
 
 import argparse
@@ -85,9 +85,19 @@ def start_moto():
 
 
 def read_object(port, name):
-    import urllib.request
+    """An object of the bucket. Without a signature, moto refuses what was put with one."""
+    import boto3
 
-    return urllib.request.urlopen(f"http://127.0.0.1:{port}/bakes/{name}").read()
+    store = boto3.client("s3", endpoint_url=f"http://127.0.0.1:{port}", region_name="us-east-1")
+    return store.get_object(Bucket="bakes", Key=name)["Body"].read()
+
+
+def count_uploads(port):
+    """Number of uploads in parts that were begun and not completed."""
+    import boto3
+
+    store = boto3.client("s3", endpoint_url=f"http://127.0.0.1:{port}", region_name="us-east-1")
+    return len(store.list_multipart_uploads(Bucket="bakes").get("Uploads", []))
 
 
 def main():
@@ -135,6 +145,8 @@ def main():
             differing += not same
             print(f"{path.name}: {path.stat().st_size} bytes, {'equal' if same else 'DIFFERENT'}")
         print(f"plain bake {plain_s:.1f} s; {arguments.workers} workers {dask_s:.1f} s, {cluster.killed} of them killed")
+        if arguments.s3:
+            print(f"{count_uploads(port)} uploads were not completed")
         sys.exit(1 if differing else 0)
     finally:
         if moto:

@@ -12,7 +12,7 @@ use std::{
 };
 
 use insula_bake::{
-    BakeError, BakeOptions, GroundOption, Job, JobRequest, Silent, Stage, Steps, WorkFolder, read::FacadeOption,
+    BakeError, BakeOptions, BakeStage, BakeSteps, GroundOption, Job, JobRequest, Silent, WorkFolder, read::FacadeOption,
 };
 use insula_test_support::{folder::TestFolder, rng::Rng};
 use support::files;
@@ -74,16 +74,16 @@ fn bake_in_steps(work: &Path, options: &BakeOptions, chunk_bytes: u64, region_le
     let store = WorkFolder::new(work);
     let request = JobRequest { arguments: Vec::new(), chunk_bytes, region_leaves };
     for _ in 0..2 {
-        Steps::begin(&store, options, &request, &Silent)?;
+        BakeSteps::begin(&store, options, &request, &Silent)?;
     }
     let mut rng = Rng::new(u64::from(region_leaves));
-    for (_, stage) in Stage::NAMES {
-        let tasks = Steps::open(&store, Job::read(&store)?, options, &Silent)?.tasks(stage)?;
+    for (_, stage) in BakeStage::NAMES {
+        let tasks = BakeSteps::open(&store, Job::read(&store)?, options, &Silent)?.tasks(stage)?;
         for task in shuffled(tasks, &mut rng) {
-            let steps = Steps::open(&store, Job::read(&store)?, options, &Silent)?;
+            let steps = BakeSteps::open(&store, Job::read(&store)?, options, &Silent)?;
             steps.run(stage, task)?;
         }
-        let status = Steps::open(&store, Job::read(&store)?, options, &Silent)?.status()?;
+        let status = BakeSteps::open(&store, Job::read(&store)?, options, &Silent)?.status()?;
         let of_stage = status.iter().find(|status| status.stage == stage).unwrap();
         assert_eq!((of_stage.tasks, of_stage.done), (Some(tasks), tasks), "{stage:?}");
     }
@@ -216,22 +216,24 @@ fn other_jobs_settings_and_damaged_objects_are_refused() {
     let (work, store) = (folder.path.join("work"), WorkFolder::new(&folder.path.join("work")));
     let request = |region_leaves| JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves };
     assert!(matches!(Job::read(&store), Err(error @ BakeError::StepMissing { .. }) if !error.is_final()));
-    Steps::begin(&store, &options, &request(4), &Silent).unwrap();
-    let other = Steps::begin(&store, &options, &request(8), &Silent).unwrap_err();
+    BakeSteps::begin(&store, &options, &request(4), &Silent).unwrap();
+    let other = BakeSteps::begin(&store, &options, &request(8), &Silent).unwrap_err();
     assert!(other.is_final() && other.to_string().contains("another job"), "{other}");
-    assert!(Steps::begin(&store, &options, &request(3), &Silent).unwrap_err().is_final());
+    assert!(BakeSteps::begin(&store, &options, &request(3), &Silent).unwrap_err().is_final());
     let finer = BakeOptions { cell_m: 1.0, ..options.clone() };
-    let Err(error) = Steps::open(&store, Job::read(&store).unwrap(), &finer, &Silent) else { panic!("other settings") };
+    let Err(error) = BakeSteps::open(&store, Job::read(&store).unwrap(), &finer, &Silent) else {
+        panic!("other settings")
+    };
     assert!(error.is_final() && error.to_string().contains("settings"), "{error}");
-    let steps = || Steps::open(&store, Job::read(&store).unwrap(), &options, &Silent).unwrap();
+    let steps = || BakeSteps::open(&store, Job::read(&store).unwrap(), &options, &Silent).unwrap();
     // A step before its time may be tried again, one that does not exist may not.
-    assert!(!steps().run(Stage::Plan, 0).unwrap_err().is_final());
-    assert!(!steps().run(Stage::Region, 0).unwrap_err().is_final());
-    assert!(steps().run(Stage::Scan, 2).unwrap_err().is_final());
-    for stage in [Stage::Scan, Stage::Plan, Stage::Shuffle, Stage::Region, Stage::Crown] {
+    assert!(!steps().run(BakeStage::Plan, 0).unwrap_err().is_final());
+    assert!(!steps().run(BakeStage::Region, 0).unwrap_err().is_final());
+    assert!(steps().run(BakeStage::Scan, 2).unwrap_err().is_final());
+    for stage in [BakeStage::Scan, BakeStage::Plan, BakeStage::Shuffle, BakeStage::Region, BakeStage::Crown] {
         (0..steps().tasks(stage).unwrap()).for_each(|task| steps().run(stage, task).unwrap());
     }
-    let check = |paths: Vec<PathBuf>, stage: Stage, task: usize| {
+    let check = |paths: Vec<PathBuf>, stage: BakeStage, task: usize| {
         for path in paths {
             let good = fs::read(&path).unwrap();
             for cut in [0, good.len() / 2, good.len() - 1] {
@@ -249,22 +251,22 @@ fn other_jobs_settings_and_damaged_objects_are_refused() {
     };
     let heads = objects(&work, "scan").into_iter().filter(|path| path.ends_with("head")).collect();
     fs::rename(work.join("plan"), work.join("kept")).unwrap();
-    check(heads, Stage::Plan, 0);
+    check(heads, BakeStage::Plan, 0);
     fs::rename(work.join("kept"), work.join("plan")).unwrap();
     fs::remove_dir_all(work.join("region/0")).unwrap();
-    check(vec![work.join("shuffle/0/index")], Stage::Region, 0);
+    check(vec![work.join("shuffle/0/index")], BakeStage::Region, 0);
     let bundles = work.join("shuffle/0/bundles");
     let good = fs::read(&bundles).unwrap();
     for bad in [good[..good.len() / 9].to_vec(), [&[1], &good[1..]].concat(), [&good[..30], b"!", &good[31..]].concat()]
     {
         fs::write(&bundles, bad).unwrap();
-        assert!(steps().run(Stage::Region, 0).is_err());
+        assert!(steps().run(BakeStage::Region, 0).is_err());
     }
     fs::write(&bundles, good).unwrap();
-    check(vec![work.join("plan/plan")], Stage::Region, 0);
-    steps().run(Stage::Region, 0).unwrap();
+    check(vec![work.join("plan/plan")], BakeStage::Region, 0);
+    steps().run(BakeStage::Region, 0).unwrap();
     fs::remove_dir_all(work.join("crown")).unwrap();
-    check(vec![work.join("region/0/index")], Stage::Crown, 0);
+    check(vec![work.join("region/0/index")], BakeStage::Crown, 0);
     // Nothing is left of a job that is given up.
     assert!(insula_bake::abort(&store).unwrap() > 10);
     assert!(objects(&work, ".").is_empty());
@@ -276,8 +278,8 @@ fn a_change_of_the_inputs_ends_the_job() {
     let options = options(write_town(&folder.path, [139.75, 35.68], 2));
     let store = WorkFolder::new(&folder.path.join("work"));
     let request = JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves: 4 };
-    let job = Steps::begin(&store, &options, &request, &Silent).unwrap();
+    let job = BakeSteps::begin(&store, &options, &request, &Silent).unwrap();
     fs::write(&options.inputs[0], "{}").unwrap();
-    let error = Steps::open(&store, job, &options, &Silent).unwrap().run(Stage::Scan, 1).unwrap_err();
+    let error = BakeSteps::open(&store, job, &options, &Silent).unwrap().run(BakeStage::Scan, 1).unwrap_err();
     assert!(error.is_final() && error.to_string().contains("have changed"), "{error}");
 }

@@ -7,16 +7,17 @@ use crate::{
 };
 use clap::Parser;
 use insula_bake::{
-    BakeError, BakeOptions, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, Stage, Steps, WorkStore, abort,
+    BakeError, BakeOptions, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest,
+    WorkStore, abort,
 };
 use std::path::Path;
 
 /// A step as it is typed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Step {
+enum BakeStep {
     Begin,
-    Run(Stage, usize),
-    Tasks(Stage),
+    Run(BakeStage, usize),
+    Tasks(BakeStage),
     Status,
     Abort,
 }
@@ -27,32 +28,32 @@ pub(super) fn run(args: &BakeArgs, work: &str) -> Result<(), CommandError> {
     let step = parse(&words.iter().map(String::as_str).collect::<Vec<_>>(), !args.step_inputs.is_empty())?;
     let store = work_store::open(work)?;
     match step {
-        Step::Begin => begin(args, &*store),
-        Step::Abort => {
+        BakeStep::Begin => begin(args, &*store),
+        BakeStep::Abort => {
             let removed = abort(&*store).map_err(of_step)?;
             print(&format!("{work}: {removed} objects removed\n"));
             Ok(())
         }
-        Step::Run(..) | Step::Tasks(_) | Step::Status => in_job(args, &*store, step),
+        BakeStep::Run(..) | BakeStep::Tasks(_) | BakeStep::Status => in_job(args, &*store, step),
     }
 }
 
 /// The step of these words. Fails with all steps if there is none.
-fn parse(words: &[&str], has_inputs: bool) -> Result<Step, CommandError> {
-    let stage = |word: &str| Stage::NAMES.iter().find(|(name, _)| *name == word).map(|(_, stage)| *stage);
+fn parse(words: &[&str], has_inputs: bool) -> Result<BakeStep, CommandError> {
+    let stage = |word: &str| BakeStage::NAMES.iter().find(|(name, _)| *name == word).map(|(_, stage)| *stage);
     let number = |word: &str| word.parse::<usize>().ok();
     let found = match words {
-        ["plan"] if has_inputs => Some(Step::Begin),
-        ["status"] => Some(Step::Status),
-        ["abort"] => Some(Step::Abort),
+        ["plan"] if has_inputs => Some(BakeStep::Begin),
+        ["status"] => Some(BakeStep::Status),
+        ["abort"] => Some(BakeStep::Abort),
         ["join", step] => {
-            stage(&format!("join-{step}")).filter(|stage| stage.is_single()).map(|stage| Step::Run(stage, 0))
+            stage(&format!("join-{step}")).filter(|stage| stage.is_single()).map(|stage| BakeStep::Run(stage, 0))
         }
-        ["join", "part", task] => number(task).map(|task| Step::Run(Stage::JoinPart, task)),
-        ["tasks", "join", step] => stage(&format!("join-{step}")).map(Step::Tasks),
-        ["tasks", name] => stage(name).map(Step::Tasks),
-        [name] => stage(name).filter(|stage| stage.is_single()).map(|stage| Step::Run(stage, 0)),
-        [name, task] => stage(name).zip(number(task)).map(|(stage, task)| Step::Run(stage, task)),
+        ["join", "part", task] => number(task).map(|task| BakeStep::Run(BakeStage::JoinPart, task)),
+        ["tasks", "join", step] => stage(&format!("join-{step}")).map(BakeStep::Tasks),
+        ["tasks", name] => stage(name).map(BakeStep::Tasks),
+        [name] => stage(name).filter(|stage| stage.is_single()).map(|stage| BakeStep::Run(stage, 0)),
+        [name, task] => stage(name).zip(number(task)).map(|(stage, task)| BakeStep::Run(stage, task)),
         _ => None,
     };
     found.filter(|_| !has_inputs || words == ["plan"]).ok_or_else(|| {
@@ -72,7 +73,7 @@ fn begin(args: &BakeArgs, store: &dyn WorkStore) -> Result<(), CommandError> {
         region_leaves: args.region.unwrap_or(DEFAULT_REGION_LEAVES),
     };
     let progress = BakeProgress::start(Path::new(&store.address()));
-    let job = Steps::begin(store, &options, &request, &progress);
+    let job = BakeSteps::begin(store, &options, &request, &progress);
     progress.clear();
     print(&format!("{}: {} scans\n", store.address(), job.map_err(of_step)?.scans()));
     Ok(())
@@ -86,7 +87,7 @@ fn options_of(args: &BakeArgs) -> Result<BakeOptions, CommandError> {
 }
 
 /// Runs a step of the job in the store, with its options. Threads and memory of this command line take precedence.
-fn in_job(args: &BakeArgs, store: &dyn WorkStore, step: Step) -> Result<(), CommandError> {
+fn in_job(args: &BakeArgs, store: &dyn WorkStore, step: BakeStep) -> Result<(), CommandError> {
     let job = Job::read(store).map_err(of_step)?;
     let damaged = || CommandError::Final(format!("{}/job.json: its arguments are damaged", store.address()));
     let line = ["insula-server".to_owned()].into_iter().chain(job.arguments.iter().cloned());
@@ -98,10 +99,10 @@ fn in_job(args: &BakeArgs, store: &dyn WorkStore, step: Step) -> Result<(), Comm
     options.memory_bytes = args.memory.or(options.memory_bytes);
     memory::set_limit(options.memory_limit_bytes());
     let progress = BakeProgress::start(Path::new(&store.address()));
-    let steps = Steps::open(store, job, &options, &progress).map_err(of_step)?;
+    let steps = BakeSteps::open(store, job, &options, &progress).map_err(of_step)?;
     let text = match step {
-        Step::Run(stage, task) => steps.run(stage, task).map(|()| String::new()),
-        Step::Tasks(stage) => steps.tasks(stage).map(|tasks| format!("{tasks}\n")),
+        BakeStep::Run(stage, task) => steps.run(stage, task).map(|()| String::new()),
+        BakeStep::Tasks(stage) => steps.tasks(stage).map(|tasks| format!("{tasks}\n")),
         _ => steps.status().map(|all| all.iter().map(status_line).collect()),
     };
     progress.clear();
@@ -113,7 +114,7 @@ fn in_job(args: &BakeArgs, store: &dyn WorkStore, step: Step) -> Result<(), Comm
 }
 
 fn status_line(status: &insula_bake::StageStatus) -> String {
-    let name = Stage::NAMES.iter().find(|(_, stage)| *stage == status.stage).map_or("", |(name, _)| name);
+    let name = BakeStage::NAMES.iter().find(|(_, stage)| *stage == status.stage).map_or("", |(name, _)| name);
     let tasks = status.tasks.map_or("?".to_owned(), |tasks| tasks.to_string());
     format!("{name} {} of {tasks}\n", status.done)
 }
@@ -130,20 +131,20 @@ mod tests {
     #[test]
     fn steps_are_words_and_numbers() {
         for (words, step) in [
-            (&["plan"][..], Step::Run(Stage::Plan, 0)),
-            (&["scan", "7"], Step::Run(Stage::Scan, 7)),
-            (&["region", "10000"], Step::Run(Stage::Region, 10_000)),
-            (&["join", "finish"], Step::Run(Stage::JoinFinish, 0)),
-            (&["join-plan"], Step::Run(Stage::JoinPlan, 0)),
-            (&["join", "part", "3"], Step::Run(Stage::JoinPart, 3)),
-            (&["tasks", "join-part"], Step::Tasks(Stage::JoinPart)),
-            (&["tasks", "shuffle"], Step::Tasks(Stage::Shuffle)),
-            (&["status"], Step::Status),
-            (&["abort"], Step::Abort),
+            (&["plan"][..], BakeStep::Run(BakeStage::Plan, 0)),
+            (&["scan", "7"], BakeStep::Run(BakeStage::Scan, 7)),
+            (&["region", "10000"], BakeStep::Run(BakeStage::Region, 10_000)),
+            (&["join", "finish"], BakeStep::Run(BakeStage::JoinFinish, 0)),
+            (&["join-plan"], BakeStep::Run(BakeStage::JoinPlan, 0)),
+            (&["join", "part", "3"], BakeStep::Run(BakeStage::JoinPart, 3)),
+            (&["tasks", "join-part"], BakeStep::Tasks(BakeStage::JoinPart)),
+            (&["tasks", "shuffle"], BakeStep::Tasks(BakeStage::Shuffle)),
+            (&["status"], BakeStep::Status),
+            (&["abort"], BakeStep::Abort),
         ] {
             assert_eq!(parse(words, false).unwrap(), step, "{words:?}");
         }
-        assert_eq!(parse(&["plan"], true).unwrap(), Step::Begin);
+        assert_eq!(parse(&["plan"], true).unwrap(), BakeStep::Begin);
         for words in [&["scan"][..], &["scan", "-1"], &["scan", "1", "2"], &["city.json"], &["tasks", "all"], &[]] {
             assert!(matches!(parse(words, false), Err(CommandError::Usage(_))), "{words:?}");
         }

@@ -40,8 +40,8 @@ use crate::{
 };
 pub use generated::{GeneratedCity, bake_generated};
 pub use steps::{
-    DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, Stage, StageStatus, Steps, WorkFolder, WorkStore,
-    abort,
+    BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, StageStatus, WorkFolder,
+    WorkStore, abort,
 };
 
 use context::{FinishedTiles, TileContext};

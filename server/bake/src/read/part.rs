@@ -71,6 +71,9 @@ impl ListedInputs {
         if let Some(file) = &options.landmarks {
             return Err(unsupported(&file.display().to_string()));
         }
+        if let Some(source) = listed.sources.first().filter(|_| options.is_monument) {
+            return Err(unsupported(&source.label));
+        }
         listed.sources = listed.sources.into_iter().flat_map(|source| slices(source, slice_bytes)).collect();
         Ok(Self { listed })
     }

@@ -25,7 +25,7 @@ use super::{
     fingerprints::Fingerprints,
     objects::NumberedRecords,
     search, thumbnail,
-    tile_bytes::TileBytes,
+    tile_bytes::TileContent,
     tile_pack::StoredTile,
     tile_tree::{self, TileTree},
 };
@@ -129,7 +129,7 @@ pub(crate) const MESHES_FILE: &str = "meshes.pmtiles";
 /// or a file cannot be written.
 pub(crate) fn write(
     input: CityInput<'_>,
-    tiles: &mut dyn TileBytes,
+    tiles: &mut dyn TileContent,
     folder: &Path,
     advance: impl Fn(u64),
 ) -> Result<WrittenCity, BakeError> {
@@ -148,7 +148,7 @@ pub(crate) fn write(
 /// Writes all files besides `archives`, which are elsewhere or in the folder already. Fails as [`write`].
 pub(crate) fn write_others(
     input: CityInput<'_>,
-    tiles: &mut dyn TileBytes,
+    tiles: &mut dyn TileContent,
     archives: TileArchives,
     folder: &Path,
 ) -> Result<WrittenCity, BakeError> {
@@ -187,7 +187,7 @@ pub(crate) fn write_others(
 }
 
 /// Writes the archive of meshes, each level of detail under its own tile id.
-fn write_meshes(input: &CityInput<'_>, tiles: &mut dyn TileBytes, path: &Path) -> Result<WrittenArchive, BakeError> {
+fn write_meshes(input: &CityInput<'_>, tiles: &mut dyn TileContent, path: &Path) -> Result<WrittenArchive, BakeError> {
     let missing = || BakeError::Scratch { path: path.to_owned() };
     let mut by_id = HashMap::with_capacity(input.tree.meshes().len());
     for mesh in input.tree.meshes() {

@@ -11,7 +11,7 @@ use image::{
 };
 use insula_protocol::{BlockMap, Manifest, NODE_CELLS, TileId, blockmap::flag, texel::AO_MAX};
 
-use super::{files::write_synced, tile_bytes::TileBytes, tile_tree::TileTree};
+use super::{files::write_synced, tile_bytes::TileContent, tile_tree::TileTree};
 use crate::error::BakeError;
 
 pub(super) use insula_protocol::route::THUMBNAIL_FILE as FILE_NAME;
@@ -33,7 +33,7 @@ const MAX_SLOPE: f32 = 1.5;
 pub(super) fn write(
     folder: &Path,
     tree: &TileTree,
-    tiles: &mut dyn TileBytes,
+    tiles: &mut dyn TileContent,
     manifest: &Manifest,
 ) -> Result<u64, BakeError> {
     let path = folder.join(FILE_NAME);

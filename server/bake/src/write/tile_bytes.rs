@@ -9,7 +9,7 @@ use super::{
 use crate::error::BakeError;
 
 /// Finished tiles and meshes.
-pub(crate) trait TileBytes {
+pub(crate) trait TileContent {
     /// Bytes of a V-BlockMap. Fails if they cannot be read.
     fn tile(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError>;
     /// Bytes of a mesh. Fails if they cannot be read.
@@ -28,7 +28,7 @@ impl<'a> PackedTiles<'a> {
     }
 }
 
-impl TileBytes for PackedTiles<'_> {
+impl TileContent for PackedTiles<'_> {
     fn tile(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError> {
         self.reader.read(stored)
     }

@@ -3,8 +3,8 @@
 use std::fs;
 
 use super::{
-    job::Steps,
-    layout::Plan,
+    job::BakeSteps,
+    layout::CityPlan,
     region,
     region_file::{self, INDEX_KIND, TileIndex, bytes_name, index_name},
     scan::scratch_folder,
@@ -27,7 +27,7 @@ use crate::{
 /// Folder of the crown's objects in the store.
 pub(super) const FOLDER: &str = "crown";
 
-impl Steps<'_> {
+impl BakeSteps<'_> {
     /// Bakes the levels above the regions. Fails if a region is not baked.
     pub fn crown(&self) -> Result<(), BakeError> {
         let plan = self.read_plan()?;
@@ -66,7 +66,7 @@ impl Steps<'_> {
     }
 
     /// The tiles of the regions' roots, as far as they have content.
-    fn region_roots(&self, plan: &Plan) -> Result<Vec<EncodedTile>, BakeError> {
+    fn region_roots(&self, plan: &CityPlan) -> Result<Vec<EncodedTile>, BakeError> {
         let objects = self.objects();
         self.progress.stage("regions", plan.regions.len() as u64);
         let mut roots = Vec::new();

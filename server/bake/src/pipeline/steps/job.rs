@@ -73,7 +73,7 @@ pub struct JobRequest {
 }
 
 /// The steps of a job.
-pub struct Steps<'a> {
+pub struct BakeSteps<'a> {
     pub(super) job: Job,
     id: String,
     store: &'a dyn WorkStore,
@@ -126,7 +126,7 @@ impl Job {
     }
 }
 
-impl<'a> Steps<'a> {
+impl<'a> BakeSteps<'a> {
     /// Lists the inputs and writes the job. Does nothing if the same job is there. Fails if another job is, or if an input cannot be
     /// read in steps.
     pub fn begin(

@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     crown,
-    job::{Job, Steps},
-    layout::{PLAN, Plan, REPORT, REPORT_KIND, ROWS_KIND, rows_name},
+    job::{BakeSteps, Job},
+    layout::{CityPlan, PLAN, REPORT, REPORT_KIND, ROWS_KIND, rows_name},
     region,
     region_file::{INDEX_KIND, TileIndex, bytes_name, index_name},
     scan::{fetch, put_file, records_name, scratch_folder},
@@ -33,7 +33,7 @@ use crate::{
         city::{self, BLOCKMAPS_FILE, CityInput, MESHES_FILE, TileArchives},
         mesh_pack::StoredMesh,
         objects::NumberedRecords,
-        tile_bytes::TileBytes,
+        tile_bytes::TileContent,
         tile_pack::{PackId, StoredTile},
         tile_tree::TileTree,
     },
@@ -89,12 +89,12 @@ struct ArchivePart {
     number: u32,
     /// Of its bytes in the archive.
     start: u64,
-    pieces: Vec<Piece>,
+    pieces: Vec<ArchivePiece>,
 }
 
 /// Bytes of an archive.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-enum Piece {
+enum ArchivePiece {
     Given(Vec<u8>),
     /// In the object of a region.
     Stored {
@@ -104,7 +104,7 @@ enum Piece {
     },
 }
 
-impl Piece {
+impl ArchivePiece {
     fn length(&self) -> u64 {
         match self {
             Self::Given(bytes) => bytes.len() as u64,
@@ -129,7 +129,7 @@ struct Receipt {
     receipt: String,
 }
 
-impl Steps<'_> {
+impl BakeSteps<'_> {
     /// Plans the city's archives from the indexes of all regions, and writes all files that are small beside them. Fails if a step before is missing.
     pub fn join_plan(&self) -> Result<(), BakeError> {
         let objects = self.objects();
@@ -187,8 +187,8 @@ impl Steps<'_> {
         let mut bytes = Vec::new();
         for piece in pieces {
             match piece {
-                Piece::Given(given) => bytes.extend(given),
-                Piece::Stored { region, start, length } => {
+                ArchivePiece::Given(given) => bytes.extend(given),
+                ArchivePiece::Stored { region, start, length } => {
                     let name = bytes_name(&folder_of(region));
                     let read = objects.store.range(&name, start, length);
                     bytes.extend(read.map_err(|cause| objects.failed(&name, cause))?);
@@ -236,7 +236,7 @@ impl Steps<'_> {
     /// Writes the files besides the archives of V-BlockMaps and meshes into `city_folder`. `scratch` is for what they are made of.
     fn write_others(
         &self,
-        plan: &Plan,
+        plan: &CityPlan,
         tiles: &CityTiles,
         bytes: &mut StoreTiles<'_>,
         archives: TileArchives,
@@ -278,7 +278,7 @@ impl Steps<'_> {
     }
 
     /// All tiles of the city.
-    fn read_tiles(&self, plan: &Plan) -> Result<CityTiles, BakeError> {
+    fn read_tiles(&self, plan: &CityPlan) -> Result<CityTiles, BakeError> {
         let objects = self.objects();
         let mut levels: Vec<Vec<StoredTile>> = vec![Vec::new(); usize::from(plan.grid.depth) + 1];
         let (mut meshes, mut fingerprints, mut hashes) = (Vec::new(), Vec::new(), HashMap::new());
@@ -338,7 +338,7 @@ fn folder_of(region: u32) -> String {
 /// Tiles in the objects of regions.
 struct StoreTiles<'a> {
     objects: SealedStore<'a>,
-    plan: &'a Plan,
+    plan: &'a CityPlan,
     regions: HashMap<[u32; 2], u32>,
     /// The bytes that were read last: neighbours follow one another.
     ahead: Option<(String, u64, Vec<u8>)>,
@@ -348,7 +348,7 @@ struct StoreTiles<'a> {
 const AHEAD_BYTES: u64 = 1 << 20;
 
 impl<'a> StoreTiles<'a> {
-    fn new(objects: SealedStore<'a>, plan: &'a Plan) -> Self {
+    fn new(objects: SealedStore<'a>, plan: &'a CityPlan) -> Self {
         Self { objects, plan, regions: plan.region_numbers(), ahead: None }
     }
 
@@ -400,24 +400,24 @@ impl StoreTiles<'_> {
             regions.push(region);
         }
         let ArchiveLayout { head, distinct, tail, written } = archive::lay_out(Path::new(name), &listed)?;
-        let mut pieces = vec![Piece::Given(head)];
+        let mut pieces = vec![ArchivePiece::Given(head)];
         for number in distinct {
             let (region, TileSpan { start, bytes, .. }) = (regions[number], all[number]);
             match pieces.last_mut() {
-                Some(Piece::Stored { region: last, start: from, length })
+                Some(ArchivePiece::Stored { region: last, start: from, length })
                     if *last == region && *from + *length == start =>
                 {
                     *length += u64::from(bytes);
                 }
-                _ => pieces.push(Piece::Stored { region, start, length: bytes.into() }),
+                _ => pieces.push(ArchivePiece::Stored { region, start, length: bytes.into() }),
             }
         }
-        pieces.push(Piece::Given(tail));
+        pieces.push(ArchivePiece::Given(tail));
         Ok(PlannedArchive { name, written, pieces })
     }
 }
 
-impl TileBytes for StoreTiles<'_> {
+impl TileContent for StoreTiles<'_> {
     fn tile(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError> {
         self.read(self.region_of(stored.id)?, stored.offset, stored.bytes.into())
     }
@@ -453,7 +453,7 @@ impl TileSpan {
 struct PlannedArchive {
     name: &'static str,
     written: WrittenArchive,
-    pieces: Vec<Piece>,
+    pieces: Vec<ArchivePiece>,
 }
 
 impl PlannedArchive {
@@ -469,7 +469,7 @@ impl PlannedArchive {
 }
 
 /// Cuts pieces into parts of a size.
-fn cut(pieces: &[Piece], size: u64) -> Vec<Vec<Piece>> {
+fn cut(pieces: &[ArchivePiece], size: u64) -> Vec<Vec<ArchivePiece>> {
     let mut parts = Vec::new();
     let (mut part, mut filled) = (Vec::new(), 0);
     for piece in pieces {
@@ -496,19 +496,20 @@ mod tests {
 
     #[test]
     fn parts_have_all_bytes_in_order() {
-        let given = |bytes: std::ops::Range<u8>| Piece::Given(bytes.collect());
-        let pieces = [given(0..7), Piece::Stored { region: 3, start: 100, length: 20 }, given(7..9), given(9..9)];
+        let given = |bytes: std::ops::Range<u8>| ArchivePiece::Given(bytes.collect());
+        let pieces =
+            [given(0..7), ArchivePiece::Stored { region: 3, start: 100, length: 20 }, given(7..9), given(9..9)];
         for size in [1, 4, 7, 10, 29, 100] {
             let parts = cut(&pieces, size);
-            let lengths: Vec<u64> = parts.iter().map(|part| part.iter().map(Piece::length).sum()).collect();
+            let lengths: Vec<u64> = parts.iter().map(|part| part.iter().map(ArchivePiece::length).sum()).collect();
             assert_eq!(lengths.iter().sum::<u64>(), 29);
             let (last, others) = lengths.split_last().unwrap();
             assert!(others.iter().all(|length| *length == size) && (1..=size).contains(last));
             let (mut bytes, mut stored) = (Vec::new(), Vec::new());
             for piece in parts.into_iter().flatten() {
                 match piece {
-                    Piece::Given(some) => bytes.extend(some),
-                    Piece::Stored { region, start, length } => {
+                    ArchivePiece::Given(some) => bytes.extend(some),
+                    ArchivePiece::Stored { region, start, length } => {
                         stored.extend((start..start + length).map(|n| (region, n)))
                     }
                 }

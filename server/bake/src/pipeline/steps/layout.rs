@@ -43,7 +43,7 @@ pub(super) fn rows_name(part: usize) -> String {
 
 /// The plan of a city.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct Plan {
+pub(super) struct CityPlan {
     pub(super) grid: CityGrid,
     pub(super) facts: SceneFacts,
     pub(super) ground: Option<GroundReport>,
@@ -59,7 +59,7 @@ pub(super) struct Plan {
     pub(super) rows: usize,
 }
 
-impl Plan {
+impl CityPlan {
     /// Whether the regions are those of a grid.
     pub(super) fn is_valid(&self) -> bool {
         let is_region = |[x, y]: &[u32; 2]| TileId::new(self.region_level, *x, *y).is_some();
@@ -111,12 +111,12 @@ pub(super) struct PlannedObject {
     /// From the scene's origin to that of its triangles.
     pub(super) offset_m: [f64; 3],
     /// `None` for an object that is left out.
-    pub(super) shown: Option<ShownObject>,
+    pub(super) shown: Option<NumberedShape>,
 }
 
 /// An object of the city.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct ShownObject {
+pub(super) struct NumberedShape {
     pub(super) kind: ObjectKind,
     pub(super) base_z_m: f32,
     /// Number in the baked city.

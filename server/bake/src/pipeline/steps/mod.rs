@@ -2,15 +2,15 @@
 //!
 //! | step | tasks | reads | writes |
 //! |---|---|---|---|
-//! | [`Steps::begin`] | 1 | names of inputs, their first places | the job: chunks of sources, coordinate system |
-//! | [`Steps::scan`] | chunks | the sources of a chunk | objects, triangles, records, textures |
-//! | [`Steps::plan`] | 1 | all scans | grid, regions, numbers of objects, generated ground |
-//! | [`Steps::shuffle`] | chunks, and the ground | a scan, the plan | its triangles by region |
-//! | [`Steps::region`] | regions | its triangles | leaves, meshes, parents up to the region's root |
-//! | [`Steps::crown`] | 1 | the regions' roots | the levels above |
-//! | [`Steps::join_plan`] | 1 | the indexes of all tiles | the small files of the city; what the parts of the archives are |
-//! | [`Steps::join_part`] | parts | tiles | 64 MiB of an archive |
-//! | [`Steps::join_finish`] | 1 | receipts for the parts | the archives; `city.json` last |
+//! | [`BakeSteps::begin`] | 1 | names of inputs, their first places | the job: chunks of sources, coordinate system |
+//! | [`BakeSteps::scan`] | chunks | the sources of a chunk | objects, triangles, records, textures |
+//! | [`BakeSteps::plan`] | 1 | all scans | grid, regions, numbers of objects, generated ground |
+//! | [`BakeSteps::shuffle`] | chunks, and the ground | a scan, the plan | its triangles by region |
+//! | [`BakeSteps::region`] | regions | its triangles | leaves, meshes, parents up to the region's root |
+//! | [`BakeSteps::crown`] | 1 | the regions' roots | the levels above |
+//! | [`BakeSteps::join_plan`] | 1 | the indexes of all tiles | the small files of the city; what the parts of the archives are |
+//! | [`BakeSteps::join_part`] | parts | tiles | 64 MiB of an archive |
+//! | [`BakeSteps::join_finish`] | 1 | receipts for the parts | the archives; `city.json` last |
 //!
 //! A step that finds its result does nothing. Results depend on nothing but the inputs and the options: the same task may run twice, on
 //! two machines, in any order within its stage, with regions and chunks of any size, and the city is that of [`crate::bake`], byte for byte.
@@ -28,6 +28,6 @@ mod shuffle;
 mod stage;
 mod work;
 
-pub use job::{DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, Steps};
-pub use stage::{Stage, StageStatus, abort};
+pub use job::{BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest};
+pub use stage::{BakeStage, StageStatus, abort};
 pub use work::{WorkFolder, WorkStore};

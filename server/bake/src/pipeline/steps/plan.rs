@@ -9,10 +9,10 @@ use std::{
 use insula_protocol::TileId;
 
 use super::{
-    job::Steps,
+    job::BakeSteps,
     layout::{
-        CHUNK_KIND, GROUND, PLAN, PLAN_KIND, Plan, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture,
-        REPORT, REPORT_KIND, ROWS_KIND, ROWS_PER_OBJECT, ShownObject, chunk_name, rows_name,
+        CHUNK_KIND, CityPlan, GROUND, NumberedShape, PLAN, PLAN_KIND, PlannedChunk, PlannedMaterial, PlannedObject,
+        PlannedTexture, REPORT, REPORT_KIND, ROWS_KIND, ROWS_PER_OBJECT, chunk_name, rows_name,
     },
     scan::{fetch, picture_name, put_file, scratch_folder, triangles_name},
 };
@@ -39,7 +39,7 @@ const BOX_SLACK_M: f64 = 1.0;
 /// Most regions. A country has some ten thousand.
 const MAX_REGIONS: usize = 1 << 22;
 
-impl Steps<'_> {
+impl BakeSteps<'_> {
     /// Plans the city from all scans. Fails if a scan is missing, if the sources give no city, or if it is too wide.
     pub fn plan(&self) -> Result<(), BakeError> {
         let objects = self.objects();
@@ -93,13 +93,13 @@ impl Steps<'_> {
         let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
         let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
         let (chunks, rows) = (first_objects.len(), numbers.rows.len());
-        let plan = Plan { grid, facts, ground, plane_m, region_level, regions, chunks, rows };
+        let plan = CityPlan { grid, facts, ground, plane_m, region_level, regions, chunks, rows };
         objects.write(PLAN, PLAN_KIND, &plan)
     }
 
     /// The plan. Fails if there is none yet, or if it is damaged.
-    pub(super) fn read_plan(&self) -> Result<Plan, BakeError> {
-        let plan: Plan = self.objects().read(PLAN, PLAN_KIND)?;
+    pub(super) fn read_plan(&self) -> Result<CityPlan, BakeError> {
+        let plan: CityPlan = self.objects().read(PLAN, PLAN_KIND)?;
         if plan.is_valid() { Ok(plan) } else { Err(self.objects().damaged(PLAN, "its fields are damaged")) }
     }
 
@@ -140,7 +140,7 @@ impl ChunkPlanner<'_> {
             let shown = placement.object.map(|object| {
                 let number = self.numbers[object as usize];
                 let object = &city.objects[object as usize];
-                ShownObject { kind: object.kind, base_z_m: object.base_z_m, number }
+                NumberedShape { kind: object.kind, base_z_m: object.base_z_m, number }
             });
             PlannedObject { offset_m: placement.offset_m, shown }
         };

@@ -3,8 +3,8 @@
 use std::{collections::HashMap, fs, path::Path};
 
 use super::{
-    job::Steps,
-    layout::{Plan, PlannedMaterial},
+    job::BakeSteps,
+    layout::{CityPlan, PlannedMaterial},
     region_file::{self, TileIndex, index_name},
     scan::{fetch, picture_name, scratch_folder},
     shuffle::BundleHead,
@@ -34,7 +34,7 @@ pub(super) fn folder_name(region: usize) -> String {
     format!("region/{region}")
 }
 
-impl Steps<'_> {
+impl BakeSteps<'_> {
     /// Bakes a region. Fails if a chunk is not shuffled, or as baking a city does.
     pub fn region(&self, region: usize) -> Result<(), BakeError> {
         let plan = self.read_plan()?;
@@ -60,7 +60,7 @@ impl Steps<'_> {
     /// Bakes the scene of a region into packs.
     fn bake_region(
         &self,
-        plan: &Plan,
+        plan: &CityPlan,
         region: usize,
         city: &mut ScratchScene,
         folder: &Path,
@@ -86,7 +86,7 @@ impl Steps<'_> {
     }
 
     /// The part of the city that a region needs, with triangles and textures in a folder.
-    fn region_scene(&self, plan: &Plan, region: usize, folder: &Path) -> Result<ScratchScene, BakeError> {
+    fn region_scene(&self, plan: &CityPlan, region: usize, folder: &Path) -> Result<ScratchScene, BakeError> {
         let objects = self.objects();
         let budget = ScratchBudget::new(self.config.scratch_bytes);
         let mut builder = RegionBuilder::default();

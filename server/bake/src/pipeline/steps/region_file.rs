@@ -20,7 +20,7 @@ use crate::{
     error::BakeError,
     hash::{ShortHash, short_hash},
     write::{
-        archive::archive_order, mesh_pack::StoredMesh, tile_bytes::TileBytes, tile_pack::StoredTile,
+        archive::archive_order, mesh_pack::StoredMesh, tile_bytes::TileContent, tile_pack::StoredTile,
         tile_tree::TileTree,
     },
 };
@@ -144,7 +144,7 @@ pub(super) fn write(
     folder: &str,
     tree: &TileTree,
     levels: std::ops::RangeInclusive<u8>,
-    bytes: &mut dyn TileBytes,
+    bytes: &mut dyn TileContent,
     mut index: TileIndex,
     path: &Path,
 ) -> Result<(), BakeError> {

@@ -3,7 +3,7 @@
 use std::fs;
 
 use super::{
-    job::Steps,
+    job::BakeSteps,
     sealed::{SealedKind, SealedStore},
 };
 use crate::{
@@ -34,7 +34,7 @@ pub(super) fn picture_name(hash: ShortHash) -> String {
     format!("pic/{hex}")
 }
 
-impl Steps<'_> {
+impl BakeSteps<'_> {
     /// Reads a chunk. Fails if its sources cannot be read, or have changed since they were listed.
     pub fn scan(&self, chunk: usize) -> Result<(), BakeError> {
         self.check_task("scan", chunk, self.chunks().len())?;

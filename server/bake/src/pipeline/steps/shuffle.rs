@@ -14,8 +14,8 @@ use insula_protocol::codec::bincode;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    job::Steps,
-    layout::{CHUNK_KIND, GROUND, Plan, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture, chunk_name},
+    job::BakeSteps,
+    layout::{CHUNK_KIND, CityPlan, GROUND, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture, chunk_name},
     scan::{fetch, put_file, scratch_folder, triangles_name},
     sealed::SealedKind,
 };
@@ -93,7 +93,7 @@ impl Bundle {
     }
 }
 
-impl Steps<'_> {
+impl BakeSteps<'_> {
     /// Sorts a chunk by region; the last one is the generated ground. Fails if the plan is missing.
     pub fn shuffle(&self, chunk: usize) -> Result<(), BakeError> {
         let plan = self.read_plan()?;
@@ -147,7 +147,7 @@ impl Steps<'_> {
 
 /// Sorts triangles by region, in a file for each.
 struct RegionSorter<'a> {
-    plan: &'a Plan,
+    plan: &'a CityPlan,
     numbers: HashMap<[u32; 2], u32>,
     folder: &'a Path,
     margin_m: f64,
@@ -158,7 +158,7 @@ struct RegionSorter<'a> {
 }
 
 impl<'a> RegionSorter<'a> {
-    fn new(plan: &'a Plan, folder: &'a Path, margin_m: f64) -> Self {
+    fn new(plan: &'a CityPlan, folder: &'a Path, margin_m: f64) -> Self {
         let (numbers, buffers, written) = (plan.region_numbers(), BTreeMap::new(), BTreeMap::new());
         Self { plan, numbers, folder, margin_m, buffers, buffered: 0, written }
     }
@@ -242,10 +242,10 @@ fn bundle_of(mut triangles: Vec<SceneTriangle>, planned: &PlannedChunk) -> Bundl
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{pipeline::steps::layout::ShownObject, scene::ObjectKind};
+    use crate::{pipeline::steps::layout::NumberedShape, scene::ObjectKind};
 
     fn chunk() -> PlannedChunk {
-        let shown = ShownObject { kind: ObjectKind::Building, base_z_m: 1.5, number: 7 };
+        let shown = NumberedShape { kind: ObjectKind::Building, base_z_m: 1.5, number: 7 };
         let object = |x: f64| PlannedObject { offset_m: [x, 0.0, 0.0], shown: Some(shown) };
         let material = |number: u32| PlannedMaterial { number, rgb: [1, 2, 3], texture: None, is_reflective: false };
         PlannedChunk {

@@ -2,7 +2,7 @@
 
 use super::{
     crown,
-    job::{JOB, Job, Steps},
+    job::{BakeSteps, JOB, Job},
     join::JOIN_PLAN,
     layout::PLAN,
     region_file::index_name,
@@ -12,7 +12,7 @@ use crate::error::BakeError;
 
 /// A stage of the steps, in their order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
+pub enum BakeStage {
     Scan,
     Plan,
     Shuffle,
@@ -26,13 +26,13 @@ pub enum Stage {
 /// A stage, and how many of its tasks are done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StageStatus {
-    pub stage: Stage,
+    pub stage: BakeStage,
     /// `None` until the plan is made.
     pub tasks: Option<usize>,
     pub done: usize,
 }
 
-impl Stage {
+impl BakeStage {
     /// All stages with their names on the command line.
     pub const NAMES: [(&'static str, Self); 8] = [
         ("scan", Self::Scan),
@@ -52,29 +52,29 @@ impl Stage {
     }
 }
 
-impl Steps<'_> {
+impl BakeSteps<'_> {
     /// Number of a stage's tasks. Fails if it follows from the plan, and there is none.
-    pub fn tasks(&self, stage: Stage) -> Result<usize, BakeError> {
+    pub fn tasks(&self, stage: BakeStage) -> Result<usize, BakeError> {
         Ok(match stage {
-            Stage::Scan => self.chunks().len(),
-            Stage::Plan | Stage::Crown | Stage::JoinPlan | Stage::JoinFinish => 1,
-            Stage::Shuffle => self.read_plan()?.chunks,
-            Stage::Region => self.read_plan()?.regions.len(),
-            Stage::JoinPart => self.join_parts()?,
+            BakeStage::Scan => self.chunks().len(),
+            BakeStage::Plan | BakeStage::Crown | BakeStage::JoinPlan | BakeStage::JoinFinish => 1,
+            BakeStage::Shuffle => self.read_plan()?.chunks,
+            BakeStage::Region => self.read_plan()?.regions.len(),
+            BakeStage::JoinPart => self.join_parts()?,
         })
     }
 
     /// Runs a task of a stage. Fails if there is no such task, or as the stage does.
-    pub fn run(&self, stage: Stage, task: usize) -> Result<(), BakeError> {
+    pub fn run(&self, stage: BakeStage, task: usize) -> Result<(), BakeError> {
         match stage {
-            Stage::Scan => self.scan(task),
-            Stage::Plan => self.plan(),
-            Stage::Shuffle => self.shuffle(task),
-            Stage::Region => self.region(task),
-            Stage::Crown => self.crown(),
-            Stage::JoinPlan => self.join_plan(),
-            Stage::JoinPart => self.join_part(task),
-            Stage::JoinFinish => self.join_finish(),
+            BakeStage::Scan => self.scan(task),
+            BakeStage::Plan => self.plan(),
+            BakeStage::Shuffle => self.shuffle(task),
+            BakeStage::Region => self.region(task),
+            BakeStage::Crown => self.crown(),
+            BakeStage::JoinPlan => self.join_plan(),
+            BakeStage::JoinPart => self.join_part(task),
+            BakeStage::JoinFinish => self.join_finish(),
         }
     }
 
@@ -86,26 +86,26 @@ impl Steps<'_> {
         let count = |folder: &str, end: &str| {
             Ok::<_, BakeError>(names(folder)?.iter().filter(|name| name.ends_with(end)).count())
         };
-        let status = |(_, stage): (&str, Stage)| {
+        let status = |(_, stage): (&str, BakeStage)| {
             let done = match stage {
-                Stage::Scan => count("scan", "/head")?,
-                Stage::Plan => has_plan.into(),
-                Stage::Shuffle => count("shuffle", "/index")?,
-                Stage::Region => count("region", "/index")?,
-                Stage::Crown => objects.has(&index_name(crown::FOLDER))?.into(),
-                Stage::JoinPlan => has_join.into(),
-                Stage::JoinPart => names("join")?.iter().filter(|name| name.starts_with("join/receipt-")).count(),
-                Stage::JoinFinish => objects.has("city/city.json")?.into(),
+                BakeStage::Scan => count("scan", "/head")?,
+                BakeStage::Plan => has_plan.into(),
+                BakeStage::Shuffle => count("shuffle", "/index")?,
+                BakeStage::Region => count("region", "/index")?,
+                BakeStage::Crown => objects.has(&index_name(crown::FOLDER))?.into(),
+                BakeStage::JoinPlan => has_join.into(),
+                BakeStage::JoinPart => names("join")?.iter().filter(|name| name.starts_with("join/receipt-")).count(),
+                BakeStage::JoinFinish => objects.has("city/city.json")?.into(),
             };
             let is_known = match stage {
-                Stage::Shuffle | Stage::Region => has_plan,
-                Stage::JoinPart => has_join,
+                BakeStage::Shuffle | BakeStage::Region => has_plan,
+                BakeStage::JoinPart => has_join,
                 _ => true,
             };
             let tasks = if is_known { Some(self.tasks(stage)?) } else { None };
             Ok(StageStatus { stage, tasks, done })
         };
-        Stage::NAMES.into_iter().map(status).collect()
+        BakeStage::NAMES.into_iter().map(status).collect()
     }
 }
 
