@@ -148,7 +148,8 @@ mod tests {
             let lines: Vec<String> = (0..40).map(|i| format!("{i}{}", "x".repeat(i * 7 % 31))).collect();
             fs::write(&path, format!("header\n{}{end}", lines.join("\n"))).unwrap();
             for slice_bytes in [1, 5, 20, 33, 100, 300, 1 << 20] {
-                let listed = list(std::slice::from_ref(&path), &ReadOptions::default(), &mut BadInputs::new(false)).unwrap();
+                let listed =
+                    list(std::slice::from_ref(&path), &ReadOptions::default(), &mut BadInputs::new(false)).unwrap();
                 let source = listed.sources.into_iter().next().unwrap();
                 let bytes = source.bytes;
                 let slices = slices(source, slice_bytes);
