@@ -9,7 +9,7 @@ pub use objects::{ObjectsArgs, SearchArgs};
 pub use parse::{DegreesBox, GeoPlace, ShareArea};
 
 use crate::share_link::{parse_lifetime, parse_version};
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{Parser, Subcommand, ValueEnum, builder::ArgPredicate};
 use insula_command_line::SetupCommand;
 use insula_protocol::{TileId, blockmap::Quality};
 use parse::{
@@ -228,16 +228,36 @@ pub enum Preference {
 }
 
 /// Arguments of `bake`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub struct BakeArgs {
-    /// City files, folders or .zip archives of them, patterns as in 'tiles/*.gml', or @FILE with an input in each line
+    /// City files, folders or .zip archives of them, patterns as in 'tiles/*.gml', or @FILE with an input in each line.
+    /// With --work: a step, such as 'region 7'
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     #[command(flatten)]
     pub read: ReadArgs,
     /// Folder to write the city to
-    #[arg(long, value_name = "CITY")]
+    #[arg(
+        long,
+        value_name = "CITY",
+        required = false,
+        required_unless_present = "work",
+        default_value_if("work", ArgPredicate::IsPresent, "city")
+    )]
     pub out: PathBuf,
+    /// Run one step of a bake that many machines run; the steps' results are in this folder or at s3://BUCKET/PATH, and
+    /// in the end the city, in its folder city
+    #[arg(long, value_name = "URL", conflicts_with_all = ["report", "resume", "update"])]
+    pub work: Option<String>,
+    /// Inputs of a bake in steps, for the step 'plan' that begins it
+    #[arg(long = "inputs", value_name = "INPUT", num_args = 1.., requires = "work")]
+    pub step_inputs: Vec<PathBuf>,
+    /// Inputs that one scan reads in a bake in steps, as in 256MiB
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes, requires = "step_inputs")]
+    pub chunk: Option<u64>,
+    /// Leaves along the side of a region in a bake in steps: a power of two from 2 to 4096 [default: 32]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=4096), requires = "step_inputs")]
+    pub region: Option<u32>,
     /// Width of a leaf's columns in metres, 0.01 to 1000 [default: 1, less for a single small mesh]
     #[arg(long, value_name = "M", value_parser = parse_cell, allow_negative_numbers = true)]
     pub cell: Option<f64>,

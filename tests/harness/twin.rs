@@ -10,6 +10,8 @@ pub const COLOUR_STEPS: u8 = 2;
 pub const DISTANCE_SHARE: f32 = 1e-3;
 /// Least share of pixels that must agree.
 pub const AGREEING_SHARE: f64 = 0.998;
+/// So many may differ in a small frame: where a ray grazes a texture, devices that round otherwise choose other texels along a row.
+const FEW_PIXELS: usize = 64;
 /// Relative difference of neighbouring distances at an edge.
 const EDGE_SHARE: f32 = 0.03;
 
@@ -29,7 +31,7 @@ impl Difference {
     /// Fails unless almost all pixels agree and the others lie on edges.
     pub fn check(&self) -> Result<(), String> {
         let agreeing = 1.0 - self.differing as f64 / self.pixels.max(1) as f64;
-        if agreeing < AGREEING_SHARE {
+        if agreeing < AGREEING_SHARE && self.differing > FEW_PIXELS {
             return Err(format!("{} of {} pixels differ", self.differing, self.pixels));
         }
         if let Some(at) = self.off_edge.first() {

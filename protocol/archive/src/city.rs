@@ -13,7 +13,7 @@ use insula_protocol::{
 mod version;
 
 #[cfg(feature = "fs")]
-pub use version::content_version;
+pub use version::{ArchiveDigest, content_version, version_of};
 
 /// The manifest's file name in a city's folder.
 pub const MANIFEST_FILE: &str = "city.json";

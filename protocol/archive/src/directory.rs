@@ -95,7 +95,7 @@ impl DirectoryBudget {
 pub(crate) struct ArchiveHeader {
     pub(crate) root: Range<u64>,
     pub(crate) leaves: Range<u64>,
-    data: Range<u64>,
+    pub(crate) data: Range<u64>,
     is_gzip: bool,
 }
 

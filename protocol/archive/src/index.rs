@@ -17,6 +17,7 @@ use std::{collections::HashSet, ops::Range, time::Instant};
 pub struct Archive {
     source: SharedSource,
     length: u64,
+    data: Range<u64>,
     entries: Vec<DirectoryEntry>,
     longest_tile_bytes: u32,
 }
@@ -43,7 +44,7 @@ impl Archive {
         let mut loader = DirectoryLoader::new(source.clone(), header, DirectoryBudget::of_archive(length), deadline);
         loader.load(&root).await?;
         let longest_tile_bytes = loader.entries.iter().map(|entry| entry.length).max().unwrap_or(0);
-        Ok(Self { source, length, entries: loader.entries, longest_tile_bytes })
+        Ok(Self { source, length, data: loader.header.data, entries: loader.entries, longest_tile_bytes })
     }
 
     /// Where the bytes of a tile are. `None` if there is no such tile.
@@ -85,6 +86,21 @@ impl Archive {
     /// The deepest level that has a tile.
     pub fn deepest_level(&self) -> u8 {
         self.entries.last().and_then(|last| tile_id(last.end() - 1)).map_or(0, TileId::level)
+    }
+
+    /// Where the bytes of the tiles are in the file.
+    #[cfg(feature = "fs")]
+    pub(crate) fn data(&self) -> Range<u64> {
+        self.data.clone()
+    }
+
+    /// Where the bytes of each tile are, equal ranges once, in ascending order.
+    #[cfg(feature = "fs")]
+    pub(crate) fn distinct_tiles(&self) -> Vec<Range<u64>> {
+        let mut ranges: Vec<Range<u64>> = self.entries.iter().map(DirectoryEntry::bytes).collect();
+        ranges.sort_unstable_by_key(|range| (range.start, range.end));
+        ranges.dedup();
+        ranges
     }
 
     /// Length of the longest tile in bytes.

@@ -16,14 +16,14 @@ use crate::{
     hash, mesh,
     read::{
         DuplicateOption, FACADE_ALGORITHM, FacadeOption, FetchFunction, KindFilter, NamePatterns, ObjUpAxis, Palette,
-        PlacingOptions, SurroundingsOptions, TerrainOptions,
+        PlacingOptions, ReadOptions, SurroundingsOptions, TerrainOptions,
     },
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
 };
 
 /// Increased whenever the same scene and settings would give different tiles than before.
-pub const ALGORITHM: u32 = 11;
+pub const ALGORITHM: u32 = 12;
 /// Cells outside this range are taken for typing errors.
 const CELL_RANGE_M: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 /// Default memory limit; 192 MiB per thread if that is more.
@@ -246,6 +246,33 @@ impl BakeConfig {
             street_sets: options.street_sets,
             settings: hash_settings(options)?,
         })
+    }
+
+    /// How the inputs are read.
+    pub(crate) fn read_options(&self, options: &BakeOptions) -> ReadOptions {
+        let defaults = ReadOptions::default();
+        ReadOptions {
+            obj_up: options.obj_up,
+            palette: options.palette.clone(),
+            texture_roots: options.texture_roots.clone(),
+            cell_m: self.cell_m,
+            facades: options.facades,
+            skip_bad_inputs: options.skip_bad_inputs,
+            kinds: options.kinds.clone(),
+            placing: options.placing.clone(),
+            height_field: options.height_field.clone(),
+            terrain: options.terrain,
+            surroundings: options.surroundings.clone(),
+            duplicates: options.duplicates,
+            fetch: options.fetch,
+            dropped_attributes: self.dropped_attributes.clone(),
+            landmarks: options.landmarks.clone(),
+            is_monument: options.is_monument,
+            stone: options.stone.clone(),
+            max_document_bytes: self.max_document_bytes().min(defaults.max_document_bytes),
+            max_line_bytes: self.max_line_bytes().min(defaults.max_line_bytes),
+            ..defaults
+        }
     }
 
     /// Size of the partition's write buffers together.

@@ -25,6 +25,9 @@ pub use config::{ALGORITHM, BakeOptions};
 pub use error::BakeError;
 pub use ground::{ALGORITHM as GROUND_ALGORITHM, GroundOption};
 pub use mesh::ALGORITHM as MESH_ALGORITHM;
-pub use pipeline::{GeneratedCity, bake, bake_generated, bake_scene};
+pub use pipeline::{
+    BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, GeneratedCity, Job, JobRequest, StageStatus,
+    WorkFolder, WorkStore, abort, bake, bake_generated, bake_scene,
+};
 pub use progress::{Progress, Silent};
 pub use report::BakeReport;

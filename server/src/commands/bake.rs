@@ -34,10 +34,10 @@ const MAX_STONE_BYTES: u64 = 4096;
 /// Runs `bake`: writes the city and the report, and prints a summary. Fails if the bake fails or the report cannot be
 /// written.
 pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
-    let palette = match &args.palette {
-        Some(value) => Palette::from_option(value).map_err(|error| CommandError::Bake(error.to_string()))?,
-        None => Palette::default(),
-    };
+    if let Some(work) = &args.work {
+        return super::bake_steps::run(args, work);
+    }
+    let palette = palette(args)?;
     if let Some(report) = &args.report {
         check_report(report, args)?;
     }
@@ -60,6 +60,14 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
     }
     print(&summary(&report, args));
     Ok(())
+}
+
+/// The colours of surfaces. Fails if their file cannot be read.
+pub(super) fn palette(args: &BakeArgs) -> Result<Palette, CommandError> {
+    match &args.palette {
+        Some(value) => Palette::from_option(value).map_err(|error| CommandError::Bake(error.to_string())),
+        None => Ok(Palette::default()),
+    }
 }
 
 /// Whether the error is of one of several inputs, without which the others could be baked.
@@ -150,7 +158,8 @@ fn stone_of(value: &str) -> Result<String, CommandError> {
     Ok(text)
 }
 
-fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandError> {
+/// What a bake is asked for. Fails if a file that an option names cannot be read.
+pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandError> {
     let stone = args.stone.as_deref().map(stone_of).transpose()?;
     let monument = cell_of_monument(&args.inputs, stone.is_some(), args.read.at.map(|place| place.0));
     let is_monument = monument.is_some() && args.landmarks.is_none();

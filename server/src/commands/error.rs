@@ -45,6 +45,9 @@ pub enum CommandError {
     NoViewer,
     #[error("{0}")]
     Bake(String),
+    /// A step of a bake that no retry mends.
+    #[error("{0}")]
+    Final(String),
     #[error("{0}")]
     Keys(String),
     #[error("{0}")]
@@ -52,8 +55,12 @@ pub enum CommandError {
 }
 
 impl CommandError {
-    /// 2 for usage errors, else 1.
+    /// 2 for usage errors, 3 for steps that no retry mends, else 1.
     pub fn exit_code(&self) -> u8 {
-        if matches!(self, Self::Usage(_)) { 2 } else { 1 }
+        match self {
+            Self::Usage(_) => 2,
+            Self::Final(_) => 3,
+            _ => 1,
+        }
     }
 }

@@ -7,6 +7,8 @@ mod bake;
 #[cfg(feature = "bake")]
 mod bake_progress;
 #[cfg(feature = "bake")]
+mod bake_steps;
+#[cfg(feature = "bake")]
 mod compare;
 mod error;
 #[cfg(feature = "bake")]
@@ -30,6 +32,8 @@ mod stats;
 #[cfg(feature = "bake")]
 mod survey;
 mod verify;
+#[cfg(feature = "bake")]
+mod work_store;
 
 pub use error::CommandError;
 pub use publish::publish_site;

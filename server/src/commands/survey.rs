@@ -144,7 +144,7 @@ fn attribute_text(attributes: &BTreeMap<String, AttributeCount>) -> String {
     }
     let _ = writeln!(out, "  {:<32} {:>8}  {:<16} examples", "attribute", "values", "types");
     for (name, attribute) in attributes.iter().take(MAX_ROWS) {
-        let types = attribute.types.keys().copied().collect::<Vec<_>>().join(", ");
+        let types = attribute.types.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
         let examples = attribute.examples.join(" | ");
         let examples: String = examples.chars().take(80).collect();
         let _ = writeln!(out, "  {:<32} {:>8}  {types:<16} {}", printable(name), attribute.count, printable(&examples));

@@ -116,7 +116,7 @@ fn column(x: usize, y: usize) -> MapColumn {
     let z_max = STREET_CODES + CODES_PER_M * (6 + (house * 5 % 25) as u16);
     let side = |at: usize| at == STREET_CELLS || at == BLOCK_CELLS - 1;
     let strip = (side(east) || side(north)).then(|| {
-        let shade = |row: u16| Texel::new([if row % 3 == 0 { 90 } else { 190 }, 160, 140], AO_MAX / 2);
+        let shade = |row: u16| Texel::new([if row.is_multiple_of(3) { 90 } else { 190 }, 160, 140], AO_MAX / 2);
         let azimuth = match (east, north) {
             (STREET_CELLS, _) => 128,
             (_, STREET_CELLS) => 192,

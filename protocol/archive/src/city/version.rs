@@ -1,37 +1,123 @@
 //! The version of a city, recomputed from its files.
 
 use super::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE};
-use crate::file::open_regular;
+use crate::{Archive, file::open_regular, limits::MAX_OPENING_TIME};
 use insula_protocol::TileKind;
 use std::{
-    io::{self, Read},
+    fs::File,
+    io::{self, BufReader, Read, Seek, SeekFrom},
     path::Path,
+    time::Instant,
 };
 
-/// The files in the order in which the version covers them, and whether each city has one.
-fn hashed_files() -> impl Iterator<Item = (&'static str, bool)> {
-    let kinds = [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh, TileKind::Objects];
-    let visibility = (TileKind::Visibility.file_name(), false);
-    kinds.into_iter().map(|kind| (kind.file_name(), kind.is_required())).chain([(SEARCH_FILE, false), visibility])
+/// Bytes of a tile's hash.
+const TILE_HASH_BYTES: usize = 16;
+
+/// The hash of an archive: of the hashes of its tiles in the order of their bytes, equal ones once, and of what is before and after
+/// the tiles. Who knows the hashes of the tiles need not read them.
+#[derive(Debug, Default)]
+pub struct ArchiveDigest {
+    tiles: blake3::Hasher,
 }
 
-/// The version that the files in a city's folder should have: the first 16 hexadecimal digits of the BLAKE3 hash of the
-/// archives, the search index, and of the manifest's text with an empty version. `stated` is the version that the manifest has.
+impl ArchiveDigest {
+    /// Adds the next tile by the first 16 bytes of its BLAKE3 hash.
+    pub fn add(&mut self, hash: &[u8; TILE_HASH_BYTES]) {
+        self.tiles.update(hash);
+    }
+
+    /// The hash. `head` and `tail` are the bytes before and after those of the tiles.
+    #[must_use]
+    pub fn finish(self, head: &[u8], tail: &[u8]) -> [u8; blake3::OUT_LEN] {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(self.tiles.finalize().as_bytes());
+        for part in [head, tail] {
+            hasher.update(&(part.len() as u64).to_le_bytes()).update(part);
+        }
+        hasher.finalize().into()
+    }
+}
+
+/// The version of a city whose files have these hashes, in their order, and whose manifest has this text with an empty version.
+#[must_use]
+pub fn version_of(hashes: &[[u8; blake3::OUT_LEN]], manifest: &[u8]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for hash in hashes {
+        hasher.update(hash);
+    }
+    hasher.update(manifest);
+    hasher.finalize().to_hex()[..16].to_owned()
+}
+
+/// The version that the files in a city's folder should have: the first 16 hexadecimal digits of the BLAKE3 hash of the hashes of the
+/// archives ([`ArchiveDigest`]) and of the search index, that of visibility last, and of the manifest's text with an empty version. `stated` is the version
+/// that the manifest has.
 ///
 /// It differs from `stated` if a file is of another bake or was changed. Fails if a file cannot be read.
 pub fn content_version(folder: &Path, stated: &str) -> io::Result<String> {
-    let mut hasher = blake3::Hasher::new();
-    for (name, is_required) in hashed_files() {
-        match open_regular(&folder.join(name)) {
-            Ok(mut file) => drop(io::copy(&mut file, &mut hasher)?),
-            Err(error) if !is_required && error.kind() == io::ErrorKind::NotFound => {}
+    let mut hashes = Vec::new();
+    for kind in [TileKind::BlockMap, TileKind::Subtree, TileKind::Mesh, TileKind::Objects] {
+        match archive_hash(&folder.join(kind.file_name())) {
+            Ok(hash) => hashes.push(hash),
+            Err(error) if !kind.is_required() && error.kind() == io::ErrorKind::NotFound => {}
             Err(error) => return Err(error),
         }
+    }
+    match open_regular(&folder.join(SEARCH_FILE)) {
+        Ok(mut file) => hashes.push(hash_rest(&mut file)?),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+        Err(error) => return Err(error),
+    }
+    match archive_hash(&folder.join(TileKind::Visibility.file_name())) {
+        Ok(hash) => hashes.push(hash),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+        Err(error) => return Err(error),
     }
     let mut text = String::new();
     open_regular(&folder.join(MANIFEST_FILE))?.take(MAX_MANIFEST_BYTES as u64).read_to_string(&mut text)?;
     // The text itself rather than the parsed manifest: numbers need not survive being parsed and written.
     let unversioned = text.replacen(&format!("\"version\": \"{stated}\""), "\"version\": \"\"", 1);
-    hasher.update(unversioned.as_bytes());
-    Ok(hasher.finalize().to_hex()[..16].to_owned())
+    Ok(version_of(&hashes, unversioned.as_bytes()))
+}
+
+/// The hash of an archive. One that cannot be opened has that of its bytes, which no version is made of.
+fn archive_hash(path: &Path) -> io::Result<[u8; blake3::OUT_LEN]> {
+    let mut file = open_regular(path)?;
+    let Ok(archive) = Archive::open(path, Instant::now() + MAX_OPENING_TIME) else { return hash_rest(&mut file) };
+    let data = archive.data();
+    let mut reader = BufReader::with_capacity(1 << 20, file);
+    let head = read_section(&mut reader, data.start)?;
+    let mut digest = ArchiveDigest::default();
+    let mut position = data.start;
+    let mut tile = Vec::new();
+    for range in archive.distinct_tiles() {
+        reader.seek_relative(range.start as i64 - position as i64)?;
+        // At most 4 GiB, and inside the file.
+        tile.resize((range.end - range.start) as usize, 0);
+        reader.read_exact(&mut tile)?;
+        position = range.end;
+        let hash = blake3::hash(&tile);
+        digest.add(hash.as_bytes().first_chunk().unwrap_or(&[0; TILE_HASH_BYTES]));
+    }
+    reader.seek(SeekFrom::Start(data.end))?;
+    let tail = read_section(&mut reader, archive.file_bytes() - data.end)?;
+    Ok(digest.finish(&head, &tail))
+}
+
+/// The next bytes of an archive besides its tiles. Fails with `InvalidData` if there are more than an archive has.
+fn read_section(reader: &mut impl Read, length: u64) -> io::Result<Vec<u8>> {
+    /// Directories are shorter.
+    const MAX_BYTES: u64 = 1 << 30;
+    if length > MAX_BYTES {
+        return Err(io::ErrorKind::InvalidData.into());
+    }
+    let mut bytes = Vec::new();
+    reader.take(length).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn hash_rest(file: &mut File) -> io::Result<[u8; blake3::OUT_LEN]> {
+    let mut hasher = blake3::Hasher::new();
+    io::copy(file, &mut hasher)?;
+    Ok(hasher.finalize().into())
 }

@@ -51,6 +51,9 @@ pub enum InputError {
     /// The coordinates are in degrees, and the city has no projected system yet.
     #[error("{path}: is in degrees; give the city's coordinate system with --crs EPSG:N")]
     NoProjection { path: String },
+    /// A coordinate system was wanted, and is found.
+    #[error("{path}: its coordinate system is known; report this")]
+    Settled { path: String },
     /// A file, a line or a count is larger than the options allow.
     #[error("{path}: {what} exceeds the limit of {limit}; split the file, or raise the limit (--memory)")]
     TooLarge { path: String, what: String, limit: u64 },

@@ -111,6 +111,18 @@ pub enum BakeError {
     /// An archive could not be written.
     #[error("{path}: {what}; report this with the input")]
     Archive { path: PathBuf, what: String },
+    /// The work store does not answer.
+    #[error("{work}/{name}: {cause}; check that it is reachable and writable, and try again")]
+    Work { work: String, name: String, cause: io::Error },
+    /// A step needs the result of an earlier one.
+    #[error("{work}/{name}: not there yet; run the earlier steps first")]
+    StepMissing { work: String, name: String },
+    /// An object of the work store is of another job or version, or damaged.
+    #[error("{work}/{name}: {what}")]
+    StepDamaged { work: String, name: String, what: &'static str },
+    /// A stage has fewer tasks.
+    #[error("{stage} {task}: the stage has {tasks} tasks, from 0")]
+    StepTask { stage: &'static str, task: usize, tasks: usize },
     /// The system could not start the worker threads.
     #[error("--threads {threads}: {cause}; use fewer threads")]
     Threads { threads: usize, cause: String },
@@ -134,6 +146,22 @@ impl BakeError {
             Self::DiskFull { path, cause, .. } => Self::DiskFull { path, cause, is_kept: has_kept_work(out) },
             other => other,
         }
+    }
+
+    /// Whether the same step would fail again on any machine, so that no retry mends it.
+    #[must_use]
+    pub fn is_final(&self) -> bool {
+        !matches!(
+            self,
+            Self::Read(InputError::Io { .. })
+                | Self::Busy { .. }
+                | Self::DiskFull { .. }
+                | Self::Io { .. }
+                | Self::ScratchLimit { .. }
+                | Self::Threads { .. }
+                | Self::Work { .. }
+                | Self::StepMissing { .. }
+        )
     }
 
     /// For `map_err` where a node is encoded or decoded.

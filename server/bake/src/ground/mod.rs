@@ -24,7 +24,7 @@ use insula_protocol::{
     NODE_CELLS,
     blockmap::ground::{GROUND_COLOUR, HEIGHTS_PER_CELL},
 };
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     error::BakeError,
@@ -72,7 +72,7 @@ pub enum GroundOption {
 }
 
 /// The generated ground of a city.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroundReport {
     /// Always true; distinguishes it from terrain of the sources.
     pub generated: bool,

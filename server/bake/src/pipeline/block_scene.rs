@@ -28,18 +28,22 @@ pub(super) struct BlockScene {
     objects: Vec<u32>,
     /// Numbers of the block's materials in the city.
     materials: Vec<u32>,
+    /// From the city's origin to that of the triangles.
+    origin_m: [f64; 3],
 }
 
 impl BlockScene {
     /// Reads the block's bucket. Fails if it cannot be read or has changed.
-    pub(super) fn load(partition: &Partition, block: &LeafBlock) -> Result<Self, BakeError> {
+    pub(super) fn load(partition: &Partition, block: &LeafBlock, grid: &CityGrid) -> Result<Self, BakeError> {
         let mut triangles = partition.triangles(block)?;
         let (mut objects, mut materials) = (Renumbering::default(), Renumbering::default());
         for triangle in &mut triangles {
             triangle.object = objects.number(triangle.object);
             triangle.material = materials.number(triangle.material);
         }
-        Ok(Self { triangles, objects: objects.order, materials: materials.order })
+        let [x, y] = grid.block_offset_m([block.x, block.y]);
+        let origin_m = [grid.corner[0] + x, grid.corner[1] + y, 0.0];
+        Ok(Self { triangles, objects: objects.order, materials: materials.order, origin_m })
     }
 
     /// Hash of settings, position, triangles in order, objects, materials and textures.
@@ -90,11 +94,12 @@ impl BlockScene {
         self.objects.iter().map(|object| city.numbers.get(*object as usize).copied().unwrap_or(NO_OBJECT))
     }
 
-    /// The landmarks in the block, by its own numbers.
+    /// The landmarks in the block, by its own numbers, relative to its origin.
     fn landmarks(&self, city: &ScratchScene) -> impl Iterator<Item = Landmark> {
         let of_block = |landmark: &Landmark| {
             let object = self.objects.iter().position(|object| *object == landmark.object)?;
-            Some(Landmark { object: object as u32, ..*landmark })
+            let anchor_m = |axis: usize| (f64::from(landmark.anchor_m[axis]) - self.origin_m[axis]) as f32;
+            Some(Landmark { object: object as u32, anchor_m: std::array::from_fn(anchor_m), ..*landmark })
         };
         city.landmarks.iter().filter_map(of_block)
     }
@@ -106,7 +111,7 @@ impl BlockScene {
         let (numbers, landmarks) = (self.numbers(city).collect(), self.landmarks(city).collect());
         let materials = self.materials.iter().map(|number| city.load_material(city.materials[*number as usize]));
         Ok(Scene {
-            origin: city.origin,
+            origin: std::array::from_fn(|axis| city.origin[axis] + self.origin_m[axis]),
             triangles: self.triangles,
             objects: objects.collect(),
             materials: materials.collect::<Result<_, _>>()?,

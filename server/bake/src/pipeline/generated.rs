@@ -22,6 +22,7 @@ use crate::{
     write::{
         city::{self, CityInput, SceneFacts},
         scratch_folder::{InputHashes, ScratchFolder},
+        tile_bytes::PackedTiles,
         tile_pack::{self, PackId, PackNodes, StoredTile},
         tile_tree::TileTree,
     },
@@ -91,11 +92,10 @@ pub fn bake_generated(
     };
     let read = ReadReport::default();
     let fingerprints = Vec::new();
-    let (tree, packs) = (&tree, &packs);
-    let input =
-        CityInput { config: &config, grid, facts: &facts, read: &read, tree, packs, fingerprints, objects: None };
+    let tree = &tree;
+    let input = CityInput { config: &config, grid, facts: &facts, read: &read, tree, fingerprints, objects: None };
     progress.stage("write", tree.levels().iter().map(|level| level.len() as u64).sum());
-    let written = city::write(input, &scratch.city(), |n| progress.advance(n))?;
+    let written = city::write(input, &mut PackedTiles::new(&packs), &scratch.city(), |n| progress.advance(n))?;
     scratch.publish()?;
     Ok(written.manifest)
 }

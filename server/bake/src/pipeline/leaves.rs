@@ -108,8 +108,9 @@ impl LeafBaker<'_> {
 
     fn bake_leaves(&self, block: &LeafBlock, leaves: &[TileId]) -> Result<BlockTiles, BakeError> {
         let TileContext { grid, config, .. } = *self.context;
-        let scene = BlockScene::load(self.partition, block)?.into_scene(self.city)?;
-        encode_leaves(scene, grid, config, &config.sample, leaves, config.meshes)
+        let scene = BlockScene::load(self.partition, block, grid)?.into_scene(self.city)?;
+        let grid = grid.around_block([block.x, block.y]);
+        encode_leaves(scene, &grid, config, &config.sample, leaves, config.meshes)
     }
 }
 

@@ -8,53 +8,47 @@ mod context;
 mod estimate;
 mod far_land;
 mod generated;
+mod hashed;
 mod leaves;
 mod parents;
+mod steps;
 mod update;
 mod work_queue;
 
 use std::cell::Cell;
-use std::collections::HashSet;
 
-use insula_protocol::{NODE_CELLS, TileId};
 use rayon::ThreadPool;
 
 use crate::{
     config::{BakeConfig, BakeOptions},
     error::BakeError,
     ground::{self, GroundOption, GroundReport},
-    hash::{ShortHash, short_hex},
     progress::Progress,
-    read::{self, ALIGNED_LEAVES, BadInput, FarModels, ReadOptions, ReadProgress, ReadReport, ScratchOptions},
+    read::{self, BadInput, FarModels, ReadProgress, ReadReport, ScratchOptions},
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
-        Scene,
-        grid::{BLOCK_LEAVES, CityGrid},
-        object_numbers::ObjectNumbers,
-        object_records::ObjectRecords,
-        partition::{LeafBlock, Partition, PartitionOptions},
-        scratch_budget::ScratchBudget,
-        scratch_scene::ScratchScene,
+        Scene, grid::CityGrid, object_numbers::ObjectNumbers, object_records::ObjectRecords, partition::BlockSquare,
+        scratch_budget::ScratchBudget, scratch_scene::ScratchScene,
     },
     write::{
         city::{self, CityInput, SceneFacts, WrittenCity},
         objects::NumberedRecords,
         ownership::check_inputs,
         scratch_folder::{InputHashes, ScratchFolder},
-        tile_pack::PackId,
+        tile_bytes::PackedTiles,
     },
 };
 pub use generated::{GeneratedCity, bake_generated};
+pub use steps::{
+    BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, StageStatus, WorkFolder,
+    WorkStore, abort,
+};
 
-use block_scene::{BlockScene, worst_memory_bytes};
 use context::{FinishedTiles, TileContext};
 use far_land::FarLand;
+use hashed::{HashedInput, HashedPartition, thread_pool};
 use leaves::LeafBaker;
 use update::PreviousCity;
-use work_queue::{MemoryBudget, run_bounded};
-
-/// Memory of a triangle while its block is hashed.
-const HASHED_TRIANGLE_BYTES: usize = 220;
 
 /// Bakes the inputs into `options.out`. A bake that fails or is killed leaves either no city or a complete one; its
 /// finished work stays in `CITY.partial`, where a bake with `options.resume` continues.
@@ -101,29 +95,7 @@ impl<'a> BakeRun<'a> {
 
     /// Reads the inputs into the scratch folder.
     fn read(&mut self, options: &BakeOptions) -> Result<(ScratchScene, Option<FarModels>, ReadReport), BakeError> {
-        let defaults = ReadOptions::default();
-        let read_options = ReadOptions {
-            obj_up: options.obj_up,
-            palette: options.palette.clone(),
-            texture_roots: options.texture_roots.clone(),
-            cell_m: self.config.cell_m,
-            facades: options.facades,
-            skip_bad_inputs: options.skip_bad_inputs,
-            kinds: options.kinds.clone(),
-            placing: options.placing.clone(),
-            height_field: options.height_field.clone(),
-            terrain: options.terrain,
-            surroundings: options.surroundings.clone(),
-            duplicates: options.duplicates,
-            fetch: options.fetch,
-            dropped_attributes: self.config.dropped_attributes.clone(),
-            landmarks: options.landmarks.clone(),
-            is_monument: options.is_monument,
-            stone: options.stone.clone(),
-            max_document_bytes: self.config.max_document_bytes().min(defaults.max_document_bytes),
-            max_line_bytes: self.config.max_line_bytes().min(defaults.max_line_bytes),
-            ..defaults
-        };
+        let read_options = self.config.read_options(options);
         let folder = self.scratch.scene_folder()?;
         let texture_cache_bytes = self.config.texture_cache_bytes();
         let scratch = ScratchOptions { folder: &folder, texture_cache_bytes, budget: &self.budget };
@@ -170,7 +142,7 @@ impl<'a> BakeRun<'a> {
         let ground = if surroundings.is_some() { None } else { self.ground(&mut city)? };
         facts.set_ground(ground.as_ref());
         facts.include_land(surroundings.map(|land| land.z_range_m[0]));
-        let grid = self.grid(&city, city.bounds.unwrap_or(bounds), surroundings)?;
+        let grid = hashed::city_grid(&city, city.bounds.unwrap_or(bounds), surroundings, self.config.cell_m)?;
         let previous = self.open_previous();
         let known = previous.as_ref().map(PreviousCity::object_numbers).unwrap_or_default();
         let ObjectNumbers { of_object, rows } = ObjectNumbers::new(&city, &grid, &known);
@@ -195,8 +167,7 @@ impl<'a> BakeRun<'a> {
         let tree = &tiles.tree;
         let searchable = config.searchable.clone();
         let objects = Some(NumberedRecords { records: &records, rows: &rows, origin_m: grid.corner, searchable });
-        let input =
-            CityInput { config, grid: &grid, facts: &facts, read: &read, tree, packs: &packs, fingerprints, objects };
+        let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree, fingerprints, objects };
         let (written, clock) = self.write(input, previous)?;
         let (manifest, city_bytes, threads, blocks) = (written.manifest, written.bytes, config.threads, tiles.counts);
         let meshes = MeshReport::by_lod(tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info)));
@@ -216,50 +187,13 @@ impl<'a> BakeRun<'a> {
         self.clock.time("ground", || ground::add(city, self.config.cell_m))
     }
 
-    /// Places the quadtree. Fails if the city is too wide for the cell size.
-    fn grid(
-        &self,
-        city: &ScratchScene,
-        [mut min, mut max]: [[f64; 3]; 2],
-        surroundings: Option<&FarModels>,
-    ) -> Result<CityGrid, BakeError> {
-        let cell_m = self.config.cell_m;
-        if let Some(land) = surroundings {
-            let leaf_m = cell_m * NODE_CELLS as f64;
-            let square_m = leaf_m * ALIGNED_LEAVES;
-            for axis in 0..2 {
-                let origin = city.origin[axis];
-                let low = (min[axis] + origin).min(land.bounds[0][axis]);
-                // The corner's leaf is the first of a square at which the city's terrain may end.
-                min[axis] = (low / square_m).floor() * square_m + leaf_m / 2.0 - origin;
-                max[axis] = max[axis].max(land.bounds[1][axis] - origin);
-            }
-            min[2] = min[2].min(land.z_range_m[0] - city.origin[2]);
-        }
-        CityGrid::covering(min, max, city.origin, cell_m).ok_or_else(|| {
-            let side_m = (max[0] - min[0]).max(max[1] - min[1]);
-            BakeError::Extent { side_m, cell_m }
-        })
-    }
-
     /// Sorts the triangles into blocks and hashes each block's input.
     fn partition(&mut self, city: &ScratchScene, grid: &CityGrid) -> Result<HashedPartition, BakeError> {
-        let (config, progress, budget) = (self.config, self.progress, &self.budget);
-        progress.stage("partition", city.triangles);
+        self.progress.stage("partition", city.triangles);
         self.clock.time("partition", || {
             let folder = self.scratch.scene_folder()?.join("buckets");
-            let margin_m = config.sample.margin_m;
-            let (buffer_bytes, max_blocks) = (config.bucket_bytes(), config.max_blocks());
-            let options = PartitionOptions { folder: &folder, margin_m, buffer_bytes, max_blocks, budget };
-            let partition = Partition::new(city, grid, options, |n| progress.advance(n))?;
-            partition.blocks.iter().try_for_each(|block| check_block(block, &partition, city, grid, config))?;
-            let budget = MemoryBudget::new(config.block_bytes());
-            let hashes = run_bounded(config.threads, &partition.blocks, |block| {
-                budget.with(block.triangles as usize * HASHED_TRIANGLE_BYTES, || {
-                    Ok::<_, BakeError>(BlockScene::load(&partition, block)?.fingerprint(city, config, grid, block))
-                })
-            })?;
-            Ok(HashedPartition { partition, hashes })
+            let input = HashedInput { city, grid, config: self.config, budget: &self.budget };
+            HashedPartition::new(input, &folder, BlockSquare::all(), |n| self.progress.advance(n))
         })
     }
 
@@ -345,70 +279,12 @@ impl<'a> BakeRun<'a> {
         let Self { progress, scratch, mut clock, .. } = self;
         progress.stage("write", input.tree.levels().iter().map(|level| level.len() as u64).sum());
         let written = clock.time("write", || {
-            let written = city::write(input, &scratch.city(), |n| progress.advance(n))?;
+            let written =
+                city::write(input, &mut PackedTiles::new(&scratch.packs()), &scratch.city(), |n| progress.advance(n))?;
             // Closes the previous city's files: some systems do not rename a folder with open files.
             drop(previous);
             scratch.publish().map(|()| written)
         })?;
         Ok((written, clock))
     }
-}
-
-/// Fails if a block needs more memory than it may use. The message names the object with most surface in it.
-fn check_block(
-    block: &LeafBlock,
-    partition: &Partition,
-    city: &ScratchScene,
-    grid: &CityGrid,
-    config: &BakeConfig,
-) -> Result<(), BakeError> {
-    let (needed, limit) = (worst_memory_bytes(block, grid), config.max_block_bytes());
-    if needed <= limit {
-        return Ok(());
-    }
-    let object = partition.largest_object(block, grid)?.unwrap_or(0);
-    let side_m = grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES);
-    let [x, y] = [(0, block.x), (1, block.y)]
-        .map(|(axis, number)| city.origin[axis] + grid.corner[axis] + f64::from(number) * side_m);
-    let [needed_mib, limit_mib] = [needed, limit].map(|bytes| bytes as u64 >> 20);
-    Err(BakeError::BlockTooLarge { object: city.names.describe(object), x, y, needed_mib, limit_mib })
-}
-
-/// A partition with the fingerprint of each block.
-struct HashedPartition {
-    partition: Partition,
-    /// In the order of the partition's blocks.
-    hashes: Vec<ShortHash>,
-}
-
-impl HashedPartition {
-    /// Position and fingerprint of each block.
-    fn fingerprints(&self) -> Vec<((u32, u32), ShortHash)> {
-        self.partition.blocks.iter().zip(&self.hashes).map(|(block, hash)| ((block.x, block.y), *hash)).collect()
-    }
-
-    /// Those of the blocks without a leaf among `merged`: of the others, the city does not have all leaves, so an update bakes them
-    /// again.
-    fn fingerprints_without(&self, merged: &[TileId]) -> Vec<((u32, u32), ShortHash)> {
-        let blocks: HashSet<(u32, u32)> =
-            merged.iter().map(|id| PackId::of(*id)).map(|pack| (pack.x, pack.y)).collect();
-        self.fingerprints().into_iter().filter(|(place, _)| !blocks.contains(place)).collect()
-    }
-
-    /// Hash of everything that determines the tiles.
-    fn scene_hash(&self, surroundings: Option<&FarModels>) -> String {
-        let mut hasher = blake3::Hasher::new();
-        if let Some(land) = surroundings {
-            hasher.update(&land.hash);
-        }
-        for ((x, y), fingerprint) in self.fingerprints() {
-            hasher.update(&x.to_le_bytes()).update(&y.to_le_bytes()).update(&fingerprint);
-        }
-        short_hex(&hasher.finalize())
-    }
-}
-
-fn thread_pool(threads: usize) -> Result<ThreadPool, BakeError> {
-    let built = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("bake-{i}")).build();
-    built.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })
 }

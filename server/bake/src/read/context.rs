@@ -146,6 +146,8 @@ pub(crate) struct ReadContext<'o> {
     pub(crate) shapes: MapStore<PaintShape>,
     /// Whether a source in degrees may choose the city's coordinate system, because no other source has one.
     pub(crate) is_last_resort: bool,
+    /// Whether reading ends at the first place, because only the coordinate system is wanted.
+    pub(crate) ends_at_place: bool,
     facades: FacadeMaker,
     stones: Vec<String>,
 }
@@ -183,6 +185,7 @@ impl<'o> ReadContext<'o> {
             elevation: Elevation::default(),
             shapes: MapStore::new(Path::new(""), u64::MAX, 0),
             is_last_resort: false,
+            ends_at_place: false,
             facades: FacadeMaker::default(),
             stones: Vec::new(),
         })
@@ -260,7 +263,8 @@ impl<'o> ReadContext<'o> {
         if placement.needs_world() && !self.world.is_settled() && !self.is_last_resort {
             return Err(InputError::NoProjection { path: label.to_owned() });
         }
-        placement.settle(&mut self.world, label, first)
+        placement.settle(&mut self.world, label, first)?;
+        if self.ends_at_place { Err(InputError::Settled { path: label.to_owned() }) } else { Ok(()) }
     }
 
     /// The place of a mesh file, which has no coordinate system: where the user says, else that of the other sources.

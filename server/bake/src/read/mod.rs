@@ -35,6 +35,7 @@ mod object;
 mod osm;
 mod paint;
 mod palette;
+mod part;
 mod place;
 mod polygon;
 mod raster;
@@ -43,6 +44,7 @@ mod report;
 mod roof;
 mod scene_builder;
 mod sink;
+mod slice;
 mod source;
 mod stone;
 mod survey;
@@ -71,6 +73,7 @@ pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use landmark::cell_of_monument;
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
+pub(crate) use part::{ListedInputs, PartFiles, PartHead, PartsCity, RECORDS, SceneParts, TRIANGLES, records_of};
 pub use remote::FetchFunction;
 pub use report::{
     AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport,
@@ -160,7 +163,7 @@ pub(crate) fn read_to_disk(
     context.elevation.bases = MapStore::new(&scratch.folder.join("bases"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
     let mut bad = BadInputs::new(options.skip_bad_inputs);
     let listed = list::list(inputs, options, &mut bad)?;
-    let mut read = read_sources(&listed, bad, context, progress)?;
+    let mut read = read_city(&listed, bad, context, progress)?;
     read.city.stored.finish()?;
     read.city.names.finish();
     read.city.records.finish()?;
@@ -176,7 +179,7 @@ fn read_scene(
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
     let context = ReadContext::new(options, TriangleStore::Memory(Vec::new()), TextureStore::in_memory())?;
-    let mut read = read_sources(listed, bad, context, progress)?;
+    let mut read = read_city(listed, bad, context, progress)?;
     let label = || listed.sources.first().map_or(String::new(), |source| source.label.clone());
     let levelled = read.level_textures(options);
     let scene = levelled.and_then(|()| read.city.into_scene());
@@ -209,12 +212,26 @@ impl ReadCity {
     }
 }
 
-fn read_sources(
+/// Reads the sources and the landmarks into a city.
+fn read_city(
     listed: &SourceList<'_>,
-    mut bad: BadInputs,
-    mut context: ReadContext<'_>,
+    bad: BadInputs,
+    context: ReadContext<'_>,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<ReadCity, InputError> {
+    let mut read = read_sources(listed, bad, context, progress)?;
+    let ReadSources { context, report, set_of_source, bad } = &mut read;
+    read_landmarks(context, bad, report, set_of_source)?;
+    finish_city(read)
+}
+
+/// Reads all sources, elevation models first.
+fn read_sources<'o>(
+    listed: &SourceList<'_>,
+    mut bad: BadInputs,
+    mut context: ReadContext<'o>,
+    progress: &dyn Fn(ReadProgress),
+) -> Result<ReadSources<'o>, InputError> {
     let sources = &listed.sources;
     if sources.is_empty() {
         bad.fail_with_first()?;
@@ -262,23 +279,37 @@ fn read_sources(
         }
     }
     progress(ReadProgress { bytes_done: bytes_total, bytes_total });
-    read_landmarks(&mut context, &mut bad, &mut report, &mut set_of_source)?;
+    Ok(ReadSources { context, report, set_of_source, bad })
+}
+
+/// What all sources have, before anything is decided that depends on all of them.
+struct ReadSources<'o> {
+    context: ReadContext<'o>,
+    report: ReadReport,
+    set_of_source: Vec<u32>,
+    bad: BadInputs,
+}
+
+/// Makes a city of what the sources have. Fails if nothing is left of a source, or of all.
+fn finish_city(read: ReadSources<'_>) -> Result<ReadCity, InputError> {
+    let ReadSources { mut context, mut report, mut set_of_source, mut bad } = read;
     context.fit_ground(&mut report.sources)?;
     context.add_terrain(&mut report.sources)?;
     let surroundings = context.take_surroundings()?;
-    report.facades = context.take_facades();
+    report.facades = report.facades.take().or_else(|| context.take_facades());
     let set_of_texture = std::mem::take(&mut context.textures.set_of_texture);
-    let failed = |error: BakeError| InputError::io(&sources[0].label, std::io::Error::other(error));
+    let first = report.sources.first().map_or(String::new(), |source| source.path.clone());
+    let failed = |error: BakeError| InputError::io(&first, std::io::Error::other(error));
     let mut city = context.finish(&mut report).map_err(failed)?;
     if city.triangles == 0 {
         bad.fail_with_first()?;
-        return Err(empty_city(sources, &report));
+        return Err(empty_city(&report));
     }
     remove_empty_sources(&mut report, &mut set_of_source, &mut city, &mut bad)?;
     report.objects = city.objects.len() as u64;
     report.triangles = city.triangles;
     report.crs.clone_from(&city.crs);
-    report.bad_inputs = bad.into_found();
+    report.bad_inputs.extend(bad.into_found());
     #[cfg(test)]
     report.sources.iter().for_each(|source| assert_eq!(source.unaccounted(), 0, "{source:?}"));
     Ok(ReadCity { city, surroundings, report, set_of_texture, set_of_source })
@@ -412,9 +443,10 @@ fn is_elevation(source: &CitySource<'_>) -> bool {
     }
 }
 
-fn empty_city(sources: &[CitySource<'_>], report: &ReadReport) -> InputError {
-    let first = sources.first().map_or("", |source| &source.label);
-    let more = if sources.len() > 1 { format!(" and {} more", sources.len() - 1) } else { String::new() };
+fn empty_city(report: &ReadReport) -> InputError {
+    let first = report.sources.first().map_or("", |source| &source.path);
+    let others = report.sources.len().saturating_sub(1);
+    let more = if others > 0 { format!(" and {others} more") } else { String::new() };
     let hint = report.main_reason().map(|reason| format!(" ({reason})")).unwrap_or_default();
     InputError::Empty { sources: format!("{first}{more}"), hint }
 }

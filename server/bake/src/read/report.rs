@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::attributes::{AttributeValue, Attributes};
 use super::object::FeatureKind;
@@ -30,7 +30,7 @@ fn shorten(text: String) -> String {
 }
 
 /// Number of occurrences of a fault, with the first few examples.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FaultCount {
     pub count: u64,
     /// Each an object's identifier or a line, with details.
@@ -47,11 +47,11 @@ impl FaultCount {
 }
 
 /// How often an attribute has a value, of which types, and its first different values.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AttributeCount {
     pub count: u64,
     /// Number of values by type: `text`, `integer`, `float`, `bool`, `date`.
-    pub types: BTreeMap<&'static str, u64>,
+    pub types: BTreeMap<String, u64>,
     pub examples: Vec<String>,
 }
 
@@ -65,7 +65,10 @@ impl AttributeCount {
             AttributeValue::Bool(_) => "bool",
             AttributeValue::Date { .. } => "date",
         };
-        *self.types.entry(name).or_default() += 1;
+        match self.types.get_mut(name) {
+            Some(count) => *count += 1,
+            None => drop(self.types.insert(name.to_owned(), 1)),
+        }
         if self.examples.len() < EXAMPLES {
             let text = shorten(value.to_string());
             if !self.examples.contains(&text) {
@@ -76,7 +79,7 @@ impl AttributeCount {
 }
 
 /// File format of a source.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SourceFormat {
     /// One JSON document.
     CityJson,
@@ -119,7 +122,7 @@ pub(crate) enum ColourOrigin {
 }
 
 /// Number of surfaces by where their colour comes from.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ColourCounts {
     /// As in the source.
     pub source: u64,
@@ -142,7 +145,7 @@ impl ColourCounts {
 }
 
 /// What was read from one source.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SourceReport {
     /// Path as it was given or found.
     pub path: String,
@@ -288,7 +291,7 @@ fn count_fault(map: &mut BTreeMap<String, FaultCount>, key: &str, example: impl 
 }
 
 /// The generated facades of a city.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FacadeReport {
     /// Always true: no source has these windows.
     pub generated: bool,
@@ -301,7 +304,7 @@ pub struct FacadeReport {
 }
 
 /// An input that is left out of the city.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BadInput {
     /// As it was given or found.
     pub path: String,
@@ -310,7 +313,7 @@ pub struct BadInput {
 }
 
 /// What was read from all sources.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReadReport {
     /// In reading order.
     pub sources: Vec<SourceReport>,

@@ -194,7 +194,7 @@ pub(crate) fn next_line(reader: &mut dyn BufRead, line: &mut Vec<u8>, limit: usi
     }
 }
 
-fn is_gz(name: &str) -> bool {
+pub(super) fn is_gz(name: &str) -> bool {
     name.to_ascii_lowercase().ends_with(".gz")
 }
 

@@ -83,14 +83,28 @@ impl TextureLoader {
 
     /// Adds a photo that is no image of a source, and returns its number.
     pub(crate) fn add_picture(&mut self, texture: SceneTexture, set: u32) -> u32 {
-        self.set_of_texture.push(Some(set));
-        self.textures.add(Arc::new(texture))
+        self.add(Arc::new(texture), Some(set))
     }
 
     /// Adds a texture that no source has, and returns its number.
     pub(crate) fn add_generated(&mut self, texture: Arc<SceneTexture>) -> u32 {
-        self.set_of_texture.push(None);
-        self.textures.add(texture)
+        self.add(texture, None)
+    }
+
+    /// A texture that equals an earlier one keeps the set of that.
+    fn add(&mut self, texture: Arc<SceneTexture>, set: Option<u32>) -> u32 {
+        let number = self.textures.add(texture);
+        if number as usize == self.set_of_texture.len() {
+            self.set_of_texture.push(set);
+        }
+        number
+    }
+
+    /// The sets by number.
+    pub(crate) fn set_names(&self) -> Vec<String> {
+        let mut names: Vec<_> = self.sets.iter().collect();
+        names.sort_unstable_by_key(|(_, number)| **number);
+        names.into_iter().map(|(name, _)| name.clone()).collect()
     }
 
     /// The texture's number; `None` if it cannot be loaded, with the reason in the report.
@@ -143,9 +157,11 @@ impl TextureLoader {
             Entry::Vacant(vacant) => {
                 let found = find();
                 report.textures += u64::from(found.is_ok());
-                self.set_of_texture.extend(found.as_ref().ok().map(|_| Some(set)));
                 vacant.insert(found.map(|Decoded { texture, alpha }| {
                     let number = self.textures.add(Arc::new(texture));
+                    if number as usize == self.set_of_texture.len() {
+                        self.set_of_texture.push(Some(set));
+                    }
                     if self.alpha.len() < MAX_ALPHA_GRIDS {
                         self.alpha.extend(alpha.map(|alpha| (number, alpha)));
                     }

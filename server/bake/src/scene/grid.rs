@@ -1,12 +1,13 @@
 //! Position of nodes, columns and blocks of leaves.
 
 use insula_protocol::{NODE_CELLS, TileId, tile_id::MAX_LEVEL};
+use serde::{Deserialize, Serialize};
 
 /// Leaves along a block's side. The leaves of a block share their visibility maps.
 pub const BLOCK_LEAVES: u32 = 2;
 
 /// The city's quadtree in space. Scene coordinates are those of [`crate::scene::Scene`], in metres.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CityGrid {
     /// South-west corner of the root, and height zero of all nodes, in scene coordinates.
     pub corner: [f64; 3],
@@ -48,6 +49,30 @@ impl CityGrid {
     /// Side of a column of a level, in metres.
     pub fn cell_m_at(&self, level: u8) -> f64 {
         self.cell_m * f64::from(1u32 << (self.depth - level))
+    }
+
+    /// Side of a block of leaves in metres.
+    pub(crate) fn block_side_m(&self) -> f64 {
+        self.node_side_m(self.depth) * f64::from(BLOCK_LEAVES)
+    }
+
+    /// From the grid's south-west corner to that of a block of leaves, in metres.
+    pub(crate) fn block_offset_m(&self, [x, y]: [u32; 2]) -> [f64; 2] {
+        [x, y].map(|number| f64::from(number) * self.block_side_m())
+    }
+
+    /// The same grid for a scene whose origin, on the map, is the south-west corner of a block of leaves.
+    pub(crate) fn around_block(&self, block: [u32; 2]) -> Self {
+        let [x, y] = self.block_offset_m(block);
+        Self { corner: [-x, -y, self.corner[2]], ..*self }
+    }
+
+    /// Step of the lattice of corners on the map, in metres: a power of two, 1/8192 to 1/4096 of a column. Corners of blocks are
+    /// on it, and f32 has all of its points within 4096 steps of 1024 of a block's corner: neighbouring blocks have the same
+    /// corners.
+    pub(crate) fn lattice_m(&self) -> f64 {
+        // The exponent of the largest power of two that is not larger, twelve less.
+        f64::from_bits((self.cell_m.to_bits() >> 52).saturating_sub(12) << 52)
     }
 
     /// South-west corner of a node in scene coordinates.

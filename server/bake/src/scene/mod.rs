@@ -13,10 +13,11 @@ mod thinned;
 pub(crate) mod triangle_store;
 
 use insula_protocol::blockmap::NO_OBJECT;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Kind of an object. It decides the colour where the source gives none, and how columns are closed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub enum ObjectKind {
     /// Anything with a volume: a building, a bridge, furniture.
     #[default]

@@ -25,9 +25,9 @@ pub(crate) enum ObjectNames {
 impl ObjectNames {
     /// Keeps identifiers where the triangles are kept.
     pub(crate) fn for_triangles(triangles: &TriangleStore) -> Self {
-        match triangles {
-            TriangleStore::Memory(_) => Self::Memory(Vec::new()),
-            TriangleStore::File(file) => {
+        match triangles.own_file() {
+            None => Self::Memory(Vec::new()),
+            Some(file) => {
                 let path = file.path().with_file_name("names");
                 let writer = File::create_new(&path).ok().map(BufWriter::new);
                 Self::File { path, writer }

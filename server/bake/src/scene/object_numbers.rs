@@ -3,9 +3,10 @@
 //! From the objects of a city, where they stand, and the numbers of the city that is updated come a number for each object with a shape,
 //! and a row for each number. An object without a shape gets a number if it is the parent of one with a number.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use insula_protocol::blockmap::NO_OBJECT;
+use serde::{Deserialize, Serialize};
 
 use super::{
     grid::CityGrid,
@@ -14,7 +15,7 @@ use super::{
 };
 
 /// What is known of a number.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct NumberedObject {
     pub(crate) record: RecordPlace,
     /// Number of its parent.
@@ -107,9 +108,14 @@ fn place_of([low, high]: [[f32; 3]; 2], grid: &CityGrid) -> u64 {
 
 /// Finds each candidate's parent: in its own source, else in any. An object is not its own parent.
 fn link_parents(candidates: &mut [NumberCandidate]) {
+    // Only those that are parents: most cities have none, and a country has millions of others.
+    let wanted: HashSet<u64> = candidates.iter().filter_map(|candidate| candidate.identity.parent_hash).collect();
     let (mut in_source, mut anywhere) = (HashMap::new(), HashMap::new());
     for (i, candidate) in candidates.iter().enumerate() {
         let ObjectIdentity { source, id_hash, .. } = candidate.identity;
+        if !wanted.contains(&id_hash) {
+            continue;
+        }
         in_source.entry((source, id_hash)).or_insert(i);
         anywhere.entry(id_hash).or_insert(i);
     }

@@ -3,7 +3,7 @@
 use std::{
     fs::File,
     io::{BufWriter, Read, Seek, SeekFrom, Write},
-    path::PathBuf,
+    path::{Path, PathBuf},
 };
 
 use insula_objects::{FeatureKind, value::Value};
@@ -13,9 +13,19 @@ use serde::{Deserialize, Serialize};
 use super::{scratch_budget::ScratchBudget, triangle_store::TriangleStore};
 use crate::error::BakeError;
 
+/// Name of a file of records.
+pub(crate) const FILE_NAME: &str = "records";
+
 /// Place of a record: its index in memory, or the position of its length in the file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct RecordPlace(u64);
+
+impl RecordPlace {
+    /// The place of the same record if `bytes` of other records precede its file.
+    pub(crate) fn after(self, bytes: u64) -> Self {
+        Self(self.0 + bytes)
+    }
+}
 
 /// What a source says of an object.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,6 +83,16 @@ impl From<Value> for StoredValue {
 pub(crate) enum ObjectRecords {
     Memory(Vec<SourceRecord>),
     File(RecordFile),
+    /// Files that others wrote, one after the other.
+    Parts(Vec<RecordPart>),
+}
+
+/// One of several files of records.
+#[derive(Debug, Clone)]
+pub(crate) struct RecordPart {
+    pub(crate) path: PathBuf,
+    /// Bytes of the files before.
+    pub(crate) start: u64,
 }
 
 /// A scratch file of records, each after its length in four bytes. The first write error is kept until [`ObjectRecords::finish`].
@@ -89,7 +109,7 @@ impl ObjectRecords {
     /// Keeps records where the triangles are kept.
     pub(crate) fn for_triangles(triangles: &TriangleStore) -> Self {
         let TriangleStore::File(file) = triangles else { return Self::Memory(Vec::new()) };
-        let path = file.path().with_file_name("records");
+        let path = file.path().with_file_name(FILE_NAME);
         let (writer, failed) = match File::create_new(&path) {
             Ok(file) => (Some(BufWriter::new(file)), None),
             Err(cause) => (None, Some(BakeError::io(&path, "written", cause))),
@@ -105,7 +125,14 @@ impl ObjectRecords {
                 RecordPlace(all.len() as u64 - 1)
             }
             Self::File(file) => file.push(record),
+            // Parts are complete.
+            Self::Parts(_) => RecordPlace(u64::MAX),
         }
+    }
+
+    /// Size of a file of records so far, 0 in memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        if let Self::File(file) = self { file.end } else { 0 }
     }
 
     /// Ends the writing. Fails if any write failed or the scratch files are larger than they may be.
@@ -119,10 +146,10 @@ impl ObjectRecords {
     /// Opens the records for reading. Fails if their file cannot be opened.
     pub(crate) fn reader(&self) -> Result<RecordReader<'_>, BakeError> {
         let file = match self {
-            Self::Memory(_) => None,
+            Self::Memory(_) | Self::Parts(_) => None,
             Self::File(file) => Some(File::open(&file.path).map_err(|cause| BakeError::io(&file.path, "read", cause))?),
         };
-        Ok(RecordReader { records: self, file })
+        Ok(RecordReader { records: self, file, part: None })
     }
 }
 
@@ -155,27 +182,25 @@ impl RecordFile {
 pub(crate) struct RecordReader<'a> {
     records: &'a ObjectRecords,
     file: Option<File>,
+    /// The part that was read last.
+    part: Option<(usize, File)>,
 }
 
 impl RecordReader<'_> {
     /// A record. Fails if it cannot be read.
     pub(crate) fn read(&mut self, place: RecordPlace) -> Result<SourceRecord, BakeError> {
         match (self.records, &mut self.file) {
-            (ObjectRecords::File(RecordFile { path, .. }), Some(file)) => {
-                let damaged = || BakeError::Scratch { path: path.clone() };
-                let failed = |cause| BakeError::io(path, "read", cause);
-                let mut length = [0; 4];
-                file.seek(SeekFrom::Start(place.0)).and_then(|_| file.read_exact(&mut length)).map_err(failed)?;
-                let length = u32::from_le_bytes(length) as usize;
-                if length > bincode::LIMIT {
-                    return Err(damaged());
+            (ObjectRecords::File(RecordFile { path, .. }), Some(file)) => read_at(file, path, place.0),
+            (ObjectRecords::Parts(parts), _) => {
+                let number = parts.partition_point(|part| part.start <= place.0).saturating_sub(1);
+                let missing = || BakeError::Scratch { path: PathBuf::from("records") };
+                let RecordPart { path, start } = parts.get(number).ok_or_else(missing)?;
+                if self.part.as_ref().is_none_or(|(open, _)| *open != number) {
+                    let file = File::open(path).map_err(|cause| BakeError::io(path, "read", cause))?;
+                    self.part = Some((number, file));
                 }
-                let mut bytes = vec![0; length];
-                file.read_exact(&mut bytes).map_err(failed)?;
-                let StoredRecord { identifier, kind, attributes } =
-                    bincode::from_bytes(&bytes).map_err(|_| damaged())?;
-                let attributes = attributes.into_iter().map(|(name, value)| (name, value.into())).collect();
-                Ok(SourceRecord { identifier, kind, attributes })
+                let (_, file) = self.part.as_mut().ok_or_else(missing)?;
+                read_at(file, path, place.0 - start)
             }
             (ObjectRecords::Memory(all), _) => {
                 let record = all.get(place.0 as usize);
@@ -184,6 +209,23 @@ impl RecordReader<'_> {
             (ObjectRecords::File(file), None) => Err(BakeError::Scratch { path: file.path.clone() }),
         }
     }
+}
+
+/// The record at a position of a file.
+fn read_at(file: &mut File, path: &Path, position: u64) -> Result<SourceRecord, BakeError> {
+    let damaged = || BakeError::Scratch { path: path.to_owned() };
+    let failed = |cause| BakeError::io(path, "read", cause);
+    let mut length = [0; 4];
+    file.seek(SeekFrom::Start(position)).and_then(|_| file.read_exact(&mut length)).map_err(failed)?;
+    let length = u32::from_le_bytes(length) as usize;
+    if length > bincode::LIMIT {
+        return Err(damaged());
+    }
+    let mut bytes = vec![0; length];
+    file.read_exact(&mut bytes).map_err(failed)?;
+    let StoredRecord { identifier, kind, attributes } = bincode::from_bytes(&bytes).map_err(|_| damaged())?;
+    let attributes = attributes.into_iter().map(|(name, value)| (name, value.into())).collect();
+    Ok(SourceRecord { identifier, kind, attributes })
 }
 
 #[cfg(test)]

@@ -57,6 +57,8 @@ pub(crate) struct Partition {
 pub(crate) struct PartitionOptions<'a> {
     /// Folder of the buckets, which is created.
     pub(crate) folder: &'a Path,
+    /// The blocks that are wanted.
+    pub(crate) square: BlockSquare,
     /// Distance around a block within which a triangle may shade it.
     pub(crate) margin_m: f64,
     /// Size of all write buffers together.
@@ -78,17 +80,17 @@ impl Partition {
     ) -> Result<Self, BakeError> {
         /// Triangles between two calls of `advance`.
         const STEP: u64 = 1 << 14;
-        let PartitionOptions { folder, margin_m, buffer_bytes, max_blocks, budget } = options;
+        let PartitionOptions { folder, square, margin_m, buffer_bytes, max_blocks, budget } = options;
         fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "created", cause))?;
         let by_block = BTreeMap::new();
-        let mut buckets = BucketWriter { grid, margin_m, folder, max_blocks, budget, by_block, buffered: 0 };
+        let mut buckets = BucketWriter { grid, square, margin_m, folder, max_blocks, budget, by_block, buffered: 0 };
         let mut count = 0;
-        city.try_for_each(|triangle| {
+        city.try_for_each_exact(|triangle, exact| {
             count += 1;
             if count % STEP == 0 {
                 advance(STEP);
             }
-            buckets.add(triangle)?;
+            buckets.add(triangle, exact)?;
             if buckets.buffered >= buffer_bytes { buckets.flush() } else { Ok(()) }
         })?;
         buckets.flush()?;
@@ -106,8 +108,8 @@ impl Partition {
         Ok(Self { blocks, depth: grid.depth, folder: folder.to_owned() })
     }
 
-    /// The triangles that touch the block and its margin, in the city's order. Fails if the bucket cannot be read or
-    /// has changed.
+    /// The triangles that touch the block and its margin, in the city's order, relative to the block's south-west corner on the
+    /// map. Fails if the bucket cannot be read or has changed.
     pub(crate) fn triangles(&self, block: &LeafBlock) -> Result<Vec<SceneTriangle>, BakeError> {
         let path = bucket_path(&self.folder, block.x, block.y);
         let bytes = fs::read(&path).map_err(|cause| BakeError::io(&path, "read", cause))?;
@@ -123,15 +125,14 @@ impl Partition {
         let path = bucket_path(&self.folder, block.x, block.y);
         let failed = |cause| BakeError::io(&path, "read", cause);
         let mut reader = BufReader::new(File::open(&path).map_err(failed)?);
-        let block_side = grid.node_side_m(grid.depth) * f64::from(BLOCK_LEAVES);
-        let low = [f64::from(block.x) * block_side, f64::from(block.y) * block_side];
         let (mut by_object, mut all) = (BTreeMap::<u32, f64>::new(), BlockContent::default());
         let mut record = [0; RECORD_BYTES];
         for _ in 0..block.triangles {
             reader.read_exact(&mut record).map_err(failed)?;
             let triangle = from_record(&record);
             let before_m2 = all.surface_m2;
-            all.add(&TriangleExtent::new(&triangle, &corners_xy(&triangle, grid)), low, block_side);
+            let on_map = triangle.corners.map(|[x, y, _]| [f64::from(x), f64::from(y)]);
+            all.add(&TriangleExtent::new(&triangle, &on_map), [0.0; 2], grid.block_side_m());
             *by_object.entry(triangle.object).or_default() += all.surface_m2 - before_m2;
         }
         Ok(by_object.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(object, _)| object))
@@ -165,6 +166,8 @@ struct BlockBucket {
 
 struct BucketWriter<'a> {
     grid: &'a CityGrid,
+    /// The blocks that are wanted.
+    square: BlockSquare,
     margin_m: f64,
     folder: &'a Path,
     max_blocks: usize,
@@ -176,27 +179,24 @@ struct BucketWriter<'a> {
 }
 
 impl BucketWriter<'_> {
-    /// Fails if there are too many blocks, or the buckets exceed the budget.
-    fn add(&mut self, triangle: &SceneTriangle) -> Result<(), BakeError> {
-        let p = corners_xy(triangle, self.grid);
-        let side = self.grid.node_side_m(self.grid.depth);
-        let last = (1u32 << self.grid.depth) - 1;
-        let block_side = side * f64::from(BLOCK_LEAVES);
-        let [x, y] = [0, 1].map(|axis| {
-            let [low, high] = span(&p, axis);
-            touched_range([low - self.margin_m, high + self.margin_m], block_side, last / BLOCK_LEAVES)
-        });
-        let record = to_record(triangle);
+    /// Adds a triangle, with its exact corners. Fails if there are too many blocks, or the buckets exceed the budget.
+    fn add(&mut self, triangle: &SceneTriangle, exact: &[[f64; 3]; 3]) -> Result<(), BakeError> {
+        let grid = self.grid;
+        let p = on_lattice(exact, grid);
+        let side = grid.node_side_m(grid.depth);
+        let last = (1u32 << grid.depth) - 1;
+        let block_side = grid.block_side_m();
         let extent = TriangleExtent::new(triangle, &p);
-        for y in y[0]..=y[1] {
-            for x in x[0]..=x[1] {
-                let bucket = self.by_block.entry((y, x)).or_default();
-                bucket.triangles += 1;
-                bucket.content.add(&extent, [f64::from(x) * block_side, f64::from(y) * block_side], block_side);
-                bucket.buffer.extend_from_slice(&record);
-                self.buffered += record.len();
-                self.budget.spend(record.len())?;
-            }
+        for [x, y] in self.square.clip(touched_blocks(&p, self.margin_m, grid)).places() {
+            let bucket = self.by_block.entry((y, x)).or_default();
+            let low = grid.block_offset_m([x, y]);
+            let corner = |k: usize| [(p[k][0] - low[0]) as f32, (p[k][1] - low[1]) as f32, triangle.corners[k][2]];
+            let record = to_record(&SceneTriangle { corners: std::array::from_fn(corner), ..*triangle });
+            bucket.triangles += 1;
+            bucket.content.add(&extent, low, block_side);
+            bucket.buffer.extend_from_slice(&record);
+            self.buffered += record.len();
+            self.budget.spend(record.len())?;
             if self.by_block.len() > self.max_blocks {
                 return Err(BakeError::TooManyBlocks { limit: self.max_blocks, side_m: block_side });
             }
@@ -209,6 +209,7 @@ impl BucketWriter<'_> {
     fn mark_leaves(&mut self, p: &[[f64; 2]; 3], side: f64, last: u32) {
         let [x, y] = [0, 1].map(|axis| touched_range(span(p, axis), side, last));
         let one = x[0] == x[1] && y[0] == y[1];
+        let [x, y] = self.square.leaves().clip([x, y]).ranges;
         for leaf_y in y[0]..=y[1] {
             for leaf_x in x[0]..=x[1] {
                 let low = [f64::from(leaf_x) * side, f64::from(leaf_y) * side];
@@ -237,9 +238,54 @@ impl BucketWriter<'_> {
     }
 }
 
-/// Corners in metres from the grid's corner, x and y.
-fn corners_xy(triangle: &SceneTriangle, grid: &CityGrid) -> [[f64; 2]; 3] {
-    triangle.corners.map(|c| [f64::from(c[0]) - grid.corner[0], f64::from(c[1]) - grid.corner[1]])
+/// A rectangle of blocks: first and last column, first and last row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct BlockSquare {
+    pub(crate) ranges: [[u32; 2]; 2],
+}
+
+impl BlockSquare {
+    /// All blocks of a city.
+    pub(crate) fn all() -> Self {
+        Self { ranges: [[0, u32::MAX]; 2] }
+    }
+
+    /// What it has in common with ranges of columns and rows.
+    fn clip(self, [x, y]: [[u32; 2]; 2]) -> Self {
+        let [own_x, own_y] = self.ranges;
+        let common = |a: [u32; 2], b: [u32; 2]| [a[0].max(b[0]), a[1].min(b[1])];
+        Self { ranges: [common(own_x, x), common(own_y, y)] }
+    }
+
+    /// Its leaves, as columns and rows.
+    fn leaves(self) -> Self {
+        let leaves = |[first, last]: [u32; 2]| {
+            [first.saturating_mul(BLOCK_LEAVES), last.saturating_mul(BLOCK_LEAVES).saturating_add(BLOCK_LEAVES - 1)]
+        };
+        Self { ranges: self.ranges.map(leaves) }
+    }
+
+    /// Its members, row by row.
+    fn places(self) -> impl Iterator<Item = [u32; 2]> {
+        let [x, y] = self.ranges;
+        (y[0]..=y[1]).flat_map(move |y| (x[0]..=x[1]).map(move |x| [x, y]))
+    }
+}
+
+/// Corners on the map in metres from the grid's corner, on the lattice. `exact` are those in the scene.
+pub(crate) fn on_lattice(exact: &[[f64; 3]; 3], grid: &CityGrid) -> [[f64; 2]; 3] {
+    let step_m = grid.lattice_m();
+    exact.map(|corner| [0, 1].map(|axis: usize| ((corner[axis] - grid.corner[axis]) / step_m).round() * step_m))
+}
+
+/// First and last column, first and last row of the blocks that a triangle touches with a margin. `p` are its corners on the map in metres
+/// from the grid's corner.
+pub(crate) fn touched_blocks(p: &[[f64; 2]; 3], margin_m: f64, grid: &CityGrid) -> [[u32; 2]; 2] {
+    let last = (1u32 << grid.depth) - 1;
+    [0, 1].map(|axis| {
+        let [low, high] = span(p, axis);
+        touched_range([low - margin_m, high + margin_m], grid.block_side_m(), last / BLOCK_LEAVES)
+    })
 }
 
 /// First and last of the squares of side `side` that the closed interval touches, within `0..=last`.
@@ -287,7 +333,9 @@ mod tests {
         let folder = TestFolder::new(&format!("partition-{name}"));
         let buckets = folder.path.join("buckets");
         let budget = &ScratchBudget::new(u64::MAX);
-        let options = PartitionOptions { folder: &buckets, margin_m, buffer_bytes, max_blocks: 1 << 10, budget };
+        let square = BlockSquare::all();
+        let options =
+            PartitionOptions { folder: &buckets, square, margin_m, buffer_bytes, max_blocks: 1 << 10, budget };
         let city = ScratchScene::from_scene(scene).unwrap();
         (Partition::new(&city, &grid(5), options, |_| {}).unwrap(), folder)
     }
@@ -308,8 +356,11 @@ mod tests {
             triangle([[900.0, 10.0, 0.0], [905.0, 10.0, 0.0], [900.0, 15.0, 5.0]]),
         ];
         let held = |partition: &Partition| -> Vec<Vec<usize>> {
-            let number = |t: &SceneTriangle| all.iter().position(|other| other == t).unwrap();
-            let triangles = |block| partition.triangles(block).unwrap().iter().map(number).collect();
+            // Corners are relative to the block.
+            let at = |block: &LeafBlock, t: &SceneTriangle| t.corners[0][0] + 128.0 * block.x as f32;
+            let number = |x: f32| all.iter().position(|other| other.corners[0][0] == x).unwrap();
+            let triangles =
+                |block: &LeafBlock| partition.triangles(block).unwrap().iter().map(|t| number(at(block, t))).collect();
             partition.blocks.iter().map(triangles).collect()
         };
         let (narrow, _folder) = partition("small", &all, 64.0, 1 << 20);
@@ -354,7 +405,14 @@ mod tests {
                 let of = |block: &LeafBlock| (block.x, block.y) == (x / BLOCK_LEAVES, y / BLOCK_LEAVES);
                 let i = partition.blocks.iter().position(of).unwrap();
                 assert!(partition.leaves(&partition.blocks[i]).contains(&id(x, y)));
-                assert!(held[i].contains(triangle));
+                // The corners are relative to the block, and on the lattice.
+                let block = &partition.blocks[i];
+                let low = [block.x, block.y].map(|n| (n * 128) as f32);
+                let is_own = |other: &SceneTriangle| {
+                    let offset = |k: usize, axis: usize| other.corners[k][axis] + low[axis] - triangle.corners[k][axis];
+                    (0..3).all(|k| (0..2).all(|axis| offset(k, axis).abs() < 1e-3))
+                };
+                assert!(held[i].iter().any(is_own));
             }
         }
         assert!(partition.blocks.is_sorted_by_key(|block| (block.y, block.x)));
@@ -372,7 +430,8 @@ mod tests {
         let city = ScratchScene::from_scene(scene).unwrap();
         let partition = |name: &str, max_blocks: usize, budget: u64| {
             let (folder, budget) = (&folder.path.join(name), &ScratchBudget::new(budget));
-            let options = PartitionOptions { folder, margin_m: 0.0, buffer_bytes: 99, max_blocks, budget };
+            let square = BlockSquare::all();
+            let options = PartitionOptions { folder, square, margin_m: 0.0, buffer_bytes: 99, max_blocks, budget };
             Partition::new(&city, &grid(5), options, |_| {}).map(|_| ())
         };
         assert!(matches!(partition("blocks", 200, u64::MAX), Err(BakeError::TooManyBlocks { limit: 200, .. })));

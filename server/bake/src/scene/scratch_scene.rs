@@ -5,6 +5,7 @@
 use std::sync::Arc;
 
 use insula_objects::FeatureKind;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     error::BakeError,
@@ -18,7 +19,7 @@ use crate::{
 };
 
 /// Colour of triangles, with the texture by number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(crate) struct StoredMaterial {
     /// 8-bit sRGB.
     pub(crate) rgb: [u8; 3],
@@ -47,7 +48,7 @@ pub(crate) struct StoredObject {
 }
 
 /// By what an object is known.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ObjectIdentity {
     /// What the source says of it.
     pub(crate) record: RecordPlace,
@@ -125,16 +126,26 @@ impl ScratchScene {
         &self,
         mut visit: impl FnMut(&SceneTriangle) -> Result<(), BakeError>,
     ) -> Result<(), BakeError> {
+        self.try_for_each_exact(|triangle, _| visit(triangle))
+    }
+
+    /// As [`Self::try_for_each`], with the corners also as they are before they are rounded: relative to the origin, too.
+    pub(crate) fn try_for_each_exact(
+        &self,
+        mut visit: impl FnMut(&SceneTriangle, &[[f64; 3]; 3]) -> Result<(), BakeError>,
+    ) -> Result<(), BakeError> {
         self.stored.try_for_each(|mut triangle| {
+            let mut exact = triangle.corners.map(|corner| corner.map(f64::from));
             if !self.placements.is_empty() {
                 let ObjectPlacement { offset_m, object } = self.placements[triangle.object as usize];
                 let Some(object) = object else { return Ok(()) };
                 triangle.object = object;
-                for corner in &mut triangle.corners {
-                    *corner = std::array::from_fn(|axis| (f64::from(corner[axis]) + offset_m[axis]) as f32);
+                for (corner, rounded) in exact.iter_mut().zip(&mut triangle.corners) {
+                    *corner = std::array::from_fn(|axis| corner[axis] + offset_m[axis]);
+                    *rounded = corner.map(|v| v as f32);
                 }
             }
-            visit(&triangle)
+            visit(&triangle, &exact)
         })
     }
 

@@ -1,12 +1,14 @@
 //! The city's textures by number, in memory or in scratch files with a cache of limited size.
 
 use std::{
+    collections::HashMap,
     fs,
     path::{Path, PathBuf},
     sync::{Arc, Mutex, PoisonError},
 };
 
 use lru::LruCache;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     error::BakeError,
@@ -18,20 +20,33 @@ use crate::{
 type ToneCurve = [u8; 256];
 
 /// Size and hash of a texture, kept while its texels are on disk.
-#[derive(Debug, Clone)]
-struct TextureFacts {
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub(crate) struct TextureFacts {
     width: u32,
     height: u32,
     hash: ShortHash,
     is_pattern: bool,
-    /// Applied when the texels are loaded.
-    tone: Option<Arc<ToneCurve>>,
+    /// Applied when the texels are loaded: 256 values.
+    tone: Option<Vec<u8>>,
+}
+
+impl TextureFacts {
+    /// Hash of the size and the texels, after the tone.
+    pub(crate) fn hash(&self) -> ShortHash {
+        self.hash
+    }
+
+    fn tone_curve(&self) -> Option<ToneCurve> {
+        self.tone.as_deref().and_then(|tone| tone.try_into().ok())
+    }
 }
 
 /// Textures by number. Those in files are loaded on demand and cached.
 #[derive(Debug)]
 pub(crate) struct TextureStore {
     facts: Vec<TextureFacts>,
+    /// Numbers by the hashes of the textures as they were added.
+    by_hash: HashMap<(ShortHash, bool), u32>,
     storage: TextureStorage,
     failed: Option<BakeError>,
 }
@@ -52,22 +67,31 @@ struct TextureCache {
 
 impl TextureStore {
     pub(crate) fn in_memory() -> Self {
-        Self { facts: Vec::new(), storage: TextureStorage::Memory(Vec::new()), failed: None }
+        Self { facts: Vec::new(), by_hash: HashMap::new(), storage: TextureStorage::Memory(Vec::new()), failed: None }
     }
 
     /// Keeps textures in files of the existing folder `path`, and at most `limit_bytes` of them in memory.
     pub(crate) fn in_folder(path: PathBuf, limit_bytes: usize, budget: ScratchBudget) -> Self {
         let cache = Mutex::new(TextureCache { loaded: LruCache::unbounded(), bytes: 0, limit_bytes });
-        Self { facts: Vec::new(), storage: TextureStorage::Folder { path, cache, budget }, failed: None }
+        Self {
+            facts: Vec::new(),
+            by_hash: HashMap::new(),
+            storage: TextureStorage::Folder { path, cache, budget },
+            failed: None,
+        }
     }
 
-    /// Stores a texture and returns its number. A write error is kept until [`Self::finish`].
+    /// Stores a texture and returns its number, that of an equal one if there is one. A write error is kept until [`Self::finish`].
     pub(crate) fn add(&mut self, texture: Arc<SceneTexture>) -> u32 {
-        let number = self.facts.len() as u32;
         let mut hasher = blake3::Hasher::new();
         hasher.update(&texture.width.to_le_bytes()).update(&texture.height.to_le_bytes());
         let hash = short_hash(&hasher.update(texture.rgb.as_flattened()).finalize());
         let SceneTexture { width, height, is_pattern, .. } = *texture;
+        if let Some(known) = self.by_hash.get(&(hash, is_pattern)) {
+            return *known;
+        }
+        let number = self.facts.len() as u32;
+        self.by_hash.insert((hash, is_pattern), number);
         self.facts.push(TextureFacts { width, height, hash, is_pattern, tone: None });
         match &mut self.storage {
             TextureStorage::Memory(all) => all.push(texture),
@@ -94,10 +118,21 @@ impl TextureStore {
         match &mut self.storage {
             TextureStorage::Memory(all) => apply_tone(&mut Arc::make_mut(&mut all[number as usize]).rgb, tone),
             TextureStorage::Folder { cache, .. } => {
-                facts.tone = Some(Arc::new(*tone));
+                facts.tone = Some(tone.to_vec());
                 cache.get_mut().unwrap_or_else(PoisonError::into_inner).remove(number);
             }
         }
+    }
+
+    /// What is known of all textures, by number.
+    pub(crate) fn facts(&self) -> &[TextureFacts] {
+        &self.facts
+    }
+
+    /// Textures whose texels are in files of the existing folder `path` already, see [`texture_path`].
+    pub(crate) fn of_files(facts: Vec<TextureFacts>, path: PathBuf, limit_bytes: usize) -> Self {
+        let storage = Self::in_folder(path, limit_bytes, ScratchBudget::new(0)).storage;
+        Self { facts, by_hash: HashMap::new(), storage, failed: None }
     }
 
     /// Hash of the texture's size and texels.
@@ -145,7 +180,8 @@ fn apply_tone(rgb: &mut [[u8; 3]], tone: &ToneCurve) {
     rgb.as_flattened_mut().iter_mut().for_each(|v| *v = tone[usize::from(*v)]);
 }
 
-fn texture_path(folder: &Path, number: u32) -> PathBuf {
+/// Path of the texels of a texture.
+pub(crate) fn texture_path(folder: &Path, number: u32) -> PathBuf {
     folder.join(format!("{number}.rgb"))
 }
 
@@ -156,7 +192,7 @@ fn load(path: &Path, facts: &TextureFacts) -> Result<SceneTexture, BakeError> {
         return Err(BakeError::Scratch { path: path.to_owned() });
     }
     let mut rgb = texels.to_vec();
-    facts.tone.iter().for_each(|tone| apply_tone(&mut rgb, tone));
+    facts.tone_curve().iter().for_each(|tone| apply_tone(&mut rgb, tone));
     Ok(SceneTexture { width: facts.width, height: facts.height, rgb, is_pattern: facts.is_pattern })
 }
 

@@ -43,6 +43,18 @@ pub(crate) fn from_record(record: &[u8; RECORD_BYTES]) -> SceneTriangle {
 pub(crate) enum TriangleStore {
     Memory(Vec<SceneTriangle>),
     File(TriangleFile),
+    /// Files that others wrote, then one of its own.
+    Parts(Vec<TrianglePart>, TriangleFile),
+}
+
+/// One of several files of triangles, which have numbers of objects and materials of their own.
+#[derive(Debug, Clone)]
+pub(crate) struct TrianglePart {
+    pub(crate) path: PathBuf,
+    /// Number of its first object.
+    pub(crate) first_object: u32,
+    /// Number of each of its materials.
+    pub(crate) materials: Vec<u32>,
 }
 
 /// A scratch file of triangles. The first write error is kept until [`TriangleStore::finish`], so that readers need not
@@ -56,6 +68,13 @@ pub(crate) struct TriangleFile {
 }
 
 impl TriangleFile {
+    /// Fails if the file cannot be created.
+    fn create(path: PathBuf, budget: ScratchBudget) -> Result<Self, BakeError> {
+        let file = File::create_new(&path).map_err(|cause| BakeError::io(&path, "written", cause))?;
+        let writer = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
+        Ok(Self { path, writer, budget, failed: None })
+    }
+
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
@@ -63,6 +82,11 @@ impl TriangleFile {
     /// What limits the scratch files.
     pub(crate) fn budget(&self) -> ScratchBudget {
         self.budget.clone()
+    }
+
+    /// Calls `visit` for every triangle, in order. Fails if the file cannot be read, or with the first error of `visit`.
+    fn try_for_each(&self, visit: &mut dyn FnMut(SceneTriangle) -> Result<(), BakeError>) -> Result<(), BakeError> {
+        read_file(&self.path, visit)
     }
 
     /// Removes the file. A file that cannot be removed stays until the whole scratch folder is removed.
@@ -75,15 +99,26 @@ impl TriangleFile {
 impl TriangleStore {
     /// Fails if the file at `path` cannot be created.
     pub(crate) fn in_file(path: PathBuf, budget: ScratchBudget) -> Result<Self, BakeError> {
-        let file = File::create_new(&path).map_err(|cause| BakeError::io(&path, "written", cause))?;
-        let writer = Some(BufWriter::with_capacity(BUFFER_BYTES, file));
-        Ok(Self::File(TriangleFile { path, writer, budget, failed: None }))
+        Ok(Self::File(TriangleFile::create(path, budget)?))
+    }
+
+    /// Triangles of files that others wrote, and further ones at `path`. Fails as [`Self::in_file`].
+    pub(crate) fn of_parts(parts: Vec<TrianglePart>, path: PathBuf, budget: ScratchBudget) -> Result<Self, BakeError> {
+        Ok(Self::Parts(parts, TriangleFile::create(path, budget)?))
+    }
+
+    /// The file that is written; `None` in memory.
+    pub(crate) fn own_file(&self) -> Option<&TriangleFile> {
+        match self {
+            Self::Memory(_) => None,
+            Self::File(file) | Self::Parts(_, file) => Some(file),
+        }
     }
 
     pub(crate) fn push(&mut self, triangle: SceneTriangle) {
         match self {
             Self::Memory(all) => all.push(triangle),
-            Self::File(file) => {
+            Self::File(file) | Self::Parts(_, file) => {
                 let Some(writer) = &mut file.writer else { return };
                 let written = |cause| BakeError::io(&file.path, "written", cause);
                 let spent = file.budget.spend(RECORD_BYTES);
@@ -97,13 +132,14 @@ impl TriangleStore {
 
     /// Makes what was pushed so far readable. Fails if it cannot be written.
     pub(crate) fn flush(&mut self) -> Result<(), BakeError> {
-        let Self::File(TriangleFile { path, writer: Some(writer), .. }) = self else { return Ok(()) };
+        let (Self::File(file) | Self::Parts(_, file)) = self else { return Ok(()) };
+        let TriangleFile { path, writer: Some(writer), .. } = file else { return Ok(()) };
         writer.flush().map_err(|cause| BakeError::io(path, "written", cause))
     }
 
     /// Ends the writing. Fails if any write failed or the scratch files are larger than they may be.
     pub(crate) fn finish(&mut self) -> Result<(), BakeError> {
-        let Self::File(file) = self else { return Ok(()) };
+        let (Self::File(file) | Self::Parts(_, file)) = self else { return Ok(()) };
         let flushed = file.writer.take().map_or(Ok(()), |mut writer| writer.flush());
         let flushed = flushed.map_err(|cause| BakeError::io(&file.path, "written", cause));
         file.failed.take().map_or(flushed, Err)
@@ -111,7 +147,7 @@ impl TriangleStore {
 
     /// Adds triangles after the writing has ended. Fails if they cannot be written.
     pub(crate) fn append(&mut self, triangles: impl Iterator<Item = SceneTriangle>) -> Result<(), BakeError> {
-        if let Self::File(file) = self {
+        if let Self::File(file) | Self::Parts(_, file) = self {
             let opened = File::options().append(true).open(&file.path);
             let opened = opened.map_err(|cause| BakeError::io(&file.path, "written", cause))?;
             file.writer = Some(BufWriter::with_capacity(BUFFER_BYTES, opened));
@@ -128,17 +164,38 @@ impl TriangleStore {
     ) -> Result<(), BakeError> {
         match self {
             Self::Memory(all) => all.iter().try_for_each(|triangle| visit(*triangle)),
-            Self::File(file) => {
-                let failed = |cause| BakeError::io(&file.path, "read", cause);
-                let mut reader = BufReader::with_capacity(BUFFER_BYTES, File::open(&file.path).map_err(failed)?);
-                let mut record = [0; RECORD_BYTES];
-                while !io::BufRead::fill_buf(&mut reader).map_err(failed)?.is_empty() {
-                    reader.read_exact(&mut record).map_err(failed)?;
-                    visit(from_record(&record))?;
-                }
-                Ok(())
+            Self::File(file) => file.try_for_each(&mut visit),
+            Self::Parts(parts, file) => {
+                parts.iter().try_for_each(|part| part.try_for_each(&mut visit))?;
+                file.try_for_each(&mut visit)
             }
         }
+    }
+}
+
+/// Calls `visit` for every triangle of a file. Fails if it cannot be read, or with the first error of `visit`.
+pub(crate) fn read_file(
+    path: &Path,
+    visit: &mut dyn FnMut(SceneTriangle) -> Result<(), BakeError>,
+) -> Result<(), BakeError> {
+    let failed = |cause| BakeError::io(path, "read", cause);
+    let mut reader = BufReader::with_capacity(BUFFER_BYTES, File::open(path).map_err(failed)?);
+    let mut record = [0; RECORD_BYTES];
+    while !io::BufRead::fill_buf(&mut reader).map_err(failed)?.is_empty() {
+        reader.read_exact(&mut record).map_err(failed)?;
+        visit(from_record(&record))?;
+    }
+    Ok(())
+}
+
+impl TrianglePart {
+    fn try_for_each(&self, visit: &mut dyn FnMut(SceneTriangle) -> Result<(), BakeError>) -> Result<(), BakeError> {
+        read_file(&self.path, &mut |mut triangle| {
+            let damaged = || BakeError::Scratch { path: self.path.clone() };
+            triangle.object = triangle.object.checked_add(self.first_object).ok_or_else(damaged)?;
+            triangle.material = *self.materials.get(triangle.material as usize).ok_or_else(damaged)?;
+            visit(triangle)
+        })
     }
 }
 

@@ -5,13 +5,9 @@
 //! `fingerprints.bin` and `thumbnail.png`, synchronised, in the scratch folder.
 //! Next: `ScratchFolder::publish` renames them to the output.
 
-use std::{
-    collections::HashMap,
-    fs, io,
-    path::{Path, PathBuf},
-};
+use std::{collections::HashMap, fs, io, path::Path};
 
-use insula_archive::city::SEARCH_FILE;
+use insula_archive::city::{SEARCH_FILE, version_of};
 use insula_protocol::{
     NODE_CELLS, TileId,
     manifest::{
@@ -19,18 +15,18 @@ use insula_protocol::{
         Manifest, shorten_text,
     },
     mesh_tile, tile,
-    tile::TileKind,
 };
+use serde::{Deserialize, Serialize};
 
 use super::location::locate;
 use super::{
-    archive,
+    archive::{self, WrittenArchive},
     files::write_synced,
     fingerprints::Fingerprints,
-    mesh_pack,
     objects::NumberedRecords,
     search, thumbnail,
-    tile_pack::{PackReader, StoredTile},
+    tile_bytes::TileContent,
+    tile_pack::StoredTile,
     tile_tree::{self, TileTree},
     visibility,
 };
@@ -38,13 +34,13 @@ use crate::{
     config::BakeConfig,
     error::BakeError,
     ground::GroundReport,
-    hash::{ShortHash, short_hex},
+    hash::ShortHash,
     read::ReadReport,
     scene::{ObjectKind, grid::CityGrid, scratch_scene::ScratchScene},
 };
 
 /// The scene's part of the manifest, so that the scene need not be kept until the end.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct SceneFacts {
     pub(crate) origin: [f64; 3],
     pub(crate) bounds: [[f64; 3]; 2],
@@ -105,8 +101,6 @@ pub(crate) struct CityInput<'a> {
     pub(crate) facts: &'a SceneFacts,
     pub(crate) read: &'a ReadReport,
     pub(crate) tree: &'a TileTree,
-    /// Folder of the packs.
-    pub(crate) packs: &'a Path,
     /// Position (x, y) and hash of each block of leaves.
     pub(crate) fingerprints: Vec<((u32, u32), ShortHash)>,
     /// `None` for a city without sources.
@@ -121,53 +115,78 @@ pub(crate) struct WrittenCity {
     pub(crate) bytes: u64,
 }
 
+/// The archives of V-BlockMaps and of meshes, if there are meshes.
+#[derive(Debug)]
+pub(crate) struct TileArchives {
+    pub(crate) blockmaps: WrittenArchive,
+    pub(crate) meshes: Option<WrittenArchive>,
+}
+
+/// Names of these archives.
+pub(crate) const BLOCKMAPS_FILE: &str = "blockmaps.pmtiles";
+pub(crate) const MESHES_FILE: &str = "meshes.pmtiles";
+
 /// Writes the files into `folder`, which must not exist; calls `advance` for every tile. Fails if a pack cannot be read
 /// or a file cannot be written.
-pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) -> Result<WrittenCity, BakeError> {
+pub(crate) fn write(
+    input: CityInput<'_>,
+    tiles: &mut dyn TileContent,
+    folder: &Path,
+    advance: impl Fn(u64),
+) -> Result<WrittenCity, BakeError> {
     fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "created", cause))?;
-    let (blockmaps, subtrees) = (folder.join("blockmaps.pmtiles"), folder.join("subtrees.pmtiles"));
     let ids: Vec<TileId> = input.tree.levels().iter().flatten().map(|tile| tile.id).collect();
-    let mut reader = PackReader::new(input.packs);
-    let mut bytes = archive::write(&blockmaps, &ids, |id| {
+    let blockmaps = archive::write(&folder.join(BLOCKMAPS_FILE), &ids, |id| {
         advance(1);
-        let stored = input.tree.get(id).ok_or_else(|| BakeError::Scratch { path: input.packs.to_owned() })?;
-        reader.read(stored)
+        let stored = input.tree.get(id).ok_or_else(|| BakeError::Scratch { path: folder.to_owned() })?;
+        tiles.tile(stored)
     })?;
+    let has_meshes = !input.tree.meshes().is_empty();
+    let meshes = has_meshes.then(|| write_meshes(&input, tiles, &folder.join(MESHES_FILE))).transpose()?;
+    write_others(input, tiles, TileArchives { blockmaps, meshes }, folder)
+}
+
+/// Writes all files besides `archives`, which are elsewhere or in the folder already. Fails as [`write`].
+pub(crate) fn write_others(
+    input: CityInput<'_>,
+    tiles: &mut dyn TileContent,
+    archives: TileArchives,
+    folder: &Path,
+) -> Result<WrittenCity, BakeError> {
+    let TileArchives { blockmaps, meshes } = archives;
     let nodes = tile_tree::describe(input.tree, input.grid);
-    bytes += archive::write(&subtrees, &tile_tree::subtree_roots(&nodes), |root| {
+    let subtrees = archive::write(&folder.join("subtrees.pmtiles"), &tile_tree::subtree_roots(&nodes), |root| {
         tile_tree::encode_subtree(input.tree, &nodes, root)
     })?;
-    let mut hashed = vec![blockmaps, subtrees];
-    if !input.tree.meshes().is_empty() {
-        let path = folder.join("meshes.pmtiles");
-        bytes += write_meshes(&input, &path)?;
-        hashed.push(path);
-    }
+    drop(nodes);
+    let mut written: Vec<WrittenArchive> = [blockmaps, subtrees].into_iter().chain(meshes).collect();
+    let mut search = None;
     if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
-        let (path, search_path) = (folder.join("objects.pmtiles"), folder.join(SEARCH_FILE));
         let schema = objects.schema()?;
-        bytes += objects.write(&schema, &path)?;
-        hashed.push(path);
-        if let Some(length) = search::write(objects, &schema, &search_path)? {
-            bytes += length;
-            hashed.push(search_path);
-        }
+        written.push(objects.write(&schema, &folder.join("objects.pmtiles"))?);
+        search = search::write(objects, &schema, &folder.join(SEARCH_FILE))?;
+    }
+    let mut bytes: u64 = written.iter().map(|archive| archive.bytes).sum();
+    let mut hashes: Vec<_> = written.iter().map(|archive| archive.digest).collect();
+    if let Some(length) = search {
+        bytes += length;
+        hashes.push(hash_file(&folder.join(SEARCH_FILE))?);
     }
     let mut manifest = build_manifest(&input);
     if input.config.street_sets
-        && let Some(length) = visibility::write(folder, &manifest, input.config.threads)?
+        && let Some(sets) = visibility::write(folder, &manifest, input.config.threads)?
     {
-        bytes += length;
-        hashed.push(folder.join(TileKind::Visibility.file_name()));
+        bytes += sets.bytes;
+        hashes.push(sets.digest);
     }
-    manifest.version = hash_city(&manifest, &hashed)?;
     let path = folder.join("city.json");
+    manifest.version = version_of(&hashes, &to_json(&manifest, &path)?);
     let json = to_json(&manifest, &path)?;
     write_synced(&path, &json)?;
     bytes += json.len() as u64;
     bytes += Fingerprints { version: manifest.version.clone(), blocks: input.fingerprints }.write(folder)?;
     // A city is complete without its picture.
-    match thumbnail::write(folder, input.tree, input.packs, &manifest) {
+    match thumbnail::write(folder, input.tree, tiles, &manifest) {
         Ok(length) => bytes += length,
         Err(error) => tracing::warn!("the city has no {}: {error}", thumbnail::FILE_NAME),
     }
@@ -175,14 +194,14 @@ pub(crate) fn write(input: CityInput<'_>, folder: &Path, advance: impl Fn(u64)) 
 }
 
 /// Writes the archive of meshes, each level of detail under its own tile id.
-fn write_meshes(input: &CityInput<'_>, path: &Path) -> Result<u64, BakeError> {
-    let missing = || BakeError::Scratch { path: input.packs.to_owned() };
+fn write_meshes(input: &CityInput<'_>, tiles: &mut dyn TileContent, path: &Path) -> Result<WrittenArchive, BakeError> {
+    let missing = || BakeError::Scratch { path: path.to_owned() };
     let mut by_id = HashMap::with_capacity(input.tree.meshes().len());
     for mesh in input.tree.meshes() {
         by_id.insert(mesh_tile::archive_id(mesh.id, mesh.lod).ok_or_else(missing)?, mesh);
     }
     let ids: Vec<TileId> = by_id.keys().copied().collect();
-    archive::write(path, &ids, |id| mesh_pack::read(input.packs, by_id.get(&id).ok_or_else(missing)?))
+    archive::write(path, &ids, |id| tiles.mesh(by_id.get(&id).ok_or_else(missing)?))
 }
 
 fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {
@@ -191,15 +210,12 @@ fn to_json(manifest: &Manifest, path: &Path) -> Result<Vec<u8>, BakeError> {
     Ok(json)
 }
 
-/// Hash of the archives, the search index, and of the manifest without its version.
-fn hash_city(manifest: &Manifest, files: &[PathBuf]) -> Result<String, BakeError> {
+/// BLAKE3 of a file's bytes.
+fn hash_file(path: &Path) -> Result<[u8; blake3::OUT_LEN], BakeError> {
     let mut hasher = blake3::Hasher::new();
-    for path in files {
-        let hashed = fs::File::open(path).and_then(|mut file| io::copy(&mut file, &mut hasher));
-        hashed.map_err(|cause| BakeError::io(path, "read", cause))?;
-    }
-    hasher.update(&to_json(manifest, Path::new("city.json"))?);
-    Ok(short_hex(&hasher.finalize()))
+    let hashed = fs::File::open(path).and_then(|mut file| io::copy(&mut file, &mut hasher));
+    hashed.map_err(|cause| BakeError::io(path, "read", cause))?;
+    Ok(hasher.finalize().into())
 }
 
 fn build_manifest(input: &CityInput<'_>) -> Manifest {

@@ -28,7 +28,8 @@ pub(crate) struct StoredMesh {
     /// Level of detail, 0 for the finest.
     pub(crate) lod: u8,
     pub(crate) info: MeshLod,
-    offset: u64,
+    /// Of its bytes in the pack.
+    pub(crate) offset: u64,
 }
 
 /// The mesh of a leaf.

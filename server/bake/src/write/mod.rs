@@ -15,6 +15,7 @@ pub(crate) mod ownership;
 pub(crate) mod scratch_folder;
 mod search;
 mod thumbnail;
+pub(crate) mod tile_bytes;
 pub(crate) mod tile_pack;
 pub(crate) mod tile_tree;
 pub mod visibility;

@@ -14,7 +14,7 @@ use insula_protocol::{
     object_tile::{self, MAX_CONTENT_BYTES, SCHEMA_ID, block_id, block_number},
 };
 
-use super::archive;
+use super::archive::{self, WrittenArchive};
 use crate::{
     error::BakeError,
     scene::{
@@ -53,8 +53,8 @@ impl NumberedRecords<'_> {
         Ok(schema)
     }
 
-    /// Writes the archive and returns its length. Fails if a record cannot be read or the file cannot be written.
-    pub(crate) fn write(&self, schema: &Schema, path: &Path) -> Result<u64, BakeError> {
+    /// Writes the archive. Fails if a record cannot be read or the file cannot be written.
+    pub(crate) fn write(&self, schema: &Schema, path: &Path) -> Result<WrittenArchive, BakeError> {
         let blocks = self.rows.chunks(BLOCK_OBJECTS);
         let used = (0..).zip(blocks).filter(|(_, rows)| rows.iter().any(Option::is_some));
         let mut ids: Vec<TileId> = used.filter_map(|(block, _)| block_id(block)).collect();

@@ -11,7 +11,7 @@ use image::{
 };
 use insula_protocol::{BlockMap, Manifest, NODE_CELLS, TileId, blockmap::flag, texel::AO_MAX};
 
-use super::{files::write_synced, tile_pack::PackReader, tile_tree::TileTree};
+use super::{files::write_synced, tile_bytes::TileContent, tile_tree::TileTree};
 use crate::error::BakeError;
 
 pub(super) use insula_protocol::route::THUMBNAIL_FILE as FILE_NAME;
@@ -30,17 +30,21 @@ const LIGHT: [f32; 2] = [0.45, 0.75];
 const MAX_SLOPE: f32 = 1.5;
 
 /// Writes the picture into `folder` and returns its size in bytes. Fails if a pack cannot be read, or the file not be written.
-pub(super) fn write(folder: &Path, tree: &TileTree, packs: &Path, manifest: &Manifest) -> Result<u64, BakeError> {
+pub(super) fn write(
+    folder: &Path,
+    tree: &TileTree,
+    tiles: &mut dyn TileContent,
+    manifest: &Manifest,
+) -> Result<u64, BakeError> {
     let path = folder.join(FILE_NAME);
     let corners = manifest.bounds.map(|corner| [0, 1].map(|axis| corner[axis] - manifest.origin[axis]));
     let mut plan = Plan::new(corners, manifest.cell_m, manifest.depth);
-    let mut reader = PackReader::new(packs);
     for stored in tree.level(plan.level) {
         if !plan.meets(stored.id) {
             continue;
         }
-        let bytes = reader.read(stored)?;
-        let map = BlockMap::decode(stored.id, &bytes).map_err(|_| BakeError::Scratch { path: packs.to_owned() })?;
+        let bytes = tiles.tile(stored)?;
+        let map = BlockMap::decode(stored.id, &bytes).map_err(|_| BakeError::Scratch { path: path.clone() })?;
         plan.add(&map.stand_on_ground());
     }
     let png = encode(&plan.draw()).map_err(|cause| BakeError::io(&path, "written", std::io::Error::other(cause)))?;

@@ -78,9 +78,11 @@ pub(crate) struct StoredTile {
     pub(crate) z_min_m: f32,
     pub(crate) z_max_m: f32,
     pub(crate) deviation: NodeDeviation,
-    offset: u64,
+    /// Of its bytes in the pack.
+    pub(crate) offset: u64,
     pub(crate) bytes: u32,
-    points: u32,
+    /// Number of its points in the pack.
+    pub(crate) points: u32,
     /// Whether it shows the same as its children.
     pub(crate) shows_children: bool,
     /// Whether the city that is updated has the same tile. Not stored in the pack.

@@ -8,15 +8,15 @@ use insula_archive::{Archive, limits::MAX_OPENING_TIME};
 use insula_protocol::{BlockMap, DecodeError, Manifest, Subtree, TileId, TileKind};
 use insula_visibility::{CityExtent, CitySets, Settings};
 
-use super::archive;
+use super::archive::{self, WrittenArchive};
 use crate::error::BakeError;
 
 /// Heights below a city's bounds that columns may reach down to, in metres.
 const BELOW_BOUNDS_M: f64 = 100.0;
 
-/// Writes the archive into a city's folder, which has the archives of subtrees and V-BlockMaps, and returns its length. `None` if
+/// Writes the archive into a city's folder, which has the archives of subtrees and V-BlockMaps, and returns what it wrote. `None` if
 /// the city has no leaves. `manifest` needs no version. Fails if a tile cannot be read or the file cannot be written.
-pub fn write(folder: &Path, manifest: &Manifest, threads: usize) -> Result<Option<u64>, BakeError> {
+pub fn write(folder: &Path, manifest: &Manifest, threads: usize) -> Result<Option<WrittenArchive>, BakeError> {
     let path = folder.join(TileKind::Visibility.file_name());
     let open = |kind: TileKind| {
         let path = folder.join(kind.file_name());

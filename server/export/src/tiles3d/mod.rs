@@ -19,6 +19,7 @@ mod pmtiles;
 mod subtree;
 #[cfg(test)]
 mod tests;
+mod tileset_file;
 mod write;
 
 pub use frame::ToGeocentric;

@@ -246,7 +246,9 @@ fn tiles_of(directory: &[u8]) -> Vec<(usize, usize)> {
         value
     };
     let count = next();
-    (0..2 * count).for_each(|_| drop(next()));
+    for _ in 0..2 * count {
+        next();
+    }
     let lengths: Vec<usize> = (0..count).map(|_| next()).collect();
     let mut end = 0;
     let place = |length: &usize| {

@@ -1,10 +1,10 @@
 //! Writes all files of a tileset into a folder, or into an archive (`.3tz`, `.pmtiles`).
 
-use super::{TILESET_JSON, Tileset, archive::ArchiveWriter, pmtiles::TileArchive};
+use super::{Tileset, archive::ArchiveWriter, pmtiles::TileArchive, tileset_file::TilesetFile};
 use crate::glb::{ExportError, ExportReport};
 use insula_protocol::{Subtree, TileId};
 use std::{
-    fmt, fs, io,
+    fs, io,
     path::{Path, PathBuf},
 };
 
@@ -28,24 +28,6 @@ impl<'p> Destination<'p> {
             (true, _) => Self::Archive(path),
             (_, true) => Self::PmTiles(path),
             _ => Self::Folder(path),
-        }
-    }
-}
-
-/// A file of a tileset. Displayed as its name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum TilesetFile {
-    Tileset,
-    Subtree(TileId),
-    Content(TileId),
-}
-
-impl fmt::Display for TilesetFile {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Tileset => f.write_str(TILESET_JSON),
-            Self::Subtree(root) => write!(f, "subtrees/{root}.subtree"),
-            Self::Content(node) => write!(f, "content/{node}.glb"),
         }
     }
 }

@@ -96,7 +96,7 @@ pub(super) fn walk_meshes<S: Simd>(
         }
     }
     let found = meets & nearest.triangle.simd_ne(splat_u(simd, 0));
-    let objects = ObjectWords::of_triangles(simd, scene, node, found, nearest.triangle);
+    let objects = ObjectWords::of_triangles(simd, scene, whole[3], found, nearest.triangle);
     let hidden = found & objects.hidden(simd);
     walk_singly(scene, segments, index, hidden, hits);
     let found = found & !hidden;

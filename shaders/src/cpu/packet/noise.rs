@@ -198,7 +198,7 @@ pub(super) fn sum_octaves<S: Simd>(
         hidden += (one - share * share) * (amplitude * amplitude) * variance;
         total += amplitude;
         amplitude *= octaves.persistence;
-        footprint = footprint * 2.0;
+        footprint *= 2.0;
         p = next_octave(p, 2.0);
     }
     NoiseSums { value: sum / total.max(1e-6), hidden: hidden / (total * total).max(1e-6) }

@@ -53,14 +53,14 @@ impl<S: Simd> ObjectWords<S> {
         Self::at(simd, scene, node.palette, faces.outer.select(lower, has_wall.select(wall, roof)))
     }
 
-    /// Of triangles at these addresses, in vec4s, for the rays in `lanes`.
+    /// Of triangles at these addresses, in vec4s, of a mesh whose palette begins at `palette`, for the rays in `lanes`.
     #[inline(always)]
-    pub(super) fn of_triangles(simd: S, scene: &SceneRef<'_>, node: &DrawNode, lanes: M<S>, triangle: U<S>) -> Self {
-        if scene.frame.objects == 0 || node.palette == 0 {
+    pub(super) fn of_triangles(simd: S, scene: &SceneRef<'_>, palette: u32, lanes: M<S>, triangle: U<S>) -> Self {
+        if scene.frame.objects == 0 || palette == 0 {
             return Self::none(simd);
         }
         let word = gather_where(simd, scene.atlas, triangle * 4 + 4, lanes);
-        Self::at(simd, scene, node.palette, word >> 16)
+        Self::at(simd, scene, palette, word >> 16)
     }
 
     /// At places of a palette, from 1; 0 is no object.

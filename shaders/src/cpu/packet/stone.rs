@@ -201,7 +201,7 @@ impl<S: Simd> Evaluation<'_, S> {
             share += (one - share) * vein * amplitude;
             amplitude /= VEIN_FALL;
             p = next_octave(p, lacunarity);
-            footprint = footprint * lacunarity;
+            footprint *= lacunarity;
         }
         (share, cloud)
     }

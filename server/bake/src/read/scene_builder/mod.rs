@@ -1,8 +1,10 @@
-//! Builds a city from objects: shares equal materials, chooses the origin and leaves out objects that are too far away.
+//! Builds a city from objects: shares equal materials, chooses the origin and leaves out strays.
 
 mod bases;
 mod landmarks;
+mod parts;
 mod pending;
+mod strays;
 #[cfg(test)]
 mod tests;
 
@@ -25,14 +27,15 @@ use crate::scene::triangle_store::TriangleStore;
 use crate::scene::{Landmark, ObjectKind, SceneTriangle};
 pub(crate) use bases::AnchoredBuilding;
 pub(crate) use landmarks::PendingLandmark;
+pub(crate) use parts::{BuilderParts, PartObjects};
 use pending::PendingObject;
 pub(crate) use pending::{ObjectRelation, OpenObject};
+use strays::{PlaceHistogram, stray_distance_m};
 
 /// No projected system has positions on Earth with larger coordinates.
 pub(crate) const MAX_COORDINATE_M: f64 = 1e9;
-/// An object further than this from the city's median position is left out: it would reduce the precision of the whole
-/// city.
-const MAX_DISTANCE_M: f64 = 200_000.0;
+/// An object that is longer is left out.
+const MAX_OBJECT_M: f64 = 400_000.0;
 
 /// An object that is smaller in all directions, in cells, may fall between the lines that sample it.
 const MIN_CELLS: f32 = 0.25;
@@ -369,23 +372,14 @@ impl SceneBuilder {
         city
     }
 
-    /// For each object its distance from the median object in metres, if that is too far.
+    /// For each object its distance from the median object in metres, if it is a stray ([`strays`]).
     fn find_too_far(&self) -> Vec<Option<f64>> {
-        let middle: [f64; 3] = std::array::from_fn(|axis| {
-            let mut values: Vec<f64> =
-                self.pending.iter().filter(|object| !object.is_dropped).map(|object| object.anchor[axis]).collect();
-            let half = values.len() / 2;
-            if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(half, f64::total_cmp).1 }
-        });
-        let distance = |object: &PendingObject| {
-            (0..3)
-                .map(|axis| (object.high(axis) - middle[axis]).max(middle[axis] - object.low(axis)))
-                .fold(0.0, f64::max)
-        };
-        self.pending
-            .iter()
-            .map(|object| Some(distance(object)).filter(|&distance_m| distance_m > MAX_DISTANCE_M))
-            .collect()
+        let mut places = PlaceHistogram::default();
+        for object in self.pending.iter().filter(|object| !object.is_dropped) {
+            places.add(object.anchor);
+        }
+        let middle = places.median_m();
+        self.pending.iter().map(|object| stray_distance_m(middle, object.place())).collect()
     }
 }
 

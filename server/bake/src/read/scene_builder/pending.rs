@@ -1,8 +1,9 @@
 //! Objects while they are read.
 
 use insula_protocol::NODE_CELLS;
+use serde::{Deserialize, Serialize};
 
-use super::{MAX_DISTANCE_M, hash_of_id};
+use super::{MAX_OBJECT_M, hash_of_id};
 use crate::read::duplicates::{DuplicateCandidate, PlacedBox};
 use crate::scene::ObjectKind;
 use crate::scene::grid::BLOCK_LEAVES;
@@ -18,7 +19,7 @@ const MAX_BLOCK_HEIGHT_CELLS: f64 = 32_768.0;
 const MAX_ID_BYTES: usize = 1024;
 
 /// Facts of an object besides its shape.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(crate) struct ObjectRelation {
     /// Of its parent's identifier, see [`hash_of_id`].
     pub(crate) parent: Option<u64>,
@@ -30,7 +31,9 @@ pub(crate) struct ObjectRelation {
     pub(crate) record: Option<RecordPlace>,
 }
 
-pub(super) struct PendingObject {
+/// A closed object.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct PendingObject {
     pub(super) id: Box<str>,
     /// See [`hash_of_id`].
     pub(super) id_hash: u64,
@@ -65,12 +68,14 @@ impl PendingObject {
         self.anchor[axis] + f64::from(self.max[axis])
     }
 
+    /// Its box in world coordinates.
+    pub(super) fn place(&self) -> PlacedBox {
+        PlacedBox { low: std::array::from_fn(|axis| self.low(axis)), high: std::array::from_fn(|axis| self.high(axis)) }
+    }
+
     /// The object as the search for duplicates takes it.
     pub(super) fn candidate(&self, object: usize) -> DuplicateCandidate {
-        let bounds = PlacedBox {
-            low: std::array::from_fn(|axis| self.low(axis)),
-            high: std::array::from_fn(|axis| self.high(axis)),
-        };
+        let bounds = self.place();
         DuplicateCandidate {
             object,
             bounds,
@@ -100,9 +105,7 @@ impl PendingObject {
     /// Why the object cannot be baked with cells of this size, with details; `None` if it can.
     pub(super) fn size_fault(&self, cell_m: f64) -> Option<(&'static str, String)> {
         let extent_m: [f64; 3] = std::array::from_fn(|axis| self.extent_m(axis));
-        if let Some(largest_m) =
-            extent_m.into_iter().reduce(f64::max).filter(|extent_m| *extent_m > 2.0 * MAX_DISTANCE_M)
-        {
+        if let Some(largest_m) = extent_m.into_iter().reduce(f64::max).filter(|extent_m| *extent_m > MAX_OBJECT_M) {
             return Some(("larger than 400 km", format!("{:.0} km", largest_m / 1000.0)));
         }
         let block_m = cell_m * (NODE_CELLS as u32 * BLOCK_LEAVES) as f64;

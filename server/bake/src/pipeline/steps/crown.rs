@@ -1,0 +1,90 @@
+//! `crown`: bakes the levels above the regions' roots.
+
+use std::fs;
+
+use super::{
+    job::BakeSteps,
+    layout::CityPlan,
+    region,
+    region_file::{self, INDEX_KIND, TileIndex, bytes_name, index_name},
+    scan::scratch_folder,
+};
+use crate::{
+    error::BakeError,
+    pipeline::{
+        context::{FinishedTiles, TileContext},
+        hashed::thread_pool,
+        parents,
+    },
+    report::ResumeStatus,
+    write::{
+        tile_bytes::PackedTiles,
+        tile_pack::{self, EncodedTile, PackId, PackNodes, StoredTile},
+        tile_tree::TileTree,
+    },
+};
+
+/// Folder of the crown's objects in the store.
+pub(super) const FOLDER: &str = "crown";
+
+impl BakeSteps<'_> {
+    /// Bakes the levels above the regions. Fails if a region is not baked.
+    pub fn crown(&self) -> Result<(), BakeError> {
+        let plan = self.read_plan()?;
+        let objects = self.objects();
+        if objects.has(&index_name(FOLDER))? {
+            return Ok(());
+        }
+        let folder = scratch_folder()?;
+        let packs = folder.path().join("packs");
+        fs::create_dir(&packs).map_err(|cause| BakeError::io(&packs, "created", cause))?;
+        let (config, grid, progress) = (&self.config, &plan.grid, self.progress);
+        let (resume, plane_m) = (ResumeStatus::Fresh, plan.plane_m);
+        let context = TileContext { config, grid, packs: &packs, progress, resume, previous: None, plane_m };
+        let mut tiles = FinishedTiles::new(grid.depth);
+        let roots = self.region_roots(&plan)?;
+        if roots.is_empty() {
+            return Err(BakeError::Empty { triangles: plan.facts.triangles as usize, cell_m: config.cell_m });
+        }
+        let by_id: std::collections::HashMap<_, _> = roots.iter().map(|root| (root.id, root)).collect();
+        let mut stored: Vec<StoredTile> = Vec::with_capacity(roots.len());
+        for PackNodes { pack, nodes } in PackNodes::group(roots.iter().map(|root| root.id).collect()) {
+            let of_pack: Vec<EncodedTile> = nodes.iter().filter_map(|id| by_id.get(id).copied().cloned()).collect();
+            stored.extend(tile_pack::write(&packs, PackId { ..pack }, &of_pack)?);
+        }
+        drop(by_id);
+        drop(roots);
+        tiles.tree.set(plan.region_level, stored);
+        let pool = thread_pool(config.threads)?;
+        for level in (0..plan.region_level).rev() {
+            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles.tree, None, level)?);
+        }
+        let mut above = TileTree::new(grid.depth);
+        (0..plan.region_level).for_each(|level| above.set(level, tiles.tree.level(level).to_vec()));
+        let (bytes, path) = (&mut PackedTiles::new(&packs), folder.path().join("tiles"));
+        region_file::write(objects, FOLDER, &above, 0..=plan.region_level, bytes, TileIndex::default(), &path)
+    }
+
+    /// The tiles of the regions' roots, as far as they have content.
+    fn region_roots(&self, plan: &CityPlan) -> Result<Vec<EncodedTile>, BakeError> {
+        let objects = self.objects();
+        self.progress.stage("regions", plan.regions.len() as u64);
+        let mut roots = Vec::new();
+        for region in 0..plan.regions.len() {
+            let folder = region::folder_name(region);
+            let index: TileIndex = objects.read(&index_name(&folder), INDEX_KIND)?;
+            self.progress.advance(1);
+            // The root is the first tile of a region.
+            let Some(entry) = index.tiles.first() else { continue };
+            let damaged = || objects.damaged(&index_name(&folder), "its fields are damaged");
+            let StoredTile { id, z_min_m, z_max_m, deviation, shows_children, .. } =
+                entry.stored().filter(|tile| tile.id.level() == plan.region_level).ok_or_else(damaged)?;
+            let name = bytes_name(&folder);
+            let bytes = objects.store.range(&name, entry.start, entry.bytes.into());
+            let bytes = bytes.map_err(|cause| objects.failed(&name, cause))?;
+            let points = index.root_points;
+            roots.push(EncodedTile { id, z_min_m, z_max_m, deviation, points, bytes, shows_children });
+        }
+        Ok(roots)
+    }
+}

@@ -1,0 +1,241 @@
+//! A bake in steps: what is baked, how, and in which chunks.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::{sealed::SealedStore, work::WorkStore};
+use crate::{
+    config::{ALGORITHM, BakeConfig, BakeOptions},
+    error::BakeError,
+    hash::short_hex,
+    progress::Progress,
+    read::{ListedInputs, PlacingOptions, ReadOptions},
+};
+
+/// Name of the job's object.
+pub(super) const JOB: &str = "job.json";
+/// Version of the steps and their objects.
+const STEPS_VERSION: u32 = 1;
+/// A longer job is refused.
+const MAX_JOB_BYTES: u64 = 64 << 20;
+/// Sources are collected in chunks of this size, unless it is chosen.
+pub const DEFAULT_CHUNK_BYTES: u64 = 256 << 20;
+/// Leaves along the side of a region, unless it is chosen.
+pub const DEFAULT_REGION_LEAVES: u32 = 32;
+/// Longest side of a region in leaves.
+const MAX_REGION_LEAVES: u32 = 1 << 12;
+
+/// A job, as `job.json` has it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Job {
+    /// Version of the steps and their objects.
+    steps: u32,
+    /// Version of the program.
+    program: String,
+    /// Hash of the settings of the tiles.
+    settings: String,
+    algorithm: u32,
+    /// The command line's arguments, which every step parses again.
+    pub arguments: Vec<String>,
+    /// Name of the city.
+    pub name: String,
+    /// The inputs.
+    pub inputs: Vec<PathBuf>,
+    /// The city's coordinate system; `None` if no input has one.
+    crs: Option<String>,
+    /// Leaves along the side of a region: a power of two.
+    region_leaves: u32,
+    /// Size of the chunks, and of the slices of sequences.
+    chunk_bytes: u64,
+    /// Runs of sources.
+    chunks: Vec<JobChunk>,
+}
+
+/// A run of sources.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct JobChunk {
+    /// Index of its first source.
+    pub(super) first: usize,
+    /// Size of each of its sources in bytes, by which a change of the inputs is noticed.
+    pub(super) bytes: Vec<u64>,
+}
+
+/// What a new job is made of.
+#[derive(Debug, Clone)]
+pub struct JobRequest {
+    /// Kept in the job for the steps.
+    pub arguments: Vec<String>,
+    /// Least size of a chunk in bytes, except for the last one.
+    pub chunk_bytes: u64,
+    /// Leaves along the side of a region: a power of two of at least 2.
+    pub region_leaves: u32,
+}
+
+/// The steps of a job.
+pub struct BakeSteps<'a> {
+    pub(super) job: Job,
+    id: String,
+    store: &'a dyn WorkStore,
+    pub(super) config: BakeConfig,
+    pub(super) read_options: ReadOptions,
+    pub(super) progress: &'a dyn Progress,
+}
+
+impl Job {
+    /// The job of a work store. Fails if there is none, or if another version of the program made it.
+    pub fn read(store: &dyn WorkStore) -> Result<Self, BakeError> {
+        let failed = |cause| BakeError::Work { work: store.address(), name: JOB.to_owned(), cause };
+        let missing = || BakeError::StepMissing { work: store.address(), name: JOB.to_owned() };
+        let damaged = |what| BakeError::StepDamaged { work: store.address(), name: JOB.to_owned(), what };
+        let size = store.size(JOB).map_err(failed)?.ok_or_else(missing)?;
+        if size > MAX_JOB_BYTES {
+            return Err(damaged("it is too large"));
+        }
+        let bytes = store.range(JOB, 0, size).map_err(failed)?;
+        let job: Self = serde_json::from_slice(&bytes).map_err(|_| damaged("its fields are damaged"))?;
+        let is_own = job.steps == STEPS_VERSION && job.algorithm == ALGORITHM;
+        if !is_own || job.program != env!("CARGO_PKG_VERSION") {
+            return Err(damaged("another version of the program made it"));
+        }
+        let is_region = job.region_leaves.is_power_of_two() && (2..=MAX_REGION_LEAVES).contains(&job.region_leaves);
+        if !is_region || job.chunks.is_empty() {
+            return Err(damaged("its fields are damaged"));
+        }
+        Ok(job)
+    }
+
+    /// Its number, by which objects of other jobs are told from its own.
+    pub(super) fn id(&self) -> Result<String, BakeError> {
+        Ok(short_hex(&blake3::hash(&self.json()?)))
+    }
+
+    pub(super) fn chunk_bytes(&self) -> u64 {
+        self.chunk_bytes
+    }
+
+    /// Number of scans.
+    #[must_use]
+    pub fn scans(&self) -> usize {
+        self.chunks.len()
+    }
+
+    fn json(&self) -> Result<Vec<u8>, BakeError> {
+        let failed = |cause: serde_json::Error| BakeError::io(JOB.as_ref(), "written", cause.into());
+        serde_json::to_vec_pretty(self).map_err(failed)
+    }
+}
+
+impl<'a> BakeSteps<'a> {
+    /// Lists the inputs and writes the job. Does nothing if the same job is there. Fails if another job is, or if an input cannot be
+    /// read in steps.
+    pub fn begin(
+        store: &dyn WorkStore,
+        options: &BakeOptions,
+        request: &JobRequest,
+        progress: &dyn Progress,
+    ) -> Result<Job, BakeError> {
+        let config = BakeConfig::new(options)?;
+        let leaves = request.region_leaves;
+        if !leaves.is_power_of_two() || !(2..=MAX_REGION_LEAVES).contains(&leaves) {
+            let advice = format!("give a power of two from 2 to {MAX_REGION_LEAVES}");
+            return Err(BakeError::Option { option: "--region", value: leaves.to_string(), advice });
+        }
+        if config.street_sets {
+            let advice = "a bake in steps cannot make them yet; leave the option out".to_owned();
+            return Err(BakeError::Option { option: "--street-sets", value: "on".to_owned(), advice });
+        }
+        progress.stage("list", 0);
+        let read_options = config.read_options(options);
+        let listed = ListedInputs::new(&options.inputs, &read_options, request.chunk_bytes)?;
+        let sizes = listed.sizes();
+        let crs = listed.settle(&read_options)?;
+        let job = Job {
+            steps: STEPS_VERSION,
+            program: env!("CARGO_PKG_VERSION").to_owned(),
+            settings: config.settings.clone(),
+            algorithm: ALGORITHM,
+            arguments: request.arguments.clone(),
+            name: config.name.clone(),
+            inputs: options.inputs.clone(),
+            crs,
+            region_leaves: leaves,
+            chunk_bytes: request.chunk_bytes,
+            chunks: chunks(&sizes, request.chunk_bytes),
+        };
+        let failed = |cause| BakeError::Work { work: store.address(), name: JOB.to_owned(), cause };
+        if store.size(JOB).map_err(failed)?.is_some() {
+            if Job::read(store)? == job {
+                return Ok(job);
+            }
+            let what = "it is another job; give an empty --work, or remove the job with `bake abort`";
+            return Err(BakeError::StepDamaged { work: store.address(), name: JOB.to_owned(), what });
+        }
+        store.put(JOB, job.json()?).map_err(failed)?;
+        Ok(job)
+    }
+
+    /// The steps of a job whose arguments gave these options. Fails if the settings are others.
+    pub fn open(
+        store: &'a dyn WorkStore,
+        job: Job,
+        options: &BakeOptions,
+        progress: &'a dyn Progress,
+    ) -> Result<Self, BakeError> {
+        let config = BakeConfig::new(&BakeOptions { name: Some(job.name.clone()), ..options.clone() })?;
+        if config.settings != job.settings {
+            let what = "its settings are others than those of this program";
+            return Err(BakeError::StepDamaged { work: store.address(), name: JOB.to_owned(), what });
+        }
+        let id = job.id()?;
+        let read_options = config.read_options(options);
+        let crs = job.crs.clone().or_else(|| read_options.placing.crs.clone());
+        let placing = PlacingOptions { crs, ..read_options.placing.clone() };
+        let read_options = ReadOptions { placing, ..read_options };
+        Ok(Self { job, id, store, config, read_options, progress })
+    }
+
+    /// The objects of the job.
+    pub(super) fn objects(&self) -> SealedStore<'_> {
+        SealedStore { store: self.store, job: &self.id }
+    }
+
+    pub(super) fn chunks(&self) -> &[JobChunk] {
+        &self.job.chunks
+    }
+
+    pub(super) fn region_leaves(&self) -> u32 {
+        self.job.region_leaves
+    }
+
+    /// Fails if there is no task of this number.
+    pub(super) fn check_task(&self, stage: &'static str, task: usize, tasks: usize) -> Result<(), BakeError> {
+        if task < tasks { Ok(()) } else { Err(BakeError::StepTask { stage, task, tasks }) }
+    }
+}
+
+/// Collects sources of these sizes in chunks.
+fn chunks(sizes: &[u64], chunk_bytes: u64) -> Vec<JobChunk> {
+    let mut chunks: Vec<JobChunk> = Vec::new();
+    for (first, size) in sizes.iter().enumerate() {
+        match chunks.last_mut() {
+            Some(chunk) if chunk.bytes.iter().sum::<u64>() < chunk_bytes => chunk.bytes.push(*size),
+            _ => chunks.push(JobChunk { first, bytes: vec![*size] }),
+        }
+    }
+    chunks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_have_the_sources_in_order() {
+        let of = |chunk_bytes| chunks(&[5, 1, 2, 9, 1], chunk_bytes).into_iter().map(|c| c.bytes).collect::<Vec<_>>();
+        assert_eq!(of(1), [vec![5], vec![1], vec![2], vec![9], vec![1]]);
+        assert_eq!(of(6), [vec![5, 1], vec![2, 9], vec![1]]);
+        assert_eq!(of(100), [vec![5, 1, 2, 9, 1]]);
+        assert_eq!(chunks(&[5, 1, 2], 6)[1].first, 2);
+    }
+}

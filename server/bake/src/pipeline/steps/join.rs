@@ -1,0 +1,520 @@
+//! `join`: makes the files of the city from the tiles of all regions.
+//!
+//! The plan reads the indexes of all regions, and knows every byte of the archives but those of the tiles. Parts of the archives are copied
+//! by any number of machines, and completed in the end.
+
+use std::{
+    collections::{HashMap, HashSet},
+    fs,
+    path::Path,
+};
+
+use insula_archive::city::MANIFEST_FILE;
+use insula_protocol::{TileId, mesh_tile};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    crown,
+    job::{BakeSteps, Job},
+    layout::{CityPlan, PLAN, REPORT, REPORT_KIND, ROWS_KIND, rows_name},
+    region,
+    region_file::{INDEX_KIND, TileIndex, bytes_name, index_name},
+    scan::{fetch, put_file, records_name, scratch_folder},
+    sealed::{SealedKind, SealedStore},
+    work::WorkStore,
+};
+use crate::{
+    error::BakeError,
+    hash::ShortHash,
+    read::{self, ReadReport},
+    scene::object_numbers::NumberedObject,
+    write::{
+        archive::{self, ArchiveLayout, WrittenArchive, archive_order},
+        city::{self, BLOCKMAPS_FILE, CityInput, MESHES_FILE, TileArchives},
+        mesh_pack::StoredMesh,
+        objects::NumberedRecords,
+        tile_bytes::TileContent,
+        tile_pack::{PackId, StoredTile},
+        tile_tree::TileTree,
+    },
+};
+
+/// Folder of the city in the store.
+pub(super) const CITY: &str = "city";
+/// Its manifest until the city is complete.
+const MANIFEST: &str = "join/city.json";
+pub(super) const JOIN_PLAN: &str = "join/plan";
+const JOIN_KIND: SealedKind = *b"JOIN";
+const PART_KIND: SealedKind = *b"PART";
+const RECEIPT_KIND: SealedKind = *b"RCPT";
+/// Stands for the crown among the regions.
+const CROWN: u32 = u32::MAX;
+/// Least size of the parts of an archive, except for the last one: object stores take 5 MiB to 5 GiB.
+const PART_BYTES: u64 = 64 << 20;
+/// Most parts of an archive: object stores take 10,000.
+const MAX_PARTS: u64 = 9000;
+
+/// Name of what a part has.
+fn part_name(part: usize) -> String {
+    format!("join/part-{part}")
+}
+
+/// Name of the store's receipt for a part.
+fn receipt_name(part: usize) -> String {
+    format!("join/receipt-{part}")
+}
+
+/// The archives that are joined.
+#[derive(Debug, Serialize, Deserialize)]
+struct JoinPlan {
+    archives: Vec<JoinedArchive>,
+    /// Number of parts of all archives.
+    parts: usize,
+}
+
+/// An archive whose parts are copied.
+#[derive(Debug, Serialize, Deserialize)]
+struct JoinedArchive {
+    name: String,
+    /// By which the store knows the parts.
+    ticket: String,
+}
+
+/// A part of an archive.
+#[derive(Debug, Serialize, Deserialize)]
+struct ArchivePart {
+    /// Index of its archive.
+    archive: u32,
+    /// Number in its archive.
+    number: u32,
+    /// Of its bytes in the archive.
+    start: u64,
+    pieces: Vec<ArchivePiece>,
+}
+
+/// Bytes of an archive.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+enum ArchivePiece {
+    Given(Vec<u8>),
+    /// In the object of a region.
+    Stored {
+        region: u32,
+        start: u64,
+        length: u64,
+    },
+}
+
+impl ArchivePiece {
+    fn length(&self) -> u64 {
+        match self {
+            Self::Given(bytes) => bytes.len() as u64,
+            Self::Stored { length, .. } => *length,
+        }
+    }
+
+    /// A section, which must be inside.
+    fn section(&self, from: u64, length: u64) -> Self {
+        match self {
+            Self::Given(bytes) => Self::Given(bytes[from as usize..(from + length) as usize].to_vec()),
+            Self::Stored { region, start, .. } => Self::Stored { region: *region, start: start + from, length },
+        }
+    }
+}
+
+/// What the store says of a part that it has.
+#[derive(Debug, Serialize, Deserialize)]
+struct Receipt {
+    ticket: String,
+    archive: u32,
+    receipt: String,
+}
+
+impl BakeSteps<'_> {
+    /// Plans the city's archives from the indexes of all regions, and writes all files that are small beside them. Fails if a step before is missing.
+    pub fn join_plan(&self) -> Result<(), BakeError> {
+        let objects = self.objects();
+        if objects.has(JOIN_PLAN)? {
+            return Ok(());
+        }
+        let plan = self.read_plan()?;
+        let folder = scratch_folder()?;
+        let tiles = self.read_tiles(&plan)?;
+        let tree = &tiles.tree;
+        let mut bytes = StoreTiles::new(objects, &plan);
+        let mut joins =
+            vec![bytes.lay_out(BLOCKMAPS_FILE, tree.levels().iter().flatten().map(TileSpan::of_tile), &tiles)?];
+        if !tree.meshes().is_empty() {
+            joins.push(bytes.lay_out(MESHES_FILE, tree.meshes().iter().filter_map(TileSpan::of_mesh), &tiles)?);
+        }
+        let city_folder = folder.path().join(CITY);
+        fs::create_dir(&city_folder).map_err(|cause| BakeError::io(&city_folder, "created", cause))?;
+        let archives =
+            TileArchives { blockmaps: joins[0].written.clone(), meshes: joins.get(1).map(|join| join.written.clone()) };
+        self.write_others(&plan, &tiles, &mut bytes, archives, folder.path(), &city_folder)?;
+        let failed = |cause| BakeError::io(&city_folder, "read", cause);
+        for entry in fs::read_dir(&city_folder).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            // Who finds the manifest reads the city, so it waits for the end.
+            let name = if name == MANIFEST_FILE { MANIFEST.to_owned() } else { format!("{CITY}/{name}") };
+            put_file(objects, &name, &entry.path())?;
+        }
+        let mut join_plan = JoinPlan { archives: Vec::new(), parts: 0 };
+        for join in joins {
+            let (name, bytes) = (format!("{CITY}/{}", join.name), join.written.bytes);
+            let ticket = objects.store.begin_parts(&name, bytes).map_err(|cause| objects.failed(&name, cause))?;
+            for part in join.parts(join_plan.archives.len() as u32) {
+                objects.write(&part_name(join_plan.parts), PART_KIND, &part)?;
+                join_plan.parts += 1;
+            }
+            join_plan.archives.push(JoinedArchive { name, ticket });
+        }
+        objects.write(JOIN_PLAN, JOIN_KIND, &join_plan)
+    }
+
+    /// Copies a part of an archive. Fails if there is no plan.
+    pub fn join_part(&self, part: usize) -> Result<(), BakeError> {
+        let join_plan: JoinPlan = self.objects().read(JOIN_PLAN, JOIN_KIND)?;
+        self.check_task("join-part", part, join_plan.parts)?;
+        let objects = self.objects();
+        let ArchivePart { archive, number, start, pieces } = objects.read(&part_name(part), PART_KIND)?;
+        let damaged = || objects.damaged(&part_name(part), "its fields are damaged");
+        let JoinedArchive { name, ticket } = join_plan.archives.get(archive as usize).ok_or_else(damaged)?;
+        let known: Option<Receipt> = objects.find(&receipt_name(part), RECEIPT_KIND)?;
+        if known.is_some_and(|receipt| receipt.ticket == *ticket) {
+            return Ok(());
+        }
+        let mut bytes = Vec::new();
+        for piece in pieces {
+            match piece {
+                ArchivePiece::Given(given) => bytes.extend(given),
+                ArchivePiece::Stored { region, start, length } => {
+                    let name = bytes_name(&folder_of(region));
+                    let read = objects.store.range(&name, start, length);
+                    bytes.extend(read.map_err(|cause| objects.failed(&name, cause))?);
+                }
+            }
+        }
+        let put = objects.store.put_part(name, ticket, number, start, bytes);
+        let receipt = put.map_err(|cause| objects.failed(name, cause))?;
+        objects.write(&receipt_name(part), RECEIPT_KIND, &Receipt { ticket: ticket.clone(), archive, receipt })
+    }
+
+    /// Completes the archives, then the city. Fails if a part is missing.
+    pub fn join_finish(&self) -> Result<(), BakeError> {
+        let objects = self.objects();
+        let manifest = format!("{CITY}/{MANIFEST_FILE}");
+        if objects.has(&manifest)? {
+            return Ok(());
+        }
+        let join_plan: JoinPlan = objects.read(JOIN_PLAN, JOIN_KIND)?;
+        let mut receipts: Vec<Vec<String>> = vec![Vec::new(); join_plan.archives.len()];
+        for part in 0..join_plan.parts {
+            let found: Receipt = objects.read(&receipt_name(part), RECEIPT_KIND)?;
+            let missing = || BakeError::StepMissing { work: objects.store.address(), name: part_name(part) };
+            let archive = join_plan.archives.get(found.archive as usize).filter(|a| a.ticket == found.ticket);
+            archive.ok_or_else(missing)?;
+            receipts[found.archive as usize].push(found.receipt);
+        }
+        for (JoinedArchive { name, ticket }, receipts) in join_plan.archives.iter().zip(receipts) {
+            if !objects.has(name)? {
+                let done = objects.store.finish_parts(name, ticket, receipts);
+                done.map_err(|cause| objects.failed(name, cause))?;
+            }
+        }
+        let size = objects.store.size(MANIFEST).map_err(|cause| objects.failed(MANIFEST, cause))?.unwrap_or(0);
+        let bytes = objects.store.range(MANIFEST, 0, size).map_err(|cause| objects.failed(MANIFEST, cause))?;
+        objects.store.put(&manifest, bytes).map_err(|cause| objects.failed(&manifest, cause))
+    }
+
+    /// Number of parts of the archives. Fails if there is no plan of the join.
+    pub(super) fn join_parts(&self) -> Result<usize, BakeError> {
+        let join_plan: JoinPlan = self.objects().read(JOIN_PLAN, JOIN_KIND)?;
+        Ok(join_plan.parts)
+    }
+
+    /// Writes the files besides the archives of V-BlockMaps and meshes into `city_folder`. `scratch` is for what they are made of.
+    fn write_others(
+        &self,
+        plan: &CityPlan,
+        tiles: &CityTiles,
+        bytes: &mut StoreTiles<'_>,
+        archives: TileArchives,
+        scratch: &Path,
+        city_folder: &Path,
+    ) -> Result<(), BakeError> {
+        let objects = self.objects();
+        let read: ReadReport = objects.read(REPORT, REPORT_KIND)?;
+        let mut files = Vec::new();
+        for chunk in 0..self.chunks().len() {
+            let path = scratch.join(format!("records-{chunk}"));
+            fetch(objects, &records_name(chunk), &path)?;
+            files.push((path, self.head(chunk)?.record_bytes));
+        }
+        let records = read::records_of(files);
+        let mut rows: Vec<Option<NumberedObject>> = Vec::with_capacity(plan.rows.min(1 << 20));
+        let mut part = 0;
+        while rows.len() < plan.rows {
+            let more: Vec<Option<NumberedObject>> = objects.read(&rows_name(part), ROWS_KIND)?;
+            if more.is_empty() {
+                return Err(objects.damaged(&rows_name(part), "its fields are damaged"));
+            }
+            rows.extend(more);
+            part += 1;
+        }
+        let (origin_m, searchable) = (plan.grid.corner, self.config.searchable.clone());
+        let numbered = NumberedRecords { records: &records, rows: &rows, origin_m, searchable };
+        let input = CityInput {
+            config: &self.config,
+            grid: &plan.grid,
+            facts: &plan.facts,
+            read: &read,
+            tree: &tiles.tree,
+            fingerprints: tiles.fingerprints.clone(),
+            objects: Some(numbered),
+        };
+        self.progress.stage("write", 0);
+        city::write_others(input, bytes, archives, city_folder).map(drop)
+    }
+
+    /// All tiles of the city.
+    fn read_tiles(&self, plan: &CityPlan) -> Result<CityTiles, BakeError> {
+        let objects = self.objects();
+        let mut levels: Vec<Vec<StoredTile>> = vec![Vec::new(); usize::from(plan.grid.depth) + 1];
+        let (mut meshes, mut fingerprints, mut hashes) = (Vec::new(), Vec::new(), HashMap::new());
+        let regions = (0..plan.regions.len() as u32).chain([CROWN]);
+        self.progress.stage("indexes", plan.regions.len() as u64 + 1);
+        for region in regions {
+            let folder = folder_of(region);
+            let index: TileIndex = objects.read(&index_name(&folder), INDEX_KIND)?;
+            let damaged = || objects.damaged(&index_name(&folder), "its fields are damaged");
+            let (tiles, of_region) = index.stored().ok_or_else(damaged)?;
+            hashes.extend(index.tiles.iter().map(|tile| ((region, tile.start), tile.hash)));
+            hashes.extend(index.meshes.iter().map(|mesh| ((region, mesh.start), mesh.hash)));
+            for tile in tiles {
+                levels.get_mut(usize::from(tile.id.level())).ok_or_else(damaged)?.push(tile);
+            }
+            meshes.extend(of_region);
+            fingerprints.extend(index.fingerprints);
+            self.progress.advance(1);
+        }
+        let mut tree = TileTree::new(plan.grid.depth);
+        for (level, tiles) in (0..).zip(levels) {
+            tree.set(level, tiles);
+        }
+        tree.set_meshes(meshes);
+        let merged = tree.merge_plain_nodes();
+        let blocks: HashSet<(u32, u32)> =
+            merged.iter().map(|id| PackId::of(*id)).map(|pack| (pack.x, pack.y)).collect();
+        fingerprints.retain(|(place, _)| !blocks.contains(place));
+        fingerprints.sort_unstable_by_key(|((x, y), _)| (*y, *x));
+        Ok(CityTiles { tree, fingerprints, hashes })
+    }
+}
+
+impl Job {
+    /// Names and tickets of the archives whose parts are copied, or were. Fails if the store does not answer.
+    pub(super) fn begun_parts(&self, store: &dyn WorkStore) -> Result<Vec<(String, String)>, BakeError> {
+        let id = self.id()?;
+        let found: Option<JoinPlan> = SealedStore { store, job: &id }.find(JOIN_PLAN, JOIN_KIND)?;
+        Ok(found.into_iter().flat_map(|plan| plan.archives).map(|archive| (archive.name, archive.ticket)).collect())
+    }
+}
+
+/// All tiles of a city.
+struct CityTiles {
+    tree: TileTree,
+    /// Of all blocks whose leaves the city has, row by row.
+    fingerprints: Vec<((u32, u32), ShortHash)>,
+    /// By region and start in its object.
+    hashes: HashMap<(u32, u64), ShortHash>,
+}
+
+/// Folder of a region, or of the crown.
+fn folder_of(region: u32) -> String {
+    if region == CROWN { crown::FOLDER.to_owned() } else { region::folder_name(region as usize) }
+}
+
+/// Tiles in the objects of regions.
+struct StoreTiles<'a> {
+    objects: SealedStore<'a>,
+    plan: &'a CityPlan,
+    regions: HashMap<[u32; 2], u32>,
+    /// The bytes that were read last: neighbours follow one another.
+    ahead: Option<(String, u64, Vec<u8>)>,
+}
+
+/// Bytes that are read at once.
+const AHEAD_BYTES: u64 = 1 << 20;
+
+impl<'a> StoreTiles<'a> {
+    fn new(objects: SealedStore<'a>, plan: &'a CityPlan) -> Self {
+        Self { objects, plan, regions: plan.region_numbers(), ahead: None }
+    }
+
+    /// The region of a node, or the crown. Fails for a node of neither.
+    fn region_of(&self, id: TileId) -> Result<u32, BakeError> {
+        let Some(place) = self.plan.region_of(id) else { return Ok(CROWN) };
+        let missing = || self.objects.damaged(PLAN, "a tile is of no region");
+        self.regions.get(&place).copied().ok_or_else(missing)
+    }
+
+    /// Bytes of a region's object.
+    fn read(&mut self, region: u32, start: u64, length: u64) -> Result<Vec<u8>, BakeError> {
+        let folder = folder_of(region);
+        let name = bytes_name(&folder);
+        let within = |(known, from, bytes): &(String, u64, Vec<u8>)| {
+            let at = usize::try_from(start.checked_sub(*from)?).ok()?;
+            (*known == name).then(|| bytes.get(at..at.checked_add(length as usize)?).map(<[u8]>::to_vec))?
+        };
+        if let Some(found) = self.ahead.as_ref().and_then(within) {
+            return Ok(found);
+        }
+        let failed = |cause| self.objects.failed(&name, cause);
+        let size = self.objects.store.size(&name).map_err(failed)?.unwrap_or(0);
+        let wanted = length.max(AHEAD_BYTES.min(size.saturating_sub(start)));
+        let bytes = self.objects.store.range(&name, start, wanted).map_err(failed)?;
+        let found = bytes.get(..length as usize).map(<[u8]>::to_vec);
+        self.ahead = Some((name.clone(), start, bytes));
+        found.ok_or_else(|| self.objects.damaged(&name, "it is cut short"))
+    }
+}
+
+impl StoreTiles<'_> {
+    /// Plans an archive of tiles.
+    fn lay_out(
+        &self,
+        name: &'static str,
+        tiles: impl Iterator<Item = TileSpan>,
+        city: &CityTiles,
+    ) -> Result<PlannedArchive, BakeError> {
+        let mut all: Vec<TileSpan> = tiles.collect();
+        all.sort_by_cached_key(|tile| archive_order(tile.id));
+        let mut listed = Vec::with_capacity(all.len());
+        let mut regions = Vec::with_capacity(all.len());
+        for tile in &all {
+            let region = self.region_of(tile.node)?;
+            let missing = || self.objects.damaged(&index_name(&folder_of(region)), "a tile has no hash");
+            let hash = city.hashes.get(&(region, tile.start)).ok_or_else(missing)?;
+            listed.push((tile.id, tile.bytes, *hash));
+            regions.push(region);
+        }
+        let ArchiveLayout { head, distinct, tail, written } = archive::lay_out(Path::new(name), &listed)?;
+        let mut pieces = vec![ArchivePiece::Given(head)];
+        for number in distinct {
+            let (region, TileSpan { start, bytes, .. }) = (regions[number], all[number]);
+            match pieces.last_mut() {
+                Some(ArchivePiece::Stored { region: last, start: from, length })
+                    if *last == region && *from + *length == start =>
+                {
+                    *length += u64::from(bytes);
+                }
+                _ => pieces.push(ArchivePiece::Stored { region, start, length: bytes.into() }),
+            }
+        }
+        pieces.push(ArchivePiece::Given(tail));
+        Ok(PlannedArchive { name, written, pieces })
+    }
+}
+
+impl TileContent for StoreTiles<'_> {
+    fn tile(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError> {
+        self.read(self.region_of(stored.id)?, stored.offset, stored.bytes.into())
+    }
+
+    fn mesh(&mut self, stored: &StoredMesh) -> Result<Vec<u8>, BakeError> {
+        self.read(self.region_of(stored.id)?, stored.offset, stored.info.bytes.into())
+    }
+}
+
+/// A tile in the object of a region.
+#[derive(Debug, Clone, Copy)]
+struct TileSpan {
+    /// In the archive.
+    id: TileId,
+    /// That it is of.
+    node: TileId,
+    start: u64,
+    bytes: u32,
+}
+
+impl TileSpan {
+    fn of_tile(tile: &StoredTile) -> Self {
+        Self { id: tile.id, node: tile.id, start: tile.offset, bytes: tile.bytes }
+    }
+
+    fn of_mesh(mesh: &StoredMesh) -> Option<Self> {
+        let id = mesh_tile::archive_id(mesh.id, mesh.lod)?;
+        Some(Self { id, node: mesh.id, start: mesh.offset, bytes: mesh.info.bytes })
+    }
+}
+
+/// What an archive is joined of.
+struct PlannedArchive {
+    name: &'static str,
+    written: WrittenArchive,
+    pieces: Vec<ArchivePiece>,
+}
+
+impl PlannedArchive {
+    /// Its parts, all but the last of the same size.
+    fn parts(&self, archive: u32) -> Vec<ArchivePart> {
+        let size = PART_BYTES.max(self.written.bytes.div_ceil(MAX_PARTS));
+        cut(&self.pieces, size)
+            .into_iter()
+            .zip(0..)
+            .map(|(pieces, number)| ArchivePart { archive, number, start: u64::from(number) * size, pieces })
+            .collect()
+    }
+}
+
+/// Cuts pieces into parts of a size.
+fn cut(pieces: &[ArchivePiece], size: u64) -> Vec<Vec<ArchivePiece>> {
+    let mut parts = Vec::new();
+    let (mut part, mut filled) = (Vec::new(), 0);
+    for piece in pieces {
+        let (mut done, length) = (0, piece.length());
+        while done < length {
+            let taken = (length - done).min(size - filled);
+            part.push(piece.section(done, taken));
+            (done, filled) = (done + taken, filled + taken);
+            if filled == size {
+                parts.push(std::mem::take(&mut part));
+                filled = 0;
+            }
+        }
+    }
+    if !part.is_empty() {
+        parts.push(part);
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_have_all_bytes_in_order() {
+        let given = |bytes: std::ops::Range<u8>| ArchivePiece::Given(bytes.collect());
+        let pieces =
+            [given(0..7), ArchivePiece::Stored { region: 3, start: 100, length: 20 }, given(7..9), given(9..9)];
+        for size in [1, 4, 7, 10, 29, 100] {
+            let parts = cut(&pieces, size);
+            let lengths: Vec<u64> = parts.iter().map(|part| part.iter().map(ArchivePiece::length).sum()).collect();
+            assert_eq!(lengths.iter().sum::<u64>(), 29);
+            let (last, others) = lengths.split_last().unwrap();
+            assert!(others.iter().all(|length| *length == size) && (1..=size).contains(last));
+            let (mut bytes, mut stored) = (Vec::new(), Vec::new());
+            for piece in parts.into_iter().flatten() {
+                match piece {
+                    ArchivePiece::Given(some) => bytes.extend(some),
+                    ArchivePiece::Stored { region, start, length } => {
+                        stored.extend((start..start + length).map(|n| (region, n)))
+                    }
+                }
+            }
+            assert!(bytes == (0..9).collect::<Vec<u8>>() && stored == (100..120).map(|n| (3, n)).collect::<Vec<_>>());
+        }
+    }
+}

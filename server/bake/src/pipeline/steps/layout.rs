@@ -1,0 +1,145 @@
+//! What the plan decides: the grid and its regions, and what becomes of each object.
+
+use std::collections::HashMap;
+
+use insula_protocol::TileId;
+use serde::{Deserialize, Serialize};
+
+use super::sealed::SealedKind;
+use crate::{
+    ground::GroundReport,
+    hash::ShortHash,
+    scene::{
+        ObjectKind,
+        grid::{BLOCK_LEAVES, CityGrid},
+        partition::BlockSquare,
+        texture_store::TextureFacts,
+    },
+    write::city::SceneFacts,
+};
+
+/// Name and kind of the plan's object, which is written last.
+pub(super) const PLAN: &str = "plan/plan";
+pub(super) const PLAN_KIND: SealedKind = *b"PLAN";
+/// The report of what was read.
+pub(super) const REPORT: &str = "plan/report";
+pub(super) const REPORT_KIND: SealedKind = *b"READ";
+/// The triangles of the generated ground.
+pub(super) const GROUND: &str = "plan/ground";
+pub(super) const CHUNK_KIND: SealedKind = *b"CHNK";
+pub(super) const ROWS_KIND: SealedKind = *b"ROWS";
+/// Numbered objects in one object of the store.
+pub(super) const ROWS_PER_OBJECT: usize = 1 << 20;
+
+/// Name of what the plan says of a chunk.
+pub(super) fn chunk_name(chunk: usize) -> String {
+    format!("plan/chunk-{chunk}")
+}
+
+/// Name of a part of the numbered objects.
+pub(super) fn rows_name(part: usize) -> String {
+    format!("plan/rows-{part}")
+}
+
+/// The plan of a city.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct CityPlan {
+    pub(super) grid: CityGrid,
+    pub(super) facts: SceneFacts,
+    pub(super) ground: Option<GroundReport>,
+    /// Height of the plane above the grid's height zero, if generated ground ends at it.
+    pub(super) plane_m: Option<f32>,
+    /// Level of the regions' roots.
+    pub(super) region_level: u8,
+    /// Column and row of each region that may have content, along the Hilbert curve.
+    pub(super) regions: Vec<[u32; 2]>,
+    /// Number of chunks, with that of the generated ground.
+    pub(super) chunks: usize,
+    /// Number of numbered objects.
+    pub(super) rows: usize,
+}
+
+impl CityPlan {
+    /// Whether the regions are those of a grid.
+    pub(super) fn is_valid(&self) -> bool {
+        let is_region = |[x, y]: &[u32; 2]| TileId::new(self.region_level, *x, *y).is_some();
+        self.grid.depth <= insula_protocol::tile_id::MAX_LEVEL
+            && self.region_level <= self.grid.depth
+            && self.grid.cell_m > 0.0
+            && self.regions.iter().all(is_region)
+    }
+
+    /// Blocks along the side of a region.
+    pub(super) fn region_blocks(&self) -> u32 {
+        ((1 << (self.grid.depth - self.region_level)) / BLOCK_LEAVES).max(1)
+    }
+
+    /// The blocks of a region.
+    pub(super) fn square(&self, region: usize) -> Option<BlockSquare> {
+        let side = self.region_blocks();
+        let range = |n: u32| [n * side, n * side + side - 1];
+        self.regions.get(region).map(|place| BlockSquare { ranges: place.map(range) })
+    }
+
+    /// The number of each region by its column and row.
+    pub(super) fn region_numbers(&self) -> HashMap<[u32; 2], u32> {
+        (0..).zip(&self.regions).map(|(number, place)| (*place, number)).collect()
+    }
+
+    /// The region of a node below or at the regions' roots.
+    pub(super) fn region_of(&self, id: TileId) -> Option<[u32; 2]> {
+        let below = id.level().checked_sub(self.region_level)?;
+        Some([id.x() >> below, id.y() >> below])
+    }
+}
+
+/// What becomes of the objects and materials of a chunk.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct PlannedChunk {
+    /// Number in its triangles of the first of `objects`.
+    pub(super) first_object: u32,
+    pub(super) objects: Vec<PlannedObject>,
+    /// Number in its triangles of the first of `materials`.
+    pub(super) first_material: u32,
+    pub(super) materials: Vec<PlannedMaterial>,
+    pub(super) textures: Vec<PlannedTexture>,
+}
+
+/// What becomes of an object.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct PlannedObject {
+    /// From the scene's origin to that of its triangles.
+    pub(super) offset_m: [f64; 3],
+    /// `None` for an object that is left out.
+    pub(super) shown: Option<NumberedShape>,
+}
+
+/// An object of the city.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct NumberedShape {
+    pub(super) kind: ObjectKind,
+    pub(super) base_z_m: f32,
+    /// Number in the baked city.
+    pub(super) number: u32,
+}
+
+/// A material of the city.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub(super) struct PlannedMaterial {
+    /// Number in the city.
+    pub(super) number: u32,
+    pub(super) rgb: [u8; 3],
+    /// Number in the city of its texture.
+    pub(super) texture: Option<u32>,
+    pub(super) is_reflective: bool,
+}
+
+/// A texture of the city.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct PlannedTexture {
+    /// Number in the city.
+    pub(super) number: u32,
+    pub(super) facts: TextureFacts,
+    /// By which its texels are found.
+    pub(super) picture: ShortHash,
+}

@@ -1,0 +1,178 @@
+//! `region R`: bakes the leaves of a region, their meshes, and all parents up to the region's root.
+
+use std::{collections::HashMap, fs, path::Path};
+
+use super::{
+    job::BakeSteps,
+    layout::{CityPlan, PlannedMaterial},
+    region_file::{self, TileIndex, index_name},
+    scan::{fetch, picture_name, scratch_folder},
+    shuffle::BundleHead,
+};
+use crate::{
+    error::BakeError,
+    pipeline::{
+        context::{FinishedTiles, TileContext},
+        hashed::{HashedInput, HashedPartition, thread_pool},
+        leaves::LeafBaker,
+        parents,
+    },
+    report::ResumeStatus,
+    scene::{
+        object_names::ObjectNames,
+        object_records::ObjectRecords,
+        scratch_budget::ScratchBudget,
+        scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial, StoredObject},
+        texture_store::{TextureFacts, TextureStore, texture_path},
+        triangle_store::TriangleStore,
+    },
+    write::{tile_bytes::PackedTiles, tile_pack::PackReader},
+};
+
+/// Folder of a region's objects in the store.
+pub(super) fn folder_name(region: usize) -> String {
+    format!("region/{region}")
+}
+
+impl BakeSteps<'_> {
+    /// Bakes a region. Fails if a chunk is not shuffled, or as baking a city does.
+    pub fn region(&self, region: usize) -> Result<(), BakeError> {
+        let plan = self.read_plan()?;
+        self.check_task("region", region, plan.regions.len())?;
+        if self.objects().has(&index_name(&folder_name(region)))? {
+            return Ok(());
+        }
+        let folder = scratch_folder()?;
+        let packs = folder.path().join("packs");
+        fs::create_dir(&packs).map_err(|cause| BakeError::io(&packs, "created", cause))?;
+        let mut city = self.region_scene(&plan, region, folder.path())?;
+        let (tiles, partition) = self.bake_region(&plan, region, &mut city, folder.path(), &packs)?;
+        let mut reader = PackReader::new(&packs);
+        let root = tiles.tree.level(plan.region_level).first();
+        let root_points = root.map(|root| reader.read_points(root)).transpose()?.unwrap_or_default();
+        let fingerprints = partition.fingerprints();
+        let index = TileIndex { fingerprints, root_points, ..TileIndex::default() };
+        let levels = plan.region_level..=plan.grid.depth;
+        let (bytes, path) = (&mut PackedTiles::new(&packs), folder.path().join("tiles"));
+        region_file::write(self.objects(), &folder_name(region), &tiles.tree, levels, bytes, index, &path)
+    }
+
+    /// Bakes the scene of a region into packs.
+    fn bake_region(
+        &self,
+        plan: &CityPlan,
+        region: usize,
+        city: &mut ScratchScene,
+        folder: &Path,
+        packs: &Path,
+    ) -> Result<(FinishedTiles, HashedPartition), BakeError> {
+        let (grid, config, progress) = (&plan.grid, &self.config, self.progress);
+        let square = plan.square(region).ok_or_else(|| BakeError::Scratch { path: folder.to_owned() })?;
+        let budget = ScratchBudget::new(config.scratch_bytes);
+        let input = HashedInput { city, grid, config, budget: &budget };
+        progress.stage("partition", city.triangles);
+        let partition = HashedPartition::new(input, &folder.join("buckets"), square, |n| progress.advance(n))?;
+        city.drop_triangles();
+        let (resume, plane_m) = (ResumeStatus::Fresh, plan.plane_m);
+        let context = TileContext { config, grid, packs, progress, resume, previous: None, plane_m };
+        let mut tiles = FinishedTiles::new(grid.depth);
+        let pool = thread_pool(config.threads)?;
+        let baker = LeafBaker { context: &context, city, partition: &partition.partition };
+        tiles.add_level(grid.depth, baker.bake_all(&pool, &partition.hashes)?);
+        for level in (plan.region_level..grid.depth).rev() {
+            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles.tree, None, level)?);
+        }
+        Ok((tiles, partition))
+    }
+
+    /// The part of the city that a region needs, with triangles and textures in a folder.
+    fn region_scene(&self, plan: &CityPlan, region: usize, folder: &Path) -> Result<ScratchScene, BakeError> {
+        let objects = self.objects();
+        let budget = ScratchBudget::new(self.config.scratch_bytes);
+        let mut builder = RegionBuilder::default();
+        let mut stored = TriangleStore::in_file(folder.join("triangles"), budget.clone())?;
+        for chunk in 0..plan.chunks {
+            let Some(bundle) = self.bundle(chunk, region)? else { continue };
+            let first_object = builder.placements.len() as u32;
+            let materials = builder.add(&bundle.head);
+            for mut triangle in bundle.triangles {
+                triangle.object += first_object;
+                triangle.material = materials[triangle.material as usize];
+                stored.push(triangle);
+                builder.triangles += 1;
+            }
+        }
+        stored.finish()?;
+        let textures = folder.join("textures");
+        fs::create_dir(&textures).map_err(|cause| BakeError::io(&textures, "created", cause))?;
+        for (number, picture) in (0..).zip(&builder.pictures) {
+            fetch(objects, &picture_name(*picture), &texture_path(&textures, number))?;
+        }
+        let cache_bytes = self.config.texture_cache_bytes();
+        Ok(ScratchScene {
+            origin: plan.facts.origin,
+            crs: None,
+            bounds: None,
+            objects: builder.objects,
+            numbers: builder.numbers,
+            landmarks: Vec::new(),
+            standing: Vec::new(),
+            parents: Vec::new(),
+            records: ObjectRecords::Memory(Vec::new()),
+            materials: builder.materials,
+            textures: TextureStore::of_files(builder.textures, textures, cache_bytes),
+            triangles: builder.triangles,
+            extent: SceneExtent::default(),
+            names: ObjectNames::Memory(Vec::new()),
+            placements: builder.placements,
+            stored,
+        })
+    }
+}
+
+/// Collects what the bundles of a region show.
+#[derive(Default)]
+struct RegionBuilder {
+    objects: Vec<StoredObject>,
+    numbers: Vec<u32>,
+    placements: Vec<ObjectPlacement>,
+    materials: Vec<StoredMaterial>,
+    material_numbers: HashMap<PlannedMaterial, u32>,
+    textures: Vec<TextureFacts>,
+    pictures: Vec<crate::hash::ShortHash>,
+    texture_numbers: HashMap<u32, u32>,
+    triangles: u64,
+}
+
+impl RegionBuilder {
+    /// Adds what a bundle shows, and returns the number of each of its materials.
+    fn add(&mut self, head: &BundleHead) -> Vec<u32> {
+        for planned in &head.objects {
+            let object = planned.shown.map(|shown| {
+                let bounds_m = [[0.0; 3]; 2];
+                let (kind, base_z_m, identity) = (shown.kind, shown.base_z_m, None);
+                self.objects.push(StoredObject { kind, base_z_m, bounds_m, identity });
+                self.numbers.push(shown.number);
+                self.objects.len() as u32 - 1
+            });
+            self.placements.push(ObjectPlacement { offset_m: planned.offset_m, object });
+        }
+        for texture in &head.textures {
+            let next = self.textures.len() as u32;
+            if *self.texture_numbers.entry(texture.number).or_insert(next) == next {
+                self.textures.push(texture.facts.clone());
+                self.pictures.push(texture.picture);
+            }
+        }
+        let material = |planned: &PlannedMaterial| {
+            let next = self.materials.len() as u32;
+            let number = *self.material_numbers.entry(*planned).or_insert(next);
+            if number == next {
+                let texture = planned.texture.and_then(|texture| self.texture_numbers.get(&texture).copied());
+                self.materials.push(StoredMaterial { rgb: planned.rgb, texture, is_reflective: planned.is_reflective });
+            }
+            number
+        };
+        head.materials.iter().map(material).collect()
+    }
+}

@@ -1,0 +1,135 @@
+//! `tasks`, `status` and `abort`: how much there is to do, what is done, and an end without a city.
+
+use super::{
+    crown,
+    job::{BakeSteps, JOB, Job},
+    join::JOIN_PLAN,
+    layout::PLAN,
+    region_file::index_name,
+    work::WorkStore,
+};
+use crate::error::BakeError;
+
+/// A stage of the steps, in their order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BakeStage {
+    Scan,
+    Plan,
+    Shuffle,
+    Region,
+    Crown,
+    JoinPlan,
+    JoinPart,
+    JoinFinish,
+}
+
+/// A stage, and how many of its tasks are done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StageStatus {
+    pub stage: BakeStage,
+    /// `None` until the plan is made.
+    pub tasks: Option<usize>,
+    pub done: usize,
+}
+
+impl BakeStage {
+    /// All stages with their names on the command line.
+    pub const NAMES: [(&'static str, Self); 8] = [
+        ("scan", Self::Scan),
+        ("plan", Self::Plan),
+        ("shuffle", Self::Shuffle),
+        ("region", Self::Region),
+        ("crown", Self::Crown),
+        ("join-plan", Self::JoinPlan),
+        ("join-part", Self::JoinPart),
+        ("join-finish", Self::JoinFinish),
+    ];
+
+    /// Whether the stage has one task.
+    #[must_use]
+    pub fn is_single(self) -> bool {
+        matches!(self, Self::Plan | Self::Crown | Self::JoinPlan | Self::JoinFinish)
+    }
+}
+
+impl BakeSteps<'_> {
+    /// Number of a stage's tasks. Fails if it follows from the plan, and there is none.
+    pub fn tasks(&self, stage: BakeStage) -> Result<usize, BakeError> {
+        Ok(match stage {
+            BakeStage::Scan => self.chunks().len(),
+            BakeStage::Plan | BakeStage::Crown | BakeStage::JoinPlan | BakeStage::JoinFinish => 1,
+            BakeStage::Shuffle => self.read_plan()?.chunks,
+            BakeStage::Region => self.read_plan()?.regions.len(),
+            BakeStage::JoinPart => self.join_parts()?,
+        })
+    }
+
+    /// Runs a task of a stage. Fails if there is no such task, or as the stage does.
+    pub fn run(&self, stage: BakeStage, task: usize) -> Result<(), BakeError> {
+        match stage {
+            BakeStage::Scan => self.scan(task),
+            BakeStage::Plan => self.plan(),
+            BakeStage::Shuffle => self.shuffle(task),
+            BakeStage::Region => self.region(task),
+            BakeStage::Crown => self.crown(),
+            BakeStage::JoinPlan => self.join_plan(),
+            BakeStage::JoinPart => self.join_part(task),
+            BakeStage::JoinFinish => self.join_finish(),
+        }
+    }
+
+    /// How many tasks of each stage are done. Fails if the store does not answer.
+    pub fn status(&self) -> Result<Vec<StageStatus>, BakeError> {
+        let objects = self.objects();
+        let (has_plan, has_join) = (objects.has(PLAN)?, objects.has(JOIN_PLAN)?);
+        let names = |folder: &str| objects.store.list(folder).map_err(|cause| objects.failed(folder, cause));
+        let count = |folder: &str, end: &str| {
+            Ok::<_, BakeError>(names(folder)?.iter().filter(|name| name.ends_with(end)).count())
+        };
+        let status = |(_, stage): (&str, BakeStage)| {
+            let done = match stage {
+                BakeStage::Scan => count("scan", "/head")?,
+                BakeStage::Plan => has_plan.into(),
+                BakeStage::Shuffle => count("shuffle", "/index")?,
+                BakeStage::Region => count("region", "/index")?,
+                BakeStage::Crown => objects.has(&index_name(crown::FOLDER))?.into(),
+                BakeStage::JoinPlan => has_join.into(),
+                BakeStage::JoinPart => names("join")?.iter().filter(|name| name.starts_with("join/receipt-")).count(),
+                BakeStage::JoinFinish => objects.has("city/city.json")?.into(),
+            };
+            let is_known = match stage {
+                BakeStage::Shuffle | BakeStage::Region => has_plan,
+                BakeStage::JoinPart => has_join,
+                _ => true,
+            };
+            let tasks = if is_known { Some(self.tasks(stage)?) } else { None };
+            Ok(StageStatus { stage, tasks, done })
+        };
+        BakeStage::NAMES.into_iter().map(status).collect()
+    }
+}
+
+/// Removes the job and all results of its steps, but not a finished city, and the parts of archives that were not completed. Returns the number
+/// of removed objects. Fails if the store does not answer.
+pub fn abort(store: &dyn WorkStore) -> Result<usize, BakeError> {
+    let failed = |name: &str| {
+        let (work, name) = (store.address(), name.to_owned());
+        move |cause| BakeError::Work { work, name, cause }
+    };
+    let begun = Job::read(store).and_then(|job| job.begun_parts(store)).unwrap_or_default();
+    for (name, ticket) in &begun {
+        store.abort_parts(name, ticket).map_err(failed(name))?;
+    }
+    // First, so that a step that begins now finds no job.
+    let mut removed = begun.len() + usize::from(store.size(JOB).map_err(failed(JOB))?.is_some());
+    store.remove(JOB).map_err(failed(JOB))?;
+    let is_complete = store.size("city/city.json").map_err(failed("city"))?.is_some();
+    let folders = ["temporary", "scan", "pic", "plan", "shuffle", "region", "crown", "join", "parts"];
+    for folder in folders.into_iter().chain((!is_complete).then_some("city")) {
+        for name in store.list(folder).map_err(failed(folder))? {
+            store.remove(&name).map_err(failed(&name))?;
+            removed += 1;
+        }
+    }
+    Ok(removed)
+}

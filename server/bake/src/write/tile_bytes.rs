@@ -1,0 +1,39 @@
+//! The bytes of finished tiles, wherever they are.
+
+use std::path::Path;
+
+use super::{
+    mesh_pack::{self, StoredMesh},
+    tile_pack::{PackReader, StoredTile},
+};
+use crate::error::BakeError;
+
+/// Finished tiles and meshes.
+pub(crate) trait TileContent {
+    /// Bytes of a V-BlockMap. Fails if they cannot be read.
+    fn tile(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError>;
+    /// Bytes of a mesh. Fails if they cannot be read.
+    fn mesh(&mut self, stored: &StoredMesh) -> Result<Vec<u8>, BakeError>;
+}
+
+/// Tiles in a folder of packs.
+pub(crate) struct PackedTiles<'a> {
+    folder: &'a Path,
+    reader: PackReader<'a>,
+}
+
+impl<'a> PackedTiles<'a> {
+    pub(crate) fn new(folder: &'a Path) -> Self {
+        Self { folder, reader: PackReader::new(folder) }
+    }
+}
+
+impl TileContent for PackedTiles<'_> {
+    fn tile(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError> {
+        self.reader.read(stored)
+    }
+
+    fn mesh(&mut self, stored: &StoredMesh) -> Result<Vec<u8>, BakeError> {
+        mesh_pack::read(self.folder, stored)
+    }
+}
