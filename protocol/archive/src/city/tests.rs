@@ -204,6 +204,7 @@ fn a_damaged_tile_is_invalidated_and_read_once_more() {
             blockmaps: load(&file, repaired_after),
             meshes: None,
             objects: None,
+            visibility: None,
         };
         let city = BakedCity::new("memory".into(), manifest(), archives).unwrap();
         match city.checked_tile(TileKind::BlockMap, id(1, 0, 0)).now_or_never().unwrap() {

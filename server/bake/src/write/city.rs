@@ -174,7 +174,7 @@ pub(crate) fn write_others(
     }
     let mut manifest = build_manifest(&input);
     if input.config.street_sets
-        && let Some(sets) = visibility::write(folder, &manifest, input.config.threads)?
+        && let Some(sets) = visibility::write_archive(folder, &manifest, input.config.threads)?
     {
         bytes += sets.bytes;
         hashes.push(sets.digest);

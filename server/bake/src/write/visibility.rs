@@ -14,9 +14,18 @@ use crate::error::BakeError;
 /// Heights below a city's bounds that columns may reach down to, in metres.
 const BELOW_BOUNDS_M: f64 = 100.0;
 
+/// As [`write_archive`]; returns the archive's length.
+pub fn write(folder: &Path, manifest: &Manifest, threads: usize) -> Result<Option<u64>, BakeError> {
+    Ok(write_archive(folder, manifest, threads)?.map(|archive| archive.bytes))
+}
+
 /// Writes the archive into a city's folder, which has the archives of subtrees and V-BlockMaps, and returns what it wrote. `None` if
 /// the city has no leaves. `manifest` needs no version. Fails if a tile cannot be read or the file cannot be written.
-pub fn write(folder: &Path, manifest: &Manifest, threads: usize) -> Result<Option<WrittenArchive>, BakeError> {
+pub(super) fn write_archive(
+    folder: &Path,
+    manifest: &Manifest,
+    threads: usize,
+) -> Result<Option<WrittenArchive>, BakeError> {
     let path = folder.join(TileKind::Visibility.file_name());
     let open = |kind: TileKind| {
         let path = folder.join(kind.file_name());
