@@ -47,6 +47,10 @@ pub(crate) struct GlbBuilder {
     plain_material: Option<usize>,
 }
 
+/// What most surfaces of cities are.
+const MATT: PbrMetallicRoughness =
+    PbrMetallicRoughness { base_color_texture: None, metallic_factor: 0.0, roughness_factor: None };
+
 impl GlbBuilder {
     /// An empty scene with the attribution of a city.
     pub(crate) fn new(manifest: &Manifest, packing: Packing) -> Self {
@@ -204,8 +208,8 @@ impl GlbBuilder {
         document.images.push(Image { buffer_view, mime_type: "image/webp" });
         let source = document.images.len() - 1;
         document.textures.push(json!({ "sampler": 0, "extensions": { WEBP: { "source": source } } }));
-        let texture = Some(TextureInfo { index: document.textures.len() - 1 });
-        self.push_material(texture)
+        let texture = TextureInfo { index: document.textures.len() - 1 };
+        self.add_material(PbrMetallicRoughness { base_color_texture: Some(texture), ..MATT })
     }
 
     /// The material of meshes with colours of vertices.
@@ -213,15 +217,14 @@ impl GlbBuilder {
         if let Some(material) = self.plain_material {
             return material;
         }
-        let material = self.push_material(None);
+        let material = self.add_material(MATT);
         self.plain_material = Some(material);
         material
     }
 
     /// Materials are double-sided: sources have single surfaces, and where a coarser tile meets a finer one, the inside of boxes closes
     /// what would be a gap.
-    fn push_material(&mut self, base_color_texture: Option<TextureInfo>) -> usize {
-        let pbr_metallic_roughness = PbrMetallicRoughness { base_color_texture, metallic_factor: 0.0 };
+    pub(crate) fn add_material(&mut self, pbr_metallic_roughness: PbrMetallicRoughness) -> usize {
         self.document.materials.push(Material { pbr_metallic_roughness, double_sided: true });
         self.document.materials.len() - 1
     }

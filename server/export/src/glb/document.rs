@@ -127,6 +127,9 @@ pub(crate) struct PbrMetallicRoughness {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) base_color_texture: Option<TextureInfo>,
     pub(crate) metallic_factor: f32,
+    /// 1 without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) roughness_factor: Option<f32>,
 }
 
 /// Section 5.30.
