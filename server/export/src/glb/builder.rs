@@ -43,8 +43,6 @@ pub(crate) struct GlbBuilder {
     used: BTreeSet<&'static str>,
     required: BTreeSet<&'static str>,
     packing: Packing,
-    /// The material of meshes with colours of vertices.
-    plain_material: Option<usize>,
 }
 
 /// What most surfaces of cities are.
@@ -67,7 +65,6 @@ impl GlbBuilder {
             used: BTreeSet::new(),
             required: BTreeSet::new(),
             packing,
-            plain_material: None,
         }
     }
 
@@ -214,19 +211,18 @@ impl GlbBuilder {
 
     /// The material of meshes with colours of vertices.
     pub(crate) fn plain_material(&mut self) -> usize {
-        if let Some(material) = self.plain_material {
-            return material;
-        }
-        let material = self.add_material(MATT);
-        self.plain_material = Some(material);
-        material
+        self.add_material(MATT)
     }
 
-    /// Materials are double-sided: sources have single surfaces, and where a coarser tile meets a finer one, the inside of boxes closes
+    /// The number of a material; an equal one that is there already is used again. Materials are double-sided: sources have single surfaces, and where a coarser tile meets a finer one, the inside of boxes closes
     /// what would be a gap.
     pub(crate) fn add_material(&mut self, pbr_metallic_roughness: PbrMetallicRoughness) -> usize {
-        self.document.materials.push(Material { pbr_metallic_roughness, double_sided: true });
-        self.document.materials.len() - 1
+        let materials = &mut self.document.materials;
+        let known = materials.iter().position(|material| material.pbr_metallic_roughness == pbr_metallic_roughness);
+        known.unwrap_or_else(|| {
+            materials.push(Material { pbr_metallic_roughness, double_sided: true });
+            materials.len() - 1
+        })
     }
 
     /// Adds a node that shows a mesh, below the scene. `matrix` is column by column.

@@ -121,7 +121,7 @@ pub(crate) struct Material {
 }
 
 /// Section 5.22.
-#[derive(Debug, Serialize)]
+#[derive(Debug, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct PbrMetallicRoughness {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -133,7 +133,7 @@ pub(crate) struct PbrMetallicRoughness {
 }
 
 /// Section 5.30.
-#[derive(Debug, Serialize)]
+#[derive(Debug, PartialEq, Serialize)]
 pub(crate) struct TextureInfo {
     pub(crate) index: usize,
 }
