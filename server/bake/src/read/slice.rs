@@ -19,7 +19,7 @@ pub(super) fn slices(source: CitySource<'static>, slice_bytes: u64) -> Vec<CityS
     if !is_sequence || count < 2 {
         return vec![source];
     }
-    // What is not on disk would be copied for every slice.
+    // A source inside an archive is extracted to a file; each slice would extract it again.
     let Some(path) = source.files.on_disk(&source.name).ok().filter(|file| file.copy.is_none()).map(|file| file.path)
     else {
         return vec![source];

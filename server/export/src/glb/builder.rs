@@ -43,9 +43,11 @@ pub(crate) struct GlbBuilder {
     used: BTreeSet<&'static str>,
     required: BTreeSet<&'static str>,
     packing: Packing,
-    /// The material of meshes with colours of vertices.
-    plain_material: Option<usize>,
 }
+
+/// What most surfaces of cities are.
+const MATT: PbrMetallicRoughness =
+    PbrMetallicRoughness { base_color_texture: None, metallic_factor: 0.0, roughness_factor: None };
 
 impl GlbBuilder {
     /// An empty scene with the attribution of a city.
@@ -63,7 +65,6 @@ impl GlbBuilder {
             used: BTreeSet::new(),
             required: BTreeSet::new(),
             packing,
-            plain_material: None,
         }
     }
 
@@ -204,26 +205,24 @@ impl GlbBuilder {
         document.images.push(Image { buffer_view, mime_type: "image/webp" });
         let source = document.images.len() - 1;
         document.textures.push(json!({ "sampler": 0, "extensions": { WEBP: { "source": source } } }));
-        let texture = Some(TextureInfo { index: document.textures.len() - 1 });
-        self.push_material(texture)
+        let texture = TextureInfo { index: document.textures.len() - 1 };
+        self.add_material(PbrMetallicRoughness { base_color_texture: Some(texture), ..MATT })
     }
 
     /// The material of meshes with colours of vertices.
     pub(crate) fn plain_material(&mut self) -> usize {
-        if let Some(material) = self.plain_material {
-            return material;
-        }
-        let material = self.push_material(None);
-        self.plain_material = Some(material);
-        material
+        self.add_material(MATT)
     }
 
-    /// Materials are double-sided: sources have single surfaces, and where a coarser tile meets a finer one, the inside of boxes closes
+    /// The number of a material; an equal one that is there already is used again. Materials are double-sided: sources have single surfaces, and where a coarser tile meets a finer one, the inside of boxes closes
     /// what would be a gap.
-    fn push_material(&mut self, base_color_texture: Option<TextureInfo>) -> usize {
-        let pbr_metallic_roughness = PbrMetallicRoughness { base_color_texture, metallic_factor: 0.0 };
-        self.document.materials.push(Material { pbr_metallic_roughness, double_sided: true });
-        self.document.materials.len() - 1
+    pub(crate) fn add_material(&mut self, pbr_metallic_roughness: PbrMetallicRoughness) -> usize {
+        let materials = &mut self.document.materials;
+        let known = materials.iter().position(|material| material.pbr_metallic_roughness == pbr_metallic_roughness);
+        known.unwrap_or_else(|| {
+            materials.push(Material { pbr_metallic_roughness, double_sided: true });
+            materials.len() - 1
+        })
     }
 
     /// Adds a node that shows a mesh, below the scene. `matrix` is column by column.

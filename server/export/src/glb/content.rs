@@ -14,7 +14,7 @@ use insula_protocol::{
     BlockMap, MeshTile, NODE_CELLS, TileId,
     mesh_tile::{MAX_LODS, NO_OBJECT},
 };
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Puts parts of a city into GLBs.
 pub(crate) struct ContentWriter<'a> {
@@ -22,6 +22,9 @@ pub(crate) struct ContentWriter<'a> {
     chooser: Chooser<'a>,
     stones: Stones,
 }
+
+/// Numbers of vertices by position, attribute and object.
+type VertexNumbers = HashMap<(u32, u32, u32), u32>;
 
 /// What a node shows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -62,28 +65,33 @@ impl<'a> ContentWriter<'a> {
         leaf: TileId,
         (tile, place): (&MeshTile, &Matrix),
     ) -> Result<Shown, ExportError> {
-        let geometry = self.mesh_geometry(tile, leaf, rows)?;
-        let triangles = geometry.indices.len() / 3;
-        if triangles > 0 {
-            let material = match &tile.texture {
-                Some(texture) => glb.add_textured_material(&texture.bytes),
-                None => glb.plain_material(),
+        let parts = self.mesh_geometry(tile, leaf, rows)?;
+        let triangles = parts.values().map(|geometry| geometry.indices.len() / 3).sum();
+        let grid = &tile.mesh.grid;
+        let matrix = Matrix::scale([grid.step; 3]).then(&Matrix::translation(grid.min)).then(place).to_array();
+        for (stone, geometry) in parts {
+            let material = match (stone.and_then(|stone| self.stones.material(stone)), &tile.texture) {
+                (Some(material), None) => glb.add_material(material),
+                (_, Some(texture)) => glb.add_textured_material(&texture.bytes),
+                _ => glb.plain_material(),
             };
-            let grid = &tile.mesh.grid;
-            let grid = Matrix::scale([grid.step; 3]).then(&Matrix::translation(grid.min));
             let mesh = glb.add_mesh(&geometry, material)?;
-            glb.add_node(Some(leaf.to_string()), grid.then(place).to_array(), mesh);
+            glb.add_node(Some(leaf.to_string()), matrix, mesh);
         }
         Ok(Shown { triangles, is_mesh: true })
     }
 
-    /// The selected triangles, with one vertex for each different combination of position, attribute and object.
-    fn mesh_geometry(&self, tile: &MeshTile, leaf: TileId, rows: &mut Rows) -> Result<Geometry, ExportError> {
+    /// The selected triangles by their stone, with one vertex for each different combination of position, attribute and object.
+    fn mesh_geometry(
+        &self,
+        tile: &MeshTile,
+        leaf: TileId,
+        rows: &mut Rows,
+    ) -> Result<BTreeMap<Option<u8>, Geometry>, ExportError> {
         let corner = self.source.manifest().node_corner(leaf);
         let positions: Vec<[f64; 3]> = tile.mesh.positions_m().collect();
         let values = tile.mesh.attributes.first().map_or(&[][..], |attribute| &attribute.corners);
-        let mut geometry = Geometry::default();
-        let mut vertices: HashMap<(u32, u32, u32), u32> = HashMap::new();
+        let mut parts: BTreeMap<Option<u8>, (Geometry, VertexNumbers)> = BTreeMap::new();
         for (t, triangle) in tile.mesh.triangles.iter().enumerate() {
             let object = tile.objects.get(t).copied().unwrap_or(NO_OBJECT);
             let middle = [0, 1]
@@ -92,6 +100,9 @@ impl<'a> ContentWriter<'a> {
                 continue;
             }
             let feature = rows.row(object);
+            // Textures replace stones.
+            let stone = if tile.texture.is_none() { self.stones.of_object(tile, object) } else { None };
+            let (geometry, vertices) = parts.entry(stone).or_default();
             for (k, vertex) in triangle.iter().enumerate() {
                 let corner = 3 * t + k;
                 let value = values.get(corner).copied().unwrap_or(0);
@@ -112,7 +123,7 @@ impl<'a> ContentWriter<'a> {
                 geometry.indices.push(index);
             }
         }
-        Ok(without_empty_features(geometry))
+        Ok(parts.into_iter().map(|(stone, (geometry, _))| (stone, without_empty_features(geometry))).collect())
     }
 
     /// Adds boxes of a node's columns; nothing if it has none.

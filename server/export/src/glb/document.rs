@@ -121,16 +121,19 @@ pub(crate) struct Material {
 }
 
 /// Section 5.22.
-#[derive(Debug, Serialize)]
+#[derive(Debug, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct PbrMetallicRoughness {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) base_color_texture: Option<TextureInfo>,
     pub(crate) metallic_factor: f32,
+    /// 1 without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) roughness_factor: Option<f32>,
 }
 
 /// Section 5.30.
-#[derive(Debug, Serialize)]
+#[derive(Debug, PartialEq, Serialize)]
 pub(crate) struct TextureInfo {
     pub(crate) index: usize,
 }
