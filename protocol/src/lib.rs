@@ -17,6 +17,7 @@ pub mod subtree;
 pub mod texel;
 pub mod text;
 pub mod tile;
+pub mod tile_group;
 pub mod tile_id;
 pub mod visibility_tile;
 
@@ -27,5 +28,6 @@ pub use mesh_tile::MeshTile;
 pub use subtree::Subtree;
 pub use texel::Texel;
 pub use tile::TileKind;
+pub use tile_group::TileGroup;
 pub use tile_id::TileId;
 pub use visibility_tile::VisibilityTile;

@@ -67,9 +67,12 @@ pub struct Manifest {
     #[serde(default, deserialize_with = "absent_is_default")]
     pub heights: Option<HeightReference>,
     /// Stones of landmarks, which mesh tiles refer to by index; at most [`MAX_STONES`]. Each is the JSON text of its parameters.
-    /// Not written if there are none; the last field, so that it can be absent in bincode as well.
-    #[serde(default, deserialize_with = "absent_is_default", skip_serializing_if = "Vec::is_empty")]
+    /// Older manifests do not have the field if there are none.
+    #[serde(default, deserialize_with = "absent_is_default")]
     pub stones: Vec<String>,
+    /// Whether the city has visibility tiles. Older manifests do not have the field.
+    #[serde(default, deserialize_with = "absent_is_default")]
+    pub street_sets: bool,
 }
 
 /// What the heights of a city are measured from.
@@ -281,6 +284,7 @@ mod tests {
             generated_facades: false,
             heights: None,
             stones: Vec::new(),
+            street_sets: false,
         }
     }
 
@@ -321,7 +325,6 @@ mod tests {
             let manifest = Manifest { generated_facades, heights, ..manifest() };
             let json = serde_json::to_string(&manifest).unwrap();
             assert_eq!(json.contains("\"generated_facades\":true"), generated_facades);
-            assert!(!json.contains("stones"));
             assert_eq!(serde_json::from_str::<Manifest>(&json).unwrap(), manifest);
             let packed = crate::codec::bincode::to_bytes(&manifest).unwrap();
             assert_eq!(crate::codec::bincode::from_bytes::<Manifest>(&packed).unwrap(), manifest);
@@ -330,10 +333,15 @@ mod tests {
     }
 
     #[test]
-    fn stones_are_the_last_field_and_have_limits() {
-        let with = |count: usize| Manifest { stones: vec!["{}".into(); count], ..manifest() };
+    fn last_fields_may_be_absent_and_stones_have_limits() {
+        let with = |count: usize| Manifest { stones: vec!["{}".into(); count], street_sets: true, ..manifest() };
         let packed = crate::codec::bincode::to_bytes(&with(2)).unwrap();
         assert_eq!(crate::codec::bincode::from_bytes::<Manifest>(&packed).unwrap(), with(2));
+        let packed = crate::codec::bincode::to_bytes(&manifest()).unwrap();
+        for absent in 0..4 {
+            let older = &packed[..packed.len() - absent];
+            assert_eq!(crate::codec::bincode::from_bytes::<Manifest>(older).unwrap(), manifest(), "{absent} absent");
+        }
         assert_eq!(with(MAX_STONES).check(), Ok(()));
         assert!(with(MAX_STONES + 1).check().is_err());
     }

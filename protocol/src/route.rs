@@ -4,12 +4,16 @@
 //! caches hold it once.
 
 use crate::{
-    TileId, TileKind,
+    TileGroup, TileId, TileKind,
     manifest::is_name,
     mesh_tile,
     object_tile::{self, SCHEMA_ID},
 };
 use std::fmt;
+
+mod template;
+
+pub use template::RouteTemplate;
 
 /// The list of cities, and the prefix of all addresses of a city.
 pub const CITIES: &str = "/v1/cities";
@@ -28,6 +32,8 @@ const PAGES: &str = "/cities";
 const SEARCH: &str = "search";
 /// What follows a city's version in the address of a filter.
 const FILTER: &str = "filter";
+/// What follows a city's version in the address of a group.
+const GROUPS: &str = "groups";
 const ASSETS: &str = "/assets";
 const SERVICE_WORKER: &str = "/service-worker.js";
 /// Name of a city's picture, in its folder and after the address of its page.
@@ -64,6 +70,13 @@ pub enum Route<'a> {
     /// The script that keeps pages and tiles for use without a network. It must lie above all that it keeps.
     ServiceWorker,
     Tile(TileRoute<'a>),
+    /// Several tiles ([`crate::tile_group`]).
+    Group {
+        city: &'a str,
+        /// The city's version ([`crate::Manifest::version`]).
+        version: &'a str,
+        group: TileGroup,
+    },
     /// The search of a city's objects by their texts. The query has the text.
     Search {
         city: &'a str,
@@ -171,6 +184,9 @@ impl<'a> Route<'a> {
                 _ => Ok(Self::Filter { city, version }),
             };
         }
+        if let Some(group) = parse_group(rest) {
+            return group;
+        }
         if rest.contains('/') {
             return parse_tile(rest).map(Self::Tile);
         }
@@ -199,6 +215,7 @@ impl<'a> Route<'a> {
             Self::Tile(tile) => RouteTemplate::of_tile(tile.kind),
             Self::Search { .. } => RouteTemplate::Search,
             Self::Filter { .. } => RouteTemplate::Filter,
+            Self::Group { .. } => RouteTemplate::Groups,
             Self::Tileset { .. } => RouteTemplate::Tileset,
             Self::TilesetFile { .. } => RouteTemplate::TilesetFile,
         }
@@ -225,6 +242,10 @@ impl fmt::Display for Route<'_> {
             Self::TilesetFile { city, version, kind, id } => {
                 let (folder, extension) = kind.names();
                 write!(f, "{CITIES}/{city}{TILESETS}{version}/{folder}/{id}{extension}")
+            }
+            Self::Group { city, version, group } => {
+                let (kind, first) = (group.kind().path_segment(), group.first());
+                write!(f, "{CITIES}/{city}/{version}/{GROUPS}/{kind}/{first}/{}/{}", group.node_count(), group.lod())
             }
             Self::Tile(TileRoute { city, version, kind, id, lod }) => {
                 write!(f, "{CITIES}/{city}/{version}/{}/", kind.path_segment())?;
@@ -321,6 +342,22 @@ fn parse_tile(rest: &str) -> Result<TileRoute<'_>, RouteError> {
     Ok(TileRoute { city, version, kind, id, lod })
 }
 
+/// Parses `{city}/{version}/groups/{kind}/{level}/{x}/{y}/{count}/{lod}`; `None` for other shapes.
+fn parse_group(rest: &str) -> Option<Result<Route<'_>, RouteError>> {
+    let segments: Vec<&str> = rest.splitn(10, '/').collect();
+    let [city, version, GROUPS, kind, level, x, y, count, lod] = segments[..] else { return None };
+    let group = || {
+        let count = parse_number(count).filter(|count| count.is_power_of_two())?;
+        let (kind, lod) = (TileKind::from_path_segment(kind)?, u8::try_from(parse_number(lod)?).ok()?);
+        TileGroup::new(kind, parse_node(level, x, y)?, count.trailing_zeros() as u8, lod)
+    };
+    Some(match group() {
+        None => Err(RouteError::InvalidTile),
+        Some(_) if !is_name(city) || !is_name(version) => Err(RouteError::InvalidName),
+        Some(group) => Ok(Route::Group { city, version, group }),
+    })
+}
+
 /// The address of a block of objects, or of their schema.
 fn parse_objects<'a>(city: &'a str, version: &'a str, block: &str) -> Result<TileRoute<'a>, RouteError> {
     let id = if block == SCHEMA { Some(SCHEMA_ID) } else { parse_number(block).and_then(object_tile::block_id) };
@@ -335,157 +372,6 @@ fn parse_objects<'a>(city: &'a str, version: &'a str, block: &str) -> Result<Til
 fn parse_number(text: &str) -> Option<u32> {
     let is_plain = text.bytes().all(|b| b.is_ascii_digit()) && (text == "0" || !text.starts_with('0'));
     if is_plain { text.parse().ok() } else { None }
-}
-
-/// A kind of address. As a metrics label it is bounded, whatever clients request.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum RouteTemplate {
-    Subtrees,
-    BlockMaps,
-    Meshes,
-    Objects,
-    Visibility,
-    Search,
-    Filter,
-    Tileset,
-    TilesetFile,
-    Manifest,
-    Cities,
-    Index,
-    OpenApi,
-    Health,
-    Readiness,
-    Metrics,
-    CityPage,
-    Thumbnail,
-    Asset,
-    ServiceWorker,
-    /// All paths without a route.
-    Other,
-}
-
-impl RouteTemplate {
-    /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 21] = [
-        Self::Subtrees,
-        Self::BlockMaps,
-        Self::Meshes,
-        Self::Objects,
-        Self::Visibility,
-        Self::Search,
-        Self::Filter,
-        Self::Tileset,
-        Self::TilesetFile,
-        Self::Manifest,
-        Self::Cities,
-        Self::Index,
-        Self::OpenApi,
-        Self::Health,
-        Self::Readiness,
-        Self::Metrics,
-        Self::CityPage,
-        Self::Thumbnail,
-        Self::Asset,
-        Self::ServiceWorker,
-        Self::Other,
-    ];
-
-    /// Classifies any path by its shape alone. Unlike [`Route::parse`] it also classifies addresses with invalid names
-    /// or numbers, and counts everything below a tile kind as that kind, and everything below a search or filter as such.
-    pub fn of_path(path: &str) -> Self {
-        let mut segments = path.strip_prefix('/').unwrap_or(path).splitn(6, '/');
-        let mut segment = || segments.next();
-        match (segment(), segment(), segment(), segment(), segment()) {
-            (Some("v1"), Some("cities"), Some(_), Some("3dtiles"), Some(TILESET_FILE)) => Self::Tileset,
-            (Some("v1"), Some("cities"), Some(_), Some("3dtiles"), Some(_)) => Self::TilesetFile,
-            (Some("v1"), Some("cities"), Some(_), Some(_), Some(SEARCH)) => Self::Search,
-            (Some("v1"), Some("cities"), Some(_), Some(_), Some(FILTER)) => Self::Filter,
-            (Some("v1"), Some("cities"), Some(_), Some(_), Some(kind)) => {
-                TileKind::from_path_segment(kind).map_or(Self::Other, Self::of_tile)
-            }
-            (Some("v1"), Some("cities"), Some(_), None, None) => Self::Manifest,
-            (Some("v1"), Some("cities"), None, None, None) => Self::Cities,
-            (Some("v1"), Some("openapi.json"), None, None, None) => Self::OpenApi,
-            (Some(""), None, None, None, None) => Self::Index,
-            (Some("healthz"), None, None, None, None) => Self::Health,
-            (Some("readyz"), None, None, None, None) => Self::Readiness,
-            (Some("metrics"), None, None, None, None) => Self::Metrics,
-            (Some("cities"), Some(_), None, None, None) => Self::CityPage,
-            (Some("cities"), Some(_), Some(THUMBNAIL_FILE), None, None) => Self::Thumbnail,
-            (Some("assets"), Some(_), Some(_), None, None) => Self::Asset,
-            (Some("service-worker.js"), None, None, None, None) => Self::ServiceWorker,
-            _ => Self::Other,
-        }
-    }
-
-    const fn of_tile(kind: TileKind) -> Self {
-        match kind {
-            TileKind::Subtree => Self::Subtrees,
-            TileKind::BlockMap => Self::BlockMaps,
-            TileKind::Mesh => Self::Meshes,
-            TileKind::Objects => Self::Objects,
-            TileKind::Visibility => Self::Visibility,
-        }
-    }
-
-    /// The value of the `route` label in metrics.
-    pub const fn label(self) -> &'static str {
-        match self {
-            Self::Subtrees => "subtrees",
-            Self::BlockMaps => "blockmaps",
-            Self::Meshes => "meshes",
-            Self::Objects => "objects",
-            Self::Visibility => "visibility",
-            Self::Search => SEARCH,
-            Self::Filter => FILTER,
-            Self::Tileset => "tileset",
-            Self::TilesetFile => "tileset-files",
-            Self::Manifest => "manifest",
-            Self::Cities => "cities",
-            Self::Index => "index",
-            Self::OpenApi => "openapi",
-            Self::Health => "healthz",
-            Self::Readiness => "readyz",
-            Self::Metrics => "metrics",
-            Self::CityPage => "page",
-            Self::Thumbnail => "thumbnail",
-            Self::Asset => "asset",
-            Self::ServiceWorker => "service-worker",
-            Self::Other => "other",
-        }
-    }
-
-    /// The path with its variable segments in braces; `None` for [`RouteTemplate::Other`].
-    pub const fn pattern(self) -> Option<&'static str> {
-        Some(match self {
-            Self::Subtrees => "/v1/cities/{city}/{version}/subtrees/{level}/{x}/{y}",
-            Self::BlockMaps => "/v1/cities/{city}/{version}/blockmaps/{level}/{x}/{y}",
-            Self::Meshes => "/v1/cities/{city}/{version}/meshes/{level}/{x}/{y}/{lod}",
-            Self::Objects => "/v1/cities/{city}/{version}/objects/{block}",
-            Self::Visibility => "/v1/cities/{city}/{version}/visibility/{level}/{x}/{y}",
-            Self::Search => "/v1/cities/{city}/{version}/search",
-            Self::Filter => "/v1/cities/{city}/{version}/filter",
-            Self::Tileset => "/v1/cities/{city}/3dtiles/tileset.json",
-            Self::TilesetFile => "/v1/cities/{city}/3dtiles/{version}/{kind}/{level}/{x}/{y}",
-            Self::Manifest => "/v1/cities/{city}",
-            Self::Cities => CITIES,
-            Self::Index => "/",
-            Self::OpenApi => OPENAPI,
-            Self::Health => HEALTH,
-            Self::Readiness => READINESS,
-            Self::Metrics => METRICS,
-            Self::CityPage => "/cities/{city}",
-            Self::Thumbnail => "/cities/{city}/thumbnail.png",
-            Self::Asset => "/assets/{hash}/{file}",
-            Self::ServiceWorker => SERVICE_WORKER,
-            Self::Other => return None,
-        })
-    }
-
-    /// Whether the address is for operators. These stay available under load and have no rate limit.
-    pub const fn is_operational(self) -> bool {
-        matches!(self, Self::Health | Self::Readiness | Self::Metrics)
-    }
 }
 
 /// The path of a city's manifest.
@@ -536,6 +422,11 @@ pub fn assets(hash: &str) -> String {
 /// The path of a subtree or V-BlockMap tile; of a mesh, its finest level of detail.
 pub fn tile(city: &str, version: &str, kind: TileKind, id: TileId) -> String {
     Route::Tile(TileRoute { city, version, kind, id, lod: 0 }).path()
+}
+
+/// The path of a group of tiles.
+pub fn group(city: &str, version: &str, group: TileGroup) -> String {
+    Route::Group { city, version, group }.path()
 }
 
 /// The path of one level of detail of a leaf's mesh.

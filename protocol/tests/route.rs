@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)] // In a test, the panic is the report.
 
 use insula_protocol::{
-    TileId, TileKind,
+    TileGroup, TileId, TileKind,
     mesh_tile::MAX_LODS,
     object_tile::{SCHEMA_ID, block_id},
     route::{self, Route, RouteError, RouteTemplate, TileRoute, TilesetFileKind},
@@ -26,6 +26,11 @@ fn objects(id: TileId) -> Route<'static> {
 
 fn tileset_file(kind: TilesetFileKind) -> Route<'static> {
     Route::TilesetFile { city: "delft", version: VERSION, kind, id: leaf() }
+}
+
+fn group(kind: TileKind, doublings: u8, lod: u8) -> Route<'static> {
+    let group = TileGroup::around(kind, leaf(), doublings, lod).unwrap();
+    Route::Group { city: "delft", version: VERSION, group }
 }
 
 fn tile_error(rest: &str) -> RouteError {
@@ -56,6 +61,8 @@ fn every_address_has_its_path() {
         (Route::Search { city: "delft", version: VERSION }, "/v1/cities/delft/0123456789abcdef/search"),
         (Route::Search { city: "search", version: "objects" }, "/v1/cities/search/objects/search"),
         (Route::Filter { city: "delft", version: VERSION }, "/v1/cities/delft/0123456789abcdef/filter"),
+        (group(TileKind::BlockMap, 3, 0), "/v1/cities/delft/0123456789abcdef/groups/blockmaps/7/100/0/8/0"),
+        (group(TileKind::Mesh, 1, 2), "/v1/cities/delft/0123456789abcdef/groups/meshes/7/100/3/2/2"),
         (Route::Tileset { city: "delft" }, "/v1/cities/delft/3dtiles/tileset.json"),
         (tileset_file(TilesetFileKind::Subtree), "/v1/cities/delft/3dtiles/0123456789abcdef/subtrees/7/100/3.subtree"),
         (tileset_file(TilesetFileKind::Content), "/v1/cities/delft/3dtiles/0123456789abcdef/content/7/100/3.glb"),

@@ -155,10 +155,11 @@ impl ShareScope {
     /// Whether the link opens addresses of this kind.
     pub fn admits_route(&self, route: RouteTemplate) -> bool {
         use RouteTemplate::{
-            BlockMaps, Cities, CityPage, Filter, Index, Manifest, Meshes, Objects, Search, Subtrees, Thumbnail,
+            BlockMaps, Cities, CityPage, Filter, Groups, Index, Manifest, Meshes, Objects, Search, Subtrees, Thumbnail,
             Tileset, TilesetFile, Visibility,
         };
-        let is_tile = matches!(route, Subtrees | BlockMaps | Meshes | Objects | Visibility | Tileset | TilesetFile);
+        let is_tile =
+            matches!(route, Subtrees | BlockMaps | Meshes | Objects | Visibility | Groups | Tileset | TilesetFile);
         let is_read = is_tile || matches!(route, Search | Filter | Index | Cities | CityPage | Thumbnail | Manifest);
         !self.is_read_only || is_read
     }

@@ -227,6 +227,8 @@ async fn a_share_link_can_be_limited_to_an_area_and_a_version() {
         server.get(&format!("{path}?{}", link.split_once('?').unwrap().1), "").await[9..12].to_owned()
     };
     let root = "/v1/cities/two/0123456789abcdef/blockmaps/0/0/0";
+    // Of the root's children, only the tile exists.
+    let group = "/v1/cities/two/0123456789abcdef/groups/blockmaps/1/0/0/4/0";
     // The root spans 128 m from (85000, 446000); the tile is its north-eastern quarter.
     let (inside, outside) = ("85065,446065,85066,446066", "85001,446001,85002.5,446002");
     for (area, path, expected) in [
@@ -234,6 +236,8 @@ async fn a_share_link_can_be_limited_to_an_area_and_a_version() {
         (inside, root, "200"),
         (outside, root, "200"),
         (outside, TILE, "404"),
+        (inside, group, "200"),
+        (outside, group, "404"),
         ("0,0,1,1", root, "404"),
         ("0,0,1,1", "/v1/cities/two", "200"),
     ] {

@@ -7,9 +7,10 @@ use axum::{
 };
 use http_body_util::BodyExt;
 use insula_protocol::{
-    Manifest, TileId, TileKind,
+    Manifest, TileGroup, TileId, TileKind,
     codec::bincode,
     route::{self, RouteTemplate},
+    tile_group::{self, GroupMember},
 };
 use insula_server::{
     config::ServeConfig,
@@ -201,6 +202,33 @@ async fn meshes_are_served_by_level_of_detail() {
     for numbers in ["1/0/1/0", "1/1/1/2", "0/0/0/0", "2/2/2/0", "20/0/0/3", "1/1/1"] {
         let path = format!("/v1/cities/two/0123456789abcdef/meshes/{numbers}");
         get_from(&service, &path).await.assert_problem(404);
+    }
+}
+
+#[tokio::test]
+async fn groups_have_the_tiles_below_a_node() {
+    let folder = small_city::temporary_city_with_meshes();
+    let service = HttpService::new(state(folder.path(), |_| {}));
+    let path = |numbers: &str| format!("/v1/cities/two/0123456789abcdef/groups/{numbers}");
+    let members = |body: &[u8]| {
+        let of = |member| if let GroupMember::Tile(range) = member { Some(body[range].to_vec()) } else { None };
+        tile_group::decode(body, 4).unwrap().into_iter().map(of).collect::<Vec<_>>()
+    };
+    let (id, blockmap) = small_city::blockmaps().remove(1);
+    let group = get_from(&service, &path("blockmaps/1/0/0/4/0")).await;
+    let place = TileGroup::around(TileKind::BlockMap, id, 2, 0).unwrap().position(id).unwrap();
+    let alone = |tile: &[u8]| (0..4).map(|at| (at == place).then(|| tile.to_vec())).collect::<Vec<_>>();
+    assert_eq!((group.status, members(&group.body)), (StatusCode::OK, alone(&blockmap)));
+    assert_eq!(group.header("cache-control"), IMMUTABLE);
+    let mesh = get_from(&service, &path("meshes/1/0/0/4/1")).await;
+    assert_eq!(members(&mesh.body), alone(&small_city::meshes().remove(1).1));
+    for (numbers, status) in [
+        ("blockmaps/1/0/0/2/0", 404),
+        ("blockmaps/1/0/0/3/0", 400),
+        ("objects/1/0/0/2/0", 400),
+        ("blockmaps/1/0/0/2", 404),
+    ] {
+        get_from(&service, &path(numbers)).await.assert_problem(status);
     }
 }
 

@@ -5,10 +5,11 @@
 
 use super::{fetch::Http, jitter::jitter, notifier::Notifier};
 use bytes::Bytes;
+use insula_protocol::TileGroup;
 use insula_viewer::{
     decode::{DecodedTile, decode},
     scene::TileKey,
-    source::TileSource,
+    source::{TileSource, group_request::GroupRequest},
     streamer::{Downloads, FetchError, FetchOutcome, TileFetcher},
 };
 use std::{collections::HashMap, sync::Arc, time::Instant};
@@ -68,13 +69,19 @@ impl BackgroundFetcher {
     }
 }
 
-impl TileFetcher for BackgroundFetcher {
-    fn start(&mut self, key: TileKey, ticket: u64) {
+impl BackgroundFetcher {
+    /// Fetches a tile in the background as `response` does, and decodes it.
+    fn spawn(
+        &mut self,
+        key: TileKey,
+        ticket: u64,
+        response: impl Future<Output = Result<Bytes, FetchError>> + Send + 'static,
+    ) {
         let (source, decoders) = (self.source.clone(), self.decoders.clone());
         let (sender, wake, notifier) = (self.sender.clone(), self.wake.clone(), self.notifier.clone());
         let handle = self.http.spawn(async move {
             let (is_local, begin) = (source.is_local(key), Instant::now());
-            let response = source.tile(key).await;
+            let response = response.await;
             let duration = begin.elapsed();
             let result = match response {
                 Ok(bytes) => decode_in_background(key, bytes, decoders, source).await,
@@ -89,6 +96,25 @@ impl TileFetcher for BackgroundFetcher {
             }
         });
         self.tasks.insert(key, FetchTask { ticket, handle });
+    }
+}
+
+impl TileFetcher for BackgroundFetcher {
+    fn start(&mut self, key: TileKey, ticket: u64) {
+        let source = self.source.clone();
+        self.spawn(key, ticket, async move { source.tile(key).await });
+    }
+
+    fn start_group(&mut self, group: TileGroup, members: &[(TileKey, u64)]) {
+        let keys = members.iter().map(|(key, _)| *key).collect();
+        let request = GroupRequest::new(self.source.clone(), group, keys);
+        for (key, ticket) in members {
+            self.spawn(*key, *ticket, request.clone().tile(*key));
+        }
+    }
+
+    fn has_groups(&self) -> bool {
+        self.source.has_groups()
     }
 
     fn cancel(&mut self, key: TileKey) {

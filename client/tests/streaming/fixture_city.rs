@@ -93,6 +93,7 @@ fn manifest(name: &str) -> Manifest {
         generated_facades: false,
         heights: None,
         stones: Vec::new(),
+        street_sets: false,
         counts: CityCounts::default(),
         attribution: vec![Attribution { text: "The testers".into(), licence: Some("CC0".into()), url: None }],
         tile_version: 1,

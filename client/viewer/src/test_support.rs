@@ -25,6 +25,7 @@ pub fn manifest(depth: u8) -> Manifest {
         generated_facades: false,
         heights: None,
         stones: Vec::new(),
+        street_sets: false,
         counts: CityCounts::default(),
         attribution: Vec::new(),
         tile_version: 1,

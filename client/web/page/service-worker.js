@@ -23,7 +23,9 @@ const PATIENCE_MS = 4_000;
 const RANGE_PARAMETER = 'insula-range';
 
 const ASSET = /\/assets\/[0-9a-f]{16}\/[^/]+$/;
-const TILE = /\/v1\/cities\/[^/]+\/[^/]+\/((subtrees|blockmaps|meshes)\/[\d/]+|objects\/(\d+|schema))$/;
+const TILE = /\/v1\/cities\/[^/]+\/[^/]+\/((subtrees|blockmaps|meshes|visibility)\/[\d/]+|objects\/(\d+|schema))$/;
+const GROUP = /^(.*\/v1\/cities\/[^/]+\/[^/]+\/)groups\/(subtrees|blockmaps|meshes)\/(\d+)\/(\d+)\/(\d+)\/(\d+)\/(\d+)$/;
+const GROUP_MAGIC = 'INSG';
 const ARCHIVE = /\/[a-z]+\.pmtiles$/;
 const MANIFEST = /(\/city\.json|\/v1\/cities\/[^/]+)$/;
 const PAGE_FILE = /\/(thumbnail\.png|v1\/cities)$/;
@@ -60,6 +62,7 @@ function answerTo(request, event) {
     return ARCHIVE.test(url.pathname) ? rangeOf(request, later) : null;
   }
   if (ASSET.test(url.pathname) || TILE.test(url.pathname)) return fromCacheFirst(request, later);
+  if (GROUP.test(url.pathname)) return groupOf(request, later);
   const isPage = request.mode === 'navigate';
   if (isPage || MANIFEST.test(url.pathname) || PAGE_FILE.test(url.pathname)) return fromNetworkFirst(request, isPage);
   return null;
@@ -72,6 +75,57 @@ async function fromCacheFirst(request, later) {
   const response = await fetch(request);
   if (response.status === 200) later(keep(request.url, response.clone()));
   return response;
+}
+
+/**
+ * A group of tiles. It is kept as single tiles: without a network, the viewer asks for those.
+ * @param {Request} request @param {(work: Promise<unknown>) => void} later
+ */
+async function groupOf(request, later) {
+  const response = await fetch(request);
+  if (response.status === 200) later(keepTilesOf(new URL(request.url), response.clone()));
+  return response;
+}
+
+/** Keeps each tile of a group under its own address. @param {URL} url @param {Response} response */
+async function keepTilesOf(url, response) {
+  const [base, kind, ...numbers] = GROUP.exec(url.pathname)?.slice(1) ?? [];
+  const [level, x, y, count, lod] = numbers.map(Number);
+  const lodPath = kind === 'meshes' ? `/${lod}` : '';
+  const headers = new Headers({ 'content-type': 'application/octet-stream' });
+  const width = 2 ** Math.ceil(Math.log2(count) / 2);
+  for (const [place, tile] of tilesOf(new Uint8Array(await response.arrayBuffer()), count)) {
+    const node = `${level}/${x + (place % width)}/${y + Math.floor(place / width)}`;
+    const address = new URL(`${base}${kind}/${node}${lodPath}${url.search}`, url);
+    await keep(address.href, new Response(tile, { headers }));
+  }
+}
+
+/**
+ * The tiles of a group of `count` places with their places, as `docs/formats.md` describes it; none of a damaged one.
+ * @param {Uint8Array} bytes @param {number} count @returns {[number, Uint8Array][]}
+ */
+function tilesOf(bytes, count) {
+  if (String.fromCharCode(...bytes.subarray(0, 4)) !== GROUP_MAGIC) return [];
+  let at = 4;
+  const varint = () => {
+    for (let value = 0, factor = 1; at < bytes.length; factor *= 128) {
+      const byte = bytes[at++];
+      value += (byte % 128) * factor;
+      if (byte < 128) return value;
+    }
+    return 0;
+  };
+  const stored = Array.from({ length: count }, varint);
+  const tiles = [];
+  for (const [place, number] of stored.entries()) {
+    // 0: there is no such tile, 1: it is not in this group.
+    if (number < 2) continue;
+    const tile = bytes.subarray(at, (at += number - 2));
+    if (at > bytes.length) return [];
+    tiles.push([place, tile]);
+  }
+  return tiles;
 }
 
 /** @param {Request} request @param {boolean} isPage */

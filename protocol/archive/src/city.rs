@@ -147,6 +147,11 @@ impl BakedCity {
         self.archive(kind).map_or(Ok(None), |archive| archive.tile(id))
     }
 
+    /// Length of a tile in bytes. `None` if there is no such tile.
+    pub fn tile_bytes(&self, kind: TileKind, id: TileId) -> Option<u64> {
+        self.archive(kind)?.find(id).map(|range| range.end - range.start)
+    }
+
     /// Reads a tile whose frame and checksums are right. `None` if there is no such tile.
     ///
     /// A damaged tile is dropped from all caches and read once more before the error is returned.

@@ -7,7 +7,10 @@ use crate::{
     source::{BoxFuture, SharedSource, read_exactly},
 };
 use bytes::Bytes;
-use futures_util::{FutureExt as _, future::WeakShared};
+use futures_util::{
+    FutureExt as _,
+    future::{WeakShared, try_join_all},
+};
 use insula_protocol::{TileId, TileKind};
 use lru::LruCache;
 use std::{
@@ -20,6 +23,11 @@ use std::{
 const FIRST_READ_BYTES: u64 = 16 << 10;
 /// Memory for the directories of an archive.
 const RESIDENT_BYTES: usize = 32 << 20;
+
+/// Bytes between two tiles that are read and dropped rather than making two reads.
+const MAX_GAP_BYTES: u64 = 1024;
+/// Longest read of several tiles.
+const MAX_RUN_BYTES: u64 = 256 << 10;
 
 /// An archive that is opened at the first tile that is asked of it.
 ///
@@ -66,6 +74,27 @@ impl LazyArchive {
         Ok(Some(read_exactly(&self.source, range).await?))
     }
 
+    /// Reads several tiles, unchecked, with few reads: tiles that lie next to each other are read together. The results are in the order
+    /// of `ids`, `None` where there is no such tile, or it is too long.
+    pub async fn tiles(&self, ids: &[TileId]) -> Result<Vec<Option<Bytes>>, ArchiveError> {
+        let mut found = Vec::with_capacity(ids.len());
+        for (index, id) in ids.iter().enumerate() {
+            let range = self.find(tile_number(*id)).await?;
+            let fits = |range: &Range<u64>| range.end - range.start <= self.max_tile_bytes as u64;
+            found.extend(range.filter(fits).map(|range| (index, range)));
+        }
+        let runs = runs(found.iter().map(|(_, range)| range.clone()).collect());
+        let read = |run: &Range<u64>| read_exactly(&self.source, run.clone());
+        let bytes = try_join_all(runs.iter().map(read)).await?;
+        let mut tiles = vec![None; ids.len()];
+        for (index, range) in found {
+            let at = runs.partition_point(|run| run.end < range.end);
+            let Some((run, bytes)) = runs.get(at).zip(bytes.get(at)) else { continue };
+            tiles[index] = Some(bytes.slice((range.start - run.start) as usize..(range.end - run.start) as usize));
+        }
+        Ok(tiles)
+    }
+
     async fn find(&self, number: u64) -> Result<Option<Range<u64>>, ArchiveError> {
         let source = self.source.clone();
         let mut directory = self.directory(0, || Box::pin(load_root(source))).await?;
@@ -108,6 +137,25 @@ impl LazyArchive {
         };
         fetch.await
     }
+}
+
+/// Ranges in ascending order that contain all `tiles` and little else: tiles with a small gap between them share one.
+fn runs(mut tiles: Vec<Range<u64>>) -> Vec<Range<u64>> {
+    tiles.sort_unstable_by_key(|range| (range.start, range.end));
+    let mut runs: Vec<Range<u64>> = Vec::new();
+    for tile in tiles {
+        match runs.last_mut() {
+            // Hostile directories have tiles that overlap.
+            Some(run)
+                if tile.start <= run.end + MAX_GAP_BYTES && tile.end.max(run.end) - run.start <= MAX_RUN_BYTES =>
+            {
+                run.end = run.end.max(tile.end);
+            }
+            Some(run) if tile.end <= run.end => {}
+            _ => runs.push(tile),
+        }
+    }
+    runs
 }
 
 impl DirectoryCache {

@@ -186,6 +186,9 @@ fn check_meshes(city: &CityStore, subtrees: SubtreeContents, faults: &mut FaultL
 /// Decodes every visibility tile.
 fn check_visibility(city: &CityStore, faults: &mut FaultList) {
     let depth = city.manifest().depth;
+    if city.manifest().street_sets != city.archive(TileKind::Visibility).is_some() {
+        faults.push("city.json: street_sets does not say whether there are visibility tiles".to_owned());
+    }
     for (id, bytes) in city.archive(TileKind::Visibility).into_iter().flat_map(|archive| archive.tiles()) {
         let decoded = bytes.map_err(|error| error.to_string());
         match decoded.and_then(|bytes| VisibilityTile::decode(id, &bytes).map_err(|error| error.to_string())) {

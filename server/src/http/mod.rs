@@ -20,6 +20,7 @@ mod connection;
 mod connection_state;
 mod content_encoding;
 mod filter;
+mod group;
 mod health;
 mod hung_disk;
 mod in_flight;

@@ -51,6 +51,11 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, detail).with(header::RETRY_AFTER, HeaderValue::from_static("1"))
     }
 
+    /// The response's status.
+    pub(super) const fn status(&self) -> StatusCode {
+        self.status
+    }
+
     /// Sets the extra header.
     pub fn with(mut self, name: HeaderName, value: HeaderValue) -> Self {
         self.header = Some((name, value));

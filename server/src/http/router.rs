@@ -1,7 +1,7 @@
 //! The routes of all addresses.
 
 use super::{
-    city_page, filter, health, index_page, manifest,
+    city_page, filter, group, health, index_page, manifest,
     problem::{NO_ROUTE, Problem},
     search,
     thread_state::ThreadState,
@@ -50,6 +50,7 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::ServiceWorker => get(viewer_files::service_worker),
         RouteTemplate::Search => get(search::search),
         RouteTemplate::Filter => get(filter::filter),
+        RouteTemplate::Groups => get(group::group),
         #[cfg(feature = "bake")]
         RouteTemplate::Tileset | RouteTemplate::TilesetFile => get(super::tileset::tileset_file),
         #[cfg(not(feature = "bake"))]

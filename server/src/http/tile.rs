@@ -40,7 +40,7 @@ pub(super) async fn tile(
     let tile = RequestedTile::of_request(&app, &parts)?;
     let response = match tile.cached_response(&tiles, &parts) {
         Some(response) => response,
-        None => tile.read(&app, &tiles, &parts).await?,
+        None => respond(&*tile.read(&app, &tiles).await?, &parts),
     };
     Ok(response.map(Body::from))
 }
@@ -67,21 +67,36 @@ impl RequestedTile {
     fn resolve(state: &AppState, route: TileRoute<'_>, uri: &Uri, headers: &HeaderMap) -> Result<Self, Problem> {
         let template = Route::Tile(route).template();
         let (city, access) = find_version(state, template, route.city, route.version, uri, headers)?;
+        Self::of_city(city, access, route.kind, route.id, route.lod).ok_or(NO_TILE)
+    }
+
+    /// A tile of `city`; of a mesh, its level of detail `lod`. `None` if it cannot exist, or `access` does not admit it.
+    pub(super) fn of_city(
+        city: Arc<CityStore>,
+        access: CityAccess,
+        kind: TileKind,
+        node: TileId,
+        lod: u8,
+    ) -> Option<Self> {
         if let CityAccess::Link(scope) = access
-            && !scope.admits_tile(city.manifest(), route.kind, route.id)
+            && !scope.admits_tile(city.manifest(), kind, node)
         {
-            return Err(NO_TILE);
+            return None;
         }
         // Only leaves have meshes, so that each mesh has one route.
-        let id = match route.kind {
-            TileKind::Subtree | TileKind::BlockMap | TileKind::Objects | TileKind::Visibility => route.id,
-            TileKind::Mesh => Some(route.id)
+        let id = match kind {
+            TileKind::Subtree | TileKind::BlockMap | TileKind::Objects | TileKind::Visibility => node,
+            TileKind::Mesh => Some(node)
                 .filter(|id| id.level() == city.manifest().depth)
-                .and_then(|id| mesh_tile::archive_id(id, route.lod))
-                .ok_or(NO_TILE)?,
+                .and_then(|id| mesh_tile::archive_id(id, lod))?,
         };
-        let key = TileCacheKey { serial: city.serial(), kind: route.kind, id };
-        Ok(Self { city, key, access })
+        let key = TileCacheKey { serial: city.serial(), kind, id };
+        Some(Self { city, key, access })
+    }
+
+    /// Length in bytes. `None` if the archive has no such tile.
+    pub(super) fn length(&self) -> Option<u64> {
+        self.city.tile_bytes(self.key.kind, self.key.id)
     }
 
     /// The response, if the tile is cached.
@@ -90,19 +105,23 @@ impl RequestedTile {
     }
 
     /// Reads the tile, checks and caches it. Fails with 404, 500 if it is damaged, or 503 if it cannot be read.
-    pub(super) async fn read(
-        self,
-        state: &AppState,
-        tiles: &TileCache,
-        request: &Parts,
-    ) -> Result<FullResponse, Problem> {
+    async fn read(self, state: &AppState, tiles: &TileCache) -> Result<Arc<CachedTile>, Problem> {
         let body = match self.city.checked_tile(self.key.kind, self.key.id).await {
             Ok(body) => body.ok_or(NO_TILE)?,
             Err(error) => return Err(self.report_failure(state, &error)),
         };
         let tile = Arc::new(self.prepare(state, body));
         tiles.insert(self.key, Arc::clone(&tile));
-        Ok(respond(&tile, request))
+        Ok(tile)
+    }
+
+    /// The tile's bytes, from the cache or the archive. Fails as [`RequestedTile::read`] does.
+    pub(super) async fn bytes(self, state: &AppState, tiles: &TileCache) -> Result<Bytes, Problem> {
+        let tile = match tiles.get(&self.key) {
+            Some(tile) => tile,
+            None => self.read(state, tiles).await?,
+        };
+        Ok(tile.representation.body.clone())
     }
 
     fn prepare(&self, state: &AppState, body: Bytes) -> CachedTile {

@@ -89,6 +89,7 @@ pub fn manifest(name: &str) -> Manifest {
         generated_facades: false,
         heights: None,
         stones: Vec::new(),
+        street_sets: false,
         counts: CityCounts {
             objects: 2,
             triangles: 24,

@@ -6,10 +6,10 @@
 use bytes::Bytes;
 use insula_archive::disk_cache::DiskCache;
 use insula_objects::{filter::FilteredObjects, search::SearchHit};
-use insula_protocol::{Manifest, TileKind, text::printable};
+use insula_protocol::{Manifest, TileGroup, TileKind, text::printable};
 use insula_viewer::{
     scene::TileKey,
-    source::{BoxFuture, PendingTile, TileSource},
+    source::{BoxFuture, PendingGroup, PendingTile, TileSource},
     streamer::FetchError,
 };
 use std::{
@@ -85,6 +85,14 @@ impl TileSource for CachedCity {
                 None => self.inner.tile(key).await,
             }
         })
+    }
+
+    fn group<'a>(&'a self, group: TileGroup, keys: &'a [TileKey]) -> PendingGroup<'a> {
+        self.inner.group(group, keys)
+    }
+
+    fn has_groups(&self) -> bool {
+        self.inner.has_groups()
     }
 
     fn is_local(&self, key: TileKey) -> bool {

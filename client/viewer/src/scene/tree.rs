@@ -2,7 +2,7 @@
 
 use super::{
     key::TileKey,
-    memory::TreeMemory,
+    memory::{TreeMemory, listing_subtree},
     tile::{TileEvent, TileRecord},
     visibility::VisibilityTiles,
 };
@@ -87,6 +87,9 @@ impl LeafLod {
         Self { error_m: f64::from(error_m), bytes, triangles, pages, tile: TileRecord::default() }
     }
 }
+
+/// Bytes of a subtree tile per node of its deepest level, with those above it.
+const SUBTREE_LEAF_BYTES: u32 = 64;
 
 /// Everything known about the nodes of one city.
 #[derive(Debug, Clone)]
@@ -253,6 +256,29 @@ impl SceneTree {
             TileKind::BlockMap => self.node_pages(index),
             TileKind::Mesh => self.node(index).lods.get(usize::from(key.lod)).map_or(0, |lod| lod.pages),
         }
+    }
+
+    /// Length in bytes of a V-BlockMap or a mesh, as it is fetched, or an estimate of that of a subtree; `None` if it is unknown or does
+    /// not exist.
+    pub(crate) fn tile_bytes(&self, key: TileKey) -> Option<u32> {
+        let node = self.node(self.find(key.id)?);
+        match key.kind() {
+            TileKind::BlockMap => Some(node.bytes),
+            TileKind::Mesh => node.lods.get(usize::from(key.lod)).map(|lod| lod.bytes),
+            TileKind::Subtree if node.child_mask != 0 => {
+                let levels = self.manifest.depth.saturating_sub(key.id.level()).min(insula_protocol::subtree::LEVELS);
+                Some(SUBTREE_LEAF_BYTES << (2 * levels))
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether an unknown node may exist: the subtree that would list it exists and is not resident.
+    pub(crate) fn may_have_unlisted(&self, id: TileId) -> bool {
+        let root = listing_subtree(id);
+        self.find(id).is_none()
+            && !self.subtree(root).is_resident()
+            && (root == TileId::ROOT || self.find(root).is_some())
     }
 
     /// Records the cache pages of a decoded V-BlockMap or mesh.

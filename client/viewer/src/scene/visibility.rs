@@ -13,8 +13,6 @@ pub(super) struct VisibilityTiles {
     states: HashMap<TileId, TileRecord>,
     /// The latest last.
     resident: VecDeque<VisibilityTile>,
-    /// Whether the city has none: the first request was refused.
-    pub(super) is_absent: bool,
 }
 
 impl VisibilityTiles {
@@ -25,7 +23,6 @@ impl VisibilityTiles {
 
     /// Applies an event to a tile.
     pub(super) fn apply(&mut self, id: TileId, event: TileEvent) -> bool {
-        self.is_absent |= event == TileEvent::Refuse && self.resident.is_empty();
         if self.states.len() > 64 * CAPACITY {
             self.states.retain(|_, tile| tile.is_resident());
         }

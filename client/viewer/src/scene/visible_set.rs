@@ -27,7 +27,7 @@ impl SceneTree {
     /// The missing tile whose cells an eye may be in.
     pub(crate) fn missing_visibility(&self, eye: DVec3) -> Option<TileKey> {
         let manifest = self.manifest();
-        if self.visibility.is_absent || eye.z > manifest.ground_z_m + MAX_HEIGHT_M {
+        if !manifest.street_sets || eye.z > manifest.ground_z_m + MAX_HEIGHT_M {
             return None;
         }
         let id = block_of_leaf(leaf_at(manifest, eye)?);

@@ -1,9 +1,9 @@
 //! A city's archives in a folder or on a plain host.
 
-use super::{PendingTile, TileSource};
+use super::{PendingGroup, PendingTile, TileSource};
 use crate::{scene::TileKey, streamer::FetchError};
 use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource};
-use insula_protocol::{TileKind, mesh_tile};
+use insula_protocol::{TileGroup, TileId, TileKind, mesh_tile};
 
 /// A city without a server.
 #[derive(Debug)]
@@ -19,15 +19,31 @@ impl ArchivedCity {
     }
 }
 
+/// A tile's id in its archive. Fails if a mesh cannot exist.
+fn archive_id(key: TileKey) -> Result<TileId, FetchError> {
+    match key.kind() {
+        TileKind::Mesh => mesh_tile::archive_id(key.id, key.lod).ok_or(FetchError::Missing),
+        TileKind::BlockMap | TileKind::Subtree | TileKind::Objects | TileKind::Visibility => Ok(key.id),
+    }
+}
+
 impl TileSource for ArchivedCity {
     fn tile(&self, key: TileKey) -> PendingTile<'_> {
         Box::pin(async move {
-            let id = match key.kind() {
-                TileKind::Mesh => mesh_tile::archive_id(key.id, key.lod).ok_or(FetchError::Missing)?,
-                TileKind::BlockMap | TileKind::Subtree | TileKind::Objects | TileKind::Visibility => key.id,
-            };
+            let id = archive_id(key)?;
             self.city.archive(key.kind()).tile(id).await.map_err(from_archive)?.ok_or(FetchError::Missing)
         })
+    }
+
+    fn group<'a>(&'a self, group: TileGroup, keys: &'a [TileKey]) -> PendingGroup<'a> {
+        Box::pin(async move {
+            let ids = keys.iter().map(|key| archive_id(*key)).collect::<Result<Vec<_>, _>>()?;
+            self.city.archive(group.kind()).tiles(&ids).await.map_err(from_archive)
+        })
+    }
+
+    fn has_groups(&self) -> bool {
+        true
     }
 
     fn location(&self) -> &str {

@@ -7,6 +7,7 @@
 //! the shell's, behind [`Transport`].
 
 pub mod archive;
+pub mod group_request;
 pub mod searchable;
 pub mod server;
 pub mod web_folder;
@@ -15,6 +16,7 @@ use crate::{scene::TileKey, streamer::FetchError};
 use bytes::Bytes;
 pub use insula_archive::source::BoxFuture;
 use insula_objects::{filter::FilteredObjects, search::SearchHit};
+use insula_protocol::TileGroup;
 use std::ops::Range;
 
 /// What several threads share, except in WebAssembly, where values of JavaScript belong to one.
@@ -32,10 +34,23 @@ impl<T: ?Sized> Shareable for T {}
 /// Future of a tile's bytes.
 pub type PendingTile<'a> = BoxFuture<'a, Result<Bytes, FetchError>>;
 
+/// Future of the tiles of a group, in the order of the keys that were asked for; `None` for a tile that must be fetched by itself.
+pub type PendingGroup<'a> = BoxFuture<'a, Result<Vec<Option<Bytes>>, FetchError>>;
+
 /// A source of one city's tiles.
 pub trait TileSource: Shareable {
     /// A tile's bytes, at most [`insula_archive::limits::max_tile_bytes`]. They have not been checked.
     fn tile(&self, key: TileKey) -> PendingTile<'_>;
+
+    /// Several tiles of a group, with one request if possible. They have not been checked.
+    fn group<'a>(&'a self, _group: TileGroup, keys: &'a [TileKey]) -> PendingGroup<'a> {
+        Box::pin(std::future::ready(Ok(vec![None; keys.len()])))
+    }
+
+    /// Whether one request can fetch several tiles.
+    fn has_groups(&self) -> bool {
+        false
+    }
 
     /// Whether a tile can be read without the network. Such tiles are requested even while the network fails.
     fn is_local(&self, _key: TileKey) -> bool {

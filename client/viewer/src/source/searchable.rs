@@ -1,11 +1,12 @@
 //! The search of a city without a server: its index is read in one piece at the first search.
 
-use super::{BoxFuture, PendingTile, Shareable, TileSource, archive::ArchivedCity};
+use super::{BoxFuture, PendingGroup, PendingTile, Shareable, TileSource, archive::ArchivedCity};
 use crate::{scene::TileKey, streamer::FetchError};
 use bytes::Bytes;
 use futures_util::lock::Mutex;
 use insula_archive::city::SEARCH_FILE;
 use insula_objects::search::{SearchHit, SearchIndex};
+use insula_protocol::TileGroup;
 use std::sync::Arc;
 
 /// Future of a city's index; `None` if it has none.
@@ -44,6 +45,14 @@ pub fn open_index(bytes: Bytes) -> Result<SearchIndex<Bytes>, FetchError> {
 impl<R: Fn() -> PendingIndex + Shareable> TileSource for SearchableCity<R> {
     fn tile(&self, key: TileKey) -> PendingTile<'_> {
         self.inner.tile(key)
+    }
+
+    fn group<'a>(&'a self, group: TileGroup, keys: &'a [TileKey]) -> PendingGroup<'a> {
+        self.inner.group(group, keys)
+    }
+
+    fn has_groups(&self) -> bool {
+        self.inner.has_groups()
     }
 
     fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {

@@ -1,12 +1,18 @@
 //! Tiles from an Insula server.
 
-use super::{BoxFuture, PendingTile, TileSource, Transport};
+use super::{BoxFuture, PendingGroup, PendingTile, TileSource, Transport};
 use crate::{scene::TileKey, streamer::FetchError};
 use insula_archive::limits::max_tile_bytes;
 use insula_objects::{filter::FilteredObjects, search::SearchHit};
-use insula_protocol::{DecodeError, Manifest, TileKind, route};
+use insula_protocol::{
+    DecodeError, Manifest, TileGroup, TileKind, route,
+    tile_group::{self, GroupMember},
+};
 use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
-use std::sync::Arc;
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
 
 /// Largest response of a search.
 const MAX_HITS_BYTES: usize = 1 << 20;
@@ -22,13 +28,16 @@ pub struct ServerSource {
     query: String,
     name: String,
     version: String,
+    /// The server does not know groups.
+    lacks_groups: AtomicBool,
 }
 
 impl ServerSource {
     /// The city of `manifest` on the server at `base` (`http://host:port`). `query` is appended to the address of each tile.
     pub fn new(http: Arc<dyn Transport>, base: &str, query: &str, manifest: &Manifest) -> Self {
         let base = base.trim_end_matches('/').to_owned();
-        Self { http, base, query: query.to_owned(), name: manifest.name.clone(), version: manifest.version.clone() }
+        let (name, version, lacks_groups) = (manifest.name.clone(), manifest.version.clone(), AtomicBool::new(false));
+        Self { http, base, query: query.to_owned(), name, version, lacks_groups }
     }
 }
 
@@ -49,6 +58,30 @@ impl TileSource for ServerSource {
         };
         let url = format!("{}{path}{}", self.base, self.query);
         self.http.get(url, max_tile_bytes(key.kind()))
+    }
+
+    fn group<'a>(&'a self, group: TileGroup, keys: &'a [TileKey]) -> PendingGroup<'a> {
+        Box::pin(async move {
+            let url = format!("{}{}{}", self.base, route::group(&self.name, &self.version, group), self.query);
+            let response = match self.http.get(url, tile_group::MAX_BYTES).await {
+                // An older server. Or it lacks all of these tiles, which their own requests find out.
+                Err(FetchError::Missing) => {
+                    self.lacks_groups.store(true, Ordering::Relaxed);
+                    return Ok(vec![None; keys.len()]);
+                }
+                response => response?,
+            };
+            let members = tile_group::decode(&response, group.node_count()).map_err(FetchError::Damaged)?;
+            let tile = |key: &TileKey| match &members[group.position(key.id)?] {
+                GroupMember::Tile(range) => Some(response.slice(range.clone())),
+                GroupMember::Absent | GroupMember::LeftOut => None,
+            };
+            Ok(keys.iter().map(tile).collect())
+        })
+    }
+
+    fn has_groups(&self) -> bool {
+        !self.lacks_groups.load(Ordering::Relaxed)
     }
 
     fn search<'a>(&'a self, query: &'a str, limit: usize) -> BoxFuture<'a, Result<Option<Vec<SearchHit>>, FetchError>> {
@@ -86,6 +119,8 @@ mod tests {
     use super::*;
     use crate::{source::RangeResponse, test_support::manifest};
     use bytes::Bytes;
+    use futures_util::FutureExt as _;
+    use insula_protocol::TileId;
     use std::{
         ops::Range,
         pin::pin,
@@ -96,14 +131,14 @@ mod tests {
     /// Answers each request with `body`, and keeps its address.
     #[derive(Debug)]
     struct OneAnswer {
-        body: Result<&'static str, FetchError>,
+        body: Result<Bytes, FetchError>,
         asked: Mutex<String>,
     }
 
     impl Transport for OneAnswer {
         fn get(&self, url: String, _: usize) -> BoxFuture<'_, Result<Bytes, FetchError>> {
             *self.asked.lock().unwrap() = url;
-            Box::pin(std::future::ready(self.body.clone().map(Bytes::from)))
+            Box::pin(std::future::ready(self.body.clone()))
         }
 
         fn get_range(&self, _: String, _: Range<u64>) -> BoxFuture<'_, Result<RangeResponse, FetchError>> {
@@ -112,7 +147,7 @@ mod tests {
     }
 
     fn search(body: Result<&'static str, FetchError>) -> (String, Result<Option<Vec<SearchHit>>, FetchError>) {
-        let http = Arc::new(OneAnswer { body, asked: Mutex::default() });
+        let http = Arc::new(OneAnswer { body: body.map(Bytes::from), asked: Mutex::default() });
         let source = ServerSource::new(http.clone(), "http://h:1/", "?share=s", &manifest(0));
         let mut future = pin!(source.search("Straße & 1", 3));
         let Poll::Ready(found) = future.as_mut().poll(&mut Context::from_waker(Waker::noop())) else {
@@ -127,6 +162,34 @@ mod tests {
         let (asked, found) = search(Ok(r#"[{"text":"Straße 1","object":4,"typos":1}]"#));
         assert!(asked.ends_with("/search?q=Stra%C3%9Fe%20%26%201&limit=3&share=s"), "{asked}");
         assert_eq!(found.unwrap(), Some(vec![SearchHit { text: "Straße 1".into(), object: 4, typos: 1 }]));
+    }
+
+    fn fetch_group(body: Result<Bytes, FetchError>) -> (ServerSource, Result<Vec<Option<Bytes>>, FetchError>, String) {
+        let http = Arc::new(OneAnswer { body, asked: Mutex::default() });
+        let source = ServerSource::new(http.clone(), "http://h:1", "?share=s", &manifest(0));
+        let group = TileGroup::new(TileKind::BlockMap, TileId::new(1, 0, 0).unwrap(), 2, 0).unwrap();
+        let keys: Vec<TileKey> = TileId::ROOT.children().skip(1).map(TileKey::block_map).collect();
+        let tiles = source.group(group, &keys).now_or_never().unwrap();
+        let asked = http.asked.lock().unwrap().clone();
+        (source, tiles, asked)
+    }
+
+    #[test]
+    fn a_group_gives_the_tiles_that_were_asked_for() {
+        let members = [GroupMember::Tile(b"a"), GroupMember::Tile(b"b"), GroupMember::LeftOut, GroupMember::Absent];
+        let body = Bytes::from(tile_group::encode(&members).unwrap());
+        let (source, tiles, asked) = fetch_group(Ok(body));
+        assert!(asked.ends_with("/groups/blockmaps/1/0/0/4/0?share=s"), "{asked}");
+        assert_eq!(tiles.unwrap(), [Some(Bytes::from_static(b"b")), None, None]);
+        assert!(source.has_groups());
+    }
+
+    #[test]
+    fn an_older_server_is_asked_for_single_tiles() {
+        let (source, tiles, _) = fetch_group(Err(FetchError::Missing));
+        assert_eq!(tiles.unwrap(), [None, None, None]);
+        assert!(!source.has_groups());
+        assert!(matches!(fetch_group(Ok(Bytes::from_static(b"INSUx"))).1, Err(FetchError::Damaged(_))));
     }
 
     #[test]

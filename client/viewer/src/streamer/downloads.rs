@@ -3,13 +3,16 @@
 //! Fetching and decoding happen elsewhere, behind [`TileFetcher`]. Everything is bounded: requests in flight by
 //! [`RequestQueue`], decoded tiles by the fetcher.
 
-use super::request_queue::{RequestPlan, RequestQueue};
+use super::{
+    request_grouping::PlannedRequest,
+    request_queue::{Reachability, RequestPlan, RequestQueue},
+};
 use crate::{
     decode::DecodedTile,
     scene::{SceneTree, TileEvent, TileKey},
     select::priority::TileRequest,
 };
-use insula_protocol::DecodeError;
+use insula_protocol::{DecodeError, TileGroup};
 use std::{
     collections::{HashMap, VecDeque},
     time::Duration,
@@ -91,6 +94,14 @@ pub struct FetchOutcome {
 pub trait TileFetcher {
     /// Starts to fetch and decode a tile. `ticket` distinguishes this request from earlier ones for the same tile.
     fn start(&mut self, key: TileKey, ticket: u64);
+    /// Starts to fetch several tiles of a group, each with its ticket, by one request, and to decode them. Each has its own outcome.
+    fn start_group(&mut self, _group: TileGroup, members: &[(TileKey, u64)]) {
+        members.iter().for_each(|(key, ticket)| self.start(*key, *ticket));
+    }
+    /// Whether several tiles can be fetched by one request.
+    fn has_groups(&self) -> bool {
+        false
+    }
     /// Gives up the request for a tile. Its outcome may still arrive and is ignored then.
     fn cancel(&mut self, key: TileKey);
     /// The next finished request, if any. Never blocks.
@@ -99,6 +110,19 @@ pub trait TileFetcher {
     fn is_local(&self, key: TileKey) -> bool;
     /// A random number in 0..1, which spreads retries.
     fn jitter(&mut self) -> f64;
+}
+
+/// What a fetcher reaches.
+struct Reach<'a, F>(&'a F);
+
+impl<F: TileFetcher> Reachability for Reach<'_, F> {
+    fn is_local(&self, key: TileKey) -> bool {
+        self.0.is_local(key)
+    }
+
+    fn has_groups(&self) -> bool {
+        self.0.has_groups()
+    }
 }
 
 struct InFlight {
@@ -137,20 +161,37 @@ impl<F: TileFetcher> Downloads<F> {
         }
     }
 
-    /// Cancels requests that are no longer wanted and starts the most important others. Returns how many were started.
-    pub(super) fn request(&mut self, tree: &mut SceneTree, wanted: &[TileRequest], now: Duration) -> usize {
-        let RequestPlan { cancel, start } = self.queue.plan(tree, wanted, now, |key| self.fetcher.is_local(key));
+    /// Cancels requests that are no longer wanted and starts the most important others, with those of `companions` that can be
+    /// fetched together with them. Returns how many tiles were requested.
+    pub(super) fn request(
+        &mut self,
+        tree: &mut SceneTree,
+        wanted: &[TileRequest],
+        companions: &[TileRequest],
+        now: Duration,
+    ) -> usize {
+        let RequestPlan { cancel, start } = self.queue.plan(tree, wanted, companions, now, &Reach(&self.fetcher));
         for key in cancel {
             if self.in_flight.remove(&key).is_some() {
                 self.fetcher.cancel(key);
             }
         }
-        for key in &start {
+        start.iter().map(|request| self.start(request, now)).sum()
+    }
+
+    /// Starts a request. Returns the number of its tiles.
+    fn start(&mut self, request: &PlannedRequest, now: Duration) -> usize {
+        let ticket = |key: &TileKey| {
             self.last_ticket += 1;
             self.in_flight.insert(*key, InFlight { ticket: self.last_ticket, since: now });
-            self.fetcher.start(*key, self.last_ticket);
+            (*key, self.last_ticket)
+        };
+        let members: Vec<(TileKey, u64)> = request.keys.iter().map(ticket).collect();
+        match request.group {
+            Some(group) => self.fetcher.start_group(group, &members),
+            None => members.iter().for_each(|(key, ticket)| self.fetcher.start(*key, *ticket)),
         }
-        start.len()
+        members.len()
     }
 
     /// The next tile that was fetched and decoded, if any. Requests that failed before it change the state of their tile.
@@ -161,12 +202,14 @@ impl<F: TileFetcher> Downloads<F> {
                 continue; // Cancelled after it had finished.
             }
             self.in_flight.remove(&key);
-            self.queue.request_ended(key);
+            let is_request_complete = self.queue.request_ended(key);
             match result {
                 Ok(decoded) => {
                     if !is_local {
                         self.source_responded();
-                        self.queue.concurrency.succeeded(duration);
+                        if is_request_complete {
+                            self.queue.concurrency.succeeded(duration);
+                        }
                     }
                     self.last_success = now;
                     tree.apply(key, TileEvent::Arrive);
@@ -311,17 +354,17 @@ mod tests {
         let mut now = Duration::from_secs(100);
         let mut started = 0;
         while !tree.tile(wanted[0].key).unwrap().is_bad() {
-            started += downloads.request(&mut tree, &wanted, now);
+            started += downloads.request(&mut tree, &wanted, &wanted, now);
             assert!(downloads.poll(&mut tree, now).is_none());
             now += Duration::from_secs(1);
         }
         assert!((2..10).contains(&started), "{started} requests");
-        assert_eq!(downloads.request(&mut tree, &wanted, now), 0);
+        assert_eq!(downloads.request(&mut tree, &wanted, &wanted, now), 0);
         let due = downloads.recheck_at().unwrap();
         downloads.recheck_damaged(&mut tree, due - Duration::from_millis(1));
-        assert_eq!(downloads.request(&mut tree, &wanted, due), 0, "too early");
+        assert_eq!(downloads.request(&mut tree, &wanted, &wanted, due), 0, "too early");
         downloads.recheck_damaged(&mut tree, due);
-        assert_eq!((downloads.request(&mut tree, &wanted, due), downloads.recheck_at()), (1, None));
+        assert_eq!((downloads.request(&mut tree, &wanted, &wanted, due), downloads.recheck_at()), (1, None));
         assert!(downloads.poll(&mut tree, due).is_none());
         assert_eq!(tree.tile(wanted[0].key).unwrap().state(), TileState::Bad);
         assert_eq!(downloads.recheck_at(), Some(due + RECHECK_PAUSE));

@@ -14,6 +14,7 @@ mod frame_request;
 mod idle_prefetch;
 mod occlusion_gate;
 mod pending_subtrees;
+mod request_grouping;
 mod request_policy;
 mod request_queue;
 mod status;
@@ -164,7 +165,7 @@ impl<F: TileFetcher> Streamer<F> {
         let phase = if is_waiting { RequestPhase::BeforeFeedback } else { RequestPhase::BetweenFrames };
         let requests = self.choose_requests(request, phase, now);
         self.blind_frames += u32::from(is_waiting && !self.selection.draw_tiles.is_empty());
-        self.downloads.request(&mut self.tiles.tree, &requests, now);
+        self.start_requests(request, &requests, now);
     }
 
     /// Requests for fine tiles that may start while the next frame is drawn: the initial value of
@@ -186,7 +187,15 @@ impl<F: TileFetcher> Streamer<F> {
         let phase =
             if self.is_blind() { RequestPhase::BeforeFeedback } else { RequestPhase::WhileDrawing { fine: *fine } };
         let requests = self.choose_requests(&request, phase, now);
-        *fine = fine.saturating_sub(self.downloads.request(&mut self.tiles.tree, &requests, now));
+        *fine = fine.saturating_sub(self.start_requests(&request, &requests, now));
+    }
+
+    /// Starts requests for the most important tiles. Others of the selection come along where one request can fetch them together.
+    /// Returns how many tiles were requested.
+    fn start_requests(&mut self, request: &FrameRequest, chosen: &[TileRequest], now: Duration) -> usize {
+        let is_bounded = self.lookahead.is_of(request) || self.is_blind();
+        let companions = if is_bounded { chosen } else { &self.selection.requests };
+        self.downloads.request(&mut self.tiles.tree, chosen, companions, now)
     }
 
     /// The tiles to request now: those of the idle prefetch while that runs, else those of the frame in this `phase`.

@@ -1,10 +1,14 @@
 //! Decides, frame by frame, which requests to start and which to cancel.
 
+use super::request_grouping::PlannedRequest;
 use crate::{
-    scene::{SceneTree, TileEvent, TileKey, TileState, tile::retry_delay},
+    scene::{SceneTree, TileEvent, TileKey, tile::retry_delay},
     select::priority::TileRequest,
 };
-use std::{collections::HashSet, time::Duration};
+use std::{
+    collections::{HashMap, HashSet},
+    time::Duration,
+};
 
 /// Most requests in flight, as a multiple of the initial limit.
 const MAX_LIMIT_FACTOR: usize = 4;
@@ -18,7 +22,15 @@ const NOISE: Duration = Duration::from_millis(5);
 pub(super) struct RequestPlan {
     pub(super) cancel: Vec<TileKey>,
     /// Most important first.
-    pub(super) start: Vec<TileKey>,
+    pub(super) start: Vec<PlannedRequest>,
+}
+
+/// What can be fetched, and how.
+pub(super) trait Reachability {
+    /// Whether a tile can be had without the network.
+    fn is_local(&self, key: TileKey) -> bool;
+    /// Whether several tiles can be fetched by one request.
+    fn has_groups(&self) -> bool;
 }
 
 /// The tiles that are queued, and those whose requests are in flight.
@@ -27,7 +39,18 @@ pub(super) struct RequestQueue {
     pub(super) concurrency: ConcurrencyLimit,
     pub(super) backoff: Backoff,
     queued: HashSet<TileKey>,
-    in_flight: HashSet<TileKey>,
+    /// The number of each tile's request.
+    in_flight: HashMap<TileKey, u64>,
+    /// By number.
+    requests: HashMap<u64, RequestInFlight>,
+    last_request: u64,
+}
+
+#[derive(Debug)]
+struct RequestInFlight {
+    /// Tiles that have not arrived.
+    tiles: usize,
+    weight: usize,
 }
 
 impl RequestQueue {
@@ -37,50 +60,94 @@ impl RequestQueue {
             concurrency: ConcurrencyLimit::new(limit),
             backoff: Backoff::default(),
             queued: HashSet::new(),
-            in_flight: HashSet::new(),
+            in_flight: HashMap::new(),
+            requests: HashMap::new(),
+            last_request: 0,
         }
     }
 
-    /// Brings the states of the tiles in line with `wanted`, and plans the requests. Tiles that are `is_local`, that is, can be had
-    /// without the network, may start even while the server does not respond.
+    /// Brings the states of the tiles in line with `wanted`, and plans the requests. Tiles that can be had without the network may
+    /// start even while the server does not respond. As long as it responds, tiles are requested in groups, with those of
+    /// `companions`, which are wanted later.
     pub(super) fn plan(
         &mut self,
         tree: &mut SceneTree,
         wanted: &[TileRequest],
+        companions: &[TileRequest],
         now: Duration,
-        is_local: impl Fn(TileKey) -> bool,
+        reach: &impl Reachability,
     ) -> RequestPlan {
-        let mut plan = RequestPlan::default();
-        let keys: HashSet<TileKey> = wanted.iter().map(|request| request.key).collect();
-        for key in self.queued.extract_if(|key| !keys.contains(key)) {
-            tree.apply(key, TileEvent::Drop);
-        }
-        for key in self.in_flight.extract_if(|key| !keys.contains(key)) {
-            tree.apply(key, TileEvent::Drop);
-            plan.cancel.push(key);
-        }
-        let limit = self.concurrency.limit();
-        let network_limit = self.backoff.limit(now, limit);
+        let cancel = self.forget_unwanted(tree, wanted);
         for TileRequest { key, .. } in wanted {
             if tree.apply(*key, TileEvent::Want { now }) {
                 self.queued.insert(*key);
             }
-            let is_queued = tree.tile(*key).is_some_and(|tile| tile.state() == TileState::Queued);
-            let is_below = |limit: usize| self.in_flight.len() < limit;
-            let may_start =
-                is_queued && (is_below(network_limit) || network_limit < limit && is_below(limit) && is_local(*key));
-            if may_start && tree.apply(*key, TileEvent::Start) {
-                self.queued.remove(key);
-                self.in_flight.insert(*key);
-                plan.start.push(*key);
-            }
         }
-        plan
+        let limit = self.concurrency.limit();
+        let network_limit = self.backoff.limit(now, limit);
+        let (mut start, mut candidates) = (Vec::new(), None);
+        for TileRequest { key, .. } in wanted {
+            let weight: usize = self.requests.values().map(|request| request.weight).sum();
+            if weight >= limit {
+                break;
+            }
+            let is_local = || reach.is_local(*key);
+            let may_start = weight < network_limit || network_limit < limit && is_local();
+            if !self.queued.contains(key) || !may_start {
+                continue;
+            }
+            let is_grouped = network_limit == limit && reach.has_groups() && !is_local();
+            let mut request = PlannedRequest::single(*key);
+            if is_grouped {
+                let wanted = candidates.get_or_insert_with(|| companions.iter().map(|request| request.key).collect());
+                request = PlannedRequest::grouped(*key, wanted, tree);
+            }
+            start.extend(self.start(request, tree, now));
+        }
+        RequestPlan { cancel, start }
     }
 
-    /// Records that a request has ended, successfully or not.
-    pub(super) fn request_ended(&mut self, key: TileKey) {
-        self.in_flight.remove(&key);
+    /// Drops what is not wanted any more. Returns the tiles whose requests are to be cancelled.
+    fn forget_unwanted(&mut self, tree: &mut SceneTree, wanted: &[TileRequest]) -> Vec<TileKey> {
+        let keys: HashSet<TileKey> = wanted.iter().map(|request| request.key).collect();
+        for key in self.queued.extract_if(|key| !keys.contains(key)) {
+            tree.apply(key, TileEvent::Drop);
+        }
+        let cancelled: Vec<TileKey> = self.in_flight.keys().filter(|key| !keys.contains(key)).copied().collect();
+        for key in &cancelled {
+            tree.apply(*key, TileEvent::Drop);
+            self.request_ended(*key);
+        }
+        cancelled
+    }
+
+    /// Records that a request starts. `None` if none of its tiles waits for one.
+    fn start(&mut self, mut request: PlannedRequest, tree: &mut SceneTree, now: Duration) -> Option<PlannedRequest> {
+        request.keys.retain(|key| {
+            let is_queued = self.queued.remove(key) || tree.apply(*key, TileEvent::Want { now });
+            is_queued && tree.apply(*key, TileEvent::Start)
+        });
+        if request.keys.is_empty() {
+            return None;
+        }
+        self.last_request += 1;
+        self.in_flight.extend(request.keys.iter().map(|key| (*key, self.last_request)));
+        let in_flight = RequestInFlight { tiles: request.keys.len(), weight: request.weight };
+        self.requests.insert(self.last_request, in_flight);
+        Some(request)
+    }
+
+    /// Records that a tile has arrived, or that its request has failed or is cancelled. Returns whether it was the last one of its
+    /// request.
+    pub(super) fn request_ended(&mut self, key: TileKey) -> bool {
+        let Some(number) = self.in_flight.remove(&key) else { return false };
+        let Some(request) = self.requests.get_mut(&number) else { return false };
+        request.tiles -= 1;
+        let is_last = request.tiles == 0;
+        if is_last {
+            self.requests.remove(&number);
+        }
+        is_last
     }
 }
 
@@ -162,8 +229,28 @@ impl Backoff {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::select::tests::{request, tree};
+    use crate::{
+        scene::TileState,
+        select::tests::{request, tree},
+    };
     use insula_protocol::TileId;
+
+    /// All tiles are remote. With groups or without.
+    struct Remote(bool);
+
+    impl Reachability for Remote {
+        fn is_local(&self, _: TileKey) -> bool {
+            false
+        }
+
+        fn has_groups(&self) -> bool {
+            self.0
+        }
+    }
+
+    fn started(plan: &RequestPlan) -> Vec<TileKey> {
+        plan.start.iter().flat_map(|request| request.keys.clone()).collect()
+    }
 
     fn wanted(quadrants: &[usize]) -> Vec<TileRequest> {
         quadrants.iter().map(|q| request(TileKey::block_map(TileId::ROOT.child(*q).unwrap()))).collect()
@@ -173,36 +260,62 @@ mod tests {
     fn starts_in_order_up_to_the_limit_and_cancels_what_is_not_wanted() {
         let (mut tree, mut queue, now) = (tree(), RequestQueue::new(2), Duration::from_secs(100));
         let all = wanted(&[3, 1, 0, 2]);
-        assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start, [all[0].key, all[1].key]);
-        assert_eq!(queue.plan(&mut tree, &all, now, |_| false), RequestPlan::default());
+        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &Remote(false))), [all[0].key, all[1].key]);
+        assert_eq!(queue.plan(&mut tree, &all, &all, now, &Remote(false)), RequestPlan::default());
         assert_eq!(tree.tile(all[2].key).unwrap().state(), TileState::Queued);
         let fewer = wanted(&[1, 2]);
-        let plan = queue.plan(&mut tree, &fewer, now, |_| false);
-        assert_eq!((plan.cancel, plan.start), (vec![all[0].key], vec![fewer[1].key]));
+        let plan = queue.plan(&mut tree, &fewer, &fewer, now, &Remote(false));
+        assert_eq!((&plan.cancel, started(&plan)), (&vec![all[0].key], vec![fewer[1].key]));
         assert_eq!(tree.tile(all[0].key).unwrap().state(), TileState::Unknown);
         assert_eq!(tree.tile(all[2].key).unwrap().state(), TileState::Unknown, "no longer queued");
         queue.request_ended(fewer[0].key);
         tree.apply(fewer[0].key, TileEvent::Refuse);
-        let plan = queue.plan(&mut tree, &fewer, now, |_| false);
+        let plan = queue.plan(&mut tree, &fewer, &fewer, now, &Remote(false));
         assert_eq!(plan, RequestPlan::default(), "bad tiles are not requested again");
+    }
+
+    #[test]
+    fn neighbours_take_one_request_until_the_last_of_them_has_ended() {
+        let (mut tree, mut queue, now) = (tree(), RequestQueue::new(2), Duration::from_secs(100));
+        let all = wanted(&[3, 1, 0, 2]);
+        let plan = queue.plan(&mut tree, &all, &all, now, &Remote(true));
+        assert_eq!((plan.start.len(), plan.start[0].keys.len()), (1, 4));
+        assert!(plan.start[0].group.is_some());
+        for request in &all[1..] {
+            assert!(!queue.request_ended(request.key));
+        }
+        assert!(queue.request_ended(all[0].key));
+        assert!(!queue.request_ended(all[0].key), "it has ended");
+        assert!(queue.requests.is_empty() && queue.in_flight.is_empty());
+    }
+
+    #[test]
+    fn a_large_group_takes_the_place_of_several_requests() {
+        let (mut tree, mut queue, now) = (tree(), RequestQueue::new(2), Duration::from_secs(100));
+        let of = |x, y| request(TileKey::block_map(TileId::new(5, x, y).unwrap()));
+        let all: Vec<TileRequest> = (0..64).map(|index| of(index % 8, index / 8)).chain([of(20, 20)]).collect();
+        let plan = queue.plan(&mut tree, &all, &all, now, &Remote(true));
+        let weight: usize = plan.start.iter().map(|request| request.weight).sum();
+        let tiles: usize = plan.start.iter().map(|request| request.keys.len()).sum();
+        assert!(weight >= 2 && tiles > plan.start.len() && tiles < all.len(), "{plan:?}");
     }
 
     #[test]
     fn dead_server_gets_one_request_at_a_time() {
         let (mut tree, mut queue, mut now) = (tree(), RequestQueue::new(4), Duration::from_secs(100));
         let all = wanted(&[0, 1, 2, 3]);
-        assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start.len(), 4);
+        assert_eq!(queue.plan(&mut tree, &all, &all, now, &Remote(false)).start.len(), 4);
         for request in &all {
             queue.request_ended(request.key);
             tree.apply(request.key, TileEvent::Fail { now, retry_after: None, jitter: 0.5 });
             queue.backoff.failed(now, None, 0.5);
         }
         assert_eq!(queue.backoff.failures, 1);
-        assert!(queue.plan(&mut tree, &all, now, |_| false).start.is_empty());
+        assert!(queue.plan(&mut tree, &all, &all, now, &Remote(false)).start.is_empty());
         now += Duration::from_secs(3);
-        assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start, [all[0].key]);
+        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &Remote(true))), [all[0].key], "no groups");
         queue.backoff.succeeded();
-        assert_eq!(queue.plan(&mut tree, &all, now, |_| false).start.len(), 3);
+        assert_eq!(queue.plan(&mut tree, &all, &all, now, &Remote(false)).start.len(), 3);
     }
 
     #[test]

@@ -3,11 +3,11 @@
 use super::{decoder::key_numbers, host::Host};
 use bytes::Bytes;
 use futures_util::future::{AbortHandle, abortable};
-use insula_protocol::{DecodeError, TileKind};
+use insula_protocol::{DecodeError, TileGroup, TileKind};
 use insula_viewer::{
     decode::{DecodedTile, decode},
     scene::TileKey,
-    source::TileSource,
+    source::{TileSource, group_request::GroupRequest},
     streamer::{FetchError, FetchOutcome, TileFetcher},
     transfer,
 };
@@ -36,12 +36,18 @@ impl BrowserFetcher {
     }
 }
 
-impl TileFetcher for BrowserFetcher {
-    fn start(&mut self, key: TileKey, ticket: u64) {
-        let (host, source, outcomes) = (self.host.clone(), self.source.clone(), self.outcomes.clone());
+impl BrowserFetcher {
+    /// Fetches a tile in the background as `response` does, and has it decoded.
+    fn spawn(
+        &mut self,
+        key: TileKey,
+        ticket: u64,
+        response: impl Future<Output = Result<Bytes, FetchError>> + 'static,
+    ) {
+        let (host, outcomes) = (self.host.clone(), self.outcomes.clone());
         let (task, handle) = abortable(async move {
             let begin = Instant::now();
-            let response = source.tile(key).await;
+            let response = response.await;
             let duration = begin.elapsed();
             let result = match response {
                 Ok(bytes) => decode_elsewhere(&host, key, bytes).await,
@@ -59,6 +65,25 @@ impl TileFetcher for BrowserFetcher {
             // An aborted task has no outcome.
             let _ = task.await;
         });
+    }
+}
+
+impl TileFetcher for BrowserFetcher {
+    fn start(&mut self, key: TileKey, ticket: u64) {
+        let source = self.source.clone();
+        self.spawn(key, ticket, async move { source.tile(key).await });
+    }
+
+    fn start_group(&mut self, group: TileGroup, members: &[(TileKey, u64)]) {
+        let keys = members.iter().map(|(key, _)| *key).collect();
+        let request = GroupRequest::new(self.source.clone(), group, keys);
+        for (key, ticket) in members {
+            self.spawn(*key, *ticket, request.clone().tile(*key));
+        }
+    }
+
+    fn has_groups(&self) -> bool {
+        self.source.has_groups()
     }
 
     fn cancel(&mut self, key: TileKey) {

@@ -34,6 +34,7 @@ fn manifest() -> Manifest {
         generated_facades: false,
         heights: None,
         stones: Vec::new(),
+        street_sets: false,
         counts: manifest::CityCounts::default(),
         attribution: Vec::new(),
         tile_version: tile::VERSION,

@@ -27,6 +27,34 @@ async fn one_read_opens_an_archive_and_one_reads_a_tile() {
 }
 
 #[tokio::test]
+async fn neighbouring_tiles_take_one_read() {
+    let tiles: Vec<(TileId, Vec<u8>)> =
+        id(1, 0, 0).children().zip(1..).map(|(id, byte)| (id, vec![byte; 300])).collect();
+    let far = (id(2, 3, 0), vec![9; 90]);
+    let between = (id(2, 0, 2), vec![8; 5000]);
+    let all = [tiles.clone(), vec![between, far.clone()]].concat();
+    let (source, lazy) = open(archive(&all));
+    lazy.tile(far.0).await.unwrap();
+    source.take_reads();
+    let ids: Vec<TileId> = [far.0, id(2, 2, 3)].into_iter().chain(tiles.iter().map(|(id, _)| *id)).collect();
+    let found = lazy.tiles(&ids).await.unwrap();
+    assert_eq!(found[0].as_ref().unwrap(), &far.1);
+    assert_eq!(found[1], None);
+    assert!(found[2..].iter().zip(&tiles).all(|(found, (_, bytes))| found.as_ref().unwrap() == bytes));
+    let reads = source.take_reads();
+    assert_eq!(reads.len(), 2, "{reads:?}");
+}
+
+#[test]
+fn runs_contain_all_tiles_and_are_bounded() {
+    assert_eq!(runs(vec![5000..5100, 0..100, 150..300]), [0..300, 5000..5100]);
+    let long = MAX_RUN_BYTES;
+    assert_eq!(runs(vec![0..long, long..long + 10]), [0..long, long..long + 10]);
+    assert_eq!(runs(vec![0..long + 50, 10..20, 30..long + 60]), [0..long + 50, 30..long + 60], "hostile directories");
+    assert!(runs(vec![]).is_empty());
+}
+
+#[tokio::test]
 async fn leaf_directories_are_read_once() {
     let (file, tiles) = archive_with_leaves();
     let source = Arc::new(MemorySource::local(file));

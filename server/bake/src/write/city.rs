@@ -178,6 +178,7 @@ pub(crate) fn write_others(
     {
         bytes += sets.bytes;
         hashes.push(sets.digest);
+        manifest.street_sets = true;
     }
     let path = folder.join("city.json");
     manifest.version = version_of(&hashes, &to_json(&manifest, &path)?);
@@ -253,6 +254,7 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
         generated_facades: read.facades.is_some(),
         heights: read.vertical_datum.clone().map(|datum| HeightReference { datum, geoid: read.geoid.clone() }),
         stones: read.stones.clone(),
+        street_sets: false,
     }
 }
 

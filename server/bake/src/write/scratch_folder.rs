@@ -245,6 +245,7 @@ mod tests {
             generated_facades: false,
             heights: None,
             stones: Vec::new(),
+            street_sets: false,
             counts: CityCounts::default(),
             attribution: Vec::new(),
             tile_version: 1,

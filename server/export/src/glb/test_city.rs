@@ -41,6 +41,7 @@ pub(crate) fn manifest(depth: u8, cell_m: f64) -> Manifest {
         generated_facades: false,
         heights: None,
         stones: Vec::new(),
+        street_sets: false,
     }
 }
 

@@ -69,6 +69,7 @@ pub(crate) fn manifest(depth: u8) -> Manifest {
         generated_facades: false,
         heights: Some(HeightReference { datum: "EPSG:5709".into(), geoid: None }),
         stones: Vec::new(),
+        street_sets: false,
     }
 }
 

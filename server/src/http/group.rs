@@ -1,0 +1,83 @@
+//! Groups of tiles ([`tile_group`]), which are immutable under their city's version, as tiles are.
+
+use super::{
+    problem::{NO_ROUTE, Problem},
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
+    state::AppState,
+    thread_state::ThreadState,
+    tile::{RequestedTile, find_version, unknown_name},
+    tile_cache::TileCache,
+};
+use axum::{
+    body::Body,
+    extract::State,
+    http::{HeaderValue, Request, StatusCode},
+    response::Response,
+};
+use bytes::Bytes;
+use futures_util::future::try_join_all;
+use insula_protocol::{
+    route::{Route, RouteError, RouteTemplate},
+    tile_group::{self, GroupMember},
+};
+use std::sync::Arc;
+
+const NO_GROUP: Problem = Problem::not_found("this city has none of these tiles");
+const INVALID_GROUP: Problem = Problem::bad_request(
+    "a group has 2 to 64 subtrees, blockmaps or meshes, a power of two; x and y are multiples of its sides; lod is 0, of meshes at most 5",
+);
+
+/// `/v1/cities/{city}/{version}/groups/{kind}/{level}/{x}/{y}/{count}/{lod}`. Fails with 400 for invalid numbers, 401 without a required
+/// token, 404 for an unknown city or version, or if none of the tiles exists, and 503 if they cannot be read. Damaged tiles are left
+/// out: the response to a request for such a tile says what is wrong.
+pub(super) async fn group(
+    State(ThreadState { app, tiles }): State<ThreadState>,
+    request: Request<Body>,
+) -> Result<Response, Problem> {
+    let (parts, _) = request.into_parts();
+    let (city, version, group) = match Route::parse(parts.uri.path()) {
+        Ok(Route::Group { city, version, group }) => (city, version, group),
+        Err(RouteError::InvalidTile) => return Err(INVALID_GROUP),
+        Err(RouteError::InvalidName) => return Err(unknown_name(&app, &parts.uri, &parts.headers)),
+        _ => return Err(NO_ROUTE),
+    };
+    let (city, access) = find_version(&app, RouteTemplate::Groups, city, version, &parts.uri, &parts.headers)?;
+    let of_node = |node| RequestedTile::of_city(Arc::clone(&city), access, group.kind(), node, group.lod());
+    let requested: Vec<Option<RequestedTile>> = group.nodes().map(of_node).collect();
+    let fitting = tile_group::fit(requested.iter().map(|tile| tile.as_ref().and_then(RequestedTile::length)));
+    if fitting.iter().all(|member| *member == GroupMember::Absent) {
+        return Err(NO_GROUP);
+    }
+    let members =
+        try_join_all(requested.into_iter().zip(fitting).map(|(tile, fitting)| member(tile, fitting, &app, &tiles)));
+    let encoded = tile_group::encode(&members.await?);
+    let body = Bytes::from(encoded.map_err(|_| Problem::unavailable("these tiles cannot be read at the moment"))?);
+    let representation = Representation {
+        etag: etag_of(&body),
+        body,
+        content_type: HeaderValue::from_static("application/octet-stream"),
+        cache_control: if access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
+        encoding: None,
+        vary: None,
+    };
+    Ok(representation.respond(&parts.method, &parts.headers).map(Body::from))
+}
+
+/// Reads a tile that fits. Fails with 503 if it cannot be read.
+async fn member(
+    tile: Option<RequestedTile>,
+    fitting: GroupMember<()>,
+    state: &AppState,
+    tiles: &TileCache,
+) -> Result<GroupMember<Bytes>, Problem> {
+    let tile = match (tile, fitting) {
+        (Some(tile), GroupMember::Tile(())) => tile,
+        (Some(_), GroupMember::LeftOut) => return Ok(GroupMember::LeftOut),
+        _ => return Ok(GroupMember::Absent),
+    };
+    match tile.bytes(state, tiles).await {
+        Ok(bytes) => Ok(GroupMember::Tile(bytes)),
+        Err(problem) if problem.status() == StatusCode::INTERNAL_SERVER_ERROR => Ok(GroupMember::LeftOut),
+        Err(problem) => Err(problem),
+    }
+}
