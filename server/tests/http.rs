@@ -211,7 +211,9 @@ async fn groups_have_the_tiles_below_a_node() {
     let service = HttpService::new(state(folder.path(), |_| {}));
     let path = |numbers: &str| format!("/v1/cities/two/0123456789abcdef/groups/{numbers}");
     let members = |body: &[u8]| {
-        let of = |member| if let GroupMember::Tile(range) = member { Some(body[range].to_vec()) } else { None };
+        let of = |member: GroupMember<std::ops::Range<usize>>| {
+            if let GroupMember::Tile(range) = member { Some(body[range].to_vec()) } else { None }
+        };
         tile_group::decode(body, 4).unwrap().into_iter().map(of).collect::<Vec<_>>()
     };
     let (id, blockmap) = small_city::blockmaps().remove(1);

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use glam::DVec3;
 use insula_archive::BakedCity;
-use insula_protocol::{BlockMap, NODE_CELLS, TileId, TileKind, blockmap::flag, mesh_tile};
+use insula_protocol::{BlockMap, Manifest, NODE_CELLS, TileId, TileKind, blockmap::flag, mesh_tile};
 use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
 use insula_test_support::rng::Rng;
 use insula_viewer::{
@@ -209,7 +209,7 @@ fn stream(city: &BakedCity, camera: Camera, has_sets: bool, args: &Args) -> Resu
     };
     let pages = pages_for(CACHE_BYTES);
     let mut adapter = CpuAdapter::new(pages);
-    let tree = SceneTree::new(city.manifest().clone());
+    let tree = SceneTree::new(Manifest { street_sets: has_sets, ..city.manifest().clone() });
     let mut streamer = Streamer::new(tree, Downloads::new(fetcher, args.requests), pages);
     let request = FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0, switching: None };
     let small_px = SIZE_PX.map(|side| side / FEEDBACK_DOWNSCALE);

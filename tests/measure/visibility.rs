@@ -12,7 +12,7 @@ use insula_archive::{
 };
 use insula_bake::write::visibility;
 use insula_protocol::{
-    BlockMap, NODE_CELLS, TileId, TileKind, VisibilityTile,
+    BlockMap, Manifest, NODE_CELLS, TileId, TileKind, VisibilityTile,
     blockmap::flag,
     visibility_tile::{LAYERS, block_of_leaf},
 };
@@ -207,9 +207,14 @@ fn add_sets(city: &Path, out: &Path, threads: usize) -> Result<()> {
     let start = Instant::now();
     let length = visibility::write(out, &manifest, threads)?.context("the city has no leaves")?;
     println!("{} kB in {:.1} s with {threads} threads", length / 1000, start.elapsed().as_secs_f64());
+    manifest.street_sets = true;
+    write_manifest(out, &manifest)?;
     manifest.version = content_version(out, &manifest.version)?;
-    let mut json = serde_json::to_vec_pretty(&manifest)?;
+    write_manifest(out, &manifest)
+}
+
+fn write_manifest(folder: &Path, manifest: &Manifest) -> Result<()> {
+    let mut json = serde_json::to_vec_pretty(manifest)?;
     json.push(b'\n');
-    fs::write(out.join(MANIFEST_FILE), json)?;
-    Ok(())
+    Ok(fs::write(folder.join(MANIFEST_FILE), json)?)
 }

@@ -14,8 +14,8 @@ fn config() -> Configuration<LittleEndian, Fixint, Limit<MAX_BYTES>> {
     standard().with_fixed_int_encoding().with_limit()
 }
 
-/// Decodes a V-BlockMap or a mesh. Fails as [`decode`] does, and for subtrees and visibility, which are small enough to be decoded where they are
-/// used.
+/// Decodes a V-BlockMap or a mesh. Fails as [`decode`] does, and for subtrees and visibility, which are small enough to be decoded
+/// where they are used.
 pub fn decode_to_bytes(key: TileKey, bytes: &[u8]) -> Result<Vec<u8>, DecodeError> {
     match decode(key, bytes)? {
         DecodedTile::Packed(tile) => {

@@ -50,8 +50,8 @@ pub fn version_of(hashes: &[[u8; blake3::OUT_LEN]], manifest: &[u8]) -> String {
 }
 
 /// The version that the files in a city's folder should have: the first 16 hexadecimal digits of the BLAKE3 hash of the hashes of the
-/// archives ([`ArchiveDigest`]) and of the search index, that of visibility last, and of the manifest's text with an empty version. `stated` is the version
-/// that the manifest has.
+/// archives ([`ArchiveDigest`]) and of the search index, that of visibility last, and of the manifest's text with an empty version.
+/// `stated` is the version that the manifest has.
 ///
 /// It differs from `stated` if a file is of another bake or was changed. Fails if a file cannot be read.
 pub fn content_version(folder: &Path, stated: &str) -> io::Result<String> {

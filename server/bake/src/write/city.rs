@@ -1,8 +1,8 @@
 //! Writes the final files of a city.
 //!
-//! In: the tree of packed tiles, and facts about the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`,
-//! `meshes.pmtiles` if there are meshes, `objects.pmtiles` if there are objects, `search.index` if these have texts, `visibility.pmtiles` if it is wanted, `city.json`,
-//! `fingerprints.bin` and `thumbnail.png`, synchronised, in the scratch folder.
+//! In: the tree of packed tiles, and facts about the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`, as far as the city has
+//! them `meshes.pmtiles`, `objects.pmtiles`, `search.index` and `visibility.pmtiles`, then `city.json`, `fingerprints.bin` and
+//! `thumbnail.png`, synchronised, in the scratch folder.
 //! Next: `ScratchFolder::publish` renames them to the output.
 
 use std::{collections::HashMap, fs, io, path::Path};
