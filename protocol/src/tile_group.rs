@@ -185,7 +185,7 @@ mod tests {
             assert_eq!(group.position(*node), Some(position));
         }
         assert_eq!(group.position(id(5, 16, 22)), None);
-        assert_eq!(group.position(id(4, 12, 22)), None);
+        assert_eq!(group.position(id(4, 12, 11)), None);
         let all = TileGroup::around(TileKind::Subtree, id(3, 7, 1), MAX_DOUBLINGS, 0).unwrap();
         assert_eq!((all.first(), all.nodes().count()), (id(3, 0, 0), 64));
     }

@@ -26,6 +26,9 @@ const ASSET = /\/assets\/[0-9a-f]{16}\/[^/]+$/;
 const TILE = /\/v1\/cities\/[^/]+\/[^/]+\/((subtrees|blockmaps|meshes|visibility)\/[\d/]+|objects\/(\d+|schema))$/;
 const GROUP = /^(.*\/v1\/cities\/[^/]+\/[^/]+\/)groups\/(subtrees|blockmaps|meshes)\/(\d+)\/(\d+)\/(\d+)\/(\d+)\/(\d+)$/;
 const GROUP_MAGIC = 'INSG';
+const MAX_GROUP_TILES = 64;
+/** Of the tiles of a group. */
+const MAX_GROUP_BYTES = 65536;
 const ARCHIVE = /\/[a-z]+\.pmtiles$/;
 const MANIFEST = /(\/city\.json|\/v1\/cities\/[^/]+)$/;
 const PAGE_FILE = /\/(thumbnail\.png|v1\/cities)$/;
@@ -78,27 +81,65 @@ async function fromCacheFirst(request, later) {
 }
 
 /**
- * A group of tiles. It is kept as single tiles: without a network, the viewer asks for those.
+ * A group of tiles. It is kept as single tiles, and without a network made of those.
  * @param {Request} request @param {(work: Promise<unknown>) => void} later
  */
 async function groupOf(request, later) {
-  const response = await fetch(request);
-  if (response.status === 200) later(keepTilesOf(new URL(request.url), response.clone()));
-  return response;
+  const url = new URL(request.url);
+  try {
+    const response = await fetch(request);
+    if (response.status === 200) later(keepTilesOf(url, response.clone()));
+    return (response.status >= 500 && (await groupOfKept(url))) || response;
+  } catch (error) {
+    const kept = await groupOfKept(url);
+    if (kept) return kept;
+    throw error;
+  }
+}
+
+/** The addresses of the tiles of a group, in its order. @param {URL} url @returns {string[]} */
+function addressesOf(url) {
+  const [base, kind, ...numbers] = GROUP.exec(url.pathname)?.slice(1) ?? [];
+  const [level, x, y, count, lod] = numbers.map(Number);
+  if (!(count <= MAX_GROUP_TILES)) return [];
+  const lodPath = kind === 'meshes' ? `/${lod}` : '';
+  const width = 2 ** Math.ceil(Math.log2(count) / 2);
+  const address = (_, place) => {
+    const node = `${level}/${x + (place % width)}/${y + Math.floor(place / width)}`;
+    return new URL(`${base}${kind}/${node}${lodPath}${url.search}`, url).href;
+  };
+  return Array.from({ length: count }, address);
 }
 
 /** Keeps each tile of a group under its own address. @param {URL} url @param {Response} response */
 async function keepTilesOf(url, response) {
-  const [base, kind, ...numbers] = GROUP.exec(url.pathname)?.slice(1) ?? [];
-  const [level, x, y, count, lod] = numbers.map(Number);
-  const lodPath = kind === 'meshes' ? `/${lod}` : '';
+  const addresses = addressesOf(url);
   const headers = new Headers({ 'content-type': 'application/octet-stream' });
-  const width = 2 ** Math.ceil(Math.log2(count) / 2);
-  for (const [place, tile] of tilesOf(new Uint8Array(await response.arrayBuffer()), count)) {
-    const node = `${level}/${x + (place % width)}/${y + Math.floor(place / width)}`;
-    const address = new URL(`${base}${kind}/${node}${lodPath}${url.search}`, url);
-    await keep(address.href, new Response(tile, { headers }));
+  for (const [place, tile] of tilesOf(new Uint8Array(await response.arrayBuffer()), addresses.length)) {
+    await keep(addresses[place], new Response(tile, { headers }));
   }
+}
+
+/** A group of the tiles that are kept; undefined if none is. The others are left out of it. @param {URL} url */
+async function groupOfKept(url) {
+  const bytesOf = async (address) => new Uint8Array((await (await lookUp(address))?.arrayBuffer()) ?? []);
+  const tiles = await Promise.all(addressesOf(url).map(bytesOf));
+  const head = [...GROUP_MAGIC].map((letter) => letter.charCodeAt(0));
+  const body = [];
+  let room = MAX_GROUP_BYTES;
+  for (const tile of tiles) {
+    const isKept = tile.length > 0 && tile.length <= room;
+    for (let rest = isKept ? tile.length + 2 : 1; ; rest = Math.floor(rest / 128)) {
+      head.push(rest < 128 ? rest : (rest % 128) + 128);
+      if (rest < 128) break;
+    }
+    if (!isKept) continue;
+    room -= tile.length;
+    body.push(tile);
+  }
+  if (body.length === 0) return undefined;
+  const headers = { 'content-type': 'application/octet-stream' };
+  return new Response(new Blob([new Uint8Array(head), ...body]), { status: 200, headers });
 }
 
 /**
@@ -157,12 +198,44 @@ async function rangeOf(request, later) {
   key.searchParams.set(RANGE_PARAMETER, request.headers.get('range') ?? '');
   const found = await lookUpUnlessReloaded(request, key.href);
   if (found) return new Response(found.body, { status: 206, statusText: 'Partial Content', headers: found.headers });
+  const part = request.cache === 'reload' ? undefined : await partOfKept(key);
+  if (part) return part;
   const response = await fetch(request);
   if (response.status === 206) {
     const { headers, body } = response.clone();
     later(keep(key.href, new Response(body, { status: 200, headers })));
   }
   return response;
+}
+
+/**
+ * A range that lies in a longer one that is kept: neighbouring tiles are read together, and one by one after a failure.
+ * @param {URL} key @returns {Promise<Response | undefined>}
+ */
+async function partOfKept(key) {
+  const wanted = boundsOf(key);
+  if (!wanted) return undefined;
+  const [first, last] = wanted;
+  const folder = key.href.split('?', 1)[0] + '?';
+  for (const entry of (await entries).all()) {
+    const kept = entry.key.startsWith(folder) ? boundsOf(new URL(entry.key)) : undefined;
+    if (!kept || kept[0] > first || kept[1] < last) continue;
+    const found = await lookUp(entry.key);
+    const bytes = found && new Uint8Array(await found.arrayBuffer()).slice(first - kept[0], last - kept[0] + 1);
+    if (!bytes || bytes.length !== last - first + 1) continue;
+    const headers = new Headers(found.headers);
+    const length = /\/(\d+)$/.exec(headers.get('content-range') ?? '')?.[1] ?? '*';
+    headers.set('content-range', `bytes ${first}-${last}/${length}`);
+    headers.set('content-length', String(bytes.length));
+    return new Response(bytes, { status: 206, statusText: 'Partial Content', headers });
+  }
+  return undefined;
+}
+
+/** First and last byte of the range that a key of the cache names. @param {URL} key @returns {[number, number] | undefined} */
+function boundsOf(key) {
+  const match = /^bytes=(\d{1,15})-(\d{1,15})$/.exec(key.searchParams.get(RANGE_PARAMETER) ?? '');
+  return match ? [Number(match[1]), Number(match[2])] : undefined;
 }
 
 /** Whether the host forbids to keep a response. @param {Response} response */

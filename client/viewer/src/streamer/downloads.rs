@@ -231,8 +231,7 @@ impl<F: TileFetcher> Downloads<F> {
         if error.is_of_tile_alone() {
             self.source_responded();
         } else {
-            self.queue.backoff.failed(now, error.retry_after(), jitter);
-            self.queue.concurrency.failed();
+            self.queue.failed(now, error.retry_after(), jitter);
             self.failing_since.get_or_insert(now);
         }
         if let FetchError::Unusable(why) = error {

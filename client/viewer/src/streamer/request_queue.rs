@@ -14,6 +14,8 @@ use std::{
 const MAX_LIMIT_FACTOR: usize = 4;
 /// A connection with responses as fast as this is busy with few requests.
 const FAST_RESPONSE: Duration = Duration::from_millis(10);
+/// Groups are not requested for this time after a failure: what is kept for use without a network is kept tile by tile.
+const GROUP_PAUSE: Duration = Duration::from_secs(30);
 /// Random variation of response times.
 const NOISE: Duration = Duration::from_millis(5);
 
@@ -44,6 +46,8 @@ pub(super) struct RequestQueue {
     /// By number.
     requests: HashMap<u64, RequestInFlight>,
     last_request: u64,
+    /// No groups are requested before.
+    groups_from: Duration,
 }
 
 #[derive(Debug)]
@@ -63,12 +67,13 @@ impl RequestQueue {
             in_flight: HashMap::new(),
             requests: HashMap::new(),
             last_request: 0,
+            groups_from: Duration::ZERO,
         }
     }
 
     /// Brings the states of the tiles in line with `wanted`, and plans the requests. Tiles that can be had without the network may
-    /// start even while the server does not respond. As long as it responds, tiles are requested in groups, with those of
-    /// `companions`, which are wanted later.
+    /// start even while the server does not respond. Unless a request has failed shortly before, tiles are requested in groups,
+    /// with those of `companions`, which are wanted later.
     pub(super) fn plan(
         &mut self,
         tree: &mut SceneTree,
@@ -96,7 +101,7 @@ impl RequestQueue {
             if !self.queued.contains(key) || !may_start {
                 continue;
             }
-            let is_grouped = network_limit == limit && reach.has_groups() && !is_local();
+            let is_grouped = now >= self.groups_from && reach.has_groups() && !is_local();
             let mut request = PlannedRequest::single(*key);
             if is_grouped {
                 let wanted = candidates.get_or_insert_with(|| companions.iter().map(|request| request.key).collect());
@@ -105,6 +110,13 @@ impl RequestQueue {
             start.extend(self.start(request, tree, now));
         }
         RequestPlan { cancel, start }
+    }
+
+    /// Records a request that failed through the fault of the network or the server.
+    pub(super) fn failed(&mut self, now: Duration, retry_after: Option<Duration>, jitter: f64) {
+        self.backoff.failed(now, retry_after, jitter);
+        self.concurrency.failed();
+        self.groups_from = now + GROUP_PAUSE;
     }
 
     /// Drops what is not wanted any more. Returns the tiles whose requests are to be cancelled.
@@ -291,13 +303,16 @@ mod tests {
 
     #[test]
     fn a_large_group_takes_the_place_of_several_requests() {
-        let (mut tree, mut queue, now) = (tree(), RequestQueue::new(2), Duration::from_secs(100));
-        let of = |x, y| request(TileKey::block_map(TileId::new(5, x, y).unwrap()));
-        let all: Vec<TileRequest> = (0..64).map(|index| of(index % 8, index / 8)).chain([of(20, 20)]).collect();
-        let plan = queue.plan(&mut tree, &all, &all, now, &Remote(true));
-        let weight: usize = plan.start.iter().map(|request| request.weight).sum();
-        let tiles: usize = plan.start.iter().map(|request| request.keys.len()).sum();
-        assert!(weight >= 2 && tiles > plan.start.len() && tiles < all.len(), "{plan:?}");
+        let (mut tree, mut queue, now) = (tree(), RequestQueue::new(3), Duration::from_secs(100));
+        let all = wanted(&[0, 1, 2, 3]);
+        let keys = vec![all[0].key, all[1].key];
+        assert!(queue.start(PlannedRequest { group: None, keys, weight: 2 }, &mut tree, now).is_some());
+        let plan = queue.plan(&mut tree, &all, &all, now, &Remote(false));
+        assert_eq!(started(&plan), [all[2].key], "one more fits");
+        queue.request_ended(all[0].key);
+        assert!(queue.plan(&mut tree, &all, &all, now, &Remote(false)).start.is_empty(), "the group has not ended");
+        queue.request_ended(all[1].key);
+        assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &Remote(false))), [all[3].key]);
     }
 
     #[test]
@@ -308,14 +323,14 @@ mod tests {
         for request in &all {
             queue.request_ended(request.key);
             tree.apply(request.key, TileEvent::Fail { now, retry_after: None, jitter: 0.5 });
-            queue.backoff.failed(now, None, 0.5);
+            queue.failed(now, None, 0.5);
         }
         assert_eq!(queue.backoff.failures, 1);
         assert!(queue.plan(&mut tree, &all, &all, now, &Remote(false)).start.is_empty());
         now += Duration::from_secs(3);
         assert_eq!(started(&queue.plan(&mut tree, &all, &all, now, &Remote(true))), [all[0].key], "no groups");
         queue.backoff.succeeded();
-        assert_eq!(queue.plan(&mut tree, &all, &all, now, &Remote(false)).start.len(), 3);
+        assert_eq!(queue.plan(&mut tree, &all, &all, now, &Remote(true)).start.len(), 3, "still no groups");
     }
 
     #[test]
