@@ -17,6 +17,7 @@ use std::{collections::HashSet, ops::Range, time::Instant};
 pub struct Archive {
     source: SharedSource,
     length: u64,
+    #[cfg_attr(not(feature = "fs"), allow(dead_code, reason = "only folders are checked"))]
     data: Range<u64>,
     entries: Vec<DirectoryEntry>,
     longest_tile_bytes: u32,

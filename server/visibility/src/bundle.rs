@@ -147,20 +147,20 @@ impl LineRange {
         })
     }
 
-    fn bundle(&self, cell: &ViewCell) -> Bundle {
+    fn bundle(&self, cell: &ViewCell) -> LineBundle {
         let along = [libm::cosf(self.angle), libm::sinf(self.angle)];
         let across = [-along[1], along[0]];
         let start = [0, 1].map(|axis| cell.centre[axis] + across[axis] * self.offset);
         // Offsets are measured across each line, and widths across the axis.
         let skew = (self.offset.abs() + self.half_m) * (1.0 / libm::cosf(self.half_angle) - 1.0);
         let half_m = self.half_m + skew;
-        Bundle { start, along, across, offset: self.offset, half_m, spread: libm::tanf(self.half_angle) }
+        LineBundle { start, along, across, offset: self.offset, half_m, spread: libm::tanf(self.half_angle) }
     }
 }
 
 /// A bundle: its axis, and how far its lines lie from it.
 #[derive(Debug, Clone, Copy)]
-struct Bundle {
+struct LineBundle {
     /// Middle of the axis, beside the cell's centre.
     start: [f32; 2],
     /// Distance of the axis from the cell's centre.
@@ -172,7 +172,7 @@ struct Bundle {
     spread: f32,
 }
 
-impl Bundle {
+impl LineBundle {
     fn half_at(&self, t: f32) -> f32 {
         self.half_m + t.abs() * self.spread
     }
@@ -236,7 +236,7 @@ impl Walker<'_> {
 
     /// The windows that cover a bundle from `t` on.
     #[inline]
-    fn cover(&self, bundle: &Bundle, t: f32) -> WindowCover {
+    fn cover(&self, bundle: &LineBundle, t: f32) -> WindowCover {
         let square_m = self.heights.square_m;
         let half_m = bundle.half_at(t + square_m);
         let mut size = 0;
@@ -270,7 +270,7 @@ impl Walker<'_> {
 
     /// The lowest solid in the squares that a bundle's lines cross at a place, or any value up to `enough` if it is not above that.
     #[inline]
-    fn solid_across(&self, bundle: &Bundle, t: f32, enough: u16) -> u16 {
+    fn solid_across(&self, bundle: &LineBundle, t: f32, enough: u16) -> u16 {
         let per_m = 2.0 / self.heights.square_m;
         let half = bundle.half_at(t);
         let [x0, y0] = bundle.point(t, -half).map(|v| v * per_m);
@@ -303,7 +303,7 @@ impl Walker<'_> {
     }
 
     /// Where the eyes of each layer are on a bundle. `None` if there is none.
-    fn horizons(&self, cell: &ViewCell, bundle: &Bundle) -> Option<[Horizon; LAYERS]> {
+    fn horizons(&self, cell: &ViewCell, bundle: &LineBundle) -> Option<[Horizon; LAYERS]> {
         // All lines of the bundle stay within the cell for no longer than its axis does in a larger cell.
         let half = cell.half_m + bundle.half_m + cell.half_m * 1.5 * bundle.spread;
         let [mut t0, mut t1] = [f32::NEG_INFINITY, f32::INFINITY];
@@ -355,7 +355,7 @@ impl Walker<'_> {
 
     /// Follows a bundle outwards. With `is_test`, whether its lines may see anything that is not in `seen` yet; otherwise notes
     /// what they may see.
-    fn follow(&self, cell: &ViewCell, bundle: &Bundle, seen: &mut [LayerNumber], is_test: bool) -> bool {
+    fn follow(&self, cell: &ViewCell, bundle: &LineBundle, seen: &mut [LayerNumber], is_test: bool) -> bool {
         let Some(mut horizons) = self.horizons(cell, bundle) else { return false };
         let mut t = horizons.iter().filter(|h| h.has_eyes()).map(|h| h.last).fold(f32::INFINITY, f32::min);
         let margin = self.settings.slope_margin;
@@ -424,7 +424,7 @@ impl Walker<'_> {
 
     /// The highest code near the part of a bundle that begins at `t`; 0 if nothing is there.
     #[inline]
-    fn top_of(&self, bundle: &Bundle, cover: &WindowCover, t: f32) -> u16 {
+    fn top_of(&self, bundle: &LineBundle, cover: &WindowCover, t: f32) -> u16 {
         let tops = (0..cover.count).map(|k| {
             let offset = (k as f32 + 0.5) * cover.spacing - cover.half_m;
             let [x, y] = self.window_at(cover.size, bundle.point(t + cover.way * 0.5, offset));
@@ -437,7 +437,7 @@ impl Walker<'_> {
     #[inline]
     fn mark(
         &self,
-        bundle: &Bundle,
+        bundle: &LineBundle,
         cover: &WindowCover,
         t: f32,
         layer: LayerNumber,
@@ -457,7 +457,7 @@ impl Walker<'_> {
 
     /// The leaf squares, as ranges of columns and rows, around the part of a bundle that begins at `t`. `None` outside of the city.
     #[inline]
-    fn leaves_of(&self, bundle: &Bundle, cover: &WindowCover, t: f32) -> Option<[(usize, usize); 2]> {
+    fn leaves_of(&self, bundle: &LineBundle, cover: &WindowCover, t: f32) -> Option<[(usize, usize); 2]> {
         let heights = self.heights;
         let per_m = 1.0 / (heights.per_leaf as f32 * heights.square_m);
         let counts = [heights.leaves.width as f32, heights.leaves.height as f32];
