@@ -12,7 +12,11 @@ use crate::{
 use glam::DVec3;
 use insula_protocol::blockmap::NO_OBJECT;
 use insula_shaders::{
-    cpu::{hit_counts::hit_counts, raycast::Pixels, render::RenderedRows},
+    cpu::{
+        hit_counts::hit_counts,
+        raycast::Pixels,
+        stepped::{FrameProgress, SteppedFrame},
+    },
     stone::Stone,
 };
 use insula_viewer::{
@@ -213,17 +217,28 @@ impl Session {
         Ok(pixels)
     }
 
-    /// Draws the next `count` rows of a frame that is drawn in steps. After the last one, reports their hits and returns the
-    /// pixels. `None` too on a GPU, which draws whole frames only.
-    pub fn render_rows(&mut self, data: &FrameData, rows: &mut RenderedRows, count: u32) -> Option<Pixels> {
-        let Adapter::Cpu(cpu) = &mut self.adapter else { return None };
-        if !cpu.draw_rows(data, rows, count) {
-            return None;
+    /// Draws more of a frame that is drawn in steps, for about `duration`. Returns how far it is, and the pixels of its sketch or of
+    /// the whole frame, whose hits it reports. Does nothing on a GPU, which draws whole frames only.
+    pub fn render_step(
+        &mut self,
+        data: &FrameData,
+        frame: &mut SteppedFrame,
+        duration: Duration,
+    ) -> (FrameProgress, Option<Pixels>) {
+        let Adapter::Cpu(cpu) = &mut self.adapter else { return (FrameProgress::Drawn, None) };
+        let begin = Instant::now();
+        let progress = cpu.draw_step(data, frame, || begin.elapsed() >= duration);
+        let scene = cpu.scene_of(data);
+        match progress {
+            FrameProgress::Drawing => (progress, None),
+            FrameProgress::Sketched => (progress, frame.sketch(&scene)),
+            FrameProgress::Drawn => {
+                let pixels = frame.develop(&scene);
+                self.frame_drawn(data);
+                self.report_hits(&data.query, &hit_counts(&pixels.hit, data.nodes.len()));
+                (progress, Some(pixels))
+            }
         }
-        let pixels = std::mem::take(rows).develop(&data.frame);
-        self.frame_drawn(data);
-        self.report_hits(&data.query, &hit_counts(&pixels.hit, data.nodes.len()));
-        Some(pixels)
     }
 
     /// Draws the last selection, waits for the pixels, and reports their hits. Fails if the adapter fails.

@@ -5,8 +5,9 @@ use insula_shaders::{
     cpu::{
         instruction_set::InstructionSet,
         night::bays_of,
-        raycast::{Pixels, Sampling},
+        raycast::{Pixels, Sampling, SceneRef},
         render::{RenderedRows, render_with},
+        stepped::{FrameProgress, SteppedFrame},
     },
     layout::{Light, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
     light::{Air, NightLights},
@@ -128,6 +129,7 @@ fn adaptive_frames_are_the_same_in_steps_and_close_to_full_ones() -> Result<()> 
             let mut rows = RenderedRows::new(Sampling::Adaptive);
             while !rows.render(&scene, 9) {}
             ensure!(rows.develop(scene.frame) == whole, "city {seed}, {}", set.name());
+            ensure!(in_steps(&scene, set, seed % 2 == 0)? == whole, "city {seed} in steps, {}", set.name());
             for (a, b) in full.colour.iter().zip(&whole.colour) {
                 let apart = a.to_le_bytes().into_iter().zip(b.to_le_bytes()).take(3);
                 squares += apart.map(|(a, b)| f64::from(a.abs_diff(b)).powi(2)).sum::<f64>();
@@ -138,4 +140,24 @@ fn adaptive_frames_are_the_same_in_steps_and_close_to_full_ones() -> Result<()> 
     let rms = (squares / codes.max(1.0)).sqrt();
     ensure!(rms < 1.0, "adaptive frames differ by {rms} of 255");
     Ok(())
+}
+
+/// An adaptive frame that is drawn in the shortest steps or in the longest.
+fn in_steps(scene: &SceneRef<'_>, set: InstructionSet, is_short: bool) -> Result<Pixels> {
+    let mut frame = SteppedFrame::new(Some(set), Sampling::Adaptive);
+    let (mut steps, mut sketches) = (0, 0);
+    loop {
+        steps += 1;
+        match frame.step(scene, || is_short) {
+            FrameProgress::Drawing => {}
+            FrameProgress::Sketched => {
+                sketches += 1;
+                let sketch = frame.sketch(scene);
+                ensure!(sketch.is_some_and(|sketch| sketch.hit.len() == scene.frame.width_px as usize * 67), "no sketch");
+            }
+            FrameProgress::Drawn => break,
+        }
+    }
+    ensure!(sketches == 1 && if is_short { steps > 2 } else { steps == 2 }, "{sketches} sketches in {steps} steps");
+    Ok(frame.develop(scene))
 }

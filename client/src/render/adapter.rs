@@ -1,6 +1,9 @@
 //! The ray-caster behind `--adapter`: a GPU, or the CPU.
 
-use super::trial::DriverTrial;
+use super::{
+    remembered::{RememberedTrials, trial_key},
+    trial::DriverTrial,
+};
 use crate::error::{ClientError, Result};
 use insula_protocol::text::printable;
 use insula_shaders::{
@@ -95,9 +98,18 @@ impl OpenedAdapter {
         }
     }
 
-    /// A software driver or the CPU ray-caster, whichever is faster. Fails if the driver does.
+    /// A software driver or the CPU ray-caster, whichever is faster in a trial, or was in one that is remembered. Fails if the driver
+    /// does.
     fn faster_than(software: GpuDevice, pages: u32) -> std::result::Result<Self, String> {
-        let trial = DriverTrial::run(&software)?;
+        let (trials, key) = (RememberedTrials::of_user(), trial_key(&software));
+        let trial = match trials.get(&key) {
+            Some(trial) => trial,
+            None => {
+                let trial = DriverTrial::run(&software)?;
+                trials.keep(&key, &trial);
+                trial
+            }
+        };
         let reason = trial.text(&printable(&software.info().name));
         if trial.prefers_cpu() {
             eprintln!("note: using the CPU ray-caster: {reason}");

@@ -1,6 +1,7 @@
 //! Draws frames on a GPU or on the CPU.
 
 mod adapter;
+mod remembered;
 mod trial;
 
 pub use adapter::{Adapter, AdapterChoice, OpenedAdapter, graphics_error};

@@ -18,6 +18,8 @@ pub(super) struct DriverTrial {
     pub(super) cpu: Duration,
     /// The software driver.
     pub(super) software: Duration,
+    /// Whether it was an earlier run of this program.
+    pub(super) is_remembered: bool,
 }
 
 impl DriverTrial {
@@ -36,7 +38,7 @@ impl DriverTrial {
             cpu.draw(&data);
             Ok(())
         })?;
-        Ok(Self { cpu, software })
+        Ok(Self { cpu, software, is_remembered: false })
     }
 
     /// Whether the CPU ray-caster is to draw.
@@ -48,7 +50,8 @@ impl DriverTrial {
     pub(super) fn text(&self, driver: &str) -> String {
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         let (cpu, software) = (ms(self.cpu), ms(self.software));
-        format!("frame in a trial: CPU {cpu:.1} ms, {driver} {software:.1} ms")
+        let when = if self.is_remembered { ", remembered" } else { "" };
+        format!("frame in a trial: CPU {cpu:.1} ms, {driver} {software:.1} ms{when}")
     }
 }
 
@@ -74,10 +77,11 @@ mod tests {
     #[test]
     fn the_faster_one_is_preferred_and_the_reason_says_by_how_much() {
         let ms = Duration::from_millis;
-        let trial = DriverTrial { cpu: ms(4), software: ms(13) };
+        let trial = DriverTrial { cpu: ms(4), software: ms(13), is_remembered: false };
         assert!(trial.prefers_cpu() && !DriverTrial { cpu: ms(14), ..trial }.prefers_cpu());
         let text = trial.text("llvmpipe");
-        assert!(text.contains("CPU 4.0 ms") && text.contains("llvmpipe 13.0 ms"), "{text}");
+        assert!(text.contains("CPU 4.0 ms") && text.ends_with("llvmpipe 13.0 ms"), "{text}");
+        assert!(DriverTrial { is_remembered: true, ..trial }.text("llvmpipe").ends_with("remembered"));
     }
 
     #[test]

@@ -178,7 +178,7 @@ impl ApplicationHandler<ViewerEvent> for ViewerApp {
 
     fn new_events(&mut self, event_loop: &ActiveEventLoop, cause: StartCause) {
         if matches!(cause, StartCause::ResumeTimeReached { .. })
-            && !self.prefetch(event_loop)
+            && !self.go_on(event_loop)
             && let Some(window) = &self.window
         {
             window.window.request_redraw();
@@ -213,9 +213,14 @@ impl ViewerApp {
         event_loop.exit();
     }
 
-    /// Continues the idle prefetch, if the view rests. Returns `false` if a frame is due instead.
-    fn prefetch(&mut self, event_loop: &ActiveEventLoop) -> bool {
-        let (Some(window), Some(viewport)) = (&self.window, &mut self.viewport) else { return false };
+    /// Goes on with the final frame or with the idle prefetch, if the view rests. Returns `false` if a frame is due instead.
+    fn go_on(&mut self, event_loop: &ActiveEventLoop) -> bool {
+        let (Some(window), Some(viewport)) = (&mut self.window, &mut self.viewport) else { return false };
+        if viewport.is_drawing() {
+            let next = viewport.draw_further(window);
+            next.into_iter().for_each(|flow| event_loop.set_control_flow(flow));
+            return next.is_some();
+        }
         if !viewport.may_prefetch() {
             return false;
         }

@@ -14,12 +14,15 @@ use super::{
 };
 use crate::{error::Result, render::Adapter, session::PrefetchStep};
 use egui::Align2;
-use insula_shaders::{cpu::render::RenderedRows, layout::Shading};
+use insula_shaders::{
+    cpu::stepped::{FrameProgress, SteppedFrame},
+    layout::Shading,
+};
 use insula_viewer::{
     camera::Camera,
     frame::{FrameData, RenderSettings},
     interaction::{
-        frame_pacing::{FrameDetail, FrameTime},
+        frame_pacing::{FrameDetail, FrameTime, STEP},
         measure::MeasureTool,
     },
     streamer::StreamStatus,
@@ -53,6 +56,8 @@ pub struct Viewport {
     shows_final_frame: bool,
     /// The final frame, while it is being drawn in steps.
     still: Option<StillFrame>,
+    /// The same when it is drawn, until it is presented.
+    finished: Option<FrameData>,
 }
 
 /// What a frame depends on besides the resident tiles.
@@ -76,6 +81,8 @@ struct ViewState {
 struct DrawnFrame {
     detail: FrameDetail,
     data: FrameData,
+    /// How long the selection took.
+    selection: Duration,
     /// How long the CPU ray-caster took; `None` if the GPU is still to draw it.
     time: Option<Duration>,
 }
@@ -83,9 +90,9 @@ struct DrawnFrame {
 /// A frame of a resting view that the CPU ray-caster draws in steps, so that input never waits for it.
 struct StillFrame {
     data: FrameData,
-    rows: RenderedRows,
-    /// Rays along a pixel's side at the end. A frame that takes long is drawn with one before.
-    samples: u32,
+    frame: SteppedFrame,
+    /// Whether its sketch is shown, because the whole takes long.
+    shows_sketch: bool,
     /// Time of its steps.
     duration: Duration,
 }
@@ -103,6 +110,7 @@ impl Viewport {
             view: None,
             shows_final_frame: false,
             still: None,
+            finished: None,
         }
     }
 
@@ -114,16 +122,16 @@ impl Viewport {
             return Ok(None);
         }
         self.notice_view(begin, window);
-        let (mut drawn, mut settled) = (None, None);
+        let mut drawn = None;
         if let Some(still) = self.still.take() {
-            settled = self.continue_still(still, window);
-        } else if !self.city.pacer.is_finished() || self.takes_news(window) {
+            self.continue_still(still, window);
+        } else if self.finished.is_none() && (!self.city.pacer.is_finished() || self.takes_news(window)) {
             drawn = self.draw_scene(begin, window)?;
         }
         let display = self.city.display.clone();
         let mut layout = self.lay_out(window, settings);
         let is_presented = self.present(drawn, begin, &mut layout, window)?;
-        if let Some(data) = settled {
+        if let Some(data) = self.finished.take() {
             self.settled(&data, window);
         }
         self.apply_options(&display, window, settings);
@@ -151,7 +159,8 @@ impl Viewport {
     /// draw, or that was drawn at once. Fails if the ray-caster fails.
     fn draw_scene(&mut self, now: Instant, window: &mut ViewerWindow) -> Result<Option<DrawnFrame>> {
         (self.has_prefetch, self.has_arrivals) = (true, false);
-        let (detail, mut data) = self.stream(now, window);
+        let (detail, data) = self.stream(now, window);
+        let selection = now.elapsed();
         self.update_status();
         if detail.is_final && self.lift_out() {
             window.window.request_redraw();
@@ -169,45 +178,60 @@ impl Viewport {
         if matches!(session.adapter(), Adapter::Gpu(_)) {
             window.show_scene();
         } else if detail.is_final {
-            let (rows, samples) = (RenderedRows::default(), detail.samples);
-            if !self.shows_final_frame {
-                data.frame.samples = pacer.first_still_samples(samples);
-            }
-            self.still = Some(StillFrame { data, rows, samples, duration: Duration::ZERO });
+            let is_long = pacer.first_still_samples(detail.samples) < detail.samples;
+            let shows_sketch = is_long && !self.shows_final_frame;
+            let frame = SteppedFrame::default();
+            self.still = Some(StillFrame { data, frame, shows_sketch, duration: Duration::ZERO });
             return Ok(None);
         } else {
             let begin = Instant::now();
             window.set_background(&session.render(&data)?);
-            return Ok(Some(DrawnFrame { detail, data, time: Some(begin.elapsed()) }));
+            return Ok(Some(DrawnFrame { detail, data, selection, time: Some(begin.elapsed()) }));
         }
-        Ok(Some(DrawnFrame { detail, data, time: None }))
+        Ok(Some(DrawnFrame { detail, data, selection, time: None }))
     }
 
-    /// Draws the next rows of a resting view. After the last one, shows them and returns the final frame.
-    fn continue_still(&mut self, mut still: StillFrame, window: &mut ViewerWindow) -> Option<FrameData> {
+    /// Goes on with the final frame. Returns whether there is something new to present.
+    fn continue_still(&mut self, mut still: StillFrame, window: &mut ViewerWindow) -> bool {
         let begin = Instant::now();
         let CityView { session, pacer, playback, .. } = &mut self.city;
-        let count = pacer.rows_per_step(still.data.frame.height_px, still.data.frame.samples);
-        let pixels = session.render_rows(&still.data, &mut still.rows, count);
-        let (time, height_px) = (begin.elapsed(), still.data.frame.height_px);
-        still.duration += time;
-        pacer.end_step(time, f64::from(count) / f64::from(height_px.max(1)), still.data.frame.samples);
-        let Some(pixels) = pixels else {
-            self.still = Some(still);
-            return None;
-        };
-        window.set_background(&pixels);
-        if still.data.frame.samples < still.samples {
-            still.data.frame.samples = still.samples;
-            self.still = Some(still);
-            return None;
+        let (progress, pixels) = session.render_step(&still.data, &mut still.frame, STEP);
+        still.duration += begin.elapsed();
+        match progress {
+            FrameProgress::Drawing => {}
+            FrameProgress::Sketched => pacer.end_step(still.duration, 1.0, 1),
+            FrameProgress::Drawn => {
+                pacer.end_step(still.duration, 1.0, still.data.frame.samples);
+                pacer.end_steps();
+                session.record_frame_time(still.duration);
+                if let Some(playback) = playback {
+                    playback.record_frame_time(still.duration);
+                }
+            }
         }
-        session.record_frame_time(still.duration);
-        if let Some(playback) = playback {
-            playback.record_frame_time(still.duration);
+        let is_drawn = progress == FrameProgress::Drawn;
+        let shown = pixels.filter(|_| is_drawn || still.shows_sketch);
+        if let Some(pixels) = &shown {
+            window.set_background(pixels);
         }
-        pacer.end_steps();
-        Some(still.data)
+        match is_drawn {
+            true => self.finished = Some(still.data),
+            false => self.still = Some(still),
+        }
+        shown.is_some()
+    }
+
+    /// Whether the final frame is being drawn, which goes on between events.
+    pub fn is_drawing(&self) -> bool {
+        self.still.is_some()
+    }
+
+    /// Goes on with it, without changing the screen: presenting takes a software driver as long as a step. Returns when to go on, or
+    /// `None` if a frame is to be presented.
+    pub fn draw_further(&mut self, window: &mut ViewerWindow) -> Option<ControlFlow> {
+        let is_overlay_due = self.wake_at.is_some_and(|at| at <= Instant::now());
+        let has_news = self.still.take().is_none_or(|still| self.continue_still(still, window));
+        (!has_news && !is_overlay_due).then(|| ControlFlow::WaitUntil(Instant::now()))
     }
 
     /// Lifts the camera of a resting view out of a solid. Returns whether it was in one.
@@ -228,7 +252,8 @@ impl Viewport {
         layout: &mut OverlayLayout,
         window: &mut ViewerWindow,
     ) -> Result<bool> {
-        let Some(DrawnFrame { detail, data, time }) = drawn else {
+        let laid_out = begin.elapsed();
+        let Some(DrawnFrame { detail, data, selection, time }) = drawn else {
             return window.surface.present(None, &mut layout.shapes);
         };
         let city = &mut self.city;
@@ -249,7 +274,10 @@ impl Viewport {
         tracing::trace!(
             divisor = detail.divisor,
             samples = detail.samples,
+            selection_ms = ms(selection),
             scene_ms = ms(time.unwrap_or(all)),
+            layout_ms = ms(laid_out.saturating_sub(selection + time.unwrap_or_default())),
+            present_ms = ms(all.saturating_sub(laid_out)),
             all_ms = ms(all),
             full_frame_ms = ms(city.pacer.full_frame_time()),
             "frame of a new view presented"
@@ -262,7 +290,8 @@ impl Viewport {
 
     /// The final frame of a view was drawn.
     fn settled(&mut self, data: &FrameData, window: &ViewerWindow) {
-        tracing::debug!("frame settled");
+        let since_change_ms = self.city.pacer.since_change(Instant::now()).as_secs_f64() * 1e3;
+        tracing::debug!(since_change_ms, "frame settled");
         self.shows_final_frame = true;
         if self.city.counts_rays {
             // Takes about as long as drawing the frame.
@@ -287,7 +316,8 @@ impl Viewport {
         };
         if self.view != Some(view) {
             pacer.view_changed(now);
-            (self.view, self.still, self.shows_final_frame) = (Some(view), None, false);
+            (self.view, self.shows_final_frame) = (Some(view), false);
+            (self.still, self.finished) = (None, None);
         }
     }
 
@@ -461,8 +491,8 @@ impl Viewport {
             return ControlFlow::WaitUntil(now + POLL_INTERVAL);
         }
         if self.still.is_some() {
-            window.window.request_redraw();
-            return ControlFlow::Wait;
+            self.wake_at = now.checked_add(repaint_after.max(POLL_INTERVAL));
+            return ControlFlow::WaitUntil(now);
         }
         let CityView { session, pacer, recorder, display, control, readout, objects, search, styles, .. } = &self.city;
         let must_repaint = repaint_after.is_zero() && self.status == StreamStatus::Ready;

@@ -175,6 +175,7 @@ impl WindowSurface {
 
     fn draw(&mut self, scene: Option<SceneFrame<'_>>, overlay: &OverlayShapes) -> Result<bool> {
         use wgpu::CurrentSurfaceTexture as Current;
+        let begin = std::time::Instant::now();
         let target = match self.surface.get_current_texture() {
             Current::Success(texture) | Current::Suboptimal(texture) => texture,
             Current::Outdated | Current::Lost => {
@@ -183,6 +184,7 @@ impl WindowSurface {
             }
             _ => return Ok(false),
         };
+        let acquired = begin.elapsed();
         let view = target.texture.create_view(&wgpu::TextureViewDescriptor::default());
         let label = wgpu::CommandEncoderDescriptor { label: Some("frame") };
         let mut encoder = self.device.device.create_command_encoder(&label);
@@ -196,12 +198,24 @@ impl WindowSurface {
         if let Some(kept) = &self.kept {
             self.copy(kept, &target.texture);
         }
+        let copied = begin.elapsed();
         self.draw_overlay(&mut encoder, &view, overlay);
+        let recorded = begin.elapsed();
         self.device.queue.submit([encoder.finish()]);
+        let submitted = begin.elapsed();
         if let Some(gpu) = drawn {
             gpu.query_submitted();
         }
         self.device.queue.present(target);
+        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
+        tracing::trace!(
+            acquire_ms = ms(acquired),
+            copy_ms = ms(copied - acquired),
+            record_ms = ms(recorded - copied),
+            submit_ms = ms(submitted - recorded),
+            show_ms = ms(begin.elapsed() - submitted),
+            "surface presented"
+        );
         Ok(true)
     }
 

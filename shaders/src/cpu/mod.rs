@@ -21,6 +21,7 @@ pub mod raycast;
 pub mod render;
 pub mod shade;
 pub(crate) mod solid;
+pub mod stepped;
 pub mod stone;
 pub mod translucency;
 pub mod translucency_map;

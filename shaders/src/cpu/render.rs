@@ -103,14 +103,30 @@ impl RenderedRows {
     /// The pixels of `frame`, of which all rows were rendered.
     pub fn develop(self, frame: &FrameUniform) -> Pixels {
         let Self { set, words, distance, hit, .. } = self;
-        let mut out =
-            Pixels { width_px: frame.width_px, height_px: frame.height_px, distance, hit, ..Pixels::default() };
-        match set.filter(|_| frame.shading == Shading::Lit as u32) {
-            Some(set) => (out.colour, out.radiance) = (develop_in_packets(set, frame, &words), words),
-            None => out.set_words(frame, words),
-        }
-        out
+        let out = Pixels { width_px: frame.width_px, height_px: frame.height_px, distance, hit, ..Pixels::default() };
+        with_words(out, frame, set, words)
     }
+}
+
+/// A frame of drawn pixels.
+pub(super) fn developed(frame: &FrameUniform, set: Option<InstructionSet>, pixels: &[Pixel]) -> Pixels {
+    let words = pixels.iter().map(|pixel| pixel.word).collect();
+    let out = Pixels {
+        width_px: frame.width_px,
+        height_px: frame.height_px,
+        distance: pixels.iter().map(|pixel| pixel.distance_m).collect(),
+        hit: pixels.iter().map(|pixel| pixel.hit).collect(),
+        ..Pixels::default()
+    };
+    with_words(out, frame, set, words)
+}
+
+fn with_words(mut out: Pixels, frame: &FrameUniform, set: Option<InstructionSet>, words: Vec<u32>) -> Pixels {
+    match set.filter(|_| frame.shading == Shading::Lit as u32) {
+        Some(set) => (out.colour, out.radiance) = (develop_in_packets(set, frame, &words), words),
+        None => out.set_words(frame, words),
+    }
+    out
 }
 
 /// [`develop`](crate::tone::develop) of a lit frame.
@@ -125,7 +141,7 @@ fn develop_in_packets(set: InstructionSet, frame: &FrameUniform, words: &[u32]) 
 }
 
 /// Renders rows from row `first` on this thread: as many as `out` has pixels for.
-fn render_band(
+pub(super) fn render_band(
     (set, sampling): (Option<InstructionSet>, Sampling),
     scene: &SceneRef<'_>,
     first: u32,

@@ -21,7 +21,7 @@ const MAX_STILL_FRAME_IN_STEPS: Duration = Duration::from_secs(4);
 /// One that would take longer is drawn with one ray a pixel before.
 const MAX_BLURRED: Duration = Duration::from_millis(400);
 /// Duration of such a step: input is handled after it.
-const STEP: Duration = Duration::from_millis(30);
+pub const STEP: Duration = Duration::from_millis(30);
 /// Largest divisor of the number of pixels along a side.
 const MAX_DIVISOR: u32 = 8;
 /// Most rays along a pixel's side whose frames are measured apart.
@@ -184,6 +184,11 @@ impl FramePacer {
     /// Estimated time of a frame with all pixels and one ray per pixel.
     pub fn full_frame_time(&self) -> Duration {
         self.estimate(1)
+    }
+
+    /// How long the view has not changed.
+    pub fn since_change(&self, now: Instant) -> Duration {
+        now.saturating_duration_since(self.last_change)
     }
 
     /// Duration of the last frame.

@@ -10,7 +10,8 @@ use insula_shaders::{
     cpu::{
         instruction_set::InstructionSet,
         raycast::{Pixels, RayCounts, Sampling, SceneRef, count},
-        render::{RenderedRows, render_with, with_spare_core},
+        render::{render_with, with_spare_core},
+        stepped::{FrameProgress, SteppedFrame},
         translucency_map::make_map,
     },
     layout::{DrawNode, FrameUniform, PAGE_WORDS, SUMMARY_WORDS},
@@ -49,10 +50,15 @@ impl CpuAdapter {
         if self.spares_core { with_spare_core(draw) } else { draw() }
     }
 
-    /// Draws the next `count` rows of a frame on all cores: a resting view has nothing to fetch. Returns whether all rows are drawn.
-    pub fn draw_rows(&mut self, data: &FrameData, rows: &mut RenderedRows, count: u32) -> bool {
+    /// Draws more of a frame on all cores until `is_due`: a resting view has nothing to fetch. See [`SteppedFrame::step`].
+    pub fn draw_step(
+        &mut self,
+        data: &FrameData,
+        frame: &mut SteppedFrame,
+        is_due: impl Fn() -> bool + Sync,
+    ) -> FrameProgress {
         self.make_maps(&data.frame, &data.grid, &data.nodes);
-        rows.render(&self.scene_of(data), count)
+        frame.step(&self.scene_of(data), is_due)
     }
 
     /// Makes the frame's translucency maps that the atlas does not hold. To be called before the frame is drawn.
@@ -73,7 +79,8 @@ impl CpuAdapter {
         SceneRef { frame, grid, nodes, summaries: &self.summaries, atlas: &self.atlas }
     }
 
-    fn scene_of<'a>(&'a self, data: &'a FrameData) -> SceneRef<'a> {
+    /// What the ray-caster reads for a frame.
+    pub fn scene_of<'a>(&'a self, data: &'a FrameData) -> SceneRef<'a> {
         self.scene(&data.frame, &data.grid, &data.nodes)
     }
 }

@@ -22,5 +22,5 @@ mod stone;
 mod tone;
 mod trace;
 
-pub(super) use frame::render_rows;
+pub(super) use frame::{CentreRay, CentreRows, cast_centres, finish_rows, render_rows, rows_around, sketch_rows};
 pub(super) use tone::develop_pixels;
