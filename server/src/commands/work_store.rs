@@ -8,17 +8,24 @@ use object_store::{
     aws::{AmazonS3, AmazonS3Builder},
     multipart::{MultipartStore, PartId},
     path::Path as ObjectPath,
+    signer::{SignedUrlOptions, Signer},
 };
+use reqwest::Method;
 use std::{
     fs::File,
     io::{self, Read, Write},
     path::Path,
     sync::{Mutex, PoisonError},
+    time::Duration,
 };
 use tokio::runtime::Runtime;
 
 /// Larger objects are uploaded in parts of this size: of at most 10,000 parts, an object may have 320 GB.
 const PART_BYTES: usize = 32 << 20;
+/// The signature of a request for a list is valid for so long.
+const LIST_TIME: Duration = Duration::from_secs(300);
+/// A list of uploads has at most 1000, of some hundred bytes each.
+const MAX_LIST_BYTES: usize = 16 << 20;
 /// Parts of an object that are under way at once.
 const PARTS_AT_ONCE: usize = 4;
 
@@ -198,5 +205,54 @@ impl WorkStore for WorkBucket {
                 Err(error) => Err(io_error(error)),
             }
         })
+    }
+
+    fn begun_parts(&self) -> io::Result<Vec<(String, String)>> {
+        let own = if self.folder.as_ref().is_empty() { String::new() } else { format!("{}/", self.folder) };
+        let query = [("uploads", String::new()), ("prefix", own.clone())];
+        let options = SignedUrlOptions::new().with_query(query);
+        self.run(async {
+            // `object_store` has no request for it: that of the bucket is signed, and sent by its HTTP client.
+            let root = ObjectPath::default();
+            let url = self.store.signed_url_opts(Method::GET, &root, LIST_TIME, &options).await.map_err(io_error)?;
+            let response = reqwest::get(url).await.and_then(reqwest::Response::error_for_status);
+            let mut response = response.map_err(io::Error::other)?;
+            let mut bytes = Vec::new();
+            while let Some(part) = response.chunk().await.map_err(io::Error::other)? {
+                bytes.extend_from_slice(&part);
+                if bytes.len() > MAX_LIST_BYTES {
+                    return Err(io::Error::other("the list of uploads is too long"));
+                }
+            }
+            let uploads = uploads_of(&String::from_utf8_lossy(&bytes));
+            Ok(uploads.into_iter().filter_map(|(key, id)| Some((key.strip_prefix(&own)?.to_owned(), id))).collect())
+        })
+    }
+}
+
+/// Keys and numbers of the uploads of a `ListMultipartUploadsResult`.
+fn uploads_of(xml: &str) -> Vec<(String, String)> {
+    let text = |upload: &str, name: &str| {
+        let (_, rest) = upload.split_once(&format!("<{name}>"))?;
+        let (text, _) = rest.split_once(&format!("</{name}>"))?;
+        let named = [("&lt;", "<"), ("&gt;", ">"), ("&quot;", "\""), ("&apos;", "'"), ("&amp;", "&")];
+        Some(named.iter().fold(text.to_owned(), |text, (entity, character)| text.replace(entity, character)))
+    };
+    let uploads = xml.split("<Upload>").skip(1).filter_map(|rest| Some(rest.split_once("</Upload>")?.0));
+    uploads.filter_map(|upload| Some((text(upload, "Key")?, text(upload, "UploadId")?))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uploads_of_a_list_are_found() {
+        let xml = r#"<?xml version="1.0"?><ListMultipartUploadsResult><Bucket>b</Bucket><UploadIdMarker></UploadIdMarker>
+            <Upload><Key>work/scan/0/a&amp;b</Key><UploadId>x&lt;1</UploadId><Owner><ID>o</ID></Owner></Upload>
+            <Upload><Key>work/c</Key><UploadId>2</UploadId></Upload><Upload><Key>cut"#;
+        let expected = [("work/scan/0/a&b", "x<1"), ("work/c", "2")].map(|(key, id)| (key.to_owned(), id.to_owned()));
+        assert_eq!(uploads_of(xml), expected);
+        assert!(uploads_of("no list").is_empty());
     }
 }

@@ -73,7 +73,7 @@ pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use landmark::cell_of_monument;
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
-pub(crate) use part::{ListedInputs, PartFiles, PartHead, PartsCity, RECORDS, SceneParts, TRIANGLES, records_of};
+pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
 pub use remote::FetchFunction;
 pub use report::{
     AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{sealed::SealedStore, work::WorkStore};
 use crate::{
     config::{ALGORITHM, BakeConfig, BakeOptions},
-    error::BakeError,
+    error::{BakeError, InputError},
     hash::short_hex,
     progress::Progress,
     read::{ListedInputs, PlacingOptions, ReadOptions},
@@ -48,7 +48,11 @@ pub struct Job {
     region_leaves: u32,
     /// Size of the chunks, and of the slices of sequences.
     chunk_bytes: u64,
-    /// Runs of sources.
+    /// Numbers of the sources that are read last: in the order of the inputs, without elevation models.
+    postponed: Vec<usize>,
+    /// Size of each elevation model and picture from above in bytes.
+    elevation: Vec<u64>,
+    /// Runs of the other sources.
     chunks: Vec<JobChunk>,
 }
 
@@ -110,10 +114,6 @@ impl Job {
         Ok(short_hex(&blake3::hash(&self.json()?)))
     }
 
-    pub(super) fn chunk_bytes(&self) -> u64 {
-        self.chunk_bytes
-    }
-
     /// Number of scans.
     #[must_use]
     pub fn scans(&self) -> usize {
@@ -143,9 +143,10 @@ impl<'a> BakeSteps<'a> {
         }
         progress.stage("list", 0);
         let read_options = config.read_options(options);
-        let listed = ListedInputs::new(&options.inputs, &read_options, request.chunk_bytes)?;
-        let sizes = listed.sizes();
-        let crs = listed.settle(&read_options)?;
+        let mut listed = ListedInputs::new(&options.inputs, &read_options, request.chunk_bytes)?;
+        let (crs, postponed) = listed.settle(&read_options)?;
+        listed.postpone(&postponed);
+        let (sizes, elevation) = listed.sizes();
         let job = Job {
             steps: STEPS_VERSION,
             program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -157,6 +158,8 @@ impl<'a> BakeSteps<'a> {
             crs,
             region_leaves: leaves,
             chunk_bytes: request.chunk_bytes,
+            postponed,
+            elevation,
             chunks: chunks(&sizes, request.chunk_bytes),
         };
         let failed = |cause| BakeError::Work { work: store.address(), name: JOB.to_owned(), cause };
@@ -196,6 +199,18 @@ impl<'a> BakeSteps<'a> {
         SealedStore { store: self.store, job: &self.id }
     }
 
+    /// The inputs as they were listed. Fails if they have changed since.
+    pub(super) fn list_inputs(&self) -> Result<ListedInputs, BakeError> {
+        let mut listed = ListedInputs::new(&self.job.inputs, &self.read_options, self.job.chunk_bytes)?;
+        listed.postpone(&self.job.postponed);
+        let (sizes, elevation) = listed.sizes();
+        if elevation != self.job.elevation || !sizes.iter().eq(self.chunks().iter().flat_map(|chunk| &chunk.bytes)) {
+            let what = "they have changed since they were listed; begin a new job";
+            return Err(InputError::unsupported("the inputs", what).into());
+        }
+        Ok(listed)
+    }
+
     pub(super) fn chunks(&self) -> &[JobChunk] {
         &self.job.chunks
     }
@@ -219,6 +234,10 @@ fn chunks(sizes: &[u64], chunk_bytes: u64) -> Vec<JobChunk> {
             _ => chunks.push(JobChunk { first, bytes: vec![*size] }),
         }
     }
+    if chunks.is_empty() {
+        // A city of elevation models alone.
+        chunks.push(JobChunk { first: 0, bytes: Vec::new() });
+    }
     chunks
 }
 
@@ -233,5 +252,6 @@ mod tests {
         assert_eq!(of(6), [vec![5, 1], vec![2, 9], vec![1]]);
         assert_eq!(of(100), [vec![5, 1, 2, 9, 1]]);
         assert_eq!(chunks(&[5, 1, 2], 6)[1].first, 2);
+        assert_eq!(chunks(&[], 6), [JobChunk { first: 0, bytes: Vec::new() }]);
     }
 }

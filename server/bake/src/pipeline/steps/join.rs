@@ -15,19 +15,21 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     crown,
-    job::{BakeSteps, Job},
-    layout::{CityPlan, PLAN, REPORT, REPORT_KIND, ROWS_KIND, rows_name},
+    job::BakeSteps,
+    layout::{CityPlan, OWN_RECORDS, PLAN, REPORT, REPORT_KIND, ROWS_KIND, rows_name},
     region,
     region_file::{INDEX_KIND, TileIndex, bytes_name, index_name},
     scan::{fetch, put_file, records_name, scratch_folder},
     sealed::{SealedKind, SealedStore},
-    work::WorkStore,
 };
 use crate::{
     error::BakeError,
     hash::ShortHash,
     read::{self, ReadReport},
-    scene::object_numbers::NumberedObject,
+    scene::{
+        object_numbers::NumberedObject,
+        record_list::{RecordList, RecordScratch},
+    },
     write::{
         archive::{self, ArchiveLayout, WrittenArchive, archive_order},
         city::{self, BLOCKMAPS_FILE, CityInput, MESHES_FILE, TileArchives},
@@ -251,15 +253,18 @@ impl BakeSteps<'_> {
             fetch(objects, &records_name(chunk), &path)?;
             files.push((path, self.head(chunk)?.record_bytes));
         }
+        let own = scratch.join("records");
+        fetch(objects, OWN_RECORDS, &own)?;
+        files.push((own, plan.own_record_bytes));
         let records = read::records_of(files);
-        let mut rows: Vec<Option<NumberedObject>> = Vec::with_capacity(plan.rows.min(1 << 20));
+        let mut rows = RecordList::new(&RecordScratch::in_folder(scratch));
         let mut part = 0;
         while rows.len() < plan.rows {
             let more: Vec<Option<NumberedObject>> = objects.read(&rows_name(part), ROWS_KIND)?;
             if more.is_empty() {
                 return Err(objects.damaged(&rows_name(part), "its fields are damaged"));
             }
-            rows.extend(more);
+            more.into_iter().for_each(|row| rows.push(row));
             part += 1;
         }
         let (origin_m, searchable) = (plan.grid.corner, self.config.searchable.clone());
@@ -309,15 +314,6 @@ impl BakeSteps<'_> {
         fingerprints.retain(|(place, _)| !blocks.contains(place));
         fingerprints.sort_unstable_by_key(|((x, y), _)| (*y, *x));
         Ok(CityTiles { tree, fingerprints, hashes })
-    }
-}
-
-impl Job {
-    /// Names and tickets of the archives whose parts are copied, or were. Fails if the store does not answer.
-    pub(super) fn begun_parts(&self, store: &dyn WorkStore) -> Result<Vec<(String, String)>, BakeError> {
-        let id = self.id()?;
-        let found: Option<JoinPlan> = SealedStore { store, job: &id }.find(JOIN_PLAN, JOIN_KIND)?;
-        Ok(found.into_iter().flat_map(|plan| plan.archives).map(|archive| (archive.name, archive.ticket)).collect())
     }
 }
 

@@ -24,12 +24,14 @@ pub(super) const PLAN_KIND: SealedKind = *b"PLAN";
 /// The report of what was read.
 pub(super) const REPORT: &str = "plan/report";
 pub(super) const REPORT_KIND: SealedKind = *b"READ";
-/// The triangles of the generated ground.
-pub(super) const GROUND: &str = "plan/ground";
+/// The triangles that are of no scan: terrain, landmarks, generated ground.
+pub(super) const OWN_TRIANGLES: &str = "plan/triangles";
+/// What is known of their objects.
+pub(super) const OWN_RECORDS: &str = "plan/records";
 pub(super) const CHUNK_KIND: SealedKind = *b"CHNK";
 pub(super) const ROWS_KIND: SealedKind = *b"ROWS";
 /// Numbered objects in one object of the store.
-pub(super) const ROWS_PER_OBJECT: usize = 1 << 20;
+pub(super) const ROWS_PER_OBJECT: usize = 1 << 15;
 
 /// Name of what the plan says of a chunk.
 pub(super) fn chunk_name(chunk: usize) -> String {
@@ -53,8 +55,10 @@ pub(super) struct CityPlan {
     pub(super) region_level: u8,
     /// Column and row of each region that may have content, along the Hilbert curve.
     pub(super) regions: Vec<[u32; 2]>,
-    /// Number of chunks, with that of the generated ground.
+    /// Number of chunks, with that of the triangles that are of no scan.
     pub(super) chunks: usize,
+    /// Size of the records that are of no scan.
+    pub(super) own_record_bytes: u64,
     /// Number of numbered objects.
     pub(super) rows: usize,
 }
@@ -121,6 +125,15 @@ pub(super) struct NumberedShape {
     pub(super) base_z_m: f32,
     /// Number in the baked city.
     pub(super) number: u32,
+    pub(super) landmark: Option<PlannedLandmark>,
+}
+
+/// What makes an object a landmark.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct PlannedLandmark {
+    pub(super) stone: Option<u8>,
+    /// Relative to the scene's origin.
+    pub(super) anchor_m: [f32; 3],
 }
 
 /// A material of the city.

@@ -29,5 +29,5 @@ mod stage;
 mod work;
 
 pub use job::{BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest};
-pub use stage::{BakeStage, StageStatus, abort};
+pub use stage::{AbortedJob, BakeStage, StageStatus, abort};
 pub use work::{WorkFolder, WorkStore};

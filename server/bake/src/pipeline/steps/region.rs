@@ -4,7 +4,7 @@ use std::{collections::HashMap, fs, path::Path};
 
 use super::{
     job::BakeSteps,
-    layout::{CityPlan, PlannedMaterial},
+    layout::{CityPlan, PlannedLandmark, PlannedMaterial},
     region_file::{self, TileIndex, index_name},
     scan::{fetch, picture_name, scratch_folder},
     shuffle::BundleHead,
@@ -19,8 +19,10 @@ use crate::{
     },
     report::ResumeStatus,
     scene::{
+        Landmark,
         object_names::ObjectNames,
         object_records::ObjectRecords,
+        record_list::RecordList,
         scratch_budget::ScratchBudget,
         scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial, StoredObject},
         texture_store::{TextureFacts, TextureStore, texture_path},
@@ -113,18 +115,18 @@ impl BakeSteps<'_> {
             origin: plan.facts.origin,
             crs: None,
             bounds: None,
-            objects: builder.objects,
+            objects: builder.objects.into(),
             numbers: builder.numbers,
-            landmarks: Vec::new(),
+            landmarks: builder.landmarks,
             standing: Vec::new(),
-            parents: Vec::new(),
+            parents: RecordList::default(),
             records: ObjectRecords::Memory(Vec::new()),
             materials: builder.materials,
             textures: TextureStore::of_files(builder.textures, textures, cache_bytes),
             triangles: builder.triangles,
             extent: SceneExtent::default(),
             names: ObjectNames::Memory(Vec::new()),
-            placements: builder.placements,
+            placements: builder.placements.into(),
             stored,
         })
     }
@@ -135,6 +137,7 @@ impl BakeSteps<'_> {
 struct RegionBuilder {
     objects: Vec<StoredObject>,
     numbers: Vec<u32>,
+    landmarks: Vec<Landmark>,
     placements: Vec<ObjectPlacement>,
     materials: Vec<StoredMaterial>,
     material_numbers: HashMap<PlannedMaterial, u32>,
@@ -153,7 +156,13 @@ impl RegionBuilder {
                 let (kind, base_z_m, identity) = (shown.kind, shown.base_z_m, None);
                 self.objects.push(StoredObject { kind, base_z_m, bounds_m, identity });
                 self.numbers.push(shown.number);
-                self.objects.len() as u32 - 1
+                let object = self.objects.len() as u32 - 1;
+                self.landmarks.extend(shown.landmark.map(|PlannedLandmark { stone, anchor_m }| Landmark {
+                    object,
+                    stone,
+                    anchor_m,
+                }));
+                object
             });
             self.placements.push(ObjectPlacement { offset_m: planned.offset_m, object });
         }

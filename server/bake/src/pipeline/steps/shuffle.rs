@@ -15,7 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     job::BakeSteps,
-    layout::{CHUNK_KIND, CityPlan, GROUND, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture, chunk_name},
+    layout::{
+        CHUNK_KIND, CityPlan, OWN_TRIANGLES, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture, chunk_name,
+    },
     scan::{fetch, put_file, scratch_folder, triangles_name},
     sealed::SealedKind,
 };
@@ -94,7 +96,7 @@ impl Bundle {
 }
 
 impl BakeSteps<'_> {
-    /// Sorts a chunk by region; the last one is the generated ground. Fails if the plan is missing.
+    /// Sorts a chunk by region; the last one may be what is of no scan. Fails if the plan is missing.
     pub fn shuffle(&self, chunk: usize) -> Result<(), BakeError> {
         let plan = self.read_plan()?;
         self.check_task("shuffle", chunk, plan.chunks)?;
@@ -105,7 +107,7 @@ impl BakeSteps<'_> {
         let planned: PlannedChunk = objects.read(&chunk_name(chunk), CHUNK_KIND)?;
         let folder = scratch_folder()?;
         let path = folder.path().join("triangles");
-        let name = if chunk < self.chunks().len() { triangles_name(chunk) } else { GROUND.to_owned() };
+        let name = if chunk < self.chunks().len() { triangles_name(chunk) } else { OWN_TRIANGLES.to_owned() };
         fetch(objects, &name, &path)?;
         let damaged = || objects.damaged(&name, "its triangles are not those of the plan");
         self.progress.stage("shuffle", fs::metadata(&path).map_or(0, |meta| meta.len() / RECORD_BYTES as u64));
@@ -245,7 +247,7 @@ mod tests {
     use crate::{pipeline::steps::layout::NumberedShape, scene::ObjectKind};
 
     fn chunk() -> PlannedChunk {
-        let shown = NumberedShape { kind: ObjectKind::Building, base_z_m: 1.5, number: 7 };
+        let shown = NumberedShape { kind: ObjectKind::Building, base_z_m: 1.5, number: 7, landmark: None };
         let object = |x: f64| PlannedObject { offset_m: [x, 0.0, 0.0], shown: Some(shown) };
         let material = |number: u32| PlannedMaterial { number, rgb: [1, 2, 3], texture: None, is_reflective: false };
         PlannedChunk {
