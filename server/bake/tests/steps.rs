@@ -9,7 +9,10 @@ use std::{
     fmt::Write,
     fs,
     path::{Path, PathBuf},
-    sync::Mutex,
+    sync::{
+        Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
 };
 
 use insula_bake::{
@@ -88,7 +91,7 @@ fn shuffled(tasks: usize, rng: &mut Rng) -> Vec<usize> {
 /// Runs all steps, each as a program of its own would.
 fn bake_in_steps(work: &Path, options: &BakeOptions, chunk_bytes: u64, region_leaves: u32) -> Result<(), BakeError> {
     let store = WorkFolder::new(work);
-    let request = JobRequest { arguments: Vec::new(), chunk_bytes, region_leaves };
+    let request = JobRequest { arguments: Vec::new(), chunk_bytes, region_leaves, is_update: false };
     for _ in 0..2 {
         BakeSteps::begin(&store, options, &request, &Silent)?;
     }
@@ -237,13 +240,85 @@ fn few_objects_that_make_the_city_wide_are_named() {
     assert!(wide.contains("stray: 8") && wide.contains("km from the others") && wide.contains("--bbox"), "{wide}");
     assert_eq!(found.iter().filter(|text| text.contains("as wide")).count(), 1, "{found:?}");
     let (steps, store) = (Warnings::default(), WorkFolder::new(&folder.path.join("work")));
-    let request = JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves: 32 };
+    let request = JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves: 32, is_update: false };
     let job = BakeSteps::begin(&store, &options, &request, &Silent).unwrap();
     for scan in 0..2 {
         BakeSteps::open(&store, job.clone(), &options, &Silent).unwrap().run(BakeStage::Scan, scan).unwrap();
     }
     BakeSteps::open(&store, job, &options, &steps).unwrap().run(BakeStage::Plan, 0).unwrap();
     assert!(steps.0.into_inner().unwrap().contains(wide));
+}
+
+/// Counts the regions that are baked.
+#[derive(Default)]
+struct BakedRegions(AtomicUsize);
+
+impl Progress for BakedRegions {
+    fn stage(&self, name: &str, _: u64) {
+        self.0.fetch_add(usize::from(name == "sample"), Ordering::Relaxed);
+    }
+
+    fn advance(&self, _: u64) {}
+}
+
+/// Updates the city of a work store. Returns the number of regions, and how many of them were baked.
+fn update_in_steps(work: &Path, options: &BakeOptions) -> [usize; 2] {
+    let (store, baked) = (WorkFolder::new(work), BakedRegions::default());
+    let request = JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves: 4, is_update: true };
+    let before = fs::read(work.join("city/city.json")).unwrap();
+    let job = BakeSteps::begin(&store, options, &request, &Silent).unwrap();
+    // Begun again before there is a city, the job is the same.
+    assert_eq!(BakeSteps::begin(&store, options, &request, &Silent).unwrap(), job);
+    let mut regions = 0;
+    for (_, stage) in BakeStage::NAMES {
+        let steps = || BakeSteps::open(&store, job.clone(), options, &baked).unwrap();
+        let tasks = steps().tasks(stage).unwrap();
+        regions = if stage == BakeStage::Region { tasks } else { regions };
+        // Readers have the city before until the last step.
+        assert_eq!(fs::read(work.join("city/city.json")).unwrap(), before);
+        (0..tasks).chain(0..tasks).for_each(|task| steps().run(stage, task).unwrap());
+    }
+    [regions, baked.0.into_inner()]
+}
+
+#[test]
+fn an_update_bakes_only_changed_regions_and_gives_the_bytes_of_a_whole_bake() {
+    let folder = TestFolder::new("steps-update");
+    let inputs = write_town(&folder.path, [139.75, 35.68], 3);
+    let options = BakeOptions { ground: GroundOption::None, ..options(inputs.clone()) };
+    let (work, updated) = (folder.path.join("work"), folder.path.join("updated").join("town"));
+    bake_in_steps(&work, &options, 1, 4).unwrap();
+    let update_plainly = || {
+        let options = BakeOptions { out: updated.clone(), update: true, ..options.clone() };
+        insula_bake::bake(&options, &Silent).unwrap();
+        files(&updated)
+    };
+    assert_same(&files(&work.join("city")), &update_plainly(), "before");
+    // Nothing has changed.
+    let [regions, baked] = update_in_steps(&work, &options);
+    assert!(regions > 5 && baked == 0, "{baked} of {regions}");
+    assert_same(&files(&work.join("city")), &update_plainly(), "unchanged");
+    // A house has another height.
+    let text = fs::read_to_string(&inputs[1]).unwrap();
+    let changed = text.replacen(r#""height":20,"#, r#""height":21,"#, 1);
+    assert_ne!(changed, text);
+    fs::write(&inputs[1], &changed).unwrap();
+    let [_, baked] = update_in_steps(&work, &options);
+    assert!((1..=4).contains(&baked), "{baked} of {regions}");
+    let whole = plain(&folder.path, &options);
+    assert_same(&files(&work.join("city")), &whole, "a changed house");
+    assert_same(&update_plainly(), &whole, "a changed house, plainly");
+    // A house more, in the middle of the town: the others keep their numbers.
+    let at = changed.find(r#"{"type":"Feature","id":"h1-9""#).unwrap();
+    let end = changed.find(r#"{"type":"Feature","id":"h1-10""#).unwrap();
+    let house = changed[at..end].replace("h1-9", "new").replace(r#""height":"#, r#""height":1"#);
+    let more = format!("{}{house}{}", &changed[..at], &changed[at..]);
+    fs::write(&inputs[1], more).unwrap();
+    let [_, baked] = update_in_steps(&work, &options);
+    assert!((1..=4).contains(&baked), "{baked} of {regions}");
+    assert_same(&files(&work.join("city")), &update_plainly(), "a house more");
+    // Tiles that no region has any more are removed, and so are the numbers of the jobs before.
+    assert_eq!([objects(&work, "tiles").len(), objects(&work, "numbers").len()], [2 * regions, 1]);
 }
 
 /// Ten towns on a line of 1,000 km.
@@ -334,7 +409,7 @@ fn other_jobs_settings_and_damaged_objects_are_refused() {
     let folder = TestFolder::new("steps-refused");
     let options = options(write_town(&folder.path, [139.75, 35.68], 2));
     let (work, store) = (folder.path.join("work"), WorkFolder::new(&folder.path.join("work")));
-    let request = |region_leaves| JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves };
+    let request = |region_leaves| JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves, is_update: false };
     assert!(matches!(Job::read(&store), Err(error @ BakeError::StepMissing { .. }) if !error.is_final()));
     BakeSteps::begin(&store, &options, &request(4), &Silent).unwrap();
     let other = BakeSteps::begin(&store, &options, &request(8), &Silent).unwrap_err();
@@ -373,7 +448,8 @@ fn other_jobs_settings_and_damaged_objects_are_refused() {
     fs::rename(work.join("plan"), work.join("kept")).unwrap();
     check(heads, BakeStage::Plan, 0);
     fs::rename(work.join("kept"), work.join("plan")).unwrap();
-    fs::remove_dir_all(work.join("region/0")).unwrap();
+    // Another job would find the tiles of a region by its input.
+    ["region/0", "tiles"].iter().for_each(|name| fs::remove_dir_all(work.join(name)).unwrap());
     check(vec![work.join("shuffle/0/index")], BakeStage::Region, 0);
     let bundles = work.join("shuffle/0/bundles");
     let good = fs::read(&bundles).unwrap();
@@ -399,7 +475,7 @@ fn a_change_of_the_inputs_ends_the_job() {
     let folder = TestFolder::new("steps-changed");
     let options = options(write_town(&folder.path, [139.75, 35.68], 2));
     let store = WorkFolder::new(&folder.path.join("work"));
-    let request = JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves: 4 };
+    let request = JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves: 4, is_update: false };
     let job = BakeSteps::begin(&store, &options, &request, &Silent).unwrap();
     fs::write(&options.inputs[0], "{}").unwrap();
     let error = BakeSteps::open(&store, job, &options, &Silent).unwrap().run(BakeStage::Scan, 1).unwrap_err();

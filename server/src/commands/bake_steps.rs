@@ -74,6 +74,7 @@ fn begin(args: &BakeArgs, store: &dyn WorkStore) -> Result<(), CommandError> {
         arguments: std::env::args().skip(1).collect(),
         chunk_bytes: args.chunk.unwrap_or(DEFAULT_CHUNK_BYTES),
         region_leaves: args.region.unwrap_or(DEFAULT_REGION_LEAVES),
+        is_update: args.update,
     };
     let progress = BakeProgress::start(Path::new(&store.address()));
     let job = BakeSteps::begin(store, &options, &request, &progress);

@@ -5,9 +5,7 @@ use std::sync::Arc;
 
 use super::attributes::{Attributes, NamePatterns};
 use super::duplicates::DuplicateOption;
-use super::elevation::{
-    Drape, Elevation, FarModels, GroundPictures, LandColours, SurroundingsOptions, TerrainOptions, TerrainTile,
-};
+use super::elevation::{Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, SurroundingsOptions, TerrainOptions, TerrainTile};
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
 use super::map_store::MapStore;
@@ -422,10 +420,20 @@ impl<'o> ReadContext<'o> {
         self.options.palette.resolve(None, &facts, &Look::PLAIN).0
     }
 
+    fn land_colours(&self) -> LandColours {
+        LandColours { land: self.colour_of(FeatureKind::Relief), water: self.colour_of(FeatureKind::Water) }
+    }
+
+    /// The land around the city, as it was measured. Fails if a model cannot be placed.
+    pub(crate) fn into_land(mut self, facts: LandFacts) -> Result<FarModels, InputError> {
+        self.elevation.settle(&mut self.world)?;
+        let colours = self.land_colours();
+        Ok(FarModels::known(self.elevation, colours, facts))
+    }
+
     /// The land around the city; `None` if none is wanted or known. Fails if an elevation model cannot be read.
     pub(crate) fn take_surroundings(&mut self) -> Result<Option<FarModels>, InputError> {
-        let colours =
-            LandColours { land: self.colour_of(FeatureKind::Relief), water: self.colour_of(FeatureKind::Water) };
+        let colours = self.land_colours();
         let failed = |error| InputError::io("the land", std::io::Error::other(error));
         let city = self.builder.bounds_on_map().map_err(failed)?;
         let elevation = std::mem::take(&mut self.elevation);

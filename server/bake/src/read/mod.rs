@@ -67,7 +67,7 @@ pub use attributes::NamePatterns;
 pub use context::{ObjUpAxis, PlacingOptions, ReadOptions};
 pub use duplicates::DuplicateOption;
 pub use earth_place::EarthPlace;
-pub(crate) use elevation::{ALIGNED_LEAVES, FarModels, LandSquare};
+pub(crate) use elevation::{ALIGNED_LEAVES, FarModels, LandFacts, LandSquare};
 pub use elevation::{SurroundingsOptions, TerrainOptions};
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use landmark::cell_of_monument;

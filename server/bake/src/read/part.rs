@@ -20,7 +20,7 @@ use super::scene_builder::{BuilderParts, PartObjects, SceneBuilder};
 use super::slice::slices;
 use super::source::ReadProgress;
 use super::{
-    MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES, ReadSources, ScratchOptions, finish_city, is_elevation, read_landmarks,
+    FarModels, LandFacts, MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES, ReadCity, ReadSources, ScratchOptions, finish_city, is_elevation, read_landmarks,
     read_source, read_sources,
 };
 use crate::error::{BakeError, InputError};
@@ -36,6 +36,9 @@ use crate::scene::triangle_store::{TrianglePart, TriangleStore};
 pub(crate) const TRIANGLES: &str = "triangles";
 /// Name of a part's file of shapes that are painted on terrain.
 pub(crate) const SHAPES: &str = "shapes";
+
+/// Shorter sequences are not divided.
+const MIN_SLICE_BYTES: u64 = 1 << 20;
 
 /// The sources of inputs, in the order in which a plain bake reads them.
 pub(crate) struct ListedInputs {
@@ -63,20 +66,16 @@ pub(crate) struct PartHead {
 }
 
 impl ListedInputs {
-    /// Lists the sources, sequences of more than `slice_bytes` as several. Fails as reading them does, and for sources that cannot be read
-    /// in parts: land around the city, and a mesh that is the city.
+    /// Lists the sources, sequences of more than `slice_bytes` as several. Fails as reading them does, and for a mesh that is the city.
     pub(crate) fn new(inputs: &[PathBuf], options: &ReadOptions, slice_bytes: u64) -> Result<Self, InputError> {
         let listed = list::list(inputs, options, &mut BadInputs::new(options.skip_bad_inputs))?;
         let unsupported =
             |label: &str, what: &str| InputError::unsupported(label, format!("{what} in steps; bake without --work"));
-        if let Some(source) = listed.sources.iter().find(|source| source.is_surroundings) {
-            return Err(unsupported(&source.label, "land around the city is not baked"));
-        }
         if let Some(source) = listed.sources.first().filter(|_| options.is_monument) {
             return Err(unsupported(&source.label, "a mesh that is the city is not baked"));
         }
         let (elevation, others): (Vec<_>, Vec<_>) = listed.sources.into_iter().partition(is_elevation);
-        let sources = others.into_iter().flat_map(|source| slices(source, slice_bytes)).collect();
+        let sources = others.into_iter().flat_map(|source| slices(source, slice_bytes.max(MIN_SLICE_BYTES))).collect();
         let elevation = SourceList { sources: elevation, unread: Vec::new() };
         Ok(Self { elevation, listed: SourceList { sources, unread: listed.unread } })
     }
@@ -119,6 +118,12 @@ impl ListedInputs {
             }
         }
         Ok((context.world.crs_name(), postponed))
+    }
+
+    /// The land around the city, of which `facts` are known. Fails if a model cannot be opened or placed.
+    pub(crate) fn land(&self, options: &ReadOptions, facts: LandFacts) -> Result<FarModels, InputError> {
+        let context = self.context(options, TriangleStore::Memory(Vec::new()), TextureStore::in_memory())?;
+        context.into_land(facts)
     }
 
     /// The state of a reader that has opened the elevation models. Fails if one cannot be opened, unless bad inputs are skipped.
@@ -210,6 +215,8 @@ pub(crate) struct SceneParts<'o> {
 /// A city of parts.
 pub(crate) struct PartsCity {
     pub(crate) city: ScratchScene,
+    /// The land around it.
+    pub(crate) surroundings: Option<FarModels>,
     pub(crate) report: ReadReport,
     /// For each part, the number in the city of each of its materials.
     pub(crate) materials: Vec<Vec<u32>>,
@@ -223,10 +230,10 @@ pub(crate) struct PartsCity {
 }
 
 impl<'o> SceneParts<'o> {
-    /// Opens the elevation models. `folder` is for scratch files, `textures` an empty folder for textures by number. Fails if a model
+    /// Opens the elevation models, if there are any among the inputs. `folder` is for scratch files, `textures` an empty folder for textures by number. Fails if a model
     /// cannot be opened, unless bad inputs are skipped.
     pub(crate) fn new(
-        inputs: &ListedInputs,
+        inputs: Option<&ListedInputs>,
         options: &'o ReadOptions,
         folder: &Path,
         textures: &Path,
@@ -239,9 +246,9 @@ impl<'o> SceneParts<'o> {
         context.shapes = MapStore::new(&folder.join("shapes"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
         context.elevation.bases = MapStore::new(&folder.join("bases"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
         let bad = BadInputs::new(options.skip_bad_inputs);
-        let read = match inputs.elevation.sources.is_empty() {
-            true => ReadSources { context, report: ReadReport::default(), set_of_source: Vec::new(), bad },
-            false => read_sources(&inputs.elevation, bad, context, &|_| {})?,
+        let read = match inputs.filter(|inputs| !inputs.elevation.sources.is_empty()) {
+            None => ReadSources { context, report: ReadReport::default(), set_of_source: Vec::new(), bad },
+            Some(inputs) => read_sources(&inputs.elevation, bad, context, &|_| {})?,
         };
         Ok(Self { folder: folder.to_owned(), read, triangles: Vec::new(), record_bytes: 0 })
     }
@@ -298,8 +305,8 @@ impl<'o> SceneParts<'o> {
         read.city.textures.finish()?;
         let pictures = read.city.textures.facts().iter().map(TextureFacts::hash).collect();
         read.level_textures(options)?;
-        let (city, report) = (read.city, read.report);
-        Ok(PartsCity { city, report, materials, first_objects, pictures, own_record_bytes })
+        let ReadCity { city, surroundings, report, .. } = read;
+        Ok(PartsCity { city, surroundings, report, materials, first_objects, pictures, own_record_bytes })
     }
 }
 

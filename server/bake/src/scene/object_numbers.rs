@@ -12,7 +12,7 @@ use super::{
     grid::CityGrid,
     object_records::RecordPlace,
     record_list::{RecordList, RecordScratch},
-    record_sorter::RecordSorter,
+    record_sorter::{RecordSorter, SortedRecords},
     scratch_scene::{ObjectIdentity, ScratchScene},
 };
 use crate::error::BakeError;
@@ -96,6 +96,31 @@ impl ObjectNumbers {
             Ok(())
         })?;
         Ok(out)
+    }
+}
+
+impl ObjectNumbers {
+    /// Number and hash of the identifier of each object that has a number, in the order of the numbers. Fails if the objects cannot be
+    /// read.
+    pub(crate) fn identifiers(&self, city: &ScratchScene) -> Result<SortedRecords<(u32, u64)>, BakeError> {
+        let scratch = city.objects.scratch();
+        // By the place of the record, which rows and objects have in common.
+        let mut hashes = RecordSorter::new(&scratch, |a: &(RecordPlace, u64), b: &(RecordPlace, u64)| a.0.cmp(&b.0));
+        let mut push = |identity: &ObjectIdentity| hashes.push((identity.record, identity.id_hash));
+        city.objects.try_for_each(|_, object| object.identity.as_ref().map_or(Ok(()), &mut push))?;
+        city.parents.try_for_each(|_, identity| push(identity))?;
+        let mut places = RecordSorter::new(&scratch, |a: &(RecordPlace, u32), b: &(RecordPlace, u32)| a.0.cmp(&b.0));
+        self.rows.try_for_each(|number, row| row.map_or(Ok(()), |row| places.push((row.record, number as u32))))?;
+        let mut found = RecordSorter::new(&scratch, |a: &(u32, u64), b: &(u32, u64)| a.0.cmp(&b.0));
+        let mut hashes = hashes.finish()?;
+        let mut next = hashes.next()?;
+        places.finish()?.try_for_each(|(record, number)| {
+            while next.is_some_and(|(known, _)| known < record) {
+                next = hashes.next()?;
+            }
+            next.filter(|(known, _)| *known == record).map_or(Ok(()), |(_, hash)| found.push((number, hash)))
+        })?;
+        found.finish()
     }
 }
 

@@ -4,13 +4,17 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{sealed::SealedStore, work::WorkStore};
+use super::{
+    layout::{CityPlan, JOINED, RESULTS},
+    sealed::{SealedStore, remove_folder},
+    work::WorkStore,
+};
 use crate::{
     config::{ALGORITHM, BakeConfig, BakeOptions},
     error::{BakeError, InputError},
     hash::short_hex,
     progress::Progress,
-    read::{ListedInputs, PlacingOptions, ReadOptions},
+    read::{FarModels, ListedInputs, PlacingOptions, ReadOptions},
 };
 
 /// Name of the job's object.
@@ -54,6 +58,8 @@ pub struct Job {
     elevation: Vec<u64>,
     /// Runs of the other sources.
     chunks: Vec<JobChunk>,
+    /// Number of the job whose city is updated.
+    previous: Option<String>,
 }
 
 /// A run of sources.
@@ -74,6 +80,8 @@ pub struct JobRequest {
     pub chunk_bytes: u64,
     /// Leaves along the side of a region: a power of two of at least 2.
     pub region_leaves: u32,
+    /// Whether the job in the store is replaced by one that updates its city: regions whose input is the same are not baked again.
+    pub is_update: bool,
 }
 
 /// The steps of a job.
@@ -114,6 +122,21 @@ impl Job {
         Ok(short_hex(&blake3::hash(&self.json()?)))
     }
 
+    /// Version of the program.
+    pub(super) fn program(&self) -> String {
+        format!("{} {} {}", self.program, self.algorithm, self.steps)
+    }
+
+    /// Number of the job whose city is updated.
+    pub(super) fn previous(&self) -> Option<&str> {
+        self.previous.as_deref()
+    }
+
+    /// Whether there are elevation models or pictures from above.
+    pub(super) fn has_elevation(&self) -> bool {
+        !self.elevation.is_empty()
+    }
+
     /// Number of scans.
     #[must_use]
     pub fn scans(&self) -> usize {
@@ -127,8 +150,8 @@ impl Job {
 }
 
 impl<'a> BakeSteps<'a> {
-    /// Lists the inputs and writes the job. Does nothing if the same job is there. Fails if another job is, or if an input cannot be
-    /// read in steps.
+    /// Lists the inputs and writes the job. Does nothing if the same job is there. Fails if another job is, unless it is updated, or if an
+    /// input cannot be read in steps.
     pub fn begin(
         store: &dyn WorkStore,
         options: &BakeOptions,
@@ -147,6 +170,14 @@ impl<'a> BakeSteps<'a> {
         let (crs, postponed) = listed.settle(&read_options)?;
         listed.postpone(&postponed);
         let (sizes, elevation) = listed.sizes();
+        let failed = |cause| BakeError::Work { work: store.address(), name: JOB.to_owned(), cause };
+        let found = store.size(JOB).map_err(failed)?.map(|_| Job::read(store)).transpose()?;
+        // Of a job that has no city yet, the one whose city it updates.
+        let previous = match &found {
+            Some(old) if request.is_update && has_city(store, old)? => Some(old.id()?),
+            Some(old) => old.previous.clone().filter(|_| request.is_update),
+            None => None,
+        };
         let job = Job {
             steps: STEPS_VERSION,
             program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -161,14 +192,19 @@ impl<'a> BakeSteps<'a> {
             postponed,
             elevation,
             chunks: chunks(&sizes, request.chunk_bytes),
+            previous,
         };
-        let failed = |cause| BakeError::Work { work: store.address(), name: JOB.to_owned(), cause };
-        if store.size(JOB).map_err(failed)?.is_some() {
-            if Job::read(store)? == job {
-                return Ok(job);
-            }
-            let what = "it is another job; give an empty --work, or remove the job with `bake abort`";
+        if found.as_ref() == Some(&job) {
+            return Ok(job);
+        }
+        if found.is_some() && !request.is_update {
+            let what = "it is another job; give --update, an empty --work, or remove the job with `bake abort`";
             return Err(BakeError::StepDamaged { work: store.address(), name: JOB.to_owned(), what });
+        }
+        if request.is_update {
+            // What is written for another job would look like a result. Without a job, no step runs meanwhile.
+            store.remove(JOB).map_err(failed)?;
+            RESULTS.into_iter().try_for_each(|folder| remove_folder(store, folder).map(drop))?;
         }
         store.put(JOB, job.json()?).map_err(failed)?;
         Ok(job)
@@ -211,6 +247,12 @@ impl<'a> BakeSteps<'a> {
         Ok(listed)
     }
 
+    /// The land around the city; `None` if there is none. Fails if the inputs have changed, or if a model cannot be read.
+    pub(super) fn land(&self, plan: &CityPlan) -> Result<Option<FarModels>, BakeError> {
+        let Some(facts) = plan.land else { return Ok(None) };
+        Ok(Some(self.list_inputs()?.land(&self.read_options, facts)?))
+    }
+
     pub(super) fn chunks(&self) -> &[JobChunk] {
         &self.job.chunks
     }
@@ -223,6 +265,11 @@ impl<'a> BakeSteps<'a> {
     pub(super) fn check_task(&self, stage: &'static str, task: usize, tasks: usize) -> Result<(), BakeError> {
         if task < tasks { Ok(()) } else { Err(BakeError::StepTask { stage, task, tasks }) }
     }
+}
+
+/// Whether the city of a job is complete.
+fn has_city(store: &dyn WorkStore, job: &Job) -> Result<bool, BakeError> {
+    SealedStore { store, job: &job.id()? }.has(JOINED)
 }
 
 /// Collects sources of these sizes in chunks.

@@ -9,6 +9,7 @@ use super::sealed::SealedKind;
 use crate::{
     ground::GroundReport,
     hash::ShortHash,
+    read::LandFacts,
     scene::{
         ObjectKind,
         grid::{BLOCK_LEAVES, CityGrid},
@@ -18,6 +19,11 @@ use crate::{
     write::city::SceneFacts,
 };
 
+/// Folders of what the steps of one job write, which no other job uses.
+pub(super) const RESULTS: [&str; 8] = ["temporary", "scan", "plan", "shuffle", "region", "crown", "join", "parts"];
+
+/// Name of the object that the last step writes last.
+pub(super) const JOINED: &str = "join/joined";
 /// Name and kind of the plan's object, which is written last.
 pub(super) const PLAN: &str = "plan/plan";
 pub(super) const PLAN_KIND: SealedKind = *b"PLAN";
@@ -38,6 +44,12 @@ pub(super) fn chunk_name(chunk: usize) -> String {
     format!("plan/chunk-{chunk}")
 }
 
+/// Name of a part of the hashes of the objects' identifiers, by number, which a later job needs.
+pub(super) fn numbers_name(job: &str, part: usize) -> String {
+    format!("numbers/{job}/{part}")
+}
+pub(super) const NUMBERS_KIND: SealedKind = *b"NUMS";
+
 /// Name of a part of the numbered objects.
 pub(super) fn rows_name(part: usize) -> String {
     format!("plan/rows-{part}")
@@ -51,6 +63,8 @@ pub(super) struct CityPlan {
     pub(super) ground: Option<GroundReport>,
     /// Height of the plane above the grid's height zero, if generated ground ends at it.
     pub(super) plane_m: Option<f32>,
+    /// The land around the city.
+    pub(super) land: Option<LandFacts>,
     /// Level of the regions' roots.
     pub(super) region_level: u8,
     /// Column and row of each region that may have content, along the Hilbert curve.
@@ -136,22 +150,18 @@ pub(super) struct PlannedLandmark {
     pub(super) anchor_m: [f32; 3],
 }
 
-/// A material of the city.
+/// A material of the city. Equal ones are the same, in all chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) struct PlannedMaterial {
-    /// Number in the city.
-    pub(super) number: u32,
     pub(super) rgb: [u8; 3],
-    /// Number in the city of its texture.
+    /// Index into the textures of its chunk or bundle.
     pub(super) texture: Option<u32>,
     pub(super) is_reflective: bool,
 }
 
-/// A texture of the city.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// A texture of the city. Equal ones are the same, in all chunks.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) struct PlannedTexture {
-    /// Number in the city.
-    pub(super) number: u32,
     pub(super) facts: TextureFacts,
     /// By which its texels are found.
     pub(super) picture: ShortHash,

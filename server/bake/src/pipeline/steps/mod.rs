@@ -16,6 +16,7 @@
 //! two machines, in any order within its stage, with regions and chunks of any size, and the city is that of [`crate::bake`], byte for byte.
 
 mod crown;
+mod generated;
 mod job;
 mod join;
 mod layout;

@@ -11,22 +11,23 @@ use insula_protocol::TileId;
 use super::{
     job::BakeSteps,
     layout::{
-        CHUNK_KIND, CityPlan, NumberedShape, OWN_RECORDS, OWN_TRIANGLES, PLAN, PLAN_KIND, PlannedChunk,
+        CHUNK_KIND, CityPlan, NUMBERS_KIND, NumberedShape, OWN_RECORDS, OWN_TRIANGLES, PLAN, PLAN_KIND, PlannedChunk,
         PlannedLandmark, PlannedMaterial, PlannedObject, PlannedTexture, REPORT, REPORT_KIND, ROWS_KIND,
-        ROWS_PER_OBJECT, chunk_name, rows_name,
+        ROWS_PER_OBJECT, chunk_name, numbers_name, rows_name,
     },
     scan::{fetch, picture_name, put_file, scratch_folder, shapes_name, triangles_name},
+    sealed::SealedStore,
 };
 use crate::{
     error::BakeError,
     ground::{self, GroundOption, GroundReport},
     hash::ShortHash,
-    pipeline::hashed::city_grid,
-    read::{PartsCity, RECORDS, SceneParts},
+    pipeline::{far_land::MAX_CELL_M, hashed::city_grid},
+    read::{LandFacts, PartsCity, RECORDS, SceneParts},
     scene::{
         Landmark, ObjectKind,
         grid::{BLOCK_LEAVES, CityGrid},
-        object_numbers::{NumberedObject, ObjectNumbers},
+        object_numbers::{IdentityKey, NumberedObject, ObjectNumbers},
         partition::{on_lattice, touched_blocks},
         record_list::RecordList,
         scratch_scene::{ObjectPlacement, ScratchScene, StoredObject},
@@ -54,7 +55,7 @@ impl BakeSteps<'_> {
         let folder = scratch_folder()?;
         let parts = self.fetch_parts(folder.path())?;
         let known_textures = parts.textures().len();
-        let PartsCity { mut city, report, materials, mut first_objects, pictures, own_record_bytes } =
+        let PartsCity { mut city, surroundings, report, materials, mut first_objects, pictures, own_record_bytes } =
             parts.assemble(&self.read_options)?;
         report.wide_warnings().for_each(|warning| self.progress.warn(&warning));
         let cell_m = self.config.cell_m;
@@ -62,12 +63,17 @@ impl BakeSteps<'_> {
         let Some(bounds) = city.bounds else { return Err(empty) };
         let mut facts = SceneFacts::new(&city, bounds)?;
         let ground = match self.config.ground {
+            // Where the land goes on, there are no gaps to fill.
+            _ if surroundings.is_some() => None,
             GroundOption::None => None,
             GroundOption::Auto => ground::add(&mut city, cell_m)?,
         };
         facts.set_ground(ground.as_ref());
-        let grid = city_grid(&city, city.bounds.unwrap_or(bounds), None, cell_m)?;
-        let numbers = ObjectNumbers::new(&city, &grid, &Default::default())?;
+        let land = surroundings.as_ref();
+        facts.include_land(land.map(|land| land.z_range_m[0]));
+        let grid = city_grid(&city, city.bounds.unwrap_or(bounds), land, cell_m)?;
+        let land = surroundings.map(|land| land.facts());
+        let numbers = ObjectNumbers::new(&city, &grid, &self.known_numbers()?)?;
         let region_level = grid.depth.saturating_sub(self.region_leaves().ilog2() as u8);
         // What is of no scan is a chunk of its own, if there is anything.
         let scans = self.chunks().len();
@@ -81,7 +87,7 @@ impl BakeSteps<'_> {
         for (number, picture) in pictures.iter().enumerate().skip(known_textures) {
             put_file(objects, &picture_name(*picture), &texture_path(&folder.path().join(TEXTURES), number as u32))?;
         }
-        let regions = regions(&city, &grid, region_level)?;
+        let regions = regions(&city, &grid, region_level, land)?;
         let landmark = |l: &Landmark| (l.object, PlannedLandmark { stone: l.stone, anchor_m: l.anchor_m });
         let landmarks = city.landmarks.iter().map(landmark).collect();
         let planner = ChunkPlanner { city: &city, numbers: &numbers.of_object, pictures: &pictures, landmarks };
@@ -97,11 +103,12 @@ impl BakeSteps<'_> {
             objects.write(&chunk_name(chunk), CHUNK_KIND, &planned)?;
         }
         self.write_rows(&numbers.rows)?;
+        self.write_numbers(&city, &numbers)?;
         objects.write(REPORT, REPORT_KIND, &report)?;
         let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
         let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
         let (chunks, rows) = (first_objects.len(), numbers.rows.len());
-        let plan = CityPlan { grid, facts, ground, plane_m, region_level, regions, chunks, own_record_bytes, rows };
+        let plan = CityPlan { grid, facts, ground, plane_m, land, region_level, regions, chunks, own_record_bytes, rows };
         objects.write(PLAN, PLAN_KIND, &plan)
     }
 
@@ -119,6 +126,42 @@ impl BakeSteps<'_> {
         Ok(())
     }
 
+    /// Writes the hash of each object's identifier by number, for the job that updates the city.
+    fn write_numbers(&self, city: &ScratchScene, numbers: &ObjectNumbers) -> Result<(), BakeError> {
+        let objects = self.objects();
+        let (mut hashes, mut part) = (Vec::with_capacity(ROWS_PER_OBJECT), 0);
+        let mut named = numbers.identifiers(city)?;
+        loop {
+            let next = named.next()?;
+            if next.is_none() || hashes.len() == ROWS_PER_OBJECT {
+                objects.write(&numbers_name(objects.job, part), NUMBERS_KIND, &hashes)?;
+                hashes.clear();
+                part += 1;
+            }
+            let Some(named) = next else { return Ok(()) };
+            hashes.push(named);
+        }
+    }
+
+    /// The numbers of the objects of the city that is updated. They are in memory together.
+    fn known_numbers(&self) -> Result<HashMap<IdentityKey, u32>, BakeError> {
+        let mut known = HashMap::new();
+        let Some(previous) = self.job.previous() else { return Ok(known) };
+        let objects = SealedStore { job: previous, ..self.objects() };
+        let mut occurrences: HashMap<u64, u32> = HashMap::new();
+        for part in 0.. {
+            let Some(some) = objects.find::<Vec<(u32, u64)>>(&numbers_name(previous, part), NUMBERS_KIND)? else {
+                break;
+            };
+            for (number, hash) in some {
+                let count = occurrences.entry(hash).or_default();
+                known.insert((hash, *count), number);
+                *count += 1;
+            }
+        }
+        Ok(known)
+    }
+
     /// The plan. Fails if there is none yet, or if it is damaged.
     pub(super) fn read_plan(&self) -> Result<CityPlan, BakeError> {
         let plan: CityPlan = self.objects().read(PLAN, PLAN_KIND)?;
@@ -130,8 +173,10 @@ impl BakeSteps<'_> {
         let objects = self.objects();
         let textures = folder.join(TEXTURES);
         fs::create_dir(&textures).map_err(|cause| BakeError::io(&textures, "created", cause))?;
-        let (inputs, cache_bytes) = (self.list_inputs()?, self.config.texture_cache_bytes());
-        let mut parts = SceneParts::new(&inputs, &self.read_options, folder, &textures, cache_bytes)?;
+        // Only for these, the inputs must be at hand.
+        let inputs = self.job.has_elevation().then(|| self.list_inputs()).transpose()?;
+        let cache_bytes = self.config.texture_cache_bytes();
+        let mut parts = SceneParts::new(inputs.as_ref(), &self.read_options, folder, &textures, cache_bytes)?;
         for chunk in 0..self.chunks().len() {
             let [triangles, shapes] = ["triangles", "shapes"].map(|name| folder.join(format!("{name}-{chunk}")));
             fetch(objects, &triangles_name(chunk), &triangles)?;
@@ -170,16 +215,18 @@ impl ChunkPlanner<'_> {
             objects.push(PlannedObject { offset_m: *offset_m, shown: object.map(shape).transpose()? });
             Ok(())
         })?;
+        let used: BTreeSet<u32> =
+            materials.iter().filter_map(|number| city.materials[*number as usize].texture).collect();
+        let index: HashMap<u32, u32> = used.iter().copied().zip(0..).collect();
         let material = |number: &u32| {
             let material = city.materials[*number as usize];
-            let (rgb, texture, is_reflective) = (material.rgb, material.texture, material.is_reflective);
-            PlannedMaterial { number: *number, rgb, texture, is_reflective }
+            let texture = material.texture.and_then(|texture| index.get(&texture).copied());
+            PlannedMaterial { rgb: material.rgb, texture, is_reflective: material.is_reflective }
         };
-        let materials: Vec<PlannedMaterial> = materials.iter().map(material).collect();
-        let used: BTreeSet<u32> = materials.iter().filter_map(|material| material.texture).collect();
+        let materials = materials.iter().map(material).collect();
         let texture = |number: u32| {
             let (facts, picture) = (city.textures.facts()[number as usize].clone(), self.pictures[number as usize]);
-            PlannedTexture { number, facts, picture }
+            PlannedTexture { facts, picture }
         };
         let textures = used.into_iter().map(texture).collect();
         Ok(PlannedChunk { first_object: first, objects, first_material: 0, materials, textures })
@@ -187,7 +234,12 @@ impl ChunkPlanner<'_> {
 }
 
 /// Columns and rows of the regions that may have content, along the Hilbert curve. Fails if there are too many.
-fn regions(city: &ScratchScene, grid: &CityGrid, level: u8) -> Result<Vec<[u32; 2]>, BakeError> {
+fn regions(
+    city: &ScratchScene,
+    grid: &CityGrid,
+    level: u8,
+    land: Option<LandFacts>,
+) -> Result<Vec<[u32; 2]>, BakeError> {
     let side = ((1 << (grid.depth - level)) / BLOCK_LEAVES).max(1);
     let mut found = HashSet::new();
     let mut add = |corners: &[[f64; 3]; 3], slack_m: f64| {
@@ -208,6 +260,11 @@ fn regions(city: &ScratchScene, grid: &CityGrid, level: u8) -> Result<Vec<[u32; 
         let has_box = object.kind != ObjectKind::GeneratedGround && (0..3).all(|axis| low[axis] <= high[axis]);
         if has_box { add(&[low, high, high], BOX_SLACK_M) } else { Ok(()) }
     })?;
+    // Land that is coarser than a region is the crown's.
+    if let Some([low, high]) = land.filter(|_| grid.cell_m_at(level) > MAX_CELL_M).map(|land| land.bounds) {
+        let placed = |corner: [f64; 2]| [corner[0] - city.origin[0], corner[1] - city.origin[1], 0.0];
+        add(&[placed(low), placed(high), placed(high)], 0.0)?;
+    }
     if let Some(own) = city.stored.own_file() {
         let mut placements = city.placements.cursor();
         triangle_store::read_file(own.path(), &mut |triangle| {

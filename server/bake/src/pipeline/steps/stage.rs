@@ -4,8 +4,9 @@ use super::{
     crown,
     job::{BakeSteps, JOB},
     join::JOIN_PLAN,
-    layout::PLAN,
+    layout::{JOINED, PLAN, RESULTS},
     region_file::index_name,
+    sealed::remove_folder,
     work::WorkStore,
 };
 use crate::error::BakeError;
@@ -95,7 +96,7 @@ impl BakeSteps<'_> {
                 BakeStage::Crown => objects.has(&index_name(crown::FOLDER))?.into(),
                 BakeStage::JoinPlan => has_join.into(),
                 BakeStage::JoinPart => names("join")?.iter().filter(|name| name.starts_with("join/receipt-")).count(),
-                BakeStage::JoinFinish => objects.has("city/city.json")?.into(),
+                BakeStage::JoinFinish => objects.has(JOINED)?.into(),
             };
             let is_known = match stage {
                 BakeStage::Shuffle | BakeStage::Region => has_plan,
@@ -143,12 +144,9 @@ pub fn abort(store: &dyn WorkStore) -> Result<AbortedJob, BakeError> {
         }
     }
     let is_complete = store.size("city/city.json").map_err(failed("city"))?.is_some();
-    let folders = ["temporary", "scan", "pic", "plan", "shuffle", "region", "crown", "join", "parts"];
-    for folder in folders.into_iter().chain((!is_complete).then_some("city")) {
-        for name in store.list(folder).map_err(failed(folder))? {
-            store.remove(&name).map_err(failed(&name))?;
-            aborted.objects += 1;
-        }
+    let folders = RESULTS.into_iter().chain(["pic", "tiles", "numbers"]);
+    for folder in folders.chain((!is_complete).then_some("city")) {
+        aborted.objects += remove_folder(store, folder)?;
     }
     Ok(aborted)
 }
