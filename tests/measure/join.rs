@@ -41,7 +41,8 @@ const TOWN: &str = r#"{"type": "FeatureCollection", "crs": {"type": "name", "pro
 fn main() -> Result<()> {
     let args = Args::parse();
     let store = WorkFolder::new(&args.work);
-    let options = BakeOptions { inputs: vec![args.work.join("town.geojson")], ..BakeOptions::default() };
+    let options =
+        BakeOptions { inputs: vec![args.work.join("town.geojson")], out: "city".into(), ..BakeOptions::default() };
     if let [role, number] = args.role.as_slice() {
         return work(&args, role, number.parse()?, &store, &options);
     }

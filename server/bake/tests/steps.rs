@@ -17,7 +17,8 @@ use std::{
 
 use insula_bake::{
     BakeError, BakeOptions, BakeStage, BakeSteps, GroundOption, Job, JobRequest, Progress, Silent, WorkFolder,
-    WorkStore, read::FacadeOption,
+    WorkStore,
+    read::{FacadeOption, SurroundingsOptions, TerrainOptions},
 };
 use insula_test_support::{folder::TestFolder, rng::Rng};
 use support::files;
@@ -217,6 +218,41 @@ fn terrain_landmarks_and_photos_give_the_bytes_of_a_plain_bake() {
             bake_in_steps(&work, &options, chunk_bytes, region_leaves).unwrap();
             assert_same(&files(&work.join("city")), &files(&out), &format!("regions of {region_leaves}, {ground:?}"));
         }
+    }
+}
+
+#[test]
+fn land_around_the_city_gives_the_bytes_of_a_plain_bake() {
+    let folder = TestFolder::new("steps-land");
+    let grid = |name: &str, corner: [i32; 2], size: i32, step: i32| {
+        let head = format!("ncols {size}\nnrows {size}\nxllcenter {}\nyllcenter {}\n", corner[0], corner[1]);
+        let mut text = format!("{head}cellsize {step}\nNODATA_value -9999\n");
+        for i in 0..size * size {
+            let [x, y] = [i % size, size - 1 - i / size].map(|along| f64::from(along * step));
+            let [x, y] = [f64::from(corner[0]) - 5e5 + x, f64::from(corner[1]) - 5.4e6 + y];
+            write!(text, "{:.2} ", 40.0 + 25.0 * (x / 700.0).sin() + 20.0 * (y / 900.0).cos()).unwrap();
+        }
+        fs::write(folder.path.join(name), text).unwrap();
+        fs::write(folder.path.join(name).with_extension("prj"), "EPSG:25832").unwrap();
+        folder.path.join(name)
+    };
+    let mut inputs = write_town(&folder.path, [9.0002, 48.7502], 2);
+    inputs.push(write_photographed(&folder.path));
+    inputs.push(grid("dem.asc", [499_800, 5_399_700], 70, 20));
+    let far = grid("far.asc", [493_000, 5_393_000], 141, 100);
+    let surroundings = SurroundingsOptions { files: vec![far], reach_m: 4000.0 };
+    let terrain = TerrainOptions { margin_m: 100.0, ..TerrainOptions::default() };
+    let options = BakeOptions { surroundings, terrain, facades: FacadeOption::Plain, ..options(inputs) };
+    let plain = plain(&folder.path, &options);
+    let nodes =
+        |levels: &str| serde_json::from_str::<serde_json::Value>(levels).unwrap()["counts"]["nodes_per_level"].clone();
+    let counts = nodes(std::str::from_utf8(&plain["city.json"]).unwrap());
+    assert!(counts.as_array().is_some_and(|levels| levels.len() >= 6), "{counts}");
+    // The columns of a region's root are of 8 and 128 m: coarser land than 64 m is divided.
+    for (region_leaves, chunk_bytes) in [(4, 1), (64, u64::MAX)] {
+        let work = folder.path.join(format!("work-{region_leaves}"));
+        bake_in_steps(&work, &options, chunk_bytes, region_leaves).unwrap();
+        assert_same(&files(&work.join("city")), &plain, &format!("regions of {region_leaves} leaves"));
     }
 }
 

@@ -2,15 +2,16 @@
 
 use super::error::CommandError;
 use futures_util::{StreamExt, TryStreamExt};
+use hyper::{Method, Request};
 use insula_bake::{WorkFolder, WorkStore};
 use object_store::{
     ClientOptions, ObjectStore, ObjectStoreExt as _, PutPayload, RetryConfig, WriteMultipart,
     aws::{AmazonS3, AmazonS3Builder},
+    client::{HttpClient, HttpConnector as _, HttpRequestBody, ReqwestConnector},
     multipart::{MultipartStore, PartId},
     path::Path as ObjectPath,
     signer::{SignedUrlOptions, Signer},
 };
-use reqwest::Method;
 use std::{
     fs::File,
     io::{self, Read, Write},
@@ -46,6 +47,8 @@ pub(super) fn open(address: &str) -> Result<Box<dyn WorkStore>, CommandError> {
 struct WorkBucket {
     address: String,
     store: AmazonS3,
+    /// For requests that the store does not have.
+    client: HttpClient,
     folder: ObjectPath,
     /// One request at a time: a step computes, and hardly waits.
     runtime: Mutex<Runtime>,
@@ -66,11 +69,12 @@ impl WorkBucket {
     fn new(address: &str, rest: &str) -> io::Result<Self> {
         let (bucket, folder) = rest.split_once('/').unwrap_or((rest, ""));
         let options = ClientOptions::new().with_allow_http(true);
+        let client = ReqwestConnector::default().connect(&options).map_err(io_error)?;
         let builder = AmazonS3Builder::from_env().with_bucket_name(bucket).with_client_options(options);
         let store = builder.with_retry(RetryConfig::default()).build().map_err(io_error)?;
         let folder = ObjectPath::parse(folder).map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
         let runtime = Mutex::new(tokio::runtime::Builder::new_current_thread().enable_all().build()?);
-        Ok(Self { address: address.trim_end_matches('/').to_owned(), store, folder, runtime })
+        Ok(Self { address: address.trim_end_matches('/').to_owned(), store, client, folder, runtime })
     }
 
     fn path(&self, name: &str) -> ObjectPath {
@@ -215,11 +219,15 @@ impl WorkStore for WorkBucket {
             // `object_store` has no request for it: that of the bucket is signed, and sent by its HTTP client.
             let root = ObjectPath::default();
             let url = self.store.signed_url_opts(Method::GET, &root, LIST_TIME, &options).await.map_err(io_error)?;
-            let response = reqwest::get(url).await.and_then(reqwest::Response::error_for_status);
-            let mut response = response.map_err(io::Error::other)?;
-            let mut bytes = Vec::new();
-            while let Some(part) = response.chunk().await.map_err(io::Error::other)? {
-                bytes.extend_from_slice(&part);
+            let request = Request::builder().uri(url.as_str()).body(HttpRequestBody::empty());
+            let request = request.map_err(io::Error::other)?;
+            let response = self.client.execute(request).await.map_err(io::Error::other)?;
+            if !response.status().is_success() {
+                return Err(io::Error::other(format!("uploads cannot be listed: {}", response.status())));
+            }
+            let (mut parts, mut bytes) = (response.into_body().bytes_stream(), Vec::new());
+            while let Some(part) = parts.next().await {
+                bytes.extend_from_slice(&part.map_err(io::Error::other)?);
                 if bytes.len() > MAX_LIST_BYTES {
                     return Err(io::Error::other("the list of uploads is too long"));
                 }

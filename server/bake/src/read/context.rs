@@ -5,7 +5,10 @@ use std::sync::Arc;
 
 use super::attributes::{Attributes, NamePatterns};
 use super::duplicates::DuplicateOption;
-use super::elevation::{Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, SurroundingsOptions, TerrainOptions, TerrainTile};
+use super::elevation::{
+    Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, SurroundingsOptions, TerrainOptions,
+    TerrainTile,
+};
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
 use super::map_store::MapStore;

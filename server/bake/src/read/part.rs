@@ -20,8 +20,8 @@ use super::scene_builder::{BuilderParts, PartObjects, SceneBuilder};
 use super::slice::slices;
 use super::source::ReadProgress;
 use super::{
-    FarModels, LandFacts, MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES, ReadCity, ReadSources, ScratchOptions, finish_city, is_elevation, read_landmarks,
-    read_source, read_sources,
+    FarModels, LandFacts, MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES, ReadCity, ReadSources, ScratchOptions, finish_city,
+    is_elevation, read_landmarks, read_source, read_sources,
 };
 use crate::error::{BakeError, InputError};
 use crate::hash::ShortHash;

@@ -51,9 +51,9 @@ impl BakeSteps<'_> {
         }
         let models = self.land(&plan)?;
         let levels = 0..=plan.region_level;
-        let land = models.as_ref().map(|models| {
-            FarLand::within(models, plan.facts.origin, grid, of_city.into_iter(), TileId::ROOT, levels)
-        });
+        let land = models
+            .as_ref()
+            .map(|models| FarLand::within(models, plan.facts.origin, grid, of_city.into_iter(), TileId::ROOT, levels));
         let own: HashSet<TileId> = land.iter().flat_map(|land| land.nodes(plan.region_level)).copied().collect();
         for id in land.iter().flat_map(|land| land.nodes(plan.region_level)) {
             roots.extend(land.as_ref().map(|land| land.bake(config, grid, *id)).transpose()?.flatten());

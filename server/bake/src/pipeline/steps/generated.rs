@@ -50,7 +50,7 @@ impl BakeSteps<'_> {
         let mut file = std::io::BufWriter::new(File::create(&path).map_err(failed)?);
         let (mut start, mut index) = (0, TileIndex { bytes: format!("{folder}/bytes"), ..TileIndex::default() });
         for id in nodes {
-            let mut state = u64::from(id.level()) << 58 | u64::from(id.x()) << 29 | u64::from(id.y()) | 1;
+            let mut state = u64::from(id.level()) << 59 | u64::from(id.x()) << 30 | u64::from(id.y()) << 1 | 1;
             let mut next = || {
                 // xorshift64* (Vigna 2016).
                 state ^= state >> 12;

@@ -108,7 +108,8 @@ impl BakeSteps<'_> {
         let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
         let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
         let (chunks, rows) = (first_objects.len(), numbers.rows.len());
-        let plan = CityPlan { grid, facts, ground, plane_m, land, region_level, regions, chunks, own_record_bytes, rows };
+        let plan =
+            CityPlan { grid, facts, ground, plane_m, land, region_level, regions, chunks, own_record_bytes, rows };
         objects.write(PLAN, PLAN_KIND, &plan)
     }
 
