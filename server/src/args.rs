@@ -247,7 +247,7 @@ pub struct BakeArgs {
     pub out: PathBuf,
     /// Run one step of a bake that many machines run; the steps' results are in this folder or at s3://BUCKET/PATH, and
     /// in the end the city, in its folder city
-    #[arg(long, value_name = "URL", conflicts_with_all = ["report", "resume", "update"])]
+    #[arg(long, value_name = "URL", conflicts_with_all = ["report", "resume"])]
     pub work: Option<String>,
     /// Inputs of a bake in steps, for the step 'plan' that begins it
     #[arg(long = "inputs", value_name = "INPUT", num_args = 1.., requires = "work")]

@@ -7,8 +7,8 @@ use crate::{
 };
 use clap::Parser;
 use insula_bake::{
-    BakeError, BakeOptions, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest,
-    WorkStore, abort,
+    AbortedJob, BakeError, BakeOptions, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job,
+    JobRequest, WorkStore, abort,
 };
 use std::path::Path;
 
@@ -30,8 +30,11 @@ pub(super) fn run(args: &BakeArgs, work: &str) -> Result<(), CommandError> {
     match step {
         BakeStep::Begin => begin(args, &*store),
         BakeStep::Abort => {
-            let removed = abort(&*store).map_err(of_step)?;
-            print(&format!("{work}: {removed} objects removed\n"));
+            let AbortedJob { objects, uploads } = abort(&*store).map_err(of_step)?;
+            uploads
+                .iter()
+                .for_each(|name| print(&format!("{work}/{name}: an upload that was not completed is ended\n")));
+            print(&format!("{work}: {objects} objects removed, {} uploads ended\n", uploads.len()));
             Ok(())
         }
         BakeStep::Run(..) | BakeStep::Tasks(_) | BakeStep::Status => in_job(args, &*store, step),
@@ -71,6 +74,7 @@ fn begin(args: &BakeArgs, store: &dyn WorkStore) -> Result<(), CommandError> {
         arguments: std::env::args().skip(1).collect(),
         chunk_bytes: args.chunk.unwrap_or(DEFAULT_CHUNK_BYTES),
         region_leaves: args.region.unwrap_or(DEFAULT_REGION_LEAVES),
+        is_update: args.update,
     };
     let progress = BakeProgress::start(Path::new(&store.address()));
     let job = BakeSteps::begin(store, &options, &request, &progress);

@@ -2,23 +2,31 @@
 
 use super::error::CommandError;
 use futures_util::{StreamExt, TryStreamExt};
+use hyper::{Method, Request};
 use insula_bake::{WorkFolder, WorkStore};
 use object_store::{
     ClientOptions, ObjectStore, ObjectStoreExt as _, PutPayload, RetryConfig, WriteMultipart,
     aws::{AmazonS3, AmazonS3Builder},
+    client::{HttpClient, HttpConnector as _, HttpRequestBody, ReqwestConnector},
     multipart::{MultipartStore, PartId},
     path::Path as ObjectPath,
+    signer::{SignedUrlOptions, Signer},
 };
 use std::{
     fs::File,
     io::{self, Read, Write},
     path::Path,
     sync::{Mutex, PoisonError},
+    time::Duration,
 };
 use tokio::runtime::Runtime;
 
 /// Larger objects are uploaded in parts of this size: of at most 10,000 parts, an object may have 320 GB.
 const PART_BYTES: usize = 32 << 20;
+/// The signature of a request for a list is valid for so long.
+const LIST_TIME: Duration = Duration::from_secs(300);
+/// A list of uploads has at most 1000, of some hundred bytes each.
+const MAX_LIST_BYTES: usize = 16 << 20;
 /// Parts of an object that are under way at once.
 const PARTS_AT_ONCE: usize = 4;
 
@@ -39,6 +47,8 @@ pub(super) fn open(address: &str) -> Result<Box<dyn WorkStore>, CommandError> {
 struct WorkBucket {
     address: String,
     store: AmazonS3,
+    /// For requests that the store does not have.
+    client: HttpClient,
     folder: ObjectPath,
     /// One request at a time: a step computes, and hardly waits.
     runtime: Mutex<Runtime>,
@@ -59,11 +69,12 @@ impl WorkBucket {
     fn new(address: &str, rest: &str) -> io::Result<Self> {
         let (bucket, folder) = rest.split_once('/').unwrap_or((rest, ""));
         let options = ClientOptions::new().with_allow_http(true);
+        let client = ReqwestConnector::default().connect(&options).map_err(io_error)?;
         let builder = AmazonS3Builder::from_env().with_bucket_name(bucket).with_client_options(options);
         let store = builder.with_retry(RetryConfig::default()).build().map_err(io_error)?;
         let folder = ObjectPath::parse(folder).map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
         let runtime = Mutex::new(tokio::runtime::Builder::new_current_thread().enable_all().build()?);
-        Ok(Self { address: address.trim_end_matches('/').to_owned(), store, folder, runtime })
+        Ok(Self { address: address.trim_end_matches('/').to_owned(), store, client, folder, runtime })
     }
 
     fn path(&self, name: &str) -> ObjectPath {
@@ -198,5 +209,58 @@ impl WorkStore for WorkBucket {
                 Err(error) => Err(io_error(error)),
             }
         })
+    }
+
+    fn begun_parts(&self) -> io::Result<Vec<(String, String)>> {
+        let own = if self.folder.as_ref().is_empty() { String::new() } else { format!("{}/", self.folder) };
+        let query = [("uploads", String::new()), ("prefix", own.clone())];
+        let options = SignedUrlOptions::new().with_query(query);
+        self.run(async {
+            // `object_store` has no request for it: that of the bucket is signed, and sent by its HTTP client.
+            let root = ObjectPath::default();
+            let url = self.store.signed_url_opts(Method::GET, &root, LIST_TIME, &options).await.map_err(io_error)?;
+            let request = Request::builder().uri(url.as_str()).body(HttpRequestBody::empty());
+            let request = request.map_err(io::Error::other)?;
+            let response = self.client.execute(request).await.map_err(io::Error::other)?;
+            if !response.status().is_success() {
+                return Err(io::Error::other(format!("uploads cannot be listed: {}", response.status())));
+            }
+            let (mut parts, mut bytes) = (response.into_body().bytes_stream(), Vec::new());
+            while let Some(part) = parts.next().await {
+                bytes.extend_from_slice(&part.map_err(io::Error::other)?);
+                if bytes.len() > MAX_LIST_BYTES {
+                    return Err(io::Error::other("the list of uploads is too long"));
+                }
+            }
+            let uploads = uploads_of(&String::from_utf8_lossy(&bytes));
+            Ok(uploads.into_iter().filter_map(|(key, id)| Some((key.strip_prefix(&own)?.to_owned(), id))).collect())
+        })
+    }
+}
+
+/// Keys and numbers of the uploads of a `ListMultipartUploadsResult`.
+fn uploads_of(xml: &str) -> Vec<(String, String)> {
+    let text = |upload: &str, name: &str| {
+        let (_, rest) = upload.split_once(&format!("<{name}>"))?;
+        let (text, _) = rest.split_once(&format!("</{name}>"))?;
+        let named = [("&lt;", "<"), ("&gt;", ">"), ("&quot;", "\""), ("&apos;", "'"), ("&amp;", "&")];
+        Some(named.iter().fold(text.to_owned(), |text, (entity, character)| text.replace(entity, character)))
+    };
+    let uploads = xml.split("<Upload>").skip(1).filter_map(|rest| Some(rest.split_once("</Upload>")?.0));
+    uploads.filter_map(|upload| Some((text(upload, "Key")?, text(upload, "UploadId")?))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uploads_of_a_list_are_found() {
+        let xml = r#"<?xml version="1.0"?><ListMultipartUploadsResult><Bucket>b</Bucket><UploadIdMarker></UploadIdMarker>
+            <Upload><Key>work/scan/0/a&amp;b</Key><UploadId>x&lt;1</UploadId><Owner><ID>o</ID></Owner></Upload>
+            <Upload><Key>work/c</Key><UploadId>2</UploadId></Upload><Upload><Key>cut"#;
+        let expected = [("work/scan/0/a&b", "x<1"), ("work/c", "2")].map(|(key, id)| (key.to_owned(), id.to_owned()));
+        assert_eq!(uploads_of(xml), expected);
+        assert!(uploads_of("no list").is_empty());
     }
 }

@@ -7,7 +7,11 @@ use glam::Vec3;
 use super::grid::GroundGrid;
 use crate::{
     error::BakeError,
-    scene::{ObjectKind, SceneTriangle, scratch_scene::ScratchScene},
+    scene::{
+        ObjectKind, SceneTriangle,
+        record_list::RecordCursor,
+        scratch_scene::{ScratchScene, StoredObject},
+    },
 };
 
 /// Triangles whose unit normal has a smaller absolute z are walls.
@@ -85,22 +89,20 @@ fn for_each_foot(
     grid: &GroundGrid,
     mut visit: impl FnMut(&Foot, [usize; 2]),
 ) -> Result<(), BakeError> {
-    let mut walls = WallBatch { city, step_m: (0.25 * grid.step_m) as f32, walls: Vec::new(), uses: HashMap::new() };
+    let step_m = (0.25 * grid.step_m) as f32;
+    let mut walls = WallBatch { city, objects: city.objects.cursor(), step_m, walls: Vec::new(), uses: HashMap::new() };
     let mut visit_point = |foot: &Foot| {
         let [x, y, _] = foot.position;
         visit(foot, grid.square(x.into(), y.into()));
     };
-    city.try_for_each(|triangle| {
-        walls.add(triangle, &mut visit_point);
-        Ok(())
-    })?;
-    walls.flush(&mut visit_point);
-    Ok(())
+    city.try_for_each(|triangle| walls.add(triangle, &mut visit_point))?;
+    walls.flush(&mut visit_point)
 }
 
 /// Walls of one object.
 struct WallBatch<'a> {
     city: &'a ScratchScene,
+    objects: RecordCursor<'a, StoredObject>,
     /// Distance of points along an edge.
     step_m: f32,
     walls: Vec<SceneTriangle>,
@@ -109,29 +111,30 @@ struct WallBatch<'a> {
 }
 
 impl WallBatch<'_> {
-    fn add(&mut self, triangle: &SceneTriangle, visit: &mut impl FnMut(&Foot)) {
+    fn add(&mut self, triangle: &SceneTriangle, visit: &mut impl FnMut(&Foot)) -> Result<(), BakeError> {
         let is_other = self.walls.first().is_some_and(|wall| wall.object != triangle.object);
         if is_other || self.walls.len() >= MAX_WALLS {
-            self.flush(visit);
+            self.flush(visit)?;
         }
         let [a, b, c] = triangle.corners.map(Vec3::from_array);
         let normal = (b - a).cross(c - a);
         let is_wall = normal.z.abs() <= MAX_WALL_NORMAL_Z * normal.length() && normal.length() > 1e-6;
         let object = triangle.object;
         // Landmarks follow the ground, not the ground them.
-        let has_feet =
-            self.city.objects[object as usize].kind != ObjectKind::Terrain && !self.city.standing.contains(&object);
+        let kind = self.objects.get(object as usize)?.kind;
+        let has_feet = kind != ObjectKind::Terrain && !self.city.standing.contains(&object);
         if has_feet && is_wall {
             for k in 0..3 {
                 *self.uses.entry(edge(triangle, k)).or_default() += 1;
             }
             self.walls.push(*triangle);
         }
+        Ok(())
     }
 
-    fn flush(&mut self, visit: &mut impl FnMut(&Foot)) {
+    fn flush(&mut self, visit: &mut impl FnMut(&Foot)) -> Result<(), BakeError> {
         for wall in &self.walls {
-            let base_m = self.city.objects[wall.object as usize].base_z_m;
+            let base_m = self.objects.get(wall.object as usize)?.base_z_m;
             for k in (0..3).filter(|k| self.uses.get(&edge(wall, *k)) == Some(&1)) {
                 let [a, b, c] = [0, 1, 2].map(|i| Vec3::from_array(wall.corners[(k + i) % 3]));
                 let length_m = (b - a).truncate().length();
@@ -147,6 +150,7 @@ impl WallBatch<'_> {
         }
         self.walls.clear();
         self.uses.clear();
+        Ok(())
     }
 }
 

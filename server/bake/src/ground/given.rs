@@ -13,11 +13,17 @@ const MIN_NORMAL_Z: f32 = 0.05;
 /// The highest terrain at each vertex; not finite where there is none. Fails if the triangles cannot be read.
 pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<Vec<f32>, BakeError> {
     let mut heights = vec![f32::NEG_INFINITY; grid.len()];
-    if city.objects.iter().all(|object| object.kind != ObjectKind::Terrain) {
+    let mut has_terrain = false;
+    city.objects.try_for_each(|_, object| {
+        has_terrain |= object.kind == ObjectKind::Terrain;
+        Ok(())
+    })?;
+    if !has_terrain {
         return Ok(heights);
     }
+    let mut objects = city.objects.cursor();
     city.try_for_each(|triangle| {
-        if city.objects[triangle.object as usize].kind != ObjectKind::Terrain {
+        if objects.get(triangle.object as usize)?.kind != ObjectKind::Terrain {
             return Ok(());
         }
         // In steps from the south-west vertex.

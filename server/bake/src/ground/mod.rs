@@ -102,7 +102,7 @@ pub(crate) fn add(city: &mut ScratchScene, cell_m: f64) -> Result<Option<GroundR
         return Ok(None);
     }
     if !surface.has_terrain {
-        standing::move_to(city, &triangles);
+        standing::move_to(city, &triangles)?;
     }
     push_object(city, &triangles, surface.plane_m)?;
     let world = |z: f32| city.origin[2] + f64::from(z);

@@ -1,20 +1,27 @@
 //! Landmarks that stand on generated ground.
 
-use crate::scene::scratch_scene::ScratchScene;
+use crate::{
+    error::BakeError,
+    scene::scratch_scene::{ObjectPlacement, ScratchScene},
+};
 
-/// Moves the standing landmarks up or down, so that their lowest points are on the triangles in the middle of their boxes.
-pub(super) fn move_to(city: &mut ScratchScene, triangles: &[[[f32; 3]; 3]]) {
+/// Moves the standing landmarks up or down, so that their lowest points are on the triangles in the middle of their boxes. Fails if the
+/// objects cannot be read.
+pub(super) fn move_to(city: &mut ScratchScene, triangles: &[[[f32; 3]; 3]]) -> Result<(), BakeError> {
     for number in city.standing.clone() {
-        let object = &mut city.objects[number as usize];
+        let mut object = city.objects.get(number as usize)?;
         let [low, high] = &mut object.bounds_m;
         let middle = [0, 1].map(|axis| (low[axis] + high[axis]) / 2.0);
         let Some(ground_m) = triangles.iter().find_map(|corners| height_at(corners, middle)) else { continue };
         let rise_m = ground_m - low[2];
         (low[2], high[2], object.base_z_m) = (low[2] + rise_m, high[2] + rise_m, object.base_z_m + rise_m);
         let (low_m, high_m) = (f64::from(low[2]), f64::from(high[2]));
-        for placement in city.placements.iter_mut().filter(|placement| placement.object == Some(number)) {
-            placement.offset_m[2] += f64::from(rise_m);
-        }
+        city.objects.update(number as usize, |stored| *stored = object)?;
+        city.placements.replace_each(|_, placement| {
+            let [x, y, z] = placement.offset_m;
+            let offset_m = [x, y, z + f64::from(rise_m)];
+            Ok((placement.object == Some(number)).then_some(ObjectPlacement { offset_m, ..*placement }))
+        })?;
         for landmark in city.landmarks.iter_mut().filter(|landmark| landmark.object == number) {
             landmark.anchor_m[2] += rise_m;
         }
@@ -22,6 +29,7 @@ pub(super) fn move_to(city: &mut ScratchScene, triangles: &[[[f32; 3]; 3]]) {
             (min[2], max[2]) = (min[2].min(low_m), max[2].max(high_m));
         }
     }
+    Ok(())
 }
 
 /// Height of a triangle at a place on the map; `None` outside of it.

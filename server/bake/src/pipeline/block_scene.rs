@@ -65,7 +65,7 @@ impl BlockScene {
         for triangle in &self.triangles {
             bytes.extend_from_slice(&to_record(triangle));
         }
-        for object in self.objects.iter().map(|number| city.objects[*number as usize]) {
+        for object in self.objects.iter().map(|number| city.objects.in_memory()[*number as usize]) {
             bytes.push(match object.kind {
                 ObjectKind::Building => 0,
                 ObjectKind::Terrain => 1,
@@ -106,7 +106,7 @@ impl BlockScene {
 
     /// The block as a scene with its textures. Fails if a texture cannot be read.
     pub(super) fn into_scene(self, city: &ScratchScene) -> Result<Scene, BakeError> {
-        let objects = self.objects.iter().map(|number| city.objects[*number as usize]);
+        let objects = self.objects.iter().map(|number| city.objects.in_memory()[*number as usize]);
         let objects = objects.map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
         let (numbers, landmarks) = (self.numbers(city).collect(), self.landmarks(city).collect());
         let materials = self.materials.iter().map(|number| city.load_material(city.materials[*number as usize]));

@@ -4,7 +4,7 @@
 //! from the elevation models as a leaf is made from triangles, and is not divided further. So land next to the city has
 //! small columns, and land far away large ones.
 
-use std::{collections::HashSet, sync::Arc};
+use std::{collections::HashSet, ops::RangeInclusive, sync::Arc};
 
 use insula_protocol::{NODE_CELLS, TileId};
 
@@ -42,9 +42,22 @@ pub(super) struct FarLand<'a> {
 impl<'a> FarLand<'a> {
     /// The nodes around the city's `leaves`.
     pub(super) fn new(surroundings: &'a FarModels, origin: [f64; 3], grid: &CityGrid, leaves: &[StoredTile]) -> Self {
+        let leaves = leaves.iter().map(|leaf| leaf.id);
+        Self::within(surroundings, origin, grid, leaves, TileId::ROOT, 0..=grid.depth)
+    }
+
+    /// The nodes of some levels at or below `root` around nodes of the city.
+    pub(super) fn within(
+        surroundings: &'a FarModels,
+        origin: [f64; 3],
+        grid: &CityGrid,
+        nodes: impl Iterator<Item = TileId>,
+        root: TileId,
+        levels: RangeInclusive<u8>,
+    ) -> Self {
         let mut of_city = HashSet::new();
-        for leaf in leaves {
-            let mut id = leaf.id;
+        for node in nodes {
+            let mut id = node;
             while of_city.insert(id)
                 && let Some(parent) = id.parent()
             {
@@ -52,7 +65,8 @@ impl<'a> FarLand<'a> {
             }
         }
         let mut land = Self { surroundings, origin, levels: vec![Vec::new(); usize::from(grid.depth)] };
-        land.divide(grid, TileId::ROOT, &of_city);
+        land.divide(grid, root, &of_city, *levels.end());
+        (0..*levels.start()).zip(&mut land.levels).for_each(|(_, nodes)| nodes.clear());
         land.levels.iter_mut().for_each(|nodes| nodes.sort_unstable());
         land
     }
@@ -67,15 +81,15 @@ impl<'a> FarLand<'a> {
         self.nodes(id.level()).binary_search(&id).is_ok()
     }
 
-    fn divide(&mut self, grid: &CityGrid, id: TileId, of_city: &HashSet<TileId>) {
-        if id.level() >= grid.depth || !self.is_within_reach(grid, id) {
+    fn divide(&mut self, grid: &CityGrid, id: TileId, of_city: &HashSet<TileId>, last: u8) {
+        if id.level() >= grid.depth || id.level() > last || !self.is_within_reach(grid, id) {
             return;
         }
         if !of_city.contains(&id) && grid.cell_m_at(id.level()) <= MAX_CELL_M {
             self.levels[usize::from(id.level())].push(id);
             return;
         }
-        id.children().for_each(|child| self.divide(grid, child, of_city));
+        id.children().for_each(|child| self.divide(grid, child, of_city, last));
     }
 
     fn is_within_reach(&self, grid: &CityGrid, id: TileId) -> bool {

@@ -40,8 +40,8 @@ use crate::{
 };
 pub use generated::{GeneratedCity, bake_generated};
 pub use steps::{
-    BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, StageStatus, WorkFolder,
-    WorkStore, abort,
+    AbortedJob, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, StageStatus,
+    WorkFolder, WorkStore, abort,
 };
 
 use context::{FinishedTiles, TileContext};
@@ -121,6 +121,7 @@ impl<'a> BakeRun<'a> {
         for warning in report.placing_warnings() {
             self.progress.warn(warning);
         }
+        report.wide_warnings().for_each(|warning| self.progress.warn(&warning));
         if let Some(warning) = estimate::warning(&city, self.config) {
             self.progress.warn(&warning);
         }
@@ -137,7 +138,7 @@ impl<'a> BakeRun<'a> {
         let Some(bounds) = city.bounds else {
             return Err(BakeError::Empty { triangles: 0, cell_m: self.config.cell_m });
         };
-        let mut facts = SceneFacts::new(&city, bounds);
+        let mut facts = SceneFacts::new(&city, bounds)?;
         // Where the land goes on, there are no gaps to fill.
         let ground = if surroundings.is_some() { None } else { self.ground(&mut city)? };
         facts.set_ground(ground.as_ref());
@@ -145,8 +146,8 @@ impl<'a> BakeRun<'a> {
         let grid = hashed::city_grid(&city, city.bounds.unwrap_or(bounds), surroundings, self.config.cell_m)?;
         let previous = self.open_previous();
         let known = previous.as_ref().map(PreviousCity::object_numbers).unwrap_or_default();
-        let ObjectNumbers { of_object, rows } = ObjectNumbers::new(&city, &grid, &known);
-        city.numbers = of_object;
+        let ObjectNumbers { of_object, rows } = ObjectNumbers::new(&city, &grid, &known)?;
+        city.numbers = of_object.into_memory();
         let partition = self.partition(&city, &grid)?;
         city.drop_triangles();
         let records = std::mem::replace(&mut city.records, ObjectRecords::Memory(Vec::new()));

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use super::attributes::{Attributes, NamePatterns};
 use super::duplicates::DuplicateOption;
 use super::elevation::{
-    Drape, Elevation, FarModels, GroundPictures, LandColours, SurroundingsOptions, TerrainOptions, TerrainTile,
+    Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, SurroundingsOptions, TerrainOptions,
+    TerrainTile,
 };
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
@@ -227,18 +228,17 @@ impl<'o> ReadContext<'o> {
 
     /// Moves landmarks without a height of their own to the ground. Fails if an elevation model or the triangles cannot be read.
     pub(crate) fn stand_landmarks(&mut self) -> Result<(), InputError> {
-        let places = self.builder.landmarks_without_ground();
+        let failed = |error| InputError::io("the ground", std::io::Error::other(error));
+        let places = self.builder.landmarks_without_ground().map_err(failed)?;
         if places.is_empty() {
             return Ok(());
         }
         let heights_m = if self.elevation.is_empty() {
-            let failed = |error| InputError::io("the ground", std::io::Error::other(error));
             self.builder.ground_heights(&places).map_err(failed)?
         } else {
             places.iter().map(|place| self.ground_m(*place)).collect::<Result<_, _>>()?
         };
-        self.builder.stand_landmarks(&heights_m);
-        Ok(())
+        self.builder.stand_landmarks(&heights_m).map_err(failed)
     }
 
     /// The generated facades so far; `None` without.
@@ -345,7 +345,7 @@ impl<'o> ReadContext<'o> {
             }
         }
         let rgb = self.colour_of(kind);
-        let city = self.terrain_bounds();
+        let city = self.terrain_bounds()?;
         let (builder, textures, source) = (&mut self.builder, &mut self.textures, self.elevation.first_source());
         let (set, Some(report)) = (textures.set_named("pictures from above"), sources.get_mut(source)) else {
             return Ok(());
@@ -398,8 +398,9 @@ impl<'o> ReadContext<'o> {
 
     /// Lowest and highest corner on the map of what needs ground: the objects, and what is painted near them, within the
     /// wanted area if there is one. `None` without all of these.
-    fn terrain_bounds(&mut self) -> Option<[[f64; 2]; 2]> {
-        let bounds = match (self.builder.bounds_on_map(), self.shapes.bounds()) {
+    fn terrain_bounds(&mut self) -> Result<Option<[[f64; 2]; 2]>, InputError> {
+        let failed = |error| InputError::io("the ground", std::io::Error::other(error));
+        let bounds = match (self.builder.bounds_on_map().map_err(failed)?, self.shapes.bounds()) {
             (Some([low, high]), Some([painted_low, painted_high])) => Some([
                 [0, 1].map(|axis| low[axis].min(painted_low[axis].max(low[axis] - PAINTED_REACH_M))),
                 [0, 1].map(|axis| high[axis].max(painted_high[axis].min(high[axis] + PAINTED_REACH_M))),
@@ -407,11 +408,13 @@ impl<'o> ReadContext<'o> {
             (objects, painted) => objects.or(painted),
         };
         let wanted = self.options.placing.bbox_deg.and_then(|bbox_deg| self.area_on_map(bbox_deg));
-        let (Some([low, high]), Some([wanted_low, wanted_high])) = (bounds, wanted) else { return bounds.or(wanted) };
+        let (Some([low, high]), Some([wanted_low, wanted_high])) = (bounds, wanted) else {
+            return Ok(bounds.or(wanted));
+        };
         let low: [f64; 2] = [0, 1].map(|axis| low[axis].max(wanted_low[axis]));
         let high: [f64; 2] = [0, 1].map(|axis| high[axis].min(wanted_high[axis]));
         let overlaps = (0..2).all(|axis| low[axis] < high[axis]);
-        if overlaps { Some([low, high]) } else { wanted }
+        Ok(if overlaps { Some([low, high]) } else { wanted })
     }
 
     /// Colour of the ground of a kind, 8-bit sRGB.
@@ -420,11 +423,22 @@ impl<'o> ReadContext<'o> {
         self.options.palette.resolve(None, &facts, &Look::PLAIN).0
     }
 
+    fn land_colours(&self) -> LandColours {
+        LandColours { land: self.colour_of(FeatureKind::Relief), water: self.colour_of(FeatureKind::Water) }
+    }
+
+    /// The land around the city, as it was measured. Fails if a model cannot be placed.
+    pub(crate) fn into_land(mut self, facts: LandFacts) -> Result<FarModels, InputError> {
+        self.elevation.settle(&mut self.world)?;
+        let colours = self.land_colours();
+        Ok(FarModels::known(self.elevation, colours, facts))
+    }
+
     /// The land around the city; `None` if none is wanted or known. Fails if an elevation model cannot be read.
     pub(crate) fn take_surroundings(&mut self) -> Result<Option<FarModels>, InputError> {
-        let colours =
-            LandColours { land: self.colour_of(FeatureKind::Relief), water: self.colour_of(FeatureKind::Water) };
-        let city = self.builder.bounds_on_map();
+        let colours = self.land_colours();
+        let failed = |error| InputError::io("the land", std::io::Error::other(error));
+        let city = self.builder.bounds_on_map().map_err(failed)?;
         let elevation = std::mem::take(&mut self.elevation);
         FarModels::new(elevation, city, &self.options.surroundings, colours)
     }
@@ -436,10 +450,10 @@ impl<'o> ReadContext<'o> {
         if let Some(bbox_deg) = self.options.placing.bbox_deg
             && let Some([low, high]) = self.area_on_map(bbox_deg)
         {
-            self.builder.drop_outside(low, high, sources);
+            self.builder.drop_outside(low, high, sources)?;
         }
         self.builder.drop_duplicates(self.options.duplicates, sources)?;
-        let mut city = self.builder.finish(self.textures.textures, sources);
+        let mut city = self.builder.finish(self.textures.textures, sources)?;
         city.crs = self.world.crs_name();
         report.vertical_datum = self.world.vertical();
         report.geoid = self.world.geoid();

@@ -4,10 +4,15 @@
 //! Fusiello, "Graphics Lab", sweep over intervals): O(n log n + pairs), with a bound on the pairs of each object. The list is
 //! divided into strips along x: in a country, thousands of boxes are active at once. A pair is
 //! one object if both have the same identifier and mostly the same box, or the same footprint and height. Footprints are
-//! compared as bit masks that one pass over the stored triangles fills, so that memory follows the number of similar pairs,
-//! not the size of the city.
+//! compared as bit masks that one pass over the stored triangles fills. Objects, pairs and masks are sorted in scratch files, so
+//! that memory does not follow the size of the city.
 
 use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::BakeError;
+use crate::scene::record_sorter::SortedRecords;
 
 /// What becomes of an object that another source, or the same, has already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -39,18 +44,16 @@ const MAX_ACTIVE: usize = 20_000;
 const STRIP_M: f64 = 64.0;
 /// Points in x and y at which footprints are compared.
 const MASK_SIDE: usize = 64;
-/// Pairs whose footprints are compared in one pass over the triangles: 64 MiB of masks.
-pub(super) const PAIRS_PER_PASS: usize = 1 << 16;
 
 /// A box in world coordinates.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct PlacedBox {
     pub(super) low: [f64; 3],
     pub(super) high: [f64; 3],
 }
 
 /// An object as far as it matters here.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct DuplicateCandidate {
     /// Index of the pending object.
     pub(super) object: usize,
@@ -63,7 +66,7 @@ pub(super) struct DuplicateCandidate {
 }
 
 /// Two objects that may be one. Indices of pending objects, the earlier one first.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct SimilarPair {
     pub(super) first: usize,
     pub(super) second: usize,
@@ -74,31 +77,24 @@ pub(super) struct SimilarPair {
     high: [f64; 2],
 }
 
-/// All pairs of `objects` that may be one object, in order of the first and then of the second object. Only their numbers are
-/// sorted: a country has millions.
+/// Passes all pairs of objects that may be one object to `visit`. `candidates` are in the order of their lowest x, and then of their
+/// numbers. Fails if they cannot be read, or with the first error of `visit`.
 pub(super) fn similar_pairs(
-    mut objects: Vec<u32>,
-    candidate: impl Fn(u32) -> DuplicateCandidate,
+    candidates: SortedRecords<DuplicateCandidate>,
     option: DuplicateOption,
-) -> Vec<SimilarPair> {
-    let low_x = |object: u32| candidate(object).bounds.low[0];
-    objects.sort_unstable_by(|a, b| low_x(*a).total_cmp(&low_x(*b)).then(a.cmp(b)));
-    let mut pairs = Vec::new();
+    mut visit: impl FnMut(SimilarPair) -> Result<(), BakeError>,
+) -> Result<(), BakeError> {
     let mut active = ActiveBoxes::default();
-    for new in objects.into_iter().map(&candidate) {
-        let mut left = MAX_SIMILAR;
+    candidates.try_for_each(|new| {
+        let mut pairs = Vec::new();
         active.for_each_near(&new, |old| {
-            if left > 0
-                && let Some(pair) = similar(old, &new, option)
-            {
-                pairs.push(pair);
-                left -= 1;
+            if pairs.len() < MAX_SIMILAR {
+                pairs.extend(similar(old, &new, option));
             }
         });
         active.push(new);
-    }
-    pairs.sort_by_key(|pair| (pair.first, pair.second));
-    pairs
+        pairs.into_iter().try_for_each(&mut visit)
+    })
 }
 
 /// The boxes that a sweep along x has reached and not left.
@@ -166,39 +162,43 @@ fn common_share(a: &PlacedBox, b: &PlacedBox) -> f64 {
     if union > 0.0 { common / union } else { 0.0 }
 }
 
-/// The footprints of a pair, at the same points.
-pub(super) struct PairMasks {
-    pair: SimilarPair,
-    masks: [[u64; MASK_SIDE]; 2],
+/// The footprint of one object of a pair, at points of both.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct PairMask {
+    pub(super) pair: SimilarPair,
+    /// A bit for each point, row by row.
+    rows: Vec<u64>,
+    is_second: bool,
 }
 
-impl PairMasks {
-    pub(super) fn new(pair: SimilarPair) -> Self {
-        Self { pair, masks: [[0; MASK_SIDE]; 2] }
+impl PairMask {
+    pub(super) fn new(pair: SimilarPair, is_second: bool) -> Self {
+        Self { pair, rows: vec![0; MASK_SIDE], is_second }
     }
 
-    /// Adds a triangle of one of both objects, in world coordinates on the map.
-    pub(super) fn add(&mut self, object: usize, corners: [[f64; 2]; 3]) {
-        let SimilarPair { first, low, high, .. } = self.pair;
+    /// Adds a triangle of the object, in world coordinates on the map.
+    pub(super) fn add(&mut self, corners: [[f64; 2]; 3]) {
+        let SimilarPair { low, high, .. } = self.pair;
         let step = [0, 1].map(|axis: usize| (high[axis] - low[axis]) / MASK_SIDE as f64);
         if !(step[0] > 0.0 && step[1] > 0.0) {
             return;
         }
         let points = corners.map(|corner| [0, 1].map(|axis: usize| (corner[axis] - low[axis]) / step[axis] - 0.5));
-        cover(&mut self.masks[usize::from(object != first)], points);
+        cover(&mut self.rows, points);
     }
 
-    /// Whether both footprints are the same.
-    pub(super) fn are_equal(&self) -> bool {
-        let [a, b] = &self.masks;
-        let count = |of: fn(u64, u64) -> u64| a.iter().zip(b).map(|(a, b)| of(*a, *b).count_ones()).sum::<u32>();
+    /// Whether the footprint of the other object is the same.
+    pub(super) fn equals(&self, other: &Self) -> bool {
+        let count = |of: fn(u64, u64) -> u64| {
+            self.rows.iter().zip(&other.rows).map(|(a, b)| of(*a, *b).count_ones()).sum::<u32>()
+        };
         let (common, union) = (count(|a, b| a & b), count(|a, b| a | b));
-        union > 0 && f64::from(common) > FOOTPRINT_SHARE * f64::from(union)
+        self.is_second != other.is_second && union > 0 && f64::from(common) > FOOTPRINT_SHARE * f64::from(union)
     }
 }
 
 /// Sets the bits of the points in a triangle. Points are at whole numbers.
-fn cover(mask: &mut [u64; MASK_SIDE], points: [[f64; 2]; 3]) {
+fn cover(mask: &mut [u64], points: [[f64; 2]; 3]) {
     let range = |axis: usize| {
         let values = points.map(|point| point[axis]);
         let low = values.into_iter().fold(f64::MAX, f64::min).ceil().max(0.0);
@@ -222,7 +222,8 @@ fn cover(mask: &mut [u64; MASK_SIDE], points: [[f64; 2]; 3]) {
         let (from, to) = (left.ceil().max(0.0), right.floor().min(MASK_SIDE as f64 - 1.0));
         if from <= to {
             let width = (to - from) as u32 + 1;
-            mask[row] |= (u64::MAX >> (64 - width)) << from as u32;
+            let bits = (u64::MAX >> (64 - width)) << from as u32;
+            mask.iter_mut().skip(row).take(1).for_each(|mask| *mask |= bits);
         }
     }
 }
@@ -230,18 +231,30 @@ fn cover(mask: &mut [u64; MASK_SIDE], points: [[f64; 2]; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{record_list::RecordScratch, record_sorter::RecordSorter};
 
     fn candidate(object: usize, low: [f64; 3], high: [f64; 3], id: u64) -> DuplicateCandidate {
         let bounds = PlacedBox { low, high };
         DuplicateCandidate { object, bounds, id, parent: None, lod: 0.0, is_terrain: false }
     }
 
-    fn numbers(candidates: &[DuplicateCandidate]) -> Vec<u32> {
-        (0..candidates.len() as u32).collect()
+    fn all_pairs(candidates: &[DuplicateCandidate], option: DuplicateOption) -> Vec<SimilarPair> {
+        let mut sorter = RecordSorter::new(&RecordScratch::default(), |a: &DuplicateCandidate, b| {
+            a.bounds.low[0].total_cmp(&b.bounds.low[0])
+        });
+        candidates.iter().for_each(|candidate| sorter.push(*candidate).unwrap());
+        let mut found = Vec::new();
+        let push = |pair| {
+            found.push(pair);
+            Ok(())
+        };
+        similar_pairs(sorter.finish().unwrap(), option, push).unwrap();
+        found.sort_by_key(|pair| (pair.first, pair.second));
+        found
     }
 
     fn pairs(candidates: &[DuplicateCandidate]) -> Vec<(usize, usize, bool)> {
-        let found = similar_pairs(numbers(candidates), |i| candidates[i as usize], DuplicateOption::KeepFirst);
+        let found = all_pairs(candidates, DuplicateOption::KeepFirst);
         found.iter().map(|pair| (pair.first, pair.second, pair.has_same_id)).collect()
     }
 
@@ -293,8 +306,7 @@ mod tests {
         let far = candidate(1, [8.0, 0.0, 0.0], [18.0, 10.0, 10.0], 1);
         assert!(pairs(&[base, far]).is_empty(), "the same identifier at another place");
         let lower = DuplicateCandidate { lod: 1.0, ..candidate(1, [0.0; 3], [10.0, 10.0, 6.0], 2) };
-        let both = [base, lower];
-        assert_eq!(similar_pairs(vec![0, 1], |i| both[i as usize], DuplicateOption::KeepBestLevel).len(), 1);
+        assert_eq!(all_pairs(&[base, lower], DuplicateOption::KeepBestLevel).len(), 1);
     }
 
     #[test]
@@ -312,11 +324,11 @@ mod tests {
             DuplicateOption::KeepFirst,
         );
         let masks = |second: &[[[f64; 2]; 3]]| {
-            let mut masks = PairMasks::new(pair.unwrap());
-            masks.add(0, [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]);
-            masks.add(0, [[0.0, 0.0], [10.0, 10.0], [0.0, 10.0]]);
-            second.iter().for_each(|triangle| masks.add(1, *triangle));
-            masks.are_equal()
+            let [mut one, mut other] = [false, true].map(|is_second| PairMask::new(pair.unwrap(), is_second));
+            one.add([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]);
+            one.add([[0.0, 0.0], [10.0, 10.0], [0.0, 10.0]]);
+            second.iter().for_each(|triangle| other.add(*triangle));
+            one.equals(&other)
         };
         // The same square, cut along the other diagonal and facing down.
         assert!(masks(&[[[0.0, 0.0], [0.0, 10.0], [10.0, 0.0]], [[10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]]));

@@ -67,13 +67,13 @@ pub use attributes::NamePatterns;
 pub use context::{ObjUpAxis, PlacingOptions, ReadOptions};
 pub use duplicates::DuplicateOption;
 pub use earth_place::EarthPlace;
-pub(crate) use elevation::{ALIGNED_LEAVES, FarModels, LandSquare};
+pub(crate) use elevation::{ALIGNED_LEAVES, FarModels, LandFacts, LandSquare};
 pub use elevation::{SurroundingsOptions, TerrainOptions};
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use landmark::cell_of_monument;
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
-pub(crate) use part::{ListedInputs, PartFiles, PartHead, PartsCity, RECORDS, SceneParts, TRIANGLES, records_of};
+pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
 pub use remote::FetchFunction;
 pub use report::{
     AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport,

@@ -3,7 +3,8 @@
 //! A part is a run of sources. It has what its sources have ([`PartHead`]), before anything is decided that depends on all sources,
 //! and files of its triangles, records and textures. [`SceneParts`] makes of all parts what reading all sources at once makes.
 
-use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -12,13 +13,20 @@ use serde::{Deserialize, Serialize};
 use super::bad_inputs::BadInputs;
 use super::context::{ReadContext, ReadOptions};
 use super::list::{self, SourceList};
+use super::map_store::{MapRecord, MapStore};
+use super::paint::PaintShape;
 use super::report::ReadReport;
 use super::scene_builder::{BuilderParts, PartObjects, SceneBuilder};
 use super::slice::slices;
 use super::source::ReadProgress;
-use super::{ReadSources, ScratchOptions, finish_city, is_elevation, read_source, read_sources};
+use super::{
+    FarModels, LandFacts, MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES, ReadCity, ReadSources, ScratchOptions, finish_city,
+    is_elevation, read_landmarks, read_source, read_sources,
+};
 use crate::error::{BakeError, InputError};
+use crate::hash::ShortHash;
 use crate::scene::object_records::{self, ObjectRecords, RecordPart};
+use crate::scene::record_list::RecordScratch;
 use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::{ScratchScene, StoredMaterial};
 use crate::scene::texture_store::{TextureFacts, TextureStore};
@@ -26,9 +34,16 @@ use crate::scene::triangle_store::{TrianglePart, TriangleStore};
 
 /// Name of a part's file of triangles.
 pub(crate) const TRIANGLES: &str = "triangles";
+/// Name of a part's file of shapes that are painted on terrain.
+pub(crate) const SHAPES: &str = "shapes";
 
-/// The sources of inputs, in their order.
+/// Shorter sequences are not divided.
+const MIN_SLICE_BYTES: u64 = 1 << 20;
+
+/// The sources of inputs, in the order in which a plain bake reads them.
 pub(crate) struct ListedInputs {
+    /// Elevation models and pictures from above, which every part opens.
+    elevation: SourceList<'static>,
     listed: SourceList<'static>,
 }
 
@@ -50,60 +65,82 @@ pub(crate) struct PartHead {
     pub(crate) triangles: u64,
 }
 
-/// A part and where its files are.
-#[derive(Debug)]
-pub(crate) struct PartFiles {
-    pub(crate) head: PartHead,
-    pub(crate) triangles: PathBuf,
-}
-
 impl ListedInputs {
-    /// Lists the sources, sequences of more than `slice_bytes` as several. Fails as reading them does, and for sources that cannot be read in parts: elevation models, landmarks and
-    /// land around the city.
+    /// Lists the sources, sequences of more than `slice_bytes` as several. Fails as reading them does, and for a mesh that is the city.
     pub(crate) fn new(inputs: &[PathBuf], options: &ReadOptions, slice_bytes: u64) -> Result<Self, InputError> {
-        let mut listed = list::list(inputs, options, &mut BadInputs::new(options.skip_bad_inputs))?;
-        let unsupported = |label: &str| {
-            InputError::unsupported(label, "elevation models and landmarks are not baked in steps; bake without --work")
-        };
-        if let Some(source) = listed.sources.iter().find(|source| is_elevation(source) || source.is_surroundings) {
-            return Err(unsupported(&source.label));
-        }
-        if let Some(file) = &options.landmarks {
-            return Err(unsupported(&file.display().to_string()));
-        }
+        let listed = list::list(inputs, options, &mut BadInputs::new(options.skip_bad_inputs))?;
+        let unsupported =
+            |label: &str, what: &str| InputError::unsupported(label, format!("{what} in steps; bake without --work"));
         if let Some(source) = listed.sources.first().filter(|_| options.is_monument) {
-            return Err(unsupported(&source.label));
+            return Err(unsupported(&source.label, "a mesh that is the city is not baked"));
         }
-        listed.sources = listed.sources.into_iter().flat_map(|source| slices(source, slice_bytes)).collect();
-        Ok(Self { listed })
+        let (elevation, others): (Vec<_>, Vec<_>) = listed.sources.into_iter().partition(is_elevation);
+        let sources = others.into_iter().flat_map(|source| slices(source, slice_bytes.max(MIN_SLICE_BYTES))).collect();
+        let elevation = SourceList { sources: elevation, unread: Vec::new() };
+        Ok(Self { elevation, listed: SourceList { sources, unread: listed.unread } })
     }
 
-    /// Size of each source in bytes.
-    pub(crate) fn sizes(&self) -> Vec<u64> {
-        self.listed.sources.iter().map(|source| source.bytes).collect()
+    /// Size of each source in bytes; of the elevation models and pictures besides.
+    pub(crate) fn sizes(&self) -> (Vec<u64>, Vec<u64>) {
+        let of = |list: &SourceList<'_>| list.sources.iter().map(|source| source.bytes).collect();
+        (of(&self.listed), of(&self.elevation))
     }
 
-    /// The coordinate system that a city of all sources has; `None` if none of them has one. Reads the sources as far as their first
-    /// place. Fails as reading them does.
-    pub(crate) fn settle(&self, options: &ReadOptions) -> Result<Option<String>, InputError> {
-        let mut context = ReadContext::new(options, TriangleStore::Memory(Vec::new()), TextureStore::in_memory())?;
+    /// Moves sources with these numbers behind the others, see [`Self::settle`].
+    pub(crate) fn postpone(&mut self, postponed: &[usize]) {
+        let all = std::mem::take(&mut self.listed.sources).into_iter().enumerate();
+        let (last, first): (Vec<_>, Vec<_>) = all.partition(|(number, _)| postponed.contains(number));
+        self.listed.sources = first.into_iter().chain(last).map(|(_, source)| source).collect();
+    }
+
+    /// The coordinate system that a city of all sources has; `None` if none of them has one. And the numbers of the sources that wait for
+    /// it, because they have none: these are read last. Reads the sources as far as their first place. Fails as reading them does.
+    pub(crate) fn settle(&self, options: &ReadOptions) -> Result<(Option<String>, Vec<usize>), InputError> {
+        let mut context = self.context(options, TriangleStore::Memory(Vec::new()), TextureStore::in_memory())?;
         context.ends_at_place = true;
-        for is_last_resort in [self.listed.sources.len() == 1, true] {
+        let mut postponed = Vec::new();
+        for is_last_resort in [self.listed.sources.len() + self.elevation.sources.len() == 1, true] {
             context.is_last_resort = is_last_resort;
-            for source in &self.listed.sources {
+            for (number, source) in self.listed.sources.iter().enumerate() {
                 if context.world.is_settled() {
-                    return Ok(context.world.crs_name());
+                    return Ok((context.world.crs_name(), postponed));
                 }
                 let mark = context.mark();
                 match read_source(&mut context, source, &|_| {}) {
                     Ok(_) | Err(InputError::Settled { .. }) => {}
-                    Err(InputError::NoProjection { .. }) if !is_last_resort => context.abandon_source(mark),
+                    Err(InputError::NoProjection { .. }) if !is_last_resort => {
+                        context.abandon_source(mark);
+                        postponed.push(number);
+                    }
                     Err(_) if options.skip_bad_inputs => context.abandon_source(mark),
                     Err(error) => return Err(error),
                 }
             }
         }
-        Ok(context.world.crs_name())
+        Ok((context.world.crs_name(), postponed))
+    }
+
+    /// The land around the city, of which `facts` are known. Fails if a model cannot be opened or placed.
+    pub(crate) fn land(&self, options: &ReadOptions, facts: LandFacts) -> Result<FarModels, InputError> {
+        let context = self.context(options, TriangleStore::Memory(Vec::new()), TextureStore::in_memory())?;
+        context.into_land(facts)
+    }
+
+    /// The state of a reader that has opened the elevation models. Fails if one cannot be opened, unless bad inputs are skipped.
+    fn context<'o>(
+        &self,
+        options: &'o ReadOptions,
+        triangles: TriangleStore,
+        textures: TextureStore,
+    ) -> Result<ReadContext<'o>, InputError> {
+        let mut context = ReadContext::new(options, triangles, textures)?;
+        for source in &self.elevation.sources {
+            match read_source(&mut context, source, &|_| {}) {
+                Err(_) if options.skip_bad_inputs => {}
+                opened => drop(opened?),
+            }
+        }
+        Ok(context)
     }
 
     /// Reads a run of the sources into files in the scratch folder. Fails as reading them does.
@@ -118,11 +155,16 @@ impl ListedInputs {
         let triangles = TriangleStore::in_file(scratch.folder.join(TRIANGLES), scratch.budget.clone())?;
         let folder = scratch.folder.to_owned();
         let textures = TextureStore::in_folder(folder, scratch.texture_cache_bytes, scratch.budget.clone());
-        let mut context = ReadContext::new(options, triangles, textures)?;
-        context.is_last_resort = true;
+        let mut context = self.context(options, triangles, textures)?;
+        context.shapes = MapStore::new(&scratch.folder.join("painted"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
         let bad = BadInputs::new(options.skip_bad_inputs);
-        let read = read_sources(&self.listed, bad, context, progress)?;
+        let (report, set_of_source) = (ReadReport::default(), Vec::new());
+        let read = match self.listed.sources.is_empty() {
+            true => ReadSources { context, report, set_of_source, bad },
+            false => read_sources(&self.listed, bad, context, progress)?,
+        };
         let ReadSources { mut context, mut report, set_of_source, bad } = read;
+        write_shapes(&context.shapes, &scratch.folder.join(SHAPES))?;
         report.bad_inputs = bad.into_found();
         report.facades = context.take_facades();
         report.vertical_datum = context.world.vertical();
@@ -161,110 +203,144 @@ impl PartHead {
     }
 }
 
-/// All parts of a city.
-pub(crate) struct SceneParts {
-    pub(crate) parts: Vec<PartFiles>,
-    /// Folder of the textures, which are there by the numbers that they have in the city.
-    pub(crate) textures: PathBuf,
+/// All parts of a city. What is known of each object is in scratch files.
+pub(crate) struct SceneParts<'o> {
+    /// For scratch files.
+    folder: PathBuf,
+    read: ReadSources<'o>,
+    triangles: Vec<TrianglePart>,
+    record_bytes: u64,
 }
 
 /// A city of parts.
 pub(crate) struct PartsCity {
     pub(crate) city: ScratchScene,
+    /// The land around it.
+    pub(crate) surroundings: Option<FarModels>,
     pub(crate) report: ReadReport,
     /// For each part, the number in the city of each of its materials.
     pub(crate) materials: Vec<Vec<u32>>,
-    /// For each part, the number in the city of its first object, before objects were left out.
+    /// For each part, the number in the city of its first object, before objects were left out; then that of the first object that is
+    /// of no part.
     pub(crate) first_objects: Vec<u32>,
+    /// Hash of each texture as it is in the folder of textures: those of the parts, then the city's own.
+    pub(crate) pictures: Vec<ShortHash>,
+    /// Size of the city's own file of records.
+    pub(crate) own_record_bytes: u64,
 }
 
-/// The textures of all parts, equal ones once.
-#[derive(Default)]
-struct PartTextures {
-    facts: Vec<TextureFacts>,
-    known: HashMap<TextureFacts, u32>,
-    sets: HashMap<String, u32>,
-    set_of_texture: Vec<Option<u32>>,
-}
-
-impl PartTextures {
-    /// The number of a set by name.
-    fn set(&mut self, name: &str) -> u32 {
-        let next = self.sets.len() as u32;
-        *self.sets.entry(name.to_owned()).or_insert(next)
-    }
-
-    /// The number of each texture of a part.
-    fn add(&mut self, head: &PartHead) -> Vec<u32> {
-        let sets: Vec<u32> = head.sets.iter().map(|name| self.set(name)).collect();
-        let textures = head.textures.iter().zip(&head.set_of_texture);
-        let mut numbers = Vec::with_capacity(head.textures.len());
-        for (facts, set) in textures {
-            let next = self.facts.len() as u32;
-            let number = *self.known.entry(facts.clone()).or_insert(next);
-            if number == next {
-                self.facts.push(facts.clone());
-                self.set_of_texture.push(set.and_then(|set| sets.get(set as usize).copied()));
-            }
-            numbers.push(number);
-        }
-        numbers
-    }
-}
-
-impl SceneParts {
-    /// The textures of all parts by the numbers that they have in the city.
-    pub(crate) fn textures(parts: &[PartFiles]) -> Vec<TextureFacts> {
-        let mut textures = PartTextures::default();
-        parts.iter().for_each(|part| drop(textures.add(&part.head)));
-        textures.facts
-    }
-
-    /// Makes the city. `scratch` is for triangles that are made, and for names. Fails as reading all sources at once does.
-    pub(crate) fn assemble(
-        self,
-        options: &ReadOptions,
-        scratch: &Path,
+impl<'o> SceneParts<'o> {
+    /// Opens the elevation models, if there are any among the inputs. `folder` is for scratch files, `textures` an empty folder for textures by number. Fails if a model
+    /// cannot be opened, unless bad inputs are skipped.
+    pub(crate) fn new(
+        inputs: Option<&ListedInputs>,
+        options: &'o ReadOptions,
+        folder: &Path,
+        textures: &Path,
         texture_cache_bytes: usize,
-    ) -> Result<PartsCity, BakeError> {
+    ) -> Result<Self, BakeError> {
         let budget = ScratchBudget::new(u64::MAX);
-        let (mut textures, mut builder) = (PartTextures::default(), SceneBuilder::of_parts(options.cell_m));
-        let (mut triangles, mut first_objects, mut materials) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut report, mut set_of_source, mut records) = (ReadReport::default(), Vec::new(), 0);
-        for PartFiles { head, triangles: path } in self.parts {
-            let texture_numbers = textures.add(&head);
-            let damaged = || BakeError::Scratch { path: path.clone() };
-            let renumber = |material: &StoredMaterial| {
-                let texture = material.texture.map(|number| texture_numbers.get(number as usize).ok_or_else(damaged));
-                Ok::<_, BakeError>(StoredMaterial { texture: texture.transpose()?.copied(), ..*material })
-            };
-            let own: Vec<u32> =
-                head.materials.iter().map(|m| Ok(builder.material(renumber(m)?))).collect::<Result<_, BakeError>>()?;
-            let first_object = builder.len() as u32;
-            let sets = head.set_of_source.iter().filter_map(|set| head.sets.get(*set as usize));
-            set_of_source.extend(sets.map(|name| textures.set(name)));
-            builder.add_part(head.objects, report.sources.len() as u32, records);
-            records += head.record_bytes;
-            merge_reports(&mut report, head.report);
-            triangles.push(TrianglePart { path: path.clone(), first_object, materials: own.clone() });
-            first_objects.push(first_object);
-            materials.push(own);
-        }
-        builder.set_triangles(TriangleStore::of_parts(triangles, scratch.join(TRIANGLES), budget)?);
-        let facts = std::mem::take(&mut textures.facts);
-        let store = TextureStore::of_files(facts, self.textures, texture_cache_bytes);
+        let store = TextureStore::in_folder(textures.to_owned(), texture_cache_bytes, budget);
         let mut context = ReadContext::new(options, TriangleStore::Memory(Vec::new()), store)?;
-        context.builder = builder;
-        context.textures.set_of_texture = textures.set_of_texture;
-        let (vertical_datum, geoid) = (report.vertical_datum.clone(), report.geoid.clone());
+        context.builder = SceneBuilder::of_parts(options.cell_m, &RecordScratch::in_folder(folder));
+        context.shapes = MapStore::new(&folder.join("shapes"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
+        context.elevation.bases = MapStore::new(&folder.join("bases"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
         let bad = BadInputs::new(options.skip_bad_inputs);
-        let mut read = finish_city(ReadSources { context, report, set_of_source, bad })?;
-        (read.report.vertical_datum, read.report.geoid) = (vertical_datum, geoid);
+        let read = match inputs.filter(|inputs| !inputs.elevation.sources.is_empty()) {
+            None => ReadSources { context, report: ReadReport::default(), set_of_source: Vec::new(), bad },
+            Some(inputs) => read_sources(&inputs.elevation, bad, context, &|_| {})?,
+        };
+        Ok(Self { folder: folder.to_owned(), read, triangles: Vec::new(), record_bytes: 0 })
+    }
+
+    /// Adds a part, in the order of the sources. `triangles` and `shapes` are its files. Fails if the part is damaged.
+    pub(crate) fn add(&mut self, head: PartHead, triangles: PathBuf, shapes: &Path) -> Result<(), BakeError> {
+        let ReadSources { context, report, set_of_source, .. } = &mut self.read;
+        let sets: Vec<u32> = head.sets.iter().map(|name| context.textures.set_of_name(name)).collect();
+        let set = |number: u32| sets.get(number as usize).copied();
+        let textures = head.textures.into_iter().zip(&head.set_of_texture);
+        let textures: Vec<u32> =
+            textures.map(|(facts, number)| context.textures.add_known(facts, number.and_then(set))).collect();
+        let damaged = || BakeError::Scratch { path: triangles.clone() };
+        let mut materials = Vec::with_capacity(head.materials.len());
+        for material in head.materials {
+            let texture = material.texture.map(|number| textures.get(number as usize).copied().ok_or_else(damaged));
+            materials.push(context.builder.material(StoredMaterial { texture: texture.transpose()?, ..material }));
+        }
+        let first_object = context.builder.len() as u32;
+        set_of_source.extend(head.set_of_source.iter().filter_map(|number| set(*number)));
+        context.builder.add_part(head.objects, report.sources.len() as u32, self.record_bytes);
+        read_shapes(&mut context.shapes, shapes)?;
+        self.record_bytes += head.record_bytes;
+        merge_reports(report, head.report);
+        self.triangles.push(TrianglePart { path: triangles, first_object, materials });
+        Ok(())
+    }
+
+    /// The textures of all parts by the numbers that they have in the city.
+    pub(crate) fn textures(&self) -> &[TextureFacts] {
+        self.read.context.textures.textures.facts()
+    }
+
+    /// Makes the city, with terrain and landmarks. The textures of all parts must be in their folder. Fails as reading all sources at
+    /// once does.
+    pub(crate) fn assemble(self, options: &ReadOptions) -> Result<PartsCity, BakeError> {
+        let Self { folder, mut read, triangles, record_bytes } = self;
+        let budget = ScratchBudget::new(u64::MAX);
+        let materials = triangles.iter().map(|part| part.materials.clone()).collect();
+        let mut first_objects: Vec<u32> = triangles.iter().map(|part| part.first_object).collect();
+        let ReadSources { context, report, set_of_source, bad } = &mut read;
+        first_objects.push(context.builder.len() as u32);
+        let stored = TriangleStore::of_parts(triangles, folder.join(TRIANGLES), budget)?;
+        context.builder.set_stores(ObjectRecords::after(record_bytes, &stored), stored);
+        let (vertical_datum, geoid) = (report.vertical_datum.clone(), report.geoid.clone());
+        read_landmarks(context, bad, report, set_of_source)?;
+        let mut read = finish_city(read)?;
+        read.report.vertical_datum = vertical_datum.or(read.report.vertical_datum.take());
+        read.report.geoid = geoid.or(read.report.geoid.take());
         read.city.stored.finish()?;
         read.city.names.finish();
+        let own_record_bytes = read.city.records.bytes();
+        read.city.records.finish()?;
+        read.city.textures.finish()?;
+        let pictures = read.city.textures.facts().iter().map(TextureFacts::hash).collect();
         read.level_textures(options)?;
-        Ok(PartsCity { city: read.city, report: read.report, materials, first_objects })
+        let ReadCity { city, surroundings, report, .. } = read;
+        Ok(PartsCity { city, surroundings, report, materials, first_objects, pictures, own_record_bytes })
     }
+}
+
+/// Writes shapes that are painted on terrain, each after its length. Fails if they cannot be read or written.
+fn write_shapes(shapes: &MapStore<PaintShape>, path: &Path) -> Result<(), BakeError> {
+    let failed = |cause| BakeError::io(path, "written", cause);
+    let mut writer = BufWriter::new(File::create(path).map_err(failed)?);
+    let written = shapes.try_for_each(|shape| {
+        let mut bytes = Vec::new();
+        shape.encode(&mut bytes);
+        writer.write_all(&(bytes.len() as u64).to_le_bytes())?;
+        writer.write_all(&bytes)
+    });
+    written.and_then(|()| writer.flush()).map_err(failed)
+}
+
+/// Adds the shapes of a file. Fails if it cannot be read, or is damaged.
+fn read_shapes(shapes: &mut MapStore<PaintShape>, path: &Path) -> Result<(), BakeError> {
+    let failed = |cause| BakeError::io(path, "read", cause);
+    let damaged = || BakeError::Scratch { path: path.to_owned() };
+    let file = File::open(path).map_err(failed)?;
+    let mut left = file.metadata().map_err(failed)?.len();
+    let mut reader = BufReader::new(file);
+    while left > 0 {
+        let mut length = [0; 8];
+        reader.read_exact(&mut length).map_err(failed)?;
+        let length = u64::from_le_bytes(length);
+        left = left.checked_sub(8).and_then(|left| left.checked_sub(length)).ok_or_else(damaged)?;
+        let mut bytes = vec![0; length as usize];
+        reader.read_exact(&mut bytes).map_err(failed)?;
+        let pushed = shapes.push(PaintShape::decode(&bytes).ok_or_else(damaged)?);
+        pushed.map_err(|error| BakeError::io(path, "read", io::Error::other(error)))?;
+    }
+    Ok(())
 }
 
 /// The records of all parts, of files with these numbers of bytes.

@@ -17,6 +17,8 @@ const MAX_TYPES: usize = 1000;
 pub(super) const INEXACT: &str = "coordinates less exact than possible";
 /// Reason for leaving out objects that are too far from the others.
 pub(super) const FAR: &str = "far from the city";
+/// Kind of the problem that few objects make the city wide.
+pub(super) const WIDE: &str = "few objects far away that make the city more than twice as wide";
 /// Stands for all types past [`MAX_TYPES`].
 const OTHER_TYPES: &str = "(other types)";
 /// Stands for all attributes past [`MAX_TYPES`].
@@ -344,6 +346,17 @@ impl ReadReport {
         let all: std::collections::BTreeSet<&str> =
             faults.flat_map(|fault| fault.first.iter().map(String::as_str)).collect();
         all.into_iter()
+    }
+
+    /// Which few objects make the city wide, of each source with such, and what to do.
+    pub fn wide_warnings(&self) -> impl Iterator<Item = String> {
+        self.sources.iter().filter_map(|source| {
+            let FaultCount { count, first } = source.problems.get(WIDE)?;
+            let more = count - (first.len() as u64).min(*count);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let advice = "remove them from the source, or leave them out with --bbox";
+            Some(format!("{}: {WIDE}: {}{more}; {advice}", source.path, first.join(", ")))
+        })
     }
 
     /// Number of duplicates left out in all sources.

@@ -12,7 +12,7 @@ use super::files::OUTSIDE;
 use super::report::SourceReport;
 use super::source::{CitySource, read_sibling};
 use crate::scene::SceneTexture;
-use crate::scene::texture_store::TextureStore;
+use crate::scene::texture_store::{TextureFacts, TextureStore};
 
 /// Allowed file size per allowed pixel: enough for any uncompressed image.
 const FILE_BYTES_PER_PIXEL: u64 = 8;
@@ -79,6 +79,21 @@ impl TextureLoader {
     pub(crate) fn set_named(&mut self, name: &str) -> u32 {
         let next = self.sets.len() as u32;
         *self.sets.entry(format!("<{name}>")).or_insert(next)
+    }
+
+    /// A set by one of [`Self::set_names`], of this loader or another.
+    pub(crate) fn set_of_name(&mut self, name: &str) -> u32 {
+        let next = self.sets.len() as u32;
+        *self.sets.entry(name.to_owned()).or_insert(next)
+    }
+
+    /// Adds a texture whose texels another loader has written, and returns its number, that of an equal one if there is one.
+    pub(crate) fn add_known(&mut self, facts: TextureFacts, set: Option<u32>) -> u32 {
+        let number = self.textures.add_known(facts);
+        if number as usize == self.set_of_texture.len() {
+            self.set_of_texture.push(set);
+        }
+        number
     }
 
     /// Adds a photo that is no image of a source, and returns its number.

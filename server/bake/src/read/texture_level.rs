@@ -76,9 +76,10 @@ fn gain(light: f64, area_m2: f64) -> f64 {
 /// texture is loaded once.
 fn select(city: &ScratchScene, set_of_texture: &[Option<u32>]) -> Result<Vec<Measured>, BakeError> {
     let (stride, mut textured, mut all) = (city.triangles / MAX_MEASURED + 1, 0u64, Vec::new());
+    let mut objects = city.objects.cursor();
     city.try_for_each(|triangle| {
         let material = city.materials[triangle.material as usize];
-        let is_building = city.objects[triangle.object as usize].kind == ObjectKind::Building;
+        let is_building = objects.get(triangle.object as usize)?.kind == ObjectKind::Building;
         if let Some(texture) =
             material.texture.filter(|number| is_building && set_of_texture[*number as usize].is_some())
         {

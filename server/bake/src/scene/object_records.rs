@@ -100,6 +100,9 @@ pub(crate) struct RecordPart {
 pub(crate) struct RecordFile {
     path: PathBuf,
     writer: Option<BufWriter<File>>,
+    /// Bytes of other files before.
+    start: u64,
+    /// Bytes of this one.
     end: u64,
     budget: ScratchBudget,
     failed: Option<BakeError>,
@@ -108,13 +111,18 @@ pub(crate) struct RecordFile {
 impl ObjectRecords {
     /// Keeps records where the triangles are kept.
     pub(crate) fn for_triangles(triangles: &TriangleStore) -> Self {
-        let TriangleStore::File(file) = triangles else { return Self::Memory(Vec::new()) };
+        Self::after(0, triangles)
+    }
+
+    /// As [`Self::for_triangles`], after so many bytes of other files.
+    pub(crate) fn after(start: u64, triangles: &TriangleStore) -> Self {
+        let Some(file) = triangles.own_file() else { return Self::Memory(Vec::new()) };
         let path = file.path().with_file_name(FILE_NAME);
         let (writer, failed) = match File::create_new(&path) {
             Ok(file) => (Some(BufWriter::new(file)), None),
             Err(cause) => (None, Some(BakeError::io(&path, "written", cause))),
         };
-        Self::File(RecordFile { path, writer, end: 0, budget: file.budget(), failed })
+        Self::File(RecordFile { path, writer, start, end: 0, budget: file.budget(), failed })
     }
 
     /// Adds a record. An object with more attributes than fit into a record loses them all.
@@ -155,7 +163,7 @@ impl ObjectRecords {
 
 impl RecordFile {
     fn push(&mut self, record: SourceRecord) -> RecordPlace {
-        let place = RecordPlace(self.end);
+        let place = RecordPlace(self.start + self.end);
         let SourceRecord { identifier, kind, attributes } = record;
         let attributes = attributes.into_iter().map(|(name, value)| (name, value.into())).collect();
         let mut stored = StoredRecord { identifier, kind, attributes };
@@ -190,7 +198,10 @@ impl RecordReader<'_> {
     /// A record. Fails if it cannot be read.
     pub(crate) fn read(&mut self, place: RecordPlace) -> Result<SourceRecord, BakeError> {
         match (self.records, &mut self.file) {
-            (ObjectRecords::File(RecordFile { path, .. }), Some(file)) => read_at(file, path, place.0),
+            (ObjectRecords::File(RecordFile { path, start, .. }), Some(file)) => {
+                let at = place.0.checked_sub(*start).ok_or_else(|| BakeError::Scratch { path: path.clone() })?;
+                read_at(file, path, at)
+            }
             (ObjectRecords::Parts(parts), _) => {
                 let number = parts.partition_point(|part| part.start <= place.0).saturating_sub(1);
                 let missing = || BakeError::Scratch { path: PathBuf::from("records") };

@@ -13,6 +13,7 @@ use crate::{
         Landmark, Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle,
         object_names::ObjectNames,
         object_records::{ObjectRecords, RecordPlace, SourceRecord},
+        record_list::RecordList,
         texture_store::TextureStore,
         triangle_store::TriangleStore,
     },
@@ -37,7 +38,7 @@ impl StoredMaterial {
 }
 
 /// A [`SceneObject`] without its identifier.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StoredObject {
     pub(crate) kind: ObjectKind,
     pub(crate) base_z_m: f32,
@@ -61,7 +62,7 @@ pub(crate) struct ObjectIdentity {
 }
 
 /// Position and number of an object whose triangles are stored relative to an anchor of their own.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct ObjectPlacement {
     /// From the scene's origin to the anchor.
     pub(crate) offset_m: [f64; 3],
@@ -97,7 +98,7 @@ pub(crate) struct ScratchScene {
     pub(crate) crs: Option<String>,
     /// Minimum and maximum of all corners, relative to the origin; `None` without triangles.
     pub(crate) bounds: Option<[[f64; 3]; 2]>,
-    pub(crate) objects: Vec<StoredObject>,
+    pub(crate) objects: RecordList<StoredObject>,
     /// Number of each object in the baked city; empty until the objects are numbered.
     pub(crate) numbers: Vec<u32>,
     /// As in [`Scene`].
@@ -105,7 +106,7 @@ pub(crate) struct ScratchScene {
     /// Objects of landmarks that stand on the ground, which may be generated.
     pub(crate) standing: Vec<u32>,
     /// Objects without a shape of which others may be parts.
-    pub(crate) parents: Vec<ObjectIdentity>,
+    pub(crate) parents: RecordList<ObjectIdentity>,
     pub(crate) records: ObjectRecords,
     pub(crate) materials: Vec<StoredMaterial>,
     pub(crate) textures: TextureStore,
@@ -115,7 +116,7 @@ pub(crate) struct ScratchScene {
     pub(crate) extent: SceneExtent,
     pub(crate) names: ObjectNames,
     /// By the object number of the stored triangles; empty if the triangles are relative to the origin already.
-    pub(crate) placements: Vec<ObjectPlacement>,
+    pub(crate) placements: RecordList<ObjectPlacement>,
     pub(crate) stored: TriangleStore,
 }
 
@@ -134,10 +135,11 @@ impl ScratchScene {
         &self,
         mut visit: impl FnMut(&SceneTriangle, &[[f64; 3]; 3]) -> Result<(), BakeError>,
     ) -> Result<(), BakeError> {
+        let (has_placements, mut placements) = (!self.placements.is_empty(), self.placements.cursor());
         self.stored.try_for_each(|mut triangle| {
             let mut exact = triangle.corners.map(|corner| corner.map(f64::from));
-            if !self.placements.is_empty() {
-                let ObjectPlacement { offset_m, object } = self.placements[triangle.object as usize];
+            if has_placements {
+                let ObjectPlacement { offset_m, object } = *placements.get(triangle.object as usize)?;
                 let Some(object) = object else { return Ok(()) };
                 triangle.object = object;
                 for (corner, rounded) in exact.iter_mut().zip(&mut triangle.corners) {
@@ -151,7 +153,7 @@ impl ScratchScene {
 
     /// Frees the triangles, whose copies in the partition's buckets are used from then on.
     pub(crate) fn drop_triangles(&mut self) {
-        self.placements = Vec::new();
+        self.placements = RecordList::default();
         if let TriangleStore::File(file) = std::mem::replace(&mut self.stored, TriangleStore::Memory(Vec::new())) {
             file.remove();
         }
@@ -164,7 +166,7 @@ impl ScratchScene {
             triangles.push(*triangle);
             Ok(())
         })?;
-        let objects = self.objects.iter().zip(self.names.in_memory());
+        let objects = self.objects.in_memory().iter().zip(self.names.in_memory());
         let objects =
             objects.map(|(object, id)| SceneObject { id: id.clone(), kind: object.kind, base_z_m: object.base_z_m });
         let materials = self.materials.iter().map(|material| self.load_material(*material));
@@ -208,18 +210,18 @@ impl ScratchScene {
             origin: scene.origin,
             crs: scene.crs,
             bounds,
-            objects,
+            objects: objects.into(),
             numbers: Vec::new(),
             landmarks: scene.landmarks,
             standing: Vec::new(),
-            parents: Vec::new(),
+            parents: RecordList::default(),
             records,
             materials,
             textures,
             triangles: scene.triangles.len() as u64,
             extent: SceneExtent::default(),
             names,
-            placements: Vec::new(),
+            placements: RecordList::default(),
             stored: TriangleStore::Memory(scene.triangles),
         })
     }

@@ -106,6 +106,16 @@ impl TextureStore {
         number
     }
 
+    /// Adds a texture whose texels will be in the folder by its number, which is returned: that of an equal one if there is one.
+    pub(crate) fn add_known(&mut self, facts: TextureFacts) -> u32 {
+        let next = self.facts.len() as u32;
+        let number = *self.by_hash.entry((facts.hash, facts.is_pattern)).or_insert(next);
+        if number == next {
+            self.facts.push(facts);
+        }
+        number
+    }
+
     /// Fails if a texture could not be written, or the scratch files are larger than they may be.
     pub(crate) fn finish(&mut self) -> Result<(), BakeError> {
         self.failed.take().map_or(Ok(()), Err)

@@ -54,11 +54,13 @@ pub(crate) struct SceneFacts {
 
 impl SceneFacts {
     /// For a city with at least one triangle; `min` and `max` are its bounds relative to its origin.
-    pub(crate) fn new(city: &ScratchScene, [min, max]: [[f64; 3]; 2]) -> Self {
-        let terrain_z = lowest_terrain(city);
+    /// Fails if the objects cannot be read.
+    pub(crate) fn new(city: &ScratchScene, [min, max]: [[f64; 3]; 2]) -> Result<Self, BakeError> {
+        let terrain_z = lowest_terrain(city)?;
         let world = |p: [f64; 3]| std::array::from_fn(|axis| p[axis] + city.origin[axis]);
-        let ground = terrain_z.or_else(|| median_base(city)).map_or(min[2], f64::from);
-        Self {
+        let base_z = if terrain_z.is_some() { terrain_z } else { median_base(city)? };
+        let ground = base_z.map_or(min[2], f64::from);
+        Ok(Self {
             origin: city.origin,
             bounds: [world(min), world(max)],
             ground_z_m: city.origin[2] + ground,
@@ -67,7 +69,7 @@ impl SceneFacts {
             objects: city.objects.len() as u64,
             triangles: city.triangles,
             crs: city.crs.clone(),
-        }
+        })
     }
 
     /// Takes the plane from the generated ground, if there is some.
@@ -83,15 +85,52 @@ impl SceneFacts {
     }
 }
 
-fn lowest_terrain(city: &ScratchScene) -> Option<f32> {
-    let terrain = city.objects.iter().filter(|object| object.kind == ObjectKind::Terrain);
-    terrain.map(|object| object.base_z_m).reduce(f32::min)
+fn lowest_terrain(city: &ScratchScene) -> Result<Option<f32>, BakeError> {
+    let mut lowest: Option<f32> = None;
+    city.objects.try_for_each(|_, object| {
+        if object.kind == ObjectKind::Terrain {
+            lowest = Some(lowest.map_or(object.base_z_m, |known| known.min(object.base_z_m)));
+        }
+        Ok(())
+    })?;
+    Ok(lowest)
 }
 
-fn median_base(city: &ScratchScene) -> Option<f32> {
-    let mut bases: Vec<f32> = city.objects.iter().map(|object| object.base_z_m).filter(|z| z.is_finite()).collect();
-    let middle = bases.len() / 2;
-    (!bases.is_empty()).then(|| *bases.select_nth_unstable_by(middle, f32::total_cmp).1)
+/// The median of the bases: found by the upper, then by the lower half of their bits, so that they need not be in memory.
+fn median_base(city: &ScratchScene) -> Result<Option<f32>, BakeError> {
+    let count_keys = |is_counted: &dyn Fn(u32) -> Option<u32>| {
+        let mut counts = vec![0_u64; 1 << 16];
+        city.objects.try_for_each(|_, object| {
+            if let Some(class) = is_counted(ordered_bits(object.base_z_m)).filter(|_| object.base_z_m.is_finite()) {
+                counts[class as usize] += 1;
+            }
+            Ok(())
+        })?;
+        Ok::<_, BakeError>(counts)
+    };
+    let class_at = |counts: &[u64], rank: u64| {
+        let mut before = 0;
+        let class = counts.iter().position(|count| {
+            before += count;
+            before > rank
+        })?;
+        Some((class as u32, rank + counts[class] - before))
+    };
+    let upper = count_keys(&|bits| Some(bits >> 16))?;
+    let Some((high, rank)) = class_at(&upper, upper.iter().sum::<u64>() / 2) else { return Ok(None) };
+    let lower = count_keys(&|bits| (bits >> 16 == high).then_some(bits & 0xFFFF))?;
+    Ok(class_at(&lower, rank).map(|(low, _)| from_ordered_bits(high << 16 | low)))
+}
+
+/// Numbers in the order of [`f32::total_cmp`].
+fn ordered_bits(value: f32) -> u32 {
+    let bits = value.to_bits();
+    if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
+}
+
+/// The inverse of [`ordered_bits`].
+fn from_ordered_bits(bits: u32) -> f32 {
+    f32::from_bits(if bits >> 31 == 1 { bits & !(1 << 31) } else { !bits })
 }
 
 /// The input of the final files.
@@ -341,13 +380,18 @@ mod tests {
     fn ground_is_the_lowest_terrain_or_else_the_median_base() {
         use ObjectKind::{Building, Terrain};
         let facts = |objects: &[_]| {
-            SceneFacts::new(&ScratchScene::from_scene(scene(objects)).unwrap(), [[0.0, 0.0, -9.0], [1.0, 1.0, 9.0]])
+            let bounds = [[0.0, 0.0, -9.0], [1.0, 1.0, 9.0]];
+            SceneFacts::new(&ScratchScene::from_scene(scene(objects)).unwrap(), bounds).unwrap()
         };
         let mixed = facts(&[(Building, -9.0), (Terrain, 2.0), (Terrain, 1.0)]);
         assert_eq!((mixed.ground_z_m, mixed.has_terrain), (51.0, true));
         let buildings = facts(&[(Building, -9.0), (Building, 3.0), (Building, 4.0)]);
         assert_eq!((buildings.ground_z_m, buildings.has_terrain), (53.0, false));
         assert_eq!(buildings.bounds, [[1000.0, 2000.0, 41.0], [1001.0, 2001.0, 59.0]]);
+        let mut heights: Vec<f32> = (0..777).map(|i| (i * 7919 % 1000) as f32 * 0.37 - 150.0).collect();
+        let many: Vec<_> = heights.iter().map(|z| (Building, *z)).collect();
+        heights.sort_by(f32::total_cmp);
+        assert_eq!(facts(&many).ground_z_m, 50.0 + f64::from(heights[388]));
     }
 
     #[test]

@@ -20,6 +20,7 @@ use crate::{
     scene::{
         object_numbers::NumberedObject,
         object_records::{ObjectRecords, RecordReader},
+        record_list::RecordList,
     },
 };
 
@@ -27,7 +28,7 @@ use crate::{
 pub(crate) struct NumberedRecords<'a> {
     pub(crate) records: &'a ObjectRecords,
     /// By number; `None` for numbers that are not in use.
-    pub(crate) rows: &'a [Option<NumberedObject>],
+    pub(crate) rows: &'a RecordList<Option<NumberedObject>>,
     /// From the scene's origin to that of the city's tiles, in metres.
     pub(crate) origin_m: [f64; 3],
     /// Names of the attributes whose texts can be searched, besides identifiers.
@@ -39,11 +40,13 @@ impl NumberedRecords<'_> {
     pub(crate) fn schema(&self) -> Result<Schema, BakeError> {
         let mut reader = self.records.reader()?;
         let mut builder = SchemaBuilder::default();
-        for row in self.rows.iter().flatten() {
+        self.rows.try_for_each(|_, row| {
+            let Some(row) = row else { return Ok(()) };
             for (name, value) in &reader.read(row.record)?.attributes {
                 builder.add(name, value);
             }
-        }
+            Ok(())
+        })?;
         if builder.dropped() > 0 {
             tracing::warn!("{} values of attributes beyond the limit are left out", builder.dropped());
         }
@@ -55,9 +58,13 @@ impl NumberedRecords<'_> {
 
     /// Writes the archive. Fails if a record cannot be read or the file cannot be written.
     pub(crate) fn write(&self, schema: &Schema, path: &Path) -> Result<WrittenArchive, BakeError> {
-        let blocks = self.rows.chunks(BLOCK_OBJECTS);
-        let used = (0..).zip(blocks).filter(|(_, rows)| rows.iter().any(Option::is_some));
-        let mut ids: Vec<TileId> = used.filter_map(|(block, _)| block_id(block)).collect();
+        let mut used: Vec<u32> = Vec::new();
+        self.rows.try_for_each(|number, row| {
+            let block = (number / BLOCK_OBJECTS) as u32;
+            used.extend((row.is_some() && used.last() != Some(&block)).then_some(block));
+            Ok(())
+        })?;
+        let mut ids: Vec<TileId> = used.into_iter().filter_map(block_id).collect();
         ids.push(SCHEMA_ID);
         let mut reader = self.records.reader()?;
         let names: HashMap<&str, u32> =
@@ -66,9 +73,13 @@ impl NumberedRecords<'_> {
             let content = match block_number(id) {
                 None => encode_schema(schema),
                 Some(block) => {
-                    let rows = self.rows.iter().skip((block * BLOCK_OBJECTS as u32) as usize).take(BLOCK_OBJECTS);
-                    let records = rows.map(|row| self.record(row.as_ref(), &mut reader, schema, &names));
-                    encode_block(block, records.collect::<Result<_, _>>()?, schema)
+                    let first = block as usize * BLOCK_OBJECTS;
+                    let mut records = Vec::with_capacity(BLOCK_OBJECTS);
+                    self.rows.for_range(first..self.rows.len().min(first + BLOCK_OBJECTS), |_, row| {
+                        records.push(self.record(row.as_ref(), &mut reader, schema, &names)?);
+                        Ok(())
+                    })?;
+                    encode_block(block, records, schema)
                 }
             };
             content.and_then(|content| object_tile::encode(id, &content)).map_err(BakeError::tile(id, "encoded"))

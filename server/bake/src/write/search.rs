@@ -180,10 +180,11 @@ pub(super) fn write(objects: &NumberedRecords<'_>, schema: &Schema, path: &Path)
     let attributes = TextAttributes::new(schema);
     let mut reader = objects.records.reader()?;
     let mut builder = SearchIndexBuilder::new();
-    for (number, row) in (0..).zip(objects.rows) {
-        let Some(row) = row else { continue };
-        attributes.texts(&reader.read(row.record)?).iter().for_each(|text| builder.add(text, number));
-    }
+    objects.rows.try_for_each(|number, row| {
+        let Some(row) = row else { return Ok(()) };
+        attributes.texts(&reader.read(row.record)?).iter().for_each(|text| builder.add(text, number as u32));
+        Ok(())
+    })?;
     // A city is complete without a search.
     let index = match builder.finish() {
         Ok(index) if index.len() as u64 <= MAX_SEARCH_BYTES => index,
@@ -286,7 +287,7 @@ mod tests {
             let mut records = ObjectRecords::for_triangles(&TriangleStore::Memory(Vec::new()));
             let [first, second] = identifiers.map(|identifier| records.push(record(identifier, &[])));
             let row = |record| Some(NumberedObject { record, parent: None, bounds_m: None });
-            let rows = [row(first), None, row(second)];
+            let rows = vec![row(first), None, row(second)].into();
             let objects =
                 NumberedRecords { records: &records, rows: &rows, origin_m: [0.0; 3], searchable: Vec::new() };
             write(&objects, &objects.schema().unwrap(), &path).unwrap()

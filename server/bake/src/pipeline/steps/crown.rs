@@ -1,18 +1,21 @@
 //! `crown`: bakes the levels above the regions' roots.
 
-use std::fs;
+use std::{collections::HashSet, fs};
+
+use insula_protocol::TileId;
 
 use super::{
     job::BakeSteps,
     layout::CityPlan,
     region,
-    region_file::{self, INDEX_KIND, TileIndex, bytes_name, index_name},
+    region_file::{self, INDEX_KIND, TileEntry, TileIndex, index_name},
     scan::scratch_folder,
 };
 use crate::{
     error::BakeError,
     pipeline::{
         context::{FinishedTiles, TileContext},
+        far_land::FarLand,
         hashed::thread_pool,
         parents,
     },
@@ -42,9 +45,18 @@ impl BakeSteps<'_> {
         let (resume, plane_m) = (ResumeStatus::Fresh, plan.plane_m);
         let context = TileContext { config, grid, packs: &packs, progress, resume, previous: None, plane_m };
         let mut tiles = FinishedTiles::new(grid.depth);
-        let roots = self.region_roots(&plan)?;
-        if roots.is_empty() {
+        let (mut roots, of_city) = self.region_roots(&plan)?;
+        if of_city.is_empty() {
             return Err(BakeError::Empty { triangles: plan.facts.triangles as usize, cell_m: config.cell_m });
+        }
+        let models = self.land(&plan)?;
+        let levels = 0..=plan.region_level;
+        let land = models
+            .as_ref()
+            .map(|models| FarLand::within(models, plan.facts.origin, grid, of_city.into_iter(), TileId::ROOT, levels));
+        let own: HashSet<TileId> = land.iter().flat_map(|land| land.nodes(plan.region_level)).copied().collect();
+        for id in land.iter().flat_map(|land| land.nodes(plan.region_level)) {
+            roots.extend(land.as_ref().map(|land| land.bake(config, grid, *id)).transpose()?.flatten());
         }
         let by_id: std::collections::HashMap<_, _> = roots.iter().map(|root| (root.id, root)).collect();
         let mut stored: Vec<StoredTile> = Vec::with_capacity(roots.len());
@@ -57,19 +69,21 @@ impl BakeSteps<'_> {
         tiles.tree.set(plan.region_level, stored);
         let pool = thread_pool(config.threads)?;
         for level in (0..plan.region_level).rev() {
-            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles.tree, None, level)?);
+            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles.tree, land.as_ref(), level)?);
         }
         let mut above = TileTree::new(grid.depth);
         (0..plan.region_level).for_each(|level| above.set(level, tiles.tree.level(level).to_vec()));
+        let own_roots = tiles.tree.level(plan.region_level).iter().filter(|tile| own.contains(&tile.id));
+        above.set(plan.region_level, own_roots.cloned().collect());
         let (bytes, path) = (&mut PackedTiles::new(&packs), folder.path().join("tiles"));
-        region_file::write(objects, FOLDER, &above, 0..=plan.region_level, bytes, TileIndex::default(), &path)
+        region_file::write(objects, FOLDER, &above, 0..=plan.region_level, bytes, TileIndex::default(), &path).map(drop)
     }
 
-    /// The tiles of the regions' roots, as far as they have content.
-    fn region_roots(&self, plan: &CityPlan) -> Result<Vec<EncodedTile>, BakeError> {
+    /// The tiles of the regions' roots, as far as they have content, and those of which have leaves of the city.
+    fn region_roots(&self, plan: &CityPlan) -> Result<(Vec<EncodedTile>, Vec<TileId>), BakeError> {
         let objects = self.objects();
         self.progress.stage("regions", plan.regions.len() as u64);
-        let mut roots = Vec::new();
+        let (mut roots, mut of_city) = (Vec::new(), Vec::new());
         for region in 0..plan.regions.len() {
             let folder = region::folder_name(region);
             let index: TileIndex = objects.read(&index_name(&folder), INDEX_KIND)?;
@@ -79,12 +93,13 @@ impl BakeSteps<'_> {
             let damaged = || objects.damaged(&index_name(&folder), "its fields are damaged");
             let StoredTile { id, z_min_m, z_max_m, deviation, shows_children, .. } =
                 entry.stored().filter(|tile| tile.id.level() == plan.region_level).ok_or_else(damaged)?;
-            let name = bytes_name(&folder);
-            let bytes = objects.store.range(&name, entry.start, entry.bytes.into());
-            let bytes = bytes.map_err(|cause| objects.failed(&name, cause))?;
+            let bytes = objects.store.range(&index.bytes, entry.start, entry.bytes.into());
+            let bytes = bytes.map_err(|cause| objects.failed(&index.bytes, cause))?;
             let points = index.root_points;
+            let is_leaf = |entry: &TileEntry| entry.stored().is_some_and(|tile| tile.id.level() == plan.grid.depth);
+            of_city.extend(index.tiles.iter().any(is_leaf).then_some(id));
             roots.push(EncodedTile { id, z_min_m, z_max_m, deviation, points, bytes, shows_children });
         }
-        Ok(roots)
+        Ok((roots, of_city))
     }
 }

@@ -4,13 +4,17 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{sealed::SealedStore, work::WorkStore};
+use super::{
+    layout::{CityPlan, JOINED, RESULTS},
+    sealed::{SealedStore, remove_folder},
+    work::WorkStore,
+};
 use crate::{
     config::{ALGORITHM, BakeConfig, BakeOptions},
-    error::BakeError,
+    error::{BakeError, InputError},
     hash::short_hex,
     progress::Progress,
-    read::{ListedInputs, PlacingOptions, ReadOptions},
+    read::{FarModels, ListedInputs, PlacingOptions, ReadOptions},
 };
 
 /// Name of the job's object.
@@ -48,8 +52,14 @@ pub struct Job {
     region_leaves: u32,
     /// Size of the chunks, and of the slices of sequences.
     chunk_bytes: u64,
-    /// Runs of sources.
+    /// Numbers of the sources that are read last: in the order of the inputs, without elevation models.
+    postponed: Vec<usize>,
+    /// Size of each elevation model and picture from above in bytes.
+    elevation: Vec<u64>,
+    /// Runs of the other sources.
     chunks: Vec<JobChunk>,
+    /// Number of the job whose city is updated.
+    previous: Option<String>,
 }
 
 /// A run of sources.
@@ -70,6 +80,8 @@ pub struct JobRequest {
     pub chunk_bytes: u64,
     /// Leaves along the side of a region: a power of two of at least 2.
     pub region_leaves: u32,
+    /// Whether the job in the store is replaced by one that updates its city: regions whose input is the same are not baked again.
+    pub is_update: bool,
 }
 
 /// The steps of a job.
@@ -110,8 +122,19 @@ impl Job {
         Ok(short_hex(&blake3::hash(&self.json()?)))
     }
 
-    pub(super) fn chunk_bytes(&self) -> u64 {
-        self.chunk_bytes
+    /// Version of the program.
+    pub(super) fn program(&self) -> String {
+        format!("{} {} {}", self.program, self.algorithm, self.steps)
+    }
+
+    /// Number of the job whose city is updated.
+    pub(super) fn previous(&self) -> Option<&str> {
+        self.previous.as_deref()
+    }
+
+    /// Whether there are elevation models or pictures from above.
+    pub(super) fn has_elevation(&self) -> bool {
+        !self.elevation.is_empty()
     }
 
     /// Number of scans.
@@ -127,8 +150,8 @@ impl Job {
 }
 
 impl<'a> BakeSteps<'a> {
-    /// Lists the inputs and writes the job. Does nothing if the same job is there. Fails if another job is, or if an input cannot be
-    /// read in steps.
+    /// Lists the inputs and writes the job. Does nothing if the same job is there. Fails if another job is, unless it is updated, or if an
+    /// input cannot be read in steps.
     pub fn begin(
         store: &dyn WorkStore,
         options: &BakeOptions,
@@ -147,9 +170,18 @@ impl<'a> BakeSteps<'a> {
         }
         progress.stage("list", 0);
         let read_options = config.read_options(options);
-        let listed = ListedInputs::new(&options.inputs, &read_options, request.chunk_bytes)?;
-        let sizes = listed.sizes();
-        let crs = listed.settle(&read_options)?;
+        let mut listed = ListedInputs::new(&options.inputs, &read_options, request.chunk_bytes)?;
+        let (crs, postponed) = listed.settle(&read_options)?;
+        listed.postpone(&postponed);
+        let (sizes, elevation) = listed.sizes();
+        let failed = |cause| BakeError::Work { work: store.address(), name: JOB.to_owned(), cause };
+        let found = store.size(JOB).map_err(failed)?.map(|_| Job::read(store)).transpose()?;
+        // Of a job that has no city yet, the one whose city it updates.
+        let previous = match &found {
+            Some(old) if request.is_update && has_city(store, old)? => Some(old.id()?),
+            Some(old) => old.previous.clone().filter(|_| request.is_update),
+            None => None,
+        };
         let job = Job {
             steps: STEPS_VERSION,
             program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -161,15 +193,22 @@ impl<'a> BakeSteps<'a> {
             crs,
             region_leaves: leaves,
             chunk_bytes: request.chunk_bytes,
+            postponed,
+            elevation,
             chunks: chunks(&sizes, request.chunk_bytes),
+            previous,
         };
-        let failed = |cause| BakeError::Work { work: store.address(), name: JOB.to_owned(), cause };
-        if store.size(JOB).map_err(failed)?.is_some() {
-            if Job::read(store)? == job {
-                return Ok(job);
-            }
-            let what = "it is another job; give an empty --work, or remove the job with `bake abort`";
+        if found.as_ref() == Some(&job) {
+            return Ok(job);
+        }
+        if found.is_some() && !request.is_update {
+            let what = "it is another job; give --update, an empty --work, or remove the job with `bake abort`";
             return Err(BakeError::StepDamaged { work: store.address(), name: JOB.to_owned(), what });
+        }
+        if request.is_update {
+            // What is written for another job would look like a result. Without a job, no step runs meanwhile.
+            store.remove(JOB).map_err(failed)?;
+            RESULTS.into_iter().try_for_each(|folder| remove_folder(store, folder).map(drop))?;
         }
         store.put(JOB, job.json()?).map_err(failed)?;
         Ok(job)
@@ -200,6 +239,24 @@ impl<'a> BakeSteps<'a> {
         SealedStore { store: self.store, job: &self.id }
     }
 
+    /// The inputs as they were listed. Fails if they have changed since.
+    pub(super) fn list_inputs(&self) -> Result<ListedInputs, BakeError> {
+        let mut listed = ListedInputs::new(&self.job.inputs, &self.read_options, self.job.chunk_bytes)?;
+        listed.postpone(&self.job.postponed);
+        let (sizes, elevation) = listed.sizes();
+        if elevation != self.job.elevation || !sizes.iter().eq(self.chunks().iter().flat_map(|chunk| &chunk.bytes)) {
+            let what = "they have changed since they were listed; begin a new job";
+            return Err(InputError::unsupported("the inputs", what).into());
+        }
+        Ok(listed)
+    }
+
+    /// The land around the city; `None` if there is none. Fails if the inputs have changed, or if a model cannot be read.
+    pub(super) fn land(&self, plan: &CityPlan) -> Result<Option<FarModels>, BakeError> {
+        let Some(facts) = plan.land else { return Ok(None) };
+        Ok(Some(self.list_inputs()?.land(&self.read_options, facts)?))
+    }
+
     pub(super) fn chunks(&self) -> &[JobChunk] {
         &self.job.chunks
     }
@@ -214,6 +271,11 @@ impl<'a> BakeSteps<'a> {
     }
 }
 
+/// Whether the city of a job is complete.
+fn has_city(store: &dyn WorkStore, job: &Job) -> Result<bool, BakeError> {
+    SealedStore { store, job: &job.id()? }.has(JOINED)
+}
+
 /// Collects sources of these sizes in chunks.
 fn chunks(sizes: &[u64], chunk_bytes: u64) -> Vec<JobChunk> {
     let mut chunks: Vec<JobChunk> = Vec::new();
@@ -222,6 +284,10 @@ fn chunks(sizes: &[u64], chunk_bytes: u64) -> Vec<JobChunk> {
             Some(chunk) if chunk.bytes.iter().sum::<u64>() < chunk_bytes => chunk.bytes.push(*size),
             _ => chunks.push(JobChunk { first, bytes: vec![*size] }),
         }
+    }
+    if chunks.is_empty() {
+        // A city of elevation models alone.
+        chunks.push(JobChunk { first: 0, bytes: Vec::new() });
     }
     chunks
 }
@@ -237,5 +303,6 @@ mod tests {
         assert_eq!(of(6), [vec![5, 1], vec![2, 9], vec![1]]);
         assert_eq!(of(100), [vec![5, 1, 2, 9, 1]]);
         assert_eq!(chunks(&[5, 1, 2], 6)[1].first, 2);
+        assert_eq!(chunks(&[], 6), [JobChunk { first: 0, bytes: Vec::new() }]);
     }
 }

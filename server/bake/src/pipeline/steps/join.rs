@@ -15,19 +15,21 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     crown,
-    job::{BakeSteps, Job},
-    layout::{CityPlan, PLAN, REPORT, REPORT_KIND, ROWS_KIND, rows_name},
+    job::BakeSteps,
+    layout::{CityPlan, JOINED, OWN_RECORDS, PLAN, REPORT, REPORT_KIND, ROWS_KIND, rows_name},
     region,
-    region_file::{INDEX_KIND, TileIndex, bytes_name, index_name},
+    region_file::{INDEX_KIND, TileIndex, index_name},
     scan::{fetch, put_file, records_name, scratch_folder},
     sealed::{SealedKind, SealedStore},
-    work::WorkStore,
 };
 use crate::{
     error::BakeError,
     hash::ShortHash,
     read::{self, ReadReport},
-    scene::object_numbers::NumberedObject,
+    scene::{
+        object_numbers::NumberedObject,
+        record_list::{RecordList, RecordScratch},
+    },
     write::{
         archive::{self, ArchiveLayout, WrittenArchive, archive_order},
         city::{self, BLOCKMAPS_FILE, CityInput, MESHES_FILE, TileArchives},
@@ -41,8 +43,9 @@ use crate::{
 
 /// Folder of the city in the store.
 pub(super) const CITY: &str = "city";
-/// Its manifest until the city is complete.
-const MANIFEST: &str = "join/city.json";
+/// Folder of the files that are put into the city when it is complete.
+const NEXT: &str = "join/next";
+const JOINED_KIND: SealedKind = *b"DONE";
 pub(super) const JOIN_PLAN: &str = "join/plan";
 const JOIN_KIND: SealedKind = *b"JOIN";
 const PART_KIND: SealedKind = *b"PART";
@@ -78,6 +81,7 @@ struct JoinedArchive {
     name: String,
     /// By which the store knows the parts.
     ticket: String,
+    bytes: u64,
 }
 
 /// A part of an archive.
@@ -96,9 +100,9 @@ struct ArchivePart {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 enum ArchivePiece {
     Given(Vec<u8>),
-    /// In the object of a region.
+    /// In an object of the store.
     Stored {
-        region: u32,
+        object: String,
         start: u64,
         length: u64,
     },
@@ -116,7 +120,7 @@ impl ArchivePiece {
     fn section(&self, from: u64, length: u64) -> Self {
         match self {
             Self::Given(bytes) => Self::Given(bytes[from as usize..(from + length) as usize].to_vec()),
-            Self::Stored { region, start, .. } => Self::Stored { region: *region, start: start + from, length },
+            Self::Stored { object, start, .. } => Self::Stored { object: object.clone(), start: start + from, length },
         }
     }
 }
@@ -140,7 +144,7 @@ impl BakeSteps<'_> {
         let folder = scratch_folder()?;
         let tiles = self.read_tiles(&plan)?;
         let tree = &tiles.tree;
-        let mut bytes = StoreTiles::new(objects, &plan);
+        let mut bytes = StoreTiles::new(objects, &plan, &tiles);
         let mut joins =
             vec![bytes.lay_out(BLOCKMAPS_FILE, tree.levels().iter().flatten().map(TileSpan::of_tile), &tiles)?];
         if !tree.meshes().is_empty() {
@@ -155,9 +159,9 @@ impl BakeSteps<'_> {
         for entry in fs::read_dir(&city_folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
             let name = entry.file_name().to_string_lossy().into_owned();
-            // Who finds the manifest reads the city, so it waits for the end.
-            let name = if name == MANIFEST_FILE { MANIFEST.to_owned() } else { format!("{CITY}/{name}") };
-            put_file(objects, &name, &entry.path())?;
+            // Who finds the manifest reads the city, so it waits for the end; with it all files, if they replace those of another city.
+            let waits = name == MANIFEST_FILE || self.job.previous().is_some();
+            put_file(objects, &format!("{}/{name}", if waits { NEXT } else { CITY }), &entry.path())?;
         }
         let mut join_plan = JoinPlan { archives: Vec::new(), parts: 0 };
         for join in joins {
@@ -167,7 +171,7 @@ impl BakeSteps<'_> {
                 objects.write(&part_name(join_plan.parts), PART_KIND, &part)?;
                 join_plan.parts += 1;
             }
-            join_plan.archives.push(JoinedArchive { name, ticket });
+            join_plan.archives.push(JoinedArchive { name, ticket, bytes });
         }
         objects.write(JOIN_PLAN, JOIN_KIND, &join_plan)
     }
@@ -179,7 +183,7 @@ impl BakeSteps<'_> {
         let objects = self.objects();
         let ArchivePart { archive, number, start, pieces } = objects.read(&part_name(part), PART_KIND)?;
         let damaged = || objects.damaged(&part_name(part), "its fields are damaged");
-        let JoinedArchive { name, ticket } = join_plan.archives.get(archive as usize).ok_or_else(damaged)?;
+        let JoinedArchive { name, ticket, .. } = join_plan.archives.get(archive as usize).ok_or_else(damaged)?;
         let known: Option<Receipt> = objects.find(&receipt_name(part), RECEIPT_KIND)?;
         if known.is_some_and(|receipt| receipt.ticket == *ticket) {
             return Ok(());
@@ -188,10 +192,9 @@ impl BakeSteps<'_> {
         for piece in pieces {
             match piece {
                 ArchivePiece::Given(given) => bytes.extend(given),
-                ArchivePiece::Stored { region, start, length } => {
-                    let name = bytes_name(&folder_of(region));
-                    let read = objects.store.range(&name, start, length);
-                    bytes.extend(read.map_err(|cause| objects.failed(&name, cause))?);
+                ArchivePiece::Stored { object, start, length } => {
+                    let read = objects.store.range(&object, start, length);
+                    bytes.extend(read.map_err(|cause| objects.failed(&object, cause))?);
                 }
             }
         }
@@ -200,11 +203,10 @@ impl BakeSteps<'_> {
         objects.write(&receipt_name(part), RECEIPT_KIND, &Receipt { ticket: ticket.clone(), archive, receipt })
     }
 
-    /// Completes the archives, then the city. Fails if a part is missing.
+    /// Completes the archives, then the city, and removes tiles that only the city before had. Fails if a part is missing.
     pub fn join_finish(&self) -> Result<(), BakeError> {
         let objects = self.objects();
-        let manifest = format!("{CITY}/{MANIFEST_FILE}");
-        if objects.has(&manifest)? {
+        if objects.has(JOINED)? {
             return Ok(());
         }
         let join_plan: JoinPlan = objects.read(JOIN_PLAN, JOIN_KIND)?;
@@ -216,15 +218,46 @@ impl BakeSteps<'_> {
             archive.ok_or_else(missing)?;
             receipts[found.archive as usize].push(found.receipt);
         }
-        for (JoinedArchive { name, ticket }, receipts) in join_plan.archives.iter().zip(receipts) {
-            if !objects.has(name)? {
-                let done = objects.store.finish_parts(name, ticket, receipts);
-                done.map_err(|cause| objects.failed(name, cause))?;
+        for (JoinedArchive { name, ticket, bytes }, receipts) in join_plan.archives.iter().zip(receipts) {
+            if let Err(cause) = objects.store.finish_parts(name, ticket, receipts) {
+                // Another run has completed it, if it is there.
+                let size = objects.store.size(name).map_err(|cause| objects.failed(name, cause))?;
+                if size != Some(*bytes) {
+                    return Err(objects.failed(name, cause));
+                }
             }
         }
-        let size = objects.store.size(MANIFEST).map_err(|cause| objects.failed(MANIFEST, cause))?.unwrap_or(0);
-        let bytes = objects.store.range(MANIFEST, 0, size).map_err(|cause| objects.failed(MANIFEST, cause))?;
-        objects.store.put(&manifest, bytes).map_err(|cause| objects.failed(&manifest, cause))
+        let folder = scratch_folder()?;
+        let mut files = objects.store.list(NEXT).map_err(|cause| objects.failed(NEXT, cause))?;
+        files.sort_by_key(|name| name.ends_with(MANIFEST_FILE));
+        for (number, name) in files.iter().enumerate() {
+            let path = folder.path().join(number.to_string());
+            fetch(objects, name, &path)?;
+            put_file(objects, &name.replacen(NEXT, CITY, 1), &path)?;
+        }
+        self.remove_unused()?;
+        objects.write(JOINED, JOINED_KIND, &())
+    }
+
+    /// Removes tiles and files that only the city before had.
+    fn remove_unused(&self) -> Result<(), BakeError> {
+        let Some(previous) = self.job.previous() else { return Ok(()) };
+        let objects = self.objects();
+        let list = |folder: &str| objects.store.list(folder).map_err(|cause| objects.failed(folder, cause));
+        let plan = self.read_plan()?;
+        let mut used = HashSet::new();
+        for region in 0..plan.regions.len() {
+            let index: TileIndex = objects.read(&index_name(&region::folder_name(region)), INDEX_KIND)?;
+            used.extend(index.bytes.rsplit_once('/').map(|(folder, _)| folder.to_owned()));
+        }
+        let is_unused = |name: &String| name.rsplit_once('/').is_none_or(|(folder, _)| !used.contains(folder));
+        let mut unused: Vec<String> = list(region::TILES)?.into_iter().filter(is_unused).collect();
+        unused.extend(list(&format!("numbers/{previous}"))?);
+        let join_plan: JoinPlan = objects.read(JOIN_PLAN, JOIN_KIND)?;
+        let is_joined = |name: &String| join_plan.archives.iter().any(|archive| archive.name == *name);
+        let kept: HashSet<String> = list(NEXT)?.iter().map(|name| name.replacen(NEXT, CITY, 1)).collect();
+        unused.extend(list(CITY)?.into_iter().filter(|name| !kept.contains(name) && !is_joined(name)));
+        unused.iter().try_for_each(|name| objects.store.remove(name).map_err(|cause| objects.failed(name, cause)))
     }
 
     /// Number of parts of the archives. Fails if there is no plan of the join.
@@ -251,15 +284,18 @@ impl BakeSteps<'_> {
             fetch(objects, &records_name(chunk), &path)?;
             files.push((path, self.head(chunk)?.record_bytes));
         }
+        let own = scratch.join("records");
+        fetch(objects, OWN_RECORDS, &own)?;
+        files.push((own, plan.own_record_bytes));
         let records = read::records_of(files);
-        let mut rows: Vec<Option<NumberedObject>> = Vec::with_capacity(plan.rows.min(1 << 20));
+        let mut rows = RecordList::new(&RecordScratch::in_folder(scratch));
         let mut part = 0;
         while rows.len() < plan.rows {
             let more: Vec<Option<NumberedObject>> = objects.read(&rows_name(part), ROWS_KIND)?;
             if more.is_empty() {
                 return Err(objects.damaged(&rows_name(part), "its fields are damaged"));
             }
-            rows.extend(more);
+            more.into_iter().for_each(|row| rows.push(row));
             part += 1;
         }
         let (origin_m, searchable) = (plan.grid.corner, self.config.searchable.clone());
@@ -282,6 +318,7 @@ impl BakeSteps<'_> {
         let objects = self.objects();
         let mut levels: Vec<Vec<StoredTile>> = vec![Vec::new(); usize::from(plan.grid.depth) + 1];
         let (mut meshes, mut fingerprints, mut hashes) = (Vec::new(), Vec::new(), HashMap::new());
+        let (mut of_regions, mut of_crown) = (HashMap::new(), HashSet::new());
         let regions = (0..plan.regions.len() as u32).chain([CROWN]);
         self.progress.stage("indexes", plan.regions.len() as u64 + 1);
         for region in regions {
@@ -291,11 +328,14 @@ impl BakeSteps<'_> {
             let (tiles, of_region) = index.stored().ok_or_else(damaged)?;
             hashes.extend(index.tiles.iter().map(|tile| ((region, tile.start), tile.hash)));
             hashes.extend(index.meshes.iter().map(|mesh| ((region, mesh.start), mesh.hash)));
+            let is_root = |id: TileId| region == CROWN && id.level() == plan.region_level;
+            of_crown.extend(tiles.iter().map(|tile| tile.id).filter(|id| is_root(*id)));
             for tile in tiles {
                 levels.get_mut(usize::from(tile.id.level())).ok_or_else(damaged)?.push(tile);
             }
             meshes.extend(of_region);
             fingerprints.extend(index.fingerprints);
+            of_regions.insert(region, index.bytes);
             self.progress.advance(1);
         }
         let mut tree = TileTree::new(plan.grid.depth);
@@ -308,16 +348,7 @@ impl BakeSteps<'_> {
             merged.iter().map(|id| PackId::of(*id)).map(|pack| (pack.x, pack.y)).collect();
         fingerprints.retain(|(place, _)| !blocks.contains(place));
         fingerprints.sort_unstable_by_key(|((x, y), _)| (*y, *x));
-        Ok(CityTiles { tree, fingerprints, hashes })
-    }
-}
-
-impl Job {
-    /// Names and tickets of the archives whose parts are copied, or were. Fails if the store does not answer.
-    pub(super) fn begun_parts(&self, store: &dyn WorkStore) -> Result<Vec<(String, String)>, BakeError> {
-        let id = self.id()?;
-        let found: Option<JoinPlan> = SealedStore { store, job: &id }.find(JOIN_PLAN, JOIN_KIND)?;
-        Ok(found.into_iter().flat_map(|plan| plan.archives).map(|archive| (archive.name, archive.ticket)).collect())
+        Ok(CityTiles { tree, fingerprints, hashes, objects: of_regions, of_crown })
     }
 }
 
@@ -328,6 +359,10 @@ struct CityTiles {
     fingerprints: Vec<((u32, u32), ShortHash)>,
     /// By region and start in its object.
     hashes: HashMap<(u32, u64), ShortHash>,
+    /// Name of the object of each region's bytes.
+    objects: HashMap<u32, String>,
+    /// Nodes of the crown at the level of the regions' roots: land.
+    of_crown: HashSet<TileId>,
 }
 
 /// Folder of a region, or of the crown.
@@ -340,6 +375,7 @@ struct StoreTiles<'a> {
     objects: SealedStore<'a>,
     plan: &'a CityPlan,
     regions: HashMap<[u32; 2], u32>,
+    city: &'a CityTiles,
     /// The bytes that were read last: neighbours follow one another.
     ahead: Option<(String, u64, Vec<u8>)>,
 }
@@ -348,35 +384,41 @@ struct StoreTiles<'a> {
 const AHEAD_BYTES: u64 = 1 << 20;
 
 impl<'a> StoreTiles<'a> {
-    fn new(objects: SealedStore<'a>, plan: &'a CityPlan) -> Self {
-        Self { objects, plan, regions: plan.region_numbers(), ahead: None }
+    fn new(objects: SealedStore<'a>, plan: &'a CityPlan, city: &'a CityTiles) -> Self {
+        Self { objects, plan, regions: plan.region_numbers(), city, ahead: None }
+    }
+
+    /// Name of the object of a region's bytes. Fails if there is no such region.
+    fn object_of(&self, region: u32) -> Result<&'a String, BakeError> {
+        self.city.objects.get(&region).ok_or_else(|| self.objects.damaged(PLAN, "a tile is of no region"))
     }
 
     /// The region of a node, or the crown. Fails for a node of neither.
     fn region_of(&self, id: TileId) -> Result<u32, BakeError> {
-        let Some(place) = self.plan.region_of(id) else { return Ok(CROWN) };
+        let Some(place) = self.plan.region_of(id).filter(|_| !self.city.of_crown.contains(&id)) else {
+            return Ok(CROWN);
+        };
         let missing = || self.objects.damaged(PLAN, "a tile is of no region");
         self.regions.get(&place).copied().ok_or_else(missing)
     }
 
     /// Bytes of a region's object.
     fn read(&mut self, region: u32, start: u64, length: u64) -> Result<Vec<u8>, BakeError> {
-        let folder = folder_of(region);
-        let name = bytes_name(&folder);
+        let name = self.object_of(region)?;
         let within = |(known, from, bytes): &(String, u64, Vec<u8>)| {
             let at = usize::try_from(start.checked_sub(*from)?).ok()?;
-            (*known == name).then(|| bytes.get(at..at.checked_add(length as usize)?).map(<[u8]>::to_vec))?
+            (known == name).then(|| bytes.get(at..at.checked_add(length as usize)?).map(<[u8]>::to_vec))?
         };
         if let Some(found) = self.ahead.as_ref().and_then(within) {
             return Ok(found);
         }
-        let failed = |cause| self.objects.failed(&name, cause);
-        let size = self.objects.store.size(&name).map_err(failed)?.unwrap_or(0);
+        let failed = |cause| self.objects.failed(name, cause);
+        let size = self.objects.store.size(name).map_err(failed)?.unwrap_or(0);
         let wanted = length.max(AHEAD_BYTES.min(size.saturating_sub(start)));
-        let bytes = self.objects.store.range(&name, start, wanted).map_err(failed)?;
+        let bytes = self.objects.store.range(name, start, wanted).map_err(failed)?;
         let found = bytes.get(..length as usize).map(<[u8]>::to_vec);
         self.ahead = Some((name.clone(), start, bytes));
-        found.ok_or_else(|| self.objects.damaged(&name, "it is cut short"))
+        found.ok_or_else(|| self.objects.damaged(name, "it is cut short"))
     }
 }
 
@@ -403,13 +445,14 @@ impl StoreTiles<'_> {
         let mut pieces = vec![ArchivePiece::Given(head)];
         for number in distinct {
             let (region, TileSpan { start, bytes, .. }) = (regions[number], all[number]);
+            let object = self.object_of(region)?;
             match pieces.last_mut() {
-                Some(ArchivePiece::Stored { region: last, start: from, length })
-                    if *last == region && *from + *length == start =>
+                Some(ArchivePiece::Stored { object: last, start: from, length })
+                    if last == object && *from + *length == start =>
                 {
                     *length += u64::from(bytes);
                 }
-                _ => pieces.push(ArchivePiece::Stored { region, start, length: bytes.into() }),
+                _ => pieces.push(ArchivePiece::Stored { object: object.clone(), start, length: bytes.into() }),
             }
         }
         pieces.push(ArchivePiece::Given(tail));
@@ -497,8 +540,12 @@ mod tests {
     #[test]
     fn parts_have_all_bytes_in_order() {
         let given = |bytes: std::ops::Range<u8>| ArchivePiece::Given(bytes.collect());
-        let pieces =
-            [given(0..7), ArchivePiece::Stored { region: 3, start: 100, length: 20 }, given(7..9), given(9..9)];
+        let pieces = [
+            given(0..7),
+            ArchivePiece::Stored { object: "3".to_owned(), start: 100, length: 20 },
+            given(7..9),
+            given(9..9),
+        ];
         for size in [1, 4, 7, 10, 29, 100] {
             let parts = cut(&pieces, size);
             let lengths: Vec<u64> = parts.iter().map(|part| part.iter().map(ArchivePiece::length).sum()).collect();
@@ -509,12 +556,15 @@ mod tests {
             for piece in parts.into_iter().flatten() {
                 match piece {
                     ArchivePiece::Given(some) => bytes.extend(some),
-                    ArchivePiece::Stored { region, start, length } => {
-                        stored.extend((start..start + length).map(|n| (region, n)))
+                    ArchivePiece::Stored { object, start, length } => {
+                        stored.extend((start..start + length).map(|n| (object.clone(), n)))
                     }
                 }
             }
-            assert!(bytes == (0..9).collect::<Vec<u8>>() && stored == (100..120).map(|n| (3, n)).collect::<Vec<_>>());
+            assert!(
+                bytes == (0..9).collect::<Vec<u8>>()
+                    && stored == (100..120).map(|n| ("3".to_owned(), n)).collect::<Vec<_>>()
+            );
         }
     }
 }

@@ -9,6 +9,7 @@ use super::sealed::SealedKind;
 use crate::{
     ground::GroundReport,
     hash::ShortHash,
+    read::LandFacts,
     scene::{
         ObjectKind,
         grid::{BLOCK_LEAVES, CityGrid},
@@ -18,23 +19,36 @@ use crate::{
     write::city::SceneFacts,
 };
 
+/// Folders of what the steps of one job write, which no other job uses.
+pub(super) const RESULTS: [&str; 8] = ["temporary", "scan", "plan", "shuffle", "region", "crown", "join", "parts"];
+
+/// Name of the object that the last step writes last.
+pub(super) const JOINED: &str = "join/joined";
 /// Name and kind of the plan's object, which is written last.
 pub(super) const PLAN: &str = "plan/plan";
 pub(super) const PLAN_KIND: SealedKind = *b"PLAN";
 /// The report of what was read.
 pub(super) const REPORT: &str = "plan/report";
 pub(super) const REPORT_KIND: SealedKind = *b"READ";
-/// The triangles of the generated ground.
-pub(super) const GROUND: &str = "plan/ground";
+/// The triangles that are of no scan: terrain, landmarks, generated ground.
+pub(super) const OWN_TRIANGLES: &str = "plan/triangles";
+/// What is known of their objects.
+pub(super) const OWN_RECORDS: &str = "plan/records";
 pub(super) const CHUNK_KIND: SealedKind = *b"CHNK";
 pub(super) const ROWS_KIND: SealedKind = *b"ROWS";
 /// Numbered objects in one object of the store.
-pub(super) const ROWS_PER_OBJECT: usize = 1 << 20;
+pub(super) const ROWS_PER_OBJECT: usize = 1 << 15;
 
 /// Name of what the plan says of a chunk.
 pub(super) fn chunk_name(chunk: usize) -> String {
     format!("plan/chunk-{chunk}")
 }
+
+/// Name of a part of the hashes of the objects' identifiers, by number, which a later job needs.
+pub(super) fn numbers_name(job: &str, part: usize) -> String {
+    format!("numbers/{job}/{part}")
+}
+pub(super) const NUMBERS_KIND: SealedKind = *b"NUMS";
 
 /// Name of a part of the numbered objects.
 pub(super) fn rows_name(part: usize) -> String {
@@ -49,12 +63,16 @@ pub(super) struct CityPlan {
     pub(super) ground: Option<GroundReport>,
     /// Height of the plane above the grid's height zero, if generated ground ends at it.
     pub(super) plane_m: Option<f32>,
+    /// The land around the city.
+    pub(super) land: Option<LandFacts>,
     /// Level of the regions' roots.
     pub(super) region_level: u8,
     /// Column and row of each region that may have content, along the Hilbert curve.
     pub(super) regions: Vec<[u32; 2]>,
-    /// Number of chunks, with that of the generated ground.
+    /// Number of chunks, with that of the triangles that are of no scan.
     pub(super) chunks: usize,
+    /// Size of the records that are of no scan.
+    pub(super) own_record_bytes: u64,
     /// Number of numbered objects.
     pub(super) rows: usize,
 }
@@ -121,24 +139,29 @@ pub(super) struct NumberedShape {
     pub(super) base_z_m: f32,
     /// Number in the baked city.
     pub(super) number: u32,
+    pub(super) landmark: Option<PlannedLandmark>,
 }
 
-/// A material of the city.
+/// What makes an object a landmark.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct PlannedLandmark {
+    pub(super) stone: Option<u8>,
+    /// Relative to the scene's origin.
+    pub(super) anchor_m: [f32; 3],
+}
+
+/// A material of the city. Equal ones are the same, in all chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) struct PlannedMaterial {
-    /// Number in the city.
-    pub(super) number: u32,
     pub(super) rgb: [u8; 3],
-    /// Number in the city of its texture.
+    /// Index into the textures of its chunk or bundle.
     pub(super) texture: Option<u32>,
     pub(super) is_reflective: bool,
 }
 
-/// A texture of the city.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// A texture of the city. Equal ones are the same, in all chunks.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) struct PlannedTexture {
-    /// Number in the city.
-    pub(super) number: u32,
     pub(super) facts: TextureFacts,
     /// By which its texels are found.
     pub(super) picture: ShortHash,

@@ -16,6 +16,7 @@
 //! two machines, in any order within its stage, with regions and chunks of any size, and the city is that of [`crate::bake`], byte for byte.
 
 mod crown;
+mod generated;
 mod job;
 mod join;
 mod layout;
@@ -29,5 +30,5 @@ mod stage;
 mod work;
 
 pub use job::{BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest};
-pub use stage::{BakeStage, StageStatus, abort};
+pub use stage::{AbortedJob, BakeStage, StageStatus, abort};
 pub use work::{WorkFolder, WorkStore};

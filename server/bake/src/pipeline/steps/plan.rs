@@ -1,7 +1,7 @@
 //! `plan`: decides everything that depends on the whole city.
 
 use std::{
-    collections::{BTreeSet, HashSet},
+    collections::{BTreeSet, HashMap, HashSet},
     fs,
     path::Path,
 };
@@ -11,29 +11,34 @@ use insula_protocol::TileId;
 use super::{
     job::BakeSteps,
     layout::{
-        CHUNK_KIND, CityPlan, GROUND, NumberedShape, PLAN, PLAN_KIND, PlannedChunk, PlannedMaterial, PlannedObject,
-        PlannedTexture, REPORT, REPORT_KIND, ROWS_KIND, ROWS_PER_OBJECT, chunk_name, rows_name,
+        CHUNK_KIND, CityPlan, NUMBERS_KIND, NumberedShape, OWN_RECORDS, OWN_TRIANGLES, PLAN, PLAN_KIND, PlannedChunk,
+        PlannedLandmark, PlannedMaterial, PlannedObject, PlannedTexture, REPORT, REPORT_KIND, ROWS_KIND,
+        ROWS_PER_OBJECT, chunk_name, numbers_name, rows_name,
     },
-    scan::{fetch, picture_name, put_file, scratch_folder, triangles_name},
+    scan::{fetch, picture_name, put_file, scratch_folder, shapes_name, triangles_name},
+    sealed::SealedStore,
 };
 use crate::{
     error::BakeError,
     ground::{self, GroundOption, GroundReport},
     hash::ShortHash,
-    pipeline::hashed::city_grid,
-    read::{PartFiles, PartsCity, SceneParts},
+    pipeline::{far_land::MAX_CELL_M, hashed::city_grid},
+    read::{LandFacts, PartsCity, RECORDS, SceneParts},
     scene::{
-        ObjectKind,
+        Landmark, ObjectKind,
         grid::{BLOCK_LEAVES, CityGrid},
-        object_numbers::{NumberedObject, ObjectNumbers},
+        object_numbers::{IdentityKey, NumberedObject, ObjectNumbers},
         partition::{on_lattice, touched_blocks},
-        scratch_scene::{ObjectPlacement, ScratchScene},
+        record_list::RecordList,
+        scratch_scene::{ObjectPlacement, ScratchScene, StoredObject},
         texture_store::texture_path,
         triangle_store,
     },
     write::city::SceneFacts,
 };
 
+/// Folder of textures by number.
+const TEXTURES: &str = "textures";
 /// Boxes of objects are rounded: they are taken to be so much larger, in metres.
 const BOX_SLACK_M: f64 = 1.0;
 /// Most regions. A country has some ten thousand.
@@ -48,53 +53,114 @@ impl BakeSteps<'_> {
         }
         self.progress.stage("plan", 0);
         let folder = scratch_folder()?;
-        let (parts, pictures) = self.fetch_parts(folder.path())?;
-        let PartsCity { mut city, report, materials, mut first_objects } =
-            parts.assemble(&self.read_options, folder.path(), self.config.texture_cache_bytes())?;
+        let parts = self.fetch_parts(folder.path())?;
+        let known_textures = parts.textures().len();
+        let PartsCity { mut city, surroundings, report, materials, mut first_objects, pictures, own_record_bytes } =
+            parts.assemble(&self.read_options)?;
+        report.wide_warnings().for_each(|warning| self.progress.warn(&warning));
         let cell_m = self.config.cell_m;
         let empty = BakeError::Empty { triangles: 0, cell_m };
         let Some(bounds) = city.bounds else { return Err(empty) };
-        let mut facts = SceneFacts::new(&city, bounds);
+        let mut facts = SceneFacts::new(&city, bounds)?;
         let ground = match self.config.ground {
+            // Where the land goes on, there are no gaps to fill.
+            _ if surroundings.is_some() => None,
             GroundOption::None => None,
             GroundOption::Auto => ground::add(&mut city, cell_m)?,
         };
         facts.set_ground(ground.as_ref());
-        let grid = city_grid(&city, city.bounds.unwrap_or(bounds), None, cell_m)?;
-        let numbers = ObjectNumbers::new(&city, &grid, &Default::default());
+        let land = surroundings.as_ref();
+        facts.include_land(land.map(|land| land.z_range_m[0]));
+        let grid = city_grid(&city, city.bounds.unwrap_or(bounds), land, cell_m)?;
+        let land = surroundings.map(|land| land.facts());
+        let numbers = ObjectNumbers::new(&city, &grid, &self.known_numbers()?)?;
         let region_level = grid.depth.saturating_sub(self.region_leaves().ilog2() as u8);
-        // The triangles of generated ground are those of the city's own file.
-        let has_ground = ground.is_some();
-        if has_ground {
+        // What is of no scan is a chunk of its own, if there is anything.
+        let scans = self.chunks().len();
+        if first_objects.last().is_some_and(|first| *first as usize == city.placements.len()) {
+            first_objects.pop();
+        } else {
             let own = city.stored.own_file().ok_or(empty)?;
-            put_file(objects, GROUND, own.path())?;
-            first_objects.push(city.placements.len() as u32 - 1);
+            put_file(objects, OWN_TRIANGLES, own.path())?;
         }
-        let regions = regions(&city, &grid, region_level)?;
-        let planner = ChunkPlanner { city: &city, numbers: &numbers.of_object, pictures: &pictures };
+        put_file(objects, OWN_RECORDS, &folder.path().join(RECORDS))?;
+        for (number, picture) in pictures.iter().enumerate().skip(known_textures) {
+            put_file(objects, &picture_name(*picture), &texture_path(&folder.path().join(TEXTURES), number as u32))?;
+        }
+        let regions = regions(&city, &grid, region_level, land)?;
+        let landmark = |l: &Landmark| (l.object, PlannedLandmark { stone: l.stone, anchor_m: l.anchor_m });
+        let landmarks = city.landmarks.iter().map(landmark).collect();
+        let planner = ChunkPlanner { city: &city, numbers: &numbers.of_object, pictures: &pictures, landmarks };
         let ends = first_objects.iter().skip(1).copied().chain([city.placements.len() as u32]);
         for (chunk, (first, end)) in first_objects.iter().copied().zip(ends).enumerate() {
-            let of_ground = [city.materials.len() as u32 - 1];
-            let materials = materials.get(chunk).map_or(&of_ground[..], Vec::as_slice);
-            let mut planned = planner.chunk([first, end], materials);
-            if chunk < self.chunks().len() {
+            let all = || (0..city.materials.len() as u32).collect();
+            let materials: Vec<u32> = materials.get(chunk).cloned().unwrap_or_else(all);
+            let mut planned = planner.chunk([first, end], &materials)?;
+            if chunk < scans {
                 // Scans number their own objects.
                 planned.first_object = 0;
-            } else {
-                planned.first_material = of_ground[0];
             }
             objects.write(&chunk_name(chunk), CHUNK_KIND, &planned)?;
         }
-        for (part, rows) in numbers.rows.chunks(ROWS_PER_OBJECT).enumerate() {
-            let rows: Vec<Option<NumberedObject>> = rows.to_vec();
-            objects.write(&rows_name(part), ROWS_KIND, &rows)?;
-        }
+        self.write_rows(&numbers.rows)?;
+        self.write_numbers(&city, &numbers)?;
         objects.write(REPORT, REPORT_KIND, &report)?;
         let above_zero = |ground: &GroundReport| (ground.plane_z_m - city.origin[2] - grid.corner[2]) as f32;
         let plane_m = ground.as_ref().filter(|ground| !ground.around_terrain).map(above_zero);
         let (chunks, rows) = (first_objects.len(), numbers.rows.len());
-        let plan = CityPlan { grid, facts, ground, plane_m, region_level, regions, chunks, rows };
+        let plan =
+            CityPlan { grid, facts, ground, plane_m, land, region_level, regions, chunks, own_record_bytes, rows };
         objects.write(PLAN, PLAN_KIND, &plan)
+    }
+
+    /// Writes the numbered objects.
+    fn write_rows(&self, rows: &RecordList<Option<NumberedObject>>) -> Result<(), BakeError> {
+        for (part, first) in (0..rows.len()).step_by(ROWS_PER_OBJECT).enumerate() {
+            let range = first..rows.len().min(first + ROWS_PER_OBJECT);
+            let mut some: Vec<Option<NumberedObject>> = Vec::with_capacity(range.len());
+            rows.for_range(range, |_, row| {
+                some.push(*row);
+                Ok(())
+            })?;
+            self.objects().write(&rows_name(part), ROWS_KIND, &some)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the hash of each object's identifier by number, for the job that updates the city.
+    fn write_numbers(&self, city: &ScratchScene, numbers: &ObjectNumbers) -> Result<(), BakeError> {
+        let objects = self.objects();
+        let (mut hashes, mut part) = (Vec::with_capacity(ROWS_PER_OBJECT), 0);
+        let mut named = numbers.identifiers(city)?;
+        loop {
+            let next = named.next()?;
+            if next.is_none() || hashes.len() == ROWS_PER_OBJECT {
+                objects.write(&numbers_name(objects.job, part), NUMBERS_KIND, &hashes)?;
+                hashes.clear();
+                part += 1;
+            }
+            let Some(named) = next else { return Ok(()) };
+            hashes.push(named);
+        }
+    }
+
+    /// The numbers of the objects of the city that is updated. They are in memory together.
+    fn known_numbers(&self) -> Result<HashMap<IdentityKey, u32>, BakeError> {
+        let mut known = HashMap::new();
+        let Some(previous) = self.job.previous() else { return Ok(known) };
+        let objects = SealedStore { job: previous, ..self.objects() };
+        let mut occurrences: HashMap<u64, u32> = HashMap::new();
+        for part in 0.. {
+            let Some(some) = objects.find::<Vec<(u32, u64)>>(&numbers_name(previous, part), NUMBERS_KIND)? else {
+                break;
+            };
+            for (number, hash) in some {
+                let count = occurrences.entry(hash).or_default();
+                known.insert((hash, *count), number);
+                *count += 1;
+            }
+        }
+        Ok(known)
     }
 
     /// The plan. Fails if there is none yet, or if it is damaged.
@@ -103,23 +169,25 @@ impl BakeSteps<'_> {
         if plan.is_valid() { Ok(plan) } else { Err(self.objects().damaged(PLAN, "its fields are damaged")) }
     }
 
-    /// All scans with their triangles, and the textures if their light is measured; and by what these are found.
-    fn fetch_parts(&self, folder: &Path) -> Result<(SceneParts, Vec<ShortHash>), BakeError> {
+    /// All scans with their files, and the textures if their light is measured.
+    fn fetch_parts(&self, folder: &Path) -> Result<SceneParts<'_>, BakeError> {
         let objects = self.objects();
-        let mut parts = Vec::with_capacity(self.chunks().len());
-        for chunk in 0..self.chunks().len() {
-            let triangles = folder.join(format!("triangles-{chunk}"));
-            let head = self.head(chunk)?;
-            fetch(objects, &triangles_name(chunk), &triangles)?;
-            parts.push(PartFiles { head, triangles });
-        }
-        let textures = folder.join("textures");
+        let textures = folder.join(TEXTURES);
         fs::create_dir(&textures).map_err(|cause| BakeError::io(&textures, "created", cause))?;
-        let facts = SceneParts::textures(&parts);
-        for (number, facts) in (0..).zip(&facts) {
+        // Only for these, the inputs must be at hand.
+        let inputs = self.job.has_elevation().then(|| self.list_inputs()).transpose()?;
+        let cache_bytes = self.config.texture_cache_bytes();
+        let mut parts = SceneParts::new(inputs.as_ref(), &self.read_options, folder, &textures, cache_bytes)?;
+        for chunk in 0..self.chunks().len() {
+            let [triangles, shapes] = ["triangles", "shapes"].map(|name| folder.join(format!("{name}-{chunk}")));
+            fetch(objects, &triangles_name(chunk), &triangles)?;
+            fetch(objects, &shapes_name(chunk), &shapes)?;
+            parts.add(self.head(chunk)?, triangles, &shapes)?;
+        }
+        for (number, facts) in (0..).zip(parts.textures()) {
             fetch(objects, &picture_name(facts.hash()), &texture_path(&textures, number))?;
         }
-        Ok((SceneParts { parts, textures }, facts.iter().map(|facts| facts.hash()).collect()))
+        Ok(parts)
     }
 }
 
@@ -127,42 +195,52 @@ impl BakeSteps<'_> {
 struct ChunkPlanner<'a> {
     city: &'a ScratchScene,
     /// Of each object.
-    numbers: &'a [u32],
+    numbers: &'a RecordList<u32>,
     /// Of each texture.
     pictures: &'a [ShortHash],
+    landmarks: HashMap<u32, PlannedLandmark>,
 }
 
 impl ChunkPlanner<'_> {
-    /// What becomes of the objects from a number to another.
-    fn chunk(&self, [first, end]: [u32; 2], materials: &[u32]) -> PlannedChunk {
+    /// What becomes of the objects from a number to another. Fails if they cannot be read.
+    fn chunk(&self, [first, end]: [u32; 2], materials: &[u32]) -> Result<PlannedChunk, BakeError> {
         let city = self.city;
-        let object = |placement: &ObjectPlacement| {
-            let shown = placement.object.map(|object| {
-                let number = self.numbers[object as usize];
-                let object = &city.objects[object as usize];
-                NumberedShape { kind: object.kind, base_z_m: object.base_z_m, number }
-            });
-            PlannedObject { offset_m: placement.offset_m, shown }
-        };
-        let objects = city.placements[first as usize..end as usize].iter().map(object).collect();
+        let mut objects = Vec::with_capacity(end.saturating_sub(first) as usize);
+        city.placements.for_range(first as usize..end as usize, |_, ObjectPlacement { offset_m, object }| {
+            let shape = |object: u32| {
+                let number = self.numbers.get(object as usize)?;
+                let StoredObject { kind, base_z_m, .. } = city.objects.get(object as usize)?;
+                let landmark = self.landmarks.get(&object).copied();
+                Ok::<_, BakeError>(NumberedShape { kind, base_z_m, number, landmark })
+            };
+            objects.push(PlannedObject { offset_m: *offset_m, shown: object.map(shape).transpose()? });
+            Ok(())
+        })?;
+        let used: BTreeSet<u32> =
+            materials.iter().filter_map(|number| city.materials[*number as usize].texture).collect();
+        let index: HashMap<u32, u32> = used.iter().copied().zip(0..).collect();
         let material = |number: &u32| {
             let material = city.materials[*number as usize];
-            let (rgb, texture, is_reflective) = (material.rgb, material.texture, material.is_reflective);
-            PlannedMaterial { number: *number, rgb, texture, is_reflective }
+            let texture = material.texture.and_then(|texture| index.get(&texture).copied());
+            PlannedMaterial { rgb: material.rgb, texture, is_reflective: material.is_reflective }
         };
-        let materials: Vec<PlannedMaterial> = materials.iter().map(material).collect();
-        let used: BTreeSet<u32> = materials.iter().filter_map(|material| material.texture).collect();
+        let materials = materials.iter().map(material).collect();
         let texture = |number: u32| {
             let (facts, picture) = (city.textures.facts()[number as usize].clone(), self.pictures[number as usize]);
-            PlannedTexture { number, facts, picture }
+            PlannedTexture { facts, picture }
         };
         let textures = used.into_iter().map(texture).collect();
-        PlannedChunk { first_object: first, objects, first_material: 0, materials, textures }
+        Ok(PlannedChunk { first_object: first, objects, first_material: 0, materials, textures })
     }
 }
 
 /// Columns and rows of the regions that may have content, along the Hilbert curve. Fails if there are too many.
-fn regions(city: &ScratchScene, grid: &CityGrid, level: u8) -> Result<Vec<[u32; 2]>, BakeError> {
+fn regions(
+    city: &ScratchScene,
+    grid: &CityGrid,
+    level: u8,
+    land: Option<LandFacts>,
+) -> Result<Vec<[u32; 2]>, BakeError> {
     let side = ((1 << (grid.depth - level)) / BLOCK_LEAVES).max(1);
     let mut found = HashSet::new();
     let mut add = |corners: &[[f64; 3]; 3], slack_m: f64| {
@@ -178,15 +256,22 @@ fn regions(city: &ScratchScene, grid: &CityGrid, level: u8) -> Result<Vec<[u32; 
         }
         Ok(())
     };
-    for object in city.objects.iter().filter(|object| object.kind != ObjectKind::GeneratedGround) {
+    city.objects.try_for_each(|_, object| {
         let [low, high] = object.bounds_m.map(|corner| corner.map(f64::from));
-        if (0..3).all(|axis| low[axis] <= high[axis]) {
-            add(&[low, high, high], BOX_SLACK_M)?;
-        }
+        let has_box = object.kind != ObjectKind::GeneratedGround && (0..3).all(|axis| low[axis] <= high[axis]);
+        if has_box { add(&[low, high, high], BOX_SLACK_M) } else { Ok(()) }
+    })?;
+    // Land that is coarser than a region is the crown's.
+    if let Some([low, high]) = land.filter(|_| grid.cell_m_at(level) > MAX_CELL_M).map(|land| land.bounds) {
+        let placed = |corner: [f64; 2]| [corner[0] - city.origin[0], corner[1] - city.origin[1], 0.0];
+        add(&[placed(low), placed(high), placed(high)], 0.0)?;
     }
     if let Some(own) = city.stored.own_file() {
+        let mut placements = city.placements.cursor();
         triangle_store::read_file(own.path(), &mut |triangle| {
-            add(&triangle.corners.map(|corner| corner.map(f64::from)), 0.0)
+            let ObjectPlacement { offset_m, object } = *placements.get(triangle.object as usize)?;
+            let placed = |corner: [f32; 3]| std::array::from_fn(|axis| f64::from(corner[axis]) + offset_m[axis]);
+            if object.is_some() { add(&triangle.corners.map(placed), 0.0) } else { Ok(()) }
         })?;
     }
     let mut regions: Vec<[u32; 2]> = found.into_iter().filter(|[x, y]| TileId::new(level, *x, *y).is_some()).collect();

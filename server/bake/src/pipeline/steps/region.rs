@@ -2,25 +2,32 @@
 
 use std::{collections::HashMap, fs, path::Path};
 
+use insula_protocol::{TileId, codec::bincode};
+
 use super::{
     job::BakeSteps,
-    layout::{CityPlan, PlannedMaterial},
-    region_file::{self, TileIndex, index_name},
+    layout::{CityPlan, PLAN, PlannedLandmark, PlannedMaterial, PlannedTexture},
+    region_file::{self, INDEX_KIND, TileIndex, index_name},
     scan::{fetch, picture_name, scratch_folder},
-    shuffle::BundleHead,
+    sealed::SealedStore,
+    shuffle::{BundleHead, BundlePlace},
 };
 use crate::{
     error::BakeError,
+    hash::short_hex,
     pipeline::{
         context::{FinishedTiles, TileContext},
+        far_land::FarLand,
         hashed::{HashedInput, HashedPartition, thread_pool},
         leaves::LeafBaker,
         parents,
     },
     report::ResumeStatus,
     scene::{
+        Landmark,
         object_names::ObjectNames,
         object_records::ObjectRecords,
+        record_list::RecordList,
         scratch_budget::ScratchBudget,
         scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial, StoredObject},
         texture_store::{TextureFacts, TextureStore, texture_path},
@@ -29,24 +36,67 @@ use crate::{
     write::{tile_bytes::PackedTiles, tile_pack::PackReader},
 };
 
+/// Folder of the tiles of regions by the hash of their input: other jobs find them too.
+pub(super) const TILES: &str = "tiles";
+
 /// Folder of a region's objects in the store.
 pub(super) fn folder_name(region: usize) -> String {
     format!("region/{region}")
 }
 
 impl BakeSteps<'_> {
-    /// Bakes a region. Fails if a chunk is not shuffled, or as baking a city does.
+    /// Bakes a region, unless a region of the same input is in the store, from another job. Fails if a chunk is not shuffled, or as baking
+    /// a city does.
     pub fn region(&self, region: usize) -> Result<(), BakeError> {
         let plan = self.read_plan()?;
         self.check_task("region", region, plan.regions.len())?;
-        if self.objects().has(&index_name(&folder_name(region)))? {
+        let (objects, name) = (self.objects(), index_name(&folder_name(region)));
+        if objects.has(&name)? {
             return Ok(());
         }
+        let bundles = self.bundles(plan.chunks, region)?;
+        let input = self.input_hash(&plan, region, &bundles)?;
+        let of_input = SealedStore { job: &input, ..objects };
+        let shared = format!("{TILES}/{input}");
+        let index = match of_input.find::<TileIndex>(&index_name(&shared), INDEX_KIND)? {
+            Some(index) => index,
+            None => self.bake_index(&plan, region, &bundles, (of_input, &shared))?,
+        };
+        objects.write(&name, INDEX_KIND, &index)
+    }
+
+    /// Hash of everything that determines the tiles of a region.
+    fn input_hash(
+        &self,
+        plan: &CityPlan,
+        region: usize,
+        bundles: &[(usize, BundlePlace)],
+    ) -> Result<String, BakeError> {
+        let place = plan.regions.get(region);
+        let given = (&self.job.program(), &self.config.settings, plan.grid, plan.facts.origin, plan.plane_m, plan.land);
+        let bytes = bincode::to_bytes(&(given, plan.region_level, place));
+        let damaged = |_| self.objects().damaged(PLAN, "its fields are damaged");
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&bytes.map_err(damaged)?);
+        for (_, place) in bundles {
+            hasher.update(&place.hash);
+        }
+        Ok(short_hex(&hasher.finalize()))
+    }
+
+    /// Bakes a region into objects of these names.
+    fn bake_index(
+        &self,
+        plan: &CityPlan,
+        region: usize,
+        bundles: &[(usize, BundlePlace)],
+        (objects, name): (SealedStore<'_>, &str),
+    ) -> Result<TileIndex, BakeError> {
         let folder = scratch_folder()?;
         let packs = folder.path().join("packs");
         fs::create_dir(&packs).map_err(|cause| BakeError::io(&packs, "created", cause))?;
-        let mut city = self.region_scene(&plan, region, folder.path())?;
-        let (tiles, partition) = self.bake_region(&plan, region, &mut city, folder.path(), &packs)?;
+        let mut city = self.region_scene(plan, bundles, folder.path())?;
+        let (tiles, partition) = self.bake_region(plan, region, &mut city, folder.path(), &packs)?;
         let mut reader = PackReader::new(&packs);
         let root = tiles.tree.level(plan.region_level).first();
         let root_points = root.map(|root| reader.read_points(root)).transpose()?.unwrap_or_default();
@@ -54,7 +104,7 @@ impl BakeSteps<'_> {
         let index = TileIndex { fingerprints, root_points, ..TileIndex::default() };
         let levels = plan.region_level..=plan.grid.depth;
         let (bytes, path) = (&mut PackedTiles::new(&packs), folder.path().join("tiles"));
-        region_file::write(self.objects(), &folder_name(region), &tiles.tree, levels, bytes, index, &path)
+        region_file::write(objects, name, &tiles.tree, levels, bytes, index, &path)
     }
 
     /// Bakes the scene of a region into packs.
@@ -79,20 +129,32 @@ impl BakeSteps<'_> {
         let pool = thread_pool(config.threads)?;
         let baker = LeafBaker { context: &context, city, partition: &partition.partition };
         tiles.add_level(grid.depth, baker.bake_all(&pool, &partition.hashes)?);
+        let models = self.land(plan)?;
+        let root = plan.regions.get(region).and_then(|[x, y]| TileId::new(plan.region_level, *x, *y));
+        let land = models.as_ref().zip(root).map(|(models, root)| {
+            let leaves = tiles.tree.level(grid.depth).iter().map(|leaf| leaf.id);
+            // That of the root's own level is the crown's, which knows the regions around.
+            FarLand::within(models, plan.facts.origin, grid, leaves, root, plan.region_level + 1..=grid.depth)
+        });
         for level in (plan.region_level..grid.depth).rev() {
-            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles.tree, None, level)?);
+            tiles.add_level(level, parents::bake_level(&context, &pool, &tiles.tree, land.as_ref(), level)?);
         }
         Ok((tiles, partition))
     }
 
     /// The part of the city that a region needs, with triangles and textures in a folder.
-    fn region_scene(&self, plan: &CityPlan, region: usize, folder: &Path) -> Result<ScratchScene, BakeError> {
+    fn region_scene(
+        &self,
+        plan: &CityPlan,
+        bundles: &[(usize, BundlePlace)],
+        folder: &Path,
+    ) -> Result<ScratchScene, BakeError> {
         let objects = self.objects();
         let budget = ScratchBudget::new(self.config.scratch_bytes);
         let mut builder = RegionBuilder::default();
         let mut stored = TriangleStore::in_file(folder.join("triangles"), budget.clone())?;
-        for chunk in 0..plan.chunks {
-            let Some(bundle) = self.bundle(chunk, region)? else { continue };
+        for (chunk, place) in bundles {
+            let bundle = self.bundle(*chunk, *place)?;
             let first_object = builder.placements.len() as u32;
             let materials = builder.add(&bundle.head);
             for mut triangle in bundle.triangles {
@@ -113,18 +175,18 @@ impl BakeSteps<'_> {
             origin: plan.facts.origin,
             crs: None,
             bounds: None,
-            objects: builder.objects,
+            objects: builder.objects.into(),
             numbers: builder.numbers,
-            landmarks: Vec::new(),
+            landmarks: builder.landmarks,
             standing: Vec::new(),
-            parents: Vec::new(),
+            parents: RecordList::default(),
             records: ObjectRecords::Memory(Vec::new()),
             materials: builder.materials,
             textures: TextureStore::of_files(builder.textures, textures, cache_bytes),
             triangles: builder.triangles,
             extent: SceneExtent::default(),
             names: ObjectNames::Memory(Vec::new()),
-            placements: builder.placements,
+            placements: builder.placements.into(),
             stored,
         })
     }
@@ -135,12 +197,13 @@ impl BakeSteps<'_> {
 struct RegionBuilder {
     objects: Vec<StoredObject>,
     numbers: Vec<u32>,
+    landmarks: Vec<Landmark>,
     placements: Vec<ObjectPlacement>,
     materials: Vec<StoredMaterial>,
-    material_numbers: HashMap<PlannedMaterial, u32>,
+    material_numbers: HashMap<StoredMaterial, u32>,
     textures: Vec<TextureFacts>,
     pictures: Vec<crate::hash::ShortHash>,
-    texture_numbers: HashMap<u32, u32>,
+    texture_numbers: HashMap<PlannedTexture, u32>,
     triangles: u64,
 }
 
@@ -153,23 +216,33 @@ impl RegionBuilder {
                 let (kind, base_z_m, identity) = (shown.kind, shown.base_z_m, None);
                 self.objects.push(StoredObject { kind, base_z_m, bounds_m, identity });
                 self.numbers.push(shown.number);
-                self.objects.len() as u32 - 1
+                let object = self.objects.len() as u32 - 1;
+                self.landmarks.extend(shown.landmark.map(|PlannedLandmark { stone, anchor_m }| Landmark {
+                    object,
+                    stone,
+                    anchor_m,
+                }));
+                object
             });
             self.placements.push(ObjectPlacement { offset_m: planned.offset_m, object });
         }
+        let mut own = Vec::with_capacity(head.textures.len());
         for texture in &head.textures {
             let next = self.textures.len() as u32;
-            if *self.texture_numbers.entry(texture.number).or_insert(next) == next {
+            let number = *self.texture_numbers.entry(texture.clone()).or_insert(next);
+            if number == next {
                 self.textures.push(texture.facts.clone());
                 self.pictures.push(texture.picture);
             }
+            own.push(number);
         }
         let material = |planned: &PlannedMaterial| {
+            let texture = planned.texture.and_then(|texture| own.get(texture as usize).copied());
+            let stored = StoredMaterial { rgb: planned.rgb, texture, is_reflective: planned.is_reflective };
             let next = self.materials.len() as u32;
-            let number = *self.material_numbers.entry(*planned).or_insert(next);
+            let number = *self.material_numbers.entry(stored).or_insert(next);
             if number == next {
-                let texture = planned.texture.and_then(|texture| self.texture_numbers.get(&texture).copied());
-                self.materials.push(StoredMaterial { rgb: planned.rgb, texture, is_reflective: planned.is_reflective });
+                self.materials.push(stored);
             }
             number
         };

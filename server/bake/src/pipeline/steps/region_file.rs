@@ -30,6 +30,8 @@ pub(super) const INDEX_KIND: SealedKind = *b"TILE";
 /// Tiles of a part of the quadtree.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct TileIndex {
+    /// Name of the object of their bytes.
+    pub(super) bytes: String,
     /// In the order of the archive.
     pub(super) tiles: Vec<TileEntry>,
     /// In the order of the archive; their bytes follow those of all tiles.
@@ -71,7 +73,7 @@ pub(super) struct MeshEntry {
 }
 
 impl TileEntry {
-    fn new(tile: &StoredTile, start: u64, hash: ShortHash) -> Self {
+    pub(super) fn new(tile: &StoredTile, start: u64, hash: ShortHash) -> Self {
         let NodeDeviation { drawn_m, drawn_max_m, source_m, source_max_m } = tile.deviation;
         Self {
             level: tile.id.level(),
@@ -128,17 +130,13 @@ impl TileIndex {
     }
 }
 
-/// Names of the objects in a folder of the store.
+/// Name of the index in a folder of the store.
 pub(super) fn index_name(folder: &str) -> String {
     format!("{folder}/index")
 }
 
-pub(super) fn bytes_name(folder: &str) -> String {
-    format!("{folder}/tiles")
-}
-
 /// Writes the tiles of `levels` and all meshes of a tree. `index` has what is known besides. `path` is for the bytes. Fails if a tile
-/// cannot be read, or an object not be written.
+/// cannot be read, or an object not be written. Returns the index that is written.
 pub(super) fn write(
     objects: SealedStore<'_>,
     folder: &str,
@@ -147,7 +145,7 @@ pub(super) fn write(
     bytes: &mut dyn TileContent,
     mut index: TileIndex,
     path: &Path,
-) -> Result<(), BakeError> {
+) -> Result<TileIndex, BakeError> {
     let failed = |cause| BakeError::io(path, "written", cause);
     let mut writer = BufWriter::new(File::create(path).map_err(failed)?);
     let mut start = 0;
@@ -171,6 +169,8 @@ pub(super) fn write(
     }
     writer.flush().map_err(failed)?;
     drop(writer);
-    put_file(objects, &bytes_name(folder), path)?;
-    objects.write(&index_name(folder), INDEX_KIND, &index)
+    index.bytes = format!("{folder}/bytes");
+    put_file(objects, &index.bytes, path)?;
+    objects.write(&index_name(folder), INDEX_KIND, &index)?;
+    Ok(index)
 }

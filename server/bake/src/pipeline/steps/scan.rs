@@ -7,9 +7,9 @@ use super::{
     sealed::{SealedKind, SealedStore},
 };
 use crate::{
-    error::{BakeError, InputError},
+    error::BakeError,
     hash::ShortHash,
-    read::{ListedInputs, PartHead, RECORDS, ReadProgress, ScratchOptions, TRIANGLES},
+    read::{PartHead, RECORDS, ReadProgress, SHAPES, ScratchOptions, TRIANGLES},
     scene::{scratch_budget::ScratchBudget, texture_store::texture_path},
 };
 
@@ -22,6 +22,10 @@ pub(super) fn head_name(chunk: usize) -> String {
 
 pub(super) fn triangles_name(chunk: usize) -> String {
     format!("scan/{chunk}/{TRIANGLES}")
+}
+
+pub(super) fn shapes_name(chunk: usize) -> String {
+    format!("scan/{chunk}/{SHAPES}")
 }
 
 pub(super) fn records_name(chunk: usize) -> String {
@@ -43,12 +47,8 @@ impl BakeSteps<'_> {
             return Ok(());
         }
         let wanted = &self.chunks()[chunk];
-        let listed = ListedInputs::new(&self.job.inputs, &self.read_options, self.job.chunk_bytes())?;
+        let listed = self.list_inputs()?;
         let range = wanted.first..wanted.first + wanted.bytes.len();
-        if !listed.sizes().iter().eq(self.chunks().iter().flat_map(|chunk| &chunk.bytes)) {
-            let what = "they have changed since they were listed; begin a new job";
-            return Err(InputError::unsupported("the inputs", what).into());
-        }
         let folder = scratch_folder()?;
         let budget = ScratchBudget::new(self.config.scratch_bytes);
         let texture_cache_bytes = self.config.texture_cache_bytes();
@@ -65,6 +65,7 @@ impl BakeSteps<'_> {
             }
         }
         put_file(objects, &triangles_name(chunk), &folder.path().join(TRIANGLES))?;
+        put_file(objects, &shapes_name(chunk), &folder.path().join(SHAPES))?;
         let records = folder.path().join(RECORDS);
         if !records.exists() {
             fs::write(&records, []).map_err(|cause| BakeError::io(&records, "written", cause))?;

@@ -65,6 +65,17 @@ impl SealedStore<'_> {
     }
 }
 
+/// Removes all objects of a folder, and returns their number. Fails if the store does not answer.
+pub(super) fn remove_folder(store: &dyn WorkStore, folder: &str) -> Result<usize, BakeError> {
+    let failed = |name: &str| {
+        let (work, name) = (store.address(), name.to_owned());
+        move |cause| BakeError::Work { work, name, cause }
+    };
+    let names = store.list(folder).map_err(failed(folder))?;
+    names.iter().try_for_each(|name| store.remove(name).map_err(failed(name)))?;
+    Ok(names.len())
+}
+
 fn seal(job: &str, kind: SealedKind, value: &impl Serialize) -> Result<Vec<u8>, &'static str> {
     let mut bytes = Vec::new();
     bytes.extend_from_slice(&MAGIC);

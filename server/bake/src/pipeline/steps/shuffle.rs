@@ -15,7 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     job::BakeSteps,
-    layout::{CHUNK_KIND, CityPlan, GROUND, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture, chunk_name},
+    layout::{
+        CHUNK_KIND, CityPlan, OWN_TRIANGLES, PlannedChunk, PlannedMaterial, PlannedObject, PlannedTexture, chunk_name,
+    },
     scan::{fetch, put_file, scratch_folder, triangles_name},
     sealed::SealedKind,
 };
@@ -46,11 +48,11 @@ fn data_name(chunk: usize) -> String {
 
 /// Place of a region's bundle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-struct BundlePlace {
+pub(super) struct BundlePlace {
     region: u32,
     start: u64,
     length: u64,
-    hash: ShortHash,
+    pub(super) hash: ShortHash,
 }
 
 /// The triangles of a chunk that a region needs.
@@ -94,7 +96,7 @@ impl Bundle {
 }
 
 impl BakeSteps<'_> {
-    /// Sorts a chunk by region; the last one is the generated ground. Fails if the plan is missing.
+    /// Sorts a chunk by region; the last one may be what is of no scan. Fails if the plan is missing.
     pub fn shuffle(&self, chunk: usize) -> Result<(), BakeError> {
         let plan = self.read_plan()?;
         self.check_task("shuffle", chunk, plan.chunks)?;
@@ -105,7 +107,7 @@ impl BakeSteps<'_> {
         let planned: PlannedChunk = objects.read(&chunk_name(chunk), CHUNK_KIND)?;
         let folder = scratch_folder()?;
         let path = folder.path().join("triangles");
-        let name = if chunk < self.chunks().len() { triangles_name(chunk) } else { GROUND.to_owned() };
+        let name = if chunk < self.chunks().len() { triangles_name(chunk) } else { OWN_TRIANGLES.to_owned() };
         fetch(objects, &name, &path)?;
         let damaged = || objects.damaged(&name, "its triangles are not those of the plan");
         self.progress.stage("shuffle", fs::metadata(&path).map_or(0, |meta| meta.len() / RECORD_BYTES as u64));
@@ -130,18 +132,26 @@ impl BakeSteps<'_> {
         objects.write(&index_name(chunk), INDEX_KIND, &places)
     }
 
-    /// The bundle of a region in a chunk; `None` if it has none there. Fails if the chunk is not shuffled, or damaged.
-    pub(super) fn bundle(&self, chunk: usize, region: usize) -> Result<Option<Bundle>, BakeError> {
+    /// Chunk and place of each bundle of a region, in the order of the chunks. Fails if a chunk is not shuffled.
+    pub(super) fn bundles(&self, chunks: usize, region: usize) -> Result<Vec<(usize, BundlePlace)>, BakeError> {
+        let mut found = Vec::new();
+        for chunk in 0..chunks {
+            let places: Vec<BundlePlace> = self.objects().read(&index_name(chunk), INDEX_KIND)?;
+            found.extend(places.into_iter().find(|place| place.region as usize == region).map(|place| (chunk, place)));
+        }
+        Ok(found)
+    }
+
+    /// A bundle of a chunk. Fails if it cannot be read, or is damaged.
+    pub(super) fn bundle(&self, chunk: usize, place: BundlePlace) -> Result<Bundle, BakeError> {
         let objects = self.objects();
-        let places: Vec<BundlePlace> = objects.read(&index_name(chunk), INDEX_KIND)?;
-        let Some(place) = places.iter().find(|place| place.region as usize == region) else { return Ok(None) };
         let name = data_name(chunk);
         let bytes = objects.store.range(&name, place.start, place.length);
         let bytes = bytes.map_err(|cause| objects.failed(&name, cause))?;
         if short_hash(&blake3::hash(&bytes)) != place.hash {
             return Err(objects.damaged(&name, "a bundle has another hash"));
         }
-        Bundle::from_bytes(&bytes).map(Some).ok_or_else(|| objects.damaged(&name, "a bundle is damaged"))
+        Bundle::from_bytes(&bytes).ok_or_else(|| objects.damaged(&name, "a bundle is damaged"))
     }
 }
 
@@ -216,10 +226,10 @@ impl<'a> RegionSorter<'a> {
     }
 }
 
-/// The bundle of triangles that have a chunk's numbers, which must be in range.
+/// The bundle of triangles that have a chunk's numbers, which must be in range. It depends on nothing else of the chunk.
 fn bundle_of(mut triangles: Vec<SceneTriangle>, planned: &PlannedChunk) -> Bundle {
     let (mut objects, mut materials, mut textures) = (Vec::new(), Vec::new(), Vec::<PlannedTexture>::new());
-    let (mut known_objects, mut known_materials) = (HashMap::new(), HashMap::new());
+    let (mut known_objects, mut known_materials, mut known_textures) = (HashMap::new(), HashMap::new(), HashMap::new());
     for triangle in &mut triangles {
         triangle.object = *known_objects.entry(triangle.object).or_insert_with_key(|number| {
             objects.push(planned.objects[*number as usize]);
@@ -227,12 +237,13 @@ fn bundle_of(mut triangles: Vec<SceneTriangle>, planned: &PlannedChunk) -> Bundl
         });
         triangle.material = *known_materials.entry(triangle.material).or_insert_with_key(|number| {
             let material = planned.materials[*number as usize];
-            let is_new = |texture: &&PlannedTexture| {
-                Some(texture.number) == material.texture && !textures.iter().any(|known| known.number == texture.number)
-            };
-            let new = planned.textures.iter().find(is_new).cloned();
-            textures.extend(new);
-            materials.push(material);
+            let texture = material.texture.map(|texture| {
+                *known_textures.entry(texture).or_insert_with(|| {
+                    textures.extend(planned.textures.get(texture as usize).cloned());
+                    textures.len() as u32 - 1
+                })
+            });
+            materials.push(PlannedMaterial { texture, ..material });
             materials.len() as u32 - 1
         });
     }
@@ -245,9 +256,9 @@ mod tests {
     use crate::{pipeline::steps::layout::NumberedShape, scene::ObjectKind};
 
     fn chunk() -> PlannedChunk {
-        let shown = NumberedShape { kind: ObjectKind::Building, base_z_m: 1.5, number: 7 };
+        let shown = NumberedShape { kind: ObjectKind::Building, base_z_m: 1.5, number: 7, landmark: None };
         let object = |x: f64| PlannedObject { offset_m: [x, 0.0, 0.0], shown: Some(shown) };
-        let material = |number: u32| PlannedMaterial { number, rgb: [1, 2, 3], texture: None, is_reflective: false };
+        let material = |red: u8| PlannedMaterial { rgb: [red, 2, 3], texture: None, is_reflective: false };
         PlannedChunk {
             first_object: 0,
             objects: (0..5).map(|i| object(f64::from(i))).collect(),
@@ -265,7 +276,7 @@ mod tests {
     fn bundles_have_what_their_triangles_show_and_return_from_bytes() {
         let bundle = bundle_of(vec![triangle(3, 2), triangle(1, 2), triangle(3, 0)], &chunk());
         assert_eq!(bundle.head.objects.iter().map(|o| o.offset_m[0]).collect::<Vec<_>>(), [3.0, 1.0]);
-        assert_eq!(bundle.head.materials.iter().map(|m| m.number).collect::<Vec<_>>(), [12, 10]);
+        assert_eq!(bundle.head.materials.iter().map(|m| m.rgb[0]).collect::<Vec<_>>(), [12, 10]);
         assert_eq!(
             bundle.triangles.iter().map(|t| (t.object, t.material)).collect::<Vec<_>>(),
             [(0, 0), (1, 0), (0, 1)]

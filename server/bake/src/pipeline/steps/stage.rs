@@ -2,10 +2,11 @@
 
 use super::{
     crown,
-    job::{BakeSteps, JOB, Job},
+    job::{BakeSteps, JOB},
     join::JOIN_PLAN,
-    layout::PLAN,
+    layout::{JOINED, PLAN, RESULTS},
     region_file::index_name,
+    sealed::remove_folder,
     work::WorkStore,
 };
 use crate::error::BakeError;
@@ -95,7 +96,7 @@ impl BakeSteps<'_> {
                 BakeStage::Crown => objects.has(&index_name(crown::FOLDER))?.into(),
                 BakeStage::JoinPlan => has_join.into(),
                 BakeStage::JoinPart => names("join")?.iter().filter(|name| name.starts_with("join/receipt-")).count(),
-                BakeStage::JoinFinish => objects.has("city/city.json")?.into(),
+                BakeStage::JoinFinish => objects.has(JOINED)?.into(),
             };
             let is_known = match stage {
                 BakeStage::Shuffle | BakeStage::Region => has_plan,
@@ -109,27 +110,43 @@ impl BakeSteps<'_> {
     }
 }
 
-/// Removes the job and all results of its steps, but not a finished city, and the parts of archives that were not completed. Returns the number
-/// of removed objects. Fails if the store does not answer.
-pub fn abort(store: &dyn WorkStore) -> Result<usize, BakeError> {
+/// What [`abort`] has removed.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct AbortedJob {
+    /// Number of objects.
+    pub objects: usize,
+    /// Names of the objects whose upload was begun and not completed.
+    pub uploads: Vec<String>,
+}
+
+/// Most requests for uploads that were not completed: of up to a thousand each.
+const MAX_LISTS: usize = 1000;
+
+/// Removes the job and all results of its steps, but not a finished city, and ends all uploads that were not completed, of whatever
+/// step or job. No step may run meanwhile. Fails if the store does not answer.
+pub fn abort(store: &dyn WorkStore) -> Result<AbortedJob, BakeError> {
     let failed = |name: &str| {
         let (work, name) = (store.address(), name.to_owned());
         move |cause| BakeError::Work { work, name, cause }
     };
-    let begun = Job::read(store).and_then(|job| job.begun_parts(store)).unwrap_or_default();
-    for (name, ticket) in &begun {
-        store.abort_parts(name, ticket).map_err(failed(name))?;
-    }
     // First, so that a step that begins now finds no job.
-    let mut removed = begun.len() + usize::from(store.size(JOB).map_err(failed(JOB))?.is_some());
+    let mut aborted = AbortedJob::default();
+    aborted.objects += usize::from(store.size(JOB).map_err(failed(JOB))?.is_some());
     store.remove(JOB).map_err(failed(JOB))?;
-    let is_complete = store.size("city/city.json").map_err(failed("city"))?.is_some();
-    let folders = ["temporary", "scan", "pic", "plan", "shuffle", "region", "crown", "join", "parts"];
-    for folder in folders.into_iter().chain((!is_complete).then_some("city")) {
-        for name in store.list(folder).map_err(failed(folder))? {
-            store.remove(&name).map_err(failed(&name))?;
-            removed += 1;
+    for _ in 0..MAX_LISTS {
+        let begun = store.begun_parts().map_err(failed("uploads"))?;
+        if begun.is_empty() {
+            break;
+        }
+        for (name, ticket) in begun {
+            store.abort_parts(&name, &ticket).map_err(failed(&name))?;
+            aborted.uploads.push(name);
         }
     }
-    Ok(removed)
+    let is_complete = store.size("city/city.json").map_err(failed("city"))?.is_some();
+    let folders = RESULTS.into_iter().chain(["pic", "tiles", "numbers"]);
+    for folder in folders.chain((!is_complete).then_some("city")) {
+        aborted.objects += remove_folder(store, folder)?;
+    }
+    Ok(aborted)
 }

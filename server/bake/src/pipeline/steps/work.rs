@@ -48,6 +48,10 @@ pub trait WorkStore: Send + Sync {
 
     /// Ends an object that was begun and not completed. Fails if the store does not answer.
     fn abort_parts(&self, name: &str, ticket: &str) -> io::Result<()>;
+
+    /// Some of the objects that were begun in parts and not completed, by whatever step, with their tickets: all of them if there are
+    /// few, and none only if there are none. Fails if the store does not answer.
+    fn begun_parts(&self) -> io::Result<Vec<(String, String)>>;
 }
 
 /// Objects as files of a folder, which may be on a file system that machines share.
@@ -194,6 +198,11 @@ impl WorkStore for WorkFolder {
     fn abort_parts(&self, _: &str, ticket: &str) -> io::Result<()> {
         self.remove(ticket)
     }
+
+    fn begun_parts(&self) -> io::Result<Vec<(String, String)>> {
+        let tickets = [self.list(PARTS)?, self.list(TEMPORARY)?].concat();
+        Ok(tickets.into_iter().map(|ticket| (ticket.clone(), ticket)).collect())
+    }
 }
 
 #[cfg(test)]
@@ -223,8 +232,9 @@ mod tests {
         store.fetch("e", &folder.path.join("copy")).unwrap();
         assert_eq!(fs::read(folder.path.join("copy")).unwrap(), b"second!");
         let ticket = store.begin_parts("f", 1 << 30).unwrap();
+        assert_eq!(store.begun_parts().unwrap(), [(ticket.clone(), ticket.clone())]);
         store.abort_parts("f", &ticket).unwrap();
-        assert!(store.list("parts").unwrap().is_empty());
+        assert!(store.list("parts").unwrap().is_empty() && store.begun_parts().unwrap().is_empty());
         store.remove("a/b").unwrap();
         store.remove("a/b").unwrap();
         assert_eq!(store.size("a/b").unwrap(), None);

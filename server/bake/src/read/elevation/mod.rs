@@ -42,7 +42,7 @@ use terrain_files::TerrainFiles;
 
 pub(crate) use drape::{Drape, GroundPictures};
 pub use surroundings::SurroundingsOptions;
-pub(crate) use surroundings::{FarModels, LandColours, LandSquare};
+pub(crate) use surroundings::{FarModels, LandColours, LandFacts, LandSquare};
 pub use terrain::TerrainOptions;
 pub(crate) use terrain::{ALIGNED_LEAVES, TerrainTile};
 

@@ -4,6 +4,8 @@ use std::array;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use serde::{Deserialize, Serialize};
+
 use super::Elevation;
 use super::drape::{Drape, GroundPictures};
 use super::lattice::MapGrid;
@@ -46,6 +48,15 @@ pub(crate) struct FarModels {
     /// World height of the lowest and highest point.
     pub(crate) z_range_m: [f64; 2],
     /// Hash of what decides how it looks.
+    pub(crate) hash: [u8; 32],
+}
+
+/// What is known of the land once it was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct LandFacts {
+    /// As in [`FarModels`].
+    pub(crate) bounds: [[f64; 2]; 2],
+    pub(crate) z_range_m: [f64; 2],
     pub(crate) hash: [u8; 32],
 }
 
@@ -99,6 +110,17 @@ impl FarModels {
         }
         let hash = *hasher.finalize().as_bytes();
         Ok(Some(Self { elevation: Mutex::new(elevation), colours, bounds: [low, high], z_range_m, hash }))
+    }
+
+    /// What another process needs to open the same land.
+    pub(crate) fn facts(&self) -> LandFacts {
+        LandFacts { bounds: self.bounds, z_range_m: self.z_range_m, hash: self.hash }
+    }
+
+    /// The land of which this is known. The models must be settled.
+    pub(crate) fn known(elevation: Elevation, colours: LandColours, facts: LandFacts) -> Self {
+        let LandFacts { bounds, z_range_m, hash } = facts;
+        Self { elevation: Mutex::new(elevation), colours, bounds, z_range_m, hash }
     }
 
     /// Heights of a square by row from the south; NaN where none is known. Fails if a raster cannot be read.

@@ -159,6 +159,12 @@ impl<T: MapRecord> MapStore<T> {
         entries.filter(|entry| overlap(entry.bounds, rectangle)).map(|entry| self.load(entry)).collect()
     }
 
+    /// Calls `visit` for all shapes, in the order in which they were added. Fails if the scratch file cannot be read, or with the first
+    /// error of `visit`.
+    pub(crate) fn try_for_each(&self, mut visit: impl FnMut(&T) -> io::Result<()>) -> io::Result<()> {
+        self.entries.iter().try_for_each(|entry| visit(&*self.load(entry).map_err(io::Error::other)?))
+    }
+
     fn load(&self, entry: &StoredShape<T>) -> Result<Arc<T>, MapStoreError> {
         let (start, bytes) = match &entry.slot {
             Slot::Memory(shape) => return Ok(shape.clone()),

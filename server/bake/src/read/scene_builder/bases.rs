@@ -62,18 +62,22 @@ impl SceneBuilder {
         visit: &mut dyn FnMut(AnchoredBuilding<'_>) -> Result<(), BakeError>,
     ) -> Result<(), BakeError> {
         let mut lowest_m: HashMap<u64, f64> = HashMap::new();
-        for object in self.pending.iter().filter(|object| object.has_own_base && !object.is_dropped) {
-            let lowest = lowest_m.entry(object.group()).or_insert(f64::INFINITY);
-            *lowest = lowest.min(object.low(2));
-        }
+        self.pending.try_for_each(|_, object| {
+            if object.has_own_base && !object.is_dropped {
+                let lowest = lowest_m.entry(object.group()).or_insert(f64::INFINITY);
+                *lowest = lowest.min(object.low(2));
+            }
+            Ok(())
+        })?;
         if lowest_m.is_empty() {
             return Ok(());
         }
         self.triangles.flush()?;
         let (mut current, mut triangles) = (None, BaseTriangles::default());
-        let pending = &self.pending;
+        let (pending, mut objects) = (&self.pending, self.pending.cursor());
         let mut end = |number: Option<u32>, triangles: &mut BaseTriangles| {
-            let Some(object) = number.and_then(|number| pending.get(number as usize)) else { return Ok(()) };
+            let Some(number) = number else { return Ok(()) };
+            let object = pending.get(number as usize)?;
             let Some(triangles) = triangles.take() else { return Ok(()) };
             let base =
                 BuildingBase { height_m: object.low(2), corner: [object.anchor[0], object.anchor[1]], triangles };
@@ -84,8 +88,8 @@ impl SceneBuilder {
                 end(current, &mut triangles)?;
                 current = Some(triangle.object);
             }
-            if let Some(object) = pending.get(triangle.object as usize)
-                && lowest_m.get(&object.group()).is_some_and(|lowest| object.low(2) <= lowest + UPPER_PART_M)
+            let object = objects.get(triangle.object as usize)?;
+            if lowest_m.get(&object.group()).is_some_and(|lowest| object.low(2) <= lowest + UPPER_PART_M)
                 && object.has_own_base
                 && !object.is_dropped
             {

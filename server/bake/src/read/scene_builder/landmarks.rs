@@ -34,18 +34,19 @@ impl SceneBuilder {
         self.landmarks.push(landmark);
     }
 
-    /// The places of the landmarks that are to be moved to the ground.
-    pub(crate) fn landmarks_without_ground(&self) -> Vec<[f64; 2]> {
+    /// The places of the landmarks that are to be moved to the ground. Fails if the objects cannot be read.
+    pub(crate) fn landmarks_without_ground(&self) -> Result<Vec<[f64; 2]>, BakeError> {
         let waiting = self.landmarks.iter().filter(|landmark| landmark.is_on_ground);
-        waiting.map(|landmark| self.pending[landmark.object as usize].middle()).collect()
+        waiting.map(|landmark| Ok(self.pending.get(landmark.object as usize)?.middle())).collect()
     }
 
-    /// Lifts the landmarks that are to be moved to the ground, in order. To be called once.
-    pub(crate) fn stand_landmarks(&mut self, heights_m: &[f64]) {
-        let waiting = self.landmarks.iter_mut().filter(|landmark| landmark.is_on_ground);
+    /// Lifts the landmarks that are to be moved to the ground, in order. To be called once. Fails if the objects cannot be read.
+    pub(crate) fn stand_landmarks(&mut self, heights_m: &[f64]) -> Result<(), BakeError> {
+        let waiting = self.landmarks.iter().filter(|landmark| landmark.is_on_ground);
         for (landmark, height_m) in waiting.zip(heights_m) {
-            self.pending[landmark.object as usize].anchor[2] += height_m;
+            self.pending.update(landmark.object as usize, |object| object.anchor[2] += height_m)?;
         }
+        Ok(())
     }
 
     /// World heights of the ground at places, where there is no elevation model: that of the terrain's triangles, else that of the
@@ -53,26 +54,31 @@ impl SceneBuilder {
     pub(crate) fn ground_heights(&mut self, places: &[[f64; 2]]) -> Result<Vec<f64>, BakeError> {
         let mut queries: Vec<GroundQuery> =
             places.iter().map(|place| GroundQuery { place: *place, terrain_m: None }).collect();
-        if self.pending.iter().any(|object| object.kind.is_terrain()) {
+        let mut has_terrain = false;
+        self.pending.try_for_each(|_, object| {
+            has_terrain |= object.kind.is_terrain();
+            Ok(())
+        })?;
+        if has_terrain {
             self.triangles.flush()?;
-            let pending = &self.pending;
+            let mut pending = self.pending.cursor();
             self.triangles.try_for_each(|triangle| {
-                let Some(object) = pending.get(triangle.object as usize) else { return Ok(()) };
+                let object = pending.get(triangle.object as usize)?;
                 if object.kind == ObjectKind::Terrain && !object.is_dropped {
                     queries.iter_mut().for_each(|query| query.meet(object, triangle.corners));
                 }
                 Ok(())
             })?;
         }
-        Ok(queries.iter().map(|query| query.terrain_m.unwrap_or_else(|| self.feet_m(query.place))).collect())
+        queries.iter().map(|query| query.terrain_m.map_or_else(|| self.feet_m(query.place), Ok)).collect()
     }
 
     /// Mean height of the lowest corners of the objects around, weighted by nearness.
-    fn feet_m(&self, [x, y]: [f64; 2]) -> f64 {
+    fn feet_m(&self, [x, y]: [f64; 2]) -> Result<f64, BakeError> {
         let (mut sum, mut weights) = (0.0, 0.0);
-        for (number, object) in (0..).zip(&self.pending) {
-            if object.is_dropped || self.landmarks.iter().any(|landmark| landmark.object == number) {
-                continue;
+        self.pending.try_for_each(|number, object| {
+            if object.is_dropped || self.landmarks.iter().any(|landmark| landmark.object as usize == number) {
+                return Ok(());
             }
             let outside = |v: f64, axis: usize| (object.low(axis) - v).max(v - object.high(axis)).max(0.0);
             let distance_m = outside(x, 0).hypot(outside(y, 1));
@@ -80,8 +86,9 @@ impl SceneBuilder {
                 let weight = distance_m.max(MIN_NEIGHBOUR_M).powi(-2);
                 (sum, weights) = (sum + object.low(2) * weight, weights + weight);
             }
-        }
-        if weights > 0.0 { sum / weights } else { 0.0 }
+            Ok(())
+        })?;
+        Ok(if weights > 0.0 { sum / weights } else { 0.0 })
     }
 }
 

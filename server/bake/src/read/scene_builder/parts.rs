@@ -6,6 +6,7 @@ use super::SceneBuilder;
 use super::pending::PendingObject;
 use crate::error::BakeError;
 use crate::scene::object_records::ObjectRecords;
+use crate::scene::record_list::RecordScratch;
 use crate::scene::scratch_scene::{ObjectIdentity, StoredMaterial};
 use crate::scene::triangle_store::TriangleStore;
 
@@ -43,33 +44,35 @@ impl SceneBuilder {
         self.triangles.finish()?;
         let record_bytes = self.records.bytes();
         self.records.finish()?;
-        let objects = PartObjects { pending: self.pending, parents: self.parents };
+        let objects = PartObjects { pending: self.pending.into_memory(), parents: self.parents.into_memory() };
         Ok(BuilderParts { objects, materials: self.materials, record_bytes })
     }
 
-    /// A builder of a city whose objects are added part by part.
-    pub(crate) fn of_parts(cell_m: f64) -> Self {
-        Self { records: ObjectRecords::Parts(Vec::new()), ..Self::new(TriangleStore::Memory(Vec::new()), cell_m) }
+    /// A builder of a city whose objects are added part by part, and kept in scratch files.
+    pub(crate) fn of_parts(cell_m: f64, scratch: &RecordScratch) -> Self {
+        let records = ObjectRecords::Parts(Vec::new());
+        let mut builder = Self { records, ..Self::new(TriangleStore::Memory(Vec::new()), cell_m) };
+        builder.keep_in(scratch);
+        builder
     }
 
     /// Adds the objects of a part. `first_source` is the number of its first source, and `record_bytes` the size of the records
     /// of all parts before.
     pub(crate) fn add_part(&mut self, objects: PartObjects, first_source: u32, record_bytes: u64) {
         let PartObjects { pending, parents } = objects;
-        self.pending.extend(pending.into_iter().map(|mut object| {
+        for mut object in pending {
             object.source += first_source as usize;
             object.relation.record = object.relation.record.map(|record| record.after(record_bytes));
-            object
-        }));
-        self.parents.extend(parents.into_iter().map(|identity| ObjectIdentity {
-            source: identity.source + first_source,
-            record: identity.record.after(record_bytes),
-            ..identity
-        }));
+            self.pending.push(object);
+        }
+        for identity in parents {
+            let (source, record) = (identity.source + first_source, identity.record.after(record_bytes));
+            self.parents.push(ObjectIdentity { source, record, ..identity });
+        }
     }
 
-    /// Sets the triangles of all parts.
-    pub(crate) fn set_triangles(&mut self, triangles: TriangleStore) {
-        self.triangles = triangles;
+    /// Sets the triangles of all parts, and where further triangles and records are kept.
+    pub(crate) fn set_stores(&mut self, records: ObjectRecords, triangles: TriangleStore) {
+        (self.records, self.triangles) = (records, triangles);
     }
 }

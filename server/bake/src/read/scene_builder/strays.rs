@@ -46,6 +46,67 @@ impl PlaceHistogram {
     }
 }
 
+/// A rectangle outside of which few objects make the city much wider.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Outskirts {
+    low: [f64; 2],
+    high: [f64; 2],
+}
+
+/// This share of the objects, or one, is few.
+const FEW: u64 = 1000;
+/// Smaller cities have no objects far away.
+const LEAST_WIDTH_M: f64 = 20_000.0;
+/// Of a city of fewer objects, none is unusual.
+const LEAST_OBJECTS: u64 = 20;
+
+impl Outskirts {
+    /// `None` unless few objects are responsible for more than half of the city's width or height on the map.
+    pub(super) fn of(places: &PlaceHistogram) -> Option<Self> {
+        let mut all = Self { low: [f64::NEG_INFINITY; 2], high: [f64::INFINITY; 2] };
+        let mut is_wide = false;
+        for (axis, classes) in places.axes.iter().take(2).enumerate() {
+            let count: u64 = classes.values().sum();
+            let (first, last) = (classes.keys().next()?, classes.keys().last()?);
+            let width_m = (f64::from(*last) - f64::from(*first) + 1.0) * CLASS_M;
+            if count < LEAST_OBJECTS || width_m < LEAST_WIDTH_M {
+                continue;
+            }
+            let (from, to) = densest(classes, count - (count / FEW).max(1))?;
+            let (low, high) = (f64::from(from) * CLASS_M, (f64::from(to) + 1.0) * CLASS_M);
+            if high - low < width_m / 2.0 {
+                (all.low[axis], all.high[axis], is_wide) = (low, high, true);
+            }
+        }
+        is_wide.then_some(all)
+    }
+
+    /// Distance of a place from the rectangle; `None` inside.
+    pub(super) fn distance_m(&self, place: [f64; 3]) -> Option<f64> {
+        let outside = |axis: usize| (self.low[axis] - place[axis]).max(place[axis] - self.high[axis]).max(0.0);
+        Some(outside(0).hypot(outside(1))).filter(|distance_m| *distance_m > 0.0)
+    }
+}
+
+/// First and last class of the shortest run of classes with at least so many places.
+fn densest(classes: &BTreeMap<i32, u64>, least: u64) -> Option<(i32, i32)> {
+    let all: Vec<(i32, u64)> = classes.iter().map(|(class, count)| (*class, *count)).collect();
+    let (mut start, mut sum, mut best) = (0, 0, None);
+    for &(last, count) in &all {
+        sum += count;
+        while sum - all[start].1 >= least {
+            sum -= all[start].1;
+            start += 1;
+        }
+        let width = |(from, to): (i32, i32)| i64::from(to) - i64::from(from);
+        let found = (all[start].0, last);
+        if sum >= least && best.is_none_or(|best| width(found) < width(best)) {
+            best = Some(found);
+        }
+    }
+    best
+}
+
 /// Distance of an object from the median in metres if it is a stray.
 pub(super) fn stray_distance_m(middle: [f64; 3], place: PlacedBox) -> Option<f64> {
     let along = |axis: usize| (place.high[axis] - middle[axis]).max(middle[axis] - place.low[axis]);
@@ -77,6 +138,21 @@ mod tests {
         }
         // A local system has its city at the origin.
         assert_eq!(stray_distance_m([500.0, 500.0, 0.0], house([0.0; 3])), None);
+    }
+
+    #[test]
+    fn few_objects_that_make_the_city_wide_are_found_and_towns_are_not() {
+        let mut places = PlaceHistogram::default();
+        (0..5000).for_each(|i| places.add([4e5 + f64::from(i % 100) * 50.0, 5e6 + f64::from(i / 100) * 50.0, 0.0]));
+        assert_eq!(Outskirts::of(&places), None);
+        (0..4).for_each(|i| places.add([9e5 + f64::from(i), 5e6, 0.0]));
+        let found = Outskirts::of(&places).unwrap();
+        let km = found.distance_m([9e5, 5e6, 0.0]).unwrap() / 1000.0;
+        assert!((490.0..500.0).contains(&km), "{km} km");
+        assert_eq!(found.distance_m([402_000.0, 5_001_000.0, 0.0]), None);
+        // Another town of many objects is a part of the country.
+        (0..4).for_each(|i| places.add([9e5, 5e6 + f64::from(i), 0.0]));
+        assert_eq!(Outskirts::of(&places), None);
     }
 
     #[test]

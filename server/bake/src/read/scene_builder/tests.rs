@@ -3,6 +3,7 @@
 use super::*;
 use crate::read::report::SourceFormat;
 use crate::scene::SceneTexture;
+use crate::scene::texture_store::TextureStore;
 use std::sync::Arc;
 
 fn face_at(p: [f64; 3]) -> WorldTriangle {
@@ -25,7 +26,7 @@ fn large_coordinates_keep_a_precision_of_a_millimetre() {
     for place in places {
         builder.add(0, "a", ObjectKind::Building, &[face_at(place)], &mut sources[0]);
     }
-    let scene = builder.finish(TextureStore::in_memory(), &mut sources).into_scene().unwrap();
+    let scene = builder.finish(TextureStore::in_memory(), &mut sources).unwrap().into_scene().unwrap();
     assert_eq!(scene.origin, [6_248_000.0, 457_605.0, 2.0]);
     for (triangle, place) in scene.triangles.iter().zip(places) {
         for axis in 0..3 {
@@ -43,7 +44,7 @@ fn objects_far_from_the_city_are_left_out_and_reported() {
     for (id, x) in [("a", 500_000.0), ("remote", 0.0), ("b", 500_010.0)] {
         builder.add(0, id, ObjectKind::Terrain, &[face_at([x, 0.0, 0.0])], &mut sources[0]);
     }
-    let scene = builder.finish(TextureStore::in_memory(), &mut sources).into_scene().unwrap();
+    let scene = builder.finish(TextureStore::in_memory(), &mut sources).unwrap().into_scene().unwrap();
     let ids: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
     assert_eq!(ids, ["a", "b"]);
     assert_eq!(scene.triangles.len(), 2);
@@ -73,7 +74,7 @@ fn objects_too_large_for_the_cells_are_left_out_and_reported() {
     builder.push(&mut open, &[tall(1.0)]);
     builder.abandon(0, "broken", open);
     builder.add(0, "last", ObjectKind::Building, &[tall(2.0)], &mut sources[0]);
-    let scene = builder.finish(TextureStore::in_memory(), &mut sources).into_scene().unwrap();
+    let scene = builder.finish(TextureStore::in_memory(), &mut sources).unwrap().into_scene().unwrap();
     let ids: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
     assert_eq!(ids, ["tower", "dot", "last"]);
     assert_eq!(scene.triangles.iter().map(|triangle| triangle.object).collect::<Vec<_>>(), [0, 1, 2]);
@@ -98,7 +99,7 @@ fn equal_materials_are_shared_and_terrain_faces_up() {
     let mut face = face_at([0.0; 3]);
     face.corners.swap(1, 2);
     builder.add(0, "t", ObjectKind::Terrain, &[face], &mut sources[0]);
-    let scene = builder.finish(textures, &mut sources).into_scene().unwrap();
+    let scene = builder.finish(textures, &mut sources).unwrap().into_scene().unwrap();
     let [a, b, c] = scene.triangles[0].corners;
     assert!((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0);
     assert_eq!(scene.materials.len(), 3);

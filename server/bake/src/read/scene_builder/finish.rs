@@ -1,0 +1,154 @@
+//! Makes the city of all objects.
+
+use super::pending::PendingObject;
+use super::strays::{Outskirts, PlaceHistogram, stray_distance_m};
+use super::{PendingLandmark, SceneBuilder, remove_from_report, subtract_from_report};
+use crate::error::BakeError;
+use crate::read::report::{SourceReport, WIDE};
+use crate::scene::Landmark;
+use crate::scene::object_names::ObjectNames;
+use crate::scene::record_list::{RecordList, RecordScratch};
+use crate::scene::scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredObject};
+use crate::scene::texture_store::TextureStore;
+
+/// Where all objects are that are kept.
+struct CityPlaces {
+    /// The median object ([`super::strays`]).
+    median_m: [f64; 3],
+    /// Lowest and highest corner in world coordinates; the low one is higher without objects.
+    bounds: [[f64; 3]; 2],
+    /// Few objects by which the city is much wider than without them.
+    outskirts: Option<Outskirts>,
+}
+
+impl SceneBuilder {
+    /// Lowest and highest corner on the map of the objects that are kept; `None` without any. Fails if the objects cannot be read.
+    pub(crate) fn bounds_on_map(&self) -> Result<Option<[[f64; 2]; 2]>, BakeError> {
+        let [low, high] = self.places()?.bounds;
+        Ok((low[0] <= high[0]).then(|| [low, high].map(|[x, y, _]| [x, y])))
+    }
+
+    /// Leaves out the objects whose boxes lie outside of an area on the map, and counts them. Fails if the objects cannot be read.
+    pub(crate) fn drop_outside(
+        &mut self,
+        low: [f64; 2],
+        high: [f64; 2],
+        sources: &mut [SourceReport],
+    ) -> Result<(), BakeError> {
+        self.pending.replace_each(|_, object| {
+            let is_outside = (0..2).any(|axis| object.high(axis) < low[axis] || object.low(axis) > high[axis]);
+            if object.is_dropped || !is_outside {
+                return Ok(None);
+            }
+            let report = &mut sources[object.source];
+            subtract_from_report(object, report);
+            report.outside_bbox += 1;
+            Ok(Some(PendingObject { is_dropped: true, ..object.clone() }))
+        })
+    }
+
+    /// The city. Its origin is the centre of the bounds in x and y and their bottom in z, in whole metres, so that
+    /// corners of a city of 16 km are exact to half a millimetre. Removes objects that are left out from the reports in
+    /// `sources`. Fails if the objects cannot be read.
+    pub(crate) fn finish(
+        self,
+        textures: TextureStore,
+        sources: &mut [SourceReport],
+    ) -> Result<ScratchScene, BakeError> {
+        let CityPlaces { median_m, bounds: [low, high], outskirts } = self.places()?;
+        let scratch = self.pending.scratch();
+        let mut city = ScratchScene {
+            origin: [0.0; 3],
+            crs: None,
+            bounds: None,
+            objects: RecordList::new(&scratch),
+            numbers: Vec::new(),
+            landmarks: Vec::new(),
+            standing: Vec::new(),
+            parents: self.parents,
+            records: self.records,
+            materials: self.materials,
+            textures,
+            triangles: 0,
+            extent: SceneExtent::default(),
+            names: ObjectNames::for_triangles(&self.triangles),
+            placements: RecordList::new(&scratch),
+            stored: self.triangles,
+        };
+        if low[0] > high[0] {
+            return Ok(city);
+        }
+        city.origin = [((low[0] + high[0]) / 2.0).floor(), ((low[1] + high[1]) / 2.0).floor(), low[2].floor()];
+        let (mut min, mut max) = ([f64::MAX; 3], [f64::MIN; 3]);
+        self.pending.try_for_each(|_, object| {
+            let offset_m: [f64; 3] = std::array::from_fn(|axis| object.anchor[axis] - city.origin[axis]);
+            let far = stray_distance_m(median_m, object.place());
+            if far.is_some() || object.is_dropped {
+                if let Some(distance_m) = far.filter(|_| !object.is_dropped) {
+                    remove_from_report(object, distance_m, &mut sources[object.source]);
+                }
+                city.placements.push(ObjectPlacement { offset_m, object: None });
+                // An outline that its parts show is still their parent.
+                if let Some(identity) = object.identity().filter(|_| object.relation.yields_to_parts) {
+                    city.parents.push(identity);
+                }
+                return Ok(());
+            }
+            if let Some(distance_m) = outskirts.and_then(|outskirts| outskirts.distance_m(object.anchor)) {
+                let detail = || format!("{}: {:.0} km from the others", object.id, distance_m / 1000.0);
+                sources[object.source].problem(WIDE, detail);
+            }
+            // Rounded in the same way as the corners, so that the bounds are exact.
+            let placed = |v: f32, axis: usize| (f64::from(v) + offset_m[axis]) as f32;
+            for axis in 0..3 {
+                min[axis] = min[axis].min(placed(object.min[axis], axis).into());
+                max[axis] = max[axis].max(placed(object.max[axis], axis).into());
+            }
+            city.placements.push(ObjectPlacement { offset_m, object: Some(city.objects.len() as u32) });
+            let bounds_m =
+                [object.min, object.max].map(|corner| std::array::from_fn(|axis| placed(corner[axis], axis)));
+            let (kind, identity) = (object.kind, object.identity());
+            city.objects.push(StoredObject { kind, base_z_m: bounds_m[0][2], bounds_m, identity });
+            city.triangles += object.triangles;
+            city.extent.add(object.surface_m2, [0, 1].map(|axis| object.extent_m(axis)));
+            city.names.push(object.id.clone().into());
+            Ok(())
+        })?;
+        city.bounds = Some([min, max]);
+        for PendingLandmark { object, stone, is_on_ground } in self.landmarks {
+            let ObjectPlacement { offset_m, object } = city.placements.get(object as usize)?;
+            let Some(object) = object else { continue };
+            city.landmarks.push(Landmark { object, stone, anchor_m: offset_m.map(|v| v as f32) });
+            city.standing.extend(is_on_ground.then_some(object));
+        }
+        Ok(city)
+    }
+
+    /// Where the objects are that are kept.
+    fn places(&self) -> Result<CityPlaces, BakeError> {
+        let mut places = PlaceHistogram::default();
+        self.pending.try_for_each(|_, object| {
+            if !object.is_dropped {
+                places.add(object.anchor);
+            }
+            Ok(())
+        })?;
+        let median_m = places.median_m();
+        let (mut low, mut high, mut kept) = ([f64::MAX; 3], [f64::MIN; 3], PlaceHistogram::default());
+        self.pending.try_for_each(|_, object| {
+            let place = object.place();
+            if !object.is_dropped && stray_distance_m(median_m, place).is_none() {
+                low = std::array::from_fn(|axis| low[axis].min(place.low[axis]));
+                high = std::array::from_fn(|axis| high[axis].max(place.high[axis]));
+                kept.add(object.anchor);
+            }
+            Ok(())
+        })?;
+        Ok(CityPlaces { median_m, bounds: [low, high], outskirts: Outskirts::of(&kept) })
+    }
+
+    /// Keeps what is known of the objects in scratch files.
+    pub(super) fn keep_in(&mut self, scratch: &RecordScratch) {
+        (self.pending, self.parents) = (RecordList::new(scratch), RecordList::new(scratch));
+    }
+}

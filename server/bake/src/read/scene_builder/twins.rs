@@ -1,0 +1,184 @@
+//! Leaves out objects that the city has twice.
+
+use std::cmp::Ordering;
+
+use serde::{Deserialize, Serialize};
+
+use super::pending::PendingObject;
+use super::{SceneBuilder, subtract_from_report};
+use crate::error::BakeError;
+use crate::read::duplicates::{DuplicateCandidate, DuplicateOption, PairMask, SimilarPair, similar_pairs};
+use crate::read::report::SourceReport;
+use crate::scene::record_list::RecordScratch;
+use crate::scene::record_sorter::{RecordSorter, SortedRecords};
+
+/// Pairs of objects.
+type PairSorter = RecordSorter<SimilarPair>;
+
+/// One of both objects of a pair.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct PairMember {
+    object: usize,
+    pair: SimilarPair,
+}
+
+/// An identifier that an object has or names as its parent's.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct NamedOutline {
+    id_hash: u64,
+    /// The object; `None` if it is the parent of another one.
+    object: Option<u64>,
+}
+
+fn by_pair(a: &SimilarPair, b: &SimilarPair) -> Ordering {
+    (a.first, a.second).cmp(&(b.first, b.second))
+}
+
+impl SceneBuilder {
+    /// Leaves out objects of which the city has another one already, and those that only outline their parts. Corrects the
+    /// reports. Fails if the triangles or the objects cannot be read.
+    pub(crate) fn drop_duplicates(
+        &mut self,
+        option: DuplicateOption,
+        sources: &mut [SourceReport],
+    ) -> Result<(), BakeError> {
+        self.drop_outlines_of_parts(sources)?;
+        if option == DuplicateOption::KeepAll {
+            return Ok(());
+        }
+        let scratch = self.pending.scratch();
+        let mut candidates = RecordSorter::new(&scratch, |a: &DuplicateCandidate, b: &DuplicateCandidate| {
+            a.bounds.low[0].total_cmp(&b.bounds.low[0])
+        });
+        self.pending.try_for_each(|number, object| {
+            if object.is_dropped { Ok(()) } else { candidates.push(object.candidate(number)) }
+        })?;
+        let (mut same, mut by_shape) = (PairSorter::new(&scratch, by_pair), PairSorter::new(&scratch, by_pair));
+        similar_pairs(candidates.finish()?, option, |pair| {
+            if pair.has_same_id { same.push(pair) } else { by_shape.push(pair) }
+        })?;
+        self.with_equal_footprints(by_shape.finish()?, &scratch, &mut |pair| same.push(pair))?;
+        same.finish()?.try_for_each(|SimilarPair { first, second, has_same_id, .. }| {
+            let (one, other) = (self.pending.get(first)?, self.pending.get(second)?);
+            let lod = |object: &PendingObject| object.relation.lod.unwrap_or(0.0);
+            let is_better = option == DuplicateOption::KeepBestLevel && lod(&other) > lod(&one);
+            let (kept, left_out, number) = if is_better { (other, one, first) } else { (one, other, second) };
+            // Also if the other one is a duplicate itself: then both are the one that it equals. The best of all is
+            // never left out.
+            if left_out.is_dropped {
+                return Ok(());
+            }
+            count_duplicate(&left_out, &kept, has_same_id, sources);
+            self.pending.update(number, |object| object.is_dropped = true)
+        })
+    }
+
+    /// Leaves out the objects that others name as their parent, where the source says that the parts show them.
+    fn drop_outlines_of_parts(&mut self, sources: &mut [SourceReport]) -> Result<(), BakeError> {
+        let mut has_outlines = false;
+        self.pending.try_for_each(|_, object| {
+            has_outlines |= object.relation.yields_to_parts;
+            Ok(())
+        })?;
+        if !has_outlines {
+            return Ok(());
+        }
+        let scratch = self.pending.scratch();
+        // Those that are named come before the objects.
+        let mut named = RecordSorter::new(&scratch, |a: &NamedOutline, b: &NamedOutline| {
+            (a.id_hash, a.object).cmp(&(b.id_hash, b.object))
+        });
+        self.pending.try_for_each(|number, object| {
+            if object.is_dropped {
+                return Ok(());
+            }
+            if let Some(id_hash) = object.relation.parent {
+                named.push(NamedOutline { id_hash, object: None })?;
+            }
+            if object.relation.yields_to_parts {
+                named.push(NamedOutline { id_hash: object.id_hash, object: Some(number as u64) })?;
+            }
+            Ok(())
+        })?;
+        let mut outlines = RecordSorter::new(&scratch, u64::cmp);
+        let mut parent = None;
+        named.finish()?.try_for_each(|NamedOutline { id_hash, object }| match object {
+            None => {
+                parent = Some(id_hash);
+                Ok(())
+            }
+            Some(object) if parent == Some(id_hash) => outlines.push(object),
+            Some(_) => Ok(()),
+        })?;
+        outlines.finish()?.try_for_each(|number| {
+            self.pending.update(number as usize, |object| {
+                object.is_dropped = true;
+                let report = &mut sources[object.source];
+                subtract_from_report(object, report);
+                report.coarser_left_out += 1;
+            })
+        })
+    }
+
+    /// Passes those of the pairs whose footprints are the same to `visit`.
+    fn with_equal_footprints(
+        &mut self,
+        pairs: SortedRecords<SimilarPair>,
+        scratch: &RecordScratch,
+        visit: &mut dyn FnMut(SimilarPair) -> Result<(), BakeError>,
+    ) -> Result<(), BakeError> {
+        let mut members = RecordSorter::new(scratch, |a: &PairMember, b: &PairMember| a.object.cmp(&b.object));
+        pairs.try_for_each(|pair| {
+            members.push(PairMember { object: pair.first, pair })?;
+            members.push(PairMember { object: pair.second, pair })
+        })?;
+        let mut members = members.finish()?;
+        let mut next = members.next()?;
+        if next.is_none() {
+            return Ok(());
+        }
+        self.triangles.finish()?;
+        let mut masks = RecordSorter::new(scratch, |a: &PairMask, b: &PairMask| by_pair(&a.pair, &b.pair));
+        let (mut open, mut anchor): (Vec<PairMask>, _) = (Vec::new(), [0.0; 3]);
+        let (mut current, mut pending) = (None, self.pending.cursor());
+        // The triangles of an object follow one another, in the order of the objects.
+        self.triangles.try_for_each(|triangle| {
+            let object = triangle.object as usize;
+            if current != Some(object) {
+                current = Some(object);
+                open.drain(..).try_for_each(|mask| masks.push(mask))?;
+                while let Some(member) = next.filter(|member| member.object <= object) {
+                    let is_own = member.object == object;
+                    open.extend(is_own.then(|| PairMask::new(member.pair, object != member.pair.first)));
+                    next = members.next()?;
+                }
+                if !open.is_empty() {
+                    anchor = pending.get(object)?.anchor;
+                }
+            }
+            if !open.is_empty() {
+                let on_map = |corner: [f32; 3]| [0, 1].map(|axis: usize| anchor[axis] + f64::from(corner[axis]));
+                open.iter_mut().for_each(|mask| mask.add(triangle.corners.map(on_map)));
+            }
+            Ok(())
+        })?;
+        open.into_iter().try_for_each(|mask| masks.push(mask))?;
+        let mut last: Option<PairMask> = None;
+        masks.finish()?.try_for_each(|mask| {
+            if let Some(last) = last.take().filter(|last| by_pair(&last.pair, &mask.pair).is_eq() && last.equals(&mask))
+            {
+                return visit(last.pair);
+            }
+            last = Some(mask);
+            Ok(())
+        })
+    }
+}
+
+fn count_duplicate(left_out: &PendingObject, kept: &PendingObject, has_same_id: bool, sources: &mut [SourceReport]) {
+    let why = if has_same_id { "same identifier" } else { "same footprint and height" };
+    let detail = format!("{}: {why} as {} of {}", left_out.id, kept.id, sources[kept.source].path);
+    let report = &mut sources[left_out.source];
+    subtract_from_report(left_out, report);
+    report.duplicates.add(|| detail);
+}
