@@ -28,6 +28,8 @@ const PAGES: &str = "/cities";
 const SEARCH: &str = "search";
 /// What follows a city's version in the address of a filter.
 const FILTER: &str = "filter";
+/// What follows a city in the address of its drawings.
+const DRAW: &str = "draw";
 const ASSETS: &str = "/assets";
 const SERVICE_WORKER: &str = "/service-worker.js";
 /// Name of a city's picture, in its folder and after the address of its page.
@@ -75,6 +77,10 @@ pub enum Route<'a> {
         city: &'a str,
         /// The city's version ([`crate::Manifest::version`]).
         version: &'a str,
+    },
+    /// Vector drawings of a city, which are made of the body of a POST request.
+    Draw {
+        city: &'a str,
     },
     /// The root of a city's tileset in the format 3D Tiles.
     Tileset {
@@ -171,6 +177,11 @@ impl<'a> Route<'a> {
                 _ => Ok(Self::Filter { city, version }),
             };
         }
+        if let Some(city) =
+            rest.strip_suffix(DRAW).and_then(|city| city.strip_suffix('/')).filter(|it| !it.contains('/'))
+        {
+            return if is_name(city) { Ok(Self::Draw { city }) } else { Err(RouteError::InvalidName) };
+        }
         if rest.contains('/') {
             return parse_tile(rest).map(Self::Tile);
         }
@@ -199,6 +210,7 @@ impl<'a> Route<'a> {
             Self::Tile(tile) => RouteTemplate::of_tile(tile.kind),
             Self::Search { .. } => RouteTemplate::Search,
             Self::Filter { .. } => RouteTemplate::Filter,
+            Self::Draw { .. } => RouteTemplate::Draw,
             Self::Tileset { .. } => RouteTemplate::Tileset,
             Self::TilesetFile { .. } => RouteTemplate::TilesetFile,
         }
@@ -221,6 +233,7 @@ impl fmt::Display for Route<'_> {
             Self::ServiceWorker => f.write_str(SERVICE_WORKER),
             Self::Search { city, version } => write!(f, "{CITIES}/{city}/{version}/{SEARCH}"),
             Self::Filter { city, version } => write!(f, "{CITIES}/{city}/{version}/{FILTER}"),
+            Self::Draw { city } => write!(f, "{CITIES}/{city}/{DRAW}"),
             Self::Tileset { city } => write!(f, "{CITIES}/{city}{TILESETS}{TILESET_FILE}"),
             Self::TilesetFile { city, version, kind, id } => {
                 let (folder, extension) = kind.names();
@@ -346,6 +359,7 @@ pub enum RouteTemplate {
     Objects,
     Search,
     Filter,
+    Draw,
     Tileset,
     TilesetFile,
     Manifest,
@@ -365,13 +379,14 @@ pub enum RouteTemplate {
 
 impl RouteTemplate {
     /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 21] = [
         Self::Subtrees,
         Self::BlockMaps,
         Self::Meshes,
         Self::Objects,
         Self::Search,
         Self::Filter,
+        Self::Draw,
         Self::Tileset,
         Self::TilesetFile,
         Self::Manifest,
@@ -401,6 +416,7 @@ impl RouteTemplate {
             (Some("v1"), Some("cities"), Some(_), Some(_), Some(kind)) => {
                 TileKind::from_path_segment(kind).map_or(Self::Other, Self::of_tile)
             }
+            (Some("v1"), Some("cities"), Some(_), Some(DRAW), None) => Self::Draw,
             (Some("v1"), Some("cities"), Some(_), None, None) => Self::Manifest,
             (Some("v1"), Some("cities"), None, None, None) => Self::Cities,
             (Some("v1"), Some("openapi.json"), None, None, None) => Self::OpenApi,
@@ -434,6 +450,7 @@ impl RouteTemplate {
             Self::Objects => "objects",
             Self::Search => SEARCH,
             Self::Filter => FILTER,
+            Self::Draw => DRAW,
             Self::Tileset => "tileset",
             Self::TilesetFile => "tileset-files",
             Self::Manifest => "manifest",
@@ -460,6 +477,7 @@ impl RouteTemplate {
             Self::Objects => "/v1/cities/{city}/{version}/objects/{block}",
             Self::Search => "/v1/cities/{city}/{version}/search",
             Self::Filter => "/v1/cities/{city}/{version}/filter",
+            Self::Draw => "/v1/cities/{city}/draw",
             Self::Tileset => "/v1/cities/{city}/3dtiles/tileset.json",
             Self::TilesetFile => "/v1/cities/{city}/3dtiles/{version}/{kind}/{level}/{x}/{y}",
             Self::Manifest => "/v1/cities/{city}",

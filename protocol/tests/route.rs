@@ -56,6 +56,7 @@ fn every_address_has_its_path() {
         (Route::Search { city: "delft", version: VERSION }, "/v1/cities/delft/0123456789abcdef/search"),
         (Route::Search { city: "search", version: "objects" }, "/v1/cities/search/objects/search"),
         (Route::Filter { city: "delft", version: VERSION }, "/v1/cities/delft/0123456789abcdef/filter"),
+        (Route::Draw { city: "delft" }, "/v1/cities/delft/draw"),
         (Route::Tileset { city: "delft" }, "/v1/cities/delft/3dtiles/tileset.json"),
         (tileset_file(TilesetFileKind::Subtree), "/v1/cities/delft/3dtiles/0123456789abcdef/subtrees/7/100/3.subtree"),
         (tileset_file(TilesetFileKind::Content), "/v1/cities/delft/3dtiles/0123456789abcdef/content/7/100/3.glb"),

@@ -10,7 +10,7 @@ use crate::{
 };
 use insula_bake::read::{FacadeOption, Palette};
 use insula_draw::{
-    DrawError, DrawRequest, draw,
+    DrawError, DrawLimits, DrawRequest, draw,
     drawing::Drawing,
     error::DrawStep,
     file::{DrawingFormat, write_drawing},
@@ -59,6 +59,7 @@ pub(super) fn run(args: &DrawArgs) -> Result<()> {
         is_bare: args.bare,
         title: args.title.clone(),
         style: style(args, &source)?,
+        limits: DrawLimits::default(),
     };
     let shown = Mutex::new(None);
     let drawing = draw(&source, &request, &|step, share| show(&shown, step, share));

@@ -2,7 +2,7 @@
 
 use insula_archive::BakedCity;
 use insula_draw::{
-    DrawRequest, draw,
+    DrawLimits, DrawRequest, draw,
     file::{DrawingFormat, write_drawing},
     sheet::Paper,
     style::Stylesheet,
@@ -119,6 +119,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         is_bare: paper.ends_with("-bare"),
         title: None,
         style,
+        limits: DrawLimits::default(),
     };
     let started = Instant::now();
     let drawing = draw(&source, &request, &|step, share| {

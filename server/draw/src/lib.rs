@@ -3,6 +3,7 @@
 //! | module | contents |
 //! |---|---|
 //! | `error` | why a drawing failed; progress |
+//! | `limits`, `options` | how much a drawing may be; what is drawn, as JSON |
 //! | `style`, `sheet` | the stylesheet; paper, title block, scale bar and north arrow |
 //! | `face`, `scene` | convex faces in space; the surfaces of a part of a city |
 //! | `view` | from the scene to the page |
@@ -23,7 +24,9 @@ mod face;
 pub mod file;
 mod hatch;
 mod join;
+pub mod limits;
 pub mod lines;
+pub mod options;
 mod pdf;
 pub mod pipeline;
 mod scene;
@@ -36,5 +39,5 @@ pub mod view;
 mod warnock;
 
 pub use error::DrawError;
+pub use limits::DrawLimits;
 pub use pipeline::{DrawRequest, draw};
-pub use scene::MAX_SCENE_TRIANGLES;

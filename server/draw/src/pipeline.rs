@@ -4,12 +4,13 @@ use crate::{
     bsp::{BspTree, NO_TRIANGLE},
     convex::{Convex, PagePoint, PageRect},
     drawing::{Drawing, DrawingCounts, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
-    error::{DrawError, DrawProgress},
+    error::{DrawError, DrawProgress, DrawStep, advance},
     face::Face,
     hatch::hatched,
     join::{Rings, unions},
+    limits::DrawLimits,
     lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines},
-    scene::{DrawnScene, MAX_SCENE_TRIANGLES, clip, turned},
+    scene::{DrawnScene, clip, turned},
     shadow::shadows,
     sheet::{Paper, TitleBlock, sheet_items},
     style::{FillMode, Rgb, Stylesheet, kind_name, parse_color},
@@ -22,8 +23,6 @@ use insula_objects::FeatureKind;
 use insula_protocol::mesh_tile::NO_OBJECT;
 use std::collections::BTreeMap;
 
-/// Most visible parts of surfaces.
-const MAX_PARTS: usize = 16_000_000;
 /// Levels of detail may be wrong by this much on paper, in millimetres, if the scale is given.
 const LOD_ERROR_MM: f64 = 0.05;
 
@@ -40,6 +39,7 @@ pub struct DrawRequest {
     /// Title of the sheet; that of the city if `None`.
     pub title: Option<String>,
     pub style: Stylesheet,
+    pub limits: DrawLimits,
 }
 
 /// Draws a city. Fails if it cannot be read, if there is nothing or too much to draw, or if `progress` stops it.
@@ -52,7 +52,7 @@ pub fn draw(
         return Err(DrawError::Invalid("the scale must be from 1:1 to 1:10000000".to_owned()));
     }
     let error_m = request.scale.map_or(0.0, |scale| LOD_ERROR_MM * scale / 1000.0);
-    let scene = DrawnScene::read(source, &request.selection, error_m, progress)?;
+    let scene = DrawnScene::read(source, &request.selection, (error_m, request.limits.triangles), progress)?;
     let axes = ViewAxes::new(&request.view, scene.origin)?;
     let frame = request.paper.frame(request.is_bare);
     let points = scene.faces.iter().flat_map(|face| face.points.iter().copied());
@@ -66,11 +66,11 @@ pub fn draw(
         ..DrawingCounts::default()
     };
     let first_cut = scene.edges.len() as u32;
-    let tree = BspTree::new(facing, first_cut, MAX_SCENE_TRIANGLES, progress)?;
+    let tree = BspTree::new(facing, first_cut, request.limits.triangles, progress)?;
     counts.sorted = tree.len();
     let polygons = stage.polygons(&tree);
     let cuts = tree.into_cuts();
-    let parts = visible_parts(&polygons, stage.grid.rect(&frame), MAX_PARTS, progress)?;
+    let parts = visible_parts(&polygons, stage.grid.rect(&frame), request.limits.parts, progress)?;
     counts.parts = parts.len();
     if parts.is_empty() {
         return Err(DrawError::Empty);
@@ -81,7 +81,7 @@ pub fn draw(
     if style.shadows && style.sun[1] > 0.0 {
         objects.add_shadows(stage.shadows(&polygons, &parts, progress)?, style);
     }
-    objects.add_hatching(style, &stage.grid);
+    objects.add_hatching(style, &stage.grid, progress)?;
     objects.add_lines(stage.lines(&polygons, &parts, &cuts), &request.style);
     let block = title_block(source, request, &stage.projection);
     let sheet = if request.is_bare { Vec::new() } else { sheet_items(&stage.projection, &block) };
@@ -198,7 +198,7 @@ impl Stage<'_> {
     ) -> Result<BTreeMap<u32, Rings>, DrawError> {
         let visible = parts.iter().map(|part| (polygons[part.polygon as usize].triangle, part.shape.points.clone()));
         let sun = towards_sun(&self.request.style);
-        shadows(self.scene, sun, (&self.projection, &self.grid), visible, (MAX_PARTS, progress))
+        shadows(self.scene, sun, (&self.projection, &self.grid), visible, (self.request.limits, progress))
     }
 
     fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart], cuts: &[u32]) -> Vec<(u32, LineRole, Ends)> {
@@ -255,8 +255,14 @@ impl Objects {
         }
     }
 
-    fn add_hatching(&mut self, style: &Stylesheet, grid: &PaperGrid) {
+    fn add_hatching(
+        &mut self,
+        style: &Stylesheet,
+        grid: &PaperGrid,
+        progress: DrawProgress<'_>,
+    ) -> Result<(), DrawError> {
         for object in &mut self.0 {
+            advance(progress, DrawStep::Join, 1.0)?;
             let Some(hatch) = style.hatch.get(kind_name(object.kind)) else { continue };
             let surfaces = object.shapes.iter().filter(|shape| shape.role == ShapeRole::Surface);
             let chains: Vec<_> = surfaces.flat_map(|shape| hatched(&shape.rings, hatch, grid.units_per_mm)).collect();
@@ -264,6 +270,7 @@ impl Objects {
                 object.lines.push(DrawnLine { class: LineRole::Hatch, width_mm: hatch.width, chains });
             }
         }
+        Ok(())
     }
 
     fn add_lines(&mut self, mut lines: Vec<(u32, LineRole, Ends)>, style: &Stylesheet) {

@@ -10,11 +10,14 @@ use super::{
 use axum::{
     Router,
     http::{HeaderValue, StatusCode, header},
-    routing::{MethodRouter, get},
+    routing::{MethodRouter, get, post},
 };
 use insula_protocol::route::RouteTemplate;
 
 pub(super) const ALLOWED_METHODS: HeaderValue = HeaderValue::from_static("GET,HEAD,OPTIONS");
+
+/// Methods of the address of drawings.
+pub(super) const DRAWING_METHODS: HeaderValue = HeaderValue::from_static("POST,OPTIONS");
 
 /// The router of all addresses.
 pub(super) fn router(state: ThreadState) -> Router {
@@ -48,6 +51,10 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::ServiceWorker => get(viewer_files::service_worker),
         RouteTemplate::Search => get(search::search),
         RouteTemplate::Filter => get(filter::filter),
+        #[cfg(feature = "bake")]
+        RouteTemplate::Draw => post(super::draw::draw).fallback(super::draw::other_method),
+        #[cfg(not(feature = "bake"))]
+        RouteTemplate::Draw => get(not_found),
         #[cfg(feature = "bake")]
         RouteTemplate::Tileset | RouteTemplate::TilesetFile => get(super::tileset::tileset_file),
         #[cfg(not(feature = "bake"))]
