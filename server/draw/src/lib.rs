@@ -4,13 +4,14 @@
 //! |---|---|
 //! | `error` | why a drawing failed; progress |
 //! | `limits`, `options` | how much a drawing may be; what is drawn, as JSON |
-//! | `style`, `sheet` | the stylesheet; paper, title block, scale bar and north arrow |
+//! | `style`, `sheet`, `legend` | the stylesheet; paper, title block, scale bar and north arrow; what colours mean |
 //! | `face`, `scene` | convex faces in space; the surfaces of a part of a city |
 //! | `view` | from the scene to the page |
 //! | `bsp` | faces in the order of their distance |
 //! | `convex`, `warnock` | polygons on the page; their visible parts |
 //! | `join`, `lines` | visible parts as shapes and lines |
-//! | `tone`, `hatch`, `shadow` | colours of shapes, hatching, shadows of the sun |
+//! | `overlap` | whether visible parts overlap |
+//! | `tone`, `paint`, `hatch`, `shadow` | colours of shapes, of objects by an attribute; hatching, shadows of the sun |
 //! | `drawing` | the finished drawing |
 //! | `pipeline` | all steps of a drawing |
 //! | `svg`, `pdf`, `dxf`, `file` | files |
@@ -24,9 +25,12 @@ mod face;
 pub mod file;
 mod hatch;
 mod join;
+mod legend;
 pub mod limits;
 pub mod lines;
 pub mod options;
+mod overlap;
+mod paint;
 mod pdf;
 pub mod pipeline;
 mod scene;

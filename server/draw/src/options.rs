@@ -7,7 +7,10 @@ use insula_export::{
     selection::{ObjectSelection, passing},
     source::ExportSource,
 };
-use insula_objects::filter::{Filter, MAX_FILTER_BYTES};
+use insula_objects::{
+    ColorBy,
+    filter::{Filter, MAX_FILTER_BYTES},
+};
 use serde::Deserialize;
 
 /// Largest coordinate in metres.
@@ -34,6 +37,9 @@ pub struct DrawingOptions {
     bbox: Option<[f64; 4]>,
     #[serde(default)]
     filter: Option<String>,
+    /// `ATTRIBUTE` or `ATTRIBUTE:PALETTE`.
+    #[serde(default)]
+    color_by: Option<String>,
     /// `1:N`.
     #[serde(default)]
     scale: Option<String>,
@@ -101,9 +107,28 @@ impl DrawingOptions {
             }
             style.sun = [azimuth, altitude];
         }
+        let color_by = match &self.color_by {
+            Some(text) => match ColorBy::parse(text, source.schema()) {
+                Ok(color_by) => Some(color_by),
+                Err(error) => return invalid(format!("color_by: {error}")),
+            },
+            None => None,
+        };
         // The filter is last: it reads all objects.
         let selection = self.selection(source)?;
-        Ok(DrawRequest { view, selection, paper, scale, is_bare: self.bare, title: self.title, style, limits })
+        Ok(DrawRequest {
+            view,
+            selection,
+            paper,
+            scale,
+            is_bare: self.bare,
+            title: self.title,
+            style,
+            is_checked: false,
+            keeps_parts: self.format == DrawingFormat::Dxf,
+            color_by,
+            limits,
+        })
     }
 
     fn view(&self) -> Result<DrawView, DrawError> {

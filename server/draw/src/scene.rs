@@ -18,6 +18,7 @@ use std::collections::HashMap;
 pub(crate) struct DrawnScene {
     /// World metres of the scene's origin.
     pub(crate) origin: [f64; 3],
+    /// Of several in one place, the first one that is not turned is seen, as in ray-casters.
     pub(crate) faces: Vec<Face>,
     /// Index of the object of each face.
     pub(crate) face_objects: Vec<u32>,
@@ -126,8 +127,9 @@ impl SceneReader<'_> {
     fn add(&mut self, mesh: &LeafSurfaces) -> Result<(), DrawError> {
         let mut edges = LeafEdges { mesh, known: HashMap::new() };
         let origin = DVec3::from(self.scene.origin);
-        for (t, corners) in mesh.tile.mesh.triangles.iter().enumerate() {
-            let number = mesh.tile.objects.get(t).copied().unwrap_or(NO_OBJECT);
+        for t in mesh.order() {
+            let Some(corners) = mesh.tile.mesh.triangles.get(t as usize) else { continue };
+            let number = mesh.tile.objects.get(t as usize).copied().unwrap_or(NO_OBJECT);
             let Some(object) = self.object(number)? else { continue };
             let points = corners.map(|v| DVec3::from(mesh.positions[v as usize]) - origin);
             let Some(plane) = FacePlane::of(points) else { continue };

@@ -7,7 +7,7 @@ use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
     drawing_queue::DrawingQueue,
     problem::{NO_ROUTE, Problem},
-    router::DRAWING_METHODS,
+    response::DRAWING_METHODS,
     state::{AppState, MessageKind},
     tile::unknown_name,
 };
