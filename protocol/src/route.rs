@@ -34,6 +34,8 @@ const SEARCH: &str = "search";
 const FILTER: &str = "filter";
 /// What follows a city's version in the address of a group.
 const GROUPS: &str = "groups";
+/// What follows a city in the address of its drawings.
+const DRAW: &str = "draw";
 const ASSETS: &str = "/assets";
 const SERVICE_WORKER: &str = "/service-worker.js";
 /// Name of a city's picture, in its folder and after the address of its page.
@@ -88,6 +90,10 @@ pub enum Route<'a> {
         city: &'a str,
         /// The city's version ([`crate::Manifest::version`]).
         version: &'a str,
+    },
+    /// Vector drawings of a city, which are made of the body of a POST request.
+    Draw {
+        city: &'a str,
     },
     /// The root of a city's tileset in the format 3D Tiles.
     Tileset {
@@ -187,6 +193,11 @@ impl<'a> Route<'a> {
         if let Some(group) = parse_group(rest) {
             return group;
         }
+        if let Some(city) =
+            rest.strip_suffix(DRAW).and_then(|city| city.strip_suffix('/')).filter(|it| !it.contains('/'))
+        {
+            return if is_name(city) { Ok(Self::Draw { city }) } else { Err(RouteError::InvalidName) };
+        }
         if rest.contains('/') {
             return parse_tile(rest).map(Self::Tile);
         }
@@ -216,6 +227,7 @@ impl<'a> Route<'a> {
             Self::Search { .. } => RouteTemplate::Search,
             Self::Filter { .. } => RouteTemplate::Filter,
             Self::Group { .. } => RouteTemplate::Groups,
+            Self::Draw { .. } => RouteTemplate::Draw,
             Self::Tileset { .. } => RouteTemplate::Tileset,
             Self::TilesetFile { .. } => RouteTemplate::TilesetFile,
         }
@@ -238,6 +250,7 @@ impl fmt::Display for Route<'_> {
             Self::ServiceWorker => f.write_str(SERVICE_WORKER),
             Self::Search { city, version } => write!(f, "{CITIES}/{city}/{version}/{SEARCH}"),
             Self::Filter { city, version } => write!(f, "{CITIES}/{city}/{version}/{FILTER}"),
+            Self::Draw { city } => write!(f, "{CITIES}/{city}/{DRAW}"),
             Self::Tileset { city } => write!(f, "{CITIES}/{city}{TILESETS}{TILESET_FILE}"),
             Self::TilesetFile { city, version, kind, id } => {
                 let (folder, extension) = kind.names();

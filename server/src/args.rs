@@ -403,6 +403,9 @@ pub struct ServeArgs {
     /// Address of a listener for /healthz, /readyz and /metrics alone [default: all at --listen]
     #[arg(long, value_name = "HOST:PORT", value_parser = parse_address)]
     pub metrics_address: Option<String>,
+    /// Make vector drawings for clients, so many at once [default: 0, none]
+    #[arg(long, value_name = "N")]
+    pub drawings: Option<usize>,
     /// TOML file of settings
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,

@@ -355,7 +355,7 @@ async fn openapi_document_describes_every_route() {
     let paths = document["paths"].as_object().unwrap();
     let mut described = BTreeSet::new();
     for (path, item) in paths {
-        let parameters = item["get"]["parameters"].as_array();
+        let parameters = item["get"]["parameters"].as_array().or(item["post"]["parameters"].as_array());
         let layer = parameters.and_then(|all| all.iter().find(|parameter| parameter["name"] == "layer"));
         match layer {
             Some(layer) => described.extend(

@@ -129,6 +129,7 @@ fn packages_depend_only_on_those_below_them() {
                 "insula-command-line",
                 "insula-objects",
                 "insula-bake",
+                "insula-draw",
                 "insula-export",
                 "insula-occlusion",
             ],
@@ -168,6 +169,7 @@ fn optional_parts_are_optional_dependencies() {
     let workspace = Workspace::load();
     for (package, optional) in [
         ("insula-server", "insula-bake"),
+        ("insula-server", "insula-draw"),
         ("insula-server", "insula-occlusion"),
         ("insula-occlusion", "insula-shaders"),
         ("insula-client", "insula-server"),

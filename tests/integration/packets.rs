@@ -153,7 +153,10 @@ fn in_steps(scene: &SceneRef<'_>, set: InstructionSet, is_short: bool) -> Result
             FrameProgress::Sketched => {
                 sketches += 1;
                 let sketch = frame.sketch(scene);
-                ensure!(sketch.is_some_and(|sketch| sketch.hit.len() == scene.frame.width_px as usize * 67), "no sketch");
+                ensure!(
+                    sketch.is_some_and(|sketch| sketch.hit.len() == scene.frame.width_px as usize * 67),
+                    "no sketch"
+                );
             }
             FrameProgress::Drawn => break,
         }

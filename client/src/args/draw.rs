@@ -30,6 +30,9 @@ pub struct DrawArgs {
     /// Only objects that pass, as in 'height > 20'.
     #[arg(long, value_name = "EXPR")]
     pub filter: Option<String>,
+    /// Colour objects by an attribute, by `kind` or by `height`, as for `insula view`: ATTRIBUTE or ATTRIBUTE:PALETTE.
+    #[arg(long, value_name = "ATTRIBUTE[:PALETTE]")]
+    pub color_by: Option<String>,
     /// Scale [default: the largest round one at which all is on the paper].
     #[arg(long, value_name = "1:N", value_parser = parse_scale, conflicts_with = "view")]
     pub scale: Option<f64>,

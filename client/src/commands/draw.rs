@@ -10,7 +10,7 @@ use crate::{
 };
 use insula_bake::read::{FacadeOption, Palette};
 use insula_draw::{
-    DrawError, DrawRequest, draw,
+    DrawError, DrawLimits, DrawRequest, draw,
     drawing::Drawing,
     error::DrawStep,
     file::{DrawingFormat, write_drawing},
@@ -22,7 +22,7 @@ use insula_export::{
     selection::{ObjectSelection, passing},
     source::ExportSource,
 };
-use insula_objects::filter::Filter;
+use insula_objects::{ColorBy, filter::Filter};
 use insula_protocol::text::{count, human_bytes, printable};
 use insula_server::store::{CityStore, StoredCity, StoredObjects};
 use insula_viewer::{
@@ -51,6 +51,9 @@ pub(super) fn run(args: &DrawArgs) -> Result<()> {
     let objects = StoredObjects::open(&city).map_err(|error| unreadable(&error))?;
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(&city, objects.schema(), &read);
+    let color_by = args.color_by.as_ref().map(|text| {
+        ColorBy::parse(text, source.schema()).map_err(|error| ClientError::Usage(format!("--color-by {text}: {error}")))
+    });
     let request = DrawRequest {
         view,
         selection: selection(args, &source)?,
@@ -59,6 +62,10 @@ pub(super) fn run(args: &DrawArgs) -> Result<()> {
         is_bare: args.bare,
         title: args.title.clone(),
         style: style(args, &source)?,
+        is_checked: false,
+        keeps_parts: format == DrawingFormat::Dxf,
+        color_by: color_by.transpose()?,
+        limits: DrawLimits::default(),
     };
     let shown = Mutex::new(None);
     let drawing = draw(&source, &request, &|step, share| show(&shown, step, share));

@@ -1,7 +1,8 @@
 //! Kinds of addresses, for the router and for metrics.
 
 use super::{
-    CITIES, FILTER, GROUPS, HEALTH, METRICS, OPENAPI, READINESS, SEARCH, SERVICE_WORKER, THUMBNAIL_FILE, TILESET_FILE,
+    CITIES, DRAW, FILTER, GROUPS, HEALTH, METRICS, OPENAPI, READINESS, SEARCH, SERVICE_WORKER, THUMBNAIL_FILE,
+    TILESET_FILE,
 };
 use crate::TileKind;
 
@@ -16,6 +17,7 @@ pub enum RouteTemplate {
     Search,
     Filter,
     Groups,
+    Draw,
     Tileset,
     TilesetFile,
     Manifest,
@@ -35,7 +37,7 @@ pub enum RouteTemplate {
 
 impl RouteTemplate {
     /// All templates, in the order of their discriminants.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::Subtrees,
         Self::BlockMaps,
         Self::Meshes,
@@ -44,6 +46,7 @@ impl RouteTemplate {
         Self::Search,
         Self::Filter,
         Self::Groups,
+        Self::Draw,
         Self::Tileset,
         Self::TilesetFile,
         Self::Manifest,
@@ -74,6 +77,7 @@ impl RouteTemplate {
             (Some("v1"), Some("cities"), Some(_), Some(_), Some(kind)) => {
                 TileKind::from_path_segment(kind).map_or(Self::Other, Self::of_tile)
             }
+            (Some("v1"), Some("cities"), Some(_), Some(DRAW), None) => Self::Draw,
             (Some("v1"), Some("cities"), Some(_), None, None) => Self::Manifest,
             (Some("v1"), Some("cities"), None, None, None) => Self::Cities,
             (Some("v1"), Some("openapi.json"), None, None, None) => Self::OpenApi,
@@ -110,6 +114,7 @@ impl RouteTemplate {
             Self::Search => SEARCH,
             Self::Filter => FILTER,
             Self::Groups => GROUPS,
+            Self::Draw => DRAW,
             Self::Tileset => "tileset",
             Self::TilesetFile => "tileset-files",
             Self::Manifest => "manifest",
@@ -138,6 +143,7 @@ impl RouteTemplate {
             Self::Search => "/v1/cities/{city}/{version}/search",
             Self::Filter => "/v1/cities/{city}/{version}/filter",
             Self::Groups => "/v1/cities/{city}/{version}/groups/{kind}/{level}/{x}/{y}/{count}/{lod}",
+            Self::Draw => "/v1/cities/{city}/draw",
             Self::Tileset => "/v1/cities/{city}/3dtiles/tileset.json",
             Self::TilesetFile => "/v1/cities/{city}/3dtiles/{version}/{kind}/{level}/{x}/{y}",
             Self::Manifest => "/v1/cities/{city}",

@@ -2,7 +2,7 @@
 
 use insula_archive::BakedCity;
 use insula_draw::{
-    DrawRequest, draw,
+    DrawLimits, DrawRequest, draw,
     file::{DrawingFormat, write_drawing},
     sheet::Paper,
     style::Stylesheet,
@@ -12,7 +12,7 @@ use insula_export::{
     selection::ObjectSelection,
     source::{ExportSource, SourceError},
 };
-use insula_objects::{ObjectBlock, Schema};
+use insula_objects::{ColorBy, ObjectBlock, Schema};
 use insula_protocol::{
     BlockMap, Manifest, MeshTile, Subtree, TileId, TileKind, mesh_tile,
     object_tile::{self, SCHEMA_ID, block_id},
@@ -111,6 +111,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some(path) => Stylesheet::parse(&std::fs::read_to_string(path)?)?,
         None => Stylesheet::default(),
     };
+    let color_by = std::env::var("COLOR_BY").ok().map(|text| ColorBy::parse(&text, &source.schema));
     let request = DrawRequest {
         view: view(&arg(2, "plan"))?,
         selection: ObjectSelection { bbox: bbox.map(|b| [[b[0], b[1]], [b[2], b[3]]]), ..ObjectSelection::default() },
@@ -119,6 +120,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         is_bare: paper.ends_with("-bare"),
         title: None,
         style,
+        is_checked: std::env::var_os("OVERLAP").is_some(),
+        keeps_parts: out.ends_with(".dxf"),
+        color_by: color_by.transpose()?,
+        limits: DrawLimits::default(),
     };
     let started = Instant::now();
     let drawing = draw(&source, &request, &|step, share| {
@@ -129,8 +134,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     })?;
     let drawn = started.elapsed();
     let bytes = write_drawing(&drawing, DrawingFormat::of(Path::new(out))?, Path::new(out))?;
-    if std::env::var_os("OVERLAP").is_some() {
-        println!("shapes overlap by {:.2e} of the page", drawing.overlap());
+    if let Some(largest) = drawing.largest_overlap {
+        println!("two parts overlap by at most {largest:.2e}, all shapes by {:.2e} of the page", drawing.overlap());
     }
     let c = drawing.counts;
     println!(

@@ -12,11 +12,15 @@ use glam::DVec3;
 /// Sets of more faces are divided by planes parallel to the axes.
 const MAX_OWN_PLANES: usize = 64;
 /// Planes that are tried for each axis.
-const AXIS_PLANES: usize = 12;
-/// Planes of faces that are tried.
-const FACE_PLANES: usize = 24;
+const AXIS_PLANES: usize = 32;
+/// Planes of faces that are tried: all of small sets.
+const FACE_PLANES: usize = 64;
 /// What a split costs, in faces of imbalance.
-const SPLIT_COST: usize = 40;
+const SPLIT_COST: usize = 10;
+/// At least this part of a set must be off the larger side of a plane parallel to the axes.
+const LEAST_SIDE: usize = 16;
+/// At most this part of a set may be split by such a plane: faces of small sets are split less by their own planes.
+const MOST_SPLITS: usize = 48;
 const NO_NODE: u32 = u32::MAX;
 /// No triangle of the scene.
 pub(crate) const NO_TRIANGLE: u32 = u32::MAX;
@@ -172,7 +176,8 @@ fn axis_plane(faces: &[Face]) -> Option<FacePlane> {
                     (false, false) => {}
                 }
             }
-            let is_useful = front.max(back) + both <= faces.len() - faces.len() / 8 && both <= faces.len() / 8;
+            let is_useful =
+                front.max(back) + both <= faces.len() - faces.len() / LEAST_SIDE && both <= faces.len() / MOST_SPLITS;
             let cost = front.abs_diff(back) + SPLIT_COST * both;
             if is_useful && best.as_ref().is_none_or(|(known, _)| cost < *known) {
                 let mut normal = DVec3::ZERO;

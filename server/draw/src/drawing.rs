@@ -28,6 +28,8 @@ pub struct Drawing {
     /// Parts of the sheet around the drawing.
     pub sheet: Vec<SheetItem>,
     pub counts: DrawingCounts,
+    /// The largest area that two visible parts share, as a share of the page; `None` if it was not asked for.
+    pub largest_overlap: Option<f64>,
 }
 
 /// How much work a drawing was.
@@ -65,6 +67,8 @@ pub struct DrawnShape {
     pub opacity: f64,
     /// Outer rings and holes, filled by the rule "nonzero".
     pub(crate) rings: Rings,
+    /// Convex parts that fill the same area; empty if they were not asked for.
+    pub(crate) parts: Rings,
 }
 
 /// Whether a shape is a surface or a shadow.
@@ -103,6 +107,11 @@ impl Drawing {
         shape.rings.iter().map(|ring| ring.iter().map(|point| self.grid.mm(*point)).collect())
     }
 
+    /// The convex parts of a shape in millimetres from the lower left corner of the paper.
+    pub(crate) fn parts<'a>(&'a self, shape: &'a DrawnShape) -> impl Iterator<Item = Vec<[f64; 2]>> + 'a {
+        shape.parts.iter().map(|ring| ring.iter().map(|point| self.grid.mm(*point)).collect())
+    }
+
     /// The chains of lines in millimetres from the lower left corner of the paper.
     pub fn chains<'a>(&'a self, line: &'a DrawnLine) -> impl Iterator<Item = Vec<[f64; 2]>> + 'a {
         line.chains.iter().map(|chain| chain.iter().map(|point| self.grid.mm(*point)).collect())
@@ -112,9 +121,24 @@ impl Drawing {
 /// A part of the sheet; millimetres from the lower left corner.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SheetItem {
-    Text { at: [f64; 2], size_mm: f64, anchor: TextAnchor, text: String },
-    Line { points: Vec<[f64; 2]>, width_mm: f64 },
-    Area { points: Vec<[f64; 2]> },
+    Text {
+        at: [f64; 2],
+        size_mm: f64,
+        anchor: TextAnchor,
+        text: String,
+    },
+    Line {
+        points: Vec<[f64; 2]>,
+        width_mm: f64,
+    },
+    Area {
+        points: Vec<[f64; 2]>,
+    },
+    /// An area of a colour.
+    Swatch {
+        points: Vec<[f64; 2]>,
+        color: Rgb,
+    },
 }
 
 /// Which end of a text is at its place.

@@ -1,7 +1,8 @@
 //! Drawings as DXF of release 12 (AC1009), which all CAD programs read. Units are millimetres of paper, y upwards.
 //!
-//! Lines are polylines on layers by class. Outlines of shapes are closed polylines on layers by kind. Release 12 has neither fills
-//! with holes nor names of objects; the number of an object is in the extended data of the application `INSULA`.
+//! Lines are polylines on layers by class. Outlines of shapes are closed polylines on layers by kind, fills are solids of three or
+//! four corners on layers of their own. Release 12 has neither fills with holes nor names of objects; the number of an object is in
+//! the extended data of the application `INSULA`.
 
 use crate::{
     drawing::{Drawing, DrawnObject, ShapeRole, SheetItem, TextAnchor},
@@ -27,6 +28,10 @@ pub(crate) fn to_dxf(drawing: &Drawing) -> String {
         for shape in &object.shapes {
             let prefix = if shape.role == ShapeRole::Shadow { "SHADOW" } else { "SURFACE" };
             let layer = format!("{prefix}_{}", layer_name(kind_name(object.kind)));
+            if shape.role == ShapeRole::Surface && shape.opacity >= 1.0 {
+                let fill = format!("FILL_{}", layer_name(kind_name(object.kind)));
+                drawing.parts(shape).for_each(|part| dxf.solids(&fill, &part, shape.color));
+            }
             for ring in drawing.rings(shape) {
                 dxf.polyline(&layer, &ring, true, Some(object));
             }
@@ -87,6 +92,35 @@ fn color_index([r, g, b]: Rgb) -> u8 {
     }
 }
 
+/// Lightness of the five pairs of colours that each hue has.
+const LEVELS: [f64; 5] = [255.0, 165.0, 127.0, 76.0, 38.0];
+/// The greys from 250 on.
+const GREYS: [u8; 6] = [51, 91, 132, 173, 214, 255];
+
+/// Red, green and blue of an index from 10 to 255: 24 hues with ten colours each, then greys.
+fn index_color(index: u8) -> [f64; 3] {
+    if index >= 250 {
+        return [f64::from(GREYS[usize::from(index - 250)]); 3];
+    }
+    let (hue, shade) = (f64::from((index - 10) / 10) / 4.0, usize::from(index % 10));
+    let level = LEVELS[shade / 2];
+    // Odd ones are half as strong.
+    let least = if shade % 2 == 1 { 0.5 } else { 0.0 };
+    [0.0, 4.0, 2.0].map(|turn| {
+        let away = ((hue + turn) % 6.0 - 3.0).abs() - 1.0;
+        level * away.clamp(0.0, 1.0).max(least)
+    })
+}
+
+/// The index of the nearest colour of release 12.
+fn nearest_index(color: Rgb) -> u8 {
+    let distance = |index: &u8| {
+        let of_index = index_color(*index);
+        (0..3).map(|k| (of_index[k] - f64::from(color[k])).powi(2)).sum::<f64>()
+    };
+    (10..=255).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(255)
+}
+
 struct Dxf<'a> {
     drawing: &'a Drawing,
     out: String,
@@ -132,6 +166,7 @@ impl Dxf<'_> {
             let name = layer_name(kind_name(kind));
             layers.insert((format!("SURFACE_{name}"), shape.map_or(7, |shape| color_index(shape.color))));
             layers.insert((format!("SHADOW_{name}"), 8));
+            layers.insert((format!("FILL_{name}"), 7));
         }
         self.group(0, "SECTION");
         self.group(2, "TABLES");
@@ -207,9 +242,32 @@ impl Dxf<'_> {
         self.group(8, layer);
     }
 
+    /// Fills a convex polygon by solids, of which each has the corners of a triangle or, crosswise, of two.
+    fn solids(&mut self, layer: &str, points: &[[f64; 2]], color: Rgb) {
+        let Some(first) = points.first() else { return };
+        for k in (1..points.len().saturating_sub(1)).step_by(2) {
+            let (second, third) = (points[k], points[k + 1]);
+            let last = points.get(k + 2).copied().unwrap_or(third);
+            // The corners of a solid go along one side, then along the opposite one.
+            self.solid(layer, [*first, second, last, third], color);
+        }
+    }
+
+    fn solid(&mut self, layer: &str, corners: [[f64; 2]; 4], color: Rgb) {
+        self.group(0, "SOLID");
+        self.group(8, layer);
+        self.integer(62, i64::from(nearest_index(color)));
+        for (k, [x, y]) in (0..).zip(corners) {
+            for (code, v) in [(10 + k, x), (20 + k, y), (30 + k, 0.0)] {
+                self.number(code, v);
+            }
+        }
+    }
+
     fn sheet_item(&mut self, item: &SheetItem) {
         match item {
             SheetItem::Line { points, .. } => self.polyline("SHEET", points, false, None),
+            SheetItem::Swatch { points, color } => self.solids("SHEET", points, *color),
             SheetItem::Area { points } => self.polyline("SHEET", points, true, None),
             SheetItem::Text { at: [x, y], size_mm, anchor, text } => {
                 let alignment = match anchor {
@@ -235,6 +293,16 @@ impl Dxf<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn colors_have_the_nearest_index() {
+        let expected = [([255, 0, 0], 10), ([255, 255, 0], 50), ([0, 255, 0], 90), ([0, 255, 255], 130)];
+        for (color, index) in expected.into_iter().chain([([0, 0, 255], 170), ([255, 0, 255], 210), ([0, 0, 127], 174)])
+        {
+            assert_eq!(nearest_index(color), index, "{color:?}");
+        }
+        assert_eq!([[255, 255, 255], [130, 131, 132], [50, 50, 50]].map(nearest_index), [255, 252, 250]);
+    }
 
     #[test]
     fn texts_are_ascii() {

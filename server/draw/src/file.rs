@@ -1,6 +1,7 @@
 //! Files of drawings.
 
 use crate::{drawing::Drawing, dxf::to_dxf, error::DrawError, pdf::to_pdf, svg::to_svg};
+use serde::Deserialize;
 use std::{
     fs::{self, File},
     io::{self, Write},
@@ -8,7 +9,8 @@ use std::{
 };
 
 /// A format of drawings.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum DrawingFormat {
     Svg,
     Pdf,

@@ -3,13 +3,15 @@
 //! | module | contents |
 //! |---|---|
 //! | `error` | why a drawing failed; progress |
-//! | `style`, `sheet` | the stylesheet; paper, title block, scale bar and north arrow |
+//! | `limits`, `options` | how much a drawing may be; what is drawn, as JSON |
+//! | `style`, `sheet`, `legend` | the stylesheet; paper, title block, scale bar and north arrow; what colours mean |
 //! | `face`, `scene` | convex faces in space; the surfaces of a part of a city |
 //! | `view` | from the scene to the page |
 //! | `bsp` | faces in the order of their distance |
 //! | `convex`, `warnock` | polygons on the page; their visible parts |
 //! | `join`, `lines` | visible parts as shapes and lines |
-//! | `tone`, `hatch`, `shadow` | colours of shapes, hatching, shadows of the sun |
+//! | `overlap` | whether visible parts overlap |
+//! | `tone`, `paint`, `hatch`, `shadow` | colours of shapes, of objects by an attribute; hatching, shadows of the sun |
 //! | `drawing` | the finished drawing |
 //! | `pipeline` | all steps of a drawing |
 //! | `svg`, `pdf`, `dxf`, `file` | files |
@@ -23,7 +25,12 @@ mod face;
 pub mod file;
 mod hatch;
 mod join;
+mod legend;
+pub mod limits;
 pub mod lines;
+pub mod options;
+mod overlap;
+mod paint;
 mod pdf;
 pub mod pipeline;
 mod scene;
@@ -36,5 +43,5 @@ pub mod view;
 mod warnock;
 
 pub use error::DrawError;
+pub use limits::DrawLimits;
 pub use pipeline::{DrawRequest, draw};
-pub use scene::MAX_SCENE_TRIANGLES;

@@ -235,6 +235,12 @@ impl PageContent<'_> {
                     self.path(points, false);
                     self.content.stroke();
                 }
+                SheetItem::Swatch { points, color } => {
+                    let [red, green, blue] = color.map(share);
+                    self.content.save_state().set_fill_rgb(red, green, blue);
+                    self.path(points, true);
+                    self.content.fill_nonzero().restore_state();
+                }
                 SheetItem::Area { points } => {
                     self.path(points, true);
                     self.content.fill_nonzero();

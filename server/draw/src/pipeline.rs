@@ -4,12 +4,16 @@ use crate::{
     bsp::{BspTree, NO_TRIANGLE},
     convex::{Convex, PagePoint, PageRect},
     drawing::{Drawing, DrawingCounts, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
-    error::{DrawError, DrawProgress},
+    error::{DrawError, DrawProgress, DrawStep, advance},
     face::Face,
     hatch::hatched,
     join::{Rings, unions},
+    legend::legend_items,
+    limits::DrawLimits,
     lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines},
-    scene::{DrawnScene, MAX_SCENE_TRIANGLES, clip, turned},
+    overlap::largest_overlap,
+    paint::attribute_colors,
+    scene::{DrawnScene, clip, turned},
     shadow::shadows,
     sheet::{Paper, TitleBlock, sheet_items},
     style::{FillMode, Rgb, Stylesheet, kind_name, parse_color},
@@ -18,17 +22,15 @@ use crate::{
     warnock::{PagePolygon, VisiblePart, visible_parts},
 };
 use insula_export::{selection::ObjectSelection, source::ExportSource};
-use insula_objects::FeatureKind;
+use insula_objects::{ColorBy, FeatureKind};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use std::collections::BTreeMap;
 
-/// Most visible parts of surfaces.
-const MAX_PARTS: usize = 16_000_000;
 /// Levels of detail may be wrong by this much on paper, in millimetres, if the scale is given.
 const LOD_ERROR_MM: f64 = 0.05;
 
 /// What is drawn and how.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct DrawRequest {
     pub view: DrawView,
     pub selection: ObjectSelection,
@@ -40,6 +42,13 @@ pub struct DrawRequest {
     /// Title of the sheet; that of the city if `None`.
     pub title: Option<String>,
     pub style: Stylesheet,
+    /// Whether all pairs of visible parts are checked for overlaps, which takes as long as some of the drawing.
+    pub is_checked: bool,
+    /// Whether shapes keep the convex parts that they are joined of, with which DXF fills them.
+    pub keeps_parts: bool,
+    /// Colours of objects by an attribute, in place of those by kind.
+    pub color_by: Option<ColorBy>,
+    pub limits: DrawLimits,
 }
 
 /// Draws a city. Fails if it cannot be read, if there is nothing or too much to draw, or if `progress` stops it.
@@ -52,12 +61,17 @@ pub fn draw(
         return Err(DrawError::Invalid("the scale must be from 1:1 to 1:10000000".to_owned()));
     }
     let error_m = request.scale.map_or(0.0, |scale| LOD_ERROR_MM * scale / 1000.0);
-    let scene = DrawnScene::read(source, &request.selection, error_m, progress)?;
+    let scene = DrawnScene::read(source, &request.selection, (error_m, request.limits.triangles), progress)?;
     let axes = ViewAxes::new(&request.view, scene.origin)?;
     let frame = request.paper.frame(request.is_bare);
     let points = scene.faces.iter().flat_map(|face| face.points.iter().copied());
     let projection = Projection::new(axes, frame, request.scale, points);
-    let stage = Stage { scene: &scene, projection, grid: PaperGrid::new(request.paper.size_mm), request };
+    let colors = match &request.color_by {
+        Some(color_by) => attribute_colors(source, &scene.objects, color_by)?,
+        None => Vec::new(),
+    };
+    let grid = PaperGrid::new(request.paper.size_mm);
+    let stage = Stage { scene: &scene, projection, grid, colors, request };
     let facing = stage.facing();
     let mut counts = DrawingCounts {
         triangles: scene.faces.len(),
@@ -66,25 +80,29 @@ pub fn draw(
         ..DrawingCounts::default()
     };
     let first_cut = scene.edges.len() as u32;
-    let tree = BspTree::new(facing, first_cut, MAX_SCENE_TRIANGLES, progress)?;
+    let tree = BspTree::new(facing, first_cut, request.limits.triangles, progress)?;
     counts.sorted = tree.len();
     let polygons = stage.polygons(&tree);
     let cuts = tree.into_cuts();
-    let parts = visible_parts(&polygons, stage.grid.rect(&frame), MAX_PARTS, progress)?;
+    let parts = visible_parts(&polygons, stage.grid.rect(&frame), request.limits.parts, progress)?;
     counts.parts = parts.len();
     if parts.is_empty() {
         return Err(DrawError::Empty);
     }
+    let largest_overlap = request.is_checked.then(|| stage.largest_overlap(&polygons, &parts));
     let mut objects = Objects::new(&scene);
     let style = &request.style;
     objects.add_shapes(stage.shapes(&polygons, &parts, progress)?);
     if style.shadows && style.sun[1] > 0.0 {
         objects.add_shadows(stage.shadows(&polygons, &parts, progress)?, style);
     }
-    objects.add_hatching(style, &stage.grid);
+    objects.add_hatching(style, &stage.grid, progress)?;
     objects.add_lines(stage.lines(&polygons, &parts, &cuts), &request.style);
     let block = title_block(source, request, &stage.projection);
-    let sheet = if request.is_bare { Vec::new() } else { sheet_items(&stage.projection, &block) };
+    let mut sheet = if request.is_bare { Vec::new() } else { sheet_items(&stage.projection, &block) };
+    if let Some(color_by) = request.color_by.as_ref().filter(|_| !request.is_bare) {
+        sheet.extend(legend_items(&color_by.legend(), &frame));
+    }
     let color = |text: &str, default: Rgb| parse_color(text).unwrap_or(default);
     Ok(Drawing {
         grid: stage.grid,
@@ -97,6 +115,7 @@ pub fn draw(
         objects: objects.sorted(),
         sheet,
         counts,
+        largest_overlap,
     })
 }
 
@@ -126,6 +145,8 @@ struct Stage<'a> {
     scene: &'a DrawnScene,
     projection: Projection,
     grid: PaperGrid,
+    /// Of the objects that have one by an attribute; empty if there are none.
+    colors: Vec<Option<Rgb>>,
     request: &'a DrawRequest,
 }
 
@@ -139,16 +160,16 @@ impl Stage<'_> {
         let eye = self.projection.axes.eye();
         let planes = self.projection.planes();
         let is_open = self.scene.open_objects();
-        let mut facing = Vec::new();
+        let (mut facing, mut backs) = (Vec::new(), Vec::new());
         for (face, object) in self.scene.faces.iter().zip(&self.scene.face_objects) {
             let is_front = eye.is_front(&face.plane);
             if is_front || is_open[*object as usize] {
-                let face = if is_front { face.clone() } else { turned(face) };
-                facing.extend(clip(face, &planes));
+                let (face, list) = if is_front { (face.clone(), &mut facing) } else { (turned(face), &mut backs) };
+                list.extend(clip(face, &planes));
             }
         }
-        // Of surfaces in one place, the first one is seen: that of a part of a building rather than that of the whole.
-        facing.sort_by_key(|face| self.scene.object(face.triangle).kind != FeatureKind::BuildingPart);
+        // Of surfaces in one place, the first one is seen.
+        facing.append(&mut backs);
         facing
     }
 
@@ -175,19 +196,29 @@ impl Stage<'_> {
         for part in parts {
             let face = polygons[part.polygon as usize].triangle;
             let plane = self.scene.faces[face as usize].plane;
-            if let Some(color) = tones.color(self.scene.object(face), &plane) {
-                let object = self.scene.face_objects[face as usize];
+            let object = self.scene.face_objects[face as usize];
+            let color = self.colors.get(object as usize).copied().flatten();
+            if let Some(color) = tones.color(self.scene.object(face), color, &plane) {
                 groups.entry((object, color)).or_default().push(part.shape.points.clone());
             }
         }
         let keys: Vec<ShapeKey> = groups.keys().copied().collect();
+        let parts: Vec<Rings> =
+            if self.request.keeps_parts { groups.values().cloned().collect() } else { vec![Rings::new(); keys.len()] };
         let joined = unions(groups.into_values().collect(), progress)?;
-        let shape = |((object, color), rings): (ShapeKey, Rings)| {
+        let shape = |(((object, color), parts), rings): ((ShapeKey, Rings), Rings)| {
             let kind = self.scene.objects[object as usize].kind;
             let opacity = self.request.style.opacity(kind);
-            (object, DrawnShape { role: ShapeRole::Surface, color, opacity, rings })
+            (object, DrawnShape { role: ShapeRole::Surface, color, opacity, rings, parts })
         };
-        Ok(keys.into_iter().zip(joined).filter(|(_, rings)| !rings.is_empty()).map(shape).collect())
+        Ok(keys.into_iter().zip(parts).zip(joined).filter(|(_, rings)| !rings.is_empty()).map(shape).collect())
+    }
+
+    /// As a share of the page.
+    fn largest_overlap(&self, polygons: &[PagePolygon], parts: &[VisiblePart]) -> f64 {
+        let opaque: Vec<_> = parts.iter().filter(|part| polygons[part.polygon as usize].is_opaque).collect();
+        let page: f64 = self.grid.size_mm.iter().map(|side| side * self.grid.units_per_mm).product();
+        largest_overlap(&opaque, self.grid.rect(&self.projection.frame)) / page
     }
 
     fn shadows(
@@ -198,7 +229,7 @@ impl Stage<'_> {
     ) -> Result<BTreeMap<u32, Rings>, DrawError> {
         let visible = parts.iter().map(|part| (polygons[part.polygon as usize].triangle, part.shape.points.clone()));
         let sun = towards_sun(&self.request.style);
-        shadows(self.scene, sun, (&self.projection, &self.grid), visible, (MAX_PARTS, progress))
+        shadows(self.scene, sun, (&self.projection, &self.grid), visible, (self.request.limits, progress))
     }
 
     fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart], cuts: &[u32]) -> Vec<(u32, LineRole, Ends)> {
@@ -250,13 +281,25 @@ impl Objects {
     fn add_shadows(&mut self, shadows: BTreeMap<u32, Rings>, style: &Stylesheet) {
         let color = parse_color(&style.shadow_color).unwrap_or([0; 3]);
         for (object, rings) in shadows {
-            let shape = DrawnShape { role: ShapeRole::Shadow, color, opacity: style.shadow_opacity, rings };
+            let shape = DrawnShape {
+                role: ShapeRole::Shadow,
+                color,
+                opacity: style.shadow_opacity,
+                rings,
+                parts: Rings::new(),
+            };
             self.0[object as usize].shapes.push(shape);
         }
     }
 
-    fn add_hatching(&mut self, style: &Stylesheet, grid: &PaperGrid) {
+    fn add_hatching(
+        &mut self,
+        style: &Stylesheet,
+        grid: &PaperGrid,
+        progress: DrawProgress<'_>,
+    ) -> Result<(), DrawError> {
         for object in &mut self.0 {
+            advance(progress, DrawStep::Join, 1.0)?;
             let Some(hatch) = style.hatch.get(kind_name(object.kind)) else { continue };
             let surfaces = object.shapes.iter().filter(|shape| shape.role == ShapeRole::Surface);
             let chains: Vec<_> = surfaces.flat_map(|shape| hatched(&shape.rings, hatch, grid.units_per_mm)).collect();
@@ -264,6 +307,7 @@ impl Objects {
                 object.lines.push(DrawnLine { class: LineRole::Hatch, width_mm: hatch.width, chains });
             }
         }
+        Ok(())
     }
 
     fn add_lines(&mut self, mut lines: Vec<(u32, LineRole, Ends)>, style: &Stylesheet) {

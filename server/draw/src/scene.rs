@@ -13,14 +13,12 @@ use insula_export::{
 use insula_protocol::mesh_tile::NO_OBJECT;
 use std::collections::HashMap;
 
-/// Most triangles of a drawing. Each takes about a kilobyte until the drawing is written.
-pub const MAX_SCENE_TRIANGLES: usize = 4_000_000;
-
 /// Surfaces of a part of a city.
 #[derive(Debug, Default)]
 pub(crate) struct DrawnScene {
     /// World metres of the scene's origin.
     pub(crate) origin: [f64; 3],
+    /// Of several in one place, the first one that is not turned is seen, as in ray-casters.
     pub(crate) faces: Vec<Face>,
     /// Index of the object of each face.
     pub(crate) face_objects: Vec<u32>,
@@ -41,11 +39,12 @@ pub(crate) struct SceneEdge {
 }
 
 impl DrawnScene {
-    /// Reads the selected part of a city, in levels of detail with an error of at most `error_m`. Fails if it has too many triangles.
+    /// Reads the selected part of a city, in levels of detail with an error of at most `error_m`. Fails if it has more
+    /// than `max_triangles`.
     pub(crate) fn read(
         source: &dyn ExportSource,
         selection: &ObjectSelection,
-        error_m: f64,
+        (error_m, max_triangles): (f64, usize),
         progress: DrawProgress<'_>,
     ) -> Result<Self, DrawError> {
         let manifest = source.manifest();
@@ -59,6 +58,7 @@ impl DrawnScene {
             names: LeafObjects::new(source, selection),
             indices: HashMap::new(),
             area,
+            max_triangles,
         };
         // Objects are selected by their middle, so they may reach out of the area.
         let grown = [area[0].map(|v| v - MARGIN_M), area[1].map(|v| v + MARGIN_M)];
@@ -120,14 +120,16 @@ struct SceneReader<'a> {
     indices: HashMap<u32, Option<u32>>,
     /// World metres: land is cut at its border.
     area: [[f64; 2]; 2],
+    max_triangles: usize,
 }
 
 impl SceneReader<'_> {
     fn add(&mut self, mesh: &LeafSurfaces) -> Result<(), DrawError> {
         let mut edges = LeafEdges { mesh, known: HashMap::new() };
         let origin = DVec3::from(self.scene.origin);
-        for (t, corners) in mesh.tile.mesh.triangles.iter().enumerate() {
-            let number = mesh.tile.objects.get(t).copied().unwrap_or(NO_OBJECT);
+        for t in mesh.order() {
+            let Some(corners) = mesh.tile.mesh.triangles.get(t as usize) else { continue };
+            let number = mesh.tile.objects.get(t as usize).copied().unwrap_or(NO_OBJECT);
             let Some(object) = self.object(number)? else { continue };
             let points = corners.map(|v| DVec3::from(mesh.positions[v as usize]) - origin);
             let Some(plane) = FacePlane::of(points) else { continue };
@@ -142,8 +144,8 @@ impl SceneReader<'_> {
             self.scene.faces.push(face);
             self.scene.face_objects.push(object);
         }
-        if self.scene.faces.len() > MAX_SCENE_TRIANGLES {
-            return Err(DrawError::TooManyTriangles { limit: MAX_SCENE_TRIANGLES });
+        if self.scene.faces.len() > self.max_triangles {
+            return Err(DrawError::TooManyTriangles { limit: self.max_triangles });
         }
         Ok(())
     }

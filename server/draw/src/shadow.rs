@@ -9,7 +9,8 @@ use crate::{
     error::{DrawError, DrawProgress},
     face::{Face, FacePlane, NO_EDGE},
     join::{Rings, difference, unions, without_narrow},
-    scene::{DrawnScene, MAX_SCENE_TRIANGLES, clip, turned},
+    limits::DrawLimits,
+    scene::{DrawnScene, clip, turned},
     view::{PaperGrid, PaperRect, Projection, ViewAxes},
     warnock::{PagePolygon, visible_parts},
 };
@@ -42,7 +43,7 @@ pub(crate) fn shadows(
     towards_sun: DVec3,
     (projection, grid): (&Projection, &PaperGrid),
     visible: impl Iterator<Item = (u32, Vec<PagePoint>)>,
-    (max_parts, progress): (usize, DrawProgress<'_>),
+    (limits, progress): (DrawLimits, DrawProgress<'_>),
 ) -> Result<BTreeMap<u32, Rings>, DrawError> {
     let mut shown: BTreeMap<PlaneKey, Rings> = BTreeMap::new();
     for (face, ring) in visible {
@@ -51,7 +52,7 @@ pub(crate) fn shadows(
         }
     }
     let mut lit: BTreeMap<PlaneKey, Rings> = shown.keys().map(|key| (*key, Rings::new())).collect();
-    for face in lit_faces(scene, towards_sun, max_parts, progress)? {
+    for face in lit_faces(scene, towards_sun, limits, progress)? {
         let Some(rings) = lit.get_mut(&key(scene, face.triangle)) else { continue };
         let planes = projection.planes();
         rings.extend(clip(face, &planes).and_then(|face| ring_of(&face, projection, grid)));
@@ -85,7 +86,7 @@ fn ring_of(face: &Face, projection: &Projection, grid: &PaperGrid) -> Option<Vec
 fn lit_faces(
     scene: &DrawnScene,
     towards_sun: DVec3,
-    max_parts: usize,
+    limits: DrawLimits,
     progress: DrawProgress<'_>,
 ) -> Result<Vec<Face>, DrawError> {
     let axes = ViewAxes::towards(-towards_sun);
@@ -97,7 +98,7 @@ fn lit_faces(
         let is_front = face.plane.normal.dot(towards_sun) > 0.0;
         (is_front || is_open[*object as usize]).then(|| if is_front { face.clone() } else { turned(face) })
     });
-    let tree = BspTree::new(facing.collect(), NO_EDGE, MAX_SCENE_TRIANGLES, progress)?;
+    let tree = BspTree::new(facing.collect(), NO_EDGE, limits.triangles, progress)?;
     let project = |face: &Face| {
         let points = face.points.iter().map(|p| grid.point(sun.project(*p))).collect();
         let shape = Convex { points, edges: vec![NO_EDGE; face.points.len()] };
@@ -108,7 +109,7 @@ fn lit_faces(
     };
     let polygons: Vec<PagePolygon> = tree.front_to_back(Eye::Direction(towards_sun)).filter_map(project).collect();
     drop(tree);
-    let parts = visible_parts(&polygons, grid.rect(&frame), max_parts, progress)?;
+    let parts = visible_parts(&polygons, grid.rect(&frame), limits.parts, progress)?;
     let lift = |polygon: u32, shape: &Convex| {
         let triangle = polygons[polygon as usize].triangle;
         let plane = scene.faces[triangle as usize].plane;

@@ -118,12 +118,17 @@ impl Default for Stylesheet {
 impl Stylesheet {
     /// Reads a stylesheet. Fails if a field is unknown or out of range.
     pub fn parse(text: &str) -> Result<Self, DrawError> {
-        let mut sheet: Self = toml::from_str(text).map_err(|error| DrawError::Invalid(error.message().to_owned()))?;
+        let sheet: Self = toml::from_str(text).map_err(|error| DrawError::Invalid(error.message().to_owned()))?;
+        sheet.completed()
+    }
+
+    /// The sheet with the colours of kinds that it does not name. Fails if a value is out of range.
+    pub(crate) fn completed(mut self) -> Result<Self, DrawError> {
         for (kind, color) in Self::default().colors {
-            sheet.colors.entry(kind).or_insert(color);
+            self.colors.entry(kind).or_insert(color);
         }
-        sheet.check()?;
-        Ok(sheet)
+        self.check()?;
+        Ok(self)
     }
 
     fn check(&self) -> Result<(), DrawError> {

@@ -203,6 +203,11 @@ impl Svg<'_> {
                     self.path(points, false);
                     self.push(format_args!("\"/>\n"));
                 }
+                SheetItem::Swatch { points, color } => {
+                    self.push(format_args!("<path fill=\"{}\" d=\"", color_text(*color)));
+                    self.path(points, true);
+                    self.push(format_args!("\"/>\n"));
+                }
                 SheetItem::Area { points } => {
                     self.push(format_args!("<path d=\""));
                     self.path(points, true);

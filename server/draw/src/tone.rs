@@ -27,9 +27,9 @@ impl<'a> Tones<'a> {
         Self { style, towards_sun: towards_sun(style) }
     }
 
-    /// The colour of a face of an object; `None` if it is not filled.
-    pub(crate) fn color(&self, object: &LeafObject, plane: &FacePlane) -> Option<Rgb> {
-        let color = self.style.color(object.kind);
+    /// The colour of a face of an object that may have a colour of its own; `None` if it is not filled.
+    pub(crate) fn color(&self, object: &LeafObject, own: Option<Rgb>, plane: &FacePlane) -> Option<Rgb> {
+        let color = own.unwrap_or_else(|| self.style.color(object.kind));
         match self.style.fill {
             FillMode::None => None,
             FillMode::Kind => Some(color),

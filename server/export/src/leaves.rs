@@ -13,6 +13,7 @@ use crate::{
 };
 use insula_objects::FeatureKind;
 use insula_protocol::{MeshTile, TileId, mesh_tile::NO_OBJECT};
+use insula_shaders::mesh::packed_order;
 use std::collections::HashMap;
 
 /// The mesh of a leaf.
@@ -26,6 +27,14 @@ pub struct LeafSurfaces {
     /// Level of detail of `tile`; 0 is the finest.
     pub lod: u8,
     pub tile: MeshTile,
+}
+
+impl LeafSurfaces {
+    /// Numbers of the triangles: of several in one place, ray-casters show the first one.
+    #[must_use]
+    pub fn order(&self) -> Vec<u32> {
+        packed_order(&self.tile.mesh).unwrap_or_else(|| (0..self.tile.mesh.triangles.len() as u32).collect())
+    }
 }
 
 /// An object that a mesh shows.

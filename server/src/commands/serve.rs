@@ -16,7 +16,8 @@ use tokio::{net::TcpListener, sync::Notify};
 pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     let listen = args.listen.iter().map(|listen| format!("listen={listen}"));
     let metrics = args.metrics_address.iter().map(|address| format!("metrics_address={address}"));
-    let settings: Vec<String> = args.set.iter().cloned().chain(listen).chain(metrics).collect();
+    let drawings = args.drawings.iter().map(|drawings| format!("drawings.at_once={drawings}"));
+    let settings: Vec<String> = args.set.iter().cloned().chain(listen).chain(metrics).chain(drawings).collect();
     let config = ServeConfig::load(args.config.as_deref(), environment(), &settings)?;
     if args.print_config {
         print(&config.to_toml());

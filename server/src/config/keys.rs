@@ -5,7 +5,7 @@ use insula_protocol::manifest::is_name;
 use std::{ops::RangeInclusive, path::PathBuf};
 
 /// Every setting with its documentation, in the order of `--print-config`.
-pub(super) const SETTINGS: [(&str, &str); 37] = [
+pub(super) const SETTINGS: [(&str, &str); 41] = [
     ("listen", "HOST:PORT; port 0 picks a free one"),
     ("metrics_address", "HOST:PORT of a listener for /healthz, /readyz and /metrics alone; \"\": all at listen"),
     ("threads", "number of worker threads; 0: one per core"),
@@ -33,6 +33,10 @@ pub(super) const SETTINGS: [(&str, &str); 37] = [
     ("limits.streams", "concurrent requests per HTTP/2 connection"),
     ("limits.client_rate", "requests per second and client address; 0: no limit"),
     ("limits.client_burst", "requests that an address may make at once before that rate applies"),
+    ("drawings.at_once", "drawings that are made at the same time for clients; 0: none"),
+    ("drawings.waiting", "requests that may wait for that; further ones are rejected with 503"),
+    ("drawings.secs", "seconds within which a drawing must be made, including the wait"),
+    ("drawings.triangles", "triangles of a drawing; larger ones are rejected with 400"),
     ("cache.memory_bytes", "bytes of the memory cache for blocks of remote cities"),
     ("cache.block_bytes", "bytes of a block, the unit in which remote cities are fetched"),
     ("cache.folder", "folder of the disk cache for blocks; \"\": none"),
@@ -97,6 +101,10 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
         "limits.streams" => SettingField::U32(&mut limits.streams, 1..=10_000),
         "limits.client_rate" => SettingField::Rate(&mut limits.client_rate),
         "limits.client_burst" => SettingField::U32(&mut limits.client_burst, 1..=1_000_000),
+        "drawings.at_once" => SettingField::Usize(&mut config.drawings.at_once, 0..=64),
+        "drawings.waiting" => SettingField::Usize(&mut config.drawings.waiting, 0..=1000),
+        "drawings.secs" => SettingField::U64(&mut config.drawings.secs, 1..=3600),
+        "drawings.triangles" => SettingField::Usize(&mut config.drawings.triangles, 1000..=4_000_000),
         "cache.memory_bytes" => SettingField::U64(&mut config.cache.memory_bytes, 0..=1 << 40),
         "cache.block_bytes" => SettingField::U64(&mut config.cache.block_bytes, 4096..=16 << 20),
         "cache.folder" => SettingField::File(&mut config.cache.folder),

@@ -11,6 +11,6 @@ pub use keys::check_address;
 pub use load::ConfigError;
 pub(crate) use load::environment;
 pub use settings::{
-    AccessConfig, BlockCacheConfig, CorsPolicy, DEFAULT_LISTEN, LimitsConfig, LogConfig, LogFormat, LogRequests,
-    ReloadConfig, ServeConfig, TlsConfig,
+    AccessConfig, BlockCacheConfig, CorsPolicy, DEFAULT_LISTEN, DrawingsConfig, LimitsConfig, LogConfig, LogFormat,
+    LogRequests, ReloadConfig, ServeConfig, TlsConfig,
 };

@@ -18,6 +18,7 @@ pub struct ServeConfig {
     pub tls: TlsConfig,
     pub reload: ReloadConfig,
     pub limits: LimitsConfig,
+    pub drawings: DrawingsConfig,
     pub cache: BlockCacheConfig,
     pub access: AccessConfig,
     pub log: LogConfig,
@@ -72,6 +73,19 @@ pub struct LimitsConfig {
     pub client_rate: f64,
     /// Requests that an address may make at once before the rate applies.
     pub client_burst: u32,
+}
+
+/// Drawings that are made for clients.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DrawingsConfig {
+    /// Drawings that are made at the same time; 0 for none.
+    pub at_once: usize,
+    /// Requests that may wait for that.
+    pub waiting: usize,
+    /// Seconds within which a drawing must be made, including the wait.
+    pub secs: u64,
+    /// Triangles of a drawing.
+    pub triangles: usize,
 }
 
 /// Block cache of cities in object stores and behind web servers.
@@ -152,6 +166,7 @@ impl Default for ServeConfig {
             tls: TlsConfig::default(),
             reload: ReloadConfig { watch_secs: 2, keep_secs: 300, keep_versions: 4 },
             limits: LimitsConfig::default(),
+            drawings: DrawingsConfig { at_once: 0, waiting: 4, secs: 60, triangles: 200_000 },
             cache: BlockCacheConfig::default(),
             access: AccessConfig::default(),
             log: LogConfig { format: LogFormat::Text, requests: LogRequests::Errors },

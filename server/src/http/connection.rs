@@ -3,7 +3,10 @@
 use super::{
     connection_state::ConnectionState, problem::Problem, service::HttpService, stream_progress::StreamExecutor, turns,
 };
-use axum::http::{Request, StatusCode};
+use axum::{
+    body::Body,
+    http::{Request, StatusCode},
+};
 use hyper::{body::Incoming, service::service_fn};
 use hyper_util::{
     rt::{TokioIo, TokioTimer},
@@ -55,7 +58,8 @@ pub(super) async fn serve<S>(
     let stream = MonitoredStream { stream, state: state.clone(), rewrite: None };
     let request_state = state.clone();
     let handler = service_fn(move |request: Request<Incoming>| {
-        let response = service.respond(Some(&request_state), request.into_parts().0);
+        let (parts, body) = request.into_parts();
+        let response = service.respond(Some(&request_state), parts, || Body::new(body));
         let is_turn_over = turns::is_turn_over();
         async move {
             if is_turn_over {

@@ -1,7 +1,7 @@
 //! Baked cities over HTTP/1.1 and HTTP/2, with or without TLS.
 //!
 //! ```text
-//! server -> worker -> (tls) -> connection -> service -> cached_tiles -> router -> tile, search, manifest, index_page,
+//! server -> worker -> (tls) -> connection -> service -> cached_tiles -> router -> tile, search, draw, manifest, index_page,
 //!                                                                                       city_page, viewer_files, health
 //! operations -> service -> router                             a listener of its own for health and metrics
 //! ```
@@ -19,6 +19,10 @@ mod client_usage;
 mod connection;
 mod connection_state;
 mod content_encoding;
+#[cfg(feature = "bake")]
+mod draw;
+#[cfg(feature = "bake")]
+mod drawing_queue;
 mod filter;
 mod group;
 mod health;

@@ -1,6 +1,7 @@
 //! Errors as clients see them: `application/problem+json` (RFC 9457).
 //!
-//! A problem holds only constants, so that nothing of a request, a path or an internal error can leak into it.
+//! A problem holds only constants, so that nothing of a path or an internal error can leak into it. Only [`Problem::explained`]
+//! says more: what is wrong with the body of the request.
 
 use super::response::FullResponse;
 use axum::{
@@ -9,6 +10,11 @@ use axum::{
     response::{IntoResponse, Response},
 };
 use serde::Serialize;
+use std::borrow::Cow;
+
+/// Longest explanation in characters.
+#[cfg(feature = "bake")]
+const MAX_EXPLANATION: usize = 300;
 
 /// The response to requests for addresses that do not exist.
 pub(super) const NO_ROUTE: Problem =
@@ -18,22 +24,22 @@ pub(super) const NO_ROUTE: Problem =
 #[derive(Debug, Clone)]
 pub struct Problem {
     status: StatusCode,
-    detail: &'static str,
+    detail: Cow<'static, str>,
     header: Option<(HeaderName, HeaderValue)>,
 }
 
 #[derive(Serialize)]
-struct ProblemBody {
+struct ProblemBody<'a> {
     r#type: &'static str,
     title: &'static str,
     status: u16,
-    detail: &'static str,
+    detail: &'a str,
 }
 
 impl Problem {
     /// A problem of any status.
     pub const fn new(status: StatusCode, detail: &'static str) -> Self {
-        Self { status, detail, header: None }
+        Self { status, detail: Cow::Borrowed(detail), header: None }
     }
 
     /// 404.
@@ -44,6 +50,13 @@ impl Problem {
     /// 400.
     pub const fn bad_request(detail: &'static str) -> Self {
         Self::new(StatusCode::BAD_REQUEST, detail)
+    }
+
+    /// 400 with what is wrong with the body of the request, which is the only place that the explanation may be taken from.
+    #[cfg(feature = "bake")]
+    pub(super) fn explained(explanation: &str) -> Self {
+        let detail = explanation.chars().filter(|c| !c.is_control()).take(MAX_EXPLANATION).collect();
+        Self { status: StatusCode::BAD_REQUEST, detail: Cow::Owned(detail), header: None }
     }
 
     /// 503 with `Retry-After: 1`.
@@ -79,7 +92,7 @@ impl Problem {
 
     fn body(&self) -> Vec<u8> {
         let status = self.status.as_u16();
-        let body = ProblemBody { r#type: "about:blank", title: self.title(), status, detail: self.detail };
+        let body = ProblemBody { r#type: "about:blank", title: self.title(), status, detail: &self.detail };
         serde_json::to_vec(&body).unwrap_or_default()
     }
 

@@ -10,7 +10,7 @@ use super::{
 use axum::{
     Router,
     http::{HeaderValue, StatusCode, header},
-    routing::{MethodRouter, get},
+    routing::{MethodRouter, get, post},
 };
 use insula_protocol::route::RouteTemplate;
 
@@ -51,6 +51,10 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::Search => get(search::search),
         RouteTemplate::Filter => get(filter::filter),
         RouteTemplate::Groups => get(group::group),
+        #[cfg(feature = "bake")]
+        RouteTemplate::Draw => post(super::draw::draw).fallback(super::draw::other_method),
+        #[cfg(not(feature = "bake"))]
+        RouteTemplate::Draw => get(not_found),
         #[cfg(feature = "bake")]
         RouteTemplate::Tileset | RouteTemplate::TilesetFile => get(super::tileset::tileset_file),
         #[cfg(not(feature = "bake"))]

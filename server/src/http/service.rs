@@ -7,7 +7,7 @@ use super::{
     problem::{NO_ROUTE, Problem},
     request_guard::{RequestGuard, RequestLogEntry},
     request_host::check_host,
-    response::{NO_REFERRER, with_cors},
+    response::{DRAWING_METHODS, NO_REFERRER, with_cors},
     response_body::{GuardedBody, PlainBody, ResponseBody},
     router::{ALLOWED_METHODS, router},
     state::AppState,
@@ -36,7 +36,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const MAX_ID_BYTES: usize = 64;
 
 const ALLOWED_HEADERS: HeaderValue =
-    HeaderValue::from_static("accept,range,if-none-match,if-range,authorization,x-request-id");
+    HeaderValue::from_static("accept,content-type,range,if-none-match,if-range,authorization,x-request-id");
 
 /// The server without its port. Cheap to clone.
 #[derive(Debug, Clone)]
@@ -124,8 +124,13 @@ impl HttpService {
         Self::with_routes(self.0.state.clone(), self.0.served, tile_cache_bytes)
     }
 
-    /// Responds to a request. Its body is not read.
-    pub(super) fn respond(&self, connection: Option<&Arc<ConnectionState>>, parts: Parts) -> ResponseFuture {
+    /// Responds to a request. `body` is read for drawings only.
+    pub(super) fn respond(
+        &self,
+        connection: Option<&Arc<ConnectionState>>,
+        parts: Parts,
+        body: impl FnOnce() -> Body,
+    ) -> ResponseFuture {
         let route = RouteTemplate::of_path(parts.uri.path());
         let over_limit = connection.filter(|connection| connection.is_over_limit());
         if let Some(connection) = over_limit {
@@ -145,20 +150,26 @@ impl HttpService {
             return pending.ready(Err(problem));
         }
         if parts.method == Method::OPTIONS {
-            let response = preflight(pending.allows_any_origin);
+            let response = preflight(pending.allows_any_origin, self.takes_body(route));
             return pending.ready(Ok(response));
         }
         // Counts the request among those in flight.
         if !route.is_operational() && !pending.guard.try_enter() {
             return pending.ready(Err(too_busy()));
         }
-        match self.0.routes.clone().call(Request::from_parts(parts, Body::empty())) {
+        let body = if self.takes_body(route) { body() } else { Body::empty() };
+        match self.0.routes.clone().call(Request::from_parts(parts, body)) {
             CachedTilesFuture::Ready(response) => ResponseFuture::Ready(response.map(|it| pending.finish(Ok(it)))),
             routed => ResponseFuture::Pending(Box::pin(async move {
                 let Ok(response) = routed.await;
                 pending.finish(Ok(response))
             })),
         }
+    }
+
+    /// Whether requests for such addresses have a body.
+    fn takes_body(&self, route: RouteTemplate) -> bool {
+        route == RouteTemplate::Draw && self.state().is_drawing()
     }
 
     /// Checks that precede routing. Fails with 503, 431, 400, 421, 429 or 404.
@@ -175,7 +186,7 @@ impl HttpService {
         if parts.headers.len() > self.state().limits().headers {
             return Err(Problem::new(StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE, "the request has too many headers"));
         }
-        if has_body(&parts.headers) {
+        if has_body(&parts.headers) && !(parts.method == Method::POST && self.takes_body(route)) {
             return Err(Problem::bad_request("requests must not have a body"));
         }
         check_host(connection, parts, self.state().hosts())?;
@@ -236,19 +247,20 @@ fn too_busy() -> Problem {
     Problem::unavailable("too many requests at once: retry in a second")
 }
 
-/// Whether the headers announce a body. No route takes one, and an unread body could be mistaken for the next request.
+/// Whether the headers announce a body. Only drawings take one, and an unread body could be mistaken for the next request.
 fn has_body(headers: &HeaderMap) -> bool {
     let length = headers.get(header::CONTENT_LENGTH).is_some_and(|length| length != "0");
     length || headers.contains_key(header::TRANSFER_ENCODING)
 }
 
-fn preflight(allows_any_origin: bool) -> Response<ResponseBody> {
+fn preflight(allows_any_origin: bool, is_drawing: bool) -> Response<ResponseBody> {
     let mut response = Response::new(ResponseBody::Full(Default::default()));
     *response.status_mut() = StatusCode::NO_CONTENT;
     let headers = response.headers_mut();
-    headers.insert(header::ALLOW, ALLOWED_METHODS);
+    let methods = if is_drawing { DRAWING_METHODS } else { ALLOWED_METHODS };
+    headers.insert(header::ALLOW, methods.clone());
     if allows_any_origin {
-        headers.insert(header::ACCESS_CONTROL_ALLOW_METHODS, ALLOWED_METHODS);
+        headers.insert(header::ACCESS_CONTROL_ALLOW_METHODS, methods);
         headers.insert(header::ACCESS_CONTROL_ALLOW_HEADERS, ALLOWED_HEADERS);
         headers.insert(header::ACCESS_CONTROL_MAX_AGE, HeaderValue::from_static("86400"));
     }
@@ -273,7 +285,8 @@ impl Service<Request<Body>> for HttpService {
 
     fn call(&mut self, request: Request<Body>) -> Self::Future {
         let service = self.clone();
-        let response = service.respond(None, request.into_parts().0);
+        let (parts, body) = request.into_parts();
+        let response = service.respond(None, parts, || body);
         Box::pin(async move { response.await.map(|response| response.map(|body| Body::new(PlainBody(body)))) })
     }
 }

@@ -1,5 +1,7 @@
 //! State that all requests share.
 
+#[cfg(feature = "bake")]
+use super::drawing_queue::DrawingQueue;
 use super::{
     access_control::AccessControl, catalog::Catalog, city_documents::CityDocuments, in_flight::InFlightBudget,
     log_limit::LogLimit, metrics::HttpMetrics, rate_limit::RateLimiter, viewer_content::ViewerContent,
@@ -31,6 +33,9 @@ struct SharedState {
     rate_limiter: RateLimiter,
     in_flight: InFlightBudget,
     limits: LimitsConfig,
+    #[cfg(feature = "bake")]
+    drawings: Option<DrawingQueue>,
+    is_drawing: bool,
     logged_requests: LogRequests,
     log_limits: [LogLimit; 3],
     scheme: &'static str,
@@ -86,6 +91,9 @@ impl AppState {
             rate_limiter: RateLimiter::new(config.limits.client_rate, config.limits.client_burst),
             in_flight: InFlightBudget::new(config.limits.in_flight, config.limits.in_flight_bytes),
             limits: config.limits.clone(),
+            #[cfg(feature = "bake")]
+            drawings: DrawingQueue::new(&config.drawings),
+            is_drawing: cfg!(feature = "bake") && config.drawings.at_once > 0,
             logged_requests: config.log.requests,
             log_limits: Default::default(),
             scheme: if config.tls.certificate.is_some() { "https" } else { "http" },
@@ -144,6 +152,17 @@ impl AppState {
 
     pub(super) fn limits(&self) -> &LimitsConfig {
         &self.0.limits
+    }
+
+    /// The drawings in work; `None` if none are made for clients.
+    #[cfg(feature = "bake")]
+    pub(super) fn drawings(&self) -> Option<&DrawingQueue> {
+        self.0.drawings.as_ref()
+    }
+
+    /// Whether drawings are made for clients.
+    pub(super) fn is_drawing(&self) -> bool {
+        self.0.is_drawing
     }
 
     /// Whether a request that ends with this status code is logged now.

@@ -33,6 +33,7 @@ use insula_protocol::{
 };
 pub use landmarks::LandmarkBounds;
 use packer::MeshPacker;
+pub use packer::packed_order;
 use serde::{Deserialize, Serialize};
 pub use texture::MeshTexture;
 

@@ -49,15 +49,7 @@ impl MeshPacker {
             return Err(PackError::TooManyTriangles(mesh.triangles.len()));
         }
         let mut carried = carried(mesh, textured)?;
-        let mut corners = Vec::with_capacity(mesh.triangles.len().max(1));
-        for triangle in &mesh.triangles {
-            let position =
-                |at: u32| mesh.positions.get(at as usize).filter(|p| p.iter().all(|v| *v <= u16::MAX.into()));
-            let [Some(a), Some(b), Some(c)] = triangle.map(position) else {
-                return Err(PackError::Incomplete("a corner without a position"));
-            };
-            corners.push([*a, *b, *c]);
-        }
+        let mut corners = corners_of(mesh).ok_or(PackError::Incomplete("a corner without a position"))?;
         // A reference cannot express zero triangles.
         if corners.is_empty() {
             (corners, carried) = (vec![[[0; 3]; 3]], vec![[0; 3]]);
@@ -168,6 +160,21 @@ impl MeshPacker {
             self.vec4_at(at).copy_from_slice(&entry);
         }
     }
+}
+
+/// The corners of all triangles; `None` if one has no position, or one that is too large.
+fn corners_of(mesh: &Mesh) -> Option<Vec<[[u32; 3]; 3]>> {
+    let position =
+        |at: &u32| mesh.positions.get(*at as usize).filter(|p| p.iter().all(|v| *v <= u16::MAX.into())).copied();
+    let corners = |[a, b, c]: &[u32; 3]| Some([position(a)?, position(b)?, position(c)?]);
+    mesh.triangles.iter().map(corners).collect()
+}
+
+/// Numbers of a mesh's triangles in the order in which they are packed. Of several in one place, ray-casters show the first one.
+/// `None` if a corner has no position, or one that is too large.
+#[must_use]
+pub fn packed_order(mesh: &Mesh) -> Option<Vec<u32>> {
+    corners_of(mesh).map(|corners| Bvh::of(&corners).order)
 }
 
 /// The different objects ascending, and of each triangle 1 + the place of its own, or 0. Of too many, the last are left out.

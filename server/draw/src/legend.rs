@@ -1,0 +1,125 @@
+//! The legend of colours by an attribute, in the upper left corner of the frame.
+
+use crate::{
+    drawing::{SheetItem, TextAnchor},
+    view::PaperRect,
+};
+use insula_objects::Legend;
+
+const TITLE_MM: f64 = 3.2;
+const TEXT_MM: f64 = 2.4;
+/// Height of a line.
+const ROW_MM: f64 = 4.2;
+const PADDING_MM: f64 = 2.5;
+const SWATCH_MM: [f64; 2] = [5.0, 3.0];
+/// Mean width of a character as a share of the text's height, with some reserve.
+const CHARACTER: f64 = 0.6;
+/// Width and height of a ramp.
+const RAMP_MM: [f64; 2] = [44.0, 4.0];
+/// Longest label in characters.
+const MAX_LABEL: usize = 40;
+
+fn rectangle([x, y]: [f64; 2], [width, height]: [f64; 2]) -> Vec<[f64; 2]> {
+    vec![[x, y], [x + width, y], [x + width, y + height], [x, y + height]]
+}
+
+fn text(at: [f64; 2], size_mm: f64, anchor: TextAnchor, text: &str) -> SheetItem {
+    let is_long = text.chars().count() > MAX_LABEL;
+    let shown = text.chars().take(if is_long { MAX_LABEL - 3 } else { MAX_LABEL });
+    let text = shown.chain(if is_long { "..." } else { "" }.chars()).collect();
+    SheetItem::Text { at, size_mm, anchor, text }
+}
+
+/// Parts of the sheet that say what the colours mean. What has no space in the frame is left out.
+pub(crate) fn legend_items(legend: &Legend, frame: &PaperRect) -> Vec<SheetItem> {
+    let title = match &legend.unit {
+        Some(unit) => format!("{} [{unit}]", legend.title),
+        None => legend.title.clone(),
+    };
+    // A ramp has its labels below it; what is left are objects without a value.
+    let in_rows = if legend.ramp.is_some() { legend.entries.len().saturating_sub(1) } else { 0 };
+    let [frame_width, frame_height] = frame.size();
+    let ramp_height = if legend.ramp.is_some() { RAMP_MM[1] + ROW_MM + 1.0 } else { 0.0 };
+    let space = frame_height - 4.0 * PADDING_MM - TITLE_MM - 2.0 - ramp_height;
+    let rows = &legend.entries[in_rows..];
+    let rows = &rows[..rows.len().min((space / ROW_MM).max(0.0) as usize)];
+    let characters = |text: &str| text.chars().count().min(MAX_LABEL) as f64 * CHARACTER;
+    let row_width = |label: &str| SWATCH_MM[0] + 2.0 + characters(label) * TEXT_MM;
+    let widest = rows.iter().map(|entry| row_width(&entry.label)).fold(characters(&title) * TITLE_MM, f64::max);
+    let widest = if legend.ramp.is_some() { widest.max(RAMP_MM[0] + 6.0) } else { widest };
+    let size = [
+        (widest + 2.0 * PADDING_MM).min(frame_width - 2.0 * PADDING_MM),
+        2.0 * PADDING_MM + TITLE_MM + 2.0 + ramp_height + ROW_MM * rows.len() as f64,
+    ];
+    let corner = [frame.min[0] + PADDING_MM, frame.max[1] - PADDING_MM - size[1]];
+    let mut items = vec![SheetItem::Swatch { points: rectangle(corner, size), color: [255; 3] }];
+    let mut outline = rectangle(corner, size);
+    outline.push(corner);
+    items.push(SheetItem::Line { points: outline, width_mm: 0.18 });
+    let left = corner[0] + PADDING_MM;
+    let mut y = corner[1] + size[1] - PADDING_MM - TITLE_MM;
+    items.push(text([left, y], TITLE_MM, TextAnchor::Start, &title));
+    y -= 2.0;
+    if let Some(ramp) = &legend.ramp {
+        y -= RAMP_MM[1];
+        let is_reversed = ramp.range[0] > ramp.range[1];
+        let width = RAMP_MM[0] / ramp.stops.len().max(1) as f64;
+        for k in 0..ramp.stops.len() {
+            let color = ramp.stops[if is_reversed { ramp.stops.len() - 1 - k } else { k }];
+            let points = rectangle([left + 3.0 + width * k as f64, y], [width, RAMP_MM[1]]);
+            items.push(SheetItem::Swatch { points, color });
+        }
+        y -= ROW_MM;
+        let last = in_rows.saturating_sub(1).max(1) as f64;
+        for (k, entry) in legend.entries[..in_rows].iter().enumerate() {
+            let x = left + 3.0 + RAMP_MM[0] * k as f64 / last;
+            items.push(text([x, y + 0.8], TEXT_MM, TextAnchor::Middle, &entry.label));
+        }
+        y -= 1.0;
+    }
+    for entry in rows {
+        y -= ROW_MM;
+        items.push(SheetItem::Swatch { points: rectangle([left, y + 0.6], SWATCH_MM), color: entry.rgb });
+        items.push(text([left + SWATCH_MM[0] + 2.0, y + 1.2], TEXT_MM, TextAnchor::Start, &entry.label));
+    }
+    items
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_objects::{LegendEntry, Ramp};
+
+    #[test]
+    fn legends_stay_in_the_frame() {
+        let entry = |k: usize| LegendEntry { rgb: [k as u8; 3], label: format!("value {k}") };
+        let frame = PaperRect { min: [10.0, 10.0], max: [110.0, 90.0] };
+        for (count, ramp) in
+            [(3, None), (200, None), (6, Some(Ramp { range: [9.0, 1.0], stops: vec![[1; 3], [2; 3]] }))]
+        {
+            let is_ramp = ramp.is_some();
+            let legend = Legend {
+                title: "height".into(),
+                unit: Some("m".into()),
+                entries: (0..count).map(entry).collect(),
+                ramp,
+            };
+            let items = legend_items(&legend, &frame);
+            let swatches: Vec<_> = items
+                .iter()
+                .filter_map(|item| match item {
+                    SheetItem::Swatch { points, color } => Some((points, *color)),
+                    _ => None,
+                })
+                .collect();
+            for [x, y] in swatches.iter().flat_map(|(points, _)| points.iter()) {
+                assert!((10.0..=110.0).contains(x) && (10.0..=90.0).contains(y), "{x} {y}");
+            }
+            if is_ramp {
+                assert_eq!(swatches[1..].iter().map(|(_, color)| color[0]).collect::<Vec<_>>(), [2, 1, 5]);
+            } else {
+                assert!(swatches.len() > 3 && swatches.len() <= count.min(20) + 1);
+            }
+        }
+    }
+}

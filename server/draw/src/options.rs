@@ -1,0 +1,220 @@
+//! What is drawn, as JSON: the options of `insula draw` for clients of a server.
+
+use crate::{
+    DrawLimits, DrawRequest, error::DrawError, file::DrawingFormat, sheet::Paper, style::Stylesheet, view::DrawView,
+};
+use insula_export::{
+    selection::{ObjectSelection, passing},
+    source::ExportSource,
+};
+use insula_objects::{
+    ColorBy,
+    filter::{Filter, MAX_FILTER_BYTES},
+};
+use serde::Deserialize;
+
+/// Largest coordinate in metres.
+const MAX_M: f64 = 1e9;
+/// Longest title in bytes.
+const MAX_TITLE_BYTES: usize = 256;
+const DEFAULT_PAPER: &str = "A3";
+
+/// The options of a drawing. All but the format have defaults.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DrawingOptions {
+    pub format: DrawingFormat,
+    /// A perspective view. At most one of `view`, `plan` and `axonometric`; a plan if there is none.
+    #[serde(default)]
+    view: Option<PerspectiveOption>,
+    #[serde(default)]
+    plan: bool,
+    /// Azimuth and elevation in degrees.
+    #[serde(default)]
+    axonometric: Option<[f64; 2]>,
+    /// West, south, east and north in metres of the city's coordinate system.
+    #[serde(default)]
+    bbox: Option<[f64; 4]>,
+    #[serde(default)]
+    filter: Option<String>,
+    /// `ATTRIBUTE` or `ATTRIBUTE:PALETTE`.
+    #[serde(default)]
+    color_by: Option<String>,
+    /// `1:N`.
+    #[serde(default)]
+    scale: Option<String>,
+    #[serde(default)]
+    paper: Option<String>,
+    #[serde(default)]
+    style: Option<Stylesheet>,
+    #[serde(default)]
+    title: Option<String>,
+    #[serde(default)]
+    bare: bool,
+    #[serde(default)]
+    shadows: bool,
+    /// Azimuth and altitude of the sun in degrees.
+    #[serde(default)]
+    sun: Option<[f64; 2]>,
+}
+
+/// A camera as in camera files.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PerspectiveOption {
+    position: [f64; 3],
+    target: [f64; 3],
+    #[serde(default = "default_up")]
+    up: [f64; 3],
+    #[serde(default = "default_fov_deg")]
+    fov_y_deg: f64,
+}
+
+fn default_up() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+fn default_fov_deg() -> f64 {
+    60.0
+}
+
+fn invalid<T>(text: impl Into<String>) -> Result<T, DrawError> {
+    Err(DrawError::Invalid(text.into()))
+}
+
+impl DrawingOptions {
+    /// Reads options. Fails if they are not JSON, or have an unknown field.
+    pub fn parse(json: &[u8]) -> Result<Self, DrawError> {
+        serde_json::from_slice(json).map_err(|error| DrawError::Invalid(error.to_string()))
+    }
+
+    /// What is drawn of a city. Fails if a value is out of range, or the objects that the filter needs cannot be read.
+    pub fn request(self, source: &dyn ExportSource, limits: DrawLimits) -> Result<DrawRequest, DrawError> {
+        let view = self.view()?;
+        let scale = self.scale.as_deref().map(parse_scale).transpose()?;
+        if scale.is_some() && self.view.is_some() {
+            return invalid("scale: a perspective view has none");
+        }
+        if self.title.as_ref().is_some_and(|title| title.len() > MAX_TITLE_BYTES) {
+            return invalid(format!("title: longer than {MAX_TITLE_BYTES} bytes"));
+        }
+        let paper = Paper::parse(self.paper.as_deref().unwrap_or(DEFAULT_PAPER))?;
+        let mut style = self.style.clone().map_or_else(|| Ok(Stylesheet::default()), Stylesheet::completed)?;
+        style.shadows |= self.shadows;
+        if let Some([azimuth, altitude]) = self.sun {
+            if azimuth.abs() > 360.0 || !(0.0..=90.0).contains(&altitude) {
+                return invalid("sun: expected degrees from north, and degrees above the horizon from 0 to 90");
+            }
+            style.sun = [azimuth, altitude];
+        }
+        let color_by = match &self.color_by {
+            Some(text) => match ColorBy::parse(text, source.schema()) {
+                Ok(color_by) => Some(color_by),
+                Err(error) => return invalid(format!("color_by: {error}")),
+            },
+            None => None,
+        };
+        // The filter is last: it reads all objects.
+        let selection = self.selection(source)?;
+        Ok(DrawRequest {
+            view,
+            selection,
+            paper,
+            scale,
+            is_bare: self.bare,
+            title: self.title,
+            style,
+            is_checked: false,
+            keeps_parts: self.format == DrawingFormat::Dxf,
+            color_by,
+            limits,
+        })
+    }
+
+    fn view(&self) -> Result<DrawView, DrawError> {
+        match (self.view, self.plan, self.axonometric) {
+            (None, _, None) => Ok(DrawView::Plan),
+            (None, false, Some([azimuth_deg, elevation_deg])) => {
+                if azimuth_deg.abs() > 360.0 || !(0.0..=90.0).contains(&elevation_deg) {
+                    return invalid(
+                        "axonometric: expected degrees from north, and degrees above the horizon from 0 to 90",
+                    );
+                }
+                Ok(DrawView::Axonometric { azimuth_deg, elevation_deg })
+            }
+            (Some(PerspectiveOption { position, target, up, fov_y_deg }), false, None) => {
+                let points = position.iter().chain(&target).chain(&up);
+                if points.into_iter().any(|v| v.abs() > MAX_M) {
+                    return invalid("view: a coordinate is out of range");
+                }
+                Ok(DrawView::Perspective { position, target, up, fov_y_deg })
+            }
+            _ => invalid("at most one of view, plan and axonometric"),
+        }
+    }
+
+    fn selection(&self, source: &dyn ExportSource) -> Result<ObjectSelection, DrawError> {
+        let bbox = match self.bbox {
+            Some([west, south, east, north]) => {
+                let is_area =
+                    west < east && south < north && [west, south, east, north].iter().all(|v| v.abs() <= MAX_M);
+                if !is_area {
+                    return invalid("bbox: expected west, south, east and north");
+                }
+                Some([[west, south], [east, north]])
+            }
+            None => None,
+        };
+        let objects = match &self.filter {
+            Some(text) if text.len() > MAX_FILTER_BYTES => {
+                return invalid(format!("filter: longer than {MAX_FILTER_BYTES} bytes"));
+            }
+            Some(text) => match Filter::parse(text, source.schema()) {
+                Ok(filter) => Some(passing(source, &filter)?),
+                Err(error) => return invalid(format!("filter: {error}")),
+            },
+            None => None,
+        };
+        Ok(ObjectSelection { bbox, objects, ..ObjectSelection::default() })
+    }
+}
+
+fn parse_scale(text: &str) -> Result<f64, DrawError> {
+    let number = text.strip_prefix("1:").and_then(|number| number.parse().ok());
+    match number.filter(|scale| (1.0..=10_000_000.0).contains(scale)) {
+        Some(scale) => Ok(scale),
+        None => invalid("scale: expected 1:1 to 1:10000000"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(json: &str) -> Result<DrawView, DrawError> {
+        DrawingOptions::parse(json.as_bytes())?.view()
+    }
+
+    #[test]
+    fn options_have_one_view() {
+        assert_eq!(view(r#"{"format":"svg"}"#).unwrap(), DrawView::Plan);
+        let axonometric = DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 };
+        assert_eq!(view(r#"{"format":"pdf","axonometric":[30,35]}"#).unwrap(), axonometric);
+        let camera = r#"{"format":"dxf","view":{"position":[0,0,9],"target":[0,9,0]}}"#;
+        assert!(matches!(view(camera).unwrap(), DrawView::Perspective { up: [0.0, 0.0, 1.0], fov_y_deg: 60.0, .. }));
+        for wrong in [
+            "",
+            "{}",
+            r#"{"format":"png"}"#,
+            r#"{"format":"svg","plan":true,"axonometric":[0,0]}"#,
+            r#"{"format":"svg","axonometric":[0,-1]}"#,
+            r#"{"format":"svg","axonometric":[1e999,0]}"#,
+            r#"{"format":"svg","view":{"position":[1e300,0,9],"target":[0,9,0]}}"#,
+            r#"{"format":"svg","style":{"fil":"light"}}"#,
+            r#"{"format":"svg","out":"/etc/passwd"}"#,
+        ] {
+            assert!(view(wrong).is_err(), "{wrong}");
+        }
+        assert!(parse_scale("1:500").is_ok() && parse_scale("1:nan").is_err() && parse_scale("500").is_err());
+    }
+}
