@@ -178,7 +178,7 @@ async fn hostile_options_are_explained() {
         (r##"{"format":"svg","style":{"colors":{"water":"url(http://x)"}}}"##, "not a colour"),
         (r#"{"format":"svg","style":{"hatch":{"building":{"spacing":1e-9,"width":0}}}}"#, "out of range"),
         (&deep, "filter"),
-        (&nested, "limit"),
+        (&nested, "expected value"),
         (&long_title, "title"),
     ] {
         assert_refused(&server, JSON, options, 400, words).await;

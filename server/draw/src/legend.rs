@@ -66,7 +66,9 @@ pub(crate) fn legend_items(legend: &Legend, frame: &PaperRect) -> Vec<SheetItem>
         let width = RAMP_MM[0] / ramp.stops.len().max(1) as f64;
         for k in 0..ramp.stops.len() {
             let color = ramp.stops[if is_reversed { ramp.stops.len() - 1 - k } else { k }];
-            let points = rectangle([left + 3.0 + width * k as f64, y], [width, RAMP_MM[1]]);
+            // Each reaches to the end and is covered by the next one, so that no seams show.
+            let from = width * k as f64;
+            let points = rectangle([left + 3.0 + from, y], [RAMP_MM[0] - from, RAMP_MM[1]]);
             items.push(SheetItem::Swatch { points, color });
         }
         y -= ROW_MM;
