@@ -1,7 +1,8 @@
 //! What is drawn, as JSON: the options of `insula draw` for clients of a server.
 
 use crate::{
-    DrawLimits, DrawRequest, error::DrawError, file::DrawingFormat, sheet::Paper, style::Stylesheet, view::DrawView,
+    error::DrawError, file::DrawingFormat, limits::DrawLimits, pipeline::DrawRequest, sheet::Paper, style::Stylesheet,
+    view::DrawView,
 };
 use insula_export::{
     selection::{ObjectSelection, passing},
