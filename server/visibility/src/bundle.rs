@@ -14,7 +14,7 @@ use insula_protocol::visibility_tile::{LAYERS, SCALE_LEVELS, SCALES};
 use crate::{
     heights::CityHeights,
     settings::Settings,
-    windows::{BLOCK_SIDES, Blocks, SIZES, Windows},
+    windows::{BLOCK_SIDES, BlockTables, SIZES, Windows},
 };
 
 /// `1 / sqrt(2)`, rounded down: squares of this side at any angle fit into an upright one of side 1.
@@ -45,7 +45,7 @@ pub(crate) type LayerNumber = u8;
 #[derive(Debug)]
 pub(crate) struct HeightTables {
     tops: Windows,
-    blocks: Blocks,
+    blocks: BlockTables,
 }
 
 impl HeightTables {
@@ -53,7 +53,7 @@ impl HeightTables {
         let (width, height) = (heights.width, heights.height);
         Self {
             tops: Windows::new(width, height, &heights.tops, u16::max),
-            blocks: Blocks::new(width, height, &heights.tops),
+            blocks: BlockTables::new(width, height, &heights.tops),
         }
     }
 }

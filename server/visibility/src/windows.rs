@@ -2,7 +2,7 @@
 
 /// Sizes of the windows are 2, 4, 8, 16, 32 and 64 squares.
 pub(crate) const SIZES: usize = 6;
-/// Sides of the blocks of [`Blocks`], in squares.
+/// Sides of the blocks of [`BlockTables`], in squares.
 pub(crate) const BLOCK_SIDES: [usize; 3] = [8, 32, 128];
 
 /// Squares west and south of the grid at which a window may begin.
@@ -56,11 +56,11 @@ impl Windows {
 
 /// The highest values of blocks of a grid, each together with the eight blocks around it.
 #[derive(Debug)]
-pub(crate) struct Blocks {
+pub(crate) struct BlockTables {
     levels: Vec<(isize, isize, Vec<u16>)>,
 }
 
-impl Blocks {
+impl BlockTables {
     /// The blocks of a grid.
     pub(crate) fn new(width: usize, height: usize, values: &[u16]) -> Self {
         let levels = BLOCK_SIDES
