@@ -13,7 +13,9 @@ const REST_IN_STEPS: Duration = Duration::from_millis(100);
 /// quarter or an eighth of the pixels along each side.
 const MAX_MOVING_FRAME: Duration = Duration::from_millis(48);
 /// Least time of such a frame for the scene: where the rest takes long, the scene is not made ever coarser for it.
-const MIN_MOVING_SCENE: Duration = Duration::from_millis(24);
+const MIN_MOVING_SCENE: Duration = Duration::from_millis(28);
+/// Most of a frame's time that is taken for independent of its pixels. Two frames of different sizes may differ by chance.
+const MAX_FIXED_SHARE: f64 = 0.75;
 /// Longest frame of a resting view. A GPU draws it at once, and the user must wait for it to move on.
 const MAX_STILL_FRAME: Duration = Duration::from_millis(400);
 /// The same for the CPU ray-caster, which draws it in steps.
@@ -62,8 +64,12 @@ pub struct FramePacer {
     overhead: Duration,
     /// Estimated time of a frame with all pixels, by the rays along a pixel's side.
     full_frame_times: [Duration; MAX_PACED],
+    /// Part of the scene's time that does not depend on the number of pixels.
+    fixed: Duration,
     /// Rays along a pixel's side of the frame that was measured last.
     last_samples: u32,
+    /// Divisor and time of the scene of the last whole frame.
+    last_frame: Option<(u32, Duration)>,
     is_finished: bool,
     draws_in_steps: bool,
 }
@@ -79,7 +85,9 @@ impl FramePacer {
             frame_time: Duration::ZERO,
             overhead: Duration::ZERO,
             full_frame_times: std::array::from_fn(|i| first.mul_f64(cost(i))),
+            fixed: Duration::ZERO,
             last_samples: 1,
+            last_frame: None,
             is_finished: false,
             draws_in_steps,
         }
@@ -102,7 +110,7 @@ impl FramePacer {
         let is_final = !is_changing && is_settled;
         let moving_limit = MAX_MOVING_FRAME.saturating_sub(self.overhead).max(MIN_MOVING_SCENE);
         let mut divisor = 1;
-        while !is_final && divisor < MAX_DIVISOR && self.estimate(1) / (divisor * divisor) > moving_limit {
+        while !is_final && divisor < MAX_DIVISOR && self.estimate_divided(divisor) > moving_limit {
             divisor *= 2;
         }
         let still_limit = if self.draws_in_steps { MAX_STILL_FRAME_IN_STEPS } else { MAX_STILL_FRAME };
@@ -124,6 +132,28 @@ impl FramePacer {
     /// Estimated time of a frame with all pixels.
     fn estimate(&self, samples: u32) -> Duration {
         self.full_frame_times[place_of(samples)]
+    }
+
+    /// Estimated time of a frame with a ray a pixel and this fraction of the pixels along each side.
+    fn estimate_divided(&self, divisor: u32) -> Duration {
+        let full = self.estimate(1);
+        let fixed = self.fixed.min(full);
+        fixed + (full - fixed) / (divisor * divisor)
+    }
+
+    /// Learns from two frames with different numbers of pixels how much of their time does not depend on these.
+    fn learn_fixed(&mut self, scene: Duration, detail: FrameDetail) {
+        let last = self.last_frame.replace((detail.divisor, scene));
+        let Some((last_divisor, last_scene)) = last.filter(|_| detail.samples == self.last_samples) else { return };
+        let pixels = |divisor: u32| 1.0 / f64::from(divisor * divisor);
+        let more_pixels = pixels(detail.divisor) - pixels(last_divisor);
+        if more_pixels == 0.0 {
+            return;
+        }
+        let per_pixel = (scene.as_secs_f64() - last_scene.as_secs_f64()) / more_pixels;
+        let least = scene.min(last_scene).as_secs_f64();
+        let fixed = (scene.as_secs_f64() - per_pixel * pixels(detail.divisor)).clamp(0.0, MAX_FIXED_SHARE * least);
+        self.fixed = Duration::from_secs_f64(fixed);
     }
 
     /// Takes in the time of a frame with all pixels.
@@ -152,7 +182,9 @@ impl FramePacer {
     pub fn end_frame(&mut self, frame: FrameTime, detail: FrameDetail, is_presented: bool) -> bool {
         self.frame_time = frame.all;
         self.overhead = (self.overhead + frame.all.saturating_sub(frame.scene)) / 2;
-        self.measured(frame.scene * (detail.divisor * detail.divisor), detail.samples);
+        self.learn_fixed(frame.scene, detail);
+        let fixed = self.fixed.min(frame.scene);
+        self.measured(fixed + (frame.scene - fixed) * (detail.divisor * detail.divisor), detail.samples);
         let was_finished = self.is_finished;
         self.is_finished = detail.is_final && is_presented;
         self.is_finished && !was_finished
@@ -278,6 +310,35 @@ mod tests {
         assert!(pacer.estimate(3) <= Duration::from_millis(18), "{:?}", pacer.full_frame_times);
         draw(&mut pacer, 1, 400);
         assert!(pacer.estimate(3) >= Duration::from_millis(400), "{:?}", pacer.full_frame_times);
+    }
+
+    #[test]
+    fn the_time_that_does_not_depend_on_pixels_is_learnt() {
+        let begin = Instant::now();
+        let mut pacer = FramePacer::new(begin, true);
+        let draw = |pacer: &mut FramePacer| {
+            let divisor = pacer.detail(begin, false).divisor;
+            // 6 ms and 72 ms for all pixels.
+            let scene = Duration::from_micros(6000 + 72_000 / u64::from(divisor * divisor));
+            pacer.end_frame(
+                FrameTime { scene, all: scene },
+                FrameDetail { divisor, samples: 1, is_final: false },
+                true,
+            );
+            divisor
+        };
+        let divisors: Vec<u32> = (0..6).map(|_| draw(&mut pacer)).collect();
+        assert_eq!((divisors[0], divisors[5]), (8, 2), "{divisors:?}");
+        assert!(pacer.full_frame_time().abs_diff(Duration::from_millis(78)) < Duration::from_millis(1));
+        // A frame that took long by chance is forgotten with the next one.
+        let slow = Duration::from_millis(90);
+        pacer.end_frame(
+            FrameTime { scene: slow, all: slow },
+            FrameDetail { divisor: 2, samples: 1, is_final: false },
+            true,
+        );
+        let divisors: Vec<u32> = (0..6).map(|_| draw(&mut pacer)).collect();
+        assert_eq!(divisors[5], 2, "{divisors:?}");
     }
 
     #[test]
