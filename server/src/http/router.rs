@@ -10,7 +10,7 @@ use super::{
 use axum::{
     Router,
     http::{HeaderValue, StatusCode, header},
-    routing::{MethodRouter, get, post},
+    routing::{MethodRouter, get},
 };
 use insula_protocol::route::RouteTemplate;
 
@@ -52,7 +52,7 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         RouteTemplate::Filter => get(filter::filter),
         RouteTemplate::Groups => get(group::group),
         #[cfg(feature = "bake")]
-        RouteTemplate::Draw => post(super::draw::draw).fallback(super::draw::other_method),
+        RouteTemplate::Draw => axum::routing::post(super::draw::draw).fallback(super::draw::other_method),
         #[cfg(not(feature = "bake"))]
         RouteTemplate::Draw => get(not_found),
         #[cfg(feature = "bake")]
