@@ -63,7 +63,7 @@ impl RouteTemplate {
         Self::Other,
     ];
 
-    /// Classifies any path by its shape alone. Unlike [`Route::parse`] it also classifies addresses with invalid names
+    /// Classifies any path by its shape alone. Unlike [`super::Route::parse`] it also classifies addresses with invalid names
     /// or numbers, and counts everything below a tile kind as that kind, and everything below a search or filter as such.
     pub fn of_path(path: &str) -> Self {
         let mut segments = path.strip_prefix('/').unwrap_or(path).splitn(6, '/');
