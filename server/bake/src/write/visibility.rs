@@ -14,7 +14,8 @@ use crate::error::BakeError;
 /// Heights below a city's bounds that columns may reach down to, in metres.
 const BELOW_BOUNDS_M: f64 = 100.0;
 
-/// As [`write_archive`]; returns the archive's length.
+/// Writes the archive into a city's folder, which has the archives of subtrees and V-BlockMaps, and returns its length. `None` if the
+/// city has no leaves. Fails if a tile cannot be read or the file cannot be written.
 pub fn write(folder: &Path, manifest: &Manifest, threads: usize) -> Result<Option<u64>, BakeError> {
     Ok(write_archive(folder, manifest, threads)?.map(|archive| archive.bytes))
 }
