@@ -230,8 +230,8 @@ pub(crate) struct PartsCity {
 }
 
 impl<'o> SceneParts<'o> {
-    /// Opens the elevation models, if there are any among the inputs. `folder` is for scratch files, `textures` an empty folder for textures by number. Fails if a model
-    /// cannot be opened, unless bad inputs are skipped.
+    /// Opens the elevation models, if there are any among the inputs. `folder` is for scratch files, `textures` an empty folder for
+    /// textures by number. Fails if a model cannot be opened, unless bad inputs are skipped.
     pub(crate) fn new(
         inputs: Option<&ListedInputs>,
         options: &'o ReadOptions,

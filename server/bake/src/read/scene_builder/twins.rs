@@ -53,6 +53,7 @@ impl SceneBuilder {
         self.pending.try_for_each(|number, object| {
             if object.is_dropped { Ok(()) } else { candidates.push(object.candidate(number)) }
         })?;
+        let scratch = self.pair_scratch();
         let (mut same, mut by_shape) = (PairSorter::new(&scratch, by_pair), PairSorter::new(&scratch, by_pair));
         similar_pairs(candidates.finish()?, option, |pair| {
             if pair.has_same_id { same.push(pair) } else { by_shape.push(pair) }
@@ -71,6 +72,12 @@ impl SceneBuilder {
             count_duplicate(&left_out, &kept, has_same_id, sources);
             self.pending.update(number, |object| object.is_dropped = true)
         })
+    }
+
+    /// Where what is known of pairs is kept: there may be as many as objects, and each has two masks of half a kilobyte.
+    fn pair_scratch(&self) -> RecordScratch {
+        let folder = self.triangles.own_file().and_then(|file| file.path().parent());
+        folder.map_or_else(|| self.pending.scratch(), RecordScratch::in_folder)
     }
 
     /// Leaves out the objects that others name as their parent, where the source says that the parts show them.
