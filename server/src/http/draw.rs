@@ -25,14 +25,8 @@ use insula_draw::{
     file::{DrawingFormat, encode},
     options::DrawingOptions,
 };
-use insula_objects::Schema;
-use insula_protocol::{
-    TileKind,
-    object_tile::{self, SCHEMA_ID},
-    route::{Route, RouteError, RouteTemplate},
-};
+use insula_protocol::route::{Route, RouteError, RouteTemplate};
 use std::{
-    fmt::Display,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering::Relaxed},
@@ -187,15 +181,7 @@ fn make_now(
         }
         runtime.block_on(city.checked_tile(kind, id))
     };
-    let schema = match read(TileKind::Objects, SCHEMA_ID).map_err(|error| unreadable(&error))? {
-        Some(bytes) => {
-            let content = object_tile::decode(SCHEMA_ID, &bytes).map_err(|error| unreadable(&error))?;
-            let schema: Schema = serde_json::from_slice(&content).map_err(|error| unreadable(&error))?;
-            schema.check().map_err(|error| unreadable(&error))?;
-            schema
-        }
-        None => Schema::default(),
-    };
+    let schema = StoredCity::read_schema(&read).map_err(DrawError::Source)?;
     let source = StoredCity::new(city, &schema, &read);
     let request = options.request(&source, limits)?;
     let drawing = draw_city(&source, &request, &|_, _| !stopped.load(Relaxed))?;
@@ -204,10 +190,6 @@ fn make_now(
         return Err(DrawError::TooManyParts { limit: limits.parts });
     }
     Ok(bytes)
-}
-
-fn unreadable(error: &dyn Display) -> DrawError {
-    DrawError::Source(insula_export::source::SourceError { what: "the schema".to_owned(), reason: error.to_string() })
 }
 
 /// Logs failures of the city's files.

@@ -20,10 +20,8 @@ use axum::{
 use bytes::Bytes;
 use insula_bake::read::EarthPlace;
 use insula_export::{glb::ExportError, selection::ObjectSelection, tiles3d::Tileset};
-use insula_objects::Schema;
 use insula_protocol::{
-    TileId, TileKind,
-    object_tile::{self, SCHEMA_ID},
+    TileId,
     route::{Route, RouteError, RouteTemplate, TilesetFileKind},
 };
 use moka::future::Cache;
@@ -148,15 +146,7 @@ async fn make(city: &Arc<CityStore>, file: TilesetFile) -> Result<Bytes, FileErr
 fn make_now(city: &CityStore, file: TilesetFile, runtime: &Handle) -> Result<Bytes, FileError> {
     let failed = |error: &dyn std::fmt::Display| FileError::Failed(error.to_string());
     let read = |kind, id| runtime.block_on(city.checked_tile(kind, id));
-    let schema = match read(TileKind::Objects, SCHEMA_ID).map_err(|error| failed(&error))? {
-        Some(bytes) => {
-            let content = object_tile::decode(SCHEMA_ID, &bytes).map_err(|error| failed(&error))?;
-            let schema: Schema = serde_json::from_slice(&content).map_err(|error| failed(&error))?;
-            schema.check().map_err(|error| failed(&error))?;
-            schema
-        }
-        None => Schema::default(),
-    };
+    let schema = StoredCity::read_schema(&read).map_err(|error| failed(&error))?;
     let source = StoredCity::new(city, &schema, &read);
     let manifest = city.manifest();
     let place = manifest.crs.as_deref().and_then(EarthPlace::of);

@@ -7,7 +7,7 @@ use insula_export::source::{ExportSource, SourceError};
 use insula_objects::{ObjectBlock, Schema};
 use insula_protocol::{
     BlockMap, Manifest, MeshTile, Subtree, TileId, TileKind, mesh_tile,
-    object_tile::{self, block_id},
+    object_tile::{self, SCHEMA_ID, block_id},
 };
 use std::fmt::Display;
 
@@ -25,6 +25,18 @@ impl<'a> StoredCity<'a> {
     /// `read` is called for each tile, and may wait.
     pub fn new(city: &'a CityStore, schema: &'a Schema, read: &'a ReadTileFn<'a>) -> Self {
         Self { city, schema, read }
+    }
+
+    /// The schema of a city's objects; an empty one if it has no objects. Fails if it cannot be read, or is damaged.
+    pub fn read_schema(read: &ReadTileFn<'_>) -> Result<Schema, SourceError> {
+        let failed = |reason: &dyn Display| source_error(TileKind::Objects, SCHEMA_ID, reason);
+        let Some(bytes) = read(TileKind::Objects, SCHEMA_ID).map_err(|error| failed(&error))? else {
+            return Ok(Schema::default());
+        };
+        let content = object_tile::decode(SCHEMA_ID, &bytes).map_err(|error| failed(&error))?;
+        let schema: Schema = serde_json::from_slice(&content).map_err(|error| failed(&error))?;
+        schema.check().map_err(|error| failed(&error))?;
+        Ok(schema)
     }
 
     fn tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, SourceError> {

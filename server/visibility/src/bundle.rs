@@ -395,7 +395,7 @@ impl Walker<'_> {
             let top_m = scale.height_m(top);
             let sees = |h: &Horizon| h.has_eyes() && !h.hides(top_m, [t, end], margin);
             let Some(layer) = horizons.iter().position(sees).filter(|_| top > 0) else {
-                // What is hidden hides nothing more.
+                // A hidden segment raises no horizon.
                 t = end;
                 continue;
             };

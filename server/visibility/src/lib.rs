@@ -3,7 +3,7 @@
 //! From the V-BlockMaps of a baked city's nodes without children come, for each cell of the space where people walk and stand, the
 //! leaves that an eye in it may see ([`CitySets`]). The bake writes them as visibility tiles.
 //!
-//! The sets are conservative: they lack nothing that is visible, and may have what is not.
+//! The sets are conservative: each has all visible leaves, and may have hidden ones.
 
 mod bundle;
 mod cells;

@@ -13,8 +13,8 @@ pub struct Settings {
     pub sectors: u32,
     /// Heights of the layers above the ground in decimetres, ascending.
     pub layers_dm: [u16; LAYERS],
-    /// By how much what is hidden must lie below what hides it, in metres per metre of distance: nodes and meshes are drawn with errors
-    /// of up to a pixel.
+    /// Least height of a horizon above a leaf that it hides, in metres per metre of distance. Nodes and meshes are drawn with errors of
+    /// up to a pixel.
     pub slope_margin: f32,
 }
 

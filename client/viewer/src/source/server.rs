@@ -2,6 +2,7 @@
 
 use super::{BoxFuture, PendingGroup, PendingTile, TileSource, Transport};
 use crate::{scene::TileKey, streamer::FetchError};
+use bytes::Bytes;
 use insula_archive::limits::max_tile_bytes;
 use insula_objects::{filter::FilteredObjects, search::SearchHit};
 use insula_protocol::{
@@ -28,7 +29,7 @@ pub struct ServerSource {
     query: String,
     name: String,
     version: String,
-    /// The server does not know groups.
+    /// The server does not know groups, or sent one that is none.
     lacks_groups: AtomicBool,
 }
 
@@ -50,6 +51,14 @@ impl ServerSource {
     }
 }
 
+impl ServerSource {
+    /// The response for a group that cannot be had: each tile is fetched by itself, from now on.
+    fn without_groups(&self, keys: &[TileKey]) -> Vec<Option<Bytes>> {
+        self.lacks_groups.store(true, Ordering::Relaxed);
+        vec![None; keys.len()]
+    }
+}
+
 impl TileSource for ServerSource {
     fn tile(&self, key: TileKey) -> PendingTile<'_> {
         let path = match key.kind() {
@@ -65,13 +74,13 @@ impl TileSource for ServerSource {
             let url = format!("{}{}{}", self.base, route::group(&self.name, &self.version, group), self.query);
             let response = match self.http.get(url, tile_group::MAX_BYTES).await {
                 // An older server. Or it lacks all of these tiles, which their own requests find out.
-                Err(FetchError::Missing) => {
-                    self.lacks_groups.store(true, Ordering::Relaxed);
-                    return Ok(vec![None; keys.len()]);
-                }
+                Err(FetchError::Missing) => return Ok(self.without_groups(keys)),
                 response => response?,
             };
-            let members = tile_group::decode(&response, group.node_count()).map_err(FetchError::Damaged)?;
+            // Something on the way damages groups: tiles have checksums, and requests of their own.
+            let Ok(members) = tile_group::decode(&response, group.node_count()) else {
+                return Ok(self.without_groups(keys));
+            };
             let tile = |key: &TileKey| match &members[group.position(key.id)?] {
                 GroupMember::Tile(range) => Some(response.slice(range.clone())),
                 GroupMember::Absent | GroupMember::LeftOut => None,
@@ -118,7 +127,6 @@ impl TileSource for ServerSource {
 mod tests {
     use super::*;
     use crate::{source::RangeResponse, test_support::manifest};
-    use bytes::Bytes;
     use futures_util::FutureExt as _;
     use insula_protocol::TileId;
     use std::{
@@ -185,11 +193,15 @@ mod tests {
     }
 
     #[test]
-    fn an_older_server_is_asked_for_single_tiles() {
-        let (source, tiles, _) = fetch_group(Err(FetchError::Missing));
-        assert_eq!(tiles.unwrap(), [None, None, None]);
-        assert!(!source.has_groups());
-        assert!(matches!(fetch_group(Ok(Bytes::from_static(b"INSUx"))).1, Err(FetchError::Damaged(_))));
+    fn single_tiles_are_fetched_where_groups_cannot_be_had() {
+        for response in [Err(FetchError::Missing), Ok(Bytes::from_static(b"INSUx"))] {
+            let (source, tiles, _) = fetch_group(response);
+            assert_eq!(tiles.unwrap(), [None, None, None]);
+            assert!(!source.has_groups());
+        }
+        let busy = FetchError::Busy { status: 503, retry_after: None };
+        let (source, tiles, _) = fetch_group(Err(busy));
+        assert!(tiles.is_err() && source.has_groups(), "for now");
     }
 
     #[test]

@@ -119,7 +119,7 @@ impl RequestQueue {
         self.groups_from = now + GROUP_PAUSE;
     }
 
-    /// Drops what is not wanted any more. Returns the tiles whose requests are to be cancelled.
+    /// Drops tiles that are no longer wanted. Returns those whose requests are in flight, to be cancelled.
     fn forget_unwanted(&mut self, tree: &mut SceneTree, wanted: &[TileRequest]) -> Vec<TileKey> {
         let keys: HashSet<TileKey> = wanted.iter().map(|request| request.key).collect();
         for key in self.queued.extract_if(|key| !keys.contains(key)) {

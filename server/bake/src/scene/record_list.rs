@@ -20,6 +20,7 @@ use crate::error::BakeError;
 /// Records of a page.
 const PAGE_RECORDS: usize = 512;
 /// Pages of a list that are in memory.
+// Evaluated by the compiler.
 const PAGES: NonZeroUsize = NonZeroUsize::new(16).unwrap();
 
 /// Where records are kept: in memory, or in files of a folder that have no name and vanish when they are closed.

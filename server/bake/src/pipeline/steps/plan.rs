@@ -75,7 +75,7 @@ impl BakeSteps<'_> {
         let land = surroundings.map(|land| land.facts());
         let numbers = ObjectNumbers::new(&city, &grid, &self.known_numbers()?)?;
         let region_level = grid.depth.saturating_sub(self.region_leaves().ilog2() as u8);
-        // What is of no scan is a chunk of its own, if there is anything.
+        // Triangles that no scan made, those of terrain and landmarks, are a chunk of their own.
         let scans = self.chunks().len();
         if first_objects.last().is_some_and(|first| *first as usize == city.placements.len()) {
             first_objects.pop();

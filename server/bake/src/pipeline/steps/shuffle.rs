@@ -96,7 +96,7 @@ impl Bundle {
 }
 
 impl BakeSteps<'_> {
-    /// Sorts a chunk by region; the last one may be what is of no scan. Fails if the plan is missing.
+    /// Sorts a chunk by region. The last chunk may have the triangles that no scan made. Fails if the plan is missing.
     pub fn shuffle(&self, chunk: usize) -> Result<(), BakeError> {
         let plan = self.read_plan()?;
         self.check_task("shuffle", chunk, plan.chunks)?;
