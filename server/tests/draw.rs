@@ -68,7 +68,7 @@ async fn drawings_are_those_of_the_command() {
     let city = CityStore::open(&server.folder.path().join("two")).unwrap();
     let schema = Schema::default();
     let read = |kind, id| city.tile(kind, id);
-    let source = StoredCity::new(&city, &schema, &read);
+    let source = StoredCity::new(city.manifest(), &schema, &read);
     for (format, name, content_type) in [
         (DrawingFormat::Svg, "svg", "image/svg+xml"),
         (DrawingFormat::Pdf, "pdf", "application/pdf"),

@@ -7,7 +7,7 @@ use insula_tests::source_code::{
 };
 
 /// Folders of the crates' sources.
-const CRATES: [&str; 14] = [
+const CRATES: [&str; 15] = [
     "protocol/src",
     "protocol/archive/src",
     "protocol/objects/src",
@@ -18,6 +18,7 @@ const CRATES: [&str; 14] = [
     "server/draw/src",
     "server/export/src",
     "server/occlusion/src",
+    "server/roam/src",
     "server/visibility/src",
     "server/src",
     "tests/harness",

@@ -17,10 +17,10 @@ HERE = pathlib.Path(__file__).resolve().parent
 TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", HERE.parent.parent / "target")) / "release"
 sys.path.insert(0, str(HERE))
 
-from papers import gasparello, vacca
+from papers import gasparello, mischitelli, vacca
 from papers.tools import Setup, Table, say
 
-TABLES = {**vacca.TABLES, **gasparello.TABLES}
+TABLES = {**vacca.TABLES, **gasparello.TABLES, **mischitelli.TABLES}
 MINUTES = 25
 
 

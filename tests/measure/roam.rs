@@ -6,7 +6,7 @@
 //! `tests/tools/roam.py` makes the input of `roam martini FOLDER ERROR...`.
 
 use anyhow::{Context, Result, bail, ensure};
-use insula_bake::roam::{Borders, HeightField, TILE_STEPS, TerrainMesh, triangulate, triangulate_region};
+use insula_roam::{Borders, HeightField, TILE_STEPS, TerrainMesh, triangulate, triangulate_region};
 use std::{fs, path::Path};
 
 fn main() -> Result<()> {

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("seen").required(true).args(["view", "plan", "axonometric"]))]
 pub struct DrawArgs {
-    /// The folder of a baked city, or city files, as for `insula-server bake`.
+    /// The folder of a baked city, its address as for `insula view`, or city files as for `insula-server bake`.
     #[arg(required = true, value_name = "SOURCE")]
     pub sources: Vec<PathBuf>,
     /// Perspective view of a camera file, as for `insula snapshot`. The field of view is the height of the drawing.

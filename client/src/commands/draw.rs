@@ -1,13 +1,17 @@
 //! `insula draw`: a city as vector shapes.
 
 use super::{
+    connect::connect,
     embedded::{BakeJob, CacheRoot, bake_cached, cache_key},
-    open::is_baked,
+    open::{is_address, is_baked},
 };
 use crate::{
-    args::DrawArgs,
+    args::{DrawArgs, GlobalArgs},
     error::{ClientError, Result},
+    stream::{city::OpenedCity, fetch::Http, jitter::jitter},
 };
+use bytes::Bytes;
+use insula_archive::ReadError;
 use insula_bake::read::{FacadeOption, Palette};
 use insula_draw::{
     DrawError, DrawLimits, DrawRequest, draw,
@@ -23,34 +27,52 @@ use insula_export::{
     source::ExportSource,
 };
 use insula_objects::{ColorBy, filter::Filter};
-use insula_protocol::text::{count, human_bytes, printable};
-use insula_server::store::{CityStore, StoredCity, StoredObjects};
+use insula_protocol::{
+    Manifest, TileId, TileKind,
+    text::{count, human_bytes, printable},
+};
+use insula_server::store::{CityStore, ReadTileFn, StoredCity};
 use insula_viewer::{
     camera::CameraFile,
+    scene::{TileKey, tile::retry_delay},
+    streamer::FetchError,
     sun::{Daylight, SunOptions},
 };
 use std::{
     fs,
     io::IsTerminal,
     path::{Path, PathBuf},
-    sync::Mutex,
+    sync::{Arc, Mutex},
 };
 
+/// A tile of a city at an address is given up after so many failures.
+const MAX_ATTEMPTS: u8 = 5;
 /// Larger stylesheets and camera files are refused.
 const MAX_TEXT_BYTES: u64 = 1 << 20;
 
 /// Runs the command. Fails if the files cannot be baked, the city cannot be read, there is nothing or too much to draw, or the file
 /// cannot be written.
-pub(super) fn run(args: &DrawArgs) -> Result<()> {
+pub(super) fn run(args: &DrawArgs, global: &GlobalArgs) -> Result<()> {
+    if let [place] = &args.sources[..]
+        && is_address(place)
+    {
+        let http = Arc::new(Http::new(None)?);
+        let city = connect(&http, place, global)?;
+        let read = |kind, id| fetch_tile(&http, &city, kind, id);
+        return draw_source(args, &city.manifest, &read);
+    }
+    let folder = baked_folder(&args.sources)?;
+    let city = CityStore::open(&folder).map_err(|error| unreadable(&error))?;
+    draw_source(args, city.manifest(), &|kind, id| city.tile(kind, id))
+}
+
+/// Draws the city whose tiles `read` reads.
+fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> Result<()> {
     let format = DrawingFormat::of(&args.out).map_err(|error| failed(&error))?;
     let paper = Paper::parse(&args.paper).map_err(|error| failed(&error))?;
     let view = view(args)?;
-    let folder = baked_folder(&args.sources)?;
-    let unreadable = |error: &dyn std::fmt::Display| ClientError::Failed(error.to_string());
-    let city = CityStore::open(&folder).map_err(|error| unreadable(&error))?;
-    let objects = StoredObjects::open(&city).map_err(|error| unreadable(&error))?;
-    let read = |kind, id| city.tile(kind, id);
-    let source = StoredCity::new(&city, objects.schema(), &read);
+    let schema = StoredCity::read_schema(read).map_err(|error| unreadable(&error))?;
+    let source = StoredCity::new(manifest, &schema, read);
     let color_by = args.color_by.as_ref().map(|text| {
         ColorBy::parse(text, source.schema()).map_err(|error| ClientError::Usage(format!("--color-by {text}: {error}")))
     });
@@ -78,6 +100,22 @@ pub(super) fn run(args: &DrawArgs) -> Result<()> {
     Ok(())
 }
 
+/// Fetches a tile of a city at an address, and asks again where that may help; `None` if there is no such tile.
+fn fetch_tile(http: &Http, city: &OpenedCity, kind: TileKind, place: TileId) -> Result<Option<Bytes>, ReadError> {
+    let Some(key) = TileKey::in_archive(kind, place, city.manifest.depth) else { return Ok(None) };
+    for attempt in 1.. {
+        let wait = match http.block_on(city.source.tile(key)) {
+            Ok(bytes) => return Ok(Some(bytes)),
+            Err(FetchError::Missing) => return Ok(None),
+            Err(FetchError::Unusable(reason)) => return Err(ReadError::Unusable(reason)),
+            Err(error) if attempt == MAX_ATTEMPTS => return Err(ReadError::Failed(error.to_string())),
+            Err(error) => retry_delay(attempt, error.retry_after(), jitter()),
+        };
+        std::thread::sleep(wait);
+    }
+    Ok(None)
+}
+
 fn report(drawing: &Drawing, args: &DrawArgs, bytes: u64) {
     let counts = &drawing.counts;
     if counts.without_mesh > 0 {
@@ -92,6 +130,10 @@ fn report(drawing: &Drawing, args: &DrawArgs, bytes: u64) {
     eprintln!("{}", printable(&text));
 }
 
+fn unreadable(error: &dyn std::fmt::Display) -> ClientError {
+    ClientError::Failed(error.to_string())
+}
+
 fn failed(error: &DrawError) -> ClientError {
     match error {
         DrawError::Invalid(_) => ClientError::Usage(error.to_string()),
@@ -104,10 +146,6 @@ fn baked_folder(sources: &[PathBuf]) -> Result<PathBuf> {
     if let [place] = sources
         && is_baked(place)
     {
-        if place.to_str().is_some_and(|text| text.contains("://")) {
-            let text = format!("{}: draw the folder of a baked city, or city files", place.display());
-            return Err(ClientError::Usage(text));
-        }
         // The place may be the manifest of the city.
         return Ok(if place.is_file() { place.parent().unwrap_or(Path::new("")).to_owned() } else { place.clone() });
     }

@@ -32,7 +32,7 @@ pub fn run(cli: Cli) -> Result<()> {
         #[cfg(feature = "embedded")]
         ClientCommand::Demo(args) => demo::run(&args, &global),
         #[cfg(feature = "embedded")]
-        ClientCommand::Draw(args) => draw::run(&args),
+        ClientCommand::Draw(args) => draw::run(&args, &global),
         #[cfg(not(feature = "embedded"))]
         ClientCommand::Open(_) | ClientCommand::Demo(_) | ClientCommand::Draw(_) => Err(ClientError::Usage(
             "this program was built without the embedded server: use insula-server, then insula view".into(),

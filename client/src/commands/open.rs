@@ -35,8 +35,12 @@ pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
 
 /// Whether an input is the address of a city, or the folder or manifest of a baked one, and not a city file.
 pub(super) fn is_baked(input: &Path) -> bool {
-    let is_address = input.to_str().is_some_and(|text| text.contains("://"));
     // A city file may be named as a manifest is.
     let is_city = |location| matches!(location, CityLocation::Folder(folder) if read_manifest(&folder).is_ok());
-    is_address || CityLocation::parse(input).is_ok_and(is_city)
+    is_address(input) || CityLocation::parse(input).is_ok_and(is_city)
+}
+
+/// Whether an input is the address of a city on a server or web host.
+pub(super) fn is_address(input: &Path) -> bool {
+    input.to_str().is_some_and(|text| text.contains("://"))
 }

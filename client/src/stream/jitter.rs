@@ -3,6 +3,6 @@
 use std::hash::{BuildHasher, Hasher, RandomState};
 
 /// A random number in 0..1. The standard library seeds each hasher at random.
-pub(super) fn jitter() -> f64 {
+pub(crate) fn jitter() -> f64 {
     (RandomState::new().build_hasher().finish() >> 11) as f64 / (1u64 << 53) as f64
 }

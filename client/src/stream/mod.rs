@@ -3,7 +3,7 @@
 mod background_fetcher;
 pub mod city;
 pub mod fetch;
-mod jitter;
+pub(crate) mod jitter;
 pub mod location;
 pub mod notifier;
 pub mod simulated_link;

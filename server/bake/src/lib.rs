@@ -12,7 +12,6 @@ pub mod pipeline;
 pub mod progress;
 pub mod read;
 pub mod report;
-pub mod roam;
 pub mod sample;
 pub mod scene;
 pub mod simplify;

@@ -139,8 +139,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let c = drawing.counts;
     println!(
-        "{} objects, {} triangles, {} in view, {} after splits, {} parts; {:.2} s, {} bytes",
+        "{} objects, {} triangles read, {} with terrain for the view, {} in view, {} after splits, {} parts; {:.2} s, {} bytes",
         drawing.objects.len(),
+        c.read,
         c.triangles,
         c.facing,
         c.sorted,

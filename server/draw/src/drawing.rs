@@ -35,7 +35,9 @@ pub struct Drawing {
 /// How much work a drawing was.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct DrawingCounts {
-    /// Triangles of the scene.
+    /// Triangles that were read.
+    pub read: usize,
+    /// Triangles of the scene, with terrain as the view needs it.
     pub triangles: usize,
     /// Those in the view that face the eye.
     pub facing: usize,

@@ -7,6 +7,7 @@
 //! | `style`, `sheet`, `legend` | the stylesheet; paper, title block, scale bar and north arrow; what colours mean |
 //! | `face`, `scene` | convex faces in space; the surfaces of a part of a city |
 //! | `view` | from the scene to the page |
+//! | `terrain` | terrain with no more triangles than the view needs |
 //! | `bsp` | faces in the order of their distance |
 //! | `convex`, `warnock` | polygons on the page; their visible parts |
 //! | `join`, `lines` | visible parts as shapes and lines |
@@ -38,6 +39,7 @@ mod shadow;
 pub mod sheet;
 pub mod style;
 pub mod svg;
+mod terrain;
 mod tone;
 pub mod view;
 mod warnock;

@@ -17,6 +17,7 @@ use crate::{
     shadow::shadows,
     sheet::{Paper, TitleBlock, sheet_items},
     style::{FillMode, Rgb, Stylesheet, kind_name, parse_color},
+    terrain::refine_terrain,
     tone::{Tones, towards_sun},
     view::{DrawView, PaperGrid, Projection, ViewAxes},
     warnock::{PagePolygon, VisiblePart, visible_parts},
@@ -26,7 +27,7 @@ use insula_objects::{ColorBy, FeatureKind};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use std::collections::BTreeMap;
 
-/// Levels of detail may be wrong by this much on paper, in millimetres, if the scale is given.
+/// Terrain, and if the scale is given all levels of detail, may be wrong by this much on paper, in millimetres.
 const LOD_ERROR_MM: f64 = 0.05;
 
 /// What is drawn and how.
@@ -61,11 +62,15 @@ pub fn draw(
         return Err(DrawError::Invalid("the scale must be from 1:1 to 1:10000000".to_owned()));
     }
     let error_m = request.scale.map_or(0.0, |scale| LOD_ERROR_MM * scale / 1000.0);
-    let scene = DrawnScene::read(source, &request.selection, (error_m, request.limits.triangles), progress)?;
+    let mut scene = DrawnScene::read(source, &request.selection, (error_m, request.limits.triangles), progress)?;
     let axes = ViewAxes::new(&request.view, scene.origin)?;
     let frame = request.paper.frame(request.is_bare);
     let points = scene.faces.iter().flat_map(|face| face.points.iter().copied());
     let projection = Projection::new(axes, frame, request.scale, points);
+    let read = scene.faces.len();
+    if scene.has_terrain {
+        refine_terrain(&mut scene, &projection, LOD_ERROR_MM);
+    }
     let colors = match &request.color_by {
         Some(color_by) => attribute_colors(source, &scene.objects, color_by)?,
         None => Vec::new(),
@@ -74,6 +79,7 @@ pub fn draw(
     let stage = Stage { scene: &scene, projection, grid, colors, request };
     let facing = stage.facing();
     let mut counts = DrawingCounts {
+        read,
         triangles: scene.faces.len(),
         facing: facing.len(),
         without_mesh: scene.without_mesh,

@@ -11,7 +11,7 @@ use insula_export::{
     source::ExportSource,
 };
 use insula_protocol::mesh_tile::NO_OBJECT;
-use std::collections::HashMap;
+use std::{collections::HashMap, hash::Hash};
 
 /// Surfaces of a part of a city.
 #[derive(Debug, Default)]
@@ -36,6 +36,16 @@ pub(crate) struct SceneEdge {
     pub(crate) count: u32,
     /// The first two of them.
     pub(crate) faces: [u32; 2],
+}
+
+/// Triangles over shared vertices.
+#[derive(Debug, Default)]
+pub(crate) struct SceneMesh {
+    /// Metres from the scene's origin.
+    pub(crate) points: Vec<DVec3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Index in the scene of the object of each triangle.
+    pub(crate) objects: Vec<u32>,
 }
 
 impl DrawnScene {
@@ -73,6 +83,34 @@ impl DrawnScene {
             reader.add_ground(area, manifest.ground_z_m - GROUND_DEPTH_M)?;
         }
         if reader.scene.faces.is_empty() { Err(DrawError::Empty) } else { Ok(reader.scene) }
+    }
+
+    /// Puts a mesh in the place of the faces for which `is_replaced` is true.
+    pub(crate) fn replace_faces(&mut self, is_replaced: &[bool], mesh: &SceneMesh) {
+        let old = std::mem::take(&mut self.faces).into_iter().zip(std::mem::take(&mut self.face_objects));
+        let kept = old.zip(is_replaced).filter(|(_, is_replaced)| !**is_replaced).map(|(face, _)| face);
+        let (mut edges, mut known) = (Vec::new(), HashMap::new());
+        for (mut face, object) in kept {
+            face.triangle = self.faces.len() as u32;
+            for edge in face.edges.iter_mut().filter(|edge| **edge != NO_EDGE) {
+                *edge = edge_of_face(&mut known, EdgeName::Old(*edge), face.triangle, &mut edges);
+            }
+            self.faces.push(face);
+            self.face_objects.push(object);
+        }
+        for (corners, object) in mesh.triangles.iter().zip(&mesh.objects) {
+            let Some(plane) = FacePlane::of(corners.map(|v| mesh.points[v as usize])) else { continue };
+            let triangle = self.faces.len() as u32;
+            let name = |k: usize| {
+                let [a, b] = [corners[k], corners[(k + 1) % 3]];
+                EdgeName::New([a.min(b), a.max(b)])
+            };
+            let names = [0, 1, 2].map(|k| edge_of_face(&mut known, name(k), triangle, &mut edges)).to_vec();
+            let points = corners.map(|v| mesh.points[v as usize]).to_vec();
+            self.faces.push(Face { points, edges: names, plane, triangle });
+            self.face_objects.push(*object);
+        }
+        self.edges = edges;
     }
 
     /// Whether each object has surfaces that end above its foot, so that the backs of others may be seen.
@@ -135,7 +173,9 @@ impl SceneReader<'_> {
             let Some(plane) = FacePlane::of(points) else { continue };
             let index = self.scene.faces.len() as u32;
             let names = [0, 1, 2].map(|k| edges.name([corners[k], corners[(k + 1) % 3]]));
-            let names = names.map(|key| key.map_or(NO_EDGE, |key| edges.add(key, index, &mut self.scene.edges)));
+            let names = names.map(|key| {
+                key.map_or(NO_EDGE, |key| edge_of_face(&mut edges.known, key, index, &mut self.scene.edges))
+            });
             let face = Face { points: points.to_vec(), edges: names.to_vec(), plane, triangle: index };
             let is_cut = is_land(self.scene.objects[object as usize].kind);
             let Some(face) = (if is_cut { clip_to_area(face, self.area, origin) } else { Some(face) }) else {
@@ -213,6 +253,30 @@ pub(crate) fn turned(face: &Face) -> Face {
     Face { points, edges, plane, triangle: face.triangle }
 }
 
+/// What an edge is known by while faces are replaced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum EdgeName {
+    /// Its index before.
+    Old(u32),
+    /// Vertices of the new mesh, the smaller first.
+    New([u32; 2]),
+}
+
+/// The index of an edge, which gets one more face.
+fn edge_of_face<K: Eq + Hash>(known: &mut HashMap<K, u32>, key: K, face: u32, edges: &mut Vec<SceneEdge>) -> u32 {
+    let next = edges.len() as u32;
+    let index = *known.entry(key).or_insert(next);
+    if index == next {
+        edges.push(SceneEdge { count: 1, faces: [face, face] });
+    } else if let Some(edge) = edges.get_mut(index as usize) {
+        if edge.count == 1 {
+            edge.faces[1] = face;
+        }
+        edge.count += 1;
+    }
+    index
+}
+
 /// Both ends of an edge on the mesh's grid, the smaller first.
 type EdgeKey = [[u32; 3]; 2];
 
@@ -230,19 +294,5 @@ impl LeafEdges<'_> {
         let is_border = (0..2).any(|k| [min[k], max[k]].iter().any(|border| a[k] == *border && b[k] == *border));
         let [a, b] = ends.map(|v| self.mesh.tile.mesh.positions[v as usize]);
         (!is_border && a != b).then_some(if a < b { [a, b] } else { [b, a] })
-    }
-
-    fn add(&mut self, key: EdgeKey, face: u32, edges: &mut Vec<SceneEdge>) -> u32 {
-        let next = edges.len() as u32;
-        let index = *self.known.entry(key).or_insert(next);
-        if index == next {
-            edges.push(SceneEdge { count: 1, faces: [face, face] });
-        } else if let Some(edge) = edges.get_mut(index as usize) {
-            if edge.count == 1 {
-                edge.faces[1] = face;
-            }
-            edge.count += 1;
-        }
-        index
     }
 }

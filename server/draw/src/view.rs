@@ -175,6 +175,11 @@ impl Projection {
         Self { axes, frame, factor: 1000.0 / scale, middle: 0.5 * (low + high), scale: Some(scale) }
     }
 
+    /// Millimetres on paper of a metre across the view; in a perspective, at a distance of a metre.
+    pub(crate) fn mm_per_m(&self) -> f64 {
+        self.factor
+    }
+
     /// Millimetres from the lower left corner of the paper.
     pub(crate) fn project(&self, point: DVec3) -> DVec2 {
         let p = self.axes.position.map_or(point, |eye| point - eye);

@@ -32,7 +32,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
     let objects = StoredObjects::open(&city)?;
     let read = |kind, id| city.tile(kind, id);
-    let source = StoredCity::new(&city, objects.schema(), &read);
+    let source = StoredCity::new(city.manifest(), objects.schema(), &read);
     let selection = selection(args, &source)?;
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };

@@ -182,7 +182,7 @@ fn make_now(
         runtime.block_on(city.checked_tile(kind, id))
     };
     let schema = StoredCity::read_schema(&read).map_err(DrawError::Source)?;
-    let source = StoredCity::new(city, &schema, &read);
+    let source = StoredCity::new(city.manifest(), &schema, &read);
     let request = options.request(&source, limits)?;
     let drawing = draw_city(&source, &request, &|_, _| !stopped.load(Relaxed))?;
     let bytes = encode(&drawing, format);

@@ -147,7 +147,7 @@ fn make_now(city: &CityStore, file: TilesetFile, runtime: &Handle) -> Result<Byt
     let failed = |error: &dyn std::fmt::Display| FileError::Failed(error.to_string());
     let read = |kind, id| runtime.block_on(city.checked_tile(kind, id));
     let schema = StoredCity::read_schema(&read).map_err(|error| failed(&error))?;
-    let source = StoredCity::new(city, &schema, &read);
+    let source = StoredCity::new(city.manifest(), &schema, &read);
     let manifest = city.manifest();
     let place = manifest.crs.as_deref().and_then(EarthPlace::of);
     let to_geocentric = |point: [f64; 3]| place.as_ref()?.geocentric(point);

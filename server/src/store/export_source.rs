@@ -1,6 +1,5 @@
-//! An open city as exports read it.
+//! A city as exports and drawings read it, from whatever reads its tiles.
 
-use super::CityStore;
 use bytes::Bytes;
 use insula_archive::ReadError;
 use insula_export::source::{ExportSource, SourceError};
@@ -11,20 +10,20 @@ use insula_protocol::{
 };
 use std::fmt::Display;
 
-/// Reads a tile; `None` if there is no such tile.
-type ReadTileFn<'a> = dyn Fn(TileKind, TileId) -> Result<Option<Bytes>, ReadError> + 'a;
+/// Reads a tile by its place in the archive; `None` if there is no such tile.
+pub type ReadTileFn<'a> = dyn Fn(TileKind, TileId) -> Result<Option<Bytes>, ReadError> + 'a;
 
 /// A city, and what reads its tiles.
 pub struct StoredCity<'a> {
-    city: &'a CityStore,
+    manifest: &'a Manifest,
     schema: &'a Schema,
     read: &'a ReadTileFn<'a>,
 }
 
 impl<'a> StoredCity<'a> {
     /// `read` is called for each tile, and may wait.
-    pub fn new(city: &'a CityStore, schema: &'a Schema, read: &'a ReadTileFn<'a>) -> Self {
-        Self { city, schema, read }
+    pub fn new(manifest: &'a Manifest, schema: &'a Schema, read: &'a ReadTileFn<'a>) -> Self {
+        Self { manifest, schema, read }
     }
 
     /// The schema of a city's objects; an empty one if it has no objects. Fails if it cannot be read, or is damaged.
@@ -50,7 +49,7 @@ fn source_error(kind: TileKind, id: TileId, reason: &dyn Display) -> SourceError
 
 impl ExportSource for StoredCity<'_> {
     fn manifest(&self) -> &Manifest {
-        self.city.manifest()
+        self.manifest
     }
 
     fn schema(&self) -> &Schema {

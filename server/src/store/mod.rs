@@ -21,7 +21,7 @@ pub use cities::Store;
 pub use city::CityStore;
 pub use error::StoreError;
 #[cfg(feature = "bake")]
-pub use export_source::StoredCity;
+pub use export_source::{ReadTileFn, StoredCity};
 pub use objects::{ObjectError, StoredObjects};
 pub use reload::{RetentionPolicy, StoreReload};
 pub(crate) use requests::StoreMetrics;

@@ -1,6 +1,6 @@
 //! Keys of tiles.
 
-use insula_protocol::{TileId, TileKind};
+use insula_protocol::{TileId, TileKind, mesh_tile};
 
 /// Identifies a tile: a V-BlockMap, a subtree, a level of detail of a mesh, objects, or visibility.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -37,6 +37,20 @@ impl TileKey {
     /// What can be seen from the streets of a node's cells ([`insula_protocol::visibility_tile`]).
     pub const fn visibility(id: TileId) -> Self {
         Self { kind: 4, id, lod: 0 }
+    }
+
+    /// The tile at a place of an archive, in a city whose leaves are at level `depth`; `None` if no tile can be there.
+    pub fn in_archive(kind: TileKind, place: TileId, depth: u8) -> Option<Self> {
+        Some(match kind {
+            TileKind::BlockMap => Self::block_map(place),
+            TileKind::Subtree => Self::subtree(place),
+            TileKind::Mesh => {
+                let (leaf, lod) = mesh_tile::from_archive_id(place, depth)?;
+                Self::mesh(leaf, lod)
+            }
+            TileKind::Objects => Self::objects(place),
+            TileKind::Visibility => Self::visibility(place),
+        })
     }
 
     /// What the tile holds.

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | a raster with its place | `model` |
 //! | where a grid's points lie in a raster | `lattice`, `pixel_finder` |
-//! | triangles of a region | `terrain`, with [`crate::roam`] |
+//! | triangles of a region | `terrain`, with [`insula_roam`] |
 //! | heights under buildings that have their own | `fit` |
 //! | the picture on them | `drape` |
 //! | the land around the city, read square by square while it is baked | `surroundings` |

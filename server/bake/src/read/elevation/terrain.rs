@@ -7,8 +7,8 @@ use super::Elevation;
 use super::drape::{Drape, GroundPictures};
 use super::lattice::MapGrid;
 use crate::error::InputError;
-use crate::roam::{Borders, HeightSource, triangulate_region};
 use insula_protocol::NODE_CELLS;
+use insula_roam::{Borders, HeightSource, triangulate_region};
 
 /// More heights make the grid coarser.
 const MAX_HEIGHTS: f64 = 4e8;
