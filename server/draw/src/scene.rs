@@ -44,8 +44,6 @@ pub(crate) struct SceneMesh {
     /// Metres from the scene's origin.
     pub(crate) points: Vec<DVec3>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Index in the scene of the object of each triangle.
-    pub(crate) objects: Vec<u32>,
 }
 
 impl DrawnScene {
@@ -85,8 +83,8 @@ impl DrawnScene {
         if reader.scene.faces.is_empty() { Err(DrawError::Empty) } else { Ok(reader.scene) }
     }
 
-    /// Puts a mesh in the place of the faces for which `is_replaced` is true.
-    pub(crate) fn replace_faces(&mut self, is_replaced: &[bool], mesh: &SceneMesh) {
+    /// Puts the mesh of an object in the place of the faces for which `is_replaced` is true.
+    pub(crate) fn replace_faces(&mut self, is_replaced: &[bool], mesh: &SceneMesh, object: u32) {
         let old = std::mem::take(&mut self.faces).into_iter().zip(std::mem::take(&mut self.face_objects));
         let kept = old.zip(is_replaced).filter(|(_, is_replaced)| !**is_replaced).map(|(face, _)| face);
         let (mut edges, mut known) = (Vec::new(), HashMap::new());
@@ -98,7 +96,7 @@ impl DrawnScene {
             self.faces.push(face);
             self.face_objects.push(object);
         }
-        for (corners, object) in mesh.triangles.iter().zip(&mesh.objects) {
+        for corners in &mesh.triangles {
             let Some(plane) = FacePlane::of(corners.map(|v| mesh.points[v as usize])) else { continue };
             let triangle = self.faces.len() as u32;
             let name = |k: usize| {
@@ -108,7 +106,7 @@ impl DrawnScene {
             let names = [0, 1, 2].map(|k| edge_of_face(&mut known, name(k), triangle, &mut edges)).to_vec();
             let points = corners.map(|v| mesh.points[v as usize]).to_vec();
             self.faces.push(Face { points, edges: names, plane, triangle });
-            self.face_objects.push(*object);
+            self.face_objects.push(object);
         }
         self.edges = edges;
     }

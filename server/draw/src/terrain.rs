@@ -13,14 +13,14 @@ use glam::{DVec2, DVec3, Vec3};
 use insula_objects::FeatureKind;
 use insula_roam::{ErrorBounds, HeightField, Node, Priority, RoamMesh, TerrainMesh};
 
-/// Most samples of the grid: 64 MiB with their bounds and the mesh.
-const MAX_SAMPLES: f64 = 4_194_304.0;
+/// Most samples of the grid, about: 16 MiB with their bounds and the mesh, and half a second.
+const MAX_SAMPLES: f64 = 1_048_576.0;
 /// The grid has a multiple of so many steps along each side.
 const ROOT_STEPS: u32 = 64;
 /// Smallest distance of samples.
 const MIN_STEP_M: f64 = 0.5;
 /// Fewer triangles are not worth a grid.
-const MIN_TRIANGLES: usize = 256;
+const MIN_TRIANGLES: usize = 20_000;
 /// Share of the terrain's corners that may be further from the grid than the error allowed.
 const MAX_MISSES: f64 = 1e-3;
 /// Share of an error that counts where the view looks along the heights: terrain must not bury what stands on it.
@@ -28,19 +28,25 @@ const MIN_SEEN_SHARE: f64 = 0.25;
 
 /// Replaces a scene's terrain by one of which no point is further from it than `error_mm` on paper, if that has fewer triangles.
 pub(crate) fn refine_terrain(scene: &mut DrawnScene, projection: &Projection, error_mm: f64) {
-    let is_terrain: Vec<bool> =
-        (0..scene.faces.len() as u32).map(|face| scene.object(face).kind == FeatureKind::Relief).collect();
-    let faces: Vec<usize> = (0..scene.faces.len()).filter(|face| is_terrain[*face]).collect();
+    let Some(terrain) = largest_terrain(scene) else { return };
+    let is_terrain: Vec<bool> = scene.face_objects.iter().map(|object| *object == terrain).collect();
+    let faces: Vec<&Face> = scene.faces.iter().zip(&is_terrain).filter_map(|(face, is)| is.then_some(face)).collect();
     if faces.len() < MIN_TRIANGLES {
         return;
     }
     let error = PaperError::new(projection);
-    let Some(mesh) = Grid::of(scene, &faces).and_then(|grid| grid.mesh(scene, &faces, &error, error_mm)) else {
-        return;
-    };
+    let Some(mesh) = Grid::of(&faces).and_then(|grid| grid.mesh(&faces, &error, error_mm)) else { return };
     if mesh.triangles.len() < faces.len() {
-        scene.replace_faces(&is_terrain, &mesh);
+        scene.replace_faces(&is_terrain, &mesh, terrain);
     }
+}
+
+/// The object that most triangles of terrain have. Other terrain lies in or on it, such as embankments.
+fn largest_terrain(scene: &DrawnScene) -> Option<u32> {
+    let mut counts = vec![0u32; scene.objects.len()];
+    scene.face_objects.iter().for_each(|object| counts[*object as usize] += 1);
+    let terrain = (0u32..).zip(&scene.objects).filter(|(_, object)| object.kind == FeatureKind::Relief);
+    terrain.map(|(index, _)| index).max_by_key(|index| counts[*index as usize])
 }
 
 /// How large a vertical error is on paper.
@@ -78,7 +84,7 @@ impl Priority for GridError<'_> {
     }
 }
 
-/// Heights of terrain, and its object at each sample.
+/// Heights of terrain.
 struct Grid {
     /// Of the first sample, in metres from the scene's origin.
     origin: DVec2,
@@ -86,13 +92,12 @@ struct Grid {
     size: [u32; 2],
     /// `NaN` without terrain.
     heights_m: Vec<f32>,
-    objects: Vec<u32>,
 }
 
 impl Grid {
     /// Samples terrain; `None` if it does not cover the rectangle around it.
-    fn of(scene: &DrawnScene, faces: &[usize]) -> Option<Self> {
-        let points = faces.iter().flat_map(|face| scene.faces[*face].points.iter());
+    fn of(faces: &[&Face]) -> Option<Self> {
+        let points = faces.iter().flat_map(|face| face.points.iter());
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for point in points {
             (low, high) = (low.min(point.truncate()), high.max(point.truncate()));
@@ -109,15 +114,15 @@ impl Grid {
             return None;
         }
         let step = extent / DVec2::new(f64::from(steps[0]), f64::from(steps[1]));
-        let mut grid = Self { origin: low, step, size, heights_m: vec![f32::NAN; count], objects: vec![0; count] };
+        let mut grid = Self { origin: low, step, size, heights_m: vec![f32::NAN; count] };
         for face in faces {
-            grid.add(&scene.faces[*face], scene.face_objects[*face]);
+            grid.add(face);
         }
         grid.heights_m.iter().all(|height| height.is_finite()).then_some(grid)
     }
 
     /// Samples a face. Of several above each other, the highest counts.
-    fn add(&mut self, face: &Face, object: u32) {
+    fn add(&mut self, face: &Face) {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         let corners: Vec<DVec2> = face.points.iter().map(|p| (p.truncate() - self.origin) / self.step).collect();
         for corner in &corners {
@@ -139,17 +144,16 @@ impl Grid {
                     (b - a).perp_dot(at - a) >= -ON_EDGE * (b - a).length()
                 });
                 if is_inside {
-                    self.keep([x, y], height_at(face, self.origin + at * self.step), object);
+                    self.keep([x, y], height_at(face, self.origin + at * self.step));
                 }
             }
         }
     }
 
-    fn keep(&mut self, place: [u32; 2], height: f64, object: u32) {
+    fn keep(&mut self, place: [u32; 2], height: f64) {
         let index = self.index(place);
         if self.heights_m[index].is_nan() || height as f32 > self.heights_m[index] {
             self.heights_m[index] = height as f32;
-            self.objects[index] = object;
         }
     }
 
@@ -158,8 +162,8 @@ impl Grid {
     }
 
     /// The mesh for a view; `None` if the grid is further from the terrain than `error_mm` on paper.
-    fn mesh(self, scene: &DrawnScene, faces: &[usize], error: &PaperError, error_mm: f64) -> Option<SceneMesh> {
-        let lost_mm = self.lost_mm(scene, faces, error);
+    fn mesh(self, faces: &[&Face], error: &PaperError, error_mm: f64) -> Option<SceneMesh> {
+        let lost_mm = self.lost_mm(faces, error);
         // The grid's own error is a part of what is allowed.
         let misses = lost_mm.iter().filter(|lost| f64::from(**lost) > 0.5 * error_mm).count();
         if misses as f64 > MAX_MISSES * lost_mm.len() as f64 {
@@ -174,8 +178,8 @@ impl Grid {
     }
 
     /// How far each corner of the terrain is from the grid, in millimetres on paper.
-    fn lost_mm(&self, scene: &DrawnScene, faces: &[usize], error: &PaperError) -> Vec<f32> {
-        let corners = faces.iter().flat_map(|face| scene.faces[*face].points.iter());
+    fn lost_mm(&self, faces: &[&Face], error: &PaperError) -> Vec<f32> {
+        let corners = faces.iter().flat_map(|face| face.points.iter());
         corners.map(|p| (p.z - self.height(p.truncate())).abs() as f32 * error.of_metre([p.as_vec3(); 2])).collect()
     }
 
@@ -195,15 +199,7 @@ impl Grid {
             let at = self.origin + DVec2::new(f64::from(place[0]), f64::from(place[1])) * self.step;
             DVec3::new(at.x, at.y, f64::from(self.heights_m[self.index(*place)]))
         };
-        let object = |triangle: &[u32; 3]| {
-            let places = triangle.map(|vertex| mesh.vertices[vertex as usize]);
-            self.objects[self.index([0, 1].map(|axis| places.iter().map(|place| place[axis]).sum::<u32>() / 3))]
-        };
-        SceneMesh {
-            points: mesh.vertices.iter().map(point).collect(),
-            triangles: mesh.triangles.clone(),
-            objects: mesh.triangles.iter().map(object).collect(),
-        }
+        SceneMesh { points: mesh.vertices.iter().map(point).collect(), triangles: mesh.triangles.clone() }
     }
 }
 
@@ -258,7 +254,7 @@ mod tests {
 
     /// Largest vertical distance of a point of the hills from the scene's faces.
     fn largest_distance(before: &DrawnScene, after: &DrawnScene, within: impl Fn(DVec3) -> bool) -> f64 {
-        let grid = Grid::of(after, &(0..after.faces.len()).collect::<Vec<_>>()).unwrap();
+        let grid = Grid::of(&after.faces.iter().collect::<Vec<_>>()).unwrap();
         let points = before.faces.iter().flat_map(|face| face.points.iter()).filter(|point| within(**point));
         points.map(|p| (p.z - grid.height(p.truncate())).abs()).fold(0.0, f64::max)
     }
