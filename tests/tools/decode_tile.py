@@ -3,8 +3,8 @@
 
 decode_tile.py VECTORS_OR_CITY [--tiles N] [--seed S] [--json] [--program INSULA_SERVER]
 
-Decodes all `.bin` and `.insm` files of a folder; or N random V-BlockMap tiles, N random mesh tiles, and all subtree and object
-tiles of a city folder. Everything is decoded but the pictures of textures, which are WebP: of these, the size is checked. Prints
+Decodes all `.bin` and `.insm` files of a folder; or N random V-BlockMap tiles, N random mesh tiles, and all subtree, object and
+visibility tiles of a city folder. Everything is decoded but the pictures of textures, which are WebP: of these, the size is checked. Prints
 one line per tile: its kind, the number of its columns, nodes, triangles, objects or attributes, the CRC-32 of its texels as
 `protocol/tests/vectors.rs` computes it, and the SHA-256 of all decoded values as JSON; with --json the values themselves.
 Compares a city's tiles with its subtree tiles: all sizes, and of the decoded mesh tiles the numbers of triangles and of a
@@ -25,6 +25,7 @@ from tile_decoder.object_names import NONE
 from tile_decoder.object_tile import read_object_tile
 from tile_decoder.shapes import CLIPPED, COLUMNS, EXPOSED, GAP, OCCUPIED
 from tile_decoder.subtree import read_subtree
+from tile_decoder.visibility import read_visibility
 
 
 def packed_texel(texel):
@@ -77,6 +78,8 @@ def decode(data):
         return read_mesh_tile(tile_id, sections)
     if kind == "objects":
         return read_object_tile(tile_id, sections)
+    if kind == "visibility":
+        return read_visibility(tile_id, sections)
     return blockmap_values(*read_blockmap(tile_id, sections))
 
 
@@ -86,7 +89,7 @@ def show(name, values, as_json):
         print(json.dumps({"tile": name, "values": values}, sort_keys=True))
         return
     parts = values["schema"] if "schema" in values else values
-    count = next(len(parts[key]) for key in ("columns", "nodes", "triangles", "attributes", "objects") if key in parts)
+    count = next(len(parts[key]) for key in ("columns", "nodes", "triangles", "attributes", "objects", "cells") if key in parts)
     texels = f"texels {texels_crc32(values):08x}" if "columns" in values else "-"
     print(f"{name:<40} {values['kind']:<9} {count:>5} {texels:<16} {hashlib.sha256(text.encode()).hexdigest()[:16]}")
 
@@ -175,6 +178,9 @@ def decode_city(city, args):
         show(f"subtree {subtree['root']}", subtree, args.json)
     for name, values in city_checks.read_object_archive(city):
         show(name, values, args.json)
+    visibility = city / "visibility.pmtiles"
+    for z, x, y, data in read_archive(visibility) if visibility.is_file() else ():
+        show(f"visibility {z}/{x}/{y}", decode(data), args.json)
     same_objects = not program or not objects or city_checks.are_objects_equal(program, city, objects)
     sizes = city_checks.are_sizes_equal(blockmaps, meshes, subtrees)
     levels = not program or city_checks.are_levels_equal(program, city, subtrees)

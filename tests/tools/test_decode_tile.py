@@ -5,6 +5,7 @@ import pathlib, random, struct, unittest, zlib
 
 from decode_tile import decode, texels_crc32
 from tile_decoder.container import BadTile, Bytes, read_container
+from tile_decoder.group import ABSENT, LEFT_OUT, read_group
 from tile_decoder.mesh import read_mesh
 from tile_decoder.mesh_tile import OBJECTS, webp_size
 from tile_decoder.object_names import NONE, read_triangle_objects
@@ -224,6 +225,28 @@ class FrozenTiles(unittest.TestCase):
             part = item | {"number": number + 1, "kind": "building-part", "identifier": identifier + "-0", "parent": number}
             expected += [item | {"attributes": dict(enumerate(attributes))}, part | {"attributes": {}}]
         self.assertEqual((values["block"], values["objects"]), (2, expected[:5]))
+
+    def test_visibility(self):
+        def scale(i, s):
+            return [0 if k == 12 else min((k * 7 + i) % 5, 3) for k in range(25 * s, 25 * s + 25)]
+
+        values = decode(vector("visibility"))
+        self.assertEqual((values["depth"], values["reach"], values["layers_dm"]), (6, 2, [30, 80, 200]))
+        expected = [
+            None if i % 9 == 5 else {"ground": -7 + i // 4, "seen": [scale(i, s) for s in range(3)]}
+            for i in range(100)
+        ]
+        self.assertEqual(values["cells"], expected)
+
+    def test_group(self):
+        data = (VECTORS / "v4_group.group").read_bytes()
+        expected = [bytes((k * 31 + i) % 251 for k in range(2 * i * i)) for i in range(16)]
+        expected[3] = expected[7] = ABSENT
+        expected[12] = LEFT_OUT
+        self.assertEqual(read_group(data, 16), expected)
+        for damaged in (data[:-1], data + b"\0", b"INSU" + data[4:], data[:4] + b"\xff\xff\xff\x7f" + data[8:]):
+            with self.assertRaises(BadTile):
+                read_group(damaged, 16)
 
     def test_scan_mesh(self):
         values = read_mesh(Bytes(vector("scan_mesh")))

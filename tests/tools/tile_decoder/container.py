@@ -2,7 +2,7 @@
 import gzip, struct, subprocess, zlib
 
 VERSION = 4
-KINDS = {1: "blockmap", 2: "subtree", 3: "mesh", 4: "objects"}
+KINDS = {1: "blockmap", 2: "subtree", 3: "mesh", 4: "objects", 5: "visibility"}
 MAX_HEADER_BYTES = 1 << 20
 MAX_SECTIONS = 16
 MAX_SECTION_BYTES = 16 << 20
