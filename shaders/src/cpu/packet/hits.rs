@@ -1,6 +1,9 @@
 //! Segments of the rays of a packet, and the surfaces that they hit.
 
-use super::lanes::{F, M, U, Vec3s, splat, splat_u};
+use super::{
+    lanes::{F, M, U, Vec3s, splat, splat_u},
+    shade::linear_of,
+};
 use crate::{
     cpu::{
         mesh::MeshHit,
@@ -22,18 +25,21 @@ pub(super) struct Segments<S: Simd> {
     pub(super) threshold: U<S>,
 }
 
-/// [`RayHit`] of each ray.
+/// [`RayHit`] of each ray. Levels are those of the nodes.
 #[derive(Clone, Copy)]
 pub(super) struct Hits<S: Simd> {
     pub(super) is_hit: M<S>,
+    /// Words whose colours the surfaces have, converted by [`Hits::convert_colours`] when all rays have ended; 0 where the albedo is
+    /// known.
+    pub(super) colour: U<S>,
     pub(super) albedo: Vec3s<S>,
     pub(super) ao: F<S>,
     pub(super) normal: Vec3s<S>,
     pub(super) flags: U<S>,
-    pub(super) level: U<S>,
     pub(super) distance_m: F<S>,
     pub(super) node: U<S>,
     pub(super) object: U<S>,
+    /// Not set in frames without shadows.
     pub(super) shadow_origin: Vec3s<S>,
     pub(super) stone: U<S>,
     pub(super) stone_point: Vec3s<S>,
@@ -94,11 +100,11 @@ impl<S: Simd> Hits<S> {
         let zero3 = Vec3s::splat(simd, Vec3::ZERO);
         Self {
             is_hit: M::<S>::splat(simd, false),
+            colour: zeros,
             albedo: zero3,
             ao: zero,
             normal: zero3,
             flags: zeros,
-            level: zeros,
             distance_m: splat(simd, f32::INFINITY),
             node: splat_u(simd, NO_NODE),
             object: zeros,
@@ -108,16 +114,25 @@ impl<S: Simd> Hits<S> {
         }
     }
 
-    /// The hit of a lane, for the scalar code.
+    /// Sets the albedos of surfaces whose colours are words.
     #[inline(always)]
-    pub(super) fn lane(&self, lane: usize) -> RayHit {
+    pub(super) fn convert_colours(&mut self, simd: S) {
+        let is_word = self.colour.simd_ne(splat_u(simd, 0));
+        if is_word.any_true() {
+            self.albedo = Vec3s::select(is_word, linear_of(simd, self.colour), self.albedo);
+        }
+    }
+
+    /// The hit of a lane, for the scalar code. Colours must have been converted.
+    #[inline(always)]
+    pub(super) fn lane(&self, scene: &SceneRef<'_>, lane: usize) -> RayHit {
         RayHit {
             is_hit: self.is_hit.test(lane),
             albedo: self.albedo.lane(lane),
             ao: self.ao[lane],
             normal: self.normal.lane(lane),
             flags: self.flags[lane],
-            level: self.level[lane],
+            level: scene.nodes.get(self.node[lane] as usize).map_or(0, |node| node.level),
             distance_m: self.distance_m[lane],
             node: self.node[lane],
             object: self.object[lane],
@@ -138,7 +153,6 @@ impl<S: Simd> Hits<S> {
         self.ao[lane] = hit.ao;
         self.normal.set_lane(lane, hit.normal);
         self.flags[lane] = hit.flags;
-        self.level[lane] = hit.level;
         self.distance_m[lane] = hit.distance_m;
         self.node[lane] = hit.node;
         self.object[lane] = hit.object;

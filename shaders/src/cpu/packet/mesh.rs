@@ -5,8 +5,9 @@
 use super::{
     hits::{Hits, MeshHits, Segments, read_vec4},
     lanes::{F, M, Vec3s, always, lanes_of, nonzero, splat, splat_u},
-    mesh_surface::hit_triangles,
+    mesh_surface::{MeshFacts, hit_triangles},
     objects::ObjectWords,
+    pages::planes_at,
 };
 use crate::{
     cpu::{
@@ -102,18 +103,27 @@ pub(super) fn walk_meshes<S: Simd>(
     let found = found & !hidden;
     if segments.to_sun {
         hits.is_hit |= found;
-    } else if triangle_stride(info) > 2 {
-        // Surfaces of landmarks are left to the scalar code.
+        return;
+    }
+    let planes = planes_at(scene.atlas, node).filter(
+        #[inline(always)]
+        |_| triangle_stride(info) <= 2,
+    );
+    let Some(planes) = planes else {
+        // Surfaces of landmarks, and of damaged pages, are left to the scalar code.
         for lane in lanes_of::<S>(found) {
             let mut ray = segments.lane(scene, lane);
             let hit = MeshHit { object: objects.address[lane], ..nearest.lane(lane) };
             hit_triangle(&mut ray, index, step_m, info, &hit);
             hits.set_lane(lane, &ray.hit);
         }
-    } else if found.any_true() {
+        return;
+    };
+    if found.any_true() {
+        let facts = MeshFacts { node, index, planes, step_m, info };
         simd.vectorize(
             #[inline(always)]
-            || hit_triangles(simd, scene, segments, (node, index, step_m, info), found, (&nearest, &objects), hits),
+            || hit_triangles(simd, scene, segments, &facts, found, (&nearest, &objects), hits),
         );
     }
 }

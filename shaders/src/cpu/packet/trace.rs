@@ -49,6 +49,7 @@ pub(super) fn trace<S: Simd>(
     let segments = Segments { origin, dir, reach_m, eye_m: zero, to_sun: false, threshold };
     let mut seen = Hits::nothing(simd);
     walk(simd, scene, &segments, lanes, &mut seen);
+    seen.convert_colours(simd);
     let ground_m = ground_distance(simd, frame, dir);
     let mut light = radiances(simd, scene, lanes, &seen, (dir, airlight, ground_m));
     if frame.shadow_m > 0.0 {
@@ -137,7 +138,7 @@ fn radiances<S: Simd>(
         let (dir, airlight) = (dir.lane(lane), Airlight { rgb: airlight.lane(lane) });
         let lit = if hits.is_hit.test(lane) {
             let stone = |_: &Stone, surface: &SurfaceSample| stones.lane(lane, surface.normal);
-            radiance_with(scene, &hits.lane(lane), dir, &airlight, stone)
+            radiance_with(scene, &hits.lane(scene, lane), dir, &airlight, stone)
         } else {
             scalar_background(frame, dir, &airlight)
         };
