@@ -1,9 +1,6 @@
 //! Segments of the rays of a packet, and the surfaces that they hit.
 
-use super::{
-    lanes::{F, M, U, Vec3s, splat, splat_u},
-    shade::linear_of,
-};
+use super::lanes::{F, M, U, Vec3s, splat, splat_u};
 use crate::{
     cpu::{
         mesh::MeshHit,
@@ -29,8 +26,7 @@ pub(super) struct Segments<S: Simd> {
 #[derive(Clone, Copy)]
 pub(super) struct Hits<S: Simd> {
     pub(super) is_hit: M<S>,
-    /// Words whose colours the surfaces have, converted by [`Hits::convert_colours`] when all rays have ended; 0 where the albedo is
-    /// known.
+    /// Words whose colours the surfaces have, until they are converted when all rays have ended; 0 where the albedo is known.
     pub(super) colour: U<S>,
     pub(super) albedo: Vec3s<S>,
     pub(super) ao: F<S>,
@@ -111,15 +107,6 @@ impl<S: Simd> Hits<S> {
             shadow_origin: zero3,
             stone: zeros,
             stone_point: zero3,
-        }
-    }
-
-    /// Sets the albedos of surfaces whose colours are words.
-    #[inline(always)]
-    pub(super) fn convert_colours(&mut self, simd: S) {
-        let is_word = self.colour.simd_ne(splat_u(simd, 0));
-        if is_word.any_true() {
-            self.albedo = Vec3s::select(is_word, linear_of(simd, self.colour), self.albedo);
         }
     }
 

@@ -110,14 +110,7 @@ pub(super) fn walk_meshes<S: Simd>(
         |_| triangle_stride(info) <= 2,
     );
     let Some(planes) = planes else {
-        // Surfaces of landmarks, and of damaged pages, are left to the scalar code.
-        for lane in lanes_of::<S>(found) {
-            let mut ray = segments.lane(scene, lane);
-            let hit = MeshHit { object: objects.address[lane], ..nearest.lane(lane) };
-            hit_triangle(&mut ray, index, step_m, info, &hit);
-            hits.set_lane(lane, &ray.hit);
-        }
-        return;
+        return hit_singly(scene, segments, (index, step_m, info), found, (&nearest, &objects), hits);
     };
     if found.any_true() {
         let facts = MeshFacts { node, index, planes, step_m, info };
@@ -128,7 +121,25 @@ pub(super) fn walk_meshes<S: Simd>(
     }
 }
 
-/// The same ray by ray, for those that have met a hidden object.
+/// Surfaces of landmarks, and where the atlas ends within a node's pages: ray by ray.
+#[inline(always)]
+fn hit_singly<S: Simd>(
+    scene: &SceneRef<'_>,
+    segments: &Segments<S>,
+    (index, step_m, info): (u32, f32, [u32; 4]),
+    found: M<S>,
+    (nearest, objects): (&MeshHits<S>, &ObjectWords<S>),
+    hits: &mut Hits<S>,
+) {
+    for lane in lanes_of::<S>(found) {
+        let mut ray = segments.lane(scene, lane);
+        let hit = MeshHit { object: objects.address[lane], ..nearest.lane(lane) };
+        hit_triangle(&mut ray, index, step_m, info, &hit);
+        hits.set_lane(lane, &ray.hit);
+    }
+}
+
+/// All of the walk ray by ray, for those that have met a hidden object.
 #[inline(always)]
 fn walk_singly<S: Simd>(scene: &SceneRef<'_>, segments: &Segments<S>, index: u32, group: M<S>, hits: &mut Hits<S>) {
     for lane in lanes_of::<S>(group) {

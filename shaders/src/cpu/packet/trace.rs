@@ -5,7 +5,7 @@ use super::{
     grid_walk::walk_grid,
     hits::{Hits, Segments},
     lanes::{F, M, U, Vec3s, lanes_of, splat, splat_u},
-    shade::{Radiances, apply_haze, reflected, unit_normal},
+    shade::{Radiances, apply_haze, linear_of, reflected, unit_normal},
     sky::{background, ground_distance},
     stone::stones_of,
 };
@@ -49,7 +49,7 @@ pub(super) fn trace<S: Simd>(
     let segments = Segments { origin, dir, reach_m, eye_m: zero, to_sun: false, threshold };
     let mut seen = Hits::nothing(simd);
     walk(simd, scene, &segments, lanes, &mut seen);
-    seen.convert_colours(simd);
+    convert_colours(simd, &mut seen);
     let ground_m = ground_distance(simd, frame, dir);
     let mut light = radiances(simd, scene, lanes, &seen, (dir, airlight, ground_m));
     if frame.shadow_m > 0.0 {
@@ -98,6 +98,15 @@ fn walk<S: Simd>(simd: S, scene: &SceneRef<'_>, segments: &Segments<S>, lanes: M
             #[inline(always)]
             || walk_grid(simd, scene, segments, lanes, hits),
         );
+    }
+}
+
+/// Sets the albedos of surfaces whose colours are words.
+#[inline(always)]
+fn convert_colours<S: Simd>(simd: S, hits: &mut Hits<S>) {
+    let is_word = hits.colour.simd_ne(splat_u(simd, 0));
+    if is_word.any_true() {
+        hits.albedo = Vec3s::select(is_word, linear_of(simd, hits.colour), hits.albedo);
     }
 }
 
