@@ -75,19 +75,30 @@ pub fn develop(frame: &FrameUniform, words: &[u32]) -> Vec<u32> {
     words.par_iter().enumerate().map(develop).collect()
 }
 
+/// Number of a frame's pixels in each of the meter's bins.
+pub(crate) type MeterCounts = [u32; METER_BINS as usize];
+
 /// Factor from radiance to display: the frame's own, or by the mean logarithm of its pixels' luminance.
 pub fn exposure(frame: &FrameUniform, words: &[u32]) -> f32 {
-    if frame.exposure > 0.0 {
-        return frame.exposure;
-    }
-    let count = |words: &[u32]| {
+    exposure_with(frame, words, |words| {
         let mut bins = [0; METER_BINS as usize];
         for word in words {
             bins[meter_bin(decode_radiance(*word))] += 1;
         }
         bins
-    };
-    let add = |a: [u32; METER_BINS as usize], b: [u32; METER_BINS as usize]| std::array::from_fn(|i| a[i] + b[i]);
+    })
+}
+
+/// The same with another way to count.
+pub(crate) fn exposure_with(
+    frame: &FrameUniform,
+    words: &[u32],
+    count: impl Fn(&[u32]) -> MeterCounts + Sync + Send,
+) -> f32 {
+    if frame.exposure > 0.0 {
+        return frame.exposure;
+    }
+    let add = |a: MeterCounts, b: MeterCounts| std::array::from_fn(|i| a[i] + b[i]);
     let bins = words.par_chunks(METER_PIXELS).map(count).reduce(|| [0; METER_BINS as usize], add);
     frame.light.key / mean_of(&bins).exp2()
 }
@@ -95,11 +106,14 @@ pub fn exposure(frame: &FrameUniform, words: &[u32]) -> f32 {
 /// Pixels that a thread meters at once.
 const METER_PIXELS: usize = 1 << 13;
 /// Mantissas at which the bins of a power of two begin, without the first.
-const METER_EDGES: [f32; 5] = [1.122_462, 1.259_921, std::f32::consts::SQRT_2, 1.587_401, 1.781_797_4];
+pub(crate) const METER_EDGES: [f32; 5] = [1.122_462, 1.259_921, std::f32::consts::SQRT_2, 1.587_401, 1.781_797_4];
+
+/// Least luminance that the meter tells from darkness.
+pub(crate) const METER_LEAST: f32 = 1e-6;
 
 /// The bin of a radiance's logarithm: by exponent and mantissa, because logarithms would take longer than drawing the sky.
 fn meter_bin(rgb: Vec3) -> usize {
-    let luminance = rgb.dot(LUMINANCE).max(1e-6);
+    let luminance = rgb.dot(LUMINANCE).max(METER_LEAST);
     let bits = luminance.to_bits();
     let stops = (bits >> 23) as i32 - 127 - METER_MIN_LOG2 as i32;
     let mantissa = f32::from_bits(bits & 0x7f_ffff | 1.0f32.to_bits());
@@ -108,7 +122,7 @@ fn meter_bin(rgb: Vec3) -> usize {
 }
 
 /// Mean log2 of the luminances in the meter's bins.
-fn mean_of(bins: &[u32; METER_BINS as usize]) -> f32 {
+fn mean_of(bins: &MeterCounts) -> f32 {
     let total: u32 = bins.iter().sum();
     let cut = (total as f32 * METER_CUT) as u32;
     let (mut passed, mut low, mut high) = (0, 0, 0);
@@ -126,13 +140,16 @@ fn mean_of(bins: &[u32; METER_BINS as usize]) -> f32 {
 }
 
 /// AgX: bright colours lose saturation as on film, and keep their hue. Its functions of one value are read from tables, because
-/// powers would take a tenth of a frame's time.
+/// powers would take a tenth of a frame's time. An entry is a value and the step to the next one.
 pub(crate) struct DisplayTables {
-    /// AgX's curve by the value's exponent and the upper [`CURVE_MANTISSA_BITS`] of its mantissa.
-    pub(crate) curve: Vec<f32>,
-    /// Code in sRGB, 0 to 255, by AgX's output from 0 to 1.
-    pub(crate) codes: Vec<f32>,
+    /// AgX's curve by the value's exponent and the upper [`CURVE_MANTISSA_BITS`] of its mantissa, up to [`CURVE_LAST`].
+    pub(crate) curve: DisplayTable<CURVE_PLACES>,
+    /// Code in sRGB, 0 to 255, by AgX's output from 0 to 1, up to [`CODE_STEPS`].
+    pub(crate) codes: DisplayTable<CODE_PLACES>,
 }
+
+/// A table whose length is a power of two, so that places in it need no test.
+pub(crate) type DisplayTable<const PLACES: usize> = [[f32; 2]; PLACES];
 
 /// Bits of the mantissa that address the curve: straight lines between the entries differ by 5e-6 at most.
 const CURVE_MANTISSA_BITS: u32 = 8;
@@ -141,8 +158,12 @@ pub(crate) const CURVE_SHIFT: u32 = 23 - CURVE_MANTISSA_BITS;
 pub(crate) const CURVE_MIN: f32 = 1.0 / 8192.0;
 /// Powers of two that the curve's table covers.
 const CURVE_STOPS: u32 = 18;
+/// The last entry of the curve's table.
+pub(crate) const CURVE_LAST: u32 = (CURVE_STOPS << CURVE_MANTISSA_BITS) - 1;
+const CURVE_PLACES: usize = (CURVE_LAST as usize + 1).next_power_of_two();
 /// Steps of the table of codes.
 pub(crate) const CODE_STEPS: usize = 2048;
+const CODE_PLACES: usize = (CODE_STEPS + 1).next_power_of_two();
 
 impl DisplayTables {
     /// The tables, which are made once.
@@ -152,12 +173,9 @@ impl DisplayTables {
     }
 
     fn new() -> Self {
-        let entry = |i: u32| agx_curve(f32::from_bits(CURVE_MIN.to_bits() + (i << CURVE_SHIFT)));
+        let curve = |i: usize| agx_curve(f32::from_bits(CURVE_MIN.to_bits() + ((i as u32) << CURVE_SHIFT)));
         let code = |i: usize| encoded((i as f32 / CODE_STEPS as f32).powf(AGX_GAMMA)) * 255.0;
-        Self {
-            curve: (0..=CURVE_STOPS << CURVE_MANTISSA_BITS).map(entry).collect(),
-            codes: (0..=CODE_STEPS + 1).map(code).collect(),
-        }
+        Self { curve: table_of(CURVE_LAST as usize, curve), codes: table_of(CODE_STEPS, code) }
     }
 
     /// Codes in sRGB, 0 to 255, of an exposed radiance.
@@ -167,18 +185,21 @@ impl DisplayTables {
         let saturated = (grey + (curve - grey) * AGX_SATURATION).max(Vec3::ZERO);
         (AGX_OUT * saturated).map(|v| {
             let place = v.clamp(0.0, 1.0) * CODE_STEPS as f32;
-            let [low, high] = [self.codes[place as usize], self.codes[place as usize + 1]];
-            low + (high - low) * place.fract()
+            let [code, step] = self.codes[place as usize];
+            code + step * place.fract()
         })
     }
 
     fn curve(&self, v: f32) -> f32 {
-        let last = self.curve.len() - 2;
         let above = v.max(CURVE_MIN).to_bits() - CURVE_MIN.to_bits();
-        let i = ((above >> CURVE_SHIFT) as usize).min(last);
-        let part = (above & ((1 << CURVE_SHIFT) - 1)) as f32 / (1 << CURVE_SHIFT) as f32;
-        self.curve[i] + (self.curve[i + 1] - self.curve[i]) * part
+        let [value, step] = self.curve[(above >> CURVE_SHIFT).min(CURVE_LAST) as usize];
+        value + step * ((above & ((1 << CURVE_SHIFT) - 1)) as f32 / (1 << CURVE_SHIFT) as f32)
     }
+}
+
+/// The table of a function of whole numbers up to `last`.
+fn table_of<const PLACES: usize>(last: usize, value: impl Fn(usize) -> f32) -> DisplayTable<PLACES> {
+    std::array::from_fn(|i| if i > last { [0.0; 2] } else { [value(i), value(i + 1) - value(i)] })
 }
 
 /// AgX's curve with the contrast of [`AGX_POWER`]: Wrensch's polynomial in the logarithm.

@@ -2,12 +2,12 @@
 
 use super::{
     instruction_set::InstructionSet,
-    packet::{develop_pixels, render_rows},
+    packet::{count_radiances, develop_pixels, render_rows},
     raycast::{Pixel, Pixels, Sampling, SceneRef, pixel},
 };
 use crate::{
     layout::{FrameUniform, Shading},
-    tone::{DisplayTables, exposure},
+    tone::{DisplayTables, exposure_with},
 };
 use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
 use std::sync::OnceLock;
@@ -131,7 +131,8 @@ fn with_words(mut out: Pixels, frame: &FrameUniform, set: Option<InstructionSet>
 
 /// [`develop`](crate::tone::develop) of a lit frame.
 fn develop_in_packets(set: InstructionSet, frame: &FrameUniform, words: &[u32]) -> Vec<u32> {
-    let (exposure, tables, width) = (exposure(frame, words), DisplayTables::get(), frame.width_px.max(1));
+    let exposure = exposure_with(frame, words, |words| count_radiances(set, words));
+    let (tables, width) = (DisplayTables::get(), frame.width_px.max(1));
     let mut colours = vec![0; words.len()];
     let chunks = words.par_chunks(DEVELOPED_PIXELS).zip(colours.par_chunks_mut(DEVELOPED_PIXELS)).enumerate();
     chunks.for_each(|(chunk, (words, colours))| {

@@ -125,7 +125,7 @@ pub(super) fn walk_grid(ray: &mut Ray<'_>) {
 
 /// Never inlined, as [`walk_column`] is not.
 #[inline(never)]
-fn walk_node(ray: &mut Ray<'_>, node: u32, t_in: f32, t_out: f32) {
+pub(super) fn walk_node(ray: &mut Ray<'_>, node: u32, t_in: f32, t_out: f32) {
     let Some(mut walk) = NodeWalk::begin_node(ray, node, t_in, t_out) else { return };
     while let Some(block) = walk.next_block(ray) {
         walk_block(ray, block);

@@ -4,47 +4,48 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, Vec3s, always, float, float_u, gather_where, has, lanes_of, splat, splat_u, to_i,
-        to_u,
+        F, I, M, U, Vec2s, Vec3s, always, float, float_u, gather_page, gather_where, has, lanes_of, pairs, splat,
+        splat_u, to_i, to_u,
     },
     node_rays::NodeRays,
     objects::{ColumnFaces, ObjectWords},
-    shade::linear_of,
 };
 use crate::{
     cpu::{
-        ray::{NodeRay, SUN_LIFT_CELLS, SceneRef},
+        ray::{SUN_LIFT_CELLS, SceneRef},
         walk::walk_column,
         words::{azimuth_directions, codes_per_row},
     },
     layout::{ATTRIBUTE_PLANE, ROOF_PLANE, STRIP_PLANE},
     pack::{
         AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_CONCAVE, CLIP_CORNER, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS,
-        HEIGHT_MASK, slope_codes,
+        HEIGHT_MASK,
     },
 };
 use fearless_simd::prelude::*;
-use glam::{IVec2, Vec2};
+use glam::IVec2;
 use insula_protocol::{
     NODE_CELLS,
-    blockmap::{CLIP_STEPS_PER_CELL, flag},
+    blockmap::{CLIP_STEPS_PER_CELL, MIN_NORMAL_Z, flag},
     texel::{AO_MAX, OPAQUE},
 };
 
-/// The columns that rays have come to, in the lanes of `lanes`: the cell, where the rays cross it, the column's word.
+/// The columns that rays have come to, in the lanes of `lanes`: their numbers, where the rays cross their cells, their words.
 pub(super) struct ColumnCrossing<S: Simd> {
     pub(super) lanes: M<S>,
-    pub(super) cell: IVec2s<S>,
+    pub(super) number: U<S>,
     pub(super) ta: F<S>,
     pub(super) te: F<S>,
     pub(super) word: U<S>,
 }
 
-/// PlainColumns without gaps.
+/// Columns without gaps.
 struct PlainColumns<S: Simd> {
     number: U<S>,
     flags: U<S>,
     attributes: U<S>,
+    /// Normals of the tops, if a column is inclined.
+    top_normal: Option<Vec3s<S>>,
     strip: U<S>,
     clip: U<S>,
     centre: Vec2s<S>,
@@ -102,7 +103,8 @@ pub(super) fn hit_columns<S: Simd>(
     for lane in lanes_of::<S>(left) {
         let mut ray = segments.lane(scene, lane);
         ray.node = rays.lane(lane);
-        let cell = IVec2::new(found.cell.x[lane], found.cell.y[lane]);
+        let number = found.number[lane] as i32;
+        let cell = IVec2::new(number % NODE_CELLS as i32, number / NODE_CELLS as i32);
         walk_column(&mut ray, cell, found.ta[lane], found.te[lane], found.word[lane]);
         hits.set_lane(lane, &ray.hit);
     }
@@ -137,76 +139,70 @@ fn hit_plain_columns<S: Simd>(
     let is_row = !solids.outer & !is_roof & exposed;
     // A column that shows its top only, met from another side.
     let left = hidden | (solids.lanes & !solids.outer & !is_roof & !exposed);
-    let at = solids.outer.select(columns.strip + 1, columns.number + rays.planes[ROOF_PLANE]);
-    let at = is_row.select(columns.row_at(rays, &solids), at);
-    let texel = gather_where(simd, scene.atlas, at, solids.lanes);
-    let is_open = (texel & OPAQUE).simd_eq(splat_u(simd, 0));
-    let left = left | (solids.lanes & is_row & is_open);
+    let (mut texel, mut left) = (splat_u(simd, 0), left);
+    let in_strip = solids.lanes & (is_row | solids.outer);
+    if (solids.lanes & !in_strip).any_true() {
+        texel = gather_page(simd, rays.words.planes[ROOF_PLANE], columns.number);
+    }
+    if in_strip.any_true() {
+        let at = is_row.select(columns.row_at(rays, &solids), columns.strip + 1);
+        texel = in_strip.select(gather_where(simd, scene.atlas, at, in_strip), texel);
+        let is_open = (texel & OPAQUE).simd_eq(splat_u(simd, 0));
+        left |= solids.lanes & is_row & is_open;
+    }
     let lanes = solids.lanes & !left;
     let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
     let flat = Vec3s::<S> { x: zero, y: zero, z: solids.bottom_face.select(-one, one) };
     let mut normal = flat;
     if (lanes & solids.side).any_true() {
-        let face = rays.face_normal(crossing.cell);
+        let face = rays.face_normal(columns.centre);
         let wall = columns.wall_normal(rays, segments, &solids, face);
         normal = Vec3s::select(solids.side, Vec3s::select(solids.outer, face, wall), normal);
     }
     if (lanes & is_roof).any_true() {
-        normal = Vec3s::select(is_roof, decode_normal(simd, columns.attributes), normal);
+        let top = columns.top_normal.unwrap_or_else(
+            #[inline(always)]
+            || decode_normal(simd, columns.attributes),
+        );
+        normal = Vec3s::select(is_roof, top, normal);
     }
-    record(rays, segments, &columns, lanes, (solids.s, texel, normal, &objects), hits);
+    record(scene, rays, (segments, lanes, columns.flags), (solids.s, texel, normal, &objects), hits);
     left
 }
 
 /// Ends the rays in `lanes` at texels.
 #[inline(always)]
 fn record<S: Simd>(
+    scene: &SceneRef<'_>,
     rays: &NodeRays<'_, S>,
-    segments: &Segments<S>,
-    columns: &PlainColumns<S>,
-    lanes: M<S>,
+    (segments, lanes, flags): (&Segments<S>, M<S>, U<S>),
     (t, texel, normal, objects): (F<S>, U<S>, Vec3s<S>, &ObjectWords<S>),
     hits: &mut Hits<S>,
 ) {
     let simd = rays.simd;
     hits.is_hit |= lanes;
-    hits.albedo = Vec3s::select(lanes, objects.colours(simd, linear_of(simd, texel)), hits.albedo);
+    hits.colour = lanes.select(objects.colour_words(simd, texel), hits.colour);
     hits.object = lanes.select(objects.address, hits.object);
     hits.ao = lanes.select(float_u::<S>(texel >> AO_SHIFT) / f32::from(AO_MAX), hits.ao);
     hits.normal = Vec3s::select(lanes, normal, hits.normal);
-    hits.flags = lanes.select(columns.flags, hits.flags);
-    hits.level = lanes.select(splat_u(simd, rays.node.level), hits.level);
+    hits.flags = lanes.select(flags, hits.flags);
     hits.distance_m = lanes.select(t, hits.distance_m);
     hits.node = lanes.select(splat_u(simd, rays.index), hits.node);
-    let lift = splat(simd, rays.node.cell_m * SUN_LIFT_CELLS);
-    let origin = segments.dir.scale(t).add(normal.scale(lift));
-    hits.shadow_origin = Vec3s::select(lanes, origin, hits.shadow_origin);
+    if scene.frame.shadow_m > 0.0 {
+        let lift = splat(simd, rays.node.cell_m * SUN_LIFT_CELLS);
+        let origin = segments.dir.scale(t).add(normal.scale(lift));
+        hits.shadow_origin = Vec3s::select(lanes, origin, hits.shadow_origin);
+    }
 }
 
 impl<S: Simd> NodeRays<'_, S> {
-    /// The ray of a lane in the node, for the scalar code.
-    #[inline(always)]
-    fn lane(&self, lane: usize) -> NodeRay {
-        NodeRay {
-            index: self.index,
-            o: self.o.lane(lane),
-            d: self.d.lane(lane),
-            inv: Vec2::new(self.inv.x[lane], self.inv.y[lane]),
-            planes: self.planes.map(|first| first as usize),
-            z_shift: self.node.z_shift(),
-            summary: 0,
-            cell_m: self.node.cell_m,
-            level: self.node.level,
-        }
-    }
-
     /// Normals of the cells' faces through which the rays enter.
     #[inline(always)]
-    fn face_normal(&self, cell: IVec2s<S>) -> Vec3s<S> {
+    fn face_normal(&self, centre: Vec2s<S>) -> Vec3s<S> {
         let simd = self.simd;
         let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
-        let near_x = (float::<S>(cell.x) + 1.0 - self.ahead.x - self.o.x) * self.inv.x;
-        let near_y = (float::<S>(cell.y) + 1.0 - self.ahead.y - self.o.y) * self.inv.y;
+        let near_x = (centre.x + 0.5 - self.ahead.x - self.o.x) * self.inv.x;
+        let near_y = (centre.y + 0.5 - self.ahead.y - self.o.y) * self.inv.y;
         let across_x = near_x.simd_ge(near_y);
         Vec3s {
             x: across_x.select(one - self.ahead.x * 2.0, zero),
@@ -220,34 +216,42 @@ impl<S: Simd> PlainColumns<S> {
     #[inline(always)]
     fn read(scene: &SceneRef<'_>, rays: &NodeRays<'_, S>, crossing: &ColumnCrossing<S>, lanes: M<S>) -> Self {
         let (simd, atlas) = (rays.simd, scene.atlas);
-        let number = to_u::<S>(crossing.cell.y * NODE_CELLS as i32 + crossing.cell.x);
+        let number = crossing.number;
         let flags = lanes.select(crossing.word >> FLAGS_SHIFT, splat_u(simd, 0));
         let bit = always(
             #[inline(always)]
             |flag: u8| has(simd, flags, u32::from(flag)),
         );
-        let attributes = gather_where(simd, atlas, number + rays.planes[ATTRIBUTE_PLANE], lanes);
+        let attributes = gather_page(simd, rays.words.planes[ATTRIBUTE_PLANE], number);
         let (exposed, clipped) = (bit(flag::EXPOSED), bit(flag::CLIPPED));
         let (mut strip, mut clip) = (splat_u(simd, 0), splat_u(simd, 0));
         if exposed.any_true() {
-            strip = gather_where(simd, atlas, number + rays.planes[STRIP_PLANE], exposed);
-            if clipped.any_true() {
-                clip = gather_where(simd, atlas, strip, clipped);
-            }
+            strip = exposed.select(gather_page(simd, rays.words.planes[STRIP_PLANE], number), strip);
+        }
+        if clipped.any_true() {
+            clip = gather_where(simd, atlas, strip, clipped);
         }
         let zero = splat(simd, 0.0);
         let mut slope = Vec2s::<S> { x: zero, y: zero };
-        for lane in lanes_of::<S>(bit(flag::INCLINED)) {
-            [slope.x[lane], slope.y[lane]] = slope_codes(attributes[lane] as u16, rays.node.z_shift());
+        let mut top_normal = None;
+        let inclined = bit(flag::INCLINED);
+        if inclined.any_true() {
+            let n = decode_normal(simd, attributes);
+            slope = slope_codes(simd, inclined, n, rays.node.z_shift());
+            top_normal = Some(n);
         }
-        let half = 0.5;
+        let side = NODE_CELLS as u32;
         Self {
             number,
             flags,
             attributes,
+            top_normal,
             strip,
             clip,
-            centre: Vec2s::<S> { x: float::<S>(crossing.cell.x) + half, y: float::<S>(crossing.cell.y) + half },
+            centre: Vec2s::<S> {
+                x: float_u::<S>(number & (side - 1)) + 0.5,
+                y: float_u::<S>(number >> side.ilog2()) + 0.5,
+            },
             z_min: float_u::<S>((crossing.word >> HEIGHT_BITS) & HEIGHT_MASK),
             z_max: float_u::<S>(crossing.word & HEIGHT_MASK),
             slope,
@@ -305,9 +309,13 @@ impl<S: Simd> PlainColumns<S> {
         let top = outer.select(outer_top, self.z_max);
         let (zs, ze) = (rays.z_at(s), rays.z_at(e));
         let (slope_x, slope_y) = (outer.select(zero, self.slope.x), outer.select(zero, self.slope.y));
+        let has_slope = self.top_normal.is_some();
         let top_at = always(
             #[inline(always)]
             |t: F<S>| {
+                if !has_slope {
+                    return top;
+                }
                 let x = rays.o.x + rays.d.x * t - self.centre.x;
                 let y = rays.o.y + rays.d.y * t - self.centre.y;
                 top + (slope_x * x + slope_y * y)
@@ -375,10 +383,11 @@ impl<S: Simd> PlainColumns<S> {
     #[inline(always)]
     fn row_at(&self, rays: &NodeRays<'_, S>, solids: &FoundSolids<S>) -> U<S> {
         let simd = rays.simd;
-        let codes = codes_per_row(rays.node.z_shift());
+        // A power of two: as exact as the quotient.
+        let rows_per_code = 1.0 / codes_per_row(rays.node.z_shift());
         let row_of = always(
             #[inline(always)]
-            |z: F<S>| (z / codes).floor(),
+            |z: F<S>| (z * rows_per_code).floor(),
         );
         let clipped = has(simd, self.flags, u32::from(flag::CLIPPED));
         let head = clipped.select(splat_u(simd, 2), splat_u(simd, 0));
@@ -429,22 +438,20 @@ fn clip_to_solid<S: Simd>(simd: S, ta: F<S>, te: F<S>, over: [F<S>; 2], above: [
 #[inline(always)]
 fn directions<S: Simd>(simd: S, azimuth: U<S>) -> Vec2s<S> {
     let table = azimuth_directions();
-    let at = always(
+    let [x, y] = pairs(
+        simd,
         #[inline(always)]
-        |lane: usize| table[azimuth[lane] as usize % AZIMUTHS as usize],
+        |lane| table[azimuth[lane] as usize % AZIMUTHS as usize].to_array().map(f32::to_bits),
     );
-    Vec2s::<S> {
-        x: F::<S>::from_fn(
-            simd,
-            #[inline(always)]
-            |lane| at(lane).x,
-        ),
-        y: F::<S>::from_fn(
-            simd,
-            #[inline(always)]
-            |lane| at(lane).y,
-        ),
-    }
+    Vec2s::<S> { x: x.bitcast(), y: y.bitcast() }
+}
+
+/// [`slope_codes`](crate::pack::slope_codes) of the columns in `lanes`, by the normals of their tops; 0 in the others.
+#[inline(always)]
+fn slope_codes<S: Simd>(simd: S, lanes: M<S>, n: Vec3s<S>, z_shift: u32) -> Vec2s<S> {
+    let zero = splat(simd, 0.0);
+    let scale = splat(simd, -codes_per_row(z_shift)) / n.z.max(splat(simd, MIN_NORMAL_Z));
+    Vec2s::<S> { x: lanes.select(n.x * scale, zero), y: lanes.select(n.y * scale, zero) }
 }
 
 /// [`octahedral::decode`](insula_protocol::octahedral::decode) of the lower halves of words.

@@ -4,38 +4,27 @@
 //! or of those that differ from a neighbour: [`finish_rows`]. The rays of a packet are those of one pixel or of neighbours.
 
 use super::{
-    lanes::{F, M, U, Vec2s, Vec3s, always, float, float_u, lanes_of, splat, splat_u, to_i},
-    shade::normalize_or,
+    lanes::{F, Vec3s, splat_u},
+    ray_packet::{FrameRay, PixelRows, RayPacket, blocks_of, in_blocks},
     sky::airlight,
     tone::encode_radiances,
-    trace::{TracedRays, trace},
+    trace::TracedRays,
 };
 use crate::{
     cpu::{
         instruction_set::InstructionSet,
         ray::SceneRef,
-        raycast::{GOLDEN_TURN, Pixel, Sampling, is_beside_other, pixel_word, sun_axes},
+        raycast::{Pixel, Sampling, is_beside_other, pixel_word},
     },
     layout::{FrameUniform, MAX_SAMPLES, NO_NODE, Shading},
-    tone::gradient_noise,
 };
 use fearless_simd::{Level, prelude::*};
-use glam::{Vec2, Vec3};
-use std::f32::consts::TAU;
+use glam::Vec3;
 
 /// Squared length of the difference of normals from which neighbours differ: 8 degrees.
 const NORMALS_DIFFER: f32 = 0.02;
 /// Difference of radiances from which neighbours differ, as a share of the brighter one.
 const RADIANCES_DIFFER: f32 = 0.03;
-
-/// A ray of the frame: its pixel, and its number in that.
-#[derive(Clone, Copy)]
-struct FrameRay {
-    /// Column, and row of the frame.
-    x: u32,
-    y: u32,
-    sample: u32,
-}
 
 /// What the ray through a pixel's centre has found.
 #[derive(Debug, Clone, Copy)]
@@ -59,15 +48,6 @@ struct PixelSum {
     is_refined: bool,
     /// Whether a neighbour's ray hit no object with an outline, in frames of one ray a pixel.
     is_beside_other: bool,
-}
-
-/// Rays in the lanes of a packet.
-#[derive(Clone, Copy)]
-struct RayPacket<S: Simd> {
-    x: U<S>,
-    y: U<S>,
-    sample: U<S>,
-    lanes: M<S>,
 }
 
 /// Consecutive rows of a frame's rays through the centres of pixels.
@@ -124,8 +104,13 @@ pub(in crate::cpu) fn render_rows(
     first: u32,
     out: &mut [Pixel],
 ) {
-    let width = scene.frame.width_px.max(1);
-    let [top, bottom] = rows_around(scene.frame, sampling, [first, first + out.len() as u32 / width]);
+    let frame = scene.frame;
+    if frame.samples <= 1 && frame.objects == 0 && frame.shading == Shading::Lit as u32 {
+        with_lanes!(set, |simd| draw_single(simd, scene, first, out));
+        return;
+    }
+    let width = frame.width_px.max(1);
+    let [top, bottom] = rows_around(frame, sampling, [first, first + out.len() as u32 / width]);
     let mut rays = vec![CentreRay::NOTHING; (width * bottom.saturating_sub(top)) as usize];
     cast_centres(set, scene, top, &mut rays);
     finish_rows(set, scene, sampling, CentreRows { first: top, rays: &rays }, first, out);
@@ -239,51 +224,76 @@ fn widened(set: &[bool], width: usize) -> Vec<bool> {
     out
 }
 
-/// Rays for the pixels of rows from row `first`, `count` in all, in the order of blocks of `lanes` neighbours.
-fn in_blocks(width: u32, first: u32, count: usize, lanes: u32) -> Vec<FrameRay> {
-    let rows = count as u32 / width.max(1);
-    let high = match (rows, lanes) {
-        (1, _) => 1,
-        (_, 16..) => 4,
-        _ => 2,
-    };
-    let wide = lanes / high;
-    let mut rays = Vec::with_capacity(count);
-    for top in (0..rows).step_by(high as usize) {
-        for left in (0..width).step_by(wide as usize) {
-            for y in top..(top + high).min(rows) {
-                let block = left..(left + wide).min(width);
-                rays.extend(block.map(|x| FrameRay { x, y: first + y, sample: 0 }));
-            }
-        }
-    }
-    rays
+/// Draws rows of a lit frame of one ray a pixel.
+fn draw_single<S: Simd>(simd: S, scene: &SceneRef<'_>, first: u32, out: &mut [Pixel]) {
+    for_each_centre(
+        simd,
+        scene,
+        first,
+        out,
+        #[inline(always)]
+        |rows, _, traced, out| {
+            let words = encode_radiances(simd, traced.rgb);
+            rows.write(
+                out,
+                #[inline(always)]
+                |lane| Pixel { word: words[lane], distance_m: traced.distance_m[lane], hit: traced.node[lane] },
+            );
+        },
+    );
 }
 
 fn draw_centres<S: Simd>(simd: S, scene: &SceneRef<'_>, first: u32, out: &mut [CentreRay]) {
+    for_each_centre(
+        simd,
+        scene,
+        first,
+        out,
+        #[inline(always)]
+        |rows, air, traced, out| {
+            let is_outlined = traced.is_outlined.to_bitmask();
+            rows.write(
+                out,
+                #[inline(always)]
+                |lane| CentreRay {
+                    airlight: air.lane(lane),
+                    rgb: traced.rgb.lane(lane),
+                    normal: traced.normal.lane(lane),
+                    distance_m: traced.distance_m[lane],
+                    node: traced.node[lane],
+                    object: traced.object[lane],
+                    is_outlined: (is_outlined >> lane) & 1 != 0,
+                },
+            );
+        },
+    );
+}
+
+/// Casts the rays through the centres of the pixels of rows from row `first`, one for each of `out`, and writes what they find with
+/// `write`, which gets the air's light and the rays.
+#[inline(always)]
+fn for_each_centre<S: Simd, T>(
+    simd: S,
+    scene: &SceneRef<'_>,
+    first: u32,
+    out: &mut [T],
+    write: impl Fn(PixelRows, Vec3s<S>, &TracedRays<S>, &mut [T]),
+) {
     let width = scene.frame.width_px;
     let samples = scene.frame.samples.clamp(1, MAX_SAMPLES);
-    let mut rays = in_blocks(width, first, out.len(), F::<S>::LEN as u32);
-    rays.iter_mut().for_each(|ray| ray.sample = samples * samples / 2);
-    for rays in rays.chunks(F::<S>::LEN) {
+    let centre = samples * samples / 2;
+    let rows = out.len() as u32 / width.max(1);
+    for block in blocks_of(width, out.len(), F::<S>::LEN as u32) {
         simd.vectorize(
             #[inline(always)]
             || {
-                let packet = RayPacket::new(simd, rays);
-                let air = airlight(simd, scene.frame, packet.direction(simd, scene.frame, None));
-                let traced = packet.trace(simd, scene, samples, air);
-                for (lane, ray) in rays.iter().enumerate() {
-                    let Some(target) = out.get_mut(((ray.y - first) * width + ray.x) as usize) else { continue };
-                    *target = CentreRay {
-                        airlight: air.lane(lane),
-                        rgb: traced.rgb.lane(lane),
-                        normal: traced.normal.lane(lane),
-                        distance_m: traced.distance_m[lane],
-                        node: traced.node[lane],
-                        object: traced.object[lane],
-                        is_outlined: traced.is_outlined.test(lane),
-                    };
-                }
+                let packet = RayPacket::of_block(simd, block, (first, [width, rows]), (samples, centre));
+                let dir = packet.direction(simd, scene.frame, None);
+                let air = airlight(simd, scene.frame, dir);
+                // The centre of a pixel is the place of the middle one of an odd number of rays.
+                let dir = if samples % 2 == 1 { dir } else { packet.direction(simd, scene.frame, Some(samples)) };
+                let traced = packet.trace(simd, scene, samples, (dir, air));
+                write(PixelRows { block, width, rows }, air, &traced, out);
             },
         );
     }
@@ -327,12 +337,13 @@ impl Band<'_> {
         simd.vectorize(
             #[inline(always)]
             || {
-                let packet = RayPacket::new(simd, rays);
+                let packet = RayPacket::new(simd, rays, self.samples);
                 let mut air = Vec3s::splat(simd, Vec3::ZERO);
                 for (lane, ray) in rays.iter().enumerate() {
                     air.set_lane(lane, self.drawn[self.at(ray)].airlight);
                 }
-                let traced = packet.trace(simd, self.scene, self.samples, air);
+                let dir = packet.direction(simd, self.scene.frame, Some(self.samples));
+                let traced = packet.trace(simd, self.scene, self.samples, (dir, air));
                 for (lane, ray) in rays.iter().enumerate() {
                     let at = self.at(ray);
                     let (Some(sum), Some(drawn)) = (self.sums.get_mut(at), self.drawn.get(at)) else { continue };
@@ -427,115 +438,5 @@ impl CentreRay {
             || (self.normal - other.normal).length_squared() > NORMALS_DIFFER
             || self.object != other.object
             || self.is_outlined != other.is_outlined
-    }
-}
-
-impl<S: Simd> RayPacket<S> {
-    #[inline(always)]
-    fn new(simd: S, rays: &[FrameRay]) -> Self {
-        let mut packet = Self {
-            x: splat_u(simd, 0),
-            y: splat_u(simd, 0),
-            sample: splat_u(simd, 0),
-            lanes: M::<S>::splat(simd, true),
-        };
-        for (lane, ray) in rays.iter().enumerate().take(F::<S>::LEN) {
-            packet.x[lane] = ray.x;
-            packet.y[lane] = ray.y;
-            packet.sample[lane] = ray.sample;
-        }
-        packet.lanes = M::<S>::from_bitmask(simd, (1u64 << rays.len().min(F::<S>::LEN)) - 1);
-        packet
-    }
-
-    /// Directions of the rays, of `samples` along a pixel's side; without, those of the pixels' centres.
-    #[inline(always)]
-    fn direction(&self, simd: S, frame: &FrameUniform, samples: Option<u32>) -> Vec3s<S> {
-        let (mut right, mut down) = (splat(simd, 0.5), splat(simd, 0.5));
-        if let Some(n) = samples.filter(
-            #[inline(always)]
-            |n| *n > 1,
-        ) {
-            let offset = always(
-                #[inline(always)]
-                |place: u32| (place as f32 + 0.5) / n as f32,
-            );
-            right = F::<S>::from_fn(
-                simd,
-                #[inline(always)]
-                |lane| offset(self.sample[lane] % n),
-            );
-            down = F::<S>::from_fn(
-                simd,
-                #[inline(always)]
-                |lane| offset(self.sample[lane] / n),
-            );
-        }
-        let ndc = always(
-            #[inline(always)]
-            |at: F<S>, offset: F<S>, size: u32| (at + offset) / size as f32 * 2.0 - 1.0,
-        );
-        let row = float::<S>(to_i::<S>(self.y));
-        let (x, y) = (ndc(float_u::<S>(self.x), right, frame.width_px), ndc(row, down, frame.height_px));
-        let along = always(
-            #[inline(always)]
-            |i: usize| (x * frame.right[i] + frame.forward[i]) - y * frame.up[i],
-        );
-        normalize_or(simd, Vec3s::<S> { x: along(0), y: along(1), z: along(2) }, Vec3s::splat(simd, Vec3::X))
-    }
-
-    #[inline(always)]
-    fn trace(&self, simd: S, scene: &SceneRef<'_>, samples: u32, airlight: Vec3s<S>) -> TracedRays<S> {
-        let dir = self.direction(simd, scene.frame, Some(samples));
-        let sun = self.sun(simd, scene.frame, samples);
-        trace(simd, scene, self.lanes, (dir, sun, airlight), self.threshold(simd, samples))
-    }
-
-    /// Points of the sun's disc.
-    #[inline(always)]
-    fn sun(&self, simd: S, frame: &FrameUniform, samples: u32) -> Vec3s<S> {
-        let sun = Vec3s::splat(simd, frame.sun.into());
-        if frame.shadow_m <= 0.0 || frame.sun_radius <= 0.0 {
-            return sun;
-        }
-        let rays = (samples * samples) as f32;
-        let mut turn = Vec2s::<S> { x: splat(simd, 0.0), y: splat(simd, 0.0) };
-        let mut root = splat(simd, 0.0);
-        for lane in lanes_of::<S>(self.lanes) {
-            let mut point = Vec2::from_angle(TAU * gradient_noise(self.x[lane], self.y[lane]));
-            for _ in 0..self.sample[lane] {
-                point = point.rotate(GOLDEN_TURN);
-            }
-            (turn.x[lane], turn.y[lane]) = (point.x, point.y);
-            root[lane] = ((self.sample[lane] as f32 + 0.5) / rays).sqrt();
-        }
-        let [across, up] = sun_axes(frame);
-        let point = always(
-            #[inline(always)]
-            |across: f32, up: f32| (turn.x * across + turn.y * up) * root,
-        );
-        sun.add(Vec3s::<S> { x: point(across.x, up.x), y: point(across.y, up.y), z: point(across.z, up.z) })
-    }
-
-    /// As the scalar `threshold_of`.
-    #[inline(always)]
-    fn threshold(&self, simd: S, samples: u32) -> U<S> {
-        let n = samples;
-        let place = always(
-            #[inline(always)]
-            |lane: usize| (self.sample[lane] % n, self.sample[lane] / n + n / 2),
-        );
-        let x = U::<S>::from_fn(
-            simd,
-            #[inline(always)]
-            |lane| self.x[lane].wrapping_mul(n).wrapping_add(place(lane).0),
-        );
-        let y = U::<S>::from_fn(
-            simd,
-            #[inline(always)]
-            |lane| self.y[lane].wrapping_mul(n).wrapping_add(place(lane).1),
-        );
-        let a = x ^ y;
-        ((a & 1) << 5) | ((y & 1) << 4) | ((a & 2) << 2) | ((y & 2) << 1) | ((a & 4) >> 1) | ((y & 4) >> 2)
     }
 }

@@ -3,8 +3,8 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, nonzero, splat, splat_i, splat_u,
-        to_i, to_u,
+        F, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, nonzero, pairs, quadruples, splat,
+        splat_i, splat_u, to_i, to_u,
     },
     mesh::walk_meshes,
     node_walk::walk_node,
@@ -160,23 +160,26 @@ impl<S: Simd> GridWalks<S> {
         let (top, bottom) = (float::<S>(to_i::<S>(heights >> 16)), float::<S>(to_i::<S>(heights & 0xffff)));
         let meets = z_in.min(z_out).simd_le(top + 1.0) & (z_in.max(z_out) + 1.0).simd_ge(bottom);
         let descends = meets & entry.simd_eq(splat_u(simd, GRID_MIXED)) & k.simd_gt(zeros);
-        let next = self.next_square([edge_x, edge_y], te_x.simd_le(te_y), exit, (corner, low_bits), frame.eye_cell);
-        let outside = next.x.min(next.y).simd_lt(zeros) | next.x.max(next.y).simd_ge(splat_i(simd, self.squares));
-        let ends = exit.simd_ge(self.t_end) | outside;
-        // The largest square that holds the next place and not this one: larger ones were found to be mixed.
-        let apart = high_bit::<S>(simd, (self.square.x ^ next.x) | (self.square.y ^ next.y));
-        let next_level = level_at(simd, frame, segments.eye_m + exit);
-        let next_level = apart.simd_lt(zeros).select(next_level, next_level.min(apart));
         let found = seeking & meets & is_node & !descends;
         crossings.node = found.select(seen_node::<S>(simd, segments.threshold, entry), crossings.node);
         crossings.t_in = found.select(self.t, crossings.t_in);
         crossings.t_out = found.select(exit, crossings.t_out);
         let moves = seeking & !descends;
-        self.level = seeking.select(descends.select(k - one, next_level), self.level);
+        self.level = (seeking & descends).select(k - one, self.level);
+        if moves.all_false() {
+            return found;
+        }
+        let next = self.next_square([edge_x, edge_y], te_x.simd_le(te_y), exit, (corner, low_bits), frame.eye_cell);
+        let outside = next.x.min(next.y).simd_lt(zeros) | next.x.max(next.y).simd_ge(splat_i(simd, self.squares));
+        // The largest square that holds the next place and not this one: larger ones were found to be mixed.
+        let apart = high_bit::<S>(simd, (self.square.x ^ next.x) | (self.square.y ^ next.y));
+        let next_level = level_at(simd, frame, segments.eye_m + exit);
+        let next_level = apart.simd_lt(zeros).select(next_level, next_level.min(apart));
+        self.level = moves.select(next_level, self.level);
         self.square.x = moves.select(next.x, self.square.x);
         self.square.y = moves.select(next.y, self.square.y);
         self.t = moves.select(exit, self.t);
-        self.done |= moves & ends;
+        self.done |= moves & (exit.simd_ge(self.t_end) | outside);
         found
     }
 
@@ -248,20 +251,13 @@ fn grid_words<S: Simd>(simd: S, scene: &SceneRef<'_>, at: U<S>, lanes: M<S>) -> 
     }
     let last = splat_u(simd, (scene.grid.len().min(1 << 31) as u32).saturating_sub(1));
     let inside = at.min(last);
-    let zeros = splat_u(simd, 0);
-    let found = at.simd_le(last);
-    let word = always(
+    let (zeros, found) = (splat_u(simd, 0), at.simd_le(last));
+    let [node, heights] = pairs(
+        simd,
         #[inline(always)]
-        |i: usize| {
-            let words = U::<S>::from_fn(
-                simd,
-                #[inline(always)]
-                |lane| entry(inside[lane])[i],
-            );
-            found.select(words, zeros)
-        },
+        |lane| entry(inside[lane]),
     );
-    [word(0), word(1)]
+    [found.select(node, zeros), found.select(heights, zeros)]
 }
 
 /// Windows of the levels `k`: west and south end, log2 of the side, first entry.
@@ -270,27 +266,25 @@ fn windows_at<S: Simd>(simd: S, frame: &FrameUniform, k: I<S>, lanes: M<S>) -> (
     let common = k[first_lane::<S>(lanes)];
     let window = always(
         #[inline(always)]
-        |k: i32| frame.windows.get(k as usize).copied().unwrap_or_default(),
+        |k: i32| frame.windows[(k as usize).min(GRID_LEVELS - 1)],
     );
     if (lanes & k.simd_ne(splat_i(simd, common))).all_false() {
-        let [base, log2_side, low_x, low_y] = window(common);
-        let splat = always(
+        let [base, log2_side, low_x, low_y] = window(common).map(
             #[inline(always)]
-            |v: i32| splat_i(simd, v),
+            |v| splat_i(simd, v),
         );
-        return (splat(low_x), splat(low_y), splat(log2_side), splat(base));
+        return (low_x, low_y, log2_side, base);
     }
-    let field = always(
+    let [base, log2_side, low_x, low_y] = quadruples(
+        simd,
         #[inline(always)]
-        |i: usize| {
-            I::<S>::from_fn(
-                simd,
-                #[inline(always)]
-                |lane| window(k[lane])[i],
-            )
-        },
+        |lane| bytemuck::cast(window(k[lane])),
+    )
+    .map(
+        #[inline(always)]
+        |words| to_i::<S>(words),
     );
-    (field(2), field(3), field(1), field(0))
+    (low_x, low_y, log2_side, base)
 }
 
 /// Number of the highest bit that is set; below 0 if none is.

@@ -22,18 +22,20 @@ pub(super) struct Segments<S: Simd> {
     pub(super) threshold: U<S>,
 }
 
-/// [`RayHit`] of each ray.
+/// [`RayHit`] of each ray. Levels are those of the nodes.
 #[derive(Clone, Copy)]
 pub(super) struct Hits<S: Simd> {
     pub(super) is_hit: M<S>,
+    /// Words whose colours the surfaces have, until they are converted when all rays have ended; 0 where the albedo is known.
+    pub(super) colour: U<S>,
     pub(super) albedo: Vec3s<S>,
     pub(super) ao: F<S>,
     pub(super) normal: Vec3s<S>,
     pub(super) flags: U<S>,
-    pub(super) level: U<S>,
     pub(super) distance_m: F<S>,
     pub(super) node: U<S>,
     pub(super) object: U<S>,
+    /// Not set in frames without shadows.
     pub(super) shadow_origin: Vec3s<S>,
     pub(super) stone: U<S>,
     pub(super) stone_point: Vec3s<S>,
@@ -94,11 +96,11 @@ impl<S: Simd> Hits<S> {
         let zero3 = Vec3s::splat(simd, Vec3::ZERO);
         Self {
             is_hit: M::<S>::splat(simd, false),
+            colour: zeros,
             albedo: zero3,
             ao: zero,
             normal: zero3,
             flags: zeros,
-            level: zeros,
             distance_m: splat(simd, f32::INFINITY),
             node: splat_u(simd, NO_NODE),
             object: zeros,
@@ -108,16 +110,16 @@ impl<S: Simd> Hits<S> {
         }
     }
 
-    /// The hit of a lane, for the scalar code.
+    /// The hit of a lane, for the scalar code. Colours must have been converted.
     #[inline(always)]
-    pub(super) fn lane(&self, lane: usize) -> RayHit {
+    pub(super) fn lane(&self, scene: &SceneRef<'_>, lane: usize) -> RayHit {
         RayHit {
             is_hit: self.is_hit.test(lane),
             albedo: self.albedo.lane(lane),
             ao: self.ao[lane],
             normal: self.normal.lane(lane),
             flags: self.flags[lane],
-            level: self.level[lane],
+            level: scene.nodes.get(self.node[lane] as usize).map_or(0, |node| node.level),
             distance_m: self.distance_m[lane],
             node: self.node[lane],
             object: self.object[lane],
@@ -138,7 +140,6 @@ impl<S: Simd> Hits<S> {
         self.ao[lane] = hit.ao;
         self.normal.set_lane(lane, hit.normal);
         self.flags[lane] = hit.flags;
-        self.level[lane] = hit.level;
         self.distance_m[lane] = hit.distance_m;
         self.node[lane] = hit.node;
         self.object[lane] = hit.object;

@@ -1,16 +1,15 @@
 //! Values of all rays of a packet, and the arithmetic of [`fast_math`](crate::cpu::fast_math) on them.
 
-use crate::cpu::ray::MIN_DIRECTION;
+use crate::{cpu::ray::MIN_DIRECTION, layout::PAGE_WORDS};
 use fearless_simd::prelude::*;
 use glam::Vec3;
 
 pub(super) type F<S> = <S as Simd>::f32s;
 pub(super) type I<S> = <S as Simd>::i32s;
 pub(super) type U<S> = <S as Simd>::u32s;
+/// Two words of half of the rays.
+type L<S> = <S as Simd>::u64s;
 pub(super) type M<S> = <S as Simd>::mask32s;
-
-/// Most rays of a packet.
-pub(super) const MAX_LANES: usize = 16;
 
 /// Two numbers of each ray.
 #[derive(Clone, Copy)]
@@ -147,6 +146,12 @@ pub(super) fn float<S: Simd>(v: I<S>) -> F<S> {
     v.to_float()
 }
 
+/// Whole parts of values from 0 to 2^31, without that.
+#[inline(always)]
+pub(super) fn whole<S: Simd>(v: F<S>) -> U<S> {
+    to_u::<S>(v.to_int())
+}
+
 /// Of values below 2^31.
 #[inline(always)]
 pub(super) fn float_u<S: Simd>(v: U<S>) -> F<S> {
@@ -155,8 +160,14 @@ pub(super) fn float_u<S: Simd>(v: U<S>) -> F<S> {
 
 /// The floor, clamped to whole numbers from `low` to `high`.
 #[inline(always)]
+pub(super) fn floor_of<S: Simd>(v: F<S>, low: F<S>, high: F<S>) -> F<S> {
+    v.floor().max(low).min(high)
+}
+
+/// The same as an integer.
+#[inline(always)]
 pub(super) fn floor_clamped<S: Simd>(v: F<S>, low: F<S>, high: F<S>) -> I<S> {
-    v.floor().max(low).min(high).to_int()
+    floor_of::<S>(v, low, high).to_int()
 }
 
 /// Whether any of the bits is set.
@@ -190,6 +201,66 @@ pub(super) fn gather<S: Simd>(simd: S, words: &[u32], at: U<S>) -> U<S> {
 #[inline(always)]
 pub(super) fn gather_where<S: Simd>(simd: S, words: &[u32], at: U<S>, mask: M<S>) -> U<S> {
     gather(simd, words, mask.select(at, splat_u(simd, u32::MAX)))
+}
+
+/// Words of a page at some places in it. Higher bits of `at` are ignored, so that no lane needs a test.
+#[inline(always)]
+pub(super) fn gather_page<S: Simd>(simd: S, page: &[u32; PAGE_WORDS], at: U<S>) -> U<S> {
+    U::<S>::from_fn(
+        simd,
+        #[inline(always)]
+        |lane| page[at[lane] as usize % PAGE_WORDS],
+    )
+}
+
+/// Two words of each ray, which are read at once.
+#[inline(always)]
+pub(super) fn pairs<S: Simd>(simd: S, pair: impl Fn(usize) -> [u32; 2]) -> [U<S>; 2] {
+    let half = F::<S>::LEN / 2;
+    let part = always(
+        #[inline(always)]
+        |first: usize| {
+            let both = L::<S>::from_fn(
+                simd,
+                #[inline(always)]
+                |i| bytemuck::cast(pair(first + i)),
+            );
+            both.bitcast::<U<S>>()
+        },
+    );
+    let (low, high) = part(0).deinterleave(part(half));
+    [low, high]
+}
+
+/// Four words of each ray, which are read at once.
+#[inline(always)]
+pub(super) fn quadruples<S: Simd>(simd: S, quadruple: impl Fn(usize) -> [u32; 4]) -> [U<S>; 4] {
+    let quarter = F::<S>::LEN / 4;
+    let part = always(
+        #[inline(always)]
+        |first: usize| {
+            let both = L::<S>::from_fn(
+                simd,
+                #[inline(always)]
+                |i| bytemuck::cast::<[u32; 4], [u64; 2]>(quadruple(first + i / 2))[i % 2],
+            );
+            both.bitcast::<U<S>>()
+        },
+    );
+    let (a, b) = part(0).deinterleave(part(quarter));
+    let (c, d) = part(2 * quarter).deinterleave(part(3 * quarter));
+    let ((even, third), (odd, fourth)) = (a.deinterleave(c), b.deinterleave(d));
+    [even, odd, third, fourth]
+}
+
+/// The numbers of the lanes.
+#[inline(always)]
+pub(super) fn lane_numbers<S: Simd>(simd: S) -> U<S> {
+    U::<S>::from_fn(
+        simd,
+        #[inline(always)]
+        |lane| lane as u32,
+    )
 }
 
 /// The first lane of a mask; the last lane of an empty one.

@@ -5,8 +5,9 @@
 use super::{
     hits::{Hits, MeshHits, Segments, read_vec4},
     lanes::{F, M, Vec3s, always, lanes_of, nonzero, splat, splat_u},
-    mesh_surface::hit_triangles,
+    mesh_surface::{MeshFacts, hit_triangles},
     objects::ObjectWords,
+    pages::planes_at,
 };
 use crate::{
     cpu::{
@@ -102,23 +103,43 @@ pub(super) fn walk_meshes<S: Simd>(
     let found = found & !hidden;
     if segments.to_sun {
         hits.is_hit |= found;
-    } else if triangle_stride(info) > 2 {
-        // Surfaces of landmarks are left to the scalar code.
-        for lane in lanes_of::<S>(found) {
-            let mut ray = segments.lane(scene, lane);
-            let hit = MeshHit { object: objects.address[lane], ..nearest.lane(lane) };
-            hit_triangle(&mut ray, index, step_m, info, &hit);
-            hits.set_lane(lane, &ray.hit);
-        }
-    } else if found.any_true() {
+        return;
+    }
+    let planes = planes_at(scene.atlas, node).filter(
+        #[inline(always)]
+        |_| triangle_stride(info) <= 2,
+    );
+    let Some(planes) = planes else {
+        return hit_singly(scene, segments, (index, step_m, info), found, (&nearest, &objects), hits);
+    };
+    if found.any_true() {
+        let facts = MeshFacts { node, index, planes, step_m, info };
         simd.vectorize(
             #[inline(always)]
-            || hit_triangles(simd, scene, segments, (node, index, step_m, info), found, (&nearest, &objects), hits),
+            || hit_triangles(simd, scene, segments, &facts, found, (&nearest, &objects), hits),
         );
     }
 }
 
-/// The same ray by ray, for those that have met a hidden object.
+/// Surfaces of landmarks, and where the atlas ends within a node's pages: ray by ray.
+#[inline(always)]
+fn hit_singly<S: Simd>(
+    scene: &SceneRef<'_>,
+    segments: &Segments<S>,
+    (index, step_m, info): (u32, f32, [u32; 4]),
+    found: M<S>,
+    (nearest, objects): (&MeshHits<S>, &ObjectWords<S>),
+    hits: &mut Hits<S>,
+) {
+    for lane in lanes_of::<S>(found) {
+        let mut ray = segments.lane(scene, lane);
+        let hit = MeshHit { object: objects.address[lane], ..nearest.lane(lane) };
+        hit_triangle(&mut ray, index, step_m, info, &hit);
+        hits.set_lane(lane, &ray.hit);
+    }
+}
+
+/// All of the walk ray by ray, for those that have met a hidden object.
 #[inline(always)]
 fn walk_singly<S: Simd>(scene: &SceneRef<'_>, segments: &Segments<S>, index: u32, group: M<S>, hits: &mut Hits<S>) {
     for lane in lanes_of::<S>(group) {

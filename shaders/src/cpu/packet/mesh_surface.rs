@@ -4,8 +4,8 @@
 use super::{
     hits::{Hits, MeshHits, Segments, read_vec4},
     lanes::{
-        F, IVec2s, M, U, Vec2s, Vec3s, always, float_u, floor_clamped, gather_where, has, lanes_of, splat, splat_u,
-        to_u,
+        F, M, U, Vec2s, Vec3s, always, float_u, floor_of, gather_page, gather_where, has, lanes_of, quadruples, splat,
+        splat_u, whole,
     },
     objects::ObjectWords,
     shade::{linear_of, normalize_or},
@@ -14,11 +14,10 @@ use crate::{
     cpu::{
         mesh::{MESH_LIFT_M, MESH_LIFT_SHARE, TextureHit, texture_colour},
         mesh_surface::{INSIDE_AO, ROOF_NORMAL_Z, ROOF_WEIGHT_ON_WALL, UNKNOWN_AO},
-        node::planes_of,
         ray::SceneRef,
         words::{codes_per_row, halves},
     },
-    layout::{DrawNode, MESH_FLAG, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
+    layout::{DrawNode, MESH_FLAG, PAGE_WORDS, PLANES, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
     mesh::LEAF_OFFSET_STEPS,
     pack::{AO_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK},
 };
@@ -33,12 +32,22 @@ use insula_protocol::{
 struct CoveredColumns<'a, S: Simd> {
     simd: S,
     atlas: &'a [u32],
-    planes: [u32; 4],
+    planes: [&'a [u32; PAGE_WORDS]; PLANES],
+    /// Height codes of a strip's row, and the inverse, which is as exact: both are powers of two.
     codes: f32,
+    rows_per_code: f32,
 }
 
-/// The mesh's node, the number of that, metres of a step of its grid, and its facts.
-type MeshFacts<'a> = (&'a DrawNode, u32, f32, [u32; 4]);
+/// What all triangles of a mesh share.
+pub(super) struct MeshFacts<'a> {
+    /// The mesh's node, its number, and its planes.
+    pub(super) node: &'a DrawNode,
+    pub(super) index: u32,
+    pub(super) planes: [&'a [u32; PAGE_WORDS]; PLANES],
+    /// Metres of a step of its grid.
+    pub(super) step_m: f32,
+    pub(super) info: [u32; 4],
+}
 
 /// Triangles as in the atlas: corners, and what they carry.
 struct Triangles<S: Simd> {
@@ -52,11 +61,12 @@ pub(super) fn hit_triangles<S: Simd>(
     simd: S,
     scene: &SceneRef<'_>,
     segments: &Segments<S>,
-    (node, index, step_m, info): MeshFacts<'_>,
+    facts: &MeshFacts<'_>,
     found: M<S>,
     (nearest, objects): (&MeshHits<S>, &ObjectWords<S>),
     hits: &mut Hits<S>,
 ) {
+    let MeshFacts { node, index, planes, step_m, info } = *facts;
     let (zero, t) = (splat(simd, 0.0), nearest.t);
     let triangles = Triangles::read(simd, scene, nearest.triangle, found);
     let [a, b, c] = triangles.corners;
@@ -72,7 +82,7 @@ pub(super) fn hit_triangles<S: Simd>(
     );
     let normal = normalize_or(simd, facing, back);
     let p = segments.origin.add(segments.dir.scale(t));
-    let mut albedo = triangles.colours(simd, nearest);
+    let mut albedo = triangles.colours(simd, found, nearest);
     if info[1] != 0 {
         for lane in lanes_of::<S>(found) {
             let carried = [0, 1, 2].map(|i| triangles.carried[i][lane]);
@@ -81,12 +91,8 @@ pub(super) fn hit_triangles<S: Simd>(
             albedo.set_lane(lane, texture_colour(&mut ray, (info, step_m), carried, across.lane(lane), hit));
         }
     }
-    let columns = CoveredColumns {
-        simd,
-        atlas: scene.atlas,
-        planes: planes_of(node).map(|first| first as u32),
-        codes: codes_per_row(node.z_shift()),
-    };
+    let codes = codes_per_row(node.z_shift());
+    let columns = CoveredColumns { simd, atlas: scene.atlas, planes, codes, rows_per_code: 1.0 / codes };
     let (mut sky, reflective) = columns.surface_light(node, found, p, normal);
     let behind = found & !nearest.is_front;
     let mut inside = M::<S>::splat(simd, false);
@@ -96,17 +102,19 @@ pub(super) fn hit_triangles<S: Simd>(
     }
     let flags =
         (reflective & !inside).select(splat_u(simd, MESH_FLAG | u32::from(flag::REFLECTIVE)), splat_u(simd, MESH_FLAG));
-    let origin = p.add(normal.scale(t * MESH_LIFT_SHARE + MESH_LIFT_M));
     hits.is_hit |= found;
+    hits.colour = found.select(splat_u(simd, 0), hits.colour);
     hits.albedo = Vec3s::select(found, objects.colours(simd, albedo), hits.albedo);
     hits.object = found.select(objects.address, hits.object);
     hits.ao = found.select(sky, hits.ao);
     hits.normal = Vec3s::select(found, normal, hits.normal);
     hits.flags = found.select(flags, hits.flags);
-    hits.level = found.select(splat_u(simd, node.level), hits.level);
     hits.distance_m = found.select(t, hits.distance_m);
     hits.node = found.select(splat_u(simd, index), hits.node);
-    hits.shadow_origin = Vec3s::select(found, origin, hits.shadow_origin);
+    if scene.frame.shadow_m > 0.0 {
+        let origin = p.add(normal.scale(t * MESH_LIFT_SHARE + MESH_LIFT_M));
+        hits.shadow_origin = Vec3s::select(found, origin, hits.shadow_origin);
+    }
 }
 
 #[inline(always)]
@@ -117,15 +125,19 @@ fn cross<S: Simd>(a: Vec3s<S>, b: Vec3s<S>) -> Vec3s<S> {
 impl<S: Simd> Triangles<S> {
     #[inline(always)]
     fn read(simd: S, scene: &SceneRef<'_>, triangle: U<S>, lanes: M<S>) -> Self {
-        let zeros = splat_u(simd, 0);
-        let mut words = [zeros; 8];
-        for lane in lanes_of::<S>(lanes) {
-            let (first, second) = (read_vec4(scene, triangle[lane]), read_vec4(scene, triangle[lane] + 1));
-            for i in 0..4 {
-                words[i][lane] = first[i];
-                words[i + 4][lane] = second[i];
-            }
-        }
+        let triangle = lanes.select(triangle, splat_u(simd, 0));
+        let part = always(
+            #[inline(always)]
+            |i: u32| {
+                quadruples(
+                    simd,
+                    #[inline(always)]
+                    |lane| read_vec4(scene, triangle[lane] + i),
+                )
+            },
+        );
+        let ([a, b, c, d], [e, f, g, h]) = (part(0), part(1));
+        let words = [a, b, c, d, e];
         let low = always(
             #[inline(always)]
             |i: usize| float_u::<S>(words[i] & 0xffff),
@@ -139,14 +151,14 @@ impl<S: Simd> Triangles<S> {
             Vec3s::<S> { x: high(1), y: low(2), z: high(2) },
             Vec3s::<S> { x: low(3), y: high(3), z: low(4) },
         ];
-        Self { corners, carried: [words[5], words[6], words[7]] }
+        Self { corners, carried: [f, g, h] }
     }
 
     /// Linear RGB between the corners' colours.
     #[inline(always)]
-    fn colours(&self, simd: S, nearest: &MeshHits<S>) -> Vec3s<S> {
+    fn colours(&self, simd: S, lanes: M<S>, nearest: &MeshHits<S>) -> Vec3s<S> {
         let [a, b, c] = self.carried;
-        if (a.simd_ne(b) | a.simd_ne(c)).all_false() {
+        if (lanes & (a.simd_ne(b) | a.simd_ne(c))).all_false() {
             return linear_of(simd, a);
         }
         let (a, b, c) = (linear_of(simd, a), linear_of(simd, b), linear_of(simd, c));
@@ -186,7 +198,7 @@ impl<S: Simd> CoveredColumns<'_, S> {
             sum += sky * weight;
             weights += weight;
         }
-        let walk = self.read(lanes, self.number((at.x + 0.5).floor(), (at.y + 0.5).floor()) + self.planes[WALK_PLANE]);
+        let walk = self.read_plane(WALK_PLANE, self.number((at.x + 0.5).floor(), (at.y + 0.5).floor()));
         let reflective = has(simd, walk, u32::from(flag::REFLECTIVE) << FLAGS_SHIFT);
         (weights.simd_gt(zero).select(sum / weights, splat(simd, UNKNOWN_AO)), reflective)
     }
@@ -195,8 +207,13 @@ impl<S: Simd> CoveredColumns<'_, S> {
     #[inline(always)]
     fn number(&self, x: F<S>, y: F<S>) -> U<S> {
         let (zero, last) = (splat(self.simd, 0.0), splat(self.simd, (NODE_CELLS - 1) as f32));
-        let cell = IVec2s::<S> { x: floor_clamped::<S>(x, zero, last), y: floor_clamped::<S>(y, zero, last) };
-        to_u::<S>(cell.y * NODE_CELLS as i32 + cell.x)
+        let (x, y) = (floor_of::<S>(x, zero, last), floor_of::<S>(y, zero, last));
+        whole::<S>(y * NODE_CELLS as f32 + x)
+    }
+
+    #[inline(always)]
+    fn read_plane(&self, plane: usize, number: U<S>) -> U<S> {
+        gather_page(self.simd, self.planes[plane], number)
     }
 
     #[inline(always)]
@@ -215,7 +232,7 @@ impl<S: Simd> CoveredColumns<'_, S> {
     fn sky(&self, lanes: M<S>, number: U<S>, z: F<S>, upwards: F<S>) -> (F<S>, F<S>) {
         let (simd, codes) = (self.simd, self.codes);
         let (zero, one, zeros) = (splat(simd, 0.0), splat(simd, 1.0), splat_u(simd, 0));
-        let walk = self.read(lanes, number + self.planes[WALK_PLANE]);
+        let walk = self.read_plane(WALK_PLANE, number);
         let bit = always(
             #[inline(always)]
             |flag: u8| has(simd, walk, u32::from(flag) << FLAGS_SHIFT),
@@ -223,7 +240,7 @@ impl<S: Simd> CoveredColumns<'_, S> {
         let (exposed, gap) = (bit(flag::EXPOSED), bit(flag::GAP));
         let two = splat_u(simd, 2);
         let head = bit(flag::CLIPPED).select(two, zeros) + gap.select(two, zeros);
-        let strip = self.read(lanes & exposed, number + self.planes[STRIP_PLANE]);
+        let strip = self.read_plane(STRIP_PLANE, number);
         let texels = exposed.select(strip + head, zeros);
         let bounds = if (lanes & gap).any_true() { gap.select(self.read(lanes & gap, texels - 1), walk) } else { walk };
         let (z_max, z_min) = self.bounds(bounds);
@@ -237,17 +254,18 @@ impl<S: Simd> CoveredColumns<'_, S> {
             #[inline(always)]
             |texel: U<S>| float_u::<S>(texel >> AO_SHIFT) / f32::from(AO_MAX),
         );
-        let roof = ao(self.read(from_roof, number + self.planes[ROOF_PLANE]));
+        let roof = ao(self.read_plane(ROOF_PLANE, number));
         let mut sky = from_roof.select(is_roof.select(roof, roof * 0.5), zero);
         let mut weight = from_roof.select(is_roof.select(one, splat(simd, ROOF_WEIGHT_ON_WALL)), zero);
         let from_wall = known & !by_roof;
         if from_wall.any_true() {
-            let first = (z_min / codes).floor();
-            let rows = ((z_max - 1.0) / codes).floor() - first;
-            let row = (z / codes - 0.5 - first).max(zero).min(rows);
+            let per_code = self.rows_per_code;
+            let first = (z_min * per_code).floor();
+            let rows = ((z_max - 1.0) * per_code).floor() - first;
+            let row = (z * per_code - 0.5 - first).max(zero).min(rows);
             let low = row.floor();
-            let a = self.read(from_wall, texels + low.to_int::<U<S>>());
-            let b = self.read(from_wall, texels + (low + 1.0).min(rows).to_int::<U<S>>());
+            let a = self.read(from_wall, texels + whole::<S>(low));
+            let b = self.read(from_wall, texels + whole::<S>((low + 1.0).min(rows)));
             let covered = always(
                 #[inline(always)]
                 |texel: U<S>, share: F<S>| (texel & OPAQUE).simd_ne(zeros).select(share, zero),
@@ -273,7 +291,7 @@ impl<S: Simd> CoveredColumns<'_, S> {
         let x = before(p.x, node.corner[0], normal.x) / node.cell_m + offset.x;
         let y = before(p.y, node.corner[1], normal.y) / node.cell_m + offset.y;
         let z = before(p.z, node.corner[2], normal.z) / node.z_step_m;
-        let walk = self.read(lanes, self.number(x, y) + self.planes[WALK_PLANE]);
+        let walk = self.read_plane(WALK_PLANE, self.number(x, y));
         let occupied = has(simd, walk, u32::from(flag::OCCUPIED) << FLAGS_SHIFT);
         // A gap may be in front of the surface.
         let gap = has(simd, walk, u32::from(flag::GAP) << FLAGS_SHIFT);

@@ -16,6 +16,8 @@ mod node_rays;
 mod node_walk;
 mod noise;
 mod objects;
+mod pages;
+mod ray_packet;
 mod shade;
 mod sky;
 mod stone;
@@ -23,4 +25,4 @@ mod tone;
 mod trace;
 
 pub(super) use frame::{CentreRay, CentreRows, cast_centres, finish_rows, render_rows, rows_around, sketch_rows};
-pub(super) use tone::develop_pixels;
+pub(super) use tone::{count_radiances, develop_pixels};

@@ -86,4 +86,10 @@ impl<S: Simd> ObjectWords<S> {
         }
         Vec3s::select(coloured, linear_of(simd, self.word), albedo)
     }
+
+    /// Words with the colours that objects have instead of texels.
+    #[inline(always)]
+    pub(super) fn colour_words(&self, simd: S, texel: U<S>) -> U<S> {
+        has(simd, self.word, PALETTE_COLOURED).select(self.word, texel)
+    }
 }

@@ -4,7 +4,7 @@
 
 use super::{
     hits::Hits,
-    lanes::{F, U, Vec3s, always, float_u, splat},
+    lanes::{F, U, Vec3s, always, float_u, splat, to_u},
 };
 use crate::{
     cpu::{
@@ -59,7 +59,7 @@ pub(super) fn exp<S: Simd>(simd: S, v: F<S>) -> F<S> {
     let whole = y.floor();
     let f = y - whole;
     let power = horner(simd, f, [EXP_HIGH.z, EXP_HIGH.y, EXP_HIGH.x, EXP_LOW.z, EXP_LOW.y, EXP_LOW.x]);
-    let exponent: U<S> = (whole + 127.0).to_int();
+    let exponent = to_u::<S>((whole + 127.0).to_int());
     power * (exponent << 23).bitcast::<F<S>>()
 }
 

@@ -2,7 +2,7 @@
 //! [`shade`](crate::cpu::shade).
 
 use super::{
-    lanes::{F, I, M, U, Vec3s, always, float, lanes_of, splat, splat_i, splat_u, to_u},
+    lanes::{F, I, M, U, Vec3s, always, float, lanes_of, quadruples, splat, splat_i, splat_u, to_u},
     shade::{Radiances, apply_haze},
 };
 use crate::{
@@ -126,31 +126,50 @@ impl<S: Simd> SkyColumns<S> {
     /// Rows of a table, between the columns.
     #[inline(always)]
     fn read(&self, simd: S, table: &SkyTable, row: I<S>) -> Vec3s<S> {
-        let cells: &[f32] = bytemuck::cast_slice(table);
-        let first: U<S> = to_u::<S>((row * SKY_AZIMUTHS as i32 + self.left) * 4);
+        let cells = table.as_flattened();
+        let first = cell_numbers::<S>(row, self.left);
         let common = first[0];
-        let is_common = first.simd_eq(splat_u(simd, common)).all_true();
-        let cell = |at: u32| cells.get(at as usize).copied().unwrap_or(0.0);
-        let at = always(
-            #[inline(always)]
-            |shift: u32| {
-                if is_common {
-                    return splat(simd, cell(common + shift));
-                }
-                F::<S>::from_fn(
-                    simd,
-                    #[inline(always)]
-                    |lane| cell(first[lane] + shift),
-                )
-            },
-        );
+        let (left, right) = if first.simd_eq(splat_u(simd, common)).all_true() {
+            let cell = always(
+                #[inline(always)]
+                |at: u32| {
+                    cells.get(at as usize).copied().unwrap_or_default().map(
+                        #[inline(always)]
+                        |v| splat(simd, v),
+                    )
+                },
+            );
+            (cell(common), cell(common + 1))
+        } else {
+            let cell = always(
+                #[inline(always)]
+                |at: U<S>| {
+                    let words = quadruples(
+                        simd,
+                        #[inline(always)]
+                        |lane| bytemuck::cast(cells.get(at[lane] as usize).copied().unwrap_or_default()),
+                    );
+                    words.map(
+                        #[inline(always)]
+                        |word| word.bitcast::<F<S>>(),
+                    )
+                },
+            );
+            (cell(first), cell(first + 1))
+        };
         let rest = splat(simd, 1.0) - self.part;
         let channel = always(
             #[inline(always)]
-            |c: u32| at(c) * rest + at(c + 4) * self.part,
+            |c: usize| left[c] * rest + right[c] * self.part,
         );
         Vec3s::<S> { x: channel(0), y: channel(1), z: channel(2) }
     }
+}
+
+/// Numbers of the cells of a sky's table.
+#[inline(always)]
+fn cell_numbers<S: Simd>(row: I<S>, column: I<S>) -> U<S> {
+    to_u::<S>(row * SKY_AZIMUTHS as i32 + column)
 }
 
 /// The phase function of Henyey and Greenstein for the angles between `dir` and the sun.

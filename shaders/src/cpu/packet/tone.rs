@@ -1,12 +1,15 @@
 //! Radiances of neighbouring pixels as words, and those as colours. The scalar code is [`tone`](crate::tone).
 
-use super::lanes::{F, U, Vec3s, always, float, float_u, splat, splat_i, splat_u, to_i};
+use super::lanes::{
+    F, I, U, Vec3s, always, float, float_u, lane_numbers, pairs, splat, splat_i, splat_u, to_i, to_u, whole,
+};
 use crate::{
     atmosphere::LUMINANCE,
     cpu::instruction_set::InstructionSet,
     tone::{
-        AGX_IN, AGX_OUT, AGX_SATURATION, CODE_STEPS, CURVE_MIN, CURVE_SHIFT, DisplayTables, EXPONENT_BIAS,
-        MANTISSA_BITS, MAX_RADIANCE, NOISE,
+        AGX_IN, AGX_OUT, AGX_SATURATION, CODE_STEPS, CURVE_LAST, CURVE_MIN, CURVE_SHIFT, DisplayTable, DisplayTables,
+        EXPONENT_BIAS, MANTISSA_BITS, MAX_RADIANCE, METER_BINS, METER_BINS_PER_STOP, METER_EDGES, METER_LEAST,
+        METER_MIN_LOG2, MeterCounts, NOISE,
     },
 };
 use fearless_simd::{Level, prelude::*};
@@ -27,7 +30,7 @@ pub(super) fn encode_radiances<S: Simd>(simd: S, rgb: Vec3s<S>) -> U<S> {
     let largest = splat_u(simd, (1 << MANTISSA_BITS) - 1);
     let mantissa = always(
         #[inline(always)]
-        |v: F<S>| (v * scale + 0.5).to_int::<U<S>>().min(largest),
+        |v: F<S>| whole::<S>(v * scale + 0.5).min(largest),
     );
     let exponent = (exponent + (1 + EXPONENT_BIAS)).bitcast::<U<S>>() << 27;
     mantissa(rgb.x) | (mantissa(rgb.y) << 9) | (mantissa(rgb.z) << 18) | exponent
@@ -68,26 +71,111 @@ fn develop_with<S: Simd>(
     simd.vectorize(
         #[inline(always)]
         || {
-            for (chunk, (words, colours)) in words.chunks(lanes).zip(colours.chunks_mut(lanes)).enumerate() {
-                let mut radiances = splat_u(simd, 0);
-                for (lane, word) in words.iter().enumerate() {
-                    radiances[lane] = *word;
+            let (first_x, first_y) = (first as u32 % width, first as u32 / width);
+            let mut at = PixelPlaces { simd, width, x: lane_numbers(simd) + first_x, y: splat_u(simd, first_y) };
+            for (words, colours) in words.chunks(lanes).zip(colours.chunks_mut(lanes)) {
+                at.wrap();
+                let radiances = decode_radiances::<S>(words_of(simd, words));
+                let codes = codes_of(simd, tables, radiances.scale(splat(simd, exposure)));
+                let dithered = dithered(simd, codes, at.x, at.y);
+                if colours.len() == lanes {
+                    dithered.store_slice(colours);
+                } else {
+                    colours.iter_mut().enumerate().for_each(|(lane, colour)| *colour = dithered[lane]);
                 }
-                let codes = codes_of(simd, tables, decode_radiances::<S>(radiances).scale(splat(simd, exposure)));
-                let at = (first + chunk * lanes) as u32;
-                // Pixels of a chunk may be of two rows.
-                let (mut x, mut y) = (splat_u(simd, 0), splat_u(simd, 0));
-                for lane in 0..lanes as u32 {
-                    let (column, row) = ((at + lane) % width, (at + lane) / width);
-                    (x[lane as usize], y[lane as usize]) = (column, row);
-                }
-                let dithered = dithered(simd, codes, x, y);
-                for (lane, colour) in colours.iter_mut().enumerate() {
-                    *colour = dithered[lane];
+                at.x += lanes as u32;
+            }
+        },
+    );
+}
+
+/// Columns and rows of neighbouring pixels, which may be of several rows.
+struct PixelPlaces<S: Simd> {
+    simd: S,
+    width: u32,
+    x: U<S>,
+    y: U<S>,
+}
+
+impl<S: Simd> PixelPlaces<S> {
+    /// Moves pixels beyond the end of a row to the next ones.
+    #[inline(always)]
+    fn wrap(&mut self) {
+        let (width, zeros, one) = (splat_u(self.simd, self.width), splat_u(self.simd, 0), splat_u(self.simd, 1));
+        loop {
+            let beyond = self.x.simd_ge(width);
+            if beyond.all_false() {
+                return;
+            }
+            self.x -= beyond.select(width, zeros);
+            self.y += beyond.select(one, zeros);
+        }
+    }
+}
+
+/// As many words as there are lanes; 0 in the others.
+#[inline(always)]
+fn words_of<S: Simd>(simd: S, words: &[u32]) -> U<S> {
+    if words.len() == F::<S>::LEN {
+        return U::<S>::from_slice(simd, words);
+    }
+    let mut all = splat_u(simd, 0);
+    for (lane, word) in words.iter().enumerate() {
+        all[lane] = *word;
+    }
+    all
+}
+
+/// Numbers of radiances in the meter's bins. The scalar code is `meter_bin`.
+pub(in crate::cpu) fn count_radiances(set: InstructionSet, words: &[u32]) -> MeterCounts {
+    // Some machines have one instruction set.
+    #[allow(unreachable_patterns)]
+    match set.level() {
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Avx512(simd) => count_with(simd, words),
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Level::Avx2(simd) => count_with(simd, words),
+        #[cfg(target_arch = "aarch64")]
+        Level::Neon(simd) => count_with(simd, words),
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        Level::WasmSimd128(simd) => count_with(simd, words),
+        // An `InstructionSet` is none of the others.
+        _ => [0; METER_BINS as usize],
+    }
+}
+
+/// Neighbouring pixels are mostly of one bin: they are counted apart, so that none waits for the one before.
+const COUNTS_APART: usize = 4;
+
+fn count_with<S: Simd>(simd: S, words: &[u32]) -> MeterCounts {
+    let mut counts = [[0; METER_BINS as usize]; COUNTS_APART];
+    simd.vectorize(
+        #[inline(always)]
+        || {
+            for words in words.chunks(F::<S>::LEN) {
+                let bins = meter_bins(simd, decode_radiances::<S>(words_of(simd, words)));
+                for lane in 0..words.len() {
+                    counts[lane % COUNTS_APART][bins[lane] as usize % METER_BINS as usize] += 1;
                 }
             }
         },
     );
+    std::array::from_fn(|bin| counts.iter().map(|counts| counts[bin]).sum())
+}
+
+/// The bins of radiances.
+#[inline(always)]
+fn meter_bins<S: Simd>(simd: S, rgb: Vec3s<S>) -> U<S> {
+    let luminance = rgb.dot(Vec3s::splat(simd, LUMINANCE)).max(splat(simd, METER_LEAST));
+    let bits = luminance.bitcast::<U<S>>();
+    let stops = to_i::<S>(bits >> 23) - (127 + METER_MIN_LOG2 as i32);
+    let mantissa: F<S> = ((bits & 0x7f_ffff) | 1.0f32.to_bits()).bitcast();
+    let (zeros, one) = (splat_i(simd, 0), splat_i(simd, 1));
+    let mut bin: I<S> = stops * METER_BINS_PER_STOP as i32;
+    for edge in METER_EDGES {
+        bin += mantissa.simd_ge(splat(simd, edge)).select(one, zeros);
+    }
+    to_u::<S>(bin.max(zeros).min(splat_i(simd, METER_BINS as i32 - 1)))
 }
 
 #[inline(always)]
@@ -118,8 +206,8 @@ fn codes_of<S: Simd>(simd: S, tables: &DisplayTables, rgb: Vec3s<S>) -> Vec3s<S>
         #[inline(always)]
         |v| {
             let place = v.max(zero).min(one) * CODE_STEPS as f32;
-            let whole: U<S> = place.to_int();
-            between(simd, &tables.codes, whole, place - float_u::<S>(whole))
+            let at = whole::<S>(place);
+            between(simd, &tables.codes, at, place - float_u::<S>(at))
         },
     )
 }
@@ -136,27 +224,20 @@ fn product<S: Simd>(matrix: Mat3, v: Vec3s<S>) -> Vec3s<S> {
 
 #[inline(always)]
 fn curve_of<S: Simd>(simd: S, tables: &DisplayTables, v: F<S>) -> F<S> {
-    let last = splat_u(simd, tables.curve.len() as u32 - 2);
     let above = v.max(splat(simd, CURVE_MIN)).bitcast::<U<S>>() - CURVE_MIN.to_bits();
     let part = float_u::<S>(above & ((1 << CURVE_SHIFT) - 1)) / (1 << CURVE_SHIFT) as f32;
-    between(simd, &tables.curve, (above >> CURVE_SHIFT).min(last), part)
+    between(simd, &tables.curve, (above >> CURVE_SHIFT).min(splat_u(simd, CURVE_LAST)), part)
 }
 
 /// Between the entries `at` and the next ones of a table.
 #[inline(always)]
-fn between<S: Simd>(simd: S, table: &[f32], at: U<S>, part: F<S>) -> F<S> {
-    let entry = always(
+fn between<S: Simd, const PLACES: usize>(simd: S, table: &DisplayTable<PLACES>, at: U<S>, part: F<S>) -> F<S> {
+    let [value, step] = pairs(
+        simd,
         #[inline(always)]
-        |next: usize| {
-            F::<S>::from_fn(
-                simd,
-                #[inline(always)]
-                |lane| table.get(at[lane] as usize + next).copied().unwrap_or(0.0),
-            )
-        },
+        |lane| table[at[lane] as usize % PLACES].map(f32::to_bits),
     );
-    let (low, high) = (entry(0), entry(1));
-    low + (high - low) * part
+    value.bitcast::<F<S>>() + step.bitcast::<F<S>>() * part
 }
 
 /// As the scalar function, of the pixels at `x`, `y`.
@@ -170,7 +251,7 @@ fn dithered<S: Simd>(simd: S, codes: Vec3s<S>, x: U<S>, y: U<S>) -> U<S> {
     let most = splat(simd, 255.0);
     let channel = always(
         #[inline(always)]
-        |v: F<S>| (v + noise).min(most).to_int::<U<S>>(),
+        |v: F<S>| whole::<S>((v + noise).min(most)),
     );
     channel(codes.x) | (channel(codes.y) << 8) | (channel(codes.z) << 16) | (255 << 24)
 }

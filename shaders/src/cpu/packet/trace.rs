@@ -5,7 +5,7 @@ use super::{
     grid_walk::walk_grid,
     hits::{Hits, Segments},
     lanes::{F, M, U, Vec3s, lanes_of, splat, splat_u},
-    shade::{Radiances, apply_haze, reflected, unit_normal},
+    shade::{Radiances, apply_haze, linear_of, reflected, unit_normal},
     sky::{background, ground_distance},
     stone::stones_of,
 };
@@ -49,6 +49,7 @@ pub(super) fn trace<S: Simd>(
     let segments = Segments { origin, dir, reach_m, eye_m: zero, to_sun: false, threshold };
     let mut seen = Hits::nothing(simd);
     walk(simd, scene, &segments, lanes, &mut seen);
+    convert_colours(simd, &mut seen);
     let ground_m = ground_distance(simd, frame, dir);
     let mut light = radiances(simd, scene, lanes, &seen, (dir, airlight, ground_m));
     if frame.shadow_m > 0.0 {
@@ -100,6 +101,15 @@ fn walk<S: Simd>(simd: S, scene: &SceneRef<'_>, segments: &Segments<S>, lanes: M
     }
 }
 
+/// Sets the albedos of surfaces whose colours are words.
+#[inline(always)]
+fn convert_colours<S: Simd>(simd: S, hits: &mut Hits<S>) {
+    let is_word = hits.colour.simd_ne(splat_u(simd, 0));
+    if is_word.any_true() {
+        hits.albedo = Vec3s::select(is_word, linear_of(simd, hits.colour), hits.albedo);
+    }
+}
+
 /// Light of what the rays in `lanes` have hit, or of what is behind everything.
 #[inline(always)]
 fn radiances<S: Simd>(
@@ -137,7 +147,7 @@ fn radiances<S: Simd>(
         let (dir, airlight) = (dir.lane(lane), Airlight { rgb: airlight.lane(lane) });
         let lit = if hits.is_hit.test(lane) {
             let stone = |_: &Stone, surface: &SurfaceSample| stones.lane(lane, surface.normal);
-            radiance_with(scene, &hits.lane(lane), dir, &airlight, stone)
+            radiance_with(scene, &hits.lane(scene, lane), dir, &airlight, stone)
         } else {
             scalar_background(frame, dir, &airlight)
         };
