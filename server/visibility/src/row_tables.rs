@@ -201,7 +201,7 @@ mod tests {
             };
             for _ in 0..2_000 {
                 let (row_log, level) = (rng.below_u32(4), rng.below_u32(TOP_LEVELS as u32));
-                let row = rng.below(2 * tables.rows >> row_log) << row_log;
+                let row = rng.below((2 * tables.rows) >> row_log) << row_log;
                 let first = rng.below(2 * tables.columns) as i32 - 20;
                 let count = 2 + rng.below(MAX_SOLID_RUN - 1);
                 let solids = tables.solids(row, row_log, first, count);
