@@ -1,10 +1,11 @@
 //! The cells of a city, and their sets.
 
 use crate::{
-    bundle::{HeightTables, LayerNumber, ViewCell, Walker},
     heights::{CityExtent, CityHeights, LeafRectangle},
+    row_tables::{MainAxis, RowTables},
     settings::Settings,
-    windows::Windows,
+    sweep::{LayerNumber, Sweep, ViewCell},
+    windows::{LowestWindows, WINDOW_SIDE},
 };
 use insula_protocol::{
     BlockMap, TileId, VisibilityTile,
@@ -36,25 +37,39 @@ impl CitySets {
         wanted: impl Fn(TileId) -> bool + Sync,
     ) -> Result<Option<Self>, E> {
         let Some(heights) = CityHeights::read(extent, read)? else { return Ok(None) };
-        let tables = HeightTables::new(&heights);
-        let grounds = CellGrounds::new(&heights);
-        let walker = Walker { heights: &heights, tables: &tables, settings };
         let leaves = heights.leaves;
+        let mut cells: Vec<Option<(VisibleCell, ViewCell)>> = {
+            let grounds = CellGrounds::new(&heights);
+            let is_wanted = |i: usize| {
+                let (x, y) = leaves.place(i);
+                heights.is_leaf[i] && TileId::new(extent.depth, x, y).is_some_and(&wanted)
+            };
+            let cell_at = |i: usize| {
+                let (ground, cell) = grounds.cell(i, settings);
+                (VisibleCell { ground, seen: Vec::new() }, cell)
+            };
+            (0..leaves.len()).into_par_iter().map(|i| is_wanted(i).then(|| cell_at(i))).collect()
+        };
         // Land around the leaves is not computed: it counts as seen.
         let is_land = |id: &TileId| id.level() < extent.depth && !leaves.contains(*id, extent.depth);
         let beyond = if extent.terminals.iter().any(is_land) { 0 } else { UNSEEN };
-        let cells = (0..leaves.len()).into_par_iter().map(|i| {
-            let (x, y) = leaves.place(i);
-            if !heights.is_leaf[i] || !TileId::new(extent.depth, x, y).is_some_and(&wanted) {
-                return None;
-            }
-            let (ground, cell) = grounds.cell(i, settings);
-            let mut seen = vec![UNSEEN as LayerNumber; leaves.len()];
-            seen[i] = 0;
-            walker.see(&cell, &mut seen);
-            Some(VisibleCell { ground, seen: around(&leaves, i, settings.reach, &seen, beyond) })
-        });
-        let cells = cells.collect();
+        for axis in [MainAxis::X, MainAxis::Y] {
+            let tables = RowTables::new(&heights, axis);
+            let sweep = Sweep::new(&heights, &tables, axis, settings);
+            cells.par_iter_mut().enumerate().for_each(|(i, cell)| {
+                let Some((set, cell)) = cell else { return };
+                let mut seen = vec![UNSEEN as LayerNumber; leaves.len()];
+                seen[i] = 0;
+                sweep.see(cell, &mut seen);
+                let seen = around(&leaves, i, settings.reach, &seen, beyond);
+                if set.seen.is_empty() {
+                    set.seen = seen;
+                } else {
+                    set.seen.iter_mut().zip(seen).for_each(|(a, b)| *a = (*a).min(b));
+                }
+            });
+        }
+        let cells = cells.into_iter().map(|cell| cell.map(|(set, _)| set)).collect();
         Ok(Some(Self { depth: extent.depth, settings: *settings, leaves, cells }))
     }
 
@@ -97,44 +112,55 @@ fn around(leaves: &LeafRectangle, i: usize, reach: u8, seen: &[LayerNumber], bey
     let (x, y) = leaves.place(i);
     let reach = i64::from(reach);
     let side = 2 * reach + 1;
-    let at = |x: i64, y: i64| leaves.index(u32::try_from(x).ok()?, u32::try_from(y).ok()?);
-    let of_scale = |scale: u8| {
+    let [west, south] = [leaves.x, leaves.y].map(i64::from);
+    let [east, north] = [west + i64::from(leaves.width), south + i64::from(leaves.height)];
+    let mut all = Vec::with_capacity(usize::from(SCALES) * (side * side) as usize);
+    for scale in 0..SCALES {
         let levels = SCALE_LEVELS * scale;
         let corner = [x, y].map(|v| (i64::from(v) >> levels) - reach);
-        (0..side * side).map(move |k| {
-            let first = [corner[0] + k % side, corner[1] + k / side].map(|v| v << levels);
-            let inner = (0..1i64 << levels).flat_map(|dy| (0..1i64 << levels).map(move |dx| (dx, dy)));
-            let layers = inner.map(|(dx, dy)| at(first[0] + dx, first[1] + dy).map_or(beyond, |place| seen[place]));
-            layers.min().unwrap_or(UNSEEN)
-        })
-    };
-    (0..SCALES).flat_map(of_scale).collect()
+        let first = all.len();
+        all.extend((0..side * side).map(|k| {
+            let [x, y] = [corner[0] + k % side, corner[1] + k / side].map(|v| v << levels);
+            let width = 1 << levels;
+            let is_within = x >= west && y >= south && x + width <= east && y + width <= north;
+            if is_within { UNSEEN } else { beyond }
+        }));
+        // The leaves of the squares.
+        let range =
+            |corner: i64, low: i64, high: i64| (corner << levels).max(low)..((corner + side) << levels).min(high);
+        for y in range(corner[1], south, north) {
+            let row = ((y >> levels) - corner[1]) * side - corner[0];
+            for x in range(corner[0], west, east) {
+                let layer = seen[((y - south) * (east - west) + x - west) as usize];
+                let value = &mut all[first + (row + (x >> levels)) as usize];
+                *value = (*value).min(layer);
+            }
+        }
+    }
+    all
 }
 
 /// Where the ground is.
 struct CellGrounds<'a> {
     heights: &'a CityHeights,
     /// Lowest tops around each square: the ground between the buildings, if the city stores none.
-    lowest: Windows,
+    lowest: LowestWindows,
 }
 
 impl<'a> CellGrounds<'a> {
     fn new(heights: &'a CityHeights) -> Self {
-        // Squares without a column do not count.
-        let lowest = |a: u16, b: u16| if a.min(b) == 0 { a.max(b) } else { a.min(b) };
-        Self { heights, lowest: Windows::new(heights.width, heights.height, &heights.tops, lowest) }
+        Self { heights, lowest: LowestWindows::new(heights.width, heights.height, &heights.tops) }
     }
 
     /// The cell of a leaf, and its ground in half metres.
     fn cell(&self, i: usize, settings: &Settings) -> (i16, ViewCell) {
         let heights = self.heights;
-        let side_m = heights.square_m * heights.per_leaf as f32;
-        let (column, row) = (i % heights.leaves.width as usize, i / heights.leaves.width as usize);
-        let centre = [column, row].map(|v| (v as f32 + 0.5) * side_m);
-        let ground_m = heights.scale.height_m(self.ground(i, [column, row]));
+        let leaf = [i % heights.leaves.width as usize, i / heights.leaves.width as usize];
+        let ground_m = heights.scale.height_m(self.ground(i, leaf));
         let ground = (ground_m * 2.0).ceil().clamp(f32::from(i16::MIN), f32::from(i16::MAX)) as i16;
-        let tops: [f32; LAYERS] = settings.layers_dm.map(|top| f32::from(ground) / 2.0 + f32::from(top) / 10.0);
-        (ground, ViewCell { centre, half_m: side_m / 2.0, tops })
+        let top_m = |top: u16| f64::from(ground) / 2.0 + f64::from(top) / 10.0;
+        let tops: [f32; LAYERS] = settings.layers_dm.map(|top| heights.scale.code_at(top_m(top)));
+        (ground, ViewCell { leaf, tops })
     }
 
     /// The highest ground of a leaf.
@@ -146,12 +172,10 @@ impl<'a> CellGrounds<'a> {
         }
         // The lowest tops around each place, so that buildings do not count.
         let reach = (GROUND_REACH_M / heights.square_m) as isize;
-        // Windows of 16 squares.
-        const SIZE: usize = 3;
-        let window = 2isize << SIZE;
+        let window = WINDOW_SIDE as isize;
         let lowest_around = |x: isize, y: isize| {
             let places = |v: isize| [v - reach, v - window / 2, v + reach - window];
-            let all = places(y).into_iter().flat_map(|y| places(x).map(|x| self.lowest.at(SIZE, x, y)));
+            let all = places(y).into_iter().flat_map(|y| places(x).map(|x| self.lowest.at(x, y)));
             all.filter(|code| *code > 0).min().unwrap_or(0)
         };
         let side = heights.per_leaf as usize;

@@ -29,4 +29,14 @@ impl HeightScale {
     pub(crate) fn height_m(&self, code: u16) -> f32 {
         (self.base_m + f64::from(code) * STEP_M) as f32
     }
+
+    /// The code of a height as a fraction.
+    pub(crate) fn code_at(&self, z_m: f64) -> f32 {
+        ((z_m - self.base_m) / STEP_M) as f32
+    }
+
+    /// Metres of one code.
+    pub(crate) fn code_m(&self) -> f32 {
+        STEP_M as f32
+    }
 }

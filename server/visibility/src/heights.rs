@@ -122,6 +122,16 @@ impl CityHeights {
         }
     }
 
+    /// A city of `width` x `height` leaves with the same values of solids and tops that `value` gives one after the other.
+    #[cfg(test)]
+    pub(crate) fn of_squares([width, height]: [u32; 2], mut value: impl FnMut(usize) -> u16) -> Self {
+        let extent = CityExtent { depth: 8, cell_m: 1.0, lowest_m: 0.0, terminals: Vec::new() };
+        let mut heights = Self::empty(&extent, LeafRectangle { x: 0, y: 0, width, height });
+        heights.solids.iter_mut().chain(&mut heights.tops).enumerate().for_each(|(i, to)| *to = value(i));
+        heights.is_leaf.fill(true);
+        heights
+    }
+
     /// Reads the leaves row by row. Three rows are in memory at a time.
     fn read_leaves<E: Send>(
         &mut self,

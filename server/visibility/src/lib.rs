@@ -5,12 +5,13 @@
 //!
 //! The sets are conservative: each has all visible leaves, and may have hidden ones.
 
-mod bundle;
 mod cells;
 mod height_scale;
 mod heights;
+mod row_tables;
 mod settings;
 mod shape;
+mod sweep;
 mod windows;
 
 pub use cells::CitySets;

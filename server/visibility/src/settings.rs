@@ -7,9 +7,7 @@ use insula_protocol::visibility_tile::LAYERS;
 pub struct Settings {
     /// A cell's set is about this many squares of each scale on each side of the cell's.
     pub reach: u8,
-    /// Half the width of the narrowest strips of lines, in metres. The widest are four times as wide.
-    pub half_strip_m: f32,
-    /// Number of the narrowest sectors of directions; there are a quarter as many of the widest. A multiple of 4.
+    /// Number of ranges of directions, a multiple of 4.
     pub sectors: u32,
     /// Heights of the layers above the ground in decimetres, ascending.
     pub layers_dm: [u16; LAYERS],
@@ -20,6 +18,6 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { reach: 8, half_strip_m: 1.0, sectors: 256, layers_dm: [30, 80, 200], slope_margin: 1.0 / 600.0 }
+        Self { reach: 8, sectors: 256, layers_dm: [30, 80, 200], slope_margin: 1.0 / 600.0 }
     }
 }
