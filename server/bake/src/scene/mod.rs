@@ -10,6 +10,7 @@ pub(crate) mod record_list;
 pub(crate) mod record_sorter;
 pub(crate) mod scratch_budget;
 pub(crate) mod scratch_scene;
+pub(crate) mod shown_objects;
 pub(crate) mod texture_store;
 mod thinned;
 pub(crate) mod triangle_store;

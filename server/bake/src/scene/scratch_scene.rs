@@ -1,6 +1,6 @@
-//! A city between reading and partition: materials and objects in memory, triangles and textures in scratch files.
+//! A city between reading and partition: materials in memory; triangles, textures and objects in scratch files.
 //!
-//! A city that is read with [`crate::read::read`], or passed in as a [`Scene`], keeps triangles and textures in memory.
+//! A city that is read with [`crate::read::read`], or passed in as a [`Scene`], keeps all of them in memory.
 
 use std::sync::Arc;
 
@@ -14,6 +14,7 @@ use crate::{
         object_names::ObjectNames,
         object_records::{ObjectRecords, RecordPlace, SourceRecord},
         record_list::RecordList,
+        shown_objects::ShownObjects,
         texture_store::TextureStore,
         triangle_store::TriangleStore,
     },
@@ -99,8 +100,8 @@ pub(crate) struct ScratchScene {
     /// Minimum and maximum of all corners, relative to the origin; `None` without triangles.
     pub(crate) bounds: Option<[[f64; 3]; 2]>,
     pub(crate) objects: RecordList<StoredObject>,
-    /// Number of each object in the baked city; empty until the objects are numbered.
-    pub(crate) numbers: Vec<u32>,
+    /// What blocks need to know of the objects; empty until these are numbered.
+    pub(crate) shown: ShownObjects,
     /// As in [`Scene`].
     pub(crate) landmarks: Vec<Landmark>,
     /// Objects of landmarks that stand on the ground, which may be generated.
@@ -211,7 +212,7 @@ impl ScratchScene {
             crs: scene.crs,
             bounds,
             objects: objects.into(),
-            numbers: Vec::new(),
+            shown: ShownObjects::default(),
             landmarks: scene.landmarks,
             standing: Vec::new(),
             parents: RecordList::default(),

@@ -9,6 +9,7 @@ use crate::scene::Landmark;
 use crate::scene::object_names::ObjectNames;
 use crate::scene::record_list::{RecordList, RecordScratch};
 use crate::scene::scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredObject};
+use crate::scene::shown_objects::ShownObjects;
 use crate::scene::texture_store::TextureStore;
 
 /// Where all objects are that are kept.
@@ -62,7 +63,7 @@ impl SceneBuilder {
             crs: None,
             bounds: None,
             objects: RecordList::new(&scratch),
-            numbers: Vec::new(),
+            shown: ShownObjects::default(),
             landmarks: Vec::new(),
             standing: Vec::new(),
             parents: self.parents,
@@ -147,8 +148,8 @@ impl SceneBuilder {
         Ok(CityPlaces { median_m, bounds: [low, high], outskirts: Outskirts::of(&kept) })
     }
 
-    /// Keeps what is known of the objects in scratch files.
-    pub(super) fn keep_in(&mut self, scratch: &RecordScratch) {
+    /// Keeps what is known of the objects in scratch files. There must be none yet.
+    pub(crate) fn keep_in(&mut self, scratch: &RecordScratch) {
         (self.pending, self.parents) = (RecordList::new(scratch), RecordList::new(scratch));
     }
 }
