@@ -13,9 +13,9 @@ use crate::{
         Landmark, ObjectKind, Scene, SceneObject, SceneTriangle,
         block_content::BlockContent,
         grid::{BLOCK_LEAVES, CityGrid},
+        object_facts::BlockObjectFacts,
         partition::{LeafBlock, Partition},
         scratch_scene::ScratchScene,
-        shown_objects::ShownObject,
         triangle_store::{RECORD_BYTES, to_record},
     },
 };
@@ -26,7 +26,7 @@ pub(super) struct BlockScene {
     /// Numbers of the block's objects in the city.
     objects: Vec<u32>,
     /// What is known of these.
-    shown: Vec<ShownObject>,
+    facts: Vec<BlockObjectFacts>,
     /// Numbers of the block's materials in the city.
     materials: Vec<u32>,
     /// From the city's origin to that of the triangles.
@@ -49,8 +49,8 @@ impl BlockScene {
         }
         let [x, y] = grid.block_offset_m([block.x, block.y]);
         let origin_m = [grid.corner[0] + x, grid.corner[1] + y, 0.0];
-        let shown = city.shown.of(&objects.order)?;
-        Ok(Self { triangles, objects: objects.order, shown, materials: materials.order, origin_m })
+        let facts = city.object_facts.of(&objects.order)?;
+        Ok(Self { triangles, objects: objects.order, facts, materials: materials.order, origin_m })
     }
 
     /// Hash of settings, position, triangles in order, objects, materials and textures.
@@ -72,7 +72,7 @@ impl BlockScene {
         for triangle in &self.triangles {
             bytes.extend_from_slice(&to_record(triangle));
         }
-        for object in &self.shown {
+        for object in &self.facts {
             bytes.push(match object.kind {
                 ObjectKind::Building => 0,
                 ObjectKind::Terrain => 1,
@@ -98,7 +98,7 @@ impl BlockScene {
 
     /// The city's number of each object of the block.
     fn numbers(&self) -> impl Iterator<Item = u32> {
-        self.shown.iter().map(|object| object.number)
+        self.facts.iter().map(|object| object.number)
     }
 
     /// The landmarks in the block, by its own numbers, relative to its origin.
@@ -113,7 +113,7 @@ impl BlockScene {
 
     /// The block as a scene with its textures. Fails if a texture cannot be read.
     pub(super) fn into_scene(self, city: &ScratchScene) -> Result<Scene, BakeError> {
-        let objects = self.shown.iter().map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
+        let objects = self.facts.iter().map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
         let (numbers, landmarks) = (self.numbers().collect(), self.landmarks(city).collect());
         let materials = self.materials.iter().map(|number| city.load_material(city.materials[*number as usize]));
         Ok(Scene {

@@ -35,7 +35,6 @@ use crate::{
         record_list::RecordList,
         scratch_budget::ScratchBudget,
         scratch_scene::ScratchScene,
-        shown_objects::ShownObjects,
     },
     write::{
         city::{self, CityInput, SceneFacts, WrittenCity},
@@ -92,7 +91,7 @@ fn number_objects(
 ) -> Result<RecordList<Option<NumberedObject>>, BakeError> {
     let known = previous.map(PreviousCity::object_numbers).unwrap_or_default();
     let ObjectNumbers { of_object, rows } = ObjectNumbers::new(city, grid, &known)?;
-    city.shown = ShownObjects::new(&city.objects, &of_object)?;
+    city.keep_object_facts(&of_object)?;
     Ok(rows)
 }
 

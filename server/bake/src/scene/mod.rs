@@ -2,6 +2,7 @@
 
 pub(crate) mod block_content;
 pub mod grid;
+pub(crate) mod object_facts;
 pub(crate) mod object_names;
 pub(crate) mod object_numbers;
 pub(crate) mod object_records;
@@ -10,7 +11,6 @@ pub(crate) mod record_list;
 pub(crate) mod record_sorter;
 pub(crate) mod scratch_budget;
 pub(crate) mod scratch_scene;
-pub(crate) mod shown_objects;
 pub(crate) mod texture_store;
 mod thinned;
 pub(crate) mod triangle_store;

@@ -11,10 +11,10 @@ use crate::{
     error::BakeError,
     scene::{
         Landmark, Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle,
+        object_facts::{BlockObjectFacts, ObjectFactsStore, ObjectFactsWriter},
         object_names::ObjectNames,
         object_records::{ObjectRecords, RecordPlace, SourceRecord},
         record_list::RecordList,
-        shown_objects::ShownObjects,
         texture_store::TextureStore,
         triangle_store::TriangleStore,
     },
@@ -101,7 +101,7 @@ pub(crate) struct ScratchScene {
     pub(crate) bounds: Option<[[f64; 3]; 2]>,
     pub(crate) objects: RecordList<StoredObject>,
     /// What blocks need to know of the objects; empty until these are numbered.
-    pub(crate) shown: ShownObjects,
+    pub(crate) object_facts: ObjectFactsStore,
     /// As in [`Scene`].
     pub(crate) landmarks: Vec<Landmark>,
     /// Objects of landmarks that stand on the ground, which may be generated.
@@ -150,6 +150,19 @@ impl ScratchScene {
             }
             visit(&triangle, &exact)
         })
+    }
+
+    /// Keeps for blocks what they need to know of the objects, which have these numbers. Fails if a list cannot be read, or if this cannot
+    /// be written.
+    pub(crate) fn keep_object_facts(&mut self, numbers: &RecordList<u32>) -> Result<(), BakeError> {
+        let mut writer = ObjectFactsWriter::new(&self.objects.scratch(), self.objects.len())?;
+        let mut numbers = numbers.cursor();
+        self.objects.try_for_each(|i, object| {
+            let StoredObject { kind, base_z_m, .. } = *object;
+            writer.push(BlockObjectFacts { kind, base_z_m, number: *numbers.get(i)? })
+        })?;
+        self.object_facts = writer.finish()?;
+        Ok(())
     }
 
     /// Frees the triangles, whose copies in the partition's buckets are used from then on.
@@ -212,7 +225,7 @@ impl ScratchScene {
             crs: scene.crs,
             bounds,
             objects: objects.into(),
-            shown: ShownObjects::default(),
+            object_facts: ObjectFactsStore::default(),
             landmarks: scene.landmarks,
             standing: Vec::new(),
             parents: RecordList::default(),

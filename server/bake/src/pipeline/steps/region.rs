@@ -25,12 +25,12 @@ use crate::{
     report::ResumeStatus,
     scene::{
         Landmark,
+        object_facts::{BlockObjectFacts, ObjectFactsStore},
         object_names::ObjectNames,
         object_records::ObjectRecords,
         record_list::RecordList,
         scratch_budget::ScratchBudget,
         scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial},
-        shown_objects::{ShownObject, ShownObjects},
         texture_store::{TextureFacts, TextureStore, texture_path},
         triangle_store::TriangleStore,
     },
@@ -177,7 +177,7 @@ impl BakeSteps<'_> {
             crs: None,
             bounds: None,
             objects: RecordList::default(),
-            shown: ShownObjects::Memory(builder.objects),
+            object_facts: ObjectFactsStore::Memory(builder.objects),
             landmarks: builder.landmarks,
             standing: Vec::new(),
             parents: RecordList::default(),
@@ -196,7 +196,7 @@ impl BakeSteps<'_> {
 /// Collects what the bundles of a region show.
 #[derive(Default)]
 struct RegionBuilder {
-    objects: Vec<ShownObject>,
+    objects: Vec<BlockObjectFacts>,
     landmarks: Vec<Landmark>,
     placements: Vec<ObjectPlacement>,
     materials: Vec<StoredMaterial>,
@@ -213,7 +213,7 @@ impl RegionBuilder {
         for planned in &head.objects {
             let object = planned.shown.map(|shown| {
                 let NumberedShape { kind, base_z_m, number, .. } = shown;
-                self.objects.push(ShownObject { kind, base_z_m, number });
+                self.objects.push(BlockObjectFacts { kind, base_z_m, number });
                 let object = self.objects.len() as u32 - 1;
                 self.landmarks.extend(shown.landmark.map(|PlannedLandmark { stone, anchor_m }| Landmark {
                     object,

@@ -6,10 +6,10 @@ use super::{PendingLandmark, SceneBuilder, remove_from_report, subtract_from_rep
 use crate::error::BakeError;
 use crate::read::report::{SourceReport, WIDE};
 use crate::scene::Landmark;
+use crate::scene::object_facts::ObjectFactsStore;
 use crate::scene::object_names::ObjectNames;
 use crate::scene::record_list::{RecordList, RecordScratch};
 use crate::scene::scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredObject};
-use crate::scene::shown_objects::ShownObjects;
 use crate::scene::texture_store::TextureStore;
 
 /// Where all objects are that are kept.
@@ -63,7 +63,7 @@ impl SceneBuilder {
             crs: None,
             bounds: None,
             objects: RecordList::new(&scratch),
-            shown: ShownObjects::default(),
+            object_facts: ObjectFactsStore::default(),
             landmarks: Vec::new(),
             standing: Vec::new(),
             parents: self.parents,

@@ -131,10 +131,16 @@ fn objects_in_scratch_files_make_the_same_city() {
         builder.drop_duplicates(DuplicateOption::KeepFirst, &mut sources).unwrap();
         let city = builder.finish(TextureStore::in_memory(), &mut sources).unwrap();
         let (mut objects, mut placements) = (Vec::new(), Vec::new());
-        city.objects.try_for_each(|_, object| Ok(objects.push(*object))).unwrap();
-        city.placements
-            .try_for_each(|_, placement| Ok(placements.push((placement.offset_m, placement.object))))
-            .unwrap();
+        let read = city.objects.try_for_each(|_, object| {
+            objects.push(*object);
+            Ok(())
+        });
+        read.unwrap();
+        let read = city.placements.try_for_each(|_, placement| {
+            placements.push((placement.offset_m, placement.object));
+            Ok(())
+        });
+        read.unwrap();
         (city.origin, city.bounds, objects, placements, format!("{sources:?}"))
     };
     let mut in_files = builder();
