@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Measures peak memory and processor time of the steps of a bake by the size of the city.
+"""Measures peak memory and processor time of a bake, or of the steps of a bake, by the size of the city.
 
     tests/tools/bake_memory.py --program target/release/insula-server SOURCE.geojson --counts 100000,1000000 --folder FOLDER \\
-        [--shuffles 8] [--regions 2] [-- options of the bake]
+        [--plain] [--shuffles 8] [--regions 2] [-- options of the bake]
 
 The footprints of SOURCE (in degrees) are put side by side with other heights, one copy a file, until there are COUNT of them. All scans and
 the plan run, then some of the shuffles, and some of the regions if all shuffles ran (`--shuffles 0`). Prints one line for each count and
 stage: the highest peak of resident memory of its tasks, and the sum of their processor time. FOLDER needs 2.5 kB a footprint, and
-4 kB with all shuffles; it is emptied before and after each count.
+4 kB with all shuffles; it is emptied before and after each count. `--plain` runs `inspect` and a bake without steps instead, which
+needs 5 kB a footprint.
 """
 
 import argparse
@@ -69,6 +70,13 @@ def measure(arguments, options, count):
     # A process of its own, whose memory is not that of the children.
     subprocess.run([sys.executable, __file__, "--make", str(count), arguments.source, "--folder", str(inputs)], check=True)
     bake = [arguments.program, "bake"]
+    if arguments.plain:
+        inspect = [arguments.program, "inspect", inputs, "--json"]
+        whole = [*bake, inputs, "--out", folder / "city", "--threads", "1", *options]
+        for name, words in (("inspect", inspect), ("bake", whole)):
+            peak, time = run(words, temporary)
+            print(f"{count} {name}: {peak:.0f} MiB, {time:.1f} s", flush=True)
+        return shutil.rmtree(folder)
     begin = [*bake, "plan", "--inputs", inputs, "--work", work, "--chunk", "1", "--name", "city", *options]
 
     def stage(name, tasks, words):
@@ -105,6 +113,7 @@ def main():
     parser.add_argument("--program")
     parser.add_argument("--counts", default="100000,1000000")
     parser.add_argument("--folder", required=True)
+    parser.add_argument("--plain", action="store_true")
     parser.add_argument("--shuffles", type=int, default=8)
     parser.add_argument("--regions", type=int, default=0)
     parser.add_argument("--make", type=int, help=argparse.SUPPRESS)

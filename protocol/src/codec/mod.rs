@@ -14,3 +14,25 @@ pub mod zstd;
 pub fn checksum(bytes: &[u8]) -> u32 {
     crc32fast::hash(bytes)
 }
+
+/// The [`checksum`] of bytes that have the checksum `before`, and of further bytes behind them. That of no bytes is 0.
+pub fn extend_checksum(before: u32, bytes: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new_with_initial(before);
+    hasher.update(bytes);
+    hasher.finalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checksum_of_parts_is_that_of_the_whole() {
+        let bytes: Vec<u8> = (0..=255).collect();
+        assert_eq!(extend_checksum(0, &[]), 0);
+        for cut in [0, 1, 100, 256] {
+            let (head, tail) = bytes.split_at(cut);
+            assert_eq!(extend_checksum(extend_checksum(0, head), tail), checksum(&bytes));
+        }
+    }
+}

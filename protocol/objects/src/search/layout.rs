@@ -17,69 +17,133 @@
 //! | lists | | see `postings` |
 //! | checksum | 4 | CRC-32 of everything before it |
 
+use std::io::{self, Read, Write};
 use std::ops::Range;
 
-use insula_protocol::codec::checksum;
+use insula_protocol::codec::{checksum, extend_checksum};
 
 use super::table::BLOCK;
-use super::{MAX_ENTRIES, SearchError};
+use super::{MAX_ENTRIES, SearchError, SearchWriteError};
 
 const MAGIC: [u8; 4] = *b"INSX";
 const VERSION: u16 = 1;
 const HEADER: usize = 24;
 
 /// The contents of an index, before they are bytes.
-pub(super) struct Sections {
-    pub(super) objects: Vec<u32>,
+pub(super) struct Sections<'a> {
+    /// Pairs of a text and an object.
+    pub(super) entries: u32,
+    /// The largest number of an object; 0 without any.
+    pub(super) max_object: u32,
+    /// The number of the object of each entry, 4 bytes.
+    pub(super) objects: &'a mut dyn Read,
     /// Start of each block in `texts`.
-    pub(super) blocks: Vec<u64>,
-    pub(super) texts: Vec<u8>,
-    pub(super) dictionary: Vec<u8>,
-    pub(super) lists: Vec<u8>,
+    pub(super) blocks: &'a [u64],
+    pub(super) texts: Section<'a>,
+    pub(super) dictionary: Section<'a>,
+    pub(super) lists: Section<'a>,
 }
 
-impl Sections {
-    /// The index as bytes. Fails if a section has 4 GiB or more.
-    pub(super) fn encode(&self) -> Result<Vec<u8>, SearchError> {
-        let length = |section: &[u8]| {
-            u32::try_from(section.len()).map_err(|_| SearchError::Limit {
-                what: "bytes of a section",
-                found: section.len() as u64,
-                limit: u64::from(u32::MAX),
-            })
-        };
-        let lengths = [length(&self.texts)?, length(&self.dictionary)?, length(&self.lists)?];
-        let bits = u32::BITS - self.objects.iter().max().map_or(u32::BITS, |max| max.leading_zeros());
-        let mut out = Vec::new();
-        out.extend_from_slice(&MAGIC);
-        out.extend_from_slice(&VERSION.to_le_bytes());
-        out.extend_from_slice(&[bits as u8, 0]);
-        out.extend_from_slice(&(self.objects.len() as u32).to_le_bytes());
-        lengths.iter().for_each(|length| out.extend_from_slice(&length.to_le_bytes()));
-        self.blocks.iter().for_each(|at| out.extend_from_slice(&(*at as u32).to_le_bytes()));
-        push_packed(&mut out, &self.objects, bits);
-        out.extend_from_slice(&self.texts);
-        out.extend_from_slice(&self.dictionary);
-        out.extend_from_slice(&self.lists);
-        out.extend_from_slice(&checksum(&out).to_le_bytes());
-        Ok(out)
+/// The bytes of a section.
+pub(super) struct Section<'a> {
+    pub(super) bytes: &'a mut dyn Read,
+    pub(super) length: u64,
+}
+
+impl Section<'_> {
+    fn checked_length(&self) -> Result<u32, SearchError> {
+        let too_long =
+            SearchError::Limit { what: "bytes of a section", found: self.length, limit: u64::from(u32::MAX) };
+        u32::try_from(self.length).map_err(|_| too_long)
+    }
+
+    fn write(self, out: &mut ChecksumWriter<'_>) -> io::Result<()> {
+        let copied = io::copy(&mut self.bytes.take(self.length), out)?;
+        if copied == self.length { Ok(()) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
     }
 }
 
-fn push_packed(out: &mut Vec<u8>, numbers: &[u32], bits: u32) {
-    let (mut pending, mut filled) = (0u64, 0);
-    for number in numbers {
-        pending |= u64::from(*number) << filled;
-        filled += bits;
-        while filled >= 8 {
-            out.push(pending as u8);
-            pending >>= 8;
-            filled -= 8;
+impl Sections<'_> {
+    /// Bits of the number of an object.
+    fn object_bits(&self) -> u32 {
+        if self.entries == 0 { 0 } else { u32::BITS - self.max_object.leading_zeros() }
+    }
+
+    /// Size of the index in bytes.
+    pub(super) fn size_bytes(&self) -> u64 {
+        let objects = (u64::from(self.entries) * u64::from(self.object_bits())).div_ceil(8);
+        let sections = self.texts.length + self.dictionary.length + self.lists.length;
+        HEADER as u64 + 4 * self.blocks.len() as u64 + objects + sections + 4
+    }
+
+    /// Writes the index. Fails if a section has 4 GiB or more, or as reading or writing does.
+    pub(super) fn write(self, out: &mut dyn Write) -> Result<(), SearchWriteError> {
+        let lengths = [&self.texts, &self.dictionary, &self.lists].map(Section::checked_length);
+        let bits = self.object_bits();
+        let mut out = ChecksumWriter { out, checksum: 0 };
+        out.write_all(&MAGIC)?;
+        out.write_all(&VERSION.to_le_bytes())?;
+        out.write_all(&[bits as u8, 0])?;
+        out.write_all(&self.entries.to_le_bytes())?;
+        for length in lengths {
+            out.write_all(&length?.to_le_bytes())?;
         }
+        for start in self.blocks {
+            out.write_all(&(*start as u32).to_le_bytes())?;
+        }
+        write_packed(&mut out, self.objects, self.entries, bits)?;
+        self.texts.write(&mut out)?;
+        self.dictionary.write(&mut out)?;
+        self.lists.write(&mut out)?;
+        let checksum = out.checksum;
+        Ok(out.write_all(&checksum.to_le_bytes())?)
     }
-    if filled > 0 {
-        out.push(pending as u8);
+}
+
+/// Passes bytes on, and has their checksum.
+struct ChecksumWriter<'a> {
+    out: &'a mut dyn Write,
+    checksum: u32,
+}
+
+impl Write for ChecksumWriter<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.checksum = extend_checksum(self.checksum, bytes.get(..written).unwrap_or(bytes));
+        Ok(written)
     }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// Writes `count` numbers, of 4 bytes each in `numbers`, with `bits` bits each.
+fn write_packed(out: &mut impl Write, numbers: &mut dyn Read, count: u32, bits: u32) -> io::Result<()> {
+    /// Numbers that are packed at once: their bits are whole bytes.
+    const BATCH: usize = 1 << 13;
+    let (mut left, mut packed) = (count as usize, Vec::new());
+    while left > 0 {
+        let mut batch = vec![0; 4 * left.min(BATCH)];
+        numbers.read_exact(&mut batch)?;
+        let (mut pending, mut filled) = (0u64, 0);
+        for number in batch.as_chunks::<4>().0 {
+            pending |= u64::from(u32::from_le_bytes(*number)) << filled;
+            filled += bits;
+            while filled >= 8 {
+                packed.push(pending as u8);
+                pending >>= 8;
+                filled -= 8;
+            }
+        }
+        if filled > 0 {
+            packed.push(pending as u8);
+        }
+        out.write_all(&packed)?;
+        packed.clear();
+        left -= batch.len() / 4;
+    }
+    Ok(())
 }
 
 /// Where the sections of an index are.
@@ -155,16 +219,21 @@ mod tests {
     fn numbers_of_objects_round_trip() {
         for max in [0, 1, 100, 1_700_000, u32::MAX] {
             let objects: Vec<u32> =
-                (0..100u32).map(|i| i.wrapping_mul(0x9e37_79b9).checked_rem(max).unwrap_or(0)).collect();
+                (0..20_000u32).map(|i| i.wrapping_mul(0x9e37_79b9).checked_rem(max).unwrap_or(0)).collect();
             let objects = [&objects[..], &[max]].concat();
+            let numbers: Vec<u8> = objects.iter().flat_map(|object| object.to_le_bytes()).collect();
             let sections = Sections {
-                objects: objects.clone(),
-                blocks: vec![0, 0],
-                texts: Vec::new(),
-                dictionary: Vec::new(),
-                lists: Vec::new(),
+                entries: objects.len() as u32,
+                max_object: objects.iter().copied().max().unwrap_or(0),
+                objects: &mut &numbers[..],
+                blocks: &[0; 313],
+                texts: Section { bytes: &mut io::empty(), length: 0 },
+                dictionary: Section { bytes: &mut io::empty(), length: 0 },
+                lists: Section { bytes: &mut io::empty(), length: 0 },
             };
-            let bytes = sections.encode().unwrap();
+            let (mut bytes, size) = (Vec::new(), sections.size_bytes());
+            sections.write(&mut bytes).unwrap();
+            assert_eq!(bytes.len() as u64, size);
             let layout = Layout::decode(&bytes).unwrap();
             for (entry, object) in objects.iter().enumerate() {
                 assert_eq!(layout.object(&bytes, entry as u32), *object);

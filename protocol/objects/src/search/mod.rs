@@ -1,7 +1,9 @@
 //! Search of objects by their texts: names, addresses, identifiers.
 //!
-//! The bake writes one string of bytes with [`SearchIndexBuilder`]. The server and a viewer read it into
-//! memory in one piece, at the first search, and open it with [`SearchIndex`].
+//! The bake writes one string of bytes: it sorts [`SearchEntry`] values, of which [`SearchTextWriter`] writes the texts and tells
+//! the words, sorts these, and passes them to [`SearchWordWriter`], so that its memory does not follow the number of texts.
+//! [`SearchIndexBuilder`] does the same in memory. The server and a viewer read the bytes into memory in one piece, at the first
+//! search, and open them with [`SearchIndex`].
 //!
 //! # What is found
 //!
@@ -46,7 +48,10 @@ mod tests;
 mod unicode;
 mod words;
 
-pub use build::SearchIndexBuilder;
+pub use build::{
+    SearchEntry, SearchIndexBuilder, SearchTextWriter, SearchWordWriter, WordRun, WrittenTexts, WrittenWords,
+    write_index,
+};
 pub use index::{SearchHit, SearchIndex};
 
 /// Longest text in bytes. Longer ones are cut.
@@ -79,4 +84,14 @@ pub enum SearchError {
     /// A rule of the format is broken. The text says which.
     #[error("search index: {0}")]
     Invalid(&'static str),
+}
+
+/// Why an index is not written.
+#[derive(Debug, thiserror::Error)]
+pub enum SearchWriteError {
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// The texts exceed a limit of the format.
+    #[error(transparent)]
+    Index(#[from] SearchError),
 }

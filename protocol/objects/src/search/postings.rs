@@ -17,17 +17,14 @@ pub(super) struct ListBuilder {
 }
 
 impl ListBuilder {
-    /// Adds an entry. It must not be less than the one before; the same entry again is ignored.
-    pub(super) fn push(&mut self, entry: u32) {
-        if self.length > 0 && entry < self.start + self.length {
-            return;
-        }
-        if self.length > 0 && entry == self.start + self.length {
-            self.length += 1;
+    /// Adds a run of entries, which must begin at or behind the end of the one before.
+    pub(super) fn push(&mut self, start: u32, length: u32) {
+        if self.length > 0 && start == self.start + self.length {
+            self.length += length;
             return;
         }
         self.write_run();
-        (self.start, self.length) = (entry, 1);
+        (self.start, self.length) = (start, length);
     }
 
     fn write_run(&mut self) {
@@ -158,16 +155,24 @@ mod tests {
 
     #[test]
     fn lists_round_trip() {
-        let lists: [&[u32]; 4] = [&[0], &[0, 1, 2, 3, 4, 63, 64, 65, 200], &[7, 7, 9, 9, 9], &[100, 101, 102, 319]];
+        let lists: [&[u32]; 4] = [&[0], &[0, 1, 2, 3, 4, 63, 64, 65, 200], &[7, 9], &[100, 101, 102, 319]];
         let (mut bytes, mut wanted) = (Vec::new(), Vec::new());
         for list in lists {
             let mut builder = ListBuilder::default();
-            list.iter().for_each(|entry| builder.push(*entry));
+            list.iter().for_each(|entry| builder.push(*entry, 1));
             builder.finish(&mut bytes);
             wanted.extend_from_slice(list);
         }
         wanted.sort_unstable();
         wanted.dedup();
+        let mut runs = ListBuilder::default();
+        [(0, 3), (3, 2), (63, 3), (200, 1)].into_iter().for_each(|(start, length)| runs.push(start, length));
+        let (mut whole, mut single) = (Vec::new(), ListBuilder::default());
+        runs.finish(&mut whole);
+        lists[1].iter().for_each(|entry| single.push(*entry, 1));
+        let mut entries = Vec::new();
+        single.finish(&mut entries);
+        assert_eq!(whole, entries);
         let mut set = EntrySet::new(320);
         set.insert_lists(&bytes);
         assert_eq!(set.iter(0..320).collect::<Vec<_>>(), wanted);

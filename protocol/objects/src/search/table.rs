@@ -29,20 +29,35 @@ const MIN_GAIN: usize = 3;
 /// Writes the texts in order.
 #[derive(Debug, Default)]
 pub(super) struct TableBuilder {
-    /// Start of each block in `bytes`.
+    /// Start of each block in all bytes.
     pub(super) blocks: Vec<u64>,
     pub(super) bytes: Vec<u8>,
+    /// Bytes that were before these, see [`Self::write_to`].
+    written: u64,
     entries: u32,
     /// Bytes at the end that stay.
     end: usize,
 }
 
 impl TableBuilder {
+    /// Moves the bytes so far to `out`. Fails as writing does.
+    pub(super) fn write_to(&mut self, out: &mut impl std::io::Write) -> std::io::Result<()> {
+        out.write_all(&self.bytes)?;
+        self.written += self.bytes.len() as u64;
+        self.bytes.clear();
+        Ok(())
+    }
+
+    /// Number of all bytes so far.
+    pub(super) fn length(&self) -> u64 {
+        self.written + self.bytes.len() as u64
+    }
+
     /// Appends `text`; `before` is the one added before it.
     pub(super) fn push(&mut self, before: &str, text: &str) {
         let mut before = before.as_bytes();
         if self.entries.is_multiple_of(BLOCK) {
-            self.blocks.push(self.bytes.len() as u64);
+            self.blocks.push(self.length());
             (before, self.end) = (&[], 0);
         }
         self.entries += 1;

@@ -274,12 +274,3 @@ impl<'a> Words<'a> {
         found
     }
 }
-
-/// Writes the dictionary of tokens in ascending order, each with the start of its list.
-pub(super) fn build(tokens: impl Iterator<Item = (impl AsRef<[u8]>, u64)>) -> Result<Vec<u8>, fst::Error> {
-    let mut builder = fst::raw::Builder::new(Vec::new())?;
-    for (token, list) in tokens {
-        builder.insert(token, list)?;
-    }
-    builder.into_inner()
-}

@@ -5,8 +5,6 @@
 
 use std::collections::HashMap;
 
-use insula_protocol::blockmap::NO_OBJECT;
-
 use crate::{
     config::BakeConfig,
     error::BakeError,
@@ -15,6 +13,7 @@ use crate::{
         Landmark, ObjectKind, Scene, SceneObject, SceneTriangle,
         block_content::BlockContent,
         grid::{BLOCK_LEAVES, CityGrid},
+        object_facts::BlockObjectFacts,
         partition::{LeafBlock, Partition},
         scratch_scene::ScratchScene,
         triangle_store::{RECORD_BYTES, to_record},
@@ -26,6 +25,8 @@ pub(super) struct BlockScene {
     triangles: Vec<SceneTriangle>,
     /// Numbers of the block's objects in the city.
     objects: Vec<u32>,
+    /// What is known of these.
+    facts: Vec<BlockObjectFacts>,
     /// Numbers of the block's materials in the city.
     materials: Vec<u32>,
     /// From the city's origin to that of the triangles.
@@ -33,8 +34,13 @@ pub(super) struct BlockScene {
 }
 
 impl BlockScene {
-    /// Reads the block's bucket. Fails if it cannot be read or has changed.
-    pub(super) fn load(partition: &Partition, block: &LeafBlock, grid: &CityGrid) -> Result<Self, BakeError> {
+    /// Reads the block's bucket, and what is known of its objects. Fails if these cannot be read or have changed.
+    pub(super) fn load(
+        partition: &Partition,
+        city: &ScratchScene,
+        block: &LeafBlock,
+        grid: &CityGrid,
+    ) -> Result<Self, BakeError> {
         let mut triangles = partition.triangles(block)?;
         let (mut objects, mut materials) = (Renumbering::default(), Renumbering::default());
         for triangle in &mut triangles {
@@ -43,7 +49,8 @@ impl BlockScene {
         }
         let [x, y] = grid.block_offset_m([block.x, block.y]);
         let origin_m = [grid.corner[0] + x, grid.corner[1] + y, 0.0];
-        Ok(Self { triangles, objects: objects.order, materials: materials.order, origin_m })
+        let facts = city.object_facts.of(&objects.order)?;
+        Ok(Self { triangles, objects: objects.order, facts, materials: materials.order, origin_m })
     }
 
     /// Hash of settings, position, triangles in order, objects, materials and textures.
@@ -65,7 +72,7 @@ impl BlockScene {
         for triangle in &self.triangles {
             bytes.extend_from_slice(&to_record(triangle));
         }
-        for object in self.objects.iter().map(|number| city.objects.in_memory()[*number as usize]) {
+        for object in &self.facts {
             bytes.push(match object.kind {
                 ObjectKind::Building => 0,
                 ObjectKind::Terrain => 1,
@@ -78,7 +85,7 @@ impl BlockScene {
             bytes.push(stone.map_or(u8::MAX, |stone| stone));
             bytes.extend(anchor_m.iter().flat_map(|v| v.to_bits().to_le_bytes()));
         }
-        for number in self.numbers(city) {
+        for number in self.numbers() {
             bytes.extend_from_slice(&number.to_le_bytes());
         }
         for material in self.materials.iter().map(|number| city.materials[*number as usize]) {
@@ -90,8 +97,8 @@ impl BlockScene {
     }
 
     /// The city's number of each object of the block.
-    fn numbers(&self, city: &ScratchScene) -> impl Iterator<Item = u32> {
-        self.objects.iter().map(|object| city.numbers.get(*object as usize).copied().unwrap_or(NO_OBJECT))
+    fn numbers(&self) -> impl Iterator<Item = u32> {
+        self.facts.iter().map(|object| object.number)
     }
 
     /// The landmarks in the block, by its own numbers, relative to its origin.
@@ -106,9 +113,8 @@ impl BlockScene {
 
     /// The block as a scene with its textures. Fails if a texture cannot be read.
     pub(super) fn into_scene(self, city: &ScratchScene) -> Result<Scene, BakeError> {
-        let objects = self.objects.iter().map(|number| city.objects.in_memory()[*number as usize]);
-        let objects = objects.map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
-        let (numbers, landmarks) = (self.numbers(city).collect(), self.landmarks(city).collect());
+        let objects = self.facts.iter().map(|o| SceneObject { id: String::new(), kind: o.kind, base_z_m: o.base_z_m });
+        let (numbers, landmarks) = (self.numbers().collect(), self.landmarks(city).collect());
         let materials = self.materials.iter().map(|number| city.load_material(city.materials[*number as usize]));
         Ok(Scene {
             origin: std::array::from_fn(|axis| city.origin[axis] + self.origin_m[axis]),

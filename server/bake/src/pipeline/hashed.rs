@@ -104,7 +104,9 @@ impl HashedPartition {
         let budget = MemoryBudget::new(config.block_bytes());
         let hashes = run_bounded(config.threads, &partition.blocks, |block| {
             budget.with(block.triangles as usize * HASHED_TRIANGLE_BYTES, || {
-                Ok::<_, BakeError>(BlockScene::load(&partition, block, grid)?.fingerprint(city, config, grid, block))
+                Ok::<_, BakeError>(
+                    BlockScene::load(&partition, city, block, grid)?.fingerprint(city, config, grid, block),
+                )
             })
         })?;
         Ok(Self { partition, hashes })

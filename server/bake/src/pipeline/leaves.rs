@@ -108,7 +108,7 @@ impl LeafBaker<'_> {
 
     fn bake_leaves(&self, block: &LeafBlock, leaves: &[TileId]) -> Result<BlockTiles, BakeError> {
         let TileContext { grid, config, .. } = *self.context;
-        let scene = BlockScene::load(self.partition, block, grid)?.into_scene(self.city)?;
+        let scene = BlockScene::load(self.partition, self.city, block, grid)?.into_scene(self.city)?;
         let grid = grid.around_block([block.x, block.y]);
         encode_leaves(scene, &grid, config, &config.sample, leaves, config.meshes)
     }

@@ -27,8 +27,14 @@ use crate::{
     read::{self, BadInput, FarModels, ReadProgress, ReadReport, ScratchOptions},
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
     scene::{
-        Scene, grid::CityGrid, object_numbers::ObjectNumbers, object_records::ObjectRecords, partition::BlockSquare,
-        scratch_budget::ScratchBudget, scratch_scene::ScratchScene,
+        Scene,
+        grid::CityGrid,
+        object_numbers::{NumberedObject, ObjectNumbers},
+        object_records::ObjectRecords,
+        partition::BlockSquare,
+        record_list::RecordList,
+        scratch_budget::ScratchBudget,
+        scratch_scene::ScratchScene,
     },
     write::{
         city::{self, CityInput, SceneFacts, WrittenCity},
@@ -74,6 +80,19 @@ pub fn bake_scene(
     let config = BakeConfig::new(options)?;
     let bake = || BakeRun::new(&config, progress)?.bake(ScratchScene::from_scene(scene)?, None, read_report);
     bake().map_err(|error| error.of_bake(&config.out))
+}
+
+/// Numbers the city's objects, and returns what is known of each number. Fails if what is known of the objects cannot be read or
+/// written.
+fn number_objects(
+    city: &mut ScratchScene,
+    grid: &CityGrid,
+    previous: Option<&PreviousCity>,
+) -> Result<RecordList<Option<NumberedObject>>, BakeError> {
+    let known = previous.map(PreviousCity::object_numbers).unwrap_or_default();
+    let ObjectNumbers { of_object, rows } = ObjectNumbers::new(city, grid, &known)?;
+    city.keep_object_facts(&of_object)?;
+    Ok(rows)
 }
 
 /// The state of a bake that lasts through all stages.
@@ -145,9 +164,7 @@ impl<'a> BakeRun<'a> {
         facts.include_land(surroundings.map(|land| land.z_range_m[0]));
         let grid = hashed::city_grid(&city, city.bounds.unwrap_or(bounds), surroundings, self.config.cell_m)?;
         let previous = self.open_previous();
-        let known = previous.as_ref().map(PreviousCity::object_numbers).unwrap_or_default();
-        let ObjectNumbers { of_object, rows } = ObjectNumbers::new(&city, &grid, &known)?;
-        city.numbers = of_object.into_memory();
+        let rows = number_objects(&mut city, &grid, previous.as_ref())?;
         let partition = self.partition(&city, &grid)?;
         city.drop_triangles();
         let records = std::mem::replace(&mut city.records, ObjectRecords::Memory(Vec::new()));

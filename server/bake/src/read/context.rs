@@ -251,10 +251,11 @@ impl<'o> ReadContext<'o> {
         SourceMark { objects: self.builder.len(), world: self.world.clone() }
     }
 
-    /// Leaves out a source that failed, as far as it was read since the mark.
-    pub(crate) fn abandon_source(&mut self, SourceMark { objects, world }: SourceMark) {
-        self.builder.abandon_since(objects);
+    /// Leaves out a source that failed, as far as it was read since the mark. Fails if the objects cannot be read or written.
+    pub(crate) fn abandon_source(&mut self, SourceMark { objects, world }: SourceMark) -> Result<(), InputError> {
         self.world = world;
+        let failed = |error| InputError::io("the objects so far", std::io::Error::other(error));
+        self.builder.abandon_since(objects).map_err(failed)
     }
 
     /// Gives a placement the city's system. Fails with [`InputError::NoProjection`] if the system has to follow from

@@ -83,6 +83,7 @@ pub use survey::{InputSurvey, survey};
 
 use crate::error::BakeError;
 use crate::scene::Scene;
+use crate::scene::record_list::RecordScratch;
 use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::ScratchScene;
 use crate::scene::texture_store::TextureStore;
@@ -137,7 +138,7 @@ pub(crate) fn projection_of(crs: &str) -> Option<proj4rs::Proj> {
     crs::resolve(crs).ok()?.horizontal.definition()?.proj().ok()
 }
 
-/// Where [`read_to_disk`] keeps triangles and textures.
+/// Where [`read_to_disk`] keeps triangles, textures and objects.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScratchOptions<'a> {
     /// An existing folder.
@@ -148,7 +149,7 @@ pub(crate) struct ScratchOptions<'a> {
     pub(crate) budget: &'a ScratchBudget,
 }
 
-/// Reads as [`read`] does, but keeps triangles and textures in scratch files. Fails also if these cannot be written.
+/// Reads as [`read`] does, but keeps triangles, textures and what is known of each object in scratch files. Fails also if these cannot be written.
 pub(crate) fn read_to_disk(
     inputs: &[PathBuf],
     options: &ReadOptions,
@@ -159,6 +160,7 @@ pub(crate) fn read_to_disk(
     let folder = scratch.folder.to_owned();
     let textures = TextureStore::in_folder(folder, scratch.texture_cache_bytes, scratch.budget.clone());
     let mut context = ReadContext::new(options, triangles, textures)?;
+    context.builder.keep_in(&RecordScratch::in_folder(scratch.folder));
     context.shapes = MapStore::new(&scratch.folder.join("shapes"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
     context.elevation.bases = MapStore::new(&scratch.folder.join("bases"), MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES);
     let mut bad = BadInputs::new(options.skip_bad_inputs);
@@ -260,7 +262,7 @@ fn read_sources<'o>(
             read_source(&mut context, source, &tick)
         };
         if matches!(result, Err(InputError::NoProjection { .. })) && !context.is_last_resort {
-            context.abandon_source(mark);
+            context.abandon_source(mark)?;
             postponed.push(source);
         } else {
             match bad.skip(&source.label, result)? {
@@ -269,7 +271,7 @@ fn read_sources<'o>(
                     set_of_source.push(context.textures.set_of(source));
                 }
                 Some(None) => report.ignored.push(source.label.clone()),
-                None => context.abandon_source(mark),
+                None => context.abandon_source(mark)?,
             }
             bytes_before += source.bytes;
         }
@@ -335,7 +337,7 @@ fn read_landmarks(
                     report.sources.push(read);
                     set_of_source.push(context.textures.set_of(source));
                 }
-                None => context.abandon_source(mark),
+                None => context.abandon_source(mark)?,
             }
         }
     }

@@ -109,10 +109,10 @@ impl ListedInputs {
                 match read_source(&mut context, source, &|_| {}) {
                     Ok(_) | Err(InputError::Settled { .. }) => {}
                     Err(InputError::NoProjection { .. }) if !is_last_resort => {
-                        context.abandon_source(mark);
+                        context.abandon_source(mark)?;
                         postponed.push(number);
                     }
-                    Err(_) if options.skip_bad_inputs => context.abandon_source(mark),
+                    Err(_) if options.skip_bad_inputs => context.abandon_source(mark)?,
                     Err(error) => return Err(error),
                 }
             }

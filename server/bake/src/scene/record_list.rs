@@ -34,7 +34,7 @@ impl RecordScratch {
     }
 
     /// The folder; `None` in memory.
-    pub(super) fn folder(&self) -> Option<&Path> {
+    pub(crate) fn folder(&self) -> Option<&Path> {
         self.0.as_deref()
     }
 }

@@ -1,6 +1,6 @@
-//! A city between reading and partition: materials and objects in memory, triangles and textures in scratch files.
+//! A city between reading and partition: materials in memory; triangles, textures and objects in scratch files.
 //!
-//! A city that is read with [`crate::read::read`], or passed in as a [`Scene`], keeps triangles and textures in memory.
+//! A city that is read with [`crate::read::read`], or passed in as a [`Scene`], keeps all of them in memory.
 
 use std::sync::Arc;
 
@@ -11,6 +11,7 @@ use crate::{
     error::BakeError,
     scene::{
         Landmark, Material, ObjectKind, Scene, SceneObject, SceneTexture, SceneTriangle,
+        object_facts::{BlockObjectFacts, ObjectFactsStore, ObjectFactsWriter},
         object_names::ObjectNames,
         object_records::{ObjectRecords, RecordPlace, SourceRecord},
         record_list::RecordList,
@@ -99,8 +100,8 @@ pub(crate) struct ScratchScene {
     /// Minimum and maximum of all corners, relative to the origin; `None` without triangles.
     pub(crate) bounds: Option<[[f64; 3]; 2]>,
     pub(crate) objects: RecordList<StoredObject>,
-    /// Number of each object in the baked city; empty until the objects are numbered.
-    pub(crate) numbers: Vec<u32>,
+    /// What blocks need to know of the objects; empty until these are numbered.
+    pub(crate) object_facts: ObjectFactsStore,
     /// As in [`Scene`].
     pub(crate) landmarks: Vec<Landmark>,
     /// Objects of landmarks that stand on the ground, which may be generated.
@@ -149,6 +150,19 @@ impl ScratchScene {
             }
             visit(&triangle, &exact)
         })
+    }
+
+    /// Keeps for blocks what they need to know of the objects, which have these numbers. Fails if a list cannot be read, or if this cannot
+    /// be written.
+    pub(crate) fn keep_object_facts(&mut self, numbers: &RecordList<u32>) -> Result<(), BakeError> {
+        let mut writer = ObjectFactsWriter::new(&self.objects.scratch(), self.objects.len())?;
+        let mut numbers = numbers.cursor();
+        self.objects.try_for_each(|i, object| {
+            let StoredObject { kind, base_z_m, .. } = *object;
+            writer.push(BlockObjectFacts { kind, base_z_m, number: *numbers.get(i)? })
+        })?;
+        self.object_facts = writer.finish()?;
+        Ok(())
     }
 
     /// Frees the triangles, whose copies in the partition's buckets are used from then on.
@@ -211,7 +225,7 @@ impl ScratchScene {
             crs: scene.crs,
             bounds,
             objects: objects.into(),
-            numbers: Vec::new(),
+            object_facts: ObjectFactsStore::default(),
             landmarks: scene.landmarks,
             standing: Vec::new(),
             parents: RecordList::default(),

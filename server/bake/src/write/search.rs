@@ -1,19 +1,25 @@
 //! Writes `search.index`: the texts by which objects are found.
 //!
 //! One file from the numbered objects and their records, or none if no object has a text. A text is the object's
-//! identifier, a name, an address, or the value of an attribute that `--search` names. The index is built in memory, where it
-//! takes about three times the bytes of the texts.
+//! identifier, a name, an address, or the value of an attribute that `--search` names. Texts and words are sorted in scratch files.
 
-use std::{collections::HashMap, path::Path};
+use std::{collections::HashMap, fs::File, io::BufWriter, path::Path};
 
 use insula_archive::city::MAX_SEARCH_BYTES;
 use insula_objects::{
     schema::Schema,
-    search::{SearchIndex, SearchIndexBuilder},
+    search::{SearchEntry, SearchError, SearchTextWriter, SearchWordWriter, SearchWriteError, WordRun, write_index},
 };
 
-use super::{files::write_synced, objects::NumberedRecords};
-use crate::{error::BakeError, scene::object_records::SourceRecord};
+use super::{files::remove_file, objects::NumberedRecords};
+use crate::{
+    error::BakeError,
+    scene::{
+        object_records::SourceRecord,
+        record_list::RecordScratch,
+        record_sorter::{RecordSorter, SortedRecords},
+    },
+};
 
 /// Last parts of the names of attributes that are names of objects, in lower case.
 const NAMES: [&str; 20] = [
@@ -175,40 +181,89 @@ impl<'a> TextAttributes<'a> {
 }
 
 /// Writes the index and returns its length; `None`, and no file, if there is no text or the index would exceed its limits. Fails if a
-/// record cannot be read or the file cannot be written.
+/// record cannot be read or a file cannot be written.
 pub(super) fn write(objects: &NumberedRecords<'_>, schema: &Schema, path: &Path) -> Result<Option<u64>, BakeError> {
-    let attributes = TextAttributes::new(schema);
-    let mut reader = objects.records.reader()?;
-    let mut builder = SearchIndexBuilder::new();
-    objects.rows.try_for_each(|number, row| {
-        let Some(row) = row else { return Ok(()) };
-        attributes.texts(&reader.read(row.record)?).iter().for_each(|text| builder.add(text, number as u32));
-        Ok(())
-    })?;
     // A city is complete without a search.
-    let index = match builder.finish() {
-        Ok(index) if index.len() as u64 <= MAX_SEARCH_BYTES => index,
-        Ok(index) => {
-            tracing::warn!("the city has no search: its index of {} bytes exceeds {MAX_SEARCH_BYTES}", index.len());
-            return Ok(None);
-        }
-        Err(error) => {
+    match write_sections(objects, schema, path) {
+        Err(UnwrittenSearch::Index(error)) => {
             tracing::warn!("the city has no search: {error}");
-            return Ok(None);
+            remove_file(path)?;
+            Ok(None)
         }
+        Err(UnwrittenSearch::Bake(error)) => Err(error),
+        Ok(length) => Ok(length),
+    }
+}
+
+/// Why there is no index.
+enum UnwrittenSearch {
+    /// The texts exceed a limit of the format.
+    Index(SearchError),
+    Bake(BakeError),
+}
+
+impl From<BakeError> for UnwrittenSearch {
+    fn from(error: BakeError) -> Self {
+        Self::Bake(error)
+    }
+}
+
+/// Sorts the texts and then their words, each in scratch files beside `path`, and writes the index.
+fn write_sections(objects: &NumberedRecords<'_>, schema: &Schema, path: &Path) -> Result<Option<u64>, UnwrittenSearch> {
+    let folder = path.parent().unwrap_or_else(|| Path::new("."));
+    let scratch = RecordScratch::in_folder(folder);
+    let failed = |cause| BakeError::io(path, "written", cause);
+    let file = || tempfile::tempfile_in(folder).map_err(failed);
+    let unwritten = |error| match error {
+        SearchWriteError::Io(cause) => UnwrittenSearch::Bake(failed(cause)),
+        SearchWriteError::Index(error) => UnwrittenSearch::Index(error),
     };
-    if SearchIndex::open(&index).is_ok_and(|index| index.is_empty()) {
+    let mut entries = sorted_texts(objects, schema, &scratch)?;
+    let mut texts = SearchTextWriter::new(file()?, file()?);
+    let mut runs = RecordSorter::new(&scratch, WordRun::cmp);
+    while let Some(entry) = entries.next()? {
+        texts.add(entry).map_err(unwritten)?.into_iter().try_for_each(|run| runs.push(run))?;
+    }
+    let (mut texts, rest) = texts.finish().map_err(unwritten)?;
+    if texts.is_empty() {
         return Ok(None);
     }
-    write_synced(path, &index)?;
-    Ok(Some(index.len() as u64))
+    rest.into_iter().try_for_each(|run| runs.push(run))?;
+    let mut words = SearchWordWriter::new(file()?, file()?).map_err(unwritten)?;
+    let mut runs = runs.finish()?;
+    while let Some(run) = runs.next()? {
+        words.add(run).map_err(unwritten)?;
+    }
+    let mut words = words.finish().map_err(unwritten)?;
+    let mut out = BufWriter::new(File::create_new(path).map_err(failed)?);
+    let length = write_index(&mut texts, &mut words, MAX_SEARCH_BYTES, &mut out).map_err(unwritten)?;
+    let out = out.into_inner().map_err(|error| failed(error.into_error()))?;
+    out.sync_all().map_err(failed)?;
+    Ok(Some(length))
+}
+
+/// The texts of all objects, in the order of the index.
+fn sorted_texts(
+    objects: &NumberedRecords<'_>,
+    schema: &Schema,
+    scratch: &RecordScratch,
+) -> Result<SortedRecords<SearchEntry>, BakeError> {
+    let attributes = TextAttributes::new(schema);
+    let mut reader = objects.records.reader()?;
+    let mut entries = RecordSorter::new(scratch, SearchEntry::cmp);
+    objects.rows.try_for_each(|number, row| {
+        let Some(row) = row else { return Ok(()) };
+        let texts = attributes.texts(&reader.read(row.record)?);
+        texts.iter().filter_map(|text| SearchEntry::new(text, number as u32)).try_for_each(|entry| entries.push(entry))
+    })?;
+    entries.finish()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::{object_numbers::NumberedObject, object_records::ObjectRecords, triangle_store::TriangleStore};
-    use insula_objects::{FeatureKind, schema::SchemaBuilder, value::Value};
+    use insula_objects::{FeatureKind, schema::SchemaBuilder, search::SearchIndex, value::Value};
     use insula_test_support::folder::TestFolder;
 
     fn record(identifier: &str, attributes: &[(&str, &str)]) -> SourceRecord {

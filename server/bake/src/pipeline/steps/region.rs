@@ -6,7 +6,7 @@ use insula_protocol::{TileId, codec::bincode};
 
 use super::{
     job::BakeSteps,
-    layout::{CityPlan, PLAN, PlannedLandmark, PlannedMaterial, PlannedTexture},
+    layout::{CityPlan, NumberedShape, PLAN, PlannedLandmark, PlannedMaterial, PlannedTexture},
     region_file::{self, INDEX_KIND, TileIndex, index_name},
     scan::{fetch, picture_name, scratch_folder},
     sealed::SealedStore,
@@ -25,11 +25,12 @@ use crate::{
     report::ResumeStatus,
     scene::{
         Landmark,
+        object_facts::{BlockObjectFacts, ObjectFactsStore},
         object_names::ObjectNames,
         object_records::ObjectRecords,
         record_list::RecordList,
         scratch_budget::ScratchBudget,
-        scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial, StoredObject},
+        scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial},
         texture_store::{TextureFacts, TextureStore, texture_path},
         triangle_store::TriangleStore,
     },
@@ -175,8 +176,8 @@ impl BakeSteps<'_> {
             origin: plan.facts.origin,
             crs: None,
             bounds: None,
-            objects: builder.objects.into(),
-            numbers: builder.numbers,
+            objects: RecordList::default(),
+            object_facts: ObjectFactsStore::Memory(builder.objects),
             landmarks: builder.landmarks,
             standing: Vec::new(),
             parents: RecordList::default(),
@@ -195,8 +196,7 @@ impl BakeSteps<'_> {
 /// Collects what the bundles of a region show.
 #[derive(Default)]
 struct RegionBuilder {
-    objects: Vec<StoredObject>,
-    numbers: Vec<u32>,
+    objects: Vec<BlockObjectFacts>,
     landmarks: Vec<Landmark>,
     placements: Vec<ObjectPlacement>,
     materials: Vec<StoredMaterial>,
@@ -212,10 +212,8 @@ impl RegionBuilder {
     fn add(&mut self, head: &BundleHead) -> Vec<u32> {
         for planned in &head.objects {
             let object = planned.shown.map(|shown| {
-                let bounds_m = [[0.0; 3]; 2];
-                let (kind, base_z_m, identity) = (shown.kind, shown.base_z_m, None);
-                self.objects.push(StoredObject { kind, base_z_m, bounds_m, identity });
-                self.numbers.push(shown.number);
+                let NumberedShape { kind, base_z_m, number, .. } = shown;
+                self.objects.push(BlockObjectFacts { kind, base_z_m, number });
                 let object = self.objects.len() as u32 - 1;
                 self.landmarks.extend(shown.landmark.map(|PlannedLandmark { stone, anchor_m }| Landmark {
                     object,

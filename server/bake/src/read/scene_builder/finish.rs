@@ -6,6 +6,7 @@ use super::{PendingLandmark, SceneBuilder, remove_from_report, subtract_from_rep
 use crate::error::BakeError;
 use crate::read::report::{SourceReport, WIDE};
 use crate::scene::Landmark;
+use crate::scene::object_facts::ObjectFactsStore;
 use crate::scene::object_names::ObjectNames;
 use crate::scene::record_list::{RecordList, RecordScratch};
 use crate::scene::scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredObject};
@@ -62,7 +63,7 @@ impl SceneBuilder {
             crs: None,
             bounds: None,
             objects: RecordList::new(&scratch),
-            numbers: Vec::new(),
+            object_facts: ObjectFactsStore::default(),
             landmarks: Vec::new(),
             standing: Vec::new(),
             parents: self.parents,
@@ -147,8 +148,8 @@ impl SceneBuilder {
         Ok(CityPlaces { median_m, bounds: [low, high], outskirts: Outskirts::of(&kept) })
     }
 
-    /// Keeps what is known of the objects in scratch files.
-    pub(super) fn keep_in(&mut self, scratch: &RecordScratch) {
+    /// Keeps what is known of the objects in scratch files. There must be none yet.
+    pub(crate) fn keep_in(&mut self, scratch: &RecordScratch) {
         (self.pending, self.parents) = (RecordList::new(scratch), RecordList::new(scratch));
     }
 }

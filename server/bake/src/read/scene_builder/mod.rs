@@ -17,6 +17,7 @@ use insula_objects::FeatureKind;
 
 use super::report::{FAR, SourceReport};
 pub(crate) use super::world_triangle::WorldTriangle;
+use crate::error::BakeError;
 use crate::scene::object_records::{ObjectRecords, RecordPlace, SourceRecord};
 use crate::scene::record_list::RecordList;
 use crate::scene::scratch_scene::{ObjectIdentity, StoredMaterial};
@@ -171,11 +172,11 @@ impl SceneBuilder {
         self.pending.len()
     }
 
-    /// Leaves out all objects since there were `len`, and what was added of one that is not closed.
-    pub(crate) fn abandon_since(&mut self, len: usize) {
-        // While sources are read, the objects are in memory: this does not fail.
+    /// Leaves out all objects since there were `len`, and what was added of one that is not closed. Fails if the objects cannot be read
+    /// or written.
+    pub(crate) fn abandon_since(&mut self, len: usize) -> Result<(), BakeError> {
         for number in len..self.pending.len() {
-            let _ = self.pending.update(number, |object| object.is_dropped = true);
+            self.pending.update(number, |object| object.is_dropped = true)?;
         }
         // Triangles of an object that was never closed have this number.
         self.pending.push(PendingObject {
@@ -192,6 +193,7 @@ impl SceneBuilder {
             triangles: 0,
             has_own_base: false,
         });
+        Ok(())
     }
 }
 

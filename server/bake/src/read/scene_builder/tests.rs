@@ -1,9 +1,12 @@
 //! Objects that become a city, or are left out.
 
 use super::*;
+use crate::read::duplicates::DuplicateOption;
 use crate::read::report::SourceFormat;
 use crate::scene::SceneTexture;
+use crate::scene::record_list::RecordScratch;
 use crate::scene::texture_store::TextureStore;
+use insula_test_support::folder::TestFolder;
 use std::sync::Arc;
 
 fn face_at(p: [f64; 3]) -> WorldTriangle {
@@ -103,4 +106,47 @@ fn equal_materials_are_shared_and_terrain_faces_up() {
     let [a, b, c] = scene.triangles[0].corners;
     assert!((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0);
     assert_eq!(scene.materials.len(), 3);
+}
+
+#[test]
+fn objects_in_scratch_files_make_the_same_city() {
+    let folder = TestFolder::new("scene-builder-files");
+    let build = |mut builder: SceneBuilder| {
+        let mut sources = report();
+        // More than the pages in memory, twice: of the second half, every other one is left out as a duplicate of one in the first.
+        for i in 0..20_000_u32 {
+            let (place, shift) = (f64::from(i % 10_000), if i >= 10_000 && i % 2 == 1 { 3.0 } else { 0.0 });
+            let face = face_at([4e5 + place % 100.0 * 20.0 + shift, 5e6 + (place / 100.0).floor() * 20.0, 7.0]);
+            builder.add(0, &format!("house {}", i % 10_000), ObjectKind::Building, &[face], &mut sources[0]);
+            if i == 9000 {
+                // A source that fails behind its first object.
+                let mark = builder.len();
+                builder.add(0, "bad", ObjectKind::Building, &[face_at([4e5; 3])], &mut sources[0]);
+                builder.abandon_since(mark).unwrap();
+                sources[0].objects -= 1;
+                sources[0].triangles -= 1;
+            }
+        }
+        builder.drop_outside([4e5, 5e6], [4.01e5, 5.1e6], &mut sources).unwrap();
+        builder.drop_duplicates(DuplicateOption::KeepFirst, &mut sources).unwrap();
+        let city = builder.finish(TextureStore::in_memory(), &mut sources).unwrap();
+        let (mut objects, mut placements) = (Vec::new(), Vec::new());
+        let read = city.objects.try_for_each(|_, object| {
+            objects.push(*object);
+            Ok(())
+        });
+        read.unwrap();
+        let read = city.placements.try_for_each(|_, placement| {
+            placements.push((placement.offset_m, placement.object));
+            Ok(())
+        });
+        read.unwrap();
+        (city.origin, city.bounds, objects, placements, format!("{sources:?}"))
+    };
+    let mut in_files = builder();
+    in_files.keep_in(&RecordScratch::in_folder(&folder.path));
+    let (memory, files) = (build(builder()), build(in_files));
+    // Columns 0 to 49 and that on the border; the even ones of the second half are duplicates.
+    assert_eq!((memory.2.len(), memory.3.len()), (5100 + 2500, 20_002));
+    assert!(memory == files);
 }
