@@ -4,7 +4,7 @@
     tests/tools/bake_memory.py --program target/release/insula-server SOURCE.geojson --counts 100000,1000000 --folder FOLDER \\
         [--plain] [--shuffles 8] [--regions 2] [-- options of the bake]
 
-The footprints of SOURCE (in degrees) are put side by side with other heights, one copy a file, until there are COUNT of them. All scans and
+SOURCE may be `houses`: triangular houses 20 m apart, whose bake is quicker. Otherwise the footprints of SOURCE (in degrees) are put side by side with other heights, one copy a file, until there are COUNT of them. All scans and
 the plan run, then some of the shuffles, and some of the regions if all shuffles ran (`--shuffles 0`). Prints one line for each count and
 stage: the highest peak of resident memory of its tasks, and the sum of their processor time. FOLDER needs 2.5 kB a footprint, and
 4 kB with all shuffles; it is emptied before and after each count. `--plain` runs `inspect` and a bake without steps instead, which
@@ -47,6 +47,23 @@ def make(source, count, folder):
                 text = json.dumps({"type": "Feature", "id": f"{copy}-{i}", "properties": properties, "geometry": geometry})
                 file.write(("," if i else "") + "\n" + text)
             file.write("]}")
+
+
+def make_houses(count, folder):
+    """Writes COUNT triangular houses, each with a name, in files of squares of 25,000."""
+    rng = random.Random(1)
+    for first in range(0, count, 25_000):
+        square, features = first // 25_000, []
+        for k in range(min(25_000, count - first)):
+            lon = round(139.7 + (square % 7 * 158 + k % 158) * 0.00022, 7)
+            lat = round(35.6 + (square // 7 * 159 + k // 158) * 0.00018, 7)
+            ring = [[lon, lat], [round(lon + 1e-4, 7), lat], [lon, round(lat + 1e-4, 7)], [lon, lat]]
+            number = first + k
+            properties = {"height": round(3 + rng.random() * 30, 1), "id": f"h-{number}", "name": f"House {number % 977} {number}"}
+            geometry = {"type": "Polygon", "coordinates": [ring]}
+            features.append(json.dumps({"type": "Feature", "id": str(number), "properties": properties, "geometry": geometry}))
+        text = '{"type":"FeatureCollection","features":[' + ",\n".join(features) + "]}"
+        (folder / f"square-{square:03}.geojson").write_text(text)
 
 
 def run(words, folder):
@@ -119,7 +136,7 @@ def main():
     parser.add_argument("--make", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args(sys.argv[1:split])
     if arguments.make:
-        return make(arguments.source, arguments.make, Path(arguments.folder))
+        return make_houses(arguments.make, Path(arguments.folder)) if arguments.source == "houses" else make(arguments.source, arguments.make, Path(arguments.folder))
     if not arguments.program:
         parser.error("--program is missing")
     for count in map(int, arguments.counts.split(",")):
