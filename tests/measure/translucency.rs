@@ -26,17 +26,11 @@ fn main() -> Result<()> {
         ("thin slab".to_owned(), Shape::slab(Vec3::new(0.03, 0.03, 0.0015))),
         ("hand".to_owned(), Shape::hand()),
     ];
-    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
-    let is_cost_alone = arguments.iter().any(|argument| argument == "--cost");
-    arguments.retain(|argument| argument != "--cost");
-    for path in arguments {
+    for path in std::env::args().skip(1) {
         let shape = read_mesh(Path::new(&path)).with_context(|| path.clone())?;
         shapes.push((path, shape));
     }
     print_times(&stone)?;
-    if is_cost_alone {
-        return Ok(());
-    }
     println!("{:<40} {:>10} {:>30} {:>30}", "shape", "sun", "21 taps: mean relative bias", "9 taps");
     for (name, shape) in shapes {
         for (from, sun) in [

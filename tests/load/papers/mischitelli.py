@@ -1,4 +1,4 @@
-"""Chapters 3 and 5 of Mischitelli's report: time of ambient occlusion, cost of the filters of translucency."""
+"""Chapter 3 of Mischitelli's report: the time of ambient occlusion."""
 
 import re
 
@@ -27,17 +27,4 @@ def occlusion(setup):
     return table
 
 
-def translucency(setup):
-    """The table of section 5.4: frames a second with 21 taps over those with 9 taps."""
-    table = Table("object", "vertices", "21 taps", "9 taps", "time of 9 taps, of 21", "command")
-    for name, vertices, fast, fine in (("Teapot", 39_800, 59.0, 31.0), ("Hebe", 63_932, 58.9, 29.2), ("Bunny", 69_451, 58.9, 28.5), ("Elephant", 13_714, 59.9, 29.9)):
-        table.row(f"paper: {name}", f"{vertices:,}", f"{fine} frames/s", f"{fast} frames/s (limited by the screen)", f"at most {fine / fast:.2f}", "section 5.4")
-    arguments = ("--cost",)
-    text, _ = setup.run("translucency", *arguments)
-    for triangles, fine, fast in re.findall(r"(\d+) triangles: 21 taps (\d+) ns, 9 taps (\d+) ns", text):
-        row = (f"{int(triangles) // 2 + 2:,}", f"{fine} ns a point", f"{fast} ns a point", f"{int(fast) / int(fine):.2f}")
-        table.row("ours: sphere, one thread", *row, setup.shown("translucency", *arguments))
-    return table
-
-
-TABLES = {"mischitelli-occlusion": occlusion, "mischitelli-translucency": translucency}
+TABLES = {"mischitelli-occlusion": occlusion}

@@ -8,7 +8,7 @@ use insula_protocol::{TileGroup, TileId, TileKind, tile_group};
 use std::collections::HashSet;
 
 /// A request more costs as much as so many unwanted bytes.
-const REQUEST_COST_BYTES: u64 = 1500;
+const REQUEST_COST_BYTES: u64 = 5000;
 /// Bytes that count as one request towards the number in flight.
 const REQUEST_BYTES: u64 = 4096;
 
