@@ -67,14 +67,6 @@ impl TileGroup {
         (width >> id.level() <= 1).then_some(Self { kind, first, doublings, lod })
     }
 
-    /// The south-western nodes of both halves of a group of `2^doublings` nodes, the lower or western half first. Both are groups of half
-    /// as many nodes, or single nodes. `None` for a node outside of its level.
-    pub fn halves(first: TileId, doublings: u8) -> [Option<TileId>; 2] {
-        let [width, height] = sides(doublings.saturating_sub(1));
-        let [east, north] = if doublings % 2 == 1 { [width, 0] } else { [0, height] };
-        [Some(first), TileId::new(first.level(), first.x() + east, first.y() + north)]
-    }
-
     /// Kind of the tiles.
     pub const fn kind(self) -> TileKind {
         self.kind
@@ -88,11 +80,6 @@ impl TileGroup {
     /// Level of detail of meshes, 0 being the finest; 0 for other kinds.
     pub const fn lod(self) -> u8 {
         self.lod
-    }
-
-    /// The number of nodes is 2 to the power of this, 1 to [`MAX_DOUBLINGS`].
-    pub const fn doublings(self) -> u8 {
-        self.doublings
     }
 
     /// Number of nodes: a power of two from 2 to 64.
@@ -197,17 +184,6 @@ mod tests {
         for (position, node) in nodes.iter().enumerate() {
             assert_eq!(group.position(*node), Some(position));
         }
-        for doublings in 2..=MAX_DOUBLINGS {
-            let group = TileGroup::around(TileKind::BlockMap, id(5, 13, 22), doublings, 0).unwrap();
-            let halves = TileGroup::halves(group.first(), doublings);
-            let of_half = |first: Option<TileId>| TileGroup::new(TileKind::BlockMap, first.unwrap(), doublings - 1, 0);
-            let nodes = halves.into_iter().flat_map(|first| of_half(first).unwrap().nodes().collect::<Vec<_>>());
-            let (mut nodes, mut all) = (nodes.collect::<Vec<_>>(), group.nodes().collect::<Vec<_>>());
-            nodes.sort();
-            all.sort();
-            assert_eq!(nodes, all);
-        }
-        assert_eq!(TileGroup::halves(id(5, 12, 22), 1), [Some(id(5, 12, 22)), Some(id(5, 13, 22))]);
         assert_eq!(group.position(id(5, 16, 22)), None);
         assert_eq!(group.position(id(4, 12, 11)), None);
         let all = TileGroup::around(TileKind::Subtree, id(3, 7, 1), MAX_DOUBLINGS, 0).unwrap();
