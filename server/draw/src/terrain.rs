@@ -1,7 +1,6 @@
 //! Terrain with no more triangles than the view needs, by ROAM (Duchaineau and others 1997; Giannitrapani and Fusiello).
 //!
-//! A city's meshes have terrain of one largest error everywhere. A drawing needs it near the eye only, and not where it looks along
-//! the heights. The terrain's triangles are sampled on a grid, from which a mesh for the view is made. Where a grid cannot hold them
+//! A city's meshes have terrain of one largest error everywhere. A drawing needs it near the eye only, and less in plans. The terrain's triangles are sampled on a grid, from which a mesh for the view is made. Where a grid cannot hold them
 //! within the drawing's error, they stay: terrain with walls and breaks finer than the grid, or with a border inside of the area.
 
 use crate::{
@@ -23,10 +22,12 @@ const MIN_STEP_M: f64 = 0.5;
 const MIN_TRIANGLES: usize = 20_000;
 /// Share of the terrain's corners that may be further from the grid than the error allowed.
 const MAX_MISSES: f64 = 1e-3;
-/// Share of an error that counts where the view looks along the heights: terrain must not bury what stands on it.
+/// Least share of a vertical error that counts in views with parallel rays. In a plan none of it is seen, but terrain that is too high
+/// would hide the buildings on it.
 const MIN_SEEN_SHARE: f64 = 0.25;
 
-/// Replaces a scene's terrain by one of which no point is further from it than `error_mm` on paper, if that has fewer triangles.
+/// Replaces a scene's terrain by a mesh within `error_mm` on paper, if that has fewer triangles. A share of [`MAX_MISSES`] of its corners
+/// may be further away.
 pub(crate) fn refine_terrain(scene: &mut DrawnScene, projection: &Projection, error_mm: f64) {
     let Some(terrain) = largest_terrain(scene) else { return };
     let is_terrain: Vec<bool> = scene.face_objects.iter().map(|object| *object == terrain).collect();

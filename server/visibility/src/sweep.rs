@@ -88,7 +88,7 @@ struct Horizons<S: Simd> {
     /// Before all eyes, and behind all of them.
     first: f32x8<S>,
     last: f32x8<S>,
-    /// A line that is at the eyes' height at `origin`: what is not above it is hidden.
+    /// The horizon is a line with this slope that passes through the eyes' height at `origin`. What lies below it is hidden.
     slope: f32x8<S>,
     origin: f32x8<S>,
 }
