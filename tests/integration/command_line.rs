@@ -228,3 +228,52 @@ fn a_cache_folder_that_cannot_be_written_is_a_warning() {
     assert!(output.status.success() && folder.path().join("a.png").is_file(), "{text}");
     assert!(text.starts_with("warning: ") && text.contains("/proc/none") && text.lines().count() == 2, "{text}");
 }
+
+#[test]
+fn a_view_is_exported_with_its_camera() {
+    let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
+    let export = |more: &[&str]| {
+        let arguments = [&["export", "city", "--out", "view.glb"], more].concat();
+        let arguments: Vec<&OsStr> = arguments.into_iter().map(OsStr::new).collect();
+        call("insula-server", folder.path(), &arguments)
+    };
+    let view = ["--format", "glb", "--view", "camera.json"];
+    assert_eq!(export(&[&view[..], &["--tau", "2", "--size", "640x360"]].concat()), (Some(0), String::new()));
+    let glb = fs::read(folder.path().join("view.glb")).unwrap();
+    let camera = br#""perspective":{"aspectRatio":1.7777777777777777,"yfov":1.04719755"#;
+    assert!(glb.windows(camera.len()).any(|bytes| bytes == camera), "no camera");
+    fs::write(folder.path().join("here.json"), CAMERA.replace("85010, 447006, 4", "84980, 446970, 30")).unwrap();
+    let away = CAMERA.replace("84980, 446970", "80000, 440000").replace("85010, 447006", "79000, 439000");
+    fs::write(folder.path().join("away.json"), away).unwrap();
+    for (more, code, words) in [
+        (&["--format", "csv", "--view", "camera.json"][..], 2, "--format glb"),
+        (&["--format", "glb", "--view", "none.json"], 2, "none.json"),
+        (&["--format", "glb", "--view", "here.json"], 2, "must differ"),
+        (&["--format", "glb", "--view", "houses.geojson"], 2, "unknown field"),
+        (&["--format", "glb", "--tau", "2"], 2, "--view"),
+        (&["--format", "glb", "--view", "away.json"], 1, "nothing to export"),
+    ] {
+        let (found, error) = export(more);
+        assert!(found == Some(code) && error.contains(words), "{more:?}: {found:?} {error}");
+    }
+}
+
+#[test]
+fn a_city_at_an_address_is_drawn_as_its_folder_is() {
+    let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
+    let mut command = Process::new(program("insula-server").unwrap());
+    let server = ServerProcess::start(&mut command, folder.path().join("city"), "127.0.0.1:0", &[]).unwrap();
+    let draw = |place: &str, out: &str| {
+        let arguments = ["draw", place, "--axonometric", "20,30", "--out", out].map(OsStr::new);
+        let (code, text) = call("insula", folder.path(), &arguments);
+        assert_eq!(code, Some(0), "{text}");
+        fs::read_to_string(folder.path().join(out)).unwrap()
+    };
+    let drawing = draw("city", "folder.svg");
+    assert!(drawing.contains("<path"), "{drawing}");
+    assert_eq!(draw(&format!("http://{}/v1/cities/city", server.address), "address.svg"), drawing);
+    let missing = format!("http://{}/v1/cities/none", server.address);
+    let missing = ["draw", &missing, "--plan", "--out", "none.svg"].map(OsStr::new);
+    let (code, error) = call("insula", folder.path(), &missing);
+    assert!(code == Some(1) && !folder.path().join("none.svg").exists(), "{error}");
+}

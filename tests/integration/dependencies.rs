@@ -118,7 +118,7 @@ fn packages_depend_only_on_those_below_them() {
                 "insula-visibility",
             ],
         ),
-        ("insula-export", &["insula-protocol", "insula-archive", "insula-objects", "insula-shaders"]),
+        ("insula-export", &["insula-protocol", "insula-archive", "insula-objects", "insula-roam", "insula-shaders"]),
         ("insula-draw", &["insula-protocol", "insula-objects", "insula-export", "insula-roam"]),
         ("insula-occlusion", &["insula-shaders"]),
         ("insula-roam", &[]),

@@ -120,7 +120,7 @@ fn report(drawing: &Drawing, args: &DrawArgs, bytes: u64) {
     let counts = &drawing.counts;
     if counts.without_mesh > 0 {
         let nodes = count(counts.without_mesh, "node");
-        eprintln!("note: {nodes} of the city without a mesh: only the ground is drawn there");
+        eprintln!("note: {nodes} of the city without a mesh: drawn from columns");
     }
     if args.bare && !drawing.attribution.is_empty() {
         eprintln!("note: name the source beside the drawing: {}", printable(&drawing.attribution));

@@ -45,7 +45,7 @@ pub struct DrawingCounts {
     pub sorted: usize,
     /// Visible parts before they are joined.
     pub parts: usize,
-    /// Leaves and other nodes without a mesh, which are not drawn.
+    /// Leaves and other nodes without a mesh, which are drawn from their columns.
     pub without_mesh: u64,
 }
 

@@ -5,6 +5,7 @@ use crate::{
     view::DrawView,
 };
 use insula_export::{
+    camera::CameraFile,
     selection::{ObjectSelection, passing},
     source::ExportSource,
 };
@@ -27,7 +28,7 @@ pub struct DrawingOptions {
     pub format: DrawingFormat,
     /// A perspective view. At most one of `view`, `plan` and `axonometric`; a plan if there is none.
     #[serde(default)]
-    view: Option<PerspectiveOption>,
+    view: Option<CameraFile>,
     #[serde(default)]
     plan: bool,
     /// Azimuth and elevation in degrees.
@@ -57,26 +58,6 @@ pub struct DrawingOptions {
     /// Azimuth and altitude of the sun in degrees.
     #[serde(default)]
     sun: Option<[f64; 2]>,
-}
-
-/// A camera as in camera files.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PerspectiveOption {
-    position: [f64; 3],
-    target: [f64; 3],
-    #[serde(default = "default_up")]
-    up: [f64; 3],
-    #[serde(default = "default_fov_deg")]
-    fov_y_deg: f64,
-}
-
-fn default_up() -> [f64; 3] {
-    [0.0, 0.0, 1.0]
-}
-
-fn default_fov_deg() -> f64 {
-    60.0
 }
 
 fn invalid<T>(text: impl Into<String>) -> Result<T, DrawError> {
@@ -143,7 +124,7 @@ impl DrawingOptions {
                 }
                 Ok(DrawView::Axonometric { azimuth_deg, elevation_deg })
             }
-            (Some(PerspectiveOption { position, target, up, fov_y_deg }), false, None) => {
+            (Some(CameraFile { position, target, up, fov_y_deg }), false, None) => {
                 let points = position.iter().chain(&target).chain(&up);
                 if points.into_iter().any(|v| v.abs() > MAX_M) {
                     return invalid("view: a coordinate is out of range");

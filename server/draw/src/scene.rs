@@ -25,7 +25,7 @@ pub(crate) struct DrawnScene {
     pub(crate) objects: Vec<LeafObject>,
     pub(crate) edges: Vec<SceneEdge>,
     pub(crate) has_terrain: bool,
-    /// Leaves and other end nodes without a mesh.
+    /// Leaves and other end nodes without a mesh, which are drawn from their columns.
     pub(crate) without_mesh: u64,
 }
 
@@ -71,12 +71,12 @@ impl DrawnScene {
         // Objects are selected by their middle, so they may reach out of the area.
         let grown = [area[0].map(|v| v - MARGIN_M), area[1].map(|v| v + MARGIN_M)];
         let mut leaves = 0u32;
-        let without_mesh = visit_leaf_meshes(source, grown, error_m, &mut |mesh| {
+        visit_leaf_meshes(source, grown, error_m, &mut |mesh| {
             leaves += 1;
             advance(progress, DrawStep::Read, f64::from(leaves % 1000) / 1000.0)?;
+            reader.scene.without_mesh += u64::from(mesh.lod.is_none());
             reader.add(&mesh)
         })?;
-        reader.scene.without_mesh = without_mesh;
         if !manifest.has_terrain {
             reader.add_ground(area, manifest.ground_z_m - GROUND_DEPTH_M)?;
         }

@@ -8,26 +8,22 @@ use crate::{
     scene::{DrawnScene, SceneMesh},
     view::Projection,
 };
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, Vec3};
 use insula_objects::FeatureKind;
-use insula_roam::{ErrorBounds, HeightField, Node, Priority, RoamMesh, TerrainMesh};
+use insula_roam::{ROOT_STEPS, SampleGrid, SampledTerrain, TerrainFace};
 
 /// Most samples of the grid, about: 16 MiB with their bounds and the mesh, and half a second.
 const MAX_SAMPLES: f64 = 1_048_576.0;
-/// The grid has a multiple of so many steps along each side.
-const ROOT_STEPS: u32 = 64;
 /// Smallest distance of samples.
 const MIN_STEP_M: f64 = 0.5;
 /// Fewer triangles are not worth a grid.
 const MIN_TRIANGLES: usize = 20_000;
-/// Share of the terrain's corners that may be further from the grid than the error allowed.
-const MAX_MISSES: f64 = 1e-3;
 /// Least share of a vertical error that counts in views with parallel rays. In a plan none of it is seen, but terrain that is too high
 /// would hide the buildings on it.
 const MIN_SEEN_SHARE: f64 = 0.25;
 
-/// Replaces a scene's terrain by a mesh within `error_mm` on paper, if that has fewer triangles. A share of [`MAX_MISSES`] of its corners
-/// may be further away.
+/// Replaces a scene's terrain by a mesh within `error_mm` on paper, if that has fewer triangles. One in a thousand of its corners may be
+/// further away.
 pub(crate) fn refine_terrain(scene: &mut DrawnScene, projection: &Projection, error_mm: f64) {
     let Some(terrain) = largest_terrain(scene) else { return };
     let is_terrain: Vec<bool> = scene.face_objects.iter().map(|object| *object == terrain).collect();
@@ -36,7 +32,7 @@ pub(crate) fn refine_terrain(scene: &mut DrawnScene, projection: &Projection, er
         return;
     }
     let error = PaperError::new(projection);
-    let Some(mesh) = Grid::of(&faces).and_then(|grid| grid.mesh(&faces, &error, error_mm)) else { return };
+    let Some(mesh) = mesh(&faces, &error, error_mm) else { return };
     if mesh.triangles.len() < faces.len() {
         scene.replace_faces(&is_terrain, &mesh, terrain);
     }
@@ -73,146 +69,38 @@ impl PaperError {
     }
 }
 
-/// Errors of the grid's diamonds, whose places are relative to its first sample.
-struct GridError<'a> {
-    error: &'a PaperError,
-    origin: Vec3,
+/// The grid on which terrain is sampled; `None` if it has no area.
+fn grid_over(faces: &[&Face]) -> Option<SampleGrid> {
+    let points = faces.iter().flat_map(|face| face.points.iter());
+    let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    for point in points {
+        (low, high) = (low.min(point.truncate()), high.max(point.truncate()));
+    }
+    let extent = high - low;
+    if !extent.is_finite() || extent.min_element() <= 0.0 {
+        return None;
+    }
+    let step = (extent.x * extent.y / MAX_SAMPLES).sqrt().max(MIN_STEP_M);
+    let steps = [extent.x, extent.y].map(|side| {
+        let roots = (side / step / f64::from(ROOT_STEPS)).round();
+        (roots.clamp(1.0, MAX_SAMPLES / f64::from(ROOT_STEPS)) as u32) * ROOT_STEPS
+    });
+    let step = extent / DVec2::new(f64::from(steps[0]), f64::from(steps[1]));
+    Some(SampleGrid { origin: low, step, size: steps.map(|n| n + 1) })
 }
 
-impl Priority for GridError<'_> {
-    fn priority(&self, node: &Node) -> f32 {
-        node.error_m * self.error.of_metre(node.reach_m.map(|corner| corner + self.origin))
+/// The terrain for a view; `None` if it has holes, or if a grid cannot hold it within half of `error_mm` on paper.
+fn mesh(faces: &[&Face], error: &PaperError, error_mm: f64) -> Option<SceneMesh> {
+    let terrain_faces: Vec<TerrainFace<'_>> =
+        faces.iter().map(|face| TerrainFace { corners: &face.points, normal: face.plane.normal }).collect();
+    let terrain = SampledTerrain::new(grid_over(faces)?, &terrain_faces)?;
+    if !terrain.is_complete() {
+        return None;
     }
-}
-
-/// Heights of terrain.
-struct Grid {
-    /// Of the first sample, in metres from the scene's origin.
-    origin: DVec2,
-    step: DVec2,
-    size: [u32; 2],
-    /// `NaN` without terrain.
-    heights_m: Vec<f32>,
-}
-
-impl Grid {
-    /// Samples terrain; `None` if it does not cover the rectangle around it.
-    fn of(faces: &[&Face]) -> Option<Self> {
-        let points = faces.iter().flat_map(|face| face.points.iter());
-        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for point in points {
-            (low, high) = (low.min(point.truncate()), high.max(point.truncate()));
-        }
-        let extent = high - low;
-        let step = (extent.x * extent.y / MAX_SAMPLES).sqrt().max(MIN_STEP_M);
-        let steps = [extent.x, extent.y].map(|side| {
-            let roots = (side / step / f64::from(ROOT_STEPS)).round();
-            (roots.clamp(1.0, MAX_SAMPLES / f64::from(ROOT_STEPS)) as u32) * ROOT_STEPS
-        });
-        let size = steps.map(|n| n + 1);
-        let count = size[0] as usize * size[1] as usize;
-        if !extent.is_finite() || extent.min_element() <= 0.0 || count as f64 > 4.0 * MAX_SAMPLES {
-            return None;
-        }
-        let step = extent / DVec2::new(f64::from(steps[0]), f64::from(steps[1]));
-        let mut grid = Self { origin: low, step, size, heights_m: vec![f32::NAN; count] };
-        for face in faces {
-            grid.add(face);
-        }
-        grid.heights_m.iter().all(|height| height.is_finite()).then_some(grid)
-    }
-
-    /// Samples a face. Of several above each other, the highest counts.
-    fn add(&mut self, face: &Face) {
-        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        let corners: Vec<DVec2> = face.points.iter().map(|p| (p.truncate() - self.origin) / self.step).collect();
-        for corner in &corners {
-            (low, high) = (low.min(*corner), high.max(*corner));
-        }
-        if face.plane.normal.z < MIN_UP {
-            return;
-        }
-        let size = self.size;
-        let last = |axis: usize| f64::from(size[axis] - 1);
-        let range = |from: f64, to: f64, axis: usize| {
-            (from - ON_EDGE).ceil().max(0.0) as u32..=(to + ON_EDGE).floor().min(last(axis)) as u32
-        };
-        for y in range(low.y, high.y, 1) {
-            for x in range(low.x, high.x, 0) {
-                let at = DVec2::new(f64::from(x), f64::from(y));
-                let is_inside = (0..corners.len()).all(|k| {
-                    let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
-                    (b - a).perp_dot(at - a) >= -ON_EDGE * (b - a).length()
-                });
-                if is_inside {
-                    self.keep([x, y], height_at(face, self.origin + at * self.step));
-                }
-            }
-        }
-    }
-
-    fn keep(&mut self, place: [u32; 2], height: f64) {
-        let index = self.index(place);
-        if self.heights_m[index].is_nan() || height as f32 > self.heights_m[index] {
-            self.heights_m[index] = height as f32;
-        }
-    }
-
-    fn index(&self, [x, y]: [u32; 2]) -> usize {
-        y as usize * self.size[0] as usize + x as usize
-    }
-
-    /// The mesh for a view; `None` if the grid is further from the terrain than `error_mm` on paper.
-    fn mesh(self, faces: &[&Face], error: &PaperError, error_mm: f64) -> Option<SceneMesh> {
-        let lost_mm = self.lost_mm(faces, error);
-        // The grid's own error is a part of what is allowed.
-        let misses = lost_mm.iter().filter(|lost| f64::from(**lost) > 0.5 * error_mm).count();
-        if misses as f64 > MAX_MISSES * lost_mm.len() as f64 {
-            return None;
-        }
-        let field = HeightField::new(self.size, self.heights_m.clone())?;
-        let bounds = ErrorBounds::new(&field, ROOT_STEPS);
-        let mut roam = RoamMesh::new(&field, &bounds, self.step.max_element() as f32);
-        let priority = GridError { error, origin: self.origin.extend(0.0).as_vec3() };
-        roam.update(&priority, (0.5 * error_mm) as f32, faces.len());
-        Some(self.scene_mesh(&roam.mesh()))
-    }
-
-    /// How far each corner of the terrain is from the grid, in millimetres on paper.
-    fn lost_mm(&self, faces: &[&Face], error: &PaperError) -> Vec<f32> {
-        let corners = faces.iter().flat_map(|face| face.points.iter());
-        corners.map(|p| (p.z - self.height(p.truncate())).abs() as f32 * error.of_metre([p.as_vec3(); 2])).collect()
-    }
-
-    /// Height of the grid, between samples by bilinear interpolation.
-    fn height(&self, point: DVec2) -> f64 {
-        let at = (point - self.origin) / self.step;
-        let cell = |v: f64, axis: usize| v.floor().clamp(0.0, f64::from(self.size[axis] - 2));
-        let corner = DVec2::new(cell(at.x, 0), cell(at.y, 1));
-        let share = (at - corner).clamp(DVec2::ZERO, DVec2::ONE);
-        let z = |dx: u32, dy: u32| f64::from(self.heights_m[self.index([corner.x as u32 + dx, corner.y as u32 + dy])]);
-        let row = |dy: u32| z(0, dy) + (z(1, dy) - z(0, dy)) * share.x;
-        row(0) + (row(1) - row(0)) * share.y
-    }
-
-    fn scene_mesh(&self, mesh: &TerrainMesh) -> SceneMesh {
-        let point = |place: &[u32; 2]| {
-            let at = self.origin + DVec2::new(f64::from(place[0]), f64::from(place[1])) * self.step;
-            DVec3::new(at.x, at.y, f64::from(self.heights_m[self.index(*place)]))
-        };
-        SceneMesh { points: mesh.vertices.iter().map(point).collect(), triangles: mesh.triangles.clone() }
-    }
-}
-
-/// Faces whose normal points less far up are walls or lie upside down.
-const MIN_UP: f64 = 1e-3;
-/// A sample so near to an edge is on it, in steps.
-const ON_EDGE: f64 = 1e-6;
-
-/// Height of a face's plane at a place of the map.
-fn height_at(face: &Face, at: DVec2) -> f64 {
-    let normal = face.plane.normal;
-    (face.plane.offset - normal.truncate().dot(at)) / normal.z
+    // The grid's own error is the other half of what is allowed.
+    let allowed = ((0.5 * error_mm) as f32, faces.len());
+    let mesh = terrain.for_view(&terrain_faces, &|box_m| error.of_metre(box_m), allowed)?;
+    Some(SceneMesh { points: mesh.points, triangles: mesh.triangles })
 }
 
 #[cfg(test)]
@@ -222,6 +110,7 @@ mod tests {
         face::{FacePlane, NO_EDGE},
         view::{DrawView, PaperRect, ViewAxes},
     };
+    use glam::DVec3;
     use insula_export::leaves::LeafObject;
 
     const STEPS: u32 = 128;
@@ -255,9 +144,12 @@ mod tests {
 
     /// Largest vertical distance of a point of the hills from the scene's faces.
     fn largest_distance(before: &DrawnScene, after: &DrawnScene, within: impl Fn(DVec3) -> bool) -> f64 {
-        let grid = Grid::of(&after.faces.iter().collect::<Vec<_>>()).unwrap();
+        let faces: Vec<&Face> = after.faces.iter().collect();
+        let terrain_faces: Vec<TerrainFace<'_>> =
+            faces.iter().map(|face| TerrainFace { corners: &face.points, normal: face.plane.normal }).collect();
+        let terrain = SampledTerrain::new(grid_over(&faces).unwrap(), &terrain_faces).unwrap();
         let points = before.faces.iter().flat_map(|face| face.points.iter()).filter(|point| within(**point));
-        points.map(|p| (p.z - grid.height(p.truncate())).abs()).fold(0.0, f64::max)
+        points.map(|p| (p.z - terrain.height(p.truncate())).abs()).fold(0.0, f64::max)
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::{
     face::FacePlane,
 };
 use glam::{DVec2, DVec3};
+use insula_export::camera::CameraFile;
 
 /// Nothing nearer to the eye than this is drawn, in metres.
 const NEAR_M: f64 = 0.1;
@@ -107,20 +108,14 @@ impl ViewAxes {
                 Ok(Self { right, up: right.cross(forward), forward, position: None, tan_y: 0.0 })
             }
             DrawView::Perspective { position, target, up, fov_y_deg } => {
-                let failed =
-                    || invalid("the camera needs a target beside its position, and a field of view from 1 to 170");
-                if !(1.0..=170.0).contains(&fov_y_deg) {
-                    return Err(failed());
-                }
-                let (position, target) = (DVec3::from(position), DVec3::from(target));
-                let forward = (target - position).try_normalize().ok_or_else(failed)?;
-                let up = DVec3::from(up).try_normalize().unwrap_or(DVec3::Z);
-                let across = [up, DVec3::Y, DVec3::X].into_iter().map(|up| forward.cross(up));
-                let right = across.into_iter().find(|right| right.length() > 1e-6).and_then(DVec3::try_normalize);
-                let right = right.ok_or_else(failed)?;
+                let camera = CameraFile { position, target, up, fov_y_deg };
+                let axes = camera.axes().ok_or_else(|| {
+                    invalid("the camera needs a target beside its position, and a field of view from 1 to 170")
+                })?;
                 let tan_y = (0.5 * fov_y_deg).to_radians().tan();
-                let position = Some(position - DVec3::from(origin));
-                Ok(Self { right, up: right.cross(forward), forward, position, tan_y })
+                let position = Some(DVec3::from(position) - DVec3::from(origin));
+                let [right, up, forward] = [axes.x_axis, axes.y_axis, axes.z_axis];
+                Ok(Self { right, up, forward, position, tan_y })
             }
         }
     }

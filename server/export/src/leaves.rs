@@ -1,6 +1,7 @@
 //! The meshes of a city leaf by leaf, for programs that need its surfaces.
 
 use crate::{
+    column_surfaces,
     selection::ObjectSelection,
     source::ExportSource,
     table::{
@@ -14,9 +15,9 @@ use crate::{
 use insula_objects::FeatureKind;
 use insula_protocol::{MeshTile, TileId, mesh_tile::NO_OBJECT};
 use insula_shaders::mesh::packed_order;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
-/// The mesh of a leaf.
+/// The mesh of a leaf or of another node without children.
 #[derive(Debug)]
 pub struct LeafSurfaces {
     pub leaf: TileId,
@@ -24,8 +25,8 @@ pub struct LeafSurfaces {
     pub area: [[f64; 2]; 2],
     /// World metres, one for each vertex of `tile`. Vertices at the leaf's border are exactly on it.
     pub positions: Vec<[f64; 3]>,
-    /// Level of detail of `tile`; 0 is the finest.
-    pub lod: u8,
+    /// Level of detail of `tile`; 0 is the finest. `None` if the node has no mesh and `tile` is made of its columns.
+    pub lod: Option<u8>,
     pub tile: MeshTile,
 }
 
@@ -98,32 +99,50 @@ pub fn is_land(kind: FeatureKind) -> bool {
 }
 
 /// Passes the mesh of each leaf that `area` touches to `visit`, in the order of a Hilbert curve: the coarsest level of detail whose
-/// error is at most `error_m`, or the finest one. Returns the number of leaves and other end nodes that have no mesh. Fails if
-/// tiles cannot be read, and with the error of `visit`.
+/// error is at most `error_m`, or the finest one. Leaves and other end nodes without a mesh have those of their columns: land
+/// as one surface, and all else as boxes. Fails if tiles cannot be read, and with the error of `visit`.
 pub fn visit_leaf_meshes<E: From<ExportError>>(
     source: &dyn ExportSource,
     area: [[f64; 2]; 2],
     error_m: f64,
     visit: &mut dyn FnMut(LeafSurfaces) -> Result<(), E>,
-) -> Result<u64, E> {
+) -> Result<(), E> {
     let city = City::new(source);
-    let mut without_mesh = 0;
     let mut failure = None;
     let walked = visit_end_nodes(source, area, &mut |node: EndNode| {
         if failure.is_some() {
             return Ok(());
         }
-        let lod = node.lod_errors_m.iter().rposition(|error| f64::from(*error) <= error_m).unwrap_or(0) as u8;
-        let tile = if node.has_mesh { source.mesh(node.id, lod)? } else { None };
-        let Some(tile) = tile else {
-            without_mesh += 1;
-            return Ok(());
+        let finest_first = || node.lod_errors_m.iter();
+        let lod = finest_first().rposition(|error| f64::from(*error) <= error_m).unwrap_or(0) as u8;
+        let mesh = if node.has_mesh { source.mesh(node.id, lod)? } else { None };
+        let tiles = match mesh {
+            Some(mesh) => vec![(Some(lod), mesh)],
+            None => meshes_of_columns(&city, node.id)?.into_iter().map(|mesh| (None, mesh)).collect(),
         };
-        let LeafPositions { world: positions, .. } = LeafPositions::of(&city, node.id, &tile);
         let area = node_area(city.manifest, node.id);
-        failure = visit(LeafSurfaces { leaf: node.id, area, positions, lod, tile }).err();
+        for (lod, tile) in tiles.into_iter().filter(|(_, tile)| !tile.mesh.triangles.is_empty()) {
+            let LeafPositions { world: positions, .. } = LeafPositions::of(&city, node.id, &tile);
+            failure = visit(LeafSurfaces { leaf: node.id, area, positions, lod, tile }).err();
+            if failure.is_some() {
+                break;
+            }
+        }
         Ok(())
     });
     walked?;
-    failure.map_or(Ok(without_mesh), Err)
+    failure.map_or(Ok(()), Err)
+}
+
+/// The meshes of a node's columns: land and all else.
+fn meshes_of_columns(city: &City<'_>, node: TileId) -> Result<Vec<MeshTile>, ExportError> {
+    let Some(map) = city.source.columns(node)? else { return Ok(Vec::new()) };
+    let mut land = BTreeSet::from([NO_OBJECT]);
+    let objects: BTreeSet<u32> = map.objects.iter().flat_map(|objects| column_surfaces::objects(objects)).collect();
+    for object in objects {
+        if city.info(object)?.is_some_and(|info| is_land(info.kind)) {
+            land.insert(object);
+        }
+    }
+    Ok(column_surfaces::column_meshes(map, &|object| land.contains(&object))?.into())
 }

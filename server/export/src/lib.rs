@@ -2,9 +2,12 @@
 //!
 //! | module | contents |
 //! |---|---|
+//! | `camera` | cameras as in the files of the viewer |
 //! | `cityjson` | CityJSON text sequences |
+//! | `column_surfaces` | triangles of columns, for nodes without a mesh |
 //! | `file`, `format` | the entry of all exports of one file; its formats |
 //! | `glb` | GLB files, with identities and attributes of objects |
+//! | `land_surface` | land as a surface with few triangles, in place of steps of columns |
 //! | `leaves` | the meshes of a city, leaf by leaf |
 //! | `raster` | heights as GeoTIFF |
 //! | `rings` | areas of rings, and rings without what is smaller than their precision |
@@ -13,10 +16,13 @@
 //! | `table` | objects with footprints as CSV, GeoJSON, GeoParquet and FlatGeobuf |
 //! | `tiles3d` | 3D Tiles with an implicit quadtree |
 
+pub mod camera;
 mod cityjson;
+mod column_surfaces;
 pub mod file;
 pub mod format;
 pub mod glb;
+mod land_surface;
 pub mod leaves;
 mod raster;
 pub mod rings;

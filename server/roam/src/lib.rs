@@ -5,6 +5,7 @@
 //!   `triangulate_region` make the same surface tile by tile from any source.
 //! - `ErrorBounds` holds the errors of all triangles, for surfaces of several largest errors and for `RoamMesh`.
 //! - `RoamMesh` follows a view: `update` splits and merges until its triangles suit the view.
+//! - `SampledTerrain` turns terrain that exists as triangles into a mesh for one view.
 //!
 //! All surfaces are closed: each edge has a triangle on both sides or lies on a border of the data, and no vertex lies
 //! inside of an edge, between tiles too. A cell's half belongs to the surface if its three corners have data. Triangles
@@ -21,6 +22,7 @@ mod dynamic;
 mod field;
 mod mesh;
 mod priority;
+mod sampled;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -34,5 +36,6 @@ pub use dynamic::{Changes, RoamMesh};
 pub use field::{HeightField, HeightSource};
 pub use mesh::TerrainMesh;
 pub use priority::{Node, Priority, ScreenError};
+pub use sampled::{ErrorScale, ROOT_STEPS, SampleGrid, SampledTerrain, TerrainFace, ViewMesh};
 pub use surface::{TILE_STEPS, triangulate, triangulate_region};
 pub use tiling::{TileSurvey, Tiling};

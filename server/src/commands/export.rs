@@ -9,7 +9,7 @@ use insula_bake::read::EarthPlace;
 use insula_export::{
     file,
     format::{Format, PlaneDefinition, Projections},
-    glb,
+    glb::{self, ExportView},
     selection::{ObjectSelection, passing},
     source::{ExportSource, SourceError},
     tiles3d::{Destination, Tileset, write_tileset},
@@ -24,8 +24,8 @@ use std::{
     path::Path,
 };
 
-/// Largest file of a polygon.
-const MAX_POLYGON_BYTES: u64 = 16 << 20;
+/// Largest file of a polygon or a camera.
+const MAX_TEXT_BYTES: u64 = 16 << 20;
 
 /// Runs `export`. Fails if the city cannot be read, the selection is invalid or empty, or the output cannot be written.
 pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
@@ -33,6 +33,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let objects = StoredObjects::open(&city)?;
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(city.manifest(), objects.schema(), &read);
+    let view = view(args)?;
     let selection = selection(args, &source)?;
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
@@ -41,7 +42,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
             let partial = args.out.with_extension("glb.partial");
             let file = File::create(&partial).map_err(|error| failed(error.to_string()))?;
             let mut out = BufWriter::new(file);
-            let report = glb::write_glb(&source, &selection, &mut out).map_err(|error| failed(error.to_string()));
+            let report =
+                glb::write_glb(&source, &selection, view.as_ref(), &mut out).map_err(|error| failed(error.to_string()));
             let report = report.and_then(|report| {
                 out.flush()
                     .and_then(|()| fs::rename(&partial, &args.out))
@@ -95,6 +97,29 @@ fn write_table(
     Ok(format!("{}, {}", count(report.objects, "object"), human_bytes(report.bytes)))
 }
 
+/// The view of `--view`. Fails if there is no such file or camera, or if the format has no views.
+fn view(args: &ExportArgs) -> Result<Option<ExportView>, CommandError> {
+    let Some(path) = &args.view else { return Ok(None) };
+    if args.format != ExportFormat::Glb {
+        return Err(CommandError::Usage(
+            "--view needs --format glb: other formats have no levels of detail".to_owned(),
+        ));
+    }
+    let wrong = |reason: String| CommandError::Usage(format!("--view {}: {reason}", path.display()));
+    let text = read_small(path).map_err(wrong)?;
+    let camera = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+    let view = ExportView::new(camera, args.size, args.tau);
+    view.map(Some).ok_or_else(|| wrong("position and target must differ, and fov_y_deg must be 1 to 170".to_owned()))
+}
+
+/// The text of a file that is small. Fails with the reason if it cannot be read.
+fn read_small(path: &Path) -> Result<String, String> {
+    if fs::metadata(path).map_err(|error| error.to_string())?.len() > MAX_TEXT_BYTES {
+        return Err("larger than 16 MiB".to_owned());
+    }
+    fs::read_to_string(path).map_err(|error| error.to_string())
+}
+
 /// What the arguments select. Fails if an expression or a file is invalid.
 fn selection(args: &ExportArgs, source: &StoredCity<'_>) -> Result<ObjectSelection, CommandError> {
     let bbox = args.bbox.map(|[west, south, east, north]| [[west, south], [east, north]]);
@@ -114,11 +139,7 @@ fn passing_objects(text: &str, source: &StoredCity<'_>, city: &Path) -> Result<R
 /// The rings of the first polygon of a GeoJSON file, in the city's coordinate system. Fails if there is none.
 fn read_polygon(path: &Path) -> Result<Vec<Vec<[f64; 2]>>, CommandError> {
     let wrong = |reason: &str| CommandError::Usage(format!("--polygon {}: {reason}", path.display()));
-    let size = fs::metadata(path).map_err(|error| wrong(&error.to_string()))?.len();
-    if size > MAX_POLYGON_BYTES {
-        return Err(wrong("larger than 16 MiB"));
-    }
-    let text = fs::read_to_string(path).map_err(|error| wrong(&error.to_string()))?;
+    let text = read_small(path).map_err(|reason| wrong(&reason))?;
     let json: Value = serde_json::from_str(&text).map_err(|error| wrong(&error.to_string()))?;
     let geometry = json.pointer("/features/0/geometry").or_else(|| json.get("geometry")).unwrap_or(&json);
     let rings = match geometry.get("type").and_then(Value::as_str) {

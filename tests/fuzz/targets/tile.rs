@@ -17,7 +17,7 @@ fuzz_target!(|bytes: &[u8]| {
     // The input lists sections: tag, length, bytes.
     let [kind, has_id, sections @ ..] = bytes else { return };
     let mut rest = sections;
-    let kind = TileKind::ALL[usize::from(kind) % TileKind::ALL.len()];
+    let kind = TileKind::ALL[usize::from(*kind) % TileKind::ALL.len()];
     let mut writer = TileWriter::new(kind, (has_id & 1 == 1).then_some(TileId::ROOT));
     while let [tag, low, high, tail @ ..] = rest {
         let length = usize::from(u16::from_le_bytes([*low, *high])).min(tail.len());

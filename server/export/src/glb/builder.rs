@@ -232,6 +232,17 @@ impl GlbBuilder {
         self.document.scenes[0].nodes.push(node);
     }
 
+    /// Adds a perspective camera (glTF 2.0, section 3.10) with a vertical field of view in radians and width by height. `matrix` is column
+    /// by column.
+    pub(crate) fn add_camera(&mut self, matrix: [f64; 16], [y_fov, aspect_ratio]: [f64; 2], near_m: f64) {
+        let perspective = json!({ "yfov": y_fov, "aspectRatio": aspect_ratio, "znear": near_m });
+        self.document.cameras.push(json!({ "type": "perspective", "perspective": perspective }));
+        let camera = Some(self.document.cameras.len() - 1);
+        let node = self.document.nodes.len();
+        self.document.nodes.push(Node { matrix: Some(matrix), camera, ..Node::default() });
+        self.document.scenes[0].nodes.push(node);
+    }
+
     /// Puts all nodes of the scene below a new one.
     pub(crate) fn gather_nodes(&mut self, name: String, matrix: [f64; 16]) {
         let children = std::mem::take(&mut self.document.scenes[0].nodes);

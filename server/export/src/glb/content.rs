@@ -3,22 +3,32 @@
 use super::{
     ExportError, boxes,
     builder::GlbBuilder,
-    geometry::{Geometry, NO_FEATURE, linear},
+    geometry::{Geometry, linear},
     matrix::Matrix,
     metadata::Rows,
     objects::{Chooser, ObjectReader},
     stone::Stones,
 };
-use crate::{selection::ObjectSelection, source::ExportSource};
+use crate::{
+    column_surfaces,
+    land_surface::{has_one_colour, land_of_columns},
+    selection::ObjectSelection,
+    source::ExportSource,
+};
+use glam::DVec2;
 use insula_protocol::{
     BlockMap, MeshTile, NODE_CELLS, TileId,
     mesh_tile::{MAX_LODS, NO_OBJECT},
 };
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+/// Height of the strips that hang from borders of land, in cells: nodes beside each other differ by less.
+pub(super) const SKIRT_CELLS: f64 = 2.0;
 
 /// Puts parts of a city into GLBs.
 pub(crate) struct ContentWriter<'a> {
     source: &'a dyn ExportSource,
+    reader: &'a ObjectReader<'a>,
     chooser: Chooser<'a>,
     stones: Stones,
 }
@@ -40,7 +50,7 @@ impl<'a> ContentWriter<'a> {
         selection: &'a ObjectSelection,
         reader: &'a ObjectReader<'a>,
     ) -> Self {
-        Self { source, chooser: Chooser::new(selection, reader), stones: Stones::new(source.manifest()) }
+        Self { source, reader, chooser: Chooser::new(selection, reader), stones: Stones::new(source.manifest()) }
     }
 
     /// Adds the finest that there is of a leaf: its mesh, else its columns. `place` maps metres from the leaf's south-west corner at
@@ -53,22 +63,23 @@ impl<'a> ContentWriter<'a> {
         place: &Matrix,
     ) -> Result<Shown, ExportError> {
         match (0..MAX_LODS).find_map(|lod| self.source.mesh(leaf, lod).transpose()).transpose()? {
-            Some(tile) => self.add_mesh(glb, rows, leaf, (&tile, place)),
+            Some(tile) => self.add_mesh(glb, rows, leaf, (&tile, place), &|_| true),
             None => self.add_columns(glb, rows, leaf, place),
         }
     }
 
-    fn add_mesh(
+    /// Adds the triangles of a leaf's mesh whose objects `has` has.
+    pub(super) fn add_mesh(
         &self,
         glb: &mut GlbBuilder,
         rows: &mut Rows,
         leaf: TileId,
         (tile, place): (&MeshTile, &Matrix),
+        has: &dyn Fn(u32) -> bool,
     ) -> Result<Shown, ExportError> {
-        let parts = self.mesh_geometry(tile, leaf, rows)?;
+        let parts = self.mesh_geometry(tile, leaf, rows, has)?;
         let triangles = parts.values().map(|geometry| geometry.indices.len() / 3).sum();
-        let grid = &tile.mesh.grid;
-        let matrix = Matrix::scale([grid.step; 3]).then(&Matrix::translation(grid.min)).then(place).to_array();
+        let matrix = mesh_matrix(tile).then(place).to_array();
         for (stone, geometry) in parts {
             let material = match (stone.and_then(|stone| self.stones.material(stone)), &tile.texture) {
                 (Some(material), None) => glb.add_material(material),
@@ -81,12 +92,14 @@ impl<'a> ContentWriter<'a> {
         Ok(Shown { triangles, is_mesh: true })
     }
 
-    /// The selected triangles by their stone, with one vertex for each different combination of position, attribute and object.
-    fn mesh_geometry(
+    /// The selected triangles of the objects that `has` has by their stone, with one vertex for each different combination of
+    /// position, attribute and object.
+    pub(super) fn mesh_geometry(
         &self,
         tile: &MeshTile,
         leaf: TileId,
         rows: &mut Rows,
+        has: &dyn Fn(u32) -> bool,
     ) -> Result<BTreeMap<Option<u8>, Geometry>, ExportError> {
         let corner = self.source.manifest().node_corner(leaf);
         let positions: Vec<[f64; 3]> = tile.mesh.positions_m().collect();
@@ -96,7 +109,7 @@ impl<'a> ContentWriter<'a> {
             let object = tile.objects.get(t).copied().unwrap_or(NO_OBJECT);
             let middle = [0, 1]
                 .map(|k| corner[k] + triangle.iter().map(|vertex| positions[*vertex as usize][k] / 3.0).sum::<f64>());
-            if !self.chooser.has(object, middle)? {
+            if !has(object) || !self.chooser.has(object, middle)? {
                 continue;
             }
             let feature = rows.row(object);
@@ -123,7 +136,11 @@ impl<'a> ContentWriter<'a> {
                 geometry.indices.push(index);
             }
         }
-        Ok(parts.into_iter().map(|(stone, (geometry, _))| (stone, without_empty_features(geometry))).collect())
+        let finished = |(stone, (mut geometry, _)): (Option<u8>, (Geometry, VertexNumbers))| {
+            geometry.drop_empty_features();
+            (stone, geometry)
+        };
+        Ok(parts.into_iter().map(finished).collect())
     }
 
     /// Adds boxes of a node's columns; nothing if it has none.
@@ -146,6 +163,53 @@ impl<'a> ContentWriter<'a> {
         Ok(Shown { triangles, is_mesh: false })
     }
 
+    /// Adds a node's columns as a view shows them: land of one colour as a surface, with a skirt of two cells, all else as boxes.
+    pub(super) fn add_view_columns(
+        &self,
+        glb: &mut GlbBuilder,
+        rows: &mut Rows,
+        node: TileId,
+        place: &Matrix,
+    ) -> Result<Shown, ExportError> {
+        let Some(map) = self.source.columns(node)? else { return Ok(Shown::default()) };
+        let land = self.land_objects(&map)?;
+        let is_land = |object: u32| land.contains(&object);
+        let is_surface = map.ground.is_none() && self.chooser.is_everything() && has_one_colour(&map, &is_land);
+        if !is_surface {
+            return self.add_columns(glb, rows, node, place);
+        }
+        let mut surface = land_of_columns(&map, &is_land);
+        let cell_m = f64::from(map.cell_m);
+        surface.add_skirt(SKIRT_CELLS * cell_m);
+        let (land, on_land) = surface.geometry((DVec2::ZERO, DVec2::splat(cell_m)), &mut |object| rows.row(object));
+        let grid = boxes::grid(&map);
+        let mut boxes = boxes::boxes(map, &mut |object, _| Ok((!is_land(object)).then(|| rows.row(object))))?;
+        boxes.drop_empty_features();
+        let mut triangles = 0;
+        for (geometry, matrix) in [(land, on_land), (boxes, grid)] {
+            if geometry.indices.is_empty() {
+                continue;
+            }
+            triangles += geometry.indices.len() / 3;
+            let material = glb.plain_material();
+            let mesh = glb.add_mesh(&geometry, material)?;
+            glb.add_node(Some(node.to_string()), matrix.then(place).to_array(), mesh);
+        }
+        Ok(Shown { triangles, is_mesh: false })
+    }
+
+    /// The objects of columns that are land.
+    fn land_objects(&self, map: &BlockMap) -> Result<BTreeSet<u32>, ExportError> {
+        let mut land = BTreeSet::from([NO_OBJECT]);
+        let objects: BTreeSet<u32> = map.objects.iter().flat_map(|objects| column_surfaces::objects(objects)).collect();
+        for object in objects {
+            if self.reader.is_land(object)? {
+                land.insert(object);
+            }
+        }
+        Ok(land)
+    }
+
     fn box_geometry(&self, map: BlockMap, node: TileId, rows: &mut Rows) -> Result<Geometry, ExportError> {
         let corner = self.source.manifest().node_corner(node);
         let cell = self.source.manifest().cell_m_at(node.level());
@@ -154,14 +218,14 @@ impl<'a> ContentWriter<'a> {
             let middle = [0, 1].map(|k| corner[k] + (cells[k] as f64 + 0.5) * cell);
             Ok(self.chooser.has(object, middle)?.then(|| rows.row(object)))
         };
-        Ok(without_empty_features(boxes::boxes(map, &mut feature)?))
+        let mut geometry = boxes::boxes(map, &mut feature)?;
+        geometry.drop_empty_features();
+        Ok(geometry)
     }
 }
 
-/// Without feature ids if no vertex has an object.
-fn without_empty_features(mut geometry: Geometry) -> Geometry {
-    if geometry.features.iter().all(|feature| *feature == NO_FEATURE) {
-        geometry.features.clear();
-    }
-    geometry
+/// From the grid of a mesh to metres from its leaf's south-west corner at the city's height zero.
+pub(super) fn mesh_matrix(tile: &MeshTile) -> Matrix {
+    let grid = &tile.mesh.grid;
+    Matrix::scale([grid.step; 3]).then(&Matrix::translation(grid.min))
 }

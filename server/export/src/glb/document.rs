@@ -34,6 +34,8 @@ pub(crate) struct Document {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) nodes: Vec<Node>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) cameras: Vec<Value>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) meshes: Vec<Mesh>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) materials: Vec<Material>,
@@ -79,6 +81,8 @@ pub(crate) struct Node {
     pub(crate) matrix: Option<[f64; 16]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) mesh: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) camera: Option<usize>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) children: Vec<usize>,
 }

@@ -58,6 +58,13 @@ impl Geometry {
         Layout { stride, colour, uv, feature, wide_features }
     }
 
+    /// Leaves out feature ids if no vertex has an object.
+    pub(crate) fn drop_empty_features(&mut self) {
+        if self.features.iter().all(|feature| *feature == NO_FEATURE) {
+            self.features.clear();
+        }
+    }
+
     /// The vertices one after the other.
     pub(super) fn interleaved(&self) -> (Vec<u8>, Layout) {
         let layout = self.layout();
@@ -97,6 +104,13 @@ pub(crate) fn linear(srgb: u8) -> u8 {
     (linear * 255.0).round() as u8
 }
 
+/// Linear light, 0 to 255, as an 8-bit sRGB value.
+pub(crate) fn srgb(linear: u8) -> u8 {
+    let value = f32::from(linear) / 255.0;
+    let srgb = if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 };
+    (srgb * 255.0).round() as u8
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -120,5 +134,6 @@ mod tests {
     #[test]
     fn colours_are_linear() {
         assert_eq!([0, 20, 128, 255].map(linear), [0, 2, 55, 255]);
+        assert_eq!([0, 55, 255].map(srgb), [0, 128, 255]);
     }
 }

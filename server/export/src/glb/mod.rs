@@ -30,8 +30,11 @@ pub(crate) mod test_city;
 pub(crate) mod test_reader;
 #[cfg(test)]
 mod tests;
+mod view;
+mod view_terrain;
 
 pub use error::ExportError;
+pub use view::ExportView;
 
 use crate::{
     selection::ObjectSelection,
@@ -39,13 +42,15 @@ use crate::{
 };
 use builder::{GlbBuilder, Packing};
 use content::ContentWriter;
-use insula_protocol::{Subtree, TileId};
+use insula_protocol::{Subtree, TileId, mesh_tile::NO_OBJECT};
 use matrix::{Matrix, subtract};
 use metadata::{Rows, add_table};
 use objects::ObjectReader;
 use reach::Reach;
 use serde_json::json;
-use std::io::Write;
+use std::{collections::BTreeSet, io::Write};
+use view::Part;
+use view_terrain::ViewTerrain;
 
 /// What an export wrote.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -59,7 +64,8 @@ pub struct ExportReport {
 }
 
 /// Writes the selected part of a city as one GLB (glTF 2.0, section 4.4): a node for each leaf with its finest mesh, or with boxes of
-/// its columns if it has no mesh.
+/// its columns if it has no mesh. With a view, only what its camera may see, as coarse as the view allows, and the camera: nodes that
+/// are not refined have boxes of their columns, and terrain without pictures is one surface.
 ///
 /// Positions are metres, y up, x to the grid's east and -z to its north, from the middle of the selected area at the city's height
 /// zero. `asset.extras` has that point (`origin`, world metres) and the coordinate system (`crs`). Vertices have feature ids, which
@@ -69,30 +75,110 @@ pub struct ExportReport {
 pub fn write_glb(
     source: &dyn ExportSource,
     selection: &ObjectSelection,
+    view: Option<&ExportView>,
     out: &mut dyn Write,
 ) -> Result<ExportReport, ExportError> {
     let manifest = source.manifest();
     let reader = ObjectReader::new(source);
-    let content = ContentWriter::new(source, selection, &reader);
-    let mut glb = GlbBuilder::new(manifest, Packing::Plain);
-    let mut rows = Rows::default();
-    let origin = middle(source, selection);
-    let mut triangles = 0;
-    for leaf in leaves(source, selection)? {
-        let place = Matrix::translation(subtract(manifest.node_corner(leaf), origin));
-        triangles += content.add_leaf(&mut glb, &mut rows, leaf, &place)?.triangles as u64;
-    }
+    let mut scene = Scene {
+        source,
+        content: ContentWriter::new(source, selection, &reader),
+        reader: &reader,
+        glb: GlbBuilder::new(manifest, Packing::Plain),
+        rows: Rows::default(),
+        origin: middle(source, selection),
+    };
+    let reach = Reach::new(source, selection)?;
+    let triangles = match view {
+        Some(view) => scene.add_view(view, &reach)?,
+        None => scene.add_leaves(&reach)?,
+    };
     if triangles == 0 {
         return Err(ExportError::Nothing(
-            "the city has no surface in the selected area, or none of the selected objects",
+            "the city has no surface in the selected area or view, or none of the selected objects",
         ));
     }
+    let Scene { mut glb, rows, origin, .. } = scene;
     add_table(&mut glb, &reader, &rows, usize::MAX)?;
     glb.gather_nodes(manifest.title.clone(), Matrix::Y_UP.to_array());
     glb.set_extras(json!({ "origin": origin, "crs": manifest.crs }));
     let bytes = glb.finish()?;
     out.write_all(&bytes).map_err(ExportError::writing("the GLB"))?;
-    Ok(ExportReport { files: 1, bytes: bytes.len() as u64, triangles, objects: rows.len() as u64 })
+    Ok(ExportReport { files: 1, bytes: bytes.len() as u64, triangles: triangles as u64, objects: rows.len() as u64 })
+}
+
+/// A GLB in the making.
+struct Scene<'a> {
+    source: &'a dyn ExportSource,
+    content: ContentWriter<'a>,
+    reader: &'a ObjectReader<'a>,
+    glb: GlbBuilder,
+    rows: Rows,
+    /// World metres of the scene's origin.
+    origin: [f64; 3],
+}
+
+impl Scene<'_> {
+    /// From metres from a node's south-west corner at the city's height zero to the scene.
+    fn place(&self, node: TileId) -> Matrix {
+        Matrix::translation(subtract(self.source.manifest().node_corner(node), self.origin))
+    }
+
+    /// Adds the finest that there is of all leaves. Returns the number of triangles.
+    fn add_leaves(&mut self, reach: &Reach<'_>) -> Result<usize, ExportError> {
+        let mut triangles = 0;
+        for leaf in leaves(self.source, reach)? {
+            let place = self.place(leaf);
+            triangles += self.content.add_leaf(&mut self.glb, &mut self.rows, leaf, &place)?.triangles;
+        }
+        Ok(triangles)
+    }
+
+    /// Adds what a view shows, and its camera. Returns the number of triangles.
+    fn add_view(&mut self, view: &ExportView, reach: &Reach<'_>) -> Result<usize, ExportError> {
+        let mut terrain = ViewTerrain::default();
+        let mut triangles = 0;
+        for part in view.parts(self.source, reach)? {
+            triangles += match part {
+                Part::Columns(node) => {
+                    let place = self.place(node);
+                    let cell_m = self.source.manifest().cell_m_at(node.level());
+                    terrain.skirt_m = terrain.skirt_m.max(content::SKIRT_CELLS * cell_m);
+                    self.content.add_view_columns(&mut self.glb, &mut self.rows, node, &place)?.triangles
+                }
+                Part::Mesh { leaf, lod } => self.add_mesh(leaf, lod, &mut terrain)?,
+            };
+        }
+        triangles += terrain.write(&mut self.glb, self.source.manifest(), (view, self.origin))?;
+        self.glb.add_camera(view.matrix(self.origin).to_array(), view.lens(), view::NEAR_M);
+        Ok(triangles)
+    }
+
+    /// Adds a leaf's mesh, but for its terrain, which goes to `terrain` unless it has a picture. Returns the number of triangles.
+    fn add_mesh(&mut self, leaf: TileId, lod: u8, terrain: &mut ViewTerrain) -> Result<usize, ExportError> {
+        let missing = || SourceError {
+            what: format!("mesh {leaf}, level of detail {lod}"),
+            reason: "it is missing: bake the city again".into(),
+        };
+        let tile = self.source.mesh(leaf, lod)?.ok_or_else(missing)?;
+        let place = self.place(leaf);
+        let mut land = BTreeSet::new();
+        for object in tile.objects.iter().copied().chain(tile.objects.is_empty().then_some(NO_OBJECT)) {
+            if !land.contains(&object) && self.reader.is_terrain(object)? {
+                land.insert(object);
+            }
+        }
+        let has_picture = tile.texture.is_some();
+        terrain.has_pictures |= has_picture && !land.is_empty();
+        if !has_picture {
+            let parts = self.content.mesh_geometry(&tile, leaf, &mut self.rows, &|object| land.contains(&object))?;
+            let matrix = content::mesh_matrix(&tile).then(&place);
+            parts.into_values().for_each(|geometry| terrain.add(leaf, geometry, matrix));
+        }
+        let is_shown = |object| has_picture || !land.contains(&object);
+        let shown = self.content.add_mesh(&mut self.glb, &mut self.rows, leaf, (&tile, &place), &is_shown)?;
+        Ok(shown.triangles)
+    }
 }
 
 /// The world position that becomes the origin: the middle of what is selected of the city, at its height zero.
@@ -114,10 +200,9 @@ pub(crate) fn subtree_at(source: &dyn ExportSource, root: TileId) -> Result<Subt
     source.subtree(root)?.ok_or_else(|| missing().into())
 }
 
-/// The nodes without children in the selected area, in the order of a traversal by quadrants. Above the deepest level, these are nodes
+/// The nodes without children that `reach` has, in the order of a traversal by quadrants. Above the deepest level, these are nodes
 /// of the surroundings.
-fn leaves(source: &dyn ExportSource, selection: &ObjectSelection) -> Result<Vec<TileId>, ExportError> {
-    let reach = Reach::new(source, selection)?;
+fn leaves(source: &dyn ExportSource, reach: &Reach<'_>) -> Result<Vec<TileId>, ExportError> {
     let mut leaves = Vec::new();
     let mut roots = vec![TileId::ROOT];
     while let Some(root) = roots.pop() {

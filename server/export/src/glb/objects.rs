@@ -1,6 +1,7 @@
 //! The objects of a GLB: which are selected, their rows in the property table, and their records.
 
 use crate::{
+    leaves::is_land,
     selection::ObjectSelection,
     source::{ExportSource, SourceError},
 };
@@ -42,6 +43,18 @@ impl<'a> ObjectReader<'a> {
         Ok(self.block_of(id)?.and_then(|block| block.record(id)))
     }
 
+    /// Whether an object is terrain. Surfaces without an object are.
+    pub(crate) fn is_terrain(&self, id: u32) -> Result<bool, SourceError> {
+        let kind = if id == NO_OBJECT { None } else { self.block_of(id)?.and_then(|block| block.kind(id)) };
+        Ok(kind.is_none_or(|kind| kind == FeatureKind::Relief))
+    }
+
+    /// Whether an object extends over the land. Surfaces without an object do.
+    pub(crate) fn is_land(&self, id: u32) -> Result<bool, SourceError> {
+        let kind = if id == NO_OBJECT { None } else { self.block_of(id)?.and_then(|block| block.kind(id)) };
+        Ok(kind.is_none_or(is_land))
+    }
+
     /// The object's identifier in the source; `None` if it has none.
     pub(crate) fn identifier(&self, id: u32) -> Result<Option<String>, SourceError> {
         let block = self.block_of(id)?;
@@ -78,6 +91,11 @@ impl<'a> Chooser<'a> {
         Self { selection, is_everything, reader, origin, known: RefCell::default() }
     }
 
+    /// Whether everything is selected.
+    pub(crate) fn is_everything(&self) -> bool {
+        self.is_everything
+    }
+
     /// Whether a surface of `object` at a world position is selected. Objects are selected as a whole, by [`ObjectSelection::contains`];
     /// land and surfaces without an object by their place.
     pub(crate) fn has(&self, object: u32, place: [f64; 2]) -> Result<bool, SourceError> {
@@ -107,12 +125,7 @@ impl<'a> Chooser<'a> {
             return Ok(Choice::Whole(false));
         }
         let Some(block) = self.reader.block_of(object)? else { return Ok(Choice::ByPlace) };
-        let is_land = matches!(
-            block.kind(object),
-            None | Some(
-                FeatureKind::Relief | FeatureKind::LandUse | FeatureKind::Water | FeatureKind::Road | FeatureKind::Rail
-            )
-        );
+        let is_land = block.kind(object).is_none_or(is_land);
         let bounds = block.bounds(object).filter(|_| !is_land);
         let corner = |corner: [i32; 3]| [0, 1].map(|k| self.origin[k] + f64::from(corner[k]) / 10.0);
         Ok(bounds.map_or(Choice::ByPlace, |bounds| {

@@ -1,19 +1,25 @@
 //! GLBs of a synthetic city.
 
 use super::{
-    test_city::{TestCity, city},
+    test_city::{TERRAIN, TestCity, city, webp},
     test_reader::Glb,
     write_glb,
 };
 use crate::{
-    glb::{ExportError, ExportReport},
+    camera::CameraFile,
+    glb::{ExportError, ExportReport, ExportView},
     selection::ObjectSelection,
 };
-use insula_protocol::TileId;
+use insula_protocol::{
+    TileId,
+    mesh::PositionGrid,
+    mesh_tile::cuboid,
+    subtree::{MeshLod, NodeMesh},
+};
 
 fn export(city: &TestCity, selection: &ObjectSelection) -> Result<(Glb, ExportReport), ExportError> {
     let mut bytes = Vec::new();
-    let report = write_glb(city, selection, &mut bytes)?;
+    let report = write_glb(city, selection, None, &mut bytes)?;
     assert_eq!(report.bytes, bytes.len() as u64);
     Ok((Glb::parse(&bytes), report))
 }
@@ -84,7 +90,7 @@ fn a_selection_takes_whole_objects_and_land_by_place() {
 fn the_same_city_gives_the_same_bytes() {
     let bytes = || {
         let mut bytes = Vec::new();
-        write_glb(&city(), &ObjectSelection::default(), &mut bytes).unwrap();
+        write_glb(&city(), &ObjectSelection::default(), None, &mut bytes).unwrap();
         bytes
     };
     assert_eq!(bytes(), bytes());
@@ -120,5 +126,101 @@ fn a_failing_writer_is_reported() {
             Ok(())
         }
     }
-    assert!(matches!(write_glb(&city(), &ObjectSelection::default(), &mut Full), Err(ExportError::Write { .. })));
+    assert!(matches!(write_glb(&city(), &ObjectSelection::default(), None, &mut Full), Err(ExportError::Write { .. })));
+}
+
+/// Looks north over the city from its southern border, in pixels of tolerated error.
+fn view(tau_px: f64) -> ExportView {
+    let camera = CameraFile {
+        position: [1064.0, 1990.0, 60.0],
+        target: [1064.0, 2050.0, 40.0],
+        up: [0.0, 0.0, 1.0],
+        fov_y_deg: 60.0,
+    };
+    ExportView::new(camera, [1280, 720], tau_px).unwrap()
+}
+
+fn export_view(city: &TestCity, view: &ExportView) -> (Glb, ExportReport) {
+    let mut bytes = Vec::new();
+    let report = write_glb(city, &ObjectSelection::default(), Some(view), &mut bytes).unwrap();
+    (Glb::parse(&bytes), report)
+}
+
+#[test]
+fn a_view_has_its_camera() {
+    let (glb, report) = export_view(&city(), &view(1.0));
+    assert_eq!(glb.check_primitives() as u64, report.triangles);
+    let camera = &glb.json["cameras"][0]["perspective"];
+    assert!((camera["yfov"].as_f64().unwrap() - 60f64.to_radians()).abs() < 1e-12);
+    assert_eq!(camera["aspectRatio"], 1280.0 / 720.0);
+    let node = glb.list("nodes").iter().find(|node| !node["camera"].is_null()).unwrap();
+    let matrix: Vec<f64> = node["matrix"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    // East is to the right; the camera looks along -z, to the north and down.
+    assert_eq!(matrix[..3], [1.0, 0.0, 0.0]);
+    assert!(matrix[9] < -0.9 && matrix[10] > 0.0 && matrix[10] < 0.4, "{matrix:?}");
+    assert_eq!(matrix[12..15], [0.0, -74.0, 30.0]);
+}
+
+/// All four leaves with hills of triangles of 1 m, of one colour.
+fn hills() -> TestCity {
+    let mut city = city();
+    let height = |x: f64, y: f64| 6.0 + 3.0 * (x / 20.0).sin() + 2.0 * (y / 15.0).cos();
+    for (quadrant, leaf) in TileId::ROOT.children().enumerate() {
+        let corner = [quadrant % 2, quadrant / 2].map(|at| 64.0 * at as f64);
+        let mut mesh = cuboid([0.0; 3], [64.0, 64.0, 20.0], [90, 110, 80], None);
+        let place = |i: usize| [(i % 65) as f64, (i / 65) as f64];
+        let points = (0..65 * 65).map(place).map(|[x, y]| [x, y, height(corner[0] + x, corner[1] + y)]);
+        mesh.mesh.grid = PositionGrid::enclosing(&[[0.0; 3], [64.0, 64.0, 20.0]], 16);
+        mesh.mesh.positions = points.map(|point| mesh.mesh.grid.nearest(point)).collect();
+        let cells = (0..64 * 64).map(|i| (i / 64 * 65 + i % 64) as u32);
+        mesh.mesh.triangles = cells.flat_map(|a| [[a, a + 1, a + 66], [a, a + 66, a + 65]]).collect();
+        mesh.mesh.attributes[0].corners = vec![0; 3 * mesh.mesh.triangles.len()];
+        mesh.objects = vec![TERRAIN; mesh.mesh.triangles.len()];
+        city.meshes.insert(leaf, mesh);
+    }
+    let subtree = city.subtrees.get_mut(&TileId::ROOT).unwrap();
+    let lod = MeshLod { error_m: 0.02, bytes: 1000, triangles: 8192, texture_px: 0 };
+    subtree.meshes = TileId::ROOT.children().map(|id| NodeMesh { id, lods: vec![lod] }).collect();
+    city
+}
+
+#[test]
+fn terrain_of_a_view_is_one_surface_that_is_finest_near_the_eye() {
+    let city = hills();
+    let (whole, _) = export(&city, &ObjectSelection::default()).unwrap();
+    assert_eq!(whole.check_primitives(), 4 * 8192);
+    let counts = [1.0, 4.0].map(|tau_px| {
+        let (glb, report) = export_view(&city, &view(tau_px));
+        assert_eq!((glb.list("meshes").len(), glb.check_primitives() as u64), (1, report.triangles));
+        assert_eq!(glb.column("identifier"), ["terrain"]);
+        let positions = glb.scene_positions();
+        let (low, high) = positions.iter().fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p[0]), high.max(p[0])));
+        assert!((low + 64.0).abs() < 1e-6 && (high - 64.0).abs() < 1e-6, "{low} {high}");
+        // South is towards the eye.
+        let near = positions.iter().filter(|p| p[2] > 32.0).count();
+        let far = positions.iter().filter(|p| p[2] < -32.0).count();
+        assert!(near > 2 * far, "{near} {far}");
+        report.triangles
+    });
+    assert!(counts[0] < 8000 && counts[1] * 2 < counts[0], "{counts:?}");
+}
+
+#[test]
+fn terrain_with_pictures_and_leaves_with_holes_keep_their_meshes() {
+    let mut pictured = hills();
+    let first = TileId::ROOT.child(0).unwrap();
+    let mesh = pictured.meshes.get_mut(&first).unwrap();
+    mesh.texture = Some(webp());
+    mesh.mesh.attributes = cuboid([0.0; 3], [1.0; 3], [0; 3], mesh.texture.clone()).mesh.attributes;
+    mesh.mesh.attributes[0].corners = vec![0; 3 * mesh.mesh.triangles.len()];
+    assert_eq!(export_view(&pictured, &view(1.0)).1.triangles, 4 * 8192);
+    let mut holed = hills();
+    let mesh = holed.meshes.get_mut(&first).unwrap();
+    mesh.mesh.triangles.drain(2000..2010);
+    mesh.mesh.attributes[0].corners.truncate(3 * mesh.mesh.triangles.len());
+    mesh.objects.truncate(mesh.mesh.triangles.len());
+    let (glb, report) = export_view(&holed, &view(1.0));
+    let names: Vec<&str> = glb.list("nodes").iter().filter_map(|node| node["name"].as_str()).collect();
+    assert!(names.contains(&"terrain") && names.contains(&"1/0/0"), "{names:?}");
+    assert!((8182..8192 + 8000).contains(&report.triangles), "{}", report.triangles);
 }

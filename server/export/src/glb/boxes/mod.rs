@@ -9,7 +9,7 @@ mod solids;
 #[cfg(test)]
 mod tests;
 
-use super::{ExportError, geometry::Geometry, matrix::Matrix};
+use super::{geometry::Geometry, matrix::Matrix};
 use crate::source::SourceError;
 use insula_protocol::BlockMap;
 
@@ -24,7 +24,7 @@ pub(crate) const ERROR_CELLS: f64 = 0.5;
 pub(crate) fn boxes(
     mut map: BlockMap,
     feature: &mut dyn FnMut(u32, usize) -> Result<Option<u32>, SourceError>,
-) -> Result<Geometry, ExportError> {
+) -> Result<Geometry, SourceError> {
     // Generated ground has no objects, and the parts that it adds had none before.
     let objects = map.objects.take();
     let layers = solids::layers(&map.stand_on_ground(), objects.as_deref(), feature)?;

@@ -1,0 +1,61 @@
+//! Cameras as in the files of the viewer.
+
+use glam::{DMat3, DVec3};
+use serde::Deserialize;
+
+/// A camera file: `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}` in world metres.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraFile {
+    pub position: [f64; 3],
+    /// A point in the middle of the frame.
+    pub target: [f64; 3],
+    #[serde(default = "default_up")]
+    pub up: [f64; 3],
+    /// Vertical field of view, 1 to 170.
+    #[serde(default = "default_fov_deg")]
+    pub fov_y_deg: f64,
+}
+
+fn default_up() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+fn default_fov_deg() -> f64 {
+    60.0
+}
+
+impl CameraFile {
+    /// The unit vectors to the right, to the top and into the frame, as columns. An `up` along the view is replaced. `None` if
+    /// position and target are equal, or a value is not finite or out of range.
+    #[must_use]
+    pub fn axes(&self) -> Option<DMat3> {
+        let forward = (DVec3::from(self.target) - DVec3::from(self.position)).try_normalize()?;
+        let up = DVec3::from(self.up);
+        if !up.is_finite() || !(1.0..=170.0).contains(&self.fov_y_deg) {
+            return None;
+        }
+        let across = [up.normalize_or(DVec3::Z), DVec3::Y, DVec3::X].map(|up| forward.cross(up));
+        let right = across.into_iter().find(|right| right.length() > 1e-6)?.try_normalize()?;
+        Some(DMat3::from_cols(right, right.cross(forward), forward))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_are_orthogonal_and_invalid_cameras_have_none() {
+        let camera = |json: &str| serde_json::from_str::<CameraFile>(json).unwrap();
+        let north = camera(r#"{"position":[1,2,3],"target":[1,12,3]}"#);
+        assert_eq!(north.axes(), Some(DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y)));
+        let down = camera(r#"{"position":[0,0,30],"target":[0,0,3]}"#);
+        assert_eq!(down.axes(), Some(DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::NEG_Z)));
+        for invalid in
+            [r#"{"position":[1,2,3],"target":[1,2,3]}"#, r#"{"position":[1,2,3],"target":[1,2,4],"fov_y_deg":171}"#]
+        {
+            assert_eq!(camera(invalid).axes(), None);
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! The terrain of a view: as many triangles as the view needs, by ROAM (`insula_roam`).
+//!
+//! Meshes of leaves have terrain of one largest error. Near the eye that is what the view needs; further away, a level of detail
+//! holds its error over the whole leaf, and its borders are as fine as those of the neighbours. ROAM makes one surface of all leaves.
+
+use super::{
+    ExportError,
+    builder::GlbBuilder,
+    geometry::{Geometry, NO_FEATURE, srgb},
+    matrix::{Matrix, subtract},
+    view::ExportView,
+};
+use crate::land_surface::{LandSurface, is_one_colour};
+use glam::{DVec2, DVec3};
+use insula_protocol::{Manifest, NODE_CELLS, TileId};
+use insula_roam::{ROOT_STEPS, SampleGrid, SampledTerrain, TerrainFace};
+use std::collections::BTreeSet;
+
+/// Most samples, about: 2 MiB for each 100,000 with what is made of them.
+const MAX_SAMPLES: f64 = 2e6;
+/// Share of the tolerated error that the surface has; the rest is that of the meshes.
+const ERROR_SHARE: f64 = 0.5;
+
+/// Least height of the strip that hangs from the border, in metres: leaves beside it may have their own meshes.
+const MIN_SKIRT_M: f64 = 1.0;
+
+/// The terrain of the leaves that a view shows as meshes.
+#[derive(Debug, Default)]
+pub(super) struct ViewTerrain {
+    leaves: Vec<LeafTerrain>,
+    triangles: usize,
+    /// Height of the strip that hangs from the border, where nodes beside it are coarser.
+    pub(super) skirt_m: f64,
+    /// Some leaves have terrain with pictures, which is written with the rest of their meshes.
+    pub(super) has_pictures: bool,
+}
+
+#[derive(Debug)]
+struct LeafTerrain {
+    leaf: TileId,
+    geometry: Geometry,
+    /// From the grid of the geometry to metres from the origin of the scene, z up.
+    matrix: Matrix,
+}
+
+/// A surface in place of the terrain of some leaves.
+struct Refined {
+    grid: SampleGrid,
+    surface: LandSurface,
+    /// Whether it stands for the terrain of each leaf.
+    leaves: Vec<bool>,
+}
+
+/// A triangle of terrain in metres from the origin of the scene.
+struct Triangle {
+    /// Index of its leaf.
+    leaf: usize,
+    corners: [DVec3; 3],
+    normal: DVec3,
+    colours: [[u8; 3]; 3],
+    feature: u32,
+}
+
+impl ViewTerrain {
+    /// Adds the terrain of a leaf. `matrix` maps the grid of `geometry` to metres from the origin of the scene, z up.
+    pub(super) fn add(&mut self, leaf: TileId, geometry: Geometry, matrix: Matrix) {
+        self.triangles += geometry.indices.len() / 3;
+        if !geometry.indices.is_empty() {
+            self.leaves.push(LeafTerrain { leaf, geometry, matrix });
+        }
+    }
+
+    /// Writes the terrain as one surface for the view, or as it is if that has no more triangles, if a grid cannot hold it, or if it
+    /// has pictures or several colours. Where terrain overlaps, only its largest object becomes a surface; leaves that terrain does not
+    /// cover keep their meshes. Returns the number of triangles. `origin` is that of the scene in world metres.
+    pub(super) fn write(
+        self,
+        glb: &mut GlbBuilder,
+        manifest: &Manifest,
+        (view, origin): (&ExportView, [f64; 3]),
+    ) -> Result<usize, ExportError> {
+        let triangles: Vec<Triangle> = (0..).zip(&self.leaves).flat_map(|(i, leaf)| leaf.triangles(i)).collect();
+        let all: BTreeSet<u32> = triangles.iter().map(|triangle| triangle.feature).collect();
+        let count = |feature: &u32| triangles.iter().filter(|triangle| triangle.feature == *feature).count();
+        let largest = all.iter().copied().max_by_key(count).into_iter().collect();
+        for features in [all, largest] {
+            // It would not meet terrain with pictures.
+            if self.has_pictures {
+                break;
+            }
+            let of_features: Vec<&Triangle> = triangles.iter().filter(|t| features.contains(&t.feature)).collect();
+            let Some(Refined { grid, mut surface, leaves }) = self.refined(of_features, manifest, (view, origin))
+            else {
+                continue;
+            };
+            surface.add_skirt(self.skirt_m.max(MIN_SKIRT_M));
+            let count = surface.triangles.len();
+            let (geometry, matrix) = surface.geometry((grid.origin, grid.step), &mut |feature| feature);
+            let material = glb.plain_material();
+            let mesh = glb.add_mesh(&geometry, material)?;
+            glb.add_node(Some("terrain".to_owned()), matrix.to_array(), mesh);
+            return Ok(count + self.write_leaves(glb, &|leaf, feature| !leaves[leaf] || !features.contains(&feature))?);
+        }
+        self.write_leaves(glb, &|_, _| true)
+    }
+
+    /// Writes the triangles of some leaves and features. Returns their number.
+    fn write_leaves(&self, glb: &mut GlbBuilder, has: &dyn Fn(usize, u32) -> bool) -> Result<usize, ExportError> {
+        let mut count = 0;
+        for (i, LeafTerrain { leaf, geometry, matrix }) in self.leaves.iter().enumerate() {
+            let of = |corner: u32| geometry.features.get(corner as usize).copied().unwrap_or(NO_FEATURE);
+            let shown = geometry.indices.chunks_exact(3).filter(|corners| has(i, of(corners[0])));
+            let geometry = Geometry { indices: shown.flatten().copied().collect(), ..geometry.clone() };
+            if !geometry.indices.is_empty() {
+                count += geometry.indices.len() / 3;
+                let material = glb.plain_material();
+                let mesh = glb.add_mesh(&geometry, material)?;
+                glb.add_node(Some(leaf.to_string()), matrix.to_array(), mesh);
+            }
+        }
+        Ok(count)
+    }
+
+    /// The surface of triangles, of leaves that they cover; `None` if it would not be better than they are.
+    fn refined(
+        &self,
+        mut triangles: Vec<&Triangle>,
+        manifest: &Manifest,
+        (view, origin): (&ExportView, [f64; 3]),
+    ) -> Option<Refined> {
+        if !is_one_colour(triangles.iter().flat_map(|triangle| triangle.colours.map(|colour| colour.map(srgb)))) {
+            return None;
+        }
+        let (grid, leaf_steps) = self.grid(manifest, origin)?;
+        let terrain = SampledTerrain::new(grid, &faces(&triangles))?;
+        let is_covered = |leaf: &LeafTerrain| {
+            let corner = DVec3::from(subtract(manifest.node_corner(leaf.leaf), origin)).truncate();
+            let [x, y] = ((corner - grid.origin) / grid.step).round().to_array().map(|step| step as u32);
+            (y..=y + leaf_steps).all(|y| (x..=x + leaf_steps).all(|x| terrain.has([x, y])))
+        };
+        let leaves: Vec<bool> = self.leaves.iter().map(is_covered).collect();
+        triangles.retain(|triangle| leaves[triangle.leaf]);
+        let faces = faces(&triangles);
+        let allowed = ((ERROR_SHARE * view.tau_px()) as f32, triangles.len());
+        let terrain = SampledTerrain::new(grid, &faces)?;
+        let mesh = terrain.for_view(&faces, &|bounds| view.pixels_of_metre(origin, bounds), allowed)?;
+        let of = |face: &u32| triangles[*face as usize];
+        let colour = |(face, point): (&u32, &DVec3)| of(face).colour_at(point.truncate());
+        let surface = LandSurface {
+            heights: mesh.points.iter().map(|point| point.z).collect(),
+            colours: mesh.faces.iter().zip(&mesh.points).map(colour).collect(),
+            objects: mesh.faces.iter().map(|face| of(face).feature).collect(),
+            places: mesh.places,
+            triangles: mesh.triangles,
+        };
+        (surface.triangles.len() < triangles.len()).then_some(Refined { grid, surface, leaves })
+    }
+
+    /// A grid with samples on the borders of all leaves, and its steps along a leaf. `None` without terrain, or if that needs too many
+    /// samples.
+    fn grid(&self, manifest: &Manifest, origin: [f64; 3]) -> Option<(SampleGrid, u32)> {
+        let level = self.leaves.first()?.leaf.level();
+        // Land around the city is in larger nodes.
+        if self.leaves.iter().any(|leaf| leaf.leaf.level() != level) {
+            return None;
+        }
+        let places = |axis: fn(TileId) -> u32| {
+            let places = || self.leaves.iter().map(|leaf| axis(leaf.leaf));
+            Some((places().min()?, places().max()? + 1))
+        };
+        let (x, y) = (places(TileId::x)?, places(TileId::y)?);
+        let side_m = manifest.node_side_m(level);
+        let size =
+            |leaf_steps: u32| [x, y].map(|(low, high)| ((high - low) * leaf_steps).next_multiple_of(ROOT_STEPS) + 1);
+        let count = |leaf_steps: &u32| size(*leaf_steps).map(f64::from).iter().product::<f64>();
+        let leaf_steps = [NODE_CELLS as u32, 32, 16].into_iter().find(|steps| count(steps) <= MAX_SAMPLES)?;
+        let corner = subtract(manifest.node_corner(TileId::new(level, x.0, y.0)?), origin);
+        let grid = SampleGrid {
+            origin: DVec3::from(corner).truncate(),
+            step: DVec2::splat(side_m / f64::from(leaf_steps)),
+            size: size(leaf_steps),
+        };
+        Some((grid, leaf_steps))
+    }
+}
+
+fn faces<'a>(triangles: &[&'a Triangle]) -> Vec<TerrainFace<'a>> {
+    triangles.iter().map(|triangle| TerrainFace { corners: &triangle.corners, normal: triangle.normal }).collect()
+}
+
+impl LeafTerrain {
+    fn triangles(&self, leaf: usize) -> impl Iterator<Item = Triangle> {
+        let geometry = &self.geometry;
+        geometry.indices.chunks_exact(3).map(move |triangle| {
+            let vertex = |k: usize| triangle[k] as usize;
+            let corner = |k: usize| DVec3::from(self.matrix.map(geometry.positions[vertex(k)].map(f64::from)));
+            let corners = [0, 1, 2].map(corner);
+            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+            Triangle {
+                leaf,
+                corners,
+                normal,
+                colours: [0, 1, 2].map(|k| geometry.colours.get(vertex(k)).copied().unwrap_or([u8::MAX; 3])),
+                feature: geometry.features.get(vertex(0)).copied().unwrap_or(NO_FEATURE),
+            }
+        })
+    }
+}
+
+impl Triangle {
+    /// The colour at a place of the map that is in the triangle.
+    fn colour_at(&self, at: DVec2) -> [u8; 3] {
+        let [a, b, c] = self.corners.map(|corner| corner.truncate());
+        let area = (b - a).perp_dot(c - a);
+        let share_b = ((at - a).perp_dot(c - a) / area).clamp(0.0, 1.0);
+        let share_c = ((b - a).perp_dot(at - a) / area).clamp(0.0, 1.0 - share_b);
+        let [of_a, of_b, of_c] = self.colours;
+        [0, 1, 2].map(|k| {
+            let mixed = f64::from(of_a[k])
+                + share_b * (f64::from(of_b[k]) - f64::from(of_a[k]))
+                + share_c * (f64::from(of_c[k]) - f64::from(of_a[k]));
+            mixed.round() as u8
+        })
+    }
+}
