@@ -35,11 +35,12 @@ pub(super) fn with_steps<R>(steps: u64, work: impl FnOnce() -> R) -> Option<R> {
 
 #[inline]
 fn step() {
-    match STEPS_LEFT.get().checked_sub(1) {
-        Some(left) => STEPS_LEFT.set(left),
+    // One access: without optimisation across units, each is a call.
+    STEPS_LEFT.with(|steps| match steps.get().checked_sub(1) {
+        Some(left) => steps.set(left),
         // Not `panic!`, whose hook would print a message.
         None => resume_unwind(Box::new(StepsUsedUp)),
-    }
+    });
 }
 
 /// An `f64` that counts subtractions and comparisons.

@@ -200,12 +200,12 @@ mod tests {
     #[test]
     fn polygons_that_would_take_minutes_are_refused() {
         let mut random = random();
-        let tangle: Vec<[f64; 3]> = (0..50_000).map(|_| [random() * 100.0, random() * 100.0, 0.0]).collect();
+        let tangle: Vec<[f64; 3]> = (0..10_000).map(|_| [random() * 100.0, random() * 100.0, 0.0]).collect();
         assert_eq!(Triangulator::new().triangulate(&tangle, &[]), Err(PolygonFault::TooComplex));
         // Holes at random places cross each other.
         let mut points = vec![[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [1000.0, 1000.0, 0.0], [0.0, 1000.0, 0.0]];
         let mut starts = Vec::new();
-        for _ in 0..12_000 {
+        for _ in 0..6000 {
             let [x, y] = [random() * 990.0, random() * 990.0];
             starts.push(points.len() as u32);
             points.extend([[x, y, 0.0], [x, y + 9.0, 0.0], [x + 9.0, y + 9.0, 0.0], [x + 9.0, y, 0.0]]);
@@ -231,7 +231,7 @@ mod tests {
 
     #[test]
     fn thousands_of_holes_in_a_grid_are_cut_out() {
-        for (side, angle) in [(100, 0.0), (173, 0.3)] {
+        for (side, angle) in [(100, 0.0), (120, 0.3)] {
             let (points, starts) = holes_in_a_grid(side, angle);
             let mut triangulator = Triangulator::new();
             let triangles = triangulator.triangulate(&points, &starts).unwrap();
