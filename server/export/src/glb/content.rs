@@ -154,48 +154,46 @@ impl<'a> ContentWriter<'a> {
         let Some(map) = self.source.columns(node)? else { return Ok(Shown::default()) };
         let grid = boxes::grid(&map);
         let geometry = self.box_geometry(map, node, rows)?;
-        let triangles = geometry.indices.len() / 3;
-        if triangles > 0 {
-            let material = glb.plain_material();
-            let mesh = glb.add_mesh(&geometry, material)?;
-            glb.add_node(Some(node.to_string()), grid.then(place).to_array(), mesh);
-        }
+        let triangles = Self::add_surfaces(glb, node, vec![(geometry, grid)], place)?;
         Ok(Shown { triangles, is_mesh: false })
     }
 
-    /// Adds a node's columns as a view shows them: land of one colour as a surface, with a skirt of two cells, all else as boxes.
-    pub(super) fn add_view_columns(
-        &self,
+    /// Adds surfaces of a node. Returns the number of triangles.
+    pub(super) fn add_surfaces(
         glb: &mut GlbBuilder,
-        rows: &mut Rows,
         node: TileId,
+        surfaces: Vec<(Geometry, Matrix)>,
         place: &Matrix,
-    ) -> Result<Shown, ExportError> {
-        let Some(map) = self.source.columns(node)? else { return Ok(Shown::default()) };
-        let land = self.land_objects(&map)?;
-        let is_land = |object: u32| land.contains(&object);
-        let is_surface = map.ground.is_none() && self.chooser.is_everything() && has_one_colour(&map, &is_land);
-        if !is_surface {
-            return self.add_columns(glb, rows, node, place);
-        }
-        let mut surface = land_of_columns(&map, &is_land);
-        let cell_m = f64::from(map.cell_m);
-        surface.add_skirt(SKIRT_CELLS * cell_m);
-        let (land, on_land) = surface.geometry((DVec2::ZERO, DVec2::splat(cell_m)), &mut |object| rows.row(object));
-        let grid = boxes::grid(&map);
-        let mut boxes = boxes::boxes(map, &mut |object, _| Ok((!is_land(object)).then(|| rows.row(object))))?;
-        boxes.drop_empty_features();
+    ) -> Result<usize, ExportError> {
         let mut triangles = 0;
-        for (geometry, matrix) in [(land, on_land), (boxes, grid)] {
-            if geometry.indices.is_empty() {
-                continue;
-            }
+        for (geometry, matrix) in surfaces.into_iter().filter(|(geometry, _)| !geometry.indices.is_empty()) {
             triangles += geometry.indices.len() / 3;
             let material = glb.plain_material();
             let mesh = glb.add_mesh(&geometry, material)?;
             glb.add_node(Some(node.to_string()), matrix.then(place).to_array(), mesh);
         }
-        Ok(Shown { triangles, is_mesh: false })
+        Ok(triangles)
+    }
+
+    /// A node's columns as a view shows them: land of one colour as a surface, with a skirt of two cells, all else as boxes. Each with
+    /// the matrix from its grid to metres from the node's south-west corner at the city's height zero.
+    pub(super) fn view_columns(&self, rows: &mut Rows, node: TileId) -> Result<Vec<(Geometry, Matrix)>, ExportError> {
+        let Some(map) = self.source.columns(node)? else { return Ok(Vec::new()) };
+        let grid = boxes::grid(&map);
+        let land = self.land_objects(&map)?;
+        let is_land = |object: u32| land.contains(&object);
+        let is_surface = map.ground.is_none() && self.chooser.is_everything() && has_one_colour(&map, &is_land);
+        if !is_surface {
+            return Ok(vec![(self.box_geometry(map, node, rows)?, grid)]);
+        }
+        let mut surface = land_of_columns(&map, &is_land);
+        let cell_m = f64::from(map.cell_m);
+        surface.add_skirt(SKIRT_CELLS * cell_m);
+        let step = DVec2::splat(cell_m);
+        let surface = surface.geometry((DVec2::ZERO, step), &mut |object| rows.row(object));
+        let mut boxes = boxes::boxes(map, &mut |object, _| Ok((!is_land(object)).then(|| rows.row(object))))?;
+        boxes.drop_empty_features();
+        Ok(vec![surface, (boxes, grid)])
     }
 
     /// The objects of columns that are land.

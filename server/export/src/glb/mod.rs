@@ -49,7 +49,7 @@ use objects::ObjectReader;
 use reach::Reach;
 use serde_json::json;
 use std::{collections::BTreeSet, io::Write};
-use view::Part;
+use view::{NodeMeshes, Part, ViewMesh};
 use view_terrain::ViewTerrain;
 
 /// What an export wrote.
@@ -140,13 +140,8 @@ impl Scene<'_> {
         let mut triangles = 0;
         for part in view.parts(self.source, reach)? {
             triangles += match part {
-                Part::Columns(node) => {
-                    let place = self.place(node);
-                    let cell_m = self.source.manifest().cell_m_at(node.level());
-                    terrain.skirt_m = terrain.skirt_m.max(content::SKIRT_CELLS * cell_m);
-                    self.content.add_view_columns(&mut self.glb, &mut self.rows, node, &place)?.triangles
-                }
-                Part::Mesh { leaf, lod } => self.add_mesh(leaf, lod, &mut terrain)?,
+                Part::Columns { node, meshes } => self.add_view_columns(node, meshes, &mut terrain)?,
+                Part::Mesh(mesh) => self.add_mesh(mesh, &mut terrain)?,
             };
         }
         triangles += terrain.write(&mut self.glb, self.source.manifest(), (view, self.origin))?;
@@ -154,8 +149,29 @@ impl Scene<'_> {
         Ok(triangles)
     }
 
+    /// Adds a node's columns, or `meshes` if they have fewer triangles. Returns the number of triangles.
+    fn add_view_columns(
+        &mut self,
+        node: TileId,
+        meshes: Option<NodeMeshes>,
+        terrain: &mut ViewTerrain,
+    ) -> Result<usize, ExportError> {
+        let mut rows = self.rows.clone();
+        let surfaces = self.content.view_columns(&mut rows, node)?;
+        let count: usize = surfaces.iter().map(|(geometry, _)| geometry.indices.len() / 3).sum();
+        if let Some(meshes) = meshes.filter(|meshes| meshes.triangles <= count) {
+            return meshes.meshes.into_iter().map(|mesh| self.add_mesh(mesh, terrain)).sum();
+        }
+        self.rows = rows;
+        let cell_m = self.source.manifest().cell_m_at(node.level());
+        terrain.skirt_m = terrain.skirt_m.max(content::SKIRT_CELLS * cell_m);
+        let place = self.place(node);
+        ContentWriter::add_surfaces(&mut self.glb, node, surfaces, &place)
+    }
+
     /// Adds a leaf's mesh, but for its terrain, which goes to `terrain` unless it has a picture. Returns the number of triangles.
-    fn add_mesh(&mut self, leaf: TileId, lod: u8, terrain: &mut ViewTerrain) -> Result<usize, ExportError> {
+    fn add_mesh(&mut self, mesh: ViewMesh, terrain: &mut ViewTerrain) -> Result<usize, ExportError> {
+        let ViewMesh { leaf, lod } = mesh;
         let missing = || SourceError {
             what: format!("mesh {leaf}, level of detail {lod}"),
             reason: "it is missing: bake the city again".into(),

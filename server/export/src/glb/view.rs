@@ -21,10 +21,37 @@ pub struct ExportView {
 }
 
 /// A part of a city that a view shows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Part {
-    Columns(TileId),
-    Mesh { leaf: TileId, lod: u8 },
+    /// The columns of a node, or instead of them its meshes, whichever has fewer triangles.
+    Columns {
+        node: TileId,
+        meshes: Option<NodeMeshes>,
+    },
+    Mesh(ViewMesh),
+}
+
+/// A leaf's mesh at the level of detail that a view needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct ViewMesh {
+    pub(super) leaf: TileId,
+    pub(super) lod: u8,
+}
+
+/// The meshes of all leaves below a node that a view shows.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct NodeMeshes {
+    pub(super) meshes: Vec<ViewMesh>,
+    pub(super) triangles: usize,
+}
+
+/// Levels between a node and its leaves, at most, if their meshes may stand for the node: further up, boxes are always fewer.
+const MESH_LEVELS: u8 = 2;
+
+/// The nodes of a subtree.
+struct Nodes<'s> {
+    subtree: &'s Subtree,
+    by_id: HashMap<TileId, &'s NodeInfo>,
 }
 
 impl ExportView {
@@ -93,23 +120,57 @@ impl ExportView {
         let mut roots = vec![TileId::ROOT];
         while let Some(root) = roots.pop() {
             let subtree = subtree_at(source, root)?;
-            let nodes: HashMap<TileId, &NodeInfo> = subtree.nodes.iter().map(|node| (node.id, node)).collect();
+            let by_id = subtree.nodes.iter().map(|node| (node.id, node)).collect();
+            let nodes = Nodes { subtree: &subtree, by_id };
             let mut open = vec![root];
             while let Some(id) = open.pop() {
-                let Some(node) = nodes.get(&id) else { continue };
+                let Some(node) = nodes.by_id.get(&id) else { continue };
                 match self.choice(source.manifest(), &subtree, node) {
                     Choice::Nothing => {}
                     _ if !reach.has(node.id) => {}
-                    Choice::Show(part) => parts.push(part),
-                    Choice::Refine if node.id != root && Subtree::is_root(node.id) => roots.push(node.id),
-                    Choice::Refine => {
-                        let has = |child: &TileId| node.child_mask >> child.quadrant() & 1 == 1;
-                        open.extend(node.id.children().filter(has));
+                    Choice::Columns => {
+                        let meshes = self.meshes_below(source.manifest(), &nodes, node, reach);
+                        parts.push(Part::Columns { node: node.id, meshes });
                     }
+                    Choice::Mesh(mesh, _) => parts.push(Part::Mesh(mesh)),
+                    Choice::Refine if node.id != root && Subtree::is_root(node.id) => roots.push(node.id),
+                    Choice::Refine => open.extend(children(node)),
                 }
             }
         }
         Ok(parts)
+    }
+
+    /// The meshes of a node's leaves; `None` for leaves, if one has no mesh, or if they are far below or in other subtrees.
+    fn meshes_below(
+        &self,
+        manifest: &Manifest,
+        nodes: &Nodes<'_>,
+        node: &NodeInfo,
+        reach: &Reach<'_>,
+    ) -> Option<NodeMeshes> {
+        if node.child_mask & 0xf == 0 || node.id.level() + MESH_LEVELS < manifest.depth {
+            return None;
+        }
+        let mut found = NodeMeshes::default();
+        let mut open: Vec<TileId> = children(node).collect();
+        while let Some(id) = open.pop() {
+            let child = nodes.by_id.get(&id)?;
+            if child.child_mask & 0xf != 0 {
+                open.extend(children(child));
+                continue;
+            }
+            match self.choice(manifest, nodes.subtree, child) {
+                Choice::Nothing => {}
+                _ if !reach.has(id) => {}
+                Choice::Mesh(mesh, triangles) => {
+                    found.meshes.push(mesh);
+                    found.triangles += triangles;
+                }
+                _ => return None,
+            }
+        }
+        Some(found)
     }
 
     fn choice(&self, manifest: &Manifest, subtree: &Subtree, node: &NodeInfo) -> Choice {
@@ -125,24 +186,32 @@ impl ExportView {
         let has_columns = node.blockmap_bytes > 0;
         if node.child_mask & 0xf != 0 {
             let is_exact = has_columns && f64::from(node.error_m) + moved_m <= allowed_m;
-            return if is_exact { Choice::Show(Part::Columns(node.id)) } else { Choice::Refine };
+            return if is_exact { Choice::Columns } else { Choice::Refine };
         }
         let mesh = subtree.meshes.iter().find(|mesh| mesh.id == node.id && !mesh.lods.is_empty());
         match mesh {
             Some(mesh) => {
-                let lod = mesh.lods.iter().rposition(|lod| f64::from(lod.error_m) <= allowed_m).unwrap_or(0) as u8;
-                Choice::Show(Part::Mesh { leaf: node.id, lod })
+                let lod = mesh.lods.iter().rposition(|lod| f64::from(lod.error_m) <= allowed_m).unwrap_or(0);
+                Choice::Mesh(ViewMesh { leaf: node.id, lod: lod as u8 }, mesh.lods[lod].triangles as usize)
             }
-            None if has_columns => Choice::Show(Part::Columns(node.id)),
+            None if has_columns => Choice::Columns,
             None => Choice::Nothing,
         }
     }
 }
 
+/// The children of a node.
+fn children(node: &NodeInfo) -> impl Iterator<Item = TileId> {
+    let mask = node.child_mask;
+    node.id.children().filter(move |child| mask >> child.quadrant() & 1 == 1)
+}
+
 /// What becomes of a node.
 enum Choice {
     Nothing,
-    Show(Part),
+    Columns,
+    /// With the number of its triangles.
+    Mesh(ViewMesh, usize),
     /// Its children are shown.
     Refine,
 }
@@ -151,6 +220,7 @@ enum Choice {
 mod tests {
     use super::*;
     use crate::{glb::test_city::city, selection::ObjectSelection};
+    use insula_protocol::subtree::NodeMesh;
 
     /// Looks north from a place in metres from the corner of the test city.
     fn view(at: [f64; 3], tau_px: f64) -> ExportView {
@@ -164,7 +234,7 @@ mod tests {
         let (city, everything) = (city(), ObjectSelection::default());
         let mut parts = view.parts(&city, &Reach::new(&city, &everything).unwrap()).unwrap();
         parts.sort_by_key(|part| match part {
-            Part::Columns(node) | Part::Mesh { leaf: node, .. } => *node,
+            Part::Columns { node, .. } | Part::Mesh(ViewMesh { leaf: node, .. }) => *node,
         });
         parts
     }
@@ -172,19 +242,33 @@ mod tests {
     #[test]
     fn near_nodes_are_leaves_and_far_ones_are_columns() {
         let leaf = |x, y| TileId::new(1, x, y).unwrap();
-        let mesh = |x| Part::Mesh { leaf: leaf(x, 0), lod: 0 };
-        let leaves = [mesh(0), Part::Columns(leaf(0, 1)), mesh(1), Part::Columns(leaf(1, 1))];
+        let mesh = |x| Part::Mesh(ViewMesh { leaf: leaf(x, 0), lod: 0 });
+        let columns = |node| Part::Columns { node, meshes: None };
+        let leaves = [mesh(0), columns(leaf(0, 1)), mesh(1), columns(leaf(1, 1))];
         assert_eq!(parts(&view([64.0, -20.0, 10.0], 1.0)), leaves);
         // The root's error is 1.74 m and a cell of 2 m: 2.74 m are a pixel at 1.7 km.
         assert_eq!(parts(&view([64.0, -1600.0, 10.0], 1.0)).len(), 4);
-        assert_eq!(parts(&view([64.0, -1800.0, 10.0], 1.0)), [Part::Columns(TileId::ROOT)]);
+        assert_eq!(parts(&view([64.0, -1800.0, 10.0], 1.0)), [columns(TileId::ROOT)]);
+    }
+
+    #[test]
+    fn a_far_node_has_the_meshes_of_its_leaves_as_a_choice() {
+        let mut city = city();
+        let leaves: Vec<TileId> = TileId::ROOT.children().collect();
+        let subtree = city.subtrees.get_mut(&TileId::ROOT).unwrap();
+        let lods = subtree.meshes[0].lods.clone();
+        subtree.meshes = leaves.iter().map(|leaf| NodeMesh { id: *leaf, lods: lods.clone() }).collect();
+        let everything = ObjectSelection::default();
+        let parts = view([64.0, -1800.0, 10.0], 1.0).parts(&city, &Reach::new(&city, &everything).unwrap()).unwrap();
+        let [Part::Columns { node: TileId::ROOT, meshes: Some(found) }] = &parts[..] else { panic!("{parts:?}") };
+        assert_eq!((found.meshes.len(), found.triangles), (4, 48));
     }
 
     #[test]
     fn nodes_out_of_the_frame_are_left_out() {
         assert_eq!(parts(&view([64.0, 200.0, 10.0], 1.0)), []);
         // The southern leaves are behind the eye.
-        let north = [Part::Columns(TileId::new(1, 0, 1).unwrap()), Part::Columns(TileId::new(1, 1, 1).unwrap())];
+        let north = [0, 1].map(|x| Part::Columns { node: TileId::new(1, x, 1).unwrap(), meshes: None });
         assert_eq!(parts(&view([64.0, 70.0, 10.0], 1.0)), north);
         // Above a narrow frame.
         let high = view([64.0, -20.0, 400.0], 1.0);
