@@ -5,7 +5,7 @@ use crate::{
     view::DrawView,
 };
 use insula_export::{
-    camera::CameraFile,
+    camera::ExportCamera,
     selection::{ObjectSelection, passing},
     source::ExportSource,
 };
@@ -28,7 +28,7 @@ pub struct DrawingOptions {
     pub format: DrawingFormat,
     /// A perspective view. At most one of `view`, `plan` and `axonometric`; a plan if there is none.
     #[serde(default)]
-    view: Option<CameraFile>,
+    view: Option<ExportCamera>,
     #[serde(default)]
     plan: bool,
     /// Azimuth and elevation in degrees.
@@ -124,7 +124,7 @@ impl DrawingOptions {
                 }
                 Ok(DrawView::Axonometric { azimuth_deg, elevation_deg })
             }
-            (Some(CameraFile { position, target, up, fov_y_deg }), false, None) => {
+            (Some(ExportCamera { position, target, up, fov_y_deg }), false, None) => {
                 let points = position.iter().chain(&target).chain(&up);
                 if points.into_iter().any(|v| v.abs() > MAX_M) {
                     return invalid("view: a coordinate is out of range");

@@ -7,7 +7,7 @@ use crate::{
     face::FacePlane,
 };
 use glam::{DVec2, DVec3};
-use insula_export::camera::CameraFile;
+use insula_export::camera::ExportCamera;
 
 /// Nothing nearer to the eye than this is drawn, in metres.
 const NEAR_M: f64 = 0.1;
@@ -108,7 +108,7 @@ impl ViewAxes {
                 Ok(Self { right, up: right.cross(forward), forward, position: None, tan_y: 0.0 })
             }
             DrawView::Perspective { position, target, up, fov_y_deg } => {
-                let camera = CameraFile { position, target, up, fov_y_deg };
+                let camera = ExportCamera { position, target, up, fov_y_deg };
                 let axes = camera.axes().ok_or_else(|| {
                     invalid("the camera needs a target beside its position, and a field of view from 1 to 170")
                 })?;

@@ -6,7 +6,7 @@ use serde::Deserialize;
 /// A camera file: `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}` in world metres.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CameraFile {
+pub struct ExportCamera {
     pub position: [f64; 3],
     /// A point in the middle of the frame.
     pub target: [f64; 3],
@@ -25,7 +25,7 @@ fn default_fov_deg() -> f64 {
     60.0
 }
 
-impl CameraFile {
+impl ExportCamera {
     /// The unit vectors to the right, to the top and into the frame, as columns. An `up` along the view is replaced. `None` if
     /// position and target are equal, or a value is not finite or out of range.
     #[must_use]
@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn axes_are_orthogonal_and_invalid_cameras_have_none() {
-        let camera = |json: &str| serde_json::from_str::<CameraFile>(json).unwrap();
+        let camera = |json: &str| serde_json::from_str::<ExportCamera>(json).unwrap();
         let north = camera(r#"{"position":[1,2,3],"target":[1,12,3]}"#);
         assert_eq!(north.axes(), Some(DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y)));
         let down = camera(r#"{"position":[0,0,30],"target":[0,0,3]}"#);

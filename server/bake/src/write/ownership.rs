@@ -193,12 +193,14 @@ pub(super) fn remove_scratch(root: &Path) -> Result<(), BakeError> {
         return Err(refuse(&unknown, "is not unfinished work of a bake, so its folder stays"));
     }
     check_scratch(root)?;
+    // The state first: whoever resumes after an interrupted removal takes it as a promise of packs.
+    remove_file(&root.join("state.json"))?;
     remove_city(&root.join("replaced"))?;
     for folder in ["packs", "spool", "city"] {
         remove_folder(&root.join(folder))?;
     }
     // The marker last: a removal that is interrupted can be repeated.
-    for file in ["state.json", "state.tmp", "lock", MARKER_FILE] {
+    for file in ["state.tmp", "lock", MARKER_FILE] {
         remove_file(&root.join(file))?;
     }
     fs::remove_dir(root).map_err(|cause| BakeError::io(root, "removed", cause))

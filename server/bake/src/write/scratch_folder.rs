@@ -108,9 +108,10 @@ impl ScratchFolder {
             remove_file(&state)?;
             remove_folder(&self.packs())?;
             let json = serde_json::to_vec(input).map_err(|cause| BakeError::io(&state, "written", cause.into()))?;
-            fs::create_dir_all(self.packs()).map_err(|cause| BakeError::io(&self.packs(), "created", cause))?;
             write_synced(&state, &json)?;
         }
+        // A bake of an earlier version that was killed while it removed its work may have left the state alone.
+        fs::create_dir_all(self.packs()).map_err(|cause| BakeError::io(&self.packs(), "created", cause))?;
         remove_city(&self.root.join("replaced"))?;
         remove_folder(&self.city())?;
         Ok(status)
@@ -193,6 +194,15 @@ mod tests {
         let start = scratch.prepare(&input(scene), resume).unwrap();
         fs::write(scratch.packs().join("1-0-0.pack"), scene).unwrap();
         start
+    }
+
+    #[test]
+    fn a_state_without_packs_is_resumed() {
+        let folder = TestFolder::new("scratch-state");
+        let out = folder.path.join("city");
+        assert_eq!(start(&out, "a", false), ResumeStatus::Fresh);
+        fs::remove_dir_all(scratch_folder(&out).join("packs")).unwrap();
+        assert_eq!(start(&out, "a", true), ResumeStatus::Resumed);
     }
 
     #[test]

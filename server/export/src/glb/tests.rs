@@ -6,7 +6,7 @@ use super::{
     write_glb,
 };
 use crate::{
-    camera::CameraFile,
+    camera::ExportCamera,
     glb::{ExportError, ExportReport, ExportView},
     selection::ObjectSelection,
 };
@@ -131,7 +131,7 @@ fn a_failing_writer_is_reported() {
 
 /// Looks north over the city from its southern border, in pixels of tolerated error.
 fn view(tau_px: f64) -> ExportView {
-    let camera = CameraFile {
+    let camera = ExportCamera {
         position: [1064.0, 1990.0, 60.0],
         target: [1064.0, 2050.0, 40.0],
         up: [0.0, 0.0, 1.0],

@@ -1,7 +1,7 @@
 //! What of a city a camera sees: the nodes in its frustum, each as coarse as the error on the screen allows.
 
 use super::{ExportError, boxes, matrix::Matrix, reach::Reach, subtree_at};
-use crate::{camera::CameraFile, source::ExportSource};
+use crate::{camera::ExportCamera, source::ExportSource};
 use glam::{DMat3, DVec3, Vec3};
 use insula_protocol::{Manifest, Subtree, TileId, subtree::NodeInfo};
 use std::collections::HashMap;
@@ -12,7 +12,7 @@ pub(super) const NEAR_M: f64 = 0.1;
 /// A camera with the picture that it makes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExportView {
-    camera: CameraFile,
+    camera: ExportCamera,
     position: DVec3,
     axes: DMat3,
     size_px: [u32; 2],
@@ -57,7 +57,7 @@ struct Nodes<'s> {
 impl ExportView {
     /// `None` if the camera has no direction, or a value is out of range.
     #[must_use]
-    pub fn new(camera: CameraFile, size_px: [u32; 2], tau_px: f64) -> Option<Self> {
+    pub fn new(camera: ExportCamera, size_px: [u32; 2], tau_px: f64) -> Option<Self> {
         let axes = camera.axes()?;
         let is_valid = size_px.iter().all(|side| *side > 0) && tau_px > 0.0 && tau_px.is_finite();
         is_valid.then_some(Self { camera, position: camera.position.into(), axes, size_px, tau_px })
@@ -128,6 +128,12 @@ impl ExportView {
                 match self.choice(source.manifest(), &subtree, node) {
                     Choice::Nothing => {}
                     _ if !reach.has(node.id) => {}
+                    // The nodes below it are in its own subtree.
+                    Choice::Columns
+                        if id != root && may_have_meshes(source.manifest(), node) && Subtree::is_root(id) =>
+                    {
+                        roots.push(id);
+                    }
                     Choice::Columns => {
                         let meshes = self.meshes_below(source.manifest(), &nodes, node, reach);
                         parts.push(Part::Columns { node: node.id, meshes });
@@ -149,7 +155,7 @@ impl ExportView {
         node: &NodeInfo,
         reach: &Reach<'_>,
     ) -> Option<NodeMeshes> {
-        if node.child_mask & 0xf == 0 || node.id.level() + MESH_LEVELS < manifest.depth {
+        if !may_have_meshes(manifest, node) {
             return None;
         }
         let mut found = NodeMeshes::default();
@@ -200,6 +206,11 @@ impl ExportView {
     }
 }
 
+/// Whether the meshes of a node's leaves may stand for the node.
+fn may_have_meshes(manifest: &Manifest, node: &NodeInfo) -> bool {
+    node.child_mask & 0xf != 0 && node.id.level() + MESH_LEVELS >= manifest.depth
+}
+
 /// The children of a node.
 fn children(node: &NodeInfo) -> impl Iterator<Item = TileId> {
     let mask = node.child_mask;
@@ -226,7 +237,7 @@ mod tests {
     fn view(at: [f64; 3], tau_px: f64) -> ExportView {
         let position = [1000.0 + at[0], 2000.0 + at[1], 30.0 + at[2]];
         let target = [position[0], position[1] + 100.0, position[2]];
-        let camera = CameraFile { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 60.0 };
+        let camera = ExportCamera { position, target, up: [0.0, 0.0, 1.0], fov_y_deg: 60.0 };
         ExportView::new(camera, [1280, 720], tau_px).unwrap()
     }
 
@@ -280,6 +291,6 @@ mod tests {
         let camera = view([0.0; 3], 1.0).camera;
         assert!(ExportView::new(camera, [0, 720], 1.0).is_none());
         assert!(ExportView::new(camera, [1280, 720], 0.0).is_none());
-        assert!(ExportView::new(CameraFile { fov_y_deg: f64::NAN, ..camera }, [1280, 720], 1.0).is_none());
+        assert!(ExportView::new(ExportCamera { fov_y_deg: f64::NAN, ..camera }, [1280, 720], 1.0).is_none());
     }
 }

@@ -1,0 +1,100 @@
+//! The fuzz targets compile and take the inputs of their corpora, so that findings stay fixed without a fuzzer.
+
+// The targets say `libfuzzer_sys::fuzz_target!`.
+extern crate self as libfuzzer_sys;
+
+use insula_tests::source_code::tracked_files;
+use std::{collections::BTreeSet, fs, path::Path};
+
+/// In place of libFuzzer's: a function that takes an input.
+#[macro_export]
+macro_rules! fuzz_target {
+    (|$input:ident: &[u8]| $body:expr) => {
+        pub(crate) fn run($input: &[u8]) {
+            $body
+        }
+    };
+    (|$input:ident: &str| $body:expr) => {
+        pub(crate) fn run(bytes: &[u8]) {
+            if let Ok($input) = std::str::from_utf8(bytes) {
+                $body
+            }
+        }
+    };
+}
+
+macro_rules! targets {
+    ($($name:ident $path:literal)*) => {
+        $(
+            #[path = $path]
+            #[allow(unused_attributes, unused_imports, unreachable_pub, reason = "written as programs of their own")]
+            mod $name;
+        )*
+
+        fn targets() -> Vec<(&'static str, fn(&[u8]))> {
+            vec![$((stringify!($name), $name::run)),*]
+        }
+    };
+}
+
+targets! {
+    archive "../fuzz/targets/archive.rs"
+    archive_directory "../fuzz/targets/archive_directory.rs"
+    blockmap "../fuzz/targets/blockmap.rs"
+    citygml "../fuzz/targets/citygml.rs"
+    cityjson "../fuzz/targets/cityjson.rs"
+    cityjsonseq "../fuzz/targets/cityjsonseq.rs"
+    csv "../fuzz/targets/csv.rs"
+    elevation "../fuzz/targets/elevation.rs"
+    filter "../fuzz/targets/filter.rs"
+    filtered_objects "../fuzz/targets/filtered_objects.rs"
+    flatgeobuf "../fuzz/targets/flatgeobuf.rs"
+    geojson "../fuzz/targets/geojson.rs"
+    geopackage "../fuzz/targets/geopackage.rs"
+    geoparquet "../fuzz/targets/geoparquet.rs"
+    gltf "../fuzz/targets/gltf.rs"
+    manifest "../fuzz/targets/manifest.rs"
+    mesh "../fuzz/targets/mesh.rs"
+    mesh_tile "../fuzz/targets/mesh_tile.rs"
+    obj "../fuzz/targets/obj.rs"
+    object_block "../fuzz/targets/object_block.rs"
+    openstreetmap "../fuzz/targets/openstreetmap.rs"
+    openstreetmap_xml "../fuzz/targets/openstreetmap_xml.rs"
+    ply "../fuzz/targets/ply.rs"
+    route "../fuzz/targets/route.rs"
+    search_index "../fuzz/targets/search_index.rs"
+    shapefile "../fuzz/targets/shapefile.rs"
+    stl "../fuzz/targets/stl.rs"
+    subtree "../fuzz/targets/subtree.rs"
+    tile "../fuzz/targets/tile.rs"
+    tile3d "../fuzz/targets/tile3d.rs"
+    tile_group "../fuzz/targets/tile_group.rs"
+    tileset "../fuzz/targets/tileset.rs"
+    visibility_tile "../fuzz/targets/visibility_tile.rs"
+}
+
+#[test]
+fn every_target_is_listed() {
+    let names: BTreeSet<String> = targets().into_iter().map(|(name, _)| name.to_owned()).collect();
+    let files = tracked_files().expect("files of the repository");
+    let found = files.keys().filter_map(|file| file.strip_prefix("tests/fuzz/targets/")?.strip_suffix(".rs"));
+    let found: BTreeSet<String> = found.filter(|name| !name.contains('/')).map(str::to_owned).collect();
+    assert_eq!(names, found);
+}
+
+#[test]
+fn targets_take_their_corpora() {
+    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
+    let mut inputs = 0;
+    for (name, run) in targets() {
+        run(&[]);
+        let Ok(folder) = fs::read_dir(corpora.join(name)) else { continue };
+        for file in folder {
+            let path = file.expect("a readable corpus").path();
+            println!("{}", path.display());
+            run(&fs::read(&path).expect("a readable input"));
+            inputs += 1;
+        }
+    }
+    assert!(inputs >= 40, "{inputs} inputs");
+}
