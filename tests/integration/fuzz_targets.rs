@@ -1,5 +1,7 @@
 //! The fuzz targets compile and take the inputs of their corpora, so that findings stay fixed without a fuzzer.
 
+#![allow(clippy::duplicate_mod, reason = "two programs share a module")]
+
 // The targets say `libfuzzer_sys::fuzz_target!`.
 extern crate self as libfuzzer_sys;
 
