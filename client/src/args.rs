@@ -8,7 +8,7 @@ use crate::{
     image_files::parse_picture_path, objects::ObjectStyleArgs, render::AdapterChoice, stream::fetch::HttpOptions,
 };
 use clap::{Args, Parser, Subcommand, builder::TypedValueParser};
-use insula_command_line::SetupCommand;
+use insula_command_line::{SetupCommand, parse_size, parse_tau};
 use insula_shaders::layout::Shading;
 use insula_viewer::{
     sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time},
@@ -359,13 +359,6 @@ fn parse_visibility(text: &str) -> Result<f32, String> {
     parse_in(text, 0.1..=1000.0)
 }
 
-fn parse_tau(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(tau) if (0.1..=1000.0).contains(&tau) => Ok(tau),
-        _ => Err("expected a number of pixels from 0.1 to 1000".into()),
-    }
-}
-
 fn parse_positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(v) if v > 0.0 && v < 1e6 => Ok(v),
@@ -378,13 +371,6 @@ fn parse_percent(text: &str) -> Result<f64, String> {
         Ok(v) if (0.0..100.0).contains(&v) => Ok(v),
         _ => Err("expected a percentage from 0 to below 100".into()),
     }
-}
-
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let invalid = || "expected WIDTHxHEIGHT, for example 640x360, each from 1 to 8192".to_owned();
-    let (width, height) = text.split_once('x').ok_or_else(invalid)?;
-    let side = |t: &str| t.parse().ok().filter(|n| (1..=8192).contains(n)).ok_or_else(invalid);
-    Ok([side(width)?, side(height)?])
 }
 
 fn parse_shading(text: &str) -> Result<Shading, String> {

@@ -1,5 +1,5 @@
-//! What the command lines of both programs share: how errors are printed, and the commands that write shell completions and
-//! man pages.
+//! What the command lines of both programs share: how errors are printed, values of options, and the commands that write shell
+//! completions and man pages.
 
 use clap::{CommandFactory, Parser, Subcommand, error::ErrorKind};
 use clap_complete::Shell;
@@ -36,6 +36,22 @@ fn usage_line(error: &clap::Error) -> String {
 /// The text in one line that is safe to print.
 pub fn one_line(text: &str) -> String {
     printable(&text.split_whitespace().collect::<Vec<_>>().join(" ")).into_owned()
+}
+
+/// The tolerated screen-space error in pixels, 0.1 to 1000. Fails with what was expected.
+pub fn parse_tau(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(tau) if (0.1..=1000.0).contains(&tau) => Ok(tau),
+        _ => Err("expected a number of pixels from 0.1 to 1000".into()),
+    }
+}
+
+/// Width and height of a picture, as in `640x360`, each from 1 to 8192. Fails with what was expected.
+pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let invalid = || "expected WIDTHxHEIGHT, for example 640x360, each from 1 to 8192".to_owned();
+    let (width, height) = text.split_once('x').ok_or_else(invalid)?;
+    let side = |t: &str| t.parse().ok().filter(|n| (1..=8192).contains(n)).ok_or_else(invalid);
+    Ok([side(width)?, side(height)?])
 }
 
 /// Commands that prepare a shell and `man` for a program. Help does not list them: they are for those who make packages.

@@ -10,7 +10,7 @@ use insula_export::{
     selection::ObjectSelection,
     source::ExportSource,
 };
-use insula_protocol::mesh_tile::NO_OBJECT;
+use insula_protocol::{TileId, mesh_tile::NO_OBJECT};
 use std::{collections::HashMap, hash::Hash};
 
 /// Surfaces of a part of a city.
@@ -67,6 +67,7 @@ impl DrawnScene {
             indices: HashMap::new(),
             area,
             max_triangles,
+            last_columns: None,
         };
         // Objects are selected by their middle, so they may reach out of the area.
         let grown = [area[0].map(|v| v - MARGIN_M), area[1].map(|v| v + MARGIN_M)];
@@ -74,7 +75,10 @@ impl DrawnScene {
         visit_leaf_meshes(source, grown, error_m, &mut |mesh| {
             leaves += 1;
             advance(progress, DrawStep::Read, f64::from(leaves % 1000) / 1000.0)?;
-            reader.scene.without_mesh += u64::from(mesh.lod.is_none());
+            // Land and all else of a node come one after the other.
+            if mesh.lod.is_none() && reader.last_columns.replace(mesh.leaf) != Some(mesh.leaf) {
+                reader.scene.without_mesh += 1;
+            }
             reader.add(&mesh)
         })?;
         if !manifest.has_terrain {
@@ -157,6 +161,8 @@ struct SceneReader<'a> {
     /// World metres: land is cut at its border.
     area: [[f64; 2]; 2],
     max_triangles: usize,
+    /// The last node that was drawn from its columns.
+    last_columns: Option<TileId>,
 }
 
 impl SceneReader<'_> {

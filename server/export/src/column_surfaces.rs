@@ -1,14 +1,15 @@
 //! Triangles of a node's columns, for nodes that have no mesh: land as one surface, everything else as boxes.
 
-use crate::{glb::boxes, land_surface::land_of_columns, source::SourceError};
+use crate::{
+    glb::boxes::{self, QUARTERS},
+    land_surface::land_of_columns,
+    source::SourceError,
+};
 use insula_protocol::{
     BlockMap, MeshTile,
     blockmap::ColumnObjects,
     mesh::{Mesh, PositionGrid},
 };
-
-/// Units of box heights in a cell.
-const QUARTERS: u32 = 4;
 
 /// The meshes of a node's columns: its land, and boxes of all else. Either may be empty.
 pub(crate) fn column_meshes(map: BlockMap, is_land: &dyn Fn(u32) -> bool) -> Result<[MeshTile; 2], SourceError> {
@@ -31,7 +32,7 @@ fn box_mesh(map: BlockMap, is_land: &dyn Fn(u32) -> bool) -> Result<MeshTile, So
     let step = f64::from(map.cell_m) / f64::from(QUARTERS);
     let grid = PositionGrid { min: [0.0, 0.0, map.z_base_m()], step, bits: 16 };
     let geometry = boxes::boxes(map, &mut |object, _| Ok((!is_land(object)).then_some(object)))?;
-    let position = |[x, y, z]: &[u16; 3]| [QUARTERS * u32::from(*x), QUARTERS * u32::from(*y), u32::from(*z)];
+    let position = |[x, y, z]: &[u16; 3]| [QUARTERS * x, QUARTERS * y, *z].map(u32::from);
     let triangles: Vec<[u32; 3]> =
         geometry.indices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect();
     let objects = triangles.iter().map(|corners| geometry.features[corners[0] as usize]).collect();

@@ -1,6 +1,7 @@
 //! Land as a surface with few triangles, in place of the steps that its columns are.
 
 use crate::glb::{
+    boxes::COLOUR_RANGE,
     geometry::{Geometry, NO_FEATURE, linear},
     matrix::Matrix,
 };
@@ -19,8 +20,6 @@ const CORNERS: usize = NODE_CELLS + 1;
 const ERROR_CELLS: f32 = 0.25;
 /// Slopes whose normal points less far up say nothing of the height at a cell's corner.
 const MIN_UP: f32 = 0.2;
-/// Most that a component of the colours of land differs, in 8-bit sRGB, if a surface shall stand for all of it. As for the tops of boxes.
-const COLOUR_RANGE: u8 = 40;
 
 /// A surface over places of a grid.
 #[derive(Debug, Clone, Default, PartialEq)]

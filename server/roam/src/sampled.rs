@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 /// A grid's sides have a multiple of so many steps.
 pub const ROOT_STEPS: u32 = 64;
-/// Most samples of a grid: 32 MiB, with bounds and mesh four times as much.
+/// Most samples of a grid: 32 MiB of heights and faces.
 const MAX_SAMPLES: usize = 1 << 22;
 /// Share of the terrain's corners that may be further from the grid than the error allowed.
 const MAX_MISSES: f64 = 1e-3;

@@ -1,5 +1,7 @@
 //! Arguments of the commands that read objects.
 
+#[cfg(feature = "bake")]
+use insula_command_line::{parse_size, parse_tau};
 use insula_objects::search::MAX_QUERY_CHARS;
 use std::path::PathBuf;
 
@@ -68,23 +70,6 @@ pub struct ExportArgs {
     /// Tolerated error in pixels of the picture of `--view`
     #[arg(long, value_name = "PX", value_parser = parse_tau, default_value = "1", requires = "view")]
     pub tau: f64,
-}
-
-#[cfg(feature = "bake")]
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let sides = text.split_once('x').and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
-    match sides {
-        Some(size) if size.iter().all(|side| (1..=16384).contains(side)) => Ok(size),
-        _ => Err("expected width and height between 1 and 16384, such as 1280x720".to_owned()),
-    }
-}
-
-#[cfg(feature = "bake")]
-fn parse_tau(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(tau) if (0.1..=1000.0).contains(&tau) => Ok(tau),
-        _ => Err("expected pixels between 0.1 and 1000".to_owned()),
-    }
 }
 
 /// A format of `export`.

@@ -51,7 +51,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
                 Ok(report)
             });
             let report = report.inspect_err(|_| drop(fs::remove_file(&partial)))?;
-            format!("{}, {}", count(report.objects, "object"), human_bytes(report.bytes))
+            let counts = [count(report.objects, "object"), count(report.triangles, "triangle")];
+            format!("{}, {}", counts.join(", "), human_bytes(report.bytes))
         }
         ExportFormat::Tiles3d => {
             let to_geocentric = |p: [f64; 3]| place.as_ref()?.geocentric(p);

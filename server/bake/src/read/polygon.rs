@@ -203,7 +203,7 @@ mod tests {
     fn polygons_that_would_take_minutes_are_refused() {
         let mut random = random();
         let tangle: Vec<[f64; 3]> = (0..10_000).map(|_| [random() * 100.0, random() * 100.0, 0.0]).collect();
-        // With all steps, the same takes a few thousand corners more, and a minute.
+        // They use up any number of steps; a part of the limit takes less than a second.
         let impatient = || Triangulator { steps_divisor: 64, ..Triangulator::new() };
         assert_eq!(impatient().triangulate(&tangle, &[]), Err(PolygonFault::TooComplex));
         // Holes at random places cross each other.

@@ -42,7 +42,11 @@ use crate::{
 };
 use builder::{GlbBuilder, Packing};
 use content::ContentWriter;
-use insula_protocol::{Subtree, TileId, mesh_tile::NO_OBJECT};
+use insula_protocol::{
+    Subtree, TileId,
+    mesh_tile::NO_OBJECT,
+    subtree::{NodeInfo, NodeMesh},
+};
 use matrix::{Matrix, subtract};
 use metadata::{Rows, add_table};
 use objects::ObjectReader;
@@ -64,8 +68,8 @@ pub struct ExportReport {
 }
 
 /// Writes the selected part of a city as one GLB (glTF 2.0, section 4.4): a node for each leaf with its finest mesh, or with boxes of
-/// its columns if it has no mesh. With a view, only what its camera may see, as coarse as the view allows, and the camera: nodes that
-/// are not refined have boxes of their columns, and terrain without pictures is one surface.
+/// its columns if it has no mesh. With a view, only what its camera may see, as coarse as the view allows, and the camera: distant
+/// nodes have boxes of their columns, and terrain without pictures is one surface.
 ///
 /// Positions are metres, y up, x to the grid's east and -z to its north, from the middle of the selected area at the city's height
 /// zero. `asset.extras` has that point (`origin`, world metres) and the coordinate system (`crs`). Vertices have feature ids, which
@@ -214,6 +218,11 @@ pub(crate) fn subtree_at(source: &dyn ExportSource, root: TileId) -> Result<Subt
     let missing =
         || SourceError { what: format!("subtree {root}"), reason: "it is missing: bake the city again".into() };
     source.subtree(root)?.ok_or_else(|| missing().into())
+}
+
+/// The mesh of a node without children.
+pub(crate) fn mesh_of<'s>(subtree: &'s Subtree, node: &NodeInfo) -> Option<&'s NodeMesh> {
+    subtree.meshes.iter().find(|mesh| mesh.id == node.id && node.child_mask == 0)
 }
 
 /// The nodes without children that `reach` has, in the order of a traversal by quadrants. Above the deepest level, these are nodes

@@ -1,6 +1,6 @@
 //! What of a city a camera sees: the nodes in its frustum, each as coarse as the error on the screen allows.
 
-use super::{ExportError, boxes, matrix::Matrix, reach::Reach, subtree_at};
+use super::{ExportError, boxes, matrix::Matrix, mesh_of, reach::Reach, subtree_at};
 use crate::{camera::ExportCamera, source::ExportSource};
 use glam::{DMat3, DVec3, Vec3};
 use insula_protocol::{Manifest, Subtree, TileId, subtree::NodeInfo};
@@ -45,8 +45,12 @@ pub(super) struct NodeMeshes {
     pub(super) triangles: usize,
 }
 
-/// Levels between a node and its leaves, at most, if their meshes may stand for the node: further up, boxes are always fewer.
+/// Levels between a node and its leaves, at most, if their meshes may stand for the node. Further up, they are rarely fewer triangles
+/// than boxes, and many to read.
 const MESH_LEVELS: u8 = 2;
+
+/// Share of the tolerated error that a level of detail of a mesh may have. The rest is for the surface that stands for its terrain.
+const MESH_SHARE: f64 = 0.5;
 
 /// The nodes of a subtree.
 struct Nodes<'s> {
@@ -73,7 +77,7 @@ impl ExportView {
         0.5 * f64::from(self.size_px[1]) / (0.5 * self.camera.fov_y_deg).to_radians().tan()
     }
 
-    /// Tolerated error in metres of what is in a box.
+    /// Largest error in metres that the view tolerates in a box.
     fn allowed_m(&self, [low, high]: [DVec3; 2]) -> f64 {
         let distance = self.position.distance(self.position.clamp(low, high));
         self.tau_px * distance.max(NEAR_M) / self.focal_px()
@@ -194,10 +198,10 @@ impl ExportView {
             let is_exact = has_columns && f64::from(node.error_m) + moved_m <= allowed_m;
             return if is_exact { Choice::Columns } else { Choice::Refine };
         }
-        let mesh = subtree.meshes.iter().find(|mesh| mesh.id == node.id && !mesh.lods.is_empty());
-        match mesh {
+        match mesh_of(subtree, node).filter(|mesh| !mesh.lods.is_empty()) {
             Some(mesh) => {
-                let lod = mesh.lods.iter().rposition(|lod| f64::from(lod.error_m) <= allowed_m).unwrap_or(0);
+                let is_exact = |error_m: f32| f64::from(error_m) <= MESH_SHARE * allowed_m;
+                let lod = mesh.lods.iter().rposition(|lod| is_exact(lod.error_m)).unwrap_or(0);
                 Choice::Mesh(ViewMesh { leaf: node.id, lod: lod as u8 }, mesh.lods[lod].triangles as usize)
             }
             None if has_columns => Choice::Columns,

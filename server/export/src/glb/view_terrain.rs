@@ -1,7 +1,7 @@
 //! The terrain of a view: as many triangles as the view needs, by ROAM (`insula_roam`).
 //!
-//! Meshes of leaves have terrain of one largest error. Near the eye that is what the view needs; further away, a level of detail
-//! holds its error over the whole leaf, and its borders are as fine as those of the neighbours. ROAM makes one surface of all leaves.
+//! A level of detail holds its error over its whole leaf, and its borders are as fine as those of its neighbours. ROAM makes one
+//! surface of all leaves, which is finest near the eye.
 
 use super::{
     ExportError,
@@ -14,13 +14,12 @@ use crate::land_surface::{LandSurface, is_one_colour};
 use glam::{DVec2, DVec3};
 use insula_protocol::{Manifest, NODE_CELLS, TileId};
 use insula_roam::{ROOT_STEPS, SampleGrid, SampledTerrain, TerrainFace};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// Most samples, about: 2 MiB for each 100,000 with what is made of them.
+/// Most samples. The grid has at least 65 rows, so its columns are fewer than 2^16.
 const MAX_SAMPLES: f64 = 2e6;
-/// Share of the tolerated error that the surface has; the rest is that of the meshes.
-const ERROR_SHARE: f64 = 0.5;
-
+/// Share of the tolerated error by which the grid may differ from the meshes, and the surface from the grid.
+const ERROR_SHARE: f64 = 0.25;
 /// Least height of the strip that hangs from the border, in metres: leaves beside it may have their own meshes.
 const MIN_SKIRT_M: f64 = 1.0;
 
@@ -28,7 +27,6 @@ const MIN_SKIRT_M: f64 = 1.0;
 #[derive(Debug, Default)]
 pub(super) struct ViewTerrain {
     leaves: Vec<LeafTerrain>,
-    triangles: usize,
     /// Height of the strip that hangs from the border, where nodes beside it are coarser.
     pub(super) skirt_m: f64,
     /// Some leaves have terrain with pictures, which is written with the rest of their meshes.
@@ -64,7 +62,6 @@ struct Triangle {
 impl ViewTerrain {
     /// Adds the terrain of a leaf. `matrix` maps the grid of `geometry` to metres from the origin of the scene, z up.
     pub(super) fn add(&mut self, leaf: TileId, geometry: Geometry, matrix: Matrix) {
-        self.triangles += geometry.indices.len() / 3;
         if !geometry.indices.is_empty() {
             self.leaves.push(LeafTerrain { leaf, geometry, matrix });
         }
@@ -79,15 +76,12 @@ impl ViewTerrain {
         manifest: &Manifest,
         (view, origin): (&ExportView, [f64; 3]),
     ) -> Result<usize, ExportError> {
+        if self.has_pictures {
+            // A surface would not meet them.
+            return self.write_leaves(glb, &|_, _| true);
+        }
         let triangles: Vec<Triangle> = (0..).zip(&self.leaves).flat_map(|(i, leaf)| leaf.triangles(i)).collect();
-        let all: BTreeSet<u32> = triangles.iter().map(|triangle| triangle.feature).collect();
-        let count = |feature: &u32| triangles.iter().filter(|triangle| triangle.feature == *feature).count();
-        let largest = all.iter().copied().max_by_key(count).into_iter().collect();
-        for features in [all, largest] {
-            // It would not meet terrain with pictures.
-            if self.has_pictures {
-                break;
-            }
+        for features in choices(&triangles) {
             let of_features: Vec<&Triangle> = triangles.iter().filter(|t| features.contains(&t.feature)).collect();
             let Some(Refined { grid, mut surface, leaves }) = self.refined(of_features, manifest, (view, origin))
             else {
@@ -182,6 +176,16 @@ impl ViewTerrain {
         };
         Some((grid, leaf_steps))
     }
+}
+
+/// The features that may become a surface, in the order in which they are tried: all, then the one with the most triangles.
+fn choices(triangles: &[Triangle]) -> Vec<BTreeSet<u32>> {
+    let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
+    triangles.iter().for_each(|triangle| *counts.entry(triangle.feature).or_default() += 1);
+    let largest = counts.iter().max_by_key(|(_, count)| **count).map(|(feature, _)| BTreeSet::from([*feature]));
+    let all: BTreeSet<u32> = counts.keys().copied().collect();
+    let is_several = all.len() > 1;
+    std::iter::once(all).chain(largest.filter(|_| is_several)).collect()
 }
 
 fn faces<'a>(triangles: &[&'a Triangle]) -> Vec<TerrainFace<'a>> {

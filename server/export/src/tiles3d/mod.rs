@@ -31,6 +31,7 @@ use crate::{
         builder::{GlbBuilder, Packing},
         content::ContentWriter,
         matrix::Matrix,
+        mesh_of,
         metadata::{Rows, add_table},
         objects::ObjectReader,
         reach::Reach,
@@ -40,10 +41,7 @@ use crate::{
     source::ExportSource,
 };
 use frame::Frame;
-use insula_protocol::{
-    Subtree, TileId,
-    subtree::{NodeInfo, NodeMesh},
-};
+use insula_protocol::{Subtree, TileId, subtree::NodeInfo};
 use serde_json::json;
 use subtree::Tile;
 
@@ -201,11 +199,6 @@ impl<'a> Tileset<'a> {
             bounding_box: self.frame.bounding_box(node.id, [heights[0] - moved, heights[1] + moved]).map(|v| v as f32),
         }
     }
-}
-
-/// The mesh of a node without children.
-fn mesh_of<'s>(subtree: &'s Subtree, node: &NodeInfo) -> Option<&'s NodeMesh> {
-    subtree.meshes.iter().find(|mesh| mesh.id == node.id && node.child_mask == 0)
 }
 
 /// Whether a node shows anything.

@@ -6,7 +6,7 @@ use insula_protocol::blockmap::{COLUMNS, NODE_CELLS};
 /// Most that the tops of a rectangle differ, in sixteenths of a cell: half a cell.
 pub(super) const HEIGHT_RANGE: u32 = 8;
 /// Most that a component of the colours of a rectangle's tops differs, in 8-bit sRGB.
-const COLOUR_RANGE: u8 = 40;
+pub(super) const COLOUR_RANGE: u8 = 40;
 /// Sixteenths of a cell in a unit of heights.
 const UNIT: u32 = 16 / QUARTERS as u32;
 

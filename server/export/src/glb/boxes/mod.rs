@@ -14,7 +14,9 @@ use crate::source::SourceError;
 use insula_protocol::BlockMap;
 
 /// Units of heights in a cell.
-const QUARTERS: u16 = 4;
+pub(crate) const QUARTERS: u16 = 4;
+/// Most that a component of colours differs, in 8-bit sRGB, if one colour shall stand for them.
+pub(crate) const COLOUR_RANGE: u8 = merge::COLOUR_RANGE;
 
 /// How far the boxes of a node may lie from its columns, in cells: tops move by up to 3/8, and walls stand on borders of cells.
 pub(crate) const ERROR_CELLS: f64 = 0.5;
