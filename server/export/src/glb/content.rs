@@ -176,7 +176,8 @@ impl<'a> ContentWriter<'a> {
     }
 
     /// A node's columns as a view shows them: land of one colour as a surface, with a skirt of two cells, all else as boxes. With
-    /// a selection, everything is boxes. Each with the matrix from its grid to metres from the node's south-west corner at the city's height zero.
+    /// a selection, everything is boxes. Each with the matrix from its grid to metres from the node's south-west corner at the city's
+    /// height zero.
     pub(super) fn view_columns(&self, rows: &mut Rows, node: TileId) -> Result<Vec<(Geometry, Matrix)>, ExportError> {
         let Some(map) = self.source.columns(node)? else { return Ok(Vec::new()) };
         let grid = boxes::grid(&map);
