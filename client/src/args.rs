@@ -298,6 +298,9 @@ pub struct SunArgs {
     /// Whether the sun casts shadows [default: on]
     #[arg(long, value_name = "on|off", value_parser = parse_switch)]
     pub shadows: Option<bool>,
+    /// Whether surfaces that see less of the sky are darker [default: on]
+    #[arg(long, value_name = "on|off", value_parser = parse_switch)]
+    pub occlusion: Option<bool>,
     /// Brightness: factor from light to display, where a white surface in the sun has light 1 [default: by the frame's mean]
     #[arg(long, value_name = "FACTOR", value_parser = parse_exposure)]
     pub exposure: Option<f32>,
@@ -328,6 +331,7 @@ impl From<SunArgs> for SunOptions {
             time: args.time,
             bearing: args.sun,
             shadows: args.shadows,
+            occlusion: args.occlusion,
             exposure: args.exposure,
             turbidity: args.turbidity,
             visibility_km: args.visibility,

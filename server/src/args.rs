@@ -230,7 +230,8 @@ pub enum Preference {
 /// Arguments of `bake`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct BakeArgs {
-    /// City files, folders or .zip archives of them, patterns as in 'tiles/*.gml', or @FILE with an input in each line.
+    /// City files, folders or .zip archives of them, patterns as in 'tiles/*.gml', @FILE with an input in each line, or
+    /// addresses (https://, s3://BUCKET/...).
     /// With --work: a step, such as 'region 7'
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,

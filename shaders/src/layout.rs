@@ -213,7 +213,8 @@ pub type SkyTable = [[[f32; 4]; SKY_AZIMUTHS]; SKY_HEIGHTS];
 pub struct Light {
     /// Irradiance from the sun on a surface that faces it.
     pub sun: [f32; 4],
-    /// Irradiance from the open sky on a surface that faces up.
+    /// Irradiance from the open sky on a surface that faces up; then the least share of the sky that a surface sees, which is 1 if
+    /// ambient occlusion is off.
     pub sky_up: [f32; 4],
     /// Irradiance from the open sky on walls across the sun's azimuth; doubled, because a wall sees half of the sky.
     pub sky_wall: [f32; 4],

@@ -126,6 +126,7 @@ fn trace(dir: vec3<f32>, sun: vec3<f32>) -> TracedRay {
             break;
         }
         seen = ray_hit;
+        seen.ao = max(seen.ao, frame.light.sky_up.w);
         var eye_m = seen.distance_m;
         if seen.is_hit {
             light = radiance_of(seen, dir);

@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 """Draws a monument in each stone, lit from the front and from behind.
 
-    tests/tools/stones.py CITY --insula target/release/insula --camera CAM.json --out stones.jpg [--translucency]
+    tests/tools/stones.py CITY --insula target/release/insula --camera CAM.json --out stones.jpg
+                          [--occlusion] [--translucency]
 
 CITY has one landmark of stone; its manifest is copied with other stones, so that nothing is baked again. Needs Pillow.
 """
 import argparse
+import itertools
 import json
 import math
 import pathlib
@@ -42,13 +44,16 @@ def main():
     parser.add_argument("--insula", default="target/release/insula")
     parser.add_argument("--camera", required=True)
     parser.add_argument("--out", required=True)
+    parser.add_argument("--occlusion", action="store_true", help="each also without ambient occlusion")
     parser.add_argument("--translucency", action="store_true", help="marble of several translucencies instead of all stones")
     args = parser.parse_args()
     stones = [(name, {"preset": name}) for name in STONES]
     if args.translucency:
         stones = [(f"marble x {scale}", {"preset": STONES[0], "scattering_scale": scale}) for scale in SCALES]
     towards = heading(args.camera)
-    sheet = Image.new("RGB", (SIZE[0] * len(stones), SIZE[1] * len(SUNS)))
+    switches = ["on", "off"] if args.occlusion else ["on"]
+    rows = list(itertools.product(SUNS.items(), switches))
+    sheet = Image.new("RGB", (SIZE[0] * len(stones), SIZE[1] * len(rows)))
     draw = ImageDraw.Draw(sheet)
     with tempfile.TemporaryDirectory() as folder:
         city = shutil.copytree(args.city, pathlib.Path(folder) / "city")
@@ -56,12 +61,13 @@ def main():
         for column, (label, stone) in enumerate(stones):
             manifest["stones"] = [json.dumps(stone)]
             (city / "city.json").write_text(json.dumps(manifest, indent=2) + "\n")
-            for row, (name, (azimuth, altitude)) in enumerate(SUNS.items()):
-                sun = f"{(towards + azimuth) % 360:.0f},{altitude}"
-                picture = snapshot(args.insula, city, args.camera, pathlib.Path(folder) / "a.png", "--sun", sun)
+            for row, ((name, (azimuth, altitude)), occlusion) in enumerate(rows):
+                light = ["--sun", f"{(towards + azimuth) % 360:.0f},{altitude}", "--occlusion", occlusion]
+                picture = snapshot(args.insula, city, args.camera, pathlib.Path(folder) / "a.png", *light)
                 place = SIZE[0] * column, SIZE[1] * row
                 sheet.paste(picture, place)
-                draw.text((place[0] + 8, place[1] + 6), f"{label}, sun: {name}", fill="white")
+                text = f"{label}, sun: {name}" + (", no occlusion" if occlusion == "off" else "")
+                draw.text((place[0] + 8, place[1] + 6), text, fill="white")
     sheet.save(args.out, quality=88)
 
 

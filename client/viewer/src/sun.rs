@@ -27,6 +27,8 @@ pub struct SunOptions {
     pub bearing: Option<Bearing>,
     /// Whether the sun casts shadows; on by default.
     pub shadows: Option<bool>,
+    /// Whether surfaces that see less of the sky are darker; on by default.
+    pub occlusion: Option<bool>,
     /// Factor from radiance to display; by default, the frame's mean decides.
     pub exposure: Option<f32>,
     /// Linke's turbidity of the air, 1 to 20.
@@ -77,6 +79,8 @@ pub struct Daylight {
     pub fixed_bearing: Option<Bearing>,
     /// Whether the sun casts shadows.
     pub shadows: bool,
+    /// Whether surfaces that see less of the sky are darker.
+    pub occlusion: bool,
     /// Whether walls have lit windows after sunset.
     pub lit_windows: bool,
     /// Sunlight through landmarks of stone.
@@ -150,6 +154,7 @@ impl Daylight {
             hour: 16.5,
             fixed_bearing: options.bearing,
             shadows: options.shadows.unwrap_or(true),
+            occlusion: options.occlusion.unwrap_or(true),
             lit_windows: options.lit_windows,
             translucency: options.translucency,
             air: Air {
@@ -231,7 +236,8 @@ impl Daylight {
         let shadow_m = if self.shadows { MAX_SHADOW_M } else { 0.0 };
         let night =
             NightLights { moon: self.moon_direction().map(|moon| moon.as_vec3()), lit_windows: self.lit_windows };
-        let lit = RenderSettings::lit_by(self.direction(), self.air, &night);
+        let mut lit = RenderSettings::lit_by(self.direction(), self.air, &night);
+        lit.light.sky_up[3] = if self.occlusion { 0.0 } else { 1.0 };
         RenderSettings { shading, samples, shadow_m, exposure: self.exposure, translucency: self.translucency, ..lit }
     }
 }

@@ -15,7 +15,7 @@ use crate::{
     ground::{self, GroundOption},
     hash, mesh,
     read::{
-        DuplicateOption, FACADE_ALGORITHM, FacadeOption, FetchFunction, KindFilter, NamePatterns, ObjUpAxis, Palette,
+        AddressReader, DuplicateOption, FACADE_ALGORITHM, FacadeOption, KindFilter, NamePatterns, ObjUpAxis, Palette,
         PlacingOptions, ReadOptions, SurroundingsOptions, TerrainOptions,
     },
     sample::SampleSettings,
@@ -93,8 +93,8 @@ pub struct BakeOptions {
     pub surroundings: SurroundingsOptions,
     /// What becomes of objects that two inputs have.
     pub duplicates: DuplicateOption,
-    /// Fetches inputs that are addresses; without it they are refused.
-    pub fetch: Option<FetchFunction>,
+    /// Reads inputs that are addresses; without it they are refused.
+    pub addresses: Option<&'static dyn AddressReader>,
     /// Colours of surfaces, and what is done with those of the source.
     pub palette: Palette,
     /// Folders from which textures and material libraries may be read besides the source's own.
@@ -145,7 +145,7 @@ impl Default for BakeOptions {
             terrain: TerrainOptions::default(),
             surroundings: SurroundingsOptions::default(),
             duplicates: DuplicateOption::default(),
-            fetch: None,
+            addresses: None,
             palette: Palette::default(),
             texture_roots: Vec::new(),
             sample: SampleSettings::default(),
@@ -264,7 +264,7 @@ impl BakeConfig {
             terrain: options.terrain,
             surroundings: options.surroundings.clone(),
             duplicates: options.duplicates,
-            fetch: options.fetch,
+            addresses: options.addresses,
             dropped_attributes: self.dropped_attributes.clone(),
             landmarks: options.landmarks.clone(),
             is_monument: options.is_monument,

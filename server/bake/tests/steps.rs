@@ -137,6 +137,7 @@ fn photos_and_formats_of_all_kinds_give_the_bytes_of_a_plain_bake() {
     // A part of Yokosuka with photos on its walls, footprints around it, and a mesh without a place.
     let mut inputs = write_town(&folder.path, [139.737, 35.257], 2);
     inputs.insert(1, data.join("yokosuka/52397519_bldg_6697_op.gml.gz"));
+    inputs.push(write_sequence(&folder.path));
     let options = BakeOptions { cell_m: 4.0, facades: FacadeOption::Plain, ..options(inputs) };
     let plain = plain(&folder.path, &options);
     for (region_leaves, chunk_bytes) in [(2, 1), (64, u64::MAX)] {
@@ -144,6 +145,25 @@ fn photos_and_formats_of_all_kinds_give_the_bytes_of_a_plain_bake() {
         bake_in_steps(&work, &options, chunk_bytes, region_leaves).unwrap();
         assert_same(&files(&work.join("city")), &plain, &format!("regions of {region_leaves} leaves"));
     }
+}
+
+/// A sequence of features, every other one without an identifier, that is long enough to be divided.
+fn write_sequence(folder: &Path) -> PathBuf {
+    let feature = |i: usize| {
+        let (west, south) = (139.74 + (i % 40) as f64 * 3e-4, 35.26 + (i / 40) as f64 * 3e-4);
+        let (east, north) = (west + 1e-4, south + 1e-4);
+        let id = if i.is_multiple_of(2) { format!(r#""id":"s{i}","#) } else { String::new() };
+        let note = "x".repeat(2500);
+        format!(
+            r#"{{"type":"Feature",{id}"properties":{{"height":{},"note":"{note}"}},"geometry":{{"type":"Polygon",
+            "coordinates":[[[{west},{south}],[{east},{south}],[{east},{north}],[{west},{north}],[{west},{south}]]]}}}}"#,
+            4 + i % 30
+        )
+        .replace("\n            ", "")
+    };
+    let path = folder.join("sequence.geojsonl");
+    fs::write(&path, (0..900).map(feature).collect::<Vec<_>>().join("\n")).unwrap();
+    path
 }
 
 /// A building of CityJSON with a photo on its walls, at the origin of the grid's maps.

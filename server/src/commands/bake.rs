@@ -1,9 +1,9 @@
 //! `bake`: turns city files into a city folder, with a progress bar on a terminal.
 
 use super::{
+    addresses::Addresses,
     bake_progress::BakeProgress,
     error::CommandError,
-    fetch::fetch,
     output::{print, refuse_input, refuse_inside, write},
 };
 use crate::{
@@ -179,7 +179,7 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         drop_attributes: args.read.drop.clone(),
         search_attributes: args.read.search.clone(),
         duplicates: duplicates(&args.read),
-        fetch: Some(fetch),
+        addresses: Some(&Addresses),
         inputs: args.inputs.clone(),
         out: args.out.clone(),
         cell_m,

@@ -1,6 +1,8 @@
 //! The commands of `insula-server`.
 
 #[cfg(feature = "bake")]
+mod addresses;
+#[cfg(feature = "bake")]
 mod ao;
 #[cfg(feature = "bake")]
 mod bake;
@@ -13,8 +15,6 @@ mod compare;
 mod error;
 #[cfg(feature = "bake")]
 mod export;
-#[cfg(feature = "bake")]
-mod fetch;
 mod inspect;
 #[cfg(feature = "bake")]
 mod interrupt;

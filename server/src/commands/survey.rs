@@ -1,9 +1,9 @@
 //! `inspect` of city files: kinds, counts, levels of detail, extent, coordinate system and attributes, before a bake.
 
 use super::{
+    addresses::Addresses,
     bake::{duplicates, kind_filter, placing},
     error::CommandError,
-    fetch::fetch,
     output::{print, print_json},
 };
 use crate::args::InspectArgs;
@@ -23,11 +23,14 @@ const MAX_ROWS: usize = 40;
 /// Time between two lines of progress.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Whether `inspect` reads the path as an input of a bake: it exists and is no baked city.
+/// Whether `inspect` reads the path as an input of a bake: it exists and is no baked city, or it
+/// is an address of a city file.
 pub(super) fn is_input(path: &Path) -> bool {
     let text = path.to_string_lossy();
-    let is_tileset = text.starts_with("http") && text.ends_with(".json") && !text.ends_with("/city.json");
-    path.exists() && !path.join("city.json").is_file() || text.starts_with('@') || is_tileset
+    let name = text.rsplit('/').next().unwrap_or_default();
+    let is_tileset = text.starts_with("http") && name.ends_with(".json") && name != "city.json";
+    let is_object = text.starts_with("s3://") && name.contains(['.', '*']) && name != "city.json";
+    path.exists() && !path.join("city.json").is_file() || text.starts_with('@') || is_tileset || is_object
 }
 
 /// Reads the input and prints what it contains. Fails if a bake would.
@@ -37,7 +40,7 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
         placing: placing(&args.read),
         height_field: args.read.height_field.clone(),
         duplicates: duplicates(&args.read),
-        fetch: Some(fetch),
+        addresses: Some(&Addresses),
         skip_bad_inputs: true,
         ..ReadOptions::default()
     };

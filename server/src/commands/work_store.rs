@@ -54,7 +54,7 @@ struct WorkBucket {
     runtime: Mutex<Runtime>,
 }
 
-fn io_error(error: object_store::Error) -> io::Error {
+pub(super) fn io_error(error: object_store::Error) -> io::Error {
     let kind = match error {
         object_store::Error::NotFound { .. } => io::ErrorKind::NotFound,
         object_store::Error::PermissionDenied { .. } | object_store::Error::Unauthenticated { .. } => {
@@ -65,13 +65,19 @@ fn io_error(error: object_store::Error) -> io::Error {
     io::Error::new(kind, error)
 }
 
+/// A bucket with the credentials of the environment. Fails if these are incomplete.
+pub(super) fn open_bucket(bucket: &str) -> io::Result<AmazonS3> {
+    let options = ClientOptions::new().with_allow_http(true);
+    let builder = AmazonS3Builder::from_env().with_bucket_name(bucket).with_client_options(options);
+    builder.with_retry(RetryConfig::default()).build().map_err(io_error)
+}
+
 impl WorkBucket {
     fn new(address: &str, rest: &str) -> io::Result<Self> {
         let (bucket, folder) = rest.split_once('/').unwrap_or((rest, ""));
         let options = ClientOptions::new().with_allow_http(true);
         let client = ReqwestConnector::default().connect(&options).map_err(io_error)?;
-        let builder = AmazonS3Builder::from_env().with_bucket_name(bucket).with_client_options(options);
-        let store = builder.with_retry(RetryConfig::default()).build().map_err(io_error)?;
+        let store = open_bucket(bucket)?;
         let folder = ObjectPath::parse(folder).map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
         let runtime = Mutex::new(tokio::runtime::Builder::new_current_thread().enable_all().build()?);
         Ok(Self { address: address.trim_end_matches('/').to_owned(), store, client, folder, runtime })

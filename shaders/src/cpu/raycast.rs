@@ -309,7 +309,8 @@ pub(super) fn radiance_with(
     evaluate: impl FnOnce(&Stone, &SurfaceSample) -> StoneSurface,
 ) -> Radiance {
     let frame = scene.frame;
-    let RayHit { albedo, ao, flags, level, distance_m, .. } = *hit;
+    let RayHit { albedo, flags, level, distance_m, .. } = *hit;
+    let ao = hit.ao.max(frame.light.sky_up[3]);
     let surface = SurfaceSample { albedo, ao, normal: hit.normal.normalize_or(-dir), flags, level };
     let mut light = match stone_numbered(frame, hit.stone) {
         Some(stone) => light_of_stone(scene, hit, &surface, dir, &evaluate(stone, &surface)),

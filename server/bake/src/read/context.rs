@@ -17,7 +17,7 @@ use super::paint::PaintShape;
 use super::palette::{Look, Palette, SurfaceFacts};
 use super::place::{Placement, World};
 use super::polygon::Triangulator;
-use super::remote::FetchFunction;
+use super::remote::AddressReader;
 use super::report::{FacadeReport, INEXACT, ReadReport, SourceReport};
 use super::scene_builder::{AnchoredBuilding, OpenObject, SceneBuilder, WorldTriangle};
 use super::source::CitySource;
@@ -75,8 +75,8 @@ pub struct ReadOptions {
     pub terrain: TerrainOptions,
     /// The land around the city.
     pub surroundings: SurroundingsOptions,
-    /// Fetches inputs that are addresses; without it they are refused.
-    pub fetch: Option<FetchFunction>,
+    /// Reads inputs that are addresses; without it they are refused.
+    pub addresses: Option<&'static dyn AddressReader>,
     /// Attributes that the baked city must not have.
     pub dropped_attributes: NamePatterns,
     /// File that places landmarks.
@@ -119,7 +119,7 @@ impl Default for ReadOptions {
             duplicates: DuplicateOption::default(),
             terrain: TerrainOptions::default(),
             surroundings: SurroundingsOptions::default(),
-            fetch: None,
+            addresses: None,
             dropped_attributes: NamePatterns::default(),
             landmarks: None,
             is_monument: false,

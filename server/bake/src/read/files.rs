@@ -67,6 +67,10 @@ impl SourceFiles for FolderFiles {
         Ok(LocalFile { path: self.path_of(name)?, copy: None })
     }
 
+    fn is_random(&self) -> bool {
+        true
+    }
+
     fn location(&self) -> String {
         // Differs between any two folders, also between those whose names are not text.
         self.path.to_str().map_or_else(|| format!("{:?}", self.path), str::to_owned)

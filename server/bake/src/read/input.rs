@@ -4,11 +4,13 @@ use std::cell::Cell;
 #[cfg(test)]
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
+use std::ops::Range;
 use std::path::PathBuf;
 use std::rc::Rc;
 
 use flate2::read::MultiGzDecoder;
 
+use super::random_file::RandomFile;
 use crate::error::InputError;
 
 /// Files with a common parent: a source, its siblings and its images. Names are relative to it, with `/`.
@@ -19,6 +21,14 @@ pub(crate) trait SourceFiles {
     fn len(&self, name: &str) -> io::Result<u64>;
     /// The file on disk, for readers that need random access: itself, or a temporary copy of an archive's entry.
     fn on_disk(&self, name: &str) -> io::Result<LocalFile>;
+    /// The file for reading in any order.
+    fn random(&self, name: &str) -> io::Result<RandomFile> {
+        RandomFile::of_local(self.on_disk(name)?)
+    }
+    /// Whether [`Self::random`] reads files where they are, rather than copies of them.
+    fn is_random(&self) -> bool {
+        false
+    }
     /// Distinguishes these files from those of other sources.
     fn location(&self) -> String;
 }
@@ -28,6 +38,24 @@ pub(crate) trait SourceFiles {
 pub(crate) struct LocalFile {
     pub(crate) path: PathBuf,
     pub(crate) copy: Option<tempfile::TempPath>,
+}
+
+/// One of several equal shares of a source.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Share {
+    pub(crate) number: u64,
+    pub(crate) count: u64,
+}
+
+impl Share {
+    pub(crate) const WHOLE: Self = Self { number: 0, count: 1 };
+
+    /// Its range of `total` things.
+    pub(crate) fn of(self, total: u64) -> Range<u64> {
+        // Not more than `total`.
+        let bound = |number: u64| (u128::from(total) * u128::from(number) / u128::from(self.count)) as u64;
+        bound(self.number)..bound(self.number + 1)
+    }
 }
 
 /// The source that a reader reads.
@@ -42,6 +70,8 @@ pub(crate) struct Input<'a> {
     pub(crate) max_bytes: u64,
     /// West, south, east and north in degrees: readers may leave out objects outside of it. The sink filters again.
     pub(crate) bbox_deg: Option<[f64; 4]>,
+    /// What is read of it. Only formats that `slice` divides have shares.
+    pub(crate) share: Share,
 }
 
 /// An opened source.

@@ -7,10 +7,11 @@ use std::rc::Rc;
 
 use super::archive::{ZipFiles, is_archive};
 use super::bad_inputs::BadInputs;
+use super::bucket::{self, BucketFiles, BucketInput};
 use super::context::ReadOptions;
 use super::files::{EmbeddedFiles, FolderFiles};
 use super::input::SourceFiles;
-use super::remote;
+use super::remote::{self, AddressReader};
 use super::source::{CitySource, kind_by_name, read_file};
 use super::unread_formats;
 use crate::error::InputError;
@@ -39,7 +40,7 @@ struct SelectedFiles {
 }
 
 /// Lists the sources of the inputs. An input is a file, a folder, an archive, a pattern with `*` and `?`, a list of inputs
-/// (`@FILE`, one a line), or an address. Fails if an input cannot be read, has no known name or is a folder without a
+/// (`@FILE`, one a line), or an address of a web server or a bucket. Fails if an input cannot be read, has no known name or is a folder without a
 /// city file, unless `bad` skips it.
 ///
 /// Textures and material libraries are read from a source's folder and below, and from the options' roots.
@@ -49,13 +50,11 @@ pub(super) fn list(
     bad: &mut BadInputs,
 ) -> Result<SourceList<'static>, InputError> {
     let mut lister = Lister::new(options)?;
-    lister.add_inputs(inputs, options, bad)?;
+    lister.add_inputs(inputs, bad)?;
     let of_city = lister.list.sources.len();
     // A model may show the city's own ground, too.
     lister.seen.clear();
-    for input in &options.surroundings.files {
-        lister.add_expanded(input, bad)?;
-    }
+    lister.add_inputs(&options.surroundings.files, bad)?;
     lister.list.sources[of_city..].iter_mut().for_each(|source| source.is_surroundings = true);
     Ok(lister.list)
 }
@@ -67,7 +66,7 @@ pub(super) fn list_mesh(
     bad: &mut BadInputs,
 ) -> Result<SourceList<'static>, InputError> {
     let mut lister = Lister::new(options)?;
-    lister.add_inputs(meshes, options, bad)?;
+    lister.add_inputs(meshes, bad)?;
     Ok(lister.list)
 }
 
@@ -77,7 +76,7 @@ fn expand(input: &Path) -> Result<Vec<PathBuf>, InputError> {
     if let Some(list) = label.strip_prefix('@') {
         return read_list(Path::new(list));
     }
-    if input.exists() || !label.contains(['*', '?', '[']) {
+    if remote::is_address(&label) || input.exists() || !label.contains(['*', '?', '[']) {
         return Ok(vec![input.to_owned()]);
     }
     let no_pattern = |error: glob::PatternError| InputError::unsupported(&label, format!("no pattern: {error}"));
@@ -86,19 +85,20 @@ fn expand(input: &Path) -> Result<Vec<PathBuf>, InputError> {
     if paths.is_empty() { Err(InputError::no_source(input)) } else { Ok(paths) }
 }
 
-/// The paths in a list, relative to its folder. Empty lines and those that begin with `#` are left out.
+/// The paths in a list, relative to its folder, and addresses. Empty lines and those that begin with `#` are left out.
 fn read_list(path: &Path) -> Result<Vec<PathBuf>, InputError> {
     let bytes = read_file(path, MAX_LIST_BYTES)?;
     let text = String::from_utf8_lossy(&bytes);
     let folder = path.parent().unwrap_or(Path::new(""));
     let lines = text.trim_start_matches('\u{feff}').lines().map(str::trim);
-    let paths: Vec<PathBuf> =
-        lines.filter(|line| !line.is_empty() && !line.starts_with('#')).map(|line| folder.join(line)).collect();
+    let path_of = |line: &str| if remote::is_address(line) { line.into() } else { folder.join(line) };
+    let paths: Vec<PathBuf> = lines.filter(|line| !line.is_empty() && !line.starts_with('#')).map(path_of).collect();
     if paths.is_empty() { Err(InputError::no_source(path)) } else { Ok(paths) }
 }
 
 struct Lister {
     roots: Rc<[PathBuf]>,
+    addresses: Option<&'static dyn AddressReader>,
     seen: HashSet<PathBuf>,
     list: SourceList<'static>,
 }
@@ -111,29 +111,57 @@ impl Lister {
             fs::canonicalize(root).map_err(|cause| InputError::io(&label, cause))
         });
         let list = SourceList { sources: Vec::new(), unread: Vec::new() };
-        Ok(Self { roots: roots.collect::<Result<_, _>>()?, seen: HashSet::new(), list })
+        let roots = roots.collect::<Result<_, _>>()?;
+        Ok(Self { roots, addresses: options.addresses, seen: HashSet::new(), list })
     }
 
-    /// Adds the sources of inputs. Fails as [`list`].
-    fn add_inputs(&mut self, inputs: &[PathBuf], options: &ReadOptions, bad: &mut BadInputs) -> Result<(), InputError> {
+    /// Adds the sources of all that the inputs stand for. Fails if one has none, unless `bad` skips it.
+    fn add_inputs(&mut self, inputs: &[PathBuf], bad: &mut BadInputs) -> Result<(), InputError> {
         for input in inputs {
-            let label = input.display().to_string();
-            if remote::is_address(&label) {
-                let source = remote::source(&label, options.fetch);
-                self.list.sources.extend(bad.skip(&label, source)?);
-                continue;
+            let expanded = expand(input);
+            for path in bad.skip(&input.display().to_string(), expanded)?.unwrap_or_default() {
+                let label = path.display().to_string();
+                let added = match remote::is_address(&label) {
+                    true => self.add_address(&label),
+                    false => self.add(&path, bad),
+                };
+                bad.skip(&label, added)?;
             }
-            self.add_expanded(input, bad)?;
         }
         Ok(())
     }
 
-    /// Adds the sources of all paths that an input stands for. Fails if there is none, unless `bad` skips it.
-    fn add_expanded(&mut self, input: &Path, bad: &mut BadInputs) -> Result<(), InputError> {
-        let expanded = expand(input);
-        for path in bad.skip(&input.display().to_string(), expanded)?.unwrap_or_default() {
-            let added = self.add(&path, bad);
-            bad.skip(&path.display().to_string(), added)?;
+    /// Adds the sources of an address. Fails if there is none, or addresses are not read here.
+    fn add_address(&mut self, address: &str) -> Result<(), InputError> {
+        let Some(reader) = self.addresses else {
+            return Err(InputError::unsupported(address, "this program reads no addresses"));
+        };
+        if !address.starts_with("s3://") {
+            self.list.sources.push(remote::source(address, reader)?);
+            return Ok(());
+        }
+        match bucket::open(address, reader)? {
+            BucketInput::File(source) => {
+                if self.is_new(Path::new(address)) {
+                    self.list.sources.push(source);
+                }
+            }
+            BucketInput::Folder { files, objects } => {
+                let sizes: BTreeMap<String, u64> =
+                    objects.into_iter().map(|object| (object.name, object.bytes)).collect();
+                let selection = select(sizes.keys().cloned().collect());
+                self.check_selection(Path::new(address), &selection)?;
+                for name in selection.names {
+                    let label = format!("{}{name}", files.folder);
+                    if self.is_new(Path::new(&label)) {
+                        let bytes = sizes.get(&name).copied().unwrap_or(0);
+                        let files = Rc::<BucketFiles>::clone(&files);
+                        self.list
+                            .sources
+                            .push(CitySource { found: true, ..CitySource::new(label, name, files, bytes) });
+                    }
+                }
+            }
         }
         Ok(())
     }
@@ -246,13 +274,13 @@ impl Lister {
 
 fn source_of(files: FolderFiles, name: String, label: String, found: bool) -> Result<CitySource<'static>, InputError> {
     let bytes = files.len(&name).map_err(|cause| InputError::io(&label, cause))?;
-    Ok(CitySource { name, label, files: Rc::new(files), bytes, found, is_surroundings: false })
+    Ok(CitySource { found, ..CitySource::new(label, name, Rc::new(files), bytes) })
 }
 
 fn archived_source(archive: &str, name: String, files: Rc<ZipFiles>) -> Result<CitySource<'static>, InputError> {
     let label = format!("{archive}/{name}");
     let bytes = files.len(&name).map_err(|cause| InputError::io(&label, cause))?;
-    Ok(CitySource { name, label, files, bytes, found: true, is_surroundings: false })
+    Ok(CitySource { found: true, ..CitySource::new(label, name, files, bytes) })
 }
 
 /// Adds the paths of all plain files in a folder and below by their names, relative to the first. Hidden ones, and
@@ -324,13 +352,8 @@ pub(crate) fn embedded<'a>(files: &'a [(&'a str, &'a [u8])]) -> Vec<CitySource<'
     let store: Rc<dyn SourceFiles + 'a> = Rc::new(EmbeddedFiles { files });
     let mut cities: Vec<_> = files.iter().filter(|(name, _)| kind_by_name(name).is_some()).collect();
     cities.sort_by_key(|(name, _)| *name);
-    let source = |(name, bytes): &(&str, &[u8])| CitySource {
-        label: (*name).to_owned(),
-        name: (*name).to_owned(),
-        files: Rc::clone(&store),
-        bytes: bytes.len() as u64,
-        found: false,
-        is_surroundings: false,
+    let source = |(name, bytes): &(&str, &[u8])| {
+        CitySource::new((*name).to_owned(), (*name).to_owned(), Rc::clone(&store), bytes.len() as u64)
     };
     cities.into_iter().map(source).collect()
 }

@@ -7,6 +7,7 @@ mod alpha_mask;
 mod archive;
 mod attributes;
 mod bad_inputs;
+mod bucket;
 mod building_base;
 mod citygml;
 mod cityjson;
@@ -38,6 +39,7 @@ mod palette;
 mod part;
 mod place;
 mod polygon;
+mod random_file;
 mod raster;
 mod remote;
 mod report;
@@ -74,7 +76,7 @@ pub use landmark::cell_of_monument;
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
 pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
-pub use remote::FetchFunction;
+pub use remote::{AddressReader, ListedObject};
 pub use report::{
     AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport,
 };

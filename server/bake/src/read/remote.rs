@@ -1,8 +1,10 @@
-//! Files on a web server: a tileset and its tiles, or any other city file.
+//! Files on a web server (a tileset and its tiles, or any other city file), and in buckets of object stores.
 //!
-//! The bake has no HTTP of its own. The program that calls it passes a function that fetches.
+//! The bake has no HTTP of its own. The program that calls it passes what reads addresses.
 
+use std::fmt::Debug;
 use std::io::{self, Cursor, Read};
+use std::ops::Range;
 
 use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
 
@@ -11,54 +13,74 @@ use super::input::{LocalFile, SourceFiles};
 use super::source::{CitySource, kind_by_name};
 use crate::error::InputError;
 
-/// Fetches an address: at most the given number of bytes. Fails with `NotFound` if there is nothing.
-pub type FetchFunction = fn(url: &str, max_bytes: u64) -> io::Result<Vec<u8>>;
+/// Reads inputs that are addresses.
+pub trait AddressReader: Debug + Sync {
+    /// All bytes of a file on a web server. Fails with `NotFound` if there is none, and if it has more than `max_bytes`.
+    fn fetch(&self, url: &str, max_bytes: u64) -> io::Result<Vec<u8>>;
+
+    /// The objects below a folder of a bucket, `s3://BUCKET/FOLDER/`, with their names within it. Fails if it cannot be listed.
+    fn list(&self, folder: &str) -> io::Result<Vec<ListedObject>>;
+
+    /// Size in bytes of an object of a bucket, `s3://BUCKET/NAME`. Fails with `NotFound` if there is none.
+    fn size(&self, address: &str) -> io::Result<u64>;
+
+    /// Some bytes of an object of a bucket. Fails if it does not have them.
+    fn range(&self, address: &str, range: Range<u64>) -> io::Result<Vec<u8>>;
+}
+
+/// An object of a bucket.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ListedObject {
+    /// Within the listed folder.
+    pub name: String,
+    /// Size in bytes.
+    pub bytes: u64,
+}
 
 /// Larger files are refused: each is in memory.
 const MAX_FILE_BYTES: u64 = 1 << 30;
 /// Characters of a file's name that an address cannot have. `%` is not among them: names in tilesets are decoded before.
 const ESCAPED: &AsciiSet = &CONTROLS.add(b' ').add(b'"').add(b'#').add(b'%').add(b'<').add(b'>').add(b'?').add(b'`');
 
-/// Whether an input is an address.
+/// Whether an input is an address, of a web server or of a bucket.
 pub(super) fn is_address(input: &str) -> bool {
-    input.starts_with("http://") || input.starts_with("https://")
+    ["http://", "https://", "s3://"].iter().any(|scheme| input.starts_with(scheme))
+}
+
+/// Fails if a name within a folder leads out of it.
+pub(super) fn check_name(name: &str) -> io::Result<()> {
+    let leads_out = name.starts_with('/') || name.contains("://") || name.split('/').any(|part| part == "..");
+    if leads_out {
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, "it lies outside of the source's folder"));
+    }
+    Ok(())
 }
 
 /// The files below the folder of an address.
 struct RemoteFiles {
     /// Ends in `/`.
     folder: String,
-    fetch: FetchFunction,
+    reader: &'static dyn AddressReader,
 }
 
-/// The source at an address. Fails if its name is not that of a city file, or nothing can be fetched here.
-pub(super) fn source(url: &str, fetch: Option<FetchFunction>) -> Result<CitySource<'static>, InputError> {
-    let Some(fetch) = fetch else { return Err(InputError::unsupported(url, "this program reads no addresses")) };
+/// The source at an address of a web server. Fails if its name is not that of a city file.
+pub(super) fn source(url: &str, reader: &'static dyn AddressReader) -> Result<CitySource<'static>, InputError> {
     let plain = url.split(['?', '#']).next().unwrap_or(url);
     let (folder, name) = plain.rsplit_once('/').unwrap_or((plain, ""));
     if kind_by_name(name).is_none() {
         let what = "its name is not that of a city file; give the address of a tileset.json";
         return Err(InputError::unknown_format(url, what));
     }
-    let files = RemoteFiles { folder: format!("{folder}/"), fetch };
-    Ok(CitySource {
-        label: url.to_owned(),
-        name: percent_encoding::percent_decode_str(name).decode_utf8_lossy().into_owned(),
-        files: std::rc::Rc::new(files),
-        bytes: 0,
-        found: false,
-        is_surroundings: false,
-    })
+    let files = RemoteFiles { folder: format!("{folder}/"), reader };
+    let name = percent_encoding::percent_decode_str(name).decode_utf8_lossy().into_owned();
+    Ok(CitySource::new(url.to_owned(), name, std::rc::Rc::new(files), 0))
 }
 
 impl RemoteFiles {
     fn get(&self, name: &str) -> io::Result<Vec<u8>> {
-        let leads_out = name.starts_with('/') || name.contains("://") || name.split('/').any(|part| part == "..");
-        if leads_out {
-            return Err(io::Error::new(io::ErrorKind::PermissionDenied, "it lies outside of the source's folder"));
-        }
+        check_name(name)?;
         let url = format!("{}{}", self.folder, utf8_percent_encode(name, ESCAPED));
-        (self.fetch)(&url, MAX_FILE_BYTES)
+        self.reader.fetch(&url, MAX_FILE_BYTES)
     }
 }
 
@@ -85,13 +107,30 @@ impl SourceFiles for RemoteFiles {
 mod tests {
     use super::*;
 
-    fn echo(url: &str, _: u64) -> io::Result<Vec<u8>> {
-        Ok(url.as_bytes().to_vec())
+    #[derive(Debug)]
+    struct Echo;
+
+    impl AddressReader for Echo {
+        fn fetch(&self, url: &str, _: u64) -> io::Result<Vec<u8>> {
+            Ok(url.as_bytes().to_vec())
+        }
+
+        fn list(&self, _: &str) -> io::Result<Vec<ListedObject>> {
+            Err(io::ErrorKind::Unsupported.into())
+        }
+
+        fn size(&self, _: &str) -> io::Result<u64> {
+            Err(io::ErrorKind::Unsupported.into())
+        }
+
+        fn range(&self, _: &str, _: Range<u64>) -> io::Result<Vec<u8>> {
+            Err(io::ErrorKind::Unsupported.into())
+        }
     }
 
     #[test]
     fn names_are_below_the_folder_of_the_address() {
-        let source = source("https://example.org/a%20b/tileset.json?key=1", Some(echo)).unwrap();
+        let source = source("https://example.org/a%20b/tileset.json?key=1", &Echo).unwrap();
         assert_eq!(source.name, "tileset.json");
         let read = |name: &str| {
             let mut text = String::new();
@@ -101,7 +140,6 @@ mod tests {
         for name in ["../x", "/x", "http://other/x", "a/../../x"] {
             assert_eq!(read(name).unwrap_err().kind(), io::ErrorKind::PermissionDenied, "{name}");
         }
-        assert!(super::source("https://example.org/city", Some(echo)).is_err());
-        assert!(super::source("https://example.org/tileset.json", None).is_err());
+        assert!(super::source("https://example.org/city", &Echo).is_err());
     }
 }

@@ -1,12 +1,14 @@
-//! Slices of sequences: a long CityJSONSeq as several sources, each with the header and a run of its lines.
+//! Slices: a long source as several, which different machines read.
+//!
+//! A sequence of lines becomes runs of lines, each after the header if there is one. FlatGeobuf and GeoParquet are divided by their
+//! readers, by features and row groups. All other formats have to be read from their beginning, and stay whole.
 
-use std::cell::RefCell;
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
-use std::path::PathBuf;
+use std::io::{self, BufRead, BufReader, Cursor, Read};
+use std::ops::Range;
 use std::rc::Rc;
 
-use super::input::{LocalFile, SourceFiles};
+use super::input::{LocalFile, Share, SourceFiles};
+use super::random_file::{RandomFile, RandomReader};
 use super::source::{CitySource, SourceKind, is_gz, kind_by_name};
 
 /// A header that is longer is none: the sequence is not divided.
@@ -14,82 +16,100 @@ const MAX_HEADER_BYTES: u64 = 16 << 20;
 
 /// The slices of a source, each of about `slice_bytes`; the source itself if it is shorter, or cannot be divided.
 pub(super) fn slices(source: CitySource<'static>, slice_bytes: u64) -> Vec<CitySource<'static>> {
-    let is_sequence = kind_by_name(&source.name) == Some(SourceKind::JsonLines) && !is_gz(&source.name);
     let count = source.bytes / slice_bytes.max(1);
-    if !is_sequence || count < 2 {
+    // A source inside an archive is extracted to a file; each slice would extract it again.
+    if count < 2 || is_gz(&source.name) || !source.files.is_random() {
         return vec![source];
     }
-    // A source inside an archive is extracted to a file; each slice would extract it again.
-    let Some(path) = source.files.on_disk(&source.name).ok().filter(|file| file.copy.is_none()).map(|file| file.path)
-    else {
-        return vec![source];
-    };
-    let Some(header) = header(&path) else { return vec![source] };
-    let header: Rc<[u8]> = header.into();
-    let bounds = |number: u64| number * source.bytes / count;
-    let slice = |number: u64| {
-        let lines = [bounds(number), bounds(number + 1)];
-        let (name, path, header) = (source.name.clone(), path.clone(), Rc::clone(&header));
-        let files = SlicedFiles { inner: Rc::clone(&source.files), name, path, header, lines };
-        CitySource {
-            label: source.label.clone(),
-            name: source.name.clone(),
-            files: Rc::new(files),
-            bytes: lines[1] - lines[0],
-            found: source.found,
-            is_surroundings: false,
+    let kind = kind_by_name(&source.name);
+    let lines = match kind {
+        Some(SourceKind::JsonLines | SourceKind::GeoJsonLines) => {
+            match SlicedLines::new(&source, kind == Some(SourceKind::JsonLines)) {
+                Some(lines) => Some(Rc::new(lines)),
+                None => return vec![source],
+            }
         }
+        Some(SourceKind::FlatGeobuf | SourceKind::GeoParquet) => None,
+        _ => return vec![source],
+    };
+    let slice = |number: u64| {
+        let share = Share { number, count };
+        let range = share.of(source.bytes);
+        let bytes = range.end - range.start;
+        let (files, share): (Rc<dyn SourceFiles>, _) = match &lines {
+            Some(all) => (Rc::new(LineSlice { all: Rc::clone(all), range }), Share::WHOLE),
+            None => (Rc::clone(&source.files), share),
+        };
+        let slice = CitySource::new(source.label.clone(), source.name.clone(), files, bytes);
+        CitySource { found: source.found, share, ..slice }
     };
     (0..count).map(slice).collect()
 }
 
-/// The first line of a sequence, with its end; `None` without one.
-fn header(path: &PathBuf) -> Option<Vec<u8>> {
-    let mut line = Vec::new();
-    let read = BufReader::new(File::open(path).ok()?).take(MAX_HEADER_BYTES).read_until(b'\n', &mut line);
-    (read.is_ok() && line.ends_with(b"\n")).then_some(line)
+/// A sequence of which slices are read.
+struct SlicedLines {
+    inner: Rc<dyn SourceFiles>,
+    name: String,
+    file: RandomFile,
+    /// The first line, if it belongs to all slices; else empty.
+    header: Vec<u8>,
+}
+
+impl SlicedLines {
+    /// `None` if the file cannot be opened, or its header is none.
+    fn new(source: &CitySource<'static>, has_header: bool) -> Option<Self> {
+        let file = source.files.random(&source.name).ok()?;
+        let mut header = Vec::new();
+        if has_header {
+            file.reader(0)
+                .take(MAX_HEADER_BYTES)
+                .read_until(b'\n', &mut header)
+                .ok()
+                .filter(|_| header.ends_with(b"\n"))?;
+        }
+        Some(Self { inner: Rc::clone(&source.files), name: source.name.clone(), file, header })
+    }
 }
 
 /// The files of a source, itself with a run of its lines only.
-struct SlicedFiles {
-    inner: Rc<dyn SourceFiles>,
-    name: String,
-    path: PathBuf,
-    header: Rc<[u8]>,
+struct LineSlice {
+    all: Rc<SlicedLines>,
     /// Lines that begin in this range of bytes.
-    lines: [u64; 2],
+    range: Range<u64>,
 }
 
-impl SourceFiles for SlicedFiles {
+impl SourceFiles for LineSlice {
     fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
-        if name != self.name {
-            return self.inner.open(name);
+        let SlicedLines { inner, name: own, file, header } = &*self.all;
+        if name != own {
+            return inner.open(name);
         }
-        let [start, end] = self.lines;
         // The header is the first line, and not one of any slice.
-        let start = start.max(self.header.len() as u64);
-        let mut file = BufReader::new(File::open(&self.path)?);
-        file.seek(SeekFrom::Start(start - 1))?;
-        let lines = LineRun { file: RefCell::new(file), position: start - 1, end, is_open: false };
-        Ok(Box::new(Cursor::new(&self.header).chain(lines.begin()?)))
+        let start = self.range.start.max(header.len() as u64);
+        let position = start.saturating_sub(1);
+        let mut lines = LineRun { reader: file.reader(position), position, end: self.range.end, is_open: false };
+        if start > 0 {
+            lines.skip_line()?;
+        }
+        Ok(Box::new(Cursor::new(header).chain(lines)))
     }
 
     fn len(&self, name: &str) -> io::Result<u64> {
-        if name == self.name { Ok(self.lines[1] - self.lines[0]) } else { self.inner.len(name) }
+        if name == self.all.name { Ok(self.range.end - self.range.start) } else { self.all.inner.len(name) }
     }
 
     fn on_disk(&self, name: &str) -> io::Result<LocalFile> {
-        self.inner.on_disk(name)
+        self.all.inner.on_disk(name)
     }
 
     fn location(&self) -> String {
-        self.inner.location()
+        self.all.inner.location()
     }
 }
 
 /// Lines that begin before a position.
 struct LineRun {
-    file: RefCell<BufReader<File>>,
+    reader: BufReader<RandomReader>,
     position: u64,
     end: u64,
     /// Whether a line has begun and not ended.
@@ -97,17 +117,16 @@ struct LineRun {
 }
 
 impl LineRun {
-    /// Skips the rest of the line before the first one. Lines of any length are skipped in pieces.
-    fn begin(mut self) -> io::Result<Self> {
+    /// Skips the rest of a line. Lines of any length are skipped in pieces.
+    fn skip_line(&mut self) -> io::Result<()> {
         loop {
-            let file = self.file.get_mut();
-            let buffer = file.fill_buf()?;
+            let buffer = self.reader.fill_buf()?;
             let newline = buffer.iter().position(|byte| *byte == b'\n');
             let used = newline.map_or(buffer.len(), |at| at + 1);
-            file.consume(used);
+            self.reader.consume(used);
             self.position += used as u64;
             if newline.is_some() || used == 0 {
-                return Ok(self);
+                return Ok(());
             }
         }
     }
@@ -118,13 +137,12 @@ impl Read for LineRun {
         if !self.is_open && self.position >= self.end || out.is_empty() {
             return Ok(0);
         }
-        let file = self.file.get_mut();
-        let buffer = file.fill_buf()?;
+        let buffer = self.reader.fill_buf()?;
         let buffer = &buffer[..buffer.len().min(out.len())];
         let line_end = buffer.iter().position(|byte| *byte == b'\n').map(|at| at + 1);
         let used = line_end.unwrap_or(buffer.len());
         out[..used].copy_from_slice(&buffer[..used]);
-        file.consume(used);
+        self.reader.consume(used);
         self.position += used as u64;
         self.is_open = line_end.is_none();
         Ok(used)
@@ -143,10 +161,11 @@ mod tests {
     #[test]
     fn slices_have_each_line_once_and_the_header() {
         let folder = TestFolder::new("slices");
-        let path = folder.path.join("a.city.jsonl");
-        for end in ["\n", ""] {
+        for (end, name) in [("\n", "a.city.jsonl"), ("", "a.city.jsonl"), ("\n", "a.geojsonl"), ("", "a.geojsonl")] {
+            let path = folder.path.join(name);
             let lines: Vec<String> = (0..40).map(|i| format!("{i}{}", "x".repeat(i * 7 % 31))).collect();
-            fs::write(&path, format!("header\n{}{end}", lines.join("\n"))).unwrap();
+            let header = if name == "a.geojsonl" { "" } else { "header\n" };
+            fs::write(&path, format!("{header}{}{end}", lines.join("\n"))).unwrap();
             for slice_bytes in [1, 5, 20, 33, 100, 300, 1 << 20] {
                 let listed =
                     list(std::slice::from_ref(&path), &ReadOptions::default(), &mut BadInputs::new(false)).unwrap();
@@ -159,11 +178,10 @@ mod tests {
                 for slice in &slices {
                     let mut text = String::new();
                     slice.files.open(&slice.name).unwrap().read_to_string(&mut text).unwrap();
-                    let mut own = text.lines();
-                    assert_eq!(own.next(), Some("header"));
-                    found.extend(own.map(str::to_owned));
+                    let own = text.strip_prefix(header).unwrap();
+                    found.extend(own.lines().map(str::to_owned));
                 }
-                assert_eq!(found, lines, "slices of {slice_bytes} bytes");
+                assert_eq!(found, lines, "{name}: slices of {slice_bytes} bytes");
             }
         }
     }
@@ -171,7 +189,7 @@ mod tests {
     #[test]
     fn other_sources_are_not_divided() {
         let folder = TestFolder::new("slices-none");
-        for name in ["a.geojsonl", "a.jsonl.gz", "a.obj"] {
+        for name in ["a.jsonl.gz", "a.obj", "a.geojson"] {
             let path = folder.path.join(name);
             fs::write(&path, "line\n".repeat(100)).unwrap();
             let listed = list(&[path], &ReadOptions::default(), &mut BadInputs::new(false)).unwrap();

@@ -8,7 +8,7 @@ use std::rc::Rc;
 
 use flate2::read::MultiGzDecoder;
 
-use super::input::{Input, SourceFiles};
+use super::input::{Input, Share, SourceFiles};
 use crate::error::InputError;
 
 /// End of the name of a file that places a mesh file: see `local_frame`.
@@ -35,13 +35,22 @@ pub(crate) struct CitySource<'a> {
     pub(crate) found: bool,
     /// Shows the land around the city, and is not a part of it.
     pub(crate) is_surroundings: bool,
+    /// What is read of it.
+    pub(crate) share: Share,
+}
+
+impl<'a> CitySource<'a> {
+    /// A whole source that the user named.
+    pub(crate) fn new(label: String, name: String, files: Rc<dyn SourceFiles + 'a>, bytes: u64) -> Self {
+        Self { label, name, files, bytes, found: false, is_surroundings: false, share: Share::WHOLE }
+    }
 }
 
 impl CitySource<'_> {
     /// The source as readers take it. Unpacked sources with more bytes than `max_bytes` are refused.
     pub(crate) fn input(&self, max_bytes: u64) -> Input<'_> {
-        let Self { label, name, files, .. } = self;
-        Input { label, name, files: &**files, max_bytes, bbox_deg: None }
+        let Self { label, name, files, share, .. } = self;
+        Input { label, name, files: &**files, max_bytes, bbox_deg: None, share: *share }
     }
 }
 
@@ -194,7 +203,7 @@ pub(crate) fn next_line(reader: &mut dyn BufRead, line: &mut Vec<u8>, limit: usi
     }
 }
 
-pub(super) fn is_gz(name: &str) -> bool {
+pub(crate) fn is_gz(name: &str) -> bool {
     name.to_ascii_lowercase().ends_with(".gz")
 }
 

@@ -50,6 +50,7 @@ pub(super) fn trace<S: Simd>(
     let mut seen = Hits::nothing(simd);
     walk(simd, scene, &segments, lanes, &mut seen);
     convert_colours(simd, &mut seen);
+    seen.ao = seen.ao.max(splat(simd, frame.light.sky_up[3]));
     let ground_m = ground_distance(simd, frame, dir);
     let mut light = radiances(simd, scene, lanes, &seen, (dir, airlight, ground_m));
     if frame.shadow_m > 0.0 {

@@ -28,15 +28,18 @@ pub(super) struct FeatureReader<'r, 'o, 's> {
     /// Number of features so far.
     count: u64,
     has_crs: bool,
+    /// Whether a feature without identifier is named by its text, because its number depends on the slice of the sequence.
+    is_named_by_text: bool,
 }
 
 impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
     pub(super) fn new(sink: SceneSink<'r, 'o, 's>, source: &'s CitySource<'s>) -> Self {
-        Self { sink, source, count: 0, has_crs: false }
+        Self { sink, source, count: 0, has_crs: false, is_named_by_text: false }
     }
 
     /// Reads one feature per line. A damaged line is skipped and reported. Fails if the source cannot be read.
     pub(super) fn read_lines(&mut self, mut lines: Box<dyn BufRead + '_>, tick: &dyn Fn()) -> Result<(), InputError> {
+        self.is_named_by_text = true;
         let limit = usize::try_from(self.sink.options().max_line_bytes).unwrap_or(usize::MAX);
         let mut line = Vec::new();
         loop {
@@ -104,7 +107,10 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
                 return Ok(());
             }
         };
-        let id = feature.id().unwrap_or_else(|| format!("feature {number}"));
+        let id = feature.id().unwrap_or_else(|| match self.is_named_by_text {
+            true => format!("feature {}", &blake3::hash(text).to_hex()[..16]),
+            false => format!("feature {number}"),
+        });
         let Some(geometry) = &feature.geometry else {
             self.sink.skip("no geometry", id);
             return Ok(());

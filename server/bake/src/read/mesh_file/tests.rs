@@ -4,7 +4,7 @@ use std::io::{self, Read};
 
 use super::read;
 use crate::error::InputError;
-use crate::read::input::{Input, LocalFile, SourceFiles};
+use crate::read::input::{Input, LocalFile, Share, SourceFiles};
 use crate::read::object::{Shape, SourceImage, Surface, TriangleMesh};
 use crate::read::test_sink::TestSink;
 
@@ -30,7 +30,8 @@ impl SourceFiles for OneFile<'_> {
 }
 
 fn read_bytes(name: &str, bytes: &[u8]) -> Result<TestSink, InputError> {
-    let input = Input { label: name, name, files: &OneFile(bytes), max_bytes: 1 << 20, bbox_deg: None };
+    let input =
+        Input { label: name, name, files: &OneFile(bytes), max_bytes: 1 << 20, bbox_deg: None, share: Share::WHOLE };
     let mut sink = TestSink::default();
     read(&input, &mut sink).map(|()| sink)
 }

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::{globe, read};
 use crate::error::InputError;
-use crate::read::input::{Input, TestFiles};
+use crate::read::input::{Input, Share, TestFiles};
 use crate::read::object::{FeatureKind, Shape, SourceObject};
 use crate::read::test_sink::TestSink;
 
@@ -83,7 +83,7 @@ fn cmpt(inner: &[Vec<u8>]) -> Vec<u8> {
 fn read_in(folder: &Path, name: &str, bbox_deg: Option<[f64; 4]>) -> (TestSink, Result<(), InputError>) {
     let files = TestFiles(folder.to_owned());
     let mut sink = TestSink::default();
-    let input = Input { label: name, name, files: &files, max_bytes: 1 << 24, bbox_deg };
+    let input = Input { label: name, name, files: &files, max_bytes: 1 << 24, bbox_deg, share: Share::WHOLE };
     let result = read(&input, &mut sink);
     (sink, result)
 }

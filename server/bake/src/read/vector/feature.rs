@@ -36,7 +36,9 @@ const TAG_NAMES: [&str; 2] = ["other_tags", "all_tags"];
 const MAX_DEGREES_OF_FEATURE: f64 = 0.2;
 
 /// Level polygons with heights that wait until it is known whether they are faces of bodies.
-const MAX_WAITING: usize = 256;
+const MAX_WAITING: u64 = 256;
+/// Features of a layer after which that is known. Shares of a source besides the first begin behind them.
+pub(super) const MAX_DECISIVE: u64 = 4096;
 
 /// A feature that is ready but for its shape.
 struct Feature {
@@ -68,6 +70,8 @@ pub(super) struct FeatureWriter<'a> {
     bbox_deg: Option<[f64; 4]>,
     is_in_degrees: bool,
     level_polygons: LevelPolygons,
+    /// Features of the layer, and level polygons among them, until it is known what these are.
+    decisive: [u64; 2],
     count: u64,
 }
 
@@ -77,7 +81,17 @@ impl<'a> FeatureWriter<'a> {
         let bbox_deg = input.bbox_deg.filter(|[west, _, east, _]| west <= east);
         let layer = Layer::of_file(input.name, std::iter::empty());
         let level_polygons = LevelPolygons::Waiting(Vec::new());
-        Self { sink, layer, crs: None, is_placed: false, bbox_deg, is_in_degrees: false, level_polygons, count: 0 }
+        Self {
+            sink,
+            layer,
+            crs: None,
+            is_placed: false,
+            bbox_deg,
+            is_in_degrees: false,
+            level_polygons,
+            decisive: [0; 2],
+            count: 0,
+        }
     }
 
     /// Begins a layer. Without a system, the first feature decides whether its coordinates are degrees. Fails if positions
@@ -119,6 +133,36 @@ impl<'a> FeatureWriter<'a> {
         self.count += 1;
     }
 
+    /// Goes on with the feature after the first `count` of the source.
+    pub(super) fn continue_after(&mut self, count: u64) {
+        self.count = count;
+    }
+
+    /// Takes note of a feature at the start of the source, which another share passes on. Returns whether the next one has to be
+    /// noted, too. Fails if positions of the system cannot be placed.
+    pub(super) fn note(&mut self, geometry: &Geometry) -> Result<bool, InputError> {
+        self.settle_crs(geometry)?;
+        if let Some(settled) = self.settled_by(facing(geometry)) {
+            self.level_polygons = settled;
+        }
+        Ok(matches!(self.level_polygons, LevelPolygons::Waiting(_)))
+    }
+
+    /// What the level polygons are, if it becomes known with the next feature.
+    fn settled_by(&mut self, facing: Facing) -> Option<LevelPolygons> {
+        if !matches!(self.level_polygons, LevelPolygons::Waiting(_)) {
+            return None;
+        }
+        let [features, level] = &mut self.decisive;
+        *features += 1;
+        *level += u64::from(facing == Facing::Level);
+        match facing {
+            _ if *features > MAX_DECISIVE || *level > MAX_WAITING => Some(LevelPolygons::Plans),
+            Facing::Wall => Some(LevelPolygons::Faces),
+            _ => None,
+        }
+    }
+
     /// Takes a feature, or skips it for the reason in `geometry`. `number` is the source's own, such as a row id. Fails if
     /// the whole bake must end.
     pub(super) fn add(
@@ -147,18 +191,13 @@ impl<'a> FeatureWriter<'a> {
         let told = kind_of(&attributes).or(self.layer.kind);
         let facing = facing(&geometry);
         let feature = Feature { id, told, attributes, geometry };
+        if let Some(settled) = self.settled_by(facing) {
+            self.settle_level_polygons(settled)?;
+        }
         match (facing, &mut self.level_polygons) {
-            (Facing::Level, LevelPolygons::Waiting(waiting)) if waiting.len() < MAX_WAITING => {
+            (Facing::Level, LevelPolygons::Waiting(waiting)) => {
                 waiting.push(feature);
                 Ok(())
-            }
-            (Facing::Level, LevelPolygons::Waiting(_)) => {
-                self.settle_level_polygons(LevelPolygons::Plans)?;
-                self.pass_on(feature)
-            }
-            (Facing::Wall, LevelPolygons::Waiting(_)) => {
-                self.settle_level_polygons(LevelPolygons::Faces)?;
-                self.pass_on(feature)
             }
             _ => self.pass_on(feature),
         }
@@ -168,6 +207,7 @@ impl<'a> FeatureWriter<'a> {
     pub(super) fn finish(&mut self) -> Result<(), InputError> {
         self.settle_level_polygons(LevelPolygons::Plans)?;
         self.level_polygons = LevelPolygons::Waiting(Vec::new());
+        self.decisive = [0; 2];
         Ok(())
     }
 

@@ -9,7 +9,7 @@ use std::io::{self, Read};
 
 use super::read;
 use crate::error::InputError;
-use crate::read::input::{Input, LocalFile, SourceFiles};
+use crate::read::input::{Input, LocalFile, Share, SourceFiles};
 use crate::read::object::{Shape, SourceObject, Surface};
 use crate::read::test_sink::TestSink;
 
@@ -53,7 +53,7 @@ impl SourceFiles for MemoryFiles<'_> {
 
 fn read_files(name: &str, files: Vec<(&str, &[u8])>) -> (TestSink, Result<(), InputError>) {
     let files = MemoryFiles(files);
-    let input = Input { label: name, name, files: &files, max_bytes: 1 << 30, bbox_deg: None };
+    let input = Input { label: name, name, files: &files, max_bytes: 1 << 30, bbox_deg: None, share: Share::WHOLE };
     let mut sink = TestSink::default();
     let result = read(&input, &mut sink);
     (sink, result)

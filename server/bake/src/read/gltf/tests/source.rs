@@ -7,7 +7,7 @@ use serde_json::json;
 use super::super::read;
 use super::document::Document;
 use crate::read::attributes::AttributeValue;
-use crate::read::input::{Input, TestFiles};
+use crate::read::input::{Input, Share, TestFiles};
 use crate::read::object::{Shape, TriangleMesh};
 use crate::read::test_sink::TestSink;
 
@@ -17,7 +17,14 @@ fn read_document(document: &Document) -> TestSink {
     fs::write(folder.path().join("sub/city.gltf"), document.json.to_string()).expect("a file");
     fs::write(folder.path().join("sub/the buffer.bin"), &document.buffer).expect("a file");
     let files = TestFiles(folder.path().to_path_buf());
-    let input = Input { label: "city.gltf", name: "sub/city.gltf", files: &files, max_bytes: 1 << 20, bbox_deg: None };
+    let input = Input {
+        label: "city.gltf",
+        name: "sub/city.gltf",
+        files: &files,
+        max_bytes: 1 << 20,
+        bbox_deg: None,
+        share: Share::WHOLE,
+    };
     let mut sink = TestSink::default();
     read(&input, &mut sink).expect("readable");
     sink

@@ -6,7 +6,7 @@ use flate2::Compression;
 use flate2::write::{GzEncoder, ZlibEncoder};
 
 use crate::error::InputError;
-use crate::read::input::{Input, TestFiles};
+use crate::read::input::{Input, Share, TestFiles};
 use crate::read::osm::collect::Limits;
 use crate::read::osm::read_within;
 use crate::read::test_sink::TestSink;
@@ -257,7 +257,7 @@ pub(super) fn read_limited(
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join(name), bytes).unwrap();
     let files = TestFiles(folder.path().to_owned());
-    let input = Input { label: name, name, files: &files, max_bytes: 1 << 26, bbox_deg };
+    let input = Input { label: name, name, files: &files, max_bytes: 1 << 26, bbox_deg, share: Share::WHOLE };
     let mut sink = TestSink::default();
     let read = read_within(&input, limits, &mut sink);
     (sink, read)

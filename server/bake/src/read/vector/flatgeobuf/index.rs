@@ -2,6 +2,8 @@
 
 use std::io::{self, BufRead, Read};
 
+use ::flatgeobuf::Header;
+
 use super::Schema;
 use crate::error::InputError;
 use crate::read::input::Input;
@@ -14,8 +16,8 @@ const CHUNK_NODES: u64 = 1024;
 /// Features to read.
 pub(super) enum Wanted {
     All,
-    /// Offsets from the first feature, ascending.
-    At(Vec<u64>),
+    /// Offsets from the first feature, ascending, with the features' numbers.
+    At(Vec<(u64, u64)>),
 }
 
 impl Wanted {
@@ -23,34 +25,40 @@ impl Wanted {
         matches!(self, Self::All)
     }
 
-    /// The offset of each feature to read; without end and without offsets if all are read.
-    pub(super) fn offsets(&self) -> Box<dyn Iterator<Item = Option<u64>> + '_> {
+    /// The offset and number of each feature to read; without end and without offsets if all are read.
+    pub(super) fn features(&self) -> Box<dyn Iterator<Item = (Option<u64>, u64)> + '_> {
         match self {
-            Self::All => Box::new(std::iter::repeat(None)),
-            Self::At(offsets) => Box::new(offsets.iter().copied().map(Some)),
+            Self::All => Box::new((0..).map(|number| (None, number))),
+            Self::At(features) => Box::new(features.iter().map(|(offset, number)| (Some(*offset), *number))),
         }
     }
+}
+
+/// Size of the index in bytes; `None` if the file has none. Fails if it is not possible.
+pub(super) fn bytes(input: &Input<'_>, header: &Header<'_>) -> Result<Option<u64>, InputError> {
+    let (features, node_size) = (header.features_count(), header.index_node_size());
+    if node_size == 0 || features == 0 {
+        return Ok(None);
+    }
+    let bytes = nodes(features, node_size).and_then(|nodes| nodes.checked_mul(NODE_BYTES));
+    bytes.map(Some).ok_or_else(|| InputError::damaged(input.label, "index", "its size is not possible"))
 }
 
 /// Reads past the index. With a wanted area (west, south, east, north), only the features whose boxes touch it are wanted.
 /// Fails if the file ends before.
 pub(super) fn read(
     input: &Input<'_>,
-    reader: &mut Box<dyn BufRead + '_>,
+    reader: &mut dyn BufRead,
     schema: &Schema,
     area: Option<[f64; 4]>,
 ) -> Result<Wanted, InputError> {
-    if schema.index_node_size == 0 || schema.features == 0 {
-        return Ok(Wanted::All);
-    }
+    let Some(bytes) = schema.index_bytes else { return Ok(Wanted::All) };
     let damaged = |what: &str| InputError::damaged(input.label, "index", what);
-    let nodes = nodes(schema.features, schema.index_node_size).ok_or_else(|| damaged("its size is not possible"))?;
-    let bytes = nodes.checked_mul(NODE_BYTES).ok_or_else(|| damaged("its size is not possible"))?;
     let Some(area) = area else {
         super::skip(input, reader, bytes)?;
         return Ok(Wanted::All);
     };
-    super::skip(input, reader, (nodes - schema.features) * NODE_BYTES)?;
+    super::skip(input, reader, bytes - schema.features * NODE_BYTES)?;
     read_leaves(reader, schema.features, area).map(Wanted::At).map_err(|cause| match cause.kind() {
         io::ErrorKind::UnexpectedEof => damaged("the file ends before its features"),
         _ => InputError::io(input.label, cause),
@@ -59,27 +67,33 @@ pub(super) fn read(
 
 /// Offsets of the leaves that touch an area. The upper levels are not used: reading all leaves takes little of the time of
 /// reading the features.
-fn read_leaves(reader: &mut Box<dyn BufRead + '_>, mut left: u64, [w, s, e, n]: [f64; 4]) -> io::Result<Vec<u64>> {
-    let mut offsets = Vec::new();
+fn read_leaves(reader: &mut dyn BufRead, features: u64, [w, s, e, n]: [f64; 4]) -> io::Result<Vec<(u64, u64)>> {
+    let mut wanted = Vec::new();
     let mut chunk = Vec::new();
-    while left > 0 {
-        let count = left.min(CHUNK_NODES);
+    let mut first = 0;
+    while first < features {
+        let count = (features - first).min(CHUNK_NODES);
         chunk.clear();
-        reader.by_ref().take(count * NODE_BYTES).read_to_end(&mut chunk)?;
+        Read::take(&mut *reader, count * NODE_BYTES).read_to_end(&mut chunk)?;
         if (chunk.len() as u64) < count * NODE_BYTES {
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
-        for node in chunk.as_chunks::<8>().0.as_chunks::<5>().0 {
+        for (number, node) in (first..).zip(chunk.as_chunks::<8>().0.as_chunks::<5>().0) {
             let [west, south, east, north] = [node[0], node[1], node[2], node[3]].map(f64::from_le_bytes);
             if !(west > e || east < w || south > n || north < s) {
-                offsets.push(u64::from_le_bytes(node[4]));
+                wanted.push((u64::from_le_bytes(node[4]), number));
             }
         }
-        left -= count;
+        first += count;
     }
-    offsets.sort_unstable();
-    offsets.dedup();
-    Ok(offsets)
+    wanted.sort_unstable();
+    wanted.dedup_by_key(|(offset, _)| *offset);
+    Ok(wanted)
+}
+
+/// Place in the index, in bytes, of the offset of a feature.
+pub(super) fn place_of_offset(index_bytes: u64, features: u64, number: u64) -> u64 {
+    index_bytes - (features - number) * NODE_BYTES + (NODE_BYTES - 8)
 }
 
 /// Number of nodes of a tree; `None` if it is not possible.

@@ -6,23 +6,25 @@
 mod geometry;
 mod index;
 mod properties;
+mod share;
 
 use std::io::{self, BufRead, Read};
 
-use ::flatgeobuf::{Header, size_prefixed_root_as_feature, size_prefixed_root_as_header};
+use ::flatgeobuf::{Feature, Header, size_prefixed_root_as_feature, size_prefixed_root_as_header};
 
 use super::feature::FeatureWriter;
 use super::geometry::{Geometry, MALFORMED};
 use super::layer::Layer;
 use crate::error::InputError;
 use crate::read::attributes::Attributes;
-use crate::read::input::{Input, OpenInput};
+use crate::read::input::{Input, OpenInput, Share};
 use crate::read::object::{Description, ObjectSink};
 use properties::Column;
 
 const MAX_HEADER_BYTES: u32 = 10 << 20;
 /// Magic bytes: `fgb`, the major version, `fgb`, the patch version.
 const MAGIC: [u8; 3] = *b"fgb";
+const MAGIC_BYTES: usize = 8;
 const VERSION: u8 = 3;
 /// Smaller tables are no FlatBuffers.
 const MIN_TABLE_BYTES: u32 = 8;
@@ -35,49 +37,51 @@ struct Schema {
     geometry_type: ::flatgeobuf::GeometryType,
     /// 0 if the file does not tell.
     features: u64,
-    index_node_size: u16,
+    /// Size of the index; `None` without one.
+    index_bytes: Option<u64>,
 }
 
 /// Reads a source. Fails if it is no FlatGeobuf, is cut short, or is in a system that cannot be placed.
 pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
+    if input.share != Share::WHOLE {
+        return share::read(input, sink);
+    }
     let OpenInput { mut reader, bytes_read } = input.open()?;
     let mut writer = FeatureWriter::new(input, sink);
-    let schema = read_header(input, &mut reader, &mut writer)?;
-    let wanted = index::read(input, &mut reader, &schema, writer.wanted_deg())?;
+    let header = read_header(input, &mut *reader)?;
+    let schema = begin(input, &header_of(input, &header)?, &mut writer)?;
+    let wanted = index::read(input, &mut *reader, &schema, writer.wanted_deg())?;
     let mut frame = Vec::new();
-    let mut number = 0;
+    let mut read = 0;
     let mut position = 0;
-    for offset in wanted.offsets() {
+    for (offset, number) in wanted.features() {
         if let Some(gap) = offset.and_then(|offset| offset.checked_sub(position)) {
-            skip(input, &mut reader, gap)?;
+            skip(input, &mut *reader, gap)?;
             position += gap;
         }
-        let place = || format!("feature {}", number + 1);
-        let Some(bytes) = read_frame(input, &mut reader, &mut frame, place)? else { break };
+        let Some(bytes) = read_frame(input, &mut *reader, &mut frame, number)? else { break };
         position += bytes;
         read_feature(&frame, &schema, number, &mut writer)?;
-        number += 1;
-        if number % TICK_FEATURES == 0 {
+        read += 1;
+        if read % TICK_FEATURES == 0 {
             writer.sink.tick(bytes_read.get());
         }
     }
     writer.sink.tick(bytes_read.get());
     writer.finish()?;
-    if wanted.is_all() && schema.features > number {
-        let what = format!("{} features are announced, {number} are there", schema.features);
-        return Err(InputError::damaged(input.label, format!("feature {}", number + 1), what));
+    if wanted.is_all() && schema.features > read {
+        let what = format!("{} features are announced, {read} are there", schema.features);
+        return Err(InputError::damaged(input.label, format!("feature {}", read + 1), what));
     }
     Ok(())
 }
 
-fn read_header(
-    input: &Input<'_>,
-    reader: &mut Box<dyn BufRead + '_>,
-    writer: &mut FeatureWriter<'_>,
-) -> Result<Schema, InputError> {
+/// Reads what is before the index: the magic bytes, and the header with its size in front. Returns the latter.
+fn read_header(input: &Input<'_>, reader: &mut dyn BufRead) -> Result<Vec<u8>, InputError> {
     let damaged = |what: String| InputError::damaged(input.label, "header", what);
-    let mut magic = [0; 8];
-    reader.read_exact(&mut magic).map_err(|cause| InputError::io(input.label, cause))?;
+    let io_error = |cause| InputError::io(input.label, cause);
+    let mut magic = [0; MAGIC_BYTES];
+    reader.read_exact(&mut magic).map_err(io_error)?;
     if magic[..3] != MAGIC || magic[4..7] != MAGIC {
         return Err(damaged("it does not begin as a FlatGeobuf does".to_owned()));
     }
@@ -85,30 +89,33 @@ fn read_header(
         return Err(InputError::unsupported(input.label, format!("version {} of FlatGeobuf", magic[3])));
     }
     let mut size = [0; 4];
-    reader.read_exact(&mut size).map_err(|cause| InputError::io(input.label, cause))?;
+    reader.read_exact(&mut size).map_err(io_error)?;
     let bytes = u32::from_le_bytes(size);
     if !(MIN_TABLE_BYTES..=MAX_HEADER_BYTES).contains(&bytes) {
         return Err(damaged(format!("its size of {bytes} bytes is not possible")));
     }
     let mut frame = size.to_vec();
-    let read = reader.by_ref().take(u64::from(bytes)).read_to_end(&mut frame);
-    read.map_err(|cause| InputError::io(input.label, cause))?;
-    let header = size_prefixed_root_as_header(&frame).map_err(|cause| damaged(first_line(&cause.to_string())))?;
-    describe(&header, writer);
+    Read::take(reader, u64::from(bytes)).read_to_end(&mut frame).map_err(io_error)?;
+    Ok(frame)
+}
+
+fn header_of<'f>(input: &Input<'_>, frame: &'f [u8]) -> Result<Header<'f>, InputError> {
+    let damaged = |cause: String| InputError::damaged(input.label, "header", first_line(&cause));
+    size_prefixed_root_as_header(frame).map_err(|cause| damaged(cause.to_string()))
+}
+
+/// Begins the layer. Fails if positions of its system cannot be placed.
+fn begin(input: &Input<'_>, header: &Header<'_>, writer: &mut FeatureWriter<'_>) -> Result<Schema, InputError> {
+    describe(header, writer);
     let columns = properties::columns(header.columns());
     let names = columns.iter().map(|column| column.name.as_str());
     let layer = match header.name().filter(|name| !name.trim().is_empty()) {
         Some(name) => Layer::new(name, names),
         None => Layer::of_file(input.name, names),
     };
-    writer.begin(layer, crs_of(&header))?;
-    let node_size = header.index_node_size();
-    Ok(Schema {
-        columns,
-        geometry_type: header.geometry_type(),
-        features: header.features_count(),
-        index_node_size: node_size,
-    })
+    writer.begin(layer, crs_of(header))?;
+    let index_bytes = index::bytes(input, header)?;
+    Ok(Schema { columns, geometry_type: header.geometry_type(), features: header.features_count(), index_bytes })
 }
 
 fn describe(header: &Header<'_>, writer: &mut FeatureWriter<'_>) {
@@ -131,16 +138,17 @@ fn crs_of(header: &Header<'_>) -> Option<String> {
     }
 }
 
-/// Reads the size and bytes of the next feature, and returns their number; `None` at the end of the file.
+/// Reads the size and bytes of the next feature, and returns their number; `None` at the end of the file. `number` is for messages.
 fn read_frame(
     input: &Input<'_>,
-    reader: &mut Box<dyn BufRead + '_>,
+    reader: &mut dyn BufRead,
     frame: &mut Vec<u8>,
-    place: impl Fn() -> String,
+    number: u64,
 ) -> Result<Option<u64>, InputError> {
     let io_error = |cause| InputError::io(input.label, cause);
+    let place = || format!("feature {}", number + 1);
     frame.clear();
-    reader.by_ref().take(4).read_to_end(frame).map_err(io_error)?;
+    Read::take(&mut *reader, 4).read_to_end(frame).map_err(io_error)?;
     if frame.is_empty() {
         return Ok(None);
     }
@@ -150,7 +158,7 @@ fn read_frame(
         let what = format!("the size of {}", place());
         return Err(InputError::TooLarge { path: input.label.to_owned(), what, limit: input.max_bytes });
     }
-    let read = reader.by_ref().take(u64::from(size)).read_to_end(frame).map_err(io_error)?;
+    let read = Read::take(&mut *reader, u64::from(size)).read_to_end(frame).map_err(io_error)?;
     if read < size as usize {
         return Err(cut_short());
     }
@@ -159,9 +167,7 @@ fn read_frame(
 
 fn read_feature(frame: &[u8], schema: &Schema, number: u64, writer: &mut FeatureWriter<'_>) -> Result<(), InputError> {
     let name = format!("feature {}", number + 1);
-    let is_table = frame.len() >= 4 + MIN_TABLE_BYTES as usize;
-    let feature = is_table.then(|| size_prefixed_root_as_feature(frame).ok()).flatten();
-    let Some(feature) = feature else {
+    let Some(feature) = feature_of(frame) else {
         return writer.add(Some(name), Attributes::default(), Err("malformed feature"));
     };
     let mut attributes = Attributes::default();
@@ -170,21 +176,26 @@ fn read_feature(frame: &[u8], schema: &Schema, number: u64, writer: &mut Feature
     if !properties::read(bytes, own_columns.as_deref().unwrap_or(&schema.columns), &mut attributes) {
         writer.sink.problem("malformed attributes", name.clone());
     }
-    let geometry = match feature.geometry() {
-        None => Err("no geometry"),
-        Some(table) => {
-            let mut geometry = Geometry::default();
-            // Parts can share vectors: what comes of them must not be larger than without sharing.
-            let mut positions_left = frame.len() / 16 + 1;
-            let read = geometry::read(&table, schema.geometry_type, &mut geometry, &mut positions_left, 0);
-            read.map(|()| geometry)
-        }
-    };
-    writer.add(Some(name), attributes, geometry)
+    writer.add(Some(name), attributes, geometry_of(&feature, frame, schema))
 }
 
-fn skip(input: &Input<'_>, reader: &mut Box<dyn BufRead + '_>, bytes: u64) -> Result<(), InputError> {
-    let skipped = io::copy(&mut reader.by_ref().take(bytes), &mut io::sink());
+/// The table in a frame; `None` if it is damaged.
+fn feature_of(frame: &[u8]) -> Option<Feature<'_>> {
+    let is_table = frame.len() >= 4 + MIN_TABLE_BYTES as usize;
+    is_table.then(|| size_prefixed_root_as_feature(frame).ok()).flatten()
+}
+
+fn geometry_of(feature: &Feature<'_>, frame: &[u8], schema: &Schema) -> Result<Geometry, &'static str> {
+    let table = feature.geometry().ok_or("no geometry")?;
+    let mut geometry = Geometry::default();
+    // Parts can share vectors: what comes of them must not be larger than without sharing.
+    let mut positions_left = frame.len() / 16 + 1;
+    geometry::read(&table, schema.geometry_type, &mut geometry, &mut positions_left, 0)?;
+    Ok(geometry)
+}
+
+fn skip(input: &Input<'_>, reader: &mut dyn BufRead, bytes: u64) -> Result<(), InputError> {
+    let skipped = io::copy(&mut reader.take(bytes), &mut io::sink());
     if skipped.map_err(|cause| InputError::io(input.label, cause))? < bytes {
         return Err(InputError::damaged(input.label, "index", "the file ends before its features"));
     }

@@ -8,22 +8,25 @@ mod metadata;
 mod native;
 
 use std::collections::BTreeSet;
-use std::fs::File;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use arrow_array::{Array, BinaryArray, RecordBatch};
 use parquet::arrow::ProjectionMask;
-use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
-use parquet::file::metadata::ParquetMetaData;
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+};
+use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
 
-use super::feature::FeatureWriter;
+use super::feature::{FeatureWriter, MAX_DECISIVE};
 use super::geometry::Geometry;
 use super::layer::Layer;
 use super::{local, wkb};
 use crate::error::InputError;
 use crate::read::attributes::{AttributeValue, Attributes};
-use crate::read::input::Input;
+use crate::read::input::{Input, Share};
 use crate::read::object::{Description, ObjectSink};
+use crate::read::random_file::RandomFile;
 use columns::ColumnValues;
 use metadata::{GeoColumn, GeometryEncoding};
 
@@ -35,9 +38,8 @@ const MAX_ATTRIBUTIONS: usize = 32;
 /// Reads a source. Fails if it is no parquet file, has no geometry column, is damaged, or is in a system that cannot be
 /// placed.
 pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
-    let local = local::on_disk(input)?;
-    let file = local::open(input, &local)?;
-    let file_bytes = file.metadata().map_err(|cause| InputError::io(input.label, cause))?.len();
+    let file = local::random(input)?;
+    let file_bytes = file.bytes();
     // The types are those of the columns, not of the copy of an Arrow schema that some writers add.
     let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
     let metadata = guarded(input, "footer", || {
@@ -49,12 +51,16 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
     let mut writer = FeatureWriter::new(input, sink);
     let names = metadata.schema().fields().iter().map(|field| field.name().as_str());
     writer.begin(Layer::of_file(input.name, names), geo.crs.clone())?;
-    let groups = match writer.wanted_deg() {
+    let (own, decisive) = share_of(input, metadata.metadata());
+    let groups: Vec<usize> = match writer.wanted_deg() {
         Some(wanted) => metadata::groups_within(metadata.metadata(), &geo.covering, wanted),
         None => (0..metadata.metadata().num_row_groups()).collect(),
     };
     let mut source = Source { input, file, file_bytes, metadata, geo, attributions: BTreeSet::new(), bytes_done: 0 };
-    for group in groups {
+    if own.start > 0 && !own.is_empty() {
+        source.note_groups(decisive, &mut writer)?;
+    }
+    for group in groups.into_iter().filter(|group| own.contains(group)) {
         source.read_group(group, &mut writer)?;
     }
     for attribution in &source.attributions {
@@ -62,6 +68,26 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
     }
     writer.sink.tick(file_bytes);
     writer.finish()
+}
+
+/// The row groups of the input's share, and those that decide for all shares: the first ones, which are of the first share. Where only an
+/// area is wanted, that share is the whole file.
+fn share_of(input: &Input<'_>, metadata: &ParquetMetaData) -> (Range<usize>, Range<usize>) {
+    let groups = metadata.num_row_groups();
+    let share = if input.bbox_deg.is_none() { input.share } else { Share { count: 1, ..input.share } };
+    if share.number >= share.count {
+        return (0..0, 0..0);
+    }
+    let mut rows = 0;
+    let is_decisive = |group: &&RowGroupMetaData| {
+        let is_decisive = rows < MAX_DECISIVE;
+        rows += u64::try_from(group.num_rows()).unwrap_or(0);
+        is_decisive
+    };
+    let decisive = metadata.row_groups().iter().take_while(is_decisive).count();
+    let bound = |group: u64| if group == 0 { 0 } else { (group as usize).max(decisive) };
+    let own = share.of(groups as u64);
+    (bound(own.start)..bound(own.end), 0..decisive)
 }
 
 fn damaged(input: &Input<'_>, place: &str, what: &str) -> InputError {
@@ -95,7 +121,7 @@ fn check_sizes(input: &Input<'_>, metadata: &ParquetMetaData) -> Result<(), Inpu
 
 struct Source<'a> {
     input: &'a Input<'a>,
-    file: File,
+    file: RandomFile,
     file_bytes: u64,
     metadata: ArrowReaderMetadata,
     geo: GeoColumn,
@@ -104,39 +130,71 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    fn read_group(&mut self, group: usize, writer: &mut FeatureWriter<'_>) -> Result<(), InputError> {
-        let place = format!("row group {group}");
-        let (input, facts) = (self.input, self.metadata.metadata().row_group(group));
-        let group_rows = u64::try_from(facts.num_rows()).unwrap_or(0);
-        let group_bytes = u64::try_from(facts.compressed_size()).unwrap_or(0);
-        let wanted = columns::wanted(self.metadata.schema(), &self.geo);
-        let mask = ProjectionMask::roots(self.metadata.parquet_schema(), wanted);
-        let file = self.file.try_clone().map_err(|cause| InputError::io(input.label, cause))?;
-        let mut batches = guarded(input, &place, || {
-            ParquetRecordBatchReaderBuilder::new_with_metadata(file, self.metadata.clone())
+    /// Takes note of the first rows of the file.
+    fn note_groups(&mut self, groups: Range<usize>, writer: &mut FeatureWriter<'_>) -> Result<(), InputError> {
+        let geometry = self.metadata.schema().index_of(&self.geo.name);
+        let wanted: Vec<usize> = geometry.into_iter().collect();
+        for group in groups {
+            let mut batches = self.batches(group, wanted.clone())?;
+            while let Some(batch) = self.next_batch(group, &mut batches)? {
+                let geometries = GeometryColumn::of(&batch, &self.geo);
+                for row in 0..batch.num_rows() {
+                    if let Ok(geometry) = geometries.at(row)
+                        && !writer.note(&geometry)?
+                    {
+                        return Ok(());
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The rows of a group, with these columns.
+    fn batches(&self, group: usize, columns: Vec<usize>) -> Result<ParquetRecordBatchReader, InputError> {
+        let (input, place) = (self.input, place_of(group));
+        let mask = ProjectionMask::roots(self.metadata.parquet_schema(), columns);
+        guarded(input, &place, || {
+            ParquetRecordBatchReaderBuilder::new_with_metadata(self.file.clone(), self.metadata.clone())
                 .with_batch_size(BATCH_ROWS)
                 .with_row_groups(vec![group])
                 .with_projection(mask)
                 .build()
                 .map_err(|cause| damaged(input, &place, &cause.to_string()))
-        })?;
+        })
+    }
+
+    fn next_batch(
+        &self,
+        group: usize,
+        batches: &mut ParquetRecordBatchReader,
+    ) -> Result<Option<RecordBatch>, InputError> {
+        let (input, place) = (self.input, place_of(group));
+        guarded(input, &place, || {
+            let next = batches.next().transpose();
+            next.map_err(|cause| damaged(input, &place, &cause.to_string()))
+        })
+    }
+
+    fn read_group(&mut self, group: usize, writer: &mut FeatureWriter<'_>) -> Result<(), InputError> {
+        let (input, all) = (self.input, self.metadata.metadata().row_groups());
+        let row_count = |group: &RowGroupMetaData| u64::try_from(group.num_rows()).unwrap_or(0);
+        let group_rows = row_count(&all[group]);
+        let group_bytes = u64::try_from(all[group].compressed_size()).unwrap_or(0);
+        writer.continue_after(all[..group].iter().map(row_count).fold(0, u64::saturating_add));
+        let mut batches = self.batches(group, columns::wanted(self.metadata.schema(), &self.geo))?;
         let mut rows = 0;
-        loop {
-            let batch = guarded(input, &place, || {
-                let next = batches.next().transpose();
-                next.map_err(|cause| damaged(input, &place, &cause.to_string()))
-            })?;
-            let Some(batch) = batch else { break };
+        while let Some(batch) = self.next_batch(group, &mut batches)? {
             rows += batch.num_rows() as u64;
             if rows > group_rows {
-                return Err(damaged(input, &place, "it has more rows than it announces"));
+                return Err(damaged(input, &place_of(group), "it has more rows than it announces"));
             }
             self.read_batch(&batch, writer)?;
             let share = (group_bytes as f64 * rows as f64 / group_rows.max(1) as f64) as u64;
             writer.sink.tick((self.bytes_done.saturating_add(share)).min(self.file_bytes));
         }
         if rows < group_rows {
-            return Err(damaged(input, &place, "it has fewer rows than it announces"));
+            return Err(damaged(input, &place_of(group), "it has fewer rows than it announces"));
         }
         self.bytes_done = self.bytes_done.saturating_add(group_bytes);
         Ok(())
@@ -151,14 +209,9 @@ impl Source<'_> {
             .filter(|(field, _)| *field.name() != self.geo.name)
             .map(|(field, array)| (field.name().as_str(), ColumnValues::of(array)))
             .collect();
-        let geometry = batch.column_by_name(&self.geo.name);
-        let binary = geometry.and_then(|array| array.as_any().downcast_ref::<BinaryArray>());
+        let geometries = GeometryColumn::of(batch, &self.geo);
         for row in 0..batch.num_rows() {
-            let parsed = match geometry {
-                None => Err("no geometry"),
-                Some(array) if array.is_null(row) => Err("no geometry"),
-                Some(array) => geometry_of(array, binary, row, &self.geo.encoding),
-            };
+            let parsed = geometries.at(row);
             if let Ok(geometry) = &parsed
                 && writer.wanted_deg().is_some()
                 && geometry.bounds().is_some_and(|bounds| writer.is_unwanted(bounds))
@@ -170,35 +223,52 @@ impl Source<'_> {
             for (name, values) in &columns {
                 values.push(row, name, &mut attributes, 0);
             }
-            self.note_attributions(&attributes);
+            note_attributions(&mut self.attributions, &attributes);
             writer.add(None, attributes, parsed)?;
         }
         Ok(())
     }
+}
 
-    /// Notes the data sets that Overture names as the sources of a feature.
-    fn note_attributions(&mut self, attributes: &Attributes) {
-        let dataset = attributes.get("sources.0.dataset").and_then(AttributeValue::as_str);
-        if let Some(dataset) = dataset
-            && self.attributions.len() < MAX_ATTRIBUTIONS
-            && !self.attributions.contains(dataset)
-        {
-            self.attributions.insert(dataset.to_owned());
-        }
+/// Notes the data sets that Overture names as the sources of a feature.
+fn note_attributions(noted: &mut BTreeSet<String>, attributes: &Attributes) {
+    let dataset = attributes.get("sources.0.dataset").and_then(AttributeValue::as_str);
+    if let Some(dataset) = dataset
+        && noted.len() < MAX_ATTRIBUTIONS
+        && !noted.contains(dataset)
+    {
+        noted.insert(dataset.to_owned());
     }
 }
 
-fn geometry_of(
-    array: &dyn Array,
-    binary: Option<&BinaryArray>,
-    row: usize,
-    encoding: &GeometryEncoding,
-) -> Result<Geometry, &'static str> {
-    let mut geometry = Geometry::default();
-    match (encoding, binary) {
-        (GeometryEncoding::Wkb, Some(binary)) => wkb::parse(binary.value(row), &mut geometry).map(|_| ())?,
-        (GeometryEncoding::Wkb, None) => return Err("geometry of unknown type"),
-        (GeometryEncoding::Nested(kind), _) => native::read(array, row, *kind, &mut geometry)?,
+/// For messages.
+fn place_of(group: usize) -> String {
+    format!("row group {group}")
+}
+
+/// The geometries of some rows.
+struct GeometryColumn<'a> {
+    array: Option<&'a dyn Array>,
+    binary: Option<&'a BinaryArray>,
+    encoding: &'a GeometryEncoding,
+}
+
+impl<'a> GeometryColumn<'a> {
+    fn of(batch: &'a RecordBatch, geo: &'a GeoColumn) -> Self {
+        let array = batch.column_by_name(&geo.name).map(|array| &**array);
+        let binary = array.and_then(|array| array.as_any().downcast_ref::<BinaryArray>());
+        Self { array, binary, encoding: &geo.encoding }
     }
-    Ok(geometry)
+
+    /// The geometry of a row. Fails with the reason if it has none.
+    fn at(&self, row: usize) -> Result<Geometry, &'static str> {
+        let array = self.array.filter(|array| !array.is_null(row)).ok_or("no geometry")?;
+        let mut geometry = Geometry::default();
+        match (self.encoding, self.binary) {
+            (GeometryEncoding::Wkb, Some(binary)) => wkb::parse(binary.value(row), &mut geometry).map(|_| ())?,
+            (GeometryEncoding::Wkb, None) => return Err("geometry of unknown type"),
+            (GeometryEncoding::Nested(kind), _) => native::read(array, row, *kind, &mut geometry)?,
+        }
+        Ok(geometry)
+    }
 }

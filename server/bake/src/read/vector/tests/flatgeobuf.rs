@@ -4,8 +4,9 @@ use flatgeobuf::geozero::error::Result as GeozeroResult;
 use flatgeobuf::geozero::{ColumnValue, GeomProcessor, GeozeroGeometry, PropertyProcessor};
 use flatgeobuf::{ColumnType, FgbCrs, FgbWriter, FgbWriterOptions, GeometryType};
 
-use super::{attack, attributes, read, rings, run, square, text};
+use super::{assert_shares_are_the_whole, attack, attack_share, attributes, read, rings, run, run_share, square, text};
 use crate::read::attributes::AttributeValue;
+use crate::read::input::Share;
 use crate::read::object::{FeatureKind, Shape};
 use crate::read::vector::read_flatgeobuf;
 
@@ -102,4 +103,34 @@ fn hostile_files() {
     let (result, sink) = run(read_flatgeobuf, &[("a.fgb", &bytes[..first + size])], None);
     assert!(result.is_err());
     assert!(matches!(sink.objects[..], [ref only] if matches!(only.shape, Shape::Footprints(_))));
+}
+
+#[test]
+fn shares_are_the_whole() {
+    for (has_index, count) in [(true, 5), (true, 6000), (false, 6000)] {
+        let bytes = file(FgbCrs { code: 28992, ..FgbCrs::default() }, has_index, &plans(count));
+        assert_shares_are_the_whole(read_flatgeobuf, ("a.fgb", &bytes), None);
+        let last = run_share(read_flatgeobuf, &[("a.fgb", &bytes)], None, Share { number: 1, count: 2 }).1;
+        assert_eq!(last.objects.is_empty(), !has_index || count == 5, "the last share reads a part");
+    }
+    let bytes = file(FgbCrs { code: 4326, ..FgbCrs::default() }, true, &plans(100));
+    assert_shares_are_the_whole(read_flatgeobuf, ("a.fgb", &bytes), Some([20.5, 50.0, 22.5, 51.0]));
+}
+
+#[test]
+fn hostile_shares() {
+    let bytes = file(FgbCrs { code: 28992, ..FgbCrs::default() }, true, &plans(4200));
+    attack_share(read_flatgeobuf, &[("a.fgb", &bytes)], 19_997, 4200, Share { number: 1, count: 2 });
+    // The offset of the feature behind the first share.
+    let mut elsewhere = bytes.clone();
+    let header = 12 + u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize;
+    let nodes = 4200 + 263 + 17 + 2 + 1;
+    let offset = header + (nodes - 4200 + 4096) * 40 + 32;
+    for change in [1, 0xff] {
+        elsewhere[offset..offset + 8].fill(change);
+        for number in [0, 1] {
+            let share = Share { number, count: 2 };
+            assert!(run_share(read_flatgeobuf, &[("a.fgb", &elsewhere)], None, share).0.is_err(), "{number}");
+        }
+    }
 }

@@ -11,20 +11,29 @@ use parquet::basic::Compression;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 
-use super::{attack, attributes, polygon_wkb, read, rings, run, square, text};
+use super::{
+    assert_shares_are_the_whole, attack, attack_share, attributes, polygon_wkb, read, rings, run, run_share, square,
+    text,
+};
 use crate::read::attributes::AttributeValue;
-use crate::read::object::{Description, FeatureKind};
+use crate::read::input::Share;
+use crate::read::object::{Description, FeatureKind, Shape, SourceObject};
 use crate::read::vector::read_geoparquet;
 
 const WKB: &str = r#"{"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": {"encoding": "WKB"}}}"#;
 
 /// A file of columns, with metadata, in row groups of two.
 fn file(columns: Vec<(&str, ArrayRef)>, geo: Option<&str>, compression: Compression) -> Vec<u8> {
+    file_in_groups(columns, geo, compression, 2)
+}
+
+/// As [`file`], in row groups of `rows`.
+fn file_in_groups(columns: Vec<(&str, ArrayRef)>, geo: Option<&str>, compression: Compression, rows: usize) -> Vec<u8> {
     let batch = RecordBatch::try_from_iter(columns).unwrap();
     let pairs = geo.map(|geo| vec![KeyValue::new("geo".to_owned(), geo.to_owned())]);
     let properties = WriterProperties::builder()
         .set_compression(compression)
-        .set_max_row_group_row_count(Some(2))
+        .set_max_row_group_row_count(Some(rows))
         .set_key_value_metadata(pairs)
         .build();
     let mut bytes = Vec::new();
@@ -215,4 +224,39 @@ fn hostile_files() {
         let bytes = file(overture_columns(), Some(WKB), compression);
         attack(read_geoparquet, &[("a.parquet", &bytes)], 23, 4);
     }
+}
+
+/// Level polygons with heights, and a wall in the row of this number.
+fn bodies(count: u32, wall: Option<u32>) -> ArrayRef {
+    let upright = |n: u32| {
+        let x = f64::from(n);
+        let corners = [[x, 0.0, 0.0], [x, 5.0, 0.0], [x, 5.0, 5.0], [x, 0.0, 5.0], [x, 0.0, 0.0]];
+        let head =
+            [vec![1], 1003_u32.to_le_bytes().to_vec(), 1_u32.to_le_bytes().to_vec(), 5_u32.to_le_bytes().to_vec()];
+        head.concat().into_iter().chain(corners.concat().into_iter().flat_map(f64::to_le_bytes)).collect()
+    };
+    let body = |n| if Some(n) == wall { upright(n) } else { polygon_wkb(&plan(n), Some(5.0)) };
+    Arc::new((0..count).map(|n| Some(body(n))).collect::<BinaryArray>())
+}
+
+#[test]
+fn shares_are_the_whole() {
+    // The wall is in the first share, and makes faces of all level polygons.
+    for (count, rows, wall) in [(9, 2, None), (6000, 500, None), (6000, 500, Some(100)), (6000, 5000, Some(5500))] {
+        let columns = vec![("geometry", bodies(count, wall)), ("bbox", boxes(count))];
+        let bytes = file_in_groups(columns, Some(WKB), Compression::SNAPPY, rows);
+        assert_shares_are_the_whole(read_geoparquet, ("a.parquet", &bytes), None);
+        assert_shares_are_the_whole(read_geoparquet, ("a.parquet", &bytes), Some([5.2, 50.0, 6.2, 51.0]));
+        let last = run_share(read_geoparquet, &[("a.parquet", &bytes)], None, Share { number: 1, count: 2 }).1;
+        assert_eq!(last.objects.is_empty(), count == 9, "the last share reads a part");
+        let is_face = |object: &SourceObject| matches!(object.shape, Shape::Surfaces { .. });
+        assert_eq!(last.objects.last().is_some_and(is_face), wall == Some(100));
+    }
+}
+
+#[test]
+fn hostile_shares() {
+    let columns = vec![("geometry", geometries(4200))];
+    let bytes = file_in_groups(columns, Some(WKB), Compression::SNAPPY, 1500);
+    attack_share(read_geoparquet, &[("a.parquet", &bytes)], 9_973, 4200, Share { number: 1, count: 2 });
 }

@@ -14,7 +14,7 @@ use std::fs;
 use super::geometry::Geometry;
 use crate::error::InputError;
 use crate::read::attributes::{AttributeValue, Attributes};
-use crate::read::input::{Input, TestFiles};
+use crate::read::input::{Input, Share, TestFiles};
 use crate::read::object::{Footprint, ObjectSink, Shape};
 use crate::read::test_sink::TestSink;
 
@@ -24,13 +24,23 @@ const MAX_BYTES: u64 = 1 << 24;
 
 /// Runs a reader on files of these names and bytes, the first of which is the source.
 fn run(reader: Reader, files: &[(&str, &[u8])], bbox_deg: Option<[f64; 4]>) -> (Result<(), InputError>, TestSink) {
+    run_share(reader, files, bbox_deg, Share::WHOLE)
+}
+
+/// Runs a reader on a share of a source.
+fn run_share(
+    reader: Reader,
+    files: &[(&str, &[u8])],
+    bbox_deg: Option<[f64; 4]>,
+    share: Share,
+) -> (Result<(), InputError>, TestSink) {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes) in files {
         fs::write(folder.path().join(name), bytes).unwrap();
     }
     let files_of = TestFiles(folder.path().to_path_buf());
     let name = files[0].0;
-    let input = Input { label: name, name, files: &files_of, max_bytes: MAX_BYTES, bbox_deg };
+    let input = Input { label: name, name, files: &files_of, max_bytes: MAX_BYTES, bbox_deg, share };
     let mut sink = TestSink::default();
     let result = reader(&input, &mut sink);
     (result, sink)
@@ -43,16 +53,39 @@ fn read(reader: Reader, files: &[(&str, &[u8])]) -> TestSink {
     sink
 }
 
+/// Compares what the shares of a source have with what the whole of it has.
+fn assert_shares_are_the_whole(reader: Reader, file: (&str, &[u8]), bbox_deg: Option<[f64; 4]>) {
+    let (result, whole) = run(reader, &[file], bbox_deg);
+    result.unwrap();
+    for count in [2, 3, 7] {
+        let mut found = TestSink::default();
+        for number in 0..count {
+            let (result, sink) = run_share(reader, &[file], bbox_deg, Share { number, count });
+            result.unwrap();
+            assert!(sink.crs.is_empty() || sink.crs == whole.crs, "{} of {count}", number);
+            found.objects.extend(sink.objects);
+            found.skipped.extend(sink.skipped);
+        }
+        assert_eq!(found.skipped, whole.skipped, "{count} shares");
+        assert!(found.objects == whole.objects, "{count} shares");
+    }
+}
+
 /// Runs a reader on all beginnings of a file, and on copies with a changed byte. It may fail, but must not panic, and must
 /// account for no more objects than `max_objects`.
 fn attack(reader: Reader, files: &[(&str, &[u8])], step: usize, max_objects: usize) {
+    attack_share(reader, files, step, max_objects, Share::WHOLE);
+}
+
+/// As [`attack`], of a share.
+fn attack_share(reader: Reader, files: &[(&str, &[u8])], step: usize, max_objects: usize, share: Share) {
     let folder = tempfile::tempdir().unwrap();
     let files_of = TestFiles(folder.path().to_path_buf());
     for (name, bytes) in files {
         fs::write(folder.path().join(name), bytes).unwrap();
     }
     let (name, bytes) = files[0];
-    let input = Input { label: name, name, files: &files_of, max_bytes: MAX_BYTES, bbox_deg: None };
+    let input = Input { label: name, name, files: &files_of, max_bytes: MAX_BYTES, bbox_deg: None, share };
     let check = |bytes: &[u8]| {
         fs::write(folder.path().join(name), bytes).unwrap();
         let mut sink = TestSink::default();

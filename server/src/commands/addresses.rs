@@ -1,0 +1,116 @@
+//! Reads city files from web servers and buckets for `bake` and `inspect`.
+
+use super::work_store::{io_error, open_bucket};
+use futures_util::{StreamExt, TryStreamExt};
+use insula_bake::read::{AddressReader, ListedObject};
+use object_store::{ObjectMeta, ObjectStore, ObjectStoreExt as _, aws::AmazonS3, path::Path as ObjectPath};
+use std::{cell::RefCell, collections::HashMap, io, ops::Range, time::Duration};
+
+/// Time to connect, and between two parts of a response.
+const TIMEOUT: Duration = Duration::from_secs(30);
+const MAX_REDIRECTS: usize = 5;
+
+/// The addresses that this program reads: each thread has its own client.
+#[derive(Debug)]
+pub(super) struct Addresses;
+
+/// A client, and the runtime that drives it.
+struct Fetcher {
+    runtime: tokio::runtime::Runtime,
+    client: reqwest::Client,
+    buckets: HashMap<String, AmazonS3>,
+}
+
+impl Fetcher {
+    fn new() -> io::Result<Self> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        let client = reqwest::Client::builder()
+            .connect_timeout(TIMEOUT)
+            .read_timeout(TIMEOUT)
+            .redirect(reqwest::redirect::Policy::limited(MAX_REDIRECTS))
+            .user_agent(concat!("insula/", env!("CARGO_PKG_VERSION")))
+            .build()
+            .map_err(io::Error::other)?;
+        Ok(Self { runtime, client, buckets: HashMap::new() })
+    }
+
+    async fn get(&self, url: &str, max_bytes: u64) -> io::Result<Vec<u8>> {
+        let response = self.client.get(url).send().await.map_err(io::Error::other)?;
+        if !response.status().is_success() {
+            let not_found = matches!(response.status().as_u16(), 404 | 410);
+            let kind = if not_found { io::ErrorKind::NotFound } else { io::ErrorKind::Other };
+            return Err(io::Error::new(kind, format!("{url}: the server answers {}", response.status())));
+        }
+        let (mut bytes, mut parts) = (Vec::new(), response.bytes_stream());
+        while let Some(part) = parts.next().await {
+            bytes.extend_from_slice(&part.map_err(io::Error::other)?);
+            if bytes.len() as u64 > max_bytes {
+                return Err(io::Error::other(format!("{url}: more than {max_bytes} bytes")));
+            }
+        }
+        Ok(bytes)
+    }
+
+    /// The bucket and the object of an address.
+    fn bucket(&mut self, address: &str) -> io::Result<(&AmazonS3, ObjectPath)> {
+        let invalid = |reason: String| io::Error::new(io::ErrorKind::InvalidInput, reason);
+        let rest = address.strip_prefix("s3://").ok_or_else(|| invalid("expected s3://BUCKET/NAME".into()))?;
+        let (bucket, name) = rest.split_once('/').unwrap_or((rest, ""));
+        let path = ObjectPath::parse(name).map_err(|error| invalid(error.to_string()))?;
+        if !self.buckets.contains_key(bucket) {
+            self.buckets.insert(bucket.to_owned(), open_bucket(bucket)?);
+        }
+        Ok((&self.buckets[bucket], path))
+    }
+}
+
+/// Calls `use_it` with this thread's client. Fails if there can be none.
+fn with_fetcher<T>(use_it: impl FnOnce(&mut Fetcher) -> io::Result<T>) -> io::Result<T> {
+    thread_local! {
+        static FETCHER: RefCell<Option<Fetcher>> = const { RefCell::new(None) };
+    }
+    FETCHER.with_borrow_mut(|fetcher| {
+        let fetcher = match fetcher {
+            Some(fetcher) => fetcher,
+            None => fetcher.insert(Fetcher::new()?),
+        };
+        use_it(fetcher)
+    })
+}
+
+impl AddressReader for Addresses {
+    fn fetch(&self, url: &str, max_bytes: u64) -> io::Result<Vec<u8>> {
+        with_fetcher(|fetcher| fetcher.runtime.block_on(fetcher.get(url, max_bytes)))
+    }
+
+    fn list(&self, folder: &str) -> io::Result<Vec<ListedObject>> {
+        with_fetcher(|fetcher| {
+            let handle = fetcher.runtime.handle().clone();
+            let (store, prefix) = fetcher.bucket(folder)?;
+            let found: Vec<ObjectMeta> = handle.block_on(store.list(Some(&prefix)).try_collect()).map_err(io_error)?;
+            let name = |location: &ObjectPath| {
+                Some(location.prefix_match(&prefix)?.map(|part| part.as_ref().to_owned()).collect::<Vec<_>>().join("/"))
+            };
+            let object = |meta: ObjectMeta| Some(ListedObject { name: name(&meta.location)?, bytes: meta.size });
+            let mut objects: Vec<ListedObject> = found.into_iter().filter_map(object).collect();
+            objects.sort_unstable_by(|a, b| a.name.cmp(&b.name));
+            Ok(objects)
+        })
+    }
+
+    fn size(&self, address: &str) -> io::Result<u64> {
+        with_fetcher(|fetcher| {
+            let handle = fetcher.runtime.handle().clone();
+            let (store, path) = fetcher.bucket(address)?;
+            Ok(handle.block_on(store.head(&path)).map_err(io_error)?.size)
+        })
+    }
+
+    fn range(&self, address: &str, range: Range<u64>) -> io::Result<Vec<u8>> {
+        with_fetcher(|fetcher| {
+            let handle = fetcher.runtime.handle().clone();
+            let (store, path) = fetcher.bucket(address)?;
+            Ok(handle.block_on(store.get_range(&path, range)).map_err(io_error)?.into())
+        })
+    }
+}
