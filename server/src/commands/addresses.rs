@@ -51,16 +51,20 @@ impl Fetcher {
         Ok(bytes)
     }
 
-    /// The bucket and the object of an address.
-    fn bucket(&mut self, address: &str) -> io::Result<(&AmazonS3, ObjectPath)> {
+    /// Waits for what an object of a bucket, or the objects below it, are asked for. Fails if the address is not that of a bucket.
+    fn wait<T, F>(&mut self, address: &str, ask: impl FnOnce(AmazonS3, ObjectPath) -> F) -> io::Result<T>
+    where
+        F: Future<Output = object_store::Result<T>>,
+    {
         let invalid = |reason: String| io::Error::new(io::ErrorKind::InvalidInput, reason);
         let rest = address.strip_prefix("s3://").ok_or_else(|| invalid("expected s3://BUCKET/NAME".into()))?;
         let (bucket, name) = rest.split_once('/').unwrap_or((rest, ""));
         let path = ObjectPath::parse(name).map_err(|error| invalid(error.to_string()))?;
-        if !self.buckets.contains_key(bucket) {
-            self.buckets.insert(bucket.to_owned(), open_bucket(bucket)?);
-        }
-        Ok((&self.buckets[bucket], path))
+        let store = match self.buckets.get(bucket) {
+            Some(store) => store.clone(),
+            None => self.buckets.entry(bucket.to_owned()).insert_entry(open_bucket(bucket)?).get().clone(),
+        };
+        self.runtime.block_on(ask(store, path)).map_err(io_error)
     }
 }
 
@@ -84,33 +88,27 @@ impl AddressReader for Addresses {
     }
 
     fn list(&self, folder: &str) -> io::Result<Vec<ListedObject>> {
-        with_fetcher(|fetcher| {
-            let handle = fetcher.runtime.handle().clone();
-            let (store, prefix) = fetcher.bucket(folder)?;
-            let found: Vec<ObjectMeta> = handle.block_on(store.list(Some(&prefix)).try_collect()).map_err(io_error)?;
-            let name = |location: &ObjectPath| {
-                Some(location.prefix_match(&prefix)?.map(|part| part.as_ref().to_owned()).collect::<Vec<_>>().join("/"))
+        let list = async |store: AmazonS3, prefix: ObjectPath| {
+            let found: Vec<ObjectMeta> = store.list(Some(&prefix)).try_collect().await?;
+            let object = |meta: &ObjectMeta| {
+                let parts = meta.location.prefix_match(&prefix)?;
+                let name = parts.map(|part| part.as_ref().to_owned()).collect::<Vec<_>>().join("/");
+                Some(ListedObject { name, bytes: meta.size })
             };
-            let object = |meta: ObjectMeta| Some(ListedObject { name: name(&meta.location)?, bytes: meta.size });
-            let mut objects: Vec<ListedObject> = found.into_iter().filter_map(object).collect();
-            objects.sort_unstable_by(|a, b| a.name.cmp(&b.name));
-            Ok(objects)
-        })
+            Ok(found.iter().filter_map(object).collect())
+        };
+        let mut objects: Vec<ListedObject> = with_fetcher(|fetcher| fetcher.wait(folder, list))?;
+        objects.sort_unstable_by(|a, b| a.name.cmp(&b.name));
+        Ok(objects)
     }
 
     fn size(&self, address: &str) -> io::Result<u64> {
-        with_fetcher(|fetcher| {
-            let handle = fetcher.runtime.handle().clone();
-            let (store, path) = fetcher.bucket(address)?;
-            Ok(handle.block_on(store.head(&path)).map_err(io_error)?.size)
-        })
+        let head = async |store: AmazonS3, path: ObjectPath| Ok(store.head(&path).await?.size);
+        with_fetcher(|fetcher| fetcher.wait(address, head))
     }
 
     fn range(&self, address: &str, range: Range<u64>) -> io::Result<Vec<u8>> {
-        with_fetcher(|fetcher| {
-            let handle = fetcher.runtime.handle().clone();
-            let (store, path) = fetcher.bucket(address)?;
-            Ok(handle.block_on(store.get_range(&path, range)).map_err(io_error)?.into())
-        })
+        let get = async |store: AmazonS3, path: ObjectPath| Ok(store.get_range(&path, range).await?.into());
+        with_fetcher(|fetcher| fetcher.wait(address, get))
     }
 }
