@@ -62,7 +62,7 @@ fn only_stream_fetches() {
     assert_only("client/src/", &["reqwest::", "TcpStream", "UdpSocket"], &["client/src/stream/"]);
     // The server fetches through object_store, whose HTTP client is configured there.
     // City files on web servers come through `fetch`.
-    assert_only("server/src/", &["reqwest::"], &["server/src/store/same_host.rs", "server/src/commands/fetch.rs"]);
+    assert_only("server/src/", &["reqwest::"], &["server/src/store/same_host.rs", "server/src/commands/addresses.rs"]);
 }
 
 #[test]

@@ -3,11 +3,12 @@
 use std::io::{self, Read};
 use std::rc::Rc;
 
+use super::address_reader::{AddressReader, ListedObject};
 use super::archive::is_archive;
 use super::files::copy_to_disk;
 use super::input::{LocalFile, SourceFiles};
 use super::random_file::RandomFile;
-use super::remote::{AddressReader, ListedObject, check_name};
+use super::remote::check_name;
 use super::source::{CitySource, kind_by_name};
 use super::unread_formats;
 use crate::error::InputError;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::address_reader::AddressReader;
 use super::attributes::{Attributes, NamePatterns};
 use super::duplicates::DuplicateOption;
 use super::elevation::{
@@ -17,7 +18,6 @@ use super::paint::PaintShape;
 use super::palette::{Look, Palette, SurfaceFacts};
 use super::place::{Placement, World};
 use super::polygon::Triangulator;
-use super::remote::AddressReader;
 use super::report::{FacadeReport, INEXACT, ReadReport, SourceReport};
 use super::scene_builder::{AnchoredBuilding, OpenObject, SceneBuilder, WorldTriangle};
 use super::source::CitySource;

@@ -5,11 +5,13 @@ use std::cell::Cell;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::ops::Range;
+#[cfg(test)]
 use std::path::PathBuf;
 use std::rc::Rc;
 
 use flate2::read::MultiGzDecoder;
 
+pub(crate) use super::random_file::LocalFile;
 use super::random_file::RandomFile;
 use crate::error::InputError;
 
@@ -31,13 +33,6 @@ pub(crate) trait SourceFiles {
     }
     /// Distinguishes these files from those of other sources.
     fn location(&self) -> String;
-}
-
-/// A file on disk, which is removed with this value if it is a copy.
-#[derive(Debug)]
-pub(crate) struct LocalFile {
-    pub(crate) path: PathBuf,
-    pub(crate) copy: Option<tempfile::TempPath>,
 }
 
 /// One of several equal shares of a source.

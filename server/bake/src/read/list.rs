@@ -5,13 +5,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use super::address_reader::AddressReader;
 use super::archive::{ZipFiles, is_archive};
 use super::bad_inputs::BadInputs;
 use super::bucket::{self, BucketFiles, BucketInput};
 use super::context::ReadOptions;
 use super::files::{EmbeddedFiles, FolderFiles};
 use super::input::SourceFiles;
-use super::remote::{self, AddressReader};
+use super::remote;
 use super::source::{CitySource, kind_by_name, read_file};
 use super::unread_formats;
 use crate::error::InputError;

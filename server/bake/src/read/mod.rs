@@ -3,6 +3,7 @@
 //! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`].
 //! Next: `partition`.
 
+mod address_reader;
 mod alpha_mask;
 mod archive;
 mod attributes;
@@ -65,6 +66,7 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 pub use crate::error::InputError;
+pub use address_reader::{AddressReader, ListedObject};
 pub use attributes::NamePatterns;
 pub use context::{ObjUpAxis, PlacingOptions, ReadOptions};
 pub use duplicates::DuplicateOption;
@@ -76,7 +78,6 @@ pub use landmark::cell_of_monument;
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
 pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
-pub use remote::{AddressReader, ListedObject};
 pub use report::{
     AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport,
 };

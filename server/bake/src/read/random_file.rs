@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::num::NonZeroUsize;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytes::Bytes;
@@ -10,13 +11,19 @@ use lru::LruCache;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, Length};
 
-use super::input::LocalFile;
-use super::remote::AddressReader;
+use super::address_reader::AddressReader;
 
 /// Bytes of one request to a bucket.
 const BLOCK_BYTES: u64 = 4 << 20;
 /// Blocks of an object that are kept: columns of a table are read side by side.
 const KEPT_BLOCKS: NonZeroUsize = NonZeroUsize::new(16).expect("not zero");
+
+/// A file on disk, which is removed with this value if it is a copy.
+#[derive(Debug)]
+pub(crate) struct LocalFile {
+    pub(crate) path: PathBuf,
+    pub(crate) copy: Option<tempfile::TempPath>,
+}
 
 /// A file that is read in any order. Cheap to clone.
 #[derive(Clone)]
@@ -132,7 +139,7 @@ impl ChunkReader for RandomFile {
 
 #[cfg(test)]
 mod tests {
-    use super::super::remote::ListedObject;
+    use super::super::address_reader::ListedObject;
     use super::*;
     use std::ops::Range;
 

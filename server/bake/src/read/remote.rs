@@ -2,40 +2,15 @@
 //!
 //! The bake has no HTTP of its own. The program that calls it passes what reads addresses.
 
-use std::fmt::Debug;
 use std::io::{self, Cursor, Read};
-use std::ops::Range;
 
 use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
 
+use super::address_reader::AddressReader;
 use super::files::copy_to_disk;
 use super::input::{LocalFile, SourceFiles};
 use super::source::{CitySource, kind_by_name};
 use crate::error::InputError;
-
-/// Reads inputs that are addresses.
-pub trait AddressReader: Debug + Sync {
-    /// All bytes of a file on a web server. Fails with `NotFound` if there is none, and if it has more than `max_bytes`.
-    fn fetch(&self, url: &str, max_bytes: u64) -> io::Result<Vec<u8>>;
-
-    /// The objects below a folder of a bucket, `s3://BUCKET/FOLDER/`, with their names within it. Fails if it cannot be listed.
-    fn list(&self, folder: &str) -> io::Result<Vec<ListedObject>>;
-
-    /// Size in bytes of an object of a bucket, `s3://BUCKET/NAME`. Fails with `NotFound` if there is none.
-    fn size(&self, address: &str) -> io::Result<u64>;
-
-    /// Some bytes of an object of a bucket. Fails if it does not have them.
-    fn range(&self, address: &str, range: Range<u64>) -> io::Result<Vec<u8>>;
-}
-
-/// An object of a bucket.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ListedObject {
-    /// Within the listed folder.
-    pub name: String,
-    /// Size in bytes.
-    pub bytes: u64,
-}
 
 /// Larger files are refused: each is in memory.
 const MAX_FILE_BYTES: u64 = 1 << 30;
@@ -105,7 +80,9 @@ impl SourceFiles for RemoteFiles {
 
 #[cfg(test)]
 mod tests {
+    use super::super::address_reader::ListedObject;
     use super::*;
+    use std::ops::Range;
 
     #[derive(Debug)]
     struct Echo;
