@@ -93,6 +93,8 @@ fn packets_draw_every_shading_the_night_and_objects() -> Result<()> {
         }
         let camera = random::camera(&mut rng, &city, Pose::Grazing);
         let mut scene = city.draw_list.scene(&camera, &FRAME);
+        scene.frame.light.sky_up[3] = 1.0;
+        check(&scene, &format!("city {seed}, without occlusion"))?;
         let sun = glam::Vec3::new(0.3, 0.4, -0.1).normalize();
         let night = NightLights { moon: Some(scene.frame.forward.into()), lit_windows: seed % 2 == 0 };
         (scene.frame.sun, scene.frame.light) = (sun.into(), Light::new(sun, Air::default(), &night));

@@ -173,6 +173,10 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
             scene.frame.bays = bays_of(camera.position.into(), 1.0 / FRAME.height_px as f32);
             scene.frame.shadow_m = shadow_m;
             scenes_agree(gpu, &scene, &FRAME, &camera, &format!("sun {height} high, {pose:?}"))?;
+            let occluded = scene.render();
+            scene.frame.light.sky_up[3] = 1.0;
+            scenes_agree(gpu, &scene, &FRAME, &camera, &format!("sun {height} high, {pose:?}, without occlusion"))?;
+            ensure!(i > 0 || scene.render().colour != occluded.colour, "occlusion is visible by day");
         }
     }
     Ok(())

@@ -282,6 +282,15 @@ mod tests {
     }
 
     #[test]
+    fn occlusion_can_be_off() {
+        let least = |occlusion| {
+            let daylight = daylight(None, &SunOptions { occlusion, ..SunOptions::default() });
+            daylight.render_settings(Shading::Lit, 1).light.sky_up[3]
+        };
+        assert_eq!([None, Some(true), Some(false)].map(least), [0.0, 0.0, 1.0]);
+    }
+
+    #[test]
     fn the_moon_follows_the_date() {
         let full = daylight(DELFT, &at("2024-09-18T00:30"));
         let moon = full.moon_direction().unwrap();

@@ -4,7 +4,13 @@ use super::work_store::{io_error, open_bucket};
 use futures_util::{StreamExt, TryStreamExt};
 use insula_bake::read::{AddressReader, ListedObject};
 use object_store::{ObjectMeta, ObjectStore, ObjectStoreExt as _, aws::AmazonS3, path::Path as ObjectPath};
-use std::{cell::RefCell, collections::HashMap, io, ops::Range, time::Duration};
+use std::{
+    cell::RefCell,
+    collections::{HashMap, hash_map::Entry},
+    io,
+    ops::Range,
+    time::Duration,
+};
 
 /// Time to connect, and between two parts of a response.
 const TIMEOUT: Duration = Duration::from_secs(30);
@@ -60,11 +66,11 @@ impl Fetcher {
         let rest = address.strip_prefix("s3://").ok_or_else(|| invalid("expected s3://BUCKET/NAME".into()))?;
         let (bucket, name) = rest.split_once('/').unwrap_or((rest, ""));
         let path = ObjectPath::parse(name).map_err(|error| invalid(error.to_string()))?;
-        let store = match self.buckets.get(bucket) {
-            Some(store) => store.clone(),
-            None => self.buckets.entry(bucket.to_owned()).insert_entry(open_bucket(bucket)?).get().clone(),
+        let store = match self.buckets.entry(bucket.to_owned()) {
+            Entry::Occupied(store) => store.into_mut(),
+            Entry::Vacant(place) => place.insert(open_bucket(bucket)?),
         };
-        self.runtime.block_on(ask(store, path)).map_err(io_error)
+        self.runtime.block_on(ask(store.clone(), path)).map_err(io_error)
     }
 }
 

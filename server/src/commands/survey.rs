@@ -23,14 +23,14 @@ const MAX_ROWS: usize = 40;
 /// Time between two lines of progress.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Whether `inspect` reads the path as an input of a bake: it exists and is no baked city, or it
-/// is an address of a city file.
+/// Whether `inspect` reads the path as an input of a bake: it exists and is no baked city, or it is a list or an address.
 pub(super) fn is_input(path: &Path) -> bool {
     let text = path.to_string_lossy();
     let name = text.rsplit('/').next().unwrap_or_default();
     let is_tileset = text.starts_with("http") && name.ends_with(".json") && name != "city.json";
-    let is_object = text.starts_with("s3://") && name.contains(['.', '*']) && name != "city.json";
-    path.exists() && !path.join("city.json").is_file() || text.starts_with('@') || is_tileset || is_object
+    // A baked city in a bucket cannot be inspected there.
+    let is_marked = text.starts_with('@') || text.starts_with("s3://");
+    path.exists() && !path.join("city.json").is_file() || is_marked || is_tileset
 }
 
 /// Reads the input and prints what it contains. Fails if a bake would.

@@ -15,8 +15,8 @@ use super::address_reader::AddressReader;
 
 /// Bytes of one request to a bucket.
 const BLOCK_BYTES: u64 = 4 << 20;
-/// Blocks of an object that are kept: columns of a table are read side by side.
-const KEPT_BLOCKS: NonZeroUsize = NonZeroUsize::new(16).expect("not zero");
+/// Blocks of an object that are kept: columns of a table are read side by side. The compiler evaluates the `unwrap`.
+const KEPT_BLOCKS: NonZeroUsize = NonZeroUsize::new(16).unwrap();
 
 /// A file on disk, which is removed with this value if it is a copy.
 #[derive(Debug)]

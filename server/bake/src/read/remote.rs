@@ -1,6 +1,4 @@
-//! Files on a web server (a tileset and its tiles, or any other city file), and in buckets of object stores.
-//!
-//! The bake has no HTTP of its own. The program that calls it passes what reads addresses.
+//! Files on a web server: a tileset and its tiles, or any other city file.
 
 use std::io::{self, Cursor, Read};
 

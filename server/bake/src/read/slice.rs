@@ -11,7 +11,7 @@ use super::input::{LocalFile, Share, SourceFiles};
 use super::random_file::{RandomFile, RandomReader};
 use super::source::{CitySource, SourceKind, is_gz, kind_by_name};
 
-/// A header that is longer is none: the sequence is not divided.
+/// A header that is longer is none: one slice has the whole sequence.
 const MAX_HEADER_BYTES: u64 = 16 << 20;
 
 /// The slices of a source, each of about `slice_bytes`; the source itself if it is shorter, or cannot be divided.
@@ -21,69 +21,57 @@ pub(super) fn slices(source: CitySource<'static>, slice_bytes: u64) -> Vec<CityS
     if count < 2 || is_gz(&source.name) || !source.files.is_random() {
         return vec![source];
     }
-    let kind = kind_by_name(&source.name);
-    let lines = match kind {
-        Some(SourceKind::JsonLines | SourceKind::GeoJsonLines) => {
-            match SlicedLines::new(&source, kind == Some(SourceKind::JsonLines)) {
-                Some(lines) => Some(Rc::new(lines)),
-                None => return vec![source],
-            }
-        }
+    let has_header = match kind_by_name(&source.name) {
+        Some(SourceKind::JsonLines) => Some(true),
+        Some(SourceKind::GeoJsonLines) => Some(false),
         Some(SourceKind::FlatGeobuf | SourceKind::GeoParquet) => None,
         _ => return vec![source],
     };
     let slice = |number: u64| {
+        let CitySource { label, name, files, bytes, found, .. } = &source;
         let share = Share { number, count };
-        let range = share.of(source.bytes);
+        let range = share.of(*bytes);
         let bytes = range.end - range.start;
-        let (files, share): (Rc<dyn SourceFiles>, _) = match &lines {
-            Some(all) => (Rc::new(LineSlice { all: Rc::clone(all), range }), Share::WHOLE),
-            None => (Rc::clone(&source.files), share),
+        let (files, share): (Rc<dyn SourceFiles>, _) = match has_header {
+            Some(has_header) => {
+                let lines = LineSlice { inner: Rc::clone(files), name: name.clone(), has_header, range };
+                (Rc::new(lines), Share::WHOLE)
+            }
+            None => (Rc::clone(files), share),
         };
-        let slice = CitySource::new(source.label.clone(), source.name.clone(), files, bytes);
-        CitySource { found: source.found, share, ..slice }
+        CitySource { found: *found, share, ..CitySource::new(label.clone(), name.clone(), files, bytes) }
     };
     (0..count).map(slice).collect()
 }
 
-/// A sequence of which slices are read.
-struct SlicedLines {
+/// The files of a source, itself with a run of its lines only. Nothing is read before it is opened: a folder may have thousands of
+/// sequences, and each scan lists all of them.
+struct LineSlice {
     inner: Rc<dyn SourceFiles>,
     name: String,
-    file: RandomFile,
-    /// The first line, if it belongs to all slices; else empty.
-    header: Vec<u8>,
-}
-
-impl SlicedLines {
-    /// `None` if the file cannot be opened, or its header is none.
-    fn new(source: &CitySource<'static>, has_header: bool) -> Option<Self> {
-        let file = source.files.random(&source.name).ok()?;
-        let mut header = Vec::new();
-        if has_header {
-            file.reader(0)
-                .take(MAX_HEADER_BYTES)
-                .read_until(b'\n', &mut header)
-                .ok()
-                .filter(|_| header.ends_with(b"\n"))?;
-        }
-        Some(Self { inner: Rc::clone(&source.files), name: source.name.clone(), file, header })
-    }
-}
-
-/// The files of a source, itself with a run of its lines only.
-struct LineSlice {
-    all: Rc<SlicedLines>,
+    /// Whether the first line belongs to all slices.
+    has_header: bool,
     /// Lines that begin in this range of bytes.
     range: Range<u64>,
 }
 
+/// The first line of a sequence, with its end; `None` if it is longer than a header. Fails if the file cannot be read.
+fn header(file: &RandomFile) -> io::Result<Option<Vec<u8>>> {
+    let mut line = Vec::new();
+    file.reader(0).take(MAX_HEADER_BYTES).read_until(b'\n', &mut line)?;
+    Ok(Some(line).filter(|line| line.ends_with(b"\n")))
+}
+
 impl SourceFiles for LineSlice {
     fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
-        let SlicedLines { inner, name: own, file, header } = &*self.all;
-        if name != own {
-            return inner.open(name);
+        if name != self.name {
+            return self.inner.open(name);
         }
+        let file = self.inner.random(name)?;
+        let Some(header) = (if self.has_header { header(&file)? } else { Some(Vec::new()) }) else {
+            // Without a header, the first slice is the whole file.
+            return Ok(if self.range.start == 0 { Box::new(file.reader(0)) } else { Box::new(io::empty()) });
+        };
         // The header is the first line, and not one of any slice.
         let start = self.range.start.max(header.len() as u64);
         let position = start.saturating_sub(1);
@@ -95,15 +83,15 @@ impl SourceFiles for LineSlice {
     }
 
     fn len(&self, name: &str) -> io::Result<u64> {
-        if name == self.all.name { Ok(self.range.end - self.range.start) } else { self.all.inner.len(name) }
+        if name == self.name { Ok(self.range.end - self.range.start) } else { self.inner.len(name) }
     }
 
     fn on_disk(&self, name: &str) -> io::Result<LocalFile> {
-        self.all.inner.on_disk(name)
+        self.inner.on_disk(name)
     }
 
     fn location(&self) -> String {
-        self.all.inner.location()
+        self.inner.location()
     }
 }
 
@@ -184,6 +172,17 @@ mod tests {
                 assert_eq!(found, lines, "{name}: slices of {slice_bytes} bytes");
             }
         }
+    }
+
+    #[test]
+    fn a_sequence_without_a_header_is_one_slice() {
+        let folder = TestFolder::new("slices-header");
+        let path = folder.path.join("a.city.jsonl");
+        fs::write(&path, "one line without an end").unwrap();
+        let listed = list(&[path], &ReadOptions::default(), &mut BadInputs::new(false)).unwrap();
+        let slices = slices(listed.sources.into_iter().next().unwrap(), 8);
+        let text = |slice: &CitySource<'_>| io::read_to_string(slice.files.open(&slice.name).unwrap()).unwrap();
+        assert_eq!(slices.iter().map(text).collect::<Vec<_>>(), ["one line without an end", ""]);
     }
 
     #[test]

@@ -188,7 +188,7 @@ fn feature_of(frame: &[u8]) -> Option<Feature<'_>> {
 fn geometry_of(feature: &Feature<'_>, frame: &[u8], schema: &Schema) -> Result<Geometry, &'static str> {
     let table = feature.geometry().ok_or("no geometry")?;
     let mut geometry = Geometry::default();
-    // Parts can share vectors: what comes of them must not be larger than without sharing.
+    // Parts of a geometry may refer to the same vector. The limit keeps a small table from becoming a large geometry.
     let mut positions_left = frame.len() / 16 + 1;
     geometry::read(&table, schema.geometry_type, &mut geometry, &mut positions_left, 0)?;
     Ok(geometry)
