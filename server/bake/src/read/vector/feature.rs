@@ -98,6 +98,7 @@ impl<'a> FeatureWriter<'a> {
     /// of the system cannot be placed.
     pub(super) fn begin(&mut self, layer: Layer, crs: Option<String>) -> Result<(), InputError> {
         self.finish()?;
+        self.decisive = [0; 2];
         self.layer = layer;
         self.is_placed = false;
         match crs {
@@ -140,21 +141,23 @@ impl<'a> FeatureWriter<'a> {
 
     /// Takes note of a feature at the start of the source, which another share passes on. Returns whether the next one has to be
     /// noted, too. Fails if positions of the system cannot be placed.
-    pub(super) fn note(&mut self, geometry: &Geometry) -> Result<bool, InputError> {
-        self.settle_crs(geometry)?;
-        if let Some(settled) = self.settled_by(facing(geometry)) {
-            self.level_polygons = settled;
+    pub(super) fn note(&mut self, geometry: Result<Geometry, &'static str>) -> Result<bool, InputError> {
+        self.decisive[0] += 1;
+        if let Ok(geometry) = geometry {
+            self.settle_crs(&geometry)?;
+            if let Some(settled) = self.settled_by(facing(&geometry)) {
+                self.level_polygons = settled;
+            }
         }
         Ok(matches!(self.level_polygons, LevelPolygons::Waiting(_)))
     }
 
-    /// What the level polygons are, if it becomes known with the next feature.
+    /// What the level polygons are, if it becomes known with this feature.
     fn settled_by(&mut self, facing: Facing) -> Option<LevelPolygons> {
         if !matches!(self.level_polygons, LevelPolygons::Waiting(_)) {
             return None;
         }
         let [features, level] = &mut self.decisive;
-        *features += 1;
         *level += u64::from(facing == Facing::Level);
         match facing {
             _ if *features > MAX_DECISIVE || *level > MAX_WAITING => Some(LevelPolygons::Plans),
@@ -172,6 +175,8 @@ impl<'a> FeatureWriter<'a> {
         geometry: Result<Geometry, &'static str>,
     ) -> Result<(), InputError> {
         self.count += 1;
+        // Also those without a geometry, so that the share of a feature follows from its place in the file.
+        self.decisive[0] += 1;
         let count = self.count;
         let id = id_of(&attributes).or(number).unwrap_or_else(|| format!("feature {count}"));
         let geometry = match geometry {
@@ -207,7 +212,6 @@ impl<'a> FeatureWriter<'a> {
     pub(super) fn finish(&mut self) -> Result<(), InputError> {
         self.settle_level_polygons(LevelPolygons::Plans)?;
         self.level_polygons = LevelPolygons::Waiting(Vec::new());
-        self.decisive = [0; 2];
         Ok(())
     }
 

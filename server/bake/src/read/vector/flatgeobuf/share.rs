@@ -42,10 +42,8 @@ pub(super) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
         let mut reader = file.reader(first_feature);
         for number in 0..decisive {
             let Some(_) = read_frame(input, &mut reader, &mut frame, number)? else { break };
-            let geometry = feature_of(&frame).and_then(|feature| geometry_of(&feature, &frame, &schema).ok());
-            if let Some(geometry) = geometry
-                && !writer.note(&geometry)?
-            {
+            let feature = feature_of(&frame).ok_or("malformed feature");
+            if !writer.note(feature.and_then(|feature| geometry_of(&feature, &frame, &schema)))? {
                 break;
             }
         }

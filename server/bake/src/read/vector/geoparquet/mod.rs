@@ -139,9 +139,7 @@ impl Source<'_> {
             while let Some(batch) = self.next_batch(group, &mut batches)? {
                 let geometries = GeometryColumn::of(&batch, &self.geo);
                 for row in 0..batch.num_rows() {
-                    if let Ok(geometry) = geometries.at(row)
-                        && !writer.note(&geometry)?
-                    {
+                    if !writer.note(geometries.at(row))? {
                         return Ok(());
                     }
                 }

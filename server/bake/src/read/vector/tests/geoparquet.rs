@@ -226,7 +226,7 @@ fn hostile_files() {
     }
 }
 
-/// Level polygons with heights, and a wall in the row of this number.
+/// Plans, every 50th with heights, a wall in the row of this number, and a row without a geometry.
 fn bodies(count: u32, wall: Option<u32>) -> ArrayRef {
     let upright = |n: u32| {
         let x = f64::from(n);
@@ -235,14 +235,25 @@ fn bodies(count: u32, wall: Option<u32>) -> ArrayRef {
             [vec![1], 1003_u32.to_le_bytes().to_vec(), 1_u32.to_le_bytes().to_vec(), 5_u32.to_le_bytes().to_vec()];
         head.concat().into_iter().chain(corners.concat().into_iter().flat_map(f64::to_le_bytes)).collect()
     };
-    let body = |n| if Some(n) == wall { upright(n) } else { polygon_wkb(&plan(n), Some(5.0)) };
-    Arc::new((0..count).map(|n| Some(body(n))).collect::<BinaryArray>())
+    let body = |n: u32| match n {
+        _ if Some(n) == wall => upright(n),
+        _ => polygon_wkb(&plan(n), n.is_multiple_of(50).then_some(5.0)),
+    };
+    Arc::new((0..count).map(|n| (n != 7).then(|| body(n))).collect::<BinaryArray>())
 }
 
 #[test]
 fn shares_are_the_whole() {
-    // The wall is in the first share, and makes faces of all level polygons.
-    for (count, rows, wall) in [(9, 2, None), (6000, 500, None), (6000, 500, Some(100)), (6000, 5000, Some(5500))] {
+    // A wall among the first 4096 rows makes faces of all level polygons; one behind them does not.
+    let cases = [
+        (9, 2, None),
+        (6000, 500, None),
+        (6000, 500, Some(101)),
+        (7000, 1024, Some(4095)),
+        (7000, 1024, Some(4096)),
+        (6000, 5000, Some(5501)),
+    ];
+    for (count, rows, wall) in cases {
         let columns = vec![("geometry", bodies(count, wall)), ("bbox", boxes(count))];
         let bytes = file_in_groups(columns, Some(WKB), Compression::SNAPPY, rows);
         assert_shares_are_the_whole(read_geoparquet, ("a.parquet", &bytes), None);
@@ -250,7 +261,8 @@ fn shares_are_the_whole() {
         let last = run_share(read_geoparquet, &[("a.parquet", &bytes)], None, Share { number: 1, count: 2 }).1;
         assert_eq!(last.objects.is_empty(), count == 9, "the last share reads a part");
         let is_face = |object: &SourceObject| matches!(object.shape, Shape::Surfaces { .. });
-        assert_eq!(last.objects.last().is_some_and(is_face), wall == Some(100));
+        let is_early = wall.is_some_and(|wall| wall < 4096);
+        assert_eq!(last.objects.iter().any(is_face), is_early, "{rows} rows, {wall:?}");
     }
 }
 
