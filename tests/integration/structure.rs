@@ -88,6 +88,20 @@ fn viewer_knows_no_clock_thread_or_file() {
     assert_only("protocol/src/", &banned, &[]);
 }
 
+/// Sines and logarithms of C libraries differ in the last bit between machines, those of the crate `libm` do not.
+#[test]
+fn bakes_use_portable_functions() {
+    let of_one = "sin cos tan sin_cos asin acos atan sinh cosh tanh exp exp2 exp_m1 ln ln_1p log10 log2 cbrt";
+    let mut calls: Vec<String> = of_one.split(' ').map(|function| format!(".{function}()")).collect();
+    calls.extend(["powf", "atan2", "hypot", "log"].map(|function| format!(".{function}(")));
+    calls.extend(["f32::sin", "f64::sin", "f32::cos", "f64::cos", "f64::hypot", "from_angle"].map(str::to_owned));
+    let calls: Vec<&str> = calls.iter().map(String::as_str).collect();
+    for source in ["server/bake/src/", "server/occlusion/src/", "server/visibility/src/", "protocol/src/"] {
+        // A number that counts operations passes on all functions of its trait, and its user calls none of these.
+        assert_only(source, &calls, &["server/bake/src/read/counted_float.rs"]);
+    }
+}
+
 #[test]
 fn functions_are_short_enough_to_read() {
     for (name, text) in tracked_files().unwrap() {

@@ -76,7 +76,7 @@ impl BlockMap {
     /// The largest quantisation steps that keep a quality.
     pub fn quantisation_steps(&self, quality: Quality) -> QuantisationSteps {
         let Quality::Decibels(db) = quality else { return QuantisationSteps::LOSSLESS };
-        let max_error = 255.0 * 255.0 / 10f64.powf(f64::from(db) / 10.0);
+        let max_error = 255.0 * 255.0 / libm::pow(10f64, f64::from(db) / 10.0);
         let facade = facades::facade_order(self);
         let steps = |colour| QuantisationSteps { colour, ao: LOSSY_AO_STEP };
         let keeps_quality = |colour: u16| {

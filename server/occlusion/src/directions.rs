@@ -23,7 +23,7 @@ pub(crate) fn view_pairs(count: u32) -> Vec<ViewPair> {
     let golden_angle_rad = PI * (3.0 - 5f64.sqrt());
     let pair = |i: u32| {
         let z = 1.0 - (f64::from(i) + 0.5) / f64::from(count);
-        let (sin, cos) = (f64::from(i) * golden_angle_rad).sin_cos();
+        let (sin, cos) = libm::sincos(f64::from(i) * golden_angle_rad);
         let r = (1.0 - z * z).sqrt();
         let whole = |v: DVec3| (v * UNIT).round().as_ivec3().to_array();
         let towards = whole(DVec3::new(r * cos, r * sin, z));

@@ -165,7 +165,7 @@ fn normals(mesh: OccludedMesh<'_>, place: impl Fn([f64; 3]) -> DVec3) -> Vec<[i3
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
         for k in 0..3 {
             let [a, b] = [1, 2].map(|step| (corners[(k + step) % 3] - corners[k]).normalize_or_zero());
-            sums[triangle[k] as usize] += normal * a.dot(b).clamp(-1.0, 1.0).acos();
+            sums[triangle[k] as usize] += normal * libm::acos(a.dot(b).clamp(-1.0, 1.0));
         }
     }
     let whole = |sum: &DVec3| (sum.normalize_or_zero() * UNIT).round().as_ivec3().to_array();

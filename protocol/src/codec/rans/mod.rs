@@ -122,7 +122,7 @@ impl RansEncoder {
 
     /// Estimated size of the output in bits.
     pub(crate) fn bits(&self) -> f64 {
-        self.symbols.iter().map(|symbol| f64::from(BITS) - f64::from(symbol.width).log2()).sum()
+        self.symbols.iter().map(|symbol| f64::from(BITS) - libm::log2(f64::from(symbol.width))).sum()
     }
 
     #[inline]

@@ -103,7 +103,7 @@ impl ColumnField {
             let [x, y, z, around] = EVEN_STEPS.map(|step| (0.5 + step * (i + 1) as f64).fract());
             let target = DVec3::new(x, y, z) * (high - low).extend(top - bottom) + low.extend(bottom);
             let (up, around) = (VIEWS_DEG[i % VIEWS_DEG.len()].to_radians(), around * TAU);
-            let dir = -DVec3::new(around.cos() * up.cos(), around.sin() * up.cos(), up.sin());
+            let dir = -DVec3::new(libm::cos(around) * libm::cos(up), libm::sin(around) * libm::cos(up), libm::sin(up));
             points.extend(self.first_hit(target + dir * ((top - target.z) / dir.z), dir, bottom));
         }
         let (low, high) = (low + margin_m, high - margin_m);
@@ -218,7 +218,7 @@ impl CellPart {
         if to_empty {
             nearest = nearest.min(up_m(empty_from, f64::INFINITY));
         }
-        aside_m.hypot(nearest)
+        libm::hypot(aside_m, nearest)
     }
 
     /// Where a falling ray first meets a solid.
@@ -280,7 +280,8 @@ fn cell_parts(map: &BlockMap, column: &MapColumn, low: DVec2, cell_m: f64) -> Ve
         return part(square, solids, slope).into_iter().collect();
     };
     let plane = |azimuth: u8, offset: i8| {
-        let normal = DVec2::from_angle(f64::from(azimuth) / 256.0 * TAU);
+        let (sin, cos) = libm::sincos(f64::from(azimuth) / 256.0 * TAU);
+        let normal = DVec2::new(cos, sin);
         (normal, normal.dot(centre) + f64::from(offset) / f64::from(CLIP_STEPS_PER_CELL) * cell_m)
     };
     let first = plane(strip.azimuth, clip.offset);

@@ -208,7 +208,8 @@ fn shrunk([bottom, top]: [u16; 2], span: [u16; 2], codes_per_row: u16) -> [u16; 
 
 /// Unit vector of an azimuth in 256ths of a turn.
 fn azimuth_vector(azimuth: u8) -> Vec2 {
-    Vec2::from_angle(f32::from(azimuth) / 256.0 * std::f32::consts::TAU)
+    let (sin, cos) = libm::sincosf(f32::from(azimuth) / 256.0 * std::f32::consts::TAU);
+    Vec2::new(cos, sin)
 }
 
 fn appearance(texel: Texel) -> VoxelAppearance {

@@ -139,7 +139,7 @@ pub(crate) fn merge(lines: &[VerticalLine], cell_m: f32, least_gaps: [f32; 2]) -
         })
         .collect();
     if let Some(TopPlane { centre_m, slope }) = fit_slope(&tops, top.top_m, majority(lines), cell_m) {
-        merged.is_inclined = slope[0].hypot(slope[1]) > MIN_SLOPE;
+        merged.is_inclined = libm::hypotf(slope[0], slope[1]) > MIN_SLOPE;
         merged.slope = if merged.is_inclined { slope } else { [0.0; 2] };
         if let Some(last) = merged.solids.last_mut() {
             last.top_m = centre_m.max(last.bottom_m + cell_m / 16.0);
@@ -212,7 +212,8 @@ fn fit_slope(tops: &[[f32; 3]], top_m: f32, min_points: usize, cell_m: f32) -> O
         let plane = fit_plane(points, min_points)?;
         let [sx, sy] = plane.slope;
         let distance_m = |t: &[f32; 3]| (t[2] - plane.centre_m - sx * t[0] - sy * t[1]).abs();
-        let fits = points.iter().all(|t| distance_m(t) <= SLOPE_TOLERANCE * cell_m) && sx.hypot(sy) <= MAX_SLOPE;
+        let fits =
+            points.iter().all(|t| distance_m(t) <= SLOPE_TOLERANCE * cell_m) && libm::hypotf(sx, sy) <= MAX_SLOPE;
         fits.then_some(plane)
     })
 }

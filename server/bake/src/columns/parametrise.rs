@@ -191,7 +191,7 @@ fn encode_clip(clip: &VoxelClip, codes: &HeightCodes, range: &CodeRange) -> Colu
 
 /// Direction in 256ths of a turn, counter-clockwise from east.
 fn encode_azimuth([x, y]: [f32; 2]) -> u8 {
-    let turn = (y.atan2(x) / std::f32::consts::TAU).rem_euclid(1.0);
+    let turn = (libm::atan2f(y, x) / std::f32::consts::TAU).rem_euclid(1.0);
     ((turn * 256.0).round() as u32 % 256) as u8
 }
 

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 static LINEAR_OF_SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|i| {
         let v = i as f32 / 255.0;
-        if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+        if v <= 0.04045 { v / 12.92 } else { libm::powf((v + 0.055) / 1.055, 2.4) }
     })
 });
 
@@ -19,7 +19,7 @@ pub(crate) fn linear_from_srgb(rgb: [u8; 3]) -> Vec3 {
 pub(crate) fn srgb_from_linear(rgb: [f32; 3]) -> [u8; 3] {
     rgb.map(|v| {
         let v = v.clamp(0.0, 1.0);
-        let s = if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+        let s = if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * libm::powf(v, 1.0 / 2.4) - 0.055 };
         (s * 255.0 + 0.5) as u8
     })
 }

@@ -122,7 +122,7 @@ impl MaskedTexture<'_> {
             squares += (0..3).map(|k| u64::from(a[k].abs_diff(b[k])).pow(2)).sum::<u64>();
             count += 3;
         }
-        Some(10.0 * (255.0 * 255.0 * count as f64 / (squares as f64).max(1e-9)).log10())
+        Some(10.0 * libm::log10(255.0 * 255.0 * count as f64 / (squares as f64).max(1e-9)))
     }
 }
 

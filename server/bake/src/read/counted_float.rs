@@ -193,7 +193,7 @@ impl Float for CountedFloat {
     }
 
     fn sin_cos(self) -> (Self, Self) {
-        let (sin, cos) = self.0.sin_cos();
+        let (sin, cos) = Float::sin_cos(self.0);
         (Self(sin), Self(cos))
     }
 

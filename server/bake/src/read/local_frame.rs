@@ -79,7 +79,7 @@ pub(super) fn find(
     if !(is_place && is_frame) {
         return Err(InputError::unsupported(&label, "its numbers are out of range"));
     }
-    let (sin, cos) = heading.to_radians().sin_cos();
+    let (sin, cos) = libm::sincos(heading.to_radians());
     Ok(Some((reference([lon, lat, height]), LocalFrame { cos: cos * scale, sin: sin * scale, scale, is_y_up: false })))
 }
 

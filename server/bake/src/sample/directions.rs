@@ -31,7 +31,7 @@ fn spread(n: u32, z_low: f32, z_high: f32) -> Vec<Vec3> {
             let index = (u64::from(i) * u64::from(stride) % u64::from(n)) as f32;
             let z = z_low + (z_high - z_low) * (index + 0.5) / n as f32;
             let r = (1.0 - z * z).sqrt();
-            let (sin, cos) = (index * GOLDEN_ANGLE_RAD).sin_cos();
+            let (sin, cos) = libm::sincosf(index * GOLDEN_ANGLE_RAD);
             Vec3::new(r * cos, r * sin, z)
         })
         .collect()

@@ -16,8 +16,8 @@ pub(super) fn locate(crs: &str, focus: [[f64; 2]; 2]) -> Option<GeoLocation> {
     };
     let [x, y] = [0, 1].map(|axis| (focus[0][axis] + focus[1][axis]) * 0.5);
     let (here, north) = (degrees(x, y)?, degrees(x, y + 1000.0)?);
-    let east = (north[0] - here[0]) * here[1].to_radians().cos();
-    let north_deg = -east.atan2(north[1] - here[1]).to_degrees();
+    let east = (north[0] - here[0]) * libm::cos(here[1].to_radians());
+    let north_deg = -libm::atan2(east, north[1] - here[1]).to_degrees();
     Some(GeoLocation { latitude_deg: here[1], longitude_deg: here[0], north_deg })
 }
 

@@ -35,7 +35,7 @@ impl Placement {
         let is_degrees = reference.is_some() && srs.is_some_and(is_latitude_first);
         let units_per_metre = is_degrees.then(|| {
             let north = 1.0 / METRES_PER_DEGREE;
-            [north / origin[0].to_radians().cos().max(1e-6), north, 1.0]
+            [north / libm::cos(origin[0].to_radians()).max(1e-6), north, 1.0]
         });
         Self { rows, reference: origin, units_per_metre }
     }

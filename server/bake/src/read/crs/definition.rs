@@ -279,7 +279,9 @@ impl Definition {
             let (left, right) =
                 (transform_vertex_2d(&degrees, &from, position), transform_vertex_2d(&degrees, &to, position));
             match (left, right) {
-                (Ok(left), Ok(right)) if (left.0 - right.0).hypot(left.1 - right.1) <= SAME_POSITION_M => compared += 1,
+                (Ok(left), Ok(right)) if libm::hypot(left.0 - right.0, left.1 - right.1) <= SAME_POSITION_M => {
+                    compared += 1
+                }
                 // Both fail where a projection is not defined.
                 (Err(_), Err(_)) => {}
                 _ => return false,

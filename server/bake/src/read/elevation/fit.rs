@@ -131,7 +131,7 @@ fn distance_m(point: [f64; 2], triangle: &[[f64; 2]; 3]) -> f64 {
         let length2 = along[0] * along[0] + along[1] * along[1];
         let share = if length2 > 0.0 { (from_a[0] * along[0] + from_a[1] * along[1]) / length2 } else { 0.0 };
         let share = share.clamp(0.0, 1.0);
-        (from_a[0] - share * along[0]).hypot(from_a[1] - share * along[1])
+        libm::hypot(from_a[0] - share * along[0], from_a[1] - share * along[1])
     };
     edges.map(to_edge).into_iter().fold(f64::INFINITY, f64::min)
 }

@@ -94,7 +94,8 @@ impl PlacedRaster {
             }
         }
         let steps = finder.derivatives([f64::from(width) / 2.0, f64::from(height) / 2.0]);
-        let pixel_m = steps.map_or(0.0, |steps| steps.iter().map(|[x, y]| x.hypot(*y)).fold(f64::MAX, f64::min));
+        let pixel_m =
+            steps.map_or(0.0, |steps| steps.iter().map(|[x, y]| libm::hypot(*x, *y)).fold(f64::MAX, f64::min));
         if !(pixel_m > 0.0 && low[0] <= high[0]) {
             let what = "it lies where the city's coordinate system is not defined";
             return Err(InputError::unsupported(&self.label, what));

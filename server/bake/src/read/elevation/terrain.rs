@@ -130,7 +130,7 @@ impl<'e> Region<'e> {
         let mut limits = [[f64::MIN; 2], [f64::MAX; 2]];
         if elevation.has_surroundings() {
             let side_m = cell_m * NODE_CELLS as f64 * ALIGNED_LEAVES;
-            step_m = side_m / (side_m / step_m).log2().ceil().exp2();
+            step_m = side_m / libm::exp2(libm::log2(side_m / step_m).ceil());
             low = low.map(|along| (along / side_m).floor() * side_m);
             high = high.map(|along| (along / side_m).ceil() * side_m);
             limits = [low.map(|along| along + INSET_M), high.map(|along| along - INSET_M)];

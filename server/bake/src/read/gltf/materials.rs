@@ -23,7 +23,7 @@ impl TextureUse {
     fn of(info: &TextureInfo) -> Self {
         let transform = info.extensions.transform.clone().unwrap_or_default();
         let ([u, v], [su, sv]) = (transform.offset.unwrap_or_default(), transform.scale.unwrap_or([1.0; 2]));
-        let (sin, cos) = transform.rotation.sin_cos();
+        let (sin, cos) = libm::sincos(transform.rotation);
         let rows = [[cos * su, sin * sv, u], [-sin * su, cos * sv, v]];
         Self { tex_coord: transform.tex_coord.unwrap_or(info.tex_coord), rows }
     }
@@ -39,7 +39,7 @@ impl TextureUse {
 /// 8-bit sRGB of a linear value; out of range is clamped, not a number is 0.
 pub(super) fn linear_to_srgb(linear: f64) -> u8 {
     let linear = linear.clamp(0.0, 1.0);
-    let srgb = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    let srgb = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 };
     (srgb * 255.0).round() as u8
 }
 

@@ -231,6 +231,6 @@ fn semantic_of(name: &str) -> String {
 /// Colours of version 1.0 are shown as they are: sRGB.
 fn linear_colour(colour: &[Value]) -> Value {
     let component = |index: usize| colour.get(index).and_then(Value::as_f64).unwrap_or(1.0).clamp(0.0, 1.0);
-    let linear = |value: f64| if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
+    let linear = |value: f64| if value <= 0.040_45 { value / 12.92 } else { libm::pow((value + 0.055) / 1.055, 2.4) };
     json!([linear(component(0)), linear(component(1)), linear(component(2)), component(3)])
 }

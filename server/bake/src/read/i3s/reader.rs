@@ -132,7 +132,7 @@ impl<'r, 'f, 'a> LayerReader<'r, 'f, 'a> {
         };
         let [lon, lat, _] = node.center;
         let reach = node.radius_m / METRES_PER_DEGREE;
-        let narrow = (lat.abs() + reach).min(89.0).to_radians().cos();
+        let narrow = libm::cos((lat.abs() + reach).min(89.0).to_radians());
         let is_apart = |at: f64, reach: f64, from: f64, to: f64| at + reach < from || at - reach > to;
         let east = if east < west { east + 360.0 } else { east };
         is_apart(lat, reach, south, north)

@@ -58,7 +58,7 @@ impl MeshTransform {
 
     /// The transform of a plan, for positions with these bounds. Fails with what is wrong.
     fn new(plan: &LandmarkPlan, place: DVec3, is_y_up: bool, meshes: &[TriangleMesh]) -> Result<Self, &'static str> {
-        let (sin, cos) = plan.heading_deg.to_radians().sin_cos();
+        let (sin, cos) = libm::sincos(plan.heading_deg.to_radians());
         let unplaced = Self { base: DVec3::ZERO, place: DVec3::ZERO, scale: 1.0, cos: 1.0, sin: 0.0, is_y_up };
         let points = meshes.iter().flat_map(|mesh| &mesh.positions).map(|p| unplaced.upright(*p));
         let bounds = points.map(|p| [p, p]).reduce(|[low, high], [p, _]| [low.min(p), high.max(p)]);
@@ -247,7 +247,7 @@ pub fn cell_of_monument(inputs: &[PathBuf], has_stone: bool, at: Option<[f64; 3]
     }
     let cell_m = longest / COLUMNS;
     // 1, 2 or 5 times a power of ten.
-    let decade = 10f64.powf(cell_m.log10().floor());
+    let decade = libm::pow(10f64, libm::log10(cell_m).floor());
     let rounded = [1.0, 2.0, 5.0].map(|step| step * decade).into_iter().rfind(|step| *step <= cell_m).unwrap_or(decade);
     cell_m.is_finite().then(|| rounded.clamp(RANGE_M[0], RANGE_M[1]))
 }

@@ -140,7 +140,7 @@ fn plant(line: &[[f64; 2]], trees: &mut Vec<[f64; 2]>) {
     for pair in line.windows(2) {
         let (a, b) = (pair[0], pair[1]);
         let step = [b[0] - a[0], b[1] - a[1]];
-        let length_m = DEGREE_M * (step[0] * a[1].to_radians().cos()).hypot(step[1]);
+        let length_m = DEGREE_M * libm::hypot(step[0] * libm::cos(a[1].to_radians()), step[1]);
         while left_m <= length_m && trees.len() < MAX_TREES {
             let share = if length_m > 0.0 { left_m / length_m } else { 0.0 };
             trees.push([a[0] + share * step[0], a[1] + share * step[1]]);

@@ -76,7 +76,7 @@ fn join(segments: &[[u32; 2]], nodes: &NodeStore) -> Result<Vec<u32>, &'static s
             let angle = |end: u32| {
                 let [a, b] = segments[end as usize / 2];
                 let other = nodes.at(if end & 1 == 0 { b } else { a });
-                (f64::from(other[1]) - y).atan2(f64::from(other[0]) - x)
+                libm::atan2(f64::from(other[1]) - y, f64::from(other[0]) - x)
             };
             meeting.sort_by(|(_, a), (_, b)| angle(*a).total_cmp(&angle(*b)));
         }

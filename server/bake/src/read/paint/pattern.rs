@@ -91,7 +91,7 @@ pub(crate) fn to_linear(rgb: [u8; 3]) -> [f32; 3] {
     let table = TABLE.get_or_init(|| {
         std::array::from_fn(|byte| {
             let v = byte as f64 / 255.0;
-            (if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }) as f32
+            (if v <= 0.04045 { v / 12.92 } else { libm::pow((v + 0.055) / 1.055, 2.4) }) as f32
         })
     });
     rgb.map(|byte| table[usize::from(byte)])
@@ -103,7 +103,7 @@ pub(crate) fn to_srgb(linear: [f32; 3]) -> [u8; 3] {
     let table = TABLE.get_or_init(|| {
         let encoded = |step: usize| {
             let v = step as f64 / ENCODE_STEPS as f64;
-            let srgb = if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+            let srgb = if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * libm::pow(v, 1.0 / 2.4) - 0.055 };
             (srgb * 255.0).round() as u8
         };
         (0..=ENCODE_STEPS).map(encoded).collect()

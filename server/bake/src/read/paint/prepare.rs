@@ -226,10 +226,10 @@ fn field_brush(rings: &[Vec<[f64; 2]>], hash: u64) -> Brush {
     let mut sum = [0.0; 2];
     for pair in rings.iter().take(1).flat_map(|ring| ring.windows(2)) {
         let [x, y] = [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]];
-        let length = x.hypot(y);
+        let length = libm::hypot(x, y);
         sum = [sum[0] + (x * x - y * y) * length, sum[1] + 2.0 * x * y * length];
     }
-    let turns = (sum[1].atan2(sum[0]) / std::f64::consts::TAU).rem_euclid(1.0);
+    let turns = (libm::atan2(sum[1], sum[0]) / std::f64::consts::TAU).rem_euclid(1.0);
     let tone = u64::from(Brush::NEUTRAL_TONE) + hash % (2 * FIELD_TONE + 1) - FIELD_TONE;
     Brush {
         material: PaintMaterial::Farmland,
@@ -240,7 +240,7 @@ fn field_brush(rings: &[Vec<[f64; 2]>], hash: u64) -> Brush {
 }
 
 pub(crate) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (b[0] - a[0]).hypot(b[1] - a[1])
+    libm::hypot(b[0] - a[0], b[1] - a[1])
 }
 
 #[cfg(test)]

@@ -85,7 +85,7 @@ impl<'s> Resolver<'s> {
 
 /// A wave across rows of a direction, from -1 to 1.
 fn row_wave(direction: u8, [x, y]: [f64; 2]) -> f32 {
-    let (sin, cos) = (f64::from(direction) * std::f64::consts::PI / 256.0).sin_cos();
+    let (sin, cos) = libm::sincos(f64::from(direction) * std::f64::consts::PI / 256.0);
     let share = ((y * cos - x * sin) / ROW_M).rem_euclid(1.0) as f32;
     let triangle = (share - 0.5).abs() * 2.0;
     triangle * triangle * (3.0 - 2.0 * triangle) * 2.0 - 1.0
@@ -122,7 +122,7 @@ mod tests {
             let wave = |distance: f64| row_wave(direction, step.map(|v: f64| 100.0 + distance * v));
             assert!((wave(0.0) - wave(12.3)).abs() < 1e-3, "{direction}");
             let across = |distance: f64| row_wave(direction, [100.0 - distance * step[1], 100.0 + distance * step[0]]);
-            let length = f64::hypot(step[0], step[1]);
+            let length = libm::hypot(step[0], step[1]);
             assert!((across(0.0) - across(ROW_M / 2.0 / length)).abs() > 0.1, "{direction}");
         }
     }

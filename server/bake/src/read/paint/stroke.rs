@@ -122,12 +122,12 @@ fn beside(line: &ReadyLine, i: usize, edge: f64, window: SampleWindow) -> [f64; 
 }
 
 fn has_gap([ax, ay]: [f64; 2], [bx, by]: [f64; 2], half: f64) -> bool {
-    (ax - bx).hypot(ay - by) * half > SMALL_GAP
+    libm::hypot(ax - bx, ay - by) * half > SMALL_GAP
 }
 
 fn unit(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     let step = [b[0] - a[0], b[1] - a[1]];
-    let length = step[0].hypot(step[1]);
+    let length = libm::hypot(step[0], step[1]);
     if length > 0.0 { step.map(|v| v / length) } else { [1.0, 0.0] }
 }
 
@@ -140,11 +140,11 @@ fn quad(a: [f64; 2], b: [f64; 2], side: [f64; 2]) -> [[f64; 2]; 4] {
 fn disc(centre: [f64; 2], radius: f64, fill: &mut PolygonFill<'_>) {
     const MAX_CORNERS: usize = 64;
     // A chord of the angle `2 a` is `r (1 - cos a)` from its arc.
-    let half_angle = (1.0 - (DISC_ERROR / radius.max(DISC_ERROR)).min(1.0)).acos();
+    let half_angle = libm::acos(1.0 - (DISC_ERROR / radius.max(DISC_ERROR)).min(1.0));
     let count = ((std::f64::consts::PI / half_angle.max(1e-3)).ceil() as usize).clamp(6, MAX_CORNERS);
     let mut corners = [[0.0; 2]; MAX_CORNERS];
     for (i, corner) in corners[..count].iter_mut().enumerate() {
-        let (sin, cos) = (i as f64 * std::f64::consts::TAU / count as f64).sin_cos();
+        let (sin, cos) = libm::sincos(i as f64 * std::f64::consts::TAU / count as f64);
         *corner = [centre[0] + radius * cos, centre[1] + radius * sin];
     }
     fill.add(&corners[..count]);

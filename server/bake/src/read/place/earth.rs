@@ -23,37 +23,39 @@ impl Geodetic {
     /// The iteration of Bowring, B. R. (1976), Transformation from spatial to geographical coordinates, Survey Review
     /// 23, on the parametric latitude; it converges in two or three steps near the Earth.
     pub(super) fn from_centre([x, y, z]: [f64; 3]) -> Option<Self> {
-        let radius_m = x.hypot(y);
-        if !(radius_m.hypot(z) >= MIN_RADIUS_M && radius_m.hypot(z) <= 1e9) {
+        let radius_m = libm::hypot(x, y);
+        if !(libm::hypot(radius_m, z) >= MIN_RADIUS_M && libm::hypot(radius_m, z) <= 1e9) {
             return None;
         }
         let polar_radius_m = EQUATORIAL_RADIUS_M * (1.0 - FLATTENING);
         let second_2 = ECCENTRICITY_2 / (1.0 - ECCENTRICITY_2);
-        let mut parametric = (z * EQUATORIAL_RADIUS_M).atan2(radius_m * polar_radius_m);
+        let mut parametric = libm::atan2(z * EQUATORIAL_RADIUS_M, radius_m * polar_radius_m);
         let mut latitude_rad = f64::NAN;
         for _ in 0..MAX_ITERATIONS {
-            let (sin, cos) = parametric.sin_cos();
-            let next = (z + second_2 * polar_radius_m * sin.powi(3))
-                .atan2(radius_m - ECCENTRICITY_2 * EQUATORIAL_RADIUS_M * cos.powi(3));
+            let (sin, cos) = libm::sincos(parametric);
+            let next = libm::atan2(
+                z + second_2 * polar_radius_m * sin.powi(3),
+                radius_m - ECCENTRICITY_2 * EQUATORIAL_RADIUS_M * cos.powi(3),
+            );
             let is_done = (next - latitude_rad).abs() <= LATITUDE_TOLERANCE_RAD;
             latitude_rad = next;
             if is_done {
                 break;
             }
-            let (sin, cos) = latitude_rad.sin_cos();
-            parametric = ((1.0 - FLATTENING) * sin).atan2(cos);
+            let (sin, cos) = libm::sincos(latitude_rad);
+            parametric = libm::atan2((1.0 - FLATTENING) * sin, cos);
         }
-        let (sin, cos) = latitude_rad.sin_cos();
+        let (sin, cos) = libm::sincos(latitude_rad);
         let normal_m = EQUATORIAL_RADIUS_M / (1.0 - ECCENTRICITY_2 * sin * sin).sqrt();
         // Exact to second order in the latitude's error, also at the poles.
         let height_m = radius_m * cos + z * sin - EQUATORIAL_RADIUS_M * EQUATORIAL_RADIUS_M / normal_m;
-        Some(Self { longitude_rad: y.atan2(x), latitude_rad, height_m })
+        Some(Self { longitude_rad: libm::atan2(y, x), latitude_rad, height_m })
     }
 
     /// Metres from the centre of the Earth.
     pub(super) fn to_centre(self) -> [f64; 3] {
-        let (sin_lat, cos_lat) = self.latitude_rad.sin_cos();
-        let (sin_lon, cos_lon) = self.longitude_rad.sin_cos();
+        let (sin_lat, cos_lat) = libm::sincos(self.latitude_rad);
+        let (sin_lon, cos_lon) = libm::sincos(self.longitude_rad);
         let normal_m = EQUATORIAL_RADIUS_M / (1.0 - ECCENTRICITY_2 * sin_lat * sin_lat).sqrt();
         let radius_m = (normal_m + self.height_m) * cos_lat;
         [radius_m * cos_lon, radius_m * sin_lon, (normal_m * (1.0 - ECCENTRICITY_2) + self.height_m) * sin_lat]
@@ -61,8 +63,8 @@ impl Geodetic {
 
     /// Metres from the centre of the Earth of a position that is `local` metres east, north and up of this one.
     pub(super) fn local_to_centre(self, [east, north, up]: [f64; 3]) -> [f64; 3] {
-        let (sin_lat, cos_lat) = self.latitude_rad.sin_cos();
-        let (sin_lon, cos_lon) = self.longitude_rad.sin_cos();
+        let (sin_lat, cos_lat) = libm::sincos(self.latitude_rad);
+        let (sin_lon, cos_lon) = libm::sincos(self.longitude_rad);
         let [x, y, z] = self.to_centre();
         // Outwards from the axis.
         let out = up * cos_lat - north * sin_lat;

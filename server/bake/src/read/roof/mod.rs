@@ -140,7 +140,7 @@ pub(crate) fn roof_shape_by_name(name: &str) -> Option<RoofShape> {
 pub(crate) fn default_roof_height(shape: RoofShape, rings: &[Vec<[f64; 2]>], angle_deg: Option<f64>) -> f64 {
     let Some(width_m) = rectangle::usual_width_m(rings) else { return 0.0 };
     let by_angle = |run_m: f64, usual_deg: f64| {
-        let height_m = run_m * angle_deg.unwrap_or(usual_deg).clamp(1.0, 85.0).to_radians().tan();
+        let height_m = run_m * libm::tan(angle_deg.unwrap_or(usual_deg).clamp(1.0, 85.0).to_radians());
         if angle_deg.is_some() { height_m } else { height_m.min(MAX_USUAL_HEIGHT_M) }
     };
     let half_m = width_m / 2.0;
@@ -209,5 +209,5 @@ fn gabled(outline: &Outline, spec: &RoofSpec, profile: Profile) -> Result<Plan, 
 /// Points of a quarter of a circle, from the eaves (excluded) to the ridge (excluded).
 fn quarter_circle() -> Vec<(f64, f64)> {
     let angle = |i: usize| std::f64::consts::FRAC_PI_2 * i as f64 / ROUND_STEPS as f64;
-    (1..ROUND_STEPS).map(|i| (1.0 - angle(i).cos(), angle(i).sin())).collect()
+    (1..ROUND_STEPS).map(|i| (1.0 - libm::cos(angle(i)), libm::sin(angle(i)))).collect()
 }

@@ -125,7 +125,7 @@ impl Ridge {
 
 /// Unit vector of a direction on the compass.
 fn unit(direction_deg: f64) -> Option<DVec2> {
-    let (east, north) = direction_deg.to_radians().sin_cos();
+    let (east, north) = libm::sincos(direction_deg.to_radians());
     (east.is_finite() && north.is_finite()).then_some(DVec2::new(east, north))
 }
 
@@ -135,7 +135,7 @@ fn snapped(outline: &Outline, direction: DVec2) -> DVec2 {
     for wall in simple::edges(&outline.rings[0]).map(|(a, b)| b - a) {
         let Some(axis) = wall.try_normalize() else { continue };
         for axis in [axis, -axis, axis.perp(), -axis.perp()] {
-            let is_near = axis.dot(direction) >= SNAP_DEG.to_radians().cos();
+            let is_near = axis.dot(direction) >= libm::cos(SNAP_DEG.to_radians());
             if is_near && wall.length() > best.0 + 1e-6 {
                 best = (wall.length(), axis);
             }

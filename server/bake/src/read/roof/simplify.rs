@@ -66,7 +66,7 @@ fn ends(ring: &[DVec2]) -> Vec<usize> {
 fn deviation(ring: &[DVec2], before: usize, corner: usize, after: usize) -> Option<f64> {
     let [a, b, c] = [before, corner, after].map(|i| ring[i]);
     let (u, v) = (b - a, c - b);
-    if u.dot(v) <= STRAIGHT_DEG.to_radians().cos() * u.length() * v.length() {
+    if u.dot(v) <= libm::cos(STRAIGHT_DEG.to_radians()) * u.length() * v.length() {
         return None;
     }
     let distances = between(ring.len(), before, after).map(|i| simple::distance(a, c, ring[i]));

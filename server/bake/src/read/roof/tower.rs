@@ -31,7 +31,7 @@ pub(super) const ONION: &[Step] = &[
 /// A half of an ellipsoid.
 pub(super) fn dome(steps: usize) -> Vec<Step> {
     let angle = |i: usize| std::f64::consts::FRAC_PI_2 * i as f64 / steps as f64;
-    (1..steps).map(|i| (angle(i).cos(), angle(i).sin())).collect()
+    (1..steps).map(|i| (libm::cos(angle(i)), libm::sin(angle(i)))).collect()
 }
 
 /// A roof from the outline over the steps to an apex above the centroid. If the centroid does not see all walls, a hipped

@@ -81,7 +81,7 @@ impl SceneBuilder {
                 return Ok(());
             }
             let outside = |v: f64, axis: usize| (object.low(axis) - v).max(v - object.high(axis)).max(0.0);
-            let distance_m = outside(x, 0).hypot(outside(y, 1));
+            let distance_m = libm::hypot(outside(x, 0), outside(y, 1));
             if distance_m <= MAX_NEIGHBOUR_M {
                 let weight = distance_m.max(MIN_NEIGHBOUR_M).powi(-2);
                 (sum, weights) = (sum + object.low(2) * weight, weights + weight);

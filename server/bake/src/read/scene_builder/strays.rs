@@ -84,7 +84,7 @@ impl Outskirts {
     /// Distance of a place from the rectangle; `None` inside.
     pub(super) fn distance_m(&self, place: [f64; 3]) -> Option<f64> {
         let outside = |axis: usize| (self.low[axis] - place[axis]).max(place[axis] - self.high[axis]).max(0.0);
-        Some(outside(0).hypot(outside(1))).filter(|distance_m| *distance_m > 0.0)
+        Some(libm::hypot(outside(0), outside(1))).filter(|distance_m| *distance_m > 0.0)
     }
 }
 

@@ -84,12 +84,12 @@ impl SceneSink<'_, '_, '_> {
 fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64; 2]; 4])) {
     let mut line: Vec<[f64; 2]> = Vec::with_capacity(points.len());
     for point in points {
-        if line.last().is_none_or(|last| (last[0] - point[0]).hypot(last[1] - point[1]) > 1e-3) {
+        if line.last().is_none_or(|last| libm::hypot(last[0] - point[0], last[1] - point[1]) > 1e-3) {
             line.push(*point);
         }
     }
     let normal = |a: [f64; 2], b: [f64; 2]| {
-        let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+        let length = libm::hypot(b[0] - a[0], b[1] - a[1]);
         [(a[1] - b[1]) / length, (b[0] - a[0]) / length]
     };
     // The offset to the left of each point.
@@ -115,7 +115,7 @@ fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64; 2]; 4])) 
 fn add_tree([x, y, z]: [f64; 3], height_m: f64, material: u32, faces: &mut Vec<WorldTriangle>) {
     let radius_m = height_m * CROWN_WIDTH / 2.0;
     let at = |side: usize| {
-        let (sin, cos) = (side as f64 * std::f64::consts::TAU / CROWN_SIDES as f64).sin_cos();
+        let (sin, cos) = libm::sincos(side as f64 * std::f64::consts::TAU / CROWN_SIDES as f64);
         [x + radius_m * cos, y + radius_m * sin, z + height_m * CROWN_MIDDLE]
     };
     let (top, low) = ([x, y, z + height_m], [x, y, z + height_m * CROWN_LOW]);

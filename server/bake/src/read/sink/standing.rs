@@ -60,7 +60,7 @@ fn divide(face: WorldTriangle, max_edge_m: f64, divided: &mut Vec<WorldTriangle>
         let corner = |i: usize| face.corners[i % 3];
         let length = |i: usize| {
             let (a, b) = (corner(i), corner(i + 1));
-            (a[0] - b[0]).hypot(a[1] - b[1])
+            libm::hypot(a[0] - b[0], a[1] - b[1])
         };
         let longest = (1..3).fold(0, |longest, i| if length(i) > length(longest) { i } else { longest });
         if length(longest).is_nan() || length(longest) <= max_edge_m {

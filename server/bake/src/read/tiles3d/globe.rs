@@ -15,18 +15,18 @@ pub(super) fn is_near_surface(position: DVec3) -> bool {
 /// Longitude and geodetic latitude of a geocentric position near the surface (Bowring 1976, one step: below 1e-6 degrees).
 pub(super) fn lon_lat_deg(position: DVec3) -> [f64; 2] {
     let (a, b) = (EQUATORIAL_RADIUS_M, POLAR_RADIUS_M);
-    let axis_distance = position.x.hypot(position.y);
+    let axis_distance = libm::hypot(position.x, position.y);
     let (first, second) = ((a * a - b * b) / (a * a), (a * a - b * b) / (b * b));
-    let (sin, cos) = (position.z * a).atan2(axis_distance * b).sin_cos();
-    let latitude = (position.z + second * b * sin.powi(3)).atan2(axis_distance - first * a * cos.powi(3));
-    [position.y.atan2(position.x).to_degrees(), latitude.to_degrees()]
+    let (sin, cos) = libm::sincos(libm::atan2(position.z * a, axis_distance * b));
+    let latitude = libm::atan2(position.z + second * b * sin.powi(3), axis_distance - first * a * cos.powi(3));
+    [libm::atan2(position.y, position.x).to_degrees(), latitude.to_degrees()]
 }
 
 /// Turns east, north and up at a geocentric position into geocentric axes.
 pub(super) fn east_north_up(position: DVec3) -> DMat4 {
     let [lon, lat] = lon_lat_deg(position).map(f64::to_radians);
-    let (sin_lon, cos_lon) = lon.sin_cos();
-    let (sin_lat, cos_lat) = lat.sin_cos();
+    let (sin_lon, cos_lon) = libm::sincos(lon);
+    let (sin_lat, cos_lat) = libm::sincos(lat);
     let east = DVec3::new(-sin_lon, cos_lon, 0.0);
     let north = DVec3::new(-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat);
     let up = DVec3::new(cos_lat * cos_lon, cos_lat * sin_lon, sin_lat);
@@ -36,8 +36,8 @@ pub(super) fn east_north_up(position: DVec3) -> DMat4 {
 /// The geocentric position of a longitude and latitude in degrees and a height over the ellipsoid.
 #[cfg(test)]
 pub(super) fn ecef(lon_deg: f64, lat_deg: f64, height_m: f64) -> DVec3 {
-    let (sin_lon, cos_lon) = lon_deg.to_radians().sin_cos();
-    let (sin_lat, cos_lat) = lat_deg.to_radians().sin_cos();
+    let (sin_lon, cos_lon) = libm::sincos(lon_deg.to_radians());
+    let (sin_lat, cos_lat) = libm::sincos(lat_deg.to_radians());
     let (a, b) = (EQUATORIAL_RADIUS_M, POLAR_RADIUS_M);
     let normal = a * a / (a * a * cos_lat * cos_lat + b * b * sin_lat * sin_lat).sqrt();
     let z = (b * b / (a * a) * normal + height_m) * sin_lat;

@@ -36,7 +36,7 @@ impl Volume {
 
     /// The volume of an implicit tile, with `cells` along each divided axis. Spheres cannot be divided and stay whole.
     pub(super) fn part(&self, level: u32, at: [u64; 3], has_z: bool) -> Self {
-        let cells = (level as f64).exp2();
+        let cells = libm::exp2(level as f64);
         match *self {
             Self::Region([west, south, east, north, low, high]) => {
                 let east = if east < west { east + std::f64::consts::TAU } else { east };
@@ -95,7 +95,7 @@ impl Volume {
         let [lon, lat] = globe::lon_lat_deg(center);
         // The polar radius is the smallest, so the angles are rather too large.
         let lat_reach = (radius / globe::POLAR_RADIUS_M).to_degrees() * 1.01;
-        let widest = (lat.abs() + lat_reach).min(90.0).to_radians().cos();
+        let widest = libm::cos((lat.abs() + lat_reach).min(90.0).to_radians());
         let lon_reach = if widest > 1e-3 { lat_reach / widest } else { 180.0 };
         (lat_reach < 90.0).then_some([lon - lon_reach, lat - lat_reach, lon + lon_reach, lat + lat_reach])
     }

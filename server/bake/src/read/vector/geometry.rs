@@ -96,8 +96,8 @@ fn divide_arc(a: [f64; 3], b: [f64; 3], c: [f64; 3], line: &mut Ring) {
         line.extend([b, c]);
         return;
     };
-    let angle = |p: [f64; 3]| (p[1] - y).atan2(p[0] - x);
-    let radius = (a[0] - x).hypot(a[1] - y);
+    let angle = |p: [f64; 3]| libm::atan2(p[1] - y, p[0] - x);
+    let radius = libm::hypot(a[0] - x, a[1] - y);
     let (start, middle) = (angle(a), (angle(b) - angle(a)).rem_euclid(tau));
     let mut sweep = if is_circle { tau } else { (angle(c) - start).rem_euclid(tau) };
     if middle > sweep {
@@ -110,7 +110,7 @@ fn divide_arc(a: [f64; 3], b: [f64; 3], c: [f64; 3], line: &mut Ring) {
     }
     for step in 1..steps as u32 {
         let part = f64::from(step) / steps;
-        let (sin, cos) = (start + sweep * part).sin_cos();
+        let (sin, cos) = libm::sincos(start + sweep * part);
         line.push([x + radius * cos, y + radius * sin, a[2] + (c[2] - a[2]) * part]);
     }
     line.push(c);

@@ -69,7 +69,7 @@ fn units(system: &Crs, middle_y: f64) -> Result<[f64; 2], RasterError> {
         System::Geographic { unit_deg, .. } => {
             let latitude_deg = (middle_y * unit_deg).clamp(-MAX_LATITUDE_DEG, MAX_LATITUDE_DEG);
             let north_m = METRES_OF_DEGREE * unit_deg;
-            Ok([north_m * latitude_deg.to_radians().cos(), north_m])
+            Ok([north_m * libm::cos(latitude_deg.to_radians()), north_m])
         }
         System::Projected(definition) => Ok([definition.unit_m; 2]),
         System::Local(_) => Ok([1.0; 2]),

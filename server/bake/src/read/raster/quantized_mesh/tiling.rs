@@ -111,5 +111,5 @@ impl Projection {
 
 /// Latitude in radians by the place between the northern edge of the map of EPSG:3857, 0, and the southern one, 1.
 fn mercator_latitude(from_north: f64) -> f64 {
-    (PI * (1.0 - 2.0 * from_north)).sinh().atan()
+    libm::atan(libm::sinh(PI * (1.0 - 2.0 * from_north)))
 }
