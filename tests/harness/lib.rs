@@ -22,6 +22,7 @@ pub mod reference_caster;
 pub mod source_bytes;
 pub mod source_code;
 pub mod stepped_client;
+pub mod street_people;
 pub mod synth;
 pub mod terraces;
 pub mod translucent_shapes;

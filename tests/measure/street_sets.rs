@@ -4,21 +4,20 @@
 //! Each view is streamed from an empty cache to its final frame, once as if the city had no sets. Frames that find out what is
 //! occluded take no time, nor does decoding, so that the results do not depend on the machine.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Parser;
-use glam::DVec3;
 use insula_archive::BakedCity;
-use insula_protocol::{BlockMap, Manifest, NODE_CELLS, TileId, TileKind, blockmap::flag, mesh_tile};
+use insula_protocol::{Manifest, TileId, TileKind};
 use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
 use insula_test_support::rng::Rng;
+use insula_tests::street_people::{SimulatedFetcher, SimulatedLink, random_view};
 use insula_viewer::{
     cache::pages_for,
     camera::Camera,
-    decode::decode,
     frame::RenderSettings,
     render::CpuAdapter,
-    scene::{SceneTree, TileKey},
-    streamer::{Downloads, FEEDBACK_DOWNSCALE, FetchError, FetchOutcome, FrameRequest, Streamer, TileFetcher},
+    scene::SceneTree,
+    streamer::{Downloads, FEEDBACK_DOWNSCALE, FrameRequest, Streamer},
 };
 use std::{cell::Cell, collections::BTreeSet, path::PathBuf, rc::Rc, time::Duration};
 
@@ -44,59 +43,9 @@ struct Args {
 const SIZE_PX: [u32; 2] = [1280, 720];
 const CACHE_BYTES: u64 = 512 << 20;
 const STEP: Duration = Duration::from_millis(2);
-const EYE_M: f64 = 1.7;
 const MAX_FULL_FRAMES: u32 = 24;
-
-/// Reads tiles from a folder as if they came over a link.
-struct SimulatedFetcher<'a> {
-    city: &'a BakedCity,
-    has_sets: bool,
-    bytes_per_sec: f64,
-    rtt: Duration,
-    now: Rc<Cell<Duration>>,
-    free_at: Duration,
-    in_flight: Vec<(Duration, TileKey, u64, Duration)>,
-    fetched: Vec<(TileKey, usize)>,
-}
-
-impl SimulatedFetcher<'_> {
-    fn bytes(&self, key: TileKey) -> Result<Vec<u8>, FetchError> {
-        let place = if key.kind() == TileKind::Mesh { mesh_tile::archive_id(key.id, key.lod) } else { Some(key.id) };
-        let is_absent = key.kind() == TileKind::Visibility && !self.has_sets;
-        let tile = place.filter(|_| !is_absent).and_then(|place| self.city.tile(key.kind(), place).ok().flatten());
-        tile.map(|tile| tile.to_vec()).ok_or(FetchError::Missing)
-    }
-}
-
-impl TileFetcher for SimulatedFetcher<'_> {
-    fn start(&mut self, key: TileKey, ticket: u64) {
-        let bytes = self.bytes(key).map_or(0, |bytes| bytes.len());
-        self.free_at =
-            self.free_at.max(self.now.get() + self.rtt) + Duration::from_secs_f64(bytes as f64 / self.bytes_per_sec);
-        self.in_flight.push((self.free_at, key, ticket, self.now.get()));
-    }
-
-    fn cancel(&mut self, key: TileKey) {
-        self.in_flight.retain(|(_, other, ..)| *other != key);
-    }
-
-    fn poll(&mut self) -> Option<FetchOutcome> {
-        let at = self.in_flight.iter().position(|(due, ..)| *due <= self.now.get())?;
-        let (due, key, ticket, since) = self.in_flight.remove(at);
-        let bytes = self.bytes(key);
-        self.fetched.push((key, bytes.as_ref().map_or(0, Vec::len)));
-        let result = bytes.and_then(|bytes| decode(key, &bytes).map_err(FetchError::Damaged));
-        Some(FetchOutcome { key, ticket, is_local: false, duration: due - since, result })
-    }
-
-    fn is_local(&self, _: TileKey) -> bool {
-        false
-    }
-
-    fn jitter(&mut self) -> f64 {
-        0.5
-    }
-}
+/// A view that takes longer than this will never be complete.
+const STREAM_LIMIT: Duration = Duration::from_secs(60);
 
 /// What a view took.
 #[derive(Debug, Clone, Copy, Default)]
@@ -166,47 +115,12 @@ fn differ(a: u32, b: u32) -> bool {
     (0..3).any(|channel| (a >> (8 * channel) & 255).abs_diff(b >> (8 * channel) & 255) > 8)
 }
 
-/// A person in a street.
-fn random_view(city: &BakedCity, rng: &mut Rng) -> Result<Camera> {
-    let manifest = city.manifest();
-    let leaves: Vec<TileId> =
-        city.blockmaps().lengths().map(|(id, _)| id).filter(|id| id.level() == manifest.depth).collect();
-    loop {
-        let leaf = leaves[rng.below(leaves.len())];
-        let map = BlockMap::decode(leaf, &city.tile(TileKind::BlockMap, leaf)?.context("a leaf is missing")?)?;
-        // Among buildings: at least a tenth of the leaf is 3 m above its lowest top.
-        let map = map.stand_on_ground();
-        let tops: Vec<u16> =
-            (0..map.z_max.len()).filter(|i| map.flags[*i] & flag::OCCUPIED != 0).map(|i| map.z_max[i]).collect();
-        let Some(lowest) = tops.iter().min() else { continue };
-        let high = tops.iter().filter(|top| f32::from(**top - lowest) * map.z_step_m() > 3.0).count();
-        let i = rng.below(map.z_max.len());
-        let height = map.z_base_m() + f64::from(map.z_max[i]) * f64::from(map.z_step_m());
-        let is_low = f32::from(map.z_max[i].saturating_sub(*lowest)) * map.z_step_m() < 1.5;
-        let yaw = rng.unit() * std::f64::consts::TAU;
-        if high * 10 < map.z_max.len() || !is_low || map.flags[i] & flag::OCCUPIED == 0 {
-            continue;
-        }
-        let [x, y, _] = manifest.node_corner(leaf);
-        let cell = |v: usize| (v as f64 + 0.5) * manifest.cell_m;
-        let eye = DVec3::new(x + cell(i % NODE_CELLS), y + cell(i / NODE_CELLS), manifest.origin[2] + height + EYE_M);
-        return Ok(Camera::from_angles(eye, yaw, 0.05, 60f64.to_radians()));
-    }
-}
-
 /// Streams a view to its end. Returns the final frame, too.
 fn stream(city: &BakedCity, camera: Camera, has_sets: bool, args: &Args) -> Result<(Cost, Pixels)> {
     let clock = Rc::new(Cell::new(Duration::ZERO));
-    let fetcher = SimulatedFetcher {
-        city,
-        has_sets,
-        bytes_per_sec: args.bandwidth * 125_000.0,
-        rtt: Duration::from_millis(args.rtt),
-        now: clock.clone(),
-        free_at: Duration::ZERO,
-        in_flight: Vec::new(),
-        fetched: Vec::new(),
-    };
+    let link =
+        SimulatedLink { bytes_per_sec: args.bandwidth * 125_000.0, rtt: Duration::from_millis(args.rtt), has_sets };
+    let fetcher = SimulatedFetcher::new(city, link, clock.clone());
     let pages = pages_for(CACHE_BYTES);
     let mut adapter = CpuAdapter::new(pages);
     let tree = SceneTree::new(Manifest { street_sets: has_sets, ..city.manifest().clone() });
@@ -220,12 +134,18 @@ fn stream(city: &BakedCity, camera: Camera, has_sets: bool, args: &Args) -> Resu
         clock.set(now);
         let arrived = streamer.downloads().fetcher().fetched.len();
         streamer.update(&request, &mut adapter, now);
+        anyhow::ensure!(
+            now < STREAM_LIMIT,
+            "not complete after {STREAM_LIMIT:?}: {:?}",
+            streamer.selection().requests.iter().take(4).collect::<Vec<_>>()
+        );
         if streamer.downloads().fetcher().fetched.len() > arrived {
             last_arrival = now;
         }
         let size_px = if !streamer.is_fetched() {
+            // Every frame takes a step of time: what two frames in turn find visible may never be the same before tiles arrive.
+            now += STEP;
             if streamer.selection().draw_tiles.is_empty() || streamer.has_feedback(small_px) {
-                now += STEP;
                 continue;
             }
             small_px

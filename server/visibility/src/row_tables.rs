@@ -150,9 +150,9 @@ impl RowTables {
         loop {
             let at = (first + (offset + SOLID_PADDING) as i32) as usize;
             let at = row + (at & 1) * self.plane + (at >> 1);
-            let values = table.values.get(at..at + LANES).unwrap_or(&[0; LANES]);
-            for (lowest, value) in lowest.iter_mut().zip(values) {
-                *lowest = (*lowest).min(*value);
+            let values = table.values.get(at..).and_then(|values| values.first_chunk()).unwrap_or(&[0; LANES]);
+            for lane in 0..LANES {
+                lowest[lane] = values[lane].min(lowest[lane]);
             }
             if offset + length >= count {
                 return lowest;
@@ -171,9 +171,10 @@ impl RowTables {
         let mut highest = [0; LANES];
         loop {
             let at = row + (first + (offset + TOP_PADDING) as i32) as usize;
-            let values = self.tops[level].get(at..at + LANES).unwrap_or(&[u16::MAX; LANES]);
-            for (highest, value) in highest.iter_mut().zip(values) {
-                *highest = (*highest).max(*value);
+            let values = self.tops[level].get(at..).and_then(|values| values.first_chunk());
+            let values = values.unwrap_or(&[u16::MAX; LANES]);
+            for lane in 0..LANES {
+                highest[lane] = values[lane].max(highest[lane]);
             }
             if offset + length >= count {
                 return highest;

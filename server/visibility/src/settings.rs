@@ -18,6 +18,6 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { reach: 8, sectors: 256, layers_dm: [30, 80, 200], slope_margin: 1.0 / 600.0 }
+        Self { reach: 8, sectors: 192, layers_dm: [30, 80, 200], slope_margin: 1.0 / 600.0 }
     }
 }

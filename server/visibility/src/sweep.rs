@@ -119,8 +119,12 @@ impl<S: Simd> Horizons<S> {
 /// Codes as numbers.
 #[inline(always)]
 fn floats<S: Simd>(simd: S, codes: [u16; LANES]) -> f32x8<S> {
-    let codes: [f32; LANES] = codes.map(f32::from);
-    f32x8::from_slice(simd, &codes)
+    // A loop: `map` of an array is compiled without the instruction set, as calls for each of its elements.
+    let mut values = [0.0; LANES];
+    for lane in 0..LANES {
+        values[lane] = f32::from(codes[lane]);
+    }
+    f32x8::from_slice(simd, &values)
 }
 
 /// The whole number below a value, which must be within those of an i32. Without an instruction of its own, `f32::floor` is a call.
@@ -333,7 +337,8 @@ impl<'a> Sweep<'a> {
         (row, level, from): (usize, u32, f32),
     ) -> Option<(u64, bool)> {
         let to = from + (2 << level) as f32;
-        let [low, high] = Self::span(fan, from, to).map(|v| floor((fan.first as f32 + v) * 0.5));
+        let [low, high] = Self::span(fan, from, to);
+        let (low, high) = (floor((fan.first as f32 + low) * 0.5), floor((fan.first as f32 + high) * 0.5));
         let count = (high - low + 1) as usize;
         if low >= self.tables.columns as i32 || high + (LANES as i32) < 0 {
             return None;
@@ -363,9 +368,9 @@ impl<'a> Sweep<'a> {
         mut check: impl FnMut(usize) -> bool,
     ) -> bool {
         let span = Self::span(fan, from, from + (2 << level) as f32);
-        let lanes = [bits.trailing_zeros() as i32, 63 - bits.leading_zeros() as i32];
-        let [low, high] = [0, 1].map(|end| (fan.first + STRIP * lanes[end] + floor(span[end])) >> self.side_log);
-        let (low, high) = (low.max(0), high.min(self.leaves[1] as i32 - 1));
+        let leaf = |lane: u32, aside: f32| (fan.first + STRIP * lane as i32 + floor(aside)) >> self.side_log;
+        let low = leaf(bits.trailing_zeros(), span[0]).max(0);
+        let high = leaf(63 - bits.leading_zeros(), span[1]).min(self.leaves[1] as i32 - 1);
         let along = row >> (self.side_log - 1);
         let along = if fan.is_back { (self.tables.rows >> (self.side_log - 1)) - 1 - along } else { along };
         let (along_step, across_step) = match self.axis {

@@ -37,7 +37,8 @@ pub(super) fn enter_node(ray: &mut Ray<'_>, index: u32, t_in: f32, t_out: f32) -
 
 /// First words of a node's planes.
 pub(super) fn planes_of(node: &DrawNode) -> [usize; 4] {
-    std::array::from_fn(|plane| node.page(plane) as usize * PAGE_WORDS)
+    let place = |plane| node.page(plane) as usize * PAGE_WORDS;
+    [place(0), place(1), place(2), place(3)]
 }
 
 /// Highest point, with a margin of one code, of the quarters of a node that a ray crosses between two places in it.

@@ -441,7 +441,7 @@ fn directions<S: Simd>(simd: S, azimuth: U<S>) -> Vec2s<S> {
     let [x, y] = pairs(
         simd,
         #[inline(always)]
-        |lane| table[azimuth[lane] as usize % AZIMUTHS as usize].to_array().map(f32::to_bits),
+        |lane| bytemuck::cast(table[azimuth[lane] as usize % AZIMUTHS as usize].to_array()),
     );
     Vec2s::<S> { x: x.bitcast(), y: y.bitcast() }
 }

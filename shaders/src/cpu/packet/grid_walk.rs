@@ -3,8 +3,8 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, nonzero, pairs, quadruples, splat,
-        splat_i, splat_u, to_i, to_u,
+        F, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, map4, nonzero, pairs, quadruples,
+        splat, splat_i, splat_u, to_i, to_u,
     },
     mesh::walk_meshes,
     node_walk::walk_node,
@@ -106,7 +106,7 @@ impl<S: Simd> GridWalks<S> {
         let dz = nonzero(simd, dir.z * frame.z_scale);
         let (ahead_x, ahead_y) = (d.x.simd_gt(zero), d.y.simd_gt(zero));
         let squares = 1i32 << (frame.levels - 1);
-        let [low_x, low_y] = frame.eye_cell.map(|cell| (-cell) as f32);
+        let [low_x, low_y] = [(-frame.eye_cell[0]) as f32, (-frame.eye_cell[1]) as f32];
         let span = always(
             #[inline(always)]
             |low: f32, ahead: M<S>, o: F<S>, inv: F<S>| {
@@ -269,21 +269,19 @@ fn windows_at<S: Simd>(simd: S, frame: &FrameUniform, k: I<S>, lanes: M<S>) -> (
         |k: i32| frame.windows[(k as usize).min(GRID_LEVELS - 1)],
     );
     if (lanes & k.simd_ne(splat_i(simd, common))).all_false() {
-        let [base, log2_side, low_x, low_y] = window(common).map(
+        let [base, log2_side, low_x, low_y] = map4(
+            window(common),
             #[inline(always)]
             |v| splat_i(simd, v),
         );
         return (low_x, low_y, log2_side, base);
     }
-    let [base, log2_side, low_x, low_y] = quadruples(
+    let windows = quadruples(
         simd,
         #[inline(always)]
         |lane| bytemuck::cast(window(k[lane])),
-    )
-    .map(
-        #[inline(always)]
-        |words| to_i::<S>(words),
     );
+    let [base, log2_side, low_x, low_y] = map4(windows, to_i::<S>);
     (low_x, low_y, log2_side, base)
 }
 

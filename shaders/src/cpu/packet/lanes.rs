@@ -183,13 +183,47 @@ pub(super) fn nonzero<S: Simd>(simd: S, v: F<S>) -> F<S> {
     v.abs().simd_lt(least).select(least, v)
 }
 
+/// Most rays of a packet.
+const MAX_LANES: usize = 16;
+
+/// The words of the rays.
+///
+/// Like `from_fn` of vectors, in a loop: `from_fn` and `map` of arrays are compiled without the instruction set, and then call the
+/// closure for each element, with all vectors in memory.
+#[expect(clippy::needless_range_loop, reason = "iterators may be calls, too")]
+#[inline(always)]
+fn words_of<S: Simd>(simd: S, word: impl Fn(usize) -> u32) -> U<S> {
+    let mut words = [0; MAX_LANES];
+    for lane in 0..U::<S>::LEN {
+        words[lane] = word(lane);
+    }
+    U::<S>::from_slice(simd, &words[..U::<S>::LEN])
+}
+
+/// Two words of half of the rays.
+#[expect(clippy::needless_range_loop, reason = "iterators may be calls, too")]
+#[inline(always)]
+fn halves_of<S: Simd>(simd: S, two_words: impl Fn(usize) -> u64) -> U<S> {
+    let mut all = [0; MAX_LANES / 2];
+    for i in 0..L::<S>::LEN {
+        all[i] = two_words(i);
+    }
+    L::<S>::from_slice(simd, &all[..L::<S>::LEN]).bitcast::<U<S>>()
+}
+
+/// `map` of four values, which is inlined.
+#[inline(always)]
+pub(super) fn map4<T, R>([a, b, c, d]: [T; 4], function: impl Fn(T) -> R) -> [R; 4] {
+    [function(a), function(b), function(c), function(d)]
+}
+
 /// Words at some addresses; 0 outside of `words`.
 #[inline(always)]
 pub(super) fn gather<S: Simd>(simd: S, words: &[u32], at: U<S>) -> U<S> {
     let last = splat_u(simd, (words.len().min(1 << 31) as u32).saturating_sub(1));
     // Lanes outside read the last word: a branch that depends on the lane would often be predicted wrongly.
     let inside = at.min(last);
-    let found = U::<S>::from_fn(
+    let found = words_of(
         simd,
         #[inline(always)]
         |lane| words.get(inside[lane] as usize).copied().unwrap_or(0),
@@ -206,7 +240,7 @@ pub(super) fn gather_where<S: Simd>(simd: S, words: &[u32], at: U<S>, mask: M<S>
 /// Words of a page at some places in it. Higher bits of `at` are ignored, so that no lane needs a test.
 #[inline(always)]
 pub(super) fn gather_page<S: Simd>(simd: S, page: &[u32; PAGE_WORDS], at: U<S>) -> U<S> {
-    U::<S>::from_fn(
+    words_of(
         simd,
         #[inline(always)]
         |lane| page[at[lane] as usize % PAGE_WORDS],
@@ -220,12 +254,11 @@ pub(super) fn pairs<S: Simd>(simd: S, pair: impl Fn(usize) -> [u32; 2]) -> [U<S>
     let part = always(
         #[inline(always)]
         |first: usize| {
-            let both = L::<S>::from_fn(
+            halves_of(
                 simd,
                 #[inline(always)]
                 |i| bytemuck::cast(pair(first + i)),
-            );
-            both.bitcast::<U<S>>()
+            )
         },
     );
     let (low, high) = part(0).deinterleave(part(half));
@@ -239,12 +272,11 @@ pub(super) fn quadruples<S: Simd>(simd: S, quadruple: impl Fn(usize) -> [u32; 4]
     let part = always(
         #[inline(always)]
         |first: usize| {
-            let both = L::<S>::from_fn(
+            halves_of(
                 simd,
                 #[inline(always)]
                 |i| bytemuck::cast::<[u32; 4], [u64; 2]>(quadruple(first + i / 2))[i % 2],
-            );
-            both.bitcast::<U<S>>()
+            )
         },
     );
     let (a, b) = part(0).deinterleave(part(quarter));
@@ -256,7 +288,7 @@ pub(super) fn quadruples<S: Simd>(simd: S, quadruple: impl Fn(usize) -> [u32; 4]
 /// The numbers of the lanes.
 #[inline(always)]
 pub(super) fn lane_numbers<S: Simd>(simd: S) -> U<S> {
-    U::<S>::from_fn(
+    words_of(
         simd,
         #[inline(always)]
         |lane| lane as u32,

@@ -51,7 +51,7 @@ pub(super) fn walk_meshes<S: Simd>(
     hits: &mut Hits<S>,
 ) {
     let head = node.mesh - 1;
-    let [x, y, z, step_m] = read_vec4(scene, head).map(f32::from_bits);
+    let [x, y, z, step_m]: [f32; 4] = bytemuck::cast(read_vec4(scene, head));
     let info = read_vec4(scene, head + 1);
     let whole = read_vec4(scene, head + 2);
     let zero = Vec3::new(node.corner[0], node.corner[1], node.mesh_z_m) + Vec3::new(x, y, z);

@@ -85,7 +85,8 @@ pub(super) fn hit_triangles<S: Simd>(
     let mut albedo = triangles.colours(simd, found, nearest);
     if info[1] != 0 {
         for lane in lanes_of::<S>(found) {
-            let carried = [0, 1, 2].map(|i| triangles.carried[i][lane]);
+            let [a, b, c] = triangles.carried;
+            let carried = [a[lane], b[lane], c[lane]];
             let hit = TextureHit { t: t[lane], u: nearest.u[lane], v: nearest.v[lane], flat: normal.lane(lane) };
             let mut ray = segments.lane(scene, lane);
             albedo.set_lane(lane, texture_colour(&mut ray, (info, step_m), carried, across.lane(lane), hit));

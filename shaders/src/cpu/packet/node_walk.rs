@@ -278,10 +278,7 @@ impl<S: Simd> CellSteps<S> {
     /// Highest points of the cells' quads.
     #[inline(always)]
     fn quad_top(&self, simd: S, number: U<S>) -> F<S> {
-        let [odd, upper] = QUAD_ROW_BITS.map(
-            #[inline(always)]
-            |bit| has(simd, number, bit),
-        );
+        let (odd, upper) = (has(simd, number, QUAD_ROW_BITS[0]), has(simd, number, QUAD_ROW_BITS[1]));
         let [a, b, c, d] = self.rows;
         let row = upper.select(odd.select(d, c), odd.select(b, a));
         // Half of x, times the bits of a quad.

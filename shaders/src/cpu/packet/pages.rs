@@ -1,5 +1,6 @@
 //! Pages of the atlas whose words packets read without testing each place.
 
+use super::lanes::map4;
 use crate::{
     cpu::node::planes_of,
     layout::{DrawNode, PAGE_WORDS, PLANES},
@@ -18,7 +19,8 @@ fn page_at(atlas: &[u32], first: usize) -> Option<&[u32; PAGE_WORDS]> {
 /// The words of a node's planes; `None` if the atlas ends within one.
 #[inline(always)]
 pub(super) fn planes_at<'a>(atlas: &'a [u32], node: &DrawNode) -> Option<[&'a [u32; PAGE_WORDS]; PLANES]> {
-    let [a, b, c, d] = planes_of(node).map(
+    let [a, b, c, d] = map4(
+        planes_of(node),
         #[inline(always)]
         |first| page_at(atlas, first),
     );

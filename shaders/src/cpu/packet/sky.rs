@@ -2,7 +2,7 @@
 //! [`shade`](crate::cpu::shade).
 
 use super::{
-    lanes::{F, I, M, U, Vec3s, always, float, lanes_of, quadruples, splat, splat_i, splat_u, to_u},
+    lanes::{F, I, M, U, Vec3s, always, float, lanes_of, map4, quadruples, splat, splat_i, splat_u, to_u},
     shade::{Radiances, apply_haze},
 };
 use crate::{
@@ -133,7 +133,8 @@ impl<S: Simd> SkyColumns<S> {
             let cell = always(
                 #[inline(always)]
                 |at: u32| {
-                    cells.get(at as usize).copied().unwrap_or_default().map(
+                    map4(
+                        cells.get(at as usize).copied().unwrap_or_default(),
                         #[inline(always)]
                         |v| splat(simd, v),
                     )
@@ -149,7 +150,8 @@ impl<S: Simd> SkyColumns<S> {
                         #[inline(always)]
                         |lane| bytemuck::cast(cells.get(at[lane] as usize).copied().unwrap_or_default()),
                     );
-                    words.map(
+                    map4(
+                        words,
                         #[inline(always)]
                         |word| word.bitcast::<F<S>>(),
                     )

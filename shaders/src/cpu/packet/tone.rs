@@ -235,7 +235,7 @@ fn between<S: Simd, const PLACES: usize>(simd: S, table: &DisplayTable<PLACES>, 
     let [value, step] = pairs(
         simd,
         #[inline(always)]
-        |lane| table[at[lane] as usize % PLACES].map(f32::to_bits),
+        |lane| bytemuck::cast(table[at[lane] as usize % PLACES]),
     );
     value.bitcast::<F<S>>() + step.bitcast::<F<S>>() * part
 }
