@@ -1,6 +1,6 @@
 //! The page of a city on a real server: its picture, and the effects of mouse, keys and touch.
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use image::RgbImage;
 use insula_bake::BakeOptions;
 use insula_protocol::manifest::Attribution;
@@ -72,7 +72,10 @@ pub(super) fn ensure_no_problems(page: &CityPage) -> Result<()> {
 /// Fails if the middle of the page shows no city.
 pub(super) fn ensure_city_is_visible(page: &CityPage) -> Result<()> {
     let found = colours(&page.middle()?);
-    ensure!(found >= CITY_COLOURS, "{found} colours in the middle of the page");
+    if found < CITY_COLOURS {
+        keep(page, "no-city")?;
+        bail!("{found} colours in the middle of the page: no-city.png");
+    }
     Ok(())
 }
 
