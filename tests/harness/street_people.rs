@@ -3,31 +3,65 @@
 use anyhow::{Context, Result};
 use glam::DVec3;
 use insula_archive::BakedCity;
-use insula_protocol::{BlockMap, NODE_CELLS, TileId, TileKind, blockmap::flag, mesh_tile};
+use insula_protocol::{BlockMap, Manifest, NODE_CELLS, TileId, TileKind, blockmap::flag, mesh_tile};
 use insula_test_support::rng::Rng;
 use insula_viewer::{
+    cache::pages_for,
     camera::Camera,
     decode::decode,
-    scene::TileKey,
-    streamer::{FetchError, FetchOutcome, TileFetcher},
+    render::CpuAdapter,
+    scene::{SceneTree, TileKey},
+    streamer::{Downloads, FetchError, FetchOutcome, Streamer, TileFetcher},
 };
 use std::{cell::Cell, rc::Rc, time::Duration};
 
 /// Height of the eyes above the ground.
-pub const EYE_M: f64 = 1.7;
+const EYE_M: f64 = 1.7;
+
+/// Width and height of the window.
+pub const SIZE_PX: [u32; 2] = [1280, 720];
+const CACHE_BYTES: u64 = 512 << 20;
 
 /// A link on which responses come one after the other.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, clap::Args)]
 pub struct SimulatedLink {
-    pub bytes_per_sec: f64,
-    pub rtt: Duration,
-    /// Whether the city's sets of what can be seen are fetched as well.
-    pub has_sets: bool,
+    /// Megabits per second
+    #[arg(long, default_value_t = 20.0)]
+    bandwidth: f64,
+    /// Round trip in milliseconds
+    #[arg(long, default_value_t = 50)]
+    rtt: u64,
+    /// Requests at once to begin with
+    #[arg(long, default_value_t = 12)]
+    requests: usize,
+}
+
+/// A client that has no tiles yet, and what it draws with. Its time is that of `now`. `has_sets`: whether it fetches the city's sets of
+/// what can be seen.
+pub fn new_client<'a>(
+    city: &'a BakedCity,
+    has_sets: bool,
+    link: SimulatedLink,
+    now: &Rc<Cell<Duration>>,
+) -> (Streamer<SimulatedFetcher<'a>>, CpuAdapter) {
+    let fetcher = SimulatedFetcher {
+        city,
+        has_sets,
+        link,
+        now: Rc::clone(now),
+        free_at: Duration::ZERO,
+        in_flight: Vec::new(),
+        fetched: Vec::new(),
+    };
+    let pages = pages_for(CACHE_BYTES);
+    let tree = SceneTree::new(Manifest { street_sets: has_sets, ..city.manifest().clone() });
+    (Streamer::new(tree, Downloads::new(fetcher, link.requests), pages), CpuAdapter::new(pages))
 }
 
 /// Reads tiles from a folder as if they came over a link.
 pub struct SimulatedFetcher<'a> {
     city: &'a BakedCity,
+    has_sets: bool,
     link: SimulatedLink,
     now: Rc<Cell<Duration>>,
     free_at: Duration,
@@ -36,15 +70,10 @@ pub struct SimulatedFetcher<'a> {
     pub fetched: Vec<(TileKey, usize)>,
 }
 
-impl<'a> SimulatedFetcher<'a> {
-    /// A fetcher whose time is that of `now`.
-    pub fn new(city: &'a BakedCity, link: SimulatedLink, now: Rc<Cell<Duration>>) -> Self {
-        Self { city, link, now, free_at: Duration::ZERO, in_flight: Vec::new(), fetched: Vec::new() }
-    }
-
+impl SimulatedFetcher<'_> {
     fn bytes(&self, key: TileKey) -> Result<Vec<u8>, FetchError> {
         let place = if key.kind() == TileKind::Mesh { mesh_tile::archive_id(key.id, key.lod) } else { Some(key.id) };
-        let is_absent = key.kind() == TileKind::Visibility && !self.link.has_sets;
+        let is_absent = key.kind() == TileKind::Visibility && !self.has_sets;
         let tile = place.filter(|_| !is_absent).and_then(|place| self.city.tile(key.kind(), place).ok().flatten());
         tile.map(|tile| tile.to_vec()).ok_or(FetchError::Missing)
     }
@@ -53,8 +82,8 @@ impl<'a> SimulatedFetcher<'a> {
 impl TileFetcher for SimulatedFetcher<'_> {
     fn start(&mut self, key: TileKey, ticket: u64) {
         let bytes = self.bytes(key).map_or(0, |bytes| bytes.len());
-        self.free_at = self.free_at.max(self.now.get() + self.link.rtt)
-            + Duration::from_secs_f64(bytes as f64 / self.link.bytes_per_sec);
+        let (rtt, bytes_per_sec) = (Duration::from_millis(self.link.rtt), self.link.bandwidth * 125_000.0);
+        self.free_at = self.free_at.max(self.now.get() + rtt) + Duration::from_secs_f64(bytes as f64 / bytes_per_sec);
         self.in_flight.push((self.free_at, key, ticket, self.now.get()));
     }
 

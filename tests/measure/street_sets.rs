@@ -1,23 +1,20 @@
 //! Compares what street views fetch with and without the city's sets of what can be seen, over a simulated link in simulated time.
 //!
 //! `cargo run --release -p insula-measure --bin street_sets -- CITY`: random eyes 1.7 m above the ground look along random directions.
-//! Each view is streamed from an empty cache to its final frame, once as if the city had no sets. Frames that find out what is
-//! occluded take no time, nor does decoding, so that the results do not depend on the machine.
+//! Each view is streamed from an empty cache to its final frame, once as if the city had no sets. A frame takes 2 ms and decoding
+//! no time, so that the results do not depend on the machine.
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clap::Parser;
 use insula_archive::BakedCity;
-use insula_protocol::{Manifest, TileId, TileKind};
+use insula_protocol::{TileId, TileKind};
 use insula_shaders::cpu::{hit_counts::hit_counts, raycast::Pixels};
 use insula_test_support::rng::Rng;
-use insula_tests::street_people::{SimulatedFetcher, SimulatedLink, random_view};
+use insula_tests::street_people::{SIZE_PX, SimulatedLink, new_client, random_view};
 use insula_viewer::{
-    cache::pages_for,
     camera::Camera,
     frame::RenderSettings,
-    render::CpuAdapter,
-    scene::SceneTree,
-    streamer::{Downloads, FEEDBACK_DOWNSCALE, FrameRequest, Streamer},
+    streamer::{FEEDBACK_DOWNSCALE, FrameRequest},
 };
 use std::{cell::Cell, collections::BTreeSet, path::PathBuf, rc::Rc, time::Duration};
 
@@ -29,19 +26,10 @@ struct Args {
     /// Number of views
     #[arg(long, default_value_t = 12)]
     views: u32,
-    /// Megabits per second
-    #[arg(long, default_value_t = 20.0)]
-    bandwidth: f64,
-    /// Round trip in milliseconds
-    #[arg(long, default_value_t = 50)]
-    rtt: u64,
-    /// Requests at once to begin with
-    #[arg(long, default_value_t = 12)]
-    requests: usize,
+    #[command(flatten)]
+    link: SimulatedLink,
 }
 
-const SIZE_PX: [u32; 2] = [1280, 720];
-const CACHE_BYTES: u64 = 512 << 20;
 const STEP: Duration = Duration::from_millis(2);
 const MAX_FULL_FRAMES: u32 = 24;
 /// A view that takes longer than this will never be complete.
@@ -118,13 +106,7 @@ fn differ(a: u32, b: u32) -> bool {
 /// Streams a view to its end. Returns the final frame, too.
 fn stream(city: &BakedCity, camera: Camera, has_sets: bool, args: &Args) -> Result<(Cost, Pixels)> {
     let clock = Rc::new(Cell::new(Duration::ZERO));
-    let link =
-        SimulatedLink { bytes_per_sec: args.bandwidth * 125_000.0, rtt: Duration::from_millis(args.rtt), has_sets };
-    let fetcher = SimulatedFetcher::new(city, link, clock.clone());
-    let pages = pages_for(CACHE_BYTES);
-    let mut adapter = CpuAdapter::new(pages);
-    let tree = SceneTree::new(Manifest { street_sets: has_sets, ..city.manifest().clone() });
-    let mut streamer = Streamer::new(tree, Downloads::new(fetcher, args.requests), pages);
+    let (mut streamer, mut adapter) = new_client(city, has_sets, args.link, &clock);
     let request = FrameRequest { camera, heading: None, size_px: SIZE_PX, tau_px: 1.0, switching: None };
     let small_px = SIZE_PX.map(|side| side / FEEDBACK_DOWNSCALE);
     let settings = RenderSettings::default();
@@ -134,7 +116,7 @@ fn stream(city: &BakedCity, camera: Camera, has_sets: bool, args: &Args) -> Resu
         clock.set(now);
         let arrived = streamer.downloads().fetcher().fetched.len();
         streamer.update(&request, &mut adapter, now);
-        anyhow::ensure!(
+        ensure!(
             now < STREAM_LIMIT,
             "not complete after {STREAM_LIMIT:?}: {:?}",
             streamer.selection().requests.iter().take(4).collect::<Vec<_>>()

@@ -1,29 +1,27 @@
-//! How long a person who walks through a city waits for tiles, with and without the city's sets of what can be seen.
+//! Measures how long a walking person waits for tiles, with and without the city's sets of what can be seen.
 //!
-//! `cargo run --release -p insula-measure --bin street_walk -- CITY`: walks of 200 m straight on from random places in streets, at a
-//! run. Tiles arrive over a simulated link in simulated time. A tile is waited for from the first frame that lacks it, in view and not
-//! known to be occluded, until it is drawn or no longer needed.
+//! `cargo run --release -p insula-measure --bin street_walk -- CITY`: each walk goes 200 m straight ahead from a random place in a street.
+//! Tiles arrive over a simulated link in simulated time. The wait for a tile begins with the first frame that needs it, and ends when
+//! the tile is resident or no longer needed. Tiles that are out of view or known to be occluded are not needed.
 
 use anyhow::Result;
 use clap::Parser;
 use glam::DVec3;
 use insula_archive::BakedCity;
-use insula_protocol::{Manifest, TileKind};
+use insula_protocol::TileKind;
 use insula_shaders::cpu::hit_counts::hit_counts;
 use insula_test_support::rng::Rng;
-use insula_tests::street_people::{SimulatedFetcher, SimulatedLink, random_view};
+use insula_tests::street_people::{SIZE_PX, SimulatedLink, new_client, random_view};
 use insula_viewer::{
-    cache::pages_for,
     camera::Camera,
     frame::RenderSettings,
-    render::CpuAdapter,
-    scene::{SceneTree, TileKey},
-    select::priority::PriorityGroup,
-    streamer::{Downloads, FEEDBACK_DOWNSCALE, FrameRequest, Streamer},
+    scene::TileKey,
+    select::priority::{PriorityGroup, TileRequest},
+    streamer::{FEEDBACK_DOWNSCALE, FrameRequest},
 };
 use std::{cell::Cell, collections::HashMap, path::PathBuf, rc::Rc, time::Duration};
 
-/// Measures how long people who walk wait for tiles
+/// Measures how long a walking person waits for tiles
 #[derive(Debug, Parser)]
 struct Args {
     /// Folder of the baked city, with sets
@@ -34,16 +32,10 @@ struct Args {
     /// Metres per second
     #[arg(long, default_value_t = 4.0)]
     speed: f64,
-    /// Megabits per second
-    #[arg(long, default_value_t = 20.0)]
-    bandwidth: f64,
-    /// Round trip in milliseconds
-    #[arg(long, default_value_t = 50)]
-    rtt: u64,
+    #[command(flatten)]
+    link: SimulatedLink,
 }
 
-const SIZE_PX: [u32; 2] = [1280, 720];
-const CACHE_BYTES: u64 = 512 << 20;
 const LENGTH_M: f64 = 200.0;
 /// Time of a frame.
 const FRAME: Duration = Duration::from_millis(20);
@@ -51,16 +43,15 @@ const FRAME: Duration = Duration::from_millis(20);
 const FEEDBACK_FRAMES: u32 = 5;
 /// The camera is expected to be where it will be so much later, as the viewer does.
 const LOOKAHEAD: Duration = Duration::from_millis(500);
-/// The first view is complete after so long.
+/// The walk begins after so long, when the first view is complete.
 const ARRIVAL: Duration = Duration::from_secs(4);
-const REQUESTS_AT_ONCE: usize = 12;
 
 /// What a walk needed.
 #[derive(Debug, Default)]
 struct Walk {
     bytes: usize,
     requests: usize,
-    /// How long each tile was waited for, sorted.
+    /// The wait for each tile, sorted.
     waits: Vec<Duration>,
 }
 
@@ -100,15 +91,10 @@ fn described(walk: &Walk) -> String {
     )
 }
 
+/// Walks straight ahead from `start`.
 fn stream(city: &BakedCity, start: Camera, has_sets: bool, args: &Args) -> Walk {
     let clock = Rc::new(Cell::new(Duration::ZERO));
-    let link =
-        SimulatedLink { bytes_per_sec: args.bandwidth * 125_000.0, rtt: Duration::from_millis(args.rtt), has_sets };
-    let fetcher = SimulatedFetcher::new(city, link, clock.clone());
-    let pages = pages_for(CACHE_BYTES);
-    let mut adapter = CpuAdapter::new(pages);
-    let tree = SceneTree::new(Manifest { street_sets: has_sets, ..city.manifest().clone() });
-    let mut streamer = Streamer::new(tree, Downloads::new(fetcher, REQUESTS_AT_ONCE), pages);
+    let (mut streamer, mut adapter) = new_client(city, has_sets, args.link, &clock);
     let along = DVec3::new(start.forward.x, start.forward.y, 0.0).normalize_or(DVec3::X);
     let camera = |now: Duration| {
         let way_m = (now.saturating_sub(ARRIVAL).as_secs_f64() * args.speed).min(LENGTH_M);
@@ -125,7 +111,7 @@ fn stream(city: &BakedCity, start: Camera, has_sets: bool, args: &Args) -> Walk 
         let heading = (now >= ARRIVAL).then(|| camera(now + LOOKAHEAD));
         let request = FrameRequest { camera: camera(now), heading, size_px: SIZE_PX, tau_px: 1.0, switching: None };
         streamer.update(&request, &mut adapter, now);
-        let lacks = |w: &&insula_viewer::select::priority::TileRequest| {
+        let lacks = |w: &&TileRequest| {
             matches!(w.group, PriorityGroup::Urgent | PriorityGroup::Normal)
                 && matches!(w.key.kind(), TileKind::BlockMap | TileKind::Mesh)
         };
