@@ -318,9 +318,9 @@ pub struct BakeArgs {
     /// Bake only what has changed since CITY was baked; the result is the same as that of a full bake
     #[arg(long)]
     pub update: bool,
-    /// Compute what can be seen from streets, so that clients there fetch nothing that is hidden
+    /// Do not compute what can be seen from streets: clients there then fetch more that is occluded
     #[arg(long)]
-    pub street_sets: bool,
+    pub no_street_sets: bool,
     /// Leave out inputs that cannot be read, or of which every object is left out, instead of failing
     #[arg(long)]
     pub skip_bad_inputs: bool,

@@ -2,7 +2,7 @@
 
 /// Receives a bake's progress, from several threads at once.
 pub trait Progress: Sync {
-    /// A stage begins: `read`, `partition`, `sample`, `level N` or `write`. It has `total` steps, 0 if that is unknown.
+    /// A stage begins: `read`, `partition`, `sample`, `level N`, `write` or `streets`. It has `total` steps, 0 if that is unknown.
     fn stage(&self, name: &str, total: u64);
     /// `n` more steps of the current stage are done.
     fn advance(&self, n: u64);

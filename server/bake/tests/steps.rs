@@ -120,9 +120,10 @@ fn assert_same(made: &BTreeMap<String, Vec<u8>>, plain: &BTreeMap<String, Vec<u8
 #[test]
 fn steps_in_any_order_give_the_bytes_of_a_plain_bake() {
     let folder = TestFolder::new("steps");
-    let options = options(write_town(&folder.path, [139.75, 35.68], 3));
+    let inputs = write_town(&folder.path, [139.75, 35.68], 3);
+    let options = BakeOptions { street_sets: true, ..options(inputs) };
     let plain = plain(&folder.path, &options);
-    assert!(plain.len() == 8 && plain["meshes.pmtiles"].len() > 10_000);
+    assert!(plain.len() == 9 && plain["meshes.pmtiles"].len() > 10_000);
     for (region_leaves, chunk_bytes) in [(2, 1), (4, u64::MAX), (32, 1)] {
         let work = folder.path.join(format!("work-{region_leaves}"));
         bake_in_steps(&work, &options, chunk_bytes, region_leaves).unwrap();
@@ -223,6 +224,7 @@ fn terrain_landmarks_and_photos_give_the_bytes_of_a_plain_bake() {
         let options = BakeOptions {
             landmarks: Some(landmarks.clone()),
             facades: FacadeOption::Plain,
+            street_sets: true,
             ground,
             ..options(inputs.clone())
         };

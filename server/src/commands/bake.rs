@@ -185,7 +185,8 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         cell_m,
         landmarks: args.landmarks.clone(),
         is_monument,
-        street_sets: args.street_sets,
+        // Nobody walks in the streets of a statue.
+        street_sets: !args.no_street_sets && !is_monument,
         stone,
         terrain: TerrainOptions {
             error_cells: args.terrain_error.map_or(TerrainOptions::default().error_cells, |error_m| error_m / cell_m),

@@ -17,6 +17,10 @@ use std::collections::BTreeSet;
 /// Buildings are narrower than about twice this, in metres.
 const GROUND_REACH_M: f32 = 30.0;
 
+const AXES: [MainAxis; 2] = [MainAxis::X, MainAxis::Y];
+/// Number of sweeps of each cell.
+pub const SWEEPS: u64 = AXES.len() as u64;
+
 /// The sets of a city's cells, one for each leaf.
 #[derive(Debug)]
 pub struct CitySets {
@@ -28,13 +32,14 @@ pub struct CitySets {
 }
 
 impl CitySets {
-    /// Computes the sets of the cells of all leaves that are `wanted`. `None` for a city without leaves. Fails with the first error of
-    /// `read`, which decodes the V-BlockMap of a node of `extent`.
+    /// Computes the sets of the cells of all leaves that are `wanted`, and calls `advance` [`SWEEPS`] times for each. `None` if the city
+    /// has no sets ([`CityExtent::check`]). Fails with the first error of `read`, which decodes the V-BlockMap of a node of `extent`.
     pub fn compute<E: Send>(
         extent: &CityExtent,
         settings: &Settings,
         read: impl Fn(TileId) -> Result<BlockMap, E> + Sync,
         wanted: impl Fn(TileId) -> bool + Sync,
+        advance: impl Fn() + Sync,
     ) -> Result<Option<Self>, E> {
         let Some(heights) = CityHeights::read(extent, read)? else { return Ok(None) };
         let leaves = heights.leaves;
@@ -53,7 +58,7 @@ impl CitySets {
         // Land around the leaves is not computed: it counts as seen.
         let is_land = |id: &TileId| id.level() < extent.depth && !leaves.contains(*id, extent.depth);
         let beyond = if extent.terminals.iter().any(is_land) { 0 } else { UNSEEN };
-        for axis in [MainAxis::X, MainAxis::Y] {
+        for axis in AXES {
             let tables = RowTables::new(&heights, axis);
             let sweep = Sweep::new(&heights, &tables, axis, settings);
             cells.par_iter_mut().enumerate().for_each(|(i, cell)| {
@@ -67,6 +72,7 @@ impl CitySets {
                 } else {
                     set.seen.iter_mut().zip(seen).for_each(|(a, b)| *a = (*a).min(b));
                 }
+                advance();
             });
         }
         let cells = cells.into_iter().map(|cell| cell.map(|(set, _)| set)).collect();

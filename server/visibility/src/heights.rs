@@ -10,6 +10,23 @@ use std::collections::HashMap;
 /// Most squares of a grid. A larger city has larger squares, and its sets are less tight.
 const MAX_SQUARES: u64 = 12 << 20;
 
+/// Narrowest leaves of a city with sets, in metres: from higher than a leaf is wide, an eye sees over too much.
+pub const MIN_LEAF_M: f64 = 16.0;
+/// Most leaf squares of the rectangle around the leaves of a city with sets. Each cell's sweep takes time in proportion to the width and
+/// height of the rectangle.
+pub const MAX_LEAF_SQUARES: u64 = 1 << 16;
+
+/// Why a city has no sets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoSets {
+    /// No node is a leaf.
+    NoLeaves,
+    /// Leaves are narrower than [`MIN_LEAF_M`].
+    NarrowLeaves,
+    /// There are more than [`MAX_LEAF_SQUARES`].
+    TooLarge,
+}
+
 /// What a city's tree says about its nodes.
 #[derive(Debug, Clone)]
 pub struct CityExtent {
@@ -21,6 +38,23 @@ pub struct CityExtent {
     pub lowest_m: f64,
     /// The nodes without children, in any order.
     pub terminals: Vec<TileId>,
+}
+
+impl CityExtent {
+    /// Fails if the city has no sets.
+    pub fn check(&self) -> Result<(), NoSets> {
+        self.leaf_rectangle().map(drop)
+    }
+
+    fn leaf_rectangle(&self) -> Result<LeafRectangle, NoSets> {
+        let leaves = self.terminals.iter().copied().filter(|id| id.level() == self.depth);
+        let rectangle = LeafRectangle::around(leaves).ok_or(NoSets::NoLeaves)?;
+        if self.cell_m * (NODE_CELLS as f64) < MIN_LEAF_M {
+            return Err(NoSets::NarrowLeaves);
+        }
+        let squares = u64::from(rectangle.width) * u64::from(rectangle.height);
+        if squares > MAX_LEAF_SQUARES { Err(NoSets::TooLarge) } else { Ok(rectangle) }
+    }
 }
 
 /// The rectangle of leaf squares around all leaves: those of coarser nodes in it belong to it too.
@@ -89,13 +123,12 @@ pub(crate) struct CityHeights {
 }
 
 impl CityHeights {
-    /// Reads all nodes without children. `None` if none of them is a leaf. Fails with the first error of `read`.
+    /// Reads all nodes without children. `None` if the city has no sets. Fails with the first error of `read`.
     pub(crate) fn read<E: Send>(
         extent: &CityExtent,
         read: impl Fn(TileId) -> Result<BlockMap, E> + Sync,
     ) -> Result<Option<Self>, E> {
-        let leaves = extent.terminals.iter().copied().filter(|id| id.level() == extent.depth);
-        let Some(rectangle) = LeafRectangle::around(leaves) else { return Ok(None) };
+        let Ok(rectangle) = extent.leaf_rectangle() else { return Ok(None) };
         let mut heights = Self::empty(extent, rectangle);
         heights.read_coarse_nodes(extent, &read)?;
         heights.read_leaves(extent, &read)?;
@@ -221,5 +254,23 @@ impl CityHeights {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cities_without_streets_have_no_sets() {
+        let of = |cell_m: f64, terminals: &[(u8, u32, u32)]| {
+            let terminals = terminals.iter().map(|(level, x, y)| TileId::new(*level, *x, *y).unwrap()).collect();
+            CityExtent { depth: 9, cell_m, lowest_m: 0.0, terminals }.check()
+        };
+        assert_eq!(of(1.0, &[(9, 10, 20), (9, 265, 275), (2, 0, 0)]), Ok(()));
+        assert_eq!(of(1.0, &[(9, 10, 20), (9, 265, 276)]), Err(NoSets::TooLarge));
+        assert_eq!(of(0.25, &[(9, 1, 1)]), Ok(()));
+        assert_eq!(of(0.24, &[(9, 1, 1)]), Err(NoSets::NarrowLeaves));
+        assert_eq!(of(1.0, &[(8, 1, 1)]), Err(NoSets::NoLeaves));
     }
 }

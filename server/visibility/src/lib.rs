@@ -14,6 +14,6 @@ mod shape;
 mod sweep;
 mod windows;
 
-pub use cells::CitySets;
-pub use heights::CityExtent;
+pub use cells::{CitySets, SWEEPS};
+pub use heights::{CityExtent, MAX_LEAF_SQUARES, MIN_LEAF_M, NoSets};
 pub use settings::Settings;

@@ -95,7 +95,7 @@ pub fn bake_generated(
     let tree = &tree;
     let input = CityInput { config: &config, grid, facts: &facts, read: &read, tree, fingerprints, objects: None };
     progress.stage("write", tree.levels().iter().map(|level| level.len() as u64).sum());
-    let written = city::write(input, &mut PackedTiles::new(&packs), &scratch.city(), |n| progress.advance(n))?;
+    let written = city::write(input, &mut PackedTiles::new(&packs), &scratch.city(), progress)?;
     scratch.publish()?;
     Ok(written.manifest)
 }

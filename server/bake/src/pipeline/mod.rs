@@ -297,8 +297,7 @@ impl<'a> BakeRun<'a> {
         let Self { progress, scratch, mut clock, .. } = self;
         progress.stage("write", input.tree.levels().iter().map(|level| level.len() as u64).sum());
         let written = clock.time("write", || {
-            let written =
-                city::write(input, &mut PackedTiles::new(&scratch.packs()), &scratch.city(), |n| progress.advance(n))?;
+            let written = city::write(input, &mut PackedTiles::new(&scratch.packs()), &scratch.city(), progress)?;
             // Closes the previous city's files: some systems do not rename a folder with open files.
             drop(previous);
             scratch.publish().map(|()| written)

@@ -5,17 +5,23 @@
 //! `thumbnail.png`, synchronised, in the scratch folder.
 //! Next: `ScratchFolder::publish` renames them to the output.
 
-use std::{collections::HashMap, fs, io, path::Path};
+use std::{
+    collections::HashMap,
+    fs, io,
+    path::Path,
+    sync::{Mutex, PoisonError},
+};
 
 use insula_archive::city::{SEARCH_FILE, version_of};
 use insula_protocol::{
-    NODE_CELLS, TileId,
+    NODE_CELLS, TileId, TileKind,
     manifest::{
         Attribution, CityCounts, FORMAT_VERSION, HeightReference, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES,
         Manifest, shorten_text,
     },
     mesh_tile, tile,
 };
+use insula_visibility::CityExtent;
 use serde::{Deserialize, Serialize};
 
 use super::location::locate;
@@ -35,6 +41,7 @@ use crate::{
     error::BakeError,
     ground::GroundReport,
     hash::ShortHash,
+    progress::Progress,
     read::ReadReport,
     scene::{ObjectKind, grid::CityGrid, scratch_scene::ScratchScene},
 };
@@ -165,38 +172,39 @@ pub(crate) struct TileArchives {
 pub(crate) const BLOCKMAPS_FILE: &str = "blockmaps.pmtiles";
 pub(crate) const MESHES_FILE: &str = "meshes.pmtiles";
 
-/// Writes the files into `folder`, which must not exist; calls `advance` for every tile. Fails if a pack cannot be read
-/// or a file cannot be written.
+/// Writes the files into `folder`, which must not exist. Fails if a pack cannot be read or a file cannot be written.
 pub(crate) fn write(
     input: CityInput<'_>,
-    tiles: &mut dyn TileContent,
+    tiles: &mut (dyn TileContent + Send),
     folder: &Path,
-    advance: impl Fn(u64),
+    progress: &dyn Progress,
 ) -> Result<WrittenCity, BakeError> {
     fs::create_dir(folder).map_err(|cause| BakeError::io(folder, "created", cause))?;
     let ids: Vec<TileId> = input.tree.levels().iter().flatten().map(|tile| tile.id).collect();
     let blockmaps = archive::write(&folder.join(BLOCKMAPS_FILE), &ids, |id| {
-        advance(1);
+        progress.advance(1);
         let stored = input.tree.get(id).ok_or_else(|| BakeError::Scratch { path: folder.to_owned() })?;
         tiles.tile(stored)
     })?;
     let has_meshes = !input.tree.meshes().is_empty();
     let meshes = has_meshes.then(|| write_meshes(&input, tiles, &folder.join(MESHES_FILE))).transpose()?;
-    write_others(input, tiles, TileArchives { blockmaps, meshes }, folder)
+    write_others(input, tiles, TileArchives { blockmaps, meshes }, folder, progress)
 }
 
 /// Writes all files besides `archives`, which are elsewhere or in the folder already. Fails as [`write`].
 pub(crate) fn write_others(
     input: CityInput<'_>,
-    tiles: &mut dyn TileContent,
+    tiles: &mut (dyn TileContent + Send),
     archives: TileArchives,
     folder: &Path,
+    progress: &dyn Progress,
 ) -> Result<WrittenCity, BakeError> {
     let TileArchives { blockmaps, meshes } = archives;
     let nodes = tile_tree::describe(input.tree, input.grid);
     let subtrees = archive::write(&folder.join("subtrees.pmtiles"), &tile_tree::subtree_roots(&nodes), |root| {
         tile_tree::encode_subtree(input.tree, &nodes, root)
     })?;
+    let terminals = nodes.iter().flatten().filter(|node| node.child_mask == 0).map(|node| node.id).collect();
     drop(nodes);
     let mut written: Vec<WrittenArchive> = [blockmaps, subtrees].into_iter().chain(meshes).collect();
     let mut search = None;
@@ -213,7 +221,8 @@ pub(crate) fn write_others(
     }
     let mut manifest = build_manifest(&input);
     if input.config.street_sets
-        && let Some(sets) = visibility::write_archive(folder, &manifest, input.config.threads)?
+        && let Some(sets) =
+            write_street_sets(&input, visibility::extent(&manifest, terminals), tiles, folder, progress)?
     {
         bytes += sets.bytes;
         hashes.push(sets.digest);
@@ -231,6 +240,23 @@ pub(crate) fn write_others(
         Err(error) => tracing::warn!("the city has no {}: {error}", thumbnail::FILE_NAME),
     }
     Ok(WrittenCity { manifest, bytes })
+}
+
+/// Writes the archive of what can be seen from streets; `None` if the city has no sets.
+fn write_street_sets(
+    input: &CityInput<'_>,
+    extent: CityExtent,
+    tiles: &mut (dyn TileContent + Send),
+    folder: &Path,
+    progress: &dyn Progress,
+) -> Result<Option<WrittenArchive>, BakeError> {
+    let tiles = Mutex::new(tiles);
+    let read = |id: TileId| {
+        let stored = input.tree.get(id).ok_or_else(|| BakeError::Scratch { path: folder.to_owned() })?;
+        tiles.lock().unwrap_or_else(PoisonError::into_inner).tile(stored)
+    };
+    let path = folder.join(TileKind::Visibility.file_name());
+    visibility::write_archive(&path, extent, read, input.config.threads, progress)
 }
 
 /// Writes the archive of meshes, each level of detail under its own tile id.

@@ -20,7 +20,7 @@ use crate::{
 /// Name of the job's object.
 pub(super) const JOB: &str = "job.json";
 /// Version of the steps and their objects.
-const STEPS_VERSION: u32 = 1;
+const STEPS_VERSION: u32 = 2;
 /// A longer job is refused.
 const MAX_JOB_BYTES: u64 = 64 << 20;
 /// Sources are collected in chunks of this size, unless it is chosen.
@@ -163,10 +163,6 @@ impl<'a> BakeSteps<'a> {
         if !leaves.is_power_of_two() || !(2..=MAX_REGION_LEAVES).contains(&leaves) {
             let advice = format!("give a power of two from 2 to {MAX_REGION_LEAVES}");
             return Err(BakeError::Option { option: "--region", value: leaves.to_string(), advice });
-        }
-        if config.street_sets {
-            let advice = "a bake in steps cannot make them yet; leave the option out".to_owned();
-            return Err(BakeError::Option { option: "--street-sets", value: "on".to_owned(), advice });
         }
         progress.stage("list", 0);
         let read_options = config.read_options(options);

@@ -14,17 +14,16 @@ use insula_protocol::{TileId, mesh_tile};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    crown,
     job::BakeSteps,
-    layout::{CityPlan, JOINED, OWN_RECORDS, PLAN, REPORT, REPORT_KIND, ROWS_KIND, rows_name},
+    layout::{CityPlan, JOINED, OWN_RECORDS, REPORT, REPORT_KIND, ROWS_KIND, rows_name},
     region,
     region_file::{INDEX_KIND, TileIndex, index_name},
     scan::{fetch, put_file, records_name, scratch_folder},
-    sealed::{SealedKind, SealedStore},
+    sealed::SealedKind,
+    store_tiles::{CROWN, CityTiles, StoreTiles, folder_of},
 };
 use crate::{
     error::BakeError,
-    hash::ShortHash,
     read::{self, ReadReport},
     scene::{
         object_numbers::NumberedObject,
@@ -35,7 +34,6 @@ use crate::{
         city::{self, BLOCKMAPS_FILE, CityInput, MESHES_FILE, TileArchives},
         mesh_pack::StoredMesh,
         objects::NumberedRecords,
-        tile_bytes::TileContent,
         tile_pack::{PackId, StoredTile},
         tile_tree::TileTree,
     },
@@ -50,8 +48,6 @@ pub(super) const JOIN_PLAN: &str = "join/plan";
 const JOIN_KIND: SealedKind = *b"JOIN";
 const PART_KIND: SealedKind = *b"PART";
 const RECEIPT_KIND: SealedKind = *b"RCPT";
-/// Stands for the crown among the regions.
-const CROWN: u32 = u32::MAX;
 /// Least size of the parts of an archive, except for the last one: object stores take 5 MiB to 5 GiB.
 const PART_BYTES: u64 = 64 << 20;
 /// Most parts of an archive: object stores take 10,000.
@@ -310,7 +306,7 @@ impl BakeSteps<'_> {
             objects: Some(numbered),
         };
         self.progress.stage("write", 0);
-        city::write_others(input, bytes, archives, city_folder).map(drop)
+        city::write_others(input, bytes, archives, city_folder, self.progress).map(drop)
     }
 
     /// All tiles of the city.
@@ -352,76 +348,6 @@ impl BakeSteps<'_> {
     }
 }
 
-/// All tiles of a city.
-struct CityTiles {
-    tree: TileTree,
-    /// Of all blocks whose leaves the city has, row by row.
-    fingerprints: Vec<((u32, u32), ShortHash)>,
-    /// By region and start in its object.
-    hashes: HashMap<(u32, u64), ShortHash>,
-    /// Name of the object of each region's bytes.
-    objects: HashMap<u32, String>,
-    /// Nodes of the crown at the level of the regions' roots: land.
-    of_crown: HashSet<TileId>,
-}
-
-/// Folder of a region, or of the crown.
-fn folder_of(region: u32) -> String {
-    if region == CROWN { crown::FOLDER.to_owned() } else { region::folder_name(region as usize) }
-}
-
-/// Tiles in the objects of regions.
-struct StoreTiles<'a> {
-    objects: SealedStore<'a>,
-    plan: &'a CityPlan,
-    regions: HashMap<[u32; 2], u32>,
-    city: &'a CityTiles,
-    /// The bytes that were read last: neighbours follow one another.
-    ahead: Option<(String, u64, Vec<u8>)>,
-}
-
-/// Bytes that are read at once.
-const AHEAD_BYTES: u64 = 1 << 20;
-
-impl<'a> StoreTiles<'a> {
-    fn new(objects: SealedStore<'a>, plan: &'a CityPlan, city: &'a CityTiles) -> Self {
-        Self { objects, plan, regions: plan.region_numbers(), city, ahead: None }
-    }
-
-    /// Name of the object of a region's bytes. Fails if there is no such region.
-    fn object_of(&self, region: u32) -> Result<&'a String, BakeError> {
-        self.city.objects.get(&region).ok_or_else(|| self.objects.damaged(PLAN, "a tile is of no region"))
-    }
-
-    /// The region of a node, or the crown. Fails for a node of neither.
-    fn region_of(&self, id: TileId) -> Result<u32, BakeError> {
-        let Some(place) = self.plan.region_of(id).filter(|_| !self.city.of_crown.contains(&id)) else {
-            return Ok(CROWN);
-        };
-        let missing = || self.objects.damaged(PLAN, "a tile is of no region");
-        self.regions.get(&place).copied().ok_or_else(missing)
-    }
-
-    /// Bytes of a region's object.
-    fn read(&mut self, region: u32, start: u64, length: u64) -> Result<Vec<u8>, BakeError> {
-        let name = self.object_of(region)?;
-        let within = |(known, from, bytes): &(String, u64, Vec<u8>)| {
-            let at = usize::try_from(start.checked_sub(*from)?).ok()?;
-            (known == name).then(|| bytes.get(at..at.checked_add(length as usize)?).map(<[u8]>::to_vec))?
-        };
-        if let Some(found) = self.ahead.as_ref().and_then(within) {
-            return Ok(found);
-        }
-        let failed = |cause| self.objects.failed(name, cause);
-        let size = self.objects.store.size(name).map_err(failed)?.unwrap_or(0);
-        let wanted = length.max(AHEAD_BYTES.min(size.saturating_sub(start)));
-        let bytes = self.objects.store.range(name, start, wanted).map_err(failed)?;
-        let found = bytes.get(..length as usize).map(<[u8]>::to_vec);
-        self.ahead = Some((name.clone(), start, bytes));
-        found.ok_or_else(|| self.objects.damaged(name, "it is cut short"))
-    }
-}
-
 impl StoreTiles<'_> {
     /// Plans an archive of tiles.
     fn lay_out(
@@ -457,16 +383,6 @@ impl StoreTiles<'_> {
         }
         pieces.push(ArchivePiece::Given(tail));
         Ok(PlannedArchive { name, written, pieces })
-    }
-}
-
-impl TileContent for StoreTiles<'_> {
-    fn tile(&mut self, stored: &StoredTile) -> Result<Vec<u8>, BakeError> {
-        self.read(self.region_of(stored.id)?, stored.offset, stored.bytes.into())
-    }
-
-    fn mesh(&mut self, stored: &StoredMesh) -> Result<Vec<u8>, BakeError> {
-        self.read(self.region_of(stored.id)?, stored.offset, stored.info.bytes.into())
     }
 }
 

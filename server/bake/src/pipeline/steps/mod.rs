@@ -8,7 +8,7 @@
 //! | [`BakeSteps::shuffle`] | chunks, and the ground | a scan, the plan | its triangles by region |
 //! | [`BakeSteps::region`] | regions | its triangles | leaves, meshes, parents up to the region's root |
 //! | [`BakeSteps::crown`] | 1 | the regions' roots | the levels above |
-//! | [`BakeSteps::join_plan`] | 1 | the indexes of all tiles | the small files of the city; what the parts of the archives are |
+//! | [`BakeSteps::join_plan`] | 1 | the indexes of all tiles, V-BlockMaps of the leaves | the small files of the city; what the parts of the archives are |
 //! | [`BakeSteps::join_part`] | parts | tiles | 64 MiB of an archive |
 //! | [`BakeSteps::join_finish`] | 1 | receipts for the parts | the archives; `city.json` last |
 //!
@@ -27,6 +27,7 @@ mod scan;
 mod sealed;
 mod shuffle;
 mod stage;
+mod store_tiles;
 mod work;
 
 pub use job::{BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest};
