@@ -2,9 +2,11 @@
 
 use crate::{
     drawing::{SheetItem, TextAnchor},
+    style::Rgb,
     view::PaperRect,
 };
 use insula_objects::Legend;
+use std::collections::HashSet;
 
 const TITLE_MM: f64 = 3.2;
 const TEXT_MM: f64 = 2.4;
@@ -28,6 +30,14 @@ fn text(at: [f64; 2], size_mm: f64, anchor: TextAnchor, text: &str) -> SheetItem
     let shown = text.chars().take(if is_long { MAX_LABEL - 3 } else { MAX_LABEL });
     let text = shown.chain(if is_long { "..." } else { "" }.chars()).collect();
     SheetItem::Text { at, size_mm, anchor, text }
+}
+
+/// Leaves out the classes that no visible object has. A ramp stays whole.
+pub(crate) fn visible_legend(mut legend: Legend, visible: &HashSet<Rgb>) -> Legend {
+    if legend.ramp.is_none() {
+        legend.entries.retain(|entry| visible.contains(&entry.rgb));
+    }
+    legend
 }
 
 /// Parts of the sheet that say what the colours mean. What has no space in the frame is left out.
@@ -91,6 +101,22 @@ pub(crate) fn legend_items(legend: &Legend, frame: &PaperRect) -> Vec<SheetItem>
 mod tests {
     use super::*;
     use insula_objects::{LegendEntry, Ramp};
+
+    #[test]
+    fn only_visible_classes_are_listed() {
+        let entry = |k: u8| LegendEntry { rgb: [k; 3], label: format!("class {k}") };
+        let of = |ramp: Option<Ramp>| Legend {
+            title: "kind".into(),
+            unit: None,
+            entries: (0..4).map(entry).collect(),
+            ramp,
+        };
+        let visible = HashSet::from([[1; 3], [3; 3], [9; 3]]);
+        let listed =
+            |legend: Legend| visible_legend(legend, &visible).entries.iter().map(|e| e.rgb[0]).collect::<Vec<_>>();
+        assert_eq!(listed(of(None)), [1, 3]);
+        assert_eq!(listed(of(Some(Ramp { range: [0.0, 1.0], stops: vec![[1; 3], [2; 3]] }))), [0, 1, 2, 3]);
+    }
 
     #[test]
     fn legends_stay_in_the_frame() {

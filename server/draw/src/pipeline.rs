@@ -8,7 +8,7 @@ use crate::{
     face::Face,
     hatch::hatched,
     join::{Rings, unions},
-    legend::legend_items,
+    legend::{legend_items, visible_legend},
     limits::DrawLimits,
     lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines},
     overlap::largest_overlap,
@@ -25,7 +25,7 @@ use crate::{
 use insula_export::{selection::ObjectSelection, source::ExportSource};
 use insula_objects::{ColorBy, FeatureKind};
 use insula_protocol::mesh_tile::NO_OBJECT;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 /// Terrain, and if the scale is given all levels of detail, may be wrong by this much on paper, in millimetres.
 const LOD_ERROR_MM: f64 = 0.05;
@@ -107,7 +107,8 @@ pub fn draw(
     let block = title_block(source, request, &stage.projection);
     let mut sheet = if request.is_bare { Vec::new() } else { sheet_items(&stage.projection, &block) };
     if let Some(color_by) = request.color_by.as_ref().filter(|_| !request.is_bare) {
-        sheet.extend(legend_items(&color_by.legend(), &frame));
+        let legend = visible_legend(color_by.legend(), &stage.visible_colors(&polygons, &parts));
+        sheet.extend(legend_items(&legend, &frame));
     }
     let color = |text: &str, default: Rgb| parse_color(text).unwrap_or(default);
     Ok(Drawing {
@@ -218,6 +219,12 @@ impl Stage<'_> {
             (object, DrawnShape { role: ShapeRole::Surface, color, opacity, rings, parts })
         };
         Ok(keys.into_iter().zip(parts).zip(joined).filter(|(_, rings)| !rings.is_empty()).map(shape).collect())
+    }
+
+    /// The colours by the attribute of all objects that can be seen.
+    fn visible_colors(&self, polygons: &[PagePolygon], parts: &[VisiblePart]) -> HashSet<Rgb> {
+        let object = |part: &VisiblePart| self.scene.face_objects[polygons[part.polygon as usize].triangle as usize];
+        parts.iter().filter_map(|part| self.colors.get(object(part) as usize).copied().flatten()).collect()
     }
 
     /// As a share of the page.
