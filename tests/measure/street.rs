@@ -172,7 +172,8 @@ fn measure_view(
         .filter(|leaf| (0..=depth).any(|level| leaf.ancestor(level).is_some_and(|id| hit.contains(&id))))
         .collect();
     let lengths = |kind: TileKind| -> HashMap<TileId, u32> {
-        store.archive(kind).map(|archive| archive.lengths().collect()).unwrap_or_default()
+        let all = store.archive(kind).into_iter().flat_map(|archive| archive.lengths());
+        all.filter_map(|(id, length)| Some((id, length.ok()?))).collect()
     };
     let (columns, meshes) = (lengths(TileKind::BlockMap), lengths(TileKind::Mesh));
     let report = session.report(args.tau);

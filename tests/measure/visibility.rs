@@ -66,7 +66,7 @@ fn main() -> Result<()> {
     let city = BakedCity::open(folder)?;
     let archive = city.archive(TileKind::Visibility).context("the city has no sets")?;
     let share = archive.file_bytes() as f64 / (city.file_bytes() - archive.file_bytes()) as f64;
-    let tiles: Vec<u32> = archive.lengths().map(|(_, length)| length).collect();
+    let tiles: Vec<u32> = archive.lengths().map(|(_, length)| length).collect::<Result<_, _>>()?;
     println!(
         "{}: {} tiles of {} to {} bytes, {} kB, {:.2} % of the city",
         folder.display(),

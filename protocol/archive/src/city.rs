@@ -147,9 +147,10 @@ impl BakedCity {
         self.archive(kind).map_or(Ok(None), |archive| archive.tile(id))
     }
 
-    /// Length of a tile in bytes. `None` if there is no such tile.
-    pub fn tile_bytes(&self, kind: TileKind, id: TileId) -> Option<u64> {
-        self.archive(kind)?.find(id).map(|range| range.end - range.start)
+    /// Length of a tile in bytes. `None` if there is no such tile. Fails if a directory cannot be read.
+    pub async fn tile_bytes(&self, kind: TileKind, id: TileId) -> Result<Option<u64>, ReadError> {
+        let Some(archive) = self.archive(kind) else { return Ok(None) };
+        Ok(archive.find(id).await?.map(|range| range.end - range.start))
     }
 
     /// Reads a tile whose frame and checksums are right. `None` if there is no such tile.
@@ -157,7 +158,7 @@ impl BakedCity {
     /// A damaged tile is dropped from all caches and read once more before the error is returned.
     pub async fn checked_tile(&self, kind: TileKind, id: TileId) -> Result<Option<Bytes>, ReadError> {
         let Some(archive) = self.archive(kind) else { return Ok(None) };
-        let Some(range) = archive.find(id) else { return Ok(None) };
+        let Some(range) = archive.find(id).await? else { return Ok(None) };
         match check(kind, archive.read(range.clone()).bytes().await?) {
             Ok(bytes) => Ok(Some(bytes)),
             Err(_) => {

@@ -11,10 +11,10 @@ use insula_protocol::{TileId, tile_id::MAX_LEVEL};
 use std::{io::Read, ops::Range};
 
 pub(crate) const HEADER_BYTES: u64 = 127;
-/// Most tiles in an archive: 24 bytes each, 1.6 GB of index. Equal tiles in a row share an entry.
-pub(crate) const MAX_TILES: u64 = 1 << 26;
+/// Most tiles in an archive, so that whoever lists them comes to an end. Equal tiles in a row share an entry.
+pub(crate) const MAX_TILES: u64 = 1 << 28;
 /// Largest section of packed leaf directories.
-const MAX_LEAVES_BYTES: u64 = 512 << 20;
+const MAX_LEAVES_BYTES: u64 = 2 << 30;
 /// Largest packed directory.
 const MAX_PACKED_BYTES: u64 = 4 << 20;
 const _: () = assert!(MAX_PACKED_BYTES <= MAX_READ_BYTES);

@@ -42,15 +42,22 @@ pub enum ArchiveError {
     Compression(&'static str),
     #[error("damaged directory: {0}")]
     Directory(&'static str),
-    /// More tiles than the program holds in memory, or than the file has bytes.
+    /// More tiles than an archive may have, or than the file has bytes.
     #[error("its directory exceeds the limit of {0} tiles")]
     TooMany(u64),
-    #[error("this machine has too little memory for its directory of more than {0} tiles")]
-    Memory(u64),
     #[error("its directories could not be read in time")]
     TooSlow,
     #[error(transparent)]
     Read(#[from] ReadError),
+}
+
+impl From<ArchiveError> for ReadError {
+    fn from(error: ArchiveError) -> Self {
+        match error {
+            ArchiveError::Read(error) => error,
+            other => Self::Damaged(other.to_string()),
+        }
+    }
 }
 
 /// Why a city cannot be opened.

@@ -1,4 +1,4 @@
-//! An archive with all of its directories in memory.
+//! An archive whose directories are checked when it is opened.
 
 use crate::{
     ArchiveError, RangeRead, ReadError,
@@ -6,51 +6,93 @@ use crate::{
         ArchiveHeader, DirectoryBudget, DirectoryEntry, HEADER_BYTES, MAX_LEAF_DEPTH, MAX_TILES, find, tile_id,
         tile_number,
     },
+    resident_directories::ResidentDirectories,
     source::{SharedSource, read_exactly},
 };
 use bytes::Bytes;
+use futures_util::FutureExt as _;
 use insula_protocol::TileId;
-use std::{collections::HashSet, ops::Range, time::Instant};
+use std::{
+    collections::HashSet,
+    ops::Range,
+    sync::{Arc, Mutex, PoisonError},
+    time::Instant,
+    vec,
+};
 
-/// An archive whose directories have been read and checked: every tile lies inside the file.
+/// An archive whose directories have been checked: every tile lies inside the file.
+///
+/// The root directory stays in memory, and the most recently used leaf directories, so memory does not follow the number of tiles. What
+/// is read again is checked again.
 #[derive(Debug)]
 pub struct Archive {
     source: SharedSource,
     length: u64,
-    #[cfg_attr(not(feature = "fs"), allow(dead_code, reason = "only folders are checked"))]
-    data: Range<u64>,
-    entries: Vec<DirectoryEntry>,
+    header: ArchiveHeader,
+    root: Arc<Vec<DirectoryEntry>>,
+    leaves: Mutex<ResidentDirectories<Vec<DirectoryEntry>>>,
+    facts: ArchiveFacts,
+}
+
+/// What the directories of an archive say of all its tiles.
+#[derive(Debug, Clone, Copy, Default)]
+struct ArchiveFacts {
+    tiles: u64,
+    /// Number after the last tile.
+    end: u64,
     longest_tile_bytes: u32,
+    has_runs: bool,
 }
 
 impl Archive {
-    /// Opens a file and reads its directories. Fails if that takes until `deadline`.
+    /// Opens a file and checks its directories. Fails if that takes until `deadline`.
     #[cfg(feature = "fs")]
     pub fn open(path: &std::path::Path, deadline: Instant) -> Result<Self, crate::CityError> {
         use crate::{CityError, file::FileSource};
-        use futures_util::FutureExt as _;
         let source = FileSource::open(path).map_err(|source| CityError::Io { path: path.to_owned(), source })?;
-        let loaded = Self::load(std::sync::Arc::new(source), Some(deadline)).now_or_never();
-        let waits = || Err(ReadError::Failed("a file does not answer at once".into()).into());
+        let loaded = Self::load(Arc::new(source), Some(deadline)).now_or_never();
         let location = || path.display().to_string();
-        loaded.unwrap_or_else(waits).map_err(|source| CityError::Archive { location: location(), source })
+        loaded
+            .unwrap_or_else(|| Err(not_local().into()))
+            .map_err(|source| CityError::Archive { location: location(), source })
     }
 
-    /// Reads the directories of an archive. The length of the source must be known. Fails if that takes until `deadline`.
+    /// Checks the directories of an archive. The length of the source must be known. Fails if that takes until `deadline`.
     pub async fn load(source: SharedSource, deadline: Option<Instant>) -> Result<Self, ArchiveError> {
         let length = source.length().ok_or_else(|| ReadError::Failed("the length is unknown".into()))?;
         let first = read_exactly(&source, 0..length.min(HEADER_BYTES)).await?;
         let header = ArchiveHeader::read(&first, Some(length))?;
-        let root = read_exactly(&source, header.root.clone()).await?;
-        let mut loader = DirectoryLoader::new(source.clone(), header, DirectoryBudget::of_archive(length), deadline);
-        loader.load(&root).await?;
-        let longest_tile_bytes = loader.entries.iter().map(|entry| entry.length).max().unwrap_or(0);
-        Ok(Self { source, length, data: loader.header.data, entries: loader.entries, longest_tile_bytes })
+        let packed = read_exactly(&source, header.root.clone()).await?;
+        let mut check = DirectoryCheck::new(source.clone(), &header, DirectoryBudget::of_archive(length), deadline);
+        let root = Arc::new(header.unpack(&packed, &mut check.budget)?);
+        check.run(&root).await?;
+        let facts = check.facts;
+        Ok(Self { source, length, header, root, leaves: Mutex::new(ResidentDirectories::new()), facts })
     }
 
-    /// Where the bytes of a tile are. `None` if there is no such tile.
-    pub fn find(&self, id: TileId) -> Option<Range<u64>> {
-        find(&self.entries, tile_number(id)).map(DirectoryEntry::bytes)
+    /// Where the bytes of a tile are. `None` if there is no such tile. Fails if a directory cannot be read.
+    pub async fn find(&self, id: TileId) -> Result<Option<Range<u64>>, ReadError> {
+        let number = tile_number(id);
+        let mut directory = Arc::clone(&self.root);
+        for _ in 0..=MAX_LEAF_DEPTH {
+            match find(&directory, number) {
+                None => return Ok(None),
+                Some(tile) if !tile.is_leaf() => return Ok(Some(tile.bytes())),
+                Some(leaf) => directory = self.leaf(leaf.bytes()).await?,
+            }
+        }
+        Err(ArchiveError::Directory("leaf directories are nested too deeply").into())
+    }
+
+    async fn leaf(&self, bytes: Range<u64>) -> Result<Arc<Vec<DirectoryEntry>>, ReadError> {
+        let leaves = || self.leaves.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(directory) = leaves().get(bytes.start) {
+            return Ok(directory);
+        }
+        let packed = read_exactly(&self.source, bytes.clone()).await?;
+        let directory = Arc::new(self.header.unpack(&packed, &mut DirectoryBudget::of_one())?);
+        leaves().put(bytes.start, Arc::clone(&directory), directory.len());
+        Ok(directory)
     }
 
     /// Reads a range that [`Self::find`] returned.
@@ -65,63 +107,102 @@ impl Archive {
 
     /// Reads a tile of a local file, unchecked. `None` if there is no such tile.
     pub fn tile(&self, id: TileId) -> Result<Option<Bytes>, ReadError> {
-        self.find(id).map(|range| self.read(range).ready()).transpose()
+        let found = self.find(id).now_or_never().unwrap_or_else(|| Err(not_local()))?;
+        found.map(|range| self.read(range).ready()).transpose()
     }
 
-    /// All tiles of a local file, by level and then along the Hilbert curve.
+    /// All tiles of a local file, by level and then along the Hilbert curve. Where a directory cannot be read, its first tile has the
+    /// error, and the others are missing.
     pub fn tiles(&self) -> impl Iterator<Item = (TileId, Result<Bytes, ReadError>)> {
-        self.ids().map(|(id, entry)| (id, self.read(entry.bytes()).ready()))
+        self.ids().map(|(id, entry)| (id, entry.and_then(|entry| self.read(entry.bytes()).ready())))
     }
 
-    /// Id and length in bytes of every tile.
-    pub fn lengths(&self) -> impl Iterator<Item = (TileId, u32)> {
-        self.ids().map(|(id, entry)| (id, entry.length))
+    /// Id and length in bytes of every tile of a local file. Fails as [`Self::tiles`] does.
+    pub fn lengths(&self) -> impl Iterator<Item = (TileId, Result<u32, ReadError>)> {
+        self.ids().map(|(id, entry)| (id, entry.map(|entry| entry.length)))
     }
 
-    fn ids(&self) -> impl Iterator<Item = (TileId, &DirectoryEntry)> {
-        self.entries
-            .iter()
-            .flat_map(|entry| (entry.number..entry.end()).filter_map(move |number| Some((tile_id(number)?, entry))))
+    fn ids(&self) -> impl Iterator<Item = (TileId, Result<DirectoryEntry, ReadError>)> {
+        self.entries().flat_map(|(number, entry)| {
+            let end = entry.as_ref().map_or(number + 1, DirectoryEntry::end);
+            (number..end).filter_map(move |number| Some((tile_id(number)?, entry.clone())))
+        })
+    }
+
+    /// All entries of tiles of a local file with the number of their first tile.
+    fn entries(&self) -> impl Iterator<Item = (u64, Result<DirectoryEntry, ReadError>)> {
+        let mut open: Vec<vec::IntoIter<DirectoryEntry>> = vec![self.root.to_vec().into_iter()];
+        std::iter::from_fn(move || {
+            while let Some(directory) = open.last_mut() {
+                let Some(entry) = directory.next() else {
+                    open.pop();
+                    continue;
+                };
+                if !entry.is_leaf() {
+                    return Some((entry.number, Ok(entry)));
+                }
+                let is_deep = open.len() > usize::from(MAX_LEAF_DEPTH);
+                let nested = || Err(ArchiveError::Directory("leaf directories are nested too deeply").into());
+                let leaf = if is_deep { nested() } else { self.unpack_leaf(&entry) };
+                match leaf {
+                    Ok(leaf) => open.push(leaf.into_iter()),
+                    Err(error) => return Some((entry.number, Err(error))),
+                }
+            }
+            None
+        })
+    }
+
+    /// Does not displace directories in memory.
+    fn unpack_leaf(&self, leaf: &DirectoryEntry) -> Result<Vec<DirectoryEntry>, ReadError> {
+        let packed = read_exactly(&self.source, leaf.bytes()).now_or_never().unwrap_or_else(|| Err(not_local()))?;
+        Ok(self.header.unpack(&packed, &mut DirectoryBudget::of_one())?)
     }
 
     /// The deepest level that has a tile.
     pub fn deepest_level(&self) -> u8 {
-        self.entries.last().and_then(|last| tile_id(last.end() - 1)).map_or(0, TileId::level)
+        self.facts.end.checked_sub(1).and_then(tile_id).map_or(0, TileId::level)
     }
 
     /// Where the bytes of the tiles are in the file.
     #[cfg(feature = "fs")]
     pub(crate) fn data(&self) -> Range<u64> {
-        self.data.clone()
+        self.header.data.clone()
     }
 
-    /// Where the bytes of each tile are, equal ranges once, in ascending order.
+    /// Where the bytes of each tile are in ascending order. Of tiles that lie behind a later one, as equal tiles do, only the first is
+    /// listed.
     #[cfg(feature = "fs")]
-    pub(crate) fn distinct_tiles(&self) -> Vec<Range<u64>> {
-        let mut ranges: Vec<Range<u64>> = self.entries.iter().map(DirectoryEntry::bytes).collect();
-        ranges.sort_unstable_by_key(|range| (range.start, range.end));
-        ranges.dedup();
-        ranges
+    pub(crate) fn distinct_tiles(&self) -> impl Iterator<Item = Result<Range<u64>, ReadError>> {
+        let mut position = 0;
+        self.entries().filter_map(move |(_, entry)| match entry {
+            Ok(entry) if entry.bytes().start < position => None,
+            Ok(entry) => {
+                position = entry.bytes().end;
+                Some(Ok(entry.bytes()))
+            }
+            Err(error) => Some(Err(error)),
+        })
     }
 
     /// Length of the longest tile in bytes.
     pub fn longest_tile_bytes(&self) -> u32 {
-        self.longest_tile_bytes
+        self.facts.longest_tile_bytes
     }
 
     /// Whether tiles of consecutive nodes are equal and share an entry.
     pub fn has_runs(&self) -> bool {
-        self.entries.iter().any(|entry| entry.run > 1)
+        self.facts.has_runs
     }
 
     /// Number of tiles.
     pub fn len(&self) -> u64 {
-        self.entries.iter().map(|entry| u64::from(entry.run)).sum()
+        self.facts.tiles
     }
 
     /// Whether there is no tile.
     pub fn is_empty(&self) -> bool {
-        self.entries.is_empty()
+        self.facts.tiles == 0
     }
 
     /// Length of the file in bytes.
@@ -130,40 +211,48 @@ impl Archive {
     }
 }
 
-/// Collects the tiles of nested directories.
-struct DirectoryLoader {
+fn not_local() -> ReadError {
+    ReadError::Failed("the archive is not a local file".into())
+}
+
+/// Checks the tiles of nested directories.
+struct DirectoryCheck<'a> {
     source: SharedSource,
-    header: ArchiveHeader,
+    header: &'a ArchiveHeader,
     budget: DirectoryBudget,
     deadline: Option<Instant>,
     /// Offsets of leaf directories. Each is listed once in a valid archive, so a repetition is a cycle or a bomb.
     visited: HashSet<u64>,
     /// Bytes of the section of leaf directories that are left: in a valid archive, leaf directories do not overlap.
     packed_bytes: u64,
-    tiles: u64,
-    entries: Vec<DirectoryEntry>,
+    facts: ArchiveFacts,
 }
 
-impl DirectoryLoader {
-    fn new(source: SharedSource, header: ArchiveHeader, budget: DirectoryBudget, deadline: Option<Instant>) -> Self {
+impl<'a> DirectoryCheck<'a> {
+    fn new(
+        source: SharedSource,
+        header: &'a ArchiveHeader,
+        budget: DirectoryBudget,
+        deadline: Option<Instant>,
+    ) -> Self {
         let packed_bytes = header.leaves.end - header.leaves.start;
-        let (visited, entries) = (HashSet::new(), Vec::new());
-        Self { source, header, budget, deadline, visited, packed_bytes, tiles: 0, entries }
+        let (visited, facts) = (HashSet::new(), ArchiveFacts::default());
+        Self { source, header, budget, deadline, visited, packed_bytes, facts }
     }
 
     /// Reads all directories, depth first. One directory of each depth is in memory.
-    async fn load(&mut self, root: &[u8]) -> Result<(), ArchiveError> {
-        let mut open = vec![self.header.unpack(root, &mut self.budget)?.into_iter()];
+    async fn run(&mut self, root: &[DirectoryEntry]) -> Result<(), ArchiveError> {
+        let mut open = vec![root.to_vec().into_iter()];
         while let Some(directory) = open.last_mut() {
             let Some(entry) = directory.next() else {
                 open.pop();
                 continue;
             };
-            if self.entries.last().is_some_and(|last| last.end() > entry.number) {
+            if self.facts.end > entry.number {
                 return Err(ArchiveError::Directory("its tiles are not in order"));
             }
             if !entry.is_leaf() {
-                self.add_tiles(entry)?;
+                self.add_tiles(&entry)?;
                 continue;
             }
             if open.len() > usize::from(MAX_LEAF_DEPTH) {
@@ -171,19 +260,25 @@ impl DirectoryLoader {
             }
             self.check_leaf(&entry)?;
             let packed = read_exactly(&self.source, entry.bytes()).await?;
-            open.push(self.header.unpack(&packed, &mut self.budget)?.into_iter());
+            let leaf = self.header.unpack(&packed, &mut self.budget)?;
+            // Who looks for them would look in the directory before.
+            if leaf.first().is_some_and(|first| first.number < entry.number) {
+                return Err(ArchiveError::Directory("a leaf directory has tiles before its first one"));
+            }
+            open.push(leaf.into_iter());
         }
         Ok(())
     }
 
-    fn add_tiles(&mut self, entry: DirectoryEntry) -> Result<(), ArchiveError> {
+    fn add_tiles(&mut self, entry: &DirectoryEntry) -> Result<(), ArchiveError> {
         // A run takes a few bytes however long it is, but whoever lists all tiles must come to an end.
-        self.tiles += u64::from(entry.run);
-        if self.tiles > MAX_TILES {
+        self.facts.tiles += u64::from(entry.run);
+        if self.facts.tiles > MAX_TILES {
             return Err(ArchiveError::TooMany(MAX_TILES));
         }
-        self.entries.try_reserve(1).map_err(|_| ArchiveError::Memory(self.tiles))?;
-        self.entries.push(entry);
+        self.facts.end = entry.end();
+        self.facts.longest_tile_bytes = self.facts.longest_tile_bytes.max(entry.length);
+        self.facts.has_runs |= entry.run > 1;
         Ok(())
     }
 

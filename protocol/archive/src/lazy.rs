@@ -4,6 +4,7 @@ use crate::{
     ArchiveError,
     directory::{ArchiveHeader, DirectoryBudget, DirectoryEntry, MAX_LEAF_DEPTH, find, tile_number},
     limits::max_tile_bytes,
+    resident_directories::ResidentDirectories,
     source::{BoxFuture, SharedSource, read_exactly},
 };
 use bytes::Bytes;
@@ -12,7 +13,6 @@ use futures_util::{
     future::{WeakShared, try_join_all},
 };
 use insula_protocol::{TileId, TileKind};
-use lru::LruCache;
 use std::{
     collections::HashMap,
     ops::Range,
@@ -21,9 +21,6 @@ use std::{
 
 /// Length of the first read. PMTiles puts the header and the root directory there.
 const FIRST_READ_BYTES: u64 = 16 << 10;
-/// Memory for the directories of an archive.
-const RESIDENT_BYTES: usize = 32 << 20;
-
 /// Bytes between two tiles that are read and dropped rather than making two reads.
 const MAX_GAP_BYTES: u64 = 1024;
 /// Longest read of several tiles.
@@ -51,9 +48,8 @@ type DirectoryResult = Result<Arc<ArchiveDirectory>, ArchiveError>;
 
 #[derive(Debug)]
 struct DirectoryCache {
-    /// By position in the file; the root's is 0.
-    resident: LruCache<u64, Arc<ArchiveDirectory>>,
-    resident_bytes: usize,
+    /// The root's position counts as 0.
+    resident: ResidentDirectories<ArchiveDirectory>,
     /// Only the callers own a fetch: it ends when the last of them gives up.
     pending: HashMap<u64, WeakShared<BoxFuture<'static, DirectoryResult>>>,
 }
@@ -61,7 +57,7 @@ struct DirectoryCache {
 impl LazyArchive {
     /// Reads nothing yet. Tiles of more than `max_tile_bytes` will not be read.
     pub fn new(source: SharedSource, max_tile_bytes: usize) -> Self {
-        let cache = DirectoryCache { resident: LruCache::unbounded(), resident_bytes: 0, pending: HashMap::new() };
+        let cache = DirectoryCache { resident: ResidentDirectories::new(), pending: HashMap::new() };
         Self { source, max_tile_bytes, cache: Arc::new(Mutex::new(cache)) }
     }
 
@@ -119,8 +115,8 @@ impl LazyArchive {
     ) -> DirectoryResult {
         let fetch = {
             let mut cache = lock(&self.cache);
-            if let Some(directory) = cache.resident.get(&offset) {
-                return Ok(directory.clone());
+            if let Some(directory) = cache.resident.get(offset) {
+                return Ok(directory);
             }
             let pending = cache.pending.get(&offset).and_then(WeakShared::upgrade);
             pending.unwrap_or_else(|| {
@@ -162,12 +158,7 @@ impl DirectoryCache {
     fn finish(&mut self, offset: u64, loaded: Option<&Arc<ArchiveDirectory>>) {
         self.pending.remove(&offset);
         let Some(directory) = loaded else { return };
-        self.resident_bytes += directory.memory_bytes();
-        self.resident.put(offset, directory.clone());
-        while self.resident_bytes > RESIDENT_BYTES && self.resident.len() > 1 {
-            let Some((_, oldest)) = self.resident.pop_lru() else { return };
-            self.resident_bytes -= oldest.memory_bytes();
-        }
+        self.resident.put(offset, directory.clone(), directory.entries.len());
     }
 }
 
@@ -175,10 +166,6 @@ impl ArchiveDirectory {
     fn unpack(header: ArchiveHeader, packed: &[u8]) -> Result<Self, ArchiveError> {
         let entries = header.unpack(packed, &mut DirectoryBudget::of_one())?;
         Ok(Self { header, entries })
-    }
-
-    fn memory_bytes(&self) -> usize {
-        self.entries.len() * size_of::<DirectoryEntry>()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Reads a baked city by byte ranges, wherever its archives are: in files, in object stores, behind web servers.
 //!
-//! A place implements [`RangeSource`]. [`Archive`] loads all directories of an archive at once, for programs that serve or
-//! check whole cities. [`LazyArchive`] loads them as needed, for clients. Archives may come from anyone: every length and
+//! A place implements [`RangeSource`]. [`Archive`] checks all directories of an archive when it is opened, for programs that
+//! serve or check whole cities. [`LazyArchive`] reads none but those that it needs, for clients. Archives may come from anyone: every length and
 //! offset is checked, and all memory is bounded, before it is used.
 //!
 //! Without the feature `fs` the crate has no file access and compiles to WebAssembly.
@@ -18,6 +18,7 @@ pub mod file;
 pub mod index;
 pub mod lazy;
 pub mod limits;
+mod resident_directories;
 pub mod source;
 #[cfg(test)]
 mod test_support;

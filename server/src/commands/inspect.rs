@@ -6,7 +6,10 @@ use super::{
     output::{print, print_json, refuse_inside, write},
     stats::{CityStats, LevelStats, MeshLodStats},
 };
-use crate::{args::InspectArgs, store::CityStore};
+use crate::{
+    args::InspectArgs,
+    store::{CityStore, StoreError},
+};
 use image::ImageFormat;
 use insula_protocol::{
     BlockMap, TileId, TileKind,
@@ -26,7 +29,7 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
         refuse_inside(png, &args.city)?;
         return write_map_image(&city, tile, png);
     }
-    let stats = CityStats::collect(&city);
+    let stats = CityStats::collect(&city).map_err(StoreError::from)?;
     if args.json {
         let json = serde_json::to_string_pretty(&stats)
             .map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })?;

@@ -1,6 +1,7 @@
 //! Statistics of a city for `inspect`, gathered from its manifest and archives.
 
 use crate::store::CityStore;
+use insula_archive::{CityError, ReadError};
 use insula_protocol::{Manifest, Subtree, subtree::MeshLod};
 use serde::Serialize;
 
@@ -50,7 +51,8 @@ pub(super) struct LevelStats {
 }
 
 impl<'a> CityStats<'a> {
-    pub(super) fn collect(city: &'a CityStore) -> Self {
+    /// Fails if a directory of V-BlockMaps cannot be read.
+    pub(super) fn collect(city: &'a CityStore) -> Result<Self, CityError> {
         let manifest = city.manifest();
         let empty_level = |level| LevelStats {
             level,
@@ -60,6 +62,9 @@ impl<'a> CityStats<'a> {
         };
         let mut levels: Vec<LevelStats> = (0..=manifest.depth).map(empty_level).collect();
         for (id, length) in city.blockmaps().lengths() {
+            let failed =
+                |error: ReadError| CityError::Archive { location: city.location().into(), source: error.into() };
+            let length = length.map_err(failed)?;
             if let Some(level) = levels.get_mut(usize::from(id.level())) {
                 level.add_bytes(u64::from(length));
             }
@@ -87,7 +92,7 @@ impl<'a> CityStats<'a> {
             level.finish();
         }
         let subtree_tiles = city.subtrees().len();
-        Self { manifest, file_bytes: city.file_bytes(), subtree_tiles, damaged_subtree_tiles, levels, meshes }
+        Ok(Self { manifest, file_bytes: city.file_bytes(), subtree_tiles, damaged_subtree_tiles, levels, meshes })
     }
 }
 

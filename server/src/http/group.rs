@@ -44,7 +44,11 @@ pub(super) async fn group(
     let (city, access) = find_version(&app, RouteTemplate::Groups, city, version, &parts.uri, &parts.headers)?;
     let of_node = |node| RequestedTile::of_city(Arc::clone(&city), access, group.kind(), node, group.lod());
     let requested: Vec<Option<RequestedTile>> = group.nodes().map(of_node).collect();
-    let fitting = tile_group::fit(requested.iter().map(|tile| tile.as_ref().and_then(RequestedTile::length)));
+    let length = async |tile: &Option<RequestedTile>| match tile {
+        Some(tile) => tile.length(&app).await,
+        None => Ok(None),
+    };
+    let fitting = tile_group::fit(try_join_all(requested.iter().map(length)).await?);
     if fitting.iter().all(|member| *member == GroupMember::Absent) {
         return Err(NO_GROUP);
     }

@@ -94,9 +94,10 @@ impl RequestedTile {
         Some(Self { city, key, access })
     }
 
-    /// Length in bytes. `None` if the archive has no such tile.
-    pub(super) fn length(&self) -> Option<u64> {
-        self.city.tile_bytes(self.key.kind, self.key.id)
+    /// Length in bytes. `None` if the archive has no such tile. Fails with 500 if a directory is damaged, or 503 if it cannot be read.
+    pub(super) async fn length(&self, state: &AppState) -> Result<Option<u64>, Problem> {
+        let length = self.city.tile_bytes(self.key.kind, self.key.id).await;
+        length.map_err(|error| self.report_failure(state, &error))
     }
 
     /// The response, if the tile is cached.

@@ -6,6 +6,7 @@ use insula_protocol::TileKind;
 use std::{
     fs::File,
     io::{self, BufReader, Read, Seek, SeekFrom},
+    ops::Range,
     path::Path,
     time::Instant,
 };
@@ -29,12 +30,31 @@ impl ArchiveDigest {
     /// The hash. `head` and `tail` are the bytes before and after those of the tiles.
     #[must_use]
     pub fn finish(self, head: &[u8], tail: &[u8]) -> [u8; blake3::OUT_LEN] {
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(self.tiles.finalize().as_bytes());
+        let mut hasher = self.begin_end();
         for part in [head, tail] {
             hasher.update(&(part.len() as u64).to_le_bytes()).update(part);
         }
         hasher.finalize().into()
+    }
+
+    /// The hash of a file whose tiles lie at `data`. Fails if the rest of it cannot be read.
+    fn finish_file(self, file: &mut File, data: Range<u64>, length: u64) -> io::Result<[u8; blake3::OUT_LEN]> {
+        let mut hasher = self.begin_end();
+        for part in [0..data.start, data.end..length] {
+            let bytes = part.end - part.start;
+            hasher.update(&bytes.to_le_bytes());
+            file.seek(SeekFrom::Start(part.start))?;
+            if io::copy(&mut file.take(bytes), &mut hasher)? != bytes {
+                return Err(io::ErrorKind::UnexpectedEof.into());
+            }
+        }
+        Ok(hasher.finalize().into())
+    }
+
+    fn begin_end(self) -> blake3::Hasher {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(self.tiles.finalize().as_bytes());
+        hasher
     }
 }
 
@@ -85,35 +105,22 @@ fn archive_hash(path: &Path) -> io::Result<[u8; blake3::OUT_LEN]> {
     let mut file = open_regular(path)?;
     let Ok(archive) = Archive::open(path, Instant::now() + MAX_OPENING_TIME) else { return hash_rest(&mut file) };
     let data = archive.data();
-    let mut reader = BufReader::with_capacity(1 << 20, file);
-    let head = read_section(&mut reader, data.start)?;
+    let mut reader = BufReader::with_capacity(1 << 20, &mut file);
+    reader.seek(SeekFrom::Start(data.start))?;
     let mut digest = ArchiveDigest::default();
     let mut position = data.start;
     let mut tile = Vec::new();
     for range in archive.distinct_tiles() {
+        let range = range.map_err(io::Error::other)?;
         reader.seek_relative(range.start as i64 - position as i64)?;
-        // At most 4 GiB, and inside the file.
+        // No longer than a tile may be, and inside the file.
         tile.resize((range.end - range.start) as usize, 0);
         reader.read_exact(&mut tile)?;
         position = range.end;
         let hash = blake3::hash(&tile);
         digest.add(hash.as_bytes().first_chunk().unwrap_or(&[0; TILE_HASH_BYTES]));
     }
-    reader.seek(SeekFrom::Start(data.end))?;
-    let tail = read_section(&mut reader, archive.file_bytes() - data.end)?;
-    Ok(digest.finish(&head, &tail))
-}
-
-/// The next bytes of an archive besides its tiles. Fails with `InvalidData` if there are more than an archive has.
-fn read_section(reader: &mut impl Read, length: u64) -> io::Result<Vec<u8>> {
-    /// Directories are shorter.
-    const MAX_BYTES: u64 = 1 << 30;
-    if length > MAX_BYTES {
-        return Err(io::ErrorKind::InvalidData.into());
-    }
-    let mut bytes = Vec::new();
-    reader.take(length).read_to_end(&mut bytes)?;
-    Ok(bytes)
+    digest.finish_file(&mut file, data, archive.file_bytes())
 }
 
 fn hash_rest(file: &mut File) -> io::Result<[u8; blake3::OUT_LEN]> {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    Archive,
+    Archive, ReadError,
     test_support::{MemorySource, RawEntry, archive, archive_with_leaves, directory, gzip, id, raw_archive},
 };
 use futures_util::FutureExt;
@@ -55,7 +55,43 @@ fn nodes_that_share_a_tile_all_have_it() {
     assert_eq!(archive.len(), 256);
     assert!(tiles.iter().all(|(id, bytes)| archive.tile(*id).unwrap().unwrap() == bytes));
     assert!(archive.tiles().all(|(id, found)| found.unwrap() == bytes(id.y() * 16 + id.x())));
-    assert!(archive.lengths().eq(archive.tiles().map(|(id, bytes)| (id, bytes.unwrap().len() as u32))));
+    let lengths = archive.lengths().map(|(id, length)| (id, length.unwrap()));
+    assert!(lengths.eq(archive.tiles().map(|(id, bytes)| (id, bytes.unwrap().len() as u32))));
+}
+
+#[test]
+fn leaf_directories_are_read_again_only_if_they_are_not_resident() {
+    let (file, tiles) = archive_with_leaves();
+    let source = Arc::new(MemorySource::local(file));
+    let archive = Archive::load(source.clone(), None).now_or_never().unwrap().unwrap();
+    source.take_reads();
+    for (id, bytes) in &tiles {
+        assert_eq!(archive.tile(*id).unwrap().unwrap(), bytes);
+    }
+    let directories = source.take_reads().len() - tiles.len();
+    assert!((1..tiles.len() / 100).contains(&directories), "{directories}");
+    assert!(tiles.iter().all(|(id, _)| archive.tile(*id).unwrap().is_some()));
+    assert_eq!(source.take_reads().len(), tiles.len());
+}
+
+#[test]
+fn leaf_directories_that_fail_later_are_errors() {
+    let (file, tiles) = archive_with_leaves();
+    let source = Arc::new(MemorySource::local(file));
+    let archive = Archive::load(source.clone(), None).now_or_never().unwrap().unwrap();
+    let all = archive.tiles().count();
+    source.failures.store(1, std::sync::atomic::Ordering::Relaxed);
+    assert!(matches!(archive.tile(tiles[0].0), Err(ReadError::Failed(_))));
+    assert!(archive.tile(tiles[0].0).unwrap().is_some());
+    // Of the first directory, only its first tile is listed, with the error.
+    source.failures.store(1, std::sync::atomic::Ordering::Relaxed);
+    let (found, failed): (Vec<_>, Vec<_>) = archive.lengths().partition(|(_, length)| length.is_ok());
+    assert!(found.len() < all && found.len() > all / 2, "{} of {all}", found.len());
+    assert_eq!(failed.iter().map(|(id, _)| *id).collect::<Vec<_>>(), [tiles[0].0]);
+    // The file has been replaced by another one of the same length.
+    let damaged = vec![0xff; source.bytes.lock().unwrap().len()];
+    *source.bytes.lock().unwrap() = damaged.into();
+    assert!(matches!(archive.tile(tiles[tiles.len() - 1].0), Err(ReadError::Damaged(_))));
 }
 
 #[test]
@@ -176,6 +212,14 @@ fn directories_that_unpack_to_gigabytes_are_refused_quickly() {
     assert!(refusal(raw_archive(&bomb, &[], &[7; 10])).contains("too long"));
     let root = gzip(&directory(&[[0, 0, bomb.len() as u64, 1]]));
     assert!(refusal(raw_archive(&root, &bomb, &[7; 10])).contains("too long"));
+}
+
+#[test]
+fn leaf_directories_with_tiles_before_their_first_are_refused() {
+    let leaf = directory(&[[3, 1, 1, 1]]);
+    let of = |number| raw_archive(&directory(&[[number, 0, leaf.len() as u64, 1]]), &leaf, &[7; 1000]);
+    assert!(load(of(3)).is_ok());
+    assert!(refusal(of(4)).contains("before its first"));
 }
 
 #[test]

@@ -147,19 +147,3 @@ async fn tiles_that_are_too_long_are_refused_unread() {
         assert_eq!(source.take_reads().len(), 1);
     }
 }
-
-#[test]
-fn directories_in_memory_are_bounded() {
-    let lazy = LazyArchive::new(Arc::new(MemorySource::default()), 1 << 20);
-    let header = ArchiveHeader::read(&raw_archive(&directory(&[]), &[], &[]), None).unwrap();
-    let mut cache = lock(&lazy.cache);
-    for offset in 0..40 {
-        let entries = vec![DirectoryEntry::default(); 100_000];
-        cache.finish(offset, Some(&Arc::new(ArchiveDirectory { header: header.clone(), entries })));
-        assert!(cache.resident_bytes <= RESIDENT_BYTES);
-        assert!(cache.resident.get(&0).is_some(), "it is in use");
-    }
-    assert!(cache.resident.get(&1).is_none() && cache.resident.get(&39).is_some());
-    let bytes: usize = cache.resident.iter().map(|(_, directory)| directory.memory_bytes()).sum();
-    assert_eq!(bytes, cache.resident_bytes);
-}
