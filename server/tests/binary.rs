@@ -242,3 +242,22 @@ fn verify_finds_every_kind_of_damage() {
         std::fs::write(&path, bytes).unwrap();
     });
 }
+
+#[test]
+#[cfg(feature = "bake")]
+fn bakes_have_street_sets_unless_they_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let house = "v 0 0 0\nv 10 0 0\nv 10 10 0\nv 0 10 9\nf 1 2 3\nf 1 3 4\n";
+    std::fs::write(folder.path().join("house.obj"), house).unwrap();
+    let has_sets = |options: &[&str]| {
+        let out = folder.path().join(format!("city{}", options.concat()));
+        let status =
+            program().args(["bake", "house.obj", "--out"]).arg(&out).args(options).current_dir(&folder).status();
+        assert!(status.unwrap().success());
+        let manifest = std::fs::read_to_string(out.join("city.json")).unwrap();
+        (out.join("visibility.pmtiles").exists(), manifest.contains("\"street_sets\": true"))
+    };
+    assert_eq!(has_sets(&["--cell", "1"]), (true, true));
+    assert_eq!(has_sets(&["--cell", "1", "--no-street-sets"]), (false, false));
+    assert_eq!(has_sets(&["--cell", "0.1"]), (false, false), "leaves of 6.4 m");
+}
