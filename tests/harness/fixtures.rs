@@ -58,10 +58,11 @@ pub fn chiba() -> Result<Vec<PathBuf>> {
     Ok(["chiba_64", "chiba_68", "chiba_70"].map(|name| folder.join(format!("{name}.obj.gz"))).into())
 }
 
-/// The bundled city baked at 1 m with few occlusion directions, for tests that do not depend on the bake. Read only.
+/// The bundled city baked at 1 m as the program does it, but with few occlusion directions, for tests that do not depend on the bake. Read
+/// only.
 pub fn baked_chiba() -> Result<PathBuf> {
     let sample = SampleSettings { sky_directions: 16, low_directions: 16, ..SampleSettings::default() };
-    baked("chiba", &BakeOptions { inputs: chiba()?, sample, ..BakeOptions::default() })
+    baked("chiba", &BakeOptions { inputs: chiba()?, sample, street_sets: true, ..BakeOptions::default() })
 }
 
 /// A city that each build bakes once and all tests share. Read only.
