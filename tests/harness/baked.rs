@@ -70,7 +70,7 @@ impl Baked {
         for (id, bytes) in self.store.blockmaps().lengths() {
             let level: &mut (usize, usize) = levels.entry(id.level()).or_default();
             level.0 += 1;
-            level.1 += bytes.unwrap() as usize;
+            level.1 += bytes.expect("its directory could be read when the city was opened") as usize;
         }
         levels
     }

@@ -65,7 +65,7 @@ impl Archive {
         let packed = read_exactly(&source, header.root.clone()).await?;
         let mut check = DirectoryCheck::new(source.clone(), &header, DirectoryBudget::of_archive(length), deadline);
         let root = Arc::new(header.unpack(&packed, &mut check.budget)?);
-        check.run(&root).await?;
+        check.run(Vec::clone(&root)).await?;
         let facts = check.facts;
         Ok(Self { source, length, header, root, leaves: Mutex::new(ResidentDirectories::new()), facts })
     }
@@ -131,7 +131,7 @@ impl Archive {
 
     /// All entries of tiles of a local file with the number of their first tile.
     fn entries(&self) -> impl Iterator<Item = (u64, Result<DirectoryEntry, ReadError>)> {
-        let mut open: Vec<vec::IntoIter<DirectoryEntry>> = vec![self.root.to_vec().into_iter()];
+        let mut open: Vec<vec::IntoIter<DirectoryEntry>> = vec![Vec::clone(&self.root).into_iter()];
         std::iter::from_fn(move || {
             while let Some(directory) = open.last_mut() {
                 let Some(entry) = directory.next() else {
@@ -241,8 +241,8 @@ impl<'a> DirectoryCheck<'a> {
     }
 
     /// Reads all directories, depth first. One directory of each depth is in memory.
-    async fn run(&mut self, root: &[DirectoryEntry]) -> Result<(), ArchiveError> {
-        let mut open = vec![root.to_vec().into_iter()];
+    async fn run(&mut self, root: Vec<DirectoryEntry>) -> Result<(), ArchiveError> {
+        let mut open = vec![root.into_iter()];
         while let Some(directory) = open.last_mut() {
             let Some(entry) = directory.next() else {
                 open.pop();

@@ -288,4 +288,41 @@ mod tests {
         assert_eq!(above(2.6, PARENT_GAPS).len(), 2, "more than half a cell");
         assert_eq!(above(2.4, PARENT_GAPS).len(), 1);
     }
+    fn column(runs: &[[f32; 2]]) -> MergedColumn {
+        let solids = runs.iter().map(|[bottom_m, top_m]| SolidRun { bottom_m: *bottom_m, top_m: *top_m }).collect();
+        MergedColumn { solids, ..MergedColumn::default() }
+    }
+
+    #[test]
+    fn open_sides_are_what_the_neighbour_does_not_cover() {
+        let half_step = Vec2::new(0.5, 0.0);
+        let open_m = |neighbour: Option<&[[f32; 2]]>| {
+            column(&[[1.0, 5.0], [8.0, 10.0]]).open_side_m(neighbour.map(column).as_ref(), half_step)
+        };
+        assert_eq!(open_m(None), 6.0);
+        assert_eq!(open_m(Some(&[])), 6.0);
+        assert_eq!(open_m(Some(&[[20.0, 30.0]])), 6.0);
+        // It covers 3 m of the lower run and 1 m of the upper one.
+        assert_eq!(open_m(Some(&[[2.0, 9.0]])), 2.0);
+        assert_eq!(open_m(Some(&[[0.0, 3.0], [8.5, 20.0]])), 2.5);
+    }
+
+    #[test]
+    fn slabs_are_thin_from_their_lowest_to_their_highest_run() {
+        let cell_m = 2.0;
+        let is_slab = |thickness: f32| column(&[[30.0, 30.1], [30.2, 30.0 + thickness * cell_m]]).is_slab(cell_m);
+        assert!(is_slab(MAX_SLAB_HEIGHT - 0.01) && !is_slab(MAX_SLAB_HEIGHT + 0.01));
+        assert!(!column(&[]).is_slab(cell_m));
+    }
+    #[test]
+    fn steep_thin_surfaces_have_the_mean_of_their_runs() {
+        let steep = |x: f32, y: f32| {
+            let top_m = 10.0 + 0.6 * LINES_PER_SIDE as f32 * y;
+            if x < 0.0 { vec![SolidRun { bottom_m: top_m - 0.5, top_m }] } else { Vec::new() }
+        };
+        assert!(majority_runs(&lines(steep)).is_empty());
+        let run = mean_top_run(&lines(steep), 1.0).unwrap();
+        assert!((run.top_m - 10.0).abs() < 1e-4 && (run.bottom_m - 9.5).abs() < 1e-4, "{run:?}");
+        assert!(mean_top_run(&lines(|x, y| if x < -0.2 { steep(x, y) } else { Vec::new() }), 1.0).is_none());
+    }
 }
