@@ -30,6 +30,7 @@ pub struct Archive {
     length: u64,
     header: ArchiveHeader,
     root: Arc<Vec<DirectoryEntry>>,
+    /// Callers do not share fetches as in `LazyArchive`: one that reads a file must not depend on another that waits.
     leaves: Mutex<ResidentDirectories<Vec<DirectoryEntry>>>,
     facts: ArchiveFacts,
 }
@@ -261,7 +262,7 @@ impl<'a> DirectoryCheck<'a> {
             self.check_leaf(&entry)?;
             let packed = read_exactly(&self.source, entry.bytes()).await?;
             let leaf = self.header.unpack(&packed, &mut self.budget)?;
-            // Who looks for them would look in the directory before.
+            // `find` searches the directory before for such tiles, and does not find them.
             if leaf.first().is_some_and(|first| first.number < entry.number) {
                 return Err(ArchiveError::Directory("a leaf directory has tiles before its first one"));
             }

@@ -28,8 +28,8 @@ const INVALID_GROUP: Problem = Problem::bad_request(
 );
 
 /// `/v1/cities/{city}/{version}/groups/{kind}/{level}/{x}/{y}/{count}/{lod}`. Fails with 400 for invalid numbers, 401 without a required
-/// token, 404 for an unknown city or version, or if none of the tiles exists, and 503 if they cannot be read. Damaged tiles are left
-/// out: the response to a request for such a tile says what is wrong.
+/// token, 404 for an unknown city or version, or if none of the tiles exists, 500 if a directory is damaged, and 503 if they cannot be
+/// read. Damaged tiles are left out: the response to a request for such a tile says what is wrong.
 pub(super) async fn group(
     State(ThreadState { app, tiles }): State<ThreadState>,
     request: Request<Body>,

@@ -55,7 +55,7 @@ pub(super) struct StoreTiles<'a> {
 
 /// Bytes that are read at once.
 const SEGMENT_BYTES: u64 = 1 << 20;
-/// Segments in memory: a row of leaves crosses many regions.
+/// Segments in memory: a row of leaves crosses many regions. The compiler checks that it is not zero.
 const SEGMENTS: NonZeroUsize = NonZeroUsize::new(48).unwrap();
 
 impl<'a> StoreTiles<'a> {
