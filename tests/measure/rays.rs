@@ -25,6 +25,7 @@ use insula_viewer::{
     sun::{Daylight, SunOptions},
 };
 use std::{
+    fs,
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
@@ -53,6 +54,9 @@ struct Args {
     /// Write the frames into this folder
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Write what the frames are drawn of into folders in this one, for `tests/tools/wasm_rays/run`
+    #[arg(long)]
+    dump: Option<PathBuf>,
 }
 
 const TIMEOUT: Duration = Duration::from_secs(300);
@@ -119,6 +123,9 @@ fn measure(args: &Args, session: &mut Session, name: &str, camera: Camera, kind:
     settle(session, &request, TIMEOUT)?;
     let data = session.frame_data(&request, &settings);
     let scene = scene_of(session, &data)?;
+    if let Some(folder) = &args.dump {
+        dump(&scene, &folder.join(format!("{name}-{kind}")))?;
+    }
     let ways = ways(args, kind);
     let mut times = vec![Duration::MAX; ways.len()];
     let mut frames = Vec::new();
@@ -147,7 +154,7 @@ fn measure(args: &Args, session: &mut Session, name: &str, camera: Camera, kind:
             frames.last().map_or(String::new(), |definition| difference(definition, pixels)),
         );
         if let Some(out) = &args.out {
-            std::fs::create_dir_all(out)?;
+            fs::create_dir_all(out)?;
             write_png(&out.join(format!("{name}-{kind}-{way}.png")), pixels)?;
         }
     }
@@ -157,6 +164,19 @@ fn measure(args: &Args, session: &mut Session, name: &str, camera: Camera, kind:
 fn scene_of<'a>(session: &'a Session, data: &'a FrameData) -> Result<SceneRef<'a>> {
     let Adapter::Cpu(cpu) = session.adapter() else { anyhow::bail!("not the CPU ray-caster") };
     Ok(cpu.scene(&data.frame, &data.grid, &data.nodes))
+}
+
+/// Writes the arrays that a frame is drawn of, and the number of its pixels.
+fn dump(scene: &SceneRef<'_>, folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder)?;
+    let SceneRef { frame, grid, nodes, summaries, atlas } = scene;
+    fs::write(folder.join("frame.bin"), bytemuck::bytes_of(*frame))?;
+    fs::write(folder.join("grid.bin"), bytemuck::cast_slice(grid))?;
+    fs::write(folder.join("nodes.bin"), bytemuck::cast_slice(nodes))?;
+    fs::write(folder.join("summaries.bin"), bytemuck::cast_slice(summaries))?;
+    fs::write(folder.join("atlas.bin"), bytemuck::cast_slice(atlas))?;
+    let pixels = frame.width_px * frame.height_px;
+    Ok(fs::write(folder.join("scene.json"), format!("{{\"pixels\": {pixels}}}"))?)
 }
 
 /// Root of the mean squared difference in codes of sRGB, the share of the pixels that differ by more than 2 of them, and the

@@ -114,14 +114,15 @@ static double frame(int thread_count, int rows_at_once, int width, int height, s
 }
 
 int main(int argc, char **argv) {
-  if (argc < 7) return 2;
+  if (argc < 8) return 2;
   int width = std::atoi(argv[2]), height = std::atoi(argv[3]), rounds = std::atoi(argv[4]), threads = std::atoi(argv[5]);
   FILE *file = std::fopen(argv[1], "rb");
   if (!file) return 1;
   std::fseek(file, 0, SEEK_END);
   size_t count = std::ftell(file) / 36;
   std::rewind(file);
-  RTCDevice device = rtcNewDevice(nullptr);
+  // Such as "isa=avx2"; empty: the widest that the processor has.
+  RTCDevice device = rtcNewDevice(argv[6]);
   RTCScene scene = rtcNewScene(device);
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
   auto *corners = (float *)rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12, 3 * count);
@@ -137,7 +138,7 @@ int main(int argc, char **argv) {
   rtcCommitScene(scene);
   double build_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   std::vector<float> image(size_t(width) * (height + 1));
-  for (int i = 6; i < argc; i++) {
+  for (int i = 7; i < argc; i++) {
     char name[64];
     float v[7];
     if (std::sscanf(argv[i], "%63[^,],%f,%f,%f,%f,%f,%f,%f", name, v, v + 1, v + 2, v + 3, v + 4, v + 5, v + 6) != 8) return 2;

@@ -23,6 +23,8 @@ import tempfile
 HERE = pathlib.Path(__file__).parent
 # Bytes and array codes of what a GLB file of Insula has.
 U16, U32 = 5123, 5125
+# Embree's devices: with the widest instructions of the processor, and with those that Insula's packets of 8 have.
+INSTRUCTION_SETS = {"widest": "", "AVX2": "isa=avx2"}
 
 
 def read_glb(path):
@@ -89,6 +91,11 @@ def insula_mrays(args, camera, ways):
     return found
 
 
+def rays_of(*command):
+    """What a program says of its rays."""
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--city", required=True)
@@ -115,13 +122,14 @@ def main():
         for camera in args.camera:
             best = {}
             for _ in range(args.turns):
-                options = [folder / "triangles", *map(str, args.size), "5", str(args.threads), camera_text(camera, origin)]
-                embree, obvhs = (
-                    json.loads(subprocess.run([other, *options], check=True, capture_output=True, text=True).stdout)
-                    for other in (program, args.bvh_rays)
-                )
-                found = {"Embree, packets of 8": embree["packets_mrays"], "Embree, single rays": embree["single_mrays"]}
-                found["obvhs, single rays"] = obvhs["single_mrays"]
+                options = [folder / "triangles", *map(str, args.size), "5", str(args.threads)]
+                text = camera_text(camera, origin)
+                found = {}
+                for name, isa in INSTRUCTION_SETS.items():
+                    embree = rays_of(program, *options, isa, text)
+                    found[f"Embree, {name}, packets of 8"] = embree["packets_mrays"]
+                    found[f"Embree, {name}, single rays"] = embree["single_mrays"]
+                found["obvhs, single rays"] = rays_of(args.bvh_rays, *options, text)["single_mrays"]
                 for way, mrays in (found | insula_mrays(args, camera, ways)).items():
                     best[way] = max(best.get(way, 0.0), mrays)
             print(camera.stem, *(f"{way}: {mrays:.1f}" for way, mrays in best.items()), sep="\n  ")

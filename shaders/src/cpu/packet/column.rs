@@ -4,8 +4,8 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, I, M, U, Vec2s, Vec3s, always, float, float_u, gather_page, gather_where, has, lanes_of, pairs, splat,
-        splat_u, to_i, to_u,
+        F, FastExtremes, I, M, U, Vec2s, Vec3s, always, float, float_u, gather_page, gather_where, has, lanes_of,
+        pairs, splat, splat_u, to_i, to_u,
     },
     node_rays::NodeRays,
     objects::{ColumnFaces, ObjectWords},
@@ -392,7 +392,7 @@ impl<S: Simd> PlainColumns<S> {
         let clipped = has(simd, self.flags, u32::from(flag::CLIPPED));
         let head = clipped.select(splat_u(simd, 2), splat_u(simd, 0));
         let (low, high) = (row_of(solids.bottom), row_of(solids.top - 1.0));
-        let row = row_of(rays.z_at(solids.s)).max(low).min(high);
+        let row = row_of(rays.z_at(solids.s)).fast_max(low).fast_min(high);
         let above: I<S> = (row - row_of(self.z_min)).to_int();
         self.strip + head + to_u::<S>(above)
     }
@@ -427,7 +427,7 @@ fn clip_to_solid<S: Simd>(simd: S, ta: F<S>, te: F<S>, over: [F<S>; 2], above: [
     let bottom = below_a & at_bottom.simd_gt(s);
     let spans = Spans {
         s: bottom.select(at_bottom, s),
-        e: (!below_a & below_e).select(e.min(at_bottom), e),
+        e: (!below_a & below_e).select(e.fast_min(at_bottom), e),
         top: over_a & !bottom,
         bottom,
     };
@@ -450,7 +450,7 @@ fn directions<S: Simd>(simd: S, azimuth: U<S>) -> Vec2s<S> {
 #[inline(always)]
 fn slope_codes<S: Simd>(simd: S, lanes: M<S>, n: Vec3s<S>, z_shift: u32) -> Vec2s<S> {
     let zero = splat(simd, 0.0);
-    let scale = splat(simd, -codes_per_row(z_shift)) / n.z.max(splat(simd, MIN_NORMAL_Z));
+    let scale = splat(simd, -codes_per_row(z_shift)) / n.z.fast_max(splat(simd, MIN_NORMAL_Z));
     Vec2s::<S> { x: lanes.select(n.x * scale, zero), y: lanes.select(n.y * scale, zero) }
 }
 

@@ -3,8 +3,8 @@
 use super::{
     hits::{Hits, Segments},
     lanes::{
-        F, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, map4, nonzero, pairs, quadruples,
-        splat, splat_i, splat_u, to_i, to_u,
+        F, FastExtremes, I, IVec2s, M, U, Vec2s, always, first_lane, float, floor_clamped, has, map4, nonzero, pairs,
+        quadruples, splat, splat_i, splat_u, to_i, to_u,
     },
     mesh::walk_meshes,
     node_walk::walk_node,
@@ -116,8 +116,8 @@ impl<S: Simd> GridWalks<S> {
         );
         let ([near_x, far_x], [near_y, far_y]) = (span(low_x, ahead_x, o.x, inv.x), span(low_y, ahead_y, o.y, inv.y));
         let (za, zb) = ((splat(simd, -1.0) - z) / dz, (splat(simd, Z_TOP + 1.0) - z) / dz);
-        let t = near_x.max(near_y).max(za.min(zb)).max(zero);
-        let t_end = far_x.min(far_y).min(za.max(zb)).min(splat(simd, segments.reach_m));
+        let t = near_x.fast_max(near_y).fast_max(za.fast_min(zb)).fast_max(zero);
+        let t_end = far_x.fast_min(far_y).fast_min(za.fast_max(zb)).fast_min(splat(simd, segments.reach_m));
         let square_of = always(
             #[inline(always)]
             |o: F<S>, d: F<S>, low: f32, eye_cell: i32| {
@@ -155,10 +155,10 @@ impl<S: Simd> GridWalks<S> {
         let edge_y = corner.y + self.ahead_y.select(side, zeros);
         let te_x = (float::<S>(edge_x - frame.eye_cell[0]) - self.o.x) * self.inv.x;
         let te_y = (float::<S>(edge_y - frame.eye_cell[1]) - self.o.y) * self.inv.y;
-        let exit = te_x.min(te_y).min(self.t_end).max(self.t);
+        let exit = te_x.fast_min(te_y).fast_min(self.t_end).fast_max(self.t);
         let (z_in, z_out) = (self.z + self.dz * self.t, self.z + self.dz * exit);
         let (top, bottom) = (float::<S>(to_i::<S>(heights >> 16)), float::<S>(to_i::<S>(heights & 0xffff)));
-        let meets = z_in.min(z_out).simd_le(top + 1.0) & (z_in.max(z_out) + 1.0).simd_ge(bottom);
+        let meets = z_in.fast_min(z_out).simd_le(top + 1.0) & (z_in.fast_max(z_out) + 1.0).simd_ge(bottom);
         let descends = meets & entry.simd_eq(splat_u(simd, GRID_MIXED)) & k.simd_gt(zeros);
         let found = seeking & meets & is_node & !descends;
         crossings.node = found.select(seen_node::<S>(simd, segments.threshold, entry), crossings.node);
@@ -304,6 +304,6 @@ fn seen_node<S: Simd>(simd: S, threshold: U<S>, entry: U<S>) -> U<S> {
 /// The level whose nodes are good enough at distance `t`.
 #[inline(always)]
 fn level_at<S: Simd>(simd: S, frame: &FrameUniform, t: F<S>) -> I<S> {
-    let bits: U<S> = (t * frame.level_scale).max(splat(simd, 1.0)).bitcast();
+    let bits: U<S> = (t * frame.level_scale).fast_max(splat(simd, 1.0)).bitcast();
     (to_i::<S>(bits >> 23) - 127).min(splat_i(simd, frame.levels as i32 - 1))
 }

@@ -1,6 +1,12 @@
 //! Values of all rays of a packet, and the arithmetic of [`fast_math`](crate::cpu::fast_math) on them.
 
-use crate::{cpu::ray::MIN_DIRECTION, layout::PAGE_WORDS};
+use crate::{
+    cpu::{
+        fast_math::{fast_max, fast_min},
+        ray::MIN_DIRECTION,
+    },
+    layout::PAGE_WORDS,
+};
 use fearless_simd::prelude::*;
 use glam::Vec3;
 
@@ -158,10 +164,40 @@ pub(super) fn float_u<S: Simd>(v: U<S>) -> F<S> {
     float::<S>(to_i::<S>(v))
 }
 
+/// The lesser and the greater of two numbers, as `fast_math` has them.
+pub(super) trait FastExtremes<S: Simd>: SimdFloat<S, Element = f32> {
+    #[inline(always)]
+    fn fast_min(self, other: Self) -> Self {
+        if !cfg!(target_arch = "wasm32") {
+            return self.min(other);
+        }
+        // `f32x4.min` is seven instructions on x86-64, and `f32x4.pmin`, which LLVM makes of this loop, is one.
+        let mut out = self;
+        for lane in 0..Self::LEN {
+            out[lane] = fast_min(self[lane], other[lane]);
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn fast_max(self, other: Self) -> Self {
+        if !cfg!(target_arch = "wasm32") {
+            return self.max(other);
+        }
+        let mut out = self;
+        for lane in 0..Self::LEN {
+            out[lane] = fast_max(self[lane], other[lane]);
+        }
+        out
+    }
+}
+
+impl<S: Simd, V: SimdFloat<S, Element = f32>> FastExtremes<S> for V {}
+
 /// The floor, clamped to whole numbers from `low` to `high`.
 #[inline(always)]
 pub(super) fn floor_of<S: Simd>(v: F<S>, low: F<S>, high: F<S>) -> F<S> {
-    v.floor().max(low).min(high)
+    v.floor().fast_max(low).fast_min(high)
 }
 
 /// The same as an integer.

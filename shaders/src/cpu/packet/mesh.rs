@@ -4,7 +4,7 @@
 
 use super::{
     hits::{Hits, MeshHits, Segments, read_vec4},
-    lanes::{F, M, Vec3s, always, lanes_of, nonzero, splat, splat_u},
+    lanes::{F, FastExtremes, M, Vec3s, always, lanes_of, nonzero, splat, splat_u},
     mesh_surface::{MeshFacts, hit_triangles},
     objects::ObjectWords,
     pages::planes_at,
@@ -75,14 +75,14 @@ pub(super) fn walk_meshes<S: Simd>(
     }
     let none = splat(simd, 0.0);
     let mut nearest = MeshHits {
-        t: reach.min(exit_m + 1.0),
+        t: reach.fast_min(exit_m + 1.0),
         triangle: splat_u(simd, 0),
         u: none,
         v: none,
         is_front: M::<S>::splat(simd, true),
     };
     let (x, y, z) = (d.x.abs(), d.y.abs(), d.z.abs());
-    let up = z.simd_ge(x.max(y));
+    let up = z.simd_ge(x.fast_max(y));
     let north = !up & y.simd_ge(x);
     for axis in 0..3 {
         let lanes = meets & [!up & !north, north, up][axis];
@@ -157,11 +157,11 @@ fn box_span<S: Simd>(simd: S, o: Vec3s<S>, inv: Vec3s<S>, words: [u32; 4]) -> [F
         |word: u32, o: F<S>, inv: F<S>| {
             let ends = halves(word);
             let (a, b) = ((splat(simd, ends.x - BOX_SLACK) - o) * inv, (splat(simd, ends.y + BOX_SLACK) - o) * inv);
-            (a.min(b), a.max(b))
+            (a.fast_min(b), a.fast_max(b))
         },
     );
     let (x, y, z) = (span(words[0], o.x, inv.x), span(words[1], o.y, inv.y), span(words[2], o.z, inv.z));
-    [x.0.max(y.0).max(z.0).max(splat(simd, 0.0)), x.1.min(y.1).min(z.1)]
+    [x.0.fast_max(y.0).fast_max(z.0).fast_max(splat(simd, 0.0)), x.1.fast_min(y.1).fast_min(z.1)]
 }
 
 impl<S: Simd> MeshRays<S> {
@@ -264,12 +264,13 @@ impl<S: Simd> MeshRays<S> {
         let products = [b[0] * c[1], c[0] * a[1], a[0] * b[1]];
         let others = [b[1] * c[0], c[1] * a[0], a[1] * b[0]];
         let sides = [products[0] - others[0], products[1] - others[1], products[2] - others[2]];
-        let (low, high) = (sides[0].min(sides[1]).min(sides[2]), sides[0].max(sides[1]).max(sides[2]));
+        let (low, high) =
+            (sides[0].fast_min(sides[1]).fast_min(sides[2]), sides[0].fast_max(sides[1]).fast_max(sides[2]));
         let size = always(
             #[inline(always)]
-            |p: [F<S>; 3]| p[0].abs().max(p[1].abs()),
+            |p: [F<S>; 3]| p[0].abs().fast_max(p[1].abs()),
         );
-        let largest = size(a).max(size(b)).max(size(c));
+        let largest = size(a).fast_max(size(b)).fast_max(size(c));
         let most = largest * largest * (2.0 * EDGE_SLACK);
         let lanes = lanes & !(low.simd_lt(-most) & high.simd_gt(most));
         if lanes.all_false() {
@@ -284,7 +285,8 @@ impl<S: Simd> MeshRays<S> {
             is_front |= near_edge & faces;
         }
         let sign = is_front.select(splat(simd, -1.0), splat(simd, 1.0));
-        let weights = [(sign * sides[0]).max(zero), (sign * sides[1]).max(zero), (sign * sides[2]).max(zero)];
+        let weights =
+            [(sign * sides[0]).fast_max(zero), (sign * sides[1]).fast_max(zero), (sign * sides[2]).fast_max(zero)];
         let scale = splat(simd, 1.0) / (weights[0] + weights[1] + weights[2]);
         let (wa, wb, wc) = (weights[0] * scale, weights[1] * scale, weights[2] * scale);
         let t = (wa * a[2] + wb * b[2] + wc * c[2]) * self.shear[2];

@@ -4,8 +4,8 @@
 use super::{
     hits::{Hits, MeshHits, Segments, read_vec4},
     lanes::{
-        F, M, U, Vec2s, Vec3s, always, float_u, floor_of, gather_page, gather_where, has, lanes_of, quadruples, splat,
-        splat_u, whole,
+        F, FastExtremes, M, U, Vec2s, Vec3s, always, float_u, floor_of, gather_page, gather_where, has, lanes_of,
+        quadruples, splat, splat_u, whole,
     },
     objects::ObjectWords,
     shade::{linear_of, normalize_or},
@@ -263,10 +263,10 @@ impl<S: Simd> CoveredColumns<'_, S> {
             let per_code = self.rows_per_code;
             let first = (z_min * per_code).floor();
             let rows = ((z_max - 1.0) * per_code).floor() - first;
-            let row = (z * per_code - 0.5 - first).max(zero).min(rows);
+            let row = (z * per_code - 0.5 - first).fast_max(zero).fast_min(rows);
             let low = row.floor();
             let a = self.read(from_wall, texels + whole::<S>(low));
-            let b = self.read(from_wall, texels + whole::<S>((low + 1.0).min(rows)));
+            let b = self.read(from_wall, texels + whole::<S>((low + 1.0).fast_min(rows)));
             let covered = always(
                 #[inline(always)]
                 |texel: U<S>, share: F<S>| (texel & OPAQUE).simd_ne(zeros).select(share, zero),

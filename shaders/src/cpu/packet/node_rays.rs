@@ -2,7 +2,7 @@
 
 use super::{
     hits::Segments,
-    lanes::{F, I, M, Vec2s, Vec3s, nonzero, splat, splat_i},
+    lanes::{F, FastExtremes, I, M, Vec2s, Vec3s, nonzero, splat, splat_i},
     pages::planes_at,
 };
 use crate::{
@@ -97,7 +97,7 @@ impl<'a, S: Simd> NodeRays<'a, S> {
     #[inline(always)]
     pub(super) fn exit_at(&self, edge: Vec2s<S>) -> (M<S>, F<S>) {
         let (x, y) = ((edge.x - self.o.x) * self.inv.x, (edge.y - self.o.y) * self.inv.y);
-        (x.simd_le(y), x.min(y))
+        (x.simd_le(y), x.fast_min(y))
     }
 
     /// The ray of a lane in the node, for the scalar code.

@@ -7,8 +7,8 @@ use super::{
     column::{ColumnCrossing, hit_columns},
     hits::{Hits, Segments},
     lanes::{
-        F, I, M, U, Vec2s, always, first_lane, float_u, floor_of, gather_page, has, lanes_of, quadruples, splat,
-        splat_i, splat_u, to_u,
+        F, FastExtremes, I, M, U, Vec2s, always, first_lane, float_u, floor_of, gather_page, has, lanes_of, quadruples,
+        splat, splat_i, splat_u, to_u,
     },
     node_rays::{NodeRays, NodeWords},
 };
@@ -120,8 +120,8 @@ impl<S: Simd> NodeRays<'_, S> {
         let (simd, node) = (self.simd, self.node);
         let a = (splat(simd, node.z_lo - 1.0) - self.o.z) / self.d.z;
         let b = (splat(simd, node.z_hi + 1.0) - self.o.z) / self.d.z;
-        let (begin, end) = (t_in.max(a.min(b)), t_out.min(a.max(b)));
-        let above = self.z_at(begin).min(self.z_at(end)).simd_gt(self.highest(begin, end));
+        let (begin, end) = (t_in.fast_max(a.fast_min(b)), t_out.fast_min(a.fast_max(b)));
+        let above = self.z_at(begin).fast_min(self.z_at(end)).simd_gt(self.highest(begin, end));
         let lanes = group & begin.simd_le(end) & !above;
         if lanes.all_false() {
             return None;
@@ -183,7 +183,7 @@ impl<S: Simd> NodeRays<'_, S> {
         let zero = splat(simd, 0.0);
         let (edge, number, t) = (blocks.edge, blocks.number, blocks.t);
         let (x_first, exit) = self.exit_at(edge);
-        let t_end = exit.min(blocks.t_end).max(t);
+        let t_end = exit.fast_min(blocks.t_end).fast_max(t);
         let rows = block_rows(simd, &self.words, to_u::<S>(number), wanting);
         let [a, b, c, d] = rows;
         let byte = always(
@@ -193,7 +193,7 @@ impl<S: Simd> NodeRays<'_, S> {
         let (a, b, c, d) = (byte(a), byte(b), byte(c), byte(d));
         let (lowest, highest) = (float_u::<S>(a | (b << 8)), float_u::<S>(c | (d << 8)));
         let (z_in, z_out) = (self.z_at(t), self.z_at(t_end));
-        let meets = wanting & z_in.min(z_out).simd_le(highest + 1.0) & z_in.max(z_out).simd_ge(lowest - 1.0);
+        let meets = wanting & z_in.fast_min(z_out).simd_le(highest + 1.0) & z_in.fast_max(z_out).simd_ge(lowest - 1.0);
         let (step_x, step_y) = (wanting & x_first, wanting & !x_first);
         let size = BLOCK_CELLS as f32;
         blocks.edge.x = edge.x + step_x.select(self.step.x * size, zero);
@@ -236,7 +236,7 @@ impl<S: Simd> NodeRays<'_, S> {
         let zero = splat(simd, 0.0);
         let (edge, number, t_in) = (cells.edge, cells.number, cells.t);
         let (x_first, exit) = self.exit_at(edge);
-        let t_out = exit.min(cells.t_end).max(t_in);
+        let t_out = exit.fast_min(cells.t_end).fast_max(t_in);
         let next = number + x_first.select(self.next_x, self.next_row);
         let stays = ((next ^ number) & BLOCK_BITS).simd_eq(splat_i(simd, 0)) & exit.simd_lt(cells.t_end);
         let (step_x, step_y) = (seeking & x_first, seeking & !x_first);
@@ -248,7 +248,7 @@ impl<S: Simd> NodeRays<'_, S> {
         let number = to_u::<S>(number);
         let quad_top = cells.quad_top(simd, number);
         let (z_in, z_out) = (self.z_at(t_in), self.z_at(t_out));
-        let (lower, upper) = (z_in.min(z_out), z_in.max(z_out));
+        let (lower, upper) = (z_in.fast_min(z_out), z_in.fast_max(z_out));
         let below_quad = seeking & lower.simd_le(quad_top);
         let mut seeking = seeking & stays;
         if below_quad.any_true() {

@@ -4,7 +4,7 @@
 
 use super::{
     hits::Hits,
-    lanes::{F, U, Vec3s, always, float_u, splat, to_u},
+    lanes::{F, FastExtremes, U, Vec3s, always, float_u, splat, to_u},
 };
 use crate::{
     cpu::{
@@ -55,7 +55,7 @@ fn horner<S: Simd, const N: usize>(simd: S, x: F<S>, factors: [f32; N]) -> F<S> 
 /// [`exp`](crate::cpu::fast_math::exp).
 #[inline(always)]
 pub(super) fn exp<S: Simd>(simd: S, v: F<S>) -> F<S> {
-    let y = (v * std::f32::consts::LOG2_E).max(splat(simd, EXP_MIN)).min(splat(simd, -EXP_MIN));
+    let y = (v * std::f32::consts::LOG2_E).fast_max(splat(simd, EXP_MIN)).fast_min(splat(simd, -EXP_MIN));
     let whole = y.floor();
     let f = y - whole;
     let power = horner(simd, f, [EXP_HIGH.z, EXP_HIGH.y, EXP_HIGH.x, EXP_LOW.z, EXP_LOW.y, EXP_LOW.x]);
@@ -89,7 +89,7 @@ pub(super) fn reflected<S: Simd>(simd: S, frame: &FrameUniform, hits: &Hits<S>, 
     let (light, ao) = (&frame.light, hits.ao);
     let (zero, one, half) = (splat(simd, 0.0), splat(simd, 1.0), splat(simd, 0.5));
     let upright = n.z.abs();
-    let open = (ao / (upright * 0.5 + 0.5)).min(one);
+    let open = (ao / (upright * 0.5 + 0.5)).fast_min(one);
     let ahead = n.x * light.side[0] + n.y * light.side[1];
     let below = half - n.z * 0.5;
     // As `light_from_city`.
@@ -98,12 +98,12 @@ pub(super) fn reflected<S: Simd>(simd: S, frame: &FrameUniform, hits: &Hits<S>, 
     let far = reach * reach.sqrt();
     let sunlit = far / (far + deep * FACADE_DEPTH * deep) * (half - ahead * 0.5);
     let facade_share =
-        (upright * (FACADES_BY_GROUND - FACADES_BY_WALL) + FACADES_BY_WALL) * (one - ao - below).max(zero);
+        (upright * (FACADES_BY_GROUND - FACADES_BY_WALL) + FACADES_BY_WALL) * (one - ao - below).fast_max(zero);
     let least = (one - upright) * LAMPS_IN_THE_OPEN;
-    let lamps = ((one - open) * LAMP_DEPTH).max(least).min(one) * n.z.max(splat(simd, LAMPS_ON_WALLS));
+    let lamps = ((one - open) * LAMP_DEPTH).fast_max(least).fast_min(one) * n.z.fast_max(splat(simd, LAMPS_ON_WALLS));
     let sun = Vec3::from(frame.sun);
-    let facing = (n.x * sun.x + n.y * sun.y + n.z * sun.z).max(zero);
-    let sun_share = if frame.shadow_m > 0.0 { one } else { (ao * 2.0 + 0.25).min(one) };
+    let facing = (n.x * sun.x + n.y * sun.y + n.z * sun.z).fast_max(zero);
+    let sun_share = if frame.shadow_m > 0.0 { one } else { (ao * 2.0 + 0.25).fast_min(one) };
     let channel = always(
         #[inline(always)]
         |i: usize, albedo: F<S>| {

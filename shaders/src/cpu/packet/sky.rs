@@ -2,7 +2,9 @@
 //! [`shade`](crate::cpu::shade).
 
 use super::{
-    lanes::{F, I, M, U, Vec3s, always, float, lanes_of, map4, quadruples, splat, splat_i, splat_u, to_u},
+    lanes::{
+        F, FastExtremes, I, M, U, Vec3s, always, float, lanes_of, map4, quadruples, splat, splat_i, splat_u, to_u,
+    },
     shade::{Radiances, apply_haze},
 };
 use crate::{
@@ -59,7 +61,7 @@ pub(super) fn background<S: Simd>(
     if on_ground.any_true() {
         let plane = reflected(frame, GROUND_ALBEDO, Vec3::Z, 1.0);
         let plane = Radiances::<S> { sky: Vec3s::splat(simd, plane.sky), sun: Vec3s::splat(simd, plane.sun) };
-        let beyond = (ground_m - PLANE_CLEAR_M).max(splat(simd, 0.0));
+        let beyond = (ground_m - PLANE_CLEAR_M).fast_max(splat(simd, 0.0));
         light = apply_haze(simd, frame, &plane, airlight, ground_m + beyond * PLANE_FADE);
     }
     let in_sky = lanes & !on_ground;
@@ -75,7 +77,7 @@ pub(super) fn background<S: Simd>(
 #[inline(always)]
 fn sky<S: Simd>(simd: S, frame: &FrameUniform, dir: Vec3s<S>) -> Vec3s<S> {
     let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
-    let height = ((dir.z - SKY_LOW) / (1.0 - SKY_LOW)).max(zero).sqrt() * (SKY_HEIGHTS - 1) as f32;
+    let height = ((dir.z - SKY_LOW) / (1.0 - SKY_LOW)).fast_max(zero).sqrt() * (SKY_HEIGHTS - 1) as f32;
     let row = height.to_int::<I<S>>().min(splat_i(simd, SKY_HEIGHTS as i32 - 2));
     let (columns, _) = SkyColumns::new(simd, frame, dir);
     let part = height - float::<S>(row);
@@ -95,7 +97,7 @@ fn celestial_light<S: Simd>(simd: S, frame: &FrameUniform, lanes: M<S>, dir: Vec
     let light = &frame.light;
     let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
     let edge = (splat(simd, DISC_OUTER) - from_sun(simd, frame, dir)) / (DISC_OUTER - DISC_INNER);
-    let edge = edge.max(zero).min(one);
+    let edge = edge.fast_max(zero).fast_min(one);
     let sun = Vec3s::splat(simd, rgb(light.sun)).scale(edge * (DISC * light.disc));
     let (mut star, mut lunar) = (zero, zero);
     if light.stars > 0.0 || light.moon[3] > 0.0 {
@@ -116,8 +118,8 @@ impl<S: Simd> SkyColumns<S> {
     fn new(simd: S, frame: &FrameUniform, dir: Vec3s<S>) -> (Self, F<S>) {
         let side = Vec2::from(frame.light.side);
         let (one, least) = (splat(simd, 1.0), splat(simd, 1e-4));
-        let length = (dir.x * dir.x + dir.y * dir.y).sqrt().max(least);
-        let along = ((dir.x * side.x + dir.y * side.y) / length).max(-one).min(one);
+        let length = (dir.x * dir.x + dir.y * dir.y).sqrt().fast_max(least);
+        let along = ((dir.x * side.x + dir.y * side.y) / length).fast_max(-one).fast_min(one);
         let column = (along * 0.5 + 0.5) * (SKY_AZIMUTHS - 1) as f32;
         let left = column.to_int::<I<S>>().min(splat_i(simd, SKY_AZIMUTHS as i32 - 2));
         (Self { left, part: column - float::<S>(left) }, length)

@@ -1,7 +1,8 @@
 //! Radiances of neighbouring pixels as words, and those as colours. The scalar code is [`tone`](crate::tone).
 
 use super::lanes::{
-    F, I, U, Vec3s, always, float, float_u, lane_numbers, pairs, splat, splat_i, splat_u, to_i, to_u, whole,
+    F, FastExtremes, I, U, Vec3s, always, float, float_u, lane_numbers, pairs, splat, splat_i, splat_u, to_i, to_u,
+    whole,
 };
 use crate::{
     atmosphere::LUMINANCE,
@@ -21,9 +22,9 @@ pub(super) fn encode_radiances<S: Simd>(simd: S, rgb: Vec3s<S>) -> U<S> {
     let (zero, most) = (splat(simd, 0.0), splat(simd, MAX_RADIANCE));
     let rgb = rgb.map(
         #[inline(always)]
-        |v| v.max(zero).min(most),
+        |v| v.fast_max(zero).fast_min(most),
     );
-    let bits = rgb.x.max(rgb.y).max(rgb.z).bitcast::<U<S>>() + (1 << (22 - MANTISSA_BITS + 1));
+    let bits = rgb.x.fast_max(rgb.y).fast_max(rgb.z).bitcast::<U<S>>() + (1 << (22 - MANTISSA_BITS + 1));
     let exponent = (to_i::<S>(bits >> 23) - 127).max(splat_i(simd, -1 - EXPONENT_BIAS));
     let scale = (-exponent + (127 + MANTISSA_BITS as i32 - 1)).bitcast::<U<S>>() << 23;
     let scale: F<S> = scale.bitcast();
@@ -166,7 +167,7 @@ fn count_with<S: Simd>(simd: S, words: &[u32]) -> MeterCounts {
 /// The bins of radiances.
 #[inline(always)]
 fn meter_bins<S: Simd>(simd: S, rgb: Vec3s<S>) -> U<S> {
-    let luminance = rgb.dot(Vec3s::splat(simd, LUMINANCE)).max(splat(simd, METER_LEAST));
+    let luminance = rgb.dot(Vec3s::splat(simd, LUMINANCE)).fast_max(splat(simd, METER_LEAST));
     let bits = luminance.bitcast::<U<S>>();
     let stops = to_i::<S>(bits >> 23) - (127 + METER_MIN_LOG2 as i32);
     let mantissa: F<S> = ((bits & 0x7f_ffff) | 1.0f32.to_bits()).bitcast();
@@ -200,12 +201,12 @@ fn codes_of<S: Simd>(simd: S, tables: &DisplayTables, rgb: Vec3s<S>) -> Vec3s<S>
     let grey = curve.x * LUMINANCE.x + curve.y * LUMINANCE.y + curve.z * LUMINANCE.z;
     let saturated = curve.map(
         #[inline(always)]
-        |v| ((v - grey) * AGX_SATURATION + grey).max(zero),
+        |v| ((v - grey) * AGX_SATURATION + grey).fast_max(zero),
     );
     product(AGX_OUT, saturated).map(
         #[inline(always)]
         |v| {
-            let place = v.max(zero).min(one) * CODE_STEPS as f32;
+            let place = v.fast_max(zero).fast_min(one) * CODE_STEPS as f32;
             let at = whole::<S>(place);
             between(simd, &tables.codes, at, place - float_u::<S>(at))
         },
@@ -224,7 +225,7 @@ fn product<S: Simd>(matrix: Mat3, v: Vec3s<S>) -> Vec3s<S> {
 
 #[inline(always)]
 fn curve_of<S: Simd>(simd: S, tables: &DisplayTables, v: F<S>) -> F<S> {
-    let above = v.max(splat(simd, CURVE_MIN)).bitcast::<U<S>>() - CURVE_MIN.to_bits();
+    let above = v.fast_max(splat(simd, CURVE_MIN)).bitcast::<U<S>>() - CURVE_MIN.to_bits();
     let part = float_u::<S>(above & ((1 << CURVE_SHIFT) - 1)) / (1 << CURVE_SHIFT) as f32;
     between(simd, &tables.curve, (above >> CURVE_SHIFT).min(splat_u(simd, CURVE_LAST)), part)
 }
@@ -251,7 +252,7 @@ fn dithered<S: Simd>(simd: S, codes: Vec3s<S>, x: U<S>, y: U<S>) -> U<S> {
     let most = splat(simd, 255.0);
     let channel = always(
         #[inline(always)]
-        |v: F<S>| whole::<S>((v + noise).min(most)),
+        |v: F<S>| whole::<S>((v + noise).fast_min(most)),
     );
     channel(codes.x) | (channel(codes.y) << 8) | (channel(codes.z) << 16) | (255 << 24)
 }

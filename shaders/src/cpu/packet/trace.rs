@@ -4,7 +4,7 @@
 use super::{
     grid_walk::walk_grid,
     hits::{Hits, Segments},
-    lanes::{F, M, U, Vec3s, lanes_of, splat, splat_u},
+    lanes::{F, FastExtremes, M, U, Vec3s, lanes_of, splat, splat_u},
     shade::{Radiances, apply_haze, linear_of, reflected, unit_normal},
     sky::{background, ground_distance},
     stone::stones_of,
@@ -50,12 +50,12 @@ pub(super) fn trace<S: Simd>(
     let mut seen = Hits::nothing(simd);
     walk(simd, scene, &segments, lanes, &mut seen);
     convert_colours(simd, &mut seen);
-    seen.ao = seen.ao.max(splat(simd, frame.light.sky_up[3]));
+    seen.ao = seen.ao.fast_max(splat(simd, frame.light.sky_up[3]));
     let ground_m = ground_distance(simd, frame, dir);
     let mut light = radiances(simd, scene, lanes, &seen, (dir, airlight, ground_m));
     if frame.shadow_m > 0.0 {
         let eye_m = seen.is_hit.select(seen.distance_m, ground_m);
-        let largest = light.sun.x.max(light.sun.y).max(light.sun.z);
+        let largest = light.sun.x.fast_max(light.sun.y).fast_max(light.sun.z);
         // Nothing shadows the sky.
         let lit = lanes & largest.simd_gt(zero) & eye_m.simd_lt(infinity);
         if lit.any_true() {
