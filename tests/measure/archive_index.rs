@@ -101,7 +101,9 @@ fn write_archive(path: &Path, tiles: u64) -> Result<()> {
         let bytes: u64 = entries.iter().map(|entry| entry[2]).sum();
         let packed = pack(first, offset, entries)?;
         file.write_all(&packed)?;
-        leaves.push([if leaves.is_empty() { 0 } else { per_leaf }, 0, packed.len() as u64, position + 1]);
+        // As the writer does: a leaf that follows the one before has no offset.
+        let [step, place] = if leaves.is_empty() { [0, 1] } else { [per_leaf, 0] };
+        leaves.push([step, 0, packed.len() as u64, place]);
         position += packed.len() as u64;
         offset += bytes;
     }

@@ -8,6 +8,7 @@ use insula_protocol::{
     manifest::{self, Attribution, MAX_TEXT_BYTES},
     tile,
 };
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
 use crate::{
@@ -246,6 +247,13 @@ impl BakeConfig {
             street_sets: options.street_sets,
             settings: hash_settings(options)?,
         })
+    }
+
+    /// Threads for the bake's work. Fails if the system cannot start them.
+    pub(crate) fn thread_pool(&self) -> Result<ThreadPool, BakeError> {
+        let threads = self.threads;
+        let built = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("bake-{i}")).build();
+        built.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })
     }
 
     /// How the inputs are read.

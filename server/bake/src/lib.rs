@@ -26,7 +26,7 @@ pub use ground::{ALGORITHM as GROUND_ALGORITHM, GroundOption};
 pub use mesh::ALGORITHM as MESH_ALGORITHM;
 pub use pipeline::{
     AbortedJob, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, GeneratedCity, Job, JobRequest,
-    StageStatus, WorkFolder, WorkStore, abort, bake, bake_generated, bake_scene,
+    PartPiece, StageStatus, WorkFolder, WorkStore, abort, bake, bake_generated, bake_scene,
 };
 pub use progress::{Progress, Silent};
 pub use report::BakeReport;

@@ -3,7 +3,6 @@
 use std::{collections::HashSet, path::Path};
 
 use insula_protocol::{NODE_CELLS, TileId};
-use rayon::ThreadPool;
 
 use super::{
     block_scene::{BlockScene, worst_memory_bytes},
@@ -136,10 +135,4 @@ impl HashedPartition {
         }
         short_hex(&hasher.finalize())
     }
-}
-
-/// Fails if the system cannot start the threads.
-pub(super) fn thread_pool(threads: usize) -> Result<ThreadPool, BakeError> {
-    let built = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("bake-{i}")).build();
-    built.map_err(|cause| BakeError::Threads { threads, cause: cause.to_string() })
 }

@@ -46,13 +46,13 @@ use crate::{
 };
 pub use generated::{GeneratedCity, bake_generated};
 pub use steps::{
-    AbortedJob, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, StageStatus,
-    WorkFolder, WorkStore, abort,
+    AbortedJob, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, PartPiece,
+    StageStatus, WorkFolder, WorkStore, abort,
 };
 
 use context::{FinishedTiles, TileContext};
 use far_land::FarLand;
-use hashed::{HashedInput, HashedPartition, thread_pool};
+use hashed::{HashedInput, HashedPartition};
 use leaves::LeafBaker;
 use update::PreviousCity;
 
@@ -108,7 +108,7 @@ struct BakeRun<'a> {
 impl<'a> BakeRun<'a> {
     fn new(config: &'a BakeConfig, progress: &'a dyn Progress) -> Result<Self, BakeError> {
         let scratch = ScratchFolder::lock(&config.out)?;
-        let (pool, budget) = (thread_pool(config.threads)?, ScratchBudget::new(config.scratch_bytes));
+        let (pool, budget) = (config.thread_pool()?, ScratchBudget::new(config.scratch_bytes));
         Ok(Self { config, progress, scratch, budget, pool, clock: StageClock::new() })
     }
 

@@ -43,12 +43,12 @@ pub(crate) fn write(
     let mut ordered = ids.to_vec();
     ordered.sort_by_cached_key(|id| archive_order(*id));
     let file = fs::File::create_new(path).map_err(|cause| BakeError::io(path, "written", cause))?;
-    let mut writer = writer(&ordered).create(&file).map_err(failed)?;
+    let mut writer = writer(ordered.iter().copied()).create(&file).map_err(failed)?;
     let mut tiles = DistinctTiles::default();
     for id in ordered {
         let bytes = tile(id)?;
         let hash = short_hash(&blake3::hash(&bytes));
-        tiles.add(hash);
+        tiles.add_if_new(hash, true);
         writer.add_tile(coordinates(id).map_err(failed)?, &bytes, Some(hash)).map_err(failed)?;
     }
     writer.finalize().map_err(failed)?;
@@ -65,34 +65,50 @@ pub(crate) fn write(
     Ok(WrittenArchive { bytes, digest: tiles.digest.finish(&head, &tail) })
 }
 
+/// A tile of an archive, without its bytes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ListedTile {
+    pub(crate) id: TileId,
+    /// Number of its bytes.
+    pub(crate) bytes: u32,
+    pub(crate) hash: ShortHash,
+}
+
 /// An archive whose tiles are elsewhere.
 #[derive(Debug)]
 pub(crate) struct ArchiveLayout {
     /// The bytes before those of the tiles.
     pub(crate) head: Vec<u8>,
     /// The tiles whose bytes follow, by their numbers.
-    pub(crate) distinct: Vec<usize>,
+    pub(crate) distinct: Vec<u32>,
     /// The bytes after those of the tiles.
     pub(crate) tail: Vec<u8>,
     pub(crate) written: WrittenArchive,
 }
 
-/// What [`write`] would write of tiles with these lengths and hashes, without their bytes. They must be in the archive's order. `path` is
-/// for messages. Fails if the archive would be too large.
-pub(crate) fn lay_out(path: &Path, tiles: &[(TileId, u32, ShortHash)]) -> Result<ArchiveLayout, BakeError> {
+/// What [`write`] would write of these tiles, without their bytes. They must be in the archive's order. `path` is for messages. Fails if
+/// the archive would be too large.
+pub(crate) fn lay_out<T>(
+    path: &Path,
+    tiles: &[T],
+    tile: impl Fn(&T) -> ListedTile,
+) -> Result<ArchiveLayout, BakeError> {
     let failed = |cause| archive_error(path, cause);
-    let ids: Vec<TileId> = tiles.iter().map(|(id, ..)| *id).collect();
+    let repeated = repeated_hashes(tiles.iter().map(|listed| tile(listed).hash));
     let frame = Rc::new(RefCell::new(ArchiveFrame::default()));
-    let mut writer = writer(&ids).create(FrameWriter(Rc::clone(&frame))).map_err(failed)?;
+    let writer = writer(tiles.iter().map(|listed| tile(listed).id));
+    let mut writer = writer.create(FrameWriter(Rc::clone(&frame))).map_err(failed)?;
     let (mut known, mut distinct, mut data) = (DistinctTiles::default(), Vec::new(), 0);
     let mut blank = Vec::new();
-    for (number, (id, length, hash)) in tiles.iter().enumerate() {
-        if known.add(*hash) {
+    for (number, ListedTile { id, bytes, hash }) in (0..).zip(tiles.iter().map(&tile)) {
+        // Keys and hashes of tiles that exist once would be most of the memory.
+        let key = repeated.contains(&hash).then_some(hash);
+        if known.add_if_new(hash, key.is_some()) {
             distinct.push(number);
-            data += u64::from(*length);
+            data += u64::from(bytes);
         }
-        blank.resize((*length as usize).max(blank.len()), 0);
-        writer.add_tile(coordinates(*id).map_err(failed)?, &blank[..*length as usize], Some(*hash)).map_err(failed)?;
+        blank.resize((bytes as usize).max(blank.len()), 0);
+        writer.add_tile(coordinates(id).map_err(failed)?, &blank[..bytes as usize], key).map_err(failed)?;
     }
     frame.borrow_mut().is_tail = true;
     writer.finalize().map_err(failed)?;
@@ -110,6 +126,13 @@ pub(crate) fn lay_out(path: &Path, tiles: &[(TileId, u32, ShortHash)]) -> Result
     Ok(ArchiveLayout { head, distinct, tail, written })
 }
 
+/// Hashes that occur more than once.
+fn repeated_hashes(hashes: impl Iterator<Item = ShortHash>) -> HashSet<ShortHash> {
+    let mut hashes: Vec<ShortHash> = hashes.collect();
+    hashes.sort_unstable();
+    hashes.windows(2).filter(|pair| pair[0] == pair[1]).map(|pair| pair[0]).collect()
+}
+
 /// The hashes of tiles, equal ones once.
 #[derive(Default)]
 struct DistinctTiles {
@@ -118,9 +141,9 @@ struct DistinctTiles {
 }
 
 impl DistinctTiles {
-    /// Adds a tile. Returns whether it is new.
-    fn add(&mut self, hash: ShortHash) -> bool {
-        let is_new = self.known.insert(hash);
+    /// Adds a tile, which is new if it does not repeat. Returns whether it is.
+    fn add_if_new(&mut self, hash: ShortHash, may_repeat: bool) -> bool {
+        let is_new = !may_repeat || self.known.insert(hash);
         if is_new {
             self.digest.add(&hash);
         }
@@ -129,8 +152,8 @@ impl DistinctTiles {
 }
 
 /// The writer of an archive of these tiles, which tells equal ones by their hashes.
-fn writer(ids: &[TileId]) -> PmTilesWriter<pmtiles::CallerKey<ShortHash>> {
-    let max_zoom = ids.iter().map(|id| id.level()).max().unwrap_or(0);
+fn writer(ids: impl Iterator<Item = TileId>) -> PmTilesWriter<pmtiles::CallerKey<ShortHash>> {
+    let max_zoom = ids.map(|id| id.level()).max().unwrap_or(0);
     let writer = PmTilesWriter::new(TileType::Unknown).tile_compression(Compression::None).min_zoom(0);
     writer.max_zoom(max_zoom).dedup_by_key()
 }
@@ -251,11 +274,13 @@ mod tests {
         for count in [1, 2, 40, ids.len()] {
             let (path, ids) = (folder.path.join(count.to_string()), &ids[..count]);
             let written = write(&path, ids, |id| Ok(bytes(&id))).unwrap();
-            let tiles: Vec<_> =
-                ids.iter().map(|id| (*id, bytes(id).len() as u32, short_hash(&blake3::hash(&bytes(id))))).collect();
-            let layout = lay_out(&path, &tiles).unwrap();
+            let tile = |id: &TileId| {
+                let bytes = bytes(id);
+                ListedTile { id: *id, bytes: bytes.len() as u32, hash: short_hash(&blake3::hash(&bytes)) }
+            };
+            let layout = lay_out(&path, ids, tile).unwrap();
             assert_eq!(layout.written, written);
-            let data = layout.distinct.iter().flat_map(|number| bytes(&ids[*number]));
+            let data = layout.distinct.iter().flat_map(|number| bytes(&ids[*number as usize]));
             let joined: Vec<u8> = layout.head.iter().copied().chain(data).chain(layout.tail).collect();
             assert!(joined == fs::read(&path).unwrap(), "{count} tiles");
         }

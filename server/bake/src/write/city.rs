@@ -19,14 +19,17 @@ use insula_protocol::{
         Attribution, CityCounts, FORMAT_VERSION, HeightReference, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES,
         Manifest, shorten_text,
     },
-    mesh_tile, tile,
+    mesh_tile,
+    subtree::NodeInfo,
+    tile,
 };
 use insula_visibility::CityExtent;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::location::locate;
 use super::{
-    archive::{self, WrittenArchive},
+    archive::{self, WrittenArchive, archive_order},
     files::write_synced,
     fingerprints::Fingerprints,
     objects::NumberedRecords,
@@ -45,6 +48,9 @@ use crate::{
     read::ReadReport,
     scene::{ObjectKind, grid::CityGrid, scratch_scene::ScratchScene},
 };
+
+/// Subtrees in memory: each has up to 1365 nodes.
+const SUBTREES_AT_ONCE: usize = 64;
 
 /// The scene's part of the manifest, so that the scene need not be kept until the end.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -201,9 +207,7 @@ pub(crate) fn write_others(
 ) -> Result<WrittenCity, BakeError> {
     let TileArchives { blockmaps, meshes } = archives;
     let nodes = tile_tree::describe(input.tree, input.grid);
-    let subtrees = archive::write(&folder.join("subtrees.pmtiles"), &tile_tree::subtree_roots(&nodes), |root| {
-        tile_tree::encode_subtree(input.tree, &nodes, root)
-    })?;
+    let subtrees = write_subtrees(&input, &nodes, &folder.join("subtrees.pmtiles"))?;
     let terminals = nodes.iter().flatten().filter(|node| node.child_mask == 0).map(|node| node.id).collect();
     drop(nodes);
     let mut written: Vec<WrittenArchive> = [blockmaps, subtrees].into_iter().chain(meshes).collect();
@@ -240,6 +244,18 @@ pub(crate) fn write_others(
         Err(error) => tracing::warn!("the city has no {}: {error}", thumbnail::FILE_NAME),
     }
     Ok(WrittenCity { manifest, bytes })
+}
+
+/// Writes the archive of subtrees. They are encoded by all threads, some at a time.
+fn write_subtrees(input: &CityInput<'_>, nodes: &[Vec<NodeInfo>], path: &Path) -> Result<WrittenArchive, BakeError> {
+    let mut roots = tile_tree::subtree_roots(nodes);
+    roots.sort_by_cached_key(|root| archive_order(*root));
+    let pool = input.config.thread_pool()?;
+    let encode = |root: &TileId| tile_tree::encode_subtree(input.tree, nodes, *root);
+    let encoded = |roots: &[TileId]| pool.install(|| roots.par_iter().map(encode).collect::<Vec<_>>());
+    let mut subtrees = roots.chunks(SUBTREES_AT_ONCE).flat_map(encoded);
+    let missing = || BakeError::Scratch { path: path.to_owned() };
+    archive::write(path, &roots, |_| subtrees.next().ok_or_else(missing)?)
 }
 
 /// Writes the archive of what can be seen from streets; `None` if the city has no sets.

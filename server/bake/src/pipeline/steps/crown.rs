@@ -16,7 +16,6 @@ use crate::{
     pipeline::{
         context::{FinishedTiles, TileContext},
         far_land::FarLand,
-        hashed::thread_pool,
         parents,
     },
     report::ResumeStatus,
@@ -67,7 +66,7 @@ impl BakeSteps<'_> {
         drop(by_id);
         drop(roots);
         tiles.tree.set(plan.region_level, stored);
-        let pool = thread_pool(config.threads)?;
+        let pool = config.thread_pool()?;
         for level in (0..plan.region_level).rev() {
             tiles.add_level(level, parents::bake_level(&context, &pool, &tiles.tree, land.as_ref(), level)?);
         }

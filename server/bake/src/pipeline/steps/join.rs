@@ -21,6 +21,7 @@ use super::{
     scan::{fetch, put_file, records_name, scratch_folder},
     sealed::SealedKind,
     store_tiles::{CROWN, CityTiles, StoreTiles, folder_of},
+    work::PartPiece,
 };
 use crate::{
     error::BakeError,
@@ -30,7 +31,7 @@ use crate::{
         record_list::{RecordList, RecordScratch},
     },
     write::{
-        archive::{self, ArchiveLayout, WrittenArchive, archive_order},
+        archive::{self, ArchiveLayout, ListedTile, WrittenArchive, archive_order},
         city::{self, BLOCKMAPS_FILE, CityInput, MESHES_FILE, TileArchives},
         mesh_pack::StoredMesh,
         objects::NumberedRecords,
@@ -89,36 +90,7 @@ struct ArchivePart {
     number: u32,
     /// Of its bytes in the archive.
     start: u64,
-    pieces: Vec<ArchivePiece>,
-}
-
-/// Bytes of an archive.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-enum ArchivePiece {
-    Given(Vec<u8>),
-    /// In an object of the store.
-    Stored {
-        object: String,
-        start: u64,
-        length: u64,
-    },
-}
-
-impl ArchivePiece {
-    fn length(&self) -> u64 {
-        match self {
-            Self::Given(bytes) => bytes.len() as u64,
-            Self::Stored { length, .. } => *length,
-        }
-    }
-
-    /// A section, which must be inside.
-    fn section(&self, from: u64, length: u64) -> Self {
-        match self {
-            Self::Given(bytes) => Self::Given(bytes[from as usize..(from + length) as usize].to_vec()),
-            Self::Stored { object, start, .. } => Self::Stored { object: object.clone(), start: start + from, length },
-        }
-    }
+    pieces: Vec<PartPiece>,
 }
 
 /// What the store says of a part that it has.
@@ -139,12 +111,11 @@ impl BakeSteps<'_> {
         let plan = self.read_plan()?;
         let folder = scratch_folder()?;
         let tiles = self.read_tiles(&plan)?;
-        let tree = &tiles.tree;
         let mut bytes = StoreTiles::new(objects, &plan, &tiles);
-        let mut joins =
-            vec![bytes.lay_out(BLOCKMAPS_FILE, tree.levels().iter().flatten().map(TileSpan::of_tile), &tiles)?];
-        if !tree.meshes().is_empty() {
-            joins.push(bytes.lay_out(MESHES_FILE, tree.meshes().iter().filter_map(TileSpan::of_mesh), &tiles)?);
+        let mut joins = vec![self.lay_out(BLOCKMAPS_FILE, self.archived_tiles(&plan, &tiles)?, &bytes)?];
+        let meshes = self.archived_meshes(&plan, &tiles)?;
+        if !meshes.is_empty() {
+            joins.push(self.lay_out(MESHES_FILE, meshes, &bytes)?);
         }
         let city_folder = folder.path().join(CITY);
         fs::create_dir(&city_folder).map_err(|cause| BakeError::io(&city_folder, "created", cause))?;
@@ -184,17 +155,7 @@ impl BakeSteps<'_> {
         if known.is_some_and(|receipt| receipt.ticket == *ticket) {
             return Ok(());
         }
-        let mut bytes = Vec::new();
-        for piece in pieces {
-            match piece {
-                ArchivePiece::Given(given) => bytes.extend(given),
-                ArchivePiece::Stored { object, start, length } => {
-                    let read = objects.store.range(&object, start, length);
-                    bytes.extend(read.map_err(|cause| objects.failed(&object, cause))?);
-                }
-            }
-        }
-        let put = objects.store.put_part(name, ticket, number, start, bytes);
+        let put = objects.store.put_pieces(name, ticket, number, start, pieces);
         let receipt = put.map_err(|cause| objects.failed(name, cause))?;
         objects.write(&receipt_name(part), RECEIPT_KIND, &Receipt { ticket: ticket.clone(), archive, receipt })
     }
@@ -313,17 +274,13 @@ impl BakeSteps<'_> {
     fn read_tiles(&self, plan: &CityPlan) -> Result<CityTiles, BakeError> {
         let objects = self.objects();
         let mut levels: Vec<Vec<StoredTile>> = vec![Vec::new(); usize::from(plan.grid.depth) + 1];
-        let (mut meshes, mut fingerprints, mut hashes) = (Vec::new(), Vec::new(), HashMap::new());
+        let (mut meshes, mut fingerprints) = (Vec::new(), Vec::new());
         let (mut of_regions, mut of_crown) = (HashMap::new(), HashSet::new());
-        let regions = (0..plan.regions.len() as u32).chain([CROWN]);
         self.progress.stage("indexes", plan.regions.len() as u64 + 1);
-        for region in regions {
-            let folder = folder_of(region);
-            let index: TileIndex = objects.read(&index_name(&folder), INDEX_KIND)?;
-            let damaged = || objects.damaged(&index_name(&folder), "its fields are damaged");
+        for region in all_regions(plan) {
+            let index = self.tile_index(region)?;
+            let damaged = || objects.damaged(&index_name(&folder_of(region)), "its fields are damaged");
             let (tiles, of_region) = index.stored().ok_or_else(damaged)?;
-            hashes.extend(index.tiles.iter().map(|tile| ((region, tile.start), tile.hash)));
-            hashes.extend(index.meshes.iter().map(|mesh| ((region, mesh.start), mesh.hash)));
             let is_root = |id: TileId| region == CROWN && id.level() == plan.region_level;
             of_crown.extend(tiles.iter().map(|tile| tile.id).filter(|id| is_root(*id)));
             for tile in tiles {
@@ -344,75 +301,94 @@ impl BakeSteps<'_> {
             merged.iter().map(|id| PackId::of(*id)).map(|pack| (pack.x, pack.y)).collect();
         fingerprints.retain(|(place, _)| !blocks.contains(place));
         fingerprints.sort_unstable_by_key(|((x, y), _)| (*y, *x));
-        Ok(CityTiles { tree, fingerprints, hashes, objects: of_regions, of_crown })
+        Ok(CityTiles { tree, fingerprints, objects: of_regions, of_crown })
     }
-}
 
-impl StoreTiles<'_> {
+    /// The index of a region's tiles, or of those of the crown.
+    fn tile_index(&self, region: u32) -> Result<TileIndex, BakeError> {
+        self.objects().read(&index_name(&folder_of(region)), INDEX_KIND)
+    }
+
+    /// The tiles of V-BlockMaps that the city has, in the archive's order.
+    fn archived_tiles(&self, plan: &CityPlan, city: &CityTiles) -> Result<Vec<ArchivedTile>, BakeError> {
+        let mut all = Vec::with_capacity(city.tree.levels().iter().map(Vec::len).sum());
+        for region in all_regions(plan) {
+            let index = self.tile_index(region)?;
+            let stored = index.tiles.iter().filter_map(|tile| Some((tile.stored()?, tile.hash)));
+            let stored = stored.filter(|(tile, _)| city.tree.get(tile.id).is_some());
+            all.extend(stored.map(|(StoredTile { id, offset, bytes, .. }, hash)| {
+                let tile = ListedTile { id, bytes, hash };
+                ArchivedTile { tile, region, start: offset }
+            }));
+        }
+        Ok(all)
+    }
+
+    /// The same of the meshes.
+    fn archived_meshes(&self, plan: &CityPlan, city: &CityTiles) -> Result<Vec<ArchivedTile>, BakeError> {
+        let mut all = Vec::with_capacity(city.tree.meshes().len());
+        if city.tree.meshes().is_empty() {
+            return Ok(all);
+        }
+        for region in all_regions(plan) {
+            let index = self.tile_index(region)?;
+            let stored = index.meshes.iter().filter_map(|mesh| Some((mesh.stored()?, mesh.hash)));
+            let stored = stored.filter(|(mesh, _)| !city.tree.mesh(mesh.id).is_empty());
+            all.extend(stored.filter_map(|(StoredMesh { id, lod, info, offset }, hash)| {
+                let tile = ListedTile { id: mesh_tile::archive_id(id, lod)?, bytes: info.bytes, hash };
+                Some(ArchivedTile { tile, region, start: offset })
+            }));
+        }
+        Ok(all)
+    }
+
     /// Plans an archive of tiles.
     fn lay_out(
         &self,
         name: &'static str,
-        tiles: impl Iterator<Item = TileSpan>,
-        city: &CityTiles,
+        mut tiles: Vec<ArchivedTile>,
+        stored: &StoreTiles<'_>,
     ) -> Result<PlannedArchive, BakeError> {
-        let mut all: Vec<TileSpan> = tiles.collect();
-        all.sort_by_cached_key(|tile| archive_order(tile.id));
-        let mut listed = Vec::with_capacity(all.len());
-        let mut regions = Vec::with_capacity(all.len());
-        for tile in &all {
-            let region = self.region_of(tile.node)?;
-            let missing = || self.objects.damaged(&index_name(&folder_of(region)), "a tile has no hash");
-            let hash = city.hashes.get(&(region, tile.start)).ok_or_else(missing)?;
-            listed.push((tile.id, tile.bytes, *hash));
-            regions.push(region);
-        }
-        let ArchiveLayout { head, distinct, tail, written } = archive::lay_out(Path::new(name), &listed)?;
-        let mut pieces = vec![ArchivePiece::Given(head)];
+        tiles.sort_by_cached_key(|archived| archive_order(archived.tile.id));
+        let layout = archive::lay_out(Path::new(name), &tiles, |archived| archived.tile)?;
+        let ArchiveLayout { head, distinct, tail, written } = layout;
+        let mut pieces = vec![PartPiece::Given(head)];
         for number in distinct {
-            let (region, TileSpan { start, bytes, .. }) = (regions[number], all[number]);
-            let object = self.object_of(region)?;
+            let ArchivedTile { tile: ListedTile { bytes, .. }, region, start } = tiles[number as usize];
+            let object = stored.object_of(region)?;
             match pieces.last_mut() {
-                Some(ArchivePiece::Stored { object: last, start: from, length })
+                Some(PartPiece::Stored { object: last, start: from, length })
                     if last == object && *from + *length == start =>
                 {
                     *length += u64::from(bytes);
                 }
-                _ => pieces.push(ArchivePiece::Stored { object: object.clone(), start, length: bytes.into() }),
+                _ => pieces.push(PartPiece::Stored { object: object.clone(), start, length: bytes.into() }),
             }
         }
-        pieces.push(ArchivePiece::Given(tail));
+        pieces.push(PartPiece::Given(tail));
         Ok(PlannedArchive { name, written, pieces })
     }
 }
 
-/// A tile in the object of a region.
-#[derive(Debug, Clone, Copy)]
-struct TileSpan {
-    /// In the archive.
-    id: TileId,
-    /// That it is of.
-    node: TileId,
-    start: u64,
-    bytes: u32,
+/// The numbers of all regions, and that of the crown.
+fn all_regions(plan: &CityPlan) -> impl Iterator<Item = u32> {
+    (0..plan.regions.len() as u32).chain([CROWN])
 }
 
-impl TileSpan {
-    fn of_tile(tile: &StoredTile) -> Self {
-        Self { id: tile.id, node: tile.id, start: tile.offset, bytes: tile.bytes }
-    }
-
-    fn of_mesh(mesh: &StoredMesh) -> Option<Self> {
-        let id = mesh_tile::archive_id(mesh.id, mesh.lod)?;
-        Some(Self { id, node: mesh.id, start: mesh.offset, bytes: mesh.info.bytes })
-    }
+/// A tile in the object of a region.
+#[derive(Debug, Clone, Copy)]
+struct ArchivedTile {
+    /// By its id in the archive.
+    tile: ListedTile,
+    region: u32,
+    start: u64,
 }
 
 /// What an archive is joined of.
 struct PlannedArchive {
     name: &'static str,
     written: WrittenArchive,
-    pieces: Vec<ArchivePiece>,
+    pieces: Vec<PartPiece>,
 }
 
 impl PlannedArchive {
@@ -428,7 +404,7 @@ impl PlannedArchive {
 }
 
 /// Cuts pieces into parts of a size.
-fn cut(pieces: &[ArchivePiece], size: u64) -> Vec<Vec<ArchivePiece>> {
+fn cut(pieces: &[PartPiece], size: u64) -> Vec<Vec<PartPiece>> {
     let mut parts = Vec::new();
     let (mut part, mut filled) = (Vec::new(), 0);
     for piece in pieces {
@@ -455,24 +431,24 @@ mod tests {
 
     #[test]
     fn parts_have_all_bytes_in_order() {
-        let given = |bytes: std::ops::Range<u8>| ArchivePiece::Given(bytes.collect());
+        let given = |bytes: std::ops::Range<u8>| PartPiece::Given(bytes.collect());
         let pieces = [
             given(0..7),
-            ArchivePiece::Stored { object: "3".to_owned(), start: 100, length: 20 },
+            PartPiece::Stored { object: "3".to_owned(), start: 100, length: 20 },
             given(7..9),
             given(9..9),
         ];
         for size in [1, 4, 7, 10, 29, 100] {
             let parts = cut(&pieces, size);
-            let lengths: Vec<u64> = parts.iter().map(|part| part.iter().map(ArchivePiece::length).sum()).collect();
+            let lengths: Vec<u64> = parts.iter().map(|part| part.iter().map(PartPiece::length).sum()).collect();
             assert_eq!(lengths.iter().sum::<u64>(), 29);
             let (last, others) = lengths.split_last().unwrap();
             assert!(others.iter().all(|length| *length == size) && (1..=size).contains(last));
             let (mut bytes, mut stored) = (Vec::new(), Vec::new());
             for piece in parts.into_iter().flatten() {
                 match piece {
-                    ArchivePiece::Given(some) => bytes.extend(some),
-                    ArchivePiece::Stored { object, start, length } => {
+                    PartPiece::Given(some) => bytes.extend(some),
+                    PartPiece::Stored { object, start, length } => {
                         stored.extend((start..start + length).map(|n| (object.clone(), n)))
                     }
                 }

@@ -32,4 +32,4 @@ mod work;
 
 pub use job::{BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest};
 pub use stage::{AbortedJob, BakeStage, StageStatus, abort};
-pub use work::{WorkFolder, WorkStore};
+pub use work::{PartPiece, WorkFolder, WorkStore};

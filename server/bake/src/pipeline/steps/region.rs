@@ -18,7 +18,7 @@ use crate::{
     pipeline::{
         context::{FinishedTiles, TileContext},
         far_land::FarLand,
-        hashed::{HashedInput, HashedPartition, thread_pool},
+        hashed::{HashedInput, HashedPartition},
         leaves::LeafBaker,
         parents,
     },
@@ -127,7 +127,7 @@ impl BakeSteps<'_> {
         let (resume, plane_m) = (ResumeStatus::Fresh, plan.plane_m);
         let context = TileContext { config, grid, packs, progress, resume, previous: None, plane_m };
         let mut tiles = FinishedTiles::new(grid.depth);
-        let pool = thread_pool(config.threads)?;
+        let pool = config.thread_pool()?;
         let baker = LeafBaker { context: &context, city, partition: &partition.partition };
         tiles.add_level(grid.depth, baker.bake_all(&pool, &partition.hashes)?);
         let models = self.land(plan)?;

@@ -28,8 +28,6 @@ pub(super) struct CityTiles {
     pub(super) tree: TileTree,
     /// Of all blocks whose leaves the city has, row by row.
     pub(super) fingerprints: Vec<((u32, u32), ShortHash)>,
-    /// By region and start in its object.
-    pub(super) hashes: HashMap<(u32, u64), ShortHash>,
     /// Name of the object of each region's bytes.
     pub(super) objects: HashMap<u32, String>,
     /// Nodes of the crown at the level of the regions' roots: land.

@@ -7,6 +7,8 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
+use serde::{Deserialize, Serialize};
+
 /// Named objects that all machines of a bake reach: a folder, or a bucket of an object store.
 ///
 /// Names are words of a-z, 0-9, `-`, `_` and `.`, separated by `/`. An object exists completely or not at all, and writing it again
@@ -43,6 +45,28 @@ pub trait WorkStore: Send + Sync {
     /// there is no such ticket.
     fn put_part(&self, name: &str, ticket: &str, number: u32, start: u64, bytes: Vec<u8>) -> io::Result<String>;
 
+    /// The same of some bytes and sections of other objects. A store copies them itself if it can.
+    fn put_pieces(
+        &self,
+        name: &str,
+        ticket: &str,
+        number: u32,
+        start: u64,
+        pieces: Vec<PartPiece>,
+    ) -> io::Result<String> {
+        let length: u64 = pieces.iter().map(PartPiece::length).sum();
+        let mut bytes = Vec::with_capacity(usize::try_from(length).map_err(|_| io::ErrorKind::OutOfMemory)?);
+        for piece in pieces {
+            match piece {
+                PartPiece::Given(given) => bytes.extend(given),
+                PartPiece::Stored { object, start, length } => {
+                    bytes.extend(self.range(&object, start, length).map_err(|cause| in_object(&object, &cause))?);
+                }
+            }
+        }
+        self.put_part(name, ticket, number, start, bytes)
+    }
+
     /// Completes an object with the receipts for all parts in their order. Fails as [`Self::put_part`].
     fn finish_parts(&self, name: &str, ticket: &str, receipts: Vec<String>) -> io::Result<()>;
 
@@ -52,6 +76,41 @@ pub trait WorkStore: Send + Sync {
     /// Some of the objects that were begun in parts and not completed, by whatever step, with their tickets: all of them if there are
     /// few, and none only if there are none. Fails if the store does not answer.
     fn begun_parts(&self) -> io::Result<Vec<(String, String)>>;
+}
+
+/// Bytes of a part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum PartPiece {
+    Given(Vec<u8>),
+    /// A section of an object of the store.
+    Stored {
+        object: String,
+        start: u64,
+        length: u64,
+    },
+}
+
+impl PartPiece {
+    /// Number of its bytes.
+    pub fn length(&self) -> u64 {
+        match self {
+            Self::Given(bytes) => bytes.len() as u64,
+            Self::Stored { length, .. } => *length,
+        }
+    }
+
+    /// A section, which must be inside.
+    pub(super) fn section(&self, from: u64, length: u64) -> Self {
+        match self {
+            Self::Given(bytes) => Self::Given(bytes[from as usize..(from + length) as usize].to_vec()),
+            Self::Stored { object, start, .. } => Self::Stored { object: object.clone(), start: start + from, length },
+        }
+    }
+}
+
+/// An error that names the object whose bytes are missing.
+fn in_object(name: &str, cause: &io::Error) -> io::Error {
+    io::Error::new(cause.kind(), format!("{name}: {cause}"))
 }
 
 /// Objects as files of a folder, which may be on a file system that machines share.
@@ -84,6 +143,14 @@ impl WorkFolder {
         } else {
             Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{name}: no name of an object")))
         }
+    }
+
+    /// Copies a section of an object to the place of a file.
+    fn copy_section(&self, name: &str, start: u64, length: u64, to: &mut fs::File) -> io::Result<()> {
+        let mut from = fs::File::open(self.path(name)?)?;
+        from.seek(SeekFrom::Start(start))?;
+        // Between files, the kernel copies.
+        if io::copy(&mut from.take(length), to)? < length { Err(io::ErrorKind::UnexpectedEof.into()) } else { Ok(()) }
     }
 
     /// Writes a file under a name of its own, then renames it.
@@ -179,10 +246,22 @@ impl WorkStore for WorkFolder {
         Ok(ticket)
     }
 
-    fn put_part(&self, _: &str, ticket: &str, _: u32, start: u64, bytes: Vec<u8>) -> io::Result<String> {
+    fn put_part(&self, name: &str, ticket: &str, number: u32, start: u64, bytes: Vec<u8>) -> io::Result<String> {
+        self.put_pieces(name, ticket, number, start, vec![PartPiece::Given(bytes)])
+    }
+
+    fn put_pieces(&self, _: &str, ticket: &str, _: u32, start: u64, pieces: Vec<PartPiece>) -> io::Result<String> {
         let mut file = fs::OpenOptions::new().write(true).open(self.path(ticket)?)?;
         file.seek(SeekFrom::Start(start))?;
-        io::Write::write_all(&mut file, &bytes)?;
+        for piece in pieces {
+            match piece {
+                PartPiece::Given(bytes) => io::Write::write_all(&mut file, &bytes)?,
+                PartPiece::Stored { object, start, length } => {
+                    let copied = self.copy_section(&object, start, length, &mut file);
+                    copied.map_err(|cause| in_object(&object, &cause))?;
+                }
+            }
+        }
         file.sync_all()?;
         Ok(String::new())
     }
@@ -226,6 +305,14 @@ mod tests {
         for (number, start, bytes) in [(1, 6, "!"), (0, 0, "second"), (0, 0, "second")] {
             store.put_part("e", &ticket, number, start, bytes.into()).unwrap();
         }
+        let of_objects = |length| {
+            vec![PartPiece::Given(b"s".to_vec()), PartPiece::Stored { object: "a/b".to_owned(), start: 1, length }]
+        };
+        store.put_pieces("e", &ticket, 0, 0, of_objects(5)).unwrap();
+        assert_eq!(
+            store.put_pieces("e", &ticket, 0, 0, of_objects(6)).unwrap_err().kind(),
+            io::ErrorKind::UnexpectedEof
+        );
         assert_eq!(store.size("e").unwrap(), None);
         store.finish_parts("e", &ticket, vec![String::new(); 2]).unwrap();
         assert!(store.put_part("e", &ticket, 0, 0, vec![1]).is_err());
