@@ -9,6 +9,7 @@ import argparse
 import subprocess
 import sys
 import time
+from collections import Counter
 
 from distributed import Client, as_completed
 
@@ -26,15 +27,24 @@ def run_step(program, work, words, threads):
     return done.returncode, done.stderr.strip()[-2000:]
 
 
+def threads_of_a_host(client):
+    """Threads of all workers of the host that has the fewest: the other workers wait while a stage has one task."""
+    of_hosts = Counter()
+    for worker in client.scheduler_info(n_workers=-1)["workers"].values():
+        of_hosts[worker["host"]] += worker["nthreads"]
+    return min(of_hosts.values(), default=1)
+
+
 def run_stage(client, arguments, stage, tasks):
     """Runs the tasks of a stage until all are done. Ends the program at an error that no retry mends, or after too many rounds."""
     waiting = list(range(tasks))
+    threads = max(arguments.threads, threads_of_a_host(client)) if stage in SINGLE else arguments.threads
     for attempt in range(arguments.attempts):
         futures = {}
         for task in waiting:
             words = [stage] if stage in SINGLE else [stage, str(task)]
             # `pure=False`: a task that failed before is run again.
-            future = client.submit(run_step, arguments.program, arguments.work, words, arguments.threads, pure=False)
+            future = client.submit(run_step, arguments.program, arguments.work, words, threads, pure=False)
             futures[future] = task
         waiting = []
         for future in as_completed(futures, raise_errors=False):
