@@ -19,7 +19,14 @@ run_stage() {
 }
 
 for stage in scan plan shuffle region crown join-plan join-part join-finish; do
+    # The plan of the join holds 160 bytes for each tile, and uses more than one core.
+    if [ "$stage" = join-plan ]; then
+        set -- --cpus-per-task="${JOIN_CPUS:-4}" --mem="${JOIN_MEMORY:-4G}" "$@"
+    fi
     # What fails once, on a lost node say, is done in the second turn; what is done takes a moment.
     run_stage "$stage" "$@" || run_stage "$stage" "$@"
+    if [ "$stage" = join-plan ]; then
+        shift 2
+    fi
 done
 insula-server bake status --work "$WORK"

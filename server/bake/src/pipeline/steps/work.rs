@@ -45,7 +45,8 @@ pub trait WorkStore: Send + Sync {
     /// there is no such ticket.
     fn put_part(&self, name: &str, ticket: &str, number: u32, start: u64, bytes: Vec<u8>) -> io::Result<String>;
 
-    /// The same of some bytes and sections of other objects. A store copies them itself if it can.
+    /// Writes a part that is made of given bytes and of sections of other objects. Fails as [`Self::put_part`], and with an error that
+    /// names the object if one is missing or shorter.
     fn put_pieces(
         &self,
         name: &str,
