@@ -11,4 +11,3 @@ pub mod page;
 mod secret_file;
 pub mod share_link;
 pub mod store;
-pub mod telemetry;

@@ -1,11 +1,10 @@
 //! `insula-server`: bakes, serves, inspects and verifies cities.
 
-use insula_command_line::{one_line, parse};
+use insula_command_line::{log, one_line, parse};
 use insula_server::{
     args::{Args, ServerCommand},
     commands,
     memory::LimitedAllocator,
-    telemetry,
 };
 use std::process::ExitCode;
 
@@ -19,7 +18,8 @@ fn main() -> ExitCode {
     };
     // `serve` starts its log itself, after it has read its settings.
     if !matches!(args.command, ServerCommand::Serve(_)) {
-        telemetry::start("warn", false);
+        // tiny-skia warns of shapes without an area, which Insula handles.
+        log::start("warn,tiny_skia=error", false);
     }
     match commands::run(args) {
         Ok(()) => ExitCode::SUCCESS,

@@ -72,25 +72,28 @@ pub fn bake(inputs: &[PathBuf], out: &Path, cell_m: f64) -> Result<()> {
     Ok(())
 }
 
-/// A city baked at 1 m and shared by all tests.
-pub fn baked(name: &str, inputs: &[PathBuf], meshes: bool) -> Result<PathBuf> {
-    fixtures::baked(name, &BakeOptions { inputs: inputs.to_vec(), cell_m: 1.0, meshes, ..BakeOptions::default() })
+/// The bundled city, and two beside the workspace that may be absent.
+pub const REAL_CITIES: [&str; 3] = ["chiba-textured", "delft-3dbag", "denhaag-cityjson"];
+
+/// The files of one of [`REAL_CITIES`]; `None` if it is not on this machine.
+pub fn real_city(name: &str) -> Option<Vec<PathBuf>> {
+    let file = match name {
+        "chiba-textured" => return fixtures::chiba().ok(),
+        "delft-3dbag" => "delft.city.jsonl",
+        "denhaag-cityjson" => "denhaag.city.json",
+        _ => return None,
+    };
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(name).join(file);
+    path.exists().then(|| vec![path])
 }
 
-/// The three real cities beside the workspace, by name. Only the bundled one is always there.
-pub fn real_cities() -> Vec<(&'static str, Vec<PathBuf>)> {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
-    let city = |name: &'static str, files: &[&str]| {
-        let inputs: Vec<PathBuf> = files.iter().map(|file| data.join(name).join(file)).collect();
-        inputs.iter().all(|path| path.exists()).then_some((name, inputs))
-    };
-    let bundled = || fixtures::chiba().ok().map(|inputs| ("chiba-textured", inputs));
-    let all = [
-        city("chiba-textured", &["chiba_64.obj", "chiba_68.obj", "chiba_70.obj"]).or_else(bundled),
-        city("delft-3dbag", &["delft.city.jsonl"]),
-        city("denhaag-cityjson", &["denhaag.city.json"]),
-    ];
-    all.into_iter().flatten().collect()
+/// One of [`REAL_CITIES`], baked at 1 m with meshes and shared by all tests. Fails if it is not on this machine.
+pub fn baked(name: &str) -> Result<PathBuf> {
+    if name == "chiba-textured" {
+        return fixtures::baked_chiba();
+    }
+    let inputs = real_city(name).with_context(|| format!("{name} is not on this machine"))?;
+    fixtures::baked(name, &BakeOptions { inputs, ..BakeOptions::default() })
 }
 
 /// Nodes with the level of detail of their meshes.
@@ -101,6 +104,18 @@ pub fn measure(
     truth: &Truth,
     baked: &Baked,
     options: &MeasureOptions<'_>,
+    gpu: Option<&Gpu>,
+    with: impl FnMut(usize, &View) -> Result<()>,
+) -> Result<Vec<Summary>> {
+    measure_coloured(truth, baked, options, |_| true, gpu, with)
+}
+
+/// As [`measure`], with colours only of the kinds of cameras that `is_coloured` accepts. They take most of the time.
+pub fn measure_coloured(
+    truth: &Truth,
+    baked: &Baked,
+    options: &MeasureOptions<'_>,
+    is_coloured: fn(StationKind) -> bool,
     gpu: Option<&Gpu>,
     mut with: impl FnMut(usize, &View) -> Result<()>,
 ) -> Result<Vec<Summary>> {
@@ -114,8 +129,13 @@ pub fn measure(
         }
         let camera = station.camera;
         let mut reference = truth.render(&camera, &spec);
-        let textured;
-        (reference.colour, textured) = truth.albedo(&camera, &spec, REFERENCE_SIDE);
+        let is_coloured = is_coloured(station.kind);
+        let mut textured = vec![false; reference.colour.len()];
+        if is_coloured {
+            (reference.colour, textured) = truth.albedo(&camera, &spec, REFERENCE_SIDE);
+        }
+        // Distances are those of the ray through a pixel's centre, with any number of samples.
+        let samples = if is_coloured { STILL_SAMPLES } else { 1 };
         for summary in &mut summaries {
             let lod = |id| if options.meshes { baked.drawn_lod(id, &camera, &spec, summary.tau_px) } else { None };
             let ids = baked.select(&camera, &spec, summary.tau_px);
@@ -124,10 +144,11 @@ pub fn measure(
                 last = Some((key, baked.draw_list_with_meshes(&ids, lod)?));
             }
             let (_, draw_list) = last.as_ref().context("no draw list")?;
-            let scene = draw_list.scene(&camera, &FrameSpec { samples: STILL_SAMPLES, ..spec });
+            let scene = draw_list.scene(&camera, &FrameSpec { samples, ..spec });
             let drawn = gpu.map_or_else(|| Ok(scene.render()), |gpu| gpu.render(&scene))?;
             let cells = compare::deviations(truth, &camera, &spec, &drawn, baked.manifest().cell_m);
-            let score = compare::score(&reference, &drawn, &textured, &cells)?;
+            let mut score = compare::score(&reference, &drawn, &textured, &cells)?;
+            score.colour = score.colour.filter(|_| is_coloured);
             summary.views.push((station.kind, score));
             summary.cells.extend(cells);
             let (tau_px, nodes, reference) = (summary.tau_px, ids.len(), reference.clone());

@@ -2,11 +2,12 @@
 
 use crate::{programs::program, rng::Rng};
 use anyhow::{Context, Result};
-use insula_bake::{BakeOptions, Silent, sample::SampleSettings};
+use insula_bake::{BakeOptions, Silent};
 use serde_json::{Value, json};
 use std::{
     fs,
     path::{Path, PathBuf},
+    sync::OnceLock,
 };
 
 /// A cuboid at `x`, `y` as a CityJSON solid, whose vertices are numbered from `first`.
@@ -58,24 +59,20 @@ pub fn chiba() -> Result<Vec<PathBuf>> {
     Ok(["chiba_64", "chiba_68", "chiba_70"].map(|name| folder.join(format!("{name}.obj.gz"))).into())
 }
 
-/// The bundled city baked at 1 m as the program does it, but with few occlusion directions, for tests that do not depend on the bake. Read
-/// only.
+/// The bundled city, baked at 1 m as the program does it. Read only.
 pub fn baked_chiba() -> Result<PathBuf> {
-    let sample = SampleSettings { sky_directions: 16, low_directions: 16, ..SampleSettings::default() };
-    baked("chiba", &BakeOptions { inputs: chiba()?, sample, street_sets: true, ..BakeOptions::default() })
+    baked("chiba", &BakeOptions { inputs: chiba()?, street_sets: true, ..BakeOptions::default() })
 }
 
-/// A city that each build bakes once and all tests share. Read only.
+/// A city that each build bakes once and all tests share. Read only. `options` leaves the place to this function.
 ///
-/// It is in the build's folder, under a hash of the server program and the options. Fails if the bake fails.
+/// It is in the build's folder, under a hash of the server program, of the options, and of the contents of the inputs. Fails if
+/// the bake fails.
 pub fn baked(name: &str, options: &BakeOptions) -> Result<PathBuf> {
-    let program = program("insula-server").or_else(|_| std::env::current_exe().map_err(anyhow::Error::from))?;
-    let build = program.parent().context("the program lies in no folder")?;
-    let mut key = blake3::Hasher::new();
-    key.update(&fs::read(&program)?).update(format!("{name} {options:?}").as_bytes());
-    let folder = build.join("test-cities").join(&key.finalize().to_hex()[..16]);
+    let key = key(name, options)?;
+    let folder = build_folder("test-cities")?.join(&key.to_hex()[..16]);
     fs::create_dir_all(&folder)?;
-    // Other test programs may run at the same time.
+    // Other threads and programs may want the same city.
     let lock = fs::File::create(folder.join("lock"))?;
     lock.lock()?;
     let city = folder.join(name);
@@ -83,4 +80,56 @@ pub fn baked(name: &str, options: &BakeOptions) -> Result<PathBuf> {
         insula_bake::bake(&BakeOptions { out: city.clone(), ..options.clone() }, &Silent).context("bake")?;
     }
     Ok(city)
+}
+
+/// Inputs count by their names and contents, because their folders are often temporary.
+fn key(name: &str, options: &BakeOptions) -> Result<blake3::Hash> {
+    let mut key = blake3::Hasher::new();
+    key.update(program_hash()?.as_bytes());
+    for file in input_files(&options.inputs)? {
+        let file_name = file.file_name().unwrap_or_default().to_string_lossy();
+        key.update(file_name.as_bytes()).update(blake3::hash(&fs::read(&file)?).as_bytes());
+    }
+    let others = BakeOptions { inputs: Vec::new(), ..options.clone() };
+    key.update(format!("{name} {others:?}").as_bytes());
+    Ok(key.finalize())
+}
+
+/// The files that are inputs or lie in those, in a fixed order.
+fn input_files(inputs: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for input in inputs {
+        if input.is_dir() {
+            let mut entries = fs::read_dir(input)?.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>>>()?;
+            entries.sort();
+            files.extend(input_files(&entries)?);
+        } else {
+            files.push(input.clone());
+        }
+    }
+    Ok(files)
+}
+
+/// Hash of the server program, of which the code of a bake is a part; without it, of the running program.
+fn program_hash() -> Result<blake3::Hash> {
+    static HASH: OnceLock<blake3::Hash> = OnceLock::new();
+    if let Some(hash) = HASH.get() {
+        return Ok(*hash);
+    }
+    let program = program("insula-server").or_else(|_| std::env::current_exe().map_err(anyhow::Error::from))?;
+    let hash = blake3::hash(&fs::read(&program).with_context(|| program.display().to_string())?);
+    Ok(*HASH.get_or_init(|| hash))
+}
+
+/// A folder beside the programs of this build, for what tests keep: cities and pictures. Makes it if it is missing.
+pub fn build_folder(name: &str) -> Result<PathBuf> {
+    let program = std::env::current_exe()?;
+    let mut build = program.parent().context("the program lies in no folder")?;
+    // Test programs lie one folder deeper.
+    if build.file_name().is_some_and(|folder| folder == "deps") {
+        build = build.parent().context("the programs lie in no folder")?;
+    }
+    let folder = build.join(name);
+    fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    Ok(folder)
 }

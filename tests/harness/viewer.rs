@@ -19,7 +19,10 @@ use std::{
 };
 
 const SIZE_PX: [u32; 2] = [640, 360];
-const FRAME: Duration = Duration::from_millis(5);
+/// Time between two frames, in which responses arrive.
+const PAUSE: Duration = Duration::from_millis(5);
+/// Longest time for [`Viewer::step_until`]. Only a hang takes as long.
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Opens a city at any place, drawn with the CPU.
 pub fn open(place: &Path, cache_mib: u32) -> Result<Session> {
@@ -81,20 +84,20 @@ impl Viewer {
         if self.session.feedback().has_feedback() && !self.session.has_feedback(SIZE_PX) {
             self.draw()?;
         }
-        std::thread::sleep(FRAME);
+        std::thread::sleep(PAUSE);
         Ok(())
     }
 
-    /// Runs frames until `done`. Fails after `max_time`.
-    pub fn step_until(&mut self, max_time: Duration, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
+    /// Runs frames until `done`. Fails if that never comes; `what` is expected.
+    pub fn step_until(&mut self, what: &str, mut done: impl FnMut(&mut Self) -> Result<bool>) -> Result<()> {
         let begin = Instant::now();
         loop {
             self.step()?;
             if done(self)? {
                 return Ok(());
             }
-            let selection = self.session.selection();
-            ensure!(begin.elapsed() < max_time, "not within {max_time:?}: {:?}", selection.stats);
+            let stats = self.session.selection().stats;
+            ensure!(begin.elapsed() < PATIENCE, "{what}: not within {PATIENCE:?}: {stats:?}");
         }
     }
 

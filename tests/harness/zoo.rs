@@ -2,6 +2,7 @@
 
 use crate::{
     baked::Baked,
+    fixtures::build_folder,
     truth::Truth,
     view::{Camera, FrameSpec},
 };
@@ -15,11 +16,7 @@ use insula_bake::{
 };
 use insula_protocol::BlockMap;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
-use std::{
-    f64::consts::TAU,
-    fs,
-    path::{Path, PathBuf},
-};
+use std::{f64::consts::TAU, path::PathBuf};
 
 pub const FRAME: FrameSpec = FrameSpec { width_px: 320, height_px: 240, shading: Shading::Albedo, samples: 1 };
 /// Largest difference of equal distances, in cells.
@@ -167,6 +164,11 @@ impl ShapeScore {
     }
 }
 
+/// Folder of the pictures of the shapes: `zoo` beside the programs of the build.
+pub fn pictures_folder() -> Result<PathBuf> {
+    build_folder("zoo")
+}
+
 pub struct BakedShape {
     pub truth: Truth,
     pub baked: Baked,
@@ -175,18 +177,16 @@ pub struct BakedShape {
 }
 
 impl BakedShape {
-    /// Bakes a scene. [`Self::score`] writes `target/zoo/NAME.png`.
+    /// Bakes a scene. [`Self::score`] writes `NAME.png` to [`pictures_folder`].
     pub fn bake(name: &str, scene: Scene, cell_m: f64) -> Result<Self> {
         let folder = tempfile::tempdir()?;
         let out = folder.path().join("city");
         let options = BakeOptions { out: out.clone(), cell_m, ..BakeOptions::default() };
         insula_bake::bake_scene(scene.clone(), ReadReport::default(), &options, &Silent).context("bake")?;
-        let frames = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/zoo");
-        fs::create_dir_all(&frames)?;
         Ok(Self {
             truth: Truth::new(scene),
             baked: Baked::open(&out)?,
-            image_path: frames.join(format!("{name}.png")),
+            image_path: pictures_folder()?.join(format!("{name}.png")),
             _folder: folder,
         })
     }

@@ -1,12 +1,10 @@
 //! The command lines of both programs: alike, and as the documentation has them.
 
-#![allow(clippy::unwrap_used)]
-
 use clap::{Command, CommandFactory};
 use insula_client::args::Cli;
 use insula_server::args::Args;
 use insula_test_support::programs::{ServerProcess, program, run};
-use insula_tests::source_code::tracked_files;
+use insula_tests::{source_code::tracked_files, tests, trials::Trials};
 use std::{
     collections::{BTreeMap, BTreeSet},
     ffi::OsStr,
@@ -14,6 +12,19 @@ use std::{
     path::Path,
     process::Command as Process,
 };
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![
+        every_option_is_documented_and_every_documented_option_exists,
+        both_programs_show_help_and_errors_alike,
+        a_view_link_is_a_place_of_all_commands,
+        a_cache_folder_that_cannot_be_written_is_a_warning,
+        a_view_is_exported_with_its_camera,
+        a_city_at_an_address_is_drawn_as_its_folder_is
+    ]);
+    #[cfg(target_os = "linux")]
+    trials.add(tests![names_that_are_not_text_work_everywhere]);
+}
 
 /// A block of houses.
 const FOOTPRINTS: &str = r#"{"type": "FeatureCollection", "crs": {"type": "name", "properties": {"name": "EPSG:28992"}},
@@ -66,7 +77,6 @@ fn in_help(program: &Command) -> Options {
     options.filter(|(_, options)| !options.is_empty()).collect()
 }
 
-#[test]
 fn every_option_is_documented_and_every_documented_option_exists() {
     let files = tracked_files().unwrap();
     let documented = documented(&[&*files["README.md"], &*files["docs/operate.md"]].join("\n"));
@@ -84,7 +94,6 @@ fn every_option_is_documented_and_every_documented_option_exists() {
     assert!(existing["bake"].len() > 15 && existing["insula"].len() > 5 && existing["fly"].len() > 12, "{existing:?}");
 }
 
-#[test]
 fn both_programs_show_help_and_errors_alike() {
     for name in ["insula", "insula-server"] {
         let call = |arguments: &[&str]| {
@@ -149,7 +158,6 @@ fn snapshot(folder: &Path, place: &OsStr, out: &OsStr, more: &[&str]) -> (Option
     (code, text.lines().filter(|line| !line.starts_with("wrote ")).map(|line| format!("{line}\n")).collect())
 }
 
-#[test]
 fn a_view_link_is_a_place_of_all_commands() {
     let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
     let folder = folder.path();
@@ -189,7 +197,6 @@ fn a_view_link_is_a_place_of_all_commands() {
 }
 
 #[cfg(target_os = "linux")]
-#[test]
 fn names_that_are_not_text_work_everywhere() {
     use std::os::unix::ffi::OsStrExt;
     let [input, city, image, report] =
@@ -215,7 +222,6 @@ fn names_that_are_not_text_work_everywhere() {
 }
 
 #[cfg(target_os = "linux")]
-#[test]
 fn a_cache_folder_that_cannot_be_written_is_a_warning() {
     let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
     let mut command = Process::new(program("insula-server").unwrap());
@@ -229,7 +235,6 @@ fn a_cache_folder_that_cannot_be_written_is_a_warning() {
     assert!(text.starts_with("warning: ") && text.contains("/proc/none") && text.lines().count() == 2, "{text}");
 }
 
-#[test]
 fn a_view_is_exported_with_its_camera() {
     let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
     let export = |more: &[&str]| {
@@ -258,7 +263,6 @@ fn a_view_is_exported_with_its_camera() {
     }
 }
 
-#[test]
 fn a_city_at_an_address_is_drawn_as_its_folder_is() {
     let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
     let mut command = Process::new(program("insula-server").unwrap());

@@ -1,13 +1,21 @@
 //! Dependencies between the packages of the workspace, and libraries that a package must not use. See docs/architecture.md.
 
-#![allow(clippy::unwrap_used)]
-
+use insula_tests::{tests, trials::Trials};
 use serde_json::Value;
 use std::{
     collections::{BTreeMap, BTreeSet},
     path::Path,
     process::Command,
 };
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![
+        packages_depend_only_on_those_below_them,
+        optional_parts_are_optional_dependencies,
+        packages_do_not_use_banned_libraries,
+        programs_and_tests_have_the_same_features
+    ]);
+}
 
 /// The output of `cargo metadata`.
 struct Workspace {
@@ -97,7 +105,6 @@ impl Workspace {
     }
 }
 
-#[test]
 fn packages_depend_only_on_those_below_them() {
     let workspace = Workspace::load();
     let allowed: [(&str, &[&str]); 15] = [
@@ -160,13 +167,12 @@ fn packages_depend_only_on_those_below_them() {
         }
     }
     let members = workspace.packages().filter(|p| p["source"].is_null()).map(|p| p["name"].as_str().unwrap());
-    let tests = ["insula-tests", "insula-faults", "insula-measure", "insula-test-support"];
+    let tests = ["insula-tests", "insula-measure", "insula-test-support"];
     for member in members.filter(|name| !tests.contains(name)) {
         assert!(allowed.iter().any(|(package, _)| *package == member), "{member} is not in the table above");
     }
 }
 
-#[test]
 fn optional_parts_are_optional_dependencies() {
     let workspace = Workspace::load();
     for (package, optional) in [
@@ -196,7 +202,6 @@ fn optional_parts_are_optional_dependencies() {
     }
 }
 
-#[test]
 fn packages_do_not_use_banned_libraries() {
     let workspace = Workspace::load();
     let network = ["axum", "hyper", "reqwest", "tower", "tower-http"];
@@ -231,4 +236,34 @@ fn packages_do_not_use_banned_libraries() {
     );
     check("insula-server", &graphics, &names("insula-server"));
     check("insula-client", &["axum", "pmtiles"], &names("insula-client"));
+}
+
+/// Features of each dependency of a selection of packages.
+fn features(selection: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
+    let output = Command::new(env!("CARGO"))
+        .args(["tree", "--offline", "--locked", "--prefix", "none", "--format", "{p}|{f}|"])
+        .args(selection)
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for line in String::from_utf8(output.stdout).unwrap().lines() {
+        if let [package, features, ..] = line.split('|').collect::<Vec<_>>()[..] {
+            found.entry(package.to_owned()).or_default().insert(features.to_owned());
+        }
+    }
+    found
+}
+
+/// For each set of features, a dependency and everything above it is compiled again. Tests therefore ask for no feature
+/// that the programs do not have.
+fn programs_and_tests_have_the_same_features() {
+    let of_tests = features(&["--workspace", "--edges", "normal,build,dev"]);
+    let of_programs = features(&["-p", "insula-client", "-p", "insula-server", "--edges", "normal,build"]);
+    assert!(of_programs.len() > 300, "only {} dependencies", of_programs.len());
+    for (package, features) in of_programs {
+        let shared = &of_tests[&package];
+        assert!(features.is_subset(shared), "{package} is compiled again for tests: {features:?}, {shared:?}");
+    }
 }

@@ -14,12 +14,17 @@ use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_test_support::folder::TestFolder;
 use insula_tests::{
     baked::Baked,
-    compare,
+    compare, tests,
+    trials::Trials,
     truth::Truth,
     view::{Camera, FrameSpec},
 };
 use insula_viewer::frame::STILL_SAMPLES;
 use std::{fmt::Write, fs, path::Path, sync::Arc};
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![pictures_from_above_lie_where_they_belong]);
+}
 
 /// South-western corner of the map, in EPSG:25832.
 const CORNER: [f64; 2] = [500_032.0, 5_400_096.0];
@@ -246,7 +251,6 @@ fn compare_view(
     Ok(Difference { psnr_db: colour.psnr_db, shift_texels, windows })
 }
 
-#[test]
 fn pictures_from_above_lie_where_they_belong() -> Result<()> {
     let folder = TestFolder::new("drape");
     write_hills(&folder.path)?;

@@ -1,34 +1,30 @@
 //! Baked cities look like their sources: twelve views of each real city against its ray-traced triangles, within bounds.
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use insula_tests::{
     baked::Baked,
     cameras::StationKind,
-    fidelity::{self, MeasureOptions, Summary},
+    fidelity::{self, MeasureOptions, REAL_CITIES, Summary},
+    trials::{Test, Trials, WHOLE_CITY},
     truth::Truth,
 };
-use libtest_mimic::{Arguments, Failed, Trial};
-use std::path::PathBuf;
 
-fn main() {
-    // One after another: a bake uses all cores, and only one should be in memory.
-    let arguments = Arguments { test_threads: Some(1), ..Arguments::from_args() };
-    let found = fidelity::real_cities();
-    let tests = ["chiba-textured", "delft-3dbag", "denhaag-cityjson"].map(|name| {
-        let inputs = found.iter().find(|city| city.0 == name).map(|city| city.1.clone());
-        let ignored = inputs.is_none();
-        let run = move || check(name, &inputs.clone().unwrap_or_default()).map_err(|e| Failed::from(format!("{e:#}")));
-        Trial::test(name.replace('-', "_"), run).with_ignored_flag(ignored)
-    });
-    libtest_mimic::run(&arguments, tests.into()).exit();
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(REAL_CITIES.map(|name| {
+        let test = Test::new(name.replace('-', "_"), move || check(name))
+            .ignored_if(fidelity::real_city(name).is_none())
+            .in_turn(&WHOLE_CITY);
+        if name == "chiba-textured" { test } else { test.full_tier() }
+    }));
 }
 
-fn check(name: &str, inputs: &[PathBuf]) -> Result<()> {
-    ensure!(!inputs.is_empty(), "{name} is not on this machine");
-    // Meshes are not drawn here, but other tests share Chiba with them.
-    let city = fidelity::baked(name, inputs, name == "chiba-textured")?;
-    let (truth, baked) = (Truth::new(fidelity::read(inputs)?), Baked::open(&city)?);
-    let summaries = fidelity::measure(&truth, &baked, &MeasureOptions::plain(&[0.1, 1.0]), None, |_, _| Ok(()))?;
+fn check(name: &str) -> Result<()> {
+    let inputs = fidelity::real_city(name).context("it is not on this machine")?;
+    let city = fidelity::baked(name)?;
+    let (truth, baked) = (Truth::new(fidelity::read(&inputs)?), Baked::open(&city)?);
+    let is_aerial = |kind: StationKind| kind == StationKind::Aerial;
+    let options = MeasureOptions::plain(&[0.1, 1.0]);
+    let summaries = fidelity::measure_coloured(&truth, &baked, &options, is_aerial, None, |_, _| Ok(()))?;
     let [finest, one] = &summaries[..] else { anyhow::bail!("two tolerances are expected") };
     ensure!(finest.views.len() == 12, "{} cameras found a place to stand", finest.views.len());
     let figures = format!("{}; {}", figures(finest), figures(one));

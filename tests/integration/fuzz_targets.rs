@@ -2,11 +2,16 @@
 
 #![allow(clippy::duplicate_mod, reason = "two programs share a module")]
 
-// The targets say `libfuzzer_sys::fuzz_target!`.
-extern crate self as libfuzzer_sys;
+use insula_tests::{source_code::tracked_files, tests, trials::Trials};
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+};
 
-use insula_tests::source_code::tracked_files;
-use std::{collections::BTreeSet, fs, path::Path};
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![every_target_is_listed, targets_take_their_corpora]);
+}
 
 /// In place of libFuzzer's: a function that takes an input.
 #[macro_export]
@@ -75,7 +80,6 @@ targets! {
     visibility_tile "../fuzz/targets/visibility_tile.rs"
 }
 
-#[test]
 fn every_target_is_listed() {
     let names: BTreeSet<String> = targets().into_iter().map(|(name, _)| name.to_owned()).collect();
     let files = tracked_files().expect("files of the repository");
@@ -84,7 +88,17 @@ fn every_target_is_listed() {
     assert_eq!(names, found);
 }
 
-#[test]
+/// A file that is named if it makes a target fail.
+struct Input(PathBuf);
+
+impl Drop for Input {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            eprintln!("{}", self.0.display());
+        }
+    }
+}
+
 fn targets_take_their_corpora() {
     let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
     let mut inputs = 0;
@@ -92,9 +106,8 @@ fn targets_take_their_corpora() {
         run(&[]);
         let Ok(folder) = fs::read_dir(corpora.join(name)) else { continue };
         for file in folder {
-            let path = file.expect("a readable corpus").path();
-            println!("{}", path.display());
-            run(&fs::read(&path).expect("a readable input"));
+            let input = Input(file.expect("a readable corpus").path());
+            run(&fs::read(&input.0).expect("a readable input"));
             inputs += 1;
         }
     }

@@ -1,16 +1,20 @@
 //! Openings of bridges, arcades, roads and stacked slabs: one looks through them at every level that can show them.
-//! `target/zoo/gap-NAME.png` shows the source and all levels from the leaves upwards.
-
-#![allow(clippy::unwrap_used)]
+//! `gap-NAME.png` in the folder `zoo` of the build shows the source and all levels from the leaves upwards.
 
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 use insula_bake::scene::ObjectKind;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
+    tests,
+    trials::Trials,
     view::Camera,
-    zoo::{BakedShape, FRAME, Shapes, paint, rectangle},
+    zoo::{BakedShape, FRAME, Shapes, paint, pictures_folder, rectangle},
 };
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![four_slabs_with_gaps_of_8_m, a_bridge, an_arcade, an_elevated_road]);
+}
 
 const CELL_M: f64 = 0.5;
 /// Distance of the camera from the plane y = 0, and of what counts as behind the shapes.
@@ -62,9 +66,12 @@ fn far_apart() -> Shapes {
     shapes
 }
 
-/// Bakes the shapes and looks through the opening at each level whose cell is under twice `gap_m`.
-fn check(name: &str, shapes: &Shapes, gap_m: f64, opening: &Opening) {
-    let shape = BakedShape::bake(&format!("gap-{name}"), shapes.scene([0.0; 3]), CELL_M).unwrap();
+fn bake(name: &str, shapes: &Shapes) -> BakedShape {
+    BakedShape::bake(&format!("gap-{name}"), shapes.scene([0.0; 3]), CELL_M).unwrap()
+}
+
+/// Looks through the opening at each level whose cell is under twice `gap_m`.
+fn check(name: &str, shape: &BakedShape, gap_m: f64, opening: &Opening) {
     let pixels = opening.pixels();
     let truth = shape.truth.render(&opening.camera, &FRAME);
     assert!(pixels.len() > 300 && open_share(&pixels, &truth) > 0.99, "{name}: the source is closed");
@@ -93,8 +100,7 @@ fn save(name: &str, frames: &[Pixels]) {
             image.put_pixel(x + k as u32 * FRAME.width_px, y, Rgb([r, g, b]));
         }
     }
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/zoo");
-    image.save(folder.join(format!("gap-{name}.png"))).unwrap();
+    image.save(pictures_folder().unwrap().join(format!("gap-{name}.png"))).unwrap();
 }
 
 /// Level ground at height zero, as an object of its own.
@@ -104,7 +110,6 @@ fn ground(shapes: &mut Shapes, half_side_m: f64) {
     shapes.object(ObjectKind::Terrain).face(&corners, paint::GROUND).object(ObjectKind::Building);
 }
 
-#[test]
 fn four_slabs_with_gaps_of_8_m() {
     let mut shapes = far_apart();
     ground(&mut shapes, 140.0);
@@ -112,13 +117,13 @@ fn four_slabs_with_gaps_of_8_m() {
         let z = 9.0 * f64::from(floor);
         shapes.cuboid([-20.0, -14.0, z], [20.0, 14.0, z + 1.0]);
     }
+    let shape = bake("slabs", &shapes);
     for (name, floor) in [("slabs-low", 0), ("slabs-middle", 1), ("slabs-high", 2)] {
         let z = 9.0 * f64::from(floor) + 1.0;
-        check(name, &shapes, 8.0, &Opening::new(&[[[-16.0, z], [16.0, z + 8.0]]]));
+        check(name, &shape, 8.0, &Opening::new(&[[[-16.0, z], [16.0, z + 8.0]]]));
     }
 }
 
-#[test]
 fn a_bridge() {
     for with_ground in [false, true] {
         let mut shapes = far_apart();
@@ -128,11 +133,10 @@ fn a_bridge() {
         shapes.cuboid([-25.0, -5.0, 6.0], [25.0, 5.0, 7.0]);
         shapes.cuboid([-25.0, -5.0, 0.0], [-23.0, 5.0, 6.0]).cuboid([23.0, -5.0, 0.0], [25.0, 5.0, 6.0]);
         let name = if with_ground { "bridge-ground" } else { "bridge" };
-        check(name, &shapes, 6.0, &Opening::new(&[[[-15.0, 0.0], [15.0, 6.0]]]));
+        check(name, &bake(name, &shapes), 6.0, &Opening::new(&[[[-15.0, 0.0], [15.0, 6.0]]]));
     }
 }
 
-#[test]
 fn an_arcade() {
     let mut shapes = far_apart();
     ground(&mut shapes, 140.0);
@@ -144,10 +148,9 @@ fn an_arcade() {
         openings.push([[x + 0.9, 0.0], [x + 5.3, 4.0]]);
     }
     // Rays through the others are too oblique: the source's own pillars are in their way.
-    check("arcade", &shapes, 4.0, &Opening::new(&openings[2..5]));
+    check("arcade", &bake("arcade", &shapes), 4.0, &Opening::new(&openings[2..5]));
 }
 
-#[test]
 fn an_elevated_road() {
     for with_ground in [false, true] {
         let mut shapes = far_apart();
@@ -160,6 +163,6 @@ fn an_elevated_road() {
             shapes.cuboid([x - 0.8, -1.0, 0.0], [x + 0.8, 1.0, 7.0]);
         }
         let name = if with_ground { "road-ground" } else { "road" };
-        check(name, &shapes, 7.0, &Opening::new(&[[[-14.0, 0.0], [4.0, 7.0]], [[6.0, 0.0], [14.0, 7.0]]]));
+        check(name, &bake(name, &shapes), 7.0, &Opening::new(&[[[-14.0, 0.0], [4.0, 7.0]], [[6.0, 0.0], [14.0, 7.0]]]));
     }
 }

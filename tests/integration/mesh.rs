@@ -7,28 +7,26 @@ use insula_bake::{
     simplify::{Goal, simplify},
 };
 use insula_protocol::mesh::{Mesh, half_edge::HalfEdgeMesh};
-use insula_tests::{fidelity, leaves};
-use libtest_mimic::{Arguments, Failed, Trial};
-use std::path::{Path, PathBuf};
+use insula_tests::{
+    fidelity::{self, REAL_CITIES},
+    leaves,
+    trials::{Test, Trials},
+};
+use std::path::Path;
 
-fn main() {
-    let arguments = Arguments::from_args();
+pub(crate) fn add(trials: &mut Trials) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/meshes");
-    let mut tests = Vec::new();
-    for name in ["nefertiti.obj", "skull.obj", "bun_zipper.ply"] {
+    trials.add(["nefertiti.obj", "skull.obj", "bun_zipper.ply"].map(|name| {
         let path = folder.join(name);
-        let ignored = !path.is_file();
-        let run = move || scan(&path).map_err(|error| Failed::from(format!("{error:#}")));
-        tests.push(Trial::test(name.replace('.', "_"), run).with_ignored_flag(ignored));
-    }
-    let found = fidelity::real_cities();
-    for name in ["chiba-textured", "delft-3dbag", "denhaag-cityjson"] {
-        let inputs = found.iter().find(|city| city.0 == name).map(|city| city.1.clone());
-        let ignored = inputs.is_none();
-        let run = move || city(&inputs.unwrap_or_default()).map_err(|error| Failed::from(format!("{error:#}")));
-        tests.push(Trial::test(format!("leaves_of_{}", name.replace('-', "_")), run).with_ignored_flag(ignored));
-    }
-    libtest_mimic::run(&arguments, tests).exit();
+        let is_absent = !path.is_file();
+        let test = Test::new(name.replace('.', "_"), move || scan(&path)).ignored_if(is_absent);
+        if name == "bun_zipper.ply" { test } else { test.full_tier() }
+    }));
+    trials.add(REAL_CITIES.map(|name| {
+        let test = Test::new(format!("leaves_of_{}", name.replace('-', "_")), move || city(name))
+            .ignored_if(fidelity::real_city(name).is_none());
+        if name == "chiba-textured" { test } else { test.full_tier() }
+    }));
 }
 
 /// With all numbers of bits, and after simplification.
@@ -53,8 +51,8 @@ fn scan(path: &Path) -> Result<()> {
     Ok(())
 }
 
-fn city(inputs: &[PathBuf]) -> Result<()> {
-    let scene = fidelity::read(inputs)?;
+fn city(name: &str) -> Result<()> {
+    let scene = fidelity::read(&fidelity::real_city(name).context("it is not on this machine")?)?;
     let meshes = leaves::leaves(&scene, 64.0, 12);
     ensure!(meshes.len() > 50, "only {} leaves", meshes.len());
     meshes.iter().try_for_each(check_round_trip)?;

@@ -1,40 +1,42 @@
 //! No sky is visible between neighbouring leaves, at any two levels of detail, and no ray passes a closed surface.
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use insula_protocol::TileId;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
+use insula_test_support::tier;
 use insula_tests::{
     baked::Baked,
-    cameras, fidelity,
+    cameras,
+    fidelity::{self, REAL_CITIES},
     rng::Rng,
     terraces::{self, Terraces},
+    tests,
+    trials::{Test, Trials, WHOLE_CITY},
     truth::Truth,
     view::FrameSpec,
 };
-use libtest_mimic::{Arguments, Failed, Trial};
 use rayon::prelude::*;
-use std::path::PathBuf;
 
 const FRAME: FrameSpec = FrameSpec { width_px: 640, height_px: 360, shading: Shading::Albedo, samples: 1 };
 
-fn main() {
-    let arguments = Arguments { test_threads: Some(1), ..Arguments::from_args() };
-    // The others run with `--ignored`: each bake takes 15 s or more.
-    let city = |(name, inputs): (&'static str, Vec<PathBuf>)| {
-        let run = move || check(name, &inputs).map_err(|e| Failed::from(format!("{e:#}")));
-        Trial::test(format!("no_sky_between_leaves_of_{name}"), run).with_ignored_flag(name != "chiba-textured")
-    };
-    let mut tests: Vec<Trial> = fidelity::real_cities().into_iter().map(city).collect();
-    let closed = || no_ray_passes_a_closed_surface().map_err(|e| Failed::from(format!("{e:#}")));
-    tests.push(Trial::test("no_ray_passes_a_closed_surface", closed));
-    let slab = || terraces::check_the_end_of_a_slab(1).map_err(|e| Failed::from(format!("{e:#}")));
-    tests.push(Trial::test("a_triangle_ends_at_its_edge", slab));
-    libtest_mimic::run(&arguments, tests).exit();
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![no_ray_passes_a_closed_surface, a_triangle_ends_at_its_edge]);
+    trials.add(REAL_CITIES.map(|name| {
+        let test = Test::new(format!("no_sky_between_leaves_of_{}", name.replace('-', "_")), move || check(name))
+            .ignored_if(fidelity::real_city(name).is_none())
+            .in_turn(&WHOLE_CITY);
+        if name == "chiba-textured" { test } else { test.full_tier() }
+    }));
 }
 
-/// `INSULA_CRACK_RAYS` sets the number of rays, two millions without it.
+fn a_triangle_ends_at_its_edge() -> Result<()> {
+    terraces::check_the_end_of_a_slab(1)
+}
+
+/// `INSULA_CRACK_RAYS` sets the number of rays.
 fn no_ray_passes_a_closed_surface() -> Result<()> {
-    let rays: u64 = std::env::var("INSULA_CRACK_RAYS").map_or(Ok(2_000_000), |rays| rays.parse())?;
+    let rays = if tier::is_full() { 2_000_000 } else { 400_000 };
+    let rays: u64 = std::env::var("INSULA_CRACK_RAYS").map_or(Ok(rays), |rays| rays.parse())?;
     let frames = rays.div_ceil(u64::from(terraces::FRAME.width_px * terraces::FRAME.height_px));
     let cities: Vec<Terraces> = (0..4).map(Terraces::new).collect::<Result<_>>()?;
     let results: Vec<Result<()>> = (0..frames)
@@ -68,19 +70,24 @@ fn cracks(whole: &Pixels, mixed: &Pixels) -> Vec<[u32; 2]> {
     inner.filter(|(x, y)| is_crack(*x, *y)).map(|(x, y)| [x as u32, y as u32]).collect()
 }
 
-fn check(name: &str, inputs: &[PathBuf]) -> Result<()> {
-    let city = fidelity::baked(name, inputs, true)?;
-    let (truth, baked) = (Truth::new(fidelity::read(inputs)?), Baked::open(&city)?);
+fn check(name: &str) -> Result<()> {
+    let inputs = fidelity::real_city(name).context("it is not on this machine")?;
+    let city = fidelity::baked(name)?;
+    let (truth, baked) = (Truth::new(fidelity::read(&inputs)?), Baked::open(&city)?);
     let ids: Vec<TileId> = baked.leaves()?.into_keys().filter(|id| baked.lods(*id) > 0).collect();
     ensure!(!ids.is_empty(), "no leaf has a mesh");
     let most = ids.iter().map(|id| baked.lods(*id)).max().unwrap_or(1);
     ensure!(most > 1, "no leaf has two levels of detail");
-    let stations = cameras::stations(&truth);
+    // One camera of each kind is enough for a quick run.
+    let stations =
+        cameras::stations(&truth).into_iter().step_by(if tier::is_full() { 1 } else { 4 }).collect::<Vec<_>>();
     let whole = baked.draw_list_with_meshes(&ids, |_| Some(0))?;
     let wholes: Vec<Pixels> = stations.iter().map(|s| whole.scene(&s.camera, &FRAME).render()).collect();
     let (mut frames, mut seen) = (0, 0);
     // Alternating levels in a chequerboard: of two neighbours, either may be the finer.
-    for (a, b) in (0..most).flat_map(|a| (0..most).map(move |b| (a, b))).filter(|(a, b)| a != b) {
+    let pairs = (0..most).flat_map(|a| (0..most).map(move |b| (a, b))).filter(|(a, b)| a != b);
+    let is_chosen = |(a, b): &(u8, u8)| tier::is_full() || a.abs_diff(*b) == most - 1;
+    for (a, b) in pairs.filter(is_chosen) {
         let mixed = baked.draw_list_with_meshes(&ids, |id| Some(if (id.x() + id.y()) % 2 == 0 { a } else { b }))?;
         for (station, whole) in stations.iter().zip(&wholes) {
             let drawn = mixed.scene(&station.camera, &FRAME).render();

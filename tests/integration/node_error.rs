@@ -1,13 +1,24 @@
 //! What nodes draw lies within their stated errors, and the source within those of what is drawn.
 
 use anyhow::{Result, ensure};
-use insula_tests::{baked::Baked, compare::percentile, fidelity, fixtures, node_error, truth::Truth};
+use insula_test_support::tier;
+use insula_tests::{
+    baked::Baked,
+    compare::percentile,
+    fidelity, fixtures, node_error, tests,
+    trials::{Trials, WHOLE_CITY},
+    truth::Truth,
+};
 
-#[test]
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![points_lie_within_the_errors_of_their_nodes].map(|test| test.in_turn(&WHOLE_CITY)));
+}
+
 fn points_lie_within_the_errors_of_their_nodes() -> Result<()> {
     let inputs = fixtures::chiba()?;
-    let baked = Baked::open(&fidelity::baked("chiba-textured", &inputs, true)?)?;
-    let levels = node_error::measure(&Truth::new(fidelity::read(&inputs)?), &baked, 40_000, 200.0)?;
+    let baked = Baked::open(&fixtures::baked_chiba()?)?;
+    let samples = if tier::is_full() { 40_000 } else { 10_000 };
+    let levels = node_error::measure(&Truth::new(fidelity::read(&inputs)?), &baked, samples, 200.0)?;
     ensure!(levels.len() > 4, "{} levels", levels.len());
     for level in &levels {
         let shares = [level.drawn_to_source.within, level.source_to_drawn.within];

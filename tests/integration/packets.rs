@@ -12,19 +12,31 @@ use insula_shaders::{
     layout::{Light, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
     light::{Air, NightLights},
 };
+use insula_test_support::tier;
 use insula_tests::{
     draw_list::Scene,
     random::{self, Pose, RandomCity},
     random_mesh,
     rng::Rng,
+    tests,
+    trials::Trials,
     view::FrameSpec,
 };
 
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![
+        packets_draw_what_single_rays_draw,
+        packets_draw_every_shading_the_night_and_objects,
+        packets_draw_cross_fades,
+        adaptive_frames_are_the_same_in_steps_and_close_to_full_ones
+    ]);
+}
+
 const FRAME: FrameSpec = FrameSpec { width_px: 121, height_px: 67, shading: Shading::Lit, samples: 1 };
-const CITIES: u64 = 12;
 
 fn cities() -> Vec<RandomCity> {
-    (0..CITIES).map(|seed| random::city(seed).expect("random cities are valid")).collect()
+    let count = if tier::is_full() { 12 } else { 4 };
+    (0..count).map(|seed| random::city(seed).expect("random cities are valid")).collect()
 }
 
 /// Fails unless all instruction sets draw what single rays draw.
@@ -52,7 +64,6 @@ fn check(scene: &Scene<'_>, what: &str) -> Result<()> {
     Ok(())
 }
 
-#[test]
 fn packets_draw_what_single_rays_draw() -> Result<()> {
     for (seed, city) in cities().iter().enumerate() {
         let mut rng = Rng::new(100 + seed as u64);
@@ -69,7 +80,6 @@ fn packets_draw_what_single_rays_draw() -> Result<()> {
     Ok(())
 }
 
-#[test]
 fn packets_draw_every_shading_the_night_and_objects() -> Result<()> {
     let styles = |object: u32| match object % 3 {
         0 => PALETTE_HIDDEN,
@@ -104,7 +114,6 @@ fn packets_draw_every_shading_the_night_and_objects() -> Result<()> {
     Ok(())
 }
 
-#[test]
 fn packets_draw_cross_fades() -> Result<()> {
     for (seed, city) in cities().iter().enumerate() {
         let [both, ..] = random::fading(city, 300 + seed as u64, 20)?;
@@ -117,7 +126,6 @@ fn packets_draw_cross_fades() -> Result<()> {
 }
 
 /// Adaptive frames do not depend on the steps in which they are drawn, nor on the instruction set.
-#[test]
 fn adaptive_frames_are_the_same_in_steps_and_close_to_full_ones() -> Result<()> {
     let (mut squares, mut codes) = (0.0, 0.0f64);
     for (seed, city) in cities().iter().enumerate() {

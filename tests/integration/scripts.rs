@@ -1,46 +1,85 @@
 //! The Python scripts: each says how to use it, the second decoder reads the frozen tiles, and the faults that tests must catch
-//! have a place. Without Python, or a module that a
-//! script needs, they are reported as ignored.
+//! have a place. Without Python, or a module that a script needs, they are reported as ignored.
 
 use anyhow::{Context, Result, ensure};
-use insula_tests::programs::{find_installed, run};
-use libtest_mimic::{Arguments, Failed, Trial};
+use insula_tests::{
+    programs::{find_installed, run},
+    trials::{Test, Trials},
+};
 use std::{
     path::{Path, PathBuf},
     process::Command,
 };
 
-fn main() {
-    let has_python = find_installed("python3").is_some();
+/// Prints the scripts whose imports, and those of the scripts that they import, are not all installed. Starting each script would
+/// take longer than most tests.
+const PRINT_LACKING: &str = r#"
+import ast, importlib.util, pathlib, sys
+
+FOLDERS = [pathlib.Path(folder) for folder in ("load", "tools", "tools/formats")]
+known = {}
+
+def is_missing(name, folder):
+    places = [place / name for place in (folder, *FOLDERS)]
+    files = [file for place in places for file in (place.with_suffix(".py"), *sorted(place.glob("*.py"))) if file.is_file()]
+    return any(map(lacks_a_module, files)) if files else importlib.util.find_spec(name) is None
+
+def lacks_a_module(path):
+    if path not in known:
+        known[path] = False
+        known[path] = any(is_missing(name, path.parent) for name in imports(path))
+    return known[path]
+
+def imports(path):
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    for node in [inner for node in body for inner in (node.body if isinstance(node, ast.Try) else [node])]:
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [node.module] if isinstance(node, ast.ImportFrom) and node.level == 0 else []
+        yield from (name.partition(".")[0] for name in names)
+
+for path in sys.argv[1:]:
+    if lacks_a_module(pathlib.Path(path)):
+        print(path)
+"#;
+
+/// The tests of the second reader, which import it.
+const READER_TESTS: &str = "tools/formats/test_second_reader.py";
+
+pub(crate) fn add(trials: &mut Trials) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let trial = |name: String, test: fn(&Path) -> Result<()>, path: PathBuf| {
-        let is_ignored = !has_python || path.is_file() && lacks_a_module(&path);
-        let test = move || test(&path).map_err(|error| Failed::from(format!("{error:#}")));
-        Trial::test(name, test).with_ignored_flag(is_ignored)
-    };
-    let mut trials: Vec<Trial> = scripts(root)
-        .into_iter()
-        .map(|script| {
-            let name = script.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            trial(format!("{name}_explains_itself"), explains_itself, script)
-        })
-        .collect();
-    let decoder = "the_second_decoder_reads_the_frozen_tiles".to_owned();
-    trials.push(trial(decoder, passes_its_unit_tests, root.join("tools")));
-    let reader = "the_second_reader_of_formats_passes_its_tests".to_owned();
-    let formats = root.join("tools/formats");
-    let has_modules =
-        has_python && python(&["-c", "import test_second_reader as t; assert not t.MISSING"], &formats).is_ok();
-    trials.push(trial(reader, passes_its_unit_tests, formats).with_ignored_flag(!has_modules));
-    trials.push(trial("faults_have_a_place".to_owned(), faults_have_a_place, root.join("tools/mutations.py")));
-    libtest_mimic::run(&Arguments::from_args(), trials).exit();
+    let has_python = find_installed("python3").is_some();
+    let scripts = scripts(root);
+    let files: Vec<&Path> = scripts.iter().map(PathBuf::as_path).chain([Path::new(READER_TESTS)]).collect();
+    // If they cannot be told, all tests run, and fail.
+    let lacking = if has_python { lacking(root, &files).unwrap_or_default() } else { Vec::new() };
+    let is_ignored = |script: &Path| !has_python || lacking.iter().any(|path| path == script);
+    trials.add(scripts.iter().map(|script| {
+        let name = script.file_stem().unwrap_or_default().to_string_lossy();
+        let path = root.join(script);
+        Test::new(format!("{name}_explains_itself"), move || explains_itself(&path)).ignored_if(is_ignored(script))
+    }));
+    let [decoder, reader] = ["tools", "tools/formats"].map(|folder| root.join(folder));
+    trials.add([
+        Test::new("the_second_decoder_reads_the_frozen_tiles", move || passes_its_unit_tests(&decoder))
+            .ignored_if(!has_python),
+        Test::new("the_second_reader_of_formats_passes_its_tests", move || passes_its_unit_tests(&reader))
+            .ignored_if(is_ignored(Path::new(READER_TESTS))),
+        Test::new("faults_have_a_place", faults_have_a_place).ignored_if(!has_python),
+    ]);
 }
 
-/// The scripts that a person runs.
+/// Those of `scripts` that cannot start. Paths are from `root`.
+fn lacking(root: &Path, scripts: &[&Path]) -> Result<Vec<PathBuf>> {
+    let arguments: Vec<&str> = scripts.iter().filter_map(|path| path.to_str()).collect();
+    let text = python(&[&["-c", PRINT_LACKING][..], &arguments].concat(), root)?;
+    Ok(text.lines().map(PathBuf::from).collect())
+}
+
+/// The scripts that a person runs, by their paths from `root`.
 fn scripts(root: &Path) -> Vec<PathBuf> {
     let files =
         ["load", "tools", "tools/formats"].iter().filter_map(|folder| root.join(folder).read_dir().ok()).flatten();
-    let paths = files.filter_map(|file| Some(file.ok()?.path()));
+    let paths = files.filter_map(|file| Some(file.ok()?.path().strip_prefix(root).ok()?.to_owned()));
     let is_script = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.ends_with(".py") && !name.starts_with("test_")
@@ -59,25 +98,16 @@ fn python(arguments: &[&str], folder: &Path) -> Result<String> {
     Ok(text)
 }
 
-fn help_of(script: &Path) -> Result<String> {
-    let name = script.file_name().and_then(|name| name.to_str()).context("no name")?;
-    python(&[name, "--help"], script.parent().context("no folder")?)
-}
-
-fn lacks_a_module(script: &Path) -> bool {
-    help_of(script).is_err_and(|error| error.to_string().contains("ModuleNotFoundError"))
-}
-
 fn explains_itself(script: &Path) -> Result<()> {
     let name = script.file_name().and_then(|name| name.to_str()).context("no name")?;
-    let help = help_of(script)?;
+    let help = python(&[name, "--help"], script.parent().context("no folder")?)?;
     ensure!(help.contains("usage: ") && help.contains(name), "{help}");
     Ok(())
 }
 
 /// Each fault of `mutations.toml` changes one line that exists.
-fn faults_have_a_place(script: &Path) -> Result<()> {
-    python(&["mutations.py", "--check"], script.parent().context("no folder")?)?;
+fn faults_have_a_place() -> Result<()> {
+    python(&["mutations.py", "--check"], &Path::new(env!("CARGO_MANIFEST_DIR")).join("tools"))?;
     Ok(())
 }
 

@@ -2,45 +2,57 @@
 
 use anyhow::{Result, ensure};
 use insula_tests::{
-    fixtures,
+    fixtures, ports,
     programs::ServerProcess,
-    proxy::{Link, Proxy},
+    proxy::Proxy,
+    tests,
+    trials::Trials,
     twin,
     viewer::{Viewer, overlook},
 };
-use std::time::{Duration, Instant};
 
-/// So slow that the kill comes first.
-const LINK: Link = Link { bits_per_sec: 1.5e6, round_trip: Duration::from_millis(40) };
+/// Bytes of responses that suffice to connect.
+const CONNECT_BYTES: usize = 1 << 20;
+/// Bytes of responses that may arrive before each frame, so few that the kill comes first.
+const FRAME_BYTES: usize = 4 << 10;
+/// Connections that the client tries while the server is away.
+const ATTEMPTS: u64 = 2;
 
-#[test]
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![the_client_keeps_drawing_and_converges_by_itself]);
+}
+
 fn the_client_keeps_drawing_and_converges_by_itself() -> Result<()> {
     let city = fixtures::baked_chiba()?;
-    let server = ServerProcess::serve(&city, "127.0.0.1:0")?;
-    let address = server.address;
-    let proxy = Proxy::start(address, LINK)?;
+    let address = ports::restartable()?;
+    let server = ServerProcess::serve(&city, &address.to_string())?;
+    let proxy = Proxy::start(address, CONNECT_BYTES)?;
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
-    viewer.step_until(Duration::from_secs(30), |viewer| {
+    viewer.step_until("some tiles are drawn, and others in flight", |viewer| {
+        proxy.allow(FRAME_BYTES);
         Ok(viewer.session.selection().stats.drawn >= 4 && viewer.loading().len() >= 4)
     })?;
     drop(server);
-    let (before, begin) = (viewer.session.selection().stats, Instant::now());
-    while begin.elapsed() < Duration::from_secs(2) {
-        viewer.step()?;
+    let (before, connections) = (viewer.session.selection().stats, proxy.connections());
+    viewer.step_until("the client asks in vain", |viewer| {
+        // What is on its way still arrives.
+        proxy.allow(FRAME_BYTES);
         let now = viewer.session.selection().stats;
         ensure!(now.worst_error_px <= before.worst_error_px, "the frame got worse: {now:?} after {before:?}");
-    }
-    ensure!(!viewer.session.is_settled(), "nothing was in flight when the server was killed");
+        ensure!(!viewer.session.is_settled(), "nothing was in flight when the server was killed");
+        Ok(viewer.session.failing_for().is_some() && proxy.connections() >= connections + ATTEMPTS)
+    })?;
     let frame = viewer.draw()?;
     ensure!(frame.distance.iter().any(|d| d.is_finite()), "nothing is drawn while the server is away");
+    proxy.open();
     let _server = ServerProcess::serve(&city, &address.to_string())?;
-    viewer.step_until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))?;
+    viewer.step_until("everything is there", |viewer| Ok(viewer.session.is_settled()))?;
     ensure!(viewer.session.report(1.0).tiles.bad == 0, "tiles were given up");
     // The frame is the same as without a restart.
     let undisturbed = ServerProcess::serve(&city, "127.0.0.1:0")?;
     let mut other = Viewer::connect(&format!("http://{}", undisturbed.address), |manifest| overlook(manifest, false))?;
-    other.step_until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))?;
+    other.step_until("everything is there", |viewer| Ok(viewer.session.is_settled()))?;
     let difference = twin::compare(&other.draw()?, &viewer.draw()?);
     ensure!(difference.differing == 0, "{} pixels differ", difference.differing);
     Ok(())

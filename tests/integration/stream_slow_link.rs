@@ -1,33 +1,41 @@
-//! Streaming over a link of 0.6 Mbit/s and 80 ms: an early complete frame, steady refinement, cancelled requests.
-
-#![allow(clippy::unwrap_used)]
+//! Streaming over a slow link: an early complete frame, steady refinement, cancelled requests.
 
 use anyhow::{Result, ensure};
 use insula_shaders::{cpu::raycast::Pixels, layout::NO_NODE};
 use insula_tests::{
     fixtures,
     programs::{ServerProcess, wait_until},
-    proxy::{Link, Proxy},
+    proxy::Proxy,
+    tests,
+    trials::Trials,
     viewer::{Viewer, overlook},
 };
-use std::time::Duration;
 
-const LINK: Link = Link { bits_per_sec: 6e5, round_trip: Duration::from_millis(80) };
+/// Bytes of responses that suffice to connect.
+const CONNECT_BYTES: usize = 1 << 20;
+/// Bytes of responses that may arrive before each frame: before the first one that shows anything, and later.
+const FIRST_BYTES: usize = 2 << 10;
+const FRAME_BYTES: usize = 16 << 10;
 /// Most pixels of a frame that may be holes: coarse levels lack thin things such as poles. A missing node has thousands of
 /// pixels.
 const MAX_HOLES: usize = 640 * 360 / 5000;
 /// Largest part of all bytes that may arrive before the first frame.
 const MAX_FIRST_SHARE: f64 = 0.05;
+/// Most bytes that may arrive for cancelled requests, and as headers of others.
+const MAX_WASTE: u64 = 64 << 10;
 
-#[test]
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![an_early_complete_frame_is_refined_steadily, turning_away_cancels_requests]);
+}
+
 fn an_early_complete_frame_is_refined_steadily() -> Result<()> {
     let server = ServerProcess::serve(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
-    let proxy = Proxy::start(server.address, LINK)?;
+    let proxy = Proxy::start(server.address, CONNECT_BYTES)?;
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
     let mut first_bytes = None;
     let mut frames: Vec<(f64, Pixels)> = Vec::new();
-    viewer.step_until(Duration::from_secs(60), |viewer| {
+    viewer.step_until("everything is there", |viewer| {
         let counters = viewer.session.selection().stats;
         if counters.drawn > 0 {
             first_bytes.get_or_insert(proxy.bytes());
@@ -36,6 +44,7 @@ fn an_early_complete_frame_is_refined_steadily() -> Result<()> {
                 frames.push((counters.worst_error_px, viewer.draw()?));
             }
         }
+        proxy.allow(if frames.is_empty() { FIRST_BYTES } else { FRAME_BYTES });
         Ok(viewer.session.is_settled())
     })?;
     let last = viewer.draw()?;
@@ -45,7 +54,6 @@ fn an_early_complete_frame_is_refined_steadily() -> Result<()> {
         first_bytes as f64 <= MAX_FIRST_SHARE * all_bytes as f64,
         "first frame after {first_bytes} of {all_bytes} bytes"
     );
-    // How many more depends on the time that a frame takes.
     ensure!(frames.len() > 2, "only {} stages: the link is not slow", frames.len());
     let mut best_similarity = 0.0;
     for (stage, (worst_px, frame)) in frames.iter().enumerate() {
@@ -104,15 +112,19 @@ fn similarity(a: &Pixels, b: &Pixels) -> f64 {
     1.0 - difference as f64 / (a.colour.len() as f64 * 3.0 * 255.0)
 }
 
-#[test]
 fn turning_away_cancels_requests() -> Result<()> {
     let server = ServerProcess::serve(&fixtures::baked_chiba()?, "127.0.0.1:0")?;
-    let proxy = Proxy::start(server.address, LINK)?;
+    let proxy = Proxy::start(server.address, CONNECT_BYTES)?;
     let url = format!("http://{}", proxy.address);
     let mut viewer = Viewer::connect(&url, |manifest| overlook(manifest, false))?;
     let away = overlook(viewer.session.tree().manifest(), true);
-    viewer.step_until(Duration::from_secs(30), |viewer| Ok(viewer.loading().len() >= 8))?;
-    let before = viewer.loading();
+    viewer.step_until("eight tiles are in flight", |viewer| {
+        proxy.allow(FIRST_BYTES);
+        Ok(viewer.loading().len() >= 8)
+    })?;
+    // Nothing arrives while the view turns.
+    proxy.allow(0);
+    let (before, closed) = (viewer.loading(), proxy.closed());
     viewer.set_camera(&away)?;
     viewer.step()?;
     let still: Vec<_> = viewer.loading().into_iter().filter(|id| before.contains(id)).collect();
@@ -120,16 +132,18 @@ fn turning_away_cancels_requests() -> Result<()> {
     let stale = still.iter().filter(|id| !selected.iter().any(|request| request.key.id == **id)).count();
     ensure!(stale == 0, "{stale} of {} requests continue, although the view does not need them", before.len());
     ensure!(still.len() < before.len(), "the other view needs the same {} tiles", before.len());
-    viewer.step_until(Duration::from_secs(30), |viewer| Ok(viewer.session.is_settled()))?;
-    let settled = proxy.bytes();
-    let mut last = settled;
-    wait_until("the end of cancelled responses", || {
-        std::thread::sleep(Duration::from_millis(90));
-        std::mem::replace(&mut last, proxy.bytes()) == proxy.bytes()
-    });
-    ensure!(last - settled < 64 << 10, "{} bytes arrived for the old view", last - settled);
+    wait_until("the connections of cancelled requests are closed", || proxy.closed() > closed);
+    let taken = |viewer: &Viewer| viewer.session.report(1.0).bytes_fetched;
+    let (sent_before, taken_before) = (proxy.bytes(), taken(&viewer));
+    viewer.step_until("the other view is there", |viewer| {
+        proxy.allow(FIRST_BYTES);
+        Ok(viewer.session.is_settled())
+    })?;
+    let waste = (proxy.bytes() - sent_before).saturating_sub(taken(&viewer) - taken_before);
+    ensure!(waste < MAX_WASTE, "{waste} bytes arrived for the old view");
     // Turns back: nothing is lost permanently.
+    proxy.open();
     let back = overlook(viewer.session.tree().manifest(), false);
     viewer.set_camera(&back)?;
-    viewer.step_until(Duration::from_secs(60), |viewer| Ok(viewer.session.is_settled()))
+    viewer.step_until("everything is there", |viewer| Ok(viewer.session.is_settled()))
 }

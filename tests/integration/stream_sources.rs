@@ -1,7 +1,5 @@
 //! A city without a server: from its folder, from plain web hosts with faults, and from the disk cache.
 
-#![allow(clippy::unwrap_used)]
-
 use anyhow::{Result, ensure};
 use insula_archive::disk_cache::DiskCache;
 use insula_client::{
@@ -23,6 +21,8 @@ use insula_test_support::{
 };
 use insula_tests::{
     synth::{City, Viewpoint},
+    tests,
+    trials::Trials,
     viewer::{fetch_all, open},
 };
 use insula_viewer::{camera::Camera, frame::RenderSettings, scene::SceneTree, streamer::FrameRequest};
@@ -34,6 +34,15 @@ use std::{
     time::{Duration, Instant},
 };
 use tempfile::TempDir;
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![
+        a_folder_and_plain_hosts_give_the_same_frame,
+        a_share_link_opens_a_private_city,
+        unsuitable_hosts_are_errors_of_one_line,
+        a_visited_city_needs_no_network
+    ]);
+}
 
 /// A small city of many tiles.
 fn city() -> PathBuf {
@@ -52,12 +61,21 @@ fn request() -> FrameRequest {
     FrameRequest { camera, heading: None, size_px: [320, 180], tau_px: 1.0, switching: None }
 }
 
+/// Longest time without a response, where one is expected. Only a hang takes as long.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// The same where none is expected.
+const IMPATIENCE: Duration = Duration::from_secs(2);
+
 fn settle(session: &mut Session) -> Result<Pixels> {
-    headless::settle(session, &request(), Duration::from_secs(3))?;
+    settle_within(session, PATIENCE)
+}
+
+fn settle_within(session: &mut Session, timeout: Duration) -> Result<Pixels> {
+    headless::settle(session, &request(), timeout)?;
     Ok(session.draw(&request(), &RenderSettings::default())?)
 }
 
-fn options(timeout: u32) -> GlobalArgs {
+fn options(timeout: Duration) -> GlobalArgs {
     GlobalArgs {
         adapter: AdapterChoice::Cpu,
         no_meshes: false,
@@ -65,20 +83,19 @@ fn options(timeout: u32) -> GlobalArgs {
         disk_cache_mib: None,
         city: None,
         tau: 1.0,
-        timeout,
+        timeout: timeout.as_secs() as u32,
         follow_redirects: false,
     }
 }
 
 fn open_hosted(host: &FaultyHost) -> Result<Session> {
-    Ok(headless::open_session(format!("{}/town/", host.url()), &options(3), None, None)?)
+    Ok(headless::open_session(format!("{}/town/", host.url()), &options(PATIENCE), None, None)?)
 }
 
 fn start_host() -> FaultyHost {
     FaultyHost::start(city().parent().unwrap())
 }
 
-#[test]
 fn a_folder_and_plain_hosts_give_the_same_frame() -> Result<()> {
     let from_folder = settle(&mut open(&city(), 256)?)?;
     ensure!(from_folder.hit.iter().collect::<HashSet<_>>().len() > 10, "the frame shows few tiles");
@@ -110,21 +127,20 @@ fn private_server(runtime: &tokio::runtime::Runtime, keys: &Path) -> Result<(Str
     Ok((format!("{url}/v1/cities/town"), link.trim_end().to_owned()))
 }
 
-#[test]
 fn a_share_link_opens_a_private_city() -> Result<()> {
     let (runtime, folder) = (tokio::runtime::Runtime::new()?, tempfile::tempdir()?);
     let (address, link) = private_server(&runtime, &folder.path().join("keys"))?;
-    ensure!(headless::open_session(&address, &options(1), None, None).is_err(), "it is not private");
-    let from_link = settle(&mut headless::open_session(&link, &options(3), None, None)?)?;
+    ensure!(headless::open_session(&address, &options(IMPATIENCE), None, None).is_err(), "it is not private");
+    let from_link = settle(&mut headless::open_session(&link, &options(PATIENCE), None, None)?)?;
     ensure!(from_link == settle(&mut open(&city(), 256)?)?, "the frames differ");
-    let error = headless::open_session(format!("{link}0"), &options(1), None, None).err().map(|e| e.to_string());
+    let error =
+        headless::open_session(format!("{link}0"), &options(IMPATIENCE), None, None).err().map(|e| e.to_string());
     ensure!(error.as_ref().is_some_and(|text| !text.contains("share")), "the link is in a message: {error:?}");
     Ok(())
 }
 
 type SetFault = fn(&HostFaults);
 
-#[test]
 fn unsuitable_hosts_are_errors_of_one_line() -> Result<()> {
     let faults: [(&str, SetFault); 3] = [
         ("ranges", |faults| faults.ignores_ranges.store(true, Relaxed)),
@@ -134,23 +150,23 @@ fn unsuitable_hosts_are_errors_of_one_line() -> Result<()> {
     for (word, set_fault) in faults {
         let host = start_host();
         set_fault(&host.faults);
-        let error = settle(&mut open_hosted(&host)?).expect_err("the host is unsuitable").to_string();
+        let error =
+            settle_within(&mut open_hosted(&host)?, IMPATIENCE).expect_err("the host is unsuitable").to_string();
         ensure!(error.contains(word) && !error.contains('\n'), "{word:?} is expected: {error}");
         ensure!(host.requests() < 60, "{word:?}: {} requests", host.requests());
     }
-    let missing = headless::open_session(format!("{}/nowhere/", start_host().url()), &options(3), None, None);
+    let missing = headless::open_session(format!("{}/nowhere/", start_host().url()), &options(IMPATIENCE), None, None);
     ensure!(missing.err().is_some_and(|error| error.to_string().contains("no city here")));
     Ok(())
 }
 
 /// Tiles in the disk cache are not fetched again, unless they are damaged.
-#[test]
 fn a_visited_city_needs_no_network() -> Result<()> {
     let cache_folder = tempfile::tempdir()?;
     // `address` stands for the one that the tiles are cached under.
     let session_at = |url: &str, address: &str| -> Result<Session> {
         let http = Arc::new(Http::new(None)?);
-        let found = connect(&http, url, &options(3))?;
+        let found = connect(&http, url, &options(PATIENCE))?;
         let cache = Arc::new(DiskCache::open(cache_folder.path(), EXTENSION, 64 << 20)?);
         let source = Arc::new(CachedCity::new(found.source, cache, address, &found.manifest));
         let adapter = Adapter::headless(AdapterChoice::Cpu, 256 << 20)?;
@@ -166,7 +182,7 @@ fn a_visited_city_needs_no_network() -> Result<()> {
     let url = format!("{}/town/", host.url());
     let first = settle(&mut session(&url)?)?;
     // Which tiles are requested depends on the order of arrival, so cache all tiles that the view can request.
-    fetch_all(&mut session(&url)?, &request(), Duration::from_secs(20))?;
+    fetch_all(&mut session(&url)?, &request(), PATIENCE)?;
     let before = host.requests();
     ensure!(settle(&mut session(&url)?)?.colour == first.colour);
     ensure!(host.requests() == before + 1, "{} requests, only the manifest is expected", host.requests() - before);
@@ -175,7 +191,7 @@ fn a_visited_city_needs_no_network() -> Result<()> {
     std::fs::copy(city().join("city.json"), manifest_only.path().join("town/city.json"))?;
     let url_without_tiles = format!("{}/town/", FaultyHost::start(manifest_only.path()).url());
     ensure!(settle(&mut session_at(&url_without_tiles, &url)?)?.colour == first.colour);
-    ensure!(settle(&mut session(&url_without_tiles)?).is_err(), "tiles of another host are drawn");
+    ensure!(settle_within(&mut session(&url_without_tiles)?, IMPATIENCE).is_err(), "tiles of another host are drawn");
     for entry in std::fs::read_dir(cache_folder.path())?.flatten().take(5) {
         let mut bytes = std::fs::read(entry.path())?;
         let middle = bytes.len() / 2;

@@ -1,10 +1,23 @@
 //! The structure of the code: import directions, names, lengths. See docs/architecture.md, "Invariants".
 
-#![allow(clippy::unwrap_used)]
-
-use insula_tests::source_code::{
-    CrateModules, function_lengths, is_test, tracked_files, type_definitions, without_inline_tests,
+use insula_tests::{
+    source_code::{CrateModules, function_lengths, is_test, tracked_files, type_definitions, without_inline_tests},
+    tests,
+    trials::Trials,
 };
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![
+        modules_import_without_circles,
+        only_stream_fetches,
+        only_render_and_ui_name_wgpu,
+        viewer_knows_no_clock_thread_or_file,
+        bakes_use_portable_functions,
+        functions_are_short_enough_to_read,
+        no_file_is_included_by_path,
+        type_names_have_one_definition
+    ]);
+}
 
 /// Folders of the crates' sources.
 const CRATES: [&str; 15] = [
@@ -26,12 +39,9 @@ const CRATES: [&str; 15] = [
 ];
 const MAX_RUST_FUNCTION: usize = 80;
 const MAX_WGSL_FUNCTION: usize = 90;
-/// Largest median of the number of lines of source files, tests left out.
-const MAX_MEDIAN_LINES: usize = 140;
 /// Most type names with more than one definition.
 const MAX_SHARED_NAMES: usize = 5;
 
-#[test]
 fn modules_import_without_circles() {
     let files = tracked_files().unwrap();
     let mut circles = Vec::new();
@@ -57,7 +67,6 @@ fn assert_only(source: &str, words: &[&str], allowed: &[&str]) {
     }
 }
 
-#[test]
 fn only_stream_fetches() {
     assert_only("client/src/", &["reqwest::", "TcpStream", "UdpSocket"], &["client/src/stream/"]);
     // The server fetches through object_store, whose HTTP client is configured there.
@@ -65,7 +74,6 @@ fn only_stream_fetches() {
     assert_only("server/src/", &["reqwest::"], &["server/src/store/same_host.rs", "server/src/commands/addresses.rs"]);
 }
 
-#[test]
 fn only_render_and_ui_name_wgpu() {
     assert_only(
         "client/",
@@ -81,7 +89,6 @@ fn only_render_and_ui_name_wgpu() {
     assert_only("server/", &["wgpu::"], &[]);
 }
 
-#[test]
 fn viewer_knows_no_clock_thread_or_file() {
     let banned = ["std::time::Instant", "SystemTime", "std::thread", "std::fs", "tokio::", "RandomState"];
     assert_only("client/viewer/", &banned, &[]);
@@ -89,7 +96,6 @@ fn viewer_knows_no_clock_thread_or_file() {
 }
 
 /// Sines and logarithms of C libraries differ in the last bit between machines, those of the crate `libm` do not.
-#[test]
 fn bakes_use_portable_functions() {
     let of_one = "sin cos tan sin_cos asin acos atan sinh cosh tanh exp exp2 exp_m1 ln ln_1p log10 log2 cbrt";
     let mut calls: Vec<String> = of_one.split(' ').map(|function| format!(".{function}()")).collect();
@@ -102,7 +108,6 @@ fn bakes_use_portable_functions() {
     }
 }
 
-#[test]
 fn functions_are_short_enough_to_read() {
     for (name, text) in tracked_files().unwrap() {
         let limit = match name.rsplit('.').next() {
@@ -116,18 +121,6 @@ fn functions_are_short_enough_to_read() {
     }
 }
 
-#[test]
-fn most_files_are_short() {
-    let files = tracked_files().unwrap();
-    let sources = files.iter().filter(|(name, _)| name.ends_with(".rs") && !is_test(name));
-    let mut lines: Vec<usize> = sources.map(|(_, text)| text.lines().count()).collect();
-    lines.sort_unstable();
-    let median = lines[lines.len() / 2];
-    println!("{} files, {median} lines in the median", lines.len());
-    assert!(median < MAX_MEDIAN_LINES, "the median of {} files is {median} lines", lines.len());
-}
-
-#[test]
 fn no_file_is_included_by_path() {
     let attribute = concat!("#[pa", "th");
     // Fuzz targets are programs, which no crate can share.
@@ -158,7 +151,6 @@ const FORMATS: [&str; 17] = [
     "server/export/src/tiles3d/",
 ];
 
-#[test]
 fn type_names_have_one_definition() {
     let mut files = tracked_files().unwrap();
     files.retain(|name, _| !FORMATS.iter().any(|folder| name.starts_with(folder)));

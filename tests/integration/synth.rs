@@ -1,6 +1,4 @@
 //! Generated cities are the same in every run, valid, and as planned.
-#![allow(clippy::unwrap_used)]
-
 use glam::{DVec2, DVec3};
 use insula_bake::Silent;
 use insula_protocol::{NODE_CELLS, blockmap::flag};
@@ -9,8 +7,14 @@ use insula_tests::{
     programs,
     rng::Rng,
     synth::{City, plan::Plan, triangles},
+    tests,
+    trials::Trials,
 };
 use std::{fs, path::Path, process::Command};
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![generated_cities_are_reproducible_and_valid, columns_are_as_high_as_the_triangles]);
+}
 
 const BUILDINGS: u64 = 300;
 /// The centre and eight points around it.
@@ -21,7 +25,6 @@ fn make(out: &Path, threads: usize) {
     City::new(BUILDINGS, 1.0).unwrap().write(out, Some(threads), &Silent).unwrap();
 }
 
-#[test]
 fn generated_cities_are_reproducible_and_valid() {
     let folder = tempfile::tempdir().unwrap();
     let [first, second] = ["one/city", "two/city"].map(|name| folder.path().join(name));
@@ -38,7 +41,6 @@ fn generated_cities_are_reproducible_and_valid() {
 }
 
 /// Away from walls, columns are as high as the triangles.
-#[test]
 fn columns_are_as_high_as_the_triangles() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("city");

@@ -1,8 +1,24 @@
 //! Rules about the text of the repository.
 
-#![allow(clippy::unwrap_used)]
+use insula_tests::{
+    source_code::{is_test, tracked_files, without_inline_tests},
+    tests,
+    trials::Trials,
+};
 
-use insula_tests::source_code::{is_test, tracked_files, without_inline_tests};
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![
+        only_pipeline_stages_have_in_out_and_next,
+        every_module_has_a_doc,
+        public_items_have_docs,
+        no_file_is_too_long,
+        no_unfinished_work_is_marked,
+        no_file_names_a_machine,
+        twins_have_the_same_name,
+        tests_named_by_the_security_page_exist,
+        links_between_pages_resolve
+    ]);
+}
 
 const MAX_LINES: usize = 600;
 
@@ -17,7 +33,6 @@ fn stages(architecture: &str) -> Vec<&str> {
     rows.filter_map(|row| row.split('|').nth(2)?.split('`').nth(1)).collect()
 }
 
-#[test]
 fn only_pipeline_stages_have_in_out_and_next() {
     let files = tracked_files().unwrap();
     let stages = stages(&files["docs/architecture.md"]);
@@ -35,7 +50,6 @@ fn only_pipeline_stages_have_in_out_and_next() {
     }
 }
 
-#[test]
 fn every_module_has_a_doc() {
     for (name, text) in tracked_files().unwrap().into_iter().filter(|(name, _)| name.ends_with(".rs")) {
         assert!(text.starts_with("//!"), "{name} has no doc");
@@ -43,7 +57,6 @@ fn every_module_has_a_doc() {
 }
 
 /// Public items need a doc; fields and variants only where there is something to add, so `missing_docs` is off.
-#[test]
 fn public_items_have_docs() {
     let items =
         ["fn ", "async fn ", "const fn ", "unsafe fn ", "struct ", "enum ", "trait ", "type ", "const ", "static "];
@@ -62,7 +75,6 @@ fn public_items_have_docs() {
     }
 }
 
-#[test]
 fn no_file_is_too_long() {
     for (name, text) in tracked_files().unwrap().into_iter().filter(|(name, _)| is_source(name)) {
         let lines = text.lines().count();
@@ -70,7 +82,6 @@ fn no_file_is_too_long() {
     }
 }
 
-#[test]
 fn no_unfinished_work_is_marked() {
     for (name, text) in tracked_files().unwrap() {
         for word in [concat!("TO", "DO"), concat!("FIX", "ME"), concat!("XX", "X:"), concat!("dbg", "!(")] {
@@ -80,7 +91,6 @@ fn no_unfinished_work_is_marked() {
 }
 
 /// Paths and hosts that exist on one machine or network only.
-#[test]
 fn no_file_names_a_machine() {
     let banned = [
         concat!("/wo", "rk/"),
@@ -98,7 +108,6 @@ fn no_file_names_a_machine() {
 }
 
 /// One word names a stage in its WGSL file, its CPU twin, its GPU wrapper and its test.
-#[test]
 fn twins_have_the_same_name() {
     let files = tracked_files().unwrap();
     for stage in ["raycast"] {
@@ -119,7 +128,6 @@ fn quoted_names(text: &str) -> impl Iterator<Item = &str> {
     text.split('`').skip(1).step_by(2).filter(is_name)
 }
 
-#[test]
 fn tests_named_by_the_security_page_exist() {
     let files = tracked_files().unwrap();
     let sources: String =
@@ -132,7 +140,6 @@ fn tests_named_by_the_security_page_exist() {
     assert!(count > 40, "only {count} tests in SECURITY.md");
 }
 
-#[test]
 fn links_between_pages_resolve() {
     let files = tracked_files().unwrap();
     for (name, text) in files.iter().filter(|(name, _)| name.ends_with(".md")) {

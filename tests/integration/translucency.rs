@@ -6,7 +6,21 @@ use insula_shaders::{
     stone::Stone,
     translucency::{FAST_TAPS, FINE_TAPS},
 };
-use insula_tests::translucent_shapes::{LitShape, Shape, filter_error};
+use insula_test_support::tier;
+use insula_tests::{
+    tests,
+    translucent_shapes::{LitShape, Shape, filter_error},
+    trials::Trials,
+};
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![
+        taps_gather_the_light_of_a_sphere,
+        taps_gather_the_light_of_a_slab,
+        taps_gather_the_light_of_a_hand,
+        thin_parts_glow_and_thick_ones_do_not
+    ]);
+}
 
 /// Points that light enters; `tests/measure/translucency.rs` has ten times as many.
 const SAMPLES: usize = 100_000;
@@ -19,24 +33,22 @@ fn marble() -> Stone {
 fn check(name: &str, shape: &Shape) {
     let sun = Vec3::new(0.6, 0.5, 0.62).normalize();
     let lit = LitShape::new(shape.clone(), sun, &marble(), 256, SAMPLES).expect("marble is translucent");
+    let points = if tier::is_full() { 100 } else { 50 };
     for (taps, most) in [(FINE_TAPS, 0.15), (FAST_TAPS, 0.25)] {
-        let error = filter_error(&lit, taps, 100);
+        let error = filter_error(&lit, taps, points);
         let is_true = error.of_mean <= most && error.relative < 0.6 && (0.85..1.15).contains(&error.bias);
         assert!(is_true, "{name}, {taps} taps: {error:?}");
     }
 }
 
-#[test]
 fn taps_gather_the_light_of_a_sphere() {
     check("sphere", &Shape::ball(64, |_| 0.1));
 }
 
-#[test]
 fn taps_gather_the_light_of_a_slab() {
     check("slab", &Shape::slab(Vec3::new(0.15, 0.15, 0.02)));
 }
 
-#[test]
 fn taps_gather_the_light_of_a_hand() {
     let mut hand = Shape::hand();
     hand.points.iter_mut().for_each(|p| *p *= 5.0);
@@ -44,7 +56,6 @@ fn taps_gather_the_light_of_a_hand() {
 }
 
 /// Light passes a plate of 3 mm of marble, and hardly one of 30 mm.
-#[test]
 fn thin_parts_glow_and_thick_ones_do_not() {
     let stone = Stone::preset("carrara-marble").unwrap();
     let behind = |half_m: f32| {

@@ -8,14 +8,15 @@ use insula_shaders::{
 };
 use insula_tests::{
     gpu::Gpu,
+    gpu_tests,
     random::{self, Pose},
     rng::Rng,
     trials::Trials,
     view::FrameSpec,
 };
 
-fn main() {
-    Trials::open().on_gpu("target_shows_the_pixels_of_the_ray_caster", target_shows_the_pixels_of_the_ray_caster).run()
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(gpu_tests![target_shows_the_pixels_of_the_ray_caster]);
 }
 
 const FRAME_PX: [u32; 2] = [97, 61];

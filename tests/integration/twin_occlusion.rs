@@ -2,7 +2,11 @@
 
 use anyhow::Result;
 use insula_occlusion::{OccludedMesh, OcclusionSettings, cpu, gpu};
-use insula_tests::{gpu::Gpu, trials::Trials};
+use insula_tests::{gpu::Gpu, gpu_tests, trials::Trials};
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(gpu_tests![gpu_and_cpu_give_the_same_occlusion]);
+}
 
 /// A difference that an image with 8 bits shows.
 const STEP: f32 = 1.0 / 255.0;
@@ -10,10 +14,6 @@ const STEP: f32 = 1.0 / 255.0;
 const MAX_OFF: f64 = 0.001;
 /// Rows and columns of vertices.
 const SIDE: u32 = 120;
-
-fn main() {
-    Trials::open().on_gpu("gpu_and_cpu_give_the_same_occlusion", gpu_and_cpu_give_the_same_occlusion).run()
-}
 
 /// A closed surface with bumps, rolled up from a square.
 fn bumps() -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {

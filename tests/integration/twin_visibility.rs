@@ -6,17 +6,24 @@ use insula_bake::{
     sample::{SampleSettings, VisibilityBackend},
 };
 use insula_protocol::{BlockMap, TileId, blockmap::flag};
-use insula_tests::{baked::Baked, fixtures, gpu::Gpu, trials::Trials};
+use insula_test_support::tier;
+use insula_tests::{
+    baked::Baked,
+    fixtures,
+    gpu::Gpu,
+    gpu_tests,
+    trials::{Trials, WHOLE_CITY},
+};
 use std::collections::BTreeMap;
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(gpu_tests![gpu_and_cpu_visibility_give_the_same_bake].map(|test| test.in_turn(&WHOLE_CITY)));
+}
 
 /// Largest share of columns whose heights or flags differ.
 const COLUMNS_OFF: f64 = 0.002;
 /// Largest mean difference of the roofs' occlusion, of 63.
 const OCCLUSION_OFF: f64 = 0.5;
-
-fn main() {
-    Trials::open().on_gpu("gpu_and_cpu_visibility_give_the_same_bake", gpu_and_cpu_visibility_give_the_same_bake).run()
-}
 
 fn gpu_and_cpu_visibility_give_the_same_bake(_: &Gpu) -> Result<()> {
     let folder = tempfile::tempdir().context("a folder")?;
@@ -24,7 +31,9 @@ fn gpu_and_cpu_visibility_give_the_same_bake(_: &Gpu) -> Result<()> {
         let sample = SampleSettings { visibility, ..SampleSettings::default() };
         let out = folder.path().join(format!("{visibility:?}").to_lowercase());
         let inputs = vec![fixtures::chiba_quarter()?];
-        insula_bake::bake(&BakeOptions { inputs, out: out.clone(), sample, ..BakeOptions::default() }, &Silent)?;
+        let cell_m = if tier::is_full() { 1.0 } else { 2.0 };
+        let options = BakeOptions { inputs, out: out.clone(), cell_m, sample, meshes: false, ..BakeOptions::default() };
+        insula_bake::bake(&options, &Silent)?;
         Baked::open(&out)?.leaves()
     };
     let (cpu, gpu) = (maps(VisibilityBackend::Cpu)?, maps(VisibilityBackend::Gpu)?);

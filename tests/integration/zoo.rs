@@ -1,16 +1,51 @@
-//! One shape per test: baked, drawn, and compared with its ray-traced source. `target/zoo/NAME.png` shows the source, the
-//! bake, and the bake with light. The origin is the corner of four nodes, so all shapes extend over node borders.
-
-#![allow(clippy::unwrap_used)]
+//! One shape per test: baked, drawn, and compared with its ray-traced source. `NAME.png` in the folder `zoo` of the build shows the
+//! source, the bake, and the bake with light. The origin is the corner of four nodes, so all shapes extend over node borders.
 
 use glam::{DVec2, DVec3};
 use insula_bake::scene::{ObjectKind, Scene};
 use insula_shaders::layout::Shading;
 use insula_tests::{
+    tests,
+    trials::Trials,
     truth::Truth,
     view::Camera,
     zoo::{BakedShape, ShapeScore, Shapes, orbit_camera, paint, rectangle, turned},
 };
+use std::sync::OnceLock;
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![
+        a_box_of_roof_and_walls,
+        boxes_turned_by_20_and_45_degrees,
+        a_pitched_roof,
+        overhanging_eaves,
+        a_dome,
+        a_spire,
+        a_bridge_and_its_underside,
+        an_arcade,
+        balconies,
+        a_courtyard,
+        a_tunnel,
+        undersides_around_a_stem,
+        a_gap_and_holes_between_floors,
+        thin_walls_straight_and_slanted,
+        a_wall_with_a_see_through_window,
+        a_fence_of_posts_and_rails,
+        water_and_a_quay,
+        trees,
+        a_closed_shell_has_no_inside,
+        a_shell_without_one_wall,
+        small_holes_in_a_roof_are_repaired,
+        a_tower_beside_a_podium,
+        a_very_tall_box,
+        a_very_small_box,
+        position_below_the_sea_or_far_from_the_origin_changes_nothing,
+        occlusion_is_continuous_over_node_borders,
+        a_tower_darkens_the_roof_beyond_a_block_border,
+        no_seams_between_nodes_or_levels,
+        flat_land_takes_few_bytes_and_an_empty_scene_is_an_error
+    ]);
+}
 
 const CELL_M: f64 = 0.5;
 
@@ -47,14 +82,12 @@ fn house(shapes: &mut Shapes, eaves_m: f64) {
     shapes.face(&ring(0.0).into_iter().rev().collect::<Vec<_>>(), paint::UNDER);
 }
 
-#[test]
 fn a_box_of_roof_and_walls() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-5.0, -4.0, 0.0], [5.0, 4.0, 12.0]);
     score("box", &shapes, &two_views([0.0, 0.0, 6.0], 28.0)).ensure_at_least(0.98, 0.99, 0.97).unwrap();
 }
 
-#[test]
 fn boxes_turned_by_20_and_45_degrees() {
     for degrees in [20.0, 45.0] {
         let mut shapes = Shapes::default();
@@ -65,14 +98,12 @@ fn boxes_turned_by_20_and_45_degrees() {
     }
 }
 
-#[test]
 fn a_pitched_roof() {
     let mut shapes = Shapes::default();
     house(&mut shapes, 0.0);
     score("pitched-roof", &shapes, &two_views([0.0, 0.0, 4.0], 24.0)).ensure_at_least(0.99, 0.99, 0.98).unwrap();
 }
 
-#[test]
 fn overhanging_eaves() {
     let mut shapes = Shapes::default();
     house(&mut shapes, 1.0);
@@ -82,7 +113,6 @@ fn overhanging_eaves() {
     score("eaves", &shapes, &cameras).ensure_at_least(0.97, 0.97, 0.8).unwrap();
 }
 
-#[test]
 fn a_dome() {
     let mut shapes = Shapes::default();
     let rings: Vec<[f64; 2]> =
@@ -91,14 +121,12 @@ fn a_dome() {
     score("dome", &shapes, &two_views([0.0, 0.0, 6.0], 28.0)).ensure_at_least(0.97, 0.97, 0.9).unwrap();
 }
 
-#[test]
 fn a_spire() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-2.5, -2.5, 0.0], [2.5, 2.5, 10.0]).turned(DVec2::ZERO, &[[2.5, 10.0], [0.05, 28.0]], paint::ROOF);
     score("spire", &shapes, &two_views([0.0, 0.0, 14.0], 36.0)).ensure_at_least(0.93, 0.95, 0.9).unwrap();
 }
 
-#[test]
 fn a_bridge_and_its_underside() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-15.0, -3.0, 6.0], [15.0, 3.0, 7.0]);
@@ -108,7 +136,6 @@ fn a_bridge_and_its_underside() {
     score("bridge", &shapes, &cameras).ensure_at_least(0.98, 0.98, 0.94).unwrap();
 }
 
-#[test]
 fn an_arcade() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-10.0, -4.0, 4.0], [10.0, 4.0, 12.0]);
@@ -120,7 +147,6 @@ fn an_arcade() {
     score("arcade", &shapes, &cameras).ensure_at_least(0.96, 0.95, 0.9).unwrap();
 }
 
-#[test]
 fn balconies() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-6.0, 0.0, 0.0], [6.0, 8.0, 15.0]);
@@ -132,7 +158,6 @@ fn balconies() {
     score("balconies", &shapes, &cameras).ensure_at_least(0.96, 0.93, 0.85).unwrap();
 }
 
-#[test]
 fn a_courtyard() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-10.0, -10.0, 0.0], [10.0, -6.0, 9.0]).cuboid([-10.0, 6.0, 0.0], [10.0, 10.0, 9.0]);
@@ -141,7 +166,6 @@ fn a_courtyard() {
     score("courtyard", &shapes, &cameras).ensure_at_least(0.98, 0.97, 0.95).unwrap();
 }
 
-#[test]
 fn a_tunnel() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-10.0, -5.0, 0.0], [-2.0, 5.0, 9.0]).cuboid([2.0, -5.0, 0.0], [10.0, 5.0, 9.0]);
@@ -150,7 +174,6 @@ fn a_tunnel() {
     score("tunnel", &shapes, &cameras).ensure_at_least(0.97, 0.96, 0.93).unwrap();
 }
 
-#[test]
 fn undersides_around_a_stem() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-1.0, -1.0, 0.0], [1.0, 1.0, 8.0]).cuboid([-6.0, -6.0, 8.0], [6.0, 6.0, 9.0]);
@@ -159,7 +182,6 @@ fn undersides_around_a_stem() {
     score("undersides", &shapes, &cameras).ensure_at_least(0.98, 0.98, 0.9).unwrap();
 }
 
-#[test]
 fn a_gap_and_holes_between_floors() {
     let mut shapes = Shapes::default();
     for floor in 0..4 {
@@ -171,7 +193,6 @@ fn a_gap_and_holes_between_floors() {
     score("floors", &shapes, &cameras).ensure_at_least(0.93, 0.9, 0.85).unwrap();
 }
 
-#[test]
 fn thin_walls_straight_and_slanted() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-8.0, -6.1, 0.0], [8.0, -5.9, 3.0]);
@@ -179,7 +200,6 @@ fn thin_walls_straight_and_slanted() {
     score("thin-walls", &shapes, &two_views([0.0, -2.0, 1.0], 24.0)).ensure_at_least(0.9, 0.95, 0.9).unwrap();
 }
 
-#[test]
 fn a_wall_with_a_see_through_window() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-6.0, -0.4, 0.0], [-1.5, 0.4, 6.0]).cuboid([1.5, -0.4, 0.0], [6.0, 0.4, 6.0]);
@@ -188,7 +208,6 @@ fn a_wall_with_a_see_through_window() {
     score("window", &shapes, &cameras).ensure_at_least(0.95, 0.96, 0.93).unwrap();
 }
 
-#[test]
 fn a_fence_of_posts_and_rails() {
     let mut shapes = Shapes::default();
     for k in 0..12 {
@@ -211,7 +230,6 @@ fn a_fence_of_posts_and_rails() {
     enclosing.ensure_at_least(0.58, 0.99, 0.88).unwrap();
 }
 
-#[test]
 fn water_and_a_quay() {
     let mut shapes = Shapes::default();
     let flat =
@@ -223,7 +241,6 @@ fn water_and_a_quay() {
     score("water", &shapes, &cameras).ensure_at_least(0.95, 0.97, 0.95).unwrap();
 }
 
-#[test]
 fn trees() {
     let mut shapes = Shapes::default();
     for (x, scale) in [(-5.0, 1.0), (5.0, 1.4)] {
@@ -238,7 +255,6 @@ fn trees() {
     score("trees", &shapes, &two_views([0.0, 0.0, 4.0], 24.0)).ensure_at_least(0.9, 0.97, 0.95).unwrap();
 }
 
-#[test]
 fn a_closed_shell_has_no_inside() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-8.0, -8.0, 0.0], [8.0, 8.0, 10.0]).cuboid([-6.0, -6.0, 2.0], [6.0, 6.0, 6.0]);
@@ -254,7 +270,6 @@ fn a_closed_shell_has_no_inside() {
     assert!((100..=260).contains(&exposed), "{exposed} columns show their sides");
 }
 
-#[test]
 fn a_shell_without_one_wall() {
     // Walls on cell borders, then inside cells.
     let score = [0.0, 0.17].map(|shift| {
@@ -274,7 +289,6 @@ fn a_shell_without_one_wall() {
     score.into_iter().for_each(|score| score.ensure_at_least(0.97, 0.97, 0.95).unwrap());
 }
 
-#[test]
 fn small_holes_in_a_roof_are_repaired() {
     let mut shapes = Shapes::default();
     let at = |x: f64, y: f64| DVec3::new(x, y, 8.0);
@@ -295,14 +309,12 @@ fn small_holes_in_a_roof_are_repaired() {
     repaired.ensure_at_least(0.99, 0.99, 0.98).unwrap();
 }
 
-#[test]
 fn a_tower_beside_a_podium() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-3.0, -3.0, 0.0], [3.0, 3.0, 40.0]).cuboid([3.0, -6.0, 0.0], [15.0, 6.0, 4.0]);
     score("tower", &shapes, &two_views([3.0, 0.0, 16.0], 56.0)).ensure_at_least(0.97, 0.98, 0.95).unwrap();
 }
 
-#[test]
 fn a_very_tall_box() {
     let mut shapes = Shapes::default();
     shapes.cuboid([-12.0, -12.0, 0.0], [12.0, 12.0, 700.0]).cuboid([12.0, -12.0, 0.0], [24.0, 12.0, 9.3]);
@@ -315,14 +327,12 @@ fn a_very_tall_box() {
     score.ensure_at_least(0.96, 0.97, 0.95).unwrap();
 }
 
-#[test]
 fn a_very_small_box() {
     let mut shapes = Shapes::default();
     shapes.cuboid([0.1, 0.1, 0.0], [0.9, 0.8, 0.7]);
     score("small", &shapes, &two_views([0.5, 0.5, 0.3], 2.4)).ensure_at_least(0.6, 0.9, 0.8).unwrap();
 }
 
-#[test]
 fn position_below_the_sea_or_far_from_the_origin_changes_nothing() {
     let mut shapes = Shapes::default();
     shapes.prism(&turned(&rectangle([-5.0, -4.0], [5.0, 4.0]), 20.0), [-31.3, -19.3]);
@@ -341,13 +351,15 @@ fn position_below_the_sea_or_far_from_the_origin_changes_nothing() {
 }
 
 /// A hall over many nodes with a tower, whose occlusion extends over node borders.
-fn hall() -> BakedShape {
-    let mut shapes = Shapes::default();
-    shapes.cuboid([-70.0, -70.0, 0.0], [70.0, 70.0, 6.0]).cuboid([-6.0, -6.0, 6.0], [-2.0, 6.0, 26.0]);
-    BakedShape::bake("borders", shapes.scene([0.0; 3]), CELL_M).unwrap()
+fn hall() -> &'static BakedShape {
+    static HALL: OnceLock<BakedShape> = OnceLock::new();
+    HALL.get_or_init(|| {
+        let mut shapes = Shapes::default();
+        shapes.cuboid([-70.0, -70.0, 0.0], [70.0, 70.0, 6.0]).cuboid([-6.0, -6.0, 6.0], [-2.0, 6.0, 26.0]);
+        BakedShape::bake("borders", shapes.scene([0.0; 3]), CELL_M).unwrap()
+    })
 }
 
-#[test]
 fn occlusion_is_continuous_over_node_borders() {
     let shape = hall();
     let maps = shape.leaves().unwrap();
@@ -381,7 +393,6 @@ fn occlusion_is_continuous_over_node_borders() {
     assert!(across_mean <= 1.3 * inside_mean + 0.5, "{across_mean} over borders, {inside_mean} inside, of 63");
 }
 
-#[test]
 fn a_tower_darkens_the_roof_beyond_a_block_border() {
     // Blocks are squares of 2 x 2 leaves. What is east of the border knows the tower only by the margin around its block.
     let mut shapes = Shapes::default();
@@ -406,7 +417,6 @@ fn a_tower_darkens_the_roof_beyond_a_block_border() {
     assert!(step < 6.0, "a step at the border");
 }
 
-#[test]
 fn no_seams_between_nodes_or_levels() {
     let shape = hall();
     let camera = orbit_camera([20.0, 20.0, 6.0], 110.0, -60.0, 50.0);
@@ -435,7 +445,6 @@ fn no_seams_between_nodes_or_levels() {
     assert!(shape.score(&[camera]).unwrap().iou > 0.98);
 }
 
-#[test]
 fn flat_land_takes_few_bytes_and_an_empty_scene_is_an_error() {
     let mut shapes = Shapes::default();
     let flat: Vec<DVec3> = rectangle([-64.0, -64.0], [64.0, 64.0]).iter().map(|p| p.extend(0.0)).collect();

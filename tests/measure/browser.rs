@@ -8,7 +8,7 @@ use clap::{Parser, ValueEnum};
 use insula_protocol::Manifest;
 use insula_tests::{
     browser::{
-        Browser, BrowserOptions, Button, Page,
+        Browser, Button, Page, PageOptions,
         city_page::CityPage,
         same_picture::{SharedView, cameras, in_browser, native, share_of_same},
     },
@@ -167,9 +167,8 @@ fn measure(args: &Args, city: &Path) -> Result<CityReport> {
     Ok(CityReport { city: manifest.name, starts, flight, same_percent })
 }
 
-fn launch(args: &Args) -> Result<Browser> {
-    let size = [args.size[0], args.size[1]];
-    Browser::launch(BrowserOptions { gpu: args.gpu, size, ..BrowserOptions::default() })
+fn page_options(args: &Args) -> PageOptions {
+    PageOptions { size: [args.size[0], args.size[1]], ..PageOptions::default() }
 }
 
 /// The element takes WebGPU on a software driver only if it is told to.
@@ -179,8 +178,8 @@ fn address(args: &Args, url: &str) -> String {
 
 /// Opens the page in a new browser.
 fn cold_start(args: &Args, url: &str) -> Result<Start> {
-    let browser = launch(args)?;
-    let city = CityPage::new(&browser)?;
+    let browser = Browser::launch(args.gpu)?;
+    let city = CityPage::new(&browser, page_options(args))?;
     city.page.emulate_network(args.mbit, args.rtt)?;
     let slowdown = match args.slow_what {
         Slow::All => Some(browser.slow_down(args.slow)?),
@@ -210,8 +209,8 @@ fn cold_start(args: &Args, url: &str) -> Result<Start> {
 fn measure_page(args: &Args, url: &str, until: &str) -> Result<()> {
     println!("| start | first picture ms | kB |\n|---|---|---|");
     for number_of_start in 1..=args.runs {
-        let browser = launch(args)?;
-        let page = browser.open_page()?;
+        let browser = Browser::launch(args.gpu)?;
+        let page = browser.open_page(page_options(args))?;
         page.emulate_network(args.mbit, args.rtt)?;
         let slowdown = match args.slow_what {
             Slow::All => Some(browser.slow_down(args.slow)?),
@@ -243,8 +242,8 @@ fn numbers(page: &Page, expression: &str) -> Result<Vec<f64>> {
 
 /// Flies by keys and mouse with a slow main thread, then measures single keys.
 fn fly(args: &Args, url: &str) -> Result<Flight> {
-    let browser = launch(args)?;
-    let city = CityPage::new(&browser)?;
+    let browser = Browser::launch(args.gpu)?;
+    let city = CityPage::new(&browser, page_options(args))?;
     city.page.prepare(STOPWATCH)?;
     city.page.navigate(&address(args, url))?;
     city.wait_until_ready(0)?;
@@ -299,7 +298,7 @@ fn fly_for(time: Duration, args: &Args, browser: &Browser, city: &CityPage) -> R
 /// Four views beside the native client's.
 fn compare(args: &Args, server: &ServerProcess, manifest: &Manifest) -> Result<Vec<f64>> {
     let (folder, adapter) = (tempfile::tempdir()?, if args.gpu { "gpu" } else { "cpu" });
-    let browser = Browser::launch(BrowserOptions { gpu: args.gpu, size: SMALL, ..BrowserOptions::default() })?;
+    let browser = Browser::launch(args.gpu)?;
     let mut shares = Vec::new();
     for camera in cameras(manifest)? {
         let view = SharedView { server: server.address, city: manifest.name.clone(), camera, size_px: SMALL };

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Compares `insula-server ao` with MeshLab's ambient occlusion: time, and error against traced values.
 
-    cargo run --release -p insula-occlusion --example ao_error -- MESH... --truth TRUTH
+    cargo run --release -p insula-measure --bin ao_error -- MESH... --truth TRUTH
     ao_meshlab.py --insula target/release/insula-server --truth TRUTH [--views 256] [--map 1024] [--rounds 5] MESH...
 
 Needs pymeshlab and numpy. Both programs run in turn; the least time of all rounds counts, because other programs may

@@ -6,7 +6,7 @@ decode_tile.py VECTORS_OR_CITY [--tiles N] [--seed S] [--json] [--program INSULA
 Decodes all `.bin` and `.insm` files of a folder; or N random V-BlockMap tiles, N random mesh tiles, and all subtree, object and
 visibility tiles of a city folder. Everything is decoded but the pictures of textures, which are WebP: of these, the size is checked. Prints
 one line per tile: its kind, the number of its columns, nodes, triangles, objects or attributes, the CRC-32 of its texels as
-`protocol/tests/vectors.rs` computes it, and the SHA-256 of all decoded values as JSON; with --json the values themselves.
+`protocol/tests/integration/vectors.rs` computes it, and the SHA-256 of all decoded values as JSON; with --json the values themselves.
 Compares a city's tiles with its subtree tiles: all sizes, and of the decoded mesh tiles the numbers of triangles and of a
 texture's pixels; and the objects that decoded tiles name with those of the object tiles.
 

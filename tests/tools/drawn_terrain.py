@@ -73,9 +73,6 @@ class Columns:
 
 
 def main():
-    import numpy as np, rasterio
-    from rasterio import warp
-
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("city", type=pathlib.Path)
     parser.add_argument("dem", type=pathlib.Path)
@@ -84,6 +81,9 @@ def main():
     parser.add_argument("--error", type=float, help="largest 95th percentile in metres")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
+    import numpy as np, rasterio
+    from rasterio import warp
+
     drawn_columns, dem = Columns(options.city), rasterio.open(options.dem)
     heights, crs = dem.read(1, masked=True), rasterio.CRS.from_user_input(drawn_columns.manifest["crs"])
     # The model's points within the city.

@@ -14,13 +14,11 @@ import argparse, os, pathlib, re, shutil, subprocess, sys, time, tomllib
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 LIST = pathlib.Path(__file__).with_name("mutations.toml")
-# The measuring programs: each would be linked again for each fault.
-PROGRAMS = re.compile(rb"^\[\[bin\]\]\n(?:[^\[\n].*\n|\n)*", re.MULTILINE)
 REQUIRED = {"name", "file", "old", "new", "breaks", "run", "tests"}
 OPTIONAL = {"measure", "says", "fast"}
 MEASURES = ["iou", "near", "coloured"]
-# The result stands on a line of its own where the program does not hold back what the test prints.
-RESULT = re.compile(r"^test (\S+)(?: - should panic)?\s+\.\.\. (?:.*?^)??(ok|FAILED|ignored)$", re.MULTILINE | re.DOTALL)
+# The result stands on a line of its own where the program does not hold back what the test prints. The tier may precede the name.
+RESULT = re.compile(r"^test +(?:\[[^]]*\] )?(\S+)(?: - should panic)?\s+\.\.\. (?:.*?^)??(ok|FAILED|ignored)$", re.MULTILINE | re.DOTALL)
 SCORE = re.compile(
     r"ShapeScore \{ iou: (\S+), near: (\S+), coloured: (\S+) \}, at least (\S+), (\S+), (\S+) are required"
 )
@@ -59,8 +57,6 @@ def copy_tree(scratch):
     names = [name for name in listed.split("\0") if name and (ROOT / name).is_file()]
     for name in names:
         content, copy = (ROOT / name).read_bytes(), scratch / name
-        if name == "tests/Cargo.toml":
-            content = PROGRAMS.sub(b"", content)
         if not copy.is_file() or copy.read_bytes() != content:
             copy.parent.mkdir(parents=True, exist_ok=True)
             copy.write_bytes(content)
@@ -84,9 +80,10 @@ class Workspace:
         # Most of a crate stays as it is from one fault to the next.
         self.env.setdefault("CARGO_INCREMENTAL", "1")
 
-    def test(self, run, options):
+    def test(self, program, options):
         """Runs `cargo test`. Returns its exit status, None if it did not end, and its output."""
-        command = [self.cargo, "test", "--release", "--locked", *run.split(), *options]
+        # `insula-measure` has no tests. It gives all crates the features that they have in the whole workspace.
+        command = [self.cargo, "test", "--profile", "ci", "--locked", "-p", "insula-measure", *program, *options]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "errors": "replace"}
         process = subprocess.Popen(command, cwd=self.root, env=self.env, start_new_session=True, **pipes)
         try:
@@ -97,18 +94,22 @@ class Workspace:
             return None, process.communicate()[0]
 
     def build(self, run):
-        return self.test(run, ["--no-run"])
+        program, _ = split_run(run)
+        return self.test(program, ["--no-run"])
 
     def run_tests(self, run, tests):
         # Cities that the tests share are baked again only if `insula-server` changes, which is not built here.
-        shutil.rmtree(pathlib.Path(self.env["CARGO_TARGET_DIR"]) / "release/test-cities", ignore_errors=True)
-        return self.test(run, ["--", *self.filters(run, tests)])
+        shutil.rmtree(pathlib.Path(self.env["CARGO_TARGET_DIR"]) / "ci/test-cities", ignore_errors=True)
+        program, module = split_run(run)
+        # The program of insula-tests takes one filter at most.
+        filters = tests if "insula-tests" not in program or len(tests) == 1 else module
+        return self.test(program, ["--", *filters])
 
-    def filters(self, run, tests):
-        """The programs without libtest take one filter at most."""
-        manifest = tomllib.loads((self.root / "tests/Cargo.toml").read_text(encoding="utf-8"))
-        has_libtest = run.split()[-1] not in {test["name"] for test in manifest["test"] if not test.get("harness", True)}
-        return tests if has_libtest or len(tests) == 1 else []
+
+def split_run(run):
+    """The arguments that select the test program, and its module, if it has several."""
+    words = run.split()
+    return (words[:-1], words[-1:]) if words[-1].endswith("::") else (words, [])
 
 
 def results(output):

@@ -1,4 +1,4 @@
-"""Frozen tiles, decoded by the second decoder, have the values that protocol/tests/vectors.rs wrote. No test needs a program
+"""Frozen tiles, decoded by the second decoder, have the values that protocol/tests/integration/vectors.rs wrote. No test needs a program
 of this repository: python3 -m unittest discover tests/tools
 """
 import pathlib, random, struct, unittest, zlib

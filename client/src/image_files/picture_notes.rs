@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn notes_repeat_no_licence_and_hold_no_control_character() {
-        let mut manifest = insula_viewer::test_support::manifest(0);
+        let mut manifest = insula_test_support::small_city::empty_manifest(0);
         let source = |text: &str, url: Option<&str>| Attribution {
             text: text.into(),
             licence: Some("CC BY 4.0".into()),

@@ -282,7 +282,8 @@ mod tests {
             for name in [None, Some("town")] {
                 let begin = Instant::now();
                 assert_eq!(open(&base, name, timeout).unwrap_err().exit_code(), 1);
-                assert!(begin.elapsed() < Duration::from_secs(10), "{name:?}: {:?}", begin.elapsed());
+                // All of the bytes would take 80 s.
+                assert!(begin.elapsed() < Duration::from_secs(60), "{name:?}: {:?}", begin.elapsed());
             }
         }
     }
@@ -312,7 +313,7 @@ mod tests {
 
     #[test]
     fn a_manifest_of_another_city_is_refused() {
-        let manifest = insula_viewer::test_support::manifest(3);
+        let manifest = insula_test_support::small_city::empty_manifest(3);
         let body = serde_json::to_vec(&manifest).unwrap();
         let head = "HTTP/1.1 200 OK\r\nconnection: close\r\n\r\n";
         let serve = || serve_slowly(head, body.clone(), Duration::ZERO);

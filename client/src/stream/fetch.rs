@@ -78,6 +78,7 @@ impl Http {
             .enable_all()
             .build()
             .map_err(|e| failed(&e))?;
+        insula_command_line::tls::choose_cryptography();
         let client = reqwest::Client::builder()
             .connect_timeout(options.connect)
             .read_timeout(options.read)

@@ -60,6 +60,7 @@ mod tests {
         let start = Instant::now();
         tokio::join!(link.carry(50_000), link.carry(50_000));
         let secs = start.elapsed().as_secs_f64();
-        assert!((0.095..0.5).contains(&secs), "{secs}");
+        // Without sharing, both would take half of it.
+        assert!(secs >= 0.095, "{secs}");
     }
 }

@@ -34,8 +34,14 @@ impl CityView {
             KeyAction::CopyLink => self.apply(ViewAction::CopyLink, window, settings),
             KeyAction::ToggleBookmarks => self.bookmark_panel.is_open = !self.bookmark_panel.is_open,
             KeyAction::ToggleRecording => self.toggle_recording(),
-            KeyAction::ToggleMeasuring => self.measure.next(),
-            KeyAction::UndoPoint => self.measure.undo(),
+            KeyAction::ToggleMeasuring => {
+                self.measure.next();
+                self.report_measure();
+            }
+            KeyAction::UndoPoint => {
+                self.measure.undo();
+                self.report_measure();
+            }
             KeyAction::ToggleDay => self.toggle_day(settings),
             KeyAction::ToggleSearch => self.search.is_open = !self.search.is_open,
             KeyAction::ToggleStyles => self.styles.toggle(),
@@ -59,6 +65,7 @@ impl CityView {
     pub(super) fn end_innermost(&mut self) -> bool {
         if self.measure.is_active {
             self.measure.toggle();
+            self.report_measure();
             return true;
         }
         if std::mem::take(&mut self.search.is_open) {
@@ -73,6 +80,12 @@ impl CityView {
             self.show_message("picture cancelled".to_owned());
         }
         is_drawing
+    }
+
+    /// Reports what is measured in the log.
+    pub(super) fn report_measure(&self) {
+        let text = self.measure.text();
+        tracing::info!("measure: {}", text.as_deref().unwrap_or("ended"));
     }
 
     fn toggle_day(&mut self, settings: &mut UserSettings) {

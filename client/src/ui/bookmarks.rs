@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn coordinates_may_be_separated_in_several_ways() {
-        let manifest = insula_viewer::test_support::manifest(0);
+        let manifest = insula_test_support::small_city::empty_manifest(0);
         let parse = |text: &str| parse_coordinates(text, &manifest);
         assert_eq!(parse("10, 20"), Ok(ViewAction::GoTo { x: 10.0, y: 20.0, z: None }));
         assert_eq!(parse(" 10.5;20  3 "), Ok(ViewAction::GoTo { x: 10.5, y: 20.0, z: Some(3.0) }));

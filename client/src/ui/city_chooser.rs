@@ -51,6 +51,7 @@ impl CityChooser {
     /// Takes in the picture of the named city; `None` if it cannot be drawn.
     pub(super) fn add_preview(&mut self, ctx: &Context, name: &str, preview: Option<&CityPreview>) {
         let Some(choice) = self.choices.iter_mut().find(|choice| choice.city.name == name) else { return };
+        tracing::debug!(is_drawn = preview.is_some(), "picture of {name}");
         choice.size_m = preview.map(|preview| preview.size_m);
         choice.picture = match preview.map(|preview| color_image(&preview.pixels)) {
             Some(image) => {

@@ -2,9 +2,10 @@
 
 use super::{
     outlined,
+    overlay::panel,
     projection::{project, project_line},
 };
-use egui::{Align2, Color32, Label, Painter, Pos2, Rect, Stroke, Ui, vec2};
+use egui::{Align2, Color32, Context, Label, Painter, Pos2, Rect, Stroke, Ui, vec2};
 use insula_viewer::{
     camera::View,
     interaction::{
@@ -44,8 +45,19 @@ fn label(kind: MeasureKind, [a, b]: [glam::DVec3; 2]) -> String {
     }
 }
 
+/// Lays out what measures or records. `below_notice` is the place of the measuring panel from the window's top, in points.
+pub fn show_tool(ctx: &Context, measure: &mut MeasureTool, recording: Option<&str>, below_notice: f32) {
+    if measure.is_active {
+        panel(ctx, "measure", Align2::CENTER_TOP, [0.0, below_notice], |ui| show(ui, measure));
+    } else if let Some(text) = recording {
+        panel(ctx, "tool", Align2::CENTER_BOTTOM, [0.0, -12.0], |ui| {
+            ui.label(text);
+        });
+    }
+}
+
 /// Lays the panel of the active tool out.
-pub fn show(ui: &mut Ui, tool: &mut MeasureTool) {
+fn show(ui: &mut Ui, tool: &mut MeasureTool) {
     ui.horizontal(|ui| {
         ui.label("Measure");
         for kind in MeasureKind::ALL {

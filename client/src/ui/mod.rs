@@ -35,6 +35,7 @@ pub mod stream_status;
 mod style_panel;
 pub mod touchpad;
 pub mod view_link;
+mod view_log;
 pub mod viewport;
 pub mod window;
 pub mod window_surface;

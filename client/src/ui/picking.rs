@@ -19,9 +19,7 @@ impl CityView {
             return window.window.request_redraw();
         }
         match self.pick(x, y, window) {
-            Some(point) if self.measure.add_point(point) => {
-                tracing::info!("measure: {}", self.measure.text().unwrap_or_default());
-            }
+            Some(point) if self.measure.add_point(point) => self.report_measure(),
             Some(_) => self.show_message("this figure has too many points: clear it first".to_owned()),
             None => self.show_message("nothing to measure at this point".to_owned()),
         }

@@ -107,7 +107,7 @@ mod tests {
     use insula_viewer::sun::SunOptions;
 
     fn daylight(options: &SunOptions) -> Daylight {
-        Daylight::new(options, &insula_viewer::test_support::manifest(0))
+        Daylight::new(options, &insula_test_support::small_city::empty_manifest(0))
     }
 
     #[test]

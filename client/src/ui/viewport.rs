@@ -9,6 +9,7 @@ use super::{
     picture_job::PictureJob,
     settings::UserSettings,
     stream_status::{loading_text, status_text},
+    view_log::ViewLog,
     window::{OverlayLayout, ViewerWindow},
     window_surface::SceneFrame,
 };
@@ -20,11 +21,9 @@ use insula_shaders::{
 };
 use insula_viewer::{
     camera::Camera,
+    camera_text,
     frame::{FrameData, RenderSettings},
-    interaction::{
-        frame_pacing::{FrameDetail, FrameTime, STEP},
-        measure::MeasureTool,
-    },
+    interaction::frame_pacing::{FrameDetail, FrameTime, STEP},
     streamer::StreamStatus,
     sun::Daylight,
 };
@@ -58,6 +57,7 @@ pub struct Viewport {
     still: Option<StillFrame>,
     /// The same when it is drawn, until it is presented.
     finished: Option<FrameData>,
+    log: ViewLog,
 }
 
 /// What a frame depends on besides the resident tiles.
@@ -111,6 +111,7 @@ impl Viewport {
             shows_final_frame: false,
             still: None,
             finished: None,
+            log: ViewLog::default(),
         }
     }
 
@@ -131,8 +132,11 @@ impl Viewport {
         let display = self.city.display.clone();
         let mut layout = self.lay_out(window, settings);
         let is_presented = self.present(drawn, begin, &mut layout, window)?;
-        if let Some(data) = self.finished.take() {
-            self.settled(&data, window);
+        if is_presented {
+            self.log.presented(&self.city, window.size().map(|side| side as f32).into());
+            if let Some(data) = self.finished.take() {
+                self.settled(&data, window);
+            }
         }
         self.apply_options(&display, window, settings);
         Ok(Some(self.next_frame(layout.repaint_after, is_presented, window)))
@@ -270,6 +274,7 @@ impl Viewport {
             playback.record_frame_time(begin.elapsed());
         }
         let all = begin.elapsed();
+        let camera = self.view.map_or_else(|| city.control.camera(), |view| view.camera);
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         tracing::trace!(
             divisor = detail.divisor,
@@ -280,6 +285,7 @@ impl Viewport {
             present_ms = ms(all.saturating_sub(laid_out)),
             all_ms = ms(all),
             full_frame_ms = ms(city.pacer.full_frame_time()),
+            camera = %camera_text::format(&camera),
             "frame of a new view presented"
         );
         if city.pacer.end_frame(FrameTime { scene: time.unwrap_or(all), all }, detail, is_presented) {
@@ -290,8 +296,9 @@ impl Viewport {
 
     /// The final frame of a view was drawn.
     fn settled(&mut self, data: &FrameData, window: &ViewerWindow) {
-        let since_change_ms = self.city.pacer.since_change(Instant::now()).as_secs_f64() * 1e3;
-        tracing::debug!(since_change_ms, "frame settled");
+        if let Some(ViewState { camera, size_px, .. }) = &self.view {
+            self.log.settled(camera, *size_px, self.city.pacer.since_change(Instant::now()));
+        }
         self.shows_final_frame = true;
         if self.city.counts_rays {
             // Takes about as long as drawing the frame.
@@ -456,7 +463,7 @@ impl Viewport {
                 });
             }
             let below_notice = if status_text.is_some() { 130.0 } else { 52.0 };
-            show_tool(ctx, measure, recording.as_deref(), below_notice);
+            measure_view::show_tool(ctx, measure, recording.as_deref(), below_notice);
         });
         if let Some((number, stone)) = changed_stone {
             session.set_stone(number, stone);
@@ -488,7 +495,8 @@ impl Viewport {
         let now = Instant::now();
         self.wake_at = None;
         if !is_presented {
-            return ControlFlow::WaitUntil(now + POLL_INTERVAL);
+            self.wake_at = Some(now + POLL_INTERVAL);
+            return wait_until(self.wake_at);
         }
         if self.still.is_some() {
             self.wake_at = now.checked_add(repaint_after.max(POLL_INTERVAL));
@@ -547,7 +555,7 @@ impl Viewport {
 
     /// Whether the view rests and there is something to take in or to prefetch.
     pub fn may_prefetch(&self) -> bool {
-        let is_frame_due = self.wake_at.is_some_and(|at| at <= Instant::now());
+        let is_frame_due = self.finished.is_some() || self.wake_at.is_some_and(|at| at <= Instant::now());
         (self.has_prefetch || self.has_arrivals) && self.is_resting() && !is_frame_due
     }
 
@@ -564,7 +572,7 @@ impl Viewport {
         }
         let step = if self.has_prefetch { self.city.session.prefetch(&request)? } else { PrefetchStep::Done };
         if self.has_prefetch && step == PrefetchStep::Done {
-            tracing::debug!("idle prefetch done");
+            self.log.rests();
         }
         self.has_prefetch = step != PrefetchStep::Done;
         let next_step_at = match step {
@@ -573,18 +581,6 @@ impl Viewport {
             PrefetchStep::Done => None,
         };
         Ok(Some(wait_until(self.wake_at.into_iter().chain(next_step_at).min())))
-    }
-}
-
-/// Lays out what measures or records. `below_notice` is the place of the measuring panel from the window's top, in points.
-fn show_tool(ctx: &egui::Context, measure: &mut MeasureTool, recording: Option<&str>, below_notice: f32) {
-    if measure.is_active {
-        let show_tool = |ui: &mut egui::Ui| measure_view::show(ui, measure);
-        panel(ctx, "measure", Align2::CENTER_TOP, [0.0, below_notice], show_tool);
-    } else if let Some(text) = recording {
-        panel(ctx, "tool", Align2::CENTER_BOTTOM, [0.0, -12.0], |ui| {
-            ui.label(text);
-        });
     }
 }
 

@@ -145,6 +145,7 @@ impl ViewerWindow {
     /// Makes the window fill the screen, or not.
     pub fn set_full_screen(&self, is_full_screen: bool) {
         self.window.set_fullscreen(is_full_screen.then_some(Fullscreen::Borderless(None)));
+        tracing::debug!("full screen {}", if is_full_screen { "on" } else { "off" });
     }
 
     /// Inner size in points.

@@ -26,7 +26,5 @@ pub mod source;
 pub mod streamer;
 pub mod sun;
 pub mod switching;
-#[cfg(any(test, feature = "test-support"))]
-pub mod test_support;
 pub mod transfer;
 pub mod translucency;

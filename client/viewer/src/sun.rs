@@ -247,7 +247,7 @@ mod tests {
     use super::*;
 
     fn daylight(location: Option<GeoLocation>, args: &SunOptions) -> Daylight {
-        Daylight::new(args, &Manifest { location, ..crate::test_support::manifest(0) })
+        Daylight::new(args, &Manifest { location, ..insula_test_support::small_city::empty_manifest(0) })
     }
 
     fn at(text: &str) -> SunOptions {

@@ -11,7 +11,6 @@ use std::{
         Mutex,
         atomic::{AtomicU32, AtomicU64, Ordering},
     },
-    time::Duration,
 };
 
 pub(crate) fn id(level: u8, x: u32, y: u32) -> TileId {
@@ -86,7 +85,7 @@ pub(crate) struct MemorySource {
     pub(crate) bytes: Mutex<Bytes>,
     pub(crate) reads: Mutex<Vec<Range<u64>>>,
     pub(crate) invalidated: AtomicU64,
-    /// Responds after a millisecond, like a network.
+    /// Responds later, like a network.
     pub(crate) is_remote: bool,
     /// Number of further reads that fail.
     pub(crate) failures: AtomicU32,
@@ -126,7 +125,7 @@ impl RangeSource for MemorySource {
             return RangeRead::Ready(result);
         }
         RangeRead::Pending(Box::pin(async move {
-            tokio::time::sleep(Duration::from_millis(1)).await;
+            tokio::task::yield_now().await;
             result
         }))
     }

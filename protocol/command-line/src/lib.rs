@@ -1,6 +1,9 @@
 //! What the command lines of both programs share: how errors are printed, values of options, and the commands that write shell
 //! completions and man pages.
 
+pub mod log;
+pub mod tls;
+
 use clap::{CommandFactory, Parser, Subcommand, error::ErrorKind};
 use clap_complete::Shell;
 use insula_protocol::text::printable;

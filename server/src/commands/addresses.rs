@@ -30,6 +30,7 @@ struct Fetcher {
 impl Fetcher {
     fn new() -> io::Result<Self> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        insula_command_line::tls::choose_cryptography();
         let client = reqwest::Client::builder()
             .connect_timeout(TIMEOUT)
             .read_timeout(TIMEOUT)

@@ -6,8 +6,8 @@ use crate::{
     config::{LogFormat, ServeConfig, environment},
     http::HttpServer,
     store::Store,
-    telemetry,
 };
+use insula_command_line::log;
 use std::sync::Arc;
 use tokio::{net::TcpListener, sync::Notify};
 
@@ -23,7 +23,8 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
         print(&config.to_toml());
         return Ok(());
     }
-    telemetry::start("info", config.log.format == LogFormat::Json);
+    // tiny-skia warns of shapes without an area, which Insula handles.
+    log::start("info,tiny_skia=error", config.log.format == LogFormat::Json);
     let system_error = |what| move |source| CommandError::System { what, source };
     // This thread accepts connections and reloads cities; the workers have threads of their own.
     let runtime =

@@ -67,6 +67,7 @@ pub(super) fn io_error(error: object_store::Error) -> io::Error {
 
 /// A bucket with the credentials of the environment. Fails if these are incomplete.
 pub(super) fn open_bucket(bucket: &str) -> io::Result<AmazonS3> {
+    insula_command_line::tls::choose_cryptography();
     let options = ClientOptions::new().with_allow_http(true);
     let builder = AmazonS3Builder::from_env().with_bucket_name(bucket).with_client_options(options);
     builder.with_retry(RetryConfig::default()).build().map_err(io_error)
@@ -75,6 +76,7 @@ pub(super) fn open_bucket(bucket: &str) -> io::Result<AmazonS3> {
 impl WorkBucket {
     fn new(address: &str, rest: &str) -> io::Result<Self> {
         let (bucket, folder) = rest.split_once('/').unwrap_or((rest, ""));
+        insula_command_line::tls::choose_cryptography();
         let options = ClientOptions::new().with_allow_http(true);
         let client = ReqwestConnector::default().connect(&options).map_err(io_error)?;
         let store = open_bucket(bucket)?;

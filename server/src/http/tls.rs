@@ -8,7 +8,7 @@ use tokio_rustls::{
     TlsAcceptor,
     rustls::{
         ServerConfig,
-        crypto::aws_lc_rs,
+        crypto::ring,
         pki_types::{CertificateDer, PrivateKeyDer, pem::PemObject},
     },
     server::TlsStream,
@@ -47,7 +47,7 @@ fn rustls_config(config: &TlsConfig) -> io::Result<Option<ServerConfig>> {
     let chain = chain.map_err(|error| invalid(certificate, error.to_string()))?;
     // rustls does not quote the key in this error.
     let private_key = PrivateKeyDer::from_pem_file(key).map_err(|error| invalid(key, error.to_string()))?;
-    let provider = Arc::new(aws_lc_rs::default_provider());
+    let provider = Arc::new(ring::default_provider());
     let mut rustls = ServerConfig::builder_with_provider(provider)
         .with_safe_default_protocol_versions()
         .map_err(io::Error::other)?
@@ -56,6 +56,6 @@ fn rustls_config(config: &TlsConfig) -> io::Result<Option<ServerConfig>> {
         .map_err(|error| invalid(certificate, error.to_string()))?;
     rustls.alpn_protocols = vec![b"h2".to_vec(), b"http/1.1".to_vec()];
     // Session tickets save returning clients a full handshake. The ticketer rotates its key itself.
-    rustls.ticketer = aws_lc_rs::Ticketer::new().map_err(io::Error::other)?;
+    rustls.ticketer = ring::Ticketer::new().map_err(io::Error::other)?;
     Ok(Some(rustls))
 }

@@ -51,6 +51,7 @@ impl RemoteCity {
         let connector = SameHostConnector { timeout: requests.timeout() };
         let store: Arc<dyn ObjectStore> = match scheme {
             "s3" => {
+                insula_command_line::tls::choose_cryptography();
                 let builder = AmazonS3Builder::from_env().with_bucket_name(host);
                 let builder = builder.with_retry(retry).with_client_options(options);
                 Arc::new(builder.with_http_connector(connector).build().map_err(failed)?)

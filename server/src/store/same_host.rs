@@ -20,6 +20,7 @@ pub(super) struct SameHostConnector {
 
 impl HttpConnector for SameHostConnector {
     fn connect(&self, _options: &ClientOptions) -> Result<HttpClient> {
+        insula_command_line::tls::choose_cryptography();
         let client = reqwest::Client::builder()
             .connect_timeout(CONNECT)
             .timeout(self.timeout)

@@ -1,38 +1,68 @@
 //! A page with `<insula-city>` elements, and what these reported.
 
-use super::{Browser, Page};
-use anyhow::{Context, Result, ensure};
+use super::{Browser, Page, PageOptions};
+use anyhow::{Context, Result};
 use image::RgbImage;
 use serde_json::Value;
-use std::{
-    collections::HashSet,
-    time::{Duration, Instant},
-};
+use std::{collections::HashSet, time::Duration};
 
 /// Keeps the last event of each kind with the time and the number of all, for each element, and the longest task of the
 /// main thread. Listens while events descend, because those of the element do not rise.
+///
+/// A view that is new is coarse at first, so a final picture is of the view whose coarse picture came before. One that was being
+/// drawn when the view changed already has the camera of the next view, and another picture follows.
 const RECORDER: &str = r"(() => {
 globalThis.insulaLongestTaskMs = 0;
 const now = () => performance.timeOrigin + performance.now();
 for (const kind of ['ready', 'progress', 'pick', 'camera', 'status', 'adapter', 'frame']) {
     addEventListener(kind, ({ target, detail }) => {
         if (target?.localName !== 'insula-city') return;
-        const seen = target.insulaSeen ??= { statuses: [], intervalsMs: [] };
+        // Without this time nothing was drawn: only what lies over the picture may have changed.
+        if (kind === 'frame' && detail.frameMs === undefined) return;
+        const seen = target.insulaSeen ??= { statuses: [], adapters: [], intervalsMs: [] };
         const before = seen[kind];
-        if (kind === 'frame' && before) seen.intervalsMs.push(now() - before.atMs);
+        if (kind === 'frame') {
+            if (before) seen.intervalsMs.push(now() - before.atMs);
+            if (!detail.final || !before) seen.coarse = detail.camera;
+            seen.isFinal = detail.final && detail.camera === seen.coarse;
+        }
+        if (kind === 'adapter') {
+            seen.adapters.push(detail);
+            // The canvas of another adapter is empty.
+            if (before?.detail.kind !== detail.kind) seen.isFinal = false;
+        }
         if (kind === 'status') seen.statuses.push(detail);
         seen[kind] = { detail, atMs: now(), firstMs: before?.firstMs ?? now(), count: (before?.count ?? 0) + 1 };
     }, true);
 }
+// The view after all input so far: the engine takes messages in their order, and answers this one, which changes nothing, at once.
+const currentView = city => new Promise(resolve => {
+    const listen = ({ detail }) => {
+        if (detail.frameMs !== undefined) return;
+        city.removeEventListener('frame', listen);
+        resolve(detail.camera);
+    };
+    city.addEventListener('frame', listen);
+    city.steer('measure', { action: 'undo' });
+});
+globalThis.insulaIsFinal = async city => {
+    const seen = city.insulaSeen;
+    const isFinal = () => seen.isFinal && seen.progress.detail.final;
+    if (!isFinal()) return false;
+    const { count } = seen.frame;
+    return await currentView(city) === seen.coarse && isFinal() && seen.frame.count === count;
+};
 new PerformanceObserver(list => {
     for (const { duration } of list.getEntries()) insulaLongestTaskMs = Math.max(insulaLongestTaskMs, duration);
 }).observe({ type: 'longtask', buffered: true });
 })()";
 
 /// Longest wait for the first picture; the first with WebGPU on a software driver needs its pipelines.
-pub const READY: Duration = Duration::from_secs(60);
+pub const READY: Duration = Duration::from_secs(120);
 /// Longest wait for the final picture of a view.
 pub const FINAL: Duration = Duration::from_secs(120);
+/// Numbers of a camera that differ by less are the same, as they are rounded.
+const SAME_CAMERA: f64 = 0.01;
 
 /// A page whose city elements are numbered in the order of the document.
 #[derive(Debug)]
@@ -42,15 +72,28 @@ pub struct CityPage {
 
 impl CityPage {
     /// Opens a page in which no navigation has begun.
-    pub fn new(browser: &Browser) -> Result<Self> {
-        let page = browser.open_page()?;
+    pub fn new(browser: &Browser, options: PageOptions) -> Result<Self> {
+        let page = browser.open_page(options)?;
         page.prepare(RECORDER)?;
         Ok(Self { page })
     }
 
     /// Opens an address and waits for the first picture of its first city.
-    pub fn open(browser: &Browser, url: &str) -> Result<Self> {
-        let city = Self::new(browser)?;
+    pub fn open(browser: &Browser, options: PageOptions, url: &str) -> Result<Self> {
+        Self::open_with(browser, options, url, &[])
+    }
+
+    /// The same with attributes that the city has before it starts.
+    pub fn open_with(browser: &Browser, options: PageOptions, url: &str, attributes: &[(&str, &str)]) -> Result<Self> {
+        let city = Self::new(browser, options)?;
+        // At this change the document is complete, and the page's modules have not run.
+        city.page.prepare(&format!(
+            "document.addEventListener('readystatechange', () => {{
+                const element = document.querySelector('insula-city');
+                if (element) {{ {} }}
+            }}, {{ once: true }})",
+            set(attributes)
+        ))?;
         city.page.navigate(url)?;
         city.wait_until_ready(0)?;
         Ok(city)
@@ -70,10 +113,10 @@ impl CityPage {
         self.page.wait_for(&format!("{}.ready", Self::seen(number)), READY)
     }
 
-    /// Waits until nothing can improve the view.
+    /// Waits until the picture of the view, after all input so far, cannot improve. After an input that starts a motion, wait
+    /// for the motion first.
     pub fn wait_until_final(&self, number: usize) -> Result<()> {
-        let seen = Self::seen(number);
-        self.page.wait_for(&format!("{seen}.progress.detail.final && {seen}.frame.detail.final"), FINAL)
+        self.page.wait_for(&format!("insulaIsFinal({})", Self::element(number)), FINAL)
     }
 
     /// Waits until an adapter draws, `cpu` or `gpu`. A page draws with the CPU until the pipelines of the GPU are made.
@@ -98,59 +141,67 @@ impl CityPage {
         Ok(last["detail"]["camera"].as_str().context("no frame was drawn")?.to_owned())
     }
 
-    /// Runs `action`, then waits until the view is another.
+    /// Runs `action`, then waits until another view is drawn. The view must rest before.
     pub fn moves_by(&self, what: &str, number: usize, action: impl FnOnce(&Page) -> Result<()>) -> Result<()> {
-        let (before, begin) = (self.camera(number)?, Instant::now());
+        let before = self.camera(number)?;
         action(&self.page)?;
-        while self.camera(number)? == before {
-            ensure!(begin.elapsed() < READY / 4, "{what} does not move the camera");
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        Ok(())
+        let is_moved = self.page.wait_for(&format!("{}.coarse !== '{before}'", Self::seen(number)), READY);
+        is_moved.with_context(|| format!("{what} does not move the camera"))
     }
 
-    /// Waits until the camera has come to rest after an input: on a slow machine, frames lag behind.
-    pub fn wait_until_still(&self, number: usize) -> Result<()> {
-        let begin = Instant::now();
-        let mut before = self.camera(number)?;
-        loop {
-            std::thread::sleep(Duration::from_secs(1));
-            let camera = self.camera(number)?;
-            if camera == before {
-                return Ok(());
-            }
-            ensure!(begin.elapsed() < READY, "the camera does not come to rest");
-            before = camera;
-        }
+    /// Shows a view at once, and waits until it is drawn.
+    pub fn look(&self, number: usize, camera: &str) -> Result<()> {
+        self.page.evaluate(&format!("{}.flyTo('{camera}', {{ seconds: 0 }})", Self::element(number)))?;
+        self.wait_for_view(number, camera)
+    }
+
+    /// Waits until a view is drawn.
+    pub fn wait_for_view(&self, number: usize, camera: &str) -> Result<()> {
+        let is_same = format!(
+            "((a, b) => a.every((n, i) => Math.abs(n - b[i]) < {SAME_CAMERA}))({}.coarse.split(','), '{camera}'.split(','))",
+            Self::seen(number)
+        );
+        self.page.wait_for(&is_same, READY)
     }
 
     /// Restarts an element with other attributes, and waits for its first picture.
     pub fn restart_with(&self, number: usize, attributes: &[(&str, &str)]) -> Result<()> {
-        let element = Self::element(number);
-        let set = attributes.iter().map(|(name, value)| format!("element.setAttribute('{name}', '{value}');"));
         let script = format!(
-            "(() => {{ const element = {element}, before = element.getAttribute('adapter'); {}
+            "(() => {{ const element = {}, before = element.getAttribute('adapter'); {}
                 delete element.insulaSeen;
                 // Another adapter restarts it already.
                 if (element.getAttribute('adapter') === before) element.restart(); }})()",
-            set.collect::<String>()
+            Self::element(number),
+            set(attributes)
         );
         self.page.evaluate(&script)?;
         self.wait_until_ready(number)
     }
 
-    /// The element's own picture of its view.
+    /// The element's own picture of its view after all input so far, once it cannot improve.
     pub fn picture(&self, number: usize, [width, height]: [u32; 2]) -> Result<RgbImage> {
         let call = format!("{}.screenshot({{ width: {width}, height: {height} }})", Self::element(number));
         Ok(image::load_from_memory(&self.page.blob(&call)?)?.to_rgb8())
     }
 
-    /// What the user sees in the middle of the page.
+    /// What the user sees in the middle of the page, below its controls.
     pub fn middle(&self) -> Result<RgbImage> {
-        let all = image::load_from_memory(&self.page.screenshot_png()?)?.to_rgb8();
+        let set_visibility = |value: &str| {
+            let controls = "document.querySelectorAll('#insula-app > :not(insula-city)')";
+            self.page.evaluate(&format!("{controls}.forEach(node => node.style.visibility = '{value}')"))
+        };
+        set_visibility("hidden")?;
+        let png = self.page.screenshot_png();
+        set_visibility("")?;
+        let all = image::load_from_memory(&png?)?.to_rgb8();
         let [width, height] = [all.width() / 2, all.height() / 2];
         Ok(image::imageops::crop_imm(&all, width / 2, height / 2, width, height).to_image())
     }
+}
+
+/// Statements that set the attributes of `element`.
+fn set(attributes: &[(&str, &str)]) -> String {
+    attributes.iter().map(|(name, value)| format!("element.setAttribute('{name}', '{value}');")).collect()
 }
 
 /// Number of colours in steps of 16; an empty page has one.

@@ -17,7 +17,7 @@ use std::{
 };
 
 /// Longest wait for a reply. Software drivers compile pipelines for seconds.
-pub(super) const PATIENCE: Duration = Duration::from_secs(60);
+pub(super) const PATIENCE: Duration = Duration::from_secs(120);
 
 #[derive(Debug)]
 pub(super) struct Connection {

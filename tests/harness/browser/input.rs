@@ -3,12 +3,17 @@
 use super::Page;
 use anyhow::{Context, Result};
 use serde_json::{Value, json};
-use std::time::Duration;
+use std::{
+    sync::atomic::Ordering::Relaxed,
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
 
-/// Moves of a drag.
+/// Moves of a drag. The browser answers after the page has handled one, so they are not merged.
 const STEPS: u32 = 8;
-/// Time between them, so that they are not merged.
-const STEP: Duration = Duration::from_millis(20);
+/// Milliseconds from press to release, between the clicks of a double click, and between others.
+const PRESS_MS: u64 = 10;
+const DOUBLE_CLICK_MS: u64 = 100;
+const APART_MS: u64 = 2000;
 
 /// A button of the mouse.
 #[derive(Debug, Clone, Copy)]
@@ -42,14 +47,20 @@ impl Page {
         self.mouse("mouseMoved", at, &json!({}))
     }
 
-    /// Clicks `count` times: 2 is a double click.
+    /// Clicks `count` times: 2 is a double click, and two calls are none. The page sees such times, however fast the machine is.
     pub fn click(&self, at: [f64; 2], count: u32) -> Result<()> {
         self.mouse("mouseMoved", at, &Value::Null)?;
+        let now_ms = SystemTime::now().duration_since(UNIX_EPOCH)?.as_millis() as u64;
+        let mut time_ms = now_ms.max(self.clicked_ms.load(Relaxed) + APART_MS);
         for click in 1..=count {
-            let button = json!({ "button": "left", "clickCount": click });
-            self.mouse("mousePressed", at, &button)?;
-            self.mouse("mouseReleased", at, &button)?;
+            for (kind, after_ms) in [("mousePressed", 0), ("mouseReleased", PRESS_MS)] {
+                let time_s = (time_ms + after_ms) as f64 / 1000.0;
+                let button = json!({ "button": "left", "clickCount": click, "timestamp": time_s });
+                self.mouse(kind, at, &button)?;
+            }
+            time_ms += DOUBLE_CLICK_MS;
         }
+        self.clicked_ms.store(time_ms, Relaxed);
         Ok(())
     }
 
@@ -59,7 +70,6 @@ impl Page {
         self.mouse("mouseMoved", from, &Value::Null)?;
         self.mouse("mousePressed", from, &held)?;
         for step in 1..=STEPS {
-            std::thread::sleep(STEP);
             self.mouse("mouseMoved", between(from, to, step), &held)?;
         }
         self.mouse("mouseReleased", to, &held)
@@ -81,26 +91,37 @@ impl Page {
         };
         send("touchStart", points(0))?;
         for step in 1..=STEPS {
-            std::thread::sleep(STEP);
             send("touchMove", points(step))?;
         }
         send("touchEnd", Vec::new())
     }
 
-    /// Presses and releases a key: a letter, a digit, or a name such as `ArrowUp`.
+    /// Presses a key: a letter, a digit, or a name such as `ArrowUp`.
+    pub fn key_down(&self, key: &str) -> Result<()> {
+        let mut params = key_params(key)?;
+        params["type"] = "keyDown".into();
+        self.call("Input.dispatchKeyEvent", params).map(drop)
+    }
+
+    /// Releases a key.
+    pub fn key_up(&self, key: &str) -> Result<()> {
+        let mut params = key_params(key)?;
+        params["type"] = "keyUp".into();
+        params["text"] = "".into();
+        self.call("Input.dispatchKeyEvent", params).map(drop)
+    }
+
+    /// Presses and releases a key.
     pub fn press(&self, key: &str) -> Result<()> {
-        self.hold(key, Duration::ZERO)
+        self.key_down(key)?;
+        self.key_up(key)
     }
 
     /// Holds a key for a time.
     pub fn hold(&self, key: &str, time: Duration) -> Result<()> {
-        let mut params = key_params(key)?;
-        params["type"] = "keyDown".into();
-        self.call("Input.dispatchKeyEvent", params.clone())?;
+        self.key_down(key)?;
         std::thread::sleep(time);
-        params["type"] = "keyUp".into();
-        params["text"] = "".into();
-        self.call("Input.dispatchKeyEvent", params).map(drop)
+        self.key_up(key)
     }
 }
 

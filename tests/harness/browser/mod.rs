@@ -24,12 +24,10 @@ use process::ChromiumProcess;
 use serde_json::json;
 use std::{path::PathBuf, sync::Arc};
 
-/// How the browser starts, and what its pages are at first.
+/// What a page is at first.
 #[derive(Debug, Clone, Copy)]
-pub struct BrowserOptions {
-    /// WebGPU on SwiftShader; otherwise there is no graphics adapter.
-    pub gpu: bool,
-    /// Size of a page in CSS pixels.
+pub struct PageOptions {
+    /// Size in CSS pixels.
     pub size: [u32; 2],
     /// Colour scheme that the user prefers.
     pub dark: bool,
@@ -37,16 +35,16 @@ pub struct BrowserOptions {
     pub touch: bool,
 }
 
-impl Default for BrowserOptions {
+impl Default for PageOptions {
+    /// So small that a CPU draws it in a fraction of a second.
     fn default() -> Self {
-        Self { gpu: false, size: [960, 600], dark: false, touch: false }
+        Self { size: [480, 320], dark: false, touch: false }
     }
 }
 
 /// A running browser; ended, and its folder removed, when dropped.
 #[derive(Debug)]
 pub struct Browser {
-    options: BrowserOptions,
     connection: Arc<Connection>,
     process: ChromiumProcess,
 }
@@ -57,19 +55,25 @@ impl Browser {
         process::find()
     }
 
-    /// Fails without a program, or if it does not answer.
-    pub fn launch(options: BrowserOptions) -> Result<Self> {
-        let (process, input, output) = ChromiumProcess::start(&options)?;
-        let connection = Connection::start(input, output);
-        connection.call("", "Browser.getVersion", json!({}))?;
-        Ok(Self { options, connection, process })
+    /// With `gpu`, WebGPU draws on SwiftShader; otherwise there is no graphics adapter. Fails without a program, or if it does
+    /// not answer.
+    pub fn launch(gpu: bool) -> Result<Self> {
+        let (process, input, output) = ChromiumProcess::start(gpu)?;
+        let browser = Self { connection: Connection::start(input, output), process };
+        browser.connection.call("", "Browser.getVersion", json!({}))?;
+        Ok(browser)
+    }
+
+    /// Whether it still answers.
+    pub fn answers(&self) -> bool {
+        self.connection.call("", "Browser.getVersion", json!({})).is_ok()
     }
 
     /// Opens an empty page that shares nothing with others of this browser: no cache, no storage.
-    pub fn open_page(&self) -> Result<Page> {
+    pub fn open_page(&self, options: PageOptions) -> Result<Page> {
         let page = Page::open(&self.connection)?;
-        page.set_viewport(self.options.size, 1.0, self.options.touch)?;
-        page.set_media(if self.options.dark { "dark" } else { "light" })?;
+        page.set_viewport(options.size, 1.0, options.touch)?;
+        page.set_media(if options.dark { "dark" } else { "light" })?;
         Ok(page)
     }
 

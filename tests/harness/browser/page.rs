@@ -8,7 +8,7 @@ use super::{
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::{Value, json};
 use std::{
-    sync::Arc,
+    sync::{Arc, atomic::AtomicU64},
     time::{Duration, Instant},
 };
 
@@ -20,6 +20,8 @@ pub struct Page {
     connection: Arc<Connection>,
     session: String,
     context: String,
+    /// When the page was clicked last, in milliseconds since 1970.
+    pub(super) clicked_ms: AtomicU64,
 }
 
 impl Page {
@@ -32,7 +34,7 @@ impl Page {
         let session = connection.call("", "Target.attachToTarget", attach)?;
         let session = session["sessionId"].as_str().context("no session")?.to_owned();
         connection.add_page(&session);
-        let page = Self { connection: connection.clone(), session, context };
+        let page = Self { connection: connection.clone(), session, context, clicked_ms: AtomicU64::new(0) };
         for domain in ["Page", "Runtime", "Network", "Log", "Audits"] {
             page.call(&format!("{domain}.enable"), json!({}))?;
         }
@@ -96,12 +98,12 @@ impl Page {
         Ok(reply["result"]["value"].take())
     }
 
-    /// Polls an expression until it is true. An exception counts as false.
+    /// Polls an expression, which may be a promise, until it is true. An exception counts as false.
     pub fn wait_for(&self, expression: &str, limit: Duration) -> Result<()> {
-        let begin = Instant::now();
+        let (begin, is_true) = (Instant::now(), format!("(async () => Boolean(await ({expression})))()"));
         loop {
             let rest = limit.saturating_sub(begin.elapsed());
-            let last = self.evaluate_within(rest.max(POLL), &format!("Boolean({expression})"));
+            let last = self.evaluate_within(rest.max(POLL), &is_true);
             if matches!(last, Ok(Value::Bool(true))) {
                 return Ok(());
             }
@@ -146,14 +148,26 @@ impl Page {
         Ok(self.console_messages()?.into_iter().filter(is_problem).collect())
     }
 
-    /// Forgets the messages so far.
-    pub fn clear_messages(&self) -> Result<()> {
-        self.log(|log| log.messages.clear())
+    /// Waits for a message of a source that has these words.
+    pub fn wait_for_message(&self, source: &str, words: &str) -> Result<()> {
+        let is_there = |log: &PageLog| {
+            log.messages.iter().any(|message| message.source == source && message.text.contains(words)).then_some(())
+        };
+        let found = self.connection.wait_for_log(PATIENCE, &self.session, is_there);
+        found.with_context(|| format!("no message of {source} says {words:?}"))
     }
 
     /// Requests so far, those of workers included.
     pub fn requests(&self) -> Result<Vec<Request>> {
         self.log(|log| log.requests.clone())
+    }
+
+    /// Waits until a request has ended that a condition is true of.
+    pub fn ended_request(&self, condition: impl Fn(&Request) -> bool) -> Result<Request> {
+        let is_it = |request: &&Request| request.end_s.is_some() && condition(request);
+        let found =
+            self.connection.wait_for_log(PATIENCE, &self.session, |log| log.requests.iter().find(is_it).cloned());
+        found.context("no such request ended")
     }
 
     /// Bytes that were transferred until a time in seconds since 1970.

@@ -1,6 +1,5 @@
 //! Chromium as a process group with a folder of its own.
 
-use super::BrowserOptions;
 use crate::programs::find_installed;
 use anyhow::{Context, Result};
 use std::{
@@ -14,7 +13,7 @@ use tempfile::TempDir;
 /// Chromium speaks the protocol on descriptors 3 and 4; a shell makes them from its input and output.
 const WITH_PIPES: &str = r#"exec "$0" "$@" 3<&0 4>&1 </dev/null >/dev/null"#;
 /// Nothing that the browser itself would fetch, and no other process than those of its group.
-const FLAGS: [&str; 14] = [
+const FLAGS: [&str; 15] = [
     "--headless=new",
     "--no-sandbox",
     "--remote-debugging-pipe",
@@ -29,6 +28,8 @@ const FLAGS: [&str; 14] = [
     "--hide-scrollbars",
     "--mute-audio",
     "--force-color-profile=srgb",
+    // As large as the largest page: each page sets its own size.
+    "--window-size=1440,900",
 ];
 /// Without the last one, any WebGPU canvas ends the GPU process, and pages look settled and blank.
 const WITH_GPU: [&str; 4] =
@@ -53,14 +54,12 @@ pub(super) struct ChromiumProcess {
 }
 
 impl ChromiumProcess {
-    pub(super) fn start(options: &BrowserOptions) -> Result<(Self, ChildStdin, ChildStdout)> {
+    pub(super) fn start(gpu: bool) -> Result<(Self, ChildStdin, ChildStdout)> {
         let program = find().context("no Chromium: install it, or name it in INSULA_CHROMIUM")?;
         let folder = tempfile::tempdir()?;
-        let [width, height] = options.size;
         let mut command = Command::new("sh");
         command.args(["-c", WITH_PIPES]).arg(program).args(FLAGS);
-        command.args(if options.gpu { &WITH_GPU[..] } else { &["--disable-gpu"] });
-        command.arg(format!("--window-size={width},{height}"));
+        command.args(if gpu { &WITH_GPU[..] } else { &["--disable-gpu"] });
         command.arg(format!("--user-data-dir={}", folder.path().display())).arg("about:blank");
         // The browser writes below the configuration folder, too.
         command.env("XDG_CONFIG_HOME", folder.path()).env("XDG_CACHE_HOME", folder.path());

@@ -1,6 +1,6 @@
 //! The same view drawn by the native client and by a browser.
 
-use super::{Browser, city_page::CityPage};
+use super::{Browser, PageOptions, city_page::CityPage};
 use crate::programs::{program, run};
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
@@ -61,10 +61,12 @@ pub fn native_with(view: &SharedView, folder: &Path, options: &[&str]) -> Result
     Ok(image::open(out)?.to_rgb8())
 }
 
-/// The browser's picture by an adapter, `cpu` or `gpu`. Fails if the page draws with the other one only.
+/// The browser's picture by an adapter, `cpu` or `gpu`, in a page of its size. Fails if the page draws with the other one only.
 pub fn in_browser(browser: &Browser, view: &SharedView, adapter: &str) -> Result<RgbImage> {
-    let page = CityPage::open(browser, &format!("http://{}/cities/{}", view.server, view.city))?;
-    page.restart_with(0, &[("camera", &view.camera), ("time", TIME), ("adapter", adapter)])?;
+    let options = PageOptions { size: view.size_px, ..PageOptions::default() };
+    let url = format!("http://{}/cities/{}", view.server, view.city);
+    let attributes = [("camera", view.camera.as_str()), ("time", TIME), ("adapter", adapter)];
+    let page = CityPage::open_with(browser, options, &url, &attributes)?;
     page.wait_for_adapter(0, adapter)?;
     page.wait_until_final(0)?;
     let drawn = page.camera(0)?;

@@ -4,14 +4,15 @@
 //! names. Without it, their examples are reported as ignored.
 
 use super::{
+    browser,
     site::publish,
-    viewer::{CITY_COLOURS, REACTION, ensure_no_problems, keep, serve},
+    viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, keep, serve},
 };
 use anyhow::{Context, Result, ensure};
 use insula_test_support::faulty_host::FaultyHost;
 use insula_tests::{
     browser::{
-        Browser, BrowserOptions, Button,
+        Button, PageOptions,
         city_page::{CityPage, colours},
     },
     programs::ServerProcess,
@@ -19,10 +20,13 @@ use insula_tests::{
 use std::{fs, path::Path};
 use tempfile::TempDir;
 
+/// Of a page with one city, and of one with two or a map.
+const SMALL: [u32; 2] = [480, 640];
+const LARGE: [u32; 2] = [1000, 800];
+
 /// A page of the examples; ended in the reverse order.
 struct Example {
     page: CityPage,
-    _browser: Browser,
     _host: FaultyHost,
     _server: ServerProcess,
     _folder: TempDir,
@@ -42,7 +46,7 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
 
 impl Example {
     /// The package as npm lays it out: the published assets, beside the examples.
-    fn open(name: &str) -> Result<Self> {
+    fn open(name: &str, size: [u32; 2]) -> Result<Self> {
         let (site, folder) = (publish()?, tempfile::tempdir()?);
         let assets = fs::read_dir(site.path().join("site/assets"))?.next().context("no assets")??.path();
         copy(&assets, folder.path())?;
@@ -54,11 +58,10 @@ impl Example {
             copy(Path::new(&vendor), &folder.path().join("examples/vendor"))?;
         }
         let (server, host) = (serve()?, FaultyHost::start(folder.path()));
-        let browser = Browser::launch(BrowserOptions { size: [1000, 800], ..BrowserOptions::default() })?;
         let url = format!("{}/examples/{name}.html?src=http://{}/v1/cities/chiba", host.url(), server.address);
-        let page = CityPage::open(&browser, &url)?;
+        let page = CityPage::open(browser(false)?.as_ref(), PageOptions { size, ..PageOptions::default() }, &url)?;
         page.wait_until_final(0)?;
-        Ok(Self { page, _browser: browser, _host: host, _server: server, _folder: folder })
+        Ok(Self { page, _host: host, _server: server, _folder: folder })
     }
 
     /// The middle of an element in CSS pixels.
@@ -81,7 +84,7 @@ impl Example {
 
     fn ensure_cities(&self, count: usize) -> Result<()> {
         for number in 0..count {
-            let found = colours(&self.page.picture(number, [320, 200])?);
+            let found = colours(&self.page.picture(number, PICTURE)?);
             ensure!(found >= CITY_COLOURS, "viewer {number}: {found} colours");
         }
         ensure_no_problems(&self.page)
@@ -89,7 +92,7 @@ impl Example {
 }
 
 pub(super) fn the_plain_example_runs() -> Result<()> {
-    let example = Example::open("plain")?;
+    let example = Example::open("plain", SMALL)?;
     let page = &example.page;
     example.pick("#picked")?;
     keep(page, "example-plain")?;
@@ -101,7 +104,7 @@ pub(super) fn the_plain_example_runs() -> Result<()> {
 }
 
 pub(super) fn the_react_example_runs() -> Result<()> {
-    let example = Example::open("react")?;
+    let example = Example::open("react", LARGE)?;
     let page = &example.page;
     page.wait_until_ready(1)?;
     page.wait_until_final(1)?;
@@ -110,13 +113,12 @@ pub(super) fn the_react_example_runs() -> Result<()> {
     example.ensure_cities(2)?;
     page.page.evaluate("document.querySelector('button').click()")?;
     page.page.wait_for("document.querySelectorAll('insula-city').length === 1", REACTION)?;
-    page.wait_until_final(0)?;
     example.ensure_cities(1)
 }
 
 /// Of two markers on one ray, the one before the surface is shown, and the one behind it is not. Their text is text.
 pub(super) fn markers_are_occluded() -> Result<()> {
-    let example = Example::open("plain")?;
+    let example = Example::open("plain", SMALL)?;
     let page = &example.page.page;
     page.evaluate(&format!(
         "(async () => {{ const city = {};
@@ -136,7 +138,7 @@ pub(super) fn markers_are_occluded() -> Result<()> {
 
 /// The map and the city follow each other.
 pub(super) fn the_maplibre_example_runs() -> Result<()> {
-    let example = Example::open("maplibre")?;
+    let example = Example::open("maplibre", LARGE)?;
     let page = &example.page;
     page.page.wait_for("document.querySelector('#map canvas')", REACTION)?;
     let [x, y] = example.middle_of("#map")?;

@@ -1,37 +1,41 @@
 //! The page of a city on a real server: its picture, and the effects of mouse, keys and touch.
 
+use super::browser;
 use anyhow::{Context, Result, bail, ensure};
 use image::RgbImage;
 use insula_bake::BakeOptions;
 use insula_protocol::manifest::Attribution;
 use insula_tests::{
     browser::{
-        Browser, BrowserOptions, Button,
+        Button, Page, PageOptions,
         city_page::{CityPage, colours},
-        same_picture::share_of_same,
+        page_log::Request,
+        same_picture::{self, share_of_same},
     },
     fixtures,
     programs::{ServerProcess, program},
 };
 use std::{
     collections::BTreeSet,
-    io::{Read, Write},
-    net::TcpStream,
     path::Path,
     process::Command,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
-/// Fewest colours of a picture that shows a city.
-pub(super) const CITY_COLOURS: usize = 40;
+/// Fewest colours of a small picture that shows a city: sky, or the background of an element that draws nothing, has half as many.
+pub(super) const CITY_COLOURS: usize = 24;
 /// Smallest share of equal pixels of two pictures of a view: at edges, other tiles may be resident.
 const SAME_VIEW: f64 = 0.97;
 /// Longest wait for a reaction of the page.
-pub(super) const REACTION: Duration = Duration::from_secs(15);
-/// Page, program and tiles before the first picture.
-const FIRST_BYTES: u64 = 680_000;
-const DESKTOP: [u32; 2] = [1440, 900];
-const PHONE: [u32; 2] = [390, 844];
+pub(super) const REACTION: Duration = Duration::from_secs(60);
+/// Size of pictures that are compared.
+pub(super) const PICTURE: [u32; 2] = [320, 200];
+/// A place of a page of the default size where no control or notice is.
+pub(super) const FREE: [f64; 2] = [240.0, 220.0];
+/// Page and program.
+const PROGRAM_BYTES: u64 = 680_000;
+pub(super) const DESKTOP: [u32; 2] = [1440, 900];
+pub(super) const PHONE: [u32; 2] = [390, 844];
 
 /// The bundled city on a server.
 pub(super) fn serve() -> Result<ServerProcess> {
@@ -43,14 +47,27 @@ pub(super) fn url(server: &ServerProcess) -> String {
     format!("http://{}/cities/chiba", server.address)
 }
 
-/// Whether the server's pages have a viewer.
-pub(super) fn is_served() -> Result<bool> {
-    let server = serve()?;
-    let mut stream = TcpStream::connect(server.address)?;
-    write!(stream, "GET /cities/chiba HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", server.address)?;
-    let mut response = String::new();
-    stream.read_to_string(&mut response)?;
-    Ok(response.contains("<insula-city"))
+/// Opens the page of the bundled city, and waits for its final picture.
+pub(super) fn open(server: &ServerProcess) -> Result<CityPage> {
+    open_url(&url(server))
+}
+
+/// The same for any page.
+pub(super) fn open_url(url: &str) -> Result<CityPage> {
+    let page = CityPage::open(browser(false)?.as_ref(), PageOptions::default(), url)?;
+    page.wait_until_final(0)?;
+    Ok(page)
+}
+
+/// Views of the bundled city, of which the last is near to its houses.
+pub(super) fn cameras() -> Result<Vec<String>> {
+    let manifest = serde_json::from_slice(&std::fs::read(fixtures::baked_chiba()?.join("city.json"))?)?;
+    same_picture::cameras(&manifest)
+}
+
+/// A view that needs other tiles than the first one.
+pub(super) fn near_camera() -> Result<String> {
+    cameras()?.pop().context("no camera")
 }
 
 /// Keeps a screenshot for people to look at.
@@ -69,14 +86,19 @@ pub(super) fn ensure_no_problems(page: &CityPage) -> Result<()> {
     Ok(())
 }
 
-/// Fails if the middle of the page shows no city.
+/// Waits until the middle of the page shows a city: the screen gets a picture after the page has drawn it.
 pub(super) fn ensure_city_is_visible(page: &CityPage) -> Result<()> {
-    let found = colours(&page.middle()?);
-    if found < CITY_COLOURS {
-        keep(page, "no-city")?;
-        bail!("{found} colours in the middle of the page: no-city.png");
+    let begin = Instant::now();
+    loop {
+        let found = colours(&page.middle()?);
+        if found >= CITY_COLOURS {
+            return Ok(());
+        }
+        if begin.elapsed() > REACTION {
+            keep(page, "no-city")?;
+            bail!("{found} colours in the middle of the page: no-city.png");
+        }
     }
-    Ok(())
 }
 
 /// Fails if a picture shows no city, or the other another view.
@@ -95,44 +117,57 @@ pub(super) fn hosts(page: &CityPage) -> Result<BTreeSet<String>> {
     Ok(requests.iter().filter(|request| !request.url.starts_with("blob:")).filter_map(|r| host(&r.url)).collect())
 }
 
-/// In both sizes, dark and light: a city, the adapter's name, no error, no other host, few bytes.
-pub(super) fn the_page_shows_the_city() -> Result<()> {
-    let server = serve()?;
-    for (size, touch) in [(DESKTOP, false), (PHONE, true)] {
-        for dark in [false, true] {
-            let browser = Browser::launch(BrowserOptions { gpu: false, size, dark, touch })?;
-            let page = CityPage::open(&browser, &url(&server))?;
-            let ready_ms = page.last_event(0, "ready")?["firstMs"].as_f64().context("no time")?;
-            let bytes = page.page.bytes_until(ready_ms / 1000.0)?;
-            ensure!((50_000..=FIRST_BYTES).contains(&bytes), "{bytes} bytes before the first picture");
-            page.wait_until_final(0)?;
-            ensure_city_is_visible(&page)?;
-            let name = format!("city-{}x{}-{}", size[0], size[1], if dark { "dark" } else { "light" });
-            let picture = keep(&page, &name)?;
-            println!("{name}: {bytes} bytes before the first picture, {} colours", colours(&picture));
-            let adapter = page.last_event(0, "adapter")?["detail"].clone();
-            let why = adapter["why"].as_str().unwrap_or_default();
-            ensure!(adapter["kind"] == "cpu" && !why.is_empty(), "{adapter}");
-            ensure!(hosts(&page)? == BTreeSet::from([server.address.to_string()]), "{:?}", hosts(&page)?);
-            ensure_no_problems(&page)?;
-        }
-    }
-    Ok(())
+/// A city, the adapter's name, no error, no other host, few bytes.
+fn ensure_page_shows_city(options: PageOptions) -> Result<()> {
+    let (server, browser) = (serve()?, browser(false)?);
+    let page = CityPage::open(&browser, options, &url(&server))?;
+    let ready_s = page.last_event(0, "ready")?["firstMs"].as_f64().context("no time")? / 1000.0;
+    page.wait_until_final(0)?;
+    // How many tiles have arrived by then depends on the machine.
+    let is_program = |request: &&Request| {
+        !request.url.contains("/v1/cities/") && request.end_s.is_some_and(|end_s| end_s <= ready_s)
+    };
+    let bytes: u64 = page.page.requests()?.iter().filter(is_program).map(|request| request.bytes).sum();
+    ensure!((50_000..=PROGRAM_BYTES).contains(&bytes), "{bytes} bytes of the program before the first picture");
+    ensure_city_is_visible(&page)?;
+    let ([width, height], scheme) = (options.size, if options.dark { "dark" } else { "light" });
+    let name = format!("city-{width}x{height}-{scheme}");
+    let picture = keep(&page, &name)?;
+    println!("{name}: {bytes} bytes of the program, {} colours", colours(&picture));
+    let cpu = "(({ kind, why }) => kind === 'cpu' && why !== '')";
+    page.page.wait_for(&format!("{cpu}({}.insulaSeen.adapter.detail)", CityPage::element(0)), REACTION)?;
+    ensure!(hosts(&page)? == BTreeSet::from([server.address.to_string()]), "{:?}", hosts(&page)?);
+    ensure_no_problems(&page)
+}
+
+pub(super) fn phones_show_the_city() -> Result<()> {
+    ensure_page_shows_city(PageOptions { size: PHONE, dark: false, touch: true })
+}
+
+pub(super) fn dark_phones_show_the_city() -> Result<()> {
+    ensure_page_shows_city(PageOptions { size: PHONE, dark: true, touch: true })
+}
+
+pub(super) fn desktops_show_the_city() -> Result<()> {
+    ensure_page_shows_city(PageOptions { size: DESKTOP, dark: false, touch: false })
+}
+
+pub(super) fn dark_desktops_show_the_city() -> Result<()> {
+    ensure_page_shows_city(PageOptions { size: DESKTOP, dark: true, touch: false })
 }
 
 /// With one city, `/` is its page.
 pub(super) fn a_single_city_is_the_root() -> Result<()> {
-    let (server, browser) = (serve()?, Browser::launch(BrowserOptions::default())?);
-    let page = CityPage::open(&browser, &format!("http://{}/", server.address))?;
-    page.wait_until_final(0)?;
+    let server = serve()?;
+    let page = open_url(&format!("http://{}/", server.address))?;
     ensure_city_is_visible(&page)?;
     ensure_no_problems(&page)
 }
 
 /// Title and sources are part of the page that the server sends.
 pub(super) fn a_page_without_scripts_lists_the_city() -> Result<()> {
-    let (server, browser) = (serve()?, Browser::launch(BrowserOptions::default())?);
-    let page = CityPage::new(&browser)?;
+    let (server, browser) = (serve()?, browser(false)?);
+    let page = CityPage::new(&browser, PageOptions::default())?;
     page.page.set_scripts(false)?;
     page.page.navigate(&url(&server))?;
     let text = page.page.evaluate("document.body.innerText")?;
@@ -145,71 +180,74 @@ pub(super) fn a_page_without_scripts_lists_the_city() -> Result<()> {
 }
 
 pub(super) fn keys_and_mouse_move_the_camera() -> Result<()> {
-    let (server, browser) = (serve()?, Browser::launch(BrowserOptions::default())?);
-    let page = CityPage::open(&browser, &url(&server))?;
-    page.wait_until_final(0)?;
-    let middle = [480.0, 300.0];
-    page.moves_by("dragging", 0, |page| page.drag(Button::Left, middle, [600.0, 300.0]))?;
-    page.moves_by("dragging with the right button", 0, |page| page.drag(Button::Right, middle, [480.0, 380.0]))?;
-    page.moves_by("the wheel", 0, |page| page.wheel(middle, -240.0))?;
+    let server = serve()?;
+    let page = open(&server)?;
+    let moves_by = |what: &str, action: &dyn Fn(&Page) -> Result<()>| -> Result<()> {
+        page.moves_by(what, 0, action)?;
+        page.wait_until_final(0)
+    };
+    let [x, y] = FREE;
+    moves_by("dragging", &|page| page.drag(Button::Left, FREE, [x + 60.0, y]))?;
+    moves_by("dragging with the right button", &|page| page.drag(Button::Right, FREE, [x, y + 30.0]))?;
+    moves_by("the wheel", &|page| page.wheel(FREE, -240.0))?;
     for key in ["w", "PageUp", "ArrowLeft"] {
-        page.moves_by(key, 0, |page| page.hold(key, Duration::from_millis(300)))?;
+        page.moves_by(key, 0, |page| page.key_down(key))?;
+        page.page.key_up(key)?;
+        // It rests again.
+        page.wait_until_final(0)?;
     }
-    page.moves_by("a double click", 0, |page| page.click(middle, 2))?;
-    page.wait_until_final(0)?;
+    moves_by("a double click", &|page| page.click(FREE, 2))?;
     keep(&page, "moved")?;
     // The address is the link to this view.
     let camera = page.camera(0)?;
     page.page.wait_for(&format!("decodeURIComponent(location.hash).includes('camera={camera}')"), REACTION)?;
-    page.moves_by("h", 0, |page| page.press("h"))?;
-    page.wait_until_final(0)?;
+    moves_by("h", &|page| page.press("h"))?;
     ensure_city_is_visible(&page)?;
     ensure_no_problems(&page)
 }
 
 pub(super) fn touch_moves_the_camera() -> Result<()> {
-    let options = BrowserOptions { size: PHONE, touch: true, ..BrowserOptions::default() };
-    let (server, browser) = (serve()?, Browser::launch(options)?);
-    let page = CityPage::open(&browser, &url(&server))?;
-    page.wait_until_final(0)?;
-    let from = [195.0, 420.0];
-    page.moves_by("a finger", 0, |page| page.touch(&[[from, [260.0, 440.0]]]))?;
+    let (server, browser) = (serve()?, browser(false)?);
+    let options = PageOptions { size: PHONE, touch: true, ..PageOptions::default() };
+    let page = CityPage::open(&browser, options, &url(&server))?;
+    let moves_by = |what: &str, fingers: &[[[f64; 2]; 2]]| -> Result<()> {
+        page.wait_until_final(0)?;
+        page.moves_by(what, 0, |page| page.touch(fingers))
+    };
+    moves_by("a finger", &[[[195.0, 420.0], [260.0, 440.0]]])?;
     let two = |shift: [[f64; 2]; 2]| {
         let (a, b) = ([140.0, 420.0], [250.0, 420.0]);
         [[a, [a[0] + shift[0][0], a[1] + shift[0][1]]], [b, [b[0] + shift[1][0], b[1] + shift[1][1]]]]
     };
-    page.moves_by("two fingers apart", 0, |page| page.touch(&two([[-60.0, 0.0], [60.0, 0.0]])))?;
-    page.moves_by("two fingers aside", 0, |page| page.touch(&two([[50.0, 0.0], [50.0, 0.0]])))?;
-    page.moves_by("two fingers down", 0, |page| page.touch(&two([[0.0, 80.0], [0.0, 80.0]])))?;
-    page.moves_by("two fingers turning", 0, |page| page.touch(&two([[0.0, 70.0], [0.0, -70.0]])))?;
+    moves_by("two fingers apart", &two([[-60.0, 0.0], [60.0, 0.0]]))?;
+    moves_by("two fingers aside", &two([[50.0, 0.0], [50.0, 0.0]]))?;
+    moves_by("two fingers down", &two([[0.0, 80.0], [0.0, 80.0]]))?;
+    moves_by("two fingers turning", &two([[0.0, 70.0], [0.0, -70.0]]))?;
     ensure!(page.page.evaluate("visualViewport.scale")? == 1, "the page itself was scaled");
     ensure_no_problems(&page)
 }
 
 /// The camera in the address is the first view, and a new address another.
 pub(super) fn a_link_opens_its_view() -> Result<()> {
-    let (server, browser) = (serve()?, Browser::launch(BrowserOptions::default())?);
-    let page = CityPage::open(&browser, &url(&server))?;
-    page.moves_by("dragging", 0, |page| page.drag(Button::Left, [480.0, 300.0], [300.0, 320.0]))?;
+    let (server, camera) = (serve()?, near_camera()?);
+    let page = open(&server)?;
+    page.page.evaluate(&format!("location.hash = 'camera={camera}'"))?;
+    page.wait_for_view(0, &camera)?;
     page.wait_until_final(0)?;
-    let (camera, shown) = (page.camera(0)?, page.picture(0, [320, 200])?);
-    let other = CityPage::open(&browser, &format!("{}#camera={camera}", url(&server)))?;
-    other.wait_until_final(0)?;
+    let (camera, shown) = (page.camera(0)?, page.picture(0, PICTURE)?);
+    let other = open_url(&format!("{}#camera={camera}", url(&server)))?;
     ensure!(other.camera(0)? == camera, "{} instead of {camera}", other.camera(0)?);
-    ensure_same_view(&shown, &other.picture(0, [320, 200])?)?;
+    ensure_same_view(&shown, &other.picture(0, PICTURE)?)?;
     // A hostile address is ignored.
-    let hostile = format!("{}#camera=1,2,<img src=x>,NaN,1e999,0&time=never", url(&server));
-    let page = CityPage::open(&browser, &hostile)?;
-    page.wait_until_final(0)?;
+    let page = open_url(&format!("{}#camera=1,2,<img src=x>,NaN,1e999,0&time=never", url(&server)))?;
     ensure_city_is_visible(&page)?;
     ensure_no_problems(&page)
 }
 
 pub(super) fn a_click_picks_a_point() -> Result<()> {
-    let (server, browser) = (serve()?, Browser::launch(BrowserOptions::default())?);
-    let page = CityPage::open(&browser, &url(&server))?;
-    page.wait_until_final(0)?;
-    page.page.click([480.0, 320.0], 1)?;
+    let server = serve()?;
+    let page = open(&server)?;
+    page.page.click(FREE, 1)?;
     page.page.wait_for(&format!("{}.insulaSeen.pick", CityPage::element(0)), REACTION)?;
     let picked = page.last_event(0, "pick")?["detail"].clone();
     let bounds = page.page.evaluate(&format!("{}.manifest.bounds", CityPage::element(0)))?;
@@ -227,30 +265,31 @@ pub(super) fn a_click_picks_a_point() -> Result<()> {
 
 /// A second element in the same page: both draw, and each has a camera of its own.
 pub(super) fn two_viewers_share_a_page() -> Result<()> {
-    let (server, browser) = (serve()?, Browser::launch(BrowserOptions::default())?);
-    let page = CityPage::open(&browser, &url(&server))?;
+    let server = serve()?;
+    let page = open(&server)?;
     page.page.evaluate(
         "(() => { const [first] = document.getElementsByTagName('insula-city');
             const second = document.createElement('insula-city');
             second.setAttribute('src', first.getAttribute('src'));
-            Object.assign(second.style, { position: 'fixed', left: '10px', top: '10px', width: '320px', height: '240px' });
+            Object.assign(second.style, { position: 'fixed', left: '10px', top: '120px', width: '160px', height: '130px' });
             document.body.append(second); })()",
     )?;
     page.wait_until_ready(1)?;
     page.wait_until_final(0)?;
     page.wait_until_final(1)?;
     let first = page.camera(0)?;
-    page.moves_by("dragging", 1, |page| page.drag(Button::Left, [100.0, 100.0], [200.0, 120.0]))?;
+    page.moves_by("dragging", 1, |page| page.drag(Button::Left, [60.0, 180.0], [110.0, 190.0]))?;
     page.wait_until_final(1)?;
+    page.wait_until_final(0)?;
     ensure!(page.camera(0)? == first, "the other viewer moved, too");
     for number in 0..2 {
-        let picture = page.picture(number, [320, 200])?;
+        let picture = page.picture(number, PICTURE)?;
         ensure!(colours(&picture) >= CITY_COLOURS, "viewer {number}: {} colours", colours(&picture));
     }
     keep(&page, "two-viewers")?;
     // A viewer that is removed ends; the other one stays.
     page.page.evaluate(&format!("{}.remove()", CityPage::element(1)))?;
-    page.moves_by("dragging", 0, |page| page.drag(Button::Left, [600.0, 400.0], [700.0, 400.0]))?;
+    page.moves_by("dragging", 0, |page| page.drag(Button::Left, [300.0, 220.0], [350.0, 220.0]))?;
     page.wait_until_final(0)?;
     ensure_no_problems(&page)
 }
@@ -276,9 +315,7 @@ pub(super) fn hostile_names_are_text() -> Result<()> {
     let chiba = fixtures::baked_chiba()?;
     let mut command = Command::new(program("insula-server")?);
     let server = ServerProcess::start_with(&mut command, &[&city, &chiba], "127.0.0.1:0", &[])?;
-    let browser = Browser::launch(BrowserOptions::default())?;
-    let page = CityPage::open(&browser, &format!("http://{}/cities/hostile", server.address))?;
-    page.wait_until_final(0)?;
+    let page = open_url(&format!("http://{}/cities/hostile", server.address))?;
     let is_clean = "(() => { const all = root => [...root.querySelectorAll('*')].flatMap(e => [e, ...(e.shadowRoot ? all(e.shadowRoot) : [])]);
         const found = all(document).filter(e => e.id === 'hacked' || e.hasAttribute('onerror') || e.hasAttribute('onload')
             || /^javascript:/i.test(e.getAttribute('href') ?? ''));

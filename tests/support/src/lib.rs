@@ -8,3 +8,4 @@ pub mod programs;
 pub mod rng;
 #[cfg(feature = "city")]
 pub mod small_city;
+pub mod tier;

@@ -14,7 +14,7 @@ use std::{
 /// Longest time that a program of a test may run.
 const MAX_TIME: Duration = Duration::from_secs(120);
 /// Longest time that [`wait_until`] waits.
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The path of a program of the workspace, found beside the running program or test. Fails if it is not built.
 pub fn program(name: &str) -> Result<PathBuf> {
@@ -135,7 +135,7 @@ impl Drop for ServerProcess {
     }
 }
 
-/// Polls `condition` for at most 20 s. Panics with `what` if it does not come true.
+/// Polls `condition` for at most a minute. Panics with `what` if it does not come true.
 #[track_caller]
 pub fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
     let deadline = Instant::now() + PATIENCE;

@@ -126,7 +126,8 @@ impl TileSource for CachedCity {
 mod tests {
     use super::*;
     use insula_protocol::TileId;
-    use insula_viewer::{streamer::FetchError, test_support::manifest};
+    use insula_test_support::small_city::empty_manifest;
+    use insula_viewer::streamer::FetchError;
 
     struct Nowhere;
 
@@ -144,7 +145,7 @@ mod tests {
     fn cities_of_the_same_name_and_version_at_other_addresses_share_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Arc::new(DiskCache::open(folder.path(), EXTENSION, 1 << 20).unwrap());
-        let city = |address: &str| CachedCity::new(Arc::new(Nowhere), cache.clone(), address, &manifest(3));
+        let city = |address: &str| CachedCity::new(Arc::new(Nowhere), cache.clone(), address, &empty_manifest(3));
         let key = TileKey::mesh(TileId::new(20, 1_000_000, 1_000_000).unwrap(), 3);
         let evil = [
             "http://h:7700/v1/cities/test",
@@ -164,7 +165,7 @@ mod tests {
     fn the_longest_names_are_valid_keys() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Arc::new(DiskCache::open(folder.path(), EXTENSION, 1 << 20).unwrap());
-        let mut manifest = manifest(3);
+        let mut manifest = empty_manifest(3);
         (manifest.name, manifest.version) = ("n".repeat(64), "v".repeat(64));
         let city = CachedCity::new(Arc::new(Nowhere), cache, "http://h", &manifest);
         for key in [TileKey::mesh, |id, _| TileKey::block_map(id), |id, _| TileKey::subtree(id)]

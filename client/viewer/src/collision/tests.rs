@@ -5,7 +5,6 @@ use crate::{
     cache::{PackedTile, Upload},
     scene::TileKey,
     solids::MeshSolids,
-    test_support::manifest,
 };
 use glam::dvec3;
 use insula_protocol::{
@@ -16,6 +15,7 @@ use insula_protocol::{
     octahedral,
 };
 use insula_shaders::layout::SUMMARY_WORDS;
+use insula_test_support::small_city::empty_manifest;
 
 struct NoAtlas;
 
@@ -27,7 +27,7 @@ impl Upload for NoAtlas {
 
 /// A city of four leaves of 64 m, 100 m above zero, with its ground plane at 100 m.
 fn city() -> Manifest {
-    Manifest { origin: [1000.0, 2000.0, 100.0], ground_z_m: 100.0, ..manifest(1) }
+    Manifest { origin: [1000.0, 2000.0, 100.0], ground_z_m: 100.0, ..empty_manifest(1) }
 }
 
 fn leaf(x: u32, y: u32) -> TileId {

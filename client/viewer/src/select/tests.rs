@@ -12,13 +12,13 @@ use super::*;
 use crate::{
     camera::Camera,
     scene::{NodeIndex, TileEvent, TileKey, TreeNode},
-    test_support,
 };
 use glam::DVec3;
 use insula_protocol::{
     Manifest, Subtree, TileId,
     subtree::{MeshLod, NodeInfo, NodeMesh},
 };
+use insula_test_support::small_city::empty_manifest;
 use occlusion_feedback::OcclusionQuery;
 use priority::{PriorityGroup, RequestReason, TileRequest};
 use screen_error::ErrorMetric;
@@ -30,7 +30,7 @@ const ORIGIN: DVec3 = DVec3::new(500_000.0, 4_000_000.0, 10.0);
 const NOW: Duration = Duration::from_secs(100);
 
 fn manifest(depth: u8) -> Manifest {
-    Manifest { origin: ORIGIN.to_array(), bounds: [[0.0; 3]; 2], ..test_support::manifest(depth) }
+    Manifest { origin: ORIGIN.to_array(), bounds: [[0.0; 3]; 2], ..empty_manifest(depth) }
 }
 
 /// The subtrees of a full tree of `depth`, without the nodes that `skip` names and what lies below them.

@@ -126,9 +126,10 @@ impl TileSource for ServerSource {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{source::RangeResponse, test_support::manifest};
+    use crate::source::RangeResponse;
     use futures_util::FutureExt as _;
     use insula_protocol::TileId;
+    use insula_test_support::small_city::empty_manifest;
     use std::{
         ops::Range,
         pin::pin,
@@ -156,7 +157,7 @@ mod tests {
 
     fn search(body: Result<&'static str, FetchError>) -> (String, Result<Option<Vec<SearchHit>>, FetchError>) {
         let http = Arc::new(OneAnswer { body: body.map(Bytes::from), asked: Mutex::default() });
-        let source = ServerSource::new(http.clone(), "http://h:1/", "?share=s", &manifest(0));
+        let source = ServerSource::new(http.clone(), "http://h:1/", "?share=s", &empty_manifest(0));
         let mut future = pin!(source.search("Straße & 1", 3));
         let Poll::Ready(found) = future.as_mut().poll(&mut Context::from_waker(Waker::noop())) else {
             panic!("the answer is there at once");
@@ -174,7 +175,7 @@ mod tests {
 
     fn fetch_group(body: Result<Bytes, FetchError>) -> (ServerSource, Result<Vec<Option<Bytes>>, FetchError>, String) {
         let http = Arc::new(OneAnswer { body, asked: Mutex::default() });
-        let source = ServerSource::new(http.clone(), "http://h:1", "?share=s", &manifest(0));
+        let source = ServerSource::new(http.clone(), "http://h:1", "?share=s", &empty_manifest(0));
         let group = TileGroup::new(TileKind::BlockMap, TileId::new(1, 0, 0).unwrap(), 2, 0).unwrap();
         let keys: Vec<TileKey> = TileId::ROOT.children().skip(1).map(TileKey::block_map).collect();
         let tiles = source.group(group, &keys).now_or_never().unwrap();

@@ -30,10 +30,20 @@ impl BlockObject for CountedObject {
         self.fetches.fetch_add(1, Ordering::Relaxed);
         assert!(range.start.is_multiple_of(64) && range.end <= 1000);
         Box::pin(async move {
-            tokio::time::sleep(Duration::from_millis(1)).await;
+            tokio::task::yield_now().await;
             Ok(range.map(|at| (at % 251) as u8).collect())
         })
     }
+}
+
+/// Waits for what another thread brings about.
+async fn wait_until(condition: impl Fn() -> bool) {
+    let poll = async {
+        while !condition() {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(60), poll).await.expect("it does not come about");
 }
 
 type Events = Arc<Mutex<Vec<String>>>;
@@ -81,9 +91,7 @@ async fn blocks_outlive_the_process_until_they_are_invalidated() {
     source.read(0..64).bytes().await.unwrap();
     let path = folder.path().join(format!("{:032x}-0.block", 7));
     // The block is written after the response.
-    while !path.exists() {
-        tokio::time::sleep(Duration::from_millis(1)).await;
-    }
+    wait_until(|| path.exists()).await;
     let (cache, events) = cache(Some(folder.path()), 0);
     let source = cache.source(object.clone());
     assert_eq!(source.read(3..5).bytes().await.unwrap(), &[3, 4][..]);
@@ -103,7 +111,5 @@ async fn a_folder_that_fails_is_reported_and_costs_fetches_only() {
     for _ in 0..2 {
         assert_eq!(source.read(0..2).bytes().await.unwrap(), &[0, 1][..]);
     }
-    while !events.lock().unwrap().iter().any(|event| event.starts_with("DiskError")) {
-        tokio::time::sleep(Duration::from_millis(1)).await;
-    }
+    wait_until(|| events.lock().unwrap().iter().any(|event| event.starts_with("DiskError"))).await;
 }

@@ -6,6 +6,7 @@ use crate::{
     schema::SchemaBuilder,
     value::{Value, parse_date},
 };
+use insula_test_support::tier;
 use proptest::prelude::*;
 
 /// Object 0 has all attributes, object 1 only a name, object 2 is not in use, object 3 has nothing.
@@ -181,7 +182,7 @@ fn long_and_deep_filters_are_refused() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(512))]
+    #![proptest_config(ProptestConfig::with_cases(tier::cases()))]
 
     #[test]
     fn any_text_gives_a_filter_or_an_error_within_it(

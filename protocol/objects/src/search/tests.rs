@@ -1,5 +1,6 @@
 //! Queries of made-up cities, and damaged indexes.
 
+use insula_test_support::tier;
 use proptest::prelude::*;
 
 use super::*;
@@ -200,13 +201,14 @@ fn truncated_and_damaged_bytes_are_refused() {
 #[test]
 fn hostile_bytes_with_a_valid_checksum_do_no_harm() {
     let bytes = bytes_of(NAMES);
-    for at in 0..bytes.len() - 4 {
-        for change in [1, 0x10, 0x40, 0x80, 0xff] {
-            let mut bytes = bytes.clone();
-            bytes[at] ^= change;
-            seal(&mut bytes);
-            query_all(&bytes);
-        }
+    let changes = [1, 0x10, 0x40, 0x80, 0xff];
+    // A smaller step than there are changes, so that every byte has one, and they take turns.
+    let step = if tier::is_full() { 1 } else { changes.len() - 1 };
+    for i in (0..(bytes.len() - 4) * changes.len()).step_by(step) {
+        let mut bytes = bytes.clone();
+        bytes[i / changes.len()] ^= changes[i % changes.len()];
+        seal(&mut bytes);
+        query_all(&bytes);
     }
     let mut huge = bytes.clone();
     huge[8..12].fill(0xff);
@@ -215,7 +217,7 @@ fn hostile_bytes_with_a_valid_checksum_do_no_harm() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(512))]
+    #![proptest_config(ProptestConfig::with_cases(tier::cases()))]
 
     #[test]
     fn several_changes_with_a_valid_checksum_do_no_harm(

@@ -1,7 +1,7 @@
 //! A city of 20 levels, full everywhere: more nodes than any memory holds.
 
 use super::super::*;
-use crate::{cache::PackedTile, camera::Camera, decode::DecodedTile, scene::MAX_SUBTREE_BYTES, test_support::manifest};
+use crate::{cache::PackedTile, camera::Camera, decode::DecodedTile, scene::MAX_SUBTREE_BYTES};
 use glam::DVec3;
 use insula_protocol::{
     BlockMap, Subtree, Texel, TileId,
@@ -9,6 +9,7 @@ use insula_protocol::{
     subtree::{LEVELS, NodeInfo},
 };
 use insula_shaders::layout::SUMMARY_WORDS;
+use insula_test_support::small_city::empty_manifest;
 use std::collections::{HashSet, VecDeque};
 
 const DEPTH: u8 = 20;
@@ -88,13 +89,13 @@ struct DeepCityTour {
 impl DeepCityTour {
     fn new() -> Self {
         let downloads = Downloads::new(DeepCityFetcher::default(), 12);
-        let streamer = Streamer::new(SceneTree::new(manifest(DEPTH)), downloads, CACHE_PAGES);
+        let streamer = Streamer::new(SceneTree::new(empty_manifest(DEPTH)), downloads, CACHE_PAGES);
         Self { streamer, now: Duration::from_secs(100) }
     }
 
     /// Looks around at a stop until nothing is missing. Returns the draw list: each node, and whose tile is drawn there.
     fn stop_at(&mut self, stop: u32) -> HashSet<(TileId, TileId)> {
-        let side_m = manifest(DEPTH).root_side_m;
+        let side_m = empty_manifest(DEPTH).root_side_m;
         // Far from each other, so that only the topmost subtree is common.
         let [x, y] = [0.381, 0.618].map(|step: f64| (0.3 + f64::from(stop) * step).fract() * side_m);
         let position = DVec3::new(x, y, 30.0);

@@ -1,10 +1,10 @@
 //! Properties of all roofs over random plans.
 
+use insula_test_support::tier;
 use proptest::prelude::*;
 
 use super::*;
 
-const CASES: u32 = 256;
 /// Corners that are slightly off a wall's line, and above a roof that begins at the floor, bend its faces.
 const PLANAR_M: f64 = 0.1;
 
@@ -20,7 +20,7 @@ fn any_spec() -> impl Strategy<Value = RoofSpec> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: CASES, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(tier::cases()) })]
 
     #[test]
     fn roofs_are_closed_and_cover_the_footprint(rings in plans::any_plan(), spec in any_spec()) {

@@ -1,0 +1,16 @@
+//! Whole bakes: what a finished city holds, and what interrupted, divided and repeated bakes give.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod facades;
+mod formats;
+mod ground;
+mod landmarks;
+mod palette;
+mod resume;
+mod steps;
+mod support;
+mod terrain;
+mod update;
+mod water;
+mod whole;

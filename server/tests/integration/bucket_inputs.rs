@@ -1,0 +1,125 @@
+//! `bake` and `inspect` of files in a bucket: the same city as from a folder.
+
+use std::{
+    fs,
+    io::{BufRead, BufReader, Write},
+    net::{SocketAddr, TcpListener, TcpStream},
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+    sync::Arc,
+    thread,
+};
+
+/// Answers what an object store does for one bucket whose objects are the files of a folder: sizes, ranges and one list.
+struct FakeBucket {
+    folder: PathBuf,
+}
+
+impl FakeBucket {
+    fn start(folder: &Path) -> SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        let bucket = Arc::new(Self { folder: folder.to_owned() });
+        thread::spawn(move || {
+            for stream in listener.incoming() {
+                let bucket = Arc::clone(&bucket);
+                thread::spawn(move || while bucket.answer(stream.as_ref().unwrap()).is_some() {});
+            }
+        });
+        address
+    }
+
+    /// Answers a request; `None` at the end of the connection.
+    fn answer(&self, mut stream: &TcpStream) -> Option<()> {
+        let mut lines = BufReader::new(stream).lines();
+        let request = lines.next()?.ok()?;
+        let headers: Vec<String> = lines.map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
+        let (path, query) = request.split(' ').nth(1)?.split_once('?').unwrap_or((request.split(' ').nth(1)?, ""));
+        let name = path.trim_start_matches('/').strip_prefix("town").unwrap_or("none").trim_start_matches('/');
+        let head = "Last-Modified: Fri, 27 Nov 2026 00:00:00 GMT\r\nETag: \"1\"\r\nContent-Length";
+        if query.contains("list-type=2") {
+            let body = self.list();
+            return write!(stream, "HTTP/1.1 200 OK\r\n{head}: {}\r\n\r\n{body}", body.len()).ok();
+        }
+        let Ok(bytes) = fs::read(self.folder.join(name)) else {
+            return write!(stream, "HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n").ok();
+        };
+        if request.starts_with("HEAD") {
+            return write!(stream, "HTTP/1.1 200 OK\r\n{head}: {}\r\n\r\n", bytes.len()).ok();
+        }
+        let range =
+            headers.iter().find_map(|line| line.to_ascii_lowercase().strip_prefix("range: bytes=").map(str::to_owned));
+        let (start, last) =
+            range?.split_once('-').map(|(a, b)| (a.parse::<usize>().unwrap(), b.parse::<usize>().unwrap()))?;
+        let part = &bytes[start..bytes.len().min(last + 1)];
+        let place = format!("bytes {start}-{}/{}", start + part.len() - 1, bytes.len());
+        write!(stream, "HTTP/1.1 206 Partial Content\r\nContent-Range: {place}\r\n{head}: {}\r\n\r\n", part.len())
+            .ok()?;
+        stream.write_all(part).ok()
+    }
+
+    /// A list of all objects below `in`.
+    fn list(&self) -> String {
+        let entry = |entry: fs::DirEntry| {
+            let (name, bytes) = (entry.file_name().into_string().unwrap(), entry.metadata().unwrap().len());
+            format!(
+                "<Contents><Key>in/{name}</Key><LastModified>2026-11-27T00:00:00.000Z</LastModified><Size>{bytes}</Size></Contents>"
+            )
+        };
+        let entries: String =
+            fs::read_dir(self.folder.join("in")).unwrap().map(|found| entry(found.unwrap())).collect();
+        format!("<?xml version=\"1.0\"?><ListBucketResult><IsTruncated>false</IsTruncated>{entries}</ListBucketResult>")
+    }
+}
+
+fn run(store: SocketAddr, folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_insula-server"))
+        .current_dir(folder)
+        .args(args)
+        .env("AWS_ENDPOINT", format!("http://{store}"))
+        .env("AWS_ACCESS_KEY_ID", "test")
+        .env("AWS_SECRET_ACCESS_KEY", "test")
+        .env("AWS_REGION", "us-east-1")
+        .stdin(Stdio::null())
+        .output()
+        .unwrap()
+}
+
+/// A file of a house whose south-west corner is so many degrees east.
+fn write_house(folder: &Path, name: &str, east: f64) {
+    let (west, east) = (139.7 + east, 139.7002 + east);
+    let text = format!(
+        r#"{{"type":"Feature","id":"{name}","properties":{{"height":9}},"geometry":{{"type":"Polygon","coordinates":
+        [[[{west},35.2],[{east},35.2],[{east},35.2001],[{west},35.2001],[{west},35.2]]]}}}}"#
+    );
+    fs::write(folder.join(name), text.replace('\n', "") + "\n").unwrap();
+}
+
+#[test]
+fn a_bucket_gives_the_city_of_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::create_dir_all(path.join("in")).unwrap();
+    write_house(&path.join("in"), "a.geojsonl", 0.0);
+    write_house(&path.join("in"), "b.geojsonl", 0.001);
+    let store = FakeBucket::start(path);
+    let baked = |input: &str, out: &str| {
+        let output = run(store, path, &["bake", input, "--out", &format!("{out}/city"), "--cell", "4"]);
+        assert!(output.status.success(), "{input}: {output:?}");
+        fs::read(path.join(out).join("city/blockmaps.pmtiles")).unwrap()
+    };
+    fs::create_dir_all(path.join("plain")).unwrap();
+    let plain = baked("in", "plain");
+    for (input, out) in [("s3://town/in", "folder"), ("s3://town/in/*.geojsonl", "pattern")] {
+        fs::create_dir_all(path.join(out)).unwrap();
+        assert!(baked(input, out) == plain, "{input}");
+    }
+    let output = run(store, path, &["inspect", "s3://town/in/a.geojsonl", "--json"]);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("s3://town/in/a.geojsonl"), "{output:?}");
+    let output = run(store, path, &["bake", "s3://town/in/none.gml", "--out", "none"]);
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        !output.status.success() && text.contains("s3://town/in/none.gml") && !path.join("none").exists(),
+        "{text}"
+    );
+}

@@ -1,0 +1,225 @@
+//! Vector drawings over HTTP: the bytes of `insula draw`, and the limits of the route.
+
+use crate::test_server::{TestServer, assert_problem, read_to_end};
+use insula_draw::{
+    DrawLimits, DrawRequest, draw,
+    file::{DrawingFormat, encode},
+    sheet::Paper,
+    style::Stylesheet,
+    view::DrawView,
+};
+use insula_export::selection::ObjectSelection;
+use insula_objects::Schema;
+use insula_server::{
+    config::ServeConfig,
+    store::{CityStore, StoredCity},
+};
+use insula_test_support::small_city;
+use std::fs;
+use tokio::io::AsyncWriteExt;
+
+const PATH: &str = "/v1/cities/two/draw";
+const JSON: &str = "Content-Type: application/json\r\n";
+
+async fn start(change: impl FnOnce(&mut ServeConfig)) -> TestServer {
+    let server = TestServer::start(|config| {
+        config.drawings.at_once = 1;
+        change(config);
+    })
+    .await;
+    small_city::write_city_with_meshes(&server.folder.path().join("two"), "two");
+    server.reload().await;
+    server
+}
+
+/// Head and body of the response to options.
+async fn post(server: &TestServer, path: &str, headers: &str, body: &str) -> (String, Vec<u8>) {
+    let mut stream = server.connect().await;
+    let length = body.len();
+    let request = format!(
+        "POST {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Length: {length}\r\n{headers}\r\n{body}"
+    );
+    // The server may respond, and close, before it has the whole body.
+    let _ = stream.write_all(request.as_bytes()).await;
+    let mut response = read_to_end(&mut stream).await;
+    let end = response.windows(4).position(|window| window == b"\r\n\r\n").unwrap();
+    let body = response.split_off(end + 4);
+    (String::from_utf8(response).unwrap(), body)
+}
+
+async fn assert_refused(server: &TestServer, headers: &str, body: &str, status: u16, words: &str) {
+    let (head, problem) = post(server, PATH, headers, body).await;
+    let response = head + &String::from_utf8(problem).unwrap();
+    assert_problem(&response, status);
+    assert!(response.contains(words), "{body}: {response}");
+}
+
+#[tokio::test]
+async fn drawings_are_those_of_the_command() {
+    let server = start(|_| {}).await;
+    let city = CityStore::open(&server.folder.path().join("two")).unwrap();
+    let schema = Schema::default();
+    let read = |kind, id| city.tile(kind, id);
+    let source = StoredCity::new(city.manifest(), &schema, &read);
+    for (format, name, content_type) in [
+        (DrawingFormat::Svg, "svg", "image/svg+xml"),
+        (DrawingFormat::Pdf, "pdf", "application/pdf"),
+        (DrawingFormat::Dxf, "dxf", "image/vnd.dxf"),
+    ] {
+        let request = DrawRequest {
+            view: DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 },
+            selection: ObjectSelection::default(),
+            paper: Paper::parse("A4").unwrap(),
+            scale: Some(2000.0),
+            is_bare: false,
+            title: Some("A <title>".to_owned()),
+            style: Stylesheet { shadows: true, sun: [200.0, 40.0], ..Stylesheet::default() },
+            is_checked: false,
+            keeps_parts: format == DrawingFormat::Dxf,
+            color_by: None,
+            limits: DrawLimits::default(),
+        };
+        let expected = encode(&draw(&source, &request, &|_, _| true).unwrap(), format);
+        let options = format!(
+            r#"{{"format":"{name}","axonometric":[30,35],"paper":"A4","scale":"1:2000","title":"A <title>","shadows":true,"sun":[200,40]}}"#
+        );
+        let (head, body) = post(&server, PATH, JSON, &options).await;
+        assert!(head.starts_with("HTTP/1.1 200 "), "{head} {}", String::from_utf8_lossy(&body));
+        assert!(head.contains(&format!("content-type: {content_type}\r\n")), "{head}");
+        assert!(head.contains("cache-control: no-store\r\n") && head.contains("content-security-policy: "), "{head}");
+        assert!(body == expected, "{name}: {} and {} bytes", body.len(), expected.len());
+    }
+    let metrics = server.get("/metrics", "").await;
+    assert!(metrics.contains("insula_requests_total{route=\"draw\",code=\"200\"} 3"), "{metrics}");
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn a_stylesheet_and_a_camera_are_parts_of_the_options() {
+    let server = start(|_| {}).await;
+    let [min, max] = small_city::manifest("two").bounds;
+    let target = [0, 1, 2].map(|k| 0.5 * (min[k] + max[k]));
+    let position = [target[0], target[1] - 150.0, target[2] + 120.0];
+    let options = format!(
+        r##"{{"format":"svg","bare":true,"paper":"200x100","view":{{"position":{position:?},"target":{target:?}}},
+        "style":{{"fill":"kind","colors":{{"relief":"#123456"}},"lines":{{"crease":0}}}}}}"##
+    );
+    let (head, body) = post(&server, PATH, JSON, &options).await;
+    let svg = String::from_utf8(body).unwrap();
+    assert!(head.starts_with("HTTP/1.1 200 "), "{head} {svg}");
+    assert!(svg.contains("width=\"200mm\"") && svg.contains("#123456"), "{svg}");
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn without_the_setting_there_are_no_drawings() {
+    let server = TestServer::start(|_| {}).await;
+    assert_problem(&server.get(PATH, "").await, 404);
+    let (head, _) = post(&server, PATH, JSON, r#"{"format":"svg"}"#).await;
+    assert!(head.starts_with("HTTP/1.1 400 "), "no other route takes a body: {head}");
+    let (head, _) = post(&server, PATH, "", "").await;
+    assert!(head.starts_with("HTTP/1.1 404 "), "{head}");
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn private_cities_need_their_token() {
+    let folder = tempfile::tempdir().unwrap();
+    let tokens = folder.path().join("tokens");
+    fs::write(&tokens, "0123456789abcdef-office\n").unwrap();
+    let server = start(|config| config.access.tokens = Some(tokens.clone())).await;
+    let options = r#"{"format":"svg"}"#;
+    assert_refused(&server, JSON, options, 401, "bearer token").await;
+    let (head, _) = post(&server, "/v1/cities/none/draw", JSON, options).await;
+    assert!(head.starts_with("HTTP/1.1 401 "), "{head}");
+    let token = format!("{JSON}Authorization: Bearer 0123456789abcdef-office\r\n");
+    let (head, _) = post(&server, PATH, &token, options).await;
+    assert!(head.starts_with("HTTP/1.1 200 "), "{head}");
+    let (head, _) = post(&server, "/v1/cities/none/draw", &token, options).await;
+    assert!(head.starts_with("HTTP/1.1 404 "), "{head}");
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn hostile_options_are_explained() {
+    let server = start(|_| {}).await;
+    let deep = format!(r#"{{"format":"svg","filter":"{}height > 2"}}"#, "!(".repeat(1500));
+    let nested = "[".repeat(20_000);
+    let long_title = format!(r#"{{"format":"svg","title":"{}"}}"#, "x".repeat(300));
+    for (options, words) in [
+        ("", "EOF"),
+        ("{}", "format"),
+        (r#"{"format":"png"}"#, "png"),
+        (r#"{"format":"svg","out":"/tmp/x.svg"}"#, "out"),
+        (r#"{"format":"svg","paper":"A99"}"#, "A99"),
+        (r#"{"format":"svg","paper":"1e9x1e9"}"#, "not a paper"),
+        (r#"{"format":"svg","scale":"1:0"}"#, "scale"),
+        (r#"{"format":"svg","scale":"1:nan"}"#, "scale"),
+        (r#"{"format":"svg","bbox":[5,5,1,9]}"#, "bbox"),
+        (r#"{"format":"svg","bbox":[1e300,0,2e300,1]}"#, "bbox"),
+        (r#"{"format":"svg","view":{"position":[0,0,50],"target":[0,0,90]}}"#, "nothing to draw"),
+        (r#"{"format":"svg","axonometric":[0,-5]}"#, "axonometric"),
+        (r#"{"format":"svg","plan":true,"axonometric":[0,5]}"#, "at most one"),
+        (r#"{"format":"svg","view":{"position":[0,0,1],"target":[0,0,1]}}"#, "camera"),
+        (r#"{"format":"svg","sun":[0,-5]}"#, "sun"),
+        (r#"{"format":"svg","filter":"height >"}"#, "filter"),
+        (r#"{"format":"svg","filter":"nothing == 1"}"#, "filter"),
+        (r#"{"format":"svg","color_by":"nothing:viridis"}"#, "color_by"),
+        (r#"{"format":"svg","style":{"fil":"light"}}"#, "fil"),
+        (r##"{"format":"svg","style":{"colors":{"sea":"#000000"}}}"##, "sea"),
+        (r##"{"format":"svg","style":{"colors":{"water":"url(http://x)"}}}"##, "not a colour"),
+        (r#"{"format":"svg","style":{"hatch":{"building":{"spacing":1e-9,"width":0}}}}"#, "out of range"),
+        (&deep, "filter"),
+        (&nested, "expected value"),
+        (&long_title, "title"),
+    ] {
+        assert_refused(&server, JSON, options, 400, words).await;
+    }
+    // Nothing of this has taken the only place.
+    let (head, _) = post(&server, PATH, JSON, r#"{"format":"svg"}"#).await;
+    assert!(head.starts_with("HTTP/1.1 200 "), "{head}");
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn limits_have_their_status() {
+    let server = start(|config| config.drawings.triangles = 4).await;
+    let options = r#"{"format":"svg"}"#;
+    assert_refused(&server, JSON, options, 400, "too large").await;
+    assert_refused(&server, "Content-Type: text/plain\r\n", options, 415, "JSON").await;
+    assert_refused(&server, "", options, 415, "JSON").await;
+    let long = format!(r#"{{"format":"svg","title":"{}"}}"#, "x".repeat(64 << 10));
+    assert_refused(&server, JSON, &long, 413, "64 KiB").await;
+    let get = server.get(PATH, "").await;
+    assert_problem(&get, 405);
+    assert!(get.contains("allow: POST,OPTIONS\r\n"), "{get}");
+    server.stop().await;
+    let server = start(|config| (config.limits.client_rate, config.limits.client_burst) = (0.001, 1)).await;
+    let (head, _) = post(&server, PATH, JSON, options).await;
+    assert!(head.starts_with("HTTP/1.1 200 "), "{head}");
+    assert_refused(&server, JSON, options, 429, "").await;
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn a_full_queue_is_503_and_every_request_ends() {
+    let server = start(|config| config.drawings.waiting = 1).await;
+    let options = r#"{"format":"pdf","shadows":true}"#;
+    let requests: Vec<_> = (0..12).map(|_| post(&server, PATH, JSON, options)).collect();
+    let mut made = 0;
+    for (head, _) in futures_util::future::join_all(requests).await {
+        let is_made = head.starts_with("HTTP/1.1 200 ");
+        assert!(is_made || head.starts_with("HTTP/1.1 503 ") && head.contains("retry-after: 1\r\n"), "{head}");
+        made += usize::from(is_made);
+    }
+    assert!(made >= 2, "the one in work and the one that waits are made, not {made}");
+    // A client that leaves frees its place.
+    let mut stream = server.connect().await;
+    let request =
+        format!("POST {PATH} HTTP/1.1\r\nHost: x\r\nContent-Length: {}\r\n{JSON}\r\n{options}", options.len());
+    stream.write_all(request.as_bytes()).await.unwrap();
+    drop(stream);
+    let (head, _) = post(&server, PATH, JSON, options).await;
+    assert!(head.starts_with("HTTP/1.1 200 "), "{head}");
+    server.stop().await;
+}

@@ -1,0 +1,4 @@
+//! The WGSL and what Rust shares with it, without a graphics adapter.
+
+mod backends;
+mod layout;

@@ -1,0 +1,135 @@
+//! The viewer in a browser: a real server, headless Chromium, and pictures of what a user sees.
+//!
+//! Screenshots stay in `target/browser`. Without Chromium (`INSULA_CHROMIUM`, or on the path), all tests are reported as
+//! ignored; without the viewer's files in the server, those of the viewer; unless `INSULA_REQUIRE_BROWSER=1`. All share one
+//! browser, and those of WebGPU another: each page is apart from the others. They run one after another, because a page beside
+//! others is slow.
+
+mod accessibility;
+mod component;
+mod driver;
+mod faults;
+mod objects;
+mod pictures;
+mod site;
+mod viewer;
+
+use anyhow::Result;
+use insula_tests::{
+    browser::Browser,
+    programs::{program, run},
+    trials::{Test, Trials, Turn},
+};
+use std::{
+    process::Command,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+static BROWSER: Turn = Turn::new();
+/// Without and with a GPU.
+static SHARED: Mutex<[Option<Arc<Browser>>; 2]> = Mutex::new([None, None]);
+
+type Run = fn() -> Result<()>;
+
+const QUICK_DRIVER: [(&str, Run); 1] = [("driver_collects_errors", driver::errors_are_collected)];
+
+const DRIVER: [(&str, Run); 3] = [
+    ("driver_runs_scripts_and_takes_pictures", driver::scripts_and_pictures),
+    ("driver_gives_input", driver::input_arrives),
+    ("driver_emulates_networks", driver::networks_are_emulated),
+];
+
+/// A test of each part of the page.
+const QUICK: [(&str, Run); 12] = [
+    ("the_page_shows_the_city_on_a_phone", viewer::phones_show_the_city),
+    ("a_page_without_scripts_lists_the_city", viewer::a_page_without_scripts_lists_the_city),
+    ("keys_and_mouse_move_the_camera", viewer::keys_and_mouse_move_the_camera),
+    ("a_link_opens_its_view", viewer::a_link_opens_its_view),
+    ("hostile_names_are_text", viewer::hostile_names_are_text),
+    ("the_cpu_draws_the_native_picture", pictures::the_cpu_draws_the_native_picture),
+    ("webgpu_draws_the_native_picture", pictures::webgpu_draws_the_native_picture),
+    ("clicks_show_attributes", objects::clicks_show_attributes),
+    ("the_search_finds_objects", objects::the_search_finds_objects),
+    ("a_restarted_server_is_found_again", faults::a_restarted_server_is_found_again),
+    ("an_offline_page_keeps_its_picture", faults::an_offline_page_keeps_its_picture),
+    ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
+];
+
+const FULL: [(&str, Run); 19] = [
+    ("the_page_shows_the_city_on_a_dark_phone", viewer::dark_phones_show_the_city),
+    ("the_page_shows_the_city_on_a_desktop", viewer::desktops_show_the_city),
+    ("the_page_shows_the_city_on_a_dark_desktop", viewer::dark_desktops_show_the_city),
+    ("the_page_of_a_single_city_is_the_root", viewer::a_single_city_is_the_root),
+    ("touch_moves_the_camera", viewer::touch_moves_the_camera),
+    ("a_click_picks_a_point_of_the_city", viewer::a_click_picks_a_point),
+    ("two_viewers_share_a_page", viewer::two_viewers_share_a_page),
+    ("the_cpu_draws_other_native_pictures", pictures::the_cpu_draws_other_native_pictures),
+    ("webgpu_draws_another_native_picture", pictures::webgpu_draws_another_native_picture),
+    ("pictures_have_their_own_sizes", pictures::pictures_have_their_own_sizes),
+    ("a_lost_device_falls_back_to_the_cpu", pictures::a_lost_device_falls_back),
+    ("a_visited_city_works_offline", site::a_visited_city_works_offline),
+    ("a_bad_host_is_survived", site::a_bad_host_is_survived),
+    ("damaged_bytes_are_fetched_again", site::damaged_bytes_are_fetched_again),
+    ("the_plain_example_runs", component::the_plain_example_runs),
+    ("markers_are_occluded", component::markers_are_occluded),
+    ("clicks_meet_the_same_objects_on_a_gpu", objects::clicks_meet_the_same_objects_on_a_gpu),
+    ("colours_have_a_legend", objects::colours_have_a_legend),
+    ("a_plain_host_is_searched_in_the_page", objects::a_plain_host_is_searched_in_the_page),
+];
+
+/// Tests that need files of others, and the variable that names them.
+const WITH_FILES: [(&str, Run, &str); 4] = [
+    ("the_react_example_runs", component::the_react_example_runs, "INSULA_VENDOR"),
+    ("the_maplibre_example_runs", component::the_maplibre_example_runs, "INSULA_VENDOR"),
+    ("axe_finds_nothing_serious", accessibility::axe_finds_nothing_serious, "INSULA_AXE"),
+    ("cesium_draws_the_tileset", objects::cesium_draws_the_tileset, "INSULA_CESIUM"),
+];
+
+pub(crate) fn add(trials: &mut Trials) {
+    let has_browser = Browser::find().is_some();
+    let has_viewer = has_browser && is_viewer_built();
+    if !has_browser {
+        eprintln!("no test of the browser can run: no Chromium");
+    } else if !has_viewer {
+        eprintln!("no test of the viewer can run: client/web/build comes before the server's build");
+    }
+    let is_required = std::env::var("INSULA_REQUIRE_BROWSER").is_ok_and(|value| value == "1");
+    let test = |(name, run): (&str, Run), can_run: bool| {
+        // A browser in which a test failed may be broken.
+        let run = move || run().inspect_err(|_| close());
+        Test::new(name, run).ignored_if(!can_run && !is_required).in_turn(&BROWSER)
+    };
+    trials.add(QUICK_DRIVER.map(|run| test(run, has_browser)));
+    trials.add(DRIVER.map(|run| test(run, has_browser).full_tier()));
+    trials.add(QUICK.map(|run| test(run, has_viewer)));
+    trials.add(FULL.map(|run| test(run, has_viewer).full_tier()));
+    trials.add(WITH_FILES.map(|(name, run, variable)| {
+        let has_files = std::env::var_os(variable).is_some();
+        test((name, run), has_viewer).ignored_if(!has_files).full_tier()
+    }));
+}
+
+/// Ends the browsers.
+pub(crate) fn close() {
+    *SHARED.lock().unwrap_or_else(PoisonError::into_inner) = [None, None];
+}
+
+/// The browser of all tests, without or with a GPU. Starts it at its first use, and again if it does not answer.
+fn browser(gpu: bool) -> Result<Arc<Browser>> {
+    let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+    let slot = &mut shared[usize::from(gpu)];
+    if let Some(browser) = slot.as_ref().filter(|browser| browser.answers()) {
+        return Ok(browser.clone());
+    }
+    // The old one ends first.
+    *slot = None;
+    Ok(slot.insert(Arc::new(Browser::launch(gpu)?)).clone())
+}
+
+/// Whether the built server has a viewer. One without it says so before it looks for the city.
+fn is_viewer_built() -> bool {
+    let publish = || -> Result<_> {
+        run(Command::new(program("insula-server")?).args(["publish", "no-such-city", "--out", "no-such-site"]))
+    };
+    publish().is_ok_and(|output| !String::from_utf8_lossy(&output.stderr).contains("has no viewer"))
+}

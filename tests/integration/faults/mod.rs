@@ -1,0 +1,38 @@
+//! Faults around a running server. Each fault is real, and a client checks every byte that it gets. A test that needs a program that
+//! is not installed is reported as ignored.
+
+mod client;
+mod contract;
+mod disk;
+mod process;
+mod server;
+mod store;
+mod swap;
+
+use insula_test_support::programs::find_installed;
+use insula_tests::trials::{Test, Trials};
+
+pub(crate) fn add(trials: &mut Trials) {
+    let has = |name: &str| find_installed(name).is_some();
+    trials.add([
+        Test::new("truncated_and_altered_archives_give_no_wrong_byte", disk::truncated_and_altered),
+        Test::new("a_damaged_or_removed_disk_cache_gives_no_wrong_byte", disk::cache_damaged_and_removed),
+        Test::new("a_server_killed_under_load_restarts_and_gives_no_wrong_byte", process::killed),
+        Test::new("a_server_without_file_descriptors_recovers", process::no_descriptors),
+        Test::new("clients_with_slow_headers_do_not_block_others", process::slow_headers),
+        Test::new("a_server_at_its_memory_limit_gives_no_wrong_byte", process::no_memory).ignored_if(!has("prlimit")),
+        Test::new("a_jumping_clock_breaks_no_request", process::clock_jumps)
+            .ignored_if(process::libfaketime().is_none()),
+        Test::new("versions_are_replaced_under_load", swap::replaced_under_load),
+        Test::new("a_store_that_fails_for_a_third_of_requests_is_only_slow", store::failing),
+        Test::new("an_unreachable_store_is_503_until_it_is_back", store::gone),
+        Test::new("wrong_bytes_of_a_store_are_not_served", store::lying),
+        Test::new("a_thousand_requests_for_one_block_are_one_fetch", store::coalesced),
+        Test::new("a_replaced_object_is_never_mixed_with_the_old_one", store::replaced),
+        Test::new("every_tile_is_served_from_s3", store::s3).ignored_if(!has("moto_server")),
+        // It sends thousands of requests.
+        Test::new("responses_match_the_openapi_document", contract::matches_openapi)
+            .ignored_if(!has("schemathesis"))
+            .full_tier(),
+    ]);
+}
