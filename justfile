@@ -1,27 +1,26 @@
-# The steps of CI, one recipe each: `just` runs them all, as `.ci/run` does.
+# Recipes for developers. `just` runs what CI runs.
 
+profile := "ci"
+
+# Checks everything in the quick tier, as CI does.
 all:
     .ci/run
 
-# Installs a software Vulkan driver and a virtual display (Debian, Ubuntu).
-setup:
-    .ci/run setup
+# Checks everything in the full tier: all sizes, fuzzing, long kills. Run it before a release.
+full:
+    CI_FULL=1 .ci/run
 
-fmt:
-    .ci/run fmt
+# One step of CI: setup, fmt, web, lint, deny, build, test or fuzz.
+ci STEP:
+    .ci/run {{STEP}}
 
-# The browser viewer, which the server embeds when it is built next.
-web:
-    .ci/run web
+# Runs the tests that a changed file concerns (by default, of all files that differ from HEAD), or those of a crate.
+t *CHANGED:
+    tests/tools/affected.py --profile {{profile}} {{CHANGED}}
 
-lint:
-    .ci/run lint
-
-deny:
-    .ci/run deny
-
-test:
-    .ci/run test
+# Runs a measuring program: just measure fidelity --out DIR FILE...
+measure NAME *ARGS:
+    cargo run --release -p insula-measure --bin {{NAME}} -- {{ARGS}}
 
 # The long run of the fuzz targets: just fuzz 600 [TARGET...]
 fuzz *ARGS:
@@ -37,12 +36,8 @@ throughput *ARGS:
 load *ARGS:
     cargo build --release --bin insula --bin insula-server
     cargo build --release -p insula-measure --bin tile_files
-    cd tests/load && cargo build --release --features scenarios
+    cd tests/load && cargo build --release
     tests/load/run.py {{ARGS}}
-
-# Accuracy of a bake against its source: just fidelity FILE... --out DIR
-fidelity *ARGS:
-    cargo run --release -p insula-measure --bin fidelity -- {{ARGS}}
 
 # Debian packages and a tarball of both programs: just package OUT
 package OUT:
