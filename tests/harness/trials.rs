@@ -46,6 +46,9 @@ impl Default for Turn {
 /// Memory and processors: bakes of whole cities, which use all cores.
 pub static WHOLE_CITY: Turn = Turn::new();
 
+/// Threads besides one for each core: tests that wait for their turn, a browser or a window occupy theirs.
+const WAITING: usize = 2;
+
 enum Run {
     Plain(Box<dyn FnOnce() -> Result<()> + Send>),
     OnGpu(fn(&Gpu) -> Result<()>),
@@ -161,7 +164,10 @@ impl Trials {
 
     /// Runs the tests that the command line selects. `clean_up` runs after the last.
     pub fn run(self, clean_up: impl FnOnce()) -> ! {
-        let conclusion = libtest_mimic::run(&Arguments::from_args(), self.tests);
+        let mut arguments = Arguments::from_args();
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        arguments.test_threads.get_or_insert(cores + WAITING);
+        let conclusion = libtest_mimic::run(&arguments, self.tests);
         clean_up();
         conclusion.exit()
     }

@@ -13,6 +13,9 @@ use std::{
     },
 };
 
+/// Polls before a response. Each caller that waits for a shared read polls it, so all of them ask before it responds.
+const POLLS: usize = 1000;
+
 pub(crate) fn id(level: u8, x: u32, y: u32) -> TileId {
     TileId::new(level, x, y).unwrap()
 }
@@ -125,7 +128,9 @@ impl RangeSource for MemorySource {
             return RangeRead::Ready(result);
         }
         RangeRead::Pending(Box::pin(async move {
-            tokio::task::yield_now().await;
+            for _ in 0..POLLS {
+                tokio::task::yield_now().await;
+            }
             result
         }))
     }
