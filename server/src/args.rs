@@ -176,7 +176,7 @@ pub struct AoArgs {
     /// Side of a depth map in texels, 64 to 4096
     #[arg(long, value_name = "PX", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(64..=4096))]
     pub map: u32,
-    /// Compute on a GPU; needs a program built with feature `gpu`
+    /// Compute on a GPU (containers are built without)
     #[arg(long)]
     pub gpu: bool,
 }
@@ -353,7 +353,7 @@ pub struct BakeArgs {
     /// them make occlusion more even, and take longer
     #[arg(long, default_value_t = 128, value_name = "N", value_parser = clap::value_parser!(u32).range(32..=1024))]
     pub views: u32,
-    /// Device that renders the visibility maps; gpu needs a program built with feature `gpu`
+    /// Device that renders the visibility maps (containers are built without gpu)
     #[arg(long, value_enum, default_value = "cpu")]
     pub visibility: VisibilityRenderer,
 }
