@@ -47,10 +47,10 @@ def changed_files():
 
 
 def module_of(path):
-    """The module path of a source's folder, or of the source itself where it lies at the root of the crate."""
+    """The module path of a source's tests: of its folder, or of the one above for deep ones, whose tests lie there; of the source itself
+    where it lies at the root of the crate."""
     parts = list(path.with_suffix("").parts)
-    if len(parts) > 1:
-        parts.pop()
+    parts = parts[: max(1, min(len(parts) - 1, 2))]
     return "" if parts in (["lib"], ["main"]) else "::".join(parts) + "::"
 
 
@@ -75,7 +75,8 @@ def plan(names, members):
         inner = path.relative_to(folder)
         if inner.parts[0] == "src":
             wanted[package, "--lib"].add(module_of(inner.relative_to("src")))
-            if "integration" in targets and (ROOT / folder / "tests/integration" / inner.name).is_file():
+            has_integration = "integration" in targets and inner.stem not in ("main", "mod")
+            if has_integration and (ROOT / folder / "tests/integration" / inner.name).is_file():
                 wanted[package, "integration"].add(inner.stem + "::")
         elif package == WHOLE and inner.parts[0] == "integration":
             wanted[WHOLE, "whole"].add("" if inner.stem == "main" else pathlib.PurePosixPath(inner.parts[1]).stem + "::")
