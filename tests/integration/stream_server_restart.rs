@@ -36,7 +36,7 @@ fn the_client_keeps_drawing_and_converges_by_itself() -> Result<()> {
     drop(server);
     let (before, connections) = (viewer.session.selection().stats, proxy.connections());
     viewer.step_until("the client asks in vain", |viewer| {
-        // What is on its way still arrives.
+        // Responses that were sent before the server stopped still arrive.
         proxy.allow(FRAME_BYTES);
         let now = viewer.session.selection().stats;
         ensure!(now.worst_error_px <= before.worst_error_px, "the frame got worse: {now:?} after {before:?}");
