@@ -9,7 +9,7 @@ use crate::{
 };
 use clap::{Args, Parser, Subcommand, builder::TypedValueParser};
 use insula_command_line::{SetupCommand, parse_size, parse_tau};
-use insula_shaders::layout::Shading;
+use insula_shaders::{layout::Shading, look::Look};
 use insula_viewer::{
     sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time},
     switching::{MAX_SWITCHES, SwitchDistances, SwitchVolume},
@@ -295,6 +295,10 @@ pub struct SunArgs {
     /// Fixed position of the sun: degrees clockwise from north, and above the horizon
     #[arg(long, value_name = "AZIMUTH,ALTITUDE", value_parser = parse_bearing, allow_hyphen_values = true)]
     pub sun: Option<Bearing>,
+    /// How the city is shown: model (a white model by day), physical (light as measured) or paper (even light, for reports) [default:
+    /// model]
+    #[arg(long, value_name = "LOOK", value_parser = parse_look)]
+    pub look: Option<Look>,
     /// Whether the sun casts shadows [default: on]
     #[arg(long, value_name = "on|off", value_parser = parse_switch)]
     pub shadows: Option<bool>,
@@ -319,9 +323,11 @@ pub struct SunArgs {
 }
 
 impl SunArgs {
-    /// These options, with the time of a view link where they give neither a time nor a position of the sun.
-    pub fn or_time(self, time: Option<SunTime>) -> Self {
-        if self.sun.is_some() { self } else { Self { time: self.time.or(time), ..self } }
+    /// These options, with the look of a view link where they give none, and its time where they give neither a time nor a position of
+    /// the sun.
+    pub fn or_link(self, time: Option<SunTime>, look: Option<Look>) -> Self {
+        let time = if self.sun.is_some() { self.time } else { self.time.or(time) };
+        Self { time, look: self.look.or(look), ..self }
     }
 }
 
@@ -337,8 +343,13 @@ impl From<SunArgs> for SunOptions {
             visibility_km: args.visibility,
             lit_windows: args.lit_windows,
             translucency: args.translucency.unwrap_or_default(),
+            look: args.look.unwrap_or_default(),
         }
     }
+}
+
+fn parse_look(text: &str) -> Result<Look, String> {
+    Look::of_word(text).ok_or_else(|| "expected model, physical or paper".into())
 }
 
 fn parse_translucency(text: &str) -> Result<Translucency, String> {
