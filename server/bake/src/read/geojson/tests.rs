@@ -61,8 +61,8 @@ fn is_closed(scene: &Scene) -> bool {
     edges.values().all(|&balance| balance == 0)
 }
 
-const FLAT_ROOF: [u8; 3] = [160, 160, 157];
-const GROUND: [u8; 3] = [137, 134, 128];
+const FLAT_ROOF: [u8; 3] = [230, 229, 225];
+const GROUND: [u8; 3] = [190, 191, 186];
 
 #[test]
 fn footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {

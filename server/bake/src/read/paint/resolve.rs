@@ -112,7 +112,7 @@ mod tests {
         let half = std::array::from_fn(|i| Some(if i % 2 == 0 { Asphalt } else { Marking }));
         let [r, _, _, alpha] = texel(half);
         // (0.138 + 0.527) / 2 = 0.333
-        assert_eq!((r, alpha), (156, 255));
+        assert_eq!((r, alpha), (200, 255));
     }
 
     #[test]
