@@ -78,7 +78,7 @@ pub enum ClientCommand {
     #[command(after_help = "Example:\n  insula open delft.city.json")]
     Open(OpenArgs),
     /// View the bundled city. Without a screen, write an image of it.
-    #[command(after_help = "Example:\n  insula demo --headless --out demo.png")]
+    #[command(after_help = "Example:\n  insula demo\n  insula demo chiba --headless --out chiba.png")]
     Demo(DemoArgs),
     /// Fetch everything that a view needs, then render it to an image.
     #[command(
@@ -147,9 +147,21 @@ pub struct OpenArgs {
     pub sun: SunArgs,
 }
 
+/// The bundled cities.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum DemoCity {
+    /// Streets, buildings, trees and the sea of OpenStreetMap.
+    Monaco,
+    /// Photographed walls of Project PLATEAU.
+    Chiba,
+}
+
 /// Arguments of `insula demo`.
 #[derive(Debug, Args)]
 pub struct DemoArgs {
+    /// The bundled city.
+    #[arg(value_enum, default_value = "monaco", value_name = "CITY")]
+    pub city: DemoCity,
     /// Write an image and open no window, even if there is a screen.
     #[arg(long)]
     pub headless: bool,
