@@ -160,8 +160,9 @@ pub enum DemoCity {
 #[derive(Debug, Args)]
 pub struct DemoArgs {
     /// The bundled city.
+    // `--city` is an option of all commands.
     #[arg(value_enum, default_value = "monaco", value_name = "CITY")]
-    pub city: DemoCity,
+    pub bundled: DemoCity,
     /// Write an image and open no window, even if there is a screen.
     #[arg(long)]
     pub headless: bool,
@@ -426,6 +427,20 @@ mod tests {
         Cli::command().debug_assert();
         for command in Cli::command().get_subcommands_mut().filter(|command| !command.is_hide_set()) {
             assert!(command.render_long_help().to_string().contains("Example:"), "{}", command.get_name());
+        }
+    }
+
+    #[test]
+    fn both_bundled_cities_are_accepted_beside_the_option_for_a_city() {
+        for (line, expected) in [
+            ("insula demo", DemoCity::Monaco),
+            ("insula demo chiba --headless", DemoCity::Chiba),
+            ("insula demo monaco --city x", DemoCity::Monaco),
+        ] {
+            let ClientCommand::Demo(args) = Cli::try_parse_from(line.split_whitespace()).unwrap().command else {
+                panic!()
+            };
+            assert_eq!(args.bundled, expected, "{line}");
         }
     }
 

@@ -42,7 +42,7 @@ struct DemoInfo {
 /// Runs the command. Fails if the city cannot be baked, viewed or rendered.
 pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     let cache = CacheRoot::open()?;
-    let job = unpack_demo(args.city, &cache)?;
+    let job = unpack_demo(args.bundled, &cache)?;
     if !args.headless && has_screen() {
         let view = ViewArgs { sun: args.sun, pictures: args.pictures, ..ViewArgs::default() };
         match view::open_baked(job.clone(), cache.clone(), &view, global) {

@@ -60,8 +60,13 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
 /// Opens a window that bakes the city of `job` and shows it.
 #[cfg(feature = "embedded")]
 pub(super) fn open_baked(job: BakeJob, cache: CacheRoot, args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
-    let first =
-        FirstView { status: StartStatus::new("opening the city".into()), camera: None, time: None, look: None, object: None };
+    let first = FirstView {
+        status: StartStatus::new("opening the city".into()),
+        camera: None,
+        time: None,
+        look: None,
+        object: None,
+    };
     open_window(first, find_baked(job, cache), args, global)
 }
 

@@ -118,8 +118,11 @@ mod tests {
 
     #[test]
     fn a_formatted_link_parses_to_the_same_view() {
-        let light =
-            daylight(&SunOptions { time: Some(parse_time("2024-06-21T17:00").unwrap()), look: Look::Paper, ..SunOptions::default() });
+        let light = daylight(&SunOptions {
+            time: Some(parse_time("2024-06-21T17:00").unwrap()),
+            look: Look::Paper,
+            ..SunOptions::default()
+        });
         for (yaw, pitch) in [(0.0, 0.0), (3.0, -1.5), (-2.5, 0.7), (1.6, 1.55)] {
             let camera = Camera::from_angles(DVec3::new(386_495.204, -3_947_101.5, 60.25), yaw, pitch, 1.1);
             for base in ["http://h.example:7700", "https://h.example", "http://[::1]:7700"] {

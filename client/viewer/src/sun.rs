@@ -301,7 +301,7 @@ mod tests {
             let daylight = daylight(None, &SunOptions { occlusion, ..SunOptions::default() });
             daylight.render_settings(Shading::Lit, 1).light.sky_up[3]
         };
-        assert_eq!([None, Some(true), Some(false)].map(least), [0.0, 0.0, 1.0]);
+        assert_eq!([None, Some(true), Some(false)].map(least), [0.24, 0.24, 1.0]);
     }
 
     #[test]

@@ -7,8 +7,8 @@ use super::address_reader::AddressReader;
 use super::attributes::{Attributes, NamePatterns};
 use super::duplicates::DuplicateOption;
 use super::elevation::{
-    Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, LevelGround, SurroundingsOptions, TerrainOptions,
-    TerrainTile,
+    Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, LevelGround, SurroundingsOptions,
+    TerrainOptions, TerrainTile,
 };
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
@@ -379,8 +379,8 @@ impl<'o> ReadContext<'o> {
                 report.problem(INEXACT, || warning.clone());
             }
         }
-        // Ground without a model passes into the generated ground.
-        let rgb = if self.elevation.is_guessed() { GROUND_COLOUR } else { self.colour_of(kind) };
+        // Ground without a model passes into the generated ground. One step apart, they stay two materials, in steps, too.
+        let rgb = if self.elevation.is_guessed() { GROUND_COLOUR.map(|v| v - 1) } else { self.colour_of(kind) };
         let city = self.terrain_bounds()?;
         let (builder, textures, source) = (&mut self.builder, &mut self.textures, self.elevation.first_source());
         let (set, Some(report)) = (textures.set_named("pictures from above"), sources.get_mut(source)) else {

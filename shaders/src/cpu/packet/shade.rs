@@ -135,11 +135,10 @@ pub(super) fn apply_haze<S: Simd>(
 ) -> Radiances<S> {
     let [r, g, b, _] = frame.light.haze;
     let fog = fog_depth(simd, frame, dir, distance_m);
-    let transmitted =
-        Vec3s::<S> { x: distance_m * -r - fog, y: distance_m * -g - fog, z: distance_m * -b - fog }.map(
-            #[inline(always)]
-            |v| exp(simd, v),
-        );
+    let transmitted = Vec3s::<S> { x: distance_m * -r - fog, y: distance_m * -g - fog, z: distance_m * -b - fog }.map(
+        #[inline(always)]
+        |v| exp(simd, v),
+    );
     Radiances::<S> { sky: airlight.add(light.sky.sub(airlight).mul(transmitted)), sun: light.sun.mul(transmitted) }
 }
 

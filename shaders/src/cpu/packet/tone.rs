@@ -79,8 +79,7 @@ fn develop_with<S: Simd>(
                 at.wrap();
                 let radiances = decode_radiances::<S>(words_of(simd, words));
                 let light = radiances.scale(splat(simd, exposure));
-                let codes =
-                    if is_graded { neutral_codes(simd, tables, light) } else { codes_of(simd, tables, light) };
+                let codes = if is_graded { neutral_codes(simd, tables, light) } else { codes_of(simd, tables, light) };
                 let dithered = dithered(simd, codes, at.x, at.y);
                 if colours.len() == lanes {
                     dithered.store_slice(colours);

@@ -62,7 +62,7 @@ fn is_closed(scene: &Scene) -> bool {
 }
 
 const FLAT_ROOF: [u8; 3] = [230, 229, 225];
-const GROUND: [u8; 3] = [190, 191, 186];
+const GROUND: [u8; 3] = [190, 190, 186];
 
 #[test]
 fn footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
