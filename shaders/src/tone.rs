@@ -114,7 +114,8 @@ pub(crate) fn exposure_with(
     // An even choice, as on the GPU.
     let reads = words.len().min((METER_THREADS * METER_READS) as usize);
     let mut bins = [0; METER_BINS as usize];
-    for at in (0..reads).map(|i| i * words.len() / reads) {
+    // In 64 bits: the product of a large frame's numbers does not fit a page's 32.
+    for at in (0..reads as u64).map(|i| (i * words.len() as u64 / reads as u64) as usize) {
         if hits.get(at).is_some_and(|hit| *hit != NO_NODE) {
             bins[meter_bin(decode_radiance(words[at]))] += 1;
         }
