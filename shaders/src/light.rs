@@ -5,7 +5,6 @@
 
 use crate::{
     atmosphere::{Atmosphere, MIE_G, PHASE_SCALE, SkyLight, hemisphere, luminance},
-    cpu::shade::GROUND_ALBEDO,
     layout::{Light, SKY_AZIMUTHS, SKY_HEIGHTS, SkyTable},
 };
 use glam::{DVec2, DVec3, Vec3};
@@ -16,6 +15,9 @@ use std::{
 
 /// Sine of the height below which the sky looks as at this height: 1.7 degrees. Haze has the colour of the sky there.
 pub(crate) const SKY_LOW: f32 = 0.029_666;
+/// Albedo of the plane where there is no column: that of the ground between buildings
+/// ([`GROUND_COLOUR`](insula_protocol::blockmap::ground::GROUND_COLOUR)).
+const GROUND_ALBEDO: Vec3 = Vec3::new(0.515, 0.521, 0.491);
 /// Angular radius of the sun's disc.
 pub const SUN_RADIUS_RAD: f32 = 0.004_65;
 /// Radiance of the sky at night at the zenith, relative to the sun's irradiance above the atmosphere: that over a city, 0.01

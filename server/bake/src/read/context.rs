@@ -15,7 +15,7 @@ use super::local_frame::{self, LocalFrame};
 use super::map_store::MapStore;
 use super::object::{AxisOrder, CrsReference, FeatureKind, KindFilter};
 use super::paint::PaintShape;
-use super::palette::{Look, Palette, SurfaceFacts};
+use super::palette::{BuildingLook, Palette, SurfaceFacts};
 use super::place::{Placement, World};
 use super::polygon::Triangulator;
 use super::report::{FacadeReport, INEXACT, ReadReport, SourceReport};
@@ -457,7 +457,7 @@ impl<'o> ReadContext<'o> {
     /// Colour of the ground of a kind, 8-bit sRGB.
     fn colour_of(&self, kind: FeatureKind) -> [u8; 3] {
         let facts = SurfaceFacts { semantic: None, object_type: kind.cityjson_type(), material: None, normal_z: 1.0 };
-        self.options.palette.resolve(None, &facts, &Look::PLAIN).0
+        self.options.palette.resolve(None, &facts, &BuildingLook::PLAIN).0
     }
 
     fn land_colours(&self) -> LandColours {

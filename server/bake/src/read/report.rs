@@ -363,12 +363,14 @@ impl ReadReport {
     /// Where coastlines were guessed, or why there is no sea, of each source with such.
     pub fn coast_warnings(&self) -> impl Iterator<Item = String> {
         self.sources.iter().flat_map(|source| {
-            [osm::GAP, osm::OPEN_END, osm::TOO_WIDE, osm::TOO_MANY].into_iter().filter_map(|reason| {
-                let FaultCount { count, first } = source.problems.get(reason)?;
-                let more = count - (first.len() as u64).min(*count);
-                let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-                Some(format!("{}: {reason}: {}{more}", source.path, first.join(", ")))
-            })
+            [osm::GAP, osm::OPEN_END, osm::CONTRADICTION, osm::TOO_WIDE, osm::TOO_MANY].into_iter().filter_map(
+                |reason| {
+                    let FaultCount { count, first } = source.problems.get(reason)?;
+                    let more = count - (first.len() as u64).min(*count);
+                    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                    Some(format!("{}: {reason}: {}{more}", source.path, first.join(", ")))
+                },
+            )
         })
     }
 

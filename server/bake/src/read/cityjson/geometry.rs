@@ -11,7 +11,7 @@ use super::schema::{
 use crate::read::context::ReadContext;
 use crate::read::facade::FacadeUse;
 use crate::read::json::position::JsonPosition;
-use crate::read::palette::{Look, ObjectShape, SurfaceFacts, WallKind, normal_z, object_kind};
+use crate::read::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind, normal_z, object_kind};
 use crate::read::place::Placement;
 use crate::read::polygon::{MAX_CORNERS, NO_AREA, PolygonFault};
 use crate::read::report::{ColourOrigin, SourceReport};
@@ -100,7 +100,7 @@ struct NestedSurface<'g> {
 struct ObjectName<'g> {
     id: &'g str,
     object_type: &'g str,
-    look: Look,
+    look: BuildingLook,
 }
 
 /// The building of which an object is a part, or the object itself.
@@ -161,9 +161,9 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         self.faces.clear();
         self.facade_use = whole.facade_use;
         let look = if object.kind.starts_with("Building") {
-            Look::new(whole.id, whole.walls, &self.shape(object, level, references))
+            BuildingLook::new(whole.id, whole.walls, &self.shape(object, level, references))
         } else {
-            Look::PLAIN
+            BuildingLook::PLAIN
         };
         let name = ObjectName { id, object_type: &object.kind, look };
         let has_volume = has_volume(object, level, references.templates);

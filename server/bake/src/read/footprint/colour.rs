@@ -1,7 +1,7 @@
 //! Colours of a footprint's building, from the attribute names of OpenStreetMap, city offices and Overture.
 
 use crate::read::attributes::Attributes;
-use crate::read::palette::{Look, Palette, SurfaceFacts, parse_colour};
+use crate::read::palette::{BuildingLook, Palette, SurfaceFacts, parse_colour};
 use crate::read::report::ColourOrigin;
 
 const ROOF: &[&str] = &["roof:colour", "roof:color", "roof_color"];
@@ -25,7 +25,12 @@ pub(crate) struct ResolvedColour {
 const FLAT: SurfaceFacts<'static> =
     SurfaceFacts { semantic: None, object_type: "Building", material: None, normal_z: 1.0 };
 
-fn material(palette: &Palette, own: Option<[u8; 3]>, surface: &SurfaceFacts<'_>, look: &Look) -> ResolvedColour {
+fn material(
+    palette: &Palette,
+    own: Option<[u8; 3]>,
+    surface: &SurfaceFacts<'_>,
+    look: &BuildingLook,
+) -> ResolvedColour {
     let (rgb, origin) = palette.resolve(own, surface, look);
     ResolvedColour { rgb, origin, is_reflective: surface.is_reflective() }
 }
@@ -42,7 +47,7 @@ pub(crate) struct BuildingColours {
 pub(crate) fn building_colours(
     attributes: &Attributes,
     palette: &Palette,
-    look: &Look,
+    look: &BuildingLook,
     mut note: impl FnMut(String),
 ) -> BuildingColours {
     let mut colour_of = |colours: &[&str], materials: &[&str], semantic: &str, normal_z: f64| {

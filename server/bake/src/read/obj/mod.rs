@@ -11,7 +11,7 @@ use std::collections::HashMap;
 
 use super::context::{ByteProgress, ObjUpAxis, ReadContext};
 use super::facade::FacadeUse;
-use super::palette::{Look, ObjectShape, SurfaceFacts, normal_z, unit_to_byte};
+use super::palette::{BuildingLook, ObjectShape, SurfaceFacts, normal_z, unit_to_byte};
 use super::polygon::MAX_CORNERS;
 use super::report::{ColourOrigin, SourceFormat, SourceReport};
 use super::scene_builder::{OpenObject, WorldTriangle, is_valid_position};
@@ -83,7 +83,7 @@ fn names_an_opening(material: &str) -> bool {
 struct FaceObject {
     /// As in CityJSON; empty for a building.
     object_type: &'static str,
-    look: Look,
+    look: BuildingLook,
 }
 
 /// Adds the content of a parsed file to the city.
@@ -216,7 +216,7 @@ impl<'r> ObjReader<'r, '_, '_> {
     /// Measures the faces of an object.
     fn object<'f>(&self, kind: ObjectKind, id: &str, faces: impl Iterator<Item = &'f ObjFace>) -> FaceObject {
         if kind == ObjectKind::Terrain {
-            return FaceObject { object_type: "TINRelief", look: Look::PLAIN };
+            return FaceObject { object_type: "TINRelief", look: BuildingLook::PLAIN };
         }
         let mut shape = ObjectShape::new();
         let mut points = Vec::new();
@@ -225,7 +225,7 @@ impl<'r> ObjReader<'r, '_, '_> {
             points.extend(self.file.corners_of(face).iter().map(|corner| self.file.positions[corner[0] as usize]));
             shape.add(&points);
         }
-        FaceObject { object_type: "", look: Look::new(id, None, &shape) }
+        FaceObject { object_type: "", look: BuildingLook::new(id, None, &shape) }
     }
 
     fn triangulate(

@@ -31,7 +31,7 @@ const ON_BORDER: f64 = 0.5;
 pub(crate) const TOO_WIDE: &str = "coast of a map that is wider than 1 degree, no sea made: give --bbox";
 pub(crate) const GAP: &str = "gap in the coastline, closed by a straight line";
 pub(crate) const OPEN_END: &str = "coastline ends within the map, drawn straight on to the border";
-pub(super) const CONTRADICTION: &str = "coastline with land on both sides, or water, left out";
+pub(crate) const CONTRADICTION: &str = "coastline with land on both sides, or water, left out";
 pub(crate) const TOO_MANY: &str = "coastline with too many nodes, no sea made";
 
 /// A position in units, while it is computed with.
@@ -75,7 +75,7 @@ impl Sea {
                 rings.push((0..=4).map(|corner| frame.at(f64::from(corner % 4))).collect());
             }
         } else {
-            rings.extend(frame.around(open));
+            rings.extend(frame.around(frame.alternating(open, &mut sea.problems)));
         }
         sea.nest(rings);
         sea
@@ -285,16 +285,44 @@ impl Frame {
         chain
     }
 
+    /// Leaves out chains after which the border would have water on both sides of a place, or land: along it, ends and starts alternate.
+    /// Of two that contradict each other the longer one stays.
+    fn alternating(&self, mut chains: Vec<Vec<Point>>, problems: &mut Vec<(&'static str, String)>) -> Vec<Vec<Point>> {
+        let place = |point: Option<&Point>| point.map_or(0.0, |point| self.place(*point));
+        let ends = chains
+            .iter()
+            .enumerate()
+            .flat_map(|(number, chain)| [(place(chain.first()), true, number), (place(chain.last()), false, number)]);
+        let mut ends: Vec<(f64, bool, usize)> = ends.collect();
+        ends.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let lengths: Vec<f64> = chains.iter().map(|chain| self.length_m(chain)).collect();
+        // Each step removes a chain.
+        for _ in 0..MAX_ENDS {
+            let next = |i: usize| ends[(i + 1) % ends.len()];
+            let Some(at) = (0..ends.len()).find(|i| ends[*i].1 == next(*i).1) else { return chains };
+            let (one, other) = (ends[at].2, next(at).2);
+            let shorter = if lengths[one] < lengths[other] { one } else { other };
+            let chain = std::mem::take(&mut chains[shorter]);
+            problems.push((CONTRADICTION, place_name(chain.first().copied().unwrap_or_default())));
+            ends.retain(|(.., number)| *number != shorter);
+        }
+        Vec::new()
+    }
+
+    fn length_m(&self, chain: &[Point]) -> f64 {
+        chain.windows(2).map(|pair| self.distance_m(pair[0], pair[1])).sum()
+    }
+
     /// Closes chains from border to border: from the end of each along the border, with the water on the right, to the next start.
     fn around(&self, chains: Vec<Vec<Point>>) -> Vec<Vec<Point>> {
         let place = |point: Option<&Point>| point.map_or(0.0, |point| self.place(*point));
-        let mut starts: Vec<(f64, usize)> =
-            chains.iter().enumerate().map(|(number, chain)| (place(chain.first()), number)).collect();
+        let with_ends = chains.iter().enumerate().filter(|(_, chain)| !chain.is_empty());
+        let mut starts: Vec<(f64, usize)> = with_ends.map(|(number, chain)| (place(chain.first()), number)).collect();
         starts.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut is_used = vec![false; chains.len()];
         let mut rings = Vec::new();
         for first in 0..chains.len() {
-            if is_used[first] {
+            if is_used[first] || chains[first].is_empty() {
                 continue;
             }
             let (mut ring, mut number) = (Vec::new(), first);
@@ -465,6 +493,10 @@ mod tests {
         turned.reverse();
         let inland = sea(&[&turned]);
         assert!(!is_water(&inland, 10.0, 10.0) && is_water(&inland, 30.0, 30.0), "{inland:?}");
+        // A coast that begins within, goes out of the map and comes back: the border would have the sea on both sides.
+        let bent = sea(&[&[[20, 1], [18, 1], [18, -5], [30, -5], [30, 20], [60, 95]]]);
+        assert_eq!(reasons(&bent), [OPEN_END, CONTRADICTION]);
+        assert!(is_water(&bent, 80.0, 50.0) && !is_water(&bent, 10.0, 50.0), "{bent:?}");
         // An island that the border cuts.
         let cut = sea(&[&[[80, 20], [120, 20], [120, 40], [80, 40], [80, 20]]]);
         assert!(is_water(&cut, 10.0, 10.0) && is_water(&cut, 99.0, 90.0) && !is_water(&cut, 90.0, 30.0), "{cut:?}");

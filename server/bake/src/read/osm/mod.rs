@@ -32,7 +32,7 @@ use crate::read::input::Input;
 use crate::read::object::{AxisOrder, CrsReference, Description, FeatureKind, ObjectSink, SourceObject};
 use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify, is_marina};
 use coast::Sea;
-pub(crate) use coast::{GAP, OPEN_END, TOO_MANY, TOO_WIDE};
+pub(crate) use coast::{CONTRADICTION, GAP, OPEN_END, TOO_MANY, TOO_WIDE};
 use collect::{Limits, Round, is_part, outline_of};
 use cover::{Bounds, bounds};
 use element::{Element, ElementFile, ElementId, Pass, Position, Tags, UNITS_PER_DEGREE};

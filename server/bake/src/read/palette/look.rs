@@ -135,7 +135,7 @@ pub(crate) fn normal_z(ring: &[[f64; 3]]) -> f64 {
 /// What a building's surfaces have in common. A building always has the same look: it follows from its identifier and
 /// its own surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Look {
+pub(crate) struct BuildingLook {
     walls: WallKind,
     is_hall: bool,
     /// Index of the tone, 0 to 3.
@@ -144,7 +144,7 @@ pub(crate) struct Look {
     step: i32,
 }
 
-impl Look {
+impl BuildingLook {
     /// `id` is that of the whole building, and `walls` follows from its use. Half of the buildings have the common look,
     /// the others one of eight: each border between two colours costs bytes of the tiles.
     pub(crate) fn new(id: &str, walls: Option<WallKind>, shape: &ObjectShape) -> Self {
@@ -203,23 +203,24 @@ mod tests {
 
     #[test]
     fn looks_differ_between_buildings_and_stay_close() {
-        let mut colours: Vec<_> = (0..200).map(|i| Look::new(&i.to_string(), None, &shape(10.0)).wall()).collect();
+        let mut colours: Vec<_> =
+            (0..200).map(|i| BuildingLook::new(&i.to_string(), None, &shape(10.0)).wall()).collect();
         colours.sort_unstable();
         colours.dedup();
         assert_eq!(colours.len(), 9);
         let luminance = |rgb: [u8; 3]| rgb.map(i32::from).iter().sum::<i32>();
         let levels = colours.iter().map(|rgb| luminance(*rgb));
         assert!(levels.clone().max().unwrap() - levels.min().unwrap() < 120);
-        let look = Look::new("a", None, &shape(10.0));
-        assert_eq!(look, Look::new("a", None, &shape(20.0)));
+        let look = BuildingLook::new("a", None, &shape(10.0));
+        assert_eq!(look, BuildingLook::new("a", None, &shape(20.0)));
     }
 
     #[test]
     fn slope_and_size_decide_the_roof() {
-        let look = Look { is_hall: shape(151.0).footprint_m2 > HALL_M2, ..Look::PLAIN };
+        let look = BuildingLook { is_hall: shape(151.0).footprint_m2 > HALL_M2, ..BuildingLook::PLAIN };
         assert!(look.is_hall && shape(149.0).footprint_m2 < HALL_M2);
         let rise = |z: f64| normal_z(&[[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, z], [0.0, 4.0, z]]);
-        assert_eq!((Look::PLAIN.roof(rise(0.9)), Look::PLAIN.roof(rise(1.1))), (FLAT_ROOF, TILED_ROOF));
+        assert_eq!((BuildingLook::PLAIN.roof(rise(0.9)), BuildingLook::PLAIN.roof(rise(1.1))), (FLAT_ROOF, TILED_ROOF));
         assert_eq!((look.roof(rise(0.9)), look.roof(rise(1.1))), (FLAT_ROOF, HALL_ROOF));
         assert_eq!((look.shell(0.1), look.shell(0.5)), (PLASTER_WALLS[0], HALL_ROOF));
     }
@@ -238,7 +239,7 @@ mod tests {
         for (name, kind) in cases {
             assert_eq!(WallKind::of_use(name), kind, "{name}");
         }
-        let walls = |known| Look::new("a", known, &shape(10.0)).walls;
+        let walls = |known| BuildingLook::new("a", known, &shape(10.0)).walls;
         assert_eq!((walls(None), walls(Some(WallKind::Brick))), (WallKind::Plaster, WallKind::Brick));
     }
 }

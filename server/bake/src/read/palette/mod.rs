@@ -14,7 +14,7 @@ use super::source::read_file;
 use crate::error::{InputError, json_message};
 use crate::scene::ObjectKind;
 use harmonise::{harmonise, is_unknown};
-pub(crate) use look::{Look, ObjectShape, WallKind, area_vector, normal_z};
+pub(crate) use look::{BuildingLook, ObjectShape, WallKind, area_vector, normal_z};
 use tables::{MATERIALS, OBJECTS, OTHER, Part, REFLECTIVE, REFLECTIVE_WORDS, SURFACES};
 
 /// Larger palette files are refused.
@@ -145,7 +145,7 @@ impl Palette {
         &self,
         source: Option<[u8; 3]>,
         surface: &SurfaceFacts<'_>,
-        look: &Look,
+        look: &BuildingLook,
     ) -> ([u8; 3], ColourOrigin) {
         match (source, self.mode) {
             (Some(rgb), PaletteMode::Source) => (rgb, ColourOrigin::Source),
@@ -158,7 +158,7 @@ impl Palette {
     }
 
     /// Colour by the material's name, else by semantics, else by the object's type, else the fallback.
-    fn colour(&self, surface: &SurfaceFacts<'_>, look: &Look) -> [u8; 3] {
+    fn colour(&self, surface: &SurfaceFacts<'_>, look: &BuildingLook) -> [u8; 3] {
         if let Some(rgb) = surface.material.and_then(|name| self.material(name)) {
             return rgb;
         }
@@ -224,7 +224,7 @@ mod tests {
 
     /// The colour of a surface without one, with the look of no building.
     fn colour(palette: &Palette, semantic: Option<&str>, object_type: &str, normal_z: f64) -> [u8; 3] {
-        palette.colour(&SurfaceFacts { semantic, object_type, material: None, normal_z }, &Look::PLAIN)
+        palette.colour(&SurfaceFacts { semantic, object_type, material: None, normal_z }, &BuildingLook::PLAIN)
     }
 
     #[test]
@@ -244,7 +244,7 @@ mod tests {
         let harmonised = Palette::default();
         let source = Palette::from_option(Path::new("source")).unwrap();
         assert_eq!(Palette::from_option(Path::new("harmonised")).unwrap(), harmonised);
-        let wall = Look::PLAIN.wall();
+        let wall = BuildingLook::PLAIN.wall();
         let cases = [
             (Some([120, 90, 80]), ([120, 90, 80], ColourOrigin::Source)),
             (Some([255, 0, 0]), ([196, 131, 106], ColourOrigin::Harmonised)),
@@ -252,9 +252,9 @@ mod tests {
             (None, (wall, ColourOrigin::Palette)),
         ];
         for (own, expected) in cases {
-            assert_eq!(harmonised.resolve(own, &surface, &Look::PLAIN), expected);
+            assert_eq!(harmonised.resolve(own, &surface, &BuildingLook::PLAIN), expected);
             let kept = own.map_or((wall, ColourOrigin::Palette), |rgb| (rgb, ColourOrigin::Source));
-            assert_eq!(source.resolve(own, &surface, &Look::PLAIN), kept);
+            assert_eq!(source.resolve(own, &surface, &BuildingLook::PLAIN), kept);
         }
     }
 
@@ -269,7 +269,7 @@ mod tests {
         assert_eq!(colour(&palette, None, "Road", 1.0), [1, 2, 3]);
         assert_eq!(palette.material("ziegel"), Some([165, 42, 42]));
         assert_eq!((colour(&palette, None, "?", 1.0), colour(&palette, None, "", 1.0)), ([255; 3], [255; 3]));
-        assert_eq!(colour(&palette, Some("WallSurface"), "Building", 0.0), Look::PLAIN.wall());
+        assert_eq!(colour(&palette, Some("WallSurface"), "Building", 0.0), BuildingLook::PLAIN.wall());
         assert_eq!(Palette::from_json(b"{}").unwrap(), Palette::default());
     }
 

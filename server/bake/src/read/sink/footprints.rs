@@ -8,7 +8,7 @@ use crate::read::footprint::{
     BuildingHeight, GroundPlan, PrismMaterials, ResolvedColour, RoofTags, building_colours, by_use,
 };
 use crate::read::object::{FeatureKind, Footprint, SourceObject, Surface, SurfaceRole};
-use crate::read::palette::{Look, ObjectShape, SurfaceFacts, WallKind};
+use crate::read::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind};
 use crate::read::roof;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
@@ -84,7 +84,7 @@ impl SceneSink<'_, '_, '_> {
     /// Number of the material of a flat kind, by the palette.
     pub(super) fn flat_material(&mut self, kind: FeatureKind) -> u32 {
         let facts = SurfaceFacts { semantic: None, object_type: kind.cityjson_type(), material: None, normal_z: 1.0 };
-        let (rgb, origin) = self.context.options.palette.resolve(None, &facts, &Look::PLAIN);
+        let (rgb, origin) = self.context.options.palette.resolve(None, &facts, &BuildingLook::PLAIN);
         self.number_of(ResolvedColour { rgb, origin, is_reflective: facts.is_reflective() })
     }
 
@@ -117,7 +117,7 @@ impl SceneSink<'_, '_, '_> {
         let roof = RoofTags::of(attributes, |name| {
             report.problem("shape of roof not known, made flat", || format!("{id}: {name}"));
         });
-        let look = Look::new(id, by_use(attributes, WallKind::of_use), &ObjectShape::new());
+        let look = BuildingLook::new(id, by_use(attributes, WallKind::of_use), &ObjectShape::new());
         let colours = building_colours(attributes, &options.palette, &look, |detail| {
             report.problem("colour not understood", || format!("{id}: {detail}"));
         });

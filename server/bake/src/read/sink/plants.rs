@@ -8,7 +8,7 @@ use crate::read::facade::FacadeUse;
 use crate::read::footprint::{ResolvedColour, length_m};
 use crate::read::object::{FeatureKind, SourceObject, Strip};
 use crate::read::paint::mix_bits;
-use crate::read::palette::{Look, SurfaceFacts};
+use crate::read::palette::{BuildingLook, SurfaceFacts};
 use crate::read::scene_builder::{OpenObject, WorldTriangle, hash_of_id};
 use crate::scene::ObjectKind;
 
@@ -193,7 +193,7 @@ impl SceneSink<'_, '_, '_> {
     fn plant_material(&mut self, own: Option<[u8; 3]>, lightness: f64) -> u32 {
         let object_type = FeatureKind::Vegetation.cityjson_type();
         let facts = SurfaceFacts { semantic: None, object_type, material: None, normal_z: 1.0 };
-        let (green, origin) = self.context.options.palette.resolve(None, &facts, &Look::PLAIN);
+        let (green, origin) = self.context.options.palette.resolve(None, &facts, &BuildingLook::PLAIN);
         let rgb = own.unwrap_or(green).map(|v| (f64::from(v) * lightness).round().min(255.0) as u8);
         self.number_of(ResolvedColour { rgb, origin, is_reflective: false })
     }

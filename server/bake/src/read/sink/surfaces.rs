@@ -5,7 +5,7 @@ use crate::read::alpha_mask::AlphaMask;
 use crate::read::facade::FacadeUse;
 use crate::read::footprint::by_use;
 use crate::read::object::{FeatureKind, SourceObject, Surface, SurfaceRole, TriangleMesh, Wrap};
-use crate::read::palette::{Look, ObjectShape, SurfaceFacts, WallKind, area_vector, normal_z};
+use crate::read::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind, area_vector, normal_z};
 use crate::read::polygon::{NO_AREA, PolygonFault};
 use crate::read::report::ColourOrigin;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
@@ -22,7 +22,7 @@ const MIN_EDGE_CELLS: f64 = 0.125;
 /// What the surfaces of an object have in common.
 struct ObjectLook {
     kind: FeatureKind,
-    look: Look,
+    look: BuildingLook,
     facade_use: FacadeUse,
 }
 
@@ -55,8 +55,8 @@ impl SceneSink<'_, '_, '_> {
         let mut look = ObjectLook {
             kind: object.kind,
             look: match is_building {
-                true => Look::new(whole, by_use(&object.attributes, WallKind::of_use), &shape),
-                false => Look::PLAIN,
+                true => BuildingLook::new(whole, by_use(&object.attributes, WallKind::of_use), &shape),
+                false => BuildingLook::PLAIN,
             },
             facade_use: by_use(&object.attributes, FacadeUse::of_use).unwrap_or_default(),
         };
