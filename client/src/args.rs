@@ -139,7 +139,7 @@ pub struct OpenArgs {
     #[arg(long, value_name = "harmonised|source|FILE.json")]
     pub palette: Option<PathBuf>,
     /// Walls of which the files have no picture: of one colour, or with generated windows.
-    #[arg(long, value_parser = ["plain", "windows"], default_value = "plain")]
+    #[arg(long, value_parser = ["plain", "windows"], default_value = "windows")]
     pub facades: String,
     #[command(flatten)]
     pub pictures: PictureArgs,
@@ -312,6 +312,12 @@ pub struct SunArgs {
     /// model]
     #[arg(long, value_name = "LOOK", value_parser = parse_look)]
     pub look: Option<Look>,
+    /// Whether edges of buildings have lines [default: on in the looks model and paper]
+    #[arg(long, value_name = "on|off", value_parser = parse_switch)]
+    pub lines: Option<bool>,
+    /// Whether surfaces are darker where they meet others [default: on in the looks model and paper]
+    #[arg(long, value_name = "on|off", value_parser = parse_switch)]
+    pub contact_shade: Option<bool>,
     /// Whether the sun casts shadows [default: on]
     #[arg(long, value_name = "on|off", value_parser = parse_switch)]
     pub shadows: Option<bool>,
@@ -357,6 +363,8 @@ impl From<SunArgs> for SunOptions {
             lit_windows: args.lit_windows,
             translucency: args.translucency.unwrap_or_default(),
             look: args.look.unwrap_or_default(),
+            lines: args.lines,
+            contact: args.contact_shade,
         }
     }
 }

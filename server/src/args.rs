@@ -302,7 +302,7 @@ pub struct BakeArgs {
     #[arg(long, value_name = "M", default_value = "0.25", value_parser = parse_positive_metres, allow_negative_numbers = true)]
     pub ground_texel: f64,
     /// Walls of which the inputs have no picture: of one colour, or with generated windows
-    #[arg(long, value_enum, default_value_t = GeneratedFacades::Plain)]
+    #[arg(long, value_enum, default_value_t = GeneratedFacades::Windows)]
     pub facades: GeneratedFacades,
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]

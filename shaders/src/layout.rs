@@ -10,6 +10,7 @@ use crate::{
     translucency::{MAX_MAPS, TranslucencyMap},
 };
 use bytemuck::{Pod, Zeroable};
+use glam::Vec2;
 use insula_protocol::NODE_CELLS;
 
 /// Words (u32) of an atlas page: 16 KiB, one plane of a node.
@@ -48,6 +49,8 @@ pub(crate) const QUAD_TOP_MAX: u32 = (1 << QUAD_TOP_BITS) - 1;
 
 /// Most rays along a pixel's side.
 pub const MAX_SAMPLES: u32 = 4;
+/// Cosine and sine of the turn between neighbouring points of an even spiral over a disc: 137.5 degrees.
+pub(crate) const GOLDEN_TURN: Vec2 = Vec2::new(-0.737_368_9, 0.675_490_3);
 /// Threads of a ray-casting workgroup in x and y.
 pub const WORKGROUP: [u32; 2] = [8, 8];
 /// Threads of the meter's one workgroup, and pixels that each reads at most.
@@ -184,6 +187,8 @@ pub struct FrameUniform {
     pub fog: [f32; 4],
     /// West, south, east and north end of the city, in metres from the camera.
     pub city: [f32; 4],
+    /// Strength of lines at silhouettes and of shade where surfaces meet, each 0 to 1, then twice 0. Rays do not read it.
+    pub edges: [f32; 4],
     /// Sun, sky and haze for [`Shading::Lit`].
     pub light: Light,
     /// Per level of the grid, finest first: first entry, log2 of the window's side, the window's west and south end.
@@ -373,6 +378,14 @@ pub struct ComposeUniform {
     pub day: f32,
     /// As in [`Light::grade`].
     pub grade: [f32; 4],
+    /// As in [`FrameUniform::edges`]; 0 where the pixels are colours.
+    pub edges: [f32; 4],
+    /// Inverse depth of the plane without columns in the middle of the picture, what is added to it at the right edge and at the upper
+    /// one, and 0; all are 0 without such a plane.
+    pub plane: [f32; 4],
+    /// Tangents of half of the angles that the picture is wide and high.
+    pub tan: [f32; 2],
+    pub unused: [u32; 2],
 }
 
 /// The uniform of occlusion: a pair of opposite directions, the frame of its maps, and the constants of the test. The CPU
@@ -442,6 +455,10 @@ pub mod binding {
     pub const COMPOSE_EXPOSURE: u32 = 2;
     /// Meter: storage, the ray-caster's hits.
     pub const COMPOSE_HIT: u32 = 3;
+    /// Composition: storage, the ray-caster's distances.
+    pub const COMPOSE_DISTANCE: u32 = 4;
+    /// Composition: storage, the shade of each block of pixels. The pass `contact` writes it.
+    pub const COMPOSE_SHADE: u32 = 5;
 
     /// Hit counts: uniform, width and height of the frame.
     pub const COUNTS_SIZE: u32 = 0;

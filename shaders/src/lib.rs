@@ -6,6 +6,7 @@
 //! Feature `gpu` adds the wgpu passes. Without it the crate has no graphics API.
 
 mod atmosphere;
+mod compose;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;

@@ -86,6 +86,15 @@ impl Look {
         }
     }
 
+    /// Strength of lines at silhouettes and of shade where surfaces meet.
+    pub fn edges(self) -> [f32; 2] {
+        match self {
+            Self::Physical => [0.0; 2],
+            Self::Model => [0.34, 0.85],
+            Self::Paper => [0.6, 0.6],
+        }
+    }
+
     /// Whether the air around the city has fog.
     pub fn has_fog(self) -> bool {
         self == Self::Model

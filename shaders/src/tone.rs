@@ -3,6 +3,7 @@
 
 use crate::{
     atmosphere::LUMINANCE,
+    compose::shades,
     cpu::shade::encoded,
     layout::{FrameUniform, METER_READS, METER_THREADS, NO_NODE, Shading},
 };
@@ -65,15 +66,17 @@ pub fn decode_radiance(word: u32) -> Vec3 {
 }
 
 /// Colours of a frame's pixels: r, g, b, 255 in sRGB. `words` are radiances if the frame is [`Shading::Lit`], else colours; `hits` are
-/// the nodes that the pixels show.
-pub fn develop(frame: &FrameUniform, words: &[u32], hits: &[u32]) -> Vec<u32> {
+/// the nodes that the pixels show. Lines and shade need the `distances`, as many as pixels.
+pub fn develop(frame: &FrameUniform, words: &[u32], hits: &[u32], distances: &[f32]) -> Vec<u32> {
     if frame.shading != Shading::Lit as u32 {
         return words.to_vec();
     }
     let (exposure, width) = (exposure(frame, words, hits), (frame.width_px as usize).max(1));
     let (tables, is_graded) = (DisplayTables::get(), frame.light.grade[0] > 0.0);
+    let shades = shades(frame, distances);
     let develop = |(i, word): (usize, &u32)| {
-        let light = decode_radiance(*word) * exposure;
+        let shade = shades.as_ref().and_then(|shades| shades.get(i)).copied().unwrap_or(1.0);
+        let light = decode_radiance(*word) * (exposure * shade);
         let codes = if is_graded { tables.neutral_codes(light) } else { tables.codes(light) };
         dithered(codes, (i % width) as u32, (i / width) as u32)
     };

@@ -11,6 +11,10 @@
 
 use crate::{
     atmosphere::{LUMINANCE, MIE_G, PHASE_SCALE},
+    compose::{
+        CONTACT_DEPTH_SLACK, CONTACT_GAIN, CONTACT_LEAST_PX, CONTACT_M, CONTACT_REACH, CONTACT_SHARE, CONTACT_SLACK,
+        CONTACT_SOFT, CONTACT_TAPS, LINE_BEGIN, LINE_FAR_M, LINE_FULL,
+    },
     cpu::{
         landmark::MIN_FACING_NORMAL,
         mesh::{BOX_SLACK, EDGE_SLACK, MESH_LIFT_M, MESH_LIFT_SHARE, MIN_COSINE, PLANE_SINE_SQUARED, TIE_M, TIE_SHARE},
@@ -24,7 +28,6 @@ use crate::{
             NOISE_VARIANCE, OCTAVE_TURN,
         },
         ray::{MAX_STEPS, MIN_DIRECTION, SUN_LIFT_CELLS, SUN_LIFT_M},
-        raycast::GOLDEN_TURN,
         shade::{
             DISC, DISC_INNER, DISC_OUTER, FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, FACING_REFLECTANCE, GROUND,
             GROUND_DEPTH, GROUND_FADE_M, HORIZON, LAMP_DEPTH, LAMPS_IN_THE_OPEN, LAMPS_ON_WALLS, MIN_GROUND_DESCENT,
@@ -50,8 +53,8 @@ use crate::{
     },
     grid::Z_TOP,
     layout::{
-        ATTRIBUTE_PLANE, BLOCK_CELLS, BLOCK_SHIFT, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS, GRID_MIXED,
-        GRID_NODE_BIT, GRID_NODE_MASK, GRID_SHARE_MASK, GRID_SHARE_SHIFT, HIT_BLOCK_PX, HIT_COUNTS_THREADS,
+        ATTRIBUTE_PLANE, BLOCK_CELLS, BLOCK_SHIFT, GOLDEN_TURN, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS,
+        GRID_MIXED, GRID_NODE_BIT, GRID_NODE_MASK, GRID_SHARE_MASK, GRID_SHARE_SHIFT, HIT_BLOCK_PX, HIT_COUNTS_THREADS,
         MAX_SAMPLES, MESH_FLAG, METER_READS, METER_THREADS, NO_NODE, NODE_BLOCKS, OBJECT_BITS, OCCLUSION_SPLIT,
         OCCLUSION_THREADS, OUTLINE_RGB, PAGE_WORDS, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, QUAD_TOP_BITS,
         QUAD_TOP_MAX, QUARTER_MAX, QUARTER_SHIFT, ROOF_PLANE, SKY_AZIMUTHS, SKY_CELLS, SKY_HEIGHTS, SLOT_SHIFT,
@@ -89,6 +92,7 @@ macro_rules! wgsl {
 
 const LAYOUT: &str = wgsl!("shared/layout.wgsl");
 const MATH: &str = wgsl!("shared/math.wgsl");
+const DEPTH: &str = wgsl!("shared/depth.wgsl");
 const COMPOSE_UNIFORM: &str = wgsl!("shared/compose_uniform.wgsl");
 const SRGB: &str = wgsl!("shared/srgb.wgsl");
 const TONE: &str = wgsl!("shared/tone.wgsl");
@@ -132,7 +136,12 @@ pub fn stone_samples(kernel: &str) -> String {
 
 /// Draws the ray-caster's pixels on a render target: entry points `corner`, `compose_srgb` and `compose_linear`.
 pub fn compose() -> String {
-    source(&[COMPOSE_UNIFORM, SRGB, TONE, wgsl!("compose.wgsl")])
+    source(&[COMPOSE_UNIFORM, DEPTH, SRGB, TONE, wgsl!("compose.wgsl")])
+}
+
+/// Shade where surfaces meet, from the ray-caster's distances: entry point `contact`, workgroups of [`WORKGROUP`].
+pub fn contact() -> String {
+    source(&[COMPOSE_UNIFORM, DEPTH, wgsl!("contact.wgsl")])
 }
 
 /// Measures the exposure of the ray-caster's pixels: entry point `meter`.
@@ -241,6 +250,8 @@ fn binding_constants() -> String {
             BINDING_COMPOSE_COLOUR = binding::COMPOSE_COLOUR,
             BINDING_COMPOSE_EXPOSURE = binding::COMPOSE_EXPOSURE,
             BINDING_COMPOSE_HIT = binding::COMPOSE_HIT,
+            BINDING_COMPOSE_DISTANCE = binding::COMPOSE_DISTANCE,
+            BINDING_COMPOSE_SHADE = binding::COMPOSE_SHADE,
             BINDING_COUNTS_SIZE = binding::COUNTS_SIZE,
             BINDING_COUNTS_HIT = binding::COUNTS_HIT,
             BINDING_COUNTS = binding::COUNTS,
@@ -347,6 +358,10 @@ fn other_constants() -> String {
         f32 { BAYS_PER_M, GLASS_WEST, GLASS_EAST, GLASS_LOW, GLASS_HIGH, LIT_SHARE, MAX_WINDOW_SLOPE, WINDOW_MIN }
         i32 { BAY_COUNT }
         u32 { WINDOW_DEPTH_SHIFT }
+        // Lines and shade of composition.
+        f32 { LINE_BEGIN, LINE_FULL, LINE_FAR_M, CONTACT_M, CONTACT_SHARE, CONTACT_LEAST_PX, CONTACT_DEPTH_SLACK, CONTACT_SLACK }
+        f32 { CONTACT_SOFT, CONTACT_REACH, CONTACT_GAIN }
+        u32 { CONTACT_TAPS }
         // Exposure and tone.
         u32 { MANTISSA_BITS, METER_BINS, METER_THREADS, METER_READS }
         i32 { EXPONENT_BIAS }
@@ -412,7 +427,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(bindings, 9 + 3 + 4 + 3 + 3 + 6 + 3, "bindings and workgroup sizes");
+        assert_eq!(bindings, 9 + 3 + 4 + 4 + 3 + 3 + 6 + 3, "bindings and workgroup sizes");
     }
 
     #[test]

@@ -1,10 +1,10 @@
 // Draws the ray-caster's pixels on a render target, scaled to the nearest pixel.
 //
-// In: the ray-caster's pixels, the exposure. Out: a render target. Next: the overlay.
+// In: the ray-caster's pixels, distances, their shade, the exposure. Out: a render target. Next: the overlay.
 
-@group(0) @binding(BINDING_COMPOSE_SETTINGS) var<uniform> settings: ComposeUniform;
 @group(0) @binding(BINDING_COMPOSE_COLOUR) var<storage, read> pixel_colour: array<u32>;
 @group(0) @binding(BINDING_COMPOSE_EXPOSURE) var<storage, read> exposure: array<f32>;
+@group(0) @binding(BINDING_COMPOSE_SHADE) var<storage, read> block_shade: array<f32>;
 
 // One triangle that covers the target.
 @vertex
@@ -22,11 +22,48 @@ fn pixel(position: vec4<f32>) -> vec4<f32> {
     }
     // The target rounds to the nearest value.
     let noise = (gradient_noise(at) - 0.5) / 255.0;
-    let light = decode_radiance(word) * exposure[0];
+    let light = decode_radiance(word) * (exposure[0] * edge_factor(vec2<i32>(at)));
     if settings.grade.x > 0.0 {
         return vec4<f32>(srgb_of_linear(clamp(neutral(light), vec3<f32>(0.0), vec3<f32>(1.0))) + noise, 1.0);
     }
     return vec4<f32>(srgb_of_linear(tone_map(light)) + noise, 1.0);
+}
+
+// Factor for the lines at silhouettes and the shade where surfaces meet.
+fn edge_factor(at: vec2<i32>) -> f32 {
+    var factor = 1.0;
+    if settings.edges.x > 0.0 && distance_at(at) < LONGEST_M {
+        factor -= settings.edges.x * line(at);
+    }
+    if settings.edges.y > 0.0 {
+        factor *= 1.0 - settings.edges.y * mean_around(at);
+    }
+    return factor;
+}
+
+// How much of a line a pixel has.
+fn line(at: vec2<i32>) -> f32 {
+    let own = inverse_depth(at);
+    let across = own - 0.5 * (inverse_depth(at - vec2<i32>(1, 0)) + inverse_depth(at + vec2<i32>(1, 0)));
+    let down = own - 0.5 * (inverse_depth(at - vec2<i32>(0, 1)) + inverse_depth(at + vec2<i32>(0, 1)));
+    let t = clamp((max(across, down) / own - LINE_BEGIN) / (LINE_FULL - LINE_BEGIN), 0.0, 1.0);
+    return t * t * (3.0 - 2.0 * t) * clamp(1.0 - 1.0 / (own * LINE_FAR_M), 0.0, 1.0);
+}
+
+// Mean shade of the four blocks around a pixel, which have the taps of all phases.
+fn mean_around(at: vec2<i32>) -> f32 {
+    let first = (at - 1) >> vec2<u32>(1u);
+    var sum = 0.0;
+    for (var i = 0; i < 4; i++) {
+        sum += shade_at(first + vec2<i32>(i & 1, i >> 1u));
+    }
+    return 0.25 * sum;
+}
+
+fn shade_at(block: vec2<i32>) -> f32 {
+    let blocks = vec2<i32>((settings.frame_px + 1u) / 2u);
+    let at = clamp(block, vec2<i32>(0), blocks - 1);
+    return block_shade[u32(at.y * blocks.x + at.x)];
 }
 
 @fragment

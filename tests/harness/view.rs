@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use insula_shaders::{
     layout::{FrameUniform, Light, Shading},
     light::Air,
+    look::Look,
 };
 use serde::{Deserialize, Serialize};
 
@@ -93,5 +94,18 @@ impl Camera {
             samples: spec.samples,
             ..FrameUniform::zeroed()
         }
+    }
+}
+
+/// A frame of a city of 100 m in a look, which begins 50 m to the west of the camera and ends there to the east.
+pub fn in_look(frame: FrameUniform, look: Look) -> FrameUniform {
+    let [lines, contact] = look.edges();
+    let (fog, city) = ([40.0, 1.0 / 300.0, 1.0 / 30.0, 0.0], [-50.0, -50.0, 50.0, 50.0]);
+    FrameUniform {
+        light: look.grade(frame.light, frame.sun.into()),
+        edges: [lines, contact, 0.0, 0.0],
+        fog: if look.has_fog() { fog } else { [0.0; 4] },
+        city,
+        ..frame
     }
 }

@@ -9,8 +9,9 @@ use insula_shaders::{
         render::{RenderedRows, render_with},
         stepped::{FrameProgress, SteppedFrame},
     },
-    layout::{Light, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
+    layout::{FrameUniform, Light, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
     light::{Air, NightLights},
+    look::Look,
 };
 use insula_test_support::tier;
 use insula_tests::{
@@ -20,13 +21,14 @@ use insula_tests::{
     rng::Rng,
     tests,
     trials::Trials,
-    view::FrameSpec,
+    view::{FrameSpec, in_look},
 };
 
 pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
         packets_draw_what_single_rays_draw,
         packets_draw_every_shading_the_night_and_objects,
+        packets_draw_every_look,
         packets_draw_cross_fades,
         adaptive_frames_are_the_same_in_steps_and_close_to_full_ones
     ]);
@@ -110,6 +112,25 @@ fn packets_draw_every_shading_the_night_and_objects() -> Result<()> {
         (scene.frame.sun, scene.frame.light) = (sun.into(), Light::new(sun, Air::default(), &night));
         scene.frame.bays = bays_of(camera.position.into(), 1.0 / 67.0);
         check(&scene, &format!("city {seed}, at night"))?;
+    }
+    Ok(())
+}
+
+/// With the exposure that each look finds.
+fn packets_draw_every_look() -> Result<()> {
+    for (seed, city) in cities().iter().enumerate() {
+        let mut rng = Rng::new(700 + seed as u64);
+        for (look, samples) in Look::ALL.into_iter().zip([1, 2, 1]) {
+            let camera = random::camera(&mut rng, city, Pose::Above);
+            let mut scene = city.draw_list.scene(&camera, &FrameSpec { samples, ..FRAME });
+            (scene.frame.ground, scene.frame.exposure) = (1, 0.0);
+            scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
+            scene.frame = in_look(scene.frame, look);
+            check(&scene, &format!("city {seed}, {look:?}"))?;
+            let plain = Scene { frame: FrameUniform { edges: [0.0; 4], ..scene.frame }, ..scene.clone() };
+            let has_edges = scene.render().colour != plain.render().colour;
+            ensure!(has_edges == (look != Look::Physical), "city {seed}: lines and shade in the look {look:?}");
+        }
     }
     Ok(())
 }

@@ -5,6 +5,7 @@ use insula_shaders::{
     cpu::raycast::Pixels,
     gpu::{Compose, DeviceQueue, Raycaster},
     layout::Shading,
+    look::Look,
 };
 use insula_tests::{
     gpu::Gpu,
@@ -12,7 +13,7 @@ use insula_tests::{
     random::{self, Pose},
     rng::Rng,
     trials::Trials,
-    view::FrameSpec,
+    view::{FrameSpec, in_look},
 };
 
 pub(crate) fn add(trials: &mut Trials) {
@@ -24,9 +25,18 @@ const FRAME_PX: [u32; 2] = [97, 61];
 const TARGETS_PX: [[u32; 2]; 3] = [FRAME_PX, [192, 122], [64, 33]];
 
 fn target_shows_the_pixels_of_the_ray_caster(gpu: &Gpu) -> Result<()> {
+    Look::ALL.into_iter().try_for_each(|look| target_shows_a_look(gpu, look))
+}
+
+/// With the exposure that the look finds, and its lines and shade.
+fn target_shows_a_look(gpu: &Gpu, look: Look) -> Result<()> {
     let city = random::city(2)?;
     let spec = FrameSpec { width_px: FRAME_PX[0], height_px: FRAME_PX[1], shading: Shading::Lit, samples: 1 };
-    let scene = city.draw_list.scene(&random::camera(&mut Rng::new(5), &city, Pose::Above), &spec);
+    let camera = random::camera(&mut Rng::new(5), &city, Pose::Above);
+    let mut scene = city.draw_list.scene(&camera, &spec);
+    (scene.frame.ground, scene.frame.exposure) = (1, 0.0);
+    scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
+    scene.frame = in_look(scene.frame, look);
     let (data, mut raycaster) = (scene.as_ref(), gpu.raycaster(&scene));
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let on = DeviceQueue { device: &gpu.device, queue: &gpu.queue };
@@ -45,7 +55,7 @@ fn target_shows_the_pixels_of_the_ray_caster(gpu: &Gpu) -> Result<()> {
                 let differs = found.to_le_bytes().iter().zip(reference).any(|(a, b)| a.abs_diff(b) > STEPS);
                 anyhow::ensure!(
                     !differs,
-                    "{format:?}, {target_px:?}, pixel {i}: {found:08x} instead of {reference:02x?}"
+                    "{look:?}, {format:?}, {target_px:?}, pixel {i}: {found:08x} instead of {reference:02x?}"
                 );
             }
         }
@@ -99,7 +109,7 @@ fn compose(
 
 fn draw(gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, raycaster: &Raycaster, target: &wgpu::Texture) {
     let view = target.create_view(&wgpu::TextureViewDescriptor::default());
-    let compose = Compose::new(&gpu.device, target.format());
+    let mut compose = Compose::new(&gpu.device, target.format());
     let on = DeviceQueue { device: &gpu.device, queue: &gpu.queue };
     compose.measure(on, encoder, raycaster, [target.width(), target.height()]);
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {

@@ -13,8 +13,9 @@ use insula_shaders::{
         raycast::{Pixels, count},
         shade::{Airlight, background, encode_srgb},
     },
-    layout::{Light, NO_NODE, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
+    layout::{FrameUniform, Light, NO_NODE, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
     light::{Air, NightLights},
+    look::Look,
     tone::decode_radiance,
 };
 use insula_test_support::tier;
@@ -28,7 +29,7 @@ use insula_tests::{
     tests,
     trials::Trials,
     twin,
-    view::{Camera, FrameSpec},
+    view::{Camera, FrameSpec, in_look},
 };
 use rayon::prelude::*;
 use std::sync::OnceLock;
@@ -179,6 +180,12 @@ fn gpu_and_cpu_agree_at_every_hour(gpu: &Gpu) -> Result<()> {
             scene.frame.bays = bays_of(camera.position.into(), 1.0 / FRAME.height_px as f32);
             scene.frame.shadow_m = shadow_m;
             scenes_agree(gpu, &scene, &FRAME, &camera, &format!("sun {height} high, {pose:?}"))?;
+            for look in [Look::Model, Look::Paper] {
+                let mut graded = scene.clone();
+                // Lines turn an edge that is one pixel off into several.
+                graded.frame = FrameUniform { edges: [0.0; 4], ..in_look(scene.frame, look) };
+                scenes_agree(gpu, &graded, &FRAME, &camera, &format!("sun {height} high, {pose:?}, {look:?}"))?;
+            }
             let occluded = scene.render();
             scene.frame.light.sky_up[3] = 1.0;
             scenes_agree(gpu, &scene, &FRAME, &camera, &format!("sun {height} high, {pose:?}, without occlusion"))?;

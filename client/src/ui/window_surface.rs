@@ -231,7 +231,7 @@ impl WindowSurface {
     }
 
     /// Records the passes that write the ray-caster's pixels into the scene's texture.
-    fn draw_scene(&self, encoder: &mut wgpu::CommandEncoder, gpu: &GpuAdapter) {
+    fn draw_scene(&mut self, encoder: &mut wgpu::CommandEncoder, gpu: &GpuAdapter) {
         let Some(scene) = &self.scene else { return };
         let on = DeviceQueue { device: &self.device.device, queue: &self.device.queue };
         self.compose.measure(on, encoder, &gpu.raycaster, scene.size_px);

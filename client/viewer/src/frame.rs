@@ -48,6 +48,8 @@ pub struct RenderSettings {
     pub light: Light,
     /// How a lit city is shown.
     pub look: Look,
+    /// Whether there are the look's lines at silhouettes, and its shade where surfaces meet.
+    pub edges: [bool; 2],
     /// Longest shadow; 0 without shadows.
     pub shadow_m: f64,
     /// Factor from radiance to display; 0: by the frame's mean.
@@ -66,6 +68,7 @@ impl RenderSettings {
             sun,
             light,
             look: Look::Physical,
+            edges: [true; 2],
             shadow_m: 0.0,
             exposure: 0.0,
             translucency: Translucency::default(),
@@ -300,12 +303,20 @@ pub(crate) fn frame_uniform(
         stones: *stones,
         bays: bays_of(camera.position, (2.0 * tan_y / f64::from((view.height_px * samples).max(1))) as f32),
         light: settings.light,
+        edges: edges_of(settings),
         shadow_m: if settings.shadow_casting_sun().is_some() { settings.shadow_m as f32 } else { 0.0 },
         exposure: settings.exposure,
         // With many rays per pixel, those to the sun can show its penumbra.
         sun_radius: if settings.samples >= STILL_SAMPLES { SUN_RADIUS_RAD } else { 0.0 },
         ..FrameUniform::zeroed()
     }
+}
+
+/// [`FrameUniform::edges`].
+fn edges_of(settings: &RenderSettings) -> [f32; 4] {
+    let [lines, contact] = settings.look.edges();
+    let strength = |is_on: bool, strength: f32| if is_on { strength } else { 0.0 };
+    [strength(settings.edges[0], lines), strength(settings.edges[1], contact), 0.0, 0.0]
 }
 
 /// Fog begins at this share of the city's half diagonal from the camera, and is as deep as this multiple of it.

@@ -42,6 +42,10 @@ pub struct SunOptions {
     pub translucency: Translucency,
     /// How the lit city is shown.
     pub look: Look,
+    /// Whether there are lines at silhouettes; by default as the look has them.
+    pub lines: Option<bool>,
+    /// Whether there is shade where surfaces meet; by default as the look has it.
+    pub contact: Option<bool>,
 }
 
 /// A date and hour.
@@ -90,6 +94,8 @@ pub struct Daylight {
     pub translucency: Translucency,
     /// How the lit city is shown.
     pub look: Look,
+    /// Whether there are the look's lines at silhouettes, and its shade where surfaces meet.
+    edges: [bool; 2],
     air: Air,
     /// Whether the user has set the visibility; otherwise, a look may replace haze.
     is_haze_set: bool,
@@ -170,6 +176,7 @@ impl Daylight {
             },
             is_haze_set: options.visibility_km.is_some(),
             look: options.look,
+            edges: [options.lines, options.contact].map(|is_on| is_on.unwrap_or(true)),
             exposure: options.exposure.unwrap_or(0.0),
         };
         if let Some(time) = options.time {
@@ -252,7 +259,15 @@ impl Daylight {
         if self.is_haze_set {
             lit.light.haze = haze;
         }
-        RenderSettings { shading, samples, shadow_m, exposure: self.exposure, translucency: self.translucency, ..lit }
+        RenderSettings {
+            shading,
+            samples,
+            shadow_m,
+            exposure: self.exposure,
+            translucency: self.translucency,
+            edges: self.edges,
+            ..lit
+        }
     }
 }
 

@@ -61,18 +61,18 @@ export class Helpers {
 
   /**
    * Draws rows `first` to `end` of a frame of a width, each worker every n-th. Fails if a worker fails.
-   * @returns {Promise<{words: Uint32Array, hit: Uint32Array}>}
+   * @returns {Promise<{words: Uint32Array, hit: Uint32Array}>} In `hit`, each row has its nodes, then its distances.
    */
   async draw(width, first, end) {
     const step = this.#drawing;
     const draw = (_, at) => this.#ask(at, ROWS_WEIGHT, { job: 'draw', first: first + at, end, step });
     const parts = this.#workers.slice(0, step).map(draw);
     const words = new Uint32Array(width * (end - first));
-    const hit = new Uint32Array(words.length);
+    const hit = new Uint32Array(2 * words.length);
     for (const [at, part] of (await Promise.all(parts)).entries()) {
       for (let row = at, from = 0; row < end - first; row += step, from += width) {
         words.set(part.words.subarray(from, from + width), row * width);
-        hit.set(part.hit.subarray(from, from + width), row * width);
+        hit.set(part.hit.subarray(2 * from, 2 * (from + width)), 2 * row * width);
       }
     }
     return { words, hit };

@@ -19,7 +19,7 @@ use super::{
     ward::{StoneSide, reflect_stone},
 };
 use crate::{
-    layout::{FrameUniform, MAX_SAMPLES, NO_NODE, OUTLINE_RGB, PALETTE_OUTLINED, Shading},
+    layout::{FrameUniform, GOLDEN_TURN, MAX_SAMPLES, NO_NODE, OUTLINE_RGB, PALETTE_OUTLINED, Shading},
     mesh::ORIGINS_PER_M,
     stone::Stone,
     tone::{develop, encode_radiance, gradient_noise},
@@ -28,9 +28,6 @@ use glam::{Vec2, Vec3};
 use insula_protocol::blockmap::flag;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
-
-/// Cosine and sine of the turn between neighbouring points of an even spiral over a disc: 137.5 degrees.
-pub(crate) const GOLDEN_TURN: Vec2 = Vec2::new(-0.737_368_9, 0.675_490_3);
 
 /// A finished frame, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -50,7 +47,7 @@ pub struct Pixels {
 impl Pixels {
     /// Sets colours and radiances from the ray-caster's words.
     pub(crate) fn set_words(&mut self, frame: &FrameUniform, words: Vec<u32>) {
-        self.colour = develop(frame, &words, &self.hit);
+        self.colour = develop(frame, &words, &self.hit, &self.distance);
         self.radiance = if frame.shading == Shading::Lit as u32 { words } else { Vec::new() };
     }
 }

@@ -6,6 +6,7 @@ use super::{
     raycast::{Pixel, Pixels, Sampling, SceneRef, pixel},
 };
 use crate::{
+    compose::shades,
     layout::{FrameUniform, Shading},
     tone::{DisplayTables, exposure_with},
 };
@@ -86,12 +87,17 @@ impl RenderedRows {
         end == height_px
     }
 
-    /// Appends rows that were rendered elsewhere: the words and hits that [`render_row`] gives. Distances are not known. Returns
-    /// whether all rows of `frame` are there.
-    pub fn append(&mut self, frame: &FrameUniform, words: &[u32], hit: &[u32]) -> bool {
+    /// Appends rows that were rendered elsewhere: the words, hits and distances that [`render_row`] gives. Returns whether all rows of
+    /// `frame` are there.
+    pub fn append(&mut self, frame: &FrameUniform, words: &[u32], hits: &[u32]) -> bool {
+        let width = frame.width_px.max(1) as usize;
         self.words.extend_from_slice(words);
-        self.hit.extend_from_slice(hit);
-        self.rows = self.words.len() as u32 / frame.width_px.max(1);
+        for row in hits.chunks_exact(2 * width) {
+            let (hit, distance) = row.split_at(width);
+            self.hit.extend_from_slice(hit);
+            self.distance.extend(distance.iter().map(|bits| f32::from_bits(*bits)));
+        }
+        self.rows = (self.words.len() / width) as u32;
         self.rows >= frame.height_px
     }
 
@@ -123,20 +129,23 @@ pub(super) fn developed(frame: &FrameUniform, set: Option<InstructionSet>, pixel
 
 fn with_words(mut out: Pixels, frame: &FrameUniform, set: Option<InstructionSet>, words: Vec<u32>) -> Pixels {
     match set.filter(|_| frame.shading == Shading::Lit as u32) {
-        Some(set) => (out.colour, out.radiance) = (develop_in_packets(set, frame, &words, &out.hit), words),
+        Some(set) => (out.colour, out.radiance) = (develop_in_packets(set, frame, &words, &out), words),
         None => out.set_words(frame, words),
     }
     out
 }
 
 /// [`develop`](crate::tone::develop) of a lit frame.
-fn develop_in_packets(set: InstructionSet, frame: &FrameUniform, words: &[u32], hits: &[u32]) -> Vec<u32> {
-    let exposure = exposure_with(frame, words, hits, |words| count_radiances(set, words));
+fn develop_in_packets(set: InstructionSet, frame: &FrameUniform, words: &[u32], drawn: &Pixels) -> Vec<u32> {
+    let exposure = exposure_with(frame, words, &drawn.hit, |words| count_radiances(set, words));
+    let shades = shades(frame, &drawn.distance);
     let (tables, width) = ((DisplayTables::get(), frame.light.grade[0] > 0.0), frame.width_px.max(1));
     let mut colours = vec![0; words.len()];
     let chunks = words.par_chunks(DEVELOPED_PIXELS).zip(colours.par_chunks_mut(DEVELOPED_PIXELS)).enumerate();
     chunks.for_each(|(chunk, (words, colours))| {
-        develop_pixels(set, (width, chunk * DEVELOPED_PIXELS), (exposure, tables), words, colours);
+        let first = chunk * DEVELOPED_PIXELS;
+        let shades = shades.as_ref().and_then(|shades| shades.get(first..));
+        develop_pixels(set, (width, first), (exposure, tables), (words, shades), colours);
     });
     colours
 }
@@ -157,10 +166,12 @@ pub(super) fn render_band(
     }
 }
 
-/// Renders one row on this thread. Appends a word (radiance of a lit frame, else colour) and the node that was hit for each pixel.
-pub fn render_row(scene: &SceneRef<'_>, y: u32, words: &mut Vec<u32>, hit: &mut Vec<u32>) {
+/// Renders one row on this thread. Appends a word (radiance of a lit frame, else colour) for each pixel, and to `hits` the nodes that
+/// were hit, followed by the bits of the distances.
+pub fn render_row(scene: &SceneRef<'_>, y: u32, words: &mut Vec<u32>, hits: &mut Vec<u32>) {
     let mut row = vec![Pixel::NOTHING; scene.frame.width_px as usize];
     render_band((InstructionSet::best(), Sampling::Full), scene, y, &mut row);
     words.extend(row.iter().map(|pixel| pixel.word));
-    hit.extend(row.iter().map(|pixel| pixel.hit));
+    hits.extend(row.iter().map(|pixel| pixel.hit));
+    hits.extend(row.iter().map(|pixel| pixel.distance_m.to_bits()));
 }

@@ -20,9 +20,6 @@ pub(crate) const HORIZON: Vec3 = Vec3::new(0.72, 0.80, 0.88);
 pub(crate) const ZENITH: Vec3 = Vec3::new(0.20, 0.38, 0.68);
 /// The plane where there is no column, behind baked values, linear RGB.
 pub(crate) const GROUND: Vec3 = Vec3::new(0.36, 0.37, 0.35);
-/// Albedo of that plane in light: that of the ground between buildings
-/// ([`GROUND_COLOUR`](insula_protocol::blockmap::ground::GROUND_COLOUR)).
-pub(crate) const GROUND_ALBEDO: Vec3 = Vec3::new(0.515, 0.521, 0.491);
 /// Distance in metres at which half of the plane has become horizon, behind baked values.
 pub(crate) const GROUND_FADE_M: f32 = 3000.0;
 /// Distance in metres from which the plane vanishes faster in haze than a city would, and how much faster: nobody knows what is

@@ -1,7 +1,7 @@
 //! Draws the ray-caster's pixels on a render target.
 
 use super::{DeviceQueue, Raycaster, buffer, shader_module};
-use crate::layout::{ComposeUniform, Shading, binding};
+use crate::layout::{ComposeUniform, WORKGROUP, binding};
 use bytemuck::Zeroable;
 use wgpu::util::DeviceExt;
 
@@ -10,8 +10,11 @@ use wgpu::util::DeviceExt;
 pub struct Compose {
     pipeline: wgpu::RenderPipeline,
     meter: wgpu::ComputePipeline,
+    contact: wgpu::ComputePipeline,
     settings: wgpu::Buffer,
     exposure: wgpu::Buffer,
+    /// Shade of each block of two by two pixels.
+    shade: wgpu::Buffer,
 }
 
 impl Compose {
@@ -40,76 +43,89 @@ impl Compose {
             multiview_mask: None,
             cache: None,
         });
-        let meter = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("meter"),
-            layout: None,
-            module: &shader_module(device, "meter", crate::wgsl::meter()),
-            entry_point: Some("meter"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
+        let compute = |name: &'static str, source: String| {
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(name),
+                layout: None,
+                module: &shader_module(device, name, source),
+                entry_point: Some(name),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            })
+        };
+        let meter = compute("meter", crate::wgsl::meter());
+        let contact = compute("contact", crate::wgsl::contact());
         let settings = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("compose settings"),
             contents: bytemuck::bytes_of(&ComposeUniform::zeroed()),
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         });
         let exposure = buffer(device, "exposure", 4, wgpu::BufferUsages::STORAGE);
-        Self { pipeline, meter, settings, exposure }
+        let shade = buffer(device, "shade", 4, wgpu::BufferUsages::STORAGE);
+        Self { pipeline, meter, contact, settings, exposure, shade }
     }
 
-    /// Records the measurement of the exposure of `raycaster`'s last frame, which is to be drawn on a target of a size.
+    /// Records the measurement of the exposure and of the shade of `raycaster`'s last frame, which is to be drawn on a target of a size.
     pub fn measure(
-        &self,
+        &mut self,
         DeviceQueue { device, queue }: DeviceQueue<'_>,
         encoder: &mut wgpu::CommandEncoder,
         raycaster: &Raycaster,
         target_px: [u32; 2],
     ) {
         let frame = raycaster.last_frame();
-        let settings = ComposeUniform {
-            frame_px: raycaster.size_px(),
-            target_px,
-            is_lit: u32::from(frame.shading == Shading::Lit as u32),
-            exposure: frame.exposure,
-            key: frame.light.key,
-            day: frame.light.plane[3],
-            grade: frame.light.grade,
-        };
+        let settings = ComposeUniform::new(frame, raycaster.size_px(), target_px);
         queue.write_buffer(&self.settings, 0, bytemuck::bytes_of(&settings));
-        let hits = (binding::COMPOSE_HIT, raycaster.hit_buffer());
-        let bind_group = self.bind_group(device, &self.meter.get_bind_group_layout(0), raycaster, Some(hits));
+        let blocks = raycaster.size_px().map(|side| side.div_ceil(2));
+        let bytes = blocks.iter().map(|side| u64::from(*side)).product::<u64>().max(1) * 4;
+        if self.shade.size() < bytes {
+            self.shade = buffer(device, "shade", bytes, wgpu::BufferUsages::STORAGE);
+        }
+        let meter = [
+            (binding::COMPOSE_COLOUR, raycaster.colour_buffer()),
+            (binding::COMPOSE_EXPOSURE, &self.exposure),
+            (binding::COMPOSE_HIT, raycaster.hit_buffer()),
+        ];
+        let meter = self.bind_group(device, &self.meter.get_bind_group_layout(0), &meter);
+        let contact = [(binding::COMPOSE_DISTANCE, raycaster.distance_buffer()), (binding::COMPOSE_SHADE, &self.shade)];
+        let contact = self.bind_group(device, &self.contact.get_bind_group_layout(0), &contact);
         let mut pass =
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("meter"), timestamp_writes: None });
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("measure"), timestamp_writes: None });
         pass.set_pipeline(&self.meter);
-        pass.set_bind_group(0, &bind_group, &[]);
+        pass.set_bind_group(0, &meter, &[]);
         pass.dispatch_workgroups(1, 1, 1);
+        if settings.edges[1] > 0.0 {
+            pass.set_pipeline(&self.contact);
+            pass.set_bind_group(0, &contact, &[]);
+            pass.dispatch_workgroups(blocks[0].div_ceil(WORKGROUP[0]), blocks[1].div_ceil(WORKGROUP[1]), 1);
+        }
     }
 
     /// Draws the last frame of `raycaster` over the whole target, scaled to the nearest pixel, with the exposure of the last
     /// [`Compose::measure`].
     pub fn draw(&self, device: &wgpu::Device, pass: &mut wgpu::RenderPass<'_>, raycaster: &Raycaster) {
-        let bind_group = self.bind_group(device, &self.pipeline.get_bind_group_layout(0), raycaster, None);
+        let inputs = [
+            (binding::COMPOSE_COLOUR, raycaster.colour_buffer()),
+            (binding::COMPOSE_EXPOSURE, &self.exposure),
+            (binding::COMPOSE_DISTANCE, raycaster.distance_buffer()),
+            (binding::COMPOSE_SHADE, &self.shade),
+        ];
+        let bind_group = self.bind_group(device, &self.pipeline.get_bind_group_layout(0), &inputs);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &bind_group, &[]);
         pass.draw(0..3, 0..1);
     }
 
+    /// The settings and `more`.
     fn bind_group(
         &self,
         device: &wgpu::Device,
         layout: &wgpu::BindGroupLayout,
-        raycaster: &Raycaster,
-        more: Option<(u32, &wgpu::Buffer)>,
+        more: &[(u32, &wgpu::Buffer)],
     ) -> wgpu::BindGroup {
-        let entries = [
-            (binding::COMPOSE_SETTINGS, &self.settings),
-            (binding::COMPOSE_COLOUR, raycaster.colour_buffer()),
-            (binding::COMPOSE_EXPOSURE, &self.exposure),
-        ];
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = entries
-            .into_iter()
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = std::iter::once(&(binding::COMPOSE_SETTINGS, &self.settings))
             .chain(more)
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding: *binding, resource: buffer.as_entire_binding() })
             .collect();
         device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("compose"), layout, entries: &entries })
     }

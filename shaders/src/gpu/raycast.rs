@@ -342,6 +342,11 @@ impl Raycaster {
         &self.output.hit
     }
 
+    /// Metres along each pixel's ray, infinity where no node was hit, row by row from the top.
+    pub fn distance_buffer(&self) -> &wgpu::Buffer {
+        &self.output.distance
+    }
+
     /// Width and height of the last [`Raycaster::resize`].
     pub fn size_px(&self) -> [u32; 2] {
         [self.output.width_px, self.output.height_px]

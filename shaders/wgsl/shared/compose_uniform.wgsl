@@ -7,4 +7,8 @@ struct ComposeUniform {
     key: f32,
     day: f32,
     grade: vec4<f32>,
+    edges: vec4<f32>,
+    plane: vec4<f32>,
+    tan: vec2<f32>,
+    unused: vec2<u32>,
 }

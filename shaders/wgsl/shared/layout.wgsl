@@ -53,6 +53,7 @@ struct FrameUniform {
     bays: vec4<f32>,
     fog: vec4<f32>,
     city: vec4<f32>,
+    edges: vec4<f32>,
     light: Light,
     windows: array<vec4<i32>, GRID_LEVELS>,
     stones: array<Stone, MAX_STONES>,

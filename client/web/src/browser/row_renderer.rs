@@ -72,7 +72,7 @@ impl RowRenderer {
         words.first().copied().unwrap_or_default()
     }
 
-    /// The nodes that the pixels of the last [`RowRenderer::draw`] hit.
+    /// For each row of the last [`RowRenderer::draw`], the nodes that its pixels hit, then the bits of their distances.
     pub fn take_hits(&mut self) -> Vec<u32> {
         std::mem::take(&mut self.hit)
     }

@@ -6,11 +6,8 @@ use super::{
     trace::{TracedRays, trace},
 };
 use crate::{
-    cpu::{
-        ray::SceneRef,
-        raycast::{GOLDEN_TURN, sun_axes},
-    },
-    layout::FrameUniform,
+    cpu::{ray::SceneRef, raycast::sun_axes},
+    layout::{FrameUniform, GOLDEN_TURN},
     tone::gradient_noise,
 };
 use fearless_simd::prelude::*;

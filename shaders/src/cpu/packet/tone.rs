@@ -38,25 +38,25 @@ pub(super) fn encode_radiances<S: Simd>(simd: S, rgb: Vec3s<S>) -> U<S> {
 }
 
 /// Colours of pixels from number `first` on, of rows of `width`, with radiances `words`: r, g, b, 255 in sRGB. With the tables stands
-/// whether the picture is graded.
+/// whether the picture is graded. `shades` are factors of the radiances, if there are any.
 pub(in crate::cpu) fn develop_pixels(
     set: InstructionSet,
     (width, first): (u32, usize),
     (exposure, tables): (f32, (&DisplayTables, bool)),
-    words: &[u32],
+    (words, shades): (&[u32], Option<&[f32]>),
     colours: &mut [u32],
 ) {
     // Some machines have one instruction set.
     #[allow(unreachable_patterns)]
     match set.level() {
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Avx512(simd) => develop_with(simd, (width, first), (exposure, tables), words, colours),
+        Level::Avx512(simd) => develop_with(simd, (width, first), (exposure, tables), (words, shades), colours),
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        Level::Avx2(simd) => develop_with(simd, (width, first), (exposure, tables), words, colours),
+        Level::Avx2(simd) => develop_with(simd, (width, first), (exposure, tables), (words, shades), colours),
         #[cfg(target_arch = "aarch64")]
-        Level::Neon(simd) => develop_with(simd, (width, first), (exposure, tables), words, colours),
+        Level::Neon(simd) => develop_with(simd, (width, first), (exposure, tables), (words, shades), colours),
         #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
-        Level::WasmSimd128(simd) => develop_with(simd, (width, first), (exposure, tables), words, colours),
+        Level::WasmSimd128(simd) => develop_with(simd, (width, first), (exposure, tables), (words, shades), colours),
         // An `InstructionSet` is none of the others.
         _ => {}
     }
@@ -66,7 +66,7 @@ fn develop_with<S: Simd>(
     simd: S,
     (width, first): (u32, usize),
     (exposure, (tables, is_graded)): (f32, (&DisplayTables, bool)),
-    words: &[u32],
+    (words, shades): (&[u32], Option<&[f32]>),
     colours: &mut [u32],
 ) {
     let lanes = F::<S>::LEN;
@@ -75,10 +75,14 @@ fn develop_with<S: Simd>(
         || {
             let (first_x, first_y) = (first as u32 % width, first as u32 / width);
             let mut at = PixelPlaces { simd, width, x: lane_numbers(simd) + first_x, y: splat_u(simd, first_y) };
-            for (words, colours) in words.chunks(lanes).zip(colours.chunks_mut(lanes)) {
+            for (chunk, (words, colours)) in words.chunks(lanes).zip(colours.chunks_mut(lanes)).enumerate() {
                 at.wrap();
                 let radiances = decode_radiances::<S>(words_of(simd, words));
-                let light = radiances.scale(splat(simd, exposure));
+                let mut factor = splat(simd, exposure);
+                if let Some(shades) = shades.and_then(|shades| shades.get(chunk * lanes..)?.get(..words.len())) {
+                    factor *= words_of(simd, bytemuck::cast_slice(shades)).bitcast::<F<S>>();
+                }
+                let light = radiances.scale(factor);
                 let codes = if is_graded { neutral_codes(simd, tables, light) } else { codes_of(simd, tables, light) };
                 let dithered = dithered(simd, codes, at.x, at.y);
                 if colours.len() == lanes {
