@@ -14,7 +14,7 @@ use crate::{
     scene::grid::CityGrid,
 };
 use insula_protocol::{
-    BlockMap, DecodeError, Texel,
+    BlockMap, DecodeError, NODE_CELLS, Texel,
     blockmap::{
         CLIP_STEPS_PER_CELL, ColumnClip, ColumnObjects, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop,
         STEPS_PER_CELL, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX, flag,
@@ -96,12 +96,19 @@ impl HeightCodes {
 /// Fails if the result exceeds a limit of the format all the same.
 pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, DecodeError> {
     let codes = HeightCodes::new(node, grid);
+    let ground = node.ground.as_ref().map(|ground| Box::new(encode_ground(ground, &codes)));
+    let rounded = ground.as_deref().filter(|_| !codes.is_leaf).map(NodeGround::surface);
     let mut texels = 0;
     let columns: Vec<Option<MapColumn>> = node
         .columns
         .iter()
-        .map(|column| {
+        .enumerate()
+        .map(|(i, column)| {
             let mut column = encode_column(column.as_ref()?, &codes);
+            let at = |n: usize| n as f32 + 0.5;
+            if let Some(point) = rounded.as_ref().and_then(|ground| ground.at(at(i % NODE_CELLS), at(i / NODE_CELLS))) {
+                raise_above_ground(&mut column, point.z, codes.shift);
+            }
             texels += column.strip.as_ref().map_or(0, |strip| strip.texels.len());
             if texels > MAX_TEXELS {
                 // Happens with towers everywhere at a tiny cell. Without a strip the sides show the roof's colour.
@@ -115,7 +122,7 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
     let mut map = BlockMap::from_columns(node.id, codes.cell_m as f32, codes.base_cells, codes.shift, &columns)?;
     map.snap_hidden_bottoms();
     map.objects = encode_objects(node, &map);
-    map.ground = node.ground.as_ref().map(|ground| Box::new(encode_ground(ground, &codes)));
+    map.ground = ground;
     Ok(map)
 }
 
@@ -150,6 +157,22 @@ fn encode_ground(ground: &VoxelGround, codes: &HeightCodes) -> NodeGround {
         }
     }
     encoded
+}
+
+/// Raises a column that ground at `ground_z` cells would just hide. In parents the ground's heights are rounded by much, and roads
+/// and parks lie only a little above it.
+fn raise_above_ground(column: &mut MapColumn, ground_z: f32, shift: u8) {
+    let codes_per_cell = STEPS_PER_CELL >> shift;
+    let ground = (ground_z * f32::from(codes_per_cell)).round().max(1.0) as u16;
+    if column.z_max > ground || ground - column.z_max > codes_per_cell / 2 || ground >= Z_CODE_MAX {
+        return;
+    }
+    column.z_max = ground + 1;
+    if let Some(strip) = &mut column.strip {
+        let rows = usize::from(strip_rows(column.z_min, column.z_max, shift).1);
+        let last = strip.texels.last().copied().unwrap_or(column.roof);
+        strip.texels.resize(rows, last);
+    }
 }
 
 fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> MapColumn {

@@ -1,10 +1,10 @@
 //! Where walls meet the ground: the lower edges of walls that no other wall continues, without those on roofs.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::Vec3;
 
-use super::grid::GroundGrid;
+use super::{grid::GroundGrid, hanging};
 use crate::{
     error::BakeError,
     scene::{
@@ -15,20 +15,25 @@ use crate::{
 };
 
 /// Triangles whose unit normal has a smaller absolute z are walls.
-const MAX_WALL_NORMAL_Z: f32 = 0.35;
+pub(super) const MAX_WALL_NORMAL_Z: f32 = 0.35;
 /// Steepest lower edge, rise over run.
 const MAX_EDGE_SLOPE: f32 = 0.6;
 /// Walls of an object that are compared with each other. More are compared in parts, for bounded memory.
 const MAX_WALLS: usize = 1 << 16;
 /// Most points of one edge.
 const MAX_POINTS: f32 = 4096.0;
-/// A foot that is lower than the median around it by more metres is a basement's.
+/// A foot that is lower than the median around it by more metres is a basement's, if its wall reaches above the median. Ground at
+/// the median would bury lower walls.
 const BASEMENT_M: f32 = 5.0;
+/// By how many metres it does at least.
+const ABOVE_GROUND_M: f32 = 0.5;
 /// A foot that is higher by more metres is that of an overhanging wall.
 const OVERHANG_M: f32 = 3.0;
 /// Distance in metres of the neighbours that a foot is compared with, and the fewest.
 const MEDIAN_REACH_M: f64 = 24.0;
 const MEDIAN_NEIGHBOURS: usize = 8;
+/// How far behind its wall a foot's object is looked for.
+const BEHIND_M: f32 = 0.05;
 /// Steepest ground, and how far above it an object's lowest walls may begin.
 const STEEP: [f32; 2] = [0.3, 2.0];
 /// The same for walls that begin above their object's lowest point.
@@ -37,14 +42,41 @@ const GENTLE: [f32; 2] = [0.1, 0.5];
 /// buildings beside higher ones.
 const MIN_SHARE: f32 = 0.15;
 /// Walls that begin within this height above their object's lowest point are its lowest.
-const LOWEST_M: f32 = 1.0;
+pub(super) const LOWEST_M: f32 = 1.0;
 
 /// A point on a wall's lower edge.
 #[derive(Debug, Clone, Copy)]
 struct Foot {
     position: [f32; 3],
-    /// Lowest point of the object.
-    base_m: f32,
+    /// What is kept of the lowest foot of each square.
+    low: LowFoot,
+}
+
+/// The lowest foot of a square.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LowFoot {
+    /// Infinite if the square has none.
+    pub(super) z_m: f32,
+    /// Highest point of the wall's triangle.
+    pub(super) wall_top_m: f32,
+    /// Place a little behind the wall and away from its ends, which may touch other objects.
+    pub(super) behind: [f32; 2],
+    /// Index into the city's objects.
+    pub(super) object: u32,
+    /// Whether it is one of the object's lowest.
+    is_lowest: bool,
+}
+
+impl LowFoot {
+    const NONE: Self =
+        Self { z_m: f32::INFINITY, wall_top_m: f32::INFINITY, behind: [0.0; 2], object: 0, is_lowest: false };
+
+    /// Whether it is neither that of an overhanging wall nor a basement's. All are, if the median is not known.
+    fn is_near_median(&self, median_m: f32) -> bool {
+        let is_basement = self.z_m < median_m - BASEMENT_M && self.wall_top_m > median_m + ABOVE_GROUND_M;
+        let is_overhang = self.z_m > median_m + OVERHANG_M;
+        !is_basement && !is_overhang
+    }
 }
 
 /// Lowest and highest foot around each vertex; `low > high` where there is none.
@@ -52,25 +84,31 @@ struct Foot {
 pub(super) struct VertexFeet {
     pub(super) low: Vec<f32>,
     pub(super) high: Vec<f32>,
+    /// Whether there is a foot of any kind, on the ground or above it.
+    pub(super) is_near: Vec<bool>,
 }
 
 /// Finds the feet that stand on the ground. Fails if the triangles cannot be read.
 pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet, BakeError> {
-    let mut lowest = vec![f32::INFINITY; grid.len()];
-    for_each_foot(city, grid, |foot, [x, y]| {
-        let low = &mut lowest[grid.index(x, y)];
-        *low = low.min(foot.position[2]);
-    })?;
-    let ranges = remove_outliers(&mut lowest, grid);
-    let mut steep = lowest.clone();
+    let all = lowest_feet(city, grid, &HashSet::new())?;
+    let hanging = hanging::find(city, grid, &all)?;
+    let mut feet = if hanging.is_empty() { all } else { lowest_feet(city, grid, &hanging)? };
+    let medians = remove_outliers(&mut feet, grid);
+    let mut steep: Vec<f32> = feet.iter().map(|foot| foot.z_m).collect();
+    drop(feet);
+    let mut gentle = steep.clone();
     spread(&mut steep, grid, STEEP[0]);
-    spread(&mut lowest, grid, GENTLE[0]);
-    let gentle = lowest;
-    let mut feet = VertexFeet { low: vec![f32::INFINITY; grid.len()], high: vec![f32::NEG_INFINITY; grid.len()] };
+    spread(&mut gentle, grid, GENTLE[0]);
+    let mut feet = VertexFeet {
+        low: vec![f32::INFINITY; grid.len()],
+        high: vec![f32::NEG_INFINITY; grid.len()],
+        is_near: vec![false; grid.len()],
+    };
     for_each_foot(city, grid, |foot, [x, y]| {
-        let (z, i) = (foot.position[2], grid.index(x, y));
-        let is_lowest = z <= foot.base_m + LOWEST_M && z <= steep[i] + STEEP[1];
-        if z >= ranges[i][0] && z <= ranges[i][1] && (is_lowest || z <= gentle[i] + GENTLE[1]) {
+        let (z, i) = (foot.low.z_m, grid.index(x, y));
+        (0..4).for_each(|k| feet.is_near[grid.index(x + (k & 1), y + (k >> 1))] = true);
+        let is_on_slope = (foot.low.is_lowest && z <= steep[i] + STEEP[1]) || z <= gentle[i] + GENTLE[1];
+        if is_on_slope && !hanging.contains(&foot.low.object) && foot.low.is_near_median(medians[i]) {
             let [u, v] = grid.within_square(foot.position, [x, y]);
             let shares = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
             for (k, _) in shares.into_iter().enumerate().filter(|(_, share)| *share >= MIN_SHARE) {
@@ -81,6 +119,18 @@ pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet,
         }
     })?;
     Ok(feet)
+}
+
+/// The lowest foot of each square, without those of some objects.
+fn lowest_feet(city: &ScratchScene, grid: &GroundGrid, without: &HashSet<u32>) -> Result<Vec<LowFoot>, BakeError> {
+    let mut lowest = vec![LowFoot::NONE; grid.len()];
+    for_each_foot(city, grid, |foot, [x, y]| {
+        let known = &mut lowest[grid.index(x, y)];
+        if foot.low.z_m < known.z_m && !without.contains(&foot.low.object) {
+            *known = foot.low;
+        }
+    })?;
+    Ok(lowest)
 }
 
 /// Calls `visit` for points on all lower edges with their square of the grid.
@@ -141,10 +191,17 @@ impl WallBatch<'_> {
                 if (b.z - a.z).abs() > MAX_EDGE_SLOPE * length_m || 2.0 * c.z <= a.z + b.z {
                     continue;
                 }
+                let outwards = (b - a).cross(c - a).truncate().normalize_or_zero() * BEHIND_M;
+                let middle = (a + b) / 2.0;
+                let wall_top_m = a.z.max(b.z).max(c.z);
                 let n = (length_m / self.step_m).ceil().clamp(1.0, MAX_POINTS);
                 for i in 0..=n as u32 {
                     let position = (a + (b - a) * (i as f32 / n)).to_array();
-                    visit(&Foot { position, base_m });
+                    let to_middle = (middle - Vec3::from_array(position)).truncate().clamp_length_max(BEHIND_M);
+                    let behind = [0, 1].map(|axis| position[axis] - outwards[axis] + to_middle[axis]);
+                    let (z_m, object) = (position[2], wall.object);
+                    let is_lowest = z_m <= base_m + LOWEST_M;
+                    visit(&Foot { position, low: LowFoot { z_m, wall_top_m, behind, object, is_lowest } });
                 }
             }
         }
@@ -160,29 +217,35 @@ fn edge(triangle: &SceneTriangle, k: usize) -> [[u32; 3]; 2] {
     if a <= b { [a, b] } else { [b, a] }
 }
 
-/// Removes heights far from the median of those around them. Returns the range of feet in each square.
-fn remove_outliers(lowest: &mut [f32], grid: &GroundGrid) -> Vec<[f32; 2]> {
-    let known = lowest.to_vec();
+/// Removes feet far from the median of those around them. Returns that median for each square; NaN where there are too few.
+///
+/// The lowest feet of objects decide, if there are any: a bridge's deck has more walls than its piers.
+fn remove_outliers(lowest: &mut [LowFoot], grid: &GroundGrid) -> Vec<f32> {
     let reach = (MEDIAN_REACH_M / grid.step_m).round().max(2.0) as usize;
-    let mut ranges = vec![[f32::NEG_INFINITY, f32::INFINITY]; grid.len()];
-    let mut around = Vec::new();
-    for (i, low) in lowest.iter_mut().enumerate().filter(|(_, low)| low.is_finite()) {
+    let mut medians = vec![f32::NAN; grid.len()];
+    let (mut around, mut others) = (Vec::new(), Vec::new());
+    let is_known = |foot: &&LowFoot| foot.z_m.is_finite();
+    for (i, median_m) in medians.iter_mut().enumerate().filter(|(i, _)| is_known(&&lowest[*i])) {
         let [x, y] = grid.place(i);
         around.clear();
+        others.clear();
         for row in y.saturating_sub(reach)..=(y + reach).min(grid.size[1] - 1) {
             let [first, last] = [x.saturating_sub(reach), (x + reach).min(grid.size[0] - 1)];
-            around.extend(known[grid.index(first, row)..=grid.index(last, row)].iter().filter(|z| z.is_finite()));
-        }
-        let middle = around.len() / 2;
-        let median = *around.select_nth_unstable_by(middle, f32::total_cmp).1;
-        if around.len() > MEDIAN_NEIGHBOURS {
-            ranges[i] = [median - BASEMENT_M, median + OVERHANG_M];
-            if *low < ranges[i][0] || *low > ranges[i][1] {
-                *low = f32::INFINITY;
+            for foot in lowest[grid.index(first, row)..=grid.index(last, row)].iter().filter(is_known) {
+                if foot.is_lowest { &mut around } else { &mut others }.push(foot.z_m);
             }
         }
+        let is_enough = around.len() + others.len() > MEDIAN_NEIGHBOURS;
+        let heights = if around.is_empty() { &mut others } else { &mut around };
+        let middle = heights.len() / 2;
+        if is_enough {
+            *median_m = *heights.select_nth_unstable_by(middle, f32::total_cmp).1;
+        }
     }
-    ranges
+    for (foot, median_m) in lowest.iter_mut().zip(&medians) {
+        foot.z_m = if foot.is_near_median(*median_m) { foot.z_m } else { f32::INFINITY };
+    }
+    medians
 }
 
 /// Replaces each height by the lowest that ground of a slope can have there, seen from the others.
