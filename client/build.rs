@@ -1,27 +1,40 @@
-//! Writes a Rust array of the bundled demo city's files, which `commands::demo` embeds.
+//! Writes a Rust array of the bundled cities' files, which `commands::demo` embeds.
 
-use std::{env, fmt::Write, fs, io, path::PathBuf};
+use std::{
+    env,
+    fmt::Write,
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 fn main() -> io::Result<()> {
     let crate_dir = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
-    let folder = crate_dir.join("demo").join("chiba");
+    let folder = crate_dir.join("demo");
     println!("cargo:rerun-if-changed=demo");
     let mut files = Vec::new();
-    if folder.is_dir() {
-        println!("cargo:rerun-if-changed=demo/chiba");
-        for entry in fs::read_dir(&folder)? {
-            let entry = entry?;
-            if entry.file_type()?.is_file() {
-                files.push((entry.file_name().to_string_lossy().into_owned(), entry.path()));
-            }
+    for city in if folder.is_dir() { entries(&folder)? } else { Vec::new() } {
+        if city.is_dir() {
+            let city_name = name(&city);
+            println!("cargo:rerun-if-changed=demo/{city_name}");
+            files.extend(
+                entries(&city)?.into_iter().filter(|path| path.is_file()).map(|path| (city_name.clone(), path)),
+            );
         }
     }
     files.sort();
     let mut code = String::from("[\n");
-    for (name, path) in &files {
-        writeln!(code, "    ({name:?}, include_bytes!({:?})),", path.display().to_string())
+    for (city, path) in &files {
+        writeln!(code, "    ({city:?}, {:?}, include_bytes!({:?})),", name(path), path.display().to_string())
             .map_err(io::Error::other)?;
     }
     code.push_str("]\n");
     fs::write(PathBuf::from(env::var_os("OUT_DIR").unwrap_or_default()).join("demo_files.rs"), code)
+}
+
+fn entries(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect()
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }

@@ -9,7 +9,7 @@ use crate::{
 };
 use clap::{Args, Parser, Subcommand, builder::TypedValueParser};
 use insula_command_line::{SetupCommand, parse_size, parse_tau};
-use insula_shaders::layout::Shading;
+use insula_shaders::{layout::Shading, look::Look};
 use insula_viewer::{
     sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time},
     switching::{MAX_SWITCHES, SwitchDistances, SwitchVolume},
@@ -78,7 +78,7 @@ pub enum ClientCommand {
     #[command(after_help = "Example:\n  insula open delft.city.json")]
     Open(OpenArgs),
     /// View the bundled city. Without a screen, write an image of it.
-    #[command(after_help = "Example:\n  insula demo --headless --out demo.png")]
+    #[command(after_help = "Example:\n  insula demo\n  insula demo chiba --headless --out chiba.png")]
     Demo(DemoArgs),
     /// Fetch everything that a view needs, then render it to an image.
     #[command(
@@ -147,9 +147,22 @@ pub struct OpenArgs {
     pub sun: SunArgs,
 }
 
+/// The bundled cities.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum DemoCity {
+    /// Streets, buildings, trees and the sea of OpenStreetMap.
+    Monaco,
+    /// Photographed walls of Project PLATEAU.
+    Chiba,
+}
+
 /// Arguments of `insula demo`.
 #[derive(Debug, Args)]
 pub struct DemoArgs {
+    /// The bundled city.
+    // `--city` is an option of all commands.
+    #[arg(value_enum, default_value = "monaco", value_name = "CITY")]
+    pub bundled: DemoCity,
     /// Write an image and open no window, even if there is a screen.
     #[arg(long)]
     pub headless: bool,
@@ -295,6 +308,10 @@ pub struct SunArgs {
     /// Fixed position of the sun: degrees clockwise from north, and above the horizon
     #[arg(long, value_name = "AZIMUTH,ALTITUDE", value_parser = parse_bearing, allow_hyphen_values = true)]
     pub sun: Option<Bearing>,
+    /// How the city is shown: model (a white model by day), physical (light as measured) or paper (even light, for reports) [default:
+    /// model]
+    #[arg(long, value_name = "LOOK", value_parser = parse_look)]
+    pub look: Option<Look>,
     /// Whether the sun casts shadows [default: on]
     #[arg(long, value_name = "on|off", value_parser = parse_switch)]
     pub shadows: Option<bool>,
@@ -319,9 +336,11 @@ pub struct SunArgs {
 }
 
 impl SunArgs {
-    /// These options, with the time of a view link where they give neither a time nor a position of the sun.
-    pub fn or_time(self, time: Option<SunTime>) -> Self {
-        if self.sun.is_some() { self } else { Self { time: self.time.or(time), ..self } }
+    /// These options, with the look of a view link where they give none, and its time where they give neither a time nor a position of
+    /// the sun.
+    pub fn or_link(self, time: Option<SunTime>, look: Option<Look>) -> Self {
+        let time = if self.sun.is_some() { self.time } else { self.time.or(time) };
+        Self { time, look: self.look.or(look), ..self }
     }
 }
 
@@ -337,8 +356,13 @@ impl From<SunArgs> for SunOptions {
             visibility_km: args.visibility,
             lit_windows: args.lit_windows,
             translucency: args.translucency.unwrap_or_default(),
+            look: args.look.unwrap_or_default(),
         }
     }
+}
+
+fn parse_look(text: &str) -> Result<Look, String> {
+    Look::of_word(text).ok_or_else(|| "expected model, physical or paper".into())
 }
 
 fn parse_translucency(text: &str) -> Result<Translucency, String> {
@@ -403,6 +427,20 @@ mod tests {
         Cli::command().debug_assert();
         for command in Cli::command().get_subcommands_mut().filter(|command| !command.is_hide_set()) {
             assert!(command.render_long_help().to_string().contains("Example:"), "{}", command.get_name());
+        }
+    }
+
+    #[test]
+    fn both_bundled_cities_are_accepted_beside_the_option_for_a_city() {
+        for (line, expected) in [
+            ("insula demo", DemoCity::Monaco),
+            ("insula demo chiba --headless", DemoCity::Chiba),
+            ("insula demo monaco --city x", DemoCity::Monaco),
+        ] {
+            let ClientCommand::Demo(args) = Cli::try_parse_from(line.split_whitespace()).unwrap().command else {
+                panic!()
+            };
+            assert_eq!(args.bundled, expected, "{line}");
         }
     }
 

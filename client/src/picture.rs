@@ -80,6 +80,7 @@ pub fn draw_in_strips(
     let [width_px, height_px] = request.size_px;
     let rows = (STRIP_PIXELS / width_px.max(1)).next_multiple_of(STRIP_ROWS).max(STRIP_ROWS);
     let mut words = Vec::with_capacity(width_px as usize * height_px as usize);
+    let mut hits = Vec::with_capacity(words.capacity());
     for top in (0..height_px).step_by(rows as usize) {
         if !drawn(top as f32 / height_px as f32) {
             return Ok(None);
@@ -87,9 +88,10 @@ pub fn draw_in_strips(
         data.frame = strip_of(&whole, top, rows.min(height_px - top));
         let strip = session.while_fetching(|adapter| adapter.draw(&data))?;
         words.extend(if whole.shading == Shading::Lit as u32 { strip.radiance } else { strip.colour });
+        hits.extend(strip.hit);
     }
     // The exposure follows from the whole picture.
-    let colour = develop(&whole, &words);
+    let colour = develop(&whole, &words, &hits);
     Ok(Some(Pixels { width_px, height_px, colour, ..Pixels::default() }))
 }
 

@@ -287,6 +287,10 @@ pub struct BakeArgs {
     /// in metres; 0 leaves it as it is. Other buildings are reported
     #[arg(long, value_name = "M", default_value = "3", value_parser = parse_metres, allow_negative_numbers = true)]
     pub terrain_tolerance: f64,
+    /// Map (such as an .osm.pbf) of which streets, water and green are painted on the city's ground, and nothing else is
+    /// taken; may be repeated
+    #[arg(long, value_name = "FILE")]
+    pub streets: Vec<PathBuf>,
     /// Elevation model of the land around the city, or a picture of it: drawn far beyond the city in columns of up to
     /// 64 metres; may be repeated
     #[arg(long, value_name = "FILE")]

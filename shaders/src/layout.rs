@@ -179,6 +179,11 @@ pub struct FrameUniform {
     /// Place of the camera among lit windows, and metres that a ray covers at a distance of one metre
     /// ([`crate::cpu::night::bays_of`]).
     pub bays: [f32; 4],
+    /// Fog of a [`Look`](crate::look::Look): metres from the camera at which it begins, the inverse of its depth in metres, and the
+    /// inverse of the distance in metres from the city at which the land around has faded. Without fog, all are 0.
+    pub fog: [f32; 4],
+    /// West, south, east and north end of the city, in metres from the camera.
+    pub city: [f32; 4],
     /// Sun, sky and haze for [`Shading::Lit`].
     pub light: Light,
     /// Per level of the grid, finest first: first entry, log2 of the window's side, the window's west and south end.
@@ -252,6 +257,12 @@ pub struct Light {
     pub key: f32,
     /// Radiance of the brightest stars; 0 by day.
     pub stars: f32,
+    /// Albedo of the plane where there is no column, and the share of the day: 0 below the horizon, 1 under a high sun.
+    pub plane: [f32; 4],
+    /// The exposure of a graded picture ([`crate::look`]), 0 in physical light: the factor that shows sunlit plaster white, the
+    /// logarithm (base 2) of the city's mean radiance under which a frame is exposed longer, by which power of the difference, and
+    /// the largest logarithm of the longer exposure.
+    pub grade: [f32; 4],
     /// Radiance of the sky without forward scattering: [`SKY_AZIMUTHS`] by the cosine of the azimuth from the sun, -1 to 1,
     /// for each of [`SKY_HEIGHTS`], by the root of the height's sine from 1.7 degrees to the zenith.
     pub sky: SkyTable,
@@ -358,7 +369,10 @@ pub struct ComposeUniform {
     pub exposure: f32,
     /// Mean radiance that the frame has after exposure.
     pub key: f32,
-    pub unused: u32,
+    /// As in [`Light::plane`].
+    pub day: f32,
+    /// As in [`Light::grade`].
+    pub grade: [f32; 4],
 }
 
 /// The uniform of occlusion: a pair of opposite directions, the frame of its maps, and the constants of the test. The CPU
@@ -426,6 +440,8 @@ pub mod binding {
     pub const COMPOSE_COLOUR: u32 = 1;
     /// Composition: storage, the exposure. The meter writes it.
     pub const COMPOSE_EXPOSURE: u32 = 2;
+    /// Meter: storage, the ray-caster's hits.
+    pub const COMPOSE_HIT: u32 = 3;
 
     /// Hit counts: uniform, width and height of the frame.
     pub const COUNTS_SIZE: u32 = 0;

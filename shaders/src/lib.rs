@@ -12,6 +12,7 @@ pub mod gpu;
 pub mod grid;
 pub mod layout;
 pub mod light;
+pub mod look;
 pub mod mesh;
 pub mod pack;
 pub mod stone;

@@ -5,6 +5,7 @@
 
 use crate::{
     atmosphere::{Atmosphere, MIE_G, PHASE_SCALE, SkyLight, hemisphere, luminance},
+    cpu::shade::GROUND_ALBEDO,
     layout::{Light, SKY_AZIMUTHS, SKY_HEIGHTS, SkyTable},
 };
 use glam::{DVec2, DVec3, Vec3};
@@ -267,6 +268,8 @@ impl Light {
             facade_ground: (FACADE_REFLECTION * 0.5) as f32,
             key: (DAY_KEY * (seen / noon / DUSK).min(1.0).powf(DUSK_POWER)) as f32,
             stars: (STARS * darkness) as f32,
+            plane: GROUND_ALBEDO.extend(0.0).to_array(),
+            grade: [0.0; 4],
             sky: table(&tables.smooth),
             glow: table(&tables.forward),
         }

@@ -4,7 +4,7 @@
 use crate::{
     atmosphere::LUMINANCE,
     cpu::shade::encoded,
-    layout::{FrameUniform, Shading},
+    layout::{FrameUniform, METER_READS, METER_THREADS, NO_NODE, Shading},
 };
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
@@ -39,6 +39,9 @@ pub(crate) const AGX_OUT: Mat3 = Mat3::from_cols(
     Vec3::new(-0.098_020_88, 1.151_903_1, -0.098_043_45),
     Vec3::new(-0.099_029_74, -0.098_961_17, 1.151_073_7),
 );
+/// Where the shoulder of [`neutral`] begins, and how fast it takes the colour away.
+pub(crate) const NEUTRAL_START: f32 = 0.76;
+pub(crate) const NEUTRAL_DESATURATION: f32 = 0.15;
 /// Exponent from AgX's output to linear light.
 pub(crate) const AGX_GAMMA: f32 = 2.2;
 
@@ -61,15 +64,17 @@ pub fn decode_radiance(word: u32) -> Vec3 {
     Vec3::new(mantissa(0), mantissa(9), mantissa(18)) * scale
 }
 
-/// Colours of a frame's pixels: r, g, b, 255 in sRGB. `words` are radiances if the frame is [`Shading::Lit`], else colours.
-pub fn develop(frame: &FrameUniform, words: &[u32]) -> Vec<u32> {
+/// Colours of a frame's pixels: r, g, b, 255 in sRGB. `words` are radiances if the frame is [`Shading::Lit`], else colours; `hits` are
+/// the nodes that the pixels show.
+pub fn develop(frame: &FrameUniform, words: &[u32], hits: &[u32]) -> Vec<u32> {
     if frame.shading != Shading::Lit as u32 {
         return words.to_vec();
     }
-    let (exposure, width) = (exposure(frame, words), (frame.width_px as usize).max(1));
-    let tables = DisplayTables::get();
+    let (exposure, width) = (exposure(frame, words, hits), (frame.width_px as usize).max(1));
+    let (tables, is_graded) = (DisplayTables::get(), frame.light.grade[0] > 0.0);
     let develop = |(i, word): (usize, &u32)| {
-        let codes = tables.codes(decode_radiance(*word) * exposure);
+        let light = decode_radiance(*word) * exposure;
+        let codes = if is_graded { tables.neutral_codes(light) } else { tables.codes(light) };
         dithered(codes, (i % width) as u32, (i / width) as u32)
     };
     words.par_iter().enumerate().map(develop).collect()
@@ -78,9 +83,10 @@ pub fn develop(frame: &FrameUniform, words: &[u32]) -> Vec<u32> {
 /// Number of a frame's pixels in each of the meter's bins.
 pub(crate) type MeterCounts = [u32; METER_BINS as usize];
 
-/// Factor from radiance to display: the frame's own, or by the mean logarithm of its pixels' luminance.
-pub fn exposure(frame: &FrameUniform, words: &[u32]) -> f32 {
-    exposure_with(frame, words, |words| {
+/// Factor from radiance to display: the frame's own, or by the mean logarithm of its pixels' luminance. Graded frames are metered
+/// by the pixels that show the city.
+pub fn exposure(frame: &FrameUniform, words: &[u32], hits: &[u32]) -> f32 {
+    exposure_with(frame, words, hits, |words| {
         let mut bins = [0; METER_BINS as usize];
         for word in words {
             bins[meter_bin(decode_radiance(*word))] += 1;
@@ -93,14 +99,31 @@ pub fn exposure(frame: &FrameUniform, words: &[u32]) -> f32 {
 pub(crate) fn exposure_with(
     frame: &FrameUniform,
     words: &[u32],
+    hits: &[u32],
     count: impl Fn(&[u32]) -> MeterCounts + Sync + Send,
 ) -> f32 {
     if frame.exposure > 0.0 {
         return frame.exposure;
     }
-    let add = |a: MeterCounts, b: MeterCounts| std::array::from_fn(|i| a[i] + b[i]);
-    let bins = words.par_chunks(METER_PIXELS).map(count).reduce(|| [0; METER_BINS as usize], add);
-    frame.light.key / mean_of(&bins).exp2()
+    let [white, usual, power, longest] = frame.light.grade;
+    if white <= 0.0 {
+        let add = |a: MeterCounts, b: MeterCounts| std::array::from_fn(|i| a[i] + b[i]);
+        let bins = words.par_chunks(METER_PIXELS).map(count).reduce(|| [0; METER_BINS as usize], add);
+        return frame.light.key / mean_of(&bins).exp2();
+    }
+    // An even choice, as on the GPU.
+    let reads = words.len().min((METER_THREADS * METER_READS) as usize);
+    let mut bins = [0; METER_BINS as usize];
+    // In 64 bits: the product of a large frame's numbers does not fit a page's 32.
+    for at in (0..reads as u64).map(|i| (i * words.len() as u64 / reads as u64) as usize) {
+        if hits.get(at).is_some_and(|hit| *hit != NO_NODE) {
+            bins[meter_bin(decode_radiance(words[at]))] += 1;
+        }
+    }
+    let mean = if bins.iter().all(|count| *count == 0) { usual } else { mean_of(&bins) };
+    let day = white.log2() + ((usual - mean) * power).clamp(0.0, longest);
+    let night = frame.light.key.log2() - mean;
+    (night + (day - night) * frame.light.plane[3]).exp2()
 }
 
 /// Pixels that a thread meters at once.
@@ -146,6 +169,8 @@ pub(crate) struct DisplayTables {
     pub(crate) curve: DisplayTable<CURVE_PLACES>,
     /// Code in sRGB, 0 to 255, by AgX's output from 0 to 1, up to [`CODE_STEPS`].
     pub(crate) codes: DisplayTable<CODE_PLACES>,
+    /// Code in sRGB, 0 to 255, by the root of linear light from 0 to 1, up to [`CODE_STEPS`].
+    pub(crate) root_codes: DisplayTable<CODE_PLACES>,
 }
 
 /// A table whose length is a power of two, so that places in it need no test.
@@ -174,8 +199,12 @@ impl DisplayTables {
 
     fn new() -> Self {
         let curve = |i: usize| agx_curve(f32::from_bits(CURVE_MIN.to_bits() + ((i as u32) << CURVE_SHIFT)));
-        let code = |i: usize| encoded((i as f32 / CODE_STEPS as f32).powf(AGX_GAMMA)) * 255.0;
-        Self { curve: table_of(CURVE_LAST as usize, curve), codes: table_of(CODE_STEPS, code) }
+        let code = |i: usize, gamma: f32| encoded((i as f32 / CODE_STEPS as f32).powf(gamma)) * 255.0;
+        Self {
+            curve: table_of(CURVE_LAST as usize, curve),
+            codes: table_of(CODE_STEPS, |i| code(i, AGX_GAMMA)),
+            root_codes: table_of(CODE_STEPS, |i| code(i, 2.0)),
+        }
     }
 
     /// Codes in sRGB, 0 to 255, of an exposed radiance.
@@ -190,6 +219,15 @@ impl DisplayTables {
         })
     }
 
+    /// The same of a graded picture.
+    fn neutral_codes(&self, rgb: Vec3) -> Vec3 {
+        neutral(rgb).map(|v| {
+            let place = v.clamp(0.0, 1.0).sqrt() * CODE_STEPS as f32;
+            let [code, step] = self.root_codes[place as usize];
+            code + step * place.fract()
+        })
+    }
+
     fn curve(&self, v: f32) -> f32 {
         let above = v.max(CURVE_MIN).to_bits() - CURVE_MIN.to_bits();
         let [value, step] = self.curve[(above >> CURVE_SHIFT).min(CURVE_LAST) as usize];
@@ -200,6 +238,19 @@ impl DisplayTables {
 /// The table of a function of whole numbers up to `last`.
 fn table_of<const PLACES: usize>(last: usize, value: impl Fn(usize) -> f32) -> DisplayTable<PLACES> {
     std::array::from_fn(|i| if i > last { [0.0; 2] } else { [value(i), value(i + 1) - value(i)] })
+}
+
+/// The tone curve of graded pictures: linear up to [`NEUTRAL_START`], then a shoulder, on which colours turn white. (Khronos PBR Neutral
+/// Tone Mapper, 2024, without its offset for dark colours, which would grey them.)
+fn neutral(rgb: Vec3) -> Vec3 {
+    let peak = rgb.max_element();
+    if peak <= NEUTRAL_START {
+        return rgb;
+    }
+    let range = 1.0 - NEUTRAL_START;
+    let shown = 1.0 - range * range / (peak + range - NEUTRAL_START);
+    let kept = 1.0 / (NEUTRAL_DESATURATION * (peak - shown) + 1.0);
+    Vec3::splat(shown) + (rgb * (shown / peak) - shown) * kept
 }
 
 /// AgX's curve with the contrast of [`AGX_POWER`]: Wrensch's polynomial in the logarithm.
@@ -283,10 +334,39 @@ mod tests {
         let mut frame = FrameUniform { width_px: 100, height_px: 10, ..FrameUniform::zeroed() };
         frame.light = Light { key: 0.3, ..Light::zeroed() };
         let mut words = vec![encode_radiance(Vec3::splat(0.1)); 1000];
-        assert!((exposure(&frame, &words) / 3.0 - 1.0).abs() < 0.07, "{}", exposure(&frame, &words));
+        let found = exposure(&frame, &words, &[]);
+        assert!((found / 3.0 - 1.0).abs() < 0.07, "{found}");
         words[..5].fill(encode_radiance(Vec3::splat(60_000.0)));
-        assert!((exposure(&frame, &words) / 3.0 - 1.0).abs() < 0.08);
+        assert!((exposure(&frame, &words, &[]) / 3.0 - 1.0).abs() < 0.08);
         frame.exposure = 0.7;
-        assert_eq!(exposure(&frame, &words), 0.7);
+        assert_eq!(exposure(&frame, &words, &[]), 0.7);
+    }
+
+    #[test]
+    fn a_graded_frame_is_exposed_by_the_city_and_longer_in_shade() {
+        let mut frame = FrameUniform { width_px: 100, height_px: 10, ..FrameUniform::zeroed() };
+        // By day: white at 1.4, usual mean 2^-2, half of the difference, at most twice as long.
+        frame.light = Light { key: 0.3, grade: [1.4, -2.0, 0.5, 1.0], plane: [0.5, 0.5, 0.5, 1.0], ..Light::zeroed() };
+        let words = |v: f32| vec![encode_radiance(Vec3::splat(v)); 1000];
+        let city = vec![0; 1000];
+        let at = |v: f32, hits: &[u32]| exposure(&frame, &words(v), hits) / 1.4;
+        assert_eq!(at(0.5, &city), 1.0);
+        assert!((at(2f32.powi(-3), &city) / 0.5f32.exp2() - 1.0).abs() < 0.03, "{}", at(2f32.powi(-3), &city));
+        assert!((at(1e-3, &city) - 2.0).abs() < 1e-3);
+        // The sky alone does not count.
+        assert_eq!(at(1e-3, &vec![NO_NODE; 1000]), 1.0);
+    }
+
+    #[test]
+    fn the_neutral_curve_is_linear_and_then_turns_white() {
+        let tables = DisplayTables::new();
+        assert_eq!(neutral(Vec3::new(0.7, 0.2, 0.1)), Vec3::new(0.7, 0.2, 0.1));
+        // By hand: range 0.24, 1 - 0.0576 / 0.48 = 0.88.
+        assert!((neutral(Vec3::ONE) - 0.88).abs().max_element() < 1e-6);
+        let red = neutral(Vec3::new(8.0, 0.5, 0.5));
+        assert!(red.x < 1.0 && red.y > 0.4, "{red}");
+        // sRGB of 0.2140 is 0.5.
+        assert!((tables.neutral_codes(Vec3::splat(0.214_04)).x - 127.5).abs() < 0.1);
+        assert!(tables.neutral_codes(Vec3::splat(0.001)).x - 3.3 < 0.1);
     }
 }

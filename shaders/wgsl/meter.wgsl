@@ -1,10 +1,12 @@
-// The exposure of a lit frame: by the mean logarithm of its pixels' luminance. CPU twin: src/tone.rs.
+// The exposure of a lit frame: by the mean logarithm of its pixels' luminance, of graded frames by that of the city. CPU twin:
+// src/tone.rs.
 //
-// In: the ray-caster's pixels. Out: the exposure. Next: compose.wgsl.
+// In: the ray-caster's pixels and hits. Out: the exposure. Next: compose.wgsl.
 
 @group(0) @binding(BINDING_COMPOSE_SETTINGS) var<uniform> settings: ComposeUniform;
 @group(0) @binding(BINDING_COMPOSE_COLOUR) var<storage, read> pixel_colour: array<u32>;
 @group(0) @binding(BINDING_COMPOSE_EXPOSURE) var<storage, read_write> exposure: array<f32>;
+@group(0) @binding(BINDING_COMPOSE_HIT) var<storage, read> pixel_hit: array<u32>;
 
 var<workgroup> bins: array<atomic<u32>, METER_BINS>;
 
@@ -16,14 +18,32 @@ fn meter(@builtin(local_invocation_index) thread: u32) {
     for (var i = thread; i < reads; i += METER_THREADS) {
         // In floating point: the product of a large frame's numbers does not fit 32 bits.
         let at = min(u32(f32(i) / f32(reads) * f32(pixels)), pixels - 1u);
+        if settings.grade.x > 0.0 && pixel_hit[at] == NO_NODE {
+            continue;
+        }
         let bright = max(dot(decode_radiance(pixel_colour[at]), LUMINANCE), 1e-6);
         let bin = clamp((log2(bright) - METER_MIN_LOG2) * METER_BINS_PER_STOP, 0.0, f32(METER_BINS - 1u));
         atomicAdd(&bins[u32(bin)], 1u);
     }
     workgroupBarrier();
     if thread == 0u {
-        exposure[0] = select(settings.key / exp2(mean_of(reads)), settings.exposure, settings.exposure > 0.0);
+        exposure[0] = select(found_exposure(), settings.exposure, settings.exposure > 0.0);
     }
+}
+
+fn found_exposure() -> f32 {
+    var total = 0u;
+    for (var i = 0u; i < METER_BINS; i++) {
+        total += atomicLoad(&bins[i]);
+    }
+    let grade = settings.grade;
+    let mean = select(grade.y, mean_of(total), total > 0u);
+    let night = log2(settings.key) - mean;
+    if grade.x <= 0.0 {
+        return exp2(night);
+    }
+    let day = log2(grade.x) + clamp((grade.y - mean) * grade.z, 0.0, grade.w);
+    return exp2(mix(night, day, settings.day));
 }
 
 // Mean log2 of the luminances in the bins.

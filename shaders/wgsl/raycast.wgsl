@@ -165,7 +165,7 @@ fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
             lit.sky += lit_windows(dir * hit.distance_m, normal, hit.distance_m);
         }
     }
-    return apply_haze(lit, hit.distance_m);
+    return apply_haze(lit, dir, hit.distance_m);
 }
 
 // WGSL has no constant for infinity: these bits are made so that no compiler can fold them.

@@ -115,12 +115,20 @@ fn sun_share_by_sky(ao: f32) -> f32 {
     return select(min(2.0 * ao + 0.25, 1.0), 1.0, frame.shadow_m > 0.0);
 }
 
-fn apply_haze(light: Radiance, distance_m: f32) -> Radiance {
+fn apply_haze(light: Radiance, dir: vec3<f32>, distance_m: f32) -> Radiance {
     if FOR_STUDY && frame.shading != SHADING_LIT {
         return light;
     }
-    let transmitted = exp(frame.light.haze.rgb * -distance_m);
+    let transmitted = exp(frame.light.haze.rgb * -distance_m - fog_depth(dir * distance_m, distance_m));
     return Radiance(airlight + (light.sky - airlight) * transmitted, light.sun * transmitted);
+}
+
+// Optical depth of the fog before a place. It hides what is far, and the land beyond the city's ends.
+fn fog_depth(place: vec3<f32>, distance_m: f32) -> f32 {
+    let far = max(distance_m - frame.fog.x, 0.0) * frame.fog.y;
+    let past = max(max(frame.city.xy - place.xy, place.xy - frame.city.zw), vec2<f32>(0.0)) * frame.fog.z;
+    let away = length(past);
+    return far * sqrt(sqrt(far)) + away * sqrt(away);
 }
 
 fn level_tint(level: u32) -> vec3<f32> {
@@ -152,7 +160,7 @@ fn background(dir: vec3<f32>) -> Radiance {
     }
     if ground_m < NO_GROUND_M {
         let hazy_m = ground_m + max(ground_m - PLANE_CLEAR_M, 0.0) * PLANE_FADE;
-        return apply_haze(reflected(GROUND_ALBEDO, vec3<f32>(0.0, 0.0, 1.0), 1.0), hazy_m);
+        return apply_haze(reflected(frame.light.plane.rgb, vec3<f32>(0.0, 0.0, 1.0), 1.0), dir, hazy_m);
     }
     return unlit(sky(dir) + celestial_light(dir));
 }

@@ -65,7 +65,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         encode_radiance(radiance(&frame, stone, [x % side, y % side], side))
     };
     let words: Vec<u32> = (0..width * height).into_par_iter().map(pixel).collect();
-    let rgb = develop(&frame, &words).iter().flat_map(|word| [0, 8, 16].map(|shift| (word >> shift) as u8)).collect();
+    let rgb =
+        develop(&frame, &words, &[]).iter().flat_map(|word| [0, 8, 16].map(|shift| (word >> shift) as u8)).collect();
     image::RgbImage::from_raw(width, height, rgb).ok_or("the picture has no pixels")?.save(path)?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! `insula demo`: the bundled city, in a window or as an image.
+//! `insula demo`: a bundled city, in a window or as an image.
 
 use super::{
     embedded::{BakeJob, CacheRoot, VERSIONS, bake_cached, serve},
@@ -6,9 +6,10 @@ use super::{
     view,
 };
 use crate::{
-    args::{DemoArgs, GlobalArgs, ViewArgs},
+    args::{DemoArgs, DemoCity, GlobalArgs, ViewArgs},
     error::{ClientError, Result},
 };
+use insula_bake::read::{FACADE_ALGORITHM, FacadeOption};
 use insula_protocol::{manifest::Attribution, text::printable};
 use insula_shaders::layout::Shading;
 use insula_viewer::{camera::Camera, streamer::FrameRequest, sun::Daylight};
@@ -20,24 +21,28 @@ use std::{
     path::PathBuf,
 };
 
-/// Names and contents of the bundled city's files, from `build.rs`.
-const FILES: &[(&str, &[u8])] = &include!(concat!(env!("OUT_DIR"), "/demo_files.rs"));
+/// Folders, names and contents of the bundled cities' files, from `build.rs`.
+const FILES: &[(&str, &str, &[u8])] = &include!(concat!(env!("OUT_DIR"), "/demo_files.rs"));
 /// The file with the [`DemoInfo`].
 const INFO_FILE: &str = "about.json";
 
-/// Content of `demo/chiba/about.json`. All fields are optional.
+/// Content of `demo/CITY/about.json`. All fields are optional.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 struct DemoInfo {
     title: Option<String>,
     attribution: Vec<Attribution>,
     cell_m: Option<f64>,
+    /// West, south, east and north in degrees.
+    bbox_deg: Option<[f64; 4]>,
+    /// Fewer than usual make the first start quick.
+    views: Option<u32>,
 }
 
 /// Runs the command. Fails if the city cannot be baked, viewed or rendered.
 pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     let cache = CacheRoot::open()?;
-    let job = unpack_demo(&cache)?;
+    let job = unpack_demo(args.bundled, &cache)?;
     if !args.headless && has_screen() {
         let view = ViewArgs { sun: args.sun, pictures: args.pictures, ..ViewArgs::default() };
         match view::open_baked(job.clone(), cache.clone(), &view, global) {
@@ -50,7 +55,7 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     let server = serve(&bake_cached(&job, &cache, None)?)?;
     let mut session = open_session(&server.url, global, None, None)?;
     let aspect = f64::from(args.size[0]) / f64::from(args.size[1].max(1));
-    let camera = Camera::overview(session.tree().manifest().focus_bounds(), aspect);
+    let camera = Camera::overview(session.tree().manifest(), aspect);
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau, switching: None };
     let daylight = Daylight::new(&args.sun.into(), session.tree().manifest());
     let picture = PictureFile { path: &args.out, has_caption: !args.pictures.no_caption, legend: None };
@@ -64,18 +69,25 @@ pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
     Ok(())
 }
 
-/// Unpacks the bundled files into a cache folder, unless they are there.
-fn unpack_demo(cache: &CacheRoot) -> Result<BakeJob> {
-    if FILES.is_empty() {
-        return Err(ClientError::Failed("this program was built without its bundled city: use insula open".into()));
+/// Unpacks the files of a bundled city into a cache folder, unless they are there.
+fn unpack_demo(city: DemoCity, cache: &CacheRoot) -> Result<BakeJob> {
+    let city = match city {
+        DemoCity::Monaco => "monaco",
+        DemoCity::Chiba => "chiba",
+    };
+    let files: Vec<(&str, &[u8])> =
+        FILES.iter().filter(|(of, ..)| *of == city).map(|(_, name, bytes)| (*name, *bytes)).collect();
+    if files.is_empty() {
+        let what = format!("this program was built without the bundled city {city}: use insula open");
+        return Err(ClientError::Failed(what));
     }
     let mut hasher = DefaultHasher::new();
-    (FILES, VERSIONS).hash(&mut hasher);
+    (&files, VERSIONS, FACADE_ALGORITHM).hash(&mut hasher);
     let cache_key = hasher.finish();
-    let folder = cache.folder("demo")?.join(format!("chiba-{cache_key:016x}"));
+    let folder = cache.folder("demo")?.join(format!("{city}-{cache_key:016x}"));
     fs::create_dir_all(&folder).map_err(ClientError::file(&folder))?;
     let mut info = DemoInfo::default();
-    for (name, bytes) in FILES {
+    for (name, bytes) in &files {
         let path = folder.join(name);
         if *name == INFO_FILE {
             info = serde_json::from_slice(bytes).map_err(|e| ClientError::Failed(format!("{INFO_FILE}: {e}")))?;
@@ -84,15 +96,17 @@ fn unpack_demo(cache: &CacheRoot) -> Result<BakeJob> {
         }
     }
     let inputs: Vec<PathBuf> =
-        FILES.iter().filter(|(name, _)| is_city_file(name)).map(|(name, _)| folder.join(name)).collect();
-    let DemoInfo { title, attribution, cell_m } = info;
-    let name = Some("chiba".into());
-    Ok(BakeJob { name, inputs, cell_m: cell_m.unwrap_or(1.0), title, attribution, cache_key, ..BakeJob::default() })
+        files.iter().filter(|(name, _)| is_city_file(name)).map(|(name, _)| folder.join(name)).collect();
+    let DemoInfo { title, attribution, cell_m, bbox_deg, views } = info;
+    let name = Some(city.into());
+    let cell_m = cell_m.unwrap_or(1.0);
+    let facades = FacadeOption::Windows;
+    Ok(BakeJob { name, inputs, cell_m, title, attribution, bbox_deg, views, facades, cache_key, ..BakeJob::default() })
 }
 
 fn is_city_file(name: &str) -> bool {
     let name = name.strip_suffix(".gz").unwrap_or(name);
-    [".obj", ".city.json", ".city.jsonl", ".cityjson"].iter().any(|end| name.ends_with(end))
+    [".obj", ".city.json", ".city.jsonl", ".cityjson", ".osm.pbf"].iter().any(|end| name.ends_with(end))
 }
 
 fn has_screen() -> bool {

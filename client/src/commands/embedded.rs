@@ -7,7 +7,8 @@ use crate::{
 };
 use insula_bake::{
     BakeError, BakeOptions, GroundOption, Progress,
-    read::{FACADE_ALGORITHM, FacadeOption, Palette},
+    read::{FACADE_ALGORITHM, FacadeOption, Palette, PlacingOptions},
+    sample::SampleSettings,
 };
 use insula_protocol::{
     manifest::{Attribution, to_name},
@@ -48,6 +49,10 @@ pub(super) struct BakeJob {
     pub(super) palette: Palette,
     /// What walls without a texture get.
     pub(super) facades: FacadeOption,
+    /// West, south, east and north in degrees: what lies outside is left out.
+    pub(super) bbox_deg: Option<[f64; 4]>,
+    /// Directions from which light is measured; the usual number if `None`.
+    pub(super) views: Option<u32>,
     /// Hash of everything that the baked city depends on.
     pub(super) cache_key: u64,
 }
@@ -173,6 +178,8 @@ pub(super) fn bake_cached(job: &BakeJob, cache: &CacheRoot, status: Option<&Star
         attribution: job.attribution.clone(),
         palette: job.palette.clone(),
         facades: job.facades,
+        placing: PlacingOptions { bbox_deg: job.bbox_deg, ..PlacingOptions::default() },
+        sample: job.views.map_or_else(SampleSettings::default, SampleSettings::with_views),
         ground: GroundOption::Auto,
         ..BakeOptions::default()
     };

@@ -38,7 +38,7 @@ pub(super) fn run(args: &FlyArgs, global: &GlobalArgs) -> Result<()> {
     let first = frame_request(&path, args, global, 0.0)?;
     let http = Http::with_options(simulated_link(args), global.http_options())?;
     let mut session = open_session(&args.server, global, Some(http), Some(&first))?;
-    let daylight = Daylight::new(&args.sun.or_time(link.time).into(), session.tree().manifest());
+    let daylight = Daylight::new(&args.sun.or_link(link.time, link.look).into(), session.tree().manifest());
     let settings = daylight.render_settings(Shading::Lit, MOVING_SAMPLES);
     session.set_sun(settings.shadow_casting_sun());
     session.set_transitions(!args.no_fades);

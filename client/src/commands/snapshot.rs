@@ -33,7 +33,7 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     };
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau, switching: None };
     let mut session = open_session(&args.server, global, None, Some(&request))?;
-    let daylight = Daylight::new(&args.sun.or_time(link.time).into(), session.tree().manifest());
+    let daylight = Daylight::new(&args.sun.or_link(link.time, link.look).into(), session.tree().manifest());
     let objects = if args.needs_objects() { Some(session.open_objects()?) } else { None };
     let mut legend = None;
     if let Some(objects) = objects.as_ref().filter(|_| !args.styles.is_empty()) {

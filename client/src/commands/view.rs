@@ -22,6 +22,7 @@ use crate::{
     },
 };
 use insula_shaders::layout::Shading;
+use insula_shaders::look::Look;
 use insula_viewer::{
     cache::pages_for,
     camera::Camera,
@@ -49,6 +50,7 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
         status: StartStatus::new(format!("connecting to {}", link.location)),
         camera: link.camera,
         time: link.time,
+        look: link.look,
         object: link.object,
     };
     let place = args.place.clone();
@@ -58,8 +60,13 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
 /// Opens a window that bakes the city of `job` and shows it.
 #[cfg(feature = "embedded")]
 pub(super) fn open_baked(job: BakeJob, cache: CacheRoot, args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
-    let first =
-        FirstView { status: StartStatus::new("opening the city".into()), camera: None, time: None, object: None };
+    let first = FirstView {
+        status: StartStatus::new("opening the city".into()),
+        camera: None,
+        time: None,
+        look: None,
+        object: None,
+    };
     open_window(first, find_baked(job, cache), args, global)
 }
 
@@ -69,6 +76,7 @@ struct FirstView {
     camera: Option<Camera>,
     /// Time of the light.
     time: Option<SunTime>,
+    look: Option<Look>,
     /// The selected object.
     object: Option<u32>,
 }
@@ -83,7 +91,7 @@ fn open_window(first: FirstView, find: FindPlace, args: &ViewArgs, global: &Glob
         status: first.status,
         camera: first.camera,
         object: first.object,
-        sun: args.sun.or_time(first.time).into(),
+        sun: args.sun.or_link(first.time, first.look).into(),
         tau_px: (global.tau != GlobalArgs::DEFAULT_TAU_PX).then_some(global.tau),
         adapter: global.adapter,
         cache_bytes: u64::from(global.cache_mib) << 20,
@@ -137,7 +145,7 @@ impl CityConnector {
         let city = self.connect(Some(name))?;
         let [low, high] = city.manifest.bounds;
         let aspect = f64::from(PREVIEW_PX[0]) / f64::from(PREVIEW_PX[1]);
-        let camera = Camera::overview(city.manifest.focus_bounds(), aspect);
+        let camera = Camera::overview(&city.manifest, aspect);
         let daylight = Daylight::new(&SunOptions::default(), &city.manifest);
         let downloads = BackgroundFetcher::downloads(self.http.clone(), city.source, INITIAL_REQUESTS, None);
         let tree = SceneTree::new(city.manifest).with_meshes(false);

@@ -102,7 +102,7 @@ impl CityView {
             cache_bytes,
         } = setup;
         let manifest = session.tree().manifest();
-        let camera = camera.unwrap_or_else(|| Camera::overview(manifest.focus_bounds(), aspect));
+        let camera = camera.unwrap_or_else(|| Camera::overview(manifest, aspect));
         let control = CameraControl::new(&camera, manifest.ground_z_m);
         let draws_in_steps = matches!(session.adapter(), Adapter::Cpu(_));
         tracing::info!("opened {}", manifest.name);

@@ -5,7 +5,7 @@ use crate::session::Session;
 use chrono::{Datelike, NaiveDate};
 use egui::{Align2, Color32, Context, Frame, RichText, Ui};
 use insula_protocol::text::printable;
-use insula_shaders::{cpu::raycast::RayCounts, layout::Shading};
+use insula_shaders::{cpu::raycast::RayCounts, layout::Shading, look::Look};
 use insula_viewer::{
     interaction::{
         camera_control::{CameraControl, ControlMode},
@@ -244,6 +244,12 @@ fn sun_sliders(ui: &mut Ui, daylight: &mut Daylight) {
     if is_moved {
         daylight.fixed_bearing = None;
     }
+    ui.horizontal(|ui| {
+        ui.label("look");
+        for look in Look::ALL {
+            ui.radio_value(&mut daylight.look, look, look.word());
+        }
+    });
     ui.checkbox(&mut daylight.shadows, "sun shadows");
     ui.checkbox(&mut daylight.lit_windows, "lit windows at night");
     ui.horizontal(|ui| {

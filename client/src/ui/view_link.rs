@@ -1,4 +1,4 @@
-//! View links: `insula://host:port/v1/cities/NAME?camera=X,Y,Z,AZIMUTH,PITCH,FOV&time=...&object=ID`.
+//! View links: `insula://host:port/v1/cities/NAME?camera=X,Y,Z,AZIMUTH,PITCH,FOV&time=...&look=...&object=ID`.
 //!
 //! A link may come from anybody, so it is checked strictly.
 
@@ -6,6 +6,7 @@ use crate::{
     error::{ClientError, Result},
     stream::location::CityLocation,
 };
+use insula_shaders::look::Look;
 use insula_viewer::{
     camera::Camera,
     camera_text,
@@ -25,6 +26,8 @@ pub struct ViewLink {
     pub camera: Option<Camera>,
     /// Time of the light.
     pub time: Option<SunTime>,
+    /// How the city is shown.
+    pub look: Option<Look>,
     /// Number of the object that is selected.
     pub object: Option<u32>,
 }
@@ -36,7 +39,8 @@ impl ViewLink {
         let place = place.as_ref();
         let text = &*place.to_string_lossy();
         if !text.get(..SCHEME.len()).is_some_and(|scheme| scheme.eq_ignore_ascii_case(SCHEME)) {
-            return Ok(Self { location: CityLocation::parse(place)?, camera: None, time: None, object: None });
+            let location = CityLocation::parse(place)?;
+            return Ok(Self { location, camera: None, time: None, look: None, object: None });
         }
         let invalid = |why: &str| {
             // The link may be hostile: only its beginning is printed, without control characters.
@@ -47,11 +51,12 @@ impl ViewLink {
         };
         let url = parse_url(text).map_err(|why| invalid(&why))?;
         let host = url.host_str().filter(|host| !host.is_empty()).ok_or_else(|| invalid("no host"))?;
-        let (mut camera, mut time, mut object, mut scheme) = (None, None, None, "http");
+        let (mut camera, mut time, mut look, mut object, mut scheme) = (None, None, None, None, "http");
         for (name, value) in url.query_pairs() {
             match &*name {
                 "camera" => camera = Some(camera_text::parse(&value).ok_or_else(|| invalid("invalid camera"))?),
                 "time" => time = Some(parse_time(&value).map_err(|e| invalid(&e))?),
+                "look" => look = Some(Look::of_word(&value).ok_or_else(|| invalid("invalid look"))?),
                 "object" => object = Some(value.parse().map_err(|_| invalid("invalid object"))?),
                 "tls" => scheme = if value == "1" { "https" } else { "http" },
                 _ => {}
@@ -60,7 +65,7 @@ impl ViewLink {
         let port = url.port().map(|port| format!(":{port}")).unwrap_or_default();
         let location = CityLocation::parse(format!("{scheme}://{host}{port}{}", url.path()))
             .map_err(|_| invalid("its path names no city"))?;
-        Ok(Self { location, camera, time, object })
+        Ok(Self { location, camera, time, look, object })
     }
 }
 
@@ -96,8 +101,9 @@ pub fn format_link(address: &str, camera: &Camera, daylight: &Daylight, object: 
         Some(_) => String::new(),
         None => format!("&time={}", daylight.time_text()),
     };
+    let look = if daylight.look == Look::default() { "".into() } else { format!("&look={}", daylight.look.word()) };
     let object = object.map(|id| format!("&object={id}")).unwrap_or_default();
-    Some(format!("{SCHEME}{host}?camera={}{time}{object}{tls}", camera_text::format(camera)))
+    Some(format!("{SCHEME}{host}?camera={}{time}{look}{object}{tls}", camera_text::format(camera)))
 }
 
 #[cfg(test)]
@@ -112,8 +118,11 @@ mod tests {
 
     #[test]
     fn a_formatted_link_parses_to_the_same_view() {
-        let light =
-            daylight(&SunOptions { time: Some(parse_time("2024-06-21T17:00").unwrap()), ..SunOptions::default() });
+        let light = daylight(&SunOptions {
+            time: Some(parse_time("2024-06-21T17:00").unwrap()),
+            look: Look::Paper,
+            ..SunOptions::default()
+        });
         for (yaw, pitch) in [(0.0, 0.0), (3.0, -1.5), (-2.5, 0.7), (1.6, 1.55)] {
             let camera = Camera::from_angles(DVec3::new(386_495.204, -3_947_101.5, 60.25), yaw, pitch, 1.1);
             for base in ["http://h.example:7700", "https://h.example", "http://[::1]:7700"] {
@@ -121,7 +130,7 @@ mod tests {
                 let link = ViewLink::parse(&text).unwrap();
                 assert_eq!(link.location.to_string(), format!("{base}/v1/cities/tokyo"));
                 assert_eq!(link.time, Some(parse_time("2024-06-21T17:00").unwrap()));
-                assert_eq!(link.object, Some(7));
+                assert_eq!((link.object, link.look), (Some(7), Some(Look::Paper)));
                 let parsed = link.camera.unwrap();
                 assert!((parsed.position - camera.position).length() < 2e-3, "{parsed:?}");
                 assert!((parsed.forward - camera.forward).length() < 1e-5 && (parsed.up - camera.up).length() < 1e-5);

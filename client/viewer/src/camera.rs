@@ -2,6 +2,7 @@
 
 use crate::switching::SwitchDistances;
 use glam::{DQuat, DVec3};
+use insula_protocol::Manifest;
 use serde::{Deserialize, Serialize};
 
 const CAMERA_FORMAT: &str = r#"{"position":[x,y,z],"target":[x,y,z],"fov_y_deg":60}"#;
@@ -57,19 +58,21 @@ impl Camera {
         (90.0 - self.angles().0.to_degrees()).rem_euclid(360.0)
     }
 
-    /// Sees all of `bounds` (`[min, max]`) from the south-east, 25 degrees above the horizon. `aspect` is width by height.
-    pub fn overview(bounds: [[f64; 3]; 2], aspect: f64) -> Self {
-        let (low, high) = (DVec3::from(bounds[0]), DVec3::from(bounds[1]));
-        let fov_y_rad = 50f64.to_radians();
-        // Most of a city is low: one tower would lift the centre of the box into the air.
-        let centre = ((low + high) * 0.5).with_z(low.z + 0.2 * (high.z - low.z));
-        let elevation = 25f64.to_radians();
-        let away = DVec3::new(0.6 * elevation.cos(), -0.8 * elevation.cos(), elevation.sin());
-        let half_fov = (fov_y_rad * 0.5).min(((fov_y_rad * 0.5).tan() * aspect).atan());
-        // At factor 1, the half-diagonal fits exactly where the frame is narrowest. A city is flat: most of the sphere is air.
-        let distance_m = (0.62 * 0.5 * (high - low).length() / half_fov.sin()).max(10.0);
-        let position = centre + away * distance_m;
-        Self::look_at(position, centre, DVec3::Z, fov_y_rad).unwrap_or(Self::from_angles(position, 0.0, 0.0, fov_y_rad))
+    /// The first view of a city: the part where most of it stands from the south, or from the north on the southern half of the Earth, 30
+    /// degrees above the horizon. In the afternoon the sun stands behind it. `aspect` is width by height.
+    pub fn overview(manifest: &Manifest, aspect: f64) -> Self {
+        let [low, high] = manifest.focus_bounds().map(DVec3::from);
+        let is_southern = manifest.location.is_some_and(|location| location.latitude_deg < 0.0);
+        let fov_y_rad = 40f64.to_radians();
+        let half_m = (0.5 * (high - low).truncate().length()).max(5.0);
+        let (sin, cos) = (if is_southern { 195f64 } else { 345.0 }).to_radians().sin_cos();
+        let ahead = DVec3::new(sin, cos, 0.0);
+        // Most of a city is low: one tower would lift the centre of the box into the air. Seen from one side, the near half is larger.
+        let target = ((low + high) * 0.5).with_z(low.z + 0.2 * (high.z - low.z)) - ahead * (0.1 * half_m);
+        let distance_m = 1.06 * half_m / ((fov_y_rad * 0.5).tan() * aspect.clamp(0.7, 1.78));
+        let elevation = 30f64.to_radians();
+        let position = target - ahead * (elevation.cos() * distance_m) + DVec3::Z * (elevation.sin() * distance_m);
+        Self::look_at(position, target, DVec3::Z, fov_y_rad).unwrap_or(Self::from_angles(position, 0.0, 0.0, fov_y_rad))
     }
 }
 

@@ -17,12 +17,13 @@ use crate::{
 };
 use bytemuck::Zeroable;
 use glam::DVec3;
-use insula_protocol::{NODE_CELLS, TileId, blockmap::voxel_error_m};
+use insula_protocol::{Manifest, NODE_CELLS, TileId, blockmap::voxel_error_m};
 use insula_shaders::{
     cpu::night::bays_of,
     grid::{GridBuilder, GridFrame},
     layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, PAGE_WORDS, Shading},
     light::{Air, NightLights, SUN_RADIUS_RAD},
+    look::Look,
     mesh::{leaf_offset, ray_origin},
     stone::{MAX_STONES, Stone},
 };
@@ -43,8 +44,10 @@ pub struct RenderSettings {
     pub samples: u32,
     /// Unit vector towards the sun.
     pub sun: DVec3,
-    /// Light of the sun and the sky.
+    /// Light of the sun and the sky, in the look.
     pub light: Light,
+    /// How a lit city is shown.
+    pub look: Look,
     /// Longest shadow; 0 without shadows.
     pub shadow_m: f64,
     /// Factor from radiance to display; 0: by the frame's mean.
@@ -54,7 +57,7 @@ pub struct RenderSettings {
 }
 
 impl RenderSettings {
-    /// Lit by a sun in direction `sun` through `air`. One ray a pixel, no shadows.
+    /// Lit by a sun in direction `sun` through `air`, in physical light. One ray a pixel, no shadows.
     pub(crate) fn lit_by(sun: DVec3, air: Air, night: &NightLights) -> Self {
         let light = Light::new(sun.as_vec3(), air, night);
         Self {
@@ -62,10 +65,17 @@ impl RenderSettings {
             samples: 1,
             sun,
             light,
+            look: Look::Physical,
             shadow_m: 0.0,
             exposure: 0.0,
             translucency: Translucency::default(),
         }
+    }
+
+    /// The same in another look.
+    #[must_use]
+    pub(crate) fn in_look(self, look: Look) -> Self {
+        Self { light: look.grade(self.light, self.sun.as_vec3()), look, ..self }
     }
 
     /// Direction to the sun if it casts shadows: by day, with shadows enabled, and where light is shown.
@@ -129,6 +139,9 @@ impl FrameData {
     ) -> Self {
         let view = &View { camera: Camera { position: ray_origin(view.camera.position), ..view.camera }, ..*view };
         let mut frame = frame_uniform(view, settings, tree.manifest().ground_z_m, tree.stones());
+        if settings.look.has_fog() {
+            (frame.fog, frame.city) = fog_around(tree.manifest(), view.camera.position);
+        }
         frame.objects = u32::from(settings.shading == Shading::Objects || cache.has_styles());
         frame.landmarks = u32::from(cache.has_landmarks());
         let list = NodeList::new(&inputs, tree, cache, view);
@@ -293,6 +306,24 @@ pub(crate) fn frame_uniform(
         sun_radius: if settings.samples >= STILL_SAMPLES { SUN_RADIUS_RAD } else { 0.0 },
         ..FrameUniform::zeroed()
     }
+}
+
+/// Fog begins at this share of the city's half diagonal from the camera, and is as deep as this multiple of it.
+const FOG_START: f64 = 0.9;
+const FOG_DEPTH: f64 = 5.0;
+/// Land around the city fades within this share of it.
+const LAND_DEPTH: f64 = 0.42;
+/// Least half diagonal in metres: fog around a single house would hide its street.
+const LEAST_CITY_M: f64 = 700.0;
+
+/// [`FrameUniform::fog`] and [`FrameUniform::city`] around a city.
+fn fog_around(manifest: &Manifest, eye: DVec3) -> ([f32; 4], [f32; 4]) {
+    let [low, high] = manifest.focus;
+    let half_m = (0.5 * (high[0] - low[0]).hypot(high[1] - low[1])).max(LEAST_CITY_M);
+    let [[west, south, _], [east, north, _]] = manifest.bounds;
+    let fog = [FOG_START * half_m, 1.0 / (FOG_DEPTH * half_m), 1.0 / (LAND_DEPTH * half_m), 0.0];
+    let city = [west - eye.x, south - eye.y, east - eye.x, north - eye.y];
+    (fog.map(|v| v as f32), city.map(|v| v as f32))
 }
 
 /// A V-BlockMap in the cache.

@@ -10,6 +10,7 @@ use insula_protocol::{Manifest, manifest::GeoLocation};
 use insula_shaders::{
     layout::Shading,
     light::{Air, NightLights},
+    look::Look,
 };
 use solar_positioning::{Location, RefractionCorrection, SolarPositions, time::JulianDate};
 
@@ -39,6 +40,8 @@ pub struct SunOptions {
     pub lit_windows: bool,
     /// Sunlight through landmarks of stone.
     pub translucency: Translucency,
+    /// How the lit city is shown.
+    pub look: Look,
 }
 
 /// A date and hour.
@@ -85,7 +88,11 @@ pub struct Daylight {
     pub lit_windows: bool,
     /// Sunlight through landmarks of stone.
     pub translucency: Translucency,
+    /// How the lit city is shown.
+    pub look: Look,
     air: Air,
+    /// Whether the user has set the visibility; otherwise, a look may replace haze.
+    is_haze_set: bool,
     /// Factor from radiance to display; 0: by the frame's mean.
     exposure: f32,
 }
@@ -145,13 +152,13 @@ impl SiteLocation {
 }
 
 impl Daylight {
-    /// The user's options over a city. By default, it is a late afternoon in September.
+    /// The user's options over a city. By default, it is an afternoon in September, when the sun stands behind the first view.
     pub fn new(options: &SunOptions, manifest: &Manifest) -> Self {
         let clear = Air::default();
         let mut daylight = Self {
             site: SiteLocation::from_manifest(manifest),
             date: NaiveDate::from_ymd_opt(2024, 9, 15).unwrap_or_default(),
-            hour: 16.5,
+            hour: 14.5,
             fixed_bearing: options.bearing,
             shadows: options.shadows.unwrap_or(true),
             occlusion: options.occlusion.unwrap_or(true),
@@ -161,6 +168,8 @@ impl Daylight {
                 turbidity: options.turbidity.unwrap_or(clear.turbidity),
                 visibility_m: options.visibility_km.map_or(clear.visibility_m, |km| km * 1000.0),
             },
+            is_haze_set: options.visibility_km.is_some(),
+            look: options.look,
             exposure: options.exposure.unwrap_or(0.0),
         };
         if let Some(time) = options.time {
@@ -238,6 +247,11 @@ impl Daylight {
             NightLights { moon: self.moon_direction().map(|moon| moon.as_vec3()), lit_windows: self.lit_windows };
         let mut lit = RenderSettings::lit_by(self.direction(), self.air, &night);
         lit.light.sky_up[3] = if self.occlusion { 0.0 } else { 1.0 };
+        let haze = lit.light.haze;
+        let mut lit = lit.in_look(self.look);
+        if self.is_haze_set {
+            lit.light.haze = haze;
+        }
         RenderSettings { shading, samples, shadow_m, exposure: self.exposure, translucency: self.translucency, ..lit }
     }
 }
@@ -287,7 +301,7 @@ mod tests {
             let daylight = daylight(None, &SunOptions { occlusion, ..SunOptions::default() });
             daylight.render_settings(Shading::Lit, 1).light.sky_up[3]
         };
-        assert_eq!([None, Some(true), Some(false)].map(least), [0.0, 0.0, 1.0]);
+        assert_eq!([None, Some(true), Some(false)].map(least), [0.24, 0.24, 1.0]);
     }
 
     #[test]

@@ -51,6 +51,8 @@ export interface ViewerOptions {
   /** Tolerated error on the screen, in pixels. */
   tau: number;
   shading: Shading;
+  /** How the city is shown: a white model by day, light as measured, or even light for reports. */
+  look: 'model' | 'physical' | 'paper';
   /** Whether the sun casts shadows. */
   shadows: boolean;
   /** Whether ground and buildings stop the camera; `null` as long as the mode decides. */

@@ -44,11 +44,11 @@ async function start() {
   applyTheme();
   // The element starts after this script has run, and so with these values.
   city.manifest = inlineManifest();
-  const { camera, time, object } = parseView(location.hash);
+  const { camera, time, look, object } = parseView(location.hash);
   if (camera) city.camera = camera;
   if (time) city.time = time;
   const [tau, shadows] = [load('tau', null), load('shadows', null)];
-  city.setOptions({ tau, shadows });
+  city.setOptions({ tau, shadows, look });
   await new Promise((resolve) => setTimeout(resolve));
   startControls(app, city, city.manifest ?? (await loadedManifest(city)));
   if (object !== null && object !== undefined) city.select([object]).catch(() => {});

@@ -7,6 +7,8 @@
 
 /** Names of shadings, in the order of their keys and of their numbers in the engine. */
 export const SHADINGS = ['lit', 'albedo', 'ao', 'normal', 'lod', 'kind'];
+/** Looks, in the order of their numbers in the engine. */
+export const LOOKS = ['model', 'physical', 'paper'];
 /** Control modes, in the order in which the key switches them. */
 export const MODES = ['orbit', 'fly', 'walk'];
 /** What the measuring tool measures, in the order in which the key switches it. */

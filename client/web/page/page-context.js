@@ -37,14 +37,15 @@ export class PageContext extends EventTarget {
     const { camera, time } = this.city.view ?? {};
     const { selection } = this.city;
     const object = selection.length === 1 ? selection[0].id : null;
-    return { camera: camera ?? this.city.camera, time: time ?? this.city.time, object };
+    return { camera: camera ?? this.city.camera, time: time ?? this.city.time, look: this.city.options.look, object };
   }
 
   /**
    * Goes to a view. What is not known stays as it is.
    * @param {import('./view-text.js').View} view
    */
-  open({ camera, time, object = null }) {
+  open({ camera, time, look, object = null }) {
+    if (look) this.city.setOptions({ look });
     if (camera) this.city.flyTo(camera).catch(() => {});
     if (time) this.city.setTime(time);
     // A link may name an object that the city no longer has.

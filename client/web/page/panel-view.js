@@ -2,7 +2,7 @@
 
 import { announce } from './announcer.js';
 import { element, setText } from './dom.js';
-import { MODES, SHADINGS } from './key-table.js';
+import { LOOKS, MODES, SHADINGS } from './key-table.js';
 import { save } from './storage.js';
 import { strings } from './strings.js';
 import { collides } from './viewer-options.js';
@@ -32,6 +32,13 @@ export function viewPanel({ city }, actions) {
     change: (value) => set({ mode: value }),
   });
   const modeHint = element('p', { class: 'hint' });
+  const look = choice({
+    title: texts.look,
+    choices: named(LOOKS, texts.looks),
+    value: options.look,
+    isRow: true,
+    change: (value) => set({ look: value }),
+  });
   const shading = choice({
     title: texts.shading,
     choices: named(SHADINGS, texts.shadings),
@@ -56,6 +63,7 @@ export function viewPanel({ city }, actions) {
   const show = () => {
     mode.set(options.mode);
     setText(modeHint, texts.modeHints[options.mode]);
+    look.set(options.look);
     shading.set(options.shading);
     shadows.set(options.shadows);
     collision.set(collides(options));
@@ -68,7 +76,7 @@ export function viewPanel({ city }, actions) {
   });
   const layers = [shadows.node, collision.node, counters.node];
   const shown = element('fieldset', {}, element('legend', {}, texts.layers), ...layers);
-  const content = [mode.node, modeHint, turnButtons(city), shading.node, shown, detail.node, ends];
+  const content = [mode.node, modeHint, turnButtons(city), look.node, shading.node, shown, detail.node, ends];
   return { title: texts.title, content, opened: show };
 }
 
@@ -90,10 +98,11 @@ function remember({ tau, shadows }) {
   if (shadows !== undefined) save('shadows', shadows);
 }
 
-function announceChanges({ mode, shading, shadows, collision, day }) {
+function announceChanges({ mode, shading, look, shadows, collision, day }) {
   const { announcements, time } = strings;
   const onOff = (on, name) => announce(on ? announcements.on(name) : announcements.off(name));
   if (mode !== undefined) announce(announcements.mode(texts.modes[mode]));
+  if (look !== undefined) announce(texts.looks[look]);
   if (shading !== undefined) announce(announcements.shading(texts.shadings[shading]));
   if (shadows !== undefined) onOff(shadows, texts.shadows);
   if (collision !== undefined) onOff(collision, texts.collision);

@@ -86,6 +86,8 @@ export const strings = {
       fly: 'Dragging looks around. The wheel changes the speed.',
       walk: 'Moves on the ground, and stops at walls.',
     },
+    look: 'Look',
+    looks: { model: 'Model', physical: 'Physical light', paper: 'Paper' },
     shading: 'Shading',
     shadings: {
       lit: 'Sun and sky',

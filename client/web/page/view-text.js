@@ -4,12 +4,14 @@
  * The text may come from anybody, so it is checked as strictly as in the native client.
  */
 
+import { LOOKS } from './key-table.js';
+
 const MAX_CHARS = 2048;
 const MAX_COORDINATE_M = 1e10;
 
 /**
- * A camera, a time of the light, and a selected object.
- * @typedef {{camera: string|null, time: string|null, object?: number|null}} View
+ * A camera, a time of the light, a look, and a selected object.
+ * @typedef {{camera: string|null, time: string|null, look?: string|null, object?: number|null}} View
  */
 
 /**
@@ -52,17 +54,18 @@ function objectNumber(text) {
 }
 
 /**
- * The view of a location's hash, `#camera=...&time=...&object=...`. What is malformed is left out.
+ * The view of a location's hash, `#camera=...&time=...&look=...&object=...`. What is malformed is left out.
  * @param {string} hash
  * @returns {View}
  */
 export function parseView(hash) {
   if (hash.length > MAX_CHARS) return { camera: null, time: null, object: null };
   const values = new URLSearchParams(hash.replace(/^#/, '').replaceAll('+', '%2B'));
-  const [camera, time] = [values.get('camera'), values.get('time')];
+  const [camera, time, look] = [values.get('camera'), values.get('time'), values.get('look')];
   return {
     camera: camera !== null && cameraNumbers(camera) ? camera : null,
     time: time !== null && isTime(time) ? time : null,
+    look: look !== null && LOOKS.includes(look) ? look : null,
     object: objectNumber(values.get('object')),
   };
 }
@@ -72,8 +75,9 @@ export function parseView(hash) {
  * @param {View} view
  * @returns {string}
  */
-export function formatView({ camera, time, object = null }) {
-  const parts = [camera && `camera=${camera}`, time && `time=${time}`, object !== null && `object=${object}`];
+export function formatView({ camera, time, look, object = null }) {
+  const shown = look && look !== LOOKS[0] && `look=${look}`;
+  const parts = [camera && `camera=${camera}`, time && `time=${time}`, shown, object !== null && `object=${object}`];
   return parts.filter(Boolean).join('&');
 }
 

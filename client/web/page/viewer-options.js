@@ -1,6 +1,6 @@
 /** What users change in a viewer: options as messages to the engine, and the actions of keys and gamepads. */
 
-import { MODES, SHADINGS } from './key-table.js';
+import { LOOKS, MODES, SHADINGS } from './key-table.js';
 
 const ZOOM_STEP = 1.25;
 
@@ -9,6 +9,7 @@ const ZOOM_STEP = 1.25;
  * @typedef {object} ViewerOptions
  * @property {number} tau Tolerated error in pixels.
  * @property {string} shading One of SHADINGS.
+ * @property {string} look One of LOOKS.
  * @property {boolean} shadows
  * @property {boolean|null} collision `null` as long as the mode decides.
  * @property {string} mode One of MODES.
@@ -17,7 +18,7 @@ const ZOOM_STEP = 1.25;
 
 /** @returns {ViewerOptions} */
 export function defaultOptions() {
-  return { tau: 1, shading: 'lit', shadows: true, collision: null, mode: 'orbit', day: false };
+  return { tau: 1, shading: 'lit', look: 'model', shadows: true, collision: null, mode: 'orbit', day: false };
 }
 
 /**
@@ -39,6 +40,7 @@ export function validChanges(changes) {
   const rules = {
     tau: (value) => Number.isFinite(value) && value > 0,
     shading: (value) => SHADINGS.includes(value),
+    look: (value) => LOOKS.includes(value),
     shadows: (value) => typeof value === 'boolean',
     collision: (value) => typeof value === 'boolean',
     mode: (value) => MODES.includes(value),
@@ -52,9 +54,11 @@ export function validChanges(changes) {
  * @param {Partial<ViewerOptions>} changes
  * @returns {[string, object][]}
  */
-export function optionMessages({ tau, shading, shadows, collision, mode, day }) {
-  const number = shading === undefined ? undefined : SHADINGS.indexOf(shading);
-  const shown = Object.entries({ tau, shadows, shading: number }).filter(([, value]) => value !== undefined);
+export function optionMessages({ tau, shading, look, shadows, collision, mode, day }) {
+  /** @type {(all: string[], word: string|undefined) => number|undefined} */
+  const number = (all, word) => (word === undefined ? undefined : all.indexOf(word));
+  const numbers = { shading: number(SHADINGS, shading), look: number(LOOKS, look) };
+  const shown = Object.entries({ tau, shadows, ...numbers }).filter(([, value]) => value !== undefined);
   /** @type {[string, object][]} */
   const messages = [];
   if (shown.length > 0) messages.push(['options', Object.fromEntries(shown)]);

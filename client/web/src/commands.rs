@@ -56,7 +56,7 @@ pub(crate) enum Command {
     Goto { position: [f64; 3], seconds: Option<f64> },
     Time { time: String },
     Day { running: bool },
-    Options { tau: Option<f64>, shadows: Option<bool>, shading: Option<usize> },
+    Options { tau: Option<f64>, shadows: Option<bool>, shading: Option<usize>, look: Option<usize> },
     Markers { points: Vec<[f64; 3]> },
     Lines { lines: Vec<Vec<[f64; 3]>> },
     Measure(MeasureCommand),

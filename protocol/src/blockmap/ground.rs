@@ -21,7 +21,7 @@ pub const SQUARES: usize = NODE_CELLS / SQUARE_CELLS;
 /// Vertices along a node's side.
 pub const VERTICES: usize = SQUARES + 1;
 /// Colour of the ground, 8-bit sRGB. The surrounding plane has the same.
-pub const GROUND_COLOUR: [u8; 3] = [134, 133, 130];
+pub const GROUND_COLOUR: [u8; 3] = [190, 191, 186];
 
 /// Columns whose bottom is at most this far above the ground, in metres, reach down to it. Higher ones hang above it.
 const MAX_FOOT_M: f32 = 3.0;

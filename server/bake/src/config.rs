@@ -90,6 +90,9 @@ pub struct BakeOptions {
     pub height_field: Option<String>,
     /// How elevation models become terrain.
     pub terrain: TerrainOptions,
+    /// Sources of which only streets, water and green are taken: they are painted on the ground, which must be terrain of an elevation
+    /// model, or generated.
+    pub streets: Vec<PathBuf>,
     /// The land around the city.
     pub surroundings: SurroundingsOptions,
     /// What becomes of objects that two inputs have.
@@ -144,6 +147,7 @@ impl Default for BakeOptions {
             placing: PlacingOptions::default(),
             height_field: None,
             terrain: TerrainOptions::default(),
+            streets: Vec::new(),
             surroundings: SurroundingsOptions::default(),
             duplicates: DuplicateOption::default(),
             addresses: None,
@@ -270,6 +274,8 @@ impl BakeConfig {
             placing: options.placing.clone(),
             height_field: options.height_field.clone(),
             terrain: options.terrain,
+            level_ground: options.ground == GroundOption::Auto,
+            streets: options.streets.clone(),
             surroundings: options.surroundings.clone(),
             duplicates: options.duplicates,
             addresses: options.addresses,

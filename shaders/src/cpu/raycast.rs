@@ -50,7 +50,7 @@ pub struct Pixels {
 impl Pixels {
     /// Sets colours and radiances from the ray-caster's words.
     pub(crate) fn set_words(&mut self, frame: &FrameUniform, words: Vec<u32>) {
-        self.colour = develop(frame, &words);
+        self.colour = develop(frame, &words, &self.hit);
         self.radiance = if frame.shading == Shading::Lit as u32 { words } else { Vec::new() };
     }
 }
@@ -324,5 +324,5 @@ pub(super) fn radiance_with(
             light.sky += lit_windows(frame, dir * distance_m, surface.normal, distance_m);
         }
     }
-    apply_haze(frame, light, airlight, distance_m)
+    apply_haze(frame, light, (dir, airlight), distance_m)
 }

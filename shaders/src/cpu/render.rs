@@ -123,16 +123,16 @@ pub(super) fn developed(frame: &FrameUniform, set: Option<InstructionSet>, pixel
 
 fn with_words(mut out: Pixels, frame: &FrameUniform, set: Option<InstructionSet>, words: Vec<u32>) -> Pixels {
     match set.filter(|_| frame.shading == Shading::Lit as u32) {
-        Some(set) => (out.colour, out.radiance) = (develop_in_packets(set, frame, &words), words),
+        Some(set) => (out.colour, out.radiance) = (develop_in_packets(set, frame, &words, &out.hit), words),
         None => out.set_words(frame, words),
     }
     out
 }
 
 /// [`develop`](crate::tone::develop) of a lit frame.
-fn develop_in_packets(set: InstructionSet, frame: &FrameUniform, words: &[u32]) -> Vec<u32> {
-    let exposure = exposure_with(frame, words, |words| count_radiances(set, words));
-    let (tables, width) = (DisplayTables::get(), frame.width_px.max(1));
+fn develop_in_packets(set: InstructionSet, frame: &FrameUniform, words: &[u32], hits: &[u32]) -> Vec<u32> {
+    let exposure = exposure_with(frame, words, hits, |words| count_radiances(set, words));
+    let (tables, width) = ((DisplayTables::get(), frame.light.grade[0] > 0.0), frame.width_px.max(1));
     let mut colours = vec![0; words.len()];
     let chunks = words.par_chunks(DEVELOPED_PIXELS).zip(colours.par_chunks_mut(DEVELOPED_PIXELS)).enumerate();
     chunks.for_each(|(chunk, (words, colours))| {

@@ -11,7 +11,7 @@ use crate::{
     layout::{FrameUniform, Light, MESH_FLAG, SKY_AZIMUTHS, SKY_HEIGHTS, Shading, SkyTable},
     light::SKY_LOW,
 };
-use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
+use glam::{Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 use insula_protocol::blockmap::flag;
 
 /// The sky at the horizon behind baked values, linear RGB.
@@ -20,8 +20,9 @@ pub(crate) const HORIZON: Vec3 = Vec3::new(0.72, 0.80, 0.88);
 pub(crate) const ZENITH: Vec3 = Vec3::new(0.20, 0.38, 0.68);
 /// The plane where there is no column, behind baked values, linear RGB.
 pub(crate) const GROUND: Vec3 = Vec3::new(0.36, 0.37, 0.35);
-/// Albedo of that plane in light.
-pub(crate) const GROUND_ALBEDO: Vec3 = Vec3::new(0.24, 0.235, 0.225);
+/// Albedo of that plane in light: that of the ground between buildings
+/// ([`GROUND_COLOUR`](insula_protocol::blockmap::ground::GROUND_COLOUR)).
+pub(crate) const GROUND_ALBEDO: Vec3 = Vec3::new(0.515, 0.521, 0.491);
 /// Distance in metres at which half of the plane has become horizon, behind baked values.
 pub(crate) const GROUND_FADE_M: f32 = 3000.0;
 /// Distance in metres from which the plane vanishes faster in haze than a city would, and how much faster: nobody knows what is
@@ -237,15 +238,29 @@ impl Airlight {
     }
 }
 
-/// Light from `distance_m` away in the direction of `airlight`, as it arrives at the eye.
-pub fn apply_haze(frame: &FrameUniform, light: Radiance, airlight: &Airlight, distance_m: f32) -> Radiance {
+/// Light from `distance_m` away in direction `dir`, which is that of `airlight`, as it arrives at the eye.
+pub fn apply_haze(
+    frame: &FrameUniform,
+    light: Radiance,
+    (dir, airlight): (Vec3, &Airlight),
+    distance_m: f32,
+) -> Radiance {
     if frame.shading != Shading::Lit as u32 {
         return light;
     }
-    let haze = rgb(frame.light.haze) * -distance_m;
+    let haze = rgb(frame.light.haze) * -distance_m - fog_depth(frame, dir * distance_m, distance_m);
     let transmitted = haze.map(exp);
     let far = airlight.rgb;
     Radiance { sky: far + (light.sky - far) * transmitted, sun: light.sun * transmitted }
+}
+
+/// Optical depth of the fog before a place. It hides what is far, and the land beyond the city's ends.
+fn fog_depth(frame: &FrameUniform, place: Vec3, distance_m: f32) -> f32 {
+    let [start_m, density, fade, _] = frame.fog;
+    let far = (distance_m - start_m).max(0.0) * density;
+    let (place, low, high) = (place.xy(), Vec4::from(frame.city).xy(), Vec4::from(frame.city).zw());
+    let away = ((low - place).max(place - high).max(Vec2::ZERO) * fade).length();
+    far * far.sqrt().sqrt() + away * away.sqrt()
 }
 
 fn level_tint(level: u32) -> Vec3 {
@@ -279,7 +294,7 @@ pub fn background(frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radia
     }
     if ground_m < f32::INFINITY {
         let hazy_m = ground_m + (ground_m - PLANE_CLEAR_M).max(0.0) * PLANE_FADE;
-        return apply_haze(frame, reflected(frame, GROUND_ALBEDO, Vec3::Z, 1.0), airlight, hazy_m);
+        return apply_haze(frame, reflected(frame, rgb(frame.light.plane), Vec3::Z, 1.0), (dir, airlight), hazy_m);
     }
     Radiance::unlit(sky(frame, dir) + celestial_light(frame, dir))
 }

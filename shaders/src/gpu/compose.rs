@@ -72,10 +72,12 @@ impl Compose {
             is_lit: u32::from(frame.shading == Shading::Lit as u32),
             exposure: frame.exposure,
             key: frame.light.key,
-            unused: 0,
+            day: frame.light.plane[3],
+            grade: frame.light.grade,
         };
         queue.write_buffer(&self.settings, 0, bytemuck::bytes_of(&settings));
-        let bind_group = self.bind_group(device, &self.meter.get_bind_group_layout(0), raycaster);
+        let hits = (binding::COMPOSE_HIT, raycaster.hit_buffer());
+        let bind_group = self.bind_group(device, &self.meter.get_bind_group_layout(0), raycaster, Some(hits));
         let mut pass =
             encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("meter"), timestamp_writes: None });
         pass.set_pipeline(&self.meter);
@@ -86,7 +88,7 @@ impl Compose {
     /// Draws the last frame of `raycaster` over the whole target, scaled to the nearest pixel, with the exposure of the last
     /// [`Compose::measure`].
     pub fn draw(&self, device: &wgpu::Device, pass: &mut wgpu::RenderPass<'_>, raycaster: &Raycaster) {
-        let bind_group = self.bind_group(device, &self.pipeline.get_bind_group_layout(0), raycaster);
+        let bind_group = self.bind_group(device, &self.pipeline.get_bind_group_layout(0), raycaster, None);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &bind_group, &[]);
         pass.draw(0..3, 0..1);
@@ -97,13 +99,18 @@ impl Compose {
         device: &wgpu::Device,
         layout: &wgpu::BindGroupLayout,
         raycaster: &Raycaster,
+        more: Option<(u32, &wgpu::Buffer)>,
     ) -> wgpu::BindGroup {
         let entries = [
             (binding::COMPOSE_SETTINGS, &self.settings),
             (binding::COMPOSE_COLOUR, raycaster.colour_buffer()),
             (binding::COMPOSE_EXPOSURE, &self.exposure),
-        ]
-        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() });
+        ];
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = entries
+            .into_iter()
+            .chain(more)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
         device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("compose"), layout, entries: &entries })
     }
 }

@@ -61,6 +61,8 @@ fn structs_have_the_same_layout() {
             objects,
             landmarks,
             bays,
+            fog,
+            city,
             light,
             windows,
             stones,
@@ -93,6 +95,8 @@ fn structs_have_the_same_layout() {
             facade_ground,
             key,
             stars,
+            plane,
+            grade,
             sky,
             glow,
         }
@@ -102,7 +106,7 @@ fn structs_have_the_same_layout() {
 #[test]
 fn structs_of_columns_and_the_frame_have_the_same_layout() {
     let module = module(&wgsl::compose());
-    assert_layout!(&module, ComposeUniform { frame_px, target_px, is_lit, exposure, key, unused });
+    assert_layout!(&module, ComposeUniform { frame_px, target_px, is_lit, exposure, key, day, grade });
     let module = self::module(&wgsl::raycast());
     // WGSL reads it in rows of four words: `heights` is z_step_m to slot_and_shift.
     let (span, members) = wgsl_layout(&module, "DrawNode");

@@ -5,5 +5,6 @@ struct ComposeUniform {
     is_lit: u32,
     exposure: f32,
     key: f32,
-    unused: u32,
+    day: f32,
+    grade: vec4<f32>,
 }

@@ -21,6 +21,8 @@ struct Light {
     facade_ground: f32,
     key: f32,
     stars: f32,
+    plane: vec4<f32>,
+    grade: vec4<f32>,
     sky: array<vec4<f32>, SKY_CELLS>,
     glow: array<vec4<f32>, SKY_CELLS>,
 }
@@ -49,6 +51,8 @@ struct FrameUniform {
     objects: u32,
     landmarks: u32,
     bays: vec4<f32>,
+    fog: vec4<f32>,
+    city: vec4<f32>,
     light: Light,
     windows: array<vec4<i32>, GRID_LEVELS>,
     stones: array<Stone, MAX_STONES>,

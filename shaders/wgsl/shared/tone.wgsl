@@ -14,6 +14,18 @@ fn decode_radiance(word: u32) -> vec3<f32> {
     return vec3<f32>((vec3<u32>(word) >> vec3<u32>(0u, 9u, 18u)) & vec3<u32>((1u << MANTISSA_BITS) - 1u)) * scale;
 }
 
+// PBR Neutral, for graded pictures. Linear sRGB, 0 to 1.
+fn neutral(rgb: vec3<f32>) -> vec3<f32> {
+    let peak = max(max(rgb.r, rgb.g), rgb.b);
+    if peak <= NEUTRAL_START {
+        return rgb;
+    }
+    let range = 1.0 - NEUTRAL_START;
+    let shown = 1.0 - range * range / (peak + range - NEUTRAL_START);
+    let kept = 1.0 / (NEUTRAL_DESATURATION * (peak - shown) + 1.0);
+    return vec3<f32>(shown) + (rgb * (shown / peak) - shown) * kept;
+}
+
 // AgX. Linear sRGB, 0 to 1.
 fn tone_map(rgb: vec3<f32>) -> vec3<f32> {
     let log = (log2(max(AGX_IN * rgb, vec3<f32>(1e-10))) - AGX_MIN_LOG2) / AGX_LOG2_RANGE;

@@ -2,7 +2,7 @@
 from .ground import ground_at, half_up, surface_heights
 from .shapes import (CODE_MAX, COLUMNS, EXPOSED, GAP, INCLINED, OCCUPIED, REFLECTIVE, SIDE, SUSPENDED, clamp)
 
-COLOUR = (134, 133, 130)
+COLOUR = (190, 191, 186)
 MAX_TEXELS = 1 << 20
 
 

@@ -59,7 +59,7 @@ mod tests {
     fn a_day_takes_its_seconds_and_repeats() {
         let mut daylight = Daylight::new(&SunOptions::default(), &insula_test_support::small_city::empty_manifest(0));
         let (date, begin, mut day) = (daylight.date, Instant::now(), DayAnimation::default());
-        assert!(!day.advance(&mut daylight, begin) && !day.is_running() && daylight.hour == 16.5);
+        assert!(!day.advance(&mut daylight, begin) && !day.is_running() && daylight.hour == 14.5);
         day.toggle(begin);
         for tenth in 1..=100 {
             assert!(day.advance(&mut daylight, begin + Duration::from_millis(100) * tenth));

@@ -6,7 +6,7 @@ use super::{
     viewer::{CityViewer, clamped_size, clamped_tau, to_js},
 };
 use glam::DVec3;
-use insula_shaders::layout::Shading;
+use insula_shaders::{layout::Shading, look::Look};
 use insula_viewer::{camera::Camera, camera_text, sun::parse_time};
 use wasm_bindgen::prelude::*;
 use web_time::Instant;
@@ -42,7 +42,11 @@ impl CityViewer {
                     self.day.toggle(Instant::now());
                 }
             }
-            Command::Options { tau, shadows, shading } => self.set_options(tau, shadows, shading),
+            Command::Options { tau, shadows, shading, look } => {
+                self.set_options(tau, shadows);
+                self.shading = chosen(&Shading::ALL, shading).unwrap_or(self.shading);
+                self.daylight.look = chosen(&Look::ALL, look).unwrap_or(self.daylight.look);
+            }
             steering => self.steer(steering)?,
         }
         Ok(())
@@ -117,15 +121,12 @@ impl CityViewer {
         control.camera()
     }
 
-    fn set_options(&mut self, tau_px: Option<f64>, shadows: Option<bool>, shading: Option<usize>) {
+    fn set_options(&mut self, tau_px: Option<f64>, shadows: Option<bool>) {
         if let Some(tau_px) = tau_px {
             self.tau_px = clamped_tau(tau_px);
         }
         if let Some(shadows) = shadows {
             self.daylight.shadows = shadows;
-        }
-        if let Some(shading) = shading.and_then(|number| Shading::ALL.get(number)) {
-            self.shading = *shading;
         }
     }
 
@@ -152,4 +153,9 @@ fn check_count(points: usize) -> Result<(), JsError> {
         return Err(JsError::new(&format!("{points} points: at most {MAX_POINTS} are shown")));
     }
     Ok(())
+}
+
+/// The choice with a number, which the page has sent.
+fn chosen<T: Copy>(all: &[T], number: Option<usize>) -> Option<T> {
+    all.get(number?).copied()
 }

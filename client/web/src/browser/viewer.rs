@@ -96,7 +96,7 @@ impl CityViewer {
         };
         let size_px = clamped_size(options.width, options.height);
         let aspect = f64::from(size_px[0]) / f64::from(size_px[1]);
-        let overview = || Camera::overview(manifest.focus_bounds(), aspect);
+        let overview = || Camera::overview(&manifest, aspect);
         let camera = options.camera.as_deref().and_then(camera_text::parse).unwrap_or_else(overview);
         let time = options.time.as_deref().and_then(|time| parse_time(time).ok());
         let daylight = Daylight::new(&SunOptions { time, ..SunOptions::default() }, &manifest);

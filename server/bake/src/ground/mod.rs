@@ -37,10 +37,10 @@ use crate::{
 };
 use grid::GroundGrid;
 use mesh::HeightRange;
-use relax::Bounds;
+pub(crate) use relax::{Bounds, smooth_field};
 
 /// Increased whenever the same city would get another ground.
-pub const ALGORITHM: u32 = 5;
+pub const ALGORITHM: u32 = 6;
 /// Buildings may sink this far where that makes the ground smoother.
 const SINK_M: f32 = 0.8;
 /// Generated ground passes this far below given terrain, and ends below it.
@@ -150,7 +150,7 @@ impl<'a> Surface<'a> {
         if !(0..grid.len()).any(|i| bounds.is_known(i)) {
             return Ok(None);
         }
-        let free = relax::smooth_field(&bounds);
+        let free = smooth_field(&bounds);
         let plane_m = plane_height(grid, &free, steps);
         let mut skirted = bounds.clone();
         let distances = grid.distances(|i| bounds.is_known(i));
@@ -160,7 +160,7 @@ impl<'a> Surface<'a> {
                 (skirted.low[i], skirted.high[i]) = (plane_m, plane_m);
             }
         }
-        let mut field = relax::smooth_field(&skirted);
+        let mut field = smooth_field(&skirted);
         for (i, z) in field.iter_mut().enumerate() {
             let nearest = steps.round(*z, f64::round);
             *z = if skirted.is_known(i) { nearest.max(skirted.low[i]) } else { nearest };

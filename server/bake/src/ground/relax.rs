@@ -7,14 +7,14 @@ const MIN_SIDE: usize = 5;
 
 /// Bounds of each vertex, row by row. A vertex without bounds has `low > high`.
 #[derive(Debug, Clone)]
-pub(super) struct Bounds {
-    pub(super) size: [usize; 2],
-    pub(super) low: Vec<f32>,
-    pub(super) high: Vec<f32>,
+pub(crate) struct Bounds {
+    pub(crate) size: [usize; 2],
+    pub(crate) low: Vec<f32>,
+    pub(crate) high: Vec<f32>,
 }
 
 impl Bounds {
-    pub(super) fn unknown(size: [usize; 2]) -> Self {
+    pub(crate) fn unknown(size: [usize; 2]) -> Self {
         let n = size[0] * size[1];
         Self { size, low: vec![f32::INFINITY; n], high: vec![f32::NEG_INFINITY; n] }
     }
@@ -48,7 +48,7 @@ impl Bounds {
 }
 
 /// The field within the bounds whose other heights are the means of their neighbours'. Zero if nothing is known.
-pub(super) fn smooth_field(bounds: &Bounds) -> Vec<f32> {
+pub(crate) fn smooth_field(bounds: &Bounds) -> Vec<f32> {
     let mut field = if bounds.size.iter().any(|n| *n <= MIN_SIDE) {
         vec![mean_known(bounds); bounds.low.len()]
     } else {

@@ -7,8 +7,8 @@ use super::address_reader::AddressReader;
 use super::attributes::{Attributes, NamePatterns};
 use super::duplicates::DuplicateOption;
 use super::elevation::{
-    Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, SurroundingsOptions, TerrainOptions,
-    TerrainTile,
+    Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, LevelGround, SurroundingsOptions,
+    TerrainOptions, TerrainTile,
 };
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
@@ -29,7 +29,7 @@ use crate::scene::object_records::{RecordPlace, SourceRecord};
 use crate::scene::scratch_scene::{ScratchScene, StoredMaterial};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
-use insula_protocol::manifest::MAX_STONES;
+use insula_protocol::{blockmap::ground::GROUND_COLOUR, manifest::MAX_STONES};
 
 /// The vertical axis of an OBJ file. In the other formats it is always z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -73,6 +73,10 @@ pub struct ReadOptions {
     pub duplicates: DuplicateOption,
     /// How elevation models become terrain.
     pub terrain: TerrainOptions,
+    /// Whether flat areas and lines are painted on ground at the feet of the buildings where there is no elevation model.
+    pub level_ground: bool,
+    /// Sources of which only streets, water and green are taken: they are painted on the ground.
+    pub streets: Vec<PathBuf>,
     /// The land around the city.
     pub surroundings: SurroundingsOptions,
     /// Reads inputs that are addresses; without it they are refused.
@@ -118,6 +122,8 @@ impl Default for ReadOptions {
             height_field: None,
             duplicates: DuplicateOption::default(),
             terrain: TerrainOptions::default(),
+            level_ground: false,
+            streets: Vec::new(),
             surroundings: SurroundingsOptions::default(),
             addresses: None,
             dropped_attributes: NamePatterns::default(),
@@ -157,10 +163,20 @@ pub(crate) struct ReadContext<'o> {
 const NO_TERRAIN: &str = "elevation model far from the city, no terrain made";
 /// Terrain reaches so far beyond buildings for what is painted on it. Some areas and lines of extracts end far outside.
 const PAINTED_REACH_M: f64 = 2000.0;
+/// Beyond a city whose streets are from another source, which may be that of a country.
+const STREETS_REACH_M: f64 = 100.0;
 /// Problem of a building.
 const OFF_GROUND: &str = "building above or below the elevation model by more than --terrain-tolerance";
 /// Problem of a tile of terrain.
 const BAD_TILE: &str = "terrain tile that cannot be read, a coarser one drawn";
+
+/// An error while the ground was made.
+fn no_ground(error: BakeError) -> InputError {
+    match error {
+        BakeError::Read(error) => error,
+        error => InputError::io("the ground", std::io::Error::other(error)),
+    }
+}
 
 /// The state before a source.
 pub(crate) struct SourceMark {
@@ -283,7 +299,25 @@ impl<'o> ReadContext<'o> {
 
     /// Whether flat areas and lines are painted on terrain, because there will be some.
     pub(crate) fn is_painting(&self) -> bool {
-        !self.elevation.is_empty() && self.options.kinds.contains(FeatureKind::Relief)
+        (self.options.level_ground || !self.elevation.is_empty()) && self.options.kinds.contains(FeatureKind::Relief)
+    }
+
+    /// Makes ground for what the sources paint if there is no elevation model: as high as the buildings stand. Fails if scratch files
+    /// fail.
+    pub(crate) fn level_ground(&mut self, sources: &[SourceReport]) -> Result<(), InputError> {
+        if !self.is_painting() || !self.elevation.is_empty() || self.shapes.is_empty() {
+            return Ok(());
+        }
+        let Some(bounds) = self.terrain_bounds()? else { return Ok(()) };
+        let source = sources.iter().position(|source| source.painted > 0).unwrap_or(0);
+        let mut ground = LevelGround::new(source, bounds);
+        let visited = self.builder.for_each_base(&mut |building| {
+            ground.add(&building.base);
+            Ok(())
+        });
+        visited.map_err(no_ground)?;
+        self.elevation.set_level(ground.finished());
+        Ok(())
     }
 
     /// World height of the ground at a position on the map, or near it; 0 if no elevation model has one there. Fails if
@@ -300,7 +334,7 @@ impl<'o> ReadContext<'o> {
     /// are reported. Fails if an elevation model cannot be read or placed, or if scratch files fail.
     pub(crate) fn fit_ground(&mut self, sources: &mut [SourceReport]) -> Result<(), InputError> {
         let tolerance_m = self.options.terrain.tolerance_m;
-        if !self.is_painting() || tolerance_m <= 0.0 {
+        if self.elevation.is_empty() || !self.is_painting() || tolerance_m <= 0.0 {
             return Ok(());
         }
         self.elevation.settle(&mut self.world)?;
@@ -314,14 +348,14 @@ impl<'o> ReadContext<'o> {
                 let stored = elevation.bases.push(base);
                 return stored.map_err(|error| InputError::io("the ground", std::io::Error::other(error)).into());
             }
+            if elevation.is_guessed() {
+                return Ok(());
+            }
             let side = if above_m > 0.0 { "above" } else { "below" };
             report.problem(OFF_GROUND, || format!("{id}: {:.1} m {side}", above_m.abs()));
             Ok(())
         });
-        visited.map_err(|error| match error {
-            BakeError::Read(error) => error,
-            error => InputError::io("the ground", std::io::Error::other(error)),
-        })
+        visited.map_err(no_ground)
     }
 
     /// Adds terrain around all objects so far, if there are elevation models. Fails if one cannot be read, or cannot be
@@ -345,7 +379,8 @@ impl<'o> ReadContext<'o> {
                 report.problem(INEXACT, || warning.clone());
             }
         }
-        let rgb = self.colour_of(kind);
+        // Ground without a model passes into the generated ground. One step apart, they stay two materials, in steps, too.
+        let rgb = if self.elevation.is_guessed() { GROUND_COLOUR.map(|v| v - 1) } else { self.colour_of(kind) };
         let city = self.terrain_bounds()?;
         let (builder, textures, source) = (&mut self.builder, &mut self.textures, self.elevation.first_source());
         let (set, Some(report)) = (textures.set_named("pictures from above"), sources.get_mut(source)) else {
@@ -401,10 +436,11 @@ impl<'o> ReadContext<'o> {
     /// wanted area if there is one. `None` without all of these.
     fn terrain_bounds(&mut self) -> Result<Option<[[f64; 2]; 2]>, InputError> {
         let failed = |error| InputError::io("the ground", std::io::Error::other(error));
+        let reach_m = if self.options.streets.is_empty() { PAINTED_REACH_M } else { STREETS_REACH_M };
         let bounds = match (self.builder.bounds_on_map().map_err(failed)?, self.shapes.bounds()) {
             (Some([low, high]), Some([painted_low, painted_high])) => Some([
-                [0, 1].map(|axis| low[axis].min(painted_low[axis].max(low[axis] - PAINTED_REACH_M))),
-                [0, 1].map(|axis| high[axis].max(painted_high[axis].min(high[axis] + PAINTED_REACH_M))),
+                [0, 1].map(|axis| low[axis].min(painted_low[axis].max(low[axis] - reach_m))),
+                [0, 1].map(|axis| high[axis].max(painted_high[axis].min(high[axis] + reach_m))),
             ]),
             (objects, painted) => objects.or(painted),
         };

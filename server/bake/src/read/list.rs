@@ -57,6 +57,11 @@ pub(super) fn list(
     lister.seen.clear();
     lister.add_inputs(&options.surroundings.files, bad)?;
     lister.list.sources[of_city..].iter_mut().for_each(|source| source.is_surroundings = true);
+    let of_model = lister.list.sources.len();
+    // The city may be of the same file, read with other kinds.
+    lister.seen.clear();
+    lister.add_inputs(&options.streets, bad)?;
+    lister.list.sources[of_model..].iter_mut().for_each(|source| source.is_streets = true);
     Ok(lister.list)
 }
 

@@ -320,13 +320,15 @@ fn finish_city(read: ReadSources<'_>) -> Result<ReadCity, InputError> {
     Ok(ReadCity { city, surroundings, report, set_of_texture, set_of_source })
 }
 
-/// Reads the landmarks that the options name. Fails as [`landmark::read`], unless bad inputs are skipped.
+/// Makes level ground if there has to be some, and reads the landmarks that the options name. Fails as [`landmark::read`], unless bad inputs are skipped.
 fn read_landmarks(
     context: &mut ReadContext<'_>,
     bad: &mut BadInputs,
     report: &mut ReadReport,
     set_of_source: &mut Vec<u32>,
 ) -> Result<(), InputError> {
+    // Landmarks stand on it.
+    context.level_ground(&report.sources)?;
     let Some(file) = &context.options.landmarks else { return Ok(()) };
     context.is_last_resort = true;
     for plan in landmark::read_plans(file)? {
@@ -393,6 +395,10 @@ fn read_by_kind(
     let Some(kind) = kind_by_name(&source.name) else { return Err(unread_formats::refusal(&source.label)) };
     if source.is_surroundings && !is_elevation(source) {
         let what = "surroundings are elevation models and pictures from above: give it as an input of the city";
+        return Err(InputError::unsupported(&source.label, what));
+    }
+    if source.is_streets && is_elevation(source) {
+        let what = "streets are areas and lines on the map: give an elevation model as an input of the city";
         return Err(InputError::unsupported(&source.label, what));
     }
     let (format, reader): (SourceFormat, Reader) = match kind {

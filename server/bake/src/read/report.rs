@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::attributes::{AttributeValue, Attributes};
 use super::object::FeatureKind;
+use super::osm;
 
 /// Number of examples that are kept of each fault.
 const EXAMPLES: usize = 5;
@@ -356,6 +357,18 @@ impl ReadReport {
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
             let advice = "remove them from the source, or leave them out with --bbox";
             Some(format!("{}: {WIDE}: {}{more}; {advice}", source.path, first.join(", ")))
+        })
+    }
+
+    /// Where coastlines were guessed, or why there is no sea, of each source with such.
+    pub fn coast_warnings(&self) -> impl Iterator<Item = String> {
+        self.sources.iter().flat_map(|source| {
+            [osm::GAP, osm::OPEN_END, osm::TOO_WIDE, osm::TOO_MANY].into_iter().filter_map(|reason| {
+                let FaultCount { count, first } = source.problems.get(reason)?;
+                let more = count - (first.len() as u64).min(*count);
+                let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                Some(format!("{}: {reason}: {}{more}", source.path, first.join(", ")))
+            })
         })
     }
 

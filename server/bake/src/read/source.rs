@@ -35,6 +35,8 @@ pub(crate) struct CitySource<'a> {
     pub(crate) found: bool,
     /// Shows the land around the city, and is not a part of it.
     pub(crate) is_surroundings: bool,
+    /// Whether only what can be painted on the ground is taken of it.
+    pub(crate) is_streets: bool,
     /// What is read of it.
     pub(crate) share: Share,
 }
@@ -42,7 +44,7 @@ pub(crate) struct CitySource<'a> {
 impl<'a> CitySource<'a> {
     /// A whole source that the user named.
     pub(crate) fn new(label: String, name: String, files: Rc<dyn SourceFiles + 'a>, bytes: u64) -> Self {
-        Self { label, name, files, bytes, found: false, is_surroundings: false, share: Share::WHOLE }
+        Self { label, name, files, bytes, found: false, is_surroundings: false, is_streets: false, share: Share::WHOLE }
     }
 }
 

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod above;
+mod coast;
 mod facades;
 mod formats;
 mod ground;

@@ -45,7 +45,7 @@ fn write_town(folder: &Path, [longitude, latitude]: [f64; 2], count: usize) -> V
     (0..count).map(file).collect()
 }
 
-fn options(inputs: Vec<PathBuf>) -> BakeOptions {
+pub(crate) fn options(inputs: Vec<PathBuf>) -> BakeOptions {
     BakeOptions {
         inputs,
         out: "town".into(),
@@ -66,7 +66,7 @@ fn divisions(all: &[Division], quick: usize) -> &[Division] {
     if tier::is_full() { all } else { &all[..quick] }
 }
 
-fn plain(folder: &Path, options: &BakeOptions) -> BTreeMap<String, Vec<u8>> {
+pub(crate) fn plain(folder: &Path, options: &BakeOptions) -> BTreeMap<String, Vec<u8>> {
     let out = folder.join("plain").join("town");
     insula_bake::bake(&BakeOptions { out: out.clone(), ..options.clone() }, &Silent).unwrap();
     files(&out)
@@ -96,7 +96,12 @@ fn shuffled(tasks: usize, rng: &mut Rng) -> Vec<usize> {
 }
 
 /// Runs all steps, each as a program of its own would.
-fn bake_in_steps(work: &Path, options: &BakeOptions, chunk_bytes: u64, region_leaves: u32) -> Result<(), BakeError> {
+pub(crate) fn bake_in_steps(
+    work: &Path,
+    options: &BakeOptions,
+    chunk_bytes: u64,
+    region_leaves: u32,
+) -> Result<(), BakeError> {
     let store = WorkFolder::new(work);
     let request = JobRequest { arguments: Vec::new(), chunk_bytes, region_leaves, is_update: false };
     for _ in 0..2 {
@@ -116,9 +121,15 @@ fn bake_in_steps(work: &Path, options: &BakeOptions, chunk_bytes: u64, region_le
     Ok(())
 }
 
-fn assert_same(made: &BTreeMap<String, Vec<u8>>, plain: &BTreeMap<String, Vec<u8>>, what: &str) {
+pub(crate) fn assert_same(made: &BTreeMap<String, Vec<u8>>, plain: &BTreeMap<String, Vec<u8>>, what: &str) {
     assert!(made.keys().eq(plain.keys()), "{what}: {:?}", made.keys());
-    for (name, bytes) in made {
+    // The manifest follows from the others.
+    let (manifest, others): (Vec<_>, Vec<_>) = made.iter().partition(|(name, _)| name.ends_with(".json"));
+    for (name, bytes) in others.into_iter().chain(manifest) {
+        if name.ends_with(".json") {
+            let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+            assert_eq!(text(bytes), text(&plain[name]), "{what}: {name}");
+        }
         assert!(plain[name] == *bytes, "{what}: {name} differs");
     }
 }

@@ -130,13 +130,30 @@ pub(super) fn apply_haze<S: Simd>(
     simd: S,
     frame: &FrameUniform,
     light: &Radiances<S>,
-    airlight: Vec3s<S>,
+    (dir, airlight): (Vec3s<S>, Vec3s<S>),
     distance_m: F<S>,
 ) -> Radiances<S> {
     let [r, g, b, _] = frame.light.haze;
-    let transmitted = Vec3s::<S> { x: distance_m * -r, y: distance_m * -g, z: distance_m * -b }.map(
+    let fog = fog_depth(simd, frame, dir, distance_m);
+    let transmitted = Vec3s::<S> { x: distance_m * -r - fog, y: distance_m * -g - fog, z: distance_m * -b - fog }.map(
         #[inline(always)]
         |v| exp(simd, v),
     );
     Radiances::<S> { sky: airlight.add(light.sky.sub(airlight).mul(transmitted)), sun: light.sun.mul(transmitted) }
+}
+
+/// Optical depth of the fog in directions `dir`.
+#[inline(always)]
+fn fog_depth<S: Simd>(simd: S, frame: &FrameUniform, dir: Vec3s<S>, distance_m: F<S>) -> F<S> {
+    let zero = splat(simd, 0.0);
+    let [start_m, density, fade, _] = frame.fog;
+    let [west, south, east, north] = frame.city;
+    let far = (distance_m - start_m).fast_max(zero) * density;
+    let past = always(
+        #[inline(always)]
+        |place: F<S>, low: f32, high: f32| (splat(simd, low) - place).fast_max(place - high).fast_max(zero) * fade,
+    );
+    let (x, y) = (past(dir.x * distance_m, west, east), past(dir.y * distance_m, south, north));
+    let away = (x * x + y * y).sqrt();
+    far * far.sqrt().sqrt() + away * away.sqrt()
 }

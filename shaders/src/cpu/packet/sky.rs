@@ -11,9 +11,7 @@ use crate::{
     atmosphere::{MIE_G, PHASE_SCALE},
     cpu::{
         night::{moon, stars},
-        shade::{
-            DISC, DISC_INNER, DISC_OUTER, GROUND_ALBEDO, MIN_GROUND_DESCENT, PLANE_CLEAR_M, PLANE_FADE, reflected, rgb,
-        },
+        shade::{DISC, DISC_INNER, DISC_OUTER, MIN_GROUND_DESCENT, PLANE_CLEAR_M, PLANE_FADE, reflected, rgb},
     },
     layout::{FrameUniform, SKY_AZIMUTHS, SKY_HEIGHTS, SkyTable},
     light::SKY_LOW,
@@ -59,10 +57,10 @@ pub(super) fn background<S: Simd>(
     let mut light = Radiances::<S> { sky: zero3, sun: zero3 };
     let on_ground = lanes & ground_m.simd_lt(splat(simd, f32::INFINITY));
     if on_ground.any_true() {
-        let plane = reflected(frame, GROUND_ALBEDO, Vec3::Z, 1.0);
+        let plane = reflected(frame, rgb(frame.light.plane), Vec3::Z, 1.0);
         let plane = Radiances::<S> { sky: Vec3s::splat(simd, plane.sky), sun: Vec3s::splat(simd, plane.sun) };
         let beyond = (ground_m - PLANE_CLEAR_M).fast_max(splat(simd, 0.0));
-        light = apply_haze(simd, frame, &plane, airlight, ground_m + beyond * PLANE_FADE);
+        light = apply_haze(simd, frame, &plane, (dir, airlight), ground_m + beyond * PLANE_FADE);
     }
     let in_sky = lanes & !on_ground;
     if in_sky.any_true() {

@@ -10,7 +10,7 @@ use crate::{
     tone::{
         AGX_IN, AGX_OUT, AGX_SATURATION, CODE_STEPS, CURVE_LAST, CURVE_MIN, CURVE_SHIFT, DisplayTable, DisplayTables,
         EXPONENT_BIAS, MANTISSA_BITS, MAX_RADIANCE, METER_BINS, METER_BINS_PER_STOP, METER_EDGES, METER_LEAST,
-        METER_MIN_LOG2, MeterCounts, NOISE,
+        METER_MIN_LOG2, MeterCounts, NEUTRAL_DESATURATION, NEUTRAL_START, NOISE,
     },
 };
 use fearless_simd::{Level, prelude::*};
@@ -37,11 +37,12 @@ pub(super) fn encode_radiances<S: Simd>(simd: S, rgb: Vec3s<S>) -> U<S> {
     mantissa(rgb.x) | (mantissa(rgb.y) << 9) | (mantissa(rgb.z) << 18) | exponent
 }
 
-/// Colours of pixels from number `first` on, of rows of `width`, with radiances `words`: r, g, b, 255 in sRGB.
+/// Colours of pixels from number `first` on, of rows of `width`, with radiances `words`: r, g, b, 255 in sRGB. With the tables stands
+/// whether the picture is graded.
 pub(in crate::cpu) fn develop_pixels(
     set: InstructionSet,
     (width, first): (u32, usize),
-    (exposure, tables): (f32, &DisplayTables),
+    (exposure, tables): (f32, (&DisplayTables, bool)),
     words: &[u32],
     colours: &mut [u32],
 ) {
@@ -64,7 +65,7 @@ pub(in crate::cpu) fn develop_pixels(
 fn develop_with<S: Simd>(
     simd: S,
     (width, first): (u32, usize),
-    (exposure, tables): (f32, &DisplayTables),
+    (exposure, (tables, is_graded)): (f32, (&DisplayTables, bool)),
     words: &[u32],
     colours: &mut [u32],
 ) {
@@ -77,7 +78,8 @@ fn develop_with<S: Simd>(
             for (words, colours) in words.chunks(lanes).zip(colours.chunks_mut(lanes)) {
                 at.wrap();
                 let radiances = decode_radiances::<S>(words_of(simd, words));
-                let codes = codes_of(simd, tables, radiances.scale(splat(simd, exposure)));
+                let light = radiances.scale(splat(simd, exposure));
+                let codes = if is_graded { neutral_codes(simd, tables, light) } else { codes_of(simd, tables, light) };
                 let dithered = dithered(simd, codes, at.x, at.y);
                 if colours.len() == lanes {
                     dithered.store_slice(colours);
@@ -209,6 +211,26 @@ fn codes_of<S: Simd>(simd: S, tables: &DisplayTables, rgb: Vec3s<S>) -> Vec3s<S>
             let place = v.fast_max(zero).fast_min(one) * CODE_STEPS as f32;
             let at = whole::<S>(place);
             between(simd, &tables.codes, at, place - float_u::<S>(at))
+        },
+    )
+}
+
+/// The same of a graded picture.
+#[inline(always)]
+fn neutral_codes<S: Simd>(simd: S, tables: &DisplayTables, rgb: Vec3s<S>) -> Vec3s<S> {
+    let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
+    let peak = rgb.x.fast_max(rgb.y).fast_max(rgb.z);
+    let range = 1.0 - NEUTRAL_START;
+    let shown = one - splat(simd, range * range) / (peak + (range - NEUTRAL_START));
+    let kept = one / ((peak - shown) * NEUTRAL_DESATURATION + 1.0);
+    let (is_bright, share) = (peak.simd_gt(splat(simd, NEUTRAL_START)), shown / peak);
+    rgb.map(
+        #[inline(always)]
+        |v| {
+            let v = is_bright.select((v * share - shown) * kept + shown, v);
+            let place = v.fast_max(zero).fast_min(one).sqrt() * CODE_STEPS as f32;
+            let at = whole::<S>(place);
+            between(simd, &tables.root_codes, at, place - float_u::<S>(at))
         },
     )
 }

@@ -132,7 +132,7 @@ fn radiances<S: Simd>(
     let plain = lanes & !special;
     if (plain & hits.is_hit).any_true() {
         let surfaces = reflected(simd, frame, hits, unit_normal(simd, hits.normal, dir));
-        light = apply_haze(simd, frame, &surfaces, airlight, hits.distance_m);
+        light = apply_haze(simd, frame, &surfaces, (dir, airlight), hits.distance_m);
     }
     let beyond = plain & !hits.is_hit;
     if beyond.any_true() {

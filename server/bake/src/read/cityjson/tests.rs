@@ -147,7 +147,7 @@ fn materials_apply_per_surface_or_whole_and_semantics_to_the_rest() {
     let whole = geometry.replace(materials, r#""material": {"a": {"value": 0}}"#);
     assert_eq!(colours(&read(&document(&object("a", &whole), appearance)).0), [[153, 128, 102]; 6]);
     let water = document(&object("w", &solid("1")), "").replace("Building", "WaterBody");
-    assert_eq!(colours(&read(&water).0), [[52, 78, 84]; 6]);
+    assert_eq!(colours(&read(&water).0), [[74, 129, 152]; 6]);
 }
 
 #[test]

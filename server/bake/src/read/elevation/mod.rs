@@ -6,12 +6,14 @@
 //! | where a grid's points lie in a raster | `lattice`, `pixel_finder` |
 //! | triangles of a region | `terrain`, with [`insula_roam`] |
 //! | heights under buildings that have their own | `fit` |
+//! | heights where there is no raster | `level` |
 //! | the picture on them | `drape` |
 //! | the land around the city, read square by square while it is baked | `surroundings` |
 
 mod drape;
 mod fit;
 mod lattice;
+mod level;
 mod model;
 mod pixel_finder;
 mod surroundings;
@@ -37,6 +39,7 @@ use super::source::{CitySource, SourceKind, kind_by_name, read_all, read_sibling
 use crate::error::InputError;
 use fit::fit_to_bases;
 use lattice::MapGrid;
+pub(crate) use level::LevelGround;
 use model::PlacedRaster;
 use terrain_files::TerrainFiles;
 
@@ -77,6 +80,8 @@ pub(crate) struct Elevation {
     models: Vec<PlacedRaster>,
     /// Pictures from above, in the same order.
     pictures: Vec<PlacedRaster>,
+    /// The ground without models.
+    level: Option<LevelGround>,
     is_settled: bool,
     /// Bases of buildings that the ground meets.
     pub(crate) bases: MapStore<BuildingBase>,
@@ -89,6 +94,7 @@ impl Default for Elevation {
         Self {
             models: Vec::new(),
             pictures: Vec::new(),
+            level: None,
             is_settled: false,
             bases: MapStore::new(Path::new(""), u64::MAX, 0),
             blocks: RefCell::new(LruCache::new(capacity)),
@@ -99,7 +105,17 @@ impl Default for Elevation {
 impl Elevation {
     /// Whether no height is known.
     pub(crate) fn is_empty(&self) -> bool {
-        self.models.is_empty()
+        self.models.is_empty() && self.level.is_none()
+    }
+
+    /// Makes ground without elevation models. It replaces none.
+    pub(crate) fn set_level(&mut self, ground: LevelGround) {
+        self.level = Some(ground).filter(|_| self.models.is_empty());
+    }
+
+    /// Whether no elevation model tells the ground's heights.
+    pub(crate) fn is_guessed(&self) -> bool {
+        self.level.is_some()
     }
 
     /// Number of the first picture's report.
@@ -107,9 +123,10 @@ impl Elevation {
         self.pictures.iter().map(|picture| picture.source).min()
     }
 
-    /// Number of the first model's report.
+    /// Number of the first model's report, or of that which counts ground without models.
     pub(crate) fn first_source(&self) -> usize {
-        self.models.iter().map(|model| model.source).min().unwrap_or(0)
+        let level = || self.level.as_ref().map_or(0, |level| level.source);
+        self.models.iter().map(|model| model.source).min().unwrap_or_else(level)
     }
 
     /// Opens an elevation model or an orthophoto; `number` is that of its report. Returns what is inexact about it. Fails if it is neither, is damaged,
@@ -173,6 +190,11 @@ impl Elevation {
     /// Heights of a grid; NaN where no model has one. Fails if a raster cannot be read.
     fn read(&self, grid: &MapGrid) -> Result<Vec<f32>, InputError> {
         let mut heights = vec![f32::NAN; grid.size[0] * grid.size[1]];
+        if let Some(level) = &self.level {
+            for (index, height) in heights.iter_mut().enumerate() {
+                *height = level.height_m(grid.position(index % grid.size[0], index / grid.size[0]));
+            }
+        }
         for model in &self.models {
             let found = model.heights(grid).map_err(|error| raster_fault(&model.label, error))?;
             for (height, finer) in heights.iter_mut().zip(found) {
@@ -205,7 +227,8 @@ impl Elevation {
 
     /// Distance of the points of a block: that of the finest model's pixels.
     pub(crate) fn step_m(&self) -> f64 {
-        self.models.last().and_then(|model| model.placed.as_ref()).map_or(1.0, |placed| placed.pixel_m)
+        let level = || self.level.as_ref().map_or(1.0, |level| level.step_m);
+        self.models.last().and_then(|model| model.placed.as_ref()).map_or_else(level, |placed| placed.pixel_m)
     }
 
     /// World height of the ground at a position on the map; where none is known, one between the nearest that are, in

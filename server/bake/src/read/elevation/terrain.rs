@@ -6,6 +6,7 @@ use std::cell::RefCell;
 use super::Elevation;
 use super::drape::{Drape, GroundPictures};
 use super::lattice::MapGrid;
+use super::level::LevelGround;
 use crate::error::InputError;
 use insula_protocol::NODE_CELLS;
 use insula_roam::{Borders, HeightSource, triangulate_region};
@@ -21,6 +22,10 @@ const MAX_TILE_PIXELS: f64 = 4096.0;
 const STEPS_PER_PIXEL: f64 = 4.0;
 /// Coarser steps, in cells, would miss the buildings that the ground meets.
 const FIT_CELLS: f64 = 2.0;
+/// Ground without elevation models reaches so far beyond the city at most, and this is the side of its tiles, of which those without a
+/// picture are left to the generated ground.
+const LEVEL_MARGIN_M: f64 = 32.0;
+const LEVEL_TILE_M: f64 = 512.0;
 /// Where land surrounds the city, its terrain ends at squares of this many leaves, at which that land begins.
 pub(crate) const ALIGNED_LEAVES: f64 = 2.0;
 /// It ends this far within them, so that no rounding makes it reach the next square.
@@ -110,6 +115,13 @@ impl<'e> Region<'e> {
     /// except those of the land around it. `None` if they do not overlap.
     fn new(elevation: &'e Elevation, city: Option<[[f64; 2]; 2]>, cell_m: f64, margin_m: f64) -> Option<Self> {
         let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
+        let margin_m = if elevation.level.is_some() {
+            // Without models there is ground everywhere, and beyond the city the plane goes on as it is there.
+            (low, high) = ([f64::MIN; 2], [f64::MAX; 2]);
+            margin_m.min(LEVEL_MARGIN_M)
+        } else {
+            margin_m
+        };
         let models = elevation.models.iter().filter(|model| city.is_some() || !model.is_surroundings);
         for placed in models.filter_map(|model| model.placed.as_ref()) {
             low = array::from_fn(|axis| low[axis].min(placed.bounds[0][axis]));
@@ -189,6 +201,8 @@ impl Elevation {
     ) -> Result<(), InputError> {
         let Some(region) = Region::new(self, city, cell_m, options.margin_m) else { return Ok(()) };
         let picture_m = if self.pictures.is_empty() && !ground.is_painted() { f64::INFINITY } else { ground.side_m() };
+        let is_level = self.level.as_ref().is_some_and(LevelGround::is_level);
+        let picture_m = if is_level { picture_m.min(LEVEL_TILE_M) } else { picture_m };
         let tile_steps = region.tile_steps(picture_m);
         let borders = Borders::survey(&region, tile_steps, (options.error_cells * cell_m) as f32)?;
         for tile in borders.tiling().tiles() {
@@ -200,6 +214,9 @@ impl Elevation {
                 continue;
             }
             let drape = self.drape(bounds_on_map(&triangles), ground)?;
+            if is_level && drape.is_none() {
+                continue;
+            }
             add(TerrainTile { name: format!("terrain {}/{}", tile[0], tile[1]), triangles, drape });
         }
         Ok(())

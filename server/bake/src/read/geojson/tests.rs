@@ -61,8 +61,8 @@ fn is_closed(scene: &Scene) -> bool {
     edges.values().all(|&balance| balance == 0)
 }
 
-const FLAT_ROOF: [u8; 3] = [160, 160, 157];
-const GROUND: [u8; 3] = [137, 134, 128];
+const FLAT_ROOF: [u8; 3] = [230, 229, 225];
+const GROUND: [u8; 3] = [190, 190, 186];
 
 #[test]
 fn footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
@@ -89,7 +89,7 @@ fn colours_and_materials_of_properties_are_used() {
     let own_colours = r##"{"height": 3, "building:colour": "#102030", "roof:color": "brown; white"}"##;
     assert_eq!(colours(own_colours), (vec![[165, 42, 42], [16, 32, 48], ground], vec![]));
     let primary = colours(r#"{"height": 3, "roof:colour": "red", "building:colour": "white"}"#).0;
-    assert!(primary[0][1] > 60 && primary[0][0] < 190 && primary[1] == wall, "{primary:?}");
+    assert!(primary[0][1] > 100 && primary[0][0] < 210 && primary[1] == wall, "{primary:?}");
     let materials = r#"{"height": 3, "building:material": "Brick", "roof:material": "slate"}"#;
     let palette = Palette::default();
     let [slate, brick] = ["slate", "brick"].map(|name| palette.material(name).unwrap());

@@ -63,7 +63,8 @@ const TRACK_DISTANCE_M: f64 = 4.0;
 
 /// Widths of what people walk on but is no path.
 const PLATFORM_WIDTHS_M: &[(&str, f64)] = &[("platform", 3.0)];
-const PIER_WIDTHS_M: &[(&str, f64)] = &[("pier", 3.0)];
+const PIER_WIDTHS_M: &[(&str, f64)] = &[("pier", 3.0), ("breakwater", 6.0)];
+const HEDGE_WIDTHS_M: &[(&str, f64)] = &[("hedge", 0.9)];
 
 /// Areas by a key and its values; without values, all but `no`. The first that fits counts.
 const AREAS: &[(&str, &[&str], FeatureKind)] = &[
@@ -72,7 +73,8 @@ const AREAS: &[(&str, &[&str], FeatureKind)] = &[
     ("natural", &["water", "bay", "strait"], Water),
     ("waterway", &["riverbank", "dock"], Water),
     ("landuse", &["reservoir", "basin"], Water),
-    ("leisure", &["swimming_pool"], Water),
+    // Unless there is a coast, see `is_marina`.
+    ("leisure", &["swimming_pool", "marina"], Water),
     ("amenity", &["fountain"], Water),
     ("water", &[], Water),
     ("natural", &["wood", "scrub", "heath", "grassland", "fell", "tundra", "wetland", "shrubbery", "moor"], Vegetation),
@@ -96,7 +98,7 @@ const AREAS: &[(&str, &[&str], FeatureKind)] = &[
     ("leisure", &["park", "garden", "golf_course", "dog_park", "common"], Vegetation),
     ("golf", &["fairway", "green", "rough", "tee"], Vegetation),
     ("natural", &["sand", "beach", "shingle", "scree", "bare_rock", "glacier", "mud", "blockfield"], LandUse),
-    ("leisure", &["pitch", "playground", "track", "stadium", "sports_centre", "marina"], LandUse),
+    ("leisure", &["pitch", "playground", "track", "stadium", "sports_centre"], LandUse),
     ("amenity", &["parking", "bicycle_parking", "motorcycle_parking"], Road),
     ("highway", &["rest_area", "services"], LandUse),
     ("aeroway", &["apron", "helipad"], Road),
@@ -154,6 +156,7 @@ pub(super) fn classify(tags: Tags<'_>, outline: Outline) -> Verdict {
         ("highway", PLATFORM_WIDTHS_M, Road),
         ("public_transport", PLATFORM_WIDTHS_M, Road),
         ("man_made", PIER_WIDTHS_M, Road),
+        ("barrier", HEDGE_WIDTHS_M, Vegetation),
     ] {
         let of_value = value(tags, key).and_then(|value| widths.iter().find(|(known, _)| *known == value));
         let Some((value, usual_m)) = of_value else { continue };
@@ -162,7 +165,7 @@ pub(super) fn classify(tags: Tags<'_>, outline: Outline) -> Verdict {
             return Verdict::LeftOut(reason);
         }
         // These are areas when they are closed, the others only if they say so.
-        let is_stage = matches!(*value, "platform" | "pier") && outline == Outline::ClosedWay;
+        let is_stage = matches!(*value, "platform" | "pier" | "breakwater") && outline == Outline::ClosedWay;
         let form = if has_surface || is_stage && tags.get("area") != Some("no") {
             Form::Area
         } else {
@@ -176,9 +179,14 @@ pub(super) fn classify(tags: Tags<'_>, outline: Outline) -> Verdict {
     area(tags, outline)
 }
 
-/// The class of a node.
-pub(super) fn is_tree(tags: Tags<'_>) -> bool {
-    tags.get("natural") == Some("tree")
+/// The value of `natural` of a node that is a single plant; `None` if it is none.
+pub(super) fn plant(tags: Tags<'_>) -> Option<&str> {
+    tags.get("natural").filter(|value| matches!(*value, "tree" | "shrub"))
+}
+
+/// Whether an area is the harbour of boats. Where there is a coast, that tells which part of it is water.
+pub(super) fn is_marina(tags: Tags<'_>) -> bool {
+    tags.get("leisure") == Some("marina")
 }
 
 /// Whether tags say nothing of what an element is, so that they may be on the outer ring, as in maps before 2017.

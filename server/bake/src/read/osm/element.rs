@@ -119,4 +119,7 @@ pub(super) trait ElementFile {
         sink: &mut dyn ObjectSink,
         visit: &mut Visit<'_>,
     ) -> Result<(), InputError>;
+
+    /// South-western and north-eastern corner of the area that the file says it has; known after the first pass.
+    fn extent(&self) -> Option<[Position; 2]>;
 }

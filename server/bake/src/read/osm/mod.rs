@@ -1,13 +1,14 @@
 //! OpenStreetMap: `.osm.pbf`, `.osm` and `.osm.gz`.
 //!
 //! A file is read several times, because relations come after ways and ways after nodes. The first pass notes the
-//! multipolygons and adds the trees ([`survey`]). Then rounds of a limited number of nodes ([`collect`]) make objects of ways
+//! multipolygons and coastlines and adds the trees ([`survey`]). Then rounds of a limited number of nodes ([`collect`]) make objects of ways
 //! and multipolygons: building parts first, so that outlines which they cover are left out. The parts themselves follow at
 //! the end, when their outlines are known. Memory follows the limits of a round, the relations and the building parts, not
 //! the file.
 
 mod box_tree;
 mod classes;
+mod coast;
 mod collect;
 mod cover;
 mod element;
@@ -26,17 +27,22 @@ mod xml;
 use std::ops::{ControlFlow, Range};
 
 use crate::error::InputError;
-use crate::read::attributes::AttributeValue;
+use crate::read::attributes::{AttributeValue, Attributes};
 use crate::read::input::Input;
-use crate::read::object::{AxisOrder, CrsReference, Description, FeatureKind, ObjectSink};
-use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify};
+use crate::read::object::{AxisOrder, CrsReference, Description, FeatureKind, ObjectSink, SourceObject};
+use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify, is_marina};
+use coast::Sea;
+pub(crate) use coast::{GAP, OPEN_END, TOO_MANY, TOO_WIDE};
 use collect::{Limits, Round, is_part, outline_of};
-use element::{Element, ElementFile, ElementId, Pass, Tags};
+use cover::{Bounds, bounds};
+use element::{Element, ElementFile, ElementId, Pass, Position, Tags, UNITS_PER_DEGREE};
 use emit::{area_of_way, areas_of_relation, footprints, is_in_bbox, lines, object, pieces_of_way};
 use nesting::Polygon;
+use nodes::NodeStore;
 use parts::{Heights, OutlineFate, Parts};
 use survey::Survey;
 
+const AT_COAST: &str = "marina at the sea, whose coastline tells what is water";
 const COVERED: &str = "outline covered by its building parts";
 /// Points of all building parts; they are in memory together.
 const MAX_PART_BYTES: u64 = 4 << 30;
@@ -62,8 +68,9 @@ fn read_within(input: &Input<'_>, limits: Limits, sink: &mut dyn ObjectSink) -> 
     let survey = Survey::read(input, &mut *file, sink)?;
     let size_bytes = input.files.len(input.name).map_err(|cause| InputError::io(input.label, cause))?;
     let assembled_left = MIN_ASSEMBLED + ASSEMBLED_PER_BYTE * size_bytes.min(u64::MAX >> 8);
-    let mut reading = Reading { input, survey, parts: Parts::default(), size_bytes, assembled_left };
+    let mut reading = Reading { input, survey, parts: Parts::default(), size_bytes, assembled_left, extent: None };
     reading.read_objects(&mut *file, limits, sink)?;
+    reading.add_sea(&mut *file, sink)?;
     reading.add_parts(&mut *file, sink)?;
     sink.tick(size_bytes);
     Ok(())
@@ -77,6 +84,8 @@ struct Reading<'a, 'i> {
     size_bytes: u64,
     /// Nodes of multipolygons that may still be assembled.
     assembled_left: u64,
+    /// Bounds of what is on land so far.
+    extent: Option<Bounds>,
 }
 
 impl Reading<'_, '_> {
@@ -201,8 +210,13 @@ impl Reading<'_, '_> {
             }
             return Ok(());
         }
+        if is_marina(tags) && self.has_coast() {
+            sink.skip(AT_COAST, id.to_string());
+            return Ok(());
+        }
         if class.form == Form::Area {
             let polygons = area_of_way(refs, &round.nodes).map(|polygon| vec![polygon]);
+            self.widen(class, polygons.iter().flatten().flatten().flatten());
             return add_area(self.input, &mut self.parts, (id, class, tags), polygons, sink);
         }
         let (pieces, is_missing) = match pieces_of_way(refs, &round.nodes) {
@@ -218,7 +232,59 @@ impl Reading<'_, '_> {
         if !is_in_bbox(self.input.bbox_deg, pieces.iter().flatten()) {
             return Ok(());
         }
+        self.widen(class, pieces.iter().flatten());
         sink.add(object(id, class, tags, None, lines(pieces, class.form)))
+    }
+
+    fn has_coast(&self) -> bool {
+        !self.survey.coast.is_empty()
+    }
+
+    /// Notes where an object lies, if it is on land.
+    fn widen<'p>(&mut self, class: Class, positions: impl IntoIterator<Item = &'p Position>) {
+        if class.kind == FeatureKind::Water {
+            return;
+        }
+        let Some([west, south, east, north]) = bounds(positions) else { return };
+        let [w, s, e, n] = self.extent.unwrap_or([west, south, east, north]);
+        self.extent = Some([w.min(west), s.min(south), e.max(east), n.max(north)]);
+    }
+
+    /// Adds the sea, if there are coastlines: as far as the file says it reaches, else as far as there is land, and within the wanted
+    /// area.
+    fn add_sea(&mut self, file: &mut dyn ElementFile, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
+        let coast = std::mem::take(&mut self.survey.coast);
+        if self.survey.coast_is_too_long() {
+            sink.problem(TOO_MANY, format!("more than {}", coast::MAX_NODES));
+            return Ok(());
+        }
+        let extent = file.extent().map(|[[west, south], [east, north]]| [west, south, east, north]).or(self.extent);
+        let (Some([west, south, east, north]), false) = (extent, coast.is_empty()) else { return Ok(()) };
+        let [w, s, e, n] = match self.input.bbox_deg {
+            Some(bbox_deg) => bbox_deg.map(|degrees| (degrees * UNITS_PER_DEGREE).round() as i32),
+            None => [west, south, east, north],
+        };
+        let extent = [west.max(w), south.max(s), east.min(e), north.min(n)];
+        let nodes = NodeStore::read(coast.iter().flatten().copied().collect(), file, sink)?;
+        let pieces = coast.iter().filter_map(|refs| pieces_of_way(refs, &nodes).ok());
+        let sea = Sea::new(pieces.flat_map(|(pieces, _)| pieces).collect(), extent);
+        for (reason, place) in sea.problems {
+            sink.problem(reason, place);
+        }
+        if sea.polygons.is_empty() {
+            return Ok(());
+        }
+        let mut attributes = Attributes::default();
+        attributes.push("natural", AttributeValue::Text("coastline".to_owned()));
+        sink.add(SourceObject {
+            id: "coastline".to_owned(),
+            parent: None,
+            kind: FeatureKind::Water,
+            source_type: "natural=coastline".to_owned(),
+            lod: None,
+            attributes,
+            shape: footprints(sea.polygons),
+        })
     }
 
     fn add_relations(
@@ -227,13 +293,25 @@ impl Reading<'_, '_> {
         round: &Round,
         sink: &mut dyn ObjectSink,
     ) -> Result<(), InputError> {
-        let relations = &self.survey.relations;
-        for relation in &relations.list()[range] {
+        for number in range {
+            let relation = &self.survey.relations.list()[number];
             // Without telling tags on its outer ways either it is no object.
             let Some(class) = relation.class else { continue };
-            let polygons =
-                areas_of_relation(relation, relations, &round.members, &round.nodes, &mut self.assembled_left);
+            let polygons = areas_of_relation(
+                relation,
+                &self.survey.relations,
+                &round.members,
+                &round.nodes,
+                &mut self.assembled_left,
+            );
+            self.widen(class, polygons.iter().flatten().flatten().flatten());
+            let relations = &self.survey.relations;
+            let relation = &relations.list()[number];
             let (id, tags) = (ElementId::Relation(relation.id), relations.tags(relation));
+            if is_marina(tags) && self.has_coast() {
+                sink.skip(AT_COAST, id.to_string());
+                continue;
+            }
             add_area(self.input, &mut self.parts, (id, class, tags), polygons, sink)?;
         }
         Ok(())

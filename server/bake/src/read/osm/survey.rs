@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use super::classes::{Verdict, classify, is_tree};
+use super::classes::{Verdict, classify, plant};
+use super::coast;
 use super::collect::{Work, is_part, outline_of};
 use super::element::{Element, ElementFile, ElementId, Member, Pass, Position, Tags, degrees};
 use super::emit::{attributes, is_in_bbox};
@@ -21,6 +22,9 @@ pub(super) struct Survey {
     /// Building parts with the outlines that relations name; sorted.
     pub(super) named_outlines: Vec<(ElementId, ElementId)>,
     pub(super) way_count: u64,
+    /// Nodes of coastlines.
+    pub(super) coast: Vec<Vec<i64>>,
+    coast_nodes: usize,
     /// Numbers of the first and the last building part among the ways, the latter exclusive.
     part_ways: [u64; 2],
 }
@@ -35,10 +39,7 @@ impl Survey {
         let mut survey = Self { part_ways: [u64::MAX, 0], ..Self::default() };
         file.read_through(Pass::First, sink, &mut |element, sink| {
             match element {
-                Element::Node { id, position, tags } if is_tree(tags) => {
-                    add_tree(input, id, position, tags, sink)?;
-                }
-                Element::Node { .. } => {}
+                Element::Node { id, position, tags } => add_plant(input, id, position, tags, sink)?,
                 Element::Way { number, refs, tags, .. } => survey.way(number, refs, tags),
                 Element::Relation { id, members, tags } => survey.relation(input, id, members, tags, sink)?,
             }
@@ -48,6 +49,11 @@ impl Survey {
         survey.named_outlines.sort_unstable();
         survey.named_outlines.dedup_by_key(|(part, _)| *part);
         Ok(survey)
+    }
+
+    /// Whether the coast has too many nodes.
+    pub(super) fn coast_is_too_long(&self) -> bool {
+        self.coast_nodes > coast::MAX_NODES
     }
 
     /// All that the file has to be read for.
@@ -64,6 +70,13 @@ impl Survey {
 
     fn way(&mut self, number: u64, refs: &[i64], tags: Tags<'_>) {
         self.way_count = number + 1;
+        if tags.get("natural") == Some("coastline") {
+            self.coast_nodes += refs.len();
+            // What is too long has no sea, see `coast_is_too_long`.
+            if !self.coast_is_too_long() {
+                self.coast.push(refs.to_vec());
+            }
+        }
         if let Verdict::Object(class) = classify(tags, outline_of(refs))
             && is_part(class.kind)
         {
@@ -110,21 +123,20 @@ impl Survey {
     }
 }
 
-fn add_tree(
+/// Adds a node that is a tree or a shrub.
+fn add_plant(
     input: &Input<'_>,
     id: i64,
     position: Position,
     tags: Tags<'_>,
     sink: &mut dyn ObjectSink,
 ) -> Result<(), InputError> {
-    if !is_in_bbox(input.bbox_deg, [&position]) {
-        return Ok(());
-    }
+    let Some(value) = plant(tags).filter(|_| is_in_bbox(input.bbox_deg, [&position])) else { return Ok(()) };
     sink.add(SourceObject {
         id: format!("node/{id}"),
         parent: None,
         kind: FeatureKind::Vegetation,
-        source_type: "natural=tree".to_owned(),
+        source_type: format!("natural={value}"),
         lod: None,
         attributes: attributes(tags),
         shape: Shape::Points(vec![degrees(position)]),

@@ -26,11 +26,12 @@ const MAX_TAG_BYTES: usize = 16 << 20;
 /// An XML file.
 pub(super) struct XmlFile<'a> {
     input: Input<'a>,
+    extent: Option<[Position; 2]>,
 }
 
 impl<'a> XmlFile<'a> {
     pub(super) fn new(input: &Input<'a>) -> Self {
-        Self { input: *input }
+        Self { input: *input, extent: None }
     }
 }
 
@@ -61,6 +62,7 @@ impl ElementFile for XmlFile<'_> {
                 |fault| InputError::damaged(self.input.label, format!("byte {}", reader.buffer_position()), fault);
             match step.map_err(place)? {
                 Step::Nothing => {}
+                Step::Extent(extent) => self.extent = Some(extent),
                 Step::Element => {
                     if parser.visit(sink, visit)?.is_break() {
                         return Ok(());
@@ -78,6 +80,10 @@ impl ElementFile for XmlFile<'_> {
                 sink.tick(opened.bytes_read.get() / 2);
             }
         }
+    }
+
+    fn extent(&self) -> Option<[Position; 2]> {
+        self.extent
     }
 }
 
@@ -120,6 +126,8 @@ enum Kind {
 #[derive(Debug, PartialEq, Eq)]
 enum Step {
     Nothing,
+    /// The area that the file says it has.
+    Extent([Position; 2]),
     /// An element is whole.
     Element,
     /// The root is none of a map.
@@ -241,6 +249,7 @@ impl Parser {
             return Ok(Step::Nothing);
         }
         match (name.as_ref(), self.current) {
+            ("bounds", None) => return Ok(extent(tag)?.map_or(Step::Nothing, Step::Extent)),
             ("tag", Some(_)) if self.wants_tags => self.add_tag(tag)?,
             ("nd", Some(Kind::Way)) => self.add_ref(tag)?,
             ("member", Some(Kind::Relation)) => self.add_member(tag)?,
@@ -385,6 +394,20 @@ fn element_kind(tag: &BytesStart<'_>) -> Option<Kind> {
         "relation" => Some(Kind::Relation),
         _ => None,
     }
+}
+
+/// South-western and north-eastern corner of bounds; `None` if they are not whole or not valid.
+fn extent(tag: &BytesStart<'_>) -> Result<Option<[Position; 2]>, String> {
+    let mut sides = [None; 4];
+    for attribute in tag.attributes().with_checks(false) {
+        let attribute = attribute.map_err(|fault| fault.to_string())?;
+        let names = ["minlon", "minlat", "maxlon", "maxlat"];
+        if let Some(side) = names.iter().position(|name| *name == attribute.key.as_ref()) {
+            sides[side] = units(&attribute.value);
+        }
+    }
+    let [Some(west), Some(south), Some(east), Some(north)] = sides else { return Ok(None) };
+    Ok(position(west, south).zip(position(east, north)).map(Into::into))
 }
 
 /// Degrees of a text in units of positions.

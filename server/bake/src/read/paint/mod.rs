@@ -32,7 +32,9 @@ mod tags;
 mod tests;
 
 pub(crate) use class::{AreaClass, LineClass};
+pub(crate) use clip::{between, clip_segment};
 pub(crate) use error::PaintError;
+pub(crate) use noise::mix_bits;
 pub(crate) use painter::{GroundPainter, over};
-pub(crate) use shape::{PaintArea, PaintLine, PaintShape};
-pub(crate) use tags::{area_look, is_zebra, line_look};
+pub(crate) use shape::{PaintArea, PaintLine, PaintShape, Sidewalks};
+pub(crate) use tags::{LineLook, area_look, is_zebra, line_look};

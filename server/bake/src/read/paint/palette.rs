@@ -1,6 +1,7 @@
-//! Colours of materials: plausible albedos of weathered surfaces, as 8-bit sRGB, and how they vary.
+//! Colours of materials of the ground, as 8-bit sRGB, and how they vary. They are those of a white model: lighter than weathered surfaces
+//! (docs/decisions/0025-palette.md).
 //!
-//! In linear light asphalt reflects a seventh, slabs and gravel a third, lawns a twelfth, woods a twentieth.
+//! In linear light asphalt reflects a third, slabs and gravel a half, lawns two fifths, woods a quarter.
 
 use crate::read::paint::material::PaintMaterial;
 use crate::read::paint::pattern::{OCTAVES, Pattern};
@@ -28,45 +29,45 @@ const FIELDS: [f32; OCTAVES] = [0.12, 0.1, 0.06, 0.05];
 const SOIL: [f32; OCTAVES] = [0.4, 0.3, 0.2, 0.1];
 
 const VARIED: &[Varied] = &[
-    (M::ResidentialGround, [129, 131, 113], [137, 134, 121], SOIL),
-    (M::CommercialGround, [136, 134, 127], [142, 139, 132], SOIL),
-    (M::IndustrialGround, [132, 129, 121], [141, 137, 128], SOIL),
-    (M::RailwayGround, [112, 108, 97], [126, 119, 107], SOIL),
-    (M::Farmland, [106, 109, 69], [138, 126, 93], FIELDS),
-    (M::Meadow, [98, 110, 66], [112, 117, 77], PLANTS),
-    (M::Park, [86, 103, 62], [99, 110, 72], PLANTS),
-    (M::Grass, [82, 100, 58], [94, 108, 68], PLANTS),
-    (M::Graveyard, [86, 99, 65], [102, 106, 80], PLANTS),
-    (M::Scrub, [76, 88, 54], [98, 103, 69], CROWNS),
-    (M::Forest, [54, 68, 39], [76, 88, 52], CROWNS),
-    (M::Wetland, [78, 90, 64], [104, 106, 76], CROWNS),
-    (M::Sand, [178, 164, 134], [190, 177, 148], SOIL),
-    (M::Rock, [126, 122, 116], [141, 136, 129], CROWNS),
-    (M::Earth, [128, 117, 99], [141, 130, 111], SOIL),
-    (M::Gravel, [150, 141, 122], [158, 149, 131], SOIL),
-    (M::Turf, [83, 101, 63], [88, 105, 68], PLANTS),
-    (M::Ballast, [106, 99, 91], [116, 108, 99], SOIL),
+    (M::ResidentialGround, [184, 185, 172], [190, 190, 180], SOIL),
+    (M::CommercialGround, [188, 187, 182], [193, 191, 186], SOIL),
+    (M::IndustrialGround, [185, 183, 177], [192, 190, 183], SOIL),
+    (M::RailwayGround, [168, 165, 156], [178, 173, 163], SOIL),
+    (M::Farmland, [176, 180, 136], [204, 194, 160], FIELDS),
+    (M::Meadow, [168, 184, 134], [180, 188, 146], PLANTS),
+    (M::Park, [160, 182, 132], [172, 188, 144], PLANTS),
+    (M::Grass, [156, 178, 126], [168, 186, 140], PLANTS),
+    (M::Graveyard, [160, 176, 138], [174, 180, 154], PLANTS),
+    (M::Scrub, [146, 162, 118], [166, 174, 136], CROWNS),
+    (M::Forest, [120, 144, 96], [142, 160, 114], CROWNS),
+    (M::Wetland, [150, 168, 138], [172, 178, 148], CROWNS),
+    (M::Sand, [226, 213, 180], [232, 221, 192], SOIL),
+    (M::Rock, [172, 169, 163], [184, 180, 174], CROWNS),
+    (M::Earth, [182, 172, 154], [192, 182, 166], SOIL),
+    (M::Gravel, [196, 190, 174], [202, 196, 182], SOIL),
+    (M::Turf, [156, 180, 132], [162, 184, 138], PLANTS),
+    (M::Ballast, [164, 158, 150], [172, 166, 158], SOIL),
 ];
 
 /// Materials of one tone.
 const PLAIN: &[(PaintMaterial, [u8; 3])] = &[
-    (M::Water, [52, 78, 84]),
-    (M::Pavement, [150, 148, 143]),
-    (M::Paving, [149, 144, 136]),
-    (M::Setts, [126, 122, 116]),
-    (M::Concrete, [162, 159, 152]),
-    (M::Wood, [138, 121, 101]),
-    (M::Clay, [148, 109, 90]),
-    (M::Tread, [149, 146, 140]),
-    (M::Kerb, [170, 168, 163]),
-    (M::Carriageway, [104, 104, 105]),
-    (M::Asphalt, [104, 104, 105]),
-    (M::SideAsphalt, [112, 111, 110]),
-    (M::Cycleway, [118, 112, 108]),
-    (M::Marking, [192, 190, 184]),
-    (M::Sleeper, [121, 115, 107]),
-    (M::Rail, [86, 78, 72]),
-    (M::StreetRail, [80, 79, 78]),
+    (M::Water, [74, 129, 152]),
+    (M::Pavement, [200, 199, 195]),
+    (M::Paving, [198, 194, 188]),
+    (M::Setts, [176, 173, 168]),
+    (M::Concrete, [204, 202, 196]),
+    (M::Wood, [190, 174, 154]),
+    (M::Clay, [196, 160, 140]),
+    (M::Tread, [198, 196, 191]),
+    (M::Kerb, [212, 211, 207]),
+    (M::Carriageway, [160, 162, 164]),
+    (M::Asphalt, [160, 162, 164]),
+    (M::SideAsphalt, [170, 171, 171]),
+    (M::Cycleway, [176, 168, 162]),
+    (M::Marking, [232, 231, 227]),
+    (M::Sleeper, [174, 168, 160]),
+    (M::Rail, [130, 122, 116]),
+    (M::StreetRail, [128, 127, 126]),
 ];
 
 impl Default for PaintStyle {
@@ -107,24 +108,24 @@ mod tests {
     }
 
     #[test]
-    fn albedos_are_those_of_materials() {
+    fn materials_are_told_apart_by_their_lightness() {
         let style = PaintStyle::default();
         let luminance = |material: PaintMaterial| {
             let [r, g, b] = style.pattern(material).mean();
             0.2126 * r + 0.7152 * g + 0.0722 * b
         };
         for (material, range) in [
-            (M::Asphalt, 0.10..0.15),
-            (M::Concrete, 0.30..0.40),
-            (M::Grass, 0.09..0.14),
-            (M::Forest, 0.03..0.09),
-            (M::Water, 0.04..0.09),
-            (M::Pavement, 0.25..0.35),
+            (M::Asphalt, 0.30..0.40),
+            (M::Concrete, 0.55..0.65),
+            (M::Grass, 0.38..0.50),
+            (M::Forest, 0.22..0.32),
+            (M::Water, 0.15..0.25),
+            (M::Pavement, 0.52..0.62),
         ] {
             assert!(range.contains(&luminance(material)), "{material:?} {}", luminance(material));
         }
         assert!(
-            PaintMaterial::ALL.iter().all(|material| (0.03..0.55).contains(&luminance(*material))),
+            PaintMaterial::ALL.iter().all(|material| (0.15..0.85).contains(&luminance(*material))),
             "nothing is garish"
         );
     }

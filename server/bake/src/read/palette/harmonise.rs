@@ -6,12 +6,12 @@ const WHITE: u8 = 250;
 const SATURATED_PERCENT: i32 = 80;
 /// Saturated colours with a smaller largest channel are nearly black, as asphalt is.
 const DARK: i32 = 64;
-/// Largest channel of a material in the weather: 0.65 in linear light.
-const LIGHTEST: i32 = 211;
+/// Largest channel of a material in the weather: 0.8 in linear light.
+const LIGHTEST: i32 = 231;
 
 /// Materials by hue, in steps of 60 degrees from red: tiles, ochre, moss, verdigris, slate, heather.
 const MATERIALS_BY_HUE: [[i32; 3]; 6] =
-    [[158, 98, 80], [190, 168, 112], [98, 124, 84], [118, 148, 142], [92, 106, 130], [140, 98, 118]];
+    [[196, 131, 106], [214, 196, 144], [152, 176, 134], [168, 192, 186], [146, 160, 182], [186, 150, 168]];
 
 /// Whether a colour without a texture means that the source knows none.
 pub(super) fn is_unknown(rgb: [u8; 3]) -> bool {
@@ -54,13 +54,13 @@ mod tests {
 
     #[test]
     fn primaries_become_materials_and_materials_stay() {
-        assert_eq!(harmonise([255, 0, 0]), Some([158, 98, 80]));
-        assert_eq!(harmonise([0, 0, 255]), Some([92, 106, 130]));
-        assert_eq!(harmonise([128, 0, 0]), Some([138, 85, 70]));
+        assert_eq!(harmonise([255, 0, 0]), Some([196, 131, 106]));
+        assert_eq!(harmonise([0, 0, 255]), Some([146, 160, 182]));
+        assert_eq!(harmonise([128, 0, 0]), Some([171, 114, 92]));
         for rgb in [[165, 42, 42], [128; 3], [60, 0, 0], [0; 3], [211; 3], [149, 97, 80]] {
             assert_eq!(harmonise(rgb), None, "{rgb:?}");
         }
-        assert_eq!(harmonise([235; 3]), Some([211; 3]));
+        assert_eq!(harmonise([245; 3]), Some([231; 3]));
         assert!(is_unknown([250, 255, 251]) && !is_unknown([249, 255, 255]));
     }
 
@@ -74,7 +74,7 @@ mod tests {
             let material = harmonise(rgb).unwrap();
             let apart = (hue_of(material) - hue_of(rgb)).rem_euclid(1536);
             assert!(apart.min(1536 - apart) < 140, "{rgb:?} {material:?}: {apart} of 1536");
-            assert!(material.iter().all(|v| (60..200).contains(v)));
+            assert!(material.iter().all(|v| (90..220).contains(v)));
         }
     }
 }

@@ -232,10 +232,10 @@ mod tests {
         let palette = Palette::default();
         let tiles = palette.material("roof_tiles").unwrap();
         assert_eq!(colour(&palette, Some("RoofSurface"), "Building", 0.7), tiles);
-        assert_eq!(colour(&palette, Some("+Odd"), "WaterBody", 1.0), [52, 78, 84]);
+        assert_eq!(colour(&palette, Some("+Odd"), "WaterBody", 1.0), [74, 129, 152]);
         assert_eq!(colour(&palette, None, "", 0.7), tiles);
         assert_eq!(Part::Fixed(colour(&palette, None, "+Odd", 0.7)), OTHER);
-        assert_eq!(palette.material(" Brick"), Some([152, 106, 86]));
+        assert_eq!(palette.material(" Brick"), Some([190, 146, 126]));
     }
 
     #[test]
@@ -247,7 +247,7 @@ mod tests {
         let wall = Look::PLAIN.wall();
         let cases = [
             (Some([120, 90, 80]), ([120, 90, 80], ColourOrigin::Source)),
-            (Some([255, 0, 0]), ([158, 98, 80], ColourOrigin::Harmonised)),
+            (Some([255, 0, 0]), ([196, 131, 106], ColourOrigin::Harmonised)),
             (Some([252, 255, 250]), (wall, ColourOrigin::Palette)),
             (None, (wall, ColourOrigin::Palette)),
         ];

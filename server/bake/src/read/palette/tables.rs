@@ -1,6 +1,7 @@
-//! Built-in colours: measured or plausible albedos of weathered materials, as 8-bit sRGB.
+//! Built-in colours, as 8-bit sRGB: those of a white model, which only tells kinds of surfaces apart. They are lighter than weathered
+//! materials (docs/decisions/0025-palette.md).
 //!
-//! In linear light plaster reflects about half, a flat roof a third, tiles and brick a fifth, asphalt a seventh.
+//! In linear light a flat roof reflects four fifths, plaster two thirds, ground half, asphalt two fifths, tiles and brick a third.
 
 /// What decides the colour of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,34 +17,35 @@ pub(super) enum Part {
 }
 use Part::{Fixed, Roof, Shell, Wall};
 
-/// Ground under and between buildings.
-pub(super) const GROUND: [u8; 3] = [137, 134, 128];
-const WATER: [u8; 3] = [52, 78, 84];
-const VEGETATION: [u8; 3] = [84, 102, 62];
-const ROAD: [u8; 3] = [110, 110, 110];
-const CONCRETE: [u8; 3] = [168, 165, 158];
-const METAL: [u8; 3] = [132, 134, 136];
+/// Ground under and between buildings. It differs from the generated ground by one step: materials of one colour are one in steps of a
+/// bake, and two in a plain bake, whose fingerprints would differ.
+pub(super) const GROUND: [u8; 3] = [190, 190, 186];
+const WATER: [u8; 3] = [74, 129, 152];
+const VEGETATION: [u8; 3] = [148, 170, 120];
+const ROAD: [u8; 3] = [160, 162, 164];
+const CONCRETE: [u8; 3] = [206, 204, 197];
+const METAL: [u8; 3] = [188, 190, 192];
 
 /// Surfaces by their semantics in CityJSON.
 pub(super) const SURFACES: &[(&str, Part)] = &[
     ("RoofSurface", Roof),
-    ("OuterFloorSurface", Fixed([160, 158, 152])),
+    ("OuterFloorSurface", Fixed([204, 202, 197])),
     ("WallSurface", Wall),
     ("InteriorWallSurface", Wall),
     ("GroundSurface", Fixed(GROUND)),
-    ("FloorSurface", Fixed([160, 158, 152])),
+    ("FloorSurface", Fixed([204, 202, 197])),
     ("OuterCeilingSurface", Fixed(CONCRETE)),
     ("CeilingSurface", Fixed(CONCRETE)),
     ("ClosureSurface", Wall),
-    ("Window", Fixed([88, 100, 110])),
-    ("Door", Fixed([112, 92, 74])),
+    ("Window", Fixed([104, 120, 130])),
+    ("Door", Fixed([146, 124, 104])),
     ("WaterSurface", Fixed(WATER)),
-    ("WaterGroundSurface", Fixed([96, 98, 92])),
+    ("WaterGroundSurface", Fixed([150, 152, 146])),
     ("WaterClosureSurface", Fixed(WATER)),
     ("TrafficArea", Fixed(ROAD)),
-    ("AuxiliaryTrafficArea", Fixed([132, 130, 122])),
-    ("TransportationMarking", Fixed([192, 190, 184])),
-    ("TransportationHole", Fixed([84, 84, 84])),
+    ("AuxiliaryTrafficArea", Fixed([188, 187, 181])),
+    ("TransportationMarking", Fixed([232, 231, 227])),
+    ("TransportationHole", Fixed([130, 130, 130])),
 ];
 
 /// Objects by their type in CityJSON.
@@ -52,7 +54,7 @@ pub(super) const OBJECTS: &[(&str, Part)] = &[
     ("BuildingPart", Shell),
     ("BuildingInstallation", Shell),
     ("BuildingConstructiveElement", Shell),
-    ("BuildingFurniture", Fixed([150, 142, 130])),
+    ("BuildingFurniture", Fixed([198, 192, 182])),
     ("BuildingStorey", Shell),
     ("BuildingRoom", Shell),
     ("BuildingUnit", Shell),
@@ -65,15 +67,15 @@ pub(super) const OBJECTS: &[(&str, Part)] = &[
     ("BridgeFurniture", Fixed(METAL)),
     ("CityFurniture", Fixed(METAL)),
     ("CityObjectGroup", Fixed(CONCRETE)),
-    ("GenericCityObject", Fixed([170, 167, 160])),
-    ("LandUse", Fixed([134, 132, 112])),
+    ("GenericCityObject", Fixed([208, 206, 200])),
+    ("LandUse", Fixed([180, 180, 162])),
     ("OtherConstruction", Fixed(CONCRETE)),
-    ("PlantCover", Fixed([92, 110, 68])),
-    ("Railway", Fixed([116, 110, 104])),
+    ("PlantCover", Fixed([158, 178, 130])),
+    ("Railway", Fixed([168, 163, 157])),
     ("Road", Fixed(ROAD)),
     ("SolitaryVegetationObject", Fixed(VEGETATION)),
-    ("TINRelief", Fixed([137, 135, 120])),
-    ("TransportSquare", Fixed([142, 140, 134])),
+    ("TINRelief", Fixed([167, 172, 147])),
+    ("TransportSquare", Fixed([190, 188, 183])),
     ("Tunnel", Fixed(CONCRETE)),
     ("TunnelPart", Fixed(CONCRETE)),
     ("TunnelInstallation", Fixed(METAL)),
@@ -90,35 +92,35 @@ pub(super) const REFLECTIVE: &[&str] = &["Window", "WaterSurface", "WaterBody", 
 pub(super) const REFLECTIVE_WORDS: &[&str] = &["glass", "water"];
 
 /// Objects of an unknown type.
-pub(super) const OTHER: Part = Fixed([170, 167, 160]);
+pub(super) const OTHER: Part = Fixed([208, 206, 200]);
 
 /// Materials by name, as in OpenStreetMap's `building:material` and `roof:material`.
 pub(super) const MATERIALS: &[(&str, [u8; 3])] = &[
-    ("asphalt", [100, 100, 102]),
-    ("brick", [152, 106, 86]),
+    ("asphalt", [154, 154, 156]),
+    ("brick", [190, 146, 126]),
     ("concrete", CONCRETE),
-    ("copper", [112, 142, 126]),
-    ("glass", [104, 118, 126]),
-    ("grass", [96, 114, 70]),
+    ("copper", [160, 188, 174]),
+    ("glass", [150, 164, 172]),
+    ("grass", [160, 180, 132]),
     ("metal", METAL),
-    ("plaster", [199, 196, 189]),
-    ("roof_tiles", [149, 97, 80]),
-    ("sandstone", [188, 168, 136]),
-    ("slate", [92, 96, 102]),
-    ("stone", [164, 158, 148]),
-    ("tar_paper", [88, 88, 90]),
-    ("wood", [142, 114, 86]),
+    ("plaster", [221, 217, 207]),
+    ("roof_tiles", [192, 131, 107]),
+    ("sandstone", [216, 200, 172]),
+    ("slate", [146, 150, 156]),
+    ("stone", [204, 199, 190]),
+    ("tar_paper", [142, 142, 144]),
+    ("wood", [188, 164, 136]),
 ];
 
 /// Tones of rendered walls: lime white, cream, sand, cool grey.
-pub(super) const PLASTER_WALLS: [[u8; 3]; 4] = [[199, 196, 189], [201, 191, 171], [193, 180, 158], [186, 187, 185]];
+pub(super) const PLASTER_WALLS: [[u8; 3]; 4] = [[221, 217, 207], [222, 214, 200], [219, 210, 195], [217, 217, 213]];
 /// Tones of brick walls.
-pub(super) const BRICK_WALLS: [[u8; 3]; 4] = [[152, 106, 86], [160, 120, 98], [140, 98, 84], [170, 142, 116]];
+pub(super) const BRICK_WALLS: [[u8; 3]; 4] = [[190, 146, 126], [196, 158, 138], [182, 138, 124], [204, 180, 158]];
 /// Tones of concrete walls.
-pub(super) const CONCRETE_WALLS: [[u8; 3]; 4] = [[168, 165, 158], [178, 175, 168], [158, 159, 160], [184, 181, 176]];
+pub(super) const CONCRETE_WALLS: [[u8; 3]; 4] = [[214, 211, 204], [219, 216, 209], [208, 209, 209], [222, 219, 214]];
 /// Tiled roofs.
-pub(super) const TILED_ROOF: [u8; 3] = [149, 97, 80];
-/// Flat roofs: bitumen with gravel. They do not vary: in a city of flat roofs that would cost bytes and show little.
-pub(super) const FLAT_ROOF: [u8; 3] = [160, 160, 157];
+pub(super) const TILED_ROOF: [u8; 3] = [192, 131, 107];
+/// Flat roofs: white as card. They do not vary: in a city of flat roofs that would cost bytes and show little.
+pub(super) const FLAT_ROOF: [u8; 3] = [230, 229, 225];
 /// Roofs of halls: sheet metal.
-pub(super) const HALL_ROOF: [u8; 3] = METAL;
+pub(super) const HALL_ROOF: [u8; 3] = [210, 212, 213];

@@ -1,6 +1,7 @@
 //! Areas on the map: buildings by their attributes, other kinds as level surfaces.
 
 use super::SceneSink;
+use super::painted::stands_in_water;
 use crate::error::InputError;
 use crate::read::facade::FacadeUse;
 use crate::read::footprint::{
@@ -12,10 +13,16 @@ use crate::read::roof;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
 
+/// Height of piers and breakwaters above the water.
+const PIER_M: f64 = 0.8;
+
 /// Heights of level surfaces above the ground of the footprints, so that roads are drawn over land use, and rails over
 /// roads.
-pub(super) fn layer_m(kind: FeatureKind) -> f64 {
-    match kind {
+pub(super) fn layer_m(object: &SourceObject) -> f64 {
+    if stands_in_water(object) {
+        return PIER_M;
+    }
+    match object.kind {
         FeatureKind::LandUse => 0.01,
         FeatureKind::Vegetation => 0.02,
         FeatureKind::Road => 0.05,
@@ -60,7 +67,7 @@ impl SceneSink<'_, '_, '_> {
             self.faces.clear();
             let covered = self.ground_plan(object, footprint).and_then(|plan| {
                 let (triangulator, faces) = (&mut self.context.triangulator, &mut self.faces);
-                plan.cover(layer_m(object.kind), material, triangulator, faces)
+                plan.cover(layer_m(object), material, triangulator, faces)
             });
             match covered {
                 Ok(true) => {}
@@ -122,7 +129,7 @@ impl SceneSink<'_, '_, '_> {
         BuildingForm { height, roof, materials: PrismMaterials { roof: roof_number, wall, floor }, facade_use }
     }
 
-    fn number_of(&mut self, ResolvedColour { rgb, origin, is_reflective }: ResolvedColour) -> u32 {
+    pub(super) fn number_of(&mut self, ResolvedColour { rgb, origin, is_reflective }: ResolvedColour) -> u32 {
         self.report.colours.add(origin);
         self.context.builder.material(StoredMaterial { rgb, texture: None, is_reflective })
     }

@@ -1,8 +1,7 @@
-//! Lines with a width, and points: roads and trees.
+//! Lines with a width: roads and rails.
 
 use super::{SceneSink, footprints::layer_m};
 use crate::error::InputError;
-use crate::read::attributes::AttributeValue;
 use crate::read::facade::FacadeUse;
 use crate::read::object::{FeatureKind, SourceObject, Strip};
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
@@ -13,31 +12,23 @@ const MIN_WIDTH_M: f64 = 0.5;
 const MAX_WIDTH_M: f64 = 200.0;
 /// The miter of a bend is at most this many half widths long; sharper bends are cut.
 const MAX_MITER: f64 = 2.0;
-/// Sides of a crown seen from above.
-const CROWN_SIDES: usize = 6;
-/// Height of a tree without one.
-const TREE_M: f64 = 8.0;
-const TREE_RANGE_M: std::ops::RangeInclusive<f64> = 1.0..=120.0;
-/// Width of a crown, and height of its lower end and of its widest part, as shares of the tree's height.
-const CROWN_WIDTH: f64 = 0.55;
-const CROWN_LOW: f64 = 0.22;
-const CROWN_MIDDLE: f64 = 0.5;
 
 impl SceneSink<'_, '_, '_> {
-    /// Adds lines as strips on the ground. Fails if its height cannot be read.
+    /// Adds lines as strips on the ground, those of plants as hedges. Fails if its height cannot be read.
     pub(super) fn add_strips(&mut self, object: &SourceObject, strips: &[Strip]) -> Result<(), InputError> {
+        if object.kind == FeatureKind::Vegetation {
+            return self.add_hedges(object, strips);
+        }
         let material = self.flat_material(object.kind);
         let mut open = OpenObject::new(ObjectKind::Terrain);
         let mut fault = None;
         for strip in strips {
-            let points: Option<Vec<[f64; 2]>> = strip.points.iter().map(|point| self.place_on_map(*point)).collect();
-            let Some(points) = points else {
+            let Some(points) = self.placed_line(strip) else {
                 fault = Some("coordinate not a number or out of range");
                 continue;
             };
-            let width_m = if strip.width_m.is_finite() { strip.width_m } else { MIN_WIDTH_M };
-            let z = layer_m(object.kind);
-            widen(&points, width_m.clamp(MIN_WIDTH_M, MAX_WIDTH_M) / 2.0, |quad| {
+            let z = layer_m(object);
+            widen(&points, half_width_m(strip), |quad| {
                 let [a, b, c, d] = quad.map(|[x, y]| [x, y, z]);
                 let face = |corners| WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade: false };
                 self.faces.extend([face([a, b, c]), face([a, c, d])]);
@@ -49,39 +40,21 @@ impl SceneSink<'_, '_, '_> {
         Ok(())
     }
 
-    /// Adds trees as double pyramids. Points of other kinds have no shape.
-    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[[f64; 2]]) -> Result<(), InputError> {
-        if object.kind != FeatureKind::Vegetation {
-            self.report.without_geometry += 1;
-            return Ok(());
-        }
-        let material = self.flat_material(object.kind);
-        let height_m = match object.attributes.get("height") {
-            Some(AttributeValue::Text(text)) => crate::read::footprint::length_m(text),
-            Some(value) => value.as_f64(),
-            None => None,
-        };
-        let height_m = height_m.filter(|height_m| TREE_RANGE_M.contains(height_m)).unwrap_or(TREE_M);
-        let mut open = OpenObject::new(ObjectKind::Building);
-        let mut fault = None;
-        for point in points {
-            match self.place_on_map(*point) {
-                Some(foot) => {
-                    let ground_m = self.context.ground_m(foot)?;
-                    add_tree([foot[0], foot[1], ground_m], height_m, material, &mut self.faces);
-                }
-                None => fault = Some("coordinate not a number or out of range"),
-            }
-        }
-        self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
-        self.finish_areas(object, open, fault);
-        Ok(())
+    /// The placed points of a line; `None` if one is invalid.
+    pub(super) fn placed_line(&self, strip: &Strip) -> Option<Vec<[f64; 2]>> {
+        strip.points.iter().map(|point| self.place_on_map(*point)).collect()
     }
+}
+
+/// Half of the width with which a line is drawn.
+pub(super) fn half_width_m(strip: &Strip) -> f64 {
+    let width_m = if strip.width_m.is_finite() { strip.width_m } else { MIN_WIDTH_M };
+    width_m.clamp(MIN_WIDTH_M, MAX_WIDTH_M) / 2.0
 }
 
 /// Calls `quad` with the corners of each segment of a widened line, counter-clockwise. Neighbours share their corners
 /// at bends.
-fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64; 2]; 4])) {
+pub(super) fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64; 2]; 4])) {
     let mut line: Vec<[f64; 2]> = Vec::with_capacity(points.len());
     for point in points {
         if line.last().is_none_or(|last| libm::hypot(last[0] - point[0], last[1] - point[1]) > 1e-3) {
@@ -109,21 +82,6 @@ fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64; 2]; 4])) 
         let (a, b) = (line[i - 1], line[i]);
         let moved = |p: [f64; 2], by: [f64; 2], sign: f64| [p[0] + sign * by[0], p[1] + sign * by[1]];
         quad([moved(a, from, -1.0), moved(b, to, -1.0), moved(b, to, 1.0), moved(a, from, 1.0)]);
-    }
-}
-
-fn add_tree([x, y, z]: [f64; 3], height_m: f64, material: u32, faces: &mut Vec<WorldTriangle>) {
-    let radius_m = height_m * CROWN_WIDTH / 2.0;
-    let at = |side: usize| {
-        let (sin, cos) = libm::sincos(side as f64 * std::f64::consts::TAU / CROWN_SIDES as f64);
-        [x + radius_m * cos, y + radius_m * sin, z + height_m * CROWN_MIDDLE]
-    };
-    let (top, low) = ([x, y, z + height_m], [x, y, z + height_m * CROWN_LOW]);
-    for side in 0..CROWN_SIDES {
-        let (a, b) = (at(side), at((side + 1) % CROWN_SIDES));
-        for corners in [[a, b, top], [b, a, low]] {
-            faces.push(WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade: false });
-        }
     }
 }
 

@@ -6,6 +6,7 @@ mod ground_shapes;
 mod landmark;
 mod materials;
 mod painted;
+mod plants;
 mod standing;
 mod surfaces;
 
@@ -29,6 +30,9 @@ use materials::MaterialTable;
 const FLUSH_TRIANGLES: usize = 1 << 14;
 /// An object with more triangles is left out: instances of a large template can make any number of them.
 const MAX_OBJECT_TRIANGLES: u64 = 32 << 20;
+
+/// Reason for leaving out objects of a source of streets.
+const NOT_PAINTED: &str = "no street, water or green to paint, or no ground to paint it on";
 
 /// The sink of one source.
 pub(crate) struct SceneSink<'r, 'o, 's> {
@@ -102,7 +106,10 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     fn begin(&mut self, object: &SourceObject) -> bool {
         self.report.found += 1;
         self.report.count_type(&object.source_type);
-        let is_wanted = self.context.options.kinds.contains(object.kind);
+        // Of a source of streets, only what can be painted.
+        let has_form = matches!(object.shape, Shape::Footprints(_) | Shape::Strips(_));
+        let is_of_source = !self.source.is_streets || has_form && painted::is_painted(object.kind);
+        let is_wanted = is_of_source && self.context.options.kinds.contains(object.kind);
         if !is_wanted {
             self.report.left_out_by_kind += 1;
             return false;
@@ -177,6 +184,7 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
             }
             Shape::Surfaces { polygons, meshes } => self.add_surfaces(&object, polygons, meshes),
             shape if self.paint(&object, shape)? => {}
+            _ if self.source.is_streets => self.report.skip(NOT_PAINTED, || object.id),
             Shape::Footprints(footprints) => {
                 if is_extruded(&object, self.context.options.height_field.as_deref()) {
                     self.add_buildings(&object, footprints)?;

@@ -1,10 +1,16 @@
-//! Paints flat areas and lines on terrain, instead of making triangles of them.
+//! Paints flat areas and lines on terrain, or on level ground, instead of making triangles of them.
 
 use super::SceneSink;
 use crate::error::InputError;
+use crate::read::attributes::AttributeValue;
 use crate::read::map_store::MapStoreError;
 use crate::read::object::{FeatureKind, Footprint, Shape, SourceObject, Strip};
-use crate::read::paint::{AreaClass, LineClass, PaintArea, PaintLine, PaintShape, area_look, is_zebra, line_look};
+use crate::read::paint::{
+    AreaClass, LineClass, LineLook, PaintArea, PaintLine, PaintShape, Sidewalks, area_look, is_zebra, line_look,
+};
+
+/// Values of `man_made` of what stands in water.
+const WATERSIDE: [&str; 2] = ["pier", "breakwater"];
 
 /// The attributes of an object as texts, by which its look is found.
 struct Tags(Vec<(String, String)>);
@@ -15,33 +21,63 @@ impl Tags {
     }
 
     fn get(&self, key: &str) -> Option<&str> {
-        self.0.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
+        let value = |key: &str| self.0.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str());
+        let is_overture = |subtype| value("subtype") == Some(subtype);
+        match key {
+            // Overture's classes of roads and rails are those of OpenStreetMap.
+            "highway" if is_overture("road") => value(key).or_else(|| value("class")),
+            "railway" if is_overture("rail") => value(key).or_else(|| value("class")),
+            _ => value(key),
+        }
     }
 
-    /// Whether the object is above the ground.
+    /// Whether the object is above the ground, or above water.
     fn is_raised(&self) -> bool {
         self.get("bridge").is_some_and(|value| value != "no")
     }
 }
 
+/// Whether an object stands in water, which would cover what is painted.
+pub(super) fn stands_in_water(object: &SourceObject) -> bool {
+    object.attributes.get("man_made").and_then(AttributeValue::as_str).is_some_and(|value| WATERSIDE.contains(&value))
+}
+
+/// Kinds of what lies flat on the ground.
+pub(super) fn is_painted(kind: FeatureKind) -> bool {
+    matches!(
+        kind,
+        FeatureKind::LandUse | FeatureKind::Vegetation | FeatureKind::Road | FeatureKind::Rail | FeatureKind::Water
+    )
+}
+
+/// How a line of which only the kind is known is painted.
+fn plain_look(kind: FeatureKind) -> Option<LineLook> {
+    let class = match kind {
+        FeatureKind::Road => LineClass::Service,
+        FeatureKind::Rail => LineClass::Rail,
+        FeatureKind::Water => LineClass::Waterway,
+        _ => return None,
+    };
+    Some(LineLook { class, lanes: None, is_one_way: false, sidewalks: Sidewalks::None, surfacing: None })
+}
+
 impl SceneSink<'_, '_, '_> {
-    /// Paints an object if it lies flat on terrain that is made of elevation models, and returns whether it did. Water
-    /// stays a surface of its own, because it reflects. Fails if the shapes cannot be kept.
+    /// Paints an object if it lies flat on terrain that is made of elevation models, or on level ground, and returns whether it did.
+    /// Water stays a surface of its own, because it reflects, except that of sources of streets, whose heights are not known. Fails if
+    /// the shapes cannot be kept.
     pub(super) fn paint(&mut self, object: &SourceObject, shape: &Shape) -> Result<bool, InputError> {
-        let is_flat = matches!(
-            object.kind,
-            FeatureKind::LandUse | FeatureKind::Vegetation | FeatureKind::Road | FeatureKind::Rail
-        );
+        let is_of_streets = self.source.is_streets;
+        let is_flat = is_painted(object.kind) && (is_of_streets || object.kind != FeatureKind::Water);
         if !is_flat || !self.context.is_painting() {
             return Ok(false);
         }
         let tags = Tags::of(object);
-        if tags.is_raised() {
+        if !is_of_streets && (tags.is_raised() || stands_in_water(object)) {
             return Ok(false);
         }
         let (shapes, has_fault) = match shape {
             Shape::Footprints(footprints) => self.painted_areas(object, &tags, footprints),
-            Shape::Strips(strips) => self.painted_lines(&tags, strips),
+            Shape::Strips(strips) => self.painted_lines(object.kind, &tags, strips),
             _ => return Ok(false),
         };
         if shapes.is_empty() {
@@ -61,7 +97,8 @@ impl SceneSink<'_, '_, '_> {
     fn painted_areas(&self, object: &SourceObject, tags: &Tags, footprints: &[Footprint]) -> (Vec<PaintShape>, bool) {
         let look = area_look(|key| tags.get(key));
         let class = look.map(|look| look.class).or_else(|| AreaClass::of_object_type(object.kind.cityjson_type()));
-        let Some(class) = class.filter(|class| *class != AreaClass::Water) else { return (Vec::new(), false) };
+        let is_wanted = |class: &AreaClass| self.source.is_streets || *class != AreaClass::Water;
+        let Some(class) = class.filter(is_wanted) else { return (Vec::new(), false) };
         let surfacing = look.and_then(|look| look.surfacing);
         let mut has_fault = false;
         let areas = footprints.iter().filter_map(|footprint| {
@@ -74,8 +111,10 @@ impl SceneSink<'_, '_, '_> {
     }
 
     /// The lines of an object, and whether one has invalid positions.
-    fn painted_lines(&self, tags: &Tags, strips: &[Strip]) -> (Vec<PaintShape>, bool) {
-        let Some(look) = line_look(|key| tags.get(key)) else { return (Vec::new(), false) };
+    fn painted_lines(&self, kind: FeatureKind, tags: &Tags, strips: &[Strip]) -> (Vec<PaintShape>, bool) {
+        let Some(look) = line_look(|key| tags.get(key)).or_else(|| plain_look(kind)) else {
+            return (Vec::new(), false);
+        };
         let is_zebra = is_zebra(|key| tags.get(key));
         let (mut lines, mut has_fault) = (Vec::new(), false);
         for strip in strips {

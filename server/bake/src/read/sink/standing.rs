@@ -9,6 +9,8 @@ use crate::read::scene_builder::WorldTriangle;
 const MAX_EDGE_M: f64 = 8.0;
 const MAX_EDGE_CELLS: f64 = 4.0;
 const MAX_EDGE_STEPS: f64 = 0.5;
+/// Areas that would need more faces, such as a sea, have longer edges.
+const MAX_FACES: f64 = 1e6;
 
 impl SceneSink<'_, '_, '_> {
     /// Lifts the collected faces, which stand on a level plane at 0, to the lowest ground under a plan. Fails if an
@@ -27,18 +29,23 @@ impl SceneSink<'_, '_, '_> {
         Ok(())
     }
 
-    /// Lays the collected faces, which are level, on the ground: divides them, and adds its height. Fails as
-    /// [`Self::stand`].
+    /// Lays the collected faces, which are level, on the ground: divides them, and adds its height. Without an elevation model they stay
+    /// level, above ground that is painted. Fails as [`Self::stand`].
     pub(super) fn drape(&mut self) -> Result<(), InputError> {
-        if self.context.elevation.is_empty() {
-            return Ok(());
-        }
         let options = self.context.options;
-        self.context.elevation.settle(&mut self.context.world)?;
-        let of_model = self.context.elevation.step_m() * MAX_EDGE_STEPS;
-        let max_edge_m = MAX_EDGE_M.max(MAX_EDGE_CELLS * options.cell_m).max(of_model);
         // So far above the terrain's triangles as these may be above the ground.
         let above_m = options.terrain.error_cells * options.cell_m;
+        if self.context.elevation.is_empty() {
+            if self.context.is_painting() {
+                self.faces.iter_mut().flat_map(|face| &mut face.corners).for_each(|corner| corner[2] += above_m);
+            }
+            return Ok(());
+        }
+        self.context.elevation.settle(&mut self.context.world)?;
+        let of_model = self.context.elevation.step_m() * MAX_EDGE_STEPS;
+        let area_m2: f64 = self.faces.iter().map(|face| area_on_map_m2(&face.corners)).sum();
+        let of_area = libm::sqrt(area_m2 / MAX_FACES);
+        let max_edge_m = MAX_EDGE_M.max(MAX_EDGE_CELLS * options.cell_m).max(of_model).max(of_area);
         let mut divided = Vec::with_capacity(self.faces.len());
         for face in self.faces.drain(..) {
             divide(face, max_edge_m, &mut divided);
@@ -51,6 +58,10 @@ impl SceneSink<'_, '_, '_> {
         self.faces = divided;
         Ok(())
     }
+}
+
+fn area_on_map_m2([a, b, c]: &[[f64; 3]; 3]) -> f64 {
+    ((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])).abs() / 2.0
 }
 
 /// Divides a face until no edge is longer than a limit on the map. Faces with a common edge divide it alike.

@@ -10,18 +10,20 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 
 use flate2::read::ZlibDecoder;
 
-use super::element::{ElementFile, Pass, Visit};
+use super::element::{ElementFile, Pass, Position, Visit, position};
 use crate::error::InputError;
 use crate::read::input::{Input, LocalFile};
 use crate::read::object::ObjectSink;
 use block::{BlockContent, BlockDecoder, BlockFault, Visitor, Wanted};
-use wire::{WireFault, fields};
+use wire::{WireFault, fields, zigzag};
 
 /// Limits of the format.
 const MAX_BLOB_HEADER_BYTES: u32 = 64 << 10;
 const MAX_BLOB_BYTES: u64 = 32 << 20;
 /// More blobs are refused. A file of the whole world has less than a million.
 const MAX_BLOBS: usize = 4 << 20;
+/// In a unit of positions.
+const NANODEGREES: i64 = 100;
 /// Features of files that are understood.
 const FEATURES: [&[u8]; 2] = [b"OsmSchema-V0.6", b"DenseNodes"];
 
@@ -44,6 +46,7 @@ pub(super) struct PbfFile<'a> {
     _local: LocalFile,
     /// The blobs of elements; filled by the first pass.
     blobs: Vec<BlobPlace>,
+    extent: Option<[Position; 2]>,
     decoder: BlockDecoder,
     packed: Vec<u8>,
     unpacked: Vec<u8>,
@@ -63,6 +66,7 @@ impl<'a> PbfFile<'a> {
             size_bytes,
             _local: local,
             blobs: Vec::new(),
+            extent: None,
             decoder: BlockDecoder::default(),
             packed: Vec::new(),
             unpacked: Vec::new(),
@@ -83,7 +87,7 @@ impl<'a> PbfFile<'a> {
             match kind {
                 BlobKind::Header => {
                     self.unpack(&place)?;
-                    self.check_header(&place)?;
+                    self.read_header(&place)?;
                     has_header = true;
                 }
                 BlobKind::Data if !has_header => return Err(self.damaged(place.start, "the file has no header")),
@@ -173,11 +177,23 @@ impl<'a> PbfFile<'a> {
         unpacked
     }
 
-    /// Checks the features that the unpacked header requires.
-    fn check_header(&self, place: &BlobPlace) -> Result<(), InputError> {
-        let mut unknown = None;
+    /// Checks the features that the unpacked header requires, and notes its extent.
+    fn read_header(&mut self, place: &BlobPlace) -> Result<(), InputError> {
+        let (mut unknown, mut extent) = (None, None);
         let read = fields(&self.unpacked, |number, value| {
-            if number == 4 {
+            if number == 1 {
+                // West, east, north, south.
+                let mut sides = [None; 4];
+                fields(value.bytes()?, |side, value| {
+                    if let Some(place) = (side as usize).checked_sub(1).and_then(|side| sides.get_mut(side)) {
+                        *place = Some(zigzag(value.number()?) / NANODEGREES);
+                    }
+                    Ok(())
+                })?;
+                if let [Some(west), Some(east), Some(north), Some(south)] = sides {
+                    extent = position(west, south).zip(position(east, north));
+                }
+            } else if number == 4 {
                 let feature = value.bytes()?;
                 if !FEATURES.contains(&feature) {
                     unknown = Some(String::from_utf8_lossy(feature).chars().take(64).collect::<String>());
@@ -185,6 +201,7 @@ impl<'a> PbfFile<'a> {
             }
             Ok(())
         });
+        self.extent = extent.map(Into::into);
         if let Some(feature) = unknown {
             return Err(InputError::unsupported(self.label, format!("a PBF file that needs {feature}")));
         }
@@ -242,6 +259,10 @@ impl ElementFile for PbfFile<'_> {
             }
         }
         Ok(())
+    }
+
+    fn extent(&self) -> Option<[Position; 2]> {
+        self.extent
     }
 }
 

@@ -1,0 +1,144 @@
+//! A made coast: which points of the city are sea, what is painted on level ground, and that steps give the same city.
+
+use std::{fmt::Write, fs, path::PathBuf};
+
+use super::{
+    steps::{assert_same, bake_in_steps, options, plain},
+    support::files,
+};
+use insula_bake::{
+    BakeOptions,
+    read::{ReadOptions, read_embedded},
+    scene::Scene,
+};
+use insula_test_support::{folder::TestFolder, rng::Rng};
+
+/// Metres of UTM zone 32 in a degree, at the equator and its central meridian.
+const METRES: [f64; 2] = [0.9996 * 111_319.49, 0.9996 * 110_574.3];
+/// The map, in thousandths of a degree east of 9 and north of 0: from 0 to this.
+const EXTENT: [f64; 2] = [20.0, 16.0];
+/// West, south, east and north end.
+const BAY: [f64; 4] = [8.0, 8.0, 12.0, 12.0];
+const ISLAND: [f64; 4] = [3.0, 2.0, 5.0, 4.0];
+/// The land is north of it.
+const COAST: f64 = 8.0;
+
+/// The map as XML: a coast with a bay, an island and a missing piece, which leaves the map, and a small town.
+fn map() -> String {
+    let mut text = format!(
+        "<osm version=\"0.6\"><bounds minlat=\"0\" minlon=\"9\" maxlat=\"{}\" maxlon=\"{}\"/>",
+        EXTENT[1] / 1e3,
+        9.0 + EXTENT[0] / 1e3
+    );
+    let (mut nodes, mut ways) = (0, String::new());
+    let mut way = |points: &[[f64; 2]], tags: &[(&str, &str)]| {
+        let first = nodes;
+        for [x, y] in points {
+            nodes += 1;
+            write!(text, "<node id=\"{nodes}\" lat=\"{:.7}\" lon=\"{:.7}\"/>", y / 1e3, 9.0 + x / 1e3).unwrap();
+        }
+        write!(ways, "<way id=\"{nodes}\">").unwrap();
+        let is_closed = points.first() == points.last();
+        for number in first + 1..=nodes {
+            let number = if is_closed && number == nodes { first + 1 } else { number };
+            write!(ways, "<nd ref=\"{number}\"/>").unwrap();
+        }
+        for (key, value) in tags {
+            write!(ways, "<tag k=\"{key}\" v=\"{value}\"/>").unwrap();
+        }
+        ways += "</way>";
+    };
+    let coast = &[("natural", "coastline")];
+    way(&[[15.8, COAST], [30.0, COAST]], coast);
+    way(&[[-10.0, COAST], [BAY[0], COAST], [BAY[0], BAY[3]], [BAY[2], BAY[3]], [BAY[2], COAST], [15.0, COAST]], coast);
+    let ring = |[west, south, east, north]: [f64; 4]| {
+        [[west, south], [east, south], [east, north], [west, north], [west, south]]
+    };
+    way(&ring(ISLAND), coast);
+    way(&ring([BAY[0], COAST - 1.0, BAY[2], BAY[3] + 0.5]), &[("leisure", "marina")]);
+    way(&[[0.5, 13.0], [19.5, 13.0]], &[("highway", "residential")]);
+    way(&[[9.0, 12.5], [9.0, 15.0]], &[("barrier", "hedge")]);
+    way(&ring([13.0, 9.0, 15.0, 11.0]), &[("leisure", "park")]);
+    way(&[[10.0, 12.2], [10.0, 9.0]], &[("man_made", "pier")]);
+    for i in 0..4 {
+        let west = 1.0 + 5.0 * f64::from(i);
+        way(&ring([west, 14.0, west + 0.4, 14.3]), &[("building", "yes"), ("height", "12")]);
+    }
+    text + "<node id=\"900\" lat=\"0.0135\" lon=\"9.0035\"><tag k=\"natural\" v=\"tree\"/></node>" + &ways + "</osm>"
+}
+
+/// Whether a point is in a box with a distance from its border, in thousandths of a degree.
+fn is_in([west, south, east, north]: [f64; 4], [x, y]: [f64; 2], distance: f64) -> bool {
+    x > west + distance && x < east - distance && y > south + distance && y < north - distance
+}
+
+/// Whether the highest surface over a point reflects; `None` without any.
+fn is_water(scene: &Scene, point: [f64; 2]) -> Option<bool> {
+    let world = [500_000.0 + point[0] / 1e3 * METRES[0], point[1] / 1e3 * METRES[1]];
+    let [x, y] = [0, 1].map(|axis| world[axis] - scene.origin[axis]);
+    let mut highest: Option<(f64, bool)> = None;
+    for triangle in &scene.triangles {
+        let [a, b, c] = triangle.corners.map(|corner| corner.map(f64::from));
+        let cross = |p: [f64; 3], q: [f64; 3]| (p[0] - x) * (q[1] - y) - (p[1] - y) * (q[0] - x);
+        let weights = [cross(b, c), cross(c, a), cross(a, b)];
+        let whole: f64 = weights.iter().sum();
+        if whole == 0.0 || weights.iter().any(|weight| weight * whole < 0.0) {
+            continue;
+        }
+        let z = (weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]) / whole;
+        if highest.is_none_or(|(known, _)| z > known) {
+            highest = Some((z, scene.materials[triangle.material as usize].is_reflective));
+        }
+    }
+    highest.map(|(_, is_reflective)| is_reflective)
+}
+
+#[test]
+fn random_points_are_sea_or_land_as_the_coast_says() {
+    let map = map();
+    let read = ReadOptions { level_ground: true, ..ReadOptions::default() };
+    let (scene, report) = read_embedded(&[("coast.osm", map.as_bytes())], &read, &|_| {}).unwrap();
+    let warnings: Vec<String> = report.coast_warnings().collect();
+    assert!(warnings.len() == 1 && warnings[0].contains("gap in the coastline"), "{warnings:?}");
+    assert!(warnings[0].contains("near 0.00800, 9.01500, 89 m"), "{warnings:?}");
+    // The road and the park; the pier stands in water, the marina is left to the coast.
+    assert_eq!(report.sources[0].painted, 2, "{report:?}");
+    let mut rng = Rng::new(5);
+    let mut random = |end: f64| rng.below(1 << 20) as f64 / f64::from(1 << 20) * end;
+    let (mut sea, mut land) = (0, 0);
+    while sea + land < 200 {
+        let point = [random(EXTENT[0]), random(EXTENT[1])];
+        let [x, y] = point;
+        let shores = [(y - COAST).abs() < 0.05, (x - 10.0).abs() < 0.1];
+        let is_near = |square| is_in(square, point, -0.05) && !is_in(square, point, 0.05);
+        if shores.contains(&true) || is_near(BAY) || is_near(ISLAND) {
+            continue;
+        }
+        let expected = (y < COAST || is_in(BAY, point, 0.0)) && !is_in(ISLAND, point, 0.0);
+        // Where nothing is painted, land is left to the generated ground.
+        assert_eq!(is_water(&scene, point).unwrap_or(false), expected, "{point:?}");
+        *(if expected { &mut sea } else { &mut land }) += 1;
+    }
+    assert!(sea > 60 && land > 60, "{sea} {land}");
+    assert_eq!(is_water(&scene, [10.0, 10.0]), Some(false), "a pier above the water");
+}
+
+#[test]
+fn a_coast_and_painted_streets_are_the_same_in_steps() {
+    let folder = TestFolder::new("steps-coast");
+    let file = |name: &str, text: &str| -> PathBuf {
+        let path = folder.path.join(name);
+        fs::write(&path, text).unwrap();
+        path
+    };
+    let inputs = vec![file("coast.osm", &map())];
+    let streets = vec![file("streets.osm", &map().replace("residential", "primary"))];
+    for (name, streets) in [("coast", Vec::new()), ("streets", streets)] {
+        let options = BakeOptions { streets, cell_m: 8.0, ..options(inputs.clone()) };
+        let folder = folder.path.join(name);
+        let plain = plain(&folder, &options);
+        let work = folder.join("work");
+        bake_in_steps(&work, &options, 1, 4).unwrap();
+        assert_same(&files(&work.join("city")), &plain, name);
+    }
+}
