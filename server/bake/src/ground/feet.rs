@@ -4,7 +4,10 @@ use std::collections::{HashMap, HashSet};
 
 use glam::Vec3;
 
-use super::{grid::GroundGrid, hanging};
+use super::{
+    grid::GroundGrid,
+    hanging::{self, InAir},
+};
 use crate::{
     error::BakeError,
     scene::{
@@ -22,16 +25,15 @@ const MAX_EDGE_SLOPE: f32 = 0.6;
 const MAX_WALLS: usize = 1 << 16;
 /// Most points of one edge.
 const MAX_POINTS: f32 = 4096.0;
-/// A foot that is lower than the median around it by more metres is a basement's, if its wall reaches above the median. Ground at
-/// the median would bury lower walls.
+/// A foot that is lower than the median around it by more metres is a basement's.
 const BASEMENT_M: f32 = 5.0;
-/// By how many metres it does at least.
-const ABOVE_GROUND_M: f32 = 0.5;
 /// A foot that is higher by more metres is that of an overhanging wall.
 const OVERHANG_M: f32 = 3.0;
 /// Distance in metres of the neighbours that a foot is compared with, and the fewest.
 const MEDIAN_REACH_M: f64 = 24.0;
 const MEDIAN_NEIGHBOURS: usize = 8;
+/// Lower walls are as often those of decks and roofs in the air as of something on the ground.
+const LOW_WALL_M: f32 = 2.0;
 /// How far behind its wall a foot's object is looked for.
 const BEHIND_M: f32 = 0.05;
 /// Steepest ground, and how far above it an object's lowest walls may begin.
@@ -63,7 +65,7 @@ pub(super) struct LowFoot {
     pub(super) behind: [f32; 2],
     /// Index into the city's objects.
     pub(super) object: u32,
-    /// Whether it is one of the object's lowest.
+    /// Whether it is one of the lowest of an object that is higher than a slab.
     is_lowest: bool,
 }
 
@@ -71,11 +73,15 @@ impl LowFoot {
     const NONE: Self =
         Self { z_m: f32::INFINITY, wall_top_m: f32::INFINITY, behind: [0.0; 2], object: 0, is_lowest: false };
 
+    /// Whether the square has one whose wall is high enough to tell where the ground is.
+    pub(super) fn is_sure(&self) -> bool {
+        self.z_m.is_finite() && self.wall_top_m - self.z_m >= LOW_WALL_M
+    }
+
     /// Whether it is neither that of an overhanging wall nor a basement's. All are, if the median is not known.
     fn is_near_median(&self, median_m: f32) -> bool {
-        let is_basement = self.z_m < median_m - BASEMENT_M && self.wall_top_m > median_m + ABOVE_GROUND_M;
-        let is_overhang = self.z_m > median_m + OVERHANG_M;
-        !is_basement && !is_overhang
+        let is_far = self.z_m < median_m - BASEMENT_M || self.z_m > median_m + OVERHANG_M;
+        !is_far
     }
 }
 
@@ -90,10 +96,14 @@ pub(super) struct VertexFeet {
 
 /// Finds the feet that stand on the ground. Fails if the triangles cannot be read.
 pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet, BakeError> {
-    let all = lowest_feet(city, grid, &HashSet::new())?;
-    let hanging = hanging::find(city, grid, &all)?;
-    let mut feet = if hanging.is_empty() { all } else { lowest_feet(city, grid, &hanging)? };
-    let medians = remove_outliers(&mut feet, grid);
+    let mut feet = lowest_feet(city, grid, &HashSet::new())?;
+    let InAir { objects: in_air, on_others } = hanging::find(city, grid, &feet)?;
+    if !in_air.is_empty() {
+        // One after the other, for bounded memory.
+        drop(feet);
+        feet = lowest_feet(city, grid, &in_air)?;
+    }
+    let medians = remove_outliers(&mut feet, grid, &on_others);
     let mut steep: Vec<f32> = feet.iter().map(|foot| foot.z_m).collect();
     drop(feet);
     let mut gentle = steep.clone();
@@ -107,8 +117,9 @@ pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet,
     for_each_foot(city, grid, |foot, [x, y]| {
         let (z, i) = (foot.low.z_m, grid.index(x, y));
         (0..4).for_each(|k| feet.is_near[grid.index(x + (k & 1), y + (k >> 1))] = true);
-        let is_on_slope = (foot.low.is_lowest && z <= steep[i] + STEEP[1]) || z <= gentle[i] + GENTLE[1];
-        if is_on_slope && !hanging.contains(&foot.low.object) && foot.low.is_near_median(medians[i]) {
+        let is_lowest = foot.low.is_lowest && !on_others.contains(&foot.low.object);
+        let is_on_slope = (is_lowest && z <= steep[i] + STEEP[1]) || z <= gentle[i] + GENTLE[1];
+        if is_on_slope && !in_air.contains(&foot.low.object) && foot.low.is_near_median(medians[i]) {
             let [u, v] = grid.within_square(foot.position, [x, y]);
             let shares = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
             for (k, _) in shares.into_iter().enumerate().filter(|(_, share)| *share >= MIN_SHARE) {
@@ -184,7 +195,10 @@ impl WallBatch<'_> {
 
     fn flush(&mut self, visit: &mut impl FnMut(&Foot)) -> Result<(), BakeError> {
         for wall in &self.walls {
-            let base_m = self.objects.get(wall.object as usize)?.base_z_m;
+            let StoredObject { base_z_m, bounds_m: [low, high], .. } = self.objects.get(wall.object as usize)?;
+            // Where the source says how far the object is above the ground, the ground is there.
+            let above_m = (low[2] - base_z_m).max(0.0);
+            let is_slab = high[2] - base_z_m < LOW_WALL_M;
             for k in (0..3).filter(|k| self.uses.get(&edge(wall, *k)) == Some(&1)) {
                 let [a, b, c] = [0, 1, 2].map(|i| Vec3::from_array(wall.corners[(k + i) % 3]));
                 let length_m = (b - a).truncate().length();
@@ -193,14 +207,15 @@ impl WallBatch<'_> {
                 }
                 let outwards = (b - a).cross(c - a).truncate().normalize_or_zero() * BEHIND_M;
                 let middle = (a + b) / 2.0;
-                let wall_top_m = a.z.max(b.z).max(c.z);
+                let wall_top_m = a.z.max(b.z).max(c.z) - above_m;
                 let n = (length_m / self.step_m).ceil().clamp(1.0, MAX_POINTS);
                 for i in 0..=n as u32 {
-                    let position = (a + (b - a) * (i as f32 / n)).to_array();
+                    let mut position = (a + (b - a) * (i as f32 / n)).to_array();
                     let to_middle = (middle - Vec3::from_array(position)).truncate().clamp_length_max(BEHIND_M);
+                    position[2] -= above_m;
                     let behind = [0, 1].map(|axis| position[axis] - outwards[axis] + to_middle[axis]);
                     let (z_m, object) = (position[2], wall.object);
-                    let is_lowest = z_m <= base_m + LOWEST_M;
+                    let is_lowest = !is_slab && z_m <= base_z_m + LOWEST_M;
                     visit(&Foot { position, low: LowFoot { z_m, wall_top_m, behind, object, is_lowest } });
                 }
             }
@@ -219,33 +234,56 @@ fn edge(triangle: &SceneTriangle, k: usize) -> [[u32; 3]; 2] {
 
 /// Removes feet far from the median of those around them. Returns that median for each square; NaN where there are too few.
 ///
-/// The lowest feet of objects decide, if there are any: a bridge's deck has more walls than its piers.
-fn remove_outliers(lowest: &mut [LowFoot], grid: &GroundGrid) -> Vec<f32> {
-    let reach = (MEDIAN_REACH_M / grid.step_m).round().max(2.0) as usize;
-    let mut medians = vec![f32::NAN; grid.len()];
-    let (mut around, mut others) = (Vec::new(), Vec::new());
-    let is_known = |foot: &&LowFoot| foot.z_m.is_finite();
-    for (i, median_m) in medians.iter_mut().enumerate().filter(|(i, _)| is_known(&&lowest[*i])) {
-        let [x, y] = grid.place(i);
-        around.clear();
-        others.clear();
-        for row in y.saturating_sub(reach)..=(y + reach).min(grid.size[1] - 1) {
-            let [first, last] = [x.saturating_sub(reach), (x + reach).min(grid.size[0] - 1)];
-            for foot in lowest[grid.index(first, row)..=grid.index(last, row)].iter().filter(is_known) {
-                if foot.is_lowest { &mut around } else { &mut others }.push(foot.z_m);
+/// Feet of high walls decide, if there are any: a bridge's deck has more walls than its piers.
+fn remove_outliers(lowest: &mut [LowFoot], grid: &GroundGrid, on_others: &HashSet<u32>) -> Vec<f32> {
+    let (mut sure, mut all) = (Vec::new(), Vec::new());
+    let median_m = |i: usize| {
+        sure.clear();
+        all.clear();
+        if lowest[i].z_m.is_finite() {
+            for foot in feet_around(lowest, grid, i) {
+                all.push(foot.z_m);
+                if foot.is_sure() && !on_others.contains(&foot.object) {
+                    sure.push(foot.z_m);
+                }
             }
         }
-        let is_enough = around.len() + others.len() > MEDIAN_NEIGHBOURS;
-        let heights = if around.is_empty() { &mut others } else { &mut around };
-        let middle = heights.len() / 2;
-        if is_enough {
-            *median_m = *heights.select_nth_unstable_by(middle, f32::total_cmp).1;
-        }
-    }
+        let is_enough = all.len() > MEDIAN_NEIGHBOURS;
+        median(if sure.is_empty() { &mut all } else { &mut sure }).filter(|_| is_enough).unwrap_or(f32::NAN)
+    };
+    let medians: Vec<f32> = (0..lowest.len()).map(median_m).collect();
     for (foot, median_m) in lowest.iter_mut().zip(&medians) {
         foot.z_m = if foot.is_near_median(*median_m) { foot.z_m } else { f32::INFINITY };
     }
     medians
+}
+
+/// Median of the chosen feet around a square; `None` where there are too few.
+pub(super) fn median_around(
+    lowest: &[LowFoot],
+    grid: &GroundGrid,
+    i: usize,
+    is_chosen: impl Fn(&LowFoot) -> bool,
+) -> Option<f32> {
+    let chosen = feet_around(lowest, grid, i).filter(|foot| is_chosen(foot));
+    let mut heights: Vec<f32> = chosen.map(|foot| foot.z_m).collect();
+    median(&mut heights).filter(|_| heights.len() > MEDIAN_NEIGHBOURS)
+}
+
+/// The lowest feet of the squares around one that have any.
+fn feet_around<'a>(lowest: &'a [LowFoot], grid: &'a GroundGrid, i: usize) -> impl Iterator<Item = &'a LowFoot> {
+    let reach = (MEDIAN_REACH_M / grid.step_m).round().max(2.0) as usize;
+    let [x, y] = grid.place(i);
+    let [first, last] = [x.saturating_sub(reach), (x + reach).min(grid.size[0] - 1)];
+    let rows = y.saturating_sub(reach)..=(y + reach).min(grid.size[1] - 1);
+    let squares = rows.flat_map(move |row| &lowest[grid.index(first, row)..=grid.index(last, row)]);
+    squares.filter(|foot| foot.z_m.is_finite())
+}
+
+/// The upper one of two in the middle; `None` without any.
+fn median(heights: &mut [f32]) -> Option<f32> {
+    let middle = heights.len() / 2;
+    (!heights.is_empty()).then(|| *heights.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 /// Replaces each height by the lowest that ground of a slope can have there, seen from the others.

@@ -1,11 +1,12 @@
-//! Objects that hang over others: decks on piers, roofs on posts, upper parts of buildings. The ground is not at their feet.
+//! Objects above others: decks on piers, roofs on posts, upper parts of buildings, houses over tunnels. Only one of both stands on
+//! the ground: the lower one, unless the feet around tell that it is buried.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use glam::{Vec2, Vec3, Vec3Swizzles};
 
 use super::{
-    feet::{LOWEST_M, LowFoot, MAX_WALL_NORMAL_Z},
+    feet::{LOWEST_M, LowFoot, MAX_WALL_NORMAL_Z, median_around},
     grid::GroundGrid,
 };
 use crate::{
@@ -15,46 +16,152 @@ use crate::{
 
 /// Least height above the foot of what is below.
 const HANGING_M: f32 = 2.0;
-/// How far the walls below may reach into what hangs over them.
+/// How far what is below may reach into what is above it.
 const INTO_M: f32 = 0.5;
+/// Surfaces this far above the lowest point of their object are tops on which others may stand.
+const TOP_M: f32 = 0.3;
 
-/// The objects whose lowest surfaces lie over the lowest foot of a square, where that foot's wall ends below them. `lowest` has
-/// the lowest foot of each square. Fails if the triangles cannot be read.
-pub(super) fn find(city: &ScratchScene, grid: &GroundGrid, lowest: &[LowFoot]) -> Result<HashSet<u32>, BakeError> {
+/// What is above something else, or below the ground.
+#[derive(Debug, Default)]
+pub(super) struct InAir {
+    /// The objects without feet on the ground: they hang in the air, or are buried.
+    pub(super) objects: HashSet<u32>,
+    /// Objects that stand on others. Not known, and empty, where nothing is over another object.
+    pub(super) on_others: HashSet<u32>,
+}
+
+/// An object over the lowest foot of a square.
+#[derive(Debug, Clone, Copy)]
+struct Over {
+    object: u32,
+    square: u32,
+    /// Height of its lowest surface there.
+    z_m: f32,
+}
+
+/// Finds the objects whose lowest surfaces lie over the lowest foot of a square, where that foot's wall ends below them. `lowest`
+/// has the lowest foot of each square. Fails if the triangles cannot be read.
+pub(super) fn find(city: &ScratchScene, grid: &GroundGrid, lowest: &[LowFoot]) -> Result<InAir, BakeError> {
+    let mut overs = Vec::new();
+    for_each_surface(city, |surface, base_m| {
+        if surface.highest_m() <= base_m + LOWEST_M {
+            surface.for_each_square(grid, |square| overs.extend(surface.over(square as u32, &lowest[square])));
+        }
+    })?;
+    if overs.is_empty() {
+        return Ok(InAir::default());
+    }
+    let on_others = standing_on_others(city, grid)?;
+    let involved: HashSet<u32> =
+        overs.iter().flat_map(|over| [over.object, lowest[over.square as usize].object]).collect();
+    let is_evidence =
+        |foot: &LowFoot| foot.is_sure() && !involved.contains(&foot.object) && !on_others.contains(&foot.object);
+    let mut streets_m = HashMap::new();
+    let mut is_street_below = |over: &Over| {
+        let street_m = *streets_m
+            .entry(over.square)
+            .or_insert_with(|| median_around(lowest, grid, over.square as usize, is_evidence));
+        let foot_m = lowest[over.square as usize].z_m;
+        street_m.is_none_or(|street_m| (street_m - foot_m).abs() <= (street_m - over.z_m).abs())
+    };
+    let mut objects: HashSet<u32> = overs.iter().filter(|over| is_street_below(over)).map(|over| over.object).collect();
+    let under = |over: &Over| lowest[over.square as usize].object;
+    let (hanging, standing): (Vec<Over>, Vec<Over>) =
+        overs.iter().copied().partition(|over| objects.contains(&over.object));
+    let on_ground: HashSet<u32> = hanging.iter().map(under).collect();
+    objects.extend(standing.iter().map(under).filter(|object| !on_ground.contains(object)));
+    Ok(InAir { objects, on_others })
+}
+
+/// The objects whose lowest surfaces lie over the lowest top in the middle of a square.
+fn standing_on_others(city: &ScratchScene, grid: &GroundGrid) -> Result<HashSet<u32>, BakeError> {
+    let mut tops = vec![(f32::INFINITY, 0); grid.len()];
+    for_each_surface(city, |surface, base_m| {
+        surface.for_each_square(grid, |square| {
+            let height_m = surface.height_at(middle_of(grid, square));
+            if let Some(z) = height_m.filter(|z| *z > base_m + TOP_M && *z < tops[square].0) {
+                tops[square] = (z, surface.object);
+            }
+        });
+    })?;
     let mut found = HashSet::new();
-    let mut objects = city.objects.cursor();
-    city.try_for_each(|triangle| {
-        if found.contains(&triangle.object) {
-            return Ok(());
+    for_each_surface(city, |surface, base_m| {
+        if surface.highest_m() <= base_m + LOWEST_M {
+            surface.for_each_square(grid, |square| {
+                let (top_m, object) = tops[square];
+                let height_m = surface.height_at(middle_of(grid, square));
+                if object != surface.object && height_m.is_some_and(|z| top_m <= z + INTO_M) {
+                    found.insert(surface.object);
+                }
+            });
         }
-        let object = objects.get(triangle.object as usize)?;
-        let is_solid = object.kind == ObjectKind::Building && !city.standing.contains(&triangle.object);
-        if is_solid && is_over_a_foot(triangle, object.base_z_m, grid, lowest) {
-            found.insert(triangle.object);
-        }
-        Ok(())
     })?;
     Ok(found)
 }
 
-fn is_over_a_foot(triangle: &SceneTriangle, base_m: f32, grid: &GroundGrid, lowest: &[LowFoot]) -> bool {
-    let [a, b, c] = triangle.corners.map(Vec3::from_array);
-    let normal = (b - a).cross(c - a);
-    let is_wall = normal.z.abs() <= MAX_WALL_NORMAL_Z * normal.length();
-    if is_wall || a.z.max(b.z).max(c.z) > base_m + LOWEST_M {
-        return false;
+fn middle_of(grid: &GroundGrid, square: usize) -> Vec2 {
+    let [x, y] = grid.place(square);
+    let half_m = grid.step_m / 2.0;
+    Vec2::from(grid.position(x, y).map(|v| (v + half_m) as f32))
+}
+
+/// Calls `visit` for all triangles that are no walls of what may stand on the ground, with the lowest point of their objects.
+fn for_each_surface(city: &ScratchScene, mut visit: impl FnMut(&Surface, f32)) -> Result<(), BakeError> {
+    let mut objects = city.objects.cursor();
+    city.try_for_each(|triangle| {
+        let Some(surface) = Surface::of(triangle) else { return Ok(()) };
+        let object = objects.get(triangle.object as usize)?;
+        if object.kind == ObjectKind::Building && !city.standing.contains(&triangle.object) {
+            visit(&surface, object.base_z_m);
+        }
+        Ok(())
+    })
+}
+
+/// A triangle that is no wall.
+struct Surface {
+    corners: [Vec3; 3],
+    normal: Vec3,
+    object: u32,
+}
+
+impl Surface {
+    fn of(triangle: &SceneTriangle) -> Option<Self> {
+        let corners @ [a, b, c] = triangle.corners.map(Vec3::from_array);
+        let normal = (b - a).cross(c - a);
+        let is_wall = normal.z.abs() <= MAX_WALL_NORMAL_Z * normal.length();
+        (!is_wall).then_some(Self { corners, normal, object: triangle.object })
     }
-    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    let ([x0, y0], [x1, y1]) = (grid.square(low.x.into(), low.y.into()), grid.square(high.x.into(), high.y.into()));
-    let is_below = |foot: &LowFoot| {
-        let p = Vec2::from(foot.behind);
+
+    fn highest_m(&self) -> f32 {
+        let [a, b, c] = self.corners;
+        a.z.max(b.z).max(c.z)
+    }
+
+    /// Calls `visit` for the squares that its box touches.
+    fn for_each_square(&self, grid: &GroundGrid, mut visit: impl FnMut(usize)) {
+        let [a, b, c] = self.corners;
+        let [[x0, y0], [x1, y1]] =
+            [a.min(b).min(c), a.max(b).max(c)].map(|corner| grid.square(corner.x.into(), corner.y.into()));
+        (y0..=y1).for_each(|y| (x0..=x1).for_each(|x| visit(grid.index(x, y))));
+    }
+
+    /// Height at a place on the map; `None` outside of it.
+    fn height_at(&self, p: Vec2) -> Option<f32> {
+        let [a, b, c] = self.corners;
         let side = |from: Vec3, to: Vec3| (to.xy() - from.xy()).perp_dot(p - from.xy());
         let sides = [side(a, b), side(b, c), side(c, a)];
         let is_within = sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0);
-        let z = a.z - (normal.x * (p.x - a.x) + normal.y * (p.y - a.y)) / normal.z;
-        is_within && foot.object != triangle.object && foot.z_m < z - HANGING_M && foot.wall_top_m <= z + INTO_M
-    };
-    (y0..=y1).any(|y| (x0..=x1).any(|x| is_below(&lowest[grid.index(x, y)])))
+        let n = self.normal;
+        is_within.then(|| a.z - (n.x * (p.x - a.x) + n.y * (p.y - a.y)) / n.z)
+    }
+
+    /// As what is over the lowest foot of a square, if it is.
+    fn over(&self, square: u32, foot: &LowFoot) -> Option<Over> {
+        let z_m = self.height_at(foot.behind.into())?;
+        let is_over = foot.object != self.object && foot.z_m < z_m - HANGING_M && foot.wall_top_m <= z_m + INTO_M;
+        is_over.then_some(Over { object: self.object, square, z_m })
+    }
 }
 
 #[cfg(test)]
@@ -168,5 +275,29 @@ mod tests {
         let feet = crate::ground::feet::find(&city, &grid).unwrap();
         let known = || (0..grid.len()).filter(|i| feet.low[*i] <= feet.high[*i]);
         assert_eq!(known().map(|i| feet.high[i]).fold(f32::MIN, f32::max), 15.0);
+    }
+
+    #[test]
+    fn ground_does_not_fall_to_what_is_buried_under_houses() {
+        let houses: Vec<Cuboid> =
+            (0..16).map(|i| sized([18.0 * (i % 4) as f32, 18.0 * (i / 4) as f32, 0.0], [12.0, 12.0, 9.0])).collect();
+        let tunnel = sized([38.0, -10.0, -14.0], [8.0, 100.0, 6.0]);
+        let mut groups: Vec<Vec<Cuboid>> = houses.iter().map(|house| vec![*house]).collect();
+        groups.push(vec![tunnel]);
+        let low = highest_ground(&groups, &houses[8..12]);
+        assert!((-0.1..=0.1).contains(&low), "{low}");
+        let place = [sized([42.0, 30.0, 0.0], [0.1, 0.1, 0.0])];
+        let over = highest_ground(&groups, &place);
+        assert!((-0.1..=0.1).contains(&over), "{over}");
+    }
+
+    #[test]
+    fn ground_does_not_rise_to_a_slab_with_nothing_below() {
+        let slab = sized([40.0, 40.0, 9.0], [30.0, 20.0, 1.0]);
+        let houses = [0.0, 110.0].map(|at| sized([at, at, 0.0], [6.0, 6.0, 5.0]));
+        for groups in groupings(&[houses[0], houses[1], slab]) {
+            let high = highest_ground(&groups, &[houses[0], houses[1], slab]);
+            assert!(high <= 0.1, "{high} of {} objects", groups.len());
+        }
     }
 }

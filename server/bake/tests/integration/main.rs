@@ -7,6 +7,7 @@ mod coast;
 mod facades;
 mod formats;
 mod ground;
+mod hovering;
 mod landmarks;
 mod palette;
 mod resume;
