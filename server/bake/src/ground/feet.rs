@@ -1,6 +1,9 @@
 //! Where walls meet the ground: the lower edges of walls that no other wall continues, without those on roofs.
 
-use std::collections::{HashMap, HashSet};
+use std::{
+    cmp::Ordering,
+    collections::{HashMap, HashSet},
+};
 
 use glam::Vec3;
 
@@ -73,6 +76,12 @@ impl LowFoot {
     const NONE: Self =
         Self { z_m: f32::INFINITY, wall_top_m: f32::INFINITY, behind: [0.0; 2], object: 0, is_lowest: false };
 
+    /// Whether it is lower. Of equal ones, that of the higher wall is, so that the order of triangles does not matter.
+    fn is_before(&self, other: &Self) -> bool {
+        let [own, others] = [self, other].map(|foot| [foot.z_m, -foot.wall_top_m, foot.behind[0], foot.behind[1]]);
+        own.iter().zip(&others).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).is_some_and(Ordering::is_lt)
+    }
+
     /// Whether the square has one whose wall is high enough to tell where the ground is.
     pub(super) fn is_sure(&self) -> bool {
         self.z_m.is_finite() && self.wall_top_m - self.z_m >= LOW_WALL_M
@@ -80,8 +89,7 @@ impl LowFoot {
 
     /// Whether it is neither that of an overhanging wall nor a basement's. All are, if the median is not known.
     fn is_near_median(&self, median_m: f32) -> bool {
-        let is_far = self.z_m < median_m - BASEMENT_M || self.z_m > median_m + OVERHANG_M;
-        !is_far
+        median_m.is_nan() || (median_m - BASEMENT_M..=median_m + OVERHANG_M).contains(&self.z_m)
     }
 }
 
@@ -137,7 +145,7 @@ fn lowest_feet(city: &ScratchScene, grid: &GroundGrid, without: &HashSet<u32>) -
     let mut lowest = vec![LowFoot::NONE; grid.len()];
     for_each_foot(city, grid, |foot, [x, y]| {
         let known = &mut lowest[grid.index(x, y)];
-        if foot.low.z_m < known.z_m && !without.contains(&foot.low.object) {
+        if foot.low.is_before(known) && !without.contains(&foot.low.object) {
             *known = foot.low;
         }
     })?;

@@ -19,6 +19,8 @@ const STANDING_CELLS: f32 = 1.5;
 /// A place is open to the sky from this height above the highest surface around it, in cells. Surfaces are known at the middles
 /// of cells only.
 const CLEAR_CELLS: f32 = 2.0;
+/// Height from which lines lead out beyond the margin: everything does. Finite, so that it can be interpolated.
+const BEYOND_M: f32 = -1e9;
 
 /// The floor of the cells in and around a block.
 #[derive(Debug)]
@@ -28,10 +30,10 @@ pub(super) struct Floor {
     /// West and south border, in the block's coordinates.
     corner: Vec2,
     cell_m: f32,
-    /// Height of the floor in each cell.
-    floors_m: Vec<f32>,
-    /// Height from which a cell is open to the sky; negative infinity where nothing stands.
-    open_m: Vec<f32>,
+    /// Height of the floor in each cell, in rows along x, and in rows along y.
+    floors_m: [Vec<f32>; 2],
+    /// Height from which a cell is open to the sky; negative infinity where nothing stands. Also in both orders.
+    open_m: [Vec<f32>; 2],
 }
 
 impl Floor {
@@ -49,9 +51,19 @@ impl Floor {
             .collect();
         // Where nothing is known there is nothing that could be looked into.
         let lowest_m = floors_m.iter().copied().fold(f32::INFINITY, f32::min);
-        let floors_m = floors_m.into_iter().map(|z| if z.is_finite() { z } else { lowest_m }).collect();
-        let open_m = cover.tops_m.into_iter().map(|z| z + CLEAR_CELLS * block.cell_m).collect();
-        Self { size, corner: places.corner, cell_m: block.cell_m, floors_m, open_m }
+        let floors_m: Vec<f32> = floors_m.into_iter().map(|z| if z.is_finite() { z } else { lowest_m }).collect();
+        let open_m: Vec<f32> = cover.tops_m.into_iter().map(|z| z + CLEAR_CELLS * block.cell_m).collect();
+        let turned = |values: &[f32]| {
+            (0..values.len()).map(|i| values[(i % size[1]) * size[0] + i / size[1]]).collect::<Vec<f32>>()
+        };
+        let (turned_floors_m, turned_open_m) = (turned(&floors_m), turned(&open_m));
+        Self {
+            size,
+            corner: places.corner,
+            cell_m: block.cell_m,
+            floors_m: [floors_m, turned_floors_m],
+            open_m: [open_m, turned_open_m],
+        }
     }
 
     fn place(&self, x_m: f32, y_m: f32) -> [usize; 2] {
@@ -63,7 +75,7 @@ impl Floor {
     /// The floor at a place; positive infinity if none is known anywhere.
     pub(super) fn at(&self, x_m: f32, y_m: f32) -> f32 {
         let [x, y] = self.place(x_m, y_m);
-        self.floors_m[y * self.size[0] + x]
+        self.floors_m[0][y * self.size[0] + x]
     }
 
     /// Whether the triangle hangs so far above the floor that a viewer may be under it.
@@ -71,32 +83,37 @@ impl Floor {
         let [low, high] = triangle.bounds();
         let ([x0, y0], [x1, y1]) = (self.place(low.x, low.y), self.place(high.x, high.y));
         let limit_m = low.z - STANDING_CELLS * self.cell_m;
-        (y0..=y1).any(|y| self.floors_m[y * self.size[0]..][x0..=x1].iter().any(|floor_m| *floor_m < limit_m))
+        (y0..=y1).any(|y| self.floors_m[0][y * self.size[0]..][x0..=x1].iter().any(|floor_m| *floor_m < limit_m))
     }
 
     /// From which heights lines towards a viewer below the horizon lead out.
     pub(super) fn ways_out(&self, direction: Vec3) -> WaysOut<'_> {
-        // Steps of one cell along the axis that the direction is nearer to.
+        // Steps of one cell along the axis that the direction is nearer to, in rows along the other one.
         let main = usize::from(direction.y.abs() > direction.x.abs());
-        let across = 1 - main;
+        let (across, order) = (1 - main, 1 - main);
+        let width = self.size[across];
         let per_step = direction[main].abs().max(1e-6);
         let (turn, fall_m) = (direction[across] / per_step, -direction.z / per_step * self.cell_m);
-        let strides = [1, self.size[0]];
-        let mut heights_m = self.floors_m.clone();
-        // Beyond the margin, everything leads out.
-        let mut next_m = vec![f32::NEG_INFINITY; self.size[across]];
-        let mut row_m = next_m.clone();
+        // From -1 to 1, as one step goes at most as far across as along.
+        let (whole, share) = (turn.floor(), turn - turn.floor());
+        let first = (whole + 1.0) as usize;
+        let mut heights_m = self.floors_m[order].clone();
+        // With one more cell before, and two behind.
+        let mut next_m = vec![BEYOND_M; width + 3];
         for step in 0..self.size[main] {
             let along = if direction[main] > 0.0 { self.size[main] - 1 - step } else { step };
-            for (side, out_m) in row_m.iter_mut().enumerate() {
-                let i = along * strides[main] + side * strides[across];
-                let exit_m = interpolate(&next_m, side as f32 + turn) + fall_m;
-                *out_m = self.floors_m[i].max(exit_m.min(self.open_m[i]));
-                heights_m[i] = *out_m;
+            let row = along * width..(along + 1) * width;
+            let heights_m = &mut heights_m[row.clone()];
+            let ends = next_m[first..].iter().zip(&next_m[first + 1..]);
+            for ((out_m, open_m), (near_m, far_m)) in heights_m.iter_mut().zip(&self.open_m[order][row]).zip(ends) {
+                let exit_m = near_m * (1.0 - share) + far_m * share + fall_m;
+                let exit_m = if exit_m < *open_m { exit_m } else { *open_m };
+                *out_m = if exit_m > *out_m { exit_m } else { *out_m };
             }
-            std::mem::swap(&mut next_m, &mut row_m);
+            next_m[1..=width].copy_from_slice(heights_m);
         }
-        WaysOut { floor: self, heights_m }
+        let strides = if order == 0 { [1, width] } else { [width, 1] };
+        WaysOut { floor: self, strides, heights_m }
     }
 }
 
@@ -104,6 +121,8 @@ impl Floor {
 #[derive(Debug)]
 pub(super) struct WaysOut<'a> {
     floor: &'a Floor,
+    /// Distances of neighbours along x and y.
+    strides: [usize; 2],
     /// Lowest such height of each cell.
     heights_m: Vec<f32>,
 }
@@ -112,19 +131,8 @@ impl WaysOut<'_> {
     /// Whether the line from `p` comes into the open before it meets the floor.
     pub(super) fn lead_from(&self, p: Vec3) -> bool {
         let [x, y] = self.floor.place(p.x, p.y);
-        p.z >= self.heights_m[y * self.floor.size[0] + x]
+        p.z >= self.heights_m[x * self.strides[0] + y * self.strides[1]]
     }
-}
-
-/// Value between the two nearest of `values`; negative infinity beyond them.
-fn interpolate(values: &[f32], at: f32) -> f32 {
-    if at < 0.0 || at > (values.len() - 1) as f32 {
-        return f32::NEG_INFINITY;
-    }
-    let (i, share) = (at as usize, at.fract());
-    let next = values[(i + 1).min(values.len() - 1)];
-    // All are finite, or none is.
-    if share == 0.0 || next == values[i] { values[i] } else { values[i] + (next - values[i]) * share }
 }
 
 /// The floor of a cell from the height of its ground and the foot of what stands there; NaN and infinite if unknown.

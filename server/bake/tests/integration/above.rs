@@ -12,9 +12,6 @@ use insula_bake::{
 };
 use insula_protocol::{BlockMap, TileId, blockmap::ground::GROUND_COLOUR, texel::AO_MAX};
 
-/// Side of the scenes' squares: a leaf with cells of 1 m.
-const SIDE_M: f32 = 64.0;
-
 fn empty() -> Scene {
     Scene { materials: vec![Material { rgb: [200; 3], texture: None, is_reflective: false }], ..Scene::default() }
 }
@@ -109,7 +106,7 @@ fn objects_above_others_have_the_columns_of_one_object() {
     }
 }
 
-/// The leaf over the square of [`SIDE_M`] from the scene's origin.
+/// The leaf over the square of 64 m from the scene's origin, with cells of 1 m.
 fn leaf(scene: &Scene) -> VoxelNode {
     let grid = CityGrid { corner: [0.0, 0.0, -10.0], depth: 1, cell_m: 1.0 };
     let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
