@@ -6,8 +6,8 @@ use std::collections::{HashMap, HashSet};
 use glam::{Vec2, Vec3, Vec3Swizzles};
 
 use super::{
-    feet::{LOWEST_M, LowFoot, MAX_WALL_NORMAL_Z, median_around},
     grid::GroundGrid,
+    low_foot::{LOWEST_M, LowFoot, MAX_WALL_NORMAL_Z, median_around},
 };
 use crate::{
     error::BakeError,
@@ -106,10 +106,10 @@ fn middle_of(grid: &GroundGrid, square: usize) -> Vec2 {
 }
 
 /// Calls `visit` for all triangles that are no walls of what may stand on the ground, with the lowest point of their objects.
-fn for_each_surface(city: &ScratchScene, mut visit: impl FnMut(&Surface, f32)) -> Result<(), BakeError> {
+fn for_each_surface(city: &ScratchScene, mut visit: impl FnMut(&FlatTriangle, f32)) -> Result<(), BakeError> {
     let mut objects = city.objects.cursor();
     city.try_for_each(|triangle| {
-        let Some(surface) = Surface::of(triangle) else { return Ok(()) };
+        let Some(surface) = FlatTriangle::of(triangle) else { return Ok(()) };
         let object = objects.get(triangle.object as usize)?;
         if object.kind == ObjectKind::Building && !city.standing.contains(&triangle.object) {
             visit(&surface, object.base_z_m);
@@ -119,13 +119,13 @@ fn for_each_surface(city: &ScratchScene, mut visit: impl FnMut(&Surface, f32)) -
 }
 
 /// A triangle that is no wall.
-struct Surface {
+struct FlatTriangle {
     corners: [Vec3; 3],
     normal: Vec3,
     object: u32,
 }
 
-impl Surface {
+impl FlatTriangle {
     fn of(triangle: &SceneTriangle) -> Option<Self> {
         let corners @ [a, b, c] = triangle.corners.map(Vec3::from_array);
         let normal = (b - a).cross(c - a);

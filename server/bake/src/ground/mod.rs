@@ -7,8 +7,8 @@
 //! | step | module |
 //! |---|---|
 //! | a regular grid over the city and its skirt | `grid` |
-//! | heights where walls meet the ground | `feet` |
-//! | what hangs in the air | `hanging` |
+//! | heights where walls meet the ground | `feet`, `low_foot` |
+//! | what hangs in the air, or is buried | `hanging` |
 //! | heights of given terrain | `given` |
 //! | a smooth field through both, and down to the plane | `relax` |
 //! | triangles, fewer where it is flat | `mesh` |
@@ -18,6 +18,7 @@ mod feet;
 mod given;
 mod grid;
 mod hanging;
+mod low_foot;
 mod mesh;
 mod relax;
 mod standing;

@@ -41,8 +41,8 @@ impl Floor {
     pub(super) fn new(block: &LocalBlock, margin_m: f64) -> Self {
         let margin = ((margin_m / f64::from(block.cell_m)).ceil() as usize).clamp(2, MOST_MARGIN_CELLS);
         let size = block.cells.map(|n| n + 2 * margin);
-        let places = Places { size, corner: Vec2::splat(-(margin as f32) * block.cell_m), cell_m: block.cell_m };
-        let cover = Cover::of(block, places);
+        let places = FloorCells { size, corner: Vec2::splat(-(margin as f32) * block.cell_m), cell_m: block.cell_m };
+        let cover = StandingCover::of(block, places);
         let grounds_m = ground_heights(block, places);
         let floors_m: Vec<f32> = grounds_m
             .iter()
@@ -149,13 +149,13 @@ fn floor_height(ground_m: f32, foot_m: f32, cell_m: f32) -> f32 {
 
 /// The grid of cells.
 #[derive(Debug, Clone, Copy)]
-struct Places {
+struct FloorCells {
     size: [usize; 2],
     corner: Vec2,
     cell_m: f32,
 }
 
-impl Places {
+impl FloorCells {
     /// Calls `visit` with the number of each cell whose middle is in the triangle, seen from above, and the height there.
     fn for_each(self, corners: &[Vec3; 3], mut visit: impl FnMut(usize, f32)) {
         let [a, b, c] = *corners;
@@ -194,7 +194,7 @@ impl Places {
 }
 
 /// Lowest terrain of each cell, else its generated ground; NaN where there is neither.
-fn ground_heights(block: &LocalBlock, places: Places) -> Vec<f32> {
+fn ground_heights(block: &LocalBlock, places: FloorCells) -> Vec<f32> {
     let mut grounds_m = vec![f32::NAN; places.size[0] * places.size[1]];
     for corners in &block.ground {
         places.for_each(corners, |i, z| grounds_m[i] = z);
@@ -211,15 +211,15 @@ fn ground_heights(block: &LocalBlock, places: Places) -> Vec<f32> {
 
 /// What stands in the cells, without terrain.
 #[derive(Debug)]
-struct Cover {
+struct StandingCover {
     /// Highest surface of each cell and of those around it; negative infinity where there is none.
     tops_m: Vec<f32>,
     /// Lowest point of the objects there, and of those under them; infinite where there are none.
     feet_m: Vec<f32>,
 }
 
-impl Cover {
-    fn of(block: &LocalBlock, places: Places) -> Self {
+impl StandingCover {
+    fn of(block: &LocalBlock, places: FloorCells) -> Self {
         let n = places.size[0] * places.size[1];
         let (mut tops_m, mut own_feet_m) = (vec![f32::NEG_INFINITY; n], vec![f32::INFINITY; n]);
         let solid = || block.triangles.iter().filter(|triangle| !triangle.is_terrain);
