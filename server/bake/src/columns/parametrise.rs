@@ -14,7 +14,7 @@ use crate::{
     scene::grid::CityGrid,
 };
 use insula_protocol::{
-    BlockMap, DecodeError, Texel,
+    BlockMap, DecodeError, NODE_CELLS, Texel,
     blockmap::{
         CLIP_STEPS_PER_CELL, ColumnClip, ColumnObjects, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop,
         STEPS_PER_CELL, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX, flag,
@@ -25,6 +25,7 @@ use insula_protocol::{
     octahedral,
     texel::AO_MAX,
 };
+use std::ops::Range;
 
 /// Conversion of metres to the height codes of one node.
 struct HeightCodes {
@@ -34,6 +35,8 @@ struct HeightCodes {
     step_m: f64,
     shift: u8,
     is_leaf: bool,
+    /// Whether the node has generated ground.
+    has_ground: bool,
 }
 
 /// The height codes that a column occupies.
@@ -44,12 +47,14 @@ struct CodeRange {
     gap: Option<[u16; 2]>,
     /// All others.
     other_gaps: Vec<CodeGap>,
+    /// Open rows within the exact gap. Readers replace that gap by the one above generated ground.
+    replaced_rows: Range<u16>,
 }
 
 impl CodeRange {
     /// The range of a column without gaps.
     fn whole(z_min: u16, z_max: u16) -> Self {
-        Self { z_min, z_max, gap: None, other_gaps: Vec::new() }
+        Self { z_min, z_max, gap: None, other_gaps: Vec::new(), replaced_rows: 0..0 }
     }
 }
 
@@ -79,7 +84,8 @@ impl HeightCodes {
         let step_m = |shift: u8| cell_m / f64::from(STEPS_PER_CELL) * f64::from(1u16 << shift);
         let fits = |shift: &u8| (high - base_m) / step_m(*shift) < f64::from(Z_CODE_MAX);
         let shift = (0..=Z_SHIFT_MAX).find(fits).unwrap_or(Z_SHIFT_MAX);
-        Self { cell_m, base_cells, base_m, step_m: step_m(shift), shift, is_leaf: level >= grid.depth }
+        let (is_leaf, has_ground) = (level >= grid.depth, node.ground.is_some());
+        Self { cell_m, base_cells, base_m, step_m: step_m(shift), shift, is_leaf, has_ground }
     }
 
     fn encode(&self, z_m: f32) -> u16 {
@@ -96,12 +102,19 @@ impl HeightCodes {
 /// Fails if the result exceeds a limit of the format all the same.
 pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, DecodeError> {
     let codes = HeightCodes::new(node, grid);
+    let ground = node.ground.as_ref().map(|ground| Box::new(encode_ground(ground, &codes)));
+    let rounded = ground.as_deref().filter(|_| !codes.is_leaf).map(NodeGround::surface);
     let mut texels = 0;
     let columns: Vec<Option<MapColumn>> = node
         .columns
         .iter()
-        .map(|column| {
+        .enumerate()
+        .map(|(i, column)| {
             let mut column = encode_column(column.as_ref()?, &codes);
+            let at = |n: usize| n as f32 + 0.5;
+            if let Some(point) = rounded.as_ref().and_then(|ground| ground.at(at(i % NODE_CELLS), at(i / NODE_CELLS))) {
+                raise_above_ground(&mut column, point.z, codes.shift);
+            }
             texels += column.strip.as_ref().map_or(0, |strip| strip.texels.len());
             if texels > MAX_TEXELS {
                 // Happens with towers everywhere at a tiny cell. Without a strip the sides show the roof's colour.
@@ -115,7 +128,7 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
     let mut map = BlockMap::from_columns(node.id, codes.cell_m as f32, codes.base_cells, codes.shift, &columns)?;
     map.snap_hidden_bottoms();
     map.objects = encode_objects(node, &map);
-    map.ground = node.ground.as_ref().map(|ground| Box::new(encode_ground(ground, &codes)));
+    map.ground = ground;
     Ok(map)
 }
 
@@ -150,6 +163,22 @@ fn encode_ground(ground: &VoxelGround, codes: &HeightCodes) -> NodeGround {
         }
     }
     encoded
+}
+
+/// Raises a column that ground at `ground_z` cells would just hide. In parents the ground's heights are rounded by much, and roads
+/// and parks lie only a little above it.
+fn raise_above_ground(column: &mut MapColumn, ground_z: f32, shift: u8) {
+    let codes_per_cell = STEPS_PER_CELL >> shift;
+    let ground = (ground_z * f32::from(codes_per_cell)).round().max(1.0) as u16;
+    if column.z_max > ground || ground - column.z_max > codes_per_cell / 2 || ground >= Z_CODE_MAX {
+        return;
+    }
+    column.z_max = ground + 1;
+    if let Some(strip) = &mut column.strip {
+        let rows = usize::from(strip_rows(column.z_min, column.z_max, shift).1);
+        let last = strip.texels.last().copied().unwrap_or(column.roof);
+        strip.texels.resize(rows, last);
+    }
 }
 
 fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> MapColumn {
@@ -210,15 +239,18 @@ fn code_range(column: &VoxelColumn, codes: &HeightCodes, z_min: u16, z_max: u16)
     let (codes_per_row, leaves_runs_out) = (STEPS_PER_CELL >> codes.shift, !codes.is_leaf);
     let mut other_gaps = gaps_between(&solids, codes_per_row, leaves_runs_out);
     let gap = exact_gap(&other_gaps).map(|i| other_gaps.remove(i).codes);
-    CodeRange { z_min, z_max, gap, other_gaps }
+    let hangs = column.suspended && codes.has_ground;
+    let replaced = gap.filter(|_| hangs).map(|[low, high]| low.div_ceil(codes_per_row)..high / codes_per_row);
+    CodeRange { z_min, z_max, gap, other_gaps, replaced_rows: replaced.unwrap_or(0..0) }
 }
 
 fn encode_strip(column: &VoxelColumn, codes: &HeightCodes, range: &CodeRange) -> WallStrip {
     let (first, rows) = strip_rows(range.z_min, range.z_max, codes.shift);
     let texels = (first..first + rows)
         .map(|row| {
-            // Rows inside the exact gap are never read. Opaque, they compress together with their neighbours.
-            let is_open = range.other_gaps.iter().any(|gap| gap.open_rows.contains(&row));
+            // Other rows inside the exact gap are never read. Opaque, they compress together with their neighbours.
+            let is_open =
+                range.replaced_rows.contains(&row) || range.other_gaps.iter().any(|gap| gap.open_rows.contains(&row));
             let at = codes.base_cells + i32::from(row) - column.first_row;
             let last = column.wall.len() as i32 - 1;
             if is_open {
@@ -297,6 +329,18 @@ mod tests {
         assert_eq!((texels.len(), &open[..]), (13, &[6, 7][..]), "the narrower gap becomes open texels");
         let wall = &columns[1].as_ref().unwrap().strip.as_ref().unwrap().texels;
         assert!(wall.windows(2).all(|w| w[0].rgb()[0] < w[1].rgb()[0]), "rows run from the bottom up");
+    }
+
+    #[test]
+    fn both_gaps_of_a_deck_above_another_stay_open_on_generated_ground() {
+        let mut node = VoxelNode::empty(TileId::new(1, 0, 0).unwrap());
+        node.columns[0] = Some(VoxelColumn { suspended: true, ..column(&[[6.0, 7.0], [12.0, 13.0]], true) });
+        node.ground = VoxelGround::new([0.0; VERTICES * VERTICES], [1.0; VERTICES * VERTICES], u64::MAX, None);
+        let map = parametrise(&grid(), &node).unwrap();
+        assert_eq!(map.gaps.len(), 1);
+        let column = map.stand_on_ground().columns()[0].clone().unwrap();
+        let open = column.strip.unwrap().texels.iter().filter(|texel| texel.is_open()).count();
+        assert_eq!((column.gap.map(|[low, high]| high - low), open), (Some(6 * STEPS_PER_CELL), 5));
     }
 
     #[test]

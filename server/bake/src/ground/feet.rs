@@ -1,10 +1,14 @@
 //! Where walls meet the ground: the lower edges of walls that no other wall continues, without those on roofs.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::Vec3;
 
-use super::grid::GroundGrid;
+use super::{
+    grid::GroundGrid,
+    hanging::{self, InAir},
+    low_foot::{LOW_WALL_M, LOWEST_M, LowFoot, MAX_WALL_NORMAL_Z, MEDIAN_NEIGHBOURS, feet_around, median},
+};
 use crate::{
     error::BakeError,
     scene::{
@@ -14,21 +18,14 @@ use crate::{
     },
 };
 
-/// Triangles whose unit normal has a smaller absolute z are walls.
-const MAX_WALL_NORMAL_Z: f32 = 0.35;
 /// Steepest lower edge, rise over run.
 const MAX_EDGE_SLOPE: f32 = 0.6;
 /// Walls of an object that are compared with each other. More are compared in parts, for bounded memory.
 const MAX_WALLS: usize = 1 << 16;
 /// Most points of one edge.
 const MAX_POINTS: f32 = 4096.0;
-/// A foot that is lower than the median around it by more metres is a basement's.
-const BASEMENT_M: f32 = 5.0;
-/// A foot that is higher by more metres is that of an overhanging wall.
-const OVERHANG_M: f32 = 3.0;
-/// Distance in metres of the neighbours that a foot is compared with, and the fewest.
-const MEDIAN_REACH_M: f64 = 24.0;
-const MEDIAN_NEIGHBOURS: usize = 8;
+/// How far behind its wall a foot's object is looked for.
+const BEHIND_M: f32 = 0.05;
 /// Steepest ground, and how far above it an object's lowest walls may begin.
 const STEEP: [f32; 2] = [0.3, 2.0];
 /// The same for walls that begin above their object's lowest point.
@@ -36,15 +33,13 @@ const GENTLE: [f32; 2] = [0.1, 0.5];
 /// A foot bounds the vertices that have at least this share of the ground's height at it. Bounds of all four would sink low
 /// buildings beside higher ones.
 const MIN_SHARE: f32 = 0.15;
-/// Walls that begin within this height above their object's lowest point are its lowest.
-const LOWEST_M: f32 = 1.0;
 
 /// A point on a wall's lower edge.
 #[derive(Debug, Clone, Copy)]
 struct Foot {
     position: [f32; 3],
-    /// Lowest point of the object.
-    base_m: f32,
+    /// What is kept of the lowest foot of each square.
+    low: LowFoot,
 }
 
 /// Lowest and highest foot around each vertex; `low > high` where there is none.
@@ -52,25 +47,36 @@ struct Foot {
 pub(super) struct VertexFeet {
     pub(super) low: Vec<f32>,
     pub(super) high: Vec<f32>,
+    /// Whether there is a foot of any kind, on the ground or above it.
+    pub(super) is_near: Vec<bool>,
 }
 
 /// Finds the feet that stand on the ground. Fails if the triangles cannot be read.
 pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet, BakeError> {
-    let mut lowest = vec![f32::INFINITY; grid.len()];
-    for_each_foot(city, grid, |foot, [x, y]| {
-        let low = &mut lowest[grid.index(x, y)];
-        *low = low.min(foot.position[2]);
-    })?;
-    let ranges = remove_outliers(&mut lowest, grid);
-    let mut steep = lowest.clone();
+    let mut feet = lowest_feet(city, grid, &HashSet::new())?;
+    let InAir { objects: in_air, on_others } = hanging::find(city, grid, &feet)?;
+    if !in_air.is_empty() {
+        // One after the other, for bounded memory.
+        drop(feet);
+        feet = lowest_feet(city, grid, &in_air)?;
+    }
+    let medians = remove_outliers(&mut feet, grid, &on_others);
+    let mut steep: Vec<f32> = feet.iter().map(|foot| foot.z_m).collect();
+    drop(feet);
+    let mut gentle = steep.clone();
     spread(&mut steep, grid, STEEP[0]);
-    spread(&mut lowest, grid, GENTLE[0]);
-    let gentle = lowest;
-    let mut feet = VertexFeet { low: vec![f32::INFINITY; grid.len()], high: vec![f32::NEG_INFINITY; grid.len()] };
+    spread(&mut gentle, grid, GENTLE[0]);
+    let mut feet = VertexFeet {
+        low: vec![f32::INFINITY; grid.len()],
+        high: vec![f32::NEG_INFINITY; grid.len()],
+        is_near: vec![false; grid.len()],
+    };
     for_each_foot(city, grid, |foot, [x, y]| {
-        let (z, i) = (foot.position[2], grid.index(x, y));
-        let is_lowest = z <= foot.base_m + LOWEST_M && z <= steep[i] + STEEP[1];
-        if z >= ranges[i][0] && z <= ranges[i][1] && (is_lowest || z <= gentle[i] + GENTLE[1]) {
+        let (z, i) = (foot.low.z_m, grid.index(x, y));
+        (0..4).for_each(|k| feet.is_near[grid.index(x + (k & 1), y + (k >> 1))] = true);
+        let is_lowest = foot.low.is_lowest && !on_others.contains(&foot.low.object);
+        let is_on_slope = (is_lowest && z <= steep[i] + STEEP[1]) || z <= gentle[i] + GENTLE[1];
+        if is_on_slope && !in_air.contains(&foot.low.object) && foot.low.is_near_median(medians[i]) {
             let [u, v] = grid.within_square(foot.position, [x, y]);
             let shares = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
             for (k, _) in shares.into_iter().enumerate().filter(|(_, share)| *share >= MIN_SHARE) {
@@ -81,6 +87,18 @@ pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<VertexFeet,
         }
     })?;
     Ok(feet)
+}
+
+/// The lowest foot of each square, without those of some objects.
+fn lowest_feet(city: &ScratchScene, grid: &GroundGrid, without: &HashSet<u32>) -> Result<Vec<LowFoot>, BakeError> {
+    let mut lowest = vec![LowFoot::NONE; grid.len()];
+    for_each_foot(city, grid, |foot, [x, y]| {
+        let known = &mut lowest[grid.index(x, y)];
+        if foot.low.is_before(known) && !without.contains(&foot.low.object) {
+            *known = foot.low;
+        }
+    })?;
+    Ok(lowest)
 }
 
 /// Calls `visit` for points on all lower edges with their square of the grid.
@@ -134,17 +152,28 @@ impl WallBatch<'_> {
 
     fn flush(&mut self, visit: &mut impl FnMut(&Foot)) -> Result<(), BakeError> {
         for wall in &self.walls {
-            let base_m = self.objects.get(wall.object as usize)?.base_z_m;
+            let StoredObject { base_z_m, bounds_m: [low, high], .. } = self.objects.get(wall.object as usize)?;
+            // Where the source says how far the object is above the ground, the ground is there.
+            let above_m = (low[2] - base_z_m).max(0.0);
+            let is_slab = high[2] - base_z_m < LOW_WALL_M;
             for k in (0..3).filter(|k| self.uses.get(&edge(wall, *k)) == Some(&1)) {
                 let [a, b, c] = [0, 1, 2].map(|i| Vec3::from_array(wall.corners[(k + i) % 3]));
                 let length_m = (b - a).truncate().length();
                 if (b.z - a.z).abs() > MAX_EDGE_SLOPE * length_m || 2.0 * c.z <= a.z + b.z {
                     continue;
                 }
+                let outwards = (b - a).cross(c - a).truncate().normalize_or_zero() * BEHIND_M;
+                let middle = (a + b) / 2.0;
+                let wall_top_m = a.z.max(b.z).max(c.z) - above_m;
                 let n = (length_m / self.step_m).ceil().clamp(1.0, MAX_POINTS);
                 for i in 0..=n as u32 {
-                    let position = (a + (b - a) * (i as f32 / n)).to_array();
-                    visit(&Foot { position, base_m });
+                    let mut position = (a + (b - a) * (i as f32 / n)).to_array();
+                    let to_middle = (middle - Vec3::from_array(position)).truncate().clamp_length_max(BEHIND_M);
+                    position[2] -= above_m;
+                    let behind = [0, 1].map(|axis| position[axis] - outwards[axis] + to_middle[axis]);
+                    let (z_m, object) = (position[2], wall.object);
+                    let is_lowest = !is_slab && z_m <= base_z_m + LOWEST_M;
+                    visit(&Foot { position, low: LowFoot { z_m, wall_top_m, behind, object, is_lowest } });
                 }
             }
         }
@@ -160,29 +189,30 @@ fn edge(triangle: &SceneTriangle, k: usize) -> [[u32; 3]; 2] {
     if a <= b { [a, b] } else { [b, a] }
 }
 
-/// Removes heights far from the median of those around them. Returns the range of feet in each square.
-fn remove_outliers(lowest: &mut [f32], grid: &GroundGrid) -> Vec<[f32; 2]> {
-    let known = lowest.to_vec();
-    let reach = (MEDIAN_REACH_M / grid.step_m).round().max(2.0) as usize;
-    let mut ranges = vec![[f32::NEG_INFINITY, f32::INFINITY]; grid.len()];
-    let mut around = Vec::new();
-    for (i, low) in lowest.iter_mut().enumerate().filter(|(_, low)| low.is_finite()) {
-        let [x, y] = grid.place(i);
-        around.clear();
-        for row in y.saturating_sub(reach)..=(y + reach).min(grid.size[1] - 1) {
-            let [first, last] = [x.saturating_sub(reach), (x + reach).min(grid.size[0] - 1)];
-            around.extend(known[grid.index(first, row)..=grid.index(last, row)].iter().filter(|z| z.is_finite()));
-        }
-        let middle = around.len() / 2;
-        let median = *around.select_nth_unstable_by(middle, f32::total_cmp).1;
-        if around.len() > MEDIAN_NEIGHBOURS {
-            ranges[i] = [median - BASEMENT_M, median + OVERHANG_M];
-            if *low < ranges[i][0] || *low > ranges[i][1] {
-                *low = f32::INFINITY;
+/// Removes feet far from the median of those around them. Returns that median for each square; NaN where there are too few.
+///
+/// Feet of high walls decide, if there are any: a bridge's deck has more walls than its piers.
+fn remove_outliers(lowest: &mut [LowFoot], grid: &GroundGrid, on_others: &HashSet<u32>) -> Vec<f32> {
+    let (mut sure, mut all) = (Vec::new(), Vec::new());
+    let median_m = |i: usize| {
+        sure.clear();
+        all.clear();
+        if lowest[i].z_m.is_finite() {
+            for foot in feet_around(lowest, grid, i) {
+                all.push(foot.z_m);
+                if foot.is_sure() && !on_others.contains(&foot.object) {
+                    sure.push(foot.z_m);
+                }
             }
         }
+        let is_enough = all.len() > MEDIAN_NEIGHBOURS;
+        median(if sure.is_empty() { &mut all } else { &mut sure }).filter(|_| is_enough).unwrap_or(f32::NAN)
+    };
+    let medians: Vec<f32> = (0..lowest.len()).map(median_m).collect();
+    for (foot, median_m) in lowest.iter_mut().zip(&medians) {
+        foot.z_m = if foot.is_near_median(*median_m) { foot.z_m } else { f32::INFINITY };
     }
-    ranges
+    medians
 }
 
 /// Replaces each height by the lowest that ground of a slope can have there, seen from the others.

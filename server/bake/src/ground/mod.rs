@@ -7,7 +7,8 @@
 //! | step | module |
 //! |---|---|
 //! | a regular grid over the city and its skirt | `grid` |
-//! | heights where walls meet the ground | `feet` |
+//! | heights where walls meet the ground | `feet`, `low_foot` |
+//! | what hangs in the air, or is buried | `hanging` |
 //! | heights of given terrain | `given` |
 //! | a smooth field through both, and down to the plane | `relax` |
 //! | triangles, fewer where it is flat | `mesh` |
@@ -16,6 +17,8 @@
 mod feet;
 mod given;
 mod grid;
+mod hanging;
+mod low_foot;
 mod mesh;
 mod relax;
 mod standing;
@@ -38,7 +41,7 @@ use mesh::HeightRange;
 pub(crate) use relax::{Bounds, smooth_field};
 
 /// Increased whenever the same city would get another ground.
-pub const ALGORITHM: u32 = 5;
+pub const ALGORITHM: u32 = 6;
 /// Buildings may sink this far where that makes the ground smoother.
 const SINK_M: f32 = 0.8;
 /// Generated ground passes this far below given terrain, and ends below it.
@@ -121,6 +124,8 @@ struct Surface<'a> {
     grid: &'a GroundGrid,
     field: Vec<f32>,
     bounds: Bounds,
+    /// Vertices of squares where something stands, or hangs in the air.
+    is_near: Vec<bool>,
     /// Vertices on given terrain.
     is_given: Vec<bool>,
     has_terrain: bool,
@@ -142,7 +147,7 @@ impl<'a> Surface<'a> {
                 (bounds.low[i], bounds.high[i]) = (low, low.max(feet.low[i] + SINK_M));
             }
         }
-        drop(feet);
+        let is_near = feet.is_near;
         if !(0..grid.len()).any(|i| bounds.is_known(i)) {
             return Ok(None);
         }
@@ -163,14 +168,14 @@ impl<'a> Surface<'a> {
         }
         let is_given: Vec<bool> = terrain.iter().map(|z| z.is_finite()).collect();
         let has_terrain = is_given.contains(&true);
-        Ok(Some(Self { grid, field, bounds, is_given, has_terrain, plane_m }))
+        Ok(Some(Self { grid, field, bounds, is_near, is_given, has_terrain, plane_m }))
     }
 
     /// The heights that triangles may have.
     fn range(&self) -> HeightRange {
         let grid = self.grid;
         let near_steps = (NEAR_M / grid.step_m).ceil().max(2.0) as u16;
-        let to_building = grid.distances(|i| self.bounds.is_known(i) && !self.is_given[i]);
+        let to_building = grid.distances(|i| self.is_near[i] && !self.is_given[i]);
         let to_gap = grid.distances(|i| !self.is_given[i]);
         let open_steps = (OPEN_M / grid.step_m).ceil() as u16;
         let to_open =

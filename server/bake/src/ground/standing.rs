@@ -33,7 +33,7 @@ pub(super) fn move_to(city: &mut ScratchScene, triangles: &[[[f32; 3]; 3]]) -> R
 }
 
 /// Height of a triangle at a place on the map; `None` outside of it.
-fn height_at([a, b, c]: &[[f32; 3]; 3], at: [f32; 2]) -> Option<f32> {
+pub(super) fn height_at([a, b, c]: &[[f32; 3]; 3], at: [f32; 2]) -> Option<f32> {
     let cross = |p: &[f32; 3], q: &[f32; 3]| {
         let [px, py, qx, qy] = [p[0] - at[0], p[1] - at[1], q[0] - at[0], q[1] - at[1]].map(f64::from);
         px * qy - py * qx

@@ -20,7 +20,7 @@ pub(super) struct GridCell {
     pub(super) column: MergedColumn,
     /// Lowest terrain in the cell, visible or not.
     pub(super) ground_m: Option<f32>,
-    /// Whether the lowest run stands on the terrain or at its object's foot.
+    /// Whether the lowest run stands on the terrain or on the floor.
     pub(super) is_grounded: bool,
 }
 
@@ -52,8 +52,8 @@ impl CellGrid {
     }
 
     /// Adds a run to a cell and joins it with the runs that it touches. `wall` is the plane of the wall that the run
-    /// belongs to, `object_bottom_m` the foot of its object.
-    pub(super) fn insert(&mut self, x: i32, y: i32, run: SolidRun, object_bottom_m: f32, wall: Option<WallPlane>) {
+    /// belongs to, `floor_m` the floor of the cell.
+    pub(super) fn insert(&mut self, x: i32, y: i32, run: SolidRun, floor_m: f32, wall: Option<WallPlane>) {
         let (Ok(column), Ok(row)) = (usize::try_from(x + 1), usize::try_from(y + 1)) else { return };
         let cell_m = self.cell_m;
         let Some(cell) = self.list.get_mut(row * self.width + column).filter(|_| column < self.width) else { return };
@@ -61,7 +61,7 @@ impl CellGrid {
         let top_before_m = solids.last().map_or(f32::MIN, |run| run.top_m);
         let is_clipped_here = |clip: CellClip| wall.is_some_and(|wall| clip.has_wall(wall, SAME_WALL_OFFSET * cell_m));
         if solids.is_empty() {
-            cell.is_grounded = run.bottom_m < object_bottom_m + cell_m;
+            cell.is_grounded = run.bottom_m < floor_m + cell_m;
             cell.column.clip = wall.map(CellClip::at_plane);
         } else if !cell.column.clip.is_some_and(is_clipped_here) {
             // The clip belongs to another wall and would cut off the new run.

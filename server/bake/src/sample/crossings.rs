@@ -81,6 +81,25 @@ impl Crossings {
         let line = crossing.line as usize;
         Vec3::new(along(line % self.lines[0]), along(line / self.lines[0]), crossing.z)
     }
+
+    /// Index of the first crossing of each line, and the number of all.
+    pub(super) fn starts(&self) -> Vec<u32> {
+        let mut starts = vec![0u32; self.lines[0] * self.lines[1] + 1];
+        for crossing in &self.list {
+            starts[crossing.line as usize + 1] += 1;
+        }
+        for i in 1..starts.len() {
+            starts[i] += starts[i - 1];
+        }
+        starts
+    }
+
+    /// Number of the line nearest to a place; `None` outside of the outermost cells.
+    pub(super) fn line_at(&self, x_m: f32, y_m: f32) -> Option<usize> {
+        let [x, y] = [x_m, y_m].map(|v| ((v - self.offset_m) / self.step_m).floor());
+        let is_within = x >= 0.0 && y >= 0.0 && x < self.lines[0] as f32 && y < self.lines[1] as f32;
+        is_within.then(|| y as usize * self.lines[0] + x as usize)
+    }
 }
 
 /// Finds all crossings and decides those sides that need no sightings.

@@ -5,6 +5,7 @@
 
 use super::{
     local_block::{GROUND_MARGIN_CELLS, LocalBlock},
+    rasterise::rasterise,
     visibility_map::VisibilityMap,
 };
 use crate::columns::voxels::VoxelGround;
@@ -18,6 +19,8 @@ use insula_protocol::{
 const POINT_CELLS: usize = 2;
 /// Height of these points above the ground, in cells.
 const LIFT_CELLS: f32 = 0.05;
+/// Points that see a smaller share of the sky are in buildings: lines that are nearly level pass under their walls.
+const LEAST_SKY: f32 = 0.02;
 /// Number of no triangle of a block.
 const NO_TRIANGLE: u32 = u32::MAX - 1;
 
@@ -71,15 +74,7 @@ impl LocalGround {
                 is_corner[y as usize * size[0] + x as usize] = true;
             }
         }
-        let mut points = Vec::new();
-        let margin = GROUND_MARGIN_CELLS.div_ceil(POINT_CELLS) as i32;
-        let [columns, rows] = block.cells.map(|n| (n / POINT_CELLS) as i32 + margin);
-        for (x, y) in (-margin..rows).flat_map(|y| (-margin..columns).map(move |x| (x, y))) {
-            let at = (Vec2::new(x as f32, y as f32) + 0.5) * (POINT_CELLS as f32 * block.cell_m);
-            if let Some(z) = surface.height_at(at) {
-                points.push(LightPoint { position: at.extend(z + LIFT_CELLS * block.cell_m), cosines: 0.0 });
-            }
-        }
+        let points = light_points(block, &surface);
         Some(Self { size, heights_m, is_corner, has_ground, points, open_cosines: 0.0 })
     }
 
@@ -112,10 +107,11 @@ impl LocalGround {
         VoxelGround::new(heights_m, sky, squares, Some(corners))
     }
 
-    /// Mean share of the sky around a point, without points under roofs and in buildings; NaN if there are no others.
+    /// Mean share of the sky around a point, without points in buildings; NaN if there are no others.
     fn sky_at(&self, at: Vec2, reach_m: f32) -> f32 {
+        let least_cosines = LEAST_SKY * self.open_cosines;
         let (mut sum, mut weight) = (0.0, 0.0);
-        for point in self.points.iter().filter(|point| point.cosines > 0.0) {
+        for point in self.points.iter().filter(|point| point.cosines > least_cosines) {
             let tent = 1.0 - (point.position.xy() - at).abs() / reach_m;
             if tent.x > 0.0 && tent.y > 0.0 {
                 sum += tent.x * tent.y * point.cosines;
@@ -124,6 +120,32 @@ impl LocalGround {
         }
         sum / weight / self.open_cosines
     }
+}
+
+/// Points in and around the block on the ground, except where it passes under given terrain: nobody sees it there.
+fn light_points(block: &LocalBlock, surface: &InterpolatedGround<'_>) -> Vec<LightPoint> {
+    let margin = GROUND_MARGIN_CELLS.div_ceil(POINT_CELLS);
+    let size = block.cells.map(|n| n / POINT_CELLS + 2 * margin);
+    let step_m = POINT_CELLS as f32 * block.cell_m;
+    let corner = Vec2::splat(-(margin as f32) * step_m);
+    let at = |x: usize, y: usize| (Vec2::new(x as f32, y as f32) + 0.5) * step_m + corner;
+    let mut heights_m: Vec<Option<f32>> =
+        (0..size[0] * size[1]).map(|i| surface.height_at(at(i % size[0], i / size[0]))).collect();
+    for triangle in block.triangles.iter().filter(|triangle| triangle.is_terrain && triangle.normal.z > 1e-4) {
+        let (n, origin) = (triangle.normal, triangle.corners[0]);
+        rasterise(triangle.corners.map(|c| (c.xy() - corner).to_array()), step_m, size, |y, first, end| {
+            for x in first..end {
+                let terrain_m = origin.z - n.xy().dot(at(x, y) - origin.xy()) / n.z;
+                let height_m = &mut heights_m[y * size[0] + x];
+                *height_m = height_m.filter(|height_m| *height_m > terrain_m);
+            }
+        });
+    }
+    let point = |(i, height_m): (usize, Option<f32>)| {
+        let position = at(i % size[0], i / size[0]).extend(height_m? + LIFT_CELLS * block.cell_m);
+        Some(LightPoint { position, cosines: 0.0 })
+    };
+    heights_m.into_iter().enumerate().filter_map(point).collect()
 }
 
 /// Triangles that do not overlap, seen from above.

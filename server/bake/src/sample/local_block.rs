@@ -4,7 +4,6 @@ use super::settings::{BlockInput, SampleSettings};
 use crate::scene::ObjectKind;
 use glam::{DMat3, DVec3, Vec3};
 use insula_protocol::NODE_CELLS;
-use std::collections::HashMap;
 
 /// Surfaces whose normal has a larger z are tops, those with a smaller z than its negative undersides, all others
 /// walls.
@@ -25,8 +24,6 @@ pub(super) struct LocalTriangle {
     pub(super) object: u32,
     /// Lowest point of its object.
     pub(super) object_bottom_m: f32,
-    /// West, south, east and north end of its object.
-    pub(super) footprint_m: [f32; 4],
     /// Whether its object is a closed shell with outward normals. Then its back is never visible.
     pub(super) is_closed: bool,
     /// Index into the scene's triangles.
@@ -90,7 +87,6 @@ impl LocalBlock {
             input.triangles.iter().filter_map(|i| local_triangle(input, *i, origin)).partition(|triangle| {
                 input.scene.objects[triangle.object as usize].kind == ObjectKind::GeneratedGround
             });
-        set_footprints(&mut triangles);
         mark_closed_shells(&mut triangles);
         let extent_m = leaves.map(|n| (f64::from(n) * side_m) as f32);
         Some(Self {
@@ -131,25 +127,9 @@ fn local_triangle(input: &BlockInput<'_>, index: u32, origin: [f64; 3]) -> Optio
         is_terrain,
         object: triangle.object,
         object_bottom_m: (f64::from(object.base_z_m) - origin[2]) as f32,
-        footprint_m: [0.0; 4],
         is_closed: false,
         source: index,
     })
-}
-
-/// Sets the extents of the objects, as far as their triangles belong to the block.
-fn set_footprints(triangles: &mut [LocalTriangle]) {
-    const EMPTY: [f32; 4] = [f32::MAX, f32::MAX, f32::MIN, f32::MIN];
-    let mut extents: HashMap<u32, [f32; 4]> = HashMap::new();
-    for triangle in triangles.iter() {
-        let e = extents.entry(triangle.object).or_insert(EMPTY);
-        for c in triangle.corners {
-            *e = [e[0].min(c.x), e[1].min(c.y), e[2].max(c.x), e[3].max(c.y)];
-        }
-    }
-    for triangle in triangles {
-        triangle.footprint_m = extents.get(&triangle.object).copied().unwrap_or(EMPTY);
-    }
 }
 
 /// Sets `is_closed`. Relies on the triangles of an object following each other.
@@ -217,7 +197,6 @@ mod tests {
             is_terrain: false,
             object: 0,
             object_bottom_m: 0.0,
-            footprint_m: [0.0; 4],
             is_closed: false,
             source: 0,
         }

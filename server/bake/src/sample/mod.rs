@@ -10,6 +10,7 @@
 //! | triangles in coordinates of the block | `local_block` |
 //! | points where vertical lines cross surfaces, for geometry | `crossings` |
 //! | surfels: points spread over the surfaces, for appearance and walls | `surfels` |
+//! | where viewers can be below the horizon | `floor` |
 //! | from which directions crossings and surfels are visible | `directions`, `visibility`, `visibility_map` |
 //! | full runs and slopes of each column, walls inside cells | `solids`, `wall_pieces`, `cell_grid` |
 //! | columns for walls that no vertical line meets | `thin_surfaces` |
@@ -23,6 +24,7 @@ mod attributes;
 mod cell_grid;
 mod crossings;
 mod directions;
+mod floor;
 mod ground;
 mod local_block;
 mod nearest;
@@ -37,6 +39,7 @@ mod visibility_map;
 mod wall_pieces;
 
 use crate::columns::{fill::fill_unknown, voxels::VoxelNode};
+use floor::Floor;
 use local_block::LocalBlock;
 pub(crate) use rasterise::rasterise;
 
@@ -47,13 +50,15 @@ pub use settings::{BlockInput, SampleSettings, VisibilityBackend};
 pub fn sample_block(input: &BlockInput<'_>, settings: &SampleSettings) -> Vec<VoxelNode> {
     let Some(block) = LocalBlock::new(input, settings) else { return Vec::new() };
     let mut crossings = crossings::find(&block);
-    let mut surfels = surfels::place(&block);
+    let floor = Floor::new(&block, settings.margin_m);
+    let mut surfels = surfels::place(&block, &floor);
+    surfels::drop_covered(&block, &crossings, &mut surfels);
     let mut ground = ground::LocalGround::new(&block);
-    visibility::find_sightings(&block, settings, &mut crossings, &mut surfels, ground.as_mut());
+    visibility::find_sightings(&block, &floor, settings, &mut crossings, &mut surfels, ground.as_mut());
     surfels::share_sky(&mut surfels);
-    let mut cells = solids::build_columns(&block, &crossings, &surfels);
+    let mut cells = solids::build_columns(&block, &floor, &crossings, &surfels);
     drop(crossings);
-    thin_surfaces::add_columns(&block, &surfels, &mut cells);
+    thin_surfaces::add_columns(&block, &floor, &surfels, &mut cells);
     let mut nodes = attributes::build_nodes(&block, input, &cells, &surfels, ground.as_ref());
     for node in &mut nodes {
         fill_unknown(node);

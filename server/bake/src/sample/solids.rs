@@ -7,6 +7,7 @@
 use super::{
     cell_grid::{CellGrid, GridCell, INTO_GROUND},
     crossings::{Crossing, Crossings},
+    floor::Floor,
     local_block::LocalBlock,
     surfels::Surfel,
     wall_pieces::CellWalls,
@@ -23,9 +24,9 @@ use rayon::prelude::*;
 const MIN_THICKNESS: f32 = 0.25;
 
 /// Builds the columns of all cells in and around the block.
-pub(super) fn build_columns(block: &LocalBlock, crossings: &Crossings, surfels: &[Surfel]) -> CellGrid {
+pub(super) fn build_columns(block: &LocalBlock, floor: &Floor, crossings: &Crossings, surfels: &[Surfel]) -> CellGrid {
     let [width, height] = block.cells.map(|n| n + 2);
-    let lines = BlockLines { block, crossings, starts: line_starts(crossings) };
+    let lines = BlockLines { block, floor, crossings, starts: crossings.starts() };
     let walls = CellWalls::new(block, surfels);
     let list = (0..width * height)
         .into_par_iter()
@@ -34,21 +35,10 @@ pub(super) fn build_columns(block: &LocalBlock, crossings: &Crossings, surfels: 
     CellGrid::new(list, width, block.cell_m)
 }
 
-/// Index of the first crossing of each line, and the number of all.
-fn line_starts(crossings: &Crossings) -> Vec<u32> {
-    let mut starts = vec![0u32; crossings.lines[0] * crossings.lines[1] + 1];
-    for crossing in &crossings.list {
-        starts[crossing.line as usize + 1] += 1;
-    }
-    for i in 1..starts.len() {
-        starts[i] += starts[i - 1];
-    }
-    starts
-}
-
 /// The vertical lines through a block's surfaces.
 struct BlockLines<'a> {
     block: &'a LocalBlock,
+    floor: &'a Floor,
     crossings: &'a Crossings,
     starts: Vec<u32>,
 }
@@ -63,7 +53,6 @@ impl BlockLines<'_> {
     fn cell(&self, x: usize, y: usize, walls: &[WallPiece]) -> GridCell {
         let cell_m = self.block.cell_m;
         let mut ground_m: Option<f32> = None;
-        let mut foot_m = f32::INFINITY;
         let lines: Vec<VerticalLine> = (0..LINES_PER_SIDE * LINES_PER_SIDE)
             .map(|i| {
                 let crossings =
@@ -72,8 +61,6 @@ impl BlockLines<'_> {
                     let triangle = &self.block.triangles[crossing.triangle as usize];
                     if triangle.is_terrain {
                         ground_m = Some(ground_m.map_or(crossing.z, |ground_m| ground_m.min(crossing.z)));
-                    } else {
-                        foot_m = foot_m.min(triangle.object_bottom_m);
                     }
                 }
                 VerticalLine { position_m: line_position_m(i, cell_m), runs: full_runs(self.block, crossings) }
@@ -82,7 +69,9 @@ impl BlockLines<'_> {
         let observations = CellObservations { lines: &lines, walls, cell_m, least_gaps: LEAF_GAPS };
         let column = observations.fit_column(|| self.lines_around(x, y));
         let bottom_m = column.solids.first().map_or(INTO_GROUND, |run| run.bottom_m);
-        let is_grounded = bottom_m == INTO_GROUND || bottom_m < foot_m + cell_m;
+        // The first cell lies around the block.
+        let [x_m, y_m] = [x, y].map(|n| (n as f32 - 0.5) * cell_m);
+        let is_grounded = bottom_m == INTO_GROUND || bottom_m < self.floor.at(x_m, y_m) + cell_m;
         GridCell { column, ground_m, is_grounded }
     }
 

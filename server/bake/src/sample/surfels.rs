@@ -6,10 +6,12 @@
 //! others, and the surfels of such a group share the mean of their results ([`share_sky`]).
 
 use super::{
-    local_block::{LocalBlock, LocalTriangle},
+    crossings::Crossings,
+    floor::Floor,
+    local_block::{LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z},
     rasterise::rasterise,
 };
-use glam::Vec3;
+use glam::{Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, TileId};
 
 /// Number of subsets of the sky directions, and of surfels in a group.
@@ -18,6 +20,9 @@ pub(super) const SKY_SUBSETS: usize = 4;
 const MAX_SURFELS: f32 = 65536.0;
 /// Most rows of surfels over the longest edge of a sliver.
 const MAX_SLIVER_ROWS: f32 = 4.0;
+
+/// A top is hidden by another one that lies at least and at most this far above it, in cells.
+const COVER_CELLS: [f32; 2] = [0.005, 1.0];
 
 /// Maximum number of points at which the distance of a leaf's columns from the source is measured.
 const MAX_POINTS: usize = 1500;
@@ -56,11 +61,11 @@ impl Surfel {
 
 /// Places surfels on all triangles over the block's cells, triangle by triangle. Those of a triangle are sorted by
 /// their sky subset.
-pub(super) fn place(block: &LocalBlock) -> Vec<Surfel> {
+pub(super) fn place(block: &LocalBlock, floor: &Floor) -> Vec<Surfel> {
     let mut surfels = Vec::new();
     let spacing_m = block.cell_m * 0.5;
     for (index, triangle) in (0..).zip(&block.triangles) {
-        if is_hidden_floor(block, triangle) {
+        if is_hidden_floor(block, floor, triangle) {
             continue;
         }
         let first = surfels.len();
@@ -74,6 +79,34 @@ pub(super) fn place(block: &LocalBlock) -> Vec<Surfel> {
         surfels[first..].sort_by_key(|surfel| surfel.sky_subset);
     }
     surfels
+}
+
+/// Drops the surfels of tops that lie closely under other tops: land use under a road. The column shows the upper one only, and
+/// their visibility would be wrong: seen nearly edge-on, the texels of a map are larger than the upper surface.
+pub(super) fn drop_covered(block: &LocalBlock, crossings: &Crossings, surfels: &mut Vec<Surfel>) {
+    let starts = crossings.starts();
+    surfels.retain(|surfel| {
+        let p = surfel.position;
+        let line = crossings.line_at(p.x, p.y).filter(|_| is_top(&block.triangles[surfel.triangle as usize]));
+        let on_line = line.map_or(0..0, |line| starts[line] as usize..starts[line + 1] as usize);
+        !crossings.list[on_line].iter().any(|crossing| {
+            let upper = &block.triangles[crossing.triangle as usize];
+            crossing.triangle != surfel.triangle && is_top(upper) && covers(upper, p, block.cell_m)
+        })
+    });
+}
+
+fn is_top(triangle: &LocalTriangle) -> bool {
+    triangle.normal.z > MIN_TOP_NORMAL_Z
+}
+
+/// Whether a top lies closely above `p`.
+fn covers(upper: &LocalTriangle, p: Vec3, cell_m: f32) -> bool {
+    let [a, b, c] = upper.corners.map(|corner| corner.xy() - p.xy());
+    let turns = [a.perp_dot(b), b.perp_dot(c), c.perp_dot(a)];
+    let is_over = turns.iter().all(|turn| *turn >= 0.0) || turns.iter().all(|turn| *turn <= 0.0);
+    let above_m = upper.normal.dot(upper.corners[0] - p) / upper.normal.z;
+    is_over && above_m > COVER_CELLS[0] * cell_m && above_m < COVER_CELLS[1] * cell_m
 }
 
 /// Gives all surfels of a group the mean of their sky cosines.
@@ -125,11 +158,12 @@ pub(super) fn visible_points(block: &LocalBlock, surfels: &[Surfel], leaf: TileI
     points
 }
 
-/// Whether the triangle is the floor of a closed shell, which no viewer can see.
-fn is_hidden_floor(block: &LocalBlock, triangle: &LocalTriangle) -> bool {
+/// Whether the triangle is the floor of a closed shell that stands on the ground, which no viewer can see.
+fn is_hidden_floor(block: &LocalBlock, floor: &Floor, triangle: &LocalTriangle) -> bool {
     triangle.is_closed
         && triangle.normal.z < -0.99
         && triangle.highest_m() < triangle.object_bottom_m + 0.01 * block.cell_m
+        && !floor.is_below(triangle)
 }
 
 struct LongestEdge {

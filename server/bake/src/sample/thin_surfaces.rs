@@ -3,7 +3,7 @@
 //! Visible wall surfels that no column covers are summed per cell and row. A row with enough wall area becomes full,
 //! clipped at the wall's plane.
 
-use super::{cell_grid::CellGrid, local_block::LocalBlock, surfels::Surfel};
+use super::{cell_grid::CellGrid, floor::Floor, local_block::LocalBlock, surfels::Surfel};
 use crate::columns::{clip::WallPlane, voxels::SolidRun};
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use std::collections::BTreeMap;
@@ -40,7 +40,6 @@ struct WallRow {
     area_m2: f32,
     low_m: f32,
     high_m: f32,
-    object_bottom_m: f32,
     /// Sum of the horizontal normals, weighted by area.
     normal_sum: Vec2,
     /// Sum of the positions relative to the cell's centre, weighted by area.
@@ -48,15 +47,8 @@ struct WallRow {
 }
 
 impl WallRow {
-    fn new(p: Vec3, object_bottom_m: f32) -> Self {
-        Self {
-            area_m2: 0.0,
-            low_m: p.z,
-            high_m: p.z,
-            object_bottom_m,
-            normal_sum: Vec2::ZERO,
-            position_sum: Vec2::ZERO,
-        }
+    fn new(p: Vec3) -> Self {
+        Self { area_m2: 0.0, low_m: p.z, high_m: p.z, normal_sum: Vec2::ZERO, position_sum: Vec2::ZERO }
     }
 
     /// The mean plane of the wall; `None` if its normals differ too much.
@@ -75,12 +67,13 @@ impl WallRow {
 }
 
 /// Adds columns for visible walls that no column covers.
-pub(super) fn add_columns(block: &LocalBlock, surfels: &[Surfel], cells: &mut CellGrid) {
+pub(super) fn add_columns(block: &LocalBlock, floor: &Floor, surfels: &[Surfel], cells: &mut CellGrid) {
     let rows = uncovered_rows(block, surfels, cells);
     let c = block.cell_m;
     for (at, row) in rows.iter().filter(|(at, row)| is_full(&rows, **at, row, c)) {
         let run = SolidRun { bottom_m: row.low_m, top_m: row.high_m.max(row.low_m + 0.25 * c) };
-        cells.insert(at.x, at.y, run, row.object_bottom_m, row.thickened_plane(c));
+        let floor_m = floor.at((at.x as f32 + 0.5) * c, (at.y as f32 + 0.5) * c);
+        cells.insert(at.x, at.y, run, floor_m, row.thickened_plane(c));
     }
 }
 
@@ -96,7 +89,7 @@ fn uncovered_rows(block: &LocalBlock, surfels: &[Surfel], cells: &CellGrid) -> B
         }
         let at = VoxelPosition::containing(p, c);
         let centre = (Vec2::new(at.x as f32, at.y as f32) + 0.5) * c;
-        let row = rows.entry(at).or_insert(WallRow::new(p, triangle.object_bottom_m));
+        let row = rows.entry(at).or_insert(WallRow::new(p));
         let outward = if surfel.visible_side() == 1 { -triangle.normal } else { triangle.normal };
         row.area_m2 += surfel.area_m2;
         row.normal_sum += outward.xy().normalize() * surfel.area_m2;

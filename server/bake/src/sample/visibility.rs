@@ -13,6 +13,7 @@
 use super::{
     crossings::{Crossing, Crossings, SURE_WEIGHT, UNSURE_WEIGHT},
     directions,
+    floor::{Floor, WaysOut},
     ground::LocalGround,
     local_block::{LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z},
     settings::SampleSettings,
@@ -30,6 +31,7 @@ const BACK_DIRECTIONS: usize = 16;
 /// Counts from where the block's crossings, surfels and generated ground are visible, and drops surfels that never are.
 pub(super) fn find_sightings(
     block: &LocalBlock,
+    floor: &Floor,
     settings: &SampleSettings,
     crossings: &mut Crossings,
     surfels: &mut Vec<Surfel>,
@@ -37,8 +39,12 @@ pub(super) fn find_sightings(
 ) {
     let sky = directions::sky(settings.sky_directions);
     let (first, rest) = sky.split_at(FIRST_SKY_DIRECTIONS.min(sky.len()));
-    let mut tests =
-        VisibilityTests { block, map: VisibilityMap::new(settings.visibility), groups: group_by_triangle(surfels) };
+    let mut tests = VisibilityTests {
+        block,
+        map: VisibilityMap::new(settings.visibility),
+        ways_out: None,
+        groups: group_by_triangle(surfels),
+    };
     let mut pending: Vec<u32> =
         (0..crossings.list.len() as u32).filter(|i| crossings.list[*i as usize].is_pending()).collect();
     for (i, direction) in first.iter().enumerate() {
@@ -49,10 +55,11 @@ pub(super) fn find_sightings(
         tests.test_surfels(surfels, pass);
         tests.test_ground(ground.as_deref_mut());
     }
-    let has_undersides = block.triangles.iter().any(|triangle| may_have_space_below(block, triangle));
+    let has_undersides = block.triangles.iter().any(|triangle| may_have_space_below(block, floor, triangle));
     if has_undersides || !pending.is_empty() {
         for (i, direction) in directions::below_horizon(settings.low_directions).iter().enumerate() {
             tests.map.draw(block, *direction);
+            tests.ways_out = Some(floor.ways_out(*direction));
             tests.test_crossings(crossings, &mut pending);
             if has_undersides {
                 let pass = SurfelTest { sky_subset: None, tests_unseen: true, tests_backs: i < BACK_DIRECTIONS };
@@ -60,6 +67,7 @@ pub(super) fn find_sightings(
             }
         }
     }
+    tests.ways_out = None;
     surfels.retain(Surfel::is_visible);
     tests.groups = group_by_triangle(surfels);
     for (i, direction) in rest.iter().enumerate() {
@@ -71,9 +79,10 @@ pub(super) fn find_sightings(
 }
 
 /// Whether a viewer may see the triangle from below, or something under it.
-fn may_have_space_below(block: &LocalBlock, triangle: &LocalTriangle) -> bool {
-    let is_above_foot = triangle.lowest_m() > triangle.object_bottom_m + 1.5 * block.cell_m;
-    !triangle.is_terrain && (!triangle.is_closed || (triangle.normal.z < -0.1 && is_above_foot))
+fn may_have_space_below(block: &LocalBlock, floor: &Floor, triangle: &LocalTriangle) -> bool {
+    let is_above_foot = || triangle.lowest_m() > triangle.object_bottom_m + 1.5 * block.cell_m;
+    let is_in_air = || is_above_foot() || floor.is_below(triangle);
+    !triangle.is_terrain && (!triangle.is_closed || (triangle.normal.z < -0.1 && is_in_air()))
 }
 
 /// The surfels of one triangle.
@@ -113,6 +122,8 @@ struct SurfelTest {
 struct VisibilityTests<'a> {
     block: &'a LocalBlock,
     map: VisibilityMap,
+    /// For a direction below the horizon.
+    ways_out: Option<WaysOut<'a>>,
     groups: Vec<TriangleSurfels>,
 }
 
@@ -143,7 +154,7 @@ impl VisibilityTests<'_> {
         let up = if triangle.normal.z > 0.0 { triangle.normal } else { -triangle.normal };
         let from_above = up.dot(direction) > 0.0;
         let is_tested = crossing.needs_sightings(from_above)
-            && (from_above || !passes_through_floor(triangle, position, direction));
+            && (from_above || self.ways_out.as_ref().is_none_or(|ways| ways.lead_from(position)));
         let normal = if from_above { up } else { -up };
         if !is_tested || !self.map.is_visible(self.block, position, normal, crossing.triangle) {
             return None;
@@ -153,7 +164,7 @@ impl VisibilityTests<'_> {
     }
 
     fn test_surfels(&mut self, surfels: &mut [Surfel], test: SurfelTest) {
-        let (block, map) = (self.block, &self.map);
+        let (block, map, ways_out) = (self.block, &self.map, self.ways_out.as_ref());
         for group in &mut self.groups {
             let triangle = &block.triangles[group.triangle as usize];
             // Tops are visible from the sky. Directions below the horizon are for undersides, and walls under roofs.
@@ -166,12 +177,10 @@ impl VisibilityTests<'_> {
                 continue;
             }
             let normal = if side == 1 { -triangle.normal } else { triangle.normal };
-            let (is_below_horizon, index) = (test.sky_subset.is_none(), group.triangle);
+            let index = group.triangle;
             let is_visible = |surfel: &Surfel| {
-                if is_below_horizon && passes_through_floor(triangle, surfel.position, map.direction()) {
-                    return false;
-                }
-                map.is_visible(block, surfel.position, normal, index)
+                ways_out.is_none_or(|ways| ways.lead_from(surfel.position))
+                    && map.is_visible(block, surfel.position, normal, index)
             };
             if test.tests_unseen && group.has_unseen[side] && (side == 0 || test.tests_backs) {
                 let all = &mut surfels[group.starts[0] as usize..group.starts[SKY_SUBSETS] as usize];
@@ -207,21 +216,4 @@ fn test_unseen(
         has_unseen |= surfel.sightings[side] == 0;
     }
     has_unseen
-}
-
-/// Whether the line from `p` in the direction of a viewer below leaves the object's footprint only under its foot, that
-/// is, through the ground below the object. No viewer can stand there; it would see the inside of a shell without a
-/// floor.
-fn passes_through_floor(triangle: &LocalTriangle, p: Vec3, direction: Vec3) -> bool {
-    if direction.z >= 0.0 {
-        return false;
-    }
-    let [west, south, east, north] = triangle.footprint_m;
-    let exit_distance = |d: f32, at: f32, low: f32, high: f32| match d {
-        d if d > 1e-6 => (high - at) / d,
-        d if d < -1e-6 => (low - at) / d,
-        _ => f32::INFINITY,
-    };
-    let exit = exit_distance(direction.x, p.x, west, east).min(exit_distance(direction.y, p.y, south, north));
-    p.z + exit * direction.z < triangle.object_bottom_m
 }

@@ -5,7 +5,7 @@
 //! Comparing depths at texel centres instead, as shadow maps do, would let light leak along slanted surfaces.
 
 use super::{
-    local_block::{GROUND_MARGIN_CELLS, LocalBlock, LocalTriangle},
+    local_block::{GROUND_MARGIN_CELLS, LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z},
     nearest::{self, FacingTriangle},
     rasterise::rasterise,
     settings::VisibilityBackend,
@@ -16,6 +16,9 @@ use glam::{Vec2, Vec3};
 const TEXEL_CELLS: f32 = 0.5;
 /// A triangle occludes a point if it is nearer to the viewer by more than this, in cells.
 const TOLERANCE_CELLS: f32 = 0.02;
+/// A top that lies at most this far above another, in cells, is a layer on the same ground, such as a road on land use. Seen nearly
+/// edge-on, the texels that show it lie far beside it.
+const LAYER_CELLS: f32 = 0.3;
 
 /// A point of a triangle whose visibility is tested.
 #[derive(Debug, Clone, Copy)]
@@ -49,6 +52,7 @@ pub(super) struct VisibilityMap {
     /// Plane of each triangle: `w = x * u + y * v + z` in metres from `corner`.
     planes: Vec<Vec3>,
     tolerance_m: f32,
+    layer_m: f32,
 }
 
 impl VisibilityMap {
@@ -104,6 +108,7 @@ impl VisibilityMap {
         self.texel_m = block.cell_m * TEXEL_CELLS;
         self.texels_per_m = 1.0 / self.texel_m;
         self.tolerance_m = block.cell_m * TOLERANCE_CELLS;
+        self.layer_m = block.cell_m * LAYER_CELLS;
         let [width_m, height_m] = block.extent_m();
         let margin_cells = if block.ground.is_empty() { 1 } else { GROUND_MARGIN_CELLS + 1 };
         let margin_m = margin_cells as f32 * block.cell_m;
@@ -212,9 +217,11 @@ impl VisibilityMap {
                 continue;
             }
             // The plane is evaluated past the triangle's edges. A triangle wholly behind the surface of the point
-            // cannot occlude it.
+            // cannot occlude it, and a layer beside it hardly does.
             let other = &block.triangles[id as usize - 1];
-            if other.corners.iter().any(|c| point.normal.dot(*c - point.position) > self.tolerance_m) {
+            let are_tops = point.normal.z > MIN_TOP_NORMAL_Z && other.normal.z > MIN_TOP_NORMAL_Z;
+            let least_m = if are_tops { self.layer_m } else { self.tolerance_m };
+            if other.corners.iter().any(|c| point.normal.dot(*c - point.position) > least_m) {
                 return true;
             }
         }

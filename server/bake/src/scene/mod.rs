@@ -45,8 +45,8 @@ pub struct SceneObject {
     /// The source's own identifier, for reports.
     pub id: String,
     pub kind: ObjectKind,
-    /// Height of the lowest vertex in metres above the scene's origin. A shell that is open at the bottom is closed
-    /// there.
+    /// Height of the lowest vertex in metres above the scene's origin, or of the ground below it if the source says how far the
+    /// object is above it. A shell that is open at the bottom is closed there.
     pub base_z_m: f32,
 }
 

@@ -2,10 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod above;
 mod coast;
 mod facades;
 mod formats;
 mod ground;
+mod hovering;
 mod landmarks;
 mod palette;
 mod resume;

@@ -70,7 +70,7 @@ fn footprint_becomes_a_closed_prism_coloured_by_its_surfaces() {
         read(&collection(&feature("h", r#"{"height": "14.5 m", "min_height": 2}"#, &polygon(SQUARE))));
     assert_eq!((scene.objects.len(), scene.triangles.len()), (1, 12));
     assert!(is_closed(&scene) && (volume_m3(&scene) - 1250.0).abs() < 1e-3);
-    assert_eq!((scene.origin[2], scene.objects[0].base_z_m), (2.0, 0.0));
+    assert_eq!((scene.origin[2], scene.objects[0].base_z_m), (2.0, -2.0), "the ground is at 0");
     let colours: Vec<_> = scene.materials.iter().map(|material| material.rgb).collect();
     assert_eq!((colours.len(), colours[0], colours[2]), (3, FLAT_ROOF, GROUND));
     let source = &report.sources[0];

@@ -109,7 +109,9 @@ impl SceneBuilder {
             let bounds_m =
                 [object.min, object.max].map(|corner| std::array::from_fn(|axis| placed(corner[axis], axis)));
             let (kind, identity) = (object.kind, object.identity());
-            city.objects.push(StoredObject { kind, base_z_m: bounds_m[0][2], bounds_m, identity });
+            let ground_m = object.ground_m.map_or(f32::INFINITY, |ground_m| (ground_m - city.origin[2]) as f32);
+            let base_z_m = bounds_m[0][2].min(ground_m);
+            city.objects.push(StoredObject { kind, base_z_m, bounds_m, identity });
             city.triangles += object.triangles;
             city.extent.add(object.surface_m2, [0, 1].map(|axis| object.extent_m(axis)));
             city.names.push(object.id.clone().into());

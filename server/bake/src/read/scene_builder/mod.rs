@@ -192,6 +192,7 @@ impl SceneBuilder {
             max: [0.0; 3],
             triangles: 0,
             has_own_base: false,
+            ground_m: None,
         });
         Ok(())
     }

@@ -55,6 +55,8 @@ pub(crate) struct PendingObject {
     pub(super) triangles: u64,
     /// Whether it is a building whose source gives its heights.
     pub(super) has_own_base: bool,
+    /// World height of the ground below an object whose source says how far it is above it.
+    pub(super) ground_m: Option<f64>,
 }
 
 impl PendingObject {
@@ -140,6 +142,8 @@ pub(crate) struct OpenObject {
     pub(crate) has_facade: bool,
     /// Whether it is a building whose source gives its heights.
     pub(crate) has_own_base: bool,
+    /// World height of the ground below it, if its source says how far it is above it.
+    pub(crate) ground_m: Option<f64>,
 }
 
 impl OpenObject {
@@ -153,12 +157,13 @@ impl OpenObject {
             triangles: 0,
             has_facade: false,
             has_own_base: false,
+            ground_m: None,
         }
     }
 
     /// `None` without triangles.
     pub(super) fn into_pending(self, source: usize, id: &str) -> Option<PendingObject> {
-        let Self { kind, anchor, min, max, surface_m2, triangles, has_own_base, .. } = self;
+        let Self { kind, anchor, min, max, surface_m2, triangles, has_own_base, ground_m, .. } = self;
         let anchor = anchor?;
         let id: Box<str> = id[..id.floor_char_boundary(MAX_ID_BYTES)].into();
         let (relation, id_hash) = (ObjectRelation::default(), hash_of_id(&id));
@@ -176,6 +181,7 @@ impl OpenObject {
             max,
             triangles,
             has_own_base,
+            ground_m,
         })
     }
 }

@@ -49,7 +49,12 @@ impl SceneSink<'_, '_, '_> {
             self.faces.clear();
             let plan = self.ground_plan(object, footprint);
             match plan.and_then(|plan| self.build(object, &plan, &form).map(|()| plan)) {
-                Ok(plan) => self.stand(&plan.rings)?,
+                Ok(plan) => {
+                    let ground_m = self.stand(&plan.rings)?;
+                    if form.height.base_m > 0.0 {
+                        open.ground_m = Some(open.ground_m.map_or(ground_m, |lowest| lowest.min(ground_m)));
+                    }
+                }
                 Err(reason) => fault = Some(reason),
             }
             self.context.push(&mut open, &mut self.faces, form.facade_use);

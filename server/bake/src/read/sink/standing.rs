@@ -13,20 +13,19 @@ const MAX_EDGE_STEPS: f64 = 0.5;
 const MAX_FACES: f64 = 1e6;
 
 impl SceneSink<'_, '_, '_> {
-    /// Lifts the collected faces, which stand on a level plane at 0, to the lowest ground under a plan. Fails if an
-    /// elevation model cannot be read.
-    pub(super) fn stand(&mut self, rings: &[Vec<[f64; 2]>]) -> Result<(), InputError> {
+    /// Lifts the collected faces, which stand on a level plane at 0, to the lowest ground under a plan. Returns its height. Fails if
+    /// an elevation model cannot be read.
+    pub(super) fn stand(&mut self, rings: &[Vec<[f64; 2]>]) -> Result<f64, InputError> {
         if self.context.elevation.is_empty() {
-            return Ok(());
+            return Ok(0.0);
         }
         let mut lowest = f64::INFINITY;
         for corner in rings.iter().take(1).flatten() {
             lowest = lowest.min(self.context.ground_m(*corner)?);
         }
-        if lowest.is_finite() {
-            self.faces.iter_mut().flat_map(|face| &mut face.corners).for_each(|corner| corner[2] += lowest);
-        }
-        Ok(())
+        let lowest = if lowest.is_finite() { lowest } else { 0.0 };
+        self.faces.iter_mut().flat_map(|face| &mut face.corners).for_each(|corner| corner[2] += lowest);
+        Ok(lowest)
     }
 
     /// Lays the collected faces, which are level, on the ground: divides them, and adds its height. Without an elevation model they stay
