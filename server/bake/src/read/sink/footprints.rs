@@ -49,7 +49,13 @@ impl SceneSink<'_, '_, '_> {
             self.faces.clear();
             let plan = self.ground_plan(object, footprint);
             match plan.and_then(|plan| self.build(object, &plan, &form).map(|()| plan)) {
-                Ok(plan) => self.stand(&plan.rings)?,
+                Ok(plan) => match self.base_of_footprint(object, footprint) {
+                    Some(base_m) => {
+                        self.lift(base_m);
+                        open.has_own_base = true;
+                    }
+                    None => self.stand(&plan.rings)?,
+                },
                 Err(reason) => fault = Some(reason),
             }
             self.context.push(&mut open, &mut self.faces, form.facade_use);
@@ -74,11 +80,18 @@ impl SceneSink<'_, '_, '_> {
                 Ok(false) => self.report.problem("ring crosses itself", || object.id.clone()),
                 Err(reason) => fault = Some(reason),
             }
-            self.drape()?;
+            let base_m = self.base_of_footprint(object, footprint);
+            self.drape(base_m)?;
             self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
         }
         self.finish_areas(object, open, fault);
         Ok(())
+    }
+
+    /// World height of the ground under an area, where the source has one.
+    fn base_of_footprint(&mut self, object: &SourceObject, footprint: &Footprint) -> Option<f64> {
+        let corner = *footprint.rings.first()?.first()?;
+        self.base_m(object, corner, footprint.base_z)
     }
 
     /// Number of the material of a flat kind, by the palette.
@@ -109,9 +122,10 @@ impl SceneSink<'_, '_, '_> {
 
     fn building_form(&mut self, object: &SourceObject) -> BuildingForm {
         let (id, attributes) = (&object.id, &object.attributes);
-        let options = self.context.options;
+        let (options, hints) = (self.context.options, self.height_hints());
         let report = &mut self.report;
-        let height = BuildingHeight::of(attributes, options.height_field.as_deref(), |kind, detail| {
+        report.footprints += 1;
+        let height = BuildingHeight::of(attributes, hints, |kind, detail| {
             report.problem(kind, || format!("{id}: {detail}"));
         });
         let roof = RoofTags::of(attributes, |name| {
