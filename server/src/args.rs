@@ -193,6 +193,10 @@ pub struct ReadArgs {
     /// Longitude, latitude (degrees) and height (metres) of the origin of meshes: OBJ, PLY, STL, glTF
     #[arg(long, value_name = "LON,LAT,H", value_parser = parse_place, allow_hyphen_values = true)]
     pub at: Option<GeoPlace>,
+    /// Order of the coordinates where files do not tell it right: en (east or longitude first), ne, or auto; for some inputs
+    /// as in 'north/*.gml=ne'; may be repeated, the last that fits counts [default: auto]
+    #[arg(long, value_name = "[PATTERN=]ORDER")]
+    pub axis_order: Vec<String>,
     /// Only objects in this area, in degrees
     #[arg(long, value_name = "W,S,E,N", value_parser = parse_degrees_box, allow_hyphen_values = true)]
     pub bbox: Option<DegreesBox>,
@@ -206,6 +210,13 @@ pub struct ReadArgs {
     /// Attribute that has the heights of footprints
     #[arg(long, value_name = "NAME")]
     pub height_field: Option<String>,
+    /// Unit of heights in attributes that do not tell it [default: m]
+    #[arg(long, value_enum, value_name = "UNIT")]
+    pub height_unit: Option<LengthUnit>,
+    /// Value of elevation models that marks missing heights, besides what they declare; then all heights from -12,000 to
+    /// 9,000 m count, else those from -500 m
+    #[arg(long, value_name = "V", allow_negative_numbers = true)]
+    pub nodata: Option<f64>,
     /// Attributes that the city must not have, as in 'owner*'; may be repeated
     #[arg(long, value_name = "NAME")]
     pub drop: Vec<String>,
@@ -218,6 +229,13 @@ pub struct ReadArgs {
     /// Keep objects that two inputs have
     #[arg(long, conflicts_with = "prefer")]
     pub keep_duplicates: bool,
+}
+
+/// Unit of heights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum LengthUnit {
+    M,
+    Ft,
 }
 
 /// Which of two equal objects is kept.

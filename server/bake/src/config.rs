@@ -16,8 +16,8 @@ use crate::{
     ground::{self, GroundOption},
     hash, mesh,
     read::{
-        AddressReader, DuplicateOption, FACADE_ALGORITHM, FacadeOption, KindFilter, NamePatterns, ObjUpAxis, Palette,
-        PlacingOptions, ReadOptions, SurroundingsOptions, TerrainOptions,
+        AddressReader, DuplicateOption, FACADE_ALGORITHM, FacadeOption, HeightUnit, KindFilter, NamePatterns,
+        ObjUpAxis, Palette, PlacingOptions, ReadOptions, SurroundingsOptions, TerrainOptions,
     },
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
@@ -88,6 +88,10 @@ pub struct BakeOptions {
     pub placing: PlacingOptions,
     /// Attribute that has the heights of footprints, before the usual ones.
     pub height_field: Option<String>,
+    /// Unit of heights in attributes that do not tell it; `None` for metres.
+    pub height_unit: Option<HeightUnit>,
+    /// Value of elevation models that marks missing heights besides the declared one.
+    pub nodata: Option<f64>,
     /// How elevation models become terrain.
     pub terrain: TerrainOptions,
     /// Sources of which only streets, water and green are taken: they are painted on the ground, which must be terrain of an elevation
@@ -146,6 +150,8 @@ impl Default for BakeOptions {
             kinds: KindFilter::default(),
             placing: PlacingOptions::default(),
             height_field: None,
+            height_unit: None,
+            nodata: None,
             terrain: TerrainOptions::default(),
             streets: Vec::new(),
             surroundings: SurroundingsOptions::default(),
@@ -273,6 +279,8 @@ impl BakeConfig {
             kinds: options.kinds.clone(),
             placing: options.placing.clone(),
             height_field: options.height_field.clone(),
+            height_unit: options.height_unit,
+            nodata: options.nodata,
             terrain: options.terrain,
             level_ground: options.ground == GroundOption::Auto,
             streets: options.streets.clone(),

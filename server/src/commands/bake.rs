@@ -7,14 +7,14 @@ use super::{
     output::{print, refuse_input, refuse_inside, write},
 };
 use crate::{
-    args::{BakeArgs, GeneratedFacades, GeneratedGround, Preference, ReadArgs, UpAxis, VisibilityRenderer},
+    args::{BakeArgs, GeneratedFacades, GeneratedGround, LengthUnit, Preference, ReadArgs, UpAxis, VisibilityRenderer},
     memory,
 };
 use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
     read::{
-        DuplicateOption, FacadeOption, FeatureKind, InputError, KindFilter, ObjUpAxis, Palette, PlacingOptions,
-        ReadReport, SurroundingsOptions, TerrainOptions, cell_of_monument,
+        AxisOrders, AxisRule, DuplicateOption, FacadeOption, FeatureKind, HeightUnit, InputError, KindFilter,
+        ObjUpAxis, Palette, PlacingOptions, ReadReport, SurroundingsOptions, TerrainOptions, cell_of_monument,
     },
     sample::{SampleSettings, VisibilityBackend},
 };
@@ -127,14 +127,26 @@ pub(super) fn kind_filter(args: &ReadArgs) -> Result<KindFilter, CommandError> {
     Ok(KindFilter { only: kinds(&args.only)?, skip: kinds(&args.skip)? })
 }
 
-/// Coordinate systems and places.
-pub(super) fn placing(args: &ReadArgs) -> PlacingOptions {
-    PlacingOptions {
+/// Coordinate systems and places. Fails if an order of coordinates is none.
+pub(super) fn placing(args: &ReadArgs) -> Result<PlacingOptions, CommandError> {
+    let rules: Result<Vec<AxisRule>, String> = args.axis_order.iter().map(|text| text.parse()).collect();
+    let rules = rules.map_err(|error| CommandError::Usage(format!("--axis-order {error}")))?;
+    Ok(PlacingOptions {
         crs: args.crs.clone(),
         grids: args.grids.clone(),
         at: args.at.map(|place| place.0),
         bbox_deg: args.bbox.map(|bbox| bbox.0),
-    }
+        axis_orders: AxisOrders::new(rules),
+        is_crs_found: false,
+    })
+}
+
+/// Unit of heights in attributes that do not tell it.
+pub(super) fn height_unit(args: &ReadArgs) -> Option<HeightUnit> {
+    args.height_unit.map(|unit| match unit {
+        LengthUnit::M => HeightUnit::Metre,
+        LengthUnit::Ft => HeightUnit::Foot,
+    })
 }
 
 /// What becomes of objects that two inputs have.
@@ -174,8 +186,10 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
     });
     Ok(BakeOptions {
         kinds: kind_filter(&args.read)?,
-        placing: placing(&args.read),
+        placing: placing(&args.read)?,
         height_field: args.read.height_field.clone(),
+        height_unit: height_unit(&args.read),
+        nodata: args.read.nodata,
         drop_attributes: args.read.drop.clone(),
         search_attributes: args.read.search.clone(),
         duplicates: duplicates(&args.read),
@@ -263,7 +277,7 @@ fn summary(report: &BakeReport, args: &BakeArgs) -> String {
     )
 }
 
-/// What of the inputs is not in the city, and why: for the end of a sentence, empty if all is.
+/// What of the inputs is not in the city or was guessed, and why: for the end of a sentence, empty if all is.
 fn left_out(read: &ReadReport) -> String {
     /// Reasons that are named; `--report` has all.
     const MAX_REASONS: usize = 3;
@@ -282,6 +296,9 @@ fn left_out(read: &ReadReport) -> String {
     let merged = read.merged();
     if merged > 0 {
         text += &format!(", {} merged into others of the same name", count(merged, "object"));
+    }
+    if let Some([guessed, all]) = read.guessed_heights() {
+        text += &format!(", {guessed} of {all} heights guessed");
     }
     if by_reason.is_empty() {
         return text;
@@ -304,7 +321,7 @@ mod tests {
     fn arguments_become_bake_options() {
         let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
             --attribution A --licence L --source-url U --obj-up y --no-meshes --scratch 3GiB --facades windows --skip-bad-inputs \
-            --crs 25832 --at 4.3,-52,3 --only building,bridge --skip road --height-field H --prefer lod --bbox -1,2,3,4";
+            --crs 25832 --axis-order ne --axis-order a/*=en --at 4.3,-52,3 --only building,bridge --skip road --height-field H --height-unit ft --nodata -32767 --prefer lod --bbox -1,2,3,4";
         let ServerCommand::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
         let options = options(&args, Palette::default()).unwrap();
         assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);
@@ -314,11 +331,13 @@ mod tests {
         assert_eq!((options.update, options.memory_bytes, options.scratch_bytes), (true, Some(2 << 30), 3 << 30));
         assert_eq!((options.name.as_deref(), options.title.as_deref()), (Some("n"), Some("T")));
         assert_eq!(options.obj_up, ObjUpAxis::Y);
-        let PlacingOptions { crs, at, bbox_deg, .. } = &options.placing;
+        let PlacingOptions { crs, at, bbox_deg, axis_orders, .. } = &options.placing;
+        assert_eq!(*axis_orders, AxisOrders::new(["ne", "a/*=en"].map(|text| text.parse().unwrap())));
         assert_eq!((crs.as_deref(), *at), (Some("EPSG:25832"), Some([4.3, -52.0, 3.0])));
         assert_eq!(*bbox_deg, Some([-1.0, 2.0, 3.0, 4.0]));
         assert!(options.kinds.contains(FeatureKind::BuildingPart) && !options.kinds.contains(FeatureKind::Road));
         assert_eq!((options.height_field.as_deref(), options.duplicates), (Some("H"), DuplicateOption::KeepBestLevel));
+        assert_eq!((options.height_unit, options.nodata), (Some(HeightUnit::Foot), Some(-32767.0)));
         let [source] = &options.attribution[..] else { panic!("{:?}", options.attribution) };
         assert_eq!((&*source.text, source.licence.as_deref(), source.url.as_deref()), ("A", Some("L"), Some("U")));
     }

@@ -2,7 +2,7 @@
 
 use super::{
     addresses::Addresses,
-    bake::{duplicates, kind_filter, placing},
+    bake::{duplicates, height_unit, kind_filter, placing},
     error::CommandError,
     output::{print, print_json},
 };
@@ -37,8 +37,10 @@ pub(super) fn is_input(path: &Path) -> bool {
 pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
     let options = ReadOptions {
         kinds: kind_filter(&args.read)?,
-        placing: placing(&args.read),
+        placing: placing(&args.read)?,
         height_field: args.read.height_field.clone(),
+        height_unit: height_unit(&args.read),
+        nodata: args.read.nodata,
         duplicates: duplicates(&args.read),
         addresses: Some(&Addresses),
         skip_bad_inputs: true,
@@ -87,6 +89,9 @@ fn to_text(survey: &InputSurvey) -> String {
     read.unread.iter().for_each(|unread| line("not read", unread.clone()));
     for warning in read.placing_warnings() {
         line("warning", warning.to_owned());
+    }
+    for warning in read.guess_warnings() {
+        line("warning", warning);
     }
     for source in read.sources.iter().take(MAX_ROWS) {
         out.push('\n');

@@ -140,7 +140,11 @@ impl<'a> BakeRun<'a> {
         for warning in report.placing_warnings() {
             self.progress.warn(warning);
         }
-        report.wide_warnings().chain(report.coast_warnings()).for_each(|warning| self.progress.warn(&warning));
+        report
+            .wide_warnings()
+            .chain(report.coast_warnings())
+            .chain(report.guess_warnings())
+            .for_each(|warning| self.progress.warn(&warning));
         if let Some(warning) = estimate::warning(&city, self.config) {
             self.progress.warn(&warning);
         }

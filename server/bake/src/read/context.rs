@@ -13,16 +13,17 @@ use super::elevation::{
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
 use super::local_frame::{self, LocalFrame};
 use super::map_store::MapStore;
-use super::object::{AxisOrder, CrsReference, FeatureKind, KindFilter};
+use super::object::{CrsReference, FeatureKind, KindFilter};
 use super::paint::PaintShape;
 use super::palette::{BuildingLook, Palette, SurfaceFacts};
-use super::place::{Placement, World};
+use super::place::{AxisOrders, FirstShape, Placement, World};
 use super::polygon::Triangulator;
-use super::report::{FacadeReport, INEXACT, ReadReport, SourceReport};
+use super::report::{FacadeReport, MISSING_HEIGHTS, NO_CRS, ReadReport, SourceReport};
 use super::scene_builder::{AnchoredBuilding, OpenObject, SceneBuilder, WorldTriangle};
 use super::source::CitySource;
 use super::stone::{CityStone, mean_colour};
 use super::texture::TextureLoader;
+use super::units::HeightUnit;
 use crate::error::{BakeError, InputError};
 use crate::scene::ObjectKind;
 use crate::scene::object_records::{RecordPlace, SourceRecord};
@@ -69,6 +70,10 @@ pub struct ReadOptions {
     pub placing: PlacingOptions,
     /// Attribute that has the heights of footprints, before the usual ones.
     pub height_field: Option<String>,
+    /// Unit of heights in attributes that do not tell it; `None` for metres.
+    pub height_unit: Option<HeightUnit>,
+    /// Value of elevation models that marks missing heights besides the declared one.
+    pub nodata: Option<f64>,
     /// What becomes of objects that two sources have.
     pub duplicates: DuplicateOption,
     /// How elevation models become terrain.
@@ -102,6 +107,10 @@ pub struct PlacingOptions {
     pub at: Option<[f64; 3]>,
     /// West, south, east and north in degrees: objects outside are left out.
     pub bbox_deg: Option<[f64; 4]>,
+    /// Orders of coordinates where the user decides.
+    pub axis_orders: AxisOrders,
+    /// Whether `crs` was found in the sources, and is not that of sources that name none.
+    pub is_crs_found: bool,
 }
 
 impl Default for ReadOptions {
@@ -120,6 +129,8 @@ impl Default for ReadOptions {
             kinds: KindFilter::default(),
             placing: PlacingOptions::default(),
             height_field: None,
+            height_unit: None,
+            nodata: None,
             duplicates: DuplicateOption::default(),
             terrain: TerrainOptions::default(),
             level_ground: false,
@@ -198,7 +209,7 @@ impl<'o> ReadContext<'o> {
             textures: TextureLoader::new(options.max_texture_pixels, textures),
             triangulator: Triangulator::new(),
             source: 0,
-            world: World::new(crs.as_deref(), grids.clone())?,
+            world: World::new(crs.as_deref(), grids.clone())?.with_options(&options.placing, options.height_unit),
             elevation: Elevation::default(),
             shapes: MapStore::new(Path::new(""), u64::MAX, 0),
             is_last_resort: false,
@@ -275,8 +286,13 @@ impl<'o> ReadContext<'o> {
     }
 
     /// Gives a placement the city's system. Fails with [`InputError::NoProjection`] if the system has to follow from
-    /// `first`, a position in degrees, although another source may name a projected one.
-    pub(crate) fn settle(&mut self, placement: &mut Placement, label: &str, first: [f64; 3]) -> Result<(), InputError> {
+    /// `first`, a shape in degrees, although another source may name a projected one.
+    pub(crate) fn settle(
+        &mut self,
+        placement: &mut Placement,
+        label: &str,
+        first: impl Into<FirstShape>,
+    ) -> Result<(), InputError> {
         if placement.needs_world() && !self.world.is_settled() && !self.is_last_resort {
             return Err(InputError::NoProjection { path: label.to_owned() });
         }
@@ -372,11 +388,11 @@ impl<'o> ReadContext<'o> {
             return Ok(());
         }
         self.elevation.settle(&mut self.world)?;
-        for (number, placement) in self.elevation.placements() {
+        for (number, placement, guess) in self.elevation.placements() {
             let Some(report) = sources.get_mut(number) else { continue };
-            report.crs = placement.source_crs().map(str::to_owned);
-            for warning in placement.warnings() {
-                report.problem(INEXACT, || warning.clone());
+            report.note_placement(placement);
+            if let Some(guess) = guess {
+                report.problem(NO_CRS, || guess.clone());
             }
         }
         // Ground without a model passes into the generated ground. One step apart, they stay two materials, in steps, too.
@@ -422,6 +438,10 @@ impl<'o> ReadContext<'o> {
         {
             let path = report.path.clone();
             report.problem(NO_TERRAIN, || path);
+        }
+        for (number, missing) in self.elevation.missing() {
+            let Some(report) = sources.get_mut(number) else { continue };
+            missing.into_iter().for_each(|text| report.problem(MISSING_HEIGHTS, || text));
         }
         for (number, names, count) in self.elevation.bad_tiles() {
             let Some(report) = sources.get_mut(number) else { continue };
@@ -502,7 +522,7 @@ impl<'o> ReadContext<'o> {
     fn area_on_map(&mut self, [west, south, east, north]: [f64; 4]) -> Option<[[f64; 2]; 2]> {
         /// Points along each side: the sides are curves on the map.
         const STEPS: u32 = 16;
-        let degrees = CrsReference { name: "OGC:CRS84".to_owned(), order: AxisOrder::EastFirst };
+        let degrees = CrsReference::east_first("OGC:CRS84");
         let placement = self.world.place("--bbox", &degrees).ok()?;
         let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
         for i in 0..=STEPS {

@@ -34,7 +34,7 @@ pub(super) fn of(source: &CitySource<'_>) -> JsonKind {
     let has = |text: &str| start.windows(text.len()).any(|window| window == text.as_bytes());
     let type_name = geojson::read_type(source, MAX_TYPE_BYTES);
     match type_name.as_deref() {
-        Some("FeatureCollection") => JsonKind::FeatureCollection,
+        Some("FeatureCollection" | "Feature") => JsonKind::FeatureCollection,
         Some("CityJSON") => JsonKind::Other,
         _ if has("\"geometricError\"") && has("\"asset\"") => JsonKind::Tileset,
         _ if has("\"tiles\"") && has("quantized-mesh") => JsonKind::Terrain,

@@ -6,7 +6,7 @@ use std::io::ErrorKind;
 
 use serde::Deserialize;
 
-use super::object::{AxisOrder, CrsReference};
+use super::object::CrsReference;
 use super::source::{CitySource, PLACE_FILE, read_sibling};
 use crate::error::InputError;
 
@@ -84,7 +84,7 @@ pub(super) fn find(
 }
 
 fn reference([lon, lat, height_m]: [f64; 3]) -> CrsReference {
-    CrsReference { name: format!("ENU:{lon},{lat},{height_m}"), order: AxisOrder::EastFirst }
+    CrsReference::east_first(format!("ENU:{lon},{lat},{height_m}"))
 }
 
 #[cfg(test)]

@@ -58,6 +58,7 @@ mod tests;
 mod texture;
 mod texture_level;
 mod tiles3d;
+mod units;
 mod unread_formats;
 mod vector;
 mod world_triangle;
@@ -78,11 +79,13 @@ pub use landmark::cell_of_monument;
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
 pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
+pub use place::{AxisOrders, AxisRule};
 pub use report::{
     AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport,
 };
 pub use source::ReadProgress;
 pub use survey::{InputSurvey, survey};
+pub use units::HeightUnit;
 
 use crate::error::BakeError;
 use crate::scene::Scene;
@@ -434,10 +437,10 @@ fn read_by_kind(
 
 /// Opens an elevation model or a picture, which is read later. Fails as [`elevation::Elevation::open`].
 fn open_elevation(context: &mut ReadContext<'_>, source: &CitySource<'_>) -> Result<SourceReport, InputError> {
-    let warning = context.elevation.open(source, context.source)?;
+    let warnings = context.elevation.open(source, context.source, context.options.nodata)?;
     let mut report = SourceReport::new(&source.label, SourceFormat::Elevation, source.bytes);
-    if let Some(warning) = warning {
-        report.problem(INEXACT, || warning.to_owned());
+    for warning in warnings {
+        report.problem(INEXACT, || warning);
     }
     Ok(report)
 }

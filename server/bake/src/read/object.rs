@@ -56,7 +56,9 @@ pub(crate) enum Shape {
     /// Lines with a width, laid on the ground: roads, rails, rivers.
     Strips(Vec<Strip>),
     /// Points on the ground: trees, street lamps.
-    Points(Vec<[f64; 2]>),
+    ///
+    /// Their third coordinate is the height of the ground; 0 where the source has none.
+    Points(Vec<[f64; 3]>),
 }
 
 /// A planar polygon in space. Counter-clockwise seen from outside.
@@ -119,6 +121,8 @@ pub(crate) struct TriangleMesh {
 pub(crate) struct Footprint {
     /// The outer ring, then the holes, in any orientation, closed or not: the bake repairs rings.
     pub(crate) rings: Vec<Vec<[f64; 2]>>,
+    /// Height of the lowest corner in the source's unit, on which the area stands; 0 where the source has none.
+    pub(crate) base_z: f64,
 }
 
 /// A line with a width.
@@ -126,6 +130,8 @@ pub(crate) struct Footprint {
 pub(crate) struct Strip {
     pub(crate) points: Vec<[f64; 2]>,
     pub(crate) width_m: f64,
+    /// Height of the lowest point in the source's unit; 0 where the source has none.
+    pub(crate) base_z: f64,
 }
 
 /// Colour and texture of surfaces.
@@ -196,6 +202,15 @@ pub(crate) enum AxisOrder {
     Authority,
     /// East (or longitude) first, whatever the registry says. For GeoPackage, WKB, Shapefile, OpenStreetMap, CityJSON.
     EastFirst,
+    /// East first as most writers have it, although some follow the registry. For CityJSON in projected systems.
+    MostlyEastFirst,
+}
+
+impl AxisOrder {
+    /// Whether all writers of the format have this order.
+    pub(crate) fn is_fixed(self) -> bool {
+        self == Self::EastFirst
+    }
 }
 
 /// A coordinate system as a source names it.
@@ -204,6 +219,20 @@ pub(crate) struct CrsReference {
     /// `EPSG:7415`, a URN, a URL, WKT, PROJJSON or the name of an agency; `ECEF` for geocentric WGS84 in metres.
     pub(crate) name: String,
     pub(crate) order: AxisOrder,
+    /// Metres in a unit of heights, if the source tells it besides the system.
+    pub(crate) height_unit_m: Option<f64>,
+}
+
+impl CrsReference {
+    /// A system whose coordinates are in the order of the registry.
+    pub(crate) fn authority(name: impl Into<String>) -> Self {
+        Self { name: name.into(), order: AxisOrder::Authority, height_unit_m: None }
+    }
+
+    /// A system whose coordinates are east (or longitude) first.
+    pub(crate) fn east_first(name: impl Into<String>) -> Self {
+        Self { name: name.into(), order: AxisOrder::EastFirst, height_unit_m: None }
+    }
 }
 
 /// Text of a source about itself.

@@ -5,9 +5,15 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::attributes::{AttributeValue, Attributes};
+use super::footprint::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, UNIT_GUESSED};
 use super::object::FeatureKind;
 use super::osm;
+use super::place::{OUTSIDE, Placement, SWAPPED};
 
+/// More guessed heights than this share of all are worth a warning.
+const MAX_GUESSED_SHARE: f64 = 0.05;
+/// Further attributes are not named in it.
+const MAX_NAMES: usize = 20;
 /// Number of examples that are kept of each fault.
 const EXAMPLES: usize = 5;
 /// Longer texts of a source, such as identifiers, are cut in the report.
@@ -16,6 +22,12 @@ const MAX_TEXT_CHARS: usize = 300;
 const MAX_TYPES: usize = 1000;
 /// Kind of the problem that places are less exact than they could be.
 pub(super) const INEXACT: &str = "coordinates less exact than possible";
+/// Kind of the problem that an elevation model has heights that are none on land.
+pub(super) const MISSING_HEIGHTS: &str = "heights out of range, taken as missing";
+/// Kind of the problem that a position of a map has a height that is none on land.
+pub(super) const MISSING_GROUND: &str = "height of the ground out of range, taken as missing";
+/// Kind of the problem that a source names no coordinate system.
+pub(super) const NO_CRS: &str = "coordinate system not given";
 /// Reason for leaving out objects that are too far from the others.
 pub(super) const FAR: &str = "far from the city";
 /// Kind of the problem that few objects make the city wide.
@@ -24,6 +36,10 @@ pub(super) const WIDE: &str = "few objects far away that make the city more than
 const OTHER_TYPES: &str = "(other types)";
 /// Stands for all attributes past [`MAX_TYPES`].
 const OTHER_ATTRIBUTES: &str = "(other attributes)";
+
+fn is_worth_a_warning(guessed: u64, all: u64) -> bool {
+    guessed as f64 > MAX_GUESSED_SHARE * all as f64
+}
 
 fn shorten(text: String) -> String {
     match text.char_indices().nth(MAX_TEXT_CHARS) {
@@ -59,6 +75,13 @@ pub struct AttributeCount {
 }
 
 impl AttributeCount {
+    /// Whether the values are numbers, as far as they are known.
+    fn is_numeric(&self) -> bool {
+        let is_number = |text: &String| text.trim().replace(',', ".").parse::<f64>().is_ok();
+        let numbers = ["integer", "float"].into_iter().filter_map(|name| self.types.get(name)).sum::<u64>();
+        numbers * 2 > self.count || self.types.contains_key("text") && self.examples.iter().all(is_number)
+    }
+
     fn add(&mut self, value: &AttributeValue) {
         self.count += 1;
         let name = match value {
@@ -178,6 +201,8 @@ pub struct SourceReport {
     pub coarser_left_out: u64,
     /// Objects that are painted on the terrain.
     pub painted: u64,
+    /// Buildings that were made of their plan and a height.
+    pub footprints: u64,
     /// Buildings under which the terrain was changed to meet them.
     pub terrain_fitted: u64,
     /// Objects that only group others or have attributes.
@@ -224,6 +249,7 @@ impl SourceReport {
             objects_by_type: BTreeMap::new(),
             coarser_left_out: 0,
             painted: 0,
+            footprints: 0,
             terrain_fitted: 0,
             without_geometry: 0,
             merged: BTreeMap::new(),
@@ -248,6 +274,46 @@ impl SourceReport {
         let left_out = self.left_out_by_kind + self.outside_bbox + self.duplicates.count;
         let known = self.objects + self.painted + self.coarser_left_out + self.without_geometry + left_out;
         self.found as i64 - (known + counted(&self.merged) + counted(&self.skipped)) as i64
+    }
+
+    /// Notes the system of the source, and what is known of its accuracy and its order.
+    pub(crate) fn note_placement(&mut self, placement: &Placement) {
+        self.crs = placement.source_crs().map(str::to_owned);
+        for warning in placement.warnings() {
+            self.problem(INEXACT, || warning.clone());
+        }
+        if let Some((kind, text)) = placement.finding() {
+            self.problem(kind, || text.clone());
+        }
+    }
+
+    /// Number of heights of buildings of which nothing was known.
+    fn guessed(&self) -> u64 {
+        self.problems.get(GUESSED).map_or(0, |fault| fault.count)
+    }
+
+    /// A warning if more than a few heights of buildings were guessed, with the attributes that may have them.
+    fn guessed_heights(&self) -> Option<String> {
+        let guessed = self.guessed();
+        let by_levels = self.problems.get(GUESSED_FROM_LEVELS).map_or(0, |fault| fault.count);
+        if !is_worth_a_warning(guessed, self.footprints) {
+            return None;
+        }
+        let numeric = self.attributes.iter().filter(|(_, count)| count.is_numeric());
+        let mut names: Vec<&str> = numeric.map(|(name, _)| name.as_str()).collect();
+        let more = names.len().saturating_sub(MAX_NAMES);
+        names.truncate(MAX_NAMES);
+        let of_levels = if by_levels > 0 { format!(", {by_levels} more from storeys") } else { String::new() };
+        let found = match (names.is_empty(), more) {
+            (true, _) => "no attribute has numbers".to_owned(),
+            (false, 0) => format!("attributes with numbers: {}", names.join(", ")),
+            (false, more) => format!("attributes with numbers: {} and {more} more", names.join(", ")),
+        };
+        Some(format!(
+            "{}: {guessed} of {} heights of buildings are guessed{of_levels}; {found}; name the one that has the heights \
+             with --height-field",
+            self.path, self.footprints
+        ))
     }
 
     pub(crate) fn merge(&mut self, reason: &str, example: impl FnOnce() -> String) {
@@ -362,16 +428,33 @@ impl ReadReport {
 
     /// Where coastlines were guessed, or why there is no sea, of each source with such.
     pub fn coast_warnings(&self) -> impl Iterator<Item = String> {
-        self.sources.iter().flat_map(|source| {
-            [osm::GAP, osm::OPEN_END, osm::CONTRADICTION, osm::TOO_WIDE, osm::TOO_MANY].into_iter().filter_map(
-                |reason| {
-                    let FaultCount { count, first } = source.problems.get(reason)?;
-                    let more = count - (first.len() as u64).min(*count);
-                    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-                    Some(format!("{}: {reason}: {}{more}", source.path, first.join(", ")))
-                },
-            )
+        self.problems_of(&[osm::GAP, osm::OPEN_END, osm::CONTRADICTION, osm::TOO_WIDE, osm::TOO_MANY])
+    }
+
+    /// What was guessed of heights and places, of each source with such.
+    pub fn guess_warnings(&self) -> impl Iterator<Item = String> {
+        let kinds = &[SWAPPED, OUTSIDE, NO_CRS, UNIT_GUESSED, NO_GROUND_HEIGHT, MISSING_HEIGHTS, MISSING_GROUND];
+        self.problems_of(kinds).chain(self.sources.iter().filter_map(SourceReport::guessed_heights))
+    }
+
+    /// A line for each problem of some kinds in each source.
+    fn problems_of(&self, kinds: &'static [&'static str]) -> impl Iterator<Item = String> {
+        self.sources.iter().flat_map(move |source| {
+            kinds.iter().filter_map(move |kind| {
+                let FaultCount { count, first } = source.problems.get(*kind)?;
+                let more = count - (first.len() as u64).min(*count);
+                let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                Some(format!("{}: {kind}: {}{more}", source.path, first.join(", ")))
+            })
         })
+    }
+
+    /// Number of heights of buildings that were guessed, and of all that were made of a plan; `None` if few were guessed.
+    #[must_use]
+    pub fn guessed_heights(&self) -> Option<[u64; 2]> {
+        let guessed = self.sources.iter().map(SourceReport::guessed).sum();
+        let all = self.sources.iter().map(|source| source.footprints).sum();
+        is_worth_a_warning(guessed, all).then_some([guessed, all])
     }
 
     /// Number of duplicates left out in all sources.
@@ -413,6 +496,26 @@ mod tests {
         (0..2000).for_each(|i| report.count_type(&format!("{i} {}", "y".repeat(1000))));
         assert_eq!((report.objects_by_type.len(), report.objects_by_type[OTHER_TYPES]), (MAX_TYPES + 1, 1000));
         assert!(report.objects_by_type.keys().all(|name| name.len() <= MAX_TEXT_CHARS + 3));
+    }
+
+    #[test]
+    fn guessed_heights_are_told_with_the_attributes_that_have_numbers() {
+        let mut report = SourceReport::new("a", SourceFormat::GeoJson, 1);
+        report.footprints = 100;
+        let mut attributes = Attributes::default();
+        attributes.push("NUT_H", AttributeValue::Float(4.5));
+        attributes.push("nombre", AttributeValue::Text("x".to_owned()));
+        attributes.push("text_h", AttributeValue::Text("12,5".to_owned()));
+        report.count_attributes(&attributes);
+        (0..5).for_each(|_| report.problem(GUESSED, || "b".to_owned()));
+        assert_eq!(report.guessed_heights(), None);
+        report.problem(GUESSED, || "b".to_owned());
+        report.problem(GUESSED_FROM_LEVELS, || "b".to_owned());
+        let report = ReadReport { sources: vec![report], ..ReadReport::default() };
+        let warnings: Vec<String> = report.guess_warnings().collect();
+        let expected = "a: 6 of 100 heights of buildings are guessed, 1 more from storeys; attributes with numbers: NUT_H, text_h; \
+            name the one that has the heights with --height-field";
+        assert_eq!(warnings, [expected]);
     }
 
     #[test]

@@ -225,7 +225,8 @@ impl<'a> BakeSteps<'a> {
         let id = job.id()?;
         let read_options = config.read_options(options);
         let crs = job.crs.clone().or_else(|| read_options.placing.crs.clone());
-        let placing = PlacingOptions { crs, ..read_options.placing.clone() };
+        let is_crs_found = read_options.placing.crs.is_none();
+        let placing = PlacingOptions { crs, is_crs_found, ..read_options.placing.clone() };
         let read_options = ReadOptions { placing, ..read_options };
         Ok(Self { job, id, store, config, read_options, progress })
     }

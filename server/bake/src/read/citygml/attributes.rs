@@ -6,8 +6,8 @@ use super::codelists::Codelists;
 use super::names::{Class, Family, GenericType, Names};
 use super::tree::{AttributeKind, Tree};
 use crate::read::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
-
-const METRES_PER_FOOT: f64 = 0.3048;
+use crate::read::footprint::is_height;
+use crate::read::units::metres_of;
 
 /// Reads the attributes of one object.
 pub(super) struct AttributeReader<'r, 'f> {
@@ -95,12 +95,13 @@ impl AttributeReader<'_, '_> {
         self.push_measure(property, name, value);
     }
 
-    /// Adds a value with its unit, unless that is the metre. Heights in feet become metres.
+    /// Adds a value with its unit, unless that is the metre. Heights in other units become metres.
     fn push_measure(&mut self, property: u32, name: &str, value: AttributeValue) {
-        let unit = self.tree.attribute(property, AttributeKind::Uom).filter(|unit| !is_metre(unit));
+        let unit = self.tree.attribute(property, AttributeKind::Uom);
+        let unit = unit.filter(|unit| !unit.trim_start_matches('#').is_empty() && metres_of(unit) != Some(1.0));
         match (unit, value.as_f64()) {
-            (Some(unit), Some(value)) if name == "measuredHeight" && is_foot(unit) => {
-                self.attributes.push(name, AttributeValue::Float(value * METRES_PER_FOOT));
+            (Some(unit), Some(value)) if is_height(name) && metres_of(unit).is_some() => {
+                self.attributes.push(name, AttributeValue::Float(value * metres_of(unit).unwrap_or(1.0)));
             }
             (Some(unit), _) => {
                 self.attributes.push(name, value);
@@ -187,18 +188,4 @@ fn address_name(local: &str, parent: &str) -> String {
     };
     let mut letters = name.chars();
     letters.next().map_or(String::new(), |first| first.to_lowercase().chain(letters).collect())
-}
-
-fn is_metre(unit: &str) -> bool {
-    let unit = unit.trim_start_matches('#');
-    unit.is_empty()
-        || unit
-            .rsplit(['#', ':', '/'])
-            .next()
-            .is_some_and(|unit| matches!(unit, "m" | "M" | "metre" | "meter" | "9001"))
-}
-
-fn is_foot(unit: &str) -> bool {
-    let unit = unit.to_ascii_lowercase();
-    ["ft", "foot", "feet", "[ft_i]"].iter().any(|name| unit.rsplit(['#', ':', '/']).next() == Some(*name))
 }

@@ -12,7 +12,7 @@ use super::shape::{Chosen, choose, remove_copies};
 use super::tree::AttributeKind;
 use crate::error::InputError;
 use crate::read::attributes::Attributes;
-use crate::read::object::{AxisOrder, CrsReference, FeatureKind, Shape, SourceObject};
+use crate::read::object::{CrsReference, FeatureKind, Shape, SourceObject};
 
 /// An object that is ready for the sink, or the reason why it is left out.
 struct Finished {
@@ -70,7 +70,7 @@ impl Session<'_, '_> {
         if self.current_srs.as_ref() == Some(&name) {
             return Ok(());
         }
-        self.sink.set_crs(&CrsReference { name: name.clone(), order: AxisOrder::Authority })?;
+        self.sink.set_crs(&CrsReference::authority(name.clone()))?;
         self.current_srs = Some(name);
         Ok(())
     }

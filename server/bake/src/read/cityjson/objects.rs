@@ -19,12 +19,14 @@ use crate::read::facade::FacadeUse;
 use crate::read::json::{attributes::flatten, metadata, position::JsonPosition};
 use crate::read::object::{AxisOrder, CrsReference, FeatureKind};
 use crate::read::palette::WallKind;
-use crate::read::place::Placement;
-use crate::read::report::{INEXACT, SourceFormat, SourceReport};
+use crate::read::place::{FirstShape, Placement};
+use crate::read::report::{NO_CRS, SourceFormat, SourceReport};
 use crate::read::scene_builder::{ObjectRelation, hash_of_id};
 use crate::read::source::CitySource;
 use crate::subject;
 
+/// Vertices are whole numbers of steps; objects are larger than so many.
+const STEPS_OF_OBJECT: f64 = 1000.0;
 /// Objects between two progress reports.
 const TICK_OBJECTS: usize = 256;
 
@@ -47,28 +49,42 @@ pub(super) fn begin(
     {
         crs = metadata::describe(&value, &mut report);
     }
-    let Some(name) = crs else { return Ok((report, Placement::Unknown)) };
-    // As the specification says: the order of the system's definition. Writers follow it for degrees, not for projected systems
-    // whose definition begins with the northing.
-    let order = if is_geographic(&name) { AxisOrder::Authority } else { AxisOrder::EastFirst };
-    let mut placement = context.world.place(&source.label, &CrsReference { name, order })?;
-    if let Some(first) = first_position(header) {
+    let first = first_shape(header);
+    let reference = match crs {
+        // As the specification says: the order of the system's definition. Writers follow it for degrees, and mostly not for
+        // projected systems whose definition begins with the northing.
+        Some(name) if is_geographic(&name) => CrsReference::authority(name),
+        Some(name) => CrsReference { order: AxisOrder::MostlyEastFirst, ..CrsReference::east_first(name) },
+        None => {
+            let Some((reference, text)) = first.and_then(|first| context.world.guess(&first)) else {
+                return Ok((report, Placement::Unknown));
+            };
+            report.problem(NO_CRS, || text);
+            reference
+        }
+    };
+    let mut placement = context.world.place(&source.label, &reference)?;
+    if let Some(first) = first {
         context.settle(&mut placement, &source.label, first)?;
     }
-    report.crs = placement.source_crs().map(str::to_owned);
-    for warning in placement.warnings() {
-        report.problem(INEXACT, || warning.clone());
-    }
+    report.note_placement(&placement);
     Ok((report, placement))
 }
 
-/// A position near the document's objects: features have no vertices of their own in the header.
-fn first_position(header: &CityJsonDocument<'_>) -> Option<[f64; 3]> {
-    let JsonPosition(first) = header.vertices.first().copied().unwrap_or(JsonPosition([0.0; 3]));
-    match header.transform {
-        Some(transform) => Some(transform.apply(first)),
-        None => header.vertices.first().map(|position| position.0),
-    }
+/// Where the document's objects begin: features have no vertices of their own in the header.
+fn first_shape(header: &CityJsonDocument<'_>) -> Option<FirstShape> {
+    /// Vertices that are probably of one object.
+    const VERTICES: usize = 4;
+    let placed = |JsonPosition(vertex): &JsonPosition| {
+        let [x, y, _] = header.transform.map_or(*vertex, |transform| transform.apply(*vertex));
+        [x, y]
+    };
+    let of_vertices = FirstShape::of(header.vertices.iter().take(VERTICES).map(placed));
+    of_vertices.or_else(|| {
+        let transform = header.transform?;
+        let ([x, y, _], [x1, y1, _]) = (transform.apply([0.0; 3]), transform.apply([STEPS_OF_OBJECT; 3]));
+        Some(FirstShape::at([x, y], Some([(x1 - x).abs(), (y1 - y).abs()])))
+    })
 }
 
 /// Parses an optional member. A malformed one is noted in the report and ignored.

@@ -331,3 +331,21 @@ fn feature_may_have_its_own_appearance() {
     let (scene, _) = read_embedded(&[("a.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap();
     assert_eq!(colours(&scene)[0], [51, 77, 128]);
 }
+
+#[test]
+fn degrees_without_a_system_are_taken_as_wgs84() {
+    let corners = ["-122.5034,37.7294", "-122.5031,37.7294", "-122.5031,37.7296", "-122.5034,37.7296"];
+    let at = |z: &str| corners.map(|corner| format!("[{corner},{z}]")).join(",");
+    let text = document(&object("a", &solid("1")), "").replace(CUBE, &format!("{},{}", at("0"), at("8.23")));
+    let (scene, report) = read(&text);
+    assert_eq!((scene.crs.as_deref(), report.sources[0].crs.as_deref()), (Some("EPSG:32610"), Some("OGC:CRS84")));
+    // 26 m x 22 m x 8.23 m.
+    assert!((volume(&scene) - 4825.0).abs() < 60.0, "{}", volume(&scene));
+    assert!(report.guess_warnings().any(|warning| warning.contains("taken as WGS 84")));
+    // Projected coordinates in either order are plausible in Japan.
+    let metadata = r#", "metadata": {"referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/6677"}"#;
+    let text = document(&object("a", &solid("1")), metadata).replace(CUBE, &CUBE.replace('[', "[-3549"));
+    let (_, report) = read(&text);
+    let noted = report.sources[0].problems.keys().any(|kind| kind.contains("both are plausible"));
+    assert!(noted, "{:?}", report.sources[0].problems);
+}

@@ -15,6 +15,7 @@ pub(crate) struct Axes(Direction, Direction);
 
 impl Axes {
     pub(crate) const EAST_NORTH: Self = Self(Direction::East, Direction::North);
+    pub(crate) const NORTH_EAST: Self = Self(Direction::North, Direction::East);
 
     /// `None` if both directions are along the same line.
     pub(crate) fn new(first: Direction, second: Direction) -> Option<Self> {
@@ -33,6 +34,15 @@ impl Axes {
         };
         let mut letters = letters.chars().map(direction);
         Self::new(letters.next()??, letters.next()??)
+    }
+
+    /// The other order of east and north; `None` for axes that count towards west or south.
+    pub(crate) fn swapped(self) -> Option<Self> {
+        match self {
+            Self::EAST_NORTH => Some(Self::NORTH_EAST),
+            Self::NORTH_EAST => Some(Self::EAST_NORTH),
+            _ => None,
+        }
     }
 
     /// Coordinates towards east and north.

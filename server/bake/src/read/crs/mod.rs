@@ -3,6 +3,7 @@
 //! Names are codes of the EPSG registry, URNs, URLs, well-known text of all dialects, PROJJSON, strings for PROJ, the
 //! names of the German AdV, and the own names `ECEF` and `ENU:LON,LAT,H`.
 
+mod area;
 mod axes;
 mod definition;
 mod describe;
@@ -16,6 +17,7 @@ mod tests;
 mod wkt;
 mod wkt_crs;
 
+pub(crate) use area::Area;
 pub(crate) use axes::Axes;
 pub(crate) use definition::Definition;
 
@@ -142,6 +144,11 @@ impl Horizontal {
         }
     }
 
+    /// Where it may be used; `None` for all of the Earth, or if it is not known.
+    pub(crate) fn area(&self) -> Option<Area> {
+        registry::area(self.code?)
+    }
+
     /// The system with the same datum and projection whose unit is the metre.
     pub(crate) fn in_metres(&self) -> Option<(Option<u32>, Definition)> {
         let System::Projected(definition) = &self.system else { return None };
@@ -156,6 +163,16 @@ impl Horizontal {
         };
         Some((code, definition))
     }
+}
+
+/// Area of use of a horizontal system by its code; `None` for all of the Earth, or if it is not known.
+pub(crate) fn area_of_use(code: u32) -> Option<Area> {
+    registry::area(code)
+}
+
+/// Whether a longitude and latitude is on land, or near it, as far as the registry's areas of use tell.
+pub(crate) fn is_near_land(place: [f64; 2]) -> bool {
+    registry::is_near_land(place)
 }
 
 /// The geographic system of a projected one, both by their codes.

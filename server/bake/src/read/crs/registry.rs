@@ -1,9 +1,10 @@
-//! Tables of the EPSG registry: axis order, compound and vertical systems, names of datums. Definitions of horizontal
+//! Tables of the EPSG registry: axis order, areas of use, compound and vertical systems, names of datums. Definitions of horizontal
 //! systems are in the crate `crs-definitions`.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
+use super::area::Area;
 use super::axes::Axes;
 
 static HORIZONTAL: &str = include_str!("data/horizontal.txt");
@@ -12,6 +13,8 @@ static COMPOUND: &str = include_str!("data/compound.txt");
 static DATUMS: &str = include_str!("data/datums.txt");
 static DEFINITIONS: &str = include_str!("data/definitions.txt");
 static SHIFTS: &str = include_str!("data/shifts.txt");
+static AREAS: &str = include_str!("data/areas.txt");
+static LAND: &str = include_str!("data/land.txt");
 
 /// What the registry knows of a horizontal system besides its definition.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -105,6 +108,35 @@ pub(super) fn horizontal(code: u32) -> Option<HorizontalEntry> {
     let ranges = horizontal_ranges();
     let after = ranges.partition_point(|range| range.first <= code);
     ranges.get(after.checked_sub(1)?).filter(|range| code <= range.last).map(|range| range.entry)
+}
+
+/// Area of use of a horizontal system; `None` for all of the Earth, or if it is not known.
+pub(super) fn area(code: u32) -> Option<Area> {
+    static RANGES: OnceLock<Vec<(u32, u32, Area)>> = OnceLock::new();
+    let ranges = RANGES.get_or_init(|| {
+        let of_row = |row: &'static str| {
+            let (degrees, codes) = row.split_once('|')?;
+            let area = area_of_row(degrees)?;
+            Some(codes.split(' ').filter_map(range_ends).map(move |(first, last)| (first, last, area)))
+        };
+        let mut ranges: Vec<_> = rows(AREAS).filter_map(of_row).flatten().collect();
+        ranges.sort_by_key(|(first, ..)| *first);
+        ranges
+    });
+    let after = ranges.partition_point(|(first, ..)| *first <= code);
+    ranges.get(after.checked_sub(1)?).filter(|(_, last, _)| code <= *last).map(|(.., area)| *area)
+}
+
+/// Whether a longitude and latitude is on land, or near it.
+pub(super) fn is_near_land(place: [f64; 2]) -> bool {
+    static AREAS_OF_LAND: OnceLock<Vec<Area>> = OnceLock::new();
+    let areas = AREAS_OF_LAND.get_or_init(|| rows(LAND).filter_map(area_of_row).collect());
+    areas.iter().any(|area| area.contains(place, 0.0))
+}
+
+fn area_of_row(row: &'static str) -> Option<Area> {
+    let degrees: Vec<f64> = row.split(' ').filter_map(|number| number.parse().ok()).collect();
+    Some(Area::new(degrees.try_into().ok()?))
 }
 
 /// Codes of projected systems that are not deprecated, with their geographic systems.

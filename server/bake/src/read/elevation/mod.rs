@@ -14,6 +14,7 @@ mod drape;
 mod fit;
 mod lattice;
 mod level;
+mod missing;
 mod model;
 mod pixel_finder;
 mod surroundings;
@@ -32,9 +33,10 @@ use lru::LruCache;
 use super::building_base::BuildingBase;
 use super::input::LocalFile;
 use super::map_store::MapStore;
-use super::object::{AxisOrder, CrsReference};
+use super::object::CrsReference;
 use super::place::{Placement, World};
 use super::raster::{GeoPlace, Raster, RasterError, RasterLimits, SampleKind};
+use super::raster::{HEIGHTS_AND_DEPTHS_M, HEIGHTS_M};
 use super::source::{CitySource, SourceKind, kind_by_name, read_all, read_sibling};
 use crate::error::InputError;
 use fit::fit_to_bases;
@@ -131,16 +133,30 @@ impl Elevation {
 
     /// Opens an elevation model or an orthophoto; `number` is that of its report. Returns what is inexact about it. Fails if it is neither, is damaged,
     /// or has no place.
-    pub(crate) fn open(&mut self, source: &CitySource<'_>, number: usize) -> Result<Option<&'static str>, InputError> {
+    ///
+    /// `nodata` marks missing heights besides what the file declares; heights that are none on land are missing without it.
+    pub(crate) fn open(
+        &mut self,
+        source: &CitySource<'_>,
+        number: usize,
+        nodata: Option<f64>,
+    ) -> Result<Vec<String>, InputError> {
         let file = source.files.on_disk(&source.name).map_err(|cause| InputError::io(&source.label, cause))?;
-        let raster = if kind_by_name(&source.name) == Some(SourceKind::Json) {
+        let mut raster = if kind_by_name(&source.name) == Some(SourceKind::Json) {
             open_terrain(source, &file)?
         } else {
             let reader = File::open(&file.path).map_err(|cause| InputError::io(&source.label, cause))?;
             Raster::open(Box::new(std::io::BufReader::new(reader)), &source.name, RasterLimits::default())
                 .map_err(|error| raster_fault(&source.label, error))?
         };
-        let (facts, warning) = (raster.facts(), raster.warning());
+        if let Some(nodata) = nodata {
+            raster.set_nodata(nodata);
+        }
+        let facts = raster.facts();
+        let mut warnings: Vec<String> = raster.warning().map(str::to_owned).into_iter().collect();
+        if let Some(unit) = &facts.unknown_unit {
+            warnings.push(format!("the unit of heights \"{unit}\" is not known; they are taken in that of the system"));
+        }
         // Heights have one band, and hardly ever 8 bits.
         let is_picture = facts.bands > 2 || facts.sample == SampleKind::U8;
         let place = match facts.place {
@@ -152,8 +168,9 @@ impl Elevation {
         let list = if is_picture { &mut self.pictures } else { &mut self.models };
         let mut placed = PlacedRaster::new(&source.label, number, raster, place, crs, file);
         placed.is_surroundings = source.is_surroundings;
+        placed.heights_m = if nodata.is_some() { HEIGHTS_AND_DEPTHS_M } else { HEIGHTS_M };
         list.push(placed);
-        Ok(warning)
+        Ok(warnings)
     }
 
     /// Places the models in the world. Fails if one has no place in it.
@@ -181,10 +198,16 @@ impl Elevation {
         })
     }
 
-    /// The placed rasters: the number of each one's report, and its placement.
-    pub(crate) fn placements(&self) -> impl Iterator<Item = (usize, &Placement)> {
+    /// Heights of models that were taken as missing because they are none on land: the number of the model's report, and
+    /// what to tell.
+    pub(crate) fn missing(&self) -> impl Iterator<Item = (usize, Vec<String>)> {
+        self.models.iter().map(|model| (model.source, model.missing()))
+    }
+
+    /// The placed rasters: the number of each one's report, its placement, and how its system was guessed.
+    pub(crate) fn placements(&self) -> impl Iterator<Item = (usize, &Placement, Option<&String>)> {
         let all = self.models.iter().chain(&self.pictures);
-        all.filter_map(|raster| Some((raster.source, &raster.placed.as_ref()?.placement)))
+        all.filter_map(|raster| Some((raster.source, &raster.placed.as_ref()?.placement, raster.guess.as_ref())))
     }
 
     /// Heights of a grid; NaN where no model has one. Fails if a raster cannot be read.
@@ -338,7 +361,7 @@ fn crs_of(source: &CitySource<'_>, raster: &Raster) -> Option<CrsReference> {
         None if crs.is_ellipsoidal && horizontal == "EPSG:3857" => WEB_MERCATOR_3D.to_owned(),
         _ => horizontal,
     };
-    Some(CrsReference { name, order: AxisOrder::EastFirst })
+    Some(CrsReference { height_unit_m: crs.height_unit_m, ..CrsReference::east_first(name) })
 }
 
 fn raster_fault(label: &str, error: RasterError) -> InputError {

@@ -1,14 +1,16 @@
 //! One raster with its place in the world: heights of the ground, or a picture of it.
 
 use std::cell::RefCell;
+use std::ops::RangeInclusive;
 
 use super::lattice::{Lattice, MapGrid, RasterPoint};
+use super::missing::MissingHeights;
 use super::pixel_finder::PixelFinder;
 use crate::error::InputError;
 use crate::read::input::LocalFile;
 use crate::read::object::CrsReference;
-use crate::read::place::{Placement, World};
-use crate::read::raster::{GeoPlace, Raster, RasterError, RasterSize, Window};
+use crate::read::place::{FirstShape, Placement, World};
+use crate::read::raster::{GeoPlace, HEIGHTS_M, Raster, RasterError, RasterSize, Window};
 
 /// Colours with less alpha are none.
 const OPAQUE: u8 = 128;
@@ -28,6 +30,11 @@ pub(super) struct PlacedRaster {
     pub(super) source: usize,
     /// It shows the land around the city.
     pub(super) is_surroundings: bool,
+    /// Heights outside of it are missing.
+    pub(super) heights_m: RangeInclusive<f64>,
+    missing: RefCell<MissingHeights>,
+    /// How its system was guessed.
+    pub(super) guess: Option<String>,
     raster: RefCell<Raster>,
     place: GeoPlace,
     crs: Option<CrsReference>,
@@ -64,8 +71,19 @@ impl PlacedRaster {
         crs: Option<CrsReference>,
         file: LocalFile,
     ) -> Self {
-        let raster = RefCell::new(raster);
-        Self { label: label.to_owned(), source, is_surroundings: false, raster, place, crs, placed: None, _file: file }
+        Self {
+            label: label.to_owned(),
+            source,
+            is_surroundings: false,
+            heights_m: HEIGHTS_M,
+            missing: RefCell::default(),
+            guess: None,
+            raster: RefCell::new(raster),
+            place,
+            crs,
+            placed: None,
+            _file: file,
+        }
     }
 
     /// Finds the raster's place in the world, which gets the raster's system if it has none. Fails if the system is not
@@ -74,13 +92,21 @@ impl PlacedRaster {
         if self.placed.is_some() {
             return Ok(());
         }
+        let RasterSize { width, height } = self.raster.borrow().facts().size;
+        let middle = self.place.position(f64::from(width) / 2.0, f64::from(height) / 2.0);
+        let pixel = [0, 1].map(|axis| self.place.column[axis].abs() + self.place.row[axis].abs());
+        let first = FirstShape::at(middle, Some(pixel));
+        if self.crs.is_none()
+            && let Some((reference, text)) = world.guess(&first)
+        {
+            self.guess = Some(text);
+            self.crs = Some(reference);
+        }
         let mut placement = match &self.crs {
             Some(crs) => world.place(&self.label, crs)?,
             None => Placement::Unknown,
         };
-        let RasterSize { width, height } = self.raster.borrow().facts().size;
-        let [middle_x, middle_y] = self.place.position(f64::from(width) / 2.0, f64::from(height) / 2.0);
-        placement.settle(world, &self.label, [middle_x, middle_y, 0.0])?;
+        placement.settle(world, &self.label, first)?;
         let finder = PixelFinder { place: self.place, placement: &placement };
         let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
         for i in 0..=BORDER_STEPS {
@@ -122,12 +148,37 @@ impl PlacedRaster {
 
     /// Heights of a grid; `None` where the raster has none. Fails if it cannot be read.
     pub(super) fn heights(&self, grid: &MapGrid) -> Result<Vec<Option<WeightedHeight>>, RasterError> {
-        self.sample(grid, Raster::read_heights, |pixels, point| {
-            let (height, weight) =
-                pixels.blend(point.pixel, |height| height.is_finite().then(|| [f64::from(*height)]))?;
-            let height_m = (point.offset_m + point.scale * height[0]) as f32;
-            Some(WeightedHeight { height_m, weight })
-        })
+        self.sample(
+            grid,
+            |raster, window, level| self.read_heights(raster, window, level),
+            |pixels, point| {
+                let (height, weight) =
+                    pixels.blend(point.pixel, |height| height.is_finite().then(|| [f64::from(*height)]))?;
+                let height_m = (point.offset_m + point.scale * height[0]) as f32;
+                Some(WeightedHeight { height_m, weight })
+            },
+        )
+    }
+
+    /// Heights of a window; those out of range are missing, and noted.
+    fn read_heights(&self, raster: &mut Raster, window: Window, level: usize) -> Result<Vec<f32>, RasterError> {
+        let mut heights = raster.read_heights(window, level)?;
+        let unit_m = self.placed.as_ref().map_or(1.0, |placed| placed.placement.height_unit_m());
+        let width = raster.facts().levels.get(level).map_or(0, |size| u64::from(size.width));
+        for (index, height) in heights.iter_mut().enumerate() {
+            if height.is_finite() && !self.heights_m.contains(&(f64::from(*height) * unit_m)) {
+                let (x, y) = (index as u32 % window.width, index as u32 / window.width);
+                let pixel = u64::from(window.y + y) * width + u64::from(window.x + x);
+                self.missing.borrow_mut().add(*height, level, pixel);
+                *height = f32::NAN;
+            }
+        }
+        Ok(heights)
+    }
+
+    /// Which heights were taken as missing so far.
+    pub(super) fn missing(&self) -> Vec<String> {
+        self.missing.borrow().texts()
     }
 
     /// Colours of a grid as 8-bit sRGB; `None` where the raster has none. Fails if it cannot be read.

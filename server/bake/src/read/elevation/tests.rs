@@ -424,3 +424,36 @@ fn peaks_of_a_model_beside_the_grid_are_kept() {
         assert!((height - at(x, y)).abs() < 0.21, "{x} {y}: {height} {}", at(x, y));
     }
 }
+
+#[test]
+fn heights_that_are_none_on_land_are_missing_and_counted() {
+    let hole = |x: f64, y: f64| (40.0..70.0).contains(&x) && (40.0..70.0).contains(&y);
+    let dem = |mark: f64| grid([-100.0, -100.0], [61, 61], 5.0, |x, y| if hole(x, y) { mark } else { 500.0 });
+    let files = |dem: String| [("a.geojson", house([150.0, 120.0])), ("dem.asc", dem)];
+    let missing = |files: &[(&str, String)], options: &ReadOptions| {
+        let files: Vec<(&str, &str)> = files.iter().map(|(name, text)| (*name, text.as_str())).collect();
+        let (scene, report) = read_files("missing", &files, options);
+        let heights: Vec<f64> = corners(&scene, ObjectKind::Terrain).iter().flatten().map(|corner| corner[2]).collect();
+        assert!(heights.iter().all(|height| (height - 500.0).abs() < 0.1), "{heights:?}");
+        report.guess_warnings().filter(|text| text.contains("taken as missing")).collect::<Vec<_>>()
+    };
+    let options = ReadOptions::default();
+    let found = missing(&files(dem(-32768.0)), &options);
+    assert!(found.len() == 1 && found[0].contains("36 pixels of -32768 taken as missing"), "{found:?}");
+    // Esri's mark, in a file that does not tell it.
+    let undeclared = dem(-9999.0).replace("NODATA_value -9999\n", "");
+    assert_eq!(missing(&files(undeclared), &options), Vec::<String>::new());
+    let by_hand = ReadOptions { nodata: Some(499.0), ..ReadOptions::default() };
+    assert_eq!(missing(&files(dem(499.0)), &by_hand), Vec::<String>::new());
+}
+
+#[test]
+fn a_model_without_a_system_is_placed_by_the_option_or_by_its_degrees() {
+    let dem = "ncols 3\nnrows 3\nxllcorner 9.0\nyllcorner 48.7\ncellsize 0.0005\n\
+        500 500 500\n500 500 500\n500 500 500\n";
+    let folder = TestFolder::new("elevation-no-system");
+    fs::write(folder.path.join("dem.asc"), dem).unwrap();
+    let (scene, report) = read(std::slice::from_ref(&folder.path), &ReadOptions::default(), &|_| {}).unwrap();
+    assert_eq!(scene.crs.as_deref(), Some("EPSG:32632"));
+    assert!(report.guess_warnings().any(|text| text.contains("look like degrees")));
+}

@@ -5,13 +5,18 @@
 
 mod colour;
 mod height;
+mod height_names;
 mod kind;
 mod line_width;
 mod prism;
 mod roof_tags;
 
 pub(crate) use colour::{ResolvedColour, building_colours, by_use};
-pub(crate) use height::{BuildingHeight, has_height, length_m};
+pub(crate) use height::{
+    BuildingHeight, GUESSED, GUESSED_FROM_LEVELS, HeightHints, NO_GROUND_HEIGHT, UNIT_GUESSED, has_height,
+    known_height_m, length_m,
+};
+pub(crate) use height_names::is_height;
 pub(crate) use kind::kind_of;
 pub(crate) use line_width::{
     AEROWAY_WIDTHS_M, HIGHWAY_WIDTHS_M, LANE_M, RAILWAY_WIDTHS_M, WATERWAY_WIDTHS_M, usual_width_m,

@@ -7,48 +7,56 @@ use serde_json::{Map, Value};
 use super::schema::GeoJsonFeature;
 use crate::error::{InputError, json_message};
 use crate::read::attributes::Attributes;
-use crate::read::footprint::kind_of;
-use crate::read::json::{attributes::flatten, lenient, metadata};
-use crate::read::object::{AxisOrder, CrsReference, FeatureKind, Footprint, ObjectSink, Shape, SourceObject};
-use crate::read::sink::SceneSink;
-use crate::read::source::{CitySource, NextLine, next_line};
+use crate::read::context::ReadOptions;
+use crate::read::json::{attributes::flatten, lenient};
+use crate::read::source::{NextLine, next_line};
+use crate::read::vector::{FeatureWriter, Geometry};
 use crate::subject;
 
 /// Features between two progress reports.
 const TICK_FEATURES: u64 = 64;
 /// Separates the records of a sequence (RFC 8142).
 const RECORD_SEPARATOR: u8 = 0x1e;
+/// Further members of a document are not kept.
+const MAX_MEMBERS: usize = 1000;
 /// What RFC 7946 prescribes.
 const DEGREES: &str = "OGC:CRS84";
 
 /// Reads the features of a source.
-pub(super) struct FeatureReader<'r, 'o, 's> {
-    pub(super) sink: SceneSink<'r, 'o, 's>,
-    pub(super) source: &'s CitySource<'s>,
+pub(super) struct FeatureReader<'a> {
+    pub(super) writer: FeatureWriter<'a>,
+    pub(super) options: &'a ReadOptions,
+    pub(super) label: &'a str,
     /// Number of features so far.
     count: u64,
-    has_crs: bool,
+    /// The system of geometries that are not those of JSON-FG, once it is known.
+    crs: Option<String>,
+    /// The system that JSON-FG names for the places of all features.
+    place_crs: Option<String>,
+    /// Texts of the document about itself, by the names of its members.
+    pub(super) texts: Map<String, Value>,
     /// Whether a feature without identifier is named by its text, because its number depends on the slice of the sequence.
     is_named_by_text: bool,
 }
 
-impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
-    pub(super) fn new(sink: SceneSink<'r, 'o, 's>, source: &'s CitySource<'s>) -> Self {
-        Self { sink, source, count: 0, has_crs: false, is_named_by_text: false }
+impl<'a> FeatureReader<'a> {
+    pub(super) fn new(writer: FeatureWriter<'a>, options: &'a ReadOptions, label: &'a str) -> Self {
+        let (place_crs, texts) = (None, Map::new());
+        Self { writer, options, label, count: 0, crs: None, place_crs, texts, is_named_by_text: false }
     }
 
     /// Reads one feature per line. A damaged line is skipped and reported. Fails if the source cannot be read.
     pub(super) fn read_lines(&mut self, mut lines: Box<dyn BufRead + '_>, tick: &dyn Fn()) -> Result<(), InputError> {
         self.is_named_by_text = true;
-        let limit = usize::try_from(self.sink.options().max_line_bytes).unwrap_or(usize::MAX);
+        let limit = usize::try_from(self.options.max_line_bytes).unwrap_or(usize::MAX);
         let mut line = Vec::new();
         loop {
             let status = next_line(&mut *lines, &mut line, limit);
-            match status.map_err(|cause| InputError::io(&self.source.label, cause))? {
+            match status.map_err(|cause| InputError::io(self.label, cause))? {
                 NextLine::EndOfFile => return Ok(()),
                 NextLine::TooLong => {
                     self.count += 1;
-                    self.sink.skip("line too long", format!("feature {}: more than {limit} bytes", self.count));
+                    self.writer.sink.skip("line too long", format!("feature {}: more than {limit} bytes", self.count));
                 }
                 NextLine::Complete => {
                     let text = line.strip_prefix(&[RECORD_SEPARATOR]).unwrap_or(&line).trim_ascii();
@@ -70,40 +78,49 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
 
     /// Applies the document's `crs` member. Fails if it comes after a feature or names an unsupported system.
     pub(super) fn set_crs(&mut self, crs: &Value) -> Result<(), InputError> {
-        if self.count > 0 {
-            let what = "its \"crs\" comes after its features; move it to the front";
-            return Err(InputError::unsupported(&self.source.label, what));
-        }
-        let named = name_of(crs).map_err(|what| InputError::unsupported(&self.source.label, what))?;
+        self.check_front("crs")?;
+        let named = name_of(crs).map_err(|what| InputError::unsupported(self.label, what))?;
         let Some(name) = named else { return Ok(()) };
-        self.has_crs = true;
-        self.sink.set_crs(&CrsReference { name, order: AxisOrder::EastFirst })
+        self.crs = Some(name.clone());
+        self.writer.set_crs(name)
     }
 
-    /// Takes metadata from any other member of the document.
-    pub(super) fn describe(&mut self, name: &str, value: Value) {
-        let members = Value::Object([(name.to_owned(), value)].into_iter().collect());
-        metadata::describe(&members, self.sink.report_mut());
+    /// Sets the system of the places of all features, as JSON-FG names it. Fails if features came before.
+    pub(super) fn set_place_crs(&mut self, crs: &Value) -> Result<(), InputError> {
+        self.check_front("coordRefSys")?;
+        self.place_crs = name_of_place(crs);
+        Ok(())
     }
 
-    /// Reads one feature; a malformed one is skipped and reported. Fails if its coordinate system cannot be that of the
-    /// city.
-    pub(super) fn read_feature(&mut self, text: &[u8]) -> Result<(), InputError> {
-        if !std::mem::replace(&mut self.has_crs, true) {
-            self.sink.set_crs(&CrsReference { name: DEGREES.to_owned(), order: AxisOrder::EastFirst })?;
+    fn check_front(&self, member: &str) -> Result<(), InputError> {
+        if self.count == 0 {
+            return Ok(());
         }
+        let what = format!("its \"{member}\" comes after its features; move it to the front");
+        Err(InputError::unsupported(self.label, what))
+    }
+
+    /// Keeps a text of the document about itself.
+    pub(super) fn describe(&mut self, name: &str, value: Value) {
+        if self.texts.len() < MAX_MEMBERS {
+            self.texts.insert(name.to_owned(), value);
+        }
+    }
+
+    /// Reads a feature, or skips and reports it. Fails if its coordinate system is not known.
+    pub(super) fn read_feature(&mut self, text: &[u8]) -> Result<(), InputError> {
         self.count += 1;
         let number = self.count;
-        subject::set(format_args!("{}: feature number {number}", self.source.label));
+        subject::set(format_args!("{}: feature number {number}", self.label));
         let mut repaired = Vec::new();
         let feature = match lenient::parse::<GeoJsonFeature>(text, &mut repaired) {
             Ok(feature) if feature.kind == "Feature" => feature,
             Ok(feature) => {
-                self.sink.skip("no feature", format!("feature {number}: its type is \"{}\"", feature.kind));
+                self.writer.sink.skip("no feature", format!("feature {number}: its type is \"{}\"", feature.kind));
                 return Ok(());
             }
             Err(error) => {
-                self.sink.skip("malformed feature", format!("feature {number}: {}", json_message(&error)));
+                self.writer.sink.skip("malformed feature", format!("feature {number}: {}", json_message(&error)));
                 return Ok(());
             }
         };
@@ -111,42 +128,56 @@ impl<'r, 'o, 's> FeatureReader<'r, 'o, 's> {
             true => format!("feature {}", &blake3::hash(text).to_hex()[..16]),
             false => format!("feature {number}"),
         });
-        let Some(geometry) = &feature.geometry else {
-            self.sink.skip("no geometry", id);
-            return Ok(());
-        };
-        let footprints = match geometry.footprints() {
-            Ok(footprints) if footprints.is_empty() => {
-                self.sink.skip("no polygon", format!("{id}: its geometry is \"{}\"", geometry.kind));
-                return Ok(());
-            }
-            Ok(footprints) => footprints,
-            Err(detail) => {
-                self.sink.skip("malformed coordinates", format!("{id}: {detail}"));
+        let place_crs = name_of_place(&feature.crs).or_else(|| self.place_crs.clone());
+        let (shape, crs) = match (&feature.place, &feature.geometry) {
+            (Some(place), _) => (place, place_crs),
+            (None, Some(geometry)) => (geometry, None),
+            (None, None) => {
+                self.writer.sink.skip("no geometry", id);
                 return Ok(());
             }
         };
-        let object = object_of(id, &geometry.kind, &feature.properties, footprints);
-        self.sink.add(object)
+        let geometry = match shape.geometry() {
+            Ok(geometry) => geometry,
+            Err((reason, detail)) => {
+                self.writer.sink.skip(reason, format!("{id}: {detail}"));
+                return Ok(());
+            }
+        };
+        match crs {
+            Some(name) => self.writer.set_crs_of_registry(&name)?,
+            None => {
+                if self.crs.is_none() {
+                    self.crs = degrees_of(&geometry);
+                }
+                if let Some(name) = self.crs.clone() {
+                    self.writer.set_crs(name)?;
+                }
+            }
+        }
+        let mut attributes = Attributes::default();
+        flatten(&feature.properties, &mut attributes);
+        self.writer.add_named(id, attributes, Ok(geometry))
     }
 }
 
-fn object_of(
-    id: String,
-    source_type: &str,
-    properties: &Map<String, Value>,
-    footprints: Vec<Footprint>,
-) -> SourceObject {
-    let mut attributes = Attributes::default();
-    flatten(properties, &mut attributes);
-    SourceObject {
-        id,
-        parent: None,
-        kind: kind_of(&attributes).unwrap_or(FeatureKind::Building),
-        source_type: source_type.to_owned(),
-        lod: None,
-        attributes,
-        shape: Shape::Footprints(footprints),
+/// Without a system, positions are in degrees, as RFC 7946 says; `None` if they cannot be. Some files have the latitude
+/// first.
+fn degrees_of(geometry: &Geometry) -> Option<String> {
+    let [west, south, east, north] = geometry.bounds()?;
+    let [x, y] = [west.abs().max(east.abs()), south.abs().max(north.abs())];
+    (x.max(y) <= 360.0 && x.min(y) <= 90.0).then(|| DEGREES.to_owned())
+}
+
+/// The name of a `coordRefSys` member: a URI, a reference with one, or a list of both systems of a compound one.
+fn name_of_place(crs: &Value) -> Option<String> {
+    match crs {
+        Value::String(name) => Some(name.clone()),
+        Value::Array(parts) => {
+            let names: Option<Vec<String>> = parts.iter().take(2).map(name_of_place).collect();
+            names.map(|names| names.join(","))
+        }
+        crs => crs["href"].as_str().map(str::to_owned),
     }
 }
 

@@ -1,15 +1,16 @@
-//! The part of GeoJSON's structure (RFC 7946) that is used.
+//! Serde types of a GeoJSON feature, with the members that JSON-FG adds.
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
 use serde_json::{Map, Value};
 
 use crate::error::json_message;
 use crate::read::json::position::JsonPosition;
-use crate::read::object::Footprint;
+use crate::read::vector::{Geometry, Polygon, Ring, UNKNOWN_TYPE};
 
-/// A polygon: its outer ring, then its holes. Invalid coordinates are NaN.
-type PolygonRings = Vec<Vec<JsonPosition>>;
+type Line = Vec<JsonPosition>;
+type Rings = Vec<Line>;
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
@@ -20,6 +21,10 @@ pub(super) struct GeoJsonFeature {
     #[serde(deserialize_with = "or_default")]
     pub(super) properties: Map<String, Value>,
     pub(super) geometry: Option<GeoJsonGeometry>,
+    /// Of JSON-FG: the geometry in `coordRefSys`, with shapes that GeoJSON lacks.
+    pub(super) place: Option<GeoJsonGeometry>,
+    #[serde(rename = "coordRefSys")]
+    pub(super) crs: Value,
 }
 
 #[derive(Deserialize, Default)]
@@ -31,13 +36,13 @@ pub(super) struct GeoJsonGeometry {
     geometries: Vec<GeoJsonGeometry>,
 }
 
-/// Some writers put `null` for a feature without properties.
+/// Reads an object or null.
 fn or_default<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Map<String, Value>, D::Error> {
     Ok(Option::deserialize(deserializer)?.unwrap_or_default())
 }
 
 impl GeoJsonFeature {
-    /// The feature's identifier: its own, else one among its properties.
+    /// The feature's identifier: its own, else that of its properties.
     pub(super) fn id(&self) -> Option<String> {
         let inside = ["id", "@id", "gml_id"].into_iter().filter_map(|name| self.properties.get(name));
         std::iter::once(&self.id).chain(inside).find_map(|value| match value {
@@ -49,21 +54,60 @@ impl GeoJsonFeature {
 }
 
 impl GeoJsonGeometry {
-    /// All polygons of the geometry and of its parts; none for points and lines. Fails with the reason if the
-    /// coordinates are malformed.
-    pub(super) fn footprints(&self) -> Result<Vec<Footprint>, String> {
-        let text = self.coordinates.as_ref().map_or("[]", |raw| raw.get());
-        let polygons: Result<Vec<PolygonRings>, serde_json::Error> = match self.kind.as_str() {
-            "Polygon" => serde_json::from_str(text).map(|polygon| vec![polygon]),
-            "MultiPolygon" => serde_json::from_str(text),
-            "GeometryCollection" => {
-                let parts: Result<Vec<_>, _> = self.geometries.iter().map(GeoJsonGeometry::footprints).collect();
-                return Ok(parts?.concat());
-            }
-            _ => Ok(Vec::new()),
-        };
-        let on_map = |ring: &Vec<JsonPosition>| ring.iter().map(|JsonPosition([x, y, _])| [*x, *y]).collect();
-        let footprint = |rings: &PolygonRings| Footprint { rings: rings.iter().map(on_map).collect() };
-        polygons.map(|polygons| polygons.iter().map(footprint).collect()).map_err(|error| json_message(&error))
+    /// The geometry of all parts. Heights count only if all positions have one. Fails with the reason and details.
+    pub(super) fn geometry(&self) -> Result<Geometry, (&'static str, String)> {
+        let mut geometry = Geometry::default();
+        self.add_to(&mut geometry)?;
+        let mut has_z = geometry.positions().next().is_some();
+        has_z &= geometry.positions().all(|position| position[2].is_finite());
+        if !has_z {
+            let rings = geometry.polygons.iter_mut().flatten().chain(&mut geometry.lines).flatten();
+            rings.chain(&mut geometry.points).for_each(|position| position[2] = 0.0);
+        }
+        geometry.has_z = has_z;
+        Ok(geometry)
     }
+
+    fn add_to(&self, geometry: &mut Geometry) -> Result<(), (&'static str, String)> {
+        match self.kind.as_str() {
+            "Point" => geometry.push_point(self.parse::<Option<JsonPosition>>()?.map_or([f64::NAN; 3], |at| at.0)),
+            "MultiPoint" => self.parse::<Line>()?.into_iter().for_each(|point| geometry.push_point(point.0)),
+            "LineString" => geometry.push_line(ring(self.parse()?)),
+            "MultiLineString" => self.parse::<Rings>()?.into_iter().for_each(|line| geometry.push_line(ring(line))),
+            "Polygon" => geometry.push_polygon(polygon(self.parse()?)),
+            "MultiPolygon" => add_polygons(self.parse()?, geometry),
+            "Polyhedron" => {
+                geometry.is_surface = true;
+                self.parse::<Vec<Vec<Rings>>>()?.into_iter().for_each(|shell| add_polygons(shell, geometry));
+            }
+            "MultiPolyhedron" => {
+                geometry.is_surface = true;
+                let bodies: Vec<Vec<Vec<Rings>>> = self.parse()?;
+                bodies.into_iter().flatten().for_each(|shell| add_polygons(shell, geometry));
+            }
+            "GeometryCollection" => self.geometries.iter().try_for_each(|part| part.add_to(geometry))?,
+            kind => {
+                let kind = &kind[..kind.floor_char_boundary(64)];
+                return Err((UNKNOWN_TYPE, format!("its geometry is \"{kind}\"")));
+            }
+        }
+        Ok(())
+    }
+
+    fn parse<T: DeserializeOwned + Default>(&self) -> Result<T, (&'static str, String)> {
+        let Some(raw) = &self.coordinates else { return Ok(T::default()) };
+        serde_json::from_str(raw.get()).map_err(|error| ("malformed coordinates", json_message(&error)))
+    }
+}
+
+fn ring(line: Line) -> Ring {
+    line.into_iter().map(|position| position.0).collect()
+}
+
+fn polygon(rings: Rings) -> Polygon {
+    rings.into_iter().map(ring).collect()
+}
+
+fn add_polygons(polygons: Vec<Rings>, geometry: &mut Geometry) {
+    polygons.into_iter().for_each(|rings| geometry.push_polygon(polygon(rings)));
 }

@@ -14,16 +14,17 @@ use crate::read::json::lenient::LenientReader;
 use crate::read::source::{CitySource, open};
 
 const COLLECTION: &str = "FeatureCollection";
+/// The type of a document that is one feature.
+const FEATURE: &str = "Feature";
 
 /// Reads a document feature by feature. Fails if it is damaged, exceeds a limit or is not a FeatureCollection.
 pub(super) fn read(
     reader: Box<dyn BufRead + '_>,
-    features: &mut FeatureReader<'_, '_, '_>,
+    features: &mut FeatureReader<'_>,
     tick: &dyn Fn(),
 ) -> Result<(), InputError> {
-    let options = features.sink.options();
-    let limits = ByteLimits::new(options.max_source_bytes, options.max_line_bytes);
-    let label = features.source.label.clone();
+    let limits = ByteLimits::new(features.options.max_source_bytes, features.options.max_line_bytes);
+    let label = features.label;
     let mut json = serde_json::Deserializer::from_reader(LimitedReader {
         inner: LenientReader::new(skip_bom(reader)),
         limits: &limits,
@@ -37,8 +38,8 @@ pub(super) fn read(
     match (stopped.into_inner(), result) {
         (Some(error), _) => Err(error),
         (None, Ok(())) => Ok(()),
-        (None, Err(error)) => Err(limits.exceeded(&label).unwrap_or_else(|| {
-            if error.is_io() { InputError::io(&label, error.into()) } else { InputError::json(&label, &error) }
+        (None, Err(error)) => Err(limits.exceeded(label).unwrap_or_else(|| {
+            if error.is_io() { InputError::io(label, error.into()) } else { InputError::json(label, &error) }
         })),
     }
 }
@@ -135,15 +136,15 @@ impl<R: Read> Read for LimitedReader<'_, R> {
 }
 
 /// Visits the members of the document in order.
-struct DocumentVisitor<'d, 'r, 'o, 's> {
-    features: &'d mut FeatureReader<'r, 'o, 's>,
+struct DocumentVisitor<'d, 'f> {
+    features: &'d mut FeatureReader<'f>,
     limits: &'d ByteLimits,
     /// The error that ended the parsing, because serde can only pass on a text.
     stopped: &'d RefCell<Option<InputError>>,
     tick: &'d dyn Fn(),
 }
 
-impl DocumentVisitor<'_, '_, '_, '_> {
+impl DocumentVisitor<'_, '_> {
     fn check<E: Error>(&self, result: Result<(), InputError>) -> Result<(), E> {
         result.map_err(|error| {
             self.stopped.replace(Some(error));
@@ -153,11 +154,11 @@ impl DocumentVisitor<'_, '_, '_, '_> {
 
     fn wrong_type(&self, kind: Option<String>) -> InputError {
         let what = kind.map_or("not GeoJSON".to_owned(), |kind| format!("its type is {kind}, not \"{COLLECTION}\""));
-        InputError::unsupported(&self.features.source.label, what)
+        InputError::unsupported(self.features.label, what)
     }
 }
 
-impl<'de> Visitor<'de> for DocumentVisitor<'_, '_, '_, '_> {
+impl<'de> Visitor<'de> for DocumentVisitor<'_, '_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -166,6 +167,9 @@ impl<'de> Visitor<'de> for DocumentVisitor<'_, '_, '_, '_> {
 
     fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<(), A::Error> {
         let mut is_collection = false;
+        // Members of a document that is a single feature.
+        let mut single: Option<String> = None;
+        let mut is_single = false;
         loop {
             self.limits.next_member();
             let Some(name) = map.next_key::<String>()? else { break };
@@ -176,11 +180,27 @@ impl<'de> Visitor<'de> for DocumentVisitor<'_, '_, '_, '_> {
             let raw: Box<RawValue> = map.next_value()?;
             match name.as_str() {
                 "type" if raw.get() == format!("\"{COLLECTION}\"") => is_collection = true,
+                "type" if raw.get() == format!("\"{FEATURE}\"") => is_single = true,
                 "type" => self.check(Err(self.wrong_type(Some(raw.get().chars().take(64).collect()))))?,
                 "crs" => {
                     let crs: Value = serde_json::from_str(raw.get()).map_err(A::Error::custom)?;
                     let agreed = self.features.set_crs(&crs);
                     self.check(agreed)?;
+                }
+                "coordRefSys" => {
+                    let crs: Value = serde_json::from_str(raw.get()).map_err(A::Error::custom)?;
+                    let agreed = self.features.set_place_crs(&crs);
+                    self.check(agreed)?;
+                }
+                "id" | "properties" | "geometry" | "place" if !is_collection => {
+                    let members = single.get_or_insert_with(|| format!("{{\"type\": \"{FEATURE}\""));
+                    members.push_str(&format!(", \"{name}\": {}", raw.get()));
+                    let limit = self.features.options.max_line_bytes;
+                    if members.len() as u64 > limit {
+                        let (path, what) =
+                            (self.features.label.to_owned(), "the size of one feature in bytes".to_owned());
+                        self.check(Err(InputError::TooLarge { path, what, limit }))?;
+                    }
                 }
                 name => {
                     if let Ok(text @ Value::String(_)) = serde_json::from_str(raw.get()) {
@@ -189,14 +209,19 @@ impl<'de> Visitor<'de> for DocumentVisitor<'_, '_, '_, '_> {
                 }
             }
         }
+        if is_single {
+            let text = single.unwrap_or_else(|| format!("{{\"type\": \"{FEATURE}\"")) + "}";
+            let read = self.features.read_feature(text.as_bytes());
+            return self.check(read);
+        }
         if is_collection { Ok(()) } else { self.check(Err(self.wrong_type(None))) }
     }
 }
 
 /// Visits the features one at a time.
-struct FeaturesVisitor<'c, 'd, 'r, 'o, 's>(&'c mut DocumentVisitor<'d, 'r, 'o, 's>);
+struct FeaturesVisitor<'c, 'd, 'f>(&'c mut DocumentVisitor<'d, 'f>);
 
-impl<'de> DeserializeSeed<'de> for FeaturesVisitor<'_, '_, '_, '_, '_> {
+impl<'de> DeserializeSeed<'de> for FeaturesVisitor<'_, '_, '_> {
     type Value = ();
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
@@ -204,7 +229,7 @@ impl<'de> DeserializeSeed<'de> for FeaturesVisitor<'_, '_, '_, '_, '_> {
     }
 }
 
-impl<'de> Visitor<'de> for FeaturesVisitor<'_, '_, '_, '_, '_> {
+impl<'de> Visitor<'de> for FeaturesVisitor<'_, '_, '_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

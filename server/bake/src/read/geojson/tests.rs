@@ -148,11 +148,15 @@ fn bad_rings_are_repaired_or_skipped_and_reported() {
         (polygon("[[0,0],[5,0],[10,0],[0,0]]"), "ring without area"),
         (polygon(nan), "coordinate not a number or out of range"),
         (polygon(huge), "coordinate not a number or out of range"),
-        (polygon(""), "polygon without rings"),
+        (polygon(""), "empty geometry"),
         (polygon("7"), "malformed coordinates"),
         (polygon(r#"[["a", 1]]"#), "malformed coordinates"),
-        (r#"{"type": "Polygon"}"#.to_owned(), "polygon without rings"),
-        (r#"{"type": "LineString", "coordinates": [[0,0],[1,1]]}"#.to_owned(), "no polygon"),
+        (r#"{"type": "Polygon"}"#.to_owned(), "empty geometry"),
+        (r#"{"type": "Curve", "coordinates": [[0,0],[1,1]]}"#.to_owned(), "geometry of unknown type"),
+        (
+            r#"{"type": "LineString", "coordinates": [[0,0],[1,1]]}"#.to_owned(),
+            "line without a width that is no road, railway or water",
+        ),
         ("null".to_owned(), "no geometry"),
         ("7".to_owned(), "malformed feature"),
     ];
@@ -227,7 +231,7 @@ fn metadata_and_feature_identifiers_are_read() {
     assert_eq!((&source.titles[..], &source.attributions[..]), (&["Tokyo".into()][..], &["PLATEAU".into()][..]));
     assert_eq!(source.licences, ["CC BY"]);
     assert_eq!(source.problems["height guessed"].first, ["77: 6 m"]);
-    assert_eq!(source.objects_by_type["Polygon"], 3);
+    assert_eq!(source.objects_by_type["a"], 3);
 }
 
 #[test]
@@ -297,4 +301,64 @@ fn areas_of_water_are_level_surfaces_at_the_ground() {
         );
         assert_eq!(report.sources[0].objects, 1);
     }
+}
+
+/// Lowest and highest corner of all objects.
+fn heights(scene: &Scene) -> [f64; 2] {
+    let all = || scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| f64::from(corner[2]));
+    [all().fold(f64::MAX, f64::min) + scene.origin[2], all().fold(f64::MIN, f64::max) + scene.origin[2]]
+}
+
+#[test]
+fn heights_of_plans_and_bodies_are_kept() {
+    let level = SQUARE.replace("],", ",512.5],").replace("0]]", "0,512.5]]");
+    let (scene, _) = read(&collection(&feature("plan", TEN, &polygon(&level))));
+    assert_eq!(heights(&scene), [512.5, 522.5]);
+    let slope = level.replace("0,10,512.5", "0,10,514");
+    let (scene, _) = read(&collection(&feature("slope", TEN, &polygon(&slope))));
+    assert_eq!(heights(&scene), [512.5, 522.5], "a plan with a height stands on its lowest corner");
+    let wall = "[[0,0,512],[10,0,512],[10,0,524],[0,0,524],[0,0,512]]";
+    let floor = "[[0,0,512],[10,0,512],[10,10,512],[0,10,512],[0,0,512]]";
+    let body = format!(r#"{{"type": "MultiPolygon", "coordinates": [[{floor}], [{wall}]]}}"#);
+    let (scene, _) = read(&collection(&feature("body", "{}", &body)));
+    assert_eq!((heights(&scene), scene.triangles.len()), ([512.0, 524.0], 4));
+    // A mark of a missing height is none.
+    let marked = level.replace("512.5", "-9999");
+    let (scene, report) = read(&collection(&feature("marked", TEN, &polygon(&marked))));
+    assert_eq!(heights(&scene), [0.0, 10.0]);
+    assert!(report.guess_warnings().any(|warning| warning.contains("-9999")));
+}
+
+#[test]
+fn single_features_and_places_of_json_fg_are_read() {
+    let (scene, _) = read(&feature("one", TEN, &polygon(&SQUARE.replace("10", "0.0001"))));
+    assert_eq!((scene.objects[0].id.as_str(), scene.crs.as_deref()), ("one", Some("EPSG:32631")));
+    let square = "[[[500000,5700000,1],[500010,5700000,1],[500010,5700010,1],[500000,5700000,1]]]";
+    let body = format!(r#"{{"type": "Polyhedron", "coordinates": [[{square}, {}]]}}"#, square.replace(",1]", ",9]"));
+    let crs = r#""coordRefSys": "http://www.opengis.net/def/crs/EPSG/0/5555""#;
+    let text =
+        format!(r#"{{"type": "Feature", "id": "b", {crs}, "place": {body}, "geometry": null, "properties": null}}"#);
+    let (scene, report) = read(&text);
+    assert_eq!((heights(&scene), report.crs.as_deref()), ([1.0, 9.0], Some("EPSG:5555")));
+    let one = text.replace(&format!("{crs}, "), "");
+    let (scene, _) = read(&format!(r#"{{"type": "FeatureCollection", {crs}, "features": [{one}]}}"#));
+    assert_eq!(heights(&scene), [1.0, 9.0]);
+}
+
+#[test]
+fn coordinates_without_a_system_are_degrees_or_those_of_the_option() {
+    let metres = "[[84477,447346],[84497,447346],[84497,447356],[84477,447356],[84477,447346]]";
+    let text = format!(r#"{{"type": "FeatureCollection", "features": [{}]}}"#, feature("a", TEN, &polygon(metres)));
+    let (scene, report) = read(&text);
+    assert_eq!(scene.crs, None);
+    assert!(report.guess_warnings().any(|warning| warning.contains("84477, 447346 are no degrees")));
+    let mut options = ReadOptions::default();
+    options.placing.crs = Some("EPSG:28992".to_owned());
+    let (scene, report) = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap();
+    assert_eq!((scene.crs.as_deref(), report.sources[0].crs.as_deref()), (Some("EPSG:28992"), Some("EPSG:28992")));
+    // Latitude first.
+    let turned = "[[35.68,139.76],[35.6801,139.76],[35.6801,139.7601],[35.68,139.76]]";
+    let (scene, report) = read(&text.replace(metres, turned));
+    assert_eq!(scene.crs.as_deref(), Some("EPSG:32654"));
+    assert!(report.guess_warnings().any(|warning| warning.contains("139.7600, 35.6800")));
 }

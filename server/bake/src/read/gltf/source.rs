@@ -7,9 +7,7 @@ use super::{FeatureIdValues, FeatureIds, GltfOptions, GltfPrimitive, GltfScene, 
 use crate::error::InputError;
 use crate::read::attributes::Attributes;
 use crate::read::input::Input;
-use crate::read::object::{
-    AxisOrder, CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceObject, TriangleMesh,
-};
+use crate::read::object::{CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceObject, TriangleMesh};
 
 /// Bytes of memory of a decoded vertex, with its triangles.
 const BYTES_PER_VERTEX: u64 = 64;
@@ -43,7 +41,7 @@ pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), I
     }
     let geocentric = scene.rtc_center.filter(|center| is_on_globe(*center));
     if geocentric.is_some() {
-        sink.set_crs(&CrsReference { name: "ECEF".into(), order: AxisOrder::EastFirst })?;
+        sink.set_crs(&CrsReference::east_first("ECEF"))?;
     }
     let primitives = std::mem::take(&mut scene.primitives);
     let objects = ObjectBuilder::new(&scene, sink).build(primitives);

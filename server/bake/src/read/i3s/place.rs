@@ -1,7 +1,8 @@
 //! The coordinate system of a layer and the unit of its heights.
 
 use super::layer::LayerJson;
-use crate::read::object::{AxisOrder, CrsReference};
+use crate::read::object::CrsReference;
+use crate::read::units::metres_of;
 
 /// Codes from here on are Esri's own.
 const FIRST_ESRI_CODE: i64 = 100_000;
@@ -54,43 +55,16 @@ impl LayerPlace {
         };
         let elevation = layer.elevation_info.as_ref();
         let offset = elevation.filter(|elevation| elevation.mode.as_deref() == Some("absoluteHeight"));
-        let offset_m = offset
-            .and_then(|elevation| Some(elevation.offset? * elevation.unit.as_deref().and_then(unit_m).unwrap_or(1.0)));
+        let offset_m = offset.and_then(|elevation| {
+            Some(elevation.offset? * elevation.unit.as_deref().and_then(metres_of).unwrap_or(1.0))
+        });
         Self {
-            crs: name.map(|name| CrsReference { name, order: AxisOrder::EastFirst }),
+            crs: name.map(CrsReference::east_first),
             is_in_degrees,
-            height_unit_m: model.and_then(|model| model.height_unit.as_deref()).and_then(unit_m).unwrap_or(1.0),
+            height_unit_m: model.and_then(|model| model.height_unit.as_deref()).and_then(metres_of).unwrap_or(1.0),
             height_offset_m: offset_m.filter(|offset| offset.is_finite()).unwrap_or(0.0),
         }
     }
-}
-
-/// Metres of a unit of length by its name; `None` for units that are not known.
-fn unit_m(name: &str) -> Option<f64> {
-    Some(match name.to_ascii_lowercase().as_str() {
-        "meter" | "metre" | "meters" => 1.0,
-        "us-foot" | "us-feet" => 1200.0 / 3937.0,
-        "foot" | "feet" => 0.3048,
-        "clarke-foot" => 0.304_797_265_4,
-        "clarke-yard" => 0.914_391_796_2,
-        "clarke-link" => 0.201_166_195_164,
-        "sears-foot" => 0.304_799_471_538_676,
-        "sears-yard" => 0.914_398_414_616_029,
-        "sears-chain" => 20.116_765_121_552_6,
-        "benoit-1895-b-chain" => 20.116_782_494_375_9,
-        "indian-yard" => 0.914_398_530_744_440,
-        "indian-1937-yard" => 0.914_395_23,
-        "gold-coast-foot" => 0.304_799_710_181_508,
-        "sears-1922-truncated-chain" => 20.116_756,
-        "us-inch" => 100.0 / 3937.0,
-        "us-yard" => 3600.0 / 3937.0,
-        "us-mile" => 6_336_000.0 / 3937.0,
-        "millimeter" => 1e-3,
-        "centimeter" => 1e-2,
-        "decimeter" => 0.1,
-        "kilometer" => 1e3,
-        _ => return None,
-    })
 }
 
 #[cfg(test)]

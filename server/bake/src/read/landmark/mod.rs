@@ -22,7 +22,7 @@ use super::context::{ReadContext, ReadOptions};
 use super::list::list_mesh;
 use super::local_frame;
 use super::object::{
-    AxisOrder, CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh,
+    CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh,
 };
 use super::place::Placement;
 use super::report::{SourceFormat, SourceReport};
@@ -133,7 +133,7 @@ fn place_of(
         Position::City([x, y]) => Ok((Placement::Unknown, DVec3::new(x, y, height_m))),
         Position::Earth([lon, lat]) => {
             let name = format!("ENU:{lon},{lat},{height_m}");
-            let reference = CrsReference { name, order: AxisOrder::EastFirst };
+            let reference = CrsReference::east_first(name);
             let mut placement = context.world.place(&source.label, &reference)?;
             context.settle(&mut placement, &source.label, [0.0; 3])?;
             Ok((placement, DVec3::ZERO))

@@ -95,7 +95,7 @@ pub(super) fn areas_of_relation(
 /// Polygons as the areas of an object.
 pub(super) fn footprints(polygons: Vec<Polygon>) -> Shape {
     let ring = |ring: Vec<Position>| ring.into_iter().map(degrees).collect();
-    let footprint = |polygon: Polygon| Footprint { rings: polygon.into_iter().map(ring).collect() };
+    let footprint = |polygon: Polygon| Footprint { rings: polygon.into_iter().map(ring).collect(), base_z: 0.0 };
     Shape::Footprints(polygons.into_iter().map(footprint).collect())
 }
 
@@ -125,11 +125,11 @@ pub(super) fn pieces_of_way(refs: &[i64], nodes: &NodeStore) -> Result<(Vec<Vec<
 pub(super) fn lines(pieces: Vec<Vec<Position>>, form: Form) -> Shape {
     let pieces = pieces.into_iter().map(|piece| piece.into_iter().map(degrees).collect());
     match form {
-        Form::Line { width_m } => Shape::Strips(pieces.map(|points| Strip { points, width_m }).collect()),
+        Form::Line { width_m } => Shape::Strips(pieces.map(|points| Strip { points, width_m, base_z: 0.0 }).collect()),
         Form::Area | Form::TreeRow => {
             let mut trees = Vec::new();
             pieces.for_each(|piece: Vec<[f64; 2]>| plant(&piece, &mut trees));
-            Shape::Points(trees)
+            Shape::Points(trees.into_iter().map(|[x, y]| [x, y, 0.0]).collect())
         }
     }
 }

@@ -29,7 +29,7 @@ use std::ops::{ControlFlow, Range};
 use crate::error::InputError;
 use crate::read::attributes::{AttributeValue, Attributes};
 use crate::read::input::Input;
-use crate::read::object::{AxisOrder, CrsReference, Description, FeatureKind, ObjectSink, SourceObject};
+use crate::read::object::{CrsReference, Description, FeatureKind, ObjectSink, SourceObject};
 use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify, is_marina};
 use coast::Sea;
 pub(crate) use coast::{CONTRADICTION, GAP, OPEN_END, TOO_MANY, TOO_WIDE};
@@ -64,7 +64,7 @@ fn read_within(input: &Input<'_>, limits: Limits, sink: &mut dyn ObjectSink) -> 
         if is_pbf { Box::new(pbf::PbfFile::open(input)?) } else { Box::new(xml::XmlFile::new(input)) };
     sink.describe(Description::Attribution, "OpenStreetMap contributors");
     sink.describe(Description::Licence, "ODbL 1.0");
-    sink.set_crs(&CrsReference { name: "OGC:CRS84".to_owned(), order: AxisOrder::EastFirst })?;
+    sink.set_crs(&CrsReference::east_first("OGC:CRS84"))?;
     let survey = Survey::read(input, &mut *file, sink)?;
     let size_bytes = input.files.len(input.name).map_err(|cause| InputError::io(input.label, cause))?;
     let assembled_left = MIN_ASSEMBLED + ASSEMBLED_PER_BYTE * size_bytes.min(u64::MAX >> 8);

@@ -139,6 +139,9 @@ fn add_plant(
         source_type: format!("natural={value}"),
         lod: None,
         attributes: attributes(tags),
-        shape: Shape::Points(vec![degrees(position)]),
+        shape: Shape::Points(vec![{
+            let [x, y] = degrees(position);
+            [x, y, 0.0]
+        }]),
     })
 }

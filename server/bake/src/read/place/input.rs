@@ -92,7 +92,7 @@ impl SourceInput {
         };
         let axes = match order {
             AxisOrder::Authority => horizontal.axes,
-            AxisOrder::EastFirst => Axes::EAST_NORTH,
+            AxisOrder::EastFirst | AxisOrder::MostlyEastFirst => Axes::EAST_NORTH,
         };
         let height_unit_m = match &crs.vertical {
             Vertical::Ellipsoidal { unit_m } => *unit_m,
@@ -113,10 +113,20 @@ impl SourceInput {
         })
     }
 
+    /// Whether the coordinates on the map are lengths in feet.
+    pub(super) fn is_in_feet(&self) -> bool {
+        matches!(self.horizontal.system, System::Projected(_)) && (0.3..0.31).contains(&self.unit)
+    }
+
     /// Coordinates towards east and north in metres or radians.
     #[inline]
     pub(super) fn plane_position(&self, p: [f64; 3]) -> [f64; 2] {
-        let [x, y] = self.axes.east_north([p[0], p[1]]);
+        self.plane_position_with(self.axes, p)
+    }
+
+    #[inline]
+    fn plane_position_with(&self, axes: Axes, p: [f64; 3]) -> [f64; 2] {
+        let [x, y] = axes.east_north([p[0], p[1]]);
         let [x, y] = if self.unit == 1.0 { [x, y] } else { [x * self.unit, y * self.unit] };
         self.habit.apply([x, y])
     }
@@ -134,10 +144,17 @@ impl SourceInput {
 
     /// Longitude and latitude in degrees; `None` if the position is not on Earth.
     pub(super) fn degrees(&self, p: [f64; 3]) -> Option<[f64; 2]> {
+        self.degrees_with(self.axes, p)
+    }
+
+    /// As [`Self::degrees`], of coordinates in another order.
+    pub(super) fn degrees_with(&self, axes: Axes, p: [f64; 3]) -> Option<[f64; 2]> {
         let position = match &self.horizontal.system {
             System::Local(origin) => origin_without_geoid(*origin),
             System::Geocentric(_) => Geodetic::from_centre(p.map(|coordinate| coordinate * self.unit))?,
-            System::Geographic { .. } | System::Projected(_) => self.plane_to_wgs84(self.plane_position(p))?,
+            System::Geographic { .. } | System::Projected(_) => {
+                self.plane_to_wgs84(self.plane_position_with(axes, p))?
+            }
         };
         Some([position.longitude_rad.to_degrees(), position.latitude_rad.to_degrees()])
     }

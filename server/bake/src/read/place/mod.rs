@@ -6,8 +6,11 @@
 //! by the geoid model of the world's vertical datum. Heights of different vertical datums are not converted.
 
 mod earth;
+mod first_shape;
 mod input;
+mod likely;
 mod national;
+mod order;
 #[cfg(test)]
 mod tests;
 mod transform;
@@ -15,6 +18,11 @@ mod world;
 
 use std::sync::Arc;
 
+pub(crate) use first_shape::FirstShape;
+#[cfg(test)]
+pub(crate) use order::EITHER_ORDER;
+pub use order::{AxisOrders, AxisRule};
+pub(crate) use order::{OUTSIDE, SWAPPED};
 pub(crate) use world::World;
 
 use super::object::CrsReference;
@@ -40,6 +48,10 @@ pub(crate) struct Placed {
     reference: CrsReference,
     source_crs: String,
     warnings: Vec<String>,
+    /// Kind and text of what was found of the order of the coordinates.
+    finding: Option<(&'static str, String)>,
+    /// Whether the coordinates were compared with the system.
+    is_checked: bool,
     input: SourceInput,
     /// `None` until the world has a system.
     transform: Option<Transform>,
@@ -67,24 +79,75 @@ impl Placement {
         }
     }
 
+    /// Kind and text of what was found of the order of the coordinates.
+    pub(crate) fn finding(&self) -> Option<&(&'static str, String)> {
+        match self {
+            Self::Unknown => None,
+            Self::Known(placed) => placed.finding.as_ref(),
+        }
+    }
+
+    /// Whether the map of the source is in feet.
+    pub(crate) fn is_in_feet(&self) -> bool {
+        matches!(self, Self::Known(placed) if placed.input.is_in_feet())
+    }
+
+    /// Metres in a unit of the source's heights.
+    pub(crate) fn height_unit_m(&self) -> f64 {
+        match self {
+            Self::Unknown => 1.0,
+            Self::Known(placed) => placed.input.height_unit_m,
+        }
+    }
+
+    /// Whether [`Self::settle`] has nothing to do.
+    pub(crate) fn is_settled(&self) -> bool {
+        match self {
+            Self::Unknown => true,
+            Self::Known(placed) => placed.is_checked && placed.transform.is_some(),
+        }
+    }
+
     /// Whether positions are on Earth, but the world has no system yet: [`Self::settle`] must come before
     /// [`Self::position`].
     pub(crate) fn needs_world(&self) -> bool {
         matches!(self, Self::Known(placed) if placed.transform.is_none())
     }
 
-    /// Gives the world a system, if it has none: the zone of UTM of the first position, in coordinates of the source.
-    /// Does nothing if the world has one, or if UTM is not defined there. Fails if a geoid grid is damaged.
-    pub(crate) fn settle(&mut self, world: &mut World, label: &str, first: [f64; 3]) -> Result<(), InputError> {
+    /// Compares the coordinates of the source, of which the first shape is given, with its system, and decides on their
+    /// order. Gives the world a system, if it has none: the zone of UTM of the first position. Does nothing the second
+    /// time. Fails if the coordinates contradict the system, or if a geoid grid is damaged.
+    pub(crate) fn settle(
+        &mut self,
+        world: &mut World,
+        label: &str,
+        first: impl Into<FirstShape>,
+    ) -> Result<(), InputError> {
         let Self::Known(placed) = self else { return Ok(()) };
+        if placed.is_checked && placed.transform.is_some() {
+            return Ok(());
+        }
+        let (first, placed) = (first.into(), Arc::make_mut(placed));
+        if !std::mem::replace(&mut placed.is_checked, true) {
+            let input = (&placed.input, placed.reference.order);
+            let order = order::decide(label, &placed.source_crs, input, &first, world.order_facts())?;
+            placed.finding = order.finding;
+            if order.axes != placed.input.axes {
+                placed.input.axes = order.axes;
+                if placed.transform.is_some() {
+                    // The warnings are there already.
+                    placed.transform = world.transform(label, &placed.input, &mut Vec::new())?;
+                }
+            }
+        }
         if placed.transform.is_some() {
             return Ok(());
         }
         if !world.is_settled() {
-            let Some(position_deg) = placed.input.degrees(first) else { return Ok(()) };
+            let [x, y] = first.position;
+            let Some(position_deg) = placed.input.degrees([x, y, 0.0]) else { return Ok(()) };
             world.settle_utm(position_deg);
         }
-        let placed = Arc::make_mut(placed);
         placed.transform = world.transform(label, &placed.input, &mut placed.warnings)?;
         Ok(())
     }

@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
-use super::{Placement, World};
+use super::{AxisOrders, EITHER_ORDER, FirstShape, OUTSIDE, Placement, SWAPPED, World};
 use crate::error::InputError;
+use crate::read::context::PlacingOptions;
 use crate::read::object::{AxisOrder, CrsReference};
+use crate::read::units::HeightUnit;
 
 fn reference(name: &str, order: AxisOrder) -> CrsReference {
-    CrsReference { name: name.to_owned(), order }
+    CrsReference { name: name.to_owned(), order, height_unit_m: None }
 }
 
 fn east_first(name: &str) -> CrsReference {
@@ -213,6 +215,20 @@ fn units_become_metres() {
     let placement = world.place("a", &east_first("EPSG:2263+6360")).unwrap();
     assert_near(placement.position([987000.0, 211000.0, 100.0]).unwrap(), expected, 1e-3);
     assert_eq!(world.vertical().as_deref(), Some("EPSG:5703"), "NAVD88 in metres");
+    // A map in feet with heights in metres, by the system, by the user, and by the file.
+    let in_metres = [expected[0], expected[1], 100.0];
+    let placement = world.place("a", &east_first("EPSG:2263+5703")).unwrap();
+    assert_near(placement.position([987000.0, 211000.0, 100.0]).unwrap(), in_metres, 1e-3);
+    let mut by_hand = World::new(None, None).unwrap().with_options(&PlacingOptions::default(), Some(HeightUnit::Metre));
+    let placement = by_hand.place("a", &east_first("EPSG:2263")).unwrap();
+    assert_near(placement.position([987000.0, 211000.0, 100.0]).unwrap(), in_metres, 1e-3);
+    let told = CrsReference { height_unit_m: Some(1.0), ..east_first("EPSG:2263") };
+    let placement = world.place("a", &told).unwrap();
+    assert_near(placement.position([987000.0, 211000.0, 100.0]).unwrap(), in_metres, 1e-3);
+    // And the other way round.
+    let told = CrsReference { height_unit_m: Some(foot), ..east_first("EPSG:32118") };
+    let placement = world.place("a", &told).unwrap();
+    assert_near(placement.position([300838.2017, 64312.9286, 100.0]).unwrap(), expected, 1e-3);
 }
 
 #[test]
@@ -287,4 +303,102 @@ fn worlds_and_placements_can_cross_threads() {
     fn check<T: Send + Sync + Clone + std::fmt::Debug>() {}
     check::<World>();
     check::<Placement>();
+}
+
+/// Longitude and latitude of the first position of a source, and the kind of what was found of its order.
+fn found(
+    placing: &PlacingOptions,
+    name: &str,
+    order: AxisOrder,
+    first: [f64; 2],
+) -> Result<([f64; 2], &'static str), String> {
+    let mut world = World::new(placing.crs.as_deref(), None).unwrap().with_options(placing, None);
+    let mut placement = world.place("a.gml", &reference(name, order)).unwrap();
+    let shape = FirstShape::at(first, Some([1e-4; 2]));
+    placement.settle(&mut world, "a.gml", shape).map_err(|error| error.to_string())?;
+    let Placement::Known(placed) = &placement else { panic!("{name}") };
+    assert!(placement.position([first[0], first[1], 5.0]).is_some(), "{name}");
+    Ok((placed.input.degrees([first[0], first[1], 0.0]).unwrap(), placement.finding().map_or("", |(kind, _)| *kind)))
+}
+
+#[test]
+fn coordinates_are_read_in_the_order_that_fits_the_area_of_use() {
+    let (registry, mostly, fixed) = (AxisOrder::Authority, AxisOrder::MostlyEastFirst, AxisOrder::EastFirst);
+    for (name, order, first, [lon, lat], finding) in [
+        ("EPSG:31256", registry, [2814.28, 341_289.39], [16.3701, 48.21], SWAPPED),
+        ("EPSG:31256", registry, [341_289.39, 2814.28], [16.3701, 48.21], ""),
+        ("EPSG:31256", mostly, [2814.28, 341_289.39], [16.3701, 48.21], ""),
+        ("EPSG:31256", mostly, [341_289.39, 2814.28], [16.3701, 48.21], SWAPPED),
+        ("EPSG:31468", registry, [4_468_105.75, 5_333_641.64], [11.57, 48.14], SWAPPED),
+        ("EPSG:3346", registry, [582_544.32, 6_061_147.77], [25.28, 54.68], SWAPPED),
+        ("EPSG:3006", registry, [674_647.88, 6_580_824.58], [18.07, 59.33], SWAPPED),
+        // Both are in Europe, one at sea.
+        ("EPSG:3035", registry, [4_107_390.02, 3_096_506.83], [6.96, 50.94], SWAPPED),
+        ("EPSG:3035", registry, [3_096_506.83, 4_107_390.02], [6.96, 50.94], ""),
+        // Poland and Japan have both.
+        ("EPSG:2180", registry, [637_231.09, 486_786.39], [18.80, 53.59], EITHER_ORDER),
+        ("EPSG:2451", registry, [-6637.95, -35_499.9], [139.44, 35.94], EITHER_ORDER),
+        ("EPSG:6677", mostly, [-35_499.9, -6637.95], [139.44, 35.94], EITHER_ORDER),
+        ("EPSG:6677", fixed, [-6637.95, -35_499.9], [139.76, 35.68], ""),
+        ("EPSG:4326", registry, [139.76, 35.68], [139.76, 35.68], SWAPPED),
+        ("EPSG:6697", registry, [35.68, 139.76], [139.76, 35.68], ""),
+        ("EPSG:4979", registry, [-122.5034, 37.7294], [-122.5034, 37.7294], SWAPPED),
+        ("OGC:CRS84", fixed, [35.68, 139.76], [139.76, 35.68], SWAPPED),
+        ("OGC:CRS84", fixed, [16.37, 48.21], [16.37, 48.21], ""),
+        ("EPSG:4326", registry, [48.21, 16.37], [16.37, 48.21], EITHER_ORDER),
+        ("EPSG:25832", fixed, [691_000.0, 5_334_000.0], [11.57, 48.13], ""),
+    ] {
+        let (place, kind) = found(&PlacingOptions::default(), name, order, first).unwrap();
+        assert_eq!(kind, finding, "{name} {first:?}");
+        let is_near = (place[0] - lon).abs() < 0.02 && (place[1] - lat).abs() < 0.02;
+        assert!(is_near, "{name} {first:?}: {place:?}");
+    }
+    // What the user wants decides, and so do other inputs.
+    let with = |crs: Option<&str>, bbox_deg, rules: &[&str]| {
+        let axis_orders = AxisOrders::new(rules.iter().map(|rule| rule.parse().unwrap()));
+        PlacingOptions { crs: crs.map(str::to_owned), bbox_deg, axis_orders, ..PlacingOptions::default() }
+    };
+    let tokyo = [-6637.95, -35_499.9];
+    for placing in [with(None, None, &["en"]), with(None, None, &["ne", "*.gml=en"])] {
+        let (place, kind) = found(&placing, "EPSG:2451", registry, tokyo).unwrap();
+        assert!((place[0] - 139.76).abs() < 0.01 && kind.is_empty(), "{place:?} {kind}");
+    }
+    let vienna = with(Some("EPSG:31256"), None, &[]);
+    let (place, kind) = found(&vienna, "EPSG:4326", registry, [16.37, 48.21]).unwrap();
+    assert!((place[0] - 16.37).abs() < 1e-9 && kind == SWAPPED, "{place:?} {kind}");
+    let wanted = with(None, Some([16.0, 48.0, 17.0, 49.0]), &[]);
+    assert_eq!(found(&wanted, "EPSG:4326", registry, [48.21, 16.37]).unwrap().1, "");
+}
+
+#[test]
+fn coordinates_that_contradict_their_system_are_errors() {
+    let placing = PlacingOptions::default();
+    let error = found(&placing, "EPSG:4326", AxisOrder::Authority, [412_345.5, 1_432_100.25]).unwrap_err();
+    for part in ["EPSG:4326", "412345.5, 1432100.25", "zone of UTM"] {
+        assert!(error.contains(part), "{error}");
+    }
+    let error = found(&placing, "OGC:CRS84", AxisOrder::EastFirst, [85_000.0, 446_000.0]).unwrap_err();
+    assert!(error.contains("EPSG:28992"), "{error}");
+    let error = found(&placing, "EPSG:25832", AxisOrder::EastFirst, [11.57, 48.14]).unwrap_err();
+    assert!(error.contains("EPSG:25832") && error.contains("likely EPSG:4326"), "{error}");
+    let (_, kind) = found(&placing, "EPSG:31468", AxisOrder::EastFirst, [2_568_105.75, 5_633_641.64]).unwrap();
+    assert_eq!(kind, OUTSIDE);
+}
+
+#[test]
+fn systems_of_sources_that_name_none_are_guessed() {
+    let world = world("EPSG:28992");
+    let guess = |world: &World, x, y, size| world.guess(&FirstShape::at([x, y], Some([size; 2])));
+    let (reference, text) = guess(&world, -122.5, 37.7, 1e-4).unwrap();
+    assert!(
+        reference.name == "OGC:CRS84" && text.contains("-122.5, 37.7") && text.contains("longitude first"),
+        "{text}"
+    );
+    let (reference, text) = guess(&world, 35.6, 139.7, 1e-4).unwrap();
+    assert!(reference.order == AxisOrder::Authority && text.contains("latitude first"), "{text}");
+    let (reference, text) = guess(&world, 85_000.0, 446_000.0, 10.0).unwrap();
+    assert!(reference.name == "EPSG:28992" && text.contains("--crs"), "{text}");
+    assert!(guess(&World::new(None, None).unwrap(), 10.0, 10.0, 10.0).is_none());
+    let found = PlacingOptions { is_crs_found: true, ..PlacingOptions::default() };
+    assert!(guess(&world.with_options(&found, None), 85_000.0, 446_000.0, 10.0).is_none());
 }

@@ -6,13 +6,17 @@ use std::sync::Arc;
 use proj4rs::Proj;
 
 use super::earth::Geodetic;
+use super::first_shape::FirstShape;
 use super::input::{Habit, SourceInput, WGS84, origin_without_geoid};
+use super::order::{AxisOrders, Region};
 use super::transform::Transform;
 use super::{Placed, Placement, national};
 use crate::error::InputError;
+use crate::read::context::PlacingOptions;
 use crate::read::crs::geoid::{Geoid, GridFolder};
 use crate::read::crs::{self, Crs, CrsError, Definition, System, Vertical, VerticalDatum};
-use crate::read::object::CrsReference;
+use crate::read::object::{AxisOrder, CrsReference};
+use crate::read::units::HeightUnit;
 
 /// Latitudes for which UTM is defined.
 const UTM_LATITUDES_DEG: std::ops::RangeInclusive<f64> = -80.0..=84.0;
@@ -32,6 +36,12 @@ pub(crate) struct World {
     vertical: Option<VerticalDatum>,
     folder: Option<GridFolder>,
     geoid: Option<Arc<Geoid>>,
+    /// What the user says of the order of coordinates.
+    orders: AxisOrders,
+    /// Area that the user wants.
+    wanted_deg: Option<[f64; 4]>,
+    /// Unit of heights on maps in feet that do not tell it.
+    height_unit: Option<HeightUnit>,
 }
 
 /// A projected system in metres.
@@ -53,7 +63,16 @@ impl World {
     /// projected system in metres, or if the folder cannot be read.
     pub(crate) fn new(target: Option<&str>, grids: Option<PathBuf>) -> Result<Self, InputError> {
         let folder = grids.map(|path| GridFolder::open(&path)).transpose()?;
-        let mut world = Self { system: None, target: None, vertical: None, folder, geoid: None };
+        let mut world = Self {
+            system: None,
+            target: None,
+            vertical: None,
+            folder,
+            geoid: None,
+            orders: AxisOrders::default(),
+            wanted_deg: None,
+            height_unit: None,
+        };
         let Some(name) = target else { return Ok(world) };
         let label = "--crs";
         let crs = crs::resolve(name).map_err(|error| not_a_system(label, name, &error, "give an EPSG code"))?;
@@ -70,6 +89,42 @@ impl World {
         Ok(world)
     }
 
+    /// Takes what else the user says of places, and the unit of heights that sources do not tell.
+    pub(crate) fn with_options(mut self, placing: &PlacingOptions, height_unit: Option<HeightUnit>) -> Self {
+        self.height_unit = height_unit;
+        self.orders = placing.axis_orders.clone();
+        self.wanted_deg = placing.bbox_deg;
+        if placing.is_crs_found {
+            self.target = None;
+        }
+        self
+    }
+
+    /// By what the order of a source's coordinates is decided on.
+    pub(super) fn order_facts(&self) -> (&AxisOrders, Region) {
+        let code = self.system.as_ref().and_then(|system| system.code);
+        (&self.orders, Region { wanted_deg: self.wanted_deg, city: code.and_then(crs::area_of_use) })
+    }
+
+    /// The system of a source that names none, by its first shape, and what to tell: WGS 84 if coordinates look like degrees,
+    /// else that of `--crs`. `None` if nothing is known: then coordinates are metres of an unknown place.
+    pub(crate) fn guess(&self, first: &FirstShape) -> Option<(CrsReference, String)> {
+        if first.looks_like_degrees() {
+            let (reference, order) = match first.is_latitude_first() {
+                true => (CrsReference::authority("EPSG:4326"), "latitude"),
+                false => {
+                    let order = AxisOrder::MostlyEastFirst;
+                    (CrsReference { order, ..CrsReference::east_first("OGC:CRS84") }, "longitude")
+                }
+            };
+            let [x, y] = first.position;
+            let text = format!("coordinates such as {x}, {y} look like degrees and are taken as WGS 84, {order} first");
+            return Some((reference, text));
+        }
+        let target = self.target.as_ref()?;
+        Some((CrsReference::east_first(target), format!("coordinates are taken in {target} (--crs)")))
+    }
+
     /// How the positions of a source are placed. Its system becomes the world's, if the world has none yet and it is
     /// suitable. Fails if the system is not known or not supported, or if a geoid grid is damaged.
     pub(crate) fn place(&mut self, label: &str, reference: &CrsReference) -> Result<Placement, InputError> {
@@ -79,21 +134,36 @@ impl World {
             Err(CrsError::Unknown) if self.target.is_some() => return self.place_in_target(label, reference),
             Err(error) => return Err(not_a_system(label, &reference.name, &error, ADVICE)),
         };
-        let input = SourceInput::new(&crs, reference.order)
+        let mut input = SourceInput::new(&crs, reference.order)
             .map_err(|error| not_a_system(label, &reference.name, &error, ADVICE))?;
+        if let (Vertical::Unknown, true, Some(unit)) = (&crs.vertical, input.is_in_feet(), self.height_unit) {
+            input.height_unit_m = unit.metres();
+        }
+        if let Some(unit_m) = reference.height_unit_m {
+            // The system tells whether depths count down.
+            input.height_unit_m = unit_m.abs().copysign(input.height_unit_m);
+        }
         if self.system.is_none() {
             self.adopt(&crs);
         }
         self.note_vertical(&crs, &mut warnings);
         let transform = self.transform(label, &input, &mut warnings)?;
-        let placed = Placed { reference: reference.clone(), source_crs: crs.name, warnings, input, transform };
+        let placed = Placed {
+            reference: reference.clone(),
+            source_crs: crs.name,
+            warnings,
+            finding: None,
+            is_checked: false,
+            input,
+            transform,
+        };
         Ok(Placement::Known(Arc::new(placed)))
     }
 
     /// A source whose system is not understood is taken to be in that of `--crs`.
     fn place_in_target(&mut self, label: &str, reference: &CrsReference) -> Result<Placement, InputError> {
         let target = self.target.clone().unwrap_or_default();
-        let known = CrsReference { name: target.clone(), order: crate::read::object::AxisOrder::EastFirst };
+        let known = CrsReference::east_first(target.clone());
         let mut placement = self.place(label, &known)?;
         if let Placement::Known(placed) = &mut placement {
             let placed = Arc::make_mut(placed);

@@ -9,6 +9,8 @@ use super::place::GeoPlace;
 use super::source::Source;
 use super::words::{Words, number_of};
 
+/// The mark of missing heights of files that do not tell it, by Esri's definition of the format.
+const DEFAULT_NODATA: f64 = -9999.0;
 const MAX_SIDE: f64 = (1 << 30) as f64;
 /// Heights are read and kept in blocks of rows with about this many.
 const BLOCK_HEIGHTS: u32 = 1 << 18;
@@ -17,7 +19,9 @@ const BLOCK_HEIGHTS: u32 = 1 << 18;
 pub(super) struct AsciiGrid {
     source: Source,
     size: RasterSize,
-    nodata: Option<f32>,
+    nodata: f64,
+    /// The mark of missing heights that the user gives.
+    pub(super) nodata_by_hand: Option<f64>,
     rows_of_block: u32,
     /// Offset of the first height of each block.
     blocks: Vec<u64>,
@@ -72,10 +76,10 @@ impl AsciiGrid {
         }
         let mut facts = RasterFacts::new(size, SampleKind::F32);
         facts.place = header.place();
-        facts.nodata = header.nodata.map(|number| SampleKind::F32.rounded(number));
-        let nodata = header.nodata.map(|number| number as f32);
+        let nodata = SampleKind::F32.rounded(header.nodata.unwrap_or(DEFAULT_NODATA));
+        facts.nodata = Some(nodata);
         let cache = BlockCache::new(limits.cache_bytes);
-        Ok((Self { source, size, nodata, rows_of_block, blocks, cache }, facts))
+        Ok((Self { source, size, nodata, nodata_by_hand: None, rows_of_block, blocks, cache }, facts))
     }
 
     pub(super) fn read_heights(&mut self, window: Window, len: usize) -> Result<Vec<f32>, RasterError> {
@@ -101,7 +105,9 @@ impl AsciiGrid {
         for _ in 0..u64::from(rows) * u64::from(self.size.width) {
             let (_, word) = words.next()?.ok_or_else(damaged)?;
             let height = number_of(word).ok_or_else(damaged)? as f32;
-            let is_missing = Some(height) == self.nodata || !height.is_finite();
+            let marks = [Some(self.nodata), self.nodata_by_hand];
+            let is_mark = |mark: f64| SampleKind::F32.is_mark(f64::from(height), mark);
+            let is_missing = !height.is_finite() || marks.into_iter().flatten().any(is_mark);
             heights.push(if is_missing { f32::NAN } else { height });
         }
         let block = Arc::new(heights);

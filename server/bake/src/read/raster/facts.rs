@@ -1,5 +1,7 @@
 //! What is known of a raster before its pixels are read.
 
+use std::ops::RangeInclusive;
+
 use super::error::RasterError;
 use super::place::GeoPlace;
 
@@ -69,6 +71,11 @@ pub(crate) struct RasterCrs {
     pub(crate) citation: Option<String>,
 }
 
+/// Heights on land, in metres. Others are marks of missing heights that a file does not declare.
+pub(crate) const HEIGHTS_M: RangeInclusive<f64> = -500.0..=9000.0;
+/// Heights with those of the sea's ground.
+pub(crate) const HEIGHTS_AND_DEPTHS_M: RangeInclusive<f64> = -12_000.0..=9000.0;
+
 /// What is known of a raster before its pixels are read.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RasterFacts {
@@ -83,6 +90,8 @@ pub(crate) struct RasterFacts {
     pub(crate) nodata: Option<f64>,
     /// The raster itself, then its smaller copies, from large to small.
     pub(crate) levels: Vec<RasterSize>,
+    /// The file's name of its unit of height, if it is not known.
+    pub(crate) unknown_unit: Option<String>,
     /// Another image in the file tells which pixels are valid.
     pub(crate) has_mask: bool,
 }
@@ -97,6 +106,7 @@ impl RasterFacts {
             place: None,
             crs: RasterCrs::default(),
             nodata: None,
+            unknown_unit: None,
             levels: vec![size],
             has_mask: false,
         }

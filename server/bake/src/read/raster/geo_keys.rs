@@ -1,6 +1,7 @@
 //! The coordinate system of GeoTIFF (OGC 19-008), which LAS files have too.
 
 use super::facts::RasterCrs;
+use crate::read::units::metres_of;
 
 /// Number of the tag, or of the record, with the keys.
 pub(super) const GEO_KEYS: u16 = 34735;
@@ -65,7 +66,7 @@ impl GeoKeys {
             horizontal,
             vertical: vertical.map(|code| format!("EPSG:{}", of_datum(code).unwrap_or(code))),
             is_ellipsoidal,
-            height_unit_m: self.number(VERTICAL_UNITS_KEY).and_then(metres_of_unit),
+            height_unit_m: self.number(VERTICAL_UNITS_KEY).and_then(|code| metres_of(&code.to_string())),
             citation: citation.into_iter().find_map(|key| self.text(key)),
         }
     }
@@ -122,15 +123,5 @@ impl GeoKeys {
         let text = String::from_utf8_lossy(self.texts.get(start..start.checked_add(count)?)?).into_owned();
         let text = text.trim_matches(['|', '\0', ' ']);
         (!text.is_empty()).then(|| text.to_owned())
-    }
-}
-
-/// Metres of a unit of length by its EPSG code.
-fn metres_of_unit(code: u64) -> Option<f64> {
-    match code {
-        9001 => Some(1.0),
-        9002 => Some(0.3048),
-        9003 => Some(1200.0 / 3937.0),
-        _ => None,
     }
 }

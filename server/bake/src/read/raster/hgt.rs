@@ -13,6 +13,8 @@ const SIDES: [u32; 3] = [1201, 3601, 7201];
 pub(super) struct Hgt {
     source: Source,
     side: u32,
+    /// The mark of missing heights that the user gives.
+    pub(super) nodata_by_hand: Option<f64>,
 }
 
 /// Whether a name is that of an SRTM tile.
@@ -34,7 +36,7 @@ impl Hgt {
         facts.crs.vertical = Some("EPSG:5773".to_owned());
         facts.crs.height_unit_m = Some(1.0);
         facts.nodata = Some(f64::from(NODATA));
-        Ok((Self { source, side }, facts))
+        Ok((Self { source, side, nodata_by_hand: None }, facts))
     }
 
     pub(super) fn read_heights(&mut self, window: Window, len: usize) -> Result<Vec<f32>, RasterError> {
@@ -43,7 +45,8 @@ impl Hgt {
             let first = u64::from(row) * u64::from(self.side) + u64::from(window.x);
             let bytes = self.source.read_at(first * 2, u64::from(window.width) * 2)?;
             let numbers = bytes.as_chunks().0.iter().map(|bytes| i16::from_be_bytes(*bytes));
-            heights.extend(numbers.map(|number| if number == NODATA { f32::NAN } else { f32::from(number) }));
+            let is_missing = |number: i16| number == NODATA || self.nodata_by_hand == Some(f64::from(number));
+            heights.extend(numbers.map(|number| if is_missing(number) { f32::NAN } else { f32::from(number) }));
         }
         Ok(heights)
     }

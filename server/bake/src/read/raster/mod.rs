@@ -22,6 +22,7 @@ mod words;
 pub(crate) use self::error::RasterError;
 #[cfg(test)]
 pub(crate) use self::facts::RasterCrs;
+pub(crate) use self::facts::{HEIGHTS_AND_DEPTHS_M, HEIGHTS_M};
 pub(crate) use self::facts::{RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
 pub(crate) use self::place::GeoPlace;
 pub(crate) use self::quantized_mesh::TileFiles;
@@ -92,6 +93,16 @@ impl Raster {
     ) -> Result<Self, RasterError> {
         let (terrain, facts) = QuantizedMesh::open(layer_json, tiles, limits)?;
         Ok(Self { facts, limits, content: Content::QuantizedMesh(Box::new(terrain)) })
+    }
+
+    /// Sets the value that marks missing heights besides the declared one, for formats that can have such.
+    pub(crate) fn set_nodata(&mut self, nodata: f64) {
+        match &mut self.content {
+            Content::Tiff(tiff) => tiff.nodata_by_hand = Some(self.facts.sample.rounded(nodata)),
+            Content::Ascii(grid) => grid.nodata_by_hand = Some(self.facts.sample.rounded(nodata)),
+            Content::Hgt(hgt) => hgt.nodata_by_hand = Some(nodata),
+            Content::Picture(_) | Content::QuantizedMesh(_) | Content::PointCloud(_) => {}
+        }
     }
 
     /// What is inexact about the heights.

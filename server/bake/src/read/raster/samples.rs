@@ -2,6 +2,9 @@
 
 use super::facts::SampleKind;
 
+/// Larger numbers are no heights in any unit.
+const HUGE: f64 = 3.4e38;
+
 impl SampleKind {
     /// Bytes of a number.
     pub(super) fn bytes(self) -> usize {
@@ -35,6 +38,18 @@ impl SampleKind {
     pub(super) fn rounded(self, number: f64) -> f64 {
         if self == Self::F32 { f64::from(number as f32) } else { number }
     }
+
+    /// Whether a number is the mark of missing values, as GDAL compares them: texts of floating-point marks are rounded, and
+    /// all numbers near the largest are one mark.
+    pub(super) fn is_mark(self, number: f64, mark: f64) -> bool {
+        let tolerance = match self {
+            Self::F16 | Self::F32 => 2.0 * f64::from(f32::EPSILON),
+            Self::F64 => 2.0 * f64::EPSILON,
+            _ => 0.0,
+        };
+        let is_huge = number.abs() > HUGE && mark.abs() > HUGE && number.is_sign_negative() == mark.is_sign_negative();
+        number == mark || tolerance > 0.0 && is_huge || (number - mark).abs() < tolerance * (number + mark).abs()
+    }
 }
 
 fn take<const N: usize>(bytes: &[u8], index: usize) -> Option<[u8; N]> {
@@ -50,5 +65,30 @@ fn half(bits: u16) -> f64 {
         31 if fraction == 0.0 => f64::INFINITY,
         31 => f64::NAN,
         _ => (1.0 + fraction / 1024.0) * 2f64.powi(exponent - 15),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_of_missing_values_are_compared_as_they_are_written() {
+        let float = SampleKind::F32;
+        for (text, stored) in [
+            ("-3.40282306e38", f32::MIN),
+            ("-3.4028235e+38", f32::MIN),
+            ("-3.40282346638529e+38", f32::MIN),
+            ("-9999.9", -9999.9),
+            ("1.70141e38", 1.701_41e38),
+            ("-32767", -32767.0),
+        ] {
+            let mark = float.rounded(text.parse().unwrap());
+            assert!(float.is_mark(f64::from(stored), mark), "{text}");
+        }
+        assert!(float.is_mark(f64::from((-9999.0_f32).next_up()), -9999.0), "one step beside it");
+        assert!(!float.is_mark(-9998.5, -9999.0) && !float.is_mark(0.001, 0.0) && !float.is_mark(1.0, f64::NAN));
+        assert!(!float.is_mark(f64::from(f32::MAX), f64::from(f32::MIN)));
+        assert!(SampleKind::I16.is_mark(-32768.0, -32768.0) && !SampleKind::I16.is_mark(-32767.0, -32768.0));
     }
 }

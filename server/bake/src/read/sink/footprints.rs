@@ -50,7 +50,14 @@ impl SceneSink<'_, '_, '_> {
             let plan = self.ground_plan(object, footprint);
             match plan.and_then(|plan| self.build(object, &plan, &form).map(|()| plan)) {
                 Ok(plan) => {
-                    let ground_m = self.stand(&plan.rings)?;
+                    let ground_m = match self.base_of_footprint(object, footprint) {
+                        Some(base_m) => {
+                            self.lift(base_m);
+                            open.has_own_base = true;
+                            base_m
+                        }
+                        None => self.stand(&plan.rings)?,
+                    };
                     if form.height.base_m > 0.0 {
                         open.ground_m = Some(open.ground_m.map_or(ground_m, |lowest| lowest.min(ground_m)));
                     }
@@ -79,11 +86,18 @@ impl SceneSink<'_, '_, '_> {
                 Ok(false) => self.report.problem("ring crosses itself", || object.id.clone()),
                 Err(reason) => fault = Some(reason),
             }
-            self.drape()?;
+            let base_m = self.base_of_footprint(object, footprint);
+            self.drape(base_m)?;
             self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
         }
         self.finish_areas(object, open, fault);
         Ok(())
+    }
+
+    /// World height of the ground under an area, where the source has one.
+    fn base_of_footprint(&mut self, object: &SourceObject, footprint: &Footprint) -> Option<f64> {
+        let corner = *footprint.rings.first()?.first()?;
+        self.base_m(object, corner, footprint.base_z)
     }
 
     /// Number of the material of a flat kind, by the palette.
@@ -114,9 +128,10 @@ impl SceneSink<'_, '_, '_> {
 
     fn building_form(&mut self, object: &SourceObject) -> BuildingForm {
         let (id, attributes) = (&object.id, &object.attributes);
-        let options = self.context.options;
+        let (options, hints) = (self.context.options, self.height_hints());
         let report = &mut self.report;
-        let height = BuildingHeight::of(attributes, options.height_field.as_deref(), |kind, detail| {
+        report.footprints += 1;
+        let height = BuildingHeight::of(attributes, hints, |kind, detail| {
             report.problem(kind, || format!("{id}: {detail}"));
         });
         let roof = RoofTags::of(attributes, |name| {

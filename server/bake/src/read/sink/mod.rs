@@ -13,12 +13,13 @@ mod surfaces;
 use super::attributes::AttributeValue;
 use super::context::{ByteProgress, ObjUpAxis, ReadContext, ReadOptions};
 use super::facade::FacadeUse;
-use super::footprint::has_height;
+use super::footprint::{HeightHints, has_height};
 use super::input::Input;
 use super::local_frame::LocalFrame;
 use super::object::{CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject};
-use super::place::Placement;
-use super::report::{INEXACT, SourceFormat, SourceReport};
+use super::place::{FirstShape, Placement};
+use super::raster::HEIGHTS_M;
+use super::report::{MISSING_GROUND, NO_CRS, SourceFormat, SourceReport};
 use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
 use super::source::CitySource;
 use crate::error::InputError;
@@ -41,6 +42,8 @@ pub(crate) struct SceneSink<'r, 'o, 's> {
     report: SourceReport,
     materials: MaterialTable,
     placement: Placement,
+    /// Whether the system is guessed if the source names none before its first shape.
+    is_place_sought: bool,
     /// Before `placement`, for meshes without a coordinate system.
     frame: LocalFrame,
     faces: Vec<WorldTriangle>,
@@ -65,13 +68,18 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         let is_turned = is_plain && context.options.obj_up == ObjUpAxis::Y;
         let frame = if is_turned { frame.with_y_up() } else { frame };
         let (materials, faces) = (MaterialTable::default(), Vec::new());
-        Ok(Self { context, source, report, materials, placement, frame, faces, tick })
+        let is_place_sought = !is_mesh;
+        Ok(Self { context, source, report, materials, placement, is_place_sought, frame, faces, tick })
     }
 
     /// The source as readers take it.
-    pub(crate) fn input(&self) -> Input<'s> {
+    pub(crate) fn input(&self) -> Input<'s>
+    where
+        'o: 's,
+    {
         let options = self.context.options;
-        Input { bbox_deg: options.placing.bbox_deg, ..self.source.input(options.max_source_bytes) }
+        let (bbox_deg, height_field) = (options.placing.bbox_deg, options.height_field.as_deref());
+        Input { bbox_deg, height_field, ..self.source.input(options.max_source_bytes) }
     }
 
     pub(crate) fn options(&self) -> &'o ReadOptions {
@@ -85,10 +93,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
 
     /// The report of the whole source.
     pub(crate) fn into_report(mut self) -> SourceReport {
-        self.report.crs = self.placement.source_crs().map(str::to_owned);
-        for warning in self.placement.warnings() {
-            self.report.problem(INEXACT, || warning.clone());
-        }
+        self.report.note_placement(&self.placement);
         self.report
     }
 
@@ -100,6 +105,47 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     /// World position on the map.
     fn place_on_map(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         self.place([x, y, 0.0]).map(|[x, y, _]| [x, y])
+    }
+
+    /// Guesses the system of a source that names none by its first shape.
+    fn seek_place(&mut self, first: &FirstShape) -> Result<(), InputError> {
+        if !std::mem::replace(&mut self.is_place_sought, false) {
+            return Ok(());
+        }
+        if let Some((reference, text)) = self.context.world.guess(first) {
+            self.report.problem(NO_CRS, || text);
+            return self.set_crs(&reference);
+        }
+        if self.report.format == SourceFormat::GeoJson {
+            let [x, y] = first.position;
+            let text =
+                format!("coordinates such as {x}, {y} are no degrees; taken as metres of an unknown place (--crs)");
+            self.report.problem(NO_CRS, || text);
+        }
+        Ok(())
+    }
+
+    /// World height of the ground at a position, where the source has one: `z` is not 0, and no mark of a missing height.
+    fn base_m(&mut self, object: &SourceObject, [x, y]: [f64; 2], z: f64) -> Option<f64> {
+        if z == 0.0 {
+            return None;
+        }
+        let base_m = self.place([x, y, z])?[2];
+        if !HEIGHTS_M.contains(&base_m) {
+            self.report.problem(MISSING_GROUND, || format!("{}: {z}", object.id));
+            return None;
+        }
+        Some(base_m)
+    }
+
+    /// What is known of the heights in attributes besides these.
+    fn height_hints(&self) -> HeightHints<'o> {
+        let options = self.context.options;
+        HeightHints {
+            field: options.height_field.as_deref(),
+            unit: options.height_unit,
+            is_map_in_feet: self.placement.is_in_feet(),
+        }
     }
 
     /// Begins the object: its kind is wanted, and it is counted.
@@ -159,8 +205,12 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
         if self.placement.is_of(crs) {
             return Ok(());
         }
+        if !matches!(self.placement, Placement::Unknown) {
+            self.report.note_placement(&self.placement);
+        }
         self.placement = self.context.world.place(&self.source.label, crs)?;
         self.frame = LocalFrame::IDENTITY;
+        self.is_place_sought = false;
         Ok(())
     }
 
@@ -173,7 +223,10 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
         if !self.begin(&object) {
             return Ok(());
         }
-        if let Some(first) = first_position(&object.shape) {
+        if (self.is_place_sought || self.context.ends_at_place || !self.placement.is_settled())
+            && let Some(first) = first_shape(&object.shape)
+        {
+            self.seek_place(&first)?;
             self.context.settle(&mut self.placement, &self.source.label, first)?;
         }
         match &object.shape {
@@ -186,7 +239,7 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
             shape if self.paint(&object, shape)? => {}
             _ if self.source.is_streets => self.report.skip(NOT_PAINTED, || object.id),
             Shape::Footprints(footprints) => {
-                if is_extruded(&object, self.context.options.height_field.as_deref()) {
+                if is_extruded(&object, self.height_hints()) {
                     self.add_buildings(&object, footprints)?;
                 } else {
                     self.add_areas(&object, footprints)?;
@@ -222,26 +275,28 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
 }
 
 /// Whether areas become volumes. The area of a bridge without a height is its deck, not a block of guessed height.
-fn is_extruded(object: &SourceObject, height_field: Option<&str>) -> bool {
+fn is_extruded(object: &SourceObject, hints: HeightHints<'_>) -> bool {
     match object.kind {
         FeatureKind::Building | FeatureKind::BuildingPart => true,
-        FeatureKind::Bridge | FeatureKind::Tunnel => has_height(&object.attributes, height_field),
+        FeatureKind::Bridge | FeatureKind::Tunnel => has_height(&object.attributes, hints),
         _ => false,
     }
 }
 
-/// A position of the geometry, in the source's coordinates.
-fn first_position(shape: &Shape) -> Option<[f64; 3]> {
-    let on_map = |point: &[f64; 2]| [point[0], point[1], 0.0];
+/// Where the geometry begins, in the source's coordinates.
+fn first_shape(shape: &Shape) -> Option<FirstShape> {
+    let on_map = |point: &[f64; 3]| [point[0], point[1]];
     match shape {
         Shape::None => None,
         Shape::Surfaces { polygons, meshes } => {
-            let of_polygons = polygons.iter().find_map(|surface| surface.points.first());
-            of_polygons.or_else(|| meshes.iter().find_map(|mesh| mesh.positions.first())).copied()
+            let of_polygons = polygons.iter().flat_map(|surface| &surface.points);
+            FirstShape::of(of_polygons.chain(meshes.iter().flat_map(|mesh| &mesh.positions)).map(on_map))
         }
-        Shape::Footprints(footprints) => footprints.iter().flat_map(|plan| &plan.rings).flatten().next().map(on_map),
-        Shape::Strips(strips) => strips.iter().flat_map(|strip| &strip.points).next().map(on_map),
-        Shape::Points(points) => points.first().map(on_map),
+        Shape::Footprints(footprints) => {
+            FirstShape::of(footprints.iter().flat_map(|plan| &plan.rings).flatten().copied())
+        }
+        Shape::Strips(strips) => FirstShape::of(strips.iter().flat_map(|strip| &strip.points).copied()),
+        Shape::Points(points) => FirstShape::of(points.iter().take(1).map(on_map)),
     }
 }
 

@@ -5,7 +5,7 @@ use super::ground_shapes::widen;
 use crate::error::InputError;
 use crate::read::attributes::AttributeValue;
 use crate::read::facade::FacadeUse;
-use crate::read::footprint::{ResolvedColour, length_m};
+use crate::read::footprint::{ResolvedColour, known_height_m, length_m};
 use crate::read::object::{FeatureKind, SourceObject, Strip};
 use crate::read::paint::mix_bits;
 use crate::read::palette::{BuildingLook, SurfaceFacts};
@@ -116,24 +116,29 @@ impl TreeForm {
 
 impl SceneSink<'_, '_, '_> {
     /// Adds trees. Points of other kinds have no shape. Fails if the ground's height cannot be read.
-    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[[f64; 2]]) -> Result<(), InputError> {
+    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[[f64; 3]]) -> Result<(), InputError> {
         if object.kind != FeatureKind::Vegetation {
             self.report.without_geometry += 1;
             return Ok(());
         }
         let form = TreeForm::of(object);
-        let known_m = measured_m(object, "height").filter(|height_m| HEIGHT_RANGE_M.contains(height_m));
+        let known_m = known_height_m(&object.attributes, self.height_hints())
+            .filter(|height_m| HEIGHT_RANGE_M.contains(height_m));
         let crown_m = measured_m(object, "diameter_crown").filter(|width_m| HEIGHT_RANGE_M.contains(width_m));
         let bark = self.plant_material(Some(BARK), 1.0);
         let tones = TONES.map(|tone| self.plant_material(None, tone * form.lightness()));
         let mut open = OpenObject::new(ObjectKind::Building);
         let mut fault = None;
-        for (number, point) in (0_u64..).zip(points) {
-            let Some([x, y]) = self.place_on_map(*point) else {
+        for (number, &[east, north, z]) in (0_u64..).zip(points) {
+            let Some([x, y]) = self.place_on_map([east, north]) else {
                 fault = Some("coordinate not a number or out of range");
                 continue;
             };
-            let ground_m = self.context.ground_m([x, y])?;
+            let base_m = self.base_m(object, [east, north], z).filter(|_| self.context.elevation.is_empty());
+            let ground_m = match base_m {
+                Some(base_m) => base_m,
+                None => self.context.ground_m([x, y])?,
+            };
             let chance = mix_bits(hash_of_id(&object.id) ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15));
             // From 0 to 1 each.
             let [size, turn, tone] = [0, 16, 32].map(|shift| f64::from((chance >> shift) as u16) / 65536.0);
@@ -156,7 +161,8 @@ impl SceneSink<'_, '_, '_> {
 
     /// Adds hedges along lines. Fails if the ground's height cannot be read.
     pub(super) fn add_hedges(&mut self, object: &SourceObject, strips: &[Strip]) -> Result<(), InputError> {
-        let height_m = measured_m(object, "height").filter(|height_m| HEDGE_RANGE_M.contains(height_m));
+        let height_m =
+            known_height_m(&object.attributes, self.height_hints()).filter(|height_m| HEDGE_RANGE_M.contains(height_m));
         let height_m = height_m.unwrap_or(HEDGE_M);
         let material = self.plant_material(None, 1.0);
         let mut open = OpenObject::new(ObjectKind::Building);
@@ -166,12 +172,17 @@ impl SceneSink<'_, '_, '_> {
                 fault = Some("coordinate not a number or out of range");
                 continue;
             };
+            let base_m = strip.points.first().and_then(|point| self.base_m(object, *point, strip.base_z));
             let mut quads = Vec::new();
             widen(&points, super::ground_shapes::half_width_m(strip), |quad| quads.push(quad));
             for quad in quads {
                 let mut low = [[0.0; 3]; 4];
                 for (corner, [x, y]) in low.iter_mut().zip(quad) {
-                    *corner = [x, y, self.context.ground_m([x, y])?];
+                    let ground_m = match base_m.filter(|_| self.context.elevation.is_empty()) {
+                        Some(base_m) => base_m,
+                        None => self.context.ground_m([x, y])?,
+                    };
+                    *corner = [x, y, ground_m];
                 }
                 let high = low.map(|[x, y, z]| [x, y, z + height_m]);
                 let mut add = |[a, b, c, d]: [[f64; 3]; 4]| {

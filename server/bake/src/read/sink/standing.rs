@@ -24,20 +24,23 @@ impl SceneSink<'_, '_, '_> {
             lowest = lowest.min(self.context.ground_m(*corner)?);
         }
         let lowest = if lowest.is_finite() { lowest } else { 0.0 };
-        self.faces.iter_mut().flat_map(|face| &mut face.corners).for_each(|corner| corner[2] += lowest);
+        self.lift(lowest);
         Ok(lowest)
     }
 
+    /// Lifts the collected faces.
+    pub(super) fn lift(&mut self, by_m: f64) {
+        self.faces.iter_mut().flat_map(|face| &mut face.corners).for_each(|corner| corner[2] += by_m);
+    }
+
     /// Lays the collected faces, which are level, on the ground: divides them, and adds its height. Without an elevation model they stay
-    /// level, above ground that is painted. Fails as [`Self::stand`].
-    pub(super) fn drape(&mut self) -> Result<(), InputError> {
+    /// level, above ground that is painted, at the height of the source if it has one. Fails as [`Self::stand`].
+    pub(super) fn drape(&mut self, base_m: Option<f64>) -> Result<(), InputError> {
         let options = self.context.options;
         // So far above the terrain's triangles as these may be above the ground.
         let above_m = options.terrain.error_cells * options.cell_m;
         if self.context.elevation.is_empty() {
-            if self.context.is_painting() {
-                self.faces.iter_mut().flat_map(|face| &mut face.corners).for_each(|corner| corner[2] += above_m);
-            }
+            self.lift(base_m.unwrap_or(0.0) + if self.context.is_painting() { above_m } else { 0.0 });
             return Ok(());
         }
         self.context.elevation.settle(&mut self.context.world)?;

@@ -11,7 +11,7 @@ use super::{globe, kind, uri};
 use crate::read::attributes::Attributes;
 use crate::read::gltf::{FeatureIds, GltfPrimitive, GltfScene};
 use crate::read::object::{
-    AxisOrder, CrsReference, Description, FeatureKind, Shape, SourceImage, SourceMaterial, SourceObject, TriangleMesh,
+    CrsReference, Description, FeatureKind, Shape, SourceImage, SourceMaterial, SourceObject, TriangleMesh,
 };
 
 /// Transforms with larger numbers are refused: no place on Earth needs them.
@@ -115,7 +115,7 @@ impl TileReader<'_, '_> {
         };
         let place = if globe::is_near_surface(first) { Place::Globe } else { Place::Unknown };
         if self.place.is_none() && place == Place::Globe {
-            let crs = CrsReference { name: "ECEF".to_owned(), order: AxisOrder::EastFirst };
+            let crs = CrsReference::east_first("ECEF");
             self.sink.set_crs(&crs).map_err(ContentFault::End)?;
         }
         if *self.place.get_or_insert(place) != place {

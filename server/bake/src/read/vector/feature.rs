@@ -6,9 +6,11 @@ use super::shape::{Facing, facing, shape_of};
 use crate::error::InputError;
 use crate::read::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use crate::read::crs::is_geographic;
-use crate::read::footprint::kind_of;
+use crate::read::footprint::{HeightHints, kind_of};
 use crate::read::input::Input;
-use crate::read::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
+use crate::read::object::{CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
+use crate::read::place::FirstShape;
+use crate::read::report::NO_CRS;
 
 /// What most formats mean by longitude and latitude.
 pub(super) const DEGREES: &str = "OGC:CRS84";
@@ -32,8 +34,6 @@ const ID_NAMES: [&str; 15] = [
 ];
 /// Attributes that hold further tags as one text.
 const TAG_NAMES: [&str; 2] = ["other_tags", "all_tags"];
-/// A first feature in degrees is at most this large; one in metres is hardly ever smaller.
-const MAX_DEGREES_OF_FEATURE: f64 = 0.2;
 
 /// Level polygons with heights that wait until it is known whether they are faces of bodies.
 const MAX_WAITING: u64 = 256;
@@ -59,8 +59,8 @@ enum LevelPolygons {
 }
 
 /// Takes the features of a source.
-pub(super) struct FeatureWriter<'a> {
-    pub(super) sink: &'a mut dyn ObjectSink,
+pub(crate) struct FeatureWriter<'a> {
+    pub(crate) sink: &'a mut dyn ObjectSink,
     layer: Layer,
     /// The last system that the sink was told; `None` if it was told none.
     crs: Option<String>,
@@ -69,14 +69,18 @@ pub(super) struct FeatureWriter<'a> {
     /// Wanted area, if features outside are left out.
     bbox_deg: Option<[f64; 4]>,
     is_in_degrees: bool,
+    /// Attribute that the user names for heights.
+    height_field: Option<String>,
     level_polygons: LevelPolygons,
+    /// Whether level polygons can be faces of bodies.
+    has_faces: bool,
     /// Features of the layer, and level polygons among them, until it is known what these are.
     decisive: [u64; 2],
     count: u64,
 }
 
 impl<'a> FeatureWriter<'a> {
-    pub(super) fn new(input: &Input<'_>, sink: &'a mut dyn ObjectSink) -> Self {
+    pub(crate) fn new(input: &Input<'_>, sink: &'a mut dyn ObjectSink) -> Self {
         // A box over the antimeridian is left to the sink.
         let bbox_deg = input.bbox_deg.filter(|[west, _, east, _]| west <= east);
         let layer = Layer::of_file(input.name, std::iter::empty());
@@ -88,7 +92,9 @@ impl<'a> FeatureWriter<'a> {
             is_placed: false,
             bbox_deg,
             is_in_degrees: false,
+            height_field: input.height_field.map(str::to_owned),
             level_polygons,
+            has_faces: true,
             decisive: [0; 2],
             count: 0,
         }
@@ -108,7 +114,7 @@ impl<'a> FeatureWriter<'a> {
     }
 
     /// Sets the system of the following features.
-    pub(super) fn set_crs(&mut self, name: String) -> Result<(), InputError> {
+    pub(crate) fn set_crs(&mut self, name: String) -> Result<(), InputError> {
         self.is_placed = true;
         if self.crs.as_ref() == Some(&name) {
             return Ok(());
@@ -116,7 +122,27 @@ impl<'a> FeatureWriter<'a> {
         self.finish()?;
         self.is_in_degrees = is_geographic(&name);
         self.crs = Some(name.clone());
-        self.sink.set_crs(&CrsReference { name, order: AxisOrder::EastFirst })
+        self.sink.set_crs(&CrsReference::east_first(name))
+    }
+
+    /// Sets the system of the following features, whose coordinates are in the order of the registry.
+    pub(crate) fn set_crs_of_registry(&mut self, name: &str) -> Result<(), InputError> {
+        self.is_placed = true;
+        // Never the name of a system with the east first.
+        let known = format!("registry:{name}");
+        if self.crs.as_ref() == Some(&known) {
+            return Ok(());
+        }
+        self.finish()?;
+        (self.is_in_degrees, self.crs) = (false, Some(known));
+        self.sink.set_crs(&CrsReference::authority(name))
+    }
+
+    /// Every level polygon of the source is a plan: nothing waits for the faces of bodies.
+    pub(crate) fn without_faces(mut self) -> Self {
+        self.level_polygons = LevelPolygons::Plans;
+        self.has_faces = false;
+        self
     }
 
     /// The wanted area in coordinates of the current system, if that is known to be in degrees.
@@ -171,14 +197,23 @@ impl<'a> FeatureWriter<'a> {
     pub(super) fn add(
         &mut self,
         number: Option<String>,
+        attributes: Attributes,
+        geometry: Result<Geometry, &'static str>,
+    ) -> Result<(), InputError> {
+        let id = id_of(&attributes).or(number).unwrap_or_else(|| format!("feature {}", self.count + 1));
+        self.add_named(id, attributes, geometry)
+    }
+
+    /// Takes a feature with an identifier, as [`Self::add`] does.
+    pub(crate) fn add_named(
+        &mut self,
+        id: String,
         mut attributes: Attributes,
         geometry: Result<Geometry, &'static str>,
     ) -> Result<(), InputError> {
         self.count += 1;
         // Also those without a geometry, so that the share of a feature follows from its place in the file.
         self.decisive[0] += 1;
-        let count = self.count;
-        let id = id_of(&attributes).or(number).unwrap_or_else(|| format!("feature {count}"));
         let geometry = match geometry {
             Ok(geometry) => geometry,
             Err(reason) => {
@@ -209,9 +244,11 @@ impl<'a> FeatureWriter<'a> {
     }
 
     /// Ends the layer: passes on all that waits.
-    pub(super) fn finish(&mut self) -> Result<(), InputError> {
+    pub(crate) fn finish(&mut self) -> Result<(), InputError> {
         self.settle_level_polygons(LevelPolygons::Plans)?;
-        self.level_polygons = LevelPolygons::Waiting(Vec::new());
+        if self.has_faces {
+            self.level_polygons = LevelPolygons::Waiting(Vec::new());
+        }
         Ok(())
     }
 
@@ -227,7 +264,8 @@ impl<'a> FeatureWriter<'a> {
         geometry.is_surface |=
             matches!(self.level_polygons, LevelPolygons::Faces) && facing(&geometry) == Facing::Level;
         let mut problems = Vec::new();
-        let shape = shape_of(geometry, told, &attributes, &mut problems);
+        let hints = HeightHints { field: self.height_field.as_deref(), ..HeightHints::default() };
+        let shape = shape_of(geometry, told, &attributes, hints, &mut problems);
         problems.into_iter().for_each(|problem| self.sink.problem(problem, id.clone()));
         match shape {
             Ok(shape) => self.sink.add(self.object(id, told, attributes, shape)),
@@ -258,20 +296,17 @@ impl<'a> FeatureWriter<'a> {
         }
         let Some([west, south, east, north]) = geometry.bounds() else { return Ok(()) };
         self.is_placed = true;
-        let is_on_globe = west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0;
-        let is_small = east - west < MAX_DEGREES_OF_FEATURE && north - south < MAX_DEGREES_OF_FEATURE;
-        // A point at the origin of a plan in metres is no place at sea.
-        let is_origin = west == 0.0 && south == 0.0;
-        if is_on_globe && is_small && !is_origin {
+        let first = FirstShape::at([west, south], Some([east - west, north - south]));
+        if first.looks_like_degrees() {
             let detail = format!("{}: coordinates look like degrees and are taken as WGS 84", self.layer.name);
-            self.sink.problem("coordinate system not given", detail);
+            self.sink.problem(NO_CRS, detail);
             return self.set_crs(DEGREES.to_owned());
         }
         self.is_in_degrees = false;
         if self.crs.take().is_some() {
             // The system of another layer must not be taken for this one's.
             let detail = format!("{}: coordinates are taken in the system of the layer before", self.layer.name);
-            self.sink.problem("coordinate system not given", detail);
+            self.sink.problem(NO_CRS, detail);
         }
         Ok(())
     }

@@ -3,30 +3,30 @@
 use crate::read::object::TriangleMesh;
 
 /// Positions of a ring or line in source coordinates; z is 0 where the source has none.
-pub(super) type Ring = Vec<[f64; 3]>;
+pub(crate) type Ring = Vec<[f64; 3]>;
 /// The outer ring, then the holes.
-pub(super) type Polygon = Vec<Ring>;
+pub(crate) type Polygon = Vec<Ring>;
 
 /// Collections nested deeper are refused.
 pub(super) const MAX_DEPTH: u32 = 16;
 pub(super) const TOO_DEEP: &str = "geometry nested too deep";
 pub(super) const MALFORMED: &str = "malformed geometry";
-pub(super) const UNKNOWN_TYPE: &str = "geometry of unknown type";
+pub(crate) const UNKNOWN_TYPE: &str = "geometry of unknown type";
 
 /// Segments of a full circle that an arc is divided into.
 const CIRCLE_SEGMENTS: f64 = 64.0;
 
 /// All parts of a feature's geometry.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Geometry {
-    pub(super) polygons: Vec<Polygon>,
-    pub(super) meshes: Vec<TriangleMesh>,
-    pub(super) lines: Vec<Ring>,
-    pub(super) points: Vec<[f64; 3]>,
+pub(crate) struct Geometry {
+    pub(crate) polygons: Vec<Polygon>,
+    pub(crate) meshes: Vec<TriangleMesh>,
+    pub(crate) lines: Vec<Ring>,
+    pub(crate) points: Vec<[f64; 3]>,
     /// The source says that the polygons and meshes are surfaces in space: TIN, polyhedral surface or multipatch.
-    pub(super) is_surface: bool,
+    pub(crate) is_surface: bool,
     /// The positions have heights.
-    pub(super) has_z: bool,
+    pub(crate) has_z: bool,
 }
 
 impl Geometry {
@@ -36,13 +36,13 @@ impl Geometry {
     }
 
     /// All positions.
-    pub(super) fn positions(&self) -> impl Iterator<Item = &[f64; 3]> {
+    pub(crate) fn positions(&self) -> impl Iterator<Item = &[f64; 3]> {
         let rings = self.polygons.iter().flatten().chain(&self.lines).flatten();
         rings.chain(&self.points).chain(self.meshes.iter().flat_map(|mesh| &mesh.positions))
     }
 
     /// West, south, east and north of all positions, ignoring those that are not numbers; `None` without any.
-    pub(super) fn bounds(&self) -> Option<[f64; 4]> {
+    pub(crate) fn bounds(&self) -> Option<[f64; 4]> {
         let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
         for [x, y, _] in self.positions() {
             bounds = [bounds[0].min(*x), bounds[1].min(*y), bounds[2].max(*x), bounds[3].max(*y)];
@@ -51,7 +51,7 @@ impl Geometry {
     }
 
     /// Adds a polygon unless it has no ring.
-    pub(super) fn push_polygon(&mut self, mut polygon: Polygon) {
+    pub(crate) fn push_polygon(&mut self, mut polygon: Polygon) {
         polygon.retain(|ring| !ring.is_empty());
         if !polygon.is_empty() {
             self.polygons.push(polygon);
@@ -59,14 +59,14 @@ impl Geometry {
     }
 
     /// Adds a line unless it has no position.
-    pub(super) fn push_line(&mut self, line: Ring) {
+    pub(crate) fn push_line(&mut self, line: Ring) {
         if !line.is_empty() {
             self.lines.push(line);
         }
     }
 
     /// Adds a point unless it is empty (not a number).
-    pub(super) fn push_point(&mut self, point: [f64; 3]) {
+    pub(crate) fn push_point(&mut self, point: [f64; 3]) {
         if !point[0].is_nan() {
             self.points.push(point);
         }

@@ -26,7 +26,9 @@ mod wkb;
 mod wkt;
 
 pub(crate) use csv::read as read_csv;
+pub(crate) use feature::FeatureWriter;
 pub(crate) use flatgeobuf::read as read_flatgeobuf;
+pub(crate) use geometry::{Geometry, Polygon, Ring, UNKNOWN_TYPE};
 pub(crate) use geopackage::read as read_geopackage;
 pub(crate) use geoparquet::read as read_geoparquet;
 pub(crate) use shapefile::read as read_shapefile;

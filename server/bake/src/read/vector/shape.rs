@@ -3,25 +3,13 @@
 use super::geometry::{Geometry, Polygon, Ring};
 use super::orient::{ring_area_vector, turn_outward};
 use crate::read::attributes::{AttributeValue, Attributes};
-use crate::read::footprint::{LANE_M, length_m, usual_width_m};
+use crate::read::footprint::{HeightHints, LANE_M, has_height, length_m, usual_width_m};
 use crate::read::object::{FeatureKind, Footprint, Shape, Strip, Surface};
 
 /// A ring whose heights differ by less is level.
 const LEVEL_M: f64 = 0.001;
 /// A polygon that covers less than this share of the square of its extent on the map stands upright.
 const WALL_SHARE: f64 = 1e-3;
-/// Names of attributes that say how high a building is; then its polygon is its plan, at whatever heights its corners are.
-const HEIGHT_NAMES: [&str; 9] = [
-    "height",
-    "Height",
-    "HEIGHT",
-    "building:height",
-    "measuredHeight",
-    "measured_height",
-    "building:levels",
-    "num_floors",
-    "levels",
-];
 const WIDTH_NAMES: [&str; 6] = ["width", "Width", "WIDTH", "width_m", "est_width", "breedte"];
 const LANE_NAMES: [&str; 3] = ["lanes", "Lanes", "LANES"];
 const WIDTH_RANGE_M: std::ops::RangeInclusive<f64> = 0.2..=200.0;
@@ -34,6 +22,7 @@ pub(super) fn shape_of(
     geometry: Geometry,
     kind: Option<FeatureKind>,
     attributes: &Attributes,
+    hints: HeightHints<'_>,
     problems: &mut Vec<&'static str>,
 ) -> Result<Shape, &'static str> {
     let Geometry { polygons, mut meshes, lines, points, is_surface, .. } = geometry;
@@ -45,7 +34,7 @@ pub(super) fn shape_of(
         problems.push("point beside polygons or lines left out");
     }
     if has_areas {
-        if is_surface || is_in_space(&polygons, attributes) {
+        if is_surface || is_in_space(&polygons, attributes, hints) {
             let mut polygons: Vec<Surface> =
                 polygons.into_iter().filter_map(|polygon| surface(polygon, problems)).collect();
             if polygons.is_empty() && meshes.is_empty() {
@@ -55,18 +44,30 @@ pub(super) fn shape_of(
             return Ok(Shape::Surfaces { polygons, meshes });
         }
         let on_map = |ring: Ring| ring.into_iter().map(|[x, y, _]| [x, y]).collect();
-        let footprint = |polygon: Polygon| Footprint { rings: polygon.into_iter().map(on_map).collect() };
+        let footprint = |polygon: Polygon| {
+            let base_z = lowest_z(polygon.first().into_iter().flatten());
+            Footprint { rings: polygon.into_iter().map(on_map).collect(), base_z }
+        };
         return Ok(Shape::Footprints(polygons.into_iter().map(footprint).collect()));
     }
     if !lines.is_empty() {
         let width_m = width_m(kind, attributes).ok_or("line without a width that is no road, railway or water")?;
-        let strip = |line: Ring| Strip { points: line.into_iter().map(|[x, y, _]| [x, y]).collect(), width_m };
+        let strip = |line: Ring| {
+            let base_z = lowest_z(line.iter());
+            Strip { points: line.into_iter().map(|[x, y, _]| [x, y]).collect(), width_m, base_z }
+        };
         return Ok(Shape::Strips(lines.into_iter().map(strip).collect()));
     }
     if points.is_empty() {
         return Err("empty geometry");
     }
-    Ok(Shape::Points(points.into_iter().map(|[x, y, _]| [x, y]).collect()))
+    Ok(Shape::Points(points))
+}
+
+/// The lowest height of positions; 0 if none has a height.
+fn lowest_z<'p>(positions: impl Iterator<Item = &'p [f64; 3]>) -> f64 {
+    let lowest = positions.map(|position| position[2]).fold(f64::INFINITY, f64::min);
+    if lowest.is_finite() { lowest } else { 0.0 }
 }
 
 /// Whether a feature can be a single face of a body, and which.
@@ -106,13 +107,11 @@ fn is_level(ring: &Ring) -> bool {
 
 /// Whether polygons are surfaces in space: a ring of one is not level. A single one of a building with a height is its plan
 /// on uneven ground.
-fn is_in_space(polygons: &[Polygon], attributes: &Attributes) -> bool {
+fn is_in_space(polygons: &[Polygon], attributes: &Attributes, hints: HeightHints<'_>) -> bool {
     if polygons.iter().flatten().all(is_level) {
         return false;
     }
-    let is_plan = polygons.len() == 1
-        && HEIGHT_NAMES.iter().any(|name| attributes.get(name).is_some_and(|value| value.as_f64().is_some()));
-    !is_plan
+    !(polygons.len() == 1 && has_height(attributes, hints))
 }
 
 /// The polygon without the repeated last positions of its rings; `None` if the outer ring is no ring.

@@ -1,7 +1,7 @@
 //! Which surfaces of an object are read.
 
 use super::*;
-use crate::read::object::{AxisOrder, CrsReference, FeatureKind, SurfaceRole};
+use crate::read::object::{CrsReference, FeatureKind, SurfaceRole};
 
 #[test]
 fn solid_of_references_does_not_double_the_boundary() {
@@ -228,7 +228,7 @@ fn coordinate_systems_are_passed_on_when_they_change() {
     let envelope = r#"<gml:boundedBy><gml:Envelope srsName="EPSG:25832"><gml:lowerCorner>0 0</gml:lowerCorner></gml:Envelope></gml:boundedBy>"#;
     let sink =
         read_2(&format!("{envelope}{}{}{}", building("", 1), building(r#" srsName="EPSG:25833""#, 2), building("", 3)));
-    let crs = |name: &str| CrsReference { name: name.into(), order: AxisOrder::Authority };
+    let crs = |name: &str| CrsReference::authority(name);
     assert_eq!(sink.crs, [crs("EPSG:25832"), crs("EPSG:25833"), crs("EPSG:25832")]);
     assert_eq!(read_2(&building("", 1)).crs, []);
 }

@@ -2,7 +2,7 @@
 
 use super::map::{Map, gzip, read_bytes, read_limited, read_map};
 use crate::read::attributes::AttributeValue;
-use crate::read::object::{AxisOrder, CrsReference, Description, FeatureKind, Shape, SourceObject, Strip};
+use crate::read::object::{CrsReference, Description, FeatureKind, Shape, SourceObject, Strip};
 use crate::read::osm::collect::Limits;
 use crate::read::test_sink::TestSink;
 
@@ -43,7 +43,7 @@ fn every_form_of_a_file_has_the_same_objects() {
         assert_eq!((&sink.skipped, &sink.problems), (&expected.skipped, &expected.problems), "{name}");
         assert_eq!(sink.bytes_done, bytes.len() as u64);
     }
-    assert_eq!(expected.crs, [CrsReference { name: "OGC:CRS84".to_owned(), order: AxisOrder::EastFirst }]);
+    assert_eq!(expected.crs, [CrsReference::east_first("OGC:CRS84")]);
     assert_eq!(
         expected.described,
         [
@@ -63,11 +63,14 @@ fn objects_have_their_identifiers_types_and_attributes() {
     let Shape::Footprints(plans) = &house.shape else { panic!("{house:?}") };
     assert_eq!(plans[0].rings, [[[0.0, 0.0], [1e-4, 0.0], [1e-4, 8e-5], [0.0, 8e-5], [0.0, 0.0]]]);
     let tree = by_id(&sink, "node/1");
-    assert_eq!((tree.kind, &tree.shape), (FeatureKind::Vegetation, &Shape::Points(vec![[1e-6, 2e-6]])));
+    assert_eq!((tree.kind, &tree.shape), (FeatureKind::Vegetation, &Shape::Points(vec![[1e-6, 2e-6, 0.0]])));
     assert_eq!(tree.attributes.get("height"), Some(&AttributeValue::Text("12 m".to_owned())));
     let road = by_id(&sink, "way/20");
     let points = vec![[0.0, 0.0], [5e-4, 0.0], [5.5e-4, 0.0]];
-    assert_eq!((road.kind, &road.shape), (FeatureKind::Road, &Shape::Strips(vec![Strip { points, width_m: 6.0 }])));
+    assert_eq!(
+        (road.kind, &road.shape),
+        (FeatureKind::Road, &Shape::Strips(vec![Strip { points, width_m: 6.0, base_z: 0.0 }]))
+    );
     // The row is 66 m long.
     assert!(matches!(&by_id(&sink, "way/22").shape, Shape::Points(trees) if trees.len() == 9));
     let water = by_id(&sink, "relation/40");

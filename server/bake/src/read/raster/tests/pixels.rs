@@ -112,9 +112,13 @@ fn differences_between_neighbours() {
 
 #[test]
 fn missing_values_and_scales() {
-    for (text, missing) in
-        [("-9999", -9999.0), ("nan", f32::NAN), (" 3.4e38 ", 3.4e38), ("-3.40282346638529e+38", f32::MIN)]
-    {
+    for (text, missing) in [
+        ("-9999", -9999.0),
+        ("nan", f32::NAN),
+        (" 3.4e38 ", 3.4e38),
+        ("-3.40282346638529e+38", f32::MIN),
+        ("-3.40282306e38", f32::MIN),
+    ] {
         let image = floats(&[1.0, missing, f32::INFINITY, -9998.5]).tag(42113, Values::Text(text));
         assert_heights(&heights(&image.file(), 0), &[1.0, f32::NAN, f32::NAN, -9998.5]);
     }

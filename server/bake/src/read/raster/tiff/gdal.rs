@@ -3,6 +3,7 @@
 use super::super::error::RasterError;
 use super::super::facts::SampleKind;
 use super::directory::{Directory, TiffFile};
+use crate::read::units::metres_of;
 
 const METADATA: u16 = 42112;
 const NODATA: u16 = 42113;
@@ -20,6 +21,8 @@ pub(super) struct GdalTags {
     pub(super) heights: HeightRule,
     /// Metres of one unit of height.
     pub(super) height_unit_m: Option<f64>,
+    /// A unit of height that is not known.
+    pub(super) unknown_unit: Option<String>,
 }
 
 impl GdalTags {
@@ -30,16 +33,12 @@ impl GdalTags {
             let text = item(&metadata, role)?;
             text.trim().parse::<f64>().ok().filter(|number| number.is_finite())
         };
-        let height_unit_m = match item(&metadata, "unittype").map(str::trim) {
-            Some("metre" | "meter" | "m") => Some(1.0),
-            Some("foot" | "ft") => Some(0.3048),
-            Some("US survey foot" | "us-ft" | "ftUS") => Some(1200.0 / 3937.0),
-            _ => None,
-        };
+        let unit = item(&metadata, "unittype").map(str::trim).filter(|unit| !unit.is_empty());
         Ok(Self {
             nodata: nodata.map(|number| sample.rounded(number)),
             heights: HeightRule { scale: number("scale").unwrap_or(1.0), offset: number("offset").unwrap_or(0.0) },
-            height_unit_m,
+            height_unit_m: unit.and_then(metres_of),
+            unknown_unit: unit.filter(|unit| metres_of(unit).is_none()).map(str::to_owned),
         })
     }
 }
@@ -53,9 +52,10 @@ fn item<'t>(metadata: &'t str, role: &str) -> Option<&'t str> {
 }
 
 impl HeightRule {
-    /// The height of a number; NaN for missing ones.
-    pub(super) fn height(self, number: f64, nodata: Option<f64>) -> f32 {
-        if !number.is_finite() || nodata == Some(number) {
+    /// The height of a number; NaN for missing ones, which one of the marks marks.
+    pub(super) fn height(self, number: f64, sample: SampleKind, marks: [Option<f64>; 2]) -> f32 {
+        let is_mark = |mark: &Option<f64>| mark.is_some_and(|mark| sample.is_mark(number, mark));
+        if !number.is_finite() || marks.iter().any(is_mark) {
             return f32::NAN;
         }
         (number * self.scale + self.offset) as f32

@@ -42,6 +42,8 @@ pub(super) struct TiffRaster {
     /// Images of 0 where the image, or its copy of the same size, has no value.
     masks: Vec<TiffImage>,
     nodata: Option<f64>,
+    /// The mark of missing heights that the user gives.
+    pub(super) nodata_by_hand: Option<f64>,
     heights: HeightRule,
 }
 
@@ -55,7 +57,8 @@ impl TiffRaster {
         let mut facts = RasterFacts {
             bands: main.layout.bands,
             place: tags.place(),
-            crs: RasterCrs { height_unit_m: crs.height_unit_m.or(gdal.height_unit_m), ..crs },
+            crs: RasterCrs { height_unit_m: gdal.height_unit_m.or(crs.height_unit_m), ..crs },
+            unknown_unit: gdal.unknown_unit,
             nodata: gdal.nodata,
             ..RasterFacts::new(main.layout.size, main.layout.sample)
         };
@@ -65,7 +68,8 @@ impl TiffRaster {
         facts.levels = levels.iter().map(|level| level.layout.size).collect();
         facts.has_mask = masks.iter().any(|mask| mask.layout.size == facts.size);
         let chunks = Chunks::new(file, limits);
-        Ok((Self { chunks, levels, masks, nodata: gdal.nodata, heights: gdal.heights }, facts))
+        let (nodata, heights) = (gdal.nodata, gdal.heights);
+        Ok((Self { chunks, levels, masks, nodata, nodata_by_hand: None, heights }, facts))
     }
 
     /// Heights of a window that is within the level; NaN where there are none.
@@ -73,10 +77,11 @@ impl TiffRaster {
         let image = level_of(&self.levels, level)?;
         let mut heights = vec![f32::NAN; len];
         let bands: Vec<u16> = [0].into_iter().chain(alpha_band(&image.layout)).collect();
-        let (rule, nodata) = (self.heights, self.nodata);
+        let (rule, nodata, sample) = (self.heights, self.nodata, image.layout.sample);
+        let marks = [nodata, self.nodata_by_hand];
         self.chunks.visit(image, (&bands, window), nodata.unwrap_or(0.0), |slot, pixel, number| {
             if slot == 0 {
-                heights[pixel] = rule.height(number, nodata);
+                heights[pixel] = rule.height(number, sample, marks);
             } else if number == 0.0 {
                 heights[pixel] = f32::NAN;
             }
