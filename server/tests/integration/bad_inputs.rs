@@ -125,13 +125,13 @@ fn inputs_that_cannot_be_read_fail_the_bake_in_the_same_way() {
     let sequence = format!("{header}\n{}", line.replace("CityJSON\"", "CityJSONFeature\""));
     assert_bad("cut.city.jsonl.gz", Some(&sequence), &["cannot be read"]);
     assert_bad("missing.obj", None, &["cannot be read"]);
-    assert_bad("points.geojson", Some(POINT), &["its only object is left out: no polygon", "repair it"]);
+    assert_bad("lines.geojson", Some(LINE), &["its only object is left out: line without a width", "repair it"]);
     assert_bad("my town.kml", Some("<kml/>"), &["KML: not read", "'my town.geojson' 'my town.kml'"]);
     assert_bad("town.gml", Some("<gml/>"), &["CityGML"]);
 }
 
-const POINT: &str = r#"{"type": "FeatureCollection", "features": [{"type": "Feature", "id": "tree", "properties": {},
-    "geometry": {"type": "Point", "coordinates": [4.3, 52.0]}}]}"#;
+const LINE: &str = r#"{"type": "FeatureCollection", "features": [{"type": "Feature", "id": "fence", "properties": {},
+    "geometry": {"type": "LineString", "coordinates": [[4.3, 52.0], [4.31, 52.0]]}}]}"#;
 
 #[test]
 fn bake_without_a_good_input_fails_with_the_first_bad_one() {

@@ -65,6 +65,8 @@ pub(crate) struct Input<'a> {
     pub(crate) max_bytes: u64,
     /// West, south, east and north in degrees: readers may leave out objects outside of it. The sink filters again.
     pub(crate) bbox_deg: Option<[f64; 4]>,
+    /// Name of the attribute that has the height of buildings, if the user gives it.
+    pub(crate) height_field: Option<&'a str>,
     /// What is read of it. Only formats that `slice` divides have shares.
     pub(crate) share: Share,
 }

@@ -21,7 +21,6 @@ mod elevation;
 mod facade;
 mod files;
 mod footprint;
-mod geojson;
 mod gltf;
 mod i3s;
 mod input;
@@ -44,6 +43,7 @@ mod random_file;
 mod raster;
 mod remote;
 mod report;
+mod ring_inside;
 mod roof;
 mod scene_builder;
 mod sink;
@@ -406,11 +406,13 @@ fn read_by_kind(
             JsonKind::Tileset => (SourceFormat::Tiles3d, tiles3d::read),
             JsonKind::SceneLayer => (SourceFormat::I3s, i3s::read),
             JsonKind::Terrain => return open_elevation(context, source).map(Some),
-            JsonKind::FeatureCollection => return geojson::read(context, source, tick).map(Some),
+            JsonKind::GeoJson => return vector::read_geojson(context, source, tick).map(Some),
             JsonKind::Other => return cityjson::read(context, source, tick),
         },
         SourceKind::JsonLines => return cityjson::read(context, source, tick),
-        SourceKind::GeoJson | SourceKind::GeoJsonLines => return geojson::read(context, source, tick).map(Some),
+        SourceKind::GeoJson | SourceKind::GeoJsonLines => {
+            return vector::read_geojson(context, source, tick).map(Some);
+        }
         SourceKind::Obj => return obj::read(context, source, tick).map(Some),
         SourceKind::Xml => (SourceFormat::CityGml, citygml::read),
         SourceKind::FlatGeobuf => (SourceFormat::FlatGeobuf, vector::read_flatgeobuf),

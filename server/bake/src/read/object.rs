@@ -56,7 +56,7 @@ pub(crate) enum Shape {
     /// Lines with a width, laid on the ground: roads, rails, rivers.
     Strips(Vec<Strip>),
     /// Points on the ground: trees, street lamps.
-    Points(Vec<[f64; 2]>),
+    Points(Vec<GroundPoint>),
 }
 
 /// A planar polygon in space. Counter-clockwise seen from outside.
@@ -119,6 +119,24 @@ pub(crate) struct TriangleMesh {
 pub(crate) struct Footprint {
     /// The outer ring, then the holes, in any orientation, closed or not: the bake repairs rings.
     pub(crate) rings: Vec<Vec<[f64; 2]>>,
+    /// Height of the ground, of an area at its lowest corner, in the vertical system of the source; `None` if the source does not tell.
+    pub(crate) ground: Option<f64>,
+    /// Whether what it stands on is an object of its own: a canopy then has no posts.
+    pub(crate) is_supported: bool,
+}
+
+/// A point on the ground.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct GroundPoint {
+    pub(crate) place: [f64; 2],
+    /// As [`Footprint::ground`].
+    pub(crate) ground: Option<f64>,
+}
+
+impl From<[f64; 2]> for GroundPoint {
+    fn from(place: [f64; 2]) -> Self {
+        Self { place, ground: None }
+    }
 }
 
 /// A line with a width.

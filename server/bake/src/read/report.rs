@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::attributes::{AttributeValue, Attributes};
 use super::object::FeatureKind;
 use super::osm;
+use super::polygon::{Areas, CROSSING};
 
 /// Number of examples that are kept of each fault.
 const EXAMPLES: usize = 5;
@@ -273,6 +274,13 @@ impl SourceReport {
 
     pub(crate) fn problem(&mut self, kind: &str, example: impl FnOnce() -> String) {
         count_fault(&mut self.problems, kind, example);
+    }
+
+    /// Counts a polygon of an object if its triangles do not have the area of its rings.
+    pub(crate) fn areas(&mut self, areas: Areas, id: &str) {
+        if let Some(difference) = areas.difference() {
+            self.problem(CROSSING, || format!("{id}: {difference}"));
+        }
     }
 
     pub(crate) fn count_type(&mut self, object_type: &str) {

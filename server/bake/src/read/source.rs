@@ -52,7 +52,7 @@ impl CitySource<'_> {
     /// The source as readers take it. Unpacked sources with more bytes than `max_bytes` are refused.
     pub(crate) fn input(&self, max_bytes: u64) -> Input<'_> {
         let Self { label, name, files, share, .. } = self;
-        Input { label, name, files: &**files, max_bytes, bbox_deg: None, share: *share }
+        Input { label, name, files: &**files, max_bytes, bbox_deg: None, height_field: None, share: *share }
     }
 }
 

@@ -312,7 +312,8 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             && matches!(name.object_type, "Building" | "BuildingPart" | "BuildingUnit" | "BuildingStorey")
             && matches!(semantic, None | Some("WallSurface"));
         let material = self.context.builder.material(StoredMaterial { rgb, texture, is_reflective });
-        for triangle in triangles {
+        self.report.areas(triangles.areas, id);
+        for triangle in triangles.list {
             let corners = triangle.map(|i| self.points[i as usize]);
             let uv = if is_textured { triangle.map(|i| self.uvs[i as usize]) } else { [[0.0; 2]; 3] };
             self.faces.push(WorldTriangle { corners, uv, material, is_facade });

@@ -66,7 +66,9 @@ impl BuildingHeight {
 
 /// Whether attributes tell the top of an area, in metres or storeys.
 pub(crate) fn has_height(attributes: &Attributes, field: Option<&str>) -> bool {
-    field.into_iter().chain(TOP.iter().chain(LEVELS).copied()).any(|name| attributes.get(name).is_some())
+    let is_number = |value: &AttributeValue| value.as_str().map_or_else(|| value.as_f64(), length_m).is_some();
+    let mut names = field.into_iter().chain(TOP.iter().chain(LEVELS).copied());
+    names.any(|name| attributes.get(name).is_some_and(is_number))
 }
 
 /// The first of the named attributes that is a number in the range. Passes the others to `note`.

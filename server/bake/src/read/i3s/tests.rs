@@ -20,7 +20,15 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) {
 fn read_at(folder: &Path, name: &str, bbox_deg: Option<[f64; 4]>) -> (TestSink, Result<(), InputError>) {
     let files = TestFiles(folder.to_owned());
     let mut sink = TestSink::default();
-    let input = Input { label: name, name, files: &files, max_bytes: 1 << 24, bbox_deg, share: Share::WHOLE };
+    let input = Input {
+        label: name,
+        name,
+        files: &files,
+        max_bytes: 1 << 24,
+        bbox_deg,
+        height_field: None,
+        share: Share::WHOLE,
+    };
     let result = read(&input, &mut sink);
     (sink, result)
 }

@@ -30,8 +30,15 @@ impl SourceFiles for OneFile<'_> {
 }
 
 fn read_bytes(name: &str, bytes: &[u8]) -> Result<TestSink, InputError> {
-    let input =
-        Input { label: name, name, files: &OneFile(bytes), max_bytes: 1 << 20, bbox_deg: None, share: Share::WHOLE };
+    let input = Input {
+        label: name,
+        name,
+        files: &OneFile(bytes),
+        max_bytes: 1 << 20,
+        bbox_deg: None,
+        height_field: None,
+        share: Share::WHOLE,
+    };
     let mut sink = TestSink::default();
     read(&input, &mut sink).map(|()| sink)
 }

@@ -139,6 +139,6 @@ fn add_plant(
         source_type: format!("natural={value}"),
         lod: None,
         attributes: attributes(tags),
-        shape: Shape::Points(vec![degrees(position)]),
+        shape: Shape::Points(vec![degrees(position).into()]),
     })
 }

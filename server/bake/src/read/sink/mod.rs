@@ -69,18 +69,17 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     }
 
     /// The source as readers take it.
-    pub(crate) fn input(&self) -> Input<'s> {
+    pub(crate) fn input(&self) -> Input<'s>
+    where
+        'o: 's,
+    {
         let options = self.context.options;
-        Input { bbox_deg: options.placing.bbox_deg, ..self.source.input(options.max_source_bytes) }
+        let (bbox_deg, height_field) = (options.placing.bbox_deg, options.height_field.as_deref());
+        Input { bbox_deg, height_field, ..self.source.input(options.max_source_bytes) }
     }
 
     pub(crate) fn options(&self) -> &'o ReadOptions {
         self.context.options
-    }
-
-    /// The report so far.
-    pub(crate) fn report_mut(&mut self) -> &mut SourceReport {
-        &mut self.report
     }
 
     /// The report of the whole source.
@@ -241,7 +240,7 @@ fn first_position(shape: &Shape) -> Option<[f64; 3]> {
         }
         Shape::Footprints(footprints) => footprints.iter().flat_map(|plan| &plan.rings).flatten().next().map(on_map),
         Shape::Strips(strips) => strips.iter().flat_map(|strip| &strip.points).next().map(on_map),
-        Shape::Points(points) => points.first().map(on_map),
+        Shape::Points(points) => points.first().map(|point| on_map(&point.place)),
     }
 }
 

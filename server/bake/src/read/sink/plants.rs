@@ -6,7 +6,7 @@ use crate::error::InputError;
 use crate::read::attributes::AttributeValue;
 use crate::read::facade::FacadeUse;
 use crate::read::footprint::{ResolvedColour, length_m};
-use crate::read::object::{FeatureKind, SourceObject, Strip};
+use crate::read::object::{FeatureKind, GroundPoint, SourceObject, Strip};
 use crate::read::paint::mix_bits;
 use crate::read::palette::{Look, SurfaceFacts};
 use crate::read::scene_builder::{OpenObject, WorldTriangle, hash_of_id};
@@ -116,7 +116,7 @@ impl TreeForm {
 
 impl SceneSink<'_, '_, '_> {
     /// Adds trees. Points of other kinds have no shape. Fails if the ground's height cannot be read.
-    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[[f64; 2]]) -> Result<(), InputError> {
+    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[GroundPoint]) -> Result<(), InputError> {
         if object.kind != FeatureKind::Vegetation {
             self.report.without_geometry += 1;
             return Ok(());
@@ -129,11 +129,16 @@ impl SceneSink<'_, '_, '_> {
         let mut open = OpenObject::new(ObjectKind::Building);
         let mut fault = None;
         for (number, point) in (0_u64..).zip(points) {
-            let Some([x, y]) = self.place_on_map(*point) else {
+            let Some([x, y]) = self.place_on_map(point.place) else {
                 fault = Some("coordinate not a number or out of range");
                 continue;
             };
-            let ground_m = self.context.ground_m([x, y])?;
+            // Elevation models tell the ground under the tree, too.
+            let own_m = self.own_ground_m(point.place, point.ground).filter(|_| self.context.elevation.is_empty());
+            let ground_m = match own_m {
+                Some(own_m) => own_m,
+                None => self.context.ground_m([x, y])?,
+            };
             let chance = mix_bits(hash_of_id(&object.id) ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15));
             // From 0 to 1 each.
             let [size, turn, tone] = [0, 16, 32].map(|shift| f64::from((chance >> shift) as u16) / 65536.0);

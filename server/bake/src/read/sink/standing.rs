@@ -13,31 +13,37 @@ const MAX_EDGE_STEPS: f64 = 0.5;
 const MAX_FACES: f64 = 1e6;
 
 impl SceneSink<'_, '_, '_> {
-    /// Lifts the collected faces, which stand on a level plane at 0, to the lowest ground under a plan. Fails if an
-    /// elevation model cannot be read.
-    pub(super) fn stand(&mut self, rings: &[Vec<[f64; 2]>]) -> Result<(), InputError> {
+    /// World height of the ground that the source tells at a place.
+    pub(super) fn own_ground_m(&self, [x, y]: [f64; 2], ground: Option<f64>) -> Option<f64> {
+        self.place([x, y, ground?]).map(|[_, _, z]| z)
+    }
+
+    /// Lowest ground under a plan; 0 without an elevation model. Fails if one cannot be read.
+    pub(super) fn lowest_ground_m(&mut self, rings: &[Vec<[f64; 2]>]) -> Result<f64, InputError> {
         if self.context.elevation.is_empty() {
-            return Ok(());
+            return Ok(0.0);
         }
         let mut lowest = f64::INFINITY;
         for corner in rings.iter().take(1).flatten() {
             lowest = lowest.min(self.context.ground_m(*corner)?);
         }
-        if lowest.is_finite() {
-            self.faces.iter_mut().flat_map(|face| &mut face.corners).for_each(|corner| corner[2] += lowest);
-        }
-        Ok(())
+        Ok(if lowest.is_finite() { lowest } else { 0.0 })
+    }
+
+    /// Lifts the collected faces.
+    pub(super) fn lift(&mut self, by_m: f64) {
+        self.faces.iter_mut().flat_map(|face| &mut face.corners).for_each(|corner| corner[2] += by_m);
     }
 
     /// Lays the collected faces, which are level, on the ground: divides them, and adds its height. Without an elevation model they stay
-    /// level, above ground that is painted. Fails as [`Self::stand`].
+    /// level, above ground that is painted. Fails as [`Self::lowest_ground_m`].
     pub(super) fn drape(&mut self) -> Result<(), InputError> {
         let options = self.context.options;
         // So far above the terrain's triangles as these may be above the ground.
         let above_m = options.terrain.error_cells * options.cell_m;
         if self.context.elevation.is_empty() {
             if self.context.is_painting() {
-                self.faces.iter_mut().flat_map(|face| &mut face.corners).for_each(|corner| corner[2] += above_m);
+                self.lift(above_m);
             }
             return Ok(());
         }

@@ -6,7 +6,7 @@ use super::shape::{Facing, facing, shape_of};
 use crate::error::InputError;
 use crate::read::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use crate::read::crs::is_geographic;
-use crate::read::footprint::kind_of;
+use crate::read::footprint::{IN_TUNNEL, is_hidden, kind_of};
 use crate::read::input::Input;
 use crate::read::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
 
@@ -40,9 +40,20 @@ const MAX_WAITING: u64 = 256;
 /// Features of a layer after which that is known. Shares of a source besides the first begin behind them.
 pub(super) const MAX_DECISIVE: u64 = 4096;
 
+/// A feature whose identifier is known.
+pub(super) struct NamedFeature {
+    pub(super) id: String,
+    pub(super) attributes: Attributes,
+    /// Or the reason for skipping it.
+    pub(super) geometry: Result<Geometry, &'static str>,
+    /// See [`Layer::is_mixed`].
+    pub(super) is_mixed: bool,
+}
+
 /// A feature that is ready but for its shape.
 struct Feature {
     id: String,
+    is_mixed: bool,
     /// What its attributes or its layer say it is.
     told: Option<FeatureKind>,
     attributes: Attributes,
@@ -62,6 +73,8 @@ enum LevelPolygons {
 pub(super) struct FeatureWriter<'a> {
     pub(super) sink: &'a mut dyn ObjectSink,
     layer: Layer,
+    /// Name of the attribute that has the height, if the user gives it.
+    height_field: Option<&'a str>,
     /// The last system that the sink was told; `None` if it was told none.
     crs: Option<String>,
     /// Whether the system is settled, named or guessed.
@@ -70,13 +83,14 @@ pub(super) struct FeatureWriter<'a> {
     bbox_deg: Option<[f64; 4]>,
     is_in_degrees: bool,
     level_polygons: LevelPolygons,
+    has_only_plans: bool,
     /// Features of the layer, and level polygons among them, until it is known what these are.
     decisive: [u64; 2],
     count: u64,
 }
 
 impl<'a> FeatureWriter<'a> {
-    pub(super) fn new(input: &Input<'_>, sink: &'a mut dyn ObjectSink) -> Self {
+    pub(super) fn new(input: &Input<'a>, sink: &'a mut dyn ObjectSink) -> Self {
         // A box over the antimeridian is left to the sink.
         let bbox_deg = input.bbox_deg.filter(|[west, _, east, _]| west <= east);
         let layer = Layer::of_file(input.name, std::iter::empty());
@@ -84,11 +98,13 @@ impl<'a> FeatureWriter<'a> {
         Self {
             sink,
             layer,
+            height_field: input.height_field,
             crs: None,
             is_placed: false,
             bbox_deg,
             is_in_degrees: false,
             level_polygons,
+            has_only_plans: false,
             decisive: [0; 2],
             count: 0,
         }
@@ -107,7 +123,7 @@ impl<'a> FeatureWriter<'a> {
         }
     }
 
-    /// Sets the system of the following features.
+    /// Sets the system of the following features. Fails if positions of it cannot be placed.
     pub(super) fn set_crs(&mut self, name: String) -> Result<(), InputError> {
         self.is_placed = true;
         if self.crs.as_ref() == Some(&name) {
@@ -117,6 +133,12 @@ impl<'a> FeatureWriter<'a> {
         self.is_in_degrees = is_geographic(&name);
         self.crs = Some(name.clone());
         self.sink.set_crs(&CrsReference { name, order: AxisOrder::EastFirst })
+    }
+
+    /// Level polygons with heights are plans, without a look at the other features.
+    pub(super) fn take_level_polygons_as_plans(&mut self) {
+        self.has_only_plans = true;
+        self.level_polygons = LevelPolygons::Plans;
     }
 
     /// The wanted area in coordinates of the current system, if that is known to be in degrees.
@@ -171,14 +193,21 @@ impl<'a> FeatureWriter<'a> {
     pub(super) fn add(
         &mut self,
         number: Option<String>,
-        mut attributes: Attributes,
+        attributes: Attributes,
         geometry: Result<Geometry, &'static str>,
     ) -> Result<(), InputError> {
+        let count = self.count + 1;
+        let id = id_of(&attributes).or(number).unwrap_or_else(|| format!("feature {count}"));
+        let is_mixed = self.layer.is_mixed;
+        self.add_named(NamedFeature { id, attributes, geometry, is_mixed })
+    }
+
+    /// As [`Self::add`].
+    pub(super) fn add_named(&mut self, feature: NamedFeature) -> Result<(), InputError> {
+        let NamedFeature { id, mut attributes, geometry, is_mixed } = feature;
         self.count += 1;
         // Also those without a geometry, so that the share of a feature follows from its place in the file.
         self.decisive[0] += 1;
-        let count = self.count;
-        let id = id_of(&attributes).or(number).unwrap_or_else(|| format!("feature {count}"));
         let geometry = match geometry {
             Ok(geometry) => geometry,
             Err(reason) => {
@@ -195,7 +224,7 @@ impl<'a> FeatureWriter<'a> {
         add_tags(&mut attributes);
         let told = kind_of(&attributes).or(self.layer.kind);
         let facing = facing(&geometry);
-        let feature = Feature { id, told, attributes, geometry };
+        let feature = Feature { id, is_mixed, told, attributes, geometry };
         if let Some(settled) = self.settled_by(facing) {
             self.settle_level_polygons(settled)?;
         }
@@ -211,7 +240,9 @@ impl<'a> FeatureWriter<'a> {
     /// Ends the layer: passes on all that waits.
     pub(super) fn finish(&mut self) -> Result<(), InputError> {
         self.settle_level_polygons(LevelPolygons::Plans)?;
-        self.level_polygons = LevelPolygons::Waiting(Vec::new());
+        if !self.has_only_plans {
+            self.level_polygons = LevelPolygons::Waiting(Vec::new());
+        }
         Ok(())
     }
 
@@ -223,14 +254,23 @@ impl<'a> FeatureWriter<'a> {
     }
 
     fn pass_on(&mut self, feature: Feature) -> Result<(), InputError> {
-        let Feature { id, told, attributes, mut geometry } = feature;
+        let Feature { id, is_mixed, told, attributes, mut geometry } = feature;
         geometry.is_surface |=
             matches!(self.level_polygons, LevelPolygons::Faces) && facing(&geometry) == Facing::Level;
         let mut problems = Vec::new();
-        let shape = shape_of(geometry, told, &attributes, &mut problems);
+        let shape = shape_of(geometry, told, &attributes, self.height_field, &mut problems);
         problems.into_iter().for_each(|problem| self.sink.problem(problem, id.clone()));
         match shape {
-            Ok(shape) => self.sink.add(self.object(id, told, attributes, shape)),
+            Ok(shape) => {
+                let kind = told.unwrap_or(default_kind(&shape, is_mixed));
+                match hidden_by(kind, &shape, &attributes) {
+                    Some(reason) => {
+                        self.sink.skip(reason, id);
+                        Ok(())
+                    }
+                    None => self.sink.add(self.object(id, kind, attributes, shape)),
+                }
+            }
             Err(reason) => {
                 self.sink.skip(reason, id);
                 Ok(())
@@ -238,12 +278,7 @@ impl<'a> FeatureWriter<'a> {
         }
     }
 
-    /// The object of a feature. Of no known kind, an area is a building (unless the layer tells which are), all else is
-    /// generic.
-    fn object(&self, id: String, told: Option<FeatureKind>, attributes: Attributes, shape: Shape) -> SourceObject {
-        let is_body = matches!(shape, Shape::Footprints(_) | Shape::Surfaces { .. });
-        let default = if is_body && !self.layer.is_mixed { FeatureKind::Building } else { FeatureKind::Generic };
-        let kind = told.unwrap_or(default);
+    fn object(&self, id: String, kind: FeatureKind, attributes: Attributes, shape: Shape) -> SourceObject {
         let parent = match attributes.get("building_id") {
             Some(parent) if kind == FeatureKind::BuildingPart => Some(parent.to_string()),
             _ => None,
@@ -274,6 +309,21 @@ impl<'a> FeatureWriter<'a> {
             self.sink.problem("coordinate system not given", detail);
         }
         Ok(())
+    }
+}
+
+/// The kind of a feature that nothing tells: an area is a building (unless the layer tells which are), all else is generic.
+fn default_kind(shape: &Shape, is_mixed: bool) -> FeatureKind {
+    let is_body = matches!(shape, Shape::Footprints(_) | Shape::Surfaces { .. });
+    if is_body && !is_mixed { FeatureKind::Building } else { FeatureKind::Generic }
+}
+
+/// The reason why a shape on the map cannot be seen from above; `None` if it can. Surfaces in space have their own heights.
+fn hidden_by(kind: FeatureKind, shape: &Shape, attributes: &Attributes) -> Option<&'static str> {
+    match shape {
+        Shape::Surfaces { .. } | Shape::None => None,
+        Shape::Strips(_) if kind == FeatureKind::Tunnel => Some(IN_TUNNEL),
+        _ => is_hidden(kind, attributes),
     }
 }
 

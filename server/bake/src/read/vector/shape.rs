@@ -3,39 +3,32 @@
 use super::geometry::{Geometry, Polygon, Ring};
 use super::orient::{ring_area_vector, turn_outward};
 use crate::read::attributes::{AttributeValue, Attributes};
-use crate::read::footprint::{LANE_M, length_m, usual_width_m};
-use crate::read::object::{FeatureKind, Footprint, Shape, Strip, Surface};
+use crate::read::footprint::{LANE_M, has_height, length_m, usual_width_m};
+use crate::read::object::{FeatureKind, Footprint, GroundPoint, Shape, Strip, Surface};
 
 /// A ring whose heights differ by less is level.
 const LEVEL_M: f64 = 0.001;
 /// A polygon that covers less than this share of the square of its extent on the map stands upright.
 const WALL_SHARE: f64 = 1e-3;
-/// Names of attributes that say how high a building is; then its polygon is its plan, at whatever heights its corners are.
-const HEIGHT_NAMES: [&str; 9] = [
-    "height",
-    "Height",
-    "HEIGHT",
-    "building:height",
-    "measuredHeight",
-    "measured_height",
-    "building:levels",
-    "num_floors",
-    "levels",
-];
+/// Heights of the ground, in metres or feet. Others are marks of missing heights.
+const GROUND_RANGE: std::ops::RangeInclusive<f64> = -2000.0..=30_000.0;
 const WIDTH_NAMES: [&str; 6] = ["width", "Width", "WIDTH", "width_m", "est_width", "breedte"];
 const LANE_NAMES: [&str; 3] = ["lanes", "Lanes", "LANES"];
 const WIDTH_RANGE_M: std::ops::RangeInclusive<f64> = 0.2..=200.0;
 /// Names of attributes whose value is a class of OpenStreetMap.
 const CLASS_NAMES: [&str; 5] = ["highway", "fclass", "class", "waterway", "railway"];
 
-/// Shape of a feature of a known kind. Each of `problems` is a part that is left out. Fails with the reason for skipping the
-/// feature.
+/// Shape of a feature of a known kind. `height_field` is the name of the attribute that has the height, if the user gives it.
+/// Each of `problems` is a part that is left out. Fails with the reason for skipping the feature.
 pub(super) fn shape_of(
     geometry: Geometry,
     kind: Option<FeatureKind>,
     attributes: &Attributes,
+    height_field: Option<&str>,
     problems: &mut Vec<&'static str>,
 ) -> Result<Shape, &'static str> {
+    // Many programs write 0 where they know no height.
+    let has_ground = geometry.has_z && geometry.positions().any(|position| position[2] != 0.0);
     let Geometry { polygons, mut meshes, lines, points, is_surface, .. } = geometry;
     let has_areas = !polygons.is_empty() || !meshes.is_empty();
     if has_areas && !lines.is_empty() {
@@ -45,7 +38,7 @@ pub(super) fn shape_of(
         problems.push("point beside polygons or lines left out");
     }
     if has_areas {
-        if is_surface || is_in_space(&polygons, attributes) {
+        if is_surface || is_in_space(&polygons, attributes, height_field) {
             let mut polygons: Vec<Surface> =
                 polygons.into_iter().filter_map(|polygon| surface(polygon, problems)).collect();
             if polygons.is_empty() && meshes.is_empty() {
@@ -55,7 +48,10 @@ pub(super) fn shape_of(
             return Ok(Shape::Surfaces { polygons, meshes });
         }
         let on_map = |ring: Ring| ring.into_iter().map(|[x, y, _]| [x, y]).collect();
-        let footprint = |polygon: Polygon| Footprint { rings: polygon.into_iter().map(on_map).collect() };
+        let footprint = |polygon: Polygon| {
+            let ground = if has_ground { ground_of(&polygon) } else { None };
+            Footprint { rings: polygon.into_iter().map(on_map).collect(), ground, is_supported: false }
+        };
         return Ok(Shape::Footprints(polygons.into_iter().map(footprint).collect()));
     }
     if !lines.is_empty() {
@@ -66,7 +62,11 @@ pub(super) fn shape_of(
     if points.is_empty() {
         return Err("empty geometry");
     }
-    Ok(Shape::Points(points.into_iter().map(|[x, y, _]| [x, y]).collect()))
+    let point = |[x, y, z]: [f64; 3]| {
+        let ground = Some(z).filter(|z| has_ground && GROUND_RANGE.contains(z));
+        GroundPoint { place: [x, y], ground }
+    };
+    Ok(Shape::Points(points.into_iter().map(point).collect()))
 }
 
 /// Whether a feature can be a single face of a body, and which.
@@ -104,15 +104,17 @@ fn is_level(ring: &Ring) -> bool {
     high - low < LEVEL_M
 }
 
+/// Height of the lowest corner of a plan; `None` if none is a height.
+fn ground_of(polygon: &Polygon) -> Option<f64> {
+    let heights = polygon.first()?.iter().map(|position| position[2]).filter(|z| GROUND_RANGE.contains(z));
+    heights.reduce(f64::min)
+}
+
 /// Whether polygons are surfaces in space: a ring of one is not level. A single one of a building with a height is its plan
 /// on uneven ground.
-fn is_in_space(polygons: &[Polygon], attributes: &Attributes) -> bool {
-    if polygons.iter().flatten().all(is_level) {
-        return false;
-    }
-    let is_plan = polygons.len() == 1
-        && HEIGHT_NAMES.iter().any(|name| attributes.get(name).is_some_and(|value| value.as_f64().is_some()));
-    !is_plan
+fn is_in_space(polygons: &[Polygon], attributes: &Attributes, height_field: Option<&str>) -> bool {
+    let is_plan = || polygons.len() == 1 && has_height(attributes, height_field);
+    !polygons.iter().flatten().all(is_level) && !is_plan()
 }
 
 /// The polygon without the repeated last positions of its rings; `None` if the outer ring is no ring.

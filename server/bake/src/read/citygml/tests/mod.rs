@@ -53,7 +53,15 @@ impl SourceFiles for MemoryFiles<'_> {
 
 fn read_files(name: &str, files: Vec<(&str, &[u8])>) -> (TestSink, Result<(), InputError>) {
     let files = MemoryFiles(files);
-    let input = Input { label: name, name, files: &files, max_bytes: 1 << 30, bbox_deg: None, share: Share::WHOLE };
+    let input = Input {
+        label: name,
+        name,
+        files: &files,
+        max_bytes: 1 << 30,
+        bbox_deg: None,
+        height_field: None,
+        share: Share::WHOLE,
+    };
     let mut sink = TestSink::default();
     let result = read(&input, &mut sink);
     (sink, result)

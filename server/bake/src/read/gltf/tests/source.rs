@@ -23,6 +23,7 @@ fn read_document(document: &Document) -> TestSink {
         files: &files,
         max_bytes: 1 << 20,
         bbox_deg: None,
+        height_field: None,
         share: Share::WHOLE,
     };
     let mut sink = TestSink::default();

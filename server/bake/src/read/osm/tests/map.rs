@@ -257,7 +257,15 @@ pub(super) fn read_limited(
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join(name), bytes).unwrap();
     let files = TestFiles(folder.path().to_owned());
-    let input = Input { label: name, name, files: &files, max_bytes: 1 << 26, bbox_deg, share: Share::WHOLE };
+    let input = Input {
+        label: name,
+        name,
+        files: &files,
+        max_bytes: 1 << 26,
+        bbox_deg,
+        height_field: None,
+        share: Share::WHOLE,
+    };
     let mut sink = TestSink::default();
     let read = read_within(&input, limits, &mut sink);
     (sink, read)

@@ -40,7 +40,8 @@ fn run_share(
     }
     let files_of = TestFiles(folder.path().to_path_buf());
     let name = files[0].0;
-    let input = Input { label: name, name, files: &files_of, max_bytes: MAX_BYTES, bbox_deg, share };
+    let input =
+        Input { label: name, name, files: &files_of, max_bytes: MAX_BYTES, bbox_deg, height_field: None, share };
     let mut sink = TestSink::default();
     let result = reader(&input, &mut sink);
     (result, sink)
@@ -85,7 +86,8 @@ fn attack_share(reader: Reader, files: &[(&str, &[u8])], step: usize, max_object
         fs::write(folder.path().join(name), bytes).unwrap();
     }
     let (name, bytes) = files[0];
-    let input = Input { label: name, name, files: &files_of, max_bytes: MAX_BYTES, bbox_deg: None, share };
+    let input =
+        Input { label: name, name, files: &files_of, max_bytes: MAX_BYTES, bbox_deg: None, height_field: None, share };
     let check = |bytes: &[u8]| {
         fs::write(folder.path().join(name), bytes).unwrap();
         let mut sink = TestSink::default();
