@@ -4,6 +4,7 @@
 //! Next: `partition`.
 
 mod address_reader;
+mod affine;
 mod alpha_mask;
 mod archive;
 mod attributes;
@@ -19,6 +20,7 @@ mod duplicates;
 mod earth_place;
 mod elevation;
 mod facade;
+mod file_names;
 mod files;
 mod footprint;
 mod gltf;
@@ -34,6 +36,7 @@ mod mesh_file;
 mod obj;
 mod object;
 mod osm;
+mod packed;
 mod paint;
 mod palette;
 mod part;
