@@ -130,8 +130,8 @@ fn inputs_that_cannot_be_read_fail_the_bake_in_the_same_way() {
     assert_bad("town.gml", Some("<gml/>"), &["CityGML"]);
 }
 
-const LINE: &str = r#"{"type": "FeatureCollection", "features": [{"type": "Feature", "id": "border", "properties": {},
-    "geometry": {"type": "LineString", "coordinates": [[4.3, 52.0], [4.4, 52.0]]}}]}"#;
+const LINE: &str = r#"{"type": "FeatureCollection", "features": [{"type": "Feature", "id": "fence", "properties": {},
+    "geometry": {"type": "LineString", "coordinates": [[4.3, 52.0], [4.31, 52.0]]}}]}"#;
 
 #[test]
 fn bake_without_a_good_input_fails_with_the_first_bad_one() {

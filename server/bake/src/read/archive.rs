@@ -1,7 +1,7 @@
 //! Files of a ZIP archive, read without unpacking it: `.zip`, and the archives of tilesets (`.3tz`) and scene layers (`.slpk`).
 
-use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::cell::{OnceCell, RefCell};
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -9,8 +9,9 @@ use std::path::{Path, PathBuf};
 use flate2::read::DeflateDecoder;
 use zip::{CompressionMethod, ZipArchive};
 
-use super::files::copy_to_disk;
+use super::file_names::{self, key};
 use super::input::{LocalFile, SourceFiles};
+use super::random_file::copy_to_disk;
 use crate::error::InputError;
 
 /// An archive with more entries is refused: each is in memory.
@@ -31,6 +32,10 @@ pub(super) struct ZipFiles {
     archive: RefCell<ZipArchive<BufReader<File>>>,
     /// Index of each entry.
     entries: BTreeMap<String, usize>,
+    /// Names as bytes, and indices, of the entries whose names are in an unknown code page.
+    foreign: Vec<(Vec<u8>, usize)>,
+    /// Entries by the keys of all names that they may have, made when a name is not found.
+    by_key: OnceCell<HashMap<String, usize>>,
     /// Entries whose names lead out of the archive.
     pub(super) refused: Vec<String>,
 }
@@ -41,14 +46,28 @@ impl ZipFiles {
         let label = path.display().to_string();
         let file = File::open(path).map_err(|cause| InputError::io(&label, cause))?;
         let damaged = |what: String| InputError::damaged(&label, "archive", what);
-        let archive = ZipArchive::new(BufReader::new(file)).map_err(|error| damaged(error.to_string()))?;
+        let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| damaged(error.to_string()))?;
         if archive.len() > MAX_ENTRIES {
             let what = "its number of entries".to_owned();
             return Err(InputError::TooLarge { path: label, what, limit: MAX_ENTRIES as u64 });
         }
-        let (mut entries, mut refused) = (BTreeMap::new(), Vec::new());
+        let (mut entries, mut refused, mut foreign) = (BTreeMap::new(), Vec::new(), Vec::new());
         for index in 0..archive.len() {
-            let Some(name) = archive.name_for_index(index).and_then(Result::ok).map(String::from) else { continue };
+            let mut name = match archive.name_for_index(index) {
+                Some(Ok(name)) => name.into_owned(),
+                Some(Err(_)) => String::from(char::REPLACEMENT_CHARACTER),
+                None => continue,
+            };
+            if !name.is_ascii()
+                && let Ok(entry) = archive.by_index_raw(index)
+            {
+                // What is not marked as UTF-8 was taken for code page 437.
+                let raw = entry.name_raw();
+                name = file_names::guess(raw).unwrap_or(name);
+                if std::str::from_utf8(raw).is_err() {
+                    foreign.push((raw.to_vec(), index));
+                }
+            }
             match normalise(&name) {
                 Some(normal) if !name.ends_with('/') => {
                     entries.entry(normal).or_insert(index);
@@ -57,7 +76,8 @@ impl ZipFiles {
                 None => refused.push(name),
             }
         }
-        Ok(Self { path: path.to_owned(), archive: RefCell::new(archive), entries, refused })
+        let (archive, by_key) = (RefCell::new(archive), OnceCell::new());
+        Ok(Self { path: path.to_owned(), archive, entries, foreign, by_key, refused })
     }
 
     /// Names of all entries, sorted.
@@ -69,7 +89,24 @@ impl ZipFiles {
         let Some(name) = normalise(name) else {
             return Err(io::Error::new(io::ErrorKind::PermissionDenied, "it lies outside of the archive"));
         };
-        self.entries.get(&name).copied().ok_or_else(|| io::ErrorKind::NotFound.into())
+        let found = self.entries.get(&name).or_else(|| self.by_key().get(&key(&name)));
+        found.copied().ok_or_else(|| io::ErrorKind::NotFound.into())
+    }
+
+    /// Of several entries with one key, the first by name counts.
+    fn by_key(&self) -> &HashMap<String, usize> {
+        self.by_key.get_or_init(|| {
+            let mut by_key = HashMap::new();
+            for (name, index) in &self.entries {
+                by_key.entry(key(name)).or_insert(*index);
+            }
+            for (raw, index) in &self.foreign {
+                for name in file_names::candidates(raw).filter_map(|name| normalise(&name)) {
+                    by_key.entry(key(&name)).or_insert(*index);
+                }
+            }
+            by_key
+        })
     }
 }
 
@@ -191,5 +228,40 @@ mod tests {
             std::fs::write(&path, &bytes[..length]).unwrap();
             assert!(ZipFiles::new(&path).is_err(), "{length}");
         }
+    }
+
+    #[test]
+    fn names_in_other_cases_forms_and_code_pages_are_found() {
+        let folder = TestFolder::new("zip-names");
+        // Names of the same length in place of those that the writer marks as ASCII.
+        let path = archive(
+            &folder,
+            &[
+                ("Appearance/UPPER.PNG", b"upper", CompressionMethod::Stored),
+                ("tex/AAAAAA.jpg", b"tokyo", CompressionMethod::Stored),
+                ("tex/BBBBBBB.jpg", b"house", CompressionMethod::Stored),
+                ("tex/Ge\u{308}.jpg", b"form", CompressionMethod::Stored),
+            ],
+        );
+        let mut bytes = std::fs::read(&path).unwrap();
+        for (ascii, foreign) in [(&b"AAAAAA"[..], &b"\x95\x5c\x93\x8c\x8b\x9e"[..]), (b"BBBBBBB", b"Geb\xe4ude")] {
+            while let Some(at) = bytes.windows(ascii.len()).position(|window| window == ascii) {
+                bytes[at..at + ascii.len()].copy_from_slice(foreign);
+            }
+        }
+        std::fs::write(&path, bytes).unwrap();
+        let files = ZipFiles::new(&path).unwrap();
+        let read = |name: &str| files.open(name).map(|reader| io::read_to_string(reader).unwrap());
+        for (name, content) in [
+            ("appearance/upper.png", "upper"),
+            ("tex/表東京.jpg", "tokyo"),
+            ("Tex/表東京.JPG", "tokyo"),
+            ("tex/Gebäude.jpg", "house"),
+            ("tex/Gë.jpg", "form"),
+        ] {
+            assert_eq!(read(name).unwrap(), content, "{name}");
+        }
+        assert_eq!(read("tex/other.jpg").unwrap_err().kind(), io::ErrorKind::NotFound);
+        assert!(files.names().any(|name| name == "tex/表東京.jpg"), "{:?}", files.names().collect::<Vec<_>>());
     }
 }

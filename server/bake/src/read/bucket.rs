@@ -5,9 +5,9 @@ use std::rc::Rc;
 
 use super::address_reader::{AddressReader, ListedObject};
 use super::archive::is_archive;
-use super::files::copy_to_disk;
 use super::input::{LocalFile, SourceFiles};
 use super::random_file::RandomFile;
+use super::random_file::copy_to_disk;
 use super::remote::check_name;
 use super::source::{CitySource, kind_by_name};
 use super::unread_formats;

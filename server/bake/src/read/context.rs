@@ -172,6 +172,8 @@ pub(crate) struct ReadContext<'o> {
 
 /// Problem of an elevation model of another place.
 const NO_TERRAIN: &str = "elevation model far from the city, no terrain made";
+/// Problem of a picture of another place.
+const NO_PICTURE: &str = "picture from above far from the city, not drawn";
 /// Terrain reaches so far beyond buildings for what is painted on it. Some areas and lines of extracts end far outside.
 const PAINTED_REACH_M: f64 = 2000.0;
 /// Beyond a city whose streets are from another source, which may be that of a country.
@@ -318,14 +320,16 @@ impl<'o> ReadContext<'o> {
         (self.options.level_ground || !self.elevation.is_empty()) && self.options.kinds.contains(FeatureKind::Relief)
     }
 
-    /// Makes ground for what the sources paint if there is no elevation model: as high as the buildings stand. Fails if scratch files
-    /// fail.
+    /// Makes ground for what the sources paint, and for pictures from above, if there is no elevation model: as high as the buildings
+    /// stand. Fails if scratch files fail.
     pub(crate) fn level_ground(&mut self, sources: &[SourceReport]) -> Result<(), InputError> {
-        if !self.is_painting() || !self.elevation.is_empty() || self.shapes.is_empty() {
+        let picture = self.elevation.first_picture();
+        let is_needed = picture.is_some() || !self.shapes.is_empty();
+        if !self.is_painting() || !self.elevation.is_empty() || !is_needed {
             return Ok(());
         }
         let Some(bounds) = self.terrain_bounds()? else { return Ok(()) };
-        let source = sources.iter().position(|source| source.painted > 0).unwrap_or(0);
+        let source = sources.iter().position(|source| source.painted > 0).or(picture).unwrap_or(0);
         let mut ground = LevelGround::new(source, bounds);
         let visited = self.builder.for_each_base(&mut |building| {
             ground.add(&building.base);
@@ -433,7 +437,19 @@ impl<'o> ReadContext<'o> {
             *report.objects_by_kind.entry(kind).or_default() += 1;
             builder.close(source, &name, open, report);
         });
+        if let Some([low, high]) = city {
+            let reach_m = options.margin_m;
+            let reached = [low.map(|v| v - reach_m), high.map(|v| v + reach_m)];
+            for number in self.elevation.pictures_outside(reached) {
+                if let Some(report) = sources.get_mut(number) {
+                    let path = report.path.clone();
+                    report.problem(NO_PICTURE, || path);
+                }
+            }
+        }
+        // Guessed ground without a picture is left to the generated ground.
         if tiles == 0
+            && !self.elevation.is_guessed()
             && let Some(report) = sources.get_mut(source)
         {
             let path = report.path.clone();

@@ -1,27 +1,95 @@
 //! Files of a folder and files in memory.
 
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{self, Read, Write};
-use std::path::{Path, PathBuf};
+use std::io::{self, Read};
+use std::path::{Component, Path, PathBuf};
 use std::rc::Rc;
 
+use super::file_names::key;
 use super::input::{LocalFile, SourceFiles};
+use super::random_file::copy_to_disk;
 
 /// Why a file outside of the source's folder is not read.
 pub(super) const OUTSIDE: &str = "it lies outside of the source's folder; allow its folder with --texture-root";
+
+/// Names of folders that are kept. In larger folders, names are found as they are only.
+const MAX_NAMES: usize = 1 << 18;
+
+/// What the files of all sources have in common.
+#[derive(Default)]
+pub(super) struct FileRoots {
+    /// Folders besides its own from which the files of a source may be read, without links.
+    folders: Vec<PathBuf>,
+    /// Names by their keys in the folders in which a name was not found.
+    listed: RefCell<HashMap<PathBuf, HashMap<String, OsString>>>,
+}
+
+impl FileRoots {
+    pub(super) fn new(folders: Vec<PathBuf>) -> Self {
+        Self { folders, ..Self::default() }
+    }
+
+    /// The file of a folder whose name differs in case or Unicode normal form only.
+    fn similar_path(&self, folder: &Path, name: &str) -> Option<PathBuf> {
+        let mut path = folder.to_owned();
+        for part in Path::new(name).components() {
+            let next = path.join(part);
+            path = match part {
+                Component::Normal(part) if fs::symlink_metadata(&next).is_err() => {
+                    path.join(self.similar_name(&path, part.to_str()?)?)
+                }
+                Component::Prefix(_) | Component::RootDir => return None,
+                _ => next,
+            };
+        }
+        fs::canonicalize(path).ok()
+    }
+
+    /// Of several names with one key, the first counts.
+    fn similar_name(&self, folder: &Path, name: &str) -> Option<OsString> {
+        let mut listed = self.listed.borrow_mut();
+        if !listed.contains_key(folder) {
+            let names = names_by_key(folder);
+            if listed.values().map(HashMap::len).sum::<usize>() + listed.len() + names.len() > MAX_NAMES {
+                listed.clear();
+            }
+            listed.insert(folder.to_owned(), names);
+        }
+        listed.get(folder)?.get(&key(name)).cloned()
+    }
+}
+
+/// The names in a folder by their keys; none of a folder that cannot be read or is too large.
+fn names_by_key(folder: &Path) -> HashMap<String, OsString> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<OsString> = entries.map(|entry| entry.file_name()).take(MAX_NAMES + 1).collect();
+    if names.len() > MAX_NAMES {
+        return HashMap::new();
+    }
+    names.sort_unstable();
+    let mut by_key = HashMap::new();
+    for name in names {
+        if let Some(key) = name.to_str().map(key) {
+            by_key.entry(key).or_insert(name);
+        }
+    }
+    by_key
+}
 
 /// The files of a folder and of its subfolders.
 pub(super) struct FolderFiles {
     path: PathBuf,
     /// Name and path of the source, which the user chose: it may be a link to anywhere.
     source: (String, PathBuf),
-    /// Folders besides `path` from which files may be read, without links.
-    roots: Rc<[PathBuf]>,
+    roots: Rc<FileRoots>,
 }
 
 impl FolderFiles {
     /// The files of the folder at `path`, of which `source` (a name within it) is chosen by the user, at `source_path`.
-    pub(super) fn of_file(path: PathBuf, source: String, source_path: PathBuf, roots: Rc<[PathBuf]>) -> Self {
+    pub(super) fn of_file(path: PathBuf, source: String, source_path: PathBuf, roots: Rc<FileRoots>) -> Self {
         Self { path, source: (source, source_path), roots }
     }
 
@@ -42,10 +110,11 @@ impl FolderFiles {
         let own = if self.path.as_os_str().is_empty() { Path::new(".") } else { &self.path };
         let own = fs::canonicalize(own)?;
         let mut refused = None;
-        for folder in std::iter::once(&own).chain(&*self.roots) {
-            let Ok(path) = fs::canonicalize(folder.join(name)) else { continue };
+        for folder in std::iter::once(&own).chain(&self.roots.folders) {
+            let found = fs::canonicalize(folder.join(name)).ok();
+            let Some(path) = found.or_else(|| self.roots.similar_path(folder, name)) else { continue };
             let is_own = !Path::new(name).is_absolute() && path.starts_with(&own);
-            if is_own || self.roots.iter().any(|root| path.starts_with(root)) {
+            if is_own || self.roots.folders.iter().any(|root| path.starts_with(root)) {
                 return Ok(path);
             }
             refused = Some(io::Error::new(io::ErrorKind::PermissionDenied, OUTSIDE));
@@ -84,7 +153,8 @@ pub(super) struct EmbeddedFiles<'a> {
 
 impl EmbeddedFiles<'_> {
     fn find(&self, name: &str) -> io::Result<&[u8]> {
-        let found = self.files.iter().find(|(own, _)| *own == name).map(|(_, bytes)| *bytes);
+        let by_key = || self.files.iter().find(|(own, _)| key(own) == key(name));
+        let found = self.files.iter().find(|(own, _)| *own == name).or_else(by_key).map(|(_, bytes)| *bytes);
         found.ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "not among the given files"))
     }
 }
@@ -105,13 +175,4 @@ impl SourceFiles for EmbeddedFiles<'_> {
     fn location(&self) -> String {
         String::new()
     }
-}
-
-/// Copies bytes to a temporary file.
-pub(super) fn copy_to_disk(reader: &mut dyn Read) -> io::Result<LocalFile> {
-    let mut file = tempfile::NamedTempFile::new()?;
-    io::copy(reader, &mut file)?;
-    file.flush()?;
-    let copy = file.into_temp_path();
-    Ok(LocalFile { path: copy.to_path_buf(), copy: Some(copy) })
 }

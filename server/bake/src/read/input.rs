@@ -1,7 +1,6 @@
 //! Files that readers read.
 
 use std::cell::Cell;
-#[cfg(test)]
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::ops::Range;
@@ -9,10 +8,9 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::rc::Rc;
 
-use flate2::read::MultiGzDecoder;
-
+use super::packed::{is_packed, unpacked};
 pub(crate) use super::random_file::LocalFile;
-use super::random_file::RandomFile;
+use super::random_file::{RandomFile, copy_to_disk};
 use crate::error::InputError;
 
 /// Files with a common parent: a source, its siblings and its images. Names are relative to it, with `/`.
@@ -107,18 +105,46 @@ impl<R: Read> Read for BoundedReader<R> {
 }
 
 impl<'a> Input<'a> {
-    /// Opens the source and unpacks `.gz`. Fails if the file cannot be opened.
+    /// Opens the source, and unpacks it if it is packed by gzip. Fails if the file cannot be opened.
     pub(crate) fn open(&self) -> Result<OpenInput<'a>, InputError> {
-        let inner = self.files.open(self.name).map_err(|cause| InputError::io(self.label, cause))?;
+        let io_error = |cause| InputError::io(self.label, cause);
+        let inner = self.files.open(self.name).map_err(io_error)?;
         let bytes_read = Rc::new(Cell::new(0));
-        let counted = CountingReader { inner, count: Rc::clone(&bytes_read) };
-        let unpacked: Box<dyn Read> = if self.name.to_ascii_lowercase().ends_with(".gz") {
-            Box::new(MultiGzDecoder::new(BufReader::new(counted)))
-        } else {
-            Box::new(counted)
-        };
+        let unpacked = unpacked(CountingReader { inner, count: Rc::clone(&bytes_read) }).map_err(io_error)?;
         let limited = BoundedReader { inner: unpacked, left: self.max_bytes };
         Ok(OpenInput { reader: Box::new(BufReader::with_capacity(1 << 16, limited)), bytes_read })
+    }
+
+    /// The source on disk, unpacked to a temporary file if it is packed by gzip. Fails if it cannot be read or is too large.
+    pub(crate) fn on_disk(&self) -> Result<LocalFile, InputError> {
+        let io_error = |cause| InputError::io(self.label, cause);
+        let file = self.files.on_disk(self.name).map_err(io_error)?;
+        if is_packed(&mut File::open(&file.path).map_err(io_error)?).map_err(io_error)? {
+            return copy_to_disk(&mut self.open()?.reader).map_err(io_error);
+        }
+        self.check_size(std::fs::metadata(&file.path).map_err(io_error)?.len())?;
+        Ok(file)
+    }
+
+    /// The source for reading in any order, a copy of it if it is packed by gzip. Fails as [`Self::on_disk`].
+    pub(crate) fn random(&self) -> Result<RandomFile, InputError> {
+        let io_error = |cause| InputError::io(self.label, cause);
+        if self.files.is_random() {
+            let file = self.files.random(self.name).map_err(io_error)?;
+            if !is_packed(&mut file.reader(0)).map_err(io_error)? {
+                self.check_size(file.bytes())?;
+                return Ok(file);
+            }
+        }
+        RandomFile::of_local(self.on_disk()?).map_err(io_error)
+    }
+
+    fn check_size(&self, bytes: u64) -> Result<(), InputError> {
+        if bytes > self.max_bytes {
+            let what = "its size in bytes".to_owned();
+            return Err(InputError::TooLarge { path: self.label.to_owned(), what, limit: self.max_bytes });
+        }
+        Ok(())
     }
 
     /// Reads the whole unpacked source. Fails if it is larger than `limit` or [`Self::max_bytes`].

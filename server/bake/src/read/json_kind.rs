@@ -1,7 +1,7 @@
 //! What kind of city a JSON document is, by its beginning.
 
-use super::geojson;
 use super::source::{CitySource, open};
+use super::vector;
 use std::io::Read;
 
 /// Bytes at the beginning of a document that are searched.
@@ -12,8 +12,8 @@ const MAX_TYPE_BYTES: u64 = 1 << 20;
 /// Formats that have the same file extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum JsonKind {
-    /// GeoJSON.
-    FeatureCollection,
+    /// A collection of features, a feature or a geometry.
+    GeoJson,
     /// 3D Tiles.
     Tileset,
     /// I3S.
@@ -32,9 +32,9 @@ pub(super) fn of(source: &CitySource<'_>) -> JsonKind {
         let _ = opened.reader.take(SEARCHED_BYTES).read_to_end(&mut start);
     }
     let has = |text: &str| start.windows(text.len()).any(|window| window == text.as_bytes());
-    let type_name = geojson::read_type(source, MAX_TYPE_BYTES);
+    let type_name = vector::read_type(source, MAX_TYPE_BYTES);
     match type_name.as_deref() {
-        Some("FeatureCollection" | "Feature") => JsonKind::FeatureCollection,
+        Some(name) if vector::is_geojson(name) => JsonKind::GeoJson,
         Some("CityJSON") => JsonKind::Other,
         _ if has("\"geometricError\"") && has("\"asset\"") => JsonKind::Tileset,
         _ if has("\"tiles\"") && has("quantized-mesh") => JsonKind::Terrain,
@@ -51,7 +51,9 @@ mod tests {
     #[test]
     fn kinds_are_told_by_their_members() {
         let kind = |text: &str| of(&embedded(&[("a.json", text.as_bytes())])[0]);
-        assert_eq!(kind(r#"{"features": [], "type": "FeatureCollection"}"#), JsonKind::FeatureCollection);
+        assert_eq!(kind(r#"{"features": [], "type": "FeatureCollection"}"#), JsonKind::GeoJson);
+        assert_eq!(kind(r#"{"geometry": null, "type": "Feature"}"#), JsonKind::GeoJson);
+        assert_eq!(kind(r#"{"type": "CityJSONFeature"}"#), JsonKind::Other);
         assert_eq!(kind(r#"{"asset": {"version": "1.0"}, "geometricError": 5, "root": {}}"#), JsonKind::Tileset);
         assert_eq!(kind(r#"{"id": 0, "layerType": "3DObject", "store": {}}"#), JsonKind::SceneLayer);
         assert_eq!(kind(r#"{"tilejson": "2.1.0", "format": "quantized-mesh-1.0", "tiles": []}"#), JsonKind::Terrain);

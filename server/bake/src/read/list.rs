@@ -10,7 +10,7 @@ use super::archive::{ZipFiles, is_archive};
 use super::bad_inputs::BadInputs;
 use super::bucket::{self, BucketFiles, BucketInput};
 use super::context::ReadOptions;
-use super::files::{EmbeddedFiles, FolderFiles};
+use super::files::{EmbeddedFiles, FileRoots, FolderFiles};
 use super::input::SourceFiles;
 use super::remote;
 use super::source::{CitySource, kind_by_name, read_file};
@@ -103,7 +103,7 @@ fn read_list(path: &Path) -> Result<Vec<PathBuf>, InputError> {
 }
 
 struct Lister {
-    roots: Rc<[PathBuf]>,
+    roots: Rc<FileRoots>,
     addresses: Option<&'static dyn AddressReader>,
     seen: HashSet<PathBuf>,
     list: SourceList<'static>,
@@ -117,7 +117,7 @@ impl Lister {
             fs::canonicalize(root).map_err(|cause| InputError::io(&label, cause))
         });
         let list = SourceList { sources: Vec::new(), unread: Vec::new() };
-        let roots = roots.collect::<Result<_, _>>()?;
+        let roots = Rc::new(FileRoots::new(roots.collect::<Result<_, _>>()?));
         Ok(Self { roots, addresses: options.addresses, seen: HashSet::new(), list })
     }
 
@@ -428,7 +428,9 @@ mod tests {
             let sources = list(&[path(source)], &options, &mut BadInputs::new(false)).unwrap().sources;
             let read = |name: &str| read_sibling(&*sources[0].files, name, 99);
             assert_eq!(read("own.png").unwrap(), b"in/own.png");
-            assert_eq!(read("sub/../sub/b.png").unwrap(), b"in/sub/b.png");
+            for name in ["sub/../sub/b.png", "SUB/B.png", "Sub/../sub/B.PNG"] {
+                assert_eq!(read(name).unwrap(), b"in/sub/b.png", "{name}");
+            }
             assert_eq!(read(&sources[0].name).unwrap(), b"in/a.obj");
             for name in ["../private/photo.png", "link.png", "dir/photo.png", &private] {
                 assert_eq!(read(name).unwrap_err().kind(), io::ErrorKind::PermissionDenied, "{name}");

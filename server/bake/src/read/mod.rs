@@ -4,6 +4,7 @@
 //! Next: `partition`.
 
 mod address_reader;
+mod affine;
 mod alpha_mask;
 mod archive;
 mod attributes;
@@ -19,9 +20,9 @@ mod duplicates;
 mod earth_place;
 mod elevation;
 mod facade;
+mod file_names;
 mod files;
 mod footprint;
-mod geojson;
 mod gltf;
 mod i3s;
 mod input;
@@ -35,6 +36,7 @@ mod mesh_file;
 mod obj;
 mod object;
 mod osm;
+mod packed;
 mod paint;
 mod palette;
 mod part;
@@ -44,6 +46,7 @@ mod random_file;
 mod raster;
 mod remote;
 mod report;
+mod ring_inside;
 mod roof;
 mod scene_builder;
 mod sink;
@@ -409,11 +412,13 @@ fn read_by_kind(
             JsonKind::Tileset => (SourceFormat::Tiles3d, tiles3d::read),
             JsonKind::SceneLayer => (SourceFormat::I3s, i3s::read),
             JsonKind::Terrain => return open_elevation(context, source).map(Some),
-            JsonKind::FeatureCollection => return geojson::read(context, source, tick).map(Some),
+            JsonKind::GeoJson => return vector::read_geojson(context, source, tick).map(Some),
             JsonKind::Other => return cityjson::read(context, source, tick),
         },
         SourceKind::JsonLines => return cityjson::read(context, source, tick),
-        SourceKind::GeoJson | SourceKind::GeoJsonLines => return geojson::read(context, source, tick).map(Some),
+        SourceKind::GeoJson | SourceKind::GeoJsonLines => {
+            return vector::read_geojson(context, source, tick).map(Some);
+        }
         SourceKind::Obj => return obj::read(context, source, tick).map(Some),
         SourceKind::Xml => (SourceFormat::CityGml, citygml::read),
         SourceKind::FlatGeobuf => (SourceFormat::FlatGeobuf, vector::read_flatgeobuf),

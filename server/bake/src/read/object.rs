@@ -56,9 +56,7 @@ pub(crate) enum Shape {
     /// Lines with a width, laid on the ground: roads, rails, rivers.
     Strips(Vec<Strip>),
     /// Points on the ground: trees, street lamps.
-    ///
-    /// Their third coordinate is the height of the ground; 0 where the source has none.
-    Points(Vec<[f64; 3]>),
+    Points(Vec<GroundPoint>),
 }
 
 /// A planar polygon in space. Counter-clockwise seen from outside.
@@ -121,8 +119,24 @@ pub(crate) struct TriangleMesh {
 pub(crate) struct Footprint {
     /// The outer ring, then the holes, in any orientation, closed or not: the bake repairs rings.
     pub(crate) rings: Vec<Vec<[f64; 2]>>,
-    /// Height of the lowest corner in the source's unit, on which the area stands; 0 where the source has none.
-    pub(crate) base_z: f64,
+    /// Height of the ground, of an area at its lowest corner, in the vertical system of the source; `None` if the source does not tell.
+    pub(crate) ground: Option<f64>,
+    /// Whether what it stands on is an object of its own: a canopy then has no posts.
+    pub(crate) is_supported: bool,
+}
+
+/// A point on the ground.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct GroundPoint {
+    pub(crate) place: [f64; 2],
+    /// As [`Footprint::ground`].
+    pub(crate) ground: Option<f64>,
+}
+
+impl From<[f64; 2]> for GroundPoint {
+    fn from(place: [f64; 2]) -> Self {
+        Self { place, ground: None }
+    }
 }
 
 /// A line with a width.
@@ -130,8 +144,8 @@ pub(crate) struct Footprint {
 pub(crate) struct Strip {
     pub(crate) points: Vec<[f64; 2]>,
     pub(crate) width_m: f64,
-    /// Height of the lowest point in the source's unit; 0 where the source has none.
-    pub(crate) base_z: f64,
+    /// As [`Footprint::ground`], of the lowest point.
+    pub(crate) ground: Option<f64>,
 }
 
 /// Colour and texture of surfaces.

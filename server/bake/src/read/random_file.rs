@@ -1,7 +1,7 @@
 //! Files that are read in any order: on disk, or in a bucket.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -23,6 +23,15 @@ const KEPT_BLOCKS: NonZeroUsize = NonZeroUsize::new(16).unwrap();
 pub(crate) struct LocalFile {
     pub(crate) path: PathBuf,
     pub(crate) copy: Option<tempfile::TempPath>,
+}
+
+/// Copies bytes to a temporary file.
+pub(crate) fn copy_to_disk(reader: &mut dyn Read) -> io::Result<LocalFile> {
+    let mut file = tempfile::NamedTempFile::new()?;
+    io::copy(reader, &mut file)?;
+    file.flush()?;
+    let copy = file.into_temp_path();
+    Ok(LocalFile { path: copy.to_path_buf(), copy: Some(copy) })
 }
 
 /// A file that is read in any order. Cheap to clone.

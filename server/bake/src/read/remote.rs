@@ -5,8 +5,8 @@ use std::io::{self, Cursor, Read};
 use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
 
 use super::address_reader::AddressReader;
-use super::files::copy_to_disk;
 use super::input::{LocalFile, SourceFiles};
+use super::random_file::copy_to_disk;
 use super::source::{CitySource, kind_by_name};
 use crate::error::InputError;
 

@@ -9,6 +9,7 @@ use super::footprint::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, UNIT_GUES
 use super::object::FeatureKind;
 use super::osm;
 use super::place::{OUTSIDE, Placement, SWAPPED};
+use super::polygon::{Areas, CROSSING};
 
 /// More guessed heights than this share of all are worth a warning.
 const MAX_GUESSED_SHARE: f64 = 0.05;
@@ -339,6 +340,13 @@ impl SourceReport {
 
     pub(crate) fn problem(&mut self, kind: &str, example: impl FnOnce() -> String) {
         count_fault(&mut self.problems, kind, example);
+    }
+
+    /// Counts a polygon of an object if its triangles do not have the area of its rings.
+    pub(crate) fn areas(&mut self, areas: Areas, id: &str) {
+        if let Some(difference) = areas.difference() {
+            self.problem(CROSSING, || format!("{id}: {difference}"));
+        }
     }
 
     pub(crate) fn count_type(&mut self, object_type: &str) {

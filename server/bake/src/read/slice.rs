@@ -8,8 +8,9 @@ use std::ops::Range;
 use std::rc::Rc;
 
 use super::input::{LocalFile, Share, SourceFiles};
+use super::packed;
 use super::random_file::{RandomFile, RandomReader};
-use super::source::{CitySource, SourceKind, is_gz, kind_by_name};
+use super::source::{CitySource, SourceKind, kind_by_name};
 
 /// A header that is longer is none: one slice has the whole sequence.
 const MAX_HEADER_BYTES: u64 = 16 << 20;
@@ -18,7 +19,7 @@ const MAX_HEADER_BYTES: u64 = 16 << 20;
 pub(super) fn slices(source: CitySource<'static>, slice_bytes: u64) -> Vec<CitySource<'static>> {
     let count = source.bytes / slice_bytes.max(1);
     // A source inside an archive is extracted to a file; each slice would extract it again.
-    if count < 2 || is_gz(&source.name) || !source.files.is_random() {
+    if count < 2 || !source.files.is_random() || is_packed(&source) {
         return vec![source];
     }
     let has_header = match kind_by_name(&source.name) {
@@ -42,6 +43,12 @@ pub(super) fn slices(source: CitySource<'static>, slice_bytes: u64) -> Vec<CityS
         CitySource { found: *found, share, ..CitySource::new(label.clone(), name.clone(), files, bytes) }
     };
     (0..count).map(slice).collect()
+}
+
+/// Whether a source is packed by gzip. One that cannot be read is not divided either.
+fn is_packed(source: &CitySource<'_>) -> bool {
+    let start = source.files.random(&source.name).and_then(|file| packed::is_packed(&mut file.reader(0)));
+    start.unwrap_or(true)
 }
 
 /// The files of a source, itself with a run of its lines only. Nothing is read before it is opened: a folder may have thousands of
@@ -142,6 +149,7 @@ mod tests {
     use super::super::bad_inputs::BadInputs;
     use super::super::context::ReadOptions;
     use super::super::list::list;
+    use super::super::packed::tests::gzip;
     use super::*;
     use insula_test_support::folder::TestFolder;
     use std::fs;
@@ -188,9 +196,12 @@ mod tests {
     #[test]
     fn other_sources_are_not_divided() {
         let folder = TestFolder::new("slices-none");
-        for name in ["a.jsonl.gz", "a.obj", "a.geojson"] {
+        let lines = "line\n".repeat(100);
+        // Random bytes stay as many when they are packed.
+        let noise: Vec<u8> = (0..100_u64).map(|i| (i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as u8).collect();
+        for (name, bytes) in [("a.jsonl", gzip(&noise)), ("a.obj", lines.clone().into()), ("a.geojson", lines.into())] {
             let path = folder.path.join(name);
-            fs::write(&path, "line\n".repeat(100)).unwrap();
+            fs::write(&path, bytes).unwrap();
             let listed = list(&[path], &ReadOptions::default(), &mut BadInputs::new(false)).unwrap();
             assert_eq!(listed.sources.into_iter().flat_map(|source| slices(source, 10)).count(), 1, "{name}");
         }

@@ -6,9 +6,8 @@ use std::io::{self, BufRead, Read};
 use std::path::Path;
 use std::rc::Rc;
 
-use flate2::read::MultiGzDecoder;
-
 use super::input::{Input, Share, SourceFiles};
+use super::packed::{unpacked, unpacked_name};
 use crate::error::InputError;
 
 /// End of the name of a file that places a mesh file: see `local_frame`.
@@ -85,8 +84,7 @@ pub(crate) enum SourceKind {
 
 /// The kind by extension, ignoring `.gz`.
 pub(crate) fn kind_by_name(name: &str) -> Option<SourceKind> {
-    let name = name.to_ascii_lowercase();
-    let name = name.strip_suffix(".gz").unwrap_or(&name);
+    let name = unpacked_name(name).to_ascii_lowercase();
     if name.ends_with(PLACE_FILE) {
         return None;
     }
@@ -119,7 +117,7 @@ pub(crate) struct OpenSource<'a> {
     pub(crate) bytes_read: Rc<Cell<u64>>,
 }
 
-/// Opens a source and unpacks `.gz`. Fails if the file cannot be opened.
+/// Opens a source, and unpacks it if it is packed by gzip. Fails if the file cannot be opened.
 pub(crate) fn open<'a>(source: &'a CitySource<'_>) -> Result<OpenSource<'a>, InputError> {
     let opened = source.input(u64::MAX).open()?;
     Ok(OpenSource { reader: opened.reader, bytes_read: opened.bytes_read })
@@ -152,14 +150,9 @@ pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, InputError> 
 
 /// Reads a file next to the source, as named or with `.gz` appended. Fails if it has more than `limit` unpacked bytes.
 pub(crate) fn read_sibling(files: &dyn SourceFiles, name: &str, limit: u64) -> io::Result<Vec<u8>> {
-    let packed = format!("{name}.gz");
-    let (name, inner) = match files.open(name) {
-        Ok(inner) => (name, inner),
-        Err(error) => (packed.as_str(), files.open(&packed).map_err(|_| error)?),
-    };
-    let mut reader: Box<dyn Read> = if is_gz(name) { Box::new(MultiGzDecoder::new(inner)) } else { inner };
+    let inner = files.open(name).or_else(|error| files.open(&format!("{name}.gz")).map_err(|_| error))?;
     let mut bytes = Vec::new();
-    reader.by_ref().take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
+    unpacked(inner)?.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit {
         return Err(io::Error::other(format!("more than {limit} bytes")));
     }
@@ -203,10 +196,6 @@ pub(crate) fn next_line(reader: &mut dyn BufRead, line: &mut Vec<u8>, limit: usi
             return Ok(status);
         }
     }
-}
-
-pub(crate) fn is_gz(name: &str) -> bool {
-    name.to_ascii_lowercase().ends_with(".gz")
 }
 
 #[cfg(test)]

@@ -6,15 +6,19 @@ use std::rc::Rc;
 
 use super::appearance::Appearances;
 use super::names::{Class, Names};
-use super::placement::Placement;
+use super::placement::{Placement, matrix_of};
 use super::store::{Store, StoredGeometry};
 use super::tree::{AttributeKind, Content, Tree, hash_of_reference};
+use crate::read::affine::{Affine, TRANSPOSED};
 use crate::read::object::SurfaceRole;
 
 /// Deeper geometry, counted through references, is left out.
 const MAX_DEPTH: u32 = 300;
 /// Further points of an object are left out: few bytes can place a large template many times.
 const MAX_OBJECT_POINTS: usize = 2 << 20;
+
+/// Kind of a matrix in a report that cannot be read.
+pub(super) const BAD_MATRIX: &str = "transformationMatrix malformed, template not turned";
 
 /// What surfaces are made of.
 #[derive(Debug, Clone, Copy)]
@@ -204,7 +208,14 @@ impl<'s> Gatherer<'s> {
             }
         }
         let srs = srs.or(self.scene.store.srs());
-        let matrix = child(Class::Matrix).and_then(|matrix| tree.text_of(matrix));
+        let text = child(Class::Matrix).and_then(|matrix| tree.text_of(matrix));
+        let matrix = text.map_or(Ok(Affine::IDENTITY), matrix_of);
+        match &matrix {
+            Ok(Affine { is_transposed: true, .. }) => self.faults.note(TRANSPOSED),
+            Ok(_) => {}
+            Err(_) => self.faults.note(BAD_MATRIX),
+        }
+        let matrix = matrix.unwrap_or(Affine::IDENTITY);
         let placement = Rc::new(Placement::new(matrix, reference, srs));
         let Some(template) = child(Class::RelativeGeometry) else {
             return self.faults.note(if child(Class::LibraryObject).is_some() { LIBRARY } else { UNRESOLVED });

@@ -1,6 +1,7 @@
 //! Placement of implicit geometry: one template of surfaces at many places.
 
 use super::coordinates::numbers;
+use crate::read::affine::Affine;
 use crate::read::crs::is_geographic;
 
 /// Metres of a degree of latitude.
@@ -21,11 +22,9 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// `matrix` is a row-major 4 x 4 matrix as a text, the identity if it is none. `srs` names the coordinate system of
-    /// the reference point.
-    pub(super) fn new(matrix: Option<&str>, reference: Option<[f64; 3]>, srs: Option<&str>) -> Self {
-        let mut rows =
-            matrix.and_then(rows_of).unwrap_or([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
+    /// `srs` names the coordinate system of the reference point.
+    pub(super) fn new(matrix: Affine, reference: Option<[f64; 3]>, srs: Option<&str>) -> Self {
+        let Affine { mut rows, .. } = matrix;
         let origin = reference.unwrap_or([0.0; 3]);
         if is_same_place(&rows, origin) {
             for row in &mut rows {
@@ -60,13 +59,10 @@ impl Placement {
     }
 }
 
-fn rows_of(text: &str) -> Option<[[f64; 4]; 3]> {
-    let mut rows = [[0.0; 4]; 3];
-    let mut numbers = numbers(text).filter(|number| number.is_finite());
-    for cell in rows.iter_mut().flatten() {
-        *cell = numbers.next()?;
-    }
-    Some(rows)
+/// The matrix of a text. Fails with the reason if it is none.
+pub(super) fn matrix_of(text: &str) -> Result<Affine, String> {
+    // More numbers than a matrix has are as bad as fewer.
+    Affine::new(&numbers(text).take(17).collect::<Vec<f64>>())
 }
 
 /// Whether the matrix moves the template to the reference point, so that both together would move it twice as far.
@@ -87,27 +83,35 @@ mod tests {
 
     const IDENTITY_AT: &str = "1 0 0 689778 0 1 0 5333790 0 0 1 0 0 0 0 1";
 
+    fn placement(matrix: &str, reference: Option<[f64; 3]>) -> Placement {
+        Placement::new(matrix_of(matrix).unwrap(), reference, None)
+    }
+
     #[test]
     fn matrix_then_reference_point() {
-        let turned = Placement::new(Some("0 -1 0 2  1 0 0 0  0 0 1 3  0 0 0 1"), Some([100.0, 200.0, 10.0]), None);
+        let turned = placement("0 -1 0 2  1 0 0 0  0 0 1 3  0 0 0 1", Some([100.0, 200.0, 10.0]));
         assert_eq!(turned.apply([1.0, 0.0, 0.0]), [102.0, 201.0, 13.0]);
         assert!(!turned.is_mirrored());
-        assert!(Placement::new(Some("-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"), None, None).is_mirrored());
-        assert_eq!(Placement::new(Some("1 2 x"), None, None).apply([1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
+        assert!(placement("-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", None).is_mirrored());
+        let identity = Placement::new(Affine::IDENTITY, None, None);
+        assert_eq!(identity.apply([1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
+        for text in ["1 2 x", "", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 1", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 x"] {
+            assert!(matrix_of(text).is_err(), "{text}");
+        }
     }
 
     #[test]
     fn translation_that_is_given_twice_counts_once() {
-        let twice = Placement::new(Some(IDENTITY_AT), Some([689778.0, 5333790.0, 5.0]), None);
+        let twice = placement(IDENTITY_AT, Some([689778.0, 5333790.0, 5.0]));
         assert_eq!(twice.apply([1.0, 1.0, 1.0]), [689779.0, 5333791.0, 6.0]);
-        let once = Placement::new(Some(IDENTITY_AT), None, None);
+        let once = placement(IDENTITY_AT, None);
         assert_eq!(once.apply([0.0; 3]), [689778.0, 5333790.0, 0.0]);
     }
 
     #[test]
     fn templates_in_degrees_are_in_metres() {
         let srs = Some("http://www.opengis.net/def/crs/EPSG/0/6697");
-        let placed = Placement::new(None, Some([60.0, 139.0, 2.0]), srs).apply([111.195, 111.195, 1.0]);
+        let placed = Placement::new(Affine::IDENTITY, Some([60.0, 139.0, 2.0]), srs).apply([111.195, 111.195, 1.0]);
         let expected = [60.001, 139.002, 3.0];
         for (value, expected) in placed.iter().zip(expected) {
             assert!((value - expected).abs() < 1e-9, "{placed:?}");

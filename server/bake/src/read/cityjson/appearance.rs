@@ -31,6 +31,16 @@ impl<'a> AppearanceReader<'a> {
         Self { appearance, textures: vec![None; appearance.textures.len()] }
     }
 
+    /// The theme of textures that the file prefers.
+    pub(super) fn default_theme_texture(&self) -> Option<&'a str> {
+        self.appearance.default_theme_texture.as_str()
+    }
+
+    /// The theme of materials that the file prefers.
+    pub(super) fn default_theme_material(&self) -> Option<&'a str> {
+        self.appearance.default_theme_material.as_str()
+    }
+
     /// The name of a surface's semantics.
     pub(super) fn semantic<'g>(
         &self,

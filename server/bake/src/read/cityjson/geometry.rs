@@ -8,6 +8,7 @@ use super::nested::{NULL, Nested};
 use super::schema::{
     CityJsonGeometry, CityJsonLod, CityJsonMaterial, CityObject, GeometryTemplates, ThemeValues, VertexTransform,
 };
+use crate::read::affine::{Affine, TRANSPOSED};
 use crate::read::context::ReadContext;
 use crate::read::facade::FacadeUse;
 use crate::read::json::position::JsonPosition;
@@ -35,9 +36,9 @@ pub(super) struct VertexFrame<'a> {
     instance: Option<InstanceFrame>,
 }
 
-/// Position of a template: a row-major matrix, then the anchor is added.
+/// Position of a template: a matrix, then the anchor is added.
 struct InstanceFrame {
-    matrix: [f64; 16],
+    matrix: Affine,
     anchor: [f64; 3],
 }
 
@@ -67,12 +68,10 @@ impl<'a> VertexFrame<'a> {
             return Err(ObjectFault { reason: "vertex index out of range", detail });
         };
         let mut p = self.transform.map_or(position.0, |transform| transform.apply(position.0));
-        if let Some(InstanceFrame { matrix: m, anchor }) = &self.instance {
-            let w = m[12] * p[0] + m[13] * p[1] + m[14] * p[2] + m[15];
-            let w = if w == 0.0 { 1.0 } else { w };
-            p = std::array::from_fn(|row| {
-                let m = &m[4 * row..4 * row + 4];
-                (m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]) / w + anchor[row]
+        if let Some(InstanceFrame { matrix, anchor }) = &self.instance {
+            p = std::array::from_fn(|axis| {
+                let [x, y, z, offset] = matrix.rows[axis];
+                x * p[0] + y * p[1] + z * p[2] + offset + anchor[axis]
             });
         }
         Ok(p)
@@ -214,6 +213,9 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             }
             if geometry.kind == INSTANCE {
                 let (template, frame) = place_template(geometry, frame, templates)?;
+                if frame.instance.as_ref().is_some_and(|instance| instance.matrix.is_transposed) {
+                    self.report.problem(TRANSPOSED, || name.id.to_owned());
+                }
                 self.read_geometry(name, template, &frame, template_appearance)?;
             } else {
                 self.read_geometry(name, geometry, frame, appearance)?;
@@ -246,8 +248,8 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
         let whole = NestedSurface {
             rings: std::slice::from_ref(&geometry.boundaries),
             semantic: geometry.semantics.as_ref().map_or(&NULL, |semantics| &semantics.values),
-            material: first_values(&geometry.material).unwrap_or(&NULL),
-            texture: first_values(&geometry.texture).unwrap_or(&NULL),
+            material: values_of(&geometry.material, appearance.default_theme_material()).unwrap_or(&NULL),
+            texture: values_of(&geometry.texture, appearance.default_theme_texture()).unwrap_or(&NULL),
         };
         let mut surfaces = Vec::new();
         collect_surfaces(&geometry.boundaries, &whole, depth, &mut surfaces);
@@ -312,7 +314,8 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             && matches!(name.object_type, "Building" | "BuildingPart" | "BuildingUnit" | "BuildingStorey")
             && matches!(semantic, None | Some("WallSurface"));
         let material = self.context.builder.material(StoredMaterial { rgb, texture, is_reflective });
-        for triangle in triangles {
+        self.report.areas(triangles.areas, id);
+        for triangle in triangles.list {
             let corners = triangle.map(|i| self.points[i as usize]);
             let uv = if is_textured { triangle.map(|i| self.uvs[i as usize]) } else { [[0.0; 2]; 3] };
             self.faces.push(WorldTriangle { corners, uv, material, is_facade });
@@ -377,9 +380,11 @@ fn has_volume(object: &CityObject, level: CityJsonLod, templates: &GeometryTempl
     })
 }
 
-/// The values of the theme whose name is alphabetically first.
-fn first_values(themes: &Option<BTreeMap<String, ThemeValues>>) -> Option<&Nested> {
-    Some(themes.as_ref()?.values().next()?.get())
+/// The values of the default theme, or of the one whose name is alphabetically first.
+fn values_of<'g>(themes: &'g Option<BTreeMap<String, ThemeValues>>, default: Option<&str>) -> Option<&'g Nested> {
+    let themes = themes.as_ref()?;
+    let values = default.and_then(|name| themes.get(name)).or_else(|| themes.values().next());
+    values.map(ThemeValues::get)
 }
 
 /// Descends to the surfaces of nested boundaries, and in the values in parallel.
@@ -422,13 +427,8 @@ fn place_template<'t>(
         let detail = format!("template {index} out of range of {}", templates.templates.len());
         return Err(ObjectFault { reason: "template out of range", detail });
     };
-    let matrix = match instance.matrix.as_deref() {
-        None => [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.],
-        Some(numbers) => numbers.try_into().map_err(|_| ObjectFault {
-            reason: "transformationMatrix malformed",
-            detail: format!("{} numbers instead of 16", numbers.len()),
-        })?,
-    };
+    let matrix = instance.matrix.as_deref().map_or(Ok(Affine::IDENTITY), Affine::new);
+    let matrix = matrix.map_err(|detail| ObjectFault { reason: "transformationMatrix malformed", detail })?;
     let anchor = frame.source_point(instance.boundaries.child(0).index().unwrap_or(-1))?;
     let (vertices, placement) = (&templates.vertices, frame.placement);
     Ok((

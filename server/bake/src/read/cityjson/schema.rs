@@ -98,6 +98,11 @@ pub(crate) struct CityJsonAppearance {
     pub(crate) textures: Vec<CityJsonTexture>,
     #[serde(rename = "vertices-texture")]
     pub(crate) vertices_texture: Vec<[f64; 2]>,
+    /// Names of themes, of any type, so that an odd one does not cost the appearance.
+    #[serde(rename = "default-theme-texture")]
+    pub(crate) default_theme_texture: Value,
+    #[serde(rename = "default-theme-material")]
+    pub(crate) default_theme_material: Value,
 }
 
 #[derive(Deserialize, Default)]

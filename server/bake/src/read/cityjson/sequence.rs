@@ -99,7 +99,20 @@ fn read_feature(
     report: &mut SourceReport,
 ) {
     let objects = document.city_objects.texts();
-    let own: Option<CityJsonAppearance> = document.appearance.map(|raw| parse_member(Some(raw), "appearance", report));
+    let mut own: Option<CityJsonAppearance> =
+        document.appearance.map(|raw| parse_member(Some(raw), "appearance", report));
+    if let Some(own) = &mut own {
+        // The header has what all features have in common.
+        let CityJsonAppearance { default_theme_texture, default_theme_material, .. } = shared.appearance;
+        for (theme, common) in [
+            (&mut own.default_theme_texture, default_theme_texture),
+            (&mut own.default_theme_material, default_theme_material),
+        ] {
+            if theme.is_null() {
+                theme.clone_from(common);
+            }
+        }
+    }
     let appearance = own.as_ref().unwrap_or(shared.appearance);
     let batch = ObjectBatch { objects: &objects, vertices: &document.vertices, appearance };
     read_objects(ObjectReader::new(context, source, report), shared, &batch, &|_| {});

@@ -1,5 +1,6 @@
 //! Whole CityJSON documents.
 
+use crate::read::affine::TRANSPOSED;
 use crate::read::texture::tests::png;
 use crate::read::{DuplicateOption, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
@@ -114,10 +115,79 @@ fn templates_are_placed_by_matrix_and_anchor() {
         scene.triangles.iter().flat_map(|t| t.corners).map(|c| f64::from(c[0]) + scene.origin[0]).fold(99.0, f64::min);
     assert_eq!((low, scene.origin[2]), (10.0, 2.0));
 
-    let bad = [instance.replace("\"template\": 0", "\"template\": 7"), instance.replace("10, ", "")];
-    for (bad, reason) in bad.iter().zip(["template out of range", "transformationMatrix malformed"]) {
+    let by_column =
+        instance.replace("[0,-1,0,10, 1,0,0,0, 0,0,3,0, 0,0,0,1]", "[0,1,0,0, -1,0,0,0, 0,0,3,0, 10,0,0,1]");
+    let (transposed, report) = read(&document(&object("tree", &by_column), &templates));
+    assert_eq!(transposed.triangles, scene.triangles);
+    assert_eq!(report.sources[0].problems[TRANSPOSED].first, ["tree"]);
+
+    let bad = [
+        instance.replace("\"template\": 0", "\"template\": 7"),
+        instance.replace("10, ", ""),
+        instance.replace("0,0,3,0", "0,0,0,0"),
+        instance.replace("0,0,0,1]", "0,0,1,1]"),
+    ];
+    let malformed = "transformationMatrix malformed";
+    for (bad, reason) in bad.iter().zip(["template out of range", malformed, malformed, malformed]) {
         let text = document(&format!("{}, {}", object("bad", bad), object("good", &solid("1"))), &templates);
         assert_eq!(read(&text).1.sources[0].skipped[reason].count, 1);
+    }
+}
+
+/// Whether the texture of a cube that has the themes `autumn` (red) and `photo` (blue) is blue. `default` are further members of its
+/// appearance.
+fn is_photo(default: &str, is_sequence: bool) -> bool {
+    let values = |texture: u32| {
+        let face = format!("[[{texture}, 0, 1, 2, 3]]");
+        format!(r#"{{"values": [[{}]]}}"#, [face.as_str(); 6].join(", "))
+    };
+    let texture = format!(r#", "texture": {{"autumn": {}, "photo": {}}}"#, values(0), values(1));
+    let geometry = solid("2").replacen(r#""boundaries""#, &format!("{}, \"boundaries\"", &texture[2..]), 1);
+    let images = r#""textures": [{"type": "PNG", "image": "red.png"}, {"type": "PNG", "image": "blue.png"}],
+        "vertices-texture": [[0, 0], [1, 0], [1, 1], [0, 1]]"#
+        .replace('\n', " ");
+    let (red, blue) = (png(2, 2, [200, 0, 0]), png(2, 2, [0, 0, 200]));
+    let text = if is_sequence {
+        let header = document("", &format!(r#", "appearance": {{"textures": []{default}}}"#)).replace(CUBE, "");
+        let feature = document(&object("a", &geometry), &format!(r#", "id": "a", "appearance": {{{images}}}"#));
+        format!("{header}\n{}\n", feature.replace("\"CityJSON\"", "\"CityJSONFeature\"").replace('\n', " "))
+    } else {
+        document(&object("a", &geometry), &format!(r#", "appearance": {{{images}{default}}}"#))
+    };
+    let name = if is_sequence { "a.city.jsonl" } else { "a.city.json" };
+    let files = [(name, text.as_bytes()), ("red.png", &red), ("blue.png", &blue)];
+    let (scene, report) = read_embedded(&files, &all_objects(), &|_| {}).unwrap();
+    assert!(report.sources[0].problems.is_empty(), "{:?}", report.sources[0].problems);
+    let texture = scene.materials[scene.triangles[0].material as usize].texture.clone().unwrap();
+    texture.rgb[0][2] > texture.rgb[0][0]
+}
+
+#[test]
+fn default_theme_of_textures_counts() {
+    let photo = r#", "default-theme-texture": "photo""#;
+    for (default, is_sequence, expected) in [
+        ("", false, false),
+        (photo, false, true),
+        (photo, true, true),
+        (r#", "default-theme-texture": "none""#, false, false),
+        (r#", "default-theme-texture": 7"#, false, false),
+    ] {
+        assert_eq!(is_photo(default, is_sequence), expected, "{default}");
+    }
+}
+
+#[test]
+fn default_theme_of_materials_counts() {
+    let material = r#""material": {"a": {"value": 0}, "b": {"value": 1}}, "boundaries""#;
+    let geometry = solid("2").replacen(r#""boundaries""#, material, 1);
+    let appearance = |default: &str| {
+        format!(
+            r#", "appearance": {{"materials": [{{"diffuseColor": [1, 0, 0]}}, {{"diffuseColor": [0, 0, 1]}}]{default}}}"#
+        )
+    };
+    for (default, is_blue) in [("", false), (r#", "default-theme-material": "b""#, true)] {
+        let [r, _, b] = colours(&read(&document(&object("a", &geometry), &appearance(default))).0)[0];
+        assert_eq!(b > r, is_blue, "{r} {b}");
     }
 }
 

@@ -34,6 +34,7 @@ use super::building_base::BuildingBase;
 use super::input::LocalFile;
 use super::map_store::MapStore;
 use super::object::CrsReference;
+use super::packed::unpacked_name;
 use super::place::{Placement, World};
 use super::raster::{GeoPlace, Raster, RasterError, RasterLimits, SampleKind};
 use super::raster::{HEIGHTS_AND_DEPTHS_M, HEIGHTS_M};
@@ -120,9 +121,19 @@ impl Elevation {
         self.level.is_some()
     }
 
-    /// Number of the first picture's report.
+    /// Number of the report of the first picture of the city itself.
     pub(crate) fn first_picture(&self) -> Option<usize> {
-        self.pictures.iter().map(|picture| picture.source).min()
+        self.pictures.iter().filter(|picture| !picture.is_surroundings).map(|picture| picture.source).min()
+    }
+
+    /// Numbers of the reports of pictures of the city that lie outside of the rectangle from `low` to `high`.
+    pub(crate) fn pictures_outside(&self, [low, high]: [[f64; 2]; 2]) -> impl Iterator<Item = usize> {
+        let is_outside = move |picture: &&PlacedRaster| {
+            let bounds = picture.placed.as_ref().map(|placed| placed.bounds);
+            bounds.is_some_and(|[from, to]| (0..2).any(|axis| from[axis] > high[axis] || to[axis] < low[axis]))
+        };
+        let of_city = self.pictures.iter().filter(|picture| !picture.is_surroundings);
+        of_city.filter(is_outside).map(|picture| picture.source)
     }
 
     /// Number of the first model's report, or of that which counts ground without models.
@@ -141,13 +152,17 @@ impl Elevation {
         number: usize,
         nodata: Option<f64>,
     ) -> Result<Vec<String>, InputError> {
-        let file = source.files.on_disk(&source.name).map_err(|cause| InputError::io(&source.label, cause))?;
+        let file = source.input(u64::MAX).on_disk()?;
         let mut raster = if kind_by_name(&source.name) == Some(SourceKind::Json) {
             open_terrain(source, &file)?
         } else {
             let reader = File::open(&file.path).map_err(|cause| InputError::io(&source.label, cause))?;
-            Raster::open(Box::new(std::io::BufReader::new(reader)), &source.name, RasterLimits::default())
-                .map_err(|error| raster_fault(&source.label, error))?
+            Raster::open(
+                Box::new(std::io::BufReader::new(reader)),
+                unpacked_name(&source.name),
+                RasterLimits::default(),
+            )
+            .map_err(|error| raster_fault(&source.label, error))?
         };
         if let Some(nodata) = nodata {
             raster.set_nodata(nodata);
@@ -332,7 +347,7 @@ fn open_terrain(source: &CitySource<'_>, file: &LocalFile) -> Result<Raster, Inp
 
 /// Where a raster without a place of its own is: what the world file beside it says.
 fn world_file(source: &CitySource<'_>) -> Result<GeoPlace, InputError> {
-    let stem = source.name.rsplit_once('.').map_or(source.name.as_str(), |(stem, _)| stem);
+    let stem = stem_of(source);
     let extensions = ["tfw", "tifw", "wld", "jgw", "pgw", "j2w"];
     let found = extensions
         .iter()
@@ -344,11 +359,17 @@ fn world_file(source: &CitySource<'_>) -> Result<GeoPlace, InputError> {
     GeoPlace::from_world_file(&String::from_utf8_lossy(&bytes)).map_err(|error| raster_fault(&source.label, error))
 }
 
+/// The name of a source without its extensions.
+fn stem_of<'s>(source: &'s CitySource<'_>) -> &'s str {
+    let name = unpacked_name(&source.name);
+    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+}
+
 /// The coordinate system of a raster: its own, or that of a `.prj` file beside it.
 fn crs_of(source: &CitySource<'_>, raster: &Raster) -> Option<CrsReference> {
     let crs = &raster.facts().crs;
     let beside = || {
-        let stem = source.name.rsplit_once('.').map_or(source.name.as_str(), |(stem, _)| stem);
+        let stem = stem_of(source);
         let bytes = read_sibling(&*source.files, &format!("{stem}.prj"), MAX_SIDECAR_BYTES).ok()?;
         Some(String::from_utf8_lossy(&bytes).into_owned())
     };

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::fs;
 
+use crate::read::packed::tests::gzip;
 use crate::read::{ReadOptions, ReadReport, SourceFormat, read};
 use crate::scene::{ObjectKind, Scene};
 use insula_test_support::folder::TestFolder;
@@ -213,6 +214,59 @@ fn pictures_lie_where_they_belong() {
         }
     }
     assert!(checked >= 6, "{checked}");
+}
+
+/// A picture of one colour, 100 m wide, with its south-western corner at a place.
+fn write_picture(folder: &TestFolder, [x, y]: [f64; 2]) {
+    let mut picture = std::io::Cursor::new(Vec::new());
+    let mut encoder = tiff::encoder::TiffEncoder::new(&mut picture).unwrap();
+    let pixels = [[20, 200, 90]; 10_000].concat();
+    encoder.write_image::<tiff::encoder::colortype::RGB8>(100, 100, &pixels).unwrap();
+    let place = format!("1\n0\n0\n-1\n{}\n{}\n", EAST_M + x + 0.5, NORTH_M + y + 99.5);
+    for (name, bytes) in
+        [("photo.tif", &picture.get_ref()[..]), ("photo.prj", b"EPSG:25832"), ("photo.tfw", place.as_bytes())]
+    {
+        fs::write(folder.path.join(name), bytes).unwrap();
+    }
+}
+
+#[test]
+fn pictures_without_a_model_lie_on_generated_ground() {
+    for (place, level_ground, problem) in [
+        ([-40.0, -40.0], true, None),
+        ([-40.0, -40.0], false, Some("picture without an elevation model, not drawn")),
+        ([5000.0, 0.0], true, Some("picture from above far from the city, not drawn")),
+    ] {
+        let folder = TestFolder::new("elevation-picture-only");
+        write_picture(&folder, place);
+        fs::write(folder.path.join("house.geojson"), house([0.0, 0.0])).unwrap();
+        let options = ReadOptions { level_ground, ..ReadOptions::default() };
+        let (scene, report) = read(std::slice::from_ref(&folder.path), &options, &|_| {}).unwrap();
+        let problems: Vec<&str> =
+            report.sources.iter().flat_map(|source| source.problems.keys()).map(String::as_str).collect();
+        assert_eq!(problems, Vec::from_iter(problem));
+        let textured = |t: &&crate::scene::SceneTriangle| scene.materials[t.material as usize].texture.is_some();
+        assert_eq!(scene.triangles.iter().filter(textured).count() > 0, problem.is_none());
+        if problem.is_none() {
+            let ground = corners(&scene, ObjectKind::Terrain);
+            assert!((height_at(&ground, [5.0, 20.0]).unwrap()).abs() < 1e-3);
+        }
+    }
+}
+
+#[test]
+fn packed_models_are_read_under_any_name() {
+    let dem = grid([-50.0, -50.0], [31, 31], 5.0, |_, _| 30.0);
+    for name in ["dem.asc", "dem.asc.gz"] {
+        let folder = TestFolder::new("elevation-packed");
+        fs::write(folder.path.join(name), gzip(dem.as_bytes())).unwrap();
+        fs::write(folder.path.join("dem.prj"), "EPSG:25832").unwrap();
+        fs::write(folder.path.join("house.geojson"), gzip(house([0.0, 0.0]).as_bytes())).unwrap();
+        let (scene, _) = read(std::slice::from_ref(&folder.path), &ReadOptions::default(), &|_| {}).unwrap();
+        let house = corners(&scene, ObjectKind::Building);
+        let low = house.iter().flatten().map(|corner| corner[2]).fold(f64::INFINITY, f64::min);
+        assert!((low - 30.0).abs() < 0.1, "{name}: {low}");
+    }
 }
 
 /// A tile of quantized-mesh: a square with one height.

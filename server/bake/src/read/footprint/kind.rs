@@ -108,6 +108,9 @@ pub(crate) fn kind_of(attributes: &Attributes) -> Option<FeatureKind> {
     if value("building:part").is_some() {
         return Some(FeatureKind::BuildingPart);
     }
+    if value("amenity") == Some("shelter") {
+        return Some(FeatureKind::Building);
+    }
     if is_of_overture(attributes) {
         return of_overture(attributes);
     }
@@ -149,6 +152,7 @@ mod tests {
         assert_eq!(kind(&[("building", "yes"), ("natural", "water")]), Some(FeatureKind::Building));
         assert_eq!(kind(&[("building:part", "yes")]), Some(FeatureKind::BuildingPart));
         assert_eq!(kind(&[("building", "no"), ("natural", "water")]), Some(FeatureKind::Water));
+        assert_eq!(kind(&[("amenity", "shelter")]), Some(FeatureKind::Building));
         assert_eq!(kind(&[("highway", "residential")]), Some(FeatureKind::Road));
         assert_eq!(kind(&[("highway", "street_lamp")]), Some(FeatureKind::Furniture));
         assert_eq!(kind(&[("railway", "abandoned")]), None);

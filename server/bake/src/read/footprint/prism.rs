@@ -1,15 +1,13 @@
 //! Rings of a footprint: repaired, extruded to a closed prism, or covered with a level surface.
 
 use super::height::BuildingHeight;
-use crate::read::polygon::{MAX_CORNERS, PolygonFault, Triangulator};
+use crate::read::polygon::{Areas, MAX_CORNERS, PolygonFault, Rings, Triangulator, area_m2, clean};
 use crate::read::scene_builder::WorldTriangle;
 
 /// Corners nearer than this are welded.
 const WELD_M: f64 = 1e-3;
 /// Smaller rings are treated as drawing errors.
 pub(crate) const MIN_AREA_M2: f64 = 0.01;
-/// If the area of the triangles differs from that of the rings by more than this share, the rings cross.
-const CROSSING_SHARE: f64 = 1e-3;
 
 /// Numbers of the materials of a prism.
 #[derive(Debug, Clone, Copy)]
@@ -19,12 +17,21 @@ pub(crate) struct PrismMaterials {
     pub(crate) floor: u32,
 }
 
-/// Rings in metres without repeated corners. The outer ring turns counter-clockwise, holes clockwise.
+/// Rings in metres without repeated corners, which neither touch nor cross each other. The outer ring turns counter-clockwise, holes
+/// clockwise.
 pub(crate) struct GroundPlan {
-    pub(crate) rings: Vec<Vec<[f64; 2]>>,
+    pub(crate) rings: Rings,
 }
 
-impl GroundPlan {
+/// The plans of an area.
+pub(crate) struct GroundPlans {
+    /// Several where holes divide the area.
+    pub(crate) plans: Vec<GroundPlan>,
+    /// Area of the rings, and of the plans.
+    pub(crate) areas: Areas,
+}
+
+impl GroundPlans {
     /// Repairs rings in source coordinates, the outer one first, and passes every repair to `note`. `place` makes world
     /// coordinates of them. Fails with the reason if the outer ring is unusable.
     pub(crate) fn new(
@@ -43,23 +50,38 @@ impl GroundPlan {
                 Err(_) => note("hole filled, its ring is no ring"),
             }
         }
-        Ok(Self { rings })
+        let rings_m2 = rings.iter().map(|ring| area_m2(ring)).sum();
+        // Rings of one area that cross themselves are found when they are triangulated.
+        let cleaned = if rings.len() > 1 { clean(&rings) } else { None };
+        let Some(polygons) = cleaned else {
+            let areas = Areas { rings_m2, triangles_m2: rings_m2 };
+            return Ok(Self { plans: vec![GroundPlan { rings }], areas });
+        };
+        if polygons.is_empty() {
+            return Err("ring without area");
+        }
+        note("hole that touches another ring, cut out");
+        let triangles_m2 = polygons.iter().flatten().map(|ring| area_m2(ring)).sum();
+        let plans = polygons.into_iter().map(|rings| GroundPlan { rings }).collect();
+        Ok(Self { plans, areas: Areas { rings_m2, triangles_m2 } })
     }
+}
 
-    /// Appends the prism's triangles, Returns whether its rings do not
-    /// cross. Fails with the reason if there is nothing to extrude.
+impl GroundPlan {
+    /// Appends the prism's triangles. Returns the areas of its rings and of its roof. Fails with the reason if there is nothing to
+    /// extrude.
     pub(crate) fn extrude(
         &self,
         height: &BuildingHeight,
         materials: PrismMaterials,
         triangulator: &mut Triangulator,
         faces: &mut Vec<WorldTriangle>,
-    ) -> Result<bool, &'static str> {
+    ) -> Result<Areas, &'static str> {
         let PrismMaterials { roof, wall, floor } = materials;
         let at = |[x, y]: [f64; 2], z: f64| [x, y, z];
         let face = |corners, material, is_facade| WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade };
         let mut tops = Vec::new();
-        let is_simple = self.cover(height.top_m, roof, triangulator, &mut tops)?;
+        let areas = self.cover(height.top_m, roof, triangulator, &mut tops)?;
         for top in tops {
             let [a, b, c] = top.corners.map(|[x, y, _]| [x, y, height.base_m]);
             faces.extend([top, face([a, c, b], floor, false)]);
@@ -72,32 +94,31 @@ impl GroundPlan {
                 faces.extend([face([a, b, c], wall, true), face([a, c, d], wall, true)]);
             }
         }
-        Ok(is_simple)
+        Ok(areas)
     }
 
-    /// Appends the triangles of a level surface. Returns whether the rings do not cross. Fails with the reason if there
-    /// is nothing to cover.
+    /// Appends the triangles of a level surface. Returns their area and that of the rings. Fails with the reason if there is nothing
+    /// to cover.
     pub(crate) fn cover(
         &self,
         z_m: f64,
         material: u32,
         triangulator: &mut Triangulator,
         faces: &mut Vec<WorldTriangle>,
-    ) -> Result<bool, &'static str> {
+    ) -> Result<Areas, &'static str> {
         let points: Vec<[f64; 3]> = self.rings.iter().flatten().map(|[x, y]| [*x, *y, z_m]).collect();
         let mut starts = Vec::new();
         for ring in &self.rings[..self.rings.len() - 1] {
             starts.push(starts.last().copied().unwrap_or(0) + ring.len() as u32);
         }
         let triangles = triangulator.triangulate(&points, &starts).map_err(PolygonFault::reason)?;
-        let mut covered_m2 = 0.0;
-        for triangle in triangles {
-            let corners = triangle.map(|i| points[i as usize]);
-            covered_m2 += area_m2(&corners.map(|[x, y, _]| [x, y]));
-            faces.push(WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade: false });
-        }
-        let enclosed_m2: f64 = self.rings.iter().map(|ring| area_m2(ring)).sum();
-        Ok((covered_m2 - enclosed_m2).abs() <= CROSSING_SHARE * enclosed_m2.abs() + MIN_AREA_M2)
+        faces.extend(triangles.list.iter().map(|triangle| WorldTriangle {
+            corners: triangle.map(|i| points[i as usize]),
+            uv: [[0.0; 2]; 3],
+            material,
+            is_facade: false,
+        }));
+        Ok(triangles.areas)
     }
 }
 
@@ -138,15 +159,4 @@ fn repair_ring(
 
 fn is_near(a: [f64; 2], b: [f64; 2]) -> bool {
     (a[0] - b[0]).abs() < WELD_M && (a[1] - b[1]).abs() < WELD_M
-}
-
-/// Signed area, positive if counter-clockwise. Relative to the first corner: products of full map coordinates would
-/// lose their digits by cancellation.
-fn area_m2(ring: &[[f64; 2]]) -> f64 {
-    let from = |p: [f64; 2]| [p[0] - ring[0][0], p[1] - ring[0][1]];
-    let cross = |pair: &[[f64; 2]]| {
-        let [a, b] = [from(pair[0]), from(pair[1])];
-        a[0] * b[1] - a[1] * b[0]
-    };
-    ring.windows(2).map(cross).sum::<f64>() / 2.0
 }

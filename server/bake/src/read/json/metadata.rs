@@ -3,6 +3,7 @@
 use insula_protocol::manifest::shorten_text;
 use serde_json::Value;
 
+use crate::read::object::Description;
 use crate::read::report::SourceReport;
 
 /// Further titles, attributions or licences of a source are left out.
@@ -34,19 +35,17 @@ fn walk(value: &Value, within: &str, report: &mut SourceReport, crs: &mut Option
 
 fn note(name: &str, within: &str, text: &str, report: &mut SourceReport, crs: &mut Option<String>) {
     let text = text.trim();
-    let list = match name.to_ascii_lowercase().as_str() {
-        "title" => &mut report.titles,
-        "contactname" | "organization" | "organisation" | "attribution" | "copyright" => &mut report.attributions,
-        // In extended metadata, the origin of a part of the data.
-        "description" if within == "source" => &mut report.attributions,
-        "license" | "licence" | "datasetlicense" | "uselimitation" => &mut report.licences,
-        "referencesystem" => {
-            if crs.is_none() && !text.is_empty() {
-                *crs = Some(text.to_owned());
-            }
-            return;
+    if name.eq_ignore_ascii_case("referenceSystem") {
+        if crs.is_none() && !text.is_empty() {
+            *crs = Some(text.to_owned());
         }
-        _ => return,
+        return;
+    }
+    let list = match description(name, within) {
+        Some(Description::Title) => &mut report.titles,
+        Some(Description::Attribution) => &mut report.attributions,
+        Some(Description::Licence) => &mut report.licences,
+        None => return,
     };
     match add_text(list, text) {
         TextFault::None => {}
@@ -54,6 +53,18 @@ fn note(name: &str, within: &str, text: &str, report: &mut SourceReport, crs: &m
         TextFault::TooLong => {
             report.problem("text in the metadata too long, cut", || format!("{name}: {} bytes", text.len()));
         }
+    }
+}
+
+/// What the member `name` of the object `within` tells of a source; `None` if nothing.
+pub(crate) fn description(name: &str, within: &str) -> Option<Description> {
+    match name.to_ascii_lowercase().as_str() {
+        "title" => Some(Description::Title),
+        "contactname" | "organization" | "organisation" | "attribution" | "copyright" => Some(Description::Attribution),
+        // In extended metadata, the origin of a part of the data.
+        "description" if within == "source" => Some(Description::Attribution),
+        "license" | "licence" | "datasetlicense" | "uselimitation" => Some(Description::Licence),
+        _ => None,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::super::mesh_file;
 use super::super::object::{CrsReference, Description, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh};
-use super::super::polygon::Triangulator;
+use super::super::polygon::{CROSSING, Triangulator};
 use super::super::source::{CitySource, SourceKind, kind_by_name, read_all};
 use super::super::{gltf, report::SourceFormat};
 use crate::error::InputError;
@@ -76,6 +76,9 @@ impl ObjectSink for Collector {
                 self.out.problems.push(("polygon without area", object.id.clone()));
                 continue;
             };
+            if let Some(difference) = triangles.areas.difference() {
+                self.out.problems.push((CROSSING, format!("{}: {difference}", object.id)));
+            }
             let is_new = of_polygons.as_ref().is_none_or(|mesh| mesh.material != surface.material);
             if is_new {
                 self.out.meshes.extend(of_polygons.take());
@@ -83,7 +86,7 @@ impl ObjectSink for Collector {
             let mesh = of_polygons
                 .get_or_insert_with(|| TriangleMesh { material: surface.material, ..TriangleMesh::default() });
             let first = mesh.positions.len() as u32;
-            mesh.triangles.extend(triangles.iter().map(|triangle| triangle.map(|corner| corner + first)));
+            mesh.triangles.extend(triangles.list.iter().map(|triangle| triangle.map(|corner| corner + first)));
             if surface.uv.len() == surface.points.len() && mesh.uv.len() == mesh.positions.len() {
                 mesh.uv.extend(&surface.uv);
             }

@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use super::context::{ByteProgress, ObjUpAxis, ReadContext};
 use super::facade::FacadeUse;
 use super::palette::{BuildingLook, ObjectShape, SurfaceFacts, normal_z, unit_to_byte};
-use super::polygon::MAX_CORNERS;
+use super::polygon::{CROSSING, MAX_CORNERS};
 use super::report::{ColourOrigin, SourceFormat, SourceReport};
 use super::scene_builder::{OpenObject, WorldTriangle, is_valid_position};
 use super::source::{CitySource, open, read_sibling};
@@ -245,6 +245,9 @@ impl<'r> ObjReader<'r, '_, '_> {
                 return;
             }
         };
+        if let Some(difference) = found.areas.difference() {
+            report.problem(CROSSING, || format!("line {}: {difference}", face.line));
+        }
         let uvs: Option<Vec<[f32; 2]>> =
             corners.iter().map(|corner| file.uvs.get(corner[1] as usize).copied()).collect();
         if material.textured.is_some() && uvs.is_none() {
@@ -267,7 +270,7 @@ impl<'r> ObjReader<'r, '_, '_> {
         };
         let is_opening = material.is_reflective || names_an_opening(material.name);
         let is_facade = uvs.is_empty() && object.object_type.is_empty() && !is_opening;
-        for triangle in found {
+        for triangle in found.list {
             let corners = triangle.map(|i| points[i as usize]);
             let uv = triangle.map(|i| uvs.get(i as usize).copied().unwrap_or_default());
             triangles.push(WorldTriangle { corners, uv, material: number, is_facade });

@@ -1,10 +1,12 @@
 //! Which elements of OpenStreetMap are objects of a city: classes of tags with their kinds, forms and usual widths.
 
+use std::borrow::Cow;
+
 use FeatureKind::{Bridge, Building, BuildingPart, LandUse, Rail, Road, Vegetation, Water};
 
 use super::element::Tags;
 use crate::read::footprint::{
-    AEROWAY_WIDTHS_M, HIGHWAY_WIDTHS_M, LANE_M, RAILWAY_WIDTHS_M, WATERWAY_WIDTHS_M, length_m,
+    AEROWAY_WIDTHS_M, HIGHWAY_WIDTHS_M, LANE_M, RAILWAY_WIDTHS_M, WATERWAY_WIDTHS_M, hidden, length_m,
 };
 use crate::read::object::FeatureKind;
 
@@ -47,9 +49,6 @@ pub(super) enum Outline {
 }
 
 pub(super) const NOT_CLOSED: &str = "ring is not closed";
-const UNDERGROUND: &str = "underground";
-const IN_TUNNEL: &str = "in a tunnel";
-const INDOORS: &str = "indoors";
 const NOT_BUILT: &str = "not built, or gone";
 
 /// Values of `building` of what does not stand.
@@ -70,6 +69,8 @@ const HEDGE_WIDTHS_M: &[(&str, f64)] = &[("hedge", 0.9)];
 const AREAS: &[(&str, &[&str], FeatureKind)] = &[
     ("man_made", &["bridge"], Bridge),
     ("area:highway", &[], Road),
+    // A roof without walls.
+    ("amenity", &["shelter"], Building),
     ("natural", &["water", "bay", "strait"], Water),
     ("waterway", &["riverbank", "dock"], Water),
     ("landuse", &["reservoir", "basin"], Water),
@@ -160,8 +161,7 @@ pub(super) fn classify(tags: Tags<'_>, outline: Outline) -> Verdict {
     ] {
         let of_value = value(tags, key).and_then(|value| widths.iter().find(|(known, _)| *known == value));
         let Some((value, usual_m)) = of_value else { continue };
-        if let Some(reason) = hidden(tags).or_else(|| (*value == "subway" && layer(tags) < 0.0).then_some(UNDERGROUND))
-        {
+        if let Some(reason) = reason_to_hide(tags, kind) {
             return Verdict::LeftOut(reason);
         }
         // These are areas when they are closed, the others only if they say so.
@@ -197,13 +197,10 @@ pub(super) fn tell_nothing(tags: Tags<'_>) -> bool {
 }
 
 fn building(tags: Tags<'_>, key: &'static str, value: &str, kind: FeatureKind, outline: Outline) -> Verdict {
-    let is_underground = tags.get("location").is_some_and(|location| location == "underground")
-        || tags.get("parking") == Some("underground")
-        || layer(tags) < 0.0;
     if GONE.contains(&value) {
         Verdict::LeftOut(NOT_BUILT)
-    } else if is_underground {
-        Verdict::LeftOut(UNDERGROUND)
+    } else if let Some(reason) = reason_to_hide(tags, kind) {
+        Verdict::LeftOut(reason)
     } else if outline == Outline::OpenWay {
         Verdict::LeftOut(NOT_CLOSED)
     } else {
@@ -221,7 +218,7 @@ fn area(tags: Tags<'_>, outline: Outline) -> Verdict {
         Outline::OpenWay if is_line => Verdict::Other,
         Outline::ClosedWay if tags.get("area") == Some("no") => Verdict::Other,
         Outline::OpenWay => Verdict::LeftOut(NOT_CLOSED),
-        _ => match hidden(tags) {
+        _ => match reason_to_hide(tags, *kind) {
             Some(reason) => Verdict::LeftOut(reason),
             None => Verdict::Object(Class { kind: *kind, key, form: Form::Area }),
         },
@@ -233,21 +230,9 @@ fn value<'a>(tags: Tags<'a>, key: &str) -> Option<&'a str> {
     tags.get(key).filter(|value| *value != "no" && !value.is_empty())
 }
 
-fn layer(tags: Tags<'_>) -> f64 {
-    tags.get("layer").and_then(|layer| layer.trim().parse().ok()).unwrap_or(0.0)
-}
-
-/// The reason why an element other than a building is invisible from above; `None` if it is visible.
-fn hidden(tags: Tags<'_>) -> Option<&'static str> {
-    match tags.get("tunnel") {
-        // What passes through a building or below a roof against snow lies on the ground.
-        None | Some("no" | "building_passage" | "avalanche_protector" | "covered") => {}
-        Some(_) => return Some(IN_TUNNEL),
-    }
-    let is_below = matches!(tags.get("location"), Some("underground" | "underwater"))
-        || tags.get("parking") == Some("underground");
-    let is_indoors = matches!(tags.get("indoor"), Some("yes" | "corridor" | "area" | "room"));
-    is_below.then_some(UNDERGROUND).or(is_indoors.then_some(INDOORS))
+/// The reason why an element cannot be seen from above; `None` if it can.
+fn reason_to_hide(tags: Tags<'_>, kind: FeatureKind) -> Option<&'static str> {
+    hidden(kind, |key| tags.get(key).map(Cow::Borrowed))
 }
 
 /// Width of a line in metres: the measured one, that of its lanes or tracks, or the usual one of its class.
@@ -270,6 +255,7 @@ fn width_m(tags: Tags<'_>, key: &str, value: &str, usual_m: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::read::footprint::{IN_TUNNEL, INDOORS, UNDERGROUND};
 
     fn verdict(tags: &[(&str, &str)], outline: Outline) -> Verdict {
         let (mut text, mut spans) = (Vec::new(), Vec::new());
@@ -302,6 +288,7 @@ mod tests {
             (&[("leisure", "pitch")], ClosedWay, LandUse),
             (&[("highway", "pedestrian"), ("area", "yes")], ClosedWay, Road),
             (&[("area:highway", "primary")], ClosedWay, Road),
+            (&[("amenity", "shelter")], ClosedWay, Building),
             (&[("highway", "pedestrian")], Multipolygon, Road),
             (&[("man_made", "bridge"), ("layer", "1")], ClosedWay, Bridge),
         ] {
@@ -341,6 +328,9 @@ mod tests {
         for (tags, reason) in [
             (&[("building", "yes"), ("layer", "-1")][..], UNDERGROUND),
             (&[("building", "yes"), ("location", "underground")], UNDERGROUND),
+            (&[("building", "train_station"), ("tunnel", "yes")], IN_TUNNEL),
+            (&[("building:part", "yes"), ("level", "-1")], UNDERGROUND),
+            (&[("railway", "platform"), ("layer", "-2")], UNDERGROUND),
             (&[("building", "demolished")], NOT_BUILT),
             (&[("highway", "primary"), ("tunnel", "yes")], IN_TUNNEL),
             (&[("waterway", "stream"), ("tunnel", "culvert")], IN_TUNNEL),

@@ -9,7 +9,7 @@ use super::nodes::NodeStore;
 use super::relations::{MemberWay, Relation, Relations};
 use super::rings::{OUTSIDE, TOO_FEW, polygons};
 use crate::read::attributes::{AttributeValue, Attributes};
-use crate::read::object::{Footprint, Shape, SourceObject, Strip};
+use crate::read::object::{Footprint, GroundPoint, Shape, SourceObject, Strip};
 
 /// Distance of the trees of a row.
 const TREE_DISTANCE_M: f64 = 8.0;
@@ -92,10 +92,11 @@ pub(super) fn areas_of_relation(
     polygons(ways.into_iter(), nodes)
 }
 
-/// Polygons as the areas of an object.
-pub(super) fn footprints(polygons: Vec<Polygon>) -> Shape {
+/// Polygons as the areas of an object, which stands on others if it `is_supported`.
+pub(super) fn footprints(polygons: Vec<Polygon>, is_supported: bool) -> Shape {
     let ring = |ring: Vec<Position>| ring.into_iter().map(degrees).collect();
-    let footprint = |polygon: Polygon| Footprint { rings: polygon.into_iter().map(ring).collect(), base_z: 0.0 };
+    let footprint =
+        |polygon: Polygon| Footprint { rings: polygon.into_iter().map(ring).collect(), ground: None, is_supported };
     Shape::Footprints(polygons.into_iter().map(footprint).collect())
 }
 
@@ -125,11 +126,11 @@ pub(super) fn pieces_of_way(refs: &[i64], nodes: &NodeStore) -> Result<(Vec<Vec<
 pub(super) fn lines(pieces: Vec<Vec<Position>>, form: Form) -> Shape {
     let pieces = pieces.into_iter().map(|piece| piece.into_iter().map(degrees).collect());
     match form {
-        Form::Line { width_m } => Shape::Strips(pieces.map(|points| Strip { points, width_m, base_z: 0.0 }).collect()),
+        Form::Line { width_m } => Shape::Strips(pieces.map(|points| Strip { points, width_m, ground: None }).collect()),
         Form::Area | Form::TreeRow => {
             let mut trees = Vec::new();
             pieces.for_each(|piece: Vec<[f64; 2]>| plant(&piece, &mut trees));
-            Shape::Points(trees.into_iter().map(|[x, y]| [x, y, 0.0]).collect())
+            Shape::Points(trees.into_iter().map(GroundPoint::from).collect())
         }
     }
 }

@@ -283,7 +283,7 @@ impl Reading<'_, '_> {
             source_type: "natural=coastline".to_owned(),
             lod: None,
             attributes,
-            shape: footprints(sea.polygons),
+            shape: footprints(sea.polygons, false),
         })
     }
 
@@ -331,7 +331,8 @@ impl Reading<'_, '_> {
             if !is_in_bbox(bbox_deg, part.polygons.iter().flatten().flatten()) {
                 return Ok(());
             }
-            let mut object = object(id, class, tags, part.parent, footprints(part.polygons));
+            let shape = footprints(part.polygons, part.is_supported);
+            let mut object = object(id, class, tags, part.parent, shape);
             for (key, value) in part.inherited {
                 object.attributes.push(key, AttributeValue::Text(value.clone()));
             }
@@ -369,9 +370,10 @@ fn add_area(
         Ok(polygons) => polygons,
         Err(reason) => return skip(reason),
     };
+    let mut is_supported = false;
     if class.kind == FeatureKind::Building {
         match parts.settle_outline(id, tags, &polygons) {
-            OutlineFate::Kept => {}
+            OutlineFate::Kept { has_parts } => is_supported = has_parts,
             OutlineFate::LeftOut => return skip(COVERED),
             OutlineFate::NotCompared => sink.problem("too many building parts, outline kept", id.to_string()),
         }
@@ -379,7 +381,7 @@ fn add_area(
     if !is_in_bbox(input.bbox_deg, polygons.iter().flatten().flatten()) {
         return Ok(());
     }
-    sink.add(object(id, class, tags, None, footprints(polygons)))
+    sink.add(object(id, class, tags, None, footprints(polygons, is_supported)))
 }
 
 /// A way that is an object.

@@ -1,6 +1,7 @@
 //! Which rings are in which: outer rings with their holes. Rings touch at most.
 
 use super::element::Position;
+use crate::read::ring_inside::point_inside;
 
 /// Rings of a polygon, the outer one first, each closed by its first position.
 pub(super) type Polygon = Vec<Vec<Position>>;
@@ -52,7 +53,7 @@ pub(super) fn group(rings: Vec<Vec<Position>>) -> Result<Vec<Polygon>, &'static 
     Ok(polygons)
 }
 
-/// Sweeps upwards over one point of each ring, counting the edges left of it.
+/// Sweeps upwards over a place inside of each ring, counting the edges left of it.
 fn nest(rings: &[Vec<Position>]) -> Result<Vec<Nest>, &'static str> {
     let mut edges = Vec::new();
     let mut points: Vec<([i64; 2], u32)> = Vec::new();
@@ -61,11 +62,11 @@ fn nest(rings: &[Vec<Position>]) -> Result<Vec<Nest>, &'static str> {
             let (low, high) = if pair[0][1] < pair[1][1] { (pair[0], pair[1]) } else { (pair[1], pair[0]) };
             Edge { low, high, ring: number as u32 }
         });
-        let first_edge = edges.len();
         edges.extend(ring_edges);
-        // No ring has a node within an edge of another. The middle is in units of half the size.
-        if let Some(Edge { low, high, .. }) = edges.get(first_edge) {
-            points.push(([0, 1].map(|axis| i64::from(low[axis]) + i64::from(high[axis])), number as u32));
+        // Nodes and edges of a hole may be on its outer ring, or a little outside. In units of half the size.
+        let on_map: Vec<[f64; 2]> = ring.iter().map(|position| position.map(f64::from)).collect();
+        if let Some(point) = point_inside(&on_map) {
+            points.push((point.map(|v| (2.0 * v).round() as i64), number as u32));
         }
     }
     edges.sort_unstable_by_key(|edge| edge.low[1]);
@@ -88,8 +89,9 @@ fn nest(rings: &[Vec<Position>]) -> Result<Vec<Nest>, &'static str> {
         let left = || active.iter().filter(|edge| edge.ring != number && is_left(edge, [x, y]));
         left().for_each(|edge| is_odd[edge.ring as usize] ^= true);
         for edge in left() {
-            // Each ring once: its mark is taken back.
-            if std::mem::take(&mut is_odd[edge.ring as usize]) {
+            // Each ring once: its mark is taken back. A smaller one around the place is within this ring.
+            let is_around = std::mem::take(&mut is_odd[edge.ring as usize]);
+            if is_around && nests[edge.ring as usize].area > nests[number as usize].area {
                 let is_smaller = nests[number as usize]
                     .around
                     .is_none_or(|around| nests[edge.ring as usize].area < nests[around as usize].area);

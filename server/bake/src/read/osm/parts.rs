@@ -9,7 +9,7 @@ use super::element::{ElementId, Position, Tags};
 use super::emit::attributes;
 use super::nesting::Polygon;
 use super::nesting::area;
-use crate::read::footprint::{BuildingHeight, HeightHints};
+use crate::read::footprint::{BuildingHeight, Canopy, HeightHints};
 
 /// A part belongs to the outline within which it is by this share at least.
 const MIN_SHARE_WITHIN: f64 = 0.5;
@@ -36,6 +36,8 @@ struct Part {
     rings: [u32; 2],
     bounds: Bounds,
     heights: Heights,
+    /// Whether a canopy is over or on another part.
+    is_supported: bool,
     /// The outline that a relation names.
     named_outline: Option<ElementId>,
     parent: Option<ElementId>,
@@ -52,14 +54,21 @@ pub(super) struct Heights {
     base_m: f64,
     /// `None` if it is not known.
     top_m: Option<f64>,
+    is_canopy: bool,
 }
 
 impl Heights {
     pub(super) fn of(tags: Tags<'_>) -> Self {
         let mut is_guess = false;
         let note = |kind: &str, _: &str| is_guess |= kind == "height guessed";
-        let height = BuildingHeight::of(&attributes(tags), HeightHints::default(), note);
-        Self { base_m: height.base_m, top_m: (!is_guess).then_some(height.top_m) }
+        let attributes = attributes(tags);
+        let canopy = Canopy::of(&attributes);
+        let height = match canopy {
+            Some(canopy) => canopy.height(&attributes, HeightHints::default(), note),
+            None => BuildingHeight::of(&attributes, HeightHints::default(), note),
+        };
+        let base_m = canopy.map_or(height.base_m, |canopy| canopy.base_m(&height, height.top_m));
+        Self { base_m, top_m: (!is_guess).then_some(height.top_m), is_canopy: canopy.is_some() }
     }
 }
 
@@ -91,12 +100,17 @@ pub(super) struct KnownPart<'p> {
     pub(super) polygons: Vec<Polygon>,
     /// Keys and values of the outline's tags that hold for the part too.
     pub(super) inherited: &'p [(&'static str, String)],
+    /// Whether it is a canopy over or on another part.
+    pub(super) is_supported: bool,
 }
 
 /// What becomes of an outline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum OutlineFate {
-    Kept,
+    Kept {
+        /// Whether parts are within it.
+        has_parts: bool,
+    },
     /// Parts cover it.
     LeftOut,
     /// There are too many parts to compare.
@@ -135,6 +149,7 @@ impl Parts {
             rings: [first, self.rings.len() as u32],
             bounds: bounds(polygons.iter().flatten().flatten()).unwrap_or_default(),
             heights,
+            is_supported: false,
             named_outline,
             parent: None,
             parent_share: 0.0,
@@ -149,6 +164,28 @@ impl Parts {
         let named = self.parts.iter().zip(0..).filter_map(|(part, i)| Some((part.named_outline?, i)));
         self.named = named.collect();
         self.named.sort_unstable();
+        self.find_support();
+    }
+
+    /// Finds the canopies that are over or on other parts.
+    fn find_support(&mut self) {
+        for number in 0..self.parts.len() {
+            let Part { heights, bounds, .. } = self.parts[number];
+            if !heights.is_canopy || self.compared_points > MAX_COMPARED_POINTS {
+                continue;
+            }
+            let mut near = Vec::new();
+            self.tree.overlapping(bounds, |part| near.push(part));
+            near.retain(|part| *part as usize != number && !self.parts[*part as usize].heights.is_canopy);
+            self.compared_points += near.iter().map(|part| self.point_count(*part)).sum::<u64>();
+            let canopy = self.rings_of(number as u32);
+            let is_within = |part: &u32| {
+                let (own, of_part) = (self.rings_of(*part), self.parts[*part as usize].bounds);
+                share_within(&own, of_part, &canopy) >= MIN_SHARE_WITHIN
+                    || share_within(&canopy, bounds, &own) >= MIN_SHARE_WITHIN
+            };
+            self.parts[number].is_supported = near.iter().any(is_within);
+        }
     }
 
     /// Finds the parts of an outline.
@@ -157,10 +194,12 @@ impl Parts {
         let is_upper_part =
             || tags.get("building:part").is_some_and(|value| value != "no") && Heights::of(tags).base_m >= ON_GROUND_M;
         if self.parts.is_empty() || is_upper_part() {
-            return OutlineFate::Kept;
+            return OutlineFate::Kept { has_parts: false };
         }
         let rings: Vec<&[Position]> = polygons.iter().flatten().map(Vec::as_slice).collect();
-        let Some(bounds) = bounds(rings.iter().copied().flatten()) else { return OutlineFate::Kept };
+        let Some(bounds) = bounds(rings.iter().copied().flatten()) else {
+            return OutlineFate::Kept { has_parts: false };
+        };
         let first = self.named.partition_point(|(outline, _)| *outline < id);
         let named = self.named[first..].iter().take_while(|(outline, _)| *outline == id).map(|(_, part)| *part);
         let mut members: Vec<(u32, f64)> = named.map(|part| (part, 1.0)).collect();
@@ -179,7 +218,7 @@ impl Parts {
             (share >= MIN_SHARE_WITHIN).then_some((part, share))
         }));
         if members.is_empty() {
-            return OutlineFate::Kept;
+            return OutlineFate::Kept { has_parts: false };
         }
         let outline_area = polygons.iter().flatten().map(|ring| area(ring).abs()).fold(0.0, f64::max);
         let inherited = self.keep_inherited(tags);
@@ -187,7 +226,10 @@ impl Parts {
             self.parts[*part as usize].offer_parent(id, *share, outline_area, inherited);
         }
         let members: Vec<u32> = members.into_iter().map(|(part, _)| part).collect();
-        if self.make_up(&members, &rings, bounds, tags) { OutlineFate::LeftOut } else { OutlineFate::Kept }
+        match self.make_up(&members, &rings, bounds, tags) {
+            true => OutlineFate::LeftOut,
+            false => OutlineFate::Kept { has_parts: true },
+        }
     }
 
     /// Whether parts stand for the whole outline, by how much of it they cover and by their heights.
@@ -200,6 +242,10 @@ impl Parts {
             let covering: Vec<Vec<&[Position]>> = counted.map(|part| self.rings_of(*part)).collect();
             covered_share(outline, bounds, &covering)
         };
+        // A roof without walls does not stand on the ground either.
+        if Heights::of(tags).is_canopy {
+            return share(&|_| true) >= WHOLE;
+        }
         let on_ground = share(&|part| part.heights.base_m < ON_GROUND_M);
         if !(MOST..WHOLE).contains(&on_ground) {
             return on_ground >= WHOLE;
@@ -251,7 +297,8 @@ impl Parts {
             }
         }
         let inherited = part.inherited.and_then(|number| self.inherited.get(number as usize));
-        Some(KnownPart { parent: part.parent, polygons, inherited: inherited.map(Vec::as_slice).unwrap_or_default() })
+        let inherited = inherited.map(Vec::as_slice).unwrap_or_default();
+        Some(KnownPart { parent: part.parent, polygons, inherited, is_supported: part.is_supported })
     }
 }
 

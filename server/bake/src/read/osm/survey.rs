@@ -139,9 +139,6 @@ fn add_plant(
         source_type: format!("natural={value}"),
         lod: None,
         attributes: attributes(tags),
-        shape: Shape::Points(vec![{
-            let [x, y] = degrees(position);
-            [x, y, 0.0]
-        }]),
+        shape: Shape::Points(vec![degrees(position).into()]),
     })
 }

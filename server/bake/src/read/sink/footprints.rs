@@ -5,7 +5,8 @@ use super::painted::stands_in_water;
 use crate::error::InputError;
 use crate::read::facade::FacadeUse;
 use crate::read::footprint::{
-    BuildingHeight, GroundPlan, PrismMaterials, ResolvedColour, RoofTags, building_colours, by_use,
+    BuildingHeight, Canopy, GroundPlan, GroundPlans, PrismMaterials, ResolvedColour, RoofTags, building_colours,
+    by_use, posts,
 };
 use crate::read::object::{FeatureKind, Footprint, SourceObject, Surface, SurfaceRole};
 use crate::read::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind};
@@ -34,6 +35,8 @@ pub(super) fn layer_m(object: &SourceObject) -> f64 {
 /// How a building is made of its plan.
 struct BuildingForm {
     height: BuildingHeight,
+    /// Of a roof without walls.
+    canopy: Option<Canopy>,
     roof: Option<RoofTags>,
     materials: PrismMaterials,
     facade_use: FacadeUse,
@@ -46,25 +49,30 @@ impl SceneSink<'_, '_, '_> {
         let mut open = OpenObject::new(ObjectKind::Building);
         let mut fault = None;
         for footprint in footprints {
-            self.faces.clear();
-            let plan = self.ground_plan(object, footprint);
-            match plan.and_then(|plan| self.build(object, &plan, &form).map(|()| plan)) {
-                Ok(plan) => {
-                    let ground_m = match self.base_of_footprint(object, footprint) {
-                        Some(base_m) => {
-                            self.lift(base_m);
-                            open.has_own_base = true;
-                            base_m
+            let plans = self.ground_plans(object, footprint).unwrap_or_else(|reason| {
+                fault = Some(reason);
+                Vec::new()
+            });
+            for plan in plans {
+                self.faces.clear();
+                match self.build(object, footprint, &plan, &form) {
+                    Ok(()) => {
+                        let ground_m = match self.base_of_footprint(object, footprint) {
+                            Some(base_m) => {
+                                open.has_own_base = true;
+                                base_m
+                            }
+                            None => self.lowest_ground_m(&plan.rings)?,
+                        };
+                        self.lift(ground_m);
+                        if form.height.base_m > 0.0 {
+                            open.ground_m = Some(open.ground_m.map_or(ground_m, |lowest| lowest.min(ground_m)));
                         }
-                        None => self.stand(&plan.rings)?,
-                    };
-                    if form.height.base_m > 0.0 {
-                        open.ground_m = Some(open.ground_m.map_or(ground_m, |lowest| lowest.min(ground_m)));
                     }
+                    Err(reason) => fault = Some(reason),
                 }
-                Err(reason) => fault = Some(reason),
+                self.context.push(&mut open, &mut self.faces, form.facade_use);
             }
-            self.context.push(&mut open, &mut self.faces, form.facade_use);
         }
         self.finish_areas(object, open, fault);
         Ok(())
@@ -76,28 +84,30 @@ impl SceneSink<'_, '_, '_> {
         let mut open = OpenObject::new(ObjectKind::Terrain);
         let mut fault = None;
         for footprint in footprints {
-            self.faces.clear();
-            let covered = self.ground_plan(object, footprint).and_then(|plan| {
-                let (triangulator, faces) = (&mut self.context.triangulator, &mut self.faces);
-                plan.cover(layer_m(object), material, triangulator, faces)
+            let plans = self.ground_plans(object, footprint).unwrap_or_else(|reason| {
+                fault = Some(reason);
+                Vec::new()
             });
-            match covered {
-                Ok(true) => {}
-                Ok(false) => self.report.problem("ring crosses itself", || object.id.clone()),
-                Err(reason) => fault = Some(reason),
+            for plan in plans {
+                self.faces.clear();
+                let (triangulator, faces) = (&mut self.context.triangulator, &mut self.faces);
+                match plan.cover(layer_m(object), material, triangulator, faces) {
+                    Ok(areas) => self.report.areas(areas, &object.id),
+                    Err(reason) => fault = Some(reason),
+                }
+                let base_m = self.base_of_footprint(object, footprint);
+                self.drape(base_m)?;
+                self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
             }
-            let base_m = self.base_of_footprint(object, footprint);
-            self.drape(base_m)?;
-            self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
         }
         self.finish_areas(object, open, fault);
         Ok(())
     }
 
-    /// World height of the ground under an area, where the source has one.
+    /// World height of the ground under an area, where the source tells it.
     fn base_of_footprint(&mut self, object: &SourceObject, footprint: &Footprint) -> Option<f64> {
         let corner = *footprint.rings.first()?.first()?;
-        self.base_m(object, corner, footprint.base_z)
+        self.base_m(object, corner, footprint.ground)
     }
 
     /// Number of the material of a flat kind, by the palette.
@@ -119,21 +129,26 @@ impl SceneSink<'_, '_, '_> {
         self.close(object, open);
     }
 
-    fn ground_plan(&mut self, object: &SourceObject, footprint: &Footprint) -> Result<GroundPlan, &'static str> {
+    /// The plans of an area. Fails with the reason if it has none.
+    fn ground_plans(&mut self, object: &SourceObject, footprint: &Footprint) -> Result<Vec<GroundPlan>, &'static str> {
         let mut notes = Vec::new();
-        let plan = GroundPlan::new(&footprint.rings, |point| self.place_on_map(point), |note| notes.push(note));
+        let found = GroundPlans::new(&footprint.rings, |point| self.place_on_map(point), |note| notes.push(note));
         notes.into_iter().for_each(|note| self.report.problem(note, || object.id.clone()));
-        plan
+        let GroundPlans { plans, areas } = found?;
+        self.report.areas(areas, &object.id);
+        Ok(plans)
     }
 
     fn building_form(&mut self, object: &SourceObject) -> BuildingForm {
         let (id, attributes) = (&object.id, &object.attributes);
         let (options, hints) = (self.context.options, self.height_hints());
         let report = &mut self.report;
-        report.footprints += 1;
-        let height = BuildingHeight::of(attributes, hints, |kind, detail| {
-            report.problem(kind, || format!("{id}: {detail}"));
-        });
+        let canopy = Canopy::of(attributes);
+        let note = |kind: &str, detail: &str| report.problem(kind, || format!("{id}: {detail}"));
+        let height = match canopy {
+            Some(canopy) => canopy.height(attributes, hints, note),
+            None => BuildingHeight::of(attributes, hints, note),
+        };
         let roof = RoofTags::of(attributes, |name| {
             report.problem("shape of roof not known, made flat", || format!("{id}: {name}"));
         });
@@ -143,10 +158,12 @@ impl SceneSink<'_, '_, '_> {
         });
         let windows = by_use(attributes, FacadeUse::of_use).unwrap_or_default();
         // Walls of glass need no windows.
-        let facade_use = if colours.wall.is_reflective { FacadeUse::Windowless } else { windows };
+        let is_windowless = colours.wall.is_reflective || canopy.is_some();
+        let facade_use = if is_windowless { FacadeUse::Windowless } else { windows };
         let [roof_number, wall, floor] =
             [colours.roof, colours.wall, colours.floor].map(|colour| self.number_of(colour));
-        BuildingForm { height, roof, materials: PrismMaterials { roof: roof_number, wall, floor }, facade_use }
+        let materials = PrismMaterials { roof: roof_number, wall, floor };
+        BuildingForm { height, canopy, roof, materials, facade_use }
     }
 
     pub(super) fn number_of(&mut self, ResolvedColour { rgb, origin, is_reflective }: ResolvedColour) -> u32 {
@@ -155,19 +172,41 @@ impl SceneSink<'_, '_, '_> {
     }
 
     /// Makes a building of a plan. Fails with the reason if there is nothing to make.
-    fn build(&mut self, object: &SourceObject, plan: &GroundPlan, form: &BuildingForm) -> Result<(), &'static str> {
+    fn build(
+        &mut self,
+        object: &SourceObject,
+        footprint: &Footprint,
+        plan: &GroundPlan,
+        form: &BuildingForm,
+    ) -> Result<(), &'static str> {
+        let base_m =
+            |eaves_m: f64| form.canopy.map_or(form.height.base_m, |canopy| canopy.base_m(&form.height, eaves_m));
+        let posts_m = |base_m: f64| if form.canopy.is_some() && !footprint.is_supported { base_m } else { 0.0 };
         if let Some(tags) = &form.roof {
-            match roof::build(&plan.rings, &tags.spec(&plan.rings, &form.height)) {
+            let mut spec = tags.spec(&plan.rings, &form.height);
+            spec.base_m = base_m(spec.eaves_m);
+            match roof::build(&plan.rings, &spec) {
                 Ok(surfaces) => {
                     surfaces.iter().for_each(|surface| self.add_part(object, surface, &form.materials));
-                    return Ok(());
+                    return self.add_posts(plan, posts_m(spec.base_m), form.materials);
                 }
                 Err(fault) => self.report.problem("roof made flat", || format!("{}: {fault}", object.id)),
             }
         }
+        let height = BuildingHeight { base_m: base_m(form.height.top_m), ..form.height };
         let (triangulator, faces) = (&mut self.context.triangulator, &mut self.faces);
-        if !plan.extrude(&form.height, form.materials, triangulator, faces)? {
-            self.report.problem("ring crosses itself", || object.id.clone());
+        let areas = plan.extrude(&height, form.materials, triangulator, faces)?;
+        self.report.areas(areas, &object.id);
+        self.add_posts(plan, posts_m(height.base_m), form.materials)
+    }
+
+    /// Adds posts of a height below a roof.
+    fn add_posts(&mut self, plan: &GroundPlan, top_m: f64, materials: PrismMaterials) -> Result<(), &'static str> {
+        let height = BuildingHeight { base_m: 0.0, top_m, is_without_roof: false };
+        for post in posts(plan, top_m) {
+            let first = self.faces.len();
+            post.extrude(&height, materials, &mut self.context.triangulator, &mut self.faces)?;
+            self.faces[first..].iter_mut().for_each(|face| face.is_facade = false);
         }
         Ok(())
     }
@@ -180,7 +219,7 @@ impl SceneSink<'_, '_, '_> {
             _ => (materials.wall, true),
         };
         match self.context.triangulator.triangulate(&surface.points, &surface.hole_starts) {
-            Ok(triangles) => self.faces.extend(triangles.iter().map(|triangle| WorldTriangle {
+            Ok(triangles) => self.faces.extend(triangles.list.iter().map(|triangle| WorldTriangle {
                 corners: triangle.map(|i| surface.points[i as usize]),
                 uv: [[0.0; 2]; 3],
                 material,

@@ -33,7 +33,7 @@ impl SceneSink<'_, '_, '_> {
                 let face = |corners| WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade: false };
                 self.faces.extend([face([a, b, c]), face([a, c, d])]);
             });
-            let base_m = strip.points.first().and_then(|point| self.base_m(object, *point, strip.base_z));
+            let base_m = strip.points.first().and_then(|point| self.base_m(object, *point, strip.ground));
             self.drape(base_m)?;
             self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
         }

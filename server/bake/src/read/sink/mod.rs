@@ -86,11 +86,6 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         self.context.options
     }
 
-    /// The report so far.
-    pub(crate) fn report_mut(&mut self) -> &mut SourceReport {
-        &mut self.report
-    }
-
     /// The report of the whole source.
     pub(crate) fn into_report(mut self) -> SourceReport {
         self.report.note_placement(&self.placement);
@@ -125,11 +120,9 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         Ok(())
     }
 
-    /// World height of the ground at a position, where the source has one: `z` is not 0, and no mark of a missing height.
-    fn base_m(&mut self, object: &SourceObject, [x, y]: [f64; 2], z: f64) -> Option<f64> {
-        if z == 0.0 {
-            return None;
-        }
+    /// World height of the ground at a position, where the source tells it, and not by a mark of a missing height.
+    fn base_m(&mut self, object: &SourceObject, [x, y]: [f64; 2], ground: Option<f64>) -> Option<f64> {
+        let z = ground?;
         let base_m = self.place([x, y, z])?[2];
         if !HEIGHTS_M.contains(&base_m) {
             self.report.problem(MISSING_GROUND, || format!("{}: {z}", object.id));
@@ -296,7 +289,7 @@ fn first_shape(shape: &Shape) -> Option<FirstShape> {
             FirstShape::of(footprints.iter().flat_map(|plan| &plan.rings).flatten().copied())
         }
         Shape::Strips(strips) => FirstShape::of(strips.iter().flat_map(|strip| &strip.points).copied()),
-        Shape::Points(points) => FirstShape::of(points.iter().take(1).map(on_map)),
+        Shape::Points(points) => FirstShape::of(points.iter().take(1).map(|point| point.place)),
     }
 }
 

@@ -6,7 +6,7 @@ use crate::error::InputError;
 use crate::read::attributes::AttributeValue;
 use crate::read::facade::FacadeUse;
 use crate::read::footprint::{ResolvedColour, known_height_m, length_m};
-use crate::read::object::{FeatureKind, SourceObject, Strip};
+use crate::read::object::{FeatureKind, GroundPoint, SourceObject, Strip};
 use crate::read::paint::mix_bits;
 use crate::read::palette::{BuildingLook, SurfaceFacts};
 use crate::read::scene_builder::{OpenObject, WorldTriangle, hash_of_id};
@@ -116,7 +116,7 @@ impl TreeForm {
 
 impl SceneSink<'_, '_, '_> {
     /// Adds trees. Points of other kinds have no shape. Fails if the ground's height cannot be read.
-    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[[f64; 3]]) -> Result<(), InputError> {
+    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[GroundPoint]) -> Result<(), InputError> {
         if object.kind != FeatureKind::Vegetation {
             self.report.without_geometry += 1;
             return Ok(());
@@ -129,14 +129,15 @@ impl SceneSink<'_, '_, '_> {
         let tones = TONES.map(|tone| self.plant_material(None, tone * form.lightness()));
         let mut open = OpenObject::new(ObjectKind::Building);
         let mut fault = None;
-        for (number, &[east, north, z]) in (0_u64..).zip(points) {
-            let Some([x, y]) = self.place_on_map([east, north]) else {
+        for (number, point) in (0_u64..).zip(points) {
+            let Some([x, y]) = self.place_on_map(point.place) else {
                 fault = Some("coordinate not a number or out of range");
                 continue;
             };
-            let base_m = self.base_m(object, [east, north], z).filter(|_| self.context.elevation.is_empty());
-            let ground_m = match base_m {
-                Some(base_m) => base_m,
+            // Elevation models tell the ground under the tree, too.
+            let own_m = self.base_m(object, point.place, point.ground).filter(|_| self.context.elevation.is_empty());
+            let ground_m = match own_m {
+                Some(own_m) => own_m,
                 None => self.context.ground_m([x, y])?,
             };
             let chance = mix_bits(hash_of_id(&object.id) ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15));
@@ -172,7 +173,7 @@ impl SceneSink<'_, '_, '_> {
                 fault = Some("coordinate not a number or out of range");
                 continue;
             };
-            let base_m = strip.points.first().and_then(|point| self.base_m(object, *point, strip.base_z));
+            let base_m = strip.points.first().and_then(|point| self.base_m(object, *point, strip.ground));
             let mut quads = Vec::new();
             widen(&points, super::ground_shapes::half_width_m(strip), |quad| quads.push(quad));
             for quad in quads {

@@ -13,9 +13,8 @@ const MAX_EDGE_STEPS: f64 = 0.5;
 const MAX_FACES: f64 = 1e6;
 
 impl SceneSink<'_, '_, '_> {
-    /// Lifts the collected faces, which stand on a level plane at 0, to the lowest ground under a plan. Returns its height. Fails if
-    /// an elevation model cannot be read.
-    pub(super) fn stand(&mut self, rings: &[Vec<[f64; 2]>]) -> Result<f64, InputError> {
+    /// Lowest ground under a plan; 0 without an elevation model. Fails if one cannot be read.
+    pub(super) fn lowest_ground_m(&mut self, rings: &[Vec<[f64; 2]>]) -> Result<f64, InputError> {
         if self.context.elevation.is_empty() {
             return Ok(0.0);
         }
@@ -23,9 +22,7 @@ impl SceneSink<'_, '_, '_> {
         for corner in rings.iter().take(1).flatten() {
             lowest = lowest.min(self.context.ground_m(*corner)?);
         }
-        let lowest = if lowest.is_finite() { lowest } else { 0.0 };
-        self.lift(lowest);
-        Ok(lowest)
+        Ok(if lowest.is_finite() { lowest } else { 0.0 })
     }
 
     /// Lifts the collected faces.
@@ -34,7 +31,7 @@ impl SceneSink<'_, '_, '_> {
     }
 
     /// Lays the collected faces, which are level, on the ground: divides them, and adds its height. Without an elevation model they stay
-    /// level, above ground that is painted, at the height of the source if it has one. Fails as [`Self::stand`].
+    /// level, above ground that is painted, at the height of the source if it has one. Fails as [`Self::lowest_ground_m`].
     pub(super) fn drape(&mut self, base_m: Option<f64>) -> Result<(), InputError> {
         let options = self.context.options;
         // So far above the terrain's triangles as these may be above the ground.

@@ -117,7 +117,8 @@ impl SceneSink<'_, '_, '_> {
             }
         };
         let min_edge_m = self.context.options.cell_m * MIN_EDGE_CELLS;
-        for triangle in triangles {
+        self.report.areas(triangles.areas, &object.id);
+        for triangle in triangles.list {
             let corners = triangle.map(|i| points[i as usize]);
             let uv = triangle.map(|i| surface.uv.get(i as usize).map_or([0.0; 2], |uv| drawn.uv(*uv)));
             let mask = self.materials.mask(drawn.mask);

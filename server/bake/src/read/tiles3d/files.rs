@@ -3,12 +3,8 @@
 use std::cell::Cell;
 use std::io::{self, Read};
 
-use flate2::read::MultiGzDecoder;
-
 use crate::read::input::Input;
-
-/// First bytes of gzip.
-const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
+use crate::read::packed::unpacked;
 
 /// The files of a source.
 pub(crate) struct TileFiles<'a> {
@@ -52,16 +48,12 @@ impl<'a> TileFiles<'a> {
     fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
         let files = self.input.files;
         let packed_name = format!("{name}.gz");
-        let mut packed = match files.open(name) {
+        let packed = match files.open(name) {
             Err(error) if error.kind() == io::ErrorKind::NotFound && !self.is_remote => {
                 files.open(&packed_name).map_err(|_| error)?
             }
             opened => opened?,
         };
-        let mut start = Vec::new();
-        packed.by_ref().take(GZIP_MAGIC.len() as u64).read_to_end(&mut start)?;
-        let is_gzip = start == GZIP_MAGIC;
-        let whole = io::Cursor::new(start).chain(packed);
-        Ok(if is_gzip { Box::new(MultiGzDecoder::new(whole)) } else { Box::new(whole) })
+        unpacked(packed)
     }
 }

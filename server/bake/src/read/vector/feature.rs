@@ -6,7 +6,7 @@ use super::shape::{Facing, facing, shape_of};
 use crate::error::InputError;
 use crate::read::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use crate::read::crs::is_geographic;
-use crate::read::footprint::{HeightHints, kind_of};
+use crate::read::footprint::{HeightHints, IN_TUNNEL, is_hidden, kind_of};
 use crate::read::input::Input;
 use crate::read::object::{CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
 use crate::read::place::FirstShape;
@@ -40,9 +40,20 @@ const MAX_WAITING: u64 = 256;
 /// Features of a layer after which that is known. Shares of a source besides the first begin behind them.
 pub(super) const MAX_DECISIVE: u64 = 4096;
 
+/// A feature whose identifier is known.
+pub(super) struct NamedFeature {
+    pub(super) id: String,
+    pub(super) attributes: Attributes,
+    /// Or the reason for skipping it.
+    pub(super) geometry: Result<Geometry, &'static str>,
+    /// See [`Layer::is_mixed`].
+    pub(super) is_mixed: bool,
+}
+
 /// A feature that is ready but for its shape.
 struct Feature {
     id: String,
+    is_mixed: bool,
     /// What its attributes or its layer say it is.
     told: Option<FeatureKind>,
     attributes: Attributes,
@@ -62,6 +73,8 @@ enum LevelPolygons {
 pub(crate) struct FeatureWriter<'a> {
     pub(crate) sink: &'a mut dyn ObjectSink,
     layer: Layer,
+    /// Name of the attribute that has the height, if the user gives it.
+    height_field: Option<&'a str>,
     /// The last system that the sink was told; `None` if it was told none.
     crs: Option<String>,
     /// Whether the system is settled, named or guessed.
@@ -69,18 +82,15 @@ pub(crate) struct FeatureWriter<'a> {
     /// Wanted area, if features outside are left out.
     bbox_deg: Option<[f64; 4]>,
     is_in_degrees: bool,
-    /// Attribute that the user names for heights.
-    height_field: Option<String>,
     level_polygons: LevelPolygons,
-    /// Whether level polygons can be faces of bodies.
-    has_faces: bool,
+    has_only_plans: bool,
     /// Features of the layer, and level polygons among them, until it is known what these are.
     decisive: [u64; 2],
     count: u64,
 }
 
 impl<'a> FeatureWriter<'a> {
-    pub(crate) fn new(input: &Input<'_>, sink: &'a mut dyn ObjectSink) -> Self {
+    pub(super) fn new(input: &Input<'a>, sink: &'a mut dyn ObjectSink) -> Self {
         // A box over the antimeridian is left to the sink.
         let bbox_deg = input.bbox_deg.filter(|[west, _, east, _]| west <= east);
         let layer = Layer::of_file(input.name, std::iter::empty());
@@ -88,13 +98,13 @@ impl<'a> FeatureWriter<'a> {
         Self {
             sink,
             layer,
+            height_field: input.height_field,
             crs: None,
             is_placed: false,
             bbox_deg,
             is_in_degrees: false,
-            height_field: input.height_field.map(str::to_owned),
             level_polygons,
-            has_faces: true,
+            has_only_plans: false,
             decisive: [0; 2],
             count: 0,
         }
@@ -113,8 +123,8 @@ impl<'a> FeatureWriter<'a> {
         }
     }
 
-    /// Sets the system of the following features.
-    pub(crate) fn set_crs(&mut self, name: String) -> Result<(), InputError> {
+    /// Sets the system of the following features. Fails if positions of it cannot be placed.
+    pub(super) fn set_crs(&mut self, name: String) -> Result<(), InputError> {
         self.is_placed = true;
         if self.crs.as_ref() == Some(&name) {
             return Ok(());
@@ -138,11 +148,10 @@ impl<'a> FeatureWriter<'a> {
         self.sink.set_crs(&CrsReference::authority(name))
     }
 
-    /// Every level polygon of the source is a plan: nothing waits for the faces of bodies.
-    pub(crate) fn without_faces(mut self) -> Self {
+    /// Level polygons with heights are plans, without a look at the other features.
+    pub(super) fn take_level_polygons_as_plans(&mut self) {
+        self.has_only_plans = true;
         self.level_polygons = LevelPolygons::Plans;
-        self.has_faces = false;
-        self
     }
 
     /// The wanted area in coordinates of the current system, if that is known to be in degrees.
@@ -200,17 +209,15 @@ impl<'a> FeatureWriter<'a> {
         attributes: Attributes,
         geometry: Result<Geometry, &'static str>,
     ) -> Result<(), InputError> {
-        let id = id_of(&attributes).or(number).unwrap_or_else(|| format!("feature {}", self.count + 1));
-        self.add_named(id, attributes, geometry)
+        let count = self.count + 1;
+        let id = id_of(&attributes).or(number).unwrap_or_else(|| format!("feature {count}"));
+        let is_mixed = self.layer.is_mixed;
+        self.add_named(NamedFeature { id, attributes, geometry, is_mixed })
     }
 
-    /// Takes a feature with an identifier, as [`Self::add`] does.
-    pub(crate) fn add_named(
-        &mut self,
-        id: String,
-        mut attributes: Attributes,
-        geometry: Result<Geometry, &'static str>,
-    ) -> Result<(), InputError> {
+    /// As [`Self::add`].
+    pub(super) fn add_named(&mut self, feature: NamedFeature) -> Result<(), InputError> {
+        let NamedFeature { id, mut attributes, geometry, is_mixed } = feature;
         self.count += 1;
         // Also those without a geometry, so that the share of a feature follows from its place in the file.
         self.decisive[0] += 1;
@@ -230,7 +237,7 @@ impl<'a> FeatureWriter<'a> {
         add_tags(&mut attributes);
         let told = kind_of(&attributes).or(self.layer.kind);
         let facing = facing(&geometry);
-        let feature = Feature { id, told, attributes, geometry };
+        let feature = Feature { id, is_mixed, told, attributes, geometry };
         if let Some(settled) = self.settled_by(facing) {
             self.settle_level_polygons(settled)?;
         }
@@ -246,7 +253,7 @@ impl<'a> FeatureWriter<'a> {
     /// Ends the layer: passes on all that waits.
     pub(crate) fn finish(&mut self) -> Result<(), InputError> {
         self.settle_level_polygons(LevelPolygons::Plans)?;
-        if self.has_faces {
+        if !self.has_only_plans {
             self.level_polygons = LevelPolygons::Waiting(Vec::new());
         }
         Ok(())
@@ -260,15 +267,24 @@ impl<'a> FeatureWriter<'a> {
     }
 
     fn pass_on(&mut self, feature: Feature) -> Result<(), InputError> {
-        let Feature { id, told, attributes, mut geometry } = feature;
+        let Feature { id, is_mixed, told, attributes, mut geometry } = feature;
         geometry.is_surface |=
             matches!(self.level_polygons, LevelPolygons::Faces) && facing(&geometry) == Facing::Level;
         let mut problems = Vec::new();
-        let hints = HeightHints { field: self.height_field.as_deref(), ..HeightHints::default() };
+        let hints = HeightHints { field: self.height_field, ..HeightHints::default() };
         let shape = shape_of(geometry, told, &attributes, hints, &mut problems);
         problems.into_iter().for_each(|problem| self.sink.problem(problem, id.clone()));
         match shape {
-            Ok(shape) => self.sink.add(self.object(id, told, attributes, shape)),
+            Ok(shape) => {
+                let kind = told.unwrap_or(default_kind(&shape, is_mixed));
+                match hidden_by(kind, &shape, &attributes) {
+                    Some(reason) => {
+                        self.sink.skip(reason, id);
+                        Ok(())
+                    }
+                    None => self.sink.add(self.object(id, kind, attributes, shape)),
+                }
+            }
             Err(reason) => {
                 self.sink.skip(reason, id);
                 Ok(())
@@ -276,12 +292,7 @@ impl<'a> FeatureWriter<'a> {
         }
     }
 
-    /// The object of a feature. Of no known kind, an area is a building (unless the layer tells which are), all else is
-    /// generic.
-    fn object(&self, id: String, told: Option<FeatureKind>, attributes: Attributes, shape: Shape) -> SourceObject {
-        let is_body = matches!(shape, Shape::Footprints(_) | Shape::Surfaces { .. });
-        let default = if is_body && !self.layer.is_mixed { FeatureKind::Building } else { FeatureKind::Generic };
-        let kind = told.unwrap_or(default);
+    fn object(&self, id: String, kind: FeatureKind, attributes: Attributes, shape: Shape) -> SourceObject {
         let parent = match attributes.get("building_id") {
             Some(parent) if kind == FeatureKind::BuildingPart => Some(parent.to_string()),
             _ => None,
@@ -309,6 +320,21 @@ impl<'a> FeatureWriter<'a> {
             self.sink.problem(NO_CRS, detail);
         }
         Ok(())
+    }
+}
+
+/// The kind of a feature that nothing tells: an area is a building (unless the layer tells which are), all else is generic.
+fn default_kind(shape: &Shape, is_mixed: bool) -> FeatureKind {
+    let is_body = matches!(shape, Shape::Footprints(_) | Shape::Surfaces { .. });
+    if is_body && !is_mixed { FeatureKind::Building } else { FeatureKind::Generic }
+}
+
+/// The reason why a shape on the map cannot be seen from above; `None` if it can. Surfaces in space have their own heights.
+fn hidden_by(kind: FeatureKind, shape: &Shape, attributes: &Attributes) -> Option<&'static str> {
+    match shape {
+        Shape::Surfaces { .. } | Shape::None => None,
+        Shape::Strips(_) if kind == FeatureKind::Tunnel => Some(IN_TUNNEL),
+        _ => is_hidden(kind, attributes),
     }
 }
 

@@ -50,6 +50,21 @@ impl Geometry {
         (bounds[0] <= bounds[2] && bounds[1] <= bounds[3]).then_some(bounds)
     }
 
+    /// Settles the heights of a source where each position may have one or none (not a number): they count if all have one.
+    pub(super) fn settle_heights(&mut self) {
+        self.has_z = self.positions().next().is_some() && self.positions().all(|position| position[2].is_finite());
+        if !self.has_z {
+            self.for_each_position(|position| position[2] = 0.0);
+        }
+    }
+
+    /// Changes all positions.
+    pub(super) fn for_each_position(&mut self, change: impl FnMut(&mut [f64; 3])) {
+        let rings = self.polygons.iter_mut().flatten().chain(&mut self.lines).flatten();
+        let of_meshes = self.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions);
+        rings.chain(&mut self.points).chain(of_meshes).for_each(change);
+    }
+
     /// Adds a polygon unless it has no ring.
     pub(crate) fn push_polygon(&mut self, mut polygon: Polygon) {
         polygon.retain(|ring| !ring.is_empty());

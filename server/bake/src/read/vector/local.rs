@@ -1,47 +1,9 @@
 //! Files for random access.
 
 use std::fs::File;
-use std::io::{self, Write};
 
 use crate::error::InputError;
 use crate::read::input::{Input, LocalFile};
-use crate::read::random_file::RandomFile;
-use crate::read::source::is_gz;
-
-/// The source on disk, unpacked to a temporary file if it ends in `.gz`. Fails if it cannot be read or is too large.
-pub(super) fn on_disk(input: &Input<'_>) -> Result<LocalFile, InputError> {
-    let io_error = |cause| InputError::io(input.label, cause);
-    if is_gz(input.name) {
-        let mut unpacked = tempfile::NamedTempFile::new().map_err(io_error)?;
-        io::copy(&mut input.open()?.reader, &mut unpacked).map_err(io_error)?;
-        unpacked.flush().map_err(io_error)?;
-        let copy = unpacked.into_temp_path();
-        return Ok(LocalFile { path: copy.to_path_buf(), copy: Some(copy) });
-    }
-    let file = input.files.on_disk(input.name).map_err(io_error)?;
-    let bytes = std::fs::metadata(&file.path).map_err(io_error)?.len();
-    check_size(input, bytes)?;
-    Ok(file)
-}
-
-/// The source for reading in any order, a copy of it if it ends in `.gz`. Fails as [`on_disk`].
-pub(super) fn random(input: &Input<'_>) -> Result<RandomFile, InputError> {
-    let io_error = |cause| InputError::io(input.label, cause);
-    if !input.files.is_random() || is_gz(input.name) {
-        return RandomFile::of_local(on_disk(input)?).map_err(io_error);
-    }
-    let file = input.files.random(input.name).map_err(io_error)?;
-    check_size(input, file.bytes())?;
-    Ok(file)
-}
-
-fn check_size(input: &Input<'_>, bytes: u64) -> Result<(), InputError> {
-    if bytes > input.max_bytes {
-        let what = "its size in bytes".to_owned();
-        return Err(InputError::TooLarge { path: input.label.to_owned(), what, limit: input.max_bytes });
-    }
-    Ok(())
-}
 
 /// Opens the source on disk. Fails if it cannot be read.
 pub(super) fn open(input: &Input<'_>, file: &LocalFile) -> Result<File, InputError> {

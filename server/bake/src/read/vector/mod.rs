@@ -1,4 +1,4 @@
-//! GIS vector formats: FlatGeobuf, GeoPackage, Shapefile, GeoParquet, and CSV with well-known text.
+//! GIS vector formats: GeoJSON, FlatGeobuf, GeoPackage, Shapefile, GeoParquet, and CSV with well-known text.
 //!
 //! All give features with attributes and a geometry; what those become is the same for all of them. A level polygon is an
 //! area on the map; polygons that are not level, multipatches, TINs and polyhedral surfaces are surfaces in space; lines are
@@ -10,6 +10,7 @@
 mod csv;
 mod feature;
 mod flatgeobuf;
+mod geojson;
 mod geometry;
 mod geopackage;
 mod geoparquet;
@@ -28,7 +29,7 @@ mod wkt;
 pub(crate) use csv::read as read_csv;
 pub(crate) use feature::FeatureWriter;
 pub(crate) use flatgeobuf::read as read_flatgeobuf;
-pub(crate) use geometry::{Geometry, Polygon, Ring, UNKNOWN_TYPE};
+pub(crate) use geojson::{is_type as is_geojson, read as read_geojson, read_type};
 pub(crate) use geopackage::read as read_geopackage;
 pub(crate) use geoparquet::read as read_geoparquet;
 pub(crate) use shapefile::read as read_shapefile;

@@ -1,9 +1,13 @@
 //! Groups loose rings into polygons with holes.
 
 use super::geometry::{Polygon, Ring};
+use crate::read::ring_inside::point_inside;
 
 /// Corners that are visited when holes are assigned to outer rings; the holes past it are left out.
 const MAX_STEPS: u64 = 200_000_000;
+
+/// Holes may reach outside of their outer ring by this share of their size.
+const OUTSIDE_SHARE: f64 = 0.02;
 
 /// Extent of a ring on the map, and twice its signed area.
 struct RingFacts {
@@ -25,9 +29,11 @@ impl RingFacts {
         Self { bounds, area: ring.windows(2).map(cross).sum() }
     }
 
+    /// Whether the bounds have those of another ring in them, but for what drawing errors may be.
     fn encloses(&self, other: &Self) -> bool {
         let ([w, s, e, n], [ow, os, oe, on]) = (self.bounds, other.bounds);
-        w <= ow && s <= os && e >= oe && n >= on
+        let (x, y) = (OUTSIDE_SHARE * (oe - ow), OUTSIDE_SHARE * (on - os));
+        w <= ow + x && s <= os + y && e >= oe - x && n >= on - y
     }
 
     /// Whether the ring has an area on the map; a wall has none.
@@ -107,42 +113,16 @@ fn owner_of(
     best.map(|(index, _)| index)
 }
 
-/// Whether a hole is within a ring: the first of its positions that is not on the ring decides.
+/// Whether a hole is within a ring: a place inside of it decides, because its corners may be on the ring, or a little outside.
 fn contains(ring: &Ring, hole: &Ring, steps: &mut u64) -> bool {
-    for position in hole.iter().take(4) {
-        *steps += ring.len() as u64;
-        match side(ring, *position) {
-            Side::Inside => return true,
-            Side::Outside => return false,
-            Side::On => {}
-        }
-    }
-    // Its first positions are all on the ring.
-    true
-}
-
-enum Side {
-    Inside,
-    Outside,
-    On,
-}
-
-fn side(ring: &Ring, [x, y, _]: [f64; 3]) -> Side {
-    let mut is_inside = false;
-    for pair in ring.windows(2) {
+    let on_map: Vec<[f64; 2]> = hole.iter().map(|[x, y, _]| [*x, *y]).collect();
+    let Some([x, y]) = point_inside(&on_map) else { return false };
+    *steps += (ring.len() + hole.len()) as u64;
+    let crosses = |pair: &&[[f64; 3]]| {
         let ([ax, ay, _], [bx, by, _]) = (pair[0], pair[1]);
-        if [ax, ay] == [x, y] {
-            return Side::On;
-        }
-        if (ay > y) != (by > y) {
-            let cross = (bx - ax) * (y - ay) - (by - ay) * (x - ax);
-            if cross == 0.0 {
-                return Side::On;
-            }
-            is_inside ^= (cross > 0.0) == (by > ay);
-        }
-    }
-    if is_inside { Side::Inside } else { Side::Outside }
+        (ay > y) != (by > y) && ax + (y - ay) / (by - ay) * (bx - ax) > x
+    };
+    ring.windows(2).filter(crosses).count() % 2 == 1
 }
 
 #[cfg(test)]
@@ -175,8 +155,9 @@ mod tests {
         let (polygons, _) = group(vec![clockwise.clone(), hole.clone(), stray.clone()]);
         assert_eq!(polygons, [vec![clockwise, hole], vec![stray]], "a hole outside of all is a polygon");
         // A hole that touches the outer ring.
-        let touching = square(0., 0., 4., false);
-        assert_eq!(group(vec![square(0., 0., 10., true), touching]).0.len(), 1);
+        for touching in [square(0., 0., 4., false), square(-0.005, 3., 4., false), square(3., 6.005, 4., false)] {
+            assert_eq!(group(vec![square(0., 0., 10., true), touching]).0.len(), 1);
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::geometry::{Geometry, Polygon, Ring};
 use super::orient::{ring_area_vector, turn_outward};
 use crate::read::attributes::{AttributeValue, Attributes};
 use crate::read::footprint::{HeightHints, LANE_M, has_height, length_m, usual_width_m};
-use crate::read::object::{FeatureKind, Footprint, Shape, Strip, Surface};
+use crate::read::object::{FeatureKind, Footprint, GroundPoint, Shape, Strip, Surface};
 
 /// A ring whose heights differ by less is level.
 const LEVEL_M: f64 = 0.001;
@@ -16,8 +16,8 @@ const WIDTH_RANGE_M: std::ops::RangeInclusive<f64> = 0.2..=200.0;
 /// Names of attributes whose value is a class of OpenStreetMap.
 const CLASS_NAMES: [&str; 5] = ["highway", "fclass", "class", "waterway", "railway"];
 
-/// Shape of a feature of a known kind. Each of `problems` is a part that is left out. Fails with the reason for skipping the
-/// feature.
+/// Shape of a feature of a known kind. `height_field` is the name of the attribute that has the height, if the user gives it.
+/// Each of `problems` is a part that is left out. Fails with the reason for skipping the feature.
 pub(super) fn shape_of(
     geometry: Geometry,
     kind: Option<FeatureKind>,
@@ -25,6 +25,8 @@ pub(super) fn shape_of(
     hints: HeightHints<'_>,
     problems: &mut Vec<&'static str>,
 ) -> Result<Shape, &'static str> {
+    // Many programs write 0 where they know no height.
+    let has_ground = geometry.has_z && geometry.positions().any(|position| position[2] != 0.0);
     let Geometry { polygons, mut meshes, lines, points, is_surface, .. } = geometry;
     let has_areas = !polygons.is_empty() || !meshes.is_empty();
     if has_areas && !lines.is_empty() {
@@ -45,29 +47,24 @@ pub(super) fn shape_of(
         }
         let on_map = |ring: Ring| ring.into_iter().map(|[x, y, _]| [x, y]).collect();
         let footprint = |polygon: Polygon| {
-            let base_z = lowest_z(polygon.first().into_iter().flatten());
-            Footprint { rings: polygon.into_iter().map(on_map).collect(), base_z }
+            let ground = ground_of(polygon.first().into_iter().flatten(), has_ground);
+            Footprint { rings: polygon.into_iter().map(on_map).collect(), ground, is_supported: false }
         };
         return Ok(Shape::Footprints(polygons.into_iter().map(footprint).collect()));
     }
     if !lines.is_empty() {
         let width_m = width_m(kind, attributes).ok_or("line without a width that is no road, railway or water")?;
         let strip = |line: Ring| {
-            let base_z = lowest_z(line.iter());
-            Strip { points: line.into_iter().map(|[x, y, _]| [x, y]).collect(), width_m, base_z }
+            let ground = ground_of(line.iter(), has_ground);
+            Strip { points: line.into_iter().map(|[x, y, _]| [x, y]).collect(), width_m, ground }
         };
         return Ok(Shape::Strips(lines.into_iter().map(strip).collect()));
     }
     if points.is_empty() {
         return Err("empty geometry");
     }
-    Ok(Shape::Points(points))
-}
-
-/// The lowest height of positions; 0 if none has a height.
-fn lowest_z<'p>(positions: impl Iterator<Item = &'p [f64; 3]>) -> f64 {
-    let lowest = positions.map(|position| position[2]).fold(f64::INFINITY, f64::min);
-    if lowest.is_finite() { lowest } else { 0.0 }
+    let point = |[x, y, z]: [f64; 3]| GroundPoint { place: [x, y], ground: Some(z).filter(|_| has_ground) };
+    Ok(Shape::Points(points.into_iter().map(point).collect()))
 }
 
 /// Whether a feature can be a single face of a body, and which.
@@ -103,6 +100,11 @@ fn is_level(ring: &Ring) -> bool {
     let low = ring.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
     let high = ring.iter().map(|p| p[2]).fold(f64::NEG_INFINITY, f64::max);
     high - low < LEVEL_M
+}
+
+/// Height of the lowest of positions, if their heights tell the ground.
+fn ground_of<'p>(positions: impl Iterator<Item = &'p [f64; 3]>, has_ground: bool) -> Option<f64> {
+    positions.map(|position| position[2]).reduce(f64::min).filter(|_| has_ground)
 }
 
 /// Whether polygons are surfaces in space: a ring of one is not level. A single one of a building with a height is its plan

@@ -1,6 +1,8 @@
 //! Which surfaces of an object are read.
 
 use super::*;
+use crate::read::affine::TRANSPOSED;
+use crate::read::citygml::gather::BAD_MATRIX;
 use crate::read::object::{CrsReference, FeatureKind, SurfaceRole};
 
 #[test]
@@ -180,6 +182,10 @@ fn templates_are_placed_also_by_reference_and_before_they_are_defined() {
     let summary: Vec<_> = sink.objects.iter().map(|o| (&*o.id, polygons(o)[0].points[0])).collect();
     assert_eq!(summary, [("a", [22.0, 100.0, 5.0]), ("late", [32.0, 100.0, 5.0]), ("early", [12.0, 100.0, 5.0])]);
     assert!(sink.problems.is_empty() && sink.skipped.is_empty());
+    for (matrix, kind) in [("2 0 0 0 2", BAD_MATRIX), ("0 2 0 0 -2 0 0 0 0 0 2 0 1 0 0 1", TRANSPOSED)] {
+        let odd = tree("odd", 20, &inline).replace("2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1", matrix);
+        assert_eq!(read_2(&odd).problems, [(kind, "odd".to_owned())]);
+    }
 }
 
 #[test]

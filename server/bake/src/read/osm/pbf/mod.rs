@@ -56,7 +56,8 @@ impl<'a> PbfFile<'a> {
     /// Opens a file.
     pub(super) fn open(input: &Input<'a>) -> Result<Self, InputError> {
         let io = |cause| InputError::io(input.label, cause);
-        let local = input.files.on_disk(input.name).map_err(io)?;
+        // It is read piece by piece, whatever its size.
+        let local = Input { max_bytes: u64::MAX, ..*input }.on_disk()?;
         let file = File::open(&local.path).map_err(io)?;
         let size_bytes = file.metadata().map_err(io)?.len();
         Ok(Self {

@@ -2,7 +2,7 @@
 
 use super::map::{Map, read_map};
 use crate::read::attributes::AttributeValue;
-use crate::read::object::FeatureKind;
+use crate::read::object::{FeatureKind, Shape, SourceObject};
 use crate::read::test_sink::TestSink;
 
 type Tag = (&'static str, &'static str);
@@ -113,4 +113,39 @@ fn an_outline_with_a_court_is_covered_by_the_parts_around_it() {
     assert_eq!(sink.skipped, [("outline covered by its building parts", "relation/1".to_owned())]);
     let parents: Vec<Option<&str>> = found(&sink).1.into_iter().map(|(_, parent)| parent).collect();
     assert_eq!(parents, [Some("relation/1"), Some("relation/1"), Some("relation/1"), Some("relation/1"), None]);
+}
+
+/// Whether each area stands on others, by identifier.
+fn support(sink: &TestSink) -> Vec<(&str, bool)> {
+    let is_supported = |object: &SourceObject| match &object.shape {
+        Shape::Footprints(plans) => plans[0].is_supported,
+        other => panic!("{other:?}"),
+    };
+    sink.objects.iter().map(|object| (&*object.id, is_supported(object))).collect()
+}
+
+#[test]
+fn a_roof_needs_no_posts_where_what_it_stands_on_is_mapped() {
+    const COLUMN: &[Tag] = &[("building:part", "column")];
+    let roof = |parts: &[Part]| {
+        let mut map = Map::default();
+        map.rectangle(1, [0, 0, 1000, 1000], &[("building", "roof")]);
+        for (id, (bounds, tags)) in (2..).zip(parts) {
+            map.rectangle(id, *bounds, tags);
+        }
+        read_map(&map)
+    };
+    assert_eq!(support(&roof(&[])), [("way/1", false)]);
+    assert_eq!(support(&roof(&[([10, 10, 30, 30], COLUMN)])), [("way/1", true), ("way/2", false)]);
+    assert_eq!(support(&roof(&[([1500, 10, 1530, 30], COLUMN)])), [("way/1", false), ("way/2", false)]);
+    // A part that is the whole roof stands for it.
+    let part: &[Tag] = &[("building:part", "roof"), ("height", "6")];
+    assert_eq!(support(&roof(&[([0, 0, 1000, 1000], part)])), [("way/2", false)]);
+    let both: &[Part] = &[([0, 0, 1000, 1000], part), ([10, 10, 30, 30], COLUMN)];
+    assert_eq!(support(&roof(both)), [("way/2", true), ("way/3", false)]);
+    // The roof over a part of a house does not stand for the house.
+    let mut map = Map::default();
+    map.rectangle(1, [0, 0, 1000, 1000], &[("building", "office"), ("height", "9")]);
+    map.rectangle(2, [0, 0, 1000, 1000], &[("building:part", "roof"), ("height", "10")]);
+    assert_eq!(support(&read_map(&map)), [("way/1", true), ("way/2", false)]);
 }

@@ -63,13 +63,13 @@ fn objects_have_their_identifiers_types_and_attributes() {
     let Shape::Footprints(plans) = &house.shape else { panic!("{house:?}") };
     assert_eq!(plans[0].rings, [[[0.0, 0.0], [1e-4, 0.0], [1e-4, 8e-5], [0.0, 8e-5], [0.0, 0.0]]]);
     let tree = by_id(&sink, "node/1");
-    assert_eq!((tree.kind, &tree.shape), (FeatureKind::Vegetation, &Shape::Points(vec![[1e-6, 2e-6, 0.0]])));
+    assert_eq!((tree.kind, &tree.shape), (FeatureKind::Vegetation, &Shape::Points(vec![[1e-6, 2e-6].into()])));
     assert_eq!(tree.attributes.get("height"), Some(&AttributeValue::Text("12 m".to_owned())));
     let road = by_id(&sink, "way/20");
     let points = vec![[0.0, 0.0], [5e-4, 0.0], [5.5e-4, 0.0]];
     assert_eq!(
         (road.kind, &road.shape),
-        (FeatureKind::Road, &Shape::Strips(vec![Strip { points, width_m: 6.0, base_z: 0.0 }]))
+        (FeatureKind::Road, &Shape::Strips(vec![Strip { points, width_m: 6.0, ground: None }]))
     );
     // The row is 66 m long.
     assert!(matches!(&by_id(&sink, "way/22").shape, Shape::Points(trees) if trees.len() == 9));

@@ -10,11 +10,10 @@ use super::{
 use crate::error::InputError;
 use crate::read::input::{Input, Share};
 use crate::read::object::ObjectSink;
-use crate::read::vector::local;
 
 /// Reads a share of a source. Fails as reading the whole source does, and if the index does not have the features in their order.
 pub(super) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
-    let file = local::random(input)?;
+    let file = input.random()?;
     let header_frame = read_header(input, &mut file.reader(0))?;
     let header = header_of(input, &header_frame)?;
     let Some(index_bytes) = index::bytes(input, &header)?.filter(|_| input.bbox_deg.is_none()) else {

@@ -37,7 +37,7 @@ const TICK_ROWS: u64 = 256;
 
 /// Reads a source. Fails if it is no GeoPackage, has no features, is damaged, or is in a system that cannot be placed.
 pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
-    let file = local::on_disk(input)?;
+    let file = input.on_disk()?;
     let file_bytes = local::open(input, &file)?.metadata().map_err(|cause| InputError::io(input.label, cause))?.len();
     let checks = Arc::new(AtomicU64::new(0));
     let open = open(&file.path, input.max_bytes, &checks);

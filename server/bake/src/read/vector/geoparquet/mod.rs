@@ -21,7 +21,7 @@ use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
 use super::feature::{FeatureWriter, MAX_DECISIVE};
 use super::geometry::Geometry;
 use super::layer::Layer;
-use super::{local, wkb};
+use super::wkb;
 use crate::error::InputError;
 use crate::read::attributes::{AttributeValue, Attributes};
 use crate::read::input::{Input, Share};
@@ -38,7 +38,7 @@ const MAX_ATTRIBUTIONS: usize = 32;
 /// Reads a source. Fails if it is no parquet file, has no geometry column, is damaged, or is in a system that cannot be
 /// placed.
 pub(crate) fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
-    let file = local::random(input)?;
+    let file = input.random()?;
     let file_bytes = file.bytes();
     // The types are those of the columns, not of the copy of an Arrow schema that some writers add.
     let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);

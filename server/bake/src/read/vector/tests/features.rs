@@ -131,3 +131,41 @@ fn features_outside_of_the_wanted_area_are_left_out() {
     let names: Vec<&str> = sink.crs.iter().map(|crs| crs.name.as_str()).collect();
     assert_eq!(names, ["EPSG:4326", "EPSG:28992"]);
 }
+
+#[test]
+fn what_cannot_be_seen_is_left_out() {
+    let area = "POLYGON((0 0,9 0,9 9,0 0))";
+    let lines = [
+        format!("a;{area};yes;;;"),
+        format!("b;{area};yes;true;;"),
+        format!("c;{area};yes;;-1;"),
+        "d;LINESTRING(0 0,99 0);;;;T".to_owned(),
+        "e;POLYGON Z((0 0 0,1 0 0,1 0 3,0 0 3,0 0 0));yes;true;;".to_owned(),
+    ];
+    let sink =
+        features("town.csv", "id;wkt;building;is_underground;LEVEL;tunnel", &lines.each_ref().map(String::as_str));
+    let ids: Vec<&str> = sink.objects.iter().map(|object| object.id.as_str()).collect();
+    assert_eq!(ids, ["a", "e"], "surfaces in space have their own heights");
+    let reasons: Vec<(&str, &str)> = sink.skipped.iter().map(|(reason, id)| (*reason, id.as_str())).collect();
+    let no_width = "line without a width that is no road, railway or water";
+    assert_eq!(reasons, [("underground", "b"), ("underground", "c"), (no_width, "d")]);
+    let roads = features("roads.csv", "id;wkt;tunnel", &["a;LINESTRING(0 0,99 0);T", "b;LINESTRING(0 0,99 0);F"]);
+    assert_eq!((roads.objects.len(), &roads.skipped[..]), (1, &[("in a tunnel", "a".to_owned())][..]));
+    let tunnels = features("tunnels.csv", "id;wkt", &["a;LINESTRING(0 0,99 0)"]);
+    assert_eq!(tunnels.skipped, [("in a tunnel", "a".to_owned())]);
+}
+
+#[test]
+fn plans_keep_the_height_of_the_ground() {
+    let lines = [
+        "\"POLYGON Z((0 0 512.3,1 0 512.3,1 1 512.3,0 0 512.3))\";9",
+        "\"POLYGON Z((0 0 513,1 0 512,1 1 515,0 0 513))\";9",
+        "\"POLYGON Z((0 0 0,1 0 0,1 1 0,0 0 0))\";9",
+        "\"POLYGON((0 0,1 0,1 1,0 0))\";9",
+        "\"POLYGON Z((0 0 -1e38,1 0 -1e38,1 1 -1e38,0 0 -1e38))\";9",
+    ];
+    let sink = features("town.csv", "wkt;height", &lines);
+    let mut ground: Vec<Option<f64>> = sink.objects.iter().map(|object| rings(&object.shape)[0].ground).collect();
+    ground.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    assert_eq!(ground, [None, None, None, Some(512.0), Some(512.3)]);
+}

@@ -93,7 +93,7 @@ fn overture_columns() -> Vec<(&'static str, ArrayRef)> {
         ("building_id", Arc::new(StringArray::from(vec![Some("b1"), None]))),
         ("height", Arc::new(Float64Array::from(vec![Some(12.5), None]))),
         ("level", Arc::new(Int32Array::from(vec![3, 4]))),
-        ("is_underground", Arc::new(BooleanArray::from(vec![false, true]))),
+        ("is_underground", Arc::new(BooleanArray::from(vec![false, false]))),
         ("day", Arc::new(Date32Array::from(vec![0, 1]))),
         ("time", Arc::new(TimestampMillisecondArray::from(vec![86_400_000, -1]))),
         ("raw", Arc::new(BinaryArray::from(vec![&b"x"[..], b"y"]))),

@@ -9,28 +9,37 @@ use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::features::FeatureReader;
+use super::geometry::GEOMETRY_TYPES;
 use crate::error::InputError;
+use crate::read::context::ReadOptions;
 use crate::read::json::lenient::LenientReader;
 use crate::read::source::{CitySource, open};
 
 const COLLECTION: &str = "FeatureCollection";
-/// The type of a document that is one feature.
 const FEATURE: &str = "Feature";
+/// Members of which a document that is a single feature or geometry is made.
+const MEMBERS: [&str; 7] = ["id", "properties", "geometry", "place", "coordRefSys", "coordinates", "geometries"];
 
-/// Reads a document feature by feature. Fails if it is damaged, exceeds a limit or is not a FeatureCollection.
+/// Whether a JSON document of this type is GeoJSON.
+pub(crate) fn is_type(name: &str) -> bool {
+    name == COLLECTION || name == FEATURE || GEOMETRY_TYPES.contains(&name)
+}
+
+/// Reads a document feature by feature. Fails if it is damaged, exceeds a limit or is no GeoJSON.
 pub(super) fn read(
     reader: Box<dyn BufRead + '_>,
     features: &mut FeatureReader<'_>,
-    tick: &dyn Fn(),
+    options: &ReadOptions,
+    bytes_read: &dyn Fn() -> u64,
 ) -> Result<(), InputError> {
-    let limits = ByteLimits::new(features.options.max_source_bytes, features.options.max_line_bytes);
-    let label = features.label;
+    let limits = ByteLimits::new(options.max_source_bytes, options.max_line_bytes);
+    let label = features.label.to_owned();
     let mut json = serde_json::Deserializer::from_reader(LimitedReader {
         inner: LenientReader::new(skip_bom(reader)),
         limits: &limits,
     });
     let stopped = RefCell::new(None);
-    let visitor = DocumentVisitor { features, limits: &limits, stopped: &stopped, tick };
+    let visitor = DocumentVisitor { features, limits: &limits, stopped: &stopped, bytes_read };
     let result = json.deserialize_map(visitor).and_then(|()| {
         limits.next_member();
         json.end()
@@ -117,7 +126,13 @@ impl ByteLimits {
     /// The error, if a limit was exceeded.
     fn exceeded(&self, path: &str) -> Option<InputError> {
         let limit = [&self.all, &self.member].into_iter().find(|limit| limit.exceeded.get())?;
-        Some(InputError::TooLarge { path: path.to_owned(), what: limit.what.to_owned(), limit: limit.bytes })
+        Some(limit.error(path))
+    }
+}
+
+impl ByteLimit {
+    fn error(&self, path: &str) -> InputError {
+        InputError::TooLarge { path: path.to_owned(), what: self.what.to_owned(), limit: self.bytes }
     }
 }
 
@@ -136,12 +151,12 @@ impl<R: Read> Read for LimitedReader<'_, R> {
 }
 
 /// Visits the members of the document in order.
-struct DocumentVisitor<'d, 'f> {
-    features: &'d mut FeatureReader<'f>,
+struct DocumentVisitor<'d, 'a> {
+    features: &'d mut FeatureReader<'a>,
     limits: &'d ByteLimits,
     /// The error that ended the parsing, because serde can only pass on a text.
     stopped: &'d RefCell<Option<InputError>>,
-    tick: &'d dyn Fn(),
+    bytes_read: &'d dyn Fn() -> u64,
 }
 
 impl DocumentVisitor<'_, '_> {
@@ -152,8 +167,11 @@ impl DocumentVisitor<'_, '_> {
         })
     }
 
-    fn wrong_type(&self, kind: Option<String>) -> InputError {
-        let what = kind.map_or("not GeoJSON".to_owned(), |kind| format!("its type is {kind}, not \"{COLLECTION}\""));
+    fn wrong_type(&self, kind: Option<&str>) -> InputError {
+        let what = match kind {
+            Some(kind) => format!("its type is {kind}, not \"{COLLECTION}\", \"{FEATURE}\" or a geometry"),
+            None => "not GeoJSON".to_owned(),
+        };
         InputError::unsupported(self.features.label, what)
     }
 }
@@ -166,10 +184,8 @@ impl<'de> Visitor<'de> for DocumentVisitor<'_, '_> {
     }
 
     fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<(), A::Error> {
-        let mut is_collection = false;
-        // Members of a document that is a single feature.
-        let mut single: Option<String> = None;
-        let mut is_single = false;
+        let mut kind: Option<String> = None;
+        let mut single = SingleFeature { members: Vec::new(), bytes: 0 };
         loop {
             self.limits.next_member();
             let Some(name) = map.next_key::<String>()? else { break };
@@ -179,47 +195,75 @@ impl<'de> Visitor<'de> for DocumentVisitor<'_, '_> {
             }
             let raw: Box<RawValue> = map.next_value()?;
             match name.as_str() {
-                "type" if raw.get() == format!("\"{COLLECTION}\"") => is_collection = true,
-                "type" if raw.get() == format!("\"{FEATURE}\"") => is_single = true,
-                "type" => self.check(Err(self.wrong_type(Some(raw.get().chars().take(64).collect()))))?,
+                "type" => {
+                    kind = serde_json::from_str(raw.get()).ok().filter(|kind: &String| is_type(kind));
+                    if kind.is_none() {
+                        let shown: String = raw.get().chars().take(64).collect();
+                        self.check(Err(self.wrong_type(Some(&shown))))?;
+                    }
+                }
                 "crs" => {
                     let crs: Value = serde_json::from_str(raw.get()).map_err(A::Error::custom)?;
                     let agreed = self.features.set_crs(&crs);
                     self.check(agreed)?;
                 }
                 "coordRefSys" => {
-                    let crs: Value = serde_json::from_str(raw.get()).map_err(A::Error::custom)?;
-                    let agreed = self.features.set_place_crs(&crs);
+                    let system: Value = serde_json::from_str(raw.get()).map_err(A::Error::custom)?;
+                    let agreed = self.features.set_place_system(&system);
                     self.check(agreed)?;
                 }
-                "id" | "properties" | "geometry" | "place" if !is_collection => {
-                    let members = single.get_or_insert_with(|| format!("{{\"type\": \"{FEATURE}\""));
-                    members.push_str(&format!(", \"{name}\": {}", raw.get()));
-                    let limit = self.features.options.max_line_bytes;
-                    if members.len() as u64 > limit {
-                        let (path, what) =
-                            (self.features.label.to_owned(), "the size of one feature in bytes".to_owned());
-                        self.check(Err(InputError::TooLarge { path, what, limit }))?;
-                    }
-                }
                 name => {
-                    if let Ok(text @ Value::String(_)) = serde_json::from_str(raw.get()) {
-                        self.features.describe(name, text);
+                    if let Ok(Value::String(text)) = serde_json::from_str(raw.get()) {
+                        self.features.describe(name, &text);
                     }
                 }
             }
+            // The type may be the last member.
+            if kind.as_deref() != Some(COLLECTION) && MEMBERS.contains(&name.as_str()) {
+                let kept = single.keep(name, raw, &self.limits.member, self.features.label);
+                self.check(kept)?;
+            }
         }
-        if is_single {
-            let text = single.unwrap_or_else(|| format!("{{\"type\": \"{FEATURE}\"")) + "}";
-            let read = self.features.read_feature(text.as_bytes());
-            return self.check(read);
+        match kind.as_deref() {
+            None => self.check(Err(self.wrong_type(None))),
+            Some(COLLECTION) => Ok(()),
+            Some(kind) => {
+                let read = self.features.read_feature(single.text(kind).as_bytes());
+                self.check(read)
+            }
         }
-        if is_collection { Ok(()) } else { self.check(Err(self.wrong_type(None))) }
+    }
+}
+
+/// The members of a document that is a single feature or geometry.
+struct SingleFeature {
+    members: Vec<(String, Box<RawValue>)>,
+    bytes: u64,
+}
+
+impl SingleFeature {
+    /// Fails if all members together exceed the limit of one feature.
+    fn keep(&mut self, name: String, raw: Box<RawValue>, limit: &ByteLimit, label: &str) -> Result<(), InputError> {
+        self.bytes += raw.get().len() as u64;
+        if self.bytes > limit.bytes {
+            return Err(limit.error(label));
+        }
+        self.members.push((name, raw));
+        Ok(())
+    }
+
+    /// The text of a feature.
+    fn text(&self, kind: &str) -> String {
+        let members: Vec<String> = self.members.iter().map(|(name, raw)| format!("\"{name}\":{raw}")).collect();
+        let members = members.join(",");
+        let separator = if members.is_empty() { "" } else { "," };
+        let object = format!("{{\"type\":\"{kind}\"{separator}{members}}}");
+        if kind == FEATURE { object } else { format!("{{\"type\":\"{FEATURE}\",\"geometry\":{object}}}") }
     }
 }
 
 /// Visits the features one at a time.
-struct FeaturesVisitor<'c, 'd, 'f>(&'c mut DocumentVisitor<'d, 'f>);
+struct FeaturesVisitor<'c, 'd, 'a>(&'c mut DocumentVisitor<'d, 'a>);
 
 impl<'de> DeserializeSeed<'de> for FeaturesVisitor<'_, '_, '_> {
     type Value = ();
@@ -243,7 +287,7 @@ impl<'de> Visitor<'de> for FeaturesVisitor<'_, '_, '_> {
             let Some(raw) = seq.next_element::<Box<RawValue>>()? else { return Ok(()) };
             let read = document.features.read_feature(raw.get().as_bytes());
             document.check(read)?;
-            document.features.tick(document.tick);
+            document.features.tick(document.bytes_read);
         }
     }
 }

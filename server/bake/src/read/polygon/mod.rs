@@ -1,7 +1,12 @@
 //! Triangulates polygons with holes in space.
 
+mod clean;
+mod joined;
+
 use earcut::Earcut;
 use glam::DVec3;
+
+pub(crate) use clean::{Rings, area_m2, clean};
 
 use super::counted_float::{CountedFloat, with_steps};
 
@@ -20,6 +25,40 @@ const MAX_STEPS: u64 = 10_000_000_000;
 
 /// Kind of a polygon without area in a report.
 pub(crate) const NO_AREA: &str = "polygon without area";
+
+/// Kind of a polygon in a report whose triangles do not have the area of its rings.
+pub(crate) const CROSSING: &str = "ring crosses itself or another";
+/// The areas of triangles and rings may differ by this share, and by this in any case: rings with corners of whole centimetres cross a
+/// little.
+const CROSSING_SHARE: f64 = 1e-3;
+const CROSSING_M2: f64 = 0.01;
+
+/// Triangles of a polygon.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PolygonTriangles<'t> {
+    /// Numbers of corners.
+    pub(crate) list: &'t [[u32; 3]],
+    pub(crate) areas: Areas,
+}
+
+/// Areas of a polygon.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Areas {
+    pub(crate) rings_m2: f64,
+    pub(crate) triangles_m2: f64,
+}
+
+impl Areas {
+    /// For the report: which areas differ, if they do, because the rings cross.
+    pub(crate) fn difference(&self) -> Option<String> {
+        let differ = (self.triangles_m2 - self.rings_m2).abs() > CROSSING_SHARE * self.rings_m2.abs() + CROSSING_M2;
+        differ.then(|| format!("{:.2} m2 instead of {:.2}", self.triangles_m2, self.rings_m2))
+    }
+
+    fn error_m2(&self) -> f64 {
+        (self.triangles_m2 - self.rings_m2).abs()
+    }
+}
 
 /// Why a polygon has no triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,7 +106,7 @@ impl Triangulator {
         &mut self,
         points: &[[f64; 3]],
         hole_starts: &[u32],
-    ) -> Result<&[[u32; 3]], PolygonFault> {
+    ) -> Result<PolygonTriangles<'_>, PolygonFault> {
         let outer_len = hole_starts.first().map_or(points.len(), |&start| start as usize);
         if points.len() > MAX_CORNERS {
             return Err(PolygonFault::TooLarge);
@@ -85,7 +124,9 @@ impl Triangulator {
         self.triangles.clear();
         if points.len() == 3 {
             self.triangles.push([0, 1, 2]);
-            return Ok(&self.triangles);
+            let area_m2 = twice_area_m2 / 2.0;
+            let areas = Areas { rings_m2: area_m2, triangles_m2: area_m2 };
+            return Ok(PolygonTriangles { list: &self.triangles, areas });
         }
         let (u, v) = (normal / twice_area_m2).any_orthonormal_pair();
         self.flat.clear();
@@ -94,6 +135,44 @@ impl Triangulator {
             [p.dot(u), p.dot(v)]
         }));
         self.clip_ears(hole_starts)?;
+        let mut areas = Areas { rings_m2: self.rings_m2(hole_starts), triangles_m2: self.turn_triangles() };
+        if areas.difference().is_some()
+            && !hole_starts.is_empty()
+            && let Some(joined) = joined::triangles(&self.flat, hole_starts)
+        {
+            let indices = std::mem::replace(&mut self.indices, joined);
+            let triangles = std::mem::take(&mut self.triangles);
+            let again = Areas { triangles_m2: self.turn_triangles(), ..areas };
+            if again.error_m2() < areas.error_m2() {
+                areas = again;
+            } else {
+                (self.indices, self.triangles) = (indices, triangles);
+            }
+        }
+        if self.triangles.is_empty() {
+            Err(PolygonFault::NoArea)
+        } else {
+            Ok(PolygonTriangles { list: &self.triangles, areas })
+        }
+    }
+
+    /// Area of the outer ring without that of the holes.
+    fn rings_m2(&self, hole_starts: &[u32]) -> f64 {
+        let ends = hole_starts.iter().map(|start| *start as usize).chain([self.flat.len()]);
+        let mut start = 0;
+        let mut total_m2 = 0.0;
+        for (number, end) in ends.enumerate() {
+            let ring_m2 = self.flat.get(start..end).map_or(0.0, |ring| area_m2(ring).abs());
+            total_m2 += if number == 0 { ring_m2 } else { -ring_m2 };
+            start = end;
+        }
+        total_m2
+    }
+
+    /// Fills `triangles` from `indices`, counter-clockwise. Returns their area.
+    fn turn_triangles(&mut self) -> f64 {
+        self.triangles.clear();
+        let mut sum = 0.0;
         for corners in self.indices.chunks_exact(3) {
             let [a, b, c] = [corners[0], corners[1], corners[2]];
             let twice = twice_area(&self.flat, a, b, c);
@@ -102,8 +181,9 @@ impl Triangulator {
             } else if twice < 0.0 {
                 self.triangles.push([a, c, b]);
             }
+            sum += twice.abs();
         }
-        if self.triangles.is_empty() { Err(PolygonFault::NoArea) } else { Ok(&self.triangles) }
+        sum / 2.0
     }
 
     /// Fills `indices` from `flat`. Fails if that takes too many steps.
@@ -158,7 +238,7 @@ mod tests {
                 let shape = [(0., 0.), (4., 0.), (4., 1.), (1., 1.), (1., 4.), (0., 4.)];
                 let points: Vec<_> = shape.iter().map(|&(x, y)| (far + u * x + v * y).to_array()).collect();
                 let mut triangulator = Triangulator::new();
-                let triangles = triangulator.triangulate(&points, &[]).unwrap();
+                let triangles = triangulator.triangulate(&points, &[]).unwrap().list;
                 assert_eq!(triangles.len(), 4);
                 assert!((area_vector(&points, triangles) - normal * 7.0).length() < 1e-6);
             }
@@ -172,7 +252,7 @@ mod tests {
         for _ in 0..2 {
             let points = [&outer[..], &hole[..]].concat();
             let mut triangulator = Triangulator::new();
-            let triangles = triangulator.triangulate(&points, &[4]).unwrap();
+            let triangles = triangulator.triangulate(&points, &[4]).unwrap().list;
             assert!((area_vector(&points, triangles) - DVec3::new(0., -15., 0.)).length() < 1e-9);
             hole.reverse();
         }
@@ -187,7 +267,7 @@ mod tests {
         assert!(triangulator.triangulate(&[[1., 1., 1.]; 5], &[]).is_err());
         assert!(triangulator.triangulate(&[[f64::NAN; 3]; 4], &[]).is_err());
         let closed = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 0., 0.]];
-        assert_eq!(triangulator.triangulate(&closed, &[]).unwrap().len(), 1);
+        assert_eq!(triangulator.triangulate(&closed, &[]).unwrap().list.len(), 1);
     }
 
     /// A generator of numbers from 0 to 1.
@@ -238,7 +318,7 @@ mod tests {
         for (side, angle) in [(100, 0.0), (120, 0.3)] {
             let (points, starts) = holes_in_a_grid(side, angle);
             let mut triangulator = Triangulator::new();
-            let triangles = triangulator.triangulate(&points, &starts).unwrap();
+            let triangles = triangulator.triangulate(&points, &starts).unwrap().list;
             let area_m2 = f64::from((2 * side + 1) * (2 * side + 1) - side * side);
             let found = area_vector(&points, triangles);
             assert!((found.z / area_m2 - 1.0).abs() < 1e-9, "{side} {angle}: {found} instead of {area_m2}");
@@ -269,5 +349,51 @@ mod tests {
             Earcut::new().earcut_slice(&triangulator.flat, &starts, &mut expected);
             assert_eq!(triangulator.indices, expected);
         }
+    }
+
+    #[test]
+    fn holes_that_touch_the_outer_ring_are_cut_out_in_space() {
+        let outer = [[0.0, 0.0], [30.0, 0.0], [30.0, 30.0], [0.0, 30.0]];
+        for (hole, expected_m2) in [
+            (&[[0.0, 10.0], [10.0, 5.0], [10.0, 15.0]][..], 850.0),
+            (&[[-0.001, 10.0], [10.0, 5.0], [10.0, 15.0]], 850.0),
+            (&[[0.0, 5.0], [0.0, 15.0], [10.0, 15.0], [10.0, 5.0]], 800.0),
+            (&[[0.0, 15.0], [15.0, 20.0], [30.0, 15.0], [15.0, 10.0]], 750.0),
+        ] {
+            // On a wall, and on a roof.
+            for axes in [[0, 2], [0, 1], [1, 2]] {
+                let point = |[x, y]: &[f64; 2]| {
+                    let mut point = [85_000.25, 446_000.5, 12.125];
+                    (point[axes[0]], point[axes[1]]) = (point[axes[0]] + x, point[axes[1]] + y);
+                    point
+                };
+                let points: Vec<[f64; 3]> = outer.iter().chain(hole).map(point).collect();
+                let mut triangulator = Triangulator::new();
+                let triangles = triangulator.triangulate(&points, &[4]).unwrap();
+                let found = area_vector(&points, triangles.list).length();
+                assert!((found - expected_m2).abs() < 0.2, "{hole:?}: {found} m2");
+                assert_eq!(triangles.areas.difference(), None);
+            }
+        }
+    }
+
+    #[test]
+    fn holes_that_touch_each_other_in_a_corner_are_cut_out() {
+        let rings = [
+            &[[0.0, 0.0], [30.0, 0.0], [30.0, 30.0], [0.0, 30.0]][..],
+            &[[10.0, 10.0], [20.0, 10.0], [20.0, 20.0]],
+            &[[20.0, 20.0], [25.0, 20.0], [25.0, 25.0]],
+        ];
+        let points: Vec<[f64; 3]> = rings.concat().into_iter().map(|[x, y]| [x, y, 1.0]).collect();
+        let areas = Triangulator::new().triangulate(&points, &[4, 7]).unwrap().areas;
+        assert!((areas.triangles_m2 - 837.5).abs() < 1e-6, "{areas:?}");
+    }
+
+    #[test]
+    fn areas_that_differ_are_told() {
+        let bow = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 10.0, 0.0], [4.0, -5.0, 0.0], [0.0, 10.0, 0.0]];
+        let mut triangulator = Triangulator::new();
+        let areas = triangulator.triangulate(&bow, &[]).unwrap().areas;
+        assert!(areas.difference().unwrap().ends_with("m2 instead of 25.00"), "{areas:?}");
     }
 }

@@ -1,0 +1,51 @@
+//! The part of the structure of GeoJSON (RFC 7946) and JSON-FG that is used.
+
+use serde::Deserialize;
+use serde_json::value::RawValue;
+use serde_json::{Map, Value};
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(super) struct GeoJsonFeature {
+    #[serde(rename = "type")]
+    pub(super) kind: String,
+    id: Value,
+    #[serde(deserialize_with = "or_default")]
+    pub(super) properties: Map<String, Value>,
+    pub(super) geometry: Option<GeoJsonGeometry>,
+    /// JSON-FG: the geometry in another system, or of another type.
+    pub(super) place: Option<GeoJsonGeometry>,
+    /// JSON-FG: the system of `place`.
+    #[serde(rename = "coordRefSys")]
+    pub(super) coord_ref_sys: Option<Value>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+pub(super) struct GeoJsonGeometry {
+    #[serde(rename = "type")]
+    pub(super) kind: String,
+    pub(super) coordinates: Option<Box<RawValue>>,
+    pub(super) geometries: Vec<GeoJsonGeometry>,
+    /// JSON-FG: plan of a prism, and the heights of its ends.
+    pub(super) base: Option<Box<GeoJsonGeometry>>,
+    pub(super) lower: Option<f64>,
+    pub(super) upper: Option<f64>,
+}
+
+/// Some writers put `null` for a feature without properties.
+fn or_default<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Map<String, Value>, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or_default())
+}
+
+impl GeoJsonFeature {
+    /// The feature's identifier: its own, else one among its properties.
+    pub(super) fn id(&self) -> Option<String> {
+        let inside = ["id", "@id", "gml_id"].into_iter().filter_map(|name| self.properties.get(name));
+        std::iter::once(&self.id).chain(inside).find_map(|value| match value {
+            Value::String(text) if !text.is_empty() => Some(text.clone()),
+            Value::Number(number) => Some(number.to_string()),
+            _ => None,
+        })
+    }
+}

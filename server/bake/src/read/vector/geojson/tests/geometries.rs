@@ -1,0 +1,190 @@
+//! Documents and geometries of all kinds: single features, lines, points, heights, and JSON-FG.
+
+use super::{SQUARE, TEN, collection, feature, is_closed, polygon, read, try_read, volume_m3};
+use crate::read::{FeatureKind, InputError, ReadOptions, ReadReport, read_embedded};
+use crate::scene::Scene;
+
+/// Lowest and highest world height.
+fn heights_m(scene: &Scene) -> [f64; 2] {
+    let heights = || scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| f64::from(corner[2]));
+    [heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max)].map(|z| z + scene.origin[2])
+}
+
+fn kinds(report: &ReadReport) -> Vec<(FeatureKind, u64)> {
+    report.sources[0].objects_by_kind.iter().map(|(kind, count)| (*kind, *count)).collect()
+}
+
+#[test]
+fn footprints_stand_at_the_height_of_their_lowest_corner() {
+    let level = "[[0,0,512.3],[10,0,512.3],[10,10,512.3],[0,10,512.3],[0,0,512.3]]";
+    let slope = "[[0,0,512.3],[10,0,513],[10,10,515],[0,10,514],[0,0,512.3]]";
+    let zero = "[[0,0,0],[10,0,0],[10,10,0],[0,10,0],[0,0,0]]";
+    let partly = "[[0,0,512.3],[10,0],[10,10,512.3],[0,10,512.3],[0,0,512.3]]";
+    let missing = "[[0,0,-1e38],[10,0,-1e38],[10,10,-1e38],[0,10,-1e38],[0,0,-1e38]]";
+    for (ring, base_m) in [(level, 512.3), (slope, 512.3), (zero, 0.0), (partly, 0.0), (missing, 0.0)] {
+        let (scene, _) = read(&collection(&feature("h", TEN, &polygon(ring))));
+        let [low, high] = heights_m(&scene);
+        assert!((low - base_m).abs() < 1e-3 && (high - base_m - 10.0).abs() < 1e-3, "{ring}: {low} to {high}");
+        assert!(is_closed(&scene));
+    }
+}
+
+#[test]
+fn trees_stand_at_their_own_height() {
+    let tree = r#"{"type": "Point", "coordinates": [5, 30, 512.3]}"#;
+    let (scene, _) = read(&collection(&feature("t", r#"{"natural": "tree", "height": 9}"#, tree)));
+    let [low, high] = heights_m(&scene);
+    assert!((low - 512.3).abs() < 1e-3 && (high - 521.3).abs() < 0.1, "{low} to {high}");
+}
+
+#[test]
+fn sloping_plans_with_the_height_that_the_user_names_are_extruded() {
+    let slope = "[[0,0,5],[10,0,5],[10,10,7],[0,10,7],[0,0,5]]";
+    let text = collection(&feature("h", r#"{"HOEHE": 12}"#, &polygon(slope)));
+    let options = ReadOptions { height_field: Some("HOEHE".to_owned()), ..ReadOptions::default() };
+    let (scene, _) = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap();
+    assert!(is_closed(&scene) && (volume_m3(&scene) - 1200.0).abs() < 1e-2, "{}", volume_m3(&scene));
+    assert_eq!(read(&text).0.triangles.len(), 2, "a surface without it");
+}
+
+#[test]
+fn bodies_of_upright_polygons_stay_bodies() {
+    let faces = [
+        "[[0,0,5],[0,9,5],[9,9,5],[9,0,5],[0,0,5]]",
+        "[[0,0,9],[9,0,9],[9,9,9],[0,9,9],[0,0,9]]",
+        "[[0,0,5],[9,0,5],[9,0,9],[0,0,9],[0,0,5]]",
+        "[[9,0,5],[9,9,5],[9,9,9],[9,0,9],[9,0,5]]",
+        "[[9,9,5],[0,9,5],[0,9,9],[9,9,9],[9,9,5]]",
+        "[[0,9,5],[0,0,5],[0,0,9],[0,9,9],[0,9,5]]",
+    ];
+    let body = format!(r#"{{"type": "MultiPolygon", "coordinates": [[{}]]}}"#, faces.join("],["));
+    let (scene, _) = read(&collection(&feature("b", "{}", &body)));
+    assert!(is_closed(&scene) && (volume_m3(&scene) - 324.0).abs() < 1e-2, "{}", volume_m3(&scene));
+    assert_eq!(heights_m(&scene), [5.0, 9.0]);
+}
+
+#[test]
+fn lines_and_points_are_read() {
+    let road = r#"{"type": "LineString", "coordinates": [[0,20],[50,20]]}"#;
+    let tree = r#"{"type": "MultiPoint", "coordinates": [[5,30],[25,30]]}"#;
+    let features = [
+        feature("h", TEN, &polygon(SQUARE)),
+        feature("r", r#"{"highway": "residential"}"#, road),
+        feature("t", r#"{"natural": "tree"}"#, tree),
+    ];
+    let (_, report) = read(&collection(&features.join(",")));
+    let expected = [(FeatureKind::Building, 1), (FeatureKind::Road, 1), (FeatureKind::Vegetation, 1)];
+    let mut found = kinds(&report);
+    found.sort_by_key(|(kind, _)| expected.iter().position(|(known, _)| known == kind));
+    assert_eq!(found, expected);
+    // In a table of all kinds, and in a file of trees.
+    let table = r#"{"building": null, "landuse": null, "highway": null}"#;
+    assert_eq!(kinds(&read(&collection(&feature("x", table, &polygon(SQUARE)))).1), [(FeatureKind::Generic, 1)]);
+    let text = collection(&feature("t", "{}", tree));
+    let (_, report) = try_read(&[("trees.geojson", text.as_bytes())]).unwrap();
+    assert_eq!(kinds(&report), [(FeatureKind::Vegetation, 1)]);
+}
+
+#[test]
+fn single_features_and_geometries_are_documents() {
+    let ring = "[[4.36,52.01],[4.3602,52.01],[4.3602,52.0101],[4.36,52.0101],[4.36,52.01]]";
+    let (single, geometry) = (feature("s", TEN, &polygon(ring)), polygon(ring));
+    let collected = format!(r#"{{"geometries": [{geometry}], "type": "GeometryCollection"}}"#);
+    for (text, id) in [(single.as_str(), "s"), (&geometry, "feature 1"), (&collected, "feature 1")] {
+        for name in ["a.geojson", "a.json"] {
+            let (scene, report) = try_read(&[(name, text.as_bytes())]).unwrap();
+            assert_eq!((scene.objects[0].id.as_str(), scene.crs.as_deref()), (id, Some("EPSG:32631")), "{text}");
+            assert!(is_closed(&scene) && report.sources[0].skipped.is_empty());
+        }
+    }
+    let point = r#"{"type": "Feature", "geometry": {"type": "Point", "coordinates": [125.6, 10.1]}, "properties": {}}"#;
+    let error = try_read(&[("a.json", point.as_bytes())]).unwrap_err();
+    assert!(matches!(error, InputError::Empty { .. }), "{error}");
+    let options = ReadOptions { max_line_bytes: 1 << 10, ..ReadOptions::default() };
+    let long = feature("s", &format!(r#"{{"a": "{}"}}"#, "x".repeat(900)), &polygon(&["[[0,0],[1,0]]"; 40].join(",")));
+    let error = read_embedded(&[("a.geojson", long.as_bytes())], &options, &|_| {}).unwrap_err();
+    assert!(matches!(error, InputError::TooLarge { limit: 1024, .. }), "{error}");
+}
+
+#[test]
+fn metres_without_a_system_are_in_that_of_the_city() {
+    let ring = "[[84477,447346],[84497,447346],[84497,447356],[84477,447356],[84477,447346]]";
+    let text = format!(r#"{{"type": "FeatureCollection", "features": [{}]}}"#, feature("m", TEN, &polygon(ring)));
+    let mut options = ReadOptions::default();
+    options.placing.crs = Some("EPSG:28992".to_owned());
+    let (scene, report) = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap();
+    assert_eq!((scene.crs.as_deref(), scene.objects.len()), (Some("EPSG:28992"), 1));
+    assert!((scene.origin[0] - 84_477.0).abs() < 100.0, "{:?}", scene.origin);
+    assert_eq!(report.sources[0].problems["coordinate system not given"].count, 1);
+}
+
+/// A prism of 9 by 9 by 4 m of JSON-FG.
+fn place(kind: &str) -> String {
+    let ring = "[[100,9000],[109,9000],[109,9009],[100,9009],[100,9000]]";
+    format!(r#"{{"type": "{kind}", "lower": 5, "upper": 9, "base": {}}}"#, polygon(ring))
+}
+
+#[test]
+fn places_of_json_fg_have_their_own_system() {
+    let plan = polygon("[[8.7,51.5],[8.7001,51.5],[8.7001,51.5001],[8.7,51.5]]");
+    let text = |members: &str, place: &str| {
+        let feature =
+            format!(r#"{{"type": "Feature", "id": "f", "place": {place}, "geometry": {plan}, "properties": {TEN}}}"#);
+        format!(r#"{{"type": "FeatureCollection", {members} "features": [{feature}]}}"#)
+    };
+    let system = r#""coordRefSys": "http://www.opengis.net/def/crs/EPSG/0/6677","#;
+    let (scene, report) = read(&text(system, &place("Prism")));
+    // North comes first in this system, where the place is.
+    assert!((scene.origin[0] - 9000.0).abs() < 200.0 && (scene.origin[1] - 100.0).abs() < 200.0, "{:?}", scene.origin);
+    assert!((volume_m3(&scene) - 324.0).abs() < 1e-2, "{}", volume_m3(&scene));
+    assert_eq!((heights_m(&scene), scene.crs.as_deref()), ([5.0, 9.0], Some("EPSG:6677")));
+    assert!(report.sources[0].problems.is_empty(), "{:?}", report.sources[0].problems);
+    // A type that is not known yields to the geometry, and an empty place, too.
+    for (place, problem) in [(place("Klein"), Some("geometry of unknown type")), ("null".to_owned(), None)] {
+        let (scene, report) = read(&text("", &place));
+        assert_eq!(scene.crs.as_deref(), Some("EPSG:32632"));
+        assert_eq!(report.sources[0].problems.keys().map(String::as_str).next(), problem);
+    }
+    let late = text("", &place("Prism")).replace("}]}", &format!("}}], {}}}", system.trim_end_matches(',')));
+    let error = try_read(&[("a.geojson", late.as_bytes())]).unwrap_err();
+    assert!(error.to_string().contains("\"coordRefSys\" comes after its features"), "{error}");
+}
+
+#[test]
+fn roofs_without_walls_are_slabs_on_posts() {
+    let roof = |tags: &str| read(&collection(&feature("r", tags, &polygon(SQUARE)))).0;
+    let slab = roof(r#"{"building": "roof", "height": 5}"#);
+    // Eight posts of 0.2 by 0.2 m.
+    let posts_m3 = 8.0 * 0.04 * 4.7;
+    assert!((volume_m3(&slab) - 30.0 - posts_m3).abs() < 1e-2, "{}", volume_m3(&slab));
+    assert!(is_closed(&slab) && heights_m(&slab) == [0.0, 5.0]);
+    let gabled = roof(r#"{"building": "carport", "height": 5, "roof:shape": "gabled", "roof:height": 2}"#);
+    let posts_m3 = 8.0 * 0.04 * 2.7;
+    assert!((volume_m3(&gabled) - 30.0 - 100.0 - posts_m3).abs() < 1e-1, "{}", volume_m3(&gabled));
+    let house = roof(r#"{"building": "yes", "height": 5}"#);
+    assert!((volume_m3(&house) - 500.0).abs() < 1e-2);
+}
+
+#[test]
+fn holes_that_touch_walls_are_cut_out() {
+    let volume = |holes: &str| {
+        let outer = "[[0,0],[30,0],[30,30],[0,30],[0,0]]";
+        let (scene, report) = read(&collection(&feature("h", TEN, &polygon(&format!("{outer}, {holes}")))));
+        let problems: Vec<String> = report.sources[0].problems.keys().cloned().collect();
+        (volume_m3(&scene), problems)
+    };
+    let touching = "hole that touches another ring, cut out";
+    let crossing = "ring crosses itself or another";
+    for (hole, m3, expected) in [
+        ("[[0,10],[10,5],[10,15],[0,10]]", 8500.0, &[touching][..]),
+        ("[[-0.001,10],[10,5],[10,15],[-0.001,10]]", 8500.0, &[touching]),
+        ("[[0,5],[0,15],[10,15],[10,5],[0,5]]", 8000.0, &[touching]),
+        ("[[0,15],[15,20],[30,15],[15,10],[0,15]]", 7500.0, &[touching]),
+        ("[[10,10],[20,10],[20,20],[10,10]], [[20,20],[25,20],[25,25],[20,20]]", 8375.0, &[]),
+        ("[[-5,10],[5,10],[5,20],[-5,20],[-5,10]]", 8500.0, &[touching, crossing]),
+    ] {
+        let (found, problems) = volume(hole);
+        assert!((found - m3).abs() < 2.0, "{hole}: {found}");
+        assert_eq!(problems, expected, "{hole}");
+    }
+}
