@@ -321,7 +321,8 @@ mod tests {
     fn arguments_become_bake_options() {
         let line = "insula-server bake a b --out c --cell 0.5 --threads 3 --resume --update --memory 2GiB --name n --title T \
             --attribution A --licence L --source-url U --obj-up y --no-meshes --scratch 3GiB --facades windows --skip-bad-inputs \
-            --crs 25832 --axis-order ne --axis-order a/*=en --at 4.3,-52,3 --only building,bridge --skip road --height-field H --height-unit ft --nodata -32767 --prefer lod --bbox -1,2,3,4";
+            --crs 25832 --axis-order ne --axis-order a/*=en --at 4.3,-52,3 --only building,bridge --skip road --height-field H \
+            --height-unit ft --nodata -32767 --prefer lod --bbox -1,2,3,4";
         let ServerCommand::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
         let options = options(&args, Palette::default()).unwrap();
         assert_eq!(options.inputs, [std::path::Path::new("a"), std::path::Path::new("b")]);

@@ -9,7 +9,7 @@ use super::element::{ElementId, Position, Tags};
 use super::emit::attributes;
 use super::nesting::Polygon;
 use super::nesting::area;
-use crate::read::footprint::{BuildingHeight, Canopy, HeightHints};
+use crate::read::footprint::{BuildingHeight, Canopy, GUESSED, HeightHints};
 
 /// A part belongs to the outline within which it is by this share at least.
 const MIN_SHARE_WITHIN: f64 = 0.5;
@@ -60,7 +60,7 @@ pub(super) struct Heights {
 impl Heights {
     pub(super) fn of(tags: Tags<'_>) -> Self {
         let mut is_guess = false;
-        let note = |kind: &str, _: &str| is_guess |= kind == "height guessed";
+        let note = |kind: &str, _: &str| is_guess |= kind == GUESSED;
         let attributes = attributes(tags);
         let canopy = Canopy::of(&attributes);
         let height = match canopy {

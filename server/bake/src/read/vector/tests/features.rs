@@ -25,6 +25,7 @@ fn level_polygons_are_plans_and_others_surfaces() {
     // The level polygon waits for walls until the end.
     let sink = TestSink { objects: [&sink.objects[3..], &sink.objects[..3]].concat(), ..sink };
     assert_eq!(rings(&sink.objects[0].shape)[0].rings[0].len(), 5);
+    assert_eq!(rings(&sink.objects[0].shape)[0].base_z, 5.0);
     for object in &sink.objects[1..3] {
         let Shape::Surfaces { polygons, meshes } = &object.shape else { panic!("{object:?}") };
         assert_eq!((polygons.len(), meshes.len(), polygons[0].points.len()), (1, 0, 4), "without the repeated point");

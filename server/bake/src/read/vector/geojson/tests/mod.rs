@@ -319,6 +319,10 @@ fn heights_of_plans_and_bodies_are_kept() {
     let slope = level.replace("0,10,512.5", "0,10,514");
     let (scene, _) = read(&collection(&feature("slope", TEN, &polygon(&slope))));
     assert_eq!(heights(&scene), [512.5, 522.5], "a plan with a height stands on its lowest corner");
+    let options = ReadOptions { height_field: Some("NUT".to_owned()), ..ReadOptions::default() };
+    let text = collection(&feature("slope", r#"{"NUT": 20}"#, &polygon(&slope)));
+    let (scene, _) = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap();
+    assert_eq!(heights(&scene), [512.5, 532.5], "so does one whose height the user names");
     let wall = "[[0,0,512],[10,0,512],[10,0,524],[0,0,524],[0,0,512]]";
     let floor = "[[0,0,512],[10,0,512],[10,10,512],[0,10,512],[0,0,512]]";
     let body = format!(r#"{{"type": "MultiPolygon", "coordinates": [[{floor}], [{wall}]]}}"#);
