@@ -437,16 +437,7 @@ impl<'o> ReadContext<'o> {
             *report.objects_by_kind.entry(kind).or_default() += 1;
             builder.close(source, &name, open, report);
         });
-        if let Some([low, high]) = city {
-            let reach_m = options.margin_m;
-            let reached = [low.map(|v| v - reach_m), high.map(|v| v + reach_m)];
-            for number in self.elevation.pictures_outside(reached) {
-                if let Some(report) = sources.get_mut(number) {
-                    let path = report.path.clone();
-                    report.problem(NO_PICTURE, || path);
-                }
-            }
-        }
+        self.report_far_pictures(city, sources);
         // Guessed ground without a picture is left to the generated ground.
         if tiles == 0
             && !self.elevation.is_guessed()
@@ -466,6 +457,18 @@ impl<'o> ReadContext<'o> {
             }
         }
         made
+    }
+
+    /// Reports the pictures that lie beyond the terrain of a city.
+    fn report_far_pictures(&self, city: Option<[[f64; 2]; 2]>, sources: &mut [SourceReport]) {
+        let Some([low, high]) = city else { return };
+        let reach_m = self.options.terrain.margin_m;
+        for number in self.elevation.pictures_outside([low.map(|v| v - reach_m), high.map(|v| v + reach_m)]) {
+            if let Some(report) = sources.get_mut(number) {
+                let path = report.path.clone();
+                report.problem(NO_PICTURE, || path);
+            }
+        }
     }
 
     /// Lowest and highest corner on the map of what needs ground: the objects, and what is painted near them, within the
