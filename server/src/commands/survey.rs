@@ -41,6 +41,7 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
         height_field: args.read.height_field.clone(),
         duplicates: duplicates(&args.read),
         addresses: Some(&Addresses),
+        follow_links: args.read.follow_links,
         skip_bad_inputs: true,
         ..ReadOptions::default()
     };
