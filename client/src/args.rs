@@ -8,7 +8,7 @@ use crate::{
     image_files::parse_picture_path, objects::ObjectStyleArgs, render::AdapterChoice, stream::fetch::HttpOptions,
 };
 use clap::{Args, Parser, Subcommand, builder::TypedValueParser};
-use insula_command_line::{SetupCommand, parse_size, parse_tau};
+use insula_command_line::{SetupCommand, output::OverwriteArgs, parse_size, parse_tau};
 use insula_shaders::{layout::Shading, look::Look};
 use insula_viewer::{
     sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time},
@@ -176,6 +176,8 @@ pub struct DemoArgs {
     pub pictures: PictureArgs,
     #[command(flatten)]
     pub sun: SunArgs,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 /// Arguments of `insula snapshot`.
@@ -222,6 +224,8 @@ pub struct SnapshotArgs {
     pub shading: Shading,
     #[command(flatten)]
     pub sun: SunArgs,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 impl SnapshotArgs {
@@ -277,6 +281,8 @@ pub struct FlyArgs {
     pub report: Option<PathBuf>,
     #[command(flatten)]
     pub sun: SunArgs,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 impl FlyArgs {

@@ -1,8 +1,12 @@
 //! Reads camera and camera path files.
 
 use crate::error::{ClientError, Result};
+use insula_archive::file::read_text;
 use insula_viewer::camera::{Camera, CameraFile, CameraPath};
 use std::path::Path;
+
+/// Larger files are refused. A path of an hour has some megabytes.
+const MAX_BYTES: u64 = 64 << 20;
 
 /// Reads a camera file. Fails if it cannot be read or holds no valid camera.
 pub fn read_camera(path: &Path) -> Result<Camera> {
@@ -15,6 +19,6 @@ pub fn read_path(path: &Path) -> Result<CameraPath> {
 }
 
 fn read<T>(path: &Path, parse: impl Fn(&str) -> Result<T, String>) -> Result<T> {
-    let text = std::fs::read_to_string(path).map_err(ClientError::file(path))?;
+    let text = read_text(path, MAX_BYTES).map_err(ClientError::file(path))?;
     parse(&text).map_err(|e| ClientError::Usage(format!("{}: {e}", path.display())))
 }

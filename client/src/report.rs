@@ -4,6 +4,8 @@ use crate::{
     error::{ClientError, Result},
     render::AdapterInfo,
 };
+use insula_archive::new_file::replace;
+use insula_command_line::output::FileKind;
 use insula_protocol::text::printable_json;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_viewer::streamer::TileCounts;
@@ -76,6 +78,9 @@ pub struct RunReport {
 }
 
 impl RunReport {
+    /// What a report has, also that of a flight.
+    pub const KIND: FileKind = FileKind::Json("a report", &["tau_px", "tau_reached_px", "worst_error_px"]);
+
     /// Writes the report to `path`. Fails if the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         write_json(self, path)
@@ -84,7 +89,7 @@ impl RunReport {
 
 fn write_json(report: &impl Serialize, path: &Path) -> Result<()> {
     let json = to_json(report)?;
-    std::fs::write(path, json + "\n").map_err(ClientError::file(path))
+    replace(path, (json + "\n").as_bytes()).map_err(ClientError::file(path))
 }
 
 fn to_json(report: &impl Serialize) -> Result<String> {

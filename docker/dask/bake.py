@@ -6,6 +6,7 @@ this program keeps nothing: started again, it goes on where it stopped.
 """
 
 import argparse
+import os
 import subprocess
 import sys
 import time
@@ -20,9 +21,9 @@ SINGLE = ("plan", "crown", "join-plan", "join-finish")
 FINAL = (2, 3)
 
 
-def run_step(program, work, words, threads):
+def run_step(program, work, job, words, threads):
     """Runs a step on a worker, and returns its exit code and what it says. A worker that dies takes its step with it."""
-    command = [program, "bake", *words, "--work", work, "--threads", str(threads)]
+    command = [program, "bake", *words, "--work", work, "--job", job, "--threads", str(threads)]
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     return done.returncode, done.stderr.strip()[-2000:]
 
@@ -44,7 +45,7 @@ def run_stage(client, arguments, stage, tasks):
         for task in waiting:
             words = [stage] if stage in SINGLE else [stage, str(task)]
             # `pure=False`: a task that failed before is run again.
-            future = client.submit(run_step, arguments.program, arguments.work, words, threads, pure=False)
+            future = client.submit(run_step, arguments.program, arguments.work, arguments.job, words, threads, pure=False)
             futures[future] = task
         waiting = []
         for future in as_completed(futures, raise_errors=False):
@@ -66,13 +67,14 @@ def main():
     parser = argparse.ArgumentParser(description="Bakes a city in steps on a Dask cluster.")
     parser.add_argument("--scheduler", required=True, help="address of the scheduler, such as tcp://10.0.0.1:8786")
     parser.add_argument("--work", required=True, help="folder or s3://BUCKET/PATH that all workers reach")
+    parser.add_argument("--job", default=os.environ.get("INSULA_JOB", ""), help="hash of the job, as `bake plan --inputs` printed it")
     parser.add_argument("--program", default="insula-server", help="path of insula-server on the workers")
     parser.add_argument("--threads", type=int, default=1, help="threads of a step: the number that a worker has")
     parser.add_argument("--attempts", type=int, default=8, help="rounds in which tasks that failed are tried again")
     arguments = parser.parse_args()
     with Client(arguments.scheduler) as client:
         for stage in STAGES:
-            count = [arguments.program, "bake", "tasks", stage, "--work", arguments.work]
+            count = [arguments.program, "bake", "tasks", stage, "--work", arguments.work, "--job", arguments.job]
             tasks = int(subprocess.run(count, check=True, stdout=subprocess.PIPE, text=True).stdout)
             start = time.monotonic()
             run_stage(client, arguments, stage, tasks)

@@ -15,6 +15,7 @@ for stage in scan plan shuffle region crown join-plan join-part join-finish; do
     kubectl delete job "bake-$stage" --ignore-not-found --wait
     sed -e "s|: .* # bake-STAGE|: bake-$stage|" -e "s|: .* # STAGE|: $stage|" -e "s|: .* # TASKS|: $tasks|" \
         -e "s|: .* # PARALLELISM|: $((tasks < most ? tasks : most))|" -e "s|: .* # IMAGE|: $image|" -e "s|: .* # WORK|: $work|" \
+        -e "s|: .* # JOB|: \"${INSULA_JOB:-}\"|" \
         -e "s|: .* # CPUS|: \"$cpus\"|" -e "s|: .* # MEMORY|: $memory|" \
         "$here/stage.yaml" | kubectl apply -f -
     until kubectl wait --for=condition=Complete --timeout=60s "job/bake-$stage" 2>/dev/null; do

@@ -10,7 +10,7 @@ pub use parse::{DegreesBox, GeoPlace, ShareArea};
 
 use crate::share_link::{parse_lifetime, parse_version};
 use clap::{Parser, Subcommand, ValueEnum, builder::ArgPredicate};
-use insula_command_line::SetupCommand;
+use insula_command_line::{SetupCommand, output::OverwriteArgs};
 use insula_protocol::{TileId, blockmap::Quality};
 use parse::{
     parse_address, parse_area, parse_bytes, parse_cell, parse_crs, parse_degrees_box, parse_kilometres,
@@ -120,6 +120,8 @@ pub struct CompressArgs {
     /// Bits per texture coordinate, 8 to 16
     #[arg(long, value_name = "BITS", default_value_t = 12, value_parser = clap::value_parser!(u8).range(8..=16))]
     pub texcoord_bits: u8,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 /// Arguments of `decompress`.
@@ -129,6 +131,8 @@ pub struct DecompressArgs {
     pub input: PathBuf,
     /// PLY, OFF or OBJ file to write
     pub output: PathBuf,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 /// Arguments of `simplify`.
@@ -145,6 +149,8 @@ pub struct SimplifyArgs {
     /// Largest distance of any point of either surface from the other one, in the file's units
     #[arg(long, value_name = "M", group = "goal", value_parser = parse_max_error, allow_negative_numbers = true)]
     pub error: Option<f64>,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 /// Arguments of `compare`.
@@ -160,6 +166,8 @@ pub struct CompareArgs {
     /// PLY file to write: the first surface, with colours from blue (near) to red (the largest distance)
     #[arg(long, value_name = "OUT.ply")]
     pub heatmap: Option<PathBuf>,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 /// Arguments of `ao`.
@@ -179,6 +187,8 @@ pub struct AoArgs {
     /// Compute on a GPU (containers are built without)
     #[arg(long)]
     pub gpu: bool,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 /// What is read of the inputs, and where it goes.
@@ -226,6 +236,9 @@ pub struct ReadArgs {
     /// Of objects that inputs have at several levels of detail, keep the best
     #[arg(long, value_enum, value_name = "lod")]
     pub prefer: Option<Preference>,
+    /// Read files to which links in folders of inputs lead, also outside of the folders
+    #[arg(long)]
+    pub follow_links: bool,
     /// Keep objects that two inputs have
     #[arg(long, conflicts_with = "prefer")]
     pub keep_duplicates: bool,
@@ -268,6 +281,10 @@ pub struct BakeArgs {
     /// in the end the city, in its folder city
     #[arg(long, value_name = "URL", conflicts_with_all = ["report", "resume"])]
     pub work: Option<String>,
+    /// Hash of the job, as the step 'plan' that began it printed; steps of another job fail [default: that in the file WORK.job beside
+    /// the folder]
+    #[arg(long, value_name = "HASH", env = "INSULA_JOB")]
+    pub job: Option<String>,
     /// Inputs of a bake in steps, for the step 'plan' that begins it
     #[arg(long = "inputs", value_name = "INPUT", num_args = 1.., requires = "work")]
     pub step_inputs: Vec<PathBuf>,
@@ -378,6 +395,8 @@ pub struct BakeArgs {
     /// Device that renders the visibility maps (containers are built without gpu)
     #[arg(long, value_enum, default_value = "cpu")]
     pub visibility: VisibilityRenderer,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 /// Ground that a bake generates.
@@ -503,6 +522,8 @@ pub struct InspectArgs {
     /// Image file to write of the node's geometry, roof and wall maps
     #[arg(long, value_name = "FILE", requires = "tile")]
     pub png: Option<PathBuf>,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 /// Arguments of `verify`.

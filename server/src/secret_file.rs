@@ -3,11 +3,8 @@
 //! What a file does not list is not valid. So a file that is missing, too large or no file has no entries, and a malformed line
 //! makes only that line useless.
 
-use std::{
-    fs::{self, File},
-    io::{self, Read},
-    path::Path,
-};
+use insula_archive::file::read_limited;
+use std::path::Path;
 
 const MAX_FILE_BYTES: u64 = 1 << 20;
 
@@ -22,7 +19,7 @@ impl<T> SecretFile<T> {
     /// Reads a file, where `parse` reads one line. Empty lines and lines that begin with `#` are ignored.
     pub(crate) fn read(path: &Path, parse: impl Fn(&str) -> Result<T, &'static str>) -> Self {
         let place = path.display();
-        let text = match read_plain_file(path) {
+        let text = match read_limited(path, MAX_FILE_BYTES) {
             Ok(text) => text,
             Err(error) => return Self { entries: Vec::new(), faults: vec![format!("{place}: {error}")] },
         };
@@ -44,22 +41,10 @@ impl<T> SecretFile<T> {
     }
 }
 
-fn read_plain_file(path: &Path) -> io::Result<Vec<u8>> {
-    // Opening a pipe would wait for its writer.
-    if !fs::metadata(path)?.is_file() {
-        return Err(io::Error::other("this is not a plain file"));
-    }
-    let mut text = Vec::new();
-    File::open(path)?.take(MAX_FILE_BYTES + 1).read_to_end(&mut text)?;
-    if text.len() as u64 > MAX_FILE_BYTES {
-        return Err(io::Error::other("the file is larger than 1 MiB"));
-    }
-    Ok(text)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn only_valid_lines_are_entries() {

@@ -15,6 +15,7 @@ mod dependencies;
 mod drape;
 mod faults;
 mod fidelity;
+mod file_safety;
 mod fuzz_targets;
 mod gaps;
 mod load;
@@ -47,7 +48,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 33] = [
+const MODULES: [(&str, Add); 34] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -56,6 +57,7 @@ const MODULES: [(&str, Add); 33] = [
     ("mesh", mesh::add),
     ("faults", faults::add),
     ("zoo", zoo::add),
+    ("file_safety", file_safety::add),
     ("gaps", gaps::add),
     ("node_error", node_error::add),
     ("load", load::add),

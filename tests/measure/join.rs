@@ -42,12 +42,12 @@ fn main() -> Result<()> {
     let args = Args::parse();
     let store = WorkFolder::new(&args.work);
     let options =
-        BakeOptions { inputs: vec![args.work.join("town.geojson")], out: "city".into(), ..BakeOptions::default() };
+        BakeOptions { inputs: vec![args.work.with_extension("geojson")], out: "city".into(), ..BakeOptions::default() };
     if let [role, number] = args.role.as_slice() {
         return work(&args, role, number.parse()?, &store, &options);
     }
     fs::create_dir_all(&args.work)?;
-    fs::write(args.work.join("town.geojson"), TOWN)?;
+    fs::write(args.work.with_extension("geojson"), TOWN)?;
     let request = JobRequest { arguments: Vec::new(), chunk_bytes: 1, region_leaves: 32, is_update: false };
     let job = BakeSteps::begin(&store, &options, &request, &Silent)?;
     let steps = BakeSteps::open(&store, job, &options, &Silent)?;

@@ -192,7 +192,9 @@ def main():
         begin = [arguments.program, "bake", "plan", "--inputs", *arguments.inputs, "--work", work, "--chunk", "1",
                  "--region", str(arguments.region), "--name", "city", *options]
         start = time.monotonic()
-        subprocess.run(begin, check=True)
+        begun = subprocess.run(begin, check=True, stdout=subprocess.PIPE, text=True).stdout
+        print(begun, end="")
+        job = begun.split("\njob ")[1].strip()
         wrapper = folder / "insula-server"
         program = str(Path(arguments.program).resolve())
         crawl_command = f'"{sys.executable}" "{Path(__file__).resolve()}" --crawl "{program}" "$@"'
@@ -200,7 +202,7 @@ def main():
         wrapper.chmod(0o755)
         cluster = Cluster(arguments.workers, arguments.seed, arguments.slow)
         driver = [sys.executable, str(DRIVER), "--scheduler", f"tcp://127.0.0.1:{cluster.port}", "--work", work, "--program",
-                  str(wrapper), "--attempts", "30"]
+                  str(wrapper), "--attempts", "30", "--job", job]
         code = drive(arguments, cluster, driver)
         dask_s = time.monotonic() - start
         cluster.stop()

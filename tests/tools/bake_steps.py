@@ -102,7 +102,8 @@ def main():
                 name = f"regions-{region}-chunks-{chunk}"
                 work = f"{(args.work or folder).rstrip('/')}/{name}"
                 started = time.monotonic()
-                program.run("plan", "--inputs", *args.inputs, "--work", work, "--region", region, "--chunk", chunk, *options)
+                begun = program.run("plan", "--inputs", *args.inputs, "--work", work, "--region", region, "--chunk", chunk, *options)
+                os.environ["INSULA_JOB"] = begun.split("\njob ")[1].strip()
                 counts = {stage: program.stage(stage, work) for stage in STAGES}
                 city = Path(folder) / f"fetched-{name}"
                 city.mkdir()

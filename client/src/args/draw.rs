@@ -1,6 +1,7 @@
 //! Arguments of `insula draw`.
 
 use clap::{ArgGroup, Args};
+use insula_command_line::output::OverwriteArgs;
 use insula_viewer::sun::{Bearing, SunTime, parse_bearing, parse_time};
 use std::path::PathBuf;
 
@@ -57,6 +58,8 @@ pub struct DrawArgs {
     /// Position of the sun: degrees clockwise from north, and above the horizon.
     #[arg(long, value_name = "AZIMUTH,ALTITUDE", value_parser = parse_bearing, allow_hyphen_values = true)]
     pub sun: Option<Bearing>,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 fn parse_angles(text: &str) -> Result<[f64; 2], String> {

@@ -8,8 +8,11 @@ use super::{
 use crate::{
     args::{DemoArgs, DemoCity, GlobalArgs, ViewArgs},
     error::{ClientError, Result},
+    image_files::picture_kind,
 };
+use insula_archive::new_file::replace;
 use insula_bake::read::{FACADE_ALGORITHM, FacadeOption};
+use insula_command_line::output::Outputs;
 use insula_protocol::{manifest::Attribution, text::printable};
 use insula_shaders::layout::Shading;
 use insula_viewer::{camera::Camera, streamer::FrameRequest, sun::Daylight};
@@ -41,6 +44,7 @@ struct DemoInfo {
 
 /// Runs the command. Fails if the city cannot be baked, viewed or rendered.
 pub(super) fn run(args: &DemoArgs, global: &GlobalArgs) -> Result<()> {
+    Outputs::new(args.overwrite).file(&args.out, picture_kind(&args.out)).map_err(ClientError::Usage)?;
     let cache = CacheRoot::open()?;
     let job = unpack_demo(args.bundled, &cache)?;
     if !args.headless && has_screen() {
@@ -92,7 +96,7 @@ fn unpack_demo(city: DemoCity, cache: &CacheRoot) -> Result<BakeJob> {
         if *name == INFO_FILE {
             info = serde_json::from_slice(bytes).map_err(|e| ClientError::Failed(format!("{INFO_FILE}: {e}")))?;
         } else if fs::metadata(&path).map_or(0, |m| m.len()) != bytes.len() as u64 {
-            fs::write(&path, bytes).map_err(ClientError::file(&path))?;
+            replace(&path, bytes).map_err(ClientError::file(&path))?;
         }
     }
     let inputs: Vec<PathBuf> =

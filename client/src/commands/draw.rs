@@ -11,8 +11,9 @@ use crate::{
     stream::{city::OpenedCity, fetch::Http, jitter::jitter},
 };
 use bytes::Bytes;
-use insula_archive::ReadError;
+use insula_archive::{ReadError, file};
 use insula_bake::read::{FacadeOption, Palette};
+use insula_command_line::output::{FileKind, Outputs};
 use insula_draw::{
     DrawError, DrawLimits, DrawRequest, draw,
     drawing::Drawing,
@@ -39,7 +40,6 @@ use insula_viewer::{
     sun::{Daylight, SunOptions},
 };
 use std::{
-    fs,
     io::IsTerminal,
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
@@ -53,6 +53,7 @@ const MAX_TEXT_BYTES: u64 = 1 << 20;
 /// Runs the command. Fails if the files cannot be baked, the city cannot be read, there is nothing or too much to draw, or the file
 /// cannot be written.
 pub(super) fn run(args: &DrawArgs, global: &GlobalArgs) -> Result<()> {
+    check_output(args)?;
     if let [place] = &args.sources[..]
         && is_address(place)
     {
@@ -64,6 +65,17 @@ pub(super) fn run(args: &DrawArgs, global: &GlobalArgs) -> Result<()> {
     let folder = baked_folder(&args.sources)?;
     let city = CityStore::open(&folder).map_err(|error| unreadable(&error))?;
     draw_source(args, city.manifest(), &|kind, id| city.tile(kind, id))
+}
+
+/// Fails if the drawing would overwrite anything but an earlier one.
+fn check_output(args: &DrawArgs) -> Result<()> {
+    let kind = match DrawingFormat::of(&args.out).map_err(|error| failed(&error))? {
+        DrawingFormat::Svg => FileKind::SVG,
+        DrawingFormat::Pdf => FileKind::PDF,
+        DrawingFormat::Dxf => FileKind::DXF,
+    };
+    let inputs = args.sources.iter().chain(&args.view).chain(&args.style);
+    Outputs::new(args.overwrite).reading(inputs).file(&args.out, kind).map_err(ClientError::Usage)
 }
 
 /// Draws the city whose tiles `read` reads.
@@ -157,11 +169,7 @@ fn baked_folder(sources: &[PathBuf]) -> Result<PathBuf> {
 }
 
 fn read_text(path: &Path) -> Result<String> {
-    let size = fs::metadata(path).map_err(ClientError::file(path))?.len();
-    if size > MAX_TEXT_BYTES {
-        return Err(ClientError::Usage(format!("{}: larger than 1 MiB", path.display())));
-    }
-    fs::read_to_string(path).map_err(ClientError::file(path))
+    file::read_text(path, MAX_TEXT_BYTES).map_err(ClientError::file(path))
 }
 
 fn view(args: &DrawArgs) -> Result<DrawView> {

@@ -8,6 +8,7 @@ use crate::{
 use insula_bake::{
     BakeError, BakeOptions, GroundOption, Progress,
     read::{FACADE_ALGORITHM, FacadeOption, Palette, PlacingOptions},
+    remove_damaged_city,
     sample::SampleSettings,
 };
 use insula_protocol::{
@@ -161,12 +162,8 @@ pub(super) fn bake_cached(job: &BakeJob, cache: &CacheRoot, status: Option<&Star
     if Store::open(&[&out]).is_ok() {
         return Ok(out);
     }
-    // The name of a folder in this cache is ours alone, and a bake does not replace a city that it cannot read.
-    if let Err(error) = fs::remove_dir_all(&out)
-        && error.kind() != std::io::ErrorKind::NotFound
-    {
-        return Err(ClientError::file(&out)(error));
-    }
+    // A bake does not replace a city whose manifest it cannot read.
+    remove_damaged_city(&out).map_err(|error| ClientError::Failed(error.to_string()))?;
     eprintln!("{}", printable(&format!("baking {name} into {} (once)", out.display())));
     let options = BakeOptions {
         inputs: job.inputs.clone(),

@@ -5,11 +5,12 @@ use crate::{
     args::{FlyArgs, GlobalArgs},
     camera_files::read_path,
     error::{ClientError, Result},
-    report::{FlightReport, FlightSample, FrameDifference, compare_frames},
+    report::{FlightReport, FlightSample, FrameDifference, RunReport, compare_frames},
     session::Session,
     stream::{fetch::Http, simulated_link::SimulatedLink},
     ui::view_link::ViewLink,
 };
+use insula_command_line::output::Outputs;
 use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{
     camera::CameraPath,
@@ -18,7 +19,10 @@ use insula_viewer::{
     streamer::FrameRequest,
     sun::Daylight,
 };
-use std::time::{Duration, Instant};
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
 
 /// How far ahead the camera's motion is prefetched, in seconds.
 const LOOKAHEAD_SECS: f64 = 0.5;
@@ -34,6 +38,10 @@ const COMPARE_CACHE_MIB: u32 = 512;
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &FlyArgs, global: &GlobalArgs) -> Result<()> {
     let link = ViewLink::parse(&args.server)?;
+    if let Some(report) = &args.report {
+        let inputs = [Path::new(&args.server), &args.path];
+        Outputs::new(args.overwrite).reading(inputs).file(report, RunReport::KIND).map_err(ClientError::Usage)?;
+    }
     let path = read_path(&args.path)?;
     let first = frame_request(&path, args, global, 0.0)?;
     let http = Http::with_options(simulated_link(args), global.http_options())?;

@@ -5,11 +5,13 @@ use crate::{
     args::{GlobalArgs, SnapshotArgs},
     camera_files::read_camera,
     error::{ClientError, Result},
-    image_files::{write_objects, write_pfm, write_radiance},
+    image_files::{objects_kind, picture_kind, write_objects, write_pfm, write_radiance},
     objects::ObjectLookup,
     report::RunReport,
     ui::view_link::ViewLink,
 };
+use insula_archive::new_file::replace;
+use insula_command_line::output::{FileKind, Outputs};
 use insula_protocol::{
     blockmap::NO_OBJECT,
     text::{human_bytes, printable},
@@ -26,6 +28,7 @@ use std::{
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
+    check_outputs(args).map_err(ClientError::Usage)?;
     let link = ViewLink::parse(&args.server)?;
     let camera = match &args.camera {
         Some(path) => read_camera(path)?,
@@ -74,6 +77,23 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     Ok(())
 }
 
+/// Fails if a file would overwrite anything but an earlier one.
+fn check_outputs(args: &SnapshotArgs) -> std::result::Result<(), String> {
+    let inputs = [Some(Path::new(&args.server)), args.camera.as_deref()];
+    let mut outputs = Outputs::new(args.overwrite).reading(inputs.into_iter().flatten());
+    outputs.file(&args.out, picture_kind(&args.out))?;
+    for path in [&args.distance, &args.radiance].into_iter().flatten() {
+        outputs.file(path, FileKind::PFM)?;
+    }
+    if let Some(path) = &args.objects {
+        outputs.file(path, objects_kind(path, args.size))?;
+    }
+    if let Some(path) = &args.objects_json {
+        outputs.file(path, FileKind::Json("a list of objects", &["pixels"]))?;
+    }
+    args.report.as_ref().map_or(Ok(()), |path| outputs.file(path, RunReport::KIND))
+}
+
 /// An object of a picture.
 #[derive(Serialize)]
 struct ShownObject {
@@ -96,7 +116,7 @@ fn write_object_list(path: &Path, objects: &ObjectLookup, ids: &[u32]) -> Result
         }
     }
     let json = serde_json::to_string_pretty(&list).map_err(|error| ClientError::Failed(error.to_string()))?;
-    fs::write(path, json + "\n").map_err(ClientError::file(path))
+    replace(path, (json + "\n").as_bytes()).map_err(ClientError::file(path))
 }
 
 /// The written files with their sizes.

@@ -10,8 +10,10 @@ pub use picture_notes::PictureNotes;
 
 use crate::error::{ClientError, Result};
 use image::{ImageFormat, RgbImage, RgbaImage};
+use insula_archive::new_file::replace;
+use insula_command_line::output::FileKind;
 use insula_shaders::{cpu::raycast::Pixels, tone::decode_radiance};
-use std::path::Path;
+use std::{io::Cursor, path::Path};
 
 /// Writes the colours as PNG without a caption or notes, whatever the extension of `path`. For measurements. Fails if the file
 /// cannot be written.
@@ -35,7 +37,7 @@ pub fn write_picture(path: &Path, pixels: &Pixels, notes: &PictureNotes) -> Resu
 
 fn write_encoded(path: &Path, encoded: Result<Vec<u8>, String>) -> Result<()> {
     let bytes = encoded.map_err(|e| cannot_write(path, &e))?;
-    std::fs::write(path, bytes).map_err(|e| cannot_write(path, &e))
+    replace(path, &bytes).map_err(|e| cannot_write(path, &e))
 }
 
 fn cannot_write(path: &Path, reason: &dyn std::fmt::Display) -> ClientError {
@@ -70,25 +72,46 @@ pub fn write_radiance(path: &Path, pixels: &Pixels) -> Result<()> {
             out.extend_from_slice(&component.to_le_bytes());
         }
     }
-    std::fs::write(path, out).map_err(ClientError::file(path))
+    replace(path, &out).map_err(ClientError::file(path))
 }
 
 /// Writes the number of each pixel's object, row by row from the top: a little-endian u32 a pixel, 4,294,967,295 where there is none. A
 /// file that ends in `.png` gets the same bytes as red, green, blue and alpha. Fails if the file cannot be written.
 pub fn write_objects(path: &Path, [width, height]: [u32; 2], objects: &[u32]) -> Result<()> {
     let bytes: Vec<u8> = objects.iter().flat_map(|object| object.to_le_bytes()).collect();
-    let is_png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
-    if !is_png {
-        return std::fs::write(path, bytes).map_err(ClientError::file(path));
+    if !is_png(path) {
+        return replace(path, &bytes).map_err(ClientError::file(path));
     }
     let image = RgbaImage::from_raw(width, height, bytes);
     let image = image.ok_or_else(|| cannot_write(path, &"the frame has fewer pixels than its size says"))?;
-    image.save_with_format(path, ImageFormat::Png).map_err(|error| cannot_write(path, &error))
+    let mut png = Cursor::new(Vec::new());
+    image.write_to(&mut png, ImageFormat::Png).map_err(|error| cannot_write(path, &error))?;
+    replace(path, png.get_ref()).map_err(ClientError::file(path))
+}
+
+/// Whether a file of objects is a picture.
+fn is_png(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"))
+}
+
+/// What a picture has that [`write_picture`] writes to this path.
+pub fn picture_kind(path: &Path) -> FileKind {
+    match PictureFormat::of(path) {
+        Ok(PictureFormat::Jpeg) => FileKind::JPEG,
+        Ok(PictureFormat::WebP) => FileKind::WEBP,
+        _ => FileKind::PNG,
+    }
+}
+
+/// What a file has that [`write_objects`] writes to this path.
+pub fn objects_kind(path: &Path, [width, height]: [u32; 2]) -> FileKind {
+    let pixels = u64::from(width) * u64::from(height);
+    if is_png(path) { FileKind::PNG } else { FileKind::Words("a file of objects of this size", pixels) }
 }
 
 /// Writes the distances as PFM. Fails if the file cannot be written.
 pub fn write_pfm(path: &Path, pixels: &Pixels) -> Result<()> {
-    std::fs::write(path, encode_pfm(pixels)).map_err(ClientError::file(path))
+    replace(path, &encode_pfm(pixels)).map_err(ClientError::file(path))
 }
 
 #[cfg(test)]

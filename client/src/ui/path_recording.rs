@@ -1,6 +1,8 @@
 //! Records the camera's motion as a path file for `insula fly`.
 
 use crate::error::{ClientError, Result};
+use insula_archive::new_file::replace;
+use insula_command_line::output::unused_file;
 use insula_viewer::camera::{Camera, CameraPath, PathKey};
 use std::{
     path::{Path, PathBuf},
@@ -73,17 +75,9 @@ impl PathRecorder {
 pub fn write_path(path: &CameraPath, folder: &Path) -> Result<PathBuf> {
     let json = serde_json::to_string(path)
         .map_err(|e| ClientError::Failed(format!("the camera path cannot be written as JSON: {e}")))?;
-    let file = unused_name(folder, "insula-path", "json");
-    let temporary = file.with_extension("json.part");
-    std::fs::write(&temporary, json + "\n").map_err(ClientError::file(&temporary))?;
-    std::fs::rename(&temporary, &file).map_err(ClientError::file(&file))?;
+    let file = unused_file(folder, "insula-path", "json").map_err(ClientError::Failed)?;
+    replace(&file, (json + "\n").as_bytes()).map_err(ClientError::file(&file))?;
     Ok(file)
-}
-
-/// The first of `stem-0001.extension`, `stem-0002.extension`, ... that does not exist.
-pub fn unused_name(folder: &Path, stem: &str, extension: &str) -> PathBuf {
-    let name = |n: u32| folder.join(format!("{stem}-{n:04}.{extension}"));
-    (1..10_000).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(10_000))
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 //! Draws a picture on a thread of its own, with a session of its own: the window goes on meanwhile.
 
-use super::path_recording::unused_name;
 use crate::{
-    error::Result,
+    error::{ClientError, Result},
     image_files::{PictureNotes, write_picture},
     picture::{Settling, draw_in_strips, settle},
     render::{Adapter, AdapterChoice, OpenedAdapter},
     session::Session,
 };
+use insula_command_line::output::unused_file;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_viewer::{cache::pages_for, frame::RenderSettings, objects::ObjectStyles, streamer::FrameRequest};
 use std::{
@@ -132,7 +132,8 @@ fn open_adapter(order: &PictureOrder) -> Result<OpenedAdapter> {
 
 /// Writes a picture into the current folder under the first unused number, and returns its file. Fails if it cannot be written.
 pub fn save(pixels: &Pixels, notes: &PictureNotes) -> Result<PathBuf> {
-    let path = unused_name(&std::env::current_dir().unwrap_or_default(), "insula", "png");
+    let folder = std::env::current_dir().unwrap_or_default();
+    let path = unused_file(&folder, "insula", "png").map_err(ClientError::Failed)?;
     write_picture(&path, pixels, notes)?;
     Ok(path)
 }

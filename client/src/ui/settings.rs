@@ -1,6 +1,7 @@
 //! Settings that outlast a run, in the user's configuration folder: the window, the light, bookmarks.
 
 use crate::error::ClientError;
+use insula_archive::{file::read_text, new_file::replace};
 use insula_viewer::camera::CameraFile;
 use serde::{Deserialize, Serialize};
 use std::{
@@ -88,15 +89,10 @@ impl UserSettings {
 
     /// Reads and checks the file; a missing file has the defaults.
     fn read(path: &Path) -> Result<Self, String> {
-        match fs::metadata(path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
-            Err(error) => return Err(error.to_string()),
-            Ok(metadata) if metadata.len() > MAX_BYTES => {
-                return Err(format!("{} bytes, at most {MAX_BYTES} are accepted", metadata.len()));
-            }
-            Ok(_) => {}
+        match read_text(path, MAX_BYTES) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Self::default()),
+            text => Self::parse(&text.map_err(|error| error.to_string())?),
         }
-        Self::parse(&fs::read_to_string(path).map_err(|e| e.to_string())?)
     }
 
     fn parse(text: &str) -> Result<Self, String> {
@@ -127,9 +123,7 @@ impl UserSettings {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(ClientError::file(folder))?;
         }
-        let temporary = path.with_extension(format!("{}.part", std::process::id()));
-        fs::write(&temporary, json + "\n").map_err(ClientError::file(&temporary))?;
-        fs::rename(&temporary, path).map_err(ClientError::file(path))
+        replace(path, (json + "\n").as_bytes()).map_err(ClientError::file(path))
     }
 
     /// Adds a bookmark. A long name is cut. Returns `false` if the city has too many bookmarks.

@@ -3,7 +3,7 @@
 use crate::{RangeRead, RangeSource, ReadError, limits::MAX_READ_BYTES};
 use std::{
     fs::{self, File},
-    io,
+    io::{self, Read},
     ops::Range,
     path::Path,
 };
@@ -18,6 +18,25 @@ pub fn open_regular(path: &Path) -> io::Result<File> {
     let file = File::open(path)?;
     check(file.metadata()?)?;
     Ok(file)
+}
+
+/// The bytes of a regular file of at most `limit` bytes. Fails as [`open_regular`], with `FileTooLarge` for a longer file, or if it
+/// cannot be read.
+pub fn read_limited(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    let too_large = || io::Error::new(io::ErrorKind::FileTooLarge, format!("larger than {limit} bytes"));
+    let file = open_regular(path)?;
+    if file.metadata()?.len() > limit {
+        return Err(too_large());
+    }
+    let mut bytes = Vec::new();
+    file.take(limit + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit { Err(too_large()) } else { Ok(bytes) }
+}
+
+/// The text of a regular file of at most `limit` bytes. Fails as [`read_limited`], or with `InvalidData` if it is not UTF-8.
+pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
+    let text = String::from_utf8(read_limited(path, limit)?);
+    text.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))
 }
 
 /// A regular file.
@@ -104,6 +123,18 @@ mod tests {
         std::os::unix::fs::symlink(&fifo, &link).unwrap();
         for path in [&fifo, &link, folder.path(), Path::new("/dev/null")] {
             assert_eq!(FileSource::open(path).unwrap_err().kind(), io::ErrorKind::InvalidInput, "{}", path.display());
+            assert_eq!(read_limited(path, 9).unwrap_err().kind(), io::ErrorKind::InvalidInput, "{}", path.display());
         }
+    }
+
+    #[test]
+    fn files_over_a_limit_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        fs::write(&path, b"0123456789").unwrap();
+        assert_eq!(read_text(&path, 10).unwrap(), "0123456789");
+        assert_eq!(read_limited(&path, 9).unwrap_err().kind(), io::ErrorKind::FileTooLarge);
+        fs::write(&path, b"\xff").unwrap();
+        assert_eq!(read_text(&path, 10).unwrap_err().kind(), io::ErrorKind::InvalidData);
     }
 }

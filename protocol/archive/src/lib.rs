@@ -18,6 +18,12 @@ pub mod file;
 pub mod index;
 pub mod lazy;
 pub mod limits;
+#[cfg(feature = "fs")]
+pub mod new_file;
+#[cfg(feature = "fs")]
+pub mod owned;
+#[cfg(feature = "fs")]
+pub mod places;
 mod resident_directories;
 pub mod source;
 #[cfg(test)]

@@ -2,15 +2,18 @@
 //! completions and man pages.
 
 pub mod log;
+pub mod output;
 pub mod tls;
 
 use clap::{CommandFactory, Parser, Subcommand, error::ErrorKind};
 use clap_complete::Shell;
+use insula_archive::new_file::replace;
 use insula_protocol::text::printable;
+use output::{FileKind, Outputs};
 use std::{
     fs,
     io::{self, Write},
-    path::PathBuf,
+    path::{Path, PathBuf},
     process::ExitCode,
 };
 
@@ -87,11 +90,24 @@ impl SetupCommand {
                 let _ = io::stdout().lock().write_all(&script);
                 Ok(())
             }
-            Self::Man { out } => fs::create_dir_all(out)
-                .and_then(|()| clap_mangen::generate_to(command, out))
-                .map_err(|error| (out.clone(), error)),
+            Self::Man { out } => write_man_pages(command, out).map_err(|error| (out.clone(), error)),
         }
     }
+}
+
+/// Writes the man pages of a program into a folder, in place of earlier ones. Fails if another file has the name of one.
+fn write_man_pages(command: clap::Command, out: &Path) -> io::Result<()> {
+    let made = tempfile::tempdir()?;
+    clap_mangen::generate_to(command, made.path())?;
+    let mut pages: Vec<_> = fs::read_dir(made.path())?.collect::<io::Result<_>>()?;
+    pages.sort_by_key(fs::DirEntry::file_name);
+    let mut outputs = Outputs::default();
+    for page in &pages {
+        let refused = |reason| io::Error::new(io::ErrorKind::AlreadyExists, reason);
+        outputs.file(&out.join(page.file_name()), FileKind::MAN_PAGE).map_err(refused)?;
+    }
+    fs::create_dir_all(out)?;
+    pages.iter().try_for_each(|page| replace(&out.join(page.file_name()), &fs::read(page.path())?))
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use crate::{
     hash, mesh,
     read::{
         AddressReader, DuplicateOption, FACADE_ALGORITHM, FacadeOption, HeightUnit, KindFilter, NamePatterns,
-        ObjUpAxis, Palette, PlacingOptions, ReadOptions, SurroundingsOptions, TerrainOptions,
+        ObjUpAxis, Palette, PlacingOptions, ReadOptions, SurroundingsOptions, TerrainOptions, named_paths,
     },
     sample::SampleSettings,
     scene::grid::BLOCK_LEAVES,
@@ -107,6 +107,8 @@ pub struct BakeOptions {
     pub palette: Palette,
     /// Folders from which textures and material libraries may be read besides the source's own.
     pub texture_roots: Vec<PathBuf>,
+    /// Whether links in folders of inputs are followed that lead out of them.
+    pub follow_links: bool,
     /// Sampling of leaves.
     pub sample: SampleSettings,
     /// Allowed loss of colours and occlusion in the tiles.
@@ -159,6 +161,7 @@ impl Default for BakeOptions {
             addresses: None,
             palette: Palette::default(),
             texture_roots: Vec::new(),
+            follow_links: false,
             sample: SampleSettings::default(),
             quality: Quality::Decibels(QUALITY_DB),
             meshes: true,
@@ -175,6 +178,14 @@ impl Default for BakeOptions {
 }
 
 impl BakeOptions {
+    /// The paths that the bake reads on this machine, and the addresses.
+    #[must_use]
+    pub fn read_paths(&self) -> Vec<PathBuf> {
+        let inputs = self.inputs.iter().chain(&self.surroundings.files).chain(&self.streets);
+        let others = self.texture_roots.iter().chain(&self.placing.grids).chain(&self.landmarks);
+        inputs.flat_map(|input| named_paths(input)).chain(others.cloned()).collect()
+    }
+
     /// Memory that a bake with these options allocates at most, in bytes: the requested or default memory, and a
     /// reserve for allocations that are not estimated in advance. A program that sets a limit of its own sets it here.
     #[must_use]
@@ -273,6 +284,7 @@ impl BakeConfig {
             obj_up: options.obj_up,
             palette: options.palette.clone(),
             texture_roots: options.texture_roots.clone(),
+            follow_links: options.follow_links,
             cell_m: self.cell_m,
             facades: options.facades,
             skip_bad_inputs: options.skip_bad_inputs,

@@ -26,7 +26,8 @@ pub use ground::{ALGORITHM as GROUND_ALGORITHM, GroundOption};
 pub use mesh::ALGORITHM as MESH_ALGORITHM;
 pub use pipeline::{
     AbortedJob, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, GeneratedCity, Job, JobRequest,
-    PartPiece, StageStatus, WorkFolder, WorkStore, abort, bake, bake_generated, bake_scene,
+    StageStatus, WorkFolder, WorkStore, abort, bake, bake_generated, bake_scene,
 };
 pub use progress::{Progress, Silent};
 pub use report::BakeReport;
+pub use write::ownership::remove_damaged_city;

@@ -1,12 +1,9 @@
 //! Files of drawings.
 
 use crate::{drawing::Drawing, dxf::to_dxf, error::DrawError, pdf::to_pdf, svg::to_svg};
+use insula_archive::new_file::replace;
 use serde::Deserialize;
-use std::{
-    fs::{self, File},
-    io::{self, Write},
-    path::Path,
-};
+use std::path::Path;
 
 /// A format of drawings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -44,19 +41,6 @@ pub fn encode(drawing: &Drawing, format: DrawingFormat) -> Vec<u8> {
 /// is unchanged then.
 pub fn write_drawing(drawing: &Drawing, format: DrawingFormat, path: &Path) -> Result<u64, DrawError> {
     let bytes = encode(drawing, format);
-    let mut name = path.as_os_str().to_owned();
-    name.push(".partial");
-    let partial = Path::new(&name);
-    let write = || -> io::Result<()> {
-        let mut file = File::create(partial)?;
-        file.write_all(&bytes)?;
-        file.sync_all()?;
-        fs::rename(partial, path)
-    };
-    write().map_err(|source| {
-        // Nothing can be done about a file that cannot be removed; its name says what it is.
-        let _ = fs::remove_file(partial);
-        DrawError::Write { path: path.to_owned(), source }
-    })?;
+    replace(path, &bytes).map_err(|source| DrawError::Write { path: path.to_owned(), source })?;
     Ok(bytes.len() as u64)
 }

@@ -11,7 +11,8 @@ use crate::{
         city::{City, Plan},
     },
 };
-use std::path::Path;
+use insula_protocol::Manifest;
+use std::path::{Path, PathBuf};
 
 /// Writes the selected part of a city as a file. If it fails, `out` is unchanged: the file is renamed when it is complete.
 ///
@@ -31,6 +32,11 @@ pub fn export(
         Format::CityJsonSeq => cityjson::write(&city, &Plan::of(&city, selection)?, out),
         _ => table::write(&city, format, &Plan::of(&city, selection)?, projections, out),
     }
+}
+
+/// The file that [`export`] writes beside the one of a format, with its text: who must be named. `None` if there is none.
+pub fn sidecar(format: Format, manifest: &Manifest, out: &Path) -> Option<(PathBuf, String)> {
+    (format == Format::Csv).then(|| table::sidecar(manifest, out)).flatten()
 }
 
 /// Fails on a selection in which no place can be.

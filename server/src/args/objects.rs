@@ -1,7 +1,7 @@
 //! Arguments of the commands that read objects.
 
 #[cfg(feature = "bake")]
-use insula_command_line::{parse_size, parse_tau};
+use insula_command_line::{output::OverwriteArgs, parse_size, parse_tau};
 use insula_objects::search::MAX_QUERY_CHARS;
 use std::path::PathBuf;
 
@@ -70,6 +70,8 @@ pub struct ExportArgs {
     /// Tolerated error in pixels of the picture of `--view`
     #[arg(long, value_name = "PX", value_parser = parse_tau, default_value = "1", requires = "view")]
     pub tau: f64,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
 }
 
 /// A format of `export`.

@@ -3,11 +3,12 @@
 use super::{
     error::CommandError,
     mesh::{mesh_error, read_model, with_spinner},
-    output::{print, refuse_input, write},
+    output::{check_output, print, write},
 };
 use crate::args::AoArgs;
 use indicatif::{ProgressBar, ProgressStyle};
 use insula_bake::model::{CornerLayer, ModelFormat, TriangleModel};
+use insula_command_line::output::FileKind;
 use insula_occlusion::{OccludedMesh, Occlusion, OcclusionError, OcclusionSettings};
 use insula_protocol::mesh::AttributeKind;
 use std::time::Instant;
@@ -18,7 +19,7 @@ pub(super) fn run(args: &AoArgs) -> Result<(), CommandError> {
         let reason = "the file name must end in .ply, the only format with a value for each vertex";
         return Err(CommandError::Usage(format!("{}: {reason}", args.out.display())));
     }
-    refuse_input(&args.out, &args.mesh)?;
+    check_output(&args.out, FileKind::PLY, [&args.mesh], args.overwrite)?;
     let compute = implementation(args.gpu)?;
     let model = with_spinner("read", || read_model(&args.mesh))?;
     if model.triangles.is_empty() {
@@ -83,10 +84,18 @@ fn with_occlusion(mut model: TriangleModel, found: &Occlusion) -> TriangleModel 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_command_line::output::OverwriteArgs;
     use std::path::Path;
 
     fn args(mesh: &Path, out: &Path) -> AoArgs {
-        AoArgs { mesh: mesh.to_owned(), out: out.to_owned(), views: 128, map: 256, gpu: false }
+        AoArgs {
+            mesh: mesh.to_owned(),
+            out: out.to_owned(),
+            views: 128,
+            map: 256,
+            gpu: false,
+            overwrite: OverwriteArgs::default(),
+        }
     }
 
     #[test]

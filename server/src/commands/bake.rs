@@ -4,12 +4,13 @@ use super::{
     addresses::Addresses,
     bake_progress::BakeProgress,
     error::CommandError,
-    output::{print, refuse_input, refuse_inside, write},
+    output::{check_output, print, write},
 };
 use crate::{
     args::{BakeArgs, GeneratedFacades, GeneratedGround, LengthUnit, Preference, ReadArgs, UpAxis, VisibilityRenderer},
     memory,
 };
+use insula_archive::{file::read_text, places::canonical};
 use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
     read::{
@@ -18,14 +19,14 @@ use insula_bake::{
     },
     sample::{SampleSettings, VisibilityBackend},
 };
+use insula_command_line::output::FileKind;
 use insula_protocol::{
     manifest::Attribution,
     text::{count, human_bytes, shell_word},
 };
-use std::{collections::BTreeMap, io::Read, path::Path};
+use std::{collections::BTreeMap, path::Path};
 
 /// Longer files are not taken for a report.
-const MAX_REPORT_BYTES: u64 = 64 << 20;
 /// Default memory of a bake with scans: a block with a million triangles takes 800 MiB.
 const MEMORY_OF_SCANS: u64 = 1200 << 20;
 /// A longer file of a stone is cut, and refused.
@@ -38,11 +39,11 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
         return super::bake_steps::run(args, work);
     }
     let palette = palette(args)?;
+    let options = options(args, palette)?;
     if let Some(report) = &args.report {
-        check_report(report, args)?;
+        check_report(report, args, &options)?;
     }
     let progress = BakeProgress::start(&args.out);
-    let options = options(args, palette)?;
     memory::set_limit(options.memory_limit_bytes());
     let result = insula_bake::bake(&options, &progress);
     progress.clear();
@@ -81,33 +82,22 @@ fn is_of_one_input(error: &InputError, args: &BakeArgs) -> bool {
     !is_of_all && !args.skip_bad_inputs
 }
 
-/// Fails if the report would overwrite anything but an earlier report, or would lie in the city. Checked before the bake,
-/// whose hours would otherwise be lost.
-fn check_report(report: &Path, args: &BakeArgs) -> Result<(), CommandError> {
-    let inputs = args.inputs.iter().chain(&args.palette);
-    inputs.into_iter().try_for_each(|input| refuse_input(report, input))?;
-    refuse_inside(report, &args.out)?;
-    let mut partial = args.out.file_name().unwrap_or_default().to_owned();
-    partial.push(".partial");
-    refuse_inside(report, &args.out.with_file_name(partial))?;
-    if report.is_dir() || report.is_file() && !is_report(report) {
-        let reason = "it exists and is not a report of a bake; give another --report";
-        return Err(CommandError::Usage(format!("{}: {reason}", report.display())));
-    }
-    Ok(())
-}
+/// A report of a bake.
+const REPORT: FileKind = FileKind::Json("a report of a bake", &["blocks_baked", "city_bytes"]);
 
-/// Whether a file is a report of an earlier bake.
-fn is_report(path: &Path) -> bool {
-    /// Members of a report that other JSON does not have.
-    #[derive(serde::Deserialize)]
-    #[expect(dead_code, reason = "only their presence matters")]
-    struct ReportMembers {
-        blocks_baked: u64,
-        city_bytes: u64,
+/// Fails if the report would overwrite anything but an earlier report: what the bake reads, or another file.
+fn check_report(report: &Path, args: &BakeArgs, options: &BakeOptions) -> Result<(), CommandError> {
+    let mut inputs = options.read_paths();
+    inputs.extend(args.palette.clone());
+    inputs.extend(args.stone.as_ref().map(Into::into));
+    // Neither may exist yet.
+    for folder in [args.out.clone(), insula_bake::kept_work::scratch_folder(&args.out)] {
+        if canonical(report).starts_with(canonical(&folder)) {
+            let reason = format!("it lies in the city's folder {}; write it elsewhere", folder.display());
+            return Err(CommandError::Usage(format!("{}: {reason}", report.display())));
+        }
     }
-    let file = std::fs::File::open(path).map(|file| std::io::BufReader::new(file.take(MAX_REPORT_BYTES)));
-    file.is_ok_and(|file| serde_json::from_reader::<_, ReportMembers>(file).is_ok())
+    check_output(report, REPORT, inputs, args.overwrite)
 }
 
 /// The kinds of these names. Fails with the names that exist if one does not.
@@ -164,10 +154,7 @@ fn stone_of(value: &str) -> Result<String, CommandError> {
         return Ok(serde_json::json!({ "preset": value }).to_string());
     }
     let failed = |error: std::io::Error| CommandError::Bake(format!("{value}: {error}"));
-    let file = std::fs::File::open(value).map_err(failed)?;
-    let mut text = String::new();
-    file.take(MAX_STONE_BYTES).read_to_string(&mut text).map_err(failed)?;
-    Ok(text)
+    read_text(Path::new(value), MAX_STONE_BYTES).map_err(failed)
 }
 
 /// What a bake is asked for. Fails if a file that an option names cannot be read.
@@ -237,6 +224,7 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         },
         palette,
         texture_roots: args.texture_root.clone(),
+        follow_links: args.read.follow_links,
         sample: SampleSettings {
             visibility: match args.visibility {
                 VisibilityRenderer::Cpu => VisibilityBackend::Cpu,

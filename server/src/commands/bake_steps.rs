@@ -6,11 +6,15 @@ use crate::{
     memory,
 };
 use clap::Parser;
+use insula_archive::{file::read_text, new_file, places::canonical};
 use insula_bake::{
     AbortedJob, BakeError, BakeOptions, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job,
     JobRequest, WorkStore, abort,
 };
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// Longest file with the hash of a job.
+const MAX_HASH_BYTES: u64 = 1024;
 
 /// A step as it is typed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,7 +34,8 @@ pub(super) fn run(args: &BakeArgs, work: &str) -> Result<(), CommandError> {
     match step {
         BakeStep::Begin => begin(args, &*store),
         BakeStep::Abort => {
-            let AbortedJob { objects, uploads } = abort(&*store).map_err(of_step)?;
+            let AbortedJob { objects, uploads, kept } = abort(&*store).map_err(of_step)?;
+            kept.iter().for_each(|name| print(&format!("{work}/{name}: no step wrote it as it is, so it stays\n")));
             uploads
                 .iter()
                 .for_each(|name| print(&format!("{work}/{name}: an upload that was not completed is ended\n")));
@@ -76,11 +81,73 @@ fn begin(args: &BakeArgs, store: &dyn WorkStore) -> Result<(), CommandError> {
         region_leaves: args.region.unwrap_or(DEFAULT_REGION_LEAVES),
         is_update: args.update,
     };
+    check_hash_file(store)?;
     let progress = BakeProgress::start(Path::new(&store.address()));
     let job = BakeSteps::begin(store, &options, &request, &progress);
     progress.clear();
-    print(&format!("{}: {} scans\n", store.address(), job.map_err(of_step)?.scans()));
+    let job = job.map_err(of_step)?;
+    let hash = job.hash().map_err(of_step)?;
+    let kept = hash_file(store).is_some_and(|path| new_file::replace(&path, format!("{hash}\n").as_bytes()).is_ok());
+    print(&format!("{}: {} scans\njob {hash}\n", store.address(), job.scans()));
+    if !kept {
+        eprintln!("note: steps of this job need --job {hash}, or INSULA_JOB");
+    }
     Ok(())
+}
+
+/// The file beside a folder of results that has the hash of its job: who can write results only cannot change it.
+fn hash_file(store: &dyn WorkStore) -> Option<PathBuf> {
+    let folder = canonical(store.folder()?);
+    let mut name = folder.file_name()?.to_owned();
+    name.push(".job");
+    Some(folder.with_file_name(name))
+}
+
+/// Fails if another file has the name of the one with the hash.
+fn check_hash_file(store: &dyn WorkStore) -> Result<(), CommandError> {
+    let foreign = hash_file(store).filter(|path| path.symlink_metadata().is_ok() && read_hash(path).is_none());
+    foreign.map_or(Ok(()), |path| {
+        let reason =
+            "the hash of the job goes into a file of this name, and this is none; move it, or give another --work";
+        Err(CommandError::Usage(format!("{}: {reason}", path.display())))
+    })
+}
+
+fn read_hash(path: &Path) -> Option<String> {
+    let text = read_text(path, MAX_HASH_BYTES).ok()?;
+    let is_hash = |text: &&str| text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+    Some(text.trim()).filter(is_hash).map(str::to_owned)
+}
+
+/// Fails if the job in the store is not the one that was begun, or if it names files of this machine and nothing says that it is. Who can
+/// write to the store could name any file.
+fn check_job(args: &BakeArgs, store: &dyn WorkStore, job: &Job, of_job: &BakeArgs) -> Result<(), CommandError> {
+    let wrong = |what: &str| Err(CommandError::Final(format!("{}/job.json: {what}", store.address())));
+    let known =
+        args.job.clone().filter(|job| !job.is_empty()).or_else(|| hash_file(store).and_then(|path| read_hash(&path)));
+    match known {
+        Some(known) if known.trim() == job.hash().map_err(of_step)? => Ok(()),
+        Some(_) => wrong(
+            "it is not the job that `bake plan` began; begin it again, or give the --job that `bake plan` printed",
+        ),
+        None if names_files(job, of_job) => wrong(
+            "it names files of this machine, and nothing says that `bake plan` did; give the --job that `bake plan` printed",
+        ),
+        None => Ok(()),
+    }
+}
+
+/// Whether a job reads anything but addresses.
+fn names_files(job: &Job, args: &BakeArgs) -> bool {
+    let mut inputs = args.step_inputs.iter().chain(&job.inputs).chain(&args.streets).chain(&args.surroundings);
+    let is_address = |path: &PathBuf| path.to_str().is_some_and(|text| text.contains("://") && !text.starts_with('@'));
+    let is_word = |palette: &&PathBuf| matches!(palette.to_str(), Some("harmonised" | "source"));
+    let has_palette = args.palette.as_ref().is_some_and(|palette| !is_word(&palette));
+    let has_stone = args.stone.as_ref().is_some_and(|stone| stone.ends_with(".json"));
+    // The folder of grids may also be one that this machine's environment names.
+    let has_grids = args.read.grids.is_some() && job.arguments.iter().any(|word| word.starts_with("--grids"));
+    let has_others = !args.texture_root.is_empty() || args.landmarks.is_some() || has_grids;
+    !inputs.all(is_address) || has_palette || has_stone || has_others
 }
 
 /// The options of a job, with the inputs in their place.
@@ -98,6 +165,7 @@ fn in_job(args: &BakeArgs, store: &dyn WorkStore, step: BakeStep) -> Result<(), 
     let ServerCommand::Bake(of_job) = Args::try_parse_from(line).map_err(|_| damaged())?.command else {
         return Err(damaged());
     };
+    check_job(args, store, &job, &of_job)?;
     let mut options = options_of(&of_job)?;
     options.threads = args.threads.map(usize::from).or(options.threads);
     options.memory_bytes = args.memory.or(options.memory_bytes);

@@ -3,7 +3,7 @@
 use super::{
     error::CommandError,
     mesh::{mesh_error, read_model, surface_of, with_spinner},
-    output::{print, refuse_input, write},
+    output::{check_output, print, write},
 };
 use crate::{args::CompareArgs, store::CityStore};
 use insula_bake::{
@@ -11,6 +11,7 @@ use insula_bake::{
     read::{self, ReadOptions},
     surface::{Surface, SurfaceDistance},
 };
+use insula_command_line::output::FileKind;
 use insula_protocol::{MeshTile, Subtree, TileId, TileKind, error::DecodeError, mesh::AttributeKind, mesh_tile};
 use std::path::Path;
 
@@ -20,8 +21,7 @@ const COLOURS: [[f32; 3]; 5] = [[0.1, 0.2, 0.8], [0.1, 0.7, 0.9], [0.2, 0.8, 0.3
 /// Runs `compare`. Fails if an input cannot be read or has no triangles, or the heat map cannot be written.
 pub(super) fn run(args: &CompareArgs) -> Result<(), CommandError> {
     if let Some(heatmap) = &args.heatmap {
-        refuse_input(heatmap, &args.a)?;
-        refuse_input(heatmap, &args.b)?;
+        check_output(heatmap, FileKind::PLY, [&args.a, &args.b], args.overwrite)?;
     }
     let [a, b] = [&args.a, &args.b].map(|path| with_spinner("read", || load(path)));
     let (a, b) = (a?, b?);
@@ -133,6 +133,7 @@ fn heatmap(mut model: TriangleModel, other: &Surface) -> TriangleModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_command_line::output::OverwriteArgs;
 
     #[test]
     fn meshes_cities_and_heat_maps_are_compared_and_written() {
@@ -142,10 +143,23 @@ mod tests {
         std::fs::write(path("a.off"), off(0.0)).unwrap();
         std::fs::write(path("b.off"), off(2.0)).unwrap();
         let heatmap = Some(path("heat.ply"));
-        run(&CompareArgs { a: path("a.off"), b: path("b.off"), samples: 100, heatmap }).unwrap();
+        run(&CompareArgs {
+            a: path("a.off"),
+            b: path("b.off"),
+            samples: 100,
+            heatmap,
+            overwrite: OverwriteArgs::default(),
+        })
+        .unwrap();
         let heat = read_model(&path("heat.ply")).unwrap();
         assert!(heat.layers[0].values.iter().all(|c| (c[0] - 0.85).abs() < 0.01 && c[2] < 0.11), "{:?}", heat.layers);
-        let other = CompareArgs { a: path("none"), b: path("b.off"), samples: 100, heatmap: None };
+        let other = CompareArgs {
+            a: path("none"),
+            b: path("b.off"),
+            samples: 100,
+            heatmap: None,
+            overwrite: OverwriteArgs::default(),
+        };
         assert!(run(&other).is_err());
     }
 }

@@ -5,7 +5,9 @@ use crate::{
     args::{ExportArgs, ExportFormat},
     store::{CityStore, StoredCity, StoredObjects},
 };
+use insula_archive::{file::read_text, new_file::NewFile};
 use insula_bake::read::EarthPlace;
+use insula_command_line::output::{FileKind, Outputs};
 use insula_export::{
     file,
     format::{Format, PlaneDefinition, Projections},
@@ -19,8 +21,7 @@ use insula_protocol::text::{count, human_bytes, printable};
 use roaring::RoaringBitmap;
 use serde_json::Value;
 use std::{
-    fs::{self, File},
-    io::{BufWriter, Write as _},
+    io::{self, BufWriter, Write as _},
     path::Path,
 };
 
@@ -30,6 +31,7 @@ const MAX_TEXT_BYTES: u64 = 16 << 20;
 /// Runs `export`. Fails if the city cannot be read, the selection is invalid or empty, or the output cannot be written.
 pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
+    check_outputs(args, &city)?;
     let objects = StoredObjects::open(&city)?;
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(city.manifest(), objects.schema(), &read);
@@ -39,18 +41,12 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
     let text = match args.format {
         ExportFormat::Glb => {
-            let partial = args.out.with_extension("glb.partial");
-            let file = File::create(&partial).map_err(|error| failed(error.to_string()))?;
-            let mut out = BufWriter::new(file);
-            let report =
-                glb::write_glb(&source, &selection, view.as_ref(), &mut out).map_err(|error| failed(error.to_string()));
-            let report = report.and_then(|report| {
-                out.flush()
-                    .and_then(|()| fs::rename(&partial, &args.out))
-                    .map_err(|error| failed(error.to_string()))?;
-                Ok(report)
-            });
-            let report = report.inspect_err(|_| drop(fs::remove_file(&partial)))?;
+            let cannot_write = |error: io::Error| failed(error.to_string());
+            let new = NewFile::create(&args.out).map_err(cannot_write)?;
+            let mut out = BufWriter::new(new.file().map_err(cannot_write)?);
+            let report = glb::write_glb(&source, &selection, view.as_ref(), &mut out);
+            let report = report.map_err(|error| failed(error.to_string()))?;
+            out.flush().and_then(|()| new.commit()).map_err(cannot_write)?;
             let counts = [count(report.objects, "object"), count(report.triangles, "triangle")];
             format!("{}, {}", counts.join(", "), human_bytes(report.bytes))
         }
@@ -66,6 +62,36 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     };
     print(&format!("wrote {} ({text})\n", args.out.display()));
     Ok(())
+}
+
+/// Fails if the output would overwrite anything but an earlier one.
+fn check_outputs(args: &ExportArgs, city: &CityStore) -> Result<(), CommandError> {
+    let inputs = [Some(&args.city), args.polygon.as_ref(), args.view.as_ref()];
+    let mut outputs = Outputs::new(args.overwrite).reading(inputs.into_iter().flatten());
+    let kind = match args.format {
+        ExportFormat::Glb => FileKind::GLB,
+        ExportFormat::Tiles3d => match Destination::of(&args.out) {
+            Destination::Folder(folder) => {
+                let is_tileset = |folder: &Path| FileKind::TILESET.is_of(&folder.join("tileset.json"));
+                return outputs.folder(folder, None, is_tileset).map_err(CommandError::Usage);
+            }
+            Destination::Archive(_) => FileKind::ZIP,
+            Destination::PmTiles(_) => FileKind::PMTILES,
+        },
+        ExportFormat::Table(Format::Csv) => FileKind::TABLE,
+        ExportFormat::Table(Format::GeoJson) => FileKind::GEOJSON,
+        ExportFormat::Table(Format::GeoParquet) => FileKind::PARQUET,
+        ExportFormat::Table(Format::FlatGeobuf) => FileKind::FLATGEOBUF,
+        ExportFormat::Table(Format::CityJsonSeq) => FileKind::CITYJSON_SEQUENCE,
+        ExportFormat::Table(Format::GeoTiff) => FileKind::TIFF,
+    };
+    outputs.file(&args.out, kind).map_err(CommandError::Usage)?;
+    let ExportFormat::Table(format) = args.format else { return Ok(()) };
+    let Some((beside, text)) = file::sidecar(format, city.manifest(), &args.out) else { return Ok(()) };
+    let is_earlier = read_text(&beside, MAX_TEXT_BYTES).is_ok_and(|found| found == text);
+    // Any text could be an attribution: only the same one is known.
+    let kind = if is_earlier { FileKind::ANY } else { FileKind::Begins("the attribution of the table", &[]) };
+    outputs.file(&beside, kind).map_err(CommandError::Usage)
 }
 
 fn write_table(
@@ -107,18 +133,10 @@ fn view(args: &ExportArgs) -> Result<Option<ExportView>, CommandError> {
         ));
     }
     let wrong = |reason: String| CommandError::Usage(format!("--view {}: {reason}", path.display()));
-    let text = read_small(path).map_err(wrong)?;
+    let text = read_text(path, MAX_TEXT_BYTES).map_err(|error| wrong(error.to_string()))?;
     let camera = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
     let view = ExportView::new(camera, args.size, args.tau);
     view.map(Some).ok_or_else(|| wrong("position and target must differ, and fov_y_deg must be 1 to 170".to_owned()))
-}
-
-/// The text of a file that is small. Fails with the reason if it cannot be read.
-fn read_small(path: &Path) -> Result<String, String> {
-    if fs::metadata(path).map_err(|error| error.to_string())?.len() > MAX_TEXT_BYTES {
-        return Err("larger than 16 MiB".to_owned());
-    }
-    fs::read_to_string(path).map_err(|error| error.to_string())
 }
 
 /// What the arguments select. Fails if an expression or a file is invalid.
@@ -140,7 +158,7 @@ fn passing_objects(text: &str, source: &StoredCity<'_>, city: &Path) -> Result<R
 /// The rings of the first polygon of a GeoJSON file, in the city's coordinate system. Fails if there is none.
 fn read_polygon(path: &Path) -> Result<Vec<Vec<[f64; 2]>>, CommandError> {
     let wrong = |reason: &str| CommandError::Usage(format!("--polygon {}: {reason}", path.display()));
-    let text = read_small(path).map_err(|reason| wrong(&reason))?;
+    let text = read_text(path, MAX_TEXT_BYTES).map_err(|error| wrong(&error.to_string()))?;
     let json: Value = serde_json::from_str(&text).map_err(|error| wrong(&error.to_string()))?;
     let geometry = json.pointer("/features/0/geometry").or_else(|| json.get("geometry")).unwrap_or(&json);
     let rings = match geometry.get("type").and_then(Value::as_str) {

@@ -3,7 +3,7 @@
 use super::{
     error::CommandError,
     map_image,
-    output::{print, print_json, refuse_inside, write},
+    output::{check_output, print, print_json, write},
     stats::{CityStats, LevelStats, MeshLodStats},
 };
 use crate::{
@@ -11,6 +11,7 @@ use crate::{
     store::{CityStore, StoreError},
 };
 use image::ImageFormat;
+use insula_command_line::output::FileKind;
 use insula_protocol::{
     BlockMap, TileId, TileKind,
     manifest::Attribution,
@@ -26,7 +27,7 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
     }
     let city = CityStore::open(&args.city)?;
     if let (Some(tile), Some(png)) = (args.tile, &args.png) {
-        refuse_inside(png, &args.city)?;
+        check_output(png, FileKind::PNG, [&args.city], args.overwrite)?;
         return write_map_image(&city, tile, png);
     }
     let stats = CityStats::collect(&city).map_err(StoreError::from)?;

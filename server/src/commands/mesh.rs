@@ -2,7 +2,7 @@
 
 use super::{
     error::CommandError,
-    output::{print, refuse_input, write},
+    output::{check_output, print, write},
 };
 use crate::args::{CompressArgs, DecompressArgs, SimplifyArgs};
 use indicatif::ProgressBar;
@@ -11,6 +11,7 @@ use insula_bake::{
     simplify::{self, Goal},
     surface::Surface,
 };
+use insula_command_line::output::FileKind;
 use insula_protocol::{
     mesh::{AttributeKind, Mesh, half_edge::RepairReport},
     text::human_bytes,
@@ -31,6 +32,15 @@ pub(super) fn mesh_error(path: &Path, reason: &dyn std::fmt::Display) -> Command
 fn format_of(path: &Path) -> Result<ModelFormat, CommandError> {
     let unknown = || CommandError::Usage(format!("{}: the file name must end in .ply, .off or .obj", path.display()));
     ModelFormat::of(path).ok_or_else(unknown)
+}
+
+/// What a file of a format has.
+fn kind_of(format: ModelFormat) -> FileKind {
+    match format {
+        ModelFormat::Ply => FileKind::PLY,
+        ModelFormat::Off => FileKind::OFF,
+        ModelFormat::Obj => FileKind::OBJ,
+    }
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>, CommandError> {
@@ -88,7 +98,7 @@ fn describe_missing(model: &TriangleModel) -> String {
 
 /// Runs `compress`. Fails if the input is not a mesh or a file cannot be read or written.
 pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
-    refuse_input(&args.output, &args.input)?;
+    check_output(&args.output, FileKind::COMPRESSED_MESH, [&args.input], args.overwrite)?;
     let model = with_spinner("read", || read_model(&args.input))?;
     let start = Instant::now();
     let encoded = with_spinner("compress", || quantise::to_mesh(&model, args.bits, args.texcoord_bits).encode());
@@ -114,7 +124,7 @@ pub(super) fn compress(args: &CompressArgs) -> Result<(), CommandError> {
 /// Runs `decompress`. Fails if the input is damaged or not from `compress`, or a file cannot be read or written.
 pub(super) fn decompress(args: &DecompressArgs) -> Result<(), CommandError> {
     let format = format_of(&args.output)?;
-    refuse_input(&args.output, &args.input)?;
+    check_output(&args.output, kind_of(format), [&args.input], args.overwrite)?;
     let file = read_bytes(&args.input)?;
     let coded = file.strip_prefix(MAGIC).and_then(|rest| rest.split_last_chunk::<4>());
     let (coded, sum) = coded.ok_or_else(|| mesh_error(&args.input, &"not a file of `insula-server compress`"))?;
@@ -139,7 +149,7 @@ pub(super) fn surface_of(path: &Path, model: &TriangleModel) -> Result<Surface, 
 /// read or written.
 pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
     let format = format_of(&args.output)?;
-    refuse_input(&args.output, &args.input)?;
+    check_output(&args.output, kind_of(format), [&args.input], args.overwrite)?;
     let model = with_spinner("read", || read_model(&args.input))?;
     let before = model.triangles.len();
     let start = Instant::now();
@@ -171,6 +181,7 @@ pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_command_line::output::OverwriteArgs;
 
     /// A pyramid with four different sides.
     const OFF: &str =
@@ -181,15 +192,33 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         std::fs::write(path("a.off"), OFF).unwrap();
-        compress(&CompressArgs { input: path("a.off"), output: path("a.insm"), bits: 14, texcoord_bits: 12 }).unwrap();
+        compress(&CompressArgs {
+            input: path("a.off"),
+            output: path("a.insm"),
+            bits: 14,
+            texcoord_bits: 12,
+            overwrite: OverwriteArgs::default(),
+        })
+        .unwrap();
         for name in ["b.ply", "b.obj", "b.off"] {
-            decompress(&DecompressArgs { input: path("a.insm"), output: path(name) }).unwrap();
+            decompress(&DecompressArgs {
+                input: path("a.insm"),
+                output: path(name),
+                overwrite: OverwriteArgs::default(),
+            })
+            .unwrap();
             let read = read_model(&path(name)).unwrap();
             assert_eq!((read.positions.len(), read.triangles.len()), (5, 6));
             let top = read.positions.iter().map(|p| p[2]).fold(0.0, f64::max);
             assert!((top - 7.0).abs() < 0.001, "{name}: {top}");
         }
-        let args = SimplifyArgs { input: path("b.ply"), output: path("c.obj"), ratio: Some(0.7), error: None };
+        let args = SimplifyArgs {
+            input: path("b.ply"),
+            output: path("c.obj"),
+            ratio: Some(0.7),
+            error: None,
+            overwrite: OverwriteArgs::default(),
+        };
         simplify(&args).unwrap();
         assert_eq!(read_model(&path("c.obj")).unwrap().triangles.len(), 4);
     }
@@ -200,21 +229,33 @@ mod tests {
         let path = |name: &str| folder.path().join(name);
         std::fs::write(path("a.off"), OFF).unwrap();
         let to = |input: &str, output: &str| {
-            let args = CompressArgs { input: path(input), output: path(output), bits: 12, texcoord_bits: 12 };
+            let args = CompressArgs {
+                input: path(input),
+                output: path(output),
+                bits: 12,
+                texcoord_bits: 12,
+                overwrite: OverwriteArgs::default(),
+            };
             compress(&args).unwrap_err().to_string()
         };
         assert!(to("none.off", "x").contains("none.off"));
         assert!(to("a.stl", "x").contains(".ply, .off or .obj"));
         std::fs::write(path("bad.off"), "OFF\n3 1 0\n0 0 zero\n").unwrap();
         assert!(to("bad.off", "x").contains("line 3"));
-        let args = CompressArgs { input: path("a.off"), output: path("a.insm"), bits: 12, texcoord_bits: 12 };
+        let args = CompressArgs {
+            input: path("a.off"),
+            output: path("a.insm"),
+            bits: 12,
+            texcoord_bits: 12,
+            overwrite: OverwriteArgs::default(),
+        };
         compress(&args).unwrap();
         let mut file = std::fs::read(path("a.insm")).unwrap();
         file[9] ^= 1;
         std::fs::write(path("a.insm"), file).unwrap();
-        let args = DecompressArgs { input: path("a.insm"), output: path("b.off") };
+        let args = DecompressArgs { input: path("a.insm"), output: path("b.off"), overwrite: OverwriteArgs::default() };
         assert!(decompress(&args).unwrap_err().to_string().contains("checksum"));
-        let args = DecompressArgs { input: path("a.off"), output: path("b.off") };
+        let args = DecompressArgs { input: path("a.off"), output: path("b.off"), overwrite: OverwriteArgs::default() };
         assert!(decompress(&args).unwrap_err().to_string().contains("compress"));
     }
 }

@@ -5,14 +5,10 @@
 //!      assets/HASH/FILE           the viewer; FILE.br and FILE.gz for hosts that send compressed files
 //!      cities/NAME/index.html     page, and beside it the files of the city
 //!      service-worker.js
-//!      insula-site.json           marks the folder: only such a folder is ever replaced
+//!      insula-site.json           marks the folder, and lists its files with their hashes: only what is on the list is ever removed
 //! ```
 
-use super::{
-    error::CommandError,
-    output::{print, refuse_inside},
-    site_folder::{SITE_FILE, SiteFolder},
-};
+use super::{error::CommandError, output::print, site_folder::SiteFolder};
 use crate::{
     args::PublishArgs,
     page::{
@@ -21,7 +17,11 @@ use crate::{
     },
     store::{CityStore, Store},
 };
-use insula_archive::city::{MANIFEST_FILE, SEARCH_FILE};
+use insula_archive::{
+    city::{MANIFEST_FILE, SEARCH_FILE},
+    places::KeptFolder,
+};
+use insula_command_line::output::Outputs;
 use insula_protocol::{
     route::THUMBNAIL_FILE,
     text::{count, human_bytes},
@@ -42,7 +42,9 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
     }
     let store = Store::open(&args.cities)?;
     let cities: Vec<&Arc<CityStore>> = store.cities().collect();
-    cities.iter().filter_map(|city| city.folder()).try_for_each(|folder| refuse_inside(&args.out, folder))?;
+    let mut outputs = Outputs::default().reading(cities.iter().filter_map(|city| city.folder()));
+    // What of a site is replaced, its list of files says.
+    outputs.folder(&args.out, Some(KeptFolder::Site), |_| true).map_err(CommandError::Usage)?;
     let mut site = SiteFolder::create(&args.out)?;
     write_viewer(&mut site, viewer)?;
     for city in &cities {
@@ -58,8 +60,7 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
     site.write("index.html", index.as_bytes())?;
     let names: Vec<_> = cities.iter().map(|city| &city.manifest().name).collect();
     let about = serde_json::json!({ "assets": viewer.hash(), "cities": names });
-    site.write(SITE_FILE, format!("{about:#}\n").as_bytes())?;
-    let (files, bytes) = site.publish()?;
+    let (files, bytes) = site.publish(about)?;
     print(&format!(
         "{}: {}, {}: any web server that answers range requests can serve it\n",
         args.out.display(),

@@ -1,169 +1,288 @@
 //! The folder of a published site: made beside its place, and renamed when it is complete.
+//!
+//! A publish works in the folder `.SITE.publish` beside the site, which it removes at the end. One that was killed leaves it, and the
+//! next one restores or removes what is there:
+//!
+//! ```text
+//! lock     marks the folder, and keeps a second publish out of it
+//! files    a line for each file in `new`, written before the file: its length, hash and path
+//! new/     the site in the making
+//! old/     the site before, while the two change places
+//! ```
 
 use super::error::CommandError;
-use insula_archive::city::SEARCH_FILE;
-use serde::Deserialize;
+use insula_archive::{
+    file::read_limited,
+    owned::{FileComparison, FileMark, OwnedFiles},
+    places::{MAX_SITE_LIST_BYTES, SITE_FILE},
+};
+use serde_json::Value;
 use std::{
     ffi::OsString,
-    fs, io,
+    fs::{self, File},
+    io::{self, Write},
     path::{Path, PathBuf},
 };
 
-/// Marks a published site.
-pub(super) const SITE_FILE: &str = "insula-site.json";
+/// Content of the lock.
+const MARKER: &[u8] = b"Insula keeps unfinished work of `publish` in this folder and removes it.\n";
+const LOCK: &str = "lock";
+const FILES: &str = "files";
+const NEW: &str = "new";
+const OLD: &str = "old";
 
 /// A site in the making. It is removed unless it is published.
 #[derive(Debug)]
 pub(super) struct SiteFolder {
     out: PathBuf,
-    new: PathBuf,
-    files: u64,
-    bytes: u64,
+    /// The folder beside it.
+    work: PathBuf,
+    files: OwnedFiles,
+    journal: File,
+    /// Held until the end.
+    lock: Option<File>,
 }
 
 impl SiteFolder {
-    /// Creates a folder beside `out`. Fails if `out` is anything but an empty folder or a site, which it will replace.
+    /// Creates the folder beside `out`, and ends what an earlier publish left there. Fails if `out` is anything but an empty folder or a
+    /// site with nothing else in it, or if another publish is running.
     pub(super) fn create(out: &Path) -> Result<Self, CommandError> {
-        check_out(out)?;
-        let new = beside(out, "new")?;
-        if let Some(parent) = new.parent() {
-            fs::create_dir_all(parent).map_err(|error| write_error(parent, &error))?;
-        }
+        check_out(out, out, FileComparison::Lengths)?;
+        let work = work_folder(out)?;
+        let lock = claim(&work)?;
+        clear(&work, out)?;
+        let (new, journal) = (work.join(NEW), work.join(FILES));
         fs::create_dir(&new).map_err(|error| write_error(&new, &error))?;
-        Ok(Self { out: out.to_owned(), new, files: 0, bytes: 0 })
+        let journal = File::create_new(&journal).map_err(|error| write_error(&journal, &error))?;
+        Ok(Self { out: out.to_owned(), work, files: OwnedFiles::default(), journal, lock: Some(lock) })
     }
 
     /// Writes a file, given by its path in the site.
-    pub(super) fn write(&mut self, path: &str, bytes: &[u8]) -> Result<(), CommandError> {
-        let path = self.place(path)?;
-        fs::write(&path, bytes).map_err(|error| write_error(&path, &error))?;
-        (self.files, self.bytes) = (self.files + 1, self.bytes + bytes.len() as u64);
-        Ok(())
+    pub(super) fn write(&mut self, name: &str, bytes: &[u8]) -> Result<(), CommandError> {
+        let path = self.place(name, FileMark::of(bytes))?;
+        fs::write(&path, bytes).map_err(|error| write_error(&path, &error))
     }
 
     /// Gives a file a second name in the site, or copies it where that is not possible.
-    pub(super) fn link(&mut self, from: &Path, path: &str) -> Result<(), CommandError> {
-        let path = self.place(path)?;
+    pub(super) fn link(&mut self, from: &Path, name: &str) -> Result<(), CommandError> {
         // A link to a symbolic link would be one, too.
         let from = fs::canonicalize(from).map_err(|error| read_error(from, &error))?;
+        let mark = FileMark::of_file(&from).map_err(|error| read_error(&from, &error))?;
+        let path = self.place(name, mark)?;
         if fs::hard_link(&from, &path).is_err() {
             fs::copy(&from, &path).map_err(|error| write_error(&path, &error))?;
         }
-        let length = fs::metadata(&path).map_err(|error| read_error(&path, &error))?.len();
-        (self.files, self.bytes) = (self.files + 1, self.bytes + length);
         Ok(())
     }
 
-    fn place(&self, path: &str) -> Result<PathBuf, CommandError> {
-        let path = self.new.join(path);
-        let folder = path.parent().unwrap_or(&self.new);
-        fs::create_dir_all(folder).map_err(|error| write_error(folder, &error))?;
+    /// Notes a file, and returns its path.
+    fn place(&mut self, name: &str, mark: FileMark) -> Result<PathBuf, CommandError> {
+        let line = format!("{} {name}\n", mark.to_text());
+        self.journal.write_all(line.as_bytes()).map_err(|error| write_error(&self.work.join(FILES), &error))?;
+        self.files.add(name, mark);
+        let path = self.work.join(NEW).join(name);
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(|error| write_error(folder, &error))?;
+        }
         Ok(path)
     }
 
-    /// Puts the site into its place. Returns the number of its files and their bytes. Fails if the old one cannot be replaced, and then
-    /// restores it.
-    pub(super) fn publish(self) -> Result<(u64, u64), CommandError> {
-        check_out(&self.out)?;
-        let old = beside(&self.out, "old")?;
+    /// Adds the list of files to what the site says `about` itself, and puts the site into its place. Returns the number of its files and
+    /// their bytes. Fails if the old one cannot be replaced, and then restores it.
+    pub(super) fn publish(mut self, mut about: Value) -> Result<(u64, u64), CommandError> {
+        about["files"] = self.files.to_json();
+        self.write(SITE_FILE, format!("{about:#}\n").as_bytes())?;
+        let (new, old) = (self.work.join(NEW), self.work.join(OLD));
         let failed = |error: io::Error| write_error(&self.out, &error);
+        check_out(&self.out, &self.out, FileComparison::Lengths)?;
         let exists = self.out.exists();
         if exists {
             fs::rename(&self.out, &old).map_err(failed)?;
+            // Here nothing is put into it any more: what is not as it was written stays.
+            if let Err(error) = check_out(&old, &self.out, FileComparison::Bytes) {
+                let _ = fs::rename(&old, &self.out);
+                return Err(error);
+            }
         }
-        if let Err(error) = fs::rename(&self.new, &self.out) {
+        if let Err(error) = fs::rename(&new, &self.out) {
             // The first error is the one to report.
             let _ = fs::rename(&old, &self.out);
             return Err(failed(error));
         }
         if exists {
-            fs::remove_dir_all(&old).map_err(|error| write_error(&old, &error))?;
+            remove_site(&old)?;
         }
-        Ok((self.files, self.bytes))
+        Ok((self.files.len() as u64, self.files.bytes()))
     }
 }
 
 impl Drop for SiteFolder {
     fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.new);
+        // What cannot be removed now, the next publish names.
+        let _ = clear(&self.work, &self.out);
+        drop(self.lock.take());
+        let _ = fs::remove_file(self.work.join(LOCK));
+        let _ = fs::remove_dir(&self.work);
     }
 }
 
-/// A hidden name beside a path.
-fn beside(out: &Path, what: &str) -> Result<PathBuf, CommandError> {
+/// The hidden folder beside a site.
+fn work_folder(out: &Path) -> Result<PathBuf, CommandError> {
     let absolute = std::path::absolute(out).map_err(|error| write_error(out, &error))?;
     let Some(name) = absolute.file_name() else { return Err(refuse(out, "it is not the name of a folder")) };
     let mut hidden = OsString::from(".");
     hidden.push(name);
-    hidden.push(format!(".{what}-{}.tmp", std::process::id()));
+    hidden.push(".publish");
     Ok(absolute.with_file_name(hidden))
 }
 
-/// Fails unless `out` does not exist, is an empty folder, or has the marker of a site and nothing that `publish` would not write.
-fn check_out(out: &Path) -> Result<(), CommandError> {
-    let kind = match fs::symlink_metadata(out) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-        found => found.map_err(|error| read_error(out, &error))?.file_type(),
-    };
-    if !kind.is_dir() {
-        return Err(refuse(out, "a file or link with this name exists"));
+/// Creates the work folder, or checks that an earlier publish did, and locks it. Fails if it has anything else in it.
+fn claim(work: &Path) -> Result<File, CommandError> {
+    const FOREIGN: &str = "is not unfinished work of `publish`, which needs the folder that it is in; move it away";
+    let failed = |error: io::Error| write_error(work, &error);
+    match kind_of(work)? {
+        None => fs::create_dir_all(work).map_err(failed)?,
+        Some(kind) if !kind.is_dir() => return Err(refuse(work, FOREIGN)),
+        Some(_) => {}
     }
-    let is_empty = fs::read_dir(out).map_err(|error| read_error(out, &error))?.next().is_none();
-    if is_empty {
+    let lock = work.join(LOCK);
+    let text = fs::symlink_metadata(&lock).is_ok_and(|found| found.is_file()).then(|| read_limited(&lock, 4096));
+    // A publish that was killed before it wrote the marker left an empty folder, or an empty lock.
+    let is_marked = text.as_ref().is_some_and(|text| text.as_ref().is_ok_and(|text| text == MARKER));
+    let is_begun = text.is_some_and(|text| text.is_ok_and(|text| text.is_empty()));
+    for entry in fs::read_dir(work).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let name = entry.file_name();
+        let is_own = |own: &str| name.to_str() == Some(own);
+        let is_known =
+            is_own(LOCK) && (is_marked || is_begun) || is_marked && [FILES, NEW, OLD].into_iter().any(is_own);
+        if !is_known {
+            return Err(refuse(&entry.path(), FOREIGN));
+        }
+    }
+    let opened = File::options().write(true).create(true).truncate(false).open(&lock);
+    let mut file = opened.map_err(|error| write_error(&lock, &error))?;
+    if let Err(fs::TryLockError::WouldBlock) = file.try_lock() {
+        return Err(refuse(work, "another `publish` is writing this site; wait until it has finished"));
+    }
+    if !is_marked {
+        file.write_all(MARKER).map_err(|error| write_error(&lock, &error))?;
+    }
+    Ok(file)
+}
+
+/// Ends what a publish left in its work folder: the site before gets its place again if that is free. Fails if there are files that no
+/// publish wrote, which stay.
+fn clear(work: &Path, out: &Path) -> Result<(), CommandError> {
+    let (new, old, journal) = (work.join(NEW), work.join(OLD), work.join(FILES));
+    if kind_of(&old)?.is_some() {
+        if kind_of(out)?.is_none() {
+            fs::rename(&old, out).map_err(|error| write_error(out, &error))?;
+        } else {
+            check_out(&old, &old, FileComparison::Bytes)?;
+            remove_site(&old)?;
+        }
+    }
+    if kind_of(&new)?.is_some() {
+        let list = read_journal(&journal)?;
+        let failed = |error: io::Error| write_error(&new, &error);
+        let kept = list.remove(&new).map_err(failed)?;
+        for path in kept {
+            let name = path.strip_prefix(&new).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+            let is_cut = |mark: FileMark| {
+                fs::symlink_metadata(&path).is_ok_and(|found| found.is_file() && found.len() < mark.bytes)
+            };
+            if !list.get(&name).is_some_and(is_cut) {
+                return Err(refuse(&path, "`publish` did not write it; move it away"));
+            }
+            // It was being written.
+            fs::remove_file(&path).map_err(failed)?;
+        }
+        if kind_of(&new)?.is_some() {
+            list.remove(&new).map_err(failed)?;
+        }
+    }
+    match fs::remove_file(&journal) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(write_error(&journal, &error)),
+        _ => Ok(()),
+    }
+}
+
+/// The files that a publish has begun to write. A last line that is cut short is of none.
+fn read_journal(path: &Path) -> Result<OwnedFiles, CommandError> {
+    let mut list = OwnedFiles::default();
+    let bytes = match read_limited(path, MAX_SITE_LIST_BYTES) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(list),
+        read => read.map_err(|error| read_error(path, &error))?,
+    };
+    for line in String::from_utf8_lossy(&bytes).split_inclusive('\n').filter_map(|line| line.strip_suffix('\n')) {
+        let parts = line.match_indices(' ').nth(1).map(|(at, _)| line.split_at(at));
+        let file = parts.and_then(|(mark, name)| Some((name.get(1..)?, FileMark::parse(mark)?)));
+        let (name, mark) = file.ok_or_else(|| refuse(path, "it is damaged; move the folder away"))?;
+        list.add(name, mark);
+    }
+    Ok(list)
+}
+
+/// Fails unless `folder` does not exist, is an empty folder, or has the marker of a site and its files alone. Errors name the files as
+/// if they were in `shown`.
+fn check_out(folder: &Path, shown: &Path, comparison: FileComparison) -> Result<(), CommandError> {
+    let failed = |error: io::Error| read_error(shown, &error);
+    match kind_of(folder)? {
+        None => return Ok(()),
+        Some(kind) if !kind.is_dir() => return Err(refuse(shown, "a file or link with this name exists")),
+        Some(_) => {}
+    }
+    if fs::read_dir(folder).map_err(failed)?.next().is_none() {
         return Ok(());
     }
-    if !has_marker(out) {
-        return Err(refuse(out, "it is not empty and not a published site; give another --out"));
-    }
-    match unknown_entry(out, 0).map_err(|error| read_error(out, &error))? {
-        Some(unknown) => Err(refuse(&unknown, "`publish` did not write it and would remove it")),
-        None => Ok(()),
-    }
+    let files = site_files(folder, shown)?;
+    let foreign = files.foreign(folder, SITE_FILE, comparison).map_err(failed)?;
+    let Some(first) = foreign.first() else { return Ok(()) };
+    let first = shown.join(first.strip_prefix(folder).unwrap_or(first));
+    let more = if foreign.len() > 1 { format!(" (and {} more)", foreign.len() - 1) } else { String::new() };
+    let reason =
+        format!("`publish` did not write it as it is{more}, and would remove it; move it away, or give another --out");
+    Err(refuse(&first, &reason))
 }
 
-fn has_marker(folder: &Path) -> bool {
-    /// Members that other JSON does not have.
-    #[derive(Deserialize)]
-    #[expect(dead_code, reason = "only their presence and types matter")]
-    struct SiteMembers {
-        assets: String,
-        cities: Vec<String>,
-    }
-    fs::read(folder.join(SITE_FILE)).is_ok_and(|json| serde_json::from_slice::<SiteMembers>(&json).is_ok())
+/// The list in the marker of a site.
+fn site_files(folder: &Path, shown: &Path) -> Result<OwnedFiles, CommandError> {
+    let text = read_limited(&folder.join(SITE_FILE), MAX_SITE_LIST_BYTES);
+    let about = text.ok().and_then(|text| serde_json::from_slice::<Value>(&text).ok());
+    let is_site = |about: &Value| about["assets"].is_string() && about["cities"].is_array();
+    let Some(about) = about.filter(is_site) else {
+        return Err(refuse(shown, "it is not empty and not a published site; give another --out"));
+    };
+    OwnedFiles::from_json(&about["files"]).ok_or_else(|| {
+        let reason = "its list of files is missing or damaged, so that they cannot be told from others; give another --out, or remove it";
+        refuse(&shown.join(SITE_FILE), reason)
+    })
 }
 
-/// The first entry that no site has, without following links. `depth` is the number of folders above `folder` in the site.
-fn unknown_entry(folder: &Path, depth: usize) -> io::Result<Option<PathBuf>> {
-    let mut entries: Vec<_> = fs::read_dir(folder)?.collect::<io::Result<_>>()?;
-    entries.sort_by_key(fs::DirEntry::file_name);
-    for entry in entries {
-        let (kind, name) = (entry.file_type()?, entry.file_name());
-        let name = name.to_string_lossy();
-        let is_known = match depth {
-            0 if kind.is_dir() => matches!(&*name, "assets" | "cities"),
-            0 => kind.is_file() && matches!(&*name, "index.html" | "service-worker.js" | SITE_FILE),
-            1 => kind.is_dir(),
-            _ => kind.is_file() && is_site_file(&name),
-        };
-        if !is_known {
-            return Ok(Some(entry.path()));
+/// Removes a site that [`check_out`] accepts.
+fn remove_site(folder: &Path) -> Result<(), CommandError> {
+    let failed = |error: io::Error| write_error(folder, &error);
+    if fs::read_dir(folder).map_err(failed)?.next().is_some() {
+        let kept = site_files(folder, folder)?.remove(folder).map_err(failed)?;
+        if let Some(path) = kept.iter().find(|path| **path != folder.join(SITE_FILE)) {
+            return Err(refuse(path, "`publish` did not write it, so it stays; move it away"));
         }
-        if kind.is_dir()
-            && let Some(unknown) = unknown_entry(&entry.path(), depth + 1)?
-        {
-            return Ok(Some(unknown));
-        }
+        fs::remove_file(folder.join(SITE_FILE)).map_err(failed)?;
     }
-    Ok(None)
+    match fs::remove_dir(folder) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(failed(error)),
+        _ => Ok(()),
+    }
 }
 
-/// Whether a file of this kind may lie among assets or a city's files.
-fn is_site_file(name: &str) -> bool {
-    const SUFFIXES: [&str; 11] =
-        ["js", "wasm", "css", "json", "webmanifest", "html", "svg", "png", "woff2", "br", "gz"];
-    name == SEARCH_FILE
-        || name.ends_with(".pmtiles")
-        || name.rsplit_once('.').is_some_and(|(_, suffix)| SUFFIXES.contains(&suffix))
+/// Kind of what has this path, without following a link; `None` if nothing has.
+fn kind_of(path: &Path) -> Result<Option<fs::FileType>, CommandError> {
+    match fs::symlink_metadata(path) {
+        Ok(found) => Ok(Some(found.file_type())),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(read_error(path, &error)),
+    }
 }
 
 fn refuse(path: &Path, reason: &str) -> CommandError {

@@ -43,6 +43,7 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
         nodata: args.read.nodata,
         duplicates: duplicates(&args.read),
         addresses: Some(&Addresses),
+        follow_links: args.read.follow_links,
         skip_bad_inputs: true,
         ..ReadOptions::default()
     };

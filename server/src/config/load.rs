@@ -4,6 +4,7 @@ use super::{
     keys::{self, RawValue, SETTINGS},
     settings::ServeConfig,
 };
+use insula_archive::file::read_text;
 use std::{fmt::Write, path::Path};
 use toml::de::{DeTable, DeValue};
 
@@ -42,7 +43,7 @@ impl ServeConfig {
         let mut config = Self::default();
         if let Some(path) = file {
             let name = path.display().to_string();
-            let text = read(path).map_err(|reason| ConfigError::new(&name, reason))?;
+            let text = read_text(path, MAX_FILE_BYTES).map_err(|error| ConfigError::new(&name, error.to_string()))?;
             config.apply_file(&name, &text)?;
         }
         config.apply_environment(environment)?;
@@ -125,14 +126,6 @@ fn raw_value(value: &DeValue<'_>) -> RawValue {
             .map_or(RawValue::Other, RawValue::List),
         _ => RawValue::Other,
     }
-}
-
-fn read(path: &Path) -> Result<String, String> {
-    let metadata = std::fs::metadata(path).map_err(|error| error.to_string())?;
-    if metadata.len() > MAX_FILE_BYTES {
-        return Err(format!("the file is larger than {MAX_FILE_BYTES} bytes"));
-    }
-    std::fs::read_to_string(path).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

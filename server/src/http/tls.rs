@@ -2,6 +2,7 @@
 
 use crate::config::TlsConfig;
 use arc_swap::ArcSwap;
+use insula_archive::file::read_limited;
 use std::{io, path::Path, sync::Arc};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio_rustls::{
@@ -13,6 +14,9 @@ use tokio_rustls::{
     },
     server::TlsStream,
 };
+
+/// Larger certificates and keys are refused.
+const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// The current certificate and key. Open connections keep those that they started with.
 #[derive(Debug)]
@@ -43,10 +47,15 @@ fn rustls_config(config: &TlsConfig) -> io::Result<Option<ServerConfig>> {
     let invalid = |path: &Path, reason: String| {
         io::Error::new(io::ErrorKind::InvalidData, format!("{}: {reason}", path.display()))
     };
-    let chain: Result<Vec<_>, _> = CertificateDer::pem_file_iter(certificate).and_then(Iterator::collect);
+    let read = |path: &Path| {
+        let named = |error: io::Error| io::Error::new(error.kind(), format!("{}: {error}", path.display()));
+        read_limited(path, MAX_FILE_BYTES).map_err(named)
+    };
+    let (certificates, key_text) = (read(certificate)?, read(key)?);
+    let chain: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(&certificates).collect();
     let chain = chain.map_err(|error| invalid(certificate, error.to_string()))?;
     // rustls does not quote the key in this error.
-    let private_key = PrivateKeyDer::from_pem_file(key).map_err(|error| invalid(key, error.to_string()))?;
+    let private_key = PrivateKeyDer::from_pem_slice(&key_text).map_err(|error| invalid(key, error.to_string()))?;
     let provider = Arc::new(ring::default_provider());
     let mut rustls = ServerConfig::builder_with_provider(provider)
         .with_safe_default_protocol_versions()

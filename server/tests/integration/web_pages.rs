@@ -434,7 +434,13 @@ fn only_sites_are_replaced() {
     small_city::write_city(&city, "two");
     fs::create_dir(&site).unwrap();
     publish(&[&city], &site).unwrap();
-    for foreign in ["letters.txt", "assets/letters.txt", "cities/two/letters.txt", "cities/two/more/index.html"] {
+    for foreign in [
+        "letters.txt",
+        "assets/letters.txt",
+        "assets/mine/holiday.png",
+        "cities/two/impressum.html",
+        "cities/two/more/index.html",
+    ] {
         let path = site.join(foreign);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(&path, "dear").unwrap();
@@ -442,15 +448,30 @@ fn only_sites_are_replaced() {
         assert!(error.contains("would remove it"), "{error}");
         assert_eq!(fs::read_to_string(&path).unwrap(), "dear");
         fs::remove_file(&path).unwrap();
-        let _ = fs::remove_dir(site.join("cities/two/more"));
+        for folder in ["cities/two/more", "assets/mine"] {
+            let _ = fs::remove_dir(site.join(folder));
+        }
     }
+    // A page that somebody has changed is no longer the one that was written.
+    let page = fs::read_to_string(site.join("cities/two/index.html")).unwrap();
+    for changed in [page.clone() + "<!-- mine -->", page.replacen("html", "HTML", 1)] {
+        fs::write(site.join("cities/two/index.html"), &changed).unwrap();
+        assert!(publish(&[&city], &site).unwrap_err().contains("would remove it"));
+        assert_eq!(fs::read_to_string(site.join("cities/two/index.html")).unwrap(), changed);
+    }
+    fs::write(site.join("cities/two/index.html"), page).unwrap();
+    assert!(publish(&[&site.join("cities/two")], &site).unwrap_err().contains("contains, the input"));
     publish(&[&city], &site).unwrap();
-    fs::remove_file(site.join("insula-site.json")).unwrap();
+    // The marker of a site of an earlier version has no list.
+    let marker = site.join("insula-site.json");
+    fs::write(&marker, r#"{"assets": "1", "cities": ["two"]}"#).unwrap();
+    assert!(publish(&[&city], &site).unwrap_err().contains("list of files"));
+    fs::remove_file(marker).unwrap();
     assert!(publish(&[&city], &site).unwrap_err().contains("not a published site"));
     let file = folder.path().join("file");
     fs::write(&file, "dear").unwrap();
     assert!(publish(&[&city], &file).unwrap_err().contains("a file or link"));
-    assert!(publish(&[&city], &city.join("site")).unwrap_err().contains("the city's folder"));
+    assert!(publish(&[&city], &city.join("site")).unwrap_err().contains("lies in a baked city"));
     assert!(publish(&[Path::new("https://h/city")], &site).unwrap_err().contains("download"));
     assert!(publish(&[&folder.path().join("none")], &folder.path().join("new")).is_err());
     assert!(!folder.path().join("new").exists());
@@ -462,4 +483,44 @@ fn only_sites_are_replaced() {
             .unwrap()
             .starts_with('.'))
     );
+}
+
+/// A folder as a publish that was killed leaves it: the old site moved away, the new one begun.
+#[test]
+fn a_publish_that_was_killed_is_ended_by_the_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let (city, site, work) =
+        (folder.path().join("two"), folder.path().join("site"), folder.path().join(".site.publish"));
+    small_city::write_city(&city, "two");
+    let marker = "Insula keeps unfinished work of `publish` in this folder and removes it.\n";
+    let killed = || {
+        fs::create_dir_all(work.join("new/assets")).unwrap();
+        fs::write(work.join("lock"), marker).unwrap();
+        let hash = "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262";
+        fs::write(work.join("files"), format!("9 {hash} assets/app.js\n0 {hash} empty\n9 {hash} cut")).unwrap();
+        fs::write(work.join("new/assets/app.js"), "half").unwrap();
+        fs::write(work.join("new/empty"), "").unwrap();
+    };
+    publish(&[&city], &site).unwrap();
+    let before = tree(&site, &site);
+    for is_moved in [false, true] {
+        killed();
+        if is_moved {
+            fs::rename(&site, work.join("old")).unwrap();
+        }
+        publish(&[&city], &site).unwrap();
+        assert_eq!(tree(&site, &site), before);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "nothing stays beside it");
+    }
+    // What is not unfinished work stays.
+    killed();
+    fs::write(work.join("new/letters.txt"), "dear").unwrap();
+    assert!(publish(&[&city], &site).unwrap_err().contains("letters.txt"));
+    assert_eq!(fs::read_to_string(work.join("new/letters.txt")).unwrap(), "dear");
+    fs::remove_file(work.join("lock")).unwrap();
+    assert!(publish(&[&city], &site).unwrap_err().contains("not unfinished work"));
+    fs::remove_dir_all(&work).unwrap();
+    fs::write(&work, "dear").unwrap();
+    assert!(publish(&[&city], &site).is_err());
+    assert_eq!(fs::read_to_string(&work).unwrap(), "dear");
 }

@@ -32,6 +32,16 @@ pub enum BakeError {
     /// The city cannot be written to the requested folder.
     #[error("{path}: {what}; choose another --out, or move it away")]
     Out { path: PathBuf, what: &'static str },
+    /// A folder that the bake replaces or clears has something that it reads.
+    #[error(
+        "{place}: the bake would remove its input {input}, which is or lies in it; choose another {option}, or move the input"
+    )]
+    Inside {
+        input: PathBuf,
+        place: PathBuf,
+        /// The option that names the folder.
+        option: &'static str,
+    },
     /// A second bake of the same city is running.
     #[error("{path}: another bake is writing to this folder; wait until it has finished, or choose another --out")]
     Busy {
@@ -114,6 +124,9 @@ pub enum BakeError {
     /// The work store does not answer.
     #[error("{work}/{name}: {cause}; check that it is reachable and writable, and try again")]
     Work { work: String, name: String, cause: io::Error },
+    /// The work store has an object where a step writes one, and no step wrote it.
+    #[error("{work}/{what}")]
+    Foreign { work: String, what: String },
     /// A step needs the result of an earlier one.
     #[error("{work}/{name}: not there yet; run the earlier steps first")]
     StepMissing { work: String, name: String },
@@ -137,6 +150,14 @@ impl BakeError {
             Self::DiskFull { path, cause, is_kept: false }
         } else {
             Self::Io { path, action, cause }
+        }
+    }
+
+    /// An error of a work store.
+    pub(crate) fn work(work: String, name: &str, cause: io::Error) -> Self {
+        match cause.kind() {
+            io::ErrorKind::AlreadyExists => Self::Foreign { work, what: cause.to_string() },
+            _ => Self::Work { work, name: name.to_owned(), cause },
         }
     }
 

@@ -17,12 +17,14 @@ mod work_queue;
 
 use std::cell::Cell;
 
+use insula_archive::places::KeptFolder;
 use rayon::ThreadPool;
 
 use crate::{
     config::{BakeConfig, BakeOptions},
     error::BakeError,
     ground::{self, GroundOption, GroundReport},
+    kept_work::scratch_folder,
     progress::Progress,
     read::{self, BadInput, FarModels, ReadProgress, ReadReport, ScratchOptions},
     report::{BakeReport, MeshReport, ReportInput, ResumeStatus, StageClock},
@@ -39,15 +41,15 @@ use crate::{
     write::{
         city::{self, CityInput, SceneFacts, WrittenCity},
         objects::NumberedRecords,
-        ownership::check_inputs,
+        ownership::{check_inputs, check_place},
         scratch_folder::{InputHashes, ScratchFolder},
         tile_bytes::PackedTiles,
     },
 };
 pub use generated::{GeneratedCity, bake_generated};
 pub use steps::{
-    AbortedJob, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, PartPiece,
-    StageStatus, WorkFolder, WorkStore, abort,
+    AbortedJob, BakeStage, BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest, StageStatus,
+    WorkFolder, WorkStore, abort,
 };
 
 use context::{FinishedTiles, TileContext};
@@ -60,7 +62,8 @@ use update::PreviousCity;
 /// finished work stays in `CITY.partial`, where a bake with `options.resume` continues.
 pub fn bake(options: &BakeOptions, progress: &dyn Progress) -> Result<BakeReport, BakeError> {
     let config = BakeConfig::new(options)?;
-    check_inputs(&config.out, &options.inputs)?;
+    check_place(&config.out, "--out", KeptFolder::City)?;
+    check_inputs(&[config.out.clone(), scratch_folder(&config.out)], "--out", options)?;
     let bake = || {
         let mut run = BakeRun::new(&config, progress)?;
         let (city, surroundings, read) = run.read(options)?;

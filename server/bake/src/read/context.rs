@@ -58,6 +58,8 @@ pub struct ReadOptions {
     pub palette: Palette,
     /// Folders from which textures and material libraries may be read besides the source's own.
     pub texture_roots: Vec<PathBuf>,
+    /// Whether links in folders of inputs, and among the matches of patterns, are followed that lead out of them.
+    pub follow_links: bool,
     /// Side of a leaf's column in metres: an object with too much surface for it is left out.
     pub cell_m: f64,
     /// What walls without a texture get.
@@ -123,6 +125,7 @@ impl Default for ReadOptions {
             max_line_bytes: 256 << 20,
             palette: Palette::default(),
             texture_roots: Vec::new(),
+            follow_links: false,
             cell_m: 1.0,
             facades: FacadeOption::default(),
             skip_bad_inputs: false,

@@ -2,8 +2,10 @@
 
 use std::collections::{BTreeMap, HashSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::rc::Rc;
+
+use insula_archive::places::canonical;
 
 use super::address_reader::AddressReader;
 use super::archive::{ZipFiles, is_archive};
@@ -76,6 +78,18 @@ pub(super) fn list_mesh(
     Ok(lister.list)
 }
 
+/// The paths that an input names on this machine, a list itself among them. A pattern or a list that cannot be read stands for itself.
+pub(crate) fn named_paths(input: &Path) -> Vec<PathBuf> {
+    let list = input.to_str().and_then(|text| text.strip_prefix('@')).map(PathBuf::from);
+    list.into_iter().chain(expand(input).unwrap_or_else(|_| vec![input.to_owned()])).collect()
+}
+
+/// The folder in which a pattern searches: what comes before its first word with a wildcard.
+fn pattern_folder(pattern: &str) -> PathBuf {
+    let has_wildcard = |component: &Component<'_>| component.as_os_str().to_string_lossy().contains(['*', '?', '[']);
+    Path::new(pattern).components().take_while(|component| !has_wildcard(component)).collect()
+}
+
 /// The paths that an input stands for: the lines of a list, the matches of a pattern, else itself.
 fn expand(input: &Path) -> Result<Vec<PathBuf>, InputError> {
     let label = input.display().to_string();
@@ -104,6 +118,7 @@ fn read_list(path: &Path) -> Result<Vec<PathBuf>, InputError> {
 
 struct Lister {
     roots: Rc<FileRoots>,
+    follow_links: bool,
     addresses: Option<&'static dyn AddressReader>,
     seen: HashSet<PathBuf>,
     list: SourceList<'static>,
@@ -118,15 +133,22 @@ impl Lister {
         });
         let list = SourceList { sources: Vec::new(), unread: Vec::new() };
         let roots = Rc::new(FileRoots::new(roots.collect::<Result<_, _>>()?));
-        Ok(Self { roots, addresses: options.addresses, seen: HashSet::new(), list })
+        let follow_links = options.follow_links;
+        Ok(Self { roots, follow_links, addresses: options.addresses, seen: HashSet::new(), list })
     }
 
     /// Adds the sources of all that the inputs stand for. Fails if one has none, unless `bad` skips it.
     fn add_inputs(&mut self, inputs: &[PathBuf], bad: &mut BadInputs) -> Result<(), InputError> {
         for input in inputs {
             let expanded = expand(input);
+            let text = input.to_string_lossy();
+            let is_pattern = !text.starts_with('@') && !remote::is_address(&text) && !input.exists();
+            let folder = is_pattern.then(|| pattern_folder(&text));
             for path in bad.skip(&input.display().to_string(), expanded)?.unwrap_or_default() {
                 let label = path.display().to_string();
+                if folder.as_ref().is_some_and(|folder| self.is_refused_link(folder, &path)) {
+                    continue;
+                }
                 let added = match remote::is_address(&label) {
                     true => self.add_address(&label),
                     false => self.add(&path, bad),
@@ -185,6 +207,12 @@ impl Lister {
         }
         let mut paths = BTreeMap::new();
         walk(path, "", 0, &mut paths)?;
+        let all = paths.len();
+        paths.retain(|_, file| !self.is_refused_link(path, file));
+        if paths.is_empty() && all > 0 {
+            let what = "all its files are links that lead out of it: give --follow-links to read them";
+            return Err(InputError::unsupported(&label, what));
+        }
         let archives: Vec<PathBuf> =
             paths.iter().filter(|(name, _)| is_archive(name)).map(|(_, path)| path.clone()).collect();
         let selection = select(paths.keys().cloned().collect());
@@ -255,6 +283,21 @@ impl Lister {
         let files = FolderFiles::of_file(folder, name.clone(), path.to_owned(), Rc::clone(&self.roots));
         self.list.sources.push(source_of(files, name, label, false)?);
         Ok(())
+    }
+
+    /// Whether a file in a folder is a link that leads out of it and is not followed, which is noted then.
+    fn is_refused_link(&mut self, folder: &Path, file: &Path) -> bool {
+        if self.follow_links || !file.is_symlink() {
+            return false;
+        }
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        let leads_out = !canonical(file).starts_with(canonical(folder));
+        if leads_out {
+            let line =
+                format!("{}: a link that leads out of the folder: not read; --follow-links reads it", file.display());
+            self.list.unread.push(line);
+        }
+        leads_out
     }
 
     fn is_new(&mut self, path: &Path) -> bool {
@@ -443,6 +486,33 @@ mod tests {
         }
         let options = ReadOptions { texture_roots: vec![path("none")], ..ReadOptions::default() };
         assert!(list(&[path("in/a.obj")], &options, &mut BadInputs::new(true)).is_err());
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn links_are_followed_inside_of_the_folder_only() {
+        use std::os::unix::fs::symlink;
+        let folder = insula_test_support::folder::TestFolder::new("input-links");
+        let path = |name: &str| folder.path.join(name);
+        fs::create_dir_all(path("in")).unwrap();
+        fs::create_dir_all(path("private")).unwrap();
+        for name in ["in/a.obj", "private/secret.obj"] {
+            fs::write(path(name), name).unwrap();
+        }
+        symlink(path("private/secret.obj"), path("in/out.obj")).unwrap();
+        symlink(path("in/a.obj"), path("in/inside.obj")).unwrap();
+        for (input, follow_links) in [("in", false), ("in", true), ("in/*.obj", false), ("in/*.obj", true)] {
+            let options = ReadOptions { follow_links, ..ReadOptions::default() };
+            let listed = list(&[path(input)], &options, &mut BadInputs::new(false)).unwrap();
+            let is_read = listed.sources.iter().any(|source| source.label.ends_with("out.obj"));
+            assert_eq!((is_read, listed.sources.len()), (follow_links, 1 + usize::from(follow_links)), "{input}");
+            assert_eq!(listed.unread.iter().any(|line| line.contains("out.obj: a link")), !follow_links, "{input}");
+        }
+        // Who names a link means its file.
+        assert_eq!(
+            list(&[path("in/out.obj")], &ReadOptions::default(), &mut BadInputs::new(false)).unwrap().sources.len(),
+            1
+        );
     }
 
     #[test]

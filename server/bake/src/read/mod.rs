@@ -79,6 +79,7 @@ pub(crate) use elevation::{ALIGNED_LEAVES, FarModels, LandFacts, LandSquare};
 pub use elevation::{SurroundingsOptions, TerrainOptions};
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use landmark::cell_of_monument;
+pub(crate) use list::named_paths;
 pub use object::{FeatureKind, KindFilter};
 pub use palette::{Palette, PaletteMode};
 pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};

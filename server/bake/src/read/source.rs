@@ -1,10 +1,11 @@
 //! A city file: its name, its kind, its bytes and its lines.
 
 use std::cell::Cell;
-use std::fs::File;
 use std::io::{self, BufRead, Read};
 use std::path::Path;
 use std::rc::Rc;
+
+use insula_archive::file::open_regular;
 
 use super::input::{Input, Share, SourceFiles};
 use super::packed::{unpacked, unpacked_name};
@@ -140,7 +141,7 @@ pub(crate) fn read_all(source: &CitySource<'_>, limit: u64) -> Result<Vec<u8>, I
 pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, InputError> {
     let label = path.display().to_string();
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(|cause| InputError::io(&label, cause))?;
+    let file = open_regular(path).map_err(|cause| InputError::io(&label, cause))?;
     file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(|cause| InputError::io(&label, cause))?;
     if bytes.len() as u64 > limit {
         return Err(InputError::TooLarge { path: label, what: "its size in bytes".to_owned(), limit });

@@ -11,7 +11,7 @@ use std::{
 use super::files::write_synced;
 use crate::{error::BakeError, hash::ShortHash};
 
-const MAGIC: [u8; 4] = *b"INSF";
+pub(super) const MAGIC: [u8; 4] = *b"INSF";
 const HEAD_BYTES: usize = 24;
 const ENTRY_BYTES: usize = 24;
 const HASH_BYTES: usize = blake3::OUT_LEN;

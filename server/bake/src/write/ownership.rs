@@ -9,22 +9,20 @@ use std::{
 };
 
 use insula_archive::{
-    city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE},
-    file::open_regular,
+    city::{MANIFEST_FILE, SEARCH_FILE},
+    file::{open_regular, read_limited},
+    places::{KeptFolder, SCRATCH_FILE as MARKER_FILE, canonical, has_manifest, kept_folder, kept_folder_above},
 };
 use insula_protocol::TileKind;
-use serde::Deserialize;
 
 use super::{
     files::{remove_file, remove_folder},
     fingerprints, thumbnail,
 };
-use crate::error::BakeError;
+use crate::{config::BakeOptions, error::BakeError};
 
 /// Content of [`MARKER_FILE`].
 const MARKER: &[u8] = b"Insula keeps unfinished work of `bake` in this folder and removes it without asking.\n";
-/// Marks a scratch folder.
-const MARKER_FILE: &str = "insula-bake-scratch";
 
 /// What is allowed in a folder.
 type Rule = fn(&str, fs::FileType) -> bool;
@@ -111,6 +109,14 @@ pub(super) fn check_out(out: &Path) -> Result<(), BakeError> {
     if let Some(unknown) = unknown_entry(out, in_published_city)? {
         return Err(refuse(&unknown, "is not a file of a city, and the bake would remove it"));
     }
+    for entry in fs::read_dir(out).map_err(|cause| BakeError::io(out, "read", cause))?.flatten() {
+        if !begins_as_named(&entry.path()) {
+            return Err(refuse(
+                &entry.path(),
+                "has the name of a city's file and another content, and the bake would remove it",
+            ));
+        }
+    }
     let is_empty = fs::read_dir(out).map_err(|cause| BakeError::io(out, "read", cause))?.next().is_none();
     if is_empty || has_manifest(out) {
         return Ok(());
@@ -118,25 +124,29 @@ pub(super) fn check_out(out: &Path) -> Result<(), BakeError> {
     Err(refuse(&out.join(MANIFEST_FILE), "is not the manifest of a city, so the folder is not replaced"))
 }
 
-/// Whether a folder has the manifest of a city, also of another version of the program, which may not be able to open it.
-fn has_manifest(folder: &Path) -> bool {
-    /// Members that every manifest has had, and that no other JSON has together.
-    #[derive(Deserialize)]
-    #[expect(dead_code, reason = "only their presence and types matter")]
-    struct ManifestMembers {
-        format_version: u32,
-        version: String,
-        root_side_m: f64,
-        tile_version: u16,
-        settings: String,
-    }
-    let file = open_regular(&folder.join(MANIFEST_FILE)).map(|file| file.take(MAX_MANIFEST_BYTES as u64));
-    file.is_ok_and(|file| serde_json::from_reader::<_, ManifestMembers>(io::BufReader::new(file)).is_ok())
+/// Whether a city's file begins as those of its name do, as far as it reaches: a copy may be cut short.
+fn begins_as_named(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let first: &[u8] = match name {
+        fingerprints::FILE_NAME => &fingerprints::MAGIC,
+        thumbnail::FILE_NAME => b"\x89PNG",
+        SEARCH_FILE => b"INSX",
+        _ if name.ends_with(".pmtiles") => b"PMTiles",
+        // The manifest is read whole.
+        _ => b"",
+    };
+    let mut head = Vec::new();
+    let read = open_regular(path).and_then(|file| file.take(first.len() as u64).read_to_end(&mut head));
+    read.is_ok() && first.starts_with(&head)
 }
 
 /// Removes a city that [`check_out`] accepts. Fails, and keeps the folder, if it contains anything else.
 pub(super) fn remove_city(folder: &Path) -> Result<(), BakeError> {
     check_out(folder)?;
+    remove_city_files(folder)
+}
+
+fn remove_city_files(folder: &Path) -> Result<(), BakeError> {
     let others = [fingerprints::FILE_NAME, thumbnail::FILE_NAME, SEARCH_FILE, MANIFEST_FILE];
     for name in TileKind::ALL.iter().map(|kind| kind.file_name()).chain(others) {
         remove_file(&folder.join(name))?;
@@ -147,6 +157,20 @@ pub(super) fn remove_city(folder: &Path) -> Result<(), BakeError> {
     }
 }
 
+/// Removes the files of a city that cannot be opened, whose manifest may be damaged. Does nothing if there is no such folder. Fails, and
+/// removes nothing, if the folder contains anything but files with names of a city's.
+pub fn remove_damaged_city(folder: &Path) -> Result<(), BakeError> {
+    match kind_of(folder)? {
+        None => return Ok(()),
+        Some(kind) if !kind.is_dir() => return Err(refuse(folder, "a file or link with this name exists")),
+        Some(_) => {}
+    }
+    if let Some(unknown) = unknown_entry(folder, in_published_city)? {
+        return Err(refuse(&unknown, "is not a file of a city, and would be removed with it"));
+    }
+    remove_city_files(folder)
+}
+
 /// Creates the scratch folder, or checks that an existing one is an earlier bake's with nothing else in it.
 pub(super) fn claim_scratch(root: &Path) -> Result<(), BakeError> {
     match kind_of(root)? {
@@ -155,8 +179,8 @@ pub(super) fn claim_scratch(root: &Path) -> Result<(), BakeError> {
         Some(_) => {}
     }
     let marker = root.join(MARKER_FILE);
-    let is_marked =
-        kind_of(&marker)?.is_some_and(|kind| kind.is_file()) && fs::read(&marker).is_ok_and(|text| text == MARKER);
+    let is_marked = kind_of(&marker)?.is_some_and(|kind| kind.is_file())
+        && read_limited(&marker, 4096).is_ok_and(|text| text == MARKER);
     // A bake that was killed before it wrote the marker left an empty folder, or an empty marker.
     let rule: Rule = if is_marked { in_scratch } else { |name, kind| name == MARKER_FILE && kind.is_file() };
     if let Some(unknown) = unknown_entry(root, rule)? {
@@ -166,7 +190,7 @@ pub(super) fn claim_scratch(root: &Path) -> Result<(), BakeError> {
 }
 
 /// Fails if a folder of the scratch folder contains anything that no bake wrote.
-fn check_scratch(root: &Path) -> Result<(), BakeError> {
+pub(super) fn check_scratch(root: &Path) -> Result<(), BakeError> {
     let rules: [(&str, Rule); 4] =
         [("packs", in_packs), ("spool", in_scene), ("spool/buckets", in_buckets), ("city", in_city)];
     for (folder, rule) in rules {
@@ -206,28 +230,29 @@ pub(super) fn remove_scratch(root: &Path) -> Result<(), BakeError> {
     fs::remove_dir(root).map_err(|cause| BakeError::io(root, "removed", cause))
 }
 
-/// Fails if `out` or its scratch folder `partial` is, or contains, one of `inputs`, which exist.
-pub(crate) fn check_inputs(out: &Path, inputs: &[PathBuf]) -> Result<(), BakeError> {
-    let outputs = [canonical(out), canonical(&crate::kept_work::scratch_folder(out))];
-    for input in inputs {
-        let found = canonical(input);
-        if outputs.iter().any(|output| found.starts_with(output)) {
-            return Err(refuse(out, "it is or contains an input, which the bake would remove"));
+/// Fails if a folder lies in one that the programs keep, or is one of another kind than `own`. `option` names it.
+pub(crate) fn check_place(folder: &Path, option: &'static str, own: KeptFolder) -> Result<(), BakeError> {
+    let is_other = kept_folder(folder).filter(|kind| *kind != own).map(|kind| format!("it is {kind}"));
+    let lies_in = kept_folder_above(folder).map(|(other, kind)| format!("it lies in {kind}, {}", other.display()));
+    match is_other.or(lies_in) {
+        Some(what) => {
+            let advice = format!("{what}; choose another folder");
+            Err(BakeError::Option { option, value: folder.display().to_string(), advice })
+        }
+        None => Ok(()),
+    }
+}
+
+/// Fails if something that the bake reads is, or lies in, one of the folders, which `option` names and the bake removes.
+pub(crate) fn check_inputs(folders: &[PathBuf], option: &'static str, options: &BakeOptions) -> Result<(), BakeError> {
+    let folders: Vec<PathBuf> = folders.iter().map(|folder| canonical(folder)).collect();
+    for input in options.read_paths() {
+        let found = canonical(&input);
+        if let Some(place) = folders.iter().find(|folder| found.starts_with(folder)) {
+            return Err(BakeError::Inside { input, place: place.clone(), option });
         }
     }
     Ok(())
-}
-
-/// The path without links, as far as it exists.
-pub(crate) fn canonical(path: &Path) -> PathBuf {
-    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    if let Ok(found) = fs::canonicalize(&absolute) {
-        return found;
-    }
-    match (absolute.parent(), absolute.file_name()) {
-        (Some(parent), Some(name)) => canonical(parent).join(name),
-        _ => absolute,
-    }
 }
 
 /// Fails if the folder cannot be renamed because a file system is mounted on it. That would show only after the bake.

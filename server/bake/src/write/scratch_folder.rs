@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     files::{remove_file, remove_folder, sync_folder, write_synced},
-    ownership::{check_mount, check_out, claim_scratch, remove_city, remove_scratch},
+    ownership::{check_mount, check_out, check_scratch, claim_scratch, remove_city, remove_scratch},
 };
 use crate::{
     error::BakeError,
@@ -172,7 +172,10 @@ impl Drop for ScratchFolder {
             // Published: another bake may have the folder now.
             return;
         }
-        let _ = fs::remove_dir_all(self.root.join("spool"));
+        // What somebody else has put into it meanwhile stays.
+        if check_scratch(&self.root).is_ok() {
+            let _ = remove_folder(&self.root.join("spool"));
+        }
         if !self.root.join(STATE_FILE).exists() {
             let _ = remove_scratch(&self.root);
         }

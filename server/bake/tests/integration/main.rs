@@ -12,6 +12,7 @@ mod landmarks;
 mod palette;
 mod resume;
 mod steps;
+mod steps_foreign;
 mod support;
 mod terrain;
 mod update;

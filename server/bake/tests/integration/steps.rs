@@ -21,7 +21,7 @@ use insula_bake::{
 use insula_test_support::{folder::TestFolder, rng::Rng, tier};
 
 /// Writes files of footprints in degrees, each with its own part of a town with this south-west corner, and some of the neighbour's.
-fn write_town(folder: &Path, [longitude, latitude]: [f64; 2], count: usize) -> Vec<PathBuf> {
+pub(crate) fn write_town(folder: &Path, [longitude, latitude]: [f64; 2], count: usize) -> Vec<PathBuf> {
     let house = |file: usize, i: usize| {
         let (x, y) = (file as f64 * 500.0 + (i % 6) as f64 * 70.0, (i / 6) as f64 * 55.0);
         let (west, south) = (longitude + x / 90_500.0, latitude + y / 110_900.0);

@@ -11,7 +11,7 @@ use super::{
 use std::{
     fs::File,
     io::{BufWriter, Write},
-    path::PathBuf,
+    path::{Path, PathBuf},
 };
 
 const FORMAT: &str = "CSV";
@@ -47,14 +47,16 @@ impl RecordWriter for Writer {
     }
 }
 
+/// Path and text of the file beside a table that has the attribution; `None` if there is none.
+pub(crate) fn sidecar(out: &Path, attribution: &str) -> Option<(PathBuf, String)> {
+    (!attribution.is_empty()).then(|| (with_suffix(out, ".txt"), format!("{attribution}\n")))
+}
+
 /// Writes `NAME.csv.txt` with the attribution, if there is any.
 pub(super) fn write_sidecar(setup: &TableSetup<'_>, report: &mut ExportReport) -> Result<(), ExportError> {
-    if setup.attribution.is_empty() {
-        return Ok(());
-    }
-    let path = with_suffix(setup.path, ".txt");
+    let Some((path, text)) = sidecar(setup.path, setup.attribution) else { return Ok(()) };
     let (output, mut file) = OutputFile::create(&path)?;
-    writeln!(file, "{}", setup.attribution).map_err(ExportError::write(output.path()))?;
+    file.write_all(text.as_bytes()).map_err(ExportError::write(output.path()))?;
     report.bytes += output.commit(file)?;
     report.files.push(path);
     Ok(())

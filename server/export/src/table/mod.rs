@@ -37,10 +37,14 @@ pub use report::{ExportError, ExportReport};
 use crate::format::{Format, Projections};
 use city::{City, Plan};
 use gather::{Footprint, visit_footprints};
+use insula_protocol::Manifest;
 use output::OutputFile;
 use record::{Field, Record};
 use roaring::RoaringBitmap;
-use std::{fs::File, path::Path};
+use std::{
+    fs::File,
+    path::{Path, PathBuf},
+};
 
 /// Writes rows in one format.
 trait RecordWriter {
@@ -58,6 +62,11 @@ struct TableSetup<'a> {
     projections: &'a Projections<'a>,
     attribution: &'a str,
     path: &'a Path,
+}
+
+/// Path and text of the file beside a CSV table that has the attribution; `None` if there is none.
+pub(crate) fn sidecar(manifest: &Manifest, out: &Path) -> Option<(PathBuf, String)> {
+    csv::sidecar(out, &report::attribution(manifest))
 }
 
 /// Writes a row for each selected object. Fails if tiles cannot be read or the file cannot be written.

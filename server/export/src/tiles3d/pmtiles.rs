@@ -6,6 +6,7 @@
 use super::tileset_file::TilesetFile;
 use crate::glb::ExportError;
 use base64::{Engine, engine::general_purpose::STANDARD};
+use insula_archive::new_file::NewFile;
 use pmtiles::{Compression, PmTilesStreamWriter, PmTilesWriter, PmtError, TileCoord, TileType};
 use serde_json::{Map, Value, json};
 use std::{fs::File, path::Path};
@@ -13,6 +14,7 @@ use std::{fs::File, path::Path};
 /// Writes an archive, content by content.
 pub(super) struct TileArchive {
     writer: PmTilesStreamWriter<File>,
+    new: NewFile,
     tileset: Value,
     subtrees: Map<String, Value>,
     max_level: u8,
@@ -24,10 +26,11 @@ impl TileArchive {
     /// Fails if the file cannot be created.
     pub(super) fn create(path: &Path) -> Result<Self, ExportError> {
         let name = path.display().to_string();
-        let file = File::create(path).map_err(ExportError::writing(name.clone()))?;
+        let new = NewFile::create(path).map_err(ExportError::writing(name.clone()))?;
+        let file = new.file().map_err(ExportError::writing(name.clone()))?;
         let writer = PmTilesWriter::new(TileType::Unknown).tile_compression(Compression::None).create(file);
         let writer = writer.map_err(|cause| failed(&name, cause))?;
-        Ok(Self { writer, tileset: Value::Null, subtrees: Map::new(), max_level: 0, name })
+        Ok(Self { writer, new, tileset: Value::Null, subtrees: Map::new(), max_level: 0, name })
     }
 
     /// Adds a file of the tileset. Fails if the archive cannot be written.
@@ -53,7 +56,8 @@ impl TileArchive {
     pub(super) fn finish(mut self) -> Result<(), ExportError> {
         self.writer.set_zoom_range(0, self.max_level);
         self.writer.set_metadata(json!({ "tileset": self.tileset, "subtrees": self.subtrees }).to_string());
-        self.writer.finalize().map(drop).map_err(|cause| failed(&self.name, cause))
+        self.writer.finalize().map(drop).map_err(|cause| failed(&self.name, cause))?;
+        self.new.commit().map(drop).map_err(ExportError::writing(self.name))
     }
 }
 

@@ -2,6 +2,11 @@
 
 use super::{Tileset, archive::ArchiveWriter, pmtiles::TileArchive, tileset_file::TilesetFile};
 use crate::glb::{ExportError, ExportReport};
+use insula_archive::{
+    file::open_regular,
+    new_file::{NewFile, replace},
+    places::canonical,
+};
 use insula_protocol::{Subtree, TileId};
 use std::{
     fs, io,
@@ -11,7 +16,7 @@ use std::{
 /// Where a tileset is written to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Destination<'p> {
-    /// A folder, which is created. Files that are already there are replaced.
+    /// A folder, which is created. Files of an earlier tileset are replaced, those of others are refused.
     Folder(&'p Path),
     /// A 3D Tiles archive, 3TZ 1.3: a ZIP file with stored entries and an index.
     Archive(&'p Path),
@@ -38,8 +43,10 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
     let mut sink = match destination {
         Destination::Folder(folder) => Sink::Folder(folder.to_owned()),
         Destination::Archive(path) => {
-            let file = fs::File::create(path).map_err(ExportError::writing(path.display().to_string()))?;
-            Sink::Archive(Box::new(ArchiveWriter::new(io::BufWriter::new(file), path.display().to_string())))
+            let failed = || ExportError::writing(path.display().to_string());
+            let new = NewFile::create(path).map_err(failed())?;
+            let file = new.file().map_err(failed())?;
+            Sink::Archive(Box::new(ArchiveWriter::new(io::BufWriter::new(file), path.display().to_string())), new)
         }
         Destination::PmTiles(path) => Sink::PmTiles(Box::new(TileArchive::create(path)?)),
     };
@@ -54,9 +61,14 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
             "the city has no surface in the selected area, or none of the selected objects",
         ));
     }
+    let (Destination::Folder(path) | Destination::Archive(path) | Destination::PmTiles(path)) = destination;
+    let name = path.display().to_string();
     match sink {
         Sink::Folder(_) => Ok(report),
-        Sink::Archive(archive) => archive.finish().map(|()| report),
+        Sink::Archive(archive, new) => {
+            archive.finish()?;
+            new.commit().map(|_| report).map_err(ExportError::writing(name))
+        }
         Sink::PmTiles(archive) => archive.finish().map(|()| report),
     }
 }
@@ -92,21 +104,38 @@ fn write_subtree(
 fn write(sink: &mut Sink, report: &mut ExportReport, file: TilesetFile, bytes: &[u8]) -> Result<(), ExportError> {
     report.bytes += bytes.len() as u64;
     match sink {
-        Sink::Archive(archive) => archive.add(&file.to_string(), bytes),
+        Sink::Archive(archive, _) => archive.add(&file.to_string(), bytes),
         Sink::PmTiles(archive) => archive.add(file, bytes),
         Sink::Folder(folder) => {
             let path = folder.join(file.to_string());
             let failed = || ExportError::writing(path.display().to_string());
+            if !is_replaceable(folder, &path, file) {
+                let what = "another file has the name of one of the tileset; write it elsewhere, or move the file away";
+                return Err(failed()(io::Error::new(io::ErrorKind::AlreadyExists, what)));
+            }
             if let Some(parent) = path.parent() {
                 fs::create_dir_all(parent).map_err(failed())?;
             }
-            fs::write(&path, bytes).map_err(failed())
+            replace(&path, bytes).map_err(failed())
         }
     }
 }
 
+/// Whether there is no file of this path, or one as this file of a tileset begins.
+fn is_replaceable(folder: &Path, path: &Path, file: TilesetFile) -> bool {
+    let is_linked = path.is_symlink() || !canonical(path).starts_with(canonical(folder));
+    let first: &[u8] = match file {
+        TilesetFile::Tileset => b"{",
+        TilesetFile::Subtree(_) => b"subt",
+        TilesetFile::Content(_) => b"glTF",
+    };
+    let mut head = vec![0; first.len()];
+    let begins = |mut found: fs::File| io::Read::read_exact(&mut found, &mut head).is_ok() && head == first;
+    !is_linked && (!path.exists() || open_regular(path).is_ok_and(begins))
+}
+
 enum Sink {
     Folder(PathBuf),
-    Archive(Box<ArchiveWriter<io::BufWriter<fs::File>>>),
+    Archive(Box<ArchiveWriter<io::BufWriter<fs::File>>>, NewFile),
     PmTiles(Box<TileArchive>),
 }

@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
+use insula_archive::places::KeptFolder;
 use serde::{Deserialize, Serialize};
 
 use super::{
     layout::{CityPlan, JOINED, RESULTS},
-    sealed::{SealedStore, remove_folder},
+    owned::OwnedStore,
+    sealed::{Removed, SealedStore},
     work::WorkStore,
 };
 use crate::{
@@ -15,6 +17,7 @@ use crate::{
     hash::short_hex,
     progress::Progress,
     read::{FarModels, ListedInputs, PlacingOptions, ReadOptions},
+    write::ownership::{check_inputs, check_place},
 };
 
 /// Name of the job's object.
@@ -88,7 +91,7 @@ pub struct JobRequest {
 pub struct BakeSteps<'a> {
     pub(super) job: Job,
     id: String,
-    store: &'a dyn WorkStore,
+    store: OwnedStore<'a>,
     pub(super) config: BakeConfig,
     pub(super) read_options: ReadOptions,
     pub(super) progress: &'a dyn Progress,
@@ -97,7 +100,7 @@ pub struct BakeSteps<'a> {
 impl Job {
     /// The job of a work store. Fails if there is none, or if another version of the program made it.
     pub fn read(store: &dyn WorkStore) -> Result<Self, BakeError> {
-        let failed = |cause| BakeError::Work { work: store.address(), name: JOB.to_owned(), cause };
+        let failed = |cause| BakeError::work(store.address(), JOB, cause);
         let missing = || BakeError::StepMissing { work: store.address(), name: JOB.to_owned() };
         let damaged = |what| BakeError::StepDamaged { work: store.address(), name: JOB.to_owned(), what };
         let size = store.size(JOB).map_err(failed)?.ok_or_else(missing)?;
@@ -120,6 +123,11 @@ impl Job {
     /// Its number, by which objects of other jobs are told from its own.
     pub(super) fn id(&self) -> Result<String, BakeError> {
         Ok(short_hex(&blake3::hash(&self.json()?)))
+    }
+
+    /// Hash of everything that the job says, by which another job in its place is noticed.
+    pub fn hash(&self) -> Result<String, BakeError> {
+        Ok(blake3::hash(&self.json()?).to_hex().to_string())
     }
 
     /// Version of the program.
@@ -166,12 +174,16 @@ impl<'a> BakeSteps<'a> {
         }
         progress.stage("list", 0);
         let read_options = config.read_options(options);
+        refuse_inside(store, options)?;
         let mut listed = ListedInputs::new(&options.inputs, &read_options, request.chunk_bytes)?;
         let (crs, postponed) = listed.settle(&read_options)?;
         listed.postpone(&postponed);
         let (sizes, elevation) = listed.sizes();
-        let failed = |cause| BakeError::Work { work: store.address(), name: JOB.to_owned(), cause };
+        let failed = |cause| BakeError::work(store.address(), JOB, cause);
+        let owned = OwnedStore::new(store);
+        owned.mark(JOB).map_err(failed)?;
         let found = store.size(JOB).map_err(failed)?.map(|_| Job::read(store)).transpose()?;
+        let store = owned;
         // Of a job that has no city yet, the one whose city it updates.
         let previous = match &found {
             Some(old) if request.is_update && has_city(store, old)? => Some(old.id()?),
@@ -203,8 +215,10 @@ impl<'a> BakeSteps<'a> {
         }
         if request.is_update {
             // What is written for another job would look like a result. Without a job, no step runs meanwhile.
-            store.remove(JOB).map_err(failed)?;
-            RESULTS.into_iter().try_for_each(|folder| remove_folder(store, folder).map(drop))?;
+            let mut removed = Removed::default();
+            removed.remove(store, &[JOB.to_owned()])?;
+            RESULTS.into_iter().try_for_each(|folder| removed.remove_folder(store, folder))?;
+            warn_of_kept(&store.address(), &removed, progress);
         }
         store.put(JOB, job.json()?).map_err(failed)?;
         Ok(job)
@@ -228,7 +242,7 @@ impl<'a> BakeSteps<'a> {
         let is_crs_found = read_options.placing.crs.is_none();
         let placing = PlacingOptions { crs, is_crs_found, ..read_options.placing.clone() };
         let read_options = ReadOptions { placing, ..read_options };
-        Ok(Self { job, id, store, config, read_options, progress })
+        Ok(Self { job, id, store: OwnedStore::new(store), config, read_options, progress })
     }
 
     /// The objects of the job.
@@ -262,14 +276,40 @@ impl<'a> BakeSteps<'a> {
         self.job.region_leaves
     }
 
+    /// Warns of objects that were not removed.
+    pub(super) fn warn_of_kept(&self, removed: &Removed) {
+        warn_of_kept(&self.store.address(), removed, self.progress);
+    }
+
     /// Fails if there is no task of this number.
     pub(super) fn check_task(&self, stage: &'static str, task: usize, tasks: usize) -> Result<(), BakeError> {
         if task < tasks { Ok(()) } else { Err(BakeError::StepTask { stage, task, tasks }) }
     }
 }
 
+/// Warns of objects that were not removed.
+fn warn_of_kept(work: &str, removed: &Removed, progress: &dyn Progress) {
+    for name in &removed.kept {
+        progress.warn(&format!("{work}/{name}: no step wrote it as it is, so it stays"));
+    }
+}
+
+/// Fails if something that the bake reads lies in its work store.
+fn refuse_inside(store: &dyn WorkStore, options: &BakeOptions) -> Result<(), BakeError> {
+    if let Some(folder) = store.folder() {
+        check_place(folder, "--work", KeptFolder::WorkStore)?;
+        return check_inputs(&[folder.to_owned()], "--work", options);
+    }
+    let below = store.address() + "/";
+    let is_inside = |path: &PathBuf| path.to_str().is_some_and(|address| address.starts_with(&below));
+    match options.read_paths().into_iter().find(is_inside) {
+        Some(input) => Err(BakeError::Inside { input, place: store.address().into(), option: "--work" }),
+        None => Ok(()),
+    }
+}
+
 /// Whether the city of a job is complete.
-fn has_city(store: &dyn WorkStore, job: &Job) -> Result<bool, BakeError> {
+fn has_city(store: OwnedStore<'_>, job: &Job) -> Result<bool, BakeError> {
     SealedStore { store, job: &job.id()? }.has(JOINED)
 }
 

@@ -19,7 +19,7 @@ use super::{
     region,
     region_file::{INDEX_KIND, TileIndex, index_name},
     scan::{fetch, put_file, records_name, scratch_folder},
-    sealed::SealedKind,
+    sealed::{Removed, SealedKind},
     store_tiles::{CROWN, CityTiles, StoreTiles, folder_of},
     work::PartPiece,
 };
@@ -176,7 +176,7 @@ impl BakeSteps<'_> {
             receipts[found.archive as usize].push(found.receipt);
         }
         for (JoinedArchive { name, ticket, bytes }, receipts) in join_plan.archives.iter().zip(receipts) {
-            if let Err(cause) = objects.store.finish_parts(name, ticket, receipts) {
+            if let Err(cause) = objects.store.finish_parts(name, ticket, &receipts) {
                 // Another run has completed it, if it is there.
                 let size = objects.store.size(name).map_err(|cause| objects.failed(name, cause))?;
                 if size != Some(*bytes) {
@@ -214,7 +214,10 @@ impl BakeSteps<'_> {
         let is_joined = |name: &String| join_plan.archives.iter().any(|archive| archive.name == *name);
         let kept: HashSet<String> = list(NEXT)?.iter().map(|name| name.replacen(NEXT, CITY, 1)).collect();
         unused.extend(list(CITY)?.into_iter().filter(|name| !kept.contains(name) && !is_joined(name)));
-        unused.iter().try_for_each(|name| objects.store.remove(name).map_err(|cause| objects.failed(name, cause)))
+        let mut removed = Removed::default();
+        removed.remove(objects.store, &unused)?;
+        self.warn_of_kept(&removed);
+        Ok(())
     }
 
     /// Number of parts of the archives. Fails if there is no plan of the join.

@@ -22,6 +22,19 @@ use crate::{
 /// Folders of what the steps of one job write, which no other job uses.
 pub(super) const RESULTS: [&str; 8] = ["temporary", "scan", "plan", "shuffle", "region", "crown", "join", "parts"];
 
+/// Folders of objects that later jobs use, too.
+const SHARED: [&str; 4] = ["pic", "tiles", "numbers", "city"];
+/// All folders in which steps write.
+pub(super) const FOLDERS: [&str; 12] = {
+    let mut all = [""; 12];
+    let mut at = 0;
+    while at < all.len() {
+        all[at] = if at < RESULTS.len() { RESULTS[at] } else { SHARED[at - RESULTS.len()] };
+        at += 1;
+    }
+    all
+};
+
 /// Name of the object that the last step writes last.
 pub(super) const JOINED: &str = "join/joined";
 /// Name and kind of the plan's object, which is written last.

@@ -20,6 +20,7 @@ mod generated;
 mod job;
 mod join;
 mod layout;
+mod owned;
 mod plan;
 mod region;
 mod region_file;
@@ -32,4 +33,4 @@ mod work;
 
 pub use job::{BakeSteps, DEFAULT_CHUNK_BYTES, DEFAULT_REGION_LEAVES, Job, JobRequest};
 pub use stage::{AbortedJob, BakeStage, StageStatus, abort};
-pub use work::{PartPiece, WorkFolder, WorkStore};
+pub use work::{WorkFolder, WorkStore};

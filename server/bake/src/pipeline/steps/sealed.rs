@@ -6,7 +6,7 @@
 use insula_protocol::codec::bincode;
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::work::WorkStore;
+use super::owned::{OwnedStore, Removal};
 use crate::error::BakeError;
 
 const MAGIC: [u8; 4] = *b"INSW";
@@ -21,7 +21,7 @@ pub(super) type SealedKind = [u8; 4];
 /// Objects of one job.
 #[derive(Clone, Copy)]
 pub(super) struct SealedStore<'a> {
-    pub(super) store: &'a dyn WorkStore,
+    pub(super) store: OwnedStore<'a>,
     /// The job's number: 16 characters.
     pub(super) job: &'a str,
 }
@@ -61,19 +61,38 @@ impl SealedStore<'_> {
 
     /// The error of a store that does not answer.
     pub(super) fn failed(&self, name: &str, cause: std::io::Error) -> BakeError {
-        BakeError::Work { work: self.store.address(), name: name.to_owned(), cause }
+        BakeError::work(self.store.address(), name, cause)
     }
 }
 
-/// Removes all objects of a folder, and returns their number. Fails if the store does not answer.
-pub(super) fn remove_folder(store: &dyn WorkStore, folder: &str) -> Result<usize, BakeError> {
-    let failed = |name: &str| {
-        let (work, name) = (store.address(), name.to_owned());
-        move |cause| BakeError::Work { work, name, cause }
-    };
-    let names = store.list(folder).map_err(failed(folder))?;
-    names.iter().try_for_each(|name| store.remove(name).map_err(failed(name)))?;
-    Ok(names.len())
+/// What was removed, and what stays because no step wrote it as it is.
+#[derive(Debug, Default)]
+pub(super) struct Removed {
+    /// Number of objects.
+    pub(super) objects: usize,
+    /// Names of those that stay.
+    pub(super) kept: Vec<String>,
+}
+
+impl Removed {
+    /// Removes objects, except for those that no step wrote as they are. Fails if the store does not answer.
+    pub(super) fn remove(&mut self, store: OwnedStore<'_>, names: &[String]) -> Result<(), BakeError> {
+        for name in names {
+            let failed = |cause| BakeError::work(store.address(), name, cause);
+            match store.remove(name).map_err(failed)? {
+                Removal::Removed => self.objects += 1,
+                Removal::Missing => {}
+                Removal::Kept => self.kept.push(name.clone()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes what is in a folder. Fails as [`Self::remove`].
+    pub(super) fn remove_folder(&mut self, store: OwnedStore<'_>, folder: &str) -> Result<(), BakeError> {
+        let failed = |cause| BakeError::work(store.address(), folder, cause);
+        self.remove(store, &store.list(folder).map_err(failed)?)
+    }
 }
 
 fn seal(job: &str, kind: SealedKind, value: &impl Serialize) -> Result<Vec<u8>, &'static str> {

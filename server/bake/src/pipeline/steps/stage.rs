@@ -3,10 +3,11 @@
 use super::{
     crown,
     job::{BakeSteps, JOB},
-    join::JOIN_PLAN,
-    layout::{JOINED, PLAN, RESULTS},
+    join::{CITY, JOIN_PLAN},
+    layout::{FOLDERS, JOINED, PLAN},
+    owned::OwnedStore,
     region_file::index_name,
-    sealed::remove_folder,
+    sealed::Removed,
     work::WorkStore,
 };
 use crate::error::BakeError;
@@ -117,36 +118,71 @@ pub struct AbortedJob {
     pub objects: usize,
     /// Names of the objects whose upload was begun and not completed.
     pub uploads: Vec<String>,
+    /// Names of the objects that stay because no step wrote them as they are.
+    pub kept: Vec<String>,
 }
 
 /// Most requests for uploads that were not completed: of up to a thousand each.
 const MAX_LISTS: usize = 1000;
 
-/// Removes the job and all results of its steps, but not a finished city, and ends all uploads that were not completed, of whatever
-/// step or job. No step may run meanwhile. Fails if the store does not answer.
+/// Removes the job and all results of its steps as they were written, but not a finished city, and ends all uploads of steps that were not
+/// completed, of whatever job. No step may run meanwhile. Fails if no bake made the store, or if it does not answer.
 pub fn abort(store: &dyn WorkStore) -> Result<AbortedJob, BakeError> {
+    let store = OwnedStore::new(store);
     let failed = |name: &str| {
         let (work, name) = (store.address(), name.to_owned());
-        move |cause| BakeError::Work { work, name, cause }
+        move |cause| BakeError::work(work, &name, cause)
     };
+    if !store.is_marked().map_err(failed(JOB))? {
+        return match store.size(JOB) {
+            Ok(None) => Ok(AbortedJob::default()),
+            _ => {
+                let what = "no bake made this work store, so nothing is removed; check --work";
+                Err(BakeError::StepDamaged { work: store.address(), name: JOB.to_owned(), what })
+            }
+        };
+    }
+    let mut removed = Removed::default();
     // First, so that a step that begins now finds no job.
-    let mut aborted = AbortedJob::default();
-    aborted.objects += usize::from(store.size(JOB).map_err(failed(JOB))?.is_some());
-    store.remove(JOB).map_err(failed(JOB))?;
+    removed.remove(store, &[JOB.to_owned()])?;
+    let uploads = end_uploads(store)?;
+    let is_complete = store.size(&format!("{CITY}/city.json")).map_err(failed(CITY))?.is_some();
+    let is_left = |name: &str| is_complete && name.starts_with("city/");
+    // What is recorded and was never written is forgotten, too.
+    let mut names: Vec<String> = store.recorded().map_err(failed("list"))?;
+    for folder in FOLDERS.into_iter().filter(|folder| !(is_complete && *folder == CITY)) {
+        names.extend(store.list(folder).map_err(failed(folder))?);
+    }
+    names.retain(|name| name != JOB && !is_left(name));
+    names.sort_unstable();
+    names.dedup();
+    removed.remove(store, &names)?;
+    let Removed { objects, kept } = removed;
+    if kept.is_empty() && !is_complete {
+        store.unmark().map_err(failed("insula-work"))?;
+    }
+    Ok(AbortedJob { objects, uploads, kept })
+}
+
+/// Ends the uploads that steps began. Fails if the store does not answer.
+fn end_uploads(store: OwnedStore<'_>) -> Result<Vec<String>, BakeError> {
+    let failed = |name: &str| {
+        let (work, name) = (store.address(), name.to_owned());
+        move |cause| BakeError::work(work, &name, cause)
+    };
+    let mut ended = Vec::new();
     for _ in 0..MAX_LISTS {
-        let begun = store.begun_parts().map_err(failed("uploads"))?;
-        if begun.is_empty() {
+        let before = ended.len();
+        for (name, ticket) in store.begun_parts().map_err(failed("uploads"))? {
+            // The folder's files that are not complete have names of their own; in a bucket, others may upload, too.
+            if name == ticket || store.has_record(&name).map_err(failed(&name))? {
+                store.abort_parts(&name, &ticket).map_err(failed(&name))?;
+                ended.push(name);
+            }
+        }
+        if ended.len() == before {
             break;
         }
-        for (name, ticket) in begun {
-            store.abort_parts(&name, &ticket).map_err(failed(&name))?;
-            aborted.uploads.push(name);
-        }
     }
-    let is_complete = store.size("city/city.json").map_err(failed("city"))?.is_some();
-    let folders = RESULTS.into_iter().chain(["pic", "tiles", "numbers"]);
-    for folder in folders.chain((!is_complete).then_some("city")) {
-        aborted.objects += remove_folder(store, folder)?;
-    }
-    Ok(aborted)
+    Ok(ended)
 }

@@ -4,9 +4,9 @@ use std::{
     fs,
     io::{self, Read, Seek, SeekFrom},
     path::{Path, PathBuf},
-    sync::atomic::{AtomicU64, Ordering},
 };
 
+use insula_archive::file::open_regular;
 use serde::{Deserialize, Serialize};
 
 /// Named objects that all machines of a bake reach: a folder, or a bucket of an object store.
@@ -17,7 +17,12 @@ pub trait WorkStore: Send + Sync {
     /// The address, for messages.
     fn address(&self) -> String;
 
-    /// Size of an object in bytes; `None` if there is none. Fails if the store does not answer.
+    /// Its folder, if it is one of this machine.
+    fn folder(&self) -> Option<&Path> {
+        None
+    }
+
+    /// Size of an object in bytes; `None` if there is none. Fails if the store does not answer, or if something else has the name.
     fn size(&self, name: &str) -> io::Result<Option<u64>>;
 
     /// A part of an object. Fails with `UnexpectedEof` if the object is shorter, or if the store does not answer.
@@ -45,33 +50,10 @@ pub trait WorkStore: Send + Sync {
     /// there is no such ticket.
     fn put_part(&self, name: &str, ticket: &str, number: u32, start: u64, bytes: Vec<u8>) -> io::Result<String>;
 
-    /// Writes a part that is made of given bytes and of sections of other objects. Fails as [`Self::put_part`], and with an error that
-    /// names the object if one is missing or shorter.
-    fn put_pieces(
-        &self,
-        name: &str,
-        ticket: &str,
-        number: u32,
-        start: u64,
-        pieces: Vec<PartPiece>,
-    ) -> io::Result<String> {
-        let length: u64 = pieces.iter().map(PartPiece::length).sum();
-        let mut bytes = Vec::with_capacity(usize::try_from(length).map_err(|_| io::ErrorKind::OutOfMemory)?);
-        for piece in pieces {
-            match piece {
-                PartPiece::Given(given) => bytes.extend(given),
-                PartPiece::Stored { object, start, length } => {
-                    bytes.extend(self.range(&object, start, length).map_err(|cause| in_object(&object, &cause))?);
-                }
-            }
-        }
-        self.put_part(name, ticket, number, start, bytes)
-    }
-
     /// Completes an object with the receipts for all parts in their order. Fails as [`Self::put_part`].
     fn finish_parts(&self, name: &str, ticket: &str, receipts: Vec<String>) -> io::Result<()>;
 
-    /// Ends an object that was begun and not completed. Fails if the store does not answer.
+    /// Ends an object that was begun and not completed. Does nothing if no step began it. Fails if the store does not answer.
     fn abort_parts(&self, name: &str, ticket: &str) -> io::Result<()>;
 
     /// Some of the objects that were begun in parts and not completed, by whatever step, with their tickets: all of them if there are
@@ -81,7 +63,7 @@ pub trait WorkStore: Send + Sync {
 
 /// Bytes of a part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum PartPiece {
+pub(super) enum PartPiece {
     Given(Vec<u8>),
     /// A section of an object of the store.
     Stored {
@@ -93,7 +75,7 @@ pub enum PartPiece {
 
 impl PartPiece {
     /// Number of its bytes.
-    pub fn length(&self) -> u64 {
+    pub(super) fn length(&self) -> u64 {
         match self {
             Self::Given(bytes) => bytes.len() as u64,
             Self::Stored { length, .. } => *length,
@@ -109,23 +91,21 @@ impl PartPiece {
     }
 }
 
-/// An error that names the object whose bytes are missing.
-fn in_object(name: &str, cause: &io::Error) -> io::Error {
-    io::Error::new(cause.kind(), format!("{name}: {cause}"))
-}
-
-/// Objects as files of a folder, which may be on a file system that machines share.
+/// Objects as files of a folder, which may be on a file system that machines share. Links in it are not followed.
 #[derive(Debug)]
 pub struct WorkFolder {
     root: PathBuf,
 }
 
-/// Distinguishes temporary files of one process.
-static NEXT_TEMPORARY: AtomicU64 = AtomicU64::new(0);
 /// Folder of files that are not complete.
 const TEMPORARY: &str = "temporary";
 /// Folder of files that are written in parts.
 const PARTS: &str = "parts";
+
+/// Begins the names of files that are not complete.
+fn hash_of(name: &str) -> String {
+    blake3::hash(name.as_bytes()).to_hex().to_string()
+}
 
 impl WorkFolder {
     /// The folder is created with the first object.
@@ -133,34 +113,49 @@ impl WorkFolder {
         Self { root: root.to_owned() }
     }
 
-    /// Fails for a name that no object has.
+    /// Fails for a name that no object has, and if it leads through a link.
     fn path(&self, name: &str) -> io::Result<PathBuf> {
         let is_word = |word: &str| {
             let is_allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"-_.".contains(&byte);
             !word.is_empty() && !word.starts_with('.') && word.bytes().all(is_allowed)
         };
-        if name.split('/').all(is_word) {
-            Ok(self.root.join(name))
-        } else {
-            Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{name}: no name of an object")))
+        let refused = |what: &str| Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{name}: {what}")));
+        if !name.split('/').all(is_word) {
+            return refused("no name of an object");
         }
+        let mut path = self.root.clone();
+        for word in name.split('/') {
+            path.push(word);
+            if path.is_symlink() {
+                return refused("a link, which steps do not follow");
+            }
+        }
+        Ok(path)
     }
 
-    /// Copies a section of an object to the place of a file.
-    fn copy_section(&self, name: &str, start: u64, length: u64, to: &mut fs::File) -> io::Result<()> {
-        let mut from = fs::File::open(self.path(name)?)?;
-        from.seek(SeekFrom::Start(start))?;
-        // Between files, the kernel copies.
-        if io::copy(&mut from.take(length), to)? < length { Err(io::ErrorKind::UnexpectedEof.into()) } else { Ok(()) }
+    /// The path of a file that is not complete. Its name begins with the hash of the object's, so that no other file has such a name.
+    fn incomplete(&self, ticket: &str) -> io::Result<Option<PathBuf>> {
+        let Some((folder, name)) = ticket.split_once('/') else { return Ok(None) };
+        let (hash, rest) = name.split_at_checked(blake3::OUT_LEN * 2).unwrap_or((name, ""));
+        let is_own = blake3::Hash::from_hex(hash).is_ok()
+            && rest.bytes().all(|byte| byte.is_ascii_alphanumeric() || b".-".contains(&byte))
+            && (folder == PARTS && rest.is_empty() || folder == TEMPORARY && rest.starts_with('.'));
+        let path = self.path(folder)?.join(name);
+        let is_file = || fs::symlink_metadata(&path).is_ok_and(|found| found.is_file());
+        Ok((is_own && is_file()).then_some(path))
+    }
+
+    /// The same of a file that must be there.
+    fn begun(&self, ticket: &str) -> io::Result<PathBuf> {
+        self.incomplete(ticket)?.ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, format!("{ticket}: not begun")))
     }
 
     /// Writes a file under a name of its own, then renames it.
     fn write(&self, name: &str, write: impl FnOnce(&mut fs::File) -> io::Result<()>) -> io::Result<()> {
         let path = self.path(name)?;
-        let folder = self.root.join(TEMPORARY);
+        let folder = self.path(TEMPORARY)?;
         fs::create_dir_all(&folder)?;
-        let number = NEXT_TEMPORARY.fetch_add(1, Ordering::Relaxed);
-        let mut temporary = tempfile::Builder::new().prefix(&format!("{number}-")).tempfile_in(&folder)?;
+        let mut temporary = tempfile::Builder::new().prefix(&format!("{}.", hash_of(name))).tempfile_in(&folder)?;
         write(temporary.as_file_mut())?;
         temporary.as_file().sync_all()?;
         if let Some(parent) = path.parent() {
@@ -179,8 +174,13 @@ impl WorkStore for WorkFolder {
         self.root.display().to_string()
     }
 
+    fn folder(&self) -> Option<&Path> {
+        Some(&self.root)
+    }
+
     fn size(&self, name: &str) -> io::Result<Option<u64>> {
-        match fs::metadata(self.path(name)?) {
+        match fs::symlink_metadata(self.path(name)?) {
+            Ok(meta) if !meta.is_file() => Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file")),
             Ok(meta) => Ok(Some(meta.len())),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(error) => Err(error),
@@ -188,7 +188,7 @@ impl WorkStore for WorkFolder {
     }
 
     fn range(&self, name: &str, start: u64, length: u64) -> io::Result<Vec<u8>> {
-        let mut file = fs::File::open(self.path(name)?)?;
+        let mut file = open_regular(&self.path(name)?)?;
         let end = start.checked_add(length).filter(|end| file.metadata().is_ok_and(|meta| *end <= meta.len()));
         end.ok_or(io::ErrorKind::UnexpectedEof)?;
         let length = usize::try_from(length).map_err(|_| io::ErrorKind::OutOfMemory)?;
@@ -200,6 +200,7 @@ impl WorkStore for WorkFolder {
 
     fn fetch(&self, name: &str, to: &Path) -> io::Result<()> {
         let from = self.path(name)?;
+        drop(open_regular(&from)?);
         // A link costs nothing, but not every file system has it.
         fs::hard_link(&from, to).or_else(|_| fs::copy(&from, to).map(drop))
     }
@@ -214,16 +215,17 @@ impl WorkStore for WorkFolder {
 
     fn list(&self, folder: &str) -> io::Result<Vec<String>> {
         let mut names = Vec::new();
-        let mut open = vec![folder.to_owned()];
-        while let Some(folder) = open.pop() {
-            let entries = match fs::read_dir(self.path(&folder)?) {
+        // Folders of others in it may have any names.
+        let mut open = vec![(folder.to_owned(), self.path(folder)?)];
+        while let Some((folder, path)) = open.pop() {
+            let entries = match fs::read_dir(path) {
                 Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
                 entries => entries?,
             };
             for entry in entries {
                 let entry = entry?;
                 let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
-                if entry.file_type()?.is_dir() { open.push(name) } else { names.push(name) }
+                if entry.file_type()?.is_dir() { open.push((name, entry.path())) } else { names.push(name) }
             }
         }
         names.sort_unstable();
@@ -239,30 +241,21 @@ impl WorkStore for WorkFolder {
 
     fn begin_parts(&self, name: &str, size: u64) -> io::Result<String> {
         self.path(name)?;
-        let ticket = format!("{PARTS}/{}", blake3::hash(name.as_bytes()).to_hex());
-        let path = self.root.join(&ticket);
-        fs::create_dir_all(self.root.join(PARTS))?;
+        let ticket = format!("{PARTS}/{}", hash_of(name));
+        let path = self.path(&ticket)?;
+        fs::create_dir_all(self.path(PARTS)?)?;
+        if path.exists() && !path.is_file() {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, format!("{ticket}: not a regular file")));
+        }
         // Parts that are there stay: they are equal.
         fs::OpenOptions::new().write(true).create(true).truncate(false).open(path)?.set_len(size)?;
         Ok(ticket)
     }
 
-    fn put_part(&self, name: &str, ticket: &str, number: u32, start: u64, bytes: Vec<u8>) -> io::Result<String> {
-        self.put_pieces(name, ticket, number, start, vec![PartPiece::Given(bytes)])
-    }
-
-    fn put_pieces(&self, _: &str, ticket: &str, _: u32, start: u64, pieces: Vec<PartPiece>) -> io::Result<String> {
-        let mut file = fs::OpenOptions::new().write(true).open(self.path(ticket)?)?;
+    fn put_part(&self, _: &str, ticket: &str, _: u32, start: u64, bytes: Vec<u8>) -> io::Result<String> {
+        let mut file = fs::OpenOptions::new().write(true).open(self.begun(ticket)?)?;
         file.seek(SeekFrom::Start(start))?;
-        for piece in pieces {
-            match piece {
-                PartPiece::Given(bytes) => io::Write::write_all(&mut file, &bytes)?,
-                PartPiece::Stored { object, start, length } => {
-                    let copied = self.copy_section(&object, start, length, &mut file);
-                    copied.map_err(|cause| in_object(&object, &cause))?;
-                }
-            }
-        }
+        io::Write::write_all(&mut file, &bytes)?;
         file.sync_all()?;
         Ok(String::new())
     }
@@ -272,16 +265,25 @@ impl WorkStore for WorkFolder {
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent)?;
         }
-        fs::rename(self.path(ticket)?, path)
+        fs::rename(self.begun(ticket)?, path)
     }
 
     fn abort_parts(&self, _: &str, ticket: &str) -> io::Result<()> {
-        self.remove(ticket)
+        let removed = self.incomplete(ticket)?.map(fs::remove_file);
+        match removed {
+            Some(Err(error)) if error.kind() != io::ErrorKind::NotFound => Err(error),
+            _ => Ok(()),
+        }
     }
 
     fn begun_parts(&self) -> io::Result<Vec<(String, String)>> {
-        let tickets = [self.list(PARTS)?, self.list(TEMPORARY)?].concat();
-        Ok(tickets.into_iter().map(|ticket| (ticket.clone(), ticket)).collect())
+        let mut begun = Vec::new();
+        for ticket in [self.list(PARTS)?, self.list(TEMPORARY)?].concat() {
+            if self.incomplete(&ticket)?.is_some() {
+                begun.push((ticket.clone(), ticket));
+            }
+        }
+        Ok(begun)
     }
 }
 
@@ -306,14 +308,6 @@ mod tests {
         for (number, start, bytes) in [(1, 6, "!"), (0, 0, "second"), (0, 0, "second")] {
             store.put_part("e", &ticket, number, start, bytes.into()).unwrap();
         }
-        let of_objects = |length| {
-            vec![PartPiece::Given(b"s".to_vec()), PartPiece::Stored { object: "a/b".to_owned(), start: 1, length }]
-        };
-        store.put_pieces("e", &ticket, 0, 0, of_objects(5)).unwrap();
-        assert_eq!(
-            store.put_pieces("e", &ticket, 0, 0, of_objects(6)).unwrap_err().kind(),
-            io::ErrorKind::UnexpectedEof
-        );
         assert_eq!(store.size("e").unwrap(), None);
         store.finish_parts("e", &ticket, vec![String::new(); 2]).unwrap();
         assert!(store.put_part("e", &ticket, 0, 0, vec![1]).is_err());
@@ -336,5 +330,34 @@ mod tests {
         for name in ["../a", "/etc/passwd", "a//b", "", ".hidden", "a/../b", "A", "a\\b"] {
             assert!(store.put(name, Vec::new()).is_err(), "{name}");
         }
+        #[cfg(unix)]
+        {
+            let mine = TestFolder::new("work-mine");
+            fs::write(mine.path.join("a"), "dear").unwrap();
+            std::os::unix::fs::symlink(&mine.path, folder.path.join("scan")).unwrap();
+            assert!(store.put("scan/a", Vec::new()).is_err() && store.remove("scan/a").is_err());
+            assert!(store.list("scan").is_err() && store.size("scan/a").is_err());
+            assert_eq!(fs::read(mine.path.join("a")).unwrap(), b"dear");
+        }
+    }
+
+    #[test]
+    fn files_of_others_among_those_that_are_not_complete_stay() {
+        let folder = TestFolder::new("work-incomplete");
+        let store = WorkFolder::new(&folder.path);
+        store.begin_parts("a", 4).unwrap();
+        for name in ["temporary/1-mine", "parts/letters.txt", "temporary/My photos/a.png"] {
+            fs::create_dir_all(folder.path.join(name).parent().unwrap()).unwrap();
+            fs::write(folder.path.join(name), "dear").unwrap();
+            store.abort_parts(name, name).unwrap();
+            assert!(folder.path.join(name).exists());
+        }
+        // A process that was killed leaves such a file.
+        let left = format!("temporary/{}.aB3xyZ", hash_of("a"));
+        fs::write(folder.path.join(&left), "half").unwrap();
+        let begun = store.begun_parts().unwrap();
+        assert_eq!(begun.len(), 2);
+        begun.iter().for_each(|(name, ticket)| store.abort_parts(name, ticket).unwrap());
+        assert!(store.begun_parts().unwrap().is_empty() && !folder.path.join(&left).exists());
     }
 }

@@ -100,7 +100,7 @@ impl GridFolder {
 
 fn read_file(path: &Path) -> Result<Arc<Grid>, InputError> {
     let label = path.display().to_string();
-    let file = fs::File::open(path).map_err(|cause| InputError::io(&label, cause))?;
+    let file = insula_archive::file::open_regular(path).map_err(|cause| InputError::io(&label, cause))?;
     let grid = geotiff::read(BufReader::new(file)).map_err(|what| InputError::damaged(&label, "geoid grid", what))?;
     Ok(Arc::new(grid))
 }

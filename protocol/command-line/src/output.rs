@@ -1,0 +1,357 @@
+//! What a command may write: nothing that it reads, nothing of the folders that the programs keep, and no file of another kind.
+
+use insula_archive::{
+    file::open_regular,
+    places::{KeptFolder, canonical, kept_folder, kept_folder_above},
+};
+use serde_json::Value;
+use std::{
+    fs,
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+/// Longest JSON file that is taken for an earlier output.
+const MAX_JSON_BYTES: u64 = 64 << 20;
+/// Of other files, so many bytes are looked at.
+const HEAD_BYTES: u64 = 64 << 10;
+
+/// Option of all commands that write files.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::Args)]
+pub struct OverwriteArgs {
+    /// Replace existing files of other kinds, too
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+/// What a file has, by which an earlier output of the same kind is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileKind {
+    /// First bytes, one of these.
+    Begins(&'static str, &'static [&'static [u8]]),
+    /// Text with all of these words in its first 64 KiB.
+    Has(&'static str, &'static [&'static str]),
+    /// Lines, of which the first that is no comment begins with one of these words.
+    Lines(&'static str, &'static [&'static str]),
+    /// JSON with all of these members, or a list of such objects.
+    Json(&'static str, &'static [&'static str]),
+    /// Words of four bytes, so many.
+    Words(&'static str, u64),
+}
+
+impl FileKind {
+    /// PNG images.
+    pub const PNG: Self = Self::Begins("a PNG image", &[b"\x89PNG"]);
+    /// JPEG images.
+    pub const JPEG: Self = Self::Begins("a JPEG image", &[b"\xff\xd8\xff"]);
+    /// WebP images.
+    pub const WEBP: Self = Self::Begins("a WebP image", &[b"RIFF"]);
+    /// Grey and coloured PFM images.
+    pub const PFM: Self = Self::Begins("a PFM image", &[b"Pf\n", b"PF\n"]);
+    /// PLY files.
+    pub const PLY: Self = Self::Begins("a PLY file", &[b"ply\n", b"ply\r"]);
+    /// OFF files.
+    pub const OFF: Self = Self::Begins("an OFF file", &[b"OFF", b"COFF", b"NOFF", b"STOFF"]);
+    /// OBJ files.
+    pub const OBJ: Self = Self::Lines("an OBJ file", &["v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"]);
+    /// Compressed meshes.
+    pub const COMPRESSED_MESH: Self = Self::Begins("a file of `compress`", &[b"INSM"]);
+    /// GLB files.
+    pub const GLB: Self = Self::Begins("a GLB file", &[b"glTF"]);
+    /// TIFF files of either byte order.
+    pub const TIFF: Self = Self::Begins("a TIFF file", &[b"II", b"MM"]);
+    /// Parquet files.
+    pub const PARQUET: Self = Self::Begins("a Parquet file", &[b"PAR1"]);
+    /// FlatGeobuf files.
+    pub const FLATGEOBUF: Self = Self::Begins("a FlatGeobuf file", &[b"fgb"]);
+    /// ZIP archives.
+    pub const ZIP: Self = Self::Begins("a ZIP archive", &[b"PK\x03\x04"]);
+    /// PMTiles archives.
+    pub const PMTILES: Self = Self::Begins("a PMTiles archive", &[b"PMTiles"]);
+    /// PDF files.
+    pub const PDF: Self = Self::Begins("a PDF file", &[b"%PDF"]);
+    /// DXF files.
+    pub const DXF: Self = Self::Has("a DXF file", &["SECTION"]);
+    /// SVG files.
+    pub const SVG: Self = Self::Has("an SVG file", &["<svg"]);
+    /// GeoJSON files.
+    pub const GEOJSON: Self = Self::Has("a GeoJSON file", &["\"FeatureCollection\""]);
+    /// CityJSON text sequences.
+    pub const CITYJSON_SEQUENCE: Self = Self::Has("a CityJSON text sequence", &["\"CityJSON\"", "\"type\""]);
+    /// Tables of objects: their last column.
+    pub const TABLE: Self = Self::Has("a table of objects", &["wkt"]);
+    /// Man pages.
+    pub const MAN_PAGE: Self = Self::Has("a man page", &[".TH "]);
+    /// Everything begins with no bytes.
+    pub const ANY: Self = Self::Begins("a file", &[b""]);
+    /// `tileset.json` of 3D Tiles.
+    pub const TILESET: Self = Self::Json("a tileset", &["asset", "root"]);
+
+    /// With its article, for messages.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Begins(name, _) | Self::Has(name, _) | Self::Lines(name, _) | Self::Json(name, _) => name,
+            Self::Words(name, _) => name,
+        }
+    }
+
+    /// Whether a file is of this kind. A file without content is of any kind.
+    #[must_use]
+    pub fn is_of(self, path: &Path) -> bool {
+        let Ok(mut file) = open_regular(path) else { return false };
+        let length = file.metadata().map_or(0, |found| found.len());
+        if length == 0 {
+            return true;
+        }
+        let mut head = Vec::new();
+        let limit = if matches!(self, Self::Json(..)) { MAX_JSON_BYTES } else { HEAD_BYTES };
+        if file.by_ref().take(limit).read_to_end(&mut head).is_err() {
+            return false;
+        }
+        let text = String::from_utf8_lossy(&head);
+        match self {
+            Self::Begins(_, all) => all.iter().any(|first| head.starts_with(first)),
+            Self::Has(_, words) => !head.contains(&0) && words.iter().all(|word| text.contains(word)),
+            Self::Lines(_, words) => {
+                let line = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'));
+                line.and_then(|line| line.split_whitespace().next()).is_some_and(|word| words.contains(&word))
+            }
+            Self::Json(_, members) => {
+                serde_json::from_slice::<Value>(&head).is_ok_and(|json| has_members(&json, members))
+            }
+            Self::Words(_, count) => count.checked_mul(4) == Some(length),
+        }
+    }
+}
+
+fn has_members(json: &Value, members: &[&str]) -> bool {
+    match json {
+        Value::Array(list) => list.iter().all(|entry| entry.is_object() && has_members(entry, members)),
+        json => members.iter().all(|member| json.get(member).is_some()),
+    }
+}
+
+/// The files that a command reads and writes.
+#[derive(Debug, Default)]
+pub struct Outputs {
+    inputs: Vec<PathBuf>,
+    outputs: Vec<PathBuf>,
+    may_overwrite: bool,
+}
+
+impl Outputs {
+    /// Of a command with this option.
+    pub fn new(args: OverwriteArgs) -> Self {
+        Self { may_overwrite: args.overwrite, ..Self::default() }
+    }
+
+    /// Adds files and folders that the command reads. Addresses are none.
+    #[must_use]
+    pub fn reading<P: AsRef<Path>>(mut self, inputs: impl IntoIterator<Item = P>) -> Self {
+        self.inputs.extend(inputs.into_iter().map(|input| input.as_ref().to_owned()));
+        self
+    }
+
+    /// Adds a file that the command writes. Fails, with what to do, if it is an input or another output, lies in a city, a site or a work
+    /// store, or exists and is of another kind. Nothing is written yet.
+    pub fn file(&mut self, path: &Path, kind: FileKind) -> Result<(), String> {
+        let refuse = |reason: String| Err(format!("{}: {reason}", path.display()));
+        let found = fs::metadata(path).ok();
+        if found.as_ref().is_some_and(is_stream) {
+            return Ok(());
+        }
+        if found.as_ref().is_some_and(|found| !found.is_file()) {
+            return refuse("it is a folder or a device; give the name of a file".to_owned());
+        }
+        self.check_place(path)?;
+        for input in &self.inputs {
+            let is_inside = || found.is_some() && input.is_dir() && canonical(path).starts_with(canonical(input));
+            // A report in a folder of inputs is none of them.
+            if is_same(path, input) || !matches!(kind, FileKind::Json(..)) && is_inside() {
+                return refuse(format!("it is, or lies in, the input {}; give another name", input.display()));
+            }
+        }
+        if found.is_some() && !self.may_overwrite && !kind.is_of(path) {
+            return refuse(format!("it exists and is not {}; give another name, or --overwrite", kind.name()));
+        }
+        self.take(path)
+    }
+
+    /// Adds a folder that the command writes files into. Fails as [`Self::file`], if it is or contains an input, if the programs keep it for
+    /// anything but `own`, or if it has files and `is_own` does not know it.
+    pub fn folder(
+        &mut self,
+        path: &Path,
+        own: Option<KeptFolder>,
+        is_own: impl FnOnce(&Path) -> bool,
+    ) -> Result<(), String> {
+        let refuse = |reason: String| Err(format!("{}: {reason}", path.display()));
+        self.check_place(path)?;
+        if let Some(kind) = kept_folder(path).filter(|kind| Some(*kind) != own) {
+            return refuse(format!("it is {kind}; write elsewhere"));
+        }
+        for input in &self.inputs {
+            if canonical(input).starts_with(canonical(path)) {
+                return refuse(format!("it is, or contains, the input {}; write elsewhere", input.display()));
+            }
+        }
+        match fs::metadata(path) {
+            Ok(found) if !found.is_dir() => {
+                return refuse("a file or link with this name exists; give another name".to_owned());
+            }
+            Ok(_) => {
+                let is_empty = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
+                if !is_empty && !self.may_overwrite && !is_own(path) {
+                    return refuse(
+                        "it has files that this command did not write; give another name, or --overwrite".to_owned(),
+                    );
+                }
+            }
+            Err(_) => {}
+        }
+        self.take(path)
+    }
+
+    /// Fails if the path lies in a folder that the programs keep.
+    fn check_place(&self, path: &Path) -> Result<(), String> {
+        match kept_folder_above(path) {
+            Some((folder, kind)) => {
+                let (path, folder) = (path.display(), folder.display());
+                Err(format!("{path}: it lies in {kind}, {folder}; write it elsewhere"))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn take(&mut self, path: &Path) -> Result<(), String> {
+        if self.outputs.iter().any(|other| is_same(path, other)) {
+            return Err(format!("{}: two outputs have this name; give them different ones", path.display()));
+        }
+        self.outputs.push(path.to_owned());
+        Ok(())
+    }
+}
+
+/// Whether output is read by somebody, or dropped, as it is written.
+#[cfg(unix)]
+fn is_stream(found: &fs::Metadata) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    let kind = found.file_type();
+    kind.is_char_device() || kind.is_fifo()
+}
+
+#[cfg(not(unix))]
+fn is_stream(_: &fs::Metadata) -> bool {
+    false
+}
+
+/// Whether two paths are of one file, by whatever names.
+fn is_same(a: &Path, b: &Path) -> bool {
+    canonical(a) == canonical(b) || is_hard_link(a, b)
+}
+
+#[cfg(unix)]
+fn is_hard_link(a: &Path, b: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let identity = |path: &Path| fs::metadata(path).ok().map(|found| (found.dev(), found.ino()));
+    identity(a).is_some() && identity(a) == identity(b)
+}
+
+#[cfg(not(unix))]
+fn is_hard_link(_: &Path, _: &Path) -> bool {
+    false
+}
+
+/// A new file with the first unused number: `stem-0001.extension`, `stem-0002.extension`, ... Fails if there is none, or if the folder is
+/// one that the programs keep.
+pub fn unused_file(folder: &Path, stem: &str, extension: &str) -> Result<PathBuf, String> {
+    let name = |number: u32| folder.join(format!("{stem}-{number:04}.{extension}"));
+    Outputs::default().check_place(&name(1))?;
+    let unused = (1..10_000).map(name).find(|path| path.symlink_metadata().is_err());
+    unused.ok_or_else(|| format!("{}: it has 10000 files {stem}-N.{extension}; move them away", folder.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+    use super::*;
+
+    #[test]
+    fn inputs_other_outputs_and_files_of_other_kinds_are_refused_by_any_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::create_dir_all(path("sub/city")).unwrap();
+        fs::write(path("a.ply"), "ply\n").unwrap();
+        fs::write(path("b.ply"), "ply\n").unwrap();
+        fs::write(path("sub/c.ply"), "ply\n").unwrap();
+        fs::write(path("thesis.ply"), "dear").unwrap();
+        fs::write(path("empty.ply"), "").unwrap();
+        let manifest = r#"{"format_version":1,"tile_version":1,"version":"a","root_side_m":64.0,"settings":""}"#;
+        fs::write(path("sub/city/city.json"), manifest).unwrap();
+        let check = |name: &str, overwrite: bool| {
+            let mut outputs = Outputs::new(OverwriteArgs { overwrite }).reading([path("a.ply"), path("sub")]);
+            outputs.file(&path("taken.ply"), FileKind::PLY).unwrap();
+            outputs.file(&path(name), FileKind::PLY)
+        };
+        for allowed in ["b.ply", "empty.ply", "new.ply", "sub/new.ply"] {
+            check(allowed, false).unwrap();
+        }
+        for refused in
+            ["a.ply", "sub/../a.ply", "sub/c.ply", "taken.ply", "sub", "sub/city/new.ply", "sub/city/city.json"]
+        {
+            for overwrite in [false, true] {
+                assert!(check(refused, overwrite).unwrap_err().contains(refused), "{refused}");
+            }
+        }
+        assert!(check("thesis.ply", false).unwrap_err().contains("--overwrite"));
+        check("thesis.ply", true).unwrap();
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(path("a.ply"), path("link.ply")).unwrap();
+            fs::hard_link(path("a.ply"), path("hard.ply")).unwrap();
+            assert!(check("link.ply", true).is_err() && check("hard.ply", true).is_err());
+            assert!(check("/dev/null", false).is_ok());
+        }
+    }
+
+    #[test]
+    fn folders_of_others_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::create_dir_all(path("mine/in")).unwrap();
+        fs::create_dir_all(path("empty")).unwrap();
+        fs::create_dir_all(path("site")).unwrap();
+        fs::write(path("site/insula-site.json"), "{}").unwrap();
+        let check = |name: &str, is_own: bool| {
+            Outputs::default().reading([path("mine/in")]).folder(&path(name), None, |_| is_own)
+        };
+        assert!(check("empty", false).is_ok() && check("new", false).is_ok() && check("mine/in/new", false).is_ok());
+        fs::write(path("empty/a"), "dear").unwrap();
+        assert!(check("empty", false).is_err() && check("empty", true).is_ok());
+        for refused in ["mine", "site", "site/new", "site/insula-site.json"] {
+            assert!(check(refused, true).is_err(), "{refused}");
+        }
+    }
+
+    #[test]
+    fn kinds_are_known_by_content() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let report = FileKind::Json("a report", &["blocks", "bytes"]);
+        for (text, kind, is_of) in [
+            ("# mesh\n\nv 1 2 3\n", FileKind::OBJ, true),
+            ("very dear\n", FileKind::OBJ, false),
+            (r#"{"bytes":1,"blocks":2,"more":3}"#, report, true),
+            (r#"{"bytes":1}"#, report, false),
+            (r#"[{"bytes":1,"blocks":2}]"#, report, true),
+            ("[1]", report, false),
+            ("12345678", FileKind::Words("ids", 2), true),
+            ("1234567", FileKind::Words("ids", 2), false),
+            ("<?xml?>\n<svg>", FileKind::SVG, true),
+        ] {
+            fs::write(&path, text).unwrap();
+            assert_eq!(kind.is_of(&path), is_of, "{text}");
+        }
+    }
+}

@@ -1,0 +1,439 @@
+//! No command removes, replaces or endlessly reads a file that it should not: every option of both programs that is a path has a case.
+
+use clap::{Command, CommandFactory};
+use insula_client::args::Cli;
+use insula_server::args::Args;
+use insula_test_support::{programs::program, rng::Rng, tier};
+use insula_tests::{tests, trials::Trials};
+use std::{
+    any::TypeId,
+    collections::{BTreeMap, BTreeSet},
+    ffi::OsString,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command as Process, Output, Stdio},
+};
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![
+        every_path_of_the_command_lines_has_a_case,
+        outputs_replace_only_earlier_outputs,
+        random_commands_leave_the_files_of_others_alone
+    ]);
+    #[cfg(target_os = "linux")]
+    trials.add(tests![inputs_that_are_no_regular_files_are_refused]);
+}
+
+/// What a path of a command line is.
+#[derive(Debug, Clone, Copy)]
+enum PathUse {
+    /// A file that is read: a command line, in which `{}` is the path, and the end of a name that the command takes.
+    Reads(&'static str, &'static str),
+    /// The same of a file that is written.
+    Writes(&'static str, &'static str),
+    /// A folder, an address or the name of something, with a reason why there is no case.
+    Else(&'static str),
+}
+use PathUse::{Else, Reads, Writes};
+
+const SNAPSHOT: &str = "insula snapshot --server city --camera camera.json --size 16x12 --adapter cpu";
+
+const TEXT: PathUse = Else("a text");
+const FOLDER: PathUse = Else("a folder");
+
+/// All options and arguments that are paths or texts, by program and command.
+const CASES: &[(&str, &[&str], PathUse)] = &[
+    ("insula-server bake", &["inputs"], Reads("bake {} --out new", ".obj")),
+    ("insula-server bake", &["step_inputs"], Reads("bake plan --inputs {} --work steps", ".obj")),
+    ("insula-server bake", &["streets"], Reads("bake town.geojson --out new --streets {}", ".geojson")),
+    ("insula-server bake", &["surroundings"], Reads("bake town.geojson --out new --surroundings {}", ".asc")),
+    ("insula-server bake", &["landmarks"], Reads("bake town.geojson --out new --landmarks {}", ".json")),
+    ("insula-server bake", &["stone"], Reads("bake a.off --out new --stone {}", ".json")),
+    ("insula-server bake", &["palette"], Reads("bake town.geojson --out new --palette {}", ".json")),
+    ("insula-server bake", &["report"], Writes("bake town.geojson --cell 4 --out baked --report {}", ".json")),
+    ("insula-server bake", &["out", "work", "texture_root", "grids"], FOLDER),
+    ("insula-server bake", &["job", "crs", "name", "title", "attribution", "licence", "source_url"], TEXT),
+    ("insula-server bake", &["only", "skip", "height_field", "drop", "search"], TEXT),
+    ("insula-server serve", &["config"], Reads("serve city --listen 127.0.0.1:0 --config {}", ".toml")),
+    (
+        "insula-server serve",
+        &["set"],
+        Reads("serve city --listen 127.0.0.1:0 --set tls.certificate={} --set tls.key={}", ".pem"),
+    ),
+    ("insula-server serve", &["cities"], FOLDER),
+    ("insula-server serve", &["listen", "metrics_address"], TEXT),
+    ("insula-server sign", &["keys"], Reads("sign --city city --expires 1h --keys {}", ".keys")),
+    ("insula-server sign", &["config"], Reads("sign --city city --expires 1h --config {}", ".toml")),
+    ("insula-server sign", &["city", "url", "version"], TEXT),
+    ("insula-server publish", &["cities", "out"], FOLDER),
+    ("insula-server publish", &["title", "url"], TEXT),
+    ("insula-server inspect", &["city"], Reads("inspect {}", ".obj")),
+    ("insula-server inspect", &["png"], Writes("inspect city --tile 0/0/0 --png {}", ".png")),
+    ("insula-server inspect", &["grids"], FOLDER),
+    ("insula-server inspect", &["crs", "only", "skip", "height_field", "drop", "search"], TEXT),
+    ("insula-server objects", &["city"], FOLDER),
+    ("insula-server search", &["city"], FOLDER),
+    ("insula-server search", &["text"], TEXT),
+    ("insula-server export", &["polygon"], Reads("export city --format csv --out new.csv --polygon {}", ".geojson")),
+    ("insula-server export", &["view"], Reads("export city --format glb --out new.glb --view {}", ".json")),
+    ("insula-server export", &["out"], Writes("export city --format csv --out {}", ".csv")),
+    ("insula-server export", &["city"], FOLDER),
+    ("insula-server export", &["filter"], TEXT),
+    ("insula-server verify", &["city"], FOLDER),
+    ("insula-server compress", &["input"], Reads("compress {} new.insm", ".off")),
+    ("insula-server compress", &["output"], Writes("compress a.off {}", ".insm")),
+    ("insula-server decompress", &["input"], Reads("decompress {} new.off", ".insm")),
+    ("insula-server decompress", &["output"], Writes("decompress a.insm {}", ".ply")),
+    ("insula-server simplify", &["input"], Reads("simplify {} new.off --ratio 0.5", ".off")),
+    ("insula-server simplify", &["output"], Writes("simplify a.off {} --ratio 0.5", ".obj")),
+    ("insula-server compare", &["a"], Reads("compare {} a.off", ".off")),
+    ("insula-server compare", &["b"], Reads("compare a.off {}", ".off")),
+    ("insula-server compare", &["heatmap"], Writes("compare a.off b.off --samples 9 --heatmap {}", ".ply")),
+    ("insula-server ao", &["mesh"], Reads("ao {} --out new.ply", ".off")),
+    ("insula-server ao", &["out"], Writes("ao a.off --views 16 --map 64 --out {}", ".ply")),
+    ("insula-server man", &["out"], FOLDER),
+    ("insula man", &["out"], FOLDER),
+    ("insula view", &["place"], FOLDER),
+    ("insula view", &["path"], Reads("insula view city --path {}", ".json")),
+    ("insula open", &["inputs"], Reads("insula open {}", ".obj")),
+    ("insula open", &["palette"], Reads("insula open town.geojson --palette {}", ".json")),
+    ("insula demo", &["out"], Else("bakes for minutes; its check is that of `snapshot`")),
+    ("insula snapshot", &["server"], FOLDER),
+    (
+        "insula snapshot",
+        &["camera"],
+        Reads("insula snapshot --server city --size 16x12 --out new.png --camera {}", ".json"),
+    ),
+    ("insula snapshot", &["out"], Writes("SNAPSHOT --out {}", ".png")),
+    ("insula snapshot", &["distance"], Writes("SNAPSHOT --out p.png --distance {}", ".pfm")),
+    ("insula snapshot", &["radiance"], Writes("SNAPSHOT --out p.png --radiance {}", ".pfm")),
+    ("insula snapshot", &["objects"], Writes("SNAPSHOT --out p.png --objects {}", ".bin")),
+    ("insula snapshot", &["objects_json"], Writes("SNAPSHOT --out p.png --objects-json {}", ".json")),
+    ("insula snapshot", &["report"], Writes("SNAPSHOT --out p.png --report {}", ".json")),
+    ("insula snapshot", &["color_by", "filter"], TEXT),
+    ("insula fly", &["server"], FOLDER),
+    ("insula fly", &["path"], Reads("insula fly --server city --size 16x12 --adapter cpu --path {}", ".json")),
+    (
+        "insula fly",
+        &["report"],
+        Writes("insula fly --server city --size 16x12 --adapter cpu --path path.json --report {}", ".json"),
+    ),
+    ("insula draw", &["sources"], Reads("insula draw {} --plan --out new.svg", ".obj")),
+    ("insula draw", &["view"], Reads("insula draw city --out new.svg --view {}", ".json")),
+    ("insula draw", &["style"], Reads("insula draw city --plan --out new.svg --style {}", ".toml")),
+    ("insula draw", &["out"], Writes("insula draw city --plan --out {}", ".svg")),
+    ("insula draw", &["filter", "color_by", "paper", "title"], TEXT),
+    ("insula", &["city"], TEXT),
+];
+
+/// Paths and texts of a program's commands, by program and command.
+fn in_help(program: &Command) -> BTreeMap<String, BTreeSet<String>> {
+    let types = [TypeId::of::<PathBuf>(), TypeId::of::<OsString>(), TypeId::of::<String>()];
+    let name = program.get_name();
+    let named = |command: &Command| {
+        if command.get_name() == name { name.to_owned() } else { format!("{name} {}", command.get_name()) }
+    };
+    let of = |command: &Command| -> BTreeSet<String> {
+        let all = command.get_arguments().filter(|argument| {
+            let parser = argument.get_value_parser();
+            let is_choice = parser.possible_values().is_some();
+            argument.get_action().takes_values() && !is_choice && types.iter().any(|kind| parser.type_id() == *kind)
+        });
+        all.map(|argument| argument.get_id().to_string()).collect()
+    };
+    let commands = program.get_subcommands().chain([program]);
+    commands.map(|command| (named(command), of(command))).filter(|(_, found)| !found.is_empty()).collect()
+}
+
+fn every_path_of_the_command_lines_has_a_case() {
+    let existing: BTreeMap<_, _> = in_help(&Cli::command()).into_iter().chain(in_help(&Args::command())).collect();
+    let mut known = BTreeMap::<String, BTreeSet<String>>::new();
+    for (command, names, kind) in CASES {
+        if let Else(reason) = kind {
+            assert!(!reason.is_empty(), "{command} {names:?}: no reason");
+        }
+        known.entry((*command).to_owned()).or_default().extend(names.iter().map(|name| (*name).to_owned()));
+    }
+    for (command, names) in &existing {
+        let missing: Vec<_> = names.difference(known.get(command).unwrap_or(&BTreeSet::new())).cloned().collect();
+        assert!(missing.is_empty(), "{command}: no case for {missing:?}: does it read, write or remove files?");
+    }
+    for (command, names) in &known {
+        let gone: Vec<_> = names.difference(existing.get(command).unwrap_or(&BTreeSet::new())).cloned().collect();
+        assert!(gone.is_empty(), "{command}: {gone:?} does not exist");
+    }
+}
+
+/// A folder with inputs of all commands, a city, a site and a work store.
+struct Workplace(tempfile::TempDir);
+
+const TOWN: &str = r#"{"type":"FeatureCollection","features":[{"type":"Feature","id":"a","properties":{"height":9,"name":"Hall"},
+    "geometry":{"type":"Polygon","coordinates":[[[4.36,52.01],[4.3602,52.01],[4.3602,52.0101],[4.36,52.0101],[4.36,52.01]]]}}]}"#;
+const OFF: &str = "OFF\n5 6 0\n0 0 0\n10 0 0\n10 8 0\n0 8 0\n4 3 7\n4 3 2 1 0\n3 0 1 4\n3 1 2 4\n3 2 3 4\n3 3 0 4\n";
+const CAMERA: &str = r#"{"position":[0,-100,60],"target":[10,0,0],"up":[0,0,1],"fov_y_deg":60}"#;
+
+impl Workplace {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        for (name, text) in [
+            ("town.geojson", TOWN),
+            ("a.off", OFF),
+            ("b.off", &OFF.replace("4 3 7", "4 3 8")),
+            ("camera.json", CAMERA),
+            ("path.json", &format!(r#"{{"seconds":0.05,"keys":[{}]}}"#, CAMERA.replacen('{', r#"{"t":0,"#, 1))),
+            ("site/insula-site.json", r#"{"assets":"a","cities":[],"files":{}}"#),
+            ("site/index.html", "dear"),
+        ] {
+            place.write(name, text);
+        }
+        for line in [
+            "bake town.geojson --out city --cell 4 --name city",
+            "bake plan --inputs town.geojson --work work --cell 4",
+            "bake scan 0 --work work",
+            "compress a.off a.insm",
+        ] {
+            let output = place.run(line);
+            assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+        }
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::create_dir_all(self.path(name).parent().unwrap()).unwrap();
+        fs::write(self.path(name), text).unwrap();
+    }
+
+    /// Runs a command line of `insula-server`, or of the program that it begins with, with a limit of memory where that is possible.
+    fn run(&self, line: &str) -> Output {
+        let line = line.replacen("SNAPSHOT", SNAPSHOT, 1);
+        let (name, words) = match line.strip_prefix("insula ") {
+            Some(rest) => ("insula", rest),
+            None => ("insula-server", line.as_str()),
+        };
+        let program = program(name).unwrap();
+        let mut command = if cfg!(target_os = "linux") {
+            let mut shell = Process::new("sh");
+            // A file without an end would fill the memory, and one that nobody writes would never end.
+            shell.args(["-c", "ulimit -v 8000000; exec timeout 60 \"$@\"", "sh"]).arg(program);
+            shell
+        } else {
+            Process::new(program)
+        };
+        command.args(words.split_whitespace()).current_dir(self.0.path());
+        for name in ["RUST_LOG", "DISPLAY", "WAYLAND_DISPLAY", "INSULA_JOB"] {
+            command.env_remove(name);
+        }
+        command.env("XDG_CACHE_HOME", self.path(".cache")).stdin(Stdio::null()).output().unwrap()
+    }
+}
+
+/// Every file below a folder with its content, without those of the programs' cache. Links and pipes have none.
+fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
+            let kind = entry.file_type().unwrap();
+            if kind.is_dir() {
+                if entry.file_name() != ".cache" {
+                    open.push(entry.path());
+                }
+            } else {
+                let bytes = if kind.is_file() { fs::read(entry.path()).unwrap() } else { Vec::new() };
+                found.insert(entry.path(), bytes);
+            }
+        }
+    }
+    found
+}
+
+/// An output is refused in the place of an input, of a file of a city, a site and a work store, and of another file; it takes a new
+/// place, and that again.
+fn outputs_replace_only_earlier_outputs() {
+    let place = Workplace::new();
+    for (command, names, line, end) in CASES.iter().filter_map(|(command, names, kind)| match kind {
+        Writes(line, end) => Some((command, names, line, end)),
+        _ => None,
+    }) {
+        let what = format!("{command} {}", names[0]);
+        let with = |path: &str| line.replace("{}", path);
+        place.write(&format!("foreign{end}"), "my very dear thesis");
+        let mut refused: Vec<String> =
+            ["city", "city/more", "site", "work", "work/scan"].map(|folder| format!("{folder}/new{end}")).into();
+        refused.push(format!("foreign{end}"));
+        // Links to what must not be written, with a name that the command takes.
+        for (number, target) in [
+            "town.geojson",
+            "a.off",
+            "camera.json",
+            "path.json",
+            "city/city.json",
+            "city/blockmaps.pmtiles",
+            "work/job.json",
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let link = format!("link-{number}{end}");
+            let _ = fs::remove_file(place.path(&link));
+            #[cfg(unix)]
+            std::os::unix::fs::symlink(place.path(target), place.path(&link)).unwrap();
+            refused.push(if cfg!(unix) { link } else { target.to_owned() });
+        }
+        for path in refused {
+            // An input of the command that is replaced by its like is still an input.
+            let before = tree(place.0.path());
+            let output = place.run(&with(&path));
+            let text = String::from_utf8_lossy(&output.stderr);
+            assert!(matches!(output.status.code(), Some(1 | 2)), "{what} to {path}: {:?} {text}", output.status);
+            assert!(tree(place.0.path()) == before, "{what} to {path} changed files: {text}");
+        }
+        let new = format!("out-{}{end}", names[0]);
+        for path in [new.clone(), new, format!("foreign{end}")] {
+            let is_foreign = path.starts_with("foreign");
+            let output = place.run(&(with(&path) + if is_foreign { " --overwrite" } else { "" }));
+            assert!(output.status.success(), "{what} to {path}: {}", String::from_utf8_lossy(&output.stderr));
+            assert_ne!(fs::read(place.path(&path)).unwrap(), b"my very dear thesis");
+            assert!(
+                !tree(place.0.path()).keys().any(|path| path.to_string_lossy().ends_with(".tmp")),
+                "{what} leaves a file"
+            );
+        }
+        if line.matches("p.png").count() == 1 {
+            let before = tree(place.0.path());
+            assert!(!place.run(&with("p.png")).status.success(), "{what}: two outputs of one name");
+            assert!(tree(place.0.path()) == before, "{what}: two outputs of one name");
+        }
+    }
+}
+
+/// Pipes, devices and files without an end fail at once, and take no memory.
+#[cfg(target_os = "linux")]
+fn inputs_that_are_no_regular_files_are_refused() {
+    let place = Workplace::new();
+    let cases = CASES.iter().filter_map(|(command, names, kind)| match kind {
+        Reads(line, end) => Some((command, names, line, end)),
+        _ => None,
+    });
+    for (command, names, line, end) in cases {
+        let (pipe, zero) = (format!("pipe{end}"), format!("zero{end}"));
+        if !place.path(&pipe).exists() {
+            assert!(Process::new("mkfifo").arg(place.path(&pipe)).status().unwrap().success());
+            std::os::unix::fs::symlink("/dev/zero", place.path(&zero)).unwrap();
+        }
+        for path in [pipe, zero] {
+            let output = place.run(&line.replace("{}", &path));
+            let text = String::from_utf8_lossy(&output.stderr);
+            let what = format!("{command} {} of {path}", names[0]);
+            assert!(matches!(output.status.code(), Some(1..=3)), "{what}: {:?} {text}", output.status);
+            assert!(text.lines().last().is_some_and(|line| line.starts_with("error: ")), "{what}: {text}");
+        }
+    }
+}
+
+/// Commands of the random test: DIR, IN and OUT are paths.
+const COMMANDS: [&str; 22] = [
+    "bake IN --out DIR --cell 8 --no-street-sets",
+    "bake IN --out DIR --cell 8 --update --report OUT",
+    "bake IN --out DIR --cell 4 --resume",
+    "bake plan --inputs IN --work DIR --cell 8",
+    "bake plan --inputs IN --work DIR --cell 4 --update",
+    "bake scan 0 --work DIR",
+    "bake plan --work DIR",
+    "bake shuffle 0 --work DIR",
+    "bake region 0 --work DIR",
+    "bake crown --work DIR",
+    "bake join plan --work DIR",
+    "bake join part 0 --work DIR",
+    "bake join finish --work DIR",
+    "bake abort --work DIR",
+    "publish DIR --out DIR",
+    "export DIR --format 3dtiles --out DIR",
+    "export DIR --format csv --out OUT",
+    "export DIR --format glb --out OUT",
+    "inspect DIR --tile 0/0/0 --png OUT",
+    "compress IN OUT",
+    "simplify IN OUT --ratio 0.5",
+    "man --out DIR",
+];
+/// Where somebody may put a file.
+const FOREIGN: [&str; 14] = [
+    "a/notes.txt",
+    "a/job.json",
+    "a/plan/notes.txt",
+    "a/tiles/holiday.png",
+    "b/scan/0/My photo.png",
+    "b/city/impressum.html",
+    "b/assets/mine/holiday.png",
+    "c/insula-site.json",
+    "c/cities/town/impressum.html",
+    "c/search.index",
+    "c/content/0/0/0.glb",
+    "thesis.ply",
+    "a.partial/mine.txt",
+    "b.job",
+];
+const DIRECTORIES: [&str; 7] = ["a", "b", "c", "a/city", "b/city", "city", "."];
+const INPUTS: [&str; 6] = ["town.geojson", "a.off", "in", "in/*.geojson", "a/in.geojson", "thesis.ply"];
+const OUTPUTS: [&str; 9] = [
+    "out.csv",
+    "out.off",
+    "thesis.ply",
+    "a/city.json",
+    "city/meshes.pmtiles",
+    "b/job.json",
+    "town.geojson",
+    "in/more.geojson",
+    "c/insula-site.json",
+];
+
+/// Commands in random order, with random paths, in a folder of files that none of them wrote.
+fn random_commands_leave_the_files_of_others_alone() {
+    let seed = std::env::var("INSULA_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(7);
+    let mut rng = Rng::new(seed);
+    let steps = if tier::is_full() { 10_000 } else { 80 };
+    let (mut done, mut place, mut foreign) = (Vec::new(), None, BTreeMap::new());
+    for step in 0..steps {
+        // A place becomes one that most commands refuse.
+        if step % 100 == 0 {
+            let new = Workplace::new();
+            new.write("in/part.geojson", TOWN);
+            foreign = ["town.geojson", "a.off", "b.off", "in/part.geojson"]
+                .map(|name| (new.path(name), fs::read(new.path(name)).unwrap()))
+                .into();
+            place = Some(new);
+            done.clear();
+        }
+        let place = place.as_ref().unwrap();
+        if rng.one_in(4) {
+            let path = place.path(FOREIGN[rng.below(FOREIGN.len())]);
+            // What a program wrote is not somebody else's because it is replaced.
+            if path.symlink_metadata().is_err() && fs::create_dir_all(path.parent().unwrap()).is_ok() {
+                let text = format!("dear {step}");
+                if fs::write(&path, &text).is_ok() {
+                    done.push(format!("(write {})", path.display()));
+                    foreign.insert(path, text.into_bytes());
+                }
+            }
+        }
+        let mut pick = |all: &[&'static str]| all[rng.below(all.len())];
+        let words = pick(&COMMANDS).split(' ').map(|word| match word {
+            "DIR" => pick(&DIRECTORIES),
+            "IN" => pick(&INPUTS),
+            "OUT" => pick(&OUTPUTS),
+            word => word,
+        });
+        let line = words.collect::<Vec<_>>().join(" ");
+        let output = place.run(&line);
+        done.push(line);
+        assert!(matches!(output.status.code(), Some(0..=3)), "seed {seed}: {done:#?}: {:?}", output.status);
+        for (path, bytes) in &foreign {
+            let found = fs::read(path).ok();
+            assert!(found.as_ref() == Some(bytes), "seed {seed}: {} changed by the last of {done:#?}", path.display());
+        }
+    }
+}
