@@ -1,15 +1,17 @@
 //! The command line as it is typed. `serve` turns its part into a [`ServeConfig`](crate::config::ServeConfig).
 
+mod choices;
 mod objects;
 mod parse;
 
+pub use choices::{GeneratedFacades, GeneratedGround, LengthUnit, Preference, UpAxis, VisibilityRenderer};
 #[cfg(feature = "bake")]
 pub use objects::{ExportArgs, ExportFormat};
 pub use objects::{ObjectsArgs, SearchArgs};
 pub use parse::{DegreesBox, GeoPlace, ShareArea};
 
 use crate::share_link::{parse_lifetime, parse_version};
-use clap::{Parser, Subcommand, ValueEnum, builder::ArgPredicate};
+use clap::{Parser, Subcommand, builder::ArgPredicate};
 use insula_command_line::{SetupCommand, output::OverwriteArgs};
 use insula_protocol::{TileId, blockmap::Quality};
 use parse::{
@@ -244,20 +246,6 @@ pub struct ReadArgs {
     pub keep_duplicates: bool,
 }
 
-/// Unit of heights.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum LengthUnit {
-    M,
-    Ft,
-}
-
-/// Which of two equal objects is kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Preference {
-    /// The one of the better level of detail
-    Lod,
-}
-
 /// Arguments of `bake`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct BakeArgs {
@@ -397,40 +385,6 @@ pub struct BakeArgs {
     pub visibility: VisibilityRenderer,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
-}
-
-/// Ground that a bake generates.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum GeneratedGround {
-    /// Under the buildings, and around given terrain
-    Auto,
-    /// Only the terrain of the sources
-    None,
-}
-
-/// Walls of which the inputs have no picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum GeneratedFacades {
-    /// Their colour
-    Plain,
-    /// Generated windows
-    Windows,
-}
-
-/// Device that renders visibility maps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum VisibilityRenderer {
-    Cpu,
-    Gpu,
-}
-
-/// Axis that points up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum UpAxis {
-    /// As in surveying
-    Z,
-    /// As in most modelling programs
-    Y,
 }
 
 /// Arguments of `serve`.

@@ -321,7 +321,7 @@ fn intact_tiles_of_a_damaged_city_are_drawn() -> Result<()> {
     let written = bench.path("a.png").display().to_string();
     ensure!(told.starts_with(&format!("wrote {written} (160 x 90 pixels, ")) && told.lines().count() == 1, "{told:?}");
     ensure!(output.stdout.is_empty(), "{:?}", output.stdout);
-    let report: Value = serde_json::from_slice(&fs::read(bench.path("report.json"))?)?;
+    let report: Value = serde_json::from_slice(&fs::read(bench.path("view.json"))?)?;
     ensure!(report["tiles"]["blockmaps"].as_u64() > Some(0), "{report}");
     Ok(())
 }
@@ -337,7 +337,7 @@ fn snapshot(bench: &Bench, url: &str, camera: &Path, timeout: &str) -> Result<Ou
         .arg("--out")
         .arg(bench.path("a.png"))
         .arg("--report")
-        .arg(bench.path("report.json")))
+        .arg(bench.path("view.json")))
 }
 
 fn unusable_addresses_are_errors() -> Result<()> {

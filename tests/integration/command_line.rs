@@ -251,7 +251,7 @@ fn a_view_is_exported_with_its_camera() {
     let away = CAMERA.replace("84980, 446970", "80000, 440000").replace("85010, 447006", "79000, 439000");
     fs::write(folder.path().join("away.json"), away).unwrap();
     for (more, code, words) in [
-        (&["--format", "csv", "--view", "camera.json"][..], 2, "--format glb"),
+        (&["--format", "csv", "--view", "camera.json", "--overwrite"][..], 2, "--format glb"),
         (&["--format", "glb", "--view", "none.json"], 2, "none.json"),
         (&["--format", "glb", "--view", "here.json"], 2, "must differ"),
         (&["--format", "glb", "--view", "houses.geojson"], 2, "unknown field"),

@@ -9,7 +9,7 @@ use insula_shaders::{
         render::{RenderedRows, render_with},
         stepped::{FrameProgress, SteppedFrame},
     },
-    layout::{FrameUniform, Light, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
+    layout::{Light, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
     light::{Air, NightLights},
     look::Look,
 };
@@ -127,7 +127,8 @@ fn packets_draw_every_look() -> Result<()> {
             scene.frame.ground_z_m = -(camera.position[2] - city.area.origin[2]) as f32;
             scene.frame = in_look(scene.frame, look);
             check(&scene, &format!("city {seed}, {look:?}"))?;
-            let plain = Scene { frame: FrameUniform { edges: [0.0; 4], ..scene.frame }, ..scene.clone() };
+            let mut plain = scene.clone();
+            plain.frame.edges = [0.0; 4];
             let has_edges = scene.render().colour != plain.render().colour;
             ensure!(has_edges == (look != Look::Physical), "city {seed}: lines and shade in the look {look:?}");
         }

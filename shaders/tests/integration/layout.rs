@@ -63,6 +63,7 @@ fn structs_have_the_same_layout() {
             bays,
             fog,
             city,
+            edges,
             light,
             windows,
             stones,
@@ -106,7 +107,10 @@ fn structs_have_the_same_layout() {
 #[test]
 fn structs_of_columns_and_the_frame_have_the_same_layout() {
     let module = module(&wgsl::compose());
-    assert_layout!(&module, ComposeUniform { frame_px, target_px, is_lit, exposure, key, day, grade });
+    assert_layout!(
+        &module,
+        ComposeUniform { frame_px, target_px, is_lit, exposure, key, day, grade, edges, plane, tan, unused }
+    );
     let module = self::module(&wgsl::raycast());
     // WGSL reads it in rows of four words: `heights` is z_step_m to slot_and_shift.
     let (span, members) = wgsl_layout(&module, "DrawNode");

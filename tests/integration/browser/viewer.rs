@@ -33,7 +33,7 @@ pub(super) const PICTURE: [u32; 2] = [320, 200];
 /// A place of a page of the default size where no control or notice is.
 pub(super) const FREE: [f64; 2] = [240.0, 220.0];
 /// Page and program.
-const PROGRAM_BYTES: u64 = 680_000;
+const PROGRAM_BYTES: u64 = 685_000;
 pub(super) const DESKTOP: [u32; 2] = [1440, 900];
 pub(super) const PHONE: [u32; 2] = [390, 844];
 

@@ -56,7 +56,7 @@ pub(crate) enum Shape {
     /// Lines with a width, laid on the ground: roads, rails, rivers.
     Strips(Vec<Strip>),
     /// Points on the ground: trees, street lamps.
-    Points(Vec<GroundPoint>),
+    Points(Vec<PointOnGround>),
 }
 
 /// A planar polygon in space. Counter-clockwise seen from outside.
@@ -127,13 +127,13 @@ pub(crate) struct Footprint {
 
 /// A point on the ground.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct GroundPoint {
+pub(crate) struct PointOnGround {
     pub(crate) place: [f64; 2],
     /// As [`Footprint::ground`].
     pub(crate) ground: Option<f64>,
 }
 
-impl From<[f64; 2]> for GroundPoint {
+impl From<[f64; 2]> for PointOnGround {
     fn from(place: [f64; 2]) -> Self {
         Self { place, ground: None }
     }

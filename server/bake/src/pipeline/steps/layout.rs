@@ -5,7 +5,6 @@ use std::collections::HashMap;
 use insula_protocol::TileId;
 use serde::{Deserialize, Serialize};
 
-use super::sealed::SealedKind;
 use crate::{
     ground::GroundReport,
     hash::ShortHash,
@@ -39,16 +38,16 @@ pub(super) const FOLDERS: [&str; 12] = {
 pub(super) const JOINED: &str = "join/joined";
 /// Name and kind of the plan's object, which is written last.
 pub(super) const PLAN: &str = "plan/plan";
-pub(super) const PLAN_KIND: SealedKind = *b"PLAN";
+pub(super) const PLAN_KIND: [u8; 4] = *b"PLAN";
 /// The report of what was read.
 pub(super) const REPORT: &str = "plan/report";
-pub(super) const REPORT_KIND: SealedKind = *b"READ";
+pub(super) const REPORT_KIND: [u8; 4] = *b"READ";
 /// The triangles that are of no scan: terrain, landmarks, generated ground.
 pub(super) const OWN_TRIANGLES: &str = "plan/triangles";
 /// What is known of their objects.
 pub(super) const OWN_RECORDS: &str = "plan/records";
-pub(super) const CHUNK_KIND: SealedKind = *b"CHNK";
-pub(super) const ROWS_KIND: SealedKind = *b"ROWS";
+pub(super) const CHUNK_KIND: [u8; 4] = *b"CHNK";
+pub(super) const ROWS_KIND: [u8; 4] = *b"ROWS";
 /// Numbered objects in one object of the store.
 pub(super) const ROWS_PER_OBJECT: usize = 1 << 15;
 
@@ -61,7 +60,7 @@ pub(super) fn chunk_name(chunk: usize) -> String {
 pub(super) fn numbers_name(job: &str, part: usize) -> String {
     format!("numbers/{job}/{part}")
 }
-pub(super) const NUMBERS_KIND: SealedKind = *b"NUMS";
+pub(super) const NUMBERS_KIND: [u8; 4] = *b"NUMS";
 
 /// Name of a part of the numbered objects.
 pub(super) fn rows_name(part: usize) -> String {

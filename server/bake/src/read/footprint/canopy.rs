@@ -1,7 +1,7 @@
 //! Roofs without walls: canopies, carports and shelters. They are slabs at their height, on posts.
 
 use super::height::{BuildingHeight, GUESSED, HeightHints};
-use crate::read::attributes::{AttributeValue, Attributes};
+use crate::read::attributes::Attributes;
 
 /// Thickness of a roof.
 pub(crate) const SLAB_M: f64 = 0.3;
@@ -41,7 +41,7 @@ impl Canopy {
         let is_shelter = (kind.is_empty() && value("amenity").is_some_and(|amenity| amenity == "shelter")
             || kind == "shelter")
             && !value("shelter_type").is_some_and(|shelter| WALLED.contains(&shelter.as_str()))
-            && !value("walls").is_some_and(|walls| walls == "yes");
+            && value("walls").is_none_or(|walls| walls != "yes");
         let usual_m = match kind.as_str() {
             kind if ROOFS.contains(&kind) => ROOF_M,
             kind if CARPORTS.contains(&kind) || is_shelter => LOW_ROOF_M,
@@ -83,12 +83,13 @@ impl Canopy {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::read::attributes::AttributeValue;
 
     fn canopy(pairs: &[(&str, &str)]) -> Option<(f64, f64)> {
         let mut attributes = Attributes::default();
         pairs.iter().for_each(|(name, value)| attributes.push(name, AttributeValue::from_untyped(value)));
         let canopy = Canopy::of(&attributes)?;
-        let height = canopy.height(&attributes, None, |_, _| {});
+        let height = canopy.height(&attributes, HeightHints::default(), |_, _| {});
         Some((canopy.base_m(&height, height.top_m), height.top_m))
     }
 

@@ -9,7 +9,7 @@ use super::nodes::NodeStore;
 use super::relations::{MemberWay, Relation, Relations};
 use super::rings::{OUTSIDE, TOO_FEW, polygons};
 use crate::read::attributes::{AttributeValue, Attributes};
-use crate::read::object::{Footprint, GroundPoint, Shape, SourceObject, Strip};
+use crate::read::object::{Footprint, PointOnGround, Shape, SourceObject, Strip};
 
 /// Distance of the trees of a row.
 const TREE_DISTANCE_M: f64 = 8.0;
@@ -130,7 +130,7 @@ pub(super) fn lines(pieces: Vec<Vec<Position>>, form: Form) -> Shape {
         Form::Area | Form::TreeRow => {
             let mut trees = Vec::new();
             pieces.for_each(|piece: Vec<[f64; 2]>| plant(&piece, &mut trees));
-            Shape::Points(trees.into_iter().map(GroundPoint::from).collect())
+            Shape::Points(trees.into_iter().map(PointOnGround::from).collect())
         }
     }
 }

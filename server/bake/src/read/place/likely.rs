@@ -1,8 +1,7 @@
 //! Which system coordinates in metres are likely in, for messages.
 
 use super::input::SourceInput;
-use super::order::Region;
-use crate::read::crs::{self, Axes};
+use crate::read::crs::{self, Area, Axes};
 use crate::read::object::AxisOrder;
 
 /// National systems with many public city models, and zones of UTM with them.
@@ -15,6 +14,26 @@ const MAX_NAMES: usize = 3;
 /// Coordinates in zones of UTM.
 const UTM_EAST_M: std::ops::RangeInclusive<f64> = 100_000.0..=900_000.0;
 const UTM_NORTH_M: std::ops::RangeInclusive<f64> = 10_000.0..=9_990_000.0;
+
+/// Places of inputs of one city are within so many degrees of the area of use of its system.
+const NEAR_DEG: f64 = 2.0;
+
+/// What is known of the places of a city besides the coordinates of a source.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Region {
+    /// West, south, east and north in degrees that the user wants.
+    pub(super) wanted_deg: Option<[f64; 4]>,
+    /// Area of use of the city's system.
+    pub(super) city: Option<Area>,
+}
+
+impl Region {
+    /// Whether a place lies in it, or near.
+    pub(super) fn has(&self, place: [f64; 2]) -> bool {
+        let area = self.wanted_deg.map(Area::new).or(self.city);
+        area.is_some_and(|area| area.contains(place, NEAR_DEG))
+    }
+}
 
 /// Names likely systems of coordinates in either order, such as `; likely EPSG:25832`; empty if none is.
 pub(super) fn text([x, y]: [f64; 2], region: Region) -> String {

@@ -6,7 +6,7 @@ use glob::{MatchOptions, Pattern};
 
 use super::first_shape::FirstShape;
 use super::input::{Habit, SourceInput};
-use super::likely;
+use super::likely::{self, Region};
 use crate::error::InputError;
 use crate::read::crs::{self, Area, Axes, System};
 use crate::read::object::AxisOrder;
@@ -15,8 +15,6 @@ use crate::read::object::AxisOrder;
 const REACH_DEG: f64 = 1.5;
 /// Systems are used beyond their area, but not so far.
 const FAR_DEG: f64 = 10.0;
-/// Places of inputs of one city are within so many degrees of the area of use of its system.
-const NEAR_DEG: f64 = 2.0;
 
 /// Kind of the problem that coordinates are in another order than declared.
 pub(crate) const SWAPPED: &str = "coordinates in another order than declared";
@@ -78,22 +76,6 @@ impl AxisOrders {
         let fits = |pattern: &Pattern| [label, name].iter().any(|text| pattern.matches_with(text, options));
         let found = self.0.iter().rev().find(|rule| rule.inputs.as_ref().is_none_or(fits));
         found.map_or(AxisChoice::Auto, |rule| rule.choice)
-    }
-}
-
-/// What is known of the places of a city besides the coordinates of a source.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Region {
-    /// West, south, east and north in degrees that the user wants.
-    pub(super) wanted_deg: Option<[f64; 4]>,
-    /// Area of use of the city's system.
-    pub(super) city: Option<Area>,
-}
-
-impl Region {
-    fn has(&self, place: [f64; 2]) -> bool {
-        let area = self.wanted_deg.map(Area::new).or(self.city);
-        area.is_some_and(|area| area.contains(place, NEAR_DEG))
     }
 }
 

@@ -6,7 +6,7 @@ use crate::error::InputError;
 use crate::read::attributes::AttributeValue;
 use crate::read::facade::FacadeUse;
 use crate::read::footprint::{ResolvedColour, known_height_m, length_m};
-use crate::read::object::{FeatureKind, GroundPoint, SourceObject, Strip};
+use crate::read::object::{FeatureKind, PointOnGround, SourceObject, Strip};
 use crate::read::paint::mix_bits;
 use crate::read::palette::{BuildingLook, SurfaceFacts};
 use crate::read::scene_builder::{OpenObject, WorldTriangle, hash_of_id};
@@ -116,7 +116,7 @@ impl TreeForm {
 
 impl SceneSink<'_, '_, '_> {
     /// Adds trees. Points of other kinds have no shape. Fails if the ground's height cannot be read.
-    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[GroundPoint]) -> Result<(), InputError> {
+    pub(super) fn add_points(&mut self, object: &SourceObject, points: &[PointOnGround]) -> Result<(), InputError> {
         if object.kind != FeatureKind::Vegetation {
             self.report.without_geometry += 1;
             return Ok(());

@@ -135,19 +135,6 @@ impl<'a> FeatureWriter<'a> {
         self.sink.set_crs(&CrsReference::east_first(name))
     }
 
-    /// Sets the system of the following features, whose coordinates are in the order of the registry.
-    pub(crate) fn set_crs_of_registry(&mut self, name: &str) -> Result<(), InputError> {
-        self.is_placed = true;
-        // Never the name of a system with the east first.
-        let known = format!("registry:{name}");
-        if self.crs.as_ref() == Some(&known) {
-            return Ok(());
-        }
-        self.finish()?;
-        (self.is_in_degrees, self.crs) = (false, Some(known));
-        self.sink.set_crs(&CrsReference::authority(name))
-    }
-
     /// Level polygons with heights are plans, without a look at the other features.
     pub(super) fn take_level_polygons_as_plans(&mut self) {
         self.has_only_plans = true;

@@ -27,7 +27,6 @@ mod wkb;
 mod wkt;
 
 pub(crate) use csv::read as read_csv;
-pub(crate) use feature::FeatureWriter;
 pub(crate) use flatgeobuf::read as read_flatgeobuf;
 pub(crate) use geojson::{is_type as is_geojson, read as read_geojson, read_type};
 pub(crate) use geopackage::read as read_geopackage;

@@ -4,7 +4,7 @@ use super::geometry::{Geometry, Polygon, Ring};
 use super::orient::{ring_area_vector, turn_outward};
 use crate::read::attributes::{AttributeValue, Attributes};
 use crate::read::footprint::{HeightHints, LANE_M, has_height, length_m, usual_width_m};
-use crate::read::object::{FeatureKind, Footprint, GroundPoint, Shape, Strip, Surface};
+use crate::read::object::{FeatureKind, Footprint, PointOnGround, Shape, Strip, Surface};
 
 /// A ring whose heights differ by less is level.
 const LEVEL_M: f64 = 0.001;
@@ -63,7 +63,7 @@ pub(super) fn shape_of(
     if points.is_empty() {
         return Err("empty geometry");
     }
-    let point = |[x, y, z]: [f64; 3]| GroundPoint { place: [x, y], ground: Some(z).filter(|_| has_ground) };
+    let point = |[x, y, z]: [f64; 3]| PointOnGround { place: [x, y], ground: Some(z).filter(|_| has_ground) };
     Ok(Shape::Points(points.into_iter().map(point).collect()))
 }
 

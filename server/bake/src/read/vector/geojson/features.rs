@@ -198,9 +198,7 @@ impl<'a> FeatureReader<'a> {
             if is_on_globe {
                 return GeometrySystem::Prescribed;
             }
-            let detail = "coordinates are no degrees, as GeoJSON without \"crs\" has, and are taken in the system of the city \
-                          (--crs)";
-            self.writer.sink.problem("coordinate system not given", detail.to_owned());
+            // The sink says in which system it takes them.
             GeometrySystem::OfCity
         });
         let name = match system {

@@ -47,8 +47,8 @@ pub(super) fn read(
     match (stopped.into_inner(), result) {
         (Some(error), _) => Err(error),
         (None, Ok(())) => Ok(()),
-        (None, Err(error)) => Err(limits.exceeded(label).unwrap_or_else(|| {
-            if error.is_io() { InputError::io(label, error.into()) } else { InputError::json(label, &error) }
+        (None, Err(error)) => Err(limits.exceeded(&label).unwrap_or_else(|| {
+            if error.is_io() { InputError::io(&label, error.into()) } else { InputError::json(&label, &error) }
         })),
     }
 }

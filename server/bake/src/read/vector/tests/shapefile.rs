@@ -2,7 +2,7 @@
 
 use super::{attack, attributes, read, rings, run, square, text};
 use crate::read::attributes::AttributeValue;
-use crate::read::object::{FeatureKind, GroundPoint, Shape};
+use crate::read::object::{FeatureKind, PointOnGround, Shape};
 use crate::read::vector::read_shapefile;
 
 type Positions<'a> = &'a [[f64; 3]];
@@ -132,7 +132,7 @@ fn lines_points_and_heights() {
     let sink = read(read_shapefile, &[("gis_osm_roads_free_1.shp", &shp(&[line, point]))]);
     let Shape::Strips(strips) = &sink.objects[0].shape else { panic!() };
     assert_eq!((strips.len(), strips[1].points[1], sink.objects[0].kind), (2, [9.0, 5.0], FeatureKind::Road));
-    assert_eq!(sink.objects[1].shape, Shape::Points(vec![GroundPoint { place: [4.0, 5.0], ground: Some(6.0) }]));
+    assert_eq!(sink.objects[1].shape, Shape::Points(vec![PointOnGround { place: [4.0, 5.0], ground: Some(6.0) }]));
     assert_eq!(sink.problems[0].0, "no attributes");
     let wall = ring(&square(0.0, 0.0, 9.0), 0.0).iter().map(|[x, y, _]| [*x, 0.0, *y]).collect::<Vec<_>>();
     let sink = read(read_shapefile, &[("a.shp", &shp(&[shape(15, &[(0, &wall)])]))]);

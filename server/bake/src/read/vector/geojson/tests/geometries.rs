@@ -40,8 +40,8 @@ fn trees_stand_at_their_own_height() {
 #[test]
 fn sloping_plans_with_the_height_that_the_user_names_are_extruded() {
     let slope = "[[0,0,5],[10,0,5],[10,10,7],[0,10,7],[0,0,5]]";
-    let text = collection(&feature("h", r#"{"HOEHE": 12}"#, &polygon(slope)));
-    let options = ReadOptions { height_field: Some("HOEHE".to_owned()), ..ReadOptions::default() };
+    let text = collection(&feature("h", r#"{"WERT_7": 12}"#, &polygon(slope)));
+    let options = ReadOptions { height_field: Some("WERT_7".to_owned()), ..ReadOptions::default() };
     let (scene, _) = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap();
     assert!(is_closed(&scene) && (volume_m3(&scene) - 1200.0).abs() < 1e-2, "{}", volume_m3(&scene));
     assert_eq!(read(&text).0.triangles.len(), 2, "a surface without it");
@@ -147,7 +147,7 @@ fn places_of_json_fg_have_their_own_system() {
     }
     let late = text("", &place("Prism")).replace("}]}", &format!("}}], {}}}", system.trim_end_matches(',')));
     let error = try_read(&[("a.geojson", late.as_bytes())]).unwrap_err();
-    assert!(error.to_string().contains("\"coordRefSys\" comes after its features"), "{error}");
+    assert!(error.to_string().contains("its first coordinates are 100, 9000, as in metres"), "{error}");
 }
 
 #[test]
