@@ -27,10 +27,6 @@ const DIRECTION_POINTS: usize = 12;
 const DEGREE_M: f64 = 111_200.0;
 /// Positions so near to the border, in units, are on it.
 const ON_BORDER: f64 = 0.5;
-/// The sea goes on beyond the border by this share of half of the extent's diagonal, up to so many metres: where it were cut off at the
-/// city's end, its border would be a straight line across the picture.
-const BEYOND: f64 = 0.8;
-const MOST_BEYOND_M: f64 = 2000.0;
 
 pub(crate) const TOO_WIDE: &str = "coast of a map that is wider than 1 degree, no sea made: give --bbox";
 pub(crate) const GAP: &str = "gap in the coastline, closed by a straight line";
@@ -81,7 +77,7 @@ impl Sea {
         } else {
             rings.extend(frame.around(frame.alternating(open, &mut sea.problems)));
         }
-        sea.nest(rings.iter().map(|ring| frame.widened(ring)).collect());
+        sea.nest(rings);
         sea
     }
 
@@ -355,31 +351,6 @@ impl Frame {
             rings.push(ring);
         }
         rings
-    }
-
-    /// A closed ring whose parts along the border lie beyond it.
-    fn widened(&self, ring: &[Point]) -> Vec<Point> {
-        let half_m = 0.5 * self.distance_m(self.low, self.high);
-        let beyond = (BEYOND * half_m).min(MOST_BEYOND_M) / DEGREE_M * UNITS_PER_DEGREE;
-        let outside = |point: Point| {
-            [(0, beyond / self.scale.max(0.01)), (1, beyond)].map(|(axis, beyond)| match point[axis] {
-                v if v - self.low[axis] <= ON_BORDER => v - beyond,
-                v if self.high[axis] - v <= ON_BORDER => v + beyond,
-                v => v,
-            })
-        };
-        let mut out: Vec<Point> = Vec::with_capacity(ring.len() + 4);
-        for pair in ring.windows(2) {
-            let [from, to] = [pair[0], pair[1]];
-            match (self.is_on_border(from), self.is_on_border(to)) {
-                (true, true) => out.push(outside(from)),
-                (true, false) => out.extend([outside(from), from]),
-                (false, true) => out.extend([from, to]),
-                (false, false) => out.push(from),
-            }
-        }
-        out.extend(out.first().copied());
-        out
     }
 
     /// The position of a place on the border.
