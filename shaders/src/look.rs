@@ -32,7 +32,7 @@ const DUSK_DEG: [f32; 2] = [-4.0, 6.0];
 const SUN_GREY: [f32; 2] = [0.22, 0.62];
 /// Share of the colour of the sky's light and of returned light that becomes grey, and what that light is multiplied by.
 const FILL_GREY: [f32; 2] = [0.30, 0.50];
-const FILL_GAIN: [f32; 2] = [1.25, 1.55];
+const FILL_GAIN: [f32; 2] = [1.25, 1.45];
 /// Factors of the visible sky's light and of its saturation.
 const SKY_GAIN: [f32; 2] = [1.2, 1.75];
 const SKY_SATURATION: [f32; 2] = [1.0, 1.12];

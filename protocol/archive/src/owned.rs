@@ -116,7 +116,7 @@ impl OwnedFiles {
         json.as_object()?.iter().map(file).collect::<Option<_>>().map(Self)
     }
 
-    /// What is in the folder and not as on the list: files of others, changed files, links, and folders that no file of the list is in.
+    /// The entries that the list does not account for: files of others, changed files, links, and folders without a listed file.
     /// `besides` is a file that is not on the list, too. Fails if the folder cannot be read.
     pub fn foreign(&self, root: &Path, besides: &str, comparison: FileComparison) -> io::Result<Vec<PathBuf>> {
         let mut foreign = Vec::new();
@@ -171,7 +171,7 @@ impl OwnedFiles {
     }
 }
 
-/// Calls `visit` with everything below a folder, and with what is in a folder if it returned true for that. Links are not followed.
+/// Calls `visit` with each entry of a folder. If the entry is a folder and `visit` returned true, its entries follow. Links are not followed.
 fn walk(root: &Path, visit: &mut dyn FnMut(&str, &Path, FoundKind) -> io::Result<bool>) -> io::Result<()> {
     let mut open = vec![(String::new(), root.to_owned())];
     while let Some((prefix, folder)) = open.pop() {

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | a regular grid over the city and its skirt | `grid` |
 //! | heights where walls meet the ground | `feet`, `low_foot` |
-//! | what hangs in the air, or is buried | `hanging` |
+//! | objects that hang in the air or are buried | `hanging` |
 //! | heights of given terrain | `given` |
 //! | a smooth field through both, and down to the plane | `relax` |
 //! | triangles, fewer where it is flat | `mesh` |

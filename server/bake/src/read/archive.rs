@@ -61,7 +61,7 @@ impl ZipFiles {
             if !name.is_ascii()
                 && let Ok(entry) = archive.by_index_raw(index)
             {
-                // What is not marked as UTF-8 was taken for code page 437.
+                // The library decodes names without the UTF-8 mark as code page 437.
                 let raw = entry.name_raw();
                 name = file_names::guess(raw).unwrap_or(name);
                 if std::str::from_utf8(raw).is_err() {

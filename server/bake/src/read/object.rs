@@ -121,7 +121,7 @@ pub(crate) struct Footprint {
     pub(crate) rings: Vec<Vec<[f64; 2]>>,
     /// Height of the ground, of an area at its lowest corner, in the vertical system of the source; `None` if the source does not tell.
     pub(crate) ground: Option<f64>,
-    /// Whether what it stands on is an object of its own: a canopy then has no posts.
+    /// Whether it stands on another object: a canopy then has no posts.
     pub(crate) is_supported: bool,
 }
 

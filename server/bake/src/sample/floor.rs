@@ -1,6 +1,6 @@
 //! The floor: below which height no viewer can be, and from where a line of sight leads out into the open.
 //!
-//! Who looks up at a roof's underside stands on the ground, and came there from a place under the open sky. So a point is
+//! A viewer below a roof stands on the ground, and can walk there from a place under the open sky. So a point is
 //! visible from below the horizon only if the line from it towards the viewer reaches a place with nothing above before it
 //! reaches the floor. Other lines would show the inside of a shell that has no floor of its own. The objects of the surfaces do
 //! not matter: a deck on its piers is the same whether a source has them as one object or as many.

@@ -88,7 +88,7 @@ impl Removed {
         Ok(())
     }
 
-    /// Removes what is in a folder. Fails as [`Self::remove`].
+    /// Removes the entries of a folder. Fails as [`Self::remove`].
     pub(super) fn remove_folder(&mut self, store: OwnedStore<'_>, folder: &str) -> Result<(), BakeError> {
         let failed = |cause| BakeError::work(store.address(), folder, cause);
         self.remove(store, &store.list(folder).map_err(failed)?)

@@ -21,7 +21,7 @@ const BASE_RANGE_M: RangeInclusive<f64> = -500.0..=2000.0;
 /// A building may have all of its storeys in its roof, and a roof may have none.
 const LEVELS_RANGE: RangeInclusive<f64> = 0.0..=400.0;
 const BASE_LEVEL_RANGE: RangeInclusive<f64> = -20.0..=400.0;
-/// Heights above sea level of what stands on the ground.
+/// Plausible heights above sea level of objects on the ground.
 const ELEVATION_RANGE_M: RangeInclusive<f64> = -500.0..=10_000.0;
 const INCH_M: f64 = 0.0254;
 

@@ -14,7 +14,7 @@ pub(crate) const INDOORS: &str = "indoors";
 /// Names of attributes that say by a truth value that a feature is below the ground; the second as Shapefiles cut it.
 const IS_UNDERGROUND: &[&str] = &["is_underground", "is_undergr", "underground", "subterranean"];
 const IS_TUNNEL: &[&str] = &["tunnel", "is_tunnel"];
-/// Values of `tunnel` of what lies on the ground: it passes through a building, or below a roof against snow.
+/// Values of `tunnel` that name a passage on the ground: through a building, or below a roof against snow.
 const NO_TUNNEL: &[&str] = &["building_passage", "avalanche_protector", "covered"];
 /// Names of attributes that are negative below the ground, for all kinds: storeys of OpenStreetMap, levels of Overture, the relative
 /// height of the Dutch and the position of the French base map.

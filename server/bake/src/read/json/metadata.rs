@@ -56,7 +56,7 @@ fn note(name: &str, within: &str, text: &str, report: &mut SourceReport, crs: &m
     }
 }
 
-/// What the member `name` of the object `within` tells of a source; `None` if nothing.
+/// The text about a source in the member `name` of the object `within`; `None` if there is none.
 pub(crate) fn description(name: &str, within: &str) -> Option<Description> {
     match name.to_ascii_lowercase().as_str() {
         "title" => Some(Description::Title),

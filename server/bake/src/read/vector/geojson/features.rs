@@ -195,11 +195,8 @@ impl<'a> FeatureReader<'a> {
         let Some([west, south, east, north]) = geometry.bounds() else { return Ok(()) };
         let system = self.system.get_or_insert_with(|| {
             let is_on_globe = west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0;
-            if is_on_globe {
-                return GeometrySystem::Prescribed;
-            }
-            // The sink says in which system it takes them.
-            GeometrySystem::OfCity
+            // The sink says in which system it takes others.
+            if is_on_globe { GeometrySystem::Prescribed } else { GeometrySystem::OfCity }
         });
         let name = match system {
             GeometrySystem::Named(name) => name.clone(),
