@@ -102,7 +102,7 @@ fn end_program(why: std::fmt::Arguments<'_>) {
     let mut rest = &mut line[..];
     let _ = write!(rest, "error: ");
     #[cfg(feature = "bake")]
-    insula_bake::subject::write(&mut rest);
+    insula_source::subject::write(&mut rest);
     let _ = writeln!(rest, "out of memory: {why}; raise --memory if the command has it, or split the input");
     let unused = rest.len();
     print_and_exit(&line[..line.len() - unused]);

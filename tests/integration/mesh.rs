@@ -2,11 +2,11 @@
 //! ignored.
 
 use anyhow::{Context, Result, ensure};
-use insula_bake::{
+use insula_protocol::mesh::{Mesh, half_edge::HalfEdgeMesh};
+use insula_simplify::{
     model::{ModelFormat, TriangleModel, quantise},
     simplify::{Goal, simplify},
 };
-use insula_protocol::mesh::{Mesh, half_edge::HalfEdgeMesh};
 use insula_tests::{
     fidelity::{self, REAL_CITIES},
     leaves,

@@ -5,8 +5,8 @@
 //! `--truth FOLDER` keeps the traced values there, as f32.
 
 use glam::{DVec3, Vec3A};
-use insula_bake::model::{ModelFormat, TriangleModel};
 use insula_occlusion::{OccludedMesh, OcclusionSettings, cpu};
+use insula_simplify::model::{ModelFormat, TriangleModel};
 use obvhs::{BvhBuildParams, cwbvh::builder::build_cwbvh_from_tris, ray::Ray, triangle::Triangle};
 use rayon::prelude::*;
 use std::{

@@ -8,10 +8,7 @@
 
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
-use insula_bake::{
-    model::{ModelFormat, TriangleModel, quantise},
-    read::{self, ReadOptions},
-};
+use insula_bake::read::{self, ReadOptions};
 use insula_protocol::{
     codec::zstd,
     mesh::{
@@ -19,6 +16,7 @@ use insula_protocol::{
         half_edge::{HalfEdgeMesh, NONE, prev},
     },
 };
+use insula_simplify::model::{ModelFormat, TriangleModel, quantise};
 use insula_tests::leaves;
 use std::{
     cmp::Reverse,

@@ -8,7 +8,7 @@
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use insula_bake::{
+use insula_simplify::{
     model::{ModelFormat, TriangleModel},
     simplify::{Goal, simplify},
     surface::Surface,

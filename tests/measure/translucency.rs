@@ -8,8 +8,8 @@
 
 use anyhow::{Context, Result};
 use glam::Vec3;
-use insula_bake::model::{ModelFormat, TriangleModel};
 use insula_shaders::stone::Stone;
+use insula_simplify::model::{ModelFormat, TriangleModel};
 use insula_tests::translucent_shapes::{LitShape, Shape, filter_error};
 use std::{path::Path, time::Instant};
 

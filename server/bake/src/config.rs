@@ -11,17 +11,16 @@ use insula_protocol::{
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
-use crate::{
-    error::BakeError,
-    ground::{self, GroundOption},
-    hash, mesh,
-    read::{
-        AddressReader, DuplicateOption, FACADE_ALGORITHM, FacadeOption, HeightUnit, KindFilter, NamePatterns,
-        ObjUpAxis, Palette, PlacingOptions, ReadOptions, SurroundingsOptions, TerrainOptions, named_paths,
-    },
-    sample::SampleSettings,
-    scene::grid::BLOCK_LEAVES,
+use crate::error::BakeError;
+use crate::ground::GroundOption;
+use crate::read::{
+    AddressReader, DuplicateOption, FACADE_ALGORITHM, FacadeOption, HeightUnit, KindFilter, NamePatterns, ObjUpAxis,
+    Palette, ReadOptions, SurroundingsOptions, TerrainOptions, named_paths,
 };
+use crate::sample::SampleSettings;
+use crate::scene::grid::BLOCK_LEAVES;
+use crate::{ground, hash, mesh};
+use insula_place::PlacingOptions;
 
 /// Increased whenever the same scene and settings would give different tiles than before.
 pub const ALGORITHM: u32 = 13;

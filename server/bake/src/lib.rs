@@ -7,17 +7,12 @@ pub mod ground;
 mod hash;
 pub mod kept_work;
 mod mesh;
-pub mod model;
 pub mod pipeline;
 pub mod progress;
 pub mod read;
 pub mod report;
 pub mod sample;
 pub mod scene;
-pub mod simplify;
-pub mod subject;
-pub mod surface;
-mod triangle_distance;
 pub mod write;
 
 pub use config::{ALGORITHM, BakeOptions};

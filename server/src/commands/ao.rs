@@ -7,10 +7,10 @@ use super::{
 };
 use crate::args::AoArgs;
 use indicatif::{ProgressBar, ProgressStyle};
-use insula_bake::model::{CornerLayer, ModelFormat, TriangleModel};
 use insula_command_line::output::FileKind;
 use insula_occlusion::{OccludedMesh, Occlusion, OcclusionError, OcclusionSettings};
 use insula_protocol::mesh::AttributeKind;
+use insula_simplify::model::{CornerLayer, ModelFormat, TriangleModel};
 use std::time::Instant;
 
 /// Runs `ao`. Fails if the input is not a mesh, a GPU is asked for and there is none, or a file cannot be read or written.

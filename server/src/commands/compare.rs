@@ -6,13 +6,13 @@ use super::{
     output::{check_output, print, write},
 };
 use crate::{args::CompareArgs, store::CityStore};
-use insula_bake::{
-    model::{CornerLayer, MAX_COUNT, ModelFormat, TriangleModel},
-    read::{self, ReadOptions},
-    surface::{Surface, SurfaceDistance},
-};
+use insula_bake::read::{self, ReadOptions};
 use insula_command_line::output::FileKind;
 use insula_protocol::{MeshTile, Subtree, TileId, TileKind, error::DecodeError, mesh::AttributeKind, mesh_tile};
+use insula_simplify::{
+    model::{CornerLayer, MAX_COUNT, ModelFormat, TriangleModel},
+    surface::{Surface, SurfaceDistance},
+};
 use std::path::Path;
 
 /// Colours of a heat map from no distance to the largest, with even steps between them (0 to 1).

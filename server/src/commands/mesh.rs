@@ -6,15 +6,15 @@ use super::{
 };
 use crate::args::{CompressArgs, DecompressArgs, SimplifyArgs};
 use indicatif::ProgressBar;
-use insula_bake::{
-    model::{CornerLayer, ModelFormat, TriangleModel, quantise},
-    simplify::{self, Goal},
-    surface::Surface,
-};
 use insula_command_line::output::FileKind;
 use insula_protocol::{
     mesh::{AttributeKind, Mesh, half_edge::RepairReport},
     text::human_bytes,
+};
+use insula_simplify::{
+    model::{CornerLayer, ModelFormat, TriangleModel, quantise},
+    simplify::{self, Goal},
+    surface::Surface,
 };
 use std::{
     io::Read,

@@ -4,12 +4,10 @@
 //! and with its children.
 
 use super::{column_field::ColumnField, voxels::VoxelNode};
-use crate::{
-    scene::{ObjectKind, Scene},
-    surface::Surface,
-};
+use crate::scene::{ObjectKind, Scene};
 use glam::{DVec2, DVec3};
 use insula_protocol::{BlockMap, NODE_CELLS, blockmap::voxel_error_m, subtree::NodeDeviation};
+use insula_simplify::surface::Surface;
 
 /// Share of the measured points that lie within the distance that is selected by, so that 99.9% of all points do.
 const SHARE: f64 = 0.9995;

@@ -10,7 +10,7 @@
 //! | heights where walls meet the ground | `feet`, `low_foot` |
 //! | objects that hang in the air or are buried | `hanging` |
 //! | heights of given terrain | `given` |
-//! | a smooth field through both, and down to the plane | `relax` |
+//! | a smooth field through both, and down to the plane | `insula_read_ground::relax` |
 //! | triangles, fewer where it is flat | `mesh` |
 //! | landmarks that stand on them | `standing` |
 
@@ -20,13 +20,13 @@ mod grid;
 mod hanging;
 mod low_foot;
 mod mesh;
-mod relax;
 mod standing;
 
 use insula_protocol::{
     NODE_CELLS,
     blockmap::ground::{GROUND_COLOUR, HEIGHTS_PER_CELL},
 };
+use insula_read_ground::relax::{Bounds, smooth_field};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -38,7 +38,6 @@ use crate::{
 };
 use grid::GroundGrid;
 use mesh::HeightRange;
-pub(crate) use relax::{Bounds, smooth_field};
 
 /// Increased whenever the same city would get another ground.
 pub const ALGORITHM: u32 = 6;

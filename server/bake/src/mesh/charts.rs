@@ -11,7 +11,8 @@ use super::{
     materials::{has_pattern, texture_of},
     union_find::DisjointSets,
 };
-use crate::{model::TriangleModel, scene::Scene};
+use crate::scene::Scene;
+use insula_simplify::model::TriangleModel;
 
 /// A chart is compared with at most this many earlier charts of its material.
 const MAX_MERGE_CANDIDATES: usize = 512;

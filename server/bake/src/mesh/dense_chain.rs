@@ -13,11 +13,9 @@ use insula_protocol::{
 };
 
 use super::lod_encoder::{EncodedLod, LodEncoder, LodSpec, NamedModel, rounded_up_to_8_bits, simplify_on_grid};
-use crate::{
-    error::BakeError,
-    simplify::{Goal, largest_distance},
-    surface::Surface,
-};
+use crate::error::BakeError;
+use insula_simplify::simplify::{Goal, largest_distance};
+use insula_simplify::surface::Surface;
 
 /// The stated error of a level, in units of the measured one.
 const SHADING_FACTOR: f64 = 4.0;

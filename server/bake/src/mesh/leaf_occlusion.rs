@@ -14,11 +14,10 @@ use insula_protocol::{
 };
 
 use super::leaf_surface::LeafSurface;
-use crate::{
-    error::BakeError,
-    model::TriangleModel,
-    scene::{Scene, grid::CityGrid},
-};
+use crate::error::BakeError;
+use crate::scene::Scene;
+use crate::scene::grid::CityGrid;
+use insula_simplify::model::TriangleModel;
 
 /// Cubes in which a nearest vertex is searched for, from the point's own outwards.
 const MAX_RINGS: i32 = 24;

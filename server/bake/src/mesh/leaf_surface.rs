@@ -19,10 +19,9 @@ use super::{
     materials::{base_colour, texture_of},
     square_clip::{PolygonVertex, clip_to_square},
 };
-use crate::{
-    model::{CornerLayer, TriangleModel},
-    scene::{Landmark, Scene, grid::CityGrid},
-};
+use crate::scene::grid::CityGrid;
+use crate::scene::{Landmark, Scene};
+use insula_simplify::model::{CornerLayer, TriangleModel};
 
 /// Steps along a leaf's side.
 pub(super) const STEPS: u32 = 4096;

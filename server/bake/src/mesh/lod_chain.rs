@@ -19,11 +19,10 @@ use super::{
     lod_encoder::{EncodedLod, LodEncoder, LodSpec, NamedModel, simplify_on_grid},
     surface_distance::{TriangleHash, part_half_diagonals},
 };
-use crate::{
-    error::BakeError,
-    scene::{Scene, grid::CityGrid},
-    simplify::Goal,
-};
+use crate::error::BakeError;
+use crate::scene::Scene;
+use crate::scene::grid::CityGrid;
+use insula_simplify::simplify::Goal;
 
 /// Error allowed in the coarsest level, as a share of the V-BlockMap's error.
 const COARSEST_SHARE: f64 = 0.8;

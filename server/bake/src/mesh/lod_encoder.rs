@@ -16,12 +16,10 @@ use super::{
     surface_distance::TriangleHash,
     texture_bake::{TextureScale, bake_texture},
 };
-use crate::{
-    error::BakeError,
-    model::{CornerLayer, TriangleModel},
-    scene::Scene,
-    simplify::{Goal, Simplified, simplify},
-};
+use crate::error::BakeError;
+use crate::scene::Scene;
+use insula_simplify::model::{CornerLayer, TriangleModel};
+use insula_simplify::simplify::{Goal, Simplified, simplify};
 
 /// A surface that does not fit into a tile is simplified to fewer triangles, down to this number.
 const MIN_TRIANGLES: usize = 1000;

@@ -7,7 +7,8 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::union_find::DisjointSets;
-use crate::{model::TriangleModel, triangle_distance::squared_distance};
+use insula_simplify::model::TriangleModel;
+use insula_simplify::triangle_distance::squared_distance;
 
 /// Most intervals between samples along a triangle's side.
 const MAX_INTERVALS: u32 = 6;

@@ -20,12 +20,10 @@ use super::{
     materials::{base_colour, has_pattern, texture_of},
     texture_canvas::TextureCanvas,
 };
-use crate::{
-    columns::srgb::linear_from_srgb,
-    model::TriangleModel,
-    sample::texture::read_bilinear,
-    scene::{Scene, SceneTexture},
-};
+use crate::columns::srgb::linear_from_srgb;
+use crate::sample::texture::read_bilinear;
+use crate::scene::{Scene, SceneTexture};
+use insula_simplify::model::TriangleModel;
 
 /// Texels around each chart that continue its colours.
 const PADDING: u32 = 1;
@@ -282,11 +280,9 @@ fn draw_pattern(canvas: &mut TextureCanvas, placed: &PlacedChart<'_>, pattern: &
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        model::{CornerLayer, TriangleModel},
-        scene::Material,
-    };
+    use crate::scene::Material;
     use insula_protocol::mesh_tile::decode_webp;
+    use insula_simplify::model::{CornerLayer, TriangleModel};
     use std::{collections::HashSet, sync::Arc};
 
     /// A checkerboard of 8 x 8 texels of three colours.

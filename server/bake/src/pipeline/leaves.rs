@@ -10,26 +10,22 @@ use super::{
     context::{FinishedPack, NodeMeasures, TileContext, encode_node},
     work_queue::{MemoryBudget, run_bounded},
 };
-use crate::{
-    columns::{deviation, voxels::VoxelNode},
-    config::BakeConfig,
-    error::BakeError,
-    hash::ShortHash,
-    mesh,
-    report::PackOutcome,
-    sample::{BlockInput, SampleSettings, sample_block},
-    scene::{
-        Scene,
-        grid::CityGrid,
-        partition::{LeafBlock, Partition},
-        scratch_scene::ScratchScene,
-    },
-    subject,
-    write::{
-        mesh_pack::{self, LeafMesh, StoredMesh},
-        tile_pack::{self, EncodedTile, PackId, StoredTile},
-    },
-};
+use crate::columns::deviation;
+use crate::columns::voxels::VoxelNode;
+use crate::config::BakeConfig;
+use crate::error::BakeError;
+use crate::hash::ShortHash;
+use crate::mesh;
+use crate::report::PackOutcome;
+use crate::sample::{BlockInput, SampleSettings, sample_block};
+use crate::scene::Scene;
+use crate::scene::grid::CityGrid;
+use crate::scene::partition::{LeafBlock, Partition};
+use crate::scene::scratch_scene::ScratchScene;
+use crate::write::mesh_pack::{LeafMesh, StoredMesh};
+use crate::write::tile_pack::{EncodedTile, PackId, StoredTile};
+use crate::write::{mesh_pack, tile_pack};
+use insula_source::subject;
 
 /// The tiles and meshes of a block.
 pub(super) struct BlockTiles {

@@ -2,8 +2,9 @@
 //!
 //! A bake fails because of one. If bad inputs are skipped, it goes on as if they had not been given, and reports them.
 
-use super::report::{BadInput, FAR, SourceReport};
-use crate::error::InputError;
+use insula_source::error::InputError;
+use insula_source::problems::FAR;
+use insula_source::report::{BadInput, SourceReport};
 
 /// Decides what becomes of bad inputs, and collects those that are skipped.
 pub(super) struct BadInputs {

@@ -1,36 +1,40 @@
 //! Options and shared state of reading.
 
+use insula_place::PlacingOptions;
+use insula_source::problems::{MISSING_HEIGHTS, NO_CRS};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::address_reader::AddressReader;
-use super::attributes::{Attributes, NamePatterns};
 use super::duplicates::DuplicateOption;
-use super::elevation::{
-    Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, LevelGround, SurroundingsOptions,
-    TerrainOptions, TerrainTile,
-};
 use super::facade::{FacadeMaker, FacadeOption, FacadeUse};
-use super::local_frame::{self, LocalFrame};
-use super::map_store::MapStore;
-use super::object::{CrsReference, FeatureKind, KindFilter};
-use super::paint::PaintShape;
-use super::palette::{BuildingLook, Palette, SurfaceFacts};
-use super::place::{AxisOrders, FirstShape, Placement, World};
-use super::polygon::Triangulator;
-use super::report::{FacadeReport, MISSING_HEIGHTS, NO_CRS, ReadReport, SourceReport};
 use super::scene_builder::{AnchoredBuilding, OpenObject, SceneBuilder, WorldTriangle};
-use super::source::CitySource;
 use super::stone::{CityStone, mean_colour};
 use super::texture::TextureLoader;
-use super::units::HeightUnit;
-use crate::error::{BakeError, InputError};
+use crate::error::BakeError;
 use crate::scene::ObjectKind;
 use crate::scene::object_records::{RecordPlace, SourceRecord};
 use crate::scene::scratch_scene::{ScratchScene, StoredMaterial};
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
+use insula_dress::map_store::MapStore;
+use insula_dress::paint::PaintShape;
+use insula_dress::palette::{BuildingLook, Palette, SurfaceFacts};
+use insula_dress::polygon::Triangulator;
+use insula_place::local_frame;
+use insula_place::local_frame::LocalFrame;
+use insula_place::placement::{FirstShape, Placement, World};
 use insula_protocol::{blockmap::ground::GROUND_COLOUR, manifest::MAX_STONES};
+use insula_read_ground::elevation::{
+    Drape, Elevation, FarModels, GroundPictures, LandColours, LandFacts, LevelGround, SurroundingsOptions,
+    TerrainOptions, TerrainTile,
+};
+use insula_source::address_reader::AddressReader;
+use insula_source::attributes::{Attributes, NamePatterns};
+use insula_source::error::InputError;
+use insula_source::object::{CrsReference, FeatureKind, KindFilter};
+use insula_source::report::{FacadeReport, ReadReport, SourceReport};
+use insula_source::source::CitySource;
+use insula_source::units::HeightUnit;
 
 /// The vertical axis of an OBJ file. In the other formats it is always z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -96,23 +100,6 @@ pub struct ReadOptions {
     pub is_monument: bool,
     /// JSON text of its stone.
     pub stone: Option<String>,
-}
-
-/// Coordinate systems and places.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct PlacingOptions {
-    /// The city's coordinate system, such as `EPSG:25832`; `None` for the first projected one of the sources.
-    pub crs: Option<String>,
-    /// Folder of geoid grids besides the one that is built in.
-    pub grids: Option<PathBuf>,
-    /// Longitude and latitude in degrees and height in metres of the origin of mesh files, which have no coordinate system.
-    pub at: Option<[f64; 3]>,
-    /// West, south, east and north in degrees: objects outside are left out.
-    pub bbox_deg: Option<[f64; 4]>,
-    /// Orders of coordinates where the user decides.
-    pub axis_orders: AxisOrders,
-    /// Whether `crs` was found in the sources, and is not that of sources that name none.
-    pub is_crs_found: bool,
 }
 
 impl Default for ReadOptions {
@@ -397,7 +384,7 @@ impl<'o> ReadContext<'o> {
         self.elevation.settle(&mut self.world)?;
         for (number, placement, guess) in self.elevation.placements() {
             let Some(report) = sources.get_mut(number) else { continue };
-            report.note_placement(placement);
+            placement.note_in(report);
             if let Some(guess) = guess {
                 report.problem(NO_CRS, || guess.clone());
             }

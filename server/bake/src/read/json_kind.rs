@@ -1,7 +1,7 @@
 //! What kind of city a JSON document is, by its beginning.
 
-use super::source::{CitySource, open};
-use super::vector;
+use insula_read_map::vector;
+use insula_source::source::{CitySource, open};
 use std::io::Read;
 
 /// Bytes at the beginning of a document that are searched.
@@ -45,8 +45,8 @@ pub(super) fn of(source: &CitySource<'_>) -> JsonKind {
 
 #[cfg(test)]
 mod tests {
-    use super::super::list::embedded;
     use super::*;
+    use insula_source::source::embedded;
 
     #[test]
     fn kinds_are_told_by_their_members() {

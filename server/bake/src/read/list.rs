@@ -7,17 +7,18 @@ use std::rc::Rc;
 
 use insula_archive::places::canonical;
 
-use super::address_reader::AddressReader;
-use super::archive::{ZipFiles, is_archive};
 use super::bad_inputs::BadInputs;
-use super::bucket::{self, BucketFiles, BucketInput};
 use super::context::ReadOptions;
-use super::files::{EmbeddedFiles, FileRoots, FolderFiles};
-use super::input::SourceFiles;
-use super::remote;
-use super::source::{CitySource, kind_by_name, read_file};
-use super::unread_formats;
-use crate::error::InputError;
+use insula_source::address_reader::AddressReader;
+use insula_source::archive::{ZipFiles, is_archive};
+use insula_source::bucket;
+use insula_source::bucket::{BucketFiles, BucketInput};
+use insula_source::error::InputError;
+use insula_source::files::{FileRoots, FolderFiles};
+use insula_source::input::SourceFiles;
+use insula_source::remote;
+use insula_source::source::{CitySource, kind_by_name, read_file};
+use insula_source::unread_formats;
 
 /// Folders in folders beyond this depth are left out.
 const MAX_DEPTH: usize = 24;
@@ -396,21 +397,10 @@ fn select(mut names: Vec<String>) -> SelectedFiles {
     selection
 }
 
-/// The city files among the given ones, sorted by name. All files are available as images and material libraries.
-pub(crate) fn embedded<'a>(files: &'a [(&'a str, &'a [u8])]) -> Vec<CitySource<'a>> {
-    let store: Rc<dyn SourceFiles + 'a> = Rc::new(EmbeddedFiles { files });
-    let mut cities: Vec<_> = files.iter().filter(|(name, _)| kind_by_name(name).is_some()).collect();
-    cities.sort_by_key(|(name, _)| *name);
-    let source = |(name, bytes): &(&str, &[u8])| {
-        CitySource::new((*name).to_owned(), (*name).to_owned(), Rc::clone(&store), bytes.len() as u64)
-    };
-    cities.into_iter().map(source).collect()
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::source::{read_all, read_sibling};
     use super::*;
+    use insula_source::source::read_sibling;
     use std::io;
 
     fn selected(names: &[&str]) -> Vec<String> {
@@ -513,16 +503,5 @@ mod tests {
             list(&[path("in/out.obj")], &ReadOptions::default(), &mut BadInputs::new(false)).unwrap().sources.len(),
             1
         );
-    }
-
-    #[test]
-    fn embedded_cities_are_sorted_and_other_files_are_siblings() {
-        let files: [(&str, &[u8]); 3] = [("b.obj", b"2"), ("a.mtl", b"m"), ("a.obj", b"1")];
-        let sources = embedded(&files);
-        assert_eq!(sources.iter().map(|source| source.name.as_str()).collect::<Vec<_>>(), ["a.obj", "b.obj"]);
-        assert_eq!(read_sibling(&*sources[0].files, "a.mtl", 10).unwrap(), b"m");
-        assert!(read_sibling(&*sources[0].files, "a.mtl", 0).is_err());
-        assert!(matches!(read_all(&sources[0], 0), Err(InputError::TooLarge { .. })));
-        assert_eq!(read_all(&sources[0], 1).unwrap(), b"1");
     }
 }

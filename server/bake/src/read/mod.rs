@@ -3,93 +3,52 @@
 //! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`].
 //! Next: `partition`.
 
-mod address_reader;
-mod affine;
 mod alpha_mask;
-mod archive;
-mod attributes;
 mod bad_inputs;
-mod bucket;
-mod building_base;
-mod citygml;
 mod cityjson;
 mod context;
-mod counted_float;
-mod crs;
 mod duplicates;
-mod earth_place;
-mod elevation;
 mod facade;
-mod file_names;
-mod files;
-mod footprint;
-mod gltf;
-mod i3s;
-mod input;
-mod json;
 mod json_kind;
 mod landmark;
 mod list;
-mod local_frame;
-mod map_store;
-mod mesh_file;
 mod obj;
-mod object;
-mod osm;
-mod packed;
-mod paint;
-mod palette;
 mod part;
-mod place;
-mod polygon;
-mod random_file;
-mod raster;
-mod remote;
-mod report;
-mod ring_inside;
-mod roof;
 mod scene_builder;
 mod sink;
 mod slice;
-mod source;
 mod stone;
 mod survey;
-#[cfg(test)]
-mod test_sink;
 #[cfg(test)]
 mod tests;
 mod texture;
 mod texture_level;
-mod tiles3d;
-mod units;
-mod unread_formats;
-mod vector;
-mod world_triangle;
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-pub use crate::error::InputError;
-pub use address_reader::{AddressReader, ListedObject};
-pub use attributes::NamePatterns;
-pub use context::{ObjUpAxis, PlacingOptions, ReadOptions};
+pub use context::{ObjUpAxis, ReadOptions};
 pub use duplicates::DuplicateOption;
-pub use earth_place::EarthPlace;
-pub(crate) use elevation::{ALIGNED_LEAVES, FarModels, LandFacts, LandSquare};
-pub use elevation::{SurroundingsOptions, TerrainOptions};
 pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
-pub use landmark::cell_of_monument;
-pub(crate) use list::named_paths;
-pub use object::{FeatureKind, KindFilter};
-pub use palette::{Palette, PaletteMode};
-pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
-pub use place::{AxisOrders, AxisRule};
-pub use report::{
+pub use insula_dress::palette::{Palette, PaletteMode};
+pub use insula_place::PlacingOptions;
+pub use insula_place::earth_place::EarthPlace;
+pub use insula_place::placement::{AxisOrders, AxisRule};
+pub(crate) use insula_read_ground::elevation::{ALIGNED_LEAVES, FarModels, LandFacts, LandSquare};
+pub use insula_read_ground::elevation::{SurroundingsOptions, TerrainOptions};
+pub use insula_source::address_reader::{AddressReader, ListedObject};
+pub use insula_source::attributes::NamePatterns;
+pub use insula_source::error::InputError;
+pub use insula_source::object::{FeatureKind, KindFilter};
+pub use insula_source::report::{
     AttributeCount, BadInput, ColourCounts, FacadeReport, FaultCount, ReadReport, SourceFormat, SourceReport,
 };
-pub use source::ReadProgress;
+pub use insula_source::source::ReadProgress;
+pub use insula_source::units::HeightUnit;
+pub use landmark::cell_of_monument;
+pub(crate) use list::named_paths;
+pub(crate) use part::{ListedInputs, PartHead, PartsCity, RECORDS, SHAPES, SceneParts, TRIANGLES, records_of};
 pub use survey::{InputSurvey, survey};
-pub use units::HeightUnit;
 
 use crate::error::BakeError;
 use crate::scene::Scene;
@@ -98,17 +57,20 @@ use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::ScratchScene;
 use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
-use crate::subject;
 use bad_inputs::{BadInputs, nothing_left};
 use context::{ByteProgress, ReadContext};
-use input::Input;
+use insula_dress::map_store::MapStore;
+use insula_read_city::read_citygml;
+use insula_read_map::{osm, vector};
+use insula_read_scene::{read_3d_tiles, read_gltf, read_i3s, read_mesh};
+use insula_source::input::Input;
+use insula_source::object::ObjectSink;
+use insula_source::problems::INEXACT;
+use insula_source::source::{CitySource, SourceKind, embedded, kind_by_name};
+use insula_source::{subject, unread_formats};
 use json_kind::JsonKind;
 use list::SourceList;
-use map_store::MapStore;
-use object::ObjectSink;
-use report::INEXACT;
 use sink::SceneSink;
-use source::{CitySource, SourceKind, kind_by_name};
 
 /// Name of the file that describes a folder of terrain tiles.
 const TERRAIN_LAYER: &str = "layer.json";
@@ -139,13 +101,13 @@ pub fn read_embedded(
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<(Scene, ReadReport), InputError> {
-    let listed = SourceList { sources: list::embedded(files), unread: Vec::new() };
+    let listed = SourceList { sources: embedded(files), unread: Vec::new() };
     read_scene(&listed, BadInputs::new(options.skip_bad_inputs), options, progress)
 }
 
 /// The projection of a named coordinate system; `None` if it is not known.
 pub(crate) fn projection_of(crs: &str) -> Option<proj4rs::Proj> {
-    crs::resolve(crs).ok()?.horizontal.definition()?.proj().ok()
+    insula_place::crs::resolve(crs).ok()?.horizontal.definition()?.proj().ok()
 }
 
 /// Where [`read_to_disk`] keeps triangles, textures and objects.
@@ -410,29 +372,27 @@ fn read_by_kind(
     }
     let (format, reader): (SourceFormat, Reader) = match kind {
         SourceKind::Json => match json_kind::of(source) {
-            JsonKind::Tileset => (SourceFormat::Tiles3d, tiles3d::read),
-            JsonKind::SceneLayer => (SourceFormat::I3s, i3s::read),
+            JsonKind::Tileset => (SourceFormat::Tiles3d, read_3d_tiles),
+            JsonKind::SceneLayer => (SourceFormat::I3s, read_i3s),
             JsonKind::Terrain => return open_elevation(context, source).map(Some),
-            JsonKind::GeoJson => return vector::read_geojson(context, source, tick).map(Some),
+            JsonKind::GeoJson => (SourceFormat::GeoJson, vector::read_geojson),
             JsonKind::Other => return cityjson::read(context, source, tick),
         },
         SourceKind::JsonLines => return cityjson::read(context, source, tick),
-        SourceKind::GeoJson | SourceKind::GeoJsonLines => {
-            return vector::read_geojson(context, source, tick).map(Some);
-        }
+        SourceKind::GeoJson | SourceKind::GeoJsonLines => (SourceFormat::GeoJson, vector::read_geojson),
         SourceKind::Obj => return obj::read(context, source, tick).map(Some),
-        SourceKind::Xml => (SourceFormat::CityGml, citygml::read),
+        SourceKind::Xml => (SourceFormat::CityGml, read_citygml),
         SourceKind::FlatGeobuf => (SourceFormat::FlatGeobuf, vector::read_flatgeobuf),
         SourceKind::GeoPackage => (SourceFormat::GeoPackage, vector::read_geopackage),
         SourceKind::Shapefile => (SourceFormat::Shapefile, vector::read_shapefile),
         SourceKind::GeoParquet => (SourceFormat::GeoParquet, vector::read_geoparquet),
         SourceKind::Csv => (SourceFormat::Csv, vector::read_csv),
         SourceKind::OpenStreetMap => (SourceFormat::OpenStreetMap, osm::read),
-        SourceKind::Gltf => (SourceFormat::Gltf, gltf::read),
-        SourceKind::Ply => (SourceFormat::Ply, mesh_file::read),
-        SourceKind::Stl => (SourceFormat::Stl, mesh_file::read),
-        SourceKind::Off => (SourceFormat::Off, mesh_file::read),
-        SourceKind::Tile => (SourceFormat::Tiles3d, tiles3d::read),
+        SourceKind::Gltf => (SourceFormat::Gltf, read_gltf),
+        SourceKind::Ply => (SourceFormat::Ply, read_mesh),
+        SourceKind::Stl => (SourceFormat::Stl, read_mesh),
+        SourceKind::Off => (SourceFormat::Off, read_mesh),
+        SourceKind::Tile => (SourceFormat::Tiles3d, read_3d_tiles),
         SourceKind::Elevation => return open_elevation(context, source).map(Some),
     };
     let mut sink = SceneSink::new(context, source, format, tick)?;

@@ -13,17 +13,13 @@ use serde::{Deserialize, Serialize};
 use super::bad_inputs::BadInputs;
 use super::context::{ReadContext, ReadOptions};
 use super::list::{self, SourceList};
-use super::map_store::{MapRecord, MapStore};
-use super::paint::PaintShape;
-use super::report::ReadReport;
 use super::scene_builder::{BuilderParts, PartObjects, SceneBuilder};
 use super::slice::slices;
-use super::source::ReadProgress;
 use super::{
     FarModels, LandFacts, MAX_SHAPE_BYTES, MAX_SHAPE_FILE_BYTES, ReadCity, ReadSources, ScratchOptions, finish_city,
     is_elevation, read_landmarks, read_source, read_sources,
 };
-use crate::error::{BakeError, InputError};
+use crate::error::BakeError;
 use crate::hash::ShortHash;
 use crate::scene::object_records::{self, ObjectRecords, RecordPart};
 use crate::scene::record_list::RecordScratch;
@@ -31,6 +27,11 @@ use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::{ScratchScene, StoredMaterial};
 use crate::scene::texture_store::{TextureFacts, TextureStore};
 use crate::scene::triangle_store::{TrianglePart, TriangleStore};
+use insula_dress::map_store::{MapRecord, MapStore};
+use insula_dress::paint::PaintShape;
+use insula_source::error::InputError;
+use insula_source::report::ReadReport;
+use insula_source::source::ReadProgress;
 
 /// Name of a part's file of triangles.
 pub(crate) const TRIANGLES: &str = "triangles";

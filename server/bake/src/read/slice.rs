@@ -7,10 +7,10 @@ use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::ops::Range;
 use std::rc::Rc;
 
-use super::input::{LocalFile, Share, SourceFiles};
-use super::packed;
-use super::random_file::{RandomFile, RandomReader};
-use super::source::{CitySource, SourceKind, kind_by_name};
+use insula_source::input::{LocalFile, Share, SourceFiles};
+use insula_source::packed;
+use insula_source::random_file::{RandomFile, RandomReader};
+use insula_source::source::{CitySource, SourceKind, kind_by_name};
 
 /// A header that is longer is none: one slice has the whole sequence.
 const MAX_HEADER_BYTES: u64 = 16 << 20;
@@ -149,8 +149,8 @@ mod tests {
     use super::super::bad_inputs::BadInputs;
     use super::super::context::ReadOptions;
     use super::super::list::list;
-    use super::super::packed::tests::gzip;
     use super::*;
+    use insula_source::testing::gzip;
     use insula_test_support::folder::TestFolder;
     use std::fs;
 

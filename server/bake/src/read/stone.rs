@@ -6,7 +6,7 @@ use insula_shaders::{
     stone::StoneParameters,
 };
 
-use crate::error::InputError;
+use insula_source::error::InputError;
 
 /// A pixel that covers so much of a stone sees its mean colour.
 const FAR_M: f32 = 1e6;

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::{ReadOptions, ReadProgress, ReadReport, ScratchOptions, read_to_disk};
-use crate::error::{BakeError, InputError};
+use crate::error::BakeError;
 use crate::scene::scratch_budget::ScratchBudget;
+use insula_source::error::InputError;
 
 /// Size of the loaded textures together.
 const TEXTURE_CACHE_BYTES: usize = 64 << 20;

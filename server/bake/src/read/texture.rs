@@ -8,11 +8,11 @@ use std::sync::Arc;
 use image::{ImageReader, Limits};
 
 use super::alpha_mask::AlphaGrid;
-use super::files::OUTSIDE;
-use super::report::SourceReport;
-use super::source::{CitySource, read_sibling};
 use crate::scene::SceneTexture;
 use crate::scene::texture_store::{TextureFacts, TextureStore};
+use insula_source::files::OUTSIDE;
+use insula_source::report::SourceReport;
+use insula_source::source::{CitySource, read_sibling};
 
 /// Allowed file size per allowed pixel: enough for any uncompressed image.
 const FILE_BYTES_PER_PIXEL: u64 = 8;
@@ -255,9 +255,9 @@ fn one_line(error: &dyn std::fmt::Display) -> String {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::super::list::embedded;
-    use super::super::report::SourceFormat;
     use super::*;
+    use insula_source::report::SourceFormat;
+    use insula_source::source::embedded;
 
     /// Encodes a PNG of one colour.
     pub(crate) fn png(width: u32, height: u32, rgb: [u8; 3]) -> Vec<u8> {

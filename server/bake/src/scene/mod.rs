@@ -16,28 +16,9 @@ mod thinned;
 pub(crate) mod triangle_store;
 
 use insula_protocol::blockmap::NO_OBJECT;
-use serde::{Deserialize, Serialize};
+pub use insula_source::object::ObjectKind;
+pub use insula_source::texture::SceneTexture;
 use std::sync::Arc;
-
-/// Kind of an object. It decides the colour where the source gives none, and how columns are closed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-pub enum ObjectKind {
-    /// Anything with a volume: a building, a bridge, furniture.
-    #[default]
-    Building,
-    /// The ground. It is one-sided: its underside neither blocks rays nor is visible.
-    Terrain,
-    /// Terrain that no source gives.
-    GeneratedGround,
-}
-
-impl ObjectKind {
-    /// Whether it is ground, given or generated.
-    #[must_use]
-    pub fn is_terrain(self) -> bool {
-        self != Self::Building
-    }
-}
 
 /// One object of the city.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,19 +29,6 @@ pub struct SceneObject {
     /// Height of the lowest vertex in metres above the scene's origin, or of the ground below it if the source says how far the
     /// object is above it. A shell that is open at the bottom is closed there.
     pub base_z_m: f32,
-}
-
-/// An image that colours triangles.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SceneTexture {
-    /// In texels.
-    pub width: u32,
-    /// In texels.
-    pub height: u32,
-    /// `width * height` texels of 8-bit sRGB, row by row from the top.
-    pub rgb: Vec<[u8; 3]>,
-    /// Whether it is a generated pattern of few colours that repeats, with sides of a power of two.
-    pub is_pattern: bool,
 }
 
 /// Colour of triangles.

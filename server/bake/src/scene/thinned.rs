@@ -6,10 +6,8 @@
 use std::collections::HashMap;
 
 use super::{Scene, SceneTriangle};
-use crate::{
-    model::TriangleModel,
-    simplify::{Goal, Simplified, simplify},
-};
+use insula_simplify::model::TriangleModel;
+use insula_simplify::simplify::{Goal, Simplified, simplify};
 
 /// A landmark with more triangles is thinned to this number. A statue has a thousand columns at most.
 const MAX_TRIANGLES: usize = 20_000;

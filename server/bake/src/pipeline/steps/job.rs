@@ -11,14 +11,14 @@ use super::{
     sealed::{Removed, SealedStore},
     work::WorkStore,
 };
-use crate::{
-    config::{ALGORITHM, BakeConfig, BakeOptions},
-    error::{BakeError, InputError},
-    hash::short_hex,
-    progress::Progress,
-    read::{FarModels, ListedInputs, PlacingOptions, ReadOptions},
-    write::ownership::{check_inputs, check_place},
-};
+use crate::config::{ALGORITHM, BakeConfig, BakeOptions};
+use crate::error::BakeError;
+use crate::hash::short_hex;
+use crate::progress::Progress;
+use crate::read::{FarModels, ListedInputs, ReadOptions};
+use crate::write::ownership::{check_inputs, check_place};
+use insula_place::PlacingOptions;
+use insula_source::error::InputError;
 
 /// Name of the job's object.
 pub(super) const JOB: &str = "job.json";

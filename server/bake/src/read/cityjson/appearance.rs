@@ -3,8 +3,8 @@
 use super::nested::Nested;
 use super::schema::{CityJsonAppearance, CityJsonMaterial, SurfaceSemantics};
 use crate::read::context::ReadContext;
-use crate::read::report::SourceReport;
-use crate::read::source::CitySource;
+use insula_source::report::SourceReport;
+use insula_source::source::CitySource;
 
 /// The report of one object. Details begin with the object's identifier. A wrong index in an appearance costs only the
 /// appearance, not the object.

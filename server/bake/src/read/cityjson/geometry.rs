@@ -8,17 +8,17 @@ use super::nested::{NULL, Nested};
 use super::schema::{
     CityJsonGeometry, CityJsonLod, CityJsonMaterial, CityObject, GeometryTemplates, ThemeValues, VertexTransform,
 };
-use crate::read::affine::{Affine, TRANSPOSED};
 use crate::read::context::ReadContext;
 use crate::read::facade::FacadeUse;
-use crate::read::json::position::JsonPosition;
-use crate::read::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind, normal_z, object_kind};
-use crate::read::place::Placement;
-use crate::read::polygon::{MAX_CORNERS, NO_AREA, PolygonFault};
-use crate::read::report::{ColourOrigin, SourceReport};
 use crate::read::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, is_valid_position};
-use crate::read::source::CitySource;
 use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
+use insula_dress::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind, normal_z, object_kind};
+use insula_dress::polygon::{MAX_CORNERS, NO_AREA, PolygonFault};
+use insula_place::placement::Placement;
+use insula_source::affine::{Affine, TRANSPOSED};
+use insula_source::json::position::JsonPosition;
+use insula_source::report::{ColourOrigin, SourceReport};
+use insula_source::source::CitySource;
 
 /// Why an object is skipped.
 #[derive(Debug)]
@@ -314,7 +314,7 @@ impl<'r, 'o, 's> ObjectReader<'r, 'o, 's> {
             && matches!(name.object_type, "Building" | "BuildingPart" | "BuildingUnit" | "BuildingStorey")
             && matches!(semantic, None | Some("WallSurface"));
         let material = self.context.builder.material(StoredMaterial { rgb, texture, is_reflective });
-        self.report.areas(triangles.areas, id);
+        triangles.areas.note_in(self.report, id);
         for triangle in triangles.list {
             let corners = triangle.map(|i| self.points[i as usize]);
             let uv = if is_textured { triangle.map(|i| self.uvs[i as usize]) } else { [[0.0; 2]; 3] };

@@ -14,11 +14,11 @@ use serde::Deserialize;
 use serde_json::error::Category;
 
 use super::context::{ByteProgress, ReadContext};
-use super::json::{lenient, without_bom};
-use super::report::{SourceFormat, SourceReport};
-use super::source::{CitySource, SourceKind, kind_by_name, open, read_all};
-use crate::error::InputError;
 use geometry::ObjectReader;
+use insula_source::error::InputError;
+use insula_source::json::{lenient, without_bom};
+use insula_source::report::{SourceFormat, SourceReport};
+use insula_source::source::{CitySource, SourceKind, kind_by_name, open, read_all};
 use objects::{ObjectBatch, SharedMembers, begin, parse_member, read_objects};
 use schema::{CityJsonAppearance, CityJsonDocument, GeometryTemplates};
 

@@ -11,19 +11,22 @@ use super::schema::{
     CityJsonAppearance, CityJsonDocument, CityObject, GeometryTemplates, ObjectOutline, ObjectText, UseAttributes,
     VertexTransform,
 };
-use crate::error::{InputError, json_message};
-use crate::read::attributes::Attributes;
 use crate::read::context::ReadContext;
-use crate::read::crs::is_geographic;
 use crate::read::facade::FacadeUse;
-use crate::read::json::{attributes::flatten, metadata, position::JsonPosition};
-use crate::read::object::{AxisOrder, CrsReference, FeatureKind};
-use crate::read::palette::WallKind;
-use crate::read::place::{FirstShape, Placement};
-use crate::read::report::{NO_CRS, SourceFormat, SourceReport};
 use crate::read::scene_builder::{ObjectRelation, hash_of_id};
-use crate::read::source::CitySource;
-use crate::subject;
+use insula_dress::palette::WallKind;
+use insula_place::crs::is_geographic;
+use insula_place::placement::{FirstShape, Placement};
+use insula_source::attributes::Attributes;
+use insula_source::error::{InputError, json_message};
+use insula_source::json::attributes::flatten;
+use insula_source::json::metadata;
+use insula_source::json::position::JsonPosition;
+use insula_source::object::{AxisOrder, CrsReference, FeatureKind};
+use insula_source::problems::NO_CRS;
+use insula_source::report::{SourceFormat, SourceReport};
+use insula_source::source::CitySource;
+use insula_source::subject;
 
 /// Vertices are whole numbers of steps; objects are larger than so many.
 const STEPS_OF_OBJECT: f64 = 1000.0;
@@ -67,7 +70,7 @@ pub(super) fn begin(
     if let Some(first) = first {
         context.settle(&mut placement, &source.label, first)?;
     }
-    report.note_placement(&placement);
+    placement.note_in(&mut report);
     Ok((report, placement))
 }
 

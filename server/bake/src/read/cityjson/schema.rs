@@ -11,8 +11,8 @@ use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::nested::Nested;
-use crate::read::json::position::JsonPosition;
-use crate::read::palette::unit_to_byte;
+use insula_dress::palette::unit_to_byte;
+use insula_source::json::position::JsonPosition;
 
 /// A whole file, the header line of a sequence, or a feature of one: they have the same members.
 #[derive(Deserialize, Default)]

@@ -5,11 +5,11 @@ use std::io::BufRead;
 use super::geometry::ObjectReader;
 use super::objects::{ObjectBatch, SharedMembers, begin, parse_member, read_objects};
 use super::schema::{CityJsonAppearance, CityJsonDocument, GeometryTemplates};
-use crate::error::{InputError, json_message};
 use crate::read::context::ReadContext;
-use crate::read::json::{lenient, without_bom};
-use crate::read::report::{SourceFormat, SourceReport};
-use crate::read::source::{CitySource, NextLine, next_line};
+use insula_source::error::{InputError, json_message};
+use insula_source::json::{lenient, without_bom};
+use insula_source::report::{SourceFormat, SourceReport};
+use insula_source::source::{CitySource, NextLine, next_line};
 
 /// Lines between two progress reports.
 const TICK_LINES: usize = 64;

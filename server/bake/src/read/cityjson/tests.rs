@@ -1,9 +1,9 @@
 //! Whole CityJSON documents.
 
-use crate::read::affine::TRANSPOSED;
 use crate::read::texture::tests::png;
 use crate::read::{DuplicateOption, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
+use insula_source::affine::TRANSPOSED;
 
 /// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
 const CUBE: &str = "[0,0,0],[2,0,0],[2,2,0],[0,2,0],[0,0,2],[2,0,2],[2,2,2],[0,2,2]";

@@ -21,10 +21,10 @@ use parts::{Storeys, WallPart, find_parts};
 use walls::{Wall, find_walls};
 use zone::FacadeZone;
 
-use super::report::FacadeReport;
 use super::scene_builder::{SceneBuilder, WorldTriangle};
 use super::texture::TextureLoader;
 use crate::scene::scratch_scene::StoredMaterial;
+use insula_source::report::FacadeReport;
 
 /// Increased whenever the same input would get other facades than before.
 pub const ALGORITHM: u32 = 1;

@@ -1,12 +1,12 @@
 //! Reads a mesh file of any format into meshes in memory.
 
-use super::super::mesh_file;
-use super::super::object::{CrsReference, Description, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh};
-use super::super::polygon::{CROSSING, Triangulator};
-use super::super::source::{CitySource, SourceKind, kind_by_name, read_all};
-use super::super::{gltf, report::SourceFormat};
-use crate::error::InputError;
-use crate::model::{ModelFormat, TriangleModel};
+use insula_dress::polygon::{CROSSING, Triangulator};
+use insula_read_scene::{read_gltf, read_mesh};
+use insula_simplify::model::{ModelFormat, TriangleModel};
+use insula_source::error::InputError;
+use insula_source::object::{CrsReference, Description, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh};
+use insula_source::report::SourceFormat;
+use insula_source::source::{CitySource, SourceKind, kind_by_name, read_all};
 
 /// A mesh file as it is.
 #[derive(Default)]
@@ -36,8 +36,8 @@ pub(super) fn collect(source: &CitySource<'_>, max_bytes: u64) -> Result<Collect
     let mut sink = Collector { out: Collected::default(), triangulator: Triangulator::new() };
     let input = source.input(max_bytes);
     match format_of(&source.name) {
-        Some(SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Off) => mesh_file::read(&input, &mut sink)?,
-        Some(SourceFormat::Gltf) => gltf::read(&input, &mut sink)?,
+        Some(SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Off) => read_mesh(&input, &mut sink)?,
+        Some(SourceFormat::Gltf) => read_gltf(&input, &mut sink)?,
         Some(_) => {
             let bytes = read_all(source, max_bytes)?;
             let model = TriangleModel::read(&bytes, ModelFormat::Obj)

@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::super::source::read_file;
-use crate::error::InputError;
+use insula_source::error::InputError;
+use insula_source::source::read_file;
 
 /// Larger files are refused.
 const MAX_FILE_BYTES: u64 = 1 << 20;

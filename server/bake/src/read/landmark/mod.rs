@@ -16,24 +16,24 @@ mod repair;
 
 use std::path::PathBuf;
 
-use super::attributes::{AttributeValue, Attributes};
 use super::bad_inputs::BadInputs;
 use super::context::{ReadContext, ReadOptions};
 use super::list::list_mesh;
-use super::local_frame;
-use super::object::{
-    CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh,
-};
-use super::place::Placement;
-use super::report::{SourceFormat, SourceReport};
 use super::scene_builder::PendingLandmark;
 use super::sink::SceneSink;
-use super::source::CitySource;
-use crate::error::InputError;
 use collect::{Collected, collect, format_of};
 pub(super) use file::{LandmarkPlan, read_plans};
 use file::{Position, Size, Up};
 use glam::DVec3;
+use insula_place::local_frame;
+use insula_place::placement::Placement;
+use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::error::InputError;
+use insula_source::object::{
+    CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh,
+};
+use insula_source::report::{SourceFormat, SourceReport};
+use insula_source::source::CitySource;
 use repair::{PlainMesh, Repairs};
 
 /// Turns and scales a mesh, and moves the middle of its base to a place.

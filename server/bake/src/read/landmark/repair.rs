@@ -6,7 +6,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use crate::model::TriangleModel;
+use insula_simplify::model::TriangleModel;
 
 /// A hole of more edges stays open.
 const MAX_HOLE_EDGES: usize = 16;

@@ -122,7 +122,7 @@ fn find_root(parents: &mut [u32], mut at: u32) -> u32 {
 mod tests {
     use super::super::parse::parse;
     use super::*;
-    use crate::read::report::{SourceFormat, SourceReport};
+    use insula_source::report::{SourceFormat, SourceReport};
 
     fn grouped(text: &str) -> (Vec<String>, Vec<u32>) {
         let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);

@@ -11,15 +11,15 @@ use std::collections::HashMap;
 
 use super::context::{ByteProgress, ObjUpAxis, ReadContext};
 use super::facade::FacadeUse;
-use super::palette::{BuildingLook, ObjectShape, SurfaceFacts, normal_z, unit_to_byte};
-use super::polygon::{CROSSING, MAX_CORNERS};
-use super::report::{ColourOrigin, SourceFormat, SourceReport};
 use super::scene_builder::{OpenObject, WorldTriangle, is_valid_position};
-use super::source::{CitySource, open, read_sibling};
-use crate::error::InputError;
 use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
-use crate::subject;
 use grouping::{FaceGroups, group_faces, is_terrain};
+use insula_dress::palette::{BuildingLook, ObjectShape, SurfaceFacts, normal_z, unit_to_byte};
+use insula_dress::polygon::{CROSSING, MAX_CORNERS};
+use insula_source::error::InputError;
+use insula_source::report::{ColourOrigin, SourceFormat, SourceReport};
+use insula_source::source::{CitySource, open, read_sibling};
+use insula_source::subject;
 use mtl::MtlMaterial;
 use parse::{NONE, ObjFace, ObjFile};
 

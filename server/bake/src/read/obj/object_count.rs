@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use super::grouping::{FaceGroups, GroupedBy};
 use super::parse::{ObjFace, ObjFile};
-use crate::read::report::SourceReport;
+use insula_source::report::SourceReport;
 
 /// Counts the objects of a file, by the lines that begin them. An object that several lines begin is one object of the city, and
 /// the others are merged into it. Names without any of the `usable` faces are skipped. Parts of a file that are only told apart by

@@ -4,9 +4,9 @@
 use std::collections::HashMap;
 use std::io::BufRead;
 
-use crate::error::InputError;
-use crate::read::report::SourceReport;
-use crate::read::source::{NextLine, next_line};
+use insula_source::error::InputError;
+use insula_source::report::SourceReport;
+use insula_source::source::{NextLine, next_line};
 
 /// Longer lines are treated as damage.
 const MAX_LINE_BYTES: usize = 1 << 22;
@@ -218,7 +218,7 @@ fn shorten(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::report::SourceFormat;
+    use insula_source::report::SourceFormat;
 
     fn parsed(text: &str) -> (ObjFile, SourceReport) {
         let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::SceneBuilder;
 use crate::error::BakeError;
-use crate::read::building_base::BuildingBase;
+use insula_dress::building_base::BuildingBase;
 
 /// Surfaces that are at most this far above the lowest corner of a building belong to its base.
 const BASE_M: f32 = 0.5;

@@ -4,13 +4,14 @@ use super::pending::PendingObject;
 use super::strays::{Outskirts, PlaceHistogram, stray_distance_m};
 use super::{PendingLandmark, SceneBuilder, remove_from_report, subtract_from_report};
 use crate::error::BakeError;
-use crate::read::report::{SourceReport, WIDE};
 use crate::scene::Landmark;
 use crate::scene::object_facts::ObjectFactsStore;
 use crate::scene::object_names::ObjectNames;
 use crate::scene::record_list::{RecordList, RecordScratch};
 use crate::scene::scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredObject};
 use crate::scene::texture_store::TextureStore;
+use insula_source::problems::WIDE;
+use insula_source::report::SourceReport;
 
 /// Where all objects are that are kept.
 struct CityPlaces {

@@ -15,8 +15,6 @@ use std::collections::HashMap;
 use glam::Vec3;
 use insula_objects::FeatureKind;
 
-use super::report::{FAR, SourceReport};
-pub(crate) use super::world_triangle::WorldTriangle;
 use crate::error::BakeError;
 use crate::scene::object_records::{ObjectRecords, RecordPlace, SourceRecord};
 use crate::scene::record_list::RecordList;
@@ -24,6 +22,9 @@ use crate::scene::scratch_scene::{ObjectIdentity, StoredMaterial};
 use crate::scene::triangle_store::TriangleStore;
 use crate::scene::{ObjectKind, SceneTriangle};
 pub(crate) use bases::AnchoredBuilding;
+pub(crate) use insula_dress::world_triangle::WorldTriangle;
+use insula_source::problems::FAR;
+use insula_source::report::SourceReport;
 pub(crate) use landmarks::PendingLandmark;
 pub(crate) use parts::{BuilderParts, PartObjects};
 use pending::PendingObject;

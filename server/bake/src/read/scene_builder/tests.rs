@@ -2,10 +2,10 @@
 
 use super::*;
 use crate::read::duplicates::DuplicateOption;
-use crate::read::report::SourceFormat;
 use crate::scene::SceneTexture;
 use crate::scene::record_list::RecordScratch;
 use crate::scene::texture_store::TextureStore;
+use insula_source::report::SourceFormat;
 use insula_test_support::folder::TestFolder;
 use std::sync::Arc;
 

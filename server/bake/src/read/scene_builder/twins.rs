@@ -8,9 +8,9 @@ use super::pending::PendingObject;
 use super::{SceneBuilder, subtract_from_report};
 use crate::error::BakeError;
 use crate::read::duplicates::{DuplicateCandidate, DuplicateOption, PairMask, SimilarPair, similar_pairs};
-use crate::read::report::SourceReport;
 use crate::scene::record_list::RecordScratch;
 use crate::scene::record_sorter::{RecordSorter, SortedRecords};
+use insula_source::report::SourceReport;
 
 /// Pairs of objects.
 type PairSorter = RecordSorter<SimilarPair>;

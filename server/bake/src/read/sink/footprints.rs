@@ -2,17 +2,17 @@
 
 use super::SceneSink;
 use super::painted::stands_in_water;
-use crate::error::InputError;
 use crate::read::facade::FacadeUse;
-use crate::read::footprint::{
+use crate::read::scene_builder::{OpenObject, WorldTriangle};
+use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
+use insula_dress::footprint::{
     BuildingHeight, Canopy, GroundPlan, GroundPlans, PrismMaterials, ResolvedColour, RoofTags, building_colours,
     by_use, posts,
 };
-use crate::read::object::{FeatureKind, Footprint, SourceObject, Surface, SurfaceRole};
-use crate::read::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind};
-use crate::read::roof;
-use crate::read::scene_builder::{OpenObject, WorldTriangle};
-use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
+use insula_dress::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind};
+use insula_dress::roof;
+use insula_source::error::InputError;
+use insula_source::object::{FeatureKind, Footprint, SourceObject, Surface, SurfaceRole};
 
 /// Height of piers and breakwaters above the water.
 const PIER_M: f64 = 0.8;
@@ -92,7 +92,7 @@ impl SceneSink<'_, '_, '_> {
                 self.faces.clear();
                 let (triangulator, faces) = (&mut self.context.triangulator, &mut self.faces);
                 match plan.cover(layer_m(object), material, triangulator, faces) {
-                    Ok(areas) => self.report.areas(areas, &object.id),
+                    Ok(areas) => areas.note_in(&mut self.report, &object.id),
                     Err(reason) => fault = Some(reason),
                 }
                 let base_m = self.base_of_footprint(object, footprint);
@@ -135,7 +135,7 @@ impl SceneSink<'_, '_, '_> {
         let found = GroundPlans::new(&footprint.rings, |point| self.place_on_map(point), |note| notes.push(note));
         notes.into_iter().for_each(|note| self.report.problem(note, || object.id.clone()));
         let GroundPlans { plans, areas } = found?;
-        self.report.areas(areas, &object.id);
+        areas.note_in(&mut self.report, &object.id);
         Ok(plans)
     }
 
@@ -196,7 +196,7 @@ impl SceneSink<'_, '_, '_> {
         let height = BuildingHeight { base_m: base_m(form.height.top_m), ..form.height };
         let (triangulator, faces) = (&mut self.context.triangulator, &mut self.faces);
         let areas = plan.extrude(&height, form.materials, triangulator, faces)?;
-        self.report.areas(areas, &object.id);
+        areas.note_in(&mut self.report, &object.id);
         self.add_posts(plan, posts_m(height.base_m), form.materials)
     }
 

@@ -1,11 +1,11 @@
 //! Lines with a width: roads and rails.
 
 use super::{SceneSink, footprints::layer_m};
-use crate::error::InputError;
 use crate::read::facade::FacadeUse;
-use crate::read::object::{FeatureKind, SourceObject, Strip};
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::ObjectKind;
+use insula_source::error::InputError;
+use insula_source::object::{FeatureKind, SourceObject, Strip};
 
 /// Lines are drawn with this width at least.
 const MIN_WIDTH_M: f64 = 0.5;

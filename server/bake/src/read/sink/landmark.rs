@@ -1,11 +1,11 @@
 //! Landmarks: single objects whose triangles stay dense.
 
 use super::SceneSink;
-use crate::error::InputError;
-use crate::read::local_frame::LocalFrame;
-use crate::read::object::{ObjectSink, SourceObject};
-use crate::read::place::Placement;
 use crate::read::scene_builder::PendingLandmark;
+use insula_place::local_frame::LocalFrame;
+use insula_place::placement::Placement;
+use insula_source::error::InputError;
+use insula_source::object::{ObjectSink, SourceObject};
 
 impl SceneSink<'_, '_, '_> {
     /// Sets where the positions are that follow.

@@ -4,9 +4,9 @@ use std::collections::HashMap;
 
 use crate::read::alpha_mask::AlphaMask;
 use crate::read::context::ReadContext;
-use crate::read::object::{SourceImage, SourceMaterial, Wrap};
-use crate::read::report::SourceReport;
-use crate::read::source::CitySource;
+use insula_source::object::{SourceImage, SourceMaterial, Wrap};
+use insula_source::report::SourceReport;
+use insula_source::source::CitySource;
 
 /// Materials that let more light through are glass.
 const GLASS_OPACITY: f32 = 0.95;

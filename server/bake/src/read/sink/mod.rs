@@ -10,21 +10,22 @@ mod plants;
 mod standing;
 mod surfaces;
 
-use super::attributes::AttributeValue;
-use super::context::{ByteProgress, ObjUpAxis, ReadContext, ReadOptions};
+use super::context::{ByteProgress, ObjUpAxis, ReadContext};
 use super::facade::FacadeUse;
-use super::footprint::{HeightHints, has_height};
-use super::input::Input;
-use super::local_frame::LocalFrame;
-use super::object::{CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject};
-use super::place::{FirstShape, Placement};
-use super::raster::HEIGHTS_M;
-use super::report::{MISSING_GROUND, NO_CRS, SourceFormat, SourceReport};
 use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
-use super::source::CitySource;
-use crate::error::InputError;
 use crate::scene::ObjectKind;
-use crate::subject;
+use insula_dress::footprint::{HeightHints, has_height};
+use insula_place::local_frame::LocalFrame;
+use insula_place::placement::{FirstShape, Placement};
+use insula_read_ground::HEIGHTS_M;
+use insula_source::attributes::AttributeValue;
+use insula_source::error::InputError;
+use insula_source::input::Input;
+use insula_source::object::{CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject};
+use insula_source::problems::{MISSING_GROUND, NO_CRS};
+use insula_source::report::{SourceFormat, SourceReport};
+use insula_source::source::CitySource;
+use insula_source::subject;
 use materials::MaterialTable;
 
 /// Triangles that are collected before they are added to the city.
@@ -79,16 +80,13 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     {
         let options = self.context.options;
         let (bbox_deg, height_field) = (options.placing.bbox_deg, options.height_field.as_deref());
-        Input { bbox_deg, height_field, ..self.source.input(options.max_source_bytes) }
-    }
-
-    pub(crate) fn options(&self) -> &'o ReadOptions {
-        self.context.options
+        let max_line_bytes = options.max_line_bytes;
+        Input { bbox_deg, height_field, max_line_bytes, ..self.source.input(options.max_source_bytes) }
     }
 
     /// The report of the whole source.
     pub(crate) fn into_report(mut self) -> SourceReport {
-        self.report.note_placement(&self.placement);
+        self.placement.note_in(&mut self.report);
         self.report
     }
 
@@ -199,7 +197,7 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
             return Ok(());
         }
         if !matches!(self.placement, Placement::Unknown) {
-            self.report.note_placement(&self.placement);
+            self.placement.note_in(&mut self.report);
         }
         self.placement = self.context.world.place(&self.source.label, crs)?;
         self.frame = LocalFrame::IDENTITY;
@@ -259,7 +257,7 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
             Description::Attribution => &mut self.report.attributions,
             Description::Licence => &mut self.report.licences,
         };
-        super::json::metadata::add_text(list, text);
+        insula_source::json::metadata::add_text(list, text);
     }
 
     fn tick(&mut self, bytes_done: u64) {
@@ -295,5 +293,5 @@ fn first_shape(shape: &Shape) -> Option<FirstShape> {
 
 /// How columns close an object of this kind: flat kinds are one-sided ground unless they are modelled as a volume.
 fn scene_kind(kind: FeatureKind, has_volume: bool) -> ObjectKind {
-    super::palette::object_kind(kind.cityjson_type(), has_volume)
+    insula_dress::palette::object_kind(kind.cityjson_type(), has_volume)
 }

@@ -1,13 +1,13 @@
 //! Paints flat areas and lines on terrain, or on level ground, instead of making triangles of them.
 
 use super::SceneSink;
-use crate::error::InputError;
-use crate::read::attributes::AttributeValue;
-use crate::read::map_store::MapStoreError;
-use crate::read::object::{FeatureKind, Footprint, Shape, SourceObject, Strip};
-use crate::read::paint::{
+use insula_dress::map_store::MapStoreError;
+use insula_dress::paint::{
     AreaClass, LineClass, LineLook, PaintArea, PaintLine, PaintShape, Sidewalks, area_look, is_zebra, line_look,
 };
+use insula_source::attributes::AttributeValue;
+use insula_source::error::InputError;
+use insula_source::object::{FeatureKind, Footprint, Shape, SourceObject, Strip};
 
 /// Values of `man_made` of what stands in water.
 const WATERSIDE: [&str; 2] = ["pier", "breakwater"];

@@ -2,15 +2,15 @@
 
 use super::SceneSink;
 use super::ground_shapes::widen;
-use crate::error::InputError;
-use crate::read::attributes::AttributeValue;
 use crate::read::facade::FacadeUse;
-use crate::read::footprint::{ResolvedColour, known_height_m, length_m};
-use crate::read::object::{FeatureKind, PointOnGround, SourceObject, Strip};
-use crate::read::paint::mix_bits;
-use crate::read::palette::{BuildingLook, SurfaceFacts};
 use crate::read::scene_builder::{OpenObject, WorldTriangle, hash_of_id};
 use crate::scene::ObjectKind;
+use insula_dress::footprint::{ResolvedColour, known_height_m, length_m};
+use insula_dress::paint::mix_bits;
+use insula_dress::palette::{BuildingLook, SurfaceFacts};
+use insula_source::attributes::AttributeValue;
+use insula_source::error::InputError;
+use insula_source::object::{FeatureKind, PointOnGround, SourceObject, Strip};
 
 /// Sides of a crown seen from above, and of a trunk.
 const CROWN_SIDES: usize = 6;

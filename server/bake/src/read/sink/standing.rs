@@ -1,8 +1,8 @@
 //! Puts what has no heights of its own on the ground: buildings stand on it, areas lie on it.
 
 use super::SceneSink;
-use crate::error::InputError;
 use crate::read::scene_builder::WorldTriangle;
+use insula_source::error::InputError;
 
 /// Areas follow the ground with edges of this length at most, of this many cells, and of this share of the distance
 /// between the model's heights.

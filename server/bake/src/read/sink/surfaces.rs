@@ -3,13 +3,13 @@
 use super::{FLUSH_TRIANGLES, SceneSink, materials::ReadMaterial, scene_kind};
 use crate::read::alpha_mask::AlphaMask;
 use crate::read::facade::FacadeUse;
-use crate::read::footprint::by_use;
-use crate::read::object::{FeatureKind, SourceObject, Surface, SurfaceRole, TriangleMesh, Wrap};
-use crate::read::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind, area_vector, normal_z};
-use crate::read::polygon::{NO_AREA, PolygonFault};
-use crate::read::report::ColourOrigin;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::scratch_scene::StoredMaterial;
+use insula_dress::footprint::by_use;
+use insula_dress::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind, area_vector, normal_z};
+use insula_dress::polygon::{NO_AREA, PolygonFault};
+use insula_source::object::{FeatureKind, SourceObject, Surface, SurfaceRole, TriangleMesh, Wrap};
+use insula_source::report::ColourOrigin;
 
 /// An object of a flat kind is a volume if its surfaces that face down have this share of the area of those that face up.
 const VOLUME_SHARE: f64 = 0.3;
@@ -117,7 +117,7 @@ impl SceneSink<'_, '_, '_> {
             }
         };
         let min_edge_m = self.context.options.cell_m * MIN_EDGE_CELLS;
-        self.report.areas(triangles.areas, &object.id);
+        triangles.areas.note_in(&mut self.report, &object.id);
         for triangle in triangles.list {
             let corners = triangle.map(|i| points[i as usize]);
             let uv = triangle.map(|i| surface.uv.get(i as usize).map_or([0.0; 2], |uv| drawn.uv(*uv)));

@@ -1,0 +1,283 @@
+//! Height of a footprint's prism, from the attribute names of OpenStreetMap, city offices and Overture.
+
+use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, UNIT_GUESSED};
+use std::ops::RangeInclusive;
+
+use super::height_names::{self, HeightRole, NamedHeight};
+use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::units::{FOOT_M, HeightUnit, metres_of};
+
+const ROOF_LEVELS: &[&str] = &["roof:levels"];
+/// Names of the base's height above the ground, for suspended parts such as gangways.
+const BASE: &[&str] = &["min_height", "building:min_height"];
+const BASE_LEVEL: &[&str] = &["building:min_level", "min_level", "min_floor"];
+
+/// Height of a storey, where only the number of storeys is known.
+pub(super) const LEVEL_M: f64 = 3.0;
+/// Default height: two storeys.
+const UNKNOWN_M: f64 = 6.0;
+/// Valid heights. Many files write 0 for an unknown height.
+const TOP_RANGE_M: RangeInclusive<f64> = 0.01..=2000.0;
+const BASE_RANGE_M: RangeInclusive<f64> = -500.0..=2000.0;
+/// A building may have all of its storeys in its roof, and a roof may have none.
+const LEVELS_RANGE: RangeInclusive<f64> = 0.0..=400.0;
+const BASE_LEVEL_RANGE: RangeInclusive<f64> = -20.0..=400.0;
+/// Plausible heights above sea level of objects on the ground.
+const ELEVATION_RANGE_M: RangeInclusive<f64> = -500.0..=10_000.0;
+const INCH_M: f64 = 0.0254;
+
+/// What is known of the heights in attributes besides these.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct HeightHints<'a> {
+    /// Attribute that the user names.
+    pub field: Option<&'a str>,
+    /// Unit of plain numbers that the user gives.
+    pub unit: Option<HeightUnit>,
+    /// Whether the map is in feet, so that heights without a unit may be, too.
+    pub is_map_in_feet: bool,
+}
+
+/// Base and top of a prism in metres above the ground; the top is above the base.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BuildingHeight {
+    pub base_m: f64,
+    pub top_m: f64,
+    /// Whether a roof is on top of it: the height is that of counted storeys below the roof.
+    pub is_without_roof: bool,
+}
+
+impl BuildingHeight {
+    /// Determines the height, with a default if nothing is known. Passes guesses and invalid values to `note`, with
+    /// their kind and details.
+    pub fn of(attributes: &Attributes, hints: HeightHints<'_>, mut note: impl FnMut(&str, &str)) -> Self {
+        let named = height_names::find(attributes);
+        let mut first = |names: &[&str], range, unit_m| {
+            let values = names.iter().filter_map(|name| Some((*name, attributes.get(name)?, unit_m)));
+            first_in_range(values, range, &mut note).map(|(_, number)| number)
+        };
+        let plain_m = hints.unit.map_or(1.0, HeightUnit::metres);
+        let base_m = first(BASE, BASE_RANGE_M, plain_m)
+            .or_else(|| first(BASE_LEVEL, BASE_LEVEL_RANGE, 1.0).map(|levels| levels * LEVEL_M))
+            .unwrap_or(0.0);
+        if let Some(top_m) = top_m(attributes, &named, hints, &mut note) {
+            if base_m < top_m {
+                return Self { base_m, top_m, is_without_roof: false };
+            }
+            note("base not below the top, taken as 0", &format!("{base_m} to {top_m}"));
+            return Self { base_m: 0.0, top_m, is_without_roof: false };
+        }
+        let levels = of_role(&named, HeightRole::Levels, 1.0);
+        if let Some((_, levels)) = first_in_range(levels, LEVELS_RANGE, &mut note) {
+            let roof_levels = ROOF_LEVELS.iter().filter_map(|name| Some((*name, attributes.get(name)?, 1.0)));
+            let roof_levels = first_in_range(roof_levels, LEVELS_RANGE, &mut note).map(|(_, number)| number);
+            let top_m = (levels + roof_levels.unwrap_or(0.0)) * LEVEL_M;
+            if base_m < top_m {
+                note(GUESSED_FROM_LEVELS, &format!("{top_m} m"));
+                return Self { base_m, top_m, is_without_roof: roof_levels.is_none() };
+            }
+        }
+        note(GUESSED, &format!("{UNKNOWN_M} m"));
+        Self { base_m, top_m: base_m + UNKNOWN_M, is_without_roof: false }
+    }
+}
+
+/// Whether attributes tell the top of an area, in metres or storeys.
+pub fn has_height(attributes: &Attributes, hints: HeightHints<'_>) -> bool {
+    hints.field.is_some_and(|field| attributes.get(field).is_some())
+        || height_names::find(attributes).iter().any(|height| height.role != HeightRole::Ground)
+}
+
+/// Height above the ground that attributes tell, in metres.
+pub fn known_height_m(attributes: &Attributes, hints: HeightHints<'_>) -> Option<f64> {
+    top_m(attributes, &height_names::find(attributes), hints, &mut |_, _| {})
+}
+
+/// Height of the top above the ground by the attributes, except by storeys.
+fn top_m(
+    attributes: &Attributes,
+    named: &[NamedHeight<'_>],
+    hints: HeightHints<'_>,
+    note: &mut impl FnMut(&str, &str),
+) -> Option<f64> {
+    let plain_m = hints.unit.map_or(1.0, HeightUnit::metres);
+    let by_hand = hints.field.and_then(|field| {
+        let unit_m = height_names::unit_of_name(field).unwrap_or(plain_m);
+        Some((field, attributes.get(field)?, unit_m))
+    });
+    let tops = by_hand.into_iter().chain(of_role(named, HeightRole::Top, plain_m));
+    if let Some((name, top_m)) = first_in_range(tops, TOP_RANGE_M, note) {
+        let known = named.iter().find(|height| height.name == name);
+        if known.is_some_and(|height| height.is_unit_guessed) && hints.unit.is_none() {
+            note(UNIT_GUESSED, &format!("{name} taken as feet, as its publisher means it (--height-unit)"));
+        } else if hints.is_map_in_feet
+            && hints.unit.is_none()
+            && known.map_or_else(|| height_names::unit_of_name(name), |height| height.unit_m).is_none()
+        {
+            note(UNIT_GUESSED, &format!("{name} taken as metres, although the map is in feet (--height-unit)"));
+        }
+        return Some(top_m);
+    }
+    let (name, top_m) = first_in_range(of_role(named, HeightRole::Elevation, plain_m), ELEVATION_RANGE_M, note)?;
+    let ground = first_in_range(of_role(named, HeightRole::Ground, plain_m), ELEVATION_RANGE_M, note);
+    if ground.is_none() {
+        note(NO_GROUND_HEIGHT, &format!("{name} is {top_m}"));
+    }
+    Some(top_m - ground.map_or(0.0, |(_, ground_m)| ground_m)).filter(|height_m| TOP_RANGE_M.contains(height_m))
+}
+
+/// Names and values of a role, best first, with metres in the unit of plain numbers.
+fn of_role<'n>(
+    named: &'n [NamedHeight<'n>],
+    role: HeightRole,
+    plain_m: f64,
+) -> impl Iterator<Item = (&'n str, &'n AttributeValue, f64)> {
+    let of_role = named.iter().filter(move |height| height.role == role);
+    of_role.map(move |height| (height.name, height.value, height.unit_m.unwrap_or(plain_m)))
+}
+
+/// The first of the values that is a number in the range, with its name. Passes the others to `note`.
+fn first_in_range<'v>(
+    values: impl Iterator<Item = (&'v str, &'v AttributeValue, f64)>,
+    range: RangeInclusive<f64>,
+    note: &mut impl FnMut(&str, &str),
+) -> Option<(&'v str, f64)> {
+    for (name, value, unit_m) in values {
+        let number = match value {
+            AttributeValue::Text(text) if text.trim().is_empty() => continue,
+            AttributeValue::Text(text) => length_in(text, unit_m),
+            value => value.as_f64().map(|number| number * unit_m),
+        };
+        match number.filter(|number| range.contains(number)) {
+            Some(number) => return Some((name, number)),
+            None => note("height not understood", &format!("{name} is {value}")),
+        }
+    }
+    None
+}
+
+/// Parses a length such as `12`, `12.5 m`, `12,5`, `40 ft`, `40'` or `12'6"`, in metres.
+pub fn length_m(text: &str) -> Option<f64> {
+    length_in(text, 1.0)
+}
+
+/// Parses a length as [`length_m`] does; a plain number is in a unit of `plain_m` metres.
+fn length_in(text: &str, plain_m: f64) -> Option<f64> {
+    // Of several values the first.
+    let text = text.split(';').next().unwrap_or_default().trim().replace(',', ".");
+    let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
+    let (number, unit) = text.split_at(end);
+    let unit = unit.trim().to_ascii_lowercase().replace('\u{2032}', "'").replace('\u{2033}', "\"");
+    let (factor, rest_m) = match unit.as_str() {
+        "" => (plain_m, 0.0),
+        "\"" => (INCH_M, 0.0),
+        unit => match (unit.strip_prefix('\''), metres_of(unit)) {
+            (Some(inches), _) => (FOOT_M, inches_m(inches)?),
+            (None, known) => (known?, 0.0),
+        },
+    };
+    number.parse::<f64>().ok().map(|number| number * factor + rest_m)
+}
+
+/// Parses what follows the mark of feet: nothing, or inches as in `6"`; the mark of inches may be missing, or be `''`.
+fn inches_m(text: &str) -> Option<f64> {
+    let number = text.trim().trim_end_matches(['"', '\'']).trim_end();
+    if number.is_empty() {
+        return Some(0.0);
+    }
+    number.parse::<f64>().ok().filter(|inches| (0.0..12.0).contains(inches)).map(|inches| inches * INCH_M)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_source::json;
+
+    fn height(properties: &str) -> (f64, f64, Vec<String>) {
+        height_with(properties, HeightHints::default())
+    }
+
+    fn height_with(properties: &str, hints: HeightHints<'_>) -> (f64, f64, Vec<String>) {
+        let mut notes = Vec::new();
+        let mut attributes = Attributes::default();
+        json::attributes::flatten(&serde_json::from_str(properties).unwrap(), &mut attributes);
+        let height = BuildingHeight::of(&attributes, hints, |kind, _| notes.push(kind.to_owned()));
+        (height.base_m, height.top_m, notes)
+    }
+
+    #[test]
+    fn height_is_understood_in_every_spelling() {
+        for (text, metres) in [
+            ("14.5", 14.5),
+            (r#""12""#, 12.0),
+            (r#"" 12.5 m""#, 12.5),
+            (r#""12,5m""#, 12.5),
+            (r#""40 ft""#, 12.192),
+            (r#""10'""#, 3.048),
+            (r#""12'6\"""#, 3.81),
+            (r#""12' 6.5''""#, 3.8227),
+            (r#""12′6″""#, 3.81),
+            (r#""6'4""#, 1.9304),
+            (r#""100\"""#, 2.54),
+            (r#""12;15""#, 12.0),
+            (r#""12,5""#, 12.5),
+        ] {
+            let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}}}"#));
+            assert!(base_m == 0.0 && (top_m - metres).abs() < 1e-9 && notes.is_empty(), "{text}: {top_m} {notes:?}");
+        }
+    }
+
+    #[test]
+    fn height_takes_precedence_over_levels_and_levels_over_the_default() {
+        let all = r#"{"building:levels": 9, "height": null, "building:height": "21", "min_height": 3}"#;
+        assert_eq!(height(all), (3.0, 21.0, vec![]));
+        let levels = r#"{"levels": "4", "roof:levels": 1, "building:min_level": 1}"#;
+        assert_eq!(height(levels), (3.0, 15.0, vec!["height guessed from levels".to_owned()]));
+        // All storeys are in the roof, or none.
+        let attic = r#"{"building:levels": 0, "roof:levels": 2}"#;
+        assert_eq!(height(attic), (0.0, 6.0, vec!["height guessed from levels".to_owned()]));
+        let flat = r#"{"building:levels": 3, "roof:levels": 0}"#;
+        assert_eq!(height(flat), (0.0, 9.0, vec!["height guessed from levels".to_owned()]));
+        assert_eq!(height(r#"{"building:levels": 0}"#), (0.0, 6.0, vec!["height guessed".to_owned()]));
+        assert_eq!(height("{}"), (0.0, 6.0, vec!["height guessed".to_owned()]));
+        assert_eq!(height(r#"{"min_height": 10}"#), (10.0, 16.0, vec!["height guessed".to_owned()]));
+    }
+
+    #[test]
+    fn invalid_heights_are_reported_and_ignored() {
+        for text in
+            ["0", "-3", "1e9", "true", r#""tall""#, r#""12 km""#, r#""5-7""#, r#""nan""#, r#""5'x""#, r#""5'99\"""#]
+        {
+            let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}, "levels": 2}}"#));
+            assert_eq!((base_m, top_m), (0.0, 6.0), "{text}");
+            assert_eq!(notes, ["height not understood", "height guessed from levels"], "{text}");
+        }
+        let upside_down = height(r#"{"height": 5, "min_height": 5}"#);
+        assert_eq!(upside_down, (0.0, 5.0, vec!["base not below the top, taken as 0".to_owned()]));
+    }
+
+    #[test]
+    fn units_come_from_the_value_the_name_the_user_or_the_publisher() {
+        let feet = HeightHints { unit: Some(HeightUnit::Foot), ..HeightHints::default() };
+        let top = |properties: &str, hints| height_with(properties, hints).1;
+        assert_eq!(top(r#"{"HEIGHT": 100}"#, feet), 30.48);
+        assert_eq!(top(r#"{"HEIGHT": "100 m"}"#, feet), 100.0);
+        assert_eq!(top(r#"{"HEIGHT_M": 100}"#, feet), 100.0);
+        assert_eq!(top(r#"{"HEIGHT_FT": 100}"#, HeightHints::default()), 30.48);
+        assert_eq!(top(r#"{"STOREYS": 4}"#, feet), 12.0);
+        assert_eq!(top(r#"{"h": 10, "height": 5}"#, HeightHints { field: Some("h"), ..feet }), 3.048);
+        let new_york = r#"{"heightroof": "100", "groundelev": "30"}"#;
+        let (_, top_m, notes) = height(new_york);
+        assert_eq!((top_m, notes), (30.48, vec![UNIT_GUESSED.to_owned()]));
+        assert_eq!(height(r#"{"heightroof": 20}"#), (0.0, 20.0, vec![]));
+        let in_feet = HeightHints { is_map_in_feet: true, ..HeightHints::default() };
+        assert_eq!(height_with(r#"{"BLDG_HT": 20}"#, in_feet), (0.0, 20.0, vec![UNIT_GUESSED.to_owned()]));
+        assert_eq!(height_with(r#"{"BLDG_HT": "20 m"}"#, in_feet).1, 20.0);
+    }
+
+    #[test]
+    fn heights_above_sea_level_are_less_that_of_the_ground() {
+        assert_eq!(height(r#"{"b3_h_dak_max": 14.5, "b3_h_maaiveld": -1.5}"#), (0.0, 16.0, vec![]));
+        assert_eq!(height(r#"{"h_dak_max": 14.5}"#), (0.0, 14.5, vec![NO_GROUND_HEIGHT.to_owned()]));
+        assert_eq!(height(r#"{"h_dak_max": 1, "h_maaiveld": 2}"#), (0.0, 6.0, vec![GUESSED.to_owned()]));
+    }
+}

@@ -1,0 +1,222 @@
+//! Names of attributes that tell heights: one table for all readers, in the languages of the larger publishers.
+
+use std::collections::HashMap;
+use std::sync::OnceLock;
+
+use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::units::{FOOT_M, metres_of};
+
+/// What an attribute tells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum HeightRole {
+    /// Height of the top above the ground.
+    Top,
+    /// Height of the top above sea level.
+    Elevation,
+    /// Height of the ground above sea level.
+    Ground,
+    /// Number of storeys above the ground.
+    Levels,
+}
+
+/// Names without case, marks and what separates words, by role, best first.
+static NAMES: [(HeightRole, &str); 4] = [
+    (
+        HeightRole::Top,
+        "height buildingheight measuredheight bldgheight bldght bldghgt bldheight bldht bldhgt bheight bldgh hoehe hohe \
+         gebaeudehoehe gebaudehohe objekthoehe gesamthoehe hauteur hauteurbatiment hautbati altura alturaedificio \
+         altezza altezzaedificio unvolav hoogte gebouwhoogte hojde hoejde bygningshojde bygningshoejde hoyde hoeyde \
+         bygningshoyde hojd hoejd byggnadshojd korkeus korgus augstums aukstis wysokosc wysokoscbudynku vyska vyskabudovy \
+         visina magassag inaltime yukseklik binayukseklik ypsos высота высотаздания 高さ 建物高さ 计测高度 計測高さ 高度 \
+         建筑高度 建築高度 樓高 높이 건물높이 heit tinggi tinggibangunan hgt heightroof heightagl hgtagl heightaboveground \
+         relhmax relheightmax maxheight heightmax maxht maxhgt hgtmax hoehemax hauteurmax meanheight heightmean avgheight \
+         heightavg avght meanht hgtmean medianheight heightmedian medianhgt hgtmedian relh2 approxhgt estheight \
+         estimatedheight",
+    ),
+    (
+        HeightRole::Elevation,
+        "hdakmax hdak70p hdak50p b3hdakmax b3hdak70p b3hdak50p zmaxtoit dachmax roofelev roofelevation roofz zroof \
+         topelev topelevation bldgelev abshmax absh2",
+    ),
+    (
+        HeightRole::Ground,
+        "hmaaiveld b3hmaaiveld groundelev groundelevation groundz zground zminsol gelaendepunkt gelandepunkt \
+         gelaendehoehe gelandehohe grndelev gndelev baseelev baseelevation abshmin",
+    ),
+    (
+        HeightRole::Levels,
+        "buildinglevels levels numfloors floors numberoffloors numberoffloorsaboveground nofloors nooffloors floorcount \
+         nfloors floorsno buildingfloors storeys stories storeysaboveground storiesaboveground numstoreys numstories \
+         nostoreys nostories noofstoreys noofstories numberofstoreys numberofstories nstoreys nstories bldgstory \
+         bldgstories anzahlderoberirdischengeschosse anzahlgeschosse oberirdischegeschosse geschosse geschosszahl \
+         stockwerke anzstock nombredetages nbetages nbetage etages plantas numplantas nplantas pisos numpisos npisos \
+         numeropisos pavimentos numpavimentos numpiani npiani numeropiani piani bouwlagen aantalbouwlagen verdiepingen \
+         aantalverdiepingen etager antaletager byg054antaletager etasjer antalletasjer antalletasje vaningar \
+         antalvaningar kerrosluku kerrostenlkm korruselisus korrused stavai kondygnacje liczbakondygnacji lkond \
+         pocetpodlazi podlazi szintek katsayisi katadedi этажность этажей количествоэтажей 階数 地上階数 层数 層數 楼层数 \
+         地上层数 지상층수 grofloco jumlahlantai",
+    ),
+];
+/// Names whose publishers mean feet, with attributes that tell those publishers: the buildings of New York.
+const FEET: &[&str] = &["heightroof"];
+const OF_NEW_YORK: &[&str] = &["groundelev", "cnstrctyr", "basebbl", "mplutobbl", "mpplutobbl", "doittid", "bin"];
+/// The limit for vehicles in OpenStreetMap.
+const OF_VEHICLES: &str = "maxheight";
+/// Longer names are none of these.
+const MAX_NAME_BYTES: usize = 64;
+/// Shapefiles cut names to this length; a beginning of this length of a longer name counts.
+const CUT_BYTES: usize = 10;
+const LEAST_CUT_KEY: usize = 8;
+/// Ends of names that tell their unit.
+const UNIT_ENDS: [&str; 7] = ["metres", "meters", "feet", "inch", "cm", "ft", "m"];
+
+/// An attribute that tells a height.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NamedHeight<'a> {
+    pub(super) role: HeightRole,
+    rank: usize,
+    pub(super) name: &'a str,
+    pub(super) value: &'a AttributeValue,
+    /// Metres in the unit that the name tells.
+    pub(super) unit_m: Option<f64>,
+    /// Whether the unit follows from the publisher.
+    pub(super) is_unit_guessed: bool,
+}
+
+/// All attributes that tell heights, best first within their role.
+pub(super) fn find(attributes: &Attributes) -> Vec<NamedHeight<'_>> {
+    let mut found: Vec<NamedHeight<'_>> = attributes
+        .iter()
+        .filter_map(|(name, value)| {
+            let (role, rank, unit_m) = look_up(name)?;
+            Some(NamedHeight { role, rank, name, value, unit_m, is_unit_guessed: false })
+        })
+        .collect();
+    found.sort_by_key(|height| height.rank);
+    let is_of_new_york = || attributes.iter().any(|(name, _)| OF_NEW_YORK.contains(&&*key(name)));
+    for height in &mut found {
+        let is_roof = FEET.contains(&&*key(height.name));
+        // That publisher gives the ground in feet, too.
+        if height.unit_m.is_none() && (is_roof || height.role == HeightRole::Ground) && is_of_new_york() {
+            (height.unit_m, height.is_unit_guessed) = (Some(FOOT_M), is_roof);
+        }
+    }
+    found
+}
+
+/// Whether a name is that of a height above the ground.
+pub fn is_height(name: &str) -> bool {
+    look_up(name).is_some_and(|(role, ..)| role == HeightRole::Top)
+}
+
+/// Metres in the unit that the end of a name tells, as in `HEIGHT_FT` and `height (m)`.
+pub(super) fn unit_of_name(name: &str) -> Option<f64> {
+    let mut words = name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+    let last = words.next_back()?;
+    words.next()?;
+    metres_of(last)
+}
+
+/// Role, rank and unit of a name.
+fn look_up(name: &str) -> Option<(HeightRole, usize, Option<f64>)> {
+    static TABLE: OnceLock<HashMap<&str, (HeightRole, usize)>> = OnceLock::new();
+    if name.len() > MAX_NAME_BYTES || name == OF_VEHICLES {
+        return None;
+    }
+    let table = TABLE.get_or_init(|| {
+        let rows = NAMES.iter().flat_map(|(role, names)| names.split_whitespace().map(move |name| (*role, name)));
+        rows.enumerate().map(|(rank, (role, name))| (name, (role, rank))).collect()
+    });
+    let key = key(name);
+    if let Some((role, rank)) = table.get(&*key) {
+        return Some((*role, *rank, None));
+    }
+    for end in UNIT_ENDS {
+        let known = key.strip_suffix(end).and_then(|rest| table.get(rest));
+        if let Some((role, rank)) = known.filter(|(role, _)| *role != HeightRole::Levels) {
+            return Some((*role, *rank, metres_of(end)));
+        }
+    }
+    if name.len() == CUT_BYTES && key.len() >= LEAST_CUT_KEY {
+        let cut = table.iter().filter(|(known, _)| known.len() > key.len() && known.starts_with(&*key));
+        return cut.min_by_key(|(_, (_, rank))| *rank).map(|(_, (role, rank))| (*role, *rank, None));
+    }
+    None
+}
+
+/// A name in lower case, without marks on letters and without what separates words.
+fn key(name: &str) -> String {
+    let letters = name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase);
+    let mut key = String::with_capacity(name.len());
+    for letter in letters {
+        match letter {
+            'á' | 'à' | 'â' | 'ä' | 'ã' | 'å' | 'ą' | 'ā' => key.push('a'),
+            'é' | 'è' | 'ê' | 'ë' | 'ę' | 'ě' | 'ē' => key.push('e'),
+            'í' | 'ì' | 'î' | 'ï' | 'ī' | 'ı' => key.push('i'),
+            'ó' | 'ò' | 'ô' | 'ö' | 'õ' | 'ő' | 'ø' => key.push('o'),
+            'ú' | 'ù' | 'û' | 'ü' | 'ű' | 'ů' | 'ū' => key.push('u'),
+            'ý' => key.push('y'),
+            'ç' | 'ć' | 'č' => key.push('c'),
+            'ñ' | 'ń' => key.push('n'),
+            'š' | 'ś' | 'ş' | 'ș' => key.push('s'),
+            'ž' | 'ź' | 'ż' => key.push('z'),
+            'ł' => key.push('l'),
+            'ř' => key.push('r'),
+            'æ' => key.push_str("ae"),
+            'ß' => key.push_str("ss"),
+            // A dot above that the lower case of the Turkish I leaves.
+            '\u{307}' => {}
+            letter => key.push(letter),
+        }
+    }
+    key
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_known_in_any_case_and_language() {
+        let role = |name: &str| look_up(name).map(|(role, _, unit_m)| (role, unit_m));
+        for name in [
+            "HEIGHT",
+            "Height",
+            "hoehe",
+            "Höhe",
+            "HOEHE",
+            "hauteur",
+            "Altura",
+            "BLDG_HT",
+            "heightroof",
+            "measuredHe",
+            "building_height",
+            "building_h",
+            "building:height",
+            "Gebäudehöhe",
+            "výška",
+            "wysokość",
+            "høyde",
+            "高さ",
+            "max_height",
+            "HGT_AGL",
+        ] {
+            assert_eq!(role(name), Some((HeightRole::Top, None)), "{name}");
+        }
+        for name in
+            ["STOREYS", "building:levels", "NUM_FLOORS", "storeysAboveGround", "building_l", "階数", "nb_étages"]
+        {
+            assert_eq!(role(name), Some((HeightRole::Levels, None)), "{name}");
+        }
+        assert_eq!(role("HEIGHT_FT"), Some((HeightRole::Top, Some(FOOT_M))));
+        assert_eq!(role("height (m)"), Some((HeightRole::Top, Some(1.0))));
+        assert_eq!(role("hgt_maxcm"), Some((HeightRole::Top, Some(0.01))));
+        assert_eq!(role("b3_h_dak_max"), Some((HeightRole::Elevation, None)));
+        assert_eq!(role("H_MAAIVELD"), Some((HeightRole::Ground, None)));
+        // Limits for vehicles, parts of a roof, a place within a building.
+        for name in ["maxheight", "roof:height", "roof_height", "min_height", "level", "floor", "ele", "width", ""] {
+            assert_eq!(role(name), None, "{name}");
+        }
+        assert_eq!((unit_of_name("H_FT"), unit_of_name("ft"), unit_of_name("H")), (Some(FOOT_M), None, None));
+    }
+}

@@ -1,0 +1,191 @@
+//! What cannot be seen from above: in tunnels, below the ground, indoors. The same for OpenStreetMap, Overture and the attributes of
+//! city offices.
+
+use std::borrow::Cow;
+
+use super::height::length_m;
+use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::object::FeatureKind;
+
+pub const UNDERGROUND: &str = "underground";
+pub const IN_TUNNEL: &str = "in a tunnel";
+pub const INDOORS: &str = "indoors";
+
+/// Names of attributes that say by a truth value that a feature is below the ground; the second as Shapefiles cut it.
+const IS_UNDERGROUND: &[&str] = &["is_underground", "is_undergr", "underground", "subterranean"];
+const IS_TUNNEL: &[&str] = &["tunnel", "is_tunnel"];
+/// Values of `tunnel` that name a passage on the ground: through a building, or below a roof against snow.
+const NO_TUNNEL: &[&str] = &["building_passage", "avalanche_protector", "covered"];
+/// Names of attributes that are negative below the ground, for all kinds: storeys of OpenStreetMap, levels of Overture, the relative
+/// height of the Dutch and the position of the French base map.
+const LEVELS: &[&str] =
+    &["level", "max_level", "building:max_level", "relatievehoogteligging", "relatieveh", "pos_sol"];
+/// Values of `indoor` of what is inside of a building.
+const INDOOR: &[&str] = &["room", "corridor", "area", "wall", "column", "door"];
+/// What is below the ground if its `layer` is negative. Roads and water are then in a cutting, or only below a bridge.
+const BELOW_BY_LAYER: &[(&str, &[&str])] = &[
+    ("railway", &["subway", "platform"]),
+    ("public_transport", &["platform"]),
+    ("highway", &["platform", "corridor"]),
+    ("amenity", &["parking", "bicycle_parking", "motorcycle_parking"]),
+    ("leisure", &["swimming_pool"]),
+    ("fclass", &["subway"]),
+    ("class", &["subway"]),
+];
+
+/// The reason why areas and lines of a kind cannot be seen from above; `None` if they can. `tag` gives the value of a name.
+pub fn hidden<'t>(kind: FeatureKind, tag: impl Fn(&str) -> Option<Cow<'t, str>>) -> Option<&'static str> {
+    let is_building = matches!(kind, FeatureKind::Building | FeatureKind::BuildingPart);
+    let is_one_of = |name: &str, values: &[&str]| tag(name).is_some_and(|value| values.contains(&&*value));
+    let number = |name: &str| tag(name).and_then(|value| value.trim().parse::<f64>().ok());
+    if IS_TUNNEL.iter().any(|name| tag(name).is_some_and(|value| is_true(&value) && !NO_TUNNEL.contains(&&*value))) {
+        return Some(IN_TUNNEL);
+    }
+    let is_below_by_layer = number("layer").is_some_and(|layer| layer < 0.0)
+        && (is_building || BELOW_BY_LAYER.iter().any(|(name, values)| is_one_of(name, values)));
+    let is_below_by_level =
+        || LEVELS.iter().any(|name| tag(name).and_then(|value| highest(&value)).is_some_and(|level| level < 0.0));
+    let is_underground = IS_UNDERGROUND.iter().any(|name| tag(name).is_some_and(|value| is_true(&value)))
+        || is_one_of("location", &["underground", "underwater", "subsurface"])
+        || is_one_of("parking", &["underground"])
+        || is_below_by_layer
+        || is_below_by_level()
+        || is_building && is_cellar(&tag);
+    if is_underground {
+        return Some(UNDERGROUND);
+    }
+    // A building whose inside is mapped may say so with `yes`.
+    let is_indoors = is_one_of("indoor", INDOOR) || !is_building && is_one_of("indoor", &["yes", "true", "level"]);
+    (is_indoors || is_one_of("location", &["indoor"])).then_some(INDOORS)
+}
+
+/// [`hidden`] by attributes, whose names may be in capitals, and by the flags of Overture's roads and rails.
+pub fn is_hidden(kind: FeatureKind, attributes: &Attributes) -> Option<&'static str> {
+    let text = |value: &AttributeValue| match value {
+        AttributeValue::Text(text) => text.clone(),
+        value => value.to_string(),
+    };
+    let tag = |known: &str| {
+        let found = attributes.iter().find(|(name, _)| name.eq_ignore_ascii_case(known));
+        found.map(|(_, value)| Cow::Owned::<str>(text(value)))
+    };
+    hidden(kind, tag).or_else(|| has_tunnel_flag(attributes).then_some(IN_TUNNEL))
+}
+
+/// Whether a flag of Overture says that all of a road or rail is in a tunnel. Flags may be of a part only.
+fn has_tunnel_flag(attributes: &Attributes) -> bool {
+    let flags = attributes.iter().filter(|(_, value)| value.as_str() == Some("is_tunnel"));
+    flags.filter_map(|(name, _)| name.split_once(".values")).any(|(flag, _)| {
+        (flag.starts_with("road_flags") || flag.starts_with("rail_flags"))
+            && !attributes.iter().any(|(name, _)| name.starts_with(&format!("{flag}.between")))
+    })
+}
+
+/// Whether a building has storeys below the ground only.
+fn is_cellar<'t>(tag: &impl Fn(&str) -> Option<Cow<'t, str>>) -> bool {
+    let number = |names: &[&str]| names.iter().find_map(|name| tag(name)?.trim().parse::<f64>().ok());
+    let height_m = ["height", "building:height"].iter().find_map(|name| length_m(&tag(name)?));
+    if height_m.is_some_and(|height_m| height_m > 0.0) || number(&["roof:levels"]).is_some_and(|levels| levels > 0.0) {
+        return false;
+    }
+    let begins_below = number(&["building:levels:underground"]).is_some_and(|levels| levels > 0.0)
+        || number(&["building:min_level", "min_level", "min_floor"]).is_some_and(|level| level < 0.0);
+    // Storeys are counted from the ground. Negative ones are below.
+    begins_below && number(&["building:levels", "levels", "num_floors"]).is_some_and(|levels| levels <= 0.0)
+}
+
+/// Whether a text says yes. `T` and `F` are those of Shapefiles.
+fn is_true(value: &str) -> bool {
+    !matches!(value.trim().to_ascii_lowercase().as_str(), "" | "no" | "false" | "f" | "0" | "n" | "none" | "null")
+}
+
+/// The highest of levels such as `-1`, `-2;-1` or `-2--1`; `None` if they are no numbers.
+fn highest(levels: &str) -> Option<f64> {
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|level| level.is_finite());
+    let one = |text: &str| {
+        let text = text.trim();
+        // The first character may be a sign.
+        let range = text.char_indices().skip(1).find(|(_, c)| *c == '-');
+        number(text).or_else(|| {
+            let (low, high) = text.split_at(range?.0);
+            Some(number(low)?.max(number(&high[1..])?))
+        })
+    };
+    let all: Option<Vec<f64>> = levels.split([';', ',']).map(one).collect();
+    all?.into_iter().reduce(f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use FeatureKind::{Building, BuildingPart, Rail, Road, Water};
+
+    fn reason(kind: FeatureKind, pairs: &[(&str, &str)]) -> Option<&'static str> {
+        let mut attributes = Attributes::default();
+        pairs.iter().for_each(|(name, value)| attributes.push(name, AttributeValue::from_untyped(value)));
+        is_hidden(kind, &attributes)
+    }
+
+    #[test]
+    fn what_is_below_the_ground_is_hidden_by_any_of_its_attributes() {
+        for (kind, pairs) in [
+            (Building, &[("location", "underground")][..]),
+            (Building, &[("layer", "-1")]),
+            (Building, &[("level", "-1")]),
+            (Building, &[("LEVEL", "-2;-1")]),
+            (BuildingPart, &[("level", "-3--1")]),
+            (Building, &[("is_underground", "true")]),
+            (Building, &[("IS_UNDERGR", "1")]),
+            (Building, &[("building:levels", "0"), ("building:levels:underground", "2")]),
+            (BuildingPart, &[("building:min_level", "-2"), ("building:levels", "0")]),
+            (BuildingPart, &[("building:min_level", "-2"), ("building:max_level", "-1")]),
+            (Road, &[("relatieveHoogteligging", "-1")]),
+            (Road, &[("POS_SOL", "-1")]),
+            (Rail, &[("railway", "subway"), ("layer", "-2")]),
+            (Road, &[("amenity", "parking"), ("parking", "underground")]),
+            (Water, &[("location", "underground")]),
+        ] {
+            assert_eq!(reason(kind, pairs), Some(UNDERGROUND), "{pairs:?}");
+        }
+        for (kind, pairs, expected) in [
+            (Building, &[("building", "train_station"), ("tunnel", "yes")][..], IN_TUNNEL),
+            (Road, &[("tunnel", "T")], IN_TUNNEL),
+            (Water, &[("tunnel", "culvert")], IN_TUNNEL),
+            (Road, &[("road_flags.0.values.0", "is_tunnel")], IN_TUNNEL),
+            (Road, &[("indoor", "yes")], INDOORS),
+            (Building, &[("indoor", "room")], INDOORS),
+        ] {
+            assert_eq!(reason(kind, pairs), Some(expected), "{pairs:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_on_or_above_the_ground_is_not() {
+        for (kind, pairs) in [
+            (Building, &[("building", "yes")][..]),
+            (Building, &[("level", "-1;0")]),
+            (Building, &[("level", "0-2")]),
+            (Building, &[("building:levels", "3"), ("building:levels:underground", "2")]),
+            (Building, &[("building:levels:underground", "1")]),
+            (Building, &[("building:levels", "0"), ("building:min_level", "-1"), ("roof:levels", "1")]),
+            (Building, &[("building:levels", "0"), ("building:levels:underground", "1"), ("height", "4")]),
+            (Building, &[("indoor", "yes"), ("is_underground", "false"), ("tunnel", "no")]),
+            (Road, &[("tunnel", "building_passage")]),
+            (Road, &[("tunnel", "F"), ("layer", "-1")]),
+            (Road, &[("road_flags.0.values.0", "is_tunnel"), ("road_flags.0.between.0", "0.5")]),
+            (Water, &[("natural", "water"), ("layer", "-1")]),
+        ] {
+            assert_eq!(reason(kind, pairs), None, "{pairs:?}");
+        }
+    }
+
+    #[test]
+    fn levels_are_read_in_every_spelling() {
+        for (text, level) in
+            [("-1", -1.0), ("-2;-1", -1.0), ("-2--1", -1.0), ("0-3", 3.0), ("-1;0.5", 0.5), ("2,3", 3.0)]
+        {
+            assert_eq!(highest(text), Some(level), "{text}");
+        }
+        assert_eq!((highest("roof"), highest(""), highest("-"), highest("ä-ö")), (None, None, None, None));
+    }
+}

@@ -1,0 +1,174 @@
+//! What a feature is, from its attributes: those of OpenStreetMap and of Overture.
+
+use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::object::FeatureKind;
+
+/// An attribute and its values; without values, all but `no`.
+type Tag = (&'static str, &'static [&'static str]);
+
+/// Tags by kind, the more certain ones first.
+const TAGS: &[(FeatureKind, &[Tag])] = &[
+    (FeatureKind::Bridge, &[("man_made", &["bridge"])]),
+    (
+        FeatureKind::Furniture,
+        &[
+            ("highway", &["street_lamp", "bus_stop", "traffic_signals", "stop", "give_way", "crossing", "milestone"]),
+            ("man_made", &["street_cabinet", "flagpole", "manhole"]),
+            ("amenity", &["bench", "waste_basket", "post_box", "bicycle_parking", "drinking_water", "fountain"]),
+        ],
+    ),
+    (FeatureKind::Road, &[("highway", &[]), ("area:highway", &[])]),
+    (
+        FeatureKind::Rail,
+        &[("railway", &["rail", "light_rail", "tram", "subway", "narrow_gauge", "monorail", "funicular"])],
+    ),
+    (
+        FeatureKind::Water,
+        &[
+            ("natural", &["water", "bay", "strait"]),
+            ("water", &[]),
+            ("waterway", &["riverbank", "dock", "river", "canal", "stream", "ditch", "drain"]),
+            ("landuse", &["reservoir", "basin"]),
+        ],
+    ),
+    (
+        FeatureKind::Vegetation,
+        &[
+            ("natural", &["wood", "tree", "tree_row", "scrub", "heath", "grassland", "shrubbery"]),
+            ("landuse", &["forest", "grass", "meadow", "orchard", "vineyard", "village_green", "flowerbed"]),
+            ("leisure", &["park", "garden", "nature_reserve"]),
+        ],
+    ),
+    (
+        FeatureKind::LandUse,
+        &[
+            (
+                "landuse",
+                &[
+                    "residential",
+                    "commercial",
+                    "retail",
+                    "industrial",
+                    "farmland",
+                    "farmyard",
+                    "allotments",
+                    "cemetery",
+                    "railway",
+                    "construction",
+                    "brownfield",
+                    "greenfield",
+                    "quarry",
+                    "landfill",
+                    "military",
+                    "garages",
+                    "recreation_ground",
+                    "religious",
+                    "education",
+                    "institutional",
+                    "plant_nursery",
+                    "greenhouse_horticulture",
+                ],
+            ),
+            ("leisure", &["pitch", "playground", "golf_course", "track", "dog_park"]),
+            ("natural", &["beach", "sand", "bare_rock", "scree", "wetland"]),
+            ("amenity", &["parking"]),
+        ],
+    ),
+];
+
+/// Attributes that only buildings have: `landuse` and the like then say what the building is for.
+const BUILDING_ATTRIBUTES: [&str; 8] = [
+    "height",
+    "building:levels",
+    "building:height",
+    "measuredHeight",
+    "measured_height",
+    "num_floors",
+    "levels",
+    "floors",
+];
+
+/// Subtypes of Overture's other themes than buildings.
+const OVERTURE_SUBTYPES: &[(FeatureKind, &[&str])] = &[
+    (FeatureKind::Bridge, &["bridge"]),
+    (FeatureKind::Road, &["road"]),
+    (FeatureKind::Rail, &["rail"]),
+    (FeatureKind::Water, &["water", "river", "lake", "stream", "pond", "canal", "reservoir", "ocean", "human_made"]),
+    (FeatureKind::Vegetation, &["forest", "tree", "shrub", "grass", "park", "protected"]),
+    (FeatureKind::LandUse, &["agriculture", "cemetery", "golf", "recreation", "developed", "sand", "rock", "wetland"]),
+];
+
+/// The kind of a feature by its attributes; `None` if they do not tell. What is said to be a building is one, whatever else
+/// is said.
+pub fn kind_of(attributes: &Attributes) -> Option<FeatureKind> {
+    let value = |name: &str| attributes.get(name).and_then(AttributeValue::as_str).filter(|value| *value != "no");
+    if value("building").is_some() {
+        return Some(FeatureKind::Building);
+    }
+    if value("building:part").is_some() {
+        return Some(FeatureKind::BuildingPart);
+    }
+    if value("amenity") == Some("shelter") {
+        return Some(FeatureKind::Building);
+    }
+    if is_of_overture(attributes) {
+        return of_overture(attributes);
+    }
+    let is_building = BUILDING_ATTRIBUTES.iter().any(|name| attributes.get(name).is_some());
+    let has = |(name, values): &Tag| value(name).is_some_and(|value| values.is_empty() || values.contains(&value));
+    let found = TAGS.iter().find(|(_, tags)| tags.iter().any(has)).map(|(kind, _)| *kind);
+    found.filter(|kind| *kind != FeatureKind::LandUse || !is_building)
+}
+
+/// Whether a feature has the members that all of Overture have.
+fn is_of_overture(attributes: &Attributes) -> bool {
+    let is_text = |name: &str| attributes.get(name).is_some_and(|value| value.as_str().is_some());
+    is_text("id") && (is_text("sources.0.dataset") || is_text("sources.0.property"))
+}
+
+fn of_overture(attributes: &Attributes) -> Option<FeatureKind> {
+    if attributes.get("building_id").is_some() {
+        return Some(FeatureKind::BuildingPart);
+    }
+    if attributes.get("has_parts").is_some() || attributes.get("is_underground").is_some() {
+        return Some(FeatureKind::Building);
+    }
+    let subtype = attributes.get("subtype")?.as_str()?;
+    OVERTURE_SUBTYPES.iter().find(|(_, known)| known.contains(&subtype)).map(|(kind, _)| *kind)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kind(pairs: &[(&str, &str)]) -> Option<FeatureKind> {
+        let mut attributes = Attributes::default();
+        pairs.iter().for_each(|(name, value)| attributes.push(name, AttributeValue::from_untyped(value)));
+        kind_of(&attributes)
+    }
+
+    #[test]
+    fn tags_tell_kinds() {
+        assert_eq!(kind(&[("building", "yes"), ("natural", "water")]), Some(FeatureKind::Building));
+        assert_eq!(kind(&[("building:part", "yes")]), Some(FeatureKind::BuildingPart));
+        assert_eq!(kind(&[("building", "no"), ("natural", "water")]), Some(FeatureKind::Water));
+        assert_eq!(kind(&[("amenity", "shelter")]), Some(FeatureKind::Building));
+        assert_eq!(kind(&[("highway", "residential")]), Some(FeatureKind::Road));
+        assert_eq!(kind(&[("highway", "street_lamp")]), Some(FeatureKind::Furniture));
+        assert_eq!(kind(&[("railway", "abandoned")]), None);
+        assert_eq!(kind(&[("landuse", "forest")]), Some(FeatureKind::Vegetation));
+        assert_eq!(kind(&[("landuse", "residential")]), Some(FeatureKind::LandUse));
+        assert_eq!(kind(&[("landuse", "residential"), ("height", "12")]), None, "the use of a building");
+        assert_eq!(kind(&[("name", "x")]), None);
+    }
+
+    #[test]
+    fn members_of_overture_tell_kinds() {
+        let source = ("sources.0.dataset", "OpenStreetMap");
+        assert_eq!(kind(&[("id", "a"), source, ("building_id", "b")]), Some(FeatureKind::BuildingPart));
+        assert_eq!(kind(&[("id", "a"), source, ("has_parts", "true")]), Some(FeatureKind::Building));
+        assert_eq!(kind(&[("id", "a"), source, ("subtype", "road"), ("class", "primary")]), Some(FeatureKind::Road));
+        assert_eq!(kind(&[("id", "a"), source, ("subtype", "residential")]), None);
+        assert_eq!(kind(&[("building_id", "7")]), None, "a building's own number");
+    }
+}

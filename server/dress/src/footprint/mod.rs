@@ -1,0 +1,26 @@
+//! Areas on the map, and what becomes of them: a building with height, roof and colours by its attributes, or a level
+//! surface. The same for all formats.
+//!
+//! Names of attributes are those of OpenStreetMap, of city offices and of Overture.
+
+mod canopy;
+mod colour;
+mod height;
+mod height_names;
+mod hidden;
+mod kind;
+mod line_width;
+mod posts;
+mod prism;
+mod roof_tags;
+
+pub use canopy::Canopy;
+pub use colour::{ResolvedColour, building_colours, by_use};
+pub use height::{BuildingHeight, HeightHints, has_height, known_height_m, length_m};
+pub use height_names::is_height;
+pub use hidden::{IN_TUNNEL, INDOORS, UNDERGROUND, hidden, is_hidden};
+pub use kind::kind_of;
+pub use line_width::{AEROWAY_WIDTHS_M, HIGHWAY_WIDTHS_M, LANE_M, RAILWAY_WIDTHS_M, WATERWAY_WIDTHS_M, usual_width_m};
+pub use posts::posts;
+pub use prism::{GroundPlan, GroundPlans, PrismMaterials};
+pub use roof_tags::RoofTags;

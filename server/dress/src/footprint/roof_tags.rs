@@ -1,0 +1,126 @@
+//! The roof that attributes describe, in the names of OpenStreetMap's Simple 3D Buildings and of Overture.
+
+use super::height::{BuildingHeight, LEVEL_M, length_m};
+use crate::roof;
+use crate::roof::{RoofOrientation, RoofShape, RoofSpec};
+use insula_source::attributes::{AttributeValue, Attributes};
+
+const SHAPE: &[&str] = &["roof:shape", "roof_shape", "building:roof:shape"];
+const HEIGHT: &[&str] = &["roof:height", "roof_height", "building:roof:height"];
+const LEVELS: &[&str] = &["roof:levels"];
+const DIRECTION: &[&str] = &["roof:direction", "roof_direction", "roof:slope:direction"];
+const ORIENTATION: &[&str] = &["roof:orientation", "roof_orientation"];
+const ANGLE: &[&str] = &["roof:angle"];
+/// Valid heights of roofs.
+const HEIGHT_RANGE_M: std::ops::RangeInclusive<f64> = 0.1..=200.0;
+/// A roof leaves at least this much of the building's height to the walls, unless its own height says otherwise.
+const LEAST_WALL_SHARE: f64 = 0.35;
+
+/// A roof as attributes describe it. Missing values follow from the shape.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RoofTags {
+    shape: RoofShape,
+    height_m: Option<f64>,
+    direction_deg: Option<f64>,
+    orientation: Option<RoofOrientation>,
+    angle_deg: Option<f64>,
+}
+
+impl RoofTags {
+    /// The described roof; `None` for a flat one. Passes a shape that is not known to `note`.
+    pub fn of(attributes: &Attributes, mut note: impl FnMut(&str)) -> Option<Self> {
+        let name = text(attributes, SHAPE)?;
+        let Some(shape) = roof::roof_shape_by_name(name) else {
+            note(name);
+            return None;
+        };
+        let levels = number(attributes, LEVELS).map(|levels| levels * LEVEL_M);
+        let height_m = number(attributes, HEIGHT).or(levels).filter(|height_m| HEIGHT_RANGE_M.contains(height_m));
+        let orientation = match text(attributes, ORIENTATION) {
+            Some("across") => Some(RoofOrientation::Across),
+            Some("along") => Some(RoofOrientation::Along),
+            _ => None,
+        };
+        (shape != RoofShape::Flat).then(|| Self {
+            shape,
+            height_m,
+            direction_deg: direction_deg(attributes),
+            orientation,
+            angle_deg: number(attributes, ANGLE).filter(|angle_deg| (1.0..=85.0).contains(angle_deg)),
+        })
+    }
+
+    /// The roof over a plan, between the heights of its building.
+    pub fn spec(&self, rings: &[Vec<[f64; 2]>], height: &BuildingHeight) -> RoofSpec {
+        let room_m = height.top_m - height.base_m;
+        let usual_m = roof::default_roof_height(self.shape, rings, self.angle_deg);
+        let (top_m, roof_m) = match self.height_m {
+            Some(roof_m) => (height.top_m, roof_m.min(room_m)),
+            None if height.is_without_roof => (height.top_m + usual_m, usual_m),
+            None => (height.top_m, usual_m.min(room_m * (1.0 - LEAST_WALL_SHARE))),
+        };
+        RoofSpec {
+            shape: self.shape,
+            base_m: height.base_m,
+            eaves_m: top_m - roof_m,
+            top_m,
+            direction_deg: self.direction_deg,
+            orientation: self.orientation,
+        }
+    }
+}
+
+fn text<'a>(attributes: &'a Attributes, names: &[&str]) -> Option<&'a str> {
+    names.iter().find_map(|name| attributes.get(name)?.as_str())
+}
+
+fn number(attributes: &Attributes, names: &[&str]) -> Option<f64> {
+    names.iter().find_map(|name| match attributes.get(name)? {
+        AttributeValue::Text(text) => length_m(text),
+        value => value.as_f64(),
+    })
+}
+
+/// Degrees from north, clockwise: a number or a point of the compass such as `SSW`.
+fn direction_deg(attributes: &Attributes) -> Option<f64> {
+    const POINTS: [&str; 16] =
+        ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"];
+    let named = |text: &str| POINTS.iter().position(|point| *point == text.trim().to_ascii_uppercase());
+    let point = text(attributes, DIRECTION).and_then(named).map(|point| point as f64 * 22.5);
+    point.or_else(|| number(attributes, DIRECTION)).map(|degrees| degrees.rem_euclid(360.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn attributes(entries: &[(&str, &str)]) -> Attributes {
+        let mut attributes = Attributes::default();
+        entries.iter().for_each(|(name, value)| attributes.push(name, AttributeValue::Text((*value).to_owned())));
+        attributes
+    }
+
+    #[test]
+    fn directions_are_degrees_or_points_of_the_compass() {
+        for (text, degrees) in [("90", 90.0), ("SSW", 202.5), ("n", 0.0), ("-90", 270.0), ("400", 40.0)] {
+            assert_eq!(direction_deg(&attributes(&[("roof:direction", text)])), Some(degrees), "{text}");
+        }
+        assert_eq!(direction_deg(&attributes(&[("roof:direction", "up")])), None);
+    }
+
+    #[test]
+    fn a_roof_is_inside_of_a_given_height_and_above_counted_levels() {
+        let square = vec![vec![[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]];
+        let roof = |tags: &[(&str, &str)], height: BuildingHeight| {
+            let spec = RoofTags::of(&attributes(tags), |_| ()).unwrap().spec(&square, &height);
+            (spec.eaves_m, spec.top_m)
+        };
+        let given = BuildingHeight { base_m: 0.0, top_m: 12.0, is_without_roof: false };
+        assert_eq!(roof(&[("roof:shape", "gabled"), ("roof:height", "4 m")], given), (8.0, 12.0));
+        assert_eq!(roof(&[("roof_shape", "hipped"), ("roof_height", "40")], given), (0.0, 12.0));
+        let counted = BuildingHeight { is_without_roof: true, ..given };
+        let (eaves_m, top_m) = roof(&[("roof:shape", "gabled")], counted);
+        assert!(eaves_m == 12.0 && top_m > 13.0, "{eaves_m} {top_m}");
+        assert_eq!(RoofTags::of(&attributes(&[("roof:shape", "flat")]), |_| ()), None);
+    }
+}

@@ -1,0 +1,11 @@
+//! What plans and attributes look like: polygons, roofs, heights, colours, and the painted ground.
+
+pub mod building_base;
+pub mod counted_float;
+pub mod footprint;
+pub mod map_store;
+pub mod paint;
+pub mod palette;
+pub mod polygon;
+pub mod roof;
+pub mod world_triangle;

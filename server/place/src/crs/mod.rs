@@ -1,0 +1,273 @@
+//! Coordinate systems: what a source's name of one means, as a horizontal and a vertical part.
+//!
+//! Names are codes of the EPSG registry, URNs, URLs, well-known text of all dialects, PROJJSON, strings for PROJ, the
+//! names of the German AdV, and the own names `ECEF` and `ENU:LON,LAT,H`.
+
+mod area;
+mod axes;
+mod definition;
+mod describe;
+pub mod geoid;
+mod method;
+mod name;
+mod projjson;
+mod registry;
+#[cfg(test)]
+mod tests;
+mod wkt;
+mod wkt_crs;
+
+pub use area::Area;
+pub use axes::Axes;
+pub use definition::Definition;
+
+use definition::parse_shift;
+use registry::Base;
+
+/// Expected error of a datum's shift of which nothing else is known.
+pub const DEFAULT_SHIFT_ERROR_M: f64 = 10.0;
+
+/// A coordinate system.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Crs {
+    /// `EPSG:6697`, `EPSG:25832+7837`, `OGC:CRS84`, or as the source has it.
+    pub name: String,
+    pub horizontal: Horizontal,
+    pub vertical: Vertical,
+}
+
+/// Where positions are on the map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Horizontal {
+    /// Of the EPSG registry.
+    pub code: Option<u32>,
+    pub system: System,
+    /// Order of the coordinates by the registry.
+    pub axes: Axes,
+    /// Name of its datum.
+    pub datum: String,
+    /// Expected error of the datum's shift to WGS84: 0 for modern datums, infinite if no shift is known.
+    pub shift_error_m: f64,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum System {
+    /// Longitude and latitude.
+    Geographic {
+        definition: Definition,
+        unit_deg: f64,
+    },
+    Projected(Definition),
+    /// From the centre of the Earth.
+    Geocentric(Definition),
+    /// Metres east, north and up around a point.
+    Local(LocalOrigin),
+}
+
+/// The origin of a local system.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LocalOrigin {
+    pub longitude_deg: f64,
+    pub latitude_deg: f64,
+    /// Above the geoid.
+    pub height_m: f64,
+}
+
+/// What heights count from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Vertical {
+    Unknown,
+    Ellipsoidal {
+        unit_m: f64,
+    },
+    /// The sea level of a datum.
+    Orthometric(VerticalDatum),
+}
+
+/// A vertical datum.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VerticalDatum {
+    /// Of the EPSG registry.
+    pub code: Option<u32>,
+    pub name: String,
+    /// Metres in a unit; negative if depths count down.
+    pub unit_m: f64,
+}
+
+impl VerticalDatum {
+    pub fn from_code(code: u32) -> Self {
+        let entry = registry::vertical(code);
+        let name = entry.and_then(|entry| entry.names.first()).map(|name| (*name).to_owned());
+        Self {
+            code: Some(code),
+            name: name.unwrap_or_else(|| format!("EPSG:{code}")),
+            unit_m: entry.map_or(1.0, |entry| entry.unit_m),
+        }
+    }
+
+    pub fn named(name: &str) -> Self {
+        Self { code: None, name: name.to_owned(), unit_m: 1.0 }
+    }
+
+    /// The same datum with heights in metres.
+    pub fn in_metres(&self) -> Self {
+        match registry::vertical_by_name(&self.name) {
+            Some(code) if self.unit_m != 1.0 => Self::from_code(code),
+            _ => Self { unit_m: 1.0, ..self.clone() },
+        }
+    }
+
+    /// `EPSG:5709`, or the name.
+    pub fn label(&self) -> String {
+        self.code.map_or_else(|| self.name.clone(), |code| format!("EPSG:{code}"))
+    }
+
+    /// File names of its geoid grids in PROJ-data, best first.
+    pub fn grids(&self) -> &'static [&'static str] {
+        self.code.and_then(registry::vertical).map_or(&[], |entry| &entry.grids)
+    }
+
+    /// Typical and largest error of heights by EGM96 in place of its grid.
+    pub fn egm96_error_m(&self) -> Option<[f64; 2]> {
+        self.code.and_then(registry::vertical)?.egm96_error_m
+    }
+}
+
+impl Horizontal {
+    /// The definition; `None` for local systems.
+    pub fn definition(&self) -> Option<&Definition> {
+        match &self.system {
+            System::Geographic { definition, .. } | System::Projected(definition) | System::Geocentric(definition) => {
+                Some(definition)
+            }
+            System::Local(_) => None,
+        }
+    }
+
+    /// Where it may be used; `None` for all of the Earth, or if it is not known.
+    pub fn area(&self) -> Option<Area> {
+        registry::area(self.code?)
+    }
+
+    /// The system with the same datum and projection whose unit is the metre.
+    pub fn in_metres(&self) -> Option<(Option<u32>, Definition)> {
+        let System::Projected(definition) = &self.system else { return None };
+        if definition.unit_m_is(1.0) {
+            return Some((self.code, definition.clone()));
+        }
+        let definition = definition.clone().in_metres();
+        let base = self.code.and_then(registry::horizontal).map(|entry| entry.base);
+        let code = match base {
+            Some(Base::Projected(base)) => describe::projected_code(&definition, &[base]),
+            _ => None,
+        };
+        Some((code, definition))
+    }
+}
+
+/// Area of use of a horizontal system by its code; `None` for all of the Earth, or if it is not known.
+pub fn area_of_use(code: u32) -> Option<Area> {
+    registry::area(code)
+}
+
+/// Whether a longitude and latitude is on land, or near it, as far as the registry's areas of use tell.
+pub fn is_near_land(place: [f64; 2]) -> bool {
+    registry::is_near_land(place)
+}
+
+/// The geographic system of a projected one, both by their codes.
+pub fn projected_base(code: u32) -> Option<u32> {
+    match registry::horizontal(code)?.base {
+        Base::Projected(base) => Some(base),
+        _ => None,
+    }
+}
+
+/// Why a name gives no system.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CrsError {
+    /// The name is not understood.
+    Unknown,
+    /// The name is understood, but positions cannot be computed, for this reason.
+    Unsupported(String),
+}
+
+/// The system with a name.
+pub fn resolve(name: &str) -> Result<Crs, CrsError> {
+    let name = name.trim().trim_start_matches('\u{feff}').trim_end_matches('\0').trim();
+    if name.is_empty() {
+        return Err(CrsError::Unknown);
+    }
+    if name.starts_with('{') {
+        projjson::parse(name)
+    } else if wkt_crs::is_wkt(name) {
+        wkt_crs::parse(name)
+    } else {
+        name::parse(name)
+    }
+}
+
+/// Whether a name is that of a system in longitude and latitude.
+pub fn is_geographic(name: &str) -> bool {
+    resolve(name).is_ok_and(|crs| matches!(crs.horizontal.system, System::Geographic { .. }))
+}
+
+/// Directions of the coordinates of a system by its definition; `None` if it is not known.
+pub fn axes_of(name: &str) -> Option<Axes> {
+    resolve(name).ok().map(|crs| crs.horizontal.axes)
+}
+
+/// The system with a code, or with a horizontal and a vertical one.
+fn from_codes(code: u32, vertical: Option<u32>) -> Result<Crs, CrsError> {
+    if let (None, Some((horizontal, vertical))) = (vertical, registry::compound(code)) {
+        let horizontal = horizontal_from_code(horizontal)?;
+        let vertical = Vertical::Orthometric(VerticalDatum::from_code(vertical));
+        return Ok(Crs { name: format!("EPSG:{code}"), horizontal, vertical });
+    }
+    let horizontal = horizontal_from_code(code)?;
+    if let Some(vertical) = vertical {
+        let name = format!("EPSG:{code}+{vertical}");
+        return Ok(Crs { name, horizontal, vertical: Vertical::Orthometric(VerticalDatum::from_code(vertical)) });
+    }
+    let base = registry::horizontal(code).map(|entry| entry.base);
+    let is_ellipsoidal = matches!(base, Some(Base::Geographic3d | Base::Geocentric));
+    let vertical = if is_ellipsoidal { Vertical::Ellipsoidal { unit_m: 1.0 } } else { Vertical::Unknown };
+    Ok(Crs { name: format!("EPSG:{code}"), horizontal, vertical })
+}
+
+fn horizontal_from_code(code: u32) -> Result<Horizontal, CrsError> {
+    let text = registry::definition(code);
+    let entry = registry::horizontal(code);
+    let text = match (text, entry) {
+        (Some(text), _) => text,
+        (None, Some(_)) => return Err(CrsError::Unsupported("its projection is not supported".to_owned())),
+        (None, None) => return Err(CrsError::Unknown),
+    };
+    let mut definition = Definition::parse(text).map_err(CrsError::Unsupported)?;
+    let geographic = match entry.map(|entry| entry.base) {
+        Some(Base::Projected(base)) => Some(base),
+        Some(Base::Geographic2d) => Some(code),
+        _ => None,
+    };
+    let known = geographic.and_then(registry::shift);
+    let better = known.and_then(|known| parse_shift(known.towgs84));
+    let of_base = || Definition::parse(registry::definition(geographic?)?).ok()?.own_shift();
+    let shift = better.or(definition.own_shift()).or_else(of_base).or(definition.shift());
+    definition = definition.with_shift(shift);
+    let shift_error_m = match (known, shift) {
+        (_, None) => f64::INFINITY,
+        (Some(known), _) if known.error_m.is_finite() => known.error_m,
+        (_, Some(shift)) if shift == [0.0; 7] => 0.0,
+        _ => DEFAULT_SHIFT_ERROR_M,
+    };
+    let system = if definition.is_geographic() {
+        System::Geographic { definition, unit_deg: if entry.is_some_and(|entry| entry.in_grads) { 0.9 } else { 1.0 } }
+    } else if definition.is_geocentric() {
+        System::Geocentric(definition)
+    } else {
+        System::Projected(definition)
+    };
+    let axes = entry.map_or(Axes::EAST_NORTH, |entry| entry.axes);
+    let datum = geographic.and_then(registry::datum_name).unwrap_or("its datum").to_owned();
+    Ok(Horizontal { code: Some(code), system, axes, datum, shift_error_m })
+}

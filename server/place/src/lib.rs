@@ -1,0 +1,9 @@
+//! Coordinate systems, geoids, and the places of sources in the city.
+
+pub mod crs;
+pub mod earth_place;
+pub mod local_frame;
+mod options;
+pub mod placement;
+
+pub use options::PlacingOptions;

@@ -1,0 +1,116 @@
+//! Where a mesh file stands that has no coordinate system: `--at`, or a file beside it.
+//!
+//! `statue.glb.place.json` places `statue.glb`: `{"lon": 11.575, "lat": 48.137, "height": 519, "heading": 30, "scale": 0.01}`.
+
+use std::io::ErrorKind;
+
+use serde::Deserialize;
+
+use insula_source::error::InputError;
+use insula_source::object::CrsReference;
+use insula_source::source::{CitySource, PLACE_FILE, read_sibling};
+
+/// Larger files are refused.
+const MAX_FILE_BYTES: u64 = 64 << 10;
+
+/// Turn and size of a mesh before it is placed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LocalFrame {
+    /// East and north of the turned x axis, times the scale.
+    cos: f64,
+    sin: f64,
+    scale: f64,
+    /// Whether y points up in the file, and z south.
+    is_y_up: bool,
+}
+
+impl LocalFrame {
+    pub const IDENTITY: Self = Self { cos: 1.0, sin: 0.0, scale: 1.0, is_y_up: false };
+
+    /// The frame of a file in which y points up.
+    pub fn with_y_up(self) -> Self {
+        Self { is_y_up: true, ..self }
+    }
+
+    /// Metres east, north and up of the mesh's origin.
+    pub fn apply(self, position: [f64; 3]) -> [f64; 3] {
+        let [x, y, z] = if self.is_y_up { [position[0], -position[2], position[1]] } else { position };
+        [x * self.cos + y * self.sin, y * self.cos - x * self.sin, z * self.scale]
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlaceFile {
+    lon: f64,
+    lat: f64,
+    /// Above sea level, in metres.
+    height: f64,
+    /// Degrees by which the mesh is turned clockwise.
+    #[serde(default)]
+    heading: f64,
+    #[serde(default = "one")]
+    scale: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Coordinate system and frame of a mesh file: those of the file beside it, else `at`, else none. Fails if the file beside it
+/// is invalid.
+pub fn find(source: &CitySource<'_>, at: Option<[f64; 3]>) -> Result<Option<(CrsReference, LocalFrame)>, InputError> {
+    let name = format!("{}{PLACE_FILE}", source.name);
+    let label = format!("{}{PLACE_FILE}", source.label);
+    let bytes = match read_sibling(&*source.files, &name, MAX_FILE_BYTES) {
+        Ok(bytes) => bytes,
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::PermissionDenied) => {
+            return Ok(at.map(|at| (reference(at), LocalFrame::IDENTITY)));
+        }
+        Err(error) => return Err(InputError::io(&label, error)),
+    };
+    let place: PlaceFile = serde_json::from_slice(&bytes).map_err(|error| InputError::json(&label, &error))?;
+    let PlaceFile { lon, lat, height, heading, scale } = place;
+    let is_place = lon.abs() <= 180.0 && lat.abs() <= 90.0 && height.is_finite();
+    let is_frame = heading.is_finite() && scale.is_finite() && scale > 0.0;
+    if !(is_place && is_frame) {
+        return Err(InputError::unsupported(&label, "its numbers are out of range"));
+    }
+    let (sin, cos) = libm::sincos(heading.to_radians());
+    Ok(Some((reference([lon, lat, height]), LocalFrame { cos: cos * scale, sin: sin * scale, scale, is_y_up: false })))
+}
+
+fn reference([lon, lat, height_m]: [f64; 3]) -> CrsReference {
+    CrsReference::east_first(format!("ENU:{lon},{lat},{height_m}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_source::source::embedded;
+
+    #[test]
+    fn a_file_beside_a_mesh_comes_before_the_option() {
+        let place = br#"{"lon": 11.5, "lat": 48, "height": 500, "heading": 90, "scale": 2}"#;
+        let files: [(&str, &[u8]); 3] = [("a.stl", b""), ("b.stl", b""), ("a.stl.place.json", place)];
+        let sources = embedded(&files);
+        assert_eq!(sources.len(), 2, "the file that places is no source");
+        let (reference, frame) = find(&sources[0], Some([1.0, 2.0, 3.0])).unwrap().unwrap();
+        assert_eq!(reference.name, "ENU:11.5,48,500");
+        // What points north in the file points east.
+        let east = frame.apply([0.0, 1.0, 1.0]);
+        assert!((east[0] - 2.0).abs() < 1e-12 && east[1].abs() < 1e-12 && east[2] == 2.0, "{east:?}");
+        assert_eq!(LocalFrame::IDENTITY.with_y_up().apply([1.0, 2.0, 3.0]), [1.0, -3.0, 2.0]);
+        let (reference, frame) = find(&sources[1], Some([1.0, 2.0, 3.0])).unwrap().unwrap();
+        assert_eq!((reference.name.as_str(), frame), ("ENU:1,2,3", LocalFrame::IDENTITY));
+        assert_eq!(find(&sources[1], None).unwrap(), None);
+    }
+
+    #[test]
+    fn an_invalid_place_is_an_error() {
+        for text in [r#"{"lon": 1, "lat": 2}"#, r#"{"lon": 1, "lat": 92, "height": 0}"#, "{", r#"{"x": 1}"#] {
+            let files: [(&str, &[u8]); 2] = [("a.stl", b""), ("a.stl.place.json", text.as_bytes())];
+            assert!(find(&embedded(&files)[0], None).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! Bytes of an XML file as UTF-8, whatever its encoding.
+
+use std::io::{self, BufRead, Chain, Cursor, Read};
+
+use encoding_rs::{CoderResult, Decoder, Encoding, UTF_8};
+
+use insula_source::error::InputError;
+
+/// The XML declaration is looked for in this many bytes.
+const DECLARATION_BYTES: u64 = 512;
+/// Decoded bytes that are kept ready.
+const CHUNK_BYTES: usize = 1 << 16;
+/// A single tag or text may have this many bytes.
+const MAX_EVENT_BYTES: u64 = 128 << 20;
+
+/// Decodes a file to UTF-8 by its byte order mark or XML declaration. Bytes that are invalid in the encoding become
+/// U+FFFD.
+pub(super) struct TextReader<'a> {
+    inner: Chain<Cursor<Vec<u8>>, Box<dyn BufRead + 'a>>,
+    decoder: Decoder,
+    chunk: Box<[u8]>,
+    start: usize,
+    end: usize,
+    is_finished: bool,
+    /// Bytes that the current tag or text may still have.
+    event_bytes_left: u64,
+    /// Whether any byte was invalid in the encoding.
+    pub(super) has_invalid_bytes: bool,
+    /// Whether reading failed because a tag or text was too long.
+    pub(super) is_event_too_long: bool,
+}
+
+impl<'a> TextReader<'a> {
+    /// Fails if the file cannot be read or declares an unknown encoding.
+    pub(super) fn new(label: &str, mut inner: Box<dyn BufRead + 'a>) -> Result<Self, InputError> {
+        let mut head = Vec::new();
+        let read = inner.by_ref().take(DECLARATION_BYTES).read_to_end(&mut head);
+        read.map_err(|cause| InputError::io(label, cause))?;
+        let encoding = match declared_encoding(&head) {
+            Some(name) => Encoding::for_label(name.as_bytes())
+                .ok_or_else(|| InputError::unsupported(label, format!("the text encoding {name} is not known")))?,
+            None => UTF_8,
+        };
+        // A declaration that can be read byte by byte is not UTF-16, whatever it says.
+        let encoding = if encoding.is_ascii_compatible() { encoding } else { UTF_8 };
+        Ok(Self {
+            inner: Cursor::new(head).chain(inner),
+            decoder: encoding.new_decoder(),
+            chunk: vec![0; CHUNK_BYTES].into_boxed_slice(),
+            start: 0,
+            end: 0,
+            is_finished: false,
+            event_bytes_left: MAX_EVENT_BYTES,
+            has_invalid_bytes: false,
+            is_event_too_long: false,
+        })
+    }
+
+    /// Begins a tag or text.
+    pub(super) fn begin_event(&mut self) {
+        self.event_bytes_left = MAX_EVENT_BYTES;
+    }
+
+    pub(super) fn max_event_bytes() -> u64 {
+        MAX_EVENT_BYTES
+    }
+
+    fn decode_chunk(&mut self) -> io::Result<()> {
+        (self.start, self.end) = (0, 0);
+        while self.end == 0 && !self.is_finished {
+            let bytes = match self.inner.fill_buf() {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                bytes => bytes?,
+            };
+            let is_last = bytes.is_empty();
+            let (result, read, written, has_invalid) = self.decoder.decode_to_utf8(bytes, &mut self.chunk, is_last);
+            self.inner.consume(read);
+            self.end = written;
+            self.has_invalid_bytes |= has_invalid;
+            self.is_finished = is_last && result == CoderResult::InputEmpty;
+        }
+        Ok(())
+    }
+}
+
+impl Read for TextReader<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let available = self.fill_buf()?;
+        let count = available.len().min(buffer.len());
+        buffer[..count].copy_from_slice(&available[..count]);
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl BufRead for TextReader<'_> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.event_bytes_left == 0 {
+            self.is_event_too_long = true;
+            return Err(io::Error::other("a tag or text is too long"));
+        }
+        if self.start == self.end {
+            self.decode_chunk()?;
+        }
+        Ok(&self.chunk[self.start..self.end])
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.start = self.end.min(self.start + count);
+        self.event_bytes_left = self.event_bytes_left.saturating_sub(count as u64);
+    }
+}
+
+/// The encoding that `<?xml ... encoding="..."?>` names.
+fn declared_encoding(head: &[u8]) -> Option<String> {
+    let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
+    if !head.starts_with(b"<?xml") {
+        return None;
+    }
+    let end = head.iter().position(|byte| *byte == b'>')?;
+    let declaration = String::from_utf8_lossy(&head[..end]);
+    let (_, value) = declaration.split_once("encoding")?;
+    let value = value.trim_start().strip_prefix('=')?.trim_start();
+    let quote = value.chars().next().filter(|quote| matches!(quote, '"' | '\''))?;
+    let name = value.get(1..)?.split(quote).next()?;
+    Some(name.trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decode(bytes: &[u8]) -> (String, bool) {
+        let mut reader = TextReader::new("x", Box::new(bytes)).unwrap();
+        let mut text = String::new();
+        reader.read_to_string(&mut text).unwrap();
+        (text, reader.has_invalid_bytes)
+    }
+
+    #[test]
+    fn decodes_by_declaration_and_byte_order_mark() {
+        let latin = decode(b"<?xml version='1.0' encoding = 'ISO-8859-1'?><a>Stra\xDFe</a>");
+        assert_eq!(latin, ("<?xml version='1.0' encoding = 'ISO-8859-1'?><a>Straße</a>".into(), false));
+        assert_eq!(decode(b"\xEF\xBB\xBF<a>\xE6\xA8\xAA</a>"), ("<a>横</a>".into(), false));
+        let utf16: Vec<u8> =
+            "\u{FEFF}<?xml encoding=\"UTF-16\"?><a>ü</a>".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        assert_eq!(decode(&utf16), ("<?xml encoding=\"UTF-16\"?><a>ü</a>".into(), false));
+        assert_eq!(decode(b"<?xml encoding=\"UTF-16\"?><a/>").0, "<?xml encoding=\"UTF-16\"?><a/>");
+    }
+
+    #[test]
+    fn replaces_invalid_bytes_and_refuses_unknown_encodings() {
+        assert_eq!(decode(b"<a>\xFF\xE6</a>"), ("<a>\u{FFFD}\u{FFFD}</a>".into(), true));
+        assert!(TextReader::new("x", Box::new(&b"<?xml encoding='klingon'?>"[..])).is_err());
+    }
+
+    #[test]
+    fn limits_the_length_of_an_event() {
+        let endless = io::BufReader::new(io::repeat(b'a'));
+        let mut reader = TextReader::new("x", Box::new(endless)).unwrap();
+        let count = io::copy(&mut reader, &mut io::sink());
+        assert!(count.is_err() && reader.is_event_too_long);
+    }
+}

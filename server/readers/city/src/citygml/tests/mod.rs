@@ -1,0 +1,151 @@
+//! Tests of the whole reader with small files.
+
+mod appearances;
+mod attributes;
+mod geometry;
+mod hostile;
+
+use std::io::{self, Read};
+
+use super::read;
+use insula_source::error::InputError;
+use insula_source::input::{Input, LocalFile, SourceFiles};
+use insula_source::object::{Shape, SourceObject, Surface};
+use insula_source::testing::TestSink;
+
+/// Start of a file of CityGML 2.0, up to its objects.
+const HEAD_2: &str = r##"<?xml version="1.0" encoding="UTF-8"?>
+<core:CityModel xmlns:core="http://www.opengis.net/citygml/2.0" xmlns:bldg="http://www.opengis.net/citygml/building/2.0"
+ xmlns:gen="http://www.opengis.net/citygml/generics/2.0" xmlns:app="http://www.opengis.net/citygml/appearance/2.0"
+ xmlns:gml="http://www.opengis.net/gml" xmlns:dem="http://www.opengis.net/citygml/relief/2.0"
+ xmlns:tran="http://www.opengis.net/citygml/transportation/2.0" xmlns:veg="http://www.opengis.net/citygml/vegetation/2.0"
+ xmlns:grp="http://www.opengis.net/citygml/cityobjectgroup/2.0" xmlns:uro="https://www.geospatial.jp/iur/uro/2.0"
+ xmlns:urf="https://www.geospatial.jp/iur/urf/2.0" xmlns:xAL="urn:oasis:names:tc:ciq:xsdschema:xAL:2.0"
+ xmlns:xlink="http://www.w3.org/1999/xlink">"##;
+const TAIL: &str = "</core:CityModel>";
+
+/// Files in memory.
+struct MemoryFiles<'f>(Vec<(&'f str, &'f [u8])>);
+
+impl MemoryFiles<'_> {
+    fn find(&self, name: &str) -> io::Result<&[u8]> {
+        self.0.iter().find(|(known, _)| *known == name).map(|(_, bytes)| *bytes).ok_or(io::ErrorKind::NotFound.into())
+    }
+}
+
+impl SourceFiles for MemoryFiles<'_> {
+    fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
+        Ok(Box::new(self.find(name)?))
+    }
+
+    fn len(&self, name: &str) -> io::Result<u64> {
+        Ok(self.find(name)?.len() as u64)
+    }
+
+    fn on_disk(&self, _name: &str) -> io::Result<LocalFile> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
+    fn location(&self) -> String {
+        String::new()
+    }
+}
+
+fn read_files(name: &str, files: Vec<(&str, &[u8])>) -> (TestSink, Result<(), InputError>) {
+    let files = MemoryFiles(files);
+    let input = Input::new(name, name, &files, 1 << 30);
+    let mut sink = TestSink::default();
+    let result = read(&input, &mut sink);
+    (sink, result)
+}
+
+fn read_bytes(bytes: &[u8]) -> (TestSink, Result<(), InputError>) {
+    read_files("a.gml", vec![("a.gml", bytes)])
+}
+
+/// Reads the members of a model of CityGML 2.0.
+fn read_2(members: &str) -> TestSink {
+    let (sink, result) = read_bytes(format!("{HEAD_2}{members}{TAIL}").as_bytes());
+    result.unwrap();
+    sink
+}
+
+/// Reads the content of one building of CityGML 2.0.
+fn read_building(content: &str) -> TestSink {
+    read_2(&member(&format!(r#"<bldg:Building gml:id="b">{content}</bldg:Building>"#)))
+}
+
+fn member(object: &str) -> String {
+    format!("<core:cityObjectMember>{object}</core:cityObjectMember>")
+}
+
+/// A polygon whose first corner is at x = `x`.
+fn polygon(id: &str, x: u32) -> String {
+    let ring = format!("{x} 0 0 {} 0 0 {} 1 0 {x} 0 0", x + 1, x + 1);
+    format!(
+        r#"<gml:Polygon gml:id="{id}"><gml:exterior><gml:LinearRing gml:id="{id}_r"><gml:posList>{ring}</gml:posList></gml:LinearRing></gml:exterior></gml:Polygon>"#
+    )
+}
+
+fn surface_members(members: &[String]) -> String {
+    members.iter().map(|member| format!("<gml:surfaceMember>{member}</gml:surfaceMember>")).collect()
+}
+
+fn multi_surface(members: &[String]) -> String {
+    format!("<gml:MultiSurface>{}</gml:MultiSurface>", surface_members(members))
+}
+
+fn solid(members: &[String]) -> String {
+    let surfaces = surface_members(members);
+    format!(
+        "<gml:Solid><gml:exterior><gml:CompositeSurface>{surfaces}</gml:CompositeSurface></gml:exterior></gml:Solid>"
+    )
+}
+
+/// A solid made of references.
+fn solid_of(ids: &[&str]) -> String {
+    let members: String = ids.iter().map(|id| format!(r##"<gml:surfaceMember xlink:href="#{id}"/>"##)).collect();
+    format!(
+        "<gml:Solid><gml:exterior><gml:CompositeSurface>{members}</gml:CompositeSurface></gml:exterior></gml:Solid>"
+    )
+}
+
+fn bounded_by(surface: &str, geometry: &str) -> String {
+    format!(
+        "<bldg:boundedBy><bldg:{surface}><bldg:lod2MultiSurface>{geometry}</bldg:lod2MultiSurface></bldg:{surface}></bldg:boundedBy>"
+    )
+}
+
+fn polygons(object: &SourceObject) -> &[Surface] {
+    match &object.shape {
+        Shape::Surfaces { polygons, .. } => polygons,
+        _ => &[],
+    }
+}
+
+/// The x of the first corner of each polygon, sorted.
+fn corners(object: &SourceObject) -> Vec<f64> {
+    let mut corners: Vec<_> = polygons(object).iter().map(|surface| surface.points[0][0]).collect();
+    corners.sort_by(f64::total_cmp);
+    corners
+}
+
+#[test]
+fn reads_gzip_and_reports_progress() {
+    use std::io::Write;
+    let text = format!(
+        "{HEAD_2}{}{TAIL}",
+        member(&format!(
+            "<bldg:Building><bldg:lod1Solid>{}</bldg:lod1Solid></bldg:Building>",
+            solid(&[polygon("p", 3)])
+        ))
+    );
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    packed.write_all(text.as_bytes()).unwrap();
+    let packed = packed.finish().unwrap();
+    let (sink, result) = read_files("a.gml.gz", vec![("a.gml.gz", &packed)]);
+    result.unwrap();
+    assert_eq!(sink.objects.len(), 1);
+    assert_eq!(sink.objects[0].id, "Building 1");
+    assert!(sink.bytes_done > 0);
+}

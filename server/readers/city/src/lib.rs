@@ -1,0 +1,5 @@
+//! Reads CityGML.
+
+mod citygml;
+
+pub use citygml::read as read_citygml;

@@ -1,0 +1,231 @@
+//! Triangles of the ground in a region.
+
+use std::array;
+use std::cell::RefCell;
+
+use super::Elevation;
+use super::drape::{Drape, GroundPictures};
+use super::lattice::MapGrid;
+use super::level::LevelGround;
+use insula_protocol::NODE_CELLS;
+use insula_roam::{Borders, HeightSource, triangulate_region};
+use insula_source::error::InputError;
+
+/// More heights make the grid coarser.
+const MAX_HEIGHTS: f64 = 4e8;
+/// Steps along the side of a tile, if a raster's pixels are as large as its steps.
+const TILE_STEPS: u32 = 1024;
+const MIN_TILE_STEPS: u32 = 16;
+/// Pixels along the side of a tile's window in a raster that is finer than the grid.
+const MAX_TILE_PIXELS: f64 = 4096.0;
+/// Steps of a grid from one of the model's points to the next, if it does not have the same points.
+const STEPS_PER_PIXEL: f64 = 4.0;
+/// Coarser steps, in cells, would miss the buildings that the ground meets.
+const FIT_CELLS: f64 = 2.0;
+/// Ground without elevation models reaches so far beyond the city at most, and this is the side of its tiles, of which those without a
+/// picture are left to the generated ground.
+const LEVEL_MARGIN_M: f64 = 32.0;
+const LEVEL_TILE_M: f64 = 512.0;
+/// Where land surrounds the city, its terrain ends at squares of this many leaves, at which that land begins.
+pub const ALIGNED_LEAVES: f64 = 2.0;
+/// It ends this far within them, so that no rounding makes it reach the next square.
+const INSET_M: f64 = 0.01;
+
+/// How terrain is made of elevation models.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TerrainOptions {
+    /// Triangles are within this distance of the models' heights, in cells.
+    pub error_cells: f64,
+    /// Terrain reaches this far beyond the city.
+    pub margin_m: f64,
+    /// Side of the smallest texels of pictures from above.
+    pub texel_m: f64,
+    /// The ground is changed to meet buildings that have heights of their own and are at most this far above or below
+    /// it; 0 leaves it as it is.
+    pub tolerance_m: f64,
+}
+
+impl Default for TerrainOptions {
+    /// A fifth of a cell cannot be seen where cells are a pixel. Half a kilometre hides the border from streets. Kerbs and
+    /// marks of lanes need a quarter of a metre. Models of ground and of buildings differ by up to some metres.
+    fn default() -> Self {
+        Self { error_cells: 0.2, margin_m: 500.0, texel_m: 0.25, tolerance_m: 3.0 }
+    }
+}
+
+/// A part of the terrain.
+pub struct TerrainTile {
+    /// Such as `terrain 3/4`.
+    pub name: String,
+    /// World positions, counter-clockwise seen from above.
+    pub triangles: Vec<[[f64; 3]; 3]>,
+    /// The picture on it.
+    pub drape: Option<Drape>,
+}
+
+/// The grid over a region.
+struct Region<'e> {
+    elevation: &'e Elevation,
+    /// World position of the south-western point.
+    corner: [f64; 2],
+    step_m: f64,
+    size: [u32; 2],
+    /// Whether it has heights where no model has one: under a city, and in small gaps.
+    is_extended: bool,
+    /// Lowest and highest coordinates that vertices may have.
+    limits: [[f64; 2]; 2],
+    /// The part that was read last.
+    part: RefCell<RegionPart>,
+}
+
+/// Heights of the columns and rows from `min`, by row.
+#[derive(Default)]
+struct RegionPart {
+    min: [u32; 2],
+    width: usize,
+    heights: Vec<f32>,
+}
+
+impl HeightSource for Region<'_> {
+    type Error = InputError;
+
+    fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    fn read(&self, min: [u32; 2], max: [u32; 2]) -> Result<Vec<f32>, InputError> {
+        let corner = array::from_fn(|axis| self.corner[axis] + f64::from(min[axis]) * self.step_m);
+        let size: [usize; 2] = array::from_fn(|axis| (max[axis] - min[axis]) as usize + 1);
+        let grid = MapGrid { corner, step_m: self.step_m, size };
+        let mut heights = self.elevation.read(&grid)?;
+        if self.is_extended {
+            for (index, height) in heights.iter_mut().enumerate().filter(|(_, height)| height.is_nan()) {
+                let position = grid.position(index % size[0], index / size[0]);
+                *height = self.elevation.extended_height_m(position)?.map_or(f32::NAN, |extended| extended as f32);
+            }
+        }
+        self.elevation.fit_to_buildings(&grid, &mut heights)?;
+        *self.part.borrow_mut() = RegionPart { min, width: size[0], heights: heights.clone() };
+        Ok(heights)
+    }
+}
+
+impl<'e> Region<'e> {
+    /// The region around `city`, its lowest and highest corner, as far as there are models; without a city all models,
+    /// except those of the land around it. `None` if they do not overlap.
+    fn new(elevation: &'e Elevation, city: Option<[[f64; 2]; 2]>, cell_m: f64, margin_m: f64) -> Option<Self> {
+        let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
+        let margin_m = if elevation.level.is_some() {
+            // Without models there is ground everywhere, and beyond the city the plane goes on as it is there.
+            (low, high) = ([f64::MIN; 2], [f64::MAX; 2]);
+            margin_m.min(LEVEL_MARGIN_M)
+        } else {
+            margin_m
+        };
+        let models = elevation.models.iter().filter(|model| city.is_some() || !model.is_surroundings);
+        for placed in models.filter_map(|model| model.placed.as_ref()) {
+            low = array::from_fn(|axis| low[axis].min(placed.bounds[0][axis]));
+            high = array::from_fn(|axis| high[axis].max(placed.bounds[1][axis]));
+        }
+        if let Some([city_low, city_high]) = city {
+            // All of the city has ground under it.
+            low = array::from_fn(|axis| low[axis].max(city_low[axis] - margin_m).min(city_low[axis]));
+            high = array::from_fn(|axis| high[axis].min(city_high[axis] + margin_m).max(city_high[axis]));
+        }
+        if !(low[0] < high[0] && low[1] < high[1]) {
+            return None;
+        }
+        let (mut step_m, aligned) = elevation.grid_step(cell_m);
+        while (0..2).map(|axis| (high[axis] - low[axis]) / step_m).product::<f64>() > MAX_HEIGHTS {
+            step_m *= 2.0;
+        }
+        let mut limits = [[f64::MIN; 2], [f64::MAX; 2]];
+        if elevation.has_surroundings() {
+            let side_m = cell_m * NODE_CELLS as f64 * ALIGNED_LEAVES;
+            step_m = side_m / libm::exp2(libm::log2(side_m / step_m).ceil());
+            low = low.map(|along| (along / side_m).floor() * side_m);
+            high = high.map(|along| (along / side_m).ceil() * side_m);
+            limits = [low.map(|along| along + INSET_M), high.map(|along| along - INSET_M)];
+        }
+        let from = aligned.unwrap_or_default();
+        let corner = array::from_fn(|axis| from[axis] + ((low[axis] - from[axis]) / step_m).floor() * step_m);
+        let size = array::from_fn(|axis| ((high[axis] - corner[axis]) / step_m - 1e-6).ceil().min(1e8) as u32 + 1);
+        Some(Self { elevation, corner, step_m, size, is_extended: city.is_some(), limits, part: RefCell::default() })
+    }
+
+    /// World position of a place in the part that was read last.
+    fn position(&self, place: [u32; 2]) -> [f64; 3] {
+        let part = self.part.borrow();
+        let [column, row] = [0, 1].map(|axis| place[axis].wrapping_sub(part.min[axis]) as usize);
+        let height = part.heights.get(row.wrapping_mul(part.width).wrapping_add(column)).copied().unwrap_or(0.0);
+        let [x, y] = array::from_fn(|axis| {
+            let along = self.corner[axis] + f64::from(place[axis]) * self.step_m;
+            along.clamp(self.limits[0][axis], self.limits[1][axis])
+        });
+        [x, y, f64::from(height)]
+    }
+
+    /// Steps along the side of a tile, a power of two. A tile is not wider than a picture of it.
+    fn tile_steps(&self, picture_m: f64) -> u32 {
+        let pixels_per_step = (self.step_m / self.elevation.step_m()).max(1.0);
+        let steps = (MAX_TILE_PIXELS / pixels_per_step).min(picture_m / self.step_m);
+        1 << (steps.clamp(f64::from(MIN_TILE_STEPS), f64::from(TILE_STEPS)) as u32).ilog2()
+    }
+}
+
+impl Elevation {
+    /// Distance of the grid's points, and the position of one if they are those of the finest model.
+    ///
+    /// A grid beside the model's points cuts off peaks between its own. So it is finer than them where they are farther
+    /// apart than cells.
+    fn grid_step(&self, cell_m: f64) -> (f64, Option<[f64; 2]>) {
+        let pixel_m = self.step_m();
+        let aligned = self.models.last().and_then(|model| model.placed.as_ref()?.aligned);
+        let is_free = self.bases.is_empty() && !self.has_surroundings() && pixel_m >= cell_m / 2.0;
+        if let Some(first) = aligned.filter(|_| is_free) {
+            return (pixel_m, Some(first));
+        }
+        let finest_m = if self.bases.is_empty() { f64::INFINITY } else { cell_m * FIT_CELLS };
+        ((pixel_m / STEPS_PER_PIXEL).max(cell_m).min(pixel_m).min(finest_m).max(cell_m / 2.0), None)
+    }
+
+    /// Passes the terrain around a city to `add`, tile by tile, with pictures of the ground. The models must be
+    /// settled. Fails if a raster cannot be read.
+    pub fn make_terrain(
+        &self,
+        city: Option<[[f64; 2]; 2]>,
+        cell_m: f64,
+        options: TerrainOptions,
+        ground: &GroundPictures<'_>,
+        add: &mut dyn FnMut(TerrainTile),
+    ) -> Result<(), InputError> {
+        let Some(region) = Region::new(self, city, cell_m, options.margin_m) else { return Ok(()) };
+        let picture_m = if self.pictures.is_empty() && !ground.is_painted() { f64::INFINITY } else { ground.side_m() };
+        let is_level = self.level.as_ref().is_some_and(LevelGround::is_level);
+        let picture_m = if is_level { picture_m.min(LEVEL_TILE_M) } else { picture_m };
+        let tile_steps = region.tile_steps(picture_m);
+        let borders = Borders::survey(&region, tile_steps, (options.error_cells * cell_m) as f32)?;
+        for tile in borders.tiling().tiles() {
+            let mesh = triangulate_region(&region, &borders, tile)?;
+            let positions: Vec<[f64; 3]> = mesh.vertices.iter().map(|place| region.position(*place)).collect();
+            let triangles: Vec<[[f64; 3]; 3]> =
+                mesh.triangles.iter().map(|corners| corners.map(|corner| positions[corner as usize])).collect();
+            if triangles.is_empty() {
+                continue;
+            }
+            let drape = self.drape(bounds_on_map(&triangles), ground)?;
+            if is_level && drape.is_none() {
+                continue;
+            }
+            add(TerrainTile { name: format!("terrain {}/{}", tile[0], tile[1]), triangles, drape });
+        }
+        Ok(())
+    }
+}
+
+/// Lowest and highest corner on the map.
+fn bounds_on_map(triangles: &[[[f64; 3]; 3]]) -> [[f64; 2]; 2] {
+    triangles.iter().flatten().fold([[f64::MAX; 2], [f64::MIN; 2]], |[low, high], corner| {
+        [[0, 1].map(|axis| low[axis].min(corner[axis])), [0, 1].map(|axis| high[axis].max(corner[axis]))]
+    })
+}

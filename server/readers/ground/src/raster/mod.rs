@@ -1,0 +1,165 @@
+//! Georeferenced rasters: heights of the ground and pictures from above, read by window without the whole file in
+//! memory.
+
+mod ascii_grid;
+mod cache;
+mod error;
+mod facts;
+mod geo_keys;
+mod hgt;
+mod jpeg2000;
+mod picture;
+mod place;
+mod point_cloud;
+mod quantized_mesh;
+mod samples;
+mod source;
+#[cfg(test)]
+mod tests;
+mod tiff;
+mod words;
+
+pub(crate) use self::error::RasterError;
+pub(crate) use self::facts::HEIGHTS_AND_DEPTHS_M;
+pub use self::facts::HEIGHTS_M;
+#[cfg(test)]
+pub(crate) use self::facts::RasterCrs;
+pub(crate) use self::facts::{RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
+pub(crate) use self::place::GeoPlace;
+pub(crate) use self::quantized_mesh::TileFiles;
+pub(crate) use self::source::ReadSeek;
+
+use self::ascii_grid::AsciiGrid;
+use self::hgt::Hgt;
+use self::picture::Picture;
+use self::point_cloud::PointCloud;
+use self::quantized_mesh::QuantizedMesh;
+use self::source::Source;
+use self::tiff::TiffRaster;
+
+/// Bytes by which formats are told apart.
+const START_BYTES: u64 = 64;
+
+/// An opened raster.
+pub(crate) struct Raster {
+    facts: RasterFacts,
+    limits: RasterLimits,
+    content: Content,
+}
+
+/// The formats.
+enum Content {
+    Tiff(Box<TiffRaster>),
+    Hgt(Hgt),
+    Ascii(AsciiGrid),
+    Picture(Picture),
+    QuantizedMesh(Box<QuantizedMesh>),
+    PointCloud(Box<PointCloud>),
+}
+
+impl Raster {
+    /// Opens a raster and reads what is known of it before its pixels. `name` is the file's: SRTM tiles have their
+    /// place in it.
+    ///
+    /// An ESRI ASCII grid is read once from start to end, because only this tells where its rows are.
+    pub(crate) fn open(reader: Box<dyn ReadSeek>, name: &str, limits: RasterLimits) -> Result<Self, RasterError> {
+        let mut source = Source::new(reader)?;
+        let start = source.start(START_BYTES)?;
+        let (content, facts) = if tiff::is_tiff(&start) {
+            let (tiff, facts) = TiffRaster::open(source, limits)?;
+            (Content::Tiff(Box::new(tiff)), facts)
+        } else if picture::is_picture(&start) || jpeg2000::is_jpeg2000(&start) {
+            let (picture, facts) = Picture::open(source, &start, limits)?;
+            (Content::Picture(picture), facts)
+        } else if point_cloud::is_point_cloud(&start) {
+            let (cloud, facts) = PointCloud::open(source, limits)?;
+            (Content::PointCloud(Box::new(cloud)), facts)
+        } else if hgt::is_hgt(name) {
+            let (hgt, facts) = Hgt::open(source, name)?;
+            (Content::Hgt(hgt), facts)
+        } else if ascii_grid::is_ascii_grid(&start) {
+            let (grid, facts) = AsciiGrid::open(source, limits)?;
+            (Content::Ascii(grid), facts)
+        } else {
+            return Err(RasterError::NotThisFormat);
+        };
+        Ok(Self { facts, limits, content })
+    }
+
+    /// Opens terrain of Cesium by its `layer.json` and the files beside it.
+    pub(crate) fn open_quantized_mesh(
+        layer_json: &[u8],
+        tiles: Box<dyn TileFiles>,
+        limits: RasterLimits,
+    ) -> Result<Self, RasterError> {
+        let (terrain, facts) = QuantizedMesh::open(layer_json, tiles, limits)?;
+        Ok(Self { facts, limits, content: Content::QuantizedMesh(Box::new(terrain)) })
+    }
+
+    /// Sets the value that marks missing heights besides the declared one, for formats that can have such.
+    pub(crate) fn set_nodata(&mut self, nodata: f64) {
+        match &mut self.content {
+            Content::Tiff(tiff) => tiff.nodata_by_hand = Some(self.facts.sample.rounded(nodata)),
+            Content::Ascii(grid) => grid.nodata_by_hand = Some(self.facts.sample.rounded(nodata)),
+            Content::Hgt(hgt) => hgt.nodata_by_hand = Some(nodata),
+            Content::Picture(_) | Content::QuantizedMesh(_) | Content::PointCloud(_) => {}
+        }
+    }
+
+    /// What is inexact about the heights.
+    pub(crate) fn warning(&self) -> Option<&'static str> {
+        match &self.content {
+            Content::PointCloud(cloud) => cloud.warning(),
+            _ => None,
+        }
+    }
+
+    /// Names of the first tiles that could not be read until now, and the number of all. Coarser ones are read instead.
+    pub(crate) fn bad_tiles(&self) -> (&[String], usize) {
+        match &self.content {
+            Content::QuantizedMesh(terrain) => (terrain.bad_tiles(), terrain.bad_tile_count()),
+            _ => (&[], 0),
+        }
+    }
+
+    /// What is known of the raster.
+    pub(crate) fn facts(&self) -> &RasterFacts {
+        &self.facts
+    }
+
+    /// Heights of a window of a level by row, from the first band; NaN where there are none. Level 0 is the
+    /// raster itself.
+    ///
+    /// Fails if the window is not within the level.
+    pub(crate) fn read_heights(&mut self, window: Window, level: usize) -> Result<Vec<f32>, RasterError> {
+        let len = self.window_len(window, level)?;
+        match &mut self.content {
+            Content::Tiff(tiff) => tiff.read_heights(window, level, len),
+            Content::Hgt(hgt) => hgt.read_heights(window, len),
+            Content::Ascii(grid) => grid.read_heights(window, len),
+            Content::QuantizedMesh(terrain) => terrain.read_heights(window, len),
+            Content::PointCloud(cloud) => cloud.read_heights(window, len),
+            Content::Picture(_) => Err(RasterError::unsupported("colours in place of heights")),
+        }
+    }
+
+    /// Red, green, blue and alpha of a window of a level by row, of 8 bits. Alpha is 0 where there is no
+    /// value.
+    ///
+    /// Fails if the window is not within the level.
+    pub(crate) fn read_colours(&mut self, window: Window, level: usize) -> Result<Vec<[u8; 4]>, RasterError> {
+        let len = self.window_len(window, level)?;
+        match &mut self.content {
+            Content::Tiff(tiff) => tiff.read_colours(window, level, len),
+            Content::Picture(picture) => picture.read_colours(window, len),
+            Content::Hgt(_) | Content::Ascii(_) | Content::QuantizedMesh(_) | Content::PointCloud(_) => {
+                Err(RasterError::unsupported("heights in place of colours"))
+            }
+        }
+    }
+
+    fn window_len(&self, window: Window, level: usize) -> Result<usize, RasterError> {
+        let size = self.facts.levels.get(level).ok_or(RasterError::Outside)?;
+        window.checked_len(*size, &self.limits)
+    }
+}

@@ -1,0 +1,63 @@
+//! Tags that GDAL adds to TIFF files: the value of missing pixels, and how numbers become heights.
+
+use super::super::error::RasterError;
+use super::super::facts::SampleKind;
+use super::directory::{Directory, TiffFile};
+use insula_source::units::metres_of;
+
+const METADATA: u16 = 42112;
+const NODATA: u16 = 42113;
+
+/// How the numbers of the first band become heights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct HeightRule {
+    pub(super) scale: f64,
+    pub(super) offset: f64,
+}
+
+/// What the tags of GDAL tell.
+pub(super) struct GdalTags {
+    pub(super) nodata: Option<f64>,
+    pub(super) heights: HeightRule,
+    /// Metres of one unit of height.
+    pub(super) height_unit_m: Option<f64>,
+    /// A unit of height that is not known.
+    pub(super) unknown_unit: Option<String>,
+}
+
+impl GdalTags {
+    pub(super) fn read(file: &mut TiffFile, directory: &Directory, sample: SampleKind) -> Result<Self, RasterError> {
+        let nodata = file.text(directory, NODATA)?.and_then(|text| text.trim().parse().ok());
+        let metadata = file.text(directory, METADATA)?.unwrap_or_default();
+        let number = |role: &str| {
+            let text = item(&metadata, role)?;
+            text.trim().parse::<f64>().ok().filter(|number| number.is_finite())
+        };
+        let unit = item(&metadata, "unittype").map(str::trim).filter(|unit| !unit.is_empty());
+        Ok(Self {
+            nodata: nodata.map(|number| sample.rounded(number)),
+            heights: HeightRule { scale: number("scale").unwrap_or(1.0), offset: number("offset").unwrap_or(0.0) },
+            height_unit_m: unit.and_then(metres_of),
+            unknown_unit: unit.filter(|unit| metres_of(unit).is_none()).map(str::to_owned),
+        })
+    }
+}
+
+/// The text of an item of the first band, such as `<Item name="SCALE" sample="0" role="scale">0.1</Item>`.
+fn item<'t>(metadata: &'t str, role: &str) -> Option<&'t str> {
+    let role = format!("role=\"{role}\"");
+    let items = metadata.split("<Item ").skip(1).filter_map(|item| item.split_once('>'));
+    let (_, text) = items.into_iter().find(|(tag, _)| tag.contains(&role) && tag.contains("sample=\"0\""))?;
+    text.split_once('<').map(|(text, _)| text)
+}
+
+impl HeightRule {
+    /// The height of a number; NaN for missing ones, which one of the marks marks.
+    pub(super) fn height(self, number: f64, sample: SampleKind, marks: [Option<f64>; 2]) -> f32 {
+        let is_mark = |mark: &Option<f64>| mark.is_some_and(|mark| sample.is_mark(number, mark));
+        if !number.is_finite() || marks.iter().any(is_mark) {
+            return f32::NAN;
+        }
+        (number * self.scale + self.offset) as f32
+    }
+}

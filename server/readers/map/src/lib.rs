@@ -1,0 +1,4 @@
+//! Reads GIS vector formats and OpenStreetMap.
+
+pub mod osm;
+pub mod vector;

@@ -1,0 +1,428 @@
+//! Files in the XML form of OpenStreetMap, `.osm` and `.osm.gz`, also those of JOSM and of the Overpass API.
+
+use std::cell::Cell;
+use std::io::{self, BufRead, Read};
+use std::ops::{ControlFlow, Range};
+use std::rc::Rc;
+
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
+
+use super::element::{
+    Element, ElementFile, ElementId, Member, Pass, Position, Tags, UNITS_PER_DEGREE, Visit, position,
+};
+use insula_source::error::InputError;
+use insula_source::input::Input;
+use insula_source::object::ObjectSink;
+
+/// Longer tags of XML are refused. Values of OpenStreetMap have at most 255 characters.
+const MAX_EVENT_BYTES: u64 = 4 << 20;
+/// The elements of OpenStreetMap are nested three deep.
+const MAX_DEPTH: usize = 64;
+/// Nodes of a way, members of a relation and bytes of tags beyond it are refused.
+const MAX_PARTS: usize = 1 << 20;
+const MAX_TAG_BYTES: usize = 16 << 20;
+
+/// An XML file.
+pub(super) struct XmlFile<'a> {
+    input: Input<'a>,
+    extent: Option<[Position; 2]>,
+}
+
+impl<'a> XmlFile<'a> {
+    pub(super) fn new(input: &Input<'a>) -> Self {
+        Self { input: *input, extent: None }
+    }
+}
+
+impl ElementFile for XmlFile<'_> {
+    fn read_through(
+        &mut self,
+        pass: Pass<'_>,
+        sink: &mut dyn ObjectSink,
+        visit: &mut Visit<'_>,
+    ) -> Result<(), InputError> {
+        let opened = self.input.open()?;
+        let event_bytes = Rc::new(Cell::new(0));
+        let limited = EventLimit { inner: opened.reader, event_bytes: Rc::clone(&event_bytes) };
+        let mut reader = Reader::from_reader(limited);
+        let (mut parser, mut buffer) = (Parser::new(&pass), Vec::new());
+        loop {
+            buffer.clear();
+            event_bytes.set(0);
+            let event = reader.read_event_into(&mut buffer);
+            let step = match event {
+                Ok(event) => parser.event(event),
+                Err(quick_xml::Error::Io(cause)) => {
+                    return Err(InputError::io(self.input.label, io::Error::new(cause.kind(), cause.to_string())));
+                }
+                Err(fault) => Err(fault.to_string()),
+            };
+            let place =
+                |fault| InputError::damaged(self.input.label, format!("byte {}", reader.buffer_position()), fault);
+            match step.map_err(place)? {
+                Step::Nothing => {}
+                Step::Extent(extent) => self.extent = Some(extent),
+                Step::Element => {
+                    if parser.visit(sink, visit)?.is_break() {
+                        return Ok(());
+                    }
+                }
+                Step::Foreign(root) => {
+                    return Err(InputError::unsupported(
+                        self.input.label,
+                        format!("XML with the root {root} is no map of OpenStreetMap, whose root is osm"),
+                    ));
+                }
+                Step::End => return Ok(()),
+            }
+            if matches!(pass, Pass::First) {
+                sink.tick(opened.bytes_read.get() / 2);
+            }
+        }
+    }
+
+    fn extent(&self) -> Option<[Position; 2]> {
+        self.extent
+    }
+}
+
+/// Fails when an event has too many bytes.
+struct EventLimit<R> {
+    inner: R,
+    event_bytes: Rc<Cell<u64>>,
+}
+
+impl<R: BufRead> Read for EventLimit<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.fill_buf()?.read(buffer)?;
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl<R: BufRead> BufRead for EventLimit<R> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.event_bytes.get() > MAX_EVENT_BYTES {
+            return Err(io::Error::other("a tag of XML has too many bytes"));
+        }
+        self.inner.fill_buf()
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.event_bytes.set(self.event_bytes.get() + count as u64);
+        self.inner.consume(count);
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Node,
+    Way,
+    Relation,
+}
+
+/// What an event of XML led to.
+#[derive(Debug, PartialEq, Eq)]
+enum Step {
+    Nothing,
+    /// The area that the file says it has.
+    Extent([Position; 2]),
+    /// An element is whole.
+    Element,
+    /// The root is none of a map.
+    Foreign(String),
+    End,
+}
+
+/// Puts the element together whose tags of XML are read.
+struct Parser {
+    wants: [bool; 3],
+    wants_tags: bool,
+    is_first: bool,
+    /// Numbers of the ways that are visited.
+    ways: Range<u64>,
+    /// Number of the next way.
+    way: u64,
+    depth: usize,
+    has_root: bool,
+    is_closed: bool,
+    current: Option<Kind>,
+    id: Option<i64>,
+    position: Option<Position>,
+    has_position: bool,
+    is_deleted: bool,
+    refs: Vec<i64>,
+    /// Elements with the places of their roles in `text`.
+    members: Vec<(Option<ElementId>, [u32; 2])>,
+    text: Vec<u8>,
+    spans: Vec<[u32; 4]>,
+    /// A fault of the current element that costs a part of it.
+    fault: Option<&'static str>,
+}
+
+impl Parser {
+    fn new(pass: &Pass<'_>) -> Self {
+        let ways = if let Pass::Ways(ways) = pass { ways.clone() } else { 0..u64::MAX };
+        let wants = match pass {
+            Pass::First => [true; 3],
+            Pass::Ways(_) => [false, true, false],
+            Pass::Nodes(_) => [true, false, false],
+        };
+        Self {
+            wants,
+            wants_tags: !matches!(pass, Pass::Nodes(_)),
+            is_first: matches!(pass, Pass::First),
+            ways,
+            way: 0,
+            depth: 0,
+            has_root: false,
+            is_closed: false,
+            current: None,
+            id: None,
+            position: None,
+            has_position: false,
+            is_deleted: false,
+            refs: Vec::new(),
+            members: Vec::new(),
+            text: Vec::new(),
+            spans: Vec::new(),
+            fault: None,
+        }
+    }
+
+    /// Takes an event. Fails with the reason if the XML is damaged.
+    fn event(&mut self, event: Event<'_>) -> Result<Step, String> {
+        match event {
+            Event::Start(tag) => {
+                self.depth += 1;
+                if self.depth > MAX_DEPTH {
+                    return Err("tags of XML are nested too deep".to_owned());
+                }
+                self.open(&tag)
+            }
+            Event::Empty(tag) => {
+                let is_root = self.depth == 0;
+                let step = self.open(&tag)?;
+                Ok(match step {
+                    Step::Nothing if is_root => {
+                        self.is_closed = true;
+                        Step::Nothing
+                    }
+                    Step::Nothing if element_kind(&tag).is_some() => self.close(),
+                    step => step,
+                })
+            }
+            Event::End(tag) => {
+                self.depth = self.depth.saturating_sub(1);
+                Ok(match tag.name().as_ref() {
+                    "node" | "way" | "relation" => self.close(),
+                    _ => {
+                        self.is_closed |= self.depth == 0;
+                        Step::Nothing
+                    }
+                })
+            }
+            // The packed form has a checksum after the end of the map.
+            Event::Eof if self.is_closed => Ok(Step::End),
+            Event::Eof if self.has_root => Err("the file ends within the map".to_owned()),
+            Event::Eof => Err("no map of OpenStreetMap".to_owned()),
+            _ => Ok(Step::Nothing),
+        }
+    }
+
+    fn open(&mut self, tag: &BytesStart<'_>) -> Result<Step, String> {
+        let name = tag.name();
+        if !self.has_root {
+            self.has_root = true;
+            let is_map = name.as_ref() == "osm";
+            return Ok(if is_map { Step::Nothing } else { Step::Foreign(name.as_ref().chars().take(64).collect()) });
+        }
+        if self.is_closed {
+            return Ok(Step::Nothing);
+        }
+        if let Some(kind) = element_kind(tag) {
+            self.current = self.wants[kind as usize].then_some(kind);
+            if self.current.is_some() {
+                self.begin(tag)?;
+            }
+            return Ok(Step::Nothing);
+        }
+        match (name.as_ref(), self.current) {
+            ("bounds", None) => return Ok(extent(tag)?.map_or(Step::Nothing, Step::Extent)),
+            ("tag", Some(_)) if self.wants_tags => self.add_tag(tag)?,
+            ("nd", Some(Kind::Way)) => self.add_ref(tag)?,
+            ("member", Some(Kind::Relation)) => self.add_member(tag)?,
+            _ => {}
+        }
+        Ok(Step::Nothing)
+    }
+
+    fn begin(&mut self, tag: &BytesStart<'_>) -> Result<(), String> {
+        (self.id, self.position, self.has_position, self.is_deleted, self.fault) = (None, None, false, false, None);
+        self.refs.clear();
+        self.members.clear();
+        self.text.clear();
+        self.spans.clear();
+        let (mut lon, mut lat) = (None, None);
+        for attribute in tag.attributes().with_checks(false) {
+            let attribute = attribute.map_err(|fault| fault.to_string())?;
+            let value = &*attribute.value;
+            match attribute.key.as_ref() {
+                "id" => self.id = value.trim().parse().ok(),
+                "lon" => (lon, self.has_position) = (units(value), true),
+                "lat" => (lat, self.has_position) = (units(value), true),
+                "visible" => self.is_deleted |= value == "false",
+                "action" => self.is_deleted |= value == "delete",
+                _ => {}
+            }
+        }
+        self.position = lon.zip(lat).and_then(|(lon, lat)| position(lon, lat));
+        Ok(())
+    }
+
+    fn add_tag(&mut self, tag: &BytesStart<'_>) -> Result<(), String> {
+        let (mut key, mut value) = (None, None);
+        for attribute in tag.attributes().with_checks(false) {
+            let attribute = attribute.map_err(|fault| fault.to_string())?;
+            let place = match attribute.key.as_ref() {
+                "k" => &mut key,
+                "v" => &mut value,
+                _ => continue,
+            };
+            let start = self.text.len() as u32;
+            match attribute.normalized_value(XmlVersion::Implicit1_0) {
+                Ok(text) if self.text.len() + text.len() <= MAX_TAG_BYTES => {
+                    self.text.extend_from_slice(text.as_bytes());
+                    *place = Some([start, self.text.len() as u32]);
+                }
+                _ => self.fault = Some("tag not understood"),
+            }
+        }
+        match (key, value) {
+            (Some([a, b]), Some([c, d])) if self.spans.len() < MAX_PARTS => self.spans.push([a, b, c, d]),
+            _ => self.fault = Some("tag not understood"),
+        }
+        Ok(())
+    }
+
+    fn add_ref(&mut self, tag: &BytesStart<'_>) -> Result<(), String> {
+        match integer(tag, "ref")? {
+            Some(id) if self.refs.len() < MAX_PARTS => self.refs.push(id),
+            _ => self.fault = Some("node of a way not understood"),
+        }
+        Ok(())
+    }
+
+    fn add_member(&mut self, tag: &BytesStart<'_>) -> Result<(), String> {
+        let Some(id) = integer(tag, "ref")?.filter(|_| self.members.len() < MAX_PARTS) else {
+            self.fault = Some("member of a relation not understood");
+            return Ok(());
+        };
+        let (mut element, mut role) = (None, [0, 0]);
+        for attribute in tag.attributes().with_checks(false) {
+            let attribute = attribute.map_err(|fault| fault.to_string())?;
+            match (attribute.key.as_ref(), &*attribute.value) {
+                ("type", "way") => element = Some(ElementId::Way(id)),
+                ("type", "relation") => element = Some(ElementId::Relation(id)),
+                ("role", text) if self.text.len() + text.len() <= MAX_TAG_BYTES => {
+                    let start = self.text.len() as u32;
+                    self.text.extend_from_slice(text.as_bytes());
+                    role = [start, self.text.len() as u32];
+                }
+                _ => {}
+            }
+        }
+        self.members.push((element, role));
+        Ok(())
+    }
+
+    fn close(&mut self) -> Step {
+        if self.current.is_some() && !self.is_deleted { Step::Element } else { Step::Nothing }
+    }
+
+    /// Visits the current element.
+    fn visit(&mut self, sink: &mut dyn ObjectSink, visit: &mut Visit<'_>) -> Result<ControlFlow<()>, InputError> {
+        let Some(kind) = self.current.take() else { return Ok(ControlFlow::Continue(())) };
+        let name = ["node", "way", "relation"][kind as usize];
+        let Some(id) = self.id else {
+            if self.is_first {
+                sink.problem("element without a valid identifier", name.to_owned());
+            }
+            return Ok(ControlFlow::Continue(()));
+        };
+        if let Some(fault) = self.fault.filter(|_| self.is_first) {
+            sink.problem(fault, format!("{name}/{id}"));
+        }
+        let tags = Tags { text: &self.text, spans: &self.spans };
+        match (kind, self.position) {
+            (Kind::Node, Some(position)) => visit(Element::Node { id, position, tags }, sink),
+            (Kind::Node, None) => {
+                if self.is_first && self.has_position {
+                    sink.problem("node outside of the world", format!("node/{id}"));
+                }
+                Ok(ControlFlow::Continue(()))
+            }
+            (Kind::Way, _) => {
+                let number = self.way;
+                self.way += 1;
+                if number >= self.ways.end {
+                    return Ok(ControlFlow::Break(()));
+                }
+                if number < self.ways.start {
+                    return Ok(ControlFlow::Continue(()));
+                }
+                visit(Element::Way { id, number, refs: &self.refs, tags }, sink)
+            }
+            (Kind::Relation, _) => {
+                let role = |[from, to]: [u32; 2]| self.text.get(from as usize..to as usize).unwrap_or_default();
+                let members: Vec<Member<'_>> = self
+                    .members
+                    .iter()
+                    .map(|(element, span)| Member { element: *element, role: role(*span) })
+                    .collect();
+                visit(Element::Relation { id, members: &members, tags }, sink)
+            }
+        }
+    }
+}
+
+fn element_kind(tag: &BytesStart<'_>) -> Option<Kind> {
+    match tag.name().as_ref() {
+        "node" => Some(Kind::Node),
+        "way" => Some(Kind::Way),
+        "relation" => Some(Kind::Relation),
+        _ => None,
+    }
+}
+
+/// South-western and north-eastern corner of bounds; `None` if they are not whole or not valid.
+fn extent(tag: &BytesStart<'_>) -> Result<Option<[Position; 2]>, String> {
+    let mut sides = [None; 4];
+    for attribute in tag.attributes().with_checks(false) {
+        let attribute = attribute.map_err(|fault| fault.to_string())?;
+        let names = ["minlon", "minlat", "maxlon", "maxlat"];
+        if let Some(side) = names.iter().position(|name| *name == attribute.key.as_ref()) {
+            sides[side] = units(&attribute.value);
+        }
+    }
+    let [Some(west), Some(south), Some(east), Some(north)] = sides else { return Ok(None) };
+    Ok(position(west, south).zip(position(east, north)).map(Into::into))
+}
+
+/// Degrees of a text in units of positions.
+fn units(degrees: &str) -> Option<i64> {
+    let units = (degrees.trim().parse::<f64>().ok()? * UNITS_PER_DEGREE).round();
+    (units.abs() < 4e9).then_some(units as i64)
+}
+
+/// The whole number of an attribute.
+fn integer(tag: &BytesStart<'_>, name: &str) -> Result<Option<i64>, String> {
+    for attribute in tag.attributes().with_checks(false) {
+        let attribute = attribute.map_err(|fault| fault.to_string())?;
+        if attribute.key.as_ref() == name {
+            return Ok(attribute.value.trim().parse().ok());
+        }
+    }
+    Ok(None)
+}

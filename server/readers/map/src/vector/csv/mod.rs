@@ -1,0 +1,185 @@
+//! Lines of values, one of which is a geometry as WKT, or as hexadecimal WKB.
+
+use ::csv::{ByteRecord, Reader, ReaderBuilder};
+use std::io::{BufRead, Read};
+
+use super::feature::FeatureWriter;
+use super::geometry::Geometry;
+use super::layer::Layer;
+use super::{local, wkb, wkt};
+use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::error::InputError;
+use insula_source::input::{Input, OpenInput};
+use insula_source::object::ObjectSink;
+
+/// Names of geometry columns, in lower case, the most certain first.
+const GEOMETRY_NAMES: [&str; 10] = [
+    "wkt",
+    "the_geom",
+    "geom",
+    "geometry",
+    "wkt_geom",
+    "wkt_geometry",
+    "geom_wkt",
+    "geometry_wkt",
+    "wkb_geometry",
+    "shape",
+];
+/// Names of columns with the EPSG code of the geometry.
+const SRID_NAMES: [&str; 3] = ["epsg", "srid", "crs"];
+const DELIMITERS: [u8; 4] = [b',', b';', b'\t', b'|'];
+/// Bytes in which the delimiter is looked for.
+const HEAD_BYTES: u64 = 1 << 16;
+/// Lines between two progress reports.
+const TICK_LINES: u64 = 256;
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Columns of a source.
+struct Columns {
+    names: Vec<String>,
+    geometry: usize,
+    srid: Option<usize>,
+}
+
+/// Reads a source. Fails if no column has geometries, or if it is in a system that cannot be placed.
+pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
+    let OpenInput { mut reader, bytes_read } = input.open()?;
+    let mut head = Vec::new();
+    reader.by_ref().take(HEAD_BYTES).read_to_end(&mut head).map_err(|cause| InputError::io(input.label, cause))?;
+    let delimiter = delimiter_of(&head);
+    let start = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+    let whole: Box<dyn BufRead + '_> = Box::new(std::io::Cursor::new(head.split_off(start)).chain(reader));
+    let mut lines = ReaderBuilder::new().has_headers(false).flexible(true).delimiter(delimiter).from_reader(whole);
+    let mut writer = FeatureWriter::new(input, sink);
+    let mut first = ByteRecord::new();
+    let mut second = ByteRecord::new();
+    let has_first = next(input, &mut lines, &mut first)?;
+    let has_second = has_first && next(input, &mut lines, &mut second)?;
+    let Some((columns, has_names)) = columns_of(&first, &second) else {
+        return Err(InputError::unsupported(input.label, "lines of values without a column of WKT geometries"));
+    };
+    let layer = Layer::of_file(input.name, columns.names.iter().map(String::as_str));
+    writer.begin(layer, local::sibling_text(input, "prj"))?;
+    if !has_names {
+        add(&first, &columns, &mut writer)?;
+    }
+    if has_second {
+        add(&second, &columns, &mut writer)?;
+    }
+    let mut count = 0;
+    while next(input, &mut lines, &mut second)? {
+        add(&second, &columns, &mut writer)?;
+        count += 1;
+        if u64::is_multiple_of(count, TICK_LINES) {
+            writer.sink.tick(bytes_read.get());
+        }
+    }
+    writer.sink.tick(bytes_read.get());
+    writer.finish()
+}
+
+fn next(
+    input: &Input<'_>,
+    lines: &mut Reader<Box<dyn BufRead + '_>>,
+    record: &mut ByteRecord,
+) -> Result<bool, InputError> {
+    lines.read_byte_record(record).map_err(|error| {
+        let line = error.position().map_or(0, ::csv::Position::line);
+        match error.into_kind() {
+            ::csv::ErrorKind::Io(cause) => InputError::io(input.label, cause),
+            other => InputError::damaged(input.label, format!("line {line}"), format!("{other:?}")),
+        }
+    })
+}
+
+/// The delimiter that is most frequent in the first line, outside of quotation marks.
+fn delimiter_of(head: &[u8]) -> u8 {
+    let mut counts = [0; DELIMITERS.len()];
+    let mut is_quoted = false;
+    // A geometry without quotation marks has commas within parentheses.
+    let mut depth = 0_i32;
+    for byte in head {
+        match byte {
+            b'"' => is_quoted = !is_quoted,
+            b'\n' if !is_quoted => break,
+            b'(' if !is_quoted => depth += 1,
+            b')' if !is_quoted => depth -= 1,
+            _ if !is_quoted && depth <= 0 => {
+                if let Some(index) = DELIMITERS.iter().position(|delimiter| delimiter == byte) {
+                    counts[index] += 1;
+                }
+            }
+            _ => {}
+        }
+    }
+    let best = (0..DELIMITERS.len()).rev().max_by_key(|index| counts[*index]).unwrap_or(0);
+    DELIMITERS[best]
+}
+
+/// Finds the columns by the first two lines, and whether the first line has their names; `None` without a geometry.
+fn columns_of(first: &ByteRecord, second: &ByteRecord) -> Option<(Columns, bool)> {
+    let is_geometry = |field: &[u8]| {
+        let text = text_of(field);
+        wkt::looks_like_wkt(&text) || wkb::bytes_of_hex(&text).is_some()
+    };
+    if let Some(geometry) = first.iter().position(is_geometry) {
+        let names = (1..=first.len()).map(|number| format!("column {number}")).collect();
+        return Some((Columns { names, geometry, srid: None }, false));
+    }
+    let names: Vec<String> = first.iter().map(|name| text_of(name).trim().to_owned()).collect();
+    let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
+    let by_name = GEOMETRY_NAMES.iter().filter_map(|known| lower.iter().position(|name| name == known));
+    let is_filled = |index: &usize| second.get(*index).is_some_and(is_geometry);
+    let mut candidates: Vec<usize> = by_name.collect();
+    candidates.extend((0..names.len()).filter(is_filled));
+    let geometry = candidates.iter().copied().find(is_filled).or_else(|| candidates.first().copied())?;
+    let srid = SRID_NAMES.iter().find_map(|known| lower.iter().position(|name| name == known));
+    Some((Columns { names, geometry, srid }, true))
+}
+
+/// A text in UTF-8, or else in Windows-1252.
+fn text_of(field: &[u8]) -> std::borrow::Cow<'_, str> {
+    match std::str::from_utf8(field) {
+        Ok(text) => text.into(),
+        Err(_) => encoding_rs::WINDOWS_1252.decode_without_bom_handling(field).0,
+    }
+}
+
+fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -> Result<(), InputError> {
+    if record.iter().all(<[u8]>::is_empty) {
+        return Ok(());
+    }
+    let line = record.position().map_or(0, ::csv::Position::line);
+    let mut attributes = Attributes::default();
+    for (index, field) in record.iter().enumerate() {
+        let text = text_of(field);
+        if let Some(name) = columns.names.get(index)
+            && index != columns.geometry
+            && !text.trim().is_empty()
+        {
+            attributes.push(name, AttributeValue::from_untyped(&text));
+        }
+    }
+    let mut srid = columns.srid.and_then(|index| code_of(&text_of(record.get(index)?)));
+    let text = text_of(record.get(columns.geometry).unwrap_or_default());
+    let mut geometry = Geometry::default();
+    let parsed = match wkb::bytes_of_hex(&text) {
+        _ if text.trim().is_empty() => Err("no geometry"),
+        Some(bytes) => wkb::parse(&bytes, &mut geometry),
+        None => wkt::parse(&text, &mut geometry),
+    };
+    if let Ok(Some(own)) = parsed {
+        srid = Some(own);
+    }
+    if let Some(srid) = srid.filter(|srid| *srid > 0) {
+        writer.set_crs(format!("EPSG:{srid}"))?;
+    }
+    writer.add(Some(format!("line {line}")), attributes, parsed.map(|_| geometry))
+}
+
+/// The code in `28992` or `EPSG:28992`.
+fn code_of(text: &str) -> Option<u32> {
+    let text = text.trim();
+    let head = text.get(..5).unwrap_or_default();
+    if head.eq_ignore_ascii_case("epsg:") { text[5..].trim().parse().ok() } else { text.parse().ok() }
+}

@@ -1,0 +1,268 @@
+//! Reads the features of a source one at a time.
+
+use std::io::BufRead;
+
+use serde_json::{Map, Value};
+
+use super::geometry::Fault;
+use super::schema::{GeoJsonFeature, GeoJsonGeometry};
+use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
+use crate::vector::geometry::{Geometry, UNKNOWN_TYPE};
+use crate::vector::layer::Layer;
+use insula_place::crs::axes_of;
+use insula_source::attributes::Attributes;
+use insula_source::error::{InputError, json_message};
+use insula_source::json::attributes::flatten;
+use insula_source::json::{lenient, metadata};
+use insula_source::source::{NextLine, next_line};
+use insula_source::subject;
+
+/// Features between two progress reports.
+const TICK_FEATURES: u64 = 64;
+/// Separates the records of a sequence (RFC 8142).
+const RECORD_SEPARATOR: u8 = 0x1e;
+
+/// The system of the member `geometry`.
+enum GeometrySystem {
+    Named(String),
+    /// Degrees, as RFC 7946 prescribes, if they can be so.
+    Prescribed,
+    /// No degrees: that of the city.
+    OfCity,
+}
+
+/// Reads the features of a source.
+pub(super) struct FeatureReader<'a> {
+    pub(super) writer: FeatureWriter<'a>,
+    pub(super) label: &'a str,
+    /// Number of features so far.
+    count: u64,
+    /// `None` before the first position.
+    system: Option<GeometrySystem>,
+    /// The system of the member `place` of features that name none, by `coordRefSys` of the document.
+    place_system: Option<String>,
+    /// Whether features were placed in `place_system`.
+    has_places: bool,
+    /// Whether a feature without identifier is named by its text, because its number depends on the slice of the sequence.
+    is_named_by_text: bool,
+}
+
+impl<'a> FeatureReader<'a> {
+    pub(super) fn new(writer: FeatureWriter<'a>, label: &'a str) -> Self {
+        Self { writer, label, count: 0, system: None, place_system: None, has_places: false, is_named_by_text: false }
+    }
+
+    /// Reads one feature per line, of `limit` bytes at most. A damaged line is skipped and reported. Fails if the source cannot
+    /// be read.
+    pub(super) fn read_lines(
+        &mut self,
+        mut lines: Box<dyn BufRead + '_>,
+        limit: u64,
+        bytes_read: &dyn Fn() -> u64,
+    ) -> Result<(), InputError> {
+        self.is_named_by_text = true;
+        // Whether other lines are walls is not known to the slice of a sequence.
+        self.writer.take_level_polygons_as_plans();
+        let limit = usize::try_from(limit).unwrap_or(usize::MAX);
+        let mut line = Vec::new();
+        loop {
+            let status = next_line(&mut *lines, &mut line, limit);
+            match status.map_err(|cause| InputError::io(self.label, cause))? {
+                NextLine::EndOfFile => return Ok(()),
+                NextLine::TooLong => {
+                    self.count += 1;
+                    let detail = format!("feature {}: more than {limit} bytes", self.count);
+                    self.writer.sink.skip("line too long", detail);
+                }
+                NextLine::Complete => {
+                    let text = line.strip_prefix(&[RECORD_SEPARATOR]).unwrap_or(&line).trim_ascii();
+                    if !text.is_empty() {
+                        self.read_feature(text)?;
+                    }
+                }
+            }
+            self.tick(bytes_read);
+        }
+    }
+
+    /// Reports progress now and then.
+    pub(super) fn tick(&mut self, bytes_read: &dyn Fn() -> u64) {
+        if self.count.is_multiple_of(TICK_FEATURES) {
+            self.writer.sink.tick(bytes_read());
+        }
+    }
+
+    /// Applies the document's `crs` member. Fails if it comes after a feature or has no name.
+    pub(super) fn set_crs(&mut self, crs: &Value) -> Result<(), InputError> {
+        if self.count > 0 {
+            return Err(self.too_late("crs"));
+        }
+        let named = name_of(crs).map_err(|what| InputError::unsupported(self.label, what))?;
+        self.system = named.map(GeometrySystem::Named);
+        Ok(())
+    }
+
+    /// Applies the document's `coordRefSys` member of JSON-FG. Fails if it comes after a feature that needs it.
+    pub(super) fn set_place_system(&mut self, system: &Value) -> Result<(), InputError> {
+        if self.has_places {
+            return Err(self.too_late("coordRefSys"));
+        }
+        self.place_system = reference_system(system);
+        Ok(())
+    }
+
+    fn too_late(&self, member: &str) -> InputError {
+        let what = format!("its \"{member}\" comes after its features; move it to the front");
+        InputError::unsupported(self.label, what)
+    }
+
+    /// Takes metadata from any other member of the document.
+    pub(super) fn describe(&mut self, name: &str, text: &str) {
+        if let Some(what) = metadata::description(name, "") {
+            self.writer.sink.describe(what, text);
+        }
+    }
+
+    /// Reads one feature; a malformed one is skipped and reported. Fails if its coordinate system cannot be that of the
+    /// city.
+    pub(super) fn read_feature(&mut self, text: &[u8]) -> Result<(), InputError> {
+        self.count += 1;
+        let number = self.count;
+        subject::set(format_args!("{}: feature number {number}", self.label));
+        let mut repaired = Vec::new();
+        let feature = match lenient::parse::<GeoJsonFeature>(text, &mut repaired) {
+            Ok(feature) if feature.kind == "Feature" => feature,
+            Ok(feature) => {
+                let detail = format!("feature {number}: its type is \"{}\"", feature.kind);
+                self.writer.sink.skip("no feature", detail);
+                return Ok(());
+            }
+            Err(error) => {
+                let detail = format!("feature {number}: {}", json_message(&error));
+                self.writer.sink.skip("malformed feature", detail);
+                return Ok(());
+            }
+        };
+        let id = feature.id().unwrap_or_else(|| match self.is_named_by_text {
+            true => format!("feature {}", &blake3::hash(text).to_hex()[..16]),
+            false => format!("feature {number}"),
+        });
+        let geometry = match self.geometry(&id, &feature) {
+            Ok((geometry, None)) => {
+                self.set_system(&geometry)?;
+                Ok(geometry)
+            }
+            Ok((mut geometry, Some(name))) => {
+                // The coordinates are in the order of the system's definition.
+                if let Some(axes) = axes_of(&name) {
+                    geometry.for_each_position(|p| [p[0], p[1]] = axes.east_north([p[0], p[1]]));
+                }
+                self.writer.set_crs(name)?;
+                Ok(geometry)
+            }
+            Err(Fault { reason, detail: None }) => Err(reason),
+            Err(Fault { reason, detail: Some(detail) }) => {
+                self.writer.sink.skip(reason, format!("{id}: {detail}"));
+                return Ok(());
+            }
+        };
+        let columns = feature.properties.keys().map(String::as_str);
+        let is_mixed = Layer::new("", columns).is_mixed;
+        let attributes = attributes_of(&feature.properties);
+        self.writer.add_named(NamedFeature { id, attributes, geometry, is_mixed })
+    }
+
+    /// The geometry of a feature, and its system if it is that of the member `place`.
+    fn geometry(&mut self, id: &str, feature: &GeoJsonFeature) -> Result<(Geometry, Option<String>), Fault> {
+        if let Some(place) = &feature.place {
+            let own = feature.coord_ref_sys.as_ref().and_then(reference_system);
+            self.has_places |= own.is_none();
+            let system = own.or_else(|| self.place_system.clone());
+            match (place.read(), &feature.geometry) {
+                (Ok(geometry), _) => return Ok((geometry, Some(system.unwrap_or_else(|| DEGREES.to_owned())))),
+                (Err(Fault { reason: UNKNOWN_TYPE, .. }), Some(_)) => {
+                    let detail = format!("{id}: its \"place\" is a \"{}\", its \"geometry\" is taken", place.kind);
+                    self.writer.sink.problem(UNKNOWN_TYPE, detail);
+                }
+                (Err(fault), _) => return Err(fault),
+            }
+        }
+        let geometry = feature.geometry.as_ref().map(GeoJsonGeometry::read);
+        Ok((geometry.unwrap_or(Err(Fault { reason: "no geometry", detail: None }))?, None))
+    }
+
+    /// Sets the system of the member `geometry`. Fails if positions of it cannot be placed.
+    fn set_system(&mut self, geometry: &Geometry) -> Result<(), InputError> {
+        let Some([west, south, east, north]) = geometry.bounds() else { return Ok(()) };
+        let system = self.system.get_or_insert_with(|| {
+            let is_on_globe = west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0;
+            // The sink says in which system it takes others.
+            if is_on_globe { GeometrySystem::Prescribed } else { GeometrySystem::OfCity }
+        });
+        let name = match system {
+            GeometrySystem::Named(name) => name.clone(),
+            GeometrySystem::Prescribed => DEGREES.to_owned(),
+            GeometrySystem::OfCity => return Ok(()),
+        };
+        self.writer.set_crs(name)
+    }
+}
+
+fn attributes_of(properties: &Map<String, Value>) -> Attributes {
+    let mut attributes = Attributes::default();
+    flatten(properties, &mut attributes);
+    attributes
+}
+
+/// The name of the system in a `crs` member; `None` for the default. Fails with the reason if it has none.
+fn name_of(crs: &Value) -> Result<Option<String>, String> {
+    match &crs["properties"] {
+        properties if properties["name"].is_string() => {
+            Ok(Some(properties["name"].as_str().unwrap_or_default().to_owned()))
+        }
+        properties if properties["code"].is_number() => Ok(Some(format!("EPSG:{}", properties["code"]))),
+        _ if crs.is_null() => Ok(None),
+        _ => Err("its \"crs\" has no name; remove it, or export as WGS84".to_owned()),
+    }
+}
+
+/// The name of the system in a `coordRefSys` member: a URI, `[EPSG:1234]`, an object with a URI, or a list of a horizontal and
+/// a vertical system.
+fn reference_system(system: &Value) -> Option<String> {
+    match system {
+        Value::String(name) => Some(name.trim_matches(['[', ']']).to_owned()),
+        Value::Object(members) => reference_system(members.get("href")?),
+        Value::Array(parts) => {
+            // As a code of both, which is known in this spelling.
+            let names: Option<Vec<String>> = parts.iter().take(3).map(reference_system).collect();
+            names.map(|names| names.join(","))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crs_member_is_understood_in_every_spelling() {
+        let named = |text: &str| name_of(&serde_json::from_str(text).unwrap());
+        let name = |name: &str| format!(r#"{{"type": "name", "properties": {{"name": "{name}"}}}}"#);
+        assert_eq!(named("null"), Ok(None));
+        assert_eq!(named(&name("EPSG:28992")), Ok(Some("EPSG:28992".to_owned())));
+        assert_eq!(named(r#"{"type": "EPSG", "properties": {"code": 6677}}"#), Ok(Some("EPSG:6677".to_owned())));
+        assert!(named("{}").is_err() && named("7").is_err());
+    }
+
+    #[test]
+    fn reference_systems_of_json_fg_are_understood_in_every_form() {
+        let named = |text: &str| reference_system(&serde_json::from_str(text).unwrap());
+        let uri = "http://www.opengis.net/def/crs/EPSG/0/5555";
+        assert_eq!(named(&format!("\"{uri}\"")).as_deref(), Some(uri));
+        assert_eq!(named(r#""[EPSG:25832]""#).as_deref(), Some("EPSG:25832"));
+        assert_eq!(named(&format!(r#"{{"type": "Reference", "href": "{uri}"}}"#)).as_deref(), Some(uri));
+        assert_eq!(named(r#"["EPSG:25832", "EPSG:7837"]"#).as_deref(), Some("EPSG:25832,EPSG:7837"));
+        assert_eq!((named("null"), named("[7]"), named("{}")), (None, None, None));
+    }
+}

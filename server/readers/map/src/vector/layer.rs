@@ -1,0 +1,139 @@
+//! A layer of features: its name, and what the name tells about them.
+
+use insula_source::object::FeatureKind;
+
+/// Words in names of layers, tables and files, in the languages of the larger publishers.
+const WORDS: &[(FeatureKind, &[&str])] = &[
+    (FeatureKind::BuildingPart, &["buildingpart", "buildingparts"]),
+    (
+        FeatureKind::Building,
+        &[
+            "building",
+            "buildings",
+            "bldg",
+            "footprint",
+            "footprints",
+            "gebouw",
+            "gebouwen",
+            "pand",
+            "panden",
+            "gebaeude",
+            "gebäude",
+            "batiment",
+            "batiments",
+            "edificio",
+            "edificios",
+            "edifici",
+            "budynki",
+            "bygning",
+            "bygninger",
+        ],
+    ),
+    (FeatureKind::Bridge, &["bridge", "bridges"]),
+    (FeatureKind::Tunnel, &["tunnel", "tunnels"]),
+    (
+        FeatureKind::Road,
+        &["road", "roads", "street", "streets", "highway", "highways", "wegdeel", "strassen", "routes"],
+    ),
+    (FeatureKind::Rail, &["rail", "rails", "railway", "railways", "spoor", "tram", "trams"]),
+    (
+        FeatureKind::Water,
+        &[
+            "water",
+            "waters",
+            "waterway",
+            "waterways",
+            "river",
+            "rivers",
+            "lake",
+            "lakes",
+            "waterdeel",
+            "hydro",
+            "ocean",
+        ],
+    ),
+    (
+        FeatureKind::Vegetation,
+        &["tree", "trees", "forest", "forests", "wood", "woods", "vegetation", "park", "parks", "baeume", "bomen"],
+    ),
+    (
+        FeatureKind::LandUse,
+        &["landuse", "landcover", "parcel", "parcels", "plot", "plots", "lots", "perceel", "cadastre", "tessellation"],
+    ),
+    (FeatureKind::Generic, &["pois", "poi", "places", "boundary", "boundaries", "admin", "districts", "countries"]),
+];
+
+/// Columns that only exist where features of all kinds are in one table.
+const MIXED_COLUMNS: [&str; 5] = ["landuse", "natural", "amenity", "highway", "boundary"];
+
+/// Columns that all features of Overture have, and those that only its buildings have.
+const OVERTURE_COLUMNS: [&str; 3] = ["id", "sources", "version"];
+const OVERTURE_BUILDING_COLUMNS: [&str; 4] = ["has_parts", "building_id", "num_floors", "roof_shape"];
+
+/// A table or file of features.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct Layer {
+    pub(super) name: String,
+    /// What the name says about features whose attributes tell no kind.
+    pub(super) kind: Option<FeatureKind>,
+    /// Features of all kinds are in one table, with a column that names the buildings among them, or without any.
+    pub(super) is_mixed: bool,
+}
+
+impl Layer {
+    /// The layer of a name and its columns.
+    pub(super) fn new<'c>(name: &str, columns: impl Iterator<Item = &'c str>) -> Self {
+        let columns: Vec<String> = columns.map(str::to_ascii_lowercase).collect();
+        let has = |name: &str| columns.iter().any(|column| column == name);
+        let is_of_all_kinds = has("building") && MIXED_COLUMNS.iter().any(|name| has(name));
+        let is_of_overture = OVERTURE_COLUMNS.iter().all(|name| has(name));
+        let is_mixed = is_of_all_kinds || is_of_overture && !OVERTURE_BUILDING_COLUMNS.iter().any(|name| has(name));
+        Self { name: name.to_owned(), kind: kind_of_name(name), is_mixed }
+    }
+
+    /// The layer of a file by its path: the name without folder and extension, and parts such as `type=building_part`.
+    pub(super) fn of_file<'c>(path: &str, columns: impl Iterator<Item = &'c str>) -> Self {
+        let file = path.rsplit(['/', '\\']).next().unwrap_or(path);
+        let name = file.split_once('.').map_or(file, |(stem, _)| stem);
+        let partition = path.split(['/', '\\']).rev().find_map(|part| part.strip_prefix("type="));
+        let partition = partition.filter(|part| part.len() < 64);
+        let layer = Self::new(name, columns);
+        match partition {
+            Some(partition) => Self { name: partition.to_owned(), kind: kind_of_name(partition), ..layer },
+            None => layer,
+        }
+    }
+}
+
+/// The kind that a name tells: the first kind of [`WORDS`] one of whose words it has.
+fn kind_of_name(name: &str) -> Option<FeatureKind> {
+    let lower = name.to_lowercase().replace("building_part", "buildingpart").replace("land_use", "landuse");
+    let words: Vec<&str> = lower.split(|c: char| !c.is_alphabetic()).collect();
+    WORDS.iter().find(|(_, known)| words.iter().any(|word| known.contains(word))).map(|(kind, _)| *kind)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_tell_kinds() {
+        assert_eq!(kind_of_name("gis_osm_buildings_a_free_1"), Some(FeatureKind::Building));
+        assert_eq!(kind_of_name("gis_osm_railways_free_1"), Some(FeatureKind::Rail));
+        assert_eq!(kind_of_name("Waterdeel"), Some(FeatureKind::Water));
+        assert_eq!(kind_of_name("waterloo"), None);
+        assert_eq!(kind_of_name("chiyoda_z16_8x8"), None);
+        let parts = Layer::of_file("release/theme=buildings/type=building_part/part-0.zstd.parquet", [].into_iter());
+        assert_eq!((parts.name.as_str(), parts.kind), ("building_part", Some(FeatureKind::BuildingPart)));
+        let file = Layer::of_file("a/Roads.2024.shp.gz", [].into_iter());
+        assert_eq!((file.name.as_str(), file.kind), ("Roads", Some(FeatureKind::Road)));
+    }
+
+    #[test]
+    fn tables_of_all_kinds_are_mixed() {
+        assert!(Layer::new("multipolygons", ["osm_id", "building", "landuse"].into_iter()).is_mixed);
+        assert!(!Layer::new("multipolygons", ["building", "height"].into_iter()).is_mixed);
+        assert!(Layer::new("land", ["id", "sources", "version", "subtype"].into_iter()).is_mixed);
+        assert!(!Layer::new("a", ["id", "sources", "version", "has_parts"].into_iter()).is_mixed);
+    }
+}

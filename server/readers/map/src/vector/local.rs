@@ -1,0 +1,56 @@
+//! Files for random access.
+
+use std::fs::File;
+
+use insula_source::error::InputError;
+use insula_source::input::{Input, LocalFile};
+
+/// Opens the source on disk. Fails if it cannot be read.
+pub(super) fn open(input: &Input<'_>, file: &LocalFile) -> Result<File, InputError> {
+    File::open(&file.path).map_err(|cause| InputError::io(input.label, cause))
+}
+
+/// The names that a file beside the source can have: the source's with another extension, in usual spellings.
+pub(super) fn sibling_names(name: &str, extension: &str) -> Vec<String> {
+    let lower = name.to_ascii_lowercase();
+    let unpacked = if lower.ends_with(".gz") { &name[..name.len() - 3] } else { name };
+    let file_start = unpacked.rfind('/').map_or(0, |slash| slash + 1);
+    let stem = unpacked[file_start..].rfind('.').map_or(unpacked, |dot| &unpacked[..file_start + dot]);
+    let mut capital = extension.to_owned();
+    if let Some(first) = capital.get_mut(..1) {
+        first.make_ascii_uppercase();
+    }
+    let spellings = [extension.to_owned(), extension.to_ascii_uppercase(), capital];
+    let mut names: Vec<String> = spellings.iter().map(|extension| format!("{stem}.{extension}")).collect();
+    names.extend(spellings[..2].iter().map(|extension| format!("{stem}.{extension}.gz")));
+    names
+}
+
+/// The name of the first of the files beside the source that exists.
+pub(super) fn sibling(input: &Input<'_>, extension: &str) -> Option<String> {
+    sibling_names(input.name, extension).into_iter().find(|name| input.files.open(name).is_ok())
+}
+
+/// The text of a small file beside the source, such as a `.prj`; `None` if there is none or it is too large to be one.
+pub(super) fn sibling_text(input: &Input<'_>, extension: &str) -> Option<String> {
+    const MAX_TEXT_BYTES: u64 = 1 << 16;
+    let name = sibling(input, extension)?;
+    let bytes = Input { name: &name, ..*input }.read_all(MAX_TEXT_BYTES).ok()?;
+    let text = String::from_utf8_lossy(&bytes);
+    let text = text.trim_start_matches('\u{feff}').trim();
+    (!text.is_empty()).then(|| text.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn siblings_keep_folder_and_stem() {
+        assert_eq!(
+            sibling_names("a.b/Town.v2.SHP.gz", "dbf")[..3],
+            ["a.b/Town.v2.dbf", "a.b/Town.v2.DBF", "a.b/Town.v2.Dbf"]
+        );
+        assert_eq!(sibling_names("a.b/town", "prj")[0], "a.b/town.prj");
+    }
+}

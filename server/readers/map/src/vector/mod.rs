@@ -1,0 +1,34 @@
+//! GIS vector formats: GeoJSON, FlatGeobuf, GeoPackage, Shapefile, GeoParquet, and CSV with well-known text.
+//!
+//! All give features with attributes and a geometry; what those become is the same for all of them. A level polygon is an
+//! area on the map; polygons that are not level, multipatches, TINs and polyhedral surfaces are surfaces in space; lines are
+//! strips; points stay points. Arcs are divided into short lines.
+//!
+//! Overture: parts of buildings have their building as parent. A building whose parts are in the input too is left to the
+//! sink, which knows both.
+
+mod csv;
+mod feature;
+mod flatgeobuf;
+mod geojson;
+mod geometry;
+mod geopackage;
+mod geoparquet;
+mod layer;
+mod local;
+mod number;
+mod orient;
+mod rings;
+mod shape;
+mod shapefile;
+#[cfg(test)]
+mod tests;
+mod wkb;
+mod wkt;
+
+pub use csv::read as read_csv;
+pub use flatgeobuf::read as read_flatgeobuf;
+pub use geojson::{is_type as is_geojson, read as read_geojson, read_type};
+pub use geopackage::read as read_geopackage;
+pub use geoparquet::read as read_geoparquet;
+pub use shapefile::read as read_shapefile;

@@ -1,0 +1,161 @@
+//! What a feature's geometry becomes: areas, surfaces in space, strips or points.
+
+use super::geometry::{Geometry, Polygon, Ring};
+use super::orient::{ring_area_vector, turn_outward};
+use insula_dress::footprint::{HeightHints, LANE_M, has_height, length_m, usual_width_m};
+use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::object::{FeatureKind, Footprint, PointOnGround, Shape, Strip, Surface};
+
+/// A ring whose heights differ by less is level.
+const LEVEL_M: f64 = 0.001;
+/// A polygon that covers less than this share of the square of its extent on the map stands upright.
+const WALL_SHARE: f64 = 1e-3;
+const WIDTH_NAMES: [&str; 6] = ["width", "Width", "WIDTH", "width_m", "est_width", "breedte"];
+const LANE_NAMES: [&str; 3] = ["lanes", "Lanes", "LANES"];
+const WIDTH_RANGE_M: std::ops::RangeInclusive<f64> = 0.2..=200.0;
+/// Names of attributes whose value is a class of OpenStreetMap.
+const CLASS_NAMES: [&str; 5] = ["highway", "fclass", "class", "waterway", "railway"];
+
+/// Shape of a feature of a known kind. `height_field` is the name of the attribute that has the height, if the user gives it.
+/// Each of `problems` is a part that is left out. Fails with the reason for skipping the feature.
+pub(super) fn shape_of(
+    geometry: Geometry,
+    kind: Option<FeatureKind>,
+    attributes: &Attributes,
+    hints: HeightHints<'_>,
+    problems: &mut Vec<&'static str>,
+) -> Result<Shape, &'static str> {
+    // Many programs write 0 where they know no height.
+    let has_ground = geometry.has_z && geometry.positions().any(|position| position[2] != 0.0);
+    let Geometry { polygons, mut meshes, lines, points, is_surface, .. } = geometry;
+    let has_areas = !polygons.is_empty() || !meshes.is_empty();
+    if has_areas && !lines.is_empty() {
+        problems.push("line beside polygons left out");
+    }
+    if (has_areas || !lines.is_empty()) && !points.is_empty() {
+        problems.push("point beside polygons or lines left out");
+    }
+    if has_areas {
+        if is_surface || is_in_space(&polygons, attributes, hints) {
+            let mut polygons: Vec<Surface> =
+                polygons.into_iter().filter_map(|polygon| surface(polygon, problems)).collect();
+            if polygons.is_empty() && meshes.is_empty() {
+                return Err("no ring with three points");
+            }
+            turn_outward(&mut polygons, &mut meshes);
+            return Ok(Shape::Surfaces { polygons, meshes });
+        }
+        let on_map = |ring: Ring| ring.into_iter().map(|[x, y, _]| [x, y]).collect();
+        let footprint = |polygon: Polygon| {
+            let ground = ground_of(polygon.first().into_iter().flatten(), has_ground);
+            Footprint { rings: polygon.into_iter().map(on_map).collect(), ground, is_supported: false }
+        };
+        return Ok(Shape::Footprints(polygons.into_iter().map(footprint).collect()));
+    }
+    if !lines.is_empty() {
+        let width_m = width_m(kind, attributes).ok_or("line without a width that is no road, railway or water")?;
+        let strip = |line: Ring| {
+            let ground = ground_of(line.iter(), has_ground);
+            Strip { points: line.into_iter().map(|[x, y, _]| [x, y]).collect(), width_m, ground }
+        };
+        return Ok(Shape::Strips(lines.into_iter().map(strip).collect()));
+    }
+    if points.is_empty() {
+        return Err("empty geometry");
+    }
+    let point = |[x, y, z]: [f64; 3]| PointOnGround { place: [x, y], ground: Some(z).filter(|_| has_ground) };
+    Ok(Shape::Points(points.into_iter().map(point).collect()))
+}
+
+/// Whether a feature can be a single face of a body, and which.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Facing {
+    /// A level polygon with heights: a floor, a flat roof or a plan.
+    Level,
+    /// A polygon that stands upright.
+    Wall,
+    Other,
+}
+
+/// Whether a feature can be a single face of a body.
+pub(super) fn facing(geometry: &Geometry) -> Facing {
+    let [polygon] = geometry.polygons.as_slice() else { return Facing::Other };
+    if !geometry.has_z || geometry.is_surface {
+        return Facing::Other;
+    }
+    if polygon.iter().all(is_level) {
+        return Facing::Level;
+    }
+    let Some(ring) = polygon.first() else { return Facing::Other };
+    let extent = |axis: usize| {
+        let values = || ring.iter().map(move |position| position[axis]);
+        values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+    };
+    let square = extent(0).powi(2) + extent(1).powi(2);
+    if ring_area_vector(ring)[2].abs() < WALL_SHARE * square { Facing::Wall } else { Facing::Other }
+}
+
+/// Whether all positions of a ring are at one height.
+fn is_level(ring: &Ring) -> bool {
+    let low = ring.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
+    let high = ring.iter().map(|p| p[2]).fold(f64::NEG_INFINITY, f64::max);
+    high - low < LEVEL_M
+}
+
+/// Height of the lowest of positions, if their heights tell the ground.
+fn ground_of<'p>(positions: impl Iterator<Item = &'p [f64; 3]>, has_ground: bool) -> Option<f64> {
+    positions.map(|position| position[2]).reduce(f64::min).filter(|_| has_ground)
+}
+
+/// Whether polygons are surfaces in space: a ring of one is not level. A single one of a building with a height is its plan
+/// on uneven ground.
+fn is_in_space(polygons: &[Polygon], attributes: &Attributes, hints: HeightHints<'_>) -> bool {
+    if polygons.iter().flatten().all(is_level) {
+        return false;
+    }
+    !(polygons.len() == 1 && has_height(attributes, hints))
+}
+
+/// The polygon without the repeated last positions of its rings; `None` if the outer ring is no ring.
+fn surface(polygon: Polygon, problems: &mut Vec<&'static str>) -> Option<Surface> {
+    let mut surface = Surface::default();
+    for (index, mut ring) in polygon.into_iter().enumerate() {
+        if ring.len() > 1 && ring.first() == ring.last() {
+            ring.pop();
+        }
+        if ring.len() < 3 {
+            problems.push("ring has fewer than three points");
+            if index == 0 {
+                return None;
+            }
+            continue;
+        }
+        if index > 0 {
+            surface.hole_starts.push(u32::try_from(surface.points.len()).ok()?);
+        }
+        surface.points.append(&mut ring);
+    }
+    Some(surface)
+}
+
+/// Width of a line; `None` if it is of no kind with a usual width and names none.
+fn width_m(kind: Option<FeatureKind>, attributes: &Attributes) -> Option<f64> {
+    let number = |names: &[&str]| names.iter().find_map(|name| length(attributes.get(name)?));
+    let given = number(&WIDTH_NAMES).or_else(|| number(&LANE_NAMES).map(|lanes| lanes * LANE_M));
+    if let Some(given) = given.filter(|width_m| WIDTH_RANGE_M.contains(width_m)) {
+        return Some(given);
+    }
+    let usual = match kind? {
+        FeatureKind::Road | FeatureKind::Bridge | FeatureKind::Tunnel => 6.0,
+        FeatureKind::Rail => 3.0,
+        FeatureKind::Water => 4.0,
+        _ => return None,
+    };
+    let class = CLASS_NAMES.iter().filter_map(|name| attributes.get(name)?.as_str());
+    Some(class.filter_map(usual_width_m).next().unwrap_or(usual))
+}
+
+/// A number of metres, also as `3.5 m`.
+fn length(value: &AttributeValue) -> Option<f64> {
+    value.as_str().map_or_else(|| value.as_f64(), length_m)
+}

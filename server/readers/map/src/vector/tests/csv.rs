@@ -1,0 +1,55 @@
+//! Lines of values.
+
+use super::{attack, attributes, read, rings, run, square, text};
+use crate::vector::read_csv;
+use insula_source::attributes::AttributeValue;
+
+#[test]
+fn values_are_typed_and_geometries_found() {
+    let lines = "\u{feff}id,the_geom,height,built,note\r\n\
+        1,\"POLYGON((10 10,\n 19 10,19 19,10 19,10 10))\",12.5,2001-02-03,\"a, \"\"b\"\"\"\r\n\
+        2,,3,,\r\n\
+        3,POLYGON(,3,,\r\n";
+    let sink = read(read_csv, &[("a.csv", lines.as_bytes())]);
+    let object = &sink.objects[0];
+    assert_eq!(rings(&object.shape)[0].rings, [square(10.0, 10.0, 9.0)]);
+    let date = AttributeValue::Date { year: 2001, month: 2, day: 3 };
+    let expected = [
+        ("id", AttributeValue::Integer(1)),
+        ("height", AttributeValue::Float(12.5)),
+        ("built", date),
+        ("note", text("a, \"b\"")),
+    ];
+    assert_eq!(object.attributes, attributes(&expected));
+    assert_eq!(sink.skipped, [("no geometry", "2".to_owned()), ("malformed geometry", "3".to_owned())]);
+    assert!(sink.bytes_done > 0);
+}
+
+#[test]
+fn delimiters_names_and_encodings() {
+    for delimiter in [",", ";", "\t", "|"] {
+        let lines = format!("nr{delimiter}ort{delimiter}form\n7{delimiter}Köln{delimiter}\"POINT (500 600)\"\n");
+        let sink = read(read_csv, &[("a.tsv", lines.as_bytes())]);
+        assert_eq!(sink.objects[0].attributes.get("ort"), Some(&text("Köln")), "found by its content");
+    }
+    let latin = read(read_csv, &[("a.csv", b"wkt;ort\nPOINT(500 600);K\xf6ln\n")]);
+    assert_eq!(latin.objects[0].attributes.get("ort"), Some(&text("Köln")));
+    let nameless = read(read_csv, &[("a.csv", b"POINT(500 600);x\nPOINT(500 700);y\n")]);
+    assert_eq!(nameless.objects.len(), 2);
+    assert_eq!(nameless.objects[1].attributes.get("column 2"), Some(&text("y")));
+    let hex = read(read_csv, &[("a.csv", b"geom,n\n0101000020E6100000000000000000F03F0000000000000040,1\n")]);
+    assert_eq!((hex.crs[0].name.as_str(), hex.objects.len()), ("EPSG:4326", 1));
+    let codes = read(read_csv, &[("a.csv", b"wkt,epsg\nPOINT(1 2),EPSG:6677\nPOINT(1 2),28992\n")]);
+    assert_eq!(codes.crs.iter().map(|crs| crs.name.as_str()).collect::<Vec<_>>(), ["EPSG:6677", "EPSG:28992"]);
+    let beside = read(read_csv, &[("a.csv", b"wkt,n\nPOINT(1 2),7\n"), ("a.prj", b"PROJCS[\"x\"]")]);
+    assert_eq!(beside.crs[0].name, "PROJCS[\"x\"]");
+}
+
+#[test]
+fn other_tables_are_refused() {
+    for lines in [&b""[..], b"a,b\n1,2\n", b"\n\n\n", b"\xff\xfe\0"] {
+        assert!(run(read_csv, &[("a.csv", lines)], None).0.is_err(), "{lines:?}");
+    }
+    let lines = b"wkt;n\n\"POLYGON((0 0,9 0,9 9,0 0))\";1\nPOINT(1 2);\"2\n";
+    attack(read_csv, &[("a.csv", lines)], 1, 3);
+}

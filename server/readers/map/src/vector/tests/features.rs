@@ -1,0 +1,171 @@
+//! What becomes of features, whatever their format. The CSV reader is the shortest way to make them.
+
+use super::{read, rings, run};
+use crate::vector::read_csv;
+use insula_source::object::{FeatureKind, Shape};
+use insula_source::testing::TestSink;
+
+fn features(name: &str, header: &str, lines: &[&str]) -> TestSink {
+    read(read_csv, &[(name, format!("{header}\n{}\n", lines.join("\n")).as_bytes())])
+}
+
+fn kinds(sink: &TestSink) -> Vec<FeatureKind> {
+    sink.objects.iter().map(|object| object.kind).collect()
+}
+
+const LEVEL: &str = "POLYGON Z((0 0 5,1 0 5,1 1 5,0 1 5,0 0 5))";
+const WALL: &str = "POLYGON Z((0 0 0,1 0 0,1 0 3,0 0 3,0 0 0))";
+const SLOPE: &str = "POLYGON Z((0 0 0,1 0 0,1 1 2,0 1 2,0 0 0))";
+
+#[test]
+fn level_polygons_are_plans_and_others_surfaces() {
+    let line = |wkt: &str, height: &str| format!("\"{wkt}\";{height}");
+    let lines = [line(LEVEL, ""), line(SLOPE, ""), line(SLOPE, ""), line(SLOPE, "9")];
+    let sink = features("town.csv", "wkt;height", &lines.each_ref().map(String::as_str));
+    // The level polygon waits for walls until the end.
+    let sink = TestSink { objects: [&sink.objects[3..], &sink.objects[..3]].concat(), ..sink };
+    assert_eq!(rings(&sink.objects[0].shape)[0].rings[0].len(), 5);
+    assert_eq!(rings(&sink.objects[0].shape)[0].ground, Some(5.0));
+    for object in &sink.objects[1..3] {
+        let Shape::Surfaces { polygons, meshes } = &object.shape else { panic!("{object:?}") };
+        assert_eq!((polygons.len(), meshes.len(), polygons[0].points.len()), (1, 0, 4), "without the repeated point");
+    }
+    assert!(matches!(sink.objects[3].shape, Shape::Footprints(_)), "a plan on uneven ground");
+    assert!(kinds(&sink).iter().all(|kind| *kind == FeatureKind::Building));
+}
+
+#[test]
+fn level_polygons_among_walls_are_faces() {
+    let lines = [LEVEL, WALL, LEVEL].map(|wkt| format!("\"{wkt}\";1"));
+    let sink = features("town.csv", "wkt;n", &lines.each_ref().map(String::as_str));
+    let is_surface = |shape: &Shape| matches!(shape, Shape::Surfaces { .. });
+    assert_eq!(sink.objects.iter().filter(|object| is_surface(&object.shape)).count(), 3);
+    let flat = "POLYGON((0 0,1 0,1 1,0 1,0 0))";
+    let lines = [flat, WALL, flat].map(|wkt| format!("\"{wkt}\";1"));
+    let sink = features("town.csv", "wkt;n", &lines.each_ref().map(String::as_str));
+    assert_eq!(sink.objects.iter().filter(|object| is_surface(&object.shape)).count(), 1, "those have no heights");
+    let many = vec![format!("\"{LEVEL}\";1"); 300];
+    let sink = features("town.csv", "wkt;n", &many.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(sink.objects.len() == 300 && sink.objects.iter().all(|object| !is_surface(&object.shape)));
+}
+
+#[test]
+fn holes_of_surfaces_are_numbered() {
+    let wall =
+        "POLYGON Z((0 0 0,9 0 0,9 0 9,0 0 9,0 0 0),(1 0 1,1 0 2,2 0 2,1 0 1),(5 0 5,5 0 5),(3 0 3,3 0 4,4 0 4,3 0 3))";
+    let sink = features("town.csv", "id|wkt", &[&format!("w|{wall}")]);
+    let Shape::Surfaces { polygons, .. } = &sink.objects[0].shape else { panic!() };
+    assert_eq!((polygons[0].points.len(), polygons[0].hole_starts.as_slice()), (10, &[4, 7][..]));
+    assert_eq!(sink.problems[0], ("ring has fewer than three points", "w".to_owned()));
+    let broken = features("town.csv", "id|wkt", &["b|TIN Z(((0 0 0,1 1 1)))"]);
+    assert_eq!(broken.skipped, [("no ring with three points", "b".to_owned())]);
+}
+
+#[test]
+fn lines_have_a_width_or_are_left_out() {
+    let header = "id;wkt;highway;width;lanes";
+    let lines = [
+        "a;LINESTRING(0 0,99 0);residential;;",
+        "b;LINESTRING(0 0,99 0);residential;3.5 m;",
+        "c;LINESTRING(0 0,99 0);primary;;4",
+        "d;LINESTRING(0 0,99 0);;;",
+        "e;LINESTRING(0 0,99 0);;7;",
+        "f;LINESTRING(0 0,99 0);footway;-1;",
+    ];
+    let sink = features("lines.csv", header, &lines);
+    let width = |shape: &Shape| match shape {
+        Shape::Strips(strips) => strips[0].width_m,
+        other => panic!("{other:?}"),
+    };
+    let widths: Vec<f64> = sink.objects.iter().map(|object| width(&object.shape)).collect();
+    assert_eq!(widths, [5.5, 3.5, 12.0, 7.0, 2.0]);
+    assert_eq!(sink.skipped, [("line without a width that is no road, railway or water", "d".to_owned())]);
+    assert_eq!(kinds(&sink)[3], FeatureKind::Generic);
+    let rivers = features("rivers.csv", "wkt;n", &["LINESTRING(0 0,99 0);1"]);
+    assert_eq!((kinds(&rivers), width(&rivers.objects[0].shape)), (vec![FeatureKind::Water], 4.0));
+}
+
+#[test]
+fn kinds_by_tags_and_by_the_layer() {
+    let header = "osm_id;wkt;building;landuse;other_tags";
+    let lines = [
+        "1;POLYGON((0 0,9 0,9 9,0 0));yes;;\"\"\"height\"\"=>\"\"12.5\"\",\"\"name:ja\"\"=>\"\"\\\\\"\"A\"\"\"",
+        "2;POLYGON((0 0,9 0,9 9,0 0));;forest;",
+        "3;POLYGON((0 0,9 0,9 9,0 0));;;",
+        "4;POINT(5 5);;;\"{\"\"natural\"\": \"\"tree\"\"}\"",
+    ];
+    let sink = features("multipolygons.csv", header, &lines);
+    let (building, green, other) = (FeatureKind::Building, FeatureKind::Vegetation, FeatureKind::Generic);
+    assert_eq!(kinds(&sink), [building, green, other, green], "only some areas of a mixed table are buildings");
+    assert_eq!(sink.objects[0].attributes.get("height").and_then(|value| value.as_f64()), Some(12.5));
+    assert!(matches!(sink.objects[3].shape, Shape::Points(_)));
+    assert_eq!(sink.objects[0].source_type, "multipolygons");
+}
+
+#[test]
+fn identifiers_in_order_of_trust() {
+    let sink =
+        features("t.csv", "name;OBJECTID;gml_id;wkt", &["x;7;BLD_1;POINT(9 9)", "y;8;;POINT(9 9)", "z;;;POINT(9 9)"]);
+    let ids: Vec<&str> = sink.objects.iter().map(|object| object.id.as_str()).collect();
+    assert_eq!(ids, ["BLD_1", "8", "line 4"]);
+}
+
+#[test]
+fn degrees_are_recognised_and_metres_are_not() {
+    let degrees = features("t.csv", "wkt;n", &["POLYGON((139.7 35.6,139.701 35.6,139.7 35.601,139.7 35.6));1"]);
+    assert_eq!((degrees.crs.len(), degrees.crs[0].name.as_str()), (1, "OGC:CRS84"));
+    assert_eq!(degrees.problems[0].0, "coordinate system not given");
+    for metres in
+        ["POLYGON((10 10,20 10,20 20,10 10))", "POLYGON((85000 446000,85010 446000,85000 446010,85000 446000))"]
+    {
+        let sink = features("t.csv", "wkt;n", &[&format!("{metres};1")]);
+        assert_eq!((sink.crs.len(), sink.problems.len()), (0, 0), "{metres}");
+    }
+}
+
+#[test]
+fn features_outside_of_the_wanted_area_are_left_out() {
+    let lines = "wkt,n\nSRID=4326;POINT(4 52),1\nSRID=4326;POINT(5 52),2\nSRID=28992;POINT(85000 446000),3\n";
+    let (result, sink) = run(read_csv, &[("t.csv", lines.as_bytes())], Some([4.5, 51.0, 6.0, 53.0]));
+    result.unwrap();
+    assert_eq!((sink.objects.len(), sink.skipped.len()), (2, 0), "those in metres are left to the sink");
+    let names: Vec<&str> = sink.crs.iter().map(|crs| crs.name.as_str()).collect();
+    assert_eq!(names, ["EPSG:4326", "EPSG:28992"]);
+}
+
+#[test]
+fn what_cannot_be_seen_is_left_out() {
+    let area = "POLYGON((0 0,9 0,9 9,0 0))";
+    let lines = [
+        format!("a;{area};yes;;;"),
+        format!("b;{area};yes;true;;"),
+        format!("c;{area};yes;;-1;"),
+        "d;LINESTRING(0 0,99 0);;;;T".to_owned(),
+        "e;POLYGON Z((0 0 0,1 0 0,1 0 3,0 0 3,0 0 0));yes;true;;".to_owned(),
+    ];
+    let sink =
+        features("town.csv", "id;wkt;building;is_underground;LEVEL;tunnel", &lines.each_ref().map(String::as_str));
+    let ids: Vec<&str> = sink.objects.iter().map(|object| object.id.as_str()).collect();
+    assert_eq!(ids, ["a", "e"], "surfaces in space have their own heights");
+    let reasons: Vec<(&str, &str)> = sink.skipped.iter().map(|(reason, id)| (*reason, id.as_str())).collect();
+    let no_width = "line without a width that is no road, railway or water";
+    assert_eq!(reasons, [("underground", "b"), ("underground", "c"), (no_width, "d")]);
+    let roads = features("roads.csv", "id;wkt;tunnel", &["a;LINESTRING(0 0,99 0);T", "b;LINESTRING(0 0,99 0);F"]);
+    assert_eq!((roads.objects.len(), &roads.skipped[..]), (1, &[("in a tunnel", "a".to_owned())][..]));
+    let tunnels = features("tunnels.csv", "id;wkt", &["a;LINESTRING(0 0,99 0)"]);
+    assert_eq!(tunnels.skipped, [("in a tunnel", "a".to_owned())]);
+}
+
+#[test]
+fn plans_keep_the_height_of_the_ground() {
+    let lines = [
+        "\"POLYGON Z((0 0 512.3,1 0 512.3,1 1 512.3,0 0 512.3))\";9",
+        "\"POLYGON Z((0 0 513,1 0 512,1 1 515,0 0 513))\";9",
+        "\"POLYGON Z((0 0 0,1 0 0,1 1 0,0 0 0))\";9",
+        "\"POLYGON((0 0,1 0,1 1,0 0))\";9",
+    ];
+    let sink = features("town.csv", "wkt;height", &lines);
+    let mut ground: Vec<Option<f64>> = sink.objects.iter().map(|object| rings(&object.shape)[0].ground).collect();
+    ground.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    assert_eq!(ground, [None, None, Some(512.0), Some(512.3)]);
+}

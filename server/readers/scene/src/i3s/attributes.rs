@@ -1,0 +1,155 @@
+//! Attributes of the features of a node: one small file for each attribute.
+
+use super::layer::{AttributeJson, FieldJson, HeaderJson};
+use super::resources::{Resource, Resources};
+use crate::tiles3d::bytes::{array_at, part, u32_at};
+use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
+
+/// The values of all attributes of a node.
+#[derive(Debug, Default)]
+pub(super) struct NodeAttributes {
+    columns: Vec<(String, Vec<Option<AttributeValue>>)>,
+}
+
+impl NodeAttributes {
+    /// Reads the attributes in the folder `nodes/N`. Attributes that cannot be read are passed to `fault`.
+    pub(super) fn read(
+        resources: &Resources<'_, '_>,
+        folder: &str,
+        layer: (&[AttributeJson], &[FieldJson]),
+        fault: &mut dyn FnMut(String),
+    ) -> Self {
+        let mut columns = Vec::new();
+        for json in layer.0.iter().take(MAX_ATTRIBUTES) {
+            let is_date = layer.1.iter().any(|field| field.name == json.name && field.r#type == "esriFieldTypeDate");
+            let path = format!("{folder}/attributes/{}/0", json.key);
+            let read = resources.read(&path, Resource::Binary).map_err(|error| error.to_string());
+            match read.and_then(|(_, bytes)| column(json, is_date, &bytes).map_err(str::to_owned)) {
+                Ok(values) => columns.push((json.name.clone(), values)),
+                Err(what) => fault(format!("{path}: {what}")),
+            }
+        }
+        Self { columns }
+    }
+
+    /// The attributes of a feature by its number in the node.
+    pub(super) fn get(&self, feature: usize) -> Attributes {
+        let mut attributes = Attributes::default();
+        for (name, values) in &self.columns {
+            if let Some(Some(value)) = values.get(feature) {
+                attributes.push(name, value.clone());
+            }
+        }
+        attributes
+    }
+}
+
+/// The values of an attribute. Fails if they are cut short or have an unknown type.
+fn column(json: &AttributeJson, is_date: bool, bytes: &[u8]) -> Result<Vec<Option<AttributeValue>>, &'static str> {
+    let values = json.attribute_values.as_ref().or(json.object_ids.as_ref());
+    let value_type = values.map_or("", |values| values.value_type.as_str());
+    let count = u32_at(bytes, 0).ok_or("it is cut short")? as usize;
+    let header_bytes = 4 * json.header.len().max(1) as u64;
+    if value_type.eq_ignore_ascii_case("String") {
+        return texts(bytes, header_of(&json.header, header_bytes), count, is_date);
+    }
+    let (width, parse) = number(value_type).ok_or("its type is not known")?;
+    // Numbers of eight bytes start at a multiple of eight.
+    let start = header_bytes.next_multiple_of(width as u64);
+    let data = part(bytes, start, count as u64 * width as u64).ok_or("it is cut short")?;
+    Ok(data.chunks_exact(width).map(parse).collect())
+}
+
+/// Bytes of the header of texts: their number, and the number of their bytes.
+fn header_of(header: &[HeaderJson], bytes: u64) -> u64 {
+    if header.len() < 2 { 8 } else { bytes }
+}
+
+fn texts(bytes: &[u8], start: u64, count: usize, is_date: bool) -> Result<Vec<Option<AttributeValue>>, &'static str> {
+    let lengths = part(bytes, start, 4 * count as u64).ok_or("it is cut short")?;
+    let mut at = start + lengths.len() as u64;
+    let mut values = Vec::with_capacity(count);
+    for length in lengths.chunks_exact(4) {
+        let length = u64::from(u32_at(length, 0).unwrap_or_default());
+        let text = part(bytes, at, length).ok_or("it is cut short")?;
+        at += length;
+        let text = String::from_utf8_lossy(text);
+        let text = text.trim_end_matches('\0');
+        let date = is_date.then(|| AttributeValue::date(text)).flatten();
+        values.push((!text.is_empty()).then(|| date.unwrap_or_else(|| AttributeValue::Text(text.to_owned()))));
+    }
+    Ok(values)
+}
+
+type Parse = fn(&[u8]) -> Option<AttributeValue>;
+
+/// Bytes of a number type, and what reads it.
+fn number(name: &str) -> Option<(usize, Parse)> {
+    fn integer<const N: usize, T: Into<i64>>(bytes: &[u8], from: fn([u8; N]) -> T) -> Option<AttributeValue> {
+        array_at(bytes, 0).map(|bytes| AttributeValue::Integer(from(bytes).into()))
+    }
+    Some(match name {
+        "Int8" => (1, |bytes| integer(bytes, i8::from_le_bytes)),
+        "UInt8" => (1, |bytes| integer(bytes, u8::from_le_bytes)),
+        "Int16" => (2, |bytes| integer(bytes, i16::from_le_bytes)),
+        "UInt16" => (2, |bytes| integer(bytes, u16::from_le_bytes)),
+        "Int32" => (4, |bytes| integer(bytes, i32::from_le_bytes)),
+        "UInt32" | "Oid32" => (4, |bytes| integer(bytes, u32::from_le_bytes)),
+        "Int64" | "UInt64" | "Oid64" => (8, |bytes| integer(bytes, i64::from_le_bytes)),
+        "Float32" => {
+            (4, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::Float(f32::from_le_bytes(bytes).into())))
+        }
+        "Float64" => (8, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::Float(f64::from_le_bytes(bytes)))),
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(json: &str, is_date: bool, bytes: &[u8]) -> Result<Vec<Option<AttributeValue>>, &'static str> {
+        column(&serde_json::from_str(json).unwrap(), is_date, bytes)
+    }
+
+    const TEXTS: &str = r#"{"header":[{"property":"count"},{"property":"attributeValuesByteCount"}],
+        "attributeValues":{"valueType":"String"}}"#;
+    const DOUBLES: &str = r#"{"header":[{"property":"count"}],"attributeValues":{"valueType":"Float64"}}"#;
+
+    fn text_bytes(lengths: &[u32], text: &[u8]) -> Vec<u8> {
+        let mut bytes = [lengths.len() as u32, text.len() as u32]
+            .iter()
+            .chain(lengths)
+            .flat_map(|n| n.to_le_bytes())
+            .collect::<Vec<_>>();
+        bytes.extend_from_slice(text);
+        bytes
+    }
+
+    #[test]
+    fn texts_end_with_zeros_and_may_be_missing() {
+        let bytes = text_bytes(&[5, 0, 1], b"Wien\0\0");
+        let text = |text: &str| Some(AttributeValue::Text(text.to_owned()));
+        assert_eq!(read(TEXTS, false, &bytes), Ok(vec![text("Wien"), None, None]));
+        let bytes = text_bytes(&[11], b"2021-03-04\0");
+        assert_eq!(read(TEXTS, true, &bytes), Ok(vec![Some(AttributeValue::Date { year: 2021, month: 3, day: 4 })]));
+    }
+
+    #[test]
+    fn numbers_of_eight_bytes_are_aligned() {
+        let mut bytes = vec![1, 0, 0, 0, 9, 9, 9, 9];
+        bytes.extend_from_slice(&2.5_f64.to_le_bytes());
+        assert_eq!(read(DOUBLES, false, &bytes), Ok(vec![Some(AttributeValue::Float(2.5))]));
+    }
+
+    #[test]
+    fn absurd_counts_are_refused_at_every_length() {
+        let texts = text_bytes(&[5, 1], b"Wien\0\0");
+        for length in 0..texts.len() {
+            assert!(read(TEXTS, false, &texts[..length]).is_err(), "{length}");
+        }
+        assert!(read(TEXTS, false, &[255; 64]).is_err());
+        assert!(read(DOUBLES, false, &[255; 64]).is_err());
+        assert!(read("{}", false, &[0; 64]).is_err());
+    }
+}

@@ -1,0 +1,6 @@
+//! Models of single mesh files, and their simplification.
+
+pub mod model;
+pub mod simplify;
+pub mod surface;
+pub mod triangle_distance;

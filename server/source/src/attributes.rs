@@ -1,0 +1,172 @@
+//! Attributes of an object in one typed form for all formats.
+
+use std::fmt;
+
+use glob::{MatchOptions, Pattern};
+use insula_objects::value::{Value, days_from_civil};
+
+/// Further attributes of an object are left out.
+pub const MAX_ATTRIBUTES: usize = 1024;
+/// Longer names are cut.
+const MAX_NAME_BYTES: usize = 256;
+/// Longer texts are cut.
+const MAX_TEXT_BYTES: usize = 4096;
+
+/// A value of an attribute.
+#[derive(Debug, Clone, PartialEq)]
+pub enum AttributeValue {
+    Text(String),
+    Integer(i64),
+    /// Finite.
+    Float(f64),
+    Bool(bool),
+    Date {
+        year: i32,
+        month: u8,
+        day: u8,
+    },
+}
+
+impl AttributeValue {
+    /// The value of a text that is a whole number, a number, `true`/`false` or a date `YYYY-MM-DD`; the text itself otherwise.
+    /// For formats without types, where the schema does not tell the type either. Numbers with leading zeros stay texts.
+    pub fn from_untyped(text: &str) -> Self {
+        let text = text.trim();
+        let digits = text.strip_prefix('-').unwrap_or(text);
+        let is_code = digits.len() > 1 && digits.starts_with('0') && !digits.starts_with("0.");
+        if digits.starts_with(|c: char| c.is_ascii_digit() || c == '.') && !is_code {
+            if let Ok(number) = text.parse() {
+                return Self::Integer(number);
+            }
+            if let Some(number) = text.parse::<f64>().ok().filter(|number| number.is_finite()) {
+                return Self::Float(number);
+            }
+        }
+        match text {
+            "true" => return Self::Bool(true),
+            "false" => return Self::Bool(false),
+            _ => {}
+        }
+        Self::date(text).unwrap_or_else(|| Self::Text(text.to_owned()))
+    }
+
+    /// Parses the date at the start of `YYYY-MM-DD` or `YYYY-MM-DDThh:mm:ss`; `None` if it is no valid date.
+    pub fn date(text: &str) -> Option<Self> {
+        let day = text.split(['T', ' ']).next()?;
+        let mut parts = day.splitn(3, '-');
+        let (year, month, day) = (parts.next()?, parts.next()?, parts.next()?.trim_end_matches('Z'));
+        if year.len() != 4 || month.len() != 2 || day.len() != 2 {
+            return None;
+        }
+        let (year, month, day) = (year.parse().ok()?, month.parse().ok()?, day.parse().ok()?);
+        ((1..=12).contains(&month) && (1..=31).contains(&day)).then_some(Self::Date { year, month, day })
+    }
+
+    /// The value as a number, also of a text such as `12.5`.
+    pub fn as_f64(&self) -> Option<f64> {
+        match self {
+            Self::Integer(value) => Some(*value as f64),
+            Self::Float(value) => Some(*value),
+            Self::Text(text) => text.trim().parse().ok().filter(|value: &f64| value.is_finite()),
+            Self::Bool(_) | Self::Date { .. } => None,
+        }
+    }
+
+    /// The text of a text; `None` for other types.
+    pub fn as_str(&self) -> Option<&str> {
+        match self {
+            Self::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+}
+
+impl From<&AttributeValue> for Value {
+    fn from(value: &AttributeValue) -> Self {
+        match value {
+            AttributeValue::Text(text) => Self::Text(text.clone()),
+            AttributeValue::Integer(value) => Self::Integer(*value),
+            AttributeValue::Float(value) => Self::Float(*value),
+            AttributeValue::Bool(value) => Self::Bool(*value),
+            AttributeValue::Date { year, month, day } => match days_from_civil(*year, *month, *day) {
+                Some(day) => Self::Date(day),
+                // A day that no calendar has, such as 31 June.
+                None => Self::Text(value.to_string()),
+            },
+        }
+    }
+}
+
+impl fmt::Display for AttributeValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Text(text) => f.write_str(text),
+            Self::Integer(value) => value.fmt(f),
+            Self::Float(value) => value.fmt(f),
+            Self::Bool(value) => value.fmt(f),
+            Self::Date { year, month, day } => write!(f, "{year:04}-{month:02}-{day:02}"),
+        }
+    }
+}
+
+/// Patterns of names, such as `owner*`. Upper and lower case are the same.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct NamePatterns(Vec<Pattern>);
+
+impl NamePatterns {
+    /// Parses patterns with `*`, `?` and `[...]`. Fails with the first that is invalid.
+    pub fn parse(patterns: &[String]) -> Result<Self, String> {
+        let parse = |text: &String| Pattern::new(text).map_err(|error| format!("{text}: {error}"));
+        patterns.iter().map(parse).collect::<Result<_, _>>().map(Self)
+    }
+
+    pub fn contains(&self, name: &str) -> bool {
+        let options = MatchOptions { case_sensitive: false, ..MatchOptions::default() };
+        self.0.iter().any(|pattern| pattern.matches_with(name, options))
+    }
+}
+
+/// Attributes in the order of the source. Of equal names the first counts. Lists are flattened to `name.0`, `name.1`, nested
+/// members to `outer.inner`. Missing values (null) are left out.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Attributes {
+    entries: Vec<(String, AttributeValue)>,
+}
+
+impl Attributes {
+    /// Adds an attribute. Cuts long names and texts. Leaves out floats that are not finite, equal names, and all beyond
+    /// [`MAX_ATTRIBUTES`].
+    pub fn push(&mut self, name: &str, value: AttributeValue) {
+        let name = &name[..name.floor_char_boundary(MAX_NAME_BYTES)];
+        let is_invalid = matches!(value, AttributeValue::Float(value) if !value.is_finite());
+        if self.entries.len() >= MAX_ATTRIBUTES || is_invalid || self.get(name).is_some() {
+            return;
+        }
+        let value = match value {
+            AttributeValue::Text(text) if text.len() > MAX_TEXT_BYTES => {
+                AttributeValue::Text(text[..text.floor_char_boundary(MAX_TEXT_BYTES)].to_owned())
+            }
+            value => value,
+        };
+        self.entries.push((name.to_owned(), value));
+    }
+
+    /// The value of an attribute.
+    pub fn get(&self, name: &str) -> Option<&AttributeValue> {
+        self.entries.iter().find(|(known, _)| known == name).map(|(_, value)| value)
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &AttributeValue)> {
+        self.entries.iter().map(|(name, value)| (name.as_str(), value))
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+}

@@ -1,0 +1,27 @@
+//! What every reader gets and gives: files, objects with geometry and attributes, and the report.
+//!
+//! A reader takes an [`input::Input`] and calls an [`object::ObjectSink`]. It knows nothing of the bake.
+
+pub mod address_reader;
+pub mod affine;
+pub mod archive;
+pub mod attributes;
+pub mod bucket;
+pub mod error;
+pub mod file_names;
+pub mod files;
+pub mod input;
+pub mod json;
+pub mod object;
+pub mod packed;
+pub mod problems;
+pub mod random_file;
+pub mod remote;
+pub mod report;
+pub mod ring_inside;
+pub mod source;
+pub mod subject;
+pub mod testing;
+pub mod texture;
+pub mod units;
+pub mod unread_formats;

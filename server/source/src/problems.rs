@@ -1,0 +1,32 @@
+//! Kinds of problems that readers, the bake and the report name.
+
+/// Kind of the problem that places are less exact than they could be.
+pub const INEXACT: &str = "coordinates less exact than possible";
+/// Kind of the problem that an elevation model has heights that are none on land.
+pub const MISSING_HEIGHTS: &str = "heights out of range, taken as missing";
+/// Kind of the problem that a position of a map has a height that is none on land.
+pub const MISSING_GROUND: &str = "height of the ground out of range, taken as missing";
+/// Kind of the problem that a source names no coordinate system.
+pub const NO_CRS: &str = "coordinate system not given";
+/// Reason for leaving out objects that are too far from the others.
+pub const FAR: &str = "far from the city";
+/// Kind of the problem that few objects make the city wide.
+pub const WIDE: &str = "few objects far away that make the city more than twice as wide";
+/// Kind of the problem that coordinates are in another order than declared.
+pub const SWAPPED: &str = "coordinates in another order than declared";
+/// Kind of the problem that coordinates do not fit the system.
+pub const OUTSIDE: &str = "position outside of the area of use of the coordinate system";
+/// Note of a height of which nothing is known.
+pub const GUESSED: &str = "height guessed";
+/// Note of a height by storeys.
+pub const GUESSED_FROM_LEVELS: &str = "height guessed from levels";
+/// Note of a height whose unit is not told.
+pub const UNIT_GUESSED: &str = "unit of heights guessed";
+/// Note of a height above sea level without that of the ground.
+pub const NO_GROUND_HEIGHT: &str = "height above sea level without that of the ground, taken as above the ground";
+/// Kinds of the problems of a coastline.
+pub const TOO_WIDE: &str = "coast of a map that is wider than 1 degree, no sea made: give --bbox";
+pub const GAP: &str = "gap in the coastline, closed by a straight line";
+pub const OPEN_END: &str = "coastline ends within the map, drawn straight on to the border";
+pub const CONTRADICTION: &str = "coastline with land on both sides, or water, left out";
+pub const TOO_MANY: &str = "coastline with too many nodes, no sea made";

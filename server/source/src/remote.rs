@@ -1,0 +1,120 @@
+//! Files on a web server: a tileset and its tiles, or any other city file.
+
+use std::io::{self, Cursor, Read};
+
+use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
+
+use super::address_reader::AddressReader;
+use super::input::{LocalFile, SourceFiles};
+use super::random_file::copy_to_disk;
+use super::source::{CitySource, kind_by_name};
+use crate::error::InputError;
+
+/// Larger files are refused: each is in memory.
+const MAX_FILE_BYTES: u64 = 1 << 30;
+/// Characters of a file's name that an address cannot have. `%` is not among them: names in tilesets are decoded before.
+const ESCAPED: &AsciiSet = &CONTROLS.add(b' ').add(b'"').add(b'#').add(b'%').add(b'<').add(b'>').add(b'?').add(b'`');
+
+/// Whether an input is an address, of a web server or of a bucket.
+pub fn is_address(input: &str) -> bool {
+    ["http://", "https://", "s3://"].iter().any(|scheme| input.starts_with(scheme))
+}
+
+/// Fails if a name within a folder leads out of it.
+pub fn check_name(name: &str) -> io::Result<()> {
+    let leads_out = name.starts_with('/') || name.contains("://") || name.split('/').any(|part| part == "..");
+    if leads_out {
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, "it lies outside of the source's folder"));
+    }
+    Ok(())
+}
+
+/// The files below the folder of an address.
+struct RemoteFiles {
+    /// Ends in `/`.
+    folder: String,
+    reader: &'static dyn AddressReader,
+}
+
+/// The source at an address of a web server. Fails if its name is not that of a city file.
+pub fn source(url: &str, reader: &'static dyn AddressReader) -> Result<CitySource<'static>, InputError> {
+    let plain = url.split(['?', '#']).next().unwrap_or(url);
+    let (folder, name) = plain.rsplit_once('/').unwrap_or((plain, ""));
+    if kind_by_name(name).is_none() {
+        let what = "its name is not that of a city file; give the address of a tileset.json";
+        return Err(InputError::unknown_format(url, what));
+    }
+    let files = RemoteFiles { folder: format!("{folder}/"), reader };
+    let name = percent_encoding::percent_decode_str(name).decode_utf8_lossy().into_owned();
+    Ok(CitySource::new(url.to_owned(), name, std::rc::Rc::new(files), 0))
+}
+
+impl RemoteFiles {
+    fn get(&self, name: &str) -> io::Result<Vec<u8>> {
+        check_name(name)?;
+        let url = format!("{}{}", self.folder, utf8_percent_encode(name, ESCAPED));
+        self.reader.fetch(&url, MAX_FILE_BYTES)
+    }
+}
+
+impl SourceFiles for RemoteFiles {
+    fn open(&self, name: &str) -> io::Result<Box<dyn Read + '_>> {
+        Ok(Box::new(Cursor::new(self.get(name)?)))
+    }
+
+    /// Always 0: the size is not known before the file is fetched.
+    fn len(&self, _name: &str) -> io::Result<u64> {
+        Ok(0)
+    }
+
+    fn on_disk(&self, name: &str) -> io::Result<LocalFile> {
+        copy_to_disk(&mut Cursor::new(self.get(name)?))
+    }
+
+    fn location(&self) -> String {
+        self.folder.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::address_reader::ListedObject;
+    use super::*;
+    use std::ops::Range;
+
+    #[derive(Debug)]
+    struct Echo;
+
+    impl AddressReader for Echo {
+        fn fetch(&self, url: &str, _: u64) -> io::Result<Vec<u8>> {
+            Ok(url.as_bytes().to_vec())
+        }
+
+        fn list(&self, _: &str) -> io::Result<Vec<ListedObject>> {
+            Err(io::ErrorKind::Unsupported.into())
+        }
+
+        fn size(&self, _: &str) -> io::Result<u64> {
+            Err(io::ErrorKind::Unsupported.into())
+        }
+
+        fn range(&self, _: &str, _: Range<u64>) -> io::Result<Vec<u8>> {
+            Err(io::ErrorKind::Unsupported.into())
+        }
+    }
+
+    #[test]
+    fn names_are_below_the_folder_of_the_address() {
+        let source = source("https://example.org/a%20b/tileset.json?key=1", &Echo).unwrap();
+        assert_eq!(source.name, "tileset.json");
+        let read = |name: &str| {
+            let mut text = String::new();
+            source.files.open(name)?.read_to_string(&mut text).map(|_| text)
+        };
+        assert_eq!(read("tiles/0 1.b3dm").unwrap(), "https://example.org/a%20b/tiles/0%201.b3dm");
+        for name in ["../x", "/x", "http://other/x", "a/../../x"] {
+            assert_eq!(read(name).unwrap_err().kind(), io::ErrorKind::PermissionDenied, "{name}");
+        }
+        assert!(super::source("https://example.org/city", &Echo).is_err());
+    }
+}

@@ -1,0 +1,99 @@
+//! Formats of city models that are not read, and the program that converts each.
+
+use insula_protocol::text::shell_word;
+
+use crate::error::InputError;
+
+/// How a file becomes one that is read.
+enum Conversion {
+    /// A command, with `IN` and `OUT` in place of the file's path and of its path with this extension.
+    Command { command: &'static str, extension: &'static str },
+    /// Anything else to do.
+    Advice(&'static str),
+}
+use Conversion::{Advice, Command};
+
+const TO_OBJ: Conversion = Command { command: "assimp export IN OUT", extension: "obj" };
+const TO_GEOJSON: Conversion = Command { command: "ogr2ogr -f GeoJSON -t_srs EPSG:4326 OUT IN", extension: "geojson" };
+const FROM_POINTS: Conversion =
+    Advice("points have no surfaces: roofer (github.com/3DBAG/roofer) makes CityJSONSeq of them and of footprints");
+const FROM_CAD: Conversion = Advice("export it as OBJ, in metres, from the program that made it");
+const TO_GEOTIFF: Conversion = Command { command: "gdal_translate IN OUT", extension: "tif" };
+const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
+
+/// Extensions, without `.gz`, with the name of the format.
+const FORMATS: &[(&[&str], &str, Conversion)] = &[
+    (&["kml", "kmz"], "KML", TO_GEOJSON),
+    (&["gdb", "mdb"], "Esri geodatabase", TO_GEOJSON),
+    (&["ifc"], "IFC", Command { command: "IfcConvert IN OUT", extension: "obj" }),
+    (&["fbx"], "FBX", TO_OBJ),
+    (&["3ds"], "3DS", TO_OBJ),
+    (&["dae"], "COLLADA", TO_OBJ),
+    (&["off"], "OFF", TO_OBJ),
+    (&["x3d"], "X3D", TO_OBJ),
+    (&["dwg", "dxf", "dgn"], "CAD drawings", FROM_CAD),
+    (&["skp"], "SketchUp", FROM_CAD),
+    (&["3dm"], "Rhino", FROM_CAD),
+    (&["rvt"], "Revit", FROM_CAD),
+    (&["max"], "3ds Max", FROM_CAD),
+    (&["blend"], "Blender", FROM_CAD),
+    (&["e57", "xyz"], "point clouds", FROM_POINTS),
+    (&["vrt", "img", "dem", "bil", "flt", "ecw", "jp2"], "rasters", TO_GEOTIFF),
+    (&["7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
+];
+
+fn extension(name: &str) -> Option<String> {
+    let name = name.to_ascii_lowercase();
+    let name = name.strip_suffix(".gz").unwrap_or(&name);
+    Some(name.rsplit_once('.')?.1.to_owned())
+}
+
+fn find(name: &str) -> Option<&'static (&'static [&'static str], &'static str, Conversion)> {
+    let extension = extension(name)?;
+    FORMATS.iter().find(|(extensions, ..)| extensions.contains(&extension.as_str()))
+}
+
+/// Name of the format of a city model, or of something that becomes one, that is not read; `None` for any other file.
+pub fn format_of(name: &str) -> Option<&'static str> {
+    find(name).map(|(_, format, _)| *format)
+}
+
+/// The error of a file whose name is not that of a city file: how to convert it, if that is known.
+pub fn refusal(path: &str) -> InputError {
+    let Some((_, format, conversion)) = find(path) else {
+        return InputError::unknown_format(path, "its name is not that of a city file");
+    };
+    let advice = match conversion {
+        Advice(advice) => (*advice).to_owned(),
+        Command { command, extension } => {
+            let end = path.strip_suffix(".gz").unwrap_or(path).rfind('.').unwrap_or(path.len());
+            let out = format!("{}.{extension}", &path[..end]);
+            let words = command.split(' ').map(|word| match word {
+                "IN" => shell_word(path).into_owned(),
+                "OUT" => shell_word(&out).into_owned(),
+                word => word.to_owned(),
+            });
+            format!("convert it with: {}", words.collect::<Vec<_>>().join(" "))
+        }
+    };
+    InputError::NotRead { path: path.to_owned(), format, advice }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refusals_name_a_command_that_can_be_pasted() {
+        let message = |path: &str| refusal(path).to_string();
+        assert_eq!(
+            message("in/my town.kml"),
+            "in/my town.kml: KML: not read; convert it with: ogr2ogr -f GeoJSON -t_srs EPSG:4326 'in/my town.geojson' 'in/my town.kml'"
+        );
+        assert!(message("x.y/a.ifc").ends_with("IfcConvert x.y/a.ifc x.y/a.obj"));
+        assert!(message("a.skp").ends_with("export it as OBJ, in metres, from the program that made it"));
+        assert!(message("a.e57").contains("roofer"));
+        assert!(message("notes.txt").contains("supported are CityGML"), "any other file");
+        assert!(message("none").contains("supported are CityGML"));
+    }
+}
