@@ -1,6 +1,6 @@
 //! The manifest of a city (`city.json`): what a client needs before its first tile.
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 /// Version of the manifest and of the city folder's layout.
 pub const FORMAT_VERSION: u32 = 1;
@@ -61,17 +61,17 @@ pub struct Manifest {
     pub location: Option<GeoLocation>,
     /// Whether windows are generated, on walls of which the source has no picture. Older manifests do not have the field if it
     /// is false.
-    #[serde(default, deserialize_with = "absent_is_default")]
+    #[serde(default)]
     pub generated_facades: bool,
     /// What heights are measured from, if the bake knows it. Older manifests do not have the field if it does not.
-    #[serde(default, deserialize_with = "absent_is_default")]
+    #[serde(default)]
     pub heights: Option<HeightReference>,
     /// Stones of landmarks, which mesh tiles refer to by index; at most [`MAX_STONES`]. Each is the JSON text of its parameters.
     /// Older manifests do not have the field if there are none.
-    #[serde(default, deserialize_with = "absent_is_default")]
+    #[serde(default)]
     pub stones: Vec<String>,
     /// Whether the city has visibility tiles. Older manifests do not have the field.
-    #[serde(default, deserialize_with = "absent_is_default")]
+    #[serde(default)]
     pub street_sets: bool,
 }
 
@@ -82,15 +82,6 @@ pub struct HeightReference {
     pub datum: String,
     /// Model of the geoid by which heights above the ellipsoid were converted; `None` if none were.
     pub geoid: Option<String>,
-}
-
-/// Reads a value. At the end of bincode, whose fields have no names, absence is an error of the first read.
-fn absent_is_default<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(deserializer: D) -> Result<T, D::Error> {
-    let has_names = deserializer.is_human_readable();
-    match T::deserialize(deserializer) {
-        Err(_) if !has_names => Ok(T::default()),
-        read => read,
-    }
 }
 
 /// A place on Earth.
@@ -333,14 +324,13 @@ mod tests {
     }
 
     #[test]
-    fn last_fields_may_be_absent_and_stones_have_limits() {
+    fn cut_manifests_are_refused_and_stones_have_limits() {
         let with = |count: usize| Manifest { stones: vec!["{}".into(); count], street_sets: true, ..manifest() };
         let packed = crate::codec::bincode::to_bytes(&with(2)).unwrap();
         assert_eq!(crate::codec::bincode::from_bytes::<Manifest>(&packed).unwrap(), with(2));
         let packed = crate::codec::bincode::to_bytes(&manifest()).unwrap();
-        for absent in 0..4 {
-            let older = &packed[..packed.len() - absent];
-            assert_eq!(crate::codec::bincode::from_bytes::<Manifest>(older).unwrap(), manifest(), "{absent} absent");
+        for length in 0..packed.len() {
+            assert!(crate::codec::bincode::from_bytes::<Manifest>(&packed[..length]).is_err(), "cut at {length}");
         }
         assert_eq!(with(MAX_STONES).check(), Ok(()));
         assert!(with(MAX_STONES + 1).check().is_err());

@@ -9,7 +9,7 @@ use crate::{
     mesh_tile,
     object_tile::{self, SCHEMA_ID},
 };
-use std::fmt;
+use std::{borrow::Cow, fmt};
 
 mod template;
 
@@ -467,6 +467,22 @@ pub fn is_same_host(from: &str, to: &str) -> bool {
     let has_port = from.rsplit(']').next().is_some_and(|end| end.contains(':'));
     let is_upgrade = (from_scheme, to_scheme) == ("http", "https") && !has_port;
     from == to && (from_scheme == to_scheme || is_upgrade)
+}
+
+/// The host of a URL, with the port if there is one.
+pub fn host_of(url: &str) -> Option<&str> {
+    scheme_and_host(url).map(|(_, host)| host)
+}
+
+/// An address as people may see it: without user, password, query and fragment, which may be secrets.
+pub fn without_secrets(url: &str) -> Cow<'_, str> {
+    let Some((scheme, rest)) = url.split_once("://") else { return Cow::Borrowed(url) };
+    let plain = rest.split(['?', '#']).next().unwrap_or(rest);
+    let (authority, path) = plain.split_at(plain.find('/').unwrap_or(plain.len()));
+    match authority.rsplit_once('@') {
+        None => Cow::Borrowed(&url[..scheme.len() + 3 + plain.len()]),
+        Some((_, host)) => Cow::Owned(format!("{scheme}://{host}{path}")),
+    }
 }
 
 /// The scheme of a URL, and its host with the port if there is one.

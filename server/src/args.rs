@@ -241,6 +241,9 @@ pub struct ReadArgs {
     /// Read files to which links in folders of inputs lead, also outside of the folders
     #[arg(long)]
     pub follow_links: bool,
+    /// Host to which an address may be redirected, with its port if it is unusual; may be repeated
+    #[arg(long, value_name = "HOST")]
+    pub allow_host: Vec<String>,
     /// Keep objects that two inputs have
     #[arg(long, conflicts_with = "prefer")]
     pub keep_duplicates: bool,

@@ -3,7 +3,8 @@
 use super::simulated_link::SimulatedLink;
 use crate::error::{ClientError, Result};
 use bytes::{Bytes, BytesMut};
-use insula_protocol::{DecodeError, route::is_same_host};
+use insula_command_line::http::{self, Elsewhere, Redirects};
+use insula_protocol::{DecodeError, route::without_secrets};
 use insula_viewer::{
     source::{BoxFuture, ContentRange, RangeResponse, Transport},
     streamer::FetchError,
@@ -11,7 +12,6 @@ use insula_viewer::{
 use reqwest::{
     StatusCode,
     header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, ETAG, LAST_MODIFIED, LOCATION, RANGE, RETRY_AFTER},
-    redirect::Policy,
 };
 use std::{
     future::Future,
@@ -26,8 +26,6 @@ const MIN_BODY_BYTES_PER_SEC: f64 = 256.0;
 
 /// Longest time for a response body, whatever its length.
 const MAX_BODY_TIME: Duration = Duration::from_secs(600);
-/// Most redirects of a request.
-const MAX_REDIRECTS: usize = 5;
 
 /// Time limits of a request, and whether it may be redirected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,13 +76,10 @@ impl Http {
             .enable_all()
             .build()
             .map_err(|e| failed(&e))?;
-        insula_command_line::tls::choose_cryptography();
-        let client = reqwest::Client::builder()
+        let redirects = if options.follow_redirects { Redirects::All } else { Redirects::SameHost };
+        let client = http::client(redirects, Elsewhere::Response)
             .connect_timeout(options.connect)
             .read_timeout(options.read)
-            .redirect(redirect_policy(options.follow_redirects))
-            // The query of a URL may be a share link, which a host that a server redirects to must not learn.
-            .referer(false)
             .user_agent(concat!("insula/", env!("CARGO_PKG_VERSION")))
             .build()
             .map_err(|e| {
@@ -224,18 +219,6 @@ fn lost_on_link() -> FetchError {
     FetchError::Network("lost on the simulated link".into())
 }
 
-/// Follows redirects to the host that was asked, and to others only if `follow_all`; see [`is_same_host`].
-fn redirect_policy(follow_all: bool) -> Policy {
-    Policy::custom(move |attempt| {
-        if attempt.previous().len() > MAX_REDIRECTS {
-            return attempt.error("too many redirects");
-        }
-        let is_allowed =
-            attempt.previous().last().is_some_and(|from| is_same_host(from.as_str(), attempt.url().as_str()));
-        if follow_all || is_allowed { attempt.follow() } else { attempt.stop() }
-    })
-}
-
 fn network_error(error: reqwest::Error) -> FetchError {
     // The innermost cause is the most specific one ("connection refused").
     let mut cause: &dyn std::error::Error = &error;
@@ -256,8 +239,9 @@ fn check_status(response: &reqwest::Response) -> Result<(), FetchError> {
             let to =
                 response.headers().get(LOCATION).map_or("nowhere".into(), |to| String::from_utf8_lossy(to.as_bytes()));
             Err(FetchError::Unusable(format!(
-                "{} redirects to {to}, another host: use that address if you trust it, or --follow-redirects",
-                response.url()
+                "{} redirects to {}, another host: use that address if you trust it, or --follow-redirects",
+                without_secrets(response.url().as_str()),
+                without_secrets(&to)
             )))
         }
         _ if status.is_client_error() => Err(FetchError::Missing),

@@ -1,6 +1,7 @@
 //! What the command lines of both programs share: how errors are printed, values of options, and the commands that write shell
 //! completions and man pages.
 
+pub mod http;
 pub mod log;
 pub mod output;
 pub mod tls;

@@ -262,3 +262,18 @@ fn only_addresses_of_one_host_are_the_same_host() {
         assert!(!route::is_same_host(from, to), "{from} {to}");
     }
 }
+
+#[test]
+fn addresses_are_shown_without_secrets() {
+    for (address, shown) in [
+        ("https://me:pass@example.org:8443/a/b.json?key=1#x", "https://example.org:8443/a/b.json"),
+        ("https://example.org?key=1", "https://example.org"),
+        ("https://a@b@example.org/", "https://example.org/"),
+        ("s3://bucket/a b.gml", "s3://bucket/a b.gml"),
+        ("https://example.org/@me/x", "https://example.org/@me/x"),
+        ("folder/a?b.gml", "folder/a?b.gml"),
+    ] {
+        assert_eq!(route::without_secrets(address), shown);
+        assert_eq!(route::host_of(shown).is_some(), shown.contains("://"), "{shown}");
+    }
+}

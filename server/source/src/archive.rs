@@ -16,6 +16,11 @@ use crate::error::InputError;
 
 /// An archive with more entries is refused: each is in memory.
 const MAX_ENTRIES: usize = 4_000_000;
+/// An archive may unpack to this many bytes, and to this many times its own size: texts that repeat shrink to a hundredth.
+const MIN_UNPACKED_BYTES: u64 = 1 << 30;
+const MAX_RATIO: u64 = 1000;
+/// Least bytes between the beginning of an entry and its packed bytes, besides its name.
+const ENTRY_HEADER_BYTES: u64 = 30;
 /// An entry that is copied to disk may have this many unpacked bytes.
 const MAX_COPY_BYTES: u64 = 8 << 30;
 
@@ -41,7 +46,8 @@ pub struct ZipFiles {
 }
 
 impl ZipFiles {
-    /// Reads the directory of an archive. Fails if the file is no archive or is damaged.
+    /// Reads the directory of an archive. Fails if the file is no archive or is damaged, if entries overlap, or if it unpacks
+    /// to far more bytes than it has.
     pub fn new(path: &Path) -> Result<Self, InputError> {
         let label = path.display().to_string();
         let file = File::open(path).map_err(|cause| InputError::io(&label, cause))?;
@@ -51,6 +57,7 @@ impl ZipFiles {
             let what = "its number of entries".to_owned();
             return Err(InputError::TooLarge { path: label, what, limit: MAX_ENTRIES as u64 });
         }
+        check_sizes(&mut archive, &label)?;
         let (mut entries, mut refused, mut foreign) = (BTreeMap::new(), Vec::new(), Vec::new());
         for index in 0..archive.len() {
             let mut name = match archive.name_for_index(index) {
@@ -108,6 +115,31 @@ impl ZipFiles {
             by_key
         })
     }
+}
+
+/// Fails if entries overlap, or if the archive unpacks to too many bytes: a small file could be read without end.
+fn check_sizes(archive: &mut ZipArchive<BufReader<File>>, label: &str) -> Result<(), InputError> {
+    let damaged = |what: String| InputError::damaged(label, "archive", what);
+    let (mut unpacked, mut packed) = (0_u64, 0_u64);
+    let mut ranges = Vec::with_capacity(archive.len());
+    for index in 0..archive.len() {
+        let entry = archive.by_index_raw(index).map_err(|error| damaged(error.to_string()))?;
+        let (start, name) = (entry.header_start(), entry.name_raw().len() as u64);
+        let end = start.saturating_add(ENTRY_HEADER_BYTES + name).saturating_add(entry.compressed_size());
+        ranges.push((start, end));
+        unpacked = unpacked.saturating_add(entry.size());
+        packed = packed.saturating_add(end - start);
+    }
+    ranges.sort_unstable();
+    if let Some(pair) = ranges.windows(2).find(|pair| pair[0].1 > pair[1].0) {
+        return Err(damaged(format!("entries overlap at byte {}", pair[1].0)));
+    }
+    let limit = packed.saturating_mul(MAX_RATIO).max(MIN_UNPACKED_BYTES);
+    if unpacked > limit {
+        let what = format!("the {unpacked} bytes to which its {packed} bytes unpack");
+        return Err(InputError::TooLarge { path: label.to_owned(), what, limit });
+    }
+    Ok(())
 }
 
 /// A name with `/` and without `.` and `..`; `None` if it leads out of the archive.
@@ -228,6 +260,28 @@ mod tests {
             std::fs::write(&path, &bytes[..length]).unwrap();
             assert!(ZipFiles::new(&path).is_err(), "{length}");
         }
+    }
+
+    #[test]
+    fn entries_that_overlap_or_unpack_without_end_are_refused() {
+        let folder = TestFolder::new("zip-overlap");
+        let path = archive(
+            &folder,
+            &[("a.json", b"some text", CompressionMethod::Stored), ("b.json", b"text", CompressionMethod::Stored)],
+        );
+        let bytes = std::fs::read(&path).unwrap();
+        let records: Vec<usize> = (0..bytes.len()).filter(|at| bytes[*at..].starts_with(b"PK\x01\x02")).collect();
+        let refusal = |at: usize, number: u32| {
+            let mut changed = bytes.clone();
+            changed[at..at + 4].copy_from_slice(&number.to_le_bytes());
+            std::fs::write(&path, changed).unwrap();
+            ZipFiles::new(&path).err().unwrap().to_string()
+        };
+        // The place of the second entry, and the unpacked size of the first, in the directory.
+        let same = refusal(records[1] + 42, 0);
+        assert!(same.contains("entries overlap at byte 0"), "{same}");
+        let large = refusal(records[0] + 24, u32::MAX - 1);
+        assert!(large.contains("unpack exceeds the limit of 1073741824"), "{large}");
     }
 
     #[test]

@@ -62,6 +62,11 @@ impl AttributeValue {
         ((1..=12).contains(&month) && (1..=31).contains(&day)).then_some(Self::Date { year, month, day })
     }
 
+    /// A whole number; those that need all 64 bits are texts, so that no digit of an identifier is lost.
+    pub fn unsigned(number: u64) -> Self {
+        i64::try_from(number).map_or_else(|_| Self::Text(number.to_string()), Self::Integer)
+    }
+
     /// The value as a number, also of a text such as `12.5`.
     pub fn as_f64(&self) -> Option<f64> {
         match self {

@@ -1,7 +1,10 @@
 //! Files on a web server: a tileset and its tiles, or any other city file.
 
+use std::cell::Cell;
 use std::io::{self, Cursor, Read};
+use std::time::{Duration, Instant};
 
+use insula_protocol::route::without_secrets;
 use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
 
 use super::address_reader::AddressReader;
@@ -12,6 +15,9 @@ use crate::error::InputError;
 
 /// Larger files are refused: each is in memory.
 const MAX_FILE_BYTES: u64 = 1 << 30;
+/// Most bytes, and longest time, of all files of an input: a server that makes tiles as they are asked for has no end.
+const MAX_INPUT_BYTES: u64 = 256 << 30;
+const MAX_INPUT_TIME: Duration = Duration::from_secs(24 * 60 * 60);
 /// Characters of a file's name that an address cannot have. `%` is not among them: names in tilesets are decoded before.
 const ESCAPED: &AsciiSet = &CONTROLS.add(b' ').add(b'"').add(b'#').add(b'%').add(b'<').add(b'>').add(b'?').add(b'`');
 
@@ -33,27 +39,49 @@ pub fn check_name(name: &str) -> io::Result<()> {
 struct RemoteFiles {
     /// Ends in `/`.
     folder: String,
+    /// Query of the input's address, from `?` on: all its files need the same signature or key.
+    query: String,
     reader: &'static dyn AddressReader,
+    bytes: Cell<u64>,
+    start: Instant,
 }
 
 /// The source at an address of a web server. Fails if its name is not that of a city file.
 pub fn source(url: &str, reader: &'static dyn AddressReader) -> Result<CitySource<'static>, InputError> {
-    let plain = url.split(['?', '#']).next().unwrap_or(url);
+    let asked = url.split('#').next().unwrap_or(url);
+    let (plain, query) = asked.split_at(asked.find('?').unwrap_or(asked.len()));
+    let label = without_secrets(url).into_owned();
     let (folder, name) = plain.rsplit_once('/').unwrap_or((plain, ""));
     if kind_by_name(name).is_none() {
         let what = "its name is not that of a city file; give the address of a tileset.json";
-        return Err(InputError::unknown_format(url, what));
+        return Err(InputError::unknown_format(&label, what));
     }
-    let files = RemoteFiles { folder: format!("{folder}/"), reader };
+    let (folder, query) = (format!("{folder}/"), query.to_owned());
+    let files = RemoteFiles { folder, query, reader, bytes: Cell::new(0), start: Instant::now() };
     let name = percent_encoding::percent_decode_str(name).decode_utf8_lossy().into_owned();
-    Ok(CitySource::new(url.to_owned(), name, std::rc::Rc::new(files), 0))
+    Ok(CitySource::new(label, name, std::rc::Rc::new(files), 0))
 }
 
 impl RemoteFiles {
     fn get(&self, name: &str) -> io::Result<Vec<u8>> {
         check_name(name)?;
-        let url = format!("{}{}", self.folder, utf8_percent_encode(name, ESCAPED));
-        self.reader.fetch(&url, MAX_FILE_BYTES)
+        let (path, own) = name.split_at(name.find('?').unwrap_or(name.len()));
+        let query = match own {
+            "" => self.query.clone(),
+            own => format!("{own}{}", self.query.replacen('?', "&", 1)),
+        };
+        let url = format!("{}{}{query}", self.folder, utf8_percent_encode(path, ESCAPED));
+        let left = MAX_INPUT_BYTES.saturating_sub(self.bytes.get());
+        let exceeded = |what: String| Err(io::Error::other(format!("{}: {what}", self.location())));
+        if left == 0 {
+            return exceeded(format!("more than {MAX_INPUT_BYTES} bytes in all"));
+        }
+        if self.start.elapsed() > MAX_INPUT_TIME {
+            return exceeded(format!("longer than {} s in all", MAX_INPUT_TIME.as_secs()));
+        }
+        let bytes = self.reader.fetch(&url, MAX_FILE_BYTES)?;
+        self.bytes.set(self.bytes.get() + bytes.len() as u64);
+        Ok(bytes)
     }
 }
 
@@ -72,7 +100,7 @@ impl SourceFiles for RemoteFiles {
     }
 
     fn location(&self) -> String {
-        self.folder.clone()
+        without_secrets(&self.folder).into_owned()
     }
 }
 
@@ -105,13 +133,20 @@ mod tests {
 
     #[test]
     fn names_are_below_the_folder_of_the_address() {
-        let source = source("https://example.org/a%20b/tileset.json?key=1", &Echo).unwrap();
-        assert_eq!(source.name, "tileset.json");
+        let source = source("https://me:secret@example.org/a%20b/tileset.json?key=1#x", &Echo).unwrap();
+        assert_eq!(
+            (source.name.as_str(), source.label.as_str()),
+            ("tileset.json", "https://example.org/a%20b/tileset.json")
+        );
+        assert_eq!(source.files.location(), "https://example.org/a%20b/");
         let read = |name: &str| {
             let mut text = String::new();
             source.files.open(name)?.read_to_string(&mut text).map(|_| text)
         };
-        assert_eq!(read("tiles/0 1.b3dm").unwrap(), "https://example.org/a%20b/tiles/0%201.b3dm");
+        let base = "https://me:secret@example.org/a%20b/";
+        assert_eq!(read("tileset.json").unwrap(), format!("{base}tileset.json?key=1"));
+        assert_eq!(read("tiles/0 1.b3dm").unwrap(), format!("{base}tiles/0%201.b3dm?key=1"));
+        assert_eq!(read("a.glb?session=7").unwrap(), format!("{base}a.glb?session=7&key=1"));
         for name in ["../x", "/x", "http://other/x", "a/../../x"] {
             assert_eq!(read(name).unwrap_err().kind(), io::ErrorKind::PermissionDenied, "{name}");
         }

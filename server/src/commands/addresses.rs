@@ -3,22 +3,52 @@
 use super::work_store::{io_error, open_bucket};
 use futures_util::{StreamExt, TryStreamExt};
 use insula_bake::read::{AddressReader, ListedObject};
+use insula_command_line::http::{self, Elsewhere, Redirects};
+use insula_protocol::route::{host_of, without_secrets};
 use object_store::{ObjectMeta, ObjectStore, ObjectStoreExt as _, aws::AmazonS3, path::Path as ObjectPath};
+use reqwest::header::LOCATION;
 use std::{
     cell::RefCell,
     collections::{HashMap, hash_map::Entry},
     io,
     ops::Range,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 /// Time to connect, and between two parts of a response.
 const TIMEOUT: Duration = Duration::from_secs(30);
-const MAX_REDIRECTS: usize = 5;
+/// A file may take this long, and longer if it comes with more than [`MIN_BYTES_PER_S`].
+const MIN_FILE_TIME: Duration = Duration::from_secs(120);
+const MIN_BYTES_PER_S: u64 = 10_000;
+/// Most objects below a folder of a bucket.
+const MAX_OBJECTS: usize = 4_000_000;
 
 /// The addresses that this program reads: each thread has its own client.
 #[derive(Debug)]
-pub(super) struct Addresses;
+pub(super) struct Addresses {
+    redirects: Redirects,
+}
+
+impl Addresses {
+    /// Reads addresses until the program ends. Redirects lead to the same host or to one of `hosts`.
+    pub(super) fn new(hosts: &[String]) -> &'static Self {
+        Box::leak(Box::new(Self { redirects: Redirects::Hosts(hosts.to_vec()) }))
+    }
+
+    /// Calls `use_it` with this thread's client. Fails if there can be none.
+    fn with_fetcher<T>(&self, use_it: impl FnOnce(&mut Fetcher) -> io::Result<T>) -> io::Result<T> {
+        thread_local! {
+            static FETCHER: RefCell<Option<Fetcher>> = const { RefCell::new(None) };
+        }
+        FETCHER.with_borrow_mut(|fetcher| {
+            let fetcher = match fetcher {
+                Some(fetcher) => fetcher,
+                None => fetcher.insert(Fetcher::new(self.redirects.clone())?),
+            };
+            use_it(fetcher)
+        })
+    }
+}
 
 /// A client, and the runtime that drives it.
 struct Fetcher {
@@ -28,13 +58,11 @@ struct Fetcher {
 }
 
 impl Fetcher {
-    fn new() -> io::Result<Self> {
+    fn new(redirects: Redirects) -> io::Result<Self> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        insula_command_line::tls::choose_cryptography();
-        let client = reqwest::Client::builder()
+        let client = http::client(redirects, Elsewhere::Response)
             .connect_timeout(TIMEOUT)
             .read_timeout(TIMEOUT)
-            .redirect(reqwest::redirect::Policy::limited(MAX_REDIRECTS))
             .user_agent(concat!("insula/", env!("CARGO_PKG_VERSION")))
             .build()
             .map_err(io::Error::other)?;
@@ -42,17 +70,35 @@ impl Fetcher {
     }
 
     async fn get(&self, url: &str, max_bytes: u64) -> io::Result<Vec<u8>> {
-        let response = self.client.get(url).send().await.map_err(io::Error::other)?;
-        if !response.status().is_success() {
-            let not_found = matches!(response.status().as_u16(), 404 | 410);
+        let shown = without_secrets(url);
+        let network_error = |error: reqwest::Error| io::Error::other(error.without_url());
+        let start = Instant::now();
+        let response = self.client.get(url).send().await.map_err(network_error)?;
+        let status = response.status();
+        if status.is_redirection() {
+            let to = response.headers().get(LOCATION).and_then(|to| to.to_str().ok()).unwrap_or("nowhere");
+            let host = host_of(to).unwrap_or("HOST");
+            let what = format!(
+                "{shown} redirects to {}, another host: allow it with --allow-host {host}",
+                without_secrets(to)
+            );
+            return Err(io::Error::new(io::ErrorKind::PermissionDenied, what));
+        }
+        if !status.is_success() {
+            let not_found = matches!(status.as_u16(), 404 | 410);
             let kind = if not_found { io::ErrorKind::NotFound } else { io::ErrorKind::Other };
-            return Err(io::Error::new(kind, format!("{url}: the server answers {}", response.status())));
+            return Err(io::Error::new(kind, format!("{shown}: the server answers {status}")));
         }
         let (mut bytes, mut parts) = (Vec::new(), response.bytes_stream());
         while let Some(part) = parts.next().await {
-            bytes.extend_from_slice(&part.map_err(io::Error::other)?);
-            if bytes.len() as u64 > max_bytes {
-                return Err(io::Error::other(format!("{url}: more than {max_bytes} bytes")));
+            bytes.extend_from_slice(&part.map_err(network_error)?);
+            let count = bytes.len() as u64;
+            if count > max_bytes {
+                return Err(io::Error::other(format!("{shown}: more than {max_bytes} bytes")));
+            }
+            if start.elapsed() > MIN_FILE_TIME.max(Duration::from_secs(count / MIN_BYTES_PER_S)) {
+                let what = format!("{shown}: comes with less than {MIN_BYTES_PER_S} bytes a second");
+                return Err(io::Error::new(io::ErrorKind::TimedOut, what));
             }
         }
         Ok(bytes)
@@ -75,28 +121,14 @@ impl Fetcher {
     }
 }
 
-/// Calls `use_it` with this thread's client. Fails if there can be none.
-fn with_fetcher<T>(use_it: impl FnOnce(&mut Fetcher) -> io::Result<T>) -> io::Result<T> {
-    thread_local! {
-        static FETCHER: RefCell<Option<Fetcher>> = const { RefCell::new(None) };
-    }
-    FETCHER.with_borrow_mut(|fetcher| {
-        let fetcher = match fetcher {
-            Some(fetcher) => fetcher,
-            None => fetcher.insert(Fetcher::new()?),
-        };
-        use_it(fetcher)
-    })
-}
-
 impl AddressReader for Addresses {
     fn fetch(&self, url: &str, max_bytes: u64) -> io::Result<Vec<u8>> {
-        with_fetcher(|fetcher| fetcher.runtime.block_on(fetcher.get(url, max_bytes)))
+        self.with_fetcher(|fetcher| fetcher.runtime.block_on(fetcher.get(url, max_bytes)))
     }
 
     fn list(&self, folder: &str) -> io::Result<Vec<ListedObject>> {
         let list = async |store: AmazonS3, prefix: ObjectPath| {
-            let found: Vec<ObjectMeta> = store.list(Some(&prefix)).try_collect().await?;
+            let found: Vec<ObjectMeta> = store.list(Some(&prefix)).take(MAX_OBJECTS + 1).try_collect().await?;
             let object = |meta: &ObjectMeta| {
                 let parts = meta.location.prefix_match(&prefix)?;
                 let name = parts.map(|part| part.as_ref().to_owned()).collect::<Vec<_>>().join("/");
@@ -104,18 +136,23 @@ impl AddressReader for Addresses {
             };
             Ok(found.iter().filter_map(object).collect())
         };
-        let mut objects: Vec<ListedObject> = with_fetcher(|fetcher| fetcher.wait(folder, list))?;
+        let mut objects: Vec<ListedObject> = self.with_fetcher(|fetcher| fetcher.wait(folder, list))?;
+        if objects.len() > MAX_OBJECTS {
+            return Err(io::Error::other(format!(
+                "more than {MAX_OBJECTS} objects: give a smaller folder, or a pattern"
+            )));
+        }
         objects.sort_unstable_by(|a, b| a.name.cmp(&b.name));
         Ok(objects)
     }
 
     fn size(&self, address: &str) -> io::Result<u64> {
         let head = async |store: AmazonS3, path: ObjectPath| Ok(store.head(&path).await?.size);
-        with_fetcher(|fetcher| fetcher.wait(address, head))
+        self.with_fetcher(|fetcher| fetcher.wait(address, head))
     }
 
     fn range(&self, address: &str, range: Range<u64>) -> io::Result<Vec<u8>> {
         let get = async |store: AmazonS3, path: ObjectPath| Ok(store.get_range(&path, range).await?.into());
-        with_fetcher(|fetcher| fetcher.wait(address, get))
+        self.with_fetcher(|fetcher| fetcher.wait(address, get))
     }
 }

@@ -6,6 +6,7 @@ use insula_bake::{
     Progress,
     kept_work::{has_kept_work, scratch_folder},
 };
+use insula_protocol::route::without_secrets;
 use insula_protocol::text::{printable, shell_word};
 use std::{
     ffi::OsString,
@@ -206,7 +207,8 @@ fn interrupted(stage: &StageState, out: &Path, line: &[OsString]) -> String {
     } else {
         format!("nothing is finished yet, so {partial} may be removed; start again with")
     };
-    let mut words: Vec<String> = line.iter().map(|argument| word(&argument.display())).collect();
+    let mut words: Vec<String> =
+        line.iter().map(|argument| word(&without_secrets(&argument.to_string_lossy()))).collect();
     if is_kept && !words.iter().any(|word| word == "--resume") {
         // After the name of the command: an argument at the end may follow a `--`.
         words.insert(words.len().min(2), "--resume".into());

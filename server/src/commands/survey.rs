@@ -42,7 +42,7 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
         height_unit: height_unit(&args.read),
         nodata: args.read.nodata,
         duplicates: duplicates(&args.read),
-        addresses: Some(&Addresses),
+        addresses: Some(Addresses::new(&args.read.allow_host)),
         follow_links: args.read.follow_links,
         skip_bad_inputs: true,
         ..ReadOptions::default()

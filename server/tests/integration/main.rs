@@ -6,6 +6,8 @@
 
 mod access;
 #[cfg(feature = "bake")]
+mod addresses;
+#[cfg(feature = "bake")]
 mod bad_inputs;
 #[cfg(feature = "bake")]
 mod bake_safety;

@@ -6,6 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use std::rc::Rc;
 
 use insula_archive::places::canonical;
+use insula_protocol::route::without_secrets;
 
 use super::bad_inputs::BadInputs;
 use super::context::ReadOptions;
@@ -145,13 +146,14 @@ impl Lister {
             let text = input.to_string_lossy();
             let is_pattern = !text.starts_with('@') && !remote::is_address(&text) && !input.exists();
             let folder = is_pattern.then(|| pattern_folder(&text));
-            for path in bad.skip(&input.display().to_string(), expanded)?.unwrap_or_default() {
-                let label = path.display().to_string();
+            for path in bad.skip(&without_secrets(&input.to_string_lossy()), expanded)?.unwrap_or_default() {
+                let text = path.display().to_string();
+                let label = without_secrets(&text);
                 if folder.as_ref().is_some_and(|folder| self.is_refused_link(folder, &path)) {
                     continue;
                 }
-                let added = match remote::is_address(&label) {
-                    true => self.add_address(&label),
+                let added = match remote::is_address(&text) {
+                    true => self.add_address(&text),
                     false => self.add(&path, bad),
                 };
                 bad.skip(&label, added)?;
@@ -163,7 +165,7 @@ impl Lister {
     /// Adds the sources of an address. Fails if there is none, or addresses are not read here.
     fn add_address(&mut self, address: &str) -> Result<(), InputError> {
         let Some(reader) = self.addresses else {
-            return Err(InputError::unsupported(address, "this program reads no addresses"));
+            return Err(InputError::unsupported(&without_secrets(address), "this program reads no addresses"));
         };
         if !address.starts_with("s3://") {
             self.list.sources.push(remote::source(address, reader)?);

@@ -23,6 +23,7 @@ fn add(name: &str, value: &Value, depth: usize, into: &mut Attributes) {
         Value::Bool(value) => into.push(name, AttributeValue::Bool(*value)),
         Value::Number(number) => {
             let whole = number.as_i64().map(AttributeValue::Integer);
+            let whole = whole.or_else(|| number.as_u64().map(AttributeValue::unsigned));
             if let Some(value) = whole.or_else(|| number.as_f64().map(AttributeValue::Float)) {
                 into.push(name, value);
             }

@@ -48,7 +48,7 @@ const COVERED: &str = "outline covered by its building parts";
 const MAX_PART_BYTES: u64 = 4 << 30;
 /// Nodes of multipolygons that are assembled for each byte of a file, and in any case. A way borders a few of them.
 const ASSEMBLED_PER_BYTE: u64 = 16;
-const MIN_ASSEMBLED: u64 = 16 << 20;
+const MIN_ASSEMBLED: u64 = 1 << 20;
 /// Ways between two reports of progress.
 const WAYS_PER_TICK: u64 = 4096;
 

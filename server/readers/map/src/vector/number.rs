@@ -7,11 +7,6 @@ pub(super) fn widen(number: f32) -> f64 {
     number.to_string().parse().unwrap_or(f64::from(number))
 }
 
-/// A whole number; as a float if it is too large.
-pub(super) fn whole(number: u64) -> AttributeValue {
-    i64::try_from(number).map_or(AttributeValue::Float(number as f64), AttributeValue::Integer)
-}
-
 /// The date of a number of days after 1970-01-01; `None` outside of years 1 to 9999.
 pub(super) fn date_of_days(days: i64) -> Option<AttributeValue> {
     const DAYS_OF_ERA: i64 = 146_097;
@@ -49,6 +44,5 @@ mod tests {
     fn single_precision_keeps_its_decimals() {
         assert_eq!(widen(14.1), 14.1);
         assert!(widen(f32::NAN).is_nan());
-        assert_eq!(whole(u64::MAX), AttributeValue::Float(u64::MAX as f64));
     }
 }

@@ -95,7 +95,8 @@ fn number(name: &str) -> Option<(usize, Parse)> {
         "UInt16" => (2, |bytes| integer(bytes, u16::from_le_bytes)),
         "Int32" => (4, |bytes| integer(bytes, i32::from_le_bytes)),
         "UInt32" | "Oid32" => (4, |bytes| integer(bytes, u32::from_le_bytes)),
-        "Int64" | "UInt64" | "Oid64" => (8, |bytes| integer(bytes, i64::from_le_bytes)),
+        "Int64" => (8, |bytes| integer(bytes, i64::from_le_bytes)),
+        "UInt64" | "Oid64" => (8, |bytes| Some(AttributeValue::unsigned(u64::from_le_bytes(array_at(bytes, 0)?)))),
         "Float32" => {
             (4, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::Float(f32::from_le_bytes(bytes).into())))
         }
@@ -140,6 +141,18 @@ mod tests {
         let mut bytes = vec![1, 0, 0, 0, 9, 9, 9, 9];
         bytes.extend_from_slice(&2.5_f64.to_le_bytes());
         assert_eq!(read(DOUBLES, false, &bytes), Ok(vec![Some(AttributeValue::Float(2.5))]));
+    }
+
+    #[test]
+    fn whole_numbers_of_64_bits_keep_their_digits() {
+        let json = DOUBLES.replace("Float64", "UInt64");
+        let values = |number: u64| {
+            let mut bytes = vec![1, 0, 0, 0, 9, 9, 9, 9];
+            bytes.extend_from_slice(&number.to_le_bytes());
+            read(&json, false, &bytes)
+        };
+        assert_eq!(values(7), Ok(vec![Some(AttributeValue::Integer(7))]));
+        assert_eq!(values(u64::MAX), Ok(vec![Some(AttributeValue::Text("18446744073709551615".into()))]));
     }
 
     #[test]

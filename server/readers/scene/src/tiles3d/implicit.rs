@@ -89,6 +89,7 @@ impl TileReader<'_, '_> {
 
     fn visit_subtree(&mut self, root: &ImplicitRoot<'_>, coordinates: Coordinates) -> Result<bool, InputError> {
         let uri = coordinates.uri(root.subtrees);
+        self.count_file(&uri)?;
         match self.load_subtree(root, &uri) {
             Ok(subtree) if subtree.has_tile(0, 0) => {
                 self.visit_in(root, &subtree, coordinates, Local { level: 0, morton: 0 })
@@ -152,7 +153,9 @@ impl TileReader<'_, '_> {
                 continue;
             };
             let attributes = attributes_of(root.tileset.json, root.tile, content);
-            has_content |= self.read_content(root.tileset, &coordinates.uri(template), attributes, root.own)?;
+            let uri = coordinates.uri(template);
+            self.count_file(&uri)?;
+            has_content |= self.read_content(root.tileset, &uri, attributes, root.own)?;
         }
         Ok(has_content)
     }

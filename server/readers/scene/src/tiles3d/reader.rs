@@ -1,6 +1,6 @@
 //! Walks through the tree of a tileset and takes the finest contents.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 use std::rc::Rc;
 
 use glam::DMat4;
@@ -23,6 +23,11 @@ const MAX_TILES: u64 = 1 << 25;
 const MAX_FAULTS: u64 = 10_000;
 /// External tilesets are nested at most this deep.
 const MAX_TILESET_DEPTH: usize = 64;
+/// External tilesets, subtrees and contents of implicit tiles may be read again this often, all together: they differ from
+/// tile to tile, and a small file that names itself again would be read without end.
+const MAX_REPEATS: u64 = 1000;
+/// Names that are kept to find such files; further ones count as new.
+const MAX_SEEN: usize = 1 << 20;
 /// As many tiles does an external tileset count, because it costs as much time.
 const TILES_OF_TILESET: u64 = 32;
 /// Tiles are nested at most this deep, over all external tilesets.
@@ -91,6 +96,9 @@ pub(super) struct TileReader<'a, 's> {
     tiles: u64,
     contents: u64,
     faults: u64,
+    /// Names of external tilesets, and of subtrees and contents of implicit tiles.
+    seen: HashSet<String>,
+    repeats: u64,
     /// Names of the tilesets that are open, from the root.
     open: Vec<String>,
 }
@@ -98,7 +106,9 @@ pub(super) struct TileReader<'a, 's> {
 impl<'a, 's> TileReader<'a, 's> {
     pub(super) fn new(files: TileFiles<'a>, sink: &'s mut dyn ObjectSink) -> Self {
         let (place, copyrights, shared_scene) = (None, BTreeSet::new(), None);
-        Self { files, sink, place, copyrights, shared_scene, tiles: 0, contents: 0, faults: 0, open: Vec::new() }
+        let (tiles, contents, faults, repeats) = (0, 0, 0, 0);
+        let (seen, open) = (HashSet::new(), Vec::new());
+        Self { files, sink, place, copyrights, shared_scene, tiles, contents, faults, seen, repeats, open }
     }
 
     /// Reads a tileset and everything below. Returns whether it has contents. Fails only if the whole run must end; a
@@ -189,6 +199,21 @@ impl<'a, 's> TileReader<'a, 's> {
         Ok(())
     }
 
+    /// Notes a file that should be read once. Fails if too many are read again.
+    pub(super) fn count_file(&mut self, name: &str) -> Result<(), InputError> {
+        if self.seen.contains(name) {
+            self.repeats += 1;
+        } else if self.seen.len() < MAX_SEEN {
+            self.seen.insert(name.to_owned());
+        }
+        if self.repeats > MAX_REPEATS {
+            let path = self.files.input.label.to_owned();
+            let what = format!("the number of tiles that share a tileset, a subtree or a content such as {name}");
+            return Err(InputError::TooLarge { path, what, limit: MAX_REPEATS });
+        }
+        Ok(())
+    }
+
     /// Reads a content, which may be an external tileset. Returns whether it has objects. Fails only if the run must end.
     pub(super) fn read_content(
         &mut self,
@@ -243,6 +268,7 @@ impl<'a, 's> TileReader<'a, 's> {
             self.sink.skip("external tilesets are nested too deeply", name.to_owned());
             return Ok(false);
         }
+        self.count_file(name)?;
         self.tiles += TILES_OF_TILESET;
         match self.read_tileset(name, own)? {
             Ok(has_content) => Ok(has_content),

@@ -328,6 +328,29 @@ fn absurd_implicit_tilings_end() {
 }
 
 #[test]
+fn small_tilesets_that_name_the_same_files_again_are_refused() {
+    let is_refused = |files: &[(&str, &[u8])]| {
+        let (_, result) = read_files(files);
+        assert!(matches!(&result, Err(InputError::TooLarge { what, .. }) if what.contains("share")), "{result:?}");
+    };
+    // Every tile of 30 levels has the same subtree and the same content.
+    let (all, glb) = (subtree(None, 1), glb(0.0, &[0]));
+    let mut root = implicit("QUADTREE", 4, 30);
+    root["content"]["uri"] = "a.glb".into();
+    root["implicitTiling"]["subtrees"]["uri"] = "s.subtree".into();
+    let text = json!({"root": root}).to_string();
+    is_refused(&[("tileset.json", text.as_bytes()), ("s.subtree", &all), ("a.glb", &glb)]);
+    // Each tileset names the next one twice.
+    let tileset = |number: u32| {
+        let next = json!({"refine": "ADD", "content": {"uri": format!("{}.json", number + 1)}});
+        json!({"root": {"children": [next, next]}}).to_string()
+    };
+    let texts: Vec<(String, String)> = (0..40).map(|number| (format!("{number}.json"), tileset(number))).collect();
+    let files: Vec<(&str, &[u8])> = texts.iter().map(|(name, text)| (name.as_str(), text.as_bytes())).collect();
+    is_refused(&files);
+}
+
+#[test]
 fn tiles_outside_of_the_wanted_part_are_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let region = |west: f64| json!({"region": [west.to_radians(), 0.8, (west + 1.0).to_radians(), 0.9, 0, 9]});

@@ -45,7 +45,7 @@ fn value(kind: ColumnType, bytes: &mut &[u8]) -> Option<Option<AttributeValue>> 
         ColumnType::Int => Integer(i32::from_le_bytes(take(bytes)?).into()),
         ColumnType::UInt => Integer(u32::from_le_bytes(take(bytes)?).into()),
         ColumnType::Long => Integer(i64::from_le_bytes(take(bytes)?)),
-        ColumnType::ULong => number::whole(u64::from_le_bytes(take(bytes)?)),
+        ColumnType::ULong => AttributeValue::unsigned(u64::from_le_bytes(take(bytes)?)),
         ColumnType::Float => Float(number::widen(f32::from_le_bytes(take(bytes)?))),
         ColumnType::Double => Float(f64::from_le_bytes(take(bytes)?)),
         ColumnType::String | ColumnType::Json | ColumnType::DateTime => {

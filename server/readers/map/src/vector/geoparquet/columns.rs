@@ -10,7 +10,7 @@ use arrow_array::{Array, ArrayRef, BooleanArray, ListArray, MapArray, PrimitiveA
 use arrow_schema::{DataType, Schema, TimeUnit};
 
 use super::metadata::GeoColumn;
-use crate::vector::number::{date_of_days, whole, widen};
+use crate::vector::number::{date_of_days, widen};
 use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 
 /// Values nested deeper are left out.
@@ -130,7 +130,7 @@ fn primitive<'a>(kind: &DataType, array: &'a ArrayRef) -> Option<PrimitiveValue<
         DataType::UInt8 => by::<UInt8Type>(array, |value| Some(Integer(value.into()))),
         DataType::UInt16 => by::<UInt16Type>(array, |value| Some(Integer(value.into()))),
         DataType::UInt32 => by::<UInt32Type>(array, |value| Some(Integer(value.into()))),
-        DataType::UInt64 => by::<UInt64Type>(array, |value| Some(whole(value))),
+        DataType::UInt64 => by::<UInt64Type>(array, |value| Some(AttributeValue::unsigned(value))),
         DataType::Float16 => by::<Float16Type>(array, |value| Some(Float(value.to_f64()))),
         DataType::Float32 => by::<Float32Type>(array, |value| Some(Float(widen(value)))),
         DataType::Float64 => by::<Float64Type>(array, |value| Some(Float(value))),
