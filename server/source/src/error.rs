@@ -108,9 +108,19 @@ impl InputError {
         Self::Unsupported { path: path.to_owned(), what: what.into() }
     }
 
+    /// A format whose library is left out of this program. `feature` of the bake has it.
+    pub fn left_out(path: &str, feature: &str) -> Self {
+        Self::unsupported(path, left_out(feature))
+    }
+
     pub fn no_source(path: &Path) -> Self {
         Self::NoSource { path: path.display().to_string() }
     }
+}
+
+/// Why a format, or a part of one, whose library is left out of this program is not read.
+pub fn left_out(feature: &str) -> String {
+    format!("this program was built without the feature `{feature}`, which reads it")
 }
 
 fn all_left_out(objects: u64) -> String {

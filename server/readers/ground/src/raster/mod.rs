@@ -7,9 +7,11 @@ mod error;
 mod facts;
 mod geo_keys;
 mod hgt;
+#[cfg(feature = "jpeg2000")]
 mod jpeg2000;
 mod picture;
 mod place;
+#[cfg(feature = "laz")]
 mod point_cloud;
 mod quantized_mesh;
 mod samples;
@@ -36,6 +38,52 @@ use self::point_cloud::PointCloud;
 use self::quantized_mesh::QuantizedMesh;
 use self::source::Source;
 use self::tiff::TiffRaster;
+
+#[cfg(not(feature = "jpeg2000"))]
+mod jpeg2000 {
+    use super::error::RasterError;
+    use super::facts::RasterFacts;
+
+    pub(super) fn is_jpeg2000(start: &[u8]) -> bool {
+        start.starts_with(b"\0\0\0\x0cjP  \r\n\x87\n") || start.starts_with(b"\xff\x4f\xff\x51")
+    }
+
+    pub(super) fn facts(_: &[u8]) -> Result<RasterFacts, RasterError> {
+        Err(RasterError::unsupported(insula_source::error::left_out("jpeg2000")))
+    }
+
+    pub(super) fn rgba(_: &[u8]) -> Result<Vec<u8>, RasterError> {
+        Err(RasterError::unsupported(insula_source::error::left_out("jpeg2000")))
+    }
+}
+
+#[cfg(not(feature = "laz"))]
+mod point_cloud {
+    use super::error::RasterError;
+    use super::facts::{RasterFacts, RasterLimits, Window};
+    use super::source::Source;
+
+    /// There is none.
+    pub(super) enum PointCloud {}
+
+    pub(super) fn is_point_cloud(start: &[u8]) -> bool {
+        start.starts_with(b"LASF")
+    }
+
+    impl PointCloud {
+        pub(super) fn open(_: Source, _: RasterLimits) -> Result<(Self, RasterFacts), RasterError> {
+            Err(RasterError::unsupported(insula_source::error::left_out("laz")))
+        }
+
+        pub(super) fn warning(&self) -> Option<String> {
+            match *self {}
+        }
+
+        pub(super) fn read_heights(&mut self, _: Window, _: usize) -> Result<Vec<f32>, RasterError> {
+            match *self {}
+        }
+    }
+}
 
 /// Bytes by which formats are told apart.
 const START_BYTES: u64 = 64;

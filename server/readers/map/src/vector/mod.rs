@@ -12,7 +12,9 @@ mod feature;
 mod flatgeobuf;
 mod geojson;
 mod geometry;
+#[cfg(feature = "sqlite")]
 mod geopackage;
+#[cfg(feature = "parquet")]
 mod geoparquet;
 mod layer;
 mod local;
@@ -26,9 +28,24 @@ mod tests;
 mod wkb;
 mod wkt;
 
+#[cfg(not(all(feature = "parquet", feature = "sqlite")))]
+use insula_source::{error::InputError, input::Input, object::ObjectSink};
+
 pub use csv::read as read_csv;
 pub use flatgeobuf::read as read_flatgeobuf;
 pub use geojson::{is_type as is_geojson, read as read_geojson, read_type};
+#[cfg(feature = "sqlite")]
 pub use geopackage::read as read_geopackage;
+#[cfg(feature = "parquet")]
 pub use geoparquet::read as read_geoparquet;
 pub use shapefile::read as read_shapefile;
+
+#[cfg(not(feature = "sqlite"))]
+pub fn read_geopackage(input: &Input<'_>, _: &mut dyn ObjectSink) -> Result<(), InputError> {
+    Err(InputError::left_out(input.label, "sqlite"))
+}
+
+#[cfg(not(feature = "parquet"))]
+pub fn read_geoparquet(input: &Input<'_>, _: &mut dyn ObjectSink) -> Result<(), InputError> {
+    Err(InputError::left_out(input.label, "parquet"))
+}

@@ -20,6 +20,12 @@ impl Fault {
         Self::new("missing part of a glTF", format!("{what} {index} does not exist"))
     }
 
+    /// Data whose decoder is left out of this program.
+    #[cfg(not(all(feature = "basis", feature = "draco", feature = "meshopt")))]
+    pub(super) fn left_out(feature: &str) -> Self {
+        Self::new("packed data of a glTF is not read", insula_source::error::left_out(feature))
+    }
+
     /// The problem with its place in front.
     pub(super) fn at(self, place: &str) -> (&'static str, String) {
         (self.kind, if self.what.is_empty() { place.to_owned() } else { format!("{place}: {}", self.what) })

@@ -3,8 +3,6 @@
 use std::borrow::Cow;
 use std::io::Read;
 
-use basisu::{DecodeFlags, TargetFormat, Transcoder};
-
 use super::fault::{Budget, Fault};
 
 const MAGIC: &[u8] = b"\xabKTX 20\xbb\r\n\x1a\n";
@@ -48,14 +46,26 @@ pub(super) fn decode(bytes: &[u8], budget: &Budget) -> Result<Texels, Fault> {
         Some(ZSTANDARD) => Cow::Owned(unpack(bytes, count).map_err(fault)?),
         _ => Cow::Borrowed(bytes),
     };
-    let failed = |error: basisu::Error| Fault::new(KIND, format!("{error:?}"));
-    let transcoder = Transcoder::new(&plain).map_err(failed)?;
-    let texels = transcoder.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).map_err(failed)?;
+    let texels = transcode(&plain)?;
     let rgba: Vec<[u8; 4]> = texels.chunks_exact(4).map(|texel| [texel[0], texel[1], texel[2], texel[3]]).collect();
     if rgba.len() as u64 != count {
         return Err(fault("it has too few texels"));
     }
     Ok(Texels { width, height, rgba })
+}
+
+/// Red, green, blue and alpha of the largest level.
+#[cfg(feature = "basis")]
+fn transcode(plain: &[u8]) -> Result<Vec<u8>, Fault> {
+    use basisu::{DecodeFlags, TargetFormat, Transcoder};
+    let failed = |error: basisu::Error| Fault::new(KIND, format!("{error:?}"));
+    let transcoder = Transcoder::new(plain).map_err(failed)?;
+    transcoder.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).map_err(failed)
+}
+
+#[cfg(not(feature = "basis"))]
+fn transcode(_: &[u8]) -> Result<Vec<u8>, Fault> {
+    Err(Fault::left_out("basis"))
 }
 
 /// The file with its first level unpacked and no others.

@@ -4,6 +4,7 @@ mod accessor;
 mod buffers;
 mod container;
 mod document;
+#[cfg(feature = "draco")]
 mod draco;
 mod extras;
 mod fault;
@@ -11,6 +12,7 @@ mod features;
 mod images;
 mod ktx2;
 mod materials;
+#[cfg(feature = "meshopt")]
 mod meshopt;
 mod metadata;
 mod metadata_schema;
@@ -39,6 +41,36 @@ use scene::SceneBuilder;
 
 pub(crate) use metadata::PropertyTable;
 pub use source::read;
+
+#[cfg(not(feature = "draco"))]
+mod draco {
+    use super::accessor::Column;
+    use super::fault::{Budget, Fault};
+
+    pub(super) struct DracoMesh {
+        pub(super) triangles: Vec<[u32; 3]>,
+    }
+
+    pub(super) fn decode(_: &[u8], _: &Budget) -> Result<DracoMesh, Fault> {
+        Err(Fault::left_out("draco"))
+    }
+
+    impl DracoMesh {
+        pub(super) fn column(&self, _: u32, _: bool, _: &Budget) -> Result<Column<'static>, Fault> {
+            Err(Fault::left_out("draco"))
+        }
+    }
+}
+
+#[cfg(not(feature = "meshopt"))]
+mod meshopt {
+    use super::fault::{Budget, Fault};
+    use super::schema::Meshopt;
+
+    pub(super) fn decode(_: &Meshopt, _: &[u8], _: &Budget) -> Result<Vec<u8>, Fault> {
+        Err(Fault::left_out("meshopt"))
+    }
+}
 
 /// What a scene may cost, and what happens to images beside it.
 #[derive(Debug, Clone, Copy)]

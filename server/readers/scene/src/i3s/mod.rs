@@ -2,6 +2,7 @@
 
 mod atlas;
 mod attributes;
+#[cfg(feature = "draco")]
 mod draco;
 mod geometry;
 mod layer;
@@ -33,6 +34,17 @@ struct Objects<'a> {
     kind: FeatureKind,
     /// The type of the layer, or the category of a building's sublayer.
     source_type: &'a str,
+}
+
+#[cfg(not(feature = "draco"))]
+mod draco {
+    use super::mesh::NodeMesh;
+
+    pub(super) const MAGIC: &[u8; 5] = b"DRACO";
+
+    pub(super) fn decode(_: &[u8], _: u64) -> Result<NodeMesh, String> {
+        Err(insula_source::error::left_out("draco"))
+    }
 }
 
 /// Reads a scene layer by its document (`3dSceneLayer.json`, or what a server has at `layers/0`), or all layers of a service.
