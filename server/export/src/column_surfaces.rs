@@ -1,7 +1,7 @@
 //! Triangles of a node's columns, for nodes that have no mesh: land as one surface, everything else as boxes.
 
 use crate::{
-    glb::boxes::{self, QUARTERS},
+    boxes::{self, QUARTERS},
     land_surface::land_of_columns,
     source::SourceError,
 };

@@ -1,6 +1,6 @@
 //! Land as a surface with few triangles, in place of the steps that its columns are.
 
-use crate::glb::{
+use crate::{
     boxes::COLOUR_RANGE,
     geometry::{Geometry, NO_FEATURE, linear},
     matrix::Matrix,

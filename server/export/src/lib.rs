@@ -16,14 +16,17 @@
 //! | `table` | objects with footprints as CSV, GeoJSON, GeoParquet and FlatGeobuf |
 //! | `tiles3d` | 3D Tiles with an implicit quadtree |
 
+mod boxes;
 pub mod camera;
 mod cityjson;
 mod column_surfaces;
 pub mod file;
 pub mod format;
+mod geometry;
 pub mod glb;
 mod land_surface;
 pub mod leaves;
+mod matrix;
 mod raster;
 pub mod rings;
 pub mod selection;

@@ -11,15 +11,12 @@
 //! | `EXT_mesh_features` | `_FEATURE_ID_0` of each vertex: the row of its object | no |
 //! | `EXT_structural_metadata` | the property table of the objects | no |
 
-pub(crate) mod boxes;
 pub(crate) mod builder;
 pub(crate) mod columns;
 mod compress;
 pub(crate) mod content;
 mod document;
 mod error;
-pub(crate) mod geometry;
-pub(crate) mod matrix;
 pub(crate) mod metadata;
 pub(crate) mod objects;
 pub(crate) mod reach;
@@ -37,6 +34,7 @@ pub use error::ExportError;
 pub use view::ExportView;
 
 use crate::{
+    boxes, geometry, matrix,
     selection::ObjectSelection,
     source::{ExportSource, SourceError},
 };

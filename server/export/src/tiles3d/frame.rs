@@ -3,7 +3,7 @@
 //! The frame's axes are those of the city's own coordinate system there, so nodes are squares along them. A projected coordinate
 //! system is no plane on Earth: each node is placed by the projection around its own middle.
 
-use crate::glb::matrix::{Matrix, add, cross, dot, length, subtract, times};
+use crate::matrix::{Matrix, add, cross, dot, length, subtract, times};
 use insula_protocol::{Manifest, TileId, manifest::GeoLocation};
 
 /// From a world position in metres to one from the centre of the Earth (EPSG:4978). `None` if the coordinate system is unknown or

@@ -27,16 +27,17 @@ pub use write::{Destination, write_tileset};
 
 use crate::{
     glb::{
-        ExportError, boxes,
+        ExportError,
         builder::{GlbBuilder, Packing},
         content::ContentWriter,
-        matrix::Matrix,
         mesh_of,
         metadata::{Rows, add_table},
         objects::ObjectReader,
         reach::Reach,
         subtree_at,
     },
+    boxes,
+    matrix::Matrix,
     selection::ObjectSelection,
     source::ExportSource,
 };

@@ -75,7 +75,7 @@ mod point_cloud {
             Err(RasterError::unsupported(insula_source::error::left_out("laz")))
         }
 
-        pub(super) fn warning(&self) -> Option<String> {
+        pub(super) fn warning(&self) -> Option<&'static str> {
             match *self {}
         }
 

@@ -1,7 +1,7 @@
 //! Boxes of small scenes.
 
 use super::{boxes, grid};
-use crate::glb::geometry::Geometry;
+use crate::geometry::Geometry;
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
     blockmap::{COLUMNS, ColumnClip, MapColumn, OuterTop, WallStrip, strip_rows},

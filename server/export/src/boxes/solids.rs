@@ -1,6 +1,6 @@
 //! What columns fill: one solid, or two with a gap between them.
 
-use crate::{glb::geometry::NO_FEATURE, source::SourceError};
+use crate::{geometry::NO_FEATURE, source::SourceError};
 use insula_protocol::{
     BlockMap, Texel,
     blockmap::{COLUMNS, ColumnObjects, MapColumn, NO_OBJECT},

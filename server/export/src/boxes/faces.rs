@@ -1,7 +1,7 @@
 //! The faces of boxes: tops, undersides of what floats, and sides as far down as no neighbour covers them.
 
 use super::merge::{Block, Layer};
-use crate::glb::geometry::{Geometry, linear};
+use crate::geometry::{Geometry, linear};
 use insula_protocol::blockmap::NODE_CELLS;
 
 /// The boxes of both layers: the tops, and what lies below gaps.

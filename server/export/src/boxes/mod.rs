@@ -9,7 +9,7 @@ mod solids;
 #[cfg(test)]
 mod tests;
 
-use super::{geometry::Geometry, matrix::Matrix};
+use crate::{geometry::Geometry, matrix::Matrix};
 use crate::source::SourceError;
 use insula_protocol::BlockMap;
 
