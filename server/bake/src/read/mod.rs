@@ -100,6 +100,7 @@ use crate::scene::texture_store::TextureStore;
 use crate::scene::triangle_store::TriangleStore;
 use crate::subject;
 use bad_inputs::{BadInputs, nothing_left};
+use cityjson::CityJsonForm;
 use context::{ByteProgress, ReadContext};
 use input::Input;
 use json_kind::JsonKind;
@@ -414,13 +415,13 @@ fn read_by_kind(
             JsonKind::SceneLayer => (SourceFormat::I3s, i3s::read),
             JsonKind::Terrain => return open_elevation(context, source).map(Some),
             JsonKind::GeoJson => return vector::read_geojson(context, source, tick).map(Some),
-            JsonKind::Other => return cityjson::read(context, source, tick),
+            JsonKind::Other => return read_cityjson(context, source, CityJsonForm::Document, tick).map(Some),
         },
-        SourceKind::JsonLines => return cityjson::read(context, source, tick),
+        SourceKind::JsonLines => return read_cityjson(context, source, CityJsonForm::Sequence, tick).map(Some),
         SourceKind::GeoJson | SourceKind::GeoJsonLines => {
             return vector::read_geojson(context, source, tick).map(Some);
         }
-        SourceKind::Obj => return obj::read(context, source, tick).map(Some),
+        SourceKind::Obj => (SourceFormat::Obj, obj::read),
         SourceKind::Xml => (SourceFormat::CityGml, citygml::read),
         SourceKind::FlatGeobuf => (SourceFormat::FlatGeobuf, vector::read_flatgeobuf),
         SourceKind::GeoPackage => (SourceFormat::GeoPackage, vector::read_geopackage),
@@ -439,6 +440,27 @@ fn read_by_kind(
     let input = sink.input();
     reader(&input, &mut sink)?;
     Ok(Some(sink.into_report()))
+}
+
+/// Reads CityJSON of the form that its name tells. Fails as [`cityjson::read`].
+fn read_cityjson(
+    context: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    form: CityJsonForm,
+    tick: ByteProgress<'_>,
+) -> Result<SourceReport, InputError> {
+    let ReadOptions { max_source_bytes, max_document_bytes, max_line_bytes, .. } = *context.options;
+    // A sequence is in memory line by line.
+    let max_bytes = match form {
+        CityJsonForm::Document => max_document_bytes.min(max_source_bytes),
+        CityJsonForm::Sequence => u64::MAX,
+    };
+    let mut sink = SceneSink::new(context, source, SourceFormat::CityJson, tick)?;
+    let input = Input { max_bytes, ..sink.input() };
+    if cityjson::read(&input, form, max_line_bytes, &mut sink)? == CityJsonForm::Sequence {
+        sink.set_format(SourceFormat::CityJsonSeq);
+    }
+    Ok(sink.into_report())
 }
 
 /// Opens an elevation model or a picture, which is read later. Fails as [`elevation::Elevation::open`].

@@ -1,34 +1,25 @@
-//! Appearance of surfaces: semantics, materials and textures.
+//! Appearance of surfaces: materials and textures.
+
+use std::collections::HashMap;
 
 use super::nested::Nested;
-use super::schema::{CityJsonAppearance, CityJsonMaterial, SurfaceSemantics};
-use crate::read::context::ReadContext;
-use crate::read::report::SourceReport;
-use crate::read::source::CitySource;
+use super::schema::{CityJsonAppearance, CityJsonMaterial};
+use crate::read::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Wrap};
 
-/// The report of one object. Details begin with the object's identifier. A wrong index in an appearance costs only the
-/// appearance, not the object.
-pub(super) struct ObjectReport<'n> {
-    pub(super) id: &'n str,
-    pub(super) report: &'n mut SourceReport,
-}
+/// Opacity of all materials that something can be seen through: writers disagree on which end of the scale is opaque, so
+/// none is taken for invisible.
+const GLASS_OPACITY: f32 = 0.5;
 
-impl ObjectReport<'_> {
-    pub(super) fn problem(&mut self, kind: &str, detail: impl FnOnce() -> String) {
-        self.report.problem(kind, || format!("{}: {}", self.id, detail()));
-    }
-}
-
-/// An appearance with the numbers of the textures that are loaded already.
+/// An appearance with the numbers of the materials that the sink has already.
 pub(super) struct AppearanceReader<'a> {
     appearance: &'a CityJsonAppearance,
-    /// By texture: `None` if not loaded yet, `Some(None)` if loading failed.
-    textures: Vec<Option<Option<u32>>>,
+    /// By texture and material.
+    numbers: HashMap<(Option<usize>, Option<usize>), u32>,
 }
 
 impl<'a> AppearanceReader<'a> {
     pub(super) fn new(appearance: &'a CityJsonAppearance) -> Self {
-        Self { appearance, textures: vec![None; appearance.textures.len()] }
+        Self { appearance, numbers: HashMap::new() }
     }
 
     /// The theme of textures that the file prefers.
@@ -41,52 +32,42 @@ impl<'a> AppearanceReader<'a> {
         self.appearance.default_theme_material.as_str()
     }
 
-    /// The name of a surface's semantics.
-    pub(super) fn semantic<'g>(
-        &self,
-        semantics: Option<&'g SurfaceSemantics>,
-        value: &Nested,
-        report: &mut ObjectReport<'_>,
-    ) -> Option<&'g str> {
-        let surfaces = &semantics?.surfaces;
-        let index = value.index()?;
-        let semantic = usize::try_from(index).ok().and_then(|index| surfaces.get(index));
-        if semantic.is_none() {
-            let detail = || format!("semantic index {index} out of range of {}", surfaces.len());
-            report.problem("semantic index out of range", detail);
-        }
-        semantic.map(|semantic| semantic.kind.as_str())
+    /// Number of textures.
+    pub(super) fn textures(&self) -> usize {
+        self.appearance.textures.len()
     }
 
-    /// The material of a surface.
-    pub(super) fn material(&self, material: &Nested, report: &mut ObjectReport<'_>) -> Option<&'a CityJsonMaterial> {
-        let index = material.index()?;
-        let materials: &'a [CityJsonMaterial] = &self.appearance.materials;
-        let material = usize::try_from(index).ok().and_then(|index| materials.get(index));
-        if material.is_none() {
-            let detail = || format!("material index {index} out of range of {}", materials.len());
-            report.problem("material index out of range", detail);
-        }
-        material
+    /// Number of materials.
+    pub(super) fn materials(&self) -> usize {
+        self.appearance.materials.len()
     }
 
-    /// The number of a surface's texture, which is that of its outer ring.
-    pub(super) fn texture(
+    /// The sink's number of a texture, which replaces the material, or of a material; `None` without both.
+    pub(super) fn number(
         &mut self,
-        rings: &Nested,
-        context: &mut ReadContext<'_>,
-        source: &CitySource<'_>,
-        report: &mut ObjectReport<'_>,
+        texture: Option<usize>,
+        material: Option<usize>,
+        sink: &mut dyn ObjectSink,
     ) -> Option<u32> {
-        let index = rings.child(0).list().first()?.index()?;
-        let slot = usize::try_from(index).ok().filter(|&index| index < self.textures.len());
-        let Some(slot) = slot else {
-            let detail = || format!("texture index {index} out of range of {}", self.textures.len());
-            report.problem("texture index out of range", detail);
+        if texture.is_none() && material.is_none() {
             return None;
+        }
+        let CityJsonAppearance { textures, materials, .. } = self.appearance;
+        let add = || {
+            let material = material.and_then(|number| materials.get(number));
+            let rgb = material.and_then(CityJsonMaterial::rgb);
+            let texture = texture.and_then(|number| textures.get(number)).map(|texture| SourceTexture {
+                image: SourceImage::File(texture.image.replace('\\', "/")),
+                wrap: Wrap::Repeat,
+            });
+            if texture.is_some() {
+                return sink.add_material(SourceMaterial { untextured_rgb: rgb, texture, ..SourceMaterial::default() });
+            }
+            let is_transparent = material.is_some_and(CityJsonMaterial::is_transparent);
+            let opacity = if is_transparent { GLASS_OPACITY } else { 1.0 };
+            sink.add_material(SourceMaterial { rgb, opacity, ..SourceMaterial::default() })
         };
-        let name = &self.appearance.textures[slot].image;
-        *self.textures[slot].get_or_insert_with(|| context.textures.load(source, name, report.report))
+        Some(*self.numbers.entry((texture, material)).or_insert_with(add))
     }
 
     /// Appends a ring's texture coordinates; `false` if they do not fit the ring. The first entry of a ring is its

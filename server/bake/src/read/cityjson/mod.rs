@@ -13,43 +13,56 @@ mod tests;
 use serde::Deserialize;
 use serde_json::error::Category;
 
-use super::context::{ByteProgress, ReadContext};
+use super::input::Input;
 use super::json::{lenient, without_bom};
-use super::report::{SourceFormat, SourceReport};
-use super::source::{CitySource, SourceKind, kind_by_name, open, read_all};
+use super::object::ObjectSink;
 use crate::error::InputError;
-use geometry::ObjectReader;
 use objects::{ObjectBatch, SharedMembers, begin, parse_member, read_objects};
 use schema::{CityJsonAppearance, CityJsonDocument, GeometryTemplates};
 
-/// Reads a source; `None` if it was found in a folder and is other JSON. Fails if the text is damaged or not CityJSON.
+/// The two forms of CityJSON.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum CityJsonForm {
+    /// One JSON document, which is in memory while it is read.
+    Document,
+    /// A header line, then one feature per line.
+    Sequence,
+}
+
+/// Reads all objects of a file. `form` is what its name tells; a document may turn out to be a sequence, of which the form is
+/// returned. Lines of a sequence that are longer than `max_line_bytes` are skipped. Fails if the text is damaged or not
+/// CityJSON; objects before the damage of a sequence are passed on.
 pub(crate) fn read(
-    context: &mut ReadContext<'_>,
-    source: &CitySource<'_>,
-    tick: ByteProgress<'_>,
-) -> Result<Option<SourceReport>, InputError> {
-    if kind_by_name(&source.name) == Some(SourceKind::JsonLines) {
-        let mut opened = open(source)?;
+    input: &Input<'_>,
+    form: CityJsonForm,
+    max_line_bytes: u64,
+    sink: &mut dyn ObjectSink,
+) -> Result<CityJsonForm, InputError> {
+    if form == CityJsonForm::Sequence {
+        let mut opened = input.open()?;
         let bytes_read = opened.bytes_read;
-        return sequence::read(context, source, &mut opened.reader, &|| tick(bytes_read.get())).map(Some);
+        sequence::read(input.label, &mut opened.reader, max_line_bytes, sink, &|| bytes_read.get())?;
+        return Ok(form);
     }
-    let options = context.options;
-    let bytes = read_all(source, options.max_document_bytes.min(options.max_source_bytes))?;
+    let bytes = input.read_all(input.max_bytes)?;
     let text = without_bom(&bytes);
     if is_sequence(text) {
-        return sequence::read(context, source, &mut &*text, &|| {}).map(Some);
+        sequence::read(input.label, &mut &*text, max_line_bytes, sink, &|| 0)?;
+        return Ok(CityJsonForm::Sequence);
     }
     match serde_json::from_slice::<CityJsonDocument<'_>>(text) {
-        Ok(document) => read_document(context, source, document, tick),
+        Ok(document) => read_document(input, document, sink)?,
         Err(error) => {
-            let repaired = lenient::replace_invalid_numbers(text);
-            let Some(repaired) = &repaired else { return refuse_unparsed(source, text, &error) };
-            match serde_json::from_slice::<CityJsonDocument<'_>>(repaired) {
-                Ok(document) => read_document(context, source, document, tick),
-                Err(error) => refuse_unparsed(source, repaired, &error),
+            let Some(repaired) = lenient::replace_invalid_numbers(text) else {
+                return Err(unparsed(input.label, text, &error));
+            };
+            match serde_json::from_slice::<CityJsonDocument<'_>>(&repaired) {
+                Ok(document) => read_document(input, document, sink)?,
+                Err(error) => return Err(unparsed(input.label, &repaired, &error)),
             }
         }
     }
+    Ok(form)
 }
 
 /// Whether the first line is a whole CityJSON document and more lines follow.
@@ -68,45 +81,38 @@ fn json_type(text: &[u8]) -> Option<String> {
     serde_json::from_slice::<TypeMember>(text).ok().map(|member| member.name)
 }
 
-/// Handles a text that is not a [`CityJsonDocument`]: invalid JSON is an error, other JSON only if the user named the
-/// file.
-fn refuse_unparsed(
-    source: &CitySource<'_>,
-    text: &[u8],
-    error: &serde_json::Error,
-) -> Result<Option<SourceReport>, InputError> {
-    if error.classify() == Category::Data && json_type(text).as_deref() != Some("CityJSON") {
-        return refuse_type(source, json_type(text));
+/// The error of a text that is not a [`CityJsonDocument`]: invalid JSON, or other JSON.
+fn unparsed(label: &str, text: &[u8], error: &serde_json::Error) -> InputError {
+    let found = json_type(text);
+    if error.classify() == Category::Data && found.as_deref() != Some("CityJSON") {
+        return unknown_type(label, found);
     }
-    Err(InputError::json(&source.label, error))
+    InputError::json(label, error)
 }
 
-fn refuse_type(source: &CitySource<'_>, found: Option<String>) -> Result<Option<SourceReport>, InputError> {
-    if source.found {
-        return Ok(None);
-    }
+fn unknown_type(label: &str, found: Option<String>) -> InputError {
     let what = found.map_or("not CityJSON".to_owned(), |found| format!("its type is \"{found}\", not \"CityJSON\""));
-    Err(InputError::unknown_format(&source.label, what))
+    InputError::unknown_format(label, what)
 }
 
 fn read_document(
-    context: &mut ReadContext<'_>,
-    source: &CitySource<'_>,
+    input: &Input<'_>,
     document: CityJsonDocument<'_>,
-    tick: ByteProgress<'_>,
-) -> Result<Option<SourceReport>, InputError> {
+    sink: &mut dyn ObjectSink,
+) -> Result<(), InputError> {
     if document.kind.as_deref() != Some("CityJSON") {
-        return refuse_type(source, document.kind);
+        return Err(unknown_type(input.label, document.kind));
     }
-    let (mut report, placement) = begin(context, source, &document, SourceFormat::CityJson)?;
-    let appearance: CityJsonAppearance = parse_member(document.appearance, "appearance", &mut report);
-    let templates: GeometryTemplates = parse_member(document.templates, "geometry-templates", &mut report);
-    let (transform, placement) = (document.transform, &placement);
-    let shared = SharedMembers { transform, placement, templates: &templates, appearance: &appearance };
+    begin(input.label, &document, sink)?;
+    let appearance: CityJsonAppearance = parse_member(document.appearance, "appearance", sink);
+    let templates: GeometryTemplates = parse_member(document.templates, "geometry-templates", sink);
+    let shared = SharedMembers { transform: document.transform, templates: &templates, appearance: &appearance };
     let objects = document.city_objects.texts();
-    let count = objects.len().max(1) as u64;
-    let tick_objects = |done: usize| tick((u128::from(source.bytes) * done as u128 / u128::from(count)) as u64);
+    let (bytes, count) = (input.files.len(input.name).unwrap_or(0), objects.len().max(1) as u64);
+    // Parsing is behind: the objects that are done stand for their share of the bytes.
+    let tick = |done: usize, sink: &mut dyn ObjectSink| {
+        sink.tick((u128::from(bytes) * done as u128 / u128::from(count)) as u64);
+    };
     let batch = ObjectBatch { objects: &objects, vertices: &document.vertices, appearance: &appearance };
-    read_objects(ObjectReader::new(context, source, &mut report), &shared, &batch, &tick_objects);
-    Ok(Some(report))
+    read_objects(&shared, &batch, sink, &tick)
 }

@@ -3,10 +3,9 @@
 use super::super::mesh_file;
 use super::super::object::{CrsReference, Description, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh};
 use super::super::polygon::{CROSSING, Triangulator};
-use super::super::source::{CitySource, SourceKind, kind_by_name, read_all};
-use super::super::{gltf, report::SourceFormat};
+use super::super::source::{CitySource, SourceKind, kind_by_name};
+use super::super::{gltf, obj, report::SourceFormat};
 use crate::error::InputError;
-use crate::model::{ModelFormat, TriangleModel};
 
 /// A mesh file as it is.
 #[derive(Default)]
@@ -38,13 +37,7 @@ pub(super) fn collect(source: &CitySource<'_>, max_bytes: u64) -> Result<Collect
     match format_of(&source.name) {
         Some(SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Off) => mesh_file::read(&input, &mut sink)?,
         Some(SourceFormat::Gltf) => gltf::read(&input, &mut sink)?,
-        Some(_) => {
-            let bytes = read_all(source, max_bytes)?;
-            let model = TriangleModel::read(&bytes, ModelFormat::Obj)
-                .map_err(|error| InputError::damaged(&source.label, "mesh", error.to_string()))?;
-            let (positions, triangles) = (model.positions, model.triangles);
-            sink.out.meshes.push(TriangleMesh { positions, triangles, ..TriangleMesh::default() });
-        }
+        Some(_) => obj::read(&input, &mut sink)?,
         None => {
             return Err(InputError::unsupported(&source.label, "a landmark is a PLY, OBJ, STL, OFF, GLB or glTF file"));
         }
