@@ -139,7 +139,7 @@ fn packages_depend_only_on_those_below_them() {
         ("insula-read-city", &["insula-source", "insula-place", "insula-dress"]),
         ("insula-read-ground", &["insula-source", "insula-place", "insula-dress", "insula-protocol", "insula-roam"]),
         ("insula-read-map", &["insula-source", "insula-place", "insula-dress"]),
-        ("insula-read-scene", &["insula-source", "insula-simplify"]),
+        ("insula-read-scene", &["insula-source", "insula-dress", "insula-simplify"]),
         ("insula-export", &["insula-protocol", "insula-archive", "insula-objects", "insula-roam", "insula-shaders"]),
         ("insula-draw", &["insula-protocol", "insula-archive", "insula-objects", "insula-export", "insula-roam"]),
         ("insula-occlusion", &["insula-shaders"]),

@@ -180,7 +180,7 @@ fn no_file_is_included_by_path() {
 
 /// Folders of readers and writers. Each has the words of its format (node, class, column), which no other module sees.
 const FORMATS: [&str; 17] = [
-    "server/bake/src/read/cityjson/",
+    "server/readers/city/src/cityjson/",
     "server/readers/city/src/citygml/",
     "server/place/src/crs/",
     "server/readers/scene/src/gltf/",

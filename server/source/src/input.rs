@@ -157,7 +157,9 @@ impl<'a> Input<'a> {
     pub fn read_all(&self, limit: u64) -> Result<Vec<u8>, InputError> {
         let limit = limit.min(self.max_bytes);
         let mut bytes = Vec::new();
-        let read = self.open()?.reader.take(limit.saturating_add(1)).read_to_end(&mut bytes);
+        // The length tells that there are more, without an error of reading.
+        let opened = Self { max_bytes: u64::MAX, ..*self }.open()?;
+        let read = opened.reader.take(limit.saturating_add(1)).read_to_end(&mut bytes);
         read.map_err(|cause| InputError::io(self.label, cause))?;
         if bytes.len() as u64 > limit {
             return Err(InputError::TooLarge {

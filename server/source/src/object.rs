@@ -67,7 +67,8 @@ pub struct SourceObject {
 /// Geometry of an object, in the coordinate system that was set last with [`ObjectSink::set_crs`].
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
-    /// The object only groups others or has attributes.
+    /// The object only groups others or has attributes. With a level of detail, it has a shape of that level, which is left
+    /// out because related objects have better ones.
     None,
     /// Surfaces in space.
     Surfaces { polygons: Vec<Surface>, meshes: Vec<TriangleMesh> },
@@ -92,6 +93,10 @@ pub struct Surface {
     /// Number returned by [`ObjectSink::add_material`].
     pub material: Option<u32>,
     pub role: SurfaceRole,
+    /// What the surface is in CityJSON's words, such as `OuterFloorSurface`, where no role says it. Palettes may name it.
+    pub semantic: Option<Rc<str>>,
+    /// Line of the source, from 1, by which faults of the surface are reported; 0 for its object's identifier.
+    pub line: u64,
 }
 
 /// Which part of a building a surface is.
@@ -108,6 +113,12 @@ pub enum SurfaceRole {
 }
 
 impl SurfaceRole {
+    /// The role of a semantic surface of CityJSON; `Other` for those that are no role.
+    pub fn of_cityjson_semantic(name: &str) -> Self {
+        let roles = [Self::Roof, Self::Wall, Self::Ground, Self::Window, Self::Door];
+        roles.into_iter().find(|role| role.cityjson_semantic() == Some(name)).unwrap_or(Self::Other)
+    }
+
     /// The semantic surface of CityJSON by which palettes name the role; `None` if the role is not known.
     pub fn cityjson_semantic(self) -> Option<&'static str> {
         match self {
@@ -172,8 +183,12 @@ pub struct Strip {
 /// Colour and texture of surfaces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceMaterial {
+    /// The source's name of the material. Palettes may name it, and its words tell water, glass and openings.
+    pub name: Option<Rc<str>>,
     /// 8-bit sRGB; multiplied with the texture if there is one.
     pub rgb: Option<[u8; 3]>,
+    /// 8-bit sRGB of surfaces that do not show the texture, because it is missing or they have no place in it; `None` for `rgb`.
+    pub untextured_rgb: Option<[u8; 3]>,
     pub texture: Option<SourceTexture>,
     /// 0 (invisible) to 1 (opaque).
     pub opacity: f32,
@@ -190,7 +205,9 @@ pub struct SourceMaterial {
 impl Default for SourceMaterial {
     fn default() -> Self {
         Self {
+            name: None,
             rgb: None,
+            untextured_rgb: None,
             texture: None,
             opacity: 1.0,
             alpha_cutoff: None,
@@ -199,6 +216,11 @@ impl Default for SourceMaterial {
             is_exact: false,
         }
     }
+}
+
+/// A component of a colour from 0 to 1 as 8 bits.
+pub fn unit_to_byte(component: f64) -> u8 {
+    (component.clamp(0.0, 1.0) * 255.0).round() as u8
 }
 
 /// An image, and what is outside of it.
@@ -278,6 +300,14 @@ pub enum Description {
     Licence,
 }
 
+/// The building of which an object is a part, at any depth. All its parts look alike.
+#[derive(Debug, Clone, Copy)]
+pub struct WholeBuilding<'a> {
+    pub id: &'a str,
+    /// They tell its use.
+    pub attributes: &'a Attributes,
+}
+
 /// Receives what a reader finds.
 pub trait ObjectSink {
     /// Sets the coordinate system of all following objects. Readers call it before the first object, and again when it changes.
@@ -290,8 +320,19 @@ pub trait ObjectSink {
     /// Takes an object. Fails only if the whole bake must end.
     fn add(&mut self, object: SourceObject) -> Result<(), InputError>;
 
+    /// As [`Self::add`], of an object that looks as a whole building does. Of others, the parent is the whole, if there is one,
+    /// and the object's own attributes tell the use.
+    fn add_part(&mut self, object: SourceObject, _: WholeBuilding<'_>) -> Result<(), InputError> {
+        self.add(object)
+    }
+
     /// Counts an object that is left out. `detail` starts with its identifier, or its place such as `line 7`.
     fn skip(&mut self, reason: &'static str, detail: String);
+
+    /// Counts an object that became a part of another one. `detail` is its identifier.
+    fn merge(&mut self, reason: &'static str, detail: String) {
+        self.problem(reason, detail);
+    }
 
     /// Counts a fault that costs only a part of an object, such as a polygon or a texture.
     fn problem(&mut self, kind: &'static str, detail: String);

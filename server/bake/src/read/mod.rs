@@ -5,14 +5,12 @@
 
 mod alpha_mask;
 mod bad_inputs;
-mod cityjson;
 mod context;
 mod duplicates;
 mod facade;
 mod json_kind;
 mod landmark;
 mod list;
-mod obj;
 mod part;
 mod scene_builder;
 mod sink;
@@ -60,9 +58,9 @@ use crate::scene::triangle_store::TriangleStore;
 use bad_inputs::{BadInputs, nothing_left};
 use context::{ByteProgress, ReadContext};
 use insula_dress::map_store::MapStore;
-use insula_read_city::read_citygml;
+use insula_read_city::{CityJsonForm, read_citygml};
 use insula_read_map::{osm, vector};
-use insula_read_scene::{read_3d_tiles, read_gltf, read_i3s, read_mesh};
+use insula_read_scene::{read_3d_tiles, read_gltf, read_i3s, read_mesh, read_obj};
 use insula_source::input::Input;
 use insula_source::object::ObjectSink;
 use insula_source::problems::INEXACT;
@@ -376,11 +374,11 @@ fn read_by_kind(
             JsonKind::SceneLayer => (SourceFormat::I3s, read_i3s),
             JsonKind::Terrain => return open_elevation(context, source).map(Some),
             JsonKind::GeoJson => (SourceFormat::GeoJson, vector::read_geojson),
-            JsonKind::Other => return cityjson::read(context, source, tick),
+            JsonKind::Other => return read_cityjson(context, source, CityJsonForm::Document, tick).map(Some),
         },
-        SourceKind::JsonLines => return cityjson::read(context, source, tick),
+        SourceKind::JsonLines => return read_cityjson(context, source, CityJsonForm::Sequence, tick).map(Some),
         SourceKind::GeoJson | SourceKind::GeoJsonLines => (SourceFormat::GeoJson, vector::read_geojson),
-        SourceKind::Obj => return obj::read(context, source, tick).map(Some),
+        SourceKind::Obj => (SourceFormat::Obj, read_obj),
         SourceKind::Xml => (SourceFormat::CityGml, read_citygml),
         SourceKind::FlatGeobuf => (SourceFormat::FlatGeobuf, vector::read_flatgeobuf),
         SourceKind::GeoPackage => (SourceFormat::GeoPackage, vector::read_geopackage),
@@ -399,6 +397,27 @@ fn read_by_kind(
     let input = sink.input();
     reader(&input, &mut sink)?;
     Ok(Some(sink.into_report()))
+}
+
+/// Reads CityJSON of the form that its name tells. Fails as [`insula_read_city::read_cityjson`].
+fn read_cityjson(
+    context: &mut ReadContext<'_>,
+    source: &CitySource<'_>,
+    form: CityJsonForm,
+    tick: ByteProgress<'_>,
+) -> Result<SourceReport, InputError> {
+    let ReadOptions { max_source_bytes, max_document_bytes, .. } = *context.options;
+    // A sequence is in memory line by line.
+    let max_bytes = match form {
+        CityJsonForm::Document => max_document_bytes.min(max_source_bytes),
+        CityJsonForm::Sequence => u64::MAX,
+    };
+    let mut sink = SceneSink::new(context, source, SourceFormat::CityJson, tick)?;
+    let input = Input { max_bytes, ..sink.input() };
+    if insula_read_city::read_cityjson(&input, form, &mut sink)? == CityJsonForm::Sequence {
+        sink.set_format(SourceFormat::CityJsonSeq);
+    }
+    Ok(sink.into_report())
 }
 
 /// Opens an elevation model or a picture, which is read later. Fails as [`elevation::Elevation::open`].

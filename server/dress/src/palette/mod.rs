@@ -173,6 +173,11 @@ impl Palette {
         }
     }
 
+    /// Whether the palette has a colour for objects of this type.
+    pub fn knows_object(&self, object_type: &str) -> bool {
+        find(&self.objects, OBJECTS, object_type).is_some()
+    }
+
     /// Colour of a material by name.
     pub fn material(&self, name: &str) -> Option<[u8; 3]> {
         let name = name.trim().to_lowercase();
@@ -193,11 +198,6 @@ fn part_of(table: &[(&str, Part)], name: &str) -> Option<Part> {
 fn parse_entry(key: &str, colour: &str) -> Result<[u8; 3], String> {
     parse_colour(colour)
         .ok_or_else(|| format!("{key}: \"{colour}\" is not a colour; write it as \"#ab7462\" or \"brown\""))
-}
-
-/// Converts a component from 0..=1 to 8 bits.
-pub fn unit_to_byte(component: f64) -> u8 {
-    (component.clamp(0.0, 1.0) * 255.0).round() as u8
 }
 
 /// Parses a CSS colour such as `#ab7462`, `brown` or `rgb(171, 116, 98)`.

@@ -90,6 +90,19 @@ impl PolygonFault {
     }
 }
 
+/// Whether the triangles from the first corner cover the polygon: all are oriented as the whole.
+pub fn is_fan(points: &[[f64; 3]]) -> bool {
+    if points.len() == 3 {
+        return true;
+    }
+    let Some((first, rest)) = points.split_first() else { return true };
+    let first = DVec3::from_array(*first);
+    let normals =
+        || rest.windows(2).map(|pair| (DVec3::from_array(pair[0]) - first).cross(DVec3::from_array(pair[1]) - first));
+    let whole: DVec3 = normals().sum();
+    normals().all(|normal| normal.dot(whole) >= 0.0)
+}
+
 /// Triangulates polygons, with reusable buffers.
 pub struct Triangulator {
     earcut: Earcut<f64>,

@@ -26,6 +26,7 @@ pub use frame::ToGeocentric;
 pub use write::{Destination, write_tileset};
 
 use crate::{
+    boxes,
     glb::{
         ExportError,
         builder::{GlbBuilder, Packing},
@@ -36,7 +37,6 @@ use crate::{
         reach::Reach,
         subtree_at,
     },
-    boxes,
     matrix::Matrix,
     selection::ObjectSelection,
     source::ExportSource,

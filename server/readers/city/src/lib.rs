@@ -1,5 +1,7 @@
-//! Reads CityGML.
+//! Reads CityGML and CityJSON.
 
 mod citygml;
+mod cityjson;
 
 pub use citygml::read as read_citygml;
+pub use cityjson::{CityJsonForm, read as read_cityjson};

@@ -1,11 +1,13 @@
-//! Reads glTF, 3D Tiles, I3S and mesh files.
+//! Reads glTF, 3D Tiles, I3S, OBJ and mesh files.
 
 mod gltf;
 mod i3s;
 mod mesh_file;
+mod obj;
 mod tiles3d;
 
 pub use gltf::read as read_gltf;
 pub use i3s::read as read_i3s;
 pub use mesh_file::read as read_mesh;
+pub use obj::read as read_obj;
 pub use tiles3d::read as read_3d_tiles;

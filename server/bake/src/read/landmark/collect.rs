@@ -1,12 +1,11 @@
 //! Reads a mesh file of any format into meshes in memory.
 
 use insula_dress::polygon::{CROSSING, Triangulator};
-use insula_read_scene::{read_gltf, read_mesh};
-use insula_simplify::model::{ModelFormat, TriangleModel};
+use insula_read_scene::{read_gltf, read_mesh, read_obj};
 use insula_source::error::InputError;
 use insula_source::object::{CrsReference, Description, ObjectSink, Shape, SourceMaterial, SourceObject, TriangleMesh};
 use insula_source::report::SourceFormat;
-use insula_source::source::{CitySource, SourceKind, kind_by_name, read_all};
+use insula_source::source::{CitySource, SourceKind, kind_by_name};
 
 /// A mesh file as it is.
 #[derive(Default)]
@@ -38,13 +37,7 @@ pub(super) fn collect(source: &CitySource<'_>, max_bytes: u64) -> Result<Collect
     match format_of(&source.name) {
         Some(SourceFormat::Ply | SourceFormat::Stl | SourceFormat::Off) => read_mesh(&input, &mut sink)?,
         Some(SourceFormat::Gltf) => read_gltf(&input, &mut sink)?,
-        Some(_) => {
-            let bytes = read_all(source, max_bytes)?;
-            let model = TriangleModel::read(&bytes, ModelFormat::Obj)
-                .map_err(|error| InputError::damaged(&source.label, "mesh", error.to_string()))?;
-            let (positions, triangles) = (model.positions, model.triangles);
-            sink.out.meshes.push(TriangleMesh { positions, triangles, ..TriangleMesh::default() });
-        }
+        Some(_) => read_obj(&input, &mut sink)?,
         None => {
             return Err(InputError::unsupported(&source.label, "a landmark is a PLY, OBJ, STL, OFF, GLB or glTF file"));
         }

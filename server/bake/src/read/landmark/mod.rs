@@ -152,7 +152,12 @@ fn add(
     let Collected { meshes, materials, problems, described } = collected;
     problems.into_iter().for_each(|(kind, detail)| sink.problem(kind, detail));
     described.iter().for_each(|(what, text)| sink.describe(*what, text));
-    let is_plain = meshes.iter().all(|mesh| mesh.uv.is_empty() && mesh.colours.is_empty() && mesh.material.is_none());
+    let has_colour = |number: u32| {
+        materials.get(number as usize).is_some_and(|material| material.rgb.is_some() || material.texture.is_some())
+    };
+    let is_plain = meshes
+        .iter()
+        .all(|mesh| mesh.uv.is_empty() && mesh.colours.is_empty() && !mesh.material.is_some_and(has_colour));
     let meshes = if stone_rgb.is_some() || is_plain {
         let material = stone_rgb.map(|rgb| {
             sink.add_material(SourceMaterial { rgb: Some(rgb), is_exact: true, ..SourceMaterial::default() })

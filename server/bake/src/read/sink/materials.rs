@@ -1,6 +1,7 @@
 //! Materials of a source, by the numbers that its reader uses.
 
 use std::collections::HashMap;
+use std::rc::Rc;
 
 use crate::read::alpha_mask::AlphaMask;
 use crate::read::context::ReadContext;
@@ -23,7 +24,11 @@ const MAX_MASKS: usize = 512;
 /// A material whose texture is loaded.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ReadMaterial {
+    /// Number of its name in the table.
+    pub(super) name: Option<u32>,
     pub(super) rgb: Option<[u8; 3]>,
+    /// Of surfaces that do not show the texture.
+    pub(super) untextured_rgb: Option<[u8; 3]>,
     /// Number of the texture in the scene, and what is outside of it.
     pub(super) texture: Option<(u32, Wrap)>,
     /// Number of the mask that cuts holes.
@@ -32,12 +37,36 @@ pub(super) struct ReadMaterial {
     pub(super) is_invisible: bool,
     /// Whether no palette changes the colour.
     pub(super) is_exact: bool,
+    /// Whether it is that of windows or doors, by its name.
+    pub(super) is_opening: bool,
+}
+
+impl ReadMaterial {
+    /// A material of which nothing is known.
+    pub(super) const PLAIN: Self = Self {
+        name: None,
+        rgb: None,
+        untextured_rgb: None,
+        texture: None,
+        mask: None,
+        is_reflective: false,
+        is_invisible: false,
+        is_exact: false,
+        is_opening: false,
+    };
+}
+
+/// Whether a material is that of windows or doors, judged by its name.
+fn names_an_opening(material: &str) -> bool {
+    let name = material.to_lowercase();
+    ["window", "glass", "door"].iter().any(|word| name.contains(word))
 }
 
 /// What distinguishes materials. Images within the source are known by their names.
 #[derive(PartialEq, Eq, Hash)]
 struct MaterialKey {
-    rgb: Option<[u8; 3]>,
+    name: Option<Rc<str>>,
+    rgb: [Option<[u8; 3]>; 2],
     image: Option<(String, u8)>,
     numbers: [Option<u32>; 4],
     is_exact: bool,
@@ -50,9 +79,11 @@ impl MaterialKey {
                 name.clone()
             }
         };
-        let SourceMaterial { rgb, texture, opacity, alpha_cutoff, roughness, metallic, is_exact } = material;
+        let SourceMaterial { name, rgb, untextured_rgb, texture, opacity, alpha_cutoff, roughness, metallic, is_exact } =
+            material;
         Self {
-            rgb: *rgb,
+            name: name.clone(),
+            rgb: [*rgb, *untextured_rgb],
             image: texture.as_ref().map(|texture| (name_of(&texture.image), texture.wrap as u8)),
             numbers: [Some(*opacity), *alpha_cutoff, *roughness, *metallic].map(|number| number.map(f32::to_bits)),
             is_exact: *is_exact,
@@ -64,6 +95,7 @@ impl MaterialKey {
 #[derive(Default)]
 pub(super) struct MaterialTable {
     materials: Vec<ReadMaterial>,
+    names: Vec<Rc<str>>,
     numbers: HashMap<MaterialKey, u32>,
     masks: Vec<AlphaMask>,
     /// By texture and cutoff; `None` without holes.
@@ -112,13 +144,21 @@ impl MaterialTable {
         });
         let is_smooth = material.roughness.is_some_and(|roughness| roughness < GLASS_ROUGHNESS)
             && material.metallic.is_some_and(|metallic| metallic < 0.5);
+        let is_opening = material.name.as_deref().is_some_and(names_an_opening);
+        let name = material.name.map(|name| {
+            self.names.push(name);
+            self.names.len() as u32 - 1
+        });
         let read = ReadMaterial {
+            name,
             rgb: material.rgb,
+            untextured_rgb: material.untextured_rgb,
             texture,
             mask,
             is_reflective: material.opacity < GLASS_OPACITY || is_smooth && texture.is_none(),
             is_invisible: material.opacity < INVISIBLE_OPACITY,
             is_exact: material.is_exact,
+            is_opening,
         };
         let number = self.materials.len() as u32;
         self.materials.push(read);
@@ -129,6 +169,11 @@ impl MaterialTable {
     /// The mask of that number.
     pub(super) fn mask(&self, number: Option<u32>) -> Option<&AlphaMask> {
         self.masks.get(number? as usize)
+    }
+
+    /// The name of a material.
+    pub(super) fn name(&self, material: Option<ReadMaterial>) -> Option<&str> {
+        self.names.get(material?.name? as usize).map(|name| &**name)
     }
 
     /// The material of that number.

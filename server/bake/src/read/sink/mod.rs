@@ -9,11 +9,11 @@ mod painted;
 mod plants;
 mod standing;
 mod surfaces;
+mod texts;
 
 use super::context::{ByteProgress, ObjUpAxis, ReadContext};
 use super::facade::FacadeUse;
 use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
-use crate::scene::ObjectKind;
 use insula_dress::footprint::{HeightHints, has_height};
 use insula_place::local_frame::LocalFrame;
 use insula_place::placement::{FirstShape, Placement};
@@ -21,7 +21,9 @@ use insula_read_ground::HEIGHTS_M;
 use insula_source::attributes::AttributeValue;
 use insula_source::error::InputError;
 use insula_source::input::Input;
-use insula_source::object::{CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject};
+use insula_source::object::{
+    CrsReference, Description, FeatureKind, ObjectSink, Shape, SourceMaterial, SourceObject, WholeBuilding,
+};
 use insula_source::problems::{MISSING_GROUND, NO_CRS};
 use insula_source::report::{SourceFormat, SourceReport};
 use insula_source::source::CitySource;
@@ -82,6 +84,11 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         let (bbox_deg, height_field) = (options.placing.bbox_deg, options.height_field.as_deref());
         let max_line_bytes = options.max_line_bytes;
         Input { bbox_deg, height_field, max_line_bytes, ..self.source.input(options.max_source_bytes) }
+    }
+
+    /// Sets the format, of readers that tell it by the content.
+    pub(crate) fn set_format(&mut self, format: SourceFormat) {
+        self.report.format = format;
     }
 
     /// The report of the whole source.
@@ -153,7 +160,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         }
         self.report.count_attributes(&object.attributes);
         *self.report.objects_by_kind.entry(object.kind).or_default() += 1;
-        if let Some(lod) = object.lod {
+        if let Some(lod) = object.lod.filter(|_| object.shape != Shape::None) {
             *self.report.objects_by_level.entry(lod.to_string()).or_default() += 1;
         }
         true
@@ -189,6 +196,43 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         let relation = ObjectRelation { lod: *lod, yields_to_parts, ..relation };
         builder.close_related(self.context.source, id, open, relation, &mut self.report);
     }
+
+    /// Adds an object, of a whole building if that is known.
+    fn take(&mut self, object: SourceObject, whole: Option<WholeBuilding<'_>>) -> Result<(), InputError> {
+        subject::set(format_args!("{}: object {}", self.report.path, object.id));
+        if !self.begin(&object) {
+            return Ok(());
+        }
+        if (self.is_place_sought || self.context.ends_at_place || !self.placement.is_settled())
+            && let Some(first) = first_shape(&object.shape)
+        {
+            self.seek_place(&first)?;
+            self.context.settle(&mut self.placement, &self.source.label, first)?;
+        }
+        match &object.shape {
+            Shape::None => {
+                *match object.lod {
+                    Some(_) => &mut self.report.coarser_left_out,
+                    None => &mut self.report.without_geometry,
+                } += 1;
+                let relation = self.relation(&object);
+                self.context.builder.add_parent(self.context.source, &object.id, relation);
+            }
+            Shape::Surfaces { polygons, meshes } => self.add_surfaces(&object, polygons, meshes, whole),
+            shape if self.paint(&object, shape)? => {}
+            _ if self.source.is_streets => self.report.skip(NOT_PAINTED, || object.id),
+            Shape::Footprints(footprints) => {
+                if is_extruded(&object, self.height_hints()) {
+                    self.add_buildings(&object, footprints)?;
+                } else {
+                    self.add_areas(&object, footprints)?;
+                }
+            }
+            Shape::Strips(strips) => self.add_strips(&object, strips)?,
+            Shape::Points(points) => self.add_points(&object, points)?,
+        }
+        Ok(())
+    }
 }
 
 impl ObjectSink for SceneSink<'_, '_, '_> {
@@ -210,36 +254,11 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
     }
 
     fn add(&mut self, object: SourceObject) -> Result<(), InputError> {
-        subject::set(format_args!("{}: object {}", self.report.path, object.id));
-        if !self.begin(&object) {
-            return Ok(());
-        }
-        if (self.is_place_sought || self.context.ends_at_place || !self.placement.is_settled())
-            && let Some(first) = first_shape(&object.shape)
-        {
-            self.seek_place(&first)?;
-            self.context.settle(&mut self.placement, &self.source.label, first)?;
-        }
-        match &object.shape {
-            Shape::None => {
-                self.report.without_geometry += 1;
-                let relation = self.relation(&object);
-                self.context.builder.add_parent(self.context.source, &object.id, relation);
-            }
-            Shape::Surfaces { polygons, meshes } => self.add_surfaces(&object, polygons, meshes),
-            shape if self.paint(&object, shape)? => {}
-            _ if self.source.is_streets => self.report.skip(NOT_PAINTED, || object.id),
-            Shape::Footprints(footprints) => {
-                if is_extruded(&object, self.height_hints()) {
-                    self.add_buildings(&object, footprints)?;
-                } else {
-                    self.add_areas(&object, footprints)?;
-                }
-            }
-            Shape::Strips(strips) => self.add_strips(&object, strips)?,
-            Shape::Points(points) => self.add_points(&object, points)?,
-        }
-        Ok(())
+        self.take(object, None)
+    }
+
+    fn add_part(&mut self, object: SourceObject, whole: WholeBuilding<'_>) -> Result<(), InputError> {
+        self.take(object, Some(whole))
     }
 
     fn skip(&mut self, reason: &'static str, detail: String) {
@@ -247,17 +266,17 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
         self.report.skip(reason, || detail);
     }
 
+    fn merge(&mut self, reason: &'static str, detail: String) {
+        self.report.found += 1;
+        self.report.merge(reason, || detail);
+    }
+
     fn problem(&mut self, kind: &'static str, detail: String) {
         self.report.problem(kind, || detail);
     }
 
     fn describe(&mut self, what: Description, text: &str) {
-        let list = match what {
-            Description::Title => &mut self.report.titles,
-            Description::Attribution => &mut self.report.attributions,
-            Description::Licence => &mut self.report.licences,
-        };
-        insula_source::json::metadata::add_text(list, text);
+        texts::add(&mut self.report, what, text);
     }
 
     fn tick(&mut self, bytes_done: u64) {
@@ -289,9 +308,4 @@ fn first_shape(shape: &Shape) -> Option<FirstShape> {
         Shape::Strips(strips) => FirstShape::of(strips.iter().flat_map(|strip| &strip.points).copied()),
         Shape::Points(points) => FirstShape::of(points.iter().take(1).map(|point| point.place)),
     }
-}
-
-/// How columns close an object of this kind: flat kinds are one-sided ground unless they are modelled as a volume.
-fn scene_kind(kind: FeatureKind, has_volume: bool) -> ObjectKind {
-    insula_dress::palette::object_kind(kind.cityjson_type(), has_volume)
 }

@@ -1,14 +1,14 @@
 //! Surfaces and meshes in space: placed, triangulated and coloured.
 
-use super::{FLUSH_TRIANGLES, SceneSink, materials::ReadMaterial, scene_kind};
+use super::{FLUSH_TRIANGLES, SceneSink, materials::ReadMaterial};
 use crate::read::alpha_mask::AlphaMask;
 use crate::read::facade::FacadeUse;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::scratch_scene::StoredMaterial;
 use insula_dress::footprint::by_use;
-use insula_dress::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind, area_vector, normal_z};
-use insula_dress::polygon::{NO_AREA, PolygonFault};
-use insula_source::object::{FeatureKind, SourceObject, Surface, SurfaceRole, TriangleMesh, Wrap};
+use insula_dress::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind, area_vector, normal_z, object_kind};
+use insula_dress::polygon::CROSSING;
+use insula_source::object::{FeatureKind, SourceObject, Surface, SurfaceRole, TriangleMesh, WholeBuilding, Wrap};
 use insula_source::report::ColourOrigin;
 
 /// An object of a flat kind is a volume if its surfaces that face down have this share of the area of those that face up.
@@ -20,8 +20,9 @@ const VERTEX_COLOUR_BITS: u32 = 3;
 const MIN_EDGE_CELLS: f64 = 0.125;
 
 /// What the surfaces of an object have in common.
-struct ObjectLook {
-    kind: FeatureKind,
+struct ObjectLook<'o> {
+    /// As in CityJSON.
+    object_type: &'o str,
     look: BuildingLook,
     facade_use: FacadeUse,
 }
@@ -37,9 +38,22 @@ struct SurfaceLook {
     is_facade: bool,
 }
 
+/// A look whose material has no number in the scene yet.
+struct UnnumberedLook {
+    stored: StoredMaterial,
+    origin: ColourOrigin,
+    look: SurfaceLook,
+}
+
 impl SceneSink<'_, '_, '_> {
     /// Adds the surfaces of an object in space.
-    pub(super) fn add_surfaces(&mut self, object: &SourceObject, polygons: &[Surface], meshes: &[TriangleMesh]) {
+    pub(super) fn add_surfaces(
+        &mut self,
+        object: &SourceObject,
+        polygons: &[Surface],
+        meshes: &[TriangleMesh],
+        whole: Option<WholeBuilding<'_>>,
+    ) {
         let placed: Vec<Vec<[f64; 3]>> = polygons.iter().map(|surface| self.place_surface(object, surface)).collect();
         let mut shape = ObjectShape::new();
         let (mut up_m2, mut down_m2) = (0.0, 0.0);
@@ -51,22 +65,27 @@ impl SceneSink<'_, '_, '_> {
             down_m2 += (-z).max(0.0);
         }
         let is_building = matches!(object.kind, FeatureKind::Building | FeatureKind::BuildingPart);
-        let whole = object.parent.as_deref().unwrap_or(&object.id);
+        let own = WholeBuilding { id: object.parent.as_deref().unwrap_or(&object.id), attributes: &object.attributes };
+        let WholeBuilding { id, attributes } = whole.unwrap_or(own);
         let mut look = ObjectLook {
-            kind: object.kind,
+            // A source may use the palette's own names, which say more than kinds.
+            object_type: match self.context.options.palette.knows_object(&object.source_type) {
+                true => &object.source_type,
+                false => object.kind.cityjson_type(),
+            },
             look: match is_building {
-                true => BuildingLook::new(whole, by_use(&object.attributes, WallKind::of_use), &shape),
+                true => BuildingLook::new(id, by_use(attributes, WallKind::of_use), &shape),
                 false => BuildingLook::PLAIN,
             },
-            facade_use: by_use(&object.attributes, FacadeUse::of_use).unwrap_or_default(),
+            facade_use: by_use(attributes, FacadeUse::of_use).unwrap_or_default(),
         };
         // A model with windows of its own needs no others.
         if polygons.iter().any(|surface| matches!(surface.role, SurfaceRole::Window | SurfaceRole::Door)) {
             look.facade_use = FacadeUse::Windowless;
         }
         let has_volume = down_m2 > VOLUME_SHARE * up_m2;
-        let mut open = OpenObject::new(scene_kind(object.kind, has_volume));
-        open.has_own_base = is_building;
+        let mut open = OpenObject::new(object_kind(look.object_type, has_volume));
+        open.has_own_base = matches!(look.object_type, "Building" | "BuildingPart");
         for (surface, points) in polygons.iter().zip(&placed) {
             self.add_surface(object, surface, points, &look);
             if self.faces.len() >= FLUSH_TRIANGLES && !self.flush(&mut open, look.facade_use) {
@@ -89,12 +108,12 @@ impl SceneSink<'_, '_, '_> {
     fn place_surface(&mut self, object: &SourceObject, surface: &Surface) -> Vec<[f64; 3]> {
         let points: Option<Vec<[f64; 3]>> = surface.points.iter().map(|point| self.place(*point)).collect();
         points.unwrap_or_else(|| {
-            self.report.problem("coordinate not a number or out of range", || object.id.clone());
+            self.report.problem("coordinate not a number or out of range", || place(object, surface));
             Vec::new()
         })
     }
 
-    fn add_surface(&mut self, object: &SourceObject, surface: &Surface, points: &[[f64; 3]], look: &ObjectLook) {
+    fn add_surface(&mut self, object: &SourceObject, surface: &Surface, points: &[[f64; 3]], look: &ObjectLook<'_>) {
         if points.is_empty() {
             return;
         }
@@ -103,21 +122,22 @@ impl SceneSink<'_, '_, '_> {
             self.report.problem("invisible surface left out", || object.id.clone());
             return;
         }
+        let semantic = surface.semantic.as_deref().or(surface.role.cityjson_semantic());
         let has_uv = surface.uv.len() == points.len();
-        let drawn = self.surface_look(surface.role, normal_z(outer_ring(surface, points)), material, has_uv, look);
+        let drawn = self.surface_look(semantic, normal_z(outer_ring(surface, points)), material, has_uv, look);
         let triangles = match self.context.triangulator.triangulate(points, &surface.hole_starts) {
             Ok(triangles) => triangles,
-            Err(PolygonFault::NoArea) => {
-                self.report.problem(NO_AREA, || format!("{}: {} corners", object.id, points.len()));
-                return;
-            }
             Err(fault) => {
-                self.report.problem(fault.reason(), || format!("{}: {} corners", object.id, points.len()));
+                self.report.problem(fault.reason(), || format!("{}: {} corners", place(object, surface), points.len()));
                 return;
             }
         };
         let min_edge_m = self.context.options.cell_m * MIN_EDGE_CELLS;
-        triangles.areas.note_in(&mut self.report, &object.id);
+        if let Some(difference) = triangles.areas.difference() {
+            self.report.problem(CROSSING, || format!("{}: {difference}", place(object, surface)));
+        }
+        self.report.colours.add(drawn.origin);
+        let drawn = SurfaceLook { material: self.context.builder.material(drawn.stored), ..drawn.look };
         for triangle in triangles.list {
             let corners = triangle.map(|i| points[i as usize]);
             let uv = triangle.map(|i| surface.uv.get(i as usize).map_or([0.0; 2], |uv| drawn.uv(*uv)));
@@ -131,7 +151,7 @@ impl SceneSink<'_, '_, '_> {
         &mut self,
         object: &SourceObject,
         mesh: &TriangleMesh,
-        look: &ObjectLook,
+        look: &ObjectLook<'_>,
         open: &mut OpenObject,
     ) -> bool {
         let material = self.materials.get(mesh.material);
@@ -155,8 +175,10 @@ impl SceneSink<'_, '_, '_> {
             let drawn = match last {
                 Some((of_normal, of_colour, drawn)) if of_normal == normal_z && of_colour == colour => drawn,
                 _ => {
-                    let tinted = tint(material, colour);
-                    self.surface_look(SurfaceRole::Other, normal_z, tinted, has_uv, look)
+                    let UnnumberedLook { stored, origin, look } =
+                        self.surface_look(None, normal_z, tint(material, colour), has_uv, look);
+                    self.report.colours.add(origin);
+                    SurfaceLook { material: self.context.builder.material(stored), ..look }
                 }
             };
             last = Some((normal_z, colour, drawn));
@@ -170,38 +192,40 @@ impl SceneSink<'_, '_, '_> {
         true
     }
 
-    /// Colour and texture of a surface: its own, else the palette's.
+    /// Colour and texture of a surface: its own, else the palette's. `semantic` is what it is in CityJSON.
     fn surface_look(
-        &mut self,
-        role: SurfaceRole,
+        &self,
+        semantic: Option<&str>,
         normal_z: f64,
         material: Option<ReadMaterial>,
         has_uv: bool,
-        look: &ObjectLook,
-    ) -> SurfaceLook {
-        let semantic = role.cityjson_semantic();
-        let facts = SurfaceFacts { semantic, object_type: look.kind.cityjson_type(), material: None, normal_z };
-        let texture = material.and_then(|material| material.texture).filter(|_| has_uv);
-        let own = material.and_then(|material| material.rgb);
+        object: &ObjectLook<'_>,
+    ) -> UnnumberedLook {
+        let name = self.materials.name(material);
+        let facts = SurfaceFacts { semantic, object_type: object.object_type, material: name, normal_z };
+        let material = material.unwrap_or(ReadMaterial::PLAIN);
+        let texture = material.texture.filter(|_| has_uv);
         let (rgb, origin) = match texture {
-            Some(_) => (own.unwrap_or([255; 3]), ColourOrigin::Texture),
-            None => match own.filter(|_| material.is_some_and(|material| material.is_exact)) {
-                Some(exact) => (exact, ColourOrigin::Source),
-                None => self.context.options.palette.resolve(own, &facts, &look.look),
+            Some(_) => (material.rgb.unwrap_or([255; 3]), ColourOrigin::Texture),
+            None => match material.untextured_rgb.or(material.rgb) {
+                Some(exact) if material.is_exact => (exact, ColourOrigin::Source),
+                own => self.context.options.palette.resolve(own, &facts, &object.look),
             },
         };
-        let is_reflective = facts.is_reflective() || material.is_some_and(|material| material.is_reflective);
-        self.report.colours.add(origin);
-        let stored = StoredMaterial { rgb, texture: texture.map(|(number, _)| number), is_reflective };
-        SurfaceLook {
-            material: self.context.builder.material(stored),
+        let is_reflective = facts.is_reflective() || material.is_reflective;
+        let is_facade = texture.is_none()
+            && !is_reflective
+            && !material.is_opening
+            && matches!(object.object_type, "Building" | "BuildingPart" | "BuildingUnit" | "BuildingStorey")
+            && matches!(semantic, None | Some("WallSurface"));
+        let look = SurfaceLook {
+            material: 0,
             wrap: texture.map(|(_, wrap)| wrap),
-            mask: texture.and_then(|_| material?.mask),
-            is_facade: texture.is_none()
-                && !is_reflective
-                && matches!(look.kind, FeatureKind::Building | FeatureKind::BuildingPart)
-                && matches!(role, SurfaceRole::Wall | SurfaceRole::Other),
-        }
+            mask: texture.and(material.mask),
+            is_facade,
+        };
+        let stored = StoredMaterial { rgb, texture: texture.map(|(number, _)| number), is_reflective };
+        UnnumberedLook { stored, origin, look }
     }
 }
 
@@ -237,6 +261,14 @@ impl SurfaceLook {
     }
 }
 
+/// Where a surface is, for the report.
+fn place(object: &SourceObject, surface: &Surface) -> String {
+    match surface.line {
+        0 => object.id.clone(),
+        line => format!("line {line}"),
+    }
+}
+
 /// The placed outer ring of a surface; empty if it is invalid.
 fn outer_ring<'p>(surface: &Surface, points: &'p [[f64; 3]]) -> &'p [[f64; 3]] {
     let end = surface.hole_starts.first().map_or(points.len(), |start| *start as usize);
@@ -259,16 +291,8 @@ fn mean_colour(mesh: &TriangleMesh, triangle: [u32; 3]) -> Option<[u8; 3]> {
 /// The material with the colour of vertices, which multiplies its own.
 fn tint(material: Option<ReadMaterial>, colour: Option<[u8; 3]>) -> Option<ReadMaterial> {
     let Some(colour) = colour else { return material };
-    let plain = ReadMaterial {
-        rgb: None,
-        texture: None,
-        mask: None,
-        is_reflective: false,
-        is_invisible: false,
-        is_exact: false,
-    };
-    let material = material.unwrap_or(plain);
+    let material = material.unwrap_or(ReadMaterial::PLAIN);
     let own = material.rgb.unwrap_or([255; 3]);
     let rgb = std::array::from_fn(|channel| (u32::from(own[channel]) * u32::from(colour[channel]) / 255) as u8);
-    Some(ReadMaterial { rgb: Some(rgb), ..material })
+    Some(ReadMaterial { rgb: Some(rgb), untextured_rgb: None, ..material })
 }

@@ -1,8 +1,10 @@
 //! Several sources and formats together, from memory and from disk.
 
 mod bucket;
+mod cityjson;
 mod elevation;
 mod geojson;
+mod obj;
 
 use std::cell::RefCell;
 use std::fs;

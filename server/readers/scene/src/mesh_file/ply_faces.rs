@@ -6,6 +6,7 @@ use super::FileMesh;
 use super::ply_header::PlyElement;
 use super::ply_places::{ColourPlaces, colour_of, places};
 use super::ply_values::PlyRow;
+use insula_dress::polygon::is_fan;
 use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Surface, TriangleMesh, Wrap};
 
 /// Names of the list of a face's corners.
@@ -249,19 +250,4 @@ fn corner_uv(vertices: &Vertices, corner: &Corner) -> Option<[f32; 2]> {
 /// The number of a vertex; one that no file has if it is negative or not whole.
 fn vertex_number(value: f64) -> u32 {
     if (0.0..4_294_967_295.0).contains(&value) && value.fract() == 0.0 { value as u32 } else { u32::MAX }
-}
-
-/// Whether the triangles from the first corner cover the polygon: all are oriented as the whole.
-fn is_fan(points: &[[f64; 3]]) -> bool {
-    if points.len() == 3 {
-        return true;
-    }
-    let Some((first, rest)) = points.split_first() else { return true };
-    let first = glam::DVec3::from_array(*first);
-    let normals = || {
-        rest.windows(2)
-            .map(|pair| (glam::DVec3::from_array(pair[0]) - first).cross(glam::DVec3::from_array(pair[1]) - first))
-    };
-    let whole: glam::DVec3 = normals().sum();
-    normals().all(|normal| normal.dot(whole) >= 0.0)
 }

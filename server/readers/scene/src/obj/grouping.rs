@@ -122,11 +122,10 @@ fn find_root(parents: &mut [u32], mut at: u32) -> u32 {
 mod tests {
     use super::super::parse::parse;
     use super::*;
-    use insula_source::report::{SourceFormat, SourceReport};
+    use insula_source::testing::TestSink;
 
     fn grouped(text: &str) -> (Vec<String>, Vec<u32>) {
-        let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
-        let file = parse(&mut text.as_bytes(), 1 << 20, &mut report, &|| {}).unwrap();
+        let file = parse("a.obj", &mut text.as_bytes(), 1 << 20, &mut TestSink::default(), &|| 0).unwrap();
         let groups = group_faces(&file, &file.faces, "tile");
         (groups.ids, groups.of_face)
     }

@@ -16,8 +16,8 @@ const MAX_FOUND: usize = 64;
 pub(crate) enum LevelChoice {
     /// The geometries of this level.
     Level(CityJsonLod),
-    /// None, because a part or a parent has better ones.
-    Coarser,
+    /// None of this level, because a part or a parent has better ones.
+    Coarser(CityJsonLod),
     /// The object has no geometry.
     NoGeometry,
 }
@@ -39,9 +39,9 @@ pub(crate) fn choose_levels(
             let Some(whole_lod) = best[whole] else { continue };
             // Any child replaces a footprint, but only a part replaces a whole building: a chimney does not.
             if whole_lod < part_lod && (is_footprint(whole_lod) || is_part) {
-                choices[whole] = LevelChoice::Coarser;
+                choices[whole] = LevelChoice::Coarser(whole_lod);
             } else if part_lod < whole_lod && is_footprint(part_lod) {
-                choices[part] = LevelChoice::Coarser;
+                choices[part] = LevelChoice::Coarser(part_lod);
             }
         }
     }
@@ -146,7 +146,8 @@ mod tests {
                 r#"[["b", {{"type": "Building", "geometry": [{{"lod": "0"}}], {link}}}],
                     ["p", {{"type": "BuildingPart", "geometry": [{{"lod": "1"}}], "parents": {parents}}}]]"#
             );
-            assert_eq!(choice(&text), [LevelChoice::Coarser, LevelChoice::Level(CityJsonLod(1.0))], "{link}");
+            let coarser = LevelChoice::Coarser(CityJsonLod(0.0));
+            assert_eq!(choice(&text), [coarser, LevelChoice::Level(CityJsonLod(1.0))], "{link}");
         }
     }
 
@@ -158,13 +159,14 @@ mod tests {
                     ["p", {{"type": "{kind}", "geometry": [{{"lod": "2"}}], "parents": ["b"]}}]]"#
             )
         };
-        assert_eq!(choice(&with("BuildingPart")), [LevelChoice::Coarser, LevelChoice::Level(CityJsonLod(2.0))]);
+        let coarser = |level| [LevelChoice::Coarser(CityJsonLod(level)), LevelChoice::Level(CityJsonLod(2.0))];
+        assert_eq!(choice(&with("BuildingPart")), coarser(1.0));
         assert_eq!(
             choice(&with("BuildingInstallation")),
             [LevelChoice::Level(CityJsonLod(1.0)), LevelChoice::Level(CityJsonLod(2.0))]
         );
         let on_a_footprint = with("BuildingInstallation").replace(r#""lod": "1""#, r#""lod": "0""#);
-        assert_eq!(choice(&on_a_footprint), [LevelChoice::Coarser, LevelChoice::Level(CityJsonLod(2.0))]);
+        assert_eq!(choice(&on_a_footprint), coarser(0.0));
     }
 
     #[test]

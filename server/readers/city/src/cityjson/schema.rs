@@ -11,8 +11,8 @@ use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::nested::Nested;
-use insula_dress::palette::unit_to_byte;
 use insula_source::json::position::JsonPosition;
+use insula_source::object::unit_to_byte;
 
 /// A whole file, the header line of a sequence, or a feature of one: they have the same members.
 #[derive(Deserialize, Default)]
@@ -206,18 +206,9 @@ pub(crate) struct ObjectOutline<'a> {
     pub(crate) geometry: Option<Vec<GeometryOutline>>,
     pub(crate) parents: Option<Vec<String>>,
     pub(crate) children: Option<Vec<String>>,
-    /// [`UseAttributes`]. Unparsed, so that odd attributes do not cost the object.
+    /// Unparsed, so that odd attributes do not cost the object.
     #[serde(borrow)]
     pub(crate) attributes: Option<&'a RawValue>,
-}
-
-/// The attributes of a building that tell its use, of any type.
-#[derive(Deserialize, Default)]
-#[serde(default)]
-pub(crate) struct UseAttributes {
-    pub(crate) function: Value,
-    pub(crate) usage: Value,
-    pub(crate) class: Value,
 }
 
 #[derive(Deserialize, Default)]

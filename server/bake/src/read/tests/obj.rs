@@ -96,7 +96,7 @@ fn malformed_faces_and_coordinates_cost_only_themselves() {
     assert_eq!(problems["vertex index out of range"].count, 5);
     assert_eq!(problems["vertex index out of range"].first[0], "line 9: vertex index 99 out of range of 7");
     assert_eq!(problems["coordinate not a number or beyond 1e9 m"].count, 4);
-    assert_eq!(problems["polygon without area"].first, ["line 16"]);
+    assert_eq!(problems["polygon without area"].first, ["line 16: 3 corners"]);
     assert_eq!(problems["face of less than three corners"].count, 2);
 }
 

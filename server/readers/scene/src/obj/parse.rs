@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::io::BufRead;
 
 use insula_source::error::InputError;
-use insula_source::report::SourceReport;
+use insula_source::object::ObjectSink;
 use insula_source::source::{NextLine, next_line};
 
 /// Longer lines are treated as damage.
@@ -60,29 +60,30 @@ impl ObjFile {
     }
 }
 
-/// Parses all lines. Malformed lines are noted in the report and ignored. Fails if the source cannot be read or has
-/// more than `limit` bytes.
+/// Parses all lines. Malformed lines are reported and ignored. Fails if the source cannot be read or has more than `limit`
+/// bytes.
 pub(super) fn parse(
+    label: &str,
     lines: &mut dyn BufRead,
     limit: u64,
-    report: &mut SourceReport,
-    tick: &dyn Fn(),
+    sink: &mut dyn ObjectSink,
+    bytes_read: &dyn Fn() -> u64,
 ) -> Result<ObjFile, InputError> {
-    let mut parser = ObjParser::new(report);
+    let mut parser = ObjParser::new(sink);
     let (mut line, mut joined, mut bytes) = (Vec::new(), Vec::new(), 0);
     loop {
         let next = next_line(lines, &mut line, MAX_LINE_BYTES);
-        let status = next.map_err(|cause| InputError::io(&parser.report.path, cause))?;
+        let status = next.map_err(|cause| InputError::io(label, cause))?;
         parser.line += u64::from(status != NextLine::EndOfFile);
         bytes += line.len() as u64 + 1;
         if bytes > limit {
             let what = "its unpacked size in bytes".to_owned();
-            return Err(InputError::TooLarge { path: parser.report.path.clone(), what, limit });
+            return Err(InputError::TooLarge { path: label.to_owned(), what, limit });
         }
         let is_continued = line.last() == Some(&b'\\') && joined.len() + line.len() < MAX_LINE_BYTES;
         joined.extend_from_slice(&line);
         if status == NextLine::TooLong {
-            parser.report.problem("line too long", || format!("line {}", parser.line));
+            parser.sink.problem("line too long", format!("line {}", parser.line));
         } else if is_continued {
             joined.pop();
             joined.push(b' ');
@@ -94,14 +95,14 @@ pub(super) fn parse(
             return Ok(parser.file);
         }
         if parser.line.is_multiple_of(TICK_LINES) {
-            tick();
+            parser.sink.tick(bytes_read());
         }
     }
 }
 
 struct ObjParser<'r> {
     file: ObjFile,
-    report: &'r mut SourceReport,
+    sink: &'r mut dyn ObjectSink,
     /// Number of the current line, from 1.
     line: u64,
     material: u32,
@@ -112,11 +113,11 @@ struct ObjParser<'r> {
 }
 
 impl<'r> ObjParser<'r> {
-    fn new(report: &'r mut SourceReport) -> Self {
+    fn new(sink: &'r mut dyn ObjectSink) -> Self {
         let unnamed = || HashMap::from([(String::new(), 0)]);
         Self {
             file: ObjFile { materials: vec![String::new()], names: vec![String::new()], ..ObjFile::default() },
-            report,
+            sink,
             line: 0,
             material: 0,
             object: 0,
@@ -135,8 +136,8 @@ impl<'r> ObjParser<'r> {
             "v" => {
                 let [x, y, z] = numbers(rest);
                 if [x, y, z].iter().any(|c| c.is_nan()) {
-                    let detail = || format!("line {}: {}", self.line, shorten(line));
-                    self.report.problem("vertex without three numbers", detail);
+                    let detail = format!("line {}: {}", self.line, shorten(line));
+                    self.sink.problem("vertex without three numbers", detail);
                 }
                 file.positions.push([x, y, z]);
             }
@@ -156,7 +157,7 @@ impl<'r> ObjParser<'r> {
             }
             "mtllib" if file.libraries.iter().any(|known| known == rest) => {}
             "mtllib" if file.libraries.len() < MAX_LIBRARIES => file.libraries.push(rest.to_owned()),
-            "mtllib" => self.report.problem("too many material libraries", || format!("line {}", self.line)),
+            "mtllib" => self.sink.problem("too many material libraries", format!("line {}", self.line)),
             _ => {}
         }
     }
@@ -172,8 +173,8 @@ impl<'r> ObjParser<'r> {
         }
         let len = file.corners.len() - first;
         if len < 3 {
-            let detail = || format!("line {}: f {}", self.line, shorten(text));
-            self.report.problem("face of less than three corners", detail);
+            let detail = format!("line {}: f {}", self.line, shorten(text));
+            self.sink.problem("face of less than three corners", detail);
             file.corners.truncate(first);
             return;
         }
@@ -218,30 +219,30 @@ fn shorten(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use insula_source::report::SourceFormat;
+    use insula_source::testing::TestSink;
 
-    fn parsed(text: &str) -> (ObjFile, SourceReport) {
-        let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
-        let file = parse(&mut text.as_bytes(), 1 << 20, &mut report, &|| {}).unwrap();
-        (file, report)
+    fn parsed(text: &str) -> (ObjFile, Vec<(&'static str, String)>) {
+        let mut sink = TestSink::default();
+        let file = parse("a.obj", &mut text.as_bytes(), 1 << 20, &mut sink, &|| 0).unwrap();
+        (file, sink.problems)
     }
 
     #[test]
     fn indices_count_from_one_or_from_the_end() {
-        let (file, report) =
+        let (file, problems) =
             parsed("v 0 0 0\nv 1 0 0\r\nvt 0.5 1\nv 0 1 0 1\nf 1/1 2//7 3/1/2\nf -3/-1 -2 \\\n -1\nf 1 x 0");
         assert_eq!(file.positions[2], [0.0, 1.0, 0.0]);
         assert_eq!(file.corners[..6], [[0, 0], [1, NONE], [2, 0], [0, 0], [1, NONE], [2, NONE]]);
         assert_eq!(file.corners[6..], [[0, NONE], [NONE, NONE], [NONE, NONE]]);
         assert_eq!(file.faces.len(), 3);
-        assert!(report.problems.is_empty());
+        assert!(problems.is_empty());
     }
 
     #[test]
     fn names_materials_and_faults_are_recorded() {
         let text =
             "mtllib a b.mtl\no house 1\ng walls\nusemtl brick\nf 1 2 3\no tree\nusemtl\nf 1 2 3\nf 1 2\nv 1 x 2\nq";
-        let (file, report) = parsed(text);
+        let (file, problems) = parsed(text);
         assert_eq!(file.libraries, ["a b.mtl"]);
         let named = |face: &ObjFace| {
             let names = [face.object, face.group].map(|i| file.names[i as usize].as_str());
@@ -249,21 +250,23 @@ mod tests {
         };
         assert_eq!(named(&file.faces[0]), (["house 1", "walls"], "brick"));
         assert_eq!(named(&file.faces[1]), (["tree", "walls"], ""));
-        assert_eq!(report.problems["face of less than three corners"].first, ["line 9: f 1 2"]);
-        assert_eq!(report.problems["vertex without three numbers"].count, 1);
+        let expected = [
+            ("face of less than three corners", "line 9: f 1 2"),
+            ("vertex without three numbers", "line 10: v 1 x 2"),
+        ];
+        assert_eq!(problems, expected.map(|(kind, detail)| (kind, detail.to_owned())));
     }
 
     #[test]
     fn only_the_first_thousand_libraries_are_read() {
         let text: String = (0..1200).map(|i| format!("mtllib {i}.mtl\nmtllib {i}.mtl\n")).collect();
-        let (file, report) = parsed(&text);
-        assert_eq!((file.libraries.len(), report.problems["too many material libraries"].count), (1000, 400));
+        let (file, problems) = parsed(&text);
+        assert_eq!((file.libraries.len(), problems.len(), problems[0].0), (1000, 400, "too many material libraries"));
     }
 
     #[test]
     fn source_beyond_the_size_limit_is_an_error() {
-        let mut report = SourceReport::new("a.obj", SourceFormat::Obj, 0);
-        let result = parse(&mut "v 0 0 0\n".repeat(100).as_bytes(), 99, &mut report, &|| {});
+        let result = parse("a.obj", &mut "v 0 0 0\n".repeat(100).as_bytes(), 99, &mut TestSink::default(), &|| 0);
         assert!(matches!(result, Err(InputError::TooLarge { limit: 99, .. })));
     }
 }

@@ -1,0 +1,109 @@
+//! CityJSONSeq: a header line, then one feature per line. Only one line is in memory at a time.
+
+use std::io::BufRead;
+
+use super::objects::{ObjectBatch, SharedMembers, begin, parse_member, read_objects};
+use super::schema::{CityJsonAppearance, CityJsonDocument, GeometryTemplates};
+use insula_source::error::{InputError, json_message};
+use insula_source::json::{lenient, without_bom};
+use insula_source::object::ObjectSink;
+use insula_source::source::{NextLine, next_line};
+
+/// Lines between two progress reports.
+const TICK_LINES: usize = 64;
+
+/// Reads a sequence, whose lines have `max_line_bytes` at most. A damaged line is skipped and reported. Fails if the header
+/// is damaged.
+pub(super) fn read(
+    label: &str,
+    lines: &mut dyn BufRead,
+    max_line_bytes: u64,
+    sink: &mut dyn ObjectSink,
+    bytes_read: &dyn Fn() -> u64,
+) -> Result<(), InputError> {
+    let limit = usize::try_from(max_line_bytes).unwrap_or(usize::MAX);
+    let mut line = Vec::new();
+    let mut next = |line: &mut Vec<u8>| next_line(lines, line, limit).map_err(|cause| InputError::io(label, cause));
+    if next(&mut line)? == NextLine::TooLong {
+        let what = "the header line's length in bytes".to_owned();
+        return Err(InputError::TooLarge { path: label.to_owned(), what, limit: limit as u64 });
+    }
+    let first = without_bom(&line).to_vec();
+    let mut header: CityJsonDocument<'_> =
+        serde_json::from_slice(&first).map_err(|error| InputError::json(label, &error))?;
+    if header.kind.as_deref() != Some("CityJSON") {
+        return Err(InputError::unsupported(label, "its first line is not a CityJSON header"));
+    }
+    begin(label, &header, sink)?;
+    let appearance: CityJsonAppearance = parse_member(header.appearance.take(), "appearance", sink);
+    let templates: GeometryTemplates = parse_member(header.templates.take(), "geometry-templates", sink);
+    let shared = SharedMembers { transform: header.transform, templates: &templates, appearance: &appearance };
+    // The header may have objects too.
+    read_feature(&shared, &header, sink)?;
+    let mut number = 1;
+    loop {
+        let status = next(&mut line)?;
+        number += 1;
+        match status {
+            NextLine::EndOfFile => return Ok(()),
+            NextLine::TooLong => sink.skip("line too long", format!("line {number}: more than {limit} bytes")),
+            NextLine::Complete if line.trim_ascii().is_empty() => {}
+            NextLine::Complete => {
+                let mut repaired = Vec::new();
+                if let Some(feature) = parse_feature(&line, &mut repaired, number, sink) {
+                    read_feature(&shared, &feature, sink)?;
+                }
+            }
+        }
+        if number % TICK_LINES == 0 {
+            sink.tick(bytes_read());
+        }
+    }
+}
+
+/// Parses a line; `None`, which is reported, if it is not a feature. `repaired` is a buffer.
+fn parse_feature<'t>(
+    line: &'t [u8],
+    repaired: &'t mut Vec<u8>,
+    number: usize,
+    sink: &mut dyn ObjectSink,
+) -> Option<CityJsonDocument<'t>> {
+    match lenient::parse::<CityJsonDocument<'_>>(line, repaired) {
+        Ok(document) if document.kind.as_deref() == Some("CityJSONFeature") => Some(document),
+        Ok(document) => {
+            let kind = document.kind.unwrap_or_default();
+            sink.skip("line is no feature", format!("line {number}: its type is \"{kind}\""));
+            None
+        }
+        Err(error) => {
+            let detail = format!("line {number}, column {}: {}", error.column(), json_message(&error));
+            sink.skip("broken line", detail);
+            None
+        }
+    }
+}
+
+fn read_feature(
+    shared: &SharedMembers<'_>,
+    document: &CityJsonDocument<'_>,
+    sink: &mut dyn ObjectSink,
+) -> Result<(), InputError> {
+    let objects = document.city_objects.texts();
+    let mut own: Option<CityJsonAppearance> =
+        document.appearance.map(|raw| parse_member(Some(raw), "appearance", sink));
+    if let Some(own) = &mut own {
+        // The header has what all features have in common.
+        let CityJsonAppearance { default_theme_texture, default_theme_material, .. } = shared.appearance;
+        for (theme, common) in [
+            (&mut own.default_theme_texture, default_theme_texture),
+            (&mut own.default_theme_material, default_theme_material),
+        ] {
+            if theme.is_null() {
+                theme.clone_from(common);
+            }
+        }
+    }
+    let appearance = own.as_ref().unwrap_or(shared.appearance);
+    let batch = ObjectBatch { objects: &objects, vertices: &document.vertices, appearance };
+    read_objects(shared, &batch, sink, &|_, _| {})
+}
