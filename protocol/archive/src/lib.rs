@@ -21,6 +21,8 @@ pub mod limits;
 #[cfg(feature = "fs")]
 pub mod new_file;
 #[cfg(feature = "fs")]
+pub mod open_files;
+#[cfg(feature = "fs")]
 pub mod owned;
 #[cfg(feature = "fs")]
 pub mod places;

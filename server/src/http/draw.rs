@@ -4,7 +4,7 @@
 //! made at once, few requests wait, and a drawing that nobody waits for ends.
 
 use super::{
-    access_control::{AccessRequest, CityAccess, Credentials},
+    access_control::{AccessRequest, Credentials},
     drawing_queue::DrawingQueue,
     problem::{NO_ROUTE, Problem},
     response::DRAWING_METHODS,
@@ -118,8 +118,7 @@ fn requested(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Result<Arc<Cit
     let request = AccessRequest { route: RouteTemplate::Draw, city: name, version };
     let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
     let city = city.ok_or(NO_CITY)?;
-    // Drawings are not limited to the area of the link.
-    if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+    if !access.admits_computed(RouteTemplate::Draw) {
         return Err(NO_CITY);
     }
     Ok(Arc::clone(city))

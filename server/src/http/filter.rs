@@ -3,7 +3,6 @@
 //! The address has a city's version and the filter, so that the response is immutable as a tile is.
 
 use super::{
-    access_control::CityAccess,
     bounded_work,
     problem::Problem,
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
@@ -51,7 +50,7 @@ enum Failure {
 }
 
 /// `/v1/cities/{city}/{version}/filter`. Fails with 400 for an invalid `expr`, 401 without a required token, 404 for an unknown city or
-/// version, without objects, or with a share link for a part of the city; 500 if objects are damaged, 503 if there is no time.
+/// version, without objects, or with a share link for a part of the city or read-only; 500 if objects are damaged, 503 if there is no time.
 pub(super) async fn filter(
     State(state): State<AppState>,
     method: Method,
@@ -65,8 +64,7 @@ pub(super) async fn filter(
         }
         _ => return Err(unknown_name(&state, &uri, &headers)),
     };
-    // The result is not limited to the area of the link, so such a link opens no filter.
-    if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+    if !access.admits_computed(RouteTemplate::Filter) {
         return Err(NO_OBJECTS);
     }
     let (filtered, runtime) = (city.clone(), Handle::current());

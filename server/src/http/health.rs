@@ -43,6 +43,7 @@ pub(super) async fn metrics(
     let now = CurrentCounts {
         in_flight: state.in_flight().requests(),
         cities: store.cities().filter(|city| is_counted(&city.manifest().name)).count(),
+        failed_cities: if sees_all || !access.is_restricted() { store.failures().count() } else { 0 },
         older_versions: store.older_versions(is_counted),
     };
     let text = state.metrics().to_open_metrics(now);

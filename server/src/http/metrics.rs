@@ -16,7 +16,7 @@ use std::{
 };
 
 /// Status codes as labels. 0 is a request that ended without a response, 999 any other code.
-const CODES: [u16; 16] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 416, 421, 429, 431, 500, 503, 999];
+const CODES: [u16; 17] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 412, 416, 421, 429, 431, 500, 503, 999];
 /// Upper bounds of the histogram's buckets, in seconds.
 const BUCKETS_SECS: [f64; 13] = [5e-5, 1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 1e-2, 2.5e-2, 0.1, 0.5, 2.5, 10.0];
 
@@ -62,6 +62,7 @@ pub(super) struct HttpMetrics {
     reloads: Family<KindLabels, Counter>,
     log_suppressed: Family<KindLabels, Counter>,
     cities: Gauge,
+    failed_cities: Gauge,
     older_versions: Gauge,
     encoding: Mutex<()>,
 }
@@ -72,6 +73,8 @@ pub(super) struct CurrentCounts {
     pub(super) in_flight: usize,
     /// Cities and older versions that the request may see.
     pub(super) cities: usize,
+    /// Cities and folders that cannot be opened, whose names are not known.
+    pub(super) failed_cities: usize,
     pub(super) older_versions: usize,
 }
 
@@ -93,6 +96,7 @@ impl HttpMetrics {
             reloads: Family::default(),
             log_suppressed: Family::default(),
             cities: Gauge::default(),
+            failed_cities: Gauge::default(),
             older_versions: Gauge::default(),
             encoding: Mutex::default(),
         };
@@ -123,6 +127,8 @@ impl HttpMetrics {
         let help = "Messages that were not logged because there were too many of their kind";
         to.register("log_suppressed", help, self.log_suppressed.clone());
         to.register("cities", "Open cities", self.cities.clone());
+        let help = "Cities and folders that could not be opened at the last check";
+        to.register("cities_failed", help, self.failed_cities.clone());
         to.register("older_versions", "Replaced versions that are still served", self.older_versions.clone());
     }
 
@@ -199,6 +205,7 @@ impl HttpMetrics {
         let _exclusive = self.encoding.lock().unwrap_or_else(PoisonError::into_inner);
         self.in_flight.set(now.in_flight as i64);
         self.cities.set(now.cities as i64);
+        self.failed_cities.set(now.failed_cities as i64);
         self.older_versions.set(now.older_versions as i64);
         let mut out = String::new();
         // Writing to a `String` cannot fail.

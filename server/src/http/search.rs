@@ -4,7 +4,6 @@
 //! of a search is bounded (`insula_objects::search`); the first one reads the index.
 
 use super::{
-    access_control::CityAccess,
     bounded_work,
     problem::Problem,
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
@@ -62,8 +61,7 @@ pub(super) async fn search(
         }
         _ => return Err(unknown_name(&state, &uri, &headers)),
     };
-    // Hits are not limited to the area of the link, so such a link opens no search.
-    if !city.has_search() || matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+    if !city.has_search() || !access.admits_computed(RouteTemplate::Search) {
         return Err(NO_INDEX);
     }
     let searched = city.clone();

@@ -36,7 +36,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const MAX_ID_BYTES: usize = 64;
 
 const ALLOWED_HEADERS: HeaderValue =
-    HeaderValue::from_static("accept,content-type,range,if-none-match,if-range,authorization,x-request-id");
+    HeaderValue::from_static("accept,content-type,range,if-match,if-none-match,if-range,authorization,x-request-id");
 
 /// The server without its port. Cheap to clone.
 #[derive(Debug, Clone)]

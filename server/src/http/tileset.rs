@@ -73,7 +73,7 @@ enum FileError {
 }
 
 /// `/v1/cities/{city}/3dtiles/tileset.json`, and the files that it names. Fails with 400 for invalid numbers, 401 without a required
-/// token, 404 for an unknown city, version or file, or with a share link for a part of the city; 500 if the city is damaged, 503 if the
+/// token, 404 for an unknown city, version or file, or with a share link for a part of the city or read-only; 500 if the city is damaged, 503 if the
 /// file cannot be made now.
 pub(super) async fn tileset_file(
     State(state): State<AppState>,
@@ -82,8 +82,7 @@ pub(super) async fn tileset_file(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let (city, access, file) = requested(&state, &uri, &headers)?;
-    // Tiles are not limited to the area of the link, so such a link opens no tileset.
-    if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+    if !access.admits_computed(RouteTemplate::Tileset) {
         return Err(NO_FILE);
     }
     let key = FileKey { serial: city.serial(), file };

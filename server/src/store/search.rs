@@ -1,26 +1,26 @@
 //! The search index of an opened city, on disk or in an object store.
 //!
-//! The file is opened with the city, so that it is of the city's version even if the folder is replaced; an object has the tag that it
+//! The file is found with the city, so that it is of the city's version even if the folder is replaced; an object has the tag that it
 //! had then. It is read at the first search, and stays in memory as long as the city is open. It is read, not mapped: if a mapped file
 //! is truncated, the next access ends the process.
 
 use super::requests::RemoteObject;
 use insula_archive::{
+    RangeSource as _,
     block_cache::BlockObject,
     city::{MAX_SEARCH_BYTES, SEARCH_FILE},
-    file::open_regular,
+    file::FileSource,
 };
 use insula_objects::search::SearchIndex;
 use std::{
-    fs::File,
-    io::{self, Read, Seek},
+    io,
     path::Path,
     sync::{Arc, Mutex, PoisonError},
     time::{Duration, Instant},
 };
 use tokio::runtime::Handle;
 
-/// Bytes of one request to an object store: each must arrive within a third of the timeout.
+/// Bytes of one read. Of an object store, each must arrive within a third of the timeout.
 const PART_BYTES: u64 = 4 << 20;
 
 /// An index that could not be opened is tried again after this time: each attempt reads the whole file.
@@ -57,7 +57,7 @@ struct SearchContent {
 
 #[derive(Debug)]
 enum SearchSource {
-    File(File),
+    File(FileSource),
     /// With the runtime that reads it.
     Remote(RemoteObject, Handle),
 }
@@ -74,7 +74,7 @@ impl SearchFile {
 
     /// Opens the file in a city's folder, unread; `None` if there is none. Fails if it cannot be opened or is no regular file.
     pub(super) fn open(folder: &Path) -> io::Result<Option<Self>> {
-        let file = match open_regular(&folder.join(SEARCH_FILE)) {
+        let file = match FileSource::open(&folder.join(SEARCH_FILE)) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             file => file?,
         };
@@ -91,7 +91,7 @@ impl SearchFile {
         if let Some((_, error)) = content.failed.as_ref().filter(|(time, _)| time.elapsed() < RETRY_INTERVAL) {
             return Err(error.clone());
         }
-        match self.read(&mut content.source) {
+        match self.read(&content.source) {
             Ok(index) => Ok(content.opened.insert(Arc::new(index)).clone()),
             Err(error) => {
                 content.failed = Some((Instant::now(), error.clone()));
@@ -100,10 +100,10 @@ impl SearchFile {
         }
     }
 
-    fn read(&self, source: &mut SearchSource) -> Result<SearchIndex<Vec<u8>>, SearchFileError> {
+    fn read(&self, source: &SearchSource) -> Result<SearchIndex<Vec<u8>>, SearchFileError> {
         let unreadable = |reason: String| SearchFileError::Unreadable { place: self.place.clone(), reason };
         let damaged = |reason: String| SearchFileError::Damaged { place: self.place.clone(), reason };
-        let length = source.length().map_err(|error| unreadable(error.to_string()))?;
+        let length = source.length();
         if length > MAX_SEARCH_BYTES {
             return Err(damaged(format!("it has {length} bytes, the limit is {MAX_SEARCH_BYTES}")));
         }
@@ -113,27 +113,23 @@ impl SearchFile {
 }
 
 impl SearchSource {
-    fn length(&self) -> io::Result<u64> {
+    fn length(&self) -> u64 {
         match self {
-            Self::File(file) => Ok(file.metadata()?.len()),
-            Self::Remote(object, _) => Ok(object.length()),
+            Self::File(file) => file.length().unwrap_or_default(),
+            Self::Remote(object, _) => object.length(),
         }
     }
 
     /// All of its `length` bytes. Fails with the reason.
-    fn read(&mut self, length: u64) -> Result<Vec<u8>, String> {
+    fn read(&self, length: u64) -> Result<Vec<u8>, String> {
         let mut bytes = Vec::with_capacity(length as usize);
-        match self {
-            Self::File(file) => {
-                let read = file.rewind().and_then(|()| file.take(MAX_SEARCH_BYTES).read_to_end(&mut bytes));
-                read.map_err(|error| error.to_string())?;
-            }
-            Self::Remote(object, runtime) => {
-                for start in (0..length).step_by(PART_BYTES as usize) {
-                    let part = object.fetch(start..length.min(start + PART_BYTES));
-                    bytes.extend_from_slice(&runtime.block_on(part).map_err(|error| error.to_string())?);
-                }
-            }
+        for start in (0..length).step_by(PART_BYTES as usize) {
+            let range = start..length.min(start + PART_BYTES);
+            let part = match self {
+                Self::File(file) => file.read(range).ready(),
+                Self::Remote(object, runtime) => runtime.block_on(object.fetch(range)),
+            };
+            bytes.extend_from_slice(&part.map_err(|error| error.to_string())?);
         }
         Ok(bytes)
     }

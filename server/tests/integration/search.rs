@@ -142,6 +142,15 @@ async fn private_cities_are_searched_with_a_token_or_a_link_to_all_of_them() {
     for args in [&[][..], &["--read-only"], &["--version", "0123*"]] {
         assert_eq!(hits(&get(args).await)[0]["object"], 0, "{args:?}");
     }
+    let filter = |link: &str| format!("{}?expr=height+%3E+0&{link}", route::filter("two", small_city::VERSION));
+    assert!(server.get(&filter(&sign(&keys, &[])), "").await.starts_with("HTTP/1.1 200"));
+    // A read-only link opens searches and tiles only, also of objects.
+    let link = sign(&keys, &["--read-only"]);
+    assert_problem(&server.get(&filter(&link), "").await, 404);
+    let schema = format!("/v1/cities/two/{}/objects/schema", small_city::VERSION);
+    for link in [link.replace('~', "%7E").replace('.', "%2E"), link] {
+        assert!(server.get(&format!("{schema}?{link}"), "").await.starts_with("HTTP/1.1 200"), "{link}");
+    }
     // The area contains the whole city, and still is one.
     assert_problem(&get(&["--bbox", "0,0,999999,999999"]).await, 404);
     assert_problem(&get(&["--version", "1*"]).await, 401);
