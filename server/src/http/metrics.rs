@@ -64,6 +64,8 @@ pub(super) struct HttpMetrics {
     cities: Gauge,
     failed_cities: Gauge,
     older_versions: Gauge,
+    cached_bytes: Family<KindLabels, Gauge>,
+    cache_limit: Gauge,
     encoding: Mutex<()>,
 }
 
@@ -76,11 +78,15 @@ pub(super) struct CurrentCounts {
     /// Cities and folders that cannot be opened, whose names are not known.
     pub(super) failed_cities: usize,
     pub(super) older_versions: usize,
+    /// Of search indexes and made files.
+    pub(super) computed_bytes: u64,
 }
 
 impl HttpMetrics {
     /// Metrics of a server, together with those of the remote stores that it reads from.
-    pub(super) fn new(stores: Option<&StoreMetrics>) -> Self {
+    ///
+    /// `cache_bytes` is the limit of all caches.
+    pub(super) fn new(stores: Option<&StoreMetrics>, cache_bytes: usize) -> Self {
         let mut metrics = Self {
             registry: Registry::with_prefix("insula"),
             requests: Family::default(),
@@ -98,9 +104,12 @@ impl HttpMetrics {
             cities: Gauge::default(),
             failed_cities: Gauge::default(),
             older_versions: Gauge::default(),
+            cached_bytes: Family::default(),
+            cache_limit: Gauge::default(),
             encoding: Mutex::default(),
         };
         metrics.register();
+        metrics.cache_limit.set(cache_bytes as i64);
         if let Some(stores) = stores {
             stores.register(&mut metrics.registry);
         }
@@ -129,7 +138,15 @@ impl HttpMetrics {
         to.register("cities", "Open cities", self.cities.clone());
         let help = "Cities and folders that could not be opened at the last check";
         to.register("cities_failed", help, self.failed_cities.clone());
+        let help = "Bytes in caches: tiles, and what was computed (search indexes, files of tilesets)";
+        to.register("cached_bytes", help, self.cached_bytes.clone());
+        to.register("cache_limit_bytes", "Bytes that all caches may have together", self.cache_limit.clone());
         to.register("older_versions", "Replaced versions that are still served", self.older_versions.clone());
+    }
+
+    /// Bytes of all tile caches.
+    pub(super) fn cached_tiles(&self) -> Gauge {
+        self.cached_bytes.get_or_create_owned(&KindLabels { kind: "tiles" })
     }
 
     /// Counts a request. `code` is 0 if the client left before a response; `bytes` is the part of the body that was sent.
@@ -207,6 +224,7 @@ impl HttpMetrics {
         self.cities.set(now.cities as i64);
         self.failed_cities.set(now.failed_cities as i64);
         self.older_versions.set(now.older_versions as i64);
+        self.cached_bytes.get_or_create(&KindLabels { kind: "computed" }).set(now.computed_bytes as i64);
         let mut out = String::new();
         // Writing to a `String` cannot fail.
         let _ = encode(&mut out, &self.registry);

@@ -108,7 +108,7 @@ impl CityStore {
         self.search.is_some()
     }
 
-    /// The search index, which the first call reads whole. Fails if there is none, or it cannot be read or is damaged.
+    /// The search index, which is read whole unless someone holds it. Fails if there is none, or it cannot be read or is damaged.
     pub fn search_index(&self) -> Result<CityIndex, SearchFileError> {
         let none = || SearchFileError::None { place: self.location().to_owned() };
         self.search.as_ref().ok_or_else(none)?.index()

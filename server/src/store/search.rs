@@ -1,8 +1,8 @@
 //! The search index of an opened city, on disk or in an object store.
 //!
 //! The file is found with the city, so that it is of the city's version even if the folder is replaced; an object has the tag that it
-//! had then. It is read at the first search, and stays in memory as long as the city is open. It is read, not mapped: if a mapped file
-//! is truncated, the next access ends the process.
+//! had then. It is read by a search, and stays in memory as long as someone holds it. It is read, not mapped: if a mapped file is
+//! truncated, the next access ends the process.
 
 use super::requests::RemoteObject;
 use insula_archive::{
@@ -15,7 +15,7 @@ use insula_objects::search::SearchIndex;
 use std::{
     io,
     path::Path,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, PoisonError, Weak},
     time::{Duration, Instant},
 };
 use tokio::runtime::Handle;
@@ -50,7 +50,8 @@ pub(super) struct SearchFile {
 #[derive(Debug)]
 struct SearchContent {
     source: SearchSource,
-    opened: Option<CityIndex>,
+    /// The index, if someone holds it.
+    opened: Weak<SearchIndex<Vec<u8>>>,
     /// The last failure and its time.
     failed: Option<(Instant, SearchFileError)>,
 }
@@ -69,7 +70,7 @@ impl SearchFile {
     }
 
     fn new(place: String, source: SearchSource) -> Self {
-        Self { place, content: Mutex::new(SearchContent { source, opened: None, failed: None }) }
+        Self { place, content: Mutex::new(SearchContent { source, opened: Weak::new(), failed: None }) }
     }
 
     /// Opens the file in a city's folder, unread; `None` if there is none. Fails if it cannot be opened or is no regular file.
@@ -81,18 +82,22 @@ impl SearchFile {
         Ok(Some(Self::new(folder.display().to_string(), SearchSource::File(file))))
     }
 
-    /// The index; the first call reads it, and others wait for that. Not to be called on a thread of an asynchronous runtime. Fails if it
+    /// The index. It is read unless someone holds it; other calls wait for that. Not to be called on a thread of an asynchronous runtime. Fails if it
     /// cannot be read, is damaged or too large.
     pub(super) fn index(&self) -> Result<CityIndex, SearchFileError> {
         let mut content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(index) = &content.opened {
-            return Ok(index.clone());
+        if let Some(index) = content.opened.upgrade() {
+            return Ok(index);
         }
         if let Some((_, error)) = content.failed.as_ref().filter(|(time, _)| time.elapsed() < RETRY_INTERVAL) {
             return Err(error.clone());
         }
         match self.read(&content.source) {
-            Ok(index) => Ok(content.opened.insert(Arc::new(index)).clone()),
+            Ok(index) => {
+                let index = Arc::new(index);
+                content.opened = Arc::downgrade(&index);
+                Ok(index)
+            }
             Err(error) => {
                 content.failed = Some((Instant::now(), error.clone()));
                 Err(error)
