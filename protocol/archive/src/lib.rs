@@ -18,6 +18,7 @@ pub mod file;
 pub mod index;
 pub mod lazy;
 pub mod limits;
+pub mod mark;
 #[cfg(feature = "fs")]
 pub mod new_file;
 #[cfg(feature = "fs")]

@@ -16,7 +16,7 @@ use std::{
 };
 
 /// Status codes as labels. 0 is a request that ended without a response, 999 any other code.
-const CODES: [u16; 17] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 412, 416, 421, 429, 431, 500, 503, 999];
+const CODES: [u16; 18] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 410, 412, 416, 421, 429, 431, 500, 503, 999];
 /// Upper bounds of the histogram's buckets, in seconds.
 const BUCKETS_SECS: [f64; 13] = [5e-5, 1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 1e-2, 2.5e-2, 0.1, 0.5, 2.5, 10.0];
 

@@ -90,7 +90,9 @@ mod tests {
         ] {
             let headers = forwarded.iter().map(|text| (FORWARDED_FOR, HeaderValue::from_static(text)));
             let mut map = HeaderMap::new();
-            headers.for_each(|(name, value)| drop(map.append(name, value)));
+            headers.for_each(|(name, value)| {
+                map.append(name, value);
+            });
             let expected: IpAddr = client.parse().unwrap();
             assert_eq!(client_address(connection.parse().unwrap(), &proxies, &map), expected, "{forwarded:?}");
             assert_eq!(client_address(connection.parse().unwrap(), &[], &map).to_string(), connection);

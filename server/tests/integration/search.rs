@@ -97,10 +97,12 @@ async fn invalid_searches_are_problems() {
     {
         assert_problem(&server.get(&address(query), "").await, 400);
     }
-    for path in
-        ["/v1/cities/three/0123456789abcdef/search", "/v1/cities/two/0123456789abcdee/search", "/v1/cities/T/v/search"]
-    {
-        assert_problem(&server.get(&format!("{path}?q=kerk"), "").await, 404);
+    for (path, status) in [
+        ("/v1/cities/three/0123456789abcdef/search", 404),
+        ("/v1/cities/two/0123456789abcdee/search", 410),
+        ("/v1/cities/T/v/search", 404),
+    ] {
+        assert_problem(&server.get(&format!("{path}?q=kerk"), "").await, status);
     }
     fs::remove_file(server.folder.path().join("two").join(SEARCH_FILE)).unwrap();
     server.reload().await;
@@ -174,7 +176,7 @@ async fn filters_name_the_objects_that_pass() {
         assert_problem(&server.get(&filter(query), "").await, 400);
     }
     let other = route::filter("two", "0123456789abcdee");
-    assert_problem(&server.get(&format!("{other}?expr=height"), "").await, 404);
+    assert_problem(&server.get(&format!("{other}?expr=height"), "").await, 410);
     fs::remove_file(server.folder.path().join("two").join(TileKind::Objects.file_name())).unwrap();
     server.reload().await;
     assert_problem(&server.get(&filter("expr=height"), "").await, 404);
