@@ -402,6 +402,9 @@ pub struct ServeArgs {
     /// Address of a listener for /healthz, /readyz and /metrics alone [default: all at --listen]
     #[arg(long, value_name = "HOST:PORT", value_parser = parse_address)]
     pub metrics_address: Option<String>,
+    /// Do not start if one of the cities cannot be opened [default: serve the others, and try again]
+    #[arg(long)]
+    pub strict: bool,
     /// Make vector drawings for clients, so many at once [default: 0, none]
     #[arg(long, value_name = "N")]
     pub drawings: Option<usize>,

@@ -2,12 +2,13 @@
 //!
 //! A link carries `?share=s1.KEY.CITY.VERSION.EXPIRY.SCOPE.MAC`. The MAC is HMAC-SHA-256 over all that precedes it, with the key
 //! named KEY. VERSION is a version, or a prefix of versions and `~`. EXPIRY is in seconds since 1970. SCOPE is `a` (all addresses
-//! of the city) or `r` (page, manifest, tiles and search), followed by `~x0~y0~x1~y1` in millimetres if the link is for an area. All
+//! of the city) or `r` (page, manifest, tiles and search only), followed by `~x0~y0~x1~y1` in millimetres if the link is for an area. All
 //! characters are unreserved in URLs, so the link has one spelling.
 
 use crate::secret_file::SecretFile;
 use hmac::{Hmac, KeyInit, Mac};
 use insula_protocol::{Manifest, TileId, TileKind, manifest::is_name, route::RouteTemplate};
+use percent_encoding::percent_decode_str;
 use sha2::Sha256;
 use std::{
     fmt::{self, Write},
@@ -21,6 +22,8 @@ const FORMAT: &str = "s1";
 /// A link is valid for this long after its expiry, for clocks that differ.
 const CLOCK_SKEW_SECS: u64 = 60;
 const MAX_LINK_BYTES: usize = 512;
+/// Bytes of a percent-encoded byte.
+const ENCODED_BYTES: usize = 3;
 const MIN_SECRET_BYTES: usize = 32;
 const MAX_ID_BYTES: usize = 32;
 const MM_PER_M: f64 = 1000.0;
@@ -97,11 +100,13 @@ impl ShareKeys {
         Some(link)
     }
 
-    /// What the link opens. `None` if it is malformed, has expired, or was not signed with one of the keys.
+    /// What the link opens; its characters may be percent-encoded, as programs on the way may do. `None` if it is malformed, has
+    /// expired, or was not signed with one of the keys.
     pub fn verify(&self, link: &str, now: SystemTime) -> Option<ShareGrant> {
-        if link.len() > MAX_LINK_BYTES {
+        if link.len() > ENCODED_BYTES * MAX_LINK_BYTES {
             return None;
         }
+        let link = percent_decode_str(link).decode_utf8().ok().filter(|link| link.len() <= MAX_LINK_BYTES)?;
         let (signed, mac) = link.rsplit_once('.')?;
         let fields: Vec<&str> = signed.split('.').collect();
         let [FORMAT, id, city, version, expires_secs, scope] = fields[..] else { return None };
@@ -162,6 +167,11 @@ impl ShareScope {
             matches!(route, Subtrees | BlockMaps | Meshes | Objects | Visibility | Groups | Tileset | TilesetFile);
         let is_read = is_tile || matches!(route, Search | Filter | Index | Cities | CityPage | Thumbnail | Manifest);
         !self.is_read_only || is_read
+    }
+
+    /// Whether what is computed of the whole city may be sent. It is limited to no area, and a read-only link opens searches only.
+    pub fn admits_computed(&self, route: RouteTemplate) -> bool {
+        self.area_mm.is_none() && (!self.is_read_only || route == RouteTemplate::Search)
     }
 
     /// Whether a tile may be sent. A block of objects has some of other places too, so only links without an area have objects.
@@ -293,6 +303,19 @@ mod tests {
     }
 
     #[test]
+    fn a_link_may_be_percent_encoded() {
+        let keys = keys(NEW);
+        let link = keys.sign(&grant()).unwrap();
+        let every: String = link.bytes().map(|byte| format!("%{byte:02x}")).collect();
+        for encoded in [link.replace('~', "%7E"), link.replace('.', "%2e"), every] {
+            assert_eq!(keys.verify(&encoded, UNIX_EPOCH), Some(grant()), "{encoded}");
+        }
+        for invalid in [link.replacen('.', "%", 1), link.replacen('.', "%252e", 1), link.replace('~', "%ff")] {
+            assert_eq!(keys.verify(&invalid, UNIX_EPOCH), None, "{invalid}");
+        }
+    }
+
+    #[test]
     fn every_altered_byte_makes_a_link_invalid() {
         let keys = keys(NEW);
         let link = keys.sign(&grant()).unwrap();
@@ -326,6 +349,21 @@ mod tests {
     fn scope_limits_versions_routes_and_area() {
         let grant = grant();
         assert!(grant.admits_version("abc") && !grant.admits_version("ac"));
+        for (is_read_only, area_mm, computed) in [
+            (
+                false,
+                None,
+                &[RouteTemplate::Search, RouteTemplate::Filter, RouteTemplate::Draw, RouteTemplate::Tileset][..],
+            ),
+            (true, None, &[RouteTemplate::Search]),
+            (false, Some([0; 4]), &[]),
+            (true, Some([0; 4]), &[]),
+        ] {
+            let scope = ShareScope { is_read_only, area_mm };
+            for route in [RouteTemplate::Search, RouteTemplate::Filter, RouteTemplate::Draw, RouteTemplate::Tileset] {
+                assert_eq!(scope.admits_computed(route), computed.contains(&route), "{scope:?} {route:?}");
+            }
+        }
         assert!(grant.scope.admits_route(RouteTemplate::Meshes) && !grant.scope.admits_route(RouteTemplate::Other));
         assert_eq!(parse_area("-1,0,2.5,0.001"), Ok([-1000, 0, 2500, 1]));
         assert!(["1,2,3", "1,2,3,nan", "2,0,1,0", ""].iter().all(|text| parse_area(text).is_err()));

@@ -1,5 +1,5 @@
 //! The Python scripts: each says how to use it, the second decoder reads the frozen tiles, and the faults that tests must catch
-//! have a place. Without Python, or a module that a script needs, they are reported as ignored.
+//! have a place. The page's service worker, by a script of Node.js. Without Python or Node.js, or a module that a script needs, they are reported as ignored.
 
 use anyhow::{Context, Result, ensure};
 use insula_tests::{
@@ -65,7 +65,18 @@ pub(crate) fn add(trials: &mut Trials) {
         Test::new("the_second_reader_of_formats_passes_its_tests", move || passes_its_unit_tests(&reader))
             .ignored_if(is_ignored(Path::new(READER_TESTS))),
         Test::new("faults_have_a_place", faults_have_a_place).ignored_if(!has_python),
+        Test::new("the_service_worker_never_stands_before_the_network", service_worker)
+            .ignored_if(find_installed("node").is_none()),
     ]);
+}
+
+/// Runs the page's service worker on made-up caches, which fail, hang and are full.
+fn service_worker() -> Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let paths = ["tools/service_worker.mjs", "../client/web/page/service-worker.js"].map(|path| root.join(path));
+    let output = run(Command::new("node").args(&paths))?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Ok(())
 }
 
 /// Those of `scripts` that cannot start. Paths are from `root`.

@@ -2,12 +2,14 @@
 """Measures what slow clients of one address do to others: lockout.py CITY [--server PROGRAM] [--secs S]
 
 Starts a server and requests its manifest from 127.0.0.1, first alone, then while another process attacks from 127.0.0.2 at
-full rate. Prints the p99 of the latency, its ratio to that without an attack, and failed requests. The attacker has a processor
+full rate. Then the same for filters, while 120 connections of the other address ask for long ones. Prints the p99 of the latency, its ratio to that without an attack, and failed requests. The attacker has a processor
 of its own if there are several, so that it takes from others what the server spends on it and not what it spends itself.
 """
-import argparse, http.client, multiprocessing, os, pathlib, socket, statistics, subprocess, tempfile, time
+import argparse, http.client, json, multiprocessing, os, pathlib, socket, statistics, subprocess, tempfile, threading, time
 
 ATTACKER = "127.0.0.2"
+FILTER = "expr=kind+%3D%3D+'building'"
+FILTER_CONNECTIONS = 120
 H2_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
 
 
@@ -78,6 +80,31 @@ def zero_window(port, _city):
             pass
 
 
+def long_filters(port, city):
+    """Asks for long filters on many connections."""
+    def ask():
+        while True:
+            try:
+                client = http.client.HTTPConnection("127.0.0.1", port, timeout=60, source_address=(ATTACKER, 0))
+                client.request("GET", f"{city}/filter?{FILTER}" + f"+%7C%7C+{FILTER[5:]}" * 150)
+                client.getresponse().read()
+                client.close()
+            except OSError:
+                time.sleep(0.01)
+    threads = [threading.Thread(target=ask, daemon=True) for _ in range(FILTER_CONNECTIONS)]
+    for thread in threads:
+        thread.start()
+    threads[0].join()
+
+
+def address_of_version(port, city):
+    client = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+    client.request("GET", f"/v1/cities/{city}")
+    version = json.loads(client.getresponse().read())["version"]
+    client.close()
+    return f"/v1/cities/{city}/{version}"
+
+
 def pin(cores):
     os.sched_setaffinity(0, cores)
 
@@ -87,8 +114,8 @@ def attack(kind, port, city, cores):
     kind(port, city)
 
 
-def latencies(port, city, secs):
-    """Requests the manifest for `secs`. Every other request opens a connection. Returns their seconds and the number of failures."""
+def latencies(port, path, secs):
+    """Requests `path` for `secs`. Every other request opens a connection. Returns their seconds and the number of failures."""
     times, failures, kept = [], 0, None
     end = time.monotonic() + secs
     while time.monotonic() < end:
@@ -96,7 +123,7 @@ def latencies(port, city, secs):
         client = http.client.HTTPConnection("127.0.0.1", port, timeout=5) if fresh or kept is None else kept
         begin = time.perf_counter()
         try:
-            client.request("GET", f"/v1/cities/{city}")
+            client.request("GET", path)
             response = client.getresponse()
             response.read()
             failures += response.status != 200
@@ -126,9 +153,10 @@ def main():
             [args.server, "serve", args.city, "--listen", f"127.0.0.1:{port}"], stdout=log, stderr=log) as server:
         try:
             city = args.city.resolve().name
+            manifest = f"/v1/cities/{city}"
             for _ in range(100):
                 try:
-                    if latencies(port, city, 0.05)[1] == 0:
+                    if latencies(port, manifest, 0.05)[1] == 0:
                         break
                 except OSError:
                     pass
@@ -136,18 +164,21 @@ def main():
             else:
                 raise SystemExit("the server does not respond")
             p99 = lambda times: statistics.quantiles(times, n=100)[98] * 1000
-            alone = p99(latencies(port, city, args.secs)[0])
-            print(f"{'alone':14} p99 {alone:6.2f} ms")
-            for kind in (idle, slow_headers, deaf, zero_window):
-                process = multiprocessing.Process(target=attack, args=(kind, port, city, attackers), daemon=True)
-                process.start()
-                time.sleep(1)
-                times, failures = latencies(port, city, args.secs)
-                process.kill()
-                process.join()
-                time.sleep(2)
-                print(f"{kind.__name__:14} p99 {p99(times):6.2f} ms, {p99(times) / alone:5.2f} times, "
-                      f"{failures} of {len(times)} requests failed")
+            version = address_of_version(port, city)
+            for path, target, kinds in ((manifest, city, (idle, slow_headers, deaf, zero_window)),
+                                        (f"{version}/filter?{FILTER}", version, (long_filters,))):
+                alone = p99(latencies(port, path, args.secs)[0])
+                print(f"{'alone':14} p99 {alone:6.2f} ms")
+                for kind in kinds:
+                    process = multiprocessing.Process(target=attack, args=(kind, port, target, attackers), daemon=True)
+                    process.start()
+                    time.sleep(1)
+                    times, failures = latencies(port, path, args.secs)
+                    process.kill()
+                    process.join()
+                    time.sleep(2)
+                    print(f"{kind.__name__:14} p99 {p99(times):6.2f} ms, {p99(times) / alone:5.2f} times, "
+                          f"{failures} of {len(times)} requests failed")
         finally:
             server.terminate()
 

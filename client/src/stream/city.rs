@@ -82,7 +82,7 @@ impl CityOpener<'_> {
     fn local_folder(&self, path: &Path) -> Result<OpenedCity> {
         let manifest = read_manifest(path).map_err(|error| ClientError::Failed(error.to_string()))?;
         self.check_name(&manifest)?;
-        let source = searchable::in_folder(folder::open(path, self.http), path, self.http);
+        let source = searchable::in_folder(folder::open(path, &manifest.version, self.http), path, self.http);
         Ok(OpenedCity { address: String::new(), manifest, source: Arc::new(source) })
     }
 
@@ -92,7 +92,7 @@ impl CityOpener<'_> {
             || format!("{url}: no city here: give the URL of a baked city's folder, which has a {MANIFEST_FILE}");
         let manifest = self.fetch_manifest(&url, missing)?;
         self.check_name(&manifest)?;
-        let source = Arc::new(web_folder::open(base, &self.transport()));
+        let source = Arc::new(web_folder::open(base, &manifest.version, &self.transport()));
         Ok(self.with_disk_cache(format!("{base}/"), manifest, source))
     }
 

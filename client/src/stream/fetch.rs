@@ -244,6 +244,7 @@ fn check_status(response: &reqwest::Response) -> Result<(), FetchError> {
                 without_secrets(&to)
             )))
         }
+        StatusCode::GONE => Err(FetchError::replaced()),
         _ if status.is_client_error() => Err(FetchError::Missing),
         // Temporary failures are 502, 503 or 504. A 500 means that the server cannot read this tile.
         StatusCode::INTERNAL_SERVER_ERROR => Err(FetchError::Broken),

@@ -94,7 +94,7 @@ impl fmt::Display for CityLocation {
 /// The value of `share=VALUE`, if that is the whole query and could be a share link.
 fn parse_share(query: &str) -> Option<String> {
     let share = query.strip_prefix("share=")?;
-    let is_link = !share.is_empty() && share.bytes().all(|b| b.is_ascii_alphanumeric() || b"-._~".contains(&b));
+    let is_link = !share.is_empty() && share.bytes().all(|b| b.is_ascii_alphanumeric() || b"-._~%".contains(&b));
     is_link.then(|| share.to_owned())
 }
 

@@ -28,7 +28,7 @@ function loadedManifest(city) {
 function registerServiceWorker() {
   const path = document.querySelector('meta[name="insula-service-worker"]')?.getAttribute('content');
   // Without it, the page works online. Browsers offer it only on https and localhost.
-  if (path && 'serviceWorker' in navigator) navigator.serviceWorker.register(path).catch(() => {});
+  if (path && 'serviceWorker' in navigator) navigator.serviceWorker.register(path, { updateViaCache: 'none' }).catch(() => {});
 }
 
 prepareEngine();

@@ -14,6 +14,8 @@ import { ViewerSession } from './viewer-session.js';
 /** An element that was removed, and not only moved, ends its viewer after this time. */
 const DISPOSE_MS = 1000;
 const FLIGHT_SECS = 1.5;
+/** A city that is replaced again sooner is opened again by people only. */
+const REOPEN_MS = 60_000;
 const MAX_HITS = 20;
 
 /** The members are documented for users in insula-viewer.d.ts of the package. */
@@ -37,6 +39,7 @@ export class InsulaCity extends HTMLElement {
   /** Details of the last event of each name. @type {Record<string, any>} */
   last = {};
   #disposal = 0;
+  #reopened = -Infinity;
   #isMeasuring = false;
   /** @type {string|undefined} */ #measureKind;
   /** The label that this file has set; `null` before. @type {string|null} */ #ownLabel = null;
@@ -208,9 +211,24 @@ export class InsulaCity extends HTMLElement {
       this.#label();
       this.#notices.showAttribution(this.manifest);
     }
+    if (op === 'status' && detail.kind === 'replaced') {
+      if (performance.now() - this.#reopened > REOPEN_MS) return this.#reopen();
+      detail.kind = 'error';
+    }
     if (op === 'status') this.#notices.showStatus(detail);
     if (op === 'adapter') this.#surface.dataset.adapter = detail.kind;
     this.#emit(op, detail);
+    return undefined;
+  }
+
+  /** Opens the version that the city has now, at the same view. */
+  #reopen() {
+    this.#reopened = performance.now();
+    const camera = this.#frame?.camera;
+    this.manifest = null;
+    this.#objects.forget();
+    this.restart();
+    if (camera) this.camera = camera;
     return undefined;
   }
 

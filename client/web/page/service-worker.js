@@ -1,26 +1,31 @@
 /**
  * Keeps visited pages, the viewer's files and tiles for use without a network.
  *
- * Addresses that never change are answered from the cache first; pages and manifests from the network first. The cache is bounded:
- * beyond its limit, what was used longest ago is removed. Only GET requests to this host are looked at.
+ * Addresses that never change are answered from the cache first; pages and manifests from the network first. There are two caches: what
+ * is used moves to the newer one, and when that is full, the older one goes. So nothing lists what is kept. Only GET requests to this host
+ * are looked at. Where this script or the cache fails, the network answers.
  */
 
-const CACHE_NAME = 'insula-1';
-const DATABASE = 'insula-cache';
-const STORE = 'entries';
+/** Caches are named by this and a number: the newest is filled, the one before is read, and older ones go. */
+const PREFIX = 'insula-2-';
 const MAX_BYTES = 256 * 2 ** 20;
 /** Share of the space that the browser grants this host. */
 const MAX_SHARE = 0.3;
-/** After a removal the cache is this full, so that not every new entry causes one. */
-const KEPT_SHARE = 0.9;
-/** Pages and the viewer's files outlive tiles that were used as much later: without them, no tile is of use. */
-const PAGE_BONUS_MS = 30 * 24 * 3_600_000;
-/** An entry that is used again within this time is not marked again. */
-const MARK_MS = 60_000;
+/** Estimated bytes of an entry besides its body. */
+const ENTRY_BYTES = 1024;
+/** The count of a cache's bytes is stored whenever so many were added. */
+const COUNT_BYTES = 2 ** 20;
 /** A page that is in the cache waits this long for the network. */
 const PATIENCE_MS = 4_000;
-/** Stands for the range of a request in the cache's keys: the cache cannot hold partial responses. */
+/** The cache has this long for an answer. */
+const LOOK_UP_MS = 2_000;
+/** For ranges in the cache's keys: the cache cannot hold partial responses. */
 const RANGE_PARAMETER = 'insula-range';
+const BLOCK_PARAMETER = 'insula-block';
+const COUNT_PARAMETER = 'insula-bytes';
+/** Ranges up to this length can be found by what lies in them: by the blocks of this length that they touch. */
+const BLOCK_BYTES = 256 * 2 ** 10;
+const MAX_RANGES_OF_BLOCK = 64;
 
 const ASSET = /\/assets\/[0-9a-f]{16}\/[^/]+$/;
 const TILE = /\/v1\/cities\/[^/]+\/[^/]+\/((subtrees|blockmaps|meshes|visibility)\/[\d/]+|objects\/(\d+|schema))$/;
@@ -37,18 +42,26 @@ const ASSET_IN_PAGE = /(?:href|src)="([^"]*assets\/[0-9a-f]{16}\/[^"]+)"/g;
 self.addEventListener('install', (event) => event.waitUntil(self.skipWaiting()));
 self.addEventListener('activate', (event) => event.waitUntil(start()));
 self.addEventListener('fetch', (event) => {
-  const answer = answerTo(event.request, event);
-  if (answer) event.respondWith(answer);
+  try {
+    const answer = answerTo(event.request, event);
+    if (answer) event.respondWith(answer.catch(() => fetch(event.request)));
+  } catch {
+    // The browser fetches as usual.
+  }
 });
 
-/** Removes the caches of older versions, and keeps the pages that are open: they were loaded before this script ran. */
+/** Removes what older versions kept, and keeps the pages that are open: they were loaded before this script ran. */
 async function start() {
-  const names = await caches.keys();
-  const old = names.filter((name) => name.startsWith('insula-') && name !== CACHE_NAME);
-  await Promise.all(old.map((name) => caches.delete(name)));
   await self.clients.claim();
+  const old = (await caches.keys()).filter((name) => name.startsWith('insula-') && !name.startsWith(PREFIX));
+  await Promise.all(old.map((name) => caches.delete(name)));
+  indexedDB.deleteDatabase('insula-cache');
   const pages = await self.clients.matchAll({ type: 'window', includeUncontrolled: true });
-  await Promise.all(pages.map((page) => fromNetworkFirst(new Request(page.url), true).catch(() => null)));
+  const keepOpen = async ({ url }) => {
+    const response = await fetch(url);
+    if (isKept(response, true)) await keepPage(withoutHash(url), response);
+  };
+  await Promise.all(pages.map((page) => keepOpen(page).catch(() => null)));
 }
 
 /**
@@ -67,7 +80,7 @@ function answerTo(request, event) {
   if (ASSET.test(url.pathname) || TILE.test(url.pathname)) return fromCacheFirst(request, later);
   if (GROUP.test(url.pathname)) return groupOf(request, later);
   const isPage = request.mode === 'navigate';
-  if (isPage || MANIFEST.test(url.pathname) || PAGE_FILE.test(url.pathname)) return fromNetworkFirst(request, isPage);
+  if (isPage || MANIFEST.test(url.pathname) || PAGE_FILE.test(url.pathname)) return fromNetworkFirst(request, isPage, later);
   return null;
 }
 
@@ -76,7 +89,7 @@ async function fromCacheFirst(request, later) {
   const found = await lookUpUnlessReloaded(request, request.url);
   if (found) return found;
   const response = await fetch(request);
-  if (response.status === 200) later(keep(request.url, response.clone()));
+  if (isKept(response)) later(keep(request.url, response.clone()));
   return response;
 }
 
@@ -88,7 +101,7 @@ async function groupOf(request, later) {
   const url = new URL(request.url);
   try {
     const response = await fetch(request);
-    if (response.status === 200) later(keepTilesOf(url, response.clone()));
+    if (isKept(response)) later(keepTilesOf(url, response.clone()));
     return (response.status >= 500 && (await groupOfKept(url))) || response;
   } catch (error) {
     const kept = await groupOfKept(url);
@@ -169,17 +182,17 @@ function tilesOf(bytes, count) {
   return tiles;
 }
 
-/** @param {Request} request @param {boolean} isPage */
-async function fromNetworkFirst(request, isPage) {
+/** @param {Request} request @param {boolean} isPage @param {(work: Promise<unknown>) => void} later */
+async function fromNetworkFirst(request, isPage, later) {
   const key = withoutHash(request.url);
   const known = await lookUp(key);
   try {
     const options = known ? { signal: AbortSignal.timeout(PATIENCE_MS) } : {};
     const response = await fetch(request, options);
-    if (response.status === 200 && !isUnkept(response)) {
-      await forgetReplacedArchives(key, known, response.clone());
-      if (isPage) await keepAssets(key, await response.clone().text());
-      await keep(key, response.clone());
+    if (isKept(response, isPage)) {
+      const copy = response.clone();
+      if (isPage) later(keepPage(key, copy));
+      else await keep(key, copy);
     }
     // A gateway whose server is down is no better than no network.
     return known && response.status >= 500 ? known : response;
@@ -190,38 +203,57 @@ async function fromNetworkFirst(request, isPage) {
 }
 
 /**
- * A range of an archive. It is stored as a whole response, because caches refuse partial ones.
+ * A range of an archive. It is stored as a whole response, because caches refuse partial ones. The viewer asks with the version of the
+ * city, so ranges of files that were replaced are not found.
  * @param {Request} request @param {(work: Promise<unknown>) => void} later
  */
 async function rangeOf(request, later) {
-  const key = new URL(withoutHash(request.url));
-  key.searchParams.set(RANGE_PARAMETER, request.headers.get('range') ?? '');
-  const found = await lookUpUnlessReloaded(request, key.href);
+  const file = withoutHash(request.url);
+  const key = keyOf(file, RANGE_PARAMETER, request.headers.get('range') ?? '');
+  const found = await lookUpUnlessReloaded(request, key);
   if (found) return new Response(found.body, { status: 206, statusText: 'Partial Content', headers: found.headers });
-  const part = request.cache === 'reload' ? undefined : await partOfKept(key);
+  const wanted = boundsOf(request);
+  const part = wanted && request.cache !== 'reload' ? await partOfKept(file, wanted) : undefined;
   if (part) return part;
   const response = await fetch(request);
-  if (response.status === 206) {
+  if (isKept(response, false, 206)) {
     const { headers, body } = response.clone();
-    later(keep(key.href, new Response(body, { status: 200, headers })));
+    later(keep(key, new Response(body, { status: 200, headers })));
+    if (wanted) later(noteRange(file, wanted));
   }
   return response;
 }
 
+/** @param {string} address @param {string} name @param {string | number} value */
+function keyOf(address, name, value) {
+  const key = new URL(address);
+  key.searchParams.set(name, String(value));
+  return key.href;
+}
+
+/** The kept ranges that touch a block. @param {string} file @param {number} block @returns {Promise<[number, number][]>} */
+async function rangesOf(file, block) {
+  return (await (await lookUp(keyOf(file, BLOCK_PARAMETER, block)))?.json()) ?? [];
+}
+
+/** Makes a range findable by what lies in it. @param {string} file @param {[number, number]} bounds */
+async function noteRange(file, [first, last]) {
+  if (last - first >= BLOCK_BYTES) return;
+  for (let block = Math.floor(first / BLOCK_BYTES); block * BLOCK_BYTES <= last; block++) {
+    const ranges = [[first, last], ...(await rangesOf(file, block))].slice(0, MAX_RANGES_OF_BLOCK);
+    await keep(keyOf(file, BLOCK_PARAMETER, block), new Response(JSON.stringify(ranges)));
+  }
+}
+
 /**
  * A range that lies in a longer one that is kept: neighbouring tiles are read together, and one by one after a failure.
- * @param {URL} key @returns {Promise<Response | undefined>}
+ * @param {string} file @param {[number, number]} wanted @returns {Promise<Response | undefined>}
  */
-async function partOfKept(key) {
-  const wanted = boundsOf(key);
-  if (!wanted) return undefined;
-  const [first, last] = wanted;
-  const folder = key.href.split('?', 1)[0] + '?';
-  for (const entry of (await entries).all()) {
-    const kept = entry.key.startsWith(folder) ? boundsOf(new URL(entry.key)) : undefined;
-    if (!kept || kept[0] > first || kept[1] < last) continue;
-    const found = await lookUp(entry.key);
-    const bytes = found && new Uint8Array(await found.arrayBuffer()).slice(first - kept[0], last - kept[0] + 1);
+async function partOfKept(file, [first, last]) {
+  for (const [begin, end] of await rangesOf(file, Math.floor(first / BLOCK_BYTES))) {
+    if (begin > first || end < last) continue;
+    const found = await lookUp(keyOf(file, RANGE_PARAMETER, `bytes=${begin}-${end}`));
+    const bytes = found && new Uint8Array(await found.arrayBuffer()).slice(first - begin, last - begin + 1);
     if (!bytes || bytes.length !== last - first + 1) continue;
     const headers = new Headers(found.headers);
     const length = /\/(\d+)$/.exec(headers.get('content-range') ?? '')?.[1] ?? '*';
@@ -232,15 +264,21 @@ async function partOfKept(key) {
   return undefined;
 }
 
-/** First and last byte of the range that a key of the cache names. @param {URL} key @returns {[number, number] | undefined} */
-function boundsOf(key) {
-  const match = /^bytes=(\d{1,15})-(\d{1,15})$/.exec(key.searchParams.get(RANGE_PARAMETER) ?? '');
+/** First and last byte of the range that a request asks for. @param {Request} request @returns {[number, number] | undefined} */
+function boundsOf(request) {
+  const match = /^bytes=(\d{1,15})-(\d{1,15})$/.exec(request.headers.get('range') ?? '');
   return match ? [Number(match[1]), Number(match[2])] : undefined;
 }
 
-/** Whether the host forbids to keep a response. @param {Response} response */
-function isUnkept(response) {
-  return /no-store/.test(response.headers.get('cache-control') ?? '') || response.redirected;
+/**
+ * Whether a response may be kept: a whole one, or a range, of the address that was asked for. Portals and wrong addresses answer with
+ * pages where none is expected.
+ * @param {Response} response
+ */
+function isKept({ status, redirected, headers }, isPage = false, expected = 200) {
+  const isHtml = /^text\/html\b/.test(headers.get('content-type') ?? '');
+  const isForbidden = redirected || /no-store/.test(headers.get('cache-control') ?? '');
+  return status === expected && !isForbidden && isHtml === isPage;
 }
 
 /** @param {string} address */
@@ -248,27 +286,18 @@ function withoutHash(address) {
   return address.split('#', 1)[0];
 }
 
-/**
- * Removes the ranges of a city's archives once its manifest has changed: they are of the old files.
- * @param {string} key @param {Response | undefined} known @param {Response} response
- */
-async function forgetReplacedArchives(key, known, response) {
-  if (!known || !key.split('?', 1)[0].endsWith('/city.json')) return;
-  if ((await known.clone().text()) === (await response.text())) return;
-  const folder = key.slice(0, key.lastIndexOf('city.json'));
-  const index = await entries;
-  await index.remove(index.all().filter((entry) => entry.key.startsWith(folder) && entry.key.includes('.pmtiles?')));
-}
-
-/** Keeps the files that a page names, so that the page works without a network. @param {string} page @param {string} html */
-async function keepAssets(page, html) {
-  const addresses = [...html.matchAll(ASSET_IN_PAGE)].map((match) => new URL(match[1], page).href);
+/** Keeps a page after the files that it names, so that it works without a network. @param {string} key @param {Response} response */
+async function keepPage(key, response) {
+  const html = await response.clone().text();
+  const addresses = [...html.matchAll(ASSET_IN_PAGE)].map((match) => new URL(match[1], key).href);
   const fetchMissing = async (address) => {
     if (new URL(address).origin !== self.location.origin || (await lookUp(address))) return;
-    const response = await fetch(address);
-    if (response.status === 200) await keep(address, response);
+    const asset = await fetch(address);
+    if (!isKept(asset)) throw new Error(address);
+    await keep(address, asset);
   };
   await Promise.all([...new Set(addresses)].map(fetchMissing));
+  await keep(key, response);
 }
 
 /** A kept response, unless the viewer found it damaged. @param {Request} request @param {string} key */
@@ -276,115 +305,78 @@ async function lookUpUnlessReloaded(request, key) {
   return request.cache === 'reload' ? undefined : lookUp(key);
 }
 
-/** A kept response, which is marked as used. @param {string} key */
+/** A kept response; undefined if there is none, or the cache fails. What only the older cache has is kept on. @param {string} key */
 async function lookUp(key) {
-  const cache = await caches.open(CACHE_NAME);
-  const found = await cache.match(key, { ignoreVary: true });
-  if (found) entries.then((index) => index.mark(key)).catch(() => undefined);
-  return found;
+  const search = async () => {
+    const { newer, older } = await names();
+    const find = async (name) => name && (await caches.open(name)).match(key, { ignoreVary: true });
+    const found = await find(newer);
+    if (found) return found;
+    const aged = await find(older);
+    if (aged) keep(key, aged.clone());
+    return aged;
+  };
+  const patience = new Promise((resolve) => setTimeout(resolve, LOOK_UP_MS));
+  return Promise.race([search().catch(() => undefined), patience]);
 }
 
-/** Keeps a response, and removes others if there are too many bytes. @param {string} key @param {Response} response */
+/** Keeps a response if there is room. Never fails. @param {string} key @param {Response} response */
 async function keep(key, response) {
-  const body = await response.blob();
-  const limit = await limitBytes();
-  if (body.size > limit / 4) return;
-  const cache = await caches.open(CACHE_NAME);
-  const index = await entries;
   try {
+    const body = await response.blob();
+    const limit = (await limitBytes()) / 2;
+    if (body.size > limit / 2) return;
+    const now = await names();
+    const cache = await caches.open(now.newer);
     await cache.put(key, new Response(body, { status: 200, headers: response.headers }));
+    const counted = Math.floor(now.bytes / COUNT_BYTES);
+    now.bytes += body.size + ENTRY_BYTES;
+    if (Math.floor(now.bytes / COUNT_BYTES) > counted) await cache.put(countKey(), new Response(String(now.bytes)));
+    if (now.bytes > limit) await age(now);
   } catch (error) {
     // The browser grants less than it said.
-    await index.shrink(index.bytes / 2);
-    throw error;
+    if (error?.name === 'QuotaExceededError') await names().then(age).catch(() => undefined);
   }
-  await index.add(key, body.size);
-  if (index.bytes > limit) await index.shrink(limit * KEPT_SHARE);
+}
+
+/** Begins a new cache, and removes the older one. @param {Names} now */
+async function age(now) {
+  const { newer, older } = now;
+  Object.assign(now, { newer: PREFIX + (numberOf(newer) + 1), older: newer, bytes: 0 });
+  if (older) await caches.delete(older);
+}
+
+/** @typedef {{newer: string, older: string | undefined, bytes: number}} Names The caches, and how full the newer one is. */
+
+/** @type {Promise<Names> | undefined} */
+let known;
+
+/** @returns {Promise<Names>} */
+function names() {
+  const find = async () => {
+    const all = (await caches.keys()).filter((name) => name.startsWith(PREFIX)).sort((a, b) => numberOf(b) - numberOf(a));
+    const [newer = `${PREFIX}1`, older, ...others] = all;
+    await Promise.all(others.map((name) => caches.delete(name)));
+    const count = await (await caches.open(newer)).match(countKey());
+    return { newer, older, bytes: Number((await count?.text()) ?? 0) };
+  };
+  known ??= find().catch((error) => {
+    known = undefined;
+    throw error;
+  });
+  return known;
+}
+
+/** @param {string} name */
+function numberOf(name) {
+  return Number(name.slice(PREFIX.length)) || 0;
+}
+
+function countKey() {
+  return `${self.location.origin}/?${COUNT_PARAMETER}`;
 }
 
 async function limitBytes() {
   const estimate = await (navigator.storage?.estimate?.() ?? Promise.resolve({}));
   return Math.min(MAX_BYTES, (estimate.quota ?? MAX_BYTES) * MAX_SHARE);
 }
-
-/** The sizes of all entries and when they were used. A copy in a database outlives this script, which the browser often stops. */
-class EntryIndex {
-  /** @param {IDBDatabase} database @param {{key: string, bytes: number, used: number}[]} list */
-  constructor(database, list) {
-    this.database = database;
-    this.byKey = new Map(list.map((entry) => [entry.key, entry]));
-    this.bytes = list.reduce((sum, entry) => sum + entry.bytes, 0);
-  }
-
-  static async open() {
-    const opening = indexedDB.open(DATABASE, 1);
-    opening.onupgradeneeded = () => opening.result.createObjectStore(STORE, { keyPath: 'key' });
-    const database = await settled(opening);
-    const index = new EntryIndex(database, await settled(database.transaction(STORE).objectStore(STORE).getAll()));
-    await index.adopt();
-    return index;
-  }
-
-  /** Makes index and cache agree: the browser may have stopped this script between the two. */
-  async adopt() {
-    const cache = await caches.open(CACHE_NAME);
-    const kept = new Set((await cache.keys()).map((request) => request.url));
-    await this.remove(this.all().filter((entry) => !kept.has(entry.key)));
-    await Promise.all([...kept].filter((key) => !this.byKey.has(key)).map((key) => cache.delete(key)));
-  }
-
-  all() {
-    return [...this.byKey.values()];
-  }
-
-  /** @param {string} key @param {number} bytes */
-  async add(key, bytes) {
-    this.bytes += bytes - (this.byKey.get(key)?.bytes ?? 0);
-    await this.put({ key, bytes, used: Date.now() });
-  }
-
-  /** @param {string} key */
-  async mark(key) {
-    const entry = this.byKey.get(key);
-    if (entry && Date.now() - entry.used > MARK_MS) await this.put({ ...entry, used: Date.now() });
-  }
-
-  async put(entry) {
-    this.byKey.set(entry.key, entry);
-    await settled(this.database.transaction(STORE, 'readwrite').objectStore(STORE).put(entry));
-  }
-
-  /** Removes what was used longest ago, until at most `bytes` are left. @param {number} bytes */
-  async shrink(bytes) {
-    const isOfCity = ({ pathname }) => TILE.test(pathname) || ARCHIVE.test(pathname);
-    const rank = ({ key, used }) => used + (isOfCity(new URL(key)) ? 0 : PAGE_BONUS_MS);
-    const oldestFirst = this.all().sort((a, b) => rank(a) - rank(b));
-    const removed = [];
-    for (let rest = this.bytes; rest > bytes && oldestFirst.length > 0; rest -= removed.at(-1).bytes) {
-      removed.push(oldestFirst.shift());
-    }
-    await this.remove(removed);
-  }
-
-  async remove(list) {
-    if (list.length === 0) return;
-    const cache = await caches.open(CACHE_NAME);
-    const store = this.database.transaction(STORE, 'readwrite').objectStore(STORE);
-    for (const entry of list) {
-      if (this.byKey.delete(entry.key)) this.bytes -= entry.bytes;
-      store.delete(entry.key);
-    }
-    await Promise.all(list.map((entry) => cache.delete(entry.key)));
-  }
-}
-
-/** @param {IDBRequest} request */
-function settled(request) {
-  return new Promise((resolve, reject) => {
-    request.onsuccess = () => resolve(request.result);
-    request.onerror = () => reject(request.error);
-  });
-}
-
-/** @type {Promise<EntryIndex>} */
-const entries = EntryIndex.open();

@@ -54,10 +54,11 @@ impl BakedCity {
         for (kind, archive) in city.archives() {
             // Each level of detail of the meshes has its own level of the archive, from the leaves' level on.
             let extra_levels = if kind == TileKind::Mesh { MAX_LODS - 1 } else { 0 };
-            let damage = |what| {
-                let source = ArchiveError::Directory(what);
-                Err(CityError::Archive { location: city.path_of(kind.file_name()), source })
-            };
+            let refuse = |source| Err(CityError::Archive { location: city.path_of(kind.file_name()), source });
+            let damage = |what| refuse(ArchiveError::Directory(what));
+            if !archive.is_of_version(&city.manifest.version) {
+                return refuse(ArchiveError::OtherVersion);
+            }
             if kind != TileKind::Objects && archive.deepest_level() > city.manifest.depth + extra_levels {
                 return damage("it has tiles below the depth that city.json gives");
             }

@@ -6,6 +6,7 @@
 use crate::{
     ArchiveError,
     limits::{MAX_READ_BYTES, MAX_TILE_BYTES},
+    mark::MARK_AT,
 };
 use insula_protocol::{TileId, tile_id::MAX_LEVEL};
 use std::{io::Read, ops::Range};
@@ -96,6 +97,8 @@ pub(crate) struct ArchiveHeader {
     pub(crate) root: Range<u64>,
     pub(crate) leaves: Range<u64>,
     pub(crate) data: Range<u64>,
+    /// See [`crate::mark`].
+    pub(crate) mark: [u8; 8],
     is_gzip: bool,
 }
 
@@ -128,7 +131,10 @@ impl ArchiveHeader {
         if root.end - root.start > MAX_PACKED_BYTES || leaves.end - leaves.start > MAX_LEAVES_BYTES {
             return Err(ArchiveError::Directory("a directory is too long"));
         }
-        Ok(Self { root, leaves, data: section(56, "the tile data")?, is_gzip: header[97] == COMPRESSION_GZIP })
+        let (data, is_gzip) = (section(56, "the tile data")?, header[97] == COMPRESSION_GZIP);
+        let mut mark = [0; 8];
+        mark.copy_from_slice(&header[MARK_AT]);
+        Ok(Self { root, leaves, data, mark, is_gzip })
     }
 
     /// Unpacks a directory. Its entries are sorted, do not overlap, and lie inside their sections.

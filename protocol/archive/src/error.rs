@@ -45,6 +45,9 @@ pub enum ArchiveError {
     /// More tiles than an archive may have, or than the file has bytes.
     #[error("its directory exceeds the limit of {0} tiles")]
     TooMany(u64),
+    /// Archive and manifest are of different bakes.
+    #[error("it is of another version of the city than city.json")]
+    OtherVersion,
     #[error("its directories could not be read in time")]
     TooSlow,
     #[error(transparent)]
@@ -55,6 +58,7 @@ impl From<ArchiveError> for ReadError {
     fn from(error: ArchiveError) -> Self {
         match error {
             ArchiveError::Read(error) => error,
+            ArchiveError::OtherVersion => Self::Replaced,
             other => Self::Damaged(other.to_string()),
         }
     }

@@ -1,11 +1,12 @@
 //! Regular files of this machine.
 
-use crate::{RangeRead, RangeSource, ReadError, limits::MAX_READ_BYTES};
+use crate::{RangeRead, RangeSource, ReadError, limits::MAX_READ_BYTES, open_files::OpenFile};
 use std::{
     fs::{self, File},
     io::{self, Read},
     ops::Range,
     path::Path,
+    sync::Arc,
 };
 
 /// Opens a regular file for reading. Fails for pipes, devices and folders, without waiting for the other end of a pipe.
@@ -42,35 +43,30 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
 /// A regular file.
 ///
 /// It is read, not mapped: if a mapped file is truncated, the next access ends the process, and bytes that were checked in a
-/// mapping may change before they are sent.
+/// mapping may change before they are sent. Not all of them are open at the same time: see [`crate::open_files`].
 #[derive(Debug)]
-pub struct FileSource {
-    file: File,
-    length: u64,
-}
+pub struct FileSource(OpenFile);
 
 impl FileSource {
     /// Opens a regular file; see [`open_regular`].
     pub fn open(path: &Path) -> io::Result<Self> {
-        let file = open_regular(path)?;
-        let length = file.metadata()?.len();
-        Ok(Self { file, length })
+        OpenFile::open(path).map(Self)
     }
 }
 
 impl RangeSource for FileSource {
     fn length(&self) -> Option<u64> {
-        Some(self.length)
+        Some(self.0.length())
     }
 
     fn read(&self, range: Range<u64>) -> RangeRead {
-        let end = range.end.min(self.length);
+        let end = range.end.min(self.0.length());
         if range.start > end || end - range.start > MAX_READ_BYTES {
             return RangeRead::Ready(Err(ReadError::Failed("the range lies outside the file".into())));
         }
         let mut bytes = vec![0; (end - range.start) as usize];
-        let read = read_exact_at(&self.file, &mut bytes, range.start);
-        RangeRead::Ready(read.map(|()| bytes.into()).map_err(ReadError::from))
+        let read = |file: Arc<File>| read_exact_at(&file, &mut bytes, range.start).map_err(ReadError::from);
+        RangeRead::Ready(self.0.handle().and_then(read).map(|()| bytes.into()))
     }
 }
 

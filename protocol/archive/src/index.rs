@@ -6,6 +6,7 @@ use crate::{
         ArchiveHeader, DirectoryBudget, DirectoryEntry, HEADER_BYTES, MAX_LEAF_DEPTH, MAX_TILES, find, tile_id,
         tile_number,
     },
+    mark,
     resident_directories::ResidentDirectories,
     source::{SharedSource, read_exactly},
 };
@@ -158,6 +159,11 @@ impl Archive {
     fn unpack_leaf(&self, leaf: &DirectoryEntry) -> Result<Vec<DirectoryEntry>, ReadError> {
         let packed = read_exactly(&self.source, leaf.bytes()).now_or_never().unwrap_or_else(|| Err(not_local()))?;
         Ok(self.header.unpack(&packed, &mut DirectoryBudget::of_one())?)
+    }
+
+    /// Whether the archive can be of this version of a city: it carries it, or none.
+    pub fn is_of_version(&self, version: &str) -> bool {
+        mark::is_of(self.header.mark, version)
     }
 
     /// The deepest level that has a tile.

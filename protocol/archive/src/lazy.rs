@@ -4,6 +4,7 @@ use crate::{
     ArchiveError,
     directory::{ArchiveHeader, DirectoryBudget, DirectoryEntry, MAX_LEAF_DEPTH, find, tile_number},
     limits::max_tile_bytes,
+    mark,
     resident_directories::ResidentDirectories,
     source::{BoxFuture, SharedSource, read_exactly},
 };
@@ -34,6 +35,8 @@ const MAX_RUN_BYTES: u64 = 256 << 10;
 pub struct LazyArchive {
     source: SharedSource,
     max_tile_bytes: usize,
+    /// Version of the city; `None` for any.
+    version: Option<Arc<str>>,
     cache: Arc<Mutex<DirectoryCache>>,
 }
 
@@ -58,7 +61,13 @@ impl LazyArchive {
     /// Reads nothing yet. Tiles of more than `max_tile_bytes` will not be read.
     pub fn new(source: SharedSource, max_tile_bytes: usize) -> Self {
         let cache = DirectoryCache { resident: ResidentDirectories::new(), pending: HashMap::new() };
-        Self { source, max_tile_bytes, cache: Arc::new(Mutex::new(cache)) }
+        Self { source, max_tile_bytes, version: None, cache: Arc::new(Mutex::new(cache)) }
+    }
+
+    /// The same for an archive of this version of a city: reads of another one fail with [`ArchiveError::OtherVersion`].
+    #[must_use]
+    pub fn of_version(self, version: Arc<str>) -> Self {
+        Self { version: Some(version), ..self }
     }
 
     /// Reads a tile, unchecked. `None` if there is no such tile. Fails without reading if it is too long.
@@ -92,8 +101,8 @@ impl LazyArchive {
     }
 
     async fn find(&self, number: u64) -> Result<Option<Range<u64>>, ArchiveError> {
-        let source = self.source.clone();
-        let mut directory = self.directory(0, || Box::pin(load_root(source))).await?;
+        let (source, version) = (self.source.clone(), self.version.clone());
+        let mut directory = self.directory(0, || Box::pin(load_root(source, version))).await?;
         for _ in 0..=MAX_LEAF_DEPTH {
             match find(&directory.entries, number) {
                 None => return Ok(None),
@@ -173,9 +182,12 @@ fn lock(cache: &Mutex<DirectoryCache>) -> MutexGuard<'_, DirectoryCache> {
     cache.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-async fn load_root(source: SharedSource) -> Result<ArchiveDirectory, ArchiveError> {
+async fn load_root(source: SharedSource, version: Option<Arc<str>>) -> Result<ArchiveDirectory, ArchiveError> {
     let first = source.read(0..FIRST_READ_BYTES).bytes().await?;
     let header = ArchiveHeader::read(&first, source.length())?;
+    if version.is_some_and(|version| !mark::is_of(header.mark, &version)) {
+        return Err(ArchiveError::OtherVersion);
+    }
     let root = header.root.clone();
     if root.end > first.len() as u64 {
         return load_directory(source, header, root).await;
@@ -202,9 +214,10 @@ pub struct LazyCity {
 }
 
 impl LazyCity {
-    /// `open` returns the source of each archive.
-    pub fn new(open: impl Fn(TileKind) -> SharedSource) -> Self {
-        let archive = |kind| LazyArchive::new(open(kind), max_tile_bytes(kind));
+    /// The city of a manifest with this version. `open` returns the source of each archive.
+    pub fn new(version: &str, open: impl Fn(TileKind) -> SharedSource) -> Self {
+        let version: Arc<str> = version.into();
+        let archive = |kind| LazyArchive::new(open(kind), max_tile_bytes(kind)).of_version(version.clone());
         let [subtrees, blockmaps, meshes, objects, visibility] =
             [TileKind::Subtree, TileKind::BlockMap, TileKind::Mesh, TileKind::Objects, TileKind::Visibility]
                 .map(archive);

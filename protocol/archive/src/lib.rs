@@ -18,8 +18,11 @@ pub mod file;
 pub mod index;
 pub mod lazy;
 pub mod limits;
+pub mod mark;
 #[cfg(feature = "fs")]
 pub mod new_file;
+#[cfg(feature = "fs")]
+pub mod open_files;
 #[cfg(feature = "fs")]
 pub mod owned;
 #[cfg(feature = "fs")]

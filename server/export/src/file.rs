@@ -7,7 +7,7 @@ use crate::{
     selection::ObjectSelection,
     source::ExportSource,
     table::{
-        self, ExportError, ExportReport,
+        self, ExportError, ExportReport, TableOptions,
         city::{City, Plan},
     },
 };
@@ -23,6 +23,7 @@ pub fn export(
     format: Format,
     selection: &ObjectSelection,
     projections: &Projections<'_>,
+    options: TableOptions,
     out: &Path,
 ) -> Result<ExportReport, ExportError> {
     check(selection)?;
@@ -30,7 +31,7 @@ pub fn export(
     match format {
         Format::GeoTiff => raster::write(&city, selection, projections, out),
         Format::CityJsonSeq => cityjson::write(&city, &Plan::of(&city, selection)?, out),
-        _ => table::write(&city, format, &Plan::of(&city, selection)?, projections, out),
+        _ => table::write(&city, format, &Plan::of(&city, selection)?, projections, options, out),
     }
 }
 

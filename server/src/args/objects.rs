@@ -70,6 +70,9 @@ pub struct ExportArgs {
     /// Tolerated error in pixels of the picture of `--view`
     #[arg(long, value_name = "PX", value_parser = parse_tau, default_value = "1", requires = "view")]
     pub tau: f64,
+    /// Leave texts that spreadsheets run as formulas as they are, for `--format csv` [default: an apostrophe before them]
+    #[arg(long)]
+    pub keep_formulas: bool,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
 }

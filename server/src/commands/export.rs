@@ -14,6 +14,7 @@ use insula_export::{
     glb::{self, ExportView},
     selection::{ObjectSelection, passing},
     source::{ExportSource, SourceError},
+    table::TableOptions,
     tiles3d::{Destination, Tileset, write_tileset},
 };
 use insula_objects::filter::Filter;
@@ -36,6 +37,9 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(city.manifest(), objects.schema(), &read);
     let view = view(args)?;
+    if args.keep_formulas && args.format != ExportFormat::Table(Format::Csv) {
+        return Err(CommandError::Usage("--keep-formulas needs --format csv".to_owned()));
+    }
     let selection = selection(args, &source)?;
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
@@ -112,7 +116,8 @@ fn write_table(
         epsg: place.and_then(EarthPlace::epsg),
         definition: definition.as_ref(),
     };
-    let report = file::export(source, format, selection, &projections, &args.out)
+    let options = TableOptions { keeps_formulas: args.keep_formulas };
+    let report = file::export(source, format, selection, &projections, options, &args.out)
         .map_err(|error| CommandError::Export { path: args.out.clone(), reason: error.to_string() })?;
     for (reason, number) in &report.skipped {
         eprintln!("note: {} left out: {reason}", count(*number, "object"));

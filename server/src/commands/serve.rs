@@ -7,12 +7,16 @@ use crate::{
     http::HttpServer,
     store::Store,
 };
+use insula_archive::open_files::set_most_open_files;
 use insula_command_line::log;
 use std::sync::Arc;
 use tokio::{net::TcpListener, sync::Notify};
 
-/// Runs `serve`, which prints one line on standard output once connections are accepted. Fails if a setting is invalid, a city
-/// cannot be opened, or the address cannot be bound.
+/// Files of cities that are open at the same time, where the system sets no lower limit.
+const MOST_CITY_FILES: usize = 1 << 16;
+
+/// Runs `serve`, which prints one line on standard output once connections are accepted. Fails if a setting is invalid, no city
+/// can be opened (with `--strict`: one of them), or the address cannot be bound.
 pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     let listen = args.listen.iter().map(|listen| format!("listen={listen}"));
     let metrics = args.metrics_address.iter().map(|address| format!("metrics_address={address}"));
@@ -26,13 +30,15 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     // tiny-skia warns of shapes without an area, which Insula handles.
     log::start("info,tiny_skia=error", config.log.format == LogFormat::Json);
     let system_error = |what| move |source| CommandError::System { what, source };
+    raise_file_limit();
     // This thread accepts connections and reloads cities; the workers have threads of their own.
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system_error("start threads"))?;
     let result = runtime.block_on(async {
         // Registered before the line is printed, so that its reader can stop the server at once.
         let signals = ShutdownSignals::register().map_err(system_error("register signal handlers"))?;
-        let store = Store::open_anywhere(&args.cities, &config.cache).await?;
+        let opened = Store::start(&args.cities, &config.cache).await?;
+        let store = if args.strict { opened.complete() } else { opened.usable() }?;
         let listen_error = |source| CommandError::Listen { address: config.listen.clone(), source };
         let listener = TcpListener::bind(&config.listen).await.map_err(listen_error)?;
         let address = listener.local_addr().map_err(listen_error)?;
@@ -48,6 +54,21 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     // Blocking work may wait for a disk that does not respond.
     runtime.shutdown_background();
     result
+}
+
+/// Asks the system for as many open files as it allows. Files of cities get half of them, connections the rest.
+#[cfg(unix)]
+fn raise_file_limit() {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let limit = getrlimit(Resource::Nofile);
+    let raised = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, maximum: limit.maximum });
+    let files = if raised.is_ok() { limit.maximum } else { limit.current };
+    set_most_open_files(files.map_or(MOST_CITY_FILES, |files| (files as usize / 2).min(MOST_CITY_FILES)));
+}
+
+#[cfg(not(unix))]
+fn raise_file_limit() {
+    set_most_open_files(MOST_CITY_FILES);
 }
 
 /// Registered handlers of the signals that end the server or reload its cities.

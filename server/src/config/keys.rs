@@ -1,11 +1,12 @@
 //! Table of all settings: name, documentation, range, and conversion from and to text.
 
+use super::network::Network;
 use super::settings::{CorsPolicy, DEFAULT_LISTEN, LogFormat, LogRequests, ServeConfig};
 use insula_protocol::manifest::is_name;
 use std::{ops::RangeInclusive, path::PathBuf};
 
 /// Every setting with its documentation, in the order of `--print-config`.
-pub(super) const SETTINGS: [(&str, &str); 41] = [
+pub(super) const SETTINGS: [(&str, &str); 43] = [
     ("listen", "HOST:PORT; port 0 picks a free one"),
     ("metrics_address", "HOST:PORT of a listener for /healthz, /readyz and /metrics alone; \"\": all at listen"),
     ("threads", "number of worker threads; 0: one per core"),
@@ -21,7 +22,8 @@ pub(super) const SETTINGS: [(&str, &str); 41] = [
     ("limits.in_flight_bytes", "bytes of responses that wait to be sent; requests over it are rejected with 503"),
     ("limits.client_in_flight", "requests in flight per client address; 0: three quarters of limits.in_flight"),
     ("limits.client_in_flight_bytes", "the same for bytes; 0: three quarters of limits.in_flight_bytes"),
-    ("limits.tile_bytes", "bytes of the cache of recently sent tiles"),
+    ("limits.cache_bytes", "bytes of all caches: of tiles, remote blocks, search indexes and files of tilesets"),
+    ("limits.tile_bytes", "bytes of it for recently sent tiles"),
     ("limits.header_bytes", "bytes of a request's line and headers"),
     ("limits.headers", "number of headers of a request"),
     ("limits.header_secs", "seconds within which a request's headers must arrive"),
@@ -37,7 +39,7 @@ pub(super) const SETTINGS: [(&str, &str); 41] = [
     ("drawings.waiting", "requests that may wait for that; further ones are rejected with 503"),
     ("drawings.secs", "seconds within which a drawing must be made, including the wait"),
     ("drawings.triangles", "triangles of a drawing; larger ones are rejected with 400"),
-    ("cache.memory_bytes", "bytes of the memory cache for blocks of remote cities"),
+    ("cache.memory_bytes", "bytes of limits.cache_bytes for blocks of remote cities, if there are any"),
     ("cache.block_bytes", "bytes of a block, the unit in which remote cities are fetched"),
     ("cache.folder", "folder of the disk cache for blocks; \"\": none"),
     ("cache.folder_bytes", "bytes of the disk cache"),
@@ -48,6 +50,7 @@ pub(super) const SETTINGS: [(&str, &str); 41] = [
     ("access.private", "names of the cities that need a token or link; []: all of them, if one of the files is set"),
     ("access.cors", "which pages of other origins may read responses: \"any\", \"none\""),
     ("access.hosts", "hosts that requests may name, as in [\"cities.example.org\"]; []: any"),
+    ("access.proxies", "proxies whose X-Forwarded-For names the client, as in [\"10.0.0.0/8\"]; []: none"),
     ("log.format", "\"text\" or \"json\""),
     ("log.requests", "which requests are logged: \"none\", \"errors\" (5xx), \"all\""),
 ];
@@ -66,6 +69,7 @@ enum SettingField<'a> {
     Requests(&'a mut LogRequests),
     Cors(&'a mut CorsPolicy),
     Hosts(&'a mut Vec<String>),
+    Networks(&'a mut Vec<Network>),
 }
 
 const CORS: [(&str, CorsPolicy); 2] = [("any", CorsPolicy::Any), ("none", CorsPolicy::None)];
@@ -92,6 +96,7 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
         "limits.client_in_flight_bytes" => SettingField::Usize(&mut limits.client_in_flight_bytes, 0..=1 << 40),
         "limits.in_flight" => SettingField::Usize(&mut limits.in_flight, 1..=1_000_000),
         "limits.in_flight_bytes" => SettingField::Usize(&mut limits.in_flight_bytes, 1 << 20..=1 << 40),
+        "limits.cache_bytes" => SettingField::Usize(&mut limits.cache_bytes, 0..=1 << 40),
         "limits.tile_bytes" => SettingField::Usize(&mut limits.tile_bytes, 0..=1 << 40),
         "limits.header_bytes" => SettingField::Usize(&mut limits.header_bytes, 8192..=1 << 20),
         "limits.headers" => SettingField::Usize(&mut limits.headers, 8..=1000),
@@ -115,6 +120,7 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
         "access.share_keys" => SettingField::File(&mut config.access.share_keys),
         "access.cors" => SettingField::Cors(&mut config.access.cors),
         "access.hosts" => SettingField::Hosts(&mut config.access.hosts),
+        "access.proxies" => SettingField::Networks(&mut config.access.proxies),
         "access.private" => SettingField::Names(&mut config.access.private),
         "log.format" => SettingField::Format(&mut config.log.format),
         "log.requests" => SettingField::Requests(&mut config.log.requests),
@@ -162,6 +168,8 @@ pub(super) fn set(config: &mut ServeConfig, key: &str, value: &RawValue) -> Resu
         }
         (SettingField::Hosts(field), RawValue::List(hosts)) => *field = checked_hosts(hosts)?,
         (SettingField::Hosts(field), RawValue::Untyped(text)) => *field = checked_hosts(&split_list(text))?,
+        (SettingField::Networks(field), RawValue::List(networks)) => *field = parse_networks(networks)?,
+        (SettingField::Networks(field), RawValue::Untyped(text)) => *field = parse_networks(&split_list(text))?,
         (SettingField::Usize(field, range), RawValue::Number(text) | RawValue::Untyped(text)) => {
             *field = parse_integer(text, &range)?
         }
@@ -187,6 +195,7 @@ pub(super) fn set(config: &mut ServeConfig, key: &str, value: &RawValue) -> Resu
         (SettingField::Usize(..) | SettingField::U64(..) | SettingField::U32(..) | SettingField::Rate(_), _) => {
             return Err("expected a number without quotes".into());
         }
+        (SettingField::Networks(_), _) => return Err("expected a list of networks, such as [\"10.0.0.0/8\"]".into()),
         (SettingField::Hosts(_), _) => return Err("expected a list of hosts, such as [\"localhost\"]".into()),
         (SettingField::Names(_), _) => return Err("expected a list of names, such as [\"delft\"]".into()),
         _ => return Err("expected a text in quotes".into()),
@@ -205,6 +214,7 @@ pub(super) fn get(config: &mut ServeConfig, key: &str) -> String {
             quoted(&path.as_ref().map(|path| path.display().to_string()).unwrap_or_default())
         }
         Some(SettingField::Names(all) | SettingField::Hosts(all)) => list(all),
+        Some(SettingField::Networks(all)) => list(&all.iter().map(ToString::to_string).collect::<Vec<_>>()),
         Some(SettingField::OptionalAddress(address)) => quoted(address.as_deref().unwrap_or_default()),
         Some(SettingField::Usize(size, _)) => size.to_string(),
         Some(SettingField::U64(number, _)) => number.to_string(),
@@ -219,6 +229,10 @@ pub(super) fn get(config: &mut ServeConfig, key: &str) -> String {
 
 fn split_list(text: &str) -> Vec<String> {
     text.split(',').filter(|item| !item.is_empty()).map(str::to_owned).collect()
+}
+
+fn parse_networks(networks: &[String]) -> Result<Vec<Network>, String> {
+    networks.iter().map(|network| network.parse()).collect()
 }
 
 fn checked_hosts(hosts: &[String]) -> Result<Vec<String>, String> {

@@ -5,11 +5,13 @@
 
 mod keys;
 mod load;
+mod network;
 mod settings;
 
 pub use keys::check_address;
 pub use load::ConfigError;
 pub(crate) use load::environment;
+pub use network::Network;
 pub use settings::{
     AccessConfig, BlockCacheConfig, CorsPolicy, DEFAULT_LISTEN, DrawingsConfig, LimitsConfig, LogConfig, LogFormat,
     LogRequests, ReloadConfig, ServeConfig, TlsConfig,

@@ -1,5 +1,6 @@
 //! The settings of `serve` with their defaults, and the checks that span several of them.
 
+use super::network::Network;
 use std::{path::PathBuf, time::Duration};
 
 /// Default of `listen`.
@@ -57,7 +58,9 @@ pub struct LimitsConfig {
     pub client_in_flight: usize,
     /// Bytes of responses in flight per client address; 0 for three quarters of `in_flight_bytes`.
     pub client_in_flight_bytes: usize,
-    /// Size of the tile caches of all threads together.
+    /// Bytes of all caches together: of tiles, of blocks of remote cities, of search indexes and made files.
+    pub cache_bytes: usize,
+    /// Size of the tile caches of all threads together, a part of `cache_bytes`.
     pub tile_bytes: usize,
     pub header_bytes: usize,
     /// Number of headers per request.
@@ -115,6 +118,8 @@ pub struct AccessConfig {
     pub cors: CorsPolicy,
     /// Hosts that requests may name; empty for any.
     pub hosts: Vec<String>,
+    /// Proxies whose `X-Forwarded-For` names the address of the client.
+    pub proxies: Vec<Network>,
 }
 
 /// Which pages of other origins may read responses.
@@ -196,6 +201,7 @@ impl Default for LimitsConfig {
             in_flight_bytes: 256 << 20,
             client_in_flight: 0,
             client_in_flight_bytes: 0,
+            cache_bytes: 512 << 20,
             tile_bytes: 64 << 20,
             header_bytes: 16 << 10,
             headers: 64,
@@ -218,6 +224,12 @@ impl ServeConfig {
         }
     }
 
+    /// Bytes for search indexes and made files: what other caches leave of `limits.cache_bytes`.
+    pub(crate) fn computed_bytes(&self, has_remote_cities: bool) -> usize {
+        let blocks = if has_remote_cities { self.cache.memory_bytes as usize } else { 0 };
+        self.limits.cache_bytes.saturating_sub(self.limits.tile_bytes).saturating_sub(blocks)
+    }
+
     /// Time that requests in flight may take to finish at shutdown.
     pub fn drain_timeout(&self) -> Duration {
         Duration::from_secs(self.drain_secs)
@@ -229,6 +241,13 @@ impl ServeConfig {
             (Some(_), None) => return Err("tls.certificate is set, tls.key is not: set both or none".into()),
             (None, Some(_)) => return Err("tls.key is set, tls.certificate is not: set both or none".into()),
             _ => {}
+        }
+        if self.limits.tile_bytes as u64 + self.cache.memory_bytes > self.limits.cache_bytes as u64 {
+            return Err(
+                "limits.tile_bytes and cache.memory_bytes are together more than limits.cache_bytes, of which they \
+                        are parts"
+                    .into(),
+            );
         }
         if !self.access.private.is_empty() && !self.access.is_restricted() {
             return Err("access.private names cities, but without access.tokens or access.share_keys no client could \

@@ -61,6 +61,11 @@ impl CityAccess {
     pub(super) fn is_public(self) -> bool {
         self == Self::Public
     }
+
+    /// Whether what is computed of the whole city may be sent.
+    pub(super) fn admits_computed(self, route: RouteTemplate) -> bool {
+        if let Self::Link(scope) = self { scope.admits_computed(route) } else { true }
+    }
 }
 
 impl AccessControl {
@@ -90,6 +95,11 @@ impl AccessControl {
     /// Whether there are tokens or keys, or none are configured.
     pub(super) fn is_usable(&self) -> bool {
         !self.is_restricted || !self.tokens.is_empty() || !self.share_keys.is_empty()
+    }
+
+    /// Whether some cities may need a token or link.
+    pub(super) fn is_restricted(&self) -> bool {
+        self.is_restricted
     }
 
     /// Whether a city of this name needs no token.

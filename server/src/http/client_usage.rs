@@ -60,7 +60,7 @@ pub(super) struct ClientSlot {
 }
 
 /// The default share of one client: three quarters, at least 1.
-fn default_share(limit: usize) -> usize {
+pub(super) fn default_share(limit: usize) -> usize {
     (limit - limit / 4).min(limit.saturating_sub(1)).max(1)
 }
 

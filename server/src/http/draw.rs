@@ -1,17 +1,21 @@
 //! Vector drawings of a city (`insula_draw`), made of the options in the body of a request. Off by default.
 //!
 //! The only route that reads a body, and the only one that takes seconds: so the body is small and must arrive soon, few drawings are
-//! made at once, few requests wait, and a drawing that nobody waits for ends.
+//! made at once on threads of their own, few requests wait, and a drawing that nobody waits for ends.
 
 use super::{
-    access_control::{AccessRequest, CityAccess, Credentials},
-    drawing_queue::DrawingQueue,
+    access_control::{AccessRequest, Credentials},
+    fair_queue::StopFlag,
     problem::{NO_ROUTE, Problem},
     response::DRAWING_METHODS,
     state::{AppState, MessageKind},
     tile::unknown_name,
+    work_queues::{RequestClient, WorkKind},
 };
-use crate::store::{CityStore, StoredCity};
+use crate::{
+    config::DrawingsConfig,
+    store::{CityStore, StoredCity},
+};
 use axum::{
     body::{Body, to_bytes},
     extract::State,
@@ -26,14 +30,9 @@ use insula_draw::{
     options::DrawingOptions,
 };
 use insula_protocol::route::{Route, RouteError, RouteTemplate};
-use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering::Relaxed},
-    },
-    time::Duration,
-};
-use tokio::{runtime::Handle, task::spawn_blocking, time::timeout};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::{sync::Arc, time::Duration};
+use tokio::{runtime::Handle, time::timeout};
 
 /// Largest body.
 const MAX_BODY_BYTES: usize = 64 << 10;
@@ -49,12 +48,24 @@ const TOO_LARGE: Problem =
     Problem::bad_request("the drawing would be too large: choose a smaller bbox, a filter, or a smaller scale");
 const EMPTY: Problem = Problem::bad_request("nothing to draw: no surface of the selection is in the view");
 
-/// Ends a drawing when it is dropped: with the request.
-struct StopOnDrop(Arc<AtomicBool>);
+/// How drawings are made.
+#[derive(Debug)]
+pub(super) struct Drawings {
+    /// Half of the cores, so that tiles do not wait. `None` if the system has no more threads: the process's own are used then.
+    threads: Option<Arc<ThreadPool>>,
+    max_triangles: usize,
+}
 
-impl Drop for StopOnDrop {
-    fn drop(&mut self) {
-        self.0.store(true, Relaxed);
+impl Drawings {
+    /// `None` if no drawings are to be made.
+    pub(super) fn new(config: &DrawingsConfig) -> Option<Self> {
+        if config.at_once == 0 {
+            return None;
+        }
+        let cores = std::thread::available_parallelism().map_or(2, usize::from);
+        let threads =
+            ThreadPoolBuilder::new().num_threads(cores.div_ceil(2)).thread_name(|k| format!("draw-{k}")).build();
+        Some(Self { threads: threads.ok().map(Arc::new), max_triangles: config.triangles })
     }
 }
 
@@ -63,18 +74,28 @@ impl Drop for StopOnDrop {
 /// slow, too large or not JSON; 500 if the city is damaged, 503 if too many requests wait or there is no time.
 pub(super) async fn draw(
     State(state): State<AppState>,
+    RequestClient(client): RequestClient,
     uri: Uri,
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
-    let queue = state.drawings().ok_or(NO_ROUTE)?;
+    let drawings = state.drawings().ok_or(NO_ROUTE)?;
     let city = requested(&state, &uri, &headers)?;
     if !is_json(&headers) {
         return Err(NOT_JSON);
     }
     let options = DrawingOptions::parse(&read(body).await?).map_err(|error| Problem::explained(&error.to_string()))?;
     let format = options.format;
-    let made = make(queue, &city, options).await.ok_or_else(no_time)?;
+    let (drawn, runtime, threads) = (Arc::clone(&city), Handle::current(), drawings.threads.clone());
+    let limits = DrawLimits::of_triangles(drawings.max_triangles);
+    let work = move |stop: &StopFlag| {
+        let make = || make_now(&drawn, options, limits, &runtime, stop);
+        match threads {
+            Some(threads) => threads.install(make),
+            None => make(),
+        }
+    };
+    let made = state.work(WorkKind::Draw).run(client, work).await.map_err(|_| no_time())?;
     let drawing = made.map_err(|error| problem(&state, &city, &error))?;
     let mut response = Response::new(Body::from(drawing));
     let (content_type, policy) = match format {
@@ -118,8 +139,7 @@ fn requested(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Result<Arc<Cit
     let request = AccessRequest { route: RouteTemplate::Draw, city: name, version };
     let access = catalog.access().authorize(Credentials::new(headers, uri), request)?;
     let city = city.ok_or(NO_CITY)?;
-    // Drawings are not limited to the area of the link.
-    if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+    if !access.admits_computed(RouteTemplate::Draw) {
         return Err(NO_CITY);
     }
     Ok(Arc::clone(city))
@@ -139,44 +159,17 @@ async fn read(body: Body) -> Result<Bytes, Problem> {
     read.map_err(|_| TOO_LONG)
 }
 
-/// Makes a drawing on a thread of its own; `None` if the queue is full, or if waiting and work take too long, or if the work panics.
-async fn make(
-    queue: &DrawingQueue,
-    city: &Arc<CityStore>,
-    options: DrawingOptions,
-) -> Option<Result<Vec<u8>, DrawError>> {
-    let place = queue.enter()?;
-    let limits = DrawLimits::of_triangles(queue.max_triangles());
-    let (city, threads, runtime) = (Arc::clone(city), queue.threads(), Handle::current());
-    let stop = StopOnDrop(Arc::new(AtomicBool::new(false)));
-    let stopped = Arc::clone(&stop.0);
-    let work = async {
-        let turn = place.turn().await?;
-        let worked = spawn_blocking(move || {
-            let make = || make_now(&city, options, limits, &runtime, &stopped);
-            let made = match threads {
-                Some(threads) => threads.install(make),
-                None => make(),
-            };
-            drop(turn);
-            made
-        });
-        worked.await.ok()
-    };
-    timeout(queue.max_time(), work).await.ok()?
-}
-
 /// Reads the city and draws it. Waits for the network if the city is in an object store.
 fn make_now(
     city: &CityStore,
     options: DrawingOptions,
     limits: DrawLimits,
     runtime: &Handle,
-    stopped: &AtomicBool,
+    stop: &StopFlag,
 ) -> Result<Vec<u8>, DrawError> {
     let format = options.format;
     let read = |kind, id| {
-        if stopped.load(Relaxed) {
+        if stop.is_stopped() {
             return Err(ReadError::Failed("nobody waits for the drawing".to_owned()));
         }
         runtime.block_on(city.checked_tile(kind, id))
@@ -184,7 +177,7 @@ fn make_now(
     let schema = StoredCity::read_schema(&read).map_err(DrawError::Source)?;
     let source = StoredCity::new(city.manifest(), &schema, &read);
     let request = options.request(&source, limits)?;
-    let drawing = draw_city(&source, &request, &|_, _| !stopped.load(Relaxed))?;
+    let drawing = draw_city(&source, &request, &|_, _| !stop.is_stopped())?;
     let bytes = encode(&drawing, format);
     if bytes.len() > MAX_DRAWING_BYTES {
         return Err(DrawError::TooManyParts { limit: limits.parts });

@@ -3,13 +3,13 @@
 //! The address has a city's version and the filter, so that the response is immutable as a tile is.
 
 use super::{
-    access_control::CityAccess,
-    bounded_work,
+    fair_queue::{Shed, StopFlag},
     problem::Problem,
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
     search::decode_text,
     state::{AppState, MessageKind},
     tile::{find_version, unknown_name},
+    work_queues::{RequestClient, WorkKind},
 };
 use crate::store::CityStore;
 use axum::{
@@ -27,33 +27,29 @@ use insula_protocol::{
     object_tile::{self, BLOCK_OBJECTS, SCHEMA_ID, block_id},
     route::{Route, RouteTemplate},
 };
-use std::{fmt::Display, time::Duration};
-use tokio::{runtime::Handle, sync::Semaphore};
-
-/// Filters of the process that are evaluated at the same time. Each decodes all objects of its city.
-const MAX_RUNNING: usize = 2;
-/// A filter that waits or takes longer has failed. Its thread cannot be stopped.
-const MAX_TIME: Duration = Duration::from_secs(30);
+use std::fmt::Display;
+use tokio::runtime::Handle;
 
 const INVALID_TEXT: Problem = Problem::bad_request("q must be a filter of 1 to 4096 characters, percent-encoded UTF-8");
 const NO_OBJECTS: Problem = Problem::not_found("this city has no objects");
 const NO_FILTER: Problem =
     Problem::bad_request("expr is no filter for the attributes of this city, which objects/schema lists");
 
-static RUNNING: Semaphore = Semaphore::const_new(MAX_RUNNING);
-
 /// Why a filter has no result.
 enum Failure {
     NoObjects,
     /// The text is no filter for this city.
     Invalid,
+    /// Nobody waits for the result.
+    Stopped,
     Unreadable(String),
 }
 
 /// `/v1/cities/{city}/{version}/filter`. Fails with 400 for an invalid `expr`, 401 without a required token, 404 for an unknown city or
-/// version, without objects, or with a share link for a part of the city; 500 if objects are damaged, 503 if there is no time.
+/// version, without objects, or with a share link for a part of the city or read-only; 500 if objects are damaged, 503 if there is no time.
 pub(super) async fn filter(
     State(state): State<AppState>,
+    RequestClient(client): RequestClient,
     method: Method,
     uri: Uri,
     headers: HeaderMap,
@@ -65,13 +61,12 @@ pub(super) async fn filter(
         }
         _ => return Err(unknown_name(&state, &uri, &headers)),
     };
-    // The result is not limited to the area of the link, so such a link opens no filter.
-    if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+    if !access.admits_computed(RouteTemplate::Filter) {
         return Err(NO_OBJECTS);
     }
     let (filtered, runtime) = (city.clone(), Handle::current());
-    let body = bounded_work::run(&RUNNING, MAX_TIME, move || evaluate(&filtered, &text, &runtime)).await;
-    let body = body.ok_or_else(|| Problem::unavailable("too many filters at once: retry in a second"))?;
+    let work = move |stop: &StopFlag| evaluate(&filtered, &text, &runtime, stop);
+    let body = state.work(WorkKind::Filter).run(client, work).await.map_err(Shed::problem)?;
     let body = body.map_err(|failure| problem(&state, &city, failure))?;
     let representation = Representation {
         etag: etag_of(&body),
@@ -93,7 +88,7 @@ fn text_of(query: &str) -> Option<String> {
 }
 
 /// The bytes of [`FilteredObjects`](insula_objects::filter::FilteredObjects). Waits for the network if the city is in an object store.
-fn evaluate(city: &CityStore, text: &str, runtime: &Handle) -> Result<Vec<u8>, Failure> {
+fn evaluate(city: &CityStore, text: &str, runtime: &Handle, stop: &StopFlag) -> Result<Vec<u8>, Failure> {
     let unreadable = |error: &dyn Display| Failure::Unreadable(error.to_string());
     let read = |id| {
         let tile = runtime.block_on(city.checked_tile(TileKind::Objects, id)).map_err(|error| unreadable(&error))?;
@@ -106,6 +101,9 @@ fn evaluate(city: &CityStore, text: &str, runtime: &Handle) -> Result<Vec<u8>, F
     let mut builder = FilterBuilder::default();
     for block in 0..schema.objects.div_ceil(BLOCK_OBJECTS) {
         let Some(id) = block_id(block) else { break };
+        if stop.is_stopped() {
+            return Err(Failure::Stopped);
+        }
         if let Some(content) = read(id)? {
             builder.add(&ObjectBlock::decode(block, &content, &schema).map_err(|error| unreadable(&error))?, &filter);
         }
@@ -118,6 +116,7 @@ fn problem(state: &AppState, city: &CityStore, failure: Failure) -> Problem {
     match failure {
         Failure::NoObjects => NO_OBJECTS,
         Failure::Invalid => NO_FILTER,
+        Failure::Stopped => Shed.problem(),
         Failure::Unreadable(reason) => {
             if state.admits_message(MessageKind::TileFailure) {
                 tracing::error!(place = city.location(), reason, "cannot filter the objects of a city");

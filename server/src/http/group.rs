@@ -1,12 +1,14 @@
 //! Groups of tiles ([`tile_group`]), which are immutable under their city's version, as tiles are.
 
 use super::{
+    fair_queue::Shed,
     problem::{NO_ROUTE, Problem},
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
     state::AppState,
     thread_state::ThreadState,
     tile::{RequestedTile, find_version, unknown_name},
     tile_cache::TileCache,
+    work_queues::{RequestClient, WorkKind},
 };
 use axum::{
     body::Body,
@@ -44,18 +46,8 @@ pub(super) async fn group(
     let (city, access) = find_version(&app, RouteTemplate::Groups, city, version, &parts.uri, &parts.headers)?;
     let of_node = |node| RequestedTile::of_city(Arc::clone(&city), access, group.kind(), node, group.lod());
     let requested: Vec<Option<RequestedTile>> = group.nodes().map(of_node).collect();
-    let length = async |tile: &Option<RequestedTile>| match tile {
-        Some(tile) => tile.length(&app).await,
-        None => Ok(None),
-    };
-    let fitting = tile_group::fit(try_join_all(requested.iter().map(length)).await?);
-    if fitting.iter().all(|member| *member == GroupMember::Absent) {
-        return Err(NO_GROUP);
-    }
-    let members =
-        try_join_all(requested.into_iter().zip(fitting).map(|(tile, fitting)| member(tile, fitting, &app, &tiles)));
-    let encoded = tile_group::encode(&members.await?);
-    let body = Bytes::from(encoded.map_err(|_| Problem::unavailable("these tiles cannot be read at the moment"))?);
+    let work = encode(requested, &app, &tiles);
+    let body = app.work(WorkKind::Groups).wait_for(RequestClient::of(&parts), work).await.map_err(Shed::problem)??;
     let representation = Representation {
         etag: etag_of(&body),
         body,
@@ -65,6 +57,22 @@ pub(super) async fn group(
         vary: None,
     };
     Ok(representation.respond(&parts.method, &parts.headers).map(Body::from))
+}
+
+/// The bytes of a group. Fails as [`group`].
+async fn encode(requested: Vec<Option<RequestedTile>>, app: &AppState, tiles: &TileCache) -> Result<Bytes, Problem> {
+    let length = async |tile: &Option<RequestedTile>| match tile {
+        Some(tile) => tile.length(app).await,
+        None => Ok(None),
+    };
+    let fitting = tile_group::fit(try_join_all(requested.iter().map(length)).await?);
+    if fitting.iter().all(|member| *member == GroupMember::Absent) {
+        return Err(NO_GROUP);
+    }
+    let members =
+        try_join_all(requested.into_iter().zip(fitting).map(|(tile, fitting)| member(tile, fitting, app, tiles)));
+    let encoded = tile_group::encode(&members.await?);
+    Ok(Bytes::from(encoded.map_err(|_| Problem::unavailable("these tiles cannot be read at the moment"))?))
 }
 
 /// Reads a tile that fits. Fails with 503 if it cannot be read.

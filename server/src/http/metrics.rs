@@ -16,7 +16,7 @@ use std::{
 };
 
 /// Status codes as labels. 0 is a request that ended without a response, 999 any other code.
-const CODES: [u16; 16] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 416, 421, 429, 431, 500, 503, 999];
+const CODES: [u16; 18] = [0, 200, 204, 206, 304, 400, 401, 404, 405, 410, 412, 416, 421, 429, 431, 500, 503, 999];
 /// Upper bounds of the histogram's buckets, in seconds.
 const BUCKETS_SECS: [f64; 13] = [5e-5, 1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 1e-2, 2.5e-2, 0.1, 0.5, 2.5, 10.0];
 
@@ -62,7 +62,10 @@ pub(super) struct HttpMetrics {
     reloads: Family<KindLabels, Counter>,
     log_suppressed: Family<KindLabels, Counter>,
     cities: Gauge,
+    failed_cities: Gauge,
     older_versions: Gauge,
+    cached_bytes: Family<KindLabels, Gauge>,
+    cache_limit: Gauge,
     encoding: Mutex<()>,
 }
 
@@ -72,12 +75,18 @@ pub(super) struct CurrentCounts {
     pub(super) in_flight: usize,
     /// Cities and older versions that the request may see.
     pub(super) cities: usize,
+    /// Cities and folders that cannot be opened, whose names are not known.
+    pub(super) failed_cities: usize,
     pub(super) older_versions: usize,
+    /// Of search indexes and made files.
+    pub(super) computed_bytes: u64,
 }
 
 impl HttpMetrics {
     /// Metrics of a server, together with those of the remote stores that it reads from.
-    pub(super) fn new(stores: Option<&StoreMetrics>) -> Self {
+    ///
+    /// `cache_bytes` is the limit of all caches.
+    pub(super) fn new(stores: Option<&StoreMetrics>, cache_bytes: usize) -> Self {
         let mut metrics = Self {
             registry: Registry::with_prefix("insula"),
             requests: Family::default(),
@@ -93,10 +102,14 @@ impl HttpMetrics {
             reloads: Family::default(),
             log_suppressed: Family::default(),
             cities: Gauge::default(),
+            failed_cities: Gauge::default(),
             older_versions: Gauge::default(),
+            cached_bytes: Family::default(),
+            cache_limit: Gauge::default(),
             encoding: Mutex::default(),
         };
         metrics.register();
+        metrics.cache_limit.set(cache_bytes as i64);
         if let Some(stores) = stores {
             stores.register(&mut metrics.registry);
         }
@@ -123,7 +136,17 @@ impl HttpMetrics {
         let help = "Messages that were not logged because there were too many of their kind";
         to.register("log_suppressed", help, self.log_suppressed.clone());
         to.register("cities", "Open cities", self.cities.clone());
+        let help = "Cities and folders that could not be opened at the last check";
+        to.register("cities_failed", help, self.failed_cities.clone());
+        let help = "Bytes in caches: tiles, and what was computed (search indexes, files of tilesets)";
+        to.register("cached_bytes", help, self.cached_bytes.clone());
+        to.register("cache_limit_bytes", "Bytes that all caches may have together", self.cache_limit.clone());
         to.register("older_versions", "Replaced versions that are still served", self.older_versions.clone());
+    }
+
+    /// Bytes of all tile caches.
+    pub(super) fn cached_tiles(&self) -> Gauge {
+        self.cached_bytes.get_or_create_owned(&KindLabels { kind: "tiles" })
     }
 
     /// Counts a request. `code` is 0 if the client left before a response; `bytes` is the part of the body that was sent.
@@ -199,7 +222,9 @@ impl HttpMetrics {
         let _exclusive = self.encoding.lock().unwrap_or_else(PoisonError::into_inner);
         self.in_flight.set(now.in_flight as i64);
         self.cities.set(now.cities as i64);
+        self.failed_cities.set(now.failed_cities as i64);
         self.older_versions.set(now.older_versions as i64);
+        self.cached_bytes.get_or_create(&KindLabels { kind: "computed" }).set(now.computed_bytes as i64);
         let mut out = String::new();
         // Writing to a `String` cannot fail.
         let _ = encode(&mut out, &self.registry);

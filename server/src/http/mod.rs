@@ -3,6 +3,7 @@
 //! ```text
 //! server -> worker -> (tls) -> connection -> service -> cached_tiles -> router -> tile, search, draw, manifest, index_page,
 //!                                                                                       city_page, viewer_files, health
+//! search, filter, group, tileset, draw -> work_queues -> fair_queue              the routes that compute
 //! operations -> service -> router                             a listener of its own for health and metrics
 //! ```
 //!
@@ -10,19 +11,18 @@
 //! file system path.
 
 mod access_control;
-mod bounded_work;
 mod cached_tiles;
 mod catalog;
 mod city_documents;
 mod city_page;
 mod client_usage;
+mod computed_cache;
 mod connection;
 mod connection_state;
 mod content_encoding;
 #[cfg(feature = "bake")]
 mod draw;
-#[cfg(feature = "bake")]
-mod drawing_queue;
+mod fair_queue;
 mod filter;
 mod group;
 mod health;
@@ -58,6 +58,7 @@ mod tls;
 mod turns;
 mod viewer_content;
 mod viewer_files;
+mod work_queues;
 mod worker;
 
 pub use problem::Problem;

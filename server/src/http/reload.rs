@@ -78,12 +78,13 @@ impl ReloadTask {
         config: ServeConfig,
         reload_signal: Arc<Notify>,
     ) -> Self {
+        let known_failures = state.catalog().store().failures().cloned().collect();
         Self {
             state,
             tls,
             config,
             reload_signal,
-            known_failures: BTreeSet::new(),
+            known_failures,
             known_access_faults: Vec::new(),
             remote_checked_at: Instant::now(),
             checks: RunningChecks::new(HUNG_CHECK),
@@ -210,12 +211,17 @@ impl ReloadTask {
             tracing::info!(city = name, version = version.unwrap_or("removed"), "city replaced");
             self.state.metrics().reloaded("replaced");
         }
-        let failures: BTreeSet<String> = found.failures.iter().map(ToString::to_string).collect();
-        for failure in failures.difference(&self.known_failures) {
-            tracing::error!(failure, "cannot open a city: its current version stays in use");
-            self.state.metrics().reloaded("failed");
-        }
+        let failures: BTreeSet<String> = found.store.failures().cloned().collect();
+        report_failures(&self.state, failures.difference(&self.known_failures));
         self.known_failures = failures;
+    }
+}
+
+/// Logs and counts cities and folders that cannot be opened.
+pub(super) fn report_failures<'a>(state: &AppState, failures: impl IntoIterator<Item = &'a String>) {
+    for failure in failures {
+        tracing::error!(failure, "cannot open a city: an open version stays in use, and each check tries again");
+        state.metrics().reloaded("failed");
     }
 }
 

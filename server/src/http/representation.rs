@@ -1,7 +1,7 @@
-//! Conditional requests and byte ranges (RFC 9110, 13 and 14): 200, 206, 304 or 416 for a given content.
+//! Conditional requests and byte ranges (RFC 9110, 13 and 14): 200, 206, 304, 412 or 416 for a given content.
 
 use super::{problem::Problem, response::FullResponse};
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use bytes::Bytes;
 use std::ops::Range;
 
@@ -41,6 +41,10 @@ pub(super) fn quoted(tag: &str) -> HeaderValue {
 impl Representation {
     /// The response to a GET or HEAD request with these headers.
     pub(super) fn respond(self, method: &Method, request: &HeaderMap) -> FullResponse {
+        if !if_match(request, &self.etag) {
+            return Problem::new(StatusCode::PRECONDITION_FAILED, "the content has another ETag than If-Match")
+                .respond();
+        }
         if if_none_match(request, &self.etag) {
             return self.with_body(StatusCode::NOT_MODIFIED, Bytes::new());
         }
@@ -93,15 +97,27 @@ impl Representation {
 
 /// Whether a request is neither conditional nor for a range.
 pub(super) fn is_unconditional(request: &HeaderMap) -> bool {
-    !request.contains_key(header::IF_NONE_MATCH) && !request.contains_key(header::RANGE)
+    let conditions = [header::IF_NONE_MATCH, header::RANGE, header::IF_MATCH];
+    !conditions.iter().any(|condition| request.contains_key(condition))
+}
+
+/// Whether there is no `If-Match`, or it is `*` or names this ETag by the strong comparison (RFC 9110, 13.1.1).
+fn if_match(request: &HeaderMap, etag: &HeaderValue) -> bool {
+    !request.contains_key(header::IF_MATCH)
+        || tags(request, &header::IF_MATCH).any(|tag| tag == "*" || tag.as_bytes() == etag.as_bytes())
 }
 
 /// Whether `If-None-Match` is `*` or names this ETag by the weak comparison (RFC 9110, 13.1.2).
 fn if_none_match(request: &HeaderMap, etag: &HeaderValue) -> bool {
-    let tags = request.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
-    // A foreign ETag may contain a comma and be split wrongly, but its parts never equal one of ours, which contain none.
-    let mut tags = tags.flat_map(|list| list.split(',')).map(str::trim);
-    tags.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag).as_bytes() == etag.as_bytes())
+    tags(request, &header::IF_NONE_MATCH)
+        .any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag).as_bytes() == etag.as_bytes())
+}
+
+/// The tags of a condition. A foreign ETag may contain a comma and be split wrongly, but its parts never equal one of ours, which
+/// contain none.
+fn tags<'a>(request: &'a HeaderMap, condition: &HeaderName) -> impl Iterator<Item = &'a str> + use<'a> {
+    let lists = request.get_all(condition).iter().filter_map(|value| value.to_str().ok());
+    lists.flat_map(|list| list.split(',')).map(str::trim)
 }
 
 #[derive(Debug, PartialEq, Eq)]
@@ -180,5 +196,30 @@ mod tests {
         };
         assert!(matches("\"abc\"") && matches("W/\"abc\"") && matches("\"x\", \"abc\"") && matches("*"));
         assert!(!matches("abc") && !matches("\"ab\"") && !matches(""));
+    }
+
+    #[test]
+    fn if_match_compares_strongly() {
+        let status = |value: &'static str, method: &Method| {
+            let representation = Representation {
+                body: Bytes::from_static(b"0123"),
+                content_type: HeaderValue::from_static("text/plain"),
+                etag: quoted("abc"),
+                cache_control: REVALIDATE,
+                encoding: None,
+                vary: None,
+            };
+            let headers = HeaderMap::from_iter([(header::IF_MATCH, HeaderValue::from_static(value))]);
+            assert!(!is_unconditional(&headers));
+            representation.respond(method, &headers).status()
+        };
+        for method in [Method::GET, Method::HEAD] {
+            for value in ["\"abc\"", "*", "\"x\", \"abc\""] {
+                assert_eq!(status(value, &method), StatusCode::OK, "{value}");
+            }
+            for value in ["W/\"abc\"", "\"ab\"", "abc", ""] {
+                assert_eq!(status(value, &method), StatusCode::PRECONDITION_FAILED, "{value}");
+            }
+        }
     }
 }

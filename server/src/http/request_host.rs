@@ -1,8 +1,11 @@
-//! The host that a request is for: `:authority` or the target's authority, else `Host`.
+//! The host that a request is for: `:authority` or the target's authority, else `Host`. The client that it comes from.
 
 use super::{connection_state::ConnectionState, problem::Problem};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, Version, header, request::Parts};
-use std::sync::Arc;
+use crate::config::Network;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, Version, header, request::Parts};
+use std::{net::IpAddr, sync::Arc};
+
+const FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
 
 /// The host of a request with its port. `None` if it names none, or none that is ASCII text.
 pub(super) fn request_host<'a>(uri: &'a Uri, headers: &'a HeaderMap) -> Option<&'a str> {
@@ -40,6 +43,20 @@ pub(super) fn check_host(
     Err(Problem::new(StatusCode::MISDIRECTED_REQUEST, "this server does not serve this host"))
 }
 
+/// The address of a request's client: that of the connection, unless that is a trusted proxy's. Then it is the last address of
+/// `X-Forwarded-For` that is not a trusted proxy's: those before it are the client's own words. The proxy's if there is none.
+pub(super) fn client_address(connection: IpAddr, proxies: &[Network], headers: &HeaderMap) -> IpAddr {
+    let is_proxy = |ip: &IpAddr| proxies.iter().any(|network| network.contains(*ip));
+    if proxies.is_empty() || !is_proxy(&connection) {
+        return connection;
+    }
+    let lists: Vec<_> = headers.get_all(FORWARDED_FOR).iter().filter_map(|value| value.to_str().ok()).collect();
+    let words = lists.iter().rev().flat_map(|list| list.rsplit(','));
+    let mut addresses = words.map(|word| word.trim().parse().ok());
+    // What is no address was not written by a proxy that can be understood.
+    addresses.find(|ip: &Option<IpAddr>| ip.is_none_or(|ip| !is_proxy(&ip))).flatten().unwrap_or(connection)
+}
+
 fn without_port(host: &str) -> &str {
     let is_port = |port: &str| port.bytes().all(|byte| byte.is_ascii_digit());
     match host.rsplit_once(':') {
@@ -56,6 +73,29 @@ mod tests {
     fn ports_are_no_part_of_a_host() {
         for (host, name) in [("a.b:1", "a.b"), ("a", "a"), ("[::1]:80", "[::1]"), ("[::1]", "[::1]"), ("", "")] {
             assert_eq!(without_port(host), name);
+        }
+    }
+
+    #[test]
+    fn a_proxy_names_its_client_and_nobody_else_does() {
+        let proxies: Vec<Network> = ["10.0.0.0/8", "::1"].iter().map(|text| text.parse().unwrap()).collect();
+        for (connection, forwarded, client) in [
+            ("192.0.2.1", &["203.0.113.5"][..], "192.0.2.1"),
+            ("10.0.0.1", &["203.0.113.5"], "203.0.113.5"),
+            ("10.0.0.1", &["6.6.6.6, 203.0.113.5, 10.2.3.4"], "203.0.113.5"),
+            ("::1", &["6.6.6.6", "2001:db8::7"], "2001:db8::7"),
+            ("10.0.0.1", &["6.6.6.6, unknown"], "10.0.0.1"),
+            ("10.0.0.1", &["10.9.9.9"], "10.0.0.1"),
+            ("10.0.0.1", &[], "10.0.0.1"),
+        ] {
+            let headers = forwarded.iter().map(|text| (FORWARDED_FOR, HeaderValue::from_static(text)));
+            let mut map = HeaderMap::new();
+            headers.for_each(|(name, value)| {
+                map.append(name, value);
+            });
+            let expected: IpAddr = client.parse().unwrap();
+            assert_eq!(client_address(connection.parse().unwrap(), &proxies, &map), expected, "{forwarded:?}");
+            assert_eq!(client_address(connection.parse().unwrap(), &[], &map).to_string(), connection);
         }
     }
 }

@@ -71,3 +71,90 @@ async fn method_not_allowed() -> Problem {
     Problem::new(StatusCode::METHOD_NOT_ALLOWED, "only GET, HEAD and OPTIONS are supported")
         .with(header::ALLOW, ALLOWED_METHODS)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        config::ServeConfig,
+        http::{AppState, HttpService, work_queues::WorkKind},
+        store::Store,
+    };
+    use axum::{body::Body, http::Request};
+    use insula_test_support::small_city::{self, VERSION};
+    use tower::ServiceExt as _;
+
+    /// A request for something that exists at each route, and is not in memory; `None` where there is no such route.
+    fn example(route: RouteTemplate) -> Option<Request<Body>> {
+        use RouteTemplate as R;
+        let of_version = |rest: &str| format!("/v1/cities/two/{VERSION}/{rest}");
+        let path = match route {
+            R::Subtrees => of_version("subtrees/0/0/0"),
+            R::BlockMaps => of_version("blockmaps/1/1/1"),
+            R::Meshes => of_version("meshes/1/1/1/0"),
+            R::Objects => of_version("objects/schema"),
+            R::Visibility => of_version("visibility/0/0/0"),
+            R::Search => of_version("search?q=kerk"),
+            R::Filter => of_version("filter?expr=height+%3E+1"),
+            R::Groups => of_version("groups/blockmaps/1/0/0/4/0"),
+            R::Draw => "/v1/cities/two/draw".to_owned(),
+            R::Tileset => "/v1/cities/two/3dtiles/tileset.json".to_owned(),
+            R::TilesetFile => format!("/v1/cities/two/3dtiles/{VERSION}/subtrees/0/0/0"),
+            R::Manifest => "/v1/cities/two".to_owned(),
+            R::Cities => "/v1/cities".to_owned(),
+            R::Index => "/".to_owned(),
+            R::OpenApi => "/v1/openapi.json".to_owned(),
+            R::Health => "/healthz".to_owned(),
+            R::Readiness => "/readyz".to_owned(),
+            R::Metrics => "/metrics".to_owned(),
+            R::CityPage => "/cities/two".to_owned(),
+            R::Thumbnail => "/cities/two/thumbnail.png".to_owned(),
+            R::Asset => "/assets/0123456789abcdef/a.js".to_owned(),
+            R::ServiceWorker => "/service-worker.js".to_owned(),
+            R::Other => return None,
+        };
+        assert_eq!(RouteTemplate::of_path(path.split('?').next().unwrap()), route);
+        let is_post = route == R::Draw;
+        let request = Request::builder().uri(path).method(if is_post { "POST" } else { "GET" });
+        let request = request.header(header::CONTENT_TYPE, "application/json");
+        Some(request.body(if is_post { r#"{"format":"svg"}"#.into() } else { Body::empty() }).unwrap())
+    }
+
+    /// With queues that give up all work, exactly the routes that compute are 503: none computes past its queue.
+    #[cfg(feature = "bake")]
+    #[tokio::test]
+    async fn all_routes_that_compute_wait_in_a_queue() {
+        let folder = small_city::temporary_city_with_meshes();
+        let index = insula_objects::search::SearchIndexBuilder::new().finish().unwrap();
+        std::fs::write(folder.path().join(insula_archive::city::SEARCH_FILE), index).unwrap();
+        let mut config = ServeConfig::default();
+        config.drawings.at_once = 1;
+        let open = || Store::open(&[folder.path()]).unwrap();
+        let [closed, running] = [AppState::with_closed_queues(open(), &config), AppState::new(open(), &config)];
+        for route in RouteTemplate::ALL {
+            let ask = async |state: &AppState| {
+                let response = HttpService::new(state.clone()).oneshot(example(route)?).await.unwrap();
+                Some((response.status(), response.headers().contains_key(header::RETRY_AFTER)))
+            };
+            let Some(of_closed) = ask(&closed).await else { continue };
+            let is_shed = of_closed == (StatusCode::SERVICE_UNAVAILABLE, true);
+            assert_eq!(is_shed, WorkKind::of_route(route).is_some(), "{route:?}: {of_closed:?}");
+            let status = ask(&running).await.unwrap().0;
+            assert_ne!(status, StatusCode::SERVICE_UNAVAILABLE, "{route:?}");
+        }
+    }
+
+    /// Threads for work are taken by the queue alone, and by what clients do not cause.
+    #[test]
+    fn no_route_takes_a_thread_past_the_queues() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/http");
+        let mut takers: Vec<String> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| std::fs::read_to_string(path).unwrap().contains(concat!("spawn_", "blocking(")))
+            .map(|path| path.file_name().unwrap().to_str().unwrap().to_owned())
+            .collect();
+        takers.sort();
+        assert_eq!(takers, ["city_page.rs", "fair_queue.rs", "hung_disk.rs", "reload.rs"]);
+    }
+}

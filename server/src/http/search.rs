@@ -4,12 +4,12 @@
 //! of a search is bounded (`insula_objects::search`); the first one reads the index.
 
 use super::{
-    access_control::CityAccess,
-    bounded_work,
+    fair_queue::{Shed, StopFlag},
     problem::Problem,
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
     state::{AppState, MessageKind},
     tile::{find_version, unknown_name},
+    work_queues::{RequestClient, WorkKind},
 };
 use crate::store::{CityStore, SearchFileError};
 use axum::{
@@ -21,21 +21,14 @@ use axum::{
 use insula_objects::search::MAX_QUERY_CHARS;
 use insula_protocol::route::{Route, RouteTemplate};
 use percent_encoding::percent_decode_str;
-use std::{sync::Arc, time::Duration};
-use tokio::sync::Semaphore;
+use std::sync::Arc;
 
 const DEFAULT_LIMIT: usize = 10;
 const MAX_LIMIT: usize = 100;
-/// Searches of the process that run at the same time. One takes milliseconds, except for the first, which reads the index.
-const MAX_RUNNING: usize = 8;
-/// A search that waits or runs longer has failed: a disk may not respond. Its thread cannot be stopped.
-const MAX_TIME: Duration = Duration::from_secs(10);
 
 const INVALID_TEXT: Problem = Problem::bad_request("q must be a text of 1 to 128 characters, percent-encoded UTF-8");
 const INVALID_LIMIT: Problem = Problem::bad_request("limit must be a number from 1 to 100");
 const NO_INDEX: Problem = Problem::not_found("this city has no search");
-
-static RUNNING: Semaphore = Semaphore::const_new(MAX_RUNNING);
 
 /// What a request searches for.
 #[derive(Debug, PartialEq, Eq)]
@@ -51,6 +44,7 @@ struct SearchRequest {
 /// read.
 pub(super) async fn search(
     State(state): State<AppState>,
+    RequestClient(client): RequestClient,
     method: Method,
     uri: Uri,
     headers: HeaderMap,
@@ -62,19 +56,20 @@ pub(super) async fn search(
         }
         _ => return Err(unknown_name(&state, &uri, &headers)),
     };
-    // Hits are not limited to the area of the link, so such a link opens no search.
-    if !city.has_search() || matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+    if !city.has_search() || !access.admits_computed(RouteTemplate::Search) {
         return Err(NO_INDEX);
     }
-    let searched = city.clone();
-    let found =
-        bounded_work::run(&RUNNING, MAX_TIME, move || searched.search_index().map(|index| index.search(&text, limit)))
-            .await;
-    let hits = match found {
-        Some(Ok(hits)) => hits,
-        Some(Err(error)) => return Err(report_failure(&state, &city, &error)),
-        None => return Err(Problem::unavailable("too many searches at once: retry in a second")),
+    let (searched, known) = (city.clone(), state.computed().index(city.serial()).await);
+    let is_known = known.is_some();
+    let work = move |_: &StopFlag| {
+        let index = known.map_or_else(|| searched.search_index(), Ok)?;
+        Ok((index.search(&text, limit), index))
     };
+    let found = state.work(WorkKind::Search).run(client, work).await.map_err(Shed::problem)?;
+    let (hits, index) = found.map_err(|error| report_failure(&state, &city, &error))?;
+    if !is_known {
+        state.computed().keep_index(city.serial(), index).await;
+    }
     let body = serde_json::to_vec(&hits).unwrap_or_default();
     let representation = Representation {
         etag: etag_of(&body),

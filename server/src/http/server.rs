@@ -4,7 +4,7 @@ use super::{
     access_control::AccessControl,
     client_usage::{ClientSlot, ClientTable, ConnectionClass},
     operations::OperationsListener,
-    reload::ReloadTask,
+    reload::{ReloadTask, report_failures},
     service::HttpService,
     state::{AppState, MessageKind},
     tls::TlsIdentity,
@@ -88,7 +88,9 @@ impl HttpServer {
             ),
             None => None,
         };
-        let service = HttpService::new(AppState::with_access(store, config, access, ViewerAssets::embedded()));
+        let state = AppState::with_access(store, config, access, ViewerAssets::embedded());
+        report_failures(&state, state.catalog().store().failures());
+        let service = HttpService::new(state);
         Ok(Self { service, tls, operations, config: config.clone(), reload_signal: Arc::default() })
     }
 

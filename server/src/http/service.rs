@@ -2,17 +2,19 @@
 
 use super::{
     cached_tiles::{CachedTiles, CachedTilesFuture, CachedTilesLayer},
+    client_usage::client_network,
     connection_state::ConnectionState,
     health::ForOperators,
     problem::{NO_ROUTE, Problem},
     request_guard::{RequestGuard, RequestLogEntry},
-    request_host::check_host,
+    request_host::{check_host, client_address},
     response::{DRAWING_METHODS, NO_REFERRER, with_cors},
     response_body::{GuardedBody, PlainBody, ResponseBody},
     router::{ALLOWED_METHODS, router},
     state::AppState,
     thread_state::ThreadState,
     tile_cache::TileCache,
+    work_queues::{RequestClient, WorkKind},
 };
 use axum::{
     Extension, Router,
@@ -25,6 +27,7 @@ use insula_protocol::route::RouteTemplate;
 use std::{
     convert::Infallible,
     future::Future,
+    net::IpAddr,
     pin::Pin,
     sync::Arc,
     task::{Context, Poll},
@@ -36,7 +39,7 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const MAX_ID_BYTES: usize = 64;
 
 const ALLOWED_HEADERS: HeaderValue =
-    HeaderValue::from_static("accept,content-type,range,if-none-match,if-range,authorization,x-request-id");
+    HeaderValue::from_static("accept,content-type,range,if-match,if-none-match,if-range,authorization,x-request-id");
 
 /// The server without its port. Cheap to clone.
 #[derive(Debug, Clone)]
@@ -95,7 +98,10 @@ impl HttpService {
     }
 
     fn with_routes(state: AppState, served: ServedRoutes, tile_cache_bytes: usize) -> Self {
-        let shared = ThreadState { app: state.clone(), tiles: Arc::new(TileCache::new(tile_cache_bytes)) };
+        let shared = ThreadState {
+            app: state.clone(),
+            tiles: Arc::new(TileCache::new(tile_cache_bytes, state.metrics().cached_tiles())),
+        };
         let mut router = router(shared.clone());
         if served == ServedRoutes::Operational {
             router = router.layer(Extension(ForOperators));
@@ -128,7 +134,7 @@ impl HttpService {
     pub(super) fn respond(
         &self,
         connection: Option<&Arc<ConnectionState>>,
-        parts: Parts,
+        mut parts: Parts,
         body: impl FnOnce() -> Body,
     ) -> ResponseFuture {
         let route = RouteTemplate::of_path(parts.uri.path());
@@ -146,8 +152,13 @@ impl HttpService {
             // What follows an unread body cannot be parsed as a request.
             must_close: (over_limit.is_some() || has_body(&parts.headers)) && !is_stream,
         };
-        if let Err(problem) = self.admit(connection, route, &parts) {
+        let client = connection.and_then(|connection| connection.ip());
+        let client = client.map(|ip| client_address(ip, self.state().proxies(), &parts.headers));
+        if let Err(problem) = self.admit(connection, client, route, &parts) {
             return pending.ready(Err(problem));
+        }
+        if let Some(ip) = client.filter(|_| WorkKind::of_route(route).is_some()) {
+            parts.extensions.insert(RequestClient(client_network(ip)));
         }
         if parts.method == Method::OPTIONS {
             let response = preflight(pending.allows_any_origin, self.takes_body(route));
@@ -176,6 +187,7 @@ impl HttpService {
     fn admit(
         &self,
         connection: Option<&Arc<ConnectionState>>,
+        client: Option<IpAddr>,
         route: RouteTemplate,
         parts: &Parts,
     ) -> Result<(), Problem> {
@@ -190,7 +202,7 @@ impl HttpService {
             return Err(Problem::bad_request("requests must not have a body"));
         }
         check_host(connection, parts, self.state().hosts())?;
-        match connection.and_then(|connection| connection.ip()) {
+        match client {
             Some(ip) if !route.is_operational() => self.state().rate_limiter().admit(ip)?,
             _ => {}
         }

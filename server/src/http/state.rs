@@ -1,13 +1,22 @@
 //! State that all requests share.
 
 #[cfg(feature = "bake")]
-use super::drawing_queue::DrawingQueue;
+use super::draw::Drawings;
 use super::{
-    access_control::AccessControl, catalog::Catalog, city_documents::CityDocuments, in_flight::InFlightBudget,
-    log_limit::LogLimit, metrics::HttpMetrics, rate_limit::RateLimiter, viewer_content::ViewerContent,
+    access_control::AccessControl,
+    catalog::Catalog,
+    city_documents::CityDocuments,
+    computed_cache::ComputedCache,
+    fair_queue::FairQueue,
+    in_flight::InFlightBudget,
+    log_limit::LogLimit,
+    metrics::HttpMetrics,
+    rate_limit::RateLimiter,
+    viewer_content::ViewerContent,
+    work_queues::{WorkKind, WorkQueues},
 };
 use crate::{
-    config::{CorsPolicy, LimitsConfig, LogRequests, ServeConfig},
+    config::{CorsPolicy, LimitsConfig, LogRequests, Network, ServeConfig},
     page::ViewerAssets,
     store::Store,
 };
@@ -34,8 +43,11 @@ struct SharedState {
     in_flight: InFlightBudget,
     limits: LimitsConfig,
     #[cfg(feature = "bake")]
-    drawings: Option<DrawingQueue>,
+    drawings: Option<Drawings>,
     is_drawing: bool,
+    queues: WorkQueues,
+    computed: ComputedCache,
+    proxies: Vec<Network>,
     logged_requests: LogRequests,
     log_limits: [LogLimit; 3],
     scheme: &'static str,
@@ -83,17 +95,21 @@ impl AppState {
         viewer: Option<ViewerAssets>,
     ) -> Self {
         let store_metrics = store.metrics().cloned();
+        let computed_bytes = config.computed_bytes(store_metrics.is_some());
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self(Arc::new(SharedState {
             catalog: ArcSwap::from_pointee(Catalog::new(store, access)),
             viewer: viewer.map(ViewerContent::new),
-            metrics: HttpMetrics::new(store_metrics.as_ref()),
+            metrics: HttpMetrics::new(store_metrics.as_ref(), config.limits.cache_bytes),
             rate_limiter: RateLimiter::new(config.limits.client_rate, config.limits.client_burst),
             in_flight: InFlightBudget::new(config.limits.in_flight, config.limits.in_flight_bytes),
             limits: config.limits.clone(),
             #[cfg(feature = "bake")]
-            drawings: DrawingQueue::new(&config.drawings),
+            drawings: Drawings::new(&config.drawings),
             is_drawing: cfg!(feature = "bake") && config.drawings.at_once > 0,
+            queues: WorkQueues::new(&config.drawings),
+            computed: ComputedCache::new(computed_bytes),
+            proxies: config.access.proxies.clone(),
             logged_requests: config.log.requests,
             log_limits: Default::default(),
             scheme: if config.tls.certificate.is_some() { "https" } else { "http" },
@@ -154,9 +170,32 @@ impl AppState {
         &self.0.limits
     }
 
-    /// The drawings in work; `None` if none are made for clients.
+    /// The queue of a kind of work.
+    pub(super) fn work(&self, kind: WorkKind) -> &FairQueue {
+        self.0.queues.of(kind)
+    }
+
+    /// Search indexes and made files.
+    pub(super) fn computed(&self) -> &ComputedCache {
+        &self.0.computed
+    }
+
+    /// Proxies whose word for the address of a client counts.
+    pub(super) fn proxies(&self) -> &[Network] {
+        &self.0.proxies
+    }
+
+    /// Makes all computing routes give up their work.
+    #[cfg(test)]
+    pub(super) fn with_closed_queues(store: Store, config: &ServeConfig) -> Self {
+        let Self(state) = Self::new(store, config);
+        let state = Arc::into_inner(state).map(|state| SharedState { queues: WorkQueues::closed(), ..state });
+        Self(Arc::new(state.unwrap()))
+    }
+
+    /// How drawings are made; `None` if none are made for clients.
     #[cfg(feature = "bake")]
-    pub(super) fn drawings(&self) -> Option<&DrawingQueue> {
+    pub(super) fn drawings(&self) -> Option<&Drawings> {
         self.0.drawings.as_ref()
     }
 

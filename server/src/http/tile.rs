@@ -27,6 +27,9 @@ use insula_protocol::{
 use std::sync::Arc;
 
 const NO_TILE: Problem = Problem::not_found("this city has no such tile");
+/// Clients that hold an old manifest must not take tiles of such a version for missing ones.
+const OTHER_VERSION: Problem =
+    Problem::new(StatusCode::GONE, "the city has another version now: fetch its manifest again");
 const INVALID_TILE: Problem = Problem::bad_request(
     "level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level, lod at most 3",
 );
@@ -157,7 +160,7 @@ impl RequestedTile {
     }
 }
 
-/// A version of a city that the request may see. Fails with 401 without a required token, or 404.
+/// A version of a city that the request may see. Fails with 401 without a required token, 404, or 410 if the city has other versions.
 pub(super) fn find_version(
     state: &AppState,
     route: RouteTemplate,
@@ -174,7 +177,7 @@ pub(super) fn find_version(
     match found {
         Some(city) => Ok((Arc::clone(city), access)),
         None if !is_known => Err(Problem::not_found("there is no such city")),
-        None => Err(Problem::not_found("the city has another version now: fetch its manifest again")),
+        None => Err(OTHER_VERSION),
     }
 }
 

@@ -4,6 +4,7 @@ use super::representation::Representation;
 use axum::http::HeaderMap;
 use insula_protocol::{TileId, TileKind};
 use lru::LruCache;
+use prometheus_client::metrics::gauge::Gauge;
 use std::{
     hash::{BuildHasherDefault, Hasher},
     sync::{Arc, Mutex, PoisonError},
@@ -33,6 +34,8 @@ pub(super) struct CachedTile {
 #[derive(Debug)]
 pub(super) struct TileCache {
     max_bytes: usize,
+    /// Bytes of all tile caches of the server.
+    cached_bytes: Gauge,
     entries: Mutex<TileCacheEntries>,
 }
 
@@ -43,9 +46,10 @@ struct TileCacheEntries {
 }
 
 impl TileCache {
-    pub(super) fn new(max_bytes: usize) -> Self {
+    /// `cached_bytes` counts the bytes of this cache as well.
+    pub(super) fn new(max_bytes: usize, cached_bytes: Gauge) -> Self {
         let tiles = LruCache::unbounded_with_hasher(BuildHasherDefault::default());
-        Self { max_bytes, entries: Mutex::new(TileCacheEntries { tiles, bytes: 0 }) }
+        Self { max_bytes, cached_bytes, entries: Mutex::new(TileCacheEntries { tiles, bytes: 0 }) }
     }
 
     pub(super) fn get(&self, key: &TileCacheKey) -> Option<Arc<CachedTile>> {
@@ -59,6 +63,7 @@ impl TileCache {
             return;
         }
         let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = entries.bytes;
         entries.bytes += size(&tile);
         if let Some(replaced) = entries.tiles.put(key, tile) {
             entries.bytes -= size(&replaced);
@@ -68,6 +73,14 @@ impl TileCache {
         {
             entries.bytes -= size(&evicted);
         }
+        self.cached_bytes.inc_by(entries.bytes as i64 - before as i64);
+    }
+}
+
+impl Drop for TileCache {
+    fn drop(&mut self) {
+        let entries = self.entries.get_mut().unwrap_or_else(PoisonError::into_inner);
+        self.cached_bytes.dec_by(entries.bytes as i64);
     }
 }
 
@@ -125,13 +138,14 @@ mod tests {
             Arc::new(CachedTile { representation, headers: HeaderMap::new() })
         };
         let key = |x| TileCacheKey { serial: 1, kind: TileKind::BlockMap, id: TileId::new(9, x, 0).unwrap() };
-        let cache = TileCache::new(10 * (100 + ENTRY_BYTES));
+        let cache = TileCache::new(10 * (100 + ENTRY_BYTES), Gauge::default());
         for x in 0..100 {
             cache.insert(key(x), tile(100));
             assert!(cache.get(&key(0)).is_some(), "it was used recently");
             let entries = cache.entries.lock().unwrap();
             assert_eq!(entries.bytes, entries.tiles.len() * (100 + ENTRY_BYTES));
             assert!(entries.bytes <= cache.max_bytes);
+            assert_eq!(cache.cached_bytes.get(), entries.bytes as i64);
         }
         assert!(cache.get(&key(99)).is_some() && cache.get(&key(50)).is_none());
         cache.insert(key(99), tile(50));

@@ -4,11 +4,13 @@
 
 use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
-    bounded_work,
+    computed_cache::TilesetFile,
+    fair_queue::{Shed, StopFlag},
     problem::{NO_ROUTE, Problem},
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
     state::{AppState, MessageKind},
     tile::{find_version, unknown_name},
+    work_queues::{RequestClient, WorkKind},
 };
 use crate::store::{CityStore, StoredCity};
 use axum::{
@@ -20,49 +22,13 @@ use axum::{
 use bytes::Bytes;
 use insula_bake::read::EarthPlace;
 use insula_export::{glb::ExportError, selection::ObjectSelection, tiles3d::Tileset};
-use insula_protocol::{
-    TileId,
-    route::{Route, RouteError, RouteTemplate, TilesetFileKind},
-};
-use moka::future::Cache;
-use std::{
-    sync::{Arc, LazyLock},
-    time::Duration,
-};
-use tokio::{runtime::Handle, sync::Semaphore};
-
-/// Bytes of cached files.
-const MAX_CACHED_BYTES: u64 = 64 << 20;
-/// Files of the process that are made at the same time. Each takes a core for up to a second.
-const MAX_RUNNING: usize = 2;
-/// A file that waits or takes longer has failed. Its thread cannot be stopped.
-const MAX_TIME: Duration = Duration::from_secs(30);
+use insula_protocol::route::{Route, RouteError, RouteTemplate, TilesetFileKind};
+use std::{net::IpAddr, sync::Arc};
+use tokio::runtime::Handle;
 
 const NO_FILE: Problem = Problem::not_found("this tileset has no such file");
 const INVALID_NODE: Problem =
     Problem::bad_request("level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level");
-
-static RUNNING: Semaphore = Semaphore::const_new(MAX_RUNNING);
-static FILES: LazyLock<Cache<FileKey, Bytes>> = LazyLock::new(|| {
-    Cache::builder()
-        .max_capacity(MAX_CACHED_BYTES)
-        .weigher(|_: &FileKey, bytes: &Bytes| u32::try_from(bytes.len()).unwrap_or(u32::MAX))
-        .build()
-});
-
-/// A file of one version of a city.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-struct FileKey {
-    /// [`CityStore::serial`].
-    serial: u64,
-    file: TilesetFile,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum TilesetFile {
-    Root,
-    Node(TilesetFileKind, TileId),
-}
 
 /// Why there is no file.
 #[derive(Debug, Clone)]
@@ -73,21 +39,21 @@ enum FileError {
 }
 
 /// `/v1/cities/{city}/3dtiles/tileset.json`, and the files that it names. Fails with 400 for invalid numbers, 401 without a required
-/// token, 404 for an unknown city, version or file, or with a share link for a part of the city; 500 if the city is damaged, 503 if the
+/// token, 404 for an unknown city, version or file, or with a share link for a part of the city or read-only; 500 if the city is damaged, 503 if the
 /// file cannot be made now.
 pub(super) async fn tileset_file(
     State(state): State<AppState>,
+    RequestClient(client): RequestClient,
     method: Method,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let (city, access, file) = requested(&state, &uri, &headers)?;
-    // Tiles are not limited to the area of the link, so such a link opens no tileset.
-    if matches!(access, CityAccess::Link(scope) if scope.area_mm.is_some()) {
+    if !access.admits_computed(RouteTemplate::Tileset) {
         return Err(NO_FILE);
     }
-    let key = FileKey { serial: city.serial(), file };
-    let body = FILES.try_get_with(key, make(&city, file)).await.map_err(|error| problem(&state, &city, &error))?;
+    let made = state.computed().file(city.serial(), file, make(&state, &city, file, client)).await;
+    let body = made.map_err(|error| problem(&state, &city, &error))?;
     let is_public = access.is_public();
     let representation = Representation {
         etag: etag_of(&body),
@@ -136,10 +102,10 @@ fn requested(
 }
 
 /// Makes a file on a thread of its own.
-async fn make(city: &Arc<CityStore>, file: TilesetFile) -> Result<Bytes, FileError> {
+async fn make(state: &AppState, city: &Arc<CityStore>, file: TilesetFile, client: IpAddr) -> Result<Bytes, FileError> {
     let (city, runtime) = (Arc::clone(city), Handle::current());
-    let made = bounded_work::run(&RUNNING, MAX_TIME, move || make_now(&city, file, &runtime)).await;
-    made.unwrap_or(Err(FileError::Overloaded))
+    let work = move |_: &StopFlag| make_now(&city, file, &runtime);
+    state.work(WorkKind::Tileset).run(client, work).await.unwrap_or(Err(FileError::Overloaded))
 }
 
 /// Reads what a file needs, and makes it. Waits for the network if the city is in an object store.
@@ -165,7 +131,7 @@ fn make_now(city: &CityStore, file: TilesetFile, runtime: &Handle) -> Result<Byt
 fn problem(state: &AppState, city: &CityStore, error: &FileError) -> Problem {
     match error {
         FileError::Missing => NO_FILE,
-        FileError::Overloaded => Problem::unavailable("too many tiles are being made: retry in a second"),
+        FileError::Overloaded => Shed.problem(),
         FileError::Failed(reason) => {
             if state.admits_message(MessageKind::TileFailure) {
                 tracing::error!(place = city.location(), reason, "cannot make a tile of the tileset");

@@ -9,6 +9,7 @@ use insula_archive::{
     BakedCity,
     city::{MANIFEST_FILE, SEARCH_FILE},
     file::open_regular,
+    open_files::FileIdentity,
 };
 use insula_protocol::{TileKind, route::THUMBNAIL_FILE};
 use std::{
@@ -17,7 +18,6 @@ use std::{
     ops::Deref,
     path::{Path, PathBuf},
     sync::atomic::{AtomicU64, Ordering},
-    time::SystemTime,
 };
 
 /// Attempts to open a city that is replaced meanwhile.
@@ -44,13 +44,10 @@ pub struct CityStore {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum CityStamp {
     /// Of the manifest, each existing archive and the search index.
-    Files(Box<[Option<FileStamp>; 7]>),
+    Files(Box<[Option<FileIdentity>; 7]>),
     /// Hash of the manifest's text.
     Remote(blake3::Hash),
 }
-
-/// Device, inode, length and modification time.
-type FileStamp = (u64, u64, u64, Option<SystemTime>);
 
 impl CityStore {
     /// Opens a folder with `city.json`, an archive per [`TileKind`], and a search index if there is one. All files are of one version, even if the city is replaced
@@ -111,7 +108,7 @@ impl CityStore {
         self.search.is_some()
     }
 
-    /// The search index, which the first call reads whole. Fails if there is none, or it cannot be read or is damaged.
+    /// The search index, which is read whole unless someone holds it. Fails if there is none, or it cannot be read or is damaged.
     pub fn search_index(&self) -> Result<CityIndex, SearchFileError> {
         let none = || SearchFileError::None { place: self.location().to_owned() };
         self.search.as_ref().ok_or_else(none)?.index()
@@ -136,8 +133,7 @@ impl CityStamp {
         let file_stamp = |name: &str| {
             let path = folder.join(name);
             let metadata = fs::metadata(&path).map_err(|source| StoreError::Io { path, source })?;
-            let (device, inode) = identity(&metadata);
-            Ok(Some((device, inode, metadata.len(), metadata.modified().ok())))
+            Ok(Some(FileIdentity::of(&metadata)))
         };
         let optional = |name: &str| match file_stamp(name) {
             Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
@@ -150,15 +146,4 @@ impl CityStamp {
         let stamps = [file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes?, objects?, search, visibility?];
         Ok(Self::Files(Box::new(stamps)))
     }
-}
-
-#[cfg(unix)]
-fn identity(metadata: &fs::Metadata) -> (u64, u64) {
-    use std::os::unix::fs::MetadataExt;
-    (metadata.dev(), metadata.ino())
-}
-
-#[cfg(not(unix))]
-fn identity(_metadata: &fs::Metadata) -> (u64, u64) {
-    (0, 0)
 }

@@ -1,12 +1,15 @@
 //! Checks whether cities were replaced, added or removed, and opens the new ones.
 //!
-//! A city that cannot be opened does not replace the version that is served.
+//! A city that cannot be opened does not replace the version that is served. The start of a server is the first check, at which no
+//! city is known yet.
 
 use super::{
     cities::{CityFolders, Store, city_folders},
     city::{CityStamp, CityStore},
     error::StoreError,
+    remote::RemoteCity,
 };
+use futures_util::{StreamExt as _, stream};
 use std::{
     collections::{BTreeMap, BTreeSet},
     io,
@@ -18,8 +21,11 @@ use std::{
 /// Consecutive checks that must miss a city, or its whole folder, before it is removed: `bake` replaces a folder by two renames.
 const MAX_ABSENT_CHECKS: u32 = 3;
 
+/// Remote cities that are asked for at the same time.
+const REMOTES_AT_ONCE: usize = 16;
+
 /// How long, and how many, replaced versions stay open.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RetentionPolicy {
     /// Time after the replacement.
     pub time: Duration,
@@ -40,6 +46,8 @@ pub struct StoreReload {
     pub failures: Vec<StoreError>,
     /// Some cities are missing for another number of checks than before.
     absences_changed: bool,
+    /// Others cannot be opened than before.
+    failures_changed: bool,
 }
 
 impl Store {
@@ -50,13 +58,10 @@ impl Store {
         // The task fails only if it is cancelled at the end of the process.
         let unchanged = || (StoreReload::unchanged(self), self.cities.keys().cloned().collect());
         let (mut reload, mut seen) = checked.unwrap_or_else(|_| unchanged());
-        for remote in &self.remotes {
-            let known = self.cities.iter().find(|(_, versions)| versions.current.location() == remote.url());
-            seen.extend(known.map(|(name, _)| name.clone()));
-            if !include_remote {
-                continue;
-            }
-            match remote.open(known.map(|(_, versions)| versions.current.stamp())).await {
+        let local = reload.failures.len();
+        for (remote, opened) in self.check_remotes(include_remote).await {
+            seen.extend(self.known(remote).map(|(name, _)| name.clone()));
+            match opened {
                 Ok(Some(city)) => {
                     let name = city.manifest().name.clone();
                     if reload.replace(name.clone(), city, retention) {
@@ -69,32 +74,57 @@ impl Store {
         }
         reload.remove_absent(&seen);
         reload.close_older(retention);
+        let texts = |failures: &[StoreError]| failures.iter().map(ToString::to_string).collect();
+        let (local, remote) = reload.failures.split_at(local);
+        let remote = if include_remote { texts(remote) } else { Arc::clone(&self.failures[1]) };
+        let failures = [texts(local), remote];
+        reload.failures_changed = failures != self.failures;
+        reload.store.failures = failures;
         reload
     }
 
+    /// The city of a URL, if it could be opened.
+    fn known(&self, remote: &RemoteCity) -> Option<(&String, &CityStamp)> {
+        let known = self.cities.iter().find(|(_, versions)| versions.current.location() == remote.url());
+        known.map(|(name, versions)| (name, versions.current.stamp()))
+    }
+
+    /// Opens the remote cities that have changed; none if not `must_ask`. A store that does not respond delays the others little.
+    async fn check_remotes(&self, must_ask: bool) -> Vec<(&RemoteCity, Result<Option<CityStore>, StoreError>)> {
+        let checks = self.remotes.iter().map(|remote| {
+            let known = self.known(remote).map(|(_, stamp)| stamp);
+            async move { (remote, if must_ask { remote.open(known).await } else { Ok(None) }) }
+        });
+        let checks: Vec<_> = checks.collect();
+        stream::iter(checks).buffered(REMOTES_AT_ONCE).collect().await
+    }
+
     /// Checks all folders, which reads the disk. Also returns the names of the cities that exist.
-    fn check_folders(&self, retention: RetentionPolicy) -> (StoreReload, BTreeSet<String>) {
+    pub(super) fn check_folders(&self, retention: RetentionPolicy) -> (StoreReload, BTreeSet<String>) {
         let mut reload = StoreReload::unchanged(self);
         let mut seen = BTreeSet::new();
         let folders =
             self.cities.iter().filter_map(|(name, city)| Some((city.current.folder()?.to_owned(), name.clone())));
         let known: BTreeMap<PathBuf, String> = folders.collect();
+        let has_known = |folder: &PathBuf| known.keys().any(|at| at.starts_with(folder));
         for folder in &self.folders {
             match city_folders(folder) {
                 Ok(CityFolders { cities, unreadable }) => {
+                    if cities.is_empty() && !has_known(folder) {
+                        reload.failures.push(StoreError::NoCity(folder.clone()));
+                    }
                     for city in &cities {
                         seen.extend(reload.check_folder(city, known.get(city), retention));
                     }
                     // A city that cannot be looked at stays open.
                     for (path, source) in unreadable {
-                        if let Some(name) = known.get(&path) {
-                            seen.insert(name.clone());
-                            reload.failures.push(StoreError::Io { path, source });
-                        }
+                        seen.extend(known.get(&path).cloned());
+                        reload.failures.push(StoreError::Io { path, source });
                     }
                 }
-                // The folder is gone, and its cities with it.
-                Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {}
+                // The folder is gone, and its cities with it. `bake` replaces a city by two renames, so that is no failure yet.
+                Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound && has_known(folder) => {
+                }
                 // All cities from this folder stay open.
                 Err(error) => {
                     seen.extend(known.iter().filter(|(at, _)| at.starts_with(folder)).map(|(_, name)| name.clone()));
@@ -108,12 +138,23 @@ impl Store {
 
 impl StoreReload {
     fn unchanged(store: &Store) -> Self {
-        Self { store: store.clone(), changed: Vec::new(), closed: 0, failures: Vec::new(), absences_changed: false }
+        let (changed, failures) = (Vec::new(), Vec::new());
+        Self { store: store.clone(), changed, closed: 0, failures, absences_changed: false, failures_changed: false }
+    }
+
+    /// The store, if everything could be opened. Fails with the first failure.
+    pub fn complete(self) -> Result<Store, StoreError> {
+        self.failures.into_iter().next().map_or(Ok(self.store), Err)
+    }
+
+    /// The store, unless nothing could be opened. Fails with the first failure then.
+    pub fn usable(self) -> Result<Store, StoreError> {
+        if self.store.cities.is_empty() { self.complete() } else { Ok(self.store) }
     }
 
     /// Whether [`Self::store`] differs from the store that was checked.
     pub fn must_replace(&self) -> bool {
-        !self.changed.is_empty() || self.closed > 0 || self.absences_changed
+        !self.changed.is_empty() || self.closed > 0 || self.absences_changed || self.failures_changed
     }
 
     /// Opens the city in a folder if it has changed. `known` is the city that was opened from there. Returns the city that exists.

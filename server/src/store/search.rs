@@ -1,26 +1,26 @@
 //! The search index of an opened city, on disk or in an object store.
 //!
-//! The file is opened with the city, so that it is of the city's version even if the folder is replaced; an object has the tag that it
-//! had then. It is read at the first search, and stays in memory as long as the city is open. It is read, not mapped: if a mapped file
-//! is truncated, the next access ends the process.
+//! The file is found with the city, so that it is of the city's version even if the folder is replaced; an object has the tag that it
+//! had then. It is read by a search, and stays in memory as long as someone holds it. It is read, not mapped: if a mapped file is
+//! truncated, the next access ends the process.
 
 use super::requests::RemoteObject;
 use insula_archive::{
+    RangeSource as _,
     block_cache::BlockObject,
     city::{MAX_SEARCH_BYTES, SEARCH_FILE},
-    file::open_regular,
+    file::FileSource,
 };
 use insula_objects::search::SearchIndex;
 use std::{
-    fs::File,
-    io::{self, Read, Seek},
+    io,
     path::Path,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, PoisonError, Weak},
     time::{Duration, Instant},
 };
 use tokio::runtime::Handle;
 
-/// Bytes of one request to an object store: each must arrive within a third of the timeout.
+/// Bytes of one read. Of an object store, each must arrive within a third of the timeout.
 const PART_BYTES: u64 = 4 << 20;
 
 /// An index that could not be opened is tried again after this time: each attempt reads the whole file.
@@ -50,14 +50,15 @@ pub(super) struct SearchFile {
 #[derive(Debug)]
 struct SearchContent {
     source: SearchSource,
-    opened: Option<CityIndex>,
+    /// The index, if someone holds it.
+    opened: Weak<SearchIndex<Vec<u8>>>,
     /// The last failure and its time.
     failed: Option<(Instant, SearchFileError)>,
 }
 
 #[derive(Debug)]
 enum SearchSource {
-    File(File),
+    File(FileSource),
     /// With the runtime that reads it.
     Remote(RemoteObject, Handle),
 }
@@ -69,30 +70,34 @@ impl SearchFile {
     }
 
     fn new(place: String, source: SearchSource) -> Self {
-        Self { place, content: Mutex::new(SearchContent { source, opened: None, failed: None }) }
+        Self { place, content: Mutex::new(SearchContent { source, opened: Weak::new(), failed: None }) }
     }
 
     /// Opens the file in a city's folder, unread; `None` if there is none. Fails if it cannot be opened or is no regular file.
     pub(super) fn open(folder: &Path) -> io::Result<Option<Self>> {
-        let file = match open_regular(&folder.join(SEARCH_FILE)) {
+        let file = match FileSource::open(&folder.join(SEARCH_FILE)) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             file => file?,
         };
         Ok(Some(Self::new(folder.display().to_string(), SearchSource::File(file))))
     }
 
-    /// The index; the first call reads it, and others wait for that. Not to be called on a thread of an asynchronous runtime. Fails if it
+    /// The index. It is read unless someone holds it; other calls wait for that. Not to be called on a thread of an asynchronous runtime. Fails if it
     /// cannot be read, is damaged or too large.
     pub(super) fn index(&self) -> Result<CityIndex, SearchFileError> {
         let mut content = self.content.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(index) = &content.opened {
-            return Ok(index.clone());
+        if let Some(index) = content.opened.upgrade() {
+            return Ok(index);
         }
         if let Some((_, error)) = content.failed.as_ref().filter(|(time, _)| time.elapsed() < RETRY_INTERVAL) {
             return Err(error.clone());
         }
-        match self.read(&mut content.source) {
-            Ok(index) => Ok(content.opened.insert(Arc::new(index)).clone()),
+        match self.read(&content.source) {
+            Ok(index) => {
+                let index = Arc::new(index);
+                content.opened = Arc::downgrade(&index);
+                Ok(index)
+            }
             Err(error) => {
                 content.failed = Some((Instant::now(), error.clone()));
                 Err(error)
@@ -100,10 +105,10 @@ impl SearchFile {
         }
     }
 
-    fn read(&self, source: &mut SearchSource) -> Result<SearchIndex<Vec<u8>>, SearchFileError> {
+    fn read(&self, source: &SearchSource) -> Result<SearchIndex<Vec<u8>>, SearchFileError> {
         let unreadable = |reason: String| SearchFileError::Unreadable { place: self.place.clone(), reason };
         let damaged = |reason: String| SearchFileError::Damaged { place: self.place.clone(), reason };
-        let length = source.length().map_err(|error| unreadable(error.to_string()))?;
+        let length = source.length();
         if length > MAX_SEARCH_BYTES {
             return Err(damaged(format!("it has {length} bytes, the limit is {MAX_SEARCH_BYTES}")));
         }
@@ -113,27 +118,23 @@ impl SearchFile {
 }
 
 impl SearchSource {
-    fn length(&self) -> io::Result<u64> {
+    fn length(&self) -> u64 {
         match self {
-            Self::File(file) => Ok(file.metadata()?.len()),
-            Self::Remote(object, _) => Ok(object.length()),
+            Self::File(file) => file.length().unwrap_or_default(),
+            Self::Remote(object, _) => object.length(),
         }
     }
 
     /// All of its `length` bytes. Fails with the reason.
-    fn read(&mut self, length: u64) -> Result<Vec<u8>, String> {
+    fn read(&self, length: u64) -> Result<Vec<u8>, String> {
         let mut bytes = Vec::with_capacity(length as usize);
-        match self {
-            Self::File(file) => {
-                let read = file.rewind().and_then(|()| file.take(MAX_SEARCH_BYTES).read_to_end(&mut bytes));
-                read.map_err(|error| error.to_string())?;
-            }
-            Self::Remote(object, runtime) => {
-                for start in (0..length).step_by(PART_BYTES as usize) {
-                    let part = object.fetch(start..length.min(start + PART_BYTES));
-                    bytes.extend_from_slice(&runtime.block_on(part).map_err(|error| error.to_string())?);
-                }
-            }
+        for start in (0..length).step_by(PART_BYTES as usize) {
+            let range = start..length.min(start + PART_BYTES);
+            let part = match self {
+                Self::File(file) => file.read(range).ready(),
+                Self::Remote(object, runtime) => runtime.block_on(object.fetch(range)),
+            };
+            bytes.extend_from_slice(&part.map_err(|error| error.to_string())?);
         }
         Ok(bytes)
     }

@@ -134,6 +134,42 @@ fn cities_and_configs_that_cannot_be_used_are_one_line() {
 }
 
 #[test]
+fn a_broken_city_among_others_stops_a_strict_start_only() {
+    let folder = tempfile::tempdir().unwrap();
+    small_city::write_city(&folder.path().join("two"), "two");
+    small_city::write_city(&folder.path().join("broken"), "broken");
+    std::fs::write(folder.path().join("broken/subtrees.pmtiles"), b"nothing").unwrap();
+    assert!(failure(&["serve", text(folder.path()), "--strict"]).0.contains("subtrees.pmtiles"));
+    let server = ServerProcess::start(&mut program(), folder.path(), "127.0.0.1:0", &["reload.watch_secs=0"]).unwrap();
+    assert!(get(&server, "/v1/cities/two").starts_with("HTTP/1.1 200"));
+    let metrics = get(&server, "/metrics");
+    assert!(metrics.contains("insula_cities 1\n") && metrics.contains("insula_cities_failed 1\n"), "{metrics}");
+    assert!(metrics.contains("insula_reloads_total{kind=\"failed\"} 1\n"), "{metrics}");
+}
+
+/// More files than the process may open.
+#[cfg(unix)]
+#[test]
+fn many_cities_are_served_with_few_open_files() {
+    const CITIES: usize = 60;
+    let folder = tempfile::tempdir().unwrap();
+    for city in 0..CITIES {
+        small_city::write_city(&folder.path().join(format!("c{city}")), &format!("c{city}"));
+    }
+    let mut command = Command::new("sh");
+    let script = r#"ulimit -n 80 && exec "$0" "$@""#;
+    command.args(["-c", script, env!("CARGO_BIN_EXE_insula-server")]);
+    let settings = ["threads=2", "limits.connections=8"];
+    let server = ServerProcess::start(&mut command, folder.path(), "127.0.0.1:0", &settings).unwrap();
+    for city in (0..CITIES).chain(0..CITIES) {
+        for kind in ["subtrees", "blockmaps"] {
+            let response = get(&server, &format!("/v1/cities/c{city}/0123456789abcdef/{kind}/0/0/0"));
+            assert!(response.starts_with("HTTP/1.1 200"), "{city} {response}");
+        }
+    }
+}
+
+#[test]
 fn usage_errors_are_one_line_and_exit_2() {
     for args in [
         &["dance"][..],

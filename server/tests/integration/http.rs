@@ -107,7 +107,6 @@ async fn unknown_paths_are_404() {
     for path in [
         "/v1/cities/three",
         "/v1/cities/three/0123456789abcdef/blockmaps/0/0/0",
-        "/v1/cities/two/0123456789abcdee/blockmaps/0/0/0",
         "/v1/cities/two/0123456789abcdef/blockmaps/1/0/0",
         "/v1/cities/two/0123456789abcdef/blockmaps/20/1048575/0",
         "/v1/cities/two/0123456789abcdef/subtrees/1/1/1",
@@ -120,6 +119,10 @@ async fn unknown_paths_are_404() {
         "/favicon.ico",
     ] {
         get(path).await.assert_problem(404);
+    }
+    // A client with an old manifest learns that it is one.
+    for rest in ["blockmaps/0/0/0", "groups/blockmaps/1/0/0/4/0", "search?q=a", "filter?expr=height"] {
+        get(&format!("/v1/cities/two/0123456789abcdee/{rest}")).await.assert_problem(410);
     }
 }
 

@@ -186,7 +186,7 @@ async fn a_new_version_replaces_the_old_one_which_stays_available() {
         server.reload().await;
         assert!(server.get("/v1/cities/two", "").await.contains(&format!("\"{version}\"")));
     }
-    for (version, status) in [("d", 200), ("c", 200), ("b", 200), ("0123456789abcdef", 404)] {
+    for (version, status) in [("d", 200), ("c", 200), ("b", 200), ("0123456789abcdef", 410)] {
         let response = get_tile(version).await;
         assert!(response.starts_with(&format!("HTTP/1.1 {status}")), "{version}: {response}");
     }

@@ -97,10 +97,12 @@ async fn invalid_searches_are_problems() {
     {
         assert_problem(&server.get(&address(query), "").await, 400);
     }
-    for path in
-        ["/v1/cities/three/0123456789abcdef/search", "/v1/cities/two/0123456789abcdee/search", "/v1/cities/T/v/search"]
-    {
-        assert_problem(&server.get(&format!("{path}?q=kerk"), "").await, 404);
+    for (path, status) in [
+        ("/v1/cities/three/0123456789abcdef/search", 404),
+        ("/v1/cities/two/0123456789abcdee/search", 410),
+        ("/v1/cities/T/v/search", 404),
+    ] {
+        assert_problem(&server.get(&format!("{path}?q=kerk"), "").await, status);
     }
     fs::remove_file(server.folder.path().join("two").join(SEARCH_FILE)).unwrap();
     server.reload().await;
@@ -142,6 +144,15 @@ async fn private_cities_are_searched_with_a_token_or_a_link_to_all_of_them() {
     for args in [&[][..], &["--read-only"], &["--version", "0123*"]] {
         assert_eq!(hits(&get(args).await)[0]["object"], 0, "{args:?}");
     }
+    let filter = |link: &str| format!("{}?expr=height+%3E+0&{link}", route::filter("two", small_city::VERSION));
+    assert!(server.get(&filter(&sign(&keys, &[])), "").await.starts_with("HTTP/1.1 200"));
+    // A read-only link opens searches and tiles only, also of objects.
+    let link = sign(&keys, &["--read-only"]);
+    assert_problem(&server.get(&filter(&link), "").await, 404);
+    let schema = format!("/v1/cities/two/{}/objects/schema", small_city::VERSION);
+    for link in [link.replace('~', "%7E").replace('.', "%2E"), link] {
+        assert!(server.get(&format!("{schema}?{link}"), "").await.starts_with("HTTP/1.1 200"), "{link}");
+    }
     // The area contains the whole city, and still is one.
     assert_problem(&get(&["--bbox", "0,0,999999,999999"]).await, 404);
     assert_problem(&get(&["--version", "1*"]).await, 401);
@@ -165,7 +176,7 @@ async fn filters_name_the_objects_that_pass() {
         assert_problem(&server.get(&filter(query), "").await, 400);
     }
     let other = route::filter("two", "0123456789abcdee");
-    assert_problem(&server.get(&format!("{other}?expr=height"), "").await, 404);
+    assert_problem(&server.get(&format!("{other}?expr=height"), "").await, 410);
     fs::remove_file(server.folder.path().join("two").join(TileKind::Objects.file_name())).unwrap();
     server.reload().await;
     assert_problem(&server.get(&filter("expr=height"), "").await, 404);

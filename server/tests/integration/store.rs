@@ -30,6 +30,47 @@ fn a_folder_of_cities_opens_all_of_them() {
     assert!(matches!(Store::open(&[root.path().join("missing")]), Err(StoreError::Io { .. })));
 }
 
+#[tokio::test]
+async fn a_start_serves_what_can_be_opened_and_a_reload_the_rest() {
+    let root = tempfile::tempdir().unwrap();
+    let [good, broken, empty] = ["good", "broken", "empty"].map(|name| root.path().join(name));
+    small_city::write_city(&good, "good");
+    small_city::write_city(&broken, "broken");
+    std::fs::write(broken.join(TileKind::BlockMap.file_name()), b"nothing").unwrap();
+    std::fs::create_dir(&empty).unwrap();
+    // A port that nothing listens on.
+    let closed = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let missing = root.path().join("missing");
+    let places = [root.path().to_owned(), empty.clone(), missing, format!("http://{closed}/city").into()];
+    let cache = BlockCacheConfig { timeout_secs: 1, ..BlockCacheConfig::default() };
+    let started = Store::start(&places, &cache).await.unwrap();
+    assert_eq!(started.failures.len(), 4, "{:?}", started.failures);
+    assert!(started.store.failures().any(|failure| failure.contains("blockmaps.pmtiles")));
+    assert!(Store::open_anywhere(&places, &cache).await.is_err(), "one of them cannot be opened");
+    let store = started.usable().unwrap();
+    let names = |store: &Store| store.cities().map(|city| city.manifest().name.clone()).collect::<Vec<_>>();
+    assert_eq!((names(&store), store.failures().count()), (vec!["good".to_owned()], 4));
+    replace_city(&broken, |next| small_city::write_city(next, "broken"));
+    small_city::write_city(&empty, "late");
+    let reload = store.reload(RetentionPolicy::default(), false).await;
+    assert!(reload.must_replace());
+    assert_eq!(names(&reload.store), ["broken", "good", "late"]);
+    assert_eq!(reload.store.failures().count(), 2, "the missing folder, and the host, which was not asked");
+    let nothing = Store::start(&[root.path().join("missing")], &cache).await.unwrap();
+    assert!(matches!(nothing.usable(), Err(StoreError::Io { .. })));
+}
+
+#[cfg(unix)]
+#[tokio::test]
+async fn a_city_that_cannot_be_looked_at_is_reported() {
+    let root = tempfile::tempdir().unwrap();
+    small_city::write_city(&root.path().join("good"), "good");
+    std::os::unix::fs::symlink("loop", root.path().join("loop")).unwrap();
+    let started = Store::start(&[root.path().to_owned()], &BlockCacheConfig::default()).await.unwrap();
+    assert!(started.failures[0].to_string().contains("loop"), "{:?}", started.failures);
+    assert_eq!(started.usable().unwrap().cities().len(), 1);
+}
+
 #[cfg(target_os = "linux")]
 #[tokio::test]
 async fn a_folder_whose_name_is_not_text_changes_only_if_its_files_do() {

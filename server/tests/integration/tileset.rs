@@ -74,7 +74,8 @@ async fn other_addresses_are_problems() {
     assert_problem(&server.get(&file(CONTENT, [21, 0, 0]), "").await, 400);
     let other = file(CONTENT, [0, 0, 0]).replace(small_city::VERSION, "0123456789abcdee");
     let without_extension = file(CONTENT, [0, 0, 0]).replace(".glb", "");
-    for path in [other, without_extension, route::tileset("three"), route::tileset("two") + "/x"] {
+    assert_problem(&server.get(&other, "").await, 410);
+    for path in [without_extension, route::tileset("three"), route::tileset("two") + "/x"] {
         assert_problem(&server.get(&path, "").await, 404);
     }
     server.stop().await;

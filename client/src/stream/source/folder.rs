@@ -19,9 +19,9 @@ struct FolderArchive {
     file: Arc<OnceLock<FileSource>>,
 }
 
-/// The city in `folder`.
-pub fn open(folder: &Path, http: &Arc<Http>) -> ArchivedCity {
-    ArchivedCity::new(folder.display().to_string(), |kind| {
+/// The city in `folder`, in the version of its manifest.
+pub fn open(folder: &Path, version: &str, http: &Arc<Http>) -> ArchivedCity {
+    ArchivedCity::new(folder.display().to_string(), version, |kind| {
         Arc::new(FolderArchive { path: folder.join(kind.file_name()), http: http.clone(), file: Arc::default() })
     })
 }

@@ -68,7 +68,7 @@ mod tests {
 
     fn search(folder: &Path, query: &str) -> Result<Option<Vec<SearchHit>>, FetchError> {
         let http = Http::new(None).unwrap().into();
-        let city = in_folder(folder::open(folder, &http), folder, &http);
+        let city = in_folder(folder::open(folder, "", &http), folder, &http);
         http.block_on(city.search(query, 5))
     }
 

@@ -13,9 +13,9 @@ pub struct ArchivedCity {
 }
 
 impl ArchivedCity {
-    /// `open` returns the source of each archive; `location` is for people.
-    pub fn new(location: String, open: impl Fn(TileKind) -> SharedSource) -> Self {
-        Self { location, city: LazyCity::new(open) }
+    /// The city of a manifest with this version. `open` returns the source of each archive; `location` is for people.
+    pub fn new(location: String, version: &str, open: impl Fn(TileKind) -> SharedSource) -> Self {
+        Self { location, city: LazyCity::new(version, open) }
     }
 }
 
@@ -57,9 +57,7 @@ fn from_archive(error: ArchiveError) -> FetchError {
         ArchiveError::Read(ReadError::Busy { status, retry_after }) => FetchError::Busy { status, retry_after },
         ArchiveError::Read(ReadError::Failed(reason)) => FetchError::Network(reason),
         ArchiveError::Read(ReadError::Damaged(_)) => FetchError::Broken,
-        ArchiveError::Read(ReadError::Replaced) => {
-            FetchError::Unusable("the city was replaced meanwhile: open it again".into())
-        }
+        ArchiveError::Read(ReadError::Replaced) | ArchiveError::OtherVersion => FetchError::replaced(),
         ArchiveError::Read(ReadError::Unusable(reason)) => FetchError::Unusable(reason),
         damaged => FetchError::Archive(damaged.to_string()),
     }

@@ -25,12 +25,14 @@ struct WebArchive {
     first: Arc<OnceLock<(Option<String>, Option<u64>)>>,
 }
 
-/// The city at `base`, an address without a slash at its end.
-pub fn open(base: &str, http: &Arc<dyn Transport>) -> impl TileSource + 'static {
-    let archives = ArchivedCity::new(base.to_owned(), |kind| {
-        Arc::new(WebArchive { url: format!("{base}/{}", kind.file_name()), http: http.clone(), first: Arc::default() })
+/// The city at `base`, an address without a slash at its end, in the version of its manifest.
+pub fn open(base: &str, version: &str, http: &Arc<dyn Transport>) -> impl TileSource + 'static {
+    let archives = ArchivedCity::new(base.to_owned(), version, |kind| {
+        // The version keeps caches on the way from answering with files of another bake.
+        let url = format!("{base}/{}?v={version}", kind.file_name());
+        Arc::new(WebArchive { url, http: http.clone(), first: Arc::default() })
     });
-    let (url, http) = (format!("{base}/{SEARCH_FILE}"), http.clone());
+    let (url, http) = (format!("{base}/{SEARCH_FILE}?v={version}"), http.clone());
     SearchableCity::new(archives, move || {
         let (url, http) = (url.clone(), http.clone());
         Box::pin(async move {

@@ -52,7 +52,15 @@ pub enum FetchError {
 /// Pause before a tile that was damaged repeatedly is requested once more. A proxy's bad copy often lives no longer.
 const RECHECK_PAUSE: Duration = Duration::from_secs(20);
 
+/// Tells people and pages that the manifest must be read again.
+pub const REPLACED: &str = "the city was replaced meanwhile: open it again";
+
 impl FetchError {
+    /// The source has another version of the city.
+    pub fn replaced() -> Self {
+        Self::Unusable(REPLACED.to_owned())
+    }
+
     /// Whether only this tile is at fault: the source itself responds.
     fn is_of_tile_alone(&self) -> bool {
         matches!(self, Self::Missing | Self::Damaged(_) | Self::Broken)

@@ -11,7 +11,7 @@ use insula_viewer::{
     camera_text,
     interaction::{camera_control::ControlMode, measure::MeasureKind},
     projection::{project, project_line},
-    streamer::{StreamStatus, Streamer},
+    streamer::{REPLACED, StreamStatus, Streamer},
 };
 use std::time::Duration;
 
@@ -25,7 +25,10 @@ impl StatusMessage {
             StreamStatus::Ready => (None, String::new()),
             StreamStatus::Loading => (Some("loading"), String::new()),
             StreamStatus::Reconnecting => (Some("offline"), streamer.downloads().last_error().to_owned()),
-            StreamStatus::Failed => (Some("error"), streamer.check().err().map(|e| e.to_string()).unwrap_or_default()),
+            StreamStatus::Failed => {
+                let text = streamer.check().err().map(|e| e.to_string()).unwrap_or_default();
+                (Some(if text == REPLACED { "replaced" } else { "error" }), text)
+            }
         };
         Self { op: "status", kind, text }
     }

@@ -50,6 +50,7 @@ impl BrowserTransport {
             (Some(error), _) => Err(FetchError::Network(error)),
             (None, 200 | 206) => Ok(response),
             (None, status @ (408 | 425 | 429)) => Err(busy_error(&response, status)),
+            (None, 410) => Err(FetchError::replaced()),
             (None, 400..500) => Err(FetchError::Missing),
             // Temporary failures are 502, 503 or 504. A 500 means that the server cannot read this tile.
             (None, 500) => Err(FetchError::Broken),

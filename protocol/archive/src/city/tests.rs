@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::{
-    RangeSource,
+    LazyArchive, RangeSource,
+    file::FileSource,
+    mark::mark_file,
     test_support::{MemorySource, archive, id},
 };
 use futures_util::FutureExt;
@@ -213,4 +215,27 @@ fn a_damaged_tile_is_invalidated_and_read_once_more() {
             Err(error) => assert!(matches!(error, ReadError::Damaged(_)) && repaired_after == 2),
         }
     }
+}
+
+#[test]
+fn archives_of_another_bake_are_refused() {
+    let folder = folder();
+    let version = manifest().version;
+    let recomputed = || content_version(folder.path(), &version).unwrap();
+    let unmarked = recomputed();
+    let mark = |kind: TileKind, version: &str| mark_file(&folder.path().join(kind.file_name()), version).unwrap();
+    mark(TileKind::Subtree, &version);
+    mark(TileKind::BlockMap, &version);
+    BakedCity::open(folder.path()).unwrap();
+    assert_eq!(recomputed(), unmarked, "the version is a hash of the archives without their marks");
+    mark(TileKind::BlockMap, "fedcba9876543210");
+    let text = refusal(folder.path());
+    assert!(text.contains("blockmaps.pmtiles") && text.contains("another version"), "{text}");
+    let lazy = |version: &str| {
+        let source = FileSource::open(&folder.path().join(TileKind::BlockMap.file_name())).unwrap();
+        LazyArchive::new(Arc::new(source), 1 << 20).of_version(version.into())
+    };
+    let read = |version: &str| lazy(version).tile(TileId::ROOT).now_or_never().unwrap();
+    assert_eq!(read(&version).unwrap_err(), ArchiveError::OtherVersion);
+    assert!(read("fedcba9876543210").unwrap().is_some());
 }

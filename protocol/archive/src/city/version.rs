@@ -1,7 +1,7 @@
 //! The version of a city, recomputed from its files.
 
 use super::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE};
-use crate::{Archive, file::open_regular, limits::MAX_OPENING_TIME};
+use crate::{Archive, directory::HEADER_BYTES, file::open_regular, limits::MAX_OPENING_TIME, mark::MARK_AT};
 use insula_protocol::TileKind;
 use std::{
     fs::File,
@@ -27,7 +27,7 @@ impl ArchiveDigest {
         self.tiles.update(hash);
     }
 
-    /// The hash. `head` and `tail` are the bytes before and after those of the tiles.
+    /// The hash. `head` and `tail` are the bytes before and after those of the tiles, without a mark ([`crate::mark`]).
     #[must_use]
     pub fn finish(self, head: &[u8], tail: &[u8]) -> [u8; blake3::OUT_LEN] {
         let mut hasher = self.begin_end();
@@ -44,7 +44,14 @@ impl ArchiveDigest {
             let bytes = part.end - part.start;
             hasher.update(&bytes.to_le_bytes());
             file.seek(SeekFrom::Start(part.start))?;
-            if io::copy(&mut file.take(bytes), &mut hasher)? != bytes {
+            let mut start = vec![0; bytes.min(HEADER_BYTES) as usize];
+            file.read_exact(&mut start)?;
+            if part.start == 0 && start.len() >= MARK_AT.end {
+                start[MARK_AT].fill(0);
+            }
+            hasher.update(&start);
+            let rest = bytes - start.len() as u64;
+            if io::copy(&mut file.take(rest), &mut hasher)? != rest {
                 return Err(io::ErrorKind::UnexpectedEof.into());
             }
         }

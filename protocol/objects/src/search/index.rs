@@ -70,6 +70,12 @@ impl<D: AsRef<[u8]>> SearchIndex<D> {
         self.layout.entries as usize
     }
 
+    /// Length of the index in bytes, which are all in memory or all mapped.
+    #[must_use]
+    pub fn byte_len(&self) -> usize {
+        self.data.as_ref().len()
+    }
+
     /// Whether there are no texts.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -12,7 +12,10 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use insula_archive::city::{SEARCH_FILE, version_of};
+use insula_archive::{
+    city::{SEARCH_FILE, version_of},
+    mark::mark_file,
+};
 use insula_protocol::{
     NODE_CELLS, TileId, TileKind,
     manifest::{
@@ -234,6 +237,9 @@ pub(crate) fn write_others(
     }
     let path = folder.join("city.json");
     manifest.version = version_of(&hashes, &to_json(&manifest, &path)?);
+    for path in TileKind::ALL.map(|kind| folder.join(kind.file_name())).iter().filter(|path| path.exists()) {
+        mark_file(path, &manifest.version).map_err(|cause| BakeError::io(path, "written", cause))?;
+    }
     let json = to_json(&manifest, &path)?;
     write_synced(&path, &json)?;
     bytes += json.len() as u64;

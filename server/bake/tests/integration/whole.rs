@@ -3,6 +3,7 @@
 use std::{fs, path::Path, sync::Mutex};
 
 use super::support::{BakedCity, COARSE_CELL_M, bake, city, coarse_options, files, options, out_folder, partial};
+use insula_archive::mark::{MARK_AT, mark_of};
 use insula_bake::{
     BakeError, BakeOptions, Progress, Silent, bake_scene,
     read::ReadReport,
@@ -30,6 +31,15 @@ fn number_of_threads_does_not_change_the_bytes() {
     );
     assert!(with_one.files == with_three.files);
     assert_eq!(with_one.report.city_bytes, with_one.files.values().map(|bytes| bytes.len() as u64).sum::<u64>());
+}
+
+#[test]
+fn each_archive_has_the_mark_of_its_city() {
+    let baked = BakedCity::boxes();
+    let mark = mark_of(&baked.manifest().version);
+    for (name, bytes) in baked.files.iter().filter(|(name, _)| name.ends_with(".pmtiles")) {
+        assert_eq!(bytes[MARK_AT], mark, "{name}");
+    }
 }
 
 fn centre(manifest: &Manifest, node: &NodeInfo) -> [f32; 3] {

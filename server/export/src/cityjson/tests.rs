@@ -5,7 +5,7 @@ use crate::{
     format::{Format, Projections},
     selection::ObjectSelection,
     table::{
-        ExportReport,
+        ExportReport, TableOptions,
         test_city::{BUILDING, COURT, HOUSE, ORIGIN, PARTS, TestCity},
     },
 };
@@ -16,7 +16,8 @@ fn lines(has_meshes: bool, selection: &ObjectSelection) -> (Vec<Value>, ExportRe
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.city.jsonl");
     let city = TestCity::new(has_meshes);
-    let report = export(&city, Format::CityJsonSeq, selection, &Projections::default(), &path).unwrap();
+    let report =
+        export(&city, Format::CityJsonSeq, selection, &Projections::default(), TableOptions::default(), &path).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     (text.lines().map(|line| serde_json::from_str(line).unwrap()).collect(), report)
 }
@@ -119,7 +120,15 @@ fn houses_across_leaves_have_the_surfaces_of_their_source() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.city.jsonl");
     let city = TestCity::of_rotated_houses();
-    export(&city, Format::CityJsonSeq, &ObjectSelection::default(), &Projections::default(), &path).unwrap();
+    export(
+        &city,
+        Format::CityJsonSeq,
+        &ObjectSelection::default(),
+        &Projections::default(),
+        TableOptions::default(),
+        &path,
+    )
+    .unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     let features: Vec<Value> = text.lines().skip(1).map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(features.len(), 36);

@@ -6,7 +6,7 @@ use crate::{
     format::{Format, Projections},
     selection::ObjectSelection,
     table::{
-        ExportError, ExportReport,
+        ExportError, ExportReport, TableOptions,
         test_city::{COURT, ORIGIN, TestCity},
     },
 };
@@ -37,7 +37,8 @@ fn read(selection: &ObjectSelection) -> Result<Raster, ExportError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
     let projections = Projections { epsg: Some(28992), ..Projections::default() };
-    let report = export(&TestCity::new(true), Format::GeoTiff, selection, &projections, &path)?;
+    let report =
+        export(&TestCity::new(true), Format::GeoTiff, selection, &projections, TableOptions::default(), &path)?;
     let mut decoder = Decoder::new(File::open(&path).unwrap()).unwrap();
     let (width, height) = decoder.dimensions().unwrap();
     let DecodingResult::F32(heights) = decoder.read_image().unwrap() else { panic!("not floats") };

@@ -1,6 +1,7 @@
 //! Comma-separated values (RFC 4180, UTF-8, a header row). The last column is the footprint as well-known text in world metres.
 //!
-//! Attribution is in a text file beside it, because a comment line breaks readers.
+//! Attribution is in a text file beside it, because a comment line breaks readers. Spreadsheets run cells that begin with `=`, `+`, `-` or
+//! `@` as formulas, so such a text gets an apostrophe before it unless formulas are kept.
 
 use super::{
     ExportError, ExportReport, RecordWriter, TableSetup,
@@ -8,7 +9,9 @@ use super::{
     record::{Field, Record},
     wkb,
 };
+use insula_objects::Value;
 use std::{
+    borrow::Cow,
     fs::File,
     io::{BufWriter, Write},
     path::{Path, PathBuf},
@@ -20,21 +23,27 @@ pub(super) struct Writer {
     rows: csv::Writer<BufWriter<File>>,
     fields: Vec<Field>,
     path: PathBuf,
+    keeps_formulas: bool,
 }
 
 impl Writer {
     pub(super) fn new(setup: &TableSetup<'_>, file: File) -> Result<Self, ExportError> {
         let mut rows = csv::Writer::from_writer(BufWriter::new(file));
-        let names = setup.fields.iter().map(|field| field.name.as_str());
-        rows.write_record(names.chain(["wkt"])).map_err(ExportError::encode(setup.path, FORMAT))?;
-        Ok(Self { rows, fields: setup.fields.to_vec(), path: setup.path.to_owned() })
+        let keeps_formulas = setup.keeps_formulas;
+        let names = setup.fields.iter().map(|field| cell(field.name.clone(), keeps_formulas));
+        let names = names.chain(["wkt".to_owned()]);
+        rows.write_record(names).map_err(ExportError::encode(setup.path, FORMAT))?;
+        Ok(Self { rows, fields: setup.fields.to_vec(), path: setup.path.to_owned(), keeps_formulas })
     }
 }
 
 impl RecordWriter for Writer {
     fn write(&mut self, record: &Record) -> Result<Option<&'static str>, ExportError> {
         let values = record.values(&self.fields);
-        let texts = values.into_iter().map(|value| value.map(|value| value.to_string()).unwrap_or_default());
+        let text = |value: Option<Cow<'_, Value>>| {
+            value.map(|value| cell(value.to_string(), self.keeps_formulas)).unwrap_or_default()
+        };
+        let texts = values.into_iter().map(text);
         let wkt = wkb::well_known_text(record.polygons());
         self.rows.write_record(texts.chain([wkt])).map_err(ExportError::encode(&self.path, FORMAT))?;
         Ok(None)
@@ -45,6 +54,18 @@ impl RecordWriter for Writer {
         let file = buffered.and_then(|buffered| buffered.into_inner().map_err(|error| error.into_error()));
         file.map_err(ExportError::write(&self.path))
     }
+}
+
+/// A cell that no spreadsheet takes for a formula, unless formulas are kept. Numbers stay as they are.
+fn cell(text: String, keeps_formulas: bool) -> String {
+    let is_formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && !is_number(&text);
+    if is_formula && !keeps_formulas { format!("'{text}") } else { text }
+}
+
+/// Whether a text is a decimal number. Rust also parses words such as `-inf`.
+fn is_number(text: &str) -> bool {
+    let has_digits_only = text.bytes().all(|byte| byte.is_ascii_digit() || b"+-.eE".contains(&byte));
+    has_digits_only && text.parse::<f64>().is_ok()
 }
 
 /// Path and text of the file beside a table that has the attribution; `None` if there is none.
@@ -60,4 +81,20 @@ pub(super) fn write_sidecar(setup: &TableSetup<'_>, report: &mut ExportReport) -
     report.bytes += output.commit(file)?;
     report.files.push(path);
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formulas_become_texts_and_numbers_stay() {
+        for formula in ["=1+1", "+31 15 27", "-inf", "-A1", "@SUM(A1)", "\tx", "\r=1", "=", "--3", "-1e5e"] {
+            assert_eq!(cell(formula.to_owned(), false), format!("'{formula}"));
+            assert_eq!(cell(formula.to_owned(), true), formula);
+        }
+        for other in ["-3.5", "+3", "-1e-5", "3", "", "a=b", "'=1", " =1"] {
+            assert_eq!(cell(other.to_owned(), false), other);
+        }
+    }
 }

@@ -62,11 +62,20 @@ struct TableSetup<'a> {
     projections: &'a Projections<'a>,
     attribution: &'a str,
     path: &'a Path,
+    /// Cells that spreadsheets run as formulas are written as they are.
+    keeps_formulas: bool,
 }
 
 /// Path and text of the file beside a CSV table that has the attribution; `None` if there is none.
 pub(crate) fn sidecar(manifest: &Manifest, out: &Path) -> Option<(PathBuf, String)> {
     csv::sidecar(out, &report::attribution(manifest))
+}
+
+/// How tables are written.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TableOptions {
+    /// Texts that spreadsheets run as formulas stay as they are in CSV files, instead of getting an apostrophe before them.
+    pub keeps_formulas: bool,
 }
 
 /// Writes a row for each selected object. Fails if tiles cannot be read or the file cannot be written.
@@ -75,6 +84,7 @@ pub(crate) fn write(
     format: Format,
     plan: &Plan,
     projections: &Projections<'_>,
+    options: TableOptions,
     out: &Path,
 ) -> Result<ExportReport, ExportError> {
     let mut report = ExportReport::new(city.source);
@@ -82,7 +92,9 @@ pub(crate) fn write(
     let (output, file) = OutputFile::create(out)?;
     let attribution = report.attribution.clone();
     let title = &city.manifest.title;
-    let setup = TableSetup { title, fields: &fields, projections, attribution: &attribution, path: out };
+    let TableOptions { keeps_formulas } = options;
+    let setup =
+        TableSetup { title, fields: &fields, projections, attribution: &attribution, path: out, keeps_formulas };
     let mut writer: Box<dyn RecordWriter> = match format {
         Format::GeoJson => Box::new(geojson::Writer::new(&setup, file)?),
         Format::GeoParquet => Box::new(geoparquet::Writer::new(&setup, file)?),

@@ -239,8 +239,16 @@ fn records() -> Vec<(u32, ObjectRecord, Attributes)> {
         ),
         (COURT, record(COURT, "", FeatureKind::Building, None), vec![("listed", Value::Bool(false))]),
         (GHOST, ghost, vec![("name", text("nowhere"))]),
-        (BRIDGE, record(BRIDGE, "bridge", FeatureKind::Bridge, None), vec![("Height_M", Value::Integer(1))]),
-        (HEDGE, record(HEDGE, "hedge", FeatureKind::Vegetation, None), Vec::new()),
+        (
+            BRIDGE,
+            record(BRIDGE, "bridge", FeatureKind::Bridge, None),
+            vec![
+                ("eaves", Value::Float(-3.5)),
+                ("name", text("=HYPERLINK(\"http://a\")")),
+                ("Height_M", Value::Integer(1)),
+            ],
+        ),
+        (HEDGE, record(HEDGE, "hedge", FeatureKind::Vegetation, None), vec![("name", text("-3.5"))]),
     ]
 }
 

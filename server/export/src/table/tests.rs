@@ -1,7 +1,7 @@
 //! Exports of a small city, read back.
 
 use super::{
-    ExportError, ExportReport,
+    ExportError, ExportReport, TableOptions,
     test_city::{BRIDGE, BUILDING, COURT, GHOST, HEDGE, HOUSE, ORIGIN, PARTS, TestCity},
 };
 use crate::{
@@ -29,12 +29,21 @@ fn plane() -> PlaneDefinition {
 }
 
 fn try_export(city: &TestCity, format: Format, selection: &ObjectSelection) -> Result<Exported, ExportError> {
+    export_with(city, format, selection, TableOptions::default())
+}
+
+fn export_with(
+    city: &TestCity,
+    format: Format,
+    selection: &ObjectSelection,
+    options: TableOptions,
+) -> Result<Exported, ExportError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("town.out");
     let to_lon_lat = |[x, y]: [f64; 2]| Some([(x - ORIGIN[0]) / 1000.0, 50.0 + (y - ORIGIN[1]) / 1000.0]);
     let definition = plane();
     let projections = Projections { to_lon_lat: Some(&to_lon_lat), epsg: Some(28992), definition: Some(&definition) };
-    let report = export(city, format, selection, &projections, &path)?;
+    let report = export(city, format, selection, &projections, options, &path)?;
     Ok(Exported { report, path, _folder: folder })
 }
 
@@ -93,6 +102,18 @@ fn csv_has_a_row_for_each_object() {
 }
 
 #[test]
+fn no_cell_of_a_csv_file_is_a_formula_unless_formulas_are_kept() {
+    let cells = |keeps_formulas| {
+        let options = TableOptions { keeps_formulas };
+        let exported = export_with(&TestCity::new(true), Format::Csv, &ObjectSelection::default(), options).unwrap();
+        let rows = rows(&exported);
+        [(BRIDGE, "name"), (BRIDGE, "eaves"), (HEDGE, "name")].map(|(object, column)| rows[&object][column].clone())
+    };
+    assert_eq!(cells(false), ["'=HYPERLINK(\"http://a\")", "-3.5", "-3.5"]);
+    assert_eq!(cells(true), ["=HYPERLINK(\"http://a\")", "-3.5", "-3.5"]);
+}
+
+#[test]
 fn footprints_are_whole_across_leaves_and_include_parts() {
     let rows = rows(&run(Format::Csv));
     let areas: Vec<&str> = ALL.iter().map(|object| rows[object]["area_m2"].as_str()).collect();
@@ -145,7 +166,14 @@ fn invalid_selections_leave_nothing() {
     ];
     for selection in selections {
         let out = folder.path().join("x");
-        let result = export(&TestCity::new(true), Format::Csv, &selection, &Projections::default(), &out);
+        let result = export(
+            &TestCity::new(true),
+            Format::Csv,
+            &selection,
+            &Projections::default(),
+            TableOptions::default(),
+            &out,
+        );
         assert!(matches!(result, Err(ExportError::ObjectSelection(_))));
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
@@ -173,7 +201,15 @@ fn geojson_has_longitude_and_latitude() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("plain.json");
     let write = |projections| {
-        export(&TestCity::new(true), Format::GeoJson, &ObjectSelection::default(), &projections, &out).unwrap()
+        export(
+            &TestCity::new(true),
+            Format::GeoJson,
+            &ObjectSelection::default(),
+            &projections,
+            TableOptions::default(),
+            &out,
+        )
+        .unwrap()
     };
     assert_eq!(write(Projections::default()).warnings.len(), 1);
     let nowhere = |_| None;

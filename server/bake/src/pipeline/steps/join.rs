@@ -9,7 +9,10 @@ use std::{
     path::Path,
 };
 
-use insula_archive::city::MANIFEST_FILE;
+use insula_archive::{
+    city::MANIFEST_FILE,
+    mark::{MARK_AT, mark_of},
+};
 use insula_protocol::{TileId, mesh_tile};
 use serde::{Deserialize, Serialize};
 
@@ -121,7 +124,8 @@ impl BakeSteps<'_> {
         fs::create_dir(&city_folder).map_err(|cause| BakeError::io(&city_folder, "created", cause))?;
         let archives =
             TileArchives { blockmaps: joins[0].written.clone(), meshes: joins.get(1).map(|join| join.written.clone()) };
-        self.write_others(&plan, &tiles, &mut bytes, archives, folder.path(), &city_folder)?;
+        let version = self.write_others(&plan, &tiles, &mut bytes, archives, folder.path(), &city_folder)?;
+        joins.iter_mut().for_each(|join| join.mark(&version));
         let failed = |cause| BakeError::io(&city_folder, "read", cause);
         for entry in fs::read_dir(&city_folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
@@ -226,7 +230,8 @@ impl BakeSteps<'_> {
         Ok(join_plan.parts)
     }
 
-    /// Writes the files besides the archives of V-BlockMaps and meshes into `city_folder`. `scratch` is for what they are made of.
+    /// Writes the files besides the archives of V-BlockMaps and meshes into `city_folder`. `scratch` is for what they are made of. Returns
+    /// the city's version.
     fn write_others(
         &self,
         plan: &CityPlan,
@@ -235,7 +240,7 @@ impl BakeSteps<'_> {
         archives: TileArchives,
         scratch: &Path,
         city_folder: &Path,
-    ) -> Result<(), BakeError> {
+    ) -> Result<String, BakeError> {
         let objects = self.objects();
         let read: ReadReport = objects.read(REPORT, REPORT_KIND)?;
         let mut files = Vec::new();
@@ -270,7 +275,8 @@ impl BakeSteps<'_> {
             objects: Some(numbered),
         };
         self.progress.stage("write", 0);
-        city::write_others(input, bytes, archives, city_folder, self.progress).map(drop)
+        let written = city::write_others(input, bytes, archives, city_folder, self.progress)?;
+        Ok(written.manifest.version)
     }
 
     /// All tiles of the city.
@@ -395,6 +401,15 @@ struct PlannedArchive {
 }
 
 impl PlannedArchive {
+    /// Marks the archive as of a version of the city.
+    fn mark(&mut self, version: &str) {
+        if let Some(PartPiece::Given(head)) = self.pieces.first_mut()
+            && let Some(mark) = head.get_mut(MARK_AT)
+        {
+            mark.copy_from_slice(&mark_of(version));
+        }
+    }
+
     /// Its parts, all but the last of the same size.
     fn parts(&self, archive: u32) -> Vec<ArchivePart> {
         let size = PART_BYTES.max(self.written.bytes.div_ceil(MAX_PARTS));

@@ -1,0 +1,100 @@
+//! Which routes compute, and the queues in which their work waits.
+
+use super::fair_queue::{FairQueue, QueueLimits};
+use crate::config::DrawingsConfig;
+use axum::{extract::FromRequestParts, http::request::Parts};
+use insula_protocol::route::RouteTemplate;
+use std::{
+    convert::Infallible,
+    net::{IpAddr, Ipv4Addr},
+    time::Duration,
+};
+
+/// Requests that wait for a place, where no setting says otherwise.
+const MAX_WAITING: usize = 256;
+
+/// A kind of work with a queue of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum WorkKind {
+    Search,
+    Filter,
+    Groups,
+    Tileset,
+    Draw,
+}
+
+impl WorkKind {
+    const ALL: [Self; 5] = [Self::Search, Self::Filter, Self::Groups, Self::Tileset, Self::Draw];
+
+    /// The work of a route; `None` for those that only send what exists.
+    pub(super) const fn of_route(route: RouteTemplate) -> Option<Self> {
+        use RouteTemplate as R;
+        match route {
+            R::Search => Some(Self::Search),
+            R::Filter => Some(Self::Filter),
+            R::Groups => Some(Self::Groups),
+            R::Tileset | R::TilesetFile => Some(Self::Tileset),
+            R::Draw => Some(Self::Draw),
+            R::Subtrees | R::BlockMaps | R::Meshes | R::Objects | R::Visibility => None,
+            R::Manifest | R::Cities | R::Index | R::OpenApi | R::CityPage | R::Thumbnail => None,
+            R::Health | R::Readiness | R::Metrics | R::Asset | R::ServiceWorker | R::Other => None,
+        }
+    }
+
+    fn limits(self, drawings: &DrawingsConfig) -> QueueLimits {
+        let secs = Duration::from_secs;
+        match self {
+            // Milliseconds, except for the first search of a city, which reads the index.
+            Self::Search => QueueLimits { at_once: 8, waiting: MAX_WAITING, max_time: secs(10) },
+            // Decodes all objects of a city.
+            Self::Filter => QueueLimits { at_once: 2, waiting: MAX_WAITING, max_time: secs(30) },
+            // Reads up to 64 tiles, from the network if the city is remote.
+            Self::Groups => QueueLimits { at_once: 64, waiting: 4 * MAX_WAITING, max_time: secs(30) },
+            // A core for up to a second.
+            Self::Tileset => QueueLimits { at_once: 2, waiting: MAX_WAITING, max_time: secs(30) },
+            Self::Draw => {
+                let DrawingsConfig { at_once, waiting, secs: max_secs, .. } = *drawings;
+                QueueLimits { at_once, waiting, max_time: secs(max_secs) }
+            }
+        }
+    }
+}
+
+/// The queues of a server.
+#[derive(Debug)]
+pub(super) struct WorkQueues([FairQueue; WorkKind::ALL.len()]);
+
+impl WorkQueues {
+    pub(super) fn new(drawings: &DrawingsConfig) -> Self {
+        Self(WorkKind::ALL.map(|kind| FairQueue::new(kind.limits(drawings))))
+    }
+
+    /// Queues that give up all work, for tests.
+    #[cfg(test)]
+    pub(super) fn closed() -> Self {
+        let limits = QueueLimits { at_once: 0, waiting: 0, max_time: Duration::from_secs(600) };
+        Self(WorkKind::ALL.map(|_| FairQueue::new(limits)))
+    }
+
+    pub(super) fn of(&self, kind: WorkKind) -> &FairQueue {
+        &self.0[kind as usize]
+    }
+}
+
+/// The client of a request, whose turn its work waits for. Requests of no connection are of one client.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RequestClient(pub(super) IpAddr);
+
+impl RequestClient {
+    pub(super) fn of(parts: &Parts) -> IpAddr {
+        parts.extensions.get::<Self>().map_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED), |client| client.0)
+    }
+}
+
+impl<S: Sync> FromRequestParts<S> for RequestClient {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<Self, Infallible> {
+        Ok(Self(Self::of(parts)))
+    }
+}
