@@ -39,7 +39,9 @@ const DRAW: &str = "draw";
 const ASSETS: &str = "/assets";
 const SERVICE_WORKER: &str = "/service-worker.js";
 /// Name of a city's picture, in its folder and after the address of its page.
-pub const THUMBNAIL_FILE: &str = "thumbnail.png";
+pub const THUMBNAIL_FILE: &str = "thumbnail.jpg";
+/// Width and height of a city's picture in pixels.
+pub const THUMBNAIL_PX: [u32; 2] = [1280, 720];
 
 /// An address of the server. Its `Display` is the path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -280,7 +282,7 @@ fn below<'a>(path: &'a str, prefix: &str) -> Option<&'a str> {
     path.strip_prefix(prefix)?.strip_prefix('/')
 }
 
-/// Parses `{city}`, and `{city}/thumbnail.png`.
+/// Parses `{city}`, and `{city}/thumbnail.jpg`.
 fn parse_page(rest: &str) -> Result<Route<'_>, RouteError> {
     let (city, file) = rest.split_once('/').map_or((rest, None), |(city, file)| (city, Some(file)));
     match file {

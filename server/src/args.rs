@@ -351,6 +351,9 @@ pub struct BakeArgs {
     /// Do not compute what can be seen from streets: clients there then fetch more that is occluded
     #[arg(long)]
     pub no_street_sets: bool,
+    /// Do not draw the city's first view (`thumbnail.jpg`) for lists and previews of links
+    #[arg(long)]
+    pub no_picture: bool,
     /// Leave out inputs that cannot be read, or of which every object is left out, instead of failing
     #[arg(long)]
     pub skip_bad_inputs: bool,

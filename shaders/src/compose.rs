@@ -43,7 +43,7 @@ impl ComposeUniform {
             is_lit: u32::from(frame.shading == Shading::Lit as u32),
             exposure: frame.exposure,
             key: frame.light.key,
-            day: frame.light.plane[3],
+            padding: 0.0,
             grade: frame.light.grade,
             edges: if is_whole { frame.edges } else { [0.0; 4] },
             plane: (Vec3::new(forward.z, right.z, up.z) * below).extend(0.0).to_array(),

@@ -242,7 +242,7 @@ pub struct Light {
     pub facade_sky: [f32; 4],
     /// Extinction of the air per metre.
     pub haze: [f32; 4],
-    /// Light of lamps on the ground of a street.
+    /// Light of lamps on the ground of a street; fourth: whether it is seen, 0 or 1.
     pub street: [f32; 4],
     /// Radiance of lit windows, and 1 if there are any.
     pub window: [f32; 4],
@@ -262,7 +262,7 @@ pub struct Light {
     pub key: f32,
     /// Radiance of the brightest stars; 0 by day.
     pub stars: f32,
-    /// Albedo of the plane where there is no column, and the share of the day: 0 below the horizon, 1 under a high sun.
+    /// Albedo of the plane where there is no column.
     pub plane: [f32; 4],
     /// The exposure of a graded picture ([`crate::look`]), 0 in physical light: the factor that shows sunlit plaster white, the
     /// logarithm (base 2) of the city's mean radiance under which a frame is exposed longer, by which power of the difference, and
@@ -374,8 +374,7 @@ pub struct ComposeUniform {
     pub exposure: f32,
     /// Mean radiance that the frame has after exposure.
     pub key: f32,
-    /// As in [`Light::plane`].
-    pub day: f32,
+    pub padding: f32,
     /// As in [`Light::grade`].
     pub grade: [f32; 4],
     /// As in [`FrameUniform::edges`]; 0 where the pixels are colours.

@@ -34,6 +34,8 @@ const MOON_MAX: f64 = 6.0;
 /// Irradiance from lamps on the ground of a street, divided by pi: 4 lux where the sun above the atmosphere gives 128,000. The
 /// colour is that of 4000 kelvin.
 const LAMPS: DVec3 = DVec3::new(1.28e-5, 0.94e-5, 0.55e-5);
+/// Their least share of the light on a white surface that faces the sun: less is not seen.
+const LEAST_LAMPS: f64 = 2e-3;
 /// Radiance of lit windows: about 5 candela per square metre, 2700 kelvin.
 const WINDOWS: DVec3 = DVec3::new(2.2e-4, 1.05e-4, 0.32e-4);
 /// Height of the sun in degrees below which windows may be lit.
@@ -234,6 +236,8 @@ impl Light {
         let rgb = |v: DVec3| (v / white).as_vec3().extend(0.0).to_array();
         let has_windows = night.lit_windows && sun_deg < WINDOWS_DEG;
         let [window_r, window_g, window_b, _] = rgb(WINDOWS);
+        let [lamp_r, lamp_g, lamp_b, _] = rgb(LAMPS);
+        let are_lamps_seen = luminance(LAMPS) > LEAST_LAMPS * white;
         // Lamps brighten a city at night, so its frames are not as dark as those of a landscape.
         let seen = white + 0.5 * luminance(LAMPS);
         let table = |values: &[DVec3]| -> SkyTable {
@@ -260,7 +264,7 @@ impl Light {
                 .as_vec3()
                 .extend(0.0)
                 .to_array(),
-            street: rgb(LAMPS),
+            street: [lamp_r, lamp_g, lamp_b, f32::from(u8::from(are_lamps_seen))],
             window: [window_r, window_g, window_b, f32::from(u8::from(has_windows))],
             moon: moon.direction.extend((moon.radiance / white).min(MOON_MAX)).as_vec4().to_array(),
             side: side_of(sun).as_vec2().to_array(),

@@ -26,8 +26,10 @@ pub enum Look {
 
 /// Heights of the sun in degrees at which the grade of a day begins and at which it is complete.
 const DAY_DEG: [f32; 2] = [6.0, 28.0];
-/// Heights of the sun in degrees between which the exposure passes from that of the night to that of the day.
+/// Heights of the sun in degrees between which the grade of sky and shade sets in, and between which the picture brightens from
+/// [`NIGHT_SHOWN`] to [`PLASTER_SHOWN`].
 const DUSK_DEG: [f32; 2] = [-4.0, 6.0];
+const TWILIGHT_DEG: [f32; 2] = [-9.0, 4.0];
 /// Share of the sun's colour that becomes grey, at a low sun and by day.
 const SUN_GREY: [f32; 2] = [0.22, 0.62];
 /// Share of the colour of the sky's light and of returned light that becomes grey, and what that light is multiplied by.
@@ -36,18 +38,21 @@ const FILL_GAIN: [f32; 2] = [1.25, 1.45];
 /// Factors of the visible sky's light and of its saturation.
 const SKY_GAIN: [f32; 2] = [1.2, 1.75];
 const SKY_SATURATION: [f32; 2] = [1.0, 1.12];
-/// By day the horizon takes this colour of the picture, linear RGB, by this share. The sky reaches it within some degrees: the sine of
-/// the height at which the part of the horizon's colour has fallen to 1 / e.
-const HORIZON_WHITE: Vec3 = Vec3::new(0.86, 0.90, 0.93);
-const HORIZON_SHARE: f32 = 0.28;
+/// The horizon takes this colour of the picture, linear RGB, by this share, at a low sun and by day: clear air at a low sun is yellow
+/// and green, which looks like smog. The sky reaches it within some degrees: the sine of the height at which the part of the horizon's
+/// colour has fallen to 1 / e.
+const HORIZON_WHITE: [Vec3; 2] = [Vec3::new(0.92, 0.76, 0.68), Vec3::new(0.86, 0.90, 0.93)];
+const HORIZON_SHARE: [f32; 2] = [0.5, 0.28];
 const HORIZON_HEIGHT: f32 = 0.045;
 /// Albedo of sunlit plaster, and its value in the picture.
 const PLASTER: f32 = 0.80;
 const PLASTER_SHOWN: f32 = 0.97 * 0.92;
+/// The value of plaster beside a street's lamps at night.
+const NIGHT_SHOWN: f32 = 0.2;
 /// The exposure takes the sun for at least this high: sine of 35 degrees. Evenings stay evenings.
 const LEAST_SUN: f32 = 0.57;
 /// Mean light on a city, relative to open ground, below which a frame is exposed longer; with this power of the difference, up to
-/// this factor. Then the mean albedo of what is drawn.
+/// this factor. Then the mean albedo of a city of which it is not known.
 const OPEN_LIGHT: f32 = 0.60;
 const MEAN_ALBEDO: f32 = 0.55;
 const ADAPTATION: f32 = 0.65;
@@ -101,6 +106,16 @@ impl Look {
     }
 }
 
+impl Light {
+    /// Sets the mean log2 of the albedos of what a graded frame shows. Then its exposure follows the light on the city, and dark photos do
+    /// not brighten the ground.
+    pub fn set_albedo_log2(&mut self, mean: f32) {
+        if self.grade[0] > 0.0 {
+            self.grade[1] += mean - MEAN_ALBEDO.log2();
+        }
+    }
+}
+
 fn rgb(v: [f32; 4]) -> Vec3 {
     Vec4::from(v).xyz()
 }
@@ -137,20 +152,21 @@ fn model(mut light: Light, sun_z: f32) -> Light {
     }
     light.sky_up[3] = light.sky_up[3].max(LEAST_OPEN);
     light.haze = [0.0; 4];
-    let open = rgb(light.sun).dot(LUMINANCE) * sun_z.max(LEAST_SUN) + rgb(light.sky_up).dot(LUMINANCE);
-    let white = PLASTER_SHOWN / (PLASTER * open);
-    grade_sky(&mut light, day, 1.0 + (by_day(SKY_GAIN) - 1.0) * awake, by_day(SKY_SATURATION), white);
-    light.plane[3] = awake;
+    let lamps = rgb(light.street).dot(LUMINANCE) * light.street[3];
+    let open = rgb(light.sun).dot(LUMINANCE) * sun_z.max(LEAST_SUN) + rgb(light.sky_up).dot(LUMINANCE) + lamps;
+    let shown = NIGHT_SHOWN + (PLASTER_SHOWN - NIGHT_SHOWN) * smooth(TWILIGHT_DEG, height_deg);
+    let white = shown / (PLASTER * open);
+    let horizon = HORIZON_WHITE[0].lerp(HORIZON_WHITE[1], day) / white;
+    let sky = [1.0 + (by_day(SKY_GAIN) - 1.0) * awake, by_day(SKY_SATURATION)];
+    grade_sky(&mut light, sky, horizon, by_day(HORIZON_SHARE) * awake);
     light.grade = [white, (OPEN_LIGHT * MEAN_ALBEDO * open).log2(), ADAPTATION, LONGEST.log2()];
     light
 }
 
-/// Brightens the visible sky, and leads it to the colour of the horizon that fog has.
-fn grade_sky(light: &mut Light, day: f32, gain: f32, saturation: f32, white: f32) {
+/// Brightens the visible sky, and leads it to the colour of the horizon that fog has, of which `whitened` is `horizon`.
+fn grade_sky(light: &mut Light, [gain, saturation]: [f32; 2], horizon: Vec3, whitened: f32) {
     let low = light.sky[0];
     let low_glow = light.glow[0];
-    let whitened = HORIZON_SHARE * day;
-    let horizon = HORIZON_WHITE / white;
     for row in 0..SKY_HEIGHTS {
         let v = row as f32 / (SKY_HEIGHTS - 1) as f32;
         // As `light::SkyTables` has the rows.
@@ -190,7 +206,7 @@ fn paper(mut light: Light) -> Light {
     (light.disc, light.stars) = (0.0, 0.0);
     light.sky = [[grey(1.0); SKY_AZIMUTHS]; SKY_HEIGHTS];
     light.glow = [[[0.0; 4]; SKY_AZIMUTHS]; SKY_HEIGHTS];
-    light.plane = Vec3::ONE.extend(1.0).to_array();
+    light.plane = Vec3::ONE.extend(0.0).to_array();
     light.grade = [1.0, 0.0, 0.0, 0.0];
     light
 }
@@ -242,6 +258,14 @@ mod tests {
                 assert!(all.iter().all(|v| v.is_finite()), "{look:?} {height_deg}");
             }
         }
+    }
+
+    #[test]
+    fn dark_photos_are_expected_to_be_dark() {
+        let mut light = at(Look::Model, 35.0);
+        let usual = light.grade[1];
+        light.set_albedo_log2((MEAN_ALBEDO / 4.0).log2());
+        assert!((light.grade[1] - usual + 2.0).abs() < 1e-5);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::layout::{
     ATTRIBUTE_PLANE, BLOCK_CELLS, NODE_BLOCKS, OBJECT_BITS, PAGE_WORDS, PLANES, QUAD_TOP_BITS, QUAD_TOP_MAX,
     ROOF_PLANE, STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_WORDS, WALK_PLANE,
 };
-use crate::words;
+use crate::{atmosphere::LUMINANCE, cpu::shade::linear_of, words};
 use insula_protocol::{
     BlockMap, NODE_CELLS,
     blockmap::{COLUMNS, ColumnClip, MIN_NORMAL_Z, NO_OBJECT, STEPS_PER_CELL, flag, strip_rows},
@@ -66,6 +66,8 @@ pub struct PackedNode {
     pub below: [u8; 4],
     /// The map's `z_shift`.
     pub z_shift: u32,
+    /// Mean log2 of the luminances of its texels, at most 0.
+    pub albedo_log2: f32,
     /// The objects, if it has some.
     pub objects: Option<PackedObjects>,
 }
@@ -232,7 +234,8 @@ impl PackedNode {
         });
         let NodeSummary { words: summary, z_range, below } = summarise(map);
         let (cell_m, z_step_m, z_base_m) = (map.cell_m, map.z_step_m(), map.z_base_m());
-        Self { pages, summary, cell_m, z_step_m, z_base_m, z_range, below, z_shift: u32::from(map.z_shift), objects }
+        let (z_shift, albedo_log2) = (u32::from(map.z_shift), mean_albedo_log2(map));
+        Self { pages, summary, cell_m, z_step_m, z_base_m, z_range, below, z_shift, albedo_log2, objects }
     }
 
     /// Makes strip addresses absolute. `atlas_pages` are the pages that the cache has assigned, one per entry of
@@ -254,6 +257,21 @@ impl PackedNode {
             }
         }
     }
+}
+
+/// Texels of walls of which one counts for the mean albedo: neighbours are alike.
+const COUNTED_TEXELS: usize = 4;
+/// Least luminance that it tells from black.
+const BLACK: f32 = 1.0 / 256.0;
+
+/// Mean log2 of the luminances of a map's texels.
+fn mean_albedo_log2(map: &BlockMap) -> f32 {
+    let roofs = map.roof.iter().zip(&map.flags).filter(|(_, flags)| *flags & flag::OCCUPIED != 0).map(|(roof, _)| roof);
+    let walls = map.strips.iter().step_by(COUNTED_TEXELS).filter(|texel| !texel.is_open());
+    let (sum, count) = roofs.chain(walls).fold((0.0, 0.0), |(sum, count), texel| {
+        (sum + linear_of(texel.0).dot(LUMINANCE).max(BLACK).log2(), count + 1.0)
+    });
+    if count > 0.0 { sum / count } else { 0.0 }
 }
 
 /// Bounds of a node's height, for rays that pass above or below its parts.
@@ -321,6 +339,21 @@ mod tests {
         let rows = strip_rows(z_min, z_max, 0).1;
         let texels = (0..rows).map(|r| Texel::new([r as u8, 1, 2], 63)).collect();
         MapColumn { z_min, z_max, gap, strip: Some(WallStrip { texels, azimuth: 7 }), ..MapColumn::default() }
+    }
+
+    #[test]
+    fn the_mean_albedo_counts_roofs_and_walls() {
+        let mean = |columns: &[Option<MapColumn>]| {
+            PackedNode::new(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, columns).unwrap()).albedo_log2
+        };
+        let mut columns = vec![None; COLUMNS];
+        assert_eq!(mean(&columns), 0.0);
+        let roof = |grey: u8| Some(MapColumn { z_max: 8, roof: Texel::new([grey; 3], 63), ..MapColumn::default() });
+        (columns[5], columns[6]) = (roof(255), roof(188));
+        // sRGB 188 is half of the light.
+        assert!((mean(&columns) + 0.5).abs() < 0.02, "{}", mean(&columns));
+        columns[7] = Some(tall(0, 64, None));
+        assert!(mean(&columns) < -2.0, "dark walls count: {}", mean(&columns));
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use crate::{
     atmosphere::LUMINANCE,
     compose::shades,
-    cpu::shade::encoded,
+    cpu::shade::{encode_srgb, encoded},
     layout::{FrameUniform, METER_READS, METER_THREADS, NO_NODE, Shading},
 };
 use glam::{Mat3, Vec3};
@@ -40,7 +40,9 @@ pub(crate) const AGX_OUT: Mat3 = Mat3::from_cols(
     Vec3::new(-0.098_020_88, 1.151_903_1, -0.098_043_45),
     Vec3::new(-0.099_029_74, -0.098_961_17, 1.151_073_7),
 );
-/// Where the shoulder of [`neutral`] begins, and how fast it takes the colour away.
+/// Value of [`neutral`]'s input, without the longer exposure, at which half of that is left.
+pub(crate) const ROLL_OFF: f32 = 0.5;
+/// Where its shoulder begins, and how fast it takes the colour away.
 pub(crate) const NEUTRAL_START: f32 = 0.76;
 pub(crate) const NEUTRAL_DESATURATION: f32 = 0.15;
 /// Exponent from AgX's output to linear light.
@@ -72,15 +74,21 @@ pub fn develop(frame: &FrameUniform, words: &[u32], hits: &[u32], distances: &[f
         return words.to_vec();
     }
     let (exposure, width) = (exposure(frame, words, hits), (frame.width_px as usize).max(1));
-    let (tables, is_graded) = (DisplayTables::get(), frame.light.grade[0] > 0.0);
+    let is_graded = frame.light.grade[0] > 0.0;
+    let (tables, longer) = (DisplayTables::get(), longer(frame, exposure));
     let shades = shades(frame, distances);
     let develop = |(i, word): (usize, &u32)| {
         let shade = shades.as_ref().and_then(|shades| shades.get(i)).copied().unwrap_or(1.0);
         let light = decode_radiance(*word) * (exposure * shade);
-        let codes = if is_graded { tables.neutral_codes(light) } else { tables.codes(light) };
+        let codes = if is_graded { tables.neutral_codes(light, longer) } else { tables.codes(light) };
         dithered(codes, (i % width) as u32, (i / width) as u32)
     };
     words.par_iter().enumerate().map(develop).collect()
+}
+
+/// How much longer than for sunlit plaster a graded frame with this exposure was exposed: 1 with an exposure of its own.
+pub(crate) fn longer(frame: &FrameUniform, exposure: f32) -> f32 {
+    if frame.exposure > 0.0 { 1.0 } else { exposure / frame.light.grade[0] }
 }
 
 /// Number of a frame's pixels in each of the meter's bins.
@@ -124,9 +132,7 @@ pub(crate) fn exposure_with(
         }
     }
     let mean = if bins.iter().all(|count| *count == 0) { usual } else { mean_of(&bins) };
-    let day = white.log2() + ((usual - mean) * power).clamp(0.0, longest);
-    let night = frame.light.key.log2() - mean;
-    (night + (day - night) * frame.light.plane[3]).exp2()
+    white * ((usual - mean) * power).clamp(0.0, longest).exp2()
 }
 
 /// Pixels that a thread meters at once.
@@ -223,8 +229,8 @@ impl DisplayTables {
     }
 
     /// The same of a graded picture.
-    fn neutral_codes(&self, rgb: Vec3) -> Vec3 {
-        neutral(rgb).map(|v| {
+    fn neutral_codes(&self, rgb: Vec3, longer: f32) -> Vec3 {
+        neutral(rgb, longer).map(|v| {
             let place = v.clamp(0.0, 1.0).sqrt() * CODE_STEPS as f32;
             let [code, step] = self.root_codes[place as usize];
             code + step * place.fract()
@@ -244,9 +250,13 @@ fn table_of<const PLACES: usize>(last: usize, value: impl Fn(usize) -> f32) -> D
 }
 
 /// The tone curve of graded pictures: linear up to [`NEUTRAL_START`], then a shoulder, on which colours turn white. (Khronos PBR Neutral
-/// Tone Mapper, 2024, without its offset for dark colours, which would grey them.)
-fn neutral(rgb: Vec3) -> Vec3 {
+/// Tone Mapper, 2024, without its offset for dark colours, which would grey them.) What a `longer` exposure adds fades towards bright
+/// places, so that the sky above a street in shade does not burn out.
+fn neutral(rgb: Vec3, longer: f32) -> Vec3 {
     let peak = rgb.max_element();
+    let bright = peak / (longer * ROLL_OFF);
+    let share = (1.0 + (longer - 1.0) / (1.0 + bright * bright)) / longer;
+    let (rgb, peak) = (rgb * share, peak * share);
     if peak <= NEUTRAL_START {
         return rgb;
     }
@@ -254,6 +264,11 @@ fn neutral(rgb: Vec3) -> Vec3 {
     let shown = 1.0 - range * range / (peak + range - NEUTRAL_START);
     let kept = 1.0 / (NEUTRAL_DESATURATION * (peak - shown) + 1.0);
     Vec3::splat(shown) + (rgb * (shown / peak) - shown) * kept
+}
+
+/// Colour, r, g, b, 255 in sRGB, of an exposed radiance in a graded picture.
+pub fn graded_colour(exposed: Vec3) -> u32 {
+    encode_srgb(neutral(exposed, 1.0))
 }
 
 /// AgX's curve with the contrast of [`AGX_POWER`]: Wrensch's polynomial in the logarithm.
@@ -348,8 +363,8 @@ mod tests {
     #[test]
     fn a_graded_frame_is_exposed_by_the_city_and_longer_in_shade() {
         let mut frame = FrameUniform { width_px: 100, height_px: 10, ..FrameUniform::zeroed() };
-        // By day: white at 1.4, usual mean 2^-2, half of the difference, at most twice as long.
-        frame.light = Light { key: 0.3, grade: [1.4, -2.0, 0.5, 1.0], plane: [0.5, 0.5, 0.5, 1.0], ..Light::zeroed() };
+        // White at 1.4, usual mean 2^-2, half of the difference, at most twice as long.
+        frame.light = Light { key: 0.3, grade: [1.4, -2.0, 0.5, 1.0], ..Light::zeroed() };
         let words = |v: f32| vec![encode_radiance(Vec3::splat(v)); 1000];
         let city = vec![0; 1000];
         let at = |v: f32, hits: &[u32]| exposure(&frame, &words(v), hits) / 1.4;
@@ -363,13 +378,22 @@ mod tests {
     #[test]
     fn the_neutral_curve_is_linear_and_then_turns_white() {
         let tables = DisplayTables::new();
-        assert_eq!(neutral(Vec3::new(0.7, 0.2, 0.1)), Vec3::new(0.7, 0.2, 0.1));
+        assert_eq!(neutral(Vec3::new(0.7, 0.2, 0.1), 1.0), Vec3::new(0.7, 0.2, 0.1));
         // By hand: range 0.24, 1 - 0.0576 / 0.48 = 0.88.
-        assert!((neutral(Vec3::ONE) - 0.88).abs().max_element() < 1e-6);
-        let red = neutral(Vec3::new(8.0, 0.5, 0.5));
+        assert!((neutral(Vec3::ONE, 1.0) - 0.88).abs().max_element() < 1e-6);
+        let red = neutral(Vec3::new(8.0, 0.5, 0.5), 1.0);
         assert!(red.x < 1.0 && red.y > 0.4, "{red}");
+        // What twice the time adds: nearly all of it in the dark, little in the sky. Brighter light stays brighter.
+        let longer = |v: f32| neutral(Vec3::splat(2.0 * v), 2.0).x;
+        assert!(
+            longer(0.05) > 0.098 && longer(0.75) < 0.98 && longer(0.75) > 0.75,
+            "{} {}",
+            longer(0.05),
+            longer(0.75)
+        );
+        assert!((0..400).all(|i| longer(i as f32 / 100.0) < longer((i + 1) as f32 / 100.0)));
         // sRGB of 0.2140 is 0.5.
-        assert!((tables.neutral_codes(Vec3::splat(0.214_04)).x - 127.5).abs() < 0.1);
-        assert!(tables.neutral_codes(Vec3::splat(0.001)).x - 3.3 < 0.1);
+        assert!((tables.neutral_codes(Vec3::splat(0.214_04), 1.0).x - 127.5).abs() < 0.1);
+        assert!(tables.neutral_codes(Vec3::splat(0.001), 1.0).x - 3.3 < 0.1);
     }
 }

@@ -24,7 +24,8 @@ fn pixel(position: vec4<f32>) -> vec4<f32> {
     let noise = (gradient_noise(at) - 0.5) / 255.0;
     let light = decode_radiance(word) * (exposure[0] * edge_factor(vec2<i32>(at)));
     if settings.grade.x > 0.0 {
-        return vec4<f32>(srgb_of_linear(clamp(neutral(light), vec3<f32>(0.0), vec3<f32>(1.0))) + noise, 1.0);
+        let longer = select(exposure[0] / settings.grade.x, 1.0, settings.exposure > 0.0);
+        return vec4<f32>(srgb_of_linear(clamp(neutral(light, longer), vec3<f32>(0.0), vec3<f32>(1.0))) + noise, 1.0);
     }
     return vec4<f32>(srgb_of_linear(tone_map(light)) + noise, 1.0);
 }

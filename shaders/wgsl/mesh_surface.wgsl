@@ -80,12 +80,10 @@ fn surface_light(index: u32, p: vec3<f32>, normal: vec3<f32>) -> SurfaceLight {
 // Whether the place in front of a surface is within a column's solid: rays that see the surface from behind look at it
 // from inside of a building.
 fn is_inside(index: u32, p: vec3<f32>, normal: vec3<f32>) -> bool {
-    let cell_m = nodes[index].corner_and_cell_m.w;
-    let before = p - nodes[index].corner_and_cell_m.xyz + normal * cell_m;
-    let at = before.xy / cell_m + halves(nodes[index].leaf_offset) / LEAF_OFFSET_STEPS;
-    let cell = clamp(vec2<i32>(floor(at)), vec2<i32>(0), vec2<i32>(NODE_CELLS - 1));
+    let corner = nodes[index].corner_and_cell_m;
+    let before = p - corner.xyz + normal * corner.w;
     let z = before.z / bitcast<f32>(nodes[index].heights.x);
-    let walk = read_word(planes_of(nodes[index].pages)[WALK_PLANE] + u32(cell.y * NODE_CELLS + cell.x));
+    let walk = column_word(index, before);
     let flags = flags_of(walk);
     // A gap may be in front of the surface.
     if (flags & OCCUPIED) == 0u || (flags & GAP) != 0u {
@@ -93,6 +91,13 @@ fn is_inside(index: u32, p: vec3<f32>, normal: vec3<f32>) -> bool {
     }
     let bounds = bounds_of(walk, 0u);
     return z > bounds.y && z < bounds.x;
+}
+
+// The word of the column at a place, which is relative to the node's corner.
+fn column_word(index: u32, place: vec3<f32>) -> u32 {
+    let at = place.xy / nodes[index].corner_and_cell_m.w + halves(nodes[index].leaf_offset) / LEAF_OFFSET_STEPS;
+    let cell = clamp(vec2<i32>(floor(at)), vec2<i32>(0), vec2<i32>(NODE_CELLS - 1));
+    return read_word(planes_of(nodes[index].pages)[WALK_PLANE] + u32(cell.y * NODE_CELLS + cell.x));
 }
 
 // Share of the sky that a column sees at height `z`, and the weight of that: 0 far above or below the column.

@@ -38,12 +38,10 @@ fn found_exposure() -> f32 {
     }
     let grade = settings.grade;
     let mean = select(grade.y, mean_of(total), total > 0u);
-    let night = log2(settings.key) - mean;
     if grade.x <= 0.0 {
-        return exp2(night);
+        return settings.key * exp2(-mean);
     }
-    let day = log2(grade.x) + clamp((grade.y - mean) * grade.z, 0.0, grade.w);
-    return exp2(mix(night, day, settings.day));
+    return grade.x * exp2(clamp((grade.y - mean) * grade.z, 0.0, grade.w));
 }
 
 // Mean log2 of the luminances in the bins.

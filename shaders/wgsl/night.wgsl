@@ -26,6 +26,19 @@ fn moon(dir: vec3<f32>) -> f32 {
     return frame.light.moon.w * clamp(dot(surface, frame.sun) / MOON_TERMINATOR, 0.0, 1.0);
 }
 
+// Light of lamps that a surface reflects. The street is as high as the surface's column begins, or as the part below its gap ends.
+fn lamp_light(hit: RayHit, n: vec3<f32>, p: vec3<f32>) -> vec3<f32> {
+    let corner = nodes[hit.node].corner_and_cell_m;
+    let place = p - corner.xyz;
+    let street = low_of(column_word(hit.node, place - n * (0.5 * corner.w)));
+    let above_m = place.z - street * bitcast<f32>(nodes[hit.node].heights.x);
+    let share = clamp((LAMP_TOP_M - above_m) / LAMP_FALL_M, 0.0, 1.0);
+    let upright = abs(n.z);
+    let open = min(hit.ao / (0.5 + 0.5 * upright), 1.0);
+    let near = clamp(LAMP_DEPTH * (1.0 - open), LAMPS_IN_THE_OPEN * (1.0 - upright), 1.0) * max(n.z, LAMPS_ON_WALLS);
+    return hit.albedo * frame.light.street.rgb * (near * share * share);
+}
+
 // Light from windows in a wall at `p` relative to the camera.
 fn lit_windows(p: vec3<f32>, n: vec3<f32>, distance_m: f32) -> vec3<f32> {
     if abs(n.z) > MAX_WINDOW_SLOPE {

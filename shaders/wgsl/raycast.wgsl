@@ -158,8 +158,11 @@ fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
         lit = shade(hit.albedo, hit.ao, normal, hit.flags, hit.level);
     }
     if !FOR_STUDY || frame.shading == SHADING_LIT {
+        if frame.light.street.w > 0.0 {
+            lit.sky += lamp_light(hit, normal, dir * hit.distance_m);
+        }
         if (hit.flags & REFLECTIVE) != 0u {
-            lit = mirrored(lit, normal, hit.ao, dir);
+            lit = mirrored(lit, normal, hit.ao, dir, hit.distance_m);
         }
         if WINDOWS {
             lit.sky += lit_windows(dir * hit.distance_m, normal, hit.distance_m);

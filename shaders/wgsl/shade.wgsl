@@ -53,19 +53,24 @@ fn reflected(albedo: vec3<f32>, n: vec3<f32>, ao: f32) -> Radiance {
     let overhead = up * ZENITH_SHARE;
     let sky = mix(overhead + (wall - overhead) * open, up, upright) * ao;
     let returned = light_from_city(Surroundings(open, 0.5 - 0.5 * n.z, ahead, upright), ao);
-    let least = LAMPS_IN_THE_OPEN * (1.0 - upright);
-    let lamps = frame.light.street.rgb * (clamp(LAMP_DEPTH * (1.0 - open), least, 1.0) * max(n.z, LAMPS_ON_WALLS));
     let sun = frame.light.sun.rgb * max(dot(n, frame.sun), 0.0);
-    return Radiance(albedo * (sky + returned + lamps), albedo * sun * sun_share_by_sky(ao));
+    return Radiance(albedo * (sky + returned), albedo * sun * sun_share_by_sky(ao));
 }
 
 // Light of a surface of water or glass that is seen in direction `dir`: `light` below its reflection of sky, sun and city.
-fn mirrored(light: Radiance, n: vec3<f32>, ao: f32, dir: vec3<f32>) -> Radiance {
+fn mirrored(light: Radiance, n: vec3<f32>, ao: f32, dir: vec3<f32>, distance_m: f32) -> Radiance {
     let cosine = clamp(-dot(dir, n), 0.0, 1.0);
-    let grazing = 1.0 - cosine;
-    let share = FACING_REFLECTANCE + (1.0 - FACING_REFLECTANCE) * grazing * grazing * grazing * grazing * grazing;
-    let towards = dir + n * (2.0 * cosine);
     let upright = abs(n.z);
+    var seen_at = cosine;
+    if upright > 0.5 {
+        seen_at = min(cosine + cosine * waves(dir, distance_m) + 0.03, 1.0);
+    }
+    let grazing = 1.0 - seen_at;
+    let cube = grazing * grazing * grazing;
+    let water = FACING_WATER + FLAT_WATER * cube * sqrt(grazing);
+    let glass = FACING_REFLECTANCE + (1.0 - FACING_REFLECTANCE) * cube * grazing * grazing;
+    let share = select(glass, water, upright > 0.5);
+    let towards = dir + n * (cosine + seen_at);
     let open = min(ao / (0.5 + 0.5 * upright), 1.0);
     let around = reflected_light(towards, open);
     let seen = select(around.ground, around.above, towards.z > 0.0);
@@ -75,6 +80,17 @@ fn mirrored(light: Radiance, n: vec3<f32>, ao: f32, dir: vec3<f32>) -> Radiance 
         light.sky + (seen - light.sky) * share,
         light.sun * (1.0 - share) + frame.light.sun.rgb * (glint * share * sun_share_by_sky(ao)),
     );
+}
+
+// How far waves tilt the water that is seen, relative to the cosine at which it is seen.
+fn waves(dir: vec3<f32>, distance_m: f32) -> f32 {
+    let near = 1.0 - distance_m / WAVES_END_M;
+    if near <= 0.0 {
+        return 0.0;
+    }
+    let place = (dir * (distance_m * BAYS_PER_M) + frame.bays.xyz) * WAVES_PER_BAY;
+    let footprint = distance_m * frame.bays.w * (BAYS_PER_M * WAVES_PER_BAY);
+    return fbm(place, 3u, 0.6, footprint).value * (WAVE_TILT * near);
 }
 
 // Light that a mirror reflects from below and from above the horizon.

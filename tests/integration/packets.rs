@@ -1,6 +1,10 @@
 //! Packets of rays draw what single rays draw, with every instruction set, and adaptive sampling draws nearly the same.
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
+use insula_protocol::{
+    BlockMap, NODE_CELLS, Texel, TileId,
+    blockmap::{COLUMNS, MapColumn},
+};
 use insula_shaders::{
     cpu::{
         instruction_set::InstructionSet,
@@ -12,16 +16,17 @@ use insula_shaders::{
     layout::{Light, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, Shading},
     light::{Air, NightLights},
     look::Look,
+    tone::decode_radiance,
 };
 use insula_test_support::tier;
 use insula_tests::{
-    draw_list::Scene,
+    draw_list::{CityArea, DrawList, Scene},
     random::{self, Pose, RandomCity},
     random_mesh,
     rng::Rng,
     tests,
     trials::Trials,
-    view::{FrameSpec, in_look},
+    view::{Camera, FrameSpec, in_look},
 };
 
 pub(crate) fn add(trials: &mut Trials) {
@@ -29,6 +34,7 @@ pub(crate) fn add(trials: &mut Trials) {
         packets_draw_what_single_rays_draw,
         packets_draw_every_shading_the_night_and_objects,
         packets_draw_every_look,
+        lamps_light_streets_and_not_roofs,
         packets_draw_cross_fades,
         adaptive_frames_are_the_same_in_steps_and_close_to_full_ones
     ]);
@@ -133,6 +139,28 @@ fn packets_draw_every_look() -> Result<()> {
             ensure!(has_edges == (look != Look::Physical), "city {seed}: lines and shade in the look {look:?}");
         }
     }
+    Ok(())
+}
+
+/// A house of 20 m between two streets, from above at night.
+fn lamps_light_streets_and_not_roofs() -> Result<()> {
+    let column = |i: usize| {
+        let z_max = if (20..44).contains(&(i % NODE_CELLS)) { 320 } else { 4 };
+        Some(MapColumn { z_max, roof: Texel::new([180; 3], 20), ..MapColumn::default() })
+    };
+    let columns: Vec<Option<MapColumn>> = (0..COLUMNS).map(column).collect();
+    let mut list = DrawList::new(CityArea { origin: [0.0; 3], root_side_m: 64.0 });
+    list.add(&BlockMap::from_columns(TileId::ROOT, 1.0, 0, 0, &columns).context("a valid node")?);
+    let camera =
+        Camera { position: [32.0, 32.0, 150.0], target: [32.0, 32.0, 0.0], up: [0.0, 1.0, 0.0], fov_y_deg: 20.0 };
+    let mut scene = list.scene(&camera, &FrameSpec { width_px: 64, height_px: 64, ..FRAME });
+    let sun = glam::Vec3::new(0.6, 0.0, -0.8);
+    (scene.frame.sun, scene.frame.light) = (sun.into(), Light::new(sun, Air::default(), &NightLights::default()));
+    check(&scene, "a house at night")?;
+    let pixels = scene.render();
+    let light = |x: usize| decode_radiance(pixels.radiance[32 * 64 + x]).y;
+    let [street, roof, other_street] = [8, 32, 56].map(light);
+    ensure!(roof < 0.1 * street && street == other_street, "street {street}, roof {roof}, street {other_street}");
     Ok(())
 }
 

@@ -2,6 +2,7 @@
 
 use clap::{ArgGroup, Args};
 use insula_command_line::output::OverwriteArgs;
+use insula_shaders::look::Look;
 use insula_viewer::sun::{Bearing, SunTime, parse_bearing, parse_time};
 use std::path::PathBuf;
 
@@ -49,6 +50,9 @@ pub struct DrawArgs {
     /// Fill the paper with the drawing: no frame, title block, scale bar and north arrow. Name the sources beside it.
     #[arg(long)]
     pub bare: bool,
+    /// Whose light fills have: `model`, a white model by day, or `paper`, even light for reports [default: that of the stylesheet, model].
+    #[arg(long, value_name = "LOOK", value_parser = parse_look)]
+    pub look: Option<Look>,
     /// Draw the shadows of the sun as shapes.
     #[arg(long)]
     pub shadows: bool,
@@ -80,6 +84,11 @@ fn parse_area(text: &str) -> Result<[f64; 4], String> {
     }
 }
 
+fn parse_look(text: &str) -> Result<Look, String> {
+    let look = Look::of_word(text).filter(|look| *look != Look::Physical);
+    look.ok_or_else(|| "expected model or paper".to_owned())
+}
+
 fn parse_scale(text: &str) -> Result<f64, String> {
     let number = text.strip_prefix("1:").and_then(|number| number.parse().ok());
     number.filter(|v| (1.0..=10_000_000.0).contains(v)).ok_or_else(|| "expected a scale such as 1:1000".to_owned())
@@ -98,6 +107,8 @@ mod tests {
             assert!(parse_scale(wrong).is_err(), "{wrong}");
         }
         assert!(parse_angles("30,91").is_err() && parse_angles("30").is_err());
+        assert_eq!(parse_look("paper"), Ok(Look::Paper));
+        assert!(parse_look("physical").is_err());
         assert!(parse_area("3,2,1,4").is_err() && parse_area("-inf,2,1,4").is_err());
     }
 }

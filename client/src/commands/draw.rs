@@ -205,6 +205,7 @@ fn style(args: &DrawArgs, source: &dyn ExportSource) -> Result<Stylesheet> {
         None => Stylesheet::default(),
     };
     style.shadows |= args.shadows;
+    style.look = args.look.unwrap_or(style.look);
     if args.sun.is_some() || args.time.is_some() {
         let options = SunOptions { time: args.time, bearing: args.sun, ..SunOptions::default() };
         let bearing = Daylight::new(&options, source.manifest()).bearing();

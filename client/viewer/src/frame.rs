@@ -148,6 +148,9 @@ impl FrameData {
         frame.objects = u32::from(settings.shading == Shading::Objects || cache.has_styles());
         frame.landmarks = u32::from(cache.has_landmarks());
         let list = NodeList::new(&inputs, tree, cache, view);
+        if list.weight > 0.0 {
+            frame.light.set_albedo_log2((list.albedo_log2 / list.weight) as f32);
+        }
         list.landmarks.write(&mut frame, view, settings.translucency, cache.capacity_pages(), &list.drawn);
         let manifest = tree.manifest();
         let root_error_m = voxel_error_m(manifest.cell_m_at(0));
@@ -183,6 +186,9 @@ struct NodeList<'a> {
     owners: Vec<NodeIndex>,
     /// Largest screen-space error of a source that fades out, in pixels.
     fading_error_px: f64,
+    /// Sum of the mean log2 of the albedos of what is drawn, weighted by about its part of the view, and of these weights.
+    albedo_log2: f64,
+    weight: f64,
     landmarks: DrawnLandmarks,
     /// The tiles, if there may be landmarks among them.
     drawn: Vec<DrawnTile>,
@@ -209,6 +215,8 @@ impl<'a> NodeList<'a> {
             fade_rays: Vec::with_capacity(capacity),
             owners: Vec::with_capacity(capacity),
             fading_error_px: 0.0,
+            albedo_log2: 0.0,
+            weight: 0.0,
             landmarks: DrawnLandmarks::default(),
             drawn: Vec::new(),
         };
@@ -228,10 +236,12 @@ impl<'a> NodeList<'a> {
                 list.fading_error_px = list.fading_error_px.max(old.error_px(tile.node, tree, view));
             }
         }
+        let metered = (list.albedo_log2, list.weight);
         for caster in shadow_casters.iter().filter(|caster| !replaces_drawn(**caster, transitions, tree, view)) {
             let drawn = DrawSource { source: *caster, mesh_lod: None };
             list.push(ListEntry { node: *caster, owner: *caster, drawn });
         }
+        (list.albedo_log2, list.weight) = metered;
         list
     }
 
@@ -251,9 +261,13 @@ impl<'a> NodeList<'a> {
             let origin = DVec3::from(tree.manifest().node_corner(id)).with_z(tree.manifest().origin[2]);
             self.landmarks.add(&mesh.landmarks, origin);
         }
+        let side_m = tree.manifest().cell_m_at(id.level()) * NODE_CELLS as f64;
+        let centre = DVec3::from(tree.manifest().node_corner(id)).truncate() + 0.5 * side_m;
+        let area = side_m * side_m;
+        let weight = area / (area + (centre - eye.truncate()).length_squared());
+        self.albedo_log2 += weight * f64::from(source.cached.albedo_log2);
+        self.weight += weight;
         if cache.has_landmarks() {
-            let side_m = tree.manifest().cell_m_at(id.level()) * NODE_CELLS as f64;
-            let centre = DVec3::from(tree.manifest().node_corner(id)).truncate() + 0.5 * side_m;
             let mesh_lod = if node.mesh != 0 { entry.drawn.mesh_lod } else { None };
             let half_m = side_m * std::f64::consts::FRAC_1_SQRT_2;
             self.drawn.push(DrawnTile { id, source: source.id, mesh_lod, centre, half_m });

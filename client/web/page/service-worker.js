@@ -36,7 +36,7 @@ const MAX_GROUP_TILES = 64;
 const MAX_GROUP_BYTES = 65536;
 const ARCHIVE = /\/[a-z]+\.pmtiles$/;
 const MANIFEST = /(\/city\.json|\/v1\/cities\/[^/]+)$/;
-const PAGE_FILE = /\/(thumbnail\.png|v1\/cities)$/;
+const PAGE_FILE = /\/(thumbnail\.jpg|v1\/cities)$/;
 const ASSET_IN_PAGE = /(?:href|src)="([^"]*assets\/[0-9a-f]{16}\/[^"]+)"/g;
 
 self.addEventListener('install', (event) => event.waitUntil(self.skipWaiting()));

@@ -154,7 +154,7 @@ impl RouteTemplate {
             Self::Readiness => READINESS,
             Self::Metrics => METRICS,
             Self::CityPage => "/cities/{city}",
-            Self::Thumbnail => "/cities/{city}/thumbnail.png",
+            Self::Thumbnail => "/cities/{city}/thumbnail.jpg",
             Self::Asset => "/assets/{hash}/{file}",
             Self::ServiceWorker => SERVICE_WORKER,
             Self::Other => return None,

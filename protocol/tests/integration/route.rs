@@ -46,7 +46,7 @@ fn every_address_has_its_path() {
         (Route::Cities, "/v1/cities"),
         (Route::Manifest { city: "delft" }, "/v1/cities/delft"),
         (Route::CityPage { city: "delft" }, "/cities/delft"),
-        (Route::Thumbnail { city: "delft" }, "/cities/delft/thumbnail.png"),
+        (Route::Thumbnail { city: "delft" }, "/cities/delft/thumbnail.jpg"),
         (Route::Asset { hash: VERSION, file: "insula_web_bg.wasm" }, "/assets/0123456789abcdef/insula_web_bg.wasm"),
         (Route::ServiceWorker, "/service-worker.js"),
         (tile(TileKind::Subtree, 0), "/v1/cities/delft/0123456789abcdef/subtrees/7/100/3"),
@@ -115,7 +115,7 @@ fn other_shapes_are_unknown() {
         "/cities",
         "/cities/delft/",
         "/cities/delft/city.json",
-        "/cities/delft/thumbnail.png/",
+        "/cities/delft/thumbnail.jpg/",
         "/assets",
         "/assets/0123456789abcdef",
         "/assets/0123456789abcdef/",
@@ -162,7 +162,7 @@ fn names_are_limited_and_never_decoded() {
         }
     }
     assert_eq!(Route::parse("/cities/.."), Err(RouteError::InvalidName));
-    assert_eq!(Route::parse("/cities/Delft/thumbnail.png"), Err(RouteError::InvalidName));
+    assert_eq!(Route::parse("/cities/Delft/thumbnail.jpg"), Err(RouteError::InvalidName));
     assert_eq!(Route::parse("/v1/cities/../x/subtrees/99/0/0"), Err(RouteError::InvalidTile), "numbers come first");
 }
 
@@ -222,7 +222,7 @@ proptest! {
     }
 
     #[test]
-    fn a_parsed_path_is_the_only_path_of_its_route(path in "(/(v1|cities|assets|thumbnail.png|meshes|subtrees|[a-z%.0-9/]{0,6})){0,10}") {
+    fn a_parsed_path_is_the_only_path_of_its_route(path in "(/(v1|cities|assets|thumbnail.jpg|meshes|subtrees|[a-z%.0-9/]{0,6})){0,10}") {
         if let Ok(route) = Route::parse(&path) {
             prop_assert_eq!(route.path(), path.clone());
             prop_assert_eq!(RouteTemplate::of_path(&path), route.template());

@@ -130,6 +130,8 @@ pub struct BakeOptions {
     pub stone: Option<String>,
     /// Whether to compute what can be seen from streets.
     pub street_sets: bool,
+    /// Whether to draw the city's first view for lists and previews of links.
+    pub picture: bool,
 }
 
 impl Default for BakeOptions {
@@ -172,6 +174,7 @@ impl Default for BakeOptions {
             is_monument: false,
             stone: None,
             street_sets: false,
+            picture: false,
         }
     }
 }
@@ -218,6 +221,7 @@ pub(crate) struct BakeConfig {
     pub(crate) dropped_attributes: NamePatterns,
     pub(crate) searchable: Vec<String>,
     pub(crate) street_sets: bool,
+    pub(crate) picture: bool,
     /// Hash of everything that determines the tiles except the scene, 16 hexadecimal digits.
     pub(crate) settings: String,
 }
@@ -265,6 +269,7 @@ impl BakeConfig {
             dropped_attributes: check_patterns(&options.drop_attributes)?,
             searchable: options.search_attributes.clone(),
             street_sets: options.street_sets,
+            picture: options.picture,
             settings: hash_settings(options)?,
         })
     }

@@ -1,7 +1,12 @@
 //! What is drawn, as JSON: the options of `insula draw` for clients of a server.
 
 use crate::{
-    error::DrawError, file::DrawingFormat, limits::DrawLimits, pipeline::DrawRequest, sheet::Paper, style::Stylesheet,
+    error::DrawError,
+    file::DrawingFormat,
+    limits::DrawLimits,
+    pipeline::DrawRequest,
+    sheet::Paper,
+    style::{Stylesheet, parse_look},
     view::DrawView,
 };
 use insula_export::{
@@ -53,6 +58,9 @@ pub struct DrawingOptions {
     title: Option<String>,
     #[serde(default)]
     bare: bool,
+    /// `model` or `paper`.
+    #[serde(default)]
+    look: Option<String>,
     #[serde(default)]
     shadows: bool,
     /// Azimuth and altitude of the sun in degrees.
@@ -83,6 +91,9 @@ impl DrawingOptions {
         let paper = Paper::parse(self.paper.as_deref().unwrap_or(DEFAULT_PAPER))?;
         let mut style = self.style.clone().map_or_else(|| Ok(Stylesheet::default()), Stylesheet::completed)?;
         style.shadows |= self.shadows;
+        if let Some(word) = &self.look {
+            style.look = parse_look(word).map_err(|error| DrawError::Invalid(format!("look: {error}")))?;
+        }
         if let Some([azimuth, altitude]) = self.sun {
             if azimuth.abs() > 360.0 || !(0.0..=90.0).contains(&altitude) {
                 return invalid("sun: expected degrees from north, and degrees above the horizon from 0 to 90");

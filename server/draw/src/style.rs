@@ -2,7 +2,8 @@
 
 use crate::error::DrawError;
 use insula_objects::FeatureKind;
-use serde::Deserialize;
+use insula_shaders::look::Look;
+use serde::{Deserialize, Deserializer, de::Error};
 use std::collections::BTreeMap;
 
 /// A colour, red, green, blue.
@@ -20,6 +21,9 @@ pub struct Stylesheet {
     pub opacity: BTreeMap<String, f64>,
     /// Widths of lines.
     pub lines: LineWeights,
+    /// Whose light fills have: the model's or the paper's.
+    #[serde(deserialize_with = "deserialize_look")]
+    pub look: Look,
     /// Smallest angle between the faces of a crease, in degrees.
     pub crease_deg: f64,
     /// Direction of the light: degrees clockwise from north, and above the horizon.
@@ -45,7 +49,7 @@ pub enum FillMode {
     None,
     /// One colour for each kind.
     Kind,
-    /// The colour of the kind, lighter or darker by the light of the sun.
+    /// The colour of the kind, lighter or darker by the light of the look.
     Light,
     /// The number of the object as a colour of 24 bits, to check pictures. Objects without a number are white.
     Object,
@@ -103,6 +107,7 @@ impl Default for Stylesheet {
             colors: colors.iter().map(|(kind, color)| ((*kind).to_owned(), (*color).to_owned())).collect(),
             opacity: BTreeMap::new(),
             lines: LineWeights::default(),
+            look: Look::Model,
             crease_deg: 20.0,
             sun: [225.0, 45.0],
             shadows: false,
@@ -183,6 +188,16 @@ pub fn kind_name(kind: FeatureKind) -> &'static str {
     FeatureKind::NAMES.iter().find(|(_, known)| *known == kind).map_or("other", |(name, _)| name)
 }
 
+/// The look with a word. Fails if drawings have no such look: light as it is measured needs the exposure of a picture.
+pub fn parse_look(word: &str) -> Result<Look, String> {
+    let look = Look::of_word(word).filter(|look| *look != Look::Physical);
+    look.ok_or_else(|| "drawings have the looks model and paper".to_owned())
+}
+
+fn deserialize_look<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Look, D::Error> {
+    parse_look(&String::deserialize(deserializer)?).map_err(D::Error::custom)
+}
+
 /// Reads `#rrggbb`.
 #[must_use]
 pub fn parse_color(text: &str) -> Option<Rgb> {
@@ -206,6 +221,7 @@ mod tests {
         let sheet = Stylesheet::parse("fill = \"kind\"\n[colors]\nwater = \"#0000ff\"\n[lines]\ncrease = 0").unwrap();
         assert_eq!((sheet.fill, sheet.lines.crease, sheet.lines.silhouette), (FillMode::Kind, 0.0, 0.18));
         assert_eq!(sheet.color(FeatureKind::Water), [0, 0, 255]);
+        assert_eq!((sheet.look, Stylesheet::parse("look = \"paper\"").unwrap().look), (Look::Model, Look::Paper));
         assert_eq!(sheet.color(FeatureKind::Tunnel), sheet.color(FeatureKind::Furniture));
         for wrong in [
             "fil = 1",
@@ -213,6 +229,7 @@ mod tests {
             "[colors]\nsea = \"#0000ff\"",
             "sun = [0, 91]",
             "crease_deg = nan",
+            "look = \"physical\"",
         ] {
             assert!(Stylesheet::parse(wrong).is_err(), "{wrong}");
         }

@@ -188,6 +188,7 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         is_monument,
         // Nobody walks in the streets of a statue.
         street_sets: !args.no_street_sets && !is_monument,
+        picture: !args.no_picture,
         stone,
         terrain: TerrainOptions {
             error_cells: args.terrain_error.map_or(TerrainOptions::default().error_cells, |error_m| error_m / cell_m),

@@ -34,7 +34,7 @@ pub(super) async fn city_page(
     Ok(respond_with_city(&state, &city, access.is_public(), &method, &uri, &headers))
 }
 
-/// `/cities/{city}/thumbnail.png`. Fails as [`city_page`], and with 404 if the city has no picture, or the share link is for a part
+/// `/cities/{city}/thumbnail.jpg`. Fails as [`city_page`], and with 404 if the city has no picture, or the share link is for a part
 /// of the city.
 pub(super) async fn thumbnail(
     State(state): State<AppState>,
@@ -47,11 +47,11 @@ pub(super) async fn thumbnail(
         return Err(NO_PICTURE);
     }
     let read = spawn_blocking(move || city.read_thumbnail()).await;
-    let png = read.ok().flatten().ok_or(NO_PICTURE)?;
+    let jpeg = read.ok().flatten().ok_or(NO_PICTURE)?;
     let representation = Representation {
-        etag: etag_of(&png),
-        body: png,
-        content_type: HeaderValue::from_static("image/png"),
+        etag: etag_of(&jpeg),
+        body: jpeg,
+        content_type: HeaderValue::from_static("image/jpeg"),
         cache_control: if access.is_public() { REVALIDATE } else { REVALIDATE_PRIVATE },
         encoding: None,
         vary: None,

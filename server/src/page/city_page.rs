@@ -8,6 +8,7 @@ use super::{
     about::{description, push_about},
     html::{escape_html, script_json},
 };
+use insula_protocol::route::THUMBNAIL_PX;
 use std::fmt::Write;
 
 /// The application's script, and the module that all wait for: it is the largest.
@@ -70,6 +71,9 @@ fn push_previews(out: &mut String, city: CityFacts<'_>, links: &CityLinks) {
     meta("property", "og:description", &description);
     if let Some(preview) = &links.preview {
         meta("property", "og:image", preview);
+        let [width, height] = THUMBNAIL_PX.map(|side| side.to_string());
+        meta("property", "og:image:width", &width);
+        meta("property", "og:image:height", &height);
         meta("property", "og:image:alt", &format!("{} from above", city.manifest.title));
         meta("name", "twitter:card", "summary_large_image");
     }

@@ -11,7 +11,7 @@ pub(super) const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-widt
     color:#222;background:#fff}h1{font-weight:600}section{border-top:1px solid #ccc;padding:.5rem 0 1rem}\
     code{background:#f0f0f0;padding:.15rem .35rem;border-radius:3px;overflow-wrap:anywhere}\
     dl{display:grid;grid-template-columns:max-content 1fr;gap:.2rem 1rem}dt{color:#666}dd{margin:0;overflow-wrap:anywhere}\
-    img{float:inline-end;width:8rem;height:8rem;object-fit:cover;margin:1rem 0 1rem 1rem;border-radius:4px}\
+    img{float:inline-end;width:min(18rem,40%);aspect-ratio:16/9;object-fit:cover;margin:1rem 0 1rem 1rem;border-radius:4px}\
     @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}code{background:#2a2a2a}a{color:#8bf}dt{color:#999}}";
 
 /// A page that lists cities, in the making.

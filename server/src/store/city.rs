@@ -22,9 +22,9 @@ use std::{
 
 /// Attempts to open a city that is replaced meanwhile.
 const MAX_ATTEMPTS: usize = 5;
-/// Larger pictures are not served: a bake writes half of this at most.
+/// Larger pictures are not served: a bake writes a quarter of this.
 const MAX_THUMBNAIL_BYTES: u64 = 2 << 20;
-const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+const JPEG_SIGNATURE: &[u8] = b"\xff\xd8\xff";
 
 static NEXT_SERIAL: AtomicU64 = AtomicU64::new(0);
 
@@ -98,9 +98,9 @@ impl CityStore {
     /// Reads the bake's picture. `None` if there is none, or it is none.
     pub(crate) fn read_thumbnail(&self) -> Option<Bytes> {
         let path = self.folder.as_ref().filter(|_| self.has_thumbnail)?.join(THUMBNAIL_FILE);
-        let mut png = Vec::new();
-        open_regular(&path).ok()?.take(MAX_THUMBNAIL_BYTES + 1).read_to_end(&mut png).ok()?;
-        (png.len() as u64 <= MAX_THUMBNAIL_BYTES && png.starts_with(PNG_SIGNATURE)).then(|| png.into())
+        let mut jpeg = Vec::new();
+        open_regular(&path).ok()?.take(MAX_THUMBNAIL_BYTES + 1).read_to_end(&mut jpeg).ok()?;
+        (jpeg.len() as u64 <= MAX_THUMBNAIL_BYTES && jpeg.starts_with(JPEG_SIGNATURE)).then(|| jpeg.into())
     }
 
     /// Whether the city has a search index.

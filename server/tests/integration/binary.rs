@@ -289,7 +289,7 @@ fn verify_finds_every_kind_of_damage() {
 
 #[test]
 #[cfg(feature = "bake")]
-fn bakes_have_street_sets_unless_they_are_left_out() {
+fn bakes_have_street_sets_and_a_picture_unless_they_are_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let house = "v 0 0 0\nv 10 0 0\nv 10 10 0\nv 0 10 9\nf 1 2 3\nf 1 3 4\n";
     std::fs::write(folder.path().join("house.obj"), house).unwrap();
@@ -301,7 +301,11 @@ fn bakes_have_street_sets_unless_they_are_left_out() {
         let manifest = std::fs::read_to_string(out.join("city.json")).unwrap();
         (out.join("visibility.pmtiles").exists(), manifest.contains("\"street_sets\": true"))
     };
+    let has_picture = |city: &str| folder.path().join(city).join("thumbnail.jpg").exists();
     assert_eq!(has_sets(&["--cell", "1"]), (true, true));
+    assert!(has_picture("city--cell1"));
     assert_eq!(has_sets(&["--cell", "1", "--no-street-sets"]), (false, false));
+    assert_eq!(has_sets(&["--cell", "1", "--no-street-sets", "--no-picture"]), (false, false));
+    assert!(!has_picture("city--cell1--no-street-sets--no-picture"));
     assert_eq!(has_sets(&["--cell", "0.1"]), (false, false), "leaves of 6.4 m");
 }

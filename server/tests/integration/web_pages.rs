@@ -23,7 +23,7 @@ use tower::ServiceExt;
 const HASH: &str = "00112233445566ff";
 const APP: &str = "/assets/00112233445566ff/app.js";
 const IMMUTABLE: &str = "public, max-age=31536000, immutable";
-const PNG: &[u8] = b"\x89PNG\r\n\x1a\n and so on";
+const JPEG: &[u8] = b"\xff\xd8\xff and so on";
 const HOSTILE: &str = "</script><script>alert('x')</script><img src=x onerror=\"alert(1)\">&";
 
 /// A viewer of a few files.
@@ -249,8 +249,8 @@ async fn other_paths_are_404() {
         "/cities/..%2f..%2fetc%2fpasswd",
         "/cities/two/",
         "/cities/two/city.json",
-        "/cities/two/thumbnail.png",
-        "/cities/three/thumbnail.png",
+        "/cities/two/thumbnail.jpg",
+        "/cities/three/thumbnail.jpg",
     ] {
         let page = get(&service, path, &[]).await;
         assert_eq!(
@@ -264,17 +264,17 @@ async fn other_paths_are_404() {
 #[tokio::test]
 async fn the_picture_of_a_city_is_served_and_shown() {
     let folder = small_city::temporary_city();
-    fs::write(folder.path().join("thumbnail.png"), PNG).unwrap();
+    fs::write(folder.path().join("thumbnail.jpg"), JPEG).unwrap();
     let service = service(folder.path(), Some(viewer()));
-    let picture = get(&service, "/cities/two/thumbnail.png", &[]).await;
-    assert_eq!((picture.status, picture.header("content-type")), (StatusCode::OK, "image/png"));
+    let picture = get(&service, "/cities/two/thumbnail.jpg", &[]).await;
+    assert_eq!((picture.status, picture.header("content-type")), (StatusCode::OK, "image/jpeg"));
     assert_eq!(picture.header("cache-control"), "no-cache");
     let page = get(&service, "/cities/two", &[]).await;
-    let preview = "<meta property=\"og:image\" content=\"http://cities.example.org/cities/two/thumbnail.png\">";
-    assert!(page.text.contains(preview) && page.text.contains("<img src=\"/cities/two/thumbnail.png\""));
+    let preview = "<meta property=\"og:image\" content=\"http://cities.example.org/cities/two/thumbnail.jpg\">";
+    assert!(page.text.contains(preview) && page.text.contains("<img src=\"/cities/two/thumbnail.jpg\""));
     // Only pictures leave the server.
-    fs::write(folder.path().join("thumbnail.png"), "secrets").unwrap();
-    assert_eq!(get(&service, "/cities/two/thumbnail.png", &[]).await.status, StatusCode::NOT_FOUND);
+    fs::write(folder.path().join("thumbnail.jpg"), "secrets").unwrap();
+    assert_eq!(get(&service, "/cities/two/thumbnail.jpg", &[]).await.status, StatusCode::NOT_FOUND);
 }
 
 #[cfg(unix)]
@@ -291,12 +291,12 @@ async fn pages_of_private_cities_are_hidden() {
     .await;
     replace_city(&server.folder.path().join("two"), |next| {
         small_city::write_city(next, "two");
-        fs::write(next.join("thumbnail.png"), PNG).unwrap();
+        fs::write(next.join("thumbnail.jpg"), JPEG).unwrap();
     });
     server.reload().await;
     let token = "Authorization: Bearer 0123456789abcdef-office\r\n";
     for path in
-        ["/cities/two", "/cities/three", "/cities/two/thumbnail.png", "/cities/three/thumbnail.png", "/cities/T"]
+        ["/cities/two", "/cities/three", "/cities/two/thumbnail.jpg", "/cities/three/thumbnail.jpg", "/cities/T"]
     {
         let response = server.get(path, "").await;
         assert_problem(&response, 401);
@@ -311,7 +311,7 @@ async fn pages_of_private_cities_are_hidden() {
         let page = server.get(&format!("/cities/two?{query}"), "").await;
         assert!(page.starts_with("HTTP/1.1 200") && page.contains(&format!("/v1/cities/two?{query}")), "{page}");
         assert!(!page.contains("canonical"), "a share link is a secret: {page}");
-        let response = server.get(&format!("/cities/two/thumbnail.png?{query}"), "").await;
+        let response = server.get(&format!("/cities/two/thumbnail.jpg?{query}"), "").await;
         assert_eq!(&response[9..12], picture, "{arguments:?}");
         assert_problem(&server.get(&format!("/cities/three?{query}"), "").await, 401);
     }
@@ -376,7 +376,7 @@ fn a_site_of_one_city_opens_it() {
     let folder = tempfile::tempdir().unwrap();
     let (city, site) = (folder.path().join("two"), folder.path().join("sites/site"));
     small_city::write_city_with_meshes(&city, "two");
-    fs::write(city.join("thumbnail.png"), PNG).unwrap();
+    fs::write(city.join("thumbnail.jpg"), JPEG).unwrap();
     fs::write(city.join("fingerprints.bin"), "for bakes only").unwrap();
     publish(&[&city], &site).unwrap();
     let files = tree(&site, &site);
@@ -392,7 +392,7 @@ fn a_site_of_one_city_opens_it() {
         "cities/two/blockmaps.pmtiles",
         "cities/two/subtrees.pmtiles",
         "cities/two/meshes.pmtiles",
-        "cities/two/thumbnail.png",
+        "cities/two/thumbnail.jpg",
     ] {
         assert!(files.contains(file), "{file} is not in {files:?}");
     }
@@ -401,7 +401,7 @@ fn a_site_of_one_city_opens_it() {
         assert_links_resolve(&site, page);
         let html = fs::read_to_string(site.join(page)).unwrap();
         assert!(html.contains(&format!("<insula-city src=\"{source}\" full>")), "{html}");
-        assert!(html.contains("content=\"https://cities.example.org/cities/two/thumbnail.png\""), "{html}");
+        assert!(html.contains("content=\"https://cities.example.org/cities/two/thumbnail.jpg\""), "{html}");
         assert!(html.contains("- Our &lt;cities&gt;</title>"), "{html}");
     }
     // What is published can be served, too, and is the city.

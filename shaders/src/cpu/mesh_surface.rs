@@ -6,7 +6,7 @@
 use super::{
     column::bounds_of,
     node::planes_of,
-    ray::Ray,
+    ray::{Ray, SceneRef},
     shade::linear_of_srgb,
     words::{ao_of, codes_per_row, flags_of, halves, is_open},
 };
@@ -120,11 +120,9 @@ pub(super) fn surface_light(ray: &mut Ray<'_>, node: &DrawNode, p: Vec3, normal:
 /// from inside of a building.
 pub(super) fn is_inside(ray: &mut Ray<'_>, node: &DrawNode, p: Vec3, normal: Vec3) -> bool {
     let before = p - Vec3::from(node.corner) + normal * node.cell_m;
-    let at = before.xy() / node.cell_m + halves(node.leaf_offset) / LEAF_OFFSET_STEPS;
-    let cell = at.floor().as_ivec2().clamp(IVec2::ZERO, IVec2::splat(NODE_CELLS as i32 - 1));
-    let i = cell.y as usize * NODE_CELLS + cell.x as usize;
-    let (planes, z) = (planes_of(node), before.z / node.z_step_m);
-    let walk = ray.read_word(planes[WALK_PLANE] + i);
+    let z = before.z / node.z_step_m;
+    ray.counts.fetches += 1;
+    let walk = column_word(ray.scene, node, before);
     let flags = flags_of(walk);
     // A gap may be in front of the surface.
     if flags & flag::OCCUPIED == 0 || flags & flag::GAP != 0 {
@@ -132,6 +130,14 @@ pub(super) fn is_inside(ray: &mut Ray<'_>, node: &DrawNode, p: Vec3, normal: Vec
     }
     let [z_max, z_min] = bounds_of(ray, walk, 0);
     z > z_min && z < z_max
+}
+
+/// The word of the column at a place, which is relative to the node's corner; 0 outside of the atlas.
+pub(super) fn column_word(scene: &SceneRef<'_>, node: &DrawNode, place: Vec3) -> u32 {
+    let at = place.xy() / node.cell_m + halves(node.leaf_offset) / LEAF_OFFSET_STEPS;
+    let cell = at.floor().as_ivec2().clamp(IVec2::ZERO, IVec2::splat(NODE_CELLS as i32 - 1));
+    let i = cell.y as usize * NODE_CELLS + cell.x as usize;
+    scene.atlas.get(planes_of(node)[WALK_PLANE] + i).copied().unwrap_or(0)
 }
 
 /// Share of the sky that a column sees at height `z`, and the weight of that: 0 far above or below the column.

@@ -1,5 +1,11 @@
-//! What shines at night: stars, the moon, lit windows. GPU twin: `night.wgsl`.
+//! What shines at night: stars, the moon, lamps, lit windows. GPU twin: `night.wgsl`.
 
+use super::{
+    mesh_surface::column_word,
+    ray::SceneRef,
+    shade::{SurfaceSample, rgb},
+    words::low_of,
+};
 use crate::layout::FrameUniform;
 use glam::{DVec3, IVec3, Vec3};
 
@@ -11,6 +17,16 @@ pub(crate) const STAR_SHARPNESS: f32 = 30.0;
 pub(crate) const MOON_RADIUS: f32 = 0.0045;
 /// Cosine of the sun's angle to the moon's surface from which it is fully lit: the moon is flatter than a matt sphere.
 pub(crate) const MOON_TERMINATOR: f32 = 0.4;
+/// Lamps stand in streets: their light grows with the hidden part of the sky, up to the inverse of this.
+pub(crate) const LAMP_DEPTH: f32 = 3.0;
+/// Share of that light on walls.
+pub(crate) const LAMPS_ON_WALLS: f32 = 0.25;
+/// Least part of that share on a wall, however open its surroundings are. Occlusion ends a metre or two from a wall's edge: without
+/// any light, the edge would look stained.
+pub(crate) const LAMPS_IN_THE_OPEN: f32 = 0.4;
+/// Height above the street in metres at which their light ends, and below that the metres in which it falls.
+pub(crate) const LAMP_TOP_M: f32 = 9.0;
+pub(crate) const LAMP_FALL_M: f32 = 7.0;
 /// Windows along a wall, and storeys, per metre.
 pub(crate) const BAYS_PER_M: f32 = 1.0 / 3.2;
 /// Most bays from the world's origin that [`FrameUniform::bays`] counts; a power of two. Then the pattern repeats.
@@ -57,6 +73,21 @@ pub(super) fn moon(frame: &FrameUniform, dir: Vec3) -> f32 {
     let surface = offset - middle * (1.0 - from_middle).sqrt();
     let lit = (surface.dot(Vec3::from(frame.sun)) / MOON_TERMINATOR).clamp(0.0, 1.0);
     brightness * lit
+}
+
+/// Light of lamps that a surface of node number `node` at `p` relative to the camera reflects. Lamps stand in streets: roofs are dark. The
+/// street is as high as the surface's column begins, or as the part below the column's gap ends.
+pub(super) fn lamp_light(scene: &SceneRef<'_>, node: u32, surface: &SurfaceSample, p: Vec3) -> Vec3 {
+    let (street, n) = (scene.frame.light.street, surface.normal);
+    let Some(node) = scene.nodes.get(node as usize).filter(|_| street[3] > 0.0) else { return Vec3::ZERO };
+    let place = p - Vec3::from(node.corner);
+    let above_m = place.z - low_of(column_word(scene, node, place - n * (0.5 * node.cell_m))) * node.z_step_m;
+    let share = ((LAMP_TOP_M - above_m) / LAMP_FALL_M).clamp(0.0, 1.0);
+    let upright = n.z.abs();
+    let open = (surface.ao / (0.5 + 0.5 * upright)).min(1.0);
+    let least = LAMPS_IN_THE_OPEN * (1.0 - upright);
+    let near = (LAMP_DEPTH * (1.0 - open)).max(least).min(1.0) * n.z.max(LAMPS_ON_WALLS);
+    surface.albedo * rgb(street) * (near * share * share)
 }
 
 /// Light from windows in a wall at `p` relative to the camera, `distance_m` away, with normal `n`. They lie on a grid of bays and

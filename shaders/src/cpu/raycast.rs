@@ -10,7 +10,7 @@ pub use super::ray::{RayCounts, SceneRef};
 use super::{
     fast_math::floor,
     mesh::MIN_COSINE,
-    night::lit_windows,
+    night::{lamp_light, lit_windows},
     ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
     shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, shade},
     stone::{StoneSurface, stone_surface},
@@ -314,8 +314,9 @@ pub(super) fn radiance_with(
         None => shade(frame, &surface),
     };
     if frame.shading == Shading::Lit as u32 {
+        light.sky += lamp_light(scene, hit.node, &surface, dir * distance_m);
         if surface.flags & u32::from(flag::REFLECTIVE) != 0 {
-            light = mirrored(frame, light, &surface, dir);
+            light = mirrored(frame, light, &surface, (dir, distance_m));
         }
         if frame.light.window[3] > 0.0 {
             light.sky += lit_windows(frame, dir * distance_m, surface.normal, distance_m);

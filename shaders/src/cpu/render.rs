@@ -8,7 +8,7 @@ use super::{
 use crate::{
     compose::shades,
     layout::{FrameUniform, Shading},
-    tone::{DisplayTables, exposure_with},
+    tone::{DisplayTables, exposure_with, longer},
 };
 use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
 use std::sync::OnceLock;
@@ -139,7 +139,8 @@ fn with_words(mut out: Pixels, frame: &FrameUniform, set: Option<InstructionSet>
 fn develop_in_packets(set: InstructionSet, frame: &FrameUniform, words: &[u32], drawn: &Pixels) -> Vec<u32> {
     let exposure = exposure_with(frame, words, &drawn.hit, |words| count_radiances(set, words));
     let shades = shades(frame, &drawn.distance);
-    let (tables, width) = ((DisplayTables::get(), frame.light.grade[0] > 0.0), frame.width_px.max(1));
+    let graded = (frame.light.grade[0] > 0.0).then(|| longer(frame, exposure));
+    let (tables, width) = ((DisplayTables::get(), graded), frame.width_px.max(1));
     let mut colours = vec![0; words.len()];
     let chunks = words.par_chunks(DEVELOPED_PIXELS).zip(colours.par_chunks_mut(DEVELOPED_PIXELS)).enumerate();
     chunks.for_each(|(chunk, (words, colours))| {

@@ -4,7 +4,8 @@
 
 use super::{
     fast_math::exp,
-    night::{moon, stars},
+    night::{BAYS_PER_M, moon, stars},
+    noise::fbm,
 };
 use crate::{
     atmosphere::{MIE_G, PHASE_SCALE},
@@ -44,15 +45,15 @@ pub(crate) const GROUND_DEPTH: f32 = 0.26;
 /// How fast facades lose the sun as a street becomes deeper. In a deep street a low sun reaches their tops only, which walls and
 /// ground see at flat angles, so its share falls faster than the lit area.
 pub(crate) const FACADE_DEPTH: f32 = 1.1;
-/// Lamps stand in streets: their light grows with the hidden part of the sky, up to the inverse of this.
-pub(crate) const LAMP_DEPTH: f32 = 3.0;
-/// Share of that light on walls.
-pub(crate) const LAMPS_ON_WALLS: f32 = 0.25;
-/// Least part of that share on a wall, however open its surroundings are. Occlusion ends a metre or two from a wall's edge: without
-/// any light, the edge would look stained.
-pub(crate) const LAMPS_IN_THE_OPEN: f32 = 0.4;
-/// Reflectance of water and glass seen from straight ahead (Schlick's approximation of Fresnel's equations).
+/// Reflectance of glass seen from straight ahead (Schlick's approximation of Fresnel's equations).
 pub(crate) const FACING_REFLECTANCE: f32 = 0.03;
+/// Reflectance of water: seen from straight ahead, and what it has more at a flat angle. Waves keep it below that of a mirror.
+pub(crate) const FACING_WATER: f32 = 0.025;
+pub(crate) const FLAT_WATER: f32 = 0.7;
+/// Share by which waves change the cosine at which water is seen, how long the longest are, in bays, and where they end.
+pub(crate) const WAVE_TILT: f32 = 0.9;
+pub(crate) const WAVES_PER_BAY: f32 = 3.2 / 23.0;
+pub(crate) const WAVES_END_M: f32 = 3000.0;
 /// Angles in radians by which waves and panes spread the sun's reflection.
 pub(crate) const WAVES: f32 = 0.07;
 pub(crate) const PANES: f32 = 0.03;
@@ -152,20 +153,30 @@ pub(super) fn reflected(frame: &FrameUniform, albedo: Vec3, n: Vec3, ao: f32) ->
     let overhead = up * ZENITH_SHARE;
     let sky = (overhead + (wall - overhead) * open).lerp(up, upright) * ao;
     let returned = light_from_city(light, &Surroundings { open, below: 0.5 - 0.5 * n.z, ahead, upright }, ao);
-    let least = LAMPS_IN_THE_OPEN * (1.0 - upright);
-    let lamps = rgb(light.street) * ((LAMP_DEPTH * (1.0 - open)).max(least).min(1.0) * n.z.max(LAMPS_ON_WALLS));
     let sun = rgb(light.sun) * n.dot(Vec3::from(frame.sun)).max(0.0);
-    Radiance { sky: albedo * (sky + returned + lamps), sun: albedo * sun * sun_share_by_sky(frame, ao) }
+    Radiance { sky: albedo * (sky + returned), sun: albedo * sun * sun_share_by_sky(frame, ao) }
 }
 
 /// Light of a surface of water or glass that is seen in direction `dir`: `light` below its reflection of sky, sun and city.
-pub(super) fn mirrored(frame: &FrameUniform, light: Radiance, surface: &SurfaceSample, dir: Vec3) -> Radiance {
+pub(super) fn mirrored(
+    frame: &FrameUniform,
+    light: Radiance,
+    surface: &SurfaceSample,
+    (dir, distance_m): (Vec3, f32),
+) -> Radiance {
     let (n, of_light) = (surface.normal, &frame.light);
     let cosine = (-dir.dot(n)).clamp(0.0, 1.0);
-    let grazing = 1.0 - cosine;
-    let share = FACING_REFLECTANCE + (1.0 - FACING_REFLECTANCE) * grazing * grazing * grazing * grazing * grazing;
-    let towards = dir + n * (2.0 * cosine);
     let upright = n.z.abs();
+    let is_water = upright > 0.5;
+    let seen_at = if is_water { (cosine + cosine * waves(frame, dir, distance_m) + 0.03).min(1.0) } else { cosine };
+    let grazing = 1.0 - seen_at;
+    let cube = grazing * grazing * grazing;
+    let share = if is_water {
+        FACING_WATER + FLAT_WATER * cube * grazing.sqrt()
+    } else {
+        FACING_REFLECTANCE + (1.0 - FACING_REFLECTANCE) * cube * grazing * grazing
+    };
+    let towards = dir + n * (cosine + seen_at);
     let open = (surface.ao / (0.5 + 0.5 * upright)).min(1.0);
     let [ground, above] = reflected_light(frame, towards, open);
     let seen = if towards.z > 0.0 { above } else { ground };
@@ -175,6 +186,18 @@ pub(super) fn mirrored(frame: &FrameUniform, light: Radiance, surface: &SurfaceS
         sky: light.sky + (seen - light.sky) * share,
         sun: light.sun * (1.0 - share) + rgb(of_light.sun) * (glint * share * sun_share_by_sky(frame, surface.ao)),
     }
+}
+
+/// How far waves tilt the water that is seen in direction `dir`, relative to the cosine at which it is seen: more than -1.
+fn waves(frame: &FrameUniform, dir: Vec3, distance_m: f32) -> f32 {
+    let near = 1.0 - distance_m / WAVES_END_M;
+    if near <= 0.0 {
+        return 0.0;
+    }
+    let [east, north, up, pixel] = frame.bays;
+    let place = (dir * (distance_m * BAYS_PER_M) + Vec3::new(east, north, up)) * WAVES_PER_BAY;
+    let footprint = distance_m * pixel * (BAYS_PER_M * WAVES_PER_BAY);
+    fbm(place, 3, 0.6, footprint).value * (WAVE_TILT * near)
 }
 
 /// Light that a mirror reflects from below and from above the horizon in direction `towards`. `open`: the openness of its surroundings.

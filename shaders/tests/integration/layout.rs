@@ -109,7 +109,7 @@ fn structs_of_columns_and_the_frame_have_the_same_layout() {
     let module = module(&wgsl::compose());
     assert_layout!(
         &module,
-        ComposeUniform { frame_px, target_px, is_lit, exposure, key, day, grade, edges, plane, tan, unused }
+        ComposeUniform { frame_px, target_px, is_lit, exposure, key, padding, grade, edges, plane, tan, unused }
     );
     let module = self::module(&wgsl::raycast());
     // WGSL reads it in rows of four words: `heights` is z_step_m to slot_and_shift.

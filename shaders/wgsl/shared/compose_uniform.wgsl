@@ -5,7 +5,7 @@ struct ComposeUniform {
     is_lit: u32,
     exposure: f32,
     key: f32,
-    day: f32,
+    padding: f32,
     grade: vec4<f32>,
     edges: vec4<f32>,
     plane: vec4<f32>,

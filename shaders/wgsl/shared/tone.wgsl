@@ -14,9 +14,13 @@ fn decode_radiance(word: u32) -> vec3<f32> {
     return vec3<f32>((vec3<u32>(word) >> vec3<u32>(0u, 9u, 18u)) & vec3<u32>((1u << MANTISSA_BITS) - 1u)) * scale;
 }
 
-// PBR Neutral, for graded pictures. Linear sRGB, 0 to 1.
-fn neutral(rgb: vec3<f32>) -> vec3<f32> {
-    let peak = max(max(rgb.r, rgb.g), rgb.b);
+// PBR Neutral, for graded pictures. Linear sRGB, 0 to 1. What a longer exposure adds fades towards bright places.
+fn neutral(light: vec3<f32>, longer: f32) -> vec3<f32> {
+    let most = max(max(light.r, light.g), light.b);
+    let bright = most / (longer * ROLL_OFF);
+    let share = (1.0 + (longer - 1.0) / (1.0 + bright * bright)) / longer;
+    let rgb = light * share;
+    let peak = most * share;
     if peak <= NEUTRAL_START {
         return rgb;
     }

@@ -59,6 +59,8 @@ pub struct CachedNode {
     pub below: [u8; 4],
     /// The V-BlockMap's `z_shift`.
     pub z_shift: u32,
+    /// Mean log2 of the luminances of its texels.
+    pub albedo_log2: f32,
     /// Page of the objects' plane and first word of the palette; zeros without objects.
     pub object_page: u32,
     pub palette: u32,
@@ -355,10 +357,10 @@ impl AtlasCache {
 fn upload_node(node: PackedNode, pages: &[u32], slot: u32, palette: u32, upload: &mut impl Upload) -> CachedNode {
     write_pages(&node.pages, pages, upload);
     upload.write_summary(slot, &node.summary);
-    let PackedNode { cell_m, z_step_m, z_base_m, z_range, below, z_shift, .. } = node;
+    let PackedNode { cell_m, z_step_m, z_base_m, z_range, below, z_shift, albedo_log2, .. } = node;
     let object_page = if palette == 0 { 0 } else { pages.last().copied().unwrap_or(0) };
     let pages = pages.to_vec();
-    CachedNode { pages, slot, cell_m, z_step_m, z_base_m, z_range, below, z_shift, object_page, palette }
+    CachedNode { pages, slot, cell_m, z_step_m, z_base_m, z_range, below, z_shift, albedo_log2, object_page, palette }
 }
 
 fn upload_mesh(mesh: PackedMesh, pages: &[u32], upload: &mut impl Upload) -> CachedMesh {

@@ -2,7 +2,7 @@
 //!
 //! In: the tree of packed tiles, and facts about the sources. Out: `blockmaps.pmtiles`, `subtrees.pmtiles`, as far as the city has
 //! them `meshes.pmtiles`, `objects.pmtiles`, `search.index` and `visibility.pmtiles`, then `city.json`, `fingerprints.bin` and
-//! `thumbnail.png`, synchronised, in the scratch folder.
+//! `thumbnail.jpg`, synchronised, in the scratch folder.
 //! Next: `ScratchFolder::publish` renames them to the output.
 
 use std::{
@@ -244,10 +244,12 @@ pub(crate) fn write_others(
     write_synced(&path, &json)?;
     bytes += json.len() as u64;
     bytes += Fingerprints { version: manifest.version.clone(), blocks: input.fingerprints }.write(folder)?;
-    // A city is complete without its picture.
-    match thumbnail::write(folder, input.tree, tiles, &manifest) {
-        Ok(length) => bytes += length,
-        Err(error) => tracing::warn!("the city has no {}: {error}", thumbnail::FILE_NAME),
+    if input.config.picture {
+        // A city is complete without its picture.
+        match thumbnail::write(folder, input.tree, tiles, &manifest, &input.config.thread_pool()?) {
+            Ok(length) => bytes += length,
+            Err(error) => tracing::warn!("the city has no {}: {error}", thumbnail::FILE_NAME),
+        }
     }
     Ok(WrittenCity { manifest, bytes })
 }

@@ -1,6 +1,6 @@
 //! Writes finished tiles to disk as a city folder, completely or not at all.
 //!
-//! A city folder has `city.json`, `blockmaps.pmtiles`, `subtrees.pmtiles`, `fingerprints.bin` and `thumbnail.png`, and
+//! A city folder has `city.json`, `blockmaps.pmtiles`, `subtrees.pmtiles`, `fingerprints.bin` and `thumbnail.jpg`, and
 //! `meshes.pmtiles`, `objects.pmtiles`, `search.index` and `visibility.pmtiles` if it has meshes, objects, texts of objects and
 //! visibility. Until the final rename everything is in `CITY.partial` (`scratch_folder`): finished tiles in packs (`tile_pack`,
 //! `mesh_pack`), so that an interrupted bake can continue, then the final files (`archive`, `city`).

@@ -32,6 +32,7 @@ fn is_city_file(name: &str) -> bool {
     name == MANIFEST_FILE
         || name == fingerprints::FILE_NAME
         || name == thumbnail::FILE_NAME
+        || name == thumbnail::OLD_FILE_NAME
         || name == SEARCH_FILE
         || TileKind::ALL.iter().any(|kind| kind.file_name() == name)
 }
@@ -129,7 +130,8 @@ fn begins_as_named(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let first: &[u8] = match name {
         fingerprints::FILE_NAME => &fingerprints::MAGIC,
-        thumbnail::FILE_NAME => b"\x89PNG",
+        thumbnail::FILE_NAME => thumbnail::SIGNATURE,
+        thumbnail::OLD_FILE_NAME => thumbnail::OLD_SIGNATURE,
         SEARCH_FILE => b"INSX",
         _ if name.ends_with(".pmtiles") => b"PMTiles",
         // The manifest is read whole.
@@ -147,8 +149,9 @@ pub(super) fn remove_city(folder: &Path) -> Result<(), BakeError> {
 }
 
 fn remove_city_files(folder: &Path) -> Result<(), BakeError> {
-    let others = [fingerprints::FILE_NAME, thumbnail::FILE_NAME, SEARCH_FILE, MANIFEST_FILE];
-    for name in TileKind::ALL.iter().map(|kind| kind.file_name()).chain(others) {
+    let pictures = [thumbnail::FILE_NAME, thumbnail::OLD_FILE_NAME];
+    let others = [fingerprints::FILE_NAME, SEARCH_FILE, MANIFEST_FILE];
+    for name in TileKind::ALL.iter().map(|kind| kind.file_name()).chain(pictures).chain(others) {
         remove_file(&folder.join(name))?;
     }
     match fs::remove_dir(folder) {

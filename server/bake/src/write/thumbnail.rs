@@ -1,189 +1,213 @@
-//! The city's file `thumbnail.png`: its roofs from above, north up, for lists and previews of links.
+//! The city's file `thumbnail.jpg`: its first view as viewers show it, for lists and previews of links.
 //!
-//! Drawn from the V-BlockMaps of the coarsest level with a column or more per pixel, so it costs the same for any city.
+//! Drawn by the CPU ray-caster from the tiles that the view asks for, in a fixed amount of memory: the cost is that of the picture, not
+//! that of the city. All rays are drawn by the definition, so that the picture does not depend on the machine's instructions.
 
-use std::{io::Cursor, path::Path};
-
-use image::{
-    ExtendedColorType, ImageEncoder, Rgb, RgbImage,
-    codecs::png::{CompressionType, FilterType, PngEncoder},
-    imageops,
+use std::{
+    collections::HashSet,
+    path::Path,
+    time::{Duration, Instant},
 };
-use insula_protocol::{BlockMap, Manifest, NODE_CELLS, TileId, blockmap::flag, texel::AO_MAX};
+
+use image::{ExtendedColorType, codecs::jpeg::JpegEncoder};
+use insula_archive::{Archive, limits::MAX_OPENING_TIME};
+use insula_protocol::{Manifest, TileKind, route::THUMBNAIL_PX};
+use insula_shaders::{
+    cpu::{
+        instruction_set::InstructionSet,
+        raycast::{Pixels, Sampling},
+        render::render_with,
+    },
+    layout::Shading,
+};
+use insula_viewer::{
+    cache::{AtlasCache, InsertResult, pages_for, slots_for},
+    camera::{Camera, View},
+    decode::{DecodedTile, decode},
+    frame::{FrameData, FrameInputs, RenderSettings},
+    render::CpuAdapter,
+    scene::{SceneTree, TileEvent, TileKey},
+    select::{
+        Selection, SelectionScratch,
+        occlusion_feedback::OcclusionFeedback,
+        select,
+        shadow_casters::{ShadowCasters, shadow_casters},
+        transitions::Transitions,
+    },
+    sun::{Daylight, SunOptions},
+};
+use rayon::{ThreadPool, prelude::*};
 
 use super::{files::write_synced, tile_bytes::TileContent, tile_tree::TileTree};
 use crate::error::BakeError;
 
 pub(super) use insula_protocol::route::THUMBNAIL_FILE as FILE_NAME;
 
-/// Longer side in pixels.
-const SIDE_PX: u32 = 512;
-/// Narrower cities are drawn this wide.
-const MIN_SIDE_PX: u32 = 64;
-/// Where there is no column.
-const BACKGROUND: [f32; 3] = [222.0, 224.0, 226.0];
-/// Direction of the light: from the north-west, 47 degrees high.
-const TO_LIGHT: [f32; 3] = [-0.48, 0.48, 0.73];
-/// Light on a surface that turns away from it, and what a surface that faces it has more.
-const LIGHT: [f32; 2] = [0.45, 0.75];
-/// Steeper slopes are shaded as this one: a wall between two columns is no slope of a roof.
-const MAX_SLOPE: f32 = 1.5;
+/// The picture of cities that were baked earlier: seen from straight above.
+pub(super) const OLD_FILE_NAME: &str = "thumbnail.png";
+/// How the file begins, and how that of earlier cities does.
+pub(super) const SIGNATURE: &[u8] = b"\xff\xd8\xff";
+pub(super) const OLD_SIGNATURE: &[u8] = b"\x89PNG";
 
-/// Writes the picture into `folder` and returns its size in bytes. Fails if a pack cannot be read, or the file not be written.
+/// Rays along a pixel's side.
+const SAMPLES: u32 = 2;
+/// Quality of the JPEG file, 1 to 100.
+const QUALITY: u8 = 85;
+/// Memory for tiles.
+const CACHE_BYTES: u64 = 160 << 20;
+/// Most times that missing tiles are read. Each time the next levels are found; a city has 24 at most.
+const MAX_PASSES: u32 = 64;
+/// Tiles that are decoded at once.
+const TILES_AT_ONCE: usize = 64;
+
+/// Writes the picture into `folder`, which has the subtrees of the city, and returns its size in bytes. Fails if a tile cannot be read,
+/// or the file not be written.
 pub(super) fn write(
     folder: &Path,
-    tree: &TileTree,
-    tiles: &mut dyn TileContent,
+    city: &TileTree,
+    tiles: &mut (dyn TileContent + Send),
     manifest: &Manifest,
+    pool: &ThreadPool,
 ) -> Result<u64, BakeError> {
     let path = folder.join(FILE_NAME);
-    let corners = manifest.bounds.map(|corner| [0, 1].map(|axis| corner[axis] - manifest.origin[axis]));
-    let mut plan = Plan::new(corners, manifest.cell_m, manifest.depth);
-    for stored in tree.level(plan.level) {
-        if !plan.meets(stored.id) {
-            continue;
-        }
-        let bytes = tiles.tile(stored)?;
-        let map = BlockMap::decode(stored.id, &bytes).map_err(|_| BakeError::Scratch { path: path.clone() })?;
-        plan.add(&map.stand_on_ground());
-    }
-    let png = encode(&plan.draw()).map_err(|cause| BakeError::io(&path, "written", std::io::Error::other(cause)))?;
-    write_synced(&path, &png)?;
-    Ok(png.len() as u64)
+    let damaged = || BakeError::Scratch { path: path.clone() };
+    let subtrees = Archive::open(&folder.join(TileKind::Subtree.file_name()), Instant::now() + MAX_OPENING_TIME);
+    let subtrees = subtrees.map_err(|_| damaged())?;
+    let mut read = |key: TileKey| match key.kind() {
+        TileKind::Subtree => Ok(subtrees.tile(key.id).ok().flatten().ok_or_else(damaged)?.to_vec()),
+        TileKind::Mesh => tiles.mesh(city.mesh(key.id).iter().find(|mesh| mesh.lod == key.lod).ok_or_else(damaged)?),
+        _ => tiles.tile(city.get(key.id).ok_or_else(damaged)?),
+    };
+    let mut picture = Picture::new(manifest, !city.meshes().is_empty());
+    let pixels = pool.install(|| {
+        picture.load(&mut read, &damaged)?;
+        Ok::<_, BakeError>(picture.draw())
+    })?;
+    let jpeg = encode(&pixels).map_err(|cause| BakeError::io(&path, "written", std::io::Error::other(cause)))?;
+    write_synced(&path, &jpeg)?;
+    Ok(jpeg.len() as u64)
 }
 
-fn encode(image: &RgbImage) -> image::ImageResult<Vec<u8>> {
-    let mut png = Cursor::new(Vec::new());
-    let encoder = PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive);
-    encoder.write_image(image.as_raw(), image.width(), image.height(), ExtendedColorType::Rgb8)?;
-    Ok(png.into_inner())
+fn encode(pixels: &Pixels) -> image::ImageResult<Vec<u8>> {
+    let rgb: Vec<u8> = pixels.colour.iter().flat_map(|colour| colour.to_le_bytes().into_iter().take(3)).collect();
+    let mut jpeg = Vec::new();
+    let mut encoder = JpegEncoder::new_with_quality(&mut jpeg, QUALITY);
+    encoder.encode(&rgb, pixels.width_px, pixels.height_px, ExtendedColorType::Rgb8)?;
+    Ok(jpeg)
 }
 
-/// The columns of one level in the city's bounds.
-struct Plan {
-    level: u8,
-    cell_m: f32,
-    /// Column of the level in the south-west corner.
-    corner: [i64; 2],
-    /// Number of columns along x and y.
-    size: [usize; 2],
-    /// Height and colour of each column, row by row from the south; `None` where there is none.
-    columns: Vec<Option<(f32, [f32; 3])>>,
+/// The first view of a city, and the tiles that it asks for.
+struct Picture {
+    view: View,
+    settings: RenderSettings,
+    tree: SceneTree,
+    cache: AtlasCache,
+    adapter: CpuAdapter,
+    scratch: SelectionScratch,
+    selection: Selection,
+    casters: ShadowCasters,
 }
 
-impl Plan {
-    /// A plan between two corners, in metres from the root's. `cell_m` is the side of a column of the leaves.
-    fn new([low, high]: [[f64; 2]; 2], cell_m: f64, depth: u8) -> Self {
-        let side_m = (high[0] - low[0]).max(high[1] - low[1]);
-        let cell_m_at = |level: u8| cell_m * f64::from(1u32 << (depth - level));
-        let level = (0..depth).find(|level| cell_m_at(*level) * f64::from(SIDE_PX) <= side_m).unwrap_or(depth);
-        let cell_m = cell_m_at(level);
-        let corner = low.map(|m| (m / cell_m).floor() as i64);
-        // Even bounds that no city has must not need more memory than this.
-        let limit = i64::from(SIDE_PX) * 4;
-        let size = [0, 1].map(|axis| ((high[axis] / cell_m).ceil() as i64 - corner[axis]).clamp(1, limit) as usize);
-        Self { level, cell_m: cell_m as f32, corner, size, columns: vec![None; size[0] * size[1]] }
-    }
-
-    /// Position of a node's first column.
-    fn start(&self, id: TileId) -> [i64; 2] {
-        [(0, id.x()), (1, id.y())].map(|(axis, n)| i64::from(n) * NODE_CELLS as i64 - self.corner[axis])
-    }
-
-    fn meets(&self, id: TileId) -> bool {
-        let start = self.start(id);
-        (0..2).all(|axis| start[axis] < self.size[axis] as i64 && start[axis] + NODE_CELLS as i64 > 0)
-    }
-
-    fn add(&mut self, map: &BlockMap) {
-        let start = self.start(map.id);
-        for i in (0..map.flags.len()).filter(|i| map.flags[*i] & flag::OCCUPIED != 0) {
-            let at = [(i % NODE_CELLS) as i64 + start[0], (i / NODE_CELLS) as i64 + start[1]];
-            let Some(index) = self.index(at) else { continue };
-            let height = map.z_base_m() as f32 + f32::from(map.z_max[i]) * map.z_step_m();
-            let shade = 0.4 + 0.6 * f32::from(map.roof[i].ao()) / f32::from(AO_MAX);
-            self.columns[index] = Some((height, map.roof[i].rgb().map(|channel| f32::from(channel) * shade)));
+impl Picture {
+    /// The view without tiles, in the light that viewers begin with.
+    fn new(manifest: &Manifest, has_meshes: bool) -> Self {
+        // All that is in the view is drawn: what is hidden from streets does not matter.
+        let manifest = Manifest { street_sets: false, ..manifest.clone() };
+        let [width_px, height_px] = THUMBNAIL_PX;
+        let pages = pages_for(CACHE_BYTES);
+        // The rest is for what casts shadows into the view.
+        let budget_pages = pages / 4 * 3;
+        let view = View {
+            camera: Camera::overview(&manifest, f64::from(width_px) / f64::from(height_px)),
+            width_px,
+            height_px,
+            tau_px: 1.0,
+            switching: None,
+            budget_pages,
+            budget_nodes: slots_for(budget_pages),
+        };
+        Self {
+            view,
+            settings: Daylight::new(&SunOptions::default(), &manifest).render_settings(Shading::Lit, SAMPLES),
+            tree: SceneTree::new(manifest).with_meshes(has_meshes),
+            cache: AtlasCache::new(pages),
+            adapter: CpuAdapter::new(pages),
+            scratch: SelectionScratch::default(),
+            selection: Selection::default(),
+            casters: ShadowCasters::default(),
         }
     }
 
-    fn index(&self, [x, y]: [i64; 2]) -> Option<usize> {
-        let is_inside = |v: i64, axis: usize| (0..self.size[axis] as i64).contains(&v);
-        (is_inside(x, 0) && is_inside(y, 1)).then(|| y as usize * self.size[0] + x as usize)
-    }
-
-    /// The picture, its longer side [`SIDE_PX`].
-    fn draw(&self) -> RgbImage {
-        let [width, height] = self.size.map(|columns| columns as u32);
-        let image = RgbImage::from_fn(width, height, |x, y| {
-            Rgb(self.colour([i64::from(x), i64::from(height - 1 - y)]).map(|channel| channel.clamp(0.0, 255.0) as u8))
-        });
-        let scale = SIDE_PX as f32 / width.max(height) as f32;
-        let scaled = |columns: u32| ((columns as f32 * scale).round() as u32).clamp(MIN_SIDE_PX, SIDE_PX);
-        imageops::resize(&image, scaled(width), scaled(height), imageops::FilterType::Triangle)
-    }
-
-    fn colour(&self, [x, y]: [i64; 2]) -> [f32; 3] {
-        let at = |at| self.index(at).and_then(|index| self.columns[index]);
-        let Some((own, rgb)) = at([x, y]) else { return BACKGROUND };
-        let height = |position| at(position).map_or(own, |(height, _)| height);
-        let slope = |low, high| ((height(high) - height(low)) / (2.0 * self.cell_m)).clamp(-MAX_SLOPE, MAX_SLOPE);
-        let (east, north) = (slope([x - 1, y], [x + 1, y]), slope([x, y - 1], [x, y + 1]));
-        let facing = TO_LIGHT[2] - TO_LIGHT[0] * east - TO_LIGHT[1] * north;
-        let lambert = (facing / (east * east + north * north + 1.0).sqrt()).max(0.0);
-        rgb.map(|channel| channel * (LIGHT[0] + LIGHT[1] * lambert))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use insula_protocol::{Texel, blockmap::MapColumn};
-
-    /// A plan from the south-west corner of a root of 128 m.
-    fn plan(north_east: [f64; 2], depth: u8) -> Plan {
-        Plan::new([[0.0; 2], north_east], 2.0 / f64::from(1u32 << depth), depth)
-    }
-
-    #[test]
-    fn roofs_have_their_place_and_colour() {
-        let mut plan = plan([128.0, 64.0], 0);
-        assert_eq!((plan.level, plan.size), (0, [64, 32]));
-        let mut columns = vec![None; NODE_CELLS * NODE_CELLS];
-        let roof = |rgb| Some(MapColumn { z_max: 8, roof: Texel::new(rgb, AO_MAX), ..MapColumn::default() });
-        columns[0] = roof([200, 0, 0]);
-        columns[31 * NODE_CELLS + 63] = roof([0, 0, 200]);
-        columns[32 * NODE_CELLS] = roof([0, 200, 0]);
-        plan.add(&BlockMap::from_columns(TileId::ROOT, 2.0, 0, 0, &columns).unwrap());
-        let image = plan.draw();
-        assert_eq!(image.dimensions(), (512, 256));
-        let [r, g, b] = image.get_pixel(2, 253).0;
-        assert!(r > 150 && g < 10 && b < 10, "south-west: {r} {g} {b}");
-        let [r, g, b] = image.get_pixel(509, 2).0;
-        assert!(b > 150 && r < 10 && g < 10, "north-east: {r} {g} {b}");
-        assert_eq!(image.get_pixel(2, 2).0, BACKGROUND.map(|channel| channel as u8), "beyond the bounds");
-        assert!(encode(&image).unwrap().len() < 5_000);
-    }
-
-    #[test]
-    fn level_has_a_column_per_pixel_or_is_the_finest() {
-        for (side_m, depth, level) in [(128.0, 10, 3), (16.0, 10, 6), (128.0, 2, 2), (1e9, 10, 0)] {
-            assert_eq!(plan([side_m; 2], depth).level, level, "{side_m}");
+    /// Reads tiles until the view lacks none, or the memory is full. Fails if a tile cannot be read or decoded.
+    fn load(
+        &mut self,
+        read: &mut impl FnMut(TileKey) -> Result<Vec<u8>, BakeError>,
+        damaged: &impl Fn() -> BakeError,
+    ) -> Result<(), BakeError> {
+        for _ in 0..MAX_PASSES {
+            let missing = self.select();
+            if missing.is_empty() {
+                return Ok(());
+            }
+            for keys in missing.chunks(TILES_AT_ONCE) {
+                let bytes = keys.iter().map(|key| read(*key)).collect::<Result<Vec<_>, _>>()?;
+                let decoded: Vec<_> = keys.par_iter().zip(bytes).map(|(key, bytes)| decode(*key, &bytes)).collect();
+                for (key, tile) in keys.iter().zip(decoded) {
+                    if !self.take_in(*key, tile.map_err(|_| damaged())?) {
+                        self.select();
+                        return Ok(());
+                    }
+                }
+            }
         }
-        let small = plan([16.0; 2], 10);
-        assert!(small.meets(TileId::new(6, 0, 7).unwrap()) && !small.meets(TileId::new(6, 0, 8).unwrap()));
-        assert!(plan([1e9; 2], 10).columns.len() <= 1 << 22, "bounds that no city has");
+        Ok(())
     }
 
-    #[test]
-    fn slopes_that_face_the_light_are_brighter() {
-        let mut plan = plan([128.0; 2], 0);
-        let mut columns = vec![None; NODE_CELLS * NODE_CELLS];
-        for (i, column) in columns.iter_mut().enumerate() {
-            let x = i % NODE_CELLS;
-            let z_max = 100 + 8 * x.min(63 - x) as u16;
-            *column = Some(MapColumn { z_max, roof: Texel::new([120; 3], AO_MAX), ..MapColumn::default() });
+    /// Selects what the view shows. Returns the tiles that are missing.
+    fn select(&mut self) -> Vec<TileKey> {
+        self.selection = select(&self.view, &self.tree, &OcclusionFeedback::default(), &mut self.scratch);
+        let stats = &self.selection.stats;
+        let view = View {
+            budget_pages: self.cache.capacity_pages().saturating_sub(stats.pages),
+            budget_nodes: slots_for(self.cache.capacity_pages()).saturating_sub(stats.visited),
+            tau_px: stats.tau_px,
+            ..self.view
+        };
+        let sun = self.settings.shadow_casting_sun();
+        self.casters = sun.map(|sun| shadow_casters(&view, sun, &self.tree, None)).unwrap_or_default();
+        let mut keys = HashSet::new();
+        let wanted = self.selection.requests.iter().chain(&self.casters.requests).map(|request| request.key);
+        wanted.filter(|key| keys.insert(*key)).collect()
+    }
+
+    /// Takes in a decoded tile. Returns whether there was room for it.
+    fn take_in(&mut self, key: TileKey, tile: DecodedTile) -> bool {
+        match tile {
+            DecodedTile::Subtree(subtree) => self.tree.merge(&subtree),
+            DecodedTile::Packed(tile) => match self.cache.insert(key, tile, &mut self.adapter) {
+                InsertResult::Inserted { .. } => {}
+                InsertResult::Full { .. } => return false,
+            },
+            DecodedTile::Visibility(_) => {}
         }
-        plan.add(&BlockMap::from_columns(TileId::ROOT, 2.0, 0, 0, &columns).unwrap());
-        assert!(plan.colour([10, 30])[0] > plan.colour([53, 30])[0] + 10.0, "the west faces the light");
+        for event in [TileEvent::Want { now: Duration::ZERO }, TileEvent::Start, TileEvent::Arrive, TileEvent::Upload] {
+            self.tree.apply(key, event);
+        }
+        true
+    }
+
+    /// Draws the view with the tiles that are there.
+    fn draw(&mut self) -> Pixels {
+        let mut transitions = Transitions::default();
+        transitions.step(&self.selection, &self.tree, 0.0);
+        let inputs = FrameInputs {
+            transitions: &transitions,
+            shadow_casters: &self.casters.nodes,
+            generation: 0,
+            error_px: self.selection.stats.visible_error_px,
+        };
+        let data = FrameData::new(inputs, &self.tree, &self.cache, &self.view, &self.settings);
+        self.adapter.make_maps(&data.frame, &data.grid, &data.nodes);
+        render_with(&self.adapter.scene_of(&data), InstructionSet::best(), Sampling::Full)
     }
 }

@@ -138,7 +138,7 @@ pub(crate) fn assert_same(made: &BTreeMap<String, Vec<u8>>, plain: &BTreeMap<Str
 fn steps_in_any_order_give_the_bytes_of_a_plain_bake() {
     let folder = TestFolder::new("steps");
     let inputs = write_town(&folder.path, [139.75, 35.68], 3);
-    let options = BakeOptions { street_sets: true, ..options(inputs) };
+    let options = BakeOptions { street_sets: true, picture: true, ..options(inputs) };
     let plain = plain(&folder.path, &options);
     assert!(plain.len() == 9 && plain["meshes.pmtiles"].len() > 10_000);
     for &(region_leaves, chunk_bytes) in divisions(&[(2, 1), (4, u64::MAX), (32, 1)], 2) {

@@ -25,8 +25,7 @@ fn number_of_threads_does_not_change_the_bytes() {
             "meshes.pmtiles",
             "objects.pmtiles",
             "search.index",
-            "subtrees.pmtiles",
-            "thumbnail.png"
+            "subtrees.pmtiles"
         ]
     );
     assert!(with_one.files == with_three.files);
@@ -40,6 +39,22 @@ fn each_archive_has_the_mark_of_its_city() {
     for (name, bytes) in baked.files.iter().filter(|(name, _)| name.ends_with(".pmtiles")) {
         assert_eq!(bytes[MARK_AT], mark, "{name}");
     }
+}
+
+#[test]
+fn the_picture_shows_the_first_view_on_any_number_of_threads() {
+    let pictured = |threads| BakeOptions { picture: true, threads: Some(threads), ..coarse_options(Path::new("")) };
+    let [one, three] = [1, 3].map(|threads| BakedCity::bake("picture", city(), pictured(threads)));
+    let jpeg = &one.files["thumbnail.jpg"];
+    assert!(*jpeg == three.files["thumbnail.jpg"] && jpeg.len() < 500_000, "{} bytes", jpeg.len());
+    assert_eq!(one.report.city_bytes, one.files.values().map(|bytes| bytes.len() as u64).sum::<u64>());
+    let picture = image::load_from_memory(jpeg).unwrap().to_rgb8();
+    assert_eq!(picture.dimensions(), (1280, 720));
+    // Red boxes stand on light ground, of which the lower edge has most.
+    let red = picture.pixels().filter(|pixel| i32::from(pixel[0]) > i32::from(pixel[2]) + 25).count();
+    assert!((100..200_000).contains(&red), "{red} pixels");
+    let corner = picture.get_pixel(4, 715);
+    assert!(corner.0.iter().all(|channel| *channel > 120), "{corner:?}");
 }
 
 fn centre(manifest: &Manifest, node: &NodeInfo) -> [f32; 3] {

@@ -9,10 +9,7 @@ use super::{
 use crate::{
     cpu::{
         fast_math::{EXP_HIGH, EXP_LOW, EXP_MIN},
-        shade::{
-            FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, GROUND_DEPTH, LAMP_DEPTH, LAMPS_IN_THE_OPEN,
-            LAMPS_ON_WALLS, POWER_HIGH, POWER_LOW, ZENITH_SHARE,
-        },
+        shade::{FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, GROUND_DEPTH, POWER_HIGH, POWER_LOW, ZENITH_SHARE},
     },
     layout::FrameUniform,
 };
@@ -99,8 +96,6 @@ pub(super) fn reflected<S: Simd>(simd: S, frame: &FrameUniform, hits: &Hits<S>, 
     let sunlit = far / (far + deep * FACADE_DEPTH * deep) * (half - ahead * 0.5);
     let facade_share =
         (upright * (FACADES_BY_GROUND - FACADES_BY_WALL) + FACADES_BY_WALL) * (one - ao - below).fast_max(zero);
-    let least = (one - upright) * LAMPS_IN_THE_OPEN;
-    let lamps = ((one - open) * LAMP_DEPTH).fast_max(least).fast_min(one) * n.z.fast_max(splat(simd, LAMPS_ON_WALLS));
     let sun = Vec3::from(frame.sun);
     let facing = (n.x * sun.x + n.y * sun.y + n.z * sun.z).fast_max(zero);
     let sun_share = if frame.shadow_m > 0.0 { one } else { (ao * 2.0 + 0.25).fast_min(one) };
@@ -115,7 +110,7 @@ pub(super) fn reflected<S: Simd>(simd: S, frame: &FrameUniform, hits: &Hits<S>, 
             let ground = ground_share * light.ground_sun[i] + light.ground_sky[i];
             let facades = sunlit * light.facade_sun[i] + light.facade_sky[i] + ground * light.facade_ground;
             let returned = ground * below + facades * facade_share;
-            let sky = albedo * (sky * ao + returned + lamps * light.street[i]);
+            let sky = albedo * (sky * ao + returned);
             (sky, albedo * (facing * light.sun[i]) * sun_share)
         },
     );

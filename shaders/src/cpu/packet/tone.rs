@@ -10,7 +10,7 @@ use crate::{
     tone::{
         AGX_IN, AGX_OUT, AGX_SATURATION, CODE_STEPS, CURVE_LAST, CURVE_MIN, CURVE_SHIFT, DisplayTable, DisplayTables,
         EXPONENT_BIAS, MANTISSA_BITS, MAX_RADIANCE, METER_BINS, METER_BINS_PER_STOP, METER_EDGES, METER_LEAST,
-        METER_MIN_LOG2, MeterCounts, NEUTRAL_DESATURATION, NEUTRAL_START, NOISE,
+        METER_MIN_LOG2, MeterCounts, NEUTRAL_DESATURATION, NEUTRAL_START, NOISE, ROLL_OFF,
     },
 };
 use fearless_simd::{Level, prelude::*};
@@ -38,11 +38,11 @@ pub(super) fn encode_radiances<S: Simd>(simd: S, rgb: Vec3s<S>) -> U<S> {
 }
 
 /// Colours of pixels from number `first` on, of rows of `width`, with radiances `words`: r, g, b, 255 in sRGB. With the tables stands
-/// whether the picture is graded. `shades` are factors of the radiances, if there are any.
+/// how much longer a graded picture is exposed. `shades` are factors of the radiances, if there are any.
 pub(in crate::cpu) fn develop_pixels(
     set: InstructionSet,
     (width, first): (u32, usize),
-    (exposure, tables): (f32, (&DisplayTables, bool)),
+    (exposure, tables): (f32, (&DisplayTables, Option<f32>)),
     (words, shades): (&[u32], Option<&[f32]>),
     colours: &mut [u32],
 ) {
@@ -65,7 +65,7 @@ pub(in crate::cpu) fn develop_pixels(
 fn develop_with<S: Simd>(
     simd: S,
     (width, first): (u32, usize),
-    (exposure, (tables, is_graded)): (f32, (&DisplayTables, bool)),
+    (exposure, (tables, graded)): (f32, (&DisplayTables, Option<f32>)),
     (words, shades): (&[u32], Option<&[f32]>),
     colours: &mut [u32],
 ) {
@@ -83,7 +83,10 @@ fn develop_with<S: Simd>(
                     factor *= words_of(simd, bytemuck::cast_slice(shades)).bitcast::<F<S>>();
                 }
                 let light = radiances.scale(factor);
-                let codes = if is_graded { neutral_codes(simd, tables, light) } else { codes_of(simd, tables, light) };
+                let codes = match graded {
+                    Some(longer) => neutral_codes(simd, tables, light, longer),
+                    None => codes_of(simd, tables, light),
+                };
                 let dithered = dithered(simd, codes, at.x, at.y);
                 if colours.len() == lanes {
                     dithered.store_slice(colours);
@@ -221,9 +224,12 @@ fn codes_of<S: Simd>(simd: S, tables: &DisplayTables, rgb: Vec3s<S>) -> Vec3s<S>
 
 /// The same of a graded picture.
 #[inline(always)]
-fn neutral_codes<S: Simd>(simd: S, tables: &DisplayTables, rgb: Vec3s<S>) -> Vec3s<S> {
+fn neutral_codes<S: Simd>(simd: S, tables: &DisplayTables, rgb: Vec3s<S>, longer: f32) -> Vec3s<S> {
     let (zero, one) = (splat(simd, 0.0), splat(simd, 1.0));
     let peak = rgb.x.fast_max(rgb.y).fast_max(rgb.z);
+    let bright = peak / (longer * ROLL_OFF);
+    let share = (splat(simd, longer - 1.0) / (bright * bright + 1.0) + 1.0) / longer;
+    let (rgb, peak) = (rgb.scale(share), peak * share);
     let range = 1.0 - NEUTRAL_START;
     let shown = one - splat(simd, range * range) / (peak + (range - NEUTRAL_START));
     let kept = one / ((peak - shown) * NEUTRAL_DESATURATION + 1.0);

@@ -11,7 +11,8 @@ use super::{
 };
 use crate::{
     cpu::{
-        ray::{SUN_LIFT_M, SceneRef},
+        night::lamp_light,
+        ray::{RayHit, SUN_LIFT_M, SceneRef},
         raycast::radiance_with,
         shade::{Airlight, SurfaceSample, background as scalar_background},
     },
@@ -131,7 +132,17 @@ fn radiances<S: Simd>(
     }
     let plain = lanes & !special;
     if (plain & hits.is_hit).any_true() {
-        let surfaces = reflected(simd, frame, hits, unit_normal(simd, hits.normal, dir));
+        let normal = unit_normal(simd, hits.normal, dir);
+        let mut surfaces = reflected(simd, frame, hits, normal);
+        if frame.light.street[3] > 0.0 {
+            for lane in lanes_of::<S>(plain & hits.is_hit) {
+                let hit = hits.lane(scene, lane);
+                let RayHit { albedo, ao, flags, level, .. } = hit;
+                let surface = SurfaceSample { albedo, ao, normal: normal.lane(lane), flags, level };
+                let lamps = lamp_light(scene, hit.node, &surface, dir.lane(lane) * hit.distance_m);
+                surfaces.sky.set_lane(lane, surfaces.sky.lane(lane) + lamps);
+            }
+        }
         light = apply_haze(simd, frame, &surfaces, (dir, airlight), hits.distance_m);
     }
     let beyond = plain & !hits.is_hit;
