@@ -7,8 +7,8 @@ use crate::{
 use insula_objects::{Schema, search::SearchHit};
 use insula_viewer::{
     objects::{CityObjects, FilteredOut, ObjectDescription, RulesError, StyleRules, StyledObjects},
+    source::FetchError,
     source::TileSource,
-    streamer::FetchError,
 };
 use std::sync::Arc;
 

@@ -5,6 +5,7 @@
 //!
 //! Positions are relative to the camera (world axes, metres), so that f32 is precise enough anywhere on Earth.
 
+pub use crate::words::PAGE_WORDS;
 use crate::{
     stone::{MAX_STONES, Stone},
     translucency::{MAX_MAPS, TranslucencyMap},
@@ -13,8 +14,6 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec2;
 use insula_protocol::NODE_CELLS;
 
-/// Words (u32) of an atlas page: 16 KiB, one plane of a node.
-pub const PAGE_WORDS: usize = 4096;
 /// Pages that every node has: walk, roof, attributes, strip addresses. Strip pages follow.
 pub const PLANES: usize = 4;
 /// Page of the words that the walk reads: heights and flags.

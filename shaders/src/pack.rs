@@ -14,7 +14,7 @@ use crate::layout::{
     ATTRIBUTE_PLANE, BLOCK_CELLS, NODE_BLOCKS, OBJECT_BITS, PAGE_WORDS, PLANES, QUAD_TOP_BITS, QUAD_TOP_MAX,
     ROOF_PLANE, STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_WORDS, WALK_PLANE,
 };
-use crate::{atmosphere::LUMINANCE, cpu::shade::linear_of, words};
+use crate::{atmosphere::LUMINANCE, srgb::linear_of, words};
 use insula_protocol::{
     BlockMap, NODE_CELLS,
     blockmap::{COLUMNS, ColumnClip, MIN_NORMAL_Z, NO_OBJECT, STEPS_PER_CELL, flag, strip_rows},

@@ -4,8 +4,8 @@
 use crate::{
     atmosphere::LUMINANCE,
     compose::shades,
-    cpu::shade::{encode_srgb, encoded},
     layout::{FrameUniform, METER_READS, METER_THREADS, NO_NODE, Shading},
+    srgb::{encode_srgb, encoded},
 };
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;

@@ -1,10 +1,12 @@
 //! Words of the atlas in serialised tiles: as bytes, little-endian, which is many times faster than word by word.
 
-use crate::layout::PAGE_WORDS;
 use serde::{
     Deserializer, Serializer,
     de::{Error, Visitor},
 };
+
+/// Words (u32) of an atlas page: 16 KiB, one plane of a node.
+pub const PAGE_WORDS: usize = 4096;
 
 /// Bytes that the deserialiser holds, borrowed or owned.
 struct WordBytes;

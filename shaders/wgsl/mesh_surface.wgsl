@@ -93,13 +93,6 @@ fn is_inside(index: u32, p: vec3<f32>, normal: vec3<f32>) -> bool {
     return z > bounds.y && z < bounds.x;
 }
 
-// The word of the column at a place, which is relative to the node's corner.
-fn column_word(index: u32, place: vec3<f32>) -> u32 {
-    let at = place.xy / nodes[index].corner_and_cell_m.w + halves(nodes[index].leaf_offset) / LEAF_OFFSET_STEPS;
-    let cell = clamp(vec2<i32>(floor(at)), vec2<i32>(0), vec2<i32>(NODE_CELLS - 1));
-    return read_word(planes_of(nodes[index].pages)[WALK_PLANE] + u32(cell.y * NODE_CELLS + cell.x));
-}
-
 // Share of the sky that a column sees at height `z`, and the weight of that: 0 far above or below the column.
 fn column_sky(index: u32, cell: vec2<i32>, z: f32, upwards: f32) -> vec2<f32> {
     let i = u32(cell.y * NODE_CELLS + cell.x);

@@ -46,3 +46,10 @@ fn quarter_below(pages: vec4<u32>, far: vec2<bool>) -> u32 {
     let row = select(pages.xy, pages.zw, far.y);
     return select(row.x, row.y, far.x) >> QUARTER_SHIFT;
 }
+
+// The word of the column at a place, which is relative to the node's corner.
+fn column_word(index: u32, place: vec3<f32>) -> u32 {
+    let at = place.xy / nodes[index].corner_and_cell_m.w + halves(nodes[index].leaf_offset) / LEAF_OFFSET_STEPS;
+    let cell = clamp(vec2<i32>(floor(at)), vec2<i32>(0), vec2<i32>(NODE_CELLS - 1));
+    return read_word(planes_of(nodes[index].pages)[WALK_PLANE] + u32(cell.y * NODE_CELLS + cell.x));
+}

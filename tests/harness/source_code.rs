@@ -62,22 +62,36 @@ impl CrateModules {
         self.0.is_empty()
     }
 
-    /// Which modules each module imports from, by `use` declarations. Imports of a module's own ancestors are left out:
-    /// a parent declares its children, so a child may use what the parent defines.
+    /// Which modules name which others, by any path in their code. A path from one module to another counts between the two
+    /// siblings that have them: a parent and its children may name each other.
     pub fn imports(&self) -> Result<BTreeMap<&[String], BTreeSet<&[String]>>> {
-        let mut imports = BTreeMap::new();
+        let mut imports: BTreeMap<&[String], BTreeSet<&[String]>> = BTreeMap::new();
         for (module, text) in &self.0 {
-            let mut targets = BTreeSet::new();
-            for path in use_paths(text)? {
-                let Some(path) = absolute(module, &path) else { continue };
+            let code = without_comments(text);
+            let named = use_paths(&code)?.into_iter().chain(inline_paths(&code));
+            for path in named.filter_map(|path| self.absolute(module, &path)) {
                 let target = self.deepest_module(&path);
-                if target != module && !module.starts_with(target) {
-                    targets.insert(target);
+                let common = module.iter().zip(target).take_while(|(a, b)| a == b).count();
+                if let (Some(from), Some(to)) = (module.get(..=common), target.get(..=common)) {
+                    imports.entry(from).or_default().insert(to);
                 }
             }
-            imports.insert(&module[..], targets);
         }
         Ok(imports)
+    }
+
+    /// `path` from the crate's root; `None` for other crates.
+    fn absolute(&self, module: &[String], path: &[String]) -> Option<Vec<String>> {
+        let (first, rest) = path.split_first()?;
+        match first.as_str() {
+            "crate" => Some(rest.to_vec()),
+            "self" => Some([module, rest].concat()),
+            "super" => absolute_super(module, path),
+            child => {
+                let of_child = [module, &[child.to_owned()]].concat();
+                self.0.contains_key(&of_child).then(|| [module, path].concat())
+            }
+        }
     }
 
     fn deepest_module(&self, path: &[String]) -> &[String] {
@@ -119,17 +133,6 @@ fn visit<'a>(
     circle
 }
 
-/// `path` from the crate's root; `None` for other crates.
-fn absolute(module: &[String], path: &[String]) -> Option<Vec<String>> {
-    let (first, rest) = path.split_first()?;
-    match first.as_str() {
-        "crate" => Some(rest.to_vec()),
-        "self" => Some([module, rest].concat()),
-        "super" => absolute_super(module, path),
-        _ => None,
-    }
-}
-
 fn absolute_super(module: &[String], path: &[String]) -> Option<Vec<String>> {
     let ups = path.iter().take_while(|part| *part == "super").count();
     Some([module.get(..module.len().checked_sub(ups)?)?, &path[ups..]].concat())
@@ -146,6 +149,21 @@ fn use_paths(text: &str) -> Result<Vec<Vec<String>>> {
         rest = &body[end..];
     }
     Ok(paths)
+}
+
+/// Every path from the crate, a module or its parents outside of `use` declarations.
+fn inline_paths(text: &str) -> Vec<Vec<String>> {
+    let is_in_word = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    let mut words = text.split(|c: char| !is_in_word(c));
+    let from_here = |word: &&str| ["crate::", "super::", "self::"].iter().any(|start| word.starts_with(start));
+    let path = |word: &str| word.split("::").filter(|part| !part.is_empty()).map(str::to_owned).collect();
+    words.by_ref().filter(from_here).map(path).collect()
+}
+
+/// The code without what follows `//` on each line, except in addresses.
+fn without_comments(text: &str) -> String {
+    let end = |line: &str| line.match_indices("//").map(|(at, _)| at).find(|at| !line[..*at].ends_with(':'));
+    text.lines().flat_map(|line| [&line[..end(line).unwrap_or(line.len())], "\n"]).collect()
 }
 
 /// Where the tree of the next `use` declaration begins: after `use ` at the start of a line, indented or public or not.
@@ -242,17 +260,22 @@ mod tests {
     }
 
     #[test]
-    fn circles_are_found_through_groups_and_parents() {
+    fn circles_are_found_between_siblings_at_any_depth() {
         let open = [("lib.rs", "mod b; mod c;"), ("b.rs", "use crate::c::X;"), ("c/mod.rs", ""), ("c/d.rs", "")];
         assert_eq!(modules(&open).import_circle().unwrap(), None);
-        let mut closed = open;
-        closed[3].1 = "use std::fmt;\npub(crate) use crate::{\n    b::{self, Y as Z},\n};";
-        // `c` re-exports from `c::d`, which imports from `b`, which imports from `c`.
-        closed[2].1 = "pub use d::X;\npub use self::d::X2;";
-        let circle = modules(&closed).import_circle().unwrap().unwrap();
-        assert_eq!(circle.len(), 3, "{circle:?}");
-        let child_and_parent = [("c/mod.rs", "use self::d::X;"), ("c/d.rs", "use super::Y;")];
+        let closed = |text: &'static str| {
+            let mut files = open;
+            files[3].1 = text;
+            modules(&files).import_circle().unwrap()
+        };
+        // `b` names `c`, and a child of `c` names `b`: in a group, in the code, not in a comment.
+        assert!(closed("use std::fmt;\npub(crate) use crate::{\n    b::{self, Y as Z},\n};").is_some());
+        assert!(closed("fn f() {\n    super::super::b::y();\n}").is_some());
+        assert!(closed("// See crate::b::Y.\nconst HOST: &str = \"http://crate\";").is_none());
+        let child_and_parent = [("c/mod.rs", "mod d;\nuse d::X;"), ("c/d.rs", "use super::Y;"), ("c/e.rs", "")];
         assert_eq!(modules(&child_and_parent).import_circle().unwrap(), None, "a child may use its parent");
+        let children = [("c/mod.rs", ""), ("c/d.rs", "use super::e::Y;"), ("c/e.rs", "use crate::c::d::X;")];
+        assert_eq!(modules(&children).import_circle().unwrap().unwrap(), ["c::d", "c::e"]);
     }
 
     #[test]

@@ -11,7 +11,8 @@ use insula_viewer::{
     decode::decode,
     render::CpuAdapter,
     scene::{SceneTree, TileKey},
-    streamer::{Downloads, FetchError, FetchOutcome, Streamer, TileFetcher},
+    source::FetchError,
+    streamer::{Downloads, FetchOutcome, Streamer, TileFetcher},
 };
 use std::{cell::Cell, rc::Rc, time::Duration};
 

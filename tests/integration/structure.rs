@@ -21,13 +21,14 @@ pub(crate) fn add(trials: &mut Trials) {
 }
 
 /// Folders of the crates' sources.
-const CRATES: [&str; 23] = [
+const CRATES: [&str; 24] = [
     "protocol/src",
     "protocol/archive/src",
     "protocol/objects/src",
     "shaders/src",
     "client/viewer/src",
     "client/src",
+    "client/web/src",
     "server/bake/src",
     "server/draw/src",
     "server/dress/src",

@@ -36,7 +36,7 @@ use insula_server::store::{CityStore, ReadTileFn, StoredCity};
 use insula_viewer::{
     camera::CameraFile,
     scene::{TileKey, tile::retry_delay},
-    streamer::FetchError,
+    source::FetchError,
     sun::{Daylight, SunOptions},
 };
 use std::{

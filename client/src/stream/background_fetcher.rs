@@ -9,8 +9,9 @@ use insula_protocol::TileGroup;
 use insula_viewer::{
     decode::{DecodedTile, decode},
     scene::TileKey,
+    source::FetchError,
     source::{TileSource, group_request::GroupRequest},
-    streamer::{Downloads, FetchError, FetchOutcome, TileFetcher},
+    streamer::{Downloads, FetchOutcome, TileFetcher},
 };
 use std::{collections::HashMap, sync::Arc, time::Instant};
 use tokio::sync::{Semaphore, mpsc};

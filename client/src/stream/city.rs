@@ -20,8 +20,8 @@ use insula_protocol::{
 };
 use insula_viewer::{
     scene::tile::retry_delay,
+    source::FetchError,
     source::{TileSource, Transport, server::ServerSource, web_folder},
-    streamer::FetchError,
 };
 use std::{
     path::Path,

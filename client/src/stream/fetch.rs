@@ -6,8 +6,8 @@ use bytes::{Bytes, BytesMut};
 use insula_command_line::http::{self, Elsewhere, Redirects};
 use insula_protocol::{DecodeError, route::without_secrets};
 use insula_viewer::{
+    source::FetchError,
     source::{BoxFuture, ContentRange, RangeResponse, Transport},
-    streamer::FetchError,
 };
 use reqwest::{
     StatusCode,

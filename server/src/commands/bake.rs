@@ -35,9 +35,6 @@ const MAX_STONE_BYTES: u64 = 4096;
 /// Runs `bake`: writes the city and the report, and prints a summary. Fails if the bake fails or the report cannot be
 /// written.
 pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
-    if let Some(work) = &args.work {
-        return super::bake_steps::run(args, work);
-    }
     let palette = palette(args)?;
     let options = options(args, palette)?;
     if let Some(report) = &args.report {

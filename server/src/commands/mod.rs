@@ -54,7 +54,10 @@ pub fn run(args: Args) -> Result<(), CommandError> {
             setup.run::<Args>().map_err(|(path, error)| CommandError::Write { path, reason: error.to_string() })
         }
         #[cfg(feature = "bake")]
-        ServerCommand::Bake(args) => bake::run(&args),
+        ServerCommand::Bake(args) => match &args.work {
+            Some(work) => bake_steps::run(&args, work),
+            None => bake::run(&args),
+        },
         #[cfg(feature = "bake")]
         ServerCommand::Export(args) => export::run(&args),
         #[cfg(feature = "bake")]

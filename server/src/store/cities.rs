@@ -3,7 +3,6 @@
 use super::{
     city::CityStore,
     error::StoreError,
-    reload::{RetentionPolicy, StoreReload},
     remote::RemoteCity,
     requests::{StoreMetrics, StoreRequests},
 };
@@ -15,8 +14,34 @@ use std::{
     ops::Bound,
     path::{Path, PathBuf},
     sync::Arc,
-    time::Instant,
+    time::{Duration, Instant},
 };
+
+/// How long, and how many, replaced versions stay open.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RetentionPolicy {
+    /// Time after the replacement.
+    pub time: Duration,
+    /// Number per city.
+    pub versions: usize,
+}
+
+/// Result of a check.
+#[derive(Debug)]
+pub struct StoreReload {
+    /// The cities to serve from now on.
+    pub store: Store,
+    /// Names of the cities that were replaced, added or removed.
+    pub changed: Vec<String>,
+    /// Number of older versions that were closed.
+    pub closed: usize,
+    /// Cities and folders that could not be opened.
+    pub failures: Vec<StoreError>,
+    /// Some cities are missing for another number of checks than before.
+    pub(super) absences_changed: bool,
+    /// Others cannot be opened than before.
+    pub(super) failures_changed: bool,
+}
 
 /// Cities by the name that URLs use. Cheap to clone.
 #[derive(Debug, Default, Clone)]

@@ -17,12 +17,11 @@ mod requests;
 mod same_host;
 mod search;
 
-pub use cities::Store;
+pub use cities::{RetentionPolicy, Store, StoreReload};
 pub use city::CityStore;
 pub use error::StoreError;
 #[cfg(feature = "bake")]
 pub use export_source::{ReadTileFn, StoredCity};
 pub use objects::{ObjectError, StoredObjects};
-pub use reload::{RetentionPolicy, StoreReload};
 pub(crate) use requests::StoreMetrics;
 pub use search::{CityIndex, SearchFileError};

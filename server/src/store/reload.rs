@@ -4,7 +4,7 @@
 //! city is known yet.
 
 use super::{
-    cities::{CityFolders, Store, city_folders},
+    cities::{CityFolders, RetentionPolicy, Store, StoreReload, city_folders},
     city::{CityStamp, CityStore},
     error::StoreError,
     remote::RemoteCity,
@@ -15,7 +15,7 @@ use std::{
     io,
     path::{Path, PathBuf},
     sync::Arc,
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 /// Consecutive checks that must miss a city, or its whole folder, before it is removed: `bake` replaces a folder by two renames.
@@ -23,32 +23,6 @@ const MAX_ABSENT_CHECKS: u32 = 3;
 
 /// Remote cities that are asked for at the same time.
 const REMOTES_AT_ONCE: usize = 16;
-
-/// How long, and how many, replaced versions stay open.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct RetentionPolicy {
-    /// Time after the replacement.
-    pub time: Duration,
-    /// Number per city.
-    pub versions: usize,
-}
-
-/// Result of a check.
-#[derive(Debug)]
-pub struct StoreReload {
-    /// The cities to serve from now on.
-    pub store: Store,
-    /// Names of the cities that were replaced, added or removed.
-    pub changed: Vec<String>,
-    /// Number of older versions that were closed.
-    pub closed: usize,
-    /// Cities and folders that could not be opened.
-    pub failures: Vec<StoreError>,
-    /// Some cities are missing for another number of checks than before.
-    absences_changed: bool,
-    /// Others cannot be opened than before.
-    failures_changed: bool,
-}
 
 impl Store {
     /// Checks all folders and, if `include_remote`, all remote cities.

@@ -100,22 +100,10 @@ pub(crate) fn unpack_normal(word: u32) -> Vec3 {
     folded.extend(z).normalize_or(Vec3::Z)
 }
 
-/// The octahedral normal of a vector that is not zero, in 24 bits.
-pub(crate) fn pack_normal(n: Vec3) -> u32 {
-    let n = n / (n.x.abs() + n.y.abs() + n.z.abs()).max(1e-20);
-    let sign = |v: f32| if v >= 0.0 { 1.0 } else { -1.0 };
-    let at = if n.z >= 0.0 {
-        Vec2::new(n.x, n.y)
-    } else {
-        Vec2::new((1.0 - n.y.abs()) * sign(n.x), (1.0 - n.x.abs()) * sign(n.y))
-    };
-    let code = |v: f32| ((v * 0.5 + 0.5).clamp(0.0, 1.0) * 4095.0 + 0.5) as u32;
-    code(at.x) | code(at.y) << 12
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::pack_normal;
 
     #[test]
     fn packed_normals_are_close_everywhere() {

@@ -5,15 +5,15 @@
 
 use super::{
     column::bounds_of,
-    node::planes_of,
-    ray::{Ray, SceneRef},
-    shade::linear_of_srgb,
+    node::{column_word, planes_of},
+    ray::Ray,
     words::{ao_of, codes_per_row, flags_of, halves, is_open},
 };
 use crate::{
     layout::{DrawNode, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
     mesh::{LEAF_OFFSET_STEPS, LEVELS_MASK, TEXTURE_TILE_PX},
     pack::head_words,
+    srgb::linear_of_srgb,
 };
 use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::{NODE_CELLS, blockmap::flag, texel::AO_MAX};
@@ -130,14 +130,6 @@ pub(super) fn is_inside(ray: &mut Ray<'_>, node: &DrawNode, p: Vec3, normal: Vec
     }
     let [z_max, z_min] = bounds_of(ray, walk, 0);
     z > z_min && z < z_max
-}
-
-/// The word of the column at a place, which is relative to the node's corner; 0 outside of the atlas.
-pub(super) fn column_word(scene: &SceneRef<'_>, node: &DrawNode, place: Vec3) -> u32 {
-    let at = place.xy() / node.cell_m + halves(node.leaf_offset) / LEAF_OFFSET_STEPS;
-    let cell = at.floor().as_ivec2().clamp(IVec2::ZERO, IVec2::splat(NODE_CELLS as i32 - 1));
-    let i = cell.y as usize * NODE_CELLS + cell.x as usize;
-    scene.atlas.get(planes_of(node)[WALK_PLANE] + i).copied().unwrap_or(0)
 }
 
 /// Share of the sky that a column sees at height `z`, and the weight of that: 0 far above or below the column.

@@ -23,6 +23,7 @@ pub mod shade;
 pub(crate) mod solid;
 pub mod stepped;
 pub mod stone;
+mod surface;
 pub mod translucency;
 pub mod translucency_map;
 mod walk;

@@ -1,9 +1,9 @@
 //! What shines at night: stars, the moon, lamps, lit windows. GPU twin: `night.wgsl`.
 
 use super::{
-    mesh_surface::column_word,
+    node::column_word,
     ray::SceneRef,
-    shade::{SurfaceSample, rgb},
+    surface::{SurfaceSample, rgb},
     words::low_of,
 };
 use crate::layout::FrameUniform;

@@ -2,10 +2,14 @@
 
 use super::{
     fast_math::{fast_max, fast_min, nonzero, nonzero2},
-    ray::{NodeRay, Ray},
+    ray::{NodeRay, Ray, SceneRef},
+    words::halves,
 };
-use crate::layout::{DrawNode, PAGE_WORDS, QUARTER_MAX, SUMMARY_WORDS};
-use glam::{Vec2, Vec3, Vec3Swizzles};
+use crate::{
+    layout::{DrawNode, PAGE_WORDS, QUARTER_MAX, SUMMARY_WORDS, WALK_PLANE},
+    mesh::LEAF_OFFSET_STEPS,
+};
+use glam::{IVec2, Vec2, Vec3, Vec3Swizzles};
 use insula_protocol::NODE_CELLS;
 
 /// Sets `ray.node`, and returns the interval of the ray between the node's lowest and highest point. Empty if the first
@@ -50,4 +54,12 @@ fn highest_on(node: &DrawNode, a: Vec2, b: Vec2) -> f32 {
     // From a quarter to the opposite one the ray crosses a third.
     let below = if a ^ b == 3 { 0 } else { node.quarter_below(a).min(node.quarter_below(b)) };
     node.z_hi + 1.0 - below as f32 * (node.z_hi - node.z_lo) * (1.0 / QUARTER_MAX as f32)
+}
+
+/// The word of the column at a place, which is relative to the node's corner; 0 outside of the atlas.
+pub(super) fn column_word(scene: &SceneRef<'_>, node: &DrawNode, place: Vec3) -> u32 {
+    let at = place.xy() / node.cell_m + halves(node.leaf_offset) / LEAF_OFFSET_STEPS;
+    let cell = at.floor().as_ivec2().clamp(IVec2::ZERO, IVec2::splat(NODE_CELLS as i32 - 1));
+    let i = cell.y as usize * NODE_CELLS + cell.x as usize;
+    scene.atlas.get(planes_of(node)[WALK_PLANE] + i).copied().unwrap_or(0)
 }

@@ -2,11 +2,15 @@
 //!
 //! Only [`Shading::Lit`] has light and haze; the other shadings show what is baked.
 
+pub use super::surface::SurfaceSample;
+use super::surface::rgb;
 use super::{
     fast_math::exp,
     night::{BAYS_PER_M, moon, stars},
     noise::fbm,
 };
+pub(crate) use crate::srgb::{POWER_HIGH, POWER_LOW};
+pub use crate::srgb::{encode_srgb, linear_of};
 use crate::{
     atmosphere::{MIE_G, PHASE_SCALE},
     layout::{FrameUniform, Light, MESH_FLAG, SKY_AZIMUTHS, SKY_HEIGHTS, Shading, SkyTable},
@@ -64,54 +68,6 @@ pub(crate) const TINT_GAP: Vec3 = Vec3::new(0.85, 0.15, 0.12);
 pub(crate) const TINT_SUSPENDED: Vec3 = Vec3::new(0.15, 0.35, 0.90);
 pub(crate) const TINT_EXPOSED: Vec3 = Vec3::new(0.90, 0.50, 0.12);
 pub(crate) const TINT_INCLINED: Vec3 = Vec3::new(0.20, 0.75, 0.25);
-
-/// A surface: a texel, or the weighted mean of those that a ray passed.
-#[derive(Debug, Clone, Copy)]
-pub struct SurfaceSample {
-    /// Linear RGB.
-    pub albedo: Vec3,
-    /// Visible share of the sky.
-    pub ao: f32,
-    /// Unit normal towards the viewer.
-    pub normal: Vec3,
-    /// Flags of its column, or [`MESH_FLAG`].
-    pub flags: u32,
-    /// Level of its node.
-    pub level: u32,
-}
-
-/// The power 2.4 of sRGB's transfer function as a polynomial: coefficients of x^0 to x^2, and of x^3 to x^5. After encoding it
-/// differs by 0.02 of 255 at most, and it takes a tenth of the time.
-pub(crate) const POWER_LOW: Vec3 = Vec3::new(0.000_528_2, -0.018_188_3, 0.442_764_7);
-pub(crate) const POWER_HIGH: Vec3 = Vec3::new(0.884_235_6, -0.432_712, 0.123_526_2);
-
-/// Linear light of an sRGB value, both 0 to 1 (IEC 61966-2-1).
-pub fn linear_of_srgb(v: f32) -> f32 {
-    if v <= 0.04045 {
-        return v / 12.92;
-    }
-    let x = (v + 0.055) / 1.055;
-    let (low, high) = (POWER_LOW, POWER_HIGH);
-    ((((high.z * x + high.y) * x + high.x) * x + low.z) * x + low.y) * x + low.x
-}
-
-/// 8-bit sRGB channels of a texel as linear light.
-pub fn linear_of(texel: u32) -> Vec3 {
-    let channel = |shift: u32| linear_of_srgb((texel >> shift & 255) as f32 / 255.0);
-    Vec3::new(channel(0), channel(8), channel(16))
-}
-
-/// The sRGB value of linear light, both 0 to 1.
-pub(crate) fn encoded(v: f32) -> f32 {
-    let v = v.clamp(0.0, 1.0);
-    if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// Linear light as r, g, b, 255 in sRGB.
-pub fn encode_srgb(rgb: Vec3) -> u32 {
-    let channel = |v: f32| (encoded(v) * 255.0 + 0.5) as u32;
-    channel(rgb.x) | channel(rgb.y) << 8 | channel(rgb.z) << 16 | 255 << 24
-}
 
 /// Linear RGB on its way to the eye. The sun's part is separate until it is known whether the sun is visible.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -235,10 +191,6 @@ fn light_from_city(light: &Light, around: &Surroundings, ao: f32) -> Vec3 {
 /// Without shadow rays: a surface that sees little sky sees little sun. A wall in the open sees half of the sky.
 pub(super) fn sun_share_by_sky(frame: &FrameUniform, ao: f32) -> f32 {
     if frame.shadow_m > 0.0 { 1.0 } else { (2.0 * ao + 0.25).min(1.0) }
-}
-
-pub(super) fn rgb(v: [f32; 4]) -> Vec3 {
-    Vec4::from(v).xyz()
 }
 
 /// The sky low above the horizon in a ray's direction: the light that haze adds.

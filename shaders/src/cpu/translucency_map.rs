@@ -1,7 +1,7 @@
 //! Makes translucency maps with the ray-caster (Mischitelli 2007, section 5.2.1). GPU twin: `translucency_map.wgsl`.
 
 use super::{
-    landmark::{pack_normal, unpack_normal},
+    landmark::unpack_normal,
     ray::{NodeRay, Ray, RayCounts, RayHit, RaySegment, SceneRef},
     raycast::threshold_of,
     translucency::{MapAxes, SAME_ANCHOR_M, map_entered, map_height},
@@ -9,7 +9,7 @@ use super::{
     ward::{MIN_FACING, mean_transmitted, transmitted},
 };
 use crate::{
-    mesh::ORIGINS_PER_M,
+    mesh::{ORIGINS_PER_M, pack_normal},
     translucency::{COARSEST_PX, OCCUPIED, TranslucencyMap, map_words},
 };
 use glam::{Vec2, Vec3};

@@ -1,8 +1,7 @@
 //! What the triangles of landmarks carry besides others: smooth normals, occlusion and the landmark that they belong to.
 
 use super::LANDMARK_OCCLUSION_BIT;
-use crate::cpu::landmark::pack_normal;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use insula_protocol::{
     mesh::Mesh,
     mesh_tile::{LandmarkObject, MAX_LANDMARKS},
@@ -150,4 +149,17 @@ impl CornerNormals {
         let sum: Vec3 = near.filter(|normal| normal.dot(direction) >= SMOOTH_COSINE * normal.length()).sum();
         if sum.length_squared() > 0.0 { sum } else { Vec3::Z }
     }
+}
+
+/// The octahedral normal of a vector that is not zero, in 24 bits.
+pub(crate) fn pack_normal(n: Vec3) -> u32 {
+    let n = n / (n.x.abs() + n.y.abs() + n.z.abs()).max(1e-20);
+    let sign = |v: f32| if v >= 0.0 { 1.0 } else { -1.0 };
+    let at = if n.z >= 0.0 {
+        Vec2::new(n.x, n.y)
+    } else {
+        Vec2::new((1.0 - n.y.abs()) * sign(n.x), (1.0 - n.x.abs()) * sign(n.y))
+    };
+    let code = |v: f32| ((v * 0.5 + 0.5).clamp(0.0, 1.0) * 4095.0 + 0.5) as u32;
+    code(at.x) | code(at.y) << 12
 }

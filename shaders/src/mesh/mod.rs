@@ -32,6 +32,7 @@ use insula_protocol::{
     mesh_tile::{LandmarkObject, MAX_TRIANGLES as MAX_TILE_TRIANGLES},
 };
 pub use landmarks::LandmarkBounds;
+pub(crate) use landmarks::pack_normal;
 use packer::MeshPacker;
 pub use packer::packed_order;
 use serde::{Deserialize, Serialize};

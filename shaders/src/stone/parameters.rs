@@ -4,7 +4,7 @@ use super::{
     definition::{BOTH_VEINS, BROAD_VEINS, FINE_VEINS, Stone, StoneError},
     presets::PRESETS,
 };
-use crate::cpu::shade::linear_of_srgb;
+use crate::srgb::linear_of_srgb;
 use serde::{Deserialize, Serialize};
 
 /// A stone by name, with other values where there are any. Ranges are those of [`Stone::check`].

@@ -5,7 +5,7 @@
 //! then the second words. Levels of half the width follow each other, down to [`COARSEST_PX`].
 
 use super::Dipole;
-use crate::{layout::PAGE_WORDS, stone::Stone};
+use crate::{stone::Stone, words::PAGE_WORDS};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 

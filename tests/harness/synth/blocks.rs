@@ -80,13 +80,22 @@ pub struct Block {
     pub trees: Vec<Part>,
 }
 
+/// Triangles of a part: walls, roof, and the underside of what hangs.
+fn triangles_of(part: &Part) -> u64 {
+    let roof = match part.roof {
+        Roof::Flat => 2,
+        Roof::Gable(_) => 6,
+    };
+    8 + roof + if part.bottom_m > 0.0 { 2 } else { 0 }
+}
+
 impl Block {
     pub fn parts(&self) -> impl Iterator<Item = &Part> {
         self.buildings.iter().flat_map(|b| &b.parts).chain(&self.trees)
     }
 
     pub fn triangles(&self) -> u64 {
-        GROUND_TRIANGLES + self.parts().map(super::triangles::count).sum::<u64>()
+        GROUND_TRIANGLES + self.parts().map(triangles_of).sum::<u64>()
     }
 
     pub fn clear(&mut self) {

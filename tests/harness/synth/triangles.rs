@@ -12,14 +12,6 @@ pub struct Corner {
 
 const STREET: [u8; 3] = [88, 88, 90];
 
-pub fn count(part: &Part) -> u64 {
-    let roof = match part.roof {
-        Roof::Flat => 2,
-        Roof::Gable(_) => 6,
-    };
-    8 + roof + if part.bottom_m > 0.0 { 2 } else { 0 }
-}
-
 /// All triangles of a block, counter-clockwise from outside.
 pub fn push_block(block: &Block, origin: DVec3, out: &mut Vec<Corner>) {
     ground(block, origin, out);

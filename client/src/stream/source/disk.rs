@@ -9,8 +9,8 @@ use insula_objects::{filter::FilteredObjects, search::SearchHit};
 use insula_protocol::{Manifest, TileGroup, TileKind, text::printable};
 use insula_viewer::{
     scene::TileKey,
+    source::FetchError,
     source::{BoxFuture, PendingGroup, PendingTile, TileSource},
-    streamer::FetchError,
 };
 use std::{
     io,
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
     use insula_protocol::TileId;
     use insula_test_support::small_city::empty_manifest;
-    use insula_viewer::streamer::FetchError;
+    use insula_viewer::source::FetchError;
 
     struct Nowhere;
 

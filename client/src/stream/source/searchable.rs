@@ -8,12 +8,12 @@ use insula_archive::{
 };
 use insula_objects::search::SearchIndex;
 use insula_viewer::{
+    source::FetchError,
     source::{
         TileSource,
         archive::ArchivedCity,
         searchable::{SearchableCity, open_index},
     },
-    streamer::FetchError,
 };
 use std::{
     fmt::Display,

@@ -1,6 +1,6 @@
 //! The objects of a city from the source of its tiles: schema and blocks, fetched when they are needed and kept in bounds.
 
-use crate::{scene::TileKey, source::TileSource, streamer::FetchError};
+use crate::{scene::TileKey, source::FetchError, source::TileSource};
 use insula_objects::{ObjectBlock, ObjectRecord, Schema, filter::FilteredObjects, search::SearchHit};
 use insula_protocol::{
     DecodeError,

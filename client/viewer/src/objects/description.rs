@@ -1,7 +1,7 @@
 //! What is known of an object, with the names of its attributes.
 
 use super::CityObjects;
-use crate::streamer::FetchError;
+use crate::source::FetchError;
 use insula_objects::{ObjectBounds, Value};
 use insula_protocol::object_tile::block_of_object;
 use serde::Serialize;

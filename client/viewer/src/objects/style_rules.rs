@@ -1,7 +1,7 @@
 //! Texts that say how objects are drawn, as command lines and pages have them, and the styles that follow.
 
 use super::{CityObjects, FilteredOut, ObjectQuery, ObjectStyles, StyleBuilder, coloring::styles_of_filter};
-use crate::streamer::FetchError;
+use crate::source::FetchError;
 use insula_objects::{
     Schema, Value,
     color::{ColorBy, Legend},

@@ -1,7 +1,7 @@
 //! A city's archives in a folder or on a plain host.
 
 use super::{PendingGroup, PendingTile, TileSource};
-use crate::{scene::TileKey, streamer::FetchError};
+use crate::{scene::TileKey, source::FetchError};
 use insula_archive::{ArchiveError, LazyCity, ReadError, SharedSource};
 use insula_protocol::{TileGroup, TileId, TileKind, mesh_tile};
 

@@ -1,7 +1,7 @@
 //! One request for several tiles.
 
 use super::{BoxFuture, TileSource};
-use crate::{scene::TileKey, streamer::FetchError};
+use crate::{scene::TileKey, source::FetchError};
 use bytes::Bytes;
 use futures_util::{FutureExt as _, future::Shared};
 use insula_protocol::TileGroup;

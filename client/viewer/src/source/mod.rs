@@ -7,13 +7,15 @@
 //! the shell's, behind [`Transport`].
 
 pub mod archive;
+mod fetch_error;
 pub mod group_request;
 pub mod searchable;
 pub mod server;
 pub mod web_folder;
 
-use crate::{scene::TileKey, streamer::FetchError};
+use crate::scene::TileKey;
 use bytes::Bytes;
+pub use fetch_error::{FetchError, REPLACED};
 pub use insula_archive::source::BoxFuture;
 use insula_objects::{filter::FilteredObjects, search::SearchHit};
 use insula_protocol::TileGroup;

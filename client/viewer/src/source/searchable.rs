@@ -1,7 +1,7 @@
 //! The search of a city without a server: its index is read in one piece at the first search.
 
 use super::{BoxFuture, PendingGroup, PendingTile, Shareable, TileSource, archive::ArchivedCity};
-use crate::{scene::TileKey, streamer::FetchError};
+use crate::{scene::TileKey, source::FetchError};
 use bytes::Bytes;
 use futures_util::lock::Mutex;
 use insula_archive::city::SEARCH_FILE;

@@ -1,7 +1,7 @@
 //! Tiles from an Insula server.
 
 use super::{BoxFuture, PendingGroup, PendingTile, TileSource, Transport};
-use crate::{scene::TileKey, streamer::FetchError};
+use crate::{scene::TileKey, source::FetchError};
 use bytes::Bytes;
 use insula_archive::limits::max_tile_bytes;
 use insula_objects::{filter::FilteredObjects, search::SearchHit};

@@ -5,7 +5,7 @@ use super::{
     archive::{ArchivedCity, to_read_error},
     searchable::{SearchableCity, open_index},
 };
-use crate::streamer::FetchError;
+use crate::source::FetchError;
 use bytes::Bytes;
 use insula_archive::{
     RangeRead, RangeSource, ReadError,

@@ -7,81 +7,20 @@ use super::{
     request_grouping::PlannedRequest,
     request_queue::{Reachability, RequestPlan, RequestQueue},
 };
+use crate::source::FetchError;
 use crate::{
     decode::DecodedTile,
     scene::{SceneTree, TileEvent, TileKey},
     select::priority::TileRequest,
 };
-use insula_protocol::{DecodeError, TileGroup};
+use insula_protocol::TileGroup;
 use std::{
     collections::{HashMap, VecDeque},
     time::Duration,
 };
 
-/// Why a tile could not be fetched.
-#[derive(Debug, Clone, thiserror::Error)]
-pub enum FetchError {
-    /// The tile does not exist; a retry would not help.
-    #[error("the server has no such tile")]
-    Missing,
-    /// The server is overloaded or failing for now.
-    #[error("the server answers {status}")]
-    Busy {
-        /// HTTP status code.
-        status: u16,
-        /// Value of the `Retry-After` header.
-        retry_after: Option<Duration>,
-    },
-    /// The server works, but its copy of this tile fails its checksum.
-    #[error("the server's copy is damaged")]
-    Broken,
-    /// No response, or an incomplete one.
-    #[error("{0}")]
-    Network(String),
-    /// The response does not decode.
-    #[error("{0}")]
-    Damaged(DecodeError),
-    /// The archive's directories cannot be read for now.
-    #[error("the archive cannot be read: {0}")]
-    Archive(String),
-    /// This source will never serve the city; a retry would not help.
-    #[error("{0}")]
-    Unusable(String),
-}
-
 /// Pause before a tile that was damaged repeatedly is requested once more. A proxy's bad copy often lives no longer.
 const RECHECK_PAUSE: Duration = Duration::from_secs(20);
-
-/// Tells people and pages that the manifest must be read again.
-pub const REPLACED: &str = "the city was replaced meanwhile: open it again";
-
-impl FetchError {
-    /// The source has another version of the city.
-    pub fn replaced() -> Self {
-        Self::Unusable(REPLACED.to_owned())
-    }
-
-    /// Whether only this tile is at fault: the source itself responds.
-    fn is_of_tile_alone(&self) -> bool {
-        matches!(self, Self::Missing | Self::Damaged(_) | Self::Broken)
-    }
-
-    /// The delay that the server asks for: any value.
-    pub fn retry_after(&self) -> Option<Duration> {
-        match self {
-            Self::Busy { retry_after, .. } => *retry_after,
-            _ => None,
-        }
-    }
-
-    fn event(&self, now: Duration, jitter: f64) -> TileEvent {
-        match self {
-            Self::Missing => TileEvent::Refuse,
-            Self::Damaged(_) | Self::Broken => TileEvent::Damage { now, jitter },
-            _ => TileEvent::Fail { now, retry_after: self.retry_after(), jitter },
-        }
-    }
-}
 
 /// Outcome of one request.
 #[derive(Debug)]

@@ -39,7 +39,7 @@ use crate::{
     },
 };
 use adaptive_threshold::{AdaptiveThreshold, SelectionOutcome};
-pub use downloads::{Downloads, FetchError, FetchOutcome, REPLACED, TileFetcher};
+pub use downloads::{Downloads, FetchOutcome, TileFetcher};
 pub use error::StreamError;
 pub use frame_request::FrameRequest;
 use glam::DVec3;

@@ -9,6 +9,7 @@ use crate::{
         priority::TileRequest,
         tests::{load, tree, view},
     },
+    source::FetchError,
 };
 use insula_protocol::TileId;
 

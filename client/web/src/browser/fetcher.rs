@@ -7,8 +7,9 @@ use insula_protocol::{DecodeError, TileGroup, TileKind};
 use insula_viewer::{
     decode::{DecodedTile, decode},
     scene::TileKey,
+    source::FetchError,
     source::{TileSource, group_request::GroupRequest},
-    streamer::{FetchError, FetchOutcome, TileFetcher},
+    streamer::{FetchOutcome, TileFetcher},
     transfer,
 };
 use js_sys::Uint8Array;

@@ -4,23 +4,16 @@
 //! so. On the CPU a step is some rows of a frame, so that a moving camera never waits for a fine frame.
 
 use super::{
-    gpu_canvas::GpuCanvas,
+    frame_job::{DrawnView, FrameJob, Renderer},
     messages::Step,
-    page_writes::PageWrites,
     row_renderer::frame_words,
     viewer::{CityViewer, clamped_size, json},
 };
-use insula_shaders::{
-    cpu::{hit_counts::hit_counts, render::RenderedRows},
-    layout::{SUMMARY_WORDS, Shading},
-};
+use insula_shaders::{cpu::hit_counts::hit_counts, layout::Shading};
 use insula_viewer::{
-    cache::Upload,
-    camera::Camera,
     collision::CitySolids,
     frame::{FrameData, STILL_SAMPLES},
     interaction::frame_pacing::{FrameDetail, FrameTime},
-    sun::Daylight,
 };
 use js_sys::Promise;
 use std::time::Duration;
@@ -32,101 +25,8 @@ const POLL: Duration = Duration::from_millis(50);
 /// While tiles arrive for a view that does not change, this many times as long as a frame took passes before the next: decoding needs
 /// the cores too.
 const PAUSE_PER_FRAME: u32 = 2;
-/// Writes that are kept for a GPU: 64 MiB. With more, the GPU gets its tiles again, from the browser's cache.
-const MAX_PAST_WORDS: usize = 16 << 20;
 /// Longest wait of a view that rests.
 const REST: Duration = Duration::from_secs(3600);
-
-/// What draws, and how it learns of writes to the atlas.
-pub(crate) enum Renderer {
-    Cpu {
-        /// Writes that the workers have not got.
-        writes: PageWrites,
-        /// All writes so far, for a GPU that may be opening. `None` if no GPU is expected, or if they exceed [`MAX_PAST_WORDS`].
-        past: Option<Vec<u32>>,
-    },
-    Gpu(Box<GpuCanvas>),
-}
-
-impl Default for Renderer {
-    fn default() -> Self {
-        Self::Cpu { writes: PageWrites::default(), past: Some(Vec::new()) }
-    }
-}
-
-impl Renderer {
-    /// The waiting writes, which are forgotten except for a GPU.
-    fn take_writes(&mut self) -> Vec<u32> {
-        let Self::Cpu { writes, past } = self else { return Vec::new() };
-        let words = writes.take();
-        if let Some(all) = past {
-            all.extend_from_slice(&words);
-        }
-        past.take_if(|all| all.len() > MAX_PAST_WORDS);
-        words
-    }
-
-    /// All writes since the start; `None` if they are not kept.
-    pub(crate) fn past_writes(&mut self) -> Option<Vec<u32>> {
-        self.take_writes();
-        match self {
-            Self::Cpu { past, .. } => past.take(),
-            Self::Gpu(_) => None,
-        }
-    }
-
-    pub(crate) fn forget_past_writes(&mut self) {
-        if let Self::Cpu { past, .. } = self {
-            *past = None;
-        }
-    }
-}
-
-impl Upload for Renderer {
-    fn write_page(&mut self, page: u32, words: &[u32]) {
-        match self {
-            Self::Cpu { writes, .. } => writes.write_page(page, words),
-            Self::Gpu(gpu) => gpu.adapter.write_page(page, words),
-        }
-    }
-
-    fn write_words(&mut self, at: u32, words: &[u32]) {
-        match self {
-            Self::Cpu { writes, .. } => writes.write_words(at, words),
-            Self::Gpu(gpu) => gpu.adapter.write_words(at, words),
-        }
-    }
-
-    fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
-        match self {
-            Self::Cpu { writes, .. } => writes.write_summary(slot, words),
-            Self::Gpu(gpu) => gpu.adapter.write_summary(slot, words),
-        }
-    }
-}
-
-/// What a frame depends on besides the tiles.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct DrawnView {
-    camera: Camera,
-    size_px: [u32; 2],
-    tau_px: f64,
-    daylight: Daylight,
-    shading: Shading,
-    style_changes: u64,
-}
-
-/// A frame that is being drawn on the CPU.
-#[derive(Debug)]
-pub(crate) struct FrameJob {
-    data: FrameData,
-    rows: RenderedRows,
-    detail: FrameDetail,
-    is_picture: bool,
-    duration: Duration,
-    /// Whether the workers have the frame.
-    is_sent: bool,
-}
 
 #[wasm_bindgen]
 impl CityViewer {
@@ -380,11 +280,5 @@ impl CityViewer {
     fn refine(&mut self, mut data: FrameData, detail: FrameDetail) {
         data.frame.samples = detail.samples;
         self.job = Some(FrameJob::new(data, detail, false));
-    }
-}
-
-impl FrameJob {
-    fn new(data: FrameData, detail: FrameDetail, is_picture: bool) -> Self {
-        Self { data, rows: RenderedRows::default(), detail, is_picture, duration: Duration::ZERO, is_sent: false }
     }
 }

@@ -4,6 +4,7 @@ pub mod console;
 mod control;
 pub mod decoder;
 mod fetcher;
+mod frame_job;
 mod frame_loop;
 mod gpu_canvas;
 pub mod host;

@@ -11,7 +11,8 @@ use insula_viewer::{
     camera_text,
     interaction::{camera_control::ControlMode, measure::MeasureKind},
     projection::{project, project_line},
-    streamer::{REPLACED, StreamStatus, Streamer},
+    source::REPLACED,
+    streamer::{StreamStatus, Streamer},
 };
 use std::time::Duration;
 

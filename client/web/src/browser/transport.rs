@@ -4,8 +4,8 @@ use super::host::{Host, Response};
 use bytes::Bytes;
 use insula_protocol::DecodeError;
 use insula_viewer::{
+    source::FetchError,
     source::{BoxFuture, ContentRange, RangeResponse, Transport},
-    streamer::FetchError,
 };
 use std::{cell::Cell, ops::Range, time::Duration};
 use wasm_bindgen::JsCast;

@@ -3,7 +3,7 @@
 use super::{
     commands::ViewerOptions,
     fetcher::BrowserFetcher,
-    frame_loop::{FrameJob, Renderer},
+    frame_job::{DrawnView, FrameJob, Renderer},
     gpu_canvas::GpuCanvas,
     host::Host,
     messages::StatusMessage,
@@ -70,7 +70,7 @@ pub struct CityViewer {
     pub(crate) measure: MeasureTool,
     pub(crate) markers: Vec<DVec3>,
     pub(crate) lines: Vec<Vec<DVec3>>,
-    pub(crate) view_state: Option<super::frame_loop::DrawnView>,
+    pub(crate) view_state: Option<DrawnView>,
     /// Requests for fine tiles that may still start while the frame is drawn.
     pub(crate) fine_requests: usize,
     /// Number of changes of the objects' styles.

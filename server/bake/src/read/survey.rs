@@ -12,7 +12,7 @@ use insula_source::error::InputError;
 /// Size of the loaded textures together.
 const TEXTURE_CACHE_BYTES: usize = 64 << 20;
 /// Most scratch files, as of a bake by default.
-const SCRATCH_BYTES: u64 = crate::config::DEFAULT_SCRATCH_BYTES;
+const SCRATCH_BYTES: u64 = 64 << 30;
 
 /// What a bake would read of inputs.
 #[derive(Debug, Serialize)]

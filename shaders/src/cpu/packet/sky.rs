@@ -11,7 +11,8 @@ use crate::{
     atmosphere::{MIE_G, PHASE_SCALE},
     cpu::{
         night::{moon, stars},
-        shade::{DISC, DISC_INNER, DISC_OUTER, MIN_GROUND_DESCENT, PLANE_CLEAR_M, PLANE_FADE, reflected, rgb},
+        shade::{DISC, DISC_INNER, DISC_OUTER, MIN_GROUND_DESCENT, PLANE_CLEAR_M, PLANE_FADE, reflected},
+        surface::rgb,
     },
     layout::{FrameUniform, SKY_AZIMUTHS, SKY_HEIGHTS, SkyTable},
     light::SKY_LOW,

@@ -1,0 +1,111 @@
+//! What draws frames in the browser, and a frame that is being drawn.
+
+use super::{gpu_canvas::GpuCanvas, page_writes::PageWrites};
+use insula_shaders::{
+    cpu::render::RenderedRows,
+    layout::{SUMMARY_WORDS, Shading},
+};
+use insula_viewer::{
+    cache::Upload, camera::Camera, frame::FrameData, interaction::frame_pacing::FrameDetail, sun::Daylight,
+};
+use std::time::Duration;
+
+/// Writes that are kept for a GPU: 64 MiB. With more, the GPU gets its tiles again, from the browser's cache.
+const MAX_PAST_WORDS: usize = 16 << 20;
+
+/// What draws, and how it learns of writes to the atlas.
+pub(crate) enum Renderer {
+    Cpu {
+        /// Writes that the workers have not got.
+        writes: PageWrites,
+        /// All writes so far, for a GPU that may be opening. `None` if no GPU is expected, or if they exceed [`MAX_PAST_WORDS`].
+        past: Option<Vec<u32>>,
+    },
+    Gpu(Box<GpuCanvas>),
+}
+
+impl Default for Renderer {
+    fn default() -> Self {
+        Self::Cpu { writes: PageWrites::default(), past: Some(Vec::new()) }
+    }
+}
+
+impl Renderer {
+    /// The waiting writes, which are forgotten except for a GPU.
+    pub(super) fn take_writes(&mut self) -> Vec<u32> {
+        let Self::Cpu { writes, past } = self else { return Vec::new() };
+        let words = writes.take();
+        if let Some(all) = past {
+            all.extend_from_slice(&words);
+        }
+        past.take_if(|all| all.len() > MAX_PAST_WORDS);
+        words
+    }
+
+    /// All writes since the start; `None` if they are not kept.
+    pub(crate) fn past_writes(&mut self) -> Option<Vec<u32>> {
+        self.take_writes();
+        match self {
+            Self::Cpu { past, .. } => past.take(),
+            Self::Gpu(_) => None,
+        }
+    }
+
+    pub(crate) fn forget_past_writes(&mut self) {
+        if let Self::Cpu { past, .. } = self {
+            *past = None;
+        }
+    }
+}
+
+impl Upload for Renderer {
+    fn write_page(&mut self, page: u32, words: &[u32]) {
+        match self {
+            Self::Cpu { writes, .. } => writes.write_page(page, words),
+            Self::Gpu(gpu) => gpu.adapter.write_page(page, words),
+        }
+    }
+
+    fn write_words(&mut self, at: u32, words: &[u32]) {
+        match self {
+            Self::Cpu { writes, .. } => writes.write_words(at, words),
+            Self::Gpu(gpu) => gpu.adapter.write_words(at, words),
+        }
+    }
+
+    fn write_summary(&mut self, slot: u32, words: &[u32; SUMMARY_WORDS]) {
+        match self {
+            Self::Cpu { writes, .. } => writes.write_summary(slot, words),
+            Self::Gpu(gpu) => gpu.adapter.write_summary(slot, words),
+        }
+    }
+}
+
+/// What a frame depends on besides the tiles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct DrawnView {
+    pub(super) camera: Camera,
+    pub(super) size_px: [u32; 2],
+    pub(super) tau_px: f64,
+    pub(super) daylight: Daylight,
+    pub(super) shading: Shading,
+    pub(super) style_changes: u64,
+}
+
+/// A frame that is being drawn on the CPU.
+#[derive(Debug)]
+pub(crate) struct FrameJob {
+    pub(super) data: FrameData,
+    pub(super) rows: RenderedRows,
+    pub(super) detail: FrameDetail,
+    pub(super) is_picture: bool,
+    pub(super) duration: Duration,
+    /// Whether the workers have the frame.
+    pub(super) is_sent: bool,
+}
+
+impl FrameJob {
+    pub(super) fn new(data: FrameData, detail: FrameDetail, is_picture: bool) -> Self {
+        Self { data, rows: RenderedRows::default(), detail, is_picture, duration: Duration::ZERO, is_sent: false }
+    }
+}
