@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use clap::Parser;
 use flate2::{Compression, write::GzEncoder};
 use futures_util::FutureExt;
-use insula_archive::{Archive, LazyArchive, RangeRead, RangeSource, file::FileSource, limits::MAX_TILE_BYTES};
+use insula_archive::{Archive, LazyArchive, RangeRead, RangeSource, file_source::FileSource, limits::MAX_TILE_BYTES};
 use insula_protocol::TileId;
 use insula_test_support::rng::Rng;
 use std::{

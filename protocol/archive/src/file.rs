@@ -1,12 +1,9 @@
 //! Regular files of this machine.
 
-use crate::{RangeRead, RangeSource, ReadError, limits::MAX_READ_BYTES, open_files::OpenFile};
 use std::{
     fs::{self, File},
     io::{self, Read},
-    ops::Range,
     path::Path,
-    sync::Arc,
 };
 
 /// Opens a regular file for reading. Fails for pipes, devices and folders, without waiting for the other end of a pipe.
@@ -40,58 +37,10 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     text.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))
 }
 
-/// A regular file.
-///
-/// It is read, not mapped: if a mapped file is truncated, the next access ends the process, and bytes that were checked in a
-/// mapping may change before they are sent. Not all of them are open at the same time: see [`crate::open_files`].
-#[derive(Debug)]
-pub struct FileSource(OpenFile);
-
-impl FileSource {
-    /// Opens a regular file; see [`open_regular`].
-    pub fn open(path: &Path) -> io::Result<Self> {
-        OpenFile::open(path).map(Self)
-    }
-}
-
-impl RangeSource for FileSource {
-    fn length(&self) -> Option<u64> {
-        Some(self.0.length())
-    }
-
-    fn read(&self, range: Range<u64>) -> RangeRead {
-        let end = range.end.min(self.0.length());
-        if range.start > end || end - range.start > MAX_READ_BYTES {
-            return RangeRead::Ready(Err(ReadError::Failed("the range lies outside the file".into())));
-        }
-        let mut bytes = vec![0; (end - range.start) as usize];
-        let read = |file: Arc<File>| read_exact_at(&file, &mut bytes, range.start).map_err(ReadError::from);
-        RangeRead::Ready(self.0.handle().and_then(read).map(|()| bytes.into()))
-    }
-}
-
-#[cfg(unix)]
-fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> io::Result<()> {
-    std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
-}
-
-#[cfg(windows)]
-fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> io::Result<()> {
-    while !bytes.is_empty() {
-        match std::os::windows::fs::FileExt::seek_read(file, bytes, offset)? {
-            0 => return Err(io::ErrorKind::UnexpectedEof.into()),
-            read => {
-                bytes = &mut bytes[read..];
-                offset += read as u64;
-            }
-        }
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{RangeSource, file_source::FileSource};
 
     #[test]
     fn reads_ranges_up_to_the_end() {

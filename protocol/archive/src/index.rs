@@ -50,7 +50,7 @@ impl Archive {
     /// Opens a file and checks its directories. Fails if that takes until `deadline`.
     #[cfg(feature = "fs")]
     pub fn open(path: &std::path::Path, deadline: Instant) -> Result<Self, crate::CityError> {
-        use crate::{CityError, file::FileSource};
+        use crate::{CityError, file_source::FileSource};
         let source = FileSource::open(path).map_err(|source| CityError::Io { path: path.to_owned(), source })?;
         let loaded = Self::load(Arc::new(source), Some(deadline)).now_or_never();
         let location = || path.display().to_string();

@@ -15,6 +15,8 @@ pub mod disk_cache;
 pub mod error;
 #[cfg(feature = "fs")]
 pub mod file;
+#[cfg(feature = "fs")]
+pub mod file_source;
 pub mod index;
 pub mod lazy;
 pub mod limits;

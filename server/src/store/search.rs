@@ -9,7 +9,7 @@ use insula_archive::{
     RangeSource as _,
     block_cache::BlockObject,
     city::{MAX_SEARCH_BYTES, SEARCH_FILE},
-    file::FileSource,
+    file_source::FileSource,
 };
 use insula_objects::search::SearchIndex;
 use std::{

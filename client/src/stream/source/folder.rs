@@ -2,7 +2,7 @@
 
 use crate::stream::fetch::Http;
 use bytes::Bytes;
-use insula_archive::{RangeRead, RangeSource, ReadError, file::FileSource};
+use insula_archive::{RangeRead, RangeSource, ReadError, file_source::FileSource};
 use insula_viewer::source::archive::{ArchivedCity, to_read_error};
 use std::{
     ops::Range,

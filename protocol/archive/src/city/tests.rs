@@ -3,7 +3,7 @@
 use super::*;
 use crate::{
     LazyArchive, RangeSource,
-    file::FileSource,
+    file_source::FileSource,
     mark::mark_file,
     test_support::{MemorySource, archive, id},
 };
