@@ -154,9 +154,9 @@ impl From<[f64; 2]> for PointOnGround {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Strip {
     pub(crate) points: Vec<[f64; 2]>,
+    /// Heights of the points, in the vertical system of the source; empty if the source does not tell.
+    pub(crate) heights: Vec<f64>,
     pub(crate) width_m: f64,
-    /// As [`Footprint::ground`], of the lowest point.
-    pub(crate) ground: Option<f64>,
 }
 
 /// Colour and texture of surfaces.

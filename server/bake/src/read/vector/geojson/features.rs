@@ -8,8 +8,8 @@ use super::geometry::Fault;
 use super::schema::{GeoJsonFeature, GeoJsonGeometry};
 use crate::error::{InputError, json_message};
 use crate::read::attributes::Attributes;
-use crate::read::crs::axes_of;
 use crate::read::json::{attributes::flatten, lenient, metadata};
+use crate::read::object::CrsReference;
 use crate::read::source::{NextLine, next_line};
 use crate::read::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
 use crate::read::vector::geometry::{Geometry, UNKNOWN_TYPE};
@@ -151,12 +151,9 @@ impl<'a> FeatureReader<'a> {
                 self.set_system(&geometry)?;
                 Ok(geometry)
             }
-            Ok((mut geometry, Some(name))) => {
+            Ok((geometry, Some(name))) => {
                 // The coordinates are in the order of the system's definition.
-                if let Some(axes) = axes_of(&name) {
-                    geometry.for_each_position(|p| [p[0], p[1]] = axes.east_north([p[0], p[1]]));
-                }
-                self.writer.set_crs(name)?;
+                self.writer.set_reference(CrsReference::authority(name))?;
                 Ok(geometry)
             }
             Err(Fault { reason, detail: None }) => Err(reason),
