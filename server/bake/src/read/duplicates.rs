@@ -65,6 +65,8 @@ pub(super) struct DuplicateCandidate {
     pub(super) parent: Option<u64>,
     /// Level of detail; 0 where the source has none.
     pub(super) lod: f32,
+    /// Equal for the same triangles in the same order.
+    pub(super) shape_hash: u64,
     pub(super) is_terrain: bool,
 }
 
@@ -73,8 +75,10 @@ pub(super) struct DuplicateCandidate {
 pub(super) struct SimilarPair {
     pub(super) first: usize,
     pub(super) second: usize,
-    /// Whether the identifiers are equal; otherwise the footprints decide.
+    /// Whether the identifiers are equal.
     pub(super) has_same_id: bool,
+    /// Whether box and triangles are the same. If neither these nor the identifiers are, the footprints decide.
+    pub(super) is_copy: bool,
     /// The box of both on the map.
     low: [f64; 2],
     high: [f64; 2],
@@ -91,8 +95,11 @@ pub(super) fn similar_pairs(
     candidates.try_for_each(|new| {
         let mut pairs = Vec::new();
         active.for_each_near(&new, |old| {
-            pairs.extend(similar(old, &new, option));
-            if pairs.len() < MAX_SIMILAR { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            let pair = similar(old, &new, option);
+            pairs.extend(pair);
+            // One that it certainly equals suffices.
+            let is_enough = pairs.len() >= MAX_SIMILAR || pair.is_some_and(|pair| pair.is_copy);
+            if is_enough { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         active.push(new);
         pairs.into_iter().try_for_each(&mut visit)
@@ -190,10 +197,11 @@ fn similar(a: &DuplicateCandidate, b: &DuplicateCandidate, option: DuplicateOpti
     if !has_same_id && (share < FOOTPRINT_BOX_SHARE || !(has_same_height || may_differ)) {
         return None;
     }
+    let is_copy = a.shape_hash == b.shape_hash && a.bounds == b.bounds;
     let (first, second) = (a.object.min(b.object), a.object.max(b.object));
     let low = [0, 1].map(|axis: usize| a.bounds.low[axis].min(b.bounds.low[axis]));
     let high = [0, 1].map(|axis: usize| a.bounds.high[axis].max(b.bounds.high[axis]));
-    Some(SimilarPair { first, second, has_same_id, low, high })
+    Some(SimilarPair { first, second, has_same_id, is_copy, low, high })
 }
 
 /// Area on the map that two boxes have in common, as a share of their union's.
@@ -278,7 +286,7 @@ mod tests {
 
     fn candidate(object: usize, low: [f64; 3], high: [f64; 3], id: u64) -> DuplicateCandidate {
         let bounds = PlacedBox { low, high };
-        DuplicateCandidate { object, bounds, id, parent: None, lod: 0.0, is_terrain: false }
+        DuplicateCandidate { object, bounds, id, parent: None, lod: 0.0, shape_hash: object as u64, is_terrain: false }
     }
 
     fn all_pairs(candidates: &[DuplicateCandidate], option: DuplicateOption) -> Vec<SimilarPair> {
@@ -346,6 +354,21 @@ mod tests {
         let found = pairs(&all);
         assert!(found.len() <= 500 * MAX_SIMILAR, "{}", found.len());
         assert!((1..500).all(|i| found.contains(&(0, i, false))), "each is compared with the first");
+    }
+
+    #[test]
+    fn a_copy_is_compared_with_one() {
+        let of = |shape_hash: u64| {
+            move |i: usize| DuplicateCandidate { shape_hash, ..candidate(i, [0.0; 3], [9.0; 3], i as u64) }
+        };
+        let all: Vec<DuplicateCandidate> = (0..500).map(of(7)).collect();
+        assert_eq!(pairs(&all).len(), 499);
+        let pair = similar(
+            &of(7)(0),
+            &DuplicateCandidate { bounds: PlacedBox { low: [0.0; 3], high: [9.0, 9.0, 9.1] }, ..of(7)(1) },
+            DuplicateOption::KeepFirst,
+        );
+        assert!(!pair.unwrap().is_copy, "another place");
     }
 
     #[test]
