@@ -175,9 +175,9 @@ impl From<[f64; 2]> for PointOnGround {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Strip {
     pub points: Vec<[f64; 2]>,
+    /// Heights of the points, in the vertical system of the source; empty if the source does not tell.
+    pub heights: Vec<f64>,
     pub width_m: f64,
-    /// As [`Footprint::ground`], of the lowest point.
-    pub ground: Option<f64>,
 }
 
 /// Colour and texture of surfaces.

@@ -1,13 +1,14 @@
 //! Finds objects that the inputs have twice, such as buildings on the border of neighbouring deliveries.
 //!
-//! A sweep along x with a list of active boxes finds all pairs of objects whose boxes overlap on the map (Giannitrapani and
-//! Fusiello, "Graphics Lab", sweep over intervals): O(n log n + pairs), with a bound on the pairs of each object. The list is
-//! divided into strips along x: in a country, thousands of boxes are active at once. A pair is
+//! A sweep along x finds the pairs. The boxes that it has reached and not left are in bins of similar sizes and places: boxes that have
+//! half of their union in common are in the same bin or in neighbouring ones. Each box is compared with a bounded number, so that
+//! the time is O(n log n), however many boxes there are in one place. A pair is
 //! one object if both have the same identifier and mostly the same box, or the same footprint and height. Footprints are
 //! compared as bit masks that one pass over the stored triangles fills. Objects, pairs and masks are sorted in scratch files, so
 //! that memory does not follow the size of the city.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
+use std::ops::ControlFlow;
 
 use serde::{Deserialize, Serialize};
 
@@ -38,10 +39,12 @@ const LEAST_HEIGHT_TOLERANCE_M: f64 = 0.05;
 /// An object is compared with this many similar ones at most: a source may have any number of objects in one place, and one
 /// that is kept suffices.
 const MAX_SIMILAR: usize = 4;
-/// An object is compared with this many of the active boxes of a strip at most, the last ones.
-const MAX_ACTIVE: usize = 20_000;
-/// Side of a strip. Wider boxes are in a list of their own.
-const STRIP_M: f64 = 64.0;
+/// An object is compared with this many of the active boxes of a bin at most, the last ones.
+const MAX_ACTIVE: usize = 1024;
+/// Side of the smallest bins.
+const LEAST_SIDE_M: f64 = 1.0;
+/// Boxes beyond twice as many as at the last time are searched for those that the sweep has left.
+const MIN_SWEPT: usize = 1 << 12;
 /// Points in x and y at which footprints are compared.
 const MASK_SIDE: usize = 64;
 
@@ -62,6 +65,8 @@ pub(super) struct DuplicateCandidate {
     pub(super) parent: Option<u64>,
     /// Level of detail; 0 where the source has none.
     pub(super) lod: f32,
+    /// Equal for the same triangles in the same order.
+    pub(super) shape_hash: u64,
     pub(super) is_terrain: bool,
 }
 
@@ -70,8 +75,10 @@ pub(super) struct DuplicateCandidate {
 pub(super) struct SimilarPair {
     pub(super) first: usize,
     pub(super) second: usize,
-    /// Whether the identifiers are equal; otherwise the footprints decide.
+    /// Whether the identifiers are equal.
     pub(super) has_same_id: bool,
+    /// Whether box and triangles are the same. If neither these nor the identifiers are, the footprints decide.
+    pub(super) is_copy: bool,
     /// The box of both on the map.
     low: [f64; 2],
     high: [f64; 2],
@@ -88,47 +95,90 @@ pub(super) fn similar_pairs(
     candidates.try_for_each(|new| {
         let mut pairs = Vec::new();
         active.for_each_near(&new, |old| {
-            if pairs.len() < MAX_SIMILAR {
-                pairs.extend(similar(old, &new, option));
-            }
+            let pair = similar(old, &new, option);
+            pairs.extend(pair);
+            // One that it certainly equals suffices.
+            let is_enough = pairs.len() >= MAX_SIMILAR || pair.is_some_and(|pair| pair.is_copy);
+            if is_enough { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         active.push(new);
         pairs.into_iter().try_for_each(&mut visit)
     })
 }
 
+/// The size of a box: powers of two that its sides do not exceed, times [`LEAST_SIDE_M`].
+type SizeClass = [i32; 2];
+
 /// The boxes that a sweep along x has reached and not left.
 #[derive(Default)]
 struct ActiveBoxes {
-    /// By the strip of their lowest y; each reaches into the next one at most.
-    strips: BTreeMap<i64, Vec<DuplicateCandidate>>,
-    /// Those that are wider than a strip.
-    wide: Vec<DuplicateCandidate>,
+    /// By size class and the strip of the lowest y, which is as wide as the class is: a box reaches into the next one at most. In
+    /// the order of their lowest x.
+    bins: BTreeMap<(SizeClass, i64), VecDeque<DuplicateCandidate>>,
+    count: usize,
+    /// What was left when all bins were swept the last time.
+    swept: usize,
 }
 
 impl ActiveBoxes {
     fn push(&mut self, new: DuplicateCandidate) {
-        if new.bounds.high[1] - new.bounds.low[1] > STRIP_M {
-            self.wide.push(new);
-        } else {
-            self.strips.entry(strip(new.bounds.low[1])).or_default().push(new);
+        let class = size_class(&new.bounds);
+        self.bins.entry((class, strip(new.bounds.low[1], class))).or_default().push_back(new);
+        self.count += 1;
+        if self.count > 2 * self.swept + MIN_SWEPT {
+            self.bins.retain(|(class, _), bin| {
+                self.count -= leave(bin, *class, new.bounds.low[0]);
+                !bin.is_empty()
+            });
+            self.swept = self.count;
         }
     }
 
-    /// Calls `visit` for the boxes that may overlap a new one, and forgets those that the sweep has left.
-    fn for_each_near(&mut self, new: &DuplicateCandidate, mut visit: impl FnMut(&DuplicateCandidate)) {
-        let [from, to] = [strip(new.bounds.low[1]) - 1, strip(new.bounds.high[1])];
-        let strips = self.strips.range_mut(from..=to).map(|(_, strip)| strip);
-        for boxes in std::iter::once(&mut self.wide).chain(strips) {
-            boxes.retain(|old| old.bounds.high[0] >= new.bounds.low[0]);
-            boxes[boxes.len().saturating_sub(MAX_ACTIVE)..].iter().for_each(&mut visit);
+    /// Calls `visit` for the boxes that may have half of the union with a new one in common, until it breaks.
+    fn for_each_near(
+        &mut self,
+        new: &DuplicateCandidate,
+        mut visit: impl FnMut(&DuplicateCandidate) -> ControlFlow<()>,
+    ) {
+        let [along_x, along_y] = size_class(&new.bounds);
+        for class in (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| [along_x + dx, along_y + dy])) {
+            let [from, to] = [strip(new.bounds.low[1], class) - 1, strip(new.bounds.high[1], class)];
+            for (_, bin) in self.bins.range_mut((class, from)..=(class, to)) {
+                self.count -= leave(bin, class, new.bounds.low[0]);
+                let last = bin.range(bin.len().saturating_sub(MAX_ACTIVE)..);
+                if last.into_iter().try_for_each(&mut visit).is_break() {
+                    return;
+                }
+            }
         }
     }
 }
 
-/// Number of the strip of a coordinate, which is at most 10^9.
-fn strip(y: f64) -> i64 {
-    (y / STRIP_M).floor() as i64
+/// Forgets the first boxes of a bin that no box at `x` or beyond overlaps; returns how many.
+fn leave(bin: &mut VecDeque<DuplicateCandidate>, [along_x, _]: SizeClass, x: f64) -> usize {
+    let before = bin.len();
+    while bin.front().is_some_and(|first| first.bounds.low[0] + side_m(along_x) < x) {
+        bin.pop_front();
+    }
+    before - bin.len()
+}
+
+fn size_class(bounds: &PlacedBox) -> SizeClass {
+    [0, 1].map(|axis: usize| {
+        let sides = (bounds.high[axis] - bounds.low[axis]) / LEAST_SIDE_M;
+        // At most 10^9, whose logarithm is 30.
+        if sides > 1.0 { libm::ceil(libm::log2(sides)) as i32 } else { 0 }
+    })
+}
+
+/// Longest side of boxes of a class.
+fn side_m(class: i32) -> f64 {
+    libm::ldexp(LEAST_SIDE_M, class)
+}
+
+/// Number of the strip of a coordinate, which is at most 10^9, in a size class.
+fn strip(y: f64, [_, along_y]: SizeClass) -> i64 {
+    (y / side_m(along_y)).floor() as i64
 }
 
 fn similar(a: &DuplicateCandidate, b: &DuplicateCandidate, option: DuplicateOption) -> Option<SimilarPair> {
@@ -147,10 +197,11 @@ fn similar(a: &DuplicateCandidate, b: &DuplicateCandidate, option: DuplicateOpti
     if !has_same_id && (share < FOOTPRINT_BOX_SHARE || !(has_same_height || may_differ)) {
         return None;
     }
+    let is_copy = a.shape_hash == b.shape_hash && a.bounds == b.bounds;
     let (first, second) = (a.object.min(b.object), a.object.max(b.object));
     let low = [0, 1].map(|axis: usize| a.bounds.low[axis].min(b.bounds.low[axis]));
     let high = [0, 1].map(|axis: usize| a.bounds.high[axis].max(b.bounds.high[axis]));
-    Some(SimilarPair { first, second, has_same_id, low, high })
+    Some(SimilarPair { first, second, has_same_id, is_copy, low, high })
 }
 
 /// Area on the map that two boxes have in common, as a share of their union's.
@@ -235,7 +286,7 @@ mod tests {
 
     fn candidate(object: usize, low: [f64; 3], high: [f64; 3], id: u64) -> DuplicateCandidate {
         let bounds = PlacedBox { low, high };
-        DuplicateCandidate { object, bounds, id, parent: None, lod: 0.0, is_terrain: false }
+        DuplicateCandidate { object, bounds, id, parent: None, lod: 0.0, shape_hash: object as u64, is_terrain: false }
     }
 
     fn all_pairs(candidates: &[DuplicateCandidate], option: DuplicateOption) -> Vec<SimilarPair> {
@@ -268,7 +319,7 @@ mod tests {
         };
         let all: Vec<DuplicateCandidate> = (0..600)
             .map(|object| {
-                // Also across strips, and wider than one.
+                // Also across strips, and of other classes.
                 let low = [(next() * 60.0).floor(), (next() * 12.0).floor() + 58.0, 0.0];
                 let width = if object % 10 == 0 { 100.0 } else { 4.0 };
                 candidate(object, low, [low[0] + 4.0, low[1] + width, 5.0], object as u64 % 40)
@@ -287,11 +338,37 @@ mod tests {
     }
 
     #[test]
+    fn boxes_that_the_sweep_has_left_are_forgotten() {
+        let mut active = ActiveBoxes::default();
+        for i in 0..100_000 {
+            let x = i as f64;
+            active.push(candidate(i, [x, x * 7.0, 0.0], [x + 3.0, x * 7.0 + 3.0, 5.0], i as u64));
+        }
+        assert!(active.count <= 2 * MIN_SWEPT, "{}", active.count);
+        assert_eq!(active.count, active.bins.values().map(VecDeque::len).sum::<usize>());
+    }
+
+    #[test]
     fn any_number_of_objects_in_one_place_give_few_pairs() {
         let all: Vec<DuplicateCandidate> = (0..500).map(|i| candidate(i, [0.0; 3], [10.0; 3], i as u64)).collect();
         let found = pairs(&all);
         assert!(found.len() <= 500 * MAX_SIMILAR, "{}", found.len());
         assert!((1..500).all(|i| found.contains(&(0, i, false))), "each is compared with the first");
+    }
+
+    #[test]
+    fn a_copy_is_compared_with_one() {
+        let of = |shape_hash: u64| {
+            move |i: usize| DuplicateCandidate { shape_hash, ..candidate(i, [0.0; 3], [9.0; 3], i as u64) }
+        };
+        let all: Vec<DuplicateCandidate> = (0..500).map(of(7)).collect();
+        assert_eq!(pairs(&all).len(), 499);
+        let pair = similar(
+            &of(7)(0),
+            &DuplicateCandidate { bounds: PlacedBox { low: [0.0; 3], high: [9.0, 9.0, 9.1] }, ..of(7)(1) },
+            DuplicateOption::KeepFirst,
+        );
+        assert!(!pair.unwrap().is_copy, "another place");
     }
 
     #[test]

@@ -144,8 +144,7 @@ fn first_in_range<'v>(
     for (name, value, unit_m) in values {
         let number = match value {
             AttributeValue::Text(text) if text.trim().is_empty() => continue,
-            AttributeValue::Text(text) => length_in(text, unit_m),
-            value => value.as_f64().map(|number| number * unit_m),
+            value => metres(value, unit_m),
         };
         match number.filter(|number| range.contains(number)) {
             Some(number) => return Some((name, number)),
@@ -153,6 +152,14 @@ fn first_in_range<'v>(
         }
     }
     None
+}
+
+/// A length in metres; a plain number is in a unit of `plain_m` metres.
+pub(super) fn metres(value: &AttributeValue, plain_m: f64) -> Option<f64> {
+    match value {
+        AttributeValue::Text(text) => length_in(text, plain_m),
+        value => value.as_f64().map(|number| number * plain_m),
+    }
 }
 
 /// Parses a length such as `12`, `12.5 m`, `12,5`, `40 ft`, `40'` or `12'6"`, in metres.

@@ -1,9 +1,10 @@
 //! The roof that attributes describe, in the names of OpenStreetMap's Simple 3D Buildings and of Overture.
 
-use super::height::{BuildingHeight, LEVEL_M, length_m};
+use super::height::{BuildingHeight, HeightHints, LEVEL_M, metres};
 use crate::roof;
 use crate::roof::{RoofOrientation, RoofShape, RoofSpec};
-use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::attributes::Attributes;
+use insula_source::units::HeightUnit;
 
 const SHAPE: &[&str] = &["roof:shape", "roof_shape", "building:roof:shape"];
 const HEIGHT: &[&str] = &["roof:height", "roof_height", "building:roof:height"];
@@ -28,14 +29,16 @@ pub struct RoofTags {
 
 impl RoofTags {
     /// The described roof; `None` for a flat one. Passes a shape that is not known to `note`.
-    pub fn of(attributes: &Attributes, mut note: impl FnMut(&str)) -> Option<Self> {
+    pub fn of(attributes: &Attributes, hints: HeightHints<'_>, mut note: impl FnMut(&str)) -> Option<Self> {
         let name = text(attributes, SHAPE)?;
         let Some(shape) = roof::roof_shape_by_name(name) else {
             note(name);
             return None;
         };
-        let levels = number(attributes, LEVELS).map(|levels| levels * LEVEL_M);
-        let height_m = number(attributes, HEIGHT).or(levels).filter(|height_m| HEIGHT_RANGE_M.contains(height_m));
+        let levels = number(attributes, LEVELS, 1.0).map(|levels| levels * LEVEL_M);
+        let plain_m = hints.unit.map_or(1.0, HeightUnit::metres);
+        let height_m =
+            number(attributes, HEIGHT, plain_m).or(levels).filter(|height_m| HEIGHT_RANGE_M.contains(height_m));
         let orientation = match text(attributes, ORIENTATION) {
             Some("across") => Some(RoofOrientation::Across),
             Some("along") => Some(RoofOrientation::Along),
@@ -46,7 +49,7 @@ impl RoofTags {
             height_m,
             direction_deg: direction_deg(attributes),
             orientation,
-            angle_deg: number(attributes, ANGLE).filter(|angle_deg| (1.0..=85.0).contains(angle_deg)),
+            angle_deg: number(attributes, ANGLE, 1.0).filter(|angle_deg| (1.0..=85.0).contains(angle_deg)),
         })
     }
 
@@ -74,11 +77,9 @@ fn text<'a>(attributes: &'a Attributes, names: &[&str]) -> Option<&'a str> {
     names.iter().find_map(|name| attributes.get(name)?.as_str())
 }
 
-fn number(attributes: &Attributes, names: &[&str]) -> Option<f64> {
-    names.iter().find_map(|name| match attributes.get(name)? {
-        AttributeValue::Text(text) => length_m(text),
-        value => value.as_f64(),
-    })
+/// The first of the named values that is a number. A plain number is in a unit of `plain_m` metres.
+fn number(attributes: &Attributes, names: &[&str], plain_m: f64) -> Option<f64> {
+    names.iter().find_map(|name| metres(attributes.get(name)?, plain_m))
 }
 
 /// Degrees from north, clockwise: a number or a point of the compass such as `SSW`.
@@ -87,12 +88,13 @@ fn direction_deg(attributes: &Attributes) -> Option<f64> {
         ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"];
     let named = |text: &str| POINTS.iter().position(|point| *point == text.trim().to_ascii_uppercase());
     let point = text(attributes, DIRECTION).and_then(named).map(|point| point as f64 * 22.5);
-    point.or_else(|| number(attributes, DIRECTION)).map(|degrees| degrees.rem_euclid(360.0))
+    point.or_else(|| number(attributes, DIRECTION, 1.0)).map(|degrees| degrees.rem_euclid(360.0))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_source::attributes::AttributeValue;
 
     fn attributes(entries: &[(&str, &str)]) -> Attributes {
         let mut attributes = Attributes::default();
@@ -112,15 +114,20 @@ mod tests {
     fn a_roof_is_inside_of_a_given_height_and_above_counted_levels() {
         let square = vec![vec![[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]];
         let roof = |tags: &[(&str, &str)], height: BuildingHeight| {
-            let spec = RoofTags::of(&attributes(tags), |_| ()).unwrap().spec(&square, &height);
+            let spec = RoofTags::of(&attributes(tags), HeightHints::default(), |_| ()).unwrap().spec(&square, &height);
             (spec.eaves_m, spec.top_m)
         };
         let given = BuildingHeight { base_m: 0.0, top_m: 12.0, is_without_roof: false };
         assert_eq!(roof(&[("roof:shape", "gabled"), ("roof:height", "4 m")], given), (8.0, 12.0));
         assert_eq!(roof(&[("roof_shape", "hipped"), ("roof_height", "40")], given), (0.0, 12.0));
+        let feet = HeightHints { unit: Some(HeightUnit::Foot), ..HeightHints::default() };
+        for (value, expected_m) in [("10", 3.048), ("10 m", 10.0)] {
+            let tags = attributes(&[("roof:shape", "gabled"), ("roof:height", value)]);
+            assert_eq!(RoofTags::of(&tags, feet, |_| ()).unwrap().height_m, Some(expected_m), "{value}");
+        }
         let counted = BuildingHeight { is_without_roof: true, ..given };
         let (eaves_m, top_m) = roof(&[("roof:shape", "gabled")], counted);
         assert!(eaves_m == 12.0 && top_m > 13.0, "{eaves_m} {top_m}");
-        assert_eq!(RoofTags::of(&attributes(&[("roof:shape", "flat")]), |_| ()), None);
+        assert_eq!(RoofTags::of(&attributes(&[("roof:shape", "flat")]), HeightHints::default(), |_| ()), None);
     }
 }

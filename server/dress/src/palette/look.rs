@@ -117,9 +117,9 @@ impl ObjectShape {
         Self { footprint_m2: 0.0 }
     }
 
-    /// Adds a surface with this outer ring.
-    pub fn add(&mut self, ring: &[[f64; 3]]) {
-        self.footprint_m2 += area_vector(ring).z.max(0.0);
+    /// Adds a surface by its area seen from above, negative if it looks down.
+    pub fn add(&mut self, up_m2: f64) {
+        self.footprint_m2 += up_m2.max(0.0);
     }
 }
 
@@ -202,8 +202,8 @@ mod tests {
     fn shape(width_m: f64) -> ObjectShape {
         let ring = [[0.0, 0.0, 8.0], [width_m, 0.0, 8.0], [width_m, 10.0, 8.0], [0.0, 10.0, 8.0]];
         let mut shape = ObjectShape::new();
-        shape.add(&ring);
-        shape.add(&ring.map(|[x, y, _]| [y, x, 0.0]));
+        shape.add(area_vector(&ring).z);
+        shape.add(area_vector(&ring.map(|[x, y, _]| [y, x, 0.0])).z);
         shape
     }
 

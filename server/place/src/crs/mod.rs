@@ -212,11 +212,6 @@ pub fn is_geographic(name: &str) -> bool {
     resolve(name).is_ok_and(|crs| matches!(crs.horizontal.system, System::Geographic { .. }))
 }
 
-/// Directions of the coordinates of a system by its definition; `None` if it is not known.
-pub fn axes_of(name: &str) -> Option<Axes> {
-    resolve(name).ok().map(|crs| crs.horizontal.axes)
-}
-
 /// The system with a code, or with a horizontal and a vertical one.
 fn from_codes(code: u32, vertical: Option<u32>) -> Result<Crs, CrsError> {
     if let (None, Some((horizontal, vertical))) = (vertical, registry::compound(code)) {

@@ -19,8 +19,7 @@ mod world;
 use std::sync::Arc;
 
 pub use first_shape::FirstShape;
-#[cfg(test)]
-pub(crate) use order::EITHER_ORDER;
+pub use order::EITHER_ORDER;
 pub use order::{AxisOrders, AxisRule};
 pub use world::World;
 

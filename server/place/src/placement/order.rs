@@ -19,7 +19,7 @@ const REACH_DEG: f64 = 1.5;
 const FAR_DEG: f64 = 10.0;
 
 /// Kind of the note that coordinates may be in either order.
-pub(crate) const EITHER_ORDER: &str = "order of coordinates assumed, both are plausible";
+pub const EITHER_ORDER: &str = "order of coordinates assumed, both are plausible";
 
 /// Order of coordinates that the user decides on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -106,6 +106,7 @@ impl SceneBuilder {
                     open.max[axis] = open.max[axis].max(corner[axis]);
                 }
             }
+            open.hash_triangle(&corners);
             let [a, b, c] = corners.map(Vec3::from_array);
             open.surface_m2 += f64::from((b - a).cross(c - a).length()) * 0.5;
             self.triangles.push(SceneTriangle { corners, uv: face.uv, material: face.material, object });
@@ -192,6 +193,7 @@ impl SceneBuilder {
             min: [0.0; 3],
             max: [0.0; 3],
             triangles: 0,
+            shape_hash: 0,
             has_own_base: false,
             ground_m: None,
         });

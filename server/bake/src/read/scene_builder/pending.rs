@@ -53,6 +53,8 @@ pub(crate) struct PendingObject {
     /// Maximum of the corners relative to the anchor.
     pub(super) max: [f32; 3],
     pub(super) triangles: u64,
+    /// Equal for objects whose triangles are the same, relative to the anchor and in the same order.
+    pub(super) shape_hash: u64,
     /// Whether it is a building whose source gives its heights.
     pub(super) has_own_base: bool,
     /// World height of the ground below an object whose source says how far it is above it.
@@ -84,6 +86,7 @@ impl PendingObject {
             id: self.id_hash,
             parent: self.relation.parent,
             lod: self.relation.lod.unwrap_or(0.0),
+            shape_hash: self.shape_hash,
             is_terrain: self.kind == ObjectKind::Terrain,
         }
     }
@@ -136,6 +139,8 @@ pub(crate) struct OpenObject {
     pub(super) min: [f32; 3],
     pub(super) max: [f32; 3],
     pub(super) surface_m2: f64,
+    /// As [`PendingObject::shape_hash`], of the triangles so far.
+    pub(super) shape_hash: u64,
     /// Number of triangles so far.
     pub(crate) triangles: u64,
     /// Whether a wall has a generated facade.
@@ -154,6 +159,7 @@ impl OpenObject {
             min: [0.0; 3],
             max: [0.0; 3],
             surface_m2: 0.0,
+            shape_hash: 0,
             triangles: 0,
             has_facade: false,
             has_own_base: false,
@@ -161,9 +167,18 @@ impl OpenObject {
         }
     }
 
+    /// Adds the corners of a triangle, relative to the anchor, to the hash of the shape.
+    pub(super) fn hash_triangle(&mut self, corners: &[[f32; 3]; 3]) {
+        // The steps of FNV-1a, with a larger prime and 32 bits at once.
+        const PRIME: u64 = 0x9e37_79b9_7f4a_7c15;
+        for value in corners.as_flattened() {
+            self.shape_hash = (self.shape_hash ^ u64::from(value.to_bits())).wrapping_mul(PRIME).rotate_left(29);
+        }
+    }
+
     /// `None` without triangles.
     pub(super) fn into_pending(self, source: usize, id: &str) -> Option<PendingObject> {
-        let Self { kind, anchor, min, max, surface_m2, triangles, has_own_base, ground_m, .. } = self;
+        let Self { kind, anchor, min, max, surface_m2, shape_hash, triangles, has_own_base, ground_m, .. } = self;
         let anchor = anchor?;
         let id: Box<str> = id[..id.floor_char_boundary(MAX_ID_BYTES)].into();
         let (relation, id_hash) = (ObjectRelation::default(), hash_of_id(&id));
@@ -180,6 +195,7 @@ impl OpenObject {
             min,
             max,
             triangles,
+            shape_hash,
             has_own_base,
             ground_m,
         })

@@ -56,7 +56,7 @@ impl SceneBuilder {
         let scratch = self.pair_scratch();
         let (mut same, mut by_shape) = (PairSorter::new(&scratch, by_pair), PairSorter::new(&scratch, by_pair));
         similar_pairs(candidates.finish()?, option, |pair| {
-            if pair.has_same_id { same.push(pair) } else { by_shape.push(pair) }
+            if pair.has_same_id || pair.is_copy { same.push(pair) } else { by_shape.push(pair) }
         })?;
         self.with_equal_footprints(by_shape.finish()?, &scratch, &mut |pair| same.push(pair))?;
         same.finish()?.try_for_each(|SimilarPair { first, second, has_same_id, .. }| {

@@ -149,7 +149,7 @@ impl SceneSink<'_, '_, '_> {
             Some(canopy) => canopy.height(attributes, hints, note),
             None => BuildingHeight::of(attributes, hints, note),
         };
-        let roof = RoofTags::of(attributes, |name| {
+        let roof = RoofTags::of(attributes, hints, |name| {
             report.problem("shape of roof not known, made flat", || format!("{id}: {name}"));
         });
         let look = BuildingLook::new(id, by_use(attributes, WallKind::of_use), &ObjectShape::new());
@@ -187,7 +187,7 @@ impl SceneSink<'_, '_, '_> {
             spec.base_m = base_m(spec.eaves_m);
             match roof::build(&plan.rings, &spec) {
                 Ok(surfaces) => {
-                    surfaces.iter().for_each(|surface| self.add_part(object, surface, &form.materials));
+                    surfaces.iter().for_each(|surface| self.add_roof_surface(object, surface, &form.materials));
                     return self.add_posts(plan, posts_m(spec.base_m), form.materials);
                 }
                 Err(fault) => self.report.problem("roof made flat", || format!("{}: {fault}", object.id)),
@@ -212,7 +212,7 @@ impl SceneSink<'_, '_, '_> {
     }
 
     /// Adds a surface of a building with a roof.
-    fn add_part(&mut self, object: &SourceObject, surface: &Surface, materials: &PrismMaterials) {
+    fn add_roof_surface(&mut self, object: &SourceObject, surface: &Surface, materials: &PrismMaterials) {
         let (material, is_facade) = match surface.role {
             SurfaceRole::Roof => (materials.roof, false),
             SurfaceRole::Ground => (materials.floor, false),

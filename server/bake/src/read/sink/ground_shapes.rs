@@ -14,7 +14,8 @@ const MAX_WIDTH_M: f64 = 200.0;
 const MAX_MITER: f64 = 2.0;
 
 impl SceneSink<'_, '_, '_> {
-    /// Adds lines as strips on the ground, those of plants as hedges. Fails if its height cannot be read.
+    /// Adds lines as strips: at their own heights, else on the ground. Those of plants are hedges. Fails if the ground's height
+    /// cannot be read.
     pub(super) fn add_strips(&mut self, object: &SourceObject, strips: &[Strip]) -> Result<(), InputError> {
         if object.kind == FeatureKind::Vegetation {
             return self.add_hedges(object, strips);
@@ -27,18 +28,32 @@ impl SceneSink<'_, '_, '_> {
                 fault = Some("coordinate not a number or out of range");
                 continue;
             };
+            let own = self.own_heights(object, strip);
             let z = layer_m(object);
-            widen(&points, half_width_m(strip), |quad| {
-                let [a, b, c, d] = quad.map(|[x, y]| [x, y, z]);
+            let height = |i: usize| z + own.as_ref().map_or(0.0, |own| own[i]);
+            let line: Vec<[f64; 3]> = points.iter().enumerate().map(|(i, [x, y])| [*x, *y, height(i)]).collect();
+            widen(&line, half_width_m(strip), |[a, b, c, d]| {
                 let face = |corners| WorldTriangle { corners, uv: [[0.0; 2]; 3], material, is_facade: false };
                 self.faces.extend([face([a, b, c]), face([a, c, d])]);
             });
-            let base_m = strip.points.first().and_then(|point| self.base_m(object, *point, strip.ground));
-            self.drape(base_m)?;
+            if own.is_some() {
+                self.lift_over_paint();
+            } else {
+                self.drape(None)?;
+            }
             self.context.push(&mut open, &mut self.faces, FacadeUse::Windowless);
         }
         self.finish_areas(object, open, fault);
         Ok(())
+    }
+
+    /// World heights of a line's points; `None` if the source does not tell all of them.
+    fn own_heights(&mut self, object: &SourceObject, strip: &Strip) -> Option<Vec<f64>> {
+        if strip.heights.is_empty() || strip.heights.len() != strip.points.len() {
+            return None;
+        }
+        let points = strip.points.iter().zip(&strip.heights);
+        points.map(|(point, height)| self.base_m(object, *point, Some(*height))).collect()
     }
 
     /// The placed points of a line; `None` if one is invalid.
@@ -54,15 +69,15 @@ pub(super) fn half_width_m(strip: &Strip) -> f64 {
 }
 
 /// Calls `quad` with the corners of each segment of a widened line, counter-clockwise. Neighbours share their corners
-/// at bends.
-pub(super) fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64; 2]; 4])) {
-    let mut line: Vec<[f64; 2]> = Vec::with_capacity(points.len());
+/// at bends. Both sides of a line are at its height.
+pub(super) fn widen(points: &[[f64; 3]], half_m: f64, mut quad: impl FnMut([[f64; 3]; 4])) {
+    let mut line: Vec<[f64; 3]> = Vec::with_capacity(points.len());
     for point in points {
         if line.last().is_none_or(|last| libm::hypot(last[0] - point[0], last[1] - point[1]) > 1e-3) {
             line.push(*point);
         }
     }
-    let normal = |a: [f64; 2], b: [f64; 2]| {
+    let normal = |a: [f64; 3], b: [f64; 3]| {
         let length = libm::hypot(b[0] - a[0], b[1] - a[1]);
         [(a[1] - b[1]) / length, (b[0] - a[0]) / length]
     };
@@ -81,7 +96,7 @@ pub(super) fn widen(points: &[[f64; 2]], half_m: f64, mut quad: impl FnMut([[f64
     for i in 1..line.len() {
         let (from, to) = (offset(i - 1), offset(i));
         let (a, b) = (line[i - 1], line[i]);
-        let moved = |p: [f64; 2], by: [f64; 2], sign: f64| [p[0] + sign * by[0], p[1] + sign * by[1]];
+        let moved = |p: [f64; 3], by: [f64; 2], sign: f64| [p[0] + sign * by[0], p[1] + sign * by[1], p[2]];
         quad([moved(a, from, -1.0), moved(b, to, -1.0), moved(b, to, 1.0), moved(a, from, 1.0)]);
     }
 }
@@ -92,7 +107,11 @@ mod tests {
 
     fn quads(points: &[[f64; 2]]) -> Vec<[[f64; 2]; 4]> {
         let mut found = Vec::new();
-        widen(points, 2.0, |quad| found.push(quad));
+        let line: Vec<[f64; 3]> = points.iter().map(|[x, y]| [*x, *y, 7.0]).collect();
+        widen(&line, 2.0, |quad| {
+            assert!(quad.iter().all(|corner| corner[2] == 7.0));
+            found.push(quad.map(|[x, y, _]| [x, y]));
+        });
         found
     }
 

@@ -5,6 +5,7 @@ mod footprints;
 mod ground_shapes;
 mod landmark;
 mod materials;
+mod outward;
 mod painted;
 mod plants;
 mod standing;

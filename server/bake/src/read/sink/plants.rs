@@ -173,12 +173,14 @@ impl SceneSink<'_, '_, '_> {
                 fault = Some("coordinate not a number or out of range");
                 continue;
             };
-            let base_m = strip.points.first().and_then(|point| self.base_m(object, *point, strip.ground));
+            let lowest = strip.heights.iter().copied().reduce(f64::min);
+            let base_m = strip.points.first().and_then(|point| self.base_m(object, *point, lowest));
             let mut quads = Vec::new();
-            widen(&points, super::ground_shapes::half_width_m(strip), |quad| quads.push(quad));
+            let level: Vec<[f64; 3]> = points.into_iter().map(|[x, y]| [x, y, 0.0]).collect();
+            widen(&level, super::ground_shapes::half_width_m(strip), |quad| quads.push(quad));
             for quad in quads {
                 let mut low = [[0.0; 3]; 4];
-                for (corner, [x, y]) in low.iter_mut().zip(quad) {
+                for (corner, [x, y, _]) in low.iter_mut().zip(quad) {
                     let ground_m = match base_m.filter(|_| self.context.elevation.is_empty()) {
                         Some(base_m) => base_m,
                         None => self.context.ground_m([x, y])?,

@@ -30,16 +30,28 @@ impl SceneSink<'_, '_, '_> {
         self.faces.iter_mut().flat_map(|face| &mut face.corners).for_each(|corner| corner[2] += by_m);
     }
 
+    /// Lifts the collected faces, which have their heights, over ground that is painted without an elevation model.
+    pub(super) fn lift_over_paint(&mut self) {
+        if self.context.elevation.is_empty() && self.context.is_painting() {
+            self.lift(self.above_ground_m());
+        }
+    }
+
+    /// So far above the terrain's triangles as these may be above the ground.
+    fn above_ground_m(&self) -> f64 {
+        self.context.options.terrain.error_cells * self.context.options.cell_m
+    }
+
     /// Lays the collected faces, which are level, on the ground: divides them, and adds its height. Without an elevation model they stay
     /// level, above ground that is painted, at the height of the source if it has one. Fails as [`Self::lowest_ground_m`].
     pub(super) fn drape(&mut self, base_m: Option<f64>) -> Result<(), InputError> {
         let options = self.context.options;
-        // So far above the terrain's triangles as these may be above the ground.
-        let above_m = options.terrain.error_cells * options.cell_m;
         if self.context.elevation.is_empty() {
-            self.lift(base_m.unwrap_or(0.0) + if self.context.is_painting() { above_m } else { 0.0 });
+            self.lift(base_m.unwrap_or(0.0));
+            self.lift_over_paint();
             return Ok(());
         }
+        let above_m = self.above_ground_m();
         self.context.elevation.settle(&mut self.context.world)?;
         let of_model = self.context.elevation.step_m() * MAX_EDGE_STEPS;
         let area_m2: f64 = self.faces.iter().map(|face| area_on_map_m2(&face.corners)).sum();

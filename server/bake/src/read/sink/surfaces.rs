@@ -1,6 +1,8 @@
 //! Surfaces and meshes in space: placed, triangulated and coloured.
 
-use super::{FLUSH_TRIANGLES, SceneSink, materials::ReadMaterial};
+use super::materials::ReadMaterial;
+use super::outward::{Facing, ShellSums, has_direction};
+use super::{FLUSH_TRIANGLES, SceneSink};
 use crate::read::alpha_mask::AlphaMask;
 use crate::read::facade::FacadeUse;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
@@ -25,7 +27,12 @@ struct ObjectLook<'o> {
     object_type: &'o str,
     look: BuildingLook,
     facade_use: FacadeUse,
+    /// Whether all triangles are turned to their other side.
+    is_turned: bool,
 }
+
+/// World positions of a mesh's positions; `None` for those that are invalid.
+type PlacedMesh = Vec<Option<[f64; 3]>>;
 
 /// Colour, texture and kind of a surface.
 #[derive(Clone, Copy)]
@@ -55,12 +62,15 @@ impl SceneSink<'_, '_, '_> {
         whole: Option<WholeBuilding<'_>>,
     ) {
         let placed: Vec<Vec<[f64; 3]>> = polygons.iter().map(|surface| self.place_surface(object, surface)).collect();
+        let placed_meshes: Vec<PlacedMesh> =
+            meshes.iter().map(|mesh| mesh.positions.iter().map(|position| self.place(*position)).collect()).collect();
+        let is_turned = self.is_turned(object, (polygons, &placed), (meshes, &placed_meshes));
         let mut shape = ObjectShape::new();
         let (mut up_m2, mut down_m2) = (0.0, 0.0);
         for (surface, points) in polygons.iter().zip(&placed) {
-            let ring = outer_ring(surface, points);
-            shape.add(ring);
-            let z = area_vector(ring).z;
+            let z = area_vector(outer_ring(surface, points)).z;
+            let z = if is_turned { -z } else { z };
+            shape.add(z);
             up_m2 += z.max(0.0);
             down_m2 += (-z).max(0.0);
         }
@@ -78,6 +88,7 @@ impl SceneSink<'_, '_, '_> {
                 false => BuildingLook::PLAIN,
             },
             facade_use: by_use(attributes, FacadeUse::of_use).unwrap_or_default(),
+            is_turned,
         };
         // A model with windows of its own needs no others.
         if polygons.iter().any(|surface| matches!(surface.role, SurfaceRole::Window | SurfaceRole::Door)) {
@@ -92,8 +103,8 @@ impl SceneSink<'_, '_, '_> {
                 break;
             }
         }
-        for mesh in meshes {
-            if !self.add_mesh(object, mesh, &look, &mut open) {
+        for (mesh, placed) in meshes.iter().zip(&placed_meshes) {
+            if !self.add_mesh(object, (mesh, placed), &look, &mut open) {
                 break;
             }
         }
@@ -102,6 +113,35 @@ impl SceneSink<'_, '_, '_> {
             self.report.skip("no surface with an area", || object.id.clone());
         }
         self.close(object, open);
+    }
+
+    /// Whether the surfaces of an object look to the wrong side.
+    fn is_turned(
+        &mut self,
+        object: &SourceObject,
+        polygons: (&[Surface], &[Vec<[f64; 3]>]),
+        meshes: (&[TriangleMesh], &[PlacedMesh]),
+    ) -> bool {
+        let mut sums = ShellSums::default();
+        for (surface, points) in polygons.0.iter().zip(polygons.1) {
+            sums.add_polygon(points, &surface.hole_starts);
+        }
+        for (mesh, placed) in meshes.0.iter().zip(meshes.1) {
+            mesh.triangles.iter().filter_map(|triangle| corners_of(*triangle, placed)).for_each(|corners| {
+                sums.add_triangle(&corners);
+            });
+        }
+        let has_direction = has_direction(self.report.format);
+        match sums.facing() {
+            Facing::Outward => false,
+            Facing::Down => !has_direction,
+            Facing::Inward => {
+                if has_direction {
+                    self.report.problem("body inside out, turned", || object.id.clone());
+                }
+                true
+            }
+        }
     }
 
     /// World positions of a surface's corners; none if one is invalid.
@@ -139,6 +179,7 @@ impl SceneSink<'_, '_, '_> {
         self.report.colours.add(drawn.origin);
         let drawn = SurfaceLook { material: self.context.builder.material(drawn.stored), ..drawn.look };
         for triangle in triangles.list {
+            let triangle = look.turned(*triangle);
             let corners = triangle.map(|i| points[i as usize]);
             let uv = triangle.map(|i| surface.uv.get(i as usize).map_or([0.0; 2], |uv| drawn.uv(*uv)));
             let mask = self.materials.mask(drawn.mask);
@@ -150,7 +191,7 @@ impl SceneSink<'_, '_, '_> {
     fn add_mesh(
         &mut self,
         object: &SourceObject,
-        mesh: &TriangleMesh,
+        (mesh, placed): (&TriangleMesh, &PlacedMesh),
         look: &ObjectLook<'_>,
         open: &mut OpenObject,
     ) -> bool {
@@ -159,19 +200,17 @@ impl SceneSink<'_, '_, '_> {
             self.report.problem("invisible surface left out", || object.id.clone());
             return true;
         }
-        let placed: Vec<Option<[f64; 3]>> = mesh.positions.iter().map(|position| self.place(*position)).collect();
         let has_uv = mesh.uv.len() == mesh.positions.len();
         let min_edge_m = self.context.options.cell_m * MIN_EDGE_CELLS;
         let mut last: Option<(f64, Option<[u8; 3]>, SurfaceLook)> = None;
         for triangle in &mesh.triangles {
-            let corners = triangle.map(|i| placed.get(i as usize).copied().flatten());
-            let [Some(a), Some(b), Some(c)] = corners else {
+            let triangle = look.turned(*triangle);
+            let Some(corners) = corners_of(triangle, placed) else {
                 self.report.problem("coordinate not a number or out of range", || object.id.clone());
                 continue;
             };
-            let corners = [a, b, c];
             let normal_z = normal_z(&corners);
-            let colour = mean_colour(mesh, *triangle);
+            let colour = mean_colour(mesh, triangle);
             let drawn = match last {
                 Some((of_normal, of_colour, drawn)) if of_normal == normal_z && of_colour == colour => drawn,
                 _ => {
@@ -229,6 +268,13 @@ impl SceneSink<'_, '_, '_> {
     }
 }
 
+impl ObjectLook<'_> {
+    /// A triangle with the direction of its object.
+    fn turned(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
+        if self.is_turned { [a, c, b] } else { [a, b, c] }
+    }
+}
+
 impl SurfaceLook {
     /// Texture coordinates as the scene has them, where textures repeat; zero without a texture.
     fn uv(self, uv: [f32; 2]) -> [f32; 2] {
@@ -259,6 +305,12 @@ impl SurfaceLook {
     fn triangle(self, corners: [[f64; 3]; 3], uv: [[f32; 2]; 3]) -> WorldTriangle {
         WorldTriangle { corners, uv, material: self.material, is_facade: self.is_facade }
     }
+}
+
+/// World positions of a triangle's corners; `None` if one is invalid.
+fn corners_of(triangle: [u32; 3], placed: &PlacedMesh) -> Option<[[f64; 3]; 3]> {
+    let [a, b, c] = triangle.map(|i| placed.get(i as usize).copied().flatten());
+    Some([a?, b?, c?])
 }
 
 /// Where a surface is, for the report.

@@ -126,7 +126,9 @@ pub(super) fn pieces_of_way(refs: &[i64], nodes: &NodeStore) -> Result<(Vec<Vec<
 pub(super) fn lines(pieces: Vec<Vec<Position>>, form: Form) -> Shape {
     let pieces = pieces.into_iter().map(|piece| piece.into_iter().map(degrees).collect());
     match form {
-        Form::Line { width_m } => Shape::Strips(pieces.map(|points| Strip { points, width_m, ground: None }).collect()),
+        Form::Line { width_m } => {
+            Shape::Strips(pieces.map(|points| Strip { points, width_m, ..Strip::default() }).collect())
+        }
         Form::Area | Form::TreeRow => {
             let mut trees = Vec::new();
             pieces.for_each(|piece: Vec<[f64; 2]>| plant(&piece, &mut trees));

@@ -76,7 +76,7 @@ pub(crate) struct FeatureWriter<'a> {
     /// Name of the attribute that has the height, if the user gives it.
     height_field: Option<&'a str>,
     /// The last system that the sink was told; `None` if it was told none.
-    crs: Option<String>,
+    crs: Option<CrsReference>,
     /// Whether the system is settled, named or guessed.
     is_placed: bool,
     /// Wanted area, if features outside are left out.
@@ -123,16 +123,23 @@ impl<'a> FeatureWriter<'a> {
         }
     }
 
-    /// Sets the system of the following features. Fails if positions of it cannot be placed.
+    /// Sets the system of the following features, with east first. Fails if positions of it cannot be placed.
     pub(super) fn set_crs(&mut self, name: String) -> Result<(), InputError> {
+        self.set_reference(CrsReference::east_first(name))
+    }
+
+    /// As [`Self::set_crs`], with coordinates in the order of the reference.
+    pub(super) fn set_reference(&mut self, crs: CrsReference) -> Result<(), InputError> {
         self.is_placed = true;
-        if self.crs.as_ref() == Some(&name) {
+        if self.crs.as_ref() == Some(&crs) {
             return Ok(());
         }
         self.finish()?;
-        self.is_in_degrees = is_geographic(&name);
-        self.crs = Some(name.clone());
-        self.sink.set_crs(&CrsReference::east_first(name))
+        // Whether an area is wanted is compared with longitudes first; the sink knows the others' order.
+        self.is_in_degrees = crs.order.is_fixed() && is_geographic(&crs.name);
+        self.sink.set_crs(&crs)?;
+        self.crs = Some(crs);
+        Ok(())
     }
 
     /// Level polygons with heights are plans, without a look at the other features.

@@ -1,7 +1,7 @@
 //! What a feature's geometry becomes: areas, surfaces in space, strips or points.
 
 use super::geometry::{Geometry, Polygon, Ring};
-use super::orient::{ring_area_vector, turn_outward};
+use super::orient::ring_area_vector;
 use insula_dress::footprint::{HeightHints, LANE_M, has_height, length_m, usual_width_m};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::{FeatureKind, Footprint, PointOnGround, Shape, Strip, Surface};
@@ -27,7 +27,7 @@ pub(super) fn shape_of(
 ) -> Result<Shape, &'static str> {
     // Many programs write 0 where they know no height.
     let has_ground = geometry.has_z && geometry.positions().any(|position| position[2] != 0.0);
-    let Geometry { polygons, mut meshes, lines, points, is_surface, .. } = geometry;
+    let Geometry { polygons, meshes, lines, points, is_surface, .. } = geometry;
     let has_areas = !polygons.is_empty() || !meshes.is_empty();
     if has_areas && !lines.is_empty() {
         problems.push("line beside polygons left out");
@@ -37,12 +37,11 @@ pub(super) fn shape_of(
     }
     if has_areas {
         if is_surface || is_in_space(&polygons, attributes, hints) {
-            let mut polygons: Vec<Surface> =
+            let polygons: Vec<Surface> =
                 polygons.into_iter().filter_map(|polygon| surface(polygon, problems)).collect();
             if polygons.is_empty() && meshes.is_empty() {
                 return Err("no ring with three points");
             }
-            turn_outward(&mut polygons, &mut meshes);
             return Ok(Shape::Surfaces { polygons, meshes });
         }
         let on_map = |ring: Ring| ring.into_iter().map(|[x, y, _]| [x, y]).collect();
@@ -55,8 +54,8 @@ pub(super) fn shape_of(
     if !lines.is_empty() {
         let width_m = width_m(kind, attributes).ok_or("line without a width that is no road, railway or water")?;
         let strip = |line: Ring| {
-            let ground = ground_of(line.iter(), has_ground);
-            Strip { points: line.into_iter().map(|[x, y, _]| [x, y]).collect(), width_m, ground }
+            let heights = if has_ground { line.iter().map(|position| position[2]).collect() } else { Vec::new() };
+            Strip { points: line.into_iter().map(|[x, y, _]| [x, y]).collect(), heights, width_m }
         };
         return Ok(Shape::Strips(lines.into_iter().map(strip).collect()));
     }

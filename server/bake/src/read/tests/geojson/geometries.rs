@@ -1,8 +1,10 @@
 //! Documents and geometries of all kinds: single features, lines, points, heights, and JSON-FG.
 
 use super::{SQUARE, TEN, collection, feature, is_closed, polygon, read, try_read, volume_m3};
-use crate::read::{FeatureKind, InputError, ReadOptions, ReadReport, read_embedded};
+use crate::read::{AxisOrders, FeatureKind, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::Scene;
+use insula_place::placement::EITHER_ORDER;
+use insula_source::problems::SWAPPED;
 
 /// Lowest and highest world height.
 fn heights_m(scene: &Scene) -> [f64; 2] {
@@ -138,7 +140,15 @@ fn places_of_json_fg_have_their_own_system() {
     assert!((scene.origin[0] - 9000.0).abs() < 200.0 && (scene.origin[1] - 100.0).abs() < 200.0, "{:?}", scene.origin);
     assert!((volume_m3(&scene) - 324.0).abs() < 1e-2, "{}", volume_m3(&scene));
     assert_eq!((heights_m(&scene), scene.crs.as_deref()), ([5.0, 9.0], Some("EPSG:6677")));
-    assert!(report.sources[0].problems.is_empty(), "{:?}", report.sources[0].problems);
+    let problems = &report.sources[0].problems;
+    assert_eq!(problems.keys().collect::<Vec<_>>(), [EITHER_ORDER], "both are places in Japan");
+    // The option acts on the coordinates as they are written.
+    let mut options = ReadOptions::default();
+    options.placing.axis_orders = AxisOrders::new(["en".parse().unwrap()]);
+    let by_hand = text(system, &place("Prism"));
+    let (scene, _) = read_embedded(&[("a.geojson", by_hand.as_bytes())], &options, &|_| {}).unwrap();
+    assert!((scene.origin[0] - 100.0).abs() < 200.0 && (scene.origin[1] - 9000.0).abs() < 200.0, "{:?}", scene.origin);
+    assert!((volume_m3(&scene) - 324.0).abs() < 1e-2, "{}", volume_m3(&scene));
     // A type that is not known yields to the geometry, and an empty place, too.
     for (place, problem) in [(place("Klein"), Some("geometry of unknown type")), ("null".to_owned(), None)] {
         let (scene, report) = read(&text("", &place));
@@ -187,4 +197,48 @@ fn holes_that_touch_walls_are_cut_out() {
         assert!((found - m3).abs() < 2.0, "{hole}: {found}");
         assert_eq!(problems, expected, "{hole}");
     }
+}
+
+/// The faces of a box of 10 m on a map, each a polygon, with the coordinates in either order.
+fn body(is_north_first: bool, is_inward: bool) -> String {
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [3, 2, 6, 7], [2, 0, 4, 6], [1, 3, 7, 5]];
+    let corner = |i: usize| {
+        let [x, y, z] = [0, 1, 2].map(|bit| if i >> bit & 1 == 0 { 0 } else { 10 });
+        let (east, north) = (565_000 + x, 5_934_000 + y);
+        let [first, second] = if is_north_first { [north, east] } else { [east, north] };
+        format!("[{first},{second},{z}]")
+    };
+    let face = |mut corners: [usize; 4]| {
+        if is_inward {
+            corners.reverse();
+        }
+        let ring: Vec<String> = corners.iter().chain(&corners[..1]).map(|i| corner(*i)).collect();
+        format!("[[{}]]", ring.join(","))
+    };
+    format!(r#"{{"type": "MultiPolygon", "coordinates": [{}]}}"#, faces.map(face).join(","))
+}
+
+#[test]
+fn bodies_look_outward_where_the_order_of_coordinates_is_corrected() {
+    for (is_north_first, is_inward) in [(false, false), (false, true), (true, false), (true, true)] {
+        let text = collection(&feature("b", "{}", &body(is_north_first, is_inward))).replace("6677", "25832");
+        let (scene, report) = read(&text);
+        assert!((volume_m3(&scene) - 1000.0).abs() < 1e-3, "{is_north_first} {is_inward}: {}", volume_m3(&scene));
+        assert_eq!(report.sources[0].problems.contains_key(SWAPPED), is_north_first);
+        assert!((scene.origin[0] - 565_005.0).abs() < 1.0, "{:?}", scene.origin);
+    }
+}
+
+#[test]
+fn lines_follow_their_own_heights() {
+    let line = |z: [f64; 3]| {
+        let [a, b, c] = z;
+        let text = format!(r#"{{"type": "LineString", "coordinates": [[0,0,{a}],[50,0,{b}],[100,0,{c}]]}}"#);
+        let (scene, _) = read(&collection(&feature("r", r#"{"highway": "service"}"#, &text)));
+        heights_m(&scene)
+    };
+    let [low, high] = line([30.0, 34.0, 31.0]);
+    assert!((low - 30.05).abs() < 1e-3 && (high - 34.05).abs() < 1e-3, "{low} to {high}");
+    let [low, high] = line([0.0; 3]);
+    assert!((low - 0.05).abs() < 1e-3 && (high - 0.05).abs() < 1e-3, "{low} to {high}");
 }

@@ -69,7 +69,7 @@ fn objects_have_their_identifiers_types_and_attributes() {
     let points = vec![[0.0, 0.0], [5e-4, 0.0], [5.5e-4, 0.0]];
     assert_eq!(
         (road.kind, &road.shape),
-        (FeatureKind::Road, &Shape::Strips(vec![Strip { points, width_m: 6.0, ground: None }]))
+        (FeatureKind::Road, &Shape::Strips(vec![Strip { points, width_m: 6.0, ..Strip::default() }]))
     );
     // The row is 66 m long.
     assert!(matches!(&by_id(&sink, "way/22").shape, Shape::Points(trees) if trees.len() == 9));

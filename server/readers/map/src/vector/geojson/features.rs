@@ -9,11 +9,11 @@ use super::schema::{GeoJsonFeature, GeoJsonGeometry};
 use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
 use crate::vector::geometry::{Geometry, UNKNOWN_TYPE};
 use crate::vector::layer::Layer;
-use insula_place::crs::axes_of;
 use insula_source::attributes::Attributes;
 use insula_source::error::{InputError, json_message};
 use insula_source::json::attributes::flatten;
 use insula_source::json::{lenient, metadata};
+use insula_source::object::CrsReference;
 use insula_source::source::{NextLine, next_line};
 use insula_source::subject;
 
@@ -152,12 +152,9 @@ impl<'a> FeatureReader<'a> {
                 self.set_system(&geometry)?;
                 Ok(geometry)
             }
-            Ok((mut geometry, Some(name))) => {
+            Ok((geometry, Some(name))) => {
                 // The coordinates are in the order of the system's definition.
-                if let Some(axes) = axes_of(&name) {
-                    geometry.for_each_position(|p| [p[0], p[1]] = axes.east_north([p[0], p[1]]));
-                }
-                self.writer.set_crs(name)?;
+                self.writer.set_reference(CrsReference::authority(name))?;
                 Ok(geometry)
             }
             Err(Fault { reason, detail: None }) => Err(reason),
