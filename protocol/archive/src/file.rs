@@ -1,25 +1,14 @@
 //! Regular files of this machine.
 
+pub use crate::open_files::open_regular;
 use crate::{RangeRead, RangeSource, ReadError, limits::MAX_READ_BYTES, open_files::OpenFile};
 use std::{
-    fs::{self, File},
+    fs::File,
     io::{self, Read},
     ops::Range,
     path::Path,
     sync::Arc,
 };
-
-/// Opens a regular file for reading. Fails for pipes, devices and folders, without waiting for the other end of a pipe.
-pub fn open_regular(path: &Path) -> io::Result<File> {
-    let check = |about: fs::Metadata| {
-        let error = || io::Error::new(io::ErrorKind::InvalidInput, "not a regular file");
-        if about.is_file() { Ok(()) } else { Err(error()) }
-    };
-    check(fs::metadata(path)?)?;
-    let file = File::open(path)?;
-    check(file.metadata()?)?;
-    Ok(file)
-}
 
 /// The bytes of a regular file of at most `limit` bytes. Fails as [`open_regular`], with `FileTooLarge` for a longer file, or if it
 /// cannot be read.
@@ -92,6 +81,7 @@ fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> io::Resu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn reads_ranges_up_to_the_end() {

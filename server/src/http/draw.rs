@@ -12,10 +12,7 @@ use super::{
     tile::unknown_name,
     work_queues::{RequestClient, WorkKind},
 };
-use crate::{
-    config::DrawingsConfig,
-    store::{CityStore, StoredCity},
-};
+use crate::store::{CityStore, StoredCity};
 use axum::{
     body::{Body, to_bytes},
     extract::State,
@@ -30,7 +27,6 @@ use insula_draw::{
     options::DrawingOptions,
 };
 use insula_protocol::route::{Route, RouteError, RouteTemplate};
-use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::{sync::Arc, time::Duration};
 use tokio::{runtime::Handle, time::timeout};
 
@@ -47,27 +43,6 @@ const NOT_JSON: Problem =
 const TOO_LARGE: Problem =
     Problem::bad_request("the drawing would be too large: choose a smaller bbox, a filter, or a smaller scale");
 const EMPTY: Problem = Problem::bad_request("nothing to draw: no surface of the selection is in the view");
-
-/// How drawings are made.
-#[derive(Debug)]
-pub(super) struct Drawings {
-    /// Half of the cores, so that tiles do not wait. `None` if the system has no more threads: the process's own are used then.
-    threads: Option<Arc<ThreadPool>>,
-    max_triangles: usize,
-}
-
-impl Drawings {
-    /// `None` if no drawings are to be made.
-    pub(super) fn new(config: &DrawingsConfig) -> Option<Self> {
-        if config.at_once == 0 {
-            return None;
-        }
-        let cores = std::thread::available_parallelism().map_or(2, usize::from);
-        let threads =
-            ThreadPoolBuilder::new().num_threads(cores.div_ceil(2)).thread_name(|k| format!("draw-{k}")).build();
-        Some(Self { threads: threads.ok().map(Arc::new), max_triangles: config.triangles })
-    }
-}
 
 /// `POST /v1/cities/{city}/draw`. Fails with 400 for invalid options and for drawings that are too large, 401 without a required token,
 /// 404 for an unknown city, with a share link for a part of the city, and if no drawings are made; 408, 413 and 415 for a body that is

@@ -22,6 +22,8 @@ mod connection_state;
 mod content_encoding;
 #[cfg(feature = "bake")]
 mod draw;
+#[cfg(feature = "bake")]
+mod drawings;
 mod fair_queue;
 mod filter;
 mod group;

@@ -1,7 +1,7 @@
 //! State that all requests share.
 
 #[cfg(feature = "bake")]
-use super::draw::Drawings;
+use super::drawings::Drawings;
 use super::{
     access_control::AccessControl,
     catalog::Catalog,
