@@ -85,7 +85,7 @@ struct ClientWork {
 }
 
 /// A place in the queue: a request that waits or whose work runs. Dropping it frees the place.
-struct Place {
+struct QueuePlace {
     queue: FairQueue,
     client: IpAddr,
     ticket: u64,
@@ -129,7 +129,7 @@ impl FairQueue {
     }
 
     /// Takes a place. Fails if the queue is full, and no other client waits with more requests.
-    fn enter(&self, client: IpAddr) -> Result<Place, Shed> {
+    fn enter(&self, client: IpAddr) -> Result<QueuePlace, Shed> {
         let (sender, granted) = oneshot::channel();
         let mut state = self.lock();
         let ticket = state.next_ticket;
@@ -143,7 +143,7 @@ impl FairQueue {
         state.grant(self.limits);
         let is_shed = state.waiting > self.limits.waiting && state.shed(client) == ticket;
         drop(state);
-        let place = Place { queue: self.clone(), client, ticket, granted, is_running: false };
+        let place = QueuePlace { queue: self.clone(), client, ticket, granted, is_running: false };
         if is_shed { Err(Shed) } else { Ok(place) }
     }
 
@@ -206,7 +206,7 @@ impl QueueState {
     }
 }
 
-impl Place {
+impl QueuePlace {
     /// Waits until the work may run.
     async fn turn(mut self) -> Result<Self, Shed> {
         (&mut self.granted).await.map_err(|_| Shed)?;
@@ -215,7 +215,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for QueuePlace {
     fn drop(&mut self) {
         let mut state = self.queue.lock();
         let is_running = self.is_running || self.granted.try_recv().is_ok();
@@ -248,13 +248,13 @@ mod tests {
     }
 
     /// Enters with the requests of clients in this order.
-    fn enter_all(queue: &FairQueue, clients: &[u8]) -> Vec<(u8, Option<Place>)> {
+    fn enter_all(queue: &FairQueue, clients: &[u8]) -> Vec<(u8, Option<QueuePlace>)> {
         clients.iter().map(|client| (*client, queue.enter(ip(*client)).ok())).collect()
     }
 
     /// Ends one running piece after the other, and returns whose they were, in the order in which they were started.
-    fn order_of_service(places: Vec<(u8, Option<Place>)>) -> Vec<u8> {
-        let mut waiting: Vec<(u8, Place)> =
+    fn order_of_service(places: Vec<(u8, Option<QueuePlace>)>) -> Vec<u8> {
+        let mut waiting: Vec<(u8, QueuePlace)> =
             places.into_iter().filter_map(|(client, place)| Some((client, place?))).collect();
         let mut order = Vec::new();
         while let Some(at) = waiting.iter_mut().position(|(_, place)| place.granted.try_recv().is_ok()) {
@@ -291,14 +291,14 @@ mod tests {
     fn a_full_queue_sheds_the_newest_of_the_client_with_the_most() {
         let queue = queue(1, 4);
         let mut first = enter_all(&queue, &[1; 8]);
-        let entered = |places: &[(u8, Option<Place>)]| places.iter().filter(|(_, place)| place.is_some()).count();
+        let entered = |places: &[(u8, Option<QueuePlace>)]| places.iter().filter(|(_, place)| place.is_some()).count();
         assert_eq!(entered(&first), 5, "one runs, four wait, three are shed");
         let second = enter_all(&queue, &[2; 4]);
         assert_eq!(entered(&second), 2, "then both wait with two");
         let third = enter_all(&queue, &[3; 4]);
         assert_eq!(entered(&third), 1);
         assert_eq!(queue.lock().waiting, 4);
-        let state = |place: &mut Place| place.granted.try_recv();
+        let state = |place: &mut QueuePlace| place.granted.try_recv();
         let [running, kept @ .., last] = &mut first[..5] else { panic!("five have entered") };
         assert!(running.1.as_mut().is_some_and(|place| state(place).is_ok()));
         assert_eq!(state(last.1.as_mut().unwrap()), Err(oneshot::error::TryRecvError::Closed), "it was given up");

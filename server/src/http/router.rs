@@ -99,7 +99,7 @@ mod tests {
             R::Groups => of_version("groups/blockmaps/1/0/0/4/0"),
             R::Draw => "/v1/cities/two/draw".to_owned(),
             R::Tileset => "/v1/cities/two/3dtiles/tileset.json".to_owned(),
-            R::TilesetFile => format!("/v1/cities/two/3dtiles/{VERSION}/subtrees/0/0/0"),
+            R::TilesetFile => format!("/v1/cities/two/3dtiles/{VERSION}/subtrees/0/0/0.subtree"),
             R::Manifest => "/v1/cities/two".to_owned(),
             R::Cities => "/v1/cities".to_owned(),
             R::Index => "/".to_owned(),

@@ -80,6 +80,8 @@ impl Store {
         let folders =
             self.cities.iter().filter_map(|(name, city)| Some((city.current.folder()?.to_owned(), name.clone())));
         let known: BTreeMap<PathBuf, String> = folders.collect();
+        // The places may name a folder twice.
+        let mut checked: BTreeMap<PathBuf, Option<String>> = BTreeMap::new();
         let has_known = |folder: &PathBuf| known.keys().any(|at| at.starts_with(folder));
         for folder in &self.folders {
             match city_folders(folder) {
@@ -87,8 +89,16 @@ impl Store {
                     if cities.is_empty() && !has_known(folder) {
                         reload.failures.push(StoreError::NoCity(folder.clone()));
                     }
-                    for city in &cities {
-                        seen.extend(reload.check_folder(city, known.get(city), retention));
+                    for city in cities {
+                        if let Some(name) = checked.get(&city) {
+                            let [first, second] = [&city; 2].map(|city| city.display().to_string());
+                            let same = |name: &String| StoreError::SameName { name: name.clone(), first, second };
+                            reload.failures.extend(name.as_ref().map(same));
+                            continue;
+                        }
+                        let name = reload.check_folder(&city, known.get(&city), retention);
+                        seen.extend(name.clone());
+                        checked.insert(city, name);
                     }
                     // A city that cannot be looked at stays open.
                     for (path, source) in unreadable {

@@ -167,6 +167,21 @@ async fn a_client_over_its_rate_is_429() {
     server.stop().await;
 }
 
+#[tokio::test]
+async fn clients_behind_a_trusted_proxy_are_told_apart() {
+    let server = TestServer::start(|config| {
+        (config.limits.client_rate, config.limits.client_burst) = (0.001, 1);
+        config.access.proxies = vec!["127.0.0.0/8".parse().unwrap()];
+    })
+    .await;
+    for client in ["203.0.113.1", "203.0.113.2"] {
+        let header = format!("X-Forwarded-For: 198.51.100.9, {client}\r\n");
+        assert!(server.get(TILE, &header).await.starts_with("HTTP/1.1 200"), "{client}");
+        assert_problem(&server.get(TILE, &header).await, 429);
+    }
+    server.stop().await;
+}
+
 /// Replaces the city by another version.
 fn publish(folder: &Path, version: &str) {
     replace_city(&folder.join("two"), |next| {

@@ -1,0 +1,46 @@
+//! Opens cities for the first time: the check of a store that knows none yet.
+
+use super::{
+    cities::{RetentionPolicy, Store, StoreReload},
+    error::StoreError,
+    remote::RemoteCity,
+    requests::{StoreMetrics, StoreRequests},
+};
+use crate::config::BlockCacheConfig;
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+impl Store {
+    /// Opens city folders; a folder that is no city stands for all cities directly inside it. Fails if there is no city, one
+    /// cannot be opened, or two have the same name.
+    pub fn open<P: AsRef<Path>>(folders: &[P]) -> Result<Self, StoreError> {
+        let folders = folders.iter().map(|folder| folder.as_ref().to_owned()).collect();
+        Self { folders, ..Self::default() }.check_folders(RetentionPolicy::default()).0.complete()
+    }
+
+    /// As [`Self::open`], where a place may also be the URL of a city in an object store or behind a web server. Fails, in
+    /// addition, if the cache folder cannot be used or a store does not respond.
+    pub async fn open_anywhere(places: &[PathBuf], cache: &BlockCacheConfig) -> Result<Self, StoreError> {
+        Self::start(places, cache).await?.complete()
+    }
+
+    /// Opens what can be opened, as [`Self::reload`] does, which tries the rest again. Fails only if a URL is of no known kind, or if
+    /// the cache folder cannot be used.
+    pub async fn start(places: &[PathBuf], cache: &BlockCacheConfig) -> Result<StoreReload, StoreError> {
+        let is_url = |place: &PathBuf| place.to_str().is_some_and(|text| text.contains("://"));
+        let (urls, folders): (Vec<PathBuf>, Vec<PathBuf>) = places.iter().cloned().partition(is_url);
+        let mut store = Self { folders, ..Self::default() };
+        if !urls.is_empty() {
+            let cache_error = |source| StoreError::Cache { path: cache.folder.clone().unwrap_or_default(), source };
+            let metrics = StoreMetrics::new();
+            let blocks = Arc::new(metrics.block_cache(cache).map_err(cache_error)?);
+            let requests = Arc::new(StoreRequests::new(cache, metrics.clone()));
+            let remote = |url: &str| RemoteCity::new(url, requests.clone(), blocks.clone());
+            store.remotes = urls.iter().filter_map(|url| url.to_str()).map(remote).collect::<Result<_, _>>()?;
+            store.metrics = Some(metrics);
+        }
+        Ok(store.reload(RetentionPolicy::default(), true).await)
+    }
+}
