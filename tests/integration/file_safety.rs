@@ -53,7 +53,7 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server bake", &["report"], Writes("bake town.geojson --cell 4 --out baked --report {}", ".json")),
     ("insula-server bake", &["out", "work", "texture_root", "grids"], FOLDER),
     ("insula-server bake", &["job", "crs", "name", "title", "attribution", "licence", "source_url"], TEXT),
-    ("insula-server bake", &["only", "skip", "height_field", "drop", "search", "axis_order"], TEXT),
+    ("insula-server bake", &["only", "skip", "height_field", "drop", "search", "axis_order", "allow_host"], TEXT),
     ("insula-server serve", &["config"], Reads("serve city --listen 127.0.0.1:0 --config {}", ".toml")),
     (
         "insula-server serve",
@@ -70,7 +70,11 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server inspect", &["city"], Reads("inspect {}", ".obj")),
     ("insula-server inspect", &["png"], Writes("inspect city --tile 0/0/0 --png {}", ".png")),
     ("insula-server inspect", &["grids"], FOLDER),
-    ("insula-server inspect", &["crs", "only", "skip", "height_field", "drop", "search", "axis_order"], TEXT),
+    (
+        "insula-server inspect",
+        &["crs", "only", "skip", "height_field", "drop", "search", "axis_order", "allow_host"],
+        TEXT,
+    ),
     ("insula-server objects", &["city"], FOLDER),
     ("insula-server search", &["city"], FOLDER),
     ("insula-server search", &["text"], TEXT),

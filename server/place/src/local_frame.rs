@@ -25,6 +25,7 @@ pub struct LocalFrame {
 }
 
 impl LocalFrame {
+    /// Positions as they are.
     pub const IDENTITY: Self = Self { cos: 1.0, sin: 0.0, scale: 1.0, is_y_up: false };
 
     /// The frame of a file in which y points up.

@@ -15,6 +15,7 @@ pub struct Affine {
 }
 
 impl Affine {
+    /// Positions as they are.
     pub const IDENTITY: Self =
         Self { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]], is_transposed: false };
 

@@ -125,6 +125,7 @@ impl NamePatterns {
         patterns.iter().map(parse).collect::<Result<_, _>>().map(Self)
     }
 
+    /// Whether a name fits one of the patterns.
     pub fn contains(&self, name: &str) -> bool {
         let options = MatchOptions { case_sensitive: false, ..MatchOptions::default() };
         self.0.iter().any(|pattern| pattern.matches_with(name, options))
@@ -161,6 +162,7 @@ impl Attributes {
         self.entries.iter().find(|(known, _)| known == name).map(|(_, value)| value)
     }
 
+    /// Names and values, in the order of the source.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &AttributeValue)> {
         self.entries.iter().map(|(name, value)| (name.as_str(), value))
     }
@@ -171,6 +173,7 @@ impl Attributes {
         self.len() == 0
     }
 
+    /// Number of attributes.
     pub fn len(&self) -> usize {
         self.entries.len()
     }

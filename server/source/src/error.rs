@@ -88,22 +88,27 @@ pub enum InputError {
 }
 
 impl InputError {
+    /// A file cannot be read.
     pub fn io(path: &str, cause: std::io::Error) -> Self {
         Self::Io { path: path.to_owned(), cause }
     }
 
+    /// A text is no valid JSON.
     pub fn json(path: &str, error: &serde_json::Error) -> Self {
         Self::Json { path: path.to_owned(), line: error.line(), column: error.column(), what: json_message(error) }
     }
 
+    /// A file is damaged at `place`.
     pub fn damaged(path: &str, place: impl Into<String>, what: impl Into<String>) -> Self {
         Self::Damaged { path: path.to_owned(), place: place.into(), what: what.into() }
     }
 
+    /// A file is of no known format.
     pub fn unknown_format(path: &str, what: impl Into<String>) -> Self {
         Self::UnknownFormat { path: path.to_owned(), what: what.into() }
     }
 
+    /// The content of a file is not supported.
     pub fn unsupported(path: &str, what: impl Into<String>) -> Self {
         Self::Unsupported { path: path.to_owned(), what: what.into() }
     }
@@ -113,6 +118,7 @@ impl InputError {
         Self::unsupported(path, left_out(feature))
     }
 
+    /// A folder has no city file.
     pub fn no_source(path: &Path) -> Self {
         Self::NoSource { path: path.display().to_string() }
     }

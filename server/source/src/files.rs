@@ -28,6 +28,7 @@ pub struct FileRoots {
 }
 
 impl FileRoots {
+    /// Roots at these folders, whose links are resolved.
     pub fn new(folders: Vec<PathBuf>) -> Self {
         Self { folders, ..Self::default() }
     }

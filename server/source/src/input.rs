@@ -39,6 +39,7 @@ pub struct Share {
 }
 
 impl Share {
+    /// All of it.
     pub const WHOLE: Self = Self { number: 0, count: 1 };
 
     /// Its range of `total` things.

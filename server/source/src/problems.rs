@@ -24,9 +24,13 @@ pub const GUESSED_FROM_LEVELS: &str = "height guessed from levels";
 pub const UNIT_GUESSED: &str = "unit of heights guessed";
 /// Note of a height above sea level without that of the ground.
 pub const NO_GROUND_HEIGHT: &str = "height above sea level without that of the ground, taken as above the ground";
-/// Kinds of the problems of a coastline.
+/// Kinds of the problems of a coastline: the map is too wide for it.
 pub const TOO_WIDE: &str = "coast of a map that is wider than 1 degree, no sea made: give --bbox";
+/// It has a gap.
 pub const GAP: &str = "gap in the coastline, closed by a straight line";
+/// It ends within the map.
 pub const OPEN_END: &str = "coastline ends within the map, drawn straight on to the border";
+/// Both of its sides are alike.
 pub const CONTRADICTION: &str = "coastline with land on both sides, or water, left out";
+/// It has too many nodes.
 pub const TOO_MANY: &str = "coastline with too many nodes, no sea made";

@@ -69,6 +69,7 @@ impl RandomFile {
         Self { content: Arc::new(Mutex::new(Content::Object { address, reader, blocks })), bytes }
     }
 
+    /// Its size.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }

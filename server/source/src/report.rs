@@ -46,6 +46,7 @@ pub struct FaultCount {
 }
 
 impl FaultCount {
+    /// Counts an occurrence.
     pub fn add(&mut self, example: impl FnOnce() -> String) {
         self.count += 1;
         if self.first.len() < EXAMPLES {
@@ -149,6 +150,7 @@ pub struct ColourCounts {
 }
 
 impl ColourCounts {
+    /// Counts a surface.
     pub fn add(&mut self, origin: ColourOrigin) {
         *match origin {
             ColourOrigin::Source => &mut self.source,
@@ -222,6 +224,7 @@ pub struct SourceReport {
 }
 
 impl SourceReport {
+    /// An empty report of a source.
     pub fn new(path: &str, format: SourceFormat, bytes: u64) -> Self {
         Self {
             path: path.to_owned(),
@@ -294,10 +297,12 @@ impl SourceReport {
         ))
     }
 
+    /// Counts an object that became a part of another.
     pub fn merge(&mut self, reason: &str, example: impl FnOnce() -> String) {
         count_fault(&mut self.merged, reason, example);
     }
 
+    /// Counts an object that is left out.
     pub fn skip(&mut self, reason: &str, example: impl FnOnce() -> String) {
         count_fault(&mut self.skipped, reason, example);
     }
@@ -315,10 +320,12 @@ impl SourceReport {
         }
     }
 
+    /// Counts a fault that costs a part of an object.
     pub fn problem(&mut self, kind: &str, example: impl FnOnce() -> String) {
         count_fault(&mut self.problems, kind, example);
     }
 
+    /// Counts an object of a type in the words of the source.
     pub fn count_type(&mut self, object_type: &str) {
         if let Some(count) = self.objects_by_type.get_mut(object_type) {
             *count += 1;

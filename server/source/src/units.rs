@@ -1,6 +1,8 @@
 //! Units of length by the names that formats have for them.
 
+/// Metres in an international foot.
 pub const FOOT_M: f64 = 0.3048;
+/// Metres in a foot of the surveys of the United States.
 pub const US_FOOT_M: f64 = 1200.0 / 3937.0;
 
 /// Unit in which heights are given by hand.

@@ -108,7 +108,7 @@ mod tests {
             R::Readiness => "/readyz".to_owned(),
             R::Metrics => "/metrics".to_owned(),
             R::CityPage => "/cities/two".to_owned(),
-            R::Thumbnail => "/cities/two/thumbnail.png".to_owned(),
+            R::Thumbnail => "/cities/two/thumbnail.jpg".to_owned(),
             R::Asset => "/assets/0123456789abcdef/a.js".to_owned(),
             R::ServiceWorker => "/service-worker.js".to_owned(),
             R::Other => return None,

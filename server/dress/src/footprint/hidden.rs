@@ -7,8 +7,11 @@ use super::height::length_m;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
 
+/// Reason for leaving out what is below the ground.
 pub const UNDERGROUND: &str = "underground";
+/// Reason for leaving out what is in a tunnel.
 pub const IN_TUNNEL: &str = "in a tunnel";
+/// Reason for leaving out what is within a building.
 pub const INDOORS: &str = "indoors";
 
 /// Names of attributes that say by a truth value that a feature is below the ground; the second as Shapefiles cut it.

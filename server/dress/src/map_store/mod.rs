@@ -113,6 +113,7 @@ impl<T: MapRecord> MapStore<T> {
         })
     }
 
+    /// Whether it has no records.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()

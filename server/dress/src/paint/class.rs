@@ -102,6 +102,7 @@ impl AreaClass {
         })
     }
 
+    /// Where it lies among the areas.
     pub fn layer(self) -> AreaLayer {
         use AreaClass::{
             Carriageway, Cemetery, Commercial, Construction, Farmland, Forest, Grass, Industrial, Meadow, Park,
@@ -212,10 +213,12 @@ impl LineClass {
         }
     }
 
+    /// Whether it is a railway.
     pub fn is_rail(self) -> bool {
         matches!(self, Self::Rail | Self::NarrowGauge | Self::Tram)
     }
 
+    /// Whether it is for people on foot or bicycles.
     pub fn is_path(self) -> bool {
         (Self::Track..=Self::Pedestrian).contains(&self)
     }

@@ -86,6 +86,7 @@ impl PaintMaterial {
         Self::StreetRail,
     ];
 
+    /// Its place in [`Self::ALL`].
     pub fn index(self) -> usize {
         usize::from(self as u8)
     }

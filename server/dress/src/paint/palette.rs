@@ -90,6 +90,7 @@ impl PaintStyle {
         self.patterns[material.index()].recolour(rgb);
     }
 
+    /// The pattern of a material.
     pub fn pattern(&self, material: PaintMaterial) -> &Pattern {
         &self.patterns[material.index()]
     }

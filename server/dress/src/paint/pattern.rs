@@ -24,6 +24,7 @@ pub struct Pattern {
 }
 
 impl Pattern {
+    /// A pattern of one colour, 8-bit sRGB.
     pub fn plain(rgb: [u8; 3]) -> Self {
         Self { mean: to_linear(rgb), half_range: [0.0; 3], shares: [0.0; OCTAVES] }
     }
@@ -35,6 +36,7 @@ impl Pattern {
         Self { mean, half_range: std::array::from_fn(|i| (other[i] - one[i]) / 2.0), shares }
     }
 
+    /// Gives the pattern another mean, 8-bit sRGB.
     #[cfg(test)]
     pub fn recolour(&mut self, rgb: [u8; 3]) {
         let wanted = to_linear(rgb);
@@ -43,6 +45,7 @@ impl Pattern {
         self.mean = wanted;
     }
 
+    /// Its mean colour.
     #[cfg(test)]
     pub fn mean(&self) -> [f32; 3] {
         self.mean

@@ -56,6 +56,7 @@ impl Surfacing {
         })
     }
 
+    /// The material that it is painted with.
     pub fn material(self) -> PaintMaterial {
         match self {
             Self::Asphalt => PaintMaterial::Asphalt,

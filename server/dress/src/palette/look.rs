@@ -113,6 +113,7 @@ impl Default for ObjectShape {
 }
 
 impl ObjectShape {
+    /// The shape of nothing.
     pub fn new() -> Self {
         Self { footprint_m2: 0.0 }
     }

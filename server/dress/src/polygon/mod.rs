@@ -120,6 +120,7 @@ impl Default for Triangulator {
 }
 
 impl Triangulator {
+    /// One with empty buffers, which are used again.
     pub fn new() -> Self {
         Self { earcut: Earcut::new(), flat: Vec::new(), indices: Vec::new(), triangles: Vec::new(), steps_divisor: 1 }
     }

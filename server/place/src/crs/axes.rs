@@ -14,7 +14,9 @@ pub enum Direction {
 pub struct Axes(Direction, Direction);
 
 impl Axes {
+    /// East, then north.
     pub const EAST_NORTH: Self = Self(Direction::East, Direction::North);
+    /// North, then east.
     pub const NORTH_EAST: Self = Self(Direction::North, Direction::East);
 
     /// `None` if both directions are along the same line.

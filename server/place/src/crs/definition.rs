@@ -204,14 +204,17 @@ impl Definition {
         }
     }
 
+    /// Whether coordinates are degrees.
     pub fn is_geographic(&self) -> bool {
         matches!(&*self.projection, "longlat" | "latlong" | "lonlat" | "latlon")
     }
 
+    /// Whether coordinates are metres from the middle of the Earth.
     pub fn is_geocentric(&self) -> bool {
         matches!(&*self.projection, "geocent" | "cart")
     }
 
+    /// Whether it is the projection of Czechia and Slovakia, whose axes point south and west.
     pub fn is_krovak(&self) -> bool {
         self.projection == "krovak"
     }
@@ -226,6 +229,7 @@ impl Definition {
         !(self.is_geographic() || self.is_geocentric() || is_world)
     }
 
+    /// The shift of its datum to WGS 84, if it states one.
     pub fn shift(&self) -> Option<Shift> {
         self.shift
     }
@@ -235,6 +239,7 @@ impl Definition {
         self.shift.filter(|_| self.has_own_shift)
     }
 
+    /// The same with another shift.
     pub fn with_shift(mut self, shift: Option<Shift>) -> Self {
         self.shift = shift;
         self
@@ -246,6 +251,7 @@ impl Definition {
         self
     }
 
+    /// Whether its unit has this length in metres.
     pub fn unit_m_is(&self, unit_m: f64) -> bool {
         (self.unit_m / unit_m - 1.0).abs() < 1e-7
     }

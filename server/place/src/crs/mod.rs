@@ -50,6 +50,7 @@ pub struct Horizontal {
     pub shift_error_m: f64,
 }
 
+/// Kinds of horizontal systems.
 #[derive(Debug, Clone, PartialEq)]
 pub enum System {
     /// Longitude and latitude.
@@ -95,6 +96,7 @@ pub struct VerticalDatum {
 }
 
 impl VerticalDatum {
+    /// The datum with an EPSG code.
     pub fn from_code(code: u32) -> Self {
         let entry = registry::vertical(code);
         let name = entry.and_then(|entry| entry.names.first()).map(|name| (*name).to_owned());
@@ -105,6 +107,7 @@ impl VerticalDatum {
         }
     }
 
+    /// The datum with a name.
     pub fn named(name: &str) -> Self {
         Self { code: None, name: name.to_owned(), unit_m: 1.0 }
     }

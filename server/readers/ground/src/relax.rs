@@ -14,11 +14,13 @@ pub struct Bounds {
 }
 
 impl Bounds {
+    /// Bounds of vertices of which nothing is known.
     pub fn unknown(size: [usize; 2]) -> Self {
         let n = size[0] * size[1];
         Self { size, low: vec![f32::INFINITY; n], high: vec![f32::NEG_INFINITY; n] }
     }
 
+    /// Whether vertex `i` has bounds.
     pub fn is_known(&self, i: usize) -> bool {
         self.low[i] <= self.high[i]
     }

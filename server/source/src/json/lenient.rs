@@ -76,6 +76,7 @@ pub struct LenientReader<R> {
 }
 
 impl<R: BufRead> LenientReader<R> {
+    /// Reads `inner`.
     pub fn new(inner: R) -> Self {
         Self { inner, in_string: false, escaped: false, pending: b"" }
     }

@@ -9,6 +9,7 @@ use super::nested::{NULL, Nested};
 use super::schema::{
     CityJsonGeometry, CityJsonLod, CityObject, GeometryTemplates, SurfaceSemantics, ThemeValues, VertexTransform,
 };
+use insula_dress::polygon::NO_AREA;
 use insula_source::affine::{Affine, TRANSPOSED};
 use insula_source::json::position::JsonPosition;
 use insula_source::object::{ObjectSink, Surface, SurfaceRole};
@@ -153,6 +154,10 @@ impl GeometryReader<'_> {
         let mut corners = 0;
         self.surfaces.reserve(nested.len());
         for surface in &nested {
+            if surface.rings.iter().all(|ring| ring.list().is_empty()) {
+                self.problem(NO_AREA, "no corners");
+                continue;
+            }
             let surface = self.surface(surface, &roles, frame, appearance)?;
             corners += surface.points.len();
             self.surfaces.push(surface);

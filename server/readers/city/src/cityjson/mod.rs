@@ -99,7 +99,12 @@ fn read_document(
     begin(input.label, &document, sink)?;
     let appearance: CityJsonAppearance = parse_member(document.appearance, "appearance", sink);
     let templates: GeometryTemplates = parse_member(document.templates, "geometry-templates", sink);
-    let shared = SharedMembers { transform: document.transform, templates: &templates, appearance: &appearance };
+    let shared = SharedMembers {
+        label: input.label,
+        transform: document.transform,
+        templates: &templates,
+        appearance: &appearance,
+    };
     let objects = document.city_objects.texts();
     let (bytes, count) = (input.files.len(input.name).unwrap_or(0), objects.len().max(1) as u64);
     // Parsing is behind: the objects that are done stand for their share of the bytes.

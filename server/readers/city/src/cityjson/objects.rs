@@ -17,6 +17,7 @@ use insula_source::json::attributes::flatten;
 use insula_source::json::metadata;
 use insula_source::json::position::JsonPosition;
 use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject, WholeBuilding};
+use insula_source::subject;
 
 /// Objects between two progress reports.
 const TICK_OBJECTS: usize = 256;
@@ -53,6 +54,8 @@ pub(super) fn parse_member<T: DeserializeOwned + Default>(
 
 /// Members that apply to a whole file.
 pub(super) struct SharedMembers<'a> {
+    /// The source, for messages.
+    pub(super) label: &'a str,
     pub(super) transform: Option<VertexTransform>,
     pub(super) templates: &'a GeometryTemplates,
     /// The appearance that the templates refer to.
@@ -88,6 +91,7 @@ pub(super) fn read_objects(
         template_appearance: AppearanceReader::new(shared.appearance),
     };
     for (i, (text, parents)) in batch.objects.iter().zip(parents).enumerate() {
+        subject::set(format_args!("{}: object {}", shared.label, text.id));
         let parent = parents.and_then(|parents| parents.into_iter().next());
         let own = attributes_of(attributes[i]);
         let whole = wholes[i];

@@ -37,7 +37,7 @@ pub(super) fn read(
     begin(label, &header, sink)?;
     let appearance: CityJsonAppearance = parse_member(header.appearance.take(), "appearance", sink);
     let templates: GeometryTemplates = parse_member(header.templates.take(), "geometry-templates", sink);
-    let shared = SharedMembers { transform: header.transform, templates: &templates, appearance: &appearance };
+    let shared = SharedMembers { label, transform: header.transform, templates: &templates, appearance: &appearance };
     // The header may have objects too.
     read_feature(&shared, &header, sink)?;
     let mut number = 1;

@@ -40,11 +40,13 @@ pub use geopackage::read as read_geopackage;
 pub use geoparquet::read as read_geoparquet;
 pub use shapefile::read as read_shapefile;
 
+/// Fails: SQLite is left out of this program.
 #[cfg(not(feature = "sqlite"))]
 pub fn read_geopackage(input: &Input<'_>, _: &mut dyn ObjectSink) -> Result<(), InputError> {
     Err(InputError::left_out(input.label, "sqlite"))
 }
 
+/// Fails: Parquet is left out of this program.
 #[cfg(not(feature = "parquet"))]
 pub fn read_geoparquet(input: &Input<'_>, _: &mut dyn ObjectSink) -> Result<(), InputError> {
     Err(InputError::left_out(input.label, "parquet"))
