@@ -237,6 +237,16 @@ impl Client {
         })
     }
 
+    /// Waits until the program seeks its server again, or has all that a view needs. Returns which.
+    pub(super) fn reconnects(&mut self, after: usize) -> Result<bool> {
+        self.wait_for("reconnection or final frame", |client| {
+            let lines = client.lines();
+            let seeks = lines.iter().skip(after).any(|line| line.contains("status: reconnecting"));
+            let is_final = lines.iter().skip(after).any(|line| Settled::parse(line).is_some());
+            Ok((seeks || is_final).then_some(seeks))
+        })
+    }
+
     /// Waits until exactly these panels are shown, in the order of the program. Only lines after the first `after` count.
     pub(super) fn wait_for_panels(&mut self, panels: &str, after: usize) -> Result<()> {
         self.wait_for(&format!("panels {panels:?}"), |client| {
