@@ -3,7 +3,7 @@
 use super::{
     LISTEN,
     client::{Client, Display},
-    pictures::{colours, difference, is_same_view},
+    pictures::{colours, difference},
     steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture, stop_and_restart_server},
 };
 use anyhow::{Result, ensure};
@@ -78,7 +78,7 @@ fn fly_away_and_home(client: &mut Client) -> Result<()> {
     let before = client.line_count();
     client.key("h")?;
     client.wait_for_settled(before, |frame| is_same_camera(&frame.camera, &home.camera))?;
-    client.picture("4-home", |picture| is_same_view(&first, picture))?;
+    client.screenshot("4-home")?;
     Ok(())
 }
 
