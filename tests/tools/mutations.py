@@ -8,9 +8,9 @@ folder and built there, by default in a target folder of its own. Before its fir
 compiles and all of its tests fail, with the measure or the text that the list demands. Prints a Markdown table, and exits with 1 if a
 fault is not caught.
 
---check only tells whether each old text occurs exactly once in its file, in less than a second.
+--check only tells whether each old text occurs exactly once in its file, and each unit test in its crate, in a second.
 """
-import argparse, os, pathlib, re, shutil, subprocess, sys, time, tomllib
+import argparse, functools, os, pathlib, re, shutil, subprocess, sys, time, tomllib
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 LIST = pathlib.Path(__file__).with_name("mutations.toml")
@@ -49,6 +49,26 @@ def misplaced(faults, root):
             yield f"{fault['name']}: the old text occurs {count} times in {file}"
         elif fault["old"] == fault["new"] or "\n" in fault["old"] + fault["new"]:
             yield f"{fault['name']}: the fault must change one line"
+        yield from misplaced_tests(fault, root)
+
+
+@functools.cache
+def unit_test_names(root, crate):
+    """Names of the functions in the sources of a crate."""
+    folders = ("client", "protocol", "server", "shaders", "tests")
+    for manifest in (path for folder in folders for path in (root / folder).rglob("Cargo.toml")):
+        if f'name = "{crate}"' in manifest.read_text(encoding="utf-8"):
+            sources = (manifest.parent / "src").rglob("*.rs")
+            return set().union(*(re.findall(r"\bfn (\w+)", path.read_text(encoding="utf-8")) for path in sources))
+    return set()
+
+
+def misplaced_tests(fault, root):
+    """Unit tests of a fault that its crate does not have: they would not run."""
+    run = re.fullmatch(r"-p (\S+) --lib", fault["run"])
+    for test in fault["tests"] if run else []:
+        if test.split("::")[-1] not in unit_test_names(root, run[1]):
+            yield f"{fault['name']}: {run[1]} has no test {test}"
 
 
 def copy_tree(scratch):

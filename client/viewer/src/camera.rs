@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 const CAMERA_FORMAT: &str = r#"{"position":[x,y,z],"target":[x,y,z],"fov_y_deg":60}"#;
 const PATH_FORMAT: &str = r#"{"seconds":S,"keys":[{"t":0,"position":[x,y,z],"target":[x,y,z]}]}"#;
 
+/// Higher buildings do not move the first view of a city away from it.
+const MAX_HOUSE_M: f64 = 200.0;
+
 /// Position and orientation of the eye. The three axes are orthogonal unit vectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
@@ -61,8 +64,11 @@ impl Camera {
     /// The first view of a city: the part where most of it stands from the south, or from the north on the southern half of the Earth, 30
     /// degrees above the horizon. In the afternoon the sun stands behind it. `aspect` is width by height.
     pub fn overview(manifest: &Manifest, aspect: f64) -> Self {
-        let [low, high] = manifest.focus_bounds().map(DVec3::from);
         let is_southern = manifest.location.is_some_and(|location| location.latitude_deg < 0.0);
+        Self::overview_of(manifest.focus_bounds().map(DVec3::from), is_southern, aspect)
+    }
+
+    fn overview_of([low, high]: [DVec3; 2], is_southern: bool, aspect: f64) -> Self {
         let fov_y_rad = 40f64.to_radians();
         let half_m = (0.5 * (high - low).truncate().length()).max(5.0);
         let (sin, cos) = (if is_southern { 195f64 } else { 345.0 }).to_radians().sin_cos();
@@ -70,6 +76,8 @@ impl Camera {
         // Most of a city is low: one tower would lift the centre of the box into the air. Seen from one side, the near half is larger.
         let target = ((low + high) * 0.5).with_z(low.z + 0.2 * (high.z - low.z)) - ahead * (0.1 * half_m);
         let distance_m = 1.06 * half_m / ((fov_y_rad * 0.5).tan() * aspect.clamp(0.7, 1.78));
+        // A city is flat beside this distance, a single house is not.
+        let distance_m = distance_m.max(half_m + 2.5 * (high.z - low.z).min(MAX_HOUSE_M));
         let elevation = 30f64.to_radians();
         let position = target - ahead * (elevation.cos() * distance_m) + DVec3::Z * (elevation.sin() * distance_m);
         Self::look_at(position, target, DVec3::Z, fov_y_rad).unwrap_or(Self::from_angles(position, 0.0, 0.0, fov_y_rad))
@@ -259,6 +267,26 @@ mod tests {
         assert!((yaw - 2.0).abs() < 1e-12 && (pitch + 0.7).abs() < 1e-12);
         let same = Camera::look_at(DVec3::ZERO, c.forward, DVec3::Z, 1.0).unwrap();
         assert!((same.right - c.right).length() < 1e-12 && (same.up - c.up).length() < 1e-12);
+    }
+
+    #[test]
+    fn an_overview_has_a_whole_house_and_does_not_flee_from_the_towers_of_a_city() {
+        let camera = Camera::overview_of([DVec3::ZERO, DVec3::new(18.0, 11.0, 9.0)], false, 1.78);
+        for corner in 0..8 {
+            let at =
+                DVec3::new(18.0, 11.0, 9.0) * DVec3::from_array([0, 1, 2].map(|axis| f64::from(corner >> axis & 1)));
+            let seen = at - camera.position;
+            let [across, up] = [camera.right, camera.up].map(|axis| (seen.dot(axis) / seen.dot(camera.forward)).abs());
+            assert!(
+                up < 20f64.to_radians().tan() && across < 1.78 * 20f64.to_radians().tan(),
+                "{corner}: {across} {up}"
+            );
+        }
+        let distance_m = |height_m: f64| {
+            let camera = Camera::overview_of([DVec3::ZERO, DVec3::new(3000.0, 2000.0, height_m)], false, 1.78);
+            (camera.position - DVec3::new(1500.0, 1000.0, 0.2 * height_m)).length()
+        };
+        assert!((distance_m(300.0) / distance_m(10.0) - 1.0).abs() < 0.01);
     }
 
     #[test]

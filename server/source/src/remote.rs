@@ -1,6 +1,7 @@
 //! Files on a web server: a tileset and its tiles, or any other city file.
 
 use std::cell::Cell;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, Cursor, Read};
 use std::time::{Duration, Instant};
 
@@ -72,7 +73,7 @@ impl RemoteFiles {
         };
         let url = format!("{}{}{query}", self.folder, utf8_percent_encode(path, ESCAPED));
         let left = MAX_INPUT_BYTES.saturating_sub(self.bytes.get());
-        let exceeded = |what: String| Err(io::Error::other(format!("{}: {what}", self.location())));
+        let exceeded = |what: String| Err(io::Error::other(format!("{}: {what}", without_secrets(&self.folder))));
         if left == 0 {
             return exceeded(format!("more than {MAX_INPUT_BYTES} bytes in all"));
         }
@@ -99,8 +100,11 @@ impl SourceFiles for RemoteFiles {
         copy_to_disk(&mut Cursor::new(self.get(name)?))
     }
 
+    /// With a hash of user, password and query in their place: files of two inputs may differ by these alone.
     fn location(&self) -> String {
-        without_secrets(&self.folder).into_owned()
+        let mut hasher = DefaultHasher::new();
+        (&self.folder, &self.query).hash(&mut hasher);
+        format!("{}#{:016x}", without_secrets(&self.folder), hasher.finish())
     }
 }
 
@@ -138,7 +142,10 @@ mod tests {
             (source.name.as_str(), source.label.as_str()),
             ("tileset.json", "https://example.org/a%20b/tileset.json")
         );
-        assert_eq!(source.files.location(), "https://example.org/a%20b/");
+        let location = source.files.location();
+        assert!(location.starts_with("https://example.org/a%20b/#"), "{location}");
+        let other = super::source("https://me:secret@example.org/a%20b/tileset.json?key=2", &Echo).unwrap();
+        assert_ne!(location, other.files.location(), "the query may choose the files");
         let read = |name: &str| {
             let mut text = String::new();
             source.files.open(name)?.read_to_string(&mut text).map(|_| text)

@@ -111,7 +111,7 @@ struct Picture {
 impl Picture {
     /// The view without tiles, in the light that viewers begin with.
     fn new(manifest: &Manifest, has_meshes: bool) -> Self {
-        // All that is in the view is drawn: what is hidden from streets does not matter.
+        // A picture from above does not need the sets of what streets see.
         let manifest = Manifest { street_sets: false, ..manifest.clone() };
         let [width_px, height_px] = THUMBNAIL_PX;
         let pages = pages_for(CACHE_BYTES);

@@ -7,11 +7,11 @@ use super::height::length_m;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
 
-/// Reason for leaving out what is below the ground.
+/// Why an underground object is skipped.
 pub const UNDERGROUND: &str = "underground";
-/// Reason for leaving out what is in a tunnel.
+/// Why an object in a tunnel is skipped.
 pub const IN_TUNNEL: &str = "in a tunnel";
-/// Reason for leaving out what is within a building.
+/// Why an object inside a building is skipped.
 pub const INDOORS: &str = "indoors";
 
 /// Names of attributes that say by a truth value that a feature is below the ground; the second as Shapefiles cut it.

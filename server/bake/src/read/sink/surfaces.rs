@@ -231,7 +231,7 @@ impl SceneSink<'_, '_, '_> {
         true
     }
 
-    /// Colour and texture of a surface: its own, else the palette's. `semantic` is what it is in CityJSON.
+    /// The colour and texture of a surface. The palette gives them if the source does not. `semantic` is its type in CityJSON.
     fn surface_look(
         &self,
         semantic: Option<&str>,
