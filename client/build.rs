@@ -24,7 +24,10 @@ fn main() -> io::Result<()> {
     files.sort();
     let mut code = String::from("[\n");
     for (city, path) in &files {
-        writeln!(code, "    ({city:?}, {:?}, include_bytes!({:?})),", name(path), path.display().to_string())
+        let name = name(path);
+        // Worktrees may share this output, so the array names no folder of one of them.
+        let at = format!("/demo/{city}/{name}");
+        writeln!(code, "    ({city:?}, {name:?}, include_bytes!(concat!(env!(\"CARGO_MANIFEST_DIR\"), {at:?}))),")
             .map_err(io::Error::other)?;
     }
     code.push_str("]\n");

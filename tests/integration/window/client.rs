@@ -32,13 +32,6 @@ pub(super) struct Display {
     pub(super) scale: u32,
 }
 
-/// A line of output.
-pub(super) struct Line {
-    pub(super) text: String,
-    /// Number of lines up to its end.
-    pub(super) end: usize,
-}
-
 /// A final frame, as the program reports it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Settled {
@@ -167,11 +160,7 @@ impl Client {
     pub(super) fn hold(&mut self, key: &str, is_there: impl Fn(&Camera) -> bool) -> Result<Settled> {
         let before = self.line_count();
         self.xdotool(&["windowfocus", &self.window, "keydown", key])?;
-        let moved = self.wait_for(&format!("camera moved by {key}"), |client| {
-            let lines = client.lines();
-            let mut frames = lines.iter().skip(before).filter(|line| line.contains(FRAME));
-            Ok(frames.any(|line| camera_of(line).is_some_and(|camera| is_there(&camera))).then_some(()))
-        });
+        let moved = self.wait_for_frame(&format!("camera moved by {key}"), before, &is_there);
         // A key that is still held would be another test's, too.
         self.xdotool(&["keyup", key])?;
         moved?;
@@ -229,21 +218,10 @@ impl Client {
     }
 
     /// Waits for a line of output that contains `words`, after the first `after` lines.
-    pub(super) fn wait_for_line(&mut self, words: &str, after: usize) -> Result<Line> {
+    pub(super) fn wait_for_line(&mut self, words: &str, after: usize) -> Result<String> {
         self.wait_for(&format!("line {words:?}"), |client| {
             let lines = client.lines();
-            let found = lines.iter().enumerate().skip(after).find(|(_, line)| line.contains(words));
-            Ok(found.map(|(at, line)| Line { text: line.clone(), end: at + 1 }))
-        })
-    }
-
-    /// Waits until the program seeks its server again, or has all that a view needs. Returns which.
-    pub(super) fn reconnects(&mut self, after: usize) -> Result<bool> {
-        self.wait_for("reconnection or final frame", |client| {
-            let lines = client.lines();
-            let seeks = lines.iter().skip(after).any(|line| line.contains("status: reconnecting"));
-            let is_final = lines.iter().skip(after).any(|line| Settled::parse(line).is_some());
-            Ok((seeks || is_final).then_some(seeks))
+            Ok(lines.iter().skip(after).find(|line| line.contains(words)).cloned())
         })
     }
 
@@ -253,6 +231,20 @@ impl Client {
             let lines = client.lines();
             let last = lines.iter().skip(after).rfind(|line| line.contains("panels shown"));
             Ok(last.and_then(|line| field(line, "open")).filter(|open| *open == panels).map(|_| ()))
+        })
+    }
+
+    /// Waits for a frame, after the first `after` lines, whose camera `is_there`.
+    pub(super) fn wait_for_frame(
+        &mut self,
+        what: &str,
+        after: usize,
+        is_there: impl Fn(&Camera) -> bool,
+    ) -> Result<()> {
+        self.wait_for(what, |client| {
+            let lines = client.lines();
+            let mut frames = lines.iter().skip(after).filter(|line| line.contains(FRAME));
+            Ok(frames.any(|line| camera_of(line).is_some_and(|camera| is_there(&camera))).then_some(()))
         })
     }
 

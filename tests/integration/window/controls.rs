@@ -4,7 +4,7 @@ use super::{
     LISTEN,
     client::{Client, Display, Settled},
     pictures::{colours, difference, is_same_view, lowest},
-    steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture, stop_and_restart_server},
+    steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture, stop_the_server},
 };
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
@@ -50,7 +50,7 @@ pub(super) fn a_user_controls_the_window() -> Result<()> {
     save_a_picture(&mut client, SIZE)?;
     let link = copy_a_link(&mut client, &view)?;
     let picture = client.picture("8-view", |picture| colours(picture) > 30)?;
-    stop_and_restart_server(&mut client, server, || ServerProcess::serve(&city, &address))?;
+    stop_the_server(&mut client, server, &view)?;
 
     ensure!(client.quit()? == 0, "after Escape, the exit code is not 0");
     let (settings, note) = UserSettings::load(&settings_at);
@@ -132,7 +132,7 @@ fn record(client: &mut Client, view: &Settled) -> Result<Settled> {
     client.wait_for_line("recording", 0)?;
     let moved = fly(client, "d", view, view.camera.right)?;
     client.key("r")?;
-    let wrote = client.wait_for_line("insula-path-0001.json", 0)?.text;
+    let wrote = client.wait_for_line("insula-path-0001.json", 0)?;
     let path = read_path(Path::new(wrote.trim_start_matches("wrote ")))?;
     ensure!(path.keys.len() >= 3, "{path:?}");
     let is_at = |key: usize, view: &Settled| {

@@ -1,4 +1,4 @@
-//! The window, controlled as by a user: keyboard, mouse, a restart, a server that stops.
+//! The window, controlled as by a user: keyboard, mouse, a server that starts late or stops.
 //!
 //! Runs on a virtual screen (Xvfb) with xdotool. Each step waits for what the program reports in its log. Screenshots stay in
 //! `target/window`. Without these programs or a graphics driver, the tests are reported as ignored.
@@ -18,7 +18,7 @@ use insula_tests::{
 
 /// Largest share of differing pixels of two pictures of a view: edges, where other tiles were resident.
 const SAME_VIEW: f64 = 0.03;
-/// An address that no other test listens on. There, the port of a server that was stopped stays free until it is restarted.
+/// An address that no other test listens on. There, the port of a server stays free until it is started.
 const LISTEN: &str = "127.0.0.77:0";
 const TOOLS: [&str; 3] = ["Xvfb", "xdotool", "import"];
 

@@ -4,7 +4,7 @@ use super::{
     LISTEN,
     client::{Client, Display},
     pictures::{colours, difference},
-    steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture, stop_and_restart_server},
+    steps::{copy_a_link, fly, is_same_camera, measure_key, measure_point, save_a_picture},
 };
 use anyhow::{Result, ensure};
 use insula_bake::BakeOptions;
@@ -22,18 +22,14 @@ const FIRST_CITY: [u32; 2] = [330, 118];
 /// Corners of a triangle on the ground, between the panels.
 const TRIANGLE: [[u32; 2]; 3] = [[120, 165], [200, 205], [290, 175]];
 
-/// A server with two cities: one is chosen, viewed, left, found again and measured; the server stops and is restarted.
+/// A server with two cities: one is chosen, viewed, left, found again and measured.
 /// In the end, the window system destroys the window.
 pub(super) fn a_session_with_a_chosen_city(display: Display) -> Result<()> {
     let folder = tempfile::tempdir()?;
     let houses = vec![fixtures::write_city_json(folder.path(), 3)?];
     let village = fixtures::baked("village", &BakeOptions { inputs: houses, ..BakeOptions::default() })?;
     let cities = [fixtures::baked_chiba()?, village];
-    let serve = |at: &str| {
-        let mut command = Command::new(program("insula-server")?);
-        ServerProcess::start_with(&mut command, &cities, at, &[])
-    };
-    let server = serve(LISTEN)?;
+    let server = ServerProcess::start_with(&mut Command::new(program("insula-server")?), &cities, LISTEN, &[])?;
     let address = server.address.to_string();
     std::fs::create_dir_all(folder.path().join("insula"))?;
     let settings = UserSettings { window: SIZE, ..UserSettings::default() };
@@ -49,7 +45,6 @@ pub(super) fn a_session_with_a_chosen_city(display: Display) -> Result<()> {
     save_a_picture(&mut client, SIZE.map(|side| side * display.scale))?;
     let view = client.wait_for_rest()?;
     copy_a_link(&mut client, &view)?;
-    stop_and_restart_server(&mut client, server, || serve(&address))?;
     client.destroy_window()?;
     ensure!(client.wait_for_end()? == 0, "after the window was destroyed, the exit code is not 0");
     Ok(())
@@ -58,7 +53,7 @@ pub(super) fn a_session_with_a_chosen_city(display: Display) -> Result<()> {
 fn choose_the_first_city(client: &mut Client) -> Result<()> {
     client.wait_for_line("has several cities: choose one with --city: chiba, village", 0)?;
     for city in ["chiba", "village"] {
-        let drawn = client.wait_for_line(&format!("picture of {city}"), 0)?.text;
+        let drawn = client.wait_for_line(&format!("picture of {city}"), 0)?;
         ensure!(drawn.contains("is_drawn=true"), "{drawn}");
     }
     client.picture("1-chooser", |picture| colours(picture) > 60)?;

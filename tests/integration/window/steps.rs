@@ -15,10 +15,8 @@ const MOVE_M: f64 = 150.0;
 /// Differences between a camera and its text.
 const TEXT_M: f64 = 0.002;
 const TEXT_SHARE: f64 = 1e-4;
-/// Turns of the wheel towards what is ahead, until finer tiles are needed.
+/// Turns of the wheel towards what is ahead.
 const WHEEL_STEPS: u32 = 20;
-/// Most times that the wheel is turned so far.
-const MAX_ZOOMS: u32 = 4;
 
 /// Whether two cameras are the same as far as their texts tell.
 pub(super) fn is_same_camera(a: &Camera, b: &Camera) -> bool {
@@ -39,20 +37,20 @@ pub(super) fn fly(client: &mut Client, key: &str, from: &Settled, towards: DVec3
 pub(super) fn measure_point(client: &mut Client, place: [u32; 2]) -> Result<String> {
     let before = client.line_count();
     client.click(place)?;
-    Ok(client.wait_for_line("measure: ", before)?.text)
+    client.wait_for_line("measure: ", before)
 }
 
 /// Presses a key of the measuring tool. Returns what is measured then.
 pub(super) fn measure_key(client: &mut Client, key: &str) -> Result<String> {
     let before = client.line_count();
     client.key(key)?;
-    Ok(client.wait_for_line("measure: ", before)?.text)
+    client.wait_for_line("measure: ", before)
 }
 
 /// A picture is drawn in the background and written into the current folder.
 pub(super) fn save_a_picture(client: &mut Client, size_px: [u32; 2]) -> Result<()> {
     client.key("p")?;
-    let wrote = client.wait_for_line("insula-0001.png", 0)?.text;
+    let wrote = client.wait_for_line("insula-0001.png", 0)?;
     let picture = image::open(wrote.trim_start_matches("wrote "))?.to_rgb8();
     ensure!(picture.dimensions() == size_px.into() && colours(&picture) > 30, "{:?}", picture.dimensions());
     Ok(())
@@ -61,34 +59,18 @@ pub(super) fn save_a_picture(client: &mut Client, size_px: [u32; 2]) -> Result<(
 /// Copies a link to the view that rests. Returns it.
 pub(super) fn copy_a_link(client: &mut Client, view: &Settled) -> Result<String> {
     client.key("c")?;
-    let link = client.wait_for_line("copied insula://", 0)?.text.trim_start_matches("copied ").to_owned();
+    let link = client.wait_for_line("copied insula://", 0)?.trim_start_matches("copied ").to_owned();
     let camera = ViewLink::parse(&link)?.camera.context("the link has no camera")?;
     ensure!(is_same_camera(&camera, &view.camera), "{link} is not the view {view:?}");
     Ok(link)
 }
 
-/// The server stops while finer tiles are needed, and is restarted.
-pub(super) fn stop_and_restart_server(
-    client: &mut Client,
-    server: ServerProcess,
-    restart: impl FnOnce() -> Result<ServerProcess>,
-) -> Result<()> {
+/// Without a server, the tiles that the program has are drawn from other places.
+pub(super) fn stop_the_server(client: &mut Client, server: ServerProcess, view: &Settled) -> Result<()> {
     drop(server);
-    // A view may have all of its tiles already.
-    for zooms in 1.. {
-        let before = client.line_count();
-        client.turn_wheel([200, 200], WHEEL_STEPS)?;
-        if client.reconnects(before)? {
-            break;
-        }
-        ensure!(zooms < MAX_ZOOMS, "{zooms} finer views need no tile");
-    }
-    // Resident tiles are still drawn.
-    client.picture("9-reconnecting", |picture| colours(picture) > 30)?;
     let before = client.line_count();
-    let _server = restart()?;
-    let ready = client.wait_for_line("status: ready", before)?;
-    client.wait_for_settled(ready.end, |_| true)?;
-    client.screenshot("9-reconnected")?;
+    client.turn_wheel([200, 200], WHEEL_STEPS)?;
+    client.wait_for_frame("nearer view", before, |camera| camera.position.distance(view.camera.position) > MOVE_M)?;
+    client.picture("9-without-a-server", |picture| colours(picture) > 30)?;
     Ok(())
 }
