@@ -1,8 +1,10 @@
 //! The command line of `insula`.
 
 mod draw;
+mod view_options;
 
 pub use draw::DrawArgs;
+pub use view_options::{PlaceArgs, StreetPlace, Target, ViewpointArgs};
 
 use crate::{
     image_files::parse_picture_path, objects::ObjectStyleArgs, render::AdapterChoice, stream::fetch::HttpOptions,
@@ -15,7 +17,7 @@ use insula_viewer::{
     switching::{MAX_SWITCHES, SwitchDistances, SwitchVolume},
     translucency::Translucency,
 };
-use std::{ffi::OsString, path::PathBuf};
+use std::path::PathBuf;
 
 /// Insula: fly through whole cities, streamed.
 #[derive(Debug, Parser)]
@@ -107,10 +109,8 @@ fn picture_path() -> impl TypedValueParser<Value = PathBuf> {
 /// Arguments of `insula view`.
 #[derive(Debug, Default, Args)]
 pub struct ViewArgs {
-    /// City: `http://host:port`, `http://host:port/v1/cities/NAME`, a view link (`insula://...`), the folder of a baked city,
-    /// or the URL of such a folder on any host that supports range requests.
-    #[arg(value_name = "PLACE")]
-    pub place: OsString,
+    #[command(flatten)]
+    pub place: PlaceArgs,
     /// Fly along a camera path repeatedly, and print frame times and memory use.
     #[arg(long, value_name = "PATH.json")]
     pub path: Option<PathBuf>,
@@ -183,14 +183,13 @@ pub struct DemoArgs {
 /// Arguments of `insula snapshot`.
 #[derive(Debug, Args)]
 pub struct SnapshotArgs {
-    /// City, as for `insula view`. A view link gives the time of the light, too.
-    #[arg(long, value_name = "PLACE")]
-    pub server: OsString,
-    /// Camera file: `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}` [default: that of the view link].
-    #[arg(long, value_name = "CAM.json")]
-    pub camera: Option<PathBuf>,
+    // A view link gives the time of the light, too.
+    #[command(flatten)]
+    pub place: PlaceArgs,
+    #[command(flatten)]
+    pub viewpoint: ViewpointArgs,
     /// Size of the image in pixels.
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = parse_size)]
     pub size: [u32; 2],
     /// Image file to write: .png, .jpg, .jpeg or .webp.
     #[arg(long, value_name = "FILE", value_parser = picture_path())]
@@ -238,9 +237,8 @@ impl SnapshotArgs {
 /// Arguments of `insula fly`.
 #[derive(Debug, Args)]
 pub struct FlyArgs {
-    /// City, as for `insula view`. A view link gives the time of the light, too.
-    #[arg(long, value_name = "PLACE")]
-    pub server: OsString,
+    #[command(flatten)]
+    pub place: PlaceArgs,
     /// Camera path file: `{"seconds":S,"keys":[{"t":0,"position":[x,y,z],"target":[x,y,z]},...]}`.
     #[arg(long, value_name = "PATH.json")]
     pub path: PathBuf,

@@ -5,6 +5,7 @@
 //! ([`commands`]). The modules depend on each other in one direction only:
 //!
 //! ```text
+//! commands -> viewpoint -> session
 //! commands -> ui -> picture -> session -> report -> render -> error
 //!                                      -> objects -> stream -> error
 //! ```
@@ -23,3 +24,4 @@ pub mod report;
 pub mod session;
 pub mod stream;
 pub mod ui;
+pub mod viewpoint;

@@ -133,7 +133,10 @@ fn call(name: &str, folder: &Path, arguments: &[&OsStr]) -> (Option<i32>, String
         .env_remove("WAYLAND_DISPLAY")
         .env_remove("RUST_LOG");
     let output = run(&mut command).unwrap();
-    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    // How far a bake is says only one that takes long.
+    let text = String::from_utf8_lossy(&output.stderr);
+    let lines = text.lines().filter(|line| !line.starts_with("baking: "));
+    (output.status.code(), lines.map(|line| format!("{line}\n")).collect())
 }
 
 /// A folder with the city `city`.
@@ -176,8 +179,15 @@ fn a_view_link_is_a_place_of_all_commands() {
     assert_ne!(image("link.png"), image("other.png"), "--camera comes before the link's");
     assert_ne!(image("address.png"), image("other.png"), "the light is the link's");
     assert_eq!(image("noon.png"), image("other.png"));
-    let (code, error) = draw(&address, "none.png", &[]);
-    assert!(code == Some(2) && error.contains("--camera"), "{error}");
+    // The address of a page, as a browser shows it.
+    let page = format!("{address}/cities/city#{VIEW}&time=2024-06-21T12:00");
+    assert_eq!(draw(&page, "page.png", &[]), ok);
+    assert_eq!(image("page.png"), image("link.png"));
+    // The first view, without a camera.
+    assert_eq!(draw(&address, "first.png", &[]), ok);
+    assert_ne!(image("first.png"), image("address.png"));
+    let (code, error) = draw(&address, "far.png", &["--at-street", "4.3,-52.1"]);
+    assert!(code == Some(2) && error.contains("--at-street"), "{error}");
     fs::write(
         folder.join("path.json"),
         format!(r#"{{"seconds": 0.1, "keys": [{}]}}"#, CAMERA.replacen('{', r#"{"t": 0, "#, 1)),
@@ -247,6 +257,17 @@ fn a_view_is_exported_with_its_camera() {
     let glb = fs::read(folder.path().join("view.glb")).unwrap();
     let camera = br#""perspective":{"aspectRatio":1.7777777777777777,"yfov":1.04719755"#;
     assert!(glb.windows(camera.len()).any(|bytes| bytes == camera), "no camera");
+    // The name tells the format. The text has the same bytes.
+    let by_name = |name: &str| {
+        let arguments = ["export", "city", "--out", name].map(OsStr::new);
+        assert_eq!(call("insula-server", folder.path(), &arguments), (Some(0), String::new()), "{name}");
+        fs::read(folder.path().join(name)).unwrap()
+    };
+    let (whole, text) = (by_name("all.glb"), by_name("all.gltf"));
+    let model: serde_json::Value = serde_json::from_slice(&text).unwrap();
+    let uri = model["buffers"][0]["uri"].as_str().unwrap();
+    assert!(uri.starts_with("data:application/octet-stream;base64,") && text.len() > whole.len(), "{}", text.len());
+    assert!(!by_name("all.csv").is_empty());
     fs::write(folder.path().join("here.json"), CAMERA.replace("85010, 447006, 4", "84980, 446970, 30")).unwrap();
     let away = CAMERA.replace("84980, 446970", "80000, 440000").replace("85010, 447006", "79000, 439000");
     fs::write(folder.path().join("away.json"), away).unwrap();

@@ -106,7 +106,7 @@ impl Workspace {
 }
 
 /// The packages of the workspace that each may depend on.
-const ALLOWED: [(&str, &[&str]); 23] = [
+const ALLOWED: [(&str, &[&str]); 24] = [
     ("insula-protocol", &[]),
     ("insula-archive", &["insula-protocol"]),
     ("insula-command-line", &["insula-protocol", "insula-archive"]),
@@ -125,6 +125,7 @@ const ALLOWED: [(&str, &[&str]); 23] = [
             "insula-source",
             "insula-place",
             "insula-dress",
+            "insula-scratch",
             "insula-simplify",
             "insula-read-city",
             "insula-read-ground",
@@ -135,6 +136,7 @@ const ALLOWED: [(&str, &[&str]); 23] = [
     ("insula-source", &["insula-protocol", "insula-archive", "insula-objects"]),
     ("insula-place", &["insula-source", "insula-archive"]),
     ("insula-dress", &["insula-source"]),
+    ("insula-scratch", &["insula-protocol"]),
     ("insula-simplify", &["insula-protocol"]),
     ("insula-read-city", &["insula-source", "insula-place", "insula-dress"]),
     ("insula-read-ground", &["insula-source", "insula-place", "insula-dress", "insula-protocol", "insula-roam"]),

@@ -97,12 +97,12 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server ao", &["out"], Writes("ao a.off --views 16 --map 64 --out {}", ".ply")),
     ("insula-server man", &["out"], FOLDER),
     ("insula man", &["out"], FOLDER),
-    ("insula view", &["place"], FOLDER),
+    ("insula view", &["place", "server"], FOLDER),
     ("insula view", &["path"], Reads("insula view city --path {}", ".json")),
     ("insula open", &["inputs"], Reads("insula open {}", ".obj")),
     ("insula open", &["palette"], Reads("insula open town.geojson --palette {}", ".json")),
     ("insula demo", &["out"], Else("bakes for minutes; its check is that of `snapshot`")),
-    ("insula snapshot", &["server"], FOLDER),
+    ("insula snapshot", &["place", "server"], FOLDER),
     (
         "insula snapshot",
         &["camera"],
@@ -115,7 +115,7 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula snapshot", &["objects_json"], Writes("SNAPSHOT --out p.png --objects-json {}", ".json")),
     ("insula snapshot", &["report"], Writes("SNAPSHOT --out p.png --report {}", ".json")),
     ("insula snapshot", &["color_by", "filter"], TEXT),
-    ("insula fly", &["server"], FOLDER),
+    ("insula fly", &["place", "server"], FOLDER),
     ("insula fly", &["path"], Reads("insula fly --server city --size 16x12 --adapter cpu --path {}", ".json")),
     (
         "insula fly",

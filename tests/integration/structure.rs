@@ -21,7 +21,7 @@ pub(crate) fn add(trials: &mut Trials) {
 }
 
 /// Folders of the crates' sources.
-const CRATES: [&str; 24] = [
+const CRATES: [&str; 25] = [
     "protocol/src",
     "protocol/archive/src",
     "protocol/objects/src",
@@ -40,6 +40,7 @@ const CRATES: [&str; 24] = [
     "server/readers/map/src",
     "server/readers/scene/src",
     "server/roam/src",
+    "server/scratch/src",
     "server/simplify/src",
     "server/source/src",
     "server/visibility/src",
@@ -57,7 +58,7 @@ fn modules_import_without_circles() {
     let mut circles = Vec::new();
     for source in CRATES {
         let modules = CrateModules::new(&files, source);
-        assert!(modules.len() > 3, "{source} has {} modules", modules.len());
+        assert!(modules.len() > 1, "{source} has {} modules", modules.len());
         let circle = modules.import_circle().unwrap();
         circles.extend(circle.map(|circle| format!("{source}: {}", circle.join(" -> "))));
     }

@@ -18,7 +18,10 @@ pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
     if let [place] = &args.inputs[..]
         && is_baked(place)
     {
-        return view::run(&ViewArgs { place: place.into(), sun: args.sun, ..ViewArgs::default() }, global);
+        return view::run(
+            &ViewArgs { place: place.clone().into_os_string().into(), sun: args.sun, ..ViewArgs::default() },
+            global,
+        );
     }
     let cell_m = args.cell.unwrap_or(1.0);
     let palette = match &args.palette {

@@ -1,15 +1,17 @@
 //! `insula snapshot`: renders one view at full quality.
 
-use super::headless::{PictureFile, open_session, render_to_file};
+use super::headless::{PictureFile, open_session, render_to_file, settle};
 use crate::{
     args::{GlobalArgs, SnapshotArgs},
-    camera_files::read_camera,
     error::{ClientError, Result},
     image_files::{objects_kind, picture_kind, write_objects, write_pfm, write_radiance},
     objects::ObjectLookup,
     report::RunReport,
+    session::Session,
     ui::view_link::ViewLink,
+    viewpoint::{camera_of, lifted_out, stand_on_ground},
 };
+use glam::DVec3;
 use insula_archive::new_file::replace;
 use insula_command_line::output::{FileKind, Outputs};
 use insula_protocol::{
@@ -17,25 +19,25 @@ use insula_protocol::{
     text::{human_bytes, printable},
 };
 use insula_shaders::layout::Shading;
-use insula_viewer::{objects::ObjectDescription, streamer::FrameRequest, sun::Daylight};
+use insula_viewer::{camera::Camera, objects::ObjectDescription, streamer::FrameRequest, sun::Daylight};
 use serde::Serialize;
 use std::{
     cmp::Reverse,
     collections::BTreeMap,
+    f64::consts::FRAC_PI_2,
     fs,
     path::{Path, PathBuf},
+    time::Duration,
 };
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     check_outputs(args).map_err(ClientError::Usage)?;
-    let link = ViewLink::parse(&args.server)?;
-    let camera = match &args.camera {
-        Some(path) => read_camera(path)?,
-        None => link.camera.ok_or_else(no_camera)?,
-    };
+    let link = ViewLink::parse(args.place.place())?;
+    let mut session = open_session(args.place.place(), global, None, None)?;
+    let camera = camera_of(&args.viewpoint, link.camera, session.tree().manifest(), args.size)?;
     let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau, switching: None };
-    let mut session = open_session(&args.server, global, None, Some(&request))?;
+    let request = outside(args, global, request, &mut session)?;
     let daylight = Daylight::new(&args.sun.or_link(link.time, link.look).into(), session.tree().manifest());
     let objects = if args.needs_objects() { Some(session.open_objects()?) } else { None };
     let mut legend = None;
@@ -66,10 +68,7 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
         // With one ray per pixel, the distance is that of the pixel's centre.
         write_pfm(path, &session.draw(&request, &daylight.render_settings(args.shading, 1))?)?;
     }
-    let is_inside = session.solids().is_inside(camera.position);
-    if is_inside {
-        eprintln!("note: camera is inside a building: move it outside or above the roof");
-    }
+    let is_inside = session.solids().is_inside(request.camera.position);
     if let Some(path) = &args.report {
         RunReport { camera_inside_solid: Some(is_inside), ..session.report(global.tau) }.write(path)?;
     }
@@ -77,9 +76,43 @@ pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     Ok(())
 }
 
+/// The request with its eye on the ground, if it stands on a street, and outside of buildings and of the ground. Says on standard error
+/// what is wrong with a camera.
+fn outside(
+    args: &SnapshotArgs,
+    global: &GlobalArgs,
+    mut request: FrameRequest,
+    session: &mut Session,
+) -> Result<FrameRequest> {
+    let timeout = Duration::from_secs(u64::from(global.timeout));
+    if args.viewpoint.at_street.is_some() {
+        // From above, the tiles around the place are those of an eye that stands there.
+        let high_m = session.tree().manifest().bounds[1][2] + 50.0;
+        let above = Camera {
+            position: request.camera.position.with_z(high_m),
+            ..Camera::from_angles(DVec3::ZERO, 0.0, -FRAC_PI_2, 1.0)
+        };
+        settle(session, &FrameRequest { camera: above, ..request }, timeout)?;
+        request.camera = stand_on_ground(request.camera, session);
+    }
+    settle(session, &request, timeout)?;
+    if let Some(lifted) = lifted_out(request.camera, session) {
+        let up_m = lifted.position.z - request.camera.position.z;
+        if args.viewpoint.keep_camera {
+            eprintln!("note: the camera is inside of a building or below the ground");
+        } else {
+            eprintln!(
+                "note: the camera is inside of a building or below the ground: lifted by {up_m:.1} m; --keep-camera keeps it"
+            );
+            request.camera = lifted;
+        }
+    }
+    Ok(request)
+}
+
 /// Fails if a file would overwrite anything but an earlier one.
 fn check_outputs(args: &SnapshotArgs) -> std::result::Result<(), String> {
-    let inputs = [Some(Path::new(&args.server)), args.camera.as_deref()];
+    let inputs = [Some(Path::new(args.place.place())), args.viewpoint.camera.as_deref()];
     let mut outputs = Outputs::new(args.overwrite).reading(inputs.into_iter().flatten());
     outputs.file(&args.out, picture_kind(&args.out))?;
     for path in [&args.distance, &args.radiance].into_iter().flatten() {
@@ -132,8 +165,4 @@ fn written_files(args: &SnapshotArgs) -> String {
         .flatten()
         .map(|path| describe(path, ""));
     format!("wrote {}", std::iter::once(image).chain(others).collect::<Vec<_>>().join(", "))
-}
-
-fn no_camera() -> ClientError {
-    ClientError::Usage("no camera: use --camera CAM.json, or a view link with a camera as --server".into())
 }

@@ -45,7 +45,7 @@ const PREVIEW_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Runs the command until the window is closed. Fails if an argument is invalid, or if no window can be opened.
 pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
-    let link = ViewLink::parse(&args.place)?;
+    let link = ViewLink::parse(args.place.place())?;
     let first = FirstView {
         status: StartStatus::new(format!("connecting to {}", link.location)),
         camera: link.camera,
@@ -53,7 +53,7 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
         look: link.look,
         object: link.object,
     };
-    let place = args.place.clone();
+    let place = args.place.place().to_owned();
     open_window(first, Box::new(move |_| Ok(place.clone())), args, global)
 }
 

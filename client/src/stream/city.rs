@@ -3,7 +3,7 @@
 use super::{
     fetch::Http,
     jitter::jitter,
-    location::CityLocation,
+    location::{CityLocation, page_of},
     source::{disk::CachedCity, folder, searchable},
 };
 use crate::error::{ClientError, ListedCity, Result};
@@ -90,7 +90,13 @@ impl CityOpener<'_> {
         let url = format!("{base}/{MANIFEST_FILE}");
         let missing =
             || format!("{url}: no city here: give the URL of a baked city's folder, which has a {MANIFEST_FILE}");
-        let manifest = self.fetch_manifest(&url, missing)?;
+        let json = match (self.fetch(&url)?, page_of(base)) {
+            (Some(json), _) => json,
+            // The page of a server has no files beside it.
+            (None, Some((server, name))) => return self.server(server, Some(name.to_owned()), false),
+            (None, None) => return Err(ClientError::Server(missing())),
+        };
+        let manifest = read_fetched(&url, &json)?;
         self.check_name(&manifest)?;
         let source = Arc::new(web_folder::open(base, &manifest.version, &self.transport()));
         Ok(self.with_disk_cache(format!("{base}/"), manifest, source))
@@ -156,8 +162,7 @@ impl CityOpener<'_> {
 
     /// `missing` is the message if there is no such file.
     fn fetch_manifest(&self, url: &str, missing: impl FnOnce() -> String) -> Result<Manifest> {
-        let json = self.fetch(url)?.ok_or_else(|| ClientError::Server(missing()))?;
-        parse_manifest(&json).map_err(|error| ClientError::Server(format!("{url}: invalid manifest: {error}")))
+        read_fetched(url, &self.fetch(url)?.ok_or_else(|| ClientError::Server(missing()))?)
     }
 
     /// Fetches a small file. Fails at `deadline` even if the response is still arriving.
@@ -212,6 +217,10 @@ impl CityOpener<'_> {
             }
         }
     }
+}
+
+fn read_fetched(url: &str, json: &[u8]) -> Result<Manifest> {
+    parse_manifest(json).map_err(|error| ClientError::Server(format!("{url}: invalid manifest: {error}")))
 }
 
 /// The city of a server that has only one. Fails if it has several or none.

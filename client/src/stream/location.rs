@@ -2,7 +2,10 @@
 
 use crate::error::{ClientError, Result};
 use insula_archive::city::MANIFEST_FILE;
-use insula_protocol::{manifest::is_name, route::CITIES};
+use insula_protocol::{
+    manifest::is_name,
+    route::{self, CITIES},
+};
 use std::{
     ffi::OsStr,
     fmt,
@@ -69,7 +72,11 @@ impl CityLocation {
                 _ => return Err(invalid()),
             },
             None if path.is_empty() => None,
-            None if share.is_some() => return Err(invalid()),
+            None if share.is_some() => match page_of(path) {
+                // A web folder knows no share links, so it is a server's page.
+                Some(("", name)) => Some(name.to_owned()),
+                _ => return Err(invalid()),
+            },
             None => {
                 let folder = path.strip_suffix(MANIFEST_FILE).map_or(path, |folder| folder.trim_end_matches('/'));
                 return Ok(Self::WebFolder(format!("{base}{folder}")));
@@ -89,6 +96,13 @@ impl fmt::Display for CityLocation {
             Self::Folder(path) => write!(f, "{}", path.display()),
         }
     }
+}
+
+/// Splits the address of a city's page, on a server or a published site: what is before the page's path, and the city's name.
+pub(super) fn page_of(address: &str) -> Option<(&str, &str)> {
+    let name = address.rsplit('/').next()?;
+    let before = is_name(name).then(|| address.strip_suffix(&route::city_page(name)))??;
+    Some((before, name))
 }
 
 /// The value of `share=VALUE`, if that is the whole query and could be a share link.
@@ -115,6 +129,8 @@ mod tests {
         assert_eq!(parsed("http://h:1/"), server("http://h:1", None, true));
         assert_eq!(parsed("https://h/v1/cities/"), server("https://h", None, false));
         assert_eq!(parsed("http://h:1/v1/cities/the_hague"), server("http://h:1", Some("the_hague"), false));
+        assert_eq!(page_of("https://h:1/cities/delft"), Some(("https://h:1", "delft")));
+        assert_eq!((page_of("https://h/maps/delft"), page_of("https://h/cities/A")), (None, None));
         for web in ["https://h/maps/delft", "https://h/maps/delft/", "https://h/maps/delft/city.json"] {
             assert_eq!(parsed(web), CityLocation::WebFolder("https://h/maps/delft".into()));
         }
@@ -130,6 +146,7 @@ mod tests {
             is_bare_host: false,
         };
         assert_eq!(CityLocation::parse(format!("https://h/v1/cities/delft?share={link}")).unwrap(), expected);
+        assert_eq!(CityLocation::parse(format!("https://h/cities/delft?share={link}")).unwrap(), expected);
         assert_eq!(expected.to_string(), "https://h/v1/cities/delft");
         for invalid in
             ["https://h/v1/cities/A?share=secret", "https://h/maps/delft?share=secret", "https://h?share=secret&"]

@@ -12,7 +12,7 @@ use insula_viewer::{
     camera_text,
     sun::{Daylight, SunTime, parse_time},
 };
-use std::ffi::OsStr;
+use std::{borrow::Cow, ffi::OsStr};
 
 /// Prefix of view links. Any other text is a plain city location.
 const SCHEME: &str = "insula://";
@@ -39,8 +39,7 @@ impl ViewLink {
         let place = place.as_ref();
         let text = &*place.to_string_lossy();
         if !text.get(..SCHEME.len()).is_some_and(|scheme| scheme.eq_ignore_ascii_case(SCHEME)) {
-            let location = CityLocation::parse(place)?;
-            return Ok(Self { location, camera: None, time: None, look: None, object: None });
+            return Self::of_address(place);
         }
         let invalid = |why: &str| {
             // The link may be hostile: only its beginning is printed, without control characters.
@@ -51,21 +50,46 @@ impl ViewLink {
         };
         let url = parse_url(text).map_err(|why| invalid(&why))?;
         let host = url.host_str().filter(|host| !host.is_empty()).ok_or_else(|| invalid("no host"))?;
-        let (mut camera, mut time, mut look, mut object, mut scheme) = (None, None, None, None, "http");
-        for (name, value) in url.query_pairs() {
-            match &*name {
-                "camera" => camera = Some(camera_text::parse(&value).ok_or_else(|| invalid("invalid camera"))?),
-                "time" => time = Some(parse_time(&value).map_err(|e| invalid(&e))?),
-                "look" => look = Some(Look::of_word(&value).ok_or_else(|| invalid("invalid look"))?),
-                "object" => object = Some(value.parse().map_err(|_| invalid("invalid object"))?),
-                "tls" => scheme = if value == "1" { "https" } else { "http" },
-                _ => {}
-            }
-        }
+        let scheme =
+            if url.query_pairs().any(|(name, value)| name == "tls" && value == "1") { "https" } else { "http" };
         let port = url.port().map(|port| format!(":{port}")).unwrap_or_default();
         let location = CityLocation::parse(format!("{scheme}://{host}{port}{}", url.path()))
             .map_err(|_| invalid("its path names no city"))?;
-        Ok(Self { location, camera, time, look, object })
+        Self::at(location).with_view(url.query_pairs()).map_err(|why| invalid(&why))
+    }
+
+    fn at(location: CityLocation) -> Self {
+        Self { location, camera: None, time: None, look: None, object: None }
+    }
+
+    /// The location of a city, or the address of a page as browsers show it: its hash has the view, of which the page leaves out what is
+    /// malformed.
+    fn of_address(place: &OsStr) -> Result<Self> {
+        let text = place.to_string_lossy();
+        match text.split_once('#') {
+            Some((address, view)) if address.contains("://") => {
+                let plain = Self::at(CityLocation::parse(address)?);
+                Ok(plain.clone().with_view(url::form_urlencoded::parse(view.as_bytes())).unwrap_or(plain))
+            }
+            _ => Ok(Self::at(CityLocation::parse(place)?)),
+        }
+    }
+
+    /// With the view of a query. Fails with the reason if a value is malformed.
+    fn with_view<'a>(
+        mut self,
+        query: impl Iterator<Item = (Cow<'a, str>, Cow<'a, str>)>,
+    ) -> std::result::Result<Self, String> {
+        for (name, value) in query {
+            match &*name {
+                "camera" => self.camera = Some(camera_text::parse(&value).ok_or("invalid camera")?),
+                "time" => self.time = Some(parse_time(&value)?),
+                "look" => self.look = Some(Look::of_word(&value).ok_or("invalid look")?),
+                "object" => self.object = Some(value.parse().map_err(|_| "invalid object")?),
+                _ => {}
+            }
+        }
+        Ok(self)
     }
 }
 
@@ -181,6 +205,11 @@ mod tests {
         assert_eq!((plain.location.to_string().as_str(), plain.camera), ("http://h:1/v1/cities/a", None));
         let bare = ViewLink::parse("INSULA://h:1/v1/cities/a?colour=blue").unwrap();
         assert_eq!((&bare.location, bare.camera, bare.time), (&plain.location, None, None));
+        // As a browser shows a page. What is malformed in its hash is left out.
+        let page = ViewLink::parse("http://h:1/cities/a#camera=1,2,3,0,0,60&time=2024-06-21T17:00").unwrap();
+        assert_eq!(page.location, CityLocation::WebFolder("http://h:1/cities/a".into()));
+        assert!(page.camera.is_some() && page.time.is_some());
+        assert_eq!(ViewLink::parse("http://h:1/v1/cities/a#camera=1,2").unwrap(), plain);
         let folder = ViewLink::parse("insula://h/maps/delft/?tls=1").unwrap();
         assert_eq!(folder.location, CityLocation::WebFolder("https://h/maps/delft".into()));
     }

@@ -6,6 +6,7 @@ use std::{
 };
 
 use insula_protocol::{DecodeError, TileId};
+use insula_scratch::error::ScratchError;
 pub use insula_source::error::InputError;
 
 use crate::kept_work::has_kept_work;
@@ -136,6 +137,15 @@ pub enum BakeError {
     /// The system could not start the worker threads.
     #[error("--threads {threads}: {cause}; use fewer threads")]
     Threads { threads: usize, cause: String },
+}
+
+impl From<ScratchError> for BakeError {
+    fn from(error: ScratchError) -> Self {
+        match error {
+            ScratchError::Io { path, action, cause } => Self::io(&path, action, cause),
+            ScratchError::Damaged => Self::Scratch { path: "records".into() },
+        }
+    }
 }
 
 impl BakeError {

@@ -1,6 +1,7 @@
 //! Models of single mesh files, and their simplification.
 
 pub mod model;
+pub mod repair;
 pub mod simplify;
 pub mod surface;
 pub mod triangle_distance;

@@ -47,9 +47,11 @@ pub struct ExportArgs {
     /// City folder
     pub city: PathBuf,
     /// csv, geojson, geoparquet, flatgeobuf (footprints, heights and attributes), cityjsonseq, glb (meshes), geotiff (heights) or 3dtiles
+    /// [default: by the name of the file]
     #[arg(long, value_name = "FORMAT", value_parser = parse_format)]
-    pub format: ExportFormat,
-    /// File to write; for 3dtiles a folder, or a file that ends in .3tz or .pmtiles
+    pub format: Option<ExportFormat>,
+    /// File to write: .csv, .geojson, .parquet, .fgb, .city.jsonl, .glb, .gltf or .tif; for 3dtiles a folder, or a file that ends in .3tz or
+    /// .pmtiles
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
     /// Only objects with the middle in this area, in metres of the city's coordinate system
@@ -75,6 +77,34 @@ pub struct ExportArgs {
     pub keep_formulas: bool,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
+}
+
+#[cfg(feature = "bake")]
+impl ExportArgs {
+    /// The format, by its name or by that of the file. Fails if neither tells it.
+    pub fn format(&self) -> Result<ExportFormat, String> {
+        use insula_export::format::Format;
+        let name = self.out.to_string_lossy().to_lowercase();
+        let ends = |ends: &[&str]| ends.iter().any(|end| name.ends_with(end));
+        let known = match &name {
+            _ if self.format.is_some() => self.format,
+            _ if ends(&[".glb", ".gltf"]) => Some(ExportFormat::Glb),
+            _ if ends(&[".3tz", ".pmtiles"]) => Some(ExportFormat::Tiles3d),
+            _ if ends(&[".csv"]) => Some(ExportFormat::Table(Format::Csv)),
+            _ if ends(&[".geojson"]) => Some(ExportFormat::Table(Format::GeoJson)),
+            _ if ends(&[".parquet", ".geoparquet"]) => Some(ExportFormat::Table(Format::GeoParquet)),
+            _ if ends(&[".fgb"]) => Some(ExportFormat::Table(Format::FlatGeobuf)),
+            _ if ends(&[".city.jsonl", ".jsonl"]) => Some(ExportFormat::Table(Format::CityJsonSeq)),
+            _ if ends(&[".tif", ".tiff"]) => Some(ExportFormat::Table(Format::GeoTiff)),
+            _ => None,
+        };
+        known.ok_or_else(|| format!("{}: its name tells no format: give --format FORMAT", self.out.display()))
+    }
+
+    /// Whether a model is written as text: JSON with its bytes inside.
+    pub fn is_text_model(&self) -> bool {
+        self.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gltf"))
+    }
 }
 
 /// A format of `export`.

@@ -5,7 +5,7 @@ use crate::{
     args::{ExportArgs, ExportFormat},
     store::{CityStore, StoredCity, StoredObjects},
 };
-use insula_archive::{file::read_text, new_file::NewFile};
+use insula_archive::{file::read_text, new_file::replace};
 use insula_bake::read::EarthPlace;
 use insula_command_line::output::{FileKind, Outputs};
 use insula_export::{
@@ -21,10 +21,7 @@ use insula_objects::filter::Filter;
 use insula_protocol::text::{count, human_bytes, printable};
 use roaring::RoaringBitmap;
 use serde_json::Value;
-use std::{
-    io::{self, BufWriter, Write as _},
-    path::Path,
-};
+use std::path::Path;
 
 /// Largest file of a polygon or a camera.
 const MAX_TEXT_BYTES: u64 = 16 << 20;
@@ -32,27 +29,29 @@ const MAX_TEXT_BYTES: u64 = 16 << 20;
 /// Runs `export`. Fails if the city cannot be read, the selection is invalid or empty, or the output cannot be written.
 pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     let city = CityStore::open(&args.city)?;
-    check_outputs(args, &city)?;
+    let format = args.format().map_err(CommandError::Usage)?;
+    check_outputs(args, format, &city)?;
     let objects = StoredObjects::open(&city)?;
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(city.manifest(), objects.schema(), &read);
-    let view = view(args)?;
-    if args.keep_formulas && args.format != ExportFormat::Table(Format::Csv) {
+    let view = view(args, format)?;
+    if args.keep_formulas && format != ExportFormat::Table(Format::Csv) {
         return Err(CommandError::Usage("--keep-formulas needs --format csv".to_owned()));
     }
     let selection = selection(args, &source)?;
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
-    let text = match args.format {
+    let text = match format {
         ExportFormat::Glb => {
-            let cannot_write = |error: io::Error| failed(error.to_string());
-            let new = NewFile::create(&args.out).map_err(cannot_write)?;
-            let mut out = BufWriter::new(new.file().map_err(cannot_write)?);
-            let report = glb::write_glb(&source, &selection, view.as_ref(), &mut out);
+            let mut bytes = Vec::new();
+            let report = glb::write_glb(&source, &selection, view.as_ref(), &mut bytes);
             let report = report.map_err(|error| failed(error.to_string()))?;
-            out.flush().and_then(|()| new.commit()).map_err(cannot_write)?;
+            if args.is_text_model() {
+                bytes = glb::gltf_of_glb(&bytes).map_err(|error| failed(error.to_string()))?.into_bytes();
+            }
+            replace(&args.out, &bytes).map_err(|error| failed(error.to_string()))?;
             let counts = [count(report.objects, "object"), count(report.triangles, "triangle")];
-            format!("{}, {}", counts.join(", "), human_bytes(report.bytes))
+            format!("{}, {}", counts.join(", "), human_bytes(bytes.len() as u64))
         }
         ExportFormat::Tiles3d => {
             let to_geocentric = |p: [f64; 3]| place.as_ref()?.geocentric(p);
@@ -69,10 +68,11 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
 }
 
 /// Fails if the output would overwrite anything but an earlier one.
-fn check_outputs(args: &ExportArgs, city: &CityStore) -> Result<(), CommandError> {
+fn check_outputs(args: &ExportArgs, format: ExportFormat, city: &CityStore) -> Result<(), CommandError> {
     let inputs = [Some(&args.city), args.polygon.as_ref(), args.view.as_ref()];
     let mut outputs = Outputs::new(args.overwrite).reading(inputs.into_iter().flatten());
-    let kind = match args.format {
+    let kind = match format {
+        ExportFormat::Glb if args.is_text_model() => FileKind::Json("a glTF model", &["asset", "buffers"]),
         ExportFormat::Glb => FileKind::GLB,
         ExportFormat::Tiles3d => match Destination::of(&args.out) {
             Destination::Folder(folder) => {
@@ -90,7 +90,7 @@ fn check_outputs(args: &ExportArgs, city: &CityStore) -> Result<(), CommandError
         ExportFormat::Table(Format::GeoTiff) => FileKind::TIFF,
     };
     outputs.file(&args.out, kind).map_err(CommandError::Usage)?;
-    let ExportFormat::Table(format) = args.format else { return Ok(()) };
+    let ExportFormat::Table(format) = format else { return Ok(()) };
     let Some((beside, text)) = file::sidecar(format, city.manifest(), &args.out) else { return Ok(()) };
     let is_earlier = read_text(&beside, MAX_TEXT_BYTES).is_ok_and(|found| found == text);
     // Any text could be an attribution: only the same one is known.
@@ -130,9 +130,9 @@ fn write_table(
 }
 
 /// The view of `--view`. Fails if there is no such file or camera, or if the format has no views.
-fn view(args: &ExportArgs) -> Result<Option<ExportView>, CommandError> {
+fn view(args: &ExportArgs, format: ExportFormat) -> Result<Option<ExportView>, CommandError> {
     let Some(path) = &args.view else { return Ok(None) };
-    if args.format != ExportFormat::Glb {
+    if format != ExportFormat::Glb {
         return Err(CommandError::Usage(
             "--view needs --format glb: other formats have no levels of detail".to_owned(),
         ));

@@ -1,5 +1,6 @@
 //! Where walls meet the ground: the lower edges of walls that no other wall continues, without those on roofs.
 
+use insula_scratch::record_list::RecordCursor;
 use std::collections::{HashMap, HashSet};
 
 use glam::Vec3;
@@ -13,7 +14,6 @@ use crate::{
     error::BakeError,
     scene::{
         ObjectKind, SceneTriangle,
-        record_list::RecordCursor,
         scratch_scene::{ScratchScene, StoredObject},
     },
 };

@@ -16,7 +16,7 @@ pub(super) fn find(city: &ScratchScene, grid: &GroundGrid) -> Result<Vec<f32>, B
     let mut has_terrain = false;
     city.objects.try_for_each(|_, object| {
         has_terrain |= object.kind == ObjectKind::Terrain;
-        Ok(())
+        Ok::<_, BakeError>(())
     })?;
     if !has_terrain {
         return Ok(heights);

@@ -20,7 +20,7 @@ pub(super) fn move_to(city: &mut ScratchScene, triangles: &[[[f32; 3]; 3]]) -> R
         city.placements.replace_each(|_, placement| {
             let [x, y, z] = placement.offset_m;
             let offset_m = [x, y, z + f64::from(rise_m)];
-            Ok((placement.object == Some(number)).then_some(ObjectPlacement { offset_m, ..*placement }))
+            Ok::<_, BakeError>((placement.object == Some(number)).then_some(ObjectPlacement { offset_m, ..*placement }))
         })?;
         for landmark in city.landmarks.iter_mut().filter(|landmark| landmark.object == number) {
             landmark.anchor_m[2] += rise_m;

@@ -15,6 +15,7 @@ mod steps;
 mod update;
 mod work_queue;
 
+use insula_scratch::record_list::RecordList;
 use std::cell::Cell;
 
 use insula_archive::places::KeptFolder;
@@ -34,7 +35,6 @@ use crate::{
         object_numbers::{NumberedObject, ObjectNumbers},
         object_records::ObjectRecords,
         partition::BlockSquare,
-        record_list::RecordList,
         scratch_budget::ScratchBudget,
         scratch_scene::ScratchScene,
     },
@@ -148,9 +148,6 @@ impl<'a> BakeRun<'a> {
             .chain(report.coast_warnings())
             .chain(report.guess_warnings())
             .for_each(|warning| self.progress.warn(&warning));
-        if let Some(warning) = estimate::warning(&city, self.config) {
-            self.progress.warn(&warning);
-        }
         Ok((city, surroundings, report))
     }
 
@@ -173,6 +170,9 @@ impl<'a> BakeRun<'a> {
         let previous = self.open_previous();
         let rows = number_objects(&mut city, &grid, previous.as_ref())?;
         let partition = self.partition(&city, &grid)?;
+        if let Some(warning) = estimate::warning(&partition.partition.blocks, city.triangles, self.config) {
+            self.progress.warn(&warning);
+        }
         city.drop_triangles();
         let records = std::mem::replace(&mut city.records, ObjectRecords::Memory(Vec::new()));
         let resume = self.prepare_scratch(&partition, surroundings)?;

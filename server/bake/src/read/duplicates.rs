@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 use serde::{Deserialize, Serialize};
 
 use crate::error::BakeError;
-use crate::scene::record_sorter::SortedRecords;
+use insula_scratch::record_sorter::SortedRecords;
 
 /// What becomes of an object that another source, or the same, has already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -282,7 +282,7 @@ fn cover(mask: &mut [u64], points: [[f64; 2]; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{record_list::RecordScratch, record_sorter::RecordSorter};
+    use insula_scratch::{record_list::RecordScratch, record_sorter::RecordSorter};
 
     fn candidate(object: usize, low: [f64; 3], high: [f64; 3], id: u64) -> DuplicateCandidate {
         let bounds = PlacedBox { low, high };

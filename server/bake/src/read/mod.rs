@@ -3,11 +3,9 @@
 //! In: files, folders or embedded bytes. Out: `ScratchScene`, or a whole [`Scene`], and [`ReadReport`].
 //! Next: `partition`.
 
-mod alpha_mask;
 mod bad_inputs;
 mod context;
 mod duplicates;
-mod facade;
 mod json_kind;
 mod landmark;
 mod list;
@@ -27,7 +25,7 @@ use std::path::{Path, PathBuf};
 
 pub use context::{ObjUpAxis, ReadOptions};
 pub use duplicates::DuplicateOption;
-pub use facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
+pub use insula_dress::facade::{ALGORITHM as FACADE_ALGORITHM, FacadeOption};
 pub use insula_dress::palette::{Palette, PaletteMode};
 pub use insula_place::PlacingOptions;
 pub use insula_place::earth_place::EarthPlace;
@@ -50,7 +48,6 @@ pub use survey::{InputSurvey, survey};
 
 use crate::error::BakeError;
 use crate::scene::Scene;
-use crate::scene::record_list::RecordScratch;
 use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::ScratchScene;
 use crate::scene::texture_store::TextureStore;
@@ -61,6 +58,7 @@ use insula_dress::map_store::MapStore;
 use insula_read_city::{CityJsonForm, read_citygml};
 use insula_read_map::{osm, vector};
 use insula_read_scene::{read_3d_tiles, read_gltf, read_i3s, read_mesh, read_obj};
+use insula_scratch::record_list::RecordScratch;
 use insula_source::input::Input;
 use insula_source::object::ObjectSink;
 use insula_source::problems::INEXACT;

@@ -22,13 +22,13 @@ use super::{
 use crate::error::BakeError;
 use crate::hash::ShortHash;
 use crate::scene::object_records::{self, ObjectRecords, RecordPart};
-use crate::scene::record_list::RecordScratch;
 use crate::scene::scratch_budget::ScratchBudget;
 use crate::scene::scratch_scene::{ScratchScene, StoredMaterial};
 use crate::scene::texture_store::{TextureFacts, TextureStore};
 use crate::scene::triangle_store::{TrianglePart, TriangleStore};
 use insula_dress::map_store::{MapRecord, MapStore};
 use insula_dress::paint::PaintShape;
+use insula_scratch::record_list::RecordScratch;
 use insula_source::error::InputError;
 use insula_source::report::ReadReport;
 use insula_source::source::ReadProgress;

@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 use image::{ImageReader, Limits};
 
-use super::alpha_mask::AlphaGrid;
 use crate::scene::SceneTexture;
 use crate::scene::texture_store::{TextureFacts, TextureStore};
+use insula_dress::alpha_mask::AlphaGrid;
 use insula_source::files::OUTSIDE;
 use insula_source::report::SourceReport;
 use insula_source::source::{CitySource, read_sibling};

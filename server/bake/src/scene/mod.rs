@@ -7,8 +7,6 @@ pub(crate) mod object_names;
 pub(crate) mod object_numbers;
 pub(crate) mod object_records;
 pub(crate) mod partition;
-pub(crate) mod record_list;
-pub(crate) mod record_sorter;
 pub(crate) mod scratch_budget;
 pub(crate) mod scratch_scene;
 pub(crate) mod texture_store;

@@ -11,8 +11,9 @@ use std::{
 
 use insula_protocol::blockmap::NO_OBJECT;
 
-use super::{ObjectKind, record_list::RecordScratch};
+use super::ObjectKind;
 use crate::error::BakeError;
+use insula_scratch::record_list::RecordScratch;
 
 /// Kind, height of the base, number: 9 bytes.
 const RECORD_BYTES: usize = 9;

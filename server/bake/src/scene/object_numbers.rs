@@ -3,6 +3,10 @@
 //! From the objects of a city, where they stand, and the numbers of the city that is updated come a number for each object with a shape,
 //! and a row for each number. An object without a shape gets a number if it is the parent of one with a number.
 
+use insula_scratch::{
+    record_list::{RecordList, RecordScratch},
+    record_sorter::{RecordSorter, SortedRecords},
+};
 use std::collections::HashMap;
 
 use insula_protocol::blockmap::NO_OBJECT;
@@ -11,8 +15,6 @@ use serde::{Deserialize, Serialize};
 use super::{
     grid::CityGrid,
     object_records::RecordPlace,
-    record_list::{RecordList, RecordScratch},
-    record_sorter::{RecordSorter, SortedRecords},
     scratch_scene::{ObjectIdentity, ScratchScene},
 };
 use crate::error::BakeError;
@@ -83,7 +85,7 @@ impl ObjectNumbers {
                 out.of_object.push(NO_OBJECT);
             }
             out.of_object.push(number);
-            Ok(())
+            Ok::<_, BakeError>(())
         })?;
         while out.of_object.len() < city.objects.len() {
             out.of_object.push(NO_OBJECT);
@@ -93,7 +95,7 @@ impl ObjectNumbers {
                 out.rows.push(None);
             }
             out.rows.push(Some(row));
-            Ok(())
+            Ok::<_, BakeError>(())
         })?;
         Ok(out)
     }
@@ -113,14 +115,14 @@ impl ObjectNumbers {
         self.rows.try_for_each(|number, row| row.map_or(Ok(()), |row| places.push((row.record, number as u32))))?;
         let mut found = RecordSorter::new(&scratch, |a: &(u32, u64), b: &(u32, u64)| a.0.cmp(&b.0));
         let mut hashes = hashes.finish()?;
-        let mut next = hashes.next()?;
+        let mut next = hashes.read_next()?;
         places.finish()?.try_for_each(|(record, number)| {
             while next.is_some_and(|(known, _)| known < record) {
-                next = hashes.next()?;
+                next = hashes.read_next()?;
             }
             next.filter(|(known, _)| *known == record).map_or(Ok(()), |(_, hash)| found.push((number, hash)))
         })?;
-        found.finish()
+        found.finish().map_err(BakeError::from)
     }
 }
 
@@ -147,7 +149,7 @@ fn candidates(
     let mut all = RecordList::new(scratch);
     sorter.finish()?.try_for_each(|candidate| {
         all.push(candidate);
-        Ok(())
+        Ok::<_, BakeError>(())
     })?;
     Ok(all)
 }
@@ -178,7 +180,7 @@ fn link_parents(candidates: &mut RecordList<NumberCandidate>, scratch: &RecordSc
     let mut has_parents = false;
     candidates.try_for_each(|_, candidate| {
         has_parents |= candidate.identity.parent_hash.is_some();
-        Ok(())
+        Ok::<_, BakeError>(())
     })?;
     if !has_parents {
         return Ok(());
@@ -209,9 +211,12 @@ fn link_parents(candidates: &mut RecordList<NumberCandidate>, scratch: &RecordSc
         let found = in_source.get(&named.source).copied().or(anywhere).filter(|parent| *parent != named.candidate);
         found.map_or(Ok(()), |parent| links.push((named.candidate, parent)))
     })?;
-    links.finish()?.try_for_each(|(candidate, parent)| {
-        candidates.update(candidate as usize, |candidate| candidate.parent = Some(parent))
-    })
+    links
+        .finish()?
+        .try_for_each(|(candidate, parent)| {
+            candidates.update(candidate as usize, |candidate| candidate.parent = Some(parent))
+        })
+        .map_err(BakeError::from)
 }
 
 /// Gives parents without a shape the first place of their parts. Chains of parents are followed to a limited depth.
@@ -268,7 +273,7 @@ fn give_numbers(
             numbers.push(None);
         }
         numbers.push(Some(number));
-        Ok(())
+        Ok::<_, BakeError>(())
     })?;
     while numbers.len() < candidates.len() {
         numbers.push(None);

@@ -2,6 +2,7 @@
 //!
 //! A city that is read with [`crate::read::read`], or passed in as a [`Scene`], keeps all of them in memory.
 
+use insula_scratch::record_list::RecordList;
 use std::sync::Arc;
 
 use insula_objects::FeatureKind;
@@ -14,7 +15,6 @@ use crate::{
         object_facts::{BlockObjectFacts, ObjectFactsStore, ObjectFactsWriter},
         object_names::ObjectNames,
         object_records::{ObjectRecords, RecordPlace, SourceRecord},
-        record_list::RecordList,
         texture_store::TextureStore,
         triangle_store::TriangleStore,
     },
@@ -71,25 +71,6 @@ pub(crate) struct ObjectPlacement {
     pub(crate) object: Option<u32>,
 }
 
-/// How much there is to bake, for an estimate.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct SceneExtent {
-    /// Area of all triangles.
-    pub(crate) surface_m2: f64,
-    /// Area of the objects' bounding rectangles, each with [`Self::MARGIN_M`] of ground around.
-    pub(crate) covered_m2: f64,
-}
-
-impl SceneExtent {
-    const MARGIN_M: f64 = 32.0;
-
-    /// Adds an object.
-    pub(crate) fn add(&mut self, surface_m2: f64, sides_m: [f64; 2]) {
-        self.surface_m2 += surface_m2;
-        self.covered_m2 += sides_m.map(|side_m| side_m + 2.0 * Self::MARGIN_M).iter().product::<f64>();
-    }
-}
-
 /// A city that was read.
 #[derive(Debug)]
 pub(crate) struct ScratchScene {
@@ -113,8 +94,6 @@ pub(crate) struct ScratchScene {
     pub(crate) textures: TextureStore,
     /// Number of triangles.
     pub(crate) triangles: u64,
-    /// Empty for a scene that was passed in.
-    pub(crate) extent: SceneExtent,
     pub(crate) names: ObjectNames,
     /// By the object number of the stored triangles; empty if the triangles are relative to the origin already.
     pub(crate) placements: RecordList<ObjectPlacement>,
@@ -233,7 +212,6 @@ impl ScratchScene {
             materials,
             textures,
             triangles: scene.triangles.len() as u64,
-            extent: SceneExtent::default(),
             names,
             placements: RecordList::default(),
             stored: TriangleStore::Memory(scene.triangles),

@@ -107,7 +107,7 @@ fn lowest_terrain(city: &ScratchScene) -> Result<Option<f32>, BakeError> {
         if object.kind == ObjectKind::Terrain {
             lowest = Some(lowest.map_or(object.base_z_m, |known| known.min(object.base_z_m)));
         }
-        Ok(())
+        Ok::<_, BakeError>(())
     })?;
     Ok(lowest)
 }
@@ -120,7 +120,7 @@ fn median_base(city: &ScratchScene) -> Result<Option<f32>, BakeError> {
             if let Some(class) = is_counted(ordered_bits(object.base_z_m)).filter(|_| object.base_z_m.is_finite()) {
                 counts[class as usize] += 1;
             }
-            Ok(())
+            Ok::<_, BakeError>(())
         })?;
         Ok::<_, BakeError>(counts)
     };
@@ -245,6 +245,7 @@ pub(crate) fn write_others(
     bytes += json.len() as u64;
     bytes += Fingerprints { version: manifest.version.clone(), blocks: input.fingerprints }.write(folder)?;
     if input.config.picture {
+        progress.stage("picture", 0);
         // A city is complete without its picture.
         match thumbnail::write(folder, input.tree, tiles, &manifest, &input.config.thread_pool()?) {
             Ok(length) => bytes += length,

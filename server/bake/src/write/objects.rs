@@ -3,6 +3,7 @@
 //! The records of the numbered objects are read twice: for the types and ranges of the attributes,
 //! and for the blocks.
 
+use insula_scratch::record_list::RecordList;
 use std::{collections::HashMap, path::Path};
 
 use insula_objects::{
@@ -20,7 +21,6 @@ use crate::{
     scene::{
         object_numbers::NumberedObject,
         object_records::{ObjectRecords, RecordReader},
-        record_list::RecordList,
     },
 };
 
@@ -41,7 +41,7 @@ impl NumberedRecords<'_> {
         let mut reader = self.records.reader()?;
         let mut builder = SchemaBuilder::default();
         self.rows.try_for_each(|_, row| {
-            let Some(row) = row else { return Ok(()) };
+            let Some(row) = row else { return Ok::<_, BakeError>(()) };
             for (name, value) in &reader.read(row.record)?.attributes {
                 builder.add(name, value);
             }
@@ -62,7 +62,7 @@ impl NumberedRecords<'_> {
         self.rows.try_for_each(|number, row| {
             let block = (number / BLOCK_OBJECTS) as u32;
             used.extend((row.is_some() && used.last() != Some(&block)).then_some(block));
-            Ok(())
+            Ok::<_, BakeError>(())
         })?;
         let mut ids: Vec<TileId> = used.into_iter().filter_map(block_id).collect();
         ids.push(SCHEMA_ID);
@@ -77,7 +77,7 @@ impl NumberedRecords<'_> {
                     let mut records = Vec::with_capacity(BLOCK_OBJECTS);
                     self.rows.for_range(first..self.rows.len().min(first + BLOCK_OBJECTS), |_, row| {
                         records.push(self.record(row.as_ref(), &mut reader, schema, &names)?);
-                        Ok(())
+                        Ok::<_, BakeError>(())
                     })?;
                     encode_block(block, records, schema)
                 }

@@ -3,6 +3,11 @@
 //! One file from the numbered objects and their records, or none if no object has a text. A text is the object's
 //! identifier, a name, an address, or the value of an attribute that `--search` names. Texts and words are sorted in scratch files.
 
+use insula_scratch::error::ScratchError;
+use insula_scratch::{
+    record_list::RecordScratch,
+    record_sorter::{RecordSorter, SortedRecords},
+};
 use std::{collections::HashMap, fs::File, io::BufWriter, path::Path};
 
 use insula_archive::city::MAX_SEARCH_BYTES;
@@ -12,14 +17,7 @@ use insula_objects::{
 };
 
 use super::{files::remove_file, objects::NumberedRecords};
-use crate::{
-    error::BakeError,
-    scene::{
-        object_records::SourceRecord,
-        record_list::RecordScratch,
-        record_sorter::{RecordSorter, SortedRecords},
-    },
-};
+use crate::{error::BakeError, scene::object_records::SourceRecord};
 
 /// Last parts of the names of attributes that are names of objects, in lower case.
 const NAMES: [&str; 20] = [
@@ -202,6 +200,12 @@ enum UnwrittenSearch {
     Bake(BakeError),
 }
 
+impl From<ScratchError> for UnwrittenSearch {
+    fn from(error: ScratchError) -> Self {
+        BakeError::from(error).into()
+    }
+}
+
 impl From<BakeError> for UnwrittenSearch {
     fn from(error: BakeError) -> Self {
         Self::Bake(error)
@@ -221,7 +225,7 @@ fn write_sections(objects: &NumberedRecords<'_>, schema: &Schema, path: &Path) -
     let mut entries = sorted_texts(objects, schema, &scratch)?;
     let mut texts = SearchTextWriter::new(file()?, file()?);
     let mut runs = RecordSorter::new(&scratch, WordRun::cmp);
-    while let Some(entry) = entries.next()? {
+    while let Some(entry) = entries.read_next()? {
         texts.add(entry).map_err(unwritten)?.into_iter().try_for_each(|run| runs.push(run))?;
     }
     let (mut texts, rest) = texts.finish().map_err(unwritten)?;
@@ -231,7 +235,7 @@ fn write_sections(objects: &NumberedRecords<'_>, schema: &Schema, path: &Path) -
     rest.into_iter().try_for_each(|run| runs.push(run))?;
     let mut words = SearchWordWriter::new(file()?, file()?).map_err(unwritten)?;
     let mut runs = runs.finish()?;
-    while let Some(run) = runs.next()? {
+    while let Some(run) = runs.read_next()? {
         words.add(run).map_err(unwritten)?;
     }
     let mut words = words.finish().map_err(unwritten)?;
@@ -254,9 +258,10 @@ fn sorted_texts(
     objects.rows.try_for_each(|number, row| {
         let Some(row) = row else { return Ok(()) };
         let texts = attributes.texts(&reader.read(row.record)?);
-        texts.iter().filter_map(|text| SearchEntry::new(text, number as u32)).try_for_each(|entry| entries.push(entry))
+        let mut found = texts.iter().filter_map(|text| SearchEntry::new(text, number as u32));
+        found.try_for_each(|entry| entries.push(entry)).map_err(BakeError::from)
     })?;
-    entries.finish()
+    entries.finish().map_err(BakeError::from)
 }
 
 #[cfg(test)]

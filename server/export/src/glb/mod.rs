@@ -27,10 +27,12 @@ pub(crate) mod test_city;
 pub(crate) mod test_reader;
 #[cfg(test)]
 mod tests;
+mod text_form;
 mod view;
 mod view_terrain;
 
 pub use error::ExportError;
+pub use text_form::gltf_of_glb;
 pub use view::ExportView;
 
 use crate::{

@@ -3,6 +3,7 @@
 //! The plan reads the indexes of all regions, and knows every byte of the archives but those of the tiles. Parts of the archives are copied
 //! by any number of machines, and completed in the end.
 
+use insula_scratch::record_list::{RecordList, RecordScratch};
 use std::{
     collections::{HashMap, HashSet},
     fs,
@@ -29,10 +30,7 @@ use super::{
 use crate::{
     error::BakeError,
     read::{self, ReadReport},
-    scene::{
-        object_numbers::NumberedObject,
-        record_list::{RecordList, RecordScratch},
-    },
+    scene::object_numbers::NumberedObject,
     write::{
         archive::{self, ArchiveLayout, ListedTile, WrittenArchive, archive_order},
         city::{self, BLOCKMAPS_FILE, CityInput, MESHES_FILE, TileArchives},

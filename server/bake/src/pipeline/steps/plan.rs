@@ -1,5 +1,6 @@
 //! `plan`: decides everything that depends on the whole city.
 
+use insula_scratch::record_list::RecordList;
 use std::{
     collections::{BTreeSet, HashMap, HashSet},
     fs,
@@ -29,7 +30,6 @@ use crate::{
         grid::{BLOCK_LEAVES, CityGrid},
         object_numbers::{IdentityKey, NumberedObject, ObjectNumbers},
         partition::{on_lattice, touched_blocks},
-        record_list::RecordList,
         scratch_scene::{ObjectPlacement, ScratchScene, StoredObject},
         texture_store::texture_path,
         triangle_store,
@@ -121,7 +121,7 @@ impl BakeSteps<'_> {
             let mut some: Vec<Option<NumberedObject>> = Vec::with_capacity(range.len());
             rows.for_range(range, |_, row| {
                 some.push(*row);
-                Ok(())
+                Ok::<_, BakeError>(())
             })?;
             self.objects().write(&rows_name(part), ROWS_KIND, &some)?;
         }
@@ -134,7 +134,7 @@ impl BakeSteps<'_> {
         let (mut hashes, mut part) = (Vec::with_capacity(ROWS_PER_OBJECT), 0);
         let mut named = numbers.identifiers(city)?;
         loop {
-            let next = named.next()?;
+            let next = named.read_next()?;
             if next.is_none() || hashes.len() == ROWS_PER_OBJECT {
                 objects.write(&numbers_name(objects.job, part), NUMBERS_KIND, &hashes)?;
                 hashes.clear();
@@ -215,7 +215,7 @@ impl ChunkPlanner<'_> {
                 Ok::<_, BakeError>(NumberedShape { kind, base_z_m, number, landmark })
             };
             objects.push(PlannedObject { offset_m: *offset_m, shown: object.map(shape).transpose()? });
-            Ok(())
+            Ok::<_, BakeError>(())
         })?;
         let used: BTreeSet<u32> =
             materials.iter().filter_map(|number| city.materials[*number as usize].texture).collect();

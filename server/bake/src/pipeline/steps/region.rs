@@ -1,5 +1,6 @@
 //! `region R`: bakes the leaves of a region, their meshes, and all parents up to the region's root.
 
+use insula_scratch::record_list::RecordList;
 use std::{collections::HashMap, fs, path::Path};
 
 use insula_protocol::{TileId, codec::bincode};
@@ -28,9 +29,8 @@ use crate::{
         object_facts::{BlockObjectFacts, ObjectFactsStore},
         object_names::ObjectNames,
         object_records::ObjectRecords,
-        record_list::RecordList,
         scratch_budget::ScratchBudget,
-        scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredMaterial},
+        scratch_scene::{ObjectPlacement, ScratchScene, StoredMaterial},
         texture_store::{TextureFacts, TextureStore, texture_path},
         triangle_store::TriangleStore,
     },
@@ -185,7 +185,6 @@ impl BakeSteps<'_> {
             materials: builder.materials,
             textures: TextureStore::of_files(builder.textures, textures, cache_bytes),
             triangles: builder.triangles,
-            extent: SceneExtent::default(),
             names: ObjectNames::Memory(Vec::new()),
             placements: builder.placements.into(),
             stored,

@@ -12,7 +12,6 @@
 
 mod collect;
 mod file;
-mod repair;
 
 use std::path::PathBuf;
 
@@ -27,6 +26,7 @@ use file::{Position, Size, Up};
 use glam::DVec3;
 use insula_place::local_frame;
 use insula_place::placement::Placement;
+use insula_simplify::repair::{PlainMesh, Repairs};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::object::{
@@ -34,7 +34,6 @@ use insula_source::object::{
 };
 use insula_source::report::{SourceFormat, SourceReport};
 use insula_source::source::CitySource;
-use repair::{PlainMesh, Repairs};
 
 /// Turns and scales a mesh, and moves the middle of its base to a place.
 struct MeshTransform {

@@ -67,7 +67,7 @@ impl SceneBuilder {
                 let lowest = lowest_m.entry(object.group()).or_insert(f64::INFINITY);
                 *lowest = lowest.min(object.low(2));
             }
-            Ok(())
+            Ok::<_, BakeError>(())
         })?;
         if lowest_m.is_empty() {
             return Ok(());

@@ -7,9 +7,9 @@ use crate::error::BakeError;
 use crate::scene::Landmark;
 use crate::scene::object_facts::ObjectFactsStore;
 use crate::scene::object_names::ObjectNames;
-use crate::scene::record_list::{RecordList, RecordScratch};
-use crate::scene::scratch_scene::{ObjectPlacement, SceneExtent, ScratchScene, StoredObject};
+use crate::scene::scratch_scene::{ObjectPlacement, ScratchScene, StoredObject};
 use crate::scene::texture_store::TextureStore;
+use insula_scratch::record_list::{RecordList, RecordScratch};
 use insula_source::problems::WIDE;
 use insula_source::report::SourceReport;
 
@@ -72,7 +72,6 @@ impl SceneBuilder {
             materials: self.materials,
             textures,
             triangles: 0,
-            extent: SceneExtent::default(),
             names: ObjectNames::for_triangles(&self.triangles),
             placements: RecordList::new(&scratch),
             stored: self.triangles,
@@ -94,7 +93,7 @@ impl SceneBuilder {
                 if let Some(identity) = object.identity().filter(|_| object.relation.yields_to_parts) {
                     city.parents.push(identity);
                 }
-                return Ok(());
+                return Ok::<_, BakeError>(());
             }
             if let Some(distance_m) = outskirts.and_then(|outskirts| outskirts.distance_m(object.anchor)) {
                 let detail = || format!("{}: {:.0} km from the others", object.id, distance_m / 1000.0);
@@ -114,7 +113,6 @@ impl SceneBuilder {
             let base_z_m = bounds_m[0][2].min(ground_m);
             city.objects.push(StoredObject { kind, base_z_m, bounds_m, identity });
             city.triangles += object.triangles;
-            city.extent.add(object.surface_m2, [0, 1].map(|axis| object.extent_m(axis)));
             city.names.push(object.id.clone().into());
             Ok(())
         })?;
@@ -135,7 +133,7 @@ impl SceneBuilder {
             if !object.is_dropped {
                 places.add(object.anchor);
             }
-            Ok(())
+            Ok::<_, BakeError>(())
         })?;
         let median_m = places.median_m();
         let (mut low, mut high, mut kept) = ([f64::MAX; 3], [f64::MIN; 3], PlaceHistogram::default());
@@ -146,7 +144,7 @@ impl SceneBuilder {
                 high = std::array::from_fn(|axis| high[axis].max(place.high[axis]));
                 kept.add(object.anchor);
             }
-            Ok(())
+            Ok::<_, BakeError>(())
         })?;
         Ok(CityPlaces { median_m, bounds: [low, high], outskirts: Outskirts::of(&kept) })
     }

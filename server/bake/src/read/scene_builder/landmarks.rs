@@ -57,7 +57,7 @@ impl SceneBuilder {
         let mut has_terrain = false;
         self.pending.try_for_each(|_, object| {
             has_terrain |= object.kind.is_terrain();
-            Ok(())
+            Ok::<_, BakeError>(())
         })?;
         if has_terrain {
             self.triangles.flush()?;
@@ -78,7 +78,7 @@ impl SceneBuilder {
         let (mut sum, mut weights) = (0.0, 0.0);
         self.pending.try_for_each(|number, object| {
             if object.is_dropped || self.landmarks.iter().any(|landmark| landmark.object as usize == number) {
-                return Ok(());
+                return Ok::<_, BakeError>(());
             }
             let outside = |v: f64, axis: usize| (object.low(axis) - v).max(v - object.high(axis)).max(0.0);
             let distance_m = libm::hypot(outside(x, 0), outside(y, 1));

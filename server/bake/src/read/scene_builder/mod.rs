@@ -17,12 +17,12 @@ use insula_objects::FeatureKind;
 
 use crate::error::BakeError;
 use crate::scene::object_records::{ObjectRecords, RecordPlace, SourceRecord};
-use crate::scene::record_list::RecordList;
 use crate::scene::scratch_scene::{ObjectIdentity, StoredMaterial};
 use crate::scene::triangle_store::TriangleStore;
 use crate::scene::{ObjectKind, SceneTriangle};
 pub(crate) use bases::AnchoredBuilding;
 pub(crate) use insula_dress::world_triangle::WorldTriangle;
+use insula_scratch::record_list::RecordList;
 use insula_source::problems::FAR;
 use insula_source::report::SourceReport;
 pub(crate) use landmarks::PendingLandmark;

@@ -6,9 +6,9 @@ use super::SceneBuilder;
 use super::pending::PendingObject;
 use crate::error::BakeError;
 use crate::scene::object_records::ObjectRecords;
-use crate::scene::record_list::RecordScratch;
 use crate::scene::scratch_scene::{ObjectIdentity, StoredMaterial};
 use crate::scene::triangle_store::TriangleStore;
+use insula_scratch::record_list::RecordScratch;
 
 /// The objects of a part.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -1,10 +1,11 @@
 //! Objects that become a city, or are left out.
 
 use super::*;
+use crate::error::BakeError;
 use crate::read::duplicates::DuplicateOption;
 use crate::scene::SceneTexture;
-use crate::scene::record_list::RecordScratch;
 use crate::scene::texture_store::TextureStore;
+use insula_scratch::record_list::RecordScratch;
 use insula_source::report::SourceFormat;
 use insula_test_support::folder::TestFolder;
 use std::sync::Arc;
@@ -133,12 +134,12 @@ fn objects_in_scratch_files_make_the_same_city() {
         let (mut objects, mut placements) = (Vec::new(), Vec::new());
         let read = city.objects.try_for_each(|_, object| {
             objects.push(*object);
-            Ok(())
+            Ok::<_, BakeError>(())
         });
         read.unwrap();
         let read = city.placements.try_for_each(|_, placement| {
             placements.push((placement.offset_m, placement.object));
-            Ok(())
+            Ok::<_, BakeError>(())
         });
         read.unwrap();
         (city.origin, city.bounds, objects, placements, format!("{sources:?}"))

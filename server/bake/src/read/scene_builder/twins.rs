@@ -8,8 +8,8 @@ use super::pending::PendingObject;
 use super::{SceneBuilder, subtract_from_report};
 use crate::error::BakeError;
 use crate::read::duplicates::{DuplicateCandidate, DuplicateOption, PairMask, SimilarPair, similar_pairs};
-use crate::scene::record_list::RecordScratch;
-use crate::scene::record_sorter::{RecordSorter, SortedRecords};
+use insula_scratch::record_list::RecordScratch;
+use insula_scratch::record_sorter::{RecordSorter, SortedRecords};
 use insula_source::report::SourceReport;
 
 /// Pairs of objects.
@@ -56,22 +56,25 @@ impl SceneBuilder {
         let scratch = self.pair_scratch();
         let (mut same, mut by_shape) = (PairSorter::new(&scratch, by_pair), PairSorter::new(&scratch, by_pair));
         similar_pairs(candidates.finish()?, option, |pair| {
-            if pair.has_same_id || pair.is_copy { same.push(pair) } else { by_shape.push(pair) }
+            let pushed = if pair.has_same_id || pair.is_copy { same.push(pair) } else { by_shape.push(pair) };
+            pushed.map_err(BakeError::from)
         })?;
-        self.with_equal_footprints(by_shape.finish()?, &scratch, &mut |pair| same.push(pair))?;
-        same.finish()?.try_for_each(|SimilarPair { first, second, has_same_id, .. }| {
-            let (one, other) = (self.pending.get(first)?, self.pending.get(second)?);
-            let lod = |object: &PendingObject| object.relation.lod.unwrap_or(0.0);
-            let is_better = option == DuplicateOption::KeepBestLevel && lod(&other) > lod(&one);
-            let (kept, left_out, number) = if is_better { (other, one, first) } else { (one, other, second) };
-            // Also if the other one is a duplicate itself: then both are the one that it equals. The best of all is
-            // never left out.
-            if left_out.is_dropped {
-                return Ok(());
-            }
-            count_duplicate(&left_out, &kept, has_same_id, sources);
-            self.pending.update(number, |object| object.is_dropped = true)
-        })
+        self.with_equal_footprints(by_shape.finish()?, &scratch, &mut |pair| same.push(pair).map_err(BakeError::from))?;
+        same.finish()?
+            .try_for_each(|SimilarPair { first, second, has_same_id, .. }| {
+                let (one, other) = (self.pending.get(first)?, self.pending.get(second)?);
+                let lod = |object: &PendingObject| object.relation.lod.unwrap_or(0.0);
+                let is_better = option == DuplicateOption::KeepBestLevel && lod(&other) > lod(&one);
+                let (kept, left_out, number) = if is_better { (other, one, first) } else { (one, other, second) };
+                // Also if the other one is a duplicate itself: then both are the one that it equals. The best of all is
+                // never left out.
+                if left_out.is_dropped {
+                    return Ok(());
+                }
+                count_duplicate(&left_out, &kept, has_same_id, sources);
+                self.pending.update(number, |object| object.is_dropped = true)
+            })
+            .map_err(BakeError::from)
     }
 
     /// Where what is known of pairs is kept: there may be as many as objects, and each has two masks of half a kilobyte.
@@ -85,7 +88,7 @@ impl SceneBuilder {
         let mut has_outlines = false;
         self.pending.try_for_each(|_, object| {
             has_outlines |= object.relation.yields_to_parts;
-            Ok(())
+            Ok::<_, BakeError>(())
         })?;
         if !has_outlines {
             return Ok(());
@@ -97,7 +100,7 @@ impl SceneBuilder {
         });
         self.pending.try_for_each(|number, object| {
             if object.is_dropped {
-                return Ok(());
+                return Ok::<_, BakeError>(());
             }
             if let Some(id_hash) = object.relation.parent {
                 named.push(NamedOutline { id_hash, object: None })?;
@@ -117,14 +120,17 @@ impl SceneBuilder {
             Some(object) if parent == Some(id_hash) => outlines.push(object),
             Some(_) => Ok(()),
         })?;
-        outlines.finish()?.try_for_each(|number| {
-            self.pending.update(number as usize, |object| {
-                object.is_dropped = true;
-                let report = &mut sources[object.source];
-                subtract_from_report(object, report);
-                report.coarser_left_out += 1;
+        outlines
+            .finish()?
+            .try_for_each(|number| {
+                self.pending.update(number as usize, |object| {
+                    object.is_dropped = true;
+                    let report = &mut sources[object.source];
+                    subtract_from_report(object, report);
+                    report.coarser_left_out += 1;
+                })
             })
-        })
+            .map_err(BakeError::from)
     }
 
     /// Passes those of the pairs whose footprints are the same to `visit`.
@@ -140,7 +146,7 @@ impl SceneBuilder {
             members.push(PairMember { object: pair.second, pair })
         })?;
         let mut members = members.finish()?;
-        let mut next = members.next()?;
+        let mut next = members.read_next()?;
         if next.is_none() {
             return Ok(());
         }
@@ -157,7 +163,7 @@ impl SceneBuilder {
                 while let Some(member) = next.filter(|member| member.object <= object) {
                     let is_own = member.object == object;
                     open.extend(is_own.then(|| PairMask::new(member.pair, object != member.pair.first)));
-                    next = members.next()?;
+                    next = members.read_next()?;
                 }
                 if !open.is_empty() {
                     anchor = pending.get(object)?.anchor;

@@ -2,9 +2,9 @@
 
 use super::SceneSink;
 use super::painted::stands_in_water;
-use crate::read::facade::FacadeUse;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::{ObjectKind, scratch_scene::StoredMaterial};
+use insula_dress::facade::FacadeUse;
 use insula_dress::footprint::{
     BuildingHeight, Canopy, GroundPlan, GroundPlans, PrismMaterials, ResolvedColour, RoofTags, building_colours,
     by_use, posts,

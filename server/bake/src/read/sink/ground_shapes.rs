@@ -1,9 +1,9 @@
 //! Lines with a width: roads and rails.
 
 use super::{SceneSink, footprints::layer_m};
-use crate::read::facade::FacadeUse;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::ObjectKind;
+use insula_dress::facade::FacadeUse;
 use insula_source::error::InputError;
 use insula_source::object::{FeatureKind, SourceObject, Strip};
 

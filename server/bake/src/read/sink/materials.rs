@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use crate::read::alpha_mask::AlphaMask;
 use crate::read::context::ReadContext;
+use insula_dress::alpha_mask::AlphaMask;
 use insula_source::object::{SourceImage, SourceMaterial, Wrap};
 use insula_source::report::SourceReport;
 use insula_source::source::CitySource;

@@ -13,8 +13,8 @@ mod surfaces;
 mod texts;
 
 use super::context::{ByteProgress, ObjUpAxis, ReadContext};
-use super::facade::FacadeUse;
 use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
+use insula_dress::facade::FacadeUse;
 use insula_dress::footprint::{HeightHints, has_height};
 use insula_place::local_frame::LocalFrame;
 use insula_place::placement::{FirstShape, Placement};

@@ -2,9 +2,9 @@
 
 use super::SceneSink;
 use super::ground_shapes::widen;
-use crate::read::facade::FacadeUse;
 use crate::read::scene_builder::{OpenObject, WorldTriangle, hash_of_id};
 use crate::scene::ObjectKind;
+use insula_dress::facade::FacadeUse;
 use insula_dress::footprint::{ResolvedColour, known_height_m, length_m};
 use insula_dress::paint::mix_bits;
 use insula_dress::palette::{BuildingLook, SurfaceFacts};

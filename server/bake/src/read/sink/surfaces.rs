@@ -3,10 +3,10 @@
 use super::materials::ReadMaterial;
 use super::outward::{Facing, ShellSums, has_direction};
 use super::{FLUSH_TRIANGLES, SceneSink};
-use crate::read::alpha_mask::AlphaMask;
-use crate::read::facade::FacadeUse;
 use crate::read::scene_builder::{OpenObject, WorldTriangle};
 use crate::scene::scratch_scene::StoredMaterial;
+use insula_dress::alpha_mask::AlphaMask;
+use insula_dress::facade::FacadeUse;
 use insula_dress::footprint::by_use;
 use insula_dress::palette::{BuildingLook, ObjectShape, SurfaceFacts, WallKind, area_vector, normal_z, object_kind};
 use insula_dress::polygon::CROSSING;

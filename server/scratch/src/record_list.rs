@@ -15,7 +15,7 @@ use insula_protocol::codec::bincode;
 use lru::LruCache;
 use serde::{Serialize, de::DeserializeOwned};
 
-use crate::error::BakeError;
+use crate::error::ScratchError;
 
 /// Records of a page.
 const PAGE_RECORDS: usize = 512;
@@ -25,30 +25,30 @@ const PAGES: NonZeroUsize = NonZeroUsize::new(16).unwrap();
 
 /// Where records are kept: in memory, or in files of a folder that have no name and vanish when they are closed.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(crate) struct RecordScratch(Option<PathBuf>);
+pub struct RecordScratch(Option<PathBuf>);
 
 impl RecordScratch {
     /// In files of an existing folder.
-    pub(crate) fn in_folder(folder: &Path) -> Self {
+    pub fn in_folder(folder: &Path) -> Self {
         Self(Some(folder.to_owned()))
     }
 
     /// The folder; `None` in memory.
-    pub(crate) fn folder(&self) -> Option<&Path> {
+    pub fn folder(&self) -> Option<&Path> {
         self.0.as_deref()
     }
 }
 
 /// Records by number.
 #[derive(Debug)]
-pub(crate) enum RecordList<T> {
+pub enum RecordList<T> {
     Memory(Vec<T>),
     File(Mutex<RecordPages<T>>),
 }
 
 /// Records in a file.
 #[derive(Debug)]
-pub(crate) struct RecordPages<T> {
+pub struct RecordPages<T> {
     folder: PathBuf,
     /// Created with the first page that does not fit into memory.
     file: Option<File>,
@@ -58,7 +58,7 @@ pub(crate) struct RecordPages<T> {
     loaded: LruCache<usize, LoadedPage<T>>,
     length: usize,
     /// The first error of [`RecordList::push`], kept until the next reading.
-    failed: Option<BakeError>,
+    failed: Option<ScratchError>,
 }
 
 /// A page in memory.
@@ -83,7 +83,7 @@ impl<T> From<Vec<T>> for RecordList<T> {
 
 impl<T> RecordList<T> {
     /// An empty list.
-    pub(crate) fn new(scratch: &RecordScratch) -> Self {
+    pub fn new(scratch: &RecordScratch) -> Self {
         match scratch.folder() {
             None => Self::default(),
             Some(folder) => Self::File(Mutex::new(RecordPages {
@@ -99,26 +99,28 @@ impl<T> RecordList<T> {
     }
 
     /// Where its records are.
-    pub(crate) fn scratch(&self) -> RecordScratch {
+    pub fn scratch(&self) -> RecordScratch {
         match self {
             Self::Memory(_) => RecordScratch::default(),
             Self::File(pages) => RecordScratch(Some(lock(pages).folder.clone())),
         }
     }
 
-    pub(crate) fn len(&self) -> usize {
+    /// Number of records.
+    pub fn len(&self) -> usize {
         match self {
             Self::Memory(all) => all.len(),
             Self::File(pages) => lock(pages).length,
         }
     }
 
-    pub(crate) fn is_empty(&self) -> bool {
+    /// Whether there are no records.
+    pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// All records, if they are in memory; none otherwise.
-    pub(crate) fn in_memory(&self) -> &[T] {
+    pub fn in_memory(&self) -> &[T] {
         match self {
             Self::Memory(all) => all,
             Self::File(_) => &[],
@@ -126,7 +128,7 @@ impl<T> RecordList<T> {
     }
 
     /// As [`Self::in_memory`].
-    pub(crate) fn into_memory(self) -> Vec<T> {
+    pub fn into_memory(self) -> Vec<T> {
         match self {
             Self::Memory(all) => all,
             Self::File(_) => Vec::new(),
@@ -136,7 +138,7 @@ impl<T> RecordList<T> {
 
 impl<T: Clone + Serialize + DeserializeOwned> RecordList<T> {
     /// Adds a record. An error of the file is returned by the next reading.
-    pub(crate) fn push(&mut self, record: T) {
+    pub fn push(&mut self, record: T) {
         match self {
             Self::Memory(all) => all.push(record),
             Self::File(pages) => pages.get_mut().unwrap_or_else(PoisonError::into_inner).push(record),
@@ -144,7 +146,7 @@ impl<T: Clone + Serialize + DeserializeOwned> RecordList<T> {
     }
 
     /// A record. Fails if there is no such record, or if the file cannot be read or written.
-    pub(crate) fn get(&self, number: usize) -> Result<T, BakeError> {
+    pub fn get(&self, number: usize) -> Result<T, ScratchError> {
         let found = match self {
             Self::Memory(all) => all.get(number).cloned(),
             Self::File(pages) => lock(pages).page(number / PAGE_RECORDS)?.get(number % PAGE_RECORDS).cloned(),
@@ -153,7 +155,7 @@ impl<T: Clone + Serialize + DeserializeOwned> RecordList<T> {
     }
 
     /// Changes a record. Fails as [`Self::get`].
-    pub(crate) fn update(&mut self, number: usize, change: impl FnOnce(&mut T)) -> Result<(), BakeError> {
+    pub fn update(&mut self, number: usize, change: impl FnOnce(&mut T)) -> Result<(), ScratchError> {
         match self {
             Self::Memory(all) => change(all.get_mut(number).ok_or_else(missing)?),
             Self::File(pages) => {
@@ -169,11 +171,11 @@ impl<T: Clone + Serialize + DeserializeOwned> RecordList<T> {
     }
 
     /// Calls `visit` for all records of a range with their numbers, in order. Fails as [`Self::get`], or with the first error of `visit`.
-    pub(crate) fn for_range(
+    pub fn for_range<E: From<ScratchError>>(
         &self,
         range: std::ops::Range<usize>,
-        mut visit: impl FnMut(usize, &T) -> Result<(), BakeError>,
-    ) -> Result<(), BakeError> {
+        mut visit: impl FnMut(usize, &T) -> Result<(), E>,
+    ) -> Result<(), E> {
         if let Self::Memory(all) = self {
             let some = all.get(range.clone()).ok_or_else(missing)?;
             return range.zip(some).try_for_each(|(number, record)| visit(number, record));
@@ -190,23 +192,23 @@ impl<T: Clone + Serialize + DeserializeOwned> RecordList<T> {
                 }
             }
             if page.len() < PAGE_RECORDS && number < range.end {
-                return Err(missing());
+                return Err(missing().into());
             }
         }
         Ok(())
     }
 
     /// As [`Self::for_range`], for all records.
-    pub(crate) fn try_for_each(&self, visit: impl FnMut(usize, &T) -> Result<(), BakeError>) -> Result<(), BakeError> {
+    pub fn try_for_each<E: From<ScratchError>>(&self, visit: impl FnMut(usize, &T) -> Result<(), E>) -> Result<(), E> {
         self.for_range(0..self.len(), visit)
     }
 
     /// Calls `visit` for all records, in order. Those for which it returns a record become that one. Fails as [`Self::get`], or with
     /// the first error of `visit`.
-    pub(crate) fn replace_each(
+    pub fn replace_each<E: From<ScratchError>>(
         &mut self,
-        mut visit: impl FnMut(usize, &T) -> Result<Option<T>, BakeError>,
-    ) -> Result<(), BakeError> {
+        mut visit: impl FnMut(usize, &T) -> Result<Option<T>, E>,
+    ) -> Result<(), E> {
         for number in 0..self.len() {
             let changed = match self {
                 Self::Memory(all) => visit(number, &all[number])?,
@@ -220,20 +222,20 @@ impl<T: Clone + Serialize + DeserializeOwned> RecordList<T> {
     }
 
     /// A reader that asks for the same record only once in a row.
-    pub(crate) fn cursor(&self) -> RecordCursor<'_, T> {
+    pub fn cursor(&self) -> RecordCursor<'_, T> {
         RecordCursor { list: self, last: None }
     }
 }
 
 /// Reads a list nearly in order.
-pub(crate) struct RecordCursor<'a, T> {
+pub struct RecordCursor<'a, T> {
     list: &'a RecordList<T>,
     last: Option<(usize, T)>,
 }
 
 impl<T: Clone + Serialize + DeserializeOwned> RecordCursor<'_, T> {
     /// As [`RecordList::get`].
-    pub(crate) fn get(&mut self, number: usize) -> Result<&T, BakeError> {
+    pub fn get(&mut self, number: usize) -> Result<&T, ScratchError> {
         if let RecordList::Memory(all) = self.list {
             return all.get(number).ok_or_else(missing);
         }
@@ -249,8 +251,8 @@ fn lock<T>(pages: &Mutex<RecordPages<T>>) -> MutexGuard<'_, RecordPages<T>> {
     pages.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn missing() -> BakeError {
-    BakeError::Scratch { path: PathBuf::from("records") }
+fn missing() -> ScratchError {
+    ScratchError::Damaged
 }
 
 impl<T: Clone + Serialize + DeserializeOwned> RecordPages<T> {
@@ -271,14 +273,14 @@ impl<T: Clone + Serialize + DeserializeOwned> RecordPages<T> {
         self.length += 1;
     }
 
-    fn keep(&mut self, result: Result<(), BakeError>) {
+    fn keep(&mut self, result: Result<(), ScratchError>) {
         if let Err(error) = result {
             self.failed.get_or_insert(error);
         }
     }
 
     /// A page, which is in memory then.
-    fn page(&mut self, number: usize) -> Result<Arc<Vec<T>>, BakeError> {
+    fn page(&mut self, number: usize) -> Result<Arc<Vec<T>>, ScratchError> {
         if let Some(error) = self.failed.take() {
             return Err(error);
         }
@@ -289,23 +291,23 @@ impl<T: Clone + Serialize + DeserializeOwned> RecordPages<T> {
         let mut bytes = vec![0; length as usize];
         let file = self.file.as_mut().ok_or_else(missing)?;
         let read = file.seek(SeekFrom::Start(start)).and_then(|_| file.read_exact(&mut bytes));
-        read.map_err(|cause| BakeError::io(&self.folder, "read", cause))?;
+        read.map_err(|cause| ScratchError::io(&self.folder, "read", cause))?;
         let records = Arc::new(bincode::long_from_bytes(&bytes).map_err(|_| missing())?);
         self.insert(number, LoadedPage { records: Arc::clone(&records), is_changed: false })?;
         Ok(records)
     }
 
     /// Puts a page into memory, and writes the one that has to leave.
-    fn insert(&mut self, number: usize, page: LoadedPage<T>) -> Result<(), BakeError> {
+    fn insert(&mut self, number: usize, page: LoadedPage<T>) -> Result<(), ScratchError> {
         match self.loaded.push(number, page) {
             Some((old, page)) if old != number && page.is_changed => self.write(old, &page.records),
             _ => Ok(()),
         }
     }
 
-    fn write(&mut self, number: usize, records: &Vec<T>) -> Result<(), BakeError> {
+    fn write(&mut self, number: usize, records: &Vec<T>) -> Result<(), ScratchError> {
         let bytes = bincode::to_bytes(records).map_err(|_| missing())?;
-        let failed = |cause: io::Error| BakeError::io(&self.folder, "written", cause);
+        let failed = |cause: io::Error| ScratchError::io(&self.folder, "written", cause);
         let file = match &mut self.file {
             Some(file) => file,
             None => self.file.insert(tempfile::tempfile_in(&self.folder).map_err(failed)?),
@@ -346,7 +348,8 @@ mod tests {
                 expected[changed].1 = text;
             }
         }
-        list.replace_each(|i, record| Ok((i % 5 == 0).then(|| (record.0 + 1, record.1.clone())))).unwrap();
+        list.replace_each(|i, record| Ok::<_, ScratchError>((i % 5 == 0).then(|| (record.0 + 1, record.1.clone()))))
+            .unwrap();
         expected.iter_mut().step_by(5).for_each(|record| record.0 += 1);
         assert_eq!(list.len(), expected.len());
         let mut found = Vec::new();
@@ -355,18 +358,21 @@ mod tests {
             found.push(record.clone());
             // Other records can be read meanwhile.
             assert_eq!(list.get(expected.len() - 1 - i)?, expected[expected.len() - 1 - i]);
-            Ok(())
+            Ok::<_, ScratchError>(())
         })
         .unwrap();
         assert!(found == expected);
         let mut range = Vec::new();
         list.for_range(700..2100, |_, record| {
             range.push(record.clone());
-            Ok(())
+            Ok::<_, ScratchError>(())
         })
         .unwrap();
         assert!(range == expected[700..2100]);
-        assert!(list.get(expected.len()).is_err() && list.for_range(39_999..40_001, |_, _| Ok(())).is_err());
+        assert!(
+            list.get(expected.len()).is_err()
+                && list.for_range(39_999..40_001, |_, _| Ok::<_, ScratchError>(())).is_err()
+        );
         let mut cursor = list.cursor();
         assert_eq!(*cursor.get(9).unwrap(), expected[9]);
         assert_eq!(*cursor.get(9000).unwrap(), expected[9000]);
@@ -378,6 +384,6 @@ mod tests {
         let scratch = RecordScratch::in_folder(Path::new("/no/such/folder"));
         let mut list = RecordList::new(&scratch);
         (0..100_000_u32).for_each(|i| list.push(i));
-        assert!(matches!(list.get(99_999), Err(BakeError::Io { .. })));
+        assert!(matches!(list.get(99_999), Err(ScratchError::Io { .. })));
     }
 }

@@ -11,8 +11,8 @@ use std::{
 use insula_protocol::codec::bincode;
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::record_list::RecordScratch;
-use crate::error::BakeError;
+use crate::error::ScratchError;
+use crate::record_list::RecordScratch;
 
 /// Records that are sorted in memory.
 const RUN_RECORDS: usize = 1 << 14;
@@ -22,7 +22,7 @@ const FAN_IN: usize = 32;
 const READ_BYTES: usize = 16 << 10;
 
 /// Collects records. Equal ones keep their order.
-pub(crate) struct RecordSorter<T> {
+pub struct RecordSorter<T> {
     scratch: RecordScratch,
     compare: fn(&T, &T) -> Ordering,
     buffer: Vec<T>,
@@ -41,13 +41,13 @@ struct SortedRun {
 }
 
 /// The records in order.
-pub(crate) enum SortedRecords<T> {
+pub enum SortedRecords<T> {
     Memory(std::vec::IntoIter<T>),
     Runs(RunMerger<T>),
 }
 
 /// Merges runs.
-pub(crate) struct RunMerger<T> {
+pub struct RunMerger<T> {
     file: File,
     compare: fn(&T, &T) -> Ordering,
     runs: Vec<RunReader<T>>,
@@ -64,18 +64,19 @@ struct RunReader<T> {
 }
 
 impl<T: Serialize + DeserializeOwned> RecordSorter<T> {
-    pub(crate) fn new(scratch: &RecordScratch, compare: fn(&T, &T) -> Ordering) -> Self {
+    /// Without records.
+    pub fn new(scratch: &RecordScratch, compare: fn(&T, &T) -> Ordering) -> Self {
         Self { scratch: scratch.clone(), compare, buffer: Vec::new(), file: None, end: 0, runs: Vec::new() }
     }
 
     /// Adds a record. Fails if the file cannot be written.
-    pub(crate) fn push(&mut self, record: T) -> Result<(), BakeError> {
+    pub fn push(&mut self, record: T) -> Result<(), ScratchError> {
         self.buffer.push(record);
         if self.scratch.folder().is_some() && self.buffer.len() >= RUN_RECORDS { self.spill() } else { Ok(()) }
     }
 
     /// The records in order. Fails if the file cannot be read or written.
-    pub(crate) fn finish(mut self) -> Result<SortedRecords<T>, BakeError> {
+    pub fn finish(mut self) -> Result<SortedRecords<T>, ScratchError> {
         if self.runs.is_empty() {
             self.buffer.sort_by(self.compare);
             return Ok(SortedRecords::Memory(self.buffer.into_iter()));
@@ -86,7 +87,7 @@ impl<T: Serialize + DeserializeOwned> RecordSorter<T> {
     }
 
     /// Writes the buffer as a run, and merges runs if there are many of one level.
-    fn spill(&mut self) -> Result<(), BakeError> {
+    fn spill(&mut self) -> Result<(), ScratchError> {
         if self.buffer.is_empty() {
             return Ok(());
         }
@@ -97,7 +98,7 @@ impl<T: Serialize + DeserializeOwned> RecordSorter<T> {
         while let Some(level) = self.full_level() {
             let merged = self.runs.split_off(self.runs.len() - FAN_IN);
             let file = self.file.as_ref().ok_or_else(damaged)?;
-            let file = file.try_clone().map_err(|cause| BakeError::io(&self.path(), "read", cause))?;
+            let file = file.try_clone().map_err(|cause| ScratchError::io(&self.path(), "read", cause))?;
             let mut merger = RunMerger::new(file, self.compare, &merged)?;
             self.write_run(level + 1, &mut || merger.next())?;
         }
@@ -114,10 +115,10 @@ impl<T: Serialize + DeserializeOwned> RecordSorter<T> {
     fn write_run(
         &mut self,
         level: u32,
-        next: &mut dyn FnMut() -> Result<Option<T>, BakeError>,
-    ) -> Result<(), BakeError> {
+        next: &mut dyn FnMut() -> Result<Option<T>, ScratchError>,
+    ) -> Result<(), ScratchError> {
         let path = self.path();
-        let failed = |cause| BakeError::io(&path, "written", cause);
+        let failed = |cause| ScratchError::io(&path, "written", cause);
         let file = match &mut self.file {
             Some(file) => file,
             None => self.file.insert(tempfile::tempfile_in(&path).map_err(failed)?),
@@ -153,16 +154,16 @@ impl<T: Serialize + DeserializeOwned> RecordSorter<T> {
 
 impl<T: DeserializeOwned> SortedRecords<T> {
     /// The next record; `None` after the last one. Fails if the file cannot be read.
-    pub(crate) fn next(&mut self) -> Result<Option<T>, BakeError> {
+    pub fn read_next(&mut self) -> Result<Option<T>, ScratchError> {
         match self {
             Self::Memory(records) => Ok(records.next()),
             Self::Runs(merger) => merger.next(),
         }
     }
 
-    /// Calls `visit` for all records that are left. Fails as [`Self::next`], or with the first error of `visit`.
-    pub(crate) fn try_for_each(mut self, mut visit: impl FnMut(T) -> Result<(), BakeError>) -> Result<(), BakeError> {
-        while let Some(record) = self.next()? {
+    /// Calls `visit` for all records that are left. Fails as [`Self::read_next`], or with the first error of `visit`.
+    pub fn try_for_each<E: From<ScratchError>>(mut self, mut visit: impl FnMut(T) -> Result<(), E>) -> Result<(), E> {
+        while let Some(record) = self.read_next()? {
             visit(record)?;
         }
         Ok(())
@@ -170,7 +171,7 @@ impl<T: DeserializeOwned> SortedRecords<T> {
 }
 
 impl<T: DeserializeOwned> RunMerger<T> {
-    fn new(mut file: File, compare: fn(&T, &T) -> Ordering, runs: &[SortedRun]) -> Result<Self, BakeError> {
+    fn new(mut file: File, compare: fn(&T, &T) -> Ordering, runs: &[SortedRun]) -> Result<Self, ScratchError> {
         let reader =
             |run: &SortedRun| RunReader { start: run.start, end: run.end, bytes: Vec::new(), at: 0, next: None };
         let mut runs: Vec<RunReader<T>> = runs.iter().map(reader).collect();
@@ -178,7 +179,7 @@ impl<T: DeserializeOwned> RunMerger<T> {
         Ok(Self { file, compare, runs })
     }
 
-    fn next(&mut self) -> Result<Option<T>, BakeError> {
+    fn next(&mut self) -> Result<Option<T>, ScratchError> {
         let mut least: Option<usize> = None;
         for (number, run) in self.runs.iter().enumerate() {
             let Some(next) = &run.next else { continue };
@@ -197,7 +198,7 @@ impl<T: DeserializeOwned> RunMerger<T> {
 
 impl<T: DeserializeOwned> RunReader<T> {
     /// Reads the next record.
-    fn advance(&mut self, file: &mut File) -> Result<(), BakeError> {
+    fn advance(&mut self, file: &mut File) -> Result<(), ScratchError> {
         self.next = None;
         self.fill(file, 4)?;
         let Some(length) = self.bytes[self.at..].first_chunk::<4>() else { return Ok(()) };
@@ -210,7 +211,7 @@ impl<T: DeserializeOwned> RunReader<T> {
     }
 
     /// Has so many bytes in memory, as far as the run has them.
-    fn fill(&mut self, file: &mut File, wanted: usize) -> Result<(), BakeError> {
+    fn fill(&mut self, file: &mut File, wanted: usize) -> Result<(), ScratchError> {
         let known = self.bytes.len() - self.at;
         if known >= wanted || self.start == self.end {
             return Ok(());
@@ -220,14 +221,14 @@ impl<T: DeserializeOwned> RunReader<T> {
         let length = (self.end - self.start).min(READ_BYTES.max(wanted - known) as u64);
         self.bytes.resize(known + length as usize, 0);
         let read = file.seek(SeekFrom::Start(self.start)).and_then(|_| file.read_exact(&mut self.bytes[known..]));
-        read.map_err(|cause| BakeError::io("records".as_ref(), "read", cause))?;
+        read.map_err(|cause| ScratchError::io("records".as_ref(), "read", cause))?;
         self.start += length;
         Ok(())
     }
 }
 
-fn damaged() -> BakeError {
-    BakeError::Scratch { path: PathBuf::from("records") }
+fn damaged() -> ScratchError {
+    ScratchError::Damaged
 }
 
 #[cfg(test)]
@@ -255,7 +256,7 @@ mod tests {
             sorted
                 .try_for_each(|record| {
                     found.push(record);
-                    Ok(())
+                    Ok::<_, ScratchError>(())
                 })
                 .unwrap();
             assert!(found == expected, "{count} records");

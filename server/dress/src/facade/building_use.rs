@@ -2,7 +2,7 @@
 
 /// Kind of facade.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub(crate) enum FacadeUse {
+pub enum FacadeUse {
     /// Dwellings, and everything whose use is not known.
     #[default]
     Home,
@@ -73,7 +73,7 @@ const USES: &[(FacadeUse, &[&str])] = &[
 
 impl FacadeUse {
     /// By the use of the building, such as `apartments` in OpenStreetMap or 411 in PLATEAU; `None` if it is not known.
-    pub(crate) fn of_use(name: &str) -> Option<Self> {
+    pub fn of_use(name: &str) -> Option<Self> {
         let name = name.trim().to_lowercase();
         // PLATEAU's codes: 43x are transport and storage, 44x factories, 45x farms and supply.
         if let (3, Ok(code)) = (name.len(), name.parse::<u32>()) {

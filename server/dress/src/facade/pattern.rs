@@ -1,7 +1,6 @@
 //! The texture of a facade: four by four cells of one bay and one storey each, which differ in their panes.
 
 use super::building_use::FacadeUse;
-use crate::scene::SceneTexture;
 
 /// Cells along a texture's side.
 pub(super) const CELLS: u32 = 4;
@@ -11,6 +10,9 @@ const CELL_TEXELS: u32 = 32;
 /// Panes: mostly dark, some with curtains.
 const PANES: [[u8; 3]; 8] =
     [[54, 64, 74], [48, 57, 67], [60, 70, 78], [54, 64, 74], [50, 60, 66], [66, 74, 80], [46, 54, 64], [112, 112, 106]];
+
+/// Texels along the texture's side.
+pub const SIDE_TEXELS: u32 = CELLS * CELL_TEXELS;
 
 /// A window in its cell, in texels from the cell's left and bottom.
 struct WindowShape {
@@ -32,16 +34,16 @@ fn shape_of(facade_use: FacadeUse) -> WindowShape {
     }
 }
 
-/// Draws the facade of walls with colour `wall`.
-pub(super) fn draw(facade_use: FacadeUse, wall: [u8; 3]) -> SceneTexture {
-    let side = CELLS * CELL_TEXELS;
+/// Draws the facade of walls with colour `wall`: [`SIDE_TEXELS`] rows of as many texels, from the top.
+pub(super) fn draw(facade_use: FacadeUse, wall: [u8; 3]) -> Vec<[u8; 3]> {
+    let side = SIDE_TEXELS;
     let shape = shape_of(facade_use);
     let texel = |i: u32| {
         let (x, y) = (i % side, side - 1 - i / side);
         let cell = [x / CELL_TEXELS, y / CELL_TEXELS];
         shape.texel([x % CELL_TEXELS, y % CELL_TEXELS], cell, wall)
     };
-    SceneTexture { width: side, height: side, rgb: (0..side * side).map(texel).collect(), is_pattern: true }
+    (0..side * side).map(texel).collect()
 }
 
 impl WindowShape {

@@ -1,29 +1,45 @@
 //! Bays, storeys, gables, small buildings and damaged walls.
 
 use super::*;
-use crate::scene::texture_store::TextureStore;
-use crate::scene::triangle_store::TriangleStore;
 
 const PLAIN: [u8; 3] = [190, 180, 170];
 
 /// What makes facades, with a plain material of number 0.
 struct Setup {
     maker: FacadeMaker,
-    builder: SceneBuilder,
-    textures: TextureLoader,
+    materials: Materials,
+}
+
+/// Colours of plain materials; `None` for generated textures.
+struct Materials(Vec<Option<[u8; 3]>>);
+
+impl Materials {
+    fn add_plain(&mut self, rgb: [u8; 3]) -> u32 {
+        self.0.push(Some(rgb));
+        self.0.len() as u32 - 1
+    }
+}
+
+impl FacadeMaterials for Materials {
+    fn colour(&self, material: u32) -> [u8; 3] {
+        self.0[material as usize].unwrap_or([255; 3])
+    }
+
+    fn add_pattern(&mut self, texels: Vec<[u8; 3]>) -> u32 {
+        assert_eq!(texels.len() as u32, SIDE_TEXELS * SIDE_TEXELS);
+        self.0.push(None);
+        self.0.len() as u32 - 1
+    }
 }
 
 impl Setup {
     fn new() -> Self {
-        let mut builder = SceneBuilder::new(TriangleStore::Memory(Vec::new()), 1.0);
-        builder.material(StoredMaterial::matt(PLAIN, None));
-        let textures = TextureLoader::new(1, TextureStore::in_memory());
-        Self { maker: FacadeMaker::default(), builder, textures }
+        Self { maker: FacadeMaker::default(), materials: Materials(vec![Some(PLAIN)]) }
     }
 
     fn apply(&mut self, faces: &[WorldTriangle], facade_use: FacadeUse) -> Vec<WorldTriangle> {
         let mut faces = faces.to_vec();
-        if self.maker.apply(&mut faces, facade_use, &mut self.builder, &mut self.textures) {
+        if self.maker.apply(&mut faces, facade_use, &mut self.materials) {
             self.maker.count_object();
         }
         faces
@@ -91,7 +107,7 @@ fn walls_have_whole_bays_from_corner_to_corner_and_whole_storeys() {
 fn pattern_continues_over_all_faces_of_a_wall() {
     // A wall of four triangles that meet in its middle, two of them of another colour, with the other walls of a house.
     let mut setup = Setup::new();
-    let other = setup.builder.material(StoredMaterial::matt([120, 90, 80], None));
+    let other = setup.materials.add_plain([120, 90, 80]);
     let mut faces = house(12.0, 9.0, 6.0);
     let [a, b] = [faces[4].corners[0], faces[4].corners[1]];
     let [c, d] = [faces[5].corners[1], faces[5].corners[2]];
@@ -150,10 +166,10 @@ fn gables_and_steps_cut_no_window() {
 #[test]
 fn borders_of_cells_show_only_wall() {
     for facade_use in [FacadeUse::Home, FacadeUse::Office] {
-        let texture = pattern::draw(facade_use, PLAIN);
-        let side = texture.width;
+        let texels = pattern::draw(facade_use, PLAIN);
+        let side = SIDE_TEXELS;
         let cell = side / pattern::CELLS;
-        let window = (0..side * side).filter(|i| texture.rgb[*i as usize] != PLAIN).collect::<Vec<_>>();
+        let window = (0..side * side).filter(|i| texels[*i as usize] != PLAIN).collect::<Vec<_>>();
         assert!(window.len() as u32 > side * side / 8);
         for i in window {
             let from_border = [i % side % cell, i / side % cell].map(|v| v.min(cell - 1 - v));
@@ -183,8 +199,7 @@ fn small_flat_and_photographed_things_stay_plain() {
 fn textures_are_few_however_many_colours_there_are() {
     let mut setup = Setup::new();
     for i in 0..300u32 {
-        let material =
-            setup.builder.material(StoredMaterial::matt([100 + (i % 20) as u8, 100 + (i / 20) as u8, 90], None));
+        let material = setup.materials.add_plain([100 + (i % 20) as u8, 100 + (i / 20) as u8, 90]);
         let faces: Vec<_> = house(9.0, 9.0, 9.0).into_iter().map(|face| WorldTriangle { material, ..face }).collect();
         let cut = setup.apply(&faces, FacadeUse::Home);
         assert_eq!(cut.iter().filter(|face| face.material != material).count(), 8);

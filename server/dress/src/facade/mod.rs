@@ -11,19 +11,17 @@ mod pattern;
 mod walls;
 mod zone;
 
-use std::sync::Arc;
-
 use glam::DVec3;
 
-pub(crate) use building_use::FacadeUse;
+pub use building_use::FacadeUse;
 use cut::cut_face;
 use parts::{Storeys, WallPart, find_parts};
 use walls::{Wall, find_walls};
 use zone::FacadeZone;
 
-use super::scene_builder::{SceneBuilder, WorldTriangle};
-use super::texture::TextureLoader;
-use crate::scene::scratch_scene::StoredMaterial;
+pub use pattern::SIDE_TEXELS;
+
+use crate::world_triangle::WorldTriangle;
 use insula_source::report::FacadeReport;
 
 /// Increased whenever the same input would get other facades than before.
@@ -58,41 +56,49 @@ impl std::str::FromStr for FacadeOption {
     }
 }
 
+/// The city's materials, as far as facades need them.
+pub trait FacadeMaterials {
+    /// The colour of a material.
+    fn colour(&self, material: u32) -> [u8; 3];
+
+    /// Adds a material with a generated texture of [`SIDE_TEXELS`] rows of as many texels, from the top. Returns its number.
+    fn add_pattern(&mut self, texels: Vec<[u8; 3]>) -> u32;
+}
+
 /// A generated texture and its material.
 struct FacadeMaterial {
     facade_use: FacadeUse,
     rgb: [u8; 3],
-    /// Number in the builder.
+    /// Number among the city's materials.
     number: u32,
 }
 
 /// Puts windows on walls, and keeps the textures for it.
 #[derive(Default)]
-pub(crate) struct FacadeMaker {
+pub struct FacadeMaker {
     materials: Vec<FacadeMaterial>,
     report: FacadeReport,
 }
 
 impl FacadeMaker {
     /// The report; `None` if there are no facades.
-    pub(crate) fn into_report(self) -> Option<FacadeReport> {
+    pub fn into_report(self) -> Option<FacadeReport> {
         let textures = self.materials.len() as u64;
         (self.report.walls > 0).then_some(FacadeReport { generated: true, textures, ..self.report })
     }
 
     /// Counts an object with facades.
-    pub(crate) fn count_object(&mut self) {
+    pub fn count_object(&mut self) {
         self.report.objects += 1;
     }
 
     /// Gives the walls among faces of one object windows. Faces may be cut, and keep their order. Returns whether there are
     /// such walls.
-    pub(crate) fn apply(
+    pub fn apply(
         &mut self,
         faces: &mut Vec<WorldTriangle>,
         facade_use: FacadeUse,
-        builder: &mut SceneBuilder,
-        textures: &mut TextureLoader,
+        materials: &mut impl FacadeMaterials,
     ) -> bool {
         let Some(anchor) = faces.first().map(|face| DVec3::from_array(face.corners[0])) else { return false };
         if facade_use == FacadeUse::Windowless || !faces.iter().any(|face| face.is_facade) {
@@ -117,7 +123,7 @@ impl FacadeMaker {
         }
         let has_facade = wall_of.iter().any(Option::is_some);
         if has_facade {
-            *faces = self.cut_all(faces, &wall_of, anchor, facade_use, (builder, textures));
+            *faces = self.cut_all(faces, &wall_of, anchor, facade_use, materials);
         }
         has_facade
     }
@@ -129,15 +135,14 @@ impl FacadeMaker {
         wall_of: &[Option<(&Wall, &Vec<FacadeZone>)>],
         anchor: DVec3,
         facade_use: FacadeUse,
-        (builder, textures): (&mut SceneBuilder, &mut TextureLoader),
+        materials: &mut impl FacadeMaterials,
     ) -> Vec<WorldTriangle> {
         let limit = MAX_GROWTH * faces.len() + 64;
         let mut cut = Vec::with_capacity(faces.len());
         for (face, wall) in faces.iter().zip(wall_of) {
             let wall = wall.filter(|_| cut.len() < limit);
-            let windows = wall.and_then(|wall| {
-                Some((wall, self.material(builder.colour(face.material), facade_use, builder, textures)?))
-            });
+            let windows = wall
+                .and_then(|wall| Some((wall, self.material(materials.colour(face.material), facade_use, materials)?)));
             match windows {
                 Some(((wall, zones), material)) => cut_face(face, wall, zones, anchor, material, &mut cut),
                 None => cut.push(*face),
@@ -147,13 +152,7 @@ impl FacadeMaker {
     }
 
     /// The number of the material of facades of a colour; `None` if there are too many and none has this use.
-    fn material(
-        &mut self,
-        rgb: [u8; 3],
-        facade_use: FacadeUse,
-        builder: &mut SceneBuilder,
-        textures: &mut TextureLoader,
-    ) -> Option<u32> {
+    fn material(&mut self, rgb: [u8; 3], facade_use: FacadeUse, materials: &mut impl FacadeMaterials) -> Option<u32> {
         let distance =
             |other: [u8; 3]| rgb.iter().zip(other).map(|(a, b)| (i32::from(*a) - i32::from(b)).pow(2)).sum::<i32>();
         let of_use = self.materials.iter().filter(|material| material.facade_use == facade_use);
@@ -164,8 +163,7 @@ impl FacadeMaker {
         if self.materials.len() >= MAX_TEXTURES {
             return None;
         }
-        let texture = textures.add_generated(Arc::new(pattern::draw(facade_use, rgb)));
-        let number = builder.material(StoredMaterial::matt([255; 3], Some(texture)));
+        let number = materials.add_pattern(pattern::draw(facade_use, rgb));
         self.materials.push(FacadeMaterial { facade_use, rgb, number });
         Some(number)
     }

@@ -11,7 +11,7 @@ const MAX_DEPTH: u32 = 16;
 
 /// The alpha of a texture, reduced, from the top row.
 #[derive(Debug, Clone)]
-pub(crate) struct AlphaGrid {
+pub struct AlphaGrid {
     width: usize,
     height: usize,
     /// Means of the texels' alpha.
@@ -20,7 +20,7 @@ pub(crate) struct AlphaGrid {
 
 impl AlphaGrid {
     /// Of the `width * height` texels' alpha; `None` if all are opaque.
-    pub(crate) fn new(width: usize, height: usize, alpha: &[u8]) -> Option<Self> {
+    pub fn new(width: usize, height: usize, alpha: &[u8]) -> Option<Self> {
         if width == 0 || alpha.len() != width * height || alpha.iter().all(|alpha| *alpha == u8::MAX) {
             return None;
         }
@@ -41,7 +41,7 @@ impl AlphaGrid {
 
 /// Which texels of a texture are opaque.
 #[derive(Debug)]
-pub(crate) struct AlphaMask {
+pub struct AlphaMask {
     width: usize,
     height: usize,
     /// Opaque texels in the rectangle from the first texel, in rows of `width + 1`.
@@ -49,11 +49,11 @@ pub(crate) struct AlphaMask {
 }
 
 /// A part of a triangle: its corners, and its texture coordinates with v up.
-pub(crate) type Piece = ([[f64; 3]; 3], [[f32; 2]; 3]);
+pub type Piece = ([[f64; 3]; 3], [[f32; 2]; 3]);
 
 impl AlphaMask {
     /// Texels with less alpha than `cutoff` (0 to 1) are holes; `None` if there is no hole.
-    pub(crate) fn new(grid: &AlphaGrid, cutoff: f32) -> Option<Self> {
+    pub fn new(grid: &AlphaGrid, cutoff: f32) -> Option<Self> {
         let is_opaque = |alpha: u8| f32::from(alpha) >= cutoff * 255.0;
         if grid.alpha.iter().all(|alpha| is_opaque(*alpha)) {
             return None;
@@ -72,7 +72,7 @@ impl AlphaMask {
 
     /// Passes the opaque pieces of a triangle to `keep`. Pieces with edges shorter than `min_edge_m`, or of one texel, are
     /// not divided further: their centre decides.
-    pub(crate) fn cut(&self, whole: Piece, min_edge_m: f64, keep: &mut dyn FnMut(Piece)) {
+    pub fn cut(&self, whole: Piece, min_edge_m: f64, keep: &mut dyn FnMut(Piece)) {
         let mut pending = vec![(whole, 0)];
         while let Some((piece, depth)) = pending.pop() {
             let texels = self.texels_of(&piece.1);

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::walls::Wall;
 use super::zone::FacadeZone;
-use crate::read::scene_builder::WorldTriangle;
+use crate::world_triangle::WorldTriangle;
 
 /// Corners nearer to a border are on it, so that rounded coordinates make no splinters.
 const SNAP_M: f64 = 0.03;

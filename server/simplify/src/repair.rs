@@ -6,7 +6,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use insula_simplify::model::TriangleModel;
+use crate::model::TriangleModel;
 
 /// A hole of more edges stays open.
 const MAX_HOLE_EDGES: usize = 16;
@@ -19,24 +19,24 @@ const MIN_VOLUME_SHARE: f64 = 1e-6;
 
 /// Counts of repairs, and of faults that remain.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Repairs {
-    pub(super) merged_vertices: usize,
-    pub(super) dropped_triangles: usize,
+pub struct Repairs {
+    pub merged_vertices: usize,
+    pub dropped_triangles: usize,
     /// Triangles whose orientation was inverted.
-    pub(super) turned_triangles: usize,
-    pub(super) filled_holes: usize,
+    pub turned_triangles: usize,
+    pub filled_holes: usize,
     /// Edges of one triangle that remain.
-    pub(super) open_edges: usize,
+    pub open_edges: usize,
     /// Edges of more than two triangles.
-    pub(super) branching_edges: usize,
+    pub branching_edges: usize,
 }
 
 /// A mesh of positions alone.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct PlainMesh {
-    pub(super) positions: Vec<[f64; 3]>,
+pub struct PlainMesh {
+    pub positions: Vec<[f64; 3]>,
     /// Indices into `positions`, which exist.
-    pub(super) triangles: Vec<[u32; 3]>,
+    pub triangles: Vec<[u32; 3]>,
 }
 
 /// An edge with the lower vertex first, and a triangle that has it.
@@ -44,13 +44,13 @@ type EdgeUse = ([u32; 2], u32);
 
 impl PlainMesh {
     /// Lowest and highest corner; `None` without vertices.
-    pub(super) fn bounds(&self) -> Option<[DVec3; 2]> {
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let points = self.positions.iter().map(|p| DVec3::from_array(*p));
         points.map(|p| [p, p]).reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
     }
 
     /// Repairs what can be repaired.
-    pub(super) fn repair(&mut self) -> Repairs {
+    pub fn repair(&mut self) -> Repairs {
         let mut repairs = Repairs::default();
         self.merge_vertices(&mut repairs);
         self.drop_triangles(&mut repairs);
