@@ -47,7 +47,7 @@ pub struct GlobalArgs {
     /// Draw columns only, even where meshes are available.
     #[arg(long, global = true)]
     pub no_meshes: bool,
-    /// Tolerated screen-space error in pixels.
+    /// Tolerated screen-space error in pixels: larger is coarser and faster.
     #[arg(long, default_value = "1", value_name = "PX", value_parser = parse_tau, global = true)]
     pub tau: f64,
     /// Fail when the server has not responded for this many seconds. A window keeps trying instead.

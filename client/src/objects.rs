@@ -32,7 +32,7 @@ pub struct ObjectStyleArgs {
     /// Objects that pass, as in 'yearOfConstruction < 1900 && height > 20'.
     #[arg(long, value_name = "EXPR")]
     pub filter: Option<String>,
-    /// What becomes of the others.
+    /// What becomes of the others: pale, not drawn, or as they are, with those that pass in yellow or in the colour of `--color-by`.
     #[arg(long, value_name = "HOW", value_parser = ["ghost", "hide", "keep"], default_value = "ghost", requires = "filter")]
     pub others: String,
 }
