@@ -17,7 +17,7 @@ pub(super) struct ObjectRow<'a> {
 
 /// The object that a condition is about. It has the values of its parent where it has none of its own.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Subject<'a> {
+pub(super) struct ObjectWithParent<'a> {
     pub(super) object: ObjectRow<'a>,
     pub(super) parent: Option<ObjectRow<'a>>,
 }
@@ -33,7 +33,7 @@ impl<'a> ObjectRow<'a> {
     }
 }
 
-impl<'a> Subject<'a> {
+impl<'a> ObjectWithParent<'a> {
     /// An object with its parent, if that is in the same block.
     pub(super) fn in_block(object: ObjectRow<'a>) -> Self {
         let parent = object.block.parent(object.id).and_then(|parent| ObjectRow::of(object.block, parent));
@@ -115,7 +115,7 @@ impl Comparison {
 
 impl Expression {
     /// Whether the condition holds for an object.
-    pub(super) fn holds(&self, object: &Subject<'_>) -> bool {
+    pub(super) fn holds(&self, object: &ObjectWithParent<'_>) -> bool {
         match self {
             Self::All(parts) => parts.iter().all(|part| part.holds(object)),
             Self::Any(parts) => parts.iter().any(|part| part.holds(object)),
@@ -154,7 +154,7 @@ impl Expression {
 }
 
 impl Operand {
-    fn value<'a>(&'a self, object: &Subject<'a>) -> Option<ValueRef<'a>> {
+    fn value<'a>(&'a self, object: &ObjectWithParent<'a>) -> Option<ValueRef<'a>> {
         match self {
             Self::Source(source) => object.value(*source),
             Self::Constant(value) => Some(value.borrowed()),
