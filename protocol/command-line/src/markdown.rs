@@ -2,21 +2,40 @@
 
 use crate::one_line;
 use clap::{Arg, Command};
+use std::collections::BTreeSet;
 
-/// A section for the program and one for each command that help lists, with a table of its arguments and options.
+/// Options that so many commands have are in one table.
+const SHARED: usize = 3;
+
+/// A section for the program, one for each command that help lists, with a table of its arguments and options, and one for the options
+/// of several commands.
 pub(crate) fn page(program: &Command) -> String {
     let name = program.get_name();
     let mut page = format!("# {name}\n\n{}\n", about(program));
-    let options: Vec<String> = rows(program);
+    let options = rows(program);
     if !options.is_empty() {
         page += &format!("\nOptions of all its commands:\n\n{}", table("option", &options));
     }
-    for command in program.get_subcommands().filter(|command| !command.is_hide_set()) {
+    let commands = program.get_subcommands().filter(|command| !command.is_hide_set());
+    let commands: Vec<(&Command, Vec<String>)> = commands.map(|command| (command, rows(command))).collect();
+    let is_shared = |row: &str| commands.iter().filter(|(_, rows)| rows.iter().any(|r| r == row)).count() >= SHARED;
+    let (mut several, mut known) = (Vec::new(), BTreeSet::new());
+    for (command, rows) in &commands {
         page += &format!("\n## {name} {}\n\n{}\n", command.get_name(), about(command));
-        let rows = rows(command);
-        if !rows.is_empty() {
-            page += &format!("\n{}", table("argument or option", &rows));
+        let (shared, own): (Vec<&String>, Vec<&String>) = rows.iter().partition(|row| is_shared(row.as_str()));
+        if !own.is_empty() {
+            page += &format!("\n{}", table("argument or option", own));
         }
+        if !shared.is_empty() {
+            let names = shared.iter().filter_map(|row| row.split(['`', ' ']).find(|word| word.starts_with("--")));
+            let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+            let link = format!("#options-of-several-commands-of-{name}");
+            page += &format!("\nAnd those of [several commands]({link}): {}.\n", names.join(", "));
+        }
+        several.extend(shared.into_iter().filter(|row| known.insert(row.as_str())));
+    }
+    if !several.is_empty() {
+        page += &format!("\n## Options of several commands of {name}\n\n{}", table("option", several));
     }
     page
 }
@@ -26,8 +45,9 @@ fn about(command: &Command) -> String {
     sentence(&escaped(&one_line(&text)))
 }
 
-fn table(first: &str, rows: &[String]) -> String {
-    format!("| {first} | meaning |\n|---|---|\n{}", rows.concat())
+fn table<'a>(first: &str, rows: impl IntoIterator<Item = &'a String>) -> String {
+    let rows: String = rows.into_iter().map(String::as_str).collect();
+    format!("| {first} | meaning |\n|---|---|\n{rows}")
 }
 
 /// Arguments come before options, as in the help.
@@ -90,6 +110,7 @@ fn sentence(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::OverwriteArgs;
     use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
     /// A program
@@ -121,19 +142,31 @@ mod tests {
             roof: Roof,
             #[arg(long, value_name = "A|B")]
             owner: String,
+            #[command(flatten)]
+            overwrite: OverwriteArgs,
         },
+        /// Paint all
+        Paint(OverwriteArgs),
+        /// Sell all
+        Sell(OverwriteArgs),
         #[command(hide = true)]
         Secret,
     }
 
     #[test]
     fn all_that_help_lists_is_in_the_tables() {
-        let expected = "# town\n\nA program.\n\nOptions of all its commands:\n\n| option | meaning |\n|---|---|\n\
+        let several = "\nAnd those of [several commands](#options-of-several-commands-of-town): `--overwrite`.\n";
+        let expected = format!(
+            "# town\n\nA program.\n\nOptions of all its commands:\n\n| option | meaning |\n|---|---|\n\
             | `--loud` | Say all. There is much. [environment: `TOWN_LOUD`] |\n\n\
             ## town build\n\nBuild a house.\n\n| argument or option | meaning |\n|---|---|\n\
             | `PLAN...` | Plans, as in 'plans/\\*.gml'. |\n\
             | `--roof ROOF` | Roof, or `a\\|b` [flat, round] [default: flat] |\n\
-            | `--owner A\\|B` |  [required] |\n";
+            | `--owner A\\|B` |  [required] |\n{several}\n\
+            ## town paint\n\nPaint all.\n{several}\n## town sell\n\nSell all.\n{several}\n\
+            ## Options of several commands of town\n\n| option | meaning |\n|---|---|\n\
+            | `--overwrite` | Replace existing files of other kinds, too. |\n"
+        );
         assert_eq!(page(&Town::command()), expected);
     }
 }
