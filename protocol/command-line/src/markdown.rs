@@ -18,7 +18,8 @@ pub(crate) fn page(program: &Command) -> String {
     }
     let commands = program.get_subcommands().filter(|command| !command.is_hide_set());
     let commands: Vec<(&Command, Vec<String>)> = commands.map(|command| (command, rows(command))).collect();
-    let is_shared = |row: &str| commands.iter().filter(|(_, rows)| rows.iter().any(|r| r == row)).count() >= SHARED;
+    let count = |row: &str| commands.iter().filter(|(_, rows)| rows.iter().any(|other| other == row)).count();
+    let is_shared = |row: &str| row.starts_with("| `--") && count(row) >= SHARED;
     let (mut several, mut known) = (Vec::new(), BTreeSet::new());
     for (command, rows) in &commands {
         page += &format!("\n## {name} {}\n\n{}\n", command.get_name(), about(command));
