@@ -49,7 +49,7 @@ pub struct GlobalArgs {
     /// Draw columns only, even where meshes are available.
     #[arg(long, global = true)]
     pub no_meshes: bool,
-    /// Tolerated screen-space error in pixels.
+    /// Tolerated screen-space error in pixels: larger is coarser and faster.
     #[arg(long, default_value = "1", value_name = "PX", value_parser = parse_tau, global = true)]
     pub tau: f64,
     /// Fail when the server has not responded for this many seconds. A window keeps trying instead.
@@ -459,12 +459,14 @@ mod tests {
     #[test]
     fn the_snapshot_options_that_scripts_use_are_accepted() {
         let line = "insula snapshot --server http://h:1 --camera c.json --size 640x360 --tau 2 --out a.png --distance a.pfm \
-                    --report r.json --shading lod --adapter cpu --city delft --cache-mib 64";
+                    --report r.json --shading lod --adapter cpu --city delft --cache-mib 64 --color-by year --range -5,20.5 \
+                    --legend";
         let cli = Cli::try_parse_from(line.split_whitespace()).unwrap();
         assert_eq!((cli.global.tau, cli.global.cache_mib, cli.global.adapter), (2.0, 64, AdapterChoice::Cpu));
         let ClientCommand::Snapshot(args) = cli.command else { panic!() };
         assert_eq!((args.size, args.shading), ([640, 360], Shading::Lod));
         assert!(!args.pictures.no_caption);
+        assert_eq!((args.styles.range, args.legend), (Some([-5.0, 20.5]), true));
         let refused = Cli::try_parse_from(line.replace("a.png", "a.gif").split_whitespace()).unwrap_err().to_string();
         assert!(refused.contains(".png, .jpg, .jpeg or .webp"), "{refused}");
         for invalid in ["640", "0x5", "640x", "9000x1", "axb"] {

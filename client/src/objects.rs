@@ -27,21 +27,21 @@ pub struct ObjectStyleArgs {
     #[arg(long, value_name = "ATTRIBUTE[:PALETTE]")]
     pub color_by: Option<String>,
     /// Values of the two ends of the palette [default: the smallest and largest of the city].
-    #[arg(
-        long,
-        value_name = "LOW,HIGH",
-        value_delimiter = ',',
-        num_args = 2,
-        allow_hyphen_values = true,
-        requires = "color_by"
-    )]
-    pub range: Vec<f64>,
+    #[arg(long, value_name = "LOW,HIGH", value_parser = parse_range, allow_hyphen_values = true, requires = "color_by")]
+    pub range: Option<[f64; 2]>,
     /// Objects that pass, as in 'yearOfConstruction < 1900 && height > 20'.
     #[arg(long, value_name = "EXPR")]
     pub filter: Option<String>,
-    /// What becomes of the others.
+    /// What becomes of the others: pale, not drawn, or as they are, with those that pass in yellow or in the colour of `--color-by`.
     #[arg(long, value_name = "HOW", value_parser = ["ghost", "hide", "keep"], default_value = "ghost", requires = "filter")]
     pub others: String,
+}
+
+/// Parses the values of both ends of a palette; they may be in falling order. Fails with what was expected.
+fn parse_range(text: &str) -> Result<[f64; 2], String> {
+    let ends = text.split_once(',').and_then(|(low, high)| Some([low.trim().parse().ok()?, high.trim().parse().ok()?]));
+    ends.filter(|ends: &[f64; 2]| ends.iter().all(|end| end.is_finite()))
+        .ok_or_else(|| "expected two numbers, separated by a comma, as in 1850,2020".to_owned())
 }
 
 impl ObjectStyleArgs {
@@ -55,7 +55,7 @@ impl ObjectStyleArgs {
         StyleRules {
             attribute: self.color_by.clone().unwrap_or_default(),
             palette: String::new(),
-            range: <[f64; 2]>::try_from(self.range.as_slice()).ok(),
+            range: self.range,
             filter: self.filter.clone().unwrap_or_default(),
             filtered_out: match self.others.as_str() {
                 "hide" => FilteredOut::Hide,

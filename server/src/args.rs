@@ -259,7 +259,7 @@ pub struct BakeArgs {
     pub inputs: Vec<PathBuf>,
     #[command(flatten)]
     pub read: ReadArgs,
-    /// Folder to write the city to
+    /// Folder to write the city to. A city there is replaced at the very end; any other folder that is not empty is refused
     #[arg(
         long,
         value_name = "CITY",
@@ -457,7 +457,7 @@ pub struct PublishArgs {
     /// City folders, or folders of city folders
     #[arg(required = true, value_name = "CITY")]
     pub cities: Vec<PathBuf>,
-    /// Folder to write the site to
+    /// Folder to write the site to. A site there is replaced at the very end; any other folder that is not empty is refused
     #[arg(long, value_name = "SITE")]
     pub out: PathBuf,
     /// Title of the site

@@ -12,6 +12,7 @@ mod bake_same_bytes;
 mod browser;
 mod command_line;
 mod dependencies;
+mod documents;
 mod drape;
 mod faults;
 mod fidelity;
@@ -48,7 +49,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 34] = [
+const MODULES: [(&str, Add); 35] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -78,6 +79,7 @@ const MODULES: [(&str, Add); 34] = [
     ("drape", drape::add),
     ("synth", synth::add),
     ("scripts", scripts::add),
+    ("documents", documents::add),
     ("command_line", command_line::add),
     ("fuzz_targets", fuzz_targets::add),
     ("dependencies", dependencies::add),

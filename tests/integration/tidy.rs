@@ -140,14 +140,32 @@ fn tests_named_by_the_security_page_exist() {
     assert!(count > 40, "only {count} tests in SECURITY.md");
 }
 
+/// The names by which links reach the headings of a page.
+fn anchors(text: &str) -> Vec<String> {
+    let headings = text.lines().filter(|line| line.starts_with('#')).map(|line| line.trim_start_matches('#').trim());
+    let is_kept = |letter: &char| letter.is_alphanumeric() || "-_ ".contains(*letter);
+    headings
+        .map(|heading| heading.to_lowercase().chars().filter(is_kept).collect::<String>().replace(' ', "-"))
+        .collect()
+}
+
 fn links_between_pages_resolve() {
     let files = tracked_files().unwrap();
     for (name, text) in files.iter().filter(|(name, _)| name.ends_with(".md")) {
-        let targets = text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next());
-        for target in targets.filter(|target| !target.is_empty() && !target.contains("://") && !target.contains(' ')) {
+        let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+        for link in links.filter(|link| !link.contains("://") && !link.contains(' ')) {
+            let (target, anchor) = link.split_once('#').unwrap_or((link, ""));
             let folder = std::path::Path::new(name).parent().unwrap();
-            let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(folder).join(target);
+            let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+            let path = if target.is_empty() { root.join(name) } else { root.join(folder).join(target) };
             assert!(path.exists(), "{name} links to {target}, which does not exist");
+            if !anchor.is_empty() && path.extension().is_some_and(|extension| extension == "md") {
+                let found = anchors(&std::fs::read_to_string(&path).unwrap());
+                assert!(
+                    found.iter().any(|heading| heading == anchor),
+                    "{name} links to {link}, a heading that does not exist"
+                );
+            }
         }
     }
 }

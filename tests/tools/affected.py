@@ -22,8 +22,8 @@ CONCERNS = {
     "client/src/ui/": ["window::a_user"],
     "tests/tools/": ["scripts::"],
     "tests/load/": ["scripts::"],
-    "docs/": ["tidy::", "command_line::"],
-    "README.md": ["tidy::", "command_line::"],
+    "docs/": ["tidy::", "command_line::", "documents::"],
+    "README.md": ["tidy::", "documents::"],
     "SECURITY.md": ["tidy::"],
 }
 

@@ -1,8 +1,9 @@
 //! What the command lines of both programs share: how errors are printed, values of options, and the commands that write shell
-//! completions and man pages.
+//! completions, man pages and docs/cli.md.
 
 pub mod http;
 pub mod log;
+mod markdown;
 pub mod output;
 pub mod tls;
 
@@ -61,7 +62,7 @@ pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     Ok([side(width)?, side(height)?])
 }
 
-/// Commands that prepare a shell and `man` for a program. Help does not list them: they are for those who make packages.
+/// Commands that prepare a shell, `man` and documentation for a program. Help does not list them: they are for those who make packages.
 #[derive(Debug, Clone, Subcommand)]
 pub enum SetupCommand {
     /// Print the completions of a shell
@@ -77,6 +78,9 @@ pub enum SetupCommand {
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
+    /// Print all commands and options as Markdown
+    #[command(hide = true)]
+    Options,
 }
 
 impl SetupCommand {
@@ -87,13 +91,21 @@ impl SetupCommand {
             Self::Completions { shell } => {
                 let (name, mut script) = (command.get_name().to_owned(), Vec::new());
                 clap_complete::generate(*shell, &mut command, name, &mut script);
-                // A closed pipe is no failure.
-                let _ = io::stdout().lock().write_all(&script);
+                print(&script);
+                Ok(())
+            }
+            Self::Options => {
+                print(markdown::page(&command).as_bytes());
                 Ok(())
             }
             Self::Man { out } => write_man_pages(command, out).map_err(|error| (out.clone(), error)),
         }
     }
+}
+
+/// Writes to standard output. A closed pipe is no failure.
+fn print(bytes: &[u8]) {
+    let _ = io::stdout().lock().write_all(bytes);
 }
 
 /// Writes the man pages of a program into a folder, in place of earlier ones. Fails if another file has the name of one.

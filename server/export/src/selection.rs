@@ -1,7 +1,10 @@
 //! Which part of a city an export has.
 
 use crate::source::{ExportSource, SourceError};
-use insula_objects::{BLOCK_OBJECTS, filter::Filter};
+use insula_objects::{
+    BLOCK_OBJECTS,
+    filter::{Filter, FilterBuilder},
+};
 use roaring::RoaringBitmap;
 
 /// A part of a city: the objects and places that are in all of the given sets.
@@ -68,22 +71,18 @@ impl ObjectSelection {
 
 /// The objects of a city that pass a filter, with the parts of those that do. Fails if objects cannot be read.
 pub fn passing(source: &dyn ExportSource, filter: &Filter) -> Result<RoaringBitmap, SourceError> {
-    let mut passing = RoaringBitmap::new();
-    let blocks = || (0..source.schema().objects.div_ceil(BLOCK_OBJECTS as u32)).map(|block| source.objects(block));
-    for block in blocks() {
-        if let Some(block) = block? {
-            passing |= filter.select(&block);
+    let mut builder = FilterBuilder::default();
+    for number in 0..source.schema().objects.div_ceil(BLOCK_OBJECTS as u32) {
+        if let Some(block) = source.objects(number)? {
+            builder.add(&block, filter);
         }
     }
-    for block in blocks() {
-        let Some(block) = block? else { continue };
-        for &id in block.ids() {
-            if block.parent(id).is_some_and(|parent| passing.contains(parent)) {
-                passing.insert(id);
-            }
+    for [parents, parts] in builder.apart() {
+        if let (Some(parents), Some(parts)) = (source.objects(parents)?, source.objects(parts)?) {
+            builder.add_apart(&parents, &parts, filter);
         }
     }
-    Ok(passing)
+    Ok(builder.finish().passing)
 }
 
 /// Whether a point lies inside a ring.

@@ -58,7 +58,7 @@ pub enum InputError {
     #[error("{path}: {what} exceeds the limit of {limit}; split the file, or raise the limit (--memory)")]
     TooLarge { path: String, what: String, limit: u64 },
     /// A palette file is invalid.
-    #[error("{path}: {what}; README.md shows a palette")]
+    #[error("{path}: {what}; docs/inputs.md shows a palette")]
     Palette {
         path: String,
         /// What is wrong, and under which key.

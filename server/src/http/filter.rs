@@ -98,14 +98,22 @@ fn evaluate(city: &CityStore, text: &str, runtime: &Handle, stop: &StopFlag) -> 
     let schema: Schema = serde_json::from_slice(&content).map_err(|error| unreadable(&error))?;
     schema.check().map_err(|error| unreadable(&error))?;
     let filter = Filter::parse(text, &schema).map_err(|_| Failure::Invalid)?;
-    let mut builder = FilterBuilder::default();
-    for block in 0..schema.objects.div_ceil(BLOCK_OBJECTS) {
-        let Some(id) = block_id(block) else { break };
+    let block = |number| {
         if stop.is_stopped() {
             return Err(Failure::Stopped);
         }
-        if let Some(content) = read(id)? {
-            builder.add(&ObjectBlock::decode(block, &content, &schema).map_err(|error| unreadable(&error))?, &filter);
+        let Some(content) = block_id(number).map(&read).transpose()?.flatten() else { return Ok(None) };
+        ObjectBlock::decode(number, &content, &schema).map(Some).map_err(|error| unreadable(&error))
+    };
+    let mut builder = FilterBuilder::default();
+    for number in 0..schema.objects.div_ceil(BLOCK_OBJECTS) {
+        if let Some(block) = block(number)? {
+            builder.add(&block, &filter);
+        }
+    }
+    for [parents, parts] in builder.apart() {
+        if let (Some(parents), Some(parts)) = (block(parents)?, block(parts)?) {
+            builder.add_apart(&parents, &parts, &filter);
         }
     }
     Ok(builder.finish().encode())

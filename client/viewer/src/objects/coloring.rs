@@ -1,6 +1,6 @@
 //! Styles of all objects by an attribute and a filter.
 //!
-//! A part without a value has that of its parent, and passes a filter that its parent passes. Kinds of which no object has the
+//! A part without a value has that of its parent, also in filters, and passes a filter that its parent passes. Kinds of which no object has the
 //! attribute, such as terrain, are drawn as they are.
 
 use super::ObjectStyles;
@@ -65,6 +65,18 @@ impl StyleBuilder {
             let Some(kind) = block.kind(id) else { continue };
             let rgb = color.value(block, id).map(|value| rgb_of(color, Some(&value)));
             self.facts.insert(id, Facts { kind, rgb, parent: block.parent(id) });
+        }
+    }
+
+    /// Pairs of blocks that [`Self::add_apart`] takes after all blocks: see [`FilterBuilder::apart`].
+    pub fn apart(&self) -> Vec<[u32; 2]> {
+        self.filter.apart()
+    }
+
+    /// Evaluates the filter again on the objects of a block whose parents are in another one.
+    pub fn add_apart(&mut self, parents: &ObjectBlock, block: &ObjectBlock, query: &ObjectQuery) {
+        if let Some(filter) = &query.filter {
+            self.filter.add_apart(parents, block, filter);
         }
     }
 

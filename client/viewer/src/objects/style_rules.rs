@@ -116,6 +116,11 @@ impl CityObjects {
                     builder.add(&block, &query);
                 }
             }
+            for [parents, block] in builder.apart() {
+                if let (Some(parents), Some(block)) = (self.block(parents).await?, self.block(block).await?) {
+                    builder.add_apart(&parents, &block, &query);
+                }
+            }
         }
         let legend = query.color.as_ref().map(ColorBy::legend);
         let (styles, passing) = builder.finish(&query);

@@ -1,12 +1,12 @@
 //! A filter over all objects of a city: which pass, and which are filtered out.
 //!
-//! A part passes if its parent does. Kinds of which no object passes, such as terrain, are neither: they stay as they are.
+//! A part passes if its parent does, or if it does with the values that its parent has and it lacks. Kinds of which no object passes, such as terrain, are neither: they stay as they are.
 
 use super::Filter;
 use crate::{block::ObjectBlock, kind::FeatureKind};
-use insula_protocol::DecodeError;
+use insula_protocol::{DecodeError, object_tile::block_of_object};
 use roaring::RoaringBitmap;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The first word of a bitmap without runs, in Roaring's portable format. Others could expand to much more than their bytes.
 const COOKIE_WITHOUT_RUNS: u32 = 12_346;
@@ -20,13 +20,15 @@ pub struct FilteredObjects {
     pub others: RoaringBitmap,
 }
 
-/// Evaluates a filter on the blocks of a city, one after the other.
+/// Evaluates a filter on the blocks of a city: on one after the other by [`FilterBuilder::add`], then on the pairs of
+/// [`FilterBuilder::apart`].
 #[derive(Debug, Default)]
 pub struct FilterBuilder {
     passing: RoaringBitmap,
     by_kind: BTreeMap<FeatureKind, RoaringBitmap>,
     /// Parts and their parents.
     parts: Vec<[u32; 2]>,
+    apart: BTreeSet<[u32; 2]>,
 }
 
 impl FilterBuilder {
@@ -37,7 +39,30 @@ impl FilterBuilder {
             if let Some(kind) = block.kind(id) {
                 self.by_kind.entry(kind).or_default().insert(id);
             }
-            self.parts.extend(block.parent(id).map(|parent| [id, parent]));
+            let Some(parent) = block.parent(id) else { continue };
+            self.parts.push([id, parent]);
+            if block_of_object(parent) != block_of_object(id) {
+                self.apart.insert([block_of_object(parent), block_of_object(id)]);
+            }
+        }
+    }
+
+    /// Pairs of blocks of which the first has parents of objects in the second, after all blocks were added. They are few: a parent
+    /// mostly stands next to its parts.
+    #[must_use]
+    pub fn apart(&self) -> Vec<[u32; 2]> {
+        self.apart.iter().copied().collect()
+    }
+
+    /// Evaluates the filter again on the objects of a block whose parents are in another one.
+    pub fn add_apart(&mut self, parents: &ObjectBlock, block: &ObjectBlock, filter: &Filter) {
+        for &id in block.ids() {
+            let Some(parent) = block.parent(id).filter(|parent| parents.row(*parent).is_some()) else { continue };
+            if filter.matches_apart(parents, parent, block, id) {
+                self.passing.insert(id);
+            } else {
+                self.passing.remove(id);
+            }
         }
     }
 
@@ -85,7 +110,7 @@ fn bitmap(bytes: &[u8]) -> Option<RoaringBitmap> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ObjectRecord, SchemaBuilder, Value, block};
+    use crate::{ObjectBounds, ObjectRecord, SchemaBuilder, Value, block};
 
     /// A terrain, an old house with a part, a new house.
     fn filtered(text: &str) -> FilteredObjects {
@@ -113,6 +138,37 @@ mod tests {
         let FilteredObjects { passing, others } = filtered("year < 1900");
         assert_eq!((passing.iter().collect(), others.iter().collect()), (vec![1, 2], vec![3]));
         assert_eq!(filtered("year > 3000"), FilteredObjects::default());
+    }
+
+    #[test]
+    fn parts_have_the_values_of_their_parents_in_any_block() {
+        let mut schema = SchemaBuilder::default();
+        schema.add("year", &Value::Integer(1650));
+        let schema = schema.finish(1024);
+        let record = |parent, bounds, attributes| {
+            Some(ObjectRecord { identifier: String::new(), kind: FeatureKind::Building, parent, bounds, attributes })
+        };
+        let high = Some(ObjectBounds { min: [0; 3], max: [9, 9, 300] });
+        // Object 0 is a house without a shape; its parts are object 1, and object 512 of the next block.
+        let house = record(None, None, vec![(0, Value::Integer(1650))]);
+        let part = || record(Some(0), high, Vec::new());
+        let decoded = |number: u32, records: &[Option<ObjectRecord>]| {
+            ObjectBlock::decode(number, &block::encode(number, records, &schema).unwrap(), &schema).unwrap()
+        };
+        let blocks = [decoded(0, &[house, part()]), decoded(1, &[part(), record(None, high, Vec::new())])];
+        for (text, expected) in [
+            ("year < 1900 && height > 20", &[1, 512][..]),
+            ("!(year < 1900)", &[513]),
+            ("year == null", &[513]),
+            ("year < 1900", &[0, 1, 512]),
+        ] {
+            let filter = Filter::parse(text, &schema).unwrap();
+            let mut builder = FilterBuilder::default();
+            blocks.iter().for_each(|block| builder.add(block, &filter));
+            assert_eq!(builder.apart(), [[0, 1]]);
+            builder.add_apart(&blocks[0], &blocks[1], &filter);
+            assert_eq!(builder.finish().passing.iter().collect::<Vec<_>>(), expected, "{text}");
+        }
     }
 
     #[test]

@@ -7,6 +7,44 @@ use crate::{
 };
 use std::cmp::Ordering;
 
+/// The row of an object in a block.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ObjectRow<'a> {
+    pub(super) block: &'a ObjectBlock,
+    pub(super) id: u32,
+    pub(super) row: usize,
+}
+
+/// The object that a condition is about. It has the values of its parent where it has none of its own.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ObjectWithParent<'a> {
+    pub(super) object: ObjectRow<'a>,
+    pub(super) parent: Option<ObjectRow<'a>>,
+}
+
+impl<'a> ObjectRow<'a> {
+    /// `None` if the block does not have the object.
+    pub(super) fn of(block: &'a ObjectBlock, id: u32) -> Option<Self> {
+        block.row(id).map(|row| Self { block, id, row })
+    }
+
+    fn value(&self, source: Source) -> Option<ValueRef<'a>> {
+        source.value(self.block, self.id, self.row)
+    }
+}
+
+impl<'a> ObjectWithParent<'a> {
+    /// An object with its parent, if that is in the same block.
+    pub(super) fn in_block(object: ObjectRow<'a>) -> Self {
+        let parent = object.block.parent(object.id).and_then(|parent| ObjectRow::of(object.block, parent));
+        Self { object, parent }
+    }
+
+    fn value(&self, source: Source) -> Option<ValueRef<'a>> {
+        self.object.value(source).or_else(|| self.parent?.value(source))
+    }
+}
+
 /// A condition.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Expression {
@@ -76,25 +114,25 @@ impl Comparison {
 }
 
 impl Expression {
-    /// Whether the condition holds for object `id` in row `row` of the block.
-    pub(super) fn holds(&self, block: &ObjectBlock, id: u32, row: usize) -> bool {
+    /// Whether the condition holds for an object.
+    pub(super) fn holds(&self, object: &ObjectWithParent<'_>) -> bool {
         match self {
-            Self::All(parts) => parts.iter().all(|part| part.holds(block, id, row)),
-            Self::Any(parts) => parts.iter().any(|part| part.holds(block, id, row)),
-            Self::Not(part) => !part.holds(block, id, row),
+            Self::All(parts) => parts.iter().all(|part| part.holds(object)),
+            Self::Any(parts) => parts.iter().any(|part| part.holds(object)),
+            Self::Not(part) => !part.holds(object),
             Self::Compare { left, comparison, right } => {
-                let values = left.value(block, id, row).zip(right.value(block, id, row));
+                let values = left.value(object).zip(right.value(object));
                 values.and_then(|(left, right)| compare(left, right)).is_some_and(|order| comparison.holds(order))
             }
-            Self::OneOf { operand, values } => operand.value(block, id, row).is_some_and(|found| {
+            Self::OneOf { operand, values } => operand.value(object).is_some_and(|found| {
                 values.iter().any(|value| compare(found, value.borrowed()).is_some_and(Ordering::is_eq))
             }),
-            Self::Contains { operand, part } => match operand.value(block, id, row) {
+            Self::Contains { operand, part } => match operand.value(object) {
                 Some(ValueRef::Text(text)) => text.to_lowercase().contains(part.as_str()),
                 _ => false,
             },
-            Self::IsPresent(operand) => operand.value(block, id, row).is_some(),
-            Self::IsTrue(operand) => operand.value(block, id, row) == Some(ValueRef::Bool(true)),
+            Self::IsPresent(operand) => operand.value(object).is_some(),
+            Self::IsTrue(operand) => operand.value(object) == Some(ValueRef::Bool(true)),
         }
     }
 
@@ -116,12 +154,12 @@ impl Expression {
 }
 
 impl Operand {
-    fn value<'a>(&'a self, block: &'a ObjectBlock, id: u32, row: usize) -> Option<ValueRef<'a>> {
+    fn value<'a>(&'a self, object: &ObjectWithParent<'a>) -> Option<ValueRef<'a>> {
         match self {
-            Self::Source(source) => source.value(block, id, row),
+            Self::Source(source) => object.value(*source),
             Self::Constant(value) => Some(value.borrowed()),
             Self::Year(operand) => {
-                let (year, _, _) = civil_from_days(days(operand.value(block, id, row)?)?);
+                let (year, _, _) = civil_from_days(days(operand.value(object)?)?);
                 Some(ValueRef::Integer(i64::from(year)))
             }
         }

@@ -16,6 +16,8 @@
 //! Unless the schema has an attribute of that name, `id` is the number of the object, `identifier` its identifier in the source,
 //! `kind` what it is and `height` the height of its bounds in metres. Texts that begin with a date can be compared with dates,
 //! texts that are numbers with numbers.
+//!
+//! A part has the values of its parent where it has none of its own: buildings often have the year, and their parts the height.
 
 mod city;
 mod evaluate;
@@ -26,7 +28,7 @@ pub(crate) mod suggest;
 pub use city::{FilterBuilder, FilteredObjects};
 
 use crate::{block::ObjectBlock, kind::FeatureKind, schema::Schema, value::ValueRef};
-use evaluate::Expression;
+use evaluate::{Expression, ObjectRow, ObjectWithParent};
 use roaring::RoaringBitmap;
 
 /// Maximum bytes of a filter.
@@ -74,14 +76,23 @@ impl Filter {
     /// Whether an object of the block meets the condition. `false` if the block does not have it.
     #[must_use]
     pub fn matches(&self, block: &ObjectBlock, id: u32) -> bool {
-        block.row(id).is_some_and(|row| self.expression.holds(block, id, row))
+        ObjectRow::of(block, id).is_some_and(|object| self.expression.holds(&ObjectWithParent::in_block(object)))
     }
 
-    /// The ids of the block's objects that meet the condition.
+    /// The ids of the block's objects that meet the condition. Parents in other blocks are not seen: see [`FilterBuilder`].
     #[must_use]
     pub fn select(&self, block: &ObjectBlock) -> RoaringBitmap {
-        let ids = block.ids().iter().enumerate();
-        ids.filter(|(row, id)| self.expression.holds(block, **id, *row)).map(|(_, id)| *id).collect()
+        let objects = block.ids().iter().enumerate().map(|(row, &id)| ObjectRow { block, id, row });
+        objects
+            .filter(|object| self.expression.holds(&ObjectWithParent::in_block(*object)))
+            .map(|object| object.id)
+            .collect()
+    }
+
+    /// Whether an object of one block, whose parent is in another, meets the condition. `false` if the blocks do not have them.
+    fn matches_apart(&self, parents: &ObjectBlock, parent: u32, block: &ObjectBlock, id: u32) -> bool {
+        let parent = ObjectRow::of(parents, parent);
+        ObjectRow::of(block, id).is_some_and(|object| self.expression.holds(&ObjectWithParent { object, parent }))
     }
 
     /// Indices of the attributes that the filter uses, ascending. Fields that every object has are not among them.

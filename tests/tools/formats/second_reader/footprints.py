@@ -1,4 +1,4 @@
-"""Footprints become prisms or level water. The rules are those of the README, section Footprints."""
+"""Footprints become prisms or level water. The rules are those of docs/inputs.md, section Footprints."""
 import math, re
 import numpy as np
 from shapely.geometry import Polygon

@@ -1,4 +1,4 @@
-"""Which level of detail of each object is read. The rules are those of the README: the best level of each object, no
+"""Which level of detail of each object is read. The rules are those of docs/inputs.md: the best level of each object, no
 footprint below a building, and no coarser building below its parts."""
 
 
