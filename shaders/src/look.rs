@@ -32,9 +32,11 @@ const DUSK_DEG: [f32; 2] = [-4.0, 6.0];
 const TWILIGHT_DEG: [f32; 2] = [-9.0, 4.0];
 /// Share of the sun's colour that becomes grey, at a low sun and by day.
 const SUN_GREY: [f32; 2] = [0.22, 0.62];
-/// Share of the colour of the sky's light and of returned light that becomes grey, and what that light is multiplied by.
+/// Share of the colour of the sky's light and of returned light that becomes grey, and what that light is multiplied by. What reaches
+/// walls from sky and ground is multiplied by more: a wall in shade is not darker than the street before it.
 const FILL_GREY: [f32; 2] = [0.30, 0.50];
 const FILL_GAIN: [f32; 2] = [1.25, 1.45];
+const WALL_GAIN: [f32; 2] = [1.25, 1.62];
 /// Factors of the visible sky's light and of its saturation.
 const SKY_GAIN: [f32; 2] = [1.2, 1.75];
 const SKY_SATURATION: [f32; 2] = [1.0, 1.12];
@@ -137,18 +139,19 @@ fn model(mut light: Light, sun_z: f32) -> Light {
     let by_day = |[low, high]: [f32; 2]| low + (high - low) * day;
     light.sun = graded(light.sun, by_day(SUN_GREY), 1.0);
     let awake = smooth(DUSK_DEG, height_deg);
-    let (grey, gain) = (by_day(FILL_GREY), 1.0 + (by_day(FILL_GAIN) - 1.0) * awake);
+    let grey = by_day(FILL_GREY);
+    let [gain, wall_gain] = [FILL_GAIN, WALL_GAIN].map(|gain| 1.0 + (by_day(gain) - 1.0) * awake);
+    for colour in [&mut light.sky_up, &mut light.facade_sun, &mut light.facade_sky] {
+        *colour = graded(*colour, grey, gain);
+    }
     for colour in [
-        &mut light.sky_up,
         &mut light.sky_wall,
         &mut light.sky_wall_ahead,
         &mut light.sky_wall_axis,
         &mut light.ground_sun,
         &mut light.ground_sky,
-        &mut light.facade_sun,
-        &mut light.facade_sky,
     ] {
-        *colour = graded(*colour, grey, gain);
+        *colour = graded(*colour, grey, wall_gain);
     }
     light.sky_up[3] = light.sky_up[3].max(LEAST_OPEN);
     light.haze = [0.0; 4];

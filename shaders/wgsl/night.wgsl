@@ -35,7 +35,8 @@ fn lamp_light(hit: RayHit, n: vec3<f32>, p: vec3<f32>) -> vec3<f32> {
     let share = clamp((LAMP_TOP_M - above_m) / LAMP_FALL_M, 0.0, 1.0);
     let upright = abs(n.z);
     let open = min(hit.ao / (0.5 + 0.5 * upright), 1.0);
-    let near = clamp(LAMP_DEPTH * (1.0 - open), LAMPS_IN_THE_OPEN * (1.0 - upright), 1.0) * max(n.z, LAMPS_ON_WALLS);
+    let deep = clamp(LAMP_DEPTH * (1.0 - LAMP_BEGIN - open), 0.0, 1.0);
+    let near = max(deep * deep * (3.0 - 2.0 * deep), LAMPS_IN_THE_OPEN * (1.0 - upright)) * max(n.z, LAMPS_ON_WALLS);
     return hit.albedo * frame.light.street.rgb * (near * share * share);
 }
 

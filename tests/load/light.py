@@ -2,10 +2,11 @@
 """Compares the viewer's light with path-traced references: light.py REFERENCES CITIES [--program INSULA] [--out DIR]
 
 REFERENCES has `cameras/CAMERA.json`, `pictures/CAMERA_HOUR.*` and `compare.py`; CITIES has a baked city CITY for each camera
-CITY_VIEW, in the references' colours. Draws all views on the CPU and prints stops and hue distances (mean and worst) of
-`compare.py`, and the shares of dark and bright pixels. Needs numpy and Pillow.
+CITY_VIEW, in the references' colours. Draws all views in the look `physical` on the CPU and prints stops and hue distances (mean
+and worst) of `compare.py`, and the shares of dark and bright pixels. Views of cities that are not there are left out, and named.
+Needs numpy and Pillow.
 """
-import argparse, importlib.util, json, pathlib, subprocess
+import argparse, importlib.util, json, pathlib, subprocess, sys
 import numpy as np
 from PIL import Image
 
@@ -16,7 +17,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 def snapshot(args, city, camera, *options):
     subprocess.run([args.program, "snapshot", "--no-caption", "--adapter", "cpu", "--server", args.cities / city, "--size", "640x360",
-                    "--camera", args.references / "cameras" / f"{camera}.json", *options], check=True, stdout=subprocess.DEVNULL)
+                    "--camera", args.references / "cameras" / f"{camera}.json", "--look", "physical", *options], check=True, stdout=subprocess.DEVNULL)
 
 
 def luma(path):
@@ -38,6 +39,9 @@ def main():
     for settings in sorted((args.references / "pictures").glob("*_*.json")):
         name = settings.stem
         camera, city = name.rsplit("_", 1)[0], name.split("_")[0]
+        if not (args.cities / city).is_dir():
+            print(f"{name}: no city {args.cities / city}", file=sys.stderr)
+            continue
         sun = ",".join(str(v) for v in json.loads(settings.read_text())["sun"])
         lit, light, albedo = (args.out / f for f in (f"{name}.png", f"{name}.pfm", f"{camera}.albedo.png"))
         snapshot(args, city, camera, "--sun=" + sun, "--out", lit, "--radiance", light)

@@ -24,13 +24,22 @@ const ASKED_FOR: &str = "asked for";
 /// Value of `--adapter`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum AdapterChoice {
-    /// The GPU if one works, otherwise the CPU, or a software driver where a trial shows that it is faster.
+    /// The GPU if one works, otherwise the CPU, or a software driver where a trial of a window shows that it is faster.
     #[default]
     Auto,
     /// The CPU ray-caster.
     Cpu,
     /// A GPU, or a software driver; an error if there is none.
     Gpu,
+}
+
+/// Which trials tell whether a software driver is faster than the CPU ray-caster.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Trial {
+    /// One that is remembered, or else one now, which takes seconds.
+    Now,
+    /// One that is remembered.
+    Remembered,
 }
 
 /// A ray-caster with its atlas.
@@ -69,10 +78,12 @@ impl OpenedAdapter {
     }
 
     /// Opens what `choice` asks for: the CPU, or the device that `open_device` opens. Under `auto`, a software driver draws only if a
-    /// trial shows that it is faster than the CPU ray-caster. Notes on standard error why no GPU draws. Fails if `gpu` finds none.
+    /// trial shows that it is faster than the CPU ray-caster: one now, or only one that is remembered. Notes on standard error why no
+    /// GPU draws. Fails if `gpu` finds none.
     pub fn choose(
         choice: AdapterChoice,
         open_device: impl FnOnce() -> std::result::Result<GpuDevice, String>,
+        trial: Trial,
         cache_bytes: u64,
     ) -> Result<Self> {
         let pages = pages_for(cache_bytes);
@@ -80,7 +91,7 @@ impl OpenedAdapter {
             return Ok(Self::cpu(pages).because(ASKED_FOR));
         }
         let opened = open_device().and_then(|device| match choice == AdapterChoice::Auto && device.is_software() {
-            true => Self::faster_than(device, pages),
+            true => Self::faster_than(device, trial, pages),
             false => pollster::block_on(GpuAdapter::new(device, pages)).map(Self::gpu),
         });
         match opened {
@@ -98,13 +109,17 @@ impl OpenedAdapter {
         }
     }
 
-    /// A software driver or the CPU ray-caster, whichever is faster in a trial, or was in one that is remembered. Fails if the driver
-    /// does.
-    fn faster_than(software: GpuDevice, pages: u32) -> std::result::Result<Self, String> {
+    /// A software driver or the CPU ray-caster, whichever is faster in a trial, or was in one that is remembered. Without one, the CPU
+    /// ray-caster. Fails if the driver does.
+    fn faster_than(software: GpuDevice, trial: Trial, pages: u32) -> std::result::Result<Self, String> {
         let (trials, key) = (RememberedTrials::of_user(), trial_key(&software));
-        let trial = match trials.get(&key) {
-            Some(trial) => trial,
-            None => {
+        let trial = match (trials.get(&key), trial) {
+            (Some(trial), _) => trial,
+            (None, Trial::Remembered) => {
+                let reason = format!("{} was not tried", printable(&software.info().name));
+                return Ok(Self::cpu(pages).because(reason));
+            }
+            (None, Trial::Now) => {
                 let trial = DriverTrial::run(&software)?;
                 trials.keep(&key, &trial);
                 trial
@@ -120,9 +135,9 @@ impl OpenedAdapter {
 }
 
 impl Adapter {
-    /// Opens an adapter without a window. See [`OpenedAdapter::choose`].
+    /// Opens an adapter without a window. See [`OpenedAdapter::choose`]. A trial would take longer than most pictures.
     pub fn headless(choice: AdapterChoice, cache_bytes: u64) -> Result<OpenedAdapter> {
-        OpenedAdapter::choose(choice, || headless_device(cache_bytes), cache_bytes)
+        OpenedAdapter::choose(choice, || headless_device(cache_bytes), Trial::Remembered, cache_bytes)
     }
 
     /// Draws a frame and waits for its pixels. Fails if the GPU fails.

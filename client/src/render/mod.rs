@@ -4,5 +4,5 @@ mod adapter;
 mod remembered;
 mod trial;
 
-pub use adapter::{Adapter, AdapterChoice, OpenedAdapter, graphics_error};
+pub use adapter::{Adapter, AdapterChoice, OpenedAdapter, Trial, graphics_error};
 pub use insula_viewer::render::{AdapterInfo, CpuAdapter, GpuAdapter, GpuDevice};

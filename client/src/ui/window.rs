@@ -3,7 +3,7 @@
 use super::window_surface::{OverlayShapes, WindowSurface, color_image};
 use crate::{
     error::{ClientError, Result},
-    render::{AdapterChoice, GpuDevice, OpenedAdapter},
+    render::{AdapterChoice, GpuDevice, OpenedAdapter, Trial},
 };
 use insula_protocol::text::printable;
 use insula_shaders::cpu::raycast::Pixels;
@@ -173,6 +173,6 @@ fn open_adapter(
     choice: AdapterChoice,
     cache_bytes: u64,
 ) -> Option<JoinHandle<Result<OpenedAdapter>>> {
-    let open = move || OpenedAdapter::choose(choice, || Ok(device), cache_bytes);
+    let open = move || OpenedAdapter::choose(choice, || Ok(device), Trial::Now, cache_bytes);
     std::thread::Builder::new().name("insula-adapter".into()).spawn(open).ok()
 }

@@ -17,8 +17,10 @@ pub(crate) const STAR_SHARPNESS: f32 = 30.0;
 pub(crate) const MOON_RADIUS: f32 = 0.0045;
 /// Cosine of the sun's angle to the moon's surface from which it is fully lit: the moon is flatter than a matt sphere.
 pub(crate) const MOON_TERMINATOR: f32 = 0.4;
-/// Lamps stand in streets: their light grows with the hidden part of the sky, up to the inverse of this.
-pub(crate) const LAMP_DEPTH: f32 = 3.0;
+/// Lamps stand in streets: their light begins where this part of the sky is hidden, and grows with it, to all of it after the inverse
+/// of the depth. Ground that far from houses has become the plane, which has no lamps: without a beginning, houses stood on islands.
+pub(crate) const LAMP_BEGIN: f32 = 0.06;
+pub(crate) const LAMP_DEPTH: f32 = 2.6;
 /// Share of that light on walls.
 pub(crate) const LAMPS_ON_WALLS: f32 = 0.25;
 /// Least part of that share on a wall, however open its surroundings are. Occlusion ends a metre or two from a wall's edge: without
@@ -86,7 +88,8 @@ pub(super) fn lamp_light(scene: &SceneRef<'_>, node: u32, surface: &SurfaceSampl
     let upright = n.z.abs();
     let open = (surface.ao / (0.5 + 0.5 * upright)).min(1.0);
     let least = LAMPS_IN_THE_OPEN * (1.0 - upright);
-    let near = (LAMP_DEPTH * (1.0 - open)).max(least).min(1.0) * n.z.max(LAMPS_ON_WALLS);
+    let deep = (LAMP_DEPTH * (1.0 - LAMP_BEGIN - open)).clamp(0.0, 1.0);
+    let near = (deep * deep * (3.0 - 2.0 * deep)).max(least) * n.z.max(LAMPS_ON_WALLS);
     surface.albedo * rgb(street) * (near * share * share)
 }
 

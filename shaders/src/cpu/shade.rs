@@ -53,7 +53,7 @@ pub(crate) const FACADE_DEPTH: f32 = 1.1;
 pub(crate) const FACING_REFLECTANCE: f32 = 0.03;
 /// Reflectance of water: seen from straight ahead, and what it has more at a flat angle. Waves keep it below that of a mirror.
 pub(crate) const FACING_WATER: f32 = 0.025;
-pub(crate) const FLAT_WATER: f32 = 0.7;
+pub(crate) const FLAT_WATER: f32 = 0.62;
 /// Share by which waves change the cosine at which water is seen, how long the longest are, in bays, and where they end.
 pub(crate) const WAVE_TILT: f32 = 0.9;
 pub(crate) const WAVES_PER_BAY: f32 = 3.2 / 23.0;

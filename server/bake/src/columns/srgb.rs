@@ -11,8 +11,10 @@ static LINEAR_OF_SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
 });
 
 /// An 8-bit sRGB colour as linear light, 0 to 1.
-pub(crate) fn linear_from_srgb(rgb: [u8; 3]) -> Vec3 {
-    Vec3::from_array(rgb.map(|v| LINEAR_OF_SRGB[usize::from(v)]))
+#[inline]
+pub(crate) fn linear_from_srgb([r, g, b]: [u8; 3]) -> Vec3 {
+    let table = &*LINEAR_OF_SRGB;
+    Vec3::new(table[usize::from(r)], table[usize::from(g)], table[usize::from(b)])
 }
 
 /// Linear light, clamped to 0 to 1, as 8-bit sRGB.

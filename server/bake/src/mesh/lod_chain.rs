@@ -6,7 +6,7 @@
 //! left out.
 
 use insula_protocol::{
-    TileId,
+    MeshTile, TileId,
     blockmap::{Quality, voxel_error_m},
     mesh_tile::{MAX_LODS, archive_id},
     subtree::MeshLod,
@@ -18,6 +18,7 @@ use super::{
     leaf_surface::LeafSurface,
     lod_encoder::{EncodedLod, LodEncoder, LodSpec, NamedModel, simplify_on_grid},
     surface_distance::{TriangleHash, part_half_diagonals},
+    texture_bake::whole_texels_m,
 };
 use crate::error::BakeError;
 use crate::scene::Scene;
@@ -52,6 +53,8 @@ pub(super) fn encode_lods(
         return Ok(lods);
     }
     let mut triangles_before = solid.model.triangles.len();
+    let whole_m = if surface.is_textured() { whole_texels_m(scene, &solid.model, step_m) } else { 0.0 };
+    let mut is_mostly_texture = whole_m > 0.0 && mostly_texture(id, 0, &lods[0])?;
     let mut simplifier = SurfaceSimplifier { surface, part_half_diagonals: Vec::new() };
     for k in 1..MAX_LODS {
         let target_m = COARSEST_SHARE * blockmap_error_m / ERROR_RATIO.powi(i32::from(MAX_LODS - 1 - k));
@@ -59,11 +62,15 @@ pub(super) fn encode_lods(
         if target_m < 2.0 * voxel_error_m(step_m) || archive_id(id, number).is_none() {
             continue;
         }
+        // The same texels take about the same bytes.
+        if target_m < whole_m && is_mostly_texture {
+            continue;
+        }
         let max_triangles = (MAX_TRIANGLES_SHARE * triangles_before as f64) as usize;
         let (coarser, moved_m) = match simplifier.simplify_within(target_m, max_triangles) {
             Some(found) => found,
             // Even with the same triangles, a coarser texture may make the tile much smaller.
-            None if surface.is_textured() => (solid.clone(), 0.0),
+            None if surface.is_textured() && target_m >= whole_m => (solid.clone(), 0.0),
             None => continue,
         };
         let Some(lod) = encoder.encode(&coarser, LodSpec { number, moved_m, texel_m: target_m })? else { continue };
@@ -73,10 +80,18 @@ pub(super) fn encode_lods(
         {
             triangles_before = coarser.model.triangles.len();
             let error_m = lod.info.error_m.max(finer.info.error_m);
+            is_mostly_texture = target_m < whole_m && mostly_texture(id, number, &lod)?;
             lods.push(EncodedLod { info: MeshLod { error_m, ..lod.info }, ..lod });
         }
     }
     Ok(lods)
+}
+
+/// Whether the texture takes so much of a level's tile that one with fewer triangles would hardly be smaller.
+fn mostly_texture(id: TileId, number: u8, lod: &EncodedLod) -> Result<bool, BakeError> {
+    let tile = MeshTile::decode(id, number, &lod.bytes).map_err(BakeError::tile(id, "read back"))?;
+    let texture_bytes = tile.texture.map_or(0, |texture| texture.bytes.len());
+    Ok(texture_bytes as f64 > MAX_BYTES_SHARE * lod.bytes.len() as f64)
 }
 
 /// Simplifies a leaf's surface within measured errors.

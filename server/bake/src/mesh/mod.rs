@@ -42,7 +42,7 @@ use crate::{
 pub(crate) use lod_encoder::EncodedLod;
 
 /// Version of the algorithm. Raised whenever the same scene and settings would give other meshes than before.
-pub const ALGORITHM: u32 = 5;
+pub const ALGORITHM: u32 = 6;
 
 /// The leaf's levels of detail, the finest first. Empty if the leaf has no surface, or only one too small for its grid.
 ///

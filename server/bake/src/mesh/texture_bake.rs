@@ -81,6 +81,13 @@ pub(super) fn bake_texture(
     None
 }
 
+/// Side of texels up to which a texture keeps all of its source's: a model's textures of smaller texels are the same.
+pub(super) fn whole_texels_m(scene: &Scene, model: &TriangleModel, step_m: f64) -> f64 {
+    let model = &*fold_patterns(scene, model);
+    let charts = find_charts(scene, model, step_m);
+    charts.iter().fold(f64::INFINITY, |least, chart| least.min(1.0 / chart.texels_per_m))
+}
+
 /// `None` if the charts or the file are too large.
 fn bake_at(
     scene: &Scene,

@@ -107,7 +107,10 @@ impl TextureCanvas {
 
     /// Encodes the means of the texels as a WebP file. `None` if it is too large for a tile.
     pub(super) fn encode(&self, quality: Quality) -> Option<Vec<u8>> {
-        let mut rgb: Vec<u8> = self.sums.iter().flat_map(|sum| quick_srgb(sum.light / sum.weight.max(1.0))).collect();
+        let mut rgb: Vec<u8> = Vec::with_capacity(3 * self.sums.len());
+        for sum in &self.sums {
+            rgb.extend_from_slice(&quick_srgb(sum.light / sum.weight.max(1.0)));
+        }
         let is_known: Vec<bool> = self.sums.iter().map(|sum| sum.weight > 0.0).collect();
         fill_unknown_texels(&mut rgb, self.size, &is_known);
         MaskedTexture { size: self.size, rgb: &rgb, is_shown: &self.is_shown }.encode(quality)
@@ -121,7 +124,7 @@ impl TextureCanvas {
             if sum.weight > 0.0 {
                 last = quick_srgb(sum.light / sum.weight);
             }
-            rgb.extend(last);
+            rgb.extend_from_slice(&last);
         }
         MaskedTexture { size: self.size, rgb: &rgb, is_shown: &self.is_shown }.encode(Quality::Lossless)
     }
@@ -132,5 +135,7 @@ fn quick_srgb(light: Vec3) -> [u8; 3] {
     static TABLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
         (0..=SRGB_TABLE_STEPS).map(|i| srgb_from_linear([i as f32 / SRGB_TABLE_STEPS as f32; 3])[0]).collect()
     });
-    light.to_array().map(|v| TABLE[(v.clamp(0.0, 1.0) * SRGB_TABLE_STEPS as f32 + 0.5) as usize])
+    let table = TABLE.as_slice();
+    let code = |v: f32| table[(v.clamp(0.0, 1.0) * SRGB_TABLE_STEPS as f32 + 0.5) as usize];
+    [code(light.x), code(light.y), code(light.z)]
 }

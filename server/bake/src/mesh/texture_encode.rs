@@ -118,8 +118,9 @@ impl MaskedTexture<'_> {
         let decoded = decode_webp(file, self.size).ok()?;
         let (mut squares, mut count) = (0u64, 0u64);
         let texels = self.rgb.as_chunks::<3>().0.iter().zip(decoded.as_chunks::<3>().0);
-        for ((a, b), _) in texels.zip(self.is_shown).filter(|(_, is_shown)| **is_shown) {
-            squares += (0..3).map(|k| u64::from(a[k].abs_diff(b[k])).pow(2)).sum::<u64>();
+        for (([r, g, b], [x, y, z]), _) in texels.zip(self.is_shown).filter(|(_, is_shown)| **is_shown) {
+            let [r, g, b] = [r.abs_diff(*x), g.abs_diff(*y), b.abs_diff(*z)].map(u64::from);
+            squares += r * r + g * g + b * b;
             count += 3;
         }
         Some(10.0 * libm::log10(255.0 * 255.0 * count as f64 / (squares as f64).max(1e-9)))

@@ -9,7 +9,10 @@ pub(super) fn fill_unknown_texels(rgb: &mut [u8], [width, height]: [u32; 2], is_
     let texels = rgb.as_chunks::<3>().0.iter().zip(is_known);
     let first = PyramidLevel {
         size: [width as usize, height as usize],
-        texels: texels.map(|(rgb, is_known)| is_known.then(|| rgb.map(f32::from))).collect(),
+        texels: texels
+            .map(|([r, g, b], is_known)| if *is_known { [*r, *g, *b].map(f32::from) } else { [0.0; 3] })
+            .collect(),
+        is_known: is_known.to_vec(),
     };
     let mut levels = vec![first];
     while let Some(last) = levels.last().filter(|last| last.size != [1, 1]) {
@@ -21,54 +24,67 @@ pub(super) fn fill_unknown_texels(rgb: &mut [u8], [width, height]: [u32; 2], is_
         level.fill_from(&coarse);
         coarse = level;
     }
-    for (rgb, texel) in rgb.as_chunks_mut::<3>().0.iter_mut().zip(&coarse.texels) {
-        *rgb = texel.unwrap_or_default().map(|v| (v + 0.5) as u8);
+    for (rgb, [r, g, b]) in rgb.as_chunks_mut::<3>().0.iter_mut().zip(&coarse.texels) {
+        *rgb = [(r + 0.5) as u8, (g + 0.5) as u8, (b + 0.5) as u8];
     }
 }
 
-/// One level of the pyramid; `None` where no texel below is known.
+/// One level of the pyramid. Each texel of a texture passes through it, so its loops make no iterators of a few numbers.
 struct PyramidLevel {
     size: [usize; 2],
-    texels: Vec<Option<[f32; 3]>>,
+    /// Zero where no texel below is known.
+    texels: Vec<[f32; 3]>,
+    is_known: Vec<bool>,
 }
 
 impl PyramidLevel {
-    /// The texel at a position, clamped to the level.
-    fn at(&self, x: usize, y: usize) -> Option<[f32; 3]> {
-        self.texels[y.min(self.size[1] - 1) * self.size[0] + x.min(self.size[0] - 1)]
-    }
-
     /// The next coarser level: means of the known ones of four texels.
     fn halved(&self) -> Self {
+        let [width, height] = self.size;
         let size = self.size.map(|side| side.div_ceil(2));
-        let mean = |x: usize, y: usize| {
-            let positions = [0, 1, 2, 3].map(|k| [2 * x + k % 2, 2 * y + k / 2]);
-            let inside = positions.into_iter().filter(|[x, y]| *x < self.size[0] && *y < self.size[1]);
-            let (mut sum, mut count) = ([0.0; 3], 0.0);
-            for texel in inside.filter_map(|[x, y]| self.at(x, y)) {
-                sum = [0, 1, 2].map(|k| sum[k] + texel[k]);
-                count += 1.0;
+        let (mut texels, mut is_known) = (Vec::with_capacity(size[0] * size[1]), Vec::with_capacity(size[0] * size[1]));
+        for y in 0..size[1] {
+            for x in 0..size[0] {
+                let (mut sum, mut count) = ([0.0; 3], 0.0);
+                for row in 2 * y..(2 * y + 2).min(height) {
+                    for i in row * width + 2 * x..row * width + (2 * x + 2).min(width) {
+                        if self.is_known[i] {
+                            let [r, g, b] = self.texels[i];
+                            sum = [sum[0] + r, sum[1] + g, sum[2] + b];
+                            count += 1.0;
+                        }
+                    }
+                }
+                is_known.push(count > 0.0);
+                texels.push(if count > 0.0 { [sum[0] / count, sum[1] / count, sum[2] / count] } else { [0.0; 3] });
             }
-            (count > 0.0).then(|| sum.map(|v: f32| v / count))
-        };
-        Self { size, texels: (0..size[0] * size[1]).map(|i| mean(i % size[0], i / size[0])).collect() }
+        }
+        Self { size, texels, is_known }
     }
 
     /// Sets unknown texels by bilinear interpolation in the next coarser level, which must be complete.
     fn fill_from(&mut self, coarse: &Self) {
         let width = self.size[0];
-        for (i, texel) in self.texels.iter_mut().enumerate().filter(|(_, texel)| texel.is_none()) {
-            let (x, y) = (i % width, i / width);
-            // The coarse texel over this one, and its neighbour on the nearer side.
-            let nearest_two = |v: usize| [v / 2, (v / 2 + v % 2 * 2).saturating_sub(1)];
-            let mut sum = [0.0; 3];
-            for (column, u) in nearest_two(x).into_iter().zip([0.75, 0.25]) {
-                for (row, v) in nearest_two(y).into_iter().zip([0.75, 0.25]) {
-                    let colour = coarse.at(column, row).unwrap_or_default();
-                    sum = [0, 1, 2].map(|k| sum[k] + colour[k] * u * v);
+        let [last_column, last_row] = coarse.size.map(|side| side - 1);
+        // The coarse texel over this one, and its neighbour on the nearer side.
+        let nearest_two = |v: usize, last: usize| {
+            [((v / 2).min(last), 0.75), ((v / 2 + v % 2 * 2).saturating_sub(1).min(last), 0.25)]
+        };
+        for y in 0..self.size[1] {
+            for x in 0..width {
+                let i = y * width + x;
+                if self.is_known[i] {
+                    continue;
                 }
+                let mut sum = [0.0; 3];
+                for (column, u) in nearest_two(x, last_column) {
+                    for (row, v) in nearest_two(y, last_row) {
+                        let [r, g, b] = coarse.texels[row * coarse.size[0] + column];
+                        sum = [sum[0] + r * u * v, sum[1] + g * u * v, sum[2] + b * u * v];
+                    }
+                }
+                self.texels[i] = sum;
             }
-            *texel = Some(sum);
         }
     }
 }

@@ -11,7 +11,7 @@ use super::{
     local_block::{LocalBlock, LocalTriangle, MIN_TOP_NORMAL_Z},
     rasterise::rasterise,
 };
-use glam::{Vec3, Vec3Swizzles};
+use glam::Vec3;
 use insula_protocol::{NODE_CELLS, TileId};
 
 /// Number of subsets of the sky directions, and of surfels in a group.
@@ -100,13 +100,10 @@ fn is_top(triangle: &LocalTriangle) -> bool {
     triangle.normal.z > MIN_TOP_NORMAL_Z
 }
 
-/// Whether a top lies closely above `p`.
+/// Whether a top that the line nearest to `p` crosses lies closely above. It may end just beside `p`, where another one goes on.
 fn covers(upper: &LocalTriangle, p: Vec3, cell_m: f32) -> bool {
-    let [a, b, c] = upper.corners.map(|corner| corner.xy() - p.xy());
-    let turns = [a.perp_dot(b), b.perp_dot(c), c.perp_dot(a)];
-    let is_over = turns.iter().all(|turn| *turn >= 0.0) || turns.iter().all(|turn| *turn <= 0.0);
     let above_m = upper.normal.dot(upper.corners[0] - p) / upper.normal.z;
-    is_over && above_m > COVER_CELLS[0] * cell_m && above_m < COVER_CELLS[1] * cell_m
+    above_m > COVER_CELLS[0] * cell_m && above_m < COVER_CELLS[1] * cell_m
 }
 
 /// Gives all surfels of a group the mean of their sky cosines.

@@ -78,10 +78,16 @@ pub(crate) fn read_bilinear(texture: &SceneTexture, uv: Vec2) -> Vec3 {
     let (width, height) = (texture.width.max(1), texture.height.max(1));
     let x = uv.x * width as f32 - 0.5;
     let y = (1.0 - uv.y) * height as f32 - 0.5;
-    let (fx, fy) = (x - x.floor(), y - y.floor());
-    let wrap = |v: f32, n: u32| (v.floor() as i64).rem_euclid(i64::from(n)) as u32;
-    let (x0, y0) = (wrap(x, width), wrap(y, height));
-    let (x1, y1) = ((x0 + 1) % width, (y0 + 1) % height);
+    let (left, top) = (x.floor(), y.floor());
+    let (fx, fy) = (x - left, y - top);
+    let wrap = |v: f32, n: u32| {
+        let v = v as i64;
+        // Most reads are inside, and divisions are slow.
+        if (0..i64::from(n)).contains(&v) { v as u32 } else { v.rem_euclid(i64::from(n)) as u32 }
+    };
+    let next = |v: u32, n: u32| if v + 1 < n { v + 1 } else { 0 };
+    let (x0, y0) = (wrap(left, width), wrap(top, height));
+    let (x1, y1) = (next(x0, width), next(y0, height));
     let texel =
         |x: u32, y: u32| texture.rgb.get((y * width + x) as usize).map_or(Vec3::ZERO, |rgb| linear_from_srgb(*rgb));
     texel(x0, y0).lerp(texel(x1, y0), fx).lerp(texel(x0, y1).lerp(texel(x1, y1), fx), fy)

@@ -7,11 +7,11 @@ use insula_bake::{
     BakeOptions,
     read::{ReadOptions, read_embedded},
     sample::SampleSettings,
-    scene::Scene,
+    scene::{Material, ObjectKind, Scene, SceneObject, SceneTriangle},
 };
 use insula_protocol::{
     BlockMap, TileId,
-    blockmap::{COLUMNS, NODE_CELLS, flag},
+    blockmap::{COLUMNS, NODE_CELLS, Quality, flag},
 };
 
 /// West, south, east and north end in metres.
@@ -132,4 +132,52 @@ fn matt_cities_have_the_same_tiles_without_masks_and_other_fingerprints() {
     let mut of_reflective = maps(reflective);
     of_reflective.values_mut().flat_map(|map| &mut map.flags).for_each(|flags| *flags &= !flag::REFLECTIVE);
     assert!(of_reflective == maps(&matt));
+}
+
+/// A round pond of narrow triangles, 10 cm above land.
+#[test]
+fn what_lies_under_water_does_not_show_along_the_edges_of_its_triangles() {
+    const MIDDLE: [f32; 2] = [60.0, 60.0];
+    const RADIUS_M: f32 = 50.0;
+    const CORNERS: usize = 40;
+    let material = |rgb, is_reflective| Material { rgb, texture: None, is_reflective };
+    let object = |id: &str| SceneObject { id: id.into(), kind: ObjectKind::Terrain, base_z_m: 0.0 };
+    let (land, water) = ([200, 180, 150], [40, 90, 120]);
+    let mut scene = Scene {
+        materials: vec![material(land, false), material(water, true)],
+        objects: vec![object("land"), object("pond")],
+        ..Scene::default()
+    };
+    let mut add = |corners, number| {
+        scene.triangles.push(SceneTriangle { corners, uv: [[0.0; 2]; 3], material: number, object: number });
+    };
+    let [a, b, c, d] = [[0.0, 0.0, 0.0], [120.0, 0.0, 0.0], [120.0, 120.0, 0.0], [0.0, 120.0, 0.0]];
+    add([a, b, c], 0);
+    add([a, c, d], 0);
+    let shore = |i: usize| {
+        let (sin, cos) = (i as f32 / CORNERS as f32 * std::f32::consts::TAU).sin_cos();
+        [MIDDLE[0] + RADIUS_M * cos, MIDDLE[1] + RADIUS_M * sin, 0.1]
+    };
+    for i in 1..CORNERS - 1 {
+        add([shore(0), shore(i), shore(i + 1)], 1);
+    }
+    let sample = SampleSettings::with_views(32);
+    let options = BakeOptions { cell_m: 1.0, sample, quality: Quality::Lossless, ..options(Path::new(""), 2) };
+    let city = BakedCity::bake("pond", scene, options);
+    let manifest = city.manifest();
+    let mut columns = 0;
+    for (id, map) in maps(&city).into_iter().filter(|(id, _)| id.level() == manifest.depth) {
+        for i in (0..COLUMNS).filter(|i| map.flags[*i] & flag::OCCUPIED != 0) {
+            let at = |node: u32, cell: usize, axis: usize| {
+                let m = f64::from(node) * manifest.node_side_m(manifest.depth) + cell as f64 + 0.5;
+                manifest.origin[axis] + m - f64::from(MIDDLE[axis])
+            };
+            let from_middle = at(id.x(), i % NODE_CELLS, 0).hypot(at(id.y(), i / NODE_CELLS, 1));
+            if from_middle < f64::from(RADIUS_M) - 2.0 {
+                assert_eq!(map.roof[i].rgb(), water, "{from_middle} m from the middle");
+                columns += 1;
+            }
+        }
+    }
+    assert!(columns > 7000, "{columns}");
 }
