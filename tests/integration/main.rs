@@ -23,6 +23,7 @@ mod mesh;
 mod mesh_cracks;
 mod node_error;
 mod packets;
+mod random_commands;
 mod scripts;
 mod stream_server_restart;
 mod stream_slow_link;
@@ -48,7 +49,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 34] = [
+const MODULES: [(&str, Add); 35] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -58,6 +59,7 @@ const MODULES: [(&str, Add); 34] = [
     ("faults", faults::add),
     ("zoo", zoo::add),
     ("file_safety", file_safety::add),
+    ("random_commands", random_commands::add),
     ("gaps", gaps::add),
     ("node_error", node_error::add),
     ("load", load::add),
