@@ -84,8 +84,6 @@ impl FileKind {
     pub const MAN_PAGE: Self = Self::Has("a man page", &[".TH "]);
     /// Everything begins with no bytes.
     pub const ANY: Self = Self::Begins("a file", &[b""]);
-    /// `tileset.json` of 3D Tiles.
-    pub const TILESET: Self = Self::Json("a tileset", &["asset", "root"]);
 
     /// With its article, for messages.
     fn name(self) -> &'static str {
