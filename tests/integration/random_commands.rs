@@ -206,7 +206,9 @@ fn possessions(place: &Workplace) -> BTreeMap<PathBuf, Possession> {
         .chain(tree(&place.path("in")))
         .map(|(path, bytes)| (path, Possession::File(bytes)))
         .collect();
-    let names = fs::read_dir(place.path("")).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file());
+    // All but what `bake plan` wrote.
+    let names = fs::read_dir(place.path("")).unwrap().map(|entry| entry.unwrap().path());
+    let names = names.filter(|path| path.is_file() && !path.ends_with("work.job"));
     theirs.extend(names.map(|path| (path.clone(), Possession::File(fs::read(path).unwrap()))));
     for name in ["b/own.txt", "c/own.txt"] {
         theirs.insert(place.path(name), found(&place.path(name)).unwrap());
