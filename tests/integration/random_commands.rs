@@ -127,7 +127,7 @@ fn found(path: &Path) -> Option<Possession> {
 }
 
 fn random_commands_leave_the_files_of_others_alone() {
-    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse().expect("a number"));
+    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse().unwrap());
     let count = number("INSULA_SEQUENCES").unwrap_or(if tier::is_full() { 1200 } else { 10 });
     let first = number("INSULA_SEED").unwrap_or(7);
     let template = Workplace::new();
@@ -183,7 +183,7 @@ fn run_sequence(seed: u64, template: &Workplace) -> Sequence {
         sequence.killed += u32::from(is_killed && output.status.code().is_none_or(|code| code > 100));
         theirs.retain(|path, possession| {
             let now = found(path);
-            let is_kept = now.as_ref() == Some(possession);
+            let is_kept = now.as_ref() == Some(&*possession);
             let is_given = || command.gives(path, &place) && now.is_some();
             assert!(is_kept || is_given(), "seed {seed}: {} changed by the last of {history:#?}", path.display());
             is_kept
