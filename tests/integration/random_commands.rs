@@ -127,7 +127,7 @@ fn found(path: &Path) -> Option<Possession> {
 }
 
 fn random_commands_leave_the_files_of_others_alone() {
-    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse().unwrap());
+    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().unwrap());
     let count = number("INSULA_SEQUENCES").unwrap_or(if tier::is_full() { 1200 } else { 10 });
     let first = number("INSULA_SEED").unwrap_or(7);
     let template = Workplace::new();
