@@ -3,7 +3,7 @@
 use clap::{Command, CommandFactory};
 use insula_client::args::Cli;
 use insula_server::args::Args;
-use insula_test_support::{programs::program, rng::Rng, tier};
+use insula_test_support::programs::program;
 use insula_tests::{tests, trials::Trials};
 use std::{
     any::TypeId,
@@ -15,11 +15,7 @@ use std::{
 };
 
 pub(crate) fn add(trials: &mut Trials) {
-    trials.add(tests![
-        every_path_of_the_command_lines_has_a_case,
-        outputs_replace_only_earlier_outputs,
-        random_commands_leave_the_files_of_others_alone
-    ]);
+    trials.add(tests![every_path_of_the_command_lines_has_a_case, outputs_replace_only_earlier_outputs]);
     #[cfg(target_os = "linux")]
     trials.add(tests![inputs_that_are_no_regular_files_are_refused]);
 }
@@ -169,15 +165,15 @@ fn every_path_of_the_command_lines_has_a_case() {
 }
 
 /// A folder with inputs of all commands, a city, a site and a work store.
-struct Workplace(tempfile::TempDir);
+pub(crate) struct Workplace(tempfile::TempDir);
 
-const TOWN: &str = r#"{"type":"FeatureCollection","features":[{"type":"Feature","id":"a","properties":{"height":9,"name":"Hall"},
+pub(crate) const TOWN: &str = r#"{"type":"FeatureCollection","features":[{"type":"Feature","id":"a","properties":{"height":9,"name":"Hall"},
     "geometry":{"type":"Polygon","coordinates":[[[4.36,52.01],[4.3602,52.01],[4.3602,52.0101],[4.36,52.0101],[4.36,52.01]]]}}]}"#;
 const OFF: &str = "OFF\n5 6 0\n0 0 0\n10 0 0\n10 8 0\n0 8 0\n4 3 7\n4 3 2 1 0\n3 0 1 4\n3 1 2 4\n3 2 3 4\n3 3 0 4\n";
 const CAMERA: &str = r#"{"position":[0,-100,60],"target":[10,0,0],"up":[0,0,1],"fov_y_deg":60}"#;
 
 impl Workplace {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         for (name, text) in [
             ("town.geojson", TOWN),
@@ -202,17 +198,33 @@ impl Workplace {
         place
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    /// Another one with the same files.
+    pub(crate) fn copy(&self) -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        for (path, bytes) in tree(self.0.path()) {
+            let path = place.0.path().join(path.strip_prefix(self.0.path()).unwrap());
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, bytes).unwrap();
+        }
+        place
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
-    fn write(&self, name: &str, text: &str) {
+    pub(crate) fn write(&self, name: &str, text: &str) {
         fs::create_dir_all(self.path(name).parent().unwrap()).unwrap();
         fs::write(self.path(name), text).unwrap();
     }
 
     /// Runs a command line of `insula-server`, or of the program that it begins with, with a limit of memory where that is possible.
     fn run(&self, line: &str) -> Output {
+        self.run_for(line, "60")
+    }
+
+    /// The same, ended or killed (`-s KILL`) after so many seconds where that is possible.
+    pub(crate) fn run_for(&self, line: &str, timeout: &str) -> Output {
         let line = line.replacen("SNAPSHOT", SNAPSHOT, 1);
         let (name, words) = match line.strip_prefix("insula ") {
             Some(rest) => ("insula", rest),
@@ -222,7 +234,7 @@ impl Workplace {
         let mut command = if cfg!(target_os = "linux") {
             let mut shell = Process::new("sh");
             // A file without an end would fill the memory, and one that nobody writes would never end.
-            shell.args(["-c", "ulimit -v 8000000; exec timeout 60 \"$@\"", "sh"]).arg(program);
+            shell.args(["-c", &format!("ulimit -v 8000000; exec timeout {timeout} \"$@\""), "sh"]).arg(program);
             shell
         } else {
             Process::new(program)
@@ -236,7 +248,7 @@ impl Workplace {
 }
 
 /// Every file below a folder with its content, without those of the programs' cache. Links and pipes have none.
-fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+pub(crate) fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut open = vec![folder.to_owned()];
     while let Some(folder) = open.pop() {
@@ -335,109 +347,6 @@ fn inputs_that_are_no_regular_files_are_refused() {
             let what = format!("{command} {} of {path}", names[0]);
             assert!(matches!(output.status.code(), Some(1..=3)), "{what}: {:?} {text}", output.status);
             assert!(text.lines().last().is_some_and(|line| line.starts_with("error: ")), "{what}: {text}");
-        }
-    }
-}
-
-/// Commands of the random test: DIR, IN and OUT are paths.
-const COMMANDS: [&str; 22] = [
-    "bake IN --out DIR --cell 8 --no-street-sets",
-    "bake IN --out DIR --cell 8 --update --report OUT",
-    "bake IN --out DIR --cell 4 --resume",
-    "bake plan --inputs IN --work DIR --cell 8",
-    "bake plan --inputs IN --work DIR --cell 4 --update",
-    "bake scan 0 --work DIR",
-    "bake plan --work DIR",
-    "bake shuffle 0 --work DIR",
-    "bake region 0 --work DIR",
-    "bake crown --work DIR",
-    "bake join plan --work DIR",
-    "bake join part 0 --work DIR",
-    "bake join finish --work DIR",
-    "bake abort --work DIR",
-    "publish DIR --out DIR",
-    "export DIR --format 3dtiles --out DIR",
-    "export DIR --format csv --out OUT",
-    "export DIR --format glb --out OUT",
-    "inspect DIR --tile 0/0/0 --png OUT",
-    "compress IN OUT",
-    "simplify IN OUT --ratio 0.5",
-    "man --out DIR",
-];
-/// Where somebody may put a file.
-const FOREIGN: [&str; 14] = [
-    "a/notes.txt",
-    "a/job.json",
-    "a/plan/notes.txt",
-    "a/tiles/holiday.png",
-    "b/scan/0/My photo.png",
-    "b/city/impressum.html",
-    "b/assets/mine/holiday.png",
-    "c/insula-site.json",
-    "c/cities/town/impressum.html",
-    "c/search.index",
-    "c/content/0/0/0.glb",
-    "thesis.ply",
-    "a.partial/mine.txt",
-    "b.job",
-];
-const DIRECTORIES: [&str; 7] = ["a", "b", "c", "a/city", "b/city", "city", "."];
-const INPUTS: [&str; 6] = ["town.geojson", "a.off", "in", "in/*.geojson", "a/in.geojson", "thesis.ply"];
-const OUTPUTS: [&str; 9] = [
-    "out.csv",
-    "out.off",
-    "thesis.ply",
-    "a/city.json",
-    "city/meshes.pmtiles",
-    "b/job.json",
-    "town.geojson",
-    "in/more.geojson",
-    "c/insula-site.json",
-];
-
-/// Commands in random order, with random paths, in a folder of files that none of them wrote.
-fn random_commands_leave_the_files_of_others_alone() {
-    let seed = std::env::var("INSULA_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(7);
-    let mut rng = Rng::new(seed);
-    let steps = if tier::is_full() { 10_000 } else { 80 };
-    let (mut done, mut place, mut foreign) = (Vec::new(), None, BTreeMap::new());
-    for step in 0..steps {
-        // A place becomes one that most commands refuse.
-        if step % 100 == 0 {
-            let new = Workplace::new();
-            new.write("in/part.geojson", TOWN);
-            foreign = ["town.geojson", "a.off", "b.off", "in/part.geojson"]
-                .map(|name| (new.path(name), fs::read(new.path(name)).unwrap()))
-                .into();
-            place = Some(new);
-            done.clear();
-        }
-        let place = place.as_ref().unwrap();
-        if rng.one_in(4) {
-            let path = place.path(FOREIGN[rng.below(FOREIGN.len())]);
-            // What a program wrote is not somebody else's because it is replaced.
-            if path.symlink_metadata().is_err() && fs::create_dir_all(path.parent().unwrap()).is_ok() {
-                let text = format!("dear {step}");
-                if fs::write(&path, &text).is_ok() {
-                    done.push(format!("(write {})", path.display()));
-                    foreign.insert(path, text.into_bytes());
-                }
-            }
-        }
-        let mut pick = |all: &[&'static str]| all[rng.below(all.len())];
-        let words = pick(&COMMANDS).split(' ').map(|word| match word {
-            "DIR" => pick(&DIRECTORIES),
-            "IN" => pick(&INPUTS),
-            "OUT" => pick(&OUTPUTS),
-            word => word,
-        });
-        let line = words.collect::<Vec<_>>().join(" ");
-        let output = place.run(&line);
-        done.push(line);
-        assert!(matches!(output.status.code(), Some(0..=3)), "seed {seed}: {done:#?}: {:?}", output.status);
-        for (path, bytes) in &foreign {
-            let found = fs::read(path).ok();
-            assert!(found.as_ref() == Some(bytes), "seed {seed}: {} changed by the last of {done:#?}", path.display());
         }
     }
 }

@@ -24,6 +24,7 @@ mod mesh;
 mod mesh_cracks;
 mod node_error;
 mod packets;
+mod random_commands;
 mod scripts;
 mod stream_server_restart;
 mod stream_slow_link;
@@ -59,6 +60,7 @@ const MODULES: [(&str, Add); 35] = [
     ("faults", faults::add),
     ("zoo", zoo::add),
     ("file_safety", file_safety::add),
+    ("random_commands", random_commands::add),
     ("gaps", gaps::add),
     ("node_error", node_error::add),
     ("load", load::add),

@@ -220,12 +220,7 @@ fn lost_on_link() -> FetchError {
 }
 
 fn network_error(error: reqwest::Error) -> FetchError {
-    // The innermost cause is the most specific one ("connection refused").
-    let mut cause: &dyn std::error::Error = &error;
-    while let Some(next) = cause.source() {
-        cause = next;
-    }
-    FetchError::Network(cause.to_string())
+    FetchError::Network(http::cause_of(&error))
 }
 
 fn check_status(response: &reqwest::Response) -> Result<(), FetchError> {

@@ -2,6 +2,7 @@
 
 use insula_protocol::route::{host_of, is_same_host};
 use reqwest::{ClientBuilder, redirect::Policy};
+use std::error::Error;
 
 /// Most redirects of a request.
 const MAX_REDIRECTS: usize = 5;
@@ -55,6 +56,15 @@ pub fn client(redirects: Redirects, elsewhere: Elsewhere) -> ClientBuilder {
         }
     });
     reqwest::Client::builder().referer(false).redirect(policy)
+}
+
+/// The innermost cause of an error, which is the most specific one ("connection refused", "too many redirects").
+pub fn cause_of(error: &dyn Error) -> String {
+    let mut cause = error;
+    while let Some(next) = cause.source() {
+        cause = next;
+    }
+    cause.to_string()
 }
 
 #[cfg(test)]

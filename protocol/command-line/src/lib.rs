@@ -9,7 +9,7 @@ pub mod tls;
 
 use clap::{CommandFactory, Parser, Subcommand, error::ErrorKind};
 use clap_complete::Shell;
-use insula_archive::new_file::replace;
+use insula_archive::{file::open_regular, new_file::replace};
 use insula_protocol::text::printable;
 use output::{FileKind, Outputs};
 use std::{
@@ -19,9 +19,20 @@ use std::{
     process::ExitCode,
 };
 
+/// Environment variable with the file of the certificates that clients trust.
+const CERTIFICATES: &str = "SSL_CERT_FILE";
+
 /// Parses the arguments of this process. If there is nothing to run, prints why, and fails with the exit code of the process:
 /// 0 after help and version that were asked for, 2 after a usage error. Without any arguments, the help is the error.
 pub fn parse<P: Parser>() -> Result<P, ExitCode> {
+    if let Some(path) = std::env::var_os(CERTIFICATES).filter(|path| !path.is_empty()) {
+        // The library that reads it would wait for a pipe, and read a device without end.
+        open_regular(Path::new(&path)).map_err(|error| {
+            let what = format!("{CERTIFICATES}={}: {error}; give a file of certificates", path.display());
+            eprintln!("error: {}", one_line(&what));
+            ExitCode::from(2)
+        })?;
+    }
     P::try_parse().map_err(|error| {
         let is_requested = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
         if is_requested || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {

@@ -51,7 +51,7 @@ impl FileKind {
     /// PLY files.
     pub const PLY: Self = Self::Begins("a PLY file", &[b"ply\n", b"ply\r"]);
     /// OFF files.
-    pub const OFF: Self = Self::Begins("an OFF file", &[b"OFF", b"COFF", b"NOFF", b"STOFF"]);
+    pub const OFF: Self = Self::Begins("an OFF file", &[b"OFF\n", b"OFF\r", b"OFF ", b"COFF", b"NOFF", b"STOFF"]);
     /// OBJ files.
     pub const OBJ: Self = Self::Lines("an OBJ file", &["v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"]);
     /// Compressed meshes.
@@ -59,7 +59,7 @@ impl FileKind {
     /// GLB files.
     pub const GLB: Self = Self::Begins("a GLB file", &[b"glTF"]);
     /// TIFF files of either byte order.
-    pub const TIFF: Self = Self::Begins("a TIFF file", &[b"II", b"MM"]);
+    pub const TIFF: Self = Self::Begins("a TIFF file", &[b"II*\0", b"II+\0", b"MM\0*", b"MM\0+"]);
     /// Parquet files.
     pub const PARQUET: Self = Self::Begins("a Parquet file", &[b"PAR1"]);
     /// FlatGeobuf files.
@@ -84,8 +84,6 @@ impl FileKind {
     pub const MAN_PAGE: Self = Self::Has("a man page", &[".TH "]);
     /// Everything begins with no bytes.
     pub const ANY: Self = Self::Begins("a file", &[b""]);
-    /// `tileset.json` of 3D Tiles.
-    pub const TILESET: Self = Self::Json("a tileset", &["asset", "root"]);
 
     /// With its article, for messages.
     fn name(self) -> &'static str {
@@ -153,7 +151,7 @@ impl Outputs {
     }
 
     /// Adds a file that the command writes. Fails, with what to do, if it is an input or another output, lies in a city, a site or a work
-    /// store, or exists and is of another kind. Nothing is written yet.
+    /// store, is a link to nothing, or exists and is of another kind or write-protected. Nothing is written yet.
     pub fn file(&mut self, path: &Path, kind: FileKind) -> Result<(), String> {
         let refuse = |reason: String| Err(format!("{}: {reason}", path.display()));
         let found = fs::metadata(path).ok();
@@ -163,16 +161,23 @@ impl Outputs {
         if found.as_ref().is_some_and(|found| !found.is_file()) {
             return refuse("it is a folder or a device; give the name of a file".to_owned());
         }
+        if found.is_none() && path.is_symlink() {
+            return refuse("it is a link to nothing; give another name".to_owned());
+        }
         self.check_place(path)?;
         for input in &self.inputs {
             let is_inside = || found.is_some() && input.is_dir() && canonical(path).starts_with(canonical(input));
-            // A report in a folder of inputs is none of them.
-            if is_same(path, input) || !matches!(kind, FileKind::Json(..)) && is_inside() {
+            // An earlier report in a folder of inputs is none of them.
+            let is_report = || matches!(kind, FileKind::Json(..)) && kind.is_of(path);
+            if is_same(path, input) || is_inside() && !is_report() {
                 return refuse(format!("it is, or lies in, the input {}; give another name", input.display()));
             }
         }
         if found.is_some() && !self.may_overwrite && !kind.is_of(path) {
             return refuse(format!("it exists and is not {}; give another name, or --overwrite", kind.name()));
+        }
+        if found.is_some_and(|found| found.permissions().readonly()) && !self.may_overwrite {
+            return refuse("it is write-protected; give another name, or --overwrite".to_owned());
         }
         self.take(path)
     }
@@ -297,6 +302,13 @@ mod tests {
         for allowed in ["b.ply", "empty.ply", "new.ply", "sub/new.ply"] {
             check(allowed, false).unwrap();
         }
+        // Of what is in a folder of inputs, only an earlier report is replaced.
+        fs::write(path("sub/report.json"), r#"{"bytes":1}"#).unwrap();
+        fs::write(path("sub/part.geojson"), r#"{"type":"FeatureCollection"}"#).unwrap();
+        let mut outputs = Outputs::new(OverwriteArgs { overwrite: true }).reading([path("sub")]);
+        let report = FileKind::Json("a report", &["bytes"]);
+        outputs.file(&path("sub/report.json"), report).unwrap();
+        assert!(outputs.file(&path("sub/part.geojson"), report).unwrap_err().contains("the input"));
         for refused in
             ["a.ply", "sub/../a.ply", "sub/c.ply", "taken.ply", "sub", "sub/city/new.ply", "sub/city/city.json"]
         {
@@ -311,6 +323,10 @@ mod tests {
             std::os::unix::fs::symlink(path("a.ply"), path("link.ply")).unwrap();
             fs::hard_link(path("a.ply"), path("hard.ply")).unwrap();
             assert!(check("link.ply", true).is_err() && check("hard.ply", true).is_err());
+            std::os::unix::fs::symlink(path("none.ply"), path("lost.ply")).unwrap();
+            assert!(check("lost.ply", true).unwrap_err().contains("nothing"));
+            std::fs::set_permissions(path("b.ply"), std::os::unix::fs::PermissionsExt::from_mode(0o444)).unwrap();
+            assert!(check("b.ply", false).unwrap_err().contains("write-protected") && check("b.ply", true).is_ok());
             assert!(check("/dev/null", false).is_ok());
         }
     }

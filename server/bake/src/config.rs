@@ -252,7 +252,8 @@ impl BakeConfig {
             BakeError::Option { option: "--visibility", value, advice }
         })?;
         Ok(Self {
-            out: options.out.clone(),
+            // Without the `.` at the end of `city/.`, under which no folder can be renamed.
+            out: options.out.components().collect(),
             cell_m,
             threads,
             memory_bytes: check_memory(options.memory_bytes, threads)?,

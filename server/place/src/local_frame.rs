@@ -8,6 +8,7 @@ use serde::Deserialize;
 
 use insula_source::error::InputError;
 use insula_source::object::CrsReference;
+use insula_source::remote::is_address;
 use insula_source::source::{CitySource, PLACE_FILE, read_sibling};
 
 /// Larger files are refused.
@@ -65,7 +66,11 @@ pub fn find(source: &CitySource<'_>, at: Option<[f64; 3]>) -> Result<Option<(Crs
     let label = format!("{}{PLACE_FILE}", source.label);
     let bytes = match read_sibling(&*source.files, &name, MAX_FILE_BYTES) {
         Ok(bytes) => bytes,
-        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::PermissionDenied) => {
+        // A store that may not be listed forbids what does not exist. A file that is there and cannot be read is not ignored.
+        Err(error)
+            if error.kind() == ErrorKind::NotFound
+                || error.kind() == ErrorKind::PermissionDenied && is_address(&source.label) =>
+        {
             return Ok(at.map(|at| (reference(at), LocalFrame::IDENTITY)));
         }
         Err(error) => return Err(InputError::io(&label, error)),

@@ -9,7 +9,8 @@ pub trait AddressReader: Debug + Sync {
     /// All bytes of a file on a web server. Fails with `NotFound` if there is none, and if it has more than `max_bytes`.
     fn fetch(&self, url: &str, max_bytes: u64) -> io::Result<Vec<u8>>;
 
-    /// The objects below a folder of a bucket, `s3://BUCKET/FOLDER/`, with their names within it. Fails if it cannot be listed.
+    /// The objects below a folder of a bucket, `s3://BUCKET/FOLDER/`, with their names within it. The last ones may have names that are
+    /// no paths, such as `a/../b`. Fails if it cannot be listed.
     fn list(&self, folder: &str) -> io::Result<Vec<ListedObject>>;
 
     /// Size in bytes of an object of a bucket, `s3://BUCKET/NAME`. Fails with `NotFound` if there is none.

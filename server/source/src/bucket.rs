@@ -20,6 +20,8 @@ pub enum BucketInput {
         files: Rc<BucketFiles>,
         /// Those below the folder; those that match the pattern if there is one.
         objects: Vec<ListedObject>,
+        /// Names below the folder that are no paths, and are not read.
+        refused: Vec<String>,
     },
 }
 
@@ -42,9 +44,9 @@ pub fn open(address: &str, reader: &'static dyn AddressReader) -> Result<BucketI
         let pattern = pattern.map_err(|error| InputError::unsupported(address, format!("no pattern: {error}")))?;
         let options = glob::MatchOptions { require_literal_separator: true, ..glob::MatchOptions::new() };
         let files = files(folder);
-        let mut objects = reader.list(&files.folder).map_err(io_error)?;
+        let (mut objects, refused) = files.list().map_err(io_error)?;
         objects.retain(|object| pattern.matches_with(&format!("{}{}", files.folder, object.name), options));
-        return Ok(BucketInput::Folder { files, objects });
+        return Ok(BucketInput::Folder { files, objects, refused });
     }
     if is_archive(name) {
         let what = "archives in buckets are not read; unpack it into the bucket";
@@ -59,11 +61,19 @@ pub fn open(address: &str, reader: &'static dyn AddressReader) -> Result<BucketI
         return Err(unread_formats::refusal(address));
     }
     let files = files(address);
-    let objects = reader.list(&files.folder).map_err(io_error)?;
-    Ok(BucketInput::Folder { files, objects })
+    let (objects, refused) = files.list().map_err(io_error)?;
+    Ok(BucketInput::Folder { files, objects, refused })
 }
 
 impl BucketFiles {
+    /// The objects below the folder, and the names of those that are no paths: no file of a folder has such a name.
+    fn list(&self) -> io::Result<(Vec<ListedObject>, Vec<String>)> {
+        let is_path = |name: &str| !name.split('/').any(|word| matches!(word, "" | "." | ".."));
+        let (objects, refused): (Vec<_>, Vec<_>) =
+            self.reader.list(&self.folder)?.into_iter().partition(|object| is_path(&object.name));
+        Ok((objects, refused.into_iter().map(|object| object.name).collect()))
+    }
+
     fn address(&self, name: &str) -> io::Result<String> {
         check_name(name)?;
         Ok(format!("{}{name}", self.folder))

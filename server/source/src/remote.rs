@@ -19,8 +19,9 @@ const MAX_FILE_BYTES: u64 = 1 << 30;
 /// Most bytes, and longest time, of all files of an input: a server that makes tiles as they are asked for has no end.
 const MAX_INPUT_BYTES: u64 = 256 << 30;
 const MAX_INPUT_TIME: Duration = Duration::from_secs(24 * 60 * 60);
-/// Characters of a file's name that an address cannot have. `%` is not among them: names in tilesets are decoded before.
-const ESCAPED: &AsciiSet = &CONTROLS.add(b' ').add(b'"').add(b'#').add(b'%').add(b'<').add(b'>').add(b'?').add(b'`');
+/// Characters of a file's name that an address cannot have, and `\\`, which is another `/` in it. Names in tilesets are decoded before.
+const ESCAPED: &AsciiSet =
+    &CONTROLS.add(b' ').add(b'"').add(b'#').add(b'%').add(b'<').add(b'>').add(b'?').add(b'`').add(b'\\');
 
 /// Whether an input is an address, of a web server or of a bucket.
 pub fn is_address(input: &str) -> bool {
@@ -153,6 +154,7 @@ mod tests {
         let base = "https://me:secret@example.org/a%20b/";
         assert_eq!(read("tileset.json").unwrap(), format!("{base}tileset.json?key=1"));
         assert_eq!(read("tiles/0 1.b3dm").unwrap(), format!("{base}tiles/0%201.b3dm?key=1"));
+        assert_eq!(read("..\\..\\x").unwrap(), format!("{base}..%5C..%5Cx?key=1"));
         assert_eq!(read("a.glb?session=7").unwrap(), format!("{base}a.glb?session=7&key=1"));
         for name in ["../x", "/x", "http://other/x", "a/../../x"] {
             assert_eq!(read(name).unwrap_err().kind(), io::ErrorKind::PermissionDenied, "{name}");

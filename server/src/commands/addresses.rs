@@ -1,6 +1,9 @@
 //! Reads city files from web servers and buckets for `bake` and `inspect`.
 
-use super::work_store::{io_error, open_bucket};
+use super::{
+    bucket_client::RefusedKeys,
+    work_store::{io_error, open_bucket},
+};
 use futures_util::{StreamExt, TryStreamExt};
 use insula_bake::read::{AddressReader, ListedObject};
 use insula_command_line::http::{self, Elsewhere, Redirects};
@@ -55,6 +58,8 @@ struct Fetcher {
     runtime: tokio::runtime::Runtime,
     client: reqwest::Client,
     buckets: HashMap<String, AmazonS3>,
+    /// What the lists of the buckets leave out.
+    refused: RefusedKeys,
 }
 
 impl Fetcher {
@@ -66,12 +71,12 @@ impl Fetcher {
             .user_agent(concat!("insula/", env!("CARGO_PKG_VERSION")))
             .build()
             .map_err(io::Error::other)?;
-        Ok(Self { runtime, client, buckets: HashMap::new() })
+        Ok(Self { runtime, client, buckets: HashMap::new(), refused: RefusedKeys::default() })
     }
 
     async fn get(&self, url: &str, max_bytes: u64) -> io::Result<Vec<u8>> {
         let shown = without_secrets(url);
-        let network_error = |error: reqwest::Error| io::Error::other(error.without_url());
+        let network_error = |error: reqwest::Error| io::Error::other(http::cause_of(&error.without_url()));
         let start = Instant::now();
         let response = self.client.get(url).send().await.map_err(network_error)?;
         let status = response.status();
@@ -115,10 +120,17 @@ impl Fetcher {
         let path = ObjectPath::parse(name).map_err(|error| invalid(error.to_string()))?;
         let store = match self.buckets.entry(bucket.to_owned()) {
             Entry::Occupied(store) => store.into_mut(),
-            Entry::Vacant(place) => place.insert(open_bucket(bucket)?),
+            Entry::Vacant(place) => place.insert(open_bucket(bucket, self.refused.clone())?),
         };
         self.runtime.block_on(ask(store.clone(), path)).map_err(io_error)
     }
+}
+
+/// What the keys of a folder's objects begin with.
+fn key_prefix(folder: &str) -> String {
+    let (_, folder) = folder.strip_prefix("s3://").and_then(|rest| rest.split_once('/')).unwrap_or_default();
+    let folder = folder.trim_matches('/');
+    if folder.is_empty() { String::new() } else { format!("{folder}/") }
 }
 
 impl AddressReader for Addresses {
@@ -136,7 +148,14 @@ impl AddressReader for Addresses {
             };
             Ok(found.iter().filter_map(object).collect())
         };
-        let mut objects: Vec<ListedObject> = self.with_fetcher(|fetcher| fetcher.wait(folder, list))?;
+        let mut objects = self.with_fetcher(|fetcher| {
+            let mut objects: Vec<ListedObject> = fetcher.wait(folder, list)?;
+            // Those of a list that failed are no longer asked for.
+            let refused = fetcher.refused.take();
+            let name = |key: &String| Some(key.strip_prefix(&key_prefix(folder))?.to_owned());
+            objects.extend(refused.iter().filter_map(name).map(|name| ListedObject { name, bytes: 0 }));
+            Ok(objects)
+        })?;
         if objects.len() > MAX_OBJECTS {
             return Err(io::Error::other(format!(
                 "more than {MAX_OBJECTS} objects: give a smaller folder, or a pattern"

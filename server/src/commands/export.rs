@@ -5,7 +5,10 @@ use crate::{
     args::{ExportArgs, ExportFormat},
     store::{CityStore, StoredCity, StoredObjects},
 };
-use insula_archive::{file::read_text, new_file::replace};
+use insula_archive::{
+    file::{read_limited, read_text},
+    new_file::replace,
+};
 use insula_bake::read::EarthPlace;
 use insula_command_line::output::{FileKind, Outputs};
 use insula_export::{
@@ -25,6 +28,8 @@ use std::path::Path;
 
 /// Largest file of a polygon or a camera.
 const MAX_TEXT_BYTES: u64 = 16 << 20;
+/// A larger `tileset.json` is taken for somebody else's: it has no more than the attributes of a city.
+const MAX_TILESET_BYTES: u64 = 64 << 20;
 
 /// Runs `export`. Fails if the city cannot be read, the selection is invalid or empty, or the output cannot be written.
 pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
@@ -76,8 +81,7 @@ fn check_outputs(args: &ExportArgs, format: ExportFormat, city: &CityStore) -> R
         ExportFormat::Glb => FileKind::GLB,
         ExportFormat::Tiles3d => match Destination::of(&args.out) {
             Destination::Folder(folder) => {
-                let is_tileset = |folder: &Path| FileKind::TILESET.is_of(&folder.join("tileset.json"));
-                return outputs.folder(folder, None, is_tileset).map_err(CommandError::Usage);
+                return outputs.folder(folder, None, is_own_tileset).map_err(CommandError::Usage);
             }
             Destination::Archive(_) => FileKind::ZIP,
             Destination::PmTiles(_) => FileKind::PMTILES,
@@ -96,6 +100,13 @@ fn check_outputs(args: &ExportArgs, format: ExportFormat, city: &CityStore) -> R
     // Any text could be an attribution: only the same one is known.
     let kind = if is_earlier { FileKind::ANY } else { FileKind::Begins("the attribution of the table", &[]) };
     outputs.file(&beside, kind).map_err(CommandError::Usage)
+}
+
+/// Whether a folder has a tileset that this command wrote: others have no attribution there.
+fn is_own_tileset(folder: &Path) -> bool {
+    let text = read_limited(&folder.join("tileset.json"), MAX_TILESET_BYTES).unwrap_or_default();
+    let tileset: Value = serde_json::from_slice(&text).unwrap_or_default();
+    tileset.pointer("/asset/extras/attribution").is_some_and(Value::is_array) && tileset["root"].is_object()
 }
 
 fn write_table(

@@ -11,6 +11,8 @@ mod bake_progress;
 #[cfg(feature = "bake")]
 mod bake_steps;
 #[cfg(feature = "bake")]
+mod bucket_client;
+#[cfg(feature = "bake")]
 mod compare;
 mod error;
 #[cfg(feature = "bake")]

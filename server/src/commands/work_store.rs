@@ -1,13 +1,17 @@
 //! Work stores of bakes in steps: folders, and buckets of object stores (`s3://BUCKET/PATH`).
 
-use super::error::CommandError;
+use super::{
+    bucket_client::{BucketConnector, RefusedKeys, read_page, text_of},
+    error::CommandError,
+};
 use futures_util::{StreamExt, TryStreamExt};
 use hyper::{Method, Request};
 use insula_bake::{WorkFolder, WorkStore};
+use insula_command_line::http::cause_of;
 use object_store::{
     ClientOptions, ObjectStore, ObjectStoreExt as _, PutPayload, RetryConfig, WriteMultipart,
     aws::{AmazonS3, AmazonS3Builder},
-    client::{HttpClient, HttpConnector as _, HttpRequestBody, ReqwestConnector},
+    client::{HttpClient, HttpConnector as _, HttpRequestBody},
     multipart::{MultipartStore, PartId},
     path::Path as ObjectPath,
     signer::{SignedUrlOptions, Signer},
@@ -25,8 +29,6 @@ use tokio::runtime::Runtime;
 const PART_BYTES: usize = 32 << 20;
 /// The signature of a request for a list is valid for so long.
 const LIST_TIME: Duration = Duration::from_secs(300);
-/// A list of uploads has at most 1000, of some hundred bytes each.
-const MAX_LIST_BYTES: usize = 16 << 20;
 /// Parts of an object that are under way at once.
 const PARTS_AT_ONCE: usize = 4;
 
@@ -62,24 +64,24 @@ pub(super) fn io_error(error: object_store::Error) -> io::Error {
         }
         _ => io::ErrorKind::Other,
     };
-    io::Error::new(kind, error)
+    let (text, cause) = (error.to_string(), cause_of(&error));
+    io::Error::new(kind, if text.contains(&cause) { text } else { format!("{text}: {cause}") })
 }
 
-/// A bucket with the credentials of the environment. Fails if these are incomplete.
-pub(super) fn open_bucket(bucket: &str) -> io::Result<AmazonS3> {
-    insula_command_line::tls::choose_cryptography();
+/// A bucket with the credentials of the environment, whose lists give `refused` what they leave out. Fails if the credentials are
+/// incomplete.
+pub(super) fn open_bucket(bucket: &str, refused: RefusedKeys) -> io::Result<AmazonS3> {
     let options = ClientOptions::new().with_allow_http(true);
     let builder = AmazonS3Builder::from_env().with_bucket_name(bucket).with_client_options(options);
+    let builder = builder.with_http_connector(BucketConnector { refused });
     builder.with_retry(RetryConfig::default()).build().map_err(io_error)
 }
 
 impl WorkBucket {
     fn new(address: &str, rest: &str) -> io::Result<Self> {
         let (bucket, folder) = rest.split_once('/').unwrap_or((rest, ""));
-        insula_command_line::tls::choose_cryptography();
-        let options = ClientOptions::new().with_allow_http(true);
-        let client = ReqwestConnector::default().connect(&options).map_err(io_error)?;
-        let store = open_bucket(bucket)?;
+        let client = BucketConnector::default().connect(&ClientOptions::new()).map_err(io_error)?;
+        let store = open_bucket(bucket, RefusedKeys::default())?;
         let folder = ObjectPath::parse(folder).map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
         let runtime = Mutex::new(tokio::runtime::Builder::new_current_thread().enable_all().build()?);
         Ok(Self { address: address.trim_end_matches('/').to_owned(), store, client, folder, runtime })
@@ -233,14 +235,8 @@ impl WorkStore for WorkBucket {
             if !response.status().is_success() {
                 return Err(io::Error::other(format!("uploads cannot be listed: {}", response.status())));
             }
-            let (mut parts, mut bytes) = (response.into_body().bytes_stream(), Vec::new());
-            while let Some(part) = parts.next().await {
-                bytes.extend_from_slice(&part.map_err(io::Error::other)?);
-                if bytes.len() > MAX_LIST_BYTES {
-                    return Err(io::Error::other("the list of uploads is too long"));
-                }
-            }
-            let uploads = uploads_of(&String::from_utf8_lossy(&bytes));
+            let page = read_page(response).await.map_err(io::Error::other)?;
+            let uploads = uploads_of(&page);
             Ok(uploads.into_iter().filter_map(|(key, id)| Some((key.strip_prefix(&own)?.to_owned(), id))).collect())
         })
     }
@@ -248,14 +244,8 @@ impl WorkStore for WorkBucket {
 
 /// Keys and numbers of the uploads of a `ListMultipartUploadsResult`.
 fn uploads_of(xml: &str) -> Vec<(String, String)> {
-    let text = |upload: &str, name: &str| {
-        let (_, rest) = upload.split_once(&format!("<{name}>"))?;
-        let (text, _) = rest.split_once(&format!("</{name}>"))?;
-        let named = [("&lt;", "<"), ("&gt;", ">"), ("&quot;", "\""), ("&apos;", "'"), ("&amp;", "&")];
-        Some(named.iter().fold(text.to_owned(), |text, (entity, character)| text.replace(entity, character)))
-    };
     let uploads = xml.split("<Upload>").skip(1).filter_map(|rest| Some(rest.split_once("</Upload>")?.0));
-    uploads.filter_map(|upload| Some((text(upload, "Key")?, text(upload, "UploadId")?))).collect()
+    uploads.filter_map(|upload| Some((text_of(upload, "Key")?, text_of(upload, "UploadId")?))).collect()
 }
 
 #[cfg(test)]

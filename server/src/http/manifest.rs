@@ -10,11 +10,11 @@ use super::{
 };
 use axum::{
     body::Body,
-    extract::{Path, State, rejection::PathRejection},
+    extract::State,
     http::{HeaderMap, HeaderValue, Method, Uri, header},
     response::Response,
 };
-use insula_protocol::route::{CITIES, RouteTemplate};
+use insula_protocol::route::{CITIES, Route, RouteTemplate};
 
 /// `/v1/cities`: the cities that the request may see, in pages. Fails with 400 for an invalid `limit` or `after`.
 pub(super) async fn list_cities(
@@ -52,20 +52,22 @@ pub(super) async fn openapi(State(state): State<AppState>, method: Method, heade
     catalog.documents().openapi.select(&headers).clone().respond(&method, &headers).map(Body::from)
 }
 
-/// `/v1/cities/{city}`; for a browser that opens a share link, a page. Fails with 400 for a name that is not UTF-8, 401 without a
-/// required token, 404 for an unknown city.
+/// `/v1/cities/{city}`; for a browser that opens a share link, a page. Fails with 401 without a required token, 404 for an unknown city.
 pub(super) async fn manifest(
     State(state): State<AppState>,
-    city: Result<Path<String>, PathRejection>,
     method: Method,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let Path(name) = city.map_err(|_| Problem::bad_request("the path is not UTF-8 text"))?;
+    // As in all addresses, a name has one spelling. Another one is that of no city, which could also be private.
+    let name = match Route::parse(uri.path()) {
+        Ok(Route::Manifest { city }) => city,
+        _ => "",
+    };
     let catalog = state.catalog();
-    let city = catalog.store().city(&name);
+    let city = catalog.store().city(name);
     let version = city.map(|city| city.manifest().version.as_str());
-    let request = AccessRequest { route: RouteTemplate::Manifest, city: &name, version };
+    let request = AccessRequest { route: RouteTemplate::Manifest, city: name, version };
     let access = catalog.access().authorize(Credentials::new(&headers, &uri), request)?;
     let not_found = Problem::not_found("there is no such city");
     if let (CityAccess::Link(_), Some(city)) = (access, city)
@@ -73,7 +75,7 @@ pub(super) async fn manifest(
     {
         return Ok(respond_with_city(&state, city, false, &method, &uri, &headers));
     }
-    let document = catalog.documents().city(&name).ok_or(not_found)?;
+    let document = catalog.documents().city(name).ok_or(not_found)?;
     let bincode = document.bincode.as_ref().filter(|_| prefers_bincode(&headers));
     Ok(bincode.unwrap_or(&document.json).select(&headers).clone().respond(&method, &headers).map(Body::from))
 }

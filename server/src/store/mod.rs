@@ -25,4 +25,5 @@ pub use error::StoreError;
 pub use export_source::{ReadTileFn, StoredCity};
 pub use objects::{ObjectError, StoredObjects};
 pub(crate) use requests::StoreMetrics;
+pub(crate) use same_host::SameHostConnector;
 pub use search::{CityIndex, SearchFileError};

@@ -1,4 +1,4 @@
-//! The HTTP client for cities behind web servers. A server may be hostile, so it cannot send this machine elsewhere.
+//! The HTTP client for object stores, and for cities behind web servers. A server may be hostile, so it cannot send this machine elsewhere.
 
 use insula_command_line::http::{self, Elsewhere, Redirects};
 use object_store::{
@@ -11,9 +11,9 @@ const CONNECT: Duration = Duration::from_secs(5);
 
 /// Makes clients that follow redirects to the same host only.
 #[derive(Debug)]
-pub(super) struct SameHostConnector {
+pub(crate) struct SameHostConnector {
     /// Time limit of a request with its response.
-    pub(super) timeout: Duration,
+    pub(crate) timeout: Duration,
 }
 
 impl HttpConnector for SameHostConnector {

@@ -13,13 +13,15 @@ use std::{
 /// Answers what an object store does for one bucket whose objects are the files of a folder: sizes, ranges and one list.
 struct FakeBucket {
     folder: PathBuf,
+    /// Where objects with `moved` in their names are said to be.
+    elsewhere: SocketAddr,
 }
 
 impl FakeBucket {
-    fn start(folder: &Path) -> SocketAddr {
+    fn start(folder: &Path, elsewhere: SocketAddr) -> SocketAddr {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
-        let bucket = Arc::new(Self { folder: folder.to_owned() });
+        let bucket = Arc::new(Self { folder: folder.to_owned(), elsewhere });
         thread::spawn(move || {
             for stream in listener.incoming() {
                 let bucket = Arc::clone(&bucket);
@@ -36,6 +38,10 @@ impl FakeBucket {
         let headers: Vec<String> = lines.map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
         let (path, query) = request.split(' ').nth(1)?.split_once('?').unwrap_or((request.split(' ').nth(1)?, ""));
         let name = path.trim_start_matches('/').strip_prefix("town").unwrap_or("none").trim_start_matches('/');
+        if name.contains("moved") {
+            let place = format!("Location: http://{}/stolen", self.elsewhere);
+            return write!(stream, "HTTP/1.1 307 Moved\r\n{place}\r\nContent-Length: 0\r\n\r\n").ok();
+        }
         let head = "Last-Modified: Fri, 27 Nov 2026 00:00:00 GMT\r\nETag: \"1\"\r\nContent-Length";
         if query.contains("list-type=2") {
             let body = self.list();
@@ -58,18 +64,23 @@ impl FakeBucket {
         stream.write_all(part).ok()
     }
 
-    /// A list of all objects below `in`.
+    /// A list of all objects below `in`, and of two whose names are no paths.
     fn list(&self) -> String {
-        let entry = |entry: fs::DirEntry| {
-            let (name, bytes) = (entry.file_name().into_string().unwrap(), entry.metadata().unwrap().len());
+        let entry = |name: &str, bytes: u64| {
             format!(
                 "<Contents><Key>in/{name}</Key><LastModified>2026-11-27T00:00:00.000Z</LastModified><Size>{bytes}</Size></Contents>"
             )
         };
-        let entries: String =
-            fs::read_dir(self.folder.join("in")).unwrap().map(|found| entry(found.unwrap())).collect();
+        let of_file = |found: fs::DirEntry| entry(found.file_name().to_str().unwrap(), found.metadata().unwrap().len());
+        let files = fs::read_dir(self.folder.join("in")).unwrap().map(|found| of_file(found.unwrap()));
+        let entries: String = files.chain([entry("../secret.obj", 1), entry("&#46;/b.obj", 1)]).collect();
         format!("<?xml version=\"1.0\"?><ListBucketResult><IsTruncated>false</IsTruncated>{entries}</ListBucketResult>")
     }
+}
+
+/// An address at which nobody answers.
+fn nowhere() -> SocketAddr {
+    ([127, 0, 0, 1], 9).into()
 }
 
 fn run(store: SocketAddr, folder: &Path, args: &[&str]) -> Output {
@@ -102,10 +113,13 @@ fn a_bucket_gives_the_city_of_a_folder() {
     fs::create_dir_all(path.join("in")).unwrap();
     write_house(&path.join("in"), "a.geojsonl", 0.0);
     write_house(&path.join("in"), "b.geojsonl", 0.001);
-    let store = FakeBucket::start(path);
+    let store = FakeBucket::start(path, nowhere());
     let baked = |input: &str, out: &str| {
         let output = run(store, path, &["bake", input, "--out", &format!("{out}/city"), "--cell", "4"]);
         assert!(output.status.success(), "{input}: {output:?}");
+        let text = String::from_utf8_lossy(&output.stderr);
+        let warning = "s3://town/in/../secret.obj: 2 names of objects that are no paths: not read";
+        assert_eq!(text.contains(warning), input.starts_with("s3:"), "{text}");
         fs::read(path.join(out).join("city/blockmaps.pmtiles")).unwrap()
     };
     fs::create_dir_all(path.join("plain")).unwrap();
@@ -122,4 +136,22 @@ fn a_bucket_gives_the_city_of_a_folder() {
         !output.status.success() && text.contains("s3://town/in/none.gml") && !path.join("none").exists(),
         "{text}"
     );
+}
+
+#[test]
+fn a_store_cannot_redirect_to_another_host() {
+    let folder = tempfile::tempdir().unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.set_nonblocking(true).unwrap();
+    let store = FakeBucket::start(folder.path(), listener.local_addr().unwrap());
+    for args in [
+        &["bake", "s3://town/moved.geojsonl", "--out", "city"][..],
+        &["bake", "s3://town/moved", "--out", "city"],
+        &["bake", "plan", "--inputs", "a.obj", "--work", "s3://town/moved"],
+    ] {
+        let output = run(store, folder.path(), args);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && text.contains("redirects to another host"), "{args:?}: {text}");
+    }
+    assert!(listener.accept().is_err(), "the other host was asked");
 }

@@ -177,7 +177,12 @@ impl Lister {
                     self.list.sources.push(source);
                 }
             }
-            BucketInput::Folder { files, objects } => {
+            BucketInput::Folder { files, objects, refused } => {
+                if let Some(first) = refused.first() {
+                    let count = refused.len();
+                    let line = format!("{}{first}: {count} names of objects that are no paths: not read", files.folder);
+                    self.list.unread.push(line);
+                }
                 let sizes: BTreeMap<String, u64> =
                     objects.into_iter().map(|object| (object.name, object.bytes)).collect();
                 let selection = select(sizes.keys().cloned().collect());
@@ -211,7 +216,8 @@ impl Lister {
         let mut paths = BTreeMap::new();
         walk(path, "", 0, &mut paths)?;
         let all = paths.len();
-        paths.retain(|_, file| !self.is_refused_link(path, file));
+        // Folders that are links are not in the list.
+        paths.retain(|_, file| !file.is_symlink() || !self.is_refused_link(path, file));
         if paths.is_empty() && all > 0 {
             let what = "all its files are links that lead out of it: give --follow-links to read them";
             return Err(InputError::unsupported(&label, what));
@@ -288,9 +294,9 @@ impl Lister {
         Ok(())
     }
 
-    /// Whether a file in a folder is a link that leads out of it and is not followed, which is noted then.
+    /// Whether a file in a folder is, or lies behind, a link that leads out of it and is not followed, which is noted then.
     fn is_refused_link(&mut self, folder: &Path, file: &Path) -> bool {
-        if self.follow_links || !file.is_symlink() {
+        if self.follow_links {
             return false;
         }
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
@@ -499,6 +505,15 @@ mod tests {
             let is_read = listed.sources.iter().any(|source| source.label.ends_with("out.obj"));
             assert_eq!((is_read, listed.sources.len()), (follow_links, 1 + usize::from(follow_links)), "{input}");
             assert_eq!(listed.unread.iter().any(|line| line.contains("out.obj: a link")), !follow_links, "{input}");
+        }
+        // A pattern goes through folders that are links.
+        fs::create_dir_all(path("in/deep")).unwrap();
+        fs::write(path("in/deep/b.obj"), "b").unwrap();
+        symlink(path("private"), path("in/linked")).unwrap();
+        for (input, follow_links, count) in [("in/*/*.obj", false, 1), ("in/*/*.obj", true, 2)] {
+            let options = ReadOptions { follow_links, ..ReadOptions::default() };
+            let listed = list(&[path(input)], &options, &mut BadInputs::new(false)).unwrap();
+            assert_eq!((listed.sources.len(), listed.unread.len()), (count, 2 - count), "{:?}", listed.unread);
         }
         // Who names a link means its file.
         assert_eq!(

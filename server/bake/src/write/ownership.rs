@@ -37,8 +37,17 @@ fn is_city_file(name: &str) -> bool {
         || TileKind::ALL.iter().any(|kind| kind.file_name() == name)
 }
 
+/// Whether a name is so many numbers with `-` between them, and one of these extensions.
+fn is_numbered(name: &str, count: usize, extensions: &[&str]) -> bool {
+    let Some((numbers, extension)) = name.rsplit_once('.') else { return false };
+    let is_number = |word: &str| !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_digit());
+    extensions.contains(&extension) && numbers.split('-').count() == count && numbers.split('-').all(is_number)
+}
+
 fn in_city(name: &str, kind: fs::FileType) -> bool {
-    kind.is_file() && (is_city_file(name) || name.strip_suffix(".tmp").is_some())
+    let is_unfinished =
+        |stem| ["jpg", "png", "bin", "json", "index"].iter().any(|end| is_city_file(&format!("{stem}.{end}")));
+    kind.is_file() && (is_city_file(name) || name.strip_suffix(".tmp").is_some_and(is_unfinished))
 }
 
 fn in_published_city(name: &str, kind: fs::FileType) -> bool {
@@ -46,7 +55,7 @@ fn in_published_city(name: &str, kind: fs::FileType) -> bool {
 }
 
 fn in_packs(name: &str, kind: fs::FileType) -> bool {
-    kind.is_file() && (name.ends_with(".pack") || name.ends_with(".tmp"))
+    kind.is_file() && is_numbered(name.strip_prefix("m-").unwrap_or(name), 3, &["pack", "tmp"])
 }
 
 fn in_scene(name: &str, kind: fs::FileType) -> bool {
@@ -54,11 +63,11 @@ fn in_scene(name: &str, kind: fs::FileType) -> bool {
 }
 
 fn is_scene_file(name: &str) -> bool {
-    name == "triangles" || name == "names" || name == "records" || name.ends_with(".rgb")
+    name == "triangles" || name == "names" || name == "records" || is_numbered(name, 1, &["rgb"])
 }
 
 fn in_buckets(name: &str, kind: fs::FileType) -> bool {
-    kind.is_file() && name.ends_with(".bucket")
+    kind.is_file() && is_numbered(name, 2, &["bucket"])
 }
 
 fn in_scratch(name: &str, kind: fs::FileType) -> bool {

@@ -316,6 +316,9 @@ mod tests {
         fs::write(out.join("letters.txt"), "dear").unwrap();
         assert!(refused(&folder.path, &out).contains("letters.txt"));
         fs::remove_file(out.join("letters.txt")).unwrap();
+        fs::write(out.join("thumbnail.jpg"), b"\xff\xd8\xff\xe1\0\x20Exif holiday").unwrap();
+        assert!(refused(&folder.path, &out).contains("thumbnail.jpg"), "a picture of somebody else");
+        fs::remove_file(out.join("thumbnail.jpg")).unwrap();
         fs::create_dir(out.join("meshes.pmtiles")).unwrap();
         assert!(refused(&folder.path, &out).contains("meshes.pmtiles"), "a folder with a city file's name");
     }
@@ -329,14 +332,19 @@ mod tests {
         assert!(refused(&folder.path, &out).contains("city.partial"));
         fs::remove_dir_all(&root).unwrap();
         start(&out, "a", false);
-        for (name, part) in
-            [("notes.txt", "city.partial"), ("packs/notes.txt", "packs"), ("replaced/notes.txt", "replaced")]
-        {
+        for (name, part) in [
+            ("notes.txt", "city.partial"),
+            ("packs/notes.txt", "packs"),
+            ("packs/notes.pack", "packs"),
+            ("spool/notes.rgb", "spool"),
+            ("city/notes.tmp", "city"),
+            ("replaced/notes.txt", "replaced"),
+        ] {
             let path = root.join(name);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
             fs::write(&path, "mine").unwrap();
             let message = refused(&folder.path, &out);
-            assert!(message.contains("notes.txt") && message.contains(part), "{message}");
+            assert!(message.contains("notes.") && message.contains(part), "{message}");
             fs::remove_file(&path).unwrap();
         }
         assert_eq!(start(&out, "a", true), ResumeStatus::Resumed);

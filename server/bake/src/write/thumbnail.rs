@@ -45,8 +45,9 @@ pub(super) use insula_protocol::route::THUMBNAIL_FILE as FILE_NAME;
 
 /// The picture of cities that were baked earlier: seen from straight above.
 pub(super) const OLD_FILE_NAME: &str = "thumbnail.png";
-/// How the file begins, and how that of earlier cities does.
-pub(super) const SIGNATURE: &[u8] = b"\xff\xd8\xff";
+/// How the file begins: as the encoder writes it and hardly another one, so that a picture which somebody put in its place is told from it.
+pub(super) const SIGNATURE: &[u8] = b"\xff\xd8\xff\xe0\0\x10JFIF\0\x01\x02\0\0\x01\0\x01\0\0\xff\xc0";
+/// How that of earlier cities begins.
 pub(super) const OLD_SIGNATURE: &[u8] = b"\x89PNG";
 
 /// Rays along a pixel's side.

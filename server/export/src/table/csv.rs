@@ -56,10 +56,14 @@ impl RecordWriter for Writer {
     }
 }
 
-/// A cell that no spreadsheet takes for a formula, unless formulas are kept. Numbers stay as they are.
+/// A cell that no spreadsheet takes for a formula, unless formulas are kept. Numbers stay as they are. Some programs drop blanks and
+/// characters that nobody sees at the beginning, and take the wide signs of East Asian texts for the others.
 fn cell(text: String, keeps_formulas: bool) -> String {
-    let is_formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && !is_number(&text);
-    if is_formula && !keeps_formulas { format!("'{text}") } else { text }
+    let is_unseen =
+        |c: char| c.is_whitespace() || c.is_control() || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2060}' | '\u{feff}');
+    let begin = text.trim_start_matches(is_unseen);
+    let is_formula = begin.starts_with(['=', '+', '-', '@', '＝', '＋', '－', '＠']) && !is_number(begin);
+    if (is_formula || text.starts_with(['\t', '\r'])) && !keeps_formulas { format!("'{text}") } else { text }
 }
 
 /// Whether a text is a decimal number. Rust also parses words such as `-inf`.
@@ -89,11 +93,28 @@ mod tests {
 
     #[test]
     fn formulas_become_texts_and_numbers_stay() {
-        for formula in ["=1+1", "+31 15 27", "-inf", "-A1", "@SUM(A1)", "\tx", "\r=1", "=", "--3", "-1e5e"] {
+        for formula in [
+            "=1+1",
+            "+31 15 27",
+            "-inf",
+            "-A1",
+            "@SUM(A1)",
+            "\tx",
+            "\r=1",
+            "=",
+            "--3",
+            "-1e5e",
+            " =1",
+            "\n@a",
+            "\u{feff}=1",
+            "\u{a0}-a",
+            "＝1",
+            "＠a",
+        ] {
             assert_eq!(cell(formula.to_owned(), false), format!("'{formula}"));
             assert_eq!(cell(formula.to_owned(), true), formula);
         }
-        for other in ["-3.5", "+3", "-1e-5", "3", "", "a=b", "'=1", " =1"] {
+        for other in ["-3.5", "+3", "-1e-5", "3", "", "a=b", "'=1", " -2", " a"] {
             assert_eq!(cell(other.to_owned(), false), other);
         }
     }

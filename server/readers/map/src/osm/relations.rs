@@ -7,8 +7,10 @@ use insula_source::object::FeatureKind;
 /// More bytes of members and tags of all relations are refused. A country has some ten million.
 pub(super) const MAX_BYTES: usize = 1 << 31;
 
-/// Multipolygons around a way that are looked at. A way is the border of a few as a rule.
+/// Multipolygons that a way may be part of. It is the border of a few as a rule, and each is as much work as the way is long.
 const MAX_AROUND: usize = 64;
+/// Why others are left out.
+pub(super) const TOO_SHARED: &str = "multipolygon with a way of more than 64 others";
 
 /// A multipolygon.
 #[derive(Debug, Clone)]
@@ -98,14 +100,42 @@ impl Relations {
         [first, self.spans.len() as u32]
     }
 
-    /// Orders the relations, after the last one.
-    pub(super) fn finish(&mut self) {
+    /// Orders the relations, after the last one. Returns those that are left out because one of their ways is part of too many.
+    pub(super) fn finish(&mut self) -> Vec<i64> {
         self.list.sort_by_key(|relation| !relation.is_building_part());
+        let too_shared = self.too_shared();
+        let mut left_out = Vec::new();
+        let mut number = 0;
+        self.list.retain(|relation| {
+            let is_kept = too_shared.binary_search(&number).is_err();
+            number += 1;
+            if !is_kept {
+                left_out.push(relation.id);
+            }
+            is_kept
+        });
         for (relation, number) in self.list.iter().zip(0..) {
             let members = &self.members[relation.members[0] as usize..relation.members[1] as usize];
             self.outer_ways.extend(members.iter().filter(|way| !way.is_inner).map(|way| (way.id, number)));
         }
         self.outer_ways.sort_unstable();
+        left_out
+    }
+
+    /// Numbers of the relations with a way that is part of [`MAX_AROUND`] before them; sorted.
+    fn too_shared(&self) -> Vec<u32> {
+        let ways = |relation| self.members(relation).iter().map(|way| way.id);
+        let mut uses: Vec<(i64, u32)> = (self.list.iter().zip(0..))
+            .flat_map(|(relation, number)| ways(relation).map(move |way| (way, number)))
+            .collect();
+        uses.sort_unstable();
+        uses.dedup();
+        let mut numbers: Vec<u32> = uses
+            .chunk_by(|a, b| a.0 == b.0)
+            .flat_map(|way| way.iter().skip(MAX_AROUND).map(|(_, number)| *number))
+            .collect();
+        numbers.sort_unstable();
+        numbers
     }
 
     pub(super) fn list(&self) -> &[Relation] {

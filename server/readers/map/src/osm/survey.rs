@@ -7,7 +7,7 @@ use super::coast;
 use super::collect::{Work, is_part, outline_of};
 use super::element::{Element, ElementFile, ElementId, Member, Pass, Position, Tags, degrees};
 use super::emit::{attributes, is_in_bbox};
-use super::relations::{Kept, Relations};
+use super::relations::{self, Kept, Relations};
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, ObjectSink, Shape, SourceObject};
@@ -45,7 +45,9 @@ impl Survey {
             }
             Ok(ControlFlow::Continue(()))
         })?;
-        survey.relations.finish();
+        for id in survey.relations.finish() {
+            sink.skip(relations::TOO_SHARED, ElementId::Relation(id).to_string());
+        }
         survey.named_outlines.sort_unstable();
         survey.named_outlines.dedup_by_key(|(part, _)| *part);
         Ok(survey)
@@ -107,7 +109,7 @@ impl Survey {
                 sink.skip(reason, ElementId::Relation(id).to_string());
                 Ok(())
             }
-            Kept::TooMany => too_large("the size of its relations in bytes", super::relations::MAX_BYTES),
+            Kept::TooMany => too_large("the size of its relations in bytes", relations::MAX_BYTES),
         }
     }
 

@@ -1,6 +1,7 @@
 //! Files that are damaged, or made to do harm.
 
 use super::map::{Map, blob, bytes, deltas, gzip, number, packed, pbf_file, read_bytes, zigzag, zlib_blob};
+use crate::osm::relations::TOO_SHARED;
 use insula_source::error::InputError;
 
 fn map() -> Map {
@@ -189,4 +190,18 @@ fn hostile_xml_takes_neither_memory_nor_depth() {
         ]
     );
     assert_eq!(sink.objects.len(), 1);
+}
+
+#[test]
+fn multipolygons_that_repeat_a_way_are_few() {
+    let mut map = Map::default();
+    map.rectangle(1, [0, 0, 1000, 1000], &[]);
+    for id in 1..=70 {
+        map.relation(id, &[('w', 1, "outer")], &[("type", "multipolygon"), ("building", "yes")]);
+    }
+    let (sink, read) = read_bytes("map.pbf", &map.pbf(true));
+    read.unwrap();
+    assert_eq!(sink.objects.len(), 64);
+    let left_out: Vec<_> = (65..=70).map(|id| (TOO_SHARED, format!("relation/{id}"))).collect();
+    assert_eq!(sink.skipped, left_out);
 }
