@@ -50,7 +50,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 35] = [
+const MODULES: [(&str, Add); 36] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
