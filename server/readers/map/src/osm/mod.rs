@@ -26,7 +26,7 @@ mod xml;
 
 use std::ops::{ControlFlow, Range};
 
-use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify, is_marina};
+use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify, is_harbour};
 use coast::Sea;
 use collect::{Limits, Round, is_part, outline_of};
 use cover::{Bounds, bounds};
@@ -210,7 +210,7 @@ impl Reading<'_, '_> {
             }
             return Ok(());
         }
-        if is_marina(tags) && self.has_coast() {
+        if is_harbour(class, tags) && self.has_coast() {
             sink.skip(AT_COAST, id.to_string());
             return Ok(());
         }
@@ -308,7 +308,7 @@ impl Reading<'_, '_> {
             let relations = &self.survey.relations;
             let relation = &relations.list()[number];
             let (id, tags) = (ElementId::Relation(relation.id), relations.tags(relation));
-            if is_marina(tags) && self.has_coast() {
+            if is_harbour(class, tags) && self.has_coast() {
                 sink.skip(AT_COAST, id.to_string());
                 continue;
             }

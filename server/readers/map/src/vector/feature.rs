@@ -9,7 +9,7 @@ use insula_place::placement::FirstShape;
 use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use insula_source::error::InputError;
 use insula_source::input::Input;
-use insula_source::object::{CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
+use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
 use insula_source::problems::NO_CRS;
 
 /// What most formats mean by longitude and latitude.
@@ -123,9 +123,10 @@ impl<'a> FeatureWriter<'a> {
         }
     }
 
-    /// Sets the system of the following features, with east first. Fails if positions of it cannot be placed.
+    /// Sets the system of the following features, with east first, as the formats say and most writers have it. Fails if positions of
+    /// it cannot be placed.
     pub(super) fn set_crs(&mut self, name: String) -> Result<(), InputError> {
-        self.set_reference(CrsReference::east_first(name))
+        self.set_reference(CrsReference { order: AxisOrder::MostlyEastFirst, ..CrsReference::east_first(name) })
     }
 
     /// As [`Self::set_crs`], with coordinates in the order of the reference.
@@ -136,7 +137,7 @@ impl<'a> FeatureWriter<'a> {
         }
         self.finish()?;
         // Whether an area is wanted is compared with longitudes first; the sink knows the others' order.
-        self.is_in_degrees = crs.order.is_fixed() && is_geographic(&crs.name);
+        self.is_in_degrees = crs.order != AxisOrder::Authority && is_geographic(&crs.name);
         self.sink.set_crs(&crs)?;
         self.crs = Some(crs);
         Ok(())
