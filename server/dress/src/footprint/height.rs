@@ -280,6 +280,7 @@ mod tests {
         let new_york = r#"{"heightroof": "100", "groundelev": "30"}"#;
         let (_, top_m, notes) = height(new_york);
         assert_eq!((top_m, notes), (30.48, vec![UNIT_GUESSED.to_owned()]));
+        assert_eq!(height(r#"{"height_roo": 100, "doitt_id": 7}"#).1, 30.48);
         assert_eq!(height(r#"{"heightroof": 20}"#), (0.0, 20.0, vec![]));
         // The ground of others is in metres.
         assert_eq!(height(r#"{"roof_elev": 524.5, "ground_elev": 512.5}"#), (0.0, 12.0, vec![]));

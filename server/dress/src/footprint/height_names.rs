@@ -55,8 +55,9 @@ static NAMES: [(HeightRole, &str); 4] = [
          numeropisos pavimentos numpavimentos numpiani npiani numeropiani piani bouwlagen aantalbouwlagen verdiepingen \
          aantalverdiepingen etager antaletager byg054antaletager etasjer antalletasjer antalletasje vaningar \
          antalvaningar kerrosluku kerrostenlkm korruselisus korrused stavai kondygnacje liczbakondygnacji lkond \
-         pocetpodlazi podlazi szintek katsayisi katadedi bldglevels numlevels levelcount anzahlgs aog plantassobrerasante \
-         numplantassobrerasante andares numandares kondygnacjenadziemne kerroslkm korrustearv maxkorrustearv этажность этажей количествоэтажей 階数 地上階数 层数 層數 楼层数 \
+         pocetpodlazi podlazi szintek katsayisi katadedi bldglevels numlevels levelcount anzahlgs aog \
+         plantassobrerasante numplantassobrerasante andares numandares kondygnacjenadziemne kerroslkm korrustearv \
+         maxkorrustearv этажность этажей количествоэтажей 階数 地上階数 层数 層數 楼层数 \
          地上层数 지상층수 grofloco jumlahlantai",
     ),
 ];
@@ -98,7 +99,11 @@ pub(super) fn find(attributes: &Attributes) -> Vec<NamedHeight<'_>> {
         })
         .collect();
     found.sort_by_key(|height| height.rank);
-    let is_roof = |name: &str| FEET.contains(&&*key(name));
+    let is_roof = |name: &str| {
+        let key = key(name);
+        let is_cut = name.len() == CUT_BYTES && key.len() >= LEAST_CUT_KEY;
+        FEET.iter().any(|known| *known == key || is_cut && known.starts_with(&*key))
+    };
     let is_of_new_york = found.iter().any(|height| is_roof(height.name))
         && attributes.iter().any(|(name, _)| OF_NEW_YORK.contains(&&*key(name)));
     for height in &mut found {

@@ -114,7 +114,7 @@ const OVERTURE_WATERS: &[&str] = &["bay", "strait", "lagoon", "sea", "ocean", "f
 pub fn kind_of(attributes: &Attributes) -> Option<FeatureKind> {
     let value = |name: &str| {
         let text = attributes.named(name).and_then(AttributeValue::as_str).map(|text| text.trim().to_lowercase());
-        text.filter(|text| !matches!(text.as_str(), "" | "no"))
+        text.filter(|text| !matches!(text.as_str(), "" | "no" | "n" | "f" | "false" | "0" | "none" | "null"))
     };
     if value("building").is_some() {
         return Some(FeatureKind::Building);
@@ -129,7 +129,11 @@ pub fn kind_of(attributes: &Attributes) -> Option<FeatureKind> {
         return of_overture(attributes);
     }
     let is_building = BUILDING_ATTRIBUTES.iter().any(|name| attributes.named(name).is_some());
-    let has = |(name, values): &Tag| value(name).is_some_and(|value| values.is_empty() || values.contains(&&*value));
+    // In capitals, a name without known values may mean anything else, such as the supply of water.
+    let has = |(name, values): &Tag| match values.is_empty() {
+        true => attributes.get(name).is_some() && value(name).is_some(),
+        false => value(name).is_some_and(|value| values.contains(&&*value)),
+    };
     let found = TAGS.iter().find(|(_, tags)| tags.iter().any(has)).map(|(kind, _)| *kind);
     found.filter(|kind| *kind != FeatureKind::LandUse || !is_building)
 }
@@ -178,7 +182,7 @@ mod tests {
         assert_eq!(kind(&[("landuse", "residential")]), Some(FeatureKind::LandUse));
         assert_eq!(kind(&[("landuse", "residential"), ("height", "12")]), None, "the use of a building");
         assert_eq!(kind(&[("NATURAL", "Water")]), Some(FeatureKind::Water), "as in a Shapefile");
-        assert_eq!(kind(&[("BUILDING", ""), ("HIGHWAY", "residential")]), Some(FeatureKind::Road));
+        assert_eq!(kind(&[("BUILDING", "N"), ("WATER", "City"), ("LANDUSE", "forest")]), Some(FeatureKind::Vegetation));
         assert_eq!(kind(&[("leisure", "marina")]), Some(FeatureKind::Water));
         assert_eq!(kind(&[("harbour", "yes")]), Some(FeatureKind::Water));
         assert_eq!(kind(&[("harbour", "yes"), ("landuse", "harbour")]), Some(FeatureKind::LandUse));
