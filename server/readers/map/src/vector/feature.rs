@@ -10,7 +10,7 @@ use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
-use insula_source::problems::NO_CRS;
+use insula_source::problems::{MISSING_GROUND, NO_CRS};
 
 /// What most formats mean by longitude and latitude.
 pub(super) const DEGREES: &str = "OGC:CRS84";
@@ -173,7 +173,8 @@ impl<'a> FeatureWriter<'a> {
     /// noted, too. Fails if positions of the system cannot be placed.
     pub(super) fn note(&mut self, geometry: Result<Geometry, &'static str>) -> Result<bool, InputError> {
         self.decisive[0] += 1;
-        if let Ok(geometry) = geometry {
+        if let Ok(mut geometry) = geometry {
+            geometry.fill_heights();
             self.settle_crs(&geometry)?;
             if let Some(settled) = self.settled_by(facing(&geometry)) {
                 self.level_polygons = settled;
@@ -216,7 +217,7 @@ impl<'a> FeatureWriter<'a> {
         self.count += 1;
         // Also those without a geometry, so that the share of a feature follows from its place in the file.
         self.decisive[0] += 1;
-        let geometry = match geometry {
+        let mut geometry = match geometry {
             Ok(geometry) => geometry,
             Err(reason) => {
                 self.sink.skip(reason, id);
@@ -228,6 +229,9 @@ impl<'a> FeatureWriter<'a> {
             && self.is_unwanted(bounds)
         {
             return Ok(());
+        }
+        if geometry.fill_heights() {
+            self.sink.problem(MISSING_GROUND, format!("{id}: at some of its positions"));
         }
         add_tags(&mut attributes);
         let told = kind_of(&attributes).or(self.layer.kind);
