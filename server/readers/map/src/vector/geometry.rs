@@ -63,9 +63,9 @@ impl Geometry {
 
     /// Gives positions whose height is missing by a mark the lowest height of the others. Returns whether there were some of both.
     pub(super) fn fill_heights(&mut self) -> bool {
-        let known = || self.positions().map(|position| position[2]).filter(|z| HEIGHTS.contains(z));
         let has_marks = self.has_z && self.positions().any(|position| !HEIGHTS.contains(&position[2]));
-        let Some(lowest) = known().reduce(f64::min).filter(|_| has_marks) else { return false };
+        let known = self.positions().map(|position| position[2]).filter(|z| HEIGHTS.contains(z));
+        let Some(lowest) = known.reduce(f64::min).filter(|_| has_marks) else { return false };
         self.for_each_position(|position| {
             if !HEIGHTS.contains(&position[2]) {
                 position[2] = lowest;
