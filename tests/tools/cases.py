@@ -134,20 +134,23 @@ def read_feature(feature, transform):
                 for vertex in feature["vertices"]]
     found = []
     for city_object in feature["CityObjects"].values():
-        rings = [ring for geometry in city_object.get("geometry", []) for ring in rings_of(geometry["boundaries"])]
-        heights = [vertices[index][2] for ring in rings for index in ring]
+        faces = [face for geometry in city_object.get("geometry", []) for face in faces_of(geometry["boundaries"])]
+        heights = [vertices[index][2] for face in faces for ring in face for index in ring]
         if heights:
-            area = sum(max(area_on_map([vertices[index] for index in ring]), 0.0) for ring in rings)
+            # Holes turn the other way and count as negative.
+            areas = [sum(area_on_map([vertices[index] for index in ring]) for ring in face) for face in faces]
+            area = sum(max(area, 0.0) for area in areas)
             found.append((min(heights), max(heights), area))
     return found
 
 
-def rings_of(boundaries):
-    if boundaries and isinstance(boundaries[0], int):
+def faces_of(boundaries):
+    """Faces of any nesting, each a list of rings of indices, the outer one first."""
+    if boundaries and boundaries[0] and isinstance(boundaries[0][0], int):
         yield boundaries
         return
     for part in boundaries:
-        yield from rings_of(part)
+        yield from faces_of(part)
 
 
 def area_on_map(ring):

@@ -162,6 +162,14 @@ impl Attributes {
         self.entries.iter().find(|(known, _)| known == name).map(|(_, value)| value)
     }
 
+    /// The value of an attribute in any case, with `_` where the name has `:`, as databases and Shapefiles spell it. The exact
+    /// name comes first.
+    pub fn named(&self, name: &str) -> Option<&AttributeValue> {
+        let plain = |byte: u8| if byte == b':' { b'_' } else { byte.to_ascii_lowercase() };
+        let fits = |known: &str| known.len() == name.len() && known.bytes().map(plain).eq(name.bytes().map(plain));
+        self.get(name).or_else(|| self.entries.iter().find(|(known, _)| fits(known)).map(|(_, value)| value))
+    }
+
     /// Names and values, in the order of the source.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &AttributeValue)> {
         self.entries.iter().map(|(name, value)| (name.as_str(), value))

@@ -257,9 +257,10 @@ pub enum Wrap {
 pub enum AxisOrder {
     /// As the EPSG registry defines the system, such as latitude first for EPSG:4326 and EPSG:6697. For GML.
     Authority,
-    /// East (or longitude) first, whatever the registry says. For GeoPackage, WKB, Shapefile, OpenStreetMap, CityJSON.
+    /// East (or longitude) first, whatever the registry says. For OpenStreetMap and rasters.
     EastFirst,
-    /// East first as most writers have it, although some follow the registry. For CityJSON in projected systems.
+    /// East (or longitude) first as most writers have it, although some follow the registry. For vector formats, and CityJSON in
+    /// projected systems.
     MostlyEastFirst,
 }
 

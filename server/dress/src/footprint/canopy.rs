@@ -1,6 +1,6 @@
 //! Roofs without walls: canopies, carports and shelters. They are slabs at their height, on posts.
 
-use super::height::{BuildingHeight, HeightHints};
+use super::height::{BASE, BuildingHeight, HeightHints};
 use insula_source::attributes::Attributes;
 use insula_source::problems::GUESSED;
 
@@ -18,8 +18,6 @@ const KINDS: &[&str] = &["building:part", "building", "fclass", "class", "type",
 const ANY: &[&str] = &["yes", "true", "building", "no"];
 /// Shelters with walls.
 const WALLED: &[&str] = &["basic_hut", "rock_shelter", "wildlife_hide", "weather_shelter_closed", "building", "igloo"];
-/// Attributes that tell where a roof begins.
-const BASE: &[&str] = &["min_height", "building:min_height"];
 
 /// A roof without walls.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,10 +31,7 @@ pub struct Canopy {
 impl Canopy {
     /// The canopy that attributes tell; `None` for what has walls.
     pub fn of(attributes: &Attributes) -> Option<Self> {
-        let value = |known: &str| {
-            let mut found = attributes.iter().filter(|(name, _)| name.eq_ignore_ascii_case(known));
-            found.find_map(|(_, value)| Some(value.as_str()?.trim().to_lowercase()))
-        };
+        let value = |name: &str| Some(attributes.named(name)?.as_str()?.trim().to_lowercase());
         let telling = |name: &&str| value(name).filter(|value| !ANY.contains(&value.as_str()));
         let kind = KINDS.iter().find_map(telling).unwrap_or_default();
         let is_shelter = (kind.is_empty() && value("amenity").is_some_and(|amenity| amenity == "shelter")
@@ -48,7 +43,7 @@ impl Canopy {
             kind if CARPORTS.contains(&kind) || is_shelter => LOW_ROOF_M,
             _ => return None,
         };
-        let has_base = BASE.iter().any(|name| attributes.get(name).is_some());
+        let has_base = BASE.iter().any(|name| attributes.named(name).is_some());
         Some(Self { usual_m, has_base })
     }
 

@@ -11,7 +11,7 @@ const USE: &[&str] = &["building:use", "building", "usage", "function", "class",
 
 /// What follows from the building's use, as far as the attributes tell.
 pub fn by_use<T>(attributes: &Attributes, of_use: fn(&str) -> Option<T>) -> Option<T> {
-    USE.iter().find_map(|name| of_use(attributes.get(name)?.as_str()?))
+    USE.iter().find_map(|name| of_use(attributes.named(name)?.as_str()?))
 }
 
 /// A colour with where it comes from, and whether the surface is water or glass.
@@ -52,7 +52,7 @@ pub fn building_colours(
 ) -> BuildingColours {
     let mut colour_of = |colours: &[&str], materials: &[&str], semantic: &str, normal_z: f64| {
         let own = named_colour(attributes, colours, &mut note);
-        let name = materials.iter().find_map(|name| attributes.get(name)?.as_str());
+        let name = materials.iter().find_map(|name| attributes.named(name)?.as_str());
         let surface = SurfaceFacts { semantic: Some(semantic), material: name, normal_z, ..FLAT };
         material(palette, own, &surface, look)
     };
@@ -65,7 +65,7 @@ pub fn building_colours(
 /// used.
 fn named_colour(attributes: &Attributes, names: &[&str], note: &mut impl FnMut(String)) -> Option<[u8; 3]> {
     names.iter().find_map(|name| {
-        let value = attributes.get(name)?;
+        let value = attributes.named(name)?;
         let colour = value.as_str().and_then(|text| parse_colour(text.split(';').next()?));
         if colour.is_none() {
             note(format!("{name} is {value}"));

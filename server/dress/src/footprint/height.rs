@@ -7,9 +7,9 @@ use super::height_names::{self, HeightRole, NamedHeight};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::units::{FOOT_M, HeightUnit, metres_of};
 
-const ROOF_LEVELS: &[&str] = &["roof:levels"];
+const ROOF_LEVELS: &[&str] = &["roof:levels", "roof_level"];
 /// Names of the base's height above the ground, for suspended parts such as gangways.
-const BASE: &[&str] = &["min_height", "building:min_height"];
+pub(super) const BASE: &[&str] = &["min_height", "building:min_height", "render_min_height"];
 const BASE_LEVEL: &[&str] = &["building:min_level", "min_level", "min_floor"];
 
 /// Height of a storey, where only the number of storeys is known.
@@ -52,7 +52,7 @@ impl BuildingHeight {
     pub fn of(attributes: &Attributes, hints: HeightHints<'_>, mut note: impl FnMut(&str, &str)) -> Self {
         let named = height_names::find(attributes);
         let mut first = |names: &[&str], range, unit_m| {
-            let values = names.iter().filter_map(|name| Some((*name, attributes.get(name)?, unit_m)));
+            let values = names.iter().filter_map(|name| Some((*name, attributes.named(name)?, unit_m)));
             first_in_range(values, range, &mut note).map(|(_, number)| number)
         };
         let plain_m = hints.unit.map_or(1.0, HeightUnit::metres);
@@ -68,7 +68,7 @@ impl BuildingHeight {
         }
         let levels = of_role(&named, HeightRole::Levels, 1.0);
         if let Some((_, levels)) = first_in_range(levels, LEVELS_RANGE, &mut note) {
-            let roof_levels = ROOF_LEVELS.iter().filter_map(|name| Some((*name, attributes.get(name)?, 1.0)));
+            let roof_levels = ROOF_LEVELS.iter().filter_map(|name| Some((*name, attributes.named(name)?, 1.0)));
             let roof_levels = first_in_range(roof_levels, LEVELS_RANGE, &mut note).map(|(_, number)| number);
             let top_m = (levels + roof_levels.unwrap_or(0.0)) * LEVEL_M;
             if base_m < top_m {
@@ -247,6 +247,11 @@ mod tests {
         assert_eq!(height(r#"{"building:levels": 0}"#), (0.0, 6.0, vec!["height guessed".to_owned()]));
         assert_eq!(height("{}"), (0.0, 6.0, vec!["height guessed".to_owned()]));
         assert_eq!(height(r#"{"min_height": 10}"#), (10.0, 16.0, vec!["height guessed".to_owned()]));
+        // In any case, and as tiles have them.
+        assert_eq!(height(r#"{"HEIGHT": 10, "MIN_HEIGHT": 4}"#), (4.0, 10.0, vec![]));
+        assert_eq!(height(r#"{"Height": 10, "Building_Min_Height": 4}"#), (4.0, 10.0, vec![]));
+        assert_eq!(height(r#"{"render_height": 10, "render_min_height": 4}"#), (4.0, 10.0, vec![]));
+        assert_eq!(height(r#"{"NUM_FLOORS": 4, "MIN_FLOOR": 1}"#).0, 3.0);
     }
 
     #[test]
@@ -275,7 +280,10 @@ mod tests {
         let new_york = r#"{"heightroof": "100", "groundelev": "30"}"#;
         let (_, top_m, notes) = height(new_york);
         assert_eq!((top_m, notes), (30.48, vec![UNIT_GUESSED.to_owned()]));
+        assert_eq!(height(r#"{"height_roo": 100, "doitt_id": 7}"#).1, 30.48);
         assert_eq!(height(r#"{"heightroof": 20}"#), (0.0, 20.0, vec![]));
+        // The ground of others is in metres.
+        assert_eq!(height(r#"{"roof_elev": 524.5, "ground_elev": 512.5}"#), (0.0, 12.0, vec![]));
         let in_feet = HeightHints { is_map_in_feet: true, ..HeightHints::default() };
         assert_eq!(height_with(r#"{"BLDG_HT": 20}"#, in_feet), (0.0, 20.0, vec![UNIT_GUESSED.to_owned()]));
         assert_eq!(height_with(r#"{"BLDG_HT": "20 m"}"#, in_feet).1, 20.0);

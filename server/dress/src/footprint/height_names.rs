@@ -31,7 +31,9 @@ static NAMES: [(HeightRole, &str); 4] = [
          建筑高度 建築高度 樓高 높이 건물높이 heit tinggi tinggibangunan hgt heightroof heightagl hgtagl heightaboveground \
          relhmax relheightmax maxheight heightmax maxht maxhgt hgtmax hoehemax hauteurmax meanheight heightmean avgheight \
          heightavg avght meanht hgtmean medianheight heightmedian medianhgt hgtmedian relh2 approxhgt estheight \
-         estimatedheight",
+         estimatedheight heightest renderheight totalheight topheight heighttop hght gebhoehe hoehegeb alturamax \
+         alturamedia alturatotal hautmax hauteurmoyenne hauteurmoy hautmoy altezzamax altezzamedia altezzavolume \
+         p95height heightp95 ridgeheight firsthoehe eaveheight eavesheight eaveht traufhoehe",
     ),
     (
         HeightRole::Elevation,
@@ -53,10 +55,14 @@ static NAMES: [(HeightRole, &str); 4] = [
          numeropisos pavimentos numpavimentos numpiani npiani numeropiani piani bouwlagen aantalbouwlagen verdiepingen \
          aantalverdiepingen etager antaletager byg054antaletager etasjer antalletasjer antalletasje vaningar \
          antalvaningar kerrosluku kerrostenlkm korruselisus korrused stavai kondygnacje liczbakondygnacji lkond \
-         pocetpodlazi podlazi szintek katsayisi katadedi этажность этажей количествоэтажей 階数 地上階数 层数 層數 楼层数 \
+         pocetpodlazi podlazi szintek katsayisi katadedi bldglevels numlevels levelcount anzahlgs aog \
+         plantassobrerasante numplantassobrerasante andares numandares kondygnacjenadziemne kerroslkm korrustearv \
+         maxkorrustearv этажность этажей количествоэтажей 階数 地上階数 层数 層數 楼层数 \
          地上层数 지상층수 grofloco jumlahlantai",
     ),
 ];
+/// Namespaces of XML before a name.
+const NAMESPACES: [&str; 5] = ["bldg:", "con:", "bu-base:", "bu-core2d:", "bu-core3d:"];
 /// Names whose publishers mean feet, with attributes that tell those publishers: the buildings of New York.
 const FEET: &[&str] = &["heightroof"];
 const OF_NEW_YORK: &[&str] = &["groundelev", "cnstrctyr", "basebbl", "mplutobbl", "mpplutobbl", "doittid", "bin"];
@@ -93,11 +99,17 @@ pub(super) fn find(attributes: &Attributes) -> Vec<NamedHeight<'_>> {
         })
         .collect();
     found.sort_by_key(|height| height.rank);
-    let is_of_new_york = || attributes.iter().any(|(name, _)| OF_NEW_YORK.contains(&&*key(name)));
+    let is_roof = |name: &str| {
+        let key = key(name);
+        let is_cut = name.len() == CUT_BYTES && key.len() >= LEAST_CUT_KEY;
+        FEET.iter().any(|known| *known == key || is_cut && known.starts_with(&*key))
+    };
+    let is_of_new_york = found.iter().any(|height| is_roof(height.name))
+        && attributes.iter().any(|(name, _)| OF_NEW_YORK.contains(&&*key(name)));
     for height in &mut found {
-        let is_roof = FEET.contains(&&*key(height.name));
+        let is_roof = is_roof(height.name);
         // That publisher gives the ground in feet, too.
-        if height.unit_m.is_none() && (is_roof || height.role == HeightRole::Ground) && is_of_new_york() {
+        if height.unit_m.is_none() && (is_roof || height.role == HeightRole::Ground) && is_of_new_york {
             (height.unit_m, height.is_unit_guessed) = (Some(FOOT_M), is_roof);
         }
     }
@@ -127,12 +139,14 @@ fn look_up(name: &str) -> Option<(HeightRole, usize, Option<f64>)> {
         let rows = NAMES.iter().flat_map(|(role, names)| names.split_whitespace().map(move |name| (*role, name)));
         rows.enumerate().map(|(rank, (role, name))| (name, (role, rank))).collect()
     });
-    let key = key(name);
+    let key = key(NAMESPACES.iter().find_map(|namespace| name.strip_prefix(namespace)).unwrap_or(name));
     if let Some((role, rank)) = table.get(&*key) {
         return Some((*role, *rank, None));
     }
     for end in UNIT_ENDS {
-        let known = key.strip_suffix(end).and_then(|rest| table.get(rest));
+        // `height_in_m`, too.
+        let rest = key.strip_suffix(end);
+        let known = rest.and_then(|rest| table.get(rest).or_else(|| table.get(rest.strip_suffix("in")?)));
         if let Some((role, rank)) = known.filter(|(role, _)| *role != HeightRole::Levels) {
             return Some((*role, *rank, metres_of(end)));
         }

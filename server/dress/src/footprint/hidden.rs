@@ -39,7 +39,9 @@ const BELOW_BY_LAYER: &[(&str, &[&str])] = &[
 /// The reason why areas and lines of a kind cannot be seen from above; `None` if they can. `tag` gives the value of a name.
 pub fn hidden<'t>(kind: FeatureKind, tag: impl Fn(&str) -> Option<Cow<'t, str>>) -> Option<&'static str> {
     let is_building = matches!(kind, FeatureKind::Building | FeatureKind::BuildingPart);
-    let is_one_of = |name: &str, values: &[&str]| tag(name).is_some_and(|value| values.contains(&&*value));
+    let is_one_of = |name: &str, values: &[&str]| {
+        tag(name).is_some_and(|value| values.iter().any(|known| value.trim().eq_ignore_ascii_case(known)))
+    };
     let number = |name: &str| tag(name).and_then(|value| value.trim().parse::<f64>().ok());
     if IS_TUNNEL.iter().any(|name| tag(name).is_some_and(|value| is_true(&value) && !NO_TUNNEL.contains(&&*value))) {
         return Some(IN_TUNNEL);
@@ -62,17 +64,22 @@ pub fn hidden<'t>(kind: FeatureKind, tag: impl Fn(&str) -> Option<Cow<'t, str>>)
     (is_indoors || is_one_of("location", &["indoor"])).then_some(INDOORS)
 }
 
-/// [`hidden`] by attributes, whose names may be in capitals, and by the flags of Overture's roads and rails.
+/// [`hidden`] by attributes, whose names may be spelt as in [`Attributes::named`], and by the flags of Overture's roads and rails.
 pub fn is_hidden(kind: FeatureKind, attributes: &Attributes) -> Option<&'static str> {
     let text = |value: &AttributeValue| match value {
         AttributeValue::Text(text) => text.clone(),
         value => value.to_string(),
     };
-    let tag = |known: &str| {
-        let found = attributes.iter().find(|(name, _)| name.eq_ignore_ascii_case(known));
-        found.map(|(_, value)| Cow::Owned::<str>(text(value)))
+    let tag = |name: &str| attributes.named(name).map(|value| Cow::Owned::<str>(text(value)));
+    // As Shapefiles cut `underground`; a number there may be one of storeys.
+    let is_underground = || match attributes.named("undergroun") {
+        Some(AttributeValue::Text(text)) => text.trim().parse::<f64>().is_err() && is_true(text),
+        Some(AttributeValue::Bool(value)) => *value,
+        _ => false,
     };
-    hidden(kind, tag).or_else(|| has_tunnel_flag(attributes).then_some(IN_TUNNEL))
+    hidden(kind, tag)
+        .or_else(|| has_tunnel_flag(attributes).then_some(IN_TUNNEL))
+        .or_else(|| is_underground().then_some(UNDERGROUND))
 }
 
 /// Whether a flag of Overture says that all of a road or rail is in a tunnel. Flags may be of a part only.
@@ -91,7 +98,8 @@ fn is_cellar<'t>(tag: &impl Fn(&str) -> Option<Cow<'t, str>>) -> bool {
     if height_m.is_some_and(|height_m| height_m > 0.0) || number(&["roof:levels"]).is_some_and(|levels| levels > 0.0) {
         return false;
     }
-    let begins_below = number(&["building:levels:underground"]).is_some_and(|levels| levels > 0.0)
+    let begins_below = number(&["building:levels:underground", "num_floors_underground"])
+        .is_some_and(|levels| levels > 0.0)
         || number(&["building:min_level", "min_level", "min_floor"]).is_some_and(|level| level < 0.0);
     // Storeys are counted from the ground. Negative ones are below.
     begins_below && number(&["building:levels", "levels", "num_floors"]).is_some_and(|levels| levels <= 0.0)
@@ -135,6 +143,9 @@ mod tests {
             (Building, &[("location", "underground")][..]),
             (Building, &[("layer", "-1")]),
             (Building, &[("level", "-1")]),
+            (Building, &[("LOCATION", "Underground")]),
+            (Building, &[("UNDERGROUN", "T")]),
+            (Building, &[("num_floors", "0"), ("num_floors_underground", "2")]),
             (Building, &[("LEVEL", "-2;-1")]),
             (BuildingPart, &[("level", "-3--1")]),
             (Building, &[("is_underground", "true")]),
@@ -167,6 +178,7 @@ mod tests {
         for (kind, pairs) in [
             (Building, &[("building", "yes")][..]),
             (Building, &[("level", "-1;0")]),
+            (Building, &[("UNDERGROUN", "2")]),
             (Building, &[("level", "0-2")]),
             (Building, &[("building:levels", "3"), ("building:levels:underground", "2")]),
             (Building, &[("building:levels:underground", "1")]),

@@ -29,6 +29,7 @@ const TAGS: &[(FeatureKind, &[Tag])] = &[
             ("water", &[]),
             ("waterway", &["riverbank", "dock", "river", "canal", "stream", "ditch", "drain"]),
             ("landuse", &["reservoir", "basin"]),
+            ("leisure", &["marina", "swimming_pool"]),
         ],
     ),
     (
@@ -49,6 +50,8 @@ const TAGS: &[(FeatureKind, &[Tag])] = &[
                     "commercial",
                     "retail",
                     "industrial",
+                    "harbour",
+                    "port",
                     "farmland",
                     "farmyard",
                     "allotments",
@@ -74,6 +77,8 @@ const TAGS: &[(FeatureKind, &[Tag])] = &[
             ("amenity", &["parking"]),
         ],
     ),
+    // The land of a harbour is land use.
+    (FeatureKind::Water, &[("harbour", &[])]),
 ];
 
 /// Attributes that only buildings have: `landuse` and the like then say what the building is for.
@@ -93,29 +98,42 @@ const OVERTURE_SUBTYPES: &[(FeatureKind, &[&str])] = &[
     (FeatureKind::Bridge, &["bridge"]),
     (FeatureKind::Road, &["road"]),
     (FeatureKind::Rail, &["rail"]),
-    (FeatureKind::Water, &["water", "river", "lake", "stream", "pond", "canal", "reservoir", "ocean", "human_made"]),
+    (
+        FeatureKind::Water,
+        &["water", "river", "lake", "stream", "pond", "canal", "reservoir", "ocean", "human_made", "wastewater"],
+    ),
     (FeatureKind::Vegetation, &["forest", "tree", "shrub", "grass", "park", "protected"]),
     (FeatureKind::LandUse, &["agriculture", "cemetery", "golf", "recreation", "developed", "sand", "rock", "wetland"]),
 ];
 
+/// Classes of Overture's subtype `physical` that are water.
+const OVERTURE_WATERS: &[&str] = &["bay", "strait", "lagoon", "sea", "ocean", "fairway", "tidal_channel"];
+
 /// The kind of a feature by its attributes; `None` if they do not tell. What is said to be a building is one, whatever else
 /// is said.
 pub fn kind_of(attributes: &Attributes) -> Option<FeatureKind> {
-    let value = |name: &str| attributes.get(name).and_then(AttributeValue::as_str).filter(|value| *value != "no");
+    let value = |name: &str| {
+        let text = attributes.named(name).and_then(AttributeValue::as_str).map(|text| text.trim().to_lowercase());
+        text.filter(|text| !matches!(text.as_str(), "" | "no" | "n" | "f" | "false" | "0" | "none" | "null"))
+    };
     if value("building").is_some() {
         return Some(FeatureKind::Building);
     }
     if value("building:part").is_some() {
         return Some(FeatureKind::BuildingPart);
     }
-    if value("amenity") == Some("shelter") {
+    if value("amenity").is_some_and(|amenity| amenity == "shelter") {
         return Some(FeatureKind::Building);
     }
     if is_of_overture(attributes) {
         return of_overture(attributes);
     }
-    let is_building = BUILDING_ATTRIBUTES.iter().any(|name| attributes.get(name).is_some());
-    let has = |(name, values): &Tag| value(name).is_some_and(|value| values.is_empty() || values.contains(&value));
+    let is_building = BUILDING_ATTRIBUTES.iter().any(|name| attributes.named(name).is_some());
+    // In capitals, a name without known values may mean anything else, such as the supply of water.
+    let has = |(name, values): &Tag| match values.is_empty() {
+        true => attributes.get(name).is_some() && value(name).is_some(),
+        false => value(name).is_some_and(|value| values.contains(&&*value)),
+    };
     let found = TAGS.iter().find(|(_, tags)| tags.iter().any(has)).map(|(kind, _)| *kind);
     found.filter(|kind| *kind != FeatureKind::LandUse || !is_building)
 }
@@ -134,6 +152,10 @@ fn of_overture(attributes: &Attributes) -> Option<FeatureKind> {
         return Some(FeatureKind::Building);
     }
     let subtype = attributes.get("subtype")?.as_str()?;
+    let class = attributes.get("class").and_then(AttributeValue::as_str);
+    if subtype == "physical" && class.is_some_and(|class| OVERTURE_WATERS.contains(&class)) {
+        return Some(FeatureKind::Water);
+    }
     OVERTURE_SUBTYPES.iter().find(|(_, known)| known.contains(&subtype)).map(|(kind, _)| *kind)
 }
 
@@ -159,6 +181,12 @@ mod tests {
         assert_eq!(kind(&[("landuse", "forest")]), Some(FeatureKind::Vegetation));
         assert_eq!(kind(&[("landuse", "residential")]), Some(FeatureKind::LandUse));
         assert_eq!(kind(&[("landuse", "residential"), ("height", "12")]), None, "the use of a building");
+        assert_eq!(kind(&[("NATURAL", "Water")]), Some(FeatureKind::Water), "as in a Shapefile");
+        assert_eq!(kind(&[("BUILDING", "N"), ("WATER", "City"), ("LANDUSE", "forest")]), Some(FeatureKind::Vegetation));
+        assert_eq!(kind(&[("leisure", "marina")]), Some(FeatureKind::Water));
+        assert_eq!(kind(&[("harbour", "yes")]), Some(FeatureKind::Water));
+        assert_eq!(kind(&[("harbour", "yes"), ("landuse", "harbour")]), Some(FeatureKind::LandUse));
+        assert_eq!(kind(&[("landuse", "port")]), Some(FeatureKind::LandUse));
         assert_eq!(kind(&[("name", "x")]), None);
     }
 
@@ -168,6 +196,8 @@ mod tests {
         assert_eq!(kind(&[("id", "a"), source, ("building_id", "b")]), Some(FeatureKind::BuildingPart));
         assert_eq!(kind(&[("id", "a"), source, ("has_parts", "true")]), Some(FeatureKind::Building));
         assert_eq!(kind(&[("id", "a"), source, ("subtype", "road"), ("class", "primary")]), Some(FeatureKind::Road));
+        assert_eq!(kind(&[("id", "a"), source, ("subtype", "physical"), ("class", "bay")]), Some(FeatureKind::Water));
+        assert_eq!(kind(&[("id", "a"), source, ("subtype", "physical"), ("class", "cape")]), None);
         assert_eq!(kind(&[("id", "a"), source, ("subtype", "residential")]), None);
         assert_eq!(kind(&[("building_id", "7")]), None, "a building's own number");
     }

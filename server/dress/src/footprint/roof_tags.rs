@@ -6,11 +6,12 @@ use crate::roof::{RoofOrientation, RoofShape, RoofSpec};
 use insula_source::attributes::Attributes;
 use insula_source::units::HeightUnit;
 
-const SHAPE: &[&str] = &["roof:shape", "roof_shape", "building:roof:shape"];
-const HEIGHT: &[&str] = &["roof:height", "roof_height", "building:roof:height"];
-const LEVELS: &[&str] = &["roof:levels"];
-const DIRECTION: &[&str] = &["roof:direction", "roof_direction", "roof:slope:direction"];
-const ORIENTATION: &[&str] = &["roof:orientation", "roof_orientation"];
+/// Names, also as Shapefiles cut them.
+const SHAPE: &[&str] = &["roof:shape", "building:roof:shape"];
+const HEIGHT: &[&str] = &["roof:height", "building:roof:height", "roof_heigh"];
+const LEVELS: &[&str] = &["roof:levels", "roof_level"];
+const DIRECTION: &[&str] = &["roof:direction", "roof:slope:direction", "roof_direc"];
+const ORIENTATION: &[&str] = &["roof:orientation", "roof_orien"];
 const ANGLE: &[&str] = &["roof:angle"];
 /// Valid heights of roofs.
 const HEIGHT_RANGE_M: std::ops::RangeInclusive<f64> = 0.1..=200.0;
@@ -74,12 +75,12 @@ impl RoofTags {
 }
 
 fn text<'a>(attributes: &'a Attributes, names: &[&str]) -> Option<&'a str> {
-    names.iter().find_map(|name| attributes.get(name)?.as_str())
+    names.iter().find_map(|name| attributes.named(name)?.as_str())
 }
 
 /// The first of the named values that is a number. A plain number is in a unit of `plain_m` metres.
 fn number(attributes: &Attributes, names: &[&str], plain_m: f64) -> Option<f64> {
-    names.iter().find_map(|name| metres(attributes.get(name)?, plain_m))
+    names.iter().find_map(|name| metres(attributes.named(name)?, plain_m))
 }
 
 /// Degrees from north, clockwise: a number or a point of the compass such as `SSW`.
@@ -125,6 +126,7 @@ mod tests {
             let tags = attributes(&[("roof:shape", "gabled"), ("roof:height", value)]);
             assert_eq!(RoofTags::of(&tags, feet, |_| ()).unwrap().height_m, Some(expected_m), "{value}");
         }
+        assert_eq!(roof(&[("ROOF_SHAPE", "Gabled"), ("ROOF_HEIGH", "3")], given), (9.0, 12.0), "as in a Shapefile");
         let counted = BuildingHeight { is_without_roof: true, ..given };
         let (eaves_m, top_m) = roof(&[("roof:shape", "gabled")], counted);
         assert!(eaves_m == 12.0 && top_m > 13.0, "{eaves_m} {top_m}");

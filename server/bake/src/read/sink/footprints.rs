@@ -143,6 +143,7 @@ impl SceneSink<'_, '_, '_> {
         let (id, attributes) = (&object.id, &object.attributes);
         let (options, hints) = (self.context.options, self.height_hints());
         let report = &mut self.report;
+        report.footprints += 1;
         let canopy = Canopy::of(attributes);
         let note = |kind: &str, detail: &str| report.problem(kind, || format!("{id}: {detail}"));
         let height = match canopy {

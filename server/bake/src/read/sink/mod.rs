@@ -31,6 +31,8 @@ use insula_source::source::CitySource;
 use insula_source::subject;
 use materials::MaterialTable;
 
+/// Heights of surfaces in a known place: from the deepest mine to above all masts. Others are marks of missing heights, such as -9999.
+const SURFACES_M: std::ops::RangeInclusive<f64> = -5000.0..=20_000.0;
 /// Triangles that are collected before they are added to the city.
 const FLUSH_TRIANGLES: usize = 1 << 14;
 /// An object with more triangles is left out: instances of a large template can make any number of them.
@@ -101,6 +103,12 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     /// World position of a position of the source; `None` if it is invalid, or cannot be there in the source's system.
     fn place(&self, position: [f64; 3]) -> Option<[f64; 3]> {
         self.placement.position(self.frame.apply(position)).filter(|position| is_valid_position(*position))
+    }
+
+    /// World position of a corner of a surface, whose height is not a mark of a missing one if heights are those of a place.
+    fn place_in_space(&self, position: [f64; 3]) -> Option<[f64; 3]> {
+        let is_placed = matches!(self.placement, Placement::Known(_));
+        self.place(position).filter(|[.., z]| !is_placed || SURFACES_M.contains(z))
     }
 
     /// World position on the map.

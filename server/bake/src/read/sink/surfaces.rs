@@ -62,8 +62,10 @@ impl SceneSink<'_, '_, '_> {
         whole: Option<WholeBuilding<'_>>,
     ) {
         let placed: Vec<Vec<[f64; 3]>> = polygons.iter().map(|surface| self.place_surface(object, surface)).collect();
-        let placed_meshes: Vec<PlacedMesh> =
-            meshes.iter().map(|mesh| mesh.positions.iter().map(|position| self.place(*position)).collect()).collect();
+        let placed_meshes: Vec<PlacedMesh> = meshes
+            .iter()
+            .map(|mesh| mesh.positions.iter().map(|position| self.place_in_space(*position)).collect())
+            .collect();
         let is_turned = self.is_turned(object, (polygons, &placed), (meshes, &placed_meshes));
         let mut shape = ObjectShape::new();
         let (mut up_m2, mut down_m2) = (0.0, 0.0);
@@ -146,7 +148,7 @@ impl SceneSink<'_, '_, '_> {
 
     /// World positions of a surface's corners; none if one is invalid.
     fn place_surface(&mut self, object: &SourceObject, surface: &Surface) -> Vec<[f64; 3]> {
-        let points: Option<Vec<[f64; 3]>> = surface.points.iter().map(|point| self.place(*point)).collect();
+        let points: Option<Vec<[f64; 3]>> = surface.points.iter().map(|point| self.place_in_space(*point)).collect();
         points.unwrap_or_else(|| {
             self.report.problem("coordinate not a number or out of range", || place(object, surface));
             Vec::new()

@@ -74,7 +74,7 @@ const AREAS: &[(&str, &[&str], FeatureKind)] = &[
     ("natural", &["water", "bay", "strait"], Water),
     ("waterway", &["riverbank", "dock"], Water),
     ("landuse", &["reservoir", "basin"], Water),
-    // Unless there is a coast, see `is_marina`.
+    // Unless there is a coast, see `is_harbour`.
     ("leisure", &["swimming_pool", "marina"], Water),
     ("amenity", &["fountain"], Water),
     ("water", &[], Water),
@@ -134,6 +134,8 @@ const AREAS: &[(&str, &[&str], FeatureKind)] = &[
         LandUse,
     ),
     ("amenity", &["grave_yard", "school", "kindergarten", "university", "college", "hospital"], LandUse),
+    // Of what is not said to be land. Unless there is a coast.
+    ("harbour", &[], Water),
 ];
 
 /// The class of a way or a multipolygon.
@@ -184,9 +186,13 @@ pub(super) fn plant(tags: Tags<'_>) -> Option<&str> {
     tags.get("natural").filter(|value| matches!(*value, "tree" | "shrub"))
 }
 
-/// Whether an area is the harbour of boats. Where there is a coast, that tells which part of it is water.
-pub(super) fn is_marina(tags: Tags<'_>) -> bool {
-    tags.get("leisure") == Some("marina")
+/// Whether an area is a harbour or marina, of which nothing else says that it is water. Where there is a coast, that tells which part
+/// of it is.
+pub(super) fn is_harbour(class: Class, tags: Tags<'_>) -> bool {
+    match class.key {
+        "leisure" => tags.get("leisure") == Some("marina"),
+        key => key == "harbour",
+    }
 }
 
 /// Whether tags say nothing of what an element is, so that they may be on the outer ring, as in maps before 2017.
@@ -284,6 +290,8 @@ mod tests {
             (&[("building", "yes"), ("building:part", "yes")], ClosedWay, Building),
             (&[("building", "no"), ("building:part", "tower")], ClosedWay, BuildingPart),
             (&[("landuse", "basin"), ("natural", "water")], Multipolygon, Water),
+            (&[("harbour", "yes")], ClosedWay, Water),
+            (&[("harbour", "yes"), ("landuse", "harbour")], ClosedWay, LandUse),
             (&[("landuse", "grass")], ClosedWay, Vegetation),
             (&[("leisure", "pitch")], ClosedWay, LandUse),
             (&[("highway", "pedestrian"), ("area", "yes")], ClosedWay, Road),

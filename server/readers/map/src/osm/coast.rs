@@ -41,8 +41,9 @@ pub(super) struct Sea {
 }
 
 impl Sea {
-    /// The sea within an extent by pieces of coastlines, each in the direction that has the water on its right.
-    pub(super) fn new(pieces: Vec<Vec<Position>>, [west, south, east, north]: Bounds) -> Self {
+    /// The sea within an extent by pieces of coastlines, each in the direction that has the water on its right. From the border it goes
+    /// straight on to that of `reach`, which the extent is within.
+    pub(super) fn new(pieces: Vec<Vec<Position>>, [west, south, east, north]: Bounds, reach: Bounds) -> Self {
         let frame = Frame {
             low: [west, south].map(f64::from),
             high: [east, north].map(f64::from),
@@ -72,7 +73,7 @@ impl Sea {
         } else {
             rings.extend(frame.around(frame.alternating(open, &mut sea.problems)));
         }
-        sea.nest(rings);
+        sea.nest(rings.iter().map(|ring| frame.widened(ring, reach.map(f64::from))).collect());
         sea
     }
 
@@ -304,6 +305,32 @@ impl Frame {
         Vec::new()
     }
 
+    /// A closed ring whose parts along the border are moved to that of a larger extent.
+    fn widened(&self, ring: &[Point], [west, south, east, north]: [f64; 4]) -> Vec<Point> {
+        let is_at = |a: f64, b: f64| (a - b).abs() <= ON_BORDER;
+        let outside = |point: Point| {
+            [(0, west, east), (1, south, north)].map(|(axis, low, high)| match point[axis] {
+                v if is_at(v, self.low[axis]) => low,
+                v if is_at(v, self.high[axis]) => high,
+                v => v,
+            })
+        };
+        // Ends on different sides are those of a coast.
+        let is_along = |from: Point, to: Point| {
+            (0..2).any(|axis| {
+                [self.low[axis], self.high[axis]].iter().any(|side| is_at(from[axis], *side) && is_at(to[axis], *side))
+            })
+        };
+        let mut wide: Vec<Point> = Vec::with_capacity(ring.len() + 4);
+        for pair in ring.windows(2) {
+            let [from, to] = [pair[0], pair[1]];
+            wide.extend(if is_along(from, to) { [outside(from), outside(to)] } else { [from, to] });
+        }
+        // The ring may begin where a coast meets the border.
+        wide.extend(wide.first().copied());
+        wide
+    }
+
     fn length_m(&self, chain: &[Point]) -> f64 {
         chain.windows(2).map(|pair| self.distance_m(pair[0], pair[1])).sum()
     }
@@ -424,7 +451,7 @@ mod tests {
     }
 
     fn sea(pieces: &[&[[i32; 2]]]) -> Sea {
-        Sea::new(pieces.iter().map(|points| piece(points)).collect(), EXTENT)
+        Sea::new(pieces.iter().map(|points| piece(points)).collect(), EXTENT, EXTENT)
     }
 
     /// Whether a position, in hundredths of the extent, is water: by the crossings of a line to the west.
@@ -499,7 +526,31 @@ mod tests {
         let wrong = sea(&[&[[-30, 50], [130, 50]], &[[20, 60], [40, 60], [40, 80], [20, 80], [20, 60]]]);
         assert_eq!(reasons(&wrong), [CONTRADICTION]);
         assert!(!is_water(&wrong, 30.0, 70.0) && is_water(&wrong, 30.0, 30.0), "{wrong:?}");
-        assert_eq!(Sea::new(Vec::new(), EXTENT), Sea::default());
-        assert_eq!(reasons(&Sea::new(vec![piece(island)], [0, 0, 1_000_000, 20_000_000])), [TOO_WIDE]);
+        assert_eq!(Sea::new(Vec::new(), EXTENT, EXTENT), Sea::default());
+        let wide = [0, 0, 1_000_000, 20_000_000];
+        assert_eq!(reasons(&Sea::new(vec![piece(island)], wide, wide)), [TOO_WIDE]);
+    }
+
+    #[test]
+    fn the_sea_goes_straight_on_beyond_the_border() {
+        // The land is in the north-west; its objects reach out to all sides.
+        let coast =
+            [piece(&[[-30, 40], [50, 60], [50, 130]]), piece(&[[70, 20], [90, 20], [90, 30], [70, 30], [70, 20]])];
+        let sea = Sea::new(Vec::from(coast), EXTENT, [-50_000, -20_000, 1_100_000, 1_030_000]);
+        assert_eq!(reasons(&sea), [""; 0]);
+        for (x, y, expected) in [
+            (-4.0, 44.0, true),
+            (-4.0, 55.0, false),
+            (40.0, -1.0, true),
+            (109.0, -1.0, true),
+            (109.0, 102.0, true),
+            (52.0, 102.0, true),
+            (48.0, 102.0, false),
+            (80.0, 25.0, false),
+            (60.0, 60.0, true),
+            (112.0, 50.0, false),
+        ] {
+            assert_eq!(is_water(&sea, x, y), expected, "{x} {y} {sea:?}");
+        }
     }
 }

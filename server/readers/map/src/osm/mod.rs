@@ -26,7 +26,7 @@ mod xml;
 
 use std::ops::{ControlFlow, Range};
 
-use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify, is_marina};
+use classes::{Class, Form, NOT_CLOSED, Outline, Verdict, classify, is_harbour};
 use coast::Sea;
 use collect::{Limits, Round, is_part, outline_of};
 use cover::{Bounds, bounds};
@@ -43,6 +43,8 @@ use parts::{Heights, OutlineFate, Parts};
 use survey::Survey;
 
 const AT_COAST: &str = "marina at the sea, whose coastline tells what is water";
+/// The sea reaches at most so far beyond the border of the map, in units: 550 m to the north.
+const MOST_BEYOND: i32 = 50_000;
 const COVERED: &str = "outline covered by its building parts";
 /// Points of all building parts; they are in memory together.
 const MAX_PART_BYTES: u64 = 4 << 30;
@@ -68,7 +70,15 @@ fn read_within(input: &Input<'_>, limits: Limits, sink: &mut dyn ObjectSink) -> 
     let survey = Survey::read(input, &mut *file, sink)?;
     let size_bytes = input.files.len(input.name).map_err(|cause| InputError::io(input.label, cause))?;
     let assembled_left = MIN_ASSEMBLED + ASSEMBLED_PER_BYTE * size_bytes.min(u64::MAX >> 8);
-    let mut reading = Reading { input, survey, parts: Parts::default(), size_bytes, assembled_left, extent: None };
+    let mut reading = Reading {
+        input,
+        survey,
+        parts: Parts::default(),
+        size_bytes,
+        assembled_left,
+        extent: None,
+        wanted_extent: None,
+    };
     reading.read_objects(&mut *file, limits, sink)?;
     reading.add_sea(&mut *file, sink)?;
     reading.add_parts(&mut *file, sink)?;
@@ -86,6 +96,8 @@ struct Reading<'a, 'i> {
     assembled_left: u64,
     /// Bounds of what is on land so far.
     extent: Option<Bounds>,
+    /// Of what is within the wanted area.
+    wanted_extent: Option<Bounds>,
 }
 
 impl Reading<'_, '_> {
@@ -210,7 +222,7 @@ impl Reading<'_, '_> {
             }
             return Ok(());
         }
-        if is_marina(tags) && self.has_coast() {
+        if is_harbour(class, tags) && self.has_coast() {
             sink.skip(AT_COAST, id.to_string());
             return Ok(());
         }
@@ -246,12 +258,15 @@ impl Reading<'_, '_> {
             return;
         }
         let Some([west, south, east, north]) = bounds(positions) else { return };
-        let [w, s, e, n] = self.extent.unwrap_or([west, south, east, north]);
-        self.extent = Some([w.min(west), s.min(south), e.max(east), n.max(north)]);
+        let is_wanted = is_in_bbox(self.input.bbox_deg, &[[west, south], [east, north]]);
+        for extent in [Some(&mut self.extent), is_wanted.then_some(&mut self.wanted_extent)].into_iter().flatten() {
+            let [w, s, e, n] = extent.unwrap_or([west, south, east, north]);
+            *extent = Some([w.min(west), s.min(south), e.max(east), n.max(north)]);
+        }
     }
 
     /// Adds the sea, if there are coastlines: as far as the file says it reaches, else as far as there is land, and within the wanted
-    /// area.
+    /// area. Where objects of the land reach out of that, so does the sea, because ground lies around them.
     fn add_sea(&mut self, file: &mut dyn ElementFile, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
         let coast = std::mem::take(&mut self.survey.coast);
         if self.survey.coast_is_too_long() {
@@ -260,14 +275,15 @@ impl Reading<'_, '_> {
         }
         let extent = file.extent().map(|[[west, south], [east, north]]| [west, south, east, north]).or(self.extent);
         let (Some([west, south, east, north]), false) = (extent, coast.is_empty()) else { return Ok(()) };
+        let land = self.wanted_extent;
         let [w, s, e, n] = match self.input.bbox_deg {
-            Some(bbox_deg) => bbox_deg.map(|degrees| (degrees * UNITS_PER_DEGREE).round() as i32),
+            Some(bbox_deg) => grown(bbox_deg.map(|degrees| (degrees * UNITS_PER_DEGREE).round() as i32), land),
             None => [west, south, east, north],
         };
         let extent = [west.max(w), south.max(s), east.min(e), north.min(n)];
         let nodes = NodeStore::read(coast.iter().flatten().copied().collect(), file, sink)?;
         let pieces = coast.iter().filter_map(|refs| pieces_of_way(refs, &nodes).ok());
-        let sea = Sea::new(pieces.flat_map(|(pieces, _)| pieces).collect(), extent);
+        let sea = Sea::new(pieces.flat_map(|(pieces, _)| pieces).collect(), extent, grown(extent, land));
         for (reason, place) in sea.problems {
             sink.problem(reason, place);
         }
@@ -308,7 +324,7 @@ impl Reading<'_, '_> {
             let relations = &self.survey.relations;
             let relation = &relations.list()[number];
             let (id, tags) = (ElementId::Relation(relation.id), relations.tags(relation));
-            if is_marina(tags) && self.has_coast() {
+            if is_harbour(class, tags) && self.has_coast() {
                 sink.skip(AT_COAST, id.to_string());
                 continue;
             }
@@ -352,6 +368,14 @@ impl Reading<'_, '_> {
         }
         Ok(())
     }
+}
+
+/// An extent that reaches as far as another one on each side, but by at most [`MOST_BEYOND`].
+fn grown([west, south, east, north]: Bounds, to: Option<Bounds>) -> Bounds {
+    let [w, s, e, n] = to.unwrap_or([west, south, east, north]);
+    let low = |own: i32, other: i32| own.min(other).max(own.saturating_sub(MOST_BEYOND));
+    let high = |own: i32, other: i32| own.max(other).min(own.saturating_add(MOST_BEYOND));
+    [low(west, w), low(south, s), high(east, e), high(north, n)]
 }
 
 /// Adds an area, unless it is an outline for which its parts stand.

@@ -9,8 +9,8 @@ use insula_place::placement::FirstShape;
 use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 use insula_source::error::InputError;
 use insula_source::input::Input;
-use insula_source::object::{CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
-use insula_source::problems::NO_CRS;
+use insula_source::object::{AxisOrder, CrsReference, FeatureKind, ObjectSink, Shape, SourceObject};
+use insula_source::problems::{MISSING_GROUND, NO_CRS};
 
 /// What most formats mean by longitude and latitude.
 pub(super) const DEGREES: &str = "OGC:CRS84";
@@ -123,9 +123,10 @@ impl<'a> FeatureWriter<'a> {
         }
     }
 
-    /// Sets the system of the following features, with east first. Fails if positions of it cannot be placed.
+    /// Sets the system of the following features, with east first, as the formats say and most writers have it. Fails if positions of
+    /// it cannot be placed.
     pub(super) fn set_crs(&mut self, name: String) -> Result<(), InputError> {
-        self.set_reference(CrsReference::east_first(name))
+        self.set_reference(CrsReference { order: AxisOrder::MostlyEastFirst, ..CrsReference::east_first(name) })
     }
 
     /// As [`Self::set_crs`], with coordinates in the order of the reference.
@@ -136,7 +137,7 @@ impl<'a> FeatureWriter<'a> {
         }
         self.finish()?;
         // Whether an area is wanted is compared with longitudes first; the sink knows the others' order.
-        self.is_in_degrees = crs.order.is_fixed() && is_geographic(&crs.name);
+        self.is_in_degrees = crs.order != AxisOrder::Authority && is_geographic(&crs.name);
         self.sink.set_crs(&crs)?;
         self.crs = Some(crs);
         Ok(())
@@ -172,7 +173,8 @@ impl<'a> FeatureWriter<'a> {
     /// noted, too. Fails if positions of the system cannot be placed.
     pub(super) fn note(&mut self, geometry: Result<Geometry, &'static str>) -> Result<bool, InputError> {
         self.decisive[0] += 1;
-        if let Ok(geometry) = geometry {
+        if let Ok(mut geometry) = geometry {
+            geometry.fill_heights();
             self.settle_crs(&geometry)?;
             if let Some(settled) = self.settled_by(facing(&geometry)) {
                 self.level_polygons = settled;
@@ -215,7 +217,7 @@ impl<'a> FeatureWriter<'a> {
         self.count += 1;
         // Also those without a geometry, so that the share of a feature follows from its place in the file.
         self.decisive[0] += 1;
-        let geometry = match geometry {
+        let mut geometry = match geometry {
             Ok(geometry) => geometry,
             Err(reason) => {
                 self.sink.skip(reason, id);
@@ -227,6 +229,9 @@ impl<'a> FeatureWriter<'a> {
             && self.is_unwanted(bounds)
         {
             return Ok(());
+        }
+        if geometry.fill_heights() {
+            self.sink.problem(MISSING_GROUND, format!("{id}: at some of its positions"));
         }
         add_tags(&mut attributes);
         let told = kind_of(&attributes).or(self.layer.kind);

@@ -13,6 +13,9 @@ pub(super) const TOO_DEEP: &str = "geometry nested too deep";
 pub(super) const MALFORMED: &str = "malformed geometry";
 pub(crate) const UNKNOWN_TYPE: &str = "geometry of unknown type";
 
+/// Heights on land, in metres or feet; others are marks of missing ones, such as -9999.
+const HEIGHTS: std::ops::RangeInclusive<f64> = -1500.0..=30_000.0;
+
 /// Segments of a full circle that an arc is divided into.
 const CIRCLE_SEGMENTS: f64 = 64.0;
 
@@ -56,6 +59,19 @@ impl Geometry {
         if !self.has_z {
             self.for_each_position(|position| position[2] = 0.0);
         }
+    }
+
+    /// Gives positions whose height is missing by a mark the lowest height of the others. Returns whether there were some of both.
+    pub(super) fn fill_heights(&mut self) -> bool {
+        let has_marks = self.has_z && self.positions().any(|position| !HEIGHTS.contains(&position[2]));
+        let known = self.positions().map(|position| position[2]).filter(|z| HEIGHTS.contains(z));
+        let Some(lowest) = known.reduce(f64::min).filter(|_| has_marks) else { return false };
+        self.for_each_position(|position| {
+            if !HEIGHTS.contains(&position[2]) {
+                position[2] = lowest;
+            }
+        });
+        true
     }
 
     /// Changes all positions.
@@ -146,6 +162,22 @@ fn centre_of(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn marks_of_missing_heights_become_the_lowest_of_the_others() {
+        let of = |heights: [f64; 3]| Geometry {
+            lines: vec![heights.map(|z| [1.0, 2.0, z]).to_vec()],
+            has_z: true,
+            ..Geometry::default()
+        };
+        let filled = |heights| {
+            let mut geometry = of(heights);
+            (geometry.fill_heights(), geometry == of([512.0, 513.0, 512.0]))
+        };
+        assert_eq!(filled([512.0, 513.0, -9999.0]), (true, true));
+        assert_eq!(filled([512.0, 513.0, 512.0]), (false, true));
+        assert_eq!(filled([-9999.0; 3]), (false, false));
+    }
 
     #[test]
     fn arcs_keep_their_ends_side_and_radius() {

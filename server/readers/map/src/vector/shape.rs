@@ -10,8 +10,8 @@ use insula_source::object::{FeatureKind, Footprint, PointOnGround, Shape, Strip,
 const LEVEL_M: f64 = 0.001;
 /// A polygon that covers less than this share of the square of its extent on the map stands upright.
 const WALL_SHARE: f64 = 1e-3;
-const WIDTH_NAMES: [&str; 6] = ["width", "Width", "WIDTH", "width_m", "est_width", "breedte"];
-const LANE_NAMES: [&str; 3] = ["lanes", "Lanes", "LANES"];
+const WIDTH_NAMES: [&str; 4] = ["width", "width_m", "est_width", "breedte"];
+const LANE_NAMES: [&str; 1] = ["lanes"];
 const WIDTH_RANGE_M: std::ops::RangeInclusive<f64> = 0.2..=200.0;
 /// Names of attributes whose value is a class of OpenStreetMap.
 const CLASS_NAMES: [&str; 5] = ["highway", "fclass", "class", "waterway", "railway"];
@@ -139,7 +139,7 @@ fn surface(polygon: Polygon, problems: &mut Vec<&'static str>) -> Option<Surface
 
 /// Width of a line; `None` if it is of no kind with a usual width and names none.
 fn width_m(kind: Option<FeatureKind>, attributes: &Attributes) -> Option<f64> {
-    let number = |names: &[&str]| names.iter().find_map(|name| length(attributes.get(name)?));
+    let number = |names: &[&str]| names.iter().find_map(|name| length(attributes.named(name)?));
     let given = number(&WIDTH_NAMES).or_else(|| number(&LANE_NAMES).map(|lanes| lanes * LANE_M));
     if let Some(given) = given.filter(|width_m| WIDTH_RANGE_M.contains(width_m)) {
         return Some(given);
@@ -150,7 +150,7 @@ fn width_m(kind: Option<FeatureKind>, attributes: &Attributes) -> Option<f64> {
         FeatureKind::Water => 4.0,
         _ => return None,
     };
-    let class = CLASS_NAMES.iter().filter_map(|name| attributes.get(name)?.as_str());
+    let class = CLASS_NAMES.iter().filter_map(|name| attributes.named(name)?.as_str());
     Some(class.filter_map(usual_width_m).next().unwrap_or(usual))
 }
 

@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use crate::read::{DuplicateOption, InputError, Palette, ReadOptions, ReadReport, SourceFormat, read_embedded};
 use crate::scene::Scene;
+use insula_place::placement::EITHER_ORDER;
 
 fn try_read(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), InputError> {
     // Also objects that stand in the same place.
@@ -233,6 +234,7 @@ fn metadata_and_feature_identifiers_are_read() {
     assert_eq!((&source.titles[..], &source.attributions[..]), (&["Tokyo".into()][..], &["PLATEAU".into()][..]));
     assert_eq!(source.licences, ["CC BY"]);
     assert_eq!(source.problems["height guessed"].first, ["77: 6 m"]);
+    assert_eq!(source.footprints, 3);
     assert_eq!(source.objects_by_type["a"], 3);
 }
 
@@ -367,4 +369,8 @@ fn coordinates_without_a_system_are_degrees_or_those_of_the_option() {
     let (scene, report) = read(&text.replace(metres, turned));
     assert_eq!(scene.crs.as_deref(), Some("EPSG:32654"));
     assert!(report.guess_warnings().any(|warning| warning.contains("139.7600, 35.6800")));
+    // In Vienna this can be a place in Arabia.
+    let either = "[[48.21,16.37],[48.2101,16.37],[48.2101,16.3701],[48.21,16.37]]";
+    let (_, report) = read(&text.replace(metres, either));
+    assert!(report.sources[0].problems.contains_key(EITHER_ORDER));
 }
