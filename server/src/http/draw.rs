@@ -54,19 +54,20 @@ pub(super) async fn draw(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, Problem> {
-    let drawings = state.drawings().ok_or(NO_ROUTE)?;
+    let drawings = *state.drawings().ok_or(NO_ROUTE)?;
     let city = requested(&state, &uri, &headers)?;
     if !is_json(&headers) {
         return Err(NOT_JSON);
     }
     let options = DrawingOptions::parse(&read(body).await?).map_err(|error| Problem::explained(&error.to_string()))?;
     let format = options.format;
-    let (drawn, runtime, threads) = (Arc::clone(&city), Handle::current(), drawings.threads.clone());
+    let (drawn, runtime) = (Arc::clone(&city), Handle::current());
     let limits = DrawLimits::of_triangles(drawings.max_triangles);
     let work = move |stop: &StopFlag| {
         let make = || make_now(&drawn, options, limits, &runtime, stop);
-        match threads {
+        match drawings.pool() {
             Some(threads) => threads.install(make),
+            // On the process's own.
             None => make(),
         }
     };

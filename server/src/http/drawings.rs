@@ -2,13 +2,12 @@
 
 use crate::config::DrawingsConfig;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use std::sync::Arc;
 
 /// How drawings are made.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Drawings {
-    /// Half of the cores, so that tiles do not wait. `None` if the system has no more threads: the process's own are used then.
-    pub(super) threads: Option<Arc<ThreadPool>>,
+    /// Threads of one drawing. All that are made at once have half of the cores, so that tiles do not wait, and at least one thread each.
+    threads: usize,
     pub(super) max_triangles: usize,
 }
 
@@ -19,8 +18,12 @@ impl Drawings {
             return None;
         }
         let cores = std::thread::available_parallelism().map_or(2, usize::from);
-        let threads =
-            ThreadPoolBuilder::new().num_threads(cores.div_ceil(2)).thread_name(|k| format!("draw-{k}")).build();
-        Some(Self { threads: threads.ok().map(Arc::new), max_triangles: config.triangles })
+        Some(Self { threads: cores.div_ceil(2).div_ceil(config.at_once), max_triangles: config.triangles })
+    }
+
+    /// The threads of a drawing, which it shares with no other: a short one would wait for a long one. `None` if the system has no
+    /// more threads.
+    pub(super) fn pool(self) -> Option<ThreadPool> {
+        ThreadPoolBuilder::new().num_threads(self.threads).thread_name(|k| format!("draw-{k}")).build().ok()
     }
 }

@@ -49,7 +49,7 @@ impl WorkKind {
             // Decodes all objects of a city.
             Self::Filter => QueueLimits { at_once: 2, waiting: MAX_WAITING, max_time: secs(30) },
             // Reads up to 64 tiles, from the network if the city is remote.
-            Self::Groups => QueueLimits { at_once: 64, waiting: 4 * MAX_WAITING, max_time: secs(30) },
+            Self::Groups => QueueLimits { at_once: groups_at_once(), waiting: 4 * MAX_WAITING, max_time: secs(30) },
             // A core for up to a second.
             Self::Tileset => QueueLimits { at_once: 2, waiting: MAX_WAITING, max_time: secs(30) },
             Self::Draw => {
@@ -58,6 +58,13 @@ impl WorkKind {
             }
         }
     }
+}
+
+/// Groups that are made at once: few for each core, because one waits for all that run on its core. Those of remote cities wait for the
+/// network.
+fn groups_at_once() -> usize {
+    const OF_A_CORE: usize = 4;
+    OF_A_CORE * std::thread::available_parallelism().map_or(2, usize::from)
 }
 
 /// The queues of a server.

@@ -38,7 +38,7 @@ impl FakeBucket {
         let headers: Vec<String> = lines.map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
         let (path, query) = request.split(' ').nth(1)?.split_once('?').unwrap_or((request.split(' ').nth(1)?, ""));
         let name = path.trim_start_matches('/').strip_prefix("town").unwrap_or("none").trim_start_matches('/');
-        if name.contains("moved") {
+        if request.contains("moved") {
             let place = format!("Location: http://{}/stolen", self.elsewhere);
             return write!(stream, "HTTP/1.1 307 Moved\r\n{place}\r\nContent-Length: 0\r\n\r\n").ok();
         }
@@ -144,10 +144,11 @@ fn a_store_cannot_redirect_to_another_host() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     listener.set_nonblocking(true).unwrap();
     let store = FakeBucket::start(folder.path(), listener.local_addr().unwrap());
+    write_house(folder.path(), "a.geojsonl", 0.0);
     for args in [
         &["bake", "s3://town/moved.geojsonl", "--out", "city"][..],
         &["bake", "s3://town/moved", "--out", "city"],
-        &["bake", "plan", "--inputs", "a.obj", "--work", "s3://town/moved"],
+        &["bake", "plan", "--inputs", "a.geojsonl", "--work", "s3://town/moved"],
     ] {
         let output = run(store, folder.path(), args);
         let text = String::from_utf8_lossy(&output.stderr);
