@@ -35,8 +35,8 @@ const SUN_GREY: [f32; 2] = [0.22, 0.62];
 /// Share of the colour of the sky's light and of returned light that becomes grey, and what that light is multiplied by. What reaches
 /// walls from sky and ground is multiplied by more: a wall in shade is not darker than the street before it.
 const FILL_GREY: [f32; 2] = [0.30, 0.50];
-const FILL_GAIN: [f32; 2] = [1.25, 1.45];
-const WALL_GAIN: [f32; 2] = [1.25, 1.62];
+const FILL_GAIN: [f32; 2] = [1.25, 1.4];
+const WALL_GAIN: [f32; 2] = [1.25, 1.64];
 /// Factors of the visible sky's light and of its saturation.
 const SKY_GAIN: [f32; 2] = [1.2, 1.75];
 const SKY_SATURATION: [f32; 2] = [1.0, 1.12];

@@ -13,6 +13,8 @@ from PIL import Image
 MEASURES = ["ground_sun_shade_stops", "wall_sun_shade_stops", "shade_wall_ground_stops", "city_rms_stops", "sky_city_stops",
             "shade_wall_hue_distance", "sky_hue_distance"]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+# Linear colour of the plane and of generated ground: pictures of colours show a backdrop there.
+PLANE = (0.515, 0.521, 0.491)
 
 
 def snapshot(args, city, camera, *options):
@@ -35,6 +37,7 @@ def main():
     spec = importlib.util.spec_from_file_location("compare", args.references / "compare.py")
     reference = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(reference)
+    reference.PLANE = PLANE
     rows = {}
     for settings in sorted((args.references / "pictures").glob("*_*.json")):
         name = settings.stem

@@ -336,6 +336,9 @@ fn edges_of(settings: &RenderSettings) -> [f32; 4] {
 /// Fog begins at this share of the city's half diagonal from the camera, and is as deep as this multiple of it.
 const FOG_START: f64 = 0.9;
 const FOG_DEPTH: f64 = 5.0;
+/// A camera that is further than this multiple from the city's middle, as that of an upright picture, takes the fog along: it would
+/// hide the city.
+const FOG_REACH: f64 = 1.7;
 /// Land around the city fades within this share of it.
 const LAND_DEPTH: f64 = 0.42;
 /// Least half diagonal in metres: fog around a single house would hide its street.
@@ -345,8 +348,10 @@ const LEAST_CITY_M: f64 = 700.0;
 fn fog_around(manifest: &Manifest, eye: DVec3) -> ([f32; 4], [f32; 4]) {
     let [low, high] = manifest.focus;
     let half_m = (0.5 * (high[0] - low[0]).hypot(high[1] - low[1])).max(LEAST_CITY_M);
-    let [[west, south, _], [east, north, _]] = manifest.bounds;
-    let fog = [FOG_START * half_m, 1.0 / (FOG_DEPTH * half_m), 1.0 / (LAND_DEPTH * half_m), 0.0];
+    let [[west, south, low_m], [east, north, _]] = manifest.bounds;
+    let middle = DVec3::new(0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low_m);
+    let back_m = (middle.distance(eye) - FOG_REACH * half_m).max(0.0);
+    let fog = [FOG_START * half_m + back_m, 1.0 / (FOG_DEPTH * half_m), 1.0 / (LAND_DEPTH * half_m), 0.0];
     let city = [west - eye.x, south - eye.y, east - eye.x, north - eye.y];
     (fog.map(|v| v as f32), city.map(|v| v as f32))
 }
@@ -393,5 +398,24 @@ impl CachedSource<'_> {
         [node.z_lo, node.z_hi] = mesh.z_m.map(to_code);
         node.corner = self.corner_of(leaf, tree, eye);
         (node.leaf_offset, node.level) = (leaf_offset(leaf, self.id), u32::from(leaf.level()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_test_support::small_city::empty_manifest;
+
+    #[test]
+    fn a_camera_far_from_the_city_takes_the_fog_along() {
+        let (focus, bounds) = ([[0.0, 0.0], [3000.0, 4000.0]], [[0.0; 3], [3000.0, 4000.0, 50.0]]);
+        let manifest = Manifest { focus, bounds, ..empty_manifest(2) };
+        let start_m = |back_m: f64| {
+            let ([start_m, ..], _) = fog_around(&manifest, DVec3::new(1500.0, 2000.0 - back_m, 0.0));
+            f64::from(start_m)
+        };
+        let near_m = FOG_START * 2500.0;
+        assert_eq!([0.0, 4000.0].map(start_m), [near_m; 2]);
+        assert!((start_m(10_000.0) - near_m - (10_000.0 - FOG_REACH * 2500.0)).abs() < 1.0);
     }
 }
