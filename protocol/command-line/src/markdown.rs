@@ -60,17 +60,18 @@ fn rows(command: &Command) -> Vec<String> {
 }
 
 fn row(arg: &Arg) -> String {
+    // Switches have values and defaults that nobody writes.
+    let takes_values = arg.get_action().takes_values();
     let option = arg.get_long().map(|long| format!("--{long}"));
-    let values = arg.get_action().takes_values().then(|| value_names(arg));
+    let values = takes_values.then(|| value_names(arg));
     let name: Vec<String> = [option, values].into_iter().flatten().collect();
     let help = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
     let mut meaning = escaped(&one_line(&help));
     let names: Vec<String> = arg.get_possible_values().iter().map(|value| value.get_name().to_owned()).collect();
-    if !names.is_empty() {
+    if takes_values && !names.is_empty() {
         meaning += &format!(" [{}]", names.join(", "));
     }
-    // A switch has no default that anyone would write.
-    if arg.get_action().takes_values() && !arg.is_hide_default_value_set() && !arg.get_default_values().is_empty() {
+    if takes_values && !arg.is_hide_default_value_set() && !arg.get_default_values().is_empty() {
         let defaults: Vec<_> = arg.get_default_values().iter().map(|value| value.to_string_lossy()).collect();
         meaning += &format!(" [default: {}]", escaped(&defaults.join(" ")));
     }
