@@ -95,7 +95,12 @@ fn packs_are_discarded_without_resume_or_with_different_settings() {
     let folder = TestFolder::new("discard");
     let out = out_folder(&folder, "stale");
     interrupt(&out, "sample", 1);
-    fs::write(partial(&out).join("packs/foreign.pack"), "x").unwrap();
+    // A file that no bake wrote ends it.
+    let foreign = partial(&out).join("packs/foreign.pack");
+    fs::write(&foreign, "x").unwrap();
+    let refused = bake(&coarse_options(&out), &Silent).unwrap_err().to_string();
+    assert!(refused.contains("foreign.pack") && foreign.is_file(), "{refused}");
+    fs::remove_file(foreign).unwrap();
     let report = bake(&coarse_options(&out), &Silent).unwrap();
     assert_eq!((report.start, report.blocks_resumed), (ResumeStatus::Discarded, 0));
     let expected = files(&out);
