@@ -121,7 +121,7 @@ mod tests {
     struct Town {
         #[command(subcommand)]
         command: TownCommand,
-        /// Say all. There is much.
+        /// Say all. There is much
         #[arg(long, global = true, env = "TOWN_LOUD")]
         loud: bool,
     }
@@ -160,7 +160,7 @@ mod tests {
         let several = "\nAnd those of [several commands](#options-of-several-commands-of-town): `--overwrite`.\n";
         let expected = format!(
             "# town\n\nA program.\n\nOptions of all its commands:\n\n| option | meaning |\n|---|---|\n\
-            | `--loud` | Say all. There is much. [environment: `TOWN_LOUD`] |\n\n\
+            | `--loud` | Say all. There is much [environment: `TOWN_LOUD`] |\n\n\
             ## town build\n\nBuild a house.\n\n| argument or option | meaning |\n|---|---|\n\
             | `PLAN...` | Plans, as in 'plans/\\*.gml'. |\n\
             | `--roof ROOF` | Roof, or `a\\|b` [flat, round] [default: flat] |\n\
