@@ -150,21 +150,6 @@ fn bake_without_a_good_input_fails_with_the_first_bad_one() {
 }
 
 #[test]
-fn bake_of_hours_warns_before_it_begins() {
-    let folder = workplace(&[]);
-    let wide = "v 0 0 0\nv 16000 0 0\nv 0 16000 1\n".to_owned() + &"f 1 2 3\n".repeat(120);
-    fs::write(folder.path().join("wide.obj"), wide).unwrap();
-    let bake = "bake wide.obj --out c --cell 0.1 --threads 1 --ground none --no-meshes --scratch 1MiB";
-    let lines = told(&run(folder.path(), &bake.split(' ').collect::<Vec<_>>()));
-    assert_eq!(lines.len(), 2, "{lines:?}");
-    assert!(lines[0].starts_with("warning: with cells of 0.1 m this bake takes about "), "{}", lines[0]);
-    for word in [" hours on one thread, ", " GB of scratch files (--scratch allows 1.0 MB)", "with --cell 1 it takes"] {
-        assert!(lines[0].contains(word), "{word} is not in {}", lines[0]);
-    }
-    assert!(lines[1].starts_with("error: the city needs more than 1 MiB of scratch files"), "{}", lines[1]);
-}
-
-#[test]
 fn suggested_command_serves_a_folder_of_any_name() {
     let folder = workplace(&[]);
     let output = run(folder.path(), &["bake", "town.obj", "--cell", "4", "--out", "it's my city"]);
