@@ -43,7 +43,7 @@ pub(super) struct MaskedTexture<'a> {
 
 /// The result of one quantiser.
 #[derive(Debug, Clone, Copy)]
-struct Trial {
+struct EncodingTrial {
     quantiser: i32,
     psnr_db: f64,
 }
@@ -77,12 +77,12 @@ impl MaskedTexture<'_> {
     fn search_lossy(&self, min_db: f64) -> Option<Vec<u8>> {
         let mut best: Option<Vec<u8>> = None;
         // The coarsest quantiser that is good enough, and the finest one that is not.
-        let mut good: Option<Trial> = None;
-        let mut bad: Option<Trial> = None;
+        let mut good: Option<EncodingTrial> = None;
+        let mut bad: Option<EncodingTrial> = None;
         let mut quantiser = FIRST_QUANTISER;
         for _ in 0..MAX_TRIALS {
             let file = self.encode_with(|config| config.quality = quality_of_quantiser(quantiser))?;
-            let trial = Trial { quantiser, psnr_db: self.psnr_db(&file)? };
+            let trial = EncodingTrial { quantiser, psnr_db: self.psnr_db(&file)? };
             let is_good = trial.psnr_db >= min_db;
             if is_good && best.as_ref().is_none_or(|best| file.len() < best.len()) {
                 best = Some(file);
@@ -128,7 +128,7 @@ impl MaskedTexture<'_> {
 }
 
 /// A quantiser between two tried ones, by linear interpolation; `None` if there is none between them.
-fn interpolate_quantiser(good: Trial, bad: Trial, aim_db: f64) -> Option<i32> {
+fn interpolate_quantiser(good: EncodingTrial, bad: EncodingTrial, aim_db: f64) -> Option<i32> {
     let (low, high) = (good.quantiser, bad.quantiser);
     if low + 1 >= high {
         return None;
@@ -138,7 +138,7 @@ fn interpolate_quantiser(good: Trial, bad: Trial, aim_db: f64) -> Option<i32> {
 }
 
 /// The quantiser to try as long as all trials were on one side of the quality.
-fn extrapolate_quantiser(trial: Trial, is_good: bool, aim_db: f64) -> i32 {
+fn extrapolate_quantiser(trial: EncodingTrial, is_good: bool, aim_db: f64) -> i32 {
     let by = ((trial.psnr_db - aim_db) / DB_PER_QUANTISER).round() as i32;
     (trial.quantiser + if is_good { by.max(1) } else { by.min(-1) }).clamp(0, COARSEST_QUANTISER)
 }
