@@ -179,7 +179,7 @@ async fn invalid_tile_numbers_are_400() {
     for numbers in ["1/0/0/x", "1/7/0/0", "1/1/1/6", "1/1/1/00"] {
         get(&format!("/v1/cities/two/0123456789abcdef/meshes/{numbers}")).await.assert_problem(400);
     }
-    get("/v1/cities/%ff").await.assert_problem(404);
+    get("/v1/cities/tw%6f").await.assert_problem(404);
 }
 
 #[tokio::test]
