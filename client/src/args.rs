@@ -83,13 +83,11 @@ pub enum ClientCommand {
     #[command(after_help = "Example:\n  insula demo\n  insula demo chiba --headless --out chiba.png")]
     Demo(DemoArgs),
     /// Fetch everything that a view needs, then render it to an image.
-    #[command(
-        after_help = "Example:\n  insula snapshot --server http://127.0.0.1:7700 --camera cam.json --size 640x360 --out a.png"
-    )]
+    #[command(after_help = "Example:\n  insula snapshot http://127.0.0.1:7700 --out a.png")]
     Snapshot(SnapshotArgs),
     /// Replay a camera path without a window, and report measurements.
     #[command(
-        after_help = "Example:\n  insula fly --server http://127.0.0.1:7700 --path path.json --bandwidth 50 --rtt 40 --report fly.json"
+        after_help = "Example:\n  insula fly http://127.0.0.1:7700 --path path.json --bandwidth 50 --rtt 40 --report fly.json"
     )]
     Fly(FlyArgs),
     /// Draw a city as vector shapes, with hidden lines and surfaces removed.

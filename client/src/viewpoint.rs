@@ -6,9 +6,10 @@ use crate::{
     error::{ClientError, Result},
     session::Session,
 };
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use insula_protocol::Manifest;
 use insula_viewer::{camera::Camera, camera_text, earth::grid_position};
+use std::f64::consts::FRAC_PI_2;
 
 /// Height of eyes above streets.
 const EYE_M: f64 = 1.7;
@@ -22,25 +23,26 @@ const TARGET_FOV_DEG: f64 = 40.0;
 /// A place may lie so far beyond the city's bounds.
 const MARGIN_M: f64 = 2000.0;
 
-/// The camera that the options ask for, or `linked` of a view link, or else the first view. Eyes on streets stand at height zero: see
-/// [`stand_on_ground`]. Fails if a file cannot be read or a place is not in the city.
-pub fn camera_of(
-    args: &ViewpointArgs,
-    linked: Option<Camera>,
-    manifest: &Manifest,
-    size_px: [u32; 2],
-) -> Result<Camera> {
-    if let Some(file) = &args.camera {
-        return camera_text::parse(&file.to_string_lossy()).map_or_else(|| read_camera(file), Ok);
+/// The camera of `--camera`, or else `linked` of a view link; `None` if the city has to be known. Fails if a file cannot be read.
+pub fn given_camera(args: &ViewpointArgs, linked: Option<Camera>) -> Result<Option<Camera>> {
+    match &args.camera {
+        Some(file) => camera_text::parse(&file.to_string_lossy()).map_or_else(|| read_camera(file), Ok).map(Some),
+        None if args.at_street.is_some() || args.lookat.is_some() => Ok(None),
+        None => Ok(linked),
     }
-    if let Some(street) = args.at_street {
-        return street_view(street, manifest);
+}
+
+/// The camera at the place of the options, or else the first view. Eyes on streets stand at height zero: see [`stand_on_ground`].
+/// Fails if the place is not in the city.
+pub fn camera_in(args: &ViewpointArgs, manifest: &Manifest, size_px: [u32; 2]) -> Result<Camera> {
+    match (args.at_street, args.lookat) {
+        (Some(street), _) => street_view(street, manifest),
+        (None, Some(target)) => view_of(target, manifest),
+        (None, None) => {
+            let aspect = f64::from(size_px[0].max(1)) / f64::from(size_px[1].max(1));
+            Ok(Camera::overview(manifest, aspect))
+        }
     }
-    if let Some(target) = args.lookat {
-        return view_of(target, manifest);
-    }
-    let aspect = f64::from(size_px[0].max(1)) / f64::from(size_px[1].max(1));
-    Ok(linked.unwrap_or_else(|| Camera::overview(manifest, aspect)))
 }
 
 /// Puts an eye that stands on a street on the ground that the resident tiles have. Below a bridge it stays there; on a house it
@@ -71,11 +73,10 @@ fn street_view(street: StreetPlace, manifest: &Manifest) -> Result<Camera> {
 
 fn view_of(target: Target, manifest: &Manifest) -> Result<Camera> {
     let place = place_in(manifest, "--lookat", target.place_deg)?.extend(target.height_m);
-    let ahead = if target.place_deg[1] < 0.0 { DVec3::NEG_Y } else { DVec3::Y };
-    let (sin, cos) = TARGET_ELEVATION_DEG.to_radians().sin_cos();
-    let position = place + (DVec3::Z * sin - ahead * cos) * TARGET_DISTANCE_M;
-    Camera::look_at(position, place, DVec3::Z, TARGET_FOV_DEG.to_radians())
-        .ok_or_else(|| ClientError::Usage("--lookat: no such view".into()))
+    let yaw_rad = if target.place_deg[1] < 0.0 { -FRAC_PI_2 } else { FRAC_PI_2 };
+    let fov_y_rad = TARGET_FOV_DEG.to_radians();
+    let camera = Camera::from_angles(place, yaw_rad, -TARGET_ELEVATION_DEG.to_radians(), fov_y_rad);
+    Ok(Camera { position: place - camera.forward * TARGET_DISTANCE_M, ..camera })
 }
 
 /// World x and y of a place in degrees. Fails if it is not in the city or near it.
@@ -100,6 +101,7 @@ fn place_in(manifest: &Manifest, option: &str, [lon, lat]: [f64; 2]) -> Result<D
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use insula_protocol::manifest::GeoLocation;
     use insula_test_support::small_city::empty_manifest;
 
@@ -111,7 +113,10 @@ mod tests {
     }
 
     fn camera(args: ViewpointArgs) -> Result<Camera> {
-        camera_of(&args, None, &delft(), [640, 360])
+        match given_camera(&args, None)? {
+            Some(camera) => Ok(camera),
+            None => camera_in(&args, &delft(), [640, 360]),
+        }
     }
 
     #[test]
@@ -135,7 +140,7 @@ mod tests {
         let error = camera(args.clone()).unwrap_err().to_string();
         assert!(error.contains("km from the city") && error.contains("4.3571,52.0116"), "{error}");
         let unknown = Manifest { location: None, ..delft() };
-        let error = camera_of(&args, None, &unknown, [640, 360]).unwrap_err().to_string();
+        let error = camera_in(&args, &unknown, [640, 360]).unwrap_err().to_string();
         assert!(error.contains("use --camera"), "{error}");
     }
 
@@ -146,7 +151,10 @@ mod tests {
         assert_eq!(typed.position, DVec3::new(84_500.0, 446_500.0, 80.0));
         let first = camera(ViewpointArgs::default()).unwrap();
         assert_eq!(first, Camera::overview(&delft(), 640.0 / 360.0));
-        let linked = camera_of(&ViewpointArgs::default(), Some(typed), &delft(), [640, 360]).unwrap();
-        assert_eq!(linked, typed);
+        assert_eq!(given_camera(&ViewpointArgs::default(), Some(typed)).unwrap(), Some(typed));
+        // A place comes before the camera of a link.
+        let target = Some(Target { place_deg: [4.3571, 52.0116], height_m: 30.0 });
+        let args = ViewpointArgs { lookat: target, ..ViewpointArgs::default() };
+        assert_eq!(given_camera(&args, Some(typed)).unwrap(), None);
     }
 }

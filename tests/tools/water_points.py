@@ -4,10 +4,10 @@
 water_points.py CITY MAP.osm.pbf [--points 200] [--seed 1] [--bbox W,S,E,N]
 
 Half of the points are water and half are land by the map: the sea lies right of the ways with `natural=coastline`, other water
-within its areas. A point is land or sea by the nearest segment of the coast. The map is read by this script alone, and the city's
-tiles by `tile_decoder`, so neither shares code with Insula. Only points of which the map leaves no doubt are taken: not those near a
-shore, near or below what stands in the water, or as near to where the coast ends in the map as to the coast. Prints the share that is
-right, and each wrong point; exits with 1 if there is any.
+within its areas. A point is land or sea by the nearest segment of the coast. This script reads the map itself, and `tile_decoder` reads
+the city's tiles, so neither shares code with Insula. Points are left out where the map is not certain: near a shore, near or below
+objects in the water, and where an end of the coast is nearer than twice the distance to the coast itself. Prints the share of right
+points, and each wrong point. Exits with 1 if there is one.
 
 Needs Python 3.9; zstandard or the program `zstd`
 """

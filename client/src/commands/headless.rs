@@ -77,12 +77,7 @@ pub(super) fn render_to_file(
 ) -> Result<Pixels> {
     let settings = daylight.render_settings(shading, STILL_SAMPLES);
     session.set_sun(settings.shadow_casting_sun());
-    let mut progress = TileProgress::new();
-    let settled = settle_showing(session, request, Duration::from_secs(u64::from(global.timeout)), |session| {
-        progress.show(session);
-    });
-    progress.clear();
-    settled?;
+    settle_with_progress(session, request, global)?;
     let begin = Instant::now();
     let pixels = session.draw(request, &settings)?;
     session.record_frame_time(begin.elapsed());
@@ -90,6 +85,16 @@ pub(super) fn render_to_file(
     let notes = PictureNotes::new(session.tree().manifest(), link, out.has_caption);
     write_picture(out.path, &pixels, &PictureNotes { legend: out.legend.clone(), ..notes })?;
     Ok(pixels)
+}
+
+/// As [`settle`], with the timeout of the command and its progress on a terminal.
+pub(super) fn settle_with_progress(session: &mut Session, request: &FrameRequest, global: &GlobalArgs) -> Result<()> {
+    let mut progress = TileProgress::new();
+    let settled = settle_showing(session, request, Duration::from_secs(u64::from(global.timeout)), |session| {
+        progress.show(session);
+    });
+    progress.clear();
+    settled
 }
 
 /// Streams until nothing can improve the frame. Draws frames meanwhile, because their hits decide which tiles are occluded.

@@ -1,6 +1,6 @@
 //! `insula snapshot`: renders one view at full quality.
 
-use super::headless::{PictureFile, open_session, render_to_file, settle};
+use super::headless::{PictureFile, open_session, render_to_file, settle_with_progress};
 use crate::{
     args::{GlobalArgs, SnapshotArgs},
     error::{ClientError, Result},
@@ -9,7 +9,7 @@ use crate::{
     report::RunReport,
     session::Session,
     ui::view_link::ViewLink,
-    viewpoint::{camera_of, lifted_out, stand_on_ground},
+    viewpoint::{camera_in, given_camera, lifted_out, stand_on_ground},
 };
 use glam::DVec3;
 use insula_archive::new_file::replace;
@@ -27,16 +27,20 @@ use std::{
     f64::consts::FRAC_PI_2,
     fs,
     path::{Path, PathBuf},
-    time::Duration,
 };
 
 /// Runs the command. Fails if the city cannot be opened, the server does not respond, or a file cannot be read or written.
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     check_outputs(args).map_err(ClientError::Usage)?;
     let link = ViewLink::parse(args.place.place())?;
-    let mut session = open_session(args.place.place(), global, None, None)?;
-    let camera = camera_of(&args.viewpoint, link.camera, session.tree().manifest(), args.size)?;
-    let request = FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau, switching: None };
+    let request =
+        |camera| FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau, switching: None };
+    let given = given_camera(&args.viewpoint, link.camera)?.map(request);
+    let mut session = open_session(args.place.place(), global, None, given.as_ref())?;
+    let request = match given {
+        Some(given) => given,
+        None => request(camera_in(&args.viewpoint, session.tree().manifest(), args.size)?),
+    };
     let request = outside(args, global, request, &mut session)?;
     let daylight = Daylight::new(&args.sun.or_link(link.time, link.look).into(), session.tree().manifest());
     let objects = if args.needs_objects() { Some(session.open_objects()?) } else { None };
@@ -84,7 +88,6 @@ fn outside(
     mut request: FrameRequest,
     session: &mut Session,
 ) -> Result<FrameRequest> {
-    let timeout = Duration::from_secs(u64::from(global.timeout));
     if args.viewpoint.at_street.is_some() {
         // From above, the tiles around the place are those of an eye that stands there.
         let high_m = session.tree().manifest().bounds[1][2] + 50.0;
@@ -92,10 +95,10 @@ fn outside(
             position: request.camera.position.with_z(high_m),
             ..Camera::from_angles(DVec3::ZERO, 0.0, -FRAC_PI_2, 1.0)
         };
-        settle(session, &FrameRequest { camera: above, ..request }, timeout)?;
+        settle_with_progress(session, &FrameRequest { camera: above, ..request }, global)?;
         request.camera = stand_on_ground(request.camera, session);
     }
-    settle(session, &request, timeout)?;
+    settle_with_progress(session, &request, global)?;
     if let Some(lifted) = lifted_out(request.camera, session) {
         let up_m = lifted.position.z - request.camera.position.z;
         if args.viewpoint.keep_camera {

@@ -25,8 +25,9 @@ const CERTIFICATES: &str = "SSL_CERT_FILE";
 /// Parses the arguments of this process. If there is nothing to run, prints why, and fails with the exit code of the process:
 /// 0 after help and version that were asked for, 2 after a usage error. Without any arguments, the help is the error.
 pub fn parse<P: Parser>() -> Result<P, ExitCode> {
-    if let Some(path) = std::env::var_os(CERTIFICATES).filter(|path| !path.is_empty()) {
-        // The library that reads it would wait for a pipe, and read a device without end.
+    if let Some(path) = std::env::var_os(CERTIFICATES).filter(|path| Path::new(path).exists()) {
+        // The library that reads it would wait for a pipe, and read a device without end. A missing file it reports itself, to commands
+        // that need one.
         open_regular(Path::new(&path)).map_err(|error| {
             let what = format!("{CERTIFICATES}={}: {error}; give a file of certificates", path.display());
             eprintln!("error: {}", one_line(&what));

@@ -90,7 +90,7 @@ fn value_names(arg: &Arg) -> String {
     if is_list && !names.ends_with("...") { names + "..." } else { names }
 }
 
-/// The text with what Markdown would take for markup as plain letters. What is in backticks stays.
+/// Escapes the characters that Markdown would read as markup. Text in backticks stays as it is.
 fn escaped(text: &str) -> String {
     let mut is_code = false;
     let mut escaped = String::with_capacity(text.len());

@@ -302,7 +302,7 @@ mod tests {
         for allowed in ["b.ply", "empty.ply", "new.ply", "sub/new.ply"] {
             check(allowed, false).unwrap();
         }
-        // Of what is in a folder of inputs, only an earlier report is replaced.
+        // In a folder of inputs, only an earlier report may be replaced.
         fs::write(path("sub/report.json"), r#"{"bytes":1}"#).unwrap();
         fs::write(path("sub/part.geojson"), r#"{"type":"FeatureCollection"}"#).unwrap();
         let mut outputs = Outputs::new(OverwriteArgs { overwrite: true }).reading([path("sub")]);

@@ -84,20 +84,19 @@ impl ExportArgs {
     /// The format, by its name or by that of the file. Fails if neither tells it.
     pub fn format(&self) -> Result<ExportFormat, String> {
         use insula_export::format::Format;
-        let name = self.out.to_string_lossy().to_lowercase();
-        let ends = |ends: &[&str]| ends.iter().any(|end| name.ends_with(end));
-        let known = match &name {
-            _ if self.format.is_some() => self.format,
-            _ if ends(&[".glb", ".gltf"]) => Some(ExportFormat::Glb),
-            _ if ends(&[".3tz", ".pmtiles"]) => Some(ExportFormat::Tiles3d),
-            _ if ends(&[".csv"]) => Some(ExportFormat::Table(Format::Csv)),
-            _ if ends(&[".geojson"]) => Some(ExportFormat::Table(Format::GeoJson)),
-            _ if ends(&[".parquet", ".geoparquet"]) => Some(ExportFormat::Table(Format::GeoParquet)),
-            _ if ends(&[".fgb"]) => Some(ExportFormat::Table(Format::FlatGeobuf)),
-            _ if ends(&[".city.jsonl", ".jsonl"]) => Some(ExportFormat::Table(Format::CityJsonSeq)),
-            _ if ends(&[".tif", ".tiff"]) => Some(ExportFormat::Table(Format::GeoTiff)),
+        let name = self.out.extension().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let by_name = match name.as_str() {
+            "glb" | "gltf" => Some(ExportFormat::Glb),
+            "3tz" | "pmtiles" => Some(ExportFormat::Tiles3d),
+            "csv" => Some(ExportFormat::Table(Format::Csv)),
+            "geojson" => Some(ExportFormat::Table(Format::GeoJson)),
+            "parquet" | "geoparquet" => Some(ExportFormat::Table(Format::GeoParquet)),
+            "fgb" => Some(ExportFormat::Table(Format::FlatGeobuf)),
+            "jsonl" => Some(ExportFormat::Table(Format::CityJsonSeq)),
+            "tif" | "tiff" => Some(ExportFormat::Table(Format::GeoTiff)),
             _ => None,
         };
+        let known = self.format.or(by_name);
         known.ok_or_else(|| format!("{}: its name tells no format: give --format FORMAT", self.out.display()))
     }
 

@@ -1,6 +1,7 @@
 //! A filter over all objects of a city: which pass, and which are filtered out.
 //!
-//! A part passes if its parent does, or if it does with the values that its parent has and it lacks. Kinds of which no object passes, such as terrain, are neither: they stay as they are.
+//! A part passes if its parent does. Where it lacks a value, it has that of its parent. Kinds of which no object passes, such as terrain,
+//! are neither: they stay as they are.
 
 use super::Filter;
 use crate::{block::ObjectBlock, kind::FeatureKind};

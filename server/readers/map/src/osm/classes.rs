@@ -134,7 +134,7 @@ const AREAS: &[(&str, &[&str], FeatureKind)] = &[
         LandUse,
     ),
     ("amenity", &["grave_yard", "school", "kindergarten", "university", "college", "hospital"], LandUse),
-    // Of what is not said to be land. Unless there is a coast.
+    // The last rule: a harbour with a tag of land is land. In a map with a coastline, the coastline decides.
     ("harbour", &[], Water),
 ];
 
