@@ -7,6 +7,7 @@
 
 pub use crate::words::PAGE_WORDS;
 use crate::{
+    shore::SHORE_ROWS,
     stone::{MAX_STONES, Stone},
     translucency::{MAX_MAPS, TranslucencyMap},
 };
@@ -188,6 +189,13 @@ pub struct FrameUniform {
     pub city: [f32; 4],
     /// Strength of lines at silhouettes and of shade where surfaces meet, each 0 to 1, then twice 0. Rays do not read it.
     pub edges: [f32; 4],
+    /// Ends of what the source describes, as `city`: beyond, there may be sea ([`Shore`](crate::shore::Shore)).
+    pub shore: [f32; 4],
+    /// A byte for each part of these ends, of the west, south, east and north end: cells inwards from there in which bare ground is sea;
+    /// 0 for land.
+    pub sea: [[u32; 4]; SHORE_ROWS],
+    /// Albedo of the sea, then the inverse of a cell's side in metres; all 0 without a sea.
+    pub sea_albedo: [f32; 4],
     /// Sun, sky and haze for [`Shading::Lit`].
     pub light: Light,
     /// Per level of the grid, finest first: first entry, log2 of the window's side, the window's west and south end.

@@ -16,6 +16,7 @@ pub mod light;
 pub mod look;
 pub mod mesh;
 pub mod pack;
+pub mod shore;
 pub mod srgb;
 pub mod stone;
 pub mod tone;

@@ -29,6 +29,7 @@ use crate::{
             NOISE_VARIANCE, OCTAVE_TURN,
         },
         ray::{MAX_STEPS, MIN_DIRECTION, SUN_LIFT_CELLS, SUN_LIFT_M},
+        sea::{BARE_NORMAL_Z, BARE_TOLERANCE, SEA_FADE},
         shade::{
             DISC, DISC_INNER, DISC_OUTER, FACADE_DEPTH, FACADES_BY_GROUND, FACADES_BY_WALL, FACING_REFLECTANCE,
             FACING_WATER, FLAT_WATER, GROUND, GROUND_DEPTH, GROUND_FADE_M, HORIZON, MIN_GROUND_DESCENT, PANES,
@@ -70,6 +71,7 @@ use crate::{
         AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_CONCAVE, CLIP_CORNER, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS,
         HEIGHT_MASK,
     },
+    shore::{SHORE_PARTS, SHORE_ROWS},
     stone::{BROAD_VEINS, FINE_VEINS, MAX_STONES, StoneKind},
     tone::{
         AGX_GAMMA, AGX_IN, AGX_LOG2_RANGE, AGX_MIN_LOG2, AGX_OUT, AGX_POWER, AGX_SATURATION, EXPONENT_BIAS,
@@ -105,7 +107,7 @@ pub fn raycast() -> String {
 }
 
 /// Files of the ray-caster.
-const RAYCAST: [&str; 22] = [
+const RAYCAST: [&str; 23] = [
     LAYOUT,
     MATH,
     SRGB,
@@ -122,6 +124,7 @@ const RAYCAST: [&str; 22] = [
     wgsl!("mesh_surface.wgsl"),
     wgsl!("landmark.wgsl"),
     wgsl!("shade.wgsl"),
+    wgsl!("sea.wgsl"),
     wgsl!("night.wgsl"),
     wgsl!("noise.wgsl"),
     wgsl!("stone.wgsl"),
@@ -354,6 +357,8 @@ fn other_constants() -> String {
         f32 { GROUND_FADE_M, MIN_GROUND_DESCENT, DISC_INNER, DISC_OUTER, DISC, MIE_G, PHASE_SCALE, SKY_LOW }
         f32 { FACADES_BY_WALL, FACADES_BY_GROUND, GROUND_DEPTH, FACADE_DEPTH, ZENITH_SHARE, GOLDEN_COS = GOLDEN_TURN.x, GOLDEN_SIN = GOLDEN_TURN.y }
         u32 { SKY_HEIGHTS, SKY_AZIMUTHS, SKY_CELLS, STAR_RARITY }
+        u32 { SHORE_PARTS, SHORE_ROWS }
+        f32 { BARE_TOLERANCE, BARE_NORMAL_Z, SEA_FADE }
         f32 { PLANE_CLEAR_M, PLANE_FADE, LAMP_BEGIN, LAMP_DEPTH, LAMP_TOP_M, LAMP_FALL_M, LAMPS_IN_THE_OPEN, LAMPS_ON_WALLS, FACING_REFLECTANCE, FACING_WATER, FLAT_WATER }
         f32 { WAVES, PANES, WAVE_TILT, WAVES_PER_BAY, WAVES_END_M }
         f32 { STAR_CELLS, STAR_SHARPNESS, MOON_RADIUS, MOON_TERMINATOR }

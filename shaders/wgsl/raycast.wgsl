@@ -152,6 +152,9 @@ fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
     let length_squared = dot(hit.normal, hit.normal);
     let normal = select(-dir, hit.normal * inverseSqrt(length_squared), length_squared > 1e-12);
     var lit = Radiance();
+    if is_bare(hit.albedo, normal) && is_sea(dir * hit.distance_m) {
+        return sea(dir, hit.distance_m);
+    }
     if has_stone(hit) {
         lit = light_of_stone(hit, normal, dir);
     } else {

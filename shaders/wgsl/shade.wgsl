@@ -135,14 +135,20 @@ fn apply_haze(light: Radiance, dir: vec3<f32>, distance_m: f32) -> Radiance {
     if FOR_STUDY && frame.shading != SHADING_LIT {
         return light;
     }
-    let transmitted = exp(frame.light.haze.rgb * -distance_m - fog_depth(dir * distance_m, distance_m));
+    return apply_haze_fading(light, dir, distance_m, 1.0);
+}
+
+// The same of what fades beyond the city's ends as land does times `fade`.
+fn apply_haze_fading(light: Radiance, dir: vec3<f32>, distance_m: f32, fade: f32) -> Radiance {
+    let transmitted = exp(frame.light.haze.rgb * -distance_m - fog_depth(dir * distance_m, distance_m, fade));
     return Radiance(airlight + (light.sky - airlight) * transmitted, light.sun * transmitted);
 }
 
-// Optical depth of the fog before a place. It hides what is far, and the land beyond the city's ends.
-fn fog_depth(place: vec3<f32>, distance_m: f32) -> f32 {
+// Optical depth of the fog before a place. It hides what is far, and the land beyond the city's ends, or what fades as that times
+// `fade`.
+fn fog_depth(place: vec3<f32>, distance_m: f32, fade: f32) -> f32 {
     let far = max(distance_m - frame.fog.x, 0.0) * frame.fog.y;
-    let past = max(max(frame.city.xy - place.xy, place.xy - frame.city.zw), vec2<f32>(0.0)) * frame.fog.z;
+    let past = max(max(frame.city.xy - place.xy, place.xy - frame.city.zw), vec2<f32>(0.0)) * (frame.fog.z * fade);
     let away = length(past);
     return far * sqrt(sqrt(far)) + away * sqrt(away);
 }
@@ -175,6 +181,9 @@ fn background(dir: vec3<f32>) -> Radiance {
         return unlit(mix(sky, GROUND, near));
     }
     if ground_m < NO_GROUND_M {
+        if is_sea(dir * ground_m) {
+            return sea(dir, ground_m);
+        }
         let hazy_m = ground_m + max(ground_m - PLANE_CLEAR_M, 0.0) * PLANE_FADE;
         return apply_haze(reflected(frame.light.plane.rgb, vec3<f32>(0.0, 0.0, 1.0), 1.0), dir, hazy_m);
     }

@@ -19,6 +19,7 @@ mod packet;
 pub(crate) mod ray;
 pub mod raycast;
 pub mod render;
+pub(crate) mod sea;
 pub mod shade;
 pub(crate) mod solid;
 pub mod stepped;

@@ -12,6 +12,7 @@ use super::{
     mesh::MIN_COSINE,
     night::{lamp_light, lit_windows},
     ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
+    sea::{is_sea, sea},
     shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, shade},
     stone::{StoneSurface, stone_surface},
     translucency::{MapAxes, gathered, map_of},
@@ -309,6 +310,9 @@ pub(super) fn radiance_with(
     let RayHit { albedo, flags, level, distance_m, .. } = *hit;
     let ao = hit.ao.max(frame.light.sky_up[3]);
     let surface = SurfaceSample { albedo, ao, normal: hit.normal.normalize_or(-dir), flags, level };
+    if is_sea(frame, Some((albedo, surface.normal)), dir * distance_m) {
+        return sea(frame, (dir, airlight), distance_m);
+    }
     let mut light = match stone_numbered(frame, hit.stone) {
         Some(stone) => light_of_stone(scene, hit, &surface, dir, &evaluate(stone, &surface)),
         None => shade(frame, &surface),

@@ -8,6 +8,7 @@ use super::{
     fast_math::exp,
     night::{BAYS_PER_M, moon, stars},
     noise::fbm,
+    sea::{is_sea, sea},
 };
 pub(crate) use crate::srgb::{POWER_HIGH, POWER_LOW};
 pub use crate::srgb::{encode_srgb, linear_of};
@@ -217,18 +218,30 @@ pub fn apply_haze(
     (dir, airlight): (Vec3, &Airlight),
     distance_m: f32,
 ) -> Radiance {
+    apply_haze_fading(frame, light, (dir, airlight), (distance_m, 1.0))
+}
+
+/// The same of what fades beyond the city's ends as land does times `fade`.
+pub(super) fn apply_haze_fading(
+    frame: &FrameUniform,
+    light: Radiance,
+    (dir, airlight): (Vec3, &Airlight),
+    (distance_m, fade): (f32, f32),
+) -> Radiance {
     if frame.shading != Shading::Lit as u32 {
         return light;
     }
-    let haze = rgb(frame.light.haze) * -distance_m - fog_depth(frame, dir * distance_m, distance_m);
+    let haze = rgb(frame.light.haze) * -distance_m - fog_depth(frame, dir * distance_m, distance_m, fade);
     let transmitted = haze.map(exp);
     let far = airlight.rgb;
     Radiance { sky: far + (light.sky - far) * transmitted, sun: light.sun * transmitted }
 }
 
-/// Optical depth of the fog before a place. It hides what is far, and the land beyond the city's ends.
-fn fog_depth(frame: &FrameUniform, place: Vec3, distance_m: f32) -> f32 {
-    let [start_m, density, fade, _] = frame.fog;
+/// Optical depth of the fog before a place. It hides what is far, and the land beyond the city's ends, or what fades as that times
+/// `fade`.
+fn fog_depth(frame: &FrameUniform, place: Vec3, distance_m: f32, fade: f32) -> f32 {
+    let [start_m, density, land_fade, _] = frame.fog;
+    let fade = land_fade * fade;
     let far = (distance_m - start_m).max(0.0) * density;
     let (place, low, high) = (place.xy(), Vec4::from(frame.city).xy(), Vec4::from(frame.city).zw());
     let away = ((low - place).max(place - high).max(Vec2::ZERO) * fade).length();
@@ -265,6 +278,9 @@ pub fn background(frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radia
         return Radiance::unlit(sky.lerp(GROUND, near));
     }
     if ground_m < f32::INFINITY {
+        if is_sea(frame, None, dir * ground_m) {
+            return sea(frame, (dir, airlight), ground_m);
+        }
         let hazy_m = ground_m + (ground_m - PLANE_CLEAR_M).max(0.0) * PLANE_FADE;
         return apply_haze(frame, reflected(frame, rgb(frame.light.plane), Vec3::Z, 1.0), (dir, airlight), hazy_m);
     }

@@ -20,6 +20,7 @@ use insula_shaders::{
     layout::{PAGE_WORDS, PLANES, SUMMARY_WORDS},
     mesh::{LandmarkBounds, MeshTexture, PackError, PackedMesh},
     pack::{PackedNode, PackedObjects, Page},
+    shore::Shore,
 };
 use lru::LruCache;
 use pages::PagePool;
@@ -151,6 +152,8 @@ pub struct AtlasCache {
     has_styles: bool,
     /// Whether a mesh with landmarks has been resident.
     has_landmarks: bool,
+    /// Where the city ends in water, once its coarsest V-BlockMap has been resident.
+    shore: Option<Shore>,
     /// The resident palettes: their objects, by their first words.
     palettes: BTreeMap<u32, Vec<u32>>,
 }
@@ -178,6 +181,7 @@ impl AtlasCache {
             styles: ObjectStyles::default(),
             has_styles: false,
             has_landmarks: false,
+            shore: None,
             palettes: BTreeMap::new(),
         }
     }
@@ -231,6 +235,11 @@ impl AtlasCache {
         }
     }
 
+    /// Where the city ends in water.
+    pub(crate) fn shore(&self) -> Option<&Shore> {
+        self.shore.as_ref()
+    }
+
     /// Inserts a tile, evicting the least recently used tiles that are not pinned. Replaces a tile with the same key.
     pub fn insert(&mut self, key: TileKey, packed: PackedTile, upload: &mut impl Upload) -> InsertResult {
         self.remove(key);
@@ -249,6 +258,9 @@ impl AtlasCache {
         let slot = slot.first().copied();
         let (item, objects) = match packed {
             PackedTile::Node(mut node, solids) => {
+                if key == TileKey::block_map(TileId::ROOT) {
+                    self.shore = Shore::of(&node);
+                }
                 node.relocate(&pages);
                 let objects = node.objects.take();
                 let palette = objects.as_ref().map_or(0, |objects| objects.palette);

@@ -14,9 +14,10 @@ use crate::{
         night::lamp_light,
         ray::{RayHit, SUN_LIFT_M, SceneRef},
         raycast::radiance_with,
+        sea::is_sea,
         shade::{Airlight, SurfaceSample, background as scalar_background},
     },
-    layout::{PALETTE_OUTLINED, Shading},
+    layout::{FrameUniform, PALETTE_OUTLINED, Shading},
     mesh::ORIGINS_PER_M,
     stone::Stone,
 };
@@ -112,6 +113,27 @@ fn convert_colours<S: Simd>(simd: S, hits: &mut Hits<S>) {
     }
 }
 
+/// Those of `lanes` that see the sea beyond the city.
+#[inline(always)]
+fn sea_lanes<S: Simd>(
+    simd: S,
+    frame: &FrameUniform,
+    lanes: M<S>,
+    hits: &Hits<S>,
+    (dir, ground_m): (Vec3s<S>, F<S>),
+) -> M<S> {
+    let mut found = M::<S>::splat(simd, false);
+    for lane in lanes_of::<S>(lanes) {
+        let (dir, is_hit) = (dir.lane(lane), hits.is_hit.test(lane));
+        let distance_m = if is_hit { hits.distance_m[lane] } else { ground_m[lane] };
+        let surface = is_hit.then(|| (hits.albedo.lane(lane), hits.normal.lane(lane).normalize_or(-dir)));
+        if distance_m < f32::INFINITY && is_sea(frame, surface, dir * distance_m) {
+            found.set(lane, true);
+        }
+    }
+    found
+}
+
 /// Light of what the rays in `lanes` have hit, or of what is behind everything.
 #[inline(always)]
 fn radiances<S: Simd>(
@@ -129,6 +151,9 @@ fn radiances<S: Simd>(
     let mut special = lanes & hits.is_hit & (is_stone | is_mirror);
     if frame.shading != Shading::Lit as u32 || frame.light.window[3] > 0.0 {
         special = lanes;
+    }
+    if frame.sea_albedo[3] > 0.0 {
+        special = special | sea_lanes(simd, frame, lanes & !special, hits, (dir, ground_m));
     }
     let plain = lanes & !special;
     if (plain & hits.is_hit).any_true() {

@@ -1,0 +1,180 @@
+//! The ends of a city in water: where the sea goes on beyond what the source describes.
+//!
+//! In: the V-BlockMap of the whole city. Out: fields of [`FrameUniform`], by which rays that meet the plane, or generated ground, beyond
+//! the city see the sea.
+
+use crate::{
+    layout::{FrameUniform, ROOF_PLANE, WALK_PLANE},
+    pack::{FLAGS_SHIFT, PackedNode},
+    srgb::linear_of,
+};
+use glam::{DVec2, Vec3};
+use insula_protocol::{
+    NODE_CELLS,
+    blockmap::{flag, ground::GROUND_COLOUR},
+    texel::Texel,
+};
+
+/// Parts of a side that are land or sea.
+pub(crate) const SHORE_PARTS: u32 = 64;
+/// Rows of four words, for a byte of each part of the four sides.
+pub(crate) const SHORE_ROWS: usize = 4 * SHORE_PARTS as usize / 16;
+/// Land beside the sea that the source does not describe may be this many cells wide.
+const MOST_BARE_CELLS: usize = 12;
+/// The sea is at least this many cells wide from the side inwards: a pond or river ends with the map.
+const LEAST_SEA_CELLS: usize = 3;
+/// Shorter ends of the sea are harbours or river mouths.
+const LEAST_PARTS: usize = 4;
+
+/// Where a city ends in water.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shore {
+    /// West, south, east and north end of what the source describes, in cells of the city's coarsest V-BlockMap. Water outside is sea.
+    ends: [usize; 4],
+    /// Parts of the west, south, east and north end, from west to east or from south to north: cells inwards from the end in which bare
+    /// ground is sea; 0 for land.
+    sides: [[u8; SHORE_PARTS as usize]; 4],
+    /// Mean colour of the water, linear.
+    albedo: Vec3,
+}
+
+/// What is seen from above in a cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Cell {
+    /// Nothing, or generated ground.
+    Bare,
+    Water,
+    Other,
+}
+
+impl Shore {
+    /// The shore of the city whose coarsest V-BlockMap is `root`; `None` if none of its ends is sea.
+    pub fn of(root: &PackedNode) -> Option<Self> {
+        let (mut cells, mut sum, mut count) = (Vec::with_capacity(NODE_CELLS * NODE_CELLS), Vec3::ZERO, 0.0);
+        for i in 0..NODE_CELLS * NODE_CELLS {
+            let flags = root.pages.get(WALK_PLANE)?.get(i)? >> FLAGS_SHIFT;
+            let roof = Texel(*root.pages.get(ROOF_PLANE)?.get(i)?);
+            let has = |bit: u8| flags & u32::from(bit) != 0;
+            cells.push(if has(flag::REFLECTIVE) {
+                sum += linear_of(roof.0);
+                count += 1.0;
+                Cell::Water
+            } else if !has(flag::OCCUPIED) || roof.rgb() == GROUND_COLOUR {
+                Cell::Bare
+            } else {
+                Cell::Other
+            });
+        }
+        if count == 0.0 {
+            return None;
+        }
+        let described =
+            || (0..cells.len()).filter(|i| cells[*i] != Cell::Bare).map(|i| [i % NODE_CELLS, i / NODE_CELLS]);
+        let [west, south] = [0, 1].map(|axis| described().map(|place| place[axis]).min().unwrap_or(0));
+        let [east, north] = [0, 1].map(|axis| described().map(|place| place[axis] + 1).max().unwrap_or(0));
+        let ends = [west, south, east, north];
+        let sides = [0, 1, 2, 3].map(|side| sea_along(&cells, ends, side));
+        sides.as_flattened().iter().any(|cells| *cells > 0).then_some(Self { ends, sides, albedo: sum / count })
+    }
+
+    /// Tells a frame of it. `corner` is the south-west corner of the V-BlockMap in metres from the camera, `side_m` its side.
+    pub fn write(&self, frame: &mut FrameUniform, corner: DVec2, side_m: f64) {
+        let cell_m = side_m / NODE_CELLS as f64;
+        let [west, south, east, north] = self.ends.map(|end| end as f64);
+        let (low, high) = (corner + DVec2::new(west, south) * cell_m, corner + DVec2::new(east, north) * cell_m);
+        frame.shore = [low.x, low.y, high.x, high.y].map(|v| v as f32);
+        for (word, cells) in frame.sea.as_flattened_mut().iter_mut().zip(self.sides.as_flattened().chunks_exact(4)) {
+            *word = cells.iter().rev().fold(0, |word, cells| word << 8 | u32::from(*cells));
+        }
+        frame.sea_albedo = self.albedo.extend(1.0 / cell_m as f32).to_array();
+    }
+}
+
+/// The parts of a side (west, south, east, north).
+fn sea_along(cells: &[Cell], [west, south, east, north]: [usize; 4], side: usize) -> [u8; SHORE_PARTS as usize] {
+    let (low, high) = if side.is_multiple_of(2) { (south, north) } else { (west, east) };
+    let part_of = |part: usize| {
+        let along = low + (high - low) * (2 * part + 1) / (2 * SHORE_PARTS as usize);
+        let inwards = |k: usize| {
+            let place = match side {
+                0 => (west + k < east).then(|| [west + k, along]),
+                1 => (south + k < north).then(|| [along, south + k]),
+                2 => (west + k < east).then(|| [east - 1 - k, along]),
+                _ => (south + k < north).then(|| [along, north - 1 - k]),
+            };
+            place.map(|[x, y]| cells[y * NODE_CELLS + x])
+        };
+        let first = (0..=MOST_BARE_CELLS).find(|k| inwards(*k).is_some_and(|cell| cell != Cell::Bare))?;
+        // Where the map ends within a cell, its colour is that of water and bare ground.
+        let first = first + usize::from(inwards(first) == Some(Cell::Other));
+        (first..first + LEAST_SEA_CELLS).all(|k| inwards(k) == Some(Cell::Water)).then_some(first as u8 + 1)
+    };
+    let mut parts: [u8; SHORE_PARTS as usize] = std::array::from_fn(|part| part_of(part).unwrap_or(0));
+    for run in parts.chunk_by_mut(|a, b| (*a > 0) == (*b > 0)).filter(|run| run.len() < LEAST_PARTS) {
+        run.fill(0);
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use insula_protocol::{BlockMap, TileId, blockmap::MapColumn, texel::AO_MAX};
+
+    /// A city that is described from cell 8 to 40 on both axes, within bare ground: sea in the south and east, houses elsewhere.
+    fn coast(at: impl Fn(usize, usize) -> Option<(bool, [u8; 3])>) -> PackedNode {
+        let columns: Vec<Option<MapColumn>> = (0..NODE_CELLS * NODE_CELLS)
+            .map(|i| {
+                let (reflective, rgb) = at(i % NODE_CELLS, i / NODE_CELLS)?;
+                let roof = Texel::new(rgb, AO_MAX);
+                Some(MapColumn { z_min: 0, z_max: 4, reflective, roof, ..MapColumn::default() })
+            })
+            .collect();
+        PackedNode::new(&BlockMap::from_columns(TileId::ROOT, 10.0, 0, 0, &columns).unwrap())
+    }
+
+    fn town(x: usize, y: usize, is_water: impl Fn(usize, usize) -> bool) -> Option<(bool, [u8; 3])> {
+        match (8..40).contains(&x) && (8..40).contains(&y) {
+            true if is_water(x, y) => Some((true, [60, 120, 150])),
+            true => Some((false, [230, 220, 210])),
+            false => (x < 48 && y < 48).then_some((false, GROUND_COLOUR)),
+        }
+    }
+
+    #[test]
+    fn the_sea_goes_on_where_a_city_ends_in_it() {
+        // At the eastern end, cells are water in part only.
+        let root = coast(|x, y| town(x, y, |x, y| y < 16 || (36..39).contains(&x)));
+        let shore = Shore::of(&root).unwrap();
+        assert_eq!(shore.ends, [8, 8, 40, 40]);
+        let [west, south, east, north] = shore.sides;
+        assert_eq!(south, [1; 64]);
+        assert_eq!(east, std::array::from_fn(|part| if part < 16 { 1 } else { 2 }));
+        // A quarter of the western side, and the water in the east from below.
+        assert_eq!(west, std::array::from_fn(|part| u8::from(part < 16)));
+        assert_eq!(north, std::array::from_fn(|part| u8::from((56..62).contains(&part))));
+        let mut frame = FrameUniform::zeroed();
+        shore.write(&mut frame, DVec2::new(-100.0, -200.0), 640.0);
+        assert_eq!(frame.shore, [-20.0, -120.0, 300.0, 200.0]);
+        assert_eq!((frame.sea[0], frame.sea[1]), ([0x0101_0101; 4], [0; 4]));
+        assert_eq!((frame.sea[8], frame.sea[9]), ([0x0101_0101; 4], [0x0202_0202; 4]));
+        assert_eq!(frame.sea[15], [0, 0, 0x0101_0101, 0x0000_0101]);
+        let blue = linear_of(Texel::new([60, 120, 150], 0).0);
+        assert!((Vec3::from_slice(&frame.sea_albedo) - blue).length() < 1e-6);
+        assert_eq!(frame.sea_albedo[3], 0.1);
+    }
+
+    #[test]
+    fn rivers_ponds_and_water_within_are_no_sea() {
+        // A river of one cell, a pond of two at the side, a lake within, and a map that is all land.
+        for is_water in [
+            |x: usize, _: usize| x == 20,
+            |x: usize, y: usize| y < 10 && (20..30).contains(&x),
+            |x: usize, y: usize| (14..30).contains(&x) && (14..30).contains(&y),
+            |_: usize, _: usize| false,
+        ] {
+            assert_eq!(Shore::of(&coast(|x, y| town(x, y, is_water))), None);
+        }
+    }
+}
