@@ -1,12 +1,18 @@
 //! The list of tests of one program. Each test says what it needs.
 //!
 //! A test that needs an absent thing is reported as ignored. So are tests of the full tier, unless `INSULA_TESTS=full`.
+//! With `INSULA_TEST_TIMES=FILE`, each test adds a line to that file: its seconds, without the wait for its turn, and its name.
 
 use crate::gpu::{Gpu, adapter_is_required};
 use anyhow::Result;
 use insula_test_support::tier;
 use libtest_mimic::{Arguments, Failed, Trial};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::{
+    fs::File,
+    io::Write,
+    sync::{Arc, Mutex, PoisonError},
+    time::Instant,
+};
 
 /// Result of a test: nothing if it panics when it fails.
 pub trait Outcome {
@@ -116,6 +122,7 @@ macro_rules! gpu_tests {
 pub struct Trials {
     module: &'static str,
     gpu: Arc<Result<Gpu>>,
+    times: Option<Arc<File>>,
     tests: Vec<Trial>,
 }
 
@@ -126,7 +133,11 @@ impl Trials {
         if let Err(error) = &gpu {
             eprintln!("no GPU test can run: {error:#}");
         }
-        Self { module: "", gpu: Arc::new(gpu), tests: Vec::new() }
+        let times = std::env::var_os("INSULA_TEST_TIMES").map(|file| {
+            let file = File::options().create(true).append(true).open(&file);
+            Arc::new(file.unwrap_or_else(|error| panic!("cannot open the file of INSULA_TEST_TIMES: {error}")))
+        });
+        Self { module: "", gpu: Arc::new(gpu), times, tests: Vec::new() }
     }
 
     /// Names the module of the tests that are added next.
@@ -146,15 +157,22 @@ impl Trials {
             let name = format!("{}::{}", self.module, test.name);
             let needs_gpu = matches!(test.run, Run::OnGpu(_));
             let is_ignored = test.is_ignored || test.is_full_tier && !tier::is_full() || needs_gpu && !self.has_gpu();
-            let (gpu, run, turn) = (self.gpu.clone(), test.run, test.turn);
+            let (gpu, run, turn, times) = (self.gpu.clone(), test.run, test.turn, self.times.clone());
+            let timed_name = name.clone();
             let run = move || {
                 // A test that failed leaves nothing behind that the next could trip over.
                 let _turn = turn.map(|turn| turn.0.lock().unwrap_or_else(PoisonError::into_inner));
-                match (run, gpu.as_ref()) {
+                let begin = Instant::now();
+                let result = match (run, gpu.as_ref()) {
                     (Run::Plain(run), _) => run().map_err(|e| Failed::from(format!("{e:#}"))),
                     (Run::OnGpu(run), Ok(gpu)) => run(gpu).map_err(|e| Failed::from(format!("{}: {e:#}", gpu.name))),
                     (Run::OnGpu(_), Err(error)) => Err(Failed::from(format!("an adapter is required: {error:#}"))),
+                };
+                if let Some(mut times) = times.as_deref() {
+                    writeln!(times, "{:.1} {timed_name}", begin.elapsed().as_secs_f64())
+                        .map_err(|e| Failed::from(e.to_string()))?;
                 }
+                result
             };
             let kind = if test.is_full_tier { "full tier" } else { "" };
             self.tests.push(Trial::test(name, run).with_ignored_flag(is_ignored).with_kind(kind));
