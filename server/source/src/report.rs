@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::attributes::{AttributeValue, Attributes};
 use super::object::FeatureKind;
 use super::problems::{
-    CONTRADICTION, GAP, GUESSED, GUESSED_FROM_LEVELS, INEXACT, MISSING_GROUND, MISSING_HEIGHTS, NO_CRS,
+    CONTRADICTION, FAR, GAP, GUESSED, GUESSED_FROM_LEVELS, INEXACT, MISSING_GROUND, MISSING_HEIGHTS, NO_CRS,
     NO_GROUND_HEIGHT, OPEN_END, OUTSIDE, SWAPPED, TOO_MANY, TOO_WIDE, UNIT_GUESSED, WIDE,
 };
 
@@ -337,6 +337,16 @@ impl SourceReport {
     }
 }
 
+/// How many there are besides the first ones that are named.
+fn more_than(first: &[String], count: u64) -> String {
+    let more = count.saturating_sub(first.len() as u64);
+    if more > 0 { format!(" and {more} more") } else { String::new() }
+}
+
+fn counted(objects: u64) -> String {
+    if objects == 1 { "1 object is".to_owned() } else { format!("{objects} objects are") }
+}
+
 fn count_fault(map: &mut BTreeMap<String, FaultCount>, key: &str, example: impl FnOnce() -> String) {
     match map.get_mut(key) {
         Some(fault) => fault.add(example),
@@ -400,12 +410,27 @@ impl ReadReport {
         all.into_iter()
     }
 
+    /// All that the user has to be told of what was guessed, and of what is not where it should be.
+    pub fn warnings(&self) -> impl Iterator<Item = String> {
+        self.far_warnings().chain(self.wide_warnings()).chain(self.coast_warnings()).chain(self.guess_warnings())
+    }
+
+    /// Which objects lie far from the city, of each source with such, what is baked, and what to do.
+    fn far_warnings(&self) -> impl Iterator<Item = String> {
+        self.sources.iter().filter_map(|source| {
+            let FaultCount { count, first } = source.skipped.get(FAR)?;
+            let more = more_than(first, *count);
+            let (objects, baked) = (counted(*count), counted(self.objects));
+            let advice = "check the coordinates, or bake each place as a city of its own";
+            Some(format!("{}: {objects} {FAR}, left out: {}{more}; {baked} baked; {advice}", source.path, first.join(", ")))
+        })
+    }
+
     /// Which few objects make the city wide, of each source with such, and what to do.
-    pub fn wide_warnings(&self) -> impl Iterator<Item = String> {
+    fn wide_warnings(&self) -> impl Iterator<Item = String> {
         self.sources.iter().filter_map(|source| {
             let FaultCount { count, first } = source.problems.get(WIDE)?;
-            let more = count - (first.len() as u64).min(*count);
-            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let more = more_than(first, *count);
             let advice = "remove them from the source, or leave them out with --bbox";
             Some(format!("{}: {WIDE}: {}{more}; {advice}", source.path, first.join(", ")))
         })
@@ -427,8 +452,7 @@ impl ReadReport {
         self.sources.iter().flat_map(move |source| {
             kinds.iter().filter_map(move |kind| {
                 let FaultCount { count, first } = source.problems.get(*kind)?;
-                let more = count - (first.len() as u64).min(*count);
-                let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                let more = more_than(first, *count);
                 Some(format!("{}: {kind}: {}{more}", source.path, first.join(", ")))
             })
         })

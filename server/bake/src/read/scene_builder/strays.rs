@@ -2,7 +2,8 @@
 //!
 //! A country is a thousand kilometres wide, so only what is absurd is a stray: further from the median object than any country
 //! reaches, far above or below it, or at the origin of the coordinate system, where exporters put what has no place. The median
-//! comes from histograms of whole numbers, which can be added in any order.
+//! comes from histograms of whole numbers, which can be added in any order. Where no object is near it, the object nearest to it takes
+//! its place.
 
 use std::collections::BTreeMap;
 

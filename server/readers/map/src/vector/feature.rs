@@ -2,6 +2,7 @@
 
 use super::geometry::Geometry;
 use super::layer::Layer;
+use super::rings;
 use super::shape::{Facing, facing, shape_of};
 use insula_dress::footprint::{HeightHints, IN_TUNNEL, is_hidden, kind_of};
 use insula_place::crs::is_geographic;
@@ -232,6 +233,9 @@ impl<'a> FeatureWriter<'a> {
         }
         if geometry.fill_heights() {
             self.sink.problem(MISSING_GROUND, format!("{id}: at some of its positions"));
+        }
+        if rings::regroup(&mut geometry.polygons) {
+            self.sink.problem("first ring is not around the others, rings grouped by what lies in what", id.clone());
         }
         add_tags(&mut attributes);
         let told = kind_of(&attributes).or(self.layer.kind);
