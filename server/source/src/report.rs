@@ -422,7 +422,11 @@ impl ReadReport {
             let more = more_than(first, *count);
             let (objects, baked) = (counted(*count), counted(self.objects));
             let advice = "check the coordinates, or bake each place as a city of its own";
-            Some(format!("{}: {objects} {FAR}, left out: {}{more}; {baked} baked; {advice}", source.path, first.join(", ")))
+            Some(format!(
+                "{}: {objects} {FAR}, left out: {}{more}; {baked} baked; {advice}",
+                source.path,
+                first.join(", ")
+            ))
         })
     }
 

@@ -85,7 +85,11 @@ mod tests {
         assert_eq!(of([4.36, 52.01], [1e-4, 8e-5, 9.0]), (true, true), "a house");
         assert_eq!(of([-122.5, 37.7], [0.05, 0.04, 60.0]), (true, false), "a city");
         assert_eq!(of([4.36, 52.01], [1e-4, 8e-5, 0.0]), (true, false), "a plan");
-        assert_eq!(of([12.0, 40.0], [0.15, 0.15, 8.0]), (true, false), "a pole in metres, of which nothing else is known");
+        assert_eq!(
+            of([12.0, 40.0], [0.15, 0.15, 8.0]),
+            (true, false),
+            "a pole in metres, of which nothing else is known"
+        );
         for (place, size) in [
             ([0.0, 0.0], [1e-4, 1e-4, 9.0]),
             ([12.0, 40.0], [10.0, 12.0, 9.0]),

@@ -133,7 +133,9 @@ pub(super) fn group(rings: Vec<Ring>) -> Grouped {
 /// it. Returns whether there were some.
 pub(super) fn regroup(polygons: &mut Vec<Polygon>) -> bool {
     let is_wrong = |polygon: &Polygon| {
-        let Some((first, others)) = polygon.split_first().filter(|(_, others)| !others.is_empty()) else { return false };
+        let Some((first, others)) = polygon.split_first().filter(|(_, others)| !others.is_empty()) else {
+            return false;
+        };
         let around = RingFacts::of(first);
         around.is_flat() && others.iter().map(RingFacts::of).any(|ring| ring.is_flat() && around.is_no_owner(&ring))
     };
@@ -274,8 +276,9 @@ mod tests {
     #[test]
     fn overlaps_copies_and_roofs_are_no_holes() {
         let big = square(0., 0., 10., true);
-        let angle: Ring =
-            [[0., 0.], [0., 10.], [4., 10.], [4., 4.], [10., 4.], [10., 0.], [0., 0.]].map(|[x, y]| [x, y, 0.]).to_vec();
+        let angle: Ring = [[0., 0.], [0., 10.], [4., 10.], [4., 4.], [10., 4.], [10., 0.], [0., 0.]]
+            .map(|[x, y]| [x, y, 0.])
+            .to_vec();
         let roof = square(2., 2., 5., true).into_iter().map(|[x, y, _]| [x, y, 9.]).collect();
         for (outer, other) in [(&big, big.clone()), (&angle, square(1., 1., 6., true)), (&big, roof)] {
             assert_eq!(group(vec![outer.clone(), other]).polygons.len(), 2);
