@@ -6,6 +6,7 @@ use insula_archive::{
 };
 use serde_json::Value;
 use std::{
+    ffi::OsStr,
     fs,
     io::Read,
     path::{Path, PathBuf},
@@ -15,6 +16,12 @@ use std::{
 const MAX_JSON_BYTES: u64 = 64 << 20;
 /// Of other files, so many bytes are looked at.
 const HEAD_BYTES: u64 = 64 << 10;
+
+/// Extensions of files without which others are not whole: materials, buffers, textures, tables, places.
+const NEEDED_FILES: [&str; 20] = [
+    "mtl", "bin", "b3dm", "png", "jpg", "jpeg", "webp", "ktx2", "tga", "bmp", "dbf", "shx", "prj", "cpg", "tfw", "jgw",
+    "pgw", "wld", "terrain", "xsd",
+];
 
 /// Option of all commands that write files.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::Args)]
@@ -151,7 +158,8 @@ impl Outputs {
     }
 
     /// Adds a file that the command writes. Fails, with what to do, if it is an input or another output, lies in a city, a site or a work
-    /// store, is a link to nothing, or exists and is of another kind or write-protected. Nothing is written yet.
+    /// store, is a link to nothing, or exists and is of another kind or write-protected. A file of another kind that may belong to an input,
+    /// such as its materials, is not replaced in any case. Nothing is written yet.
     pub fn file(&mut self, path: &Path, kind: FileKind) -> Result<(), String> {
         let refuse = |reason: String| Err(format!("{}: {reason}", path.display()));
         let found = fs::metadata(path).ok();
@@ -173,8 +181,13 @@ impl Outputs {
                 return refuse(format!("it is, or lies in, the input {}; give another name", input.display()));
             }
         }
-        if found.is_some() && !self.may_overwrite && !kind.is_of(path) {
-            return refuse(format!("it exists and is not {}; give another name, or --overwrite", kind.name()));
+        if found.is_some() && !kind.is_of(path) {
+            if let Some(input) = self.inputs.iter().find(|input| may_belong_to(path, input)) {
+                return refuse(format!("it may belong to the input {}; give another name", input.display()));
+            }
+            if !self.may_overwrite {
+                return refuse(format!("it exists and is not {}; give another name, or --overwrite", kind.name()));
+            }
         }
         if found.is_some_and(|found| found.permissions().readonly()) && !self.may_overwrite {
             return refuse("it is write-protected; give another name, or --overwrite".to_owned());
@@ -250,6 +263,20 @@ fn is_stream(_: &fs::Metadata) -> bool {
     false
 }
 
+/// Whether a file may be one that an input needs: it has the input's name but for the extension, or lies beside or below it with an
+/// extension of such files.
+fn may_belong_to(path: &Path, input: &Path) -> bool {
+    let ([path, input], extension) = ([path, input].map(canonical), path.extension().and_then(OsStr::to_str));
+    let stem = |path: &Path| {
+        let name = path.file_name().and_then(OsStr::to_str)?;
+        Some(name.split_once('.').map_or(name, |(stem, _)| stem).to_lowercase())
+    };
+    let Some(folder) = input.parent() else { return false };
+    let has_name = path.parent() == Some(folder) && stem(&path) == stem(&input);
+    let is_needed = extension.is_some_and(|own| NEEDED_FILES.iter().any(|known| known.eq_ignore_ascii_case(own)));
+    has_name || is_needed && path.starts_with(folder)
+}
+
 /// Whether two paths are of one file, by whatever names.
 fn is_same(a: &Path, b: &Path) -> bool {
     canonical(a) == canonical(b) || is_hard_link(a, b)
@@ -318,6 +345,16 @@ mod tests {
         }
         assert!(check("thesis.ply", false).unwrap_err().contains("--overwrite"));
         check("thesis.ply", true).unwrap();
+        // Nor does a report replace what an input needs.
+        for (name, is_needed) in
+            [("a.mtl", true), ("brick.MTL", true), ("A.txt", true), ("sub2/wall.png", true), ("notes.txt", false)]
+        {
+            fs::create_dir_all(path("sub2")).unwrap();
+            fs::write(path(name), "mine").unwrap();
+            let mut outputs = Outputs::new(OverwriteArgs { overwrite: true }).reading([path("a.ply")]);
+            let found = outputs.file(&path(name), report);
+            assert_eq!(found.err().is_some_and(|error| error.contains("may belong to the input")), is_needed, "{name}");
+        }
         #[cfg(unix)]
         {
             std::os::unix::fs::symlink(path("a.ply"), path("link.ply")).unwrap();
