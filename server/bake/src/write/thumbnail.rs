@@ -108,7 +108,7 @@ fn marked(mut jpeg: Vec<u8>) -> Vec<u8> {
         _ => 0,
     };
     let at = (2 + first).min(jpeg.len());
-    jpeg.splice(at..at, MARK.iter().copied());
+    drop(jpeg.splice(at..at, MARK.iter().copied()));
     jpeg
 }
 

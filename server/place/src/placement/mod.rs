@@ -21,7 +21,6 @@ use std::sync::Arc;
 
 pub use first_shape::FirstShape;
 pub use mesh_extent::MeshExtent;
-pub use order::EITHER_ORDER;
 pub use order::{AxisOrders, AxisRule};
 pub use world::World;
 

@@ -1,7 +1,7 @@
 //! Makes the city of all objects.
 
 use super::pending::PendingObject;
-use super::strays::{Outskirts, PlaceHistogram, stray_distance_m};
+use super::strays::{Outskirts, PlaceHistogram, is_at_origin, stray_distance_m};
 use super::{PendingLandmark, SceneBuilder, remove_from_report, subtract_from_report};
 use crate::error::BakeError;
 use crate::scene::Landmark;
@@ -19,15 +19,10 @@ struct CityPlaces {
     middle_m: [f64; 3],
     /// Lowest and highest corner in world coordinates; the low one is higher without objects.
     bounds: [[f64; 3]; 2],
+    /// Number of these objects.
+    kept: u64,
     /// Few objects by which the city is much wider than without them.
     outskirts: Option<Outskirts>,
-}
-
-impl CityPlaces {
-    /// Whether no object is kept.
-    fn is_empty(&self) -> bool {
-        self.bounds[0][0] > self.bounds[1][0]
-    }
 }
 
 impl SceneBuilder {
@@ -64,7 +59,7 @@ impl SceneBuilder {
         textures: TextureStore,
         sources: &mut [SourceReport],
     ) -> Result<ScratchScene, BakeError> {
-        let CityPlaces { middle_m, bounds: [low, high], outskirts } = self.places()?;
+        let CityPlaces { middle_m, bounds: [low, high], outskirts, .. } = self.places()?;
         let scratch = self.pending.scratch();
         let mut city = ScratchScene {
             origin: [0.0; 3],
@@ -135,37 +130,44 @@ impl SceneBuilder {
 
     /// Where the objects are that are kept.
     fn places(&self) -> Result<CityPlaces, BakeError> {
-        let mut places = PlaceHistogram::default();
+        let (mut places, mut count, mut first) = (PlaceHistogram::default(), 0, None);
         self.pending.try_for_each(|_, object| {
             if !object.is_dropped {
                 places.add(object.anchor);
+                count += 1;
+                first = first.or(Some(object.anchor).filter(|anchor| !is_at_origin(*anchor)));
             }
             Ok::<_, BakeError>(())
         })?;
         let places = self.places_around(places.median_m())?;
-        if !places.is_empty() {
+        if places.kept * 2 > count {
             return Ok(places);
         }
-        // Of cities on two continents, the medians along the axes may be of different ones: there is none at that place.
-        match self.nearest_anchor(places.middle_m)? {
-            Some(anchor) => self.places_around(anchor),
-            None => Ok(places),
+        // Of cities on two continents, the medians along the axes may be of different ones, where there is none. Of equal ones, that of
+        // the first object counts, which may have chosen the coordinate system.
+        let mut best = places;
+        for anchor in self.nearest_anchor(best.middle_m)?.into_iter().chain(first) {
+            let places = self.places_around(anchor)?;
+            best = if places.kept >= best.kept { places } else { best };
         }
+        Ok(best)
     }
 
     /// Where the objects are that are kept if the city is around a place.
     fn places_around(&self, middle_m: [f64; 3]) -> Result<CityPlaces, BakeError> {
-        let (mut low, mut high, mut kept) = ([f64::MAX; 3], [f64::MIN; 3], PlaceHistogram::default());
+        let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
+        let (mut histogram, mut kept) = (PlaceHistogram::default(), 0_u64);
         self.pending.try_for_each(|_, object| {
             let place = object.place();
             if !object.is_dropped && stray_distance_m(middle_m, place).is_none() {
                 low = std::array::from_fn(|axis| low[axis].min(place.low[axis]));
                 high = std::array::from_fn(|axis| high[axis].max(place.high[axis]));
-                kept.add(object.anchor);
+                histogram.add(object.anchor);
+                kept += 1;
             }
             Ok::<_, BakeError>(())
         })?;
-        Ok(CityPlaces { middle_m, bounds: [low, high], outskirts: Outskirts::of(&kept) })
+        Ok(CityPlaces { middle_m, bounds: [low, high], kept, outskirts: Outskirts::of(&histogram) })
     }
 
     /// The anchor of the first of the objects that are nearest to a place; `None` without objects.

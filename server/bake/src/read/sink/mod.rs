@@ -8,6 +8,7 @@ mod materials;
 mod mesh_place;
 mod outward;
 mod painted;
+mod plans;
 mod plants;
 mod standing;
 mod surfaces;
@@ -236,7 +237,10 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
                 let relation = self.relation(&object);
                 self.context.builder.add_parent(self.context.source, &object.id, relation);
             }
-            Shape::Surfaces { polygons, meshes } => self.add_surfaces(&object, polygons, meshes, whole),
+            Shape::Surfaces { polygons, meshes } => match self.plans_of(&object) {
+                Some(plans) => self.add_buildings(&object, &plans)?,
+                None => self.add_surfaces(&object, polygons, meshes, whole),
+            },
             shape if self.paint(&object, shape)? => {}
             _ if self.source.is_streets => self.report.skip(NOT_PAINTED, || object.id),
             Shape::Footprints(footprints) => {

@@ -184,3 +184,11 @@ fn meshes_in_degrees_are_placed_or_named() {
     let (_, report) = read(&[("metres.obj", block(10.0).as_bytes())]);
     assert_eq!(report.guess_warnings().count(), 0);
 }
+
+#[test]
+fn a_byte_order_mark_costs_no_vertex() {
+    let text = format!("\u{feff}{}", SQUARE.replace("mtllib a.mtl\n", ""));
+    let (scene, report) = read(&[("a.obj", text.as_bytes())]);
+    assert_eq!(scene.triangles.len(), 2);
+    assert!(!report.sources[0].problems.contains_key("vertex index out of range"));
+}

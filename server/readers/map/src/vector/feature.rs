@@ -308,9 +308,8 @@ impl<'a> FeatureWriter<'a> {
         if self.is_placed {
             return Ok(());
         }
-        let Some([west, south, east, north]) = geometry.bounds() else { return Ok(()) };
+        let Some(first) = FirstShape::of(geometry.positions().map(|[x, y, _]| [*x, *y])) else { return Ok(()) };
         self.is_placed = true;
-        let first = FirstShape::at([west, south], Some([east - west, north - south]));
         if first.looks_like_degrees() {
             let detail = format!("{}: coordinates look like degrees and are taken as WGS 84", self.layer.name);
             self.sink.problem(NO_CRS, detail);
