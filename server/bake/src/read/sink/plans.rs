@@ -1,8 +1,9 @@
 //! Buildings of level of detail 0: their plans are extruded if attributes tell the height.
 
 use super::SceneSink;
-use insula_dress::footprint::has_height;
+use insula_dress::footprint::{has_height, is_height};
 use insula_source::object::{FeatureKind, Footprint, Shape, SourceObject, Surface, SurfaceRole};
+use insula_source::problems::UNIT_GUESSED;
 
 /// Problem of a building that stays a plan.
 const FLAT: &str = "building of level of detail 0 without a height, drawn flat";
@@ -20,6 +21,10 @@ impl SceneSink<'_, '_, '_> {
         if !has_height(&object.attributes, self.height_hints()) {
             self.report.problem(FLAT, || object.id.clone());
             return None;
+        }
+        let units = object.attributes.iter().filter_map(|(name, unit)| Some((name.strip_suffix(".uom")?, unit)));
+        for (name, unit) in units.filter(|(name, _)| is_height(name)) {
+            self.report.problem(UNIT_GUESSED, || format!("{}: {name} in {unit}, taken as metres", object.id));
         }
         // Many programs write 0 where they know no height.
         let has_ground = polygons.iter().flat_map(|surface| &surface.points).any(|point| point[2] != 0.0);
