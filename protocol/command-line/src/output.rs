@@ -17,10 +17,12 @@ const MAX_JSON_BYTES: u64 = 64 << 20;
 /// Of other files, so many bytes are looked at.
 const HEAD_BYTES: u64 = 64 << 10;
 
-/// Extensions of files without which others are not whole: materials, buffers, textures, tables, places.
-const NEEDED_FILES: [&str; 20] = [
-    "mtl", "bin", "b3dm", "png", "jpg", "jpeg", "webp", "ktx2", "tga", "bmp", "dbf", "shx", "prj", "cpg", "tfw", "jgw",
-    "pgw", "wld", "terrain", "xsd",
+/// Ends of the names of models, and the extensions of files beside or below them without which they are not whole: materials, buffers
+/// and textures.
+const NEEDED_FILES: [(&[&str], &[&str]); 3] = [
+    (&[".obj"], &["mtl", "png", "jpg", "jpeg", "webp", "tga", "bmp"]),
+    (&[".gltf"], &["bin", "png", "jpg", "jpeg", "webp", "ktx2"]),
+    (&[".gml", ".xml", ".city.json", ".city.jsonl"], &["xml", "png", "jpg", "jpeg", "webp", "tif", "tiff"]),
 ];
 
 /// Option of all commands that write files.
@@ -263,18 +265,21 @@ fn is_stream(_: &fs::Metadata) -> bool {
     false
 }
 
-/// Whether a file may be one that an input needs: it has the input's name but for the extension, or lies beside or below it with an
-/// extension of such files.
+/// Whether a file may be one that an input needs: it lies beside the input, with the same name but for the extension, or is of those that
+/// models of the input's format name.
 fn may_belong_to(path: &Path, input: &Path) -> bool {
-    let ([path, input], extension) = ([path, input].map(canonical), path.extension().and_then(OsStr::to_str));
-    let stem = |path: &Path| {
-        let name = path.file_name().and_then(OsStr::to_str)?;
-        Some(name.split_once('.').map_or(name, |(stem, _)| stem).to_lowercase())
-    };
+    let [path, input] = [path, input].map(canonical);
+    let name = |path: &Path| path.file_name().and_then(OsStr::to_str).map(str::to_lowercase).unwrap_or_default();
+    let (own, its) = (name(&path), name(&input));
+    let stem = |name: &str| name.split_once('.').map_or(name.to_owned(), |(stem, _)| stem.to_owned());
     let Some(folder) = input.parent() else { return false };
-    let has_name = path.parent() == Some(folder) && stem(&path) == stem(&input);
-    let is_needed = extension.is_some_and(|own| NEEDED_FILES.iter().any(|known| known.eq_ignore_ascii_case(own)));
-    has_name || is_needed && path.starts_with(folder)
+    let has_name = path.parent() == Some(folder) && stem(&own) == stem(&its);
+    let is_needed = || {
+        let of_format = NEEDED_FILES.iter().filter(|(ends, _)| ends.iter().any(|end| its.ends_with(end)));
+        let extension = own.rsplit_once('.').map_or("", |(_, extension)| extension);
+        of_format.flat_map(|(_, extensions)| extensions.iter()).any(|known| *known == extension)
+    };
+    has_name || path.starts_with(folder) && is_needed()
 }
 
 /// Whether two paths are of one file, by whatever names.
@@ -346,14 +351,19 @@ mod tests {
         assert!(check("thesis.ply", false).unwrap_err().contains("--overwrite"));
         check("thesis.ply", true).unwrap();
         // Nor does a report replace what an input needs.
-        for (name, is_needed) in
-            [("a.mtl", true), ("brick.MTL", true), ("A.txt", true), ("sub2/wall.png", true), ("notes.txt", false)]
-        {
-            fs::create_dir_all(path("sub2")).unwrap();
+        fs::create_dir_all(path("textures")).unwrap();
+        for (name, is_needed) in [
+            ("town.txt", true),
+            ("roofs.MTL", true),
+            ("textures/wall.png", true),
+            ("a.txt", false),
+            ("notes.txt", false),
+        ] {
             fs::write(path(name), "mine").unwrap();
-            let mut outputs = Outputs::new(OverwriteArgs { overwrite: true }).reading([path("a.ply")]);
-            let found = outputs.file(&path(name), report);
-            assert_eq!(found.err().is_some_and(|error| error.contains("may belong to the input")), is_needed, "{name}");
+            let mut outputs =
+                Outputs::new(OverwriteArgs { overwrite: true }).reading([path("town.obj"), path("p.json")]);
+            let refused = outputs.file(&path(name), report).err();
+            assert_eq!(refused.is_some_and(|error| error.contains("may belong to")), is_needed, "{name}");
         }
         #[cfg(unix)]
         {

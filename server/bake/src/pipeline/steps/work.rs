@@ -246,7 +246,7 @@ impl WorkStore for WorkFolder {
 
     fn remove_folders(&self, names: &[String]) {
         let own = [TEMPORARY, PARTS].into_iter();
-        let ancestors = names.iter().flat_map(|name| name.match_indices('/').map(|(end, _)| &name[..end]));
+        let ancestors = names.iter().flat_map(|name| name.match_indices('/').map(move |(end, _)| &name[..end]));
         let folders: BTreeSet<&str> = own.chain(ancestors).collect();
         // What is in a folder comes before it.
         for folder in folders.into_iter().rev() {
