@@ -353,6 +353,9 @@ fn coordinates_are_read_in_the_order_that_fits_the_area_of_use() {
         ("EPSG:4979", registry, [52.01, 4.36], [4.36, 52.01], ""),
         ("OGC:CRS84", mostly, [52.01, 4.36], [4.36, 52.01], SWAPPED),
         ("OGC:CRS84", fixed, [52.01, 4.36], [52.01, 4.36], ""),
+        // Islands are land.
+        ("OGC:CRS84", mostly, [55.45, -4.62], [55.45, -4.62], EITHER_ORDER),
+        ("OGC:CRS84", mostly, [15.64, 78.22], [15.64, 78.22], EITHER_ORDER),
         ("EPSG:25832", fixed, [691_000.0, 5_334_000.0], [11.57, 48.13], ""),
     ] {
         let (place, kind) = found(&PlacingOptions::default(), name, order, first).unwrap();
