@@ -531,8 +531,8 @@ mod tests {
         assert_eq!(reason(&report), "2 times no geometry, first z");
         // What is far is told with what is baked.
         report.skip(FAR, || "tokyo: 9000 km away".to_owned());
-        report.objects = 1;
-        let warnings: Vec<String> = ReadReport { sources: vec![report], ..ReadReport::default() }.warnings().collect();
+        let read = ReadReport { sources: vec![report], objects: 1, ..ReadReport::default() };
+        let warnings: Vec<String> = read.warnings().collect();
         let expected = "a: 1 object is far from the city, left out: tokyo: 9000 km away; 1 object is baked; check the coordinates, \
             or bake each place as a city of its own";
         assert_eq!(warnings, [expected]);
