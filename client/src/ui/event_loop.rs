@@ -26,6 +26,7 @@ use insula_viewer::{
     sun::{Daylight, SunOptions, parse_time},
 };
 use std::{
+    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
     path::PathBuf,
     sync::Arc,
     time::{Duration, Instant},
@@ -188,15 +189,14 @@ impl ApplicationHandler<ViewerEvent> for ViewerApp {
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
-            WindowEvent::Destroyed => {
-                // Its size and surface cannot be asked for any more.
-                (self.window, self.viewport) = (None, None);
-                event_loop.exit();
-            }
-            WindowEvent::RedrawRequested => match self.frame() {
-                Ok(Some(flow)) => event_loop.set_control_flow(flow),
-                Ok(None) => event_loop.exit(),
-                Err(error) => self.fail(event_loop, error),
+            WindowEvent::Destroyed => self.close(event_loop),
+            // The window system may destroy the window meanwhile: winit panics if it is asked for such a one, and its surface fails.
+            WindowEvent::RedrawRequested => match catch_unwind(AssertUnwindSafe(|| self.frame())) {
+                Ok(Ok(Some(flow))) => event_loop.set_control_flow(flow),
+                Ok(Ok(None)) => event_loop.exit(),
+                _ if self.window.as_ref().is_some_and(ViewerWindow::is_destroyed) => self.close(event_loop),
+                Ok(Err(error)) => self.fail(event_loop, error),
+                Err(panic) => resume_unwind(panic),
             },
             event => {
                 if self.handle_input(&event) {
@@ -208,6 +208,12 @@ impl ApplicationHandler<ViewerEvent> for ViewerApp {
 }
 
 impl ViewerApp {
+    /// Ends without the window, whose size and surface cannot be asked for any more.
+    fn close(&mut self, event_loop: &ActiveEventLoop) {
+        (self.window, self.viewport) = (None, None);
+        event_loop.exit();
+    }
+
     fn fail(&mut self, event_loop: &ActiveEventLoop, error: ClientError) {
         self.fatal_error = Some(error);
         event_loop.exit();

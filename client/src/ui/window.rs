@@ -8,7 +8,12 @@ use crate::{
 use insula_protocol::text::printable;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_viewer::cache::pages_for;
-use std::{sync::Arc, thread::JoinHandle, time::Duration};
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::Arc,
+    thread::JoinHandle,
+    time::Duration,
+};
 use winit::{
     dpi::{LogicalSize, PhysicalPosition},
     event::WindowEvent,
@@ -146,6 +151,11 @@ impl ViewerWindow {
     pub fn set_full_screen(&self, is_full_screen: bool) {
         self.window.set_fullscreen(is_full_screen.then_some(Fullscreen::Borderless(None)));
         tracing::debug!("full screen {}", if is_full_screen { "on" } else { "off" });
+    }
+
+    /// Whether the window system has destroyed the window: only then, winit panics when it is asked for the size.
+    pub fn is_destroyed(&self) -> bool {
+        catch_unwind(AssertUnwindSafe(|| self.window.inner_size())).is_err()
     }
 
     /// Inner size in points.

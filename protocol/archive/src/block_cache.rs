@@ -5,7 +5,7 @@ use crate::{
     disk_cache::DiskCache,
     source::{BoxFuture, SharedSource},
 };
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use moka::future::Cache;
 use std::{
     fmt::{self, Debug},
@@ -104,20 +104,20 @@ impl BlockCache {
         indices.map(move |index| BlockKey { object, index })
     }
 
-    /// Reads a range that lies inside the object.
+    /// Reads a range that lies inside the object. The bytes are a copy: whoever keeps them would else keep their whole block, uncounted.
     async fn read(&self, object: &dyn BlockObject, range: Range<u64>) -> Result<Bytes, ReadError> {
-        let mut bytes = BytesMut::new();
+        let mut bytes = Vec::new();
         for key in self.keys(object, &range) {
             let block = self.block(object, key).await?;
             let start = key.index * self.block_bytes;
             let part = range.start.max(start) - start..range.end.min(start + block.len() as u64) - start;
-            let part = block.slice(part.start as usize..part.end as usize);
-            if part.len() as u64 == range.end - range.start {
-                return Ok(part);
+            if bytes.is_empty() {
+                // After the first block, so that an object that is not there costs nothing.
+                bytes.reserve_exact((range.end - range.start) as usize);
             }
-            bytes.extend_from_slice(&part);
+            bytes.extend_from_slice(block.get(part.start as usize..part.end as usize).unwrap_or_default());
         }
-        Ok(bytes.freeze())
+        Ok(bytes.into_boxed_slice().into())
     }
 
     /// A block, from memory or loaded. Concurrent readers of one block share one load.

@@ -6,6 +6,7 @@ use insula_archive::{
 };
 use serde_json::Value;
 use std::{
+    ffi::OsStr,
     fs,
     io::Read,
     path::{Path, PathBuf},
@@ -15,6 +16,14 @@ use std::{
 const MAX_JSON_BYTES: u64 = 64 << 20;
 /// Of other files, so many bytes are looked at.
 const HEAD_BYTES: u64 = 64 << 10;
+
+/// Ends of the names of models, and the extensions of files beside or below them without which they are not whole: materials, buffers
+/// and textures.
+const NEEDED_FILES: [(&[&str], &[&str]); 3] = [
+    (&[".obj"], &["mtl", "png", "jpg", "jpeg", "webp", "tga", "bmp"]),
+    (&[".gltf"], &["bin", "png", "jpg", "jpeg", "webp", "ktx2"]),
+    (&[".gml", ".xml", ".city.json", ".city.jsonl"], &["xml", "png", "jpg", "jpeg", "webp", "tif", "tiff"]),
+];
 
 /// Option of all commands that write files.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::Args)]
@@ -151,7 +160,8 @@ impl Outputs {
     }
 
     /// Adds a file that the command writes. Fails, with what to do, if it is an input or another output, lies in a city, a site or a work
-    /// store, is a link to nothing, or exists and is of another kind or write-protected. Nothing is written yet.
+    /// store, is a link to nothing, or exists and is of another kind or write-protected. A file of another kind that may belong to an input,
+    /// such as its materials, is not replaced in any case. Nothing is written yet.
     pub fn file(&mut self, path: &Path, kind: FileKind) -> Result<(), String> {
         let refuse = |reason: String| Err(format!("{}: {reason}", path.display()));
         let found = fs::metadata(path).ok();
@@ -173,8 +183,13 @@ impl Outputs {
                 return refuse(format!("it is, or lies in, the input {}; give another name", input.display()));
             }
         }
-        if found.is_some() && !self.may_overwrite && !kind.is_of(path) {
-            return refuse(format!("it exists and is not {}; give another name, or --overwrite", kind.name()));
+        if found.is_some() && !kind.is_of(path) {
+            if let Some(input) = self.inputs.iter().find(|input| may_belong_to(path, input)) {
+                return refuse(format!("it may belong to the input {}; give another name", input.display()));
+            }
+            if !self.may_overwrite {
+                return refuse(format!("it exists and is not {}; give another name, or --overwrite", kind.name()));
+            }
         }
         if found.is_some_and(|found| found.permissions().readonly()) && !self.may_overwrite {
             return refuse("it is write-protected; give another name, or --overwrite".to_owned());
@@ -250,6 +265,23 @@ fn is_stream(_: &fs::Metadata) -> bool {
     false
 }
 
+/// Whether a file may be one that an input needs: it lies beside the input, with the same name but for the extension, or is of those that
+/// models of the input's format name.
+fn may_belong_to(path: &Path, input: &Path) -> bool {
+    let [path, input] = [path, input].map(canonical);
+    let name = |path: &Path| path.file_name().and_then(OsStr::to_str).map(str::to_lowercase).unwrap_or_default();
+    let (own, its) = (name(&path), name(&input));
+    let stem = |name: &str| name.split_once('.').map_or(name.to_owned(), |(stem, _)| stem.to_owned());
+    let Some(folder) = input.parent() else { return false };
+    let has_name = path.parent() == Some(folder) && stem(&own) == stem(&its);
+    let is_needed = || {
+        let of_format = NEEDED_FILES.iter().filter(|(ends, _)| ends.iter().any(|end| its.ends_with(end)));
+        let extension = own.rsplit_once('.').map_or("", |(_, extension)| extension);
+        of_format.flat_map(|(_, extensions)| extensions.iter()).any(|known| *known == extension)
+    };
+    has_name || path.starts_with(folder) && is_needed()
+}
+
 /// Whether two paths are of one file, by whatever names.
 fn is_same(a: &Path, b: &Path) -> bool {
     canonical(a) == canonical(b) || is_hard_link(a, b)
@@ -318,6 +350,21 @@ mod tests {
         }
         assert!(check("thesis.ply", false).unwrap_err().contains("--overwrite"));
         check("thesis.ply", true).unwrap();
+        // Nor does a report replace what an input needs.
+        fs::create_dir_all(path("textures")).unwrap();
+        for (name, is_needed) in [
+            ("town.txt", true),
+            ("roofs.MTL", true),
+            ("textures/wall.png", true),
+            ("a.txt", false),
+            ("notes.txt", false),
+        ] {
+            fs::write(path(name), "mine").unwrap();
+            let mut outputs =
+                Outputs::new(OverwriteArgs { overwrite: true }).reading([path("town.obj"), path("p.json")]);
+            let refused = outputs.file(&path(name), report).err();
+            assert_eq!(refused.is_some_and(|error| error.contains("may belong to")), is_needed, "{name}");
+        }
         #[cfg(unix)]
         {
             std::os::unix::fs::symlink(path("a.ply"), path("link.ply")).unwrap();

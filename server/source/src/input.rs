@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::ops::Range;
 use std::rc::Rc;
 
@@ -78,6 +78,9 @@ pub struct OpenInput<'a> {
     pub bytes_read: Rc<Cell<u64>>,
 }
 
+/// Begins a text in UTF-8 of some programs.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 struct CountingReader<'a> {
     inner: Box<dyn Read + 'a>,
     count: Rc<Cell<u64>>,
@@ -112,14 +115,21 @@ impl<'a> Input<'a> {
         Self { label, name, files, max_bytes, max_line_bytes: max_bytes, bbox_deg, height_field, share }
     }
 
-    /// Opens the source, and unpacks it if it is packed by gzip. Fails if the file cannot be opened.
+    /// Opens the source, without a byte order mark of UTF-8, and unpacks it if it is packed by gzip. Fails if the file cannot be opened.
     pub fn open(&self) -> Result<OpenInput<'a>, InputError> {
         let io_error = |cause| InputError::io(self.label, cause);
         let inner = self.files.open(self.name).map_err(io_error)?;
         let bytes_read = Rc::new(Cell::new(0));
         let unpacked = unpacked(CountingReader { inner, count: Rc::clone(&bytes_read) }).map_err(io_error)?;
-        let limited = BoundedReader { inner: unpacked, left: self.max_bytes };
-        Ok(OpenInput { reader: Box::new(BufReader::with_capacity(1 << 16, limited)), bytes_read })
+        let mut limited = BoundedReader { inner: unpacked, left: self.max_bytes };
+        // A mark of UTF-8 is no part of a text, and no other format begins with one.
+        let mut start = Vec::new();
+        limited.by_ref().take(BYTE_ORDER_MARK.len() as u64).read_to_end(&mut start).map_err(io_error)?;
+        if start == BYTE_ORDER_MARK {
+            start.clear();
+        }
+        let all = Cursor::new(start).chain(limited);
+        Ok(OpenInput { reader: Box::new(BufReader::with_capacity(1 << 16, all)), bytes_read })
     }
 
     /// The source on disk, unpacked to a temporary file if it is packed by gzip. Fails if it cannot be read or is too large.

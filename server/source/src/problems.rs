@@ -14,6 +14,8 @@ pub const FAR: &str = "far from the city";
 pub const WIDE: &str = "few objects far away that make the city more than twice as wide";
 /// Kind of the problem that coordinates are in another order than declared.
 pub const SWAPPED: &str = "coordinates in another order than declared";
+/// Kind of the problem that coordinates may be in either order.
+pub const EITHER_ORDER: &str = "order of coordinates assumed, both are plausible";
 /// Kind of the problem that coordinates do not fit the system.
 pub const OUTSIDE: &str = "position outside of the area of use of the coordinate system";
 /// Note of a height of which nothing is known.

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::attributes::{AttributeValue, Attributes};
 use super::object::FeatureKind;
 use super::problems::{
-    CONTRADICTION, GAP, GUESSED, GUESSED_FROM_LEVELS, INEXACT, MISSING_GROUND, MISSING_HEIGHTS, NO_CRS,
-    NO_GROUND_HEIGHT, OPEN_END, OUTSIDE, SWAPPED, TOO_MANY, TOO_WIDE, UNIT_GUESSED, WIDE,
+    CONTRADICTION, EITHER_ORDER, FAR, GAP, GUESSED, GUESSED_FROM_LEVELS, INEXACT, MISSING_GROUND, MISSING_HEIGHTS,
+    NO_CRS, NO_GROUND_HEIGHT, OPEN_END, OUTSIDE, SWAPPED, TOO_MANY, TOO_WIDE, UNIT_GUESSED, WIDE,
 };
 
 /// More guessed heights than this share of all are worth a warning.
@@ -25,6 +25,9 @@ const MAX_TYPES: usize = 1000;
 const OTHER_TYPES: &str = "(other types)";
 /// Stands for all attributes past [`MAX_TYPES`].
 const OTHER_ATTRIBUTES: &str = "(other attributes)";
+
+/// Kinds of problems of places, which are no reason for an empty city while there are others.
+const PLACES: [&str; 5] = [INEXACT, NO_CRS, SWAPPED, OUTSIDE, EITHER_ORDER];
 
 fn is_worth_a_warning(guessed: u64, all: u64) -> bool {
     guessed as f64 > MAX_GUESSED_SHARE * all as f64
@@ -337,6 +340,16 @@ impl SourceReport {
     }
 }
 
+/// How many there are besides the first ones that are named.
+fn more_than(first: &[String], count: u64) -> String {
+    let more = count.saturating_sub(first.len() as u64);
+    if more > 0 { format!(" and {more} more") } else { String::new() }
+}
+
+fn counted(objects: u64) -> String {
+    if objects == 1 { "1 object is".to_owned() } else { format!("{objects} objects are") }
+}
+
 fn count_fault(map: &mut BTreeMap<String, FaultCount>, key: &str, example: impl FnOnce() -> String) {
     match map.get_mut(key) {
         Some(fault) => fault.add(example),
@@ -400,12 +413,31 @@ impl ReadReport {
         all.into_iter()
     }
 
+    /// All that the user has to be told of what was guessed, and of what is not where it should be.
+    pub fn warnings(&self) -> impl Iterator<Item = String> {
+        self.far_warnings().chain(self.wide_warnings()).chain(self.coast_warnings()).chain(self.guess_warnings())
+    }
+
+    /// Which objects lie far from the city, of each source with such, what is baked, and what to do.
+    fn far_warnings(&self) -> impl Iterator<Item = String> {
+        self.sources.iter().filter_map(|source| {
+            let FaultCount { count, first } = source.skipped.get(FAR)?;
+            let more = more_than(first, *count);
+            let (objects, baked) = (counted(*count), counted(self.objects));
+            let advice = "check the coordinates, or bake each place as a city of its own";
+            Some(format!(
+                "{}: {objects} {FAR}, left out: {}{more}; {baked} baked; {advice}",
+                source.path,
+                first.join(", ")
+            ))
+        })
+    }
+
     /// Which few objects make the city wide, of each source with such, and what to do.
-    pub fn wide_warnings(&self) -> impl Iterator<Item = String> {
+    fn wide_warnings(&self) -> impl Iterator<Item = String> {
         self.sources.iter().filter_map(|source| {
             let FaultCount { count, first } = source.problems.get(WIDE)?;
-            let more = count - (first.len() as u64).min(*count);
-            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let more = more_than(first, *count);
             let advice = "remove them from the source, or leave them out with --bbox";
             Some(format!("{}: {WIDE}: {}{more}; {advice}", source.path, first.join(", ")))
         })
@@ -427,8 +459,7 @@ impl ReadReport {
         self.sources.iter().flat_map(move |source| {
             kinds.iter().filter_map(move |kind| {
                 let FaultCount { count, first } = source.problems.get(*kind)?;
-                let more = count - (first.len() as u64).min(*count);
-                let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                let more = more_than(first, *count);
                 Some(format!("{}: {kind}: {}{more}", source.path, first.join(", ")))
             })
         })
@@ -460,10 +491,13 @@ impl ReadReport {
         self.sources.iter().flat_map(|source| source.merged.values()).map(|fault| fault.count).sum()
     }
 
-    /// The most frequent fault, with its first example.
+    /// The most frequent fault, with its first example: of what is left out, else of parts, else of places.
     pub fn main_reason(&self) -> Option<String> {
-        let all = self.sources.iter().flat_map(|source| source.skipped.iter().chain(source.problems.iter()));
-        let (reason, fault) = all.max_by_key(|(_, fault)| fault.count)?;
+        let rank = |kind: &String| u8::from(!PLACES.contains(&kind.as_str()));
+        let skipped = self.sources.iter().flat_map(|source| &source.skipped).map(|(kind, fault)| (2, kind, fault));
+        let problems = self.sources.iter().flat_map(|source| &source.problems);
+        let all = skipped.chain(problems.map(|(kind, fault)| (rank(kind), kind, fault)));
+        let (_, reason, fault) = all.max_by_key(|(rank, _, fault)| (*rank, fault.count))?;
         let example = fault.first.first().map(|first| format!(", first {first}")).unwrap_or_default();
         Some(format!("{} times {reason}{example}", fault.count))
     }
@@ -481,6 +515,27 @@ mod tests {
         (0..2000).for_each(|i| report.count_type(&format!("{i} {}", "y".repeat(1000))));
         assert_eq!((report.objects_by_type.len(), report.objects_by_type[OTHER_TYPES]), (MAX_TYPES + 1, 1000));
         assert!(report.objects_by_type.keys().all(|name| name.len() <= MAX_TEXT_CHARS + 3));
+    }
+
+    #[test]
+    fn the_main_reason_is_what_is_left_out() {
+        let mut report = SourceReport::new("a", SourceFormat::GeoJson, 1);
+        (0..3).for_each(|_| report.problem(EITHER_ORDER, || "x".to_owned()));
+        let reason = |report: &SourceReport| {
+            ReadReport { sources: vec![report.clone()], ..ReadReport::default() }.main_reason().unwrap()
+        };
+        assert!(reason(&report).starts_with("3 times order"));
+        report.problem("polygon without area", || "y".to_owned());
+        assert_eq!(reason(&report), "1 times polygon without area, first y");
+        (0..2).for_each(|_| report.skip("no geometry", || "z".to_owned()));
+        assert_eq!(reason(&report), "2 times no geometry, first z");
+        // What is far is told with what is baked.
+        report.skip(FAR, || "tokyo: 9000 km away".to_owned());
+        let read = ReadReport { sources: vec![report], objects: 1, ..ReadReport::default() };
+        let warnings: Vec<String> = read.warnings().collect();
+        let expected = "a: 1 object is far from the city, left out: tokyo: 9000 km away; 1 object is baked; check the coordinates, \
+            or bake each place as a city of its own";
+        assert_eq!(warnings, [expected]);
     }
 
     #[test]

@@ -91,7 +91,7 @@ fn to_text(survey: &InputSurvey) -> String {
     for warning in read.placing_warnings() {
         line("warning", warning.to_owned());
     }
-    for warning in read.guess_warnings() {
+    for warning in read.warnings() {
         line("warning", warning);
     }
     for source in read.sources.iter().take(MAX_ROWS) {

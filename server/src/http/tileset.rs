@@ -124,7 +124,8 @@ fn make_now(city: &CityStore, file: TilesetFile, runtime: &Handle) -> Result<Byt
         TilesetFile::Node(TilesetFileKind::Subtree, id) => tileset.subtree(id.level(), id.x(), id.y()),
         TilesetFile::Node(TilesetFileKind::Content, id) => tileset.content(id.level(), id.x(), id.y()),
     };
-    made.map_err(|error| failed(&error))?.map(Bytes::from).ok_or(FileError::Missing)
+    // Without spare capacity, which the cache would not count.
+    made.map_err(|error| failed(&error))?.map(|bytes| bytes.into_boxed_slice().into()).ok_or(FileError::Missing)
 }
 
 /// Logs a failure. The client learns only whether a retry may help.

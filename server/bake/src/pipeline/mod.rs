@@ -143,11 +143,7 @@ impl<'a> BakeRun<'a> {
         for warning in report.placing_warnings() {
             self.progress.warn(warning);
         }
-        report
-            .wide_warnings()
-            .chain(report.coast_warnings())
-            .chain(report.guess_warnings())
-            .for_each(|warning| self.progress.warn(&warning));
+        report.warnings().for_each(|warning| self.progress.warn(&warning));
         Ok((city, surroundings, report))
     }
 

@@ -1,7 +1,7 @@
 //! Options and shared state of reading.
 
 use insula_place::PlacingOptions;
-use insula_source::problems::{MISSING_HEIGHTS, NO_CRS};
+use insula_source::problems::{MISSING_HEIGHTS, NO_CRS, OUTSIDE};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -523,6 +523,14 @@ impl<'o> ReadContext<'o> {
         }
         self.builder.drop_duplicates(self.options.duplicates, sources)?;
         let mut city = self.builder.finish(self.textures.textures, sources)?;
+        if let Some([low, high]) = city.bounds {
+            let middle = [0, 1].map(|axis: usize| city.origin[axis] + (low[axis] + high[axis]) / 2.0);
+            if let (Some(text), Some(source)) =
+                (self.world.far_text(middle), sources.iter_mut().find(|source| source.objects > 0))
+            {
+                source.problem(OUTSIDE, || text);
+            }
+        }
         city.crs = self.world.crs_name();
         report.vertical_datum = self.world.vertical();
         report.geoid = self.world.geoid();

@@ -4,9 +4,11 @@
 //! half of their union in common are in the same bin or in neighbouring ones. Each box is compared with a bounded number, so that
 //! the time is O(n log n), however many boxes there are in one place. A pair is
 //! one object if both have the same identifier and mostly the same box, or the same footprint and height. Footprints are
-//! compared as bit masks that one pass over the stored triangles fills. Objects, pairs and masks are sorted in scratch files, so
+//! compared as bit masks that one pass over the stored triangles fills. An object is left out for one that is kept: of three in a row of
+//! which only neighbours are alike, the third stays. Objects, pairs and masks are sorted in scratch files, so
 //! that memory does not follow the size of the city.
 
+use std::cmp::Ordering;
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::ControlFlow;
 
@@ -36,9 +38,8 @@ const FOOTPRINT_SHARE: f64 = 0.95;
 const HEIGHT_TOLERANCE_M: f64 = 1.0;
 const HEIGHT_TOLERANCE_SHARE: f64 = 0.5;
 const LEAST_HEIGHT_TOLERANCE_M: f64 = 0.05;
-/// An object is compared with this many similar ones at most: a source may have any number of objects in one place, and one
-/// that is kept suffices.
-const MAX_SIMILAR: usize = 4;
+/// An object is compared with this many similar ones at most: a source may have any number of objects in one place.
+const MAX_SIMILAR: usize = 8;
 /// An object is compared with this many of the active boxes of a bin at most, the last ones.
 const MAX_ACTIVE: usize = 1024;
 /// Side of the smallest bins.
@@ -70,18 +71,30 @@ pub(super) struct DuplicateCandidate {
     pub(super) is_terrain: bool,
 }
 
-/// Two objects that may be one. Indices of pending objects, the earlier one first.
+/// Two objects that may be one. Indices of pending objects: the one that is kept if they are comes first.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct SimilarPair {
     pub(super) first: usize,
     pub(super) second: usize,
+    /// Level of detail of the first one if the best is kept, else 0.
+    lod: f32,
     /// Whether the identifiers are equal.
     pub(super) has_same_id: bool,
     /// Whether box and triangles are the same. If neither these nor the identifiers are, the footprints decide.
     pub(super) is_copy: bool,
+    /// Whether the second one is left out also if the first one is, because of a third: it is its copy, or in a crowd of similar
+    /// objects of which not all were compared. Else it may differ from the third, and stays.
+    pub(super) is_chained: bool,
     /// The box of both on the map.
     low: [f64; 2],
     high: [f64; 2],
+}
+
+impl SimilarPair {
+    /// The order in which it is decided what is left out: all pairs that may leave out the first one of a pair come before.
+    pub(super) fn by_rank(a: &Self, b: &Self) -> Ordering {
+        b.lod.total_cmp(&a.lod).then(a.first.cmp(&b.first)).then(a.second.cmp(&b.second))
+    }
 }
 
 /// Passes all pairs of objects that may be one object to `visit`. `candidates` are in the order of their lowest x, and then of their
@@ -102,7 +115,8 @@ pub(super) fn similar_pairs(
             if is_enough { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         active.push(new);
-        pairs.into_iter().try_for_each(&mut visit)
+        let is_crowded = pairs.len() >= MAX_SIMILAR;
+        pairs.into_iter().try_for_each(|pair| visit(SimilarPair { is_chained: pair.is_copy || is_crowded, ..pair }))
     })
 }
 
@@ -193,15 +207,19 @@ fn similar(a: &DuplicateCandidate, b: &DuplicateCandidate, option: DuplicateOpti
     let tolerance_m = tolerance_m.clamp(LEAST_HEIGHT_TOLERANCE_M, HEIGHT_TOLERANCE_M);
     let differs = |x: f64, y: f64| (x - y).abs() >= tolerance_m;
     let has_same_height = !differs(a.bounds.low[2], b.bounds.low[2]) && !differs(a.bounds.high[2], b.bounds.high[2]);
-    let may_differ = option == DuplicateOption::KeepBestLevel && a.lod != b.lod;
+    let is_by_level = option == DuplicateOption::KeepBestLevel;
+    let may_differ = is_by_level && a.lod != b.lod;
     if !has_same_id && (share < FOOTPRINT_BOX_SHARE || !(has_same_height || may_differ)) {
         return None;
     }
     let is_copy = a.shape_hash == b.shape_hash && a.bounds == b.bounds;
-    let (first, second) = (a.object.min(b.object), a.object.max(b.object));
+    let rank = |object: &DuplicateCandidate| if is_by_level { object.lod } else { 0.0 };
+    let by_rank = rank(b).total_cmp(&rank(a)).then(a.object.cmp(&b.object));
+    let (first, second) = if by_rank.is_le() { (a, b) } else { (b, a) };
     let low = [0, 1].map(|axis: usize| a.bounds.low[axis].min(b.bounds.low[axis]));
     let high = [0, 1].map(|axis: usize| a.bounds.high[axis].max(b.bounds.high[axis]));
-    Some(SimilarPair { first, second, has_same_id, is_copy, low, high })
+    let (lod, first, second) = (rank(first), first.object, second.object);
+    Some(SimilarPair { first, second, lod, has_same_id, is_copy, is_chained: is_copy, low, high })
 }
 
 /// Area on the map that two boxes have in common, as a share of their union's.

@@ -139,16 +139,17 @@ fn begins_as_named(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let first: &[u8] = match name {
         fingerprints::FILE_NAME => &fingerprints::MAGIC,
-        thumbnail::FILE_NAME => thumbnail::SIGNATURE,
         thumbnail::OLD_FILE_NAME => thumbnail::OLD_SIGNATURE,
         SEARCH_FILE => b"INSX",
         _ if name.ends_with(".pmtiles") => b"PMTiles",
         // The manifest is read whole.
         _ => b"",
     };
+    let is_picture = name == thumbnail::FILE_NAME;
+    let bytes = if is_picture { thumbnail::HEAD_BYTES } else { first.len() };
     let mut head = Vec::new();
-    let read = open_regular(path).and_then(|file| file.take(first.len() as u64).read_to_end(&mut head));
-    read.is_ok() && first.starts_with(&head)
+    let read = open_regular(path).and_then(|file| file.take(bytes as u64).read_to_end(&mut head));
+    read.is_ok() && if is_picture { thumbnail::is_own(&head) } else { first.starts_with(&head) }
 }
 
 /// Removes a city that [`check_out`] accepts. Fails, and keeps the folder, if it contains anything else.

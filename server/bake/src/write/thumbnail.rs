@@ -45,8 +45,12 @@ pub(super) use insula_protocol::route::THUMBNAIL_FILE as FILE_NAME;
 
 /// The picture of cities that were baked earlier: seen from straight above.
 pub(super) const OLD_FILE_NAME: &str = "thumbnail.png";
-/// How the file begins: as the encoder writes it and hardly another one, so that a picture which somebody put in its place is told from it.
-pub(super) const SIGNATURE: &[u8] = b"\xff\xd8\xff\xe0\0\x10JFIF\0\x01\x02\0\0\x01\0\x01\0\0\xff\xc0";
+/// A comment in the file, by which it is told from a picture that somebody put in its place, whatever the encoder writes around it.
+const MARK: &[u8] = b"\xff\xfe\0\x11drawn by Insula";
+/// Bytes of the file in which the comment is.
+pub(super) const HEAD_BYTES: usize = 64;
+/// How pictures begin that have no comment.
+const UNMARKED: &[u8] = b"\xff\xd8\xff\xe0\0\x10JFIF\0\x01\x02\0\0\x01\0\x01\0\0\xff\xc0";
 /// How that of earlier cities begins.
 pub(super) const OLD_SIGNATURE: &[u8] = b"\x89PNG";
 
@@ -94,7 +98,24 @@ fn encode(pixels: &Pixels) -> image::ImageResult<Vec<u8>> {
     let mut jpeg = Vec::new();
     let mut encoder = JpegEncoder::new_with_quality(&mut jpeg, QUALITY);
     encoder.encode(&rgb, pixels.width_px, pixels.height_px, ExtendedColorType::Rgb8)?;
-    Ok(jpeg)
+    Ok(marked(jpeg))
+}
+
+/// A JPEG file with [`MARK`] behind its first segment, which readers expect at its place.
+fn marked(mut jpeg: Vec<u8>) -> Vec<u8> {
+    let first = match jpeg.get(2..6) {
+        Some([0xff, 0xe0, high, low]) => 2 + usize::from(u16::from_be_bytes([*high, *low])),
+        _ => 0,
+    };
+    let at = (2 + first).min(jpeg.len());
+    drop(jpeg.splice(at..at, MARK.iter().copied()));
+    jpeg
+}
+
+/// Whether a file of this name that begins so is a picture of a bake, or the start of one.
+pub(super) fn is_own(head: &[u8]) -> bool {
+    let is_marked = || head.windows(MARK.len()).any(|bytes| bytes == MARK);
+    head.starts_with(UNMARKED) || UNMARKED.starts_with(head) || is_marked()
 }
 
 /// The first view of a city, and the tiles that it asks for.
@@ -210,5 +231,23 @@ impl Picture {
         let data = FrameData::new(inputs, &self.tree, &self.cache, &self.view, &self.settings);
         self.adapter.make_maps(&data.frame, &data.grid, &data.nodes);
         render_with(&self.adapter.scene_of(&data), InstructionSet::best(), Sampling::Full)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_of_bakes_are_known_whatever_the_encoder_writes() {
+        let mut jpeg = Vec::new();
+        let encoded = JpegEncoder::new(&mut jpeg).encode(&[9; 3 * 64], 8, 8, ExtendedColorType::Rgb8);
+        encoded.unwrap();
+        let own = marked(jpeg);
+        assert!(is_own(&own[..HEAD_BYTES]) && is_own(UNMARKED) && is_own(&own[..10]));
+        assert_eq!(image::load_from_memory(&own).unwrap().width(), 8);
+        let other_encoder = marked(b"\xff\xd8\xff\xdb\0\x43 tables".to_vec());
+        assert!(is_own(&other_encoder) && other_encoder.starts_with(b"\xff\xd8\xff\xfe"));
+        assert!(!is_own(b"\xff\xd8\xff\xe1\0\x20Exif holiday"));
     }
 }

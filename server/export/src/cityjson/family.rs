@@ -1,4 +1,5 @@
-//! The triangles of an object and its parts, leaf by leaf.
+//! The triangles of an object and its parts, leaf by leaf. Nodes above the leaves that have no children are plain: their columns show
+//! the same as the leaves would, and have no meshes.
 //!
 //! As in `table::gather`, a family is open from the first leaf that shows it until the last one that the bounds of its members touch.
 
@@ -6,6 +7,7 @@ use super::surfaces::Point;
 use crate::table::{
     ExportError,
     city::{City, Plan},
+    columns::{ColumnView, Top},
     gather::LeafPositions,
     open_objects::OpenObjects,
     walk::{EndNode, visit_end_nodes},
@@ -33,22 +35,25 @@ pub(super) struct Member {
 type Emit<'a> = &'a mut dyn FnMut(Family) -> Result<(), ExportError>;
 
 /// Passes each family with a selected member that any mesh shows to `emit`. A member belongs to it if it or one of its parents is
-/// selected. Fails if tiles cannot be read, and with the error of `emit`.
-pub(super) fn visit_families(city: &City<'_>, plan: &Plan, emit: Emit<'_>) -> Result<(), ExportError> {
-    let Some(area) = plan.area else { return Ok(()) };
-    let mut gather = Gather { city, plan, open: OpenObjects::default() };
+/// selected. Returns whether there was a mesh. Fails if tiles cannot be read, and with the error of `emit`.
+pub(super) fn visit_families(city: &City<'_>, plan: &Plan, emit: Emit<'_>) -> Result<bool, ExportError> {
+    let Some(area) = plan.area else { return Ok(false) };
+    let mut gather = Gather { city, plan, open: OpenObjects::default(), has_mesh: false };
     visit_end_nodes(city.source, area, &mut |node| {
         gather.add(node)?;
         let done = city.order.last(node.id);
         gather.close(done, emit)
     })?;
-    gather.close(u64::MAX, emit)
+    gather.close(u64::MAX, emit)?;
+    Ok(gather.has_mesh)
 }
 
 struct Gather<'a> {
     city: &'a City<'a>,
     plan: &'a Plan,
     open: OpenObjects<OpenFamily>,
+    /// Whether a node had a mesh.
+    has_mesh: bool,
 }
 
 /// A family of which leaves are still to come.
@@ -60,16 +65,10 @@ struct OpenFamily {
 impl Gather<'_> {
     fn add(&mut self, node: EndNode) -> Result<(), ExportError> {
         let mesh = if node.has_mesh { self.city.source.mesh(node.id, 0)? } else { None };
-        let Some(mesh) = mesh else { return Ok(()) };
+        let Some(mesh) = mesh else { return self.add_tops(node) };
+        self.has_mesh = true;
         let LeafPositions { world, tolerance_m } = LeafPositions::of(self.city, node.id, &mesh);
-        let origin_z = super::origin_z(self.city);
-        let points: Vec<Point> = world
-            .iter()
-            .map(|[x, y, z]| {
-                let point = self.city.grid.point([*x, *y]);
-                [point.x, point.y, ((z - origin_z) * 1000.0).round() as i32]
-            })
-            .collect();
+        let points: Vec<Point> = world.iter().map(|position| self.point(*position)).collect();
         let mut roots = HashMap::new();
         for (triangle, &object) in mesh.mesh.triangles.iter().zip(&mesh.objects) {
             let root = match roots.get(&object) {
@@ -84,6 +83,31 @@ impl Gather<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Adds what the columns of a plain node show from above.
+    fn add_tops(&mut self, node: EndNode) -> Result<(), ExportError> {
+        if node.id.level() >= self.city.manifest.depth {
+            return Ok(());
+        }
+        let Some(map) = self.city.source.columns(node.id)? else { return Ok(()) };
+        let Some(view) = ColumnView::new(self.city.manifest, &map) else { return Ok(()) };
+        let tops = view.tops();
+        for Top { object, area: [[west, south], [east, north]], z_m } in tops {
+            let Some(root) = self.root_of(object)? else { continue };
+            let corners = [[west, south], [east, south], [east, north], [west, north]];
+            let [a, b, c, d] = corners.map(|[x, y]| self.point([x, y, z_m]));
+            let open = self.open(root)?;
+            open.add(object, [a, b, c], 0.0);
+            open.add(object, [a, c, d], 0.0);
+        }
+        Ok(())
+    }
+
+    /// A position in world metres as a vertex.
+    fn point(&self, [x, y, z]: [f64; 3]) -> Point {
+        let point = self.city.grid.point([x, y]);
+        [point.x, point.y, ((z - super::origin_z(self.city)) * 1000.0).round() as i32]
     }
 
     /// The family of an object; `None` if the object is not exported.

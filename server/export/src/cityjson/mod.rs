@@ -1,7 +1,8 @@
 //! CityJSON 2.0 text sequences (<https://www.cityjson.org/cityjsonseq/>): a line of metadata, then a feature on each line: an object
 //! with its parts.
 //!
-//! Geometries are the triangles of the finest meshes, merged where they are in one plane. Vertices are in millimetres from the
+//! Geometries are the triangles of the finest meshes, and where plain nodes have none, level areas of their columns, merged where they
+//! are in one plane. Vertices are in millimetres from the
 //! city's corner. The attribution is in the title, because the schema allows no other member of `metadata`.
 
 mod family;
@@ -35,10 +36,10 @@ pub(crate) fn write(city: &City<'_>, plan: &Plan, out: &Path) -> Result<ExportRe
     let head = metadata(city, &mut report);
     let mut lines = Lines { city, out: BufWriter::new(file), path: out, written: RoaringBitmap::new() };
     lines.put(&head)?;
-    visit_families(city, plan, &mut |family| lines.write_family(family, &mut report))?;
-    if lines.written.is_empty() && !plan.selected.is_empty() {
-        let warning =
-            "no mesh shows the selected objects, so they have no geometry: bake with meshes, or export 3D Tiles";
+    let has_mesh = visit_families(city, plan, &mut |family| lines.write_family(family, &mut report))?;
+    if !has_mesh && !plan.selected.is_empty() {
+        let warning = "no mesh shows the selected objects, so they have no geometry, or level areas only: bake with meshes, or \
+            export 3D Tiles";
         report.warnings.push(warning.to_owned());
     }
     lines.write_rest(plan, &mut report)?;

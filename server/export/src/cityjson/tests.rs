@@ -141,3 +141,16 @@ fn houses_across_leaves_have_the_surfaces_of_their_source() {
         assert!((area_m2(feature, id) - expected).abs() < 0.3, "{id}: {}", area_m2(feature, id));
     }
 }
+
+#[test]
+fn level_areas_of_plain_nodes_are_not_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.city.jsonl");
+    let (all, projections, options) = (ObjectSelection::default(), Projections::default(), TableOptions::default());
+    let report = export(&TestCity::of_a_pond(), Format::CityJsonSeq, &all, &projections, options, &path).unwrap();
+    assert_eq!((report.objects, report.without_geometry, report.warnings.len()), (1, 0, 0));
+    let text = std::fs::read_to_string(&path).unwrap();
+    let feature: Value = serde_json::from_str(text.lines().nth(1).unwrap()).unwrap();
+    let found = area_m2(&feature, "pond");
+    assert!((found - 64.0 * 68.0).abs() < 0.5, "{found} m2");
+}

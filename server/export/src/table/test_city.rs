@@ -22,6 +22,8 @@ pub(crate) const COURT: u32 = 4;
 pub(crate) const GHOST: u32 = 5;
 pub(crate) const BRIDGE: u32 = 6;
 pub(crate) const HEDGE: u32 = 600;
+/// Of the city of a pond.
+pub(crate) const POND: u32 = 0;
 
 /// Rectangles of the objects in metres from the city's corner, with lower and upper end above it.
 const SHAPES: [(u32, [f64; 4], [f64; 2]); 9] = [
@@ -81,6 +83,8 @@ pub(crate) struct TestCity {
     has_meshes: bool,
     /// Triangles in metres from the city's corner, in place of the boxes.
     triangles: Vec<(u32, [[f64; 3]; 3])>,
+    /// A node without children whose columns all show [`POND`] at 5 m.
+    plain: Option<TileId>,
 }
 
 impl TestCity {
@@ -131,6 +135,17 @@ impl TestCity {
         Self { has_meshes: true, ..Self::of(houses, triangles) }
     }
 
+    /// A pond of 64 x 68 m, of which a plain node has all but a strip.
+    pub(crate) fn of_a_pond() -> Self {
+        let [a, b, c, d] = [[64.0, 60.0], [128.0, 60.0], [128.0, 64.0], [64.0, 64.0]].map(|[x, y]| [x, y, 5.0]);
+        let bounds = ObjectBounds { min: [640, 600, 50], max: [1280, 1280, 50] };
+        let (parent, attributes) = (None, Vec::new());
+        let kind = FeatureKind::Water;
+        let record = ObjectRecord { identifier: "pond".to_owned(), kind, parent, bounds: Some(bounds), attributes };
+        let all = Self::of(vec![(POND, record, Vec::new())], vec![(POND, [a, b, c]), (POND, [a, c, d])]);
+        Self { has_meshes: true, plain: TileId::new(1, 1, 1), ..all }
+    }
+
     fn of(records: Vec<(u32, ObjectRecord, Attributes)>, triangles: Vec<(u32, [[f64; 3]; 3])>) -> Self {
         let mut builder = SchemaBuilder::default();
         for (name, value) in records.iter().flat_map(|(_, _, attributes)| attributes) {
@@ -152,7 +167,7 @@ impl TestCity {
         }
         let encode = |(number, rows): (u32, Vec<_>)| (number, block::encode(number, &rows, &schema).unwrap());
         let blocks = blocks.into_iter().map(encode).collect();
-        Self { manifest: manifest(2), schema, blocks, has_meshes: false, triangles }
+        Self { manifest: manifest(2), schema, blocks, has_meshes: false, triangles, plain: None }
     }
 
     fn mesh_of(&self, leaf: TileId) -> Option<MeshTile> {
@@ -327,6 +342,18 @@ fn columns_of(leaf: TileId) -> BlockMap {
     map
 }
 
+/// The columns of a plain node of 64 m.
+fn pond(node: TileId) -> BlockMap {
+    let mut map = BlockMap::empty(node, 1.0, 0, 0);
+    map.flags.fill(flag::OCCUPIED);
+    // A code is a sixteenth of a metre.
+    map.z_max.fill(5 * 16);
+    let mut objects = ColumnObjects::default();
+    objects.roof.fill(POND);
+    map.objects = Some(Box::new(objects));
+    map
+}
+
 impl ExportSource for TestCity {
     fn manifest(&self) -> &Manifest {
         &self.manifest
@@ -346,11 +373,12 @@ impl ExportSource for TestCity {
         let mut next = 0;
         while let Some(&id) = ids.get(next) {
             next += 1;
-            let child_mask = if id.level() < self.manifest.depth { 15 } else { 0 };
+            let has_children = id.level() < self.manifest.depth && self.plain != Some(id);
+            let child_mask = if has_children { 15 } else { 0 };
             ids.extend(id.children().filter(|_| child_mask > 0));
             let [z_min_m, z_max_m, error_m, radius_m] = [0.0, 40.0, 1.0, 100.0];
             subtree.nodes.push(NodeInfo { id, child_mask, z_min_m, z_max_m, error_m, radius_m, blockmap_bytes: 1 });
-            if child_mask == 0 && self.has_meshes && self.mesh_of(id).is_some() {
+            if id.level() == self.manifest.depth && self.has_meshes && self.mesh_of(id).is_some() {
                 let lods = vec![MeshLod { error_m: 0.0, bytes: 1, triangles: 1, texture_px: 0 }];
                 subtree.meshes.push(NodeMesh { id, lods });
             }
@@ -359,7 +387,7 @@ impl ExportSource for TestCity {
     }
 
     fn columns(&self, node: TileId) -> Result<Option<BlockMap>, SourceError> {
-        Ok(Some(columns_of(node)))
+        Ok(Some(if self.plain == Some(node) { pond(node) } else { columns_of(node) }))
     }
 
     fn mesh(&self, leaf: TileId, lod: u8) -> Result<Option<MeshTile>, SourceError> {

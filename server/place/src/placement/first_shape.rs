@@ -1,5 +1,7 @@
 //! The first shape of a source, by which its system is checked or guessed.
 
+use super::MAX_COORDINATE_M;
+
 /// A feature in degrees is at most this large; one in metres is hardly ever smaller.
 const MAX_DEGREES: f64 = 0.2;
 /// Positions of a shape that are looked at.
@@ -16,10 +18,11 @@ pub struct FirstShape {
 }
 
 impl FirstShape {
-    /// The shape of positions; `None` if the first are no numbers.
+    /// The shape of positions; `None` if the first are no numbers, or none of any place.
     pub fn of(positions: impl Iterator<Item = [f64; 2]>) -> Option<Self> {
         let mut found: Option<Self> = None;
-        for [x, y] in positions.take(MAX_POSITIONS).filter(|position| position.iter().all(|c| c.is_finite())) {
+        let is_possible = |position: &[f64; 2]| position.iter().all(|c| c.abs() <= MAX_COORDINATE_M);
+        for [x, y] in positions.take(MAX_POSITIONS).filter(is_possible) {
             let at = Self { position: [x, y], low: [x, y], size: Some([0.0; 2]) };
             let shape = found.get_or_insert(at);
             let [width, height] = shape.size.unwrap_or_default();
@@ -76,6 +79,6 @@ mod tests {
         assert!(!shape(&[[0.0, 0.0], [0.1, 0.1]]).looks_like_degrees());
         assert!(!shape(&[[85_000.0, 446_000.0]]).looks_like_degrees());
         assert!(!FirstShape::from([4.0, 52.0, 0.0]).looks_like_degrees(), "its size is not known");
-        assert_eq!(FirstShape::of([[f64::NAN, 1.0]].into_iter()), None);
+        assert_eq!(FirstShape::of([[f64::NAN, 1.0], [1e300, 2.0]].into_iter()), None);
     }
 }

@@ -9,6 +9,7 @@ mod earth;
 mod first_shape;
 mod input;
 mod likely;
+mod mesh_extent;
 mod national;
 mod order;
 #[cfg(test)]
@@ -19,7 +20,7 @@ mod world;
 use std::sync::Arc;
 
 pub use first_shape::FirstShape;
-pub use order::EITHER_ORDER;
+pub use mesh_extent::MeshExtent;
 pub use order::{AxisOrders, AxisRule};
 pub use world::World;
 

@@ -1,6 +1,6 @@
 //! Whether the coordinates of a source fit its system, and in which of two orders they are.
 
-use insula_source::problems::{OUTSIDE, SWAPPED};
+use insula_source::problems::{EITHER_ORDER, OUTSIDE, SWAPPED};
 use std::str::FromStr;
 
 use glob::{MatchOptions, Pattern};
@@ -16,10 +16,7 @@ use insula_source::object::AxisOrder;
 /// A source may reach so far beyond the area of use of its system, which is in whole degrees.
 const REACH_DEG: f64 = 1.5;
 /// Systems are used beyond their area, but not so far.
-const FAR_DEG: f64 = 10.0;
-
-/// Kind of the note that coordinates may be in either order.
-pub const EITHER_ORDER: &str = "order of coordinates assumed, both are plausible";
+pub(super) const FAR_DEG: f64 = 10.0;
 
 /// Order of coordinates that the user decides on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -130,6 +127,9 @@ pub(super) fn decide(
              first{other} (--axis-order)"
         )
     };
+    // In the area of use of a whole continent, or of the Earth, the sea tells, unless the format leaves no doubt.
+    let has_seas = area.map_or(is_degrees(input) && !order.is_fixed(), Area::is_wide);
+    let is_at_sea = |place: [f64; 2]| has_seas && !crs::is_near_land(place);
     match (fits(places[0], REACH_DEG), fits(places[1], 0.0), swapped) {
         (Some(_), None, _) => keep(None),
         (None, Some(_), Some(axes)) => Ok(Order { axes, finding: Some((SWAPPED, telling(", which is taken"))) }),
@@ -137,11 +137,11 @@ pub(super) fn decide(
             [false, true] => {
                 Ok(Order { axes, finding: Some((SWAPPED, telling(", near the other inputs, which is taken"))) })
             }
-            _ if is_at_sea(area, own) && !is_at_sea(area, other) => {
+            _ if is_at_sea(own) && !is_at_sea(other) => {
                 Ok(Order { axes, finding: Some((SWAPPED, telling(", on land, which is taken"))) })
             }
             [true, false] => keep(None),
-            _ if is_at_sea(area, other) && !is_at_sea(area, own) => keep(None),
+            _ if is_at_sea(other) && !is_at_sea(own) => keep(None),
             _ if order.is_fixed() => keep(None),
             _ => keep(Some((EITHER_ORDER, telling("; the declaration is followed")))),
         },
@@ -154,11 +154,6 @@ pub(super) fn decide(
             },
         )),
     }
-}
-
-/// Whether a place is at sea, in the area of use of a whole continent.
-fn is_at_sea(area: Option<Area>, place: [f64; 2]) -> bool {
-    area.is_some_and(Area::is_wide) && !crs::is_near_land(place)
 }
 
 fn is_degrees(input: &SourceInput) -> bool {

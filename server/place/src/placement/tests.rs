@@ -3,10 +3,11 @@
 use insula_source::problems::{OUTSIDE, SWAPPED};
 use std::path::PathBuf;
 
-use super::{AxisOrders, EITHER_ORDER, FirstShape, Placement, World};
+use super::{AxisOrders, FirstShape, Placement, World};
 use crate::PlacingOptions;
 use insula_source::error::InputError;
 use insula_source::object::{AxisOrder, CrsReference};
+use insula_source::problems::EITHER_ORDER;
 use insula_source::units::HeightUnit;
 
 fn reference(name: &str, order: AxisOrder) -> CrsReference {
@@ -347,6 +348,14 @@ fn coordinates_are_read_in_the_order_that_fits_the_area_of_use() {
         ("OGC:CRS84", fixed, [35.68, 139.76], [139.76, 35.68], SWAPPED),
         ("OGC:CRS84", fixed, [16.37, 48.21], [16.37, 48.21], ""),
         ("EPSG:4326", registry, [48.21, 16.37], [16.37, 48.21], EITHER_ORDER),
+        // The other place is at sea, but for formats that leave no doubt.
+        ("EPSG:4326", registry, [4.36, 52.01], [4.36, 52.01], SWAPPED),
+        ("EPSG:4979", registry, [52.01, 4.36], [4.36, 52.01], ""),
+        ("OGC:CRS84", mostly, [52.01, 4.36], [4.36, 52.01], SWAPPED),
+        ("OGC:CRS84", fixed, [52.01, 4.36], [52.01, 4.36], ""),
+        // Islands are land.
+        ("OGC:CRS84", mostly, [55.45, -4.62], [55.45, -4.62], EITHER_ORDER),
+        ("OGC:CRS84", mostly, [15.64, 78.22], [15.64, 78.22], EITHER_ORDER),
         ("EPSG:25832", fixed, [691_000.0, 5_334_000.0], [11.57, 48.13], ""),
     ] {
         let (place, kind) = found(&PlacingOptions::default(), name, order, first).unwrap();

@@ -9,13 +9,14 @@ use super::earth::Geodetic;
 use super::first_shape::FirstShape;
 use super::input::{Habit, SourceInput, WGS84, origin_without_geoid};
 use super::likely::Region;
-use super::order::AxisOrders;
+use super::order::{AxisOrders, FAR_DEG};
 use super::transform::Transform;
 use super::{Placed, Placement, national};
 use crate::PlacingOptions;
 use crate::crs;
 use crate::crs::geoid::{Geoid, GridFolder};
 use crate::crs::{Crs, CrsError, Definition, System, Vertical, VerticalDatum};
+use crate::earth_place::EarthPlace;
 use insula_source::error::InputError;
 use insula_source::object::{AxisOrder, CrsReference};
 use insula_source::units::HeightUnit;
@@ -205,6 +206,25 @@ impl World {
         self.system.as_ref().map(|system| system.name.clone())
     }
 
+    /// What to tell of a city whose middle lies far outside of the area of its system, so that lengths are wrong; `None` of all others. So
+    /// it is if the first object, which chose the system, is at another place than most.
+    pub fn far_text(&self, middle: [f64; 2]) -> Option<String> {
+        let system = self.system.as_ref()?;
+        let area = crs::area_of_use(system.code?)?;
+        let found = EarthPlace::of(&system.label)?.lon_lat(middle);
+        if found.is_some_and(|place| area.contains(place, FAR_DEG)) {
+            return None;
+        }
+        let advice = "give the one of most objects with --crs, or remove the objects that are elsewhere";
+        let place = found.map_or("beyond its projection".to_owned(), |[lon, lat]| {
+            format!("at {lon:.4}, {lat:.4} (longitude, latitude), likely EPSG:{}", utm_code([lon, lat]))
+        });
+        Some(format!(
+            "most of the city is far outside of {}, which follows from the first object: {place}; {advice}",
+            system.label
+        ))
+    }
+
     /// Makes the system the world's if it is projected, with nearly true lengths. Returns whether it is.
     fn adopt(&mut self, crs: &Crs) -> bool {
         let Some((code, definition)) = crs.horizontal.in_metres().filter(|(_, definition)| definition.is_metric())
@@ -235,9 +255,7 @@ impl World {
         if !UTM_LATITUDES_DEG.contains(&latitude_deg) {
             return;
         }
-        let hemisphere = if latitude_deg < 0.0 { 32_700 } else { 32_600 };
-        let name = format!("EPSG:{}", hemisphere + utm_zone(longitude_deg, latitude_deg));
-        if let Ok(crs) = crs::resolve(&name) {
+        if let Ok(crs) = crs::resolve(&format!("EPSG:{}", utm_code([longitude_deg, latitude_deg]))) {
             self.adopt(&crs);
         }
     }
@@ -409,6 +427,12 @@ fn local_origin(input: &SourceInput, geoid: &Geoid) -> Result<Option<Geodetic>, 
     let mut geodetic = origin_without_geoid(origin);
     geodetic.height_m += undulation_m;
     Ok(Some(geodetic))
+}
+
+/// EPSG code of the zone of UTM on WGS 84.
+fn utm_code([longitude_deg, latitude_deg]: [f64; 2]) -> u32 {
+    let hemisphere = if latitude_deg < 0.0 { 32_700 } else { 32_600 };
+    hemisphere + utm_zone(longitude_deg, latitude_deg)
 }
 
 /// Zone of UTM with the exceptions of Norway and Svalbard.

@@ -185,6 +185,12 @@ impl<'a> OwnedStore<'a> {
         Ok(removal)
     }
 
+    /// Removes the empty folders of removed objects and their records.
+    pub(super) fn remove_folders(self, names: &[String]) {
+        let records = names.iter().map(|name| record_name(name));
+        self.0.remove_folders(&names.iter().cloned().chain(records).collect::<Vec<_>>());
+    }
+
     /// The address, for messages.
     pub(super) fn address(self) -> String {
         self.0.address()

@@ -57,8 +57,7 @@ impl BakeSteps<'_> {
         let known_textures = parts.textures().len();
         let PartsCity { mut city, surroundings, report, materials, mut first_objects, pictures, own_record_bytes } =
             parts.assemble(&self.read_options)?;
-        let warnings = report.wide_warnings().chain(report.coast_warnings()).chain(report.guess_warnings());
-        warnings.for_each(|warning| self.progress.warn(&warning));
+        report.warnings().for_each(|warning| self.progress.warn(&warning));
         let cell_m = self.config.cell_m;
         let empty = BakeError::Empty { triangles: 0, cell_m };
         let Some(bounds) = city.bounds else { return Err(empty) };

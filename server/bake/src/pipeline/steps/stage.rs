@@ -157,6 +157,8 @@ pub fn abort(store: &dyn WorkStore) -> Result<AbortedJob, BakeError> {
     names.sort_unstable();
     names.dedup();
     removed.remove(store, &names)?;
+    names.push(JOB.to_owned());
+    store.remove_folders(&names);
     let Removed { objects, kept } = removed;
     if kept.is_empty() && !is_complete {
         store.unmark().map_err(failed("insula-work"))?;

@@ -1,6 +1,7 @@
 //! Where the steps of a bake keep their results.
 
 use std::{
+    collections::BTreeSet,
     fs,
     io::{self, Read, Seek, SeekFrom},
     path::{Path, PathBuf},
@@ -42,6 +43,10 @@ pub trait WorkStore: Send + Sync {
 
     /// Removes an object, if it exists. Fails if the store does not answer.
     fn remove(&self, name: &str) -> io::Result<()>;
+
+    /// Removes the folders in which only removed objects of these names were, if the store has folders. What others put there stays, and
+    /// so does a folder that cannot be removed.
+    fn remove_folders(&self, _names: &[String]) {}
 
     /// Begins an object of `size` bytes that is written in parts, and returns a ticket for them. Fails as [`Self::put`].
     fn begin_parts(&self, name: &str, size: u64) -> io::Result<String>;
@@ -239,6 +244,19 @@ impl WorkStore for WorkFolder {
         }
     }
 
+    fn remove_folders(&self, names: &[String]) {
+        let own = [TEMPORARY, PARTS].into_iter();
+        let ancestors = names.iter().flat_map(|name| name.match_indices('/').map(move |(end, _)| &name[..end]));
+        let folders: BTreeSet<&str> = own.chain(ancestors).collect();
+        // What is in a folder comes before it.
+        for folder in folders.into_iter().rev() {
+            if let Ok(path) = self.path(folder) {
+                // It fails for one that is not empty.
+                let _ = fs::remove_dir(path);
+            }
+        }
+    }
+
     fn begin_parts(&self, name: &str, size: u64) -> io::Result<String> {
         self.path(name)?;
         let ticket = format!("{PARTS}/{}", hash_of(name));
@@ -291,6 +309,20 @@ impl WorkStore for WorkFolder {
 mod tests {
     use super::*;
     use insula_test_support::folder::TestFolder;
+
+    #[test]
+    fn folders_of_removed_objects_go_and_those_of_others_stay() {
+        let folder = TestFolder::new("work-folders");
+        let store = WorkFolder::new(&folder.path);
+        let names = ["scan/0/a", "scan/0/b", "city/x"].map(str::to_owned);
+        names.iter().for_each(|name| store.put(name, b"a".to_vec()).unwrap());
+        fs::create_dir(folder.path.join("city/mine")).unwrap();
+        names.iter().for_each(|name| store.remove(name).unwrap());
+        store.remove_folders(&names);
+        let left: Vec<_> = fs::read_dir(&folder.path).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(left, ["city"]);
+        assert!(folder.path.join("city/mine").is_dir());
+    }
 
     #[test]
     fn objects_are_replaced_listed_made_of_parts_and_removed() {

@@ -1,7 +1,7 @@
 //! Makes the city of all objects.
 
 use super::pending::PendingObject;
-use super::strays::{Outskirts, PlaceHistogram, stray_distance_m};
+use super::strays::{Outskirts, PlaceHistogram, is_at_origin, stray_distance_m};
 use super::{PendingLandmark, SceneBuilder, remove_from_report, subtract_from_report};
 use crate::error::BakeError;
 use crate::scene::Landmark;
@@ -15,10 +15,12 @@ use insula_source::report::SourceReport;
 
 /// Where all objects are that are kept.
 struct CityPlaces {
-    /// The median object ([`super::strays`]).
-    median_m: [f64; 3],
+    /// Where most objects are ([`super::strays`]).
+    middle_m: [f64; 3],
     /// Lowest and highest corner in world coordinates; the low one is higher without objects.
     bounds: [[f64; 3]; 2],
+    /// Number of these objects.
+    kept: u64,
     /// Few objects by which the city is much wider than without them.
     outskirts: Option<Outskirts>,
 }
@@ -57,7 +59,7 @@ impl SceneBuilder {
         textures: TextureStore,
         sources: &mut [SourceReport],
     ) -> Result<ScratchScene, BakeError> {
-        let CityPlaces { median_m, bounds: [low, high], outskirts } = self.places()?;
+        let CityPlaces { middle_m, bounds: [low, high], outskirts, .. } = self.places()?;
         let scratch = self.pending.scratch();
         let mut city = ScratchScene {
             origin: [0.0; 3],
@@ -83,7 +85,7 @@ impl SceneBuilder {
         let (mut min, mut max) = ([f64::MAX; 3], [f64::MIN; 3]);
         self.pending.try_for_each(|_, object| {
             let offset_m: [f64; 3] = std::array::from_fn(|axis| object.anchor[axis] - city.origin[axis]);
-            let far = stray_distance_m(median_m, object.place());
+            let far = stray_distance_m(middle_m, object.place());
             if far.is_some() || object.is_dropped {
                 if let Some(distance_m) = far.filter(|_| !object.is_dropped) {
                     remove_from_report(object, distance_m, &mut sources[object.source]);
@@ -128,25 +130,58 @@ impl SceneBuilder {
 
     /// Where the objects are that are kept.
     fn places(&self) -> Result<CityPlaces, BakeError> {
-        let mut places = PlaceHistogram::default();
+        let (mut places, mut count, mut first) = (PlaceHistogram::default(), 0, None);
         self.pending.try_for_each(|_, object| {
             if !object.is_dropped {
                 places.add(object.anchor);
+                count += 1;
+                first = first.or(Some(object.anchor).filter(|anchor| !is_at_origin(*anchor)));
             }
             Ok::<_, BakeError>(())
         })?;
-        let median_m = places.median_m();
-        let (mut low, mut high, mut kept) = ([f64::MAX; 3], [f64::MIN; 3], PlaceHistogram::default());
+        let places = self.places_around(places.median_m())?;
+        if places.kept * 2 > count {
+            return Ok(places);
+        }
+        // Of cities on two continents, the medians along the axes may be of different ones, where there is none. Of equal ones, that of
+        // the first object counts, which may have chosen the coordinate system.
+        let mut best = places;
+        for anchor in self.nearest_anchor(best.middle_m)?.into_iter().chain(first) {
+            let places = self.places_around(anchor)?;
+            best = if places.kept >= best.kept { places } else { best };
+        }
+        Ok(best)
+    }
+
+    /// Where the objects are that are kept if the city is around a place.
+    fn places_around(&self, middle_m: [f64; 3]) -> Result<CityPlaces, BakeError> {
+        let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
+        let (mut histogram, mut kept) = (PlaceHistogram::default(), 0_u64);
         self.pending.try_for_each(|_, object| {
             let place = object.place();
-            if !object.is_dropped && stray_distance_m(median_m, place).is_none() {
+            if !object.is_dropped && stray_distance_m(middle_m, place).is_none() {
                 low = std::array::from_fn(|axis| low[axis].min(place.low[axis]));
                 high = std::array::from_fn(|axis| high[axis].max(place.high[axis]));
-                kept.add(object.anchor);
+                histogram.add(object.anchor);
+                kept += 1;
             }
             Ok::<_, BakeError>(())
         })?;
-        Ok(CityPlaces { median_m, bounds: [low, high], outskirts: Outskirts::of(&kept) })
+        Ok(CityPlaces { middle_m, bounds: [low, high], kept, outskirts: Outskirts::of(&histogram) })
+    }
+
+    /// The anchor of the first of the objects that are nearest to a place; `None` without objects.
+    fn nearest_anchor(&self, place: [f64; 3]) -> Result<Option<[f64; 3]>, BakeError> {
+        let mut nearest: Option<(f64, [f64; 3])> = None;
+        self.pending.try_for_each(|_, object| {
+            let along = |axis: usize| (object.anchor[axis] - place[axis]).abs();
+            let distance_m = along(0).max(along(1)).max(along(2));
+            if !object.is_dropped && nearest.is_none_or(|(least_m, _)| distance_m < least_m) {
+                nearest = Some((distance_m, object.anchor));
+            }
+            Ok::<_, BakeError>(())
+        })?;
+        Ok(nearest.map(|(_, anchor)| anchor))
     }
 
     /// Keeps what is known of the objects in scratch files. There must be none yet.

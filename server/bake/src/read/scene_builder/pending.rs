@@ -176,6 +176,12 @@ impl OpenObject {
         }
     }
 
+    /// Lowest and highest corner in world coordinates; `None` without triangles.
+    pub(crate) fn bounds(&self) -> Option<[[f64; 3]; 2]> {
+        let anchor = self.anchor?;
+        Some([self.min, self.max].map(|corner| std::array::from_fn(|axis| anchor[axis] + f64::from(corner[axis]))))
+    }
+
     /// `None` without triangles.
     pub(super) fn into_pending(self, source: usize, id: &str) -> Option<PendingObject> {
         let Self { kind, anchor, min, max, surface_m2, shape_hash, triangles, has_own_base, ground_m, .. } = self;

@@ -2,7 +2,8 @@
 //!
 //! A country is a thousand kilometres wide, so only what is absurd is a stray: further from the median object than any country
 //! reaches, far above or below it, or at the origin of the coordinate system, where exporters put what has no place. The median
-//! comes from histograms of whole numbers, which can be added in any order.
+//! comes from histograms of whole numbers, which can be added in any order. Where no object is near it, the object nearest to it takes
+//! its place.
 
 use std::collections::BTreeMap;
 
@@ -107,12 +108,17 @@ fn densest(classes: &BTreeMap<i32, u64>, least: u64) -> Option<(i32, i32)> {
     best
 }
 
+/// Whether a place is near the origin of the coordinate system.
+pub(super) fn is_at_origin(place: [f64; 3]) -> bool {
+    place[0].abs().max(place[1].abs()) < AT_ORIGIN_M
+}
+
 /// Distance of an object from the median in metres if it is a stray.
 pub(super) fn stray_distance_m(middle: [f64; 3], place: PlacedBox) -> Option<f64> {
     let along = |axis: usize| (place.high[axis] - middle[axis]).max(middle[axis] - place.low[axis]);
     let (on_map, rise) = (along(0).max(along(1)), along(2));
-    let is_at_origin = (0..2).all(|axis| place.low[axis].abs().max(place.high[axis].abs()) < AT_ORIGIN_M);
-    let is_stray = on_map > MAX_DISTANCE_M || rise > MAX_RISE_M || is_at_origin && on_map > MAX_RISE_M;
+    let has_no_place = is_at_origin(place.low) && is_at_origin(place.high);
+    let is_stray = on_map > MAX_DISTANCE_M || rise > MAX_RISE_M || has_no_place && on_map > MAX_RISE_M;
     is_stray.then_some(on_map.max(rise))
 }
 

@@ -58,6 +58,21 @@ fn objects_far_from_the_city_are_left_out_and_reported() {
 }
 
 #[test]
+fn of_cities_on_two_continents_one_is_baked_and_the_others_are_named() {
+    // The median along x is of the one, that along y of the other.
+    for places in [[[0.0, 9e6], [8e6, 0.0]], [[8e6, 0.0], [0.0, 9e6]]] {
+        let (mut builder, mut sources) = (builder(), report());
+        for (id, [x, y]) in ["first", "second"].into_iter().zip(places) {
+            builder.add(0, id, ObjectKind::Building, &[face_at([x + 5e5, y, 0.0])], &mut sources[0]);
+        }
+        let scene = builder.finish(TextureStore::in_memory(), &mut sources).unwrap().into_scene().unwrap();
+        let baked: Vec<_> = scene.objects.iter().map(|object| object.id.as_str()).collect();
+        assert_eq!(baked, ["first"]);
+        assert_eq!(sources[0].skipped["far from the city"].first, ["second: 9000 km away"]);
+    }
+}
+
+#[test]
 fn objects_too_large_for_the_cells_are_left_out_and_reported() {
     let (mut builder, mut sources) = (builder(), report());
     let mut add = |id: &str, faces: &[WorldTriangle]| {
@@ -150,4 +165,33 @@ fn objects_in_scratch_files_make_the_same_city() {
     // Columns 0 to 49 and that on the border; the even ones of the second half are duplicates.
     assert_eq!((memory.2.len(), memory.3.len()), (5100 + 2500, 20_002));
     assert!(memory == files);
+}
+
+#[test]
+fn an_object_is_left_out_for_one_that_is_kept() {
+    let slab = |x: f64| {
+        let [a, b, c, d] = [[x, 0.0, 5.0], [x + 10.0, 0.0, 5.0], [x + 10.0, 10.0, 5.0], [x, 10.0, 5.0]];
+        [[a, b, c], [a, c, d]].map(|corners| WorldTriangle { corners, ..face_at(a) })
+    };
+    // The objects that are kept of slabs at these places, each of a level of detail.
+    let kept = |slabs: &[(f64, f32)], option| -> Vec<String> {
+        let (mut builder, mut sources) = (builder(), report());
+        for (number, (x, lod)) in slabs.iter().enumerate() {
+            let mut open = OpenObject::new(ObjectKind::Building);
+            builder.push(&mut open, &slab(*x));
+            let relation = ObjectRelation { lod: Some(*lod), ..ObjectRelation::default() };
+            builder.close_related(0, &number.to_string(), open, relation, &mut sources[0]);
+        }
+        builder.drop_duplicates(option, &mut sources).unwrap();
+        let scene = builder.finish(TextureStore::in_memory(), &mut sources).unwrap().into_scene().unwrap();
+        assert_eq!(sources[0].duplicates.count as usize, slabs.len() - scene.objects.len());
+        scene.objects.iter().map(|object| object.id.to_string()).collect()
+    };
+    let (first, best) = (DuplicateOption::KeepFirst, DuplicateOption::KeepBestLevel);
+    // Slabs 0.2 m apart are alike, those 0.4 m apart are not.
+    assert_eq!(kept(&[(0.0, 1.0), (0.2, 1.0), (0.4, 1.0)], first), ["0", "2"]);
+    assert_eq!(kept(&[(0.2, 1.0), (0.0, 1.0), (0.4, 1.0)], first), ["0"]);
+    assert_eq!(kept(&[(0.0, 1.0), (0.2, 2.0), (0.4, 3.0)], best), ["0", "2"]);
+    assert_eq!(kept(&[(0.0, 1.0), (0.2, 3.0), (0.4, 2.0)], best), ["1"]);
+    assert_eq!(kept(&[(0.0, 1.0), (0.2, 1.0), (0.2, 1.0)], first), ["0"], "a copy is what the other one is");
 }

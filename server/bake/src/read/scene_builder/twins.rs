@@ -54,25 +54,22 @@ impl SceneBuilder {
             if object.is_dropped { Ok(()) } else { candidates.push(object.candidate(number)) }
         })?;
         let scratch = self.pair_scratch();
-        let (mut same, mut by_shape) = (PairSorter::new(&scratch, by_pair), PairSorter::new(&scratch, by_pair));
+        let (mut same, mut by_shape) =
+            (PairSorter::new(&scratch, SimilarPair::by_rank), PairSorter::new(&scratch, SimilarPair::by_rank));
         similar_pairs(candidates.finish()?, option, |pair| {
             let pushed = if pair.has_same_id || pair.is_copy { same.push(pair) } else { by_shape.push(pair) };
             pushed.map_err(BakeError::from)
         })?;
         self.with_equal_footprints(by_shape.finish()?, &scratch, &mut |pair| same.push(pair).map_err(BakeError::from))?;
         same.finish()?
-            .try_for_each(|SimilarPair { first, second, has_same_id, .. }| {
-                let (one, other) = (self.pending.get(first)?, self.pending.get(second)?);
-                let lod = |object: &PendingObject| object.relation.lod.unwrap_or(0.0);
-                let is_better = option == DuplicateOption::KeepBestLevel && lod(&other) > lod(&one);
-                let (kept, left_out, number) = if is_better { (other, one, first) } else { (one, other, second) };
-                // Also if the other one is a duplicate itself: then both are the one that it equals. The best of all is
-                // never left out.
-                if left_out.is_dropped {
+            .try_for_each(|SimilarPair { first, second, has_same_id, is_chained, .. }| {
+                let (kept, left_out) = (self.pending.get(first)?, self.pending.get(second)?);
+                // What leaves out the first one came before. The best of all is never left out.
+                if left_out.is_dropped || kept.is_dropped && !is_chained {
                     return Ok(());
                 }
                 count_duplicate(&left_out, &kept, has_same_id, sources);
-                self.pending.update(number, |object| object.is_dropped = true)
+                self.pending.update(second, |object| object.is_dropped = true)
             })
             .map_err(BakeError::from)
     }

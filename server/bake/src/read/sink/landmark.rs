@@ -10,7 +10,7 @@ use insula_source::object::{ObjectSink, SourceObject};
 impl SceneSink<'_, '_, '_> {
     /// Sets where the positions are that follow.
     pub(crate) fn set_placement(&mut self, placement: Placement) {
-        (self.placement, self.frame) = (placement, LocalFrame::IDENTITY);
+        (self.placement, self.frame, self.unplaced_mesh) = (placement, LocalFrame::IDENTITY, None);
     }
 
     /// Adds an object as a landmark, whose number is set here. Fails if the whole bake must end.

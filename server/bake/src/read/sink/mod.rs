@@ -5,8 +5,10 @@ mod footprints;
 mod ground_shapes;
 mod landmark;
 mod materials;
+mod mesh_place;
 mod outward;
 mod painted;
+mod plans;
 mod plants;
 mod standing;
 mod surfaces;
@@ -30,6 +32,7 @@ use insula_source::report::{SourceFormat, SourceReport};
 use insula_source::source::CitySource;
 use insula_source::subject;
 use materials::MaterialTable;
+use mesh_place::UnplacedMesh;
 
 /// Heights of surfaces in a known place: from the deepest mine to above all masts. Others are marks of missing heights, such as -9999.
 const SURFACES_M: std::ops::RangeInclusive<f64> = -5000.0..=20_000.0;
@@ -50,6 +53,8 @@ pub(crate) struct SceneSink<'r, 'o, 's> {
     placement: Placement,
     /// Whether the system is guessed if the source names none before its first shape.
     is_place_sought: bool,
+    /// Of a mesh without a place.
+    unplaced_mesh: Option<UnplacedMesh>,
     /// Before `placement`, for meshes without a coordinate system.
     frame: LocalFrame,
     faces: Vec<WorldTriangle>,
@@ -75,7 +80,9 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         let frame = if is_turned { frame.with_y_up() } else { frame };
         let (materials, faces) = (MaterialTable::default(), Vec::new());
         let is_place_sought = !is_mesh;
-        Ok(Self { context, source, report, materials, placement, is_place_sought, frame, faces, tick })
+        let is_unplaced = is_mesh && matches!(placement, Placement::Unknown);
+        let unplaced_mesh = is_unplaced.then(UnplacedMesh::default);
+        Ok(Self { context, source, report, materials, placement, is_place_sought, unplaced_mesh, frame, faces, tick })
     }
 
     /// The source as readers take it.
@@ -96,6 +103,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
 
     /// The report of the whole source.
     pub(crate) fn into_report(mut self) -> SourceReport {
+        self.report_mesh_in_degrees();
         self.placement.note_in(&mut self.report);
         self.report
     }
@@ -193,6 +201,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
     fn close(&mut self, object: &SourceObject, open: OpenObject) {
         let SourceObject { id, lod, attributes, .. } = object;
         let relation = self.relation(object);
+        self.note_mesh_extent(&open);
         let builder = &mut self.context.builder;
         if open.triangles > MAX_OBJECT_TRIANGLES {
             let detail = format!("{id}: more than the limit of {MAX_OBJECT_TRIANGLES}");
@@ -212,6 +221,7 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         if !self.begin(&object) {
             return Ok(());
         }
+        self.seek_mesh_place(&object.shape)?;
         if (self.is_place_sought || self.context.ends_at_place || !self.placement.is_settled())
             && let Some(first) = first_shape(&object.shape)
         {
@@ -227,7 +237,10 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
                 let relation = self.relation(&object);
                 self.context.builder.add_parent(self.context.source, &object.id, relation);
             }
-            Shape::Surfaces { polygons, meshes } => self.add_surfaces(&object, polygons, meshes, whole),
+            Shape::Surfaces { polygons, meshes } => match self.plans_of(&object) {
+                Some(plans) => self.add_buildings(&object, &plans)?,
+                None => self.add_surfaces(&object, polygons, meshes, whole),
+            },
             shape if self.paint(&object, shape)? => {}
             _ if self.source.is_streets => self.report.skip(NOT_PAINTED, || object.id),
             Shape::Footprints(footprints) => {
@@ -254,7 +267,7 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
         }
         self.placement = self.context.world.place(&self.source.label, crs)?;
         self.frame = LocalFrame::IDENTITY;
-        self.is_place_sought = false;
+        (self.is_place_sought, self.unplaced_mesh) = (false, None);
         Ok(())
     }
 

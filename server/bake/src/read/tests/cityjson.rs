@@ -419,3 +419,17 @@ fn degrees_without_a_system_are_taken_as_wgs84() {
     let noted = report.sources[0].problems.keys().any(|kind| kind.contains("both are plausible"));
     assert!(noted, "{:?}", report.sources[0].problems);
 }
+
+#[test]
+fn plans_with_a_height_are_extruded_and_others_are_named() {
+    let plan = |attributes: &str| {
+        let surface = r#"{"type": "MultiSurface", "lod": "0", "boundaries": [[[0,1,2,3]]]}"#;
+        let object = format!(r#""a": {{"type": "Building", "attributes": {{{attributes}}}, "geometry": [{surface}]}}"#);
+        read(&document(&object, ""))
+    };
+    let (scene, _) = plan(r#""measuredHeight": 9.0"#);
+    assert!((volume(&scene) - 36.0).abs() < 1e-3, "{}", volume(&scene));
+    let (scene, report) = plan(r#""year": 1900"#);
+    assert_eq!(scene.triangles.len(), 2);
+    assert!(report.sources[0].problems.keys().any(|kind| kind.contains("without a height, drawn flat")));
+}

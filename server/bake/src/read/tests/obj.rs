@@ -162,3 +162,33 @@ fn every_object_is_kept_merged_or_skipped_with_its_reason() {
     let source = &report.sources[0];
     assert_eq!((source.found, source.objects, source.skipped["no face"].count), (4, 3, 1));
 }
+
+#[test]
+fn meshes_in_degrees_are_placed_or_named() {
+    // A house of 9 m, and a city that is one object: only the first tells enough of itself at once.
+    let block = |side: f64| {
+        let [w, s, e, n] = [4.36, 52.01, 4.36 + side, 52.01 + side];
+        let corners = [[w, s, 0.0], [e, s, 0.0], [e, n, 0.0], [w, s, 9.0], [e, s, 9.0], [e, n, 9.0]];
+        let vertices: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        format!("{vertices}f 4 5 6\nf 1 2 5 4\nf 2 3 6 5\n")
+    };
+    let (scene, report) = read(&[("house.obj", block(1e-4).as_bytes())]);
+    let east_m = scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| corner[0]);
+    let [low, high] = [east_m.clone().fold(f32::MAX, f32::min), east_m.fold(f32::MIN, f32::max)];
+    assert!((6.0..8.0).contains(&(high - low)), "{low} to {high}");
+    let warnings: Vec<String> = report.guess_warnings().collect();
+    assert!(warnings[0].contains("4.36, 52.01 look like degrees and are taken as WGS 84"), "{warnings:?}");
+    let (_, report) = read(&[("city.obj", block(0.05).as_bytes())]);
+    let warnings: Vec<String> = report.guess_warnings().collect();
+    assert!(warnings[0].contains("look like degrees and are taken as metres"), "{warnings:?}");
+    let (_, report) = read(&[("metres.obj", block(10.0).as_bytes())]);
+    assert_eq!(report.guess_warnings().count(), 0);
+}
+
+#[test]
+fn a_byte_order_mark_costs_no_vertex() {
+    let text = format!("\u{feff}{}", SQUARE.replace("mtllib a.mtl\n", ""));
+    let (scene, report) = read(&[("a.obj", text.as_bytes())]);
+    assert_eq!(scene.triangles.len(), 2);
+    assert!(!report.sources[0].problems.contains_key("vertex index out of range"));
+}

@@ -93,7 +93,7 @@ fn pieces_of_level(gatherer: &mut Gatherer<'_>, level: &Level) -> Vec<Piece> {
     }
     if own.is_empty() && bounded.is_empty() {
         for property in &level.roof_edges {
-            gatherer.gather(*property, SurfaceRole::Other, &mut own);
+            gatherer.gather(*property, SurfaceRole::Roof, &mut own);
         }
     }
     let mut pieces = join(gatherer.scene().tree, bounded, own, &closures, gatherer.repeated);

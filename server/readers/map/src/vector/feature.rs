@@ -2,6 +2,7 @@
 
 use super::geometry::Geometry;
 use super::layer::Layer;
+use super::rings;
 use super::shape::{Facing, facing, shape_of};
 use insula_dress::footprint::{HeightHints, IN_TUNNEL, is_hidden, kind_of};
 use insula_place::crs::is_geographic;
@@ -233,6 +234,9 @@ impl<'a> FeatureWriter<'a> {
         if geometry.fill_heights() {
             self.sink.problem(MISSING_GROUND, format!("{id}: at some of its positions"));
         }
+        if rings::regroup(&mut geometry.polygons) {
+            self.sink.problem("first ring is not around the others, rings grouped by what lies in what", id.clone());
+        }
         add_tags(&mut attributes);
         let told = kind_of(&attributes).or(self.layer.kind);
         let facing = facing(&geometry);
@@ -304,9 +308,8 @@ impl<'a> FeatureWriter<'a> {
         if self.is_placed {
             return Ok(());
         }
-        let Some([west, south, east, north]) = geometry.bounds() else { return Ok(()) };
+        let Some(first) = FirstShape::of(geometry.positions().map(|[x, y, _]| [*x, *y])) else { return Ok(()) };
         self.is_placed = true;
-        let first = FirstShape::at([west, south], Some([east - west, north - south]));
         if first.looks_like_degrees() {
             let detail = format!("{}: coordinates look like degrees and are taken as WGS 84", self.layer.name);
             self.sink.problem(NO_CRS, detail);

@@ -3,7 +3,7 @@
 use super::{SQUARE, TEN, collection, feature, is_closed, polygon, read, try_read, volume_m3};
 use crate::read::{AxisOrders, FeatureKind, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::Scene;
-use insula_place::placement::EITHER_ORDER;
+use insula_source::problems::EITHER_ORDER;
 use insula_source::problems::SWAPPED;
 
 /// Lowest and highest world height.

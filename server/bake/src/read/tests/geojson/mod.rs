@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use crate::read::{DuplicateOption, InputError, Palette, ReadOptions, ReadReport, SourceFormat, read_embedded};
 use crate::scene::Scene;
-use insula_place::placement::EITHER_ORDER;
+use insula_source::problems::EITHER_ORDER;
 
 fn try_read(files: &[(&str, &[u8])]) -> Result<(Scene, ReadReport), InputError> {
     // Also objects that stand in the same place.
@@ -373,4 +373,29 @@ fn coordinates_without_a_system_are_degrees_or_those_of_the_option() {
     let either = "[[48.21,16.37],[48.2101,16.37],[48.2101,16.3701],[48.21,16.37]]";
     let (_, report) = read(&text.replace(metres, either));
     assert!(report.sources[0].problems.contains_key(EITHER_ORDER));
+}
+
+#[test]
+fn a_city_far_from_its_first_object_is_named() {
+    let at = |id: &str, lon: f64, lat: f64| {
+        let (east, north) = (lon + 1e-4, lat + 1e-4);
+        let square = format!("[[{lon},{lat}],[{east},{lat}],[{east},{north}],[{lon},{north}],[{lon},{lat}]]");
+        feature(id, TEN, &polygon(&square))
+    };
+    let degrees = |features: &str| format!(r#"{{"type": "FeatureCollection", "features": [{features}]}}"#);
+    let (delft, tokyo) = (at("delft", 4.36, 52.01), [at("a", 139.76, 35.68), at("b", 139.761, 35.68)]);
+    let (scene, report) = read(&degrees(&format!("{delft},{},{}", tokyo[0], tokyo[1])));
+    assert_eq!(scene.objects.len(), 2);
+    let warnings: Vec<String> = report.warnings().collect();
+    let has = |words: &[&str]| warnings.iter().any(|text| words.iter().all(|word| text.contains(word)));
+    assert!(has(&["delft: ", "km away", "2 objects are baked"]), "{warnings:?}");
+    assert!(has(&["far outside of EPSG:32631", "EPSG:32654", "--crs"]), "{warnings:?}");
+    // Of two, that of the first object is baked, in its own system.
+    let (scene, report) = read(&degrees(&format!("{delft},{}", tokyo[0])));
+    assert_eq!(scene.objects[0].id, "delft");
+    let warnings: Vec<String> = report.warnings().collect();
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("a: ") && warnings[0].contains("1 object is baked"),
+        "{warnings:?}"
+    );
 }

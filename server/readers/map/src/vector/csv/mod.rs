@@ -32,7 +32,6 @@ const DELIMITERS: [u8; 4] = [b',', b';', b'\t', b'|'];
 const HEAD_BYTES: u64 = 1 << 16;
 /// Lines between two progress reports.
 const TICK_LINES: u64 = 256;
-const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Columns of a source.
 struct Columns {
@@ -47,8 +46,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let mut head = Vec::new();
     reader.by_ref().take(HEAD_BYTES).read_to_end(&mut head).map_err(|cause| InputError::io(input.label, cause))?;
     let delimiter = delimiter_of(&head);
-    let start = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
-    let whole: Box<dyn BufRead + '_> = Box::new(std::io::Cursor::new(head.split_off(start)).chain(reader));
+    let whole: Box<dyn BufRead + '_> = Box::new(std::io::Cursor::new(head).chain(reader));
     let mut lines = ReaderBuilder::new().has_headers(false).flexible(true).delimiter(delimiter).from_reader(whole);
     let mut writer = FeatureWriter::new(input, sink);
     let mut first = ByteRecord::new();

@@ -27,11 +27,14 @@ pub(crate) fn read(content: &[u8], problems: &mut Vec<&'static str>) -> Result<G
         }
         5 | 15 | 25 => {
             let parts = reader.parts(false, code == 15)?.into_iter().map(|part| part.ring);
-            let (polygons, left_out) = rings::group(parts.filter(|ring| !ring.is_empty()).collect());
-            if left_out > 0 {
+            let grouped = rings::group(parts.filter(|ring| !ring.is_empty()).collect());
+            if grouped.left_out > 0 {
                 problems.push("too many holes to find their outer rings, some left out");
             }
-            polygons.into_iter().for_each(|polygon| geometry.push_polygon(polygon));
+            if grouped.turned_holes > 0 {
+                problems.push("ring in another one turns as that does, taken as a hole");
+            }
+            grouped.polygons.into_iter().for_each(|polygon| geometry.push_polygon(polygon));
         }
         31 => multipatch::add(reader.parts(true, true)?, &mut geometry, problems),
         _ => return Err(UNKNOWN_TYPE),

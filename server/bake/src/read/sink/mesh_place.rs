@@ -1,0 +1,57 @@
+//! Meshes without a place whose coordinates look like degrees: their formats have metres only.
+
+use super::SceneSink;
+use crate::read::scene_builder::OpenObject;
+use insula_place::placement::MeshExtent;
+use insula_source::error::InputError;
+use insula_source::object::{ObjectSink, Shape};
+use insula_source::problems::NO_CRS;
+
+/// What is known of the coordinates of a mesh without a place.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct UnplacedMesh {
+    /// Of all objects so far.
+    extent: Option<MeshExtent>,
+}
+
+impl SceneSink<'_, '_, '_> {
+    /// Takes a mesh as one in degrees if its first object is certainly so. A monument stays as it is.
+    pub(super) fn seek_mesh_place(&mut self, shape: &Shape) -> Result<(), InputError> {
+        let is_first = self.unplaced_mesh.is_some_and(|mesh| mesh.extent.is_none());
+        let Shape::Surfaces { polygons, meshes } = shape else { return Ok(()) };
+        if !is_first || self.context.options.is_monument {
+            return Ok(());
+        }
+        let of_polygons = polygons.iter().flat_map(|surface| &surface.points);
+        let positions = of_polygons.chain(meshes.iter().flat_map(|mesh| &mesh.positions));
+        let Some(extent) = MeshExtent::of(positions.map(|position| self.frame.apply(*position))) else { return Ok(()) };
+        if !extent.is_certainly_in_degrees() {
+            return Ok(());
+        }
+        let first = extent.first_shape();
+        let Some((reference, text)) = self.context.world.guess(&first) else { return Ok(()) };
+        self.report.problem(NO_CRS, || text);
+        let frame = self.frame;
+        self.set_crs(&reference)?;
+        self.frame = frame;
+        self.context.settle(&mut self.placement, &self.source.label, first)
+    }
+
+    /// Takes note of where an object of a mesh is.
+    pub(super) fn note_mesh_extent(&mut self, open: &OpenObject) {
+        if let (Some(mesh), Some(bounds)) = (&mut self.unplaced_mesh, open.bounds()) {
+            let own = MeshExtent::of(bounds.into_iter());
+            mesh.extent = mesh.extent.into_iter().chain(own).reduce(MeshExtent::join);
+        }
+    }
+
+    /// Reports a mesh that was taken to be in metres although it looks like one in degrees.
+    pub(super) fn report_mesh_in_degrees(&mut self) {
+        let extent = self.unplaced_mesh.and_then(|mesh| mesh.extent);
+        if let Some(extent) = extent.filter(MeshExtent::looks_like_degrees) {
+            let advice = "reproject the mesh to a system in metres";
+            let text = format!("{} look like degrees and are taken as metres; {advice}", extent.text());
+            self.report.problem(NO_CRS, || text);
+        }
+    }
+}
