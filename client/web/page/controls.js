@@ -38,6 +38,7 @@ export function startControls(app, city, manifest) {
   const toggles = ['search', 'view', 'objects', 'colors', 'time', 'measure', 'bookmarks', 'share', 'picture'];
   const { node, buttons, closeMore } = toolbar({
     ...Object.fromEntries(toggles.map((name) => [name, () => panels.toggle(name)])),
+    more: () => panels.close(false),
     help: () => help.showModal(),
     about: () => about.showModal(),
   });

@@ -8,6 +8,8 @@ import { Network, compileViewer, locate } from './network.js';
 /** Attempts to get a lost GPU back, and the time between them. */
 const MAX_REOPENINGS = 3;
 const REOPEN_MS = 3000;
+/** Longest wait for a graphics adapter before the first picture. */
+const ADAPTER_MS = 500;
 
 /** The module is fetched before the page says what to show. */
 const compiled = compileViewer();
@@ -27,6 +29,9 @@ class Engine {
   #isRunning = false;
   #isDrawing = false;
   #isDue = false;
+  /** Bytes of the atlas of each worker, and whether they are to become fewer. */
+  #cacheBytes = 0;
+  #isShrinking = false;
   #timer = 0;
   #reopenings = 0;
   #lastMissing = -1;
@@ -40,12 +45,16 @@ class Engine {
   async start(options) {
     this.#options = options;
     this.#canvas = new CpuCanvas(options.canvasCpu);
-    const cacheBytes = options.cacheMib * 2 ** 20;
-    this.#helpers = new Helpers(compiled, options.workers, cacheBytes);
-    const [city] = await Promise.all([
+    this.#helpers = new Helpers(compiled, options.workers);
+    const [hasGpu, city] = await Promise.all([
+      mayFindGpu(options, this.#whyCpu()),
       locate(this.#network, options.src, options.manifest),
       compiled.then((module) => init({ module_or_path: module })),
     ]);
+    if (!hasGpu) options.gpuMib = options.cacheMib;
+    // Until a GPU draws, few tiles are there: the copies of the workers stay small.
+    const cacheBytes = (this.#cacheBytes = options.gpuMib * 2 ** 20);
+    this.#helpers.resetAtlas(cacheBytes);
     const { width, height, camera, time, tau } = options;
     const values = { ...city, width, height, cacheBytes, camera, time, tau };
     this.#viewer = new CityViewer(this.#host(), JSON.stringify(values));
@@ -116,6 +125,7 @@ class Engine {
   async #step() {
     const lost = this.#viewer.lostGpu();
     if (lost !== undefined) this.#loseGpu(lost);
+    if (this.#isShrinking) this.#shrink();
     const step = JSON.parse(this.#viewer.update());
     this.#report();
     if (step.action === 'none') {
@@ -185,21 +195,40 @@ class Engine {
   }
 
   async #openGpu() {
-    const { canvasGpu, cacheMib, adapter } = this.#options;
+    const { canvasGpu, gpuMib, adapter } = this.#options;
     try {
-      const gpu = await CityViewer.openGpu(canvasGpu, cacheMib * 2 ** 20, adapter === 'gpu');
+      const gpu = await CityViewer.openGpu(canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
       this.gpuName = this.#viewer.useGpu(gpu);
       this.#helpers.resetAtlas(0);
       this.wake();
     } catch (error) {
       this.#reportCpu(String(error?.message ?? error));
+      this.memory(this.#options);
     }
+  }
+
+  /** The share of the page's memory that this viewer has from now on. @param {{cacheMib: number, gpuMib: number}} share */
+  memory({ cacheMib, gpuMib }) {
+    Object.assign(this.#options, { cacheMib, gpuMib });
+    this.#isShrinking = true;
+    this.wake();
+  }
+
+  /** Takes less memory. A GPU keeps its atlas, which is not of the page's memory. */
+  #shrink() {
+    this.#isShrinking = false;
+    const cacheBytes = this.#options.cacheMib * 2 ** 20;
+    if (this.#isGpu || cacheBytes >= this.#cacheBytes) return;
+    this.#cacheBytes = cacheBytes;
+    this.#helpers.resetAtlas(cacheBytes);
+    this.#viewer.resizeCache(cacheBytes);
   }
 
   #loseGpu(reason) {
     this.#isGpu = false;
-    this.#helpers.resetAtlas(this.#options.cacheMib * 2 ** 20);
-    this.#viewer.loseGpu();
+    this.#cacheBytes = this.#options.cacheMib * 2 ** 20;
+    this.#helpers.resetAtlas(this.#cacheBytes);
+    this.#viewer.loseGpu(this.#cacheBytes);
     this.#reportCpu(`the device was lost: ${reason || 'no reason given'}`);
     if (this.#reopenings++ < MAX_REOPENINGS) setTimeout(() => this.#openGpu(), REOPEN_MS);
   }
@@ -309,14 +338,28 @@ function parsed(json) {
   return json === undefined ? undefined : JSON.parse(json);
 }
 
+/**
+ * Whether a graphics adapter may draw later. If it is not known in time, the CPU draws first, and the adapter gets a smaller cache.
+ * @param {{adapter: string}} options
+ * @param {string} whyCpu
+ * @returns {Promise<boolean>}
+ */
+async function mayFindGpu({ adapter }, whyCpu) {
+  if (whyCpu !== '') return false;
+  const late = new Promise((resolve) => setTimeout(resolve, ADAPTER_MS, null));
+  const found = await Promise.race([navigator.gpu.requestAdapter().catch(() => null), late]);
+  const isSoftware = found?.info?.isFallbackAdapter ?? found?.isFallbackAdapter ?? false;
+  return found !== null && (adapter === 'gpu' || !isSoftware);
+}
+
 /** Requests and commands that the engine itself carries out. */
-const OWN = ['pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline'];
+const OWN = ['memory', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline'];
 
 /** Answers a request with a value, or with the reason why there is none. */
 function reply(id, value) {
   value.then(
     (result) => postMessage({ op: 'reply', id, value: result }),
-    (error) => postMessage({ op: 'reply', id, error: String(error?.message ?? error) }),
+    (error) => postMessage({ op: 'reply', id, error: String(error?.message ?? error), isTemporary: error?.isTemporary === true }),
   );
 }
 

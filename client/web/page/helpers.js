@@ -16,10 +16,9 @@ export class Helpers {
 
   /**
    * @param {Promise<WebAssembly.Module>} compiled Workers start while it is being compiled.
-   * @param {number} count
-   * @param {number} cacheBytes Size of the atlas of each worker.
+   * @param {number} count Number of workers that draw, once they have an atlas.
    */
-  constructor(compiled, count, cacheBytes) {
+  constructor(compiled, count) {
     this.#drawing = count;
     // One more decodes all the time: tiles do not wait for rows.
     for (let at = 0; at <= count; at++) {
@@ -27,8 +26,7 @@ export class Helpers {
       worker.onmessage = ({ data }) => this.#settle(data);
       worker.onerror = (event) => this.#failAll(at, event.message || 'helper.js');
       // The engine reports the failure of a module that does not compile.
-      const atlasBytes = at < count ? cacheBytes : 0;
-      compiled.then((module) => worker.postMessage({ job: 'init', module, cacheBytes: atlasBytes }), () => {});
+      compiled.then((module) => worker.postMessage({ job: 'init', module }), () => {});
       this.#workers.push({ worker, pending: 0 });
     }
   }

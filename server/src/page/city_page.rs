@@ -47,7 +47,7 @@ pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerA
     let _ = write!(out, "</noscript><section id=\"insula-about\"><h1>{title}</h1>");
     push_about(&mut out, city, links);
     if let Some(list) = &links.list {
-        let _ = write!(out, "<p><a href=\"{}\">All cities</a></p>", escape_html(list));
+        let _ = write!(out, "<p><a rel=\"up\" href=\"{}\">All cities</a></p>", escape_html(list));
     }
     let json = serde_json::to_string(city.manifest).unwrap_or_default();
     let _ = writeln!(
