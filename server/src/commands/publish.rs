@@ -12,8 +12,8 @@ use super::{error::CommandError, output::print, site_folder::SiteFolder};
 use crate::{
     args::PublishArgs,
     page::{
-        self, CityFacts, CityInList, CityLinks, CityListPage, SERVICE_WORKER_FILE, ViewerAssets, list_policy,
-        meta_policy, viewer_policy,
+        self, CityFacts, CityInList, CityLinks, CityListPage, Languages, SERVICE_WORKER_FILE, ViewerAssets,
+        list_policy, meta_policy, viewer_policy,
     },
     store::{CityStore, Store},
 };
@@ -141,7 +141,9 @@ fn links(city: &CityStore, args: &PublishArgs) -> CityLinks {
 fn list(cities: &[&Arc<CityStore>], viewer: &ViewerAssets, args: &PublishArgs) -> String {
     let icon = viewer.folder("") + "icon.svg";
     let title = args.title.as_deref().unwrap_or(page::SITE_TITLE);
-    let mut page = CityListPage::new(title, viewer.has("icon.svg").then_some(&icon), Some(&meta_policy(list_policy())));
+    let (policy, languages) = (meta_policy(list_policy()), Languages::of(Some(viewer)));
+    let icon = viewer.has("icon.svg").then_some(icon.as_str());
+    let mut page = CityListPage::new(title, languages.english(), icon, Some(&policy));
     for city in cities {
         let links = in_root(city, args);
         page.push_city(&CityInList { facts: facts(city), page: Some(links.source.clone()), links });

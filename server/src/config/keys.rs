@@ -1,15 +1,23 @@
 //! Table of all settings: name, documentation, range, and conversion from and to text.
 
-use super::network::Network;
 use super::settings::{CorsPolicy, DEFAULT_LISTEN, LogFormat, LogRequests, ServeConfig};
+use super::{network::Network, public_url::PublicUrl};
 use insula_protocol::manifest::is_name;
 use std::{ops::RangeInclusive, path::PathBuf};
 
 /// Every setting with its documentation, in the order of `--print-config`.
-pub(super) const SETTINGS: [(&str, &str); 43] = [
+pub(super) const SETTINGS: [(&str, &str); 45] = [
     ("listen", "HOST:PORT; port 0 picks a free one"),
     ("metrics_address", "HOST:PORT of a listener for /healthz, /readyz and /metrics alone; \"\": all at listen"),
+    (
+        "public_url",
+        "address at which people reach the server, as in \"https://example.org/city/\"; \"\": that of each request",
+    ),
     ("threads", "number of worker threads; 0: one per core"),
+    (
+        "drain_notice_secs",
+        "seconds at shutdown for which connections are still accepted after /readyz fails, so that load balancers notice",
+    ),
     ("drain_secs", "seconds that requests in flight may take to finish at shutdown"),
     ("tls.certificate", "PEM file of the certificate and its chain; \"\": no TLS"),
     ("tls.key", "PEM file of the private key"),
@@ -59,6 +67,7 @@ pub(super) const SETTINGS: [(&str, &str); 43] = [
 enum SettingField<'a> {
     Address(&'a mut String),
     OptionalAddress(&'a mut Option<String>),
+    Url(&'a mut Option<PublicUrl>),
     File(&'a mut Option<PathBuf>),
     Names(&'a mut Vec<String>),
     Usize(&'a mut usize, RangeInclusive<usize>),
@@ -83,6 +92,8 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
     Some(match key {
         "listen" => SettingField::Address(&mut config.listen),
         "metrics_address" => SettingField::OptionalAddress(&mut config.metrics_address),
+        "public_url" => SettingField::Url(&mut config.public_url),
+        "drain_notice_secs" => SettingField::U64(&mut config.drain_notice_secs, 0..=3600),
         "threads" => SettingField::Usize(&mut config.threads, 0..=1024),
         "drain_secs" => SettingField::U64(&mut config.drain_secs, 0..=DAY),
         "tls.certificate" => SettingField::File(&mut config.tls.certificate),
@@ -159,6 +170,9 @@ pub(super) fn set(config: &mut ServeConfig, key: &str, value: &RawValue) -> Resu
             }
             *field = (!text.is_empty()).then(|| text.clone());
         }
+        (SettingField::Url(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
+            *field = if text.is_empty() { None } else { Some(text.parse()?) };
+        }
         (SettingField::File(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
             *field = (!text.is_empty()).then(|| PathBuf::from(text));
         }
@@ -210,6 +224,7 @@ pub(super) fn get(config: &mut ServeConfig, key: &str) -> String {
     let list = |all: &[String]| format!("[{}]", all.iter().map(|text| quoted(text)).collect::<Vec<_>>().join(", "));
     match field(config, key) {
         Some(SettingField::Address(text)) => quoted(text),
+        Some(SettingField::Url(url)) => quoted(url.as_ref().map_or("", PublicUrl::as_str)),
         Some(SettingField::File(path)) => {
             quoted(&path.as_ref().map(|path| path.display().to_string()).unwrap_or_default())
         }

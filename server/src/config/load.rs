@@ -194,6 +194,8 @@ mod tests {
             "access.cors=none",
             "access.hosts=localhost,[::1]",
             "metrics_address=127.0.0.1:0",
+            "public_url=https://cities.example.org/3d",
+            "drain_notice_secs=5",
             "limits.client_rate=0.5",
             "log.format=json",
             "log.requests=all",

@@ -40,7 +40,8 @@ pub(super) async fn list_cities(
     };
     let mut response = page.content.select(&headers).clone().respond(&method, &headers).map(Body::from);
     if let Some(last) = &page.last {
-        let link = format!("<{CITIES}?limit={}&after={last}>; rel=\"next\"", request.limit);
+        let prefix = state.public_url().map_or("", |url| url.prefix());
+        let link = format!("<{prefix}{CITIES}?limit={}&after={last}>; rel=\"next\"", request.limit);
         response.headers_mut().extend(HeaderValue::try_from(link).map(|link| (header::LINK, link)));
     }
     Ok(response)
@@ -81,7 +82,7 @@ pub(super) async fn manifest(
 }
 
 /// The quality with which `Accept` names exactly this media type; 0 if it does not.
-fn accepts(headers: &HeaderMap, media: &str) -> f32 {
+pub(super) fn accepts(headers: &HeaderMap, media: &str) -> f32 {
     accepted_media(headers).find(|(name, _)| name.eq_ignore_ascii_case(media)).map_or(0.0, |(_, quality)| quality)
 }
 

@@ -62,6 +62,7 @@ mod viewer_content;
 mod viewer_files;
 mod work_queues;
 mod worker;
+mod wrong_address;
 
 pub use problem::Problem;
 pub use server::{HttpServer, ServeError, serve};

@@ -57,8 +57,8 @@ pub struct HttpServer {
     reload_signal: Arc<Notify>,
 }
 
-/// Serves the cities of `store` on `listener` until `shutdown` completes. Then it accepts no more connections, gives requests
-/// in flight `config.drain_secs` to finish, and drops the rest. Fails if a file that the config names cannot be used, or if
+/// Serves the cities of `store` on `listener` until `shutdown` completes. Then `/readyz` fails, and `config.drain_notice_secs` later it
+/// accepts no more connections, gives requests in flight `config.drain_secs` to finish, and drops the rest. Fails if a file that the config names cannot be used, or if
 /// the system refuses threads.
 pub async fn serve(
     listener: TcpListener,
@@ -123,6 +123,16 @@ impl HttpServer {
         let reload = ReloadTask::new(state.clone(), self.tls, self.config.clone(), reload_signal).start()?;
         let operations = self.operations.map(|operations| tokio::spawn(operations.serve(operators)));
         let acceptor = ConnectionAcceptor::new(listener, state.clone());
+        // While load balancers notice that the server is not ready, they still send requests.
+        let notice = self.config.drain_notice();
+        let shutdown = async {
+            shutdown.await;
+            state.start_draining();
+            if !notice.is_zero() {
+                tracing::info!(secs = notice.as_secs(), "not ready any more: still accepting connections");
+            }
+            sleep(notice).await;
+        };
         let mut shutdown = pin!(shutdown);
         loop {
             let accepted = tokio::select! {
@@ -146,7 +156,6 @@ impl HttpServer {
         }
         drop(acceptor);
         drop(reload);
-        state.start_draining();
         tracing::info!("shutting down: waiting for requests in flight");
         workers.join().await;
         if let Some(operations) = operations {

@@ -1,5 +1,6 @@
 //! The files of the browser viewer, which `client/web/build` makes and `build.rs` embeds.
 
+use super::texts::code_of;
 use bytes::Bytes;
 use insula_protocol::route::{self, is_asset_name};
 use std::collections::BTreeMap;
@@ -65,6 +66,11 @@ impl ViewerAssets {
     /// The files by name.
     pub fn files(&self) -> impl ExactSizeIterator<Item = (&str, &ViewerFile)> {
         self.files.iter().map(|(name, file)| (name.as_str(), file))
+    }
+
+    /// The languages besides English, by their codes.
+    pub(crate) fn languages(&self) -> impl Iterator<Item = (&str, &ViewerFile)> {
+        self.files().filter_map(|(name, file)| Some((code_of(name)?, file)))
     }
 
     /// Whether there is a file of this name.

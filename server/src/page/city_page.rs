@@ -33,6 +33,10 @@ pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerA
          <meta name=\"color-scheme\" content=\"light dark\">",
         escape_html(&links.site)
     );
+    let languages: Vec<&str> = assets.languages().map(|(code, _)| code).collect();
+    if !languages.is_empty() {
+        let _ = write!(out, "<meta name=\"insula-languages\" content=\"{}\">", languages.join(" "));
+    }
     push_previews(&mut out, city, links);
     push_assets(&mut out, &links.root, assets);
     let source = escape_html(&links.source);

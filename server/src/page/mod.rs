@@ -8,12 +8,15 @@ mod city_page;
 mod html;
 mod list_page;
 mod policy;
+mod texts;
 
 pub(crate) use assets::media_type;
 pub use assets::{ViewerAssets, ViewerFile};
 pub(crate) use city_page::city_page;
+pub(crate) use html::escape_html;
 pub(crate) use list_page::{CityInList, CityListPage};
 pub(crate) use policy::{list_policy, meta_policy, viewer_policy};
+pub(crate) use texts::{Languages, SiteTexts};
 
 use insula_protocol::Manifest;
 

@@ -8,7 +8,7 @@ use std::{fmt::Write, sync::LazyLock};
 const FRAMES: &str = "; frame-ancestors *";
 const VIEWER: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; \
     img-src 'self' blob: data:; connect-src 'self'; worker-src 'self'; manifest-src 'self'; \
-    base-uri 'none'; form-action 'none'";
+    base-uri 'none'; form-action 'none'; require-trusted-types-for 'script'; trusted-types insula";
 
 /// The policy of pages with the viewer: only files of this host, and WebAssembly.
 pub(crate) fn viewer_policy() -> &'static str {

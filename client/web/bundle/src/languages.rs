@@ -61,7 +61,7 @@ fn places(text: &str) -> BTreeSet<&str> {
 mod tests {
     use super::*;
 
-    const TEXTS: &str = r#"{"a": "go to {place}", "b": {"one": "# tile", "other": "# tiles"}, "c": [["x", "y"]]}"#;
+    const TEXTS: &str = r##"{"a": "go to {place}", "b": {"one": "# tile", "other": "# tiles"}, "c": [["x", "y"]]}"##;
 
     fn checked(language: &str) -> Result<(), String> {
         let files = [(ENGLISH, TEXTS), ("language-de.json", language)];
@@ -71,15 +71,15 @@ mod tests {
 
     #[test]
     fn languages_have_the_texts_of_english() {
-        checked(r#"{"a": "zu {place}", "b": {"few": "#", "other": "# Kacheln"}, "c": [["x", "z"]]}"#).unwrap();
+        checked(r##"{"a": "zu {place}", "b": {"few": "#", "other": "# Kacheln"}, "c": [["x", "z"]]}"##).unwrap();
         // What is missing is English.
         checked("{}").unwrap();
         for (language, expected) in [
-            (r#"{"z": "?"}"#, "/z: there is no such text"),
-            (r#"{"a": "zu {ort}"}"#, "{ort}"),
-            (r#"{"b": {"one": "#"}}"#, "\"other\""),
-            (r#"{"c": []}"#, "a list of 1"),
-            (r#"{"a": 1}"#, "another kind"),
+            (r##"{"z": "?"}"##, "/z: there is no such text"),
+            (r##"{"a": "zu {ort}"}"##, "{ort}"),
+            (r##"{"b": {"one": "#"}}"##, "\"other\""),
+            (r##"{"c": []}"##, "a list of 1"),
+            (r##"{"a": 1}"##, "another kind"),
             ("{", "language-de.json"),
         ] {
             let error = checked(language).unwrap_err();
