@@ -8,8 +8,6 @@ import { Network, compileViewer, locate } from './network.js';
 /** Attempts to get a lost GPU back, and the time between them. */
 const MAX_REOPENINGS = 3;
 const REOPEN_MS = 3000;
-/** Longest wait for a graphics adapter before the first picture. */
-const ADAPTER_MS = 500;
 
 /** The module is fetched before the page says what to show. */
 const compiled = compileViewer();
@@ -46,14 +44,11 @@ class Engine {
     this.#options = options;
     this.#canvas = new CpuCanvas(options.canvasCpu);
     this.#helpers = new Helpers(compiled, options.workers);
-    const [hasGpu, city] = await Promise.all([
-      mayFindGpu(options, this.#whyCpu()),
+    const [city] = await Promise.all([
       locate(this.#network, options.src, options.manifest),
       compiled.then((module) => init({ module_or_path: module })),
     ]);
-    if (!hasGpu) options.gpuMib = options.cacheMib;
-    // Until a GPU draws, few tiles are there: the copies of the workers stay small.
-    const cacheBytes = (this.#cacheBytes = options.gpuMib * 2 ** 20);
+    const cacheBytes = (this.#cacheBytes = options.cacheMib * 2 ** 20);
     this.#helpers.resetAtlas(cacheBytes);
     const { width, height, camera, time, tau } = options;
     const values = { ...city, width, height, cacheBytes, camera, time, tau };
@@ -125,7 +120,7 @@ class Engine {
   async #step() {
     const lost = this.#viewer.lostGpu();
     if (lost !== undefined) this.#loseGpu(lost);
-    if (this.#isShrinking) this.#shrink();
+    if (this.#isShrinking) await this.#shrink();
     const step = JSON.parse(this.#viewer.update());
     this.#report();
     if (step.action === 'none') {
@@ -199,11 +194,10 @@ class Engine {
     try {
       const gpu = await CityViewer.openGpu(canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
       this.gpuName = this.#viewer.useGpu(gpu);
-      this.#helpers.resetAtlas(0);
+      await this.#renewHelpers(0);
       this.wake();
     } catch (error) {
       this.#reportCpu(String(error?.message ?? error));
-      this.memory(this.#options);
     }
   }
 
@@ -215,13 +209,22 @@ class Engine {
   }
 
   /** Takes less memory. A GPU keeps its atlas, which is not of the page's memory. */
-  #shrink() {
+  async #shrink() {
     this.#isShrinking = false;
     const cacheBytes = this.#options.cacheMib * 2 ** 20;
     if (this.#isGpu || cacheBytes >= this.#cacheBytes) return;
     this.#cacheBytes = cacheBytes;
-    this.#helpers.resetAtlas(cacheBytes);
+    await this.#renewHelpers(cacheBytes);
     this.#viewer.resizeCache(cacheBytes);
+  }
+
+  /** Replaces the workers by others: the memory of a module never becomes smaller. */
+  async #renewHelpers(cacheBytes) {
+    const old = this.#helpers;
+    this.#helpers = new Helpers(compiled, old.count);
+    await compiled;
+    this.#helpers.resetAtlas(cacheBytes);
+    old.retire();
   }
 
   #loseGpu(reason) {
@@ -336,20 +339,6 @@ function measureCommand({ action, ...values }) {
 /** A message of the crate; `undefined` if there is none. @param {string|undefined} json */
 function parsed(json) {
   return json === undefined ? undefined : JSON.parse(json);
-}
-
-/**
- * Whether a graphics adapter may draw later. If it is not known in time, the CPU draws first, and the adapter gets a smaller cache.
- * @param {{adapter: string}} options
- * @param {string} whyCpu
- * @returns {Promise<boolean>}
- */
-async function mayFindGpu({ adapter }, whyCpu) {
-  if (whyCpu !== '') return false;
-  const late = new Promise((resolve) => setTimeout(resolve, ADAPTER_MS, null));
-  const found = await Promise.race([navigator.gpu.requestAdapter().catch(() => null), late]);
-  const isSoftware = found?.info?.isFallbackAdapter ?? found?.isFallbackAdapter ?? false;
-  return found !== null && (adapter === 'gpu' || !isSoftware);
 }
 
 /** Requests and commands that the engine itself carries out. */

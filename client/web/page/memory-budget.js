@@ -1,12 +1,14 @@
 /**
  * One budget of memory for the tiles of all viewers of a page, however many there are and however many workers each has: every worker
- * that draws has a copy of the tiles. A viewer that joins takes its share from the others.
+ * that draws has a copy of the tiles. Graphics adapters have a budget of their own. A viewer that joins takes its share from the others.
  */
 
 /** Viewers are told of their new shares together, when no other joined for this time. */
 const SETTLE_MS = 200;
-/** Less shows no city. */
-const MIN_WORKER_MIB = 12;
+/** A view of a whole screen needs about this; more workers would each see less. */
+const MIN_WORKER_MIB = 40;
+/** Of graphics adapters, in budgets of the page. */
+const GPU_BUDGETS = 2;
 const MAX_WORKERS = 4;
 
 /**
@@ -17,7 +19,10 @@ const MAX_WORKERS = 4;
  * @property {number} gpuMib Tiles on a graphics adapter.
  */
 
-/** Running viewers, and how many there were when they got their share. @type {Map<object, {count: number, resize: (share: MemoryShare) => void}>} */
+/**
+ * Running viewers: their workers, and how many viewers there were when they got their share.
+ * @type {Map<object, {count: number, workers: number, resize: (share: MemoryShare) => void}>}
+ */
 const viewers = new Map();
 let timer = 0;
 
@@ -31,17 +36,21 @@ function budgetMib() {
   const gib = navigator.deviceMemory ?? (isPhone ? 4 : 8);
   if (gib <= 1) return 32;
   if (gib <= 2) return 64;
-  return gib <= 4 ? 128 : 192;
+  return gib <= 4 ? 96 : 128;
 }
 
-/** The share of one of `count` viewers. @param {number} count @returns {MemoryShare} */
-function shareOf(count) {
-  const gpuMib = budgetMib() / count;
+/** The number of drawing workers of one of `count` viewers. @param {number} count @returns {number} */
+function workersOf(count) {
   // The viewer waits while its workers draw, so only the page needs a core of its own.
   const cores = navigator.hardwareConcurrency ?? 2;
-  const mostWorkers = Math.min(cores > 2 ? cores - 1 : cores, MAX_WORKERS, Math.floor(gpuMib / MIN_WORKER_MIB));
-  const workers = Math.max(Math.min(mostWorkers, Math.ceil(MAX_WORKERS / count)), 1);
-  return { workers, cacheMib: gpuMib / workers, gpuMib };
+  const most = Math.min(cores > 2 ? cores - 1 : cores, MAX_WORKERS, Math.floor(budgetMib() / count / MIN_WORKER_MIB));
+  return Math.max(most, 1);
+}
+
+/** The share of one of `count` viewers, if it has so many workers. @param {number} count @param {number} workers @returns {MemoryShare} */
+function shareOf(count, workers) {
+  const shareMib = budgetMib() / count;
+  return { workers, cacheMib: shareMib / workers, gpuMib: GPU_BUDGETS * shareMib };
 }
 
 /**
@@ -53,10 +62,11 @@ function shareOf(count) {
 export function takeMemory(viewer, resize) {
   viewers.delete(viewer);
   const count = Math.max(viewers.size + 1, document.querySelectorAll('insula-city[src]').length);
-  viewers.set(viewer, { count, resize });
+  const workers = workersOf(count);
+  viewers.set(viewer, { count, workers, resize });
   clearTimeout(timer);
   timer = setTimeout(shrink, SETTLE_MS);
-  return shareOf(count);
+  return shareOf(count, workers);
 }
 
 /** Gives back what a viewer has taken. @param {object} viewer */
@@ -68,6 +78,6 @@ function shrink() {
   for (const viewer of viewers.values()) {
     if (viewer.count >= viewers.size) continue;
     viewer.count = viewers.size;
-    viewer.resize(shareOf(viewer.count));
+    viewer.resize(shareOf(viewer.count, viewer.workers));
   }
 }

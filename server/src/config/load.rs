@@ -194,6 +194,8 @@ mod tests {
             "access.cors=none",
             "access.hosts=localhost,[::1]",
             "metrics_address=127.0.0.1:0",
+            "site.title=3D \"Stadt\"",
+            "site.start=a=1,2,3,4,5,6;b-c=1,2,3,4,5,6.5",
             "public_url=https://cities.example.org/3d",
             "drain_notice_secs=5",
             "limits.client_rate=0.5",

@@ -8,6 +8,7 @@ mod load;
 mod network;
 mod public_url;
 mod settings;
+mod site;
 
 pub use keys::check_address;
 pub use load::ConfigError;
@@ -18,3 +19,4 @@ pub use settings::{
     AccessConfig, BlockCacheConfig, CorsPolicy, DEFAULT_LISTEN, DrawingsConfig, LimitsConfig, LogConfig, LogFormat,
     LogRequests, ReloadConfig, ServeConfig, TlsConfig,
 };
+pub use site::SiteConfig;

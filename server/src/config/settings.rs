@@ -1,6 +1,6 @@
 //! The settings of `serve` with their defaults, and the checks that span several of them.
 
-use super::{network::Network, public_url::PublicUrl};
+use super::{network::Network, public_url::PublicUrl, site::SiteConfig};
 use std::{path::PathBuf, time::Duration};
 
 /// Default of `listen`.
@@ -26,6 +26,7 @@ pub struct ServeConfig {
     pub drawings: DrawingsConfig,
     pub cache: BlockCacheConfig,
     pub access: AccessConfig,
+    pub site: SiteConfig,
     pub log: LogConfig,
 }
 
@@ -180,6 +181,7 @@ impl Default for ServeConfig {
             drawings: DrawingsConfig { at_once: 0, waiting: 4, secs: 60, triangles: 200_000 },
             cache: BlockCacheConfig::default(),
             access: AccessConfig::default(),
+            site: SiteConfig::default(),
             log: LogConfig { format: LogFormat::Text, requests: LogRequests::Errors },
         }
     }

@@ -9,7 +9,7 @@ use super::{
     wrong_address,
 };
 use crate::{
-    page::{self, CityFacts, CityInList, CityLinks, CityListPage, NO_VIEWER, SITE_TITLE},
+    page::{self, CityFacts, CityInList, CityLinks, CityListPage, NO_VIEWER},
     store::CityStore,
 };
 use axum::{
@@ -91,9 +91,9 @@ pub(super) fn respond_with_city(
     let root = relative_root(uri);
     let links = CityLinks { list: Some(relative(&root, "/")), ..links(state, city, is_public, uri, headers) };
     let (html, policy) = match state.viewer() {
-        Some(viewer) => (page::city_page(facts, &links, viewer.assets()), page::viewer_policy()),
+        Some(viewer) => (page::city_page(facts, &links, viewer.assets(), state.brand()), page::viewer_policy()),
         None => {
-            let mut page = CityListPage::new(SITE_TITLE, state.texts(headers), None, None);
+            let mut page = CityListPage::new(state.brand(), state.texts(headers), None, None);
             page.push_city(&CityInList { facts, page: None, links });
             page.push_paragraph(NO_VIEWER);
             (page.finish(), page::list_policy())
@@ -117,7 +117,6 @@ pub(super) fn links(state: &AppState, city: &CityStore, is_public: bool, uri: &U
     let thumbnail = city.has_thumbnail().then(|| route::thumbnail(name) + &query);
     let origin = known_origin(state, uri, headers).filter(|_| is_public);
     CityLinks {
-        site: SITE_TITLE.into(),
         source: relative(&root, &manifest),
         view_address: Some(displayed_origin(state, uri, headers) + &manifest),
         manifest: relative(&root, &manifest),

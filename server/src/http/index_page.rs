@@ -9,7 +9,7 @@ use super::{
     state::AppState,
 };
 use crate::{
-    page::{self, CityInList, CityListPage, NO_VIEWER, SITE_TITLE, escape_html},
+    page::{self, CityInList, CityListPage, NO_VIEWER, escape_html},
     store::CityStore,
 };
 use axum::{
@@ -50,7 +50,7 @@ pub(super) async fn index(
     }
     let icon = state.viewer().map(|viewer| viewer.assets().folder("") + "icon.svg");
     let texts = state.texts(&headers);
-    let mut page = CityListPage::new(SITE_TITLE, texts, icon.as_deref(), None);
+    let mut page = CityListPage::new(state.brand(), texts, icon.as_deref(), None);
     if state.viewer().is_none() {
         page.push_paragraph(NO_VIEWER);
     }

@@ -10,7 +10,11 @@ use super::{
     tls::TlsIdentity,
     worker::{AcceptedConnection, WorkerPool},
 };
-use crate::{config::ServeConfig, page::ViewerAssets, store::Store};
+use crate::{
+    config::ServeConfig,
+    page::{Brand, ViewerAssets},
+    store::Store,
+};
 use std::{
     future::Future,
     io,
@@ -41,6 +45,8 @@ pub enum ServeError {
     /// No token and no key could be read: private cities could not be opened.
     #[error("cannot use access.tokens or access.share_keys: {0}")]
     Access(String),
+    #[error("cannot use site.logo: {0}")]
+    Logo(io::Error),
     #[error("cannot listen on metrics_address {address}: {source}; use another one, port 0 picks a free one")]
     Metrics { address: String, source: io::Error },
     #[error("cannot start the server's threads: {0}")]
@@ -88,7 +94,8 @@ impl HttpServer {
             ),
             None => None,
         };
-        let state = AppState::with_access(store, config, access, ViewerAssets::embedded());
+        let brand = Brand::load(&config.site).map_err(ServeError::Logo)?;
+        let state = AppState::with_access(store, config, access, ViewerAssets::embedded(), brand);
         report_failures(&state, state.catalog().store().failures());
         let service = HttpService::new(state);
         Ok(Self { service, tls, operations, config: config.clone(), reload_signal: Arc::default() })

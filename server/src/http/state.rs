@@ -16,8 +16,8 @@ use super::{
     work_queues::{WorkKind, WorkQueues},
 };
 use crate::{
-    config::{CorsPolicy, LimitsConfig, LogRequests, Network, PublicUrl, ServeConfig},
-    page::{Languages, SiteTexts, ViewerAssets},
+    config::{CorsPolicy, LimitsConfig, LogRequests, Network, PublicUrl, ServeConfig, SiteConfig},
+    page::{Brand, Languages, SiteTexts, ViewerAssets},
     store::Store,
 };
 use arc_swap::{ArcSwap, Guard};
@@ -39,6 +39,7 @@ struct SharedState {
     catalog: ArcSwap<Catalog>,
     viewer: Option<ViewerContent>,
     languages: Languages,
+    brand: Brand,
     public_url: Option<PublicUrl>,
     metrics: HttpMetrics,
     rate_limiter: RateLimiter,
@@ -85,9 +86,11 @@ impl AppState {
         Self::with_viewer(store, config, ViewerAssets::embedded())
     }
 
-    /// As [`Self::new`], with another browser viewer than that of the program, or with none.
+    /// As [`Self::new`], with another browser viewer than that of the program, or with none. Pages show no logo, which
+    /// [`HttpServer`](super::HttpServer) reads.
     pub fn with_viewer(store: Store, config: &ServeConfig, viewer: Option<ViewerAssets>) -> Self {
-        Self::with_access(store, config, AccessControl::default(), viewer)
+        let brand = Brand::load(&SiteConfig { logo: None, ..config.site.clone() }).unwrap_or_default();
+        Self::with_access(store, config, AccessControl::default(), viewer, brand)
     }
 
     pub(super) fn with_access(
@@ -95,6 +98,7 @@ impl AppState {
         config: &ServeConfig,
         access: AccessControl,
         viewer: Option<ViewerAssets>,
+        brand: Brand,
     ) -> Self {
         let store_metrics = store.metrics().cloned();
         let computed_bytes = config.computed_bytes(store_metrics.is_some());
@@ -103,6 +107,7 @@ impl AppState {
             catalog: ArcSwap::from_pointee(Catalog::new(store, access)),
             languages: Languages::of(viewer.as_ref()),
             viewer: viewer.map(ViewerContent::new),
+            brand,
             public_url: config.public_url.clone(),
             metrics: HttpMetrics::new(store_metrics.as_ref(), config.limits.cache_bytes),
             rate_limiter: RateLimiter::new(config.limits.client_rate, config.limits.client_burst),
@@ -162,6 +167,11 @@ impl AppState {
     pub(super) fn texts(&self, headers: &HeaderMap) -> &SiteTexts {
         let accepted = headers.get(header::ACCEPT_LANGUAGE).and_then(|value| value.to_str().ok());
         self.0.languages.best(accepted.unwrap_or_default())
+    }
+
+    /// What the office has set of its pages.
+    pub(super) fn brand(&self) -> &Brand {
+        &self.0.brand
     }
 
     /// The address at which people reach the server, if it was configured.

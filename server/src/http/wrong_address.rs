@@ -7,7 +7,7 @@ use super::{
     response::NO_REFERRER,
     state::AppState,
 };
-use crate::page::{self, CityListPage, SITE_TITLE, escape_html};
+use crate::page::{self, CityListPage, escape_html};
 use axum::{
     body::Body,
     extract::State,
@@ -83,7 +83,7 @@ fn explain(state: &AppState, problem: &Problem, uri: &Uri, headers: &HeaderMap) 
         _ => (&texts.not_found, &texts.not_found_hint),
     };
     let root = relative_root(uri);
-    let mut page = CityListPage::new(SITE_TITLE, texts, None, None);
+    let mut page = CityListPage::new(state.brand(), texts, None, None);
     page.push_paragraph(&format!("<strong>{}</strong>", escape_html(title)));
     page.push_paragraph(&escape_html(hint));
     page.push_paragraph(&format!("<a href=\"{}\">{}</a>", relative(&root, "/"), escape_html(&texts.cities)));

@@ -1,7 +1,7 @@
 //! The page that lists cities, and pages that say what is wrong with an address. They have no scripts.
 
 use super::{
-    CityFacts, CityLinks,
+    Brand, CityFacts, CityLinks,
     about::{extent_m, push_about},
     html::{credit, escape_html},
     texts::SiteTexts,
@@ -16,7 +16,7 @@ pub(super) const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-widt
     color:#222;background:#fff}h1{font-weight:600}h2{font-size:1.25rem;margin:.6rem 0 .1rem}a{color:#0b57a4}\
     main{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:2rem;align-items:start}\
     main img{display:block;width:100%;height:auto;aspect-ratio:16/9;object-fit:cover;border-radius:10px;background:#ccd5dc}\
-    p{margin:.3rem 0}.sources,details{font-size:.875rem;color:#555}summary{cursor:pointer;padding:.3rem 0}\
+    h1 .logo{block-size:2.5rem;inline-size:auto;vertical-align:middle;margin-inline-end:.75rem}p{margin:.3rem 0}.sources,details{font-size:.875rem;color:#555}summary{cursor:pointer;padding:.3rem 0}\
     code{background:#f0f0f0;padding:.15rem .35rem;border-radius:3px;overflow-wrap:anywhere}\
     dl{display:grid;grid-template-columns:max-content 1fr;gap:.2rem 1rem}dt{color:#666}dd{margin:0;overflow-wrap:anywhere}\
     @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}code{background:#2a2a2a}a{color:#8bf}\
@@ -28,6 +28,8 @@ pub(crate) struct CityListPage<'a> {
     out: String,
     texts: &'a SiteTexts,
     is_list_open: bool,
+    /// The last paragraph, as HTML.
+    imprint: String,
 }
 
 /// A city in a list.
@@ -41,8 +43,8 @@ pub(crate) struct CityInList<'a> {
 
 impl<'a> CityListPage<'a> {
     /// An empty list. `icon` is the address of the viewer's icon; `meta_policy` is for pages without headers.
-    pub(crate) fn new(title: &str, texts: &'a SiteTexts, icon: Option<&str>, meta_policy: Option<&str>) -> Self {
-        let title = escape_html(title);
+    pub(crate) fn new(brand: &Brand, texts: &'a SiteTexts, icon: Option<&str>, meta_policy: Option<&str>) -> Self {
+        let title = escape_html(brand.title());
         let mut out = format!(
             "<!doctype html><html lang=\"{}\" dir=\"{}\"><head><meta charset=\"utf-8\">",
             escape_html(&texts.language),
@@ -59,8 +61,16 @@ impl<'a> CityListPage<'a> {
         if let Some(icon) = icon {
             let _ = write!(out, "<link rel=\"icon\" href=\"{}\">", escape_html(icon));
         }
-        let _ = write!(out, "<style>{STYLE}</style></head><body><h1>{title}</h1>");
-        Self { out, texts, is_list_open: false }
+        let _ = write!(out, "<style>{STYLE}</style></head><body><h1>");
+        if let Some(logo) = brand.logo() {
+            let _ = write!(out, "<img class=\"logo\" src=\"{}\" alt=\"\">", escape_html(logo));
+        }
+        let _ = write!(out, "{title}</h1>");
+        let imprint = brand.imprint().map(|address| {
+            let (address, words) = (escape_html(address), escape_html(&texts.imprint));
+            format!("<p><a href=\"{address}\" rel=\"noopener noreferrer\">{words}</a></p>")
+        });
+        Self { imprint: imprint.unwrap_or_default(), out, texts, is_list_open: false }
     }
 
     /// Adds a paragraph of HTML.
@@ -122,6 +132,7 @@ impl<'a> CityListPage<'a> {
     /// The complete page.
     pub(crate) fn finish(mut self) -> String {
         self.set_list_open(false);
+        self.out.push_str(&self.imprint);
         self.out.push_str("</body></html>\n");
         self.out
     }

@@ -4,6 +4,7 @@
 
 mod about;
 mod assets;
+mod brand;
 mod city_page;
 mod html;
 mod list_page;
@@ -12,6 +13,7 @@ mod texts;
 
 pub(crate) use assets::media_type;
 pub use assets::{ViewerAssets, ViewerFile};
+pub(crate) use brand::Brand;
 pub(crate) use city_page::city_page;
 pub(crate) use html::escape_html;
 pub(crate) use list_page::{CityInList, CityListPage};
@@ -38,8 +40,6 @@ pub(crate) struct CityFacts<'a> {
 /// What a city's page refers to. Addresses are absolute, or relative to the page.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct CityLinks {
-    /// Name of the site.
-    pub(crate) site: String,
     /// Where the viewer finds the city: `src` of `<insula-city>`.
     pub(crate) source: String,
     /// Address of the manifest.

@@ -21,7 +21,7 @@ pub(crate) fn list_policy() -> &'static str {
     static POLICY: LazyLock<String> = LazyLock::new(|| {
         let hash = base64(&Sha256::digest(STYLE.as_bytes()));
         format!(
-            "default-src 'none'; style-src 'sha256-{hash}'; img-src 'self'; manifest-src 'self'; base-uri 'none'; \
+            "default-src 'none'; style-src 'sha256-{hash}'; img-src 'self' data:; manifest-src 'self'; base-uri 'none'; \
              form-action 'none'{FRAMES}"
         )
     });
@@ -33,7 +33,7 @@ pub(crate) fn meta_policy(policy: &str) -> String {
     policy.strip_suffix(FRAMES).unwrap_or(policy).to_owned()
 }
 
-fn base64(bytes: &[u8]) -> String {
+pub(super) fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = String::new();
     for chunk in bytes.chunks(3) {

@@ -28,6 +28,7 @@ pub(crate) struct SiteTexts {
     pub(crate) private: String,
     pub(crate) private_hint: String,
     pub(crate) cities: String,
+    pub(super) imprint: String,
 }
 
 /// A text for one, and one for any other number.

@@ -343,7 +343,7 @@ pub(crate) fn share_query(keys: &Path, arguments: &[&str]) -> String {
 fn publish(cities: &[&Path], out: &Path) -> Result<(), String> {
     let cities = cities.iter().map(|city| city.to_path_buf()).collect();
     let url = Some("https://cities.example.org/".to_owned());
-    let args = PublishArgs { cities, out: out.to_owned(), title: Some("Our <cities>".into()), url };
+    let args = PublishArgs { cities, out: out.to_owned(), title: Some("Our <cities>".into()), url, config: None };
     publish_site(&args, &viewer()).map_err(|error| error.to_string())
 }
 

@@ -181,7 +181,10 @@ impl CityViewer {
         let name = gpu.name();
         let pages = gpu.adapter.pages();
         match self.renderer.past_writes() {
-            Some(writes) if pages == pages_for(self.cache_bytes) => page_writes::apply(&writes, &mut gpu.adapter),
+            Some(writes) if pages >= self.streamer.cache().capacity_pages() => {
+                page_writes::apply(&writes, &mut gpu.adapter);
+                self.streamer.grow_cache(pages);
+            }
             // Its atlas is empty or smaller.
             _ => self.restart(pages),
         }
