@@ -150,6 +150,8 @@ class Engine {
     if (step.isPicture) return this.#finishPicture(image);
     // Frames of another size, whose hits a picture needs, are not for the screen.
     if (this.#pictures.length > 0) return;
+    // A sky without a city is not shown first.
+    if (!this.#isShown && !this.#viewer.has_frame()) return;
     this.#canvas.show(image);
     this.#presented(step, ms);
   }

@@ -13,7 +13,8 @@ const policy = globalThis.trustedTypes?.createPolicy('insula', { createScriptURL
  * @param {string} path
  */
 export function registerServiceWorker(path) {
-  if (!('serviceWorker' in navigator)) return;
+  // A sandboxed frame has no origin that could keep anything.
+  if (self.origin === 'null' || !('serviceWorker' in navigator)) return;
   navigator.serviceWorker.register(policy.createScriptURL(path), { updateViaCache: 'none' }).catch(() => {});
 }
 
