@@ -50,7 +50,7 @@ function workersOf(count) {
 /** The share of one of `count` viewers, if it has so many workers. @param {number} count @param {number} workers @returns {MemoryShare} */
 function shareOf(count, workers) {
   const shareMib = budgetMib() / count;
-  return { workers, cacheMib: shareMib / workers, gpuMib: GPU_BUDGETS * shareMib };
+  return { workers, cacheMib: Math.floor(shareMib / workers), gpuMib: Math.floor(GPU_BUDGETS * shareMib) };
 }
 
 /**
