@@ -408,7 +408,7 @@ pub struct ServeArgs {
     /// Address of a listener for /healthz, /readyz and /metrics alone [default: all at --listen]
     #[arg(long, value_name = "HOST:PORT", value_parser = parse_address)]
     pub metrics_address: Option<String>,
-    /// Address at which people reach the server, if a proxy stands before it, as in https://example.org/city/
+    /// Address at which people reach the server behind a proxy, as in https://example.org/city [default: that of each request]
     #[arg(long, value_name = "URL")]
     pub public_url: Option<PublicUrl>,
     /// Do not start if one of the cities cannot be opened [default: serve the others, and try again]

@@ -1,7 +1,7 @@
 //! What people get at addresses that no page has: the page that was meant, or one that says what is wrong. Programs get the problem.
 
 use super::{
-    manifest::accepts,
+    accept::accepts,
     page_response::{relative, relative_root},
     problem::{NO_ROUTE, Problem},
     response::NO_REFERRER,

@@ -1,6 +1,5 @@
 //! The files of the browser viewer, which `client/web/build` makes and `build.rs` embeds.
 
-use super::texts::code_of;
 use bytes::Bytes;
 use insula_protocol::route::{self, is_asset_name};
 use std::collections::BTreeMap;
@@ -77,6 +76,13 @@ impl ViewerAssets {
     pub fn has(&self, name: &str) -> bool {
         self.files.contains_key(name)
     }
+}
+
+/// The code of a language in the name of its file; `None` of another file, and of English, which needs none.
+fn code_of(file: &str) -> Option<&str> {
+    let code = file.strip_prefix("language-")?.strip_suffix(".json")?;
+    let is_code = (2..=3).contains(&code.len()) && code.bytes().all(|byte| byte.is_ascii_lowercase());
+    (is_code && code != "en").then_some(code)
 }
 
 /// The media type of a file by its name.

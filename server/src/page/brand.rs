@@ -1,6 +1,6 @@
 //! The looks that an office gives its pages: name, logo, colour, imprint and first views.
 
-use super::{SITE_TITLE, html::escape_html};
+use super::{SITE_TITLE, base64::base64, html::escape_html};
 use crate::config::SiteConfig;
 use insula_archive::file::read_limited;
 use std::{fmt::Write, io};
@@ -22,7 +22,7 @@ impl Brand {
         let read = |path: &std::path::PathBuf| {
             let bytes = read_limited(path, MAX_LOGO_BYTES)?;
             let media = media_of(&bytes).ok_or_else(|| io::Error::other("not an SVG, PNG, JPEG or WebP file"))?;
-            Ok::<_, io::Error>(format!("data:{media};base64,{}", super::policy::base64(&bytes)))
+            Ok::<_, io::Error>(format!("data:{media};base64,{}", base64(&bytes)))
         };
         Ok(Self { logo: site.logo.as_ref().map(read).transpose()?, site: site.clone() })
     }

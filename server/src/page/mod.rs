@@ -4,6 +4,7 @@
 
 mod about;
 mod assets;
+mod base64;
 mod brand;
 mod city_page;
 mod html;

@@ -4,7 +4,6 @@ use super::ViewerAssets;
 use serde::Deserialize;
 
 const ENGLISH: &str = include_str!("../../../client/web/page/language-en.json");
-const PREFIX: &str = "language-";
 /// Languages of an `Accept-Language` that are looked at.
 const MOST_WANTED: usize = 32;
 
@@ -117,13 +116,6 @@ impl Languages {
         let found = wanted.iter().filter(|(quality, _)| *quality > 0.0).find_map(|(_, code)| known(code));
         found.map_or_else(|| self.english(), |(_, texts)| texts)
     }
-}
-
-/// The code of a language in the name of its file; `None` of another file, and of English, which needs none.
-pub(super) fn code_of(file: &str) -> Option<&str> {
-    let code = file.strip_prefix(PREFIX)?.strip_suffix(".json")?;
-    let is_code = (2..=3).contains(&code.len()) && code.bytes().all(|byte| byte.is_ascii_lowercase());
-    (is_code && code != "en").then_some(code)
 }
 
 #[cfg(test)]
