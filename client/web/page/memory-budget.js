@@ -8,7 +8,7 @@ const SETTLE_MS = 200;
 /** A view of a whole screen needs about this; more workers would each see less. */
 const MIN_WORKER_MIB = 40;
 /** Of graphics adapters, in budgets of the page. */
-const GPU_BUDGETS = 2;
+const GPU_BUDGETS = 2.5;
 const MAX_WORKERS = 4;
 
 /**
@@ -36,7 +36,7 @@ function budgetMib() {
   const gib = navigator.deviceMemory ?? (isPhone ? 4 : 8);
   if (gib <= 1) return 32;
   if (gib <= 2) return 64;
-  return gib <= 4 ? 96 : 128;
+  return gib <= 4 ? 80 : 96;
 }
 
 /** The number of drawing workers of one of `count` viewers. @param {number} count @returns {number} */
