@@ -10,7 +10,10 @@ pub use objects::{ExportArgs, ExportFormat};
 pub use objects::{ObjectsArgs, SearchArgs};
 pub use parse::{DegreesBox, GeoPlace, ShareArea};
 
-use crate::share_link::{parse_lifetime, parse_version};
+use crate::{
+    config::PublicUrl,
+    share_link::{parse_lifetime, parse_version},
+};
 use clap::{Parser, Subcommand, builder::ArgPredicate};
 use insula_command_line::{SetupCommand, output::OverwriteArgs};
 use insula_protocol::{TileId, blockmap::Quality};
@@ -405,6 +408,9 @@ pub struct ServeArgs {
     /// Address of a listener for /healthz, /readyz and /metrics alone [default: all at --listen]
     #[arg(long, value_name = "HOST:PORT", value_parser = parse_address)]
     pub metrics_address: Option<String>,
+    /// Address at which people reach the server behind a proxy, as in https://example.org/city [default: that of each request]
+    #[arg(long, value_name = "URL")]
+    pub public_url: Option<PublicUrl>,
     /// Do not start if one of the cities cannot be opened [default: serve the others, and try again]
     #[arg(long)]
     pub strict: bool,
@@ -466,6 +472,9 @@ pub struct PublishArgs {
     /// Address that the site will have, for previews of links to it
     #[arg(long, value_name = "URL", value_parser = parse_site_address)]
     pub url: Option<String>,
+    /// TOML file of settings, of which [site] counts: name, logo, colour, imprint and first views
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
 }
 
 /// Arguments of `inspect`.

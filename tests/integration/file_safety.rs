@@ -62,6 +62,7 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server sign", &["config"], Reads("sign --city city --expires 1h --config {}", ".toml")),
     ("insula-server sign", &["city", "url", "version"], TEXT),
     ("insula-server publish", &["cities", "out"], FOLDER),
+    ("insula-server publish", &["config"], Reads("publish city --out site --config {}", ".toml")),
     ("insula-server publish", &["title", "url"], TEXT),
     ("insula-server inspect", &["city"], Reads("inspect {}", ".obj")),
     ("insula-server inspect", &["png"], Writes("inspect city --tile 0/0/0 --png {}", ".png")),

@@ -17,7 +17,7 @@ use std::{
 pub enum CityLocation {
     /// An Insula server.
     Server {
-        /// `http://host:port`.
+        /// `http://host:port`, and the path below which a proxy has the server, without a slash at its end.
         base: String,
         /// Name of the city, if the URL has one.
         name: Option<String>,
@@ -65,16 +65,16 @@ impl CityLocation {
         }
         let share = query.map(|query| parse_share(query).ok_or_else(invalid)).transpose()?;
         let path = path.trim_end_matches('/');
-        let name = match path.strip_prefix(CITIES) {
-            Some("") => None,
-            Some(name) => match name.strip_prefix('/') {
-                Some(name) if is_name(name) => Some(name.to_owned()),
+        let (prefix, name) = match split_prefix(path) {
+            Some((prefix, "")) => (prefix, None),
+            Some((prefix, name)) => match name.strip_prefix('/') {
+                Some(name) if is_name(name) => (prefix, Some(name.to_owned())),
                 _ => return Err(invalid()),
             },
-            None if path.is_empty() => None,
+            None if path.is_empty() => ("", None),
             None if share.is_some() => match page_of(path) {
                 // A web folder knows no share links, so it is a server's page.
-                Some(("", name)) => Some(name.to_owned()),
+                Some((prefix, name)) => (prefix, Some(name.to_owned())),
                 _ => return Err(invalid()),
             },
             None => {
@@ -82,7 +82,7 @@ impl CityLocation {
                 return Ok(Self::WebFolder(format!("{base}{folder}")));
             }
         };
-        Ok(Self::Server { base: base.to_owned(), name, share, is_bare_host: path.is_empty() })
+        Ok(Self::Server { base: format!("{base}{prefix}"), name, share, is_bare_host: path.is_empty() })
     }
 }
 
@@ -96,6 +96,13 @@ impl fmt::Display for CityLocation {
             Self::Folder(path) => write!(f, "{}", path.display()),
         }
     }
+}
+
+/// Splits the path of a server's list or city: the path below which a proxy has the server, and what follows the list's.
+fn split_prefix(path: &str) -> Option<(&str, &str)> {
+    let (prefix, rest) = path.split_once(CITIES)?;
+    // Another folder may have a name that begins so.
+    (rest.is_empty() || rest.starts_with('/')).then_some((prefix, rest))
 }
 
 /// Splits the address of a city's page, on a server or a published site: what is before the page's path, and the city's name.
@@ -129,6 +136,9 @@ mod tests {
         assert_eq!(parsed("http://h:1/"), server("http://h:1", None, true));
         assert_eq!(parsed("https://h/v1/cities/"), server("https://h", None, false));
         assert_eq!(parsed("http://h:1/v1/cities/the_hague"), server("http://h:1", Some("the_hague"), false));
+        assert_eq!(parsed("https://h/maps/3d/v1/cities/delft/"), server("https://h/maps/3d", Some("delft"), false));
+        assert_eq!(parsed("https://h/maps/v1/cities"), server("https://h/maps", None, false));
+        assert_eq!(parsed("https://h/v1/citiesque"), CityLocation::WebFolder("https://h/v1/citiesque".into()));
         assert_eq!(page_of("https://h:1/cities/delft"), Some(("https://h:1", "delft")));
         assert_eq!((page_of("https://h/maps/delft"), page_of("https://h/cities/A")), (None, None));
         for web in ["https://h/maps/delft", "https://h/maps/delft/", "https://h/maps/delft/city.json"] {

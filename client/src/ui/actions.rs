@@ -54,21 +54,26 @@ impl CityView {
             KeyAction::ToggleCounters => display.shows_counters = !display.shows_counters,
             KeyAction::ToggleRayCounts => (self.counts_rays, self.ray_counts) = (!self.counts_rays, None),
             KeyAction::ToggleShadows => self.toggle_shadows(settings),
-            KeyAction::Move(_) | KeyAction::Quit | KeyAction::ToggleFullScreen => {}
+            KeyAction::Move(_) | KeyAction::EndInnermost | KeyAction::Quit | KeyAction::ToggleFullScreen => {}
         }
         let display = &self.display;
         (settings.overlay, settings.counters) = (display.shows_sliders, display.shows_counters);
         settings.minimap = display.shows_map;
     }
 
-    /// Ends the innermost thing that Escape ends: measuring, the selection, then a picture. Returns whether there was one.
+    /// Ends the innermost thing that Escape ends: help, measuring, an open panel, the selection, then a picture. Returns whether
+    /// there was one.
     pub(super) fn end_innermost(&mut self) -> bool {
+        if std::mem::take(&mut self.display.shows_help) {
+            return true;
+        }
         if self.measure.is_active {
             self.measure.toggle();
             self.report_measure();
             return true;
         }
-        if std::mem::take(&mut self.search.is_open) {
+        let panels = [&mut self.search.is_open, &mut self.bookmark_panel.is_open, &mut self.stones.is_open];
+        if panels.into_iter().any(std::mem::take) || self.styles.close() {
             return true;
         }
         if !self.objects.selected().is_empty() {

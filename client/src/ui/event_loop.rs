@@ -92,6 +92,7 @@ pub fn run(event_loop: EventLoop<ViewerEvent>, options: WindowOptions, connect: 
         viewport: None,
         drag_px: None,
         pointer: PhysicalPosition::default(),
+        is_ctrl_down: false,
         last_click: None,
         fatal_error: None,
     };
@@ -126,6 +127,7 @@ struct ViewerApp {
     /// How far the mouse was dragged, while a button is held over the frame.
     drag_px: Option<f64>,
     pointer: PhysicalPosition<f64>,
+    is_ctrl_down: bool,
     /// When and where the mouse was clicked last.
     last_click: Option<(Instant, PhysicalPosition<f64>)>,
     /// Why the event loop ended early.
@@ -346,6 +348,9 @@ impl ViewerApp {
         if matches!(event, WindowEvent::KeyboardInput { is_synthetic: true, .. }) {
             return false;
         }
+        if let WindowEvent::ModifiersChanged(modifiers) = event {
+            self.is_ctrl_down = modifiers.state().control_key();
+        }
         let is_typing = window.egui.egui_wants_keyboard_input();
         if let WindowEvent::KeyboardInput { event: key, .. } = event
             && !is_typing
@@ -423,7 +428,7 @@ impl ViewerApp {
         let (PhysicalKey::Code(code), is_pressed) = (event.physical_key, event.state.is_pressed()) else {
             return false;
         };
-        let Some(action) = key_bindings::action_of(code) else { return false };
+        let Some(action) = key_bindings::action_of(code, self.is_ctrl_down && is_pressed) else { return false };
         if event.repeat {
             return false;
         }
@@ -432,10 +437,11 @@ impl ViewerApp {
         }
         match action {
             _ if !is_pressed => {}
-            KeyAction::Quit => {
-                let Some(viewport) = &mut self.viewport else { return true };
-                if !viewport.city.end_innermost() {
-                    return true;
+            KeyAction::Quit => return true,
+            KeyAction::EndInnermost => {
+                let has_ended = self.viewport.as_mut().is_some_and(|viewport| viewport.city.end_innermost());
+                if !has_ended && window.is_full_screen() {
+                    window.set_full_screen(false);
                 }
                 window.window.request_redraw();
             }

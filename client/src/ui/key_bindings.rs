@@ -9,6 +9,8 @@ use winit::keyboard::KeyCode;
 pub enum KeyAction {
     /// Move while the key is held.
     Move(MoveDirection),
+    /// End what Escape ends. It never quits.
+    EndInnermost,
     Quit,
     /// Switch between flying and orbiting.
     ToggleMode,
@@ -51,21 +53,21 @@ pub enum KeyAction {
 }
 
 /// Lines of the help panel: keys, and what they do.
-pub const HELP: [(&str, &str); 30] = [
+pub const HELP: [(&str, &str); 31] = [
     ("drag", "look around (fly and walk mode), turn around the point ahead (orbit mode)"),
     ("W A S D, arrows", "move; with Shift, four times as fast"),
     ("Q E, Page Down and Up", "move down and up"),
     ("wheel", "speed (fly mode), distance (orbit mode)"),
     ("touchpad", "two fingers: like the wheel, or turn; pinch: closer; rotate: turn"),
     ("click, Shift click", "select an object and show its attributes; add one to the selection"),
-    ("F, /", "search names, addresses and identifiers"),
+    ("/", "search names, addresses and identifiers"),
     ("G", "colours and filter of objects by their attributes"),
     ("J", "stones of landmarks, with sliders"),
     ("double click", "go to this place"),
     ("H, U", "back to the first view, north up"),
     ("X", "stop at buildings and the ground, or not; on in walk mode"),
-    ("Tab", "fly mode, walk mode or orbit mode"),
-    ("1 to 6, F2 to F7", "light, colour, ambient occlusion, normals, levels, column kinds"),
+    ("F", "fly mode, walk mode or orbit mode"),
+    ("1 to 6", "light, colour, ambient occlusion, normals, levels, column kinds"),
     ("B", "bookmark this view"),
     ("V", "bookmarks and coordinates"),
     ("C", "copy a link to this view"),
@@ -81,11 +83,19 @@ pub const HELP: [(&str, &str); 30] = [
     ("K", "count ray steps when the view rests"),
     ("F11", "full screen"),
     ("F1", "this help"),
-    ("Esc", "end measuring, deselect, cancel a picture, quit"),
+    ("Esc", "close a panel, end measuring, deselect, cancel a picture, leave full screen"),
+    ("Ctrl Q", "quit"),
 ];
 
-/// The action of a key, if it has one.
-pub fn action_of(code: KeyCode) -> Option<KeyAction> {
+/// The action of a key, if it has one. The page in browsers has the same keys, which `key-table.js` lists.
+pub fn action_of(code: KeyCode, is_ctrl_down: bool) -> Option<KeyAction> {
+    if is_ctrl_down {
+        return match code {
+            KeyCode::KeyQ => Some(KeyAction::Quit),
+            KeyCode::KeyZ => Some(KeyAction::UndoPoint),
+            _ => None,
+        };
+    }
     Some(match code {
         KeyCode::KeyW | KeyCode::ArrowUp => KeyAction::Move(MoveDirection::Forward),
         KeyCode::KeyS | KeyCode::ArrowDown => KeyAction::Move(MoveDirection::Back),
@@ -93,8 +103,8 @@ pub fn action_of(code: KeyCode) -> Option<KeyAction> {
         KeyCode::KeyD | KeyCode::ArrowRight => KeyAction::Move(MoveDirection::Right),
         KeyCode::KeyE | KeyCode::PageUp => KeyAction::Move(MoveDirection::Up),
         KeyCode::KeyQ | KeyCode::PageDown => KeyAction::Move(MoveDirection::Down),
-        KeyCode::Escape => KeyAction::Quit,
-        KeyCode::Tab => KeyAction::ToggleMode,
+        KeyCode::Escape => KeyAction::EndInnermost,
+        KeyCode::KeyF => KeyAction::ToggleMode,
         KeyCode::KeyH | KeyCode::Home => KeyAction::GoHome,
         KeyCode::KeyU => KeyAction::TurnNorth,
         KeyCode::KeyX => KeyAction::ToggleCollision,
@@ -107,21 +117,63 @@ pub fn action_of(code: KeyCode) -> Option<KeyAction> {
         KeyCode::KeyR => KeyAction::ToggleRecording,
         KeyCode::KeyM => KeyAction::ToggleMeasuring,
         KeyCode::KeyN => KeyAction::ToggleMap,
-        KeyCode::KeyF | KeyCode::Slash => KeyAction::ToggleSearch,
+        KeyCode::Slash => KeyAction::ToggleSearch,
         KeyCode::KeyG => KeyAction::ToggleStyles,
         KeyCode::KeyJ => KeyAction::ToggleStones,
-        KeyCode::Backspace | KeyCode::KeyZ => KeyAction::UndoPoint,
+        KeyCode::Backspace => KeyAction::UndoPoint,
         KeyCode::KeyT => KeyAction::ToggleDay,
         KeyCode::KeyO => KeyAction::ToggleSliders,
         KeyCode::KeyI => KeyAction::ToggleCounters,
         KeyCode::KeyK => KeyAction::ToggleRayCounts,
         KeyCode::KeyL => KeyAction::ToggleShadows,
-        KeyCode::Digit1 | KeyCode::F2 => KeyAction::SetShading(Shading::ALL[0]),
-        KeyCode::Digit2 | KeyCode::F3 => KeyAction::SetShading(Shading::ALL[1]),
-        KeyCode::Digit3 | KeyCode::F4 => KeyAction::SetShading(Shading::ALL[2]),
-        KeyCode::Digit4 | KeyCode::F5 => KeyAction::SetShading(Shading::ALL[3]),
-        KeyCode::Digit5 | KeyCode::F6 => KeyAction::SetShading(Shading::ALL[4]),
-        KeyCode::Digit6 | KeyCode::F7 => KeyAction::SetShading(Shading::ALL[5]),
+        KeyCode::Digit1 => KeyAction::SetShading(Shading::ALL[0]),
+        KeyCode::Digit2 => KeyAction::SetShading(Shading::ALL[1]),
+        KeyCode::Digit3 => KeyAction::SetShading(Shading::ALL[2]),
+        KeyCode::Digit4 => KeyAction::SetShading(Shading::ALL[3]),
+        KeyCode::Digit5 => KeyAction::SetShading(Shading::ALL[4]),
+        KeyCode::Digit6 => KeyAction::SetShading(Shading::ALL[5]),
         _ => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn escape_never_quits() {
+        assert_eq!(action_of(KeyCode::Escape, false), Some(KeyAction::EndInnermost));
+        assert_eq!(action_of(KeyCode::Escape, true), None);
+        assert_eq!(action_of(KeyCode::KeyQ, true), Some(KeyAction::Quit));
+    }
+
+    /// The page names its keys by the same codes.
+    #[test]
+    fn keys_of_the_page_do_the_same() {
+        let table = include_str!("../../web/page/key-table.js");
+        let same = [
+            ("KeyF: 'mode'", KeyCode::KeyF, KeyAction::ToggleMode),
+            ("KeyH: 'home'", KeyCode::KeyH, KeyAction::GoHome),
+            ("KeyU: 'north'", KeyCode::KeyU, KeyAction::TurnNorth),
+            ("KeyX: 'collision'", KeyCode::KeyX, KeyAction::ToggleCollision),
+            ("KeyL: 'shadows'", KeyCode::KeyL, KeyAction::ToggleShadows),
+            ("KeyT: 'day'", KeyCode::KeyT, KeyAction::ToggleDay),
+            ("KeyB: 'bookmark'", KeyCode::KeyB, KeyAction::AddBookmark),
+            ("KeyC: 'copyLink'", KeyCode::KeyC, KeyAction::CopyLink),
+            ("KeyG: 'colors'", KeyCode::KeyG, KeyAction::ToggleStyles),
+            ("KeyI: 'counters'", KeyCode::KeyI, KeyAction::ToggleCounters),
+            ("KeyM: 'measure'", KeyCode::KeyM, KeyAction::ToggleMeasuring),
+            ("KeyO: 'time'", KeyCode::KeyO, KeyAction::ToggleSliders),
+            ("KeyP: 'picture'", KeyCode::KeyP, KeyAction::SaveImage),
+            ("KeyV: 'bookmarks'", KeyCode::KeyV, KeyAction::ToggleBookmarks),
+            ("Slash: 'search'", KeyCode::Slash, KeyAction::ToggleSearch),
+            ("Backspace: 'undo'", KeyCode::Backspace, KeyAction::UndoPoint),
+            ("F1: 'help'", KeyCode::F1, KeyAction::ToggleHelp),
+            ("Escape: 'escape'", KeyCode::Escape, KeyAction::EndInnermost),
+        ];
+        for (line, code, action) in same {
+            assert!(table.contains(line), "the page has another key than {line}");
+            assert_eq!(action_of(code, false), Some(action), "{line}");
+        }
+    }
 }

@@ -194,8 +194,9 @@ fn slider_panel(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOption
         if options.shows_counters {
             counter_grid(ui, &texts.counters);
         }
-        let slider = egui::Slider::new(&mut options.tau_px, 0.5..=16.0).logarithmic(true).text("tau, px");
-        ui.add(slider.fixed_decimals(1));
+        // Its number, an error in pixels, says nothing to most people.
+        let slider = egui::Slider::new(&mut options.tau_px, 0.5..=16.0).logarithmic(true).text("detail: fine to coarse");
+        ui.add(slider.fixed_decimals(1).show_value(options.shows_counters));
         sun_sliders(ui, &mut options.daylight);
         day_row(ui, &mut options.day);
         action = options.picture.show(ui).then_some(ViewAction::SavePicture);

@@ -60,6 +60,11 @@ impl StylePanel {
         self.error = None;
     }
 
+    /// Hides the controls. Returns whether they were shown.
+    pub(super) fn close(&mut self) -> bool {
+        std::mem::take(&mut self.is_open)
+    }
+
     /// Whether there is something to show.
     pub(super) fn is_shown(&self) -> bool {
         self.is_open || self.legend.is_some()

@@ -4,9 +4,10 @@ import { startControls } from './controls.js';
 import { prepareEngine } from './engine-client.js';
 import './insula-city.js';
 import { load } from './storage.js';
-import { strings } from './strings.js';
+import { loadLanguage, strings } from './strings.js';
 import { applyTheme } from './theme.js';
 import { parseView } from './view-text.js';
+import { registerServiceWorker } from './workers.js';
 
 /** The manifest in the page; `null` if there is none or it is malformed. */
 function inlineManifest() {
@@ -24,22 +25,20 @@ function loadedManifest(city) {
   });
 }
 
-/** Registers the worker that keeps visited cities for offline use, if the page names one. */
-function registerServiceWorker() {
-  const path = document.querySelector('meta[name="insula-service-worker"]')?.getAttribute('content');
-  // Without it, the page works online. Browsers offer it only on https and localhost.
-  if (path && 'serviceWorker' in navigator) navigator.serviceWorker.register(path, { updateViaCache: 'none' }).catch(() => {});
+/** The languages that lie beside this script, as the page lists them. @returns {string[]} */
+function offeredLanguages() {
+  const list = document.querySelector('meta[name="insula-languages"]')?.getAttribute('content') ?? '';
+  return list.split(' ').filter((code) => /^[a-z]{2,3}$/.test(code));
 }
 
 prepareEngine();
+const language = loadLanguage(navigator.languages ?? [navigator.language], offeredLanguages());
 
 async function start() {
   const app = document.getElementById('insula-app');
   /** @type {import('./insula-city.js').InsulaCity|null} */
   const city = app?.querySelector('insula-city') ?? null;
   if (!app || !city) return;
-  document.documentElement.lang = strings.language;
-  document.documentElement.dir = strings.direction;
   app.classList.add('is-running');
   applyTheme();
   // The element starts after this script has run, and so with these values.
@@ -49,10 +48,14 @@ async function start() {
   if (time) city.time = time;
   const [tau, shadows] = [load('tau', null), load('shadows', null)];
   city.setOptions({ tau, shadows, look });
-  await new Promise((resolve) => setTimeout(resolve));
+  await Promise.all([language, new Promise((resolve) => setTimeout(resolve))]);
+  document.documentElement.lang = strings.language;
+  document.documentElement.dir = strings.direction;
+  city.describeInWords();
   startControls(app, city, city.manifest ?? (await loadedManifest(city)));
   if (object !== null && object !== undefined) city.select([object]).catch(() => {});
-  registerServiceWorker();
+  const worker = document.querySelector('meta[name="insula-service-worker"]')?.getAttribute('content');
+  if (worker) registerServiceWorker(worker);
 }
 
 start();

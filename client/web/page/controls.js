@@ -2,6 +2,7 @@
 
 import { liveRegions } from './announcer.js';
 import { attributionNodes } from './attribution.js';
+import { imprintLink, logo } from './brand.js';
 import { aboutDialog, helpDialog } from './dialogs.js';
 import { element } from './dom.js';
 import { furniture, navigation } from './furniture.js';
@@ -38,6 +39,7 @@ export function startControls(app, city, manifest) {
   const toggles = ['search', 'view', 'objects', 'colors', 'time', 'measure', 'bookmarks', 'share', 'picture'];
   const { node, buttons, closeMore } = toolbar({
     ...Object.fromEntries(toggles.map((name) => [name, () => panels.toggle(name)])),
+    more: () => panels.close(false),
     help: () => help.showModal(),
     about: () => about.showModal(),
   });
@@ -67,10 +69,12 @@ export function startControls(app, city, manifest) {
     escape: () => closeMore() || panels.close(true) || city.select([]),
   });
 
-  const title = element('h1', { class: 'title' }, element('bdi', {}, page.title));
+  const title = element('h1', { class: 'title' }, logo(), element('bdi', {}, page.title));
   const notices = element('div', { class: 'notices' }, statusNotice(city, page.title), adapterNotice(city));
   const sources = element('div', { class: 'sources', role: 'group', 'aria-label': strings.furniture.attribution });
   sources.append(...attributionNodes(page.manifest));
+  const imprint = imprintLink();
+  if (imprint) sources.append(sources.hasChildNodes() ? ' · ' : '', imprint);
   sources.hidden = sources.childNodes.length === 0;
   const corner = element('div', { class: 'corner' }, navigation(page), sources);
   app.append(title, node, panels.node, notices, fixed.node, legendBox(city), corner, about, help, ...liveRegions);

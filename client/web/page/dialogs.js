@@ -31,12 +31,15 @@ export function aboutDialog(page, description) {
     description.hidden = false;
   }
   const generated = page.manifest.generated_facades ? element('p', { class: 'hint' }, texts.generated) : null;
-  const nodes = [description ?? ownDescription(page), list, generated, element('p', { class: 'hint' }, texts.software)];
+  // The server describes the city in English.
+  const isTranslated = !strings.language.startsWith('en');
+  const about = description && !isTranslated ? description : ownDescription(page, description?.querySelector('a[rel="up"]'));
+  const nodes = [about, list, generated, element('p', { class: 'hint' }, texts.software)];
   return dialog(texts.title, ...nodes.filter((node) => node !== null));
 }
 
-/** A description from the manifest, for pages without one. */
-function ownDescription({ title, system, manifest }) {
+/** A description from the manifest, for pages without one. `up` is the link to the list of cities. */
+function ownDescription({ title, system, manifest }, up) {
   const texts = strings.about;
   const [low, high] = manifest.bounds;
   const rows = [
@@ -47,7 +50,8 @@ function ownDescription({ title, system, manifest }) {
   const terms = rows.flatMap(([name, value]) => [element('dt', {}, name), element('dd', { dir: 'auto' }, value)]);
   const sources = element('dd', {}, ...attributionNodes(manifest));
   const list = element('dl', {}, ...terms, element('dt', {}, texts.sources), sources);
-  return element('section', {}, element('h3', { dir: 'auto' }, title), list);
+  if (up) up.textContent = texts.allCities;
+  return element('section', {}, element('h3', { dir: 'auto' }, title), list, up ? element('p', {}, up) : null);
 }
 
 /**
@@ -58,11 +62,13 @@ function ownDescription({ title, system, manifest }) {
 export function helpDialog({ singleKeys, change }) {
   const texts = strings.help;
   const cell = (kind, text) => element(kind, kind === 'th' ? { scope: 'row' } : {}, text);
-  const rows = texts.table.map(([keys, action]) => element('tr', {}, cell('th', keys), cell('td', action)));
+  const rowsOf = (table) => table.map(([keys, action]) => element('tr', {}, cell('th', keys), cell('td', action)));
   const heads = [texts.key, texts.action].map((text) => element('th', { scope: 'col' }, text));
   const head = element('thead', { class: 'visually-hidden' }, element('tr', {}, ...heads));
   const table = element('table', {}, element('caption', { class: 'visually-hidden' }, texts.keys), head);
-  table.append(element('tbody', {}, ...rows));
+  table.append(element('tbody', {}, ...rowsOf(texts.table)));
+  const developer = element('details', {}, element('summary', {}, strings.view.developer));
+  developer.append(element('table', {}, element('tbody', {}, ...rowsOf(texts.developer))));
   const single = checkbox({ text: texts.singleKeys, checked: singleKeys, change });
-  return dialog(texts.title, table, single.node, element('p', { class: 'hint' }, texts.singleKeysHint));
+  return dialog(texts.title, table, single.node, element('p', { class: 'hint' }, texts.singleKeysHint), developer);
 }

@@ -4,12 +4,17 @@ import { attributionNodes } from './attribution.js';
 import { element, printable, setText } from './dom.js';
 import { strings } from './strings.js';
 
+/** The hint about gestures stays this long. */
+const GESTURE_MS = 1500;
+
 /** The status line and the attribution in the shadow root. A page hides them through their parts. */
 export class ElementNotices {
   #status = element('div', { class: 'status', part: 'status', role: 'status', hidden: true });
   #attribution = element('div', { class: 'attribution', part: 'attribution', hidden: true });
+  #gesture = element('div', { class: 'gesture', part: 'gesture', 'aria-hidden': 'true', hidden: true });
+  #gestureTimer = 0;
   /** Parts for the shadow root. */
-  nodes = [this.#status, this.#attribution];
+  nodes = [this.#status, this.#attribution, this.#gesture];
 
   /**
    * Shows a status, or hides it without a kind.
@@ -19,6 +24,17 @@ export class ElementNotices {
     this.#status.hidden = kind === null;
     this.#status.dataset.kind = kind ?? '';
     setText(this.#status, kind === null ? '' : printable(text) || strings.status[kind] || '');
+  }
+
+  /**
+   * Says for a moment how to use a gesture that the page got.
+   * @param {'wheel'|'fingers'} what
+   */
+  showGesture(what) {
+    setText(this.#gesture, strings.element[what]);
+    this.#gesture.hidden = false;
+    clearTimeout(this.#gestureTimer);
+    this.#gestureTimer = setTimeout(() => (this.#gesture.hidden = true), GESTURE_MS);
   }
 
   /**

@@ -82,10 +82,10 @@ export class EngineClient {
     setTimeout(() => this.#worker.terminate(), 1000);
   }
 
-  #settle({ id, value, error }) {
+  #settle({ id, value, error, isTemporary }) {
     const request = this.#pending.get(id);
     this.#pending.delete(id);
     if (error === undefined || error === null) request?.resolve(value);
-    else request?.reject(new Error(String(error)));
+    else request?.reject(Object.assign(new Error(String(error)), { isTemporary }));
   }
 }

@@ -27,6 +27,9 @@ class Engine {
   #isRunning = false;
   #isDrawing = false;
   #isDue = false;
+  /** Bytes of the atlas of each worker, and whether they are to become fewer. */
+  #cacheBytes = 0;
+  #isShrinking = false;
   #timer = 0;
   #reopenings = 0;
   #lastMissing = -1;
@@ -40,12 +43,13 @@ class Engine {
   async start(options) {
     this.#options = options;
     this.#canvas = new CpuCanvas(options.canvasCpu);
-    const cacheBytes = options.cacheMib * 2 ** 20;
-    this.#helpers = new Helpers(compiled, options.workers, cacheBytes);
+    this.#helpers = new Helpers(compiled, options.workers);
     const [city] = await Promise.all([
       locate(this.#network, options.src, options.manifest),
       compiled.then((module) => init({ module_or_path: module })),
     ]);
+    const cacheBytes = (this.#cacheBytes = options.cacheMib * 2 ** 20);
+    this.#helpers.resetAtlas(cacheBytes);
     const { width, height, camera, time, tau } = options;
     const values = { ...city, width, height, cacheBytes, camera, time, tau };
     this.#viewer = new CityViewer(this.#host(), JSON.stringify(values));
@@ -116,6 +120,7 @@ class Engine {
   async #step() {
     const lost = this.#viewer.lostGpu();
     if (lost !== undefined) this.#loseGpu(lost);
+    if (this.#isShrinking) await this.#shrink();
     const step = JSON.parse(this.#viewer.update());
     this.#report();
     if (step.action === 'none') {
@@ -145,6 +150,8 @@ class Engine {
     if (step.isPicture) return this.#finishPicture(image);
     // Frames of another size, whose hits a picture needs, are not for the screen.
     if (this.#pictures.length > 0) return;
+    // A sky without a city is not shown first.
+    if (!this.#isShown && !this.#viewer.has_frame()) return;
     this.#canvas.show(image);
     this.#presented(step, ms);
   }
@@ -185,21 +192,48 @@ class Engine {
   }
 
   async #openGpu() {
-    const { canvasGpu, cacheMib, adapter } = this.#options;
+    const { canvasGpu, gpuMib, adapter } = this.#options;
     try {
-      const gpu = await CityViewer.openGpu(canvasGpu, cacheMib * 2 ** 20, adapter === 'gpu');
+      const gpu = await CityViewer.openGpu(canvasGpu, gpuMib * 2 ** 20, adapter === 'gpu');
       this.gpuName = this.#viewer.useGpu(gpu);
-      this.#helpers.resetAtlas(0);
+      await this.#renewHelpers(0);
       this.wake();
     } catch (error) {
       this.#reportCpu(String(error?.message ?? error));
     }
   }
 
+  /** The share of the page's memory that this viewer has from now on. @param {{cacheMib: number, gpuMib: number}} share */
+  memory({ cacheMib, gpuMib }) {
+    Object.assign(this.#options, { cacheMib, gpuMib });
+    this.#isShrinking = true;
+    this.wake();
+  }
+
+  /** Takes less memory. A GPU keeps its atlas, which is not of the page's memory. */
+  async #shrink() {
+    this.#isShrinking = false;
+    const cacheBytes = this.#options.cacheMib * 2 ** 20;
+    if (this.#isGpu || cacheBytes >= this.#cacheBytes) return;
+    this.#cacheBytes = cacheBytes;
+    await this.#renewHelpers(cacheBytes);
+    this.#viewer.resizeCache(cacheBytes);
+  }
+
+  /** Replaces the workers by others: the memory of a module never becomes smaller. */
+  async #renewHelpers(cacheBytes) {
+    const old = this.#helpers;
+    this.#helpers = new Helpers(compiled, old.count);
+    await compiled;
+    this.#helpers.resetAtlas(cacheBytes);
+    old.retire();
+  }
+
   #loseGpu(reason) {
     this.#isGpu = false;
-    this.#helpers.resetAtlas(this.#options.cacheMib * 2 ** 20);
-    this.#viewer.loseGpu();
+    this.#cacheBytes = this.#options.cacheMib * 2 ** 20;
+    this.#helpers.resetAtlas(this.#cacheBytes);
+    this.#viewer.loseGpu(this.#cacheBytes);
     this.#reportCpu(`the device was lost: ${reason || 'no reason given'}`);
     if (this.#reopenings++ < MAX_REOPENINGS) setTimeout(() => this.#openGpu(), REOPEN_MS);
   }
@@ -310,13 +344,13 @@ function parsed(json) {
 }
 
 /** Requests and commands that the engine itself carries out. */
-const OWN = ['pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline'];
+const OWN = ['memory', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline'];
 
 /** Answers a request with a value, or with the reason why there is none. */
 function reply(id, value) {
   value.then(
     (result) => postMessage({ op: 'reply', id, value: result }),
-    (error) => postMessage({ op: 'reply', id, error: String(error?.message ?? error) }),
+    (error) => postMessage({ op: 'reply', id, error: String(error?.message ?? error), isTemporary: error?.isTemporary === true }),
   );
 }
 

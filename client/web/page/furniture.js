@@ -79,16 +79,17 @@ function coordinates({ city }) {
 function works({ city }) {
   const loading = element('div', { class: 'loading' });
   const counters = element('div', { class: 'counters', dir: 'ltr', hidden: true });
-  let bytes = 0;
+  let [bytes, missing] = [0, 0];
   follow(city, 'progress', ({ detail }) => {
     bytes = detail.bytes ?? bytes;
-    setText(loading, detail.missing > 0 ? texts.tiles(detail.missing) : '');
+    missing = detail.missing ?? missing;
+    setText(loading, missing > 0 ? texts.loading : '');
   });
   follow(city, 'frame', ({ detail }) => {
     const { frameMs, divisor, samples } = detail;
     // Frames that only moved markers were not drawn.
     if (counters.hidden || frameMs === undefined) return;
-    setText(counters, texts.counters({ ms: frameMs.toFixed(1), divisor, samples, bytes: bytesText(bytes) }));
+    setText(counters, texts.counters(frameMs.toFixed(1), divisor, samples, missing, bytesText(bytes)));
   });
   return { loading, counters };
 }

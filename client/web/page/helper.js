@@ -8,8 +8,8 @@ let renderer = null;
 let ready = Promise.resolve();
 
 const jobs = {
-  init({ module, cacheBytes }) {
-    ready = init({ module_or_path: module }).then(() => jobs.renderer({ cacheBytes }));
+  init({ module }) {
+    ready = init({ module_or_path: module });
   },
 
   /** Makes an empty atlas, or none: on a GPU, rows are not drawn here. */

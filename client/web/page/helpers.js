@@ -5,6 +5,20 @@ import { startWorker } from './workers.js';
 /** Rows keep a worker as busy as this many tiles. */
 const ROWS_WEIGHT = 8;
 
+/** Workers copy what they are to write: most words of it at once. The memory of a module never becomes smaller. */
+const MAX_WRITE_WORDS = 1 << 18;
+
+/** Writes in parts that are not long. @param {Uint32Array} words As `page_writes` of the crate makes them. */
+function* partsOf(words) {
+  let begin = 0;
+  for (let at = 0; at < words.length; at += 3 + words[at + 2]) {
+    if (at - begin < MAX_WRITE_WORDS) continue;
+    yield words.slice(begin, at);
+    begin = at;
+  }
+  yield words.slice(begin);
+}
+
 export class Helpers {
   /** @type {{worker: Worker, pending: number}[]} */
   #workers = [];
@@ -13,13 +27,13 @@ export class Helpers {
   #lastNumber = 0;
   /** Number of workers that draw: the first ones. */
   #drawing = 0;
+  #isRetiring = false;
 
   /**
    * @param {Promise<WebAssembly.Module>} compiled Workers start while it is being compiled.
-   * @param {number} count
-   * @param {number} cacheBytes Size of the atlas of each worker.
+   * @param {number} count Number of workers that draw, once they have an atlas.
    */
-  constructor(compiled, count, cacheBytes) {
+  constructor(compiled, count) {
     this.#drawing = count;
     // One more decodes all the time: tiles do not wait for rows.
     for (let at = 0; at <= count; at++) {
@@ -27,8 +41,7 @@ export class Helpers {
       worker.onmessage = ({ data }) => this.#settle(data);
       worker.onerror = (event) => this.#failAll(at, event.message || 'helper.js');
       // The engine reports the failure of a module that does not compile.
-      const atlasBytes = at < count ? cacheBytes : 0;
-      compiled.then((module) => worker.postMessage({ job: 'init', module, cacheBytes: atlasBytes }), () => {});
+      compiled.then((module) => worker.postMessage({ job: 'init', module }), () => {});
       this.#workers.push({ worker, pending: 0 });
     }
   }
@@ -51,7 +64,7 @@ export class Helpers {
 
   /** Writes to all atlases. */
   write(words) {
-    this.#tellAll({ job: 'write', words });
+    for (const part of partsOf(words)) this.#tellAll({ job: 'write', words: part });
   }
 
   /** The frame that the next rows are of. */
@@ -83,6 +96,12 @@ export class Helpers {
     return this.#ask(0, 1, { job: 'probe', words }).then(({ word }) => word);
   }
 
+  /** Ends the workers when they have done what they were asked for. */
+  retire() {
+    this.#isRetiring = true;
+    if (this.#jobs.size === 0) this.dispose();
+  }
+
   dispose() {
     this.#workers.forEach(({ worker }) => worker.terminate());
     this.#workers = [];
@@ -106,9 +125,11 @@ export class Helpers {
     const job = this.#jobs.get(answer.number);
     if (!job) return;
     this.#jobs.delete(answer.number);
-    this.#workers[job.at].pending -= job.weight;
+    const worker = this.#workers[job.at];
+    if (worker) worker.pending -= job.weight;
     if (answer.error === undefined) job.resolve(answer);
     else job.reject(new Error(answer.error));
+    if (this.#isRetiring) this.retire();
   }
 
   #failAll(at, text) {

@@ -22,6 +22,8 @@ const PINCH_PER_PX = 0.01;
  * @property {(op: string, values: object) => void} send
  * @property {(x: number, y: number, count: number, adds: boolean) => void} click
  * @property {() => void} press
+ * @property {() => boolean} isShy Whether wheel and single fingers are the page's.
+ * @property {(what: 'wheel'|'fingers') => void} refuse Such a gesture was left to the page.
  * @property {(at: {x: number, y: number}|null) => void} hover A mouse rests there without a pressed button; `null` ends it.
  */
 
@@ -39,6 +41,8 @@ export class PointerInput {
   /** @type {{at: [number, number], time: number}|null} */
   #lastClick = null;
   #hoverTimer = 0;
+  /** Whether the touch in progress began while single fingers were the page's. */
+  #isShyTouch = false;
 
   /**
    * @param {HTMLElement} surface
@@ -67,11 +71,14 @@ export class PointerInput {
   }
 
   #down(event) {
+    // A tap must give the focus, and a finger that moves scrolls the page.
+    if (event.pointerType === 'touch' && this.#actions.isShy()) this.#isShyTouch = true;
+    else if (this.#pointers.size === 0) this.#isShyTouch = false;
     event.preventDefault();
     this.#endHover();
     this.#surface.setPointerCapture(event.pointerId);
     this.#pointers.set(event.pointerId, [event.clientX, event.clientY]);
-    this.#actions.press();
+    if (!this.#isShyTouch) this.#actions.press();
     const isFirst = this.#pointers.size === 1;
     this.#press = isFirst ? { at: [event.clientX, event.clientY], time: event.timeStamp, button: event.button } : null;
     this.#startGesture();
@@ -88,6 +95,7 @@ export class PointerInput {
     if (this.#press && distance(at, this.#press.at) > CLICK_PX) this.#press = null;
     this.#pointers.set(event.pointerId, at);
     if (this.#gesture) this.#moveTwo(this.#gesture.move([...this.#pointers.values()]));
+    else if (this.#isShyTouch) this.#actions.refuse('fingers');
     else if (this.#pointers.size === 1) this.#moveOne(event, at[0] - last[0], at[1] - last[1]);
     return undefined;
   }
@@ -130,6 +138,7 @@ export class PointerInput {
       press.time - last.time < DOUBLE_CLICK_MS &&
       distance(press.at, last.at) < DOUBLE_CLICK_PX;
     // A third click begins another double click.
+    if (this.#isShyTouch) this.#actions.press();
     this.#lastClick = isDouble ? null : { at: press.at, time: event.timeStamp };
     const [x, y] = this.#share(press.at);
     this.#actions.click(x, y, isDouble ? 2 : 1, event.shiftKey);
@@ -142,6 +151,8 @@ export class PointerInput {
   }
 
   #wheel(event) {
+    // With Ctrl, the browser would scale the page.
+    if (!event.ctrlKey && this.#actions.isShy()) return this.#actions.refuse('wheel');
     event.preventDefault();
     const { send } = this.#actions;
     if (event.ctrlKey) return send('zoom', { factor: Math.exp(-event.deltaY * PINCH_PER_PX) });

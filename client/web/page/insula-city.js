@@ -17,6 +17,8 @@ const FLIGHT_SECS = 1.5;
 /** A city that is replaced again sooner is opened again by people only. */
 const REOPEN_MS = 60_000;
 const MAX_HITS = 20;
+/** A server that does not answer at the start is asked again after these times, of which the last is repeated. */
+const RETRY_MS = [1000, 2000, 4000, 8000, 15_000, 30_000];
 
 /** The members are documented for users in insula-viewer.d.ts of the package. */
 export class InsulaCity extends HTMLElement {
@@ -40,6 +42,9 @@ export class InsulaCity extends HTMLElement {
   last = {};
   #disposal = 0;
   #reopened = -Infinity;
+  /** Attempts to start since the last picture, and the timer of the next one. */
+  #attempts = 0;
+  #retry = 0;
   #isMeasuring = false;
   /** @type {string|undefined} */ #measureKind;
   /** The label that this file has set; `null` before. @type {string|null} */ #ownLabel = null;
@@ -59,9 +64,7 @@ export class InsulaCity extends HTMLElement {
     clearTimeout(this.#disposal);
     if (!this.hasAttribute('tabindex')) this.tabIndex = 0;
     if (!this.hasAttribute('role')) this.setAttribute('role', 'application');
-    this.setAttribute('aria-roledescription', strings.element.role);
-    this.setAttribute('aria-description', strings.element.keys);
-    this.#label();
+    this.describeInWords();
     if (this.#session) this.#send('visible', { visible: true });
     else this.#startSoon();
   }
@@ -84,6 +87,13 @@ export class InsulaCity extends HTMLElement {
     if (name === 'camera') this.flyTo(value, { seconds: 0 }).catch(() => {});
     if (name === 'time') this.setTime(value);
     if (name === 'tau') this.setOptions({ tau: Number(value) });
+  }
+
+  /** Says in the language of the page what the element is. */
+  describeInWords() {
+    this.setAttribute('aria-roledescription', strings.element.role);
+    this.setAttribute('aria-description', strings.element.keys);
+    this.#label();
   }
 
   /** The last drawn view; `null` before the first picture. */
@@ -189,6 +199,7 @@ export class InsulaCity extends HTMLElement {
       receive: (message) => this.#receive(message),
       click: (x, y, count, adds) => this.#click(x, y, count, adds),
       hover: (at) => this.#hover(at),
+      refuse: (what) => this.#notices.showGesture(what),
     });
     this.#sendPoints('markers');
     this.#sendPoints('lines');
@@ -199,6 +210,7 @@ export class InsulaCity extends HTMLElement {
   }
 
   #dispose() {
+    clearTimeout(this.#retry);
     this.#session?.dispose();
     this.#session = this.#frame = null;
     this.last = {};
@@ -207,6 +219,7 @@ export class InsulaCity extends HTMLElement {
   #receive({ op, ...detail }) {
     if (op === 'frame') return this.#showFrame(detail);
     if (op === 'ready') {
+      this.#attempts = 0;
       this.manifest = detail.manifest ?? this.manifest;
       this.#label();
       this.#notices.showAttribution(this.manifest);
@@ -215,10 +228,20 @@ export class InsulaCity extends HTMLElement {
       if (performance.now() - this.#reopened > REOPEN_MS) return this.#reopen();
       detail.kind = 'error';
     }
+    if (op === 'status' && detail.isTemporary) this.#retryLater(detail);
     if (op === 'status') this.#notices.showStatus(detail);
     if (op === 'adapter') this.#surface.dataset.adapter = detail.kind;
     this.#emit(op, detail);
     return undefined;
+  }
+
+  /** The server did not answer at the start: it may be starting itself. */
+  #retryLater(detail) {
+    console.warn(detail.text);
+    [detail.kind, detail.text] = ['waiting', strings.status.waiting];
+    const waitMs = RETRY_MS[Math.min(this.#attempts++, RETRY_MS.length - 1)];
+    clearTimeout(this.#retry);
+    this.#retry = setTimeout(() => this.isConnected && this.restart(), waitMs);
   }
 
   /** Opens the version that the city has now, at the same view. */

@@ -43,7 +43,7 @@ export class Network {
     const { status, error, tooLong, bytes } = await this.#send(url, { accept: 'application/json' }, MAX_MANIFEST_BYTES, 0);
     if (status === 404 || status === 403) return null;
     if (tooLong) throw new Error(`${url}: too long for a manifest`);
-    if (error || status !== 200) throw new Error(`${url}: ${error ?? `status ${status}`}`);
+    if (error || status !== 200) throw failure(`${url}: ${error ?? `status ${status}`}`, status);
     const text = new TextDecoder().decode(bytes);
     return text.trimStart().startsWith('{') ? text : null;
   }
@@ -124,10 +124,21 @@ function joined(chunks, length) {
   return all;
 }
 
+/**
+ * An error with `isTemporary`: whether another attempt may help. Without a status, the host did not answer.
+ * @param {string} text
+ * @param {number} status
+ */
+function failure(text, status) {
+  return Object.assign(new Error(text), { isTemporary: status === 0 || status === 429 || status >= 500 });
+}
+
 /** Compiles the viewer. Fails if it cannot be fetched. @returns {Promise<WebAssembly.Module>} */
 export async function compileViewer() {
-  const response = await fetch(new URL('./insula_web_bg.wasm', import.meta.url));
-  if (!response.ok) throw new Error(`insula_web_bg.wasm: status ${response.status}`);
+  const response = await fetch(new URL('./insula_web_bg.wasm', import.meta.url)).catch(({ message }) => {
+    throw failure(`insula_web_bg.wasm: ${message}`, 0);
+  });
+  if (!response.ok) throw failure(`insula_web_bg.wasm: status ${response.status}`, response.status);
   // Static hosts may not know the type, and compiling a stream demands it.
   const type = response.headers.get('content-type') ?? '';
   if (type.startsWith('application/wasm')) return WebAssembly.compileStreaming(response);
@@ -151,7 +162,14 @@ export async function locate(network, src, known) {
   const server = city && { base: url.origin + city[1], isFolder: false, query };
   if (known) return { ...(city?.[2] ? server : folder), manifest: JSON.stringify(known) };
   if (server) {
-    const manifest = await network.manifest(`${server.base}/v1/cities/${city[3]}${query}`);
+    // A plain host may answer wrong addresses without the header that lets other sites read the answer: that looks like no answer.
+    const address = `${server.base}/v1/cities/${city[3]}${query}`;
+    const manifest = await network.manifest(address).catch(async (error) => {
+      const other = error.isTemporary ? await network.manifest(`${folder.base}/city.json`).catch(() => null) : null;
+      if (other === null) throw error;
+      Object.assign(server, folder);
+      return other;
+    });
     if (manifest) return { ...server, manifest };
   }
   const manifest = await network.manifest(`${folder.base}/city.json`);

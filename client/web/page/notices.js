@@ -16,7 +16,7 @@ const DISMISSED = 'dismissed-adapter';
  */
 export function adapterText({ kind, name, why }) {
   const texts = strings.adapter;
-  if (kind !== 'cpu') return texts.gpu(printable(name));
+  if (kind !== 'cpu') return printable(name) || texts.gpu;
   const reason = printable(why);
   if (reason === '') return texts.cpu;
   const lost = /^the device was lost:?\s*(.*)$/.exec(reason);
@@ -37,19 +37,21 @@ export function statusNotice(city, title) {
   const defaults = { loading: texts.loadingCity(title), offline: texts.offline, error: texts.error };
   let last = null;
   const show = ({ kind = null, text: said = '' }) => {
+    // A new attempt to reach the server is no news.
+    if (kind === 'loading' && last === 'waiting') return;
     const shown = kind === null ? '' : printable(said) || defaults[kind] || '';
     node.hidden = kind === null;
     node.dataset.kind = kind ?? '';
     retry.hidden = kind !== 'error';
     setText(text, shown);
     if (kind === 'error' && last !== 'error') alarm(shown);
-    else if (kind === 'offline' && last !== 'offline') announce(shown);
+    else if ((kind === 'offline' || kind === 'waiting') && last !== kind) announce(shown);
     else if (kind === null && last === 'offline') announce(texts.online);
     last = kind;
   };
   show({ kind: 'loading' });
   follow(city, 'ready', () => {
-    if (last === 'loading') show({ kind: null });
+    if (last === 'loading' || last === 'waiting') show({ kind: null });
     announce(texts.ready(title));
   });
   follow(city, 'status', ({ detail }) => show(detail));

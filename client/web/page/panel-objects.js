@@ -57,11 +57,11 @@ export function objectsPanel(page) {
 /** One object. Only attributes whose name or value contains `needle` are shown. */
 function card(city, object, needle) {
   const { identifier, kind, id, parent, attributes, centre } = object;
-  const name = printable(identifier) || texts.unnamed(id);
+  const name = printable(identifier) || texts.unnamed(String(id));
   const visit = () => city.flyTo(centre).catch(() => {});
   const go = centre ? button({ text: texts.goTo, label: texts.goToNamed(name), press: visit }) : null;
   const head = element('div', { class: 'object-head' }, element('h3', { dir: 'auto' }, name), go);
-  const what = parent === null ? texts.kind(kind, id) : texts.partOf(kind, id, printable(parent));
+  const what = parent === null ? texts.kind(kind, String(id)) : texts.partOf(kind, String(id), printable(parent));
   const rows = Object.entries(attributes)
     .map(([key, value]) => [printable(key), printable(rounded(value))])
     .filter((row) => row.some((text) => text.toLowerCase().includes(needle)))

@@ -31,8 +31,8 @@ export function picturePanel(page) {
   const windowSize = () => [page.city.clientWidth, page.city.clientHeight].map((v) => Math.round(v * devicePixelRatio));
   const opened = () => {
     const [width, height] = windowSize();
-    const choices = SIZES.map(([w, h]) => [`${w}x${h}`, texts.size2(w, h)]);
-    choices.unshift(['window', texts.window(width, height)]);
+    const choices = SIZES.map(([w, h]) => [`${w}x${h}`, texts.size2(String(w), String(h))]);
+    choices.unshift(['window', texts.window(String(width), String(height))]);
     const change = (value) => (size = value);
     sizes.replaceChildren(choice({ title: texts.size, choices, value: size, change }).node);
     setText(state, '');

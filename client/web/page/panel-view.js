@@ -54,9 +54,10 @@ export function viewPanel({ city }, actions) {
     max: DETAIL_STEPS,
     step: 1,
     value: stepOf(options.tau),
-    format: (step) => texts.detailValue(tauText(tauOf(step))),
+    format: (step) => (step < DETAIL_STEPS / 2 ? texts.fine : texts.coarse),
     input: (step) => set({ tau: tauOf(step) }),
   });
+  const error = element('p', { class: 'hint' });
   const ends = element('div', { class: 'slider-ends', 'aria-hidden': 'true' });
   ends.append(element('span', {}, texts.fine), element('span', {}, texts.coarse));
 
@@ -68,15 +69,17 @@ export function viewPanel({ city }, actions) {
     shadows.set(options.shadows);
     collision.set(collides(options));
     detail.set(stepOf(options.tau));
+    setText(error, texts.detailValue(tauText(options.tau)));
   };
   city.addEventListener('options', ({ detail: { changes } }) => {
     show();
     remember(changes);
     announceChanges(changes);
   });
-  const layers = [shadows.node, collision.node, counters.node];
-  const shown = element('fieldset', {}, element('legend', {}, texts.layers), ...layers);
-  const content = [mode.node, modeHint, turnButtons(city), look.node, shading.node, shown, detail.node, ends];
+  const shown = element('fieldset', {}, element('legend', {}, texts.layers), shadows.node, collision.node);
+  const developer = element('details', { class: 'developer' }, element('summary', {}, texts.developer));
+  developer.append(shading.node, error, counters.node);
+  const content = [mode.node, modeHint, turnButtons(city), look.node, shown, detail.node, ends, developer];
   return { title: texts.title, content, opened: show };
 }
 

@@ -18,6 +18,12 @@ export class Panels {
   /** @type {string|null} */
   #current = null;
 
+  constructor() {
+    // On narrow screens, what lies above an open panel depends on its height.
+    const show = ([{ target }]) => document.documentElement.style.setProperty('--panel-height', `${target.clientHeight}px`);
+    new ResizeObserver(show).observe(this.node);
+  }
+
   /** Name of the open panel, or `null`. */
   get current() {
     return this.#current;

@@ -1,5 +1,6 @@
 /** Dark and light: as the system wants, unless the user chose otherwise. */
 
+import { applyAccent } from './brand.js';
 import { load, save } from './storage.js';
 
 const KEY = 'theme';
@@ -16,6 +17,7 @@ export function applyTheme() {
   const chosen = load(KEY, null);
   if (chosen === 'dark' || chosen === 'light') document.documentElement.dataset.theme = chosen;
   else delete document.documentElement.dataset.theme;
+  applyAccent(isDark());
 }
 
 /** Switches. A choice that agrees with the system is forgotten, so that the page follows the system again. */
@@ -30,5 +32,8 @@ export function toggleTheme() {
  * @param {() => void} changed
  */
 export function onSystemTheme(changed) {
-  system.addEventListener('change', changed);
+  system.addEventListener('change', () => {
+    applyTheme();
+    changed();
+  });
 }

@@ -9,8 +9,8 @@ import { setTip, uniqueId } from './widgets.js';
 const texts = strings.toolbar;
 
 /** Names of the buttons in their order, with their keys. */
-const MAIN = { search: '/', view: '', objects: '', colors: 'G', time: 'O', measure: 'M', bookmarks: 'V' };
-const EXTRA = { share: 'C', picture: 'P', fullScreen: 'F11', dark: '', help: 'F1', about: '' };
+const MAIN = { search: '/', view: '', objects: '', colors: 'G', time: 'O', measure: 'M' };
+const EXTRA = { bookmarks: 'V', share: 'C', picture: 'P', fullScreen: 'F11', dark: '', help: 'F1', about: '' };
 
 /**
  * The toolbar.
@@ -39,7 +39,11 @@ export function toolbar(actions) {
     more.setAttribute('aria-expanded', String(isOpen));
   };
   const isOpen = () => extra.classList.contains('is-open');
-  more.addEventListener('click', () => setOpen(!isOpen()));
+  more.addEventListener('click', () => {
+    setOpen(!isOpen());
+    // The menu opens where panels are.
+    actions.more?.();
+  });
   extra.addEventListener('click', () => setOpen(false));
   const closeMore = () => {
     const wasOpen = isOpen();

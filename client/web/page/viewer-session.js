@@ -6,6 +6,8 @@ import { EngineClient } from './engine-client.js';
 import { GamepadInput } from './input-gamepad.js';
 import { KeyboardInput } from './input-keyboard.js';
 import { PointerInput } from './input-pointer.js';
+import { returnMemory, takeMemory } from './memory-budget.js';
+import { strings } from './strings.js';
 import { act, changedOptions, optionMessages } from './viewer-options.js';
 import { ViewWatch } from './view-watch.js';
 
@@ -15,6 +17,7 @@ import { ViewWatch } from './view-watch.js';
  * @property {(message: {op: string}) => void} receive
  * @property {(x: number, y: number, count: number, adds: boolean) => void} click
  * @property {(at: {x: number, y: number}|null) => void} hover
+ * @property {(what: 'wheel'|'fingers') => void} refuse The page got a gesture that the city would take otherwise.
  */
 
 /** A running viewer. */
@@ -50,7 +53,8 @@ export class ViewerSession {
       city.focus({ preventScroll: true });
       this.#gamepad.use();
     };
-    this.#pointer = new PointerInput(surface, { send, click: events.click, hover: events.hover, press });
+    const actions = { send, click: events.click, hover: events.hover, press, isShy: () => this.#isShy(), refuse: events.refuse };
+    this.#pointer = new PointerInput(surface, actions);
     this.#keyboard = this.#keysOf(keyTarget);
   }
 
@@ -67,6 +71,7 @@ export class ViewerSession {
   dispose() {
     [this.#keyboard, this.#pointer, this.#gamepad, this.watch].forEach((part) => part.dispose());
     this.engine.dispose();
+    returnMemory(this);
     this.#isDisposed = true;
   }
 
@@ -86,15 +91,18 @@ export class ViewerSession {
       canvasGpu,
       ...this.#size(),
       ...deviceValues(),
+      ...takeMemory(this, (share) => this.engine.send('memory', share)),
     };
     this.#receive({ op: 'status', kind: 'loading', text: '' });
-    this.engine.init(values, [canvasCpu, canvasGpu]).catch(({ message }) => {
-      this.#receive({ op: 'status', kind: 'error', text: message });
+    this.engine.init(values, [canvasCpu, canvasGpu]).catch(({ message, isTemporary }) => {
+      this.#receive({ op: 'status', kind: 'error', text: message, isTemporary });
     });
     optionMessages(changedOptions(city.options)).forEach(([op, message]) => this.engine.send(op, message));
   }
 
   #receive(message) {
+    // Without an origin of its own, a frame may fetch neither the viewer nor the city.
+    if (message.kind === 'error' && self.origin === 'null') Object.assign(message, { text: strings.status.sandboxed, isTemporary: false });
     if (!this.#isDisposed) this.#events.receive(message);
   }
 
@@ -106,6 +114,11 @@ export class ViewerSession {
   #act(action, value = 0) {
     if (action === 'middle') this.#events.click(0.5, 0.5, 1, false);
     else act(this.#city, action, value);
+  }
+
+  /** Whether gestures that scroll a page are the page's: the element stands in an article, and is not being used. */
+  #isShy() {
+    return this.#city.getAttribute('gestures') === 'cooperative' && !this.#city.matches(':focus, :focus-within, :fullscreen');
   }
 
   #setVisible(visible) {

@@ -11,9 +11,10 @@
 use super::{error::CommandError, output::print, site_folder::SiteFolder};
 use crate::{
     args::PublishArgs,
+    config::ServeConfig,
     page::{
-        self, CityFacts, CityInList, CityLinks, CityListPage, SERVICE_WORKER_FILE, ViewerAssets, list_policy,
-        meta_policy, viewer_policy,
+        self, Brand, CityFacts, CityInList, CityLinks, CityListPage, Languages, SERVICE_WORKER_FILE, ViewerAssets,
+        list_policy, meta_policy, viewer_policy,
     },
     store::{CityStore, Store},
 };
@@ -40,6 +41,7 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
         let reason = "only folders can be published; download the city first";
         return Err(CommandError::Usage(format!("{}: {reason}", url.display())));
     }
+    let brand = brand(args)?;
     let store = Store::open(&args.cities)?;
     let cities: Vec<&Arc<CityStore>> = store.cities().collect();
     let mut outputs = Outputs::default().reading(cities.iter().filter_map(|city| city.folder()));
@@ -50,12 +52,12 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
     for city in &cities {
         write_city(&mut site, city)?;
         let links = in_city_folder(city, args, cities.len());
-        let html = page::city_page(facts(city), &links, viewer);
+        let html = page::city_page(facts(city), &links, viewer, &brand);
         site.write(&format!("cities/{}/index.html", city.manifest().name), html.as_bytes())?;
     }
     let index = match &cities[..] {
-        [city] => page::city_page(facts(city), &in_root(city, args), viewer),
-        cities => list(cities, viewer, args),
+        [city] => page::city_page(facts(city), &in_root(city, args), viewer, &brand),
+        cities => list(cities, viewer, args, &brand),
     };
     site.write("index.html", index.as_bytes())?;
     let names: Vec<_> = cities.iter().map(|city| &city.manifest().name).collect();
@@ -68,6 +70,16 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
         human_bytes(bytes)
     ));
     Ok(())
+}
+
+/// What the settings say of pages; the command line's title comes first.
+fn brand(args: &PublishArgs) -> Result<Brand, CommandError> {
+    let mut site = ServeConfig::load(args.config.as_deref(), [], &[])?.site;
+    if let Some(title) = &args.title {
+        site.title.clone_from(title);
+    }
+    let logo = site.logo.clone().unwrap_or_default();
+    Brand::load(&site).map_err(|error| CommandError::Publish { path: logo, reason: error.to_string() })
 }
 
 fn write_viewer(site: &mut SiteFolder, viewer: &ViewerAssets) -> Result<(), CommandError> {
@@ -129,7 +141,6 @@ fn in_root(city: &CityStore, args: &PublishArgs) -> CityLinks {
 fn links(city: &CityStore, args: &PublishArgs) -> CityLinks {
     let folder = args.url.as_ref().map(|url| format!("{url}cities/{}/", city.manifest().name));
     CityLinks {
-        site: args.title.clone().unwrap_or_else(|| page::SITE_TITLE.into()),
         preview: folder.as_ref().filter(|_| city.has_thumbnail()).map(|folder| format!("{folder}{THUMBNAIL_FILE}")),
         canonical: folder,
         is_public: true,
@@ -138,10 +149,11 @@ fn links(city: &CityStore, args: &PublishArgs) -> CityLinks {
     }
 }
 
-fn list(cities: &[&Arc<CityStore>], viewer: &ViewerAssets, args: &PublishArgs) -> String {
+fn list(cities: &[&Arc<CityStore>], viewer: &ViewerAssets, args: &PublishArgs, brand: &Brand) -> String {
     let icon = viewer.folder("") + "icon.svg";
-    let title = args.title.as_deref().unwrap_or(page::SITE_TITLE);
-    let mut page = CityListPage::new(title, viewer.has("icon.svg").then_some(&icon), Some(&meta_policy(list_policy())));
+    let (policy, languages) = (meta_policy(list_policy()), Languages::of(Some(viewer)));
+    let icon = viewer.has("icon.svg").then_some(icon.as_str());
+    let mut page = CityListPage::new(brand, languages.english(), icon, Some(&policy));
     for city in cities {
         let links = in_root(city, args);
         page.push_city(&CityInList { facts: facts(city), page: Some(links.source.clone()), links });

@@ -21,7 +21,9 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
     let listen = args.listen.iter().map(|listen| format!("listen={listen}"));
     let metrics = args.metrics_address.iter().map(|address| format!("metrics_address={address}"));
     let drawings = args.drawings.iter().map(|drawings| format!("drawings.at_once={drawings}"));
-    let settings: Vec<String> = args.set.iter().cloned().chain(listen).chain(metrics).chain(drawings).collect();
+    let url = args.public_url.iter().map(|url| format!("public_url={}", url.as_str()));
+    let settings: Vec<String> =
+        args.set.iter().cloned().chain(listen).chain(metrics).chain(drawings).chain(url).collect();
     let config = ServeConfig::load(args.config.as_deref(), environment(), &settings)?;
     if args.print_config {
         print(&config.to_toml());

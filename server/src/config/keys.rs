@@ -1,15 +1,27 @@
 //! Table of all settings: name, documentation, range, and conversion from and to text.
 
-use super::network::Network;
 use super::settings::{CorsPolicy, DEFAULT_LISTEN, LogFormat, LogRequests, ServeConfig};
+use super::{
+    network::Network,
+    public_url::PublicUrl,
+    site::{check_accent, check_imprint, check_title, checked_views},
+};
 use insula_protocol::manifest::is_name;
 use std::{ops::RangeInclusive, path::PathBuf};
 
 /// Every setting with its documentation, in the order of `--print-config`.
-pub(super) const SETTINGS: [(&str, &str); 43] = [
+pub(super) const SETTINGS: [(&str, &str); 50] = [
     ("listen", "HOST:PORT; port 0 picks a free one"),
     ("metrics_address", "HOST:PORT of a listener for /healthz, /readyz and /metrics alone; \"\": all at listen"),
+    (
+        "public_url",
+        "address at which people reach the server, as in \"https://example.org/city/\"; \"\": that of each request",
+    ),
     ("threads", "number of worker threads; 0: one per core"),
+    (
+        "drain_notice_secs",
+        "seconds at shutdown for which connections are still accepted after /readyz fails, so that load balancers notice",
+    ),
     ("drain_secs", "seconds that requests in flight may take to finish at shutdown"),
     ("tls.certificate", "PEM file of the certificate and its chain; \"\": no TLS"),
     ("tls.key", "PEM file of the private key"),
@@ -51,6 +63,11 @@ pub(super) const SETTINGS: [(&str, &str); 43] = [
     ("access.cors", "which pages of other origins may read responses: \"any\", \"none\""),
     ("access.hosts", "hosts that requests may name, as in [\"cities.example.org\"]; []: any"),
     ("access.proxies", "proxies whose X-Forwarded-For names the client, as in [\"10.0.0.0/8\"]; []: none"),
+    ("site.title", "name of the site on its pages; \"\": Insula"),
+    ("site.logo", "SVG, PNG, JPEG or WebP file of at most 48 KiB that pages show before the title; \"\": none"),
+    ("site.accent", "colour of buttons and links, as in \"#0b57a4\"; \"\": that of the viewer"),
+    ("site.imprint", "address of the imprint, as in \"https://example.org/imprint\"; \"\": none"),
+    ("site.start", "first views of cities, as in [\"delft=84400,446900,420,30,-35,60\"]; []: that of the bake"),
     ("log.format", "\"text\" or \"json\""),
     ("log.requests", "which requests are logged: \"none\", \"errors\" (5xx), \"all\""),
 ];
@@ -59,7 +76,10 @@ pub(super) const SETTINGS: [(&str, &str); 43] = [
 enum SettingField<'a> {
     Address(&'a mut String),
     OptionalAddress(&'a mut Option<String>),
+    Url(&'a mut Option<PublicUrl>),
     File(&'a mut Option<PathBuf>),
+    Checked(&'a mut String, fn(&str) -> Result<(), String>),
+    Views(&'a mut Vec<String>),
     Names(&'a mut Vec<String>),
     Usize(&'a mut usize, RangeInclusive<usize>),
     U64(&'a mut u64, RangeInclusive<u64>),
@@ -83,6 +103,8 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
     Some(match key {
         "listen" => SettingField::Address(&mut config.listen),
         "metrics_address" => SettingField::OptionalAddress(&mut config.metrics_address),
+        "public_url" => SettingField::Url(&mut config.public_url),
+        "drain_notice_secs" => SettingField::U64(&mut config.drain_notice_secs, 0..=3600),
         "threads" => SettingField::Usize(&mut config.threads, 0..=1024),
         "drain_secs" => SettingField::U64(&mut config.drain_secs, 0..=DAY),
         "tls.certificate" => SettingField::File(&mut config.tls.certificate),
@@ -122,6 +144,11 @@ fn field<'a>(config: &'a mut ServeConfig, key: &str) -> Option<SettingField<'a>>
         "access.hosts" => SettingField::Hosts(&mut config.access.hosts),
         "access.proxies" => SettingField::Networks(&mut config.access.proxies),
         "access.private" => SettingField::Names(&mut config.access.private),
+        "site.title" => SettingField::Checked(&mut config.site.title, check_title),
+        "site.logo" => SettingField::File(&mut config.site.logo),
+        "site.accent" => SettingField::Checked(&mut config.site.accent, check_accent),
+        "site.imprint" => SettingField::Checked(&mut config.site.imprint, check_imprint),
+        "site.start" => SettingField::Views(&mut config.site.start),
         "log.format" => SettingField::Format(&mut config.log.format),
         "log.requests" => SettingField::Requests(&mut config.log.requests),
         _ => return None,
@@ -159,8 +186,21 @@ pub(super) fn set(config: &mut ServeConfig, key: &str, value: &RawValue) -> Resu
             }
             *field = (!text.is_empty()).then(|| text.clone());
         }
+        (SettingField::Url(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
+            *field = if text.is_empty() { None } else { Some(text.parse()?) };
+        }
         (SettingField::File(field), RawValue::Text(text) | RawValue::Untyped(text)) => {
             *field = (!text.is_empty()).then(|| PathBuf::from(text));
+        }
+        (SettingField::Checked(field, check), RawValue::Text(text) | RawValue::Untyped(text)) => {
+            check(text)?;
+            *field = text.clone();
+        }
+        (SettingField::Views(field), RawValue::List(views)) => *field = checked_views(views)?,
+        // A camera has commas itself.
+        (SettingField::Views(field), RawValue::Untyped(text)) => {
+            let views: Vec<_> = text.split(';').filter(|view| !view.is_empty()).map(str::to_owned).collect();
+            *field = checked_views(&views)?;
         }
         (SettingField::Names(field), RawValue::List(names)) => *field = checked_names(names)?,
         (SettingField::Names(field), RawValue::Untyped(text)) => {
@@ -197,6 +237,9 @@ pub(super) fn set(config: &mut ServeConfig, key: &str, value: &RawValue) -> Resu
         }
         (SettingField::Networks(_), _) => return Err("expected a list of networks, such as [\"10.0.0.0/8\"]".into()),
         (SettingField::Hosts(_), _) => return Err("expected a list of hosts, such as [\"localhost\"]".into()),
+        (SettingField::Views(_), _) => {
+            return Err("expected a list of first views, such as [\"delft=X,Y,Z,A,P,F\"]".into());
+        }
         (SettingField::Names(_), _) => return Err("expected a list of names, such as [\"delft\"]".into()),
         _ => return Err("expected a text in quotes".into()),
     }
@@ -210,10 +253,12 @@ pub(super) fn get(config: &mut ServeConfig, key: &str) -> String {
     let list = |all: &[String]| format!("[{}]", all.iter().map(|text| quoted(text)).collect::<Vec<_>>().join(", "));
     match field(config, key) {
         Some(SettingField::Address(text)) => quoted(text),
+        Some(SettingField::Url(url)) => quoted(url.as_ref().map_or("", PublicUrl::as_str)),
         Some(SettingField::File(path)) => {
             quoted(&path.as_ref().map(|path| path.display().to_string()).unwrap_or_default())
         }
-        Some(SettingField::Names(all) | SettingField::Hosts(all)) => list(all),
+        Some(SettingField::Checked(text, _)) => quoted(text),
+        Some(SettingField::Names(all) | SettingField::Hosts(all) | SettingField::Views(all)) => list(all),
         Some(SettingField::Networks(all)) => list(&all.iter().map(ToString::to_string).collect::<Vec<_>>()),
         Some(SettingField::OptionalAddress(address)) => quoted(address.as_deref().unwrap_or_default()),
         Some(SettingField::Usize(size, _)) => size.to_string(),

@@ -6,13 +6,17 @@
 mod keys;
 mod load;
 mod network;
+mod public_url;
 mod settings;
+mod site;
 
 pub use keys::check_address;
 pub use load::ConfigError;
 pub(crate) use load::environment;
 pub use network::Network;
+pub use public_url::PublicUrl;
 pub use settings::{
     AccessConfig, BlockCacheConfig, CorsPolicy, DEFAULT_LISTEN, DrawingsConfig, LimitsConfig, LogConfig, LogFormat,
     LogRequests, ReloadConfig, ServeConfig, TlsConfig,
 };
+pub use site::SiteConfig;

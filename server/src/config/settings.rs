@@ -1,6 +1,6 @@
 //! The settings of `serve` with their defaults, and the checks that span several of them.
 
-use super::network::Network;
+use super::{network::Network, public_url::PublicUrl, site::SiteConfig};
 use std::{path::PathBuf, time::Duration};
 
 /// Default of `listen`.
@@ -13,8 +13,12 @@ pub struct ServeConfig {
     pub listen: String,
     /// `HOST:PORT` of a listener for health and metrics alone; `None` to serve both at `listen`.
     pub metrics_address: Option<String>,
+    /// The address at which people reach the server; `None` for that of each request.
+    pub public_url: Option<PublicUrl>,
     /// Number of worker threads; 0 for one per core.
     pub threads: usize,
+    /// Seconds between the end of readiness and the end of the listener.
+    pub drain_notice_secs: u64,
     pub drain_secs: u64,
     pub tls: TlsConfig,
     pub reload: ReloadConfig,
@@ -22,6 +26,7 @@ pub struct ServeConfig {
     pub drawings: DrawingsConfig,
     pub cache: BlockCacheConfig,
     pub access: AccessConfig,
+    pub site: SiteConfig,
     pub log: LogConfig,
 }
 
@@ -166,7 +171,9 @@ impl Default for ServeConfig {
         Self {
             listen: DEFAULT_LISTEN.into(),
             metrics_address: None,
+            public_url: None,
             threads: 0,
+            drain_notice_secs: 0,
             drain_secs: 10,
             tls: TlsConfig::default(),
             reload: ReloadConfig { watch_secs: 2, keep_secs: 300, keep_versions: 4 },
@@ -174,6 +181,7 @@ impl Default for ServeConfig {
             drawings: DrawingsConfig { at_once: 0, waiting: 4, secs: 60, triangles: 200_000 },
             cache: BlockCacheConfig::default(),
             access: AccessConfig::default(),
+            site: SiteConfig::default(),
             log: LogConfig { format: LogFormat::Text, requests: LogRequests::Errors },
         }
     }
@@ -228,6 +236,11 @@ impl ServeConfig {
     pub(crate) fn computed_bytes(&self, has_remote_cities: bool) -> usize {
         let blocks = if has_remote_cities { self.cache.memory_bytes as usize } else { 0 };
         self.limits.cache_bytes.saturating_sub(self.limits.tile_bytes).saturating_sub(blocks)
+    }
+
+    /// Time at shutdown in which load balancers notice that the server is not ready any more, while it still accepts connections.
+    pub fn drain_notice(&self) -> Duration {
+        Duration::from_secs(self.drain_notice_secs)
     }
 
     /// Time that requests in flight may take to finish at shutdown.

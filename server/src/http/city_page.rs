@@ -2,13 +2,14 @@
 
 use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
-    page_response::{displayed_origin, known_origin, respond, share_query},
+    page_response::{displayed_origin, known_origin, relative, relative_root, respond, share_query},
     problem::Problem,
     representation::{REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
     state::AppState,
+    wrong_address,
 };
 use crate::{
-    page::{self, CityFacts, CityInList, CityLinks, CityListPage, NO_VIEWER, SITE_TITLE},
+    page::{self, CityFacts, CityInList, CityLinks, CityListPage, NO_VIEWER},
     store::CityStore,
 };
 use axum::{
@@ -23,15 +24,12 @@ use tokio::task::spawn_blocking;
 
 const NO_PICTURE: Problem = Problem::not_found("there is no picture of this city");
 
-/// `/cities/{city}`. Fails with 401 without a required token, 404 for an unknown city.
-pub(super) async fn city_page(
-    State(state): State<AppState>,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let (city, access) = find(&state, RouteTemplate::CityPage, &uri, &headers)?;
-    Ok(respond_with_city(&state, &city, access.is_public(), &method, &uri, &headers))
+/// `/cities/{city}`. Without a required token, 401, and for an unknown city, 404: for people as a page.
+pub(super) async fn city_page(State(state): State<AppState>, method: Method, uri: Uri, headers: HeaderMap) -> Response {
+    match find(&state, RouteTemplate::CityPage, &uri, &headers) {
+        Ok((city, access)) => respond_with_city(&state, &city, access.is_public(), &method, &uri, &headers),
+        Err(problem) => wrong_address::respond(&state, problem, &uri, &headers),
+    }
 }
 
 /// `/cities/{city}/thumbnail.jpg`. Fails as [`city_page`], and with 404 if the city has no picture, or the share link is for a part
@@ -90,17 +88,19 @@ pub(super) fn respond_with_city(
     headers: &HeaderMap,
 ) -> Response {
     let facts = facts(city);
-    let links = CityLinks { list: Some("/".into()), ..links(state, city, is_public, uri, headers) };
+    let root = relative_root(uri);
+    let links = CityLinks { list: Some(relative(&root, "/")), ..links(state, city, is_public, uri, headers) };
     let (html, policy) = match state.viewer() {
-        Some(viewer) => (page::city_page(facts, &links, viewer.assets()), page::viewer_policy()),
+        Some(viewer) => (page::city_page(facts, &links, viewer.assets(), state.brand()), page::viewer_policy()),
         None => {
-            let mut page = CityListPage::new(SITE_TITLE, None, None);
+            let mut page = CityListPage::new(state.brand(), state.texts(headers), None, None);
             page.push_city(&CityInList { facts, page: None, links });
             page.push_paragraph(NO_VIEWER);
             (page.finish(), page::list_policy())
         }
     };
-    respond(html, policy, is_public, method, headers)
+    let vary = state.viewer().is_none().then_some(HeaderValue::from_static("accept-language"));
+    respond(html, policy, is_public, vary, method, headers)
 }
 
 /// A city as pages describe it.
@@ -112,17 +112,17 @@ pub(super) fn facts(city: &CityStore) -> CityFacts<'_> {
 pub(super) fn links(state: &AppState, city: &CityStore, is_public: bool, uri: &Uri, headers: &HeaderMap) -> CityLinks {
     let name = &city.manifest().name;
     let query = if is_public { None } else { share_query(uri) }.unwrap_or_default();
+    let root = relative_root(uri);
     let manifest = route::manifest(name) + &query;
     let thumbnail = city.has_thumbnail().then(|| route::thumbnail(name) + &query);
     let origin = known_origin(state, uri, headers).filter(|_| is_public);
     CityLinks {
-        site: SITE_TITLE.into(),
-        source: manifest.clone(),
+        source: relative(&root, &manifest),
         view_address: Some(displayed_origin(state, uri, headers) + &manifest),
-        manifest,
-        root: "/".into(),
+        manifest: relative(&root, &manifest),
         preview: thumbnail.as_ref().and_then(|path| Some(origin.clone()? + path)),
-        thumbnail,
+        thumbnail: thumbnail.map(|path| relative(&root, &path)),
+        root,
         canonical: origin.map(|origin| origin + &route::city_page(name)),
         list: None,
         is_public,

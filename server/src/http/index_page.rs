@@ -4,17 +4,17 @@ use super::{
     access_control::Credentials,
     city_page::{facts, links, respond_with_city},
     page_request::page_request,
-    page_response::{displayed_origin, respond},
+    page_response::{displayed_origin, relative, respond, share_query},
     problem::Problem,
     state::AppState,
 };
 use crate::{
-    page::{self, CityInList, CityListPage, NO_VIEWER, SITE_TITLE},
+    page::{self, CityInList, CityListPage, NO_VIEWER, escape_html},
     store::CityStore,
 };
 use axum::{
     extract::State,
-    http::{HeaderMap, Method, Uri},
+    http::{HeaderMap, HeaderValue, Method, Uri},
     response::Response,
 };
 use insula_protocol::route::{self, CITIES};
@@ -48,31 +48,36 @@ pub(super) async fn index(
             return Ok(respond_with_city(&state, city, is_public, &method, &uri, &headers));
         }
     }
-    let icon = state.viewer().map(|viewer| viewer.assets().folder("/") + "icon.svg");
-    let mut page = CityListPage::new(SITE_TITLE, icon.as_deref(), None);
-    let origin = displayed_origin(&state, &uri, &headers);
-    page.push_paragraph(&format!(
-        "Whole cities, streamed. Open one with <code>insula view {origin}{CITIES}/NAME</code>; \
-         programs start from <a href=\"{CITIES}\">{CITIES}</a>."
-    ));
+    let icon = state.viewer().map(|viewer| viewer.assets().folder("") + "icon.svg");
+    let texts = state.texts(&headers);
+    let mut page = CityListPage::new(state.brand(), texts, icon.as_deref(), None);
     if state.viewer().is_none() {
         page.push_paragraph(NO_VIEWER);
     }
     if cities.peek().is_none() {
-        page.push_paragraph("This server has no public city.");
+        page.push_paragraph(&escape_html(&texts.none));
     }
     let mut shown = 0;
     while let Some(city) = cities.next_if(|_| shown < request.limit.get() && !page.is_full()) {
         let name = &city.manifest().name;
         let links = links(&state, city, !is_shared(name), &uri, &headers);
-        let query = links.manifest.strip_prefix(&route::manifest(name)).unwrap_or_default();
-        let city_page = state.viewer().map(|_| route::city_page(name) + query);
+        let query = if is_shared(name) { share_query(&uri) } else { None }.unwrap_or_default();
+        let city_page = state.viewer().map(|_| relative("", &route::city_page(name)) + &query);
         page.push_city(&CityInList { facts: facts(city), page: city_page, links });
         shown += 1;
         if cities.peek().is_some() && (shown == request.limit.get() || page.is_full()) {
             let limit = request.limit;
-            page.push_paragraph(&format!("<a href=\"/?limit={limit}&amp;after={name}\">More cities</a>"));
+            page.push_paragraph(&format!(
+                "<a href=\"./?limit={limit}&amp;after={name}\">{}</a>",
+                escape_html(&texts.more)
+            ));
         }
     }
-    Ok(respond(page.finish(), page::list_policy(), is_public_page, &method, &headers))
+    let origin = displayed_origin(&state, &uri, &headers);
+    page.push_details(&format!(
+        "<code>insula view {origin}{CITIES}/NAME</code>, <a href=\"{}\">{CITIES}</a>",
+        relative("", CITIES)
+    ));
+    let vary = Some(HeaderValue::from_static("accept-language"));
+    Ok(respond(page.finish(), page::list_policy(), is_public_page, vary, &method, &headers))
 }

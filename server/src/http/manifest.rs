@@ -1,6 +1,7 @@
 //! The city list, manifests as JSON or bincode, and the OpenAPI document.
 
 use super::{
+    accept::{accepted_media, accepts},
     access_control::{AccessRequest, CityAccess, Credentials},
     city_documents::{BINCODE, JSON, ListPage},
     city_page::respond_with_city,
@@ -40,7 +41,8 @@ pub(super) async fn list_cities(
     };
     let mut response = page.content.select(&headers).clone().respond(&method, &headers).map(Body::from);
     if let Some(last) = &page.last {
-        let link = format!("<{CITIES}?limit={}&after={last}>; rel=\"next\"", request.limit);
+        let prefix = state.public_url().map_or("", |url| url.prefix());
+        let link = format!("<{prefix}{CITIES}?limit={}&after={last}>; rel=\"next\"", request.limit);
         response.headers_mut().extend(HeaderValue::try_from(link).map(|link| (header::LINK, link)));
     }
     Ok(response)
@@ -78,21 +80,6 @@ pub(super) async fn manifest(
     let document = catalog.documents().city(name).ok_or(not_found)?;
     let bincode = document.bincode.as_ref().filter(|_| prefers_bincode(&headers));
     Ok(bincode.unwrap_or(&document.json).select(&headers).clone().respond(&method, &headers).map(Body::from))
-}
-
-/// The quality with which `Accept` names exactly this media type; 0 if it does not.
-fn accepts(headers: &HeaderMap, media: &str) -> f32 {
-    accepted_media(headers).find(|(name, _)| name.eq_ignore_ascii_case(media)).map_or(0.0, |(_, quality)| quality)
-}
-
-/// Names and quality values in `Accept`.
-fn accepted_media(headers: &HeaderMap) -> impl Iterator<Item = (&str, f32)> {
-    let values = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok());
-    values.flat_map(|list| list.split(',')).map(|item| {
-        let mut parts = item.split(';').map(str::trim);
-        let name = parts.next().unwrap_or_default();
-        (name, parts.find_map(|part| part.strip_prefix("q=")).map_or(1.0, |q| q.parse().unwrap_or(0.0)))
-    })
 }
 
 /// Whether `Accept` ranks bincode at least as high as JSON. Wildcards count for JSON, because browsers send them.

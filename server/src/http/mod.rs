@@ -10,6 +10,7 @@
 //! The parts of a URL are only looked up in maps that were built when the cities were opened. None of them is ever used as a
 //! file system path.
 
+mod accept;
 mod access_control;
 mod cached_tiles;
 mod catalog;
@@ -62,6 +63,7 @@ mod viewer_content;
 mod viewer_files;
 mod work_queues;
 mod worker;
+mod wrong_address;
 
 pub use problem::Problem;
 pub use server::{HttpServer, ServeError, serve};

@@ -14,11 +14,12 @@ use axum::{
 };
 use bytes::Bytes;
 
-/// Responds with a page under a Content-Security-Policy.
+/// Responds with a page under a Content-Security-Policy. `vary` names the headers on which its content depends.
 pub(super) fn respond(
     html: String,
     policy: &'static str,
     is_public: bool,
+    vary: Option<HeaderValue>,
     method: &Method,
     headers: &HeaderMap,
 ) -> Response {
@@ -28,7 +29,7 @@ pub(super) fn respond(
         content_type: HeaderValue::from_static("text/html; charset=utf-8"),
         cache_control: if is_public { REVALIDATE } else { REVALIDATE_PRIVATE },
         encoding: None,
-        vary: None,
+        vary,
     };
     let mut response = representation.respond(method, headers).map(Body::from);
     response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(policy));
@@ -36,8 +37,12 @@ pub(super) fn respond(
     response
 }
 
-/// Scheme and host of the request. `None` for a host that has not the form of one.
+/// What precedes all paths of this server for its users: the configured address, else scheme and host of the request. `None` for a host
+/// that has not the form of one.
 pub(super) fn known_origin(state: &AppState, uri: &Uri, headers: &HeaderMap) -> Option<String> {
+    if let Some(url) = state.public_url() {
+        return Some(url.base().to_owned());
+    }
     let host = request_host(uri, headers)?;
     let is_allowed = |b: u8| b.is_ascii_alphanumeric() || b".:-[]_".contains(&b);
     (!host.is_empty() && host.bytes().all(is_allowed)).then(|| format!("{}://{host}", state.scheme()))
@@ -46,6 +51,18 @@ pub(super) fn known_origin(state: &AppState, uri: &Uri, headers: &HeaderMap) -> 
 /// As [`known_origin`], with a placeholder.
 pub(super) fn displayed_origin(state: &AppState, uri: &Uri, headers: &HeaderMap) -> String {
     known_origin(state, uri, headers).unwrap_or_else(|| format!("{}://HOST", state.scheme()))
+}
+
+/// The address of the server's root relative to that of the request, so that pages work below any path of a proxy: empty, or with a slash
+/// at its end.
+pub(super) fn relative_root(uri: &Uri) -> String {
+    "../".repeat(uri.path().matches('/').count().saturating_sub(1))
+}
+
+/// A path of this server, relative to the page that has this root.
+pub(super) fn relative(root: &str, path: &str) -> String {
+    let rest = path.trim_start_matches('/');
+    if root.is_empty() && rest.is_empty() { "./".to_owned() } else { format!("{root}{rest}") }
 }
 
 /// The share link of the request as a query. Only for requests whose link has been verified.

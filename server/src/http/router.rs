@@ -1,11 +1,8 @@
 //! The routes of all addresses.
 
 use super::{
-    city_page, filter, group, health, index_page, manifest,
-    problem::{NO_ROUTE, Problem},
-    search,
-    thread_state::ThreadState,
-    tile, viewer_files,
+    city_page, filter, group, health, index_page, manifest, problem::Problem, search, thread_state::ThreadState, tile,
+    viewer_files, wrong_address,
 };
 use axum::{
     Router,
@@ -25,7 +22,7 @@ pub(super) fn router(state: ThreadState) -> Router {
     RouteTemplate::ALL
         .into_iter()
         .fold(Router::new(), with_route)
-        .fallback(not_found)
+        .fallback(wrong_address::not_found)
         .method_not_allowed_fallback(method_not_allowed)
         .with_state(state)
 }
@@ -54,17 +51,13 @@ fn handler(template: RouteTemplate) -> MethodRouter<ThreadState> {
         #[cfg(feature = "bake")]
         RouteTemplate::Draw => axum::routing::post(super::draw::draw).fallback(super::draw::other_method),
         #[cfg(not(feature = "bake"))]
-        RouteTemplate::Draw => get(not_found),
+        RouteTemplate::Draw => get(wrong_address::not_found),
         #[cfg(feature = "bake")]
         RouteTemplate::Tileset | RouteTemplate::TilesetFile => get(super::tileset::tileset_file),
         #[cfg(not(feature = "bake"))]
-        RouteTemplate::Tileset | RouteTemplate::TilesetFile => get(not_found),
-        RouteTemplate::Other => get(not_found),
+        RouteTemplate::Tileset | RouteTemplate::TilesetFile => get(wrong_address::not_found),
+        RouteTemplate::Other => get(wrong_address::not_found),
     }
-}
-
-async fn not_found() -> Problem {
-    NO_ROUTE
 }
 
 async fn method_not_allowed() -> Problem {

@@ -10,7 +10,11 @@ use super::{
     tls::TlsIdentity,
     worker::{AcceptedConnection, WorkerPool},
 };
-use crate::{config::ServeConfig, page::ViewerAssets, store::Store};
+use crate::{
+    config::ServeConfig,
+    page::{Brand, ViewerAssets},
+    store::Store,
+};
 use std::{
     future::Future,
     io,
@@ -41,6 +45,8 @@ pub enum ServeError {
     /// No token and no key could be read: private cities could not be opened.
     #[error("cannot use access.tokens or access.share_keys: {0}")]
     Access(String),
+    #[error("cannot use site.logo: {0}")]
+    Logo(io::Error),
     #[error("cannot listen on metrics_address {address}: {source}; use another one, port 0 picks a free one")]
     Metrics { address: String, source: io::Error },
     #[error("cannot start the server's threads: {0}")]
@@ -57,8 +63,8 @@ pub struct HttpServer {
     reload_signal: Arc<Notify>,
 }
 
-/// Serves the cities of `store` on `listener` until `shutdown` completes. Then it accepts no more connections, gives requests
-/// in flight `config.drain_secs` to finish, and drops the rest. Fails if a file that the config names cannot be used, or if
+/// Serves the cities of `store` on `listener` until `shutdown` completes. Then `/readyz` fails, and `config.drain_notice_secs` later it
+/// accepts no more connections, gives requests in flight `config.drain_secs` to finish, and drops the rest. Fails if a file that the config names cannot be used, or if
 /// the system refuses threads.
 pub async fn serve(
     listener: TcpListener,
@@ -88,7 +94,8 @@ impl HttpServer {
             ),
             None => None,
         };
-        let state = AppState::with_access(store, config, access, ViewerAssets::embedded());
+        let brand = Brand::load(&config.site).map_err(ServeError::Logo)?;
+        let state = AppState::with_access(store, config, access, ViewerAssets::embedded(), brand);
         report_failures(&state, state.catalog().store().failures());
         let service = HttpService::new(state);
         Ok(Self { service, tls, operations, config: config.clone(), reload_signal: Arc::default() })
@@ -123,6 +130,16 @@ impl HttpServer {
         let reload = ReloadTask::new(state.clone(), self.tls, self.config.clone(), reload_signal).start()?;
         let operations = self.operations.map(|operations| tokio::spawn(operations.serve(operators)));
         let acceptor = ConnectionAcceptor::new(listener, state.clone());
+        // While load balancers notice that the server is not ready, they still send requests.
+        let notice = self.config.drain_notice();
+        let shutdown = async {
+            shutdown.await;
+            state.start_draining();
+            if !notice.is_zero() {
+                tracing::info!(secs = notice.as_secs(), "not ready any more: still accepting connections");
+            }
+            sleep(notice).await;
+        };
         let mut shutdown = pin!(shutdown);
         loop {
             let accepted = tokio::select! {
@@ -146,7 +163,6 @@ impl HttpServer {
         }
         drop(acceptor);
         drop(reload);
-        state.start_draining();
         tracing::info!("shutting down: waiting for requests in flight");
         workers.join().await;
         if let Some(operations) = operations {

@@ -137,7 +137,14 @@ impl HttpService {
         mut parts: Parts,
         body: impl FnOnce() -> Body,
     ) -> ResponseFuture {
-        let route = RouteTemplate::of_path(parts.uri.path());
+        let mut route = RouteTemplate::of_path(parts.uri.path());
+        if let (RouteTemplate::Other, Some(url)) = (route, self.state().public_url())
+            && let Some(uri) = without_prefix(&parts.uri, url.prefix())
+        {
+            // A proxy may leave its path in the address.
+            route = RouteTemplate::of_path(uri.path());
+            parts.uri = uri;
+        }
         let over_limit = connection.filter(|connection| connection.is_over_limit());
         if let Some(connection) = over_limit {
             connection.start_shutdown();
@@ -253,6 +260,14 @@ impl PendingRequest {
         headers.insert(REQUEST_ID, self.id);
         response.map(|body| GuardedBody::new(body, self.guard))
     }
+}
+
+/// The address below a prefix, which has no slash at its end; `None` if it is not below it.
+fn without_prefix(uri: &Uri, prefix: &str) -> Option<Uri> {
+    let rest = uri.path_and_query()?.as_str().strip_prefix(prefix).filter(|_| !prefix.is_empty())?;
+    let mut parts = uri.clone().into_parts();
+    parts.path_and_query = Some(rest.parse().ok().filter(|_| rest.starts_with('/'))?);
+    Uri::from_parts(parts).ok()
 }
 
 fn too_busy() -> Problem {

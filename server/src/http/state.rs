@@ -16,12 +16,12 @@ use super::{
     work_queues::{WorkKind, WorkQueues},
 };
 use crate::{
-    config::{CorsPolicy, LimitsConfig, LogRequests, Network, ServeConfig},
-    page::ViewerAssets,
+    config::{CorsPolicy, LimitsConfig, LogRequests, Network, PublicUrl, ServeConfig, SiteConfig},
+    page::{Brand, Languages, SiteTexts, ViewerAssets},
     store::Store,
 };
 use arc_swap::{ArcSwap, Guard};
-use axum::http::HeaderValue;
+use axum::http::{HeaderMap, HeaderValue, header};
 use std::{
     sync::{
         Arc,
@@ -38,6 +38,9 @@ pub struct AppState(Arc<SharedState>);
 struct SharedState {
     catalog: ArcSwap<Catalog>,
     viewer: Option<ViewerContent>,
+    languages: Languages,
+    brand: Brand,
+    public_url: Option<PublicUrl>,
     metrics: HttpMetrics,
     rate_limiter: RateLimiter,
     in_flight: InFlightBudget,
@@ -83,9 +86,11 @@ impl AppState {
         Self::with_viewer(store, config, ViewerAssets::embedded())
     }
 
-    /// As [`Self::new`], with another browser viewer than that of the program, or with none.
+    /// As [`Self::new`], with another browser viewer than that of the program, or with none. Pages show no logo, which
+    /// [`HttpServer`](super::HttpServer) reads.
     pub fn with_viewer(store: Store, config: &ServeConfig, viewer: Option<ViewerAssets>) -> Self {
-        Self::with_access(store, config, AccessControl::default(), viewer)
+        let brand = Brand::load(&SiteConfig { logo: None, ..config.site.clone() }).unwrap_or_default();
+        Self::with_access(store, config, AccessControl::default(), viewer, brand)
     }
 
     pub(super) fn with_access(
@@ -93,13 +98,17 @@ impl AppState {
         config: &ServeConfig,
         access: AccessControl,
         viewer: Option<ViewerAssets>,
+        brand: Brand,
     ) -> Self {
         let store_metrics = store.metrics().cloned();
         let computed_bytes = config.computed_bytes(store_metrics.is_some());
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self(Arc::new(SharedState {
             catalog: ArcSwap::from_pointee(Catalog::new(store, access)),
+            languages: Languages::of(viewer.as_ref()),
             viewer: viewer.map(ViewerContent::new),
+            brand,
+            public_url: config.public_url.clone(),
             metrics: HttpMetrics::new(store_metrics.as_ref(), config.limits.cache_bytes),
             rate_limiter: RateLimiter::new(config.limits.client_rate, config.limits.client_burst),
             in_flight: InFlightBudget::new(config.limits.in_flight, config.limits.in_flight_bytes),
@@ -152,6 +161,22 @@ impl AppState {
     /// The browser viewer; `None` if the program was built without it.
     pub(super) fn viewer(&self) -> Option<&ViewerContent> {
         self.0.viewer.as_ref()
+    }
+
+    /// The texts of pages in the best language for a request.
+    pub(super) fn texts(&self, headers: &HeaderMap) -> &SiteTexts {
+        let accepted = headers.get(header::ACCEPT_LANGUAGE).and_then(|value| value.to_str().ok());
+        self.0.languages.best(accepted.unwrap_or_default())
+    }
+
+    /// What the office has set of its pages.
+    pub(super) fn brand(&self) -> &Brand {
+        &self.0.brand
+    }
+
+    /// The address at which people reach the server, if it was configured.
+    pub(super) fn public_url(&self) -> Option<&PublicUrl> {
+        self.0.public_url.as_ref()
     }
 
     pub(super) fn metrics(&self) -> &HttpMetrics {

@@ -6,6 +6,7 @@ use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
     computed_cache::TilesetFile,
     fair_queue::{Shed, StopFlag},
+    page_response::share_query,
     problem::{NO_ROUTE, Problem},
     representation::{IMMUTABLE, IMMUTABLE_PRIVATE, REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
     state::{AppState, MessageKind},
@@ -53,7 +54,7 @@ pub(super) async fn tileset_file(
         return Err(NO_FILE);
     }
     let made = state.computed().file(city.serial(), file, make(&state, &city, file, client)).await;
-    let body = made.map_err(|error| problem(&state, &city, &error))?;
+    let body = with_share_link(made.map_err(|error| problem(&state, &city, &error))?, file, &access, &uri);
     let is_public = access.is_public();
     let representation = Representation {
         etag: etag_of(&body),
@@ -73,6 +74,19 @@ pub(super) async fn tileset_file(
         vary: None,
     };
     Ok(representation.respond(&method, &headers).map(Body::from))
+}
+
+/// The root with the share link of the request in the addresses that it names: programs do not add it by themselves.
+fn with_share_link(root: Bytes, file: TilesetFile, access: &CityAccess, uri: &Uri) -> Bytes {
+    let query = match (file, access) {
+        (TilesetFile::Root, CityAccess::Link(_)) => share_query(uri),
+        _ => None,
+    };
+    let (Some(query), Ok(json)) = (query, std::str::from_utf8(&root)) else { return root };
+    let json = ["glb", "subtree"].into_iter().fold(json.to_owned(), |json, kind| {
+        json.replace(&format!("/{{y}}.{kind}\""), &format!("/{{y}}.{kind}{query}\""))
+    });
+    json.into()
 }
 
 /// The city of an address that the request may see, and the file.

@@ -49,7 +49,8 @@ pub(super) fn description(city: CityFacts<'_>) -> String {
     text
 }
 
-fn extent_m(city: CityFacts<'_>) -> [f64; 2] {
+/// Width and depth in metres.
+pub(super) fn extent_m(city: CityFacts<'_>) -> [f64; 2] {
     let [low, high] = city.manifest.bounds;
     [high[0] - low[0], high[1] - low[1]]
 }

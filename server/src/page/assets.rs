@@ -67,10 +67,22 @@ impl ViewerAssets {
         self.files.iter().map(|(name, file)| (name.as_str(), file))
     }
 
+    /// The languages besides English, by their codes.
+    pub(crate) fn languages(&self) -> impl Iterator<Item = (&str, &ViewerFile)> {
+        self.files().filter_map(|(name, file)| Some((code_of(name)?, file)))
+    }
+
     /// Whether there is a file of this name.
     pub fn has(&self, name: &str) -> bool {
         self.files.contains_key(name)
     }
+}
+
+/// The code of a language in the name of its file; `None` of another file, and of English, which needs none.
+fn code_of(file: &str) -> Option<&str> {
+    let code = file.strip_prefix("language-")?.strip_suffix(".json")?;
+    let is_code = (2..=3).contains(&code.len()) && code.bytes().all(|byte| byte.is_ascii_lowercase());
+    (is_code && code != "en").then_some(code)
 }
 
 /// The media type of a file by its name.

@@ -4,7 +4,7 @@
 //! that the browser fetches all of them at once.
 
 use super::{
-    CityFacts, CityLinks, SERVICE_WORKER_FILE, ViewerAssets,
+    Brand, CityFacts, CityLinks, SERVICE_WORKER_FILE, ViewerAssets,
     about::{description, push_about},
     html::{escape_html, script_json},
 };
@@ -18,7 +18,7 @@ const MODULE: &str = "insula_web_bg.wasm";
 const WORKERS: [&str; 3] = ["engine.js", "insula_web.js", "helper.js"];
 
 /// The page of a city.
-pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerAssets) -> String {
+pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerAssets, brand: &Brand) -> String {
     let title = escape_html(&city.manifest.title);
     let mut out = String::from("<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">");
     if let Some(policy) = &links.meta_policy {
@@ -31,14 +31,21 @@ pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerA
         "<title>{title} - {}</title>\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1, viewport-fit=cover\">\
          <meta name=\"color-scheme\" content=\"light dark\">",
-        escape_html(&links.site)
+        escape_html(brand.title())
     );
-    push_previews(&mut out, city, links);
+    brand.push_meta(&mut out);
+    let languages: Vec<&str> = assets.languages().map(|(code, _)| code).collect();
+    if !languages.is_empty() {
+        let _ = write!(out, "<meta name=\"insula-languages\" content=\"{}\">", languages.join(" "));
+    }
+    push_previews(&mut out, city, links, brand.title());
     push_assets(&mut out, &links.root, assets);
     let source = escape_html(&links.source);
+    let start = brand.start_of(&city.manifest.name).map(|camera| format!(" camera=\"{}\"", escape_html(camera)));
+    let start = start.unwrap_or_default();
     let _ = write!(
         out,
-        "</head><body><main id=\"insula-app\"><insula-city src=\"{source}\" full></insula-city>\
+        "</head><body><main id=\"insula-app\"><insula-city src=\"{source}\"{start} full></insula-city>
          <noscript><p>The view in three dimensions needs JavaScript.</p>"
     );
     if let Some(thumbnail) = &links.thumbnail {
@@ -47,7 +54,7 @@ pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerA
     let _ = write!(out, "</noscript><section id=\"insula-about\"><h1>{title}</h1>");
     push_about(&mut out, city, links);
     if let Some(list) = &links.list {
-        let _ = write!(out, "<p><a href=\"{}\">All cities</a></p>", escape_html(list));
+        let _ = write!(out, "<p><a rel=\"up\" href=\"{}\">All cities</a></p>", escape_html(list));
     }
     let json = serde_json::to_string(city.manifest).unwrap_or_default();
     let _ = writeln!(
@@ -59,14 +66,14 @@ pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerA
 }
 
 /// Adds what search engines and previews of links read.
-fn push_previews(out: &mut String, city: CityFacts<'_>, links: &CityLinks) {
+fn push_previews(out: &mut String, city: CityFacts<'_>, links: &CityLinks, site: &str) {
     let description = description(city);
     let mut meta = |kind: &str, name: &str, content: &str| {
         let _ = write!(out, "<meta {kind}=\"{name}\" content=\"{}\">", escape_html(content));
     };
     meta("name", "description", &description);
     meta("property", "og:type", "website");
-    meta("property", "og:site_name", &links.site);
+    meta("property", "og:site_name", site);
     meta("property", "og:title", &city.manifest.title);
     meta("property", "og:description", &description);
     if let Some(preview) = &links.preview {

@@ -1,22 +1,36 @@
-//! The page that lists cities. It has no scripts.
+//! The page that lists cities, and pages that say what is wrong with an address. They have no scripts.
 
-use super::{CityFacts, CityLinks, about::push_about, html::escape_html};
+use super::{
+    Brand, CityFacts, CityLinks,
+    about::{extent_m, push_about},
+    html::{credit, escape_html},
+    texts::SiteTexts,
+};
 use std::fmt::Write;
 
 /// A page ends early at this size.
 const PAGE_BYTES: usize = 1 << 20;
 
 /// The style of lists, which is part of the page: a list needs no other file.
-pub(super) const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:46rem;margin:3rem auto;padding:0 1rem;\
-    color:#222;background:#fff}h1{font-weight:600}section{border-top:1px solid #ccc;padding:.5rem 0 1rem}\
+pub(super) const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:84rem;margin:2rem auto;padding:0 1rem;\
+    color:#222;background:#fff}h1{font-weight:600}h2{font-size:1.25rem;margin:.6rem 0 .1rem}a{color:#0b57a4}\
+    main{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:2rem;align-items:start}\
+    main img{display:block;width:100%;height:auto;aspect-ratio:16/9;object-fit:cover;border-radius:10px;background:#ccd5dc}\
+    h1 .logo{block-size:2.5rem;inline-size:auto;vertical-align:middle;margin-inline-end:.75rem}p{margin:.3rem 0}.sources,details{font-size:.875rem;color:#555}summary{cursor:pointer;padding:.3rem 0}\
     code{background:#f0f0f0;padding:.15rem .35rem;border-radius:3px;overflow-wrap:anywhere}\
     dl{display:grid;grid-template-columns:max-content 1fr;gap:.2rem 1rem}dt{color:#666}dd{margin:0;overflow-wrap:anywhere}\
-    img{float:inline-end;width:min(18rem,40%);aspect-ratio:16/9;object-fit:cover;margin:1rem 0 1rem 1rem;border-radius:4px}\
-    @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}code{background:#2a2a2a}a{color:#8bf}dt{color:#999}}";
+    @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}code{background:#2a2a2a}a{color:#8bf}\
+    .sources,details,dt{color:#aaa}main img{background:#333}}";
 
 /// A page that lists cities, in the making.
 #[derive(Debug)]
-pub(crate) struct CityListPage(String);
+pub(crate) struct CityListPage<'a> {
+    out: String,
+    texts: &'a SiteTexts,
+    is_list_open: bool,
+    /// The last paragraph, as HTML.
+    imprint: String,
+}
 
 /// A city in a list.
 #[derive(Debug)]
@@ -27,54 +41,99 @@ pub(crate) struct CityInList<'a> {
     pub(crate) links: CityLinks,
 }
 
-impl CityListPage {
+impl<'a> CityListPage<'a> {
     /// An empty list. `icon` is the address of the viewer's icon; `meta_policy` is for pages without headers.
-    pub(crate) fn new(title: &str, icon: Option<&str>, meta_policy: Option<&str>) -> Self {
-        let title = escape_html(title);
-        let mut out = String::from("<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">");
+    pub(crate) fn new(brand: &Brand, texts: &'a SiteTexts, icon: Option<&str>, meta_policy: Option<&str>) -> Self {
+        let title = escape_html(brand.title());
+        let mut out = format!(
+            "<!doctype html><html lang=\"{}\" dir=\"{}\"><head><meta charset=\"utf-8\">",
+            escape_html(&texts.language),
+            escape_html(&texts.direction)
+        );
         if let Some(policy) = meta_policy {
             let _ = write!(out, "<meta http-equiv=\"Content-Security-Policy\" content=\"{}\">", escape_html(policy));
         }
-        let _ = write!(out, "<title>{title}</title><meta name=\"viewport\" content=\"width=device-width\">");
+        let _ = write!(
+            out,
+            "<title>{title}</title><meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+             <meta name=\"color-scheme\" content=\"light dark\">"
+        );
         if let Some(icon) = icon {
             let _ = write!(out, "<link rel=\"icon\" href=\"{}\">", escape_html(icon));
         }
-        let _ = write!(out, "<style>{STYLE}</style></head><body><h1>{title}</h1>");
-        Self(out)
+        let _ = write!(out, "<style>{STYLE}</style></head><body><h1>");
+        if let Some(logo) = brand.logo() {
+            let _ = write!(out, "<img class=\"logo\" src=\"{}\" alt=\"\">", escape_html(logo));
+        }
+        let _ = write!(out, "{title}</h1>");
+        let imprint = brand.imprint().map(|address| {
+            let (address, words) = (escape_html(address), escape_html(&texts.imprint));
+            format!("<p><a href=\"{address}\" rel=\"noopener noreferrer\">{words}</a></p>")
+        });
+        Self { imprint: imprint.unwrap_or_default(), out, texts, is_list_open: false }
     }
 
     /// Adds a paragraph of HTML.
     pub(crate) fn push_paragraph(&mut self, html: &str) {
-        let _ = write!(self.0, "<p>{html}</p>");
+        self.set_list_open(false);
+        let _ = write!(self.out, "<p>{html}</p>");
+    }
+
+    /// Adds a paragraph of HTML that is for those who ask for it.
+    pub(crate) fn push_details(&mut self, html: &str) {
+        self.set_list_open(false);
+        let summary = escape_html(&self.texts.details);
+        let _ = write!(self.out, "<details><summary>{summary}</summary><p>{html}</p></details>");
     }
 
     /// Adds a city.
     pub(crate) fn push_city(&mut self, city: &CityInList<'_>) {
-        let title = escape_html(&city.facts.manifest.title);
-        self.0.push_str("<section>");
+        self.set_list_open(true);
+        let (texts, manifest) = (self.texts, city.facts.manifest);
+        let title = escape_html(&manifest.title);
+        let (link, end) = match &city.page {
+            Some(page) => (format!("<a href=\"{}\">", escape_html(page)), "</a>"),
+            None => (String::new(), ""),
+        };
+        self.out.push_str("<article>");
         if let Some(thumbnail) = &city.links.thumbnail {
-            let _ = write!(self.0, "<img src=\"{}\" alt=\"\" loading=\"lazy\">", escape_html(thumbnail));
+            // The title beside it names the city, and is the same link.
+            let hidden = link.replace("<a ", "<a tabindex=\"-1\" aria-hidden=\"true\" ");
+            let address = escape_html(thumbnail);
+            let _ = write!(
+                self.out,
+                "{hidden}<img src=\"{address}\" alt=\"\" width=\"640\" height=\"360\" loading=\"lazy\">{end}"
+            );
         }
-        match &city.page {
-            Some(page) => {
-                let _ = write!(self.0, "<h2><a href=\"{}\">{title}</a></h2>", escape_html(page));
-            }
-            None => {
-                let _ = write!(self.0, "<h2>{title}</h2>");
-            }
+        let extent = texts.extent(extent_m(city.facts));
+        let objects = texts.objects(manifest.counts.objects);
+        let _ = write!(self.out, "<h2>{link}{title}{end}</h2><p>{extent} \u{b7} {objects}</p>");
+        if !manifest.attribution.is_empty() {
+            let sources: Vec<_> = manifest.attribution.iter().map(credit).collect();
+            let _ = write!(self.out, "<p class=\"sources\">{}</p>", sources.join("; "));
         }
-        push_about(&mut self.0, city.facts, &city.links);
-        self.0.push_str("</section>");
+        let _ = write!(self.out, "<details><summary>{}</summary>", escape_html(&texts.details));
+        push_about(&mut self.out, city.facts, &city.links);
+        self.out.push_str("</details></article>");
+    }
+
+    fn set_list_open(&mut self, is_open: bool) {
+        if self.is_list_open != is_open {
+            self.out.push_str(if is_open { "<main>" } else { "</main>" });
+            self.is_list_open = is_open;
+        }
     }
 
     /// Whether no more cities should be added.
     pub(crate) fn is_full(&self) -> bool {
-        self.0.len() >= PAGE_BYTES
+        self.out.len() >= PAGE_BYTES
     }
 
     /// The complete page.
     pub(crate) fn finish(mut self) -> String {
-        self.0.push_str("</body></html>\n");
-        self.0
+        self.set_list_open(false);
+        self.out.push_str(&self.imprint);
+        self.out.push_str("</body></html>\n");
+        self.out
     }
 }

@@ -4,16 +4,22 @@
 
 mod about;
 mod assets;
+mod base64;
+mod brand;
 mod city_page;
 mod html;
 mod list_page;
 mod policy;
+mod texts;
 
 pub(crate) use assets::media_type;
 pub use assets::{ViewerAssets, ViewerFile};
+pub(crate) use brand::Brand;
 pub(crate) use city_page::city_page;
+pub(crate) use html::escape_html;
 pub(crate) use list_page::{CityInList, CityListPage};
 pub(crate) use policy::{list_policy, meta_policy, viewer_policy};
+pub(crate) use texts::{Languages, SiteTexts};
 
 use insula_protocol::Manifest;
 
@@ -35,8 +41,6 @@ pub(crate) struct CityFacts<'a> {
 /// What a city's page refers to. Addresses are absolute, or relative to the page.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct CityLinks {
-    /// Name of the site.
-    pub(crate) site: String,
     /// Where the viewer finds the city: `src` of `<insula-city>`.
     pub(crate) source: String,
     /// Address of the manifest.

@@ -248,6 +248,33 @@ async fn shutdown_drops_requests_that_do_not_finish_in_time() {
     assert!(!matches!(end, Some(Ok(_))), "{end:?}");
 }
 
+/// Load balancers learn from `/readyz` that the server goes before it refuses what they send.
+#[tokio::test]
+async fn a_server_that_goes_still_accepts_connections() {
+    let store = Store::open(&[small_city::shared_city()]).unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let (stop, stopped) = oneshot::channel::<()>();
+    // So long that it does not end during the test.
+    let config = ServeConfig { drain_notice_secs: 3600, ..ServeConfig::default() };
+    let shutdown = async {
+        let _ = stopped.await;
+    };
+    let server = tokio::spawn(async move { serve(listener, store, &config, shutdown).await });
+    let get = async |path: &str| {
+        let mut client = TcpStream::connect(address).await.unwrap();
+        exchange(&mut client, &format!("GET {path} HTTP/1.0\r\n\r\n")).await
+    };
+    assert!(get("/readyz").await.contains(" 200 "));
+    stop.send(()).unwrap();
+    let begin = Instant::now();
+    while !get("/readyz").await.contains(" 503 ") {
+        assert!(begin.elapsed() < PATIENCE, "the server is still ready");
+    }
+    assert!(get("/v1/cities").await.contains("\"two\""), "it still serves");
+    server.abort();
+}
+
 mod tls {
     use super::*;
     use tokio_rustls::{

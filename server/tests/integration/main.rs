@@ -22,6 +22,7 @@ mod http;
 mod kill;
 mod limits;
 mod live;
+mod proxies;
 mod search;
 mod store;
 mod terminal;

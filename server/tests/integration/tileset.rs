@@ -1,6 +1,9 @@
 //! Cities as 3D Tiles over HTTP: files that are made when they are asked for, versions, tokens, and damaged cities.
 
-use crate::test_server::{TestServer, assert_problem};
+use crate::{
+    test_server::{TestServer, assert_problem},
+    web_pages::share_query,
+};
 use insula_protocol::{TileKind, route};
 use insula_server::config::ServeConfig;
 use insula_test_support::small_city;
@@ -96,6 +99,24 @@ async fn private_cities_need_their_token() {
     // The token's request fills the cache, which opens the file to nobody else.
     assert!(server.get(&path, TOKEN).await.contains("cache-control: private, max-age=31536000, immutable\r\n"));
     assert_problem(&server.get(&path, "").await, 401);
+    server.stop().await;
+}
+
+/// Programs send the query of the root with no file that it names, unless it is part of their addresses.
+#[cfg(unix)]
+#[tokio::test]
+async fn a_share_link_opens_the_files_that_the_tileset_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let keys = folder.path().join("keys");
+    fs::write(&keys, "key 0123456789abcdef0123456789abcdef\n").unwrap();
+    let server = start(|config| config.access.share_keys = Some(keys.clone())).await;
+    let query = share_query(&keys, &[]);
+    let (_, file) = tileset(&server.get(&format!("{}?{query}", route::tileset("two")), "").await);
+    for path in [file(SUBTREE, [0, 0, 0]), file(CONTENT, [1, 1, 1])] {
+        assert!(path.ends_with(&format!("?{query}")), "{path}");
+        assert!(server.get(&path, "").await.starts_with("HTTP/1.1 200 "), "{path}");
+        assert_problem(&server.get(path.split('?').next().unwrap(), "").await, 401);
+    }
     server.stop().await;
 }
 

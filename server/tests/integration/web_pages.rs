@@ -26,8 +26,15 @@ const IMMUTABLE: &str = "public, max-age=31536000, immutable";
 const JPEG: &[u8] = b"\xff\xd8\xff and so on";
 const HOSTILE: &str = "</script><script>alert('x')</script><img src=x onerror=\"alert(1)\">&";
 
+/// A language: the English one with other words.
+fn german() -> String {
+    let english = concat!(env!("CARGO_MANIFEST_DIR"), "/../client/web/page/language-en.json");
+    let english = fs::read_to_string(english).unwrap();
+    english.replace("\"en-GB\"", "\"de\"").replace("\"cities\": \"Cities\"", "\"cities\": \"Orte\"")
+}
+
 /// A viewer of a few files.
-fn viewer() -> ViewerAssets {
+pub(crate) fn viewer() -> ViewerAssets {
     let file = |name: &str, text: &str| {
         let [plain, brotli, gzip] = [text.to_owned(), format!("br {name}"), format!("gz {name}")].map(Into::into);
         (name.to_owned(), ViewerFile { plain, brotli, gzip })
@@ -48,29 +55,30 @@ fn viewer() -> ViewerAssets {
             file("icon.svg", "<svg/>"),
             file("manifest.webmanifest", &script("")),
             file("service-worker.js", &script("")),
+            file("language-de.json", &german()),
             file("../escape.js", ""),
         ],
     )
 }
 
-struct Page {
-    status: StatusCode,
+pub(crate) struct Page {
+    pub(crate) status: StatusCode,
     headers: HeaderMap,
-    text: String,
+    pub(crate) text: String,
 }
 
 impl Page {
-    fn header(&self, name: &str) -> &str {
+    pub(crate) fn header(&self, name: &str) -> &str {
         self.headers.get(name).map_or("", |value| value.to_str().unwrap())
     }
 }
 
-fn service(folder: &Path, viewer: Option<ViewerAssets>) -> HttpService {
+pub(crate) fn service(folder: &Path, viewer: Option<ViewerAssets>) -> HttpService {
     let store = Store::open(&[folder]).unwrap();
     HttpService::new(AppState::with_viewer(store, &ServeConfig::default(), viewer))
 }
 
-async fn get(service: &HttpService, path: &str, headers: &[(&str, &str)]) -> Page {
+pub(crate) async fn get(service: &HttpService, path: &str, headers: &[(&str, &str)]) -> Page {
     let mut request = Request::get(path).header("host", "cities.example.org");
     for (name, value) in headers {
         request = request.header(*name, *value);
@@ -109,25 +117,29 @@ fn assert_no_markup_of_cities(html: &str) {
 async fn the_page_of_a_city_names_the_viewer_and_the_city() {
     let folder = small_city::temporary_city();
     let service = service(folder.path(), Some(viewer()));
-    for path in ["/", "/cities/two"] {
+    // Addresses are relative, so that a proxy may have the server below any path.
+    for (path, root) in [("/", ""), ("/cities/two", "../")] {
         let page = get(&service, path, &[]).await;
         assert_eq!((page.status, page.header("content-type")), (StatusCode::OK, "text/html; charset=utf-8"), "{path}");
         assert_eq!((page.header("cache-control"), page.header("referrer-policy")), ("no-cache", "no-referrer"));
         assert_eq!(page.header("x-content-type-options"), "nosniff");
         for part in [
-            "<insula-city src=\"/v1/cities/two\" full></insula-city>",
-            "<script type=\"module\" src=\"/assets/00112233445566ff/app.js\"></script>",
-            "<link rel=\"preload\" as=\"fetch\" crossorigin href=\"/assets/00112233445566ff/insula_web_bg.wasm\">",
-            "<link rel=\"modulepreload\" href=\"/assets/00112233445566ff/insula_web.js\">",
-            "<meta name=\"insula-service-worker\" content=\"/service-worker.js\">",
+            "<insula-city src=\"ROOTv1/cities/two\" full></insula-city>",
+            "<script type=\"module\" src=\"ROOTassets/00112233445566ff/app.js\"></script>",
+            "<link rel=\"preload\" as=\"fetch\" crossorigin href=\"ROOTassets/00112233445566ff/insula_web_bg.wasm\">",
+            "<link rel=\"modulepreload\" href=\"ROOTassets/00112233445566ff/insula_web.js\">",
+            "<meta name=\"insula-service-worker\" content=\"ROOTservice-worker.js\">",
+            "<meta name=\"insula-languages\" content=\"de\">",
             "<link rel=\"canonical\" href=\"http://cities.example.org/cities/two\">",
             "<meta property=\"og:title\" content=\"Two &lt;b&gt;nodes&lt;/b&gt;\">",
             "insula view http://cities.example.org/v1/cities/two",
             "3D BAG</a> (CC BY 4.0)",
         ] {
-            assert!(page.text.contains(part), "{path} lacks {part}: {}", page.text);
+            let part = part.replace("ROOT", root);
+            assert!(page.text.contains(&part), "{path} lacks {part}: {}", page.text);
         }
         assert!(!page.text.contains("style=\"") && !page.text.contains("og:image"), "{}", page.text);
+        assert!(!page.text.contains("=\"/"), "an address from the host's root: {}", page.text);
     }
 }
 
@@ -146,6 +158,8 @@ async fn the_policy_of_pages_allows_only_this_host() {
         "base-uri 'none'",
         "form-action 'none'",
         "frame-ancestors *",
+        "require-trusted-types-for 'script'",
+        "trusted-types insula",
     ] {
         assert!(policy.split("; ").any(|found| found == rule), "{rule} in {policy}");
     }
@@ -175,11 +189,11 @@ async fn several_cities_are_a_list_with_links_to_their_pages() {
     }
     let service = service(folder.path(), Some(viewer()));
     let page = get(&service, "/", &[]).await;
-    assert!(page.text.contains("<h2><a href=\"/cities/two\">") && page.text.contains("<h2><a href=\"/cities/three\">"));
+    assert!(page.text.contains("<h2><a href=\"cities/two\">") && page.text.contains("<h2><a href=\"cities/three\">"));
     assert!(!page.text.contains("<insula-city") && !page.text.contains("client/web/build"));
     let policy = page.header("content-security-policy");
     assert!(policy.contains("style-src 'sha256-") && !policy.contains("script-src"), "{policy}");
-    assert!(get(&service, "/cities/three", &[]).await.text.contains("<a href=\"/\">All cities</a>"));
+    assert!(get(&service, "/cities/three", &[]).await.text.contains("<a rel=\"up\" href=\"../\">All cities</a>"));
     // A city that stands alone on a later page of the list is none.
     assert!(!get(&service, "/?after=three", &[]).await.text.contains("<insula-city"));
 }
@@ -271,7 +285,7 @@ async fn the_picture_of_a_city_is_served_and_shown() {
     assert_eq!(picture.header("cache-control"), "no-cache");
     let page = get(&service, "/cities/two", &[]).await;
     let preview = "<meta property=\"og:image\" content=\"http://cities.example.org/cities/two/thumbnail.jpg\">";
-    assert!(page.text.contains(preview) && page.text.contains("<img src=\"/cities/two/thumbnail.jpg\""));
+    assert!(page.text.contains(preview) && page.text.contains("<img src=\"../cities/two/thumbnail.jpg\""));
     // Only pictures leave the server.
     fs::write(folder.path().join("thumbnail.jpg"), "secrets").unwrap();
     assert_eq!(get(&service, "/cities/two/thumbnail.jpg", &[]).await.status, StatusCode::NOT_FOUND);
@@ -319,7 +333,7 @@ async fn pages_of_private_cities_are_hidden() {
 }
 
 /// The query of a share link to the city "two".
-fn share_query(keys: &Path, arguments: &[&str]) -> String {
+pub(crate) fn share_query(keys: &Path, arguments: &[&str]) -> String {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_insula-server"));
     command.args(["sign", "--keys", keys.to_str().unwrap(), "--city", "two", "--expires", "1h"]).args(arguments);
     let link = String::from_utf8(command.output().unwrap().stdout).unwrap();
@@ -329,7 +343,7 @@ fn share_query(keys: &Path, arguments: &[&str]) -> String {
 fn publish(cities: &[&Path], out: &Path) -> Result<(), String> {
     let cities = cities.iter().map(|city| city.to_path_buf()).collect();
     let url = Some("https://cities.example.org/".to_owned());
-    let args = PublishArgs { cities, out: out.to_owned(), title: Some("Our <cities>".into()), url };
+    let args = PublishArgs { cities, out: out.to_owned(), title: Some("Our <cities>".into()), url, config: None };
     publish_site(&args, &viewer()).map_err(|error| error.to_string())
 }
 

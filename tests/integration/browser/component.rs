@@ -15,6 +15,7 @@ use insula_tests::{
         Button, PageOptions,
         city_page::{CityPage, colours},
     },
+    fixtures,
     programs::ServerProcess,
 };
 use std::{fs, path::Path};
@@ -134,6 +135,44 @@ pub(super) fn markers_are_occluded() -> Result<()> {
     page.wait_for("shown().includes('<b>before</b>')", REACTION)?;
     ensure!(page.evaluate("shown().includes('behind')")? == false, "{}", page.evaluate("shown()")?);
     ensure_no_problems(&example.page)
+}
+
+/// With `gestures="cooperative"`, the wheel scrolls the page until the city has the focus.
+pub(super) fn an_article_keeps_its_wheel() -> Result<()> {
+    let example = Example::open("plain", SMALL)?;
+    let page = &example.page;
+    let (at, element) = (example.middle_of("insula-city")?, CityPage::element(0));
+    page.page.evaluate(&format!(
+        "{element}.setAttribute('gestures', 'cooperative'); {element}.blur(); document.body.style.minBlockSize = '3000px'"
+    ))?;
+    let camera = page.camera(0)?;
+    page.page.wheel(at, 120.0)?;
+    page.page.wait_for("scrollY > 0", REACTION)?;
+    ensure!(page.camera(0)? == camera, "the city took the wheel, too");
+    let hint = page.page.evaluate(&format!("{element}.shadowRoot.querySelector('.gesture').textContent"))?;
+    ensure!(hint.as_str().is_some_and(|hint| hint.contains("wheel")), "{hint}");
+    page.page.evaluate(&format!("scrollTo(0, 0); {element}.focus({{ preventScroll: true }})"))?;
+    page.moves_by("the wheel", 0, |page| page.wheel(at, -240.0))?;
+    ensure!(page.page.evaluate("scrollY")? == 0, "the page took the wheel, too");
+    ensure_no_problems(page)
+}
+
+/// A city whose server does not answer yet is shown as soon as it does.
+pub(super) fn a_server_that_starts_late_is_found() -> Result<()> {
+    let example = Example::open("plain", SMALL)?;
+    let page = &example.page;
+    let late = serve()?;
+    let address = late.address.to_string();
+    drop(late);
+    page.page.evaluate(&format!(
+        "(() => {{ const late = document.createElement('insula-city');
+            late.setAttribute('src', 'http://{address}/v1/cities/chiba');
+            document.body.append(late); }})()"
+    ))?;
+    let waits = format!("{}.insulaSeen?.status?.detail.kind === 'waiting'", CityPage::element(1));
+    page.page.wait_for(&waits, REACTION)?;
+    let _server = ServerProcess::serve(&fixtures::baked_chiba()?, &address)?;
+    page.wait_until_ready(1)
 }
 
 /// The map and the city follow each other.

@@ -7,6 +7,7 @@
 
 mod accessibility;
 mod component;
+mod controls;
 mod driver;
 mod faults;
 mod objects;
@@ -40,7 +41,7 @@ const DRIVER: [(&str, Run); 3] = [
 ];
 
 /// A test of each part of the page.
-const QUICK: [(&str, Run); 12] = [
+const QUICK: [(&str, Run); 15] = [
     ("the_page_shows_the_city_on_a_phone", viewer::phones_show_the_city),
     ("a_page_without_scripts_lists_the_city", viewer::a_page_without_scripts_lists_the_city),
     ("keys_and_mouse_move_the_camera", viewer::keys_and_mouse_move_the_camera),
@@ -52,14 +53,19 @@ const QUICK: [(&str, Run); 12] = [
     ("the_search_finds_objects", objects::the_search_finds_objects),
     ("a_restarted_server_is_found_again", faults::a_restarted_server_is_found_again),
     ("an_offline_page_keeps_its_picture", faults::an_offline_page_keeps_its_picture),
+    ("panels_cover_nothing_on_a_phone", controls::panels_cover_nothing_on_a_phone),
+    ("the_page_speaks_german", controls::the_page_speaks_german),
+    ("an_article_keeps_its_wheel", component::an_article_keeps_its_wheel),
     ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
 ];
 
-const FULL: [(&str, Run); 19] = [
+const FULL: [(&str, Run); 21] = [
     ("the_page_shows_the_city_on_a_dark_phone", viewer::dark_phones_show_the_city),
     ("the_page_shows_the_city_on_a_desktop", viewer::desktops_show_the_city),
     ("the_page_shows_the_city_on_a_dark_desktop", viewer::dark_desktops_show_the_city),
     ("the_page_of_a_single_city_is_the_root", viewer::a_single_city_is_the_root),
+    ("panels_cover_nothing_on_larger_screens", controls::panels_cover_nothing_on_larger_screens),
+    ("a_server_that_starts_late_is_found", component::a_server_that_starts_late_is_found),
     ("touch_moves_the_camera", viewer::touch_moves_the_camera),
     ("a_click_picks_a_point_of_the_city", viewer::a_click_picks_a_point),
     ("two_viewers_share_a_page", viewer::two_viewers_share_a_page),

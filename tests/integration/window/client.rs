@@ -194,9 +194,9 @@ impl Client {
         self.xdotool(&["windowclose", &self.window])
     }
 
-    /// Ends the program by Escape. Returns its exit code.
+    /// Ends the program by its key. Returns its exit code.
     pub(super) fn quit(&mut self) -> Result<i32> {
-        self.key("Escape")?;
+        self.key("ctrl+q")?;
         self.wait_for_end()
     }
 }

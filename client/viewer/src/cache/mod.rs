@@ -340,6 +340,12 @@ impl AtlasCache {
         }
     }
 
+    /// Has at least `pages` pages from now on. What is resident stays.
+    pub fn grow(&mut self, pages: u32) {
+        self.pages.grow(pages);
+        self.slots.grow(slots_for(pages));
+    }
+
     /// Number of resident tiles.
     pub fn tile_count(&self) -> usize {
         self.entries.len()

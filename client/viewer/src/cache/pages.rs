@@ -13,6 +13,13 @@ impl PagePool {
         Self { free: (0..count).rev().collect(), count }
     }
 
+    /// Adds the numbers up to `count`, which are taken last.
+    pub(super) fn grow(&mut self, count: u32) {
+        let more: Vec<u32> = (self.count..count).rev().collect();
+        self.free.splice(0..0, more);
+        self.count = self.count.max(count);
+    }
+
     /// Number of free numbers.
     pub(super) fn free(&self) -> u32 {
         self.free.len() as u32
@@ -53,6 +60,18 @@ mod tests {
         assert_eq!((pool.free(), pool.used(), pool.count()), (2, 3, 5));
         pool.give_back(taken);
         let mut all = pool.take(5).unwrap();
+        all.sort_unstable();
+        assert_eq!(all, [0, 1, 2, 3, 4]);
+    }
+
+    #[test]
+    fn a_larger_pool_has_the_same_owners() {
+        let mut pool = PagePool::new(3);
+        let taken = pool.take(2).unwrap();
+        pool.grow(5);
+        pool.grow(4);
+        assert_eq!((pool.free(), pool.used(), pool.count()), (3, 2, 5));
+        let mut all = [taken, pool.take(3).unwrap()].concat();
         all.sort_unstable();
         assert_eq!(all, [0, 1, 2, 3, 4]);
     }

@@ -120,6 +120,11 @@ impl<F: TileFetcher> Streamer<F> {
         self.tiles.resize_cache(pages);
     }
 
+    /// Has a cache of at least `pages` pages from now on, as the atlas has that is drawn from. What is resident stays.
+    pub fn grow_cache(&mut self, pages: u32) {
+        self.tiles.grow_cache(pages);
+    }
+
     /// Draws objects in another way from the next frame on.
     pub fn set_styles(&mut self, styles: ObjectStyles, upload: &mut impl Upload) {
         self.tiles.cache.set_styles(styles, upload);

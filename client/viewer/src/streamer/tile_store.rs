@@ -50,6 +50,12 @@ impl TileStore {
         self.tree.bound_by_cache(u64::from(pages) * PAGE_BYTES);
     }
 
+    /// Has a cache of at least `pages` pages from now on. What is resident stays.
+    pub(super) fn grow_cache(&mut self, pages: u32) {
+        self.cache.grow(pages);
+        self.tree.bound_by_cache(u64::from(self.cache.capacity_pages()) * PAGE_BYTES);
+    }
+
     /// Takes in what has arrived: merges subtrees into the tree, and queues other tiles for their upload.
     pub(super) fn receive<F: TileFetcher>(&mut self, downloads: &mut Downloads<F>, now: Duration) -> Received {
         downloads.recheck_damaged(&mut self.tree, now);

@@ -1,8 +1,8 @@
 //! Joins modules of the page into one file for each entry, so that a browser makes few requests, one after the other.
 //!
 //! Each module becomes a function that is called once and returns what the module exports. That covers what the page's modules use:
-//! named imports from `./NAME.js` at the beginning of a line, and exported functions, classes and constants. Anything else is an
-//! error. Modules that are not of the page are imported as they are.
+//! named imports from `./NAME.js` at the beginning of a line, values of `./NAME.json`, and exported functions, classes and constants.
+//! Anything else is an error. Modules that are not of the page are imported as they are.
 
 use crate::{asset_files::AssetFiles, error::BundleError};
 use std::fmt::Write;
@@ -68,6 +68,10 @@ impl Joiner<'_> {
                 }
                 continue;
             }
+            if from.ends_with(".json") {
+                let _ = writeln!(head, "const {names} = {};", self.json(from).map_err(|reason| failed(&reason))?);
+                continue;
+            }
             self.add(from)?;
             if !names.is_empty() {
                 let _ = writeln!(head, "const {} = {};", names.replace(" as ", ": "), variable(from));
@@ -81,6 +85,13 @@ impl Joiner<'_> {
             exports.join(", ")
         );
         Ok(exports)
+    }
+
+    /// The value of a JSON file, without spaces. JSON is JavaScript.
+    fn json(&self, name: &str) -> Result<String, String> {
+        let content = self.files.get(name).ok_or_else(|| format!("it imports {name}, and there is no such file"))?;
+        let value: serde_json::Value = serde_json::from_slice(content).map_err(|error| format!("{name}: {error}"))?;
+        Ok(value.to_string())
     }
 }
 
@@ -133,15 +144,21 @@ fn after_comment<'a>(first: &'a str, lines: &mut impl Iterator<Item = &'a str>) 
     ""
 }
 
-/// What `import NAMES from './FILE';` or `import './FILE';` takes, and from where.
+/// What `import NAMES from './FILE';`, `import NAME from './FILE.json' with { type: 'json' };` or `import './FILE';` takes, and from
+/// where.
 fn import_of(statement: &str) -> Result<(String, String), String> {
     let unknown = || format!("an import that cannot be joined: {statement}");
     let rest = statement.trim_start_matches("import ").trim_end_matches(';');
+    let (rest, is_json) = rest.strip_suffix(" with { type: 'json' }").map_or((rest, false), |rest| (rest, true));
     let (names, from) = rest.rsplit_once("from ").unwrap_or(("", rest));
     let file = from.trim().trim_matches(['\'', '"']).strip_prefix("./").ok_or_else(unknown)?;
     let names = names.trim();
     let is_list = names.starts_with('{') && names.ends_with('}');
-    if is_list || names.is_empty() || file == EXTERNAL {
+    let is_name = !names.is_empty() && names.bytes().all(|b| b.is_ascii_alphanumeric());
+    if is_json != file.ends_with(".json") {
+        return Err(unknown());
+    }
+    if is_list || names.is_empty() || file == EXTERNAL || (is_json && is_name) {
         Ok((names.to_owned(), file.to_owned()))
     } else {
         Err(unknown())
@@ -187,6 +204,19 @@ mod tests {
             const module_app = (() => {\nconst { a } = module_a;\nconst { b: c, } = module_b;\nstart(a, c);\nclass App {}\n\
             return { App };\n})();\nexport const { App } = module_app;\n";
         assert_eq!(String::from_utf8(joined["app.js"].clone()).unwrap(), expected);
+    }
+
+    #[test]
+    fn values_of_json_are_part_of_the_script() {
+        let text = "import a from './a.json' with { type: 'json' };\nexport const b = a;\n";
+        let joined = join(files(&[("app.js", text), ("a.json", "{ \"c\":\n [1, \"d\"] }")])).unwrap();
+        let script = String::from_utf8(joined["app.js"].clone()).unwrap();
+        assert!(script.contains("const a = {\"c\":[1,\"d\"]};\nconst b = a;\n"), "{script}");
+        assert!(joined.contains_key("a.json"));
+        for damaged in ["{", ""] {
+            assert!(join(files(&[("app.js", text), ("a.json", damaged)])).is_err(), "{damaged}");
+        }
+        assert!(join(files(&[("app.js", "import a from './a.json';"), ("a.json", "1")])).is_err());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Makes `client/web/dist` from the WebAssembly module of `insula-web` and the files of `client/web/page`.
 //!
 //! ```text
-//! wasm -> bindings (wasm-bindgen) -> asset_files (names, hash) -> joined_modules -> dist (compressed forms, manifest)
+//! wasm -> bindings (wasm-bindgen) -> asset_files (names, hash) -> languages (checks) -> joined_modules -> dist (compressed forms, manifest)
 //! ```
 //!
 //! `insula-server` embeds the result, see `docs/decisions/0015-viewer-assets.md`.
@@ -11,6 +11,7 @@ mod bindings;
 mod dist;
 mod error;
 mod joined_modules;
+mod languages;
 
 use error::BundleError;
 use std::{env, path::Path, process::ExitCode};
@@ -49,5 +50,6 @@ fn bundle(wasm: &Path, page: &Path, out: &Path) -> Result<String, BundleError> {
     for (name, content) in bound.assets {
         asset_files::add(&mut files, name, content)?;
     }
+    languages::check(&files)?;
     dist::replace(out, &joined_modules::join(files)?, &bound.types)
 }

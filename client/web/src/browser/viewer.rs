@@ -181,7 +181,10 @@ impl CityViewer {
         let name = gpu.name();
         let pages = gpu.adapter.pages();
         match self.renderer.past_writes() {
-            Some(writes) if pages == pages_for(self.cache_bytes) => page_writes::apply(&writes, &mut gpu.adapter),
+            Some(writes) if pages >= self.streamer.cache().capacity_pages() => {
+                page_writes::apply(&writes, &mut gpu.adapter);
+                self.streamer.grow_cache(pages);
+            }
             // Its atlas is empty or smaller.
             _ => self.restart(pages),
         }
@@ -220,9 +223,20 @@ impl CityViewer {
         }
     }
 
+    /// The workers' atlases are empty and have another size from now on, so tiles are fetched again. Not while a frame is drawn, and not
+    /// on a GPU, which keeps its atlas.
+    #[wasm_bindgen(js_name = resizeCache)]
+    pub fn resize_cache(&mut self, cache_bytes: f64) {
+        self.cache_bytes = cache_bytes as u64;
+        self.restart(pages_for(self.cache_bytes));
+        self.renderer = Renderer::default();
+        self.renderer.forget_past_writes();
+    }
+
     /// Draws on the CPU again because the GPU failed. The workers' atlases are empty, so tiles are fetched again.
     #[wasm_bindgen(js_name = loseGpu)]
-    pub fn lose_gpu(&mut self) {
+    pub fn lose_gpu(&mut self, cache_bytes: f64) {
+        self.cache_bytes = cache_bytes as u64;
         self.restart(pages_for(self.cache_bytes));
         self.renderer = Renderer::default();
         self.renderer.forget_past_writes();

@@ -1,0 +1,88 @@
+//! The controls of the page: they leave each other and the sources free on screens of any size, and speak the reader's language.
+
+use super::{
+    browser,
+    viewer::{REACTION, ensure_no_problems, keep, serve, url},
+};
+use anyhow::{Result, ensure};
+use insula_tests::browser::{PageOptions, city_page::CityPage};
+use serde_json::json;
+
+/// A narrow phone upright and on its side, a tablet, a desktop.
+const PHONE: PageOptions = PageOptions { size: [360, 640], dark: false, touch: true };
+const LARGER: [PageOptions; 3] = [
+    PageOptions { size: [740, 360], dark: false, touch: true },
+    PageOptions { size: [1024, 768], dark: false, touch: false },
+    PageOptions { size: [1440, 900], dark: false, touch: false },
+];
+
+/// What is covered: pairs of boxes that meet although none is a part of the other, and buttons that reach out of the window.
+const COVERED: &str = "(() => {
+    const isShown = (e) => e.checkVisibility({ visibilityProperty: true }) && e.getClientRects().length > 0;
+    const all = (selector) => [...document.querySelectorAll(selector)].filter(isShown);
+    const boxes = all('.title, .toolbar, .panel, .notice, .navigation, .sources, .furniture .lines, .compass, .legend');
+    const name = (e) => `${e.className} ${e.getAttribute('aria-label') ?? e.textContent.slice(0, 20)}`;
+    const meet = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+        && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
+    const boxOf = (e) => e.getBoundingClientRect();
+    const found = [];
+    boxes.forEach((a, at) => boxes.slice(at + 1).forEach((b) => {
+        if (!a.contains(b) && !b.contains(a) && meet(boxOf(a), boxOf(b))) found.push(`${name(a)} and ${name(b)}`);
+    }));
+    for (const button of all('#insula-app button')) {
+        const { left, right, top } = boxOf(button);
+        if (left < -1 || right > innerWidth + 1 || top < -1) found.push(`${name(button)} reaches out of the window`);
+    }
+    return found;
+})()";
+
+fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
+    let (server, browser) = (serve()?, browser(false)?);
+    let [width, height] = options.size;
+    let page = CityPage::open(&browser, options, &url(&server))?;
+    page.page.wait_for("document.querySelector('.has-controls') !== null", REACTION)?;
+    let panels = page.page.evaluate("document.querySelectorAll('.panel').length")?.as_u64().unwrap_or_default();
+    ensure!(panels >= 9, "{panels} panels");
+    for panel in 0..=panels {
+        // After the last one, none is open.
+        page.page.evaluate(&format!(
+            "(id => id === undefined ? document.querySelector('.panel:not([hidden]) header button').click()
+                : document.querySelector(`[aria-controls=\"${{id}}\"]`).click())
+                (document.querySelectorAll('.panel')[{panel}]?.id)"
+        ))?;
+        // The layout follows the height of the panel, which observers report before the second frame.
+        page.page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))")?;
+        let covered = page.page.evaluate(COVERED)?;
+        if covered.as_array().is_none_or(|list| !list.is_empty()) {
+            keep(&page, &format!("covered-{width}x{height}-{panel}"))?;
+        }
+        ensure!(covered == json!([]), "{width} x {height}, panel {panel}: {covered}");
+    }
+    keep(&page, &format!("controls-{width}x{height}"))?;
+    ensure_no_problems(&page)
+}
+
+pub(super) fn panels_cover_nothing_on_a_phone() -> Result<()> {
+    ensure_nothing_is_covered(PHONE)
+}
+
+pub(super) fn panels_cover_nothing_on_larger_screens() -> Result<()> {
+    LARGER.into_iter().try_for_each(ensure_nothing_is_covered)
+}
+
+/// Texts come from the file of the browser's language, with the numbers of that language.
+pub(super) fn the_page_speaks_german() -> Result<()> {
+    let (server, browser) = (serve()?, browser(false)?);
+    let page = CityPage::new(&browser, PHONE)?;
+    let agent = page.page.evaluate("navigator.userAgent")?;
+    let language = json!({ "userAgent": agent, "acceptLanguage": "de-CH,de;q=0.9,en;q=0.5" });
+    page.page.call("Emulation.setUserAgentOverride", language)?;
+    page.page.navigate(&url(&server))?;
+    page.wait_until_ready(0)?;
+    page.page.wait_for("document.documentElement.lang === 'de'", REACTION)?;
+    page.page.wait_for("document.querySelector('.toolbar')?.textContent.includes('Suche')", REACTION)?;
+    let role = page.page.evaluate(&format!("{}.getAttribute('aria-roledescription')", CityPage::element(0)))?;
+    ensure!(role == "3D-Ansicht", "{role}");
+    keep(&page, "german")?;
+    ensure_no_problems(&page)
+}
