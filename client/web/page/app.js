@@ -2,7 +2,7 @@
 
 import { startControls } from './controls.js';
 import { prepareEngine } from './engine-client.js';
-import './insula-city.js';
+import { InsulaCity } from './insula-city.js';
 import { load } from './storage.js';
 import { strings } from './strings.js';
 import { applyTheme } from './theme.js';
@@ -32,6 +32,7 @@ function registerServiceWorker() {
 }
 
 prepareEngine();
+if (!customElements.get('insula-city')) customElements.define('insula-city', InsulaCity);
 
 async function start() {
   const app = document.getElementById('insula-app');
