@@ -150,8 +150,9 @@ export class DrapedFigures {
         // Not before all points have an answer: a moving camera would keep the last ones from it.
         if (!this.#unfinished()) this.#renew();
       }
-    } catch {
-      // The viewer was closed. Its next one begins with a frame, from which all is asked again.
+    } catch (error) {
+      // A viewer that was closed. Its next one begins with a frame, from which all is asked again.
+      console.warn(error);
       this.#asked = { tiles: -1, camera: '' };
     } finally {
       this.#isAsking = false;
@@ -174,8 +175,8 @@ export class DrapedFigures {
   async #askSeen(layer) {
     const from = layer.next.seen;
     const to = Math.min(from + CHUNK, layer.count);
-    this.#project(layer);
-    const { clientWidth: width, clientHeight: height } = this.#host;
+    const { width, height } = this.#size();
+    this.#project(layer, { width, height });
     const inView = [];
     for (let i = from; i < to; i++) {
       const [x, y] = [layer.pixels[2 * i], layer.pixels[2 * i + 1]];
@@ -189,31 +190,54 @@ export class DrapedFigures {
     layer.next.seen = to;
   }
 
-  #project({ places, heights, pixels, count }) {
-    const { clientWidth: width, clientHeight: height } = this.#host;
-    const project = projector(this.#frame?.camera ?? '', { width, height });
-    for (let i = 0; i < count; i++) project(places[2 * i], places[2 * i + 1], heights[i], pixels, 2 * i);
+  /** A picture of the city with the figures over it. @param {Blob} picture @returns {Promise<Blob>} */
+  async over(picture) {
+    const bitmap = await createImageBitmap(picture);
+    const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
+    const context = canvas.getContext('2d');
+    if (!context || !this.#frame) return picture;
+    context.drawImage(bitmap, 0, 0);
+    const ratio = bitmap.height / this.#size().height;
+    this.#paint(context, { width: bitmap.width / ratio, height: bitmap.height / ratio }, ratio);
+    this.#draw();
+    return canvas.convertToBlob();
+  }
+
+  #size() {
+    return { width: Math.max(this.#host.clientWidth, 1), height: Math.max(this.#host.clientHeight, 1) };
   }
 
   #draw() {
-    const { clientWidth: width, clientHeight: height } = this.#host;
+    const { width, height } = this.#size();
     const ratio = globalThis.devicePixelRatio || 1;
     const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
     const canvas = this.#canvas;
     if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
     const context = canvas.getContext('2d');
     if (!context || !this.#frame) return;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, w, h);
+    this.#paint(context, { width, height }, ratio);
+  }
+
+  /** Paints all figures. @param {any} context @param {{width: number, height: number}} size In CSS pixels. @param {number} ratio */
+  #paint(context, size, ratio) {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    context.clearRect(0, 0, width, height);
     [context.lineJoin, context.lineCap] = ['round', 'round'];
     for (const layer of this.#layers) {
-      this.#project(layer);
+      this.#project(layer, size);
       const shown = layer.figures.map((figure) => ({ ...figure, style: { ...DEFAULT_STYLE, ...figure.style, ...figure.state } }));
       const visible = shown.filter(({ style }) => !style.hidden);
       visible.forEach((figure) => fill(context, layer, figure));
       visible.forEach((figure) => stroke(context, layer, figure));
       visible.forEach((figure) => dot(context, layer, figure));
     }
+  }
+
+  /** Where a layer's points are on the screen; not a number behind the camera, and without a height yet. */
+  #project({ places, heights, pixels, count }, size) {
+    const project = projector(this.#frame?.camera ?? '', size);
+    for (let i = 0; i < count; i++) project(places[2 * i], places[2 * i + 1], heights[i], pixels, 2 * i);
   }
 }
 

@@ -98,6 +98,11 @@ export class InsulaCity extends Element {
     return hit && this.grid ? { ...hit, ...this.toLonLat(hit.position) } : hit;
   }
 
+  async screenshot(options) {
+    const picture = await super.screenshot(options);
+    return this.#figures ? this.#figures.over(picture) : picture;
+  }
+
   setFeatureState(id, state) {
     const number = Number(id);
     if (!Number.isInteger(number) || number < 0 || number >= 2 ** 32) throw new RangeError(`${id} is not the number of an object`);
