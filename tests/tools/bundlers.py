@@ -4,10 +4,10 @@
 bundlers.py CITY --server PROGRAM [--package FOLDER] [--out FOLDER] [--keep FOLDER] [WAY ...]
 
 CITY is a baked city whose manifest has a location, PROGRAM `insula-server`, FOLDER of `--package` what `client/web/build` writes into
-`client/web/dist/package`. A WAY is one of vite, vite-dev, webpack, esbuild, next and plain; without any, all are tried.
+`client/web/dist/package`. A WAY is one of vite, vite-dev, webpack, esbuild, next, plain and types; without any, all are tried.
 
 npm packs the package and installs it with the newest bundlers from the registry. Each page is `bundlers/main.js` as it is: it draws the
-city, uses degrees and draws GeoJSON on it. Prints a line for each way, writes the pictures to the folder of `--out`, and exits with 1 if
+city, uses degrees and draws GeoJSON on it. `types` has no page: it compiles `bundlers/types.tsx`. Prints a line for each way, writes the pictures to the folder of `--out`, and exits with 1 if
 a build fails, a page has an error or a picture shows no city.
 """
 import argparse, contextlib, functools, http.server, json, os, pathlib, re, shutil, signal, subprocess, sys, tempfile, threading, time
@@ -54,6 +54,8 @@ IMPORT_MAP = '<script type="importmap">{"imports": {"@insula/viewer": "./node_mo
 # esbuild copies no files that scripts name: workers and module are entries of their own.
 ESBUILD = ["npx", "esbuild", "main.js", "@insula/viewer/engine.js", "@insula/viewer/helper.js", "@insula/viewer/insula_web_bg.wasm",
            "--bundle", "--format=esm", "--loader:.wasm=copy", "--entry-names=[name]", "--outdir=dist"]
+TSC = ["npx", "tsc", "--noEmit", "--strict", "--target", "es2022", "--module", "esnext", "--moduleResolution", "bundler", "--jsx",
+       "react-jsx", "types.tsx"]
 NEXT_FILES = {"app/page.jsx": NEXT_PAGE, "app/layout.jsx": NEXT_LAYOUT, "app/main.js": "main.js"}
 WAYS = {
     "vite": Way(["vite@8"], {"index.html": page("/main.js")}, ["npx", "vite", "build"], folder="dist"),
@@ -63,6 +65,7 @@ WAYS = {
     "esbuild": Way(["esbuild"], {"dist/index.html": page("main.js")}, ESBUILD, folder="dist"),
     "next": Way(["next@16", "react@19", "react-dom@19"], NEXT_FILES, ["npx", "next", "build"],
                 ["npx", "next", "start", "-p", "{port}"]),
+    "types": Way(["typescript", "@types/react@19", "react@19"], {"types.tsx": "types.tsx"}, TSC, folder=None),
     "plain": Way([], {"index.html": HTML.format(title="city", head=IMPORT_MAP, body=SCRIPT.format(src="main.js"))}),
 }
 
@@ -170,12 +173,13 @@ def attempt(name, project, archive, browser, city):
     project.mkdir(parents=True)
     (project / "package.json").write_text(json.dumps({"name": "page", "private": True, "type": "module"}))
     run(["npm", "install", "--no-audit", "--no-fund", str(archive), *way.install], project)
-    main = HERE / "bundlers/main.js"
     for path, text in {"main.js": "main.js", **way.files}.items():
         (project / path).parent.mkdir(parents=True, exist_ok=True)
-        (project / path).write_text(main.read_text() if text == "main.js" else text)
+        (project / path).write_text((HERE / "bundlers" / text).read_text() if text in ("main.js", "types.tsx") else text)
     if way.build:
         run(way.build, project)
+    if way.folder is None:
+        return None
     if not way.serve:
         with serving(functools.partial(Files, directory=project / way.folder)) as url:
             return show(browser, url, city)
@@ -219,8 +223,8 @@ def main():
         for name in options.ways or WAYS:
             try:
                 report = attempt(name, folder / name, archive, browser, city)
-                print(f"{name}: {report.result['colours']} colours", flush=True)
-                if options.out:
+                print(f"{name}: {report.result['colours']} colours" if report else f"{name}: compiled", flush=True)
+                if options.out and report:
                     options.out.mkdir(parents=True, exist_ok=True)
                     (options.out / f"{name}.png").write_bytes(report.picture)
             except (RuntimeError, subprocess.TimeoutExpired) as error:

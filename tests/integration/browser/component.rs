@@ -136,6 +136,23 @@ pub(super) fn markers_are_occluded() -> Result<()> {
     ensure_no_problems(&example.page)
 }
 
+/// Features lie on the city, and a view fits bounds in degrees.
+pub(super) fn the_geojson_example_runs() -> Result<()> {
+    let example = Example::open("geojson", SMALL)?;
+    let page = &example.page;
+    page.page.wait_for("document.querySelector('#state').textContent.startsWith('district, way, stop')", REACTION)?;
+    page.moves_by("the button", 0, |page| page.evaluate("document.getElementById('fit').click()").map(drop))?;
+    page.page.wait_for(&format!("Math.abs({}.place.pitch + 50) < 0.01", CityPage::element(0)), REACTION)?;
+    page.wait_until_final(0)?;
+    page.page.wait_for(
+        "(canvas => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some(value => value > 0))\
+         (document.querySelector('insula-city').shadowRoot.querySelector('canvas.draped'))",
+        REACTION,
+    )?;
+    keep(page, "example-geojson")?;
+    example.ensure_cities(1)
+}
+
 /// The map and the city follow each other.
 pub(super) fn the_maplibre_example_runs() -> Result<()> {
     let example = Example::open("maplibre", LARGE)?;
