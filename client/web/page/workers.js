@@ -1,7 +1,7 @@
 /** Starts workers. */
 
-/** Kept apart from `new URL`: bundlers take an address of both for a file to copy. */
-const here = import.meta.url;
+/** A text, not the base of a `new URL`: bundlers would copy all files that such an address may have. */
+const folder = import.meta.url.replace(/[^/]*$/, '');
 
 /**
  * Starts a module worker of this folder. One of another origin must be imported by a script of the page's origin.
@@ -10,7 +10,7 @@ const here = import.meta.url;
  * @returns {Worker}
  */
 export function startWorker(name, start) {
-  const url = new URL(`./${name}`, here);
+  const url = new URL(folder + name);
   // A bundler may leave the address of a source file here; only `start` has the script's new address then.
   if (url.protocol === 'file:' || url.origin === self.origin) return start();
   const script = new Blob([`import ${JSON.stringify(url.href)};`], { type: 'text/javascript' });
