@@ -99,6 +99,7 @@ export class InsulaCity extends Element {
   }
 
   async screenshot(options) {
+    this.#sendStates([...this.#changed]);
     const picture = await super.screenshot(options);
     return this.#figures ? this.#figures.over(picture) : picture;
   }

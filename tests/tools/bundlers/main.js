@@ -31,15 +31,40 @@ function settled() {
   });
 }
 
-/** Number of different colours of a picture, to 5 bits. */
-async function coloursOf(blob) {
-  const bitmap = await createImageBitmap(blob);
+/** The bytes of the pixels of a picture of the city. */
+async function pixels() {
+  const bitmap = await createImageBitmap(await city.screenshot({ width: 640, height: 400 }));
   const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext('2d');
   context.drawImage(bitmap, 0, 0);
-  const { data } = context.getImageData(0, 0, bitmap.width, bitmap.height);
+  return context.getImageData(0, 0, bitmap.width, bitmap.height).data;
+}
+
+/** Number of different colours of a picture, to 5 bits. */
+async function coloursOf() {
+  const data = await pixels();
   const seen = new Set();
   for (let i = 0; i < data.length; i += 4) seen.add(((data[i] >> 3) << 10) | ((data[i + 1] >> 3) << 5) | (data[i + 2] >> 3));
   return seen.size;
+}
+
+/** Share of the pixels that are clearly red. */
+async function redShare() {
+  const data = await pixels();
+  let red = 0;
+  for (let i = 0; i < data.length; i += 4) red += data[i] > 2 * data[i + 1] && data[i] > 2 * data[i + 2] ? 4 : 0;
+  return red / data.length;
+}
+
+/** Draws all objects in a colour, and then as they are. */
+async function useStates() {
+  const { objects } = await city.schema();
+  const set = (state) => Array.from({ length: objects }, (_, id) => city.setFeatureState(id, state));
+  const before = await redShare();
+  set({ color: 'rgb(255 0 0)' });
+  const coloured = await redShare();
+  set(null);
+  const after = await redShare();
+  if (coloured < before + 0.02 || after !== before) throw new Error(`red: ${before}, ${coloured}, ${after}`);
 }
 
 async function useDegrees() {
@@ -74,7 +99,8 @@ city.addEventListener('ready', async () => {
   try {
     await city.whenReady();
     await settled();
-    const colours = await coloursOf(await city.screenshot({ width: 640, height: 400 }));
+    const colours = await coloursOf();
+    await useStates();
     await useDegrees();
     const picture = await city.screenshot({ width: 640, height: 400 });
     await send('picture', picture);
