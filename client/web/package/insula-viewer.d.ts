@@ -357,7 +357,7 @@ export class InsulaCity extends HTMLElement {
   /** Degrees of a position, within a thousandth of its distance from the middle of the city. */
   toLonLat(position: [x: number, y: number, z?: number]): LonLat;
   toPosition(place: Place): Position;
-  /** Draws an object of the city in a colour or not at all; `null` ends that. Lasts until `src` changes. */
+  /** Draws an object of the city in a colour or not at all; `null` ends that. Lasts until `src` changes. Fails if a colour is none. */
   setFeatureState(id: number, state: FeatureState | null): void;
   getFeatureState(id: number): FeatureState;
   /**

@@ -107,6 +107,7 @@ export class InsulaCity extends Element {
   setFeatureState(id, state) {
     const number = Number(id);
     if (!Number.isInteger(number) || number < 0 || number >= 2 ** 32) throw new RangeError(`${id} is not the number of an object`);
+    if (state?.color) cssColour(state.color);
     if (state === null) this.#states.delete(number);
     else this.#states.set(number, { ...this.#states.get(number), ...state });
     // Each message costs a pass over the palettes: one for all changes of a script.
