@@ -7,8 +7,8 @@ CITY is a baked city whose manifest has a location, PROGRAM `insula-server`, FOL
 `client/web/dist/package`. A WAY is one of vite, vite-dev, webpack, esbuild, next, plain and types; without any, all are tried.
 
 npm packs the package and installs it with the newest bundlers from the registry. Each page is `bundlers/main.js` as it is: it draws the
-city, uses degrees and draws GeoJSON on it. `types` has no page: it compiles `bundlers/types.tsx`. Prints a line for each way, writes the pictures to the folder of `--out`, and exits with 1 if
-a build fails, a page has an error or a picture shows no city.
+city, uses degrees, gives objects a colour and draws GeoJSON. `types` has no page: it compiles `bundlers/types.tsx`. Prints a line for each
+way, writes the pictures to the folder of `--out`, and exits with 1 if a build fails, a page has an error or a picture shows no city.
 """
 import argparse, contextlib, functools, http.server, json, os, pathlib, re, shutil, signal, subprocess, sys, tempfile, threading, time
 import urllib.parse, urllib.request

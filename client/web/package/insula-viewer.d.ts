@@ -362,7 +362,8 @@ export class InsulaCity extends HTMLElement {
   getFeatureState(id: number): FeatureState;
   /**
    * Lays features on the surfaces of the city, roofs as well: polygons, lines and points, whose heights are ignored. Parts are hidden
-   * where something is in front of them. Features that are malformed are skipped and listed. Fails if the value is no GeoJSON, has more than 2,000,000 positions, or if it is not known where the city lies.
+   * where something is in front of them. Features that are malformed are skipped and listed. Fails if the value is no GeoJSON, has more
+   * than 2,000,000 positions, or if it is not known where the city lies.
    */
   addGeoJson(
     data: object,

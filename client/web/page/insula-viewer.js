@@ -135,7 +135,8 @@ export class InsulaCity extends Element {
   #needGrid() {
     const { grid } = this;
     if (grid) return grid;
-    throw new Error(this.manifest ? 'it is not known where on Earth this city lies: bake it with --crs' : 'the city is not loaded: wait for whenReady()');
+    const isLoaded = Boolean(this.manifest);
+    throw new Error(isLoaded ? 'it is not known where on Earth this city lies: bake it with --crs' : 'no city yet: wait for whenReady()');
   }
 
   #size() {

@@ -6,7 +6,7 @@ const folder = import.meta.url.replace(/[^/]*$/, '');
 /**
  * Starts a module worker of this folder. One of another origin must be imported by a script of the page's origin.
  * @param {string} name File name.
- * @param {() => Worker} start `new Worker(new URL('./NAME', import.meta.url), { type: 'module' })`, as a whole: so bundlers find the script.
+ * @param {() => Worker} start `new Worker(new URL('./NAME', import.meta.url), { type: 'module' })`, as a whole: bundlers follow it.
  * @returns {Worker}
  */
 export function startWorker(name, start) {

@@ -28,7 +28,8 @@ async function start() {
   const style = ({ id }) => ({ color: colours[id], fill: 'rgb(31 122 77 / 35%)', width: 4 });
   const { ids } = await city.addGeoJson({ type: 'FeatureCollection', features: features(location) }, style);
   show('state', `${ids.join(', ')} on ${title}`);
-  const bounds = [location.longitude_deg - 0.003, location.latitude_deg - 0.002, location.longitude_deg + 0.003, location.latitude_deg + 0.002];
+  const { longitude_deg: lon, latitude_deg: lat } = location;
+  const bounds = [lon - 0.003, lat - 0.002, lon + 0.003, lat + 0.002];
   document.getElementById('fit').addEventListener('click', () => city.fitBounds(bounds, { pitch: -50 }));
   document.getElementById('file').addEventListener('change', async ({ target }) => {
     const data = JSON.parse(await target.files[0].text());
