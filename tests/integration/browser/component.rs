@@ -6,7 +6,7 @@
 use super::{
     browser,
     site::publish,
-    viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, keep, serve},
+    viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, keep},
 };
 use anyhow::{Context, Result, ensure};
 use insula_test_support::faulty_host::FaultyHost;
@@ -15,8 +15,10 @@ use insula_tests::{
         Button, PageOptions,
         city_page::{CityPage, colours},
     },
+    fixtures,
     programs::ServerProcess,
 };
+use serde_json::{Value, json};
 use std::{fs, path::Path};
 use tempfile::TempDir;
 
@@ -44,6 +46,16 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Serves the bundled city as if it were known where it lies: its sources do not say it.
+fn serve_located(folder: &Path) -> Result<ServerProcess> {
+    copy(&fixtures::baked_chiba()?, folder)?;
+    let path = folder.join("city.json");
+    let mut manifest: Value = serde_json::from_slice(&fs::read(&path)?)?;
+    manifest["location"] = json!({ "latitude_deg": 35.6, "longitude_deg": 140.1, "north_deg": 0.2 });
+    fs::write(&path, serde_json::to_vec(&manifest)?)?;
+    ServerProcess::serve(folder, "127.0.0.1:0")
+}
+
 impl Example {
     /// The package as npm lays it out: the published assets, beside the examples.
     fn open(name: &str, size: [u32; 2]) -> Result<Self> {
@@ -57,7 +69,8 @@ impl Example {
         if let Some(vendor) = std::env::var_os("INSULA_VENDOR") {
             copy(Path::new(&vendor), &folder.path().join("examples/vendor"))?;
         }
-        let (server, host) = (serve()?, FaultyHost::start(folder.path()));
+        let server = serve_located(&folder.path().join("cities/chiba"))?;
+        let host = FaultyHost::start(folder.path());
         let url = format!("{}/examples/{name}.html?src=http://{}/v1/cities/chiba", host.url(), server.address);
         let page = CityPage::open(browser(false)?.as_ref(), PageOptions { size, ..PageOptions::default() }, &url)?;
         page.wait_until_final(0)?;
