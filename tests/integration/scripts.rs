@@ -67,13 +67,25 @@ pub(crate) fn add(trials: &mut Trials) {
         Test::new("faults_have_a_place", faults_have_a_place).ignored_if(!has_python),
         Test::new("the_service_worker_never_stands_before_the_network", service_worker)
             .ignored_if(find_installed("node").is_none()),
+        Test::new("degrees_and_figures_of_the_page_are_right", page_geometry)
+            .ignored_if(find_installed("node").is_none()),
     ]);
 }
 
 /// Runs the page's service worker on made-up caches, which fail, hang and are full.
 fn service_worker() -> Result<()> {
+    passes_in_node(["tools/service_worker.mjs", "../client/web/page/service-worker.js"])
+}
+
+/// Compares degrees, cameras and figures with known values.
+fn page_geometry() -> Result<()> {
+    passes_in_node(["tools/page_geometry.mjs", "../client/web/page"])
+}
+
+/// Runs a script of Node with a path.
+fn passes_in_node(paths: [&str; 2]) -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let paths = ["tools/service_worker.mjs", "../client/web/page/service-worker.js"].map(|path| root.join(path));
+    let paths = paths.map(|path| root.join(path));
     let output = run(Command::new("node").args(&paths))?;
     ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     Ok(())

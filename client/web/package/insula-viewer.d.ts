@@ -9,6 +9,63 @@ export type Position = [x: number, y: number, z: number];
  */
 export type CameraText = string;
 
+/** A place on Earth in degrees (WGS84), with a height in metres of the city's system, as `manifest.ground_z_m` has it. */
+export interface LonLat {
+  lon: number;
+  lat: number;
+  height: number;
+}
+
+/** A place as arguments have it. Without a height, the height of the city's ground plane. */
+export type Place = { lon: number; lat: number; height?: number } | [lon: number, lat: number, height?: number];
+
+/**
+ * A camera on Earth. The heading is clockwise from true north, the pitch positive upwards (-90 to 90), and the field of view vertical
+ * (1 to 170), all in degrees.
+ */
+export interface EarthCamera extends LonLat {
+  heading: number;
+  pitch: number;
+  fov: number;
+}
+
+/** Degrees: west, south, east and north. */
+export type Bounds =
+  | [west: number, south: number, east: number, north: number]
+  | [southWest: [number, number], northEast: [number, number]];
+
+/** How an object is drawn whatever `setColors` asks for. What is left out stays as it is. */
+export interface FeatureState {
+  /** Any colour of CSS; `null` for that of the city. Transparency is ignored. */
+  color?: string | null;
+  /** Whether the object is not drawn. */
+  hidden?: boolean;
+}
+
+/** How a figure of GeoJSON is drawn. */
+export interface FigureStyle {
+  /** Of lines, outlines and points: any colour of CSS. */
+  color?: string;
+  /** Of lines and outlines, in CSS pixels, 0 to 100. */
+  width?: number;
+  /** Of polygons: any colour of CSS, transparent ones as well. */
+  fill?: string;
+  /** Of points, in CSS pixels, 0 to 100. */
+  radius?: number;
+  hidden?: boolean;
+}
+
+/** What `addGeoJson` has added. */
+export interface GeoJsonLayer {
+  /** Of the features that are drawn; `null` for those without. */
+  ids: (string | number | null)[];
+  /** Features that are not drawn, by their place in the collection. */
+  skipped: { index: number; reason: string }[];
+  /** Changes the style of the features of an id; `null` gives them their own. */
+  setState(id: string | number | null, state: FigureStyle | null): void;
+  remove(): void;
+}
+
 /** Solar time `YYYY-MM-DDThh:mm`, or a time with an offset from UTC such as `2024-06-21T17:00+09:00`. */
 export type TimeText = string;
 
@@ -80,6 +137,10 @@ export interface PickResult {
   position: Position;
   /** From the camera, in metres. */
   distance: number;
+  /** The position on Earth, if it is known where the city lies: degrees, and metres of the city's system. */
+  lon?: number;
+  lat?: number;
+  height?: number;
 }
 
 export interface PickDetail extends PickResult {
@@ -269,8 +330,45 @@ export class InsulaCity extends HTMLElement {
   /** The last drawn picture; `null` before the first. */
   readonly view: FrameDetail | null;
 
-  /** Flies to a camera, or centres a position without turning. At once, if the user asked for less motion. */
-  flyTo(place: CameraText | number[], options?: { seconds?: number }): Promise<void>;
+  /**
+   * Resolves when the first picture of the city is shown, at once if it is. Rejects if the city cannot be shown.
+   */
+  whenReady(): Promise<Manifest>;
+  /** The camera of the last picture; `null` before the first, and if it is not known where on Earth the city lies. */
+  readonly place: EarthCamera | null;
+  /**
+   * Flies to a camera, or centres a position in the city's system without turning. What is left out of a camera on Earth stays as it
+   * is. At once, if the user asked for less motion. Fails if a number is out of range, or, for a camera on Earth, if it is not known
+   * where the city lies.
+   */
+  flyTo(place: Partial<EarthCamera> | CameraText | number[], options?: { seconds?: number }): Promise<void>;
+  /**
+   * Flies to where bounds fill the element. By default with the present heading, 45 degrees downwards, with 32 CSS pixels free at each
+   * side. Fails like `flyTo`.
+   */
+  fitBounds(bounds: Bounds, options?: { heading?: number; pitch?: number; padding?: number; seconds?: number }): Promise<void>;
+  /**
+   * Where the last picture shows a place, in CSS pixels from the upper left corner of the element, whether or not something hides it;
+   * `null` behind the camera. Fails if it is not known where the city lies.
+   */
+  project(place: Place): { x: number; y: number } | null;
+  /** The place at a height, by default the ground plane's, that is shown at a position of the element; `null` for the sky. */
+  unproject(x: number, y: number, options?: { height?: number }): LonLat | null;
+  /** Degrees of a position, within a thousandth of its distance from the middle of the city. */
+  toLonLat(position: [x: number, y: number, z?: number]): LonLat;
+  toPosition(place: Place): Position;
+  /** Draws an object of the city in a colour or not at all; `null` ends that. Lasts until `src` changes. Fails if a colour is none. */
+  setFeatureState(id: number, state: FeatureState | null): void;
+  getFeatureState(id: number): FeatureState;
+  /**
+   * Lays features on the surfaces of the city, roofs as well: polygons, lines and points, whose heights are ignored. Parts are hidden
+   * where something is in front of them. Features that are malformed are skipped and listed. Fails if the value is no GeoJSON, has more
+   * than 2,000,000 positions, or if it is not known where the city lies.
+   */
+  addGeoJson(
+    data: object,
+    style?: FigureStyle | ((feature: { id: string | number | null; properties: any }) => FigureStyle),
+  ): Promise<GeoJsonLayer>;
   /** Sets the time of the light. */
   setTime(time: TimeText): void;
   /**

@@ -2,12 +2,12 @@
 
 import { startControls } from './controls.js';
 import { prepareEngine } from './engine-client.js';
-import './insula-city.js';
+import { InsulaCity } from './insula-city.js';
 import { load } from './storage.js';
 import { loadLanguage, strings } from './strings.js';
 import { applyTheme } from './theme.js';
 import { parseView } from './view-text.js';
-import { registerServiceWorker } from './workers.js';
+import { registerServiceWorker, startWorkersBeside } from './workers.js';
 
 /** The manifest in the page; `null` if there is none or it is malformed. */
 function inlineManifest() {
@@ -31,8 +31,10 @@ function offeredLanguages() {
   return list.split(' ').filter((code) => /^[a-z]{2,3}$/.test(code));
 }
 
+startWorkersBeside();
 prepareEngine();
 const language = loadLanguage(navigator.languages ?? [navigator.language], offeredLanguages());
+if (!customElements.get('insula-city')) customElements.define('insula-city', InsulaCity);
 
 async function start() {
   const app = document.getElementById('insula-app');

@@ -5,13 +5,17 @@ import { startWorker } from './workers.js';
 /** A worker that no viewer has taken yet. @type {Worker|null} */
 let spare = null;
 
+function startEngine() {
+  return startWorker('engine.js', () => new Worker(new URL('./engine.js', import.meta.url), { type: 'module' }));
+}
+
 /** Starts a worker for the first viewer of a page that will have one: it loads while the page is being set up. */
 export function prepareEngine() {
-  spare ??= startWorker('engine.js');
+  spare ??= startEngine();
 }
 
 function takeWorker() {
-  const worker = spare ?? startWorker('engine.js');
+  const worker = spare ?? startEngine();
   spare = null;
   return worker;
 }

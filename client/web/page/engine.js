@@ -311,6 +311,21 @@ class Engine {
     this.wake();
   }
 
+  states({ objects, states }) {
+    this.#viewer.setStates(new Uint32Array(objects), new Int32Array(states));
+    this.wake();
+  }
+
+  /** Heights of the city at places `x, y, x, y, ...`. */
+  heights({ id, places }) {
+    reply(id, Promise.resolve(this.#viewer.surfaceHeights(places)));
+  }
+
+  /** Which of the points `x, y, z, x, y, z, ...` nothing hides. */
+  seen({ id, points }) {
+    reply(id, Promise.resolve(this.#viewer.seenPoints(points)));
+  }
+
   loseDevice() {
     this.#viewer.destroyGpu();
     setTimeout(() => this.wake(), 100);
@@ -344,7 +359,7 @@ function parsed(json) {
 }
 
 /** Requests and commands that the engine itself carries out. */
-const OWN = ['memory', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline'];
+const OWN = ['memory', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline', 'states', 'heights', 'seen'];
 
 /** Answers a request with a value, or with the reason why there is none. */
 function reply(id, value) {

@@ -19,6 +19,10 @@ function* partsOf(words) {
   yield words.slice(begin);
 }
 
+function startHelper() {
+  return startWorker('helper.js', () => new Worker(new URL('./helper.js', import.meta.url), { type: 'module' }));
+}
+
 export class Helpers {
   /** @type {{worker: Worker, pending: number}[]} */
   #workers = [];
@@ -37,7 +41,7 @@ export class Helpers {
     this.#drawing = count;
     // One more decodes all the time: tiles do not wait for rows.
     for (let at = 0; at <= count; at++) {
-      const worker = startWorker('helper.js');
+      const worker = startHelper();
       worker.onmessage = ({ data }) => this.#settle(data);
       worker.onerror = (event) => this.#failAll(at, event.message || 'helper.js');
       // The engine reports the failure of a module that does not compile.

@@ -1,4 +1,8 @@
-/** The custom element <insula-city>: a city in any page. Its work is done in a worker; this file connects both. */
+/**
+ * The custom element <insula-city>: a city in any page. Its work is done in a worker; this file connects both.
+ *
+ * The entries define it: `app.js` as it is, `insula-viewer.js` with what only pages of others need.
+ */
 
 import { wantsLessMotion } from './device.js';
 import { element, printable, svg } from './dom.js';
@@ -20,8 +24,11 @@ const MAX_HITS = 20;
 /** A server that does not answer at the start is asked again after these times, of which the last is repeated. */
 const RETRY_MS = [1000, 2000, 4000, 8000, 15_000, 30_000];
 
+/** Servers that render pages import the element, and never make one. */
+const Base = globalThis.HTMLElement ?? class {};
+
 /** The members are documented for users in insula-viewer.d.ts of the package. */
-export class InsulaCity extends HTMLElement {
+export class InsulaCity extends Base {
   static observedAttributes = ['src', 'camera', 'time', 'adapter', 'tau'];
 
   options = defaultOptions();
@@ -268,7 +275,7 @@ export class InsulaCity extends HTMLElement {
   async #click(x, y, count, adds) {
     if (this.#isMeasuring) return this.#send('measure', { action: 'click', x, y });
     if (count === 2) return this.#send('approach', { x, y });
-    const hit = await this.#ask('pick', { x, y }).catch(() => null);
+    const hit = await this.pick(x * this.clientWidth, y * this.clientHeight).catch(() => null);
     if (!hit) return this.#objects.click(null, adds);
     let [object, error] = [null, ''];
     try {
@@ -289,6 +296,11 @@ export class InsulaCity extends HTMLElement {
 
   #send(op, values) {
     this.#session?.engine.send(op, values);
+  }
+
+  /** Asks the engine. Not for users: the messages change. */
+  ask(op, values) {
+    return this.#ask(op, values);
   }
 
   async #ask(op, values) {
@@ -329,5 +341,3 @@ for (const name of InsulaCity.observedAttributes) {
     },
   });
 }
-
-if (!customElements.get('insula-city')) customElements.define('insula-city', InsulaCity);

@@ -1,11 +1,22 @@
 /** Starts workers. */
 
+/** A text, not the base of a `new URL`: bundlers would copy all files that such an address may have. */
+const folder = import.meta.url.replace(/[^/]*$/, '');
+
 /**
  * Makes an address of a script acceptable where a page demands Trusted Types. Only this file passes addresses to it, and all are of the
  * viewer itself.
  * @type {{createScriptURL: (url: string) => any}}
  */
 const policy = globalThis.trustedTypes?.createPolicy('insula', { createScriptURL: (url) => url }) ?? { createScriptURL: (url) => url };
+
+/** Whether the scripts lie beside this one under their own names. A bundler gives them others. */
+let areBeside = false;
+
+/** Tells that this is the page of a server or a published site. To be called before a worker starts. */
+export function startWorkersBeside() {
+  areBeside = true;
+}
 
 /**
  * Registers the worker that keeps visited cities for offline use. Without it, the page works online. Browsers offer it only on https and
@@ -21,11 +32,15 @@ export function registerServiceWorker(path) {
 /**
  * Starts a module worker of this folder. One of another origin must be imported by a script of the page's origin.
  * @param {string} name File name.
+ * @param {() => Worker} start `new Worker(new URL('./NAME', import.meta.url), { type: 'module' })`, as a whole: bundlers follow it.
  * @returns {Worker}
  */
-export function startWorker(name) {
-  const url = new URL(`./${name}`, import.meta.url);
-  if (url.origin === self.origin) return new Worker(policy.createScriptURL(url.href), { type: 'module' });
+export function startWorker(name, start) {
+  const url = new URL(folder + name);
+  // A bundler may leave the address of a source file here; only `start` has the script's new address then.
+  if (url.protocol === 'file:' || url.origin === self.origin) {
+    return areBeside ? new Worker(policy.createScriptURL(url.href), { type: 'module' }) : start();
+  }
   const script = new Blob([`import ${JSON.stringify(url.href)};`], { type: 'text/javascript' });
   const blobUrl = URL.createObjectURL(script);
   const worker = new Worker(policy.createScriptURL(blobUrl), { type: 'module' });

@@ -6,7 +6,7 @@
 use super::{
     browser,
     site::publish,
-    viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, keep, serve},
+    viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, keep},
 };
 use anyhow::{Context, Result, ensure};
 use insula_test_support::faulty_host::FaultyHost;
@@ -18,6 +18,7 @@ use insula_tests::{
     fixtures,
     programs::ServerProcess,
 };
+use serde_json::{Value, json};
 use std::{fs, path::Path};
 use tempfile::TempDir;
 
@@ -45,6 +46,16 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Serves the bundled city as if it were known where it lies: its sources do not say it.
+fn serve_located(folder: &Path) -> Result<ServerProcess> {
+    copy(&fixtures::baked_chiba()?, folder)?;
+    let path = folder.join("city.json");
+    let mut manifest: Value = serde_json::from_slice(&fs::read(&path)?)?;
+    manifest["location"] = json!({ "latitude_deg": 35.6, "longitude_deg": 140.1, "north_deg": 0.2 });
+    fs::write(&path, serde_json::to_vec(&manifest)?)?;
+    ServerProcess::serve(folder, "127.0.0.1:0")
+}
+
 impl Example {
     /// The package as npm lays it out: the published assets, beside the examples.
     fn open(name: &str, size: [u32; 2]) -> Result<Self> {
@@ -58,7 +69,8 @@ impl Example {
         if let Some(vendor) = std::env::var_os("INSULA_VENDOR") {
             copy(Path::new(&vendor), &folder.path().join("examples/vendor"))?;
         }
-        let (server, host) = (serve()?, FaultyHost::start(folder.path()));
+        let server = serve_located(&folder.path().join("cities/chiba"))?;
+        let host = FaultyHost::start(folder.path());
         let url = format!("{}/examples/{name}.html?src=http://{}/v1/cities/chiba", host.url(), server.address);
         let page = CityPage::open(browser(false)?.as_ref(), PageOptions { size, ..PageOptions::default() }, &url)?;
         page.wait_until_final(0)?;
@@ -173,6 +185,23 @@ pub(super) fn a_server_that_starts_late_is_found() -> Result<()> {
     page.page.wait_for(&waits, REACTION)?;
     let _server = ServerProcess::serve(&fixtures::baked_chiba()?, &address)?;
     page.wait_until_ready(1)
+}
+
+/// Features lie on the city, and a view fits bounds in degrees.
+pub(super) fn the_geojson_example_runs() -> Result<()> {
+    let example = Example::open("geojson", SMALL)?;
+    let page = &example.page;
+    page.page.wait_for("document.querySelector('#state').textContent.startsWith('district, way, stop')", REACTION)?;
+    page.moves_by("the button", 0, |page| page.evaluate("document.getElementById('fit').click()").map(drop))?;
+    page.page.wait_for(&format!("Math.abs({}.place.pitch + 50) < 0.01", CityPage::element(0)), REACTION)?;
+    page.wait_until_final(0)?;
+    page.page.wait_for(
+        "(canvas => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some(value => value > 0))\
+         (document.querySelector('insula-city').shadowRoot.querySelector('canvas.draped'))",
+        REACTION,
+    )?;
+    keep(page, "example-geojson")?;
+    example.ensure_cities(1)
 }
 
 /// The map and the city follow each other.

@@ -10,4 +10,4 @@ pub use catalog::CityObjects;
 pub use coloring::{FilteredOut, ObjectQuery, StyleBuilder};
 pub use description::ObjectDescription;
 pub use style_rules::{RulesError, StyleRules, StyledObjects};
-pub use styles::ObjectStyles;
+pub use styles::{ObjectState, ObjectStyles};

@@ -7,8 +7,13 @@
 use crate::{asset_files::AssetFiles, error::BundleError};
 use std::fmt::Write;
 
-/// Modules that the page or a worker starts with.
-const ENTRIES: [&str; 4] = ["app.js", "insula-city.js", "engine.js", "helper.js"];
+/// Modules that the page, a page of others or a worker starts with, and the files that they become.
+const ENTRIES: [(&str, &str); 4] = [
+    ("app.js", "app.js"),
+    ("insula-viewer.js", "insula-city.js"),
+    ("engine.js", "engine.js"),
+    ("helper.js", "helper.js"),
+];
 /// Made by wasm-bindgen; several entries share it.
 const EXTERNAL: &str = "insula_web.js";
 /// Scripts that browsers fetch by themselves.
@@ -17,14 +22,14 @@ const SEPARATE: [&str; 1] = ["service-worker.js"];
 /// Replaces the entries by what they import, joined, and drops the other modules. Entries that the page lacks are left out.
 pub(crate) fn join(files: AssetFiles) -> Result<AssetFiles, BundleError> {
     let mut joined = AssetFiles::new();
-    for entry in ENTRIES.into_iter().filter(|entry| files.contains_key(*entry)) {
+    for (entry, file) in ENTRIES.into_iter().filter(|(entry, _)| files.contains_key(*entry)) {
         let mut joiner = Joiner { files: &files, begun: Vec::new(), externals: Vec::new(), out: String::new() };
         let exports = joiner.add(entry)?;
         let mut text = joiner.externals.concat() + &joiner.out;
         if !exports.is_empty() {
             let _ = writeln!(text, "export const {{ {} }} = {};", exports.join(", "), variable(entry));
         }
-        joined.insert(entry.to_owned(), text.into_bytes());
+        joined.insert(file.to_owned(), text.into_bytes());
     }
     let is_kept = |name: &str| !name.ends_with(".js") || name == EXTERNAL || SEPARATE.contains(&name);
     joined.extend(files.iter().filter(|(name, _)| is_kept(name)).map(|(name, text)| (name.clone(), text.clone())));

@@ -3,33 +3,10 @@
 /** Circumference of the sphere of web maps in metres, and pixels of its map at zoom 0. */
 const EQUATOR_M = 40_075_016.686;
 const TILE_PX = 512;
-const METRES_PER_DEGREE = EQUATOR_M / 360;
 /** A camera that hardly looks down looks at a point this far ahead at most. */
 const MAX_AHEAD_M = 5000;
 
 const rad = (degrees) => (degrees * Math.PI) / 180;
-
-/**
- * The longitude and latitude of a position, and back, from the manifest's location of the middle of its focus: a plane that touches
- * the Earth there, which is enough for a city. Without a location, the city lies at longitude and latitude 0.
- */
-export function lonLatOf(manifest) {
-  const middle = [0, 1].map((i) => (manifest.focus[0][i] + manifest.focus[1][i]) / 2);
-  const { latitude_deg: latitude = 0, longitude_deg: longitude = 0, north_deg: north = 0 } = manifest.location ?? {};
-  const [sin, cos] = [Math.sin(rad(north)), Math.cos(rad(north))];
-  const perLongitude = METRES_PER_DEGREE * Math.cos(rad(latitude));
-  return {
-    toLonLat: ([x, y]) => {
-      const [dx, dy] = [x - middle[0], y - middle[1]];
-      const [east, northwards] = [dx * cos - dy * sin, dx * sin + dy * cos];
-      return [longitude + east / perLongitude, latitude + northwards / METRES_PER_DEGREE];
-    },
-    toXy: (lonLat) => {
-      const [east, northwards] = [(lonLat[0] - longitude) * perLongitude, (lonLat[1] - latitude) * METRES_PER_DEGREE];
-      return [middle[0] + east * cos + northwards * sin, middle[1] - east * sin + northwards * cos];
-    },
-  };
-}
 
 /** The view of a map that shows what a camera looks at. `height` is that of the city's element in CSS pixels. */
 export function mapView({ camera, groundZ, height, toLonLat }) {

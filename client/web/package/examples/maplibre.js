@@ -1,7 +1,7 @@
 /** A map beside a city. The view that the user touched last leads, and the other one follows. */
 
 import '../insula-city.js';
-import { cityCamera, lonLatOf, mapView } from './linked-views.js';
+import { cityCamera, mapView } from './linked-views.js';
 import { Map as MapLibreMap, Marker } from './vendor/maplibre-gl.mjs';
 
 const city = document.querySelector('#city');
@@ -40,11 +40,18 @@ function escaped(text) {
 }
 
 city.addEventListener('ready', ({ detail: { manifest } }) => {
-  const { toLonLat, toXy } = lonLatOf(manifest);
+  if (!manifest.location) {
+    state.textContent = 'It is not known where on Earth this city lies.';
+    return;
+  }
+  const toLonLat = (position) => {
+    const { lon, lat } = city.toLonLat(position);
+    return [lon, lat];
+  };
+  const toXy = ([lon, lat]) => city.toPosition({ lon, lat });
   const groundZ = manifest.ground_z_m;
   const map = makeMap(manifest, toLonLat);
   const eye = new Marker({ color: '#d8432e' }).setLngLat(toLonLat(city.view.position)).addTo(map);
-  if (!manifest.location) state.textContent = 'This city has no known location: its place on the map is assumed.';
 
   const showOnMap = () => {
     const { camera, position } = city.view;

@@ -3,6 +3,7 @@
 pub mod console;
 mod control;
 pub mod decoder;
+mod draping;
 mod fetcher;
 mod frame_job;
 mod frame_loop;

@@ -8,7 +8,7 @@ use super::{
 use futures_util::lock::Mutex;
 use insula_objects::color::ColorBy;
 use insula_viewer::{
-    objects::{CityObjects, ObjectStyles, StyledObjects},
+    objects::{CityObjects, ObjectState, ObjectStyles, StyledObjects},
     source::TileSource,
 };
 use js_sys::Promise;
@@ -119,9 +119,25 @@ impl CityViewer {
     /// Draws objects in these styles from the next frame on. No tile is fetched again.
     #[wasm_bindgen(js_name = setStyles)]
     pub fn set_styles(&mut self, made: MadeStyles) {
-        let outlined = self.styles().outlined().clone();
-        let mut styles = made.styles;
-        styles.outline(outlined);
+        self.apply_styles(self.styles().with_rules_of(made.styles));
+    }
+
+    /// Draws single objects in a way of their own: for each of `objects` a number of `states`, a colour as 0xRRGGBB, -1 for hidden,
+    /// anything else for what the styles say.
+    #[wasm_bindgen(js_name = setStates)]
+    pub fn set_states(&mut self, objects: &[u32], states: &[i32]) {
+        let mut styles = self.styles().clone();
+        for (&object, &state) in objects.iter().zip(states) {
+            let [high, r, g, b] = state.to_be_bytes();
+            styles.set_state(
+                object,
+                match (state, high) {
+                    (-1, _) => Some(ObjectState::Hidden),
+                    (_, 0) => Some(ObjectState::Colour([r, g, b])),
+                    _ => None,
+                },
+            );
+        }
         self.apply_styles(styles);
     }
 

@@ -87,7 +87,7 @@ impl CityViewer {
     }
 
     /// Whether nothing of the city is between the camera and a point.
-    fn sees(&self, point: DVec3) -> bool {
+    pub(crate) fn sees(&self, point: DVec3) -> bool {
         let eye = self.control.camera().position;
         let to = eye.lerp(point, VISIBLE_SHARE);
         self.solids().hit_on_way(eye, to).is_none()

@@ -1,0 +1,27 @@
+/** Uses the types of the package as pages do: what is wrong must not compile. */
+import type { EarthCamera, GeoJsonLayer } from '@insula/viewer';
+import type {} from '@insula/viewer/react';
+import { useEffect, useRef } from 'react';
+
+const city = document.querySelector('insula-city')!;
+const camera: EarthCamera = { lon: 7.42, lat: 43.74, height: 300, heading: 20, pitch: -30, fov: 40 };
+city.addEventListener('pick', ({ detail: { lon, object } }) => console.log(lon?.toFixed(5), object?.kind));
+await city.flyTo({ lon: 7.42, lat: 43.74 }, { seconds: 1 });
+await city.flyTo(camera);
+await city.fitBounds([7.4, 43.7, 7.5, 43.8], { padding: 10 });
+const at: { x: number; y: number } | null = city.project([7.42, 43.74]);
+const layer: GeoJsonLayer = await city.addGeoJson({ type: 'FeatureCollection', features: [] }, ({ id }) => ({ color: String(id) }));
+layer.setState(at === null ? null : 'a', { hidden: true });
+city.setFeatureState(3, { color: null });
+// @ts-expect-error: a longitude is a number.
+await city.flyTo({ lon: '7.42', lat: 43.74 });
+// @ts-expect-error: there is no such state.
+city.setFeatureState(3, { colour: 'red' });
+
+export function City({ src }: { src: string }) {
+  const element = useRef<HTMLElementTagNameMap['insula-city']>(null);
+  useEffect(() => {
+    element.current?.whenReady().then(({ title }) => console.log(title));
+  }, []);
+  return <insula-city ref={element} src={src} adapter="cpu" />;
+}

@@ -1,0 +1,112 @@
+/**
+ * Checks degrees, cameras and figures of the page against known values: node page_geometry.mjs FOLDER
+ *
+ * FOLDER has the modules of the page. Fails at the first that is wrong.
+ */
+import assert from 'node:assert';
+import fs from 'node:fs';
+import path from 'node:path';
+
+const folder = process.argv[2];
+
+/** The address of a module with those that it imports: without a package.json, Node takes the files for CommonJS. */
+function address(name) {
+  const text = fs.readFileSync(path.join(folder, name), 'utf8');
+  const joined = text.replace(/from '\.\/([a-z-]+\.js)'/g, (_, imported) => `from '${address(imported)}'`);
+  return `data:text/javascript;base64,${Buffer.from(joined).toString('base64')}`;
+}
+
+const { lonLatGrid } = await import(address('lon-lat.js'));
+const { cameraText, earthCamera, fitting, projected, unprojected } = await import(address('earth-camera.js'));
+const { shapesOf } = await import(address('geojson.js'));
+const { cells, dense } = await import(address('plan-cells.js'));
+
+const near = (found, expected, tolerance) => {
+  const isNear = found.length === expected.length && found.every((value, i) => Math.abs(value - expected[i]) <= tolerance);
+  assert(isNear, `${found} is not ${expected}`);
+};
+const focus = [[84_900, 447_400], [85_100, 447_600]];
+const delft = { focus, location: { longitude_deg: 4.3577, latitude_deg: 52.0114, north_deg: 0.81 } };
+const grid = lonLatGrid(delft);
+const SIZE = { width: 800, height: 400 };
+const CAMERA = '85000,447500,120,30,-40,60';
+
+const tests = {
+  'degrees are those of the native client'() {
+    near(grid.toXy([4.3577, 52.0114]), [85_000, 447_500], 1e-6);
+    const north = grid.toXy([4.3577, 52.1014]);
+    assert(Math.abs(Math.hypot(north[0] - 85_000, north[1] - 447_500) - 10_014) < 10, String(north));
+    const east = grid.toXy([4.5037, 52.0114]);
+    assert(Math.abs(Math.hypot(east[0] - 85_000, east[1] - 447_500) - 10_026) < 10, String(east));
+    assert.equal(lonLatGrid({ focus, location: null }), null);
+  },
+  'degrees come back'() {
+    for (const place of [[4.3577, 52.0114], [4.5, 52.1], [4.2, 51.9]]) near(grid.toLonLat(grid.toXy(place)), place, 1e-9);
+    const fiji = lonLatGrid({ focus, location: { longitude_deg: 179.99, latitude_deg: -17, north_deg: -1 } });
+    near(fiji.toLonLat(fiji.toXy([-179.98, -17.01])), [-179.98, -17.01], 1e-9);
+  },
+  'cameras come back'() {
+    const camera = earthCamera(grid, CAMERA);
+    near([camera.heading, camera.pitch, camera.fov, camera.height], [29.19, -40, 60, 120], 0.01);
+    near(cameraText(grid, camera).split(',').map(Number), CAMERA.split(',').map(Number), 1e-4);
+    for (const wrong of [{ lat: 91 }, { lon: NaN }, { pitch: -91 }, { fov: 0 }, { heading: Infinity }, { height: undefined }]) {
+      assert.throws(() => cameraText(grid, { ...camera, ...wrong }), RangeError, JSON.stringify(wrong));
+    }
+  },
+  'positions of the screen come back'() {
+    const point = unprojected(CAMERA, SIZE, 100, 250, 3);
+    assert.equal(Math.round(point[2] * 1e6), 3e6);
+    const { x, y } = projected(CAMERA, SIZE, point);
+    near([x, y], [100, 250], 1e-6);
+    assert.equal(unprojected('0,0,10,0,10,60', SIZE, 400, 10, 0), null, 'the sky');
+    assert.equal(projected(CAMERA, SIZE, [84_900, 447_300, 120]), null, 'behind the camera');
+    // Straight ahead is the middle; what lies to the east is on the right when one looks north.
+    near(Object.values(projected('0,0,0,0,0,90', SIZE, [0, 10, 0])), [400, 200], 1e-9);
+    near(Object.values(projected('0,0,0,0,0,90', SIZE, [10, 10, 10])), [600, 0], 1e-9);
+  },
+  'bounds fill the view'() {
+    const points = [[0, 0, 5], [100, 0, 5], [100, 60, 5], [0, 60, 5]];
+    const camera = fitting(points, { azimuth: 20, pitch: -50, fov: 40 }, SIZE, 32);
+    const places = points.map((point) => projected(camera, SIZE, point));
+    const free = places.map(({ x, y }) => Math.min(x, y, SIZE.width - x, SIZE.height - y));
+    assert(Math.min(...free) > 31.9 && Math.min(...free) < 33, String(free));
+  },
+  'features that are wrong are named'() {
+    const feature = (geometry) => ({ type: 'Feature', id: 7, properties: null, geometry });
+    const good = [
+      { type: 'Point', coordinates: [4, 52, 9] },
+      { type: 'MultiLineString', coordinates: [[[4, 52], [4.1, 52]], [[4, 52], [4, 52.1]]] },
+      { type: 'GeometryCollection', geometries: [{ type: 'Polygon', coordinates: [[[4, 52], [4.1, 52], [4, 52.1], [4, 52]]] }] },
+    ];
+    const bad = [null, 5, { type: 'Point' }, { type: 'Point', coordinates: ['4', 52] }, { type: 'LineString', coordinates: [[4, 52]] },
+      { type: 'toString', coordinates: [] }, { type: 'Polygon', coordinates: [] }, { type: 'MultiPolygon', coordinates: 3 }];
+    const { shapes, skipped } = shapesOf({ type: 'FeatureCollection', features: [...good, ...bad].map(feature) }, grid);
+    assert.deepEqual(shapes.map(({ points, lines, polygons }) => [points.length, lines.length, polygons.length]), [[1, 0, 0], [0, 2, 0], [0, 0, 1]]);
+    assert.deepEqual(skipped.map(({ index }) => index), [3, 4, 5, 6, 7, 8, 9, 10]);
+    for (const nothing of [null, [], 'x', { type: 'FeatureCollection' }].slice(0, 3)) assert.throws(() => shapesOf(nothing, grid), TypeError);
+  },
+  'cells have the area of their polygon'() {
+    const square = (low, high) => [[low, low], [high, low], [high, high], [low, high], [low, low]];
+    const area = (ring) => ring.reduce((sum, [x, y], i) => {
+      const [nx, ny] = ring[(i + 1) % ring.length];
+      return sum + (x * ny - nx * y) / 2;
+    }, 0);
+    for (const hole of [square(10, 30), square(10, 30).reverse()]) {
+      const all = cells([square(0, 50), hole]);
+      const sum = all.flat().map(area).reduce((a, b) => a + b);
+      assert(Math.abs(sum - 2100) < 1e-6, String(sum));
+    }
+    const line = dense([[0, 0], [30, 0], [30, 3]]);
+    assert.equal(line.length, 7);
+    near(line.at(-1), [30, 3], 0);
+  },
+};
+
+for (const [name, test] of Object.entries(tests)) {
+  try {
+    test();
+  } catch (error) {
+    console.error(`FAILED ${name}: ${error.message}`);
+    process.exitCode = 1;
+  }
+}
