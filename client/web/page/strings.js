@@ -8,6 +8,7 @@
  */
 
 import english from './language-en.json' with { type: 'json' };
+import { folder } from './workers.js';
 
 const PLACE = /\{(\w+)\}/g;
 /** The page waits this long for its language. */
@@ -33,7 +34,7 @@ export async function loadLanguage(wanted, offered) {
   if (code === null) return;
   try {
     const signal = AbortSignal.timeout(MAX_WAIT_MS);
-    const response = await fetch(new URL(`./language-${code}.json`, import.meta.url), { signal });
+    const response = await fetch(new URL(`${folder}language-${code}.json`), { signal });
     const text = response.ok ? await response.text() : '';
     if (text !== '' && text.length <= MAX_CHARS) use(JSON.parse(text));
   } catch (error) {

@@ -1,7 +1,7 @@
 /** Starts workers. */
 
 /** A text, not the base of a `new URL`: bundlers would copy all files that such an address may have. */
-const folder = import.meta.url.replace(/[^/]*$/, '');
+export const folder = import.meta.url.replace(/[^/]*$/, '');
 
 /**
  * Makes an address of a script acceptable where a page demands Trusted Types. Only this file passes addresses to it, and all are of the
