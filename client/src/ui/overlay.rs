@@ -195,7 +195,8 @@ fn slider_panel(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOption
             counter_grid(ui, &texts.counters);
         }
         // Its number, an error in pixels, says nothing to most people.
-        let slider = egui::Slider::new(&mut options.tau_px, 0.5..=16.0).logarithmic(true).text("detail: fine to coarse");
+        let slider =
+            egui::Slider::new(&mut options.tau_px, 0.5..=16.0).logarithmic(true).text("detail: fine to coarse");
         ui.add(slider.fixed_decimals(1).show_value(options.shows_counters));
         sun_sliders(ui, &mut options.daylight);
         day_row(ui, &mut options.day);

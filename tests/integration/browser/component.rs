@@ -6,7 +6,7 @@
 use super::{
     browser,
     site::publish,
-    viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, keep},
+    viewer::{CITY_COLOURS, PICTURE, REACTION, ensure_no_problems, keep, serve},
 };
 use anyhow::{Context, Result, ensure};
 use insula_test_support::faulty_host::FaultyHost;

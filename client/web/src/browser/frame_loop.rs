@@ -9,7 +9,7 @@ use super::{
     row_renderer::frame_words,
     viewer::{CityViewer, clamped_size, json},
 };
-use insula_shaders::{cpu::hit_counts::hit_counts, layout::Shading};
+use insula_shaders::cpu::hit_counts::hit_counts;
 use insula_viewer::{
     collision::CitySolids,
     frame::{FrameData, STILL_SAMPLES},
