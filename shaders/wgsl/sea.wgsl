@@ -26,7 +26,7 @@ fn is_sea(place: vec3<f32>) -> bool {
 // Whether a place so many cells inwards from a side is in its sea.
 fn is_beyond(side: u32, part: u32, inwards: f32) -> bool {
     let byte = side * SHORE_PARTS + part;
-    let cells = frame.sea[byte / 16u][byte / 4u % 4u] >> (byte % 4u * 8u) & 0xffu;
+    let cells = (frame.sea[byte / 16u][(byte / 4u) % 4u] >> ((byte % 4u) * 8u)) & 0xffu;
     return cells > 0u && inwards < f32(cells);
 }
 
