@@ -7,7 +7,6 @@
 
 pub use crate::words::PAGE_WORDS;
 use crate::{
-    shore::SHORE_ROWS,
     stone::{MAX_STONES, Stone},
     translucency::{MAX_MAPS, TranslucencyMap},
 };
@@ -132,6 +131,11 @@ impl Shading {
     }
 }
 
+/// Parts of a side of the city that are land or sea.
+pub(crate) const SHORE_PARTS: u32 = 64;
+/// Rows of four words that hold a byte of each part of the four sides.
+pub(crate) const SHORE_ROWS: usize = 4 * SHORE_PARTS as usize / 16;
+
 /// The uniform of one dispatch: camera, light, and the grid's header.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -189,7 +193,7 @@ pub struct FrameUniform {
     pub city: [f32; 4],
     /// Strength of lines at silhouettes and of shade where surfaces meet, each 0 to 1, then twice 0. Rays do not read it.
     pub edges: [f32; 4],
-    /// Ends of what the source describes, as `city`: beyond, there may be sea ([`Shore`](crate::shore::Shore)).
+    /// Ends of what the source describes, as `city`: beyond, there may be sea (module `shore`).
     pub shore: [f32; 4],
     /// A byte for each part of these ends, of the west, south, east and north end: cells inwards from there in which bare ground is sea;
     /// 0 for land.

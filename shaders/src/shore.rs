@@ -1,10 +1,10 @@
 //! The ends of a city in water: where the sea goes on beyond what the source describes.
 //!
-//! In: the V-BlockMap of the whole city. Out: fields of [`FrameUniform`], by which rays that meet the plane, or generated ground, beyond
+//! It is found in the V-BlockMap of the whole city. By fields of [`FrameUniform`], rays that meet the plane, or generated ground, beyond
 //! the city see the sea.
 
 use crate::{
-    layout::{FrameUniform, ROOF_PLANE, WALK_PLANE},
+    layout::{FrameUniform, ROOF_PLANE, SHORE_PARTS, WALK_PLANE},
     pack::{FLAGS_SHIFT, PackedNode},
     srgb::linear_of,
 };
@@ -15,10 +15,6 @@ use insula_protocol::{
     texel::Texel,
 };
 
-/// Parts of a side that are land or sea.
-pub(crate) const SHORE_PARTS: u32 = 64;
-/// Rows of four words, for a byte of each part of the four sides.
-pub(crate) const SHORE_ROWS: usize = 4 * SHORE_PARTS as usize / 16;
 /// Land beside the sea that the source does not describe may be this many cells wide.
 const MOST_BARE_CELLS: usize = 12;
 /// The sea is at least this many cells wide from the side inwards: a pond or river ends with the map.

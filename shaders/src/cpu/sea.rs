@@ -4,10 +4,7 @@ use super::{
     shade::{Airlight, Radiance, SurfaceSample, apply_haze_fading, mirrored, reflected},
     surface::rgb,
 };
-use crate::{
-    layout::{FrameUniform, Shading},
-    shore::SHORE_PARTS,
-};
+use crate::layout::{FrameUniform, SHORE_PARTS, Shading};
 use glam::{Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 use insula_protocol::blockmap::flag;
 

@@ -48,7 +48,10 @@ fn the_picture_shows_the_first_view_on_any_number_of_threads() {
     let jpeg = &one.files["thumbnail.jpg"];
     assert!(*jpeg == three.files["thumbnail.jpg"] && jpeg.len() < 500_000, "{} bytes", jpeg.len());
     let mark = b"drawn by Insula";
-    assert!(jpeg[..64].windows(mark.len()).any(|bytes| bytes == mark), "a bake takes others for pictures of somebody else, and does not replace them");
+    assert!(
+        jpeg[..64].windows(mark.len()).any(|bytes| bytes == mark),
+        "a bake takes others for pictures of somebody else, and does not replace them"
+    );
     assert_eq!(one.report.city_bytes, one.files.values().map(|bytes| bytes.len() as u64).sum::<u64>());
     let picture = image::load_from_memory(jpeg).unwrap().to_rgb8();
     assert_eq!(picture.dimensions(), (1280, 720));
