@@ -12,8 +12,10 @@ use super::{
     mesh::MIN_COSINE,
     night::{lamp_light, lit_windows},
     ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
-    sea::{is_sea, sea},
-    shade::{Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, shade},
+    sea::is_sea,
+    shade::{
+        Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, sea, shade,
+    },
     stone::{StoneSurface, stone_surface},
     translucency::{MapAxes, gathered, map_of},
     walk::walk_grid,

@@ -1,12 +1,9 @@
-//! The sea beyond the city: the plane, or generated ground that lies on it, where the city ends in water.
+//! Where the sea beyond the city is: on the plane, or on generated ground that lies on it, where the city ends in water. GPU twin:
+//! `sea.wgsl`.
 
-use super::{
-    shade::{Airlight, Radiance, SurfaceSample, apply_haze_fading, mirrored, reflected},
-    surface::rgb,
-};
+use super::surface::rgb;
 use crate::layout::{FrameUniform, SHORE_PARTS, Shading};
 use glam::{Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
-use insula_protocol::blockmap::flag;
 
 /// Generated ground has the albedo of the plane but for this difference of each channel: textures of meshes are not exact. Roads differ by
 /// more than twice as much.
@@ -40,13 +37,4 @@ pub(super) fn is_sea(frame: &FrameUniform, surface: Option<(Vec3, Vec3)>, place:
         || is_beyond(1, parts.x, above.y)
         || is_beyond(2, parts.y, below.x)
         || is_beyond(3, parts.x, below.y)
-}
-
-/// Light of the sea `distance_m` away.
-pub(super) fn sea(frame: &FrameUniform, (dir, airlight): (Vec3, &Airlight), distance_m: f32) -> Radiance {
-    let albedo = rgb(frame.sea_albedo);
-    let flags = u32::from(flag::REFLECTIVE);
-    let surface = SurfaceSample { albedo, ao: 1.0, normal: Vec3::Z, flags, level: 0 };
-    let light = mirrored(frame, reflected(frame, albedo, Vec3::Z, 1.0), &surface, (dir, distance_m));
-    apply_haze_fading(frame, light, (dir, airlight), (distance_m, SEA_FADE))
 }

@@ -8,7 +8,7 @@ use super::{
     fast_math::exp,
     night::{BAYS_PER_M, moon, stars},
     noise::fbm,
-    sea::{is_sea, sea},
+    sea::{SEA_FADE, is_sea},
 };
 pub(crate) use crate::srgb::{POWER_HIGH, POWER_LOW};
 pub use crate::srgb::{encode_srgb, linear_of};
@@ -285,6 +285,15 @@ pub fn background(frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radia
         return apply_haze(frame, reflected(frame, rgb(frame.light.plane), Vec3::Z, 1.0), (dir, airlight), hazy_m);
     }
     Radiance::unlit(sky(frame, dir) + celestial_light(frame, dir))
+}
+
+/// Light of the sea beyond the city, `distance_m` away.
+pub(super) fn sea(frame: &FrameUniform, (dir, airlight): (Vec3, &Airlight), distance_m: f32) -> Radiance {
+    let albedo = rgb(frame.sea_albedo);
+    let flags = u32::from(flag::REFLECTIVE);
+    let surface = SurfaceSample { albedo, ao: 1.0, normal: Vec3::Z, flags, level: 0 };
+    let light = mirrored(frame, reflected(frame, albedo, Vec3::Z, 1.0), &surface, (dir, distance_m));
+    apply_haze_fading(frame, light, (dir, airlight), (distance_m, SEA_FADE))
 }
 
 /// Metres to that plane, infinity if the ray misses it.
