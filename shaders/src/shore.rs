@@ -25,7 +25,7 @@ const LEAST_PARTS: usize = 4;
 /// Where a city ends in water.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shore {
-    /// West, south, east and north end of what the source describes, in cells of the city's coarsest V-BlockMap. Water outside is sea.
+    /// West, south, east and north end of what the source describes, in cells of the city's coarsest V-BlockMap.
     ends: [usize; 4],
     /// Parts of the west, south, east and north end, from west to east or from south to north: cells inwards from the end in which bare
     /// ground is sea; 0 for land.
@@ -34,7 +34,7 @@ pub struct Shore {
     albedo: Vec3,
 }
 
-/// What is seen from above in a cell.
+/// The top of a cell, as seen from above.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Cell {
     /// Nothing, or generated ground.

@@ -413,7 +413,7 @@ impl ReadReport {
         all.into_iter()
     }
 
-    /// All that the user has to be told of what was guessed, and of what is not where it should be.
+    /// All warnings for the user: what was guessed, and what lies far from the rest.
     pub fn warnings(&self) -> impl Iterator<Item = String> {
         self.far_warnings().chain(self.wide_warnings()).chain(self.coast_warnings()).chain(self.guess_warnings())
     }

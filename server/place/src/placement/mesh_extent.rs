@@ -6,7 +6,8 @@ use super::first_shape::FirstShape;
 const MAX_SIDE: f64 = 0.2;
 /// One that is narrower and lies far from its origin is no model in metres, even if it is flat.
 const SMALL_SIDE: f64 = 0.01;
-/// Heights in metres are so many times a width in degrees, and coordinates are so many times it.
+/// Least height, and least distance from the origin, as a multiple of the width. In degrees, a width is a small number; heights are in
+/// metres.
 const LEAST_HEIGHT: f64 = 50.0;
 const LEAST_DISTANCE: f64 = 100.0;
 /// The same for a mesh that is taken as one in degrees after a look at its first object only: no pole or strip of a wall in metres is

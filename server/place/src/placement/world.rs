@@ -206,8 +206,8 @@ impl World {
         self.system.as_ref().map(|system| system.name.clone())
     }
 
-    /// What to tell of a city whose middle lies far outside of the area of its system, so that lengths are wrong; `None` of all others. So
-    /// it is if the first object, which chose the system, is at another place than most.
+    /// A warning if the middle of a city lies far outside the area of use of its system. Lengths are wrong there. It happens where the
+    /// first object, which decides the system, lies far from the others.
     pub fn far_text(&self, middle: [f64; 2]) -> Option<String> {
         let system = self.system.as_ref()?;
         let area = crs::area_of_use(system.code?)?;

@@ -248,7 +248,7 @@ impl WorkStore for WorkFolder {
         let own = [TEMPORARY, PARTS].into_iter();
         let ancestors = names.iter().flat_map(|name| name.match_indices('/').map(move |(end, _)| &name[..end]));
         let folders: BTreeSet<&str> = own.chain(ancestors).collect();
-        // What is in a folder comes before it.
+        // In reverse order, a folder comes after those that it contains.
         for folder in folders.into_iter().rev() {
             if let Ok(path) = self.path(folder) {
                 // It fails for one that is not empty.

@@ -235,7 +235,7 @@ impl<'a> FeatureWriter<'a> {
             self.sink.problem(MISSING_GROUND, format!("{id}: at some of its positions"));
         }
         if rings::regroup(&mut geometry.polygons) {
-            self.sink.problem("first ring is not around the others, rings grouped by what lies in what", id.clone());
+            self.sink.problem("first ring does not enclose the others, rings grouped by containment", id.clone());
         }
         add_tags(&mut attributes);
         let told = kind_of(&attributes).or(self.layer.kind);

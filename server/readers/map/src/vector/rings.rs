@@ -86,9 +86,10 @@ pub(super) struct Grouped {
     pub(super) turned_holes: usize,
 }
 
-/// Groups rings into polygons by what lies in what, whichever way they turn: a ring in an outer ring is a hole, and a ring in a hole
-/// is a polygon again. Rings that only overlap, and copies of a ring, are polygons of their own. Of rings that turn the same way,
-/// the inner one is a hole only if its heights are within those of the outer one: bodies have roofs above their floors.
+/// Groups rings into polygons by containment. The direction in which they turn does not count: a ring in an outer ring is a hole, and a
+/// ring in a hole is the outer ring of another polygon. Rings that overlap, and copies of a ring, are polygons of their own. If two
+/// rings turn the same way, the inner one is a hole only if its heights are within those of the outer one, because the roof of a body
+/// lies above its floor.
 pub(super) fn group(rings: Vec<Ring>) -> Grouped {
     if rings.len() <= 1 {
         let polygons = rings.into_iter().map(|ring| vec![ring]).collect();
@@ -129,8 +130,8 @@ pub(super) fn group(rings: Vec<Ring>) -> Grouped {
     grouped
 }
 
-/// Groups the rings of polygons anew whose first ring cannot be the outer one of all others, because one is around it or far from
-/// it. Returns whether there were some.
+/// Regroups polygons whose first ring cannot be the outer ring of the others, because another ring encloses it or lies apart from it.
+/// Returns whether there was such a polygon.
 pub(super) fn regroup(polygons: &mut Vec<Polygon>) -> bool {
     let is_wrong = |polygon: &Polygon| {
         let Some((first, others)) = polygon.split_first().filter(|(_, others)| !others.is_empty()) else {
