@@ -207,7 +207,7 @@ impl World {
     }
 
     /// A warning if the middle of a city lies far outside the area of use of its system. Lengths are wrong there. It happens where the
-    /// first object, which decides the system, lies far from the others.
+    /// first object, which decides the system, lies far from the others. `None` of other cities.
     pub fn far_text(&self, middle: [f64; 2]) -> Option<String> {
         let system = self.system.as_ref()?;
         let area = crs::area_of_use(system.code?)?;
