@@ -195,8 +195,8 @@ pub struct FrameUniform {
     pub edges: [f32; 4],
     /// Ends of what the source describes, as `city`: beyond, there may be sea (module `shore`).
     pub shore: [f32; 4],
-    /// A byte for each part of these ends, of the west, south, east and north end: cells inwards from there in which bare ground is sea;
-    /// 0 for land.
+    /// A byte for each part of these ends, of the west, south, east and north end. The low four bits: cells inwards from there in which
+    /// bare ground is sea; 0 for land. The high four: how much of what lies far beyond is sea, in fifteenths.
     pub sea: [[u32; 4]; SHORE_ROWS],
     /// Albedo of the sea, then the inverse of a cell's side in metres; all 0 without a sea.
     pub sea_albedo: [f32; 4],

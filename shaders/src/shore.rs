@@ -20,7 +20,15 @@ const MOST_BARE_CELLS: usize = 12;
 /// The sea is at least this many cells wide from the side inwards: a pond or river ends with the map.
 const LEAST_SEA_CELLS: usize = 3;
 /// Shorter ends of the sea are harbours or river mouths.
-const LEAST_PARTS: usize = 4;
+const LEAST_SEA_PARTS: usize = 4;
+/// Shorter ends of land in the sea are piers, which end, too, or corners of a map that is not parallel to the city's axes.
+const LEAST_LAND_PARTS: usize = 6;
+/// Far from the map, coasts are blurred by this many parts (standard deviation).
+const BLUR_PARTS: f32 = 5.0;
+const ALL_PARTS: usize = 4 * SHORE_PARTS as usize;
+
+/// A number for each part of the west, south, east and north side.
+type Sides = [[u8; SHORE_PARTS as usize]; 4];
 
 /// Where a city ends in water.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,8 +37,10 @@ pub struct Shore {
     ends: [usize; 4],
     /// Parts of the west, south, east and north end, from west to east or from south to north: cells inwards from the end in which bare
     /// ground is sea; 0 for land.
-    sides: [[u8; SHORE_PARTS as usize]; 4],
-    /// Mean colour of the water, linear.
+    sides: Sides,
+    /// How much of what lies far beyond each part is sea, 0 to 15.
+    shares: Sides,
+    /// Colour of most of the water, linear.
     albedo: Vec3,
 }
 
@@ -46,14 +56,13 @@ enum Cell {
 impl Shore {
     /// The shore of the city whose coarsest V-BlockMap is `root`; `None` if none of its ends is sea.
     pub fn of(root: &PackedNode) -> Option<Self> {
-        let (mut cells, mut sum, mut count) = (Vec::with_capacity(NODE_CELLS * NODE_CELLS), Vec3::ZERO, 0.0);
+        let (mut cells, mut water) = (Vec::with_capacity(NODE_CELLS * NODE_CELLS), Vec::new());
         for i in 0..NODE_CELLS * NODE_CELLS {
             let flags = root.pages.get(WALK_PLANE)?.get(i)? >> FLAGS_SHIFT;
             let roof = Texel(*root.pages.get(ROOF_PLANE)?.get(i)?);
             let has = |bit: u8| flags & u32::from(bit) != 0;
             cells.push(if has(flag::REFLECTIVE) {
-                sum += linear_of(roof.0);
-                count += 1.0;
+                water.push(linear_of(roof.0));
                 Cell::Water
             } else if !has(flag::OCCUPIED) || roof.rgb() == GROUND_COLOUR {
                 Cell::Bare
@@ -61,16 +70,17 @@ impl Shore {
                 Cell::Other
             });
         }
-        if count == 0.0 {
-            return None;
-        }
+        // Cells at coasts have the colours of land, too.
+        let albedo = median(&water)?;
         let described =
             || (0..cells.len()).filter(|i| cells[*i] != Cell::Bare).map(|i| [i % NODE_CELLS, i / NODE_CELLS]);
         let [west, south] = [0, 1].map(|axis| described().map(|place| place[axis]).min().unwrap_or(0));
         let [east, north] = [0, 1].map(|axis| described().map(|place| place[axis] + 1).max().unwrap_or(0));
         let ends = [west, south, east, north];
-        let sides = [0, 1, 2, 3].map(|side| sea_along(&cells, ends, side));
-        sides.as_flattened().iter().any(|cells| *cells > 0).then_some(Self { ends, sides, albedo: sum / count })
+        let mut sides = [0, 1, 2, 3].map(|side| sea_along(&cells, ends, side));
+        leave_out_short_runs(&mut sides);
+        let has_sea = sides.as_flattened().iter().any(|cells| *cells > 0);
+        has_sea.then(|| Self { ends, sides, shares: blurred(&sides), albedo })
     }
 
     /// Tells a frame of it. `corner` is the south-west corner of the V-BlockMap in metres from the camera, `side_m` its side.
@@ -79,11 +89,74 @@ impl Shore {
         let [west, south, east, north] = self.ends.map(|end| end as f64);
         let (low, high) = (corner + DVec2::new(west, south) * cell_m, corner + DVec2::new(east, north) * cell_m);
         frame.shore = [low.x, low.y, high.x, high.y].map(|v| v as f32);
-        for (word, cells) in frame.sea.as_flattened_mut().iter_mut().zip(self.sides.as_flattened().chunks_exact(4)) {
-            *word = cells.iter().rev().fold(0, |word, cells| word << 8 | u32::from(*cells));
+        let parts = self.sides.as_flattened().iter().zip(self.shares.as_flattened());
+        for (part, (cells, share)) in parts.enumerate() {
+            let word = &mut frame.sea.as_flattened_mut()[part / 4];
+            *word = *word & !(0xff << (part % 4 * 8)) | u32::from(share << 4 | cells) << (part % 4 * 8);
         }
         frame.sea_albedo = self.albedo.extend(1.0 / cell_m as f32).to_array();
     }
+}
+
+/// The median of each channel.
+fn median(colours: &[Vec3]) -> Option<Vec3> {
+    let middle = |channel: usize| {
+        let mut values: Vec<f32> = colours.iter().map(|colour| colour[channel]).collect();
+        let middle = values.len() / 2;
+        (middle < values.len()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
+    };
+    Some(Vec3::new(middle(0)?, middle(1)?, middle(2)?))
+}
+
+/// Side and part on the way around the map, from the north-west corner by the south.
+fn stored_at(part: usize) -> [usize; 2] {
+    let (side, along) = (part / SHORE_PARTS as usize, part % SHORE_PARTS as usize);
+    [side, if side == 0 || side == 3 { SHORE_PARTS as usize - 1 - along } else { along }]
+}
+
+/// Makes land of short ends of the sea, and sea of short ends of land between them.
+fn leave_out_short_runs(sides: &mut Sides) {
+    let mut ring: [u8; ALL_PARTS] = std::array::from_fn(|part| {
+        let [side, along] = stored_at(part);
+        sides[side][along]
+    });
+    let is_first = |part: &usize| (ring[*part] > 0) != (ring[(*part + ALL_PARTS - 1) % ALL_PARTS] > 0);
+    let Some(first) = (0..ALL_PARTS).find(is_first) else { return };
+    ring.rotate_left(first);
+    for (filled, least) in [(1, LEAST_LAND_PARTS), (0, LEAST_SEA_PARTS)] {
+        for run in ring.chunk_by_mut(|a, b| (*a > 0) == (*b > 0)) {
+            if run.len() < least && (run[0] > 0) != (filled > 0) {
+                run.fill(filled);
+            }
+        }
+    }
+    ring.rotate_right(first);
+    for (part, cells) in ring.into_iter().enumerate() {
+        let [side, along] = stored_at(part);
+        sides[side][along] = cells;
+    }
+}
+
+/// How much of the sea is near to each part on the way around the map, 0 to 15.
+fn blurred(sides: &Sides) -> Sides {
+    let is_sea: [bool; ALL_PARTS] = std::array::from_fn(|part| {
+        let [side, along] = stored_at(part);
+        sides[side][along] > 0
+    });
+    let weight = |steps: usize| (-0.5 * (steps as f32 / BLUR_PARTS).powi(2)).exp();
+    let reach = 3 * BLUR_PARTS as usize;
+    let mut shares = [[0; SHORE_PARTS as usize]; 4];
+    for part in 0..ALL_PARTS {
+        let [mut sea, mut all] = [0.0, 0.0];
+        for step in 0..=2 * reach {
+            let w = weight(step.abs_diff(reach));
+            all += w;
+            sea += if is_sea[(part + ALL_PARTS + step - reach) % ALL_PARTS] { w } else { 0.0 };
+        }
+        let [side, along] = stored_at(part);
+        shares[side][along] = (sea / all * 15.0).round() as u8;
+    }
+    shares
 }
 
 /// The parts of a side (west, south, east, north).
@@ -105,11 +178,7 @@ fn sea_along(cells: &[Cell], [west, south, east, north]: [usize; 4], side: usize
         let first = first + usize::from(inwards(first) == Some(Cell::Other));
         (first..first + LEAST_SEA_CELLS).all(|k| inwards(k) == Some(Cell::Water)).then_some(first as u8 + 1)
     };
-    let mut parts: [u8; SHORE_PARTS as usize] = std::array::from_fn(|part| part_of(part).unwrap_or(0));
-    for run in parts.chunk_by_mut(|a, b| (*a > 0) == (*b > 0)).filter(|run| run.len() < LEAST_PARTS) {
-        run.fill(0);
-    }
-    parts
+    std::array::from_fn(|part| part_of(part).unwrap_or(0))
 }
 
 #[cfg(test)]
@@ -147,18 +216,31 @@ mod tests {
         let [west, south, east, north] = shore.sides;
         assert_eq!(south, [1; 64]);
         assert_eq!(east, std::array::from_fn(|part| if part < 16 { 1 } else { 2 }));
-        // A quarter of the western side, and the water in the east from below.
+        // A quarter of the western side, and the water in the east from below: a corner of land ends there.
         assert_eq!(west, std::array::from_fn(|part| u8::from(part < 16)));
-        assert_eq!(north, std::array::from_fn(|part| u8::from((56..62).contains(&part))));
+        assert_eq!(north, std::array::from_fn(|part| u8::from(part >= 56)));
         let mut frame = FrameUniform::zeroed();
         shore.write(&mut frame, DVec2::new(-100.0, -200.0), 640.0);
         assert_eq!(frame.shore, [-20.0, -120.0, 300.0, 200.0]);
-        assert_eq!((frame.sea[0], frame.sea[1]), ([0x0101_0101; 4], [0; 4]));
-        assert_eq!((frame.sea[8], frame.sea[9]), ([0x0101_0101; 4], [0x0202_0202; 4]));
-        assert_eq!(frame.sea[15], [0, 0, 0x0101_0101, 0x0000_0101]);
+        let byte = |side: usize, part: usize| frame.sea[side * 4 + part / 16][part / 4 % 4] >> (part % 4 * 8) & 0xff;
+        // In the middle of the sea, and of the land; half of each at the coast in the west.
+        assert_eq!((byte(1, 32), byte(2, 8), byte(2, 40)), (0xf1, 0xf1, 0xf2));
+        assert_eq!(byte(0, 48), 0);
+        assert_eq!((byte(0, 15), byte(0, 16)), (0x81, 0x70));
+        // Around a corner, the sea goes on.
+        assert_eq!((byte(0, 0), byte(1, 0)), (0xf1, 0xf1));
         let blue = linear_of(Texel::new([60, 120, 150], 0).0);
         assert!((Vec3::from_slice(&frame.sea_albedo) - blue).length() < 1e-6);
         assert_eq!(frame.sea_albedo[3], 0.1);
+    }
+
+    #[test]
+    fn piers_at_the_end_of_the_map_end_there() {
+        let coast_with_pier = |width: usize| coast(|x, y| town(x, y, |x, y| y < 16 && !(20..20 + width).contains(&x)));
+        let shore = Shore::of(&coast_with_pier(1)).unwrap();
+        assert_eq!(shore.sides[1], [1; 64]);
+        let shore = Shore::of(&coast_with_pier(8)).unwrap();
+        assert_eq!(shore.sides[1], std::array::from_fn(|part| u8::from(!(24..40).contains(&part))));
     }
 
     #[test]

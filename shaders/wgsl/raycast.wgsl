@@ -152,7 +152,11 @@ fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
     let length_squared = dot(hit.normal, hit.normal);
     let normal = select(-dir, hit.normal * inverseSqrt(length_squared), length_squared > 1e-12);
     var lit = Radiance();
-    if is_bare(hit.albedo, normal) && is_sea(dir * hit.distance_m) {
+    var share = 0.0;
+    if is_bare(hit.albedo) {
+        share = sea_share(dir * hit.distance_m, normal.z);
+    }
+    if share >= 1.0 {
         return sea(dir, hit.distance_m);
     }
     if has_stone(hit) {
@@ -171,7 +175,11 @@ fn radiance_of(hit: RayHit, dir: vec3<f32>) -> Radiance {
             lit.sky += lit_windows(dir * hit.distance_m, normal, hit.distance_m);
         }
     }
-    return apply_haze(lit, dir, hit.distance_m);
+    lit = apply_haze(lit, dir, hit.distance_m);
+    if share > 0.0 {
+        return coast(lit, share, dir, hit.distance_m);
+    }
+    return lit;
 }
 
 // WGSL has no constant for infinity: these bits are made so that no compiler can fold them.

@@ -181,11 +181,13 @@ fn background(dir: vec3<f32>) -> Radiance {
         return unlit(mix(sky, GROUND, near));
     }
     if ground_m < NO_GROUND_M {
-        if is_sea(dir * ground_m) {
-            return sea(dir, ground_m);
-        }
         let hazy_m = ground_m + max(ground_m - PLANE_CLEAR_M, 0.0) * PLANE_FADE;
-        return apply_haze(reflected(frame.light.plane.rgb, vec3<f32>(0.0, 0.0, 1.0), 1.0), dir, hazy_m);
+        let land = apply_haze(reflected(frame.light.plane.rgb, vec3<f32>(0.0, 0.0, 1.0), 1.0), dir, hazy_m);
+        let share = sea_share(dir * ground_m, 1.0);
+        if share > 0.0 {
+            return coast(land, share, dir, ground_m);
+        }
+        return land;
     }
     return unlit(sky(dir) + celestial_light(dir));
 }

@@ -12,9 +12,10 @@ use super::{
     mesh::MIN_COSINE,
     night::{lamp_light, lit_windows},
     ray::{NodeRay, Ray, RayHit, RaySegment, SUN_LIFT_M},
-    sea::is_sea,
+    sea::sea_share,
     shade::{
-        Airlight, Radiance, SurfaceSample, apply_haze, background, encode_srgb, ground_distance, mirrored, sea, shade,
+        Airlight, Radiance, SurfaceSample, apply_haze, background, coast, encode_srgb, ground_distance, mirrored, sea,
+        shade,
     },
     stone::{StoneSurface, stone_surface},
     translucency::{MapAxes, gathered, map_of},
@@ -312,7 +313,8 @@ pub(super) fn radiance_with(
     let RayHit { albedo, flags, level, distance_m, .. } = *hit;
     let ao = hit.ao.max(frame.light.sky_up[3]);
     let surface = SurfaceSample { albedo, ao, normal: hit.normal.normalize_or(-dir), flags, level };
-    if is_sea(frame, Some((albedo, surface.normal)), dir * distance_m) {
+    let share = sea_share(frame, Some((albedo, surface.normal)), dir * distance_m);
+    if share >= 1.0 {
         return sea(frame, (dir, airlight), distance_m);
     }
     let mut light = match stone_numbered(frame, hit.stone) {
@@ -328,5 +330,6 @@ pub(super) fn radiance_with(
             light.sky += lit_windows(frame, dir * distance_m, surface.normal, distance_m);
         }
     }
-    apply_haze(frame, light, (dir, airlight), distance_m)
+    let land = apply_haze(frame, light, (dir, airlight), distance_m);
+    coast(frame, land, share, (dir, airlight), distance_m)
 }

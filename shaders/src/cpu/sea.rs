@@ -3,38 +3,76 @@
 
 use super::surface::rgb;
 use crate::layout::{FrameUniform, SHORE_PARTS, Shading};
-use glam::{Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
+use glam::{UVec2, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 
 /// Generated ground has the albedo of the plane but for this difference of each channel: textures of meshes are not exact. Roads differ by
 /// more than twice as much.
 pub(crate) const BARE_TOLERANCE: f32 = 0.05;
-/// Steeper surfaces are no ground.
+/// Steeper surfaces within the map are no bare ground. Beyond, they are the ends of generated ground.
 pub(crate) const BARE_NORMAL_Z: f32 = 0.7;
 /// The sea fades into the fog later than land does, by this factor: nobody expects something else behind it.
 pub(crate) const SEA_FADE: f32 = 0.6;
+/// Nobody knows how coasts go on beyond the map. At its end they are sharp, and blurred from this share of its half width outwards.
+pub(crate) const COAST_BLURS: f32 = 0.25;
 
-/// Whether what a ray sees at `place`, relative to the camera, is sea: generated ground if `surface` is one, else the plane.
-pub(super) fn is_sea(frame: &FrameUniform, surface: Option<(Vec3, Vec3)>, place: Vec3) -> bool {
+/// How much of what a ray sees at `place`, relative to the camera, is sea, 0 to 1: generated ground if `surface` is one, else the plane.
+pub(super) fn sea_share(frame: &FrameUniform, surface: Option<(Vec3, Vec3)>, place: Vec3) -> f32 {
     if frame.sea_albedo[3] == 0.0 || frame.shading != Shading::Lit as u32 {
-        return false;
+        return 0.0;
     }
-    if let Some((albedo, normal)) = surface {
+    if let Some((albedo, _)) = surface {
         let difference = (albedo - rgb(frame.light.plane)).abs().max_element();
-        if difference > BARE_TOLERANCE || normal.z < BARE_NORMAL_Z {
-            return false;
+        if difference > BARE_TOLERANCE {
+            return 0.0;
         }
     }
+    let is_level = surface.is_none_or(|(_, normal)| normal.z >= BARE_NORMAL_Z);
+    let (low, high) = (Vec4::from(frame.shore).xy(), Vec4::from(frame.shore).zw());
+    let half = (high - low) * 0.5;
+    let from_middle = (place.xy() - low - half) / half;
+    let away = from_middle.abs().max_element();
+    if away > 1.0 {
+        beyond(frame, from_middle / away, away - 1.0)
+    } else if is_level {
+        within(frame, place.xy(), from_middle)
+    } else {
+        0.0
+    }
+}
+
+/// Bare ground between the ends of the map and its sea. `from_middle`: -1 to 1.
+fn within(frame: &FrameUniform, place: Vec2, from_middle: Vec2) -> f32 {
     let (low, high) = (Vec4::from(frame.shore).xy(), Vec4::from(frame.shore).zw());
     let most = Vec2::splat(SHORE_PARTS as f32 - 1.0);
-    let parts = ((place.xy() - low) / (high - low) * SHORE_PARTS as f32).clamp(Vec2::ZERO, most).as_uvec2();
-    let (above, below) = ((place.xy() - low) * frame.sea_albedo[3], (high - place.xy()) * frame.sea_albedo[3]);
-    let is_beyond = |side: u32, part: u32, inwards: f32| {
-        let byte = (side * SHORE_PARTS + part) as usize;
-        let cells = frame.sea[byte / 16][byte / 4 % 4] >> (byte % 4 * 8) & 0xff;
-        cells > 0 && inwards < cells as f32
-    };
-    is_beyond(0, parts.y, above.x)
-        || is_beyond(1, parts.x, above.y)
-        || is_beyond(2, parts.y, below.x)
-        || is_beyond(3, parts.x, below.y)
+    let parts = ((from_middle * 0.5 + 0.5) * SHORE_PARTS as f32).clamp(Vec2::ZERO, most).as_uvec2();
+    let (above, below) = ((place - low) * frame.sea_albedo[3], (high - place) * frame.sea_albedo[3]);
+    let is_sea = [(parts.y, above.x), (parts.x, above.y), (parts.y, below.x), (parts.x, below.y)];
+    let is_sea = (0..).zip(is_sea).any(|(side, (part, inwards))| inwards < bare_cells(shore_byte(frame, side, part)));
+    f32::from(u8::from(is_sea))
+}
+
+/// The sea goes on away from the middle. `end`: where the line from there leaves the map; `away`: in half widths from it.
+fn beyond(frame: &FrameUniform, end: Vec2, away: f32) -> f32 {
+    let is_aside = end.x.abs() >= end.y.abs();
+    let (across, along) = if is_aside { (end.x, end.y) } else { (end.y, end.x) };
+    let side = u32::from(!is_aside) + if across < 0.0 { 0 } else { 2 };
+    let parts = (along * 0.5 + 0.5) * SHORE_PARTS as f32;
+    let sharp = bare_cells(shore_byte(frame, side, (parts as u32).min(SHORE_PARTS - 1)));
+    let parts = (parts - 0.5).clamp(0.0, SHORE_PARTS as f32 - 1.0);
+    let near = UVec2::new(parts as u32, (parts as u32 + 1).min(SHORE_PARTS - 1));
+    let [first, next] = [near.x, near.y].map(|part| (shore_byte(frame, side, part) >> 4) as f32 / 15.0);
+    let blurred = first + (next - first) * (parts - parts.floor());
+    let sharp = if sharp > 0.0 { 1.0 } else { 0.0 };
+    sharp + (blurred - sharp) * (away / COAST_BLURS).min(1.0)
+}
+
+/// What a frame tells of a part of a side (west, south, east, north).
+fn shore_byte(frame: &FrameUniform, side: u32, part: u32) -> u32 {
+    let byte = (side * SHORE_PARTS + part) as usize;
+    frame.sea[byte / 16][byte / 4 % 4] >> (byte % 4 * 8) & 0xff
+}
+
+/// So many cells inwards from a part, bare ground is sea; 0 for land.
+fn bare_cells(byte: u32) -> f32 {
+    (byte & 0xf) as f32
 }

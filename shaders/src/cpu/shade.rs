@@ -8,7 +8,7 @@ use super::{
     fast_math::exp,
     night::{BAYS_PER_M, moon, stars},
     noise::fbm,
-    sea::{SEA_FADE, is_sea},
+    sea::{SEA_FADE, sea_share},
 };
 pub(crate) use crate::srgb::{POWER_HIGH, POWER_LOW};
 pub use crate::srgb::{encode_srgb, linear_of};
@@ -278,13 +278,27 @@ pub fn background(frame: &FrameUniform, dir: Vec3, airlight: &Airlight) -> Radia
         return Radiance::unlit(sky.lerp(GROUND, near));
     }
     if ground_m < f32::INFINITY {
-        if is_sea(frame, None, dir * ground_m) {
-            return sea(frame, (dir, airlight), ground_m);
-        }
         let hazy_m = ground_m + (ground_m - PLANE_CLEAR_M).max(0.0) * PLANE_FADE;
-        return apply_haze(frame, reflected(frame, rgb(frame.light.plane), Vec3::Z, 1.0), (dir, airlight), hazy_m);
+        let land = reflected(frame, rgb(frame.light.plane), Vec3::Z, 1.0);
+        let land = apply_haze(frame, land, (dir, airlight), hazy_m);
+        return coast(frame, land, sea_share(frame, None, dir * ground_m), (dir, airlight), ground_m);
     }
     Radiance::unlit(sky(frame, dir) + celestial_light(frame, dir))
+}
+
+/// Light of a place `distance_m` away, of which `share` is the sea beyond the city, and the rest `land`.
+pub(super) fn coast(
+    frame: &FrameUniform,
+    land: Radiance,
+    share: f32,
+    (dir, airlight): (Vec3, &Airlight),
+    distance_m: f32,
+) -> Radiance {
+    if share <= 0.0 {
+        return land;
+    }
+    let water = sea(frame, (dir, airlight), distance_m);
+    Radiance { sky: land.sky.lerp(water.sky, share), sun: land.sun.lerp(water.sun, share) }
 }
 
 /// Light of the sea beyond the city, `distance_m` away.

@@ -230,19 +230,23 @@ pub(super) fn touch_moves_the_camera() -> Result<()> {
     ensure_no_problems(&page)
 }
 
-/// The camera in the address is the first view, and a new address another.
+/// The camera in the address is the first view, and a new address another. Each page ends before the next begins, because pages
+/// beside one another take each other's processors.
 pub(super) fn a_link_opens_its_view() -> Result<()> {
     let (server, camera) = (serve()?, near_camera()?);
-    let page = open(&server)?;
+    let page = CityPage::open(browser(false)?.as_ref(), PageOptions::default(), &url(&server))?;
     page.page.evaluate(&format!("location.hash = 'camera={camera}'"))?;
     page.wait_for_view(0, &camera)?;
     page.wait_until_final(0)?;
     let (camera, shown) = (page.camera(0)?, page.picture(0, PICTURE)?);
-    let other = open_url(&format!("{}#camera={camera}", url(&server)))?;
-    ensure!(other.camera(0)? == camera, "{} instead of {camera}", other.camera(0)?);
-    ensure_same_view(&shown, &other.picture(0, PICTURE)?)?;
+    drop(page);
+    let page = open_url(&format!("{}#camera={camera}", url(&server)))?;
+    ensure!(page.camera(0)? == camera, "{} instead of {camera}", page.camera(0)?);
+    ensure_same_view(&shown, &page.picture(0, PICTURE)?)?;
+    drop(page);
     // A hostile address is ignored.
-    let page = open_url(&format!("{}#camera=1,2,<img src=x>,NaN,1e999,0&time=never", url(&server)))?;
+    let hostile = format!("{}#camera=1,2,<img src=x>,NaN,1e999,0&time=never", url(&server));
+    let page = CityPage::open(browser(false)?.as_ref(), PageOptions::default(), &hostile)?;
     ensure_city_is_visible(&page)?;
     ensure_no_problems(&page)
 }

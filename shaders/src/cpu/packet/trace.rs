@@ -14,7 +14,7 @@ use crate::{
         night::lamp_light,
         ray::{RayHit, SUN_LIFT_M, SceneRef},
         raycast::radiance_with,
-        sea::is_sea,
+        sea::sea_share,
         shade::{Airlight, SurfaceSample, background as scalar_background},
     },
     layout::{FrameUniform, PALETTE_OUTLINED, Shading},
@@ -127,7 +127,7 @@ fn sea_lanes<S: Simd>(
         let (dir, is_hit) = (dir.lane(lane), hits.is_hit.test(lane));
         let distance_m = if is_hit { hits.distance_m[lane] } else { ground_m[lane] };
         let surface = is_hit.then(|| (hits.albedo.lane(lane), hits.normal.lane(lane).normalize_or(-dir)));
-        if distance_m < f32::INFINITY && is_sea(frame, surface, dir * distance_m) {
+        if distance_m < f32::INFINITY && sea_share(frame, surface, dir * distance_m) > 0.0 {
             found.set(lane, true);
         }
     }
