@@ -323,6 +323,8 @@ export class InsulaCity extends HTMLElement {
   adapter: 'auto' | 'cpu' | 'gpu' | null;
   /** Tolerated error on the screen, in pixels. */
   tau: string | null;
+  /** `cooperative` leaves the wheel, and moves of one finger, to the page as long as the element does not have the focus. */
+  gestures: 'cooperative' | null;
   /** A page that has the manifest already saves a request by setting it before the viewer starts. */
   manifest: Manifest | null;
   /** Current options. Change them with `setOptions`. */

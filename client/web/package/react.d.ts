@@ -9,6 +9,7 @@ export interface InsulaCityProperties extends DetailedHTMLProps<HTMLAttributes<I
   time?: TimeText;
   adapter?: 'auto' | 'cpu' | 'gpu';
   tau?: number | string;
+  gestures?: 'cooperative';
 }
 
 declare module 'react' {

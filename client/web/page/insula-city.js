@@ -328,7 +328,8 @@ export class InsulaCity extends Base {
   }
 }
 
-for (const name of InsulaCity.observedAttributes) {
+// Gestures are looked up when one begins.
+for (const name of [...InsulaCity.observedAttributes, 'gestures']) {
   Object.defineProperty(InsulaCity.prototype, name, {
     configurable: true,
     enumerable: true,
