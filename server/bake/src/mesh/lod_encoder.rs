@@ -107,7 +107,8 @@ impl LodEncoder<'_> {
         let mesh = Mesh { grid: self.surface.points, positions, triangles, attributes };
         let texture_px = texture.as_ref().map_or(0, |texture| texture.pixels());
         let objects = objects.clone();
-        let landmarks = self.surface.landmarks.clone();
+        // A coarse level may have lost all triangles of a small landmark.
+        let landmarks = self.surface.landmarks.iter().filter(|l| objects.contains(&l.object)).copied().collect();
         match (MeshTile { mesh, texture, objects, landmarks }).encode(self.id, spec.number) {
             Ok(bytes) => {
                 // The codec drops duplicate triangles, so they are counted in the decoded tile.

@@ -1,11 +1,17 @@
 //! Landmarks: from a file that places scans to mesh tiles with smooth, occluded objects of stone.
 
-use std::{collections::BTreeMap, fmt::Write, fs, path::Path, sync::OnceLock};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fmt::Write,
+    fs,
+    path::Path,
+    sync::OnceLock,
+};
 
 use super::support::{BakedCity, options};
 use insula_bake::{BakeOptions, GroundOption, sample::SampleSettings};
 use insula_protocol::{MeshTile, TileId, mesh_tile};
-use insula_test_support::folder::TestFolder;
+use insula_test_support::{folder::TestFolder, tier};
 
 /// A house of 8 m on level ground at height 3, 20 m west of the middle of the map, as OBJ.
 fn house() -> String {
@@ -185,6 +191,29 @@ fn landmarks_have_levels_of_a_quarter_each_and_the_same_bytes_on_any_threads() {
     assert!(city.files == baked("landmark-levels", 1).files);
     let triangles: Vec<u64> = city.report.meshes.iter().map(|lod| lod.triangles).collect();
     assert!(triangles.len() >= 3 && triangles.windows(2).all(|pair| pair[1] * 3 < pair[0]), "{triangles:?}");
+}
+
+/// Coarse levels of a leaf lose the smallest of its landmarks first, and those of which a few triangles cross its border.
+#[test]
+fn landmarks_of_any_size_stand_anywhere() {
+    let (places, steps) = if tier::is_full() { (50, 40) } else { (12, 24) };
+    let sizes_m: &[f64] = if tier::is_full() { &[0.3, 0.6, 1.2, 2.4, 6.0, 60.0] } else { &[0.3, 0.6, 1.2, 2.4] };
+    let folder = TestFolder::new("landmark-sizes");
+    fs::write(folder.path.join("town.obj"), house()).unwrap();
+    fs::write(folder.path.join("ball.ply"), scan(steps)).unwrap();
+    let entry = |k: usize| {
+        let (size_m, k) = (sizes_m[k % sizes_m.len()], k as f64);
+        // The leaf begins at 0. Each third one stands in that to the west, but for a little.
+        let x = if k % 3.0 == 2.0 { -0.49 * size_m } else { (k * 37.7) % 28.0 + 2.0 };
+        let y = (k * 23.3) % 28.0 + 2.0;
+        format!(r#"{{"mesh": "ball.ply", "name": "{k}", "position": [{x}, {y}], "target-height": {size_m}}}"#)
+    };
+    let entries: Vec<String> = (0..places).map(entry).collect();
+    fs::write(folder.path.join("landmarks.json"), format!(r#"{{"landmarks": [{}]}}"#, entries.join(","))).unwrap();
+    let city = bake_landmarks(&folder, GroundOption::None, 2);
+    let finest = tiles(&city).into_iter().filter(|((_, lod), _)| *lod == 0);
+    let found: BTreeSet<u32> = finest.flat_map(|(_, tile)| tile.landmarks).map(|landmark| landmark.object).collect();
+    assert_eq!(found.len(), places);
 }
 
 #[test]
