@@ -1,5 +1,6 @@
 //! The manifest of a city (`city.json`): what a client needs before its first tile.
 
+use crate::text::count;
 use serde::{Deserialize, Serialize};
 
 /// Version of the manifest and of the city folder's layout.
@@ -105,7 +106,7 @@ impl GeoLocation {
 /// Sizes of a city.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct CityCounts {
-    /// City objects of the sources.
+    /// City objects of the sources, of which a building may have several: see `buildings`.
     pub objects: u64,
     /// Triangles of the sources.
     pub triangles: u64,
@@ -113,6 +114,21 @@ pub struct CityCounts {
     pub nodes_per_level: Vec<u64>,
     /// Bytes of V-BlockMap tiles per level, root first.
     pub bytes_per_level: Vec<u64>,
+    /// Buildings, each once with all its parts. Older manifests do not have the field.
+    #[serde(default)]
+    pub buildings: Option<u64>,
+}
+
+impl CityCounts {
+    /// The size of the city in words: `1116 buildings`, or `3 objects` of a city without buildings. All programs and pages say it in
+    /// these words, so that a city has one number.
+    #[must_use]
+    pub fn words(&self) -> String {
+        match self.buildings {
+            Some(buildings) if buildings > 0 => count(buildings, "building"),
+            _ => count(self.objects, "object"),
+        }
+    }
 }
 
 /// A source that must be named.
@@ -334,6 +350,16 @@ mod tests {
         }
         assert_eq!(with(MAX_STONES).check(), Ok(()));
         assert!(with(MAX_STONES + 1).check().is_err());
+    }
+
+    #[test]
+    fn buildings_are_counted_in_words_and_older_manifests_count_objects() {
+        let counts = |json: &str| serde_json::from_str::<CityCounts>(json).unwrap();
+        let old = r#"{"objects":2231,"triangles":9,"nodes_per_level":[],"bytes_per_level":[]"#;
+        assert_eq!(counts(&format!("{old}}}")).words(), "2231 objects");
+        assert_eq!(counts(&format!("{old},\"buildings\":1116}}")).words(), "1116 buildings");
+        assert_eq!(counts(&format!("{old},\"buildings\":1}}")).words(), "1 building");
+        assert_eq!(counts(&format!("{old},\"buildings\":0}}")).words(), "2231 objects");
     }
 
     #[test]

@@ -248,13 +248,12 @@ fn summary(report: &BakeReport, args: &BakeArgs) -> String {
         }
     };
     format!(
-        "{}: {} objects, {} triangles in {:.1} s ({:.0} objects/s, {:.0} triangles/s{memory}): {} nodes, {}{meshes}\
+        "{}: {}, {} triangles in {:.1} s ({:.0} triangles/s{memory}): {} nodes, {}{meshes}\
          {unchanged}{}\nserve it with: insula-server serve {}\n",
         report.name,
-        report.objects,
+        report.size,
         report.triangles,
         report.seconds,
-        report.objects_per_second,
         report.triangles_per_second,
         report.nodes,
         human_bytes(report.city_bytes),

@@ -33,7 +33,7 @@ pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
         if args.json {
             print_json(&pretty(&json!(objects.schema()))?);
         } else {
-            print(&schema_table(objects.schema()));
+            print(&schema_table(&city.manifest().counts.words(), objects.schema()));
         }
         return Ok(());
     }
@@ -83,8 +83,9 @@ fn object_text(object: &ObjectReport) -> String {
     out
 }
 
-fn schema_table(schema: &Schema) -> String {
-    let mut out = format!("{} objects\n{:<32} {:<8} {:>9}  values\n", schema.objects, "attribute", "type", "objects");
+/// The attributes of a city, below its size in words.
+fn schema_table(size: &str, schema: &Schema) -> String {
+    let mut out = format!("{size}\n{:<32} {:<8} {:>9}  values\n", "attribute", "type", "objects");
     for AttributeInfo { name, value_type, count, min, max, top, .. } in &schema.attributes {
         let values = match (min, max) {
             (Some(min), Some(max)) => format!("{min} to {max}"),

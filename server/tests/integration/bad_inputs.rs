@@ -93,7 +93,7 @@ fn assert_bad(bad: &str, text: Option<&str>, words: &[&str]) {
         assert_eq!((output.status.code(), lines.len()), (Some(0), 1), "{lines:?}");
         assert!(lines[0].starts_with(&format!("warning: {bad}: left out: ")), "{}", lines[0]);
         assert!(words.iter().all(|word| lines[0].contains(word)), "{}", lines[0]);
-        assert!(summary.contains("5 objects") && summary.contains("1 input left out"), "{summary}");
+        assert!(summary.contains("5 buildings") && summary.contains("1 input left out"), "{summary}");
         let report: Value = serde_json::from_slice(&fs::read(path("r.json")).unwrap()).unwrap();
         assert_eq!(report["read"]["bad_inputs"][0]["path"], bad);
         assert_eq!(report["read"]["sources"].as_array().map(Vec::len), Some(1));

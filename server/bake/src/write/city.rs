@@ -214,9 +214,10 @@ pub(crate) fn write_others(
     let terminals = nodes.iter().flatten().filter(|node| node.child_mask == 0).map(|node| node.id).collect();
     drop(nodes);
     let mut written: Vec<WrittenArchive> = [blockmaps, subtrees].into_iter().chain(meshes).collect();
-    let mut search = None;
+    let (mut search, mut buildings) = (None, 0);
     if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
         let schema = objects.schema()?;
+        buildings = objects.buildings()?;
         written.push(objects.write(&schema, &folder.join("objects.pmtiles"))?);
         search = search::write(objects, &schema, &folder.join(SEARCH_FILE))?;
     }
@@ -227,6 +228,7 @@ pub(crate) fn write_others(
         hashes.push(hash_file(&folder.join(SEARCH_FILE))?);
     }
     let mut manifest = build_manifest(&input);
+    manifest.counts.buildings = Some(buildings);
     if input.config.street_sets
         && let Some(sets) =
             write_street_sets(&input, visibility::extent(&manifest, terminals), tiles, folder, progress)?
@@ -336,6 +338,7 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
             triangles: facts.triangles,
             nodes_per_level: per_level(|level| level.len() as u64),
             bytes_per_level: per_level(|level| level.iter().map(|tile| u64::from(tile.bytes)).sum()),
+            buildings: None,
         },
         attribution: attribution(&config.attribution, read),
         tile_version: tile::VERSION,
