@@ -62,6 +62,11 @@ impl AttributeValue {
         ((1..=12).contains(&month) && (1..=31).contains(&day)).then_some(Self::Date { year, month, day })
     }
 
+    /// A single-precision number as the decimal number that it was written for: 0.1, not 0.10000000149.
+    pub fn single(number: f32) -> Self {
+        Self::Float(number.to_string().parse().unwrap_or(f64::from(number)))
+    }
+
     /// A whole number; those that need all 64 bits are texts, so that no digit of an identifier is lost.
     pub fn unsigned(number: u64) -> Self {
         i64::try_from(number).map_or_else(|_| Self::Text(number.to_string()), Self::Integer)
@@ -184,5 +189,17 @@ impl Attributes {
     /// Number of attributes.
     pub fn len(&self) -> usize {
         self.entries.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn single_precision_keeps_its_decimals() {
+        assert_eq!(AttributeValue::single(8.63), AttributeValue::Float(8.63));
+        assert_eq!(AttributeValue::single(14.1).to_string(), "14.1");
+        assert!(matches!(AttributeValue::single(f32::NAN), AttributeValue::Float(number) if number.is_nan()));
     }
 }

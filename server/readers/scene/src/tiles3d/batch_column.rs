@@ -59,7 +59,7 @@ impl Component {
             Self::U16 => AttributeValue::Integer(u16::from_le_bytes(array_at(bytes, at)?).into()),
             Self::I32 => AttributeValue::Integer(i32::from_le_bytes(array_at(bytes, at)?).into()),
             Self::U32 => AttributeValue::Integer(u32::from_le_bytes(array_at(bytes, at)?).into()),
-            Self::F32 => AttributeValue::Float(f32::from_le_bytes(array_at(bytes, at)?).into()),
+            Self::F32 => AttributeValue::single(f32::from_le_bytes(array_at(bytes, at)?)),
             Self::F64 => AttributeValue::Float(f64::from_le_bytes(array_at(bytes, at)?)),
         })
     }
