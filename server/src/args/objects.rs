@@ -60,6 +60,9 @@ pub struct ExportArgs {
     /// Only objects that pass, as in 'height > 20'
     #[arg(long, value_name = "EXPR")]
     pub filter: Option<String>,
+    /// A row for each part of a building in a table, instead of one for the building
+    #[arg(long)]
+    pub parts: bool,
     /// Only objects with the middle in the polygon of a GeoJSON file, in metres of the city's coordinate system
     #[arg(long, value_name = "FILE")]
     pub polygon: Option<PathBuf>,
