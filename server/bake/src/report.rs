@@ -17,6 +17,8 @@ pub struct BakeReport {
     pub version: String,
     /// What was read from each source, and what was skipped and why.
     pub read: ReadReport,
+    /// Names and licences that no source says, with what was filled in because the publisher is known.
+    pub filled_in: Vec<String>,
     /// The generated ground; `None` without.
     pub ground: Option<GroundReport>,
     /// Side of a leaf's column in metres.
@@ -170,6 +172,7 @@ pub(crate) struct ReportInput {
     pub(crate) manifest: Manifest,
     pub(crate) city_bytes: u64,
     pub(crate) read: ReadReport,
+    pub(crate) filled_in: Vec<String>,
     pub(crate) ground: Option<GroundReport>,
     pub(crate) grid: CityGrid,
     pub(crate) threads: usize,
@@ -180,7 +183,7 @@ pub(crate) struct ReportInput {
 
 impl BakeReport {
     pub(crate) fn new(input: ReportInput, clock: StageClock) -> Self {
-        let ReportInput { manifest, city_bytes, read, ground, grid, threads, start, blocks, meshes } = input;
+        let ReportInput { manifest, city_bytes, read, filled_in, ground, grid, threads, start, blocks, meshes } = input;
         let seconds = clock.seconds();
         let per_second = |n: u64| n as f64 / seconds.max(1e-9);
         let counts = &manifest.counts;
@@ -197,6 +200,7 @@ impl BakeReport {
             name: manifest.name,
             version: manifest.version,
             read,
+            filled_in,
             ground,
             cell_m: grid.cell_m,
             depth: grid.depth,
