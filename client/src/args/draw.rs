@@ -1,7 +1,7 @@
 //! Arguments of `insula draw`.
 
 use clap::{ArgGroup, Args};
-use insula_command_line::output::OverwriteArgs;
+use insula_command_line::{area::AreaArgs, output::OverwriteArgs};
 use insula_shaders::look::Look;
 use insula_viewer::sun::{Bearing, SunTime, parse_bearing, parse_time};
 use std::path::PathBuf;
@@ -26,9 +26,8 @@ pub struct DrawArgs {
     /// File to write: .svg, .pdf or .dxf.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Only objects with the middle in this area, in metres of the city's coordinate system; land is cut at its border.
-    #[arg(long, value_name = "W,S,E,N", value_parser = parse_area, allow_hyphen_values = true)]
-    pub bbox: Option<[f64; 4]>,
+    #[command(flatten)]
+    pub area: AreaArgs,
     /// Only objects that pass, as in 'height > 20'.
     #[arg(long, value_name = "EXPR")]
     pub filter: Option<String>,
@@ -74,16 +73,6 @@ fn parse_angles(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-fn parse_area(text: &str) -> Result<[f64; 4], String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
-    match numbers[..] {
-        [west, south, east, north] if west < east && south < north && (east - west + north - south).is_finite() => {
-            Ok([west, south, east, north])
-        }
-        _ => Err("expected west, south, east and north, separated by commas".to_owned()),
-    }
-}
-
 fn parse_look(text: &str) -> Result<Look, String> {
     let look = Look::of_word(text).filter(|look| *look != Look::Physical);
     look.ok_or_else(|| "expected model or paper".to_owned())
@@ -102,13 +91,11 @@ mod tests {
     fn values_are_checked() {
         assert_eq!(parse_scale("1:500"), Ok(500.0));
         assert_eq!(parse_angles("-30, 35"), Ok([-30.0, 35.0]));
-        assert_eq!(parse_area("1,2,3,4"), Ok([1.0, 2.0, 3.0, 4.0]));
         for wrong in ["500", "1:0.1", "1:nan"] {
             assert!(parse_scale(wrong).is_err(), "{wrong}");
         }
         assert!(parse_angles("30,91").is_err() && parse_angles("30").is_err());
         assert_eq!(parse_look("paper"), Ok(Look::Paper));
         assert!(parse_look("physical").is_err());
-        assert!(parse_area("3,2,1,4").is_err() && parse_area("-inf,2,1,4").is_err());
     }
 }

@@ -12,7 +12,7 @@ use crate::{
 };
 use bytes::Bytes;
 use insula_archive::{ReadError, file};
-use insula_bake::read::{FacadeOption, Palette};
+use insula_bake::read::{EarthPlace, FacadeOption, Palette};
 use insula_command_line::output::{FileKind, Outputs};
 use insula_draw::{
     DrawError, DrawLimits, DrawRequest, draw,
@@ -186,7 +186,8 @@ fn view(args: &DrawArgs) -> Result<DrawView> {
 }
 
 fn selection(args: &DrawArgs, source: &dyn ExportSource) -> Result<ObjectSelection> {
-    let bbox = args.bbox.map(|[west, south, east, north]| [[west, south], [east, north]]);
+    let place = source.manifest().crs.as_deref().and_then(EarthPlace::of);
+    let bbox = args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(ClientError::Usage)?;
     let passing = |text: &String| {
         let filter = Filter::parse(text, source.schema())
             .map_err(|error| ClientError::Usage(format!("--filter {text}: {error}")))?;

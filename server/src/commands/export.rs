@@ -46,8 +46,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     if args.parts && !matches!(format, ExportFormat::Table(format) if is_table(format)) {
         return Err(CommandError::Usage("--parts needs a table: csv, geojson, geoparquet or flatgeobuf".to_owned()));
     }
-    let selection = selection(args, &source)?;
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
+    let selection = selection(args, &source, place.as_ref())?;
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
     let text = match format {
         ExportFormat::Glb => {
@@ -165,8 +165,12 @@ fn view(args: &ExportArgs, format: ExportFormat) -> Result<Option<ExportView>, C
 }
 
 /// What the arguments select. Fails if an expression or a file is invalid.
-fn selection(args: &ExportArgs, source: &StoredCity<'_>) -> Result<ObjectSelection, CommandError> {
-    let bbox = args.bbox.map(|[west, south, east, north]| [[west, south], [east, north]]);
+fn selection(
+    args: &ExportArgs,
+    source: &StoredCity<'_>,
+    place: Option<&EarthPlace>,
+) -> Result<ObjectSelection, CommandError> {
+    let bbox = args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(CommandError::Usage)?;
     let polygon = args.polygon.as_deref().map(read_polygon).transpose()?;
     let objects = args.filter.as_deref().map(|text| passing_objects(text, source, &args.city)).transpose()?;
     Ok(ObjectSelection { bbox, polygon, objects })

@@ -80,7 +80,7 @@ fn assert_bad(bad: &str, text: Option<&str>, words: &[&str]) {
     let output = run(folder.path(), &[&bake[..], &["c"]].concat());
     let lines = told(&output);
     assert_eq!((output.status.code(), lines.len()), (Some(1), 1), "{lines:?}");
-    assert!(lines[0].starts_with(&format!("error: {bad}: ")), "{}", lines[0]);
+    assert!(lines[0].starts_with(&format!("error: bake: {bad}: ")), "{}", lines[0]);
     for word in words.iter().chain(&["; --skip-bad-inputs bakes the other inputs"]) {
         assert!(lines[0].contains(word), "{word} is not in {}", lines[0]);
     }
@@ -140,7 +140,11 @@ fn bake_without_a_good_input_fails_with_the_first_bad_one() {
         let output = run(folder.path(), &[&["bake", "--out", "c", "--skip-bad-inputs"][..], inputs].concat());
         let lines = told(&output);
         assert!(output.status.code() == Some(1) && lines.len() == 1, "{lines:?}");
-        assert!(lines[0].starts_with("error: a.kml: KML") && lines[0].ends_with("a.geojson a.kml"), "{}", lines[0]);
+        assert!(
+            lines[0].starts_with("error: bake: a.kml: KML") && lines[0].ends_with("a.geojson a.kml"),
+            "{}",
+            lines[0]
+        );
         assert!(!folder.path().join("c.partial").exists());
     }
     fs::create_dir(folder.path().join("in")).unwrap();
