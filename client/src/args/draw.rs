@@ -49,6 +49,9 @@ pub struct DrawArgs {
     /// Fill the paper with the drawing: no frame, title block, scale bar and north arrow. Name the sources beside it.
     #[arg(long)]
     pub bare: bool,
+    /// Draw the sheet of paper in millimetres into a .dxf file [default: metres of the city's coordinate system].
+    #[arg(long)]
+    pub sheet: bool,
     /// Whose light fills have: `model`, a white model by day, or `paper`, even light for reports [default: that of the stylesheet, model].
     #[arg(long, value_name = "LOOK", value_parser = parse_look)]
     pub look: Option<Look>,

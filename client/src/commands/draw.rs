@@ -54,6 +54,9 @@ const MAX_TEXT_BYTES: u64 = 1 << 20;
 /// cannot be written.
 pub(super) fn run(args: &DrawArgs, global: &GlobalArgs) -> Result<()> {
     check_output(args)?;
+    if args.sheet && !args.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("dxf")) {
+        return Err(ClientError::Usage("--sheet needs a .dxf file: .svg and .pdf always have a sheet".to_owned()));
+    }
     if let [place] = &args.sources[..]
         && is_address(place)
     {
@@ -97,7 +100,8 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
         title: args.title.clone(),
         style: style(args, &source)?,
         is_checked: false,
-        keeps_parts: format == DrawingFormat::Dxf,
+        is_sheet: args.sheet,
+        date: args.time.map(|time| time.to_string()).unwrap_or_default(),
         color_by: color_by.transpose()?,
         limits: DrawLimits::default(),
     };

@@ -16,11 +16,15 @@ pub struct Drawing {
     pub grid: PaperGrid,
     /// Where the city is.
     pub frame: PaperRect,
+    /// How the paper lies in the city, for formats that draw in metres; `None` for a sheet, and for a perspective.
+    pub metres: Option<MetreFrame>,
     pub title: String,
     /// Who must be named wherever the drawing is shown; empty if nobody.
     pub attribution: String,
     /// Whether each pixel of a picture shall have one colour of a shape, and no mixture.
     pub is_exact: bool,
+    /// Whether surfaces that meet at an angle have different colours, so that their shapes show each edge.
+    pub is_lit: bool,
     pub paper: Rgb,
     pub ink: Rgb,
     /// By kind, and by number within a kind.
@@ -30,6 +34,23 @@ pub struct Drawing {
     pub counts: DrawingCounts,
     /// The largest area that two visible parts share, as a share of the page; `None` if it was not asked for.
     pub largest_overlap: Option<f64>,
+}
+
+/// The place of a sheet of paper in metres along the axes of the view: those of the city's coordinate system for a plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MetreFrame {
+    /// Metres of a millimetre on paper.
+    pub per_mm: f64,
+    /// Of the lower left corner of the paper.
+    pub at_zero: [f64; 2],
+}
+
+impl MetreFrame {
+    /// Metres of a place of the paper in millimetres.
+    #[must_use]
+    pub fn place(&self, mm: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|k| self.at_zero[k] + mm[k] * self.per_mm)
+    }
 }
 
 /// How much work a drawing was.
@@ -69,8 +90,6 @@ pub struct DrawnShape {
     pub opacity: f64,
     /// Outer rings and holes, filled by the rule "nonzero".
     pub(crate) rings: Rings,
-    /// Convex parts that fill the same area; empty if they were not asked for.
-    pub(crate) parts: Rings,
 }
 
 /// Whether a shape is a surface or a shadow.
@@ -107,11 +126,6 @@ impl Drawing {
     /// The rings of a shape in millimetres from the lower left corner of the paper.
     pub fn rings<'a>(&'a self, shape: &'a DrawnShape) -> impl Iterator<Item = Vec<[f64; 2]>> + 'a {
         shape.rings.iter().map(|ring| ring.iter().map(|point| self.grid.mm(*point)).collect())
-    }
-
-    /// The convex parts of a shape in millimetres from the lower left corner of the paper.
-    pub(crate) fn parts<'a>(&'a self, shape: &'a DrawnShape) -> impl Iterator<Item = Vec<[f64; 2]>> + 'a {
-        shape.parts.iter().map(|ring| ring.iter().map(|point| self.grid.mm(*point)).collect())
     }
 
     /// The chains of lines in millimetres from the lower left corner of the paper.
