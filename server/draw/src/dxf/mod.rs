@@ -5,17 +5,20 @@
 //! of surfaces are not drawn twice. The number of an object is in the extended data of the application `INSULA`, and on its first polyline
 //! its identifier, too.
 
+mod colors;
+mod sections;
+
 use crate::{
     drawing::{Drawing, DrawnObject, DrawnShape, ShapeRole, SheetItem, TextAnchor},
     lines::LineRole,
     style::{Rgb, kind_name},
 };
+use colors::{color_index, nearest_index};
 use insula_objects::FeatureKind;
 use insula_protocol::text::at_most;
+use sections::{APPLICATION, FIRST_HANDLE, HANDSEED, MODEL_SPACE};
 use std::{collections::BTreeSet, fmt::Write};
 
-/// Name of the application of extended data.
-const APPLICATION: &str = "INSULA";
 /// Longest text of a group in characters.
 const MAX_TEXT: usize = 250;
 /// Decimals of metres and of millimetres: what a survey knows, and what a plotter draws.
@@ -23,15 +26,6 @@ const METRE_DECIMALS: usize = 2;
 const MILLIMETRE_DECIMALS: usize = 3;
 /// Height of texts on paper in millimetres.
 const NOTE_MM: f64 = 2.5;
-/// Units of the header: `$INSUNITS`.
-const MILLIMETRES: i64 = 4;
-const METRES: i64 = 6;
-/// Handles of the tables and blocks, which others refer to.
-const MODEL_SPACE: u32 = 0x1;
-const PAPER_SPACE: u32 = 0x2;
-const ROOT: u32 = 0x3;
-const GROUPS: u32 = 0x4;
-const FIRST_HANDLE: u32 = 0x10;
 
 /// The drawing as the text of a DXF file.
 pub(crate) fn to_dxf(drawing: &Drawing) -> String {
@@ -49,9 +43,6 @@ pub(crate) fn to_dxf(drawing: &Drawing) -> String {
     // The header has the handle after the last one.
     dxf.out.replacen(HANDSEED, &format!("{:X}", dxf.next_handle), 1)
 }
-
-/// Stands for the handle after the last one.
-const HANDSEED: &str = "$SEED";
 
 fn layer_name(name: &str) -> String {
     name.to_ascii_uppercase().replace('-', "_")
@@ -87,46 +78,6 @@ fn dxf_text(text: &str) -> String {
         }
     }
     out
-}
-
-/// The nearest of the few colours that all programs have: black, or a grey.
-fn color_index([r, g, b]: Rgb) -> u8 {
-    let grey = (u32::from(r) + u32::from(g) + u32::from(b)) / 3;
-    match grey {
-        0..=60 => 7,
-        61..=140 => 8,
-        141..=200 => 9,
-        _ => 254,
-    }
-}
-
-/// Lightness of the five pairs of colours that each hue has.
-const LEVELS: [f64; 5] = [255.0, 165.0, 127.0, 76.0, 38.0];
-/// The greys from 250 on.
-const GREYS: [u8; 6] = [51, 91, 132, 173, 214, 255];
-
-/// Red, green and blue of an index from 10 to 255: 24 hues with ten colours each, then greys.
-fn index_color(index: u8) -> [f64; 3] {
-    if index >= 250 {
-        return [f64::from(GREYS[usize::from(index - 250)]); 3];
-    }
-    let (hue, shade) = (f64::from((index - 10) / 10) / 4.0, usize::from(index % 10));
-    let level = LEVELS[shade / 2];
-    // Odd ones are half as strong.
-    let least = if shade % 2 == 1 { 0.5 } else { 0.0 };
-    [0.0, 4.0, 2.0].map(|turn| {
-        let away = ((hue + turn) % 6.0 - 3.0).abs() - 1.0;
-        level * away.clamp(0.0, 1.0).max(least)
-    })
-}
-
-/// The index of the nearest colour.
-fn nearest_index(color: Rgb) -> u8 {
-    let distance = |index: &u8| {
-        let of_index = index_color(*index);
-        (0..3).map(|k| (of_index[k] - f64::from(color[k])).powi(2)).sum::<f64>()
-    };
-    (10..=255).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(255)
 }
 
 /// A file, or the entities of one, in the making.
@@ -184,171 +135,6 @@ impl<'a> Dxf<'a> {
     fn begin_section(&mut self, name: &str) {
         self.group(0, "SECTION");
         self.group(2, name);
-    }
-
-    fn header(&mut self) {
-        let is_metric = self.drawing.metres.is_some();
-        self.begin_section("HEADER");
-        self.group(9, "$ACADVER");
-        self.group(1, "AC1015");
-        self.group(9, "$DWGCODEPAGE");
-        self.group(3, "ANSI_1252");
-        self.group(9, "$HANDSEED");
-        self.group(5, HANDSEED);
-        self.group(9, "$INSUNITS");
-        self.integer(70, if is_metric { METRES } else { MILLIMETRES });
-        self.group(9, "$MEASUREMENT");
-        self.integer(70, 1);
-        self.group(0, "ENDSEC");
-    }
-
-    fn tables(&mut self, content: &Self) {
-        self.begin_section("TABLES");
-        self.viewport(content.extent);
-        let owner = self.begin_table("LTYPE", 3);
-        for name in ["ByBlock", "ByLayer", "Continuous"] {
-            self.entry("LTYPE", owner, "AcDbLinetypeTableRecord", name);
-            for (code, value) in [(70, "0"), (3, ""), (72, "65"), (73, "0"), (40, "0")] {
-                self.group(code, value);
-            }
-        }
-        self.group(0, "ENDTAB");
-        let layers: BTreeSet<(String, u8)> = content.layers.iter().cloned().chain([("0".to_owned(), 7)]).collect();
-        let owner = self.begin_table("LAYER", layers.len());
-        for (name, color) in layers {
-            self.entry("LAYER", owner, "AcDbLayerTableRecord", &name);
-            self.integer(70, 0);
-            self.integer(62, i64::from(color));
-            self.group(6, "Continuous");
-        }
-        self.group(0, "ENDTAB");
-        let owner = self.begin_table("STYLE", 1);
-        self.entry("STYLE", owner, "AcDbTextStyleTableRecord", "Standard");
-        for (code, value) in [(70, "0"), (40, "0"), (41, "1"), (50, "0"), (71, "0"), (42, "2.5"), (3, "txt"), (4, "")] {
-            self.group(code, value);
-        }
-        self.group(0, "ENDTAB");
-        for name in ["VIEW", "UCS"] {
-            self.begin_table(name, 0);
-            self.group(0, "ENDTAB");
-        }
-        let owner = self.begin_table("APPID", 2);
-        for name in ["ACAD", APPLICATION] {
-            self.entry("APPID", owner, "AcDbRegAppTableRecord", name);
-            self.integer(70, 0);
-        }
-        self.group(0, "ENDTAB");
-        self.dimension_styles();
-        let owner = self.begin_table("BLOCK_RECORD", 2);
-        for (handle, name) in [(MODEL_SPACE, "*Model_Space"), (PAPER_SPACE, "*Paper_Space")] {
-            self.entry_of("BLOCK_RECORD", (5, handle), owner, "AcDbBlockTableRecord", name);
-        }
-        self.group(0, "ENDTAB");
-        self.group(0, "ENDSEC");
-    }
-
-    /// Programs open the file with all of the drawing in their window.
-    fn viewport(&mut self, [min, max]: [[f64; 2]; 2]) {
-        let owner = self.begin_table("VPORT", 1);
-        self.entry("VPORT", owner, "AcDbViewportTableRecord", "*Active");
-        self.integer(70, 0);
-        let size = [0, 1].map(|k| (max[k] - min[k]).max(0.0));
-        let middle = [0, 1].map(|k| if size[k].is_finite() { 0.5 * (min[k] + max[k]) } else { 0.0 });
-        let height = size[1].max(0.5 * size[0]).clamp(1.0, 1e9);
-        for (code, value) in [
-            (10, 0.0),
-            (20, 0.0),
-            (11, 1.0),
-            (21, 1.0),
-            (12, middle[0]),
-            (22, middle[1]),
-            (16, 0.0),
-            (26, 0.0),
-            (36, 1.0),
-            (17, 0.0),
-            (27, 0.0),
-            (37, 0.0),
-            (40, 1.1 * height),
-            (41, 2.0),
-        ] {
-            self.number(code, value);
-        }
-        self.group(0, "ENDTAB");
-    }
-
-    fn dimension_styles(&mut self) {
-        let owner = self.begin_table("DIMSTYLE", 1);
-        self.group(100, "AcDbDimStyleTable");
-        let handle = self.new_handle();
-        self.entry_of("DIMSTYLE", (105, handle), owner, "AcDbDimStyleTableRecord", "Standard");
-        self.integer(70, 0);
-        self.group(0, "ENDTAB");
-    }
-
-    /// Returns its handle.
-    fn begin_table(&mut self, name: &str, entries: usize) -> u32 {
-        let handle = self.new_handle();
-        self.group(0, "TABLE");
-        self.group(2, name);
-        self.handle(5, handle);
-        self.handle(330, 0);
-        self.group(100, "AcDbSymbolTable");
-        self.integer(70, entries as i64);
-        handle
-    }
-
-    fn entry(&mut self, kind: &str, owner: u32, class: &str, name: &str) {
-        let handle = self.new_handle();
-        self.entry_of(kind, (5, handle), owner, class, name);
-    }
-
-    fn entry_of(&mut self, kind: &str, (code, handle): (u32, u32), owner: u32, class: &str, name: &str) {
-        self.group(0, kind);
-        self.handle(code, handle);
-        self.handle(330, owner);
-        self.group(100, "AcDbSymbolTableRecord");
-        self.group(100, class);
-        self.group(2, name);
-    }
-
-    fn blocks(&mut self) {
-        self.begin_section("BLOCKS");
-        for (record, name) in [(MODEL_SPACE, "*Model_Space"), (PAPER_SPACE, "*Paper_Space")] {
-            for (kind, class) in [("BLOCK", "AcDbBlockBegin"), ("ENDBLK", "AcDbBlockEnd")] {
-                let handle = self.new_handle();
-                self.group(0, kind);
-                self.handle(5, handle);
-                self.handle(330, record);
-                self.group(100, "AcDbEntity");
-                self.group(8, "0");
-                self.group(100, class);
-                if kind == "BLOCK" {
-                    self.group(2, name);
-                    self.integer(70, 0);
-                    [10, 20, 30].into_iter().for_each(|code| self.integer(code, 0));
-                    self.group(3, name);
-                    self.group(1, "");
-                }
-            }
-        }
-        self.group(0, "ENDSEC");
-    }
-
-    /// The dictionaries that the release asks for.
-    fn objects(&mut self) {
-        self.begin_section("OBJECTS");
-        for (handle, owner, entry) in [(ROOT, 0, Some(GROUPS)), (GROUPS, ROOT, None)] {
-            self.group(0, "DICTIONARY");
-            self.handle(5, handle);
-            self.handle(330, owner);
-            self.group(100, "AcDbDictionary");
-            self.integer(281, 1);
-            if let Some(entry) = entry {
-                self.group(3, "ACAD_GROUP");
-                self.handle(350, entry);
-            }
-        }
-        self.group(0, "ENDSEC");
     }
 
     fn entities(&mut self) {
@@ -609,16 +395,6 @@ mod tests {
     fn lines_within_surfaces_of_one_colour_are_drawn() {
         let dxf = to_dxf(&Drawing { is_lit: false, ..drawing(None) });
         assert!(dxf.contains("LINE_CREASE") && !dxf.contains("LINE_BORDER"));
-    }
-
-    #[test]
-    fn colors_have_the_nearest_index() {
-        let expected = [([255, 0, 0], 10), ([255, 255, 0], 50), ([0, 255, 0], 90), ([0, 255, 255], 130)];
-        for (color, index) in expected.into_iter().chain([([0, 0, 255], 170), ([255, 0, 255], 210), ([0, 0, 127], 174)])
-        {
-            assert_eq!(nearest_index(color), index, "{color:?}");
-        }
-        assert_eq!([[255, 255, 255], [130, 131, 132], [50, 50, 50]].map(nearest_index), [255, 252, 250]);
     }
 
     #[test]
