@@ -11,8 +11,11 @@ use std::path::PathBuf;
 #[command(group = ArgGroup::new("seen").required(true).args(["view", "plan", "axonometric"]))]
 pub struct DrawArgs {
     /// The folder of a baked city, its address as for `insula view`, or city files as for `insula-server bake`.
-    #[arg(required = true, value_name = "SOURCE")]
-    pub sources: Vec<PathBuf>,
+    #[arg(required_unless_present = "server", value_name = "SOURCE")]
+    sources: Vec<PathBuf>,
+    /// The same as one SOURCE.
+    #[arg(long, value_name = "PLACE", conflicts_with = "sources")]
+    server: Option<PathBuf>,
     /// Perspective view of a camera file, as for `insula snapshot`. The field of view is the height of the drawing.
     #[arg(long, value_name = "CAM.json")]
     pub view: Option<PathBuf>,
@@ -66,6 +69,13 @@ pub struct DrawArgs {
     pub sun: Option<Bearing>,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
+}
+
+impl DrawArgs {
+    /// The place of a city, or city files.
+    pub fn sources(&self) -> &[PathBuf] {
+        self.server.as_ref().map_or(&self.sources[..], std::slice::from_ref)
+    }
 }
 
 fn parse_angles(text: &str) -> Result<[f64; 2], String> {

@@ -57,7 +57,7 @@ pub(super) fn run(args: &DrawArgs, global: &GlobalArgs) -> Result<()> {
     if args.sheet && !args.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("dxf")) {
         return Err(ClientError::Usage("--sheet needs a .dxf file: .svg and .pdf always have a sheet".to_owned()));
     }
-    if let [place] = &args.sources[..]
+    if let [place] = args.sources()
         && is_address(place)
     {
         let http = Arc::new(Http::new(None)?);
@@ -65,7 +65,7 @@ pub(super) fn run(args: &DrawArgs, global: &GlobalArgs) -> Result<()> {
         let read = |kind, id| fetch_tile(&http, &city, kind, id);
         return draw_source(args, &city.manifest, &read);
     }
-    let folder = baked_folder(&args.sources)?;
+    let folder = baked_folder(args.sources())?;
     let city = CityStore::open(&folder).map_err(|error| unreadable(&error))?;
     draw_source(args, city.manifest(), &|kind, id| city.tile(kind, id))
 }
@@ -77,7 +77,7 @@ fn check_output(args: &DrawArgs) -> Result<()> {
         DrawingFormat::Pdf => FileKind::PDF,
         DrawingFormat::Dxf => FileKind::DXF,
     };
-    let inputs = args.sources.iter().chain(&args.view).chain(&args.style);
+    let inputs = args.sources().iter().chain(&args.view).chain(&args.style);
     Outputs::new(args.overwrite).reading(inputs).file(&args.out, kind).map_err(ClientError::Usage)
 }
 
