@@ -5,7 +5,7 @@ use crate::{
     join::{Rings, unions},
     lines::LineRole,
     style::Rgb,
-    view::{PaperGrid, PaperRect},
+    view::{MetreFrame, PaperGrid, PaperRect},
 };
 use insula_export::rings::twice_area;
 use insula_objects::FeatureKind;
@@ -34,23 +34,6 @@ pub struct Drawing {
     pub counts: DrawingCounts,
     /// The largest area that two visible parts share, as a share of the page; `None` if it was not asked for.
     pub largest_overlap: Option<f64>,
-}
-
-/// The place of a sheet of paper in metres along the axes of the view: those of the city's coordinate system for a plan.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MetreFrame {
-    /// Metres of a millimetre on paper.
-    pub per_mm: f64,
-    /// Of the lower left corner of the paper.
-    pub at_zero: [f64; 2],
-}
-
-impl MetreFrame {
-    /// Metres of a place of the paper in millimetres.
-    #[must_use]
-    pub fn place(&self, mm: [f64; 2]) -> [f64; 2] {
-        [0, 1].map(|k| self.at_zero[k] + mm[k] * self.per_mm)
-    }
 }
 
 /// How much work a drawing was.

@@ -3,7 +3,6 @@
 use crate::{
     bsp::Eye,
     convex::{PagePoint, PageRect},
-    drawing::MetreFrame,
     error::DrawError,
     face::FacePlane,
 };
@@ -74,6 +73,23 @@ impl PaperGrid {
 
     pub(crate) fn rect(&self, rect: &PaperRect) -> PageRect {
         PageRect { min: self.point(DVec2::from(rect.min)), max: self.point(DVec2::from(rect.max)) }
+    }
+}
+
+/// The place of a sheet of paper in metres along the axes of the view: those of the city's coordinate system for a plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MetreFrame {
+    /// Metres of a millimetre on paper.
+    pub per_mm: f64,
+    /// Of the lower left corner of the paper.
+    pub at_zero: [f64; 2],
+}
+
+impl MetreFrame {
+    /// Metres of a place of the paper in millimetres.
+    #[must_use]
+    pub fn place(&self, mm: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|k| self.at_zero[k] + mm[k] * self.per_mm)
     }
 }
 

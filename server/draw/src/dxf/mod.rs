@@ -296,8 +296,8 @@ mod tests {
     use super::*;
     use crate::{
         convex::PagePoint,
-        drawing::{DrawingCounts, DrawnLine, MetreFrame},
-        view::{PaperGrid, PaperRect},
+        drawing::{DrawingCounts, DrawnLine},
+        view::{MetreFrame, PaperGrid, PaperRect},
     };
 
     /// A house with a light and a dark half, its border and a crease, at 1:1000.
