@@ -215,6 +215,7 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         skip_bad_inputs: args.skip_bad_inputs,
         name: args.name.clone(),
         title: args.title.clone(),
+        place: None,
         attribution: attribution.into_iter().collect(),
         obj_up: match args.obj_up {
             UpAxis::Z => ObjUpAxis::Z,

@@ -13,6 +13,11 @@ pub fn flatten(members: &Members, into: &mut Attributes) {
     members.iter().for_each(|(name, value)| add(name, value, 0, into));
 }
 
+/// Adds a value of any type: as [`flatten`] a member of this name.
+pub fn flatten_value(name: &str, value: &MemberValue, into: &mut Attributes) {
+    add(name, value, 0, into);
+}
+
 fn add(name: &str, value: &MemberValue, depth: usize, into: &mut Attributes) {
     if depth > MAX_DEPTH {
         return;

@@ -4,7 +4,7 @@ use serde::{
     Deserialize, Deserializer,
     de::{MapAccess, SeqAccess, Visitor},
 };
-use serde_json::Number;
+use serde_json::{Number, Value};
 use std::fmt;
 
 /// The members of an object in the order of the text. Equal names stay.
@@ -33,6 +33,22 @@ impl Members {
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&MemberValue> {
         self.iter().find(|(known, _)| *known == name).map(|(_, value)| value)
+    }
+}
+
+/// The members of an object are in the order of their names.
+impl From<Value> for MemberValue {
+    fn from(value: Value) -> Self {
+        match value {
+            Value::Null => Self::Null,
+            Value::Bool(value) => Self::Bool(value),
+            Value::Number(number) => Self::Number(number),
+            Value::String(text) => Self::Text(text),
+            Value::Array(values) => Self::List(values.into_iter().map(Self::from).collect()),
+            Value::Object(members) => {
+                Self::Members(Members(members.into_iter().map(|(name, value)| (name, value.into())).collect()))
+            }
+        }
     }
 }
 

@@ -1,10 +1,10 @@
 //! Columns of batch tables: lists, or parts of the binary.
 
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::bytes::{array_at, part};
 use insula_source::attributes::{AttributeValue, Attributes};
-use insula_source::json::attributes::flatten;
+use insula_source::json::attributes::flatten_value;
 
 /// The values of one attribute.
 #[derive(Debug)]
@@ -92,7 +92,7 @@ impl<'a> Column<'a> {
             Self::Json(values) => match values.get(row) {
                 None | Some(Value::Null) => {}
                 Some(Value::String(text)) => into.push(name, AttributeValue::Text(text.clone())),
-                Some(value) => flatten(&Map::from_iter([(name.to_owned(), value.clone())]), into),
+                Some(value) => flatten_value(name, &value.clone().into(), into),
             },
             Self::Binary { bytes, component, components } => {
                 for i in 0..*components {
