@@ -23,8 +23,6 @@ pub struct Drawing {
     pub attribution: String,
     /// Whether each pixel of a picture shall have one colour of a shape, and no mixture.
     pub is_exact: bool,
-    /// Whether surfaces that meet at an angle have different colours, so that their shapes show each edge.
-    pub is_lit: bool,
     pub paper: Rgb,
     pub ink: Rgb,
     /// By kind, and by number within a kind.

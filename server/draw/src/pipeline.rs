@@ -120,7 +120,6 @@ pub fn draw(
         title: block.title,
         attribution: block.attribution,
         is_exact: request.style.fill == FillMode::Object,
-        is_lit: request.style.fill == FillMode::Light,
         paper: color(&request.style.paper, [255; 3]),
         ink: color(&request.style.ink, [0; 3]),
         objects: objects.sorted(),

@@ -145,7 +145,7 @@ pub struct Attributes {
 }
 
 impl Attributes {
-    /// Adds an attribute. Cuts long names and texts. Leaves out floats that are not finite, equal names, and all beyond
+    /// Adds an attribute. Cuts long names and texts, and gives numbers of single precision their shortest form. Leaves out floats that are not finite, equal names, and all beyond
     /// [`MAX_ATTRIBUTES`].
     pub fn push(&mut self, name: &str, value: AttributeValue) {
         let name = &name[..name.floor_char_boundary(MAX_NAME_BYTES)];
@@ -154,6 +154,10 @@ impl Attributes {
             return;
         }
         let value = match value {
+            // A number of single precision in the digits of double precision, as 8.630000114440918 is for 8.63.
+            AttributeValue::Float(number) if f64::from(number as f32) == number => {
+                AttributeValue::single(number as f32)
+            }
             AttributeValue::Text(text) if text.len() > MAX_TEXT_BYTES => {
                 AttributeValue::Text(text[..text.floor_char_boundary(MAX_TEXT_BYTES)].to_owned())
             }
@@ -200,6 +204,13 @@ mod tests {
     fn single_precision_keeps_its_decimals() {
         assert_eq!(AttributeValue::single(8.63), AttributeValue::Float(8.63));
         assert_eq!(AttributeValue::single(14.1).to_string(), "14.1");
+        let mut attributes = Attributes::default();
+        for (name, number) in [("a", 8.630000114440918), ("b", 8.63), ("c", 0.1 + 0.2), ("d", -0.5), ("e", 1e300)] {
+            attributes.push(name, AttributeValue::Float(number));
+        }
+        let texts: Vec<String> = attributes.iter().map(|(_, value)| value.to_string()).take(4).collect();
+        assert_eq!(texts, ["8.63", "8.63", "0.30000000000000004", "-0.5"]);
+        assert_eq!(attributes.get("e"), Some(&AttributeValue::Float(1e300)));
         assert!(matches!(AttributeValue::single(f32::NAN), AttributeValue::Float(number) if number.is_nan()));
     }
 }

@@ -1,20 +1,21 @@
 //! Drawings as DXF of release 2000 (AC1015): what is seen as closed polylines on layers by kind and class.
 //!
 //! Coordinates are metres of the city's coordinate system, so that a plan lies where other plans of the place do; of views along other
-//! axes they are metres along these. A sheet of paper, and a perspective, which has no scale, are in millimetres. Lines that are borders
-//! of surfaces are not drawn twice. The number of an object is in the extended data of the application `INSULA`, and on its first polyline
+//! axes they are metres along these. A sheet of paper, and a perspective, which has no scale, are in millimetres. The visible surfaces of an
+//! object have one border together; lines within it follow by class, and no line is drawn twice. The number of an object is in the extended data of the application `INSULA`, and on its first polyline
 //! its identifier, too.
 
 mod colors;
 mod sections;
 
 use crate::{
-    drawing::{Drawing, DrawnObject, DrawnShape, ShapeRole, SheetItem, TextAnchor},
+    drawing::{Drawing, DrawnLine, DrawnObject, ShapeRole, SheetItem, TextAnchor},
+    join::{Rings, unions},
     lines::LineRole,
     style::{Rgb, kind_name},
+    view::PaperGrid,
 };
 use colors::{color_index, nearest_index};
-use insula_objects::FeatureKind;
 use insula_protocol::text::at_most;
 use sections::{APPLICATION, FIRST_HANDLE, HANDSEED, MODEL_SPACE};
 use std::{collections::BTreeSet, fmt::Write};
@@ -24,6 +25,10 @@ const MAX_TEXT: usize = 250;
 /// Decimals of metres and of millimetres: what a survey knows, and what a plotter draws.
 const METRE_DECIMALS: usize = 2;
 const MILLIMETRE_DECIMALS: usize = 3;
+/// Lines this near to the outline of their object are parts of it.
+const ON_OUTLINE_MM: f64 = 0.02;
+/// Most pairs of a line's part and a corner of the outline that are compared. Beyond, all lines are drawn.
+const MAX_TESTS: usize = 50_000_000;
 /// Height of texts on paper in millimetres.
 const NOTE_MM: f64 = 2.5;
 
@@ -53,9 +58,54 @@ fn line_layer(class: LineRole) -> String {
     format!("LINE_{}", layer_name(name))
 }
 
-fn shape_layer(kind: FeatureKind, role: ShapeRole) -> String {
-    let name = layer_name(kind_name(kind));
-    if role == ShapeRole::Shadow { format!("SHADOW_{name}") } else { name }
+/// The border of all visible surfaces of each object.
+fn outlines(drawing: &Drawing) -> Vec<Rings> {
+    let surfaces = |object: &DrawnObject| -> Rings {
+        let shapes = object.shapes.iter().filter(|shape| shape.role == ShapeRole::Surface);
+        shapes.flat_map(|shape| shape.rings.iter().cloned()).collect()
+    };
+    let all: Vec<Rings> = drawing.objects.iter().map(surfaces).collect();
+    // Nothing stops it.
+    unions(all.clone(), &|_, _| true).unwrap_or(all)
+}
+
+/// The parts of lines that are not on the outline, which is drawn already, in millimetres.
+fn inner_chains(line: &DrawnLine, outline: &Rings, grid: &PaperGrid) -> Vec<Vec<[f64; 2]>> {
+    let corners: usize = outline.iter().map(Vec::len).sum();
+    let segments: usize = line.chains.iter().map(Vec::len).sum();
+    let is_tested = line.class != LineRole::Hatch && corners.saturating_mul(segments) <= MAX_TESTS;
+    let mut chains: Vec<Vec<[f64; 2]>> = Vec::new();
+    for chain in &line.chains {
+        let chain: Vec<[f64; 2]> = chain.iter().map(|point| grid.mm(*point)).collect();
+        let mut goes_on = false;
+        for ends in chain.windows(2) {
+            let middle = [0, 1].map(|k| 0.5 * (ends[0][k] + ends[1][k]));
+            let is_inner = !is_tested || !is_on(outline, grid, middle);
+            if is_inner && !goes_on {
+                chains.push(vec![ends[0]]);
+            }
+            if let Some(last) = chains.last_mut().filter(|_| is_inner) {
+                last.push(ends[1]);
+            }
+            goes_on = is_inner;
+        }
+    }
+    chains
+}
+
+/// Whether a place, in millimetres, is on a ring.
+fn is_on(rings: &Rings, grid: &PaperGrid, [x, y]: [f64; 2]) -> bool {
+    rings.iter().any(|ring| {
+        let mut before = ring.last().map_or([f64::NAN; 2], |point| grid.mm(*point));
+        ring.iter().any(|point| {
+            let ([x0, y0], [x1, y1]) = (before, grid.mm(*point));
+            before = [x1, y1];
+            let (dx, dy) = (x1 - x0, y1 - y0);
+            let length2 = (dx * dx + dy * dy).max(f64::MIN_POSITIVE);
+            let at = (((x - x0) * dx + (y - y0) * dy) / length2).clamp(0.0, 1.0);
+            (x - x0 - at * dx).hypot(y - y0 - at * dy) <= ON_OUTLINE_MM
+        })
+    })
 }
 
 /// Printable ASCII; other characters as the escapes of DXF.
@@ -139,21 +189,24 @@ impl<'a> Dxf<'a> {
 
     fn entities(&mut self) {
         let drawing = self.drawing;
-        for object in &drawing.objects {
+        for (object, outline) in drawing.objects.iter().zip(outlines(drawing)) {
             let mut identifier = Some(object.identifier.as_str()).filter(|identifier| !identifier.is_empty());
-            for shape in &object.shapes {
-                self.shape(object, shape, &mut identifier);
+            let surfaces = object.shapes.iter().find(|shape| shape.role == ShapeRole::Surface);
+            let color = surfaces.map_or(7, |shape| color_index(shape.color));
+            let layer = layer_name(kind_name(object.kind));
+            for ring in &outline {
+                let ring: Vec<[f64; 2]> = ring.iter().map(|point| drawing.grid.mm(*point)).collect();
+                self.polyline((&layer, color), &ring, true, Some(object), &mut identifier);
             }
-            // Other lines are borders of the surfaces, or between surfaces of different light.
-            let is_own = |class: LineRole| {
-                class == LineRole::Hatch
-                    || object.shapes.is_empty()
-                    || !drawing.is_lit && matches!(class, LineRole::Crease | LineRole::Intersection)
-            };
-            for line in object.lines.iter().filter(|line| is_own(line.class)) {
+            for shape in object.shapes.iter().filter(|shape| shape.role == ShapeRole::Shadow) {
+                for ring in drawing.rings(shape) {
+                    self.polyline((&format!("SHADOW_{layer}"), 8), &ring, true, Some(object), &mut identifier);
+                }
+            }
+            for line in &object.lines {
                 let layer = line_layer(line.class);
-                for chain in drawing.chains(line) {
-                    self.polyline(&layer, 7, &chain, false, (Some(object), &mut identifier));
+                for chain in inner_chains(line, &outline, &drawing.grid) {
+                    self.polyline((&layer, 7), &chain, false, Some(object), &mut identifier);
                 }
             }
         }
@@ -161,14 +214,6 @@ impl<'a> Dxf<'a> {
             self.notes();
         } else {
             drawing.sheet.iter().for_each(|item| self.sheet_item(item));
-        }
-    }
-
-    fn shape(&mut self, object: &DrawnObject, shape: &DrawnShape, identifier: &mut Option<&str>) {
-        let layer = shape_layer(object.kind, shape.role);
-        let color = if shape.role == ShapeRole::Shadow { 8 } else { color_index(shape.color) };
-        for ring in self.drawing.rings(shape) {
-            self.polyline(&layer, color, &ring, true, (Some(object), &mut *identifier));
         }
     }
 
@@ -198,11 +243,11 @@ impl<'a> Dxf<'a> {
     /// A polyline, unless it is too small for the decimals of the file.
     fn polyline(
         &mut self,
-        layer: &str,
-        color: u8,
+        (layer, color): (&str, u8),
         points: &[[f64; 2]],
         is_closed: bool,
-        (object, identifier): (Option<&DrawnObject>, &mut Option<&str>),
+        object: Option<&DrawnObject>,
+        identifier: &mut Option<&str>,
     ) {
         let decimals = self.decimals();
         let mut places: Vec<[String; 2]> = Vec::with_capacity(points.len());
@@ -276,9 +321,9 @@ impl<'a> Dxf<'a> {
 
     fn sheet_item(&mut self, item: &SheetItem) {
         match item {
-            SheetItem::Line { points, .. } => self.polyline("SHEET", 7, points, false, (None, &mut None)),
+            SheetItem::Line { points, .. } => self.polyline(("SHEET", 7), points, false, None, &mut None),
             SheetItem::Swatch { points, color } => self.solids(points, *color),
-            SheetItem::Area { points } => self.polyline("SHEET", 7, points, true, (None, &mut None)),
+            SheetItem::Area { points } => self.polyline(("SHEET", 7), points, true, None, &mut None),
             SheetItem::Text { at, size_mm, anchor, text } => {
                 let alignment = match anchor {
                     TextAnchor::Start => 0,
@@ -296,9 +341,10 @@ mod tests {
     use super::*;
     use crate::{
         convex::PagePoint,
-        drawing::{DrawingCounts, DrawnLine},
-        view::{MetreFrame, PaperGrid, PaperRect},
+        drawing::{DrawingCounts, DrawnShape},
+        view::{MetreFrame, PaperRect},
     };
+    use insula_objects::FeatureKind;
 
     /// A house with a light and a dark half, its border and a crease, at 1:1000.
     fn drawing(metres: Option<MetreFrame>) -> Drawing {
@@ -328,7 +374,6 @@ mod tests {
             title: "Delft".to_owned(),
             attribution: "3DBAG, CC BY 4.0".to_owned(),
             is_exact: false,
-            is_lit: true,
             paper: [255; 3],
             ink: [0; 3],
             objects: vec![house],
@@ -353,14 +398,16 @@ mod tests {
         let dxf = to_dxf(&drawing(Some(MetreFrame { per_mm: 1.0, at_zero: [84_500.0, -12.0] })));
         let all = pairs(&dxf);
         let kinds = values(&all, 0);
+        // The house, its shadow and the crease between its halves; its border is not drawn twice.
         assert_eq!(kinds.iter().filter(|kind| **kind == "LWPOLYLINE").count(), 3);
         assert_eq!(kinds.iter().filter(|kind| **kind == "TEXT").count(), 2);
         let begin = all.iter().position(|pair| *pair == (0, "LWPOLYLINE")).unwrap();
         let entities = &all[begin..];
-        assert_eq!(values(entities, 8)[..3], ["BUILDING_PART", "BUILDING_PART", "SHADOW_BUILDING_PART"]);
-        assert_eq!(values(entities, 10)[..4], ["84510", "84520", "84520", "84510"]);
-        assert_eq!(values(entities, 20)[..4], ["-2", "-2", "8", "8"]);
-        assert_eq!(values(entities, 70), ["1"; 3]);
+        assert_eq!(values(entities, 8)[..3], ["BUILDING_PART", "SHADOW_BUILDING_PART", "LINE_CREASE"]);
+        let mut corners: Vec<_> = values(entities, 10).into_iter().zip(values(entities, 20)).take(4).collect();
+        corners.sort_unstable();
+        assert_eq!(corners, [("84510", "-2"), ("84510", "8"), ("84530", "-2"), ("84530", "8")]);
+        assert_eq!(values(entities, 70), ["1", "1", "0"]);
         assert_eq!((values(entities, 1071), values(entities, 1000)), (vec!["7"; 3], vec!["NL.7\\U+00DF"]));
         assert_eq!(values(entities, 1), ["Delft", "3DBAG, CC BY 4.0"]);
         assert!(all.contains(&(1, "AC1015")) && all.contains(&(70, "6")) && !dxf.contains("-0\n"));
@@ -389,12 +436,6 @@ mod tests {
         let all = pairs(&dxf);
         assert_eq!(values(&all, 1)[1..], ["", "", "N"]);
         assert!(values(&all, 10).contains(&"10") && all.contains(&(70, "4")));
-    }
-
-    #[test]
-    fn lines_within_surfaces_of_one_colour_are_drawn() {
-        let dxf = to_dxf(&Drawing { is_lit: false, ..drawing(None) });
-        assert!(dxf.contains("LINE_CREASE") && !dxf.contains("LINE_BORDER"));
     }
 
     #[test]
