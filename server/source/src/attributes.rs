@@ -155,7 +155,7 @@ impl Attributes {
         }
         let value = match value {
             // A number of single precision in the digits of double precision, as 8.630000114440918 is for 8.63.
-            AttributeValue::Float(number) if f64::from(number as f32) == number => {
+            AttributeValue::Float(number) if number.fract() != 0.0 && f64::from(number as f32) == number => {
                 AttributeValue::single(number as f32)
             }
             AttributeValue::Text(text) if text.len() > MAX_TEXT_BYTES => {
@@ -205,12 +205,15 @@ mod tests {
         assert_eq!(AttributeValue::single(8.63), AttributeValue::Float(8.63));
         assert_eq!(AttributeValue::single(14.1).to_string(), "14.1");
         let mut attributes = Attributes::default();
-        for (name, number) in [("a", 8.630000114440918), ("b", 8.63), ("c", 0.1 + 0.2), ("d", -0.5), ("e", 1e300)] {
+        for (name, number) in
+            [("a", 8.630000114440918), ("b", 8.63), ("c", 0.1 + 0.2), ("d", -0.5), ("e", 1_099_511_627_776.0)]
+        {
             attributes.push(name, AttributeValue::Float(number));
         }
         let texts: Vec<String> = attributes.iter().map(|(_, value)| value.to_string()).take(4).collect();
         assert_eq!(texts, ["8.63", "8.63", "0.30000000000000004", "-0.5"]);
-        assert_eq!(attributes.get("e"), Some(&AttributeValue::Float(1e300)));
+        // Whole numbers may be identifiers.
+        assert_eq!(attributes.get("e"), Some(&AttributeValue::Float(1_099_511_627_776.0)));
         assert!(matches!(AttributeValue::single(f32::NAN), AttributeValue::Float(number) if number.is_nan()));
     }
 }
