@@ -363,7 +363,7 @@ mod tests {
                 shape(30.0, ShapeRole::Shadow),
             ],
             lines: vec![
-                line(LineRole::Border, half(10.0)),
+                line(LineRole::Border, vec![at(10.0, 20.0), at(10.0, 10.0), at(20.0, 10.0)]),
                 line(LineRole::Crease, vec![at(20.0, 10.0), at(20.0, 20.0)]),
             ],
         };
