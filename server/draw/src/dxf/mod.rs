@@ -2,7 +2,8 @@
 //!
 //! Coordinates are metres of the city's coordinate system, so that a plan lies where other plans of the place do; of views along other
 //! axes they are metres along these. A sheet of paper, and a perspective, which has no scale, are in millimetres. The visible surfaces of an
-//! object have one border together; lines within it follow by class, and no line is drawn twice. The number of an object is in the extended data of the application `INSULA`, and on its first polyline
+//! object have one border together; lines within it follow by class, and no line is drawn twice. A map in metres has no lines where surfaces
+//! of one object pass through each other. The number of an object is in the extended data of the application `INSULA`, and on its first polyline
 //! its identifier, too.
 
 mod colors;
@@ -203,7 +204,9 @@ impl<'a> Dxf<'a> {
                     self.polyline((&format!("SHADOW_{layer}"), 8), &ring, true, Some(object), &mut identifier);
                 }
             }
-            for line in &object.lines {
+            // Between objects, these are on the outlines.
+            let is_drawn = |class| class != LineRole::Intersection || drawing.metres.is_none();
+            for line in object.lines.iter().filter(|line| is_drawn(line.class)) {
                 let layer = line_layer(line.class);
                 for chain in inner_chains(line, &outline, &drawing.grid) {
                     self.polyline((&layer, 7), &chain, false, Some(object), &mut identifier);
@@ -275,7 +278,8 @@ impl<'a> Dxf<'a> {
             self.group(10, x);
             self.group(20, y);
         }
-        if let Some(number) = object.and_then(|object| object.number) {
+        // Lines within a surface are part of it.
+        if let Some(number) = object.and_then(|object| object.number).filter(|_| is_closed) {
             self.group(1001, APPLICATION);
             self.integer(1071, i64::from(number));
             if let Some(identifier) = identifier.take() {
@@ -365,6 +369,7 @@ mod tests {
             lines: vec![
                 line(LineRole::Border, vec![at(10.0, 20.0), at(10.0, 10.0), at(20.0, 10.0)]),
                 line(LineRole::Crease, vec![at(20.0, 10.0), at(20.0, 20.0)]),
+                line(LineRole::Intersection, vec![at(15.0, 11.0), at(15.0, 19.0)]),
             ],
         };
         Drawing {
@@ -408,7 +413,7 @@ mod tests {
         corners.sort_unstable();
         assert_eq!(corners, [("84510", "-2"), ("84510", "8"), ("84530", "-2"), ("84530", "8")]);
         assert_eq!(values(entities, 70), ["1", "1", "0"]);
-        assert_eq!((values(entities, 1071), values(entities, 1000)), (vec!["7"; 3], vec!["NL.7\\U+00DF"]));
+        assert_eq!((values(entities, 1071), values(entities, 1000)), (vec!["7"; 2], vec!["NL.7\\U+00DF"]));
         assert_eq!(values(entities, 1), ["Delft", "3DBAG, CC BY 4.0"]);
         assert!(all.contains(&(1, "AC1015")) && all.contains(&(70, "6")) && !dxf.contains("-0\n"));
     }
@@ -433,6 +438,7 @@ mod tests {
     #[test]
     fn a_sheet_is_in_millimetres_with_its_texts() {
         let dxf = to_dxf(&drawing(None));
+        assert!(dxf.contains("LINE_CREASE") && dxf.contains("LINE_INTERSECTION") && !dxf.contains("LINE_BORDER"));
         let all = pairs(&dxf);
         assert_eq!(values(&all, 1)[1..], ["", "", "N"]);
         assert!(values(&all, 10).contains(&"10") && all.contains(&(70, "4")));
