@@ -128,8 +128,11 @@ pub struct ViewArgs {
 #[derive(Debug, Args)]
 pub struct OpenArgs {
     /// City files, as for `insula-server bake`; or one place, as for `insula view`, of a city that is baked already.
-    #[arg(required = true, value_name = "INPUT")]
-    pub inputs: Vec<PathBuf>,
+    #[arg(required_unless_present = "server", value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// The same as one place.
+    #[arg(long, value_name = "PLACE", conflicts_with = "inputs")]
+    server: Option<PathBuf>,
     /// Side of the finest column in metres [default: 1].
     #[arg(long, value_name = "M")]
     pub cell: Option<f64>,
@@ -143,6 +146,13 @@ pub struct OpenArgs {
     pub pictures: PictureArgs,
     #[command(flatten)]
     pub sun: SunArgs,
+}
+
+impl OpenArgs {
+    /// City files, or one place.
+    pub fn inputs(&self) -> &[PathBuf] {
+        self.server.as_ref().map_or(&self.inputs[..], std::slice::from_ref)
+    }
 }
 
 /// The bundled cities.
@@ -451,6 +461,22 @@ mod tests {
                 panic!()
             };
             assert_eq!(args.bundled, expected, "{line}");
+        }
+    }
+
+    #[test]
+    fn a_place_may_have_its_option_in_all_commands() {
+        let parse = |line: &str| Cli::try_parse_from(line.split_whitespace()).map(|cli| cli.command);
+        for place in ["cities/delft", "--server cities/delft"] {
+            let ClientCommand::Draw(args) = parse(&format!("insula draw {place} --plan --out a.svg")).unwrap() else {
+                panic!()
+            };
+            assert_eq!(args.sources(), [PathBuf::from("cities/delft")]);
+            let ClientCommand::Open(args) = parse(&format!("insula open {place}")).unwrap() else { panic!() };
+            assert_eq!(args.inputs(), [PathBuf::from("cities/delft")]);
+        }
+        for wrong in ["insula draw --plan --out a.svg", "insula open", "insula open a --server b"] {
+            assert!(parse(wrong).is_err(), "{wrong}");
         }
     }
 

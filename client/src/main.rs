@@ -1,7 +1,7 @@
 //! The program `insula`.
 
 use insula_client::{args::Cli, commands};
-use insula_command_line::{log, one_line, parse};
+use insula_command_line::{error_line, log, parse};
 use std::process::ExitCode;
 
 #[global_allocator]
@@ -16,7 +16,7 @@ fn main() -> ExitCode {
     match commands::run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", one_line(&error.to_string()));
+            eprintln!("{}", error_line::<Cli>(&error.to_string()));
             ExitCode::from(error.exit_code())
         }
     }

@@ -1,5 +1,6 @@
 //! The manifest of a city (`city.json`): what a client needs before its first tile.
 
+use crate::text::count;
 use serde::{Deserialize, Serialize};
 
 /// Version of the manifest and of the city folder's layout.
@@ -105,7 +106,7 @@ impl GeoLocation {
 /// Sizes of a city.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct CityCounts {
-    /// City objects of the sources.
+    /// City objects of the sources, of which a building may have several: see `buildings`.
     pub objects: u64,
     /// Triangles of the sources.
     pub triangles: u64,
@@ -113,6 +114,21 @@ pub struct CityCounts {
     pub nodes_per_level: Vec<u64>,
     /// Bytes of V-BlockMap tiles per level, root first.
     pub bytes_per_level: Vec<u64>,
+    /// Buildings, each once with all its parts. Older manifests do not have the field.
+    #[serde(default)]
+    pub buildings: Option<u64>,
+}
+
+impl CityCounts {
+    /// The size of the city in words: `1116 buildings`, or `3 objects` of a city without buildings. All programs and pages say it in
+    /// these words, so that a city has one number.
+    #[must_use]
+    pub fn words(&self) -> String {
+        match self.buildings {
+            Some(buildings) if buildings > 0 => count(buildings, "building"),
+            _ => count(self.objects, "object"),
+        }
+    }
 }
 
 /// A source that must be named.
@@ -231,8 +247,23 @@ pub fn shorten_text(text: &str) -> &str {
     &text[..text.floor_char_boundary(MAX_TEXT_BYTES)]
 }
 
-/// Turns any text into a name that [`is_name`] accepts.
+/// Turns any text into a name that [`is_name`] accepts. Texts of other alphabets end with a number of their own, so that two cities keep
+/// two names.
 pub fn to_name(text: &str) -> String {
+    /// Latin letters end here, of which enough is left to tell names apart.
+    const END_OF_LATIN: char = '\u{24f}';
+    let is_foreign = text.chars().any(|c| c.is_alphanumeric() && c > END_OF_LATIN);
+    if !is_foreign {
+        return plain_name(text);
+    }
+    // FNV-1a.
+    let hash = text.bytes().fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
+    let plain = plain_name(text);
+    format!("{}-{hash:08x}", plain[..plain.len().min(55)].trim_end_matches('-'))
+}
+
+/// The letters and digits of ASCII, or `city` without any.
+fn plain_name(text: &str) -> String {
     let mut name: String = text
         .to_lowercase()
         .chars()
@@ -334,6 +365,25 @@ mod tests {
         }
         assert_eq!(with(MAX_STONES).check(), Ok(()));
         assert!(with(MAX_STONES + 1).check().is_err());
+    }
+
+    #[test]
+    fn buildings_are_counted_in_words_and_older_manifests_count_objects() {
+        let counts = |json: &str| serde_json::from_str::<CityCounts>(json).unwrap();
+        let old = r#"{"objects":2231,"triangles":9,"nodes_per_level":[],"bytes_per_level":[]"#;
+        assert_eq!(counts(&format!("{old}}}")).words(), "2231 objects");
+        assert_eq!(counts(&format!("{old},\"buildings\":1116}}")).words(), "1116 buildings");
+        assert_eq!(counts(&format!("{old},\"buildings\":1}}")).words(), "1 building");
+        assert_eq!(counts(&format!("{old},\"buildings\":0}}")).words(), "2231 objects");
+    }
+
+    #[test]
+    fn any_text_has_a_name_and_other_alphabets_have_different_ones() {
+        assert_eq!(["Den Haag", "", "..", "K\u{f6}ln"].map(to_name), ["den-haag", "city", "city", "k-ln"]);
+        let [tokyo, osaka, both] = ["\u{6771}\u{4eac}", "\u{5927}\u{962a}", "Tokyo \u{6771}\u{4eac}"].map(to_name);
+        assert!(tokyo.starts_with("city-") && both.starts_with("tokyo-") && tokyo != osaka, "{tokyo} {osaka} {both}");
+        let long = to_name(&"\u{6771}x".repeat(500));
+        assert!([tokyo, osaka, both, long].iter().all(|name| is_name(name)));
     }
 
     #[test]

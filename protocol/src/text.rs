@@ -86,6 +86,30 @@ fn is_unsafe(c: char) -> bool {
         || matches!(c, '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
 }
 
+/// The number, with zero instead of minus zero: nobody reads `-0`.
+#[must_use]
+pub fn without_sign_of_zero(number: f64) -> f64 {
+    // Minus zero and zero are zero.
+    number + 0.0
+}
+
+/// The number with so many decimals. What rounds to zero has no sign.
+#[must_use]
+pub fn fixed(number: f64, decimals: usize) -> String {
+    let text = format!("{number:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(rest) if rest.bytes().all(|byte| matches!(byte, b'0' | b'.')) => rest.to_owned(),
+        _ => text,
+    }
+}
+
+/// The number with at most so many decimals, without zeros at its end.
+#[must_use]
+pub fn at_most(number: f64, decimals: usize) -> String {
+    let text = fixed(number, decimals);
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
 /// A number with its noun, which gets an `s` unless it is one.
 pub fn count(n: u64, noun: &str) -> String {
     format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
@@ -94,6 +118,14 @@ pub fn count(n: u64, noun: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_that_round_to_zero_have_no_sign() {
+        assert_eq!([-0.0, -0.004, -0.006, 1.0].map(|number| fixed(number, 2)), ["0.00", "0.00", "-0.01", "1.00"]);
+        assert_eq!([-0.0004, -2.50, 100.0, 8.63].map(|number| at_most(number, 3)), ["0", "-2.5", "100", "8.63"]);
+        assert_eq!((fixed(-0.4, 0), fixed(f64::NAN, 1)), ("0".into(), "NaN".into()));
+        assert!(without_sign_of_zero(-0.0).is_sign_positive() && without_sign_of_zero(-1.0) == -1.0);
+    }
 
     #[test]
     fn nouns_follow_their_numbers() {

@@ -439,7 +439,7 @@ pub struct SignArgs {
     pub expires: Duration,
     /// Area that the link opens, in metres of the city's reference system [default: all]
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
-    pub bbox: Option<ShareArea>,
+    pub bbox_metres: Option<ShareArea>,
     /// Page, manifest, tiles and search only
     #[arg(long)]
     pub read_only: bool,
@@ -528,7 +528,9 @@ mod tests {
         );
         assert!(parse("insula-server bake a --out c --update --memory 600MiB").is_ok());
         assert!(parse("insula-server serve a b --listen localhost:0 --config c.json").is_ok());
-        assert!(parse("insula-server sign --city a --expires 7d --bbox -1,2,3,4 --read-only --version ab*").is_ok());
+        assert!(
+            parse("insula-server sign --city a --expires 7d --bbox-metres -1,2,3,4 --read-only --version ab*").is_ok()
+        );
         assert!(parse("insula-server publish a b --out s --title T --url https://h/path").is_ok());
         assert!(parse("insula-server inspect a --tile 1/1/0 --png p.png").is_ok());
         assert!(parse("insula-server search a kerk --limit 1000 --json").is_ok());
@@ -555,7 +557,7 @@ mod tests {
             "insula-server sign --city a",
             "insula-server sign --city A --expires 7d",
             "insula-server sign --city a --expires 7",
-            "insula-server sign --city a --expires 7d --bbox 1,2,3",
+            "insula-server sign --city a --expires 7d --bbox-metres 1,2,3",
             "insula-server sign --city a --expires 7d --url h:80",
             "insula-server sign --city a --expires 7d --url http://h/x",
             "insula-server inspect a --tile 1/2/0 --png p",

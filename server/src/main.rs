@@ -1,6 +1,6 @@
 //! `insula-server`: bakes, serves, inspects and verifies cities.
 
-use insula_command_line::{log, one_line, parse};
+use insula_command_line::{error_line, log, parse};
 use insula_server::{
     args::{Args, ServerCommand},
     commands,
@@ -24,7 +24,7 @@ fn main() -> ExitCode {
     match commands::run(args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", one_line(&error.to_string()));
+            eprintln!("{}", error_line::<Args>(&error.to_string()));
             ExitCode::from(error.exit_code())
         }
     }

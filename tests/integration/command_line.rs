@@ -58,6 +58,16 @@ fn both_programs_show_help_and_errors_alike() {
         let (code, output, error) = call(&["dance"]);
         assert_eq!((code, output.as_str(), error.lines().count()), (Some(2), "", 1));
         assert_eq!(error.trim_end(), format!("error: unrecognized subcommand 'dance'; see {name} --help"));
+        let (command, arguments) =
+            if name == "insula" { ("fly", &["--path", "none"][..]) } else { ("verify", &[][..]) };
+        let (code, _, error) = call(&[&[command, "nowhere"][..], arguments].concat());
+        let is_named =
+            code != Some(0) && error.starts_with(&format!("error: {command}: ")) && error.lines().count() == 1;
+        assert!(is_named, "{error}");
+        let (code, _, error) = call(&[command]);
+        assert_eq!(code, Some(2));
+        let help = format!("; see {name} {command} --help\n");
+        assert!(error.starts_with(&format!("error: {command}: ")) && error.ends_with(&help), "{error}");
         for shell in ["bash", "zsh", "fish"] {
             let (code, script, errors) = call(&["completions", shell]);
             assert_eq!((code, errors.as_str()), (Some(0), ""));

@@ -23,6 +23,7 @@ mod load;
 mod mesh;
 mod mesh_cracks;
 mod node_error;
+mod office;
 mod packets;
 mod random_commands;
 mod scripts;
@@ -50,7 +51,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 36] = [
+const MODULES: [(&str, Add); 37] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -81,6 +82,7 @@ const MODULES: [(&str, Add); 36] = [
     ("drape", drape::add),
     ("synth", synth::add),
     ("scripts", scripts::add),
+    ("office", office::add),
     ("documents", documents::add),
     ("command_line", command_line::add),
     ("fuzz_targets", fuzz_targets::add),

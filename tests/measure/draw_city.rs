@@ -121,7 +121,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         title: None,
         style,
         is_checked: std::env::var_os("OVERLAP").is_some(),
-        keeps_parts: out.ends_with(".dxf"),
+        is_sheet: false,
+        date: String::new(),
         color_by: color_by.transpose()?,
         limits: DrawLimits::default(),
     };

@@ -1,7 +1,7 @@
 //! Arguments of `insula draw`.
 
 use clap::{ArgGroup, Args};
-use insula_command_line::output::OverwriteArgs;
+use insula_command_line::{area::AreaArgs, output::OverwriteArgs};
 use insula_shaders::look::Look;
 use insula_viewer::sun::{Bearing, SunTime, parse_bearing, parse_time};
 use std::path::PathBuf;
@@ -11,8 +11,11 @@ use std::path::PathBuf;
 #[command(group = ArgGroup::new("seen").required(true).args(["view", "plan", "axonometric"]))]
 pub struct DrawArgs {
     /// The folder of a baked city, its address as for `insula view`, or city files as for `insula-server bake`.
-    #[arg(required = true, value_name = "SOURCE")]
-    pub sources: Vec<PathBuf>,
+    #[arg(required_unless_present = "server", value_name = "SOURCE")]
+    sources: Vec<PathBuf>,
+    /// The same as one SOURCE.
+    #[arg(long, value_name = "PLACE", conflicts_with = "sources")]
+    server: Option<PathBuf>,
     /// Perspective view of a camera file, as for `insula snapshot`. The field of view is the height of the drawing.
     #[arg(long, value_name = "CAM.json")]
     pub view: Option<PathBuf>,
@@ -26,9 +29,8 @@ pub struct DrawArgs {
     /// File to write: .svg, .pdf or .dxf.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Only objects with the middle in this area, in metres of the city's coordinate system; land is cut at its border.
-    #[arg(long, value_name = "W,S,E,N", value_parser = parse_area, allow_hyphen_values = true)]
-    pub bbox: Option<[f64; 4]>,
+    #[command(flatten)]
+    pub area: AreaArgs,
     /// Only objects that pass, as in 'height > 20'.
     #[arg(long, value_name = "EXPR")]
     pub filter: Option<String>,
@@ -50,6 +52,9 @@ pub struct DrawArgs {
     /// Fill the paper with the drawing: no frame, title block, scale bar and north arrow. Name the sources beside it.
     #[arg(long)]
     pub bare: bool,
+    /// Draw the sheet of paper in millimetres into a .dxf file [default: metres of the city's coordinate system].
+    #[arg(long)]
+    pub sheet: bool,
     /// Whose light fills have: `model`, a white model by day, or `paper`, even light for reports [default: that of the stylesheet, model].
     #[arg(long, value_name = "LOOK", value_parser = parse_look)]
     pub look: Option<Look>,
@@ -66,21 +71,18 @@ pub struct DrawArgs {
     pub overwrite: OverwriteArgs,
 }
 
+impl DrawArgs {
+    /// The place of a city, or city files.
+    pub fn sources(&self) -> &[PathBuf] {
+        self.server.as_ref().map_or(&self.sources[..], std::slice::from_ref)
+    }
+}
+
 fn parse_angles(text: &str) -> Result<[f64; 2], String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
     match numbers[..] {
         [azimuth, elevation] if azimuth.abs() <= 360.0 && (0.0..=90.0).contains(&elevation) => Ok([azimuth, elevation]),
         _ => Err("expected degrees from north, and degrees above the horizon from 0 to 90, like 30,35".to_owned()),
-    }
-}
-
-fn parse_area(text: &str) -> Result<[f64; 4], String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
-    match numbers[..] {
-        [west, south, east, north] if west < east && south < north && (east - west + north - south).is_finite() => {
-            Ok([west, south, east, north])
-        }
-        _ => Err("expected west, south, east and north, separated by commas".to_owned()),
     }
 }
 
@@ -102,13 +104,11 @@ mod tests {
     fn values_are_checked() {
         assert_eq!(parse_scale("1:500"), Ok(500.0));
         assert_eq!(parse_angles("-30, 35"), Ok([-30.0, 35.0]));
-        assert_eq!(parse_area("1,2,3,4"), Ok([1.0, 2.0, 3.0, 4.0]));
         for wrong in ["500", "1:0.1", "1:nan"] {
             assert!(parse_scale(wrong).is_err(), "{wrong}");
         }
         assert!(parse_angles("30,91").is_err() && parse_angles("30").is_err());
         assert_eq!(parse_look("paper"), Ok(Look::Paper));
         assert!(parse_look("physical").is_err());
-        assert!(parse_area("3,2,1,4").is_err() && parse_area("-inf,2,1,4").is_err());
     }
 }

@@ -12,7 +12,7 @@ use crate::{
 };
 use bytes::Bytes;
 use insula_archive::{ReadError, file};
-use insula_bake::read::{FacadeOption, Palette};
+use insula_bake::read::{EarthPlace, FacadeOption, Palette};
 use insula_command_line::output::{FileKind, Outputs};
 use insula_draw::{
     DrawError, DrawLimits, DrawRequest, draw,
@@ -54,7 +54,10 @@ const MAX_TEXT_BYTES: u64 = 1 << 20;
 /// cannot be written.
 pub(super) fn run(args: &DrawArgs, global: &GlobalArgs) -> Result<()> {
     check_output(args)?;
-    if let [place] = &args.sources[..]
+    if args.sheet && !args.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("dxf")) {
+        return Err(ClientError::Usage("--sheet needs a .dxf file: .svg and .pdf always have a sheet".to_owned()));
+    }
+    if let [place] = args.sources()
         && is_address(place)
     {
         let http = Arc::new(Http::new(None)?);
@@ -62,7 +65,7 @@ pub(super) fn run(args: &DrawArgs, global: &GlobalArgs) -> Result<()> {
         let read = |kind, id| fetch_tile(&http, &city, kind, id);
         return draw_source(args, &city.manifest, &read);
     }
-    let folder = baked_folder(&args.sources)?;
+    let folder = baked_folder(args.sources())?;
     let city = CityStore::open(&folder).map_err(|error| unreadable(&error))?;
     draw_source(args, city.manifest(), &|kind, id| city.tile(kind, id))
 }
@@ -74,7 +77,7 @@ fn check_output(args: &DrawArgs) -> Result<()> {
         DrawingFormat::Pdf => FileKind::PDF,
         DrawingFormat::Dxf => FileKind::DXF,
     };
-    let inputs = args.sources.iter().chain(&args.view).chain(&args.style);
+    let inputs = args.sources().iter().chain(&args.view).chain(&args.style);
     Outputs::new(args.overwrite).reading(inputs).file(&args.out, kind).map_err(ClientError::Usage)
 }
 
@@ -97,7 +100,8 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
         title: args.title.clone(),
         style: style(args, &source)?,
         is_checked: false,
-        keeps_parts: format == DrawingFormat::Dxf,
+        is_sheet: args.sheet,
+        date: args.time.map(|time| time.to_string()).unwrap_or_default(),
         color_by: color_by.transpose()?,
         limits: DrawLimits::default(),
     };
@@ -186,7 +190,8 @@ fn view(args: &DrawArgs) -> Result<DrawView> {
 }
 
 fn selection(args: &DrawArgs, source: &dyn ExportSource) -> Result<ObjectSelection> {
-    let bbox = args.bbox.map(|[west, south, east, north]| [[west, south], [east, north]]);
+    let place = source.manifest().crs.as_deref().and_then(EarthPlace::of);
+    let bbox = args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(ClientError::Usage)?;
     let passing = |text: &String| {
         let filter = Filter::parse(text, source.schema())
             .map_err(|error| ClientError::Usage(format!("--filter {text}: {error}")))?;

@@ -172,6 +172,7 @@ pub(super) fn bake_cached(job: &BakeJob, cache: &CacheRoot, status: Option<&Star
         resume: true,
         name: Some(name),
         title: job.title.clone(),
+        place: Some(first.to_owned()).filter(|first| !first.is_empty()),
         attribution: job.attribution.clone(),
         palette: job.palette.clone(),
         facades: job.facades,

@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// Runs the command. Fails if the files cannot be baked, or as `view` does.
 pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
-    if let [place] = &args.inputs[..]
+    if let [place] = args.inputs()
         && is_baked(place)
     {
         return view::run(
@@ -29,8 +29,8 @@ pub(super) fn run(args: &OpenArgs, global: &GlobalArgs) -> Result<()> {
         None => Palette::default(),
     };
     let facades = args.facades.parse().map_err(ClientError::Usage)?;
-    let cache_key = cache_key(&args.inputs, &palette, facades, cell_m)?;
-    let inputs = args.inputs.clone();
+    let cache_key = cache_key(args.inputs(), &palette, facades, cell_m)?;
+    let inputs = args.inputs().to_vec();
     let job = BakeJob { inputs, cell_m, palette, facades, cache_key, ..BakeJob::default() };
     let view = ViewArgs { sun: args.sun, pictures: args.pictures, ..ViewArgs::default() };
     view::open_baked(job, CacheRoot::open()?, &view, global)

@@ -10,6 +10,7 @@ use egui::{
 };
 use image::{Rgb, RgbImage};
 use insula_objects::color::{Legend, Ramp};
+use insula_protocol::text::at_most;
 use std::sync::Arc;
 
 /// Smallest picture with a legend, in pixels.
@@ -105,8 +106,7 @@ fn fill(image: &mut RgbImage, [left, top, width, height]: [u32; 4], rgb: impl Fn
 /// A number with at most four digits that matter.
 fn short(value: f64) -> String {
     let digits = (3.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 6.0) as usize;
-    let text = format!("{value:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    at_most(value, digits)
 }
 
 #[cfg(test)]

@@ -208,8 +208,8 @@ fn show_object(ui: &mut Ui, object: &ObjectDescription, needle: &str) -> Option<
     let part = object.parent.as_ref().map(|parent| format!(", part of {}", printable(parent))).unwrap_or_default();
     ui.label(RichText::new(format!("{} {}{part}", object.kind, object.id)).color(Color32::from_gray(160)));
     egui::Grid::new(("object", object.id)).num_columns(2).spacing([10.0, 2.0]).show(ui, |ui| {
-        for (name, value) in &object.attributes {
-            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        for (name, value) in object.attributes.iter() {
+            let text = value.to_string();
             if !needle.is_empty() && !name.to_lowercase().contains(needle) && !text.to_lowercase().contains(needle) {
                 continue;
             }

@@ -1,7 +1,7 @@
 //! Coordinates of the surface under the pointer, and the scale there.
 
 use glam::DVec3;
-use insula_protocol::text::printable;
+use insula_protocol::text::{fixed, printable};
 use insula_viewer::camera::{Camera, View};
 use std::time::{Duration, Instant};
 
@@ -79,7 +79,8 @@ impl PointerReadout {
         let decimals = if metres_per_px < 0.5 { 1 } else { 0 };
         let crs = crs.map_or_else(|| "local metres".into(), printable);
         let crs: String = crs.chars().take(MAX_CRS).collect();
-        Some(format!("E {:.decimals$}  N {:.decimals$}  height {:.decimals$} m  ({crs})", p.x, p.y, p.z))
+        let [x, y, z] = p.to_array().map(|v| fixed(v, decimals));
+        Some(format!("E {x}  N {y}  height {z} m  ({crs})"))
     }
 }
 
@@ -122,6 +123,8 @@ mod tests {
         let far = View { camera: Camera { position: DVec3::Z * 9000.0, ..view.camera }, ..view };
         readout.sample(&far, Some(point), now);
         assert_eq!(readout.text(None).unwrap(), "E 84498  N 447540  height 12 m  (local metres)");
+        readout.sample(&far, Some(DVec3::splat(-0.04)), now);
+        assert_eq!(readout.text(None).unwrap(), "E 0  N 0  height 0 m  (local metres)");
         assert!(readout.text(Some(&"\u{1b}x".repeat(99))).unwrap().len() < 99);
         readout.sample(&view, None, now);
         assert_eq!((readout.text(None).unwrap().as_str(), readout.metres_per_px()), ("sky", None));

@@ -4,6 +4,7 @@
 
 use crate::camera::Camera;
 use glam::DVec3;
+use insula_protocol::text::fixed;
 
 /// Largest accepted coordinate.
 const MAX_COORDINATE_M: f64 = 1e10;
@@ -12,14 +13,8 @@ const MAX_COORDINATE_M: f64 = 1e10;
 pub fn format(camera: &Camera) -> String {
     let p = camera.position;
     let (azimuth, (_, pitch)) = (camera.azimuth_deg(), camera.angles());
-    format!(
-        "{:.3},{:.3},{:.3},{azimuth:.4},{:.4},{:.3}",
-        p.x,
-        p.y,
-        p.z,
-        pitch.to_degrees(),
-        camera.fov_y_rad.to_degrees()
-    )
+    let (pitch, fov) = (pitch.to_degrees(), camera.fov_y_rad.to_degrees());
+    [(p.x, 3), (p.y, 3), (p.z, 3), (azimuth, 4), (pitch, 4), (fov, 3)].map(|(v, decimals)| fixed(v, decimals)).join(",")
 }
 
 /// Parses a text that may come from anybody. `None` if it is not a camera.

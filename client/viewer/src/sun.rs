@@ -56,6 +56,13 @@ pub struct SunTime {
     is_universal: bool,
 }
 
+impl std::fmt::Display for SunTime {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let zone = if self.is_universal { "UTC" } else { "solar time" };
+        write!(f, "{} {zone}", self.at.format("%Y-%m-%d %H:%M"))
+    }
+}
+
 /// A direction in the sky.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bearing {

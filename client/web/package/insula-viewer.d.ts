@@ -160,7 +160,7 @@ export interface ObjectDescription {
   /** Identifier of the object that it is a part of. */
   parent: string | null;
   kind: string;
-  /** By name. What the object lacks is from its parent. Dates are texts. */
+  /** By name, in the order in which they are shown. What the object lacks is from its parent. Dates are texts. */
   attributes: Record<string, string | number | boolean>;
   /** Middle of its box, or of its parts' if it has no shape. */
   centre: Position | null;

@@ -130,7 +130,7 @@ export type ObjectMessage = { id: number, identifier: string,
  */
 parent: string | null, kind: string, 
 /**
- * By name. What the object lacks is from its parent. Dates are texts.
+ * By name, in the order in which they are shown. What the object lacks is from its parent. Dates are texts.
  */
 attributes: Record<string, string | number | boolean>, 
 /**

@@ -7,8 +7,6 @@ import { strings } from './strings.js';
 import { button, field } from './widgets.js';
 
 const texts = strings.objects;
-/** Sources have numbers of 32 bits, whose further digits say nothing. */
-const DIGITS = 8;
 /** Most objects whose attributes are shown. */
 const MAX_SHOWN = 32;
 
@@ -63,14 +61,10 @@ function card(city, object, needle) {
   const head = element('div', { class: 'object-head' }, element('h3', { dir: 'auto' }, name), go);
   const what = parent === null ? texts.kind(kind, String(id)) : texts.partOf(kind, String(id), printable(parent));
   const rows = Object.entries(attributes)
-    .map(([key, value]) => [printable(key), printable(rounded(value))])
+    .map(([key, value]) => [printable(key), printable(String(value))])
     .filter((row) => row.some((text) => text.toLowerCase().includes(needle)))
     .flatMap(([key, value]) => [element('dt', { dir: 'auto' }, key), element('dd', { dir: 'auto' }, valueNode(value))]);
   return element('section', {}, head, element('p', { class: 'hint' }, what), element('dl', {}, ...rows));
-}
-
-function rounded(value) {
-  return typeof value === 'number' && !Number.isInteger(value) ? Number(value.toPrecision(DIGITS)) : value;
 }
 
 function valueNode(text) {

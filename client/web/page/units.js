@@ -35,7 +35,9 @@ export function lengthText(metres) {
  */
 export function coordinatesText([x, y, z], metresPerPixel) {
   const digits = metresPerPixel !== null && metresPerPixel < 0.5 ? 1 : 0;
-  return strings.furniture.coordinates(x.toFixed(digits), y.toFixed(digits), z.toFixed(digits));
+  // What rounds to zero has no sign.
+  const fixed = (/** @type {number} */ value) => value.toFixed(digits).replace(/^-(0(\.0)?)$/, '$1');
+  return strings.furniture.coordinates(fixed(x), fixed(y), fixed(z));
 }
 
 /**

@@ -1,5 +1,6 @@
 //! Messages of the viewer to the page, as JSON.
 
+use insula_objects::NamedValues;
 use insula_viewer::objects::ObjectDescription;
 use serde::Serialize;
 
@@ -69,9 +70,9 @@ pub(crate) struct ObjectMessage {
     /// Identifier of its parent.
     pub(crate) parent: Option<String>,
     pub(crate) kind: &'static str,
-    /// By name. What the object lacks is from its parent. Dates are texts.
+    /// By name, in the order in which they are shown. What the object lacks is from its parent. Dates are texts.
     #[cfg_attr(test, ts(type = "Record<string, string | number | boolean>"))]
-    pub(crate) attributes: serde_json::Value,
+    pub(crate) attributes: NamedValues,
     /// World coordinates of the middle of its box, or of its parts' if it has no shape.
     pub(crate) centre: Option<[f64; 3]>,
     /// Parts of an object without a shape.
@@ -81,7 +82,7 @@ pub(crate) struct ObjectMessage {
 impl From<ObjectDescription> for ObjectMessage {
     fn from(object: ObjectDescription) -> Self {
         let ObjectDescription { id, identifier, parent, kind, attributes, centre, parts } = object;
-        Self { id, identifier, parent, kind, attributes: attributes.into(), centre, parts }
+        Self { id, identifier, parent, kind, attributes, centre, parts }
     }
 }
 

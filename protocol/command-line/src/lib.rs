@@ -1,18 +1,20 @@
 //! What the command lines of both programs share: how errors are printed, values of options, and the commands that write shell
 //! completions, man pages and docs/cli.md.
 
+pub mod area;
 pub mod http;
 pub mod log;
 mod markdown;
 pub mod output;
 pub mod tls;
 
-use clap::{CommandFactory, Parser, Subcommand, error::ErrorKind};
+use clap::{Command, CommandFactory, Parser, Subcommand, error::ErrorKind};
 use clap_complete::Shell;
 use insula_archive::{file::open_regular, new_file::replace};
 use insula_protocol::text::printable;
 use output::{FileKind, Outputs};
 use std::{
+    ffi::OsString,
     fs,
     io::{self, Write},
     path::{Path, PathBuf},
@@ -40,17 +42,36 @@ pub fn parse<P: Parser>() -> Result<P, ExitCode> {
             // A closed pipe (`| head`) is no failure.
             let _ = error.print();
         } else {
-            eprintln!("{}; see {} --help", usage_line(&error), P::command().get_name());
+            eprintln!("{}", usage_line::<P>(&error, std::env::args_os()));
         }
         if is_requested { ExitCode::SUCCESS } else { ExitCode::from(2) }
     })
 }
 
-/// The message of a usage error in one line, without the usage that clap appends.
-fn usage_line(error: &clap::Error) -> String {
+/// The message of a usage error in one line: with the command and its help, without the usage that clap appends.
+fn usage_line<P: CommandFactory>(error: &clap::Error, line: impl IntoIterator<Item = OsString>) -> String {
     let text = error.render().to_string();
     let message = text.split("\nUsage:").next().and_then(|text| text.split("\nFor more").next()).unwrap_or_default();
-    one_line(message)
+    let program = P::command();
+    let command = subcommand_of(&program, line);
+    let help = command.iter().fold(program.get_name().to_owned(), |help, command| help + " " + command);
+    format!("{}; see {help} --help", named_line(command.as_deref(), message.trim_start_matches("error: ")))
+}
+
+/// A failure of the command of this process in one line, which names the command.
+pub fn error_line<P: CommandFactory>(message: &str) -> String {
+    named_line(subcommand_of(&P::command(), std::env::args_os()).as_deref(), message)
+}
+
+fn named_line(command: Option<&str>, message: &str) -> String {
+    one_line(&command.map_or_else(|| format!("error: {message}"), |command| format!("error: {command}: {message}")))
+}
+
+/// The command in a command line, which begins with the program: the first word that is the name of one.
+fn subcommand_of(program: &Command, line: impl IntoIterator<Item = OsString>) -> Option<String> {
+    let known =
+        |word: OsString| program.get_subcommands().map(Command::get_name).find(|name| word == *name).map(str::to_owned);
+    line.into_iter().skip(1).find_map(known)
 }
 
 /// The text in one line that is safe to print.
@@ -121,7 +142,7 @@ fn print(bytes: &[u8]) {
 }
 
 /// Writes the man pages of a program into a folder, in place of earlier ones. Fails if another file has the name of one.
-fn write_man_pages(command: clap::Command, out: &Path) -> io::Result<()> {
+fn write_man_pages(command: Command, out: &Path) -> io::Result<()> {
     let made = tempfile::tempdir()?;
     clap_mangen::generate_to(command, made.path())?;
     let mut pages: Vec<_> = fs::read_dir(made.path())?.collect::<io::Result<_>>()?;
@@ -162,12 +183,21 @@ mod tests {
     }
 
     #[test]
-    fn usage_errors_are_one_safe_line() {
-        let error = |line: &[&str]| usage_line(&Town::try_parse_from(line).unwrap_err());
+    fn usage_errors_are_one_safe_line_that_names_the_command() {
+        let error = |line: &[&str]| {
+            let error = Town::try_parse_from(line).unwrap_err();
+            usage_line::<Town>(&error, line.iter().map(OsString::from))
+        };
         let hostile = error(&["town", "build", "--storeys", "\u{1b}[2J"]);
-        assert!(hostile.starts_with("error: invalid value") && !hostile.contains(char::is_control), "{hostile:?}");
+        assert!(
+            hostile.starts_with("error: build: invalid value") && !hostile.contains(char::is_control),
+            "{hostile:?}"
+        );
         let missing = error(&["town", "build"]);
-        assert!(missing.ends_with("not provided: --storeys <STOREYS>"), "{missing}");
+        assert!(missing.ends_with("not provided: --storeys <STOREYS>; see town build --help"), "{missing}");
+        // Of no command.
+        let unknown = error(&["town", "dance"]);
+        assert_eq!(unknown, "error: unrecognized subcommand 'dance'; see town --help");
         assert!(error(&["town", "build", "--storey", "1"]).contains("tip: "));
     }
 

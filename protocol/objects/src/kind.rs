@@ -43,6 +43,20 @@ impl FeatureKind {
         Self::NAMES.iter().find(|(_, kind)| *kind == self).map_or("generic", |(name, _)| name)
     }
 
+    /// Whether an object of this kind whose parent is of the kind `parent` is a part of it, and not a thing of its own: buildings,
+    /// bridges and tunnels have parts.
+    #[must_use]
+    pub fn is_part_of(self, parent: Self) -> bool {
+        let whole = |kind| if kind == Self::BuildingPart { Self::Building } else { kind };
+        whole(self) == whole(parent) && (self.is_of_building() || matches!(self, Self::Bridge | Self::Tunnel))
+    }
+
+    /// Whether it is a building or a part of one.
+    #[must_use]
+    pub fn is_of_building(self) -> bool {
+        matches!(self, Self::Building | Self::BuildingPart)
+    }
+
     /// The kind of an object of CityJSON by its type. Unknown types, such as those of extensions, are generic.
     pub fn of_cityjson_type(name: &str) -> Self {
         match name {
@@ -76,6 +90,24 @@ impl FeatureKind {
             Self::Furniture => "CityFurniture",
             Self::Relief => "TINRelief",
             Self::Generic => "GenericCityObject",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_of_the_kind_of_their_parent() {
+        use FeatureKind::{Bridge, Building, BuildingPart, Furniture, Generic};
+        for (kind, parent) in
+            [(BuildingPart, Building), (Building, Building), (BuildingPart, BuildingPart), (Bridge, Bridge)]
+        {
+            assert!(kind.is_part_of(parent), "{kind:?} {parent:?}");
+        }
+        for (kind, parent) in [(Building, Generic), (Furniture, Building), (Generic, Generic), (Building, Bridge)] {
+            assert!(!kind.is_part_of(parent), "{kind:?} {parent:?}");
         }
     }
 }

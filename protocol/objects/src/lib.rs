@@ -3,8 +3,10 @@
 //! The bake writes these formats, the server and the viewers read them. The crate has no I/O. Decoders accept untrusted bytes: they
 //! never panic, and never allocate more than the limits of the formats.
 
+pub mod attribute_names;
 pub mod block;
 pub mod color;
+pub mod family;
 pub mod filter;
 pub mod kind;
 pub mod schema;
@@ -15,5 +17,5 @@ pub use block::{BLOCK_OBJECTS, ObjectBlock, ObjectBounds, ObjectRecord};
 pub use color::{ColorBy, ColorError, Legend, LegendEntry, Ramp};
 pub use filter::{Filter, FilterError};
 pub use kind::FeatureKind;
-pub use schema::{AttributeInfo, Schema, SchemaBuilder};
+pub use schema::{AttributeInfo, NamedValues, Schema, SchemaBuilder};
 pub use value::{Value, ValueType};

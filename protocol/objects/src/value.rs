@@ -1,5 +1,6 @@
 //! Values of attributes and their types, and calendar dates as day numbers.
 
+use insula_protocol::text::without_sign_of_zero;
 use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 
@@ -80,14 +81,14 @@ impl Serialize for Value {
         match self {
             Self::Text(text) => serializer.serialize_str(text),
             Self::Integer(value) => serializer.serialize_i64(*value),
-            Self::Float(value) => serializer.serialize_f64(*value),
+            Self::Float(value) => serializer.serialize_f64(without_sign_of_zero(*value)),
             Self::Bool(value) => serializer.serialize_bool(*value),
             Self::Date(_) => serializer.collect_str(self),
         }
     }
 }
 
-/// Dates as `YYYY-MM-DD`. Floats in the shortest form that parses to the same value.
+/// Dates as `YYYY-MM-DD`. Floats in the shortest form that parses to the same value, zero without a sign.
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.borrowed().fmt(f)
@@ -141,7 +142,7 @@ impl fmt::Display for ValueRef<'_> {
         match self {
             Self::Text(text) => f.write_str(text),
             Self::Integer(value) => value.fmt(f),
-            Self::Float(value) => value.fmt(f),
+            Self::Float(value) => without_sign_of_zero(*value).fmt(f),
             Self::Bool(value) => value.fmt(f),
             Self::Date(days) => {
                 let (year, month, day) = civil_from_days(*days);
@@ -246,6 +247,7 @@ mod tests {
     fn values_are_displayed_and_converted_to_numbers() {
         let date = Value::Date(parse_date("1894-07-01").unwrap());
         assert_eq!(date.to_string(), "1894-07-01");
+        assert_eq!([-0.0, 8.63, -1.5].map(|number| Value::Float(number).to_string()), ["0", "8.63", "-1.5"]);
         let values = [Value::Text("x".into()), Value::Integer(-3), Value::Float(2.50), Value::Bool(true)];
         assert_eq!(values.each_ref().map(Value::to_string), ["x", "-3", "2.5", "true"]);
         assert_eq!(values.each_ref().map(Value::as_f64), [None, Some(-3.0), Some(2.5), Some(1.0)]);

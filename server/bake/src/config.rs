@@ -75,8 +75,10 @@ pub struct BakeOptions {
     pub skip_bad_inputs: bool,
     /// Name in URLs, of a-z, 0-9, `_` and `-`; `None` for the folder's name.
     pub name: Option<String>,
-    /// Display name; `None` for the source's title.
+    /// Display name; `None` for the source's title, or else `place`.
     pub title: Option<String>,
+    /// Title of a city whose sources have none; `None` for `name` if it is given, else for the name of the folder as it was typed.
+    pub place: Option<String>,
     /// Attributions; empty for those of the sources.
     pub attribution: Vec<Attribution>,
     /// The vertical axis of OBJ files.
@@ -148,6 +150,7 @@ impl Default for BakeOptions {
             skip_bad_inputs: false,
             name: None,
             title: None,
+            place: None,
             attribution: Vec::new(),
             obj_up: ObjUpAxis::default(),
             kinds: KindFilter::default(),
@@ -213,6 +216,7 @@ pub(crate) struct BakeConfig {
     pub(crate) resume: bool,
     pub(crate) name: String,
     pub(crate) title: Option<String>,
+    pub(crate) place: String,
     pub(crate) attribution: Vec<Attribution>,
     pub(crate) sample: SampleSettings,
     pub(crate) quality: Quality,
@@ -262,6 +266,7 @@ impl BakeConfig {
             resume: options.resume,
             name: check_name(options.name.as_deref(), &folder.to_string_lossy())?,
             title: options.title.clone(),
+            place: place(options, &folder.to_string_lossy()),
             attribution: options.attribution.clone(),
             sample: options.sample.clone(),
             quality: options.quality,
@@ -402,6 +407,12 @@ fn check_threads(requested: Option<usize>) -> Result<usize, BakeError> {
             Err(BakeError::Option { option: "--threads", value: n.to_string(), advice })
         }
     }
+}
+
+/// The title of a city whose sources have none.
+fn place(options: &BakeOptions, folder: &str) -> String {
+    let place = options.place.as_deref().or(options.name.as_deref()).unwrap_or(folder);
+    manifest::shorten_text(place).to_owned()
 }
 
 fn check_name(requested: Option<&str>, folder: &str) -> Result<String, BakeError> {

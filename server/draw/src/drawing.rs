@@ -5,7 +5,7 @@ use crate::{
     join::{Rings, unions},
     lines::LineRole,
     style::Rgb,
-    view::{PaperGrid, PaperRect},
+    view::{MetreFrame, PaperGrid, PaperRect},
 };
 use insula_export::rings::twice_area;
 use insula_objects::FeatureKind;
@@ -16,6 +16,8 @@ pub struct Drawing {
     pub grid: PaperGrid,
     /// Where the city is.
     pub frame: PaperRect,
+    /// How the paper lies in the city, for formats that draw in metres; `None` for a sheet, and for a perspective.
+    pub metres: Option<MetreFrame>,
     pub title: String,
     /// Who must be named wherever the drawing is shown; empty if nobody.
     pub attribution: String,
@@ -69,8 +71,6 @@ pub struct DrawnShape {
     pub opacity: f64,
     /// Outer rings and holes, filled by the rule "nonzero".
     pub(crate) rings: Rings,
-    /// Convex parts that fill the same area; empty if they were not asked for.
-    pub(crate) parts: Rings,
 }
 
 /// Whether a shape is a surface or a shadow.
@@ -107,11 +107,6 @@ impl Drawing {
     /// The rings of a shape in millimetres from the lower left corner of the paper.
     pub fn rings<'a>(&'a self, shape: &'a DrawnShape) -> impl Iterator<Item = Vec<[f64; 2]>> + 'a {
         shape.rings.iter().map(|ring| ring.iter().map(|point| self.grid.mm(*point)).collect())
-    }
-
-    /// The convex parts of a shape in millimetres from the lower left corner of the paper.
-    pub(crate) fn parts<'a>(&'a self, shape: &'a DrawnShape) -> impl Iterator<Item = Vec<[f64; 2]>> + 'a {
-        shape.parts.iter().map(|ring| ring.iter().map(|point| self.grid.mm(*point)).collect())
     }
 
     /// The chains of lines in millimetres from the lower left corner of the paper.

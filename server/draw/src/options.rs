@@ -58,6 +58,9 @@ pub struct DrawingOptions {
     title: Option<String>,
     #[serde(default)]
     bare: bool,
+    /// DXF as a sheet of paper in millimetres, instead of metres of the city.
+    #[serde(default)]
+    sheet: bool,
     /// `model` or `paper`.
     #[serde(default)]
     look: Option<String>,
@@ -118,7 +121,8 @@ impl DrawingOptions {
             title: self.title,
             style,
             is_checked: false,
-            keeps_parts: self.format == DrawingFormat::Dxf,
+            is_sheet: self.sheet,
+            date: String::new(),
             color_by,
             limits,
         })

@@ -98,7 +98,8 @@ pub(crate) fn to_pdf(drawing: &Drawing) -> Vec<u8> {
 }
 
 fn pt(mm: f64) -> f32 {
-    (mm * PT_PER_MM) as f32
+    // Without the sign of zero.
+    (mm * PT_PER_MM) as f32 + 0.0
 }
 
 fn state_name(step: u8) -> String {

@@ -24,7 +24,7 @@ use crate::{
 };
 use insula_export::{selection::ObjectSelection, source::ExportSource};
 use insula_objects::{ColorBy, FeatureKind};
-use insula_protocol::mesh_tile::NO_OBJECT;
+use insula_protocol::{mesh_tile::NO_OBJECT, text::at_most};
 use std::collections::{BTreeMap, HashSet};
 
 /// Terrain, and if the scale is given all levels of detail, may be wrong by this much on paper, in millimetres.
@@ -45,8 +45,10 @@ pub struct DrawRequest {
     pub style: Stylesheet,
     /// Whether all pairs of visible parts are checked for overlaps, which takes as long as some of the drawing.
     pub is_checked: bool,
-    /// Whether shapes keep the convex parts that they are joined of, with which DXF fills them.
-    pub keeps_parts: bool,
+    /// Whether formats that draw in metres draw the sheet of paper instead, in millimetres.
+    pub is_sheet: bool,
+    /// Date and time of the light for the title block; empty if it is not known.
+    pub date: String,
     /// Colours of objects by an attribute, in place of those by kind.
     pub color_by: Option<ColorBy>,
     pub limits: DrawLimits,
@@ -114,6 +116,7 @@ pub fn draw(
     Ok(Drawing {
         grid: stage.grid,
         frame,
+        metres: stage.projection.metres(scene.origin).filter(|_| !request.is_sheet),
         title: block.title,
         attribution: block.attribution,
         is_exact: request.style.fill == FillMode::Object,
@@ -124,6 +127,13 @@ pub fn draw(
         counts,
         largest_overlap,
     })
+}
+
+/// The light of a drawing in words: when, and where the sun stands.
+fn light(request: &DrawRequest) -> String {
+    let [azimuth, altitude] = request.style.sun.map(|degrees| at_most(degrees, 1));
+    let sun = format!("Sun {azimuth}\u{b0} from north, {altitude}\u{b0} above the horizon");
+    if request.date.is_empty() { sun } else { format!("{}. {sun}", request.date) }
 }
 
 fn title_block(source: &dyn ExportSource, request: &DrawRequest, projection: &Projection) -> TitleBlock {
@@ -144,7 +154,7 @@ fn title_block(source: &dyn ExportSource, request: &DrawRequest, projection: &Pr
     };
     let attribution = manifest.attribution.iter().map(of_source).collect::<Vec<_>>().join("; ");
     let title = request.title.clone().unwrap_or_else(|| manifest.title.clone());
-    TitleBlock { title, description: format!("{view}{scale}"), attribution }
+    TitleBlock { title, description: format!("{view}{scale}"), light: light(request), attribution }
 }
 
 /// A scene and how it is seen.
@@ -210,15 +220,13 @@ impl Stage<'_> {
             }
         }
         let keys: Vec<ShapeKey> = groups.keys().copied().collect();
-        let parts: Vec<Rings> =
-            if self.request.keeps_parts { groups.values().cloned().collect() } else { vec![Rings::new(); keys.len()] };
         let joined = unions(groups.into_values().collect(), progress)?;
-        let shape = |(((object, color), parts), rings): ((ShapeKey, Rings), Rings)| {
+        let shape = |((object, color), rings): (ShapeKey, Rings)| {
             let kind = self.scene.objects[object as usize].kind;
             let opacity = self.request.style.opacity(kind);
-            (object, DrawnShape { role: ShapeRole::Surface, color, opacity, rings, parts })
+            (object, DrawnShape { role: ShapeRole::Surface, color, opacity, rings })
         };
-        Ok(keys.into_iter().zip(parts).zip(joined).filter(|(_, rings)| !rings.is_empty()).map(shape).collect())
+        Ok(keys.into_iter().zip(joined).filter(|(_, rings)| !rings.is_empty()).map(shape).collect())
     }
 
     /// The colours by the attribute of all objects that can be seen.
@@ -294,13 +302,7 @@ impl Objects {
     fn add_shadows(&mut self, shadows: BTreeMap<u32, Rings>, style: &Stylesheet) {
         let color = parse_color(&style.shadow_color).unwrap_or([0; 3]);
         for (object, rings) in shadows {
-            let shape = DrawnShape {
-                role: ShapeRole::Shadow,
-                color,
-                opacity: style.shadow_opacity,
-                rings,
-                parts: Rings::new(),
-            };
+            let shape = DrawnShape { role: ShapeRole::Shadow, color, opacity: style.shadow_opacity, rings };
             self.0[object as usize].shapes.push(shape);
         }
     }

@@ -17,7 +17,9 @@ const TEXT_MM: f64 = 2.8;
 const NOTE_MM: f64 = 2.0;
 /// Width of a character of the notes: the mean of a sans-serif font, with some reserve.
 const NOTE_CHARACTER_MM: f64 = 0.55 * NOTE_MM;
+/// Of the sources; the light has one line more.
 const MAX_NOTE_LINES: usize = 3;
+const NOTE_LINE_MM: f64 = 2.4;
 
 /// Sizes of paper by name in millimetres, in landscape format.
 const PAPERS: [(&str, [f64; 2]); 6] = [
@@ -70,6 +72,8 @@ pub struct TitleBlock {
     pub title: String,
     /// View and scale.
     pub description: String,
+    /// Date and sun.
+    pub light: String,
     /// Who must be named.
     pub attribution: String,
 }
@@ -95,8 +99,9 @@ pub(crate) fn sheet_items(projection: &Projection, block: &TitleBlock) -> Vec<Sh
     let bar = scale_bar(&strip, right, part, projection, &mut items);
     let width = (bar - left - 6.0 * part).max(20.0);
     let characters = (width / (NOTE_CHARACTER_MM * part)) as usize;
-    for (line, words) in wrapped(&block.attribution, characters).iter().enumerate() {
-        items.push(text([left, strip.max[1] - (16.0 + 2.7 * line as f64) * part], NOTE_MM, words));
+    let light = wrapped(&block.light, characters).into_iter().take(1);
+    for (line, words) in light.chain(wrapped(&block.attribution, characters)).enumerate() {
+        items.push(text([left, strip.max[1] - (15.8 + NOTE_LINE_MM * line as f64) * part], NOTE_MM, &words));
     }
     items
 }

@@ -76,6 +76,23 @@ impl PaperGrid {
     }
 }
 
+/// The place of a sheet of paper in metres along the axes of the view: those of the city's coordinate system for a plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MetreFrame {
+    /// Metres of a millimetre on paper.
+    pub per_mm: f64,
+    /// Of the lower left corner of the paper.
+    pub at_zero: [f64; 2],
+}
+
+impl MetreFrame {
+    /// Metres of a place of the paper in millimetres.
+    #[must_use]
+    pub fn place(&self, mm: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|k| self.at_zero[k] + mm[k] * self.per_mm)
+    }
+}
+
 /// The axes of a view, before the scale is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewAxes {
@@ -185,6 +202,16 @@ impl Projection {
         middle + (at / divisor - self.middle) * self.factor
     }
 
+    /// How the paper lies along the axes of parallel rays in world metres, for a scene at `origin`; `None` for a perspective, which has no
+    /// scale.
+    pub(crate) fn metres(&self, origin: [f64; 3]) -> Option<MetreFrame> {
+        self.scale?;
+        let origin = DVec3::from(origin);
+        let corner = DVec2::from([0, 1].map(|k| 0.5 * (self.frame.min[k] + self.frame.max[k]))) / self.factor;
+        let at_zero = DVec2::new(origin.dot(self.axes.right), origin.dot(self.axes.up)) + self.middle - corner;
+        Some(MetreFrame { per_mm: 1.0 / self.factor, at_zero: at_zero.to_array() })
+    }
+
     /// The point of a plane that parallel rays project to a place of the paper.
     pub(crate) fn lift(&self, mm: DVec2, plane: &FacePlane) -> DVec3 {
         let frame_middle = DVec2::from([0, 1].map(|k| 0.5 * (self.frame.min[k] + self.frame.max[k])));
@@ -247,11 +274,17 @@ mod tests {
         assert_eq!(plan.scale, Some(1000.0));
         assert_eq!(plan.project(points[0]), DVec2::new(20.0, 20.0));
         assert_eq!(plan.project(points[1]), DVec2::new(100.0, 50.0));
+        let metres = plan.metres([84_000.0, 446_000.0, 3.0]).unwrap();
+        assert_eq!(
+            [[20.0, 20.0], [100.0, 50.0]].map(|mm| metres.place(mm)),
+            [[84_000.0, 446_000.0], [84_080.0, 446_030.0]]
+        );
         let view =
             DrawView::Perspective { position: [0.0; 3], target: [0.0, 9.0, 0.0], up: [0.0, 0.0, 1.0], fov_y_deg: 90.0 };
         let axes = ViewAxes::new(&view, [0.0; 3]).unwrap();
         let perspective = Projection::new(axes, FRAME, None, std::iter::empty());
         assert!((perspective.project(DVec3::new(0.0, 7.0, 7.0)) - DVec2::new(60.0, 60.0)).length() < 1e-9);
+        assert_eq!(perspective.metres([0.0; 3]), None);
         let planes = perspective.planes();
         assert!(planes.iter().all(|plane| plane.height(DVec3::new(0.0, 7.0, 0.0)) > 0.0));
         assert!(planes.iter().any(|plane| plane.height(DVec3::new(0.0, 7.0, 8.0)) < 0.0));

@@ -16,8 +16,9 @@ use std::path::{Path, PathBuf};
 
 /// Writes the selected part of a city as a file. If it fails, `out` is unchanged: the file is renamed when it is complete.
 ///
-/// Tables have one row for each selected object, with its number, identifiers, kind, footprint, heights, area and attributes. The
-/// footprint of an object includes its parts. Memory holds the objects around one place at a time.
+/// Tables have one row for each selected object, with its number, identifiers, kind, footprint, heights, area and attributes. A building
+/// and its parts are one row unless the options keep parts; it is selected if one of them is. The footprint of an object includes its
+/// parts, and it has their attributes where it has none of its own. Memory holds the objects around one place at a time.
 pub fn export(
     source: &dyn ExportSource,
     format: Format,
@@ -31,7 +32,13 @@ pub fn export(
     match format {
         Format::GeoTiff => raster::write(&city, selection, projections, out),
         Format::CityJsonSeq => cityjson::write(&city, &Plan::of(&city, selection)?, out),
-        _ => table::write(&city, format, &Plan::of(&city, selection)?, projections, options, out),
+        _ => {
+            let mut plan = Plan::of(&city, selection)?;
+            if !options.keeps_parts {
+                plan.select_wholes(&city)?;
+            }
+            table::write(&city, format, &plan, projections, options, out)
+        }
     }
 }
 

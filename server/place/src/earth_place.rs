@@ -52,6 +52,32 @@ impl EarthPlace {
         (degrees[0].abs() <= 180.0 && degrees[1].abs() <= 90.0).then_some(degrees)
     }
 
+    /// Place on the map of a longitude and latitude in degrees; `None` where the projection does not reach.
+    #[must_use]
+    pub fn on_map(&self, degrees: [f64; 2]) -> Option<[f64; 2]> {
+        let [longitude, latitude] = degrees.map(f64::to_radians);
+        let (x, y) = transform_vertex_2d(&self.degrees, &self.plane, (longitude, latitude)).ok()?;
+        (x.is_finite() && y.is_finite()).then_some([x, y])
+    }
+
+    /// South-west and north-east corner of the box on the map around west, south, east and north in degrees; `None` where the projection
+    /// does not reach.
+    #[must_use]
+    pub fn box_on_map(&self, [west, south, east, north]: [f64; 4]) -> Option<[[f64; 2]; 2]> {
+        /// Points along each side: the sides are curves on the map.
+        const STEPS: u32 = 16;
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let at = |from: f64, to: f64, step: u32| from + (to - from) * f64::from(step) / f64::from(STEPS);
+        for step in 0..=STEPS {
+            let (longitude, latitude) = (at(west, east, step), at(south, north, step));
+            for degrees in [[longitude, south], [longitude, north], [west, latitude], [east, latitude]] {
+                let place = self.on_map(degrees)?;
+                (low, high) = ([0, 1].map(|k| low[k].min(place[k])), [0, 1].map(|k| high[k].max(place[k])));
+            }
+        }
+        Some([low, high])
+    }
+
     /// Metres from the centre of the Earth of a place with a height above the ellipsoid; `None` where the projection does not reach.
     #[must_use]
     pub fn geocentric(&self, [x, y, z]: [f64; 3]) -> Option<[f64; 3]> {
@@ -73,6 +99,15 @@ mod tests {
         assert_eq!(place.epsg(), Some(28992));
         let [longitude, latitude] = place.lon_lat([84_498.0, 447_540.0]).unwrap();
         assert!((longitude - 4.3609).abs() < 1e-3 && (latitude - 52.0123).abs() < 1e-3, "{longitude} {latitude}");
+        let [x, y] = place.on_map([longitude, latitude]).unwrap();
+        assert!((x - 84_498.0).abs() < 1e-3 && (y - 447_540.0).abs() < 1e-3, "{x} {y}");
+        let [low, high] =
+            place.box_on_map([longitude - 0.001, latitude - 0.001, longitude + 0.001, latitude + 0.001]).unwrap();
+        // 68.6 m of the parallel and 111.3 m of the meridian to each side, turned by 0.8 degrees.
+        assert!(
+            (high[0] - low[0] - 2.0 * 70.2).abs() < 1.0 && (high[1] - low[1] - 2.0 * 112.2).abs() < 1.0,
+            "{low:?} {high:?}"
+        );
         let [x, y, z] = place.geocentric([84_498.0, 447_540.0, 45.0]).unwrap();
         // 6,364.5 km from the centre at this latitude.
         assert!(((x * x + y * y + z * z).sqrt() - 6_364_900.0).abs() < 1500.0);

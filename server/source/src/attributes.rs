@@ -62,6 +62,11 @@ impl AttributeValue {
         ((1..=12).contains(&month) && (1..=31).contains(&day)).then_some(Self::Date { year, month, day })
     }
 
+    /// A single-precision number as the decimal number that it was written for: 0.1, not 0.10000000149.
+    pub fn single(number: f32) -> Self {
+        Self::Float(number.to_string().parse().unwrap_or(f64::from(number)))
+    }
+
     /// A whole number; those that need all 64 bits are texts, so that no digit of an identifier is lost.
     pub fn unsigned(number: u64) -> Self {
         i64::try_from(number).map_or_else(|_| Self::Text(number.to_string()), Self::Integer)
@@ -140,7 +145,7 @@ pub struct Attributes {
 }
 
 impl Attributes {
-    /// Adds an attribute. Cuts long names and texts. Leaves out floats that are not finite, equal names, and all beyond
+    /// Adds an attribute. Cuts long names and texts, and gives numbers of single precision their shortest form. Leaves out floats that are not finite, equal names, and all beyond
     /// [`MAX_ATTRIBUTES`].
     pub fn push(&mut self, name: &str, value: AttributeValue) {
         let name = &name[..name.floor_char_boundary(MAX_NAME_BYTES)];
@@ -149,6 +154,10 @@ impl Attributes {
             return;
         }
         let value = match value {
+            // A number of single precision in the digits of double precision, as 8.630000114440918 is for 8.63.
+            AttributeValue::Float(number) if number.fract() != 0.0 && f64::from(number as f32) == number => {
+                AttributeValue::single(number as f32)
+            }
             AttributeValue::Text(text) if text.len() > MAX_TEXT_BYTES => {
                 AttributeValue::Text(text[..text.floor_char_boundary(MAX_TEXT_BYTES)].to_owned())
             }
@@ -184,5 +193,27 @@ impl Attributes {
     /// Number of attributes.
     pub fn len(&self) -> usize {
         self.entries.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn single_precision_keeps_its_decimals() {
+        assert_eq!(AttributeValue::single(8.63), AttributeValue::Float(8.63));
+        assert_eq!(AttributeValue::single(14.1).to_string(), "14.1");
+        let mut attributes = Attributes::default();
+        for (name, number) in
+            [("a", 8.630000114440918), ("b", 8.63), ("c", 0.1 + 0.2), ("d", -0.5), ("e", 1_099_511_627_776.0)]
+        {
+            attributes.push(name, AttributeValue::Float(number));
+        }
+        let texts: Vec<String> = attributes.iter().map(|(_, value)| value.to_string()).take(4).collect();
+        assert_eq!(texts, ["8.63", "8.63", "0.30000000000000004", "-0.5"]);
+        // Whole numbers may be identifiers.
+        assert_eq!(attributes.get("e"), Some(&AttributeValue::Float(1_099_511_627_776.0)));
+        assert!(matches!(AttributeValue::single(f32::NAN), AttributeValue::Float(number) if number.is_nan()));
     }
 }

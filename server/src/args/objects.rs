@@ -1,7 +1,7 @@
 //! Arguments of the commands that read objects.
 
 #[cfg(feature = "bake")]
-use insula_command_line::{output::OverwriteArgs, parse_size, parse_tau};
+use insula_command_line::{area::AreaArgs, output::OverwriteArgs, parse_size, parse_tau};
 use insula_objects::search::MAX_QUERY_CHARS;
 use std::path::PathBuf;
 
@@ -54,12 +54,14 @@ pub struct ExportArgs {
     /// .pmtiles
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
-    /// Only objects with the middle in this area, in metres of the city's coordinate system
-    #[arg(long, value_name = "W,S,E,N", value_parser = parse_box, allow_hyphen_values = true)]
-    pub bbox: Option<[f64; 4]>,
+    #[command(flatten)]
+    pub area: AreaArgs,
     /// Only objects that pass, as in 'height > 20'
     #[arg(long, value_name = "EXPR")]
     pub filter: Option<String>,
+    /// A row for each part of a building in a table, instead of one for the building
+    #[arg(long)]
+    pub parts: bool,
     /// Only objects with the middle in the polygon of a GeoJSON file, in metres of the city's coordinate system
     #[arg(long, value_name = "FILE")]
     pub polygon: Option<PathBuf>,
@@ -128,14 +130,5 @@ fn parse_format(text: &str) -> Result<ExportFormat, String> {
                 .map(|(_, format)| ExportFormat::Table(*format))
                 .ok_or_else(|| format!("expected {}, glb or 3dtiles", names.join(", ")))
         }
-    }
-}
-
-#[cfg(feature = "bake")]
-fn parse_box(text: &str) -> Result<[f64; 4], String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
-    match numbers[..] {
-        [west, south, east, north] if west < east && south < north => Ok([west, south, east, north]),
-        _ => Err("expected west, south, east and north, separated by commas".to_owned()),
     }
 }

@@ -22,7 +22,7 @@ use insula_bake::{
 use insula_command_line::output::FileKind;
 use insula_protocol::{
     manifest::Attribution,
-    text::{count, human_bytes, shell_word},
+    text::{count, human_bytes, printable, shell_word},
 };
 use std::{collections::BTreeMap, path::Path};
 
@@ -215,6 +215,7 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         skip_bad_inputs: args.skip_bad_inputs,
         name: args.name.clone(),
         title: args.title.clone(),
+        place: None,
         attribution: attribution.into_iter().collect(),
         obj_up: match args.obj_up {
             UpAxis::Z => ObjUpAxis::Z,
@@ -248,19 +249,27 @@ fn summary(report: &BakeReport, args: &BakeArgs) -> String {
         }
     };
     format!(
-        "{}: {} objects, {} triangles in {:.1} s ({:.0} objects/s, {:.0} triangles/s{memory}): {} nodes, {}{meshes}\
-         {unchanged}{}\nserve it with: insula-server serve {}\n",
+        "{}: {}, {} triangles in {:.1} s ({:.0} triangles/s{memory}): {} nodes, {}{meshes}\
+         {unchanged}{}\n{}serve it with: insula-server serve {}\n",
         report.name,
-        report.objects,
+        report.size,
         report.triangles,
         report.seconds,
-        report.objects_per_second,
         report.triangles_per_second,
         report.nodes,
         human_bytes(report.city_bytes),
         left_out(&report.read),
+        filled_in(&report.filled_in),
         shell_word(&args.out.to_string_lossy()),
     )
+}
+
+/// Lines that say which names and licences were filled in; empty if none.
+fn filled_in(lines: &[String]) -> String {
+    let line = |line: &String| {
+        format!("named by what is known of its publisher: {}; --attribution names another\n", printable(line))
+    };
+    lines.iter().map(line).collect()
 }
 
 /// What of the inputs is not in the city or was guessed, and why: for the end of a sentence, empty if all is.

@@ -43,8 +43,11 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     if args.keep_formulas && format != ExportFormat::Table(Format::Csv) {
         return Err(CommandError::Usage("--keep-formulas needs --format csv".to_owned()));
     }
-    let selection = selection(args, &source)?;
+    if args.parts && !matches!(format, ExportFormat::Table(format) if is_table(format)) {
+        return Err(CommandError::Usage("--parts needs a table: csv, geojson, geoparquet or flatgeobuf".to_owned()));
+    }
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
+    let selection = selection(args, &source, place.as_ref())?;
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
     let text = match format {
         ExportFormat::Glb => {
@@ -70,6 +73,11 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     };
     print(&format!("wrote {} ({text})\n", args.out.display()));
     Ok(())
+}
+
+/// Whether a format has a row for each object.
+fn is_table(format: Format) -> bool {
+    !matches!(format, Format::CityJsonSeq | Format::GeoTiff)
 }
 
 /// Fails if the output would overwrite anything but an earlier one.
@@ -127,7 +135,7 @@ fn write_table(
         epsg: place.and_then(EarthPlace::epsg),
         definition: definition.as_ref(),
     };
-    let options = TableOptions { keeps_formulas: args.keep_formulas };
+    let options = TableOptions { keeps_formulas: args.keep_formulas, keeps_parts: args.parts };
     let report = file::export(source, format, selection, &projections, options, &args.out)
         .map_err(|error| CommandError::Export { path: args.out.clone(), reason: error.to_string() })?;
     for (reason, number) in &report.skipped {
@@ -137,7 +145,8 @@ fn write_table(
     if !report.attribution.is_empty() {
         eprintln!("note: name the source wherever this is shown: {}", printable(&report.attribution));
     }
-    Ok(format!("{}, {}", count(report.objects, "object"), human_bytes(report.bytes)))
+    let size = if is_table(format) { count(report.objects, "row") } else { count(report.objects, "object") };
+    Ok(format!("{size}, {}", human_bytes(report.bytes)))
 }
 
 /// The view of `--view`. Fails if there is no such file or camera, or if the format has no views.
@@ -156,8 +165,12 @@ fn view(args: &ExportArgs, format: ExportFormat) -> Result<Option<ExportView>, C
 }
 
 /// What the arguments select. Fails if an expression or a file is invalid.
-fn selection(args: &ExportArgs, source: &StoredCity<'_>) -> Result<ObjectSelection, CommandError> {
-    let bbox = args.bbox.map(|[west, south, east, north]| [[west, south], [east, north]]);
+fn selection(
+    args: &ExportArgs,
+    source: &StoredCity<'_>,
+    place: Option<&EarthPlace>,
+) -> Result<ObjectSelection, CommandError> {
+    let bbox = args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(CommandError::Usage)?;
     let polygon = args.polygon.as_deref().map(read_polygon).transpose()?;
     let objects = args.filter.as_deref().map(|text| passing_objects(text, source, &args.city)).transpose()?;
     Ok(ObjectSelection { bbox, polygon, objects })

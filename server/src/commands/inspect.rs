@@ -72,7 +72,7 @@ fn to_table(stats: &CityStats<'_>) -> String {
         "cell",
         format!("{} m, {} columns per side, {} levels", manifest.cell_m, manifest.node_cells, manifest.depth + 1),
     );
-    line("source", format!("{} objects, {} triangles", manifest.counts.objects, manifest.counts.triangles));
+    line("source", format!("{}, {}", manifest.counts.words(), count(manifest.counts.triangles, "triangle")));
     line("terrain", if manifest.has_terrain { "yes".into() } else { "no".into() });
     if manifest.generated_facades {
         line("facades", "generated windows".into());

@@ -8,10 +8,10 @@ use crate::{
     args::ObjectsArgs,
     store::{CityStore, StoredObjects},
 };
-use insula_objects::{AttributeInfo, FeatureKind, ObjectRecord, Schema, Value};
-use insula_protocol::text::printable;
+use insula_objects::{AttributeInfo, FeatureKind, NamedValues, ObjectRecord, Schema, attribute_names::display_order};
+use insula_protocol::text::{printable, without_sign_of_zero};
 use serde::Serialize;
-use serde_json::{Map, json};
+use serde_json::json;
 use std::fmt::Write;
 
 /// An object as JSON.
@@ -22,7 +22,7 @@ pub(crate) struct ObjectReport {
     /// Identifier of its parent.
     pub(crate) parent: Option<String>,
     pub(crate) kind: FeatureKind,
-    pub(crate) attributes: Map<String, serde_json::Value>,
+    pub(crate) attributes: NamedValues,
 }
 
 /// Runs `objects`. Fails if the city cannot be opened, has no objects, or not all of the requested ones.
@@ -33,7 +33,7 @@ pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
         if args.json {
             print_json(&pretty(&json!(objects.schema()))?);
         } else {
-            print(&schema_table(objects.schema()));
+            print(&schema_table(&city.manifest().counts.words(), objects.schema()));
         }
         return Ok(());
     }
@@ -58,11 +58,7 @@ pub(crate) fn describe(
     record: ObjectRecord,
 ) -> Result<ObjectReport, CommandError> {
     let parent = record.parent.map(|parent| objects.identifier(parent)).transpose()?.flatten();
-    let named = |(attribute, value): (u32, Value)| {
-        let info = objects.schema().attributes.get(attribute as usize)?;
-        Some((info.name.clone(), json!(value)))
-    };
-    let attributes = record.attributes.into_iter().filter_map(named).collect();
+    let attributes = NamedValues::new(objects.schema(), record.attributes);
     Ok(ObjectReport { id, identifier: record.identifier, parent, kind: record.kind, attributes })
 }
 
@@ -76,18 +72,20 @@ fn object_text(object: &ObjectReport) -> String {
     if let Some(parent) = &object.parent {
         let _ = writeln!(out, "  part of {}", printable(parent));
     }
-    for (name, value) in &object.attributes {
-        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        let _ = writeln!(out, "  {:<28} {}", printable(name), printable(&text));
+    for (name, value) in object.attributes.iter() {
+        let _ = writeln!(out, "  {:<28} {}", printable(name), printable(&value.to_string()));
     }
     out
 }
 
-fn schema_table(schema: &Schema) -> String {
-    let mut out = format!("{} objects\n{:<32} {:<8} {:>9}  values\n", schema.objects, "attribute", "type", "objects");
-    for AttributeInfo { name, value_type, count, min, max, top, .. } in &schema.attributes {
+/// The attributes of a city, below its size in words.
+fn schema_table(size: &str, schema: &Schema) -> String {
+    let mut out = format!("{size}\n{:<32} {:<8} {:>9}  values\n", "attribute", "type", "objects");
+    let order = display_order(schema.attributes.iter().map(|info| info.name.as_str()));
+    let shown = order.into_iter().filter_map(|index| schema.attributes.get(index));
+    for AttributeInfo { name, value_type, count, min, max, top, .. } in shown {
         let values = match (min, max) {
-            (Some(min), Some(max)) => format!("{min} to {max}"),
+            (Some(min), Some(max)) => format!("{} to {}", without_sign_of_zero(*min), without_sign_of_zero(*max)),
             _ => top.iter().take(4).map(|(text, _)| text.as_str()).collect::<Vec<_>>().join(", "),
         };
         let values: String = printable(&values).chars().take(60).collect();

@@ -29,7 +29,7 @@ pub(super) fn run(args: &SignArgs) -> Result<(), CommandError> {
         city: args.city.clone(),
         version: args.version.clone(),
         expires_secs: (now + args.expires).as_secs(),
-        scope: ShareScope { is_read_only: args.read_only, area_mm: args.bbox.map(|area| area.0) },
+        scope: ShareScope { is_read_only: args.read_only, area_mm: args.bbox_metres.map(|area| area.0) },
     };
     let link = keys.sign(&grant).ok_or_else(|| {
         CommandError::Keys(format!("cannot sign: {}; write a line \"ID SECRET\" to it", faults.join("; ")))

@@ -19,9 +19,9 @@ pub(super) fn push_about(out: &mut String, city: CityFacts<'_>, links: &CityLink
         out,
         "<dl><dt>Manifest</dt><dd><a href=\"{url}\">{url}</a></dd>\
          <dt>Extent</dt><dd>{width:.0} m x {depth:.0} m, columns of {} m</dd>\
-         <dt>Size</dt><dd>{} objects, {nodes} nodes, {:.1} MB</dd><dt>Reference system</dt><dd>{}</dd>",
+         <dt>Size</dt><dd>{}, {nodes} nodes, {:.1} MB</dd><dt>Reference system</dt><dd>{}</dd>",
         manifest.cell_m,
-        manifest.counts.objects,
+        manifest.counts.words(),
         city.file_bytes as f64 / 1e6,
         escape_html(manifest.crs.as_deref().unwrap_or("local metres")),
     );
@@ -35,10 +35,8 @@ pub(super) fn push_about(out: &mut String, city: CityFacts<'_>, links: &CityLink
 pub(super) fn description(city: CityFacts<'_>) -> String {
     let manifest = city.manifest;
     let [width, depth] = extent_m(city).map(|side| side / 1000.0);
-    let mut text = format!(
-        "{} in three dimensions: {width:.1} km x {depth:.1} km, {} objects.",
-        manifest.title, manifest.counts.objects
-    );
+    let mut text =
+        format!("{} in three dimensions: {width:.1} km x {depth:.1} km, {}.", manifest.title, manifest.counts.words());
     for source in &manifest.attribution {
         let _ = write!(text, " {}", source.text);
         if let Some(licence) = &source.licence {

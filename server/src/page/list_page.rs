@@ -106,8 +106,8 @@ impl<'a> CityListPage<'a> {
             );
         }
         let extent = texts.extent(extent_m(city.facts));
-        let objects = texts.objects(manifest.counts.objects);
-        let _ = write!(self.out, "<h2>{link}{title}{end}</h2><p>{extent} \u{b7} {objects}</p>");
+        let size = texts.size(&manifest.counts);
+        let _ = write!(self.out, "<h2>{link}{title}{end}</h2><p>{extent} \u{b7} {size}</p>");
         if !manifest.attribution.is_empty() {
             let sources: Vec<_> = manifest.attribution.iter().map(credit).collect();
             let _ = write!(self.out, "<p class=\"sources\">{}</p>", sources.join("; "));

@@ -1,6 +1,7 @@
 //! The texts of pages without scripts, in the languages of the viewer: the part `site` of its files `language-CODE.json`.
 
 use super::ViewerAssets;
+use insula_protocol::manifest::CityCounts;
 use serde::Deserialize;
 
 const ENGLISH: &str = include_str!("../../../client/web/page/language-en.json");
@@ -19,6 +20,7 @@ pub(crate) struct SiteTexts {
     decimal: String,
     kilometres: String,
     objects: NumberText,
+    buildings: NumberText,
     pub(crate) more: String,
     pub(crate) none: String,
     pub(super) details: String,
@@ -51,9 +53,13 @@ impl SiteTexts {
         Some(Self { language, direction, ..site })
     }
 
-    /// A number of objects in words.
-    pub(super) fn objects(&self, count: u64) -> String {
-        let form = self.objects.one.as_ref().filter(|_| count == 1).unwrap_or(&self.objects.other);
+    /// The size of a city in words, as [`CityCounts::words`] has it in English.
+    pub(super) fn size(&self, counts: &CityCounts) -> String {
+        let (text, count) = match counts.buildings {
+            Some(buildings) if buildings > 0 => (&self.buildings, buildings),
+            _ => (&self.objects, counts.objects),
+        };
+        let form = text.one.as_ref().filter(|_| count == 1).unwrap_or(&text.other);
         form.replace('#', &grouped(count))
     }
 
@@ -157,7 +163,10 @@ mod tests {
         let (english, german) = (languages.english(), languages.best("de"));
         assert_eq!(english.extent([1234.0, 9960.0]), "1.2 km × 10 km");
         assert_eq!(german.extent([1234.0, 31_400.0]), "1,2 km × 31 km");
-        assert_eq!((english.objects(1), english.objects(2300)), ("1 object".into(), "2300 objects".into()));
-        assert_eq!(english.objects(1_234_567), "1\u{202f}234\u{202f}567 objects");
+        let of = |objects, buildings| CityCounts { objects, buildings, ..CityCounts::default() };
+        assert_eq!([english.size(&of(1, None)), english.size(&of(2300, Some(0)))], ["1 object", "2300 objects"]);
+        assert_eq!(english.size(&of(9, Some(1_234_567))), "1\u{202f}234\u{202f}567 buildings");
+        let counts = of(2231, Some(1116));
+        assert_eq!(english.size(&counts), counts.words());
     }
 }

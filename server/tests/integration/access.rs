@@ -220,7 +220,11 @@ async fn a_share_link_can_be_limited_to_an_area_and_a_version() {
         ("0,0,1,1", root, "404"),
         ("0,0,1,1", "/v1/cities/two", "200"),
     ] {
-        assert_eq!(status(&["--expires", "1d", "--read-only", "--bbox", area], path).await, expected, "{area} {path}");
+        assert_eq!(
+            status(&["--expires", "1d", "--read-only", "--bbox-metres", area], path).await,
+            expected,
+            "{area} {path}"
+        );
     }
     for (version, expected) in [("0123456789abcdef", "200"), ("0123*", "200"), ("1*", "401"), ("0123", "401")] {
         for path in [TILE, "/v1/cities/two"] {

@@ -80,7 +80,7 @@ fn assert_bad(bad: &str, text: Option<&str>, words: &[&str]) {
     let output = run(folder.path(), &[&bake[..], &["c"]].concat());
     let lines = told(&output);
     assert_eq!((output.status.code(), lines.len()), (Some(1), 1), "{lines:?}");
-    assert!(lines[0].starts_with(&format!("error: {bad}: ")), "{}", lines[0]);
+    assert!(lines[0].starts_with(&format!("error: bake: {bad}: ")), "{}", lines[0]);
     for word in words.iter().chain(&["; --skip-bad-inputs bakes the other inputs"]) {
         assert!(lines[0].contains(word), "{word} is not in {}", lines[0]);
     }
@@ -93,7 +93,7 @@ fn assert_bad(bad: &str, text: Option<&str>, words: &[&str]) {
         assert_eq!((output.status.code(), lines.len()), (Some(0), 1), "{lines:?}");
         assert!(lines[0].starts_with(&format!("warning: {bad}: left out: ")), "{}", lines[0]);
         assert!(words.iter().all(|word| lines[0].contains(word)), "{}", lines[0]);
-        assert!(summary.contains("5 objects") && summary.contains("1 input left out"), "{summary}");
+        assert!(summary.contains("5 buildings") && summary.contains("1 input left out"), "{summary}");
         let report: Value = serde_json::from_slice(&fs::read(path("r.json")).unwrap()).unwrap();
         assert_eq!(report["read"]["bad_inputs"][0]["path"], bad);
         assert_eq!(report["read"]["sources"].as_array().map(Vec::len), Some(1));
@@ -140,7 +140,11 @@ fn bake_without_a_good_input_fails_with_the_first_bad_one() {
         let output = run(folder.path(), &[&["bake", "--out", "c", "--skip-bad-inputs"][..], inputs].concat());
         let lines = told(&output);
         assert!(output.status.code() == Some(1) && lines.len() == 1, "{lines:?}");
-        assert!(lines[0].starts_with("error: a.kml: KML") && lines[0].ends_with("a.geojson a.kml"), "{}", lines[0]);
+        assert!(
+            lines[0].starts_with("error: bake: a.kml: KML") && lines[0].ends_with("a.geojson a.kml"),
+            "{}",
+            lines[0]
+        );
         assert!(!folder.path().join("c.partial").exists());
     }
     fs::create_dir(folder.path().join("in")).unwrap();

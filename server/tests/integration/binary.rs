@@ -248,7 +248,7 @@ fn verify_finds_every_kind_of_damage() {
     assert_eq!(verify(&|_| {}).0, Some(0));
     let city = small_city::temporary_city();
     let (one_fault, _) = failure(&["verify", text(city.path())]);
-    assert!(one_fault.contains("error: 1 fault in "), "{one_fault}");
+    assert!(one_fault.contains("error: verify: 1 fault in "), "{one_fault}");
     let blockmaps = |tiles: &[_]| {
         let tiles = tiles.to_vec();
         move |city: &Path| small_city::write_archive(&city.join("blockmaps.pmtiles"), &tiles)

@@ -75,7 +75,8 @@ async fn drawings_are_those_of_the_command() {
             title: Some("A <title>".to_owned()),
             style: Stylesheet { shadows: true, sun: [200.0, 40.0], ..Stylesheet::default() },
             is_checked: false,
-            keeps_parts: format == DrawingFormat::Dxf,
+            is_sheet: false,
+            date: String::new(),
             color_by: None,
             limits: DrawLimits::default(),
         };

@@ -154,7 +154,7 @@ async fn private_cities_are_searched_with_a_token_or_a_link_to_all_of_them() {
         assert!(server.get(&format!("{schema}?{link}"), "").await.starts_with("HTTP/1.1 200"), "{link}");
     }
     // The area contains the whole city, and still is one.
-    assert_problem(&get(&["--bbox", "0,0,999999,999999"]).await, 404);
+    assert_problem(&get(&["--bbox-metres", "0,0,999999,999999"]).await, 404);
     assert_problem(&get(&["--version", "1*"]).await, 401);
     server.stop().await;
 }

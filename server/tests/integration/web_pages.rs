@@ -320,7 +320,7 @@ async fn pages_of_private_cities_are_hidden() {
     let page = server.get("/cities/two", token).await;
     assert!(page.starts_with("HTTP/1.1 200") && page.contains("cache-control: private, no-cache"), "{page}");
     assert_problem(&server.get("/cities/three", token).await, 404);
-    for (arguments, picture) in [(&[][..], "200"), (&["--read-only"], "200"), (&["--bbox", "0,0,1,1"], "404")] {
+    for (arguments, picture) in [(&[][..], "200"), (&["--read-only"], "200"), (&["--bbox-metres", "0,0,1,1"], "404")] {
         let query = share_query(&keys, arguments);
         let page = server.get(&format!("/cities/two?{query}"), "").await;
         assert!(page.starts_with("HTTP/1.1 200") && page.contains(&format!("/v1/cities/two?{query}")), "{page}");

@@ -95,6 +95,7 @@ pub fn manifest(name: &str) -> Manifest {
             triangles: 24,
             nodes_per_level: vec![1, 1],
             bytes_per_level: blockmaps().iter().map(|(_, bytes)| bytes.len() as u64).collect(),
+            buildings: Some(2),
         },
         attribution: vec![Attribution {
             text: "3D BAG".into(),

@@ -2,6 +2,7 @@
 
 use super::units::{area_text, length_text};
 use glam::{DVec2, DVec3};
+use insula_protocol::text::fixed;
 
 /// Most points of a figure.
 const MAX_POINTS: usize = 1000;
@@ -113,7 +114,10 @@ impl MeasureTool {
         }
         Some(match (self.kind, &self.points[..]) {
             (kind, []) => format!("{}: click a first point", kind.word()),
-            (_, [p]) => format!("from {:.1}, {:.1}, {:.1}: click the next point", p.x, p.y, p.z),
+            (_, [p]) => {
+                let [x, y, z] = p.to_array().map(|v| fixed(v, 1));
+                format!("from {x}, {y}, {z}: click the next point")
+            }
             (MeasureKind::Area, [_, _]) => "click the third point of the area".to_owned(),
             (MeasureKind::Line, points) => line_text(points),
             (MeasureKind::Area, points) => area_result(points),

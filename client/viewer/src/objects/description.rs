@@ -2,10 +2,9 @@
 
 use super::CityObjects;
 use crate::source::FetchError;
-use insula_objects::{ObjectBounds, Value};
+use insula_objects::{NamedValues, ObjectBounds, family::inherit};
 use insula_protocol::object_tile::block_of_object;
 use serde::Serialize;
-use serde_json::{Map, json};
 
 /// An object for people and scripts.
 #[derive(Debug, Serialize)]
@@ -15,7 +14,8 @@ pub struct ObjectDescription {
     /// Identifier of its parent.
     pub parent: Option<String>,
     pub kind: &'static str,
-    pub attributes: Map<String, serde_json::Value>,
+    /// In the order in which they are shown.
+    pub attributes: NamedValues,
     /// World coordinates of the middle of its box, in metres; that of its parts' if it has no shape.
     #[serde(skip)]
     pub centre: Option<[f64; 3]>,
@@ -27,17 +27,27 @@ pub struct ObjectDescription {
 impl CityObjects {
     /// An object with the names of its attributes; `None` if there is none of this number. Fails as [`CityObjects::block`] does.
     pub async fn describe(&self, id: u32) -> Result<Option<ObjectDescription>, FetchError> {
+        self.described(id, false).await
+    }
+
+    /// The same, with the attributes of its parent where it has none of its own. Fails as [`CityObjects::block`] does.
+    pub async fn describe_with_parent(&self, id: u32) -> Result<Option<ObjectDescription>, FetchError> {
+        self.described(id, true).await
+    }
+
+    async fn described(&self, id: u32, inherits: bool) -> Result<Option<ObjectDescription>, FetchError> {
         let Some(record) = self.object(id).await? else { return Ok(None) };
         let parent = match record.parent {
-            Some(parent) => self.object(parent).await?.map(|parent| parent.identifier),
+            Some(parent) => self.object(parent).await?,
             None => None,
         };
-        let named = |(attribute, value): (u32, Value)| {
-            let info = self.schema().attributes.get(attribute as usize)?;
-            Some((info.name.clone(), json!(value)))
-        };
-        let attributes = record.attributes.into_iter().filter_map(named).collect();
-        let (identifier, kind) = (record.identifier, record.kind.name());
+        let mut attributes = record.attributes;
+        if inherits && let Some(parent) = &parent {
+            inherit(&mut attributes, &parent.attributes);
+        }
+        let attributes = NamedValues::new(self.schema(), attributes);
+        let (identifier, kind, parent) =
+            (record.identifier, record.kind.name(), parent.map(|parent| parent.identifier));
         let (parts, bounds) = match record.bounds {
             Some(bounds) => (Vec::new(), Some(bounds)),
             None => self.parts(id).await?,
@@ -46,16 +56,6 @@ impl CityObjects {
             std::array::from_fn(|axis| self.origin()[axis] + (f64::from(min[axis]) + f64::from(max[axis])) / 20.0)
         });
         Ok(Some(ObjectDescription { id, identifier, parent, kind, attributes, centre, parts }))
-    }
-
-    /// The same, with the attributes of its parent where it has none of its own. Fails as [`CityObjects::block`] does.
-    pub async fn describe_with_parent(&self, id: u32) -> Result<Option<ObjectDescription>, FetchError> {
-        let Some(mut object) = self.describe(id).await? else { return Ok(None) };
-        let Some(parent) = self.object(id).await?.and_then(|record| record.parent) else { return Ok(Some(object)) };
-        for (name, value) in self.describe(parent).await?.into_iter().flat_map(|parent| parent.attributes) {
-            object.attributes.entry(name).or_insert(value);
-        }
-        Ok(Some(object))
     }
 
     /// The parts of an object, and their common box. A parent without a shape is next to its first part, so only its block and

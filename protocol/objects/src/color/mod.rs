@@ -12,6 +12,7 @@ use crate::{
     value::{Value, ValueRef, ValueType},
 };
 use colorous::Gradient;
+use insula_protocol::text::fixed;
 use palette::{ColorPalette, MAX_CLASSES};
 use serde::Serialize;
 
@@ -245,10 +246,10 @@ impl ColorBy {
         let value = from * (1.0 - at) + to * at;
         match self.value_type {
             ValueType::Date => ValueRef::Date(value.round() as i32).to_string(),
-            ValueType::Integer => format!("{value:.0}"),
+            ValueType::Integer => fixed(value, 0),
             _ => {
                 let decimals = 2.0 - (to - from).abs().max(1e-6).log10().floor();
-                format!("{value:.*}", decimals.clamp(0.0, 6.0) as usize)
+                fixed(value, decimals.clamp(0.0, 6.0) as usize)
             }
         }
     }

@@ -3,8 +3,10 @@
 //! A schema is stored as JSON. Blocks of objects refer to attributes by their index in it.
 
 mod builder;
+mod named_values;
 
 pub use builder::SchemaBuilder;
+pub use named_values::NamedValues;
 
 use crate::value::{MAX_TEXT_BYTES, Value, ValueType};
 use insula_protocol::DecodeError;

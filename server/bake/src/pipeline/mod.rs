@@ -190,11 +190,12 @@ impl<'a> BakeRun<'a> {
         let objects = Some(NumberedRecords { records: &records, rows: &rows, origin_m: grid.corner, searchable });
         let input = CityInput { config, grid: &grid, facts: &facts, read: &read, tree, fingerprints, objects };
         let (written, clock) = self.write(input, previous)?;
-        let (manifest, city_bytes, threads, blocks) = (written.manifest, written.bytes, config.threads, tiles.counts);
+        let WrittenCity { manifest, bytes: city_bytes, filled_in } = written;
+        let (threads, blocks) = (config.threads, tiles.counts);
         let meshes = MeshReport::by_lod(tree.meshes().iter().map(|mesh| (mesh.lod, mesh.info)));
         let start = resume;
         Ok(BakeReport::new(
-            ReportInput { manifest, city_bytes, read, ground, grid, threads, start, blocks, meshes },
+            ReportInput { manifest, city_bytes, read, filled_in, ground, grid, threads, start, blocks, meshes },
             clock,
         ))
     }

@@ -18,10 +18,7 @@ use insula_archive::{
 };
 use insula_protocol::{
     NODE_CELLS, TileId, TileKind,
-    manifest::{
-        Attribution, CityCounts, FORMAT_VERSION, HeightReference, MAX_ALL_TEXT_BYTES, MAX_ATTRIBUTIONS, MAX_TEXT_BYTES,
-        Manifest, shorten_text,
-    },
+    manifest::{CityCounts, FORMAT_VERSION, HeightReference, Manifest},
     mesh_tile,
     subtree::NodeInfo,
     tile,
@@ -33,6 +30,7 @@ use serde::{Deserialize, Serialize};
 use super::location::locate;
 use super::{
     archive::{self, WrittenArchive, archive_order},
+    attributions::{Attributions, is_publisher},
     files::write_synced,
     fingerprints::Fingerprints,
     objects::NumberedRecords,
@@ -168,6 +166,8 @@ pub(crate) struct WrittenCity {
     pub(crate) manifest: Manifest,
     /// Size of all files.
     pub(crate) bytes: u64,
+    /// Sources whose name or licence follows from what is known of their publishers.
+    pub(crate) filled_in: Vec<String>,
 }
 
 /// The archives of V-BlockMaps and of meshes, if there are meshes.
@@ -214,9 +214,10 @@ pub(crate) fn write_others(
     let terminals = nodes.iter().flatten().filter(|node| node.child_mask == 0).map(|node| node.id).collect();
     drop(nodes);
     let mut written: Vec<WrittenArchive> = [blockmaps, subtrees].into_iter().chain(meshes).collect();
-    let mut search = None;
+    let (mut search, mut buildings) = (None, 0);
     if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
         let schema = objects.schema()?;
+        buildings = objects.buildings()?;
         written.push(objects.write(&schema, &folder.join("objects.pmtiles"))?);
         search = search::write(objects, &schema, &folder.join(SEARCH_FILE))?;
     }
@@ -227,6 +228,9 @@ pub(crate) fn write_others(
         hashes.push(hash_file(&folder.join(SEARCH_FILE))?);
     }
     let mut manifest = build_manifest(&input);
+    let Attributions { all, filled_in } = Attributions::new(&input.config.attribution, input.read);
+    manifest.attribution = all;
+    manifest.counts.buildings = Some(buildings);
     if input.config.street_sets
         && let Some(sets) =
             write_street_sets(&input, visibility::extent(&manifest, terminals), tiles, folder, progress)?
@@ -252,7 +256,7 @@ pub(crate) fn write_others(
             Err(error) => tracing::warn!("the city has no {}: {error}", thumbnail::FILE_NAME),
         }
     }
-    Ok(WrittenCity { manifest, bytes })
+    Ok(WrittenCity { manifest, bytes, filled_in })
 }
 
 /// Writes the archive of subtrees. They are encoded by all threads, some at a time.
@@ -311,14 +315,16 @@ fn hash_file(path: &Path) -> Result<[u8; blake3::OUT_LEN], BakeError> {
 
 fn build_manifest(input: &CityInput<'_>) -> Manifest {
     let CityInput { config, grid, facts, read, tree, .. } = input;
-    let source_title = || read.sources.iter().flat_map(|source| &source.titles).next().cloned();
+    // What names a publisher is no place.
+    let is_place = |title: &&String| !is_publisher(title);
+    let source_title = || read.sources.iter().flat_map(|source| &source.titles).find(is_place).cloned();
     let per_level = |f: fn(&[StoredTile]) -> u64| tree.levels().iter().map(|level| f(level)).collect();
     let (crs, focus) = (facts.crs.clone().or_else(|| read.crs.clone()), focus(input));
     let location = crs.as_deref().and_then(|crs| locate(crs, focus));
     Manifest {
         format_version: FORMAT_VERSION,
         name: config.name.clone(),
-        title: config.title.clone().or_else(source_title).unwrap_or_else(|| config.name.clone()),
+        title: config.title.clone().or_else(source_title).unwrap_or_else(|| config.place.clone()),
         version: String::new(),
         crs,
         origin: std::array::from_fn(|axis| facts.origin[axis] + grid.corner[axis]),
@@ -336,8 +342,9 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
             triangles: facts.triangles,
             nodes_per_level: per_level(|level| level.len() as u64),
             bytes_per_level: per_level(|level| level.iter().map(|tile| u64::from(tile.bytes)).sum()),
+            buildings: None,
         },
-        attribution: attribution(&config.attribution, read),
+        attribution: Vec::new(),
         tile_version: tile::VERSION,
         settings: config.settings.clone(),
         location,
@@ -374,46 +381,9 @@ fn focus(input: &CityInput<'_>) -> [[f64; 2]; 2] {
     [low, high]
 }
 
-/// The requested attributions; else one for each different set of names (titles if there are none) and licences in the
-/// sources.
-fn attribution(requested: &[Attribution], read: &ReadReport) -> Vec<Attribution> {
-    let mut all = requested.to_vec();
-    if !all.is_empty() {
-        return all;
-    }
-    // The rest is for the title and the coordinate system.
-    let mut bytes = 0;
-    for source in &read.sources {
-        let licence = (!source.licences.is_empty()).then(|| cut(source.licences.join(", ")));
-        let names = if source.attributions.is_empty() { &source.titles } else { &source.attributions };
-        let attribution = Attribution { text: cut(names.join(", ")), licence, url: None };
-        if attribution.text.is_empty() || all.contains(&attribution) {
-            continue;
-        }
-        bytes += attribution.texts().map(String::len).sum::<usize>();
-        if all.len() == MAX_ATTRIBUTIONS || bytes > MAX_ALL_TEXT_BYTES - 3 * MAX_TEXT_BYTES {
-            tracing::warn!("{}: too many attributions, the rest is left out; give one with --attribution", source.path);
-            break;
-        }
-        all.push(attribution);
-    }
-    all
-}
-
-/// The text as far as a manifest can hold it.
-fn cut(text: String) -> String {
-    let short = shorten_text(&text);
-    if short.len() == text.len() {
-        return text;
-    }
-    tracing::warn!("the attribution {:.40}... is too long and is cut; give one with --attribution", short);
-    short.to_owned()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read::{SourceFormat, SourceReport};
     use crate::scene::{Material, Scene, SceneObject, SceneTriangle};
 
     fn scene(objects: &[(ObjectKind, f32)]) -> Scene {
@@ -443,22 +413,5 @@ mod tests {
         let many: Vec<_> = heights.iter().map(|z| (Building, *z)).collect();
         heights.sort_by(f32::total_cmp);
         assert_eq!(facts(&many).ground_z_m, 50.0 + f64::from(heights[388]));
-    }
-
-    #[test]
-    fn attributions_of_any_sources_fit_into_a_manifest() {
-        let source = |name: String, licence: &str| {
-            let mut source = SourceReport::new(&name, SourceFormat::Obj, 0);
-            source.attributions.push(name);
-            source.licences.push(licence.to_owned());
-            source
-        };
-        let long = "\u{1}".repeat(5000);
-        for licence in ["L", &long] {
-            let sources = (0..1000).map(|i| source(format!("office {i} {licence}"), licence)).collect();
-            let all = attribution(&[], &ReadReport { sources, ..ReadReport::default() });
-            assert!(all.len() > 10 && all.len() <= MAX_ATTRIBUTIONS);
-            assert!(all.iter().flat_map(Attribution::texts).map(String::len).sum::<usize>() <= MAX_ALL_TEXT_BYTES);
-        }
     }
 }

@@ -6,9 +6,11 @@
 //! `mesh_pack`), so that an interrupted bake can continue, then the final files (`archive`, `city`).
 
 pub(crate) mod archive;
+mod attributions;
 pub(crate) mod city;
 pub(crate) mod files;
 pub(crate) mod fingerprints;
+mod known_sources;
 mod location;
 pub(crate) mod mesh_pack;
 pub(crate) mod objects;

@@ -56,6 +56,26 @@ impl NumberedRecords<'_> {
         Ok(schema)
     }
 
+    /// Number of buildings, each once with all its parts. Fails if a record cannot be read.
+    pub(crate) fn buildings(&self) -> Result<u64, BakeError> {
+        let mut reader = self.records.reader()?;
+        let mut kinds = Vec::with_capacity(self.rows.len());
+        self.rows.try_for_each(|_, row| {
+            kinds.push(row.as_ref().map(|row| reader.read(row.record).map(|record| record.kind)).transpose()?);
+            Ok::<_, BakeError>(())
+        })?;
+        let kind_of = |number: u32| kinds.get(number as usize).copied().flatten();
+        let mut buildings = 0;
+        self.rows.try_for_each(|number, row| {
+            let kind = kind_of(number as u32).filter(|kind| kind.is_of_building());
+            let parent = row.as_ref().and_then(|row| kind_of(row.parent?));
+            let is_whole = kind.is_some_and(|kind| !parent.is_some_and(|parent| kind.is_part_of(parent)));
+            buildings += u64::from(is_whole);
+            Ok::<_, BakeError>(())
+        })?;
+        Ok(buildings)
+    }
+
     /// Writes the archive. Fails if a record cannot be read or the file cannot be written.
     pub(crate) fn write(&self, schema: &Schema, path: &Path) -> Result<WrittenArchive, BakeError> {
         let mut used: Vec<u32> = Vec::new();
@@ -135,4 +155,39 @@ fn encode_schema(schema: &Schema) -> Result<Vec<u8>, DecodeError> {
     let mut short = schema.clone();
     short.attributes.iter_mut().for_each(|attribute| attribute.top.clear());
     json(&short)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{object_records::SourceRecord, triangle_store::TriangleStore};
+    use insula_objects::FeatureKind;
+
+    #[test]
+    fn a_building_counts_once_with_all_its_parts() {
+        use FeatureKind::{Bridge, Building, BuildingPart, Generic, Vegetation};
+        let objects = [
+            (Building, None),
+            (BuildingPart, Some(0)),
+            // A part of a part, as rooms of a storey are.
+            (BuildingPart, Some(1)),
+            (Generic, None),
+            // Of a group of houses.
+            (Building, Some(3)),
+            // Its parent is not in the city.
+            (BuildingPart, Some(8)),
+            (Vegetation, None),
+            (Bridge, None),
+        ];
+        let mut records = ObjectRecords::for_triangles(&TriangleStore::Memory(Vec::new()));
+        let mut row = |(kind, parent): (FeatureKind, Option<u32>)| {
+            let record = SourceRecord { identifier: String::new(), kind, attributes: Vec::new() };
+            Some(NumberedObject { record: records.push(record), parent, bounds_m: None })
+        };
+        let mut rows: Vec<_> = objects.into_iter().map(&mut row).collect();
+        rows.push(None);
+        let rows = rows.into();
+        let numbered = NumberedRecords { records: &records, rows: &rows, origin_m: [0.0; 3], searchable: Vec::new() };
+        assert_eq!(numbered.buildings().unwrap(), 3);
+    }
 }

@@ -12,132 +12,13 @@ use std::{collections::HashMap, fs::File, io::BufWriter, path::Path};
 
 use insula_archive::city::MAX_SEARCH_BYTES;
 use insula_objects::{
+    attribute_names::{TextPart, TextUse},
     schema::Schema,
     search::{SearchEntry, SearchError, SearchTextWriter, SearchWordWriter, SearchWriteError, WordRun, write_index},
 };
 
 use super::{files::remove_file, objects::NumberedRecords};
 use crate::{error::BakeError, scene::object_records::SourceRecord};
-
-/// Last parts of the names of attributes that are names of objects, in lower case.
-const NAMES: [&str; 20] = [
-    "name",
-    "naam",
-    "nom",
-    "nome",
-    "nombre",
-    "namn",
-    "navn",
-    "nazwa",
-    "bezeichnung",
-    "名称",
-    "名前",
-    "alt_name",
-    "official_name",
-    "short_name",
-    "local_name",
-    "loc_name",
-    "old_name",
-    "housename",
-    "buildingname",
-    "gebaeudename",
-];
-/// The same of attributes that are whole addresses. `freeform` is Overture's, `full` OpenStreetMap's `addr:full`.
-const ADDRESSES: [&str; 11] = [
-    "address",
-    "adresse",
-    "adres",
-    "anschrift",
-    "indirizzo",
-    "full_address",
-    "fulladdress",
-    "freeform",
-    "full",
-    "住所",
-    "所在地",
-];
-/// The same of streets. The numbers of the same group follow them in the text. `thoroughfare` is that of an address in CityGML.
-const STREETS: [&str; 9] = [
-    "street",
-    "streetname",
-    "street_name",
-    "straat",
-    "straatnaam",
-    "strasse",
-    "straße",
-    "strassenname",
-    "thoroughfare",
-];
-/// The same of numbers of houses.
-const NUMBERS: [&str; 12] = [
-    "housenumber",
-    "house_number",
-    "streetnumber",
-    "street_number",
-    "number",
-    "huisnummer",
-    "huisletter",
-    "huisnummertoevoeging",
-    "hausnummer",
-    "hausnummerzusatz",
-    "thoroughfarenumber",
-    "premisenumber",
-];
-/// Group of `addr:full`: elsewhere `full` is no address.
-const OSM_ADDRESS: &str = "addr:";
-
-/// The part that a value has in a text of several values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum TextPart {
-    Street,
-    Number,
-    /// The town or quarter of an address in CityGML. In Japan it is the whole address.
-    Locality,
-}
-
-/// What the values of an attribute are for the search.
-#[derive(Debug, Clone, PartialEq, Eq)]
-struct TextUse {
-    /// Each value is a text.
-    is_text: bool,
-    part: Option<TextPart>,
-    /// What precedes the last part of the attribute's name, in lower case. Values of the same group are of one address.
-    group: String,
-}
-
-impl TextUse {
-    /// The use by an attribute's name. Lists (`name.1`) count as their members.
-    fn of_name(name: &str) -> Self {
-        let lower = name.to_lowercase();
-        let trimmed = lower.trim_end_matches(|letter: char| letter.is_ascii_digit());
-        let whole = if trimmed.len() < lower.len() { trimmed.strip_suffix('.').unwrap_or(&lower) } else { &lower };
-        let (group, leaf) = whole.split_at(whole.rfind(['.', ':']).map_or(0, |at| at + 1));
-        let part = match leaf {
-            _ if STREETS.contains(&leaf) => Some(TextPart::Street),
-            _ if NUMBERS.contains(&leaf) => Some(TextPart::Number),
-            "locality" if is_address(group) => Some(TextPart::Locality),
-            _ => None,
-        };
-        let is_address = ADDRESSES.contains(&leaf) && (leaf != "full" || group == OSM_ADDRESS);
-        Self { is_text: is_address || is_name(group, leaf), part, group: group.to_owned() }
-    }
-}
-
-/// Whether an attribute is a name: also `names.primary` (Overture), `name:en` and `names.common.en` in a language.
-fn is_name(group: &str, leaf: &str) -> bool {
-    let ends_with =
-        |end: &str| group.strip_suffix(end).is_some_and(|head| head.is_empty() || head.ends_with(['.', ':']));
-    let language = leaf.split(['-', '_']).next().unwrap_or_default();
-    let is_language = (2..=3).contains(&language.len()) && language.bytes().all(|byte| byte.is_ascii_lowercase());
-    NAMES.contains(&leaf)
-        || leaf == "primary" && ends_with("names.")
-        || is_language && (ends_with("name:") || ends_with("names.common."))
-}
-
-/// Whether a group is an address of CityGML, `address.` or `address.1.`.
-fn is_address(group: &str) -> bool {
-    group.split('.').any(|part| part.rsplit(':').next() == Some("address"))
-}
 
 /// The attributes of a city that have texts.
 struct TextAttributes<'a>(HashMap<&'a str, TextUse>);

@@ -131,6 +131,7 @@ fn manifest_and_report_agree_with_the_nodes() {
     assert_eq!((manifest.name.as_str(), manifest.title.as_str(), manifest.depth), ("boxes", "boxes", 6));
     assert_eq!(manifest.crs.as_deref(), Some("EPSG:7415"));
     assert_eq!((manifest.counts.objects, manifest.counts.triangles), (9, 108));
+    assert_eq!((manifest.counts.buildings, report.buildings, report.size.as_str()), (Some(9), 9, "9 buildings"));
     assert!(!manifest.has_terrain);
     // The fifth of nine bases, 1 + 4 * 0.25, above the origin at -2.
     assert_eq!(manifest.ground_z_m, 0.0);

@@ -91,6 +91,17 @@ impl<'a> City<'a> {
         Ok(ancestors)
     }
 
+    /// The building, bridge or tunnel that an object is a part of, itself if it is none.
+    fn whole_of(&self, object: u32) -> Result<u32, ExportError> {
+        let Some(mut info) = self.info(object)?.filter(|info| info.parent.is_some()) else { return Ok(object) };
+        let mut whole = object;
+        for ancestor in self.ancestors(object)? {
+            let Some(above) = self.info(ancestor)?.filter(|above| info.kind.is_part_of(above.kind)) else { break };
+            (whole, info) = (ancestor, above);
+        }
+        Ok(whole)
+    }
+
     fn area_of(&self, bounds: &ObjectBounds) -> [[f64; 2]; 2] {
         [bounds.min, bounds.max].map(|[x, y, _]| {
             [self.manifest.origin[0] + f64::from(x) / 10.0, self.manifest.origin[1] + f64::from(y) / 10.0]
@@ -109,6 +120,8 @@ pub(crate) struct Plan {
     last_leaves: HashMap<u32, u64>,
     /// Objects with selected parts.
     parents: RoaringBitmap,
+    /// Parts of selected objects that stand for these, too: see [`Plan::select_wholes`].
+    parts: HashMap<u32, Vec<u32>>,
 }
 
 impl Plan {
@@ -159,6 +172,41 @@ impl Plan {
             self.cover(bounds);
         }
         Ok(())
+    }
+
+    /// Selects the buildings, bridges and tunnels of the selected parts in place of these. Reads all blocks of objects once more if there
+    /// are any. Fails if one cannot be read.
+    pub(crate) fn select_wholes(&mut self, city: &City<'_>) -> Result<(), ExportError> {
+        if self.last_leaves.is_empty() {
+            return Ok(());
+        }
+        let mut wholes = RoaringBitmap::new();
+        for object in &self.selected {
+            wholes.insert(city.whole_of(object)?);
+        }
+        self.selected = wholes;
+        for number in 0..city.source.schema().objects.div_ceil(BLOCK_OBJECTS as u32) {
+            let Some(block) = city.block(number)? else { continue };
+            for &object in block.ids() {
+                let whole = city.whole_of(object)?;
+                if !self.selected.contains(whole) {
+                    continue;
+                }
+                if whole != object {
+                    self.parts.entry(whole).or_default().push(object);
+                }
+                // A selected part may have neighbours that are not.
+                if let Some(bounds) = city.info(object)?.and_then(|info| info.bounds) {
+                    self.cover(bounds);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The parts that have no rows of their own.
+    pub(crate) fn parts_of(&self, object: u32) -> &[u32] {
+        self.parts.get(&object).map_or(&[], Vec::as_slice)
     }
 
     fn cover(&mut self, bounds: [[f64; 2]; 2]) {

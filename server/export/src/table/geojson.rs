@@ -6,6 +6,7 @@ use super::{
     ExportError, Projections, RecordWriter, TableSetup,
     record::{Field, Record},
 };
+use insula_protocol::text::without_sign_of_zero;
 use serde_json::json;
 use std::{
     fs::File,
@@ -43,7 +44,9 @@ impl<'a> Writer<'a> {
     /// The position of a place in world metres; `None` where the projection does not reach.
     fn position(&self, place: [f64; 2]) -> Option<[f64; 2]> {
         match self.projections.to_lon_lat {
-            Some(to_lon_lat) => to_lon_lat(place).map(|degrees| degrees.map(|v| (v * DEGREES).round() / DEGREES)),
+            Some(to_lon_lat) => {
+                to_lon_lat(place).map(|degrees| degrees.map(|v| without_sign_of_zero((v * DEGREES).round() / DEGREES)))
+            }
             None => Some(place),
         }
     }

@@ -37,6 +37,7 @@ pub use report::{ExportError, ExportReport};
 use crate::format::{Format, Projections};
 use city::{City, Plan};
 use gather::{Footprint, visit_footprints};
+use insula_objects::family::{PartValues, inherit};
 use insula_protocol::Manifest;
 use output::OutputFile;
 use record::{Field, Record};
@@ -76,9 +77,11 @@ pub(crate) fn sidecar(manifest: &Manifest, out: &Path) -> Option<(PathBuf, Strin
 pub struct TableOptions {
     /// Texts that spreadsheets run as formulas stay as they are in CSV files, instead of getting an apostrophe before them.
     pub keeps_formulas: bool,
+    /// Each part of a building has a row of its own, instead of one row for the building.
+    pub keeps_parts: bool,
 }
 
-/// Writes a row for each selected object. Fails if tiles cannot be read or the file cannot be written.
+/// Writes a row for each selected object of `plan`. Fails if tiles cannot be read or the file cannot be written.
 pub(crate) fn write(
     city: &City<'_>,
     format: Format,
@@ -92,7 +95,7 @@ pub(crate) fn write(
     let (output, file) = OutputFile::create(out)?;
     let attribution = report.attribution.clone();
     let title = &city.manifest.title;
-    let TableOptions { keeps_formulas } = options;
+    let keeps_formulas = options.keeps_formulas;
     let setup =
         TableSetup { title, fields: &fields, projections, attribution: &attribution, path: out, keeps_formulas };
     let mut writer: Box<dyn RecordWriter> = match format {
@@ -130,8 +133,17 @@ fn write_records(
     let mut written = RoaringBitmap::new();
     let mut write = |object: u32, footprint: Option<Footprint>| -> Result<(), ExportError> {
         let Some(stored) = city.record(object)? else { return Ok(()) };
-        let parent = stored.parent.map(|parent| city.identifier(parent)).transpose()?;
-        let (identifier, kind, attributes) = (stored.identifier, stored.kind, stored.attributes);
+        let parent = stored.parent.map(|parent| city.record(parent)).transpose()?.flatten();
+        let (identifier, kind, mut attributes) = (stored.identifier, stored.kind, stored.attributes);
+        if let Some(parent) = parent.as_ref().filter(|parent| kind.is_part_of(parent.kind)) {
+            inherit(&mut attributes, &parent.attributes);
+        }
+        let mut of_parts = PartValues::default();
+        for part in plan.parts_of(object) {
+            of_parts.add(city.record(*part)?.into_iter().flat_map(|part| part.attributes));
+        }
+        of_parts.complete(&mut attributes);
+        let parent = parent.map(|parent| parent.identifier);
         let record = Record { object, identifier, parent, kind, footprint, attributes };
         match writer.write(&record)? {
             Some(reason) => report.skip(reason),

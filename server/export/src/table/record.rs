@@ -1,7 +1,8 @@
 //! Rows of a table: one for each object, with the same columns in all formats.
 
 use super::gather::Footprint;
-use insula_objects::{FeatureKind, Schema, Value, ValueType};
+use insula_objects::{FeatureKind, Schema, Value, ValueType, attribute_names::display_order};
+use insula_protocol::text::without_sign_of_zero;
 use std::{borrow::Cow, collections::BTreeSet};
 
 /// One object.
@@ -58,8 +59,8 @@ const COMMON: [(&str, ValueType, Option<&str>, Content); 8] = [
 /// Names of columns that formats add.
 const RESERVED: [&str; 5] = ["geometry", "bbox", "wkt", "fid", "id"];
 
-/// The columns of a city's table: the common ones, and one for each attribute of the schema in its order. An attribute whose name
-/// is taken gets a number: `height_m_2`.
+/// The columns of a city's table: the common ones, and one for each attribute of the schema in the order in which attributes are shown.
+/// An attribute whose name is taken gets a number: `height_m_2`.
 pub(crate) fn fields(schema: &Schema) -> Vec<Field> {
     let mut taken: BTreeSet<String> = RESERVED.iter().map(|name| (*name).to_owned()).collect();
     let mut fields: Vec<Field> = COMMON
@@ -74,7 +75,8 @@ pub(crate) fn fields(schema: &Schema) -> Vec<Field> {
             }
         })
         .collect();
-    for (index, attribute) in schema.attributes.iter().enumerate() {
+    let order = display_order(schema.attributes.iter().map(|attribute| attribute.name.as_str()));
+    for (index, attribute) in order.into_iter().filter_map(|index| Some((index, schema.attributes.get(index)?))) {
         let mut name = attribute.name.clone();
         let mut number = 2u32;
         while !taken.insert(name.to_lowercase()) {
@@ -90,11 +92,10 @@ pub(crate) fn fields(schema: &Schema) -> Vec<Field> {
 impl Record {
     /// The values of the columns, `None` where the object has none. Values have the types of their columns.
     pub(crate) fn values<'a>(&'a self, fields: &[Field]) -> Vec<Option<Cow<'a, Value>>> {
-        let mut attributes = self.attributes.iter().peekable();
-        let mut value = |field: &Field| match field.content {
+        let value = |field: &Field| match field.content {
             Content::Attribute(index) => {
-                while attributes.next_if(|(other, _)| *other < index).is_some() {}
-                attributes.next_if(|(other, _)| *other == index).map(|(_, value)| Cow::Borrowed(value))
+                let at = self.attributes.binary_search_by_key(&index, |(known, _)| *known).ok()?;
+                self.attributes.get(at).map(|(_, value)| Cow::Borrowed(value))
             }
             content => self.common(content).map(Cow::Owned),
         };
@@ -105,7 +106,8 @@ impl Record {
     fn common(&self, content: Content) -> Option<Value> {
         let text = |text: &str| Some(Value::Text(text.to_owned())).filter(|_| !text.is_empty());
         let metres = |of: &dyn Fn(&Footprint) -> f64| {
-            self.footprint.as_ref().map(|footprint| Value::Float((of(footprint) * 1000.0).round() / 1000.0))
+            let millimetres = self.footprint.as_ref().map(|footprint| (of(footprint) * 1000.0).round());
+            millimetres.map(|millimetres| Value::Float(without_sign_of_zero(millimetres / 1000.0)))
         };
         match content {
             Content::Object => Some(Value::Integer(i64::from(self.object))),
@@ -139,7 +141,8 @@ mod tests {
         }
         let fields = fields(&builder.finish(1));
         let names: Vec<&str> = fields.iter().skip(8).map(|field| field.name.as_str()).collect();
-        assert_eq!(names, ["Kind_2", "kind_2_2", "ID_2", "year"]);
+        // The year is told first.
+        assert_eq!(names, ["year", "Kind_2", "kind_2_2", "ID_2"]);
     }
 
     #[test]

@@ -29,7 +29,7 @@ fn plane() -> PlaneDefinition {
 }
 
 fn try_export(city: &TestCity, format: Format, selection: &ObjectSelection) -> Result<Exported, ExportError> {
-    export_with(city, format, selection, TableOptions::default())
+    export_with(city, format, selection, WITH_PARTS)
 }
 
 fn export_with(
@@ -50,6 +50,8 @@ fn export_with(
 fn run(format: Format) -> Exported {
     try_export(&TestCity::new(true), format, &ObjectSelection::default()).unwrap()
 }
+
+const WITH_PARTS: TableOptions = TableOptions { keeps_formulas: false, keeps_parts: true };
 
 type Row = BTreeMap<String, String>;
 
@@ -104,13 +106,57 @@ fn csv_has_a_row_for_each_object() {
 #[test]
 fn no_cell_of_a_csv_file_is_a_formula_unless_formulas_are_kept() {
     let cells = |keeps_formulas| {
-        let options = TableOptions { keeps_formulas };
+        let options = TableOptions { keeps_formulas, keeps_parts: true };
         let exported = export_with(&TestCity::new(true), Format::Csv, &ObjectSelection::default(), options).unwrap();
         let rows = rows(&exported);
         [(BRIDGE, "name"), (BRIDGE, "eaves"), (HEDGE, "name")].map(|(object, column)| rows[&object][column].clone())
     };
     assert_eq!(cells(false), ["'=HYPERLINK(\"http://a\")", "-3.5", "-3.5"]);
     assert_eq!(cells(true), ["=HYPERLINK(\"http://a\")", "-3.5", "-3.5"]);
+}
+
+#[test]
+fn a_building_and_its_parts_are_one_row_unless_parts_are_kept() {
+    let of = |selection: &ObjectSelection| {
+        rows(&export_with(&TestCity::new(true), Format::Csv, selection, TableOptions::default()).unwrap())
+    };
+    let all = of(&ObjectSelection::default());
+    assert_eq!(all.keys().copied().collect::<Vec<_>>(), [HOUSE, BUILDING, COURT, GHOST, BRIDGE, HEDGE]);
+    // The year is its own, the height of the eaves that of a part.
+    let building = &all[&BUILDING];
+    let expected = [
+        ("identifier", "b-b"),
+        ("parent", ""),
+        ("year", "2001"),
+        ("eaves", "12"),
+        ("roof_z_m", "12"),
+        ("area_m2", "128"),
+    ];
+    for (name, value) in expected {
+        assert_eq!(building[name], value, "{name}");
+    }
+    // A part stands for its building, whose footprint is whole.
+    let [x, y, _] = ORIGIN;
+    let bbox = Some([[x + 36.0, y], [x + 46.0, y + 20.0]]);
+    let by_place = of(&ObjectSelection { bbox, ..ObjectSelection::default() });
+    let objects = Some([PARTS[1]].into_iter().collect());
+    let by_number = of(&ObjectSelection { objects, ..ObjectSelection::default() });
+    for rows in [by_place, by_number] {
+        assert_eq!(rows.keys().copied().collect::<Vec<_>>(), [BUILDING]);
+        assert_eq!((rows[&BUILDING]["area_m2"].as_str(), rows[&BUILDING]["eaves"].as_str()), ("128", "12"));
+    }
+    // With parts, these have what their building has.
+    let with_parts = csv_of(&ObjectSelection::default());
+    let years = PARTS.map(|part| (with_parts[&part]["year"].as_str(), with_parts[&part]["eaves"].as_str()));
+    assert_eq!((years, with_parts[&BUILDING]["eaves"].as_str()), ([("2001", ""), ("2001", "12")], ""));
+}
+
+#[test]
+fn columns_have_the_telling_attributes_first() {
+    let exported = run(Format::Csv);
+    let mut reader = csv::Reader::from_path(&exported.path).unwrap();
+    let names: Vec<String> = reader.headers().unwrap().iter().skip(8).map(str::to_owned).collect();
+    assert_eq!(names, ["name", "year", "eaves", "listed", "built", "Height_M_2", "wkt"]);
 }
 
 #[test]
@@ -166,14 +212,7 @@ fn invalid_selections_leave_nothing() {
     ];
     for selection in selections {
         let out = folder.path().join("x");
-        let result = export(
-            &TestCity::new(true),
-            Format::Csv,
-            &selection,
-            &Projections::default(),
-            TableOptions::default(),
-            &out,
-        );
+        let result = export(&TestCity::new(true), Format::Csv, &selection, &Projections::default(), WITH_PARTS, &out);
         assert!(matches!(result, Err(ExportError::ObjectSelection(_))));
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
@@ -201,15 +240,8 @@ fn geojson_has_longitude_and_latitude() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("plain.json");
     let write = |projections| {
-        export(
-            &TestCity::new(true),
-            Format::GeoJson,
-            &ObjectSelection::default(),
-            &projections,
-            TableOptions::default(),
-            &out,
-        )
-        .unwrap()
+        export(&TestCity::new(true), Format::GeoJson, &ObjectSelection::default(), &projections, WITH_PARTS, &out)
+            .unwrap()
     };
     assert_eq!(write(Projections::default()).warnings.len(), 1);
     let nowhere = |_| None;

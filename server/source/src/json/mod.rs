@@ -2,6 +2,7 @@
 
 pub mod attributes;
 pub mod lenient;
+pub mod members;
 pub mod metadata;
 pub mod position;
 

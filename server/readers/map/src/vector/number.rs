@@ -2,11 +2,6 @@
 
 use insula_source::attributes::AttributeValue;
 
-/// A single-precision number as the decimal number that it was written for: 0.1, not 0.10000000149.
-pub(super) fn widen(number: f32) -> f64 {
-    number.to_string().parse().unwrap_or(f64::from(number))
-}
-
 /// The date of a number of days after 1970-01-01; `None` outside of years 1 to 9999.
 pub(super) fn date_of_days(days: i64) -> Option<AttributeValue> {
     const DAYS_OF_ERA: i64 = 146_097;
@@ -38,11 +33,5 @@ mod tests {
         assert_eq!(text(-719_162).as_deref(), Some("0001-01-01"));
         assert_eq!(text(2_932_896).as_deref(), Some("9999-12-31"));
         assert_eq!((text(i64::MIN), text(i64::MAX)), (None, None));
-    }
-
-    #[test]
-    fn single_precision_keeps_its_decimals() {
-        assert_eq!(widen(14.1), 14.1);
-        assert!(widen(f32::NAN).is_nan());
     }
 }

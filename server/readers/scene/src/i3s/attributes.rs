@@ -97,9 +97,7 @@ fn number(name: &str) -> Option<(usize, Parse)> {
         "UInt32" | "Oid32" => (4, |bytes| integer(bytes, u32::from_le_bytes)),
         "Int64" => (8, |bytes| integer(bytes, i64::from_le_bytes)),
         "UInt64" | "Oid64" => (8, |bytes| Some(AttributeValue::unsigned(u64::from_le_bytes(array_at(bytes, 0)?)))),
-        "Float32" => {
-            (4, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::Float(f32::from_le_bytes(bytes).into())))
-        }
+        "Float32" => (4, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::single(f32::from_le_bytes(bytes)))),
         "Float64" => (8, |bytes| array_at(bytes, 0).map(|bytes| AttributeValue::Float(f64::from_le_bytes(bytes)))),
         _ => return None,
     })

@@ -1,10 +1,10 @@
 //! Columns of batch tables: lists, or parts of the binary.
 
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::bytes::{array_at, part};
 use insula_source::attributes::{AttributeValue, Attributes};
-use insula_source::json::attributes::flatten;
+use insula_source::json::attributes::flatten_value;
 
 /// The values of one attribute.
 #[derive(Debug)]
@@ -59,7 +59,7 @@ impl Component {
             Self::U16 => AttributeValue::Integer(u16::from_le_bytes(array_at(bytes, at)?).into()),
             Self::I32 => AttributeValue::Integer(i32::from_le_bytes(array_at(bytes, at)?).into()),
             Self::U32 => AttributeValue::Integer(u32::from_le_bytes(array_at(bytes, at)?).into()),
-            Self::F32 => AttributeValue::Float(f32::from_le_bytes(array_at(bytes, at)?).into()),
+            Self::F32 => AttributeValue::single(f32::from_le_bytes(array_at(bytes, at)?)),
             Self::F64 => AttributeValue::Float(f64::from_le_bytes(array_at(bytes, at)?)),
         })
     }
@@ -92,7 +92,7 @@ impl<'a> Column<'a> {
             Self::Json(values) => match values.get(row) {
                 None | Some(Value::Null) => {}
                 Some(Value::String(text)) => into.push(name, AttributeValue::Text(text.clone())),
-                Some(value) => flatten(&Map::from_iter([(name.to_owned(), value.clone())]), into),
+                Some(value) => flatten_value(name, &value.clone().into(), into),
             },
             Self::Binary { bytes, component, components } => {
                 for i in 0..*components {

@@ -1,10 +1,9 @@
 //! The JSON of a tileset.
 
 use serde::Deserialize;
-use serde_json::{Map, Value};
 
 use insula_source::error::InputError;
-use insula_source::json::without_bom;
+use insula_source::json::{members::Members, without_bom};
 
 /// A `tileset.json`. Members that are not read are left out.
 #[derive(Debug, Deserialize)]
@@ -30,7 +29,7 @@ pub(super) struct AssetJson {
 #[derive(Debug, Deserialize)]
 pub(super) struct MetadataJson {
     #[serde(default)]
-    pub(super) properties: Option<Map<String, Value>>,
+    pub(super) properties: Option<Members>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -121,7 +120,7 @@ impl TilesetJson {
     }
 
     /// The properties of a group.
-    pub(super) fn group(&self, index: u32) -> Option<&Map<String, Value>> {
+    pub(super) fn group(&self, index: u32) -> Option<&Members> {
         self.groups.as_ref()?.get(index as usize)?.properties.as_ref()
     }
 }

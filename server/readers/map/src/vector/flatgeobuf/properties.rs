@@ -3,7 +3,6 @@
 use ::flatgeobuf::{Column as ColumnTable, ColumnType};
 use flatbuffers::{ForwardsUOffset, Vector};
 
-use crate::vector::number;
 use insula_source::attributes::{AttributeValue, Attributes};
 
 /// Name and type of an attribute.
@@ -46,7 +45,7 @@ fn value(kind: ColumnType, bytes: &mut &[u8]) -> Option<Option<AttributeValue>> 
         ColumnType::UInt => Integer(u32::from_le_bytes(take(bytes)?).into()),
         ColumnType::Long => Integer(i64::from_le_bytes(take(bytes)?)),
         ColumnType::ULong => AttributeValue::unsigned(u64::from_le_bytes(take(bytes)?)),
-        ColumnType::Float => Float(number::widen(f32::from_le_bytes(take(bytes)?))),
+        ColumnType::Float => AttributeValue::single(f32::from_le_bytes(take(bytes)?)),
         ColumnType::Double => Float(f64::from_le_bytes(take(bytes)?)),
         ColumnType::String | ColumnType::Json | ColumnType::DateTime => {
             let text = text(bytes)?;

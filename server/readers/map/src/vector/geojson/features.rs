@@ -2,7 +2,7 @@
 
 use std::io::BufRead;
 
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::geometry::Fault;
 use super::schema::{GeoJsonFeature, GeoJsonGeometry};
@@ -12,6 +12,7 @@ use crate::vector::layer::Layer;
 use insula_source::attributes::Attributes;
 use insula_source::error::{InputError, json_message};
 use insula_source::json::attributes::flatten;
+use insula_source::json::members::Members;
 use insula_source::json::{lenient, metadata};
 use insula_source::object::CrsReference;
 use insula_source::source::{NextLine, next_line};
@@ -163,7 +164,7 @@ impl<'a> FeatureReader<'a> {
                 return Ok(());
             }
         };
-        let columns = feature.properties.keys().map(String::as_str);
+        let columns = feature.properties.iter().map(|(name, _)| name);
         let is_mixed = Layer::new("", columns).is_mixed;
         let attributes = attributes_of(&feature.properties);
         self.writer.add_named(NamedFeature { id, attributes, geometry, is_mixed })
@@ -205,7 +206,7 @@ impl<'a> FeatureReader<'a> {
     }
 }
 
-fn attributes_of(properties: &Map<String, Value>) -> Attributes {
+fn attributes_of(properties: &Members) -> Attributes {
     let mut attributes = Attributes::default();
     flatten(properties, &mut attributes);
     attributes

@@ -1,17 +1,18 @@
 //! The part of the structure of GeoJSON (RFC 7946) and JSON-FG that is used.
 
+use insula_source::json::members::{MemberValue, Members};
 use serde::Deserialize;
+use serde_json::Value;
 use serde_json::value::RawValue;
-use serde_json::{Map, Value};
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
 pub(super) struct GeoJsonFeature {
     #[serde(rename = "type")]
     pub(super) kind: String,
-    id: Value,
+    id: MemberValue,
     #[serde(deserialize_with = "or_default")]
-    pub(super) properties: Map<String, Value>,
+    pub(super) properties: Members,
     pub(super) geometry: Option<GeoJsonGeometry>,
     /// JSON-FG: the geometry in another system, or of another type.
     pub(super) place: Option<GeoJsonGeometry>,
@@ -34,7 +35,7 @@ pub(super) struct GeoJsonGeometry {
 }
 
 /// Some writers put `null` for a feature without properties.
-fn or_default<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Map<String, Value>, D::Error> {
+fn or_default<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Members, D::Error> {
     Ok(Option::deserialize(deserializer)?.unwrap_or_default())
 }
 
@@ -43,8 +44,8 @@ impl GeoJsonFeature {
     pub(super) fn id(&self) -> Option<String> {
         let inside = ["id", "@id", "gml_id"].into_iter().filter_map(|name| self.properties.get(name));
         std::iter::once(&self.id).chain(inside).find_map(|value| match value {
-            Value::String(text) if !text.is_empty() => Some(text.clone()),
-            Value::Number(number) => Some(number.to_string()),
+            MemberValue::Text(text) if !text.is_empty() => Some(text.clone()),
+            MemberValue::Number(number) => Some(number.to_string()),
             _ => None,
         })
     }

@@ -10,7 +10,7 @@ use arrow_array::{Array, ArrayRef, BooleanArray, ListArray, MapArray, PrimitiveA
 use arrow_schema::{DataType, Schema, TimeUnit};
 
 use super::metadata::GeoColumn;
-use crate::vector::number::{date_of_days, widen};
+use crate::vector::number::date_of_days;
 use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
 
 /// Values nested deeper are left out.
@@ -132,7 +132,7 @@ fn primitive<'a>(kind: &DataType, array: &'a ArrayRef) -> Option<PrimitiveValue<
         DataType::UInt32 => by::<UInt32Type>(array, |value| Some(Integer(value.into()))),
         DataType::UInt64 => by::<UInt64Type>(array, |value| Some(AttributeValue::unsigned(value))),
         DataType::Float16 => by::<Float16Type>(array, |value| Some(Float(value.to_f64()))),
-        DataType::Float32 => by::<Float32Type>(array, |value| Some(Float(widen(value)))),
+        DataType::Float32 => by::<Float32Type>(array, |value| Some(AttributeValue::single(value))),
         DataType::Float64 => by::<Float64Type>(array, |value| Some(Float(value))),
         DataType::Date32 => by::<Date32Type>(array, |value| date_of_days(value.into())),
         DataType::Timestamp(unit, _) => timestamp(*unit, array),

@@ -1,0 +1,75 @@
+//! The part of a city that a command is about.
+
+use clap::Args;
+
+/// A rectangle on the map.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
+pub struct AreaArgs {
+    /// Only objects with the middle in this area, in degrees; land is cut at its border
+    #[arg(long, value_name = "W,S,E,N", value_parser = parse_degrees, allow_hyphen_values = true)]
+    pub bbox: Option<[f64; 4]>,
+    /// The same in metres of the city's coordinate system
+    #[arg(long, value_name = "W,S,E,N", value_parser = parse_metres, allow_hyphen_values = true, conflicts_with = "bbox")]
+    pub bbox_metres: Option<[f64; 4]>,
+}
+
+impl AreaArgs {
+    /// South-west and north-east corner in world metres; `None` without an area. `on_map` gives the box on the map around one in degrees,
+    /// or `None` if it is not known where the city lies. Fails then.
+    pub fn world_box(
+        &self,
+        on_map: impl FnOnce([f64; 4]) -> Option<[[f64; 2]; 2]>,
+    ) -> Result<Option<[[f64; 2]; 2]>, String> {
+        let unknown = "--bbox: it is not known where on Earth this city lies, or the area is out of its coordinate system: give --bbox-metres";
+        match (self.bbox, self.bbox_metres) {
+            (Some(degrees), _) => on_map(degrees).map(Some).ok_or_else(|| unknown.to_owned()),
+            (None, metres) => Ok(metres.map(|[west, south, east, north]| [[west, south], [east, north]])),
+        }
+    }
+}
+
+fn parse_box(text: &str) -> Option<[f64; 4]> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let corners: [f64; 4] = numbers?.try_into().ok()?;
+    let [west, south, east, north] = corners;
+    (west < east && south < north && corners.iter().all(|number| number.is_finite())).then_some(corners)
+}
+
+fn parse_degrees(text: &str) -> Result<[f64; 4], String> {
+    let is_on_earth =
+        |[west, south, east, north]: &[f64; 4]| *west >= -180.0 && *east <= 180.0 && *south >= -90.0 && *north <= 90.0;
+    parse_box(text).filter(is_on_earth).ok_or_else(|| {
+        "expected west, south, east and north in degrees, such as 4.35,52.00,4.37,52.02; --bbox-metres takes metres"
+            .to_owned()
+    })
+}
+
+fn parse_metres(text: &str) -> Result<[f64; 4], String> {
+    parse_box(text).ok_or_else(|| "expected west, south, east and north in metres, separated by commas".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn areas_are_in_degrees_or_in_metres() {
+        assert_eq!(parse_degrees("-1.5,2, 3,4"), Ok([-1.5, 2.0, 3.0, 4.0]));
+        assert_eq!(parse_metres("84500,446150,84900,446500"), Ok([84_500.0, 446_150.0, 84_900.0, 446_500.0]));
+        let error = parse_degrees("84500,446150,84900,446500").unwrap_err();
+        assert!(error.contains("--bbox-metres"), "{error}");
+        for wrong in ["1,2,3", "3,2,1,4", "1,2,3,2", "a,2,3,4", "1,2,3,4,5", "", "nan,1,2,3", "-inf,1,2,3"] {
+            assert!(parse_degrees(wrong).is_err() && parse_metres(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn degrees_need_a_place_on_earth() {
+        let degrees = AreaArgs { bbox: Some([4.0, 52.0, 5.0, 53.0]), bbox_metres: None };
+        assert_eq!(degrees.world_box(|_| Some([[1.0, 2.0], [3.0, 4.0]])), Ok(Some([[1.0, 2.0], [3.0, 4.0]])));
+        assert!(degrees.world_box(|_| None).unwrap_err().contains("--bbox-metres"));
+        let metres = AreaArgs { bbox: None, bbox_metres: Some([1.0, 2.0, 3.0, 4.0]) };
+        assert_eq!(metres.world_box(|_| None), Ok(Some([[1.0, 2.0], [3.0, 4.0]])));
+        assert_eq!(AreaArgs::default().world_box(|_| None), Ok(None));
+    }
+}

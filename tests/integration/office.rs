@@ -1,0 +1,185 @@
+//! What an office sees of one city: one number of buildings everywhere, tables with a row for each, numbers as the source has them, a title
+//! that is the place, areas in degrees, and plans in metres of the city.
+
+use anyhow::{Context, Result, ensure};
+use insula_test_support::programs::{ServerProcess, program, run};
+use insula_tests::{tests, trials::Trials};
+use serde_json::{Value, json};
+use std::{
+    collections::BTreeMap,
+    fs,
+    io::{Read, Write},
+    net::TcpStream,
+    path::Path,
+    process::Command,
+};
+
+pub(crate) fn add(trials: &mut Trials) {
+    trials.add(tests![buildings_have_one_number_and_plans_lie_in_the_city]);
+}
+
+/// Buildings along a side of the town. Each has two parts.
+const SIDE: usize = 7;
+const BUILDINGS: usize = SIDE * SIDE;
+/// South-west corner in the Dutch grid, in metres.
+const CORNER: [f64; 2] = [84_500.0, 447_500.0];
+/// Metres between buildings.
+const SPACING_M: f64 = 40.0;
+/// Bytes of a plan in DXF, at most, as a multiple of its SVG.
+const MOST_BYTES: f64 = 1.5;
+
+/// A town as CityJSON: the building has name and year, its parts have a shape and a height.
+fn town() -> String {
+    let (mut objects, mut vertices) = (BTreeMap::new(), Vec::new());
+    for building in 0..BUILDINGS {
+        let middle = [building % SIDE, building / SIDE].map(|at| at as f64 * SPACING_M + 20.0);
+        let angle = building as f64 * 0.37;
+        let parts = [0, 1].map(|part| format!("b{building}-{part}"));
+        for (part, id) in parts.iter().enumerate() {
+            let first = vertices.len();
+            let (x0, height) = (part as f64 * 8.0 - 8.0, if part == 0 { 8.63 } else { 5.1 });
+            for z in [0.0, height] {
+                for [x, y] in [[x0, -5.0], [x0 + 8.0, -5.0], [x0 + 8.0, 5.0], [x0, 5.0]] {
+                    let world = [
+                        CORNER[0] + middle[0] + x * f64::cos(angle) - y * f64::sin(angle),
+                        CORNER[1] + middle[1] + x * f64::sin(angle) + y * f64::cos(angle),
+                        z,
+                    ];
+                    vertices.push(world.map(|v| (v * 1000.0).round() as i64));
+                }
+            }
+            let face = |corners: [usize; 4]| json!([corners.map(|corner| first + corner)]);
+            let faces = [[3, 2, 1, 0], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]].map(face);
+            let object = json!({
+                "type": "BuildingPart", "parents": [format!("b{building}")], "attributes": {"dak": height},
+                "geometry": [{"type": "Solid", "lod": "2.2", "boundaries": [faces]}]
+            });
+            objects.insert(id.clone(), object);
+        }
+        let attributes = format!(
+            r#"{{"status": "in gebruik", "bouwjaar": {}, "afwijking": -0.0, "naam": "Huis {building}"}}"#,
+            1900 + building
+        );
+        let object = json!({ "type": "Building", "children": parts, "attributes": "ATTRIBUTES" });
+        // As a text, so that the attributes keep their order.
+        objects.insert(format!("b{building}"), json!(object.to_string().replace("\"ATTRIBUTES\"", &attributes)));
+    }
+    let objects: Vec<String> = objects
+        .into_iter()
+        .map(|(id, object)| {
+            format!("{}:{}", json!(id), object.as_str().map_or_else(|| object.to_string(), str::to_owned))
+        })
+        .collect();
+    let metadata = r#"{"referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/28992"}"#;
+    format!(
+        r#"{{"type": "CityJSON", "version": "2.0", "metadata": {metadata}, "transform": {{"scale": [0.001, 0.001, 0.001],
+        "translate": [0, 0, 0]}}, "vertices": {}, "CityObjects": {{{}}}}}"#,
+        json!(vertices),
+        objects.join(",")
+    )
+}
+
+/// Runs a program in a folder. Returns its standard output. Fails if it does.
+fn call(folder: &Path, name: &str, arguments: &str) -> Result<String> {
+    let mut command = Command::new(program(name)?);
+    command.current_dir(folder).args(arguments.split_whitespace()).env_remove("RUST_LOG");
+    let output = run(&mut command)?;
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    ensure!(output.status.success(), "{name} {arguments}: {errors}");
+    Ok(String::from_utf8(output.stdout)?)
+}
+
+/// Header and rows of a CSV file without quoted cells.
+fn table(path: &Path) -> Result<(Vec<String>, Vec<BTreeMap<String, String>>)> {
+    let text = fs::read_to_string(path)?;
+    let cells = |line: &str| -> Vec<String> {
+        // The last column is the footprint, in quotes.
+        let plain = line.split_once(",\"").map_or(line, |(plain, _)| plain);
+        plain.split(',').map(str::to_owned).collect()
+    };
+    let mut lines = text.lines();
+    let names = cells(lines.next().context("no header")?);
+    let rows = lines.map(|line| names.iter().cloned().zip(cells(line)).collect()).collect();
+    Ok((names, rows))
+}
+
+fn buildings_have_one_number_and_plans_lie_in_the_city() -> Result<()> {
+    let folder = tempfile::tempdir()?;
+    let folder = folder.path();
+    fs::write(folder.join("town.city.json"), town())?;
+    let counted = format!("{BUILDINGS} buildings");
+    let summary = call(folder, "insula-server", "bake town.city.json --cell 2 --report r.json --out 東京")?;
+    ensure!(summary.contains(&counted), "{summary}");
+    let report: Value = serde_json::from_slice(&fs::read(folder.join("r.json"))?)?;
+    ensure!(report["buildings"] == BUILDINGS && report["size"] == counted.as_str(), "{report}");
+    let manifest: Value = serde_json::from_slice(&fs::read(folder.join("東京/city.json"))?)?;
+    ensure!(manifest["title"] == "東京" && manifest["name"] != "city", "{manifest}");
+    for command in ["inspect 東京", "objects 東京"] {
+        let text = call(folder, "insula-server", command)?;
+        ensure!(text.contains(&counted), "{command}: {text}");
+    }
+    listed(folder, &counted)?;
+    tables(folder)?;
+    plans(folder, &manifest)
+}
+
+/// The list of the server has the same number.
+fn listed(folder: &Path, counted: &str) -> Result<()> {
+    let server = ServerProcess::serve(&folder.join("東京"), "127.0.0.1:0")?;
+    let mut stream = TcpStream::connect(server.address)?;
+    write!(stream, "GET / HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n")?;
+    let mut page = String::new();
+    stream.read_to_string(&mut page)?;
+    ensure!(page.contains(counted), "{page}");
+    Ok(())
+}
+
+fn tables(folder: &Path) -> Result<()> {
+    call(folder, "insula-server", "export 東京 --out all.csv")?;
+    let (names, rows) = table(&folder.join("all.csv"))?;
+    ensure!(rows.len() == BUILDINGS, "{} rows", rows.len());
+    let attributes: Vec<&str> = names.iter().skip(8).map(String::as_str).collect();
+    let place = |name: &str| attributes.iter().position(|known| *known == name);
+    // The telling ones come first, the others as the source has them.
+    ensure!(attributes[..2] == ["naam", "bouwjaar"] && place("status") < place("afwijking"), "{attributes:?}");
+    let first = rows.iter().find(|row| row["naam"] == "Huis 0").context("no first house")?;
+    let found = ["kind", "bouwjaar", "afwijking", "dak"].map(|name| first[name].as_str());
+    ensure!(found == ["building", "1900", "0", "8.63"], "{found:?}");
+    call(folder, "insula-server", "export 東京 --parts --out parts.csv")?;
+    let (_, rows) = table(&folder.join("parts.csv"))?;
+    ensure!(rows.len() == 3 * BUILDINGS, "{} rows with parts", rows.len());
+    let part = rows.iter().find(|row| row["identifier"] == "b0-1").context("no part")?;
+    let found = ["parent", "naam", "bouwjaar", "dak"].map(|name| part[name].as_str());
+    ensure!(found == ["b0", "Huis 0", "1900", "5.1"], "{found:?}");
+    // The south-western quarter in degrees, with its border between two rows of houses.
+    call(folder, "insula-server", "export 東京 --bbox 4.355,52.008,4.36202,52.012478 --out degrees.csv")?;
+    call(folder, "insula-server", "export 東京 --bbox-metres 84000,447000,84620,447620 --out metres.csv")?;
+    let [degrees, metres] = ["degrees.csv", "metres.csv"].map(|name| table(&folder.join(name)));
+    let (degrees, metres) = (degrees?.1.len(), metres?.1.len());
+    ensure!(metres == 9 && degrees == 9, "{degrees} by degrees, {metres} by metres");
+    Ok(())
+}
+
+/// A plan in DXF is in metres of the city, as small as its SVG, and sheets name date, sun and sources.
+fn plans(folder: &Path, manifest: &Value) -> Result<()> {
+    let draw = |name: &str, more: &str| call(folder, "insula", &format!("draw 東京 --plan --out {name} {more}"));
+    draw("plan.dxf", "")?;
+    draw("plan.svg", "--time 2024-06-21T12:00")?;
+    draw("sheet.dxf", "--sheet")?;
+    let read = |name: &str| fs::read_to_string(folder.join(name)).with_context(|| name.to_owned());
+    let (dxf, svg, sheet) = (read("plan.dxf")?, read("plan.svg")?, read("sheet.dxf")?);
+    ensure!(dxf.len() as f64 <= MOST_BYTES * svg.len() as f64, "{} bytes of DXF, {} of SVG", dxf.len(), svg.len());
+    ensure!(svg.contains("2024-06-21 12:00 solar time") && svg.contains("above the horizon"), "no date and sun");
+    let entities = |dxf: &str| dxf.split_once("ENTITIES\n").map(|(_, text)| text.to_owned()).unwrap_or_default();
+    let lines: Vec<String> = entities(&dxf).lines().map(str::to_owned).collect();
+    let mut count = 0;
+    for pair in lines.chunks_exact(2).filter(|pair| pair[0] == "10") {
+        let x: f64 = pair[1].parse()?;
+        let [low, high] = [0, 1].map(|end| manifest["bounds"][end][0].as_f64().unwrap_or(f64::NAN));
+        ensure!(low - 500.0 <= x && x <= high + 500.0, "x is {x} in a city from {low} to {high}");
+        count += 1;
+    }
+    ensure!(count >= 8 * BUILDINGS && dxf.contains("LWPOLYLINE"), "{count} corners");
+    ensure!(!entities(&sheet).contains("\n845"), "a sheet has coordinates of the city");
+    Ok(())
+}
