@@ -12,10 +12,13 @@ const DECLARATION_BYTES: u64 = 512;
 /// A single tag or text may have this many bytes.
 const MAX_EVENT_BYTES: u64 = 128 << 20;
 
+/// The bytes of a file, of which the first were looked at.
+type FileBytes<'a> = Chain<Cursor<Vec<u8>>, Box<dyn BufRead + 'a>>;
+
 /// Decodes a file to UTF-8 by its byte order mark or XML declaration. Bytes that are invalid in the encoding become
 /// U+FFFD.
 pub(super) struct TextReader<'a> {
-    inner: DecodingReader<Chain<Cursor<Vec<u8>>, Box<dyn BufRead + 'a>>>,
+    inner: DecodingReader<FileBytes<'a>>,
     /// Bytes that the current tag or text may still have.
     event_bytes_left: u64,
     /// Whether reading failed because a tag or text was too long.
