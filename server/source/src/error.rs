@@ -45,9 +45,10 @@ pub enum InputError {
         /// How to make a file of it that is read.
         advice: String,
     },
-    /// A coordinate system is not known, or positions of it cannot be brought to the city's.
-    #[error("{path}: coordinate system {crs}: {what}; reproject the file with `ogr2ogr -t_srs`, or give --crs EPSG:N")]
-    Crs { path: String, crs: String, what: String },
+    /// The coordinate system of a city is not known, contradicts the coordinates, or cannot be brought to the city's. Unlike
+    /// [`Self::Unsupported`], it is never that of a file that is no city.
+    #[error("{path}: {what}")]
+    Misplaced { path: String, what: String },
     /// The coordinates are in degrees, and the city has no projected system yet.
     #[error("{path}: is in degrees; give the city's coordinate system with --crs EPSG:N")]
     NoProjection { path: String },
@@ -111,6 +112,11 @@ impl InputError {
     /// The content of a file is not supported.
     pub fn unsupported(path: &str, what: impl Into<String>) -> Self {
         Self::Unsupported { path: path.to_owned(), what: what.into() }
+    }
+
+    /// The coordinates of a file have no place in the city.
+    pub fn misplaced(path: &str, what: impl Into<String>) -> Self {
+        Self::Misplaced { path: path.to_owned(), what: what.into() }
     }
 
     /// A format whose library is left out of this program. `feature` of the bake has it.

@@ -9,6 +9,7 @@ use std::rc::Rc;
 use super::packed::{is_packed, unpacked};
 pub use super::random_file::LocalFile;
 use super::random_file::{RandomFile, copy_to_disk};
+use super::text::{START_BYTES, Start};
 use crate::error::InputError;
 
 /// Files with a common parent: a source, its siblings and its images. Names are relative to it, with `/`.
@@ -78,9 +79,6 @@ pub struct OpenInput<'a> {
     pub bytes_read: Rc<Cell<u64>>,
 }
 
-/// Begins a text in UTF-8 of some programs.
-const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
-
 struct CountingReader<'a> {
     inner: Box<dyn Read + 'a>,
     count: Rc<Cell<u64>>,
@@ -115,45 +113,55 @@ impl<'a> Input<'a> {
         Self { label, name, files, max_bytes, max_line_bytes: max_bytes, bbox_deg, height_field, share }
     }
 
-    /// Opens the source, without a byte order mark of UTF-8, and unpacks it if it is packed by gzip. Fails if the file cannot be opened.
+    /// Opens the source, and unpacks it if it is packed by gzip. A text is in UTF-8, without a byte order mark, whatever the file has.
+    /// Fails if the file cannot be opened.
     pub fn open(&self) -> Result<OpenInput<'a>, InputError> {
         let io_error = |cause| InputError::io(self.label, cause);
         let inner = self.files.open(self.name).map_err(io_error)?;
         let bytes_read = Rc::new(Cell::new(0));
         let unpacked = unpacked(CountingReader { inner, count: Rc::clone(&bytes_read) }).map_err(io_error)?;
         let mut limited = BoundedReader { inner: unpacked, left: self.max_bytes };
-        // A mark of UTF-8 is no part of a text, and no other format begins with one.
-        let mut start = Vec::new();
-        limited.by_ref().take(BYTE_ORDER_MARK.len() as u64).read_to_end(&mut start).map_err(io_error)?;
-        if start == BYTE_ORDER_MARK {
-            start.clear();
-        }
-        let all = Cursor::new(start).chain(limited);
-        Ok(OpenInput { reader: Box::new(BufReader::with_capacity(1 << 16, all)), bytes_read })
+        let mut start = Vec::with_capacity(START_BYTES);
+        limited.by_ref().take(START_BYTES as u64).read_to_end(&mut start).map_err(io_error)?;
+        let found = Start::of(self.name, &start);
+        let all = BufReader::with_capacity(1 << 16, Cursor::new(start).chain(limited));
+        let reader = match found {
+            Some(start) => start.decoded(all).map_err(io_error)?,
+            None => Box::new(all),
+        };
+        Ok(OpenInput { reader, bytes_read })
     }
 
-    /// The source on disk, unpacked to a temporary file if it is packed by gzip. Fails if it cannot be read or is too large.
+    /// The source on disk, as [`Self::open`] has it: in a temporary file if it is packed or in another encoding. Fails if it cannot be
+    /// read or is too large.
     pub fn on_disk(&self) -> Result<LocalFile, InputError> {
         let io_error = |cause| InputError::io(self.label, cause);
         let file = self.files.on_disk(self.name).map_err(io_error)?;
-        if is_packed(&mut File::open(&file.path).map_err(io_error)?).map_err(io_error)? {
+        if !self.is_plain(&mut File::open(&file.path).map_err(io_error)?).map_err(io_error)? {
             return copy_to_disk(&mut self.open()?.reader).map_err(io_error);
         }
         self.check_size(std::fs::metadata(&file.path).map_err(io_error)?.len())?;
         Ok(file)
     }
 
-    /// The source for reading in any order, a copy of it if it is packed by gzip. Fails as [`Self::on_disk`].
+    /// The source for reading in any order, a copy of it as [`Self::on_disk`] makes one. Fails in the same way.
     pub fn random(&self) -> Result<RandomFile, InputError> {
         let io_error = |cause| InputError::io(self.label, cause);
         if self.files.is_random() {
             let file = self.files.random(self.name).map_err(io_error)?;
-            if !is_packed(&mut file.reader(0)).map_err(io_error)? {
+            if self.is_plain(&mut file.reader(0)).map_err(io_error)? {
                 self.check_size(file.bytes())?;
                 return Ok(file);
             }
         }
         RandomFile::of_local(self.on_disk()?).map_err(io_error)
+    }
+
+    /// Whether the file, whose bytes are given, is read as it is. Fails if it cannot be read.
+    pub fn is_plain(&self, bytes: &mut impl Read) -> io::Result<bool> {
+        let mut start = Vec::with_capacity(START_BYTES);
+        bytes.take(START_BYTES as u64).read_to_end(&mut start)?;
+        Ok(!is_packed(&mut &*start)? && Start::of(self.name, &start).is_none())
     }
 
     fn check_size(&self, bytes: u64) -> Result<(), InputError> {

@@ -22,6 +22,7 @@ pub mod ring_inside;
 pub mod source;
 pub mod subject;
 pub mod testing;
+pub mod text;
 pub mod texture;
 pub mod units;
 pub mod unread_formats;

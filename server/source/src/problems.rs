@@ -36,3 +36,9 @@ pub const OPEN_END: &str = "coastline ends within the map, drawn straight on to 
 pub const CONTRADICTION: &str = "coastline with land on both sides, or water, left out";
 /// It has too many nodes.
 pub const TOO_MANY: &str = "coastline with too many nodes, no sea made";
+/// Kind of the problem that a picture from above has nothing to lie on.
+pub const PICTURE_ALONE: &str = "picture without an elevation model, not drawn";
+/// Kind of the problem that it is of another place.
+pub const FAR_PICTURE: &str = "picture from above far from the city, not drawn";
+/// Kind of the problem that an elevation model is of another place.
+pub const FAR_TERRAIN: &str = "elevation model far from the city, no terrain made";

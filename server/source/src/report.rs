@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::attributes::{AttributeValue, Attributes};
 use super::object::FeatureKind;
 use super::problems::{
-    CONTRADICTION, EITHER_ORDER, FAR, GAP, GUESSED, GUESSED_FROM_LEVELS, INEXACT, MISSING_GROUND, MISSING_HEIGHTS,
-    NO_CRS, NO_GROUND_HEIGHT, OPEN_END, OUTSIDE, SWAPPED, TOO_MANY, TOO_WIDE, UNIT_GUESSED, WIDE,
+    CONTRADICTION, EITHER_ORDER, FAR, FAR_PICTURE, FAR_TERRAIN, GAP, GUESSED, GUESSED_FROM_LEVELS, INEXACT,
+    MISSING_GROUND, MISSING_HEIGHTS, NO_CRS, NO_GROUND_HEIGHT, OPEN_END, OUTSIDE, PICTURE_ALONE, SWAPPED, TOO_MANY,
+    TOO_WIDE, UNIT_GUESSED, WIDE,
 };
 
 /// More guessed heights than this share of all are worth a warning.
@@ -415,7 +416,8 @@ impl ReadReport {
 
     /// All warnings for the user: what was guessed, and what lies far from the rest.
     pub fn warnings(&self) -> impl Iterator<Item = String> {
-        self.far_warnings().chain(self.wide_warnings()).chain(self.coast_warnings()).chain(self.guess_warnings())
+        let of_objects = self.far_warnings().chain(self.wide_warnings()).chain(self.coast_warnings());
+        of_objects.chain(self.guess_warnings()).chain(self.problems_of(&[PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN]))
     }
 
     /// Which objects lie far from the city, of each source with such, what is baked, and what to do.

@@ -10,6 +10,7 @@ use insula_archive::file::open_regular;
 use super::files::EmbeddedFiles;
 use super::input::{Input, Share, SourceFiles};
 use super::packed::{unpacked, unpacked_name};
+use super::text::in_utf8;
 use crate::error::InputError;
 
 /// End of the name of a file that places a mesh file: see `local_frame`.
@@ -150,7 +151,8 @@ pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, InputError> {
     Ok(bytes)
 }
 
-/// Reads a file next to the source, as named or with `.gz` appended. Fails if it has more than `limit` unpacked bytes.
+/// Reads a file next to the source, as named or with `.gz` appended. A text is in UTF-8, without a mark. Fails if the file has more than
+/// `limit` unpacked bytes.
 pub fn read_sibling(files: &dyn SourceFiles, name: &str, limit: u64) -> io::Result<Vec<u8>> {
     let inner = files.open(name).or_else(|error| files.open(&format!("{name}.gz")).map_err(|_| error))?;
     let mut bytes = Vec::new();
@@ -158,7 +160,7 @@ pub fn read_sibling(files: &dyn SourceFiles, name: &str, limit: u64) -> io::Resu
     if bytes.len() as u64 > limit {
         return Err(io::Error::other(format!("more than {limit} bytes")));
     }
-    Ok(bytes)
+    in_utf8(name, bytes)
 }
 
 /// Result of [`next_line`].

@@ -81,6 +81,11 @@ impl SourceFiles for TestFiles {
     }
 }
 
+/// A text in UTF-16, without a mark.
+pub fn utf16(text: &str, is_big_endian: bool) -> Vec<u8> {
+    text.encode_utf16().flat_map(|unit| if is_big_endian { unit.to_be_bytes() } else { unit.to_le_bytes() }).collect()
+}
+
 /// The bytes, packed.
 pub fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());

@@ -1,7 +1,7 @@
 //! Options and shared state of reading.
 
 use insula_place::PlacingOptions;
-use insula_source::problems::{MISSING_HEIGHTS, NO_CRS, OUTSIDE};
+use insula_source::problems::{FAR_PICTURE, FAR_TERRAIN, MISSING_HEIGHTS, NO_CRS, OUTSIDE, PICTURE_ALONE};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -160,10 +160,6 @@ pub(crate) struct ReadContext<'o> {
     stones: Vec<String>,
 }
 
-/// Problem of an elevation model of another place.
-const NO_TERRAIN: &str = "elevation model far from the city, no terrain made";
-/// Problem of a picture of another place.
-const NO_PICTURE: &str = "picture from above far from the city, not drawn";
 /// Terrain reaches so far beyond buildings for what is painted on it. Some areas and lines of extracts end far outside.
 const PAINTED_REACH_M: f64 = 2000.0;
 /// Beyond a city whose streets are from another source, which may be that of a country.
@@ -379,7 +375,7 @@ impl<'o> ReadContext<'o> {
             && let Some(report) = self.elevation.first_picture().and_then(|number| sources.get_mut(number))
         {
             let path = report.path.clone();
-            report.problem("picture without an elevation model, not drawn", || path);
+            report.problem(PICTURE_ALONE, || path);
         }
         if self.elevation.is_empty() || !self.options.kinds.contains(kind) {
             return Ok(());
@@ -437,7 +433,7 @@ impl<'o> ReadContext<'o> {
             && let Some(report) = sources.get_mut(source)
         {
             let path = report.path.clone();
-            report.problem(NO_TERRAIN, || path);
+            report.problem(FAR_TERRAIN, || path);
         }
         for (number, missing) in self.elevation.missing() {
             let Some(report) = sources.get_mut(number) else { continue };
@@ -459,7 +455,7 @@ impl<'o> ReadContext<'o> {
         for number in self.elevation.pictures_outside([low.map(|v| v - reach_m), high.map(|v| v + reach_m)]) {
             if let Some(report) = sources.get_mut(number) {
                 let path = report.path.clone();
-                report.problem(NO_PICTURE, || path);
+                report.problem(FAR_PICTURE, || path);
             }
         }
     }

@@ -8,7 +8,6 @@ use std::ops::Range;
 use std::rc::Rc;
 
 use insula_source::input::{LocalFile, Share, SourceFiles};
-use insula_source::packed;
 use insula_source::random_file::{RandomFile, RandomReader};
 use insula_source::source::{CitySource, SourceKind, kind_by_name};
 
@@ -19,7 +18,7 @@ const MAX_HEADER_BYTES: u64 = 16 << 20;
 pub(super) fn slices(source: CitySource<'static>, slice_bytes: u64) -> Vec<CitySource<'static>> {
     let count = source.bytes / slice_bytes.max(1);
     // A source inside an archive is extracted to a file; each slice would extract it again.
-    if count < 2 || !source.files.is_random() || is_packed(&source) {
+    if count < 2 || !source.files.is_random() || !is_plain(&source) {
         return vec![source];
     }
     let has_header = match kind_by_name(&source.name) {
@@ -45,10 +44,10 @@ pub(super) fn slices(source: CitySource<'static>, slice_bytes: u64) -> Vec<CityS
     (0..count).map(slice).collect()
 }
 
-/// Whether a source is packed by gzip. One that cannot be read is not divided either.
-fn is_packed(source: &CitySource<'_>) -> bool {
-    let start = source.files.random(&source.name).and_then(|file| packed::is_packed(&mut file.reader(0)));
-    start.unwrap_or(true)
+/// Whether a source is read as it is: not packed, and a text in UTF-8. One that cannot be read is not divided either.
+fn is_plain(source: &CitySource<'_>) -> bool {
+    let input = source.input(u64::MAX);
+    source.files.random(&source.name).and_then(|file| input.is_plain(&mut file.reader(0))).unwrap_or(false)
 }
 
 /// The files of a source, itself with a run of its lines only. Nothing is read before it is opened: a folder may have thousands of
@@ -150,7 +149,7 @@ mod tests {
     use super::super::context::ReadOptions;
     use super::super::list::list;
     use super::*;
-    use insula_source::testing::gzip;
+    use insula_source::testing::{gzip, utf16};
     use insula_test_support::folder::TestFolder;
     use std::fs;
 
@@ -199,7 +198,12 @@ mod tests {
         let lines = "line\n".repeat(100);
         // Random bytes stay as many when they are packed.
         let noise: Vec<u8> = (0..100_u64).map(|i| (i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as u8).collect();
-        for (name, bytes) in [("a.jsonl", gzip(&noise)), ("a.obj", lines.clone().into()), ("a.geojson", lines.into())] {
+        for (name, bytes) in [
+            ("a.jsonl", gzip(&noise)),
+            ("b.jsonl", utf16(&lines, false)),
+            ("a.obj", lines.clone().into()),
+            ("a.geojson", lines.into()),
+        ] {
             let path = folder.path.join(name);
             fs::write(&path, bytes).unwrap();
             let listed = list(&[path], &ReadOptions::default(), &mut BadInputs::new(false)).unwrap();

@@ -162,6 +162,23 @@ fn osm(objects: &[Vec<Cuboid>]) -> String {
     format!(r#"<?xml version="1.0"?><osm version="0.6">{nodes}{ways}</osm>"#)
 }
 
+/// Each box as a polygon with its heights as properties.
+fn geojson(objects: &[Vec<Cuboid>]) -> String {
+    let feature = |[low, high]: &Cuboid| {
+        let corner = |x: f64, y: f64| format!("[{},{}]", WORLD[0] + x, WORLD[1] + y);
+        let ring = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]], [low[0], low[1]]];
+        let ring = ring.map(|[x, y]| corner(x, y)).join(",");
+        let base = if low[2] > 0.0 { format!(r#""min_height":{},"#, low[2]) } else { String::new() };
+        format!(
+            r#"{{"type":"Feature","properties":{{{base}"height":{}}},"geometry":{{"type":"Polygon","coordinates":[[{ring}]]}}}}"#,
+            high[2]
+        )
+    };
+    let features: Vec<String> = objects.iter().flatten().map(feature).collect();
+    let crs = r#"{"type":"name","properties":{"name":"EPSG:25832"}}"#;
+    format!(r#"{{"type":"FeatureCollection","crs":{crs},"features":[{}]}}"#, features.join(","))
+}
+
 fn bake_file(name: &str, content: &[u8], ground: GroundOption) -> BakedCity {
     let folder = TestFolder::new(&format!("hovering-{name}"));
     fs::write(folder.path.join(name), content).unwrap();
@@ -215,6 +232,7 @@ fn slabs_above_one_another_are_open_between_in_every_format() {
         ("sep.gml", citygml(&sep).into_bytes()),
         ("sep.glb", glb(&sep)),
         ("sep.osm", osm(&sep).into_bytes()),
+        ("sep.geojson", geojson(&sep).into_bytes()),
     ];
     for (name, content) in formats {
         let city = bake_file(name, &content, GroundOption::Auto);

@@ -33,7 +33,7 @@ static NAMES: [(HeightRole, &str); 4] = [
          heightavg avght meanht hgtmean medianheight heightmedian medianhgt hgtmedian relh2 approxhgt estheight \
          estimatedheight heightest renderheight totalheight topheight heighttop hght gebhoehe hoehegeb alturamax \
          alturamedia alturatotal hautmax hauteurmoyenne hauteurmoy hautmoy altezzamax altezzamedia altezzavolume \
-         p95height heightp95 ridgeheight firsthoehe eaveheight eavesheight eaveht traufhoehe",
+         p95height heightp95 hgebouw ridgeheight firsthoehe nokhoogte eaveheight eavesheight eaveht traufhoehe goothoogte",
     ),
     (
         HeightRole::Elevation,
@@ -57,8 +57,11 @@ static NAMES: [(HeightRole, &str); 4] = [
          antalvaningar kerrosluku kerrostenlkm korruselisus korrused stavai kondygnacje liczbakondygnacji lkond \
          pocetpodlazi podlazi szintek katsayisi katadedi bldglevels numlevels levelcount anzahlgs aog \
          plantassobrerasante numplantassobrerasante andares numandares kondygnacjenadziemne kerroslkm korrustearv \
-         maxkorrustearv этажность этажей количествоэтажей 階数 地上階数 层数 層數 楼层数 \
-         地上层数 지상층수 grofloco jumlahlantai",
+         maxkorrustearv этажность этажей количествоэтажей 階数 地上階数 層数 层数 層數 楼层数 \
+         地上层数 지상층수 grofloco jumlahlantai anzgeschosse anzgesch vollgeschosse anzahlvollgeschosse stockwerkzahl \
+         stockwerkszahl anzahlstockwerke etagen anzetagen anzahletagen niveaux nbniveaux nbniv nombreniveaux floorsabv \
+         floorsag floorsaboveground abovegroundfloors numfloorsaboveground levelsaboveground abovegroundlevels \
+         storeycount storycount storeysag nrkondygnacji antallplan",
     ),
 ];
 /// Namespaces of XML before a name.
@@ -73,6 +76,8 @@ const MAX_NAME_BYTES: usize = 64;
 /// Shapefiles cut names to this length; a beginning of this length of a longer name counts.
 const CUT_BYTES: usize = 10;
 const LEAST_CUT_KEY: usize = 8;
+/// A beginning that says nothing of what is counted.
+const SAYS_NOTHING: &str = "numberof";
 /// Ends of names that tell their unit.
 const UNIT_ENDS: [&str; 7] = ["metres", "meters", "feet", "inch", "cm", "ft", "m"];
 
@@ -151,7 +156,7 @@ fn look_up(name: &str) -> Option<(HeightRole, usize, Option<f64>)> {
             return Some((*role, *rank, metres_of(end)));
         }
     }
-    if name.len() == CUT_BYTES && key.len() >= LEAST_CUT_KEY {
+    if name.len() == CUT_BYTES && key.len() >= LEAST_CUT_KEY && key != SAYS_NOTHING {
         let cut = table.iter().filter(|(known, _)| known.len() > key.len() && known.starts_with(&*key));
         return cut.min_by_key(|(_, (_, rank))| *rank).map(|(_, (role, rank))| (*role, *rank, None));
     }
@@ -217,9 +222,16 @@ mod tests {
         ] {
             assert_eq!(role(name), Some((HeightRole::Top, None)), "{name}");
         }
-        for name in
-            ["STOREYS", "building:levels", "NUM_FLOORS", "storeysAboveGround", "building_l", "階数", "nb_étages"]
-        {
+        for name in [
+            "STOREYS",
+            "building:levels",
+            "NUM_FLOORS",
+            "storeysAboveGround",
+            "building_l",
+            "階数",
+            "nb_étages",
+            "ANZ_GESCH",
+        ] {
             assert_eq!(role(name), Some((HeightRole::Levels, None)), "{name}");
         }
         assert_eq!(role("HEIGHT_FT"), Some((HeightRole::Top, Some(FOOT_M))));
@@ -228,7 +240,18 @@ mod tests {
         assert_eq!(role("b3_h_dak_max"), Some((HeightRole::Elevation, None)));
         assert_eq!(role("H_MAAIVELD"), Some((HeightRole::Ground, None)));
         // Limits for vehicles, parts of a roof, a place within a building.
-        for name in ["maxheight", "roof:height", "roof_height", "min_height", "level", "floor", "ele", "width", ""] {
+        for name in [
+            "maxheight",
+            "roof:height",
+            "roof_height",
+            "min_height",
+            "level",
+            "floor",
+            "number_of_",
+            "ele",
+            "width",
+            "",
+        ] {
             assert_eq!(role(name), None, "{name}");
         }
         assert_eq!((unit_of_name("H_FT"), unit_of_name("ft"), unit_of_name("H")), (Some(FOOT_M), None, None));

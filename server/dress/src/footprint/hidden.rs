@@ -42,11 +42,11 @@ pub fn hidden<'t>(kind: FeatureKind, tag: impl Fn(&str) -> Option<Cow<'t, str>>)
     let is_one_of = |name: &str, values: &[&str]| {
         tag(name).is_some_and(|value| values.iter().any(|known| value.trim().eq_ignore_ascii_case(known)))
     };
-    let number = |name: &str| tag(name).and_then(|value| value.trim().parse::<f64>().ok());
-    if IS_TUNNEL.iter().any(|name| tag(name).is_some_and(|value| is_true(&value) && !NO_TUNNEL.contains(&&*value))) {
+    let is_in_tunnel = |name: &&str| tag(name).is_some_and(|value| is_true(&value)) && !is_one_of(name, NO_TUNNEL);
+    if IS_TUNNEL.iter().any(is_in_tunnel) {
         return Some(IN_TUNNEL);
     }
-    let is_below_by_layer = number("layer").is_some_and(|layer| layer < 0.0)
+    let is_below_by_layer = tag("layer").and_then(|value| highest(&value)).is_some_and(|layer| layer < 0.0)
         && (is_building || BELOW_BY_LAYER.iter().any(|(name, values)| is_one_of(name, values)));
     let is_below_by_level =
         || LEVELS.iter().any(|name| tag(name).and_then(|value| highest(&value)).is_some_and(|level| level < 0.0));
@@ -142,6 +142,7 @@ mod tests {
         for (kind, pairs) in [
             (Building, &[("location", "underground")][..]),
             (Building, &[("layer", "-1")]),
+            (Building, &[("LAYER", "-2;-1")]),
             (Building, &[("level", "-1")]),
             (Building, &[("LOCATION", "Underground")]),
             (Building, &[("UNDERGROUN", "T")]),
@@ -186,6 +187,7 @@ mod tests {
             (Building, &[("building:levels", "0"), ("building:levels:underground", "1"), ("height", "4")]),
             (Building, &[("indoor", "yes"), ("is_underground", "false"), ("tunnel", "no")]),
             (Road, &[("tunnel", "building_passage")]),
+            (Building, &[("TUNNEL", "Building_Passage")]),
             (Road, &[("tunnel", "F"), ("layer", "-1")]),
             (Road, &[("road_flags.0.values.0", "is_tunnel"), ("road_flags.0.between.0", "0.5")]),
             (Water, &[("natural", "water"), ("layer", "-1")]),

@@ -210,6 +210,21 @@ pub fn resolve(name: &str) -> Result<Crs, CrsError> {
     }
 }
 
+/// Whether a name says that the system is not known, as programs write it that have to name one.
+pub fn is_undefined(name: &str) -> bool {
+    let name = name.trim();
+    let (own, is_on_earth) = if let Some((own, is_on_earth)) = projjson::name(name) {
+        (own, is_on_earth)
+    } else if wkt_crs::is_wkt(name) {
+        (wkt_crs::name(name), !wkt_crs::is_local(name))
+    } else {
+        (name.to_owned(), false)
+    };
+    let own = own.to_ascii_lowercase();
+    let says_so = matches!(&*own, "" | "none") || ["undefined", "unknown"].iter().any(|word| own.starts_with(word));
+    says_so && !is_on_earth
+}
+
 /// Whether a name is that of a system in longitude and latitude.
 pub fn is_geographic(name: &str) -> bool {
     resolve(name).is_ok_and(|crs| matches!(crs.horizontal.system, System::Geographic { .. }))

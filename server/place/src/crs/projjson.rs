@@ -31,6 +31,13 @@ pub(super) fn parse(text: &str) -> Result<Crs, CrsError> {
     describe::system(name, code, &described, vertical.as_ref())
 }
 
+/// The name of a system, and whether it has a place on Earth; `None` of other texts.
+pub(super) fn name(text: &str) -> Option<(String, bool)> {
+    let value: Value =
+        if text.starts_with('{') && text.len() <= MAX_BYTES { serde_json::from_str(text).ok()? } else { return None };
+    Some((value["name"].as_str().unwrap_or_default().trim().to_owned(), value["type"] != "EngineeringCRS"))
+}
+
 /// The system that a bound system binds, with its shift.
 fn unbound(value: &Value) -> (&Value, Option<Shift>) {
     if value["type"] != "BoundCRS" {

@@ -1,5 +1,5 @@
 //! Tables of the EPSG registry: axis order, areas of use, compound and vertical systems, names of datums. Definitions of horizontal
-//! systems are in the crate `crs-definitions`.
+//! systems are in the crate `crs-definitions`. Besides, where there is land.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -128,10 +128,22 @@ pub(super) fn area(code: u32) -> Option<Area> {
 }
 
 /// Whether a longitude and latitude is on land, or near it.
-pub(super) fn is_near_land(place: [f64; 2]) -> bool {
-    static AREAS_OF_LAND: OnceLock<Vec<Area>> = OnceLock::new();
-    let areas = AREAS_OF_LAND.get_or_init(|| rows(LAND).filter_map(area_of_row).collect());
-    areas.iter().any(|area| area.contains(place, 0.0))
+pub(super) fn is_near_land([lon, lat]: [f64; 2]) -> bool {
+    const CELLS_PER_DEGREE: f64 = 2.0;
+    /// Rows from the south pole, with the first cell of each run of land, and the cell behind it.
+    type Runs = BTreeMap<u32, Vec<[u32; 2]>>;
+    static ROWS: OnceLock<Runs> = OnceLock::new();
+    let all = ROWS.get_or_init(|| {
+        let of_row = |row: &'static str| {
+            let numbers: Vec<u32> = row.split(' ').filter_map(|number| number.parse().ok()).collect();
+            let (number, runs) = numbers.split_first()?;
+            Some((*number, runs.as_chunks().0.iter().map(|[first, count]| [*first, first + count]).collect()))
+        };
+        rows(LAND).filter_map(of_row).collect()
+    });
+    let [column, row] =
+        [(lon + 180.0).rem_euclid(360.0), lat + 90.0].map(|degrees| (degrees * CELLS_PER_DEGREE) as u32);
+    all.get(&row).is_some_and(|runs| runs.iter().any(|[first, end]| (*first..*end).contains(&column)))
 }
 
 fn area_of_row(row: &'static str) -> Option<Area> {

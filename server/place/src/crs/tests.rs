@@ -248,6 +248,38 @@ fn every_definition_of_the_registry_can_be_projected() {
 }
 
 #[test]
+fn cities_are_on_land_and_most_are_at_sea_with_latitude_for_longitude() {
+    let cities =
+        [[-0.12, 51.5], [2.35, 48.86], [11.6, 48.1], [-46.6, -23.5], [139.76, 35.68], [-157.86, 21.3], [7.42, 43.73]];
+    for [lon, lat] in cities {
+        assert!(is_near_land([lon, lat]) && is_near_land([lon - 360.0, lat]), "{lon} {lat}");
+    }
+    for [lon, lat] in &cities[..4] {
+        assert!(!is_near_land([*lat, *lon]), "{lat} {lon}");
+    }
+    assert!(!is_near_land([0.0, -90.0]) && !is_near_land([f64::NAN, 0.0]) && !is_near_land([0.0, 1e9]));
+}
+
+#[test]
+fn systems_that_are_not_known_are_told_from_others() {
+    let gdal = r#"LOCAL_CS["Undefined SRS",LOCAL_DATUM["unknown",32767],UNIT["unknown",0],AXIS["Easting",EAST]]"#;
+    let wkt2 = r#"ENGCRS["Unknown engineering CRS",EDATUM["Unknown engineering datum"],CS[Cartesian,2]]"#;
+    let json = r#"{"type": "EngineeringCRS", "name": "Undefined SRS", "datum": {}}"#;
+    for name in [gdal, wkt2, json, "undefined", " Unknown ", "NONE", ""] {
+        assert!(is_undefined(name), "{name}");
+    }
+    for name in [
+        "EPSG:28992",
+        r#"LOCAL_CS["Site grid",UNIT["metre",1]]"#,
+        r#"GEOGCS["unknown",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],UNIT["degree",0.0174532925199433]]"#,
+        r#"{"type": "ProjectedCRS", "name": "unknown"}"#,
+        "{",
+    ] {
+        assert!(!is_undefined(name), "{name}");
+    }
+}
+
+#[test]
 fn damaged_texts_give_errors() {
     for text in [ESRI_UTM, ESRI_RD, WKT2_JAPAN, PROJJSON] {
         for length in 0..text.len() {

@@ -14,16 +14,31 @@ const VERTICAL: [&str; 4] = ["VERT_CS", "VERTCS", "VERTCRS", "VERTICALCRS"];
 const COMPOUND: [&str; 2] = ["COMPD_CS", "COMPOUNDCRS"];
 const DATUM: [&str; 4] = ["DATUM", "GEODETICDATUM", "TRF", "ENSEMBLE"];
 const PSEUDO_MERCATOR: &str = "Popular Visualisation Pseudo Mercator";
+/// Systems without a place on Earth.
+const LOCAL: [&str; 3] = ["LOCAL_CS", "ENGCRS", "ENGINEERINGCRS"];
 const UNIT: [&str; 3] = ["UNIT", "LENGTHUNIT", "ANGLEUNIT"];
 
 /// Whether a text starts like a system in well-known text.
 pub(super) fn is_wkt(text: &str) -> bool {
+    let keyword = keyword(text);
+    let known = [&GEOGRAPHIC[..], &PROJECTED, &VERTICAL, &COMPOUND, &LOCAL, &["BOUNDCRS"]];
+    known.iter().any(|keywords| keywords.contains(&&*keyword)) && text.contains(['[', '('])
+}
+
+/// Whether a text is well-known text of a system without a place on Earth.
+pub(super) fn is_local(text: &str) -> bool {
+    LOCAL.contains(&&*keyword(text))
+}
+
+/// The name of a system in well-known text: its first text.
+pub(super) fn name(text: &str) -> String {
+    text.split('"').nth(1).unwrap_or_default().trim().to_owned()
+}
+
+/// The word with which a text starts, in capitals.
+fn keyword(text: &str) -> String {
     let keyword: String = text.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
-    let keyword = keyword.to_ascii_uppercase();
-    let is_known = [&GEOGRAPHIC[..], &PROJECTED, &VERTICAL, &COMPOUND, &["BOUNDCRS", "LOCAL_CS", "ENGCRS"]]
-        .iter()
-        .any(|keywords| keywords.contains(&&*keyword));
-    is_known && text.contains(['[', '('])
+    keyword.to_ascii_uppercase()
 }
 
 /// Parses a system. Fails if it has no place on Earth, or its projection is not supported.

@@ -172,7 +172,7 @@ fn contradiction(label: &str, name: &str, input: &SourceInput, first: &FirstShap
         true => ("degrees", "metres", likely::text(first.position, Region::default())),
         false => ("lengths", "degrees", "; likely EPSG:4326".to_owned()),
     };
-    InputError::unsupported(
+    InputError::misplaced(
         label,
         format!(
             "its coordinate system {name} is in {own}, but its first coordinates are {x}, {y}, as in {found}{likely}; \

@@ -293,7 +293,7 @@ fn unknown_systems_are_errors_with_advice() {
 #[test]
 fn targets_must_be_maps_with_true_lengths() {
     for name in ["EPSG:4326", "EPSG:3857", "EPSG:4978", "ECEF", "EPSG:8857", "nonsense", "EPSG:99999"] {
-        assert!(matches!(World::new(Some(name), None), Err(InputError::Unsupported { .. })), "{name}");
+        assert!(matches!(World::new(Some(name), None), Err(InputError::Misplaced { .. })), "{name}");
     }
     assert!(World::new(None, Some(PathBuf::from("/no such folder"))).is_err());
     let world = world("EPSG:7415");
@@ -399,16 +399,19 @@ fn coordinates_that_contradict_their_system_are_errors() {
 fn systems_of_sources_that_name_none_are_guessed() {
     let world = world("EPSG:28992");
     let guess = |world: &World, x, y, size| world.guess(&FirstShape::at([x, y], Some([size; 2])));
-    let (reference, text) = guess(&world, -122.5, 37.7, 1e-4).unwrap();
+    let (reference, text) = guess(&world, -122.5, 37.7, 1e-4);
+    let reference = reference.unwrap();
     assert!(
         reference.name == "OGC:CRS84" && text.contains("-122.5, 37.7") && text.contains("longitude first"),
         "{text}"
     );
-    let (reference, text) = guess(&world, 35.6, 139.7, 1e-4).unwrap();
-    assert!(reference.order == AxisOrder::Authority && text.contains("latitude first"), "{text}");
-    let (reference, text) = guess(&world, 85_000.0, 446_000.0, 10.0).unwrap();
-    assert!(reference.name == "EPSG:28992" && text.contains("--crs"), "{text}");
-    assert!(guess(&World::new(None, None).unwrap(), 10.0, 10.0, 10.0).is_none());
+    let (reference, text) = guess(&world, 35.6, 139.7, 1e-4);
+    assert!(reference.unwrap().order == AxisOrder::Authority && text.contains("latitude first"), "{text}");
+    let (reference, text) = guess(&world, 85_000.0, 446_000.0, 10.0);
+    assert!(reference.unwrap().name == "EPSG:28992" && text.contains("--crs"), "{text}");
+    let (reference, text) = guess(&World::new(None, None).unwrap(), 10.0, 10.0, 10.0);
+    assert!(reference.is_none() && text.contains("10, 10 are taken as metres of an unknown place"), "{text}");
     let found = PlacingOptions { is_crs_found: true, ..PlacingOptions::default() };
-    assert!(guess(&world.with_options(&found, None), 85_000.0, 446_000.0, 10.0).is_none());
+    let (reference, text) = guess(&world.with_options(&found, None), 85_000.0, 446_000.0, 10.0);
+    assert!(reference.is_none() && text.contains("taken in EPSG:28992, that of the city"), "{text}");
 }

@@ -80,7 +80,7 @@ impl World {
         let label = "--crs";
         let crs = crs::resolve(name).map_err(|error| not_a_system(label, name, &error, "give an EPSG code"))?;
         if !world.adopt(&crs) {
-            return Err(InputError::unsupported(
+            return Err(InputError::misplaced(
                 label,
                 format!(
                     "{} is not a projected system with true lengths; give that of a UTM zone or of your country",
@@ -110,8 +110,9 @@ impl World {
     }
 
     /// The system of a source that names none, by its first shape, and what to tell: WGS 84 if coordinates look like degrees,
-    /// else that of `--crs`. `None` if nothing is known: then coordinates are metres of an unknown place.
-    pub fn guess(&self, first: &FirstShape) -> Option<(CrsReference, String)> {
+    /// else that of `--crs`. `None` if nothing is known: then they are metres of the city's system, or of an unknown place.
+    pub fn guess(&self, first: &FirstShape) -> (Option<CrsReference>, String) {
+        let [x, y] = first.position;
         if first.looks_like_degrees() {
             let (reference, order) = match first.is_latitude_first() {
                 true => (CrsReference::authority("EPSG:4326"), "latitude"),
@@ -120,12 +121,17 @@ impl World {
                     (CrsReference { order, ..CrsReference::east_first("OGC:CRS84") }, "longitude")
                 }
             };
-            let [x, y] = first.position;
             let text = format!("coordinates such as {x}, {y} look like degrees and are taken as WGS 84, {order} first");
-            return Some((reference, text));
+            return (Some(reference), text);
         }
-        let target = self.target.as_ref()?;
-        Some((CrsReference::east_first(target), format!("coordinates are taken in {target} (--crs)")))
+        if let Some(target) = &self.target {
+            return (Some(CrsReference::east_first(target)), format!("coordinates are taken in {target} (--crs)"));
+        }
+        let taken = match &self.system {
+            Some(system) => format!("are taken in {}, that of the city", system.label),
+            None => "are taken as metres of an unknown place".to_owned(),
+        };
+        (None, format!("coordinates such as {x}, {y} {taken}; give their system with --crs"))
     }
 
     /// How the positions of a source are placed. Its system becomes the world's, if the world has none yet and it is
@@ -285,7 +291,7 @@ impl World {
         warnings: &mut Vec<String>,
     ) -> Result<Option<Transform>, InputError> {
         let Some(system) = self.system.clone() else { return Ok(None) };
-        let unsupported = |what: String| InputError::unsupported(label, what);
+        let unsupported = |what: String| InputError::misplaced(label, what);
         let source = match &input.horizontal.system {
             System::Projected(definition) | System::Geographic { definition, .. } => definition,
             System::Geocentric(_) | System::Local(_) => {
@@ -372,7 +378,7 @@ const ADVICE: &str = "reproject the file with ogr2ogr -t_srs EPSG:..., or give i
 
 fn not_a_system(label: &str, name: &str, error: &CrsError, advice: &str) -> InputError {
     let name = shortened(name);
-    InputError::unsupported(
+    InputError::misplaced(
         label,
         match error {
             CrsError::Unknown => format!("the coordinate system \"{name}\" is not known; {advice}"),

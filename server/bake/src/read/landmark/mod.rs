@@ -25,7 +25,7 @@ pub(super) use file::{LandmarkPlan, read_plans};
 use file::{Position, Size, Up};
 use glam::DVec3;
 use insula_place::local_frame;
-use insula_place::placement::Placement;
+use insula_place::placement::{MeshExtent, Placement};
 use insula_simplify::repair::{PlainMesh, Repairs};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
@@ -228,7 +228,7 @@ fn may_be_monument(sources: &[CitySource<'_>], has_stone: bool) -> bool {
 /// inputs are something else, or cannot be read.
 ///
 /// A large mesh whose coordinates are metres on Earth is a city: `at` or a file beside it places it, or it lies far from its origin.
-/// Otherwise the unit of a scan is not known.
+/// One in degrees is none either. Otherwise the unit of a scan is not known.
 #[must_use]
 pub fn cell_of_monument(inputs: &[PathBuf], has_stone: bool, at: Option<[f64; 3]>) -> Option<f64> {
     /// Columns along the longest side.
@@ -244,8 +244,13 @@ pub fn cell_of_monument(inputs: &[PathBuf], has_stone: bool, at: Option<[f64; 3]
     }
     let source = listed.sources.first()?;
     let [low, high] = join(&collect(source, options.max_source_bytes).ok()?.meshes).bounds()?;
+    let has_place = local_frame::find(source, at).ok()?.is_some();
+    let extent = MeshExtent::of([low, high].into_iter().map(|corner| corner.to_array()));
+    if !has_stone && !has_place && extent.is_some_and(|extent| extent.is_certainly_in_degrees()) {
+        return None;
+    }
     let longest = (high - low).max_element();
-    let is_placed = local_frame::find(source, at).ok()?.is_some() || low.abs().max_element() > FAR * longest;
+    let is_placed = has_place || low.abs().max_element() > FAR * longest;
     if is_placed && longest > MAX_MONUMENT_M && !has_stone {
         return None;
     }
@@ -278,6 +283,9 @@ mod tests {
         assert_eq!(cell_of_monument(&small, false, Some([4.0, 52.0, 0.0])), Some(0.02));
         assert_eq!(cell_of_monument(&map, false, None), None);
         assert_eq!(cell_of_monument(&map, true, None), Some(1.0));
+        let house = "OFF\n3 1 0\n11.6 48.2 500\n11.6002 48.2 500\n11.6002 48.2001 512\n3 0 1 2\n";
+        std::fs::write(&small[0], house).unwrap();
+        assert_eq!(cell_of_monument(&small, false, None), None, "in degrees");
         assert_eq!(cell_of_monument(&[small[0].clone(), scan[0].clone()], true, None), None);
         assert_eq!(cell_of_monument(&[folder.path.join("none.off")], true, None), None);
     }

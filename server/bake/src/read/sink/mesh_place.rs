@@ -29,7 +29,7 @@ impl SceneSink<'_, '_, '_> {
             return Ok(());
         }
         let first = extent.first_shape();
-        let Some((reference, text)) = self.context.world.guess(&first) else { return Ok(()) };
+        let (Some(reference), text) = self.context.world.guess(&first) else { return Ok(()) };
         self.report.problem(NO_CRS, || text);
         let frame = self.frame;
         self.set_crs(&reference)?;

@@ -17,7 +17,8 @@ mod texts;
 use super::context::{ByteProgress, ObjUpAxis, ReadContext};
 use super::scene_builder::{ObjectRelation, OpenObject, WorldTriangle, hash_of_id, is_valid_position};
 use insula_dress::facade::FacadeUse;
-use insula_dress::footprint::{HeightHints, has_height};
+use insula_dress::footprint::{HeightHints, has_height, is_hidden};
+use insula_place::crs::is_undefined;
 use insula_place::local_frame::LocalFrame;
 use insula_place::placement::{FirstShape, Placement};
 use insula_read_ground::HEIGHTS_M;
@@ -129,17 +130,12 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
         if !std::mem::replace(&mut self.is_place_sought, false) {
             return Ok(());
         }
-        if let Some((reference, text)) = self.context.world.guess(first) {
-            self.report.problem(NO_CRS, || text);
-            return self.set_crs(&reference);
+        let (reference, text) = self.context.world.guess(first);
+        self.report.problem(NO_CRS, || text);
+        match reference {
+            Some(reference) => self.set_crs(&reference),
+            None => Ok(()),
         }
-        if self.report.format == SourceFormat::GeoJson {
-            let [x, y] = first.position;
-            let text =
-                format!("coordinates such as {x}, {y} are no degrees; taken as metres of an unknown place (--crs)");
-            self.report.problem(NO_CRS, || text);
-        }
-        Ok(())
     }
 
     /// World height of the ground at a position, where the source tells it, and not by a mark of a missing height.
@@ -238,7 +234,10 @@ impl<'r, 'o, 's> SceneSink<'r, 'o, 's> {
                 self.context.builder.add_parent(self.context.source, &object.id, relation);
             }
             Shape::Surfaces { polygons, meshes } => match self.plans_of(&object) {
-                Some(plans) => self.add_buildings(&object, &plans)?,
+                Some(plans) => match is_hidden(object.kind, &object.attributes) {
+                    Some(reason) => self.report.skip(reason, || object.id),
+                    None => self.add_buildings(&object, &plans)?,
+                },
                 None => self.add_surfaces(&object, polygons, meshes, whole),
             },
             shape if self.paint(&object, shape)? => {}
@@ -265,9 +264,12 @@ impl ObjectSink for SceneSink<'_, '_, '_> {
         if !matches!(self.placement, Placement::Unknown) {
             self.placement.note_in(&mut self.report);
         }
-        self.placement = self.context.world.place(&self.source.label, crs)?;
-        self.frame = LocalFrame::IDENTITY;
-        (self.is_place_sought, self.unplaced_mesh) = (false, None);
+        self.is_place_sought = is_undefined(&crs.name);
+        self.placement = match self.is_place_sought {
+            true => Placement::Unknown,
+            false => self.context.world.place(&self.source.label, crs)?,
+        };
+        (self.frame, self.unplaced_mesh) = (LocalFrame::IDENTITY, None);
         Ok(())
     }
 

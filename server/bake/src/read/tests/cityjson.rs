@@ -4,6 +4,7 @@ use crate::read::texture::tests::png;
 use crate::read::{DuplicateOption, InputError, ReadOptions, ReadReport, read_embedded};
 use crate::scene::{ObjectKind, Scene};
 use insula_source::affine::TRANSPOSED;
+use insula_source::problems::NO_CRS;
 
 /// The corners of a cube of 2 m: below, then above, each counter-clockwise seen from above.
 const CUBE: &str = "[0,0,0],[2,0,0],[2,2,0],[0,2,0],[0,0,2],[2,0,2],[2,2,2],[0,2,2]";
@@ -157,7 +158,7 @@ fn is_photo(default: &str, is_sequence: bool) -> bool {
     let name = if is_sequence { "a.city.jsonl" } else { "a.city.json" };
     let files = [(name, text.as_bytes()), ("red.png", &red), ("blue.png", &blue)];
     let (scene, report) = read_embedded(&files, &all_objects(), &|_| {}).unwrap();
-    assert!(report.sources[0].problems.is_empty(), "{:?}", report.sources[0].problems);
+    assert!(report.sources[0].problems.keys().all(|kind| kind == NO_CRS), "{:?}", report.sources[0].problems);
     let texture = scene.materials[scene.triangles[0].material as usize].texture.clone().unwrap();
     texture.rgb[0][2] > texture.rgb[0][0]
 }
@@ -280,7 +281,7 @@ fn textures_have_coordinates_or_are_reported() {
     }
     let source = &report.sources[0];
     assert_eq!(source.textures, 1);
-    let kinds: Vec<_> = source.problems.keys().map(String::as_str).collect();
+    let kinds: Vec<_> = source.problems.keys().map(String::as_str).filter(|kind| *kind != NO_CRS).collect();
     assert_eq!(kinds, ["texture coordinates do not fit the ring", "texture index out of range", "texture missing"]);
 }
 
@@ -422,14 +423,18 @@ fn degrees_without_a_system_are_taken_as_wgs84() {
 
 #[test]
 fn plans_with_a_height_are_extruded_and_others_are_named() {
-    let plan = |attributes: &str| {
+    let text = |attributes: &str| {
         let surface = r#"{"type": "MultiSurface", "lod": "0", "boundaries": [[[0,1,2,3]]]}"#;
         let object = format!(r#""a": {{"type": "Building", "attributes": {{{attributes}}}, "geometry": [{surface}]}}"#);
-        read(&document(&object, ""))
+        document(&object, "")
     };
+    let plan = |attributes: &str| read(&text(attributes));
     let (scene, _) = plan(r#""measuredHeight": 9.0"#);
     assert!((volume(&scene) - 36.0).abs() < 1e-3, "{}", volume(&scene));
     let (scene, report) = plan(r#""year": 1900"#);
     assert_eq!(scene.triangles.len(), 2);
     assert!(report.sources[0].problems.keys().any(|kind| kind.contains("without a height, drawn flat")));
+    let hidden = text(r#""measuredHeight": 9.0, "relatieveHoogteligging": -1"#);
+    let error = read_embedded(&[("a.json", hidden.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
+    assert!(error.to_string().contains("underground"), "{error}");
 }

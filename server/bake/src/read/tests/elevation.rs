@@ -245,6 +245,7 @@ fn pictures_without_a_model_lie_on_generated_ground() {
         let problems: Vec<&str> =
             report.sources.iter().flat_map(|source| source.problems.keys()).map(String::as_str).collect();
         assert_eq!(problems, Vec::from_iter(problem));
+        assert_eq!(report.warnings().count(), problem.iter().count());
         let textured = |t: &&crate::scene::SceneTriangle| scene.materials[t.material as usize].texture.is_some();
         assert_eq!(scene.triangles.iter().filter(textured).count() > 0, problem.is_none());
         if problem.is_none() {

@@ -14,6 +14,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 
 use super::*;
+use insula_source::testing::utf16;
 use insula_test_support::folder::TestFolder;
 
 /// One square roof at z = 3.
@@ -80,6 +81,26 @@ fn packed_and_plain_files_give_the_same_scene() {
     let ((plain, _), (packed, report)) = (embedded(&plain).unwrap(), embedded(&packed).unwrap());
     assert_eq!(plain.triangles, packed.triangles);
     assert_eq!(report.sources[2].format, SourceFormat::CityJsonSeq);
+}
+
+#[test]
+fn texts_of_windows_are_read_as_those_in_utf8() {
+    let (city, seq) = (city("EPSG:25832"), sequence());
+    let square = "11.6 48.2, 11.6001 48.2, 11.6001 48.2001, 11.6 48.2";
+    let geojson = r#"{"type": "Feature", "properties": {"name": "Höhe"}, "geometry": {"type": "Polygon", "coordinates":
+        [[[11.6, 48.2], [11.6001, 48.2], [11.6001, 48.2001], [11.6, 48.2]]]}}"#;
+    let csv = format!("name\thoehe\tgeom\nHöhe\t12\tPOLYGON (({square}))\n");
+    for (name, text) in [("a.json", &*city), ("a.jsonl", &seq), ("a.obj", OBJ), ("a.geojson", geojson), ("a.csv", &csv)]
+    {
+        let (plain, _) = embedded(&[(name, text.as_bytes())]).unwrap();
+        for mark in ["\u{feff}", ""] {
+            for is_big_endian in [false, true] {
+                let bytes = utf16(&format!("{mark}{text}"), is_big_endian);
+                let (found, _) = embedded(&[(name, &bytes)]).unwrap();
+                assert_eq!(found.triangles, plain.triangles, "{name}, mark {mark:?}, big endian {is_big_endian}");
+            }
+        }
+    }
 }
 
 #[test]
@@ -203,6 +224,17 @@ fn folder_is_read_by_name_and_other_json_ignored() {
     assert_eq!(seen.last().map(|last| last.bytes_done), Some(seen[0].bytes_total));
     let error = read(&[folder.path.join("c.json")], &ReadOptions::default(), &|_| {}).unwrap_err();
     assert!(error.to_string().contains("its type is \"Topology\""), "{error}");
+}
+
+#[test]
+fn a_city_in_a_folder_whose_coordinates_contradict_its_system_is_no_foreign_file() {
+    let (good, bad) = (city("EPSG:7415"), city("EPSG:4326").replace("[0, 0, 3]", "[85000, 446000, 3]"));
+    let folder = folder("contradiction", &[("a.json", good.as_bytes()), ("b.json", bad.as_bytes())]);
+    let error = read(std::slice::from_ref(&folder.path), &ReadOptions::default(), &|_| {}).unwrap_err();
+    assert!(error.to_string().contains("b.json: its coordinate system EPSG:4326"), "{error}");
+    let options = ReadOptions { skip_bad_inputs: true, ..ReadOptions::default() };
+    let (_, report) = read(std::slice::from_ref(&folder.path), &options, &|_| {}).unwrap();
+    assert_eq!((report.bad_inputs.len(), report.ignored.len()), (1, 0));
 }
 
 #[test]

@@ -2,30 +2,25 @@
 
 use std::io::{self, BufRead, Chain, Cursor, Read};
 
-use encoding_rs::{CoderResult, Decoder, Encoding, UTF_8};
+use encoding_rs::{Encoding, UTF_8};
 
 use insula_source::error::InputError;
+use insula_source::text::DecodingReader;
 
 /// The XML declaration is looked for in this many bytes.
 const DECLARATION_BYTES: u64 = 512;
-/// Decoded bytes that are kept ready.
-const CHUNK_BYTES: usize = 1 << 16;
 /// A single tag or text may have this many bytes.
 const MAX_EVENT_BYTES: u64 = 128 << 20;
+
+/// The bytes of a file, of which the first were looked at.
+type FileBytes<'a> = Chain<Cursor<Vec<u8>>, Box<dyn BufRead + 'a>>;
 
 /// Decodes a file to UTF-8 by its byte order mark or XML declaration. Bytes that are invalid in the encoding become
 /// U+FFFD.
 pub(super) struct TextReader<'a> {
-    inner: Chain<Cursor<Vec<u8>>, Box<dyn BufRead + 'a>>,
-    decoder: Decoder,
-    chunk: Box<[u8]>,
-    start: usize,
-    end: usize,
-    is_finished: bool,
+    inner: DecodingReader<FileBytes<'a>>,
     /// Bytes that the current tag or text may still have.
     event_bytes_left: u64,
-    /// Whether any byte was invalid in the encoding.
-    pub(super) has_invalid_bytes: bool,
     /// Whether reading failed because a tag or text was too long.
     pub(super) is_event_too_long: bool,
 }
@@ -43,17 +38,13 @@ impl<'a> TextReader<'a> {
         };
         // A declaration that can be read byte by byte is not UTF-16, whatever it says.
         let encoding = if encoding.is_ascii_compatible() { encoding } else { UTF_8 };
-        Ok(Self {
-            inner: Cursor::new(head).chain(inner),
-            decoder: encoding.new_decoder(),
-            chunk: vec![0; CHUNK_BYTES].into_boxed_slice(),
-            start: 0,
-            end: 0,
-            is_finished: false,
-            event_bytes_left: MAX_EVENT_BYTES,
-            has_invalid_bytes: false,
-            is_event_too_long: false,
-        })
+        let inner = DecodingReader::new(Cursor::new(head).chain(inner), encoding.new_decoder());
+        Ok(Self { inner, event_bytes_left: MAX_EVENT_BYTES, is_event_too_long: false })
+    }
+
+    /// Whether any byte was invalid in the encoding.
+    pub(super) fn has_invalid_bytes(&self) -> bool {
+        self.inner.has_invalid_bytes
     }
 
     /// Begins a tag or text.
@@ -63,23 +54,6 @@ impl<'a> TextReader<'a> {
 
     pub(super) fn max_event_bytes() -> u64 {
         MAX_EVENT_BYTES
-    }
-
-    fn decode_chunk(&mut self) -> io::Result<()> {
-        (self.start, self.end) = (0, 0);
-        while self.end == 0 && !self.is_finished {
-            let bytes = match self.inner.fill_buf() {
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                bytes => bytes?,
-            };
-            let is_last = bytes.is_empty();
-            let (result, read, written, has_invalid) = self.decoder.decode_to_utf8(bytes, &mut self.chunk, is_last);
-            self.inner.consume(read);
-            self.end = written;
-            self.has_invalid_bytes |= has_invalid;
-            self.is_finished = is_last && result == CoderResult::InputEmpty;
-        }
-        Ok(())
     }
 }
 
@@ -99,14 +73,11 @@ impl BufRead for TextReader<'_> {
             self.is_event_too_long = true;
             return Err(io::Error::other("a tag or text is too long"));
         }
-        if self.start == self.end {
-            self.decode_chunk()?;
-        }
-        Ok(&self.chunk[self.start..self.end])
+        self.inner.fill_buf()
     }
 
     fn consume(&mut self, count: usize) {
-        self.start = self.end.min(self.start + count);
+        self.inner.consume(count);
         self.event_bytes_left = self.event_bytes_left.saturating_sub(count as u64);
     }
 }
@@ -134,7 +105,7 @@ mod tests {
         let mut reader = TextReader::new("x", Box::new(bytes)).unwrap();
         let mut text = String::new();
         reader.read_to_string(&mut text).unwrap();
-        (text, reader.has_invalid_bytes)
+        (text, reader.has_invalid_bytes())
     }
 
     #[test]

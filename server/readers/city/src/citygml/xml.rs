@@ -76,7 +76,7 @@ impl<'a> XmlReader<'a> {
 
     /// Whether any byte was invalid in the file's encoding.
     pub(super) fn has_invalid_bytes(&mut self) -> bool {
-        self.reader.get_mut().has_invalid_bytes
+        self.reader.get_mut().has_invalid_bytes()
     }
 
     /// The next event. Fails if the file cannot be read or is not well-formed.

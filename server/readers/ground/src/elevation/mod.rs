@@ -33,6 +33,7 @@ use super::raster::{HEIGHTS_AND_DEPTHS_M, HEIGHTS_M};
 use fit::fit_to_bases;
 use insula_dress::building_base::BuildingBase;
 use insula_dress::map_store::MapStore;
+use insula_place::crs::is_undefined;
 use insula_place::placement::{Placement, World};
 use insula_source::error::InputError;
 use insula_source::input::LocalFile;
@@ -371,7 +372,8 @@ fn crs_of(source: &CitySource<'_>, raster: &Raster) -> Option<CrsReference> {
         let bytes = read_sibling(&*source.files, &format!("{stem}.prj"), MAX_SIDECAR_BYTES).ok()?;
         Some(String::from_utf8_lossy(&bytes).into_owned())
     };
-    let horizontal = crs.horizontal.clone().or_else(beside).or_else(|| crs.citation.clone())?;
+    let named = [crs.horizontal.clone(), beside(), crs.citation.clone()];
+    let horizontal = named.into_iter().flatten().find(|name| !is_undefined(name))?;
     let name = match &crs.vertical {
         Some(vertical) if horizontal.starts_with("EPSG:") => {
             format!("{horizontal}+{}", vertical.trim_start_matches("EPSG:"))

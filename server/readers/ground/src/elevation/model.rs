@@ -96,11 +96,9 @@ impl PlacedRaster {
         let middle = self.place.position(f64::from(width) / 2.0, f64::from(height) / 2.0);
         let pixel = [0, 1].map(|axis| self.place.column[axis].abs() + self.place.row[axis].abs());
         let first = FirstShape::at(middle, Some(pixel));
-        if self.crs.is_none()
-            && let Some((reference, text)) = world.guess(&first)
-        {
-            self.guess = Some(text);
-            self.crs = Some(reference);
+        if self.crs.is_none() {
+            let (reference, text) = world.guess(&first);
+            (self.crs, self.guess) = (reference, Some(text));
         }
         let mut placement = match &self.crs {
             Some(crs) => world.place(&self.label, crs)?,
@@ -124,7 +122,7 @@ impl PlacedRaster {
             steps.map_or(0.0, |steps| steps.iter().map(|[x, y]| libm::hypot(*x, *y)).fold(f64::MAX, f64::min));
         if !(pixel_m > 0.0 && low[0] <= high[0]) {
             let what = "it lies where the city's coordinate system is not defined";
-            return Err(InputError::unsupported(&self.label, what));
+            return Err(InputError::misplaced(&self.label, what));
         }
         let aligned = finder.world([0.0; 2], 0.0).map(|[x, y, _]| [x, y]).filter(|first| {
             let last = [width, height].map(|side| f64::from(side.saturating_sub(1)));

@@ -13,6 +13,9 @@ const OUTSIDE_SHARE: f64 = 0.02;
 /// A ring that turns as another one does, and is hardly smaller, is a copy of it and no hole.
 const COPY_SHARE: f64 = 0.02;
 
+/// Polygons whose heights differ by more are not at the same height: one may be the roof above the other.
+const SAME_HEIGHT: f64 = 0.001;
+
 /// Extent of a ring, and twice its signed area on the map.
 struct RingFacts {
     bounds: [f64; 4],
@@ -148,6 +151,63 @@ pub(super) fn regroup(polygons: &mut Vec<Polygon>) -> bool {
     true
 }
 
+/// Polygons of a feature that lie within others of it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Nested {
+    /// Those that became holes.
+    pub(super) holes: usize,
+    /// Those that stay.
+    pub(super) parts: usize,
+}
+
+/// Makes holes of the polygons of a feature that lie within another of it at the same height, and turn the other way: their writer took
+/// each ring for a polygon. Those that turn the same way stay.
+pub(super) fn unnest(polygons: &mut Vec<Polygon>) -> Nested {
+    let mut nested = Nested::default();
+    if polygons.len() < 2 {
+        return nested;
+    }
+    // Outer rings first, then the holes, in which other polygons may lie.
+    let count = polygons.len();
+    let outer = polygons.iter().map(|polygon| polygon.first().cloned().unwrap_or_default());
+    let holes = polygons.iter().flat_map(|polygon| polygon.iter().skip(1)).cloned();
+    let rings: Vec<Ring> = outer.chain(holes).collect();
+    let facts: Vec<RingFacts> = rings.iter().map(RingFacts::of).collect();
+    let (owners, _) = owners_of(&rings, &facts);
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_by(|a, b| facts[*b].area.abs().total_cmp(&facts[*a].area.abs()));
+    let mut hole_of = vec![None; count];
+    let mut steps = 0;
+    for index in order {
+        let Owner::Ring(owner) = owners[index] else { continue };
+        let (own, around) = (&facts[index], &facts[owner]);
+        let is_same_height = (0..2).all(|end| (own.heights[end] - around.heights[end]).abs() <= SAME_HEIGHT);
+        let is_smaller = around.area.abs() > (1.0 + COPY_SHARE) * own.area.abs();
+        let is_within = owner < count && hole_of[owner].is_none() && is_same_height && is_smaller;
+        if !is_within {
+            continue;
+        }
+        steps += (rings[owner].len() * rings[index].len()) as u64;
+        if steps > MAX_STEPS || !is_near_inside([&rings[owner], &rings[index]], own) {
+            continue;
+        }
+        if own.turns_as(around) || polygons[index].len() > 1 {
+            nested.parts += 1;
+        } else {
+            hole_of[index] = Some(owner);
+            nested.holes += 1;
+        }
+    }
+    for (index, owner) in hole_of.iter().enumerate() {
+        if let Some(owner) = owner {
+            let hole = std::mem::take(&mut polygons[index]);
+            polygons[*owner].extend(hole);
+        }
+    }
+    polygons.retain(|polygon| !polygon.is_empty());
+    nested
+}
+
 /// What a ring lies in.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Owner {
@@ -213,10 +273,15 @@ fn contains([outer, inner]: [&Ring; 2], [around, own]: [&RingFacts; 2], steps: &
         return true;
     }
     *steps += (outer.len() * inner.len()) as u64;
+    *steps <= MAX_STEPS && is_near_inside([outer, inner], own)
+}
+
+/// Whether no corner of a ring is further outside of another than drawing errors are.
+fn is_near_inside([outer, inner]: [&Ring; 2], own: &RingFacts) -> bool {
     let [west, south, east, north] = own.bounds;
     let slack = OUTSIDE_SHARE * (east - west).max(north - south);
     let is_near = |corner: [f64; 2]| is_inside(outer, corner) || distance_squared(outer, corner) <= slack * slack;
-    *steps <= MAX_STEPS && on_map.into_iter().all(is_near)
+    inner.iter().all(|[x, y, _]| is_near([*x, *y]))
 }
 
 /// Whether a place is within a closed ring.
@@ -297,6 +362,31 @@ mod tests {
         let mut polygons = good.clone();
         assert!(!regroup(&mut polygons));
         assert_eq!(polygons, good);
+    }
+
+    #[test]
+    fn polygons_within_others_of_a_feature_are_holes_if_they_turn_the_other_way() {
+        let (big, hole, part) = (square(0., 0., 10., false), square(2., 2., 4., true), square(7., 7., 2., false));
+        let (island, far) = (square(3., 3., 1., false), square(50., 0., 4., true));
+        let mut polygons: Vec<Polygon> = [&hole, &big, &island, &part, &far].map(|ring| vec![ring.clone()]).into();
+        assert_eq!(unnest(&mut polygons), Nested { holes: 1, parts: 1 });
+        assert_eq!(polygons, [vec![big.clone(), hole.clone()], vec![island.clone()], vec![part], vec![far]]);
+        // An island in a hole, a floor below a roof, neighbours and a copy are none.
+        let floor = hole.iter().map(|[x, y, _]| [*x, *y, -3.]).collect();
+        let angle: Ring = [[0., 0.], [10., 0.], [10., 4.], [4., 4.], [4., 10.], [0., 10.], [0., 0.]]
+            .map(|[x, y]| [x, y, 0.])
+            .to_vec();
+        for polygons in [
+            vec![vec![big.clone(), hole.clone()], vec![island]],
+            vec![vec![big.clone()], vec![floor]],
+            vec![vec![angle], vec![square(0.5, 0.5, 6., true)]],
+            vec![vec![big.clone()], vec![square(0., 0., 10., true)]],
+            vec![vec![big]],
+        ] {
+            let mut found = polygons.clone();
+            assert_eq!(unnest(&mut found), Nested::default(), "{polygons:?}");
+            assert_eq!(found, polygons);
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::geometry::{Geometry, Polygon, Ring};
 use super::orient::ring_area_vector;
+use super::rings::{self, Nested};
 use insula_dress::footprint::{HeightHints, LANE_M, has_height, length_m, usual_width_m};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::{FeatureKind, Footprint, PointOnGround, Shape, Strip, Surface};
@@ -16,6 +17,10 @@ const WIDTH_RANGE_M: std::ops::RangeInclusive<f64> = 0.2..=200.0;
 /// Names of attributes whose value is a class of OpenStreetMap.
 const CLASS_NAMES: [&str; 5] = ["highway", "fclass", "class", "waterway", "railway"];
 
+/// Problems of features of several polygons, one of which lies within another.
+const HOLE_AS_POLYGON: &str = "polygon within another of its feature that turns the other way, taken as a hole of it";
+const PART_WITHIN: &str = "polygon within another of its feature, taken as a part of it";
+
 /// Shape of a feature of a known kind. `height_field` is the name of the attribute that has the height, if the user gives it.
 /// Each of `problems` is a part that is left out. Fails with the reason for skipping the feature.
 pub(super) fn shape_of(
@@ -27,7 +32,7 @@ pub(super) fn shape_of(
 ) -> Result<Shape, &'static str> {
     // Many programs write 0 where they know no height.
     let has_ground = geometry.has_z && geometry.positions().any(|position| position[2] != 0.0);
-    let Geometry { polygons, meshes, lines, points, is_surface, .. } = geometry;
+    let Geometry { mut polygons, meshes, lines, points, is_surface, .. } = geometry;
     let has_areas = !polygons.is_empty() || !meshes.is_empty();
     if has_areas && !lines.is_empty() {
         problems.push("line beside polygons left out");
@@ -44,6 +49,8 @@ pub(super) fn shape_of(
             }
             return Ok(Shape::Surfaces { polygons, meshes });
         }
+        let Nested { holes, parts } = rings::unnest(&mut polygons);
+        problems.extend(std::iter::repeat_n(HOLE_AS_POLYGON, holes).chain(std::iter::repeat_n(PART_WITHIN, parts)));
         let on_map = |ring: Ring| ring.into_iter().map(|[x, y, _]| [x, y]).collect();
         let footprint = |polygon: Polygon| {
             let ground = ground_of(polygon.first().into_iter().flatten(), has_ground);

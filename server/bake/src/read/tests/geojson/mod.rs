@@ -359,11 +359,25 @@ fn coordinates_without_a_system_are_degrees_or_those_of_the_option() {
     let text = format!(r#"{{"type": "FeatureCollection", "features": [{}]}}"#, feature("a", TEN, &polygon(metres)));
     let (scene, report) = read(&text);
     assert_eq!(scene.crs, None);
-    assert!(report.guess_warnings().any(|warning| warning.contains("84477, 447346 are no degrees")));
+    assert!(
+        report
+            .guess_warnings()
+            .any(|warning| warning.contains("84477, 447346 are taken as metres of an unknown place"))
+    );
     let mut options = ReadOptions::default();
     options.placing.crs = Some("EPSG:28992".to_owned());
     let (scene, report) = read_embedded(&[("a.geojson", text.as_bytes())], &options, &|_| {}).unwrap();
     assert_eq!((scene.crs.as_deref(), report.sources[0].crs.as_deref()), (Some("EPSG:28992"), Some("EPSG:28992")));
+    // A plan around its own origin.
+    let (scene, report) = read(&text.replace(metres, SQUARE));
+    assert!((volume_m3(&scene) - 1000.0).abs() < 1e-3 && scene.crs.is_none());
+    assert!(report.guess_warnings().any(|warning| warning.contains("0, 0 are taken as metres of an unknown place")));
+    // A system that says that it is none.
+    let none = r#"LOCAL_CS[\"Undefined SRS\",UNIT[\"unknown\",0]]"#;
+    let named = format!(r#"{{"crs": {{"type": "name", "properties": {{"name": "{none}"}}}}, "#);
+    let (scene, report) = read(&text.replacen('{', &named, 1));
+    assert_eq!(scene.crs, None);
+    assert!(report.guess_warnings().any(|warning| warning.contains("metres of an unknown place")));
     // Latitude first.
     let turned = "[[35.68,139.76],[35.6801,139.76],[35.6801,139.7601],[35.68,139.76]]";
     let (scene, report) = read(&text.replace(metres, turned));

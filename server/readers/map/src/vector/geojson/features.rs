@@ -9,17 +9,20 @@ use super::schema::{GeoJsonFeature, GeoJsonGeometry};
 use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
 use crate::vector::geometry::{Geometry, UNKNOWN_TYPE};
 use crate::vector::layer::Layer;
+use insula_dress::footprint::{HeightHints, has_height, kind_of};
 use insula_source::attributes::Attributes;
 use insula_source::error::{InputError, json_message};
 use insula_source::json::attributes::flatten;
 use insula_source::json::members::Members;
 use insula_source::json::{lenient, metadata};
-use insula_source::object::CrsReference;
+use insula_source::object::{CrsReference, FeatureKind};
 use insula_source::source::{NextLine, next_line};
 use insula_source::subject;
 
 /// Features between two progress reports.
 const TICK_FEATURES: u64 = 64;
+/// No building is so large; one that is has its coordinates in metres of a plan.
+const MAX_BUILDING_DEG: f64 = 1.0;
 /// Separates the records of a sequence (RFC 8142).
 const RECORD_SEPARATOR: u8 = 0x1e;
 
@@ -148,9 +151,10 @@ impl<'a> FeatureReader<'a> {
             true => format!("feature {}", &blake3::hash(text).to_hex()[..16]),
             false => format!("feature {number}"),
         });
+        let attributes = attributes_of(&feature.properties);
         let geometry = match self.geometry(&id, &feature) {
             Ok((geometry, None)) => {
-                self.set_system(&geometry)?;
+                self.set_system(&geometry, &attributes)?;
                 Ok(geometry)
             }
             Ok((geometry, Some(name))) => {
@@ -166,7 +170,6 @@ impl<'a> FeatureReader<'a> {
         };
         let columns = feature.properties.iter().map(|(name, _)| name);
         let is_mixed = Layer::new("", columns).is_mixed;
-        let attributes = attributes_of(&feature.properties);
         self.writer.add_named(NamedFeature { id, attributes, geometry, is_mixed })
     }
 
@@ -190,10 +193,12 @@ impl<'a> FeatureReader<'a> {
     }
 
     /// Sets the system of the member `geometry`. Fails if positions of it cannot be placed.
-    fn set_system(&mut self, geometry: &Geometry) -> Result<(), InputError> {
+    fn set_system(&mut self, geometry: &Geometry, attributes: &Attributes) -> Result<(), InputError> {
         let Some([west, south, east, north]) = geometry.bounds() else { return Ok(()) };
         let system = self.system.get_or_insert_with(|| {
             let is_on_globe = west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0;
+            let is_large = east - west > MAX_BUILDING_DEG || north - south > MAX_BUILDING_DEG;
+            let is_on_globe = is_on_globe && !(is_large && is_building(attributes));
             // The sink says in which system it takes others.
             if is_on_globe { GeometrySystem::Prescribed } else { GeometrySystem::OfCity }
         });
@@ -203,6 +208,14 @@ impl<'a> FeatureReader<'a> {
             GeometrySystem::OfCity => return Ok(()),
         };
         self.writer.set_crs(name)
+    }
+}
+
+/// Whether a feature is certainly a building.
+fn is_building(attributes: &Attributes) -> bool {
+    match kind_of(attributes) {
+        Some(kind) => matches!(kind, FeatureKind::Building | FeatureKind::BuildingPart),
+        None => has_height(attributes, HeightHints::default()),
     }
 }
 

@@ -50,6 +50,20 @@ fn level_polygons_among_walls_are_faces() {
 }
 
 #[test]
+fn polygons_within_others_of_a_feature_are_holes_or_named() {
+    let outer = "((0 0,30 0,30 30,0 30,0 0))";
+    let inner = |ring: &str| format!("m;\"MULTIPOLYGON({outer},(({ring})))\"");
+    let sink = features("town.csv", "id;wkt", &[&inner("10 10,10 20,20 20,20 10,10 10")]);
+    let Shape::Footprints(plans) = &sink.objects[0].shape else { panic!() };
+    assert_eq!((plans.len(), plans[0].rings.len()), (1, 2));
+    assert!(sink.problems[0].0.contains("taken as a hole"), "{:?}", sink.problems);
+    let sink = features("town.csv", "id;wkt", &[&inner("10 10,20 10,20 20,10 20,10 10")]);
+    let Shape::Footprints(plans) = &sink.objects[0].shape else { panic!() };
+    assert_eq!(plans.len(), 2);
+    assert!(sink.problems[0].0.contains("taken as a part"), "{:?}", sink.problems);
+}
+
+#[test]
 fn holes_of_surfaces_are_numbered() {
     let wall =
         "POLYGON Z((0 0 0,9 0 0,9 0 9,0 0 9,0 0 0),(1 0 1,1 0 2,2 0 2,1 0 1),(5 0 5,5 0 5),(3 0 3,3 0 4,4 0 4,3 0 3))";

@@ -1,0 +1,171 @@
+//! Text files in other encodings than UTF-8, which spreadsheets and editors of Windows write.
+
+use std::io::{self, BufRead, Read};
+
+use encoding_rs::{CoderResult, Decoder, UTF_16BE, UTF_16LE};
+
+use super::packed::unpacked_name;
+
+/// Extensions of formats that are text without a declaration of its encoding. Those of XML have one, and read it.
+const EXTENSIONS: &[&str] = &[
+    "json", "cityjson", "jsonl", "geojson", "geojsonl", "geojsons", "csv", "tsv", "obj", "mtl", "off", "asc", "osm",
+    "prj", "tfw", "jgw", "pgw", "wld",
+];
+/// Bytes by which an encoding is told.
+pub(crate) const START_BYTES: usize = 3;
+/// Begins a text in UTF-8 of some programs.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+/// Decoded bytes that are kept ready.
+const CHUNK_BYTES: usize = 1 << 16;
+
+/// How a file begins that is not read as it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Start {
+    /// With a mark that is no part of the text.
+    Mark,
+    Utf16 {
+        is_big_endian: bool,
+    },
+}
+
+impl Start {
+    /// Of a file with a name and first bytes; `None` if it is read as it is. No format begins with the mark of UTF-8; that of UTF-16
+    /// may be two numbers of any other file. A text has no zeros, but for those of UTF-16 without a mark.
+    pub(crate) fn of(name: &str, start: &[u8]) -> Option<Self> {
+        if start.starts_with(BYTE_ORDER_MARK) {
+            return Some(Self::Mark);
+        }
+        let is_big_endian = match start {
+            _ if !is_text(name) => return None,
+            [0xff, 0xfe, ..] | [1..=0x7f, 0, ..] => false,
+            [0xfe, 0xff, ..] | [0, 1..=0x7f, ..] => true,
+            _ => return None,
+        };
+        Some(Self::Utf16 { is_big_endian })
+    }
+
+    /// Reads the text as UTF-8 from the start on.
+    pub(crate) fn decoded<'a>(self, mut reader: impl BufRead + 'a) -> io::Result<Box<dyn BufRead + 'a>> {
+        match self {
+            Self::Mark => {
+                io::copy(&mut reader.by_ref().take(BYTE_ORDER_MARK.len() as u64), &mut io::sink())?;
+                Ok(Box::new(reader))
+            }
+            Self::Utf16 { is_big_endian } => {
+                let encoding = if is_big_endian { UTF_16BE } else { UTF_16LE };
+                Ok(Box::new(DecodingReader::new(reader, encoding.new_decoder_with_bom_removal())))
+            }
+        }
+    }
+}
+
+/// A small file beside a source in UTF-8.
+pub(crate) fn in_utf8(name: &str, bytes: Vec<u8>) -> io::Result<Vec<u8>> {
+    let Some(start) = Start::of(name, bytes.get(..START_BYTES).unwrap_or(&bytes)) else { return Ok(bytes) };
+    let mut text = Vec::with_capacity(bytes.len());
+    start.decoded(&*bytes)?.read_to_end(&mut text)?;
+    Ok(text)
+}
+
+/// Whether files of a name are text, by the extension.
+fn is_text(name: &str) -> bool {
+    let extension = unpacked_name(name).rsplit_once('.').map(|(_, extension)| extension);
+    extension.is_some_and(|extension| EXTENSIONS.iter().any(|known| known.eq_ignore_ascii_case(extension)))
+}
+
+/// Decodes bytes to UTF-8. Those that are invalid in the encoding become U+FFFD.
+pub struct DecodingReader<R> {
+    inner: R,
+    decoder: Decoder,
+    chunk: Box<[u8]>,
+    start: usize,
+    end: usize,
+    is_finished: bool,
+    /// Whether any byte was invalid in the encoding.
+    pub has_invalid_bytes: bool,
+}
+
+impl<R: BufRead> DecodingReader<R> {
+    /// Decodes what `inner` has.
+    pub fn new(inner: R, decoder: Decoder) -> Self {
+        let chunk = vec![0; CHUNK_BYTES].into_boxed_slice();
+        Self { inner, decoder, chunk, start: 0, end: 0, is_finished: false, has_invalid_bytes: false }
+    }
+
+    fn decode_chunk(&mut self) -> io::Result<()> {
+        (self.start, self.end) = (0, 0);
+        while self.end == 0 && !self.is_finished {
+            let bytes = match self.inner.fill_buf() {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                bytes => bytes?,
+            };
+            let is_last = bytes.is_empty();
+            let (result, read, written, has_invalid) = self.decoder.decode_to_utf8(bytes, &mut self.chunk, is_last);
+            self.inner.consume(read);
+            self.end = written;
+            self.has_invalid_bytes |= has_invalid;
+            self.is_finished = is_last && result == CoderResult::InputEmpty;
+        }
+        Ok(())
+    }
+}
+
+impl<R: BufRead> Read for DecodingReader<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let available = self.fill_buf()?;
+        let count = available.len().min(buffer.len());
+        buffer[..count].copy_from_slice(&available[..count]);
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl<R: BufRead> BufRead for DecodingReader<R> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.start == self.end {
+            self.decode_chunk()?;
+        }
+        Ok(&self.chunk[self.start..self.end])
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.start = self.end.min(self.start + count);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::utf16;
+
+    #[test]
+    fn texts_are_read_in_utf8_and_other_files_as_they_are() {
+        let text = "{\"höhe\": 12, \"建物\": 1}";
+        let read = |name: &str, bytes: &[u8]| in_utf8(name, bytes.to_vec()).unwrap();
+        let marked = format!("\u{feff}{text}");
+        for is_big_endian in [false, true] {
+            for text_of in [text, &marked] {
+                let bytes = utf16(text_of, is_big_endian);
+                assert_eq!(read("a/B.GeoJSON.gz", &bytes), text.as_bytes(), "big endian {is_big_endian}");
+                assert_eq!(read("a.las", &bytes), bytes);
+            }
+        }
+        assert_eq!(read("a.csv", marked.as_bytes()), text.as_bytes());
+        // Heights of -2 m of a tile of SRTM.
+        assert_eq!(read("N52E004.hgt", b"\xff\xfe\xff\xfe"), b"\xff\xfe\xff\xfe");
+        for short in [&b""[..], b"{", b"\xff", b"\xef\xbb"] {
+            assert_eq!(read("a.json", short), short);
+        }
+    }
+
+    #[test]
+    fn chunks_end_anywhere() {
+        let text = "x😀".repeat(CHUNK_BYTES / 3);
+        let bytes = utf16(&text, false);
+        let mut found = String::new();
+        let reader = io::BufReader::with_capacity(7, &*bytes);
+        let mut decoded = Start::Utf16 { is_big_endian: false }.decoded(reader).unwrap();
+        decoded.read_to_string(&mut found).unwrap();
+        assert!(found == text);
+    }
+}
