@@ -89,8 +89,11 @@ fn call(folder: &Path, name: &str, arguments: &str) -> Result<String> {
     Ok(String::from_utf8(output.stdout)?)
 }
 
+/// A row of a table, by the names of its columns.
+type Row = BTreeMap<String, String>;
+
 /// Header and rows of a CSV file without quoted cells.
-fn table(path: &Path) -> Result<(Vec<String>, Vec<BTreeMap<String, String>>)> {
+fn table(path: &Path) -> Result<(Vec<String>, Vec<Row>)> {
     let text = fs::read_to_string(path)?;
     let cells = |line: &str| -> Vec<String> {
         // The last column is the footprint, in quotes.

@@ -85,7 +85,6 @@ pub(super) struct OutputBuffers {
     height_px: u32,
     pub(super) colour: wgpu::Buffer,
     /// Only read back.
-    #[cfg_attr(target_arch = "wasm32", expect(dead_code))]
     distance: wgpu::Buffer,
     pub(super) hit: wgpu::Buffer,
     pub(super) bind_group: wgpu::BindGroup,

@@ -113,6 +113,9 @@ mod tests {
         let Attributions { all, filled_in } = Attributions::new(&[], &read);
         assert_eq!((all[0].licence.as_deref(), filled_in.len()), (Some("CC0"), 0));
         let own = Attribution { text: "me".to_owned(), licence: None, url: None };
-        assert_eq!(Attributions::new(&[own.clone()], &read), Attributions { all: vec![own], filled_in: Vec::new() });
+        assert_eq!(
+            Attributions::new(std::slice::from_ref(&own), &read),
+            Attributions { all: vec![own], filled_in: Vec::new() }
+        );
     }
 }
