@@ -56,8 +56,9 @@ impl Workplace {
 fn one_error(what: &str, output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(matches!(output.status.code(), Some(1..=3)), "{what}: {:?}: {text}", output.status);
-    // A slow bake also says how far it is.
-    let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with("baking: ")).collect();
+    // A slow bake also says how far it is, and a bake that guesses what it guesses.
+    let is_other = |line: &&str| !line.starts_with("baking: ") && !line.starts_with("warning: ");
+    let lines: Vec<&str> = text.lines().filter(is_other).collect();
     assert!(lines.len() == 1 && lines[0].starts_with("error: "), "{what}: {text:?}");
     lines[0].to_owned()
 }
