@@ -184,3 +184,38 @@ pub(super) fn rounded_up_to_8_bits(error_m: f64) -> f32 {
     let next = if f64::from(error_m as f32) < error_m { (error_m as f32).next_up() } else { error_m as f32 };
     f32::from_bits((next.to_bits() + 0xffff) & 0xffff_0000)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_protocol::mesh::PositionGrid;
+    use insula_protocol::mesh_tile::LandmarkObject;
+
+    #[test]
+    fn a_level_without_the_triangles_of_a_landmark_has_no_entry_for_it() {
+        let model = TriangleModel {
+            positions: vec![[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [0.0, 100.0, 0.0]],
+            triangles: vec![[0, 1, 2]],
+            layers: vec![CornerLayer {
+                kind: AttributeKind::Colour,
+                width: 3,
+                values: vec![[0.5, 0.5, 0.5, 0.0]],
+                corners: vec![0; 3],
+            }],
+        };
+        let named = NamedModel { model: model.clone(), objects: vec![3] };
+        let landmark = |object: u32| LandmarkObject { object, stone: None, anchor_m: [0.0; 3] };
+        let surface = LeafSurface {
+            points: PositionGrid { min: [0.0; 3], step: 0.01, bits: 16 },
+            steps: 4096,
+            model,
+            objects: vec![3],
+            landmarks: vec![landmark(3), landmark(7)],
+        };
+        let (scene, id) = (Scene::default(), TileId::ROOT);
+        let encoder = LodEncoder { scene: &scene, id, surface: &surface, occlusion: None, quality: Quality::Lossless };
+        let spec = LodSpec { number: 0, moved_m: 0.0, texel_m: 0.02 };
+        let lod = encoder.encode(&named, spec).unwrap().unwrap();
+        assert_eq!(MeshTile::decode(id, 0, &lod.bytes).unwrap().landmarks, [landmark(3)]);
+    }
+}
