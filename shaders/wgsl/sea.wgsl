@@ -45,7 +45,7 @@ fn sea_beyond(end: vec2<f32>, away: f32) -> f32 {
     return sharp + (blurred - sharp) * min(away / COAST_BLURS, 1.0);
 }
 
-// What the frame tells of a part of a side.
+// The byte of a part of a side; sides are numbered west, south, east, north.
 fn shore_byte(side: u32, part: u32) -> u32 {
     let byte = side * SHORE_PARTS + part;
     return (frame.sea[byte / 16u][(byte / 4u) % 4u] >> ((byte % 4u) * 8u)) & 0xffu;

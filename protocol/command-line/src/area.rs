@@ -6,7 +6,7 @@ use clap::Args;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub struct AreaArgs {
     /// Only objects with the middle in this area, in degrees; land is cut at its border
-    #[arg(long, value_name = "W,S,E,N", value_parser = parse_degrees, allow_hyphen_values = true)]
+    #[arg(long, value_name = "W,S,E,N", value_parser = parse_area, allow_hyphen_values = true)]
     pub bbox: Option<[f64; 4]>,
     /// The same in metres of the city's coordinate system
     #[arg(long, value_name = "W,S,E,N", value_parser = parse_metres, allow_hyphen_values = true, conflicts_with = "bbox")]
@@ -35,13 +35,17 @@ fn parse_box(text: &str) -> Option<[f64; 4]> {
     (west < east && south < north && corners.iter().all(|number| number.is_finite())).then_some(corners)
 }
 
-fn parse_degrees(text: &str) -> Result<[f64; 4], String> {
+/// West, south, east and north in degrees. Fails if the text is something else.
+pub fn parse_degrees(text: &str) -> Result<[f64; 4], String> {
     let is_on_earth =
         |[west, south, east, north]: &[f64; 4]| *west >= -180.0 && *east <= 180.0 && *south >= -90.0 && *north <= 90.0;
-    parse_box(text).filter(is_on_earth).ok_or_else(|| {
-        "expected west, south, east and north in degrees, such as 4.35,52.00,4.37,52.02; --bbox-metres takes metres"
-            .to_owned()
-    })
+    parse_box(text)
+        .filter(is_on_earth)
+        .ok_or_else(|| "expected west, south, east and north in degrees, such as 4.35,52.00,4.37,52.02".to_owned())
+}
+
+fn parse_area(text: &str) -> Result<[f64; 4], String> {
+    parse_degrees(text).map_err(|expected| expected + "; --bbox-metres takes metres")
 }
 
 fn parse_metres(text: &str) -> Result<[f64; 4], String> {
@@ -56,7 +60,7 @@ mod tests {
     fn areas_are_in_degrees_or_in_metres() {
         assert_eq!(parse_degrees("-1.5,2, 3,4"), Ok([-1.5, 2.0, 3.0, 4.0]));
         assert_eq!(parse_metres("84500,446150,84900,446500"), Ok([84_500.0, 446_150.0, 84_900.0, 446_500.0]));
-        let error = parse_degrees("84500,446150,84900,446500").unwrap_err();
+        let error = parse_area("84500,446150,84900,446500").unwrap_err();
         assert!(error.contains("--bbox-metres"), "{error}");
         for wrong in ["1,2,3", "3,2,1,4", "1,2,3,2", "a,2,3,4", "1,2,3,4,5", "", "nan,1,2,3", "-inf,1,2,3"] {
             assert!(parse_degrees(wrong).is_err() && parse_metres(wrong).is_err(), "{wrong}");

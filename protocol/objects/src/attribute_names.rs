@@ -127,7 +127,7 @@ fn is_address(group: &str) -> bool {
     group.split('.').any(|part| part.rsplit(':').next() == Some("address"))
 }
 
-/// Last parts of the names of attributes that tell what an object is used for. Lower case, without separators.
+/// Last parts of the names of attributes for the use of an object, in lower case and without separators.
 const USES: [&str; 17] = [
     "function",
     "usage",

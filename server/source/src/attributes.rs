@@ -119,6 +119,15 @@ impl fmt::Display for AttributeValue {
     }
 }
 
+/// Whether a number is one of single precision in the digits of double precision, as 8.630000114440918 is for 8.63. Numbers of few digits,
+/// such as 0.333251953125, were written so.
+fn is_widened(number: f64) -> bool {
+    /// Double precision has 15 to 17 digits.
+    const FEWEST_DIGITS: usize = 15;
+    let digits = || format!("{number:e}").bytes().take_while(|byte| *byte != b'e').filter(u8::is_ascii_digit).count();
+    number.fract() != 0.0 && f64::from(number as f32) == number && digits() >= FEWEST_DIGITS
+}
+
 /// Patterns of names, such as `owner*`. Upper and lower case are the same.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct NamePatterns(Vec<Pattern>);
@@ -145,8 +154,8 @@ pub struct Attributes {
 }
 
 impl Attributes {
-    /// Adds an attribute. Cuts long names and texts, and gives numbers of single precision their shortest form. Leaves out floats that are not finite, equal names, and all beyond
-    /// [`MAX_ATTRIBUTES`].
+    /// Adds an attribute. Cuts long names and texts, and gives numbers of single precision their shortest form. Leaves out floats that
+    /// are not finite, equal names, and all beyond [`MAX_ATTRIBUTES`].
     pub fn push(&mut self, name: &str, value: AttributeValue) {
         let name = &name[..name.floor_char_boundary(MAX_NAME_BYTES)];
         let is_invalid = matches!(value, AttributeValue::Float(value) if !value.is_finite());
@@ -154,10 +163,7 @@ impl Attributes {
             return;
         }
         let value = match value {
-            // A number of single precision in the digits of double precision, as 8.630000114440918 is for 8.63.
-            AttributeValue::Float(number) if number.fract() != 0.0 && f64::from(number as f32) == number => {
-                AttributeValue::single(number as f32)
-            }
+            AttributeValue::Float(number) if is_widened(number) => AttributeValue::single(number as f32),
             AttributeValue::Text(text) if text.len() > MAX_TEXT_BYTES => {
                 AttributeValue::Text(text[..text.floor_char_boundary(MAX_TEXT_BYTES)].to_owned())
             }
@@ -206,12 +212,12 @@ mod tests {
         assert_eq!(AttributeValue::single(14.1).to_string(), "14.1");
         let mut attributes = Attributes::default();
         for (name, number) in
-            [("a", 8.630000114440918), ("b", 8.63), ("c", 0.1 + 0.2), ("d", -0.5), ("e", 1_099_511_627_776.0)]
+            [("a", 8.630000114440918), ("b", 8.63), ("c", 0.1 + 0.2), ("d", 0.333251953125), ("e", 1_099_511_627_776.0)]
         {
             attributes.push(name, AttributeValue::Float(number));
         }
         let texts: Vec<String> = attributes.iter().map(|(_, value)| value.to_string()).take(4).collect();
-        assert_eq!(texts, ["8.63", "8.63", "0.30000000000000004", "-0.5"]);
+        assert_eq!(texts, ["8.63", "8.63", "0.30000000000000004", "0.333251953125"]);
         // Whole numbers may be identifiers.
         assert_eq!(attributes.get("e"), Some(&AttributeValue::Float(1_099_511_627_776.0)));
         assert!(matches!(AttributeValue::single(f32::NAN), AttributeValue::Float(number) if number.is_nan()));

@@ -4,6 +4,7 @@ use crate::{
     config::{DEFAULT_LISTEN, check_address},
     share_link,
 };
+use insula_command_line::area::parse_degrees;
 use insula_protocol::{TileId, blockmap::Quality, manifest::is_name};
 
 /// Longitude and latitude in degrees, height in metres.
@@ -90,14 +91,7 @@ pub(super) fn parse_place(text: &str) -> Result<GeoPlace, String> {
 }
 
 pub(super) fn parse_degrees_box(text: &str) -> Result<DegreesBox, String> {
-    match parse_numbers(text) {
-        Some([west, south, east, north])
-            if west < east && south < north && west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0 =>
-        {
-            Ok(DegreesBox([west, south, east, north]))
-        }
-        _ => Err("expected west, south, east and north in degrees, such as 4.35,52.00,4.37,52.02".into()),
-    }
+    parse_degrees(text).map(DegreesBox)
 }
 
 /// Parses sizes such as `600MiB`, `2GB`, `1G`, `1073741824`.

@@ -66,7 +66,7 @@ fn beyond(frame: &FrameUniform, end: Vec2, away: f32) -> f32 {
     sharp + (blurred - sharp) * (away / COAST_BLURS).min(1.0)
 }
 
-/// What a frame tells of a part of a side (west, south, east, north).
+/// The byte of a part of a side; sides are numbered west, south, east, north.
 fn shore_byte(frame: &FrameUniform, side: u32, part: u32) -> u32 {
     let byte = (side * SHORE_PARTS + part) as usize;
     frame.sea[byte / 16][byte / 4 % 4] >> (byte % 4 * 8) & 0xff

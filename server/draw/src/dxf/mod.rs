@@ -1,4 +1,4 @@
-//! Drawings as DXF of release 2000 (AC1015): what is seen as closed polylines on layers by kind and class.
+//! Drawings as DXF of release 2000 (AC1015). Visible surfaces are closed polylines. Layers are by kind and class.
 //!
 //! Coordinates are metres of the city's coordinate system, so that a plan lies where other plans of the place do; of views along other
 //! axes they are metres along these. A sheet of paper, and a perspective, which has no scale, are in millimetres. The visible surfaces of an
@@ -19,7 +19,7 @@ use crate::{
 use colors::{color_index, nearest_index};
 use insula_protocol::text::at_most;
 use sections::{APPLICATION, FIRST_HANDLE, HANDSEED, MODEL_SPACE};
-use std::{collections::BTreeSet, fmt::Write};
+use std::{collections::BTreeMap, fmt::Write};
 
 /// Longest text of a group in characters.
 const MAX_TEXT: usize = 250;
@@ -137,7 +137,7 @@ struct Dxf<'a> {
     out: String,
     next_handle: u32,
     /// Layers of the entities, with their colours.
-    layers: BTreeSet<(String, u8)>,
+    layers: BTreeMap<String, u8>,
     /// Lowest and highest coordinates of the entities.
     extent: [[f64; 2]; 2],
 }
@@ -145,7 +145,7 @@ struct Dxf<'a> {
 impl<'a> Dxf<'a> {
     fn new(drawing: &'a Drawing, next_handle: u32) -> Self {
         let extent = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-        Self { drawing, out: String::new(), next_handle, layers: BTreeSet::new(), extent }
+        Self { drawing, out: String::new(), next_handle, layers: BTreeMap::new(), extent }
     }
 
     fn group(&mut self, code: u32, value: &str) {
@@ -232,8 +232,8 @@ impl<'a> Dxf<'a> {
     }
 
     fn entity(&mut self, kind: &str, layer: &str, color: u8) {
-        if !self.layers.iter().any(|(known, _)| known == layer) {
-            self.layers.insert((layer.to_owned(), color));
+        if !self.layers.contains_key(layer) {
+            self.layers.insert(layer.to_owned(), color);
         }
         let handle = self.new_handle();
         self.group(0, kind);

@@ -1,7 +1,6 @@
 //! The sections around the entities: what the release asks of every file.
 
 use super::Dxf;
-use std::collections::BTreeSet;
 
 /// Name of the application of extended data.
 pub(super) const APPLICATION: &str = "INSULA";
@@ -46,7 +45,8 @@ impl Dxf<'_> {
             }
         }
         self.group(0, "ENDTAB");
-        let layers: BTreeSet<(String, u8)> = content.layers.iter().cloned().chain([("0".to_owned(), 7)]).collect();
+        let mut layers = content.layers.clone();
+        layers.insert("0".to_owned(), 7);
         let owner = self.begin_table("LAYER", layers.len());
         for (name, color) in layers {
             self.entry("LAYER", owner, "AcDbLayerTableRecord", &name);
