@@ -25,5 +25,6 @@ pub use error::StoreError;
 pub use export_source::{ReadTileFn, StoredCity};
 pub use objects::{ObjectError, StoredObjects};
 pub(crate) use requests::StoreMetrics;
+#[cfg(feature = "bake")]
 pub(crate) use same_host::SameHostConnector;
 pub use search::{CityIndex, SearchFileError};

@@ -161,11 +161,13 @@ impl<'a> FeatureWriter<'a> {
     }
 
     /// Counts a feature that is not read any further because it [`Self::is_unwanted`].
+    #[cfg(any(feature = "parquet", feature = "sqlite"))]
     pub(super) fn pass_over(&mut self) {
         self.count += 1;
     }
 
     /// Goes on with the feature after the first `count` of the source.
+    #[cfg(feature = "parquet")]
     pub(super) fn continue_after(&mut self, count: u64) {
         self.count = count;
     }

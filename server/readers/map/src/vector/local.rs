@@ -1,14 +1,6 @@
-//! Files for random access.
+//! Files beside the source.
 
-use std::fs::File;
-
-use insula_source::error::InputError;
-use insula_source::input::{Input, LocalFile};
-
-/// Opens the source on disk. Fails if it cannot be read.
-pub(super) fn open(input: &Input<'_>, file: &LocalFile) -> Result<File, InputError> {
-    File::open(&file.path).map_err(|cause| InputError::io(input.label, cause))
-}
+use insula_source::input::Input;
 
 /// The names that a file beside the source can have: the source's with another extension, in usual spellings.
 pub(super) fn sibling_names(name: &str, extension: &str) -> Vec<String> {

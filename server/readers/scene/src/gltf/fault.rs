@@ -63,22 +63,9 @@ impl Budget {
         self.take(&self.vertices, vertices, "its number of vertices", self.max_vertices)
     }
 
-    pub(super) fn bytes_left(&self) -> u64 {
-        self.bytes.get()
-    }
-
-    pub(super) fn vertices_left(&self) -> u64 {
-        self.vertices.get()
-    }
-
     /// What was requested beyond which limit, if anything.
     pub(super) fn exceeded(&self) -> Option<(&'static str, u64)> {
         self.exceeded.get()
-    }
-
-    /// Notes that a decompressor refused to go beyond the limits.
-    pub(super) fn exceed(&self, what: &'static str) -> Fault {
-        self.note(what, self.max_bytes)
     }
 
     fn take(&self, left: &Cell<u64>, amount: u64, what: &'static str, limit: u64) -> Result<(), Fault> {
@@ -90,5 +77,22 @@ impl Budget {
     fn note(&self, what: &'static str, limit: u64) -> Fault {
         self.exceeded.set(Some((what, limit)));
         Fault::new("beyond the limits", what)
+    }
+}
+
+/// What a decompressor with limits of its own needs.
+#[cfg(feature = "draco")]
+impl Budget {
+    pub(super) fn bytes_left(&self) -> u64 {
+        self.bytes.get()
+    }
+
+    pub(super) fn vertices_left(&self) -> u64 {
+        self.vertices.get()
+    }
+
+    /// Notes that a decompressor refused to go beyond the limits.
+    pub(super) fn exceed(&self, what: &'static str) -> Fault {
+        self.note(what, self.max_bytes)
     }
 }

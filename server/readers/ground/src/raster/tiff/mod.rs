@@ -20,7 +20,6 @@ use self::geo::GeoTags;
 use self::layout::Layout;
 use super::error::RasterError;
 use super::facts::{RasterCrs, RasterFacts, RasterLimits, RasterSize, Window};
-use super::place::GeoPlace;
 use super::source::Source;
 
 const SUBFILE_TYPE: u16 = 254;
@@ -121,7 +120,8 @@ impl TiffRaster {
 }
 
 /// Where a picture of another format is, by the TIFF file without pixels that it contains (GeoJP2).
-pub(super) fn read_geo(source: Source) -> Result<(Option<GeoPlace>, RasterCrs), RasterError> {
+#[cfg(feature = "jpeg2000")]
+pub(super) fn read_geo(source: Source) -> Result<(Option<super::place::GeoPlace>, RasterCrs), RasterError> {
     let (mut file, first) = TiffFile::open(source)?;
     let directory = file.directory(first)?;
     let tags = GeoTags::read(&mut file, &directory)?;

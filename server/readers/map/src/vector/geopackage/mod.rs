@@ -17,7 +17,6 @@ use rusqlite::{Connection, OpenFlags, Row};
 
 use super::feature::FeatureWriter;
 use super::layer::Layer;
-use super::local;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::Input;
@@ -38,7 +37,7 @@ const TICK_ROWS: u64 = 256;
 /// Reads a source. Fails if it is no GeoPackage, has no features, is damaged, or is in a system that cannot be placed.
 pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
     let file = input.on_disk()?;
-    let file_bytes = local::open(input, &file)?.metadata().map_err(|cause| InputError::io(input.label, cause))?.len();
+    let file_bytes = std::fs::metadata(&file.path).map_err(|cause| InputError::io(input.label, cause))?.len();
     let checks = Arc::new(AtomicU64::new(0));
     let open = open(&file.path, input.max_bytes, &checks);
     let connection = open.map_err(|cause| damaged(input, "database", &cause))?;
