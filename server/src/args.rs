@@ -472,7 +472,7 @@ pub struct PublishArgs {
     /// Address that the site will have, for previews of links to it
     #[arg(long, value_name = "URL", value_parser = parse_site_address)]
     pub url: Option<String>,
-    /// TOML file of settings, of which [site] counts: name, logo, colour, imprint and first views
+    /// TOML file of settings, of which the table site counts: name, logo, colour, imprint and first views
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
 }

@@ -7,9 +7,9 @@
 //!
 //! Triangles occlude from both sides. Scans have holes, and a ray that enters one meets the back of a surface.
 //!
-//! [`cpu`] defines the result. `gpu` (feature `gpu`) differs from it only by the rounding of depths within a triangle: places
+//! [`cpu()`] defines the result. `gpu` (feature `gpu`) differs from it only by the rounding of depths within a triangle: places
 //! in maps, the texels that triangles cover and all sums are whole numbers, which are the same everywhere. The result of
-//! [`cpu`] does not depend on the number of threads.
+//! [`cpu()`] does not depend on the number of threads.
 
 mod cpu;
 mod depth_map;
@@ -52,7 +52,7 @@ pub fn cpu(
 
 /// The same on the first graphics device that the environment allows.
 ///
-/// Fails like [`cpu`], and if there is no device, or it is too small for the mesh.
+/// Fails like [`cpu()`], and if there is no device, or it is too small for the mesh.
 #[cfg(feature = "gpu")]
 pub fn gpu(
     mesh: OccludedMesh<'_>,

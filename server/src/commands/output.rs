@@ -12,7 +12,7 @@ pub(super) fn print(text: &str) {
     write_out(&printable_lines(text));
 }
 
-/// Prints JSON, as [`print`] does.
+/// Prints JSON, as [`print()`] does.
 pub(super) fn print_json(json: &str) {
     write_out(&(printable_json(json) + "\n"));
 }

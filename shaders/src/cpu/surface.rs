@@ -11,7 +11,7 @@ pub struct SurfaceSample {
     pub ao: f32,
     /// Unit normal towards the viewer.
     pub normal: Vec3,
-    /// Flags of its column, or [`MESH_FLAG`].
+    /// Flags of its column, or [`MESH_FLAG`](crate::layout::MESH_FLAG).
     pub flags: u32,
     /// Level of its node.
     pub level: u32,

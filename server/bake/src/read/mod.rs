@@ -418,7 +418,7 @@ fn read_cityjson(
     Ok(sink.into_report())
 }
 
-/// Opens an elevation model or a picture, which is read later. Fails as [`elevation::Elevation::open`].
+/// Opens an elevation model or a picture, which is read later. Fails as `Elevation::open`.
 fn open_elevation(context: &mut ReadContext<'_>, source: &CitySource<'_>) -> Result<SourceReport, InputError> {
     let warnings = context.elevation.open(source, context.source, context.options.nodata)?;
     let mut report = SourceReport::new(&source.label, SourceFormat::Elevation, source.bytes);

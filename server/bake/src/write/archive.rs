@@ -86,7 +86,7 @@ pub(crate) struct ArchiveLayout {
     pub(crate) written: WrittenArchive,
 }
 
-/// What [`write`] would write of these tiles, without their bytes. They must be in the archive's order. `path` is for messages. Fails if
+/// What [`write()`] would write of these tiles, without their bytes. They must be in the archive's order. `path` is for messages. Fails if
 /// the archive would be too large.
 pub(crate) fn lay_out<T>(
     path: &Path,

@@ -200,7 +200,7 @@ pub(crate) fn write(
     write_others(input, tiles, TileArchives { blockmaps, meshes }, folder, progress)
 }
 
-/// Writes all files besides `archives`, which are elsewhere or in the folder already. Fails as [`write`].
+/// Writes all files besides `archives`, which are elsewhere or in the folder already. Fails as [`write()`].
 pub(crate) fn write_others(
     input: CityInput<'_>,
     tiles: &mut (dyn TileContent + Send),

@@ -4,7 +4,7 @@
 //! neighbouring pictures fit texel by texel. Terrain has them as textures.
 //!
 //! The picture is painted in blocks of 256 x 256 texels with 16 samples each. A sample holds a
-//! [`PaintMaterial`] instead of a colour. Shapes replace each other without blending, so there is no gap between areas with
+//! material instead of a colour. Shapes replace each other without blending, so there is no gap between areas with
 //! a common border. The colour of a texel is the mean of its samples in linear light.
 
 mod canvas;

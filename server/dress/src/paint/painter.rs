@@ -60,9 +60,9 @@ impl GroundPainter {
     /// Paints a picture: 8-bit sRGB, and the painted share of each texel as alpha, not multiplied; `[0; 4]` where
     /// nothing was painted. Rows go from the south, as the points of a map's grid do.
     ///
-    /// `shapes` are those that touch the picture ([`PaintShape::bounds`]), in any order; more do not matter. They are
-    /// copied meanwhile. `corner` is the south-western one in metres, moved to that of the nearest texel
-    /// ([`GroundPainter::snap`]). `size` is in texels, east and north. A texel is the same in all pictures that contain
+    /// `shapes` are those that touch the picture (by their bounds), in any order; more do not matter. They are
+    /// copied meanwhile. `corner` is the south-western one in metres, moved to that of the nearest texel.
+    /// `size` is in texels, east and north. A texel is the same in all pictures that contain
     /// it. All cores are used.
     ///
     /// Fails if the corner is not a position, or the picture has more than 16384 texels along a side, or 2^26 texels.

@@ -67,7 +67,7 @@ pub(super) struct NoiseField {
 }
 
 impl NoiseField {
-    /// For texels of a size, with a strength as [`crate::paint::PaintStyle::variation`].
+    /// For texels of a size, with a strength as `PaintStyle::variation`.
     pub(super) fn new(texel_m: f64, variation: f32) -> Self {
         let lattices = std::array::from_fn(|i| ValueNoise::new(CELLS_M[i], i as u64 + 1));
         let visible = CELLS_M.map(|cell_m| variation * (cell_m / texel_m - 1.0).clamp(0.0, 1.0) as f32);
