@@ -85,27 +85,27 @@ pub enum ServerCommand {
     Verify(VerifyArgs),
     /// Compress a mesh file
     #[command(
-        after_help = "Example:\n  insula-server compress bunny.ply bunny.insm --bits 12\n\nReads PLY, OFF and OBJ. Welds vertices at the same position and triangulates polygons; attributes of corners are kept.\nPositions are rounded to a grid of 2^BITS points along the longest side; nothing else is lost. Repairs are counted."
+        after_help = "Example:\n  insula-server compress bunny.ply bunny.insm --bits 12\n\nReads PLY, OFF, OBJ and STL. Welds vertices at the same position and triangulates polygons; attributes of corners are kept.\nPositions are rounded to a grid of 2^BITS points along the longest side; nothing else is lost. Repairs are counted."
     )]
     Compress(CompressArgs),
     /// Decompress a file that `compress` wrote
     #[command(
-        after_help = "Example:\n  insula-server decompress bunny.insm bunny.ply\n\nThe output's file name extension selects PLY, OFF or OBJ."
+        after_help = "Example:\n  insula-server decompress bunny.insm bunny.ply\n\nThe output's file name extension selects PLY, OFF, OBJ or STL."
     )]
     Decompress(DecompressArgs),
     /// Simplify a mesh file
     #[command(
-        after_help = "Example:\n  insula-server simplify skull.obj skull_small.obj --ratio 0.1\n  insula-server simplify town.obj town_small.obj --error 0.5\n\nReads and writes PLY, OFF and OBJ, selected by file name extension. A small component is removed as a whole once that\ncosts less than collapsing another edge."
+        after_help = "Example:\n  insula-server simplify skull.obj skull_small.obj --ratio 0.1\n  insula-server simplify town.obj town_small.obj --error 0.5\n\nReads and writes PLY, OFF, OBJ and STL, selected by file name extension. A small component is removed as a whole once that\ncosts less than collapsing another edge."
     )]
     Simplify(SimplifyArgs),
     /// Measure how far two meshes or cities lie from each other
     #[command(
-        after_help = "Example:\n  insula-server compare skull.obj skull_small.obj\n  insula-server compare delft.city.jsonl cities/delft --heatmap delft.ply\n\nReads PLY, OFF and OBJ, baked cities (their finest meshes) and everything that `bake` reads. Prints the mean, the root mean\nsquare and the largest distance in both directions, and in parts of the first one's diagonal."
+        after_help = "Example:\n  insula-server compare skull.obj skull_small.obj\n  insula-server compare delft.city.jsonl cities/delft --heatmap delft.ply\n\nReads PLY, OFF, OBJ and STL, baked cities (their finest meshes) and everything that `bake` reads. Prints the mean, the root mean\nsquare and the largest distance in both directions, and in parts of the first one's diagonal."
     )]
     Compare(CompareArgs),
     /// Compute the ambient occlusion of a mesh
     #[command(
-        after_help = "Example:\n  insula-server ao nefertiti.obj --out nefertiti_ao.ply\n\nReads PLY, OFF and OBJ. Each vertex of OUT.ply has the cosine-weighted share of its surroundings that it sees as `quality`,\nfrom 0 (closed) to 1 (open), and the same as grey colour."
+        after_help = "Example:\n  insula-server ao nefertiti.obj --out nefertiti_ao.ply\n\nReads PLY, OFF, OBJ and STL. Each vertex of OUT.ply has the cosine-weighted share of its surroundings that it sees as `quality`,\nfrom 0 (closed) to 1 (open), and the same as grey colour."
     )]
     Ao(AoArgs),
     #[command(flatten)]
@@ -115,7 +115,7 @@ pub enum ServerCommand {
 /// Arguments of `compress`.
 #[derive(Debug, clap::Args)]
 pub struct CompressArgs {
-    /// PLY, OFF or OBJ file
+    /// PLY, OFF, OBJ or STL file
     pub input: PathBuf,
     /// File to write
     pub output: PathBuf,
@@ -134,7 +134,7 @@ pub struct CompressArgs {
 pub struct DecompressArgs {
     /// File that `compress` wrote
     pub input: PathBuf,
-    /// PLY, OFF or OBJ file to write
+    /// PLY, OFF, OBJ or STL file to write
     pub output: PathBuf,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
@@ -144,10 +144,13 @@ pub struct DecompressArgs {
 #[derive(Debug, clap::Args)]
 #[command(group = clap::ArgGroup::new("goal").required(true))]
 pub struct SimplifyArgs {
-    /// PLY, OFF or OBJ file
+    /// PLY, OFF, OBJ or STL file
     pub input: PathBuf,
-    /// PLY, OFF or OBJ file to write
+    /// PLY, OFF, OBJ or STL file to write
     pub output: PathBuf,
+    /// Number of triangles to keep
+    #[arg(long, value_name = "N", group = "goal")]
+    pub triangles: Option<usize>,
     /// Fraction of the triangles to keep, above 0 and at most 1
     #[arg(long, value_name = "R", group = "goal", value_parser = parse_ratio, allow_negative_numbers = true)]
     pub ratio: Option<f64>,
@@ -178,7 +181,7 @@ pub struct CompareArgs {
 /// Arguments of `ao`.
 #[derive(Debug, clap::Args)]
 pub struct AoArgs {
-    /// PLY, OFF or OBJ file
+    /// PLY, OFF, OBJ or STL file
     pub mesh: PathBuf,
     /// PLY file to write
     #[arg(long, value_name = "OUT.ply")]

@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "mesh, vertices, triangles | views, RMS, mean, largest error, CPU s | GPU s, vertices beyond 1/255 of the CPU's"
     );
     for path in &paths {
-        let format = ModelFormat::of(path).ok_or("expected PLY, OFF or OBJ")?;
+        let format = ModelFormat::of(path).ok_or("expected PLY, OFF, OBJ or STL")?;
         let mut model = TriangleModel::read(&std::fs::read(path)?, format)?;
         model.weld();
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();

@@ -30,7 +30,7 @@ use std::{
 /// Compares the mesh codec with others
 #[derive(Debug, Parser)]
 struct Args {
-    /// PLY, OFF or OBJ files, whose attributes are left out
+    /// PLY, OFF, OBJ or STL files, whose attributes are left out
     #[arg(long)]
     scan: Vec<PathBuf>,
     /// City files, leaf by leaf

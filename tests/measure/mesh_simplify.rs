@@ -19,7 +19,7 @@ use std::{path::PathBuf, time::Instant};
 /// Compares simplification with meshoptimizer's
 #[derive(Debug, Parser)]
 struct Args {
-    /// PLY, OFF or OBJ files
+    /// PLY, OFF, OBJ or STL files
     #[arg(required = true)]
     models: Vec<PathBuf>,
     /// Number of measurements of each time

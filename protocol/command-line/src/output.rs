@@ -63,6 +63,8 @@ impl FileKind {
     pub const OFF: Self = Self::Begins("an OFF file", &[b"OFF\n", b"OFF\r", b"OFF ", b"COFF", b"NOFF", b"STOFF"]);
     /// OBJ files.
     pub const OBJ: Self = Self::Lines("an OBJ file", &["v", "vn", "vt", "f", "o", "g", "s", "mtllib", "usemtl"]);
+    /// STL files: texts, and binary ones of our own. Those of other programs begin with any text.
+    pub const STL: Self = Self::Begins("an STL file", &[b"solid", b"STL, "]);
     /// Compressed meshes.
     pub const COMPRESSED_MESH: Self = Self::Begins("a file of `compress`", &[b"INSM"]);
     /// GLB files.

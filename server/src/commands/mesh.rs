@@ -30,7 +30,8 @@ pub(super) fn mesh_error(path: &Path, reason: &dyn std::fmt::Display) -> Command
 }
 
 fn format_of(path: &Path) -> Result<ModelFormat, CommandError> {
-    let unknown = || CommandError::Usage(format!("{}: the file name must end in .ply, .off or .obj", path.display()));
+    let unknown =
+        || CommandError::Usage(format!("{}: the file name must end in .ply, .off, .obj or .stl", path.display()));
     ModelFormat::of(path).ok_or_else(unknown)
 }
 
@@ -40,6 +41,7 @@ fn kind_of(format: ModelFormat) -> FileKind {
         ModelFormat::Ply => FileKind::PLY,
         ModelFormat::Off => FileKind::OFF,
         ModelFormat::Obj => FileKind::OBJ,
+        ModelFormat::Stl => FileKind::STL,
     }
 }
 
@@ -157,7 +159,8 @@ pub(super) fn simplify(args: &SimplifyArgs) -> Result<(), CommandError> {
     let out = with_spinner("simplify", || match (args.error, args.ratio) {
         (Some(limit), _) => simplify::simplify_within(&model, &source, limit),
         (None, ratio) => {
-            let triangles = ratio.map_or(0, |ratio| (before as f64 * ratio).round() as usize);
+            let of_ratio = ratio.map_or(0, |ratio| (before as f64 * ratio).round() as usize);
+            let triangles = args.triangles.unwrap_or(of_ratio);
             let mut out = simplify::simplify(&model, Goal { triangles, error: f64::INFINITY }, |_| false);
             out.error = simplify::largest_distance(&source, &out.model);
             out
@@ -200,7 +203,7 @@ mod tests {
             overwrite: OverwriteArgs::default(),
         })
         .unwrap();
-        for name in ["b.ply", "b.obj", "b.off"] {
+        for name in ["b.ply", "b.obj", "b.off", "b.stl"] {
             decompress(&DecompressArgs {
                 input: path("a.insm"),
                 output: path(name),
@@ -215,7 +218,8 @@ mod tests {
         let args = SimplifyArgs {
             input: path("b.ply"),
             output: path("c.obj"),
-            ratio: Some(0.7),
+            triangles: Some(4),
+            ratio: None,
             error: None,
             overwrite: OverwriteArgs::default(),
         };
@@ -239,7 +243,7 @@ mod tests {
             compress(&args).unwrap_err().to_string()
         };
         assert!(to("none.off", "x").contains("none.off"));
-        assert!(to("a.stl", "x").contains(".ply, .off or .obj"));
+        assert!(to("a.dae", "x").contains(".ply, .off, .obj or .stl"));
         std::fs::write(path("bad.off"), "OFF\n3 1 0\n0 0 zero\n").unwrap();
         assert!(to("bad.off", "x").contains("line 3"));
         let args = CompressArgs {

@@ -1,9 +1,12 @@
-//! Models of single files (PLY, OFF, OBJ), for the tools that compress and simplify meshes.
+//! Models of single files (PLY, OFF, OBJ, STL), for the tools that compress and simplify meshes.
 
 mod obj;
 mod off;
 mod ply;
+pub mod ply_header;
+pub mod ply_values;
 pub mod quantise;
+pub mod stl;
 #[cfg(test)]
 mod tests;
 mod triangle_model;
@@ -18,6 +21,7 @@ impl TriangleModel {
             ModelFormat::Ply => ply::read(bytes)?,
             ModelFormat::Off => off::read(bytes)?,
             ModelFormat::Obj => obj::read(bytes)?,
+            ModelFormat::Stl => stl::read(bytes)?,
         };
         model.check()?;
         Ok(model)
@@ -29,6 +33,7 @@ impl TriangleModel {
             ModelFormat::Ply => ply::write(self),
             ModelFormat::Off => off::write(self),
             ModelFormat::Obj => obj::write(self),
+            ModelFormat::Stl => stl::write(self),
         }
     }
 }

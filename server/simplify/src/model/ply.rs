@@ -3,114 +3,18 @@
 //! Of vertices, x, y, z, normals (nx, ny, nz), texture coordinates (u, v or s, t) and colours (red, green, blue, alpha)
 //! are read; of faces the list of corners. Everything else is skipped.
 
+use super::ply_header::{PlyElement, PlyHeader, PlyNumber, PlyProperty};
+use super::ply_values::{PlyRow, PlyValues};
 use super::triangle_model::{CornerLayer, ModelError, TriangleModel, check_count, push_fan};
 use insula_protocol::mesh::AttributeKind;
 use std::collections::HashMap;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum PlyNumber {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl PlyNumber {
-    fn by_name(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    fn bytes(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// Converts the first [`Self::bytes`] of `bytes`, little-endian.
-    fn value(self, bytes: [u8; 8]) -> f64 {
-        let [a, b, c, d, ..] = bytes;
-        match self {
-            Self::I8 => (a as i8).into(),
-            Self::U8 => a.into(),
-            Self::I16 => i16::from_le_bytes([a, b]).into(),
-            Self::U16 => u16::from_le_bytes([a, b]).into(),
-            Self::I32 => i32::from_le_bytes([a, b, c, d]).into(),
-            Self::U32 => u32::from_le_bytes([a, b, c, d]).into(),
-            Self::F32 => f32::from_le_bytes([a, b, c, d]).into(),
-            Self::F64 => f64::from_le_bytes(bytes),
-        }
-    }
-}
-
-struct PlyProperty {
-    name: String,
-    /// Type of a list's length; `None` for a single value.
-    length: Option<PlyNumber>,
-    number: PlyNumber,
-}
-
-struct PlyElement {
-    name: String,
-    count: usize,
-    properties: Vec<PlyProperty>,
-}
-
-enum PlyEncoding {
-    Text,
-    Little,
-    Big,
-}
-
-/// The values after the header.
-struct PlyValues<'a> {
-    rest: &'a [u8],
-    encoding: PlyEncoding,
-}
-
-impl PlyValues<'_> {
-    fn next(&mut self, number: PlyNumber) -> Result<f64, ModelError> {
-        const SHORT: ModelError = ModelError::Whole("a PLY file ends before its declared content");
-        if let PlyEncoding::Text = self.encoding {
-            let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace()).ok_or(SHORT)?;
-            let word = &self.rest[start..];
-            let end = word.iter().position(u8::is_ascii_whitespace).unwrap_or(word.len());
-            self.rest = &word[end..];
-            let word = std::str::from_utf8(&word[..end]).ok().and_then(|word| word.parse().ok());
-            return word.ok_or(ModelError::Whole("a value of a PLY file is not a number"));
-        }
-        let (head, rest) = self.rest.split_at_checked(number.bytes()).ok_or(SHORT)?;
-        self.rest = rest;
-        let mut bytes = [0; 8];
-        bytes[..head.len()].copy_from_slice(head);
-        if let PlyEncoding::Big = self.encoding {
-            bytes[..head.len()].reverse();
-        }
-        Ok(number.value(bytes))
-    }
-}
-
 pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
-    let (elements, mut values) = read_header(bytes)?;
+    let header = PlyHeader::parse(bytes)?;
+    let mut values = PlyValues::new(bytes, &header);
     let mut model = TriangleModel::default();
-    for element in &elements {
-        check_count(element.count)?;
+    for element in header.elements.iter().filter(|element| !element.properties.is_empty()) {
+        check_count(usize::try_from(element.count).unwrap_or(usize::MAX))?;
         match element.name.as_str() {
             "vertex" => read_vertices(&mut model, element, &mut values)?,
             "tristrips" if element.count > 0 => {
@@ -124,43 +28,18 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
     Ok(model)
 }
 
-fn read_header(bytes: &[u8]) -> Result<(Vec<PlyElement>, PlyValues<'_>), ModelError> {
-    let mut elements: Vec<PlyElement> = Vec::new();
-    let mut encoding = None;
-    let mut rest = bytes;
-    for at in 1..10_000 {
-        let error = |what| ModelError::Line { what, line: at, format: "PLY" };
-        let end = rest.iter().position(|byte| *byte == b'\n').ok_or(error("an incomplete header"))?;
-        let line = std::str::from_utf8(&rest[..end]).map_err(|_| error("invalid text"))?;
-        rest = &rest[end + 1..];
-        let words: Vec<&str> = line.split_whitespace().collect();
-        let number = |name: &str| PlyNumber::by_name(name).ok_or(error("an unknown type"));
-        match words[..] {
-            ["ply"] if at == 1 => {}
-            _ if at == 1 => return Err(error("no `ply` header")),
-            ["format", "ascii", _] => encoding = Some(PlyEncoding::Text),
-            ["format", "binary_little_endian", _] => encoding = Some(PlyEncoding::Little),
-            ["format", "binary_big_endian", _] => encoding = Some(PlyEncoding::Big),
-            ["element", name, count] => {
-                let count = count.parse().map_err(|_| error("an invalid count"))?;
-                elements.push(PlyElement { name: name.into(), count, properties: Vec::new() });
-            }
-            ["property", "list", length, item, name] => {
-                let property = PlyProperty { name: name.into(), length: Some(number(length)?), number: number(item)? };
-                elements.last_mut().ok_or(error("a property before any element"))?.properties.push(property);
-            }
-            ["property", item, name] => {
-                let property = PlyProperty { name: name.into(), length: None, number: number(item)? };
-                elements.last_mut().ok_or(error("a property before any element"))?.properties.push(property);
-            }
-            ["end_header"] => {
-                let encoding = encoding.ok_or(error("no format"))?;
-                return Ok((elements, PlyValues { rest, encoding }));
-            }
-            _ => {}
-        }
+/// Reads all rows of an element.
+fn each_row(
+    element: &PlyElement,
+    values: &mut PlyValues<'_>,
+    mut take: impl FnMut(&PlyRow) -> Result<(), ModelError>,
+) -> Result<(), ModelError> {
+    let mut row = PlyRow::default();
+    for _ in 0..element.count {
+        values.row(element, &mut row).map_err(ModelError::Whole)?;
+        take(&row)?;
     }
-    Err(ModelError::Whole("a PLY file's header has no end_header"))
+    Ok(())
 }
 
 /// Names of the vertex properties that form a layer.
@@ -187,67 +66,45 @@ fn read_vertices(
     element: &PlyElement,
     values: &mut PlyValues<'_>,
 ) -> Result<(), ModelError> {
-    let places: HashMap<&str, usize> = element.properties.iter().zip(0..).map(|(p, i)| (p.name.as_str(), i)).collect();
-    let place = |names: &[&str]| names.iter().map(|name| places.get(name).copied()).collect::<Option<Vec<usize>>>();
-    let Some(xyz) = place(&["x", "y", "z"]) else {
-        return Err(ModelError::Whole("a PLY file's vertices have no x, y, z"));
-    };
+    let xyz = element.places(["x", "y", "z"]).ok_or(ModelError::Whole("a PLY file's vertices have no x, y, z"))?;
+    let single = |name: &&str| element.places([name]).map(|[place]| place);
     let mut layers: Vec<(AttributeKind, Vec<usize>)> = Vec::new();
     for (kind, names) in LAYERS {
-        if let Some(place) = place(names)
+        if let Some(places) = names.iter().map(single).collect()
             && layers.iter().all(|(other, _)| *other != kind)
         {
-            layers.push((kind, place));
+            layers.push((kind, places));
         }
     }
-    for (kind, place) in &layers {
-        model.layers.push(CornerLayer { kind: *kind, width: place.len(), values: Vec::new(), corners: Vec::new() });
+    for (kind, places) in &layers {
+        model.layers.push(CornerLayer { kind: *kind, width: places.len(), values: Vec::new(), corners: Vec::new() });
     }
-    let mut row = vec![0.0; element.properties.len()];
-    for _ in 0..element.count {
-        for (property, value) in element.properties.iter().zip(&mut row) {
-            *value = skip_list(property, values)?;
-        }
-        model.positions.push(std::array::from_fn(|k| row[xyz[k]]));
-        for ((kind, place), layer) in layers.iter().zip(&mut model.layers) {
+    each_row(element, values, |row| {
+        model.positions.push(xyz.map(|place| row.single(place)));
+        for ((kind, places), layer) in layers.iter().zip(&mut model.layers) {
             // In nearly all files colours are bytes.
-            let is_byte = element.properties[place[0]].number == PlyNumber::U8;
+            let is_byte = element.properties[places[0]].number == PlyNumber::U8;
             let scale = if *kind == AttributeKind::Colour && is_byte { 255.0 } else { 1.0 };
-            layer.values.push(std::array::from_fn(|k| place.get(k).map_or(0.0, |place| (row[*place] / scale) as f32)));
+            let value = |k: usize| places.get(k).map_or(0.0, |place| (row.single(*place) / scale) as f32);
+            layer.values.push(std::array::from_fn(value));
         }
-    }
-    Ok(())
-}
-
-/// Reads a value, or skips a list and returns 0.
-fn skip_list(property: &PlyProperty, values: &mut PlyValues<'_>) -> Result<f64, ModelError> {
-    let Some(length) = property.length else { return values.next(property.number) };
-    for _ in 0..values.next(length)? as usize {
-        values.next(property.number)?;
-    }
-    Ok(0.0)
+        Ok(())
+    })
 }
 
 fn read_faces(model: &mut TriangleModel, element: &PlyElement, values: &mut PlyValues<'_>) -> Result<(), ModelError> {
-    let mut polygon = Vec::new();
-    for _ in 0..element.count {
-        for property in &element.properties {
-            let is_corners = matches!(property.name.as_str(), "vertex_indices" | "vertex_index");
-            match property.length {
-                Some(length) if element.name == "face" && is_corners => {
-                    let count = values.next(length)? as usize;
-                    polygon.clear();
-                    for _ in 0..count {
-                        polygon.push(values.next(property.number)? as u32);
-                    }
-                    push_fan(&polygon, |triangle| model.triangles.push(triangle));
-                    check_count(model.triangles.len())?;
-                }
-                _ => drop(skip_list(property, values)?),
-            }
-        }
-    }
-    Ok(())
+    let is_corners = |property: &PlyProperty| {
+        property.length.is_some() && matches!(property.name.as_str(), "vertex_indices" | "vertex_index")
+    };
+    let corners = element.properties.iter().position(is_corners).filter(|_| element.name == "face");
+    let mut polygon: Vec<u32> = Vec::new();
+    each_row(element, values, |row| {
+        let Some(corners) = corners else { return Ok(()) };
+        polygon.clear();
+        polygon.extend(row.list(corners).iter().map(|corner| *corner as u32));
+        push_fan(&polygon, |triangle| model.triangles.push(triangle));
+        check_count(model.triangles.len())
+    })
 }
 
 pub(super) fn write(model: &TriangleModel) -> Vec<u8> {

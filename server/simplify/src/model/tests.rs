@@ -14,6 +14,12 @@ fn every_format_round_trips() {
     for format in [ModelFormat::Ply, ModelFormat::Off, ModelFormat::Obj] {
         assert_eq!(TriangleModel::read(&model().write(format), format).unwrap(), model(), "{format:?}");
     }
+    // STL has no numbers of vertices.
+    let stl = TriangleModel::read(&model().write(ModelFormat::Stl), ModelFormat::Stl).unwrap();
+    let corners = |model: &TriangleModel| -> Vec<[f64; 3]> {
+        model.triangles.as_flattened().iter().map(|vertex| model.positions[*vertex as usize]).collect()
+    };
+    assert_eq!((stl.positions.len(), corners(&stl)), (4, corners(&model())));
 }
 
 #[test]
@@ -87,7 +93,7 @@ fn text_variants_of_other_programs_are_read() {
 
 #[test]
 fn damaged_files_are_an_error_or_a_valid_model() {
-    for format in [ModelFormat::Ply, ModelFormat::Off, ModelFormat::Obj] {
+    for format in [ModelFormat::Ply, ModelFormat::Off, ModelFormat::Obj, ModelFormat::Stl] {
         let whole = model().write(format);
         for length in 0..whole.len() {
             let _ = TriangleModel::read(&whole[..length], format);

@@ -69,6 +69,8 @@ pub enum ModelFormat {
     Off,
     /// Wavefront OBJ, without materials.
     Obj,
+    /// Triangles of a stereolithography file, text or binary, in single precision and without layers. Written as binary.
+    Stl,
 }
 
 impl ModelFormat {
@@ -78,6 +80,7 @@ impl ModelFormat {
             "ply" => Some(Self::Ply),
             "off" => Some(Self::Off),
             "obj" => Some(Self::Obj),
+            "stl" => Some(Self::Stl),
             _ => None,
         }
     }

@@ -1,20 +1,18 @@
 //! PLY, STL and OFF meshes: each file is one object, in metres with z up.
 
 mod ply;
+mod ply_colour;
 mod ply_faces;
-mod ply_header;
-mod ply_places;
-mod ply_values;
-mod stl;
 #[cfg(test)]
 mod tests;
 mod weld;
 
-use insula_simplify::model::{ModelError, ModelFormat, TriangleModel};
+use insula_simplify::model::{ModelError, ModelFormat, TriangleModel, stl};
 use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{FeatureKind, ObjectSink, Shape, SourceObject, Surface, TriangleMesh};
+use weld::Welder;
 
 /// Extensions of the file formats that this reader reads; `.gz` may follow.
 const EXTENSIONS: [&str; 3] = [".ply", ".stl", ".off"];
@@ -39,7 +37,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     } else if input.name.to_ascii_lowercase().contains(".off") {
         read_off(input.label, &bytes)?
     } else {
-        stl::read(input.label, id, &bytes, sink)?
+        read_stl(input.label, id, &bytes, sink)?
     };
     let is_empty = mesh.polygons.is_empty() && mesh.meshes.iter().all(|mesh| mesh.triangles.is_empty());
     if is_empty {
@@ -61,10 +59,26 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
 
 /// Reads an OFF file. Fails if it is none, or is damaged.
 fn read_off(label: &str, bytes: &[u8]) -> Result<FileMesh, InputError> {
-    let damaged = |error: ModelError| InputError::damaged(label, "mesh", error.to_string());
-    let TriangleModel { positions, triangles, .. } = TriangleModel::read(bytes, ModelFormat::Off).map_err(damaged)?;
+    let model = TriangleModel::read(bytes, ModelFormat::Off).map_err(|error| damaged(label, &error))?;
+    let TriangleModel { positions, triangles, .. } = model;
     let meshes = vec![TriangleMesh { positions, triangles, ..TriangleMesh::default() }];
     Ok(FileMesh { source_type: "OFF mesh", meshes, ..FileMesh::default() })
+}
+
+/// Reads an STL. Fails if it is damaged.
+fn read_stl(label: &str, id: &str, bytes: &[u8], sink: &mut dyn ObjectSink) -> Result<FileMesh, InputError> {
+    let mut welder = Welder::default();
+    stl::each_triangle(bytes, |corners| welder.add(corners)).map_err(|error| damaged(label, &error))?;
+    let faults =
+        [(welder.not_finite, "position is not a number"), (welder.degenerate, "triangle with two equal corners")];
+    for (count, kind) in faults.into_iter().filter(|(count, _)| *count > 0) {
+        sink.problem(kind, format!("{id}: {count} triangles"));
+    }
+    Ok(FileMesh { source_type: "STL", meshes: vec![welder.finish()], ..FileMesh::default() })
+}
+
+fn damaged(label: &str, error: &ModelError) -> InputError {
+    InputError::damaged(label, "mesh", error.to_string())
 }
 
 /// The file's name without folders and extensions; `mesh` if nothing is left.

@@ -1,10 +1,10 @@
 //! PLY: vertices with colours and texture coordinates, and faces.
 
-use super::FileMesh;
+use super::ply_colour::colour_of;
 use super::ply_faces::{FaceBuilder, FaceLayout, Vertices};
-use super::ply_header::{self, PlyElement, PlyHeader};
-use super::ply_places::{colour_of, places};
-use super::ply_values::{PlyRow, PlyValues};
+use super::{FileMesh, damaged};
+use insula_simplify::model::ply_header::{PlyElement, PlyHeader};
+use insula_simplify::model::ply_values::{PlyRow, PlyValues};
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
 
@@ -12,7 +12,7 @@ use insula_source::object::ObjectSink;
 const UV_NAMES: [[&str; 2]; 4] = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texcoord_u", "texcoord_v"]];
 /// Reads a PLY. Fails if it is damaged or has no faces.
 pub(super) fn read(label: &str, id: &str, bytes: &[u8], sink: &mut dyn ObjectSink) -> Result<FileMesh, InputError> {
-    let header = ply_header::parse(label, bytes)?;
+    let header = PlyHeader::parse(bytes).map_err(|error| damaged(label, &error))?;
     check_faces(label, &header)?;
     let mut values = PlyValues::new(bytes, &header);
     let mut builder: Option<FaceBuilder> = None;
@@ -66,9 +66,9 @@ fn read_rows(
 }
 
 fn read_vertices(label: &str, element: &PlyElement, values: &mut PlyValues<'_>) -> Result<Vertices, InputError> {
-    let xyz = places(element, ["x", "y", "z"]);
+    let xyz = element.places(["x", "y", "z"]);
     let xyz = xyz.ok_or_else(|| InputError::damaged(label, "header", "the vertices have no x, y and z"))?;
-    let uv = UV_NAMES.iter().find_map(|names| places(element, *names));
+    let uv = UV_NAMES.iter().find_map(|names| element.places(*names));
     let colour = colour_of(element);
     let mut vertices = Vertices::default();
     read_rows(label, element, values, |row| {

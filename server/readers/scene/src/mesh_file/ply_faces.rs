@@ -3,10 +3,10 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::FileMesh;
-use super::ply_header::PlyElement;
-use super::ply_places::{ColourPlaces, colour_of, places};
-use super::ply_values::PlyRow;
+use super::ply_colour::{ColourPlaces, colour_of};
 use insula_dress::polygon::is_fan;
+use insula_simplify::model::ply_header::PlyElement;
+use insula_simplify::model::ply_values::PlyRow;
 use insula_source::object::{ObjectSink, SourceImage, SourceMaterial, SourceTexture, Surface, TriangleMesh, Wrap};
 
 /// Names of the list of a face's corners.
@@ -61,7 +61,7 @@ impl FaceLayout {
             is_strips: element.name == "tristrips",
             corners: CORNERS.iter().find_map(|name| list(name)),
             uv: list("texcoord"),
-            texture: places(element, ["texnumber"]).map(|[place]| place),
+            texture: element.places(["texnumber"]).map(|[place]| place),
             colour: colour_of(element),
         }
     }

@@ -1,20 +1,11 @@
-//! Where the values of a PLY row are that several elements have: by their properties' names.
+//! Where the colour of a PLY row is, by the names of its properties.
 
-use super::ply_header::{PlyElement, PlyNumber};
-use super::ply_values::PlyRow;
+use insula_simplify::model::ply_header::{PlyElement, PlyNumber};
+use insula_simplify::model::ply_values::PlyRow;
 
 /// Names of colours.
 const COLOUR_NAMES: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
-
-/// Places of properties that are single values.
-pub(super) fn places<const N: usize>(element: &PlyElement, names: [&str; N]) -> Option<[usize; N]> {
-    let mut found = [0; N];
-    for (place, name) in found.iter_mut().zip(names) {
-        *place = element.properties.iter().position(|property| property.name == name && property.length.is_none())?;
-    }
-    Some(found)
-}
 
 /// Where the colour of a row is, and how it is stored.
 pub(super) struct ColourPlaces {
@@ -32,7 +23,7 @@ impl ColourPlaces {
 
 /// The colour of an element's rows, if they have one.
 pub(super) fn colour_of(element: &PlyElement) -> Option<ColourPlaces> {
-    let places = COLOUR_NAMES.iter().find_map(|names| places(element, *names))?;
+    let places = COLOUR_NAMES.iter().find_map(|names| element.places(*names))?;
     let scale = match element.properties.get(places[0])?.number {
         PlyNumber::F32 | PlyNumber::F64 => 255.0,
         PlyNumber::I16 | PlyNumber::U16 => 1.0 / 257.0,

@@ -3,13 +3,13 @@
 use super::ply_header::{PlyElement, PlyEncoding, PlyHeader, PlyNumber};
 
 /// Why a row cannot be read.
-pub(super) type ValueFault = &'static str;
+pub type ValueFault = &'static str;
 
 const SHORT: ValueFault = "the file ends before its declared content";
 
 /// A row of an element.
 #[derive(Debug, Default)]
-pub(super) struct PlyRow {
+pub struct PlyRow {
     /// For each property its value; for a list the range in `items`.
     values: Vec<PlyValue>,
     items: Vec<f64>,
@@ -23,7 +23,7 @@ enum PlyValue {
 
 impl PlyRow {
     /// A single value; 0 for a list.
-    pub(super) fn single(&self, property: usize) -> f64 {
+    pub fn single(&self, property: usize) -> f64 {
         match self.values.get(property) {
             Some(PlyValue::Single(value)) => *value,
             _ => 0.0,
@@ -31,7 +31,7 @@ impl PlyRow {
     }
 
     /// A list; empty for a single value.
-    pub(super) fn list(&self, property: usize) -> &[f64] {
+    pub fn list(&self, property: usize) -> &[f64] {
         match self.values.get(property) {
             Some(PlyValue::List { start, end }) => self.items.get(*start..*end).unwrap_or(&[]),
             _ => &[],
@@ -40,7 +40,7 @@ impl PlyRow {
 }
 
 /// The values after the header.
-pub(super) struct PlyValues<'a> {
+pub struct PlyValues<'a> {
     rest: &'a [u8],
     total: usize,
     encoding: PlyEncoding,
@@ -50,7 +50,7 @@ pub(super) struct PlyValues<'a> {
 
 impl<'a> PlyValues<'a> {
     /// Values of `bytes` from the end of the header on.
-    pub(super) fn new(bytes: &'a [u8], header: &PlyHeader) -> Self {
+    pub fn new(bytes: &'a [u8], header: &PlyHeader) -> Self {
         let rest = bytes.get(header.data_start..).unwrap_or(&[]);
         let rows = header.elements.iter().fold(0, |sum: u64, element| sum.saturating_add(element.count));
         let is_text = header.encoding == PlyEncoding::Text;
@@ -63,12 +63,12 @@ impl<'a> PlyValues<'a> {
     }
 
     /// Bytes of the file before the next value.
-    pub(super) fn position(&self) -> usize {
+    pub fn position(&self) -> usize {
         self.total - self.rest.len()
     }
 
     /// Reads a row.
-    pub(super) fn row(&mut self, element: &PlyElement, row: &mut PlyRow) -> Result<(), ValueFault> {
+    pub fn row(&mut self, element: &PlyElement, row: &mut PlyRow) -> Result<(), ValueFault> {
         row.values.clear();
         row.items.clear();
         for property in &element.properties {

@@ -1,9 +1,6 @@
 //! STL, as text or binary.
 
-use super::FileMesh;
-use super::weld::Welder;
-use insula_source::error::InputError;
-use insula_source::object::ObjectSink;
+use super::triangle_model::{ModelError, TriangleModel, check_count};
 
 /// Bytes of a binary STL before its triangles: a text of 80 bytes and a count.
 const HEADER_BYTES: usize = 84;
@@ -12,24 +9,41 @@ const TRIANGLE_BYTES: usize = 50;
 /// Bytes of the start of a text that must name a facet.
 const PROBE_BYTES: usize = 4096;
 
-/// Reads an STL. Fails if it is damaged.
-pub(super) fn read(label: &str, id: &str, bytes: &[u8], sink: &mut dyn ObjectSink) -> Result<FileMesh, InputError> {
-    let mut welder = Welder::default();
+/// Calls `add` with the corners of each triangle of a file. Fails if it is damaged.
+pub fn each_triangle(bytes: &[u8], mut add: impl FnMut([[f64; 3]; 3])) -> Result<(), ModelError> {
     match binary_triangles(bytes) {
-        Some(triangles) => triangles.chunks_exact(TRIANGLE_BYTES).for_each(|triangle| welder.add(corners(triangle))),
-        None if is_text(bytes) => read_text(label, bytes, &mut welder)?,
-        None => {
-            let place = format!("byte {}", bytes.len());
-            return Err(InputError::damaged(label, place, "neither a whole binary STL nor a text STL"));
-        }
+        Some(triangles) => triangles.chunks_exact(TRIANGLE_BYTES).for_each(|triangle| add(corners(triangle))),
+        None if is_text(bytes) => each_of_text(bytes, add)?,
+        None => return Err(ModelError::Whole("neither a whole binary STL nor a text STL")),
     }
-    if welder.not_finite > 0 {
-        sink.problem("position is not a number", format!("{id}: {} triangles", welder.not_finite));
+    Ok(())
+}
+
+pub(super) fn read(bytes: &[u8]) -> Result<TriangleModel, ModelError> {
+    let mut model = TriangleModel::default();
+    each_triangle(bytes, |corners| {
+        let first = model.positions.len() as u32;
+        model.positions.extend(corners);
+        model.triangles.push([first, first + 1, first + 2]);
+    })?;
+    check_count(model.positions.len())?;
+    model.weld();
+    Ok(model)
+}
+
+/// A binary file. Its numbers have 24 bits.
+pub(super) fn write(model: &TriangleModel) -> Vec<u8> {
+    let mut out = b"STL, binary".to_vec();
+    out.resize(HEADER_BYTES - 4, b' ');
+    out.extend((model.triangles.len() as u32).to_le_bytes());
+    for triangle in &model.triangles {
+        // Readers compute the normal where it is 0.
+        out.extend([0; 12]);
+        let corners = triangle.iter().flat_map(|vertex| model.positions[*vertex as usize]);
+        corners.for_each(|value| out.extend((value as f32).to_le_bytes()));
+        out.extend([0; 2]);
     }
-    if welder.degenerate > 0 {
-        sink.problem("triangle with two equal corners", format!("{id}: {} triangles", welder.degenerate));
-    }
-    Ok(FileMesh { source_type: "STL", meshes: vec![welder.finish()], ..FileMesh::default() })
+    out
 }
 
 /// The triangles of a binary STL. Many start with `solid` like a text: the size decides, then the word.
@@ -57,7 +71,7 @@ fn corners(triangle: &[u8]) -> [[f64; 3]; 3] {
     [0, 3, 6].map(|start| [value(start), value(start + 1), value(start + 2)])
 }
 
-fn read_text(label: &str, bytes: &[u8], welder: &mut Welder) -> Result<(), InputError> {
+fn each_of_text(bytes: &[u8], mut add: impl FnMut([[f64; 3]; 3])) -> Result<(), ModelError> {
     let mut corners: Vec<[f64; 3]> = Vec::new();
     let mut is_open = false;
     let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
@@ -65,21 +79,21 @@ fn read_text(label: &str, bytes: &[u8], welder: &mut Welder) -> Result<(), Input
         let line = line.trim_ascii();
         let (word, rest) = line.split_at(line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len()));
         if word.eq_ignore_ascii_case(b"vertex") {
-            let damaged = |what: &str| InputError::damaged(label, format!("line {}", number + 1), what);
-            corners.push(vertex(rest).ok_or_else(|| damaged("a vertex is no three numbers"))?);
+            let error = ModelError::Line { what: "a vertex is no three numbers", line: number + 1, format: "STL" };
+            corners.push(vertex(rest).ok_or(error)?);
         } else if word.eq_ignore_ascii_case(b"facet") {
             is_open = true;
             corners.clear();
         } else if word.eq_ignore_ascii_case(b"endfacet") || word.eq_ignore_ascii_case(b"endloop") {
             is_open = false;
             if let Some((first, rest)) = corners.split_first() {
-                rest.windows(2).for_each(|pair| welder.add([*first, pair[0], pair[1]]));
+                rest.windows(2).for_each(|pair| add([*first, pair[0], pair[1]]));
             }
             corners.clear();
         }
     }
     if is_open {
-        return Err(InputError::damaged(label, format!("byte {}", bytes.len()), "the last facet is cut short"));
+        return Err(ModelError::Whole("the last facet of an STL file is cut short"));
     }
     Ok(())
 }
