@@ -25,7 +25,7 @@ const BUILDINGS: usize = SIDE * SIDE;
 const CORNER: [f64; 2] = [84_500.0, 447_500.0];
 /// Metres between buildings.
 const SPACING_M: f64 = 40.0;
-/// Bytes of a plan in DXF, at most, as a multiple of its SVG.
+/// Bytes of a drawing in DXF, at most, as a multiple of its SVG.
 const MOST_BYTES: f64 = 1.5;
 
 /// A town as CityJSON: the building has name and year, its parts have a shape and a height.
@@ -172,6 +172,11 @@ fn plans(folder: &Path, manifest: &Value) -> Result<()> {
     let read = |name: &str| fs::read_to_string(folder.join(name)).with_context(|| name.to_owned());
     let (dxf, svg, sheet) = (read("plan.dxf")?, read("plan.svg")?, read("sheet.dxf")?);
     ensure!(dxf.len() as f64 <= MOST_BYTES * svg.len() as f64, "{} bytes of DXF, {} of SVG", dxf.len(), svg.len());
+    for name in ["from_side.dxf", "from_side.svg"] {
+        call(folder, "insula", &format!("draw 東京 --axonometric 30,35 --out {name}"))?;
+    }
+    let [dxf_bytes, svg_bytes] = [read("from_side.dxf")?.len(), read("from_side.svg")?.len()];
+    ensure!(dxf_bytes as f64 <= MOST_BYTES * svg_bytes as f64, "from the side: {dxf_bytes} of DXF, {svg_bytes} of SVG");
     ensure!(svg.contains("2024-06-21 12:00 solar time") && svg.contains("above the horizon"), "no date and sun");
     let entities = |dxf: &str| dxf.split_once("ENTITIES\n").map(|(_, text)| text.to_owned()).unwrap_or_default();
     let lines: Vec<String> = entities(&dxf).lines().map(str::to_owned).collect();

@@ -133,7 +133,7 @@ class Routes:
         return status == 200
 
     def filter(self):
-        return f"{self.version}/filter?{FILTER}", [f"{self.version}/filter?{FILTER}" + f"+%7C%7C+{FILTER[5:]}" * 150], ()
+        return f"{self.version}/filter?{FILTER}", [f"{self.version}/filter?{FILTER}" + f"+%7C%7C+{FILTER[5:]}" * 150], NO_CACHE
 
     def search(self):
         letters = random.Random(2)

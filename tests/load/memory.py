@@ -1,18 +1,19 @@
 #!/usr/bin/env python3
 """Shows that a server keeps to its limit of memory: memory.py CITY [--server PROGRAM] [--cities 300] [--open 100] [--secs 60]
 
-Serves many copies of a city, whose search index should be large, with 64 MiB for all caches and 32 MiB for responses that wait.
-Searches all of them, then keeps connections to some of them open, and attacks for a minute: requests that compute, of all
-kinds, responses that nobody reads, damaged requests, and long headers. Prints the resident memory after each stage. Fails if it
-grows by more than the two limits and 32 MiB for the work itself, or if the caches have more than theirs.
+Serves many copies of a city, whose search index should be large, with 16 MiB for tiles, room for a third of the indexes, and 32 MiB
+for responses that wait. Searches all of them, so that two of three indexes are evicted, then keeps connections to some of them open,
+and attacks for a minute: requests that compute, of all kinds, responses that nobody reads, damaged requests, and long headers.
+Prints the resident memory after each stage. Fails if it grows by more than these limits and 32 MiB for the work itself, if the
+caches have more than theirs, or if the indexes did not fill their room.
 """
 import argparse, http.client, json, pathlib, random, re, socket, subprocess, tempfile, threading, time
 
 import lockout
 
-CACHE_MIB, RESPONSES_MIB, WORK_MIB = 64, 32, 32
-SETTINGS = (f"limits.cache_bytes={CACHE_MIB << 20}", f"limits.tile_bytes={16 << 20}", f"cache.memory_bytes={16 << 20}",
-            f"limits.in_flight_bytes={RESPONSES_MIB << 20}", "drawings.at_once=1")
+TILES_MIB, RESPONSES_MIB, WORK_MIB = 16, 32, 32
+SETTINGS = (f"limits.tile_bytes={TILES_MIB << 20}", "cache.memory_bytes=0", f"limits.in_flight_bytes={RESPONSES_MIB << 20}",
+            "drawings.at_once=1")
 
 
 def copies(city, folder, count):
@@ -42,9 +43,9 @@ def get(port, path):
     return response.status, body
 
 
-def cached_mib(port):
+def cached_mib(port, kind="[a-z]*"):
     text = get(port, "/metrics")[1].decode()
-    values = re.findall(r"^insula_cached_bytes\S* (\d+)", text, re.M)
+    values = re.findall(rf'^insula_cached_bytes{{kind="{kind}"}} (\d+)', text, re.M)
     return sum(map(int, values)) / 2**20
 
 
@@ -97,7 +98,10 @@ def main():
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
         probe.close()
-        words = [word for setting in SETTINGS for word in ("--set", setting)]
+        index_mib = (args.city / "search.index").stat().st_size / 2**20
+        cache_mib = TILES_MIB + args.cities * index_mib / 3
+        settings = (f"limits.cache_bytes={int(cache_mib * 2**20)}", *SETTINGS)
+        words = [word for setting in settings for word in ("--set", setting)]
         server = subprocess.Popen([args.server, "serve", folder, "--listen", f"127.0.0.1:{port}", *words],
                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
@@ -113,6 +117,9 @@ def main():
             show(f"{args.cities} cities")
             failed = sum(get(port, f"/v1/cities/{name}/{version}/search?q=a")[0] != 200 for name in names)
             show(f"all searched ({failed} failed)")
+            # All but what one more would need.
+            if not cache_mib - TILES_MIB - 2 * index_mib < cached_mib(port, "computed") <= cache_mib - TILES_MIB:
+                raise SystemExit(f"indexes should fill their {cache_mib - TILES_MIB:.1f} MiB")
             kept = []
             for name in names[:args.open]:
                 client = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
@@ -127,9 +134,9 @@ def main():
             for thread in threads:
                 thread.join()
             show(f"{args.secs:.0f} s of hostile requests")
-            most, limit = resident_mib(server, "VmHWM"), start + CACHE_MIB + RESPONSES_MIB + WORK_MIB
+            most, limit = resident_mib(server, "VmHWM"), start + cache_mib + RESPONSES_MIB + WORK_MIB
             print(f"at most {most:.1f} MiB of {limit:.1f} MiB")
-            if failed or most > limit or cached_mib(port) > CACHE_MIB or server.poll() is not None:
+            if failed or most > limit or cached_mib(port) > cache_mib or server.poll() is not None:
                 raise SystemExit("over the limit")
         finally:
             server.terminate()

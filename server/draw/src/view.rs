@@ -76,7 +76,8 @@ impl PaperGrid {
     }
 }
 
-/// The place of a sheet of paper in metres along the axes of the view: those of the city's coordinate system for a plan.
+/// The place of a sheet of paper in metres along the axes of the view: those of the city's coordinate system for a plan, from the city's
+/// origin for others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MetreFrame {
     /// Metres of a millimetre on paper.
@@ -202,11 +203,12 @@ impl Projection {
         middle + (at / divisor - self.middle) * self.factor
     }
 
-    /// How the paper lies along the axes of parallel rays in world metres, for a scene at `origin`; `None` for a perspective, which has no
-    /// scale.
+    /// How the paper lies along the axes of parallel rays, for a scene at `origin`: in world metres if they are those of the world, else in
+    /// metres from `origin`, because then the numbers say nothing but have many digits. `None` for a perspective, which has no scale.
     pub(crate) fn metres(&self, origin: [f64; 3]) -> Option<MetreFrame> {
         self.scale?;
-        let origin = DVec3::from(origin);
+        let is_plan = self.axes.right.abs_diff_eq(DVec3::X, 1e-9) && self.axes.up.abs_diff_eq(DVec3::Y, 1e-9);
+        let origin = if is_plan { DVec3::from(origin) } else { DVec3::ZERO };
         let corner = DVec2::from([0, 1].map(|k| 0.5 * (self.frame.min[k] + self.frame.max[k]))) / self.factor;
         let at_zero = DVec2::new(origin.dot(self.axes.right), origin.dot(self.axes.up)) + self.middle - corner;
         Some(MetreFrame { per_mm: 1.0 / self.factor, at_zero: at_zero.to_array() })
@@ -296,6 +298,14 @@ mod tests {
         let (from_above, plan) =
             (ViewAxes::new(&view, [0.0; 3]).unwrap(), ViewAxes::new(&DrawView::Plan, [0.0; 3]).unwrap());
         assert!((from_above.up - plan.up).length() < 1e-12 && (from_above.forward - plan.forward).length() < 1e-12);
+        let corner = |axes| {
+            let points = [DVec3::ZERO, DVec3::new(80.0, 30.0, 9.0)].into_iter();
+            Projection::new(axes, FRAME, None, points).metres([84_000.0, 446_000.0, 0.0]).unwrap().at_zero
+        };
+        let from_side = DrawView::Axonometric { azimuth_deg: 30.0, elevation_deg: 35.0 };
+        let from_side = corner(ViewAxes::new(&from_side, [0.0; 3]).unwrap());
+        assert!((0..2).all(|k| (corner(from_above)[k] - corner(plan)[k]).abs() < 1e-3));
+        assert!(from_side.iter().all(|v| v.abs() < 200.0), "from the city's origin: {from_side:?}");
         assert!([200.0, 1_001.0].map(round_scale) == [200.0, 1250.0]);
     }
 

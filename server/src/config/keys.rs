@@ -34,7 +34,10 @@ pub(super) const SETTINGS: [(&str, &str); 50] = [
     ("limits.in_flight_bytes", "bytes of responses that wait to be sent; requests over it are rejected with 503"),
     ("limits.client_in_flight", "requests in flight per client address; 0: three quarters of limits.in_flight"),
     ("limits.client_in_flight_bytes", "the same for bytes; 0: three quarters of limits.in_flight_bytes"),
-    ("limits.cache_bytes", "bytes of all caches: of tiles, remote blocks, search indexes and files of tilesets"),
+    (
+        "limits.cache_bytes",
+        "bytes of all caches: of tiles, remote blocks, search indexes, results of filters and files of tilesets",
+    ),
     ("limits.tile_bytes", "bytes of it for recently sent tiles"),
     ("limits.header_bytes", "bytes of a request's line and headers"),
     ("limits.headers", "number of headers of a request"),

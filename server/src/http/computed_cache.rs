@@ -1,16 +1,19 @@
-//! What was made for requests and may be asked for again: opened search indexes, and files of tilesets.
+//! What was made for requests and may be asked for again: opened search indexes, objects that pass filters, and files of tilesets.
 //!
-//! Both share one limit, beyond which what was used longest ago goes.
+//! All share one limit, beyond which what was used longest ago goes.
 
+use super::{
+    fair_queue::{FairQueue, Shed, StopFlag},
+    representation::etag_of,
+};
 use crate::store::CityIndex;
-#[cfg(feature = "bake")]
+use axum::http::HeaderValue;
 use bytes::Bytes;
 #[cfg(feature = "bake")]
 use insula_protocol::{TileId, route::TilesetFileKind};
 use moka::future::Cache;
-use std::time::Duration;
-#[cfg(feature = "bake")]
-use std::{future::Future, sync::Arc};
+use std::{net::IpAddr, time::Duration};
+use tokio::runtime::Handle;
 
 /// What nobody asks for goes after this time, also with its city.
 const MAX_IDLE: Duration = Duration::from_secs(600);
@@ -18,9 +21,11 @@ const MAX_IDLE: Duration = Duration::from_secs(600);
 const ENTRY_BYTES: usize = 256;
 
 /// By [`CityStore::serial`](crate::store::CityStore::serial), so that versions are told apart.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum ComputedKey {
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub(super) enum ComputedKey {
     Index(u64),
+    /// The result of a filter.
+    Filtered(u64, Box<str>),
     #[cfg(feature = "bake")]
     File(u64, TilesetFile),
 }
@@ -28,8 +33,21 @@ enum ComputedKey {
 #[derive(Debug, Clone)]
 enum Computed {
     Index(CityIndex),
-    #[cfg(feature = "bake")]
-    File(Bytes),
+    Bytes(ComputedBytes),
+}
+
+/// The content of a response. Its ETag is a part of the work, which takes milliseconds for megabytes.
+#[derive(Debug, Clone)]
+pub(super) struct ComputedBytes {
+    pub(super) body: Bytes,
+    pub(super) etag: HeaderValue,
+}
+
+impl ComputedBytes {
+    pub(super) fn new(body: impl Into<Bytes>) -> Self {
+        let body = body.into();
+        Self { etag: etag_of(&body), body }
+    }
 }
 
 /// A file of a tileset.
@@ -40,20 +58,20 @@ pub(super) enum TilesetFile {
     Node(TilesetFileKind, TileId),
 }
 
-/// See the module.
-#[derive(Debug)]
+/// See the module. Cheap to clone.
+#[derive(Debug, Clone)]
 pub(super) struct ComputedCache(Cache<ComputedKey, Computed>);
 
 impl ComputedCache {
     /// A cache of at most `max_bytes`.
     pub(super) fn new(max_bytes: usize) -> Self {
-        let weigh = |_: &ComputedKey, value: &Computed| {
+        let weigh = |key: &ComputedKey, value: &Computed| {
+            let name = if let ComputedKey::Filtered(_, text) = key { text.len() } else { 0 };
             let bytes = match value {
                 Computed::Index(index) => index.byte_len(),
-                #[cfg(feature = "bake")]
-                Computed::File(bytes) => bytes.len(),
+                Computed::Bytes(made) => made.body.len(),
             };
-            u32::try_from(bytes + ENTRY_BYTES).unwrap_or(u32::MAX)
+            u32::try_from(name + bytes + ENTRY_BYTES).unwrap_or(u32::MAX)
         };
         Self(Cache::builder().max_capacity(max_bytes as u64).weigher(weigh).time_to_idle(MAX_IDLE).build())
     }
@@ -62,13 +80,48 @@ impl ComputedCache {
     pub(super) async fn index(&self, serial: u64) -> Option<CityIndex> {
         match self.0.get(&ComputedKey::Index(serial)).await? {
             Computed::Index(index) => Some(index),
-            #[cfg(feature = "bake")]
-            Computed::File(_) => None,
+            Computed::Bytes(_) => None,
         }
     }
 
     pub(super) async fn keep_index(&self, serial: u64, index: CityIndex) {
-        self.0.insert(ComputedKey::Index(serial), Computed::Index(index)).await;
+        self.keep(ComputedKey::Index(serial), Computed::Index(index)).await;
+    }
+
+    /// What is in memory, or what `make` makes when it is the client's turn in `queue`. Once it is, another request may have made it. It
+    /// does not wait for that before: the turn of another client may be far, or its work of low priority.
+    pub(super) async fn find_or_make<E: Send + 'static>(
+        &self,
+        key: ComputedKey,
+        queue: &FairQueue,
+        client: IpAddr,
+        make: impl FnOnce(&StopFlag) -> Result<Vec<u8>, E> + Send + 'static,
+    ) -> Result<Result<ComputedBytes, E>, Shed> {
+        if let Some(found) = self.bytes_of(&key).await {
+            return Ok(Ok(found));
+        }
+        let (cache, runtime) = (self.clone(), Handle::current());
+        let work = move |stop: &StopFlag| {
+            if let Some(found) = runtime.block_on(cache.bytes_of(&key)) {
+                return Ok(found);
+            }
+            // Without spare capacity, which the cache would not count.
+            let made = ComputedBytes::new(make(stop)?.into_boxed_slice());
+            runtime.block_on(cache.keep(key, Computed::Bytes(made.clone())));
+            Ok(made)
+        };
+        queue.run(client, work).await
+    }
+
+    async fn bytes_of(&self, key: &ComputedKey) -> Option<ComputedBytes> {
+        match self.0.get(key).await? {
+            Computed::Bytes(made) => Some(made),
+            Computed::Index(_) => None,
+        }
+    }
+
+    async fn keep(&self, key: ComputedKey, computed: Computed) {
+        self.0.insert(key, computed).await;
         self.evict().await;
     }
 
@@ -76,29 +129,6 @@ impl ComputedCache {
     /// make many times as much.
     async fn evict(&self) {
         self.0.run_pending_tasks().await;
-    }
-
-    /// A file of a city's tileset, which `make` makes unless it is in memory. Requests for the same file wait for one another.
-    #[cfg(feature = "bake")]
-    pub(super) async fn file<E: Send + Sync + Clone + 'static>(
-        &self,
-        serial: u64,
-        file: TilesetFile,
-        make: impl Future<Output = Result<Bytes, E>>,
-    ) -> Result<Bytes, Arc<E>> {
-        let mut is_made = false;
-        let make = async {
-            is_made = true;
-            make.await.map(Computed::File)
-        };
-        let found = self.0.try_get_with(ComputedKey::File(serial, file), make).await?;
-        if is_made {
-            self.evict().await;
-        }
-        Ok(match found {
-            Computed::File(bytes) => bytes,
-            Computed::Index(_) => Bytes::new(),
-        })
     }
 
     /// Bytes in memory.
@@ -110,9 +140,13 @@ impl ComputedCache {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::fair_queue::QueueLimits, *};
     use insula_objects::search::{SearchIndex, SearchIndexBuilder};
-    use std::sync::Arc;
+    use std::sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering::Relaxed},
+    };
+    use tokio::sync::oneshot;
 
     #[tokio::test]
     async fn indexes_of_many_cities_stay_within_the_limit() {
@@ -130,5 +164,46 @@ mod tests {
         }
         let kept = (0..20).map(|city| cache.index(city));
         assert_eq!(futures_util::future::join_all(kept).await.into_iter().flatten().count(), 3);
+    }
+
+    #[tokio::test]
+    async fn equal_requests_of_a_client_are_made_once() {
+        let limits = QueueLimits { at_once: 2, waiting: 120, at_ease: 1, max_time: Duration::from_secs(600) };
+        let (queue, cache, made) = (FairQueue::new(limits), ComputedCache::new(1 << 20), Arc::new(AtomicUsize::new(0)));
+        let request = |client: u8, text: &str| {
+            let made = Arc::clone(&made);
+            let make = move |_: &StopFlag| Ok::<_, ()>(vec![made.fetch_add(1, Relaxed) as u8]);
+            cache.find_or_make(ComputedKey::Filtered(1, text.into()), &queue, [192, 0, 2, client].into(), make)
+        };
+        let all = futures_util::future::join_all((0..120).map(|_| request(1, "a"))).await;
+        assert!(all.iter().all(|found| matches!(found, Ok(Ok(found)) if *found.body == [0])));
+        assert!(matches!(request(2, "a").await, Ok(Ok(found)) if *found.body == [0]), "of another client");
+        assert!(matches!(request(2, "b").await, Ok(Ok(found)) if *found.body == [1]), "another filter");
+    }
+
+    #[tokio::test]
+    async fn a_request_does_not_wait_for_the_turn_of_another_client() {
+        let limits = QueueLimits { at_once: 2, waiting: 120, at_ease: 1, max_time: Duration::from_secs(600) };
+        let (queue, cache) = (FairQueue::new(limits), ComputedCache::new(0));
+        let ask = |client: u8, text: &str, make: Box<dyn FnOnce() + Send>| {
+            let (cache, queue, key) = (cache.clone(), queue.clone(), ComputedKey::Filtered(1, text.into()));
+            tokio::spawn(async move {
+                let make = move |_: &StopFlag| Ok::<_, ()>(make()).map(|()| vec![client]);
+                cache.find_or_make(key, &queue, [192, 0, 2, client].into(), make).await.map(|made| made.unwrap().body)
+            })
+        };
+        let ((started, starts), (end, ends)) = (oneshot::channel(), oneshot::channel());
+        let long = ask(1, "long", Box::new(move || (started.send(()).unwrap(), ends.blocking_recv().unwrap()).1));
+        starts.await.unwrap();
+        // It waits behind that.
+        let same = ask(1, "same", Box::new(|| ()));
+        while queue.waiting() == 0 {
+            tokio::task::yield_now().await;
+        }
+        assert_eq!(ask(2, "same", Box::new(|| ())).await.unwrap().unwrap(), [2].as_slice());
+        assert!(!same.is_finished());
+        end.send(()).unwrap();
+        long.await.unwrap().unwrap();
+        assert_eq!(same.await.unwrap().unwrap(), [1].as_slice());
     }
 }

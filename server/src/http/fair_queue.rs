@@ -3,6 +3,9 @@
 //! Among the clients that wait, the one with the fewest running pieces is next, in turn. One client never has all running places if
 //! there are several. If the queue is full, the newest request of the client that waits with the most is given up for one of a client
 //! with fewer.
+//!
+//! A place is not yet a core: the work of a client that asks for much at a time runs on threads of low priority, so that the system gives
+//! the cores to that of others, and to the threads that respond, whenever these need them.
 
 use super::problem::Problem;
 use std::{
@@ -15,7 +18,11 @@ use std::{
     },
     time::Duration,
 };
-use tokio::{sync::oneshot, task::spawn_blocking, time::timeout};
+use tokio::{runtime::Handle, sync::oneshot, task::spawn_blocking, time::timeout};
+
+/// What is added to the nice value of threads with [`Priority::Low`]. Not the lowest: other programs of the machine must not bring such work to a halt.
+#[cfg(target_os = "linux")]
+const LOW_NICE: i32 = 10;
 
 /// The limits of a queue.
 #[derive(Debug, Clone, Copy)]
@@ -24,8 +31,17 @@ pub(super) struct QueueLimits {
     pub(super) at_once: usize,
     /// Requests that wait for that.
     pub(super) waiting: usize,
+    /// Pieces of one client, running or waiting, beyond which those that start have low priority.
+    pub(super) at_ease: usize,
     /// Work that waits or runs longer has failed.
     pub(super) max_time: Duration,
+}
+
+/// With which right to a core a piece of work runs. A thread keeps the lower one: only administrators may raise it again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Priority {
+    Normal,
+    Low,
 }
 
 /// Work was given up: the queue is full, it took too long, or it panicked.
@@ -81,7 +97,7 @@ struct QueueState {
 struct ClientWork {
     running: usize,
     /// Numbers of waiting requests, oldest first. A sender without a message that is dropped gives the request up.
-    tickets: VecDeque<(u64, oneshot::Sender<()>)>,
+    tickets: VecDeque<(u64, oneshot::Sender<Priority>)>,
 }
 
 /// A place in the queue: a request that waits or whose work runs. Dropping it frees the place.
@@ -89,7 +105,7 @@ struct QueuePlace {
     queue: FairQueue,
     client: IpAddr,
     ticket: u64,
-    granted: oneshot::Receiver<()>,
+    granted: oneshot::Receiver<Priority>,
     is_running: bool,
 }
 
@@ -108,22 +124,44 @@ impl FairQueue {
         let stop = StopOnDrop(StopFlag::default());
         let flag = stop.0.clone();
         let task = async {
-            let place = self.enter(client)?.turn().await?;
-            let worked = spawn_blocking(move || {
+            let (place, priority) = self.enter(client)?.turn().await?;
+            let work = move || {
                 let result = work(&flag);
                 drop(place);
                 result
-            });
-            worked.await.map_err(|_| Shed)
+            };
+            match priority {
+                Priority::Normal => spawn_blocking(work).await.map_err(|_| Shed),
+                Priority::Low => on_low_thread(|_| work()).await,
+            }
         };
         timeout(self.limits.max_time, task).await.unwrap_or(Err(Shed))
     }
 
-    /// Awaits `work`, which does not block, when it is the client's turn.
-    pub(super) async fn wait_for<F: Future>(&self, client: IpAddr, work: F) -> Result<F::Output, Shed> {
+    /// Awaits `work`, which does not block, when it is the client's turn: on this thread, unless it has low priority.
+    pub(super) async fn wait_for<T: Send + 'static>(
+        &self,
+        client: IpAddr,
+        work: impl Future<Output = T> + Send + 'static,
+    ) -> Result<T, Shed> {
         let task = async {
-            let _place = self.enter(client)?.turn().await?;
-            Ok(work.await)
+            let (place, priority) = self.enter(client)?.turn().await?;
+            if priority == Priority::Normal {
+                let result = work.await;
+                drop(place);
+                return Ok(result);
+            }
+            let runtime = Handle::current();
+            let ended = on_low_thread(move |request| {
+                let _place = place;
+                runtime.block_on(async {
+                    tokio::select! {
+                        result = work => Some(result),
+                        () = request.closed() => None,
+                    }
+                })
+            });
+            ended.await?.ok_or(Shed)
         };
         timeout(self.limits.max_time, task).await.unwrap_or(Err(Shed))
     }
@@ -145,6 +183,12 @@ impl FairQueue {
         drop(state);
         let place = QueuePlace { queue: self.clone(), client, ticket, granted, is_running: false };
         if is_shed { Err(Shed) } else { Ok(place) }
+    }
+
+    /// Requests that wait.
+    #[cfg(test)]
+    pub(super) fn waiting(&self) -> usize {
+        self.lock().waiting
     }
 
     fn lock(&self) -> MutexGuard<'_, QueueState> {
@@ -174,10 +218,12 @@ impl QueueState {
                 self.turns.push_back(client);
             }
             work.running += 1;
+            let pieces = work.running + work.tickets.len();
+            let priority = if pieces > limits.at_ease { Priority::Low } else { Priority::Normal };
             self.running += 1;
             self.waiting -= 1;
             // The receiver lives as long as its place, which frees what was granted.
-            let _ = granted.send(());
+            let _ = granted.send(priority);
         }
     }
 
@@ -208,10 +254,10 @@ impl QueueState {
 
 impl QueuePlace {
     /// Waits until the work may run.
-    async fn turn(mut self) -> Result<Self, Shed> {
-        (&mut self.granted).await.map_err(|_| Shed)?;
+    async fn turn(mut self) -> Result<(Self, Priority), Shed> {
+        let priority = (&mut self.granted).await.map_err(|_| Shed)?;
         self.is_running = true;
-        Ok(self)
+        Ok((self, priority))
     }
 }
 
@@ -234,6 +280,31 @@ impl Drop for QueuePlace {
     }
 }
 
+/// Runs `work` on a new thread of low priority. Its argument is closed when the request has left. Fails if it panics, or if the system has
+/// no more threads.
+async fn on_low_thread<T: Send + 'static>(
+    work: impl FnOnce(&mut oneshot::Sender<T>) -> T + Send + 'static,
+) -> Result<T, Shed> {
+    let (mut sender, result) = oneshot::channel();
+    let run = move || {
+        lower_priority();
+        let made = work(&mut sender);
+        // Fails if the request has left.
+        let _ = sender.send(made);
+    };
+    std::thread::Builder::new().name("insula-low".to_owned()).spawn(run).map_err(|_| Shed)?;
+    result.await.map_err(|_| Shed)
+}
+
+/// Lowers the priority of this thread and of those that it starts: beside a thread of another client, it gets a tenth of a core, and it
+/// gets all of an idle one. Other systems than Linux have no priorities of threads by this call, and there the threads are equal.
+fn lower_priority() {
+    #[cfg(target_os = "linux")]
+    if let Err(error) = rustix::process::nice(LOW_NICE) {
+        tracing::debug!(%error, "the system does not lower the priority of a thread");
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,7 +315,7 @@ mod tests {
     }
 
     fn queue(at_once: usize, waiting: usize) -> FairQueue {
-        FairQueue::new(QueueLimits { at_once, waiting, max_time: Duration::from_secs(600) })
+        FairQueue::new(QueueLimits { at_once, waiting, at_ease: 1, max_time: Duration::from_secs(600) })
     }
 
     /// Enters with the requests of clients in this order.
@@ -322,7 +393,7 @@ mod tests {
 
     #[tokio::test]
     async fn work_without_a_place_ends_at_its_limit_and_leaves_the_queue() {
-        let limits = QueueLimits { at_once: 0, waiting: 1, max_time: Duration::from_millis(1) };
+        let limits = QueueLimits { at_once: 0, waiting: 1, at_ease: 1, max_time: Duration::from_millis(1) };
         let queue = FairQueue::new(limits);
         assert_eq!(queue.run(ip(1), |_| 1).await, Err(Shed));
         assert!(queue.lock().clients.is_empty());
@@ -347,5 +418,52 @@ mod tests {
         }
         drop(request);
         ends.await.unwrap();
+    }
+
+    /// The nice value of this thread.
+    #[cfg(target_os = "linux")]
+    fn nice() -> i32 {
+        rustix::process::getpriority_process(None).unwrap()
+    }
+
+    #[cfg(target_os = "linux")]
+    #[tokio::test]
+    async fn work_of_a_client_that_asks_for_much_has_low_priority() {
+        let (queue, own) = (queue(3, 100), nice());
+        let low = (own + LOW_NICE).min(19);
+        assert_eq!(queue.run(ip(1), |_| nice()).await, Ok(own), "alone");
+        assert_eq!(queue.wait_for(ip(1), async { nice() }).await, Ok(own));
+        let other = queue.enter(ip(1)).ok().unwrap();
+        assert_eq!(queue.run(ip(1), |_| nice()).await, Ok(low), "beside another one");
+        assert_eq!(queue.wait_for(ip(1), async { nice() }).await, Ok(low));
+        assert_eq!(queue.run(ip(2), |_| nice()).await, Ok(own), "of another client");
+        assert_eq!(queue.wait_for(ip(1), async { panic!("a fault") }).await, Err::<(), Shed>(Shed));
+        drop(other);
+        assert_eq!(queue.run(ip(1), |_| nice()).await, Ok(own), "threads of others were not lowered");
+        assert_eq!(nice(), own);
+        assert!(queue.lock().clients.is_empty());
+    }
+
+    #[tokio::test]
+    async fn waiting_of_low_priority_ends_with_its_request() {
+        let queue = queue(3, 100);
+        let other = queue.enter(ip(1)).ok().unwrap();
+        let (mut left, leaves) = oneshot::channel::<()>();
+        let (started, starts) = oneshot::channel();
+        let mut request = Box::pin(queue.wait_for(ip(1), async move {
+            let _leaves = leaves;
+            let _ = started.send(());
+            std::future::pending::<()>().await;
+        }));
+        tokio::select! {
+            _ = &mut request => panic!("it never ends"),
+            _ = starts => {}
+        }
+        drop(request);
+        left.closed().await;
+        drop(other);
+        while !queue.lock().clients.is_empty() {
+            tokio::task::yield_now().await;
+        }
     }
 }

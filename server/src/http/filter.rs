@@ -3,9 +3,10 @@
 //! The address has a city's version and the filter, so that the response is immutable as a tile is.
 
 use super::{
+    computed_cache::ComputedKey,
     fair_queue::{Shed, StopFlag},
     problem::Problem,
-    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation},
     search::decode_text,
     state::{AppState, MessageKind},
     tile::{find_version, unknown_name},
@@ -65,12 +66,13 @@ pub(super) async fn filter(
         return Err(NO_OBJECTS);
     }
     let (filtered, runtime) = (city.clone(), Handle::current());
+    let key = ComputedKey::Filtered(city.serial(), text.clone().into());
     let work = move |stop: &StopFlag| evaluate(&filtered, &text, &runtime, stop);
-    let body = state.work(WorkKind::Filter).run(client, work).await.map_err(Shed::problem)?;
-    let body = body.map_err(|failure| problem(&state, &city, failure))?;
+    let made = state.computed().find_or_make(key, state.work(WorkKind::Filter), client, work).await;
+    let made = made.map_err(Shed::problem)?.map_err(|failure| problem(&state, &city, failure))?;
     let representation = Representation {
-        etag: etag_of(&body),
-        body: body.into(),
+        etag: made.etag,
+        body: made.body,
         content_type: HeaderValue::from_static("application/octet-stream"),
         cache_control: if access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
         encoding: None,

@@ -1,13 +1,15 @@
 //! Groups of tiles ([`tile_group`]), which are immutable under their city's version, as tiles are.
 
 use super::{
+    computed_cache::ComputedBytes,
     fair_queue::Shed,
     problem::{NO_ROUTE, Problem},
-    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation},
     state::AppState,
     thread_state::ThreadState,
     tile::{RequestedTile, find_version, unknown_name},
     tile_cache::TileCache,
+    turns::end_turn,
     work_queues::{RequestClient, WorkKind},
 };
 use axum::{
@@ -23,6 +25,9 @@ use insula_protocol::{
     tile_group::{self, GroupMember},
 };
 use std::sync::Arc;
+
+/// Tiles that are read before other clients have a turn on the thread.
+const TILES_OF_TURN: usize = 4;
 
 const NO_GROUP: Problem = Problem::not_found("this city has none of these tiles");
 const INVALID_GROUP: Problem = Problem::bad_request(
@@ -46,11 +51,12 @@ pub(super) async fn group(
     let (city, access) = find_version(&app, RouteTemplate::Groups, city, version, &parts.uri, &parts.headers)?;
     let of_node = |node| RequestedTile::of_city(Arc::clone(&city), access, group.kind(), node, group.lod());
     let requested: Vec<Option<RequestedTile>> = group.nodes().map(of_node).collect();
-    let work = encode(requested, &app, &tiles);
-    let body = app.work(WorkKind::Groups).wait_for(RequestClient::of(&parts), work).await.map_err(Shed::problem)??;
+    let (reader, client) = (app.clone(), RequestClient::of(&parts));
+    let work = async move { encode(requested, &reader, &tiles).await.map(ComputedBytes::new) };
+    let made = app.work(WorkKind::Groups).wait_for(client, work).await.map_err(Shed::problem)??;
     let representation = Representation {
-        etag: etag_of(&body),
-        body,
+        etag: made.etag,
+        body: made.body,
         content_type: HeaderValue::from_static("application/octet-stream"),
         cache_control: if access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
         encoding: None,
@@ -69,8 +75,14 @@ async fn encode(requested: Vec<Option<RequestedTile>>, app: &AppState, tiles: &T
     if fitting.iter().all(|member| *member == GroupMember::Absent) {
         return Err(NO_GROUP);
     }
-    let members =
-        try_join_all(requested.into_iter().zip(fitting).map(|(tile, fitting)| member(tile, fitting, app, tiles)));
+    let members = requested.into_iter().zip(fitting).enumerate().map(async |(number, (tile, fitting))| {
+        // Not one after the other, because tiles of a remote city are fetched together.
+        for _ in 0..number / TILES_OF_TURN {
+            end_turn().await;
+        }
+        member(tile, fitting, app, tiles).await
+    });
+    let members = try_join_all(members);
     let encoded = tile_group::encode(&members.await?);
     Ok(Bytes::from(encoded.map_err(|_| Problem::unavailable("these tiles cannot be read at the moment"))?))
 }

@@ -4,9 +4,10 @@
 //! of a search is bounded (`insula_objects::search`); the first one reads the index.
 
 use super::{
+    computed_cache::ComputedBytes,
     fair_queue::{Shed, StopFlag},
     problem::Problem,
-    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation, etag_of},
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, Representation},
     state::{AppState, MessageKind},
     tile::{find_version, unknown_name},
     work_queues::{RequestClient, WorkKind},
@@ -22,6 +23,7 @@ use insula_objects::search::MAX_QUERY_CHARS;
 use insula_protocol::route::{Route, RouteTemplate};
 use percent_encoding::percent_decode_str;
 use std::sync::Arc;
+use tokio::runtime::Handle;
 
 const DEFAULT_LIMIT: usize = 10;
 const MAX_LIMIT: usize = 100;
@@ -59,21 +61,23 @@ pub(super) async fn search(
     if !city.has_search() || !access.admits_computed(RouteTemplate::Search) {
         return Err(NO_INDEX);
     }
-    let (searched, known) = (city.clone(), state.computed().index(city.serial()).await);
-    let is_known = known.is_some();
+    let (searched, computed, runtime) = (city.clone(), state.computed().clone(), Handle::current());
     let work = move |_: &StopFlag| {
-        let index = known.map_or_else(|| searched.search_index(), Ok)?;
-        Ok((index.search(&text, limit), index))
+        let index = match runtime.block_on(computed.index(searched.serial())) {
+            Some(index) => index,
+            None => {
+                let index = searched.search_index()?;
+                runtime.block_on(computed.keep_index(searched.serial(), index.clone()));
+                index
+            }
+        };
+        Ok(ComputedBytes::new(serde_json::to_vec(&index.search(&text, limit)).unwrap_or_default()))
     };
     let found = state.work(WorkKind::Search).run(client, work).await.map_err(Shed::problem)?;
-    let (hits, index) = found.map_err(|error| report_failure(&state, &city, &error))?;
-    if !is_known {
-        state.computed().keep_index(city.serial(), index).await;
-    }
-    let body = serde_json::to_vec(&hits).unwrap_or_default();
+    let hits = found.map_err(|error| report_failure(&state, &city, &error))?;
     let representation = Representation {
-        etag: etag_of(&body),
-        body: body.into(),
+        etag: hits.etag,
+        body: hits.body,
         content_type: HeaderValue::from_static("application/json"),
         cache_control: if access.is_public() { IMMUTABLE } else { IMMUTABLE_PRIVATE },
         encoding: None,

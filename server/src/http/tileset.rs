@@ -4,11 +4,11 @@
 
 use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
-    computed_cache::TilesetFile,
+    computed_cache::{ComputedBytes, ComputedKey, TilesetFile},
     fair_queue::{Shed, StopFlag},
     page_response::share_query,
     problem::{NO_ROUTE, Problem},
-    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, REVALIDATE, REVALIDATE_PRIVATE, Representation, etag_of},
+    representation::{IMMUTABLE, IMMUTABLE_PRIVATE, REVALIDATE, REVALIDATE_PRIVATE, Representation},
     state::{AppState, MessageKind},
     tile::{find_version, unknown_name},
     work_queues::{RequestClient, WorkKind},
@@ -20,11 +20,10 @@ use axum::{
     http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, header},
     response::Response,
 };
-use bytes::Bytes;
 use insula_bake::read::EarthPlace;
 use insula_export::{glb::ExportError, selection::ObjectSelection, tiles3d::Tileset};
 use insula_protocol::route::{Route, RouteError, RouteTemplate, TilesetFileKind};
-use std::{net::IpAddr, sync::Arc};
+use std::sync::Arc;
 use tokio::runtime::Handle;
 
 const NO_FILE: Problem = Problem::not_found("this tileset has no such file");
@@ -32,10 +31,8 @@ const INVALID_NODE: Problem =
     Problem::bad_request("level, x and y must be plain decimal numbers, level at most 20, x and y below 2^level");
 
 /// Why there is no file.
-#[derive(Debug, Clone)]
 enum FileError {
     Missing,
-    Overloaded,
     Failed(String),
 }
 
@@ -53,12 +50,16 @@ pub(super) async fn tileset_file(
     if !access.admits_computed(RouteTemplate::Tileset) {
         return Err(NO_FILE);
     }
-    let made = state.computed().file(city.serial(), file, make(&state, &city, file, client)).await;
-    let body = with_share_link(made.map_err(|error| problem(&state, &city, &error))?, file, &access, &uri);
+    let (read, runtime) = (Arc::clone(&city), Handle::current());
+    let work = move |_: &StopFlag| make_now(&read, file, &runtime);
+    let key = ComputedKey::File(city.serial(), file);
+    let made = state.computed().find_or_make(key, state.work(WorkKind::Tileset), client, work).await;
+    let made = made.map_err(Shed::problem)?.map_err(|error| problem(&state, &city, error))?;
+    let made = with_share_link(made, file, &access, &uri);
     let is_public = access.is_public();
     let representation = Representation {
-        etag: etag_of(&body),
-        body,
+        etag: made.etag,
+        body: made.body,
         content_type: HeaderValue::from_static(match file {
             TilesetFile::Root => "application/json",
             TilesetFile::Node(TilesetFileKind::Subtree, _) => "application/octet-stream",
@@ -77,16 +78,16 @@ pub(super) async fn tileset_file(
 }
 
 /// The root with the share link of the request in the addresses that it names: programs do not add it by themselves.
-fn with_share_link(root: Bytes, file: TilesetFile, access: &CityAccess, uri: &Uri) -> Bytes {
+fn with_share_link(root: ComputedBytes, file: TilesetFile, access: &CityAccess, uri: &Uri) -> ComputedBytes {
     let query = match (file, access) {
         (TilesetFile::Root, CityAccess::Link(_)) => share_query(uri),
         _ => None,
     };
-    let (Some(query), Ok(json)) = (query, std::str::from_utf8(&root)) else { return root };
+    let (Some(query), Ok(json)) = (query, std::str::from_utf8(&root.body)) else { return root };
     let json = ["glb", "subtree"].into_iter().fold(json.to_owned(), |json, kind| {
         json.replace(&format!("/{{y}}.{kind}\""), &format!("/{{y}}.{kind}{query}\""))
     });
-    json.into()
+    ComputedBytes::new(json)
 }
 
 /// The city of an address that the request may see, and the file.
@@ -115,15 +116,8 @@ fn requested(
     }
 }
 
-/// Makes a file on a thread of its own.
-async fn make(state: &AppState, city: &Arc<CityStore>, file: TilesetFile, client: IpAddr) -> Result<Bytes, FileError> {
-    let (city, runtime) = (Arc::clone(city), Handle::current());
-    let work = move |_: &StopFlag| make_now(&city, file, &runtime);
-    state.work(WorkKind::Tileset).run(client, work).await.unwrap_or(Err(FileError::Overloaded))
-}
-
 /// Reads what a file needs, and makes it. Waits for the network if the city is in an object store.
-fn make_now(city: &CityStore, file: TilesetFile, runtime: &Handle) -> Result<Bytes, FileError> {
+fn make_now(city: &CityStore, file: TilesetFile, runtime: &Handle) -> Result<Vec<u8>, FileError> {
     let failed = |error: &dyn std::fmt::Display| FileError::Failed(error.to_string());
     let read = |kind, id| runtime.block_on(city.checked_tile(kind, id));
     let schema = StoredCity::read_schema(&read).map_err(|error| failed(&error))?;
@@ -138,15 +132,13 @@ fn make_now(city: &CityStore, file: TilesetFile, runtime: &Handle) -> Result<Byt
         TilesetFile::Node(TilesetFileKind::Subtree, id) => tileset.subtree(id.level(), id.x(), id.y()),
         TilesetFile::Node(TilesetFileKind::Content, id) => tileset.content(id.level(), id.x(), id.y()),
     };
-    // Without spare capacity, which the cache would not count.
-    made.map_err(|error| failed(&error))?.map(|bytes| bytes.into_boxed_slice().into()).ok_or(FileError::Missing)
+    made.map_err(|error| failed(&error))?.ok_or(FileError::Missing)
 }
 
 /// Logs a failure. The client learns only whether a retry may help.
-fn problem(state: &AppState, city: &CityStore, error: &FileError) -> Problem {
+fn problem(state: &AppState, city: &CityStore, error: FileError) -> Problem {
     match error {
         FileError::Missing => NO_FILE,
-        FileError::Overloaded => Shed.problem(),
         FileError::Failed(reason) => {
             if state.admits_message(MessageKind::TileFailure) {
                 tracing::error!(place = city.location(), reason, "cannot make a tile of the tileset");

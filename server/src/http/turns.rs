@@ -16,6 +16,7 @@ use std::{
     },
     task::{Context, Poll, Waker},
 };
+use tokio::task::yield_now;
 
 /// Requests that a connection may pass to the service in one turn.
 const REQUESTS_PER_TURN: u32 = 4;
@@ -56,6 +57,13 @@ struct Ticket {
 /// Whether clients wait for each other on this thread.
 fn has_several_clients() -> bool {
     TURNS.with_borrow(|turns| turns.clients.len() > 1)
+}
+
+/// Ends the turn of the running task if other clients have tasks on this thread.
+pub(super) async fn end_turn() {
+    if has_several_clients() {
+        yield_now().await;
+    }
 }
 
 /// How many bytes the running task may still read in its turn; `None` if there is no other client.

@@ -1,6 +1,9 @@
 //! Which routes compute, and the queues in which their work waits.
 
-use super::fair_queue::{FairQueue, QueueLimits};
+use super::{
+    client_usage::default_share,
+    fair_queue::{FairQueue, QueueLimits},
+};
 use crate::config::DrawingsConfig;
 use axum::{extract::FromRequestParts, http::request::Parts};
 use insula_protocol::route::RouteTemplate;
@@ -43,18 +46,24 @@ impl WorkKind {
 
     fn limits(self, drawings: &DrawingsConfig) -> QueueLimits {
         let secs = Duration::from_secs;
+        // One core is left to others.
+        let at_ease = cores().saturating_sub(1).max(1);
         match self {
             // Milliseconds, except for the first search of a city, which reads the index.
-            Self::Search => QueueLimits { at_once: 8, waiting: MAX_WAITING, max_time: secs(10) },
+            Self::Search => QueueLimits { at_once: 8, waiting: MAX_WAITING, at_ease, max_time: secs(10) },
             // Decodes all objects of a city.
-            Self::Filter => QueueLimits { at_once: 2, waiting: MAX_WAITING, max_time: secs(30) },
+            Self::Filter => QueueLimits { at_once: 2, waiting: MAX_WAITING, at_ease, max_time: secs(30) },
             // Reads up to 64 tiles, from the network if the city is remote.
-            Self::Groups => QueueLimits { at_once: groups_at_once(), waiting: 4 * MAX_WAITING, max_time: secs(30) },
+            Self::Groups => {
+                let at_once = groups_at_once();
+                // Viewers ask for several at a time, which the thread of their connection makes with the least work.
+                QueueLimits { at_once, waiting: 4 * MAX_WAITING, at_ease: default_share(at_once), max_time: secs(30) }
+            }
             // A core for up to a second.
-            Self::Tileset => QueueLimits { at_once: 2, waiting: MAX_WAITING, max_time: secs(30) },
+            Self::Tileset => QueueLimits { at_once: 2, waiting: MAX_WAITING, at_ease, max_time: secs(30) },
             Self::Draw => {
                 let DrawingsConfig { at_once, waiting, secs: max_secs, .. } = *drawings;
-                QueueLimits { at_once, waiting, max_time: secs(max_secs) }
+                QueueLimits { at_once, waiting, at_ease, max_time: secs(max_secs) }
             }
         }
     }
@@ -64,7 +73,11 @@ impl WorkKind {
 /// network.
 fn groups_at_once() -> usize {
     const OF_A_CORE: usize = 4;
-    OF_A_CORE * std::thread::available_parallelism().map_or(2, usize::from)
+    OF_A_CORE * cores()
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(2, usize::from)
 }
 
 /// The queues of a server.
@@ -79,7 +92,7 @@ impl WorkQueues {
     /// Queues that give up all work, for tests.
     #[cfg(test)]
     pub(super) fn closed() -> Self {
-        let limits = QueueLimits { at_once: 0, waiting: 0, max_time: Duration::from_secs(600) };
+        let limits = QueueLimits { at_once: 0, waiting: 0, at_ease: 1, max_time: Duration::from_secs(600) };
         Self(WorkKind::ALL.map(|_| FairQueue::new(limits)))
     }
 

@@ -90,6 +90,47 @@ async fn hits_are_json_and_immutable() {
 }
 
 #[tokio::test]
+async fn indexes_beyond_the_limit_are_evicted_and_read_again() {
+    const CITIES: usize = 12;
+    const TILE_BYTES: usize = 1 << 20;
+    let texts: Vec<String> = (0..2000).map(|number| format!("Street {number}")).collect();
+    let texts: Vec<(&str, u32)> = texts.iter().map(|text| (text.as_str(), 0)).collect();
+    let measured = tempfile::tempdir().unwrap();
+    write_index(measured.path(), &texts);
+    let index_bytes = fs::metadata(measured.path().join(SEARCH_FILE)).unwrap().len() as usize;
+    // Three of them and a half.
+    let room = index_bytes * 7 / 2;
+    let server = TestServer::start(|config| {
+        config.limits.tile_bytes = TILE_BYTES;
+        config.cache.memory_bytes = 0;
+        config.limits.cache_bytes = TILE_BYTES + room;
+    })
+    .await;
+    let names: Vec<String> = (0..CITIES).map(|number| format!("city-{number}")).collect();
+    for name in &names {
+        let folder = server.folder.path().join(name);
+        small_city::write_city(&folder, name);
+        add_objects(&folder);
+        write_index(&folder, &texts);
+    }
+    server.reload().await;
+    let cached_bytes = async || -> usize {
+        let metrics = server.get("/metrics", "").await;
+        let prefix = "insula_cached_bytes{kind=\"computed\"} ";
+        metrics.lines().find_map(|line| line.strip_prefix(prefix)).unwrap().parse().unwrap()
+    };
+    // The second time, all but the last three have left, and come back.
+    for name in names.iter().chain(&names) {
+        let address = format!("{}?q=street+7&limit=1", route::search(name, small_city::VERSION));
+        assert_eq!(hits(&server.get(&address, "").await).as_array().unwrap().len(), 1, "{name}");
+        let bytes = cached_bytes().await;
+        assert!((index_bytes..=room).contains(&bytes), "{name}: {bytes} bytes of {room}");
+    }
+    assert!(cached_bytes().await > 3 * index_bytes, "three are kept");
+    server.stop().await;
+}
+
+#[tokio::test]
 async fn invalid_searches_are_problems() {
     let server = start(|_| {}).await;
     for query in

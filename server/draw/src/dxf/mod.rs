@@ -1,7 +1,7 @@
 //! Drawings as DXF of release 2000 (AC1015). Visible surfaces are closed polylines. Layers are by kind and class.
 //!
 //! Coordinates are metres of the city's coordinate system, so that a plan lies where other plans of the place do; of views along other
-//! axes they are metres along these. A sheet of paper, and a perspective, which has no scale, are in millimetres. The visible surfaces of an
+//! axes they are metres along these from the city's origin. A sheet of paper, and a perspective, which has no scale, are in millimetres. The visible surfaces of an
 //! object have one border together; lines within it follow by class, and no line is drawn twice. A map in metres has no lines where surfaces
 //! of one object pass through each other. The number of an object is in the extended data of the application `INSULA`, and on its first polyline
 //! its identifier, too.
@@ -273,7 +273,10 @@ impl<'a> Dxf<'a> {
         self.entity("LWPOLYLINE", layer, color);
         self.group(100, "AcDbPolyline");
         self.integer(90, places.len() as i64);
-        self.integer(70, i64::from(is_closed));
+        // Without this flag, it is open.
+        if is_closed {
+            self.integer(70, 1);
+        }
         for [x, y] in &places {
             self.group(10, x);
             self.group(20, y);
@@ -412,7 +415,7 @@ mod tests {
         let mut corners: Vec<_> = values(entities, 10).into_iter().zip(values(entities, 20)).take(4).collect();
         corners.sort_unstable();
         assert_eq!(corners, [("84510", "-2"), ("84510", "8"), ("84530", "-2"), ("84530", "8")]);
-        assert_eq!(values(entities, 70), ["1", "1", "0"]);
+        assert_eq!(values(entities, 70), ["1"; 2], "the crease is open");
         assert_eq!((values(entities, 1071), values(entities, 1000)), (vec!["7"; 2], vec!["NL.7\\U+00DF"]));
         assert_eq!(values(entities, 1), ["Delft", "3DBAG, CC BY 4.0"]);
         assert!(all.contains(&(1, "AC1015")) && all.contains(&(70, "6")) && !dxf.contains("-0\n"));
