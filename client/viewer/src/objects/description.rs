@@ -45,7 +45,10 @@ impl CityObjects {
             None => None,
         };
         let mut attributes = record.attributes;
-        let whole = self.parts(id, record.kind).await?;
+        let whole = match record.bounds {
+            Some(_) if !inherits => PartsOfObject::default(),
+            bounds => self.parts(id, record.kind, bounds.is_some()).await?,
+        };
         if inherits {
             parent.iter().for_each(|parent| inherit(&mut attributes, &parent.attributes));
             whole.values.complete(&mut attributes);
@@ -64,10 +67,11 @@ impl CityObjects {
     }
 
     /// The parts of an object. A parent without a shape is next to its first part, so only its block and those beside it are searched.
-    async fn parts(&self, id: u32, kind: FeatureKind) -> Result<PartsOfObject, FetchError> {
+    /// Most objects with a shape have no parts, so only their own block is.
+    async fn parts(&self, id: u32, kind: FeatureKind, has_shape: bool) -> Result<PartsOfObject, FetchError> {
         let mut found = PartsOfObject::default();
-        let first = block_of_object(id);
-        for block in first.saturating_sub(1)..self.block_count().min(first + 2) {
+        let (own, reach) = (block_of_object(id), u32::from(!has_shape));
+        for block in own.saturating_sub(reach)..self.block_count().min(own + reach + 1) {
             let Some(block) = self.block(block).await? else { continue };
             for &part in block.ids().iter().filter(|part| block.parent(**part) == Some(id)) {
                 let Some(record) = block.record(part) else { continue };

@@ -4,8 +4,8 @@ use super::Schema;
 use crate::value::Value;
 use serde::{Serialize, Serializer};
 
-/// Names and values of the attributes of an object, in the order in which they are shown: see [`Schema::display_order`]. As JSON it is an object
-/// of that order.
+/// Names and values of the attributes of an object, in the order in which they are shown: see [`Schema::display_order`]. As JSON it is an
+/// object of that order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct NamedValues(Vec<(String, Value)>);
 
