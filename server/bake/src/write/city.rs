@@ -48,7 +48,7 @@ use crate::{
     ground::GroundReport,
     hash::ShortHash,
     progress::Progress,
-    read::{HeightUnit, ReadReport},
+    read::{HeightUnit, ReadReport, SourceFormat},
     scene::{ObjectKind, grid::CityGrid, scratch_scene::ScratchScene},
 };
 
@@ -219,7 +219,7 @@ pub(crate) fn write_others(
     let (mut search, mut buildings) = (None, 0);
     if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
         let mut schema = objects.schema()?;
-        label(&mut schema, input.config, progress);
+        label(&mut schema, &input, progress);
         buildings = objects.buildings()?;
         written.push(objects.write(&schema, &folder.join("objects.pmtiles"))?);
         search = search::write(objects, &schema, &folder.join(SEARCH_FILE))?;
@@ -262,13 +262,15 @@ pub(crate) fn write_others(
     Ok(WrittenCity { manifest, bytes, filled_in })
 }
 
-/// Gives attributes their labels and units. Warns of labels without effect and of units that are guesses.
-fn label(schema: &mut Schema, config: &BakeConfig, progress: &dyn Progress) {
-    for unused in schema.set_labels(&config.labels) {
+/// Gives attributes their labels and units. Warns of labels without effect and of units that are guesses: the heights of OpenStreetMap are
+/// metres by its rules.
+fn label(schema: &mut Schema, input: &CityInput<'_>, progress: &dyn Progress) {
+    for unused in schema.set_labels(&input.config.labels) {
         progress.warn(&printable(&format!("labels: {unused}")));
     }
-    let heights = config.height_unit.map(HeightUnit::symbol);
-    let guessed = schema.set_known_units(heights);
+    let is_osm = input.read.sources.iter().all(|source| source.format == SourceFormat::OpenStreetMap);
+    let unit = input.config.height_unit.or_else(|| is_osm.then_some(HeightUnit::Metre));
+    let guessed = schema.set_known_units(unit.map(HeightUnit::symbol));
     if !guessed.is_empty() {
         let names = guessed.join(", ");
         let text = format!("{names}: taken for metres by the name; --height-unit or --labels gives another unit");
