@@ -17,6 +17,7 @@ pub mod camera_files;
 pub mod commands;
 pub mod error;
 pub mod image_files;
+mod language;
 pub mod objects;
 pub mod picture;
 pub mod render;

@@ -2,6 +2,7 @@
 
 use crate::{
     error::{ClientError, Result},
+    language,
     stream::fetch::Http,
 };
 use insula_objects::{Schema, search::SearchHit};
@@ -101,10 +102,12 @@ impl ObjectLookup {
 
     /// How all objects are drawn. Fetches all blocks. Fails if an expression is invalid, or if a block cannot be fetched.
     pub fn styles(&self, rules: &StyleRules) -> Result<StyledObjects> {
-        self.http.block_on(self.objects.styles(rules)).map_err(|error| match error {
+        let mut styled = self.http.block_on(self.objects.styles(rules)).map_err(|error| match error {
             RulesError::Fetch(error) => fetch_error("objects", &error),
             invalid => ClientError::Usage(invalid.to_string()),
-        })
+        })?;
+        styled.legend = styled.legend.map(|legend| legend.in_language(&language::of_environment()));
+        Ok(styled)
     }
 }
 
@@ -120,7 +123,7 @@ mod tests {
     use insula_protocol::object_tile::{self, SCHEMA_ID, block_id};
     use insula_viewer::{scene::TileKey, source::PendingTile};
 
-    /// A building of two parts, which alone have shapes, and the first part's year.
+    /// A building of two parts, which alone have shapes and roofs, and a year.
     struct House {
         schema: Schema,
     }
@@ -131,8 +134,9 @@ mod tests {
                 SCHEMA_ID => object_tile::encode(key.id, &serde_json::to_vec(&self.schema).unwrap()).unwrap(),
                 id if Some(id) == block_id(0) => {
                     let bounds = |x: i32| Some(ObjectBounds { min: [x, 0, 0], max: [x + 100, 200, 300] });
-                    let record = |identifier: &str, kind, parent, bounds| {
-                        let attributes = vec![(0, Value::Integer(1650))];
+                    let record = |identifier: &str, kind, parent, bounds: Option<ObjectBounds>| {
+                        let roof = bounds.map(|bounds| (1, Value::Float(f64::from(bounds.min[0]))));
+                        let attributes = vec![roof.unwrap_or((0, Value::Integer(1650)))];
                         Some(ObjectRecord { identifier: identifier.to_owned(), kind, parent, bounds, attributes })
                     };
                     let records = [
@@ -155,7 +159,8 @@ mod tests {
     #[test]
     fn a_building_without_a_shape_has_the_place_of_its_parts() {
         let mut schema = SchemaBuilder::default();
-        (0..3).for_each(|_| schema.add("year", &Value::Integer(1650)));
+        schema.add("year", &Value::Integer(1650));
+        [0.0, 300.0].iter().for_each(|roof| schema.add("roof", &Value::Float(*roof)));
         let http = Arc::new(Http::new(None).unwrap());
         let house = Arc::new(House { schema: schema.finish(3) });
         let objects = ObjectLookup::open(&http, house, [1000.0, 0.0, 0.0]).unwrap();
@@ -165,5 +170,11 @@ mod tests {
         assert_eq!((part.parts, part.centre), (Vec::new(), Some([1035.0, 10.0, 15.0])));
         assert_eq!(part.parent.as_deref(), Some("house"));
         assert!(objects.describe(3).unwrap().is_none());
+        // Panels show what building and parts know of each other.
+        for (id, roof) in [(0, 300.0), (1, 0.0), (2, 300.0)] {
+            let shown = objects.describe_with_parent(id).unwrap().unwrap().attributes;
+            let found = ["year", "roof"].map(|name| shown.get(name).cloned());
+            assert_eq!(found, [Some(Value::Integer(1650)), Some(Value::Float(roof))], "{id}");
+        }
     }
 }

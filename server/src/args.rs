@@ -385,6 +385,9 @@ pub struct BakeArgs {
     /// source: keep the sources' colours and photos; or a file of colours for surfaces, objects and materials
     #[arg(long, value_name = "harmonised|source|FILE.json")]
     pub palette: Option<PathBuf>,
+    /// Titles, units, order and hiding of attributes for people
+    #[arg(long, value_name = "FILE.toml")]
+    pub labels: Option<PathBuf>,
     /// Folder from which textures may be read besides those of the inputs; may be repeated
     #[arg(long, value_name = "DIR")]
     pub texture_root: Vec<PathBuf>,

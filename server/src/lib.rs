@@ -6,6 +6,7 @@ pub mod args;
 pub mod commands;
 pub mod config;
 pub mod http;
+pub mod labels;
 pub mod memory;
 pub mod page;
 mod secret_file;

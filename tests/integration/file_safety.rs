@@ -46,6 +46,7 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server bake", &["landmarks"], Reads("bake town.geojson --out new --landmarks {}", ".json")),
     ("insula-server bake", &["stone"], Reads("bake a.off --out new --stone {}", ".json")),
     ("insula-server bake", &["palette"], Reads("bake town.geojson --out new --palette {}", ".json")),
+    ("insula-server bake", &["labels"], Reads("bake town.geojson --out new --labels {}", ".toml")),
     ("insula-server bake", &["report"], Writes("bake town.geojson --cell 4 --out baked --report {}", ".json")),
     ("insula-server bake", &["out", "work", "texture_root", "grids"], FOLDER),
     ("insula-server bake", &["job", "crs", "name", "title", "attribution", "licence", "source_url"], TEXT),

@@ -15,7 +15,7 @@ use std::{
 };
 
 pub(crate) fn add(trials: &mut Trials) {
-    trials.add(tests![buildings_have_one_number_and_plans_lie_in_the_city]);
+    trials.add(tests![buildings_have_one_number_and_plans_lie_in_the_city, labels_are_what_people_read]);
 }
 
 /// Buildings along a side of the town. Each has two parts.
@@ -189,5 +189,73 @@ fn plans(folder: &Path, manifest: &Value) -> Result<()> {
     }
     ensure!(count >= 8 * BUILDINGS && dxf.contains("LWPOLYLINE"), "{count} corners");
     ensure!(!entities(&sheet).contains("\n845"), "a sheet has coordinates of the city");
+    Ok(())
+}
+
+const LABELS: &str = r#"
+[bouwjaar]
+title = "Built in"
+titles = { de = "Baujahr" }
+[dak]
+unit = "m"
+title = "Roof"
+order = 1
+[status]
+hidden = true
+[afwijkin]
+title = "Deviation"
+"#;
+
+/// Titles, units and order of a file of labels are in commands and drawings. Filters find what a building and its parts have together.
+fn labels_are_what_people_read() -> Result<()> {
+    let folder = tempfile::tempdir()?;
+    let folder = folder.path();
+    fs::write(folder.join("town.city.json"), town())?;
+    fs::write(folder.join("labels.toml"), "[bouwjaar]\ntitel = 1\n")?;
+    let bake = |name: &str| {
+        let mut command = Command::new(program("insula-server")?);
+        let line = format!("bake town.city.json --cell 2 --no-street-sets --labels {name} --out town");
+        run(command.current_dir(folder).args(line.split_whitespace()).env_remove("RUST_LOG"))
+    };
+    let refused = bake("labels.toml")?;
+    let errors = String::from_utf8_lossy(&refused.stderr).into_owned();
+    ensure!(!refused.status.success() && errors.contains("labels.toml, line 2, bouwjaar.titel: "), "{errors}");
+    fs::write(folder.join("labels.toml"), LABELS)?;
+    let baked = bake("labels.toml")?;
+    let errors = String::from_utf8_lossy(&baked.stderr).into_owned();
+    ensure!(baked.status.success() && errors.contains("afwijkin: did you mean afwijking?"), "{errors}");
+    let list = call(folder, "insula-server", "objects town")?;
+    let line = |start: &str| list.lines().position(|line| line.starts_with(start));
+    let order = ["dak (Roof)", "naam", "bouwjaar (Built in)"].map(line);
+    ensure!(order.iter().all(Option::is_some) && order.is_sorted(), "{list}");
+    ensure!(list.contains("5.1 to 8.63 m"), "{list}");
+    let schema: Value = serde_json::from_str(&call(folder, "insula-server", "objects town --json")?)?;
+    ensure!(schema["labels"]["status"]["hidden"] == true, "{schema}");
+    // Years are of buildings, roofs of their parts: 1941 to 1948.
+    let filtered = ["bouwjaar > 1940 && dak > 8", "bouwjaar > 1940 && height > 8"];
+    for (number, filter) in filtered.iter().enumerate() {
+        let name = format!("filtered-{number}.csv");
+        let mut command = Command::new(program("insula-server")?);
+        let output =
+            run(command.current_dir(folder).args(["export", "town", "--filter", filter, "--out", name.as_str()]))?;
+        ensure!(output.status.success(), "{filter}: {}", String::from_utf8_lossy(&output.stderr));
+        let (names, rows) = table(&folder.join(&name))?;
+        ensure!(rows.len() == 8 && names[8] == "dak", "{filter}: {} rows of {names:?}", rows.len());
+        ensure!(rows.iter().all(|row| row["kind"] == "building" && row["dak"] == "8.63"), "{rows:?}");
+    }
+    let first =
+        call(folder, "insula-server", "export town --out all.csv").and_then(|_| table(&folder.join("all.csv")))?;
+    let house = first.1.iter().find(|row| row["naam"] == "Huis 3").context("no house")?;
+    let shown = call(folder, "insula-server", &format!("objects town {}", house["object"]))?;
+    let words: Vec<&str> = shown.split_whitespace().collect();
+    ensure!(words.join(" ").contains("dak (Roof) 8.63 m naam Huis 3 bouwjaar (Built in) 1903"), "{shown}");
+    for (language, title) in [("de_AT.UTF-8", "Baujahr"), ("C", "Built in")] {
+        let mut command = Command::new(program("insula")?);
+        let line = "draw town --plan --color-by bouwjaar --overwrite --out plan.svg";
+        let output = run(command.current_dir(folder).args(line.split_whitespace()).env("LC_ALL", language))?;
+        ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let drawn = fs::read_to_string(folder.join("plan.svg"))?;
+        ensure!(drawn.contains(&format!(">{title}<")), "the legend of {language} has no {title}");
+    }
     Ok(())
 }

@@ -8,6 +8,7 @@ use super::{
 use crate::{
     args::{DrawArgs, GlobalArgs},
     error::{ClientError, Result},
+    language,
     stream::{city::OpenedCity, fetch::Http, jitter::jitter},
 };
 use bytes::Bytes;
@@ -89,7 +90,9 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
     let schema = StoredCity::read_schema(read).map_err(|error| unreadable(&error))?;
     let source = StoredCity::new(manifest, &schema, read);
     let color_by = args.color_by.as_ref().map(|text| {
-        ColorBy::parse(text, source.schema()).map_err(|error| ClientError::Usage(format!("--color-by {text}: {error}")))
+        let parsed = ColorBy::parse(text, source.schema());
+        let color_by = parsed.map_err(|error| ClientError::Usage(format!("--color-by {text}: {error}")))?;
+        Ok::<_, ClientError>(color_by.in_language(&language::of_environment()))
     });
     let request = DrawRequest {
         view,

@@ -118,7 +118,7 @@ mod tests {
         let entry = |rgb, label: &str| LegendEntry { rgb, label: label.into() };
         let ramp = Some(Ramp { range: [1650.0, 2020.0], stops: vec![[0, 0, 90], [250, 250, 0]] });
         let entries = vec![entry([211; 3], "no data")];
-        Legend { title: "year of construction".into(), unit: None, entries, ramp }
+        Legend { title: "year of construction".into(), titles: Default::default(), unit: None, entries, ramp }
     }
 
     #[test]

@@ -4,7 +4,9 @@ use super::{
     bookmarks::ViewAction,
     object_source::{ObjectWorker, SharedLookup},
 };
+use crate::language;
 use egui::{Color32, RichText, Ui};
+use insula_objects::schema::ShownValue;
 use insula_protocol::text::printable;
 use insula_viewer::objects::ObjectDescription;
 use std::collections::BTreeSet;
@@ -22,6 +24,8 @@ const MAX_HEIGHT_SHARE: f32 = 0.45;
 struct FoundObject {
     id: u32,
     result: std::result::Result<Option<ObjectDescription>, String>,
+    /// Its attributes as people read them.
+    shown: Vec<ShownValue>,
 }
 
 /// The selection and its panel.
@@ -144,12 +148,20 @@ impl ObjectPanel {
     fn fetch_next(&mut self) {
         let is_missing = |id: &&u32| self.found.iter().all(|found| found.id != **id);
         let Some(id) = self.selected.iter().find(is_missing).copied() else { return };
-        let describe = move |objects: &SharedLookup| FoundObject {
-            id,
-            result: objects.read(|objects| objects.describe_with_parent(id)),
+        let describe = move |objects: &SharedLookup| {
+            let described = objects.read(|objects| {
+                let object = objects.describe_with_parent(id)?;
+                let language = language::of_environment();
+                let shown = object.as_ref().map(|object| objects.schema().shown(&object.attributes, &language));
+                Ok((object, shown.unwrap_or_default()))
+            });
+            match described {
+                Ok((object, shown)) => FoundObject { id, result: Ok(object), shown },
+                Err(reason) => FoundObject { id, result: Err(reason), shown: Vec::new() },
+            }
         };
         if let Err(reason) = self.worker.start(describe) {
-            self.add(FoundObject { id, result: Err(reason) });
+            self.add(FoundObject { id, result: Err(reason), shown: Vec::new() });
         }
     }
 
@@ -175,7 +187,7 @@ impl ObjectPanel {
             for found in &self.found {
                 ui.separator();
                 match &found.result {
-                    Ok(Some(object)) => action = show_object(ui, object, &needle).or(action.take()),
+                    Ok(Some(object)) => action = show_object(ui, object, &found.shown, &needle).or(action.take()),
                     Ok(None) => drop(ui.label(format!("nothing is known of object {}", found.id))),
                     Err(reason) => drop(ui.label(printable(reason).into_owned())),
                 }
@@ -194,8 +206,8 @@ impl ObjectPanel {
     }
 }
 
-/// One object. Only attributes whose name or value contains `needle` are shown.
-fn show_object(ui: &mut Ui, object: &ObjectDescription, needle: &str) -> Option<ViewAction> {
+/// One object. Only attributes whose title, name or value contains `needle` are shown.
+fn show_object(ui: &mut Ui, object: &ObjectDescription, shown: &[ShownValue], needle: &str) -> Option<ViewAction> {
     let mut action = None;
     ui.horizontal(|ui| {
         ui.label(RichText::new(printable(&object.identifier)).strong());
@@ -208,16 +220,15 @@ fn show_object(ui: &mut Ui, object: &ObjectDescription, needle: &str) -> Option<
     let part = object.parent.as_ref().map(|parent| format!(", part of {}", printable(parent))).unwrap_or_default();
     ui.label(RichText::new(format!("{} {}{part}", object.kind, object.id)).color(Color32::from_gray(160)));
     egui::Grid::new(("object", object.id)).num_columns(2).spacing([10.0, 2.0]).show(ui, |ui| {
-        for (name, value) in object.attributes.iter() {
-            let text = value.to_string();
-            if !needle.is_empty() && !name.to_lowercase().contains(needle) && !text.to_lowercase().contains(needle) {
+        for ShownValue { name, title, text } in shown {
+            if ![name, title, text].iter().any(|text| text.to_lowercase().contains(needle)) {
                 continue;
             }
-            let text = printable(&text).into_owned();
+            let text = printable(text).into_owned();
             let shown: String = text.chars().take(MAX_VALUE_CHARS).collect();
             let is_cut = shown.len() < text.len();
             let shown = if is_cut { format!("{shown}…") } else { shown };
-            ui.label(RichText::new(printable(name)).color(Color32::from_gray(160)));
+            ui.label(RichText::new(printable(title)).color(Color32::from_gray(160))).on_hover_text(printable(name));
             let line = if text.starts_with("https://") || text.starts_with("http://") {
                 ui.hyperlink_to(shown, &text)
             } else {

@@ -3,15 +3,19 @@
 //! Styles are made from blocks of objects that stay in memory. No tile is fetched again.
 
 use super::object_source::{ObjectWorker, SharedLookup};
+use crate::language;
 use egui::{Color32, RichText, Sense, Ui, vec2};
-use insula_objects::color::{ColorBy, Legend, Ramp};
+use insula_objects::{
+    Schema,
+    color::{ColorBy, Legend, Ramp},
+};
 use insula_protocol::text::printable;
 use insula_viewer::objects::{FilteredOut, ObjectStyles, StyleRules, StyledObjects};
 
 /// What a thread has found.
 enum StyleAnswer {
-    /// Names of attributes.
-    Attributes(Result<Vec<String>, String>),
+    /// Names of attributes with their titles.
+    Attributes(Result<Vec<(String, String)>, String>),
     Styles(Result<StyledObjects, String>),
 }
 
@@ -19,8 +23,8 @@ enum StyleAnswer {
 pub(super) struct StylePanel {
     is_open: bool,
     worker: ObjectWorker<StyleAnswer>,
-    /// Names of attributes; `None` until they are asked for.
-    attributes: Option<Vec<String>>,
+    /// Names of attributes with their titles; `None` until they are asked for.
+    attributes: Option<Vec<(String, String)>>,
     wanted: StyleRules,
     /// What is drawn or being made.
     requested: StyleRules,
@@ -98,7 +102,7 @@ impl StylePanel {
         if self.is_open && !self.worker.is_busy() {
             if self.attributes.is_none() && self.error.is_none() {
                 self.start(|objects| {
-                    StyleAnswer::Attributes(objects.read(|objects| Ok(objects.schema().names_to_color_by())))
+                    StyleAnswer::Attributes(objects.read(|objects| Ok(titled_names(objects.schema()))))
                 });
             } else if self.attributes.is_some() && self.wanted != self.requested {
                 self.requested = self.wanted.clone();
@@ -164,13 +168,14 @@ impl StylePanel {
     }
 
     fn show_color(&mut self, ui: &mut Ui) {
-        let names = self.attributes.iter().flatten().map(String::as_str);
+        let names = self.attributes.iter().flatten().map(|(name, title)| (name.as_str(), title.as_str()));
         let before = self.wanted.attribute.clone();
         ui.horizontal(|ui| {
             ui.label("Colour by");
             choose(ui, "attribute", "own colours", names, &mut self.wanted.attribute);
             if !self.wanted.attribute.is_empty() {
-                choose(ui, "palette", "default palette", ColorBy::palettes(), &mut self.wanted.palette);
+                let palettes: Vec<_> = ColorBy::palettes().map(|name| (name, name)).collect();
+                choose(ui, "palette", "default palette", palettes.into_iter(), &mut self.wanted.palette);
             }
         });
         if self.wanted.attribute != before {
@@ -204,13 +209,27 @@ impl StylePanel {
     }
 }
 
-/// A list to choose from. The first entry, `none`, is an empty text.
-fn choose<'a>(ui: &mut Ui, id: &str, none: &str, names: impl Iterator<Item = &'a str>, chosen: &mut String) {
-    let label = if chosen.is_empty() { none.to_owned() } else { printable(chosen).into_owned() };
+/// Names by which objects can be coloured, with the titles that people read. Hidden attributes are left out.
+fn titled_names(schema: &Schema) -> Vec<(String, String)> {
+    let language = language::of_environment();
+    let names = schema.names_to_color_by().into_iter().filter(|name| schema.is_shown(name));
+    names.map(|name| (name.clone(), schema.title_of(&name, &language).to_owned())).collect()
+}
+
+/// A list to choose from, names with their titles. The first entry, `none`, is an empty text.
+fn choose<'a>(
+    ui: &mut Ui,
+    id: &str,
+    none: &str,
+    names: impl Iterator<Item = (&'a str, &'a str)> + Clone,
+    chosen: &mut String,
+) {
+    let title = names.clone().find(|(name, _)| *name == chosen).map_or(chosen.as_str(), |(_, title)| title);
+    let label = if chosen.is_empty() { none.to_owned() } else { printable(title).into_owned() };
     egui::ComboBox::from_id_salt(id).selected_text(label).show_ui(ui, |ui| {
         ui.selectable_value(chosen, String::new(), none);
-        for name in names {
-            ui.selectable_value(chosen, name.to_owned(), printable(name));
+        for (name, title) in names {
+            ui.selectable_value(chosen, name.to_owned(), printable(title));
         }
     });
 }

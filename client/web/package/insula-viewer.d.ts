@@ -160,7 +160,7 @@ export interface ObjectDescription {
   /** Identifier of the object that it is a part of. */
   parent: string | null;
   kind: string;
-  /** By name, in the order in which they are shown. What the object lacks is from its parent. Dates are texts. */
+  /** By name, in the order in which they are shown. What the object lacks is from its parent, or else from its parts. Dates are texts. */
   attributes: Record<string, string | number | boolean>;
   /** Middle of its box, or of its parts' if it has no shape. */
   centre: Position | null;
@@ -193,6 +193,18 @@ export interface Attribute {
   top: [value: string, count: number][];
 }
 
+/** What an office lets people read of an attribute. */
+export interface AttributeLabel {
+  /** Instead of its name. */
+  title?: string;
+  /** The same by codes of languages in lower case, such as `pt-br`. */
+  titles?: Record<string, string>;
+  /** Attributes with a number come first, the smallest at the top. */
+  order?: number;
+  /** Panels do not show it. */
+  hidden?: boolean;
+}
+
 export interface Schema {
   /** Number of objects. */
   objects: number;
@@ -200,6 +212,8 @@ export interface Schema {
   colorBy: string[];
   palettes: string[];
   attributes: Attribute[];
+  /** By the name of the attribute. */
+  labels: Record<string, AttributeLabel>;
 }
 
 /** How objects are coloured and filtered. What is left out asks for nothing. */
@@ -221,6 +235,8 @@ export interface ColorRules {
 /** What colours mean. */
 export interface Legend {
   title: string;
+  /** The title by codes of languages, if there are several. */
+  titles?: Record<string, string>;
   unit: string | null;
   /** Classes, or values along the ramp. The last entry is for objects without a value. */
   entries: { rgb: [r: number, g: number, b: number]; label: string }[];

@@ -157,7 +157,11 @@ colorBy: Array<string>, palettes: Array<string>,
 /**
  * The attributes as the schema of the city has them.
  */
-attributes: import('./insula-viewer.js').Attribute[], };
+attributes: import('./insula-viewer.js').Attribute[], 
+/**
+ * What people read, by the name of the attribute.
+ */
+labels: Record<string, import('./insula-viewer.js').AttributeLabel>, };
 
 /**
  * The colours of objects.

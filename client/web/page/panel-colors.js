@@ -1,6 +1,7 @@
 /** The panel of colours and filters, and the legend over the view. */
 
 import { announce } from './announcer.js';
+import { AttributeLabels, legendTitle } from './attribute-labels.js';
 import { element, printable, setText } from './dom.js';
 import { follow } from './events.js';
 import { strings } from './strings.js';
@@ -126,7 +127,9 @@ export function colorsPanel({ city }) {
       setText(error, texts.failed(printable(message)));
       return;
     }
-    attribute.fill([['', texts.own], ...schema.colorBy.map((name) => [name, printable(name)])]);
+    const labels = new AttributeLabels(schema);
+    const names = schema.colorBy.filter((name) => labels.isShown(name));
+    attribute.fill([['', texts.own], ...names.map((name) => [name, printable(labels.title(name))])]);
     palette.fill([['', texts.defaultPalette], ...schema.palettes.map((name) => [name, name])]);
     showRules();
   };
@@ -192,8 +195,9 @@ export function legendBox(city) {
   return node;
 }
 
-function legendNodes({ title, unit, ramp, entries }) {
-  const heading = element('p', { class: 'legend-title', dir: 'auto' }, printable(unit ? `${title} (${unit})` : title));
+function legendNodes(legend) {
+  const { ramp, entries } = legend;
+  const heading = element('p', { class: 'legend-title', dir: 'auto' }, printable(legendTitle(legend)));
   const bar = element('div', { class: 'ramp', 'aria-hidden': 'true' });
   if (ramp) bar.style.backgroundImage = `linear-gradient(to right, ${ramp.stops.map(css).join(', ')})`;
   bar.hidden = !ramp;

@@ -1,6 +1,7 @@
 /** The panel of the selected objects: what is known of them. It opens with the first selected object. */
 
 import { announce } from './announcer.js';
+import { AttributeLabels } from './attribute-labels.js';
 import { copyText } from './clipboard.js';
 import { element, printable, setText, webAddress } from './dom.js';
 import { strings } from './strings.js';
@@ -32,11 +33,19 @@ export function objectsPanel(page) {
   const buttons = element('div', { class: 'buttons' });
   buttons.append(button({ text: texts.copy, icon: 'copy', press: copy }), button({ text: texts.clear, press: clear }));
 
+  let labels = new AttributeLabels(null);
+  /** @type {Promise<void>|null} */ let fetched = null;
+  // Without labels, attributes have the names of the source.
+  const fetchLabels = () => city.schema().then((schema) => {
+    labels = new AttributeLabels(schema);
+    show();
+  }, () => (fetched = null));
+
   const show = () => {
     const objects = city.selection;
     const needle = input.value.trim().toLowerCase();
     setText(summary, objects.length === 0 ? texts.none : texts.count(objects.length));
-    list.replaceChildren(...objects.slice(0, MAX_SHOWN).map((object) => card(city, object, needle)));
+    list.replaceChildren(...objects.slice(0, MAX_SHOWN).map((object) => card(city, object, needle, labels)));
     [find, buttons].forEach((node) => (node.hidden = objects.length === 0));
   };
   input.addEventListener('input', show);
@@ -44,6 +53,7 @@ export function objectsPanel(page) {
   city.addEventListener('selection', ({ detail }) => {
     show();
     if (detail.objects.length === 0) return;
+    fetched ??= fetchLabels();
     const last = detail.objects.at(-1);
     announce(texts.selected(printable(last.identifier)));
     panels.open('objects', false);
@@ -52,8 +62,8 @@ export function objectsPanel(page) {
   return { title: texts.title, content: [summary, find, list, error, buttons] };
 }
 
-/** One object. Only attributes whose name or value contains `needle` are shown. */
-function card(city, object, needle) {
+/** One object. Only attributes whose title, name or value contains `needle` are shown. */
+function card(city, object, needle, labels) {
   const { identifier, kind, id, parent, attributes, centre } = object;
   const name = printable(identifier) || texts.unnamed(String(id));
   const visit = () => city.flyTo(centre).catch(() => {});
@@ -61,9 +71,13 @@ function card(city, object, needle) {
   const head = element('div', { class: 'object-head' }, element('h3', { dir: 'auto' }, name), go);
   const what = parent === null ? texts.kind(kind, String(id)) : texts.partOf(kind, String(id), printable(parent));
   const rows = Object.entries(attributes)
-    .map(([key, value]) => [printable(key), printable(String(value))])
+    .filter(([key]) => labels.isShown(key))
+    .map(([key, value]) => [labels.title(key), labels.text(key, value), key].map(printable))
     .filter((row) => row.some((text) => text.toLowerCase().includes(needle)))
-    .flatMap(([key, value]) => [element('dt', { dir: 'auto' }, key), element('dd', { dir: 'auto' }, valueNode(value))]);
+    .flatMap(([title, value, key]) => [
+      element('dt', { dir: 'auto', title: key }, title),
+      element('dd', { dir: 'auto' }, valueNode(value)),
+    ]);
   return element('section', {}, head, element('p', { class: 'hint' }, what), element('dl', {}, ...rows));
 }
 

@@ -99,6 +99,9 @@ pub(crate) struct SchemaMessage {
     /// The attributes as the schema of the city has them.
     #[cfg_attr(test, ts(type = "import('./insula-viewer.js').Attribute[]"))]
     pub(crate) attributes: serde_json::Value,
+    /// What people read, by the name of the attribute.
+    #[cfg_attr(test, ts(type = "Record<string, import('./insula-viewer.js').AttributeLabel>"))]
+    pub(crate) labels: serde_json::Value,
 }
 
 /// The colours of objects.

@@ -191,7 +191,7 @@ const HEIGHTS: [&str; 16] = [
 
 /// What an attribute tells, in the order in which attributes are shown: the telling ones come first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Telling {
+pub(crate) enum Telling {
     Name,
     Address,
     Use,
@@ -201,7 +201,7 @@ enum Telling {
 }
 
 impl Telling {
-    fn of_name(name: &str) -> Self {
+    pub(crate) fn of_name(name: &str) -> Self {
         let text = TextUse::of_name(name);
         // A number alone may be that of anything.
         let is_part = text.part == Some(TextPart::Street) || text.part.is_some() && is_address(&text.group);
@@ -218,51 +218,32 @@ impl Telling {
     }
 }
 
-/// The attributes of these names in the order in which they are shown: name, address, use, year and height come first, the others
-/// follow in the order of the source. Pages, windows, commands and tables all have this order.
-#[must_use]
-pub fn display_order<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<usize> {
-    let mut order: Vec<(Telling, usize)> =
-        names.into_iter().enumerate().map(|(index, name)| (Telling::of_name(name), index)).collect();
-    order.sort_unstable();
-    order.into_iter().map(|(_, index)| index).collect()
+/// Names of areas and volumes of 3DBAG, by how they begin, with the units of its documentation. Its heights are above sea level.
+const OF_3DBAG: [(&str, &str); 4] = [("b3_h_", "m"), ("b3_rmse_", "m"), ("b3_opp_", "m²"), ("b3_volume_", "m³")];
+/// A height of New York, which is in feet.
+const IN_FEET: &str = "heightroof";
+
+/// The unit that follows from the name of an attribute.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct KnownUnit {
+    pub(crate) unit: &'static str,
+    /// Whether sources of that name may have another one.
+    pub(crate) is_guess: bool,
+}
+
+/// The unit that numbers of an attribute have by its name; `None` if the name says nothing.
+pub(crate) fn unit_of_name(name: &str) -> Option<KnownUnit> {
+    let lower = name.to_lowercase();
+    if let Some((_, unit)) = OF_3DBAG.iter().find(|(start, _)| lower.starts_with(start)) {
+        return Some(KnownUnit { unit, is_guess: false });
+    }
+    let is_height = Telling::of_name(name) == Telling::Height && !lower.ends_with(IN_FEET);
+    is_height.then_some(KnownUnit { unit: "m", is_guess: true })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn telling_attributes_come_first_and_the_others_keep_their_order() {
-        let names = [
-            "identificatie",
-            "b3_h_maaiveld",
-            "oorspronkelijkbouwjaar",
-            "status",
-            "bldg:measuredHeight",
-            "gebruiksdoel",
-            "addr:street",
-            "addr:housenumber",
-            "name:en",
-            "number",
-            "naam",
-        ];
-        let shown: Vec<&str> = display_order(names).into_iter().map(|index| names[index]).collect();
-        let expected = [
-            "name:en",
-            "naam",
-            "addr:street",
-            "addr:housenumber",
-            "gebruiksdoel",
-            "oorspronkelijkbouwjaar",
-            "bldg:measuredHeight",
-            "identificatie",
-            "b3_h_maaiveld",
-            "status",
-            "number",
-        ];
-        assert_eq!(shown, expected);
-    }
 
     #[test]
     fn names_are_told_in_several_spellings() {

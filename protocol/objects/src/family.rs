@@ -31,6 +31,17 @@ impl PartValues {
         }
     }
 
+    /// Adds those of other parts.
+    pub fn merge(&mut self, other: Self) {
+        self.add(other.0);
+    }
+
+    /// That of an attribute.
+    #[must_use]
+    pub fn get(&self, attribute: u32) -> Option<&Value> {
+        self.0.get(&attribute)
+    }
+
     /// Gives the whole the values that it lacks. Attributes ascend, before and after.
     pub fn complete(self, whole: &mut Vec<(u32, Value)>) {
         let parts: Vec<_> = self.0.into_iter().collect();

@@ -11,11 +11,12 @@ pub mod filter;
 pub mod kind;
 pub mod schema;
 pub mod search;
+mod suggest;
 pub mod value;
 
 pub use block::{BLOCK_OBJECTS, ObjectBlock, ObjectBounds, ObjectRecord};
 pub use color::{ColorBy, ColorError, Legend, LegendEntry, Ramp};
 pub use filter::{Filter, FilterError};
 pub use kind::FeatureKind;
-pub use schema::{AttributeInfo, NamedValues, Schema, SchemaBuilder};
+pub use schema::{AttributeInfo, AttributeLabel, Labels, NamedValues, Schema, SchemaBuilder};
 pub use value::{Value, ValueType};

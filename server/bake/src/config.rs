@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use insula_objects::Labels;
 use insula_protocol::{
     NODE_CELLS,
     blockmap::Quality,
@@ -124,6 +125,8 @@ pub struct BakeOptions {
     pub drop_attributes: Vec<String>,
     /// Names of the attributes whose texts can be searched, besides names, addresses and identifiers.
     pub search_attributes: Vec<String>,
+    /// What people read instead of the names of attributes, and units of numbers.
+    pub labels: Labels,
     /// File that places landmarks in the city.
     pub landmarks: Option<PathBuf>,
     /// Whether the only input is the mesh of a monument without a city ([`crate::read::cell_of_monument`]).
@@ -173,6 +176,7 @@ impl Default for BakeOptions {
             facades: FacadeOption::default(),
             drop_attributes: Vec::new(),
             search_attributes: Vec::new(),
+            labels: Labels::default(),
             landmarks: None,
             is_monument: false,
             stone: None,
@@ -224,6 +228,9 @@ pub(crate) struct BakeConfig {
     pub(crate) ground: GroundOption,
     pub(crate) dropped_attributes: NamePatterns,
     pub(crate) searchable: Vec<String>,
+    pub(crate) labels: Labels,
+    /// Unit of heights that do not tell it; `None` for metres, as a guess.
+    pub(crate) height_unit: Option<HeightUnit>,
     pub(crate) street_sets: bool,
     pub(crate) picture: bool,
     /// Hash of everything that determines the tiles except the scene, 16 hexadecimal digits.
@@ -274,6 +281,8 @@ impl BakeConfig {
             ground: options.ground,
             dropped_attributes: check_patterns(&options.drop_attributes)?,
             searchable: options.search_attributes.clone(),
+            labels: options.labels.clone(),
+            height_unit: options.height_unit,
             street_sets: options.street_sets,
             picture: options.picture,
             settings: hash_settings(options)?,

@@ -107,6 +107,7 @@ mod tests {
         let entry = |k: u8| LegendEntry { rgb: [k; 3], label: format!("class {k}") };
         let of = |ramp: Option<Ramp>| Legend {
             title: "kind".into(),
+            titles: Default::default(),
             unit: None,
             entries: (0..4).map(entry).collect(),
             ramp,
@@ -128,6 +129,7 @@ mod tests {
             let is_ramp = ramp.is_some();
             let legend = Legend {
                 title: "height".into(),
+                titles: Default::default(),
                 unit: Some("m".into()),
                 entries: (0..count).map(entry).collect(),
                 ramp,

@@ -2,7 +2,7 @@
 
 use crate::{error::DrawError, style::Rgb};
 use insula_export::{leaves::LeafObject, source::ExportSource};
-use insula_objects::{BLOCK_OBJECTS, ColorBy, FeatureKind, ObjectBlock};
+use insula_objects::{BLOCK_OBJECTS, ColorBy, FeatureKind, ObjectBlock, Value};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -22,48 +22,74 @@ impl Blocks<'_> {
     }
 }
 
-/// The colours of `objects`: of all kinds of which one has a value, itself or by its parent, as viewers have them. Fails if objects
-/// cannot be read.
+/// What is known of an object while the colours are made.
+#[derive(Clone, Copy, Default)]
+struct Facts {
+    rgb: Option<Rgb>,
+    /// Number or day of its value.
+    number: Option<f64>,
+    parent: Option<u32>,
+}
+
+/// The colours of `objects`: of all kinds of which one has a value, itself, by its parent or by its parts, as viewers have them. Fails if
+/// objects cannot be read.
 pub(crate) fn attribute_colors(
     source: &dyn ExportSource,
     objects: &[LeafObject],
     color_by: &ColorBy,
 ) -> Result<Vec<Option<Rgb>>, DrawError> {
     let mut blocks = Blocks { source, last: None };
-    // Colour and parent by number.
-    let mut facts: BTreeMap<u32, (Option<Rgb>, Option<u32>)> = BTreeMap::new();
+    let mut facts: BTreeMap<u32, Facts> = BTreeMap::new();
     let numbers = objects.iter().map(|object| object.number).filter(|number| *number != NO_OBJECT);
-    facts.extend(numbers.map(|number| (number, (None, None))));
-    for (number, fact) in &mut facts {
-        if let Some(block) = blocks.of(*number)? {
-            *fact = (rgb(color_by, block, *number), block.parent(*number));
+    facts.extend(numbers.map(|number| (number, Facts::default())));
+    for (object, fact) in &mut facts {
+        if let Some(block) = blocks.of(*object)? {
+            let value = color_by.value(block, *object);
+            let rgb = value.as_ref().map(|value| rgb_of(color_by, Some(value)));
+            let number = value.as_ref().and_then(Value::as_f64);
+            *fact = Facts { rgb, number, parent: block.parent(*object) };
         }
     }
     let mut parents: BTreeMap<u32, Option<Rgb>> = BTreeMap::new();
-    parents.extend(facts.values().filter(|(own, _)| own.is_none()).filter_map(|(_, parent)| Some(((*parent)?, None))));
+    parents.extend(facts.values().filter(|own| own.rgb.is_none()).filter_map(|own| Some((own.parent?, None))));
     for (number, color) in &mut parents {
         if let Some(block) = blocks.of(*number)? {
-            *color = rgb(color_by, block, *number);
+            *color = color_by.value(block, *number).map(|value| rgb_of(color_by, Some(&value)));
         }
     }
-    let of_values: HashMap<u32, Rgb> = facts
-        .iter()
-        .filter_map(|(number, (own, parent))| {
-            Some((*number, own.or_else(|| parents.get(&(*parent)?).copied().flatten())?))
-        })
-        .collect();
+    let of_parts = colors_of_parts(&facts, objects);
+    let color_of = |number: u32, own: &Facts| {
+        let inherited = own.rgb.or_else(|| parents.get(&own.parent?).copied().flatten());
+        inherited.or_else(|| of_parts.get(&number).map(|(_, rgb)| *rgb))
+    };
+    let of_values: HashMap<u32, Rgb> =
+        facts.iter().filter_map(|(number, own)| Some((*number, color_of(*number, own)?))).collect();
     let has_value = |object: &&LeafObject| of_values.contains_key(&object.number);
     let kinds: HashSet<FeatureKind> = objects.iter().filter(has_value).map(|object| object.kind).collect();
-    let [r, g, b, _] = color_by.rgba(None);
+    let no_data = rgb_of(color_by, None);
     let color = |object: &LeafObject| {
         let is_colored = object.number != NO_OBJECT && kinds.contains(&object.kind);
-        is_colored.then(|| of_values.get(&object.number).copied().unwrap_or([r, g, b]))
+        is_colored.then(|| of_values.get(&object.number).copied().unwrap_or(no_data))
     };
     Ok(objects.iter().map(color).collect())
 }
 
-fn rgb(color_by: &ColorBy, block: &ObjectBlock, object: u32) -> Option<Rgb> {
-    let value = color_by.value(block, object)?;
-    let [r, g, b, _] = color_by.rgba(Some(&value));
-    Some([r, g, b])
+/// The largest number of the drawn parts of each whole that has none itself, with its colour.
+fn colors_of_parts(facts: &BTreeMap<u32, Facts>, objects: &[LeafObject]) -> BTreeMap<u32, (f64, Rgb)> {
+    let kinds: HashMap<u32, FeatureKind> = objects.iter().map(|object| (object.number, object.kind)).collect();
+    let mut largest: BTreeMap<u32, (f64, Rgb)> = BTreeMap::new();
+    for (object, part) in facts {
+        let (Some(number), Some(rgb), Some(whole)) = (part.number, part.rgb, part.parent) else { continue };
+        let lacks_value = facts.get(&whole).is_some_and(|whole| whole.rgb.is_none());
+        let is_part = kinds.get(object).zip(kinds.get(&whole)).is_some_and(|(part, whole)| part.is_part_of(*whole));
+        if lacks_value && is_part && largest.get(&whole).is_none_or(|(known, _)| *known < number) {
+            largest.insert(whole, (number, rgb));
+        }
+    }
+    largest
+}
+
+fn rgb_of(color_by: &ColorBy, value: Option<&Value>) -> Rgb {
+    let [r, g, b, _] = color_by.rgba(value);
+    [r, g, b]
 }

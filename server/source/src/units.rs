@@ -13,6 +13,14 @@ pub enum HeightUnit {
 }
 
 impl HeightUnit {
+    /// As people read it.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Foot => "ft",
+        }
+    }
+
     /// Metres in it.
     pub fn metres(self) -> f64 {
         match self {

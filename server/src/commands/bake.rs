@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     args::{BakeArgs, GeneratedFacades, GeneratedGround, LengthUnit, Preference, ReadArgs, UpAxis, VisibilityRenderer},
-    memory,
+    labels, memory,
 };
 use insula_archive::{file::read_text, places::canonical};
 use insula_bake::{
@@ -85,7 +85,7 @@ const REPORT: FileKind = FileKind::Json("a report of a bake", &["blocks_baked", 
 /// Fails if the report would overwrite anything but an earlier report: what the bake reads, or another file.
 fn check_report(report: &Path, args: &BakeArgs, options: &BakeOptions) -> Result<(), CommandError> {
     let mut inputs = options.read_paths();
-    inputs.extend(args.palette.clone());
+    inputs.extend(args.palette.iter().chain(&args.labels).cloned());
     inputs.extend(args.stone.as_ref().map(Into::into));
     // Neither may exist yet.
     for folder in [args.out.clone(), insula_bake::kept_work::scratch_folder(&args.out)] {
@@ -157,6 +157,8 @@ fn stone_of(value: &str) -> Result<String, CommandError> {
 /// What a bake is asked for. Fails if a file that an option names cannot be read.
 pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandError> {
     let stone = args.stone.as_deref().map(stone_of).transpose()?;
+    let labels = args.labels.as_deref().map(labels::read).transpose();
+    let labels = labels.map_err(|error| CommandError::Usage(format!("--labels {error}")))?.unwrap_or_default();
     let monument = cell_of_monument(&args.inputs, stone.is_some(), args.read.at.map(|place| place.0));
     let is_monument = monument.is_some() && args.landmarks.is_none();
     if stone.is_some() && !is_monument {
@@ -176,6 +178,7 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         nodata: args.read.nodata,
         drop_attributes: args.read.drop.clone(),
         search_attributes: args.read.search.clone(),
+        labels,
         duplicates: duplicates(&args.read),
         addresses: Some(Addresses::new(&args.read.allow_host)),
         inputs: args.inputs.clone(),

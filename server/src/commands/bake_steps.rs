@@ -146,7 +146,7 @@ fn names_files(job: &Job, args: &BakeArgs) -> bool {
     let has_stone = args.stone.as_ref().is_some_and(|stone| stone.ends_with(".json"));
     // The folder of grids may also be one that this machine's environment names.
     let has_grids = args.read.grids.is_some() && job.arguments.iter().any(|word| word.starts_with("--grids"));
-    let has_others = !args.texture_root.is_empty() || args.landmarks.is_some() || has_grids;
+    let has_others = !args.texture_root.is_empty() || args.landmarks.is_some() || args.labels.is_some() || has_grids;
     !inputs.all(is_address) || has_palette || has_stone || has_others
 }
 

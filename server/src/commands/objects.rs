@@ -8,7 +8,7 @@ use crate::{
     args::ObjectsArgs,
     store::{CityStore, StoredObjects},
 };
-use insula_objects::{AttributeInfo, FeatureKind, NamedValues, ObjectRecord, Schema, attribute_names::display_order};
+use insula_objects::{AttributeInfo, FeatureKind, NamedValues, ObjectRecord, Schema};
 use insula_protocol::text::{printable, without_sign_of_zero};
 use serde::Serialize;
 use serde_json::json;
@@ -46,7 +46,7 @@ pub(super) fn run(args: &ObjectsArgs) -> Result<(), CommandError> {
     if args.json {
         print_json(&pretty(&json!(found))?);
     } else {
-        print(&found.iter().map(object_text).collect::<Vec<_>>().join("\n"));
+        print(&found.iter().map(|object| object_text(object, objects.schema())).collect::<Vec<_>>().join("\n"));
     }
     Ok(())
 }
@@ -58,7 +58,7 @@ pub(crate) fn describe(
     record: ObjectRecord,
 ) -> Result<ObjectReport, CommandError> {
     let parent = record.parent.map(|parent| objects.identifier(parent)).transpose()?.flatten();
-    let attributes = NamedValues::new(objects.schema(), record.attributes);
+    let attributes = NamedValues::new(objects.schema(), objects.with_family(id, &record)?);
     Ok(ObjectReport { id, identifier: record.identifier, parent, kind: record.kind, attributes })
 }
 
@@ -67,29 +67,42 @@ fn pretty(value: &serde_json::Value) -> Result<String, CommandError> {
         .map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })
 }
 
-fn object_text(object: &ObjectReport) -> String {
+/// An object with the names of its attributes as filters have them, and the titles that people read.
+fn object_text(object: &ObjectReport, schema: &Schema) -> String {
     let mut out = format!("{} {} ({})\n", object.id, printable(&object.identifier), object.kind.name());
     if let Some(parent) = &object.parent {
         let _ = writeln!(out, "  part of {}", printable(parent));
     }
     for (name, value) in object.attributes.iter() {
-        let _ = writeln!(out, "  {:<28} {}", printable(name), printable(&value.to_string()));
+        let value = schema.text_of(name, value);
+        let _ = writeln!(out, "  {:<28} {}", printable(&named(schema, name)), printable(&value));
     }
     out
+}
+
+/// The name of an attribute, with its title if it has one.
+fn named(schema: &Schema, name: &str) -> String {
+    match schema.title_of(name, "") {
+        title if title == name => name.to_owned(),
+        title => format!("{name} ({title})"),
+    }
 }
 
 /// The attributes of a city, below its size in words.
 fn schema_table(size: &str, schema: &Schema) -> String {
     let mut out = format!("{size}\n{:<32} {:<8} {:>9}  values\n", "attribute", "type", "objects");
-    let order = display_order(schema.attributes.iter().map(|info| info.name.as_str()));
-    let shown = order.into_iter().filter_map(|index| schema.attributes.get(index));
-    for AttributeInfo { name, value_type, count, min, max, top, .. } in shown {
+    let shown = schema.display_order().into_iter().filter_map(|index| schema.attributes.get(index));
+    for AttributeInfo { name, value_type, count, min, max, top, unit, .. } in shown {
+        let unit = unit.as_ref().map(|unit| format!(" {unit}")).unwrap_or_default();
         let values = match (min, max) {
-            (Some(min), Some(max)) => format!("{} to {}", without_sign_of_zero(*min), without_sign_of_zero(*max)),
+            (Some(min), Some(max)) => {
+                format!("{} to {}{unit}", without_sign_of_zero(*min), without_sign_of_zero(*max))
+            }
             _ => top.iter().take(4).map(|(text, _)| text.as_str()).collect::<Vec<_>>().join(", "),
         };
         let values: String = printable(&values).chars().take(60).collect();
-        let _ = writeln!(out, "{:<32} {:<8} {count:>9}  {values}", printable(name), value_type.to_string());
+        let _ =
+            writeln!(out, "{:<32} {:<8} {count:>9}  {values}", printable(&named(schema, name)), value_type.to_string());
     }
     out
 }

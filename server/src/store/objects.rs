@@ -1,7 +1,10 @@
 //! The objects of an opened city on disk: their schema, and blocks that are read and decoded as needed.
 
 use insula_archive::BakedCity;
-use insula_objects::{ObjectBlock, ObjectRecord, Schema};
+use insula_objects::{
+    ObjectBlock, ObjectRecord, Schema, Value,
+    family::{PartValues, inherit},
+};
 use insula_protocol::{
     TileKind,
     object_tile::{self, SCHEMA_ID, block_of_object},
@@ -67,6 +70,25 @@ impl<'a> StoredObjects<'a> {
     /// An object; `None` if there is none of this number.
     pub fn object(&self, id: u32) -> Result<Option<ObjectRecord>, ObjectError> {
         Ok(self.block(block_of_object(id))?.and_then(|block| block.record(id)))
+    }
+
+    /// The values of an object, with those of its parent where it has none of its own, and else those of its parts: see
+    /// [`insula_objects::family`]. Parts are looked for in its block and those beside it, where they mostly are.
+    pub fn with_family(&self, id: u32, record: &ObjectRecord) -> Result<Vec<(u32, Value)>, ObjectError> {
+        let mut attributes = record.attributes.clone();
+        if let Some(parent) = record.parent.map(|parent| self.object(parent)).transpose()?.flatten() {
+            inherit(&mut attributes, &parent.attributes);
+        }
+        let mut of_parts = PartValues::default();
+        let own = block_of_object(id);
+        for block in own.saturating_sub(1)..self.block_count().min(own.saturating_add(2)) {
+            let Some(block) = self.block(block)? else { continue };
+            let parts = block.ids().iter().filter(|part| block.parent(**part) == Some(id));
+            let parts = parts.filter_map(|part| block.record(*part)).filter(|part| part.kind.is_part_of(record.kind));
+            parts.for_each(|part| of_parts.add(part.attributes));
+        }
+        of_parts.complete(&mut attributes);
+        Ok(attributes)
     }
 
     /// An object's identifier; `None` if there is no object of this number.

@@ -1,5 +1,5 @@
 """Object tiles: schema and blocks of objects (docs/formats.md, "Object tiles")."""
-import json, math, struct, zlib
+import json, math, re, struct, zlib
 from .container import BadTile, Bytes, unpack_zstd
 from .number_columns import History, RowSets, read_numbers, wrapped
 from .single import single
@@ -12,7 +12,10 @@ MAX_ATTRIBUTES, MAX_NAME_BYTES, MAX_TOP, MAX_DISTINCT, MAX_TEXT_BYTES = 4096, 25
 KINDS = ["building", "building-part", "bridge", "tunnel", "road", "rail", "water", "vegetation", "land-use", "furniture",
          "relief", "generic"]
 TYPES = ["text", "integer", "float", "bool", "date"]
-SCHEMA_FIELDS = {"objects", "attributes", "searchable"}
+SCHEMA_FIELDS = {"objects", "attributes", "searchable", "labels"}
+FIELD_NAMES = ["id", "identifier", "kind", "height"]
+LABEL_FIELDS = {"title": str, "titles": dict, "order": int, "hidden": bool}
+MAX_TITLE_BYTES, MAX_LANGUAGES = 256, 64
 ATTRIBUTE_FIELDS = {"name", "type", "unit", "count", "min", "max", "distinct", "top"}
 
 
@@ -53,6 +56,23 @@ def check_schema(schema):
         check_attribute(attribute)
     if len({attribute["name"] for attribute in attributes}) < len(attributes):
         raise BadTile("two attributes have the same name")
+    labels = schema.get("labels", {})
+    if len(labels) > MAX_ATTRIBUTES + len(FIELD_NAMES):
+        raise BadTile("a schema has too many labels")
+    for label in labels.values():
+        check_label(label)
+
+
+def check_label(label):
+    if not all(type(value) is LABEL_FIELDS.get(field) for field, value in label.items()):
+        raise BadTile("a label has other fields")
+    titles = label.get("titles", {})
+    texts = [label.get("title", ""), *titles.values()]
+    is_language = re.compile(r"[a-z0-9]{2,3}(-[a-z0-9]+)*").fullmatch
+    if len(titles) > MAX_LANGUAGES or not all(map(is_language, titles)) or not 0 <= label.get("order", 0) < 1 << 32:
+        raise BadTile("a label has a language or a place that is none")
+    if any(len(text.encode()) > MAX_TITLE_BYTES for text in texts):
+        raise BadTile("a title is too long")
 
 
 def check_attribute(attribute):

@@ -1,7 +1,7 @@
 //! Styles of all objects by an attribute and a filter.
 //!
-//! A part without a value has that of its parent, also in filters, and passes a filter that its parent passes. Kinds of which no object has the
-//! attribute, such as terrain, are drawn as they are.
+//! A part without a value has that of its parent, and a whole without one the largest number of its parts, also in filters. A part passes a
+//! filter that its parent passes. Kinds of which no object has the attribute, such as terrain, are drawn as they are.
 
 use super::ObjectStyles;
 use insula_objects::{
@@ -42,6 +42,8 @@ const HIGHLIGHT_RGB: [u8; 3] = [255, 196, 61];
 struct Facts {
     kind: FeatureKind,
     rgb: Option<[u8; 3]>,
+    /// Number or day of its value.
+    number: Option<f64>,
     parent: Option<u32>,
 }
 
@@ -63,8 +65,10 @@ impl StyleBuilder {
         let Some(color) = &query.color else { return };
         for &id in block.ids() {
             let Some(kind) = block.kind(id) else { continue };
-            let rgb = color.value(block, id).map(|value| rgb_of(color, Some(&value)));
-            self.facts.insert(id, Facts { kind, rgb, parent: block.parent(id) });
+            let value = color.value(block, id);
+            let rgb = value.as_ref().map(|value| rgb_of(color, Some(value)));
+            let number = value.as_ref().and_then(Value::as_f64);
+            self.facts.insert(id, Facts { kind, rgb, number, parent: block.parent(id) });
         }
     }
 
@@ -125,12 +129,29 @@ fn filter_out(styles: &mut ObjectStyles, filtered: &FilteredObjects, filtered_ou
 
 /// Colours the objects of all kinds of which one has a value, itself or by its parent.
 fn set_colours(styles: &mut ObjectStyles, facts: &BTreeMap<u32, Facts>, no_data: [u8; 3]) {
-    let own_or_parents = |object: &Facts| object.rgb.or_else(|| facts.get(&object.parent?)?.rgb);
-    let has_colour = |object: &&Facts| own_or_parents(object).is_some();
-    let kinds: BTreeSet<FeatureKind> = facts.values().filter(has_colour).map(|object| object.kind).collect();
+    let of_parts = colours_of_parts(facts);
+    let colour = |id: u32, object: &Facts| {
+        let inherited = object.rgb.or_else(|| facts.get(&object.parent?)?.rgb);
+        inherited.or_else(|| of_parts.get(&id).map(|(_, rgb)| *rgb))
+    };
+    let with_colour = facts.iter().filter(|(id, object)| colour(**id, object).is_some());
+    let kinds: BTreeSet<FeatureKind> = with_colour.map(|(_, object)| object.kind).collect();
     for (&id, object) in facts.iter().filter(|(_, object)| kinds.contains(&object.kind)) {
-        styles.set_colour(id, own_or_parents(object).unwrap_or(no_data));
+        styles.set_colour(id, colour(id, object).unwrap_or(no_data));
     }
+}
+
+/// The largest number of the parts of each whole that has none itself, with its colour.
+fn colours_of_parts(facts: &BTreeMap<u32, Facts>) -> BTreeMap<u32, (f64, [u8; 3])> {
+    let mut largest: BTreeMap<u32, (f64, [u8; 3])> = BTreeMap::new();
+    for part in facts.values() {
+        let (Some(number), Some(rgb), Some(parent)) = (part.number, part.rgb, part.parent) else { continue };
+        let is_whole = |whole: &Facts| whole.rgb.is_none() && part.kind.is_part_of(whole.kind);
+        if facts.get(&parent).is_some_and(is_whole) && largest.get(&parent).is_none_or(|(known, _)| *known < number) {
+            largest.insert(parent, (number, rgb));
+        }
+    }
+    largest
 }
 
 fn rgb_of(color: &ColorBy, value: Option<&Value>) -> [u8; 3] {
@@ -182,6 +203,30 @@ mod tests {
         assert!(words[1..].iter().all(|word| word & PALETTE_COLOURED != 0));
         assert_eq!([words[2], words[3]], [words[1]; 2]);
         assert!(words[4] != words[1] && words[5] != words[1]);
+    }
+
+    #[test]
+    fn wholes_have_the_colour_of_the_largest_number_of_their_parts() {
+        let record = |kind, parent, roof: Option<f64>| {
+            let attributes = roof.map(|roof| (0, Value::Float(roof))).into_iter().collect();
+            Some(ObjectRecord { identifier: String::new(), kind, parent, bounds: None, attributes })
+        };
+        let records = [
+            record(FeatureKind::Building, None, None),
+            record(FeatureKind::BuildingPart, Some(0), Some(6.0)),
+            record(FeatureKind::BuildingPart, Some(0), Some(22.0)),
+            record(FeatureKind::Generic, None, None),
+            record(FeatureKind::Building, Some(3), Some(22.0)),
+        ];
+        let mut builder = SchemaBuilder::default();
+        [6.0, 22.0].iter().for_each(|roof| builder.add("roof", &Value::Float(*roof)));
+        let schema = builder.finish(6);
+        let block = ObjectBlock::decode(0, &block::encode(0, &records, &schema).unwrap(), &schema).unwrap();
+        let color = Some(ColorBy::parse("roof", &schema).unwrap());
+        let (words, _) = styles(&ObjectQuery { color, ..ObjectQuery::default() }, &block);
+        assert_eq!([words[0], words[4]], [words[2]; 2]);
+        // A group of houses is no house.
+        assert!(words[1] != words[2] && words[3] == 0);
     }
 
     #[test]

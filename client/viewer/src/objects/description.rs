@@ -2,7 +2,10 @@
 
 use super::CityObjects;
 use crate::source::FetchError;
-use insula_objects::{NamedValues, ObjectBounds, family::inherit};
+use insula_objects::{
+    FeatureKind, NamedValues, ObjectBounds,
+    family::{PartValues, inherit},
+};
 use insula_protocol::object_tile::block_of_object;
 use serde::Serialize;
 
@@ -30,7 +33,7 @@ impl CityObjects {
         self.described(id, false).await
     }
 
-    /// The same, with the attributes of its parent where it has none of its own. Fails as [`CityObjects::block`] does.
+    /// The same, with the attributes of its parent where it has none of its own, and else with those of its parts. Fails as [`CityObjects::block`] does.
     pub async fn describe_with_parent(&self, id: u32) -> Result<Option<ObjectDescription>, FetchError> {
         self.described(id, true).await
     }
@@ -42,15 +45,20 @@ impl CityObjects {
             None => None,
         };
         let mut attributes = record.attributes;
-        if inherits && let Some(parent) = &parent {
-            inherit(&mut attributes, &parent.attributes);
+        let whole = match record.bounds {
+            Some(_) if !inherits => PartsOfObject::default(),
+            bounds => self.parts(id, record.kind, bounds.is_some()).await?,
+        };
+        if inherits {
+            parent.iter().for_each(|parent| inherit(&mut attributes, &parent.attributes));
+            whole.values.complete(&mut attributes);
         }
         let attributes = NamedValues::new(self.schema(), attributes);
         let (identifier, kind, parent) =
             (record.identifier, record.kind.name(), parent.map(|parent| parent.identifier));
         let (parts, bounds) = match record.bounds {
             Some(bounds) => (Vec::new(), Some(bounds)),
-            None => self.parts(id).await?,
+            None => (whole.parts, whole.bounds),
         };
         let centre = bounds.map(|ObjectBounds { min, max }| {
             std::array::from_fn(|axis| self.origin()[axis] + (f64::from(min[axis]) + f64::from(max[axis])) / 20.0)
@@ -58,29 +66,35 @@ impl CityObjects {
         Ok(Some(ObjectDescription { id, identifier, parent, kind, attributes, centre, parts }))
     }
 
-    /// The parts of an object, and their common box. A parent without a shape is next to its first part, so only its block and
-    /// those beside it are searched.
-    async fn parts(&self, id: u32) -> Result<(Vec<u32>, Option<ObjectBounds>), FetchError> {
-        let (mut parts, mut all) = (Vec::new(), None);
-        let first = block_of_object(id);
-        for block in first.saturating_sub(1)..self.block_count().min(first + 2) {
+    /// The parts of an object. A parent without a shape is next to its first part, so only its block and those beside it are searched.
+    /// Most objects with a shape have no parts, so only their own block is.
+    async fn parts(&self, id: u32, kind: FeatureKind, has_shape: bool) -> Result<PartsOfObject, FetchError> {
+        let mut found = PartsOfObject::default();
+        let (own, reach) = (block_of_object(id), u32::from(!has_shape));
+        for block in own.saturating_sub(reach)..self.block_count().min(own + reach + 1) {
             let Some(block) = self.block(block).await? else { continue };
             for &part in block.ids().iter().filter(|part| block.parent(**part) == Some(id)) {
-                parts.push(part);
-                all = match (all, block.bounds(part)) {
-                    (Some(all), Some(bounds)) => Some(union(all, bounds)),
+                let Some(record) = block.record(part) else { continue };
+                found.parts.push(part);
+                found.bounds = match (found.bounds, record.bounds) {
+                    (Some(all), Some(bounds)) => Some(all.union(bounds)),
                     (all, bounds) => all.or(bounds),
                 };
+                if record.kind.is_part_of(kind) {
+                    found.values.add(record.attributes);
+                }
             }
         }
-        Ok((parts, all))
+        Ok(found)
     }
 }
 
-fn union(a: ObjectBounds, b: ObjectBounds) -> ObjectBounds {
-    let [min, max] = [[a.min, b.min], [a.max, b.max]];
-    ObjectBounds {
-        min: std::array::from_fn(|axis| min[0][axis].min(min[1][axis])),
-        max: std::array::from_fn(|axis| max[0][axis].max(max[1][axis])),
-    }
+/// What is known of the parts of an object.
+#[derive(Default)]
+struct PartsOfObject {
+    parts: Vec<u32>,
+    /// Their common box.
+    bounds: Option<ObjectBounds>,
+    /// Of those that make up the object.
+    values: PartValues,
 }

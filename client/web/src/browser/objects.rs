@@ -78,6 +78,7 @@ impl ObjectReader {
                 color_by: schema.names_to_color_by(),
                 palettes: ColorBy::palettes().collect(),
                 attributes: serde_json::to_value(&schema.attributes).map_err(to_js)?,
+                labels: serde_json::to_value(&schema.labels).map_err(to_js)?,
             };
             Ok(json(&message).into())
         })

@@ -73,6 +73,15 @@ impl ObjectBounds {
         let [.., max] = self.max;
         (f64::from(max) - f64::from(min)) / 10.0
     }
+
+    /// The box around both.
+    #[must_use]
+    pub fn union(&self, other: Self) -> Self {
+        let Self { mut min, mut max } = other;
+        min.iter_mut().zip(self.min).for_each(|(low, own)| *low = own.min(*low));
+        max.iter_mut().zip(self.max).for_each(|(high, own)| *high = own.max(*high));
+        Self { min, max }
+    }
 }
 
 /// A decoded block.

@@ -6,15 +6,17 @@ mod palette;
 
 use crate::{
     block::ObjectBlock,
-    filter::{Source, similar_name, suggest},
+    filter::{Source, similar_name},
     kind::FeatureKind,
-    schema::{AttributeInfo, Schema},
+    schema::{AttributeInfo, AttributeLabel, Schema, title_in},
+    suggest,
     value::{Value, ValueRef, ValueType},
 };
 use colorous::Gradient;
 use insula_protocol::text::fixed;
 use palette::{ColorPalette, MAX_CLASSES};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// Colour of objects without a value.
 pub const NO_DATA_RGB: [u8; 3] = [211, 211, 211];
@@ -44,6 +46,7 @@ pub enum ColorError {
 pub struct ColorBy {
     source: Source,
     title: String,
+    label: AttributeLabel,
     unit: Option<String>,
     value_type: ValueType,
     scale: Scale,
@@ -60,8 +63,11 @@ enum Scale {
 /// What colours mean.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Legend {
-    /// Name of the attribute.
+    /// What people read for the name of the attribute, or its name.
     pub title: String,
+    /// The same by codes of languages.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub titles: BTreeMap<String, String>,
     pub unit: Option<String>,
     /// Classes, or values along the ramp in ascending order. The last entry is for objects without a value.
     pub entries: Vec<LegendEntry>,
@@ -83,6 +89,17 @@ pub struct Ramp {
     pub range: [f64; 2],
     /// Colours at equal distances.
     pub stops: Vec<[u8; 3]>,
+}
+
+impl Legend {
+    /// The legend with the title of a language, if there is one.
+    #[must_use]
+    pub fn in_language(mut self, language: &str) -> Self {
+        if let Some(title) = title_in(&self.titles, language) {
+            self.title = title.to_owned();
+        }
+        self
+    }
 }
 
 impl ColorBy {
@@ -140,7 +157,18 @@ impl ColorBy {
             ColorPalette::Gradient(gradient) if has_range => Scale::Range { gradient, range },
             palette => classes(source, info, palette),
         };
-        Self { source, title: title.to_owned(), unit, value_type, scale }
+        let label = schema.labels.get(title).cloned().unwrap_or_default();
+        let title = label.title.as_deref().unwrap_or(title).to_owned();
+        Self { source, title, label, unit, value_type, scale }
+    }
+
+    /// Gives the legend the title of a language, if there is one.
+    #[must_use]
+    pub fn in_language(mut self, language: &str) -> Self {
+        if let Some(title) = self.label.title_in(language) {
+            self.title = title.to_owned();
+        }
+        self
     }
 
     /// Replaces the values of the gradient's ends, for skewed values. Values beyond them have the colour of the nearer end. The
@@ -237,7 +265,7 @@ impl ColorBy {
             }
         };
         entries.push(entry(NO_DATA_RGB, "no data"));
-        Legend { title: self.title.clone(), unit: self.unit.clone(), entries, ramp }
+        Legend { title: self.title.clone(), titles: self.label.titles.clone(), unit: self.unit.clone(), entries, ramp }
     }
 
     /// The value at `at` between 0 and 1 of a range, with three significant digits of the range.

@@ -1,9 +1,13 @@
 //! A filter over all objects of a city: which pass, and which are filtered out.
 //!
-//! A part passes if its parent does. Where it lacks a value, it has that of its parent. Kinds of which no object passes, such as terrain,
-//! are neither: they stay as they are.
+//! A part passes if its parent does. Where it lacks a value, it has that of its parent, and a whole has the largest of its parts. Kinds of
+//! which no object passes, such as terrain, are neither: they stay as they are.
 
-use super::Filter;
+use super::{
+    Filter,
+    evaluate::{ObjectInFamily, ObjectRow},
+    parts::{self, PartFacts},
+};
 use crate::{block::ObjectBlock, kind::FeatureKind};
 use insula_protocol::{DecodeError, object_tile::block_of_object};
 use roaring::RoaringBitmap;
@@ -30,6 +34,8 @@ pub struct FilterBuilder {
     /// Parts and their parents.
     parts: Vec<[u32; 2]>,
     apart: BTreeSet<[u32; 2]>,
+    /// Parts of the wholes of the block of parents that was taken last, and its number.
+    of_parts: Option<(u32, BTreeMap<u32, PartFacts>)>,
 }
 
 impl FilterBuilder {
@@ -55,15 +61,37 @@ impl FilterBuilder {
         self.apart.iter().copied().collect()
     }
 
-    /// Evaluates the filter again on the objects of a block whose parents are in another one.
+    /// Evaluates the filter again on the objects of a block whose parents are in another one, and on these parents. Pairs with the same
+    /// block of parents follow one another, as [`FilterBuilder::apart`] has them.
     pub fn add_apart(&mut self, parents: &ObjectBlock, block: &ObjectBlock, filter: &Filter) {
+        let Some(number) = parents.ids().first().map(|id| block_of_object(*id)) else { return };
+        let in_block = parts::by_whole(block, block, filter.attributes());
         for &id in block.ids() {
-            let Some(parent) = block.parent(id).filter(|parent| parents.row(*parent).is_some()) else { continue };
-            if filter.matches_apart(parents, parent, block, id) {
-                self.passing.insert(id);
-            } else {
-                self.passing.remove(id);
+            let parent = block.parent(id).and_then(|parent| ObjectRow::of(parents, parent));
+            let (Some(object), true) = (ObjectRow::of(block, id), parent.is_some()) else { continue };
+            let passes = filter.expression.holds(&ObjectInFamily { object, parent, parts: in_block.get(&id) });
+            self.set(id, passes);
+        }
+        let known = self.of_parts.take().filter(|(known, _)| *known == number).map(|(_, of_parts)| of_parts);
+        let mut of_parts = known.unwrap_or_else(|| parts::by_whole(parents, parents, filter.attributes()));
+        for (whole, facts) in parts::by_whole(parents, block, filter.attributes()) {
+            let all = of_parts.entry(whole).or_default();
+            all.merge(facts);
+            // What has its own parent in a third block keeps the values of that one: parts of parts are seldom so far apart.
+            let is_complete = parents.parent(whole).is_none_or(|parent| ObjectRow::of(parents, parent).is_some());
+            if let Some(object) = ObjectRow::of(parents, whole).filter(|_| is_complete) {
+                let passes = filter.holds(object, Some(all));
+                self.set(whole, passes);
             }
+        }
+        self.of_parts = Some((number, of_parts));
+    }
+
+    fn set(&mut self, object: u32, passes: bool) {
+        if passes {
+            self.passing.insert(object);
+        } else {
+            self.passing.remove(object);
         }
     }
 
@@ -158,10 +186,60 @@ mod tests {
         };
         let blocks = [decoded(0, &[house, part()]), decoded(1, &[part(), record(None, high, Vec::new())])];
         for (text, expected) in [
-            ("year < 1900 && height > 20", &[1, 512][..]),
+            ("year < 1900 && height > 20", &[0, 1, 512][..]),
             ("!(year < 1900)", &[513]),
             ("year == null", &[513]),
             ("year < 1900", &[0, 1, 512]),
+        ] {
+            let filter = Filter::parse(text, &schema).unwrap();
+            let mut builder = FilterBuilder::default();
+            blocks.iter().for_each(|block| builder.add(block, &filter));
+            assert_eq!(builder.apart(), [[0, 1]]);
+            builder.add_apart(&blocks[0], &blocks[1], &filter);
+            assert_eq!(builder.finish().passing.iter().collect::<Vec<_>>(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn wholes_have_the_largest_numbers_of_their_parts_in_any_block() {
+        let mut schema = SchemaBuilder::default();
+        schema.add("year", &Value::Integer(1650));
+        schema.add("roof", &Value::Float(8.63));
+        let schema = schema.finish(1024);
+        let boxed = |low, high| Some(ObjectBounds { min: [0, 0, low], max: [9, 9, high] });
+        let record = |kind, parent, bounds, attributes| {
+            Some(ObjectRecord { identifier: String::new(), kind, parent, bounds, attributes })
+        };
+        let part = |parent, bounds, roof| {
+            record(FeatureKind::BuildingPart, Some(parent), bounds, vec![(1, Value::Float(roof))])
+        };
+        let house = |year| record(FeatureKind::Building, None, None, vec![(0, Value::Integer(year))]);
+        let decoded = |number: u32, records: &[Option<ObjectRecord>]| {
+            ObjectBlock::decode(number, &block::encode(number, records, &schema).unwrap(), &schema).unwrap()
+        };
+        // House 0 has a low part beside it, and the upper floors, object 512, in the next block. House 2 has one part; 4 is a group
+        // of houses, which are no parts of it.
+        let blocks = [
+            decoded(
+                0,
+                &[
+                    house(1990),
+                    part(0, boxed(0, 60), 6.0),
+                    house(1960),
+                    part(2, boxed(0, 90), 9.0),
+                    record(FeatureKind::Generic, None, None, Vec::new()),
+                    record(FeatureKind::Building, Some(4), boxed(0, 300), vec![(1, Value::Float(30.0))]),
+                ],
+            ),
+            decoded(1, &[part(0, boxed(60, 220), 22.0)]),
+        ];
+        for (text, expected) in [
+            ("height > 20 && year > 1950", &[0, 1, 512][..]),
+            ("height > 8 && year > 1950", &[0, 1, 2, 3, 512]),
+            ("roof > 20", &[0, 1, 5, 512]),
+            ("roof > 20 && year > 1950", &[0, 1, 512]),
+            ("kind == \"building\" && roof == null", &[]),
+            ("kind == \"generic\" && roof == null", &[4, 5]),
         ] {
             let filter = Filter::parse(text, &schema).unwrap();
             let mut builder = FilterBuilder::default();

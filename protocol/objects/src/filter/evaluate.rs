@@ -1,6 +1,6 @@
 //! Evaluates a filter for one object.
 
-use super::Source;
+use super::{Source, parts::PartFacts};
 use crate::{
     block::ObjectBlock,
     value::{Value, ValueRef, civil_from_days, parse_date},
@@ -15,11 +15,12 @@ pub(super) struct ObjectRow<'a> {
     pub(super) row: usize,
 }
 
-/// The object that a condition is about. It has the values of its parent where it has none of its own.
+/// The object that a condition is about. It has the values of its parent where it has none of its own, and else those of its parts.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ObjectWithParent<'a> {
+pub(super) struct ObjectInFamily<'a> {
     pub(super) object: ObjectRow<'a>,
     pub(super) parent: Option<ObjectRow<'a>>,
+    pub(super) parts: Option<&'a PartFacts>,
 }
 
 impl<'a> ObjectRow<'a> {
@@ -33,15 +34,10 @@ impl<'a> ObjectRow<'a> {
     }
 }
 
-impl<'a> ObjectWithParent<'a> {
-    /// An object with its parent, if that is in the same block.
-    pub(super) fn in_block(object: ObjectRow<'a>) -> Self {
-        let parent = object.block.parent(object.id).and_then(|parent| ObjectRow::of(object.block, parent));
-        Self { object, parent }
-    }
-
+impl<'a> ObjectInFamily<'a> {
     fn value(&self, source: Source) -> Option<ValueRef<'a>> {
-        self.object.value(source).or_else(|| self.parent?.value(source))
+        let own = self.object.value(source);
+        own.or_else(|| self.parent?.value(source)).or_else(|| self.parts?.value(source))
     }
 }
 
@@ -115,7 +111,7 @@ impl Comparison {
 
 impl Expression {
     /// Whether the condition holds for an object.
-    pub(super) fn holds(&self, object: &ObjectWithParent<'_>) -> bool {
+    pub(super) fn holds(&self, object: &ObjectInFamily<'_>) -> bool {
         match self {
             Self::All(parts) => parts.iter().all(|part| part.holds(object)),
             Self::Any(parts) => parts.iter().any(|part| part.holds(object)),
@@ -154,7 +150,7 @@ impl Expression {
 }
 
 impl Operand {
-    fn value<'a>(&'a self, object: &ObjectWithParent<'a>) -> Option<ValueRef<'a>> {
+    fn value<'a>(&'a self, object: &ObjectInFamily<'a>) -> Option<ValueRef<'a>> {
         match self {
             Self::Source(source) => object.value(*source),
             Self::Constant(value) => Some(value.borrowed()),

@@ -17,18 +17,27 @@
 //! `kind` what it is and `height` the height of its bounds in metres. Texts that begin with a date can be compared with dates,
 //! texts that are numbers with numbers.
 //!
-//! A part has the values of its parent where it has none of its own: buildings often have the year, and their parts the height.
+//! A part has the values of its parent where it has none of its own: buildings often have the year, and their parts the height. A whole has
+//! the largest numbers of its parts where neither it nor its parent has one, the latest dates, `true` before `false`, and the height of the
+//! box around them all.
 
 mod city;
 mod evaluate;
 mod lexer;
 mod parser;
-pub(crate) mod suggest;
+mod parts;
 
 pub use city::{FilterBuilder, FilteredObjects};
 
-use crate::{block::ObjectBlock, kind::FeatureKind, schema::Schema, value::ValueRef};
-use evaluate::{Expression, ObjectRow, ObjectWithParent};
+use crate::{
+    block::ObjectBlock,
+    kind::FeatureKind,
+    schema::{FIELD_NAMES, Schema},
+    suggest,
+    value::ValueRef,
+};
+use evaluate::{Expression, ObjectInFamily, ObjectRow};
+use parts::PartFacts;
 use roaring::RoaringBitmap;
 
 /// Maximum bytes of a filter.
@@ -76,23 +85,22 @@ impl Filter {
     /// Whether an object of the block meets the condition. `false` if the block does not have it.
     #[must_use]
     pub fn matches(&self, block: &ObjectBlock, id: u32) -> bool {
-        ObjectRow::of(block, id).is_some_and(|object| self.expression.holds(&ObjectWithParent::in_block(object)))
+        let parts = parts::by_whole(block, block, &self.attributes);
+        ObjectRow::of(block, id).is_some_and(|object| self.holds(object, parts.get(&id)))
     }
 
-    /// The ids of the block's objects that meet the condition. Parents in other blocks are not seen: see [`FilterBuilder`].
+    /// The ids of the block's objects that meet the condition. Parents and parts in other blocks are not seen: see [`FilterBuilder`].
     #[must_use]
     pub fn select(&self, block: &ObjectBlock) -> RoaringBitmap {
+        let parts = parts::by_whole(block, block, &self.attributes);
         let objects = block.ids().iter().enumerate().map(|(row, &id)| ObjectRow { block, id, row });
-        objects
-            .filter(|object| self.expression.holds(&ObjectWithParent::in_block(*object)))
-            .map(|object| object.id)
-            .collect()
+        objects.filter(|object| self.holds(*object, parts.get(&object.id))).map(|object| object.id).collect()
     }
 
-    /// Whether an object of one block, whose parent is in another, meets the condition. `false` if the blocks do not have them.
-    fn matches_apart(&self, parents: &ObjectBlock, parent: u32, block: &ObjectBlock, id: u32) -> bool {
-        let parent = ObjectRow::of(parents, parent);
-        ObjectRow::of(block, id).is_some_and(|object| self.expression.holds(&ObjectWithParent { object, parent }))
+    /// Whether an object with these parts, whose parent is in its block if anywhere, meets the condition.
+    fn holds(&self, object: ObjectRow<'_>, parts: Option<&PartFacts>) -> bool {
+        let parent = object.block.parent(object.id).and_then(|parent| ObjectRow::of(object.block, parent));
+        self.expression.holds(&ObjectInFamily { object, parent, parts })
     }
 
     /// Indices of the attributes that the filter uses, ascending. Fields that every object has are not among them.
@@ -115,14 +123,14 @@ pub(crate) enum Source {
 }
 
 impl Source {
-    /// Names of the fields that every object has.
-    pub(crate) const FIELDS: [(&str, Self); 4] =
-        [("id", Self::Id), ("identifier", Self::Identifier), ("kind", Self::Kind), ("height", Self::Height)];
+    /// The fields that every object has, in the order of their names.
+    const FIELDS: [Self; FIELD_NAMES.len()] = [Self::Id, Self::Identifier, Self::Kind, Self::Height];
 
     /// The source of a name: an attribute of the schema or else a field.
     pub(crate) fn of_name(name: &str, schema: &Schema) -> Option<Self> {
         let attribute = schema.index_of(name).map(|index| Self::Attribute(index as u32));
-        attribute.or_else(|| Self::FIELDS.iter().find(|(known, _)| *known == name).map(|(_, field)| *field))
+        let mut fields = FIELD_NAMES.iter().zip(Self::FIELDS);
+        attribute.or_else(|| fields.find(|(known, _)| **known == name).map(|(_, field)| field))
     }
 
     /// The value of the object in a row.
@@ -140,7 +148,7 @@ impl Source {
 /// The most similar name of an attribute or field, for error messages.
 pub(crate) fn similar_name<'a>(name: &str, schema: &'a Schema) -> Option<&'a str> {
     let attributes = schema.attributes.iter().map(|attribute| attribute.name.as_str());
-    suggest::nearest(name, attributes.chain(Source::FIELDS.iter().map(|(name, _)| *name)))
+    suggest::nearest(name, attributes.chain(FIELD_NAMES))
 }
 
 #[cfg(test)]

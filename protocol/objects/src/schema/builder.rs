@@ -80,7 +80,7 @@ impl SchemaBuilder {
             let unit = self.units.remove(&statistics.name);
             AttributeInfo { unit, ..statistics.finish() }
         });
-        let mut schema = Schema { objects, attributes: attributes.collect(), searchable: Vec::new() };
+        let mut schema = Schema { objects, attributes: attributes.collect(), ..Schema::default() };
         bound_texts(&mut schema);
         schema
     }

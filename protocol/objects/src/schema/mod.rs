@@ -3,19 +3,27 @@
 //! A schema is stored as JSON. Blocks of objects refer to attributes by their index in it.
 
 mod builder;
+mod labels;
 mod named_values;
+mod units;
 
 pub use builder::SchemaBuilder;
+pub use labels::{
+    AttributeLabel, Labels, MAX_LANGUAGES, MAX_TITLE_BYTES, ShownValue, UnusedLabel, is_language, title_in,
+};
 pub use named_values::NamedValues;
 
 use crate::value::{MAX_TEXT_BYTES, Value, ValueType};
 use insula_protocol::DecodeError;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Maximum number of attributes.
 pub const MAX_ATTRIBUTES: usize = 4096;
 /// Maximum bytes of an attribute's name or unit.
 pub const MAX_NAME_BYTES: usize = 256;
+/// Names of what every object has. An attribute of the same name takes its place.
+pub(crate) const FIELD_NAMES: [&str; 4] = ["id", "identifier", "kind", "height"];
 /// Maximum number of distinct values that are counted.
 pub const MAX_DISTINCT: usize = 1000;
 /// Maximum number of most frequent values.
@@ -34,6 +42,9 @@ pub struct Schema {
     /// Names of the attributes whose texts can be searched.
     #[serde(default)]
     pub searchable: Vec<String>,
+    /// What people read, by the name of the attribute or field. Names that the city does not have are without effect.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub labels: BTreeMap<String, AttributeLabel>,
 }
 
 /// An attribute of a city's objects.
@@ -102,7 +113,7 @@ impl Schema {
     pub fn check(&self) -> Result<(), DecodeError> {
         limit("the number of attributes", self.attributes.len(), MAX_ATTRIBUTES)?;
         limit("the number of searchable attributes", self.searchable.len(), MAX_ATTRIBUTES)?;
-        let mut total_bytes = 0;
+        let mut total_bytes = labels::check(&self.labels)?;
         let mut names = std::collections::BTreeSet::new();
         for attribute in &self.attributes {
             total_bytes += attribute.check()?;

@@ -1,11 +1,11 @@
 //! The attributes of an object with their names, as they are shown.
 
 use super::Schema;
-use crate::{attribute_names::display_order, value::Value};
+use crate::value::Value;
 use serde::{Serialize, Serializer};
 
-/// Names and values of the attributes of an object, in the order in which they are shown: see [`display_order`]. As JSON it is an object
-/// of that order.
+/// Names and values of the attributes of an object, in the order in which they are shown: see [`Schema::display_order`]. As JSON it is an
+/// object of that order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct NamedValues(Vec<(String, Value)>);
 
@@ -13,13 +13,15 @@ impl NamedValues {
     /// The values of attributes of a schema, which are in its order: that of the source. Unknown attributes are left out.
     #[must_use]
     pub fn new(schema: &Schema, attributes: Vec<(u32, Value)>) -> Self {
-        let named = attributes.into_iter().filter_map(|(attribute, value)| {
-            let info = schema.attributes.get(attribute as usize)?;
-            Some((info.name.clone(), value))
+        let mut order: Vec<usize> = (0..attributes.len()).collect();
+        let index = |place: &usize| attributes.get(*place).map_or(usize::MAX, |(attribute, _)| *attribute as usize);
+        order.sort_by_cached_key(|place| schema.rank(index(place)));
+        let mut values: Vec<Option<(u32, Value)>> = attributes.into_iter().map(Some).collect();
+        let named = order.into_iter().filter_map(|place| {
+            let (attribute, value) = values.get_mut(place)?.take()?;
+            Some((schema.attributes.get(attribute as usize)?.name.clone(), value))
         });
-        let mut values: Vec<Option<(String, Value)>> = named.map(Some).collect();
-        let order = display_order(values.iter().flatten().map(|(name, _)| name.as_str()));
-        Self(order.into_iter().filter_map(|index| values.get_mut(index)?.take()).collect())
+        Self(named.collect())
     }
 
     /// Names and values in their order.

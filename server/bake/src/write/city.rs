@@ -16,11 +16,13 @@ use insula_archive::{
     city::{SEARCH_FILE, version_of},
     mark::mark_file,
 };
+use insula_objects::Schema;
 use insula_protocol::{
     NODE_CELLS, TileId, TileKind,
     manifest::{CityCounts, FORMAT_VERSION, HeightReference, Manifest},
     mesh_tile,
     subtree::NodeInfo,
+    text::printable,
     tile,
 };
 use insula_visibility::CityExtent;
@@ -46,7 +48,7 @@ use crate::{
     ground::GroundReport,
     hash::ShortHash,
     progress::Progress,
-    read::ReadReport,
+    read::{HeightUnit, ReadReport, SourceFormat},
     scene::{ObjectKind, grid::CityGrid, scratch_scene::ScratchScene},
 };
 
@@ -216,7 +218,8 @@ pub(crate) fn write_others(
     let mut written: Vec<WrittenArchive> = [blockmaps, subtrees].into_iter().chain(meshes).collect();
     let (mut search, mut buildings) = (None, 0);
     if let Some(objects) = input.objects.as_ref().filter(|objects| !objects.rows.is_empty()) {
-        let schema = objects.schema()?;
+        let mut schema = objects.schema()?;
+        label(&mut schema, &input, progress);
         buildings = objects.buildings()?;
         written.push(objects.write(&schema, &folder.join("objects.pmtiles"))?);
         search = search::write(objects, &schema, &folder.join(SEARCH_FILE))?;
@@ -257,6 +260,22 @@ pub(crate) fn write_others(
         }
     }
     Ok(WrittenCity { manifest, bytes, filled_in })
+}
+
+/// Gives attributes their labels and units. Warns of labels without effect and of units that are guesses: the heights of OpenStreetMap are
+/// metres by its rules.
+fn label(schema: &mut Schema, input: &CityInput<'_>, progress: &dyn Progress) {
+    for unused in schema.set_labels(&input.config.labels) {
+        progress.warn(&printable(&format!("labels: {unused}")));
+    }
+    let is_osm = input.read.sources.iter().all(|source| source.format == SourceFormat::OpenStreetMap);
+    let unit = input.config.height_unit.or_else(|| is_osm.then_some(HeightUnit::Metre));
+    let guessed = schema.set_known_units(unit.map(HeightUnit::symbol));
+    if !guessed.is_empty() {
+        let names = guessed.join(", ");
+        let text = format!("{names}: taken for metres by the name; --height-unit or --labels gives another unit");
+        progress.warn(&printable(&text));
+    }
 }
 
 /// Writes the archive of subtrees. They are encoded by all threads, some at a time.

@@ -1,7 +1,7 @@
 //! Rows of a table: one for each object, with the same columns in all formats.
 
 use super::gather::Footprint;
-use insula_objects::{FeatureKind, Schema, Value, ValueType, attribute_names::display_order};
+use insula_objects::{FeatureKind, Schema, Value, ValueType};
 use insula_protocol::text::without_sign_of_zero;
 use std::{borrow::Cow, collections::BTreeSet};
 
@@ -75,8 +75,9 @@ pub(crate) fn fields(schema: &Schema) -> Vec<Field> {
             }
         })
         .collect();
-    let order = display_order(schema.attributes.iter().map(|attribute| attribute.name.as_str()));
-    for (index, attribute) in order.into_iter().filter_map(|index| Some((index, schema.attributes.get(index)?))) {
+    for (index, attribute) in
+        schema.display_order().into_iter().filter_map(|index| Some((index, schema.attributes.get(index)?)))
+    {
         let mut name = attribute.name.clone();
         let mut number = 2u32;
         while !taken.insert(name.to_lowercase()) {

@@ -6,18 +6,24 @@ const MAX_CHARS: usize = 64;
 /// The candidate of the smallest edit distance, upper and lower case being equal. `None` if all differ by more than a third of the
 /// name, and by more than two characters.
 pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    nearest_few(name, candidates, 1).first().copied()
+}
+
+/// The same of at most `count` candidates, the nearest first.
+pub(crate) fn nearest_few<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>, count: usize) -> Vec<&'a str> {
     let name = folded(name);
     if name.len() > MAX_CHARS {
-        return None;
+        return Vec::new();
     }
     let limit = (name.len() / 3).max(2);
     let distance = |candidate: &'a str| {
         let folded = folded(candidate);
         let is_near = folded.len().abs_diff(name.len()) <= limit;
-        is_near.then(|| (edit_distance(&name, &folded), candidate))
+        is_near.then(|| (edit_distance(&name, &folded), candidate)).filter(|(distance, _)| *distance <= limit)
     };
-    let nearest = candidates.into_iter().filter_map(distance).min_by_key(|(distance, _)| *distance)?;
-    (nearest.0 <= limit).then_some(nearest.1)
+    let mut near: Vec<(usize, &str)> = candidates.into_iter().filter_map(distance).collect();
+    near.sort_by_key(|(distance, _)| *distance);
+    near.into_iter().take(count).map(|(_, candidate)| candidate).collect()
 }
 
 fn folded(name: &str) -> Vec<char> {
