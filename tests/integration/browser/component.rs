@@ -179,7 +179,9 @@ pub(super) fn a_server_that_starts_late_is_found() -> Result<()> {
     page.page.evaluate(&format!(
         "(() => {{ const late = document.createElement('insula-city');
             late.setAttribute('src', 'http://{address}/v1/cities/chiba');
-            document.body.append(late); }})()"
+            // Elements out of sight wait.
+            document.body.append(late);
+            late.scrollIntoView(); }})()"
     ))?;
     let waits = format!("{}.insulaSeen?.status?.detail.kind === 'waiting'", CityPage::element(1));
     page.page.wait_for(&waits, REACTION)?;

@@ -81,6 +81,14 @@ impl<'a> CitySolids<'a> {
         z
     }
 
+    /// The first point of the way between two points that meets a solid, as [`Self::hit_on_way`], or the ground plane from above.
+    pub fn surface_on_way(&self, from: DVec3, to: DVec3) -> Option<DVec3> {
+        let plane = self.manifest.ground_z_m;
+        let is_crossed = from.z > plane && to.z < plane;
+        let ground = is_crossed.then(|| from.lerp(to, (from.z - plane) / (from.z - to.z)));
+        self.hit_on_way(from, ground.unwrap_or(to)).or(ground)
+    }
+
     /// The first point of the way between two points that meets a solid: `from` itself if it is inside of one. `None` if the way
     /// is free. For short ways: one through very many tiles is followed only in part. The ground plane is no solid.
     pub fn hit_on_way(&self, from: DVec3, to: DVec3) -> Option<DVec3> {

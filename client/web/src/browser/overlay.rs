@@ -86,11 +86,11 @@ impl CityViewer {
         })
     }
 
-    /// Whether nothing of the city is between the camera and a point.
+    /// Whether neither the city nor the ground around it is between the camera and a point.
     pub(crate) fn sees(&self, point: DVec3) -> bool {
         let eye = self.control.camera().position;
         let to = eye.lerp(point, VISIBLE_SHARE);
-        self.solids().hit_on_way(eye, to).is_none()
+        self.solids().surface_on_way(eye, to).is_none()
     }
 
     /// Points along a line: places in pixels, and whether nothing hides them.

@@ -286,11 +286,7 @@ impl CityViewer {
     pub(crate) fn surface_at(&self, x: f64, y: f64) -> Option<(DVec3, f64)> {
         let view = self.view();
         let (eye, direction) = (view.camera.position, ray_direction(&view, x, y));
-        let ground_m = (self.streamer.tree().manifest().ground_z_m - eye.z) / direction.z;
-        let is_ground = ground_m > 0.0 && ground_m < MAX_PICK_M;
-        let reach_m = if is_ground { ground_m } else { MAX_PICK_M };
-        let ground = is_ground.then(|| eye + direction * ground_m);
-        let point = self.solids().hit_on_way(eye, eye + direction * reach_m).or(ground)?;
+        let point = self.solids().surface_on_way(eye, eye + direction * MAX_PICK_M)?;
         Some((point, point.distance(eye)))
     }
 }
