@@ -246,7 +246,7 @@ fn labels_are_what_people_read() -> Result<()> {
     let first =
         call(folder, "insula-server", "export town --out all.csv").and_then(|_| table(&folder.join("all.csv")))?;
     let house = first.1.iter().find(|row| row["naam"] == "Huis 3").context("no house")?;
-    let shown = call(folder, "insula-server", &format!("objects town {}", house["object"]))?;
+    let shown = call(folder, "insula-server", &format!("objects town --ids {}", house["object"]))?;
     let words: Vec<&str> = shown.split_whitespace().collect();
     ensure!(words.join(" ").contains("dak (Roof) 8.63 m naam Huis 3 bouwjaar (Built in) 1903"), "{shown}");
     for (language, title) in [("de_AT.UTF-8", "Baujahr"), ("C", "Built in")] {

@@ -223,22 +223,14 @@ const OF_3DBAG: [(&str, &str); 4] = [("b3_h_", "m"), ("b3_rmse_", "m"), ("b3_opp
 /// A height of New York, which is in feet.
 const IN_FEET: &str = "heightroof";
 
-/// The unit that follows from the name of an attribute.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct KnownUnit {
-    pub(crate) unit: &'static str,
-    /// Whether sources of that name may have another one.
-    pub(crate) is_guess: bool,
-}
-
-/// The unit that numbers of an attribute have by its name; `None` if the name says nothing.
-pub(crate) fn unit_of_name(name: &str) -> Option<KnownUnit> {
+/// The unit that numbers of an attribute have by its name, if heights are in `heights`; `None` if the name says nothing.
+pub(crate) fn unit_of_name<'u>(name: &str, heights: &'u str) -> Option<&'u str> {
     let lower = name.to_lowercase();
     if let Some((_, unit)) = OF_3DBAG.iter().find(|(start, _)| lower.starts_with(start)) {
-        return Some(KnownUnit { unit, is_guess: false });
+        return Some(unit);
     }
     let is_height = Telling::of_name(name) == Telling::Height && !lower.ends_with(IN_FEET);
-    is_height.then_some(KnownUnit { unit: "m", is_guess: true })
+    is_height.then_some(heights)
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ impl Blocks<'_> {
 
 /// What is known of an object while the colours are made.
 #[derive(Clone, Copy, Default)]
-struct Facts {
+struct PaintFacts {
     rgb: Option<Rgb>,
     /// Number or day of its value.
     number: Option<f64>,
@@ -39,15 +39,15 @@ pub(crate) fn attribute_colors(
     color_by: &ColorBy,
 ) -> Result<Vec<Option<Rgb>>, DrawError> {
     let mut blocks = Blocks { source, last: None };
-    let mut facts: BTreeMap<u32, Facts> = BTreeMap::new();
+    let mut facts: BTreeMap<u32, PaintFacts> = BTreeMap::new();
     let numbers = objects.iter().map(|object| object.number).filter(|number| *number != NO_OBJECT);
-    facts.extend(numbers.map(|number| (number, Facts::default())));
+    facts.extend(numbers.map(|number| (number, PaintFacts::default())));
     for (object, fact) in &mut facts {
         if let Some(block) = blocks.of(*object)? {
             let value = color_by.value(block, *object);
             let rgb = value.as_ref().map(|value| rgb_of(color_by, Some(value)));
             let number = value.as_ref().and_then(Value::as_f64);
-            *fact = Facts { rgb, number, parent: block.parent(*object) };
+            *fact = PaintFacts { rgb, number, parent: block.parent(*object) };
         }
     }
     let mut parents: BTreeMap<u32, Option<Rgb>> = BTreeMap::new();
@@ -58,7 +58,7 @@ pub(crate) fn attribute_colors(
         }
     }
     let of_parts = colors_of_parts(&facts, objects);
-    let color_of = |number: u32, own: &Facts| {
+    let color_of = |number: u32, own: &PaintFacts| {
         let inherited = own.rgb.or_else(|| parents.get(&own.parent?).copied().flatten());
         inherited.or_else(|| of_parts.get(&number).map(|(_, rgb)| *rgb))
     };
@@ -75,7 +75,7 @@ pub(crate) fn attribute_colors(
 }
 
 /// The largest number of the drawn parts of each whole that has none itself, with its colour.
-fn colors_of_parts(facts: &BTreeMap<u32, Facts>, objects: &[LeafObject]) -> BTreeMap<u32, (f64, Rgb)> {
+fn colors_of_parts(facts: &BTreeMap<u32, PaintFacts>, objects: &[LeafObject]) -> BTreeMap<u32, (f64, Rgb)> {
     let kinds: HashMap<u32, FeatureKind> = objects.iter().map(|object| (object.number, object.kind)).collect();
     let mut largest: BTreeMap<u32, (f64, Rgb)> = BTreeMap::new();
     for (object, part) in facts {

@@ -20,6 +20,7 @@ use insula_bake::{
     sample::{SampleSettings, VisibilityBackend},
 };
 use insula_command_line::output::FileKind;
+use insula_objects::schema::Labels;
 use insula_protocol::{
     manifest::Attribution,
     text::{count, human_bytes, printable, shell_word},
@@ -157,8 +158,6 @@ fn stone_of(value: &str) -> Result<String, CommandError> {
 /// What a bake is asked for. Fails if a file that an option names cannot be read.
 pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, CommandError> {
     let stone = args.stone.as_deref().map(stone_of).transpose()?;
-    let labels = args.labels.as_deref().map(labels::read).transpose();
-    let labels = labels.map_err(|error| CommandError::Usage(format!("--labels {error}")))?.unwrap_or_default();
     let monument = cell_of_monument(&args.inputs, stone.is_some(), args.read.at.map(|place| place.0));
     let is_monument = monument.is_some() && args.landmarks.is_none();
     if stone.is_some() && !is_monument {
@@ -178,7 +177,7 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
         nodata: args.read.nodata,
         drop_attributes: args.read.drop.clone(),
         search_attributes: args.read.search.clone(),
-        labels,
+        labels: labels_of(args)?,
         duplicates: duplicates(&args.read),
         addresses: Some(Addresses::new(&args.read.allow_host)),
         inputs: args.inputs.clone(),
@@ -235,6 +234,11 @@ pub(super) fn options(args: &BakeArgs, palette: Palette) -> Result<BakeOptions, 
             ..SampleSettings::with_views(args.views)
         },
     })
+}
+
+fn labels_of(args: &BakeArgs) -> Result<Labels, CommandError> {
+    let read = args.labels.as_deref().map(labels::read).transpose();
+    Ok(read.map_err(|error| CommandError::Usage(format!("--labels {error}")))?.unwrap_or_default())
 }
 
 fn summary(report: &BakeReport, args: &BakeArgs) -> String {

@@ -20,7 +20,7 @@ use std::{
 };
 use tokio::{runtime::Handle, sync::oneshot, task::spawn_blocking, time::timeout};
 
-/// What is added to the nice value of threads with [`Priority::Low`]. Not the lowest: other programs of the machine must not bring such work to a halt.
+/// What is added to the nice value of threads with [`WorkPriority::Low`]. Not the lowest: other programs of the machine must not bring such work to a halt.
 #[cfg(target_os = "linux")]
 const LOW_NICE: i32 = 10;
 
@@ -39,7 +39,7 @@ pub(super) struct QueueLimits {
 
 /// With which right to a core a piece of work runs. A thread keeps the lower one: only administrators may raise it again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Priority {
+enum WorkPriority {
     Normal,
     Low,
 }
@@ -97,7 +97,7 @@ struct QueueState {
 struct ClientWork {
     running: usize,
     /// Numbers of waiting requests, oldest first. A sender without a message that is dropped gives the request up.
-    tickets: VecDeque<(u64, oneshot::Sender<Priority>)>,
+    tickets: VecDeque<(u64, oneshot::Sender<WorkPriority>)>,
 }
 
 /// A place in the queue: a request that waits or whose work runs. Dropping it frees the place.
@@ -105,7 +105,7 @@ struct QueuePlace {
     queue: FairQueue,
     client: IpAddr,
     ticket: u64,
-    granted: oneshot::Receiver<Priority>,
+    granted: oneshot::Receiver<WorkPriority>,
     is_running: bool,
 }
 
@@ -131,8 +131,8 @@ impl FairQueue {
                 result
             };
             match priority {
-                Priority::Normal => spawn_blocking(work).await.map_err(|_| Shed),
-                Priority::Low => on_low_thread(|_| work()).await,
+                WorkPriority::Normal => spawn_blocking(work).await.map_err(|_| Shed),
+                WorkPriority::Low => on_low_thread(|_| work()).await,
             }
         };
         timeout(self.limits.max_time, task).await.unwrap_or(Err(Shed))
@@ -146,7 +146,7 @@ impl FairQueue {
     ) -> Result<T, Shed> {
         let task = async {
             let (place, priority) = self.enter(client)?.turn().await?;
-            if priority == Priority::Normal {
+            if priority == WorkPriority::Normal {
                 let result = work.await;
                 drop(place);
                 return Ok(result);
@@ -219,7 +219,7 @@ impl QueueState {
             }
             work.running += 1;
             let pieces = work.running + work.tickets.len();
-            let priority = if pieces > limits.at_ease { Priority::Low } else { Priority::Normal };
+            let priority = if pieces > limits.at_ease { WorkPriority::Low } else { WorkPriority::Normal };
             self.running += 1;
             self.waiting -= 1;
             // The receiver lives as long as its place, which frees what was granted.
@@ -254,7 +254,7 @@ impl QueueState {
 
 impl QueuePlace {
     /// Waits until the work may run.
-    async fn turn(mut self) -> Result<(Self, Priority), Shed> {
+    async fn turn(mut self) -> Result<(Self, WorkPriority), Shed> {
         let priority = (&mut self.granted).await.map_err(|_| Shed)?;
         self.is_running = true;
         Ok((self, priority))

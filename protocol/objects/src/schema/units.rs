@@ -18,30 +18,20 @@ const SPELLINGS: [(&str, &str); 8] = [
 ];
 
 impl Schema {
-    /// Gives numbers without a unit the one that the source tells or that follows from their names. Heights are in `heights`, or in metres
-    /// if that is `None`. Returns the names of those heights whose metres are a guess, with the unit.
-    pub fn set_known_units(&mut self, heights: Option<&str>) -> Vec<String> {
+    /// Gives numbers without a unit the one that the source tells or that follows from their names. Heights are in `heights`, as the bake
+    /// reads them.
+    pub fn set_known_units(&mut self, heights: &str) {
         let told: Vec<Option<String>> = self.attributes.iter().map(|info| self.told_unit(&info.name)).collect();
-        let mut guessed = Vec::new();
         for (info, told) in self.attributes.iter_mut().zip(told) {
             if info.unit.is_some() || !info.value_type.is_number() {
                 continue;
             }
-            let known = unit_of_name(&info.name);
-            info.unit = match (told, known, heights) {
+            info.unit = match told {
                 // The source has other units for some objects, or one of its own.
-                (Some(told), ..) => Some(told).filter(|unit| !unit.is_empty()),
-                (None, Some(known), None) => {
-                    guessed.extend(known.is_guess.then(|| info.name.clone()));
-                    Some(known.unit.to_owned())
-                }
-                (None, Some(known), Some(heights)) => {
-                    Some(if known.is_guess { heights } else { known.unit }.to_owned())
-                }
-                (None, None, _) => None,
+                Some(told) => Some(told).filter(|unit| !unit.is_empty()),
+                None => unit_of_name(&info.name, heights).map(str::to_owned),
             };
         }
-        guessed
     }
 
     /// The unit that the source tells of an attribute; empty if it tells several or none that is readable.
@@ -93,7 +83,7 @@ mod tests {
             ("EPSG:8888", ""),
         ] {
             let mut schema = schema(&[("size", Value::Float(2.5)), ("size.uom", text(written))]);
-            assert!(schema.set_known_units(None).is_empty());
+            schema.set_known_units("m");
             assert_eq!(units(&schema), [unit, ""], "{written}");
         }
         let two = [
@@ -102,7 +92,7 @@ mod tests {
             ("measuredHeight.uom", text("ft")),
         ];
         let mut schema = schema(&two);
-        assert!(schema.set_known_units(None).is_empty());
+        schema.set_known_units("m");
         assert_eq!(units(&schema), ["", ""]);
     }
 
@@ -116,11 +106,11 @@ mod tests {
             ("heightroof", Value::Float(30.0)),
             ("hoogte", text("hoog")),
         ];
-        let mut guessing = schema(&values);
-        assert_eq!(guessing.set_known_units(None), ["measuredHeight"]);
-        assert_eq!(units(&guessing), ["m", "m", "m³", "", "", ""]);
+        let mut in_metres = schema(&values);
+        in_metres.set_known_units("m");
+        assert_eq!(units(&in_metres), ["m", "m", "m³", "", "", ""]);
         let mut in_feet = schema(&values);
-        assert!(in_feet.set_known_units(Some("ft")).is_empty());
+        in_feet.set_known_units("ft");
         assert_eq!(units(&in_feet), ["ft", "m", "m³", "", "", ""]);
     }
 }

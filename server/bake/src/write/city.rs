@@ -48,7 +48,7 @@ use crate::{
     ground::GroundReport,
     hash::ShortHash,
     progress::Progress,
-    read::{HeightUnit, ReadReport, SourceFormat},
+    read::{HeightUnit, ReadReport},
     scene::{ObjectKind, grid::CityGrid, scratch_scene::ScratchScene},
 };
 
@@ -262,20 +262,12 @@ pub(crate) fn write_others(
     Ok(WrittenCity { manifest, bytes, filled_in })
 }
 
-/// Gives attributes their labels and units. Warns of labels without effect and of units that are guesses: the heights of OpenStreetMap are
-/// metres by its rules.
+/// Gives attributes their labels and units. Warns of labels without effect.
 fn label(schema: &mut Schema, input: &CityInput<'_>, progress: &dyn Progress) {
     for unused in schema.set_labels(&input.config.labels) {
         progress.warn(&printable(&format!("labels: {unused}")));
     }
-    let is_osm = input.read.sources.iter().all(|source| source.format == SourceFormat::OpenStreetMap);
-    let unit = input.config.height_unit.or_else(|| is_osm.then_some(HeightUnit::Metre));
-    let guessed = schema.set_known_units(unit.map(HeightUnit::symbol));
-    if !guessed.is_empty() {
-        let names = guessed.join(", ");
-        let text = format!("{names}: taken for metres by the name; --height-unit or --labels gives another unit");
-        progress.warn(&printable(&text));
-    }
+    schema.set_known_units(input.config.height_unit.unwrap_or(HeightUnit::Metre).symbol());
 }
 
 /// Writes the archive of subtrees. They are encoded by all threads, some at a time.
