@@ -49,6 +49,18 @@ impl PartValues {
     }
 }
 
+/// What comes with the largest number of the parts of each whole, by the whole: numbers count as in [`PartValues::add`]. Of each part
+/// it takes the whole, the number, and what comes with that.
+pub fn of_largest_numbers<T>(parts: impl IntoIterator<Item = (u32, f64, T)>) -> BTreeMap<u32, T> {
+    let mut largest: BTreeMap<u32, (f64, T)> = BTreeMap::new();
+    for (whole, number, with) in parts {
+        if largest.get(&whole).is_none_or(|(known, _)| *known < number) {
+            largest.insert(whole, (number, with));
+        }
+    }
+    largest.into_iter().map(|(whole, (_, with))| (whole, with)).collect()
+}
+
 fn merge(known: &mut Value, other: Value) {
     match (known, other) {
         (Value::Integer(known), Value::Integer(other)) => *known = other.max(*known),
@@ -99,6 +111,12 @@ mod tests {
             (5, Value::Date(1)),
         ];
         assert_eq!(whole, expected);
+    }
+
+    #[test]
+    fn the_largest_number_of_a_whole_decides() {
+        let parts = [(7, 2.0, 'a'), (7, 5.0, 'b'), (3, -1.0, 'c'), (7, 5.0, 'd')];
+        assert_eq!(of_largest_numbers(parts), BTreeMap::from([(3, 'c'), (7, 'b')]));
     }
 
     #[test]

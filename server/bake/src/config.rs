@@ -229,7 +229,7 @@ pub(crate) struct BakeConfig {
     pub(crate) dropped_attributes: NamePatterns,
     pub(crate) searchable: Vec<String>,
     pub(crate) labels: Labels,
-    /// Unit of heights that do not tell it; `None` for metres, as a guess.
+    /// Unit of heights that do not tell it; `None` for metres.
     pub(crate) height_unit: Option<HeightUnit>,
     pub(crate) street_sets: bool,
     pub(crate) picture: bool,

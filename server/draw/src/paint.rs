@@ -2,7 +2,7 @@
 
 use crate::{error::DrawError, style::Rgb};
 use insula_export::{leaves::LeafObject, source::ExportSource};
-use insula_objects::{BLOCK_OBJECTS, ColorBy, FeatureKind, ObjectBlock, Value};
+use insula_objects::{BLOCK_OBJECTS, ColorBy, FeatureKind, ObjectBlock, Value, family::of_largest_numbers};
 use insula_protocol::mesh_tile::NO_OBJECT;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -60,7 +60,7 @@ pub(crate) fn attribute_colors(
     let of_parts = colors_of_parts(&facts, objects);
     let color_of = |number: u32, own: &PaintFacts| {
         let inherited = own.rgb.or_else(|| parents.get(&own.parent?).copied().flatten());
-        inherited.or_else(|| of_parts.get(&number).map(|(_, rgb)| *rgb))
+        inherited.or_else(|| of_parts.get(&number).copied())
     };
     let of_values: HashMap<u32, Rgb> =
         facts.iter().filter_map(|(number, own)| Some((*number, color_of(*number, own)?))).collect();
@@ -74,19 +74,16 @@ pub(crate) fn attribute_colors(
     Ok(objects.iter().map(color).collect())
 }
 
-/// The largest number of the drawn parts of each whole that has none itself, with its colour.
-fn colors_of_parts(facts: &BTreeMap<u32, PaintFacts>, objects: &[LeafObject]) -> BTreeMap<u32, (f64, Rgb)> {
+/// The colours of wholes without a value, by the largest number of their drawn parts.
+fn colors_of_parts(facts: &BTreeMap<u32, PaintFacts>, objects: &[LeafObject]) -> BTreeMap<u32, Rgb> {
     let kinds: HashMap<u32, FeatureKind> = objects.iter().map(|object| (object.number, object.kind)).collect();
-    let mut largest: BTreeMap<u32, (f64, Rgb)> = BTreeMap::new();
-    for (object, part) in facts {
-        let (Some(number), Some(rgb), Some(whole)) = (part.number, part.rgb, part.parent) else { continue };
-        let lacks_value = facts.get(&whole).is_some_and(|whole| whole.rgb.is_none());
-        let is_part = kinds.get(object).zip(kinds.get(&whole)).is_some_and(|(part, whole)| part.is_part_of(*whole));
-        if lacks_value && is_part && largest.get(&whole).is_none_or(|(known, _)| *known < number) {
-            largest.insert(whole, (number, rgb));
-        }
-    }
-    largest
+    let numbers = facts.iter().filter_map(|(object, part)| {
+        let (number, rgb, whole) = (part.number?, part.rgb?, part.parent?);
+        let lacks_value = facts.get(&whole)?.rgb.is_none();
+        let is_part = kinds.get(object)?.is_part_of(*kinds.get(&whole)?);
+        (lacks_value && is_part).then_some((whole, number, rgb))
+    });
+    of_largest_numbers(numbers)
 }
 
 fn rgb_of(color_by: &ColorBy, value: Option<&Value>) -> Rgb {

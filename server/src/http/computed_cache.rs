@@ -88,8 +88,8 @@ impl ComputedCache {
         self.keep(ComputedKey::Index(serial), Computed::Index(index)).await;
     }
 
-    /// What is in memory, or what `make` makes when it is the client's turn in `queue`. Once it is, another request may have made it. It
-    /// does not wait for that before: the turn of another client may be far, or its work of low priority.
+    /// Returns what is in memory. Otherwise waits for the client's turn in `queue`, looks again, and calls `make`. It does not wait for
+    /// an equal request of another client, whose turn may come later or whose work may have low priority.
     pub(super) async fn find_or_make<E: Send + 'static>(
         &self,
         key: ComputedKey,

@@ -7,6 +7,7 @@ use super::ObjectStyles;
 use insula_objects::{
     FeatureKind, ObjectBlock, Value,
     color::ColorBy,
+    family::of_largest_numbers,
     filter::{Filter, FilterBuilder, FilteredObjects},
 };
 use std::collections::{BTreeMap, BTreeSet};
@@ -132,7 +133,7 @@ fn set_colours(styles: &mut ObjectStyles, facts: &BTreeMap<u32, Facts>, no_data:
     let of_parts = colours_of_parts(facts);
     let colour = |id: u32, object: &Facts| {
         let inherited = object.rgb.or_else(|| facts.get(&object.parent?)?.rgb);
-        inherited.or_else(|| of_parts.get(&id).map(|(_, rgb)| *rgb))
+        inherited.or_else(|| of_parts.get(&id).copied())
     };
     let with_colour = facts.iter().filter(|(id, object)| colour(**id, object).is_some());
     let kinds: BTreeSet<FeatureKind> = with_colour.map(|(_, object)| object.kind).collect();
@@ -141,17 +142,14 @@ fn set_colours(styles: &mut ObjectStyles, facts: &BTreeMap<u32, Facts>, no_data:
     }
 }
 
-/// The largest number of the parts of each whole that has none itself, with its colour.
-fn colours_of_parts(facts: &BTreeMap<u32, Facts>) -> BTreeMap<u32, (f64, [u8; 3])> {
-    let mut largest: BTreeMap<u32, (f64, [u8; 3])> = BTreeMap::new();
-    for part in facts.values() {
-        let (Some(number), Some(rgb), Some(parent)) = (part.number, part.rgb, part.parent) else { continue };
-        let is_whole = |whole: &Facts| whole.rgb.is_none() && part.kind.is_part_of(whole.kind);
-        if facts.get(&parent).is_some_and(is_whole) && largest.get(&parent).is_none_or(|(known, _)| *known < number) {
-            largest.insert(parent, (number, rgb));
-        }
-    }
-    largest
+/// The colours of wholes without a value, by the largest number of their parts.
+fn colours_of_parts(facts: &BTreeMap<u32, Facts>) -> BTreeMap<u32, [u8; 3]> {
+    let numbers = facts.values().filter_map(|part| {
+        let (number, rgb, parent) = (part.number?, part.rgb?, part.parent?);
+        let whole = facts.get(&parent)?;
+        (whole.rgb.is_none() && part.kind.is_part_of(whole.kind)).then_some((parent, number, rgb))
+    });
+    of_largest_numbers(numbers)
 }
 
 fn rgb_of(color: &ColorBy, value: Option<&Value>) -> [u8; 3] {

@@ -1,4 +1,4 @@
-//! What the parts of wholes tell of these in filters.
+//! Values that wholes take from their parts in filters.
 
 use super::Source;
 use crate::{
@@ -48,7 +48,7 @@ impl PartFacts {
     }
 }
 
-/// What the parts in `block` tell of the wholes in `wholes`, of these attributes.
+/// The values of these attributes that the wholes in `wholes` take from their parts in `block`.
 pub(super) fn by_whole(wholes: &ObjectBlock, block: &ObjectBlock, attributes: &[u32]) -> BTreeMap<u32, PartFacts> {
     let mut facts: BTreeMap<u32, PartFacts> = BTreeMap::new();
     for &part in block.ids() {

@@ -1,4 +1,4 @@
-//! What people read instead of the names of attributes: titles in their languages, another order, and what is not shown to them.
+//! Labels of attributes for people: titles by language, their order, and which attributes are hidden.
 //!
 //! Labels change no value and no name: filters, tables and scripts go on with the names of the source.
 

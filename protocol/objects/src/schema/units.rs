@@ -34,7 +34,7 @@ impl Schema {
         }
     }
 
-    /// The unit that the source tells of an attribute; empty if it tells several or none that is readable.
+    /// The unit of an attribute in the source. Empty if the source has several units, or one that is not readable. `None` without any.
     fn told_unit(&self, name: &str) -> Option<String> {
         let unit = self.index_of(&format!("{name}{UNIT_SUFFIX}")).and_then(|index| self.attributes.get(index))?;
         let [(text, _)] = &unit.top[..] else { return Some(String::new()) };
