@@ -82,13 +82,6 @@ impl Filter {
         Ok(Self { expression, attributes })
     }
 
-    /// Whether an object of the block meets the condition. `false` if the block does not have it.
-    #[must_use]
-    pub fn matches(&self, block: &ObjectBlock, id: u32) -> bool {
-        let parts = parts::by_whole(block, block, &self.attributes);
-        ObjectRow::of(block, id).is_some_and(|object| self.holds(object, parts.get(&id)))
-    }
-
     /// The ids of the block's objects that meet the condition. Parents and parts in other blocks are not seen: see [`FilterBuilder`].
     #[must_use]
     pub fn select(&self, block: &ObjectBlock) -> RoaringBitmap {

@@ -103,9 +103,6 @@ fn filters_select_the_objects_that_they_describe() {
         let filter = Filter::parse(text, &schema).unwrap_or_else(|error| panic!("{text}: {error}"));
         let selected: Vec<u32> = filter.select(&block).into_iter().collect();
         assert_eq!(selected, expected, "{text}");
-        for id in 0..6 {
-            assert_eq!(filter.matches(&block, id), expected.contains(&id), "{text} {id}");
-        }
     }
 }
 
@@ -119,7 +116,7 @@ fn attributes_are_listed_once_and_hide_fields() {
     );
     schema.attributes[2].name = "height".into();
     assert_eq!(attributes("height > 1", &schema), [2]);
-    assert!(Filter::parse("height == 1250.5", &schema).unwrap().matches(&block, 0));
+    assert!(Filter::parse("height == 1250.5", &schema).unwrap().select(&block).contains(0));
 }
 
 #[test]
