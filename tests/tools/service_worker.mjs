@@ -187,6 +187,28 @@ const tests = {
     assert.equal((await world.get(ARCHIVE, { range: 'bytes=100-299' })).status, 206);
     await assert.rejects(world.get(ARCHIVE.replace('v=1', 'v=2'), { range: 'bytes=150-159' }));
   },
+  async 'ranges that were fetched at once are found, also across several'() {
+    const world = new World();
+    const content = Uint8Array.from({ length: 600_000 }, (_, i) => (i * 7919) % 251);
+    world.answers.set(ARCHIVE, ({ headers }) => {
+      const [first, last] = headers.get('range').slice(6).split('-').map(Number);
+      return new Response(content.slice(first, last + 1), { status: 206, headers: { 'content-range': `bytes ${first}-${last}/600000` } });
+    });
+    const get = async (first, last) => {
+      const response = await world.get(ARCHIVE, { range: `bytes=${first}-${last}` });
+      assert.equal(response.headers.get('content-range'), `bytes ${first}-${last}/600000`);
+      assert.deepEqual(new Uint8Array(await response.arrayBuffer()), content.slice(first, last + 1));
+    };
+    const places = Array.from({ length: 150 }, (_, i) => 200_000 + i * 1000);
+    // As a page asks; one that continues another, one that overlaps it, and some without a gap.
+    await Promise.all(places.map((place, i) => get(place, place + [999, 1020, 499][i % 3])));
+    world.isOnline = false;
+    await Promise.all(places.map((place) => get(place + 10, place + 400)));
+    await get(200_500, 202_400);
+    // From one block to the next.
+    await get(261_100, 262_499);
+    await assert.rejects(get(202_400, 203_100), 'a gap');
+  },
   async 'an upgrade removes what older workers kept, and keeps the open page'() {
     const world = new World();
     world.stores.set('insula-1', new Map()).set('other', new Map());

@@ -25,7 +25,7 @@ const BLOCK_PARAMETER = 'insula-block';
 const COUNT_PARAMETER = 'insula-bytes';
 /** Ranges up to this length can be found by what lies in them: by the blocks of this length that they touch. */
 const BLOCK_BYTES = 256 * 2 ** 10;
-const MAX_RANGES_OF_BLOCK = 64;
+const MAX_RANGES_OF_BLOCK = 256;
 
 const ASSET = /\/assets\/[0-9a-f]{16}\/[^/]+$/;
 const TILE = /\/v1\/cities\/[^/]+\/[^/]+\/((subtrees|blockmaps|meshes|visibility)\/[\d/]+|objects\/(\d+|schema))$/;
@@ -236,32 +236,51 @@ async function rangesOf(file, block) {
   return (await (await lookUp(keyOf(file, BLOCK_PARAMETER, block)))?.json()) ?? [];
 }
 
+/** The last change of a block's ranges. They are changed one after another: of two changes at once, one would be lost. */
+let noted = Promise.resolve();
+
 /** Makes a range findable by what lies in it. @param {string} file @param {[number, number]} bounds */
-async function noteRange(file, [first, last]) {
-  if (last - first >= BLOCK_BYTES) return;
-  for (let block = Math.floor(first / BLOCK_BYTES); block * BLOCK_BYTES <= last; block++) {
-    const ranges = [[first, last], ...(await rangesOf(file, block))].slice(0, MAX_RANGES_OF_BLOCK);
-    await keep(keyOf(file, BLOCK_PARAMETER, block), new Response(JSON.stringify(ranges)));
-  }
+function noteRange(file, [first, last]) {
+  if (last - first >= BLOCK_BYTES) return noted;
+  const note = async () => {
+    for (let block = Math.floor(first / BLOCK_BYTES); block * BLOCK_BYTES <= last; block++) {
+      const others = (await rangesOf(file, block)).filter(([begin, end]) => begin < first || end > last);
+      const ranges = [[first, last], ...others].slice(0, MAX_RANGES_OF_BLOCK);
+      await keep(keyOf(file, BLOCK_PARAMETER, block), new Response(JSON.stringify(ranges)));
+    }
+  };
+  noted = noted.then(note).catch(() => undefined);
+  return noted;
 }
 
 /**
- * A range that lies in a longer one that is kept: neighbouring tiles are read together, and one by one after a failure.
+ * A range whose bytes are kept as parts of others. Neighbouring tiles are read together, each time others, and one by one after a failure.
  * @param {string} file @param {[number, number]} wanted @returns {Promise<Response | undefined>}
  */
 async function partOfKept(file, [first, last]) {
-  for (const [begin, end] of await rangesOf(file, Math.floor(first / BLOCK_BYTES))) {
-    if (begin > first || end < last) continue;
+  if (last - first >= BLOCK_BYTES) return undefined;
+  // At most two blocks are touched.
+  const blocks = new Set([first, last].map((byte) => Math.floor(byte / BLOCK_BYTES)));
+  const ranges = (await Promise.all([...blocks].map((block) => rangesOf(file, block)))).flat();
+  const body = [];
+  let headers;
+  // Of the ranges that have the next byte, the one that reaches furthest; of those that are gone meanwhile, the next.
+  ranges.sort((a, b) => b[1] - a[1]);
+  for (let at = first; at <= last; ) {
+    const index = ranges.findIndex(([begin, end]) => begin <= at && at <= end);
+    if (index < 0) return undefined;
+    const [[begin, end]] = ranges.splice(index, 1);
     const found = await lookUp(keyOf(file, RANGE_PARAMETER, `bytes=${begin}-${end}`));
-    const bytes = found && new Uint8Array(await found.arrayBuffer()).slice(first - begin, last - begin + 1);
-    if (!bytes || bytes.length !== last - first + 1) continue;
-    const headers = new Headers(found.headers);
-    const length = /\/(\d+)$/.exec(headers.get('content-range') ?? '')?.[1] ?? '*';
-    headers.set('content-range', `bytes ${first}-${last}/${length}`);
-    headers.set('content-length', String(bytes.length));
-    return new Response(bytes, { status: 206, statusText: 'Partial Content', headers });
+    const bytes = found && new Uint8Array(await found.arrayBuffer());
+    if (bytes?.length !== end - begin + 1) continue;
+    headers ??= new Headers(found.headers);
+    body.push(bytes.subarray(at - begin, last - begin + 1));
+    at = end + 1;
   }
-  return undefined;
+  const length = /\/(\d+)$/.exec(headers.get('content-range') ?? '')?.[1] ?? '*';
+  headers.set('content-range', `bytes ${first}-${last}/${length}`);
+  headers.set('content-length', String(last - first + 1));
+  return new Response(new Blob(body), { status: 206, statusText: 'Partial Content', headers });
 }
 
 /** First and last byte of the range that a request asks for. @param {Request} request @returns {[number, number] | undefined} */
