@@ -4,6 +4,7 @@ use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, UN
 use std::ops::RangeInclusive;
 
 use super::height_names::{self, HeightRole, NamedHeight};
+use super::roof_tags::given_height_m;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::units::{FOOT_M, HeightUnit, metres_of};
 
@@ -70,10 +71,13 @@ impl BuildingHeight {
         if let Some((_, levels)) = first_in_range(levels, LEVELS_RANGE, &mut note) {
             let roof_levels = ROOF_LEVELS.iter().filter_map(|name| Some((*name, attributes.named(name)?, 1.0)));
             let roof_levels = first_in_range(roof_levels, LEVELS_RANGE, &mut note).map(|(_, number)| number);
-            let top_m = (levels + roof_levels.unwrap_or(0.0)) * LEVEL_M;
+            // Storeys are counted below the roof.
+            let roof_levels_m = roof_levels.map(|levels| levels * LEVEL_M).filter(|height_m| *height_m > 0.0);
+            let roof_m = given_height_m(attributes, hints).or(roof_levels_m);
+            let top_m = levels * LEVEL_M + roof_m.unwrap_or(0.0);
             if base_m < top_m {
                 note(GUESSED_FROM_LEVELS, &format!("{top_m} m"));
-                return Self { base_m, top_m, is_without_roof: roof_levels.is_none() };
+                return Self { base_m, top_m, is_without_roof: roof_m.is_none() };
             }
         }
         note(GUESSED, &format!("{UNKNOWN_M} m"));

@@ -36,10 +36,9 @@ impl RoofTags {
             note(name);
             return None;
         };
-        let levels = number(attributes, LEVELS, 1.0).map(|levels| levels * LEVEL_M);
-        let plain_m = hints.unit.map_or(1.0, HeightUnit::metres);
+        let levels_m = number(attributes, LEVELS, 1.0).map(|levels| levels * LEVEL_M);
         let height_m =
-            number(attributes, HEIGHT, plain_m).or(levels).filter(|height_m| HEIGHT_RANGE_M.contains(height_m));
+            given_height_m(attributes, hints).or(levels_m.filter(|height_m| HEIGHT_RANGE_M.contains(height_m)));
         let orientation = match text(attributes, ORIENTATION) {
             Some("across") => Some(RoofOrientation::Across),
             Some("along") => Some(RoofOrientation::Along),
@@ -72,6 +71,14 @@ impl RoofTags {
             orientation: self.orientation,
         }
     }
+}
+
+/// The height of a roof that is not flat, as attributes give it in metres; `None` if they do not, or only in storeys.
+pub(super) fn given_height_m(attributes: &Attributes, hints: HeightHints<'_>) -> Option<f64> {
+    let shape = text(attributes, SHAPE).and_then(roof::roof_shape_by_name);
+    let plain_m = hints.unit.map_or(1.0, HeightUnit::metres);
+    number(attributes, HEIGHT, plain_m)
+        .filter(|height_m| shape != Some(RoofShape::Flat) && HEIGHT_RANGE_M.contains(height_m))
 }
 
 fn text<'a>(attributes: &'a Attributes, names: &[&str]) -> Option<&'a str> {
@@ -109,6 +116,26 @@ mod tests {
             assert_eq!(direction_deg(&attributes(&[("roof:direction", text)])), Some(degrees), "{text}");
         }
         assert_eq!(direction_deg(&attributes(&[("roof:direction", "up")])), None);
+    }
+
+    #[test]
+    fn counted_storeys_are_below_the_roof() {
+        let square = vec![vec![[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]];
+        let eaves_and_top = |tags: &[(&str, &str)]| {
+            let tags = attributes(&[&[("roof:shape", "gabled")][..], tags].concat());
+            let height = BuildingHeight::of(&tags, HeightHints::default(), |_, _| ());
+            let spec = RoofTags::of(&tags, HeightHints::default(), |_| ()).unwrap().spec(&square, &height);
+            (spec.eaves_m, spec.top_m)
+        };
+        assert_eq!(eaves_and_top(&[("building:levels", "3"), ("roof:height", "2")]), (9.0, 11.0));
+        assert_eq!(eaves_and_top(&[("building:levels", "3"), ("roof:height", "2"), ("roof:levels", "1")]), (9.0, 11.0));
+        assert_eq!(eaves_and_top(&[("building:levels", "3"), ("roof:levels", "1")]), (9.0, 12.0));
+        assert_eq!(eaves_and_top(&[("num_floors", "2"), ("min_floor", "1"), ("roof_height", "2")]), (6.0, 8.0));
+        let usual = eaves_and_top(&[("building:levels", "3")]);
+        assert!(usual.0 == 9.0 && usual.1 > 9.5, "{usual:?}");
+        assert_eq!(eaves_and_top(&[("building:levels", "3"), ("roof:levels", "0")]), usual);
+        let flat = attributes(&[("building:levels", "3"), ("roof:shape", "flat"), ("roof:height", "1")]);
+        assert_eq!(BuildingHeight::of(&flat, HeightHints::default(), |_, _| ()).top_m, 9.0);
     }
 
     #[test]
