@@ -1,13 +1,15 @@
 //! Rings of a footprint: repaired, extruded to a closed prism, or covered with a level surface.
 
 use super::height::BuildingHeight;
-use crate::polygon::{Areas, MAX_CORNERS, PolygonFault, Rings, Triangulator, area_m2, clean};
+use crate::polygon::{Areas, CROSSING, MAX_CORNERS, PolygonFault, Rings, Triangulator, area_m2, clean, crosses_itself};
 use crate::world_triangle::WorldTriangle;
 
 /// Corners nearer than this are welded.
 const WELD_M: f64 = 1e-3;
 /// Smaller rings are treated as drawing errors.
 pub(super) const MIN_AREA_M2: f64 = 0.01;
+
+const NO_RING_AREA: &str = "ring without area";
 
 /// Numbers of the materials of a prism.
 #[derive(Debug, Clone, Copy)]
@@ -50,20 +52,29 @@ impl GroundPlans {
                 Err(_) => note("hole filled, its ring is no ring"),
             }
         }
-        let rings_m2 = rings.iter().map(|ring| area_m2(ring)).sum();
-        // Rings of one area that cross themselves are found when they are triangulated.
-        let cleaned = if rings.len() > 1 { clean(&rings) } else { None };
+        let is_crossing = rings.iter().any(|ring| crosses_itself(ring));
+        let cleaned = if is_crossing || rings.len() > 1 { clean(&rings) } else { None };
+        let signed_m2 = rings.iter().map(|ring| area_m2(ring)).sum::<f64>();
         let Some(polygons) = cleaned else {
-            let areas = Areas { rings_m2, triangles_m2: rings_m2 };
+            if rings.first().is_none_or(|outer| area_m2(outer) < MIN_AREA_M2) {
+                return Err(NO_RING_AREA);
+            }
+            let areas = Areas { rings_m2: signed_m2, triangles_m2: signed_m2 };
             return Ok(Self { plans: vec![GroundPlan { rings }], areas });
         };
         if polygons.is_empty() {
-            return Err("ring without area");
+            return Err(NO_RING_AREA);
         }
-        note("hole that touches another ring, cut out");
         let triangles_m2 = polygons.iter().flatten().map(|ring| area_m2(ring)).sum();
+        let areas = Areas { rings_m2: signed_m2, triangles_m2 };
         let plans = polygons.into_iter().map(|rings| GroundPlan { rings }).collect();
-        Ok(Self { plans, areas: Areas { rings_m2, triangles_m2 } })
+        if !is_crossing {
+            note("hole that touches another ring, cut out");
+            return Ok(Self { plans, areas });
+        }
+        note(if areas.difference().is_some() { CROSSING } else { "ring that touches itself, divided" });
+        // Lobes that turn the other way are negative in the area of their ring, which is not that of what it encloses.
+        Ok(Self { plans, areas: Areas { rings_m2: triangles_m2, triangles_m2 } })
     }
 }
 
@@ -148,8 +159,9 @@ fn repair_ring(
         note("ring not closed, closed");
     }
     let area_m2 = area_m2(&ring);
-    if area_m2.abs() < MIN_AREA_M2 {
-        return Err("ring without area");
+    // The lobes of one that crosses itself may be as large as each other.
+    if area_m2.abs() < MIN_AREA_M2 && !crosses_itself(&ring) {
+        return Err(NO_RING_AREA);
     }
     if area_m2 * turn < 0.0 {
         ring.reverse();

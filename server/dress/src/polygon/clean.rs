@@ -62,6 +62,42 @@ pub fn clean(rings: &[impl AsRef<[[f64; 2]]>]) -> Option<Vec<Rings>> {
     Some(polygons.collect())
 }
 
+/// Whether a ring crosses itself or comes back to one of its corners, so that its signed area is not that of what it encloses.
+/// Rings that cross too often, or are too large to be cleaned, do not count.
+pub fn crosses_itself(ring: &[[f64; 2]]) -> bool {
+    let Some(whole) = ring.first().and_then(|origin| to_whole(ring, *origin)) else { return false };
+    let mut corners = whole.clone();
+    corners.sort_unstable_by_key(|corner| [corner.x, corner.y]);
+    if corners.windows(2).any(|pair| pair[0] == pair[1]) {
+        return true;
+    }
+    let next = whole.iter().cycle().skip(1);
+    let mut edges: Vec<[IntPoint<i32>; 2]> =
+        whole.iter().zip(next).map(|(a, b)| if (a.x, a.y) <= (b.x, b.y) { [*a, *b] } else { [*b, *a] }).collect();
+    edges.sort_unstable_by_key(|[low, _]| low.x);
+    let mut steps = 0_u64;
+    for (number, [low, high]) in edges.iter().enumerate() {
+        for [other_low, other_high] in edges[number + 1..].iter().take_while(|[other_low, _]| other_low.x <= high.x) {
+            steps += 1;
+            if steps > MAX_STEPS {
+                return false;
+            }
+            let are_apart = |a, b, p, q| side(a, b, p) * side(a, b, q) >= 0;
+            if !are_apart(low, high, other_low, other_high) && !are_apart(other_low, other_high, low, high) {
+                return true;
+            }
+        }
+    }
+    false
+}
+
+/// On which side of a line a point is: -1, 0 or 1.
+fn side(a: &IntPoint<i32>, b: &IntPoint<i32>, p: &IntPoint<i32>) -> i64 {
+    let from = |p: &IntPoint<i32>| [i64::from(p.x) - i64::from(a.x), i64::from(p.y) - i64::from(a.y)];
+    let ([bx, by], [px, py]) = (from(b), from(p));
+    (bx * py - by * px).signum()
+}
+
 /// The ring in units, without repeated corners; `None` if it is too large.
 fn to_whole(ring: &[[f64; 2]], origin: [f64; 2]) -> Option<Vec<IntPoint<i32>>> {
     let mut whole: Vec<IntPoint<i32>> = Vec::with_capacity(ring.len());
@@ -163,6 +199,27 @@ mod tests {
         ] {
             let Some((area_m2, found)) = cleaned(holes) else { panic!("{holes:?}") };
             assert!((area_m2 - expected_m2).abs() < 0.2 && found == count, "{holes:?}: {area_m2} m2 in {found}");
+        }
+    }
+
+    #[test]
+    fn rings_that_cross_themselves_become_their_lobes() {
+        let bow = [[0.0, 0.0], [10.0, 10.0], [10.0, 0.0], [0.0, 10.0]];
+        let by_a_corner = [[0.0, 0.0], [5.0, 5.0], [10.0, 10.0], [10.0, 0.0], [5.0, 5.0], [0.0, 10.0]];
+        let uneven = [[0.0, 0.0], [20.0, 20.0], [20.0, 0.0], [0.0, 10.0]];
+        for (ring, expected_m2) in [(&bow[..], 50.0), (&by_a_corner, 50.0), (&uneven, 500.0 / 3.0)] {
+            assert!(crosses_itself(ring), "{ring:?}");
+            let Some(lobes) = clean(&[ring]) else { panic!("{ring:?}") };
+            let found_m2: f64 = lobes.iter().flatten().map(|ring| area_m2(ring)).sum();
+            assert!(lobes.len() == 2 && (found_m2 - expected_m2).abs() < 0.1, "{ring:?}: {found_m2}");
+        }
+        // A hole that crosses itself.
+        let hole = bow.map(|[x, y]| [x + 5.0, y + 5.0]);
+        let Some((area_m2, count)) = cleaned(&[&hole]) else { panic!() };
+        assert!((area_m2 - 850.0).abs() < 0.1 && count == 1, "{area_m2} m2 in {count}");
+        let l_shape = [[0.0, 0.0], [9.0, 0.0], [9.0, 3.0], [3.0, 3.0], [3.0, 9.0], [0.0, 9.0]];
+        for ring in [&SQUARE[..], &l_shape, &[[0.0, 0.0], [9.0, 0.0], [18.0, 0.0], [9.0, 9.0]]] {
+            assert!(!crosses_itself(ring), "{ring:?}");
         }
     }
 

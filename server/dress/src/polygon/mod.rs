@@ -7,7 +7,7 @@ use earcut::Earcut;
 use glam::DVec3;
 use insula_source::report::SourceReport;
 
-pub use clean::{Rings, area_m2, clean};
+pub use clean::{Rings, area_m2, clean, crosses_itself};
 
 use super::counted_float::{CountedFloat, with_steps};
 
