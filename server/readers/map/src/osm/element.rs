@@ -25,6 +25,13 @@ pub(super) fn degrees(position: Position) -> [f64; 2] {
     position.map(|value| f64::from(value) / UNITS_PER_DEGREE)
 }
 
+/// Identifier for a node of which only the position is known: the same for the same position, and far from those of other nodes.
+pub(super) fn id_of_position([lon, lat]: Position) -> i64 {
+    let from_corner = |value: i32, low: i64| i64::from(value) + low;
+    // 32 and 31 bits. Editors give new nodes small negative identifiers.
+    i64::MIN + (from_corner(lon, 1_800_000_000) << 31) + from_corner(lat, 900_000_000)
+}
+
 /// Identifier of a way or a relation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum ElementId {
@@ -82,7 +89,7 @@ pub(super) enum Element<'a> {
         position: Position,
         tags: Tags<'a>,
     },
-    /// `number` counts the ways of the file from 0.
+    /// `number` counts the ways of the file from 0; `u64::MAX` for one that only a relation has.
     Way {
         id: i64,
         number: u64,

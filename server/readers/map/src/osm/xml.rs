@@ -1,4 +1,7 @@
 //! Files in the XML form of OpenStreetMap, `.osm` and `.osm.gz`, also those of JOSM and of the Overpass API.
+//!
+//! The Overpass API writes no nodes for `out geom`, but their positions where ways and relations name them. Such a position is a node of
+//! its own, and a way that only relations have is read where it is a member.
 
 use std::cell::Cell;
 use std::io::{self, BufRead, Read};
@@ -9,7 +12,7 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
 use super::element::{
-    Element, ElementFile, ElementId, Member, Pass, Position, Tags, UNITS_PER_DEGREE, Visit, position,
+    Element, ElementFile, ElementId, Member, Pass, Position, Tags, UNITS_PER_DEGREE, Visit, id_of_position, position,
 };
 use insula_source::error::InputError;
 use insula_source::input::Input;
@@ -22,6 +25,8 @@ const MAX_DEPTH: usize = 64;
 /// Nodes of a way, members of a relation and bytes of tags beyond it are refused.
 const MAX_PARTS: usize = 1 << 20;
 const MAX_TAG_BYTES: usize = 16 << 20;
+/// Identifier for nodes outside of the area that was asked for; no node has it.
+const OUTSIDE_ID: i64 = i64::MAX;
 
 /// An XML file.
 pub(super) struct XmlFile<'a> {
@@ -139,6 +144,7 @@ enum Step {
 struct Parser {
     wants: [bool; 3],
     wants_tags: bool,
+    wants_members: bool,
     is_first: bool,
     /// Numbers of the ways that are visited.
     ways: Range<u64>,
@@ -152,6 +158,8 @@ struct Parser {
     position: Option<Position>,
     has_position: bool,
     is_deleted: bool,
+    /// Whether the current way is a member of a relation. It has no number.
+    is_member: bool,
     refs: Vec<i64>,
     /// Elements with the places of their roles in `text`.
     members: Vec<(Option<ElementId>, [u32; 2])>,
@@ -172,6 +180,8 @@ impl Parser {
         Self {
             wants,
             wants_tags: !matches!(pass, Pass::Nodes(_)),
+            // They come after all ways.
+            wants_members: matches!(pass, Pass::Ways(ways) if ways.end == u64::MAX),
             is_first: matches!(pass, Pass::First),
             ways,
             way: 0,
@@ -183,6 +193,7 @@ impl Parser {
             position: None,
             has_position: false,
             is_deleted: false,
+            is_member: false,
             refs: Vec::new(),
             members: Vec::new(),
             text: Vec::new(),
@@ -210,6 +221,7 @@ impl Parser {
                         Step::Nothing
                     }
                     Step::Nothing if element_kind(&tag).is_some() => self.close(),
+                    Step::Nothing if self.is_member && tag.name().as_ref() == "member" => self.close_member(),
                     step => step,
                 })
             }
@@ -217,6 +229,7 @@ impl Parser {
                 self.depth = self.depth.saturating_sub(1);
                 Ok(match tag.name().as_ref() {
                     "node" | "way" | "relation" => self.close(),
+                    "member" if self.is_member => self.close_member(),
                     _ => {
                         self.is_closed |= self.depth == 0;
                         Step::Nothing
@@ -249,21 +262,20 @@ impl Parser {
             return Ok(Step::Nothing);
         }
         match (name.as_ref(), self.current) {
-            ("bounds", None) => return Ok(extent(tag)?.map_or(Step::Nothing, Step::Extent)),
+            // Ways of the Overpass API have bounds, too.
+            ("bounds", None) if self.is_first => return Ok(extent(tag)?.map_or(Step::Nothing, Step::Extent)),
             ("tag", Some(_)) if self.wants_tags => self.add_tag(tag)?,
             ("nd", Some(Kind::Way)) => self.add_ref(tag)?,
+            ("nd", None) if self.wants[Kind::Node as usize] => return self.node_of_way(tag),
             ("member", Some(Kind::Relation)) => self.add_member(tag)?,
+            ("member", None) if self.wants_members => self.begin_member(tag)?,
             _ => {}
         }
         Ok(Step::Nothing)
     }
 
     fn begin(&mut self, tag: &BytesStart<'_>) -> Result<(), String> {
-        (self.id, self.position, self.has_position, self.is_deleted, self.fault) = (None, None, false, false, None);
-        self.refs.clear();
-        self.members.clear();
-        self.text.clear();
-        self.spans.clear();
+        self.clear();
         let (mut lon, mut lat) = (None, None);
         for attribute in tag.attributes().with_checks(false) {
             let attribute = attribute.map_err(|fault| fault.to_string())?;
@@ -279,6 +291,40 @@ impl Parser {
         }
         self.position = lon.zip(lat).and_then(|(lon, lat)| position(lon, lat));
         Ok(())
+    }
+
+    fn clear(&mut self) {
+        (self.id, self.position, self.has_position, self.is_deleted, self.fault) = (None, None, false, false, None);
+        self.is_member = false;
+        self.refs.clear();
+        self.members.clear();
+        self.text.clear();
+        self.spans.clear();
+    }
+
+    /// Begins the way that is a member of a relation.
+    fn begin_member(&mut self, tag: &BytesStart<'_>) -> Result<(), String> {
+        if text(tag, "type")?.as_deref() == Some("way") {
+            self.clear();
+            (self.id, self.current, self.is_member) = (integer(tag, "ref")?, Some(Kind::Way), true);
+        }
+        Ok(())
+    }
+
+    /// Ends a member. It is a way of its own if it has nodes.
+    fn close_member(&mut self) -> Step {
+        if self.refs.is_empty() {
+            self.current = None;
+        }
+        self.close()
+    }
+
+    /// The node at the position of a place in a way.
+    fn node_of_way(&mut self, tag: &BytesStart<'_>) -> Result<Step, String> {
+        let Some(position) = position_of(tag)? else { return Ok(Step::Nothing) };
+        self.clear();
+        (self.id, self.position, self.current) = (Some(id_of_position(position)), Some(position), Some(Kind::Node));
+        Ok(Step::Element)
     }
 
     fn add_tag(&mut self, tag: &BytesStart<'_>) -> Result<(), String> {
@@ -307,7 +353,11 @@ impl Parser {
     }
 
     fn add_ref(&mut self, tag: &BytesStart<'_>) -> Result<(), String> {
-        match integer(tag, "ref")? {
+        let id = match position_of(tag)? {
+            Some(position) => Some(id_of_position(position)),
+            None => integer(tag, "ref")?.or(self.is_member.then_some(OUTSIDE_ID)),
+        };
+        match id {
             Some(id) if self.refs.len() < MAX_PARTS => self.refs.push(id),
             _ => self.fault = Some("node of a way not understood"),
         }
@@ -363,6 +413,9 @@ impl Parser {
                 }
                 Ok(ControlFlow::Continue(()))
             }
+            (Kind::Way, _) if self.is_member => {
+                visit(Element::Way { id, number: u64::MAX, refs: &self.refs, tags }, sink)
+            }
             (Kind::Way, _) => {
                 let number = self.way;
                 self.way += 1;
@@ -416,12 +469,31 @@ fn units(degrees: &str) -> Option<i64> {
     (units.abs() < 4e9).then_some(units as i64)
 }
 
+/// The position of a tag with `lon` and `lat`.
+fn position_of(tag: &BytesStart<'_>) -> Result<Option<Position>, String> {
+    let (mut lon, mut lat) = (None, None);
+    for attribute in tag.attributes().with_checks(false) {
+        let attribute = attribute.map_err(|fault| fault.to_string())?;
+        match attribute.key.as_ref() {
+            "lon" => lon = units(&attribute.value),
+            "lat" => lat = units(&attribute.value),
+            _ => {}
+        }
+    }
+    Ok(lon.zip(lat).and_then(|(lon, lat)| position(lon, lat)))
+}
+
 /// The whole number of an attribute.
 fn integer(tag: &BytesStart<'_>, name: &str) -> Result<Option<i64>, String> {
+    Ok(text(tag, name)?.and_then(|value| value.trim().parse().ok()))
+}
+
+/// The value of an attribute as it is written.
+fn text(tag: &BytesStart<'_>, name: &str) -> Result<Option<String>, String> {
     for attribute in tag.attributes().with_checks(false) {
         let attribute = attribute.map_err(|fault| fault.to_string())?;
         if attribute.key.as_ref() == name {
-            return Ok(attribute.value.trim().parse().ok());
+            return Ok(Some(attribute.value.to_string()));
         }
     }
     Ok(None)

@@ -154,3 +154,40 @@ fn maps_of_editors_are_read() {
     let ids: Vec<&str> = sink.objects.iter().map(|object| &*object.id).collect();
     assert_eq!((ids, sink.problems.len(), sink.skipped.len()), (vec!["way/-7"], 0, 0));
 }
+
+#[test]
+fn positions_may_be_where_ways_and_relations_name_nodes() {
+    let place = |[lon, lat]: [&str; 2]| format!("lat='{lat}' lon='{lon}'");
+    let corners = [["0", "0"], ["0.001", "0"], ["0.001", "0.001"], ["0", "0.001"], ["0", "0"]];
+    let refs: String = (0..5).map(|i| format!("<nd ref='{}' {}/>", i % 4 + 1, place(corners[i]))).collect();
+    let open = |corners: &[[&str; 2]]| -> String { corners.iter().map(|at| format!("<nd {}/>", place(*at))).collect() };
+    let text = format!(
+        "<osm><way id='1'><bounds minlat='0' minlon='0' maxlat='0.001' maxlon='0.001'/>{refs}<tag k='building' v='yes'/></way>
+        <way id='2'><nd ref='1' {}/><nd ref='9'/><nd ref='3' {}/><nd ref='4' {}/><tag k='highway' v='service'/></way>
+        <relation id='5'><member type='node' ref='1' lat='1' lon='1'/>
+            <member type='way' ref='8' role='outer'>{}</member><member type='way' ref='9' role='outer'>{}</member>
+            <tag k='type' v='multipolygon'/><tag k='building' v='yes'/></relation>
+        <relation id='6'><member type='way' ref='8' role='outer'>{}</member><member type='way' ref='10' role='outer'><nd/><nd {}/></member>
+            <tag k='type' v='multipolygon'/><tag k='building' v='yes'/></relation>
+        <relation id='7'><member type='way' ref='11' role='outer'/><tag k='type' v='multipolygon'/><tag k='building' v='yes'/></relation>
+        </osm>",
+        place(corners[0]),
+        place(corners[2]),
+        place(corners[3]),
+        open(&corners[..3]),
+        open(&corners[2..]),
+        open(&corners[..3]),
+        place(corners[3]),
+    );
+    let (sink, read) = read_bytes("map.osm", text.as_bytes());
+    read.unwrap();
+    let Shape::Footprints(plans) = &by_id(&sink, "way/1").shape else { panic!("{:?}", sink.objects) };
+    assert_eq!(plans[0].rings[0], [[0.0, 0.0], [0.001, 0.0], [0.001, 0.001], [0.0, 0.001], [0.0, 0.0]]);
+    let Shape::Footprints(plans) = &by_id(&sink, "relation/5").shape else { panic!("{:?}", sink.objects) };
+    assert_eq!((plans.len(), plans[0].rings[0].len()), (1, 5));
+    assert_eq!(sink.objects.len(), 3, "and a road");
+    let skipped: Vec<(&str, &str)> = sink.skipped.iter().map(|(reason, id)| (*reason, &**id)).collect();
+    let outside = "outside of the extract";
+    assert_eq!(skipped, [(outside, "relation/6"), (outside, "relation/7")]);
+    assert_eq!(sink.problems, [("partly outside of the extract", "way/2".to_owned())]);
+}
