@@ -49,7 +49,7 @@ pub(super) enum Outline {
 }
 
 pub(super) const NOT_CLOSED: &str = "ring is not closed";
-const NOT_BUILT: &str = "not built, or gone";
+pub(crate) const NOT_BUILT: &str = "not built, or gone";
 
 /// Values of `building` of what does not stand.
 const GONE: &[&str] = &["proposed", "planned", "demolished", "razed", "destroyed", "removed", "collapsed"];

@@ -20,6 +20,7 @@ mod pbf;
 mod relations;
 mod rings;
 mod survey;
+mod tagged;
 #[cfg(test)]
 mod tests;
 mod xml;
@@ -41,6 +42,9 @@ use nesting::Polygon;
 use nodes::NodeStore;
 use parts::{Heights, OutlineFate, Parts};
 use survey::Survey;
+
+pub(crate) use classes::NOT_BUILT;
+pub(crate) use tagged::kind_by_tags;
 
 const AT_COAST: &str = "marina at the sea, whose coastline tells what is water";
 /// The sea reaches at most so far beyond the border of the map, in units: 550 m to the north.

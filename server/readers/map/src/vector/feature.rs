@@ -1,10 +1,11 @@
 //! Passes the features of all vector formats on: identifier, kind, coordinate system, shape and filter by place.
 
 use super::geometry::Geometry;
-use super::layer::Layer;
+use super::layer::{Columns, Layer};
 use super::rings;
 use super::shape::{Facing, facing, shape_of};
-use insula_dress::footprint::{HeightHints, IN_TUNNEL, is_hidden, kind_of};
+use super::told::told;
+use insula_dress::footprint::{HeightHints, IN_TUNNEL, is_hidden};
 use insula_place::crs::is_geographic;
 use insula_place::placement::FirstShape;
 use insula_source::attributes::{AttributeValue, Attributes, MAX_ATTRIBUTES};
@@ -47,16 +48,16 @@ pub(super) struct NamedFeature {
     pub(super) attributes: Attributes,
     /// Or the reason for skipping it.
     pub(super) geometry: Result<Geometry, &'static str>,
-    /// See [`Layer::is_mixed`].
-    pub(super) is_mixed: bool,
+    /// Those of its table, or its own.
+    pub(super) columns: Columns,
 }
 
 /// A feature that is ready but for its shape.
 struct Feature {
     id: String,
     is_mixed: bool,
-    /// What its attributes or its layer say it is.
-    told: Option<FeatureKind>,
+    /// What its attributes or its layer say it is, or the reason for leaving it out.
+    told: Result<Option<FeatureKind>, &'static str>,
     attributes: Attributes,
     geometry: Geometry,
 }
@@ -210,13 +211,13 @@ impl<'a> FeatureWriter<'a> {
     ) -> Result<(), InputError> {
         let count = self.count + 1;
         let id = id_of(&attributes).or(number).unwrap_or_else(|| format!("feature {count}"));
-        let is_mixed = self.layer.is_mixed;
-        self.add_named(NamedFeature { id, attributes, geometry, is_mixed })
+        let columns = self.layer.columns;
+        self.add_named(NamedFeature { id, attributes, geometry, columns })
     }
 
     /// As [`Self::add`].
     pub(super) fn add_named(&mut self, feature: NamedFeature) -> Result<(), InputError> {
-        let NamedFeature { id, mut attributes, geometry, is_mixed } = feature;
+        let NamedFeature { id, mut attributes, geometry, columns } = feature;
         self.count += 1;
         // Also those without a geometry, so that the share of a feature follows from its place in the file.
         self.decisive[0] += 1;
@@ -240,9 +241,9 @@ impl<'a> FeatureWriter<'a> {
             self.sink.problem("first ring does not enclose the others, rings grouped by containment", id.clone());
         }
         add_tags(&mut attributes);
-        let told = kind_of(&attributes).or(self.layer.kind);
+        let told = told(&id, &attributes, &geometry, &self.layer, columns);
         let facing = facing(&geometry);
-        let feature = Feature { id, is_mixed, told, attributes, geometry };
+        let feature = Feature { id, is_mixed: columns.is_mixed, told, attributes, geometry };
         if let Some(settled) = self.settled_by(facing) {
             self.settle_level_polygons(settled)?;
         }
@@ -273,6 +274,13 @@ impl<'a> FeatureWriter<'a> {
 
     fn pass_on(&mut self, feature: Feature) -> Result<(), InputError> {
         let Feature { id, is_mixed, told, attributes, mut geometry } = feature;
+        let told = match told {
+            Ok(told) => told,
+            Err(reason) => {
+                self.sink.skip(reason, id);
+                return Ok(());
+            }
+        };
         geometry.is_surface |=
             matches!(self.level_polygons, LevelPolygons::Faces) && facing(&geometry) == Facing::Level;
         let mut problems = Vec::new();

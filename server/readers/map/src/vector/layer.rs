@@ -1,5 +1,6 @@
-//! A layer of features: its name, and what the name tells about them.
+//! A layer of features: its name and columns, and what they tell about them.
 
+use super::told::OSM_KEYS;
 use insula_source::object::FeatureKind;
 
 /// Words in names of layers, tables and files, in the languages of the larger publishers.
@@ -63,12 +64,29 @@ const WORDS: &[(FeatureKind, &[&str])] = &[
     (FeatureKind::Generic, &["pois", "poi", "places", "boundary", "boundaries", "admin", "districts", "countries"]),
 ];
 
-/// Columns that only exist where features of all kinds are in one table.
-const MIXED_COLUMNS: [&str; 5] = ["landuse", "natural", "amenity", "highway", "boundary"];
-
 /// Columns that all features of Overture have, and those that only its buildings have.
 const OVERTURE_COLUMNS: [&str; 3] = ["id", "sources", "version"];
 const OVERTURE_BUILDING_COLUMNS: [&str; 4] = ["has_parts", "building_id", "num_floors", "roof_shape"];
+
+/// What the names of columns tell about features.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Columns {
+    /// Features of all kinds are in one table: an area is a building only if its attributes say so.
+    pub(super) is_mixed: bool,
+    /// The columns are keys of OpenStreetMap.
+    pub(super) is_of_osm: bool,
+}
+
+impl Columns {
+    pub(super) fn new<'c>(names: impl Iterator<Item = &'c str>) -> Self {
+        let names: Vec<String> = names.map(str::to_ascii_lowercase).collect();
+        let has = |name: &&str| names.iter().any(|known| known == name);
+        // With other keys, those of buildings are in the same table.
+        let is_of_osm = has(&"building") && OSM_KEYS.iter().filter(|key| has(key)).count() > 1;
+        let is_of_overture = OVERTURE_COLUMNS.iter().all(has);
+        Self { is_mixed: is_of_osm || is_of_overture && !OVERTURE_BUILDING_COLUMNS.iter().any(has), is_of_osm }
+    }
+}
 
 /// A table or file of features.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -76,19 +94,13 @@ pub(super) struct Layer {
     pub(super) name: String,
     /// What the name says about features whose attributes tell no kind.
     pub(super) kind: Option<FeatureKind>,
-    /// Features of all kinds are in one table, with a column that names the buildings among them, or without any.
-    pub(super) is_mixed: bool,
+    pub(super) columns: Columns,
 }
 
 impl Layer {
     /// The layer of a name and its columns.
     pub(super) fn new<'c>(name: &str, columns: impl Iterator<Item = &'c str>) -> Self {
-        let columns: Vec<String> = columns.map(str::to_ascii_lowercase).collect();
-        let has = |name: &str| columns.iter().any(|column| column == name);
-        let is_of_all_kinds = has("building") && MIXED_COLUMNS.iter().any(|name| has(name));
-        let is_of_overture = OVERTURE_COLUMNS.iter().all(|name| has(name));
-        let is_mixed = is_of_all_kinds || is_of_overture && !OVERTURE_BUILDING_COLUMNS.iter().any(|name| has(name));
-        Self { name: name.to_owned(), kind: kind_of_name(name), is_mixed }
+        Self { name: name.to_owned(), kind: kind_of_name(name), columns: Columns::new(columns) }
     }
 
     /// The layer of a file by its path: the name without folder and extension, and parts such as `type=building_part`.
@@ -131,9 +143,10 @@ mod tests {
 
     #[test]
     fn tables_of_all_kinds_are_mixed() {
-        assert!(Layer::new("multipolygons", ["osm_id", "building", "landuse"].into_iter()).is_mixed);
-        assert!(!Layer::new("multipolygons", ["building", "height"].into_iter()).is_mixed);
-        assert!(Layer::new("land", ["id", "sources", "version", "subtype"].into_iter()).is_mixed);
-        assert!(!Layer::new("a", ["id", "sources", "version", "has_parts"].into_iter()).is_mixed);
+        let is_mixed = |columns: &[&str]| Columns::new(columns.iter().copied()).is_mixed;
+        assert!(is_mixed(&["osm_id", "building", "landuse"]));
+        assert!(!is_mixed(&["building", "height"]));
+        assert!(is_mixed(&["id", "sources", "version", "subtype"]));
+        assert!(!is_mixed(&["id", "sources", "version", "subtype", "has_parts"]));
     }
 }

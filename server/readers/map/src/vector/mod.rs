@@ -25,6 +25,7 @@ mod shape;
 mod shapefile;
 #[cfg(test)]
 mod tests;
+mod told;
 mod wkb;
 mod wkt;
 

@@ -82,7 +82,10 @@ fn lines_and_points_are_read() {
     assert_eq!(found, expected);
     // In a table of all kinds, and in a file of trees.
     let table = r#"{"building": null, "landuse": null, "highway": null}"#;
-    assert_eq!(kinds(&read(&collection(&feature("x", table, &polygon(SQUARE)))).1), [(FeatureKind::Generic, 1)]);
+    let (_, report) =
+        read(&collection(&[feature("x", table, &polygon(SQUARE)), feature("h", TEN, &polygon(SQUARE))].join(",")));
+    assert_eq!(kinds(&report), [(FeatureKind::Building, 1)]);
+    assert_eq!(report.sources[0].skipped["no object of a city by its tags"].first, ["x"]);
     let text = collection(&feature("t", "{}", tree));
     let (_, report) = try_read(&[("trees.geojson", text.as_bytes())]).unwrap();
     assert_eq!(kinds(&report), [(FeatureKind::Vegetation, 1)]);

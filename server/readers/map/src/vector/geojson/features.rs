@@ -8,7 +8,7 @@ use super::geometry::Fault;
 use super::schema::{GeoJsonFeature, GeoJsonGeometry};
 use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
 use crate::vector::geometry::{Geometry, UNKNOWN_TYPE};
-use crate::vector::layer::Layer;
+use crate::vector::layer::Columns;
 use insula_dress::footprint::{HeightHints, has_height, kind_of};
 use insula_source::attributes::Attributes;
 use insula_source::error::{InputError, json_message};
@@ -168,9 +168,8 @@ impl<'a> FeatureReader<'a> {
                 return Ok(());
             }
         };
-        let columns = feature.properties.iter().map(|(name, _)| name);
-        let is_mixed = Layer::new("", columns).is_mixed;
-        self.writer.add_named(NamedFeature { id, attributes, geometry, is_mixed })
+        let columns = Columns::new(feature.properties.iter().map(|(name, _)| name));
+        self.writer.add_named(NamedFeature { id, attributes, geometry, columns })
     }
 
     /// The geometry of a feature, and its system if it is that of the member `place`.

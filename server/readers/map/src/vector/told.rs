@@ -1,0 +1,163 @@
+//! What a feature is, by its attributes and its layer.
+
+use super::geometry::Geometry;
+use super::layer::{Columns, Layer};
+use crate::osm::{NOT_BUILT, kind_by_tags};
+use insula_dress::footprint::{HeightHints, has_height, kind_of};
+use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::object::FeatureKind;
+
+/// Why a feature of OpenStreetMap is left out that is in none of the kinds of a city, as in its own files.
+pub(super) const NO_OBJECT: &str = "no object of a city by its tags";
+
+/// Keys of OpenStreetMap that tell what a feature is, several of which are hardly in any other table.
+pub(super) const OSM_KEYS: [&str; 14] = [
+    "admin_level",
+    "aeroway",
+    "amenity",
+    "barrier",
+    "boundary",
+    "building",
+    "highway",
+    "landuse",
+    "leisure",
+    "man_made",
+    "natural",
+    "railway",
+    "tourism",
+    "waterway",
+];
+/// Those that other tables may have, too.
+const COMMON_KEYS: [&str; 4] = ["historic", "place", "power", "public_transport"];
+
+/// The kind of a feature; `None` if nothing tells it. Fails with the reason for leaving it out.
+pub(super) fn told(
+    id: &str,
+    attributes: &Attributes,
+    geometry: &Geometry,
+    layer: &Layer,
+    columns: Columns,
+) -> Result<Option<FeatureKind>, &'static str> {
+    let is_area = !geometry.polygons.is_empty() || !geometry.meshes.is_empty();
+    let plain = kind_of(attributes);
+    if !is_area && geometry.lines.is_empty() {
+        return Ok(plain.or(layer.kind));
+    }
+    let by_tags = kind_by_tags(attributes, is_area);
+    if by_tags == Some(Err(NOT_BUILT)) {
+        return Err(NOT_BUILT);
+    }
+    if matches!(layer.kind, Some(FeatureKind::Building | FeatureKind::BuildingPart)) {
+        return Ok(plain.or(layer.kind));
+    }
+    let has_height = has_height(attributes, HeightHints::default());
+    let has_id = has_osm_id(id, attributes);
+    if !has_id && !columns.is_of_osm && attributes.iter().filter(|(name, _)| is_osm_key(name)).count() < 2 {
+        // What else has a height is a building, and the tag says what it is for.
+        let by_tags = by_tags.and_then(Result::ok).filter(|_| !has_height);
+        return Ok(plain.or(by_tags).or(layer.kind));
+    }
+    match by_tags {
+        Some(Ok(kind)) => Ok(Some(kind)),
+        // What hides a plan does not hide a body.
+        Some(Err(reason)) => plain.map(Some).ok_or(reason),
+        None if attributes.iter().any(|(name, _)| tells_another(name)) => match has_height && !has_id {
+            true => Ok(plain.or(layer.kind)),
+            false => Err(NO_OBJECT),
+        },
+        // Made of OpenStreetMap, without its tags.
+        None if layer.kind.is_some() || has_height => Ok(layer.kind),
+        None => Err(NO_OBJECT),
+    }
+}
+
+fn is_osm_key(name: &str) -> bool {
+    OSM_KEYS.iter().any(|key| key.eq_ignore_ascii_case(name))
+}
+
+/// Whether an attribute is a tag of what is no building, or no longer one, as `demolished:building`.
+fn tells_another(name: &str) -> bool {
+    let is_common = COMMON_KEYS.iter().any(|key| key.eq_ignore_ascii_case(name));
+    is_osm_key(name) && !name.eq_ignore_ascii_case("building") || is_common || name.ends_with(":building")
+}
+
+/// Whether a feature has the identifier of an element of OpenStreetMap, as its programs write it.
+fn has_osm_id(id: &str, attributes: &Attributes) -> bool {
+    let is_number = |text: &str| text.parse::<i64>().is_ok();
+    let is_element =
+        |text: &str| ["way/", "relation/"].iter().any(|kind| text.strip_prefix(kind).is_some_and(is_number));
+    let is_short = |text: &str| text.strip_prefix(['w', 'r', 'a']).is_some_and(is_number);
+    let text = |name: &str| attributes.named(name).and_then(AttributeValue::as_str).map(str::trim);
+    let is_given = |name: &str| attributes.named(name).is_some_and(|value| !value.to_string().trim().is_empty());
+    is_element(id)
+        || ["@id", "full_id"].into_iter().filter_map(text).any(|text| is_element(text) || is_short(text))
+        || ["osm_id", "osm_way_id"].into_iter().any(is_given)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What an area or a line is.
+    fn kind(id: &str, pairs: &[(&str, &str)], layer: &str, is_area: bool) -> Result<Option<FeatureKind>, &'static str> {
+        let mut attributes = Attributes::default();
+        pairs.iter().for_each(|(name, value)| attributes.push(name, AttributeValue::from_untyped(value)));
+        let ring = vec![[0.0; 3]; 4];
+        let geometry = match is_area {
+            true => Geometry { polygons: vec![vec![ring]], ..Geometry::default() },
+            false => Geometry { lines: vec![ring], ..Geometry::default() },
+        };
+        let layer = Layer::new(layer, pairs.iter().map(|(name, _)| *name));
+        told(id, &attributes, &geometry, &layer, layer.columns)
+    }
+
+    #[test]
+    fn areas_of_openstreetmap_are_what_they_are_in_its_own_files() {
+        use FeatureKind::{Building, LandUse, Road, Vegetation, Water};
+        let way = ("@id", "way/7");
+        for (pairs, expected) in [
+            (&[way, ("building", "yes")][..], Ok(Some(Building))),
+            (&[way, ("building", "yes"), ("landuse", "retail")], Ok(Some(Building))),
+            (&[way, ("boundary", "administrative")], Err(NO_OBJECT)),
+            (&[way, ("man_made", "pier")], Ok(Some(Road))),
+            (&[way, ("place", "square")], Err(NO_OBJECT)),
+            (&[way, ("aeroway", "apron")], Ok(Some(Road))),
+            (&[way, ("amenity", "school"), ("height", "9")], Ok(Some(LandUse))),
+            (&[way, ("tourism", "zoo")], Err(NO_OBJECT)),
+            (&[way, ("barrier", "fence"), ("height", "2")], Err(NO_OBJECT)),
+            (&[way, ("demolished:building", "yes"), ("height", "9")], Err(NO_OBJECT)),
+            (&[way, ("building", "proposed")], Err(NOT_BUILT)),
+            (&[way, ("name", "x")], Err(NO_OBJECT)),
+            (&[way, ("height", "9")], Ok(None)),
+            (&[("full_id", "w7"), ("power", "substation")], Err(NO_OBJECT)),
+            (&[("osm_way_id", "7"), ("leisure", "park")], Ok(Some(Vegetation))),
+            (&[("OSM_ID", "7"), ("code", "7201"), ("FCLASS", "forest")], Ok(Some(Vegetation))),
+            (&[("osm_id", "7"), ("fclass", "bus_station")], Err(NO_OBJECT)),
+            (&[("boundary", "administrative"), ("admin_level", "8")], Err(NO_OBJECT)),
+            (&[("natural", "water"), ("place", "islet")], Ok(Some(Water))),
+        ] {
+            assert_eq!(kind("7", pairs, "export", true), expected, "{pairs:?}");
+        }
+        assert_eq!(kind("way/7", &[("tourism", "zoo")], "export", true), Err(NO_OBJECT));
+        assert_eq!(kind("7", &[way, ("highway", "proposed")], "export", false), Err(NO_OBJECT));
+        assert_eq!(kind("7", &[("osm_id", "7"), ("fclass", "track_grade1")], "gis_osm_roads", false), Ok(Some(Road)));
+    }
+
+    #[test]
+    fn other_tables_have_buildings_without_tags() {
+        use FeatureKind::{Building, LandUse, Water};
+        for (pairs, layer, expected) in [
+            (&[("height", "9")][..], "a", Ok(None)),
+            (&[("name", "x")], "a", Ok(None)),
+            (&[("amenity", "school"), ("height", "9")], "a", Ok(None)),
+            (&[("amenity", "school")], "a", Ok(Some(LandUse))),
+            (&[("BUILDING", "demolished")], "a", Err(NOT_BUILT)),
+            (&[("landuse", "R2"), ("place", "Ulm"), ("height", "9")], "a", Ok(None)),
+            (&[("osm_id", "7"), ("name", "x")], "buildings", Ok(Some(Building))),
+            (&[("osm_id", "7"), ("amenity", "school")], "buildings", Ok(Some(Building))),
+            (&[("osm_id", "7"), ("fclass", "river")], "gis_osm_water_a_free_1", Ok(Some(Water))),
+        ] {
+            assert_eq!(kind("7", pairs, layer, true), expected, "{pairs:?}");
+        }
+    }
+}
