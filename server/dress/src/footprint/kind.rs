@@ -106,6 +106,26 @@ const OVERTURE_SUBTYPES: &[(FeatureKind, &[&str])] = &[
     (FeatureKind::LandUse, &["agriculture", "cemetery", "golf", "recreation", "developed", "sand", "rock", "wetland"]),
 ];
 
+/// Subtypes of Overture's buildings.
+const OVERTURE_BUILDING_SUBTYPES: &[&str] = &[
+    "agricultural",
+    "civic",
+    "commercial",
+    "education",
+    "entertainment",
+    "industrial",
+    "medical",
+    "military",
+    "outbuilding",
+    "religious",
+    "residential",
+    "service",
+    "transportation",
+];
+/// Attributes that only Overture's buildings have.
+const OVERTURE_BUILDING_ATTRIBUTES: &[&str] =
+    &["num_floors", "facade_color", "facade_material", "roof_shape", "roof_color", "roof_material", "roof_height"];
+
 /// Classes of Overture's subtype `physical` that are water.
 const OVERTURE_WATERS: &[&str] = &["bay", "strait", "lagoon", "sea", "ocean", "fairway", "tidal_channel"];
 
@@ -138,17 +158,20 @@ pub fn kind_of(attributes: &Attributes) -> Option<FeatureKind> {
     found.filter(|kind| *kind != FeatureKind::LandUse || !is_building)
 }
 
-/// Whether a feature has the members that all of Overture have.
+/// Whether a feature has the members that all of Overture have. GeoJSON may have the identifier elsewhere.
 fn is_of_overture(attributes: &Attributes) -> bool {
     let is_text = |name: &str| attributes.get(name).is_some_and(|value| value.as_str().is_some());
-    is_text("id") && (is_text("sources.0.dataset") || is_text("sources.0.property"))
+    (is_text("id") || attributes.get("version").is_some())
+        && (is_text("sources.0.dataset") || is_text("sources.0.property"))
 }
 
 fn of_overture(attributes: &Attributes) -> Option<FeatureKind> {
-    if attributes.get("building_id").is_some() {
+    let text = |name: &str| attributes.get(name).and_then(AttributeValue::as_str);
+    let is_of_buildings = text("theme") == Some("buildings");
+    if attributes.get("building_id").is_some() || is_of_buildings && text("type") == Some("building_part") {
         return Some(FeatureKind::BuildingPart);
     }
-    if attributes.get("has_parts").is_some() || attributes.get("is_underground").is_some() {
+    if is_of_buildings || is_overture_building(attributes) {
         return Some(FeatureKind::Building);
     }
     let subtype = attributes.get("subtype")?.as_str()?;
@@ -157,6 +180,17 @@ fn of_overture(attributes: &Attributes) -> Option<FeatureKind> {
         return Some(FeatureKind::Water);
     }
     OVERTURE_SUBTYPES.iter().find(|(_, known)| known.contains(&subtype)).map(|(kind, _)| *kind)
+}
+
+/// Whether a feature of Overture that names no theme is a building. All that only buildings have is optional.
+fn is_overture_building(attributes: &Attributes) -> bool {
+    let has = |name: &str| attributes.get(name).is_some();
+    let subtype = attributes.get("subtype").and_then(AttributeValue::as_str);
+    // Masts and the like have a height and a subtype, too.
+    has("has_parts")
+        || has("is_underground")
+        || OVERTURE_BUILDING_ATTRIBUTES.iter().any(|name| has(name))
+        || has("height") && subtype.is_none_or(|subtype| OVERTURE_BUILDING_SUBTYPES.contains(&subtype))
 }
 
 #[cfg(test)]
@@ -199,6 +233,18 @@ mod tests {
         assert_eq!(kind(&[("id", "a"), source, ("subtype", "physical"), ("class", "bay")]), Some(FeatureKind::Water));
         assert_eq!(kind(&[("id", "a"), source, ("subtype", "physical"), ("class", "cape")]), None);
         assert_eq!(kind(&[("id", "a"), source, ("subtype", "residential")]), None);
+        let house = [("id", "a"), source, ("version", "1"), ("class", "house"), ("subtype", "residential")];
+        assert_eq!(kind(&[&house[..], &[("height", "10")]].concat()), Some(FeatureKind::Building));
+        assert_eq!(kind(&[&house[..], &[("num_floors", "3")]].concat()), Some(FeatureKind::Building));
+        assert_eq!(kind(&[&house[..], &[("theme", "buildings")]].concat()), Some(FeatureKind::Building));
+        let part = [("theme", "buildings"), ("type", "building_part")];
+        assert_eq!(kind(&[&house[..], &part].concat()), Some(FeatureKind::BuildingPart));
+        assert_eq!(
+            kind(&[("version", "1"), source, ("height", "9")]),
+            Some(FeatureKind::Building),
+            "no class is known"
+        );
+        assert_eq!(kind(&[("id", "a"), source, ("subtype", "tower"), ("class", "mast"), ("height", "90")]), None);
         assert_eq!(kind(&[("building_id", "7")]), None, "a building's own number");
     }
 }

@@ -64,9 +64,18 @@ const WORDS: &[(FeatureKind, &[&str])] = &[
     (FeatureKind::Generic, &["pois", "poi", "places", "boundary", "boundaries", "admin", "districts", "countries"]),
 ];
 
-/// Columns that all features of Overture have, and those that only its buildings have.
-const OVERTURE_COLUMNS: [&str; 3] = ["id", "sources", "version"];
-const OVERTURE_BUILDING_COLUMNS: [&str; 4] = ["has_parts", "building_id", "num_floors", "roof_shape"];
+/// Columns that all features of Overture have, and those that only its buildings have, but need not.
+const OVERTURE_COLUMNS: [&str; 4] = ["id", "sources", "version", "subtype"];
+const OVERTURE_BUILDING_COLUMNS: [&str; 8] = [
+    "has_parts",
+    "building_id",
+    "is_underground",
+    "num_floors",
+    "roof_shape",
+    "roof_height",
+    "roof_color",
+    "facade_color",
+];
 
 /// What the names of columns tell about features.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -147,6 +156,8 @@ mod tests {
         assert!(is_mixed(&["osm_id", "building", "landuse"]));
         assert!(!is_mixed(&["building", "height"]));
         assert!(is_mixed(&["id", "sources", "version", "subtype"]));
+        assert!(is_mixed(&["id", "sources", "version", "subtype", "height"]), "infrastructure");
         assert!(!is_mixed(&["id", "sources", "version", "subtype", "has_parts"]));
+        assert!(!is_mixed(&["id", "sources", "version"]), "only buildings have no subtype");
     }
 }
