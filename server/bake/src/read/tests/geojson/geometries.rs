@@ -161,7 +161,12 @@ fn places_of_json_fg_have_their_own_system() {
         assert_eq!(problems.collect::<Vec<_>>(), Vec::from_iter(problem));
     }
     let late = text("", &place("Prism")).replace("}]}", &format!("}}], {}}}", system.trim_end_matches(',')));
-    let error = try_read(&[("a.geojson", late.as_bytes())]).unwrap_err();
+    let inside = text("", &place("Prism").replacen('{', &format!("{{{system}"), 1));
+    for text in [late, inside] {
+        let (scene, report) = read(&text);
+        assert_eq!((heights_m(&scene), report.crs.as_deref()), ([5.0, 9.0], Some("EPSG:6677")), "{text}");
+    }
+    let error = try_read(&[("a.geojson", text("", &place("Prism")).as_bytes())]).unwrap_err();
     assert!(error.to_string().contains("its first coordinates are 100, 9000, as in metres"), "{error}");
 }
 

@@ -6,12 +6,14 @@ use serde_json::Value;
 
 use super::geometry::Fault;
 use super::schema::{GeoJsonFeature, GeoJsonGeometry};
+use super::stream::find_place_system;
 use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
 use crate::vector::geometry::{Geometry, UNKNOWN_TYPE};
 use crate::vector::layer::Columns;
 use insula_dress::footprint::{HeightHints, has_height, kind_of};
 use insula_source::attributes::Attributes;
 use insula_source::error::{InputError, json_message};
+use insula_source::input::Input;
 use insula_source::json::attributes::flatten;
 use insula_source::json::members::Members;
 use insula_source::json::{lenient, metadata};
@@ -45,15 +47,26 @@ pub(super) struct FeatureReader<'a> {
     system: Option<GeometrySystem>,
     /// The system of the member `place` of features that name none, by `coordRefSys` of the document.
     place_system: Option<String>,
-    /// Whether features were placed in `place_system`.
-    has_places: bool,
+    /// Whether `place_system` is known, or known to be missing.
+    is_place_system_known: bool,
+    /// The document, in which `coordRefSys` may come after the features. Lines are no document.
+    document: Option<&'a Input<'a>>,
     /// Whether a feature without identifier is named by its text, because its number depends on the slice of the sequence.
     is_named_by_text: bool,
 }
 
 impl<'a> FeatureReader<'a> {
-    pub(super) fn new(writer: FeatureWriter<'a>, label: &'a str) -> Self {
-        Self { writer, label, count: 0, system: None, place_system: None, has_places: false, is_named_by_text: false }
+    pub(super) fn new(writer: FeatureWriter<'a>, label: &'a str, document: Option<&'a Input<'a>>) -> Self {
+        Self {
+            writer,
+            label,
+            count: 0,
+            system: None,
+            place_system: None,
+            is_place_system_known: false,
+            document,
+            is_named_by_text: false,
+        }
     }
 
     /// Reads one feature per line, of `limit` bytes at most. A damaged line is skipped and reported. Fails if the source cannot
@@ -99,25 +112,26 @@ impl<'a> FeatureReader<'a> {
     /// Applies the document's `crs` member. Fails if it comes after a feature or has no name.
     pub(super) fn set_crs(&mut self, crs: &Value) -> Result<(), InputError> {
         if self.count > 0 {
-            return Err(self.too_late("crs"));
+            let what = "its \"crs\" comes after its features; move it to the front";
+            return Err(InputError::unsupported(self.label, what));
         }
         let named = name_of(crs).map_err(|what| InputError::unsupported(self.label, what))?;
         self.system = named.map(GeometrySystem::Named);
         Ok(())
     }
 
-    /// Applies the document's `coordRefSys` member of JSON-FG. Fails if it comes after a feature that needs it.
-    pub(super) fn set_place_system(&mut self, system: &Value) -> Result<(), InputError> {
-        if self.has_places {
-            return Err(self.too_late("coordRefSys"));
-        }
-        self.place_system = reference_system(system);
-        Ok(())
+    /// Applies the document's `coordRefSys` member of JSON-FG.
+    pub(super) fn set_place_system(&mut self, system: &Value) {
+        (self.place_system, self.is_place_system_known) = (reference_system(system), true);
     }
 
-    fn too_late(&self, member: &str) -> InputError {
-        let what = format!("its \"{member}\" comes after its features; move it to the front");
-        InputError::unsupported(self.label, what)
+    /// The system of places that name none. Looks for it behind the features, too.
+    fn place_system(&mut self) -> Option<String> {
+        if !self.is_place_system_known {
+            let found = self.document.and_then(find_place_system);
+            (self.place_system, self.is_place_system_known) = (found.as_ref().and_then(reference_system), true);
+        }
+        self.place_system.clone()
     }
 
     /// Takes metadata from any other member of the document.
@@ -175,9 +189,8 @@ impl<'a> FeatureReader<'a> {
     /// The geometry of a feature, and its system if it is that of the member `place`.
     fn geometry(&mut self, id: &str, feature: &GeoJsonFeature) -> Result<(Geometry, Option<String>), Fault> {
         if let Some(place) = &feature.place {
-            let own = feature.coord_ref_sys.as_ref().and_then(reference_system);
-            self.has_places |= own.is_none();
-            let system = own.or_else(|| self.place_system.clone());
+            let own = place.coord_ref_sys.as_ref().or(feature.coord_ref_sys.as_ref()).and_then(reference_system);
+            let system = own.or_else(|| self.place_system());
             match (place.read(), &feature.geometry) {
                 (Ok(geometry), _) => return Ok((geometry, Some(system.unwrap_or_else(|| DEGREES.to_owned())))),
                 (Err(Fault { reason: UNKNOWN_TYPE, .. }), Some(_)) => {

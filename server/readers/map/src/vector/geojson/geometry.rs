@@ -57,8 +57,8 @@ impl GeoJsonGeometry {
             }
             "GeometryCollection" | "MultiPrism" | "MultiCurve" | "MultiSurface" => {
                 // Prisms of an older draft.
-                let parts: Vec<Self> = if self.kind == "MultiPrism" { self.prisms()? } else { Vec::new() };
-                for part in self.geometries.iter().chain(&parts) {
+                let parts: Vec<Self> = if self.kind == "MultiPrism" { self.draft_prisms()? } else { Vec::new() };
+                for part in self.geometries.iter().chain(&self.prisms).chain(&parts) {
                     part.add_to(into, depth + 1)?;
                 }
             }
@@ -81,7 +81,7 @@ impl GeoJsonGeometry {
         Ok(self.parse()?.unwrap_or_default())
     }
 
-    fn prisms(&self) -> Result<Vec<Self>, Fault> {
+    fn draft_prisms(&self) -> Result<Vec<Self>, Fault> {
         let text = self.coordinates.as_ref().map_or("[]", |raw| raw.get());
         serde_json::from_str(text)
             .map_err(|error| Fault { reason: "malformed coordinates", detail: Some(json_message(&error)) })
@@ -194,6 +194,8 @@ mod tests {
         let body = read(&format!(r#"{{"type": "MultiPrism", "geometries": [{prism}]}}"#)).unwrap();
         assert!(body.is_surface && body.has_z && body.polygons.len() == 6, "{body:?}");
         assert!(ring_area_vector(&body.polygons[5][0])[2] > 0.0 && ring_area_vector(&body.polygons[4][0])[2] < 0.0);
+        let multi = format!(r#"{{"type": "MultiPrism", "prisms": [{prism}, {prism}]}}"#);
+        assert_eq!(read(&multi).unwrap().polygons.len(), 12);
         let draft = format!(r#"{{"type": "MultiPrism", "coordinates": [{prism}, {prism}]}}"#);
         assert_eq!(read(&draft).unwrap().polygons.len(), 12);
     }

@@ -18,9 +18,11 @@ pub use stream::{is_type, read_type};
 pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
     // The limits below name what is too large.
     let opened = Input { max_bytes: u64::MAX, ..*input }.open()?;
-    let mut features = FeatureReader::new(FeatureWriter::new(input, sink), input.label);
+    let is_in_lines = kind_by_name(input.name) == Some(SourceKind::GeoJsonLines);
+    let document = (!is_in_lines).then_some(input);
+    let mut features = FeatureReader::new(FeatureWriter::new(input, sink), input.label, document);
     let bytes_read = || opened.bytes_read.get();
-    if kind_by_name(input.name) == Some(SourceKind::GeoJsonLines) {
+    if is_in_lines {
         features.read_lines(opened.reader, input.max_line_bytes, &bytes_read)?;
     } else {
         stream::read(opened.reader, &mut features, input, &bytes_read)?;

@@ -28,6 +28,11 @@ pub(super) struct GeoJsonGeometry {
     pub(super) kind: String,
     pub(super) coordinates: Option<Box<RawValue>>,
     pub(super) geometries: Vec<GeoJsonGeometry>,
+    /// JSON-FG: those of a `MultiPrism`.
+    pub(super) prisms: Vec<GeoJsonGeometry>,
+    /// JSON-FG: the system of a `place`, before that of its feature.
+    #[serde(rename = "coordRefSys")]
+    pub(super) coord_ref_sys: Option<Value>,
     /// JSON-FG: plan of a prism, and the heights of its ends.
     pub(super) base: Option<Box<GeoJsonGeometry>>,
     pub(super) lower: Option<f64>,

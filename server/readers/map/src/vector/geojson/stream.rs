@@ -62,6 +62,15 @@ pub fn read_type(source: &CitySource<'_>, limit: u64) -> Option<String> {
     kind.into_inner()
 }
 
+/// The `coordRefSys` member of a document, found without keeping its features; `None` if there is none, or if the document is damaged,
+/// which is an error when its features are read.
+pub(super) fn find_place_system(input: &Input<'_>) -> Option<Value> {
+    let limits = ByteLimits::new(input.max_bytes, input.max_line_bytes);
+    let opened = Input { max_bytes: u64::MAX, ..*input }.open().ok()?;
+    let reader = LimitedReader { inner: LenientReader::new(skip_bom(opened.reader)), limits: &limits };
+    serde_json::Deserializer::from_reader(reader).deserialize_map(PlaceSystemVisitor(&limits)).ok()?
+}
+
 /// Skips a byte order mark.
 fn skip_bom<R: BufRead>(mut reader: R) -> R {
     if reader.fill_buf().is_ok_and(|buffer| buffer.starts_with(b"\xef\xbb\xbf")) {
@@ -88,6 +97,57 @@ impl<'de> Visitor<'de> for TypeVisitor<'_> {
             map.next_value::<IgnoredAny>()?;
         }
         Ok(())
+    }
+}
+
+struct PlaceSystemVisitor<'l>(&'l ByteLimits);
+
+impl<'de> Visitor<'de> for PlaceSystemVisitor<'_> {
+    type Value = Option<Value>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+        let mut found = None;
+        loop {
+            self.0.next_member();
+            match map.next_key::<String>()?.as_deref() {
+                Some("coordRefSys") => found = Some(map.next_value()?),
+                Some("features") => map.next_value_seed(SkippedFeatures(self.0))?,
+                Some(_) => map.next_value::<IgnoredAny>().map(|_| ())?,
+                None => return Ok(found),
+            }
+        }
+    }
+}
+
+/// Passes over features. Each may have as many bytes as if it were read.
+struct SkippedFeatures<'l>(&'l ByteLimits);
+
+impl<'de> DeserializeSeed<'de> for SkippedFeatures<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for SkippedFeatures<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list of features")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<(), A::Error> {
+        loop {
+            self.0.next_member();
+            if seq.next_element::<IgnoredAny>()?.is_none() {
+                return Ok(());
+            }
+        }
     }
 }
 
@@ -209,8 +269,7 @@ impl<'de> Visitor<'de> for DocumentVisitor<'_, '_> {
                 }
                 "coordRefSys" => {
                     let system: Value = serde_json::from_str(raw.get()).map_err(A::Error::custom)?;
-                    let agreed = self.features.set_place_system(&system);
-                    self.check(agreed)?;
+                    self.features.set_place_system(&system);
                 }
                 name => {
                     if let Ok(Value::String(text)) = serde_json::from_str(raw.get()) {
