@@ -47,7 +47,7 @@ impl FirstShape {
     /// metres is no place at sea.
     pub fn looks_like_degrees(&self) -> bool {
         let [x, y] = self.low.map(f64::abs);
-        let is_on_globe = x <= 180.0 && y <= 180.0 && x.min(y) <= 90.0;
+        let is_on_globe = is_on_globe([x, y]) || is_on_globe([y, x]);
         let is_small = self.size.is_some_and(|size| size.iter().all(|side| *side < MAX_DEGREES));
         is_on_globe && is_small && self.low != [0.0; 2]
     }
@@ -56,6 +56,11 @@ impl FirstShape {
     pub(super) fn is_latitude_first(&self) -> bool {
         self.low[1].abs() > 90.0
     }
+}
+
+/// Whether degrees are a longitude (up to one turn, as in files of 0 to 360 degrees) and a latitude.
+pub fn is_on_globe([longitude_deg, latitude_deg]: [f64; 2]) -> bool {
+    longitude_deg.abs() <= 360.0 && latitude_deg.abs() <= 90.0
 }
 
 impl From<[f64; 3]> for FirstShape {
@@ -75,6 +80,8 @@ mod tests {
         assert!(shape(&house).looks_like_degrees() && !shape(&house).is_latitude_first());
         let turned = house.map(|[x, y]| [y, x]);
         assert!(shape(&turned).looks_like_degrees() && shape(&turned).is_latitude_first());
+        assert!(shape(&house.map(|[x, y]| [x + 180.0, y])).looks_like_degrees(), "of 0 to 360 degrees");
+        assert!(!shape(&house.map(|[x, y]| [x + 240.0, y])).looks_like_degrees());
         assert!(!shape(&[[10.0, 10.0], [20.0, 20.0]]).looks_like_degrees());
         assert!(!shape(&[[0.0, 0.0], [0.1, 0.1]]).looks_like_degrees());
         assert!(!shape(&[[85_000.0, 446_000.0]]).looks_like_degrees());

@@ -157,8 +157,8 @@ impl<'a> FeatureWriter<'a> {
     }
 
     /// Whether an extent (west, south, east, north) in the current system is outside of the wanted area.
-    pub(super) fn is_unwanted(&self, [west, south, east, north]: [f64; 4]) -> bool {
-        self.wanted_deg().is_some_and(|[w, s, e, n]| west > e || east < w || south > n || north < s)
+    pub(super) fn is_unwanted(&self, extent: [f64; 4]) -> bool {
+        self.wanted_deg().is_some_and(|wanted| are_apart(extent, wanted))
     }
 
     /// Counts a feature that is not read any further because it [`Self::is_unwanted`].
@@ -333,6 +333,13 @@ impl<'a> FeatureWriter<'a> {
         }
         Ok(())
     }
+}
+
+/// Whether an extent is outside of a wanted area, in degrees. Its longitudes may be those of 0 to 360 degrees. Those that are no numbers
+/// may be anywhere.
+pub(super) fn are_apart([west, south, east, north]: [f64; 4], [w, s, e, n]: [f64; 4]) -> bool {
+    let is_beside = |turn: f64| west + turn > e || east + turn < w;
+    [-360.0, 0.0, 360.0].into_iter().all(is_beside) || south > n || north < s
 }
 
 /// The kind of a feature that nothing tells: an area is a building (unless the layer tells which are), all else is generic.

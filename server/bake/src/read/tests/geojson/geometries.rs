@@ -171,6 +171,19 @@ fn places_of_json_fg_have_their_own_system() {
 }
 
 #[test]
+fn longitudes_may_reach_a_whole_turn() {
+    let text = |west: f64| {
+        let east = west + 0.0001;
+        let ring = format!("[[{west},-18],[{east},-18],[{east},-17.9999],[{west},-17.9999],[{west},-18]]");
+        format!(r#"{{"type": "FeatureCollection", "features": [{}]}}"#, feature("f", TEN, &polygon(&ring)))
+    };
+    let [(west, _), (turned, report)] = [-178.5, 181.5].map(|west| read(&text(west)));
+    assert_eq!((turned.crs.as_deref(), report.sources[0].problems.len()), (west.crs.as_deref(), 0));
+    let distance_m = (0..3).map(|axis| (west.origin[axis] - turned.origin[axis]).abs()).fold(0.0, f64::max);
+    assert!(distance_m < 0.1, "{:?} {:?}", west.origin, turned.origin);
+}
+
+#[test]
 fn roofs_without_walls_are_slabs_on_posts() {
     let roof = |tags: &str| read(&collection(&feature("r", tags, &polygon(SQUARE)))).0;
     let slab = roof(r#"{"building": "roof", "height": 5}"#);

@@ -5,6 +5,7 @@ use std::io::{self, BufRead, Read};
 use ::flatgeobuf::Header;
 
 use super::Schema;
+use crate::vector::feature::are_apart;
 use insula_source::error::InputError;
 use insula_source::input::Input;
 
@@ -67,7 +68,7 @@ pub(crate) fn read(
 
 /// Offsets of the leaves that touch an area. The upper levels are not used: reading all leaves takes little of the time of
 /// reading the features.
-fn read_leaves(reader: &mut dyn BufRead, features: u64, [w, s, e, n]: [f64; 4]) -> io::Result<Vec<(u64, u64)>> {
+fn read_leaves(reader: &mut dyn BufRead, features: u64, area: [f64; 4]) -> io::Result<Vec<(u64, u64)>> {
     let mut wanted = Vec::new();
     let mut chunk = Vec::new();
     let mut first = 0;
@@ -79,8 +80,8 @@ fn read_leaves(reader: &mut dyn BufRead, features: u64, [w, s, e, n]: [f64; 4]) 
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
         for (number, node) in (first..).zip(chunk.as_chunks::<8>().0.as_chunks::<5>().0) {
-            let [west, south, east, north] = [node[0], node[1], node[2], node[3]].map(f64::from_le_bytes);
-            if !(west > e || east < w || south > n || north < s) {
+            let extent = [node[0], node[1], node[2], node[3]].map(f64::from_le_bytes);
+            if !are_apart(extent, area) {
                 wanted.push((u64::from_le_bytes(node[4]), number));
             }
         }

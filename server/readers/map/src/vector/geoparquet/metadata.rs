@@ -6,7 +6,7 @@ use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
 use parquet::file::statistics::Statistics;
 use serde_json::Value;
 
-use crate::vector::feature::DEGREES;
+use crate::vector::feature::{DEGREES, are_apart};
 
 /// Names of geometry columns of files without metadata.
 const USUAL_NAMES: [&str; 5] = ["geometry", "geom", "wkb_geometry", "wkb", "the_geom"];
@@ -150,9 +150,8 @@ pub(super) fn groups_within(
         let Some(covering) = covering else { return true };
         let range = |path: &String| statistics_range(group, path);
         let [Some(west), Some(south), Some(east), Some(north)] = covering.each_ref().map(range) else { return true };
-        let [w, s, e, n] = wanted;
         // Boxes over the antimeridian have their west east of their east.
-        west.0 > east.0 || !(west.0 > e || east.1 < w || south.0 > n || north.1 < s)
+        west.0 > east.0 || !are_apart([west.0, south.0, east.1, north.1], wanted)
     };
     metadata.row_groups().iter().enumerate().filter(|(_, group)| is_near(group)).map(|(index, _)| index).collect()
 }

@@ -172,6 +172,14 @@ fn what_cannot_be_seen_is_left_out() {
 }
 
 #[test]
+fn longitudes_of_a_whole_turn_are_within_a_wanted_area() {
+    let line = "wkt,n\nSRID=4326;POINT(181.5 -18),1\nSRID=4326;POINT(178.5 -18),2\n";
+    let (result, sink) = run(read_csv, &[("t.csv", line.as_bytes())], Some([-179.0, -19.0, -178.0, -17.0]));
+    result.unwrap();
+    assert_eq!(sink.objects.len(), 1);
+}
+
+#[test]
 fn plans_keep_the_height_of_the_ground() {
     let lines = [
         "\"POLYGON Z((0 0 512.3,1 0 512.3,1 1 512.3,0 0 512.3))\";9",
