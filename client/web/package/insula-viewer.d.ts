@@ -356,8 +356,8 @@ export class InsulaCity extends HTMLElement {
   readonly place: EarthCamera | null;
   /**
    * Flies to a camera, or centres a position in the city's system without turning. What is left out of a camera on Earth stays as it
-   * is. At once, if the user asked for less motion. Fails if a number is out of range, or, for a camera on Earth, if it is not known
-   * where the city lies.
+   * is. At once, if the user asked for less motion. Resolves when the camera has arrived and a picture from there is shown. Fails if a
+   * number is out of range, or, for a camera on Earth, if it is over 500 km from the city, or it is not known where the city lies.
    */
   flyTo(place: Partial<EarthCamera> | CameraText | number[], options?: { seconds?: number }): Promise<void>;
   /**

@@ -38,6 +38,9 @@ class Engine {
   /** Pictures that were asked for; the first is being made.
    * @type {{id: number, width: number, height: number, caption: string[]}[]} */
   #pictures = [];
+  /** Who waits for the end of a flight, and whether the camera has moved since.
+   * @type {{id: number, isUnderWay: boolean}[]} */
+  #arrivals = [];
   /** Messages that arrived before the viewer. @type {object[]|null} */ #early = [];
 
   async start(options) {
@@ -122,8 +125,10 @@ class Engine {
     if (lost !== undefined) this.#loseGpu(lost);
     if (this.#isShrinking) await this.#shrink();
     const step = JSON.parse(this.#viewer.update());
+    this.#arrivals.forEach((arrival) => (arrival.isUnderWay = true));
     this.#report();
     if (step.action === 'none') {
+      this.#announceArrivals();
       // Messages must be received although the loop goes on.
       if (step.waitMs === 0) await new Promise((resolve) => setTimeout(resolve, 10));
       return step.waitMs;
@@ -174,11 +179,25 @@ class Engine {
   /** A frame is on the screen. */
   #presented({ divisor, samples, isFinal }, frameMs) {
     postMessage({ ...JSON.parse(this.#viewer.frame()), frameMs, divisor, samples, final: isFinal });
+    this.#announceArrivals();
     if (this.#isShown || !this.#viewer.has_frame()) return;
     this.#isShown = true;
     postMessage({ op: 'ready', manifest: this.manifest });
     // The first picture does not wait for a GPU, whose pipelines may take seconds.
     if (!this.#whyCpu()) this.#openGpu();
+  }
+
+  /** The camera is where it was sent, or elsewhere, and is seen from there. */
+  #announceArrivals() {
+    if (this.#arrivals.length === 0 || this.#viewer.isFlying()) return;
+    const arrived = this.#arrivals.filter(({ isUnderWay }) => isUnderWay);
+    this.#arrivals = this.#arrivals.filter(({ isUnderWay }) => !isUnderWay);
+    arrived.forEach(({ id }) => reply(id, Promise.resolve(null)));
+  }
+
+  arrival({ id }) {
+    this.#arrivals.push({ id, isUnderWay: false });
+    this.wake();
   }
 
   #report() {
@@ -359,7 +378,7 @@ function parsed(json) {
 }
 
 /** Requests and commands that the engine itself carries out. */
-const OWN = ['memory', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline', 'states', 'heights', 'seen'];
+const OWN = ['memory', 'arrival', 'pick', 'objectAt', 'loseDevice', 'describe', 'search', 'schema', 'colors', 'outline', 'states', 'heights', 'seen'];
 
 /** Answers a request with a value, or with the reason why there is none. */
 function reply(id, value) {

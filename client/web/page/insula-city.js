@@ -117,12 +117,17 @@ export class InsulaCity extends Base {
     const duration = wantsLessMotion() ? 0 : Math.max(Number(seconds) || 0, 0);
     const numbers = Array.isArray(place) ? place.map(Number) : cameraNumbers(String(place));
     if (numbers?.length === 3 && numbers.every(Number.isFinite)) {
-      this.#send('goto', { position: numbers, seconds: duration });
-      return;
+      return this.#fly('goto', { position: numbers, seconds: duration });
     }
     const camera = numbers?.join(',') ?? '';
     if (!cameraNumbers(camera)) throw new RangeError(strings.element.noCamera);
-    this.#send('camera', { camera, seconds: duration });
+    return this.#fly('camera', { camera, seconds: duration });
+  }
+
+  /** Moves the camera. Ends when it has arrived, and a picture from there is shown. */
+  async #fly(op, values) {
+    this.#send(op, values);
+    await this.#ask('arrival', {}).catch(() => {});
   }
 
   setTime(time) {

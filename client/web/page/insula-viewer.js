@@ -11,6 +11,8 @@ import { isLonLat, lonLatGrid } from './lon-lat.js';
 const DEFAULT_FOV_DEG = 40;
 const DEFAULT_FIT_PITCH_DEG = -45;
 const DEFAULT_PADDING_PX = 32;
+/** Cameras further from the middle of the city show none of it. */
+const FAR_KM = 500;
 /** States for the engine, besides colours. */
 const [HIDDEN, AS_RULES_SAY] = [-1, -2];
 
@@ -68,6 +70,7 @@ export class InsulaCity extends Element {
   async flyTo(place, options) {
     if (place === null || typeof place !== 'object' || Array.isArray(place)) return super.flyTo(place, options);
     await this.whenReady();
+    if (place.lon !== undefined || place.lat !== undefined) this.#checkNear({ ...this.place, ...place });
     const now = this.place ?? { lon: NaN, lat: NaN, height: NaN, heading: 0, pitch: DEFAULT_FIT_PITCH_DEG, fov: DEFAULT_FOV_DEG };
     return super.flyTo(cameraText(this.#needGrid(), { ...now, ...place }), options);
   }
@@ -76,6 +79,7 @@ export class InsulaCity extends Element {
     await this.whenReady();
     const [west, south, east, north] = bounds.flat().map(Number);
     if (!isLonLat(west, south) || !isLonLat(east, north)) throw new RangeError('bounds are west, south, east and north in degrees');
+    this.#checkNear({ lon: (west + east) / 2, lat: (south + north) / 2 });
     const corners = [[west, south], [east, south], [east, north], [west, north]].map((corner) => this.toPosition(corner));
     const fov = this.place?.fov ?? DEFAULT_FOV_DEG;
     const middle = { lon: (west + east) / 2, lat: (south + north) / 2, height: this.manifest.ground_z_m };
@@ -137,6 +141,15 @@ export class InsulaCity extends Element {
     if (grid) return grid;
     const isLoaded = Boolean(this.manifest);
     throw new Error(isLoaded ? 'it is not known where on Earth this city lies: bake it with --crs' : 'no city yet: wait for whenReady()');
+  }
+
+  /** Fails for places far from the city. @param {{lon: number, lat: number}} place */
+  #checkNear({ lon, lat }) {
+    const [low, high] = this.manifest?.focus ?? [];
+    if (!high || !isLonLat(lon, lat)) return;
+    const [x, y] = this.#needGrid().toXy([lon, lat]);
+    const km = Math.hypot(x - (low[0] + high[0]) / 2, y - (low[1] + high[1]) / 2) / 1000;
+    if (km > FAR_KM) throw new RangeError(`longitude ${lon}, latitude ${lat} are ${Math.round(km)} km from the city: the longitude comes first`);
   }
 
   #size() {

@@ -201,10 +201,13 @@ function legendNodes(legend) {
   const bar = element('div', { class: 'ramp', 'aria-hidden': 'true' });
   if (ramp) bar.style.backgroundImage = `linear-gradient(to right, ${ramp.stops.map(css).join(', ')})`;
   bar.hidden = !ramp;
-  const rows = entries.map(({ rgb, label }) => {
+  // The engine's own words are the last ones; values of the city stay as they are.
+  const own = { 'no data': texts.noData, others: texts.others };
+  const rows = entries.map(({ rgb, label }, i) => {
     const swatch = element('span', { class: 'swatch', 'aria-hidden': 'true' });
     swatch.style.backgroundColor = css(rgb);
-    return element('li', { dir: 'auto' }, swatch, printable(label));
+    const text = (i >= entries.length - 2 && own[label]) || printable(label);
+    return element('li', { dir: 'auto' }, swatch, text);
   });
   return [heading, bar, element('ul', {}, ...rows)];
 }

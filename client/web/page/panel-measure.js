@@ -30,7 +30,10 @@ export function measurePanel({ city, panels }) {
     change: select,
   });
   city.addEventListener('frame', ({ detail }) => {
-    if (panels.current === 'measure') setText(result, printable(detail.measure?.text) || texts.none);
+    if (panels.current !== 'measure') return;
+    const text = printable(detail.measure?.text);
+    // What to click next is said by the hint, in the language of the page.
+    setText(result, text && !/\bclick\b/.test(text) ? text : texts.none);
   });
   const buttons = element(
     'div',

@@ -17,6 +17,9 @@ const TO_OBJ: Conversion = Command { command: "assimp export IN OUT", extension:
 const TO_GEOJSON: Conversion = Command { command: "ogr2ogr -f GeoJSON -t_srs EPSG:4326 OUT IN", extension: "geojson" };
 const FROM_POINTS: Conversion =
     Advice("points have no surfaces: roofer (github.com/3DBAG/roofer) makes CityJSONSeq of them and of footprints");
+const FROM_TEXT: Conversion = Advice(
+    "gdal_translate makes an elevation model (.tif) of a grid of heights, and PDAL a point cloud (.laz) of other points",
+);
 const FROM_CAD: Conversion = Advice("export it as OBJ, in metres, from the program that made it");
 const TO_GEOTIFF: Conversion = Command { command: "gdal_translate IN OUT", extension: "tif" };
 const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
@@ -37,7 +40,8 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["rvt"], "Revit", FROM_CAD),
     (&["max"], "3ds Max", FROM_CAD),
     (&["blend"], "Blender", FROM_CAD),
-    (&["e57", "xyz"], "point clouds", FROM_POINTS),
+    (&["e57"], "point clouds", FROM_POINTS),
+    (&["xyz"], "points as text", FROM_TEXT),
     (&["vrt", "img", "dem", "bil", "flt", "ecw", "jp2"], "rasters", TO_GEOTIFF),
     (&["7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
 ];
@@ -60,9 +64,18 @@ pub fn format_of(name: &str) -> Option<&'static str> {
 
 /// The error of a file whose name is not that of a city file: how to convert it, if that is known.
 pub fn refusal(path: &str) -> InputError {
-    let Some((_, format, conversion)) = find(path) else {
-        return InputError::unknown_format(path, "its name is not that of a city file");
-    };
+    match find(path) {
+        Some((_, format, conversion)) => not_read(path, format, conversion),
+        None => InputError::unknown_format(path, "its name is not that of a city file"),
+    }
+}
+
+/// The error of a GML file without an element of CityGML: maps of agencies, downloads of web feature services.
+pub fn plain_gml(path: &str) -> InputError {
+    not_read(path, "GML without elements of CityGML", &TO_GEOJSON)
+}
+
+fn not_read(path: &str, format: &'static str, conversion: &Conversion) -> InputError {
     let advice = match conversion {
         Advice(advice) => (*advice).to_owned(),
         Command { command, extension } => {

@@ -151,7 +151,7 @@ impl CityPage {
 
     /// Shows a view at once, and waits until it is drawn.
     pub fn look(&self, number: usize, camera: &str) -> Result<()> {
-        self.page.evaluate(&format!("{}.flyTo('{camera}', {{ seconds: 0 }})", Self::element(number)))?;
+        self.page.evaluate(&format!("void {}.flyTo('{camera}', {{ seconds: 0 }})", Self::element(number)))?;
         self.wait_for_view(number, camera)
     }
 

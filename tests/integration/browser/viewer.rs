@@ -243,6 +243,15 @@ pub(super) fn a_link_opens_its_view() -> Result<()> {
     let page = open_url(&format!("{}#camera={camera}", url(&server)))?;
     ensure!(page.camera(0)? == camera, "{} instead of {camera}", page.camera(0)?);
     ensure_same_view(&shown, &page.picture(0, PICTURE)?)?;
+    // A flight ends with a picture from where it ends.
+    let flight = "async city => {
+        const there = city.view.camera.split(',').map(Number);
+        there[0] += 20;
+        await city.flyTo(there.join(), { seconds: 0.3 });
+        return city.view.position[0] - there[0];
+    }";
+    let rest_m = page.page.evaluate(&format!("({flight})({})", CityPage::element(0)))?.as_f64();
+    ensure!(rest_m.is_some_and(|rest_m| rest_m.abs() < 0.1), "{rest_m:?} m from where it ends");
     drop(page);
     // A hostile address is ignored.
     let hostile = format!("{}#camera=1,2,<img src=x>,NaN,1e999,0&time=never", url(&server));

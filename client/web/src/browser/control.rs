@@ -53,11 +53,22 @@ impl CityViewer {
     }
 }
 
+#[wasm_bindgen]
 impl CityViewer {
-    /// A command that moves the camera. Ends a flight.
+    /// Whether the camera is on its way to where a command sent it.
+    #[wasm_bindgen(js_name = isFlying)]
+    pub fn is_flying(&self) -> bool {
+        self.flight.is_some()
+    }
+}
+
+impl CityViewer {
+    /// A command that moves the camera. Ends a flight, unless it only lets keys go: a page that loses the focus does that.
     fn steer(&mut self, command: Command) -> Result<(), JsError> {
         let now = Instant::now();
-        self.flight = None;
+        if !matches!(command, Command::Release {} | Command::Fast { .. } | Command::Move { held: false, .. }) {
+            self.flight = None;
+        }
         let height_px = f64::from(self.size_px[1]);
         match command {
             Command::Move { direction, held } => self.control.set_held(direction.into(), held, now),

@@ -256,7 +256,7 @@ pub(crate) fn write_others(
         // A city is complete without its picture.
         match thumbnail::write(folder, input.tree, tiles, &manifest, &input.config.thread_pool()?) {
             Ok(length) => bytes += length,
-            Err(error) => tracing::warn!("the city has no {}: {error}", thumbnail::FILE_NAME),
+            Err(reason) => progress.warn(&format!("the city has no picture ({}): {reason}", thumbnail::FILE_NAME)),
         }
     }
     Ok(WrittenCity { manifest, bytes, filled_in })

@@ -65,31 +65,39 @@ const MAX_PASSES: u32 = 64;
 /// Tiles that are decoded at once.
 const TILES_AT_ONCE: usize = 64;
 
-/// Writes the picture into `folder`, which has the subtrees of the city, and returns its size in bytes. Fails if a tile cannot be read,
-/// or the file not be written.
+/// Writes the picture into `folder`, which has the subtrees of the city, and returns its size in bytes. Fails with the reason if a tile
+/// cannot be read, or the file not be written.
 pub(super) fn write(
     folder: &Path,
     city: &TileTree,
     tiles: &mut (dyn TileContent + Send),
     manifest: &Manifest,
     pool: &ThreadPool,
-) -> Result<u64, BakeError> {
-    let path = folder.join(FILE_NAME);
-    let damaged = || BakeError::Scratch { path: path.clone() };
+) -> Result<u64, String> {
     let subtrees = Archive::open(&folder.join(TileKind::Subtree.file_name()), Instant::now() + MAX_OPENING_TIME);
-    let subtrees = subtrees.map_err(|_| damaged())?;
-    let mut read = |key: TileKey| match key.kind() {
-        TileKind::Subtree => Ok(subtrees.tile(key.id).ok().flatten().ok_or_else(damaged)?.to_vec()),
-        TileKind::Mesh => tiles.mesh(city.mesh(key.id).iter().find(|mesh| mesh.lod == key.lod).ok_or_else(damaged)?),
-        _ => tiles.tile(city.get(key.id).ok_or_else(damaged)?),
+    let subtrees = subtrees.map_err(|error| error.to_string())?;
+    let text = |error: BakeError| error.to_string();
+    let mut read = |key: TileKey| {
+        let missing = || "it is not in the city".to_owned();
+        match key.kind() {
+            TileKind::Subtree => {
+                let tile = subtrees.tile(key.id).map_err(|error| error.to_string())?;
+                Ok(tile.ok_or_else(missing)?.to_vec())
+            }
+            TileKind::Mesh => {
+                let mesh = city.mesh(key.id).iter().find(|mesh| mesh.lod == key.lod).ok_or_else(missing)?;
+                tiles.mesh(mesh).map_err(text)
+            }
+            _ => tiles.tile(city.get(key.id).ok_or_else(missing)?).map_err(text),
+        }
     };
     let mut picture = Picture::new(manifest, !city.meshes().is_empty());
     let pixels = pool.install(|| {
-        picture.load(&mut read, &damaged)?;
-        Ok::<_, BakeError>(picture.draw())
+        picture.load(&mut read)?;
+        Ok::<_, String>(picture.draw())
     })?;
-    let jpeg = encode(&pixels).map_err(|cause| BakeError::io(&path, "written", std::io::Error::other(cause)))?;
-    write_synced(&path, &jpeg)?;
+    let jpeg = encode(&pixels).map_err(|error| error.to_string())?;
+    write_synced(&folder.join(FILE_NAME), &jpeg).map_err(text)?;
     Ok(jpeg.len() as u64)
 }
 
@@ -160,22 +168,21 @@ impl Picture {
         }
     }
 
-    /// Reads tiles until the view lacks none, or the memory is full. Fails if a tile cannot be read or decoded.
-    fn load(
-        &mut self,
-        read: &mut impl FnMut(TileKey) -> Result<Vec<u8>, BakeError>,
-        damaged: &impl Fn() -> BakeError,
-    ) -> Result<(), BakeError> {
+    /// Reads tiles until the view lacks none, or the memory is full. Fails with the reason if a tile cannot be read or decoded.
+    fn load(&mut self, read: &mut impl FnMut(TileKey) -> Result<Vec<u8>, String>) -> Result<(), String> {
+        let of =
+            |key: TileKey, reason: String| format!("{} {}, LOD {}: {reason}", key.kind().file_name(), key.id, key.lod);
         for _ in 0..MAX_PASSES {
             let missing = self.select();
             if missing.is_empty() {
                 return Ok(());
             }
             for keys in missing.chunks(TILES_AT_ONCE) {
-                let bytes = keys.iter().map(|key| read(*key)).collect::<Result<Vec<_>, _>>()?;
+                let read = |key: &TileKey| read(*key).map_err(|reason| of(*key, reason));
+                let bytes = keys.iter().map(read).collect::<Result<Vec<_>, _>>()?;
                 let decoded: Vec<_> = keys.par_iter().zip(bytes).map(|(key, bytes)| decode(*key, &bytes)).collect();
                 for (key, tile) in keys.iter().zip(decoded) {
-                    if !self.take_in(*key, tile.map_err(|_| damaged())?) {
+                    if !self.take_in(*key, tile.map_err(|error| of(*key, error.to_string()))?) {
                         self.select();
                         return Ok(());
                     }

@@ -47,6 +47,14 @@ impl Axes {
         }
     }
 
+    /// The axes of files that have the coordinate along the equator first, whatever the system says.
+    pub fn east_first(self) -> Self {
+        match self {
+            Self(Direction::West, Direction::South) => self,
+            _ => Self::EAST_NORTH,
+        }
+    }
+
     /// Coordinates towards east and north.
     pub fn east_north(self, [first, second]: [f64; 2]) -> [f64; 2] {
         match (self.0, self.1) {

@@ -74,6 +74,9 @@ fn vertical_system(description: &VerticalDescription) -> Vertical {
         return Vertical::Ellipsoidal { unit_m: description.unit_m };
     }
     let code = description.code.or_else(|| registry::vertical_by_name(&description.name));
+    if code.is_some_and(super::is_ellipsoidal) {
+        return Vertical::Ellipsoidal { unit_m: description.unit_m };
+    }
     let mut datum = code.map_or_else(|| VerticalDatum::named(&description.name), VerticalDatum::from_code);
     datum.unit_m = description.unit_m;
     Vertical::Orthometric(datum)

@@ -39,7 +39,7 @@ pub(super) fn meaning(parameter: &str) -> Meaning {
         "azimuth" | "azimuthofinitialline" | "azimuthatprojectioncentre" | "colatitudeofconeaxis" => {
             Meaning::Degrees("alpha")
         }
-        "rectifiedgridangle" | "anglefromrectifiedtoskewgrid" => Meaning::Degrees("gamma"),
+        "rectifiedgridangle" | "anglefromrectifiedtoskewgrid" | "xyplanerotation" => Meaning::Degrees("gamma"),
         "scalefactor"
         | "scalefactoratnaturalorigin"
         | "scalefactoronpseudostandardparallel"

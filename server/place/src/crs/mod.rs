@@ -234,18 +234,30 @@ pub fn is_geographic(name: &str) -> bool {
 fn from_codes(code: u32, vertical: Option<u32>) -> Result<Crs, CrsError> {
     if let (None, Some((horizontal, vertical))) = (vertical, registry::compound(code)) {
         let horizontal = horizontal_from_code(horizontal)?;
-        let vertical = Vertical::Orthometric(VerticalDatum::from_code(vertical));
-        return Ok(Crs { name: format!("EPSG:{code}"), horizontal, vertical });
+        return Ok(Crs { name: format!("EPSG:{code}"), horizontal, vertical: vertical_from_code(vertical) });
     }
     let horizontal = horizontal_from_code(code)?;
     if let Some(vertical) = vertical {
         let name = format!("EPSG:{code}+{vertical}");
-        return Ok(Crs { name, horizontal, vertical: Vertical::Orthometric(VerticalDatum::from_code(vertical)) });
+        return Ok(Crs { name, horizontal, vertical: vertical_from_code(vertical) });
     }
-    let base = registry::horizontal(code).map(|entry| entry.base);
-    let is_ellipsoidal = matches!(base, Some(Base::Geographic3d | Base::Geocentric));
-    let vertical = if is_ellipsoidal { Vertical::Ellipsoidal { unit_m: 1.0 } } else { Vertical::Unknown };
+    let vertical = if is_ellipsoidal(code) { Vertical::Ellipsoidal { unit_m: 1.0 } } else { Vertical::Unknown };
     Ok(Crs { name: format!("EPSG:{code}"), horizontal, vertical })
+}
+
+/// Whether heights of a system are above the ellipsoid.
+fn is_ellipsoidal(code: u32) -> bool {
+    let base = registry::horizontal(code).map(|entry| entry.base);
+    matches!(base, Some(Base::Geographic3d | Base::Geocentric))
+}
+
+/// The vertical part of a compound system. GDAL and others name a system of longitude, latitude and height there, which has heights
+/// above its ellipsoid.
+fn vertical_from_code(code: u32) -> Vertical {
+    if is_ellipsoidal(code) {
+        return Vertical::Ellipsoidal { unit_m: 1.0 };
+    }
+    Vertical::Orthometric(VerticalDatum::from_code(code))
 }
 
 fn horizontal_from_code(code: u32) -> Result<Horizontal, CrsError> {

@@ -72,6 +72,16 @@ fn heights_of_three_dimensional_systems_are_above_the_ellipsoid() {
     for name in ["EPSG:4979", "EPSG:6667", "EPSG:4937", "EPSG:7843", "EPSG:4978", "ECEF", "OGC:CRS84h", "ENU:1,2,3"] {
         assert_eq!(resolve(name).unwrap().vertical, Vertical::Ellipsoidal { unit_m: 1.0 }, "{name}");
     }
+    // GDAL names a system of three dimensions as the vertical one.
+    let vertical = r#"VERT_CS["WGS 84",VERT_DATUM["WGS 84",2002],UNIT["metre",1],AUTHORITY["EPSG","4979"]]"#;
+    let horizontal = r#"PROJCS["x",GEOGCS["ETRS89",DATUM["ETRS89",SPHEROID["GRS 1980",6378137,298.257222101]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],UNIT["metre",1],AUTHORITY["EPSG","25832"]]"#;
+    for name in [
+        "EPSG:25832+4979",
+        "urn:ogc:def:crs,crs:EPSG::25832,crs:EPSG::4979",
+        &format!(r#"COMPD_CS["x",{horizontal},{vertical}]"#),
+    ] {
+        assert_eq!(resolve(name).unwrap().vertical, Vertical::Ellipsoidal { unit_m: 1.0 }, "{name}");
+    }
     for name in ["EPSG:4326", "EPSG:6668", "OGC:CRS84", "EPSG:25832"] {
         assert_eq!(resolve(name).unwrap().vertical, Vertical::Unknown, "{name}");
     }
@@ -319,4 +329,21 @@ fn geographic_systems_are_known_in_every_spelling() {
         assert!(is_geographic(name), "{name}");
     }
     assert!(!is_geographic("EPSG:7415") && !is_geographic("") && !is_geographic("ECEF"));
+}
+
+#[test]
+fn names_of_esri_are_understood() {
+    let text = |datum: &str, spheroid: &str, projection: &str| {
+        format!(
+            r#"PROJCS["a",GEOGCS["GCS",DATUM["{datum}",SPHEROID[{spheroid}]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],{projection},UNIT["Meter",1.0]]"#
+        )
+    };
+    let stereo = r#"PROJECTION["Double_Stereographic"],PARAMETER["False_Easting",500000.0],PARAMETER["False_Northing",500000.0],PARAMETER["Central_Meridian",25.0],PARAMETER["Scale_Factor",0.99975],PARAMETER["Latitude_Of_Origin",46.0]"#;
+    let romania = resolve(&text("D_Dealul_Piscului_1970", r#""Krasovsky_1940",6378245.0,298.3"#, stereo)).unwrap();
+    assert_eq!(romania.horizontal.code, Some(3844));
+    // The rotation of the oblique Mercator.
+    let oblique = r#"PROJECTION["Rectified_Skew_Orthomorphic_Natural_Origin"],PARAMETER["False_Easting",804671.0],PARAMETER["False_Northing",0.0],PARAMETER["Scale_Factor",0.99984],PARAMETER["Azimuth",-36.9742035333334],PARAMETER["Longitude_Of_Center",102.25],PARAMETER["Latitude_Of_Center",4.0],PARAMETER["XY_Plane_Rotation",-36.8698976388889]"#;
+    let malaysia = resolve(&text("D_GDM_2000", r#""GRS_1980",6378137.0,298.257222101"#, oblique)).unwrap();
+    let definition = malaysia.horizontal.definition().unwrap().text();
+    assert!(malaysia.horizontal.code == Some(3375) || definition.contains("+gamma=-36.869"), "{definition}");
 }

@@ -12,6 +12,8 @@ const MAX_POSITIONS: usize = 256;
 pub struct FirstShape {
     /// Of its first corner.
     pub position: [f64; 2],
+    /// The third coordinate there, which only positions from the centre of the Earth need; else 0.
+    pub(super) third: f64,
     low: [f64; 2],
     /// `None` if it is not known.
     size: Option<[f64; 2]>,
@@ -23,7 +25,7 @@ impl FirstShape {
         let mut found: Option<Self> = None;
         let is_possible = |position: &[f64; 2]| position.iter().all(|c| c.abs() <= MAX_COORDINATE_M);
         for [x, y] in positions.take(MAX_POSITIONS).filter(is_possible) {
-            let at = Self { position: [x, y], low: [x, y], size: Some([0.0; 2]) };
+            let at = Self::at([x, y], Some([0.0; 2]));
             let shape = found.get_or_insert(at);
             let [width, height] = shape.size.unwrap_or_default();
             let high = [shape.low[0] + width, shape.low[1] + height];
@@ -35,7 +37,7 @@ impl FirstShape {
 
     /// A shape of a size, if it is known, at a position.
     pub fn at([x, y]: [f64; 2], size: Option<[f64; 2]>) -> Self {
-        Self { position: [x, y], low: [x, y], size }
+        Self { position: [x, y], third: 0.0, low: [x, y], size }
     }
 
     /// Whether it begins at the origin, which tells nothing.
@@ -64,8 +66,8 @@ pub fn is_on_globe([longitude_deg, latitude_deg]: [f64; 2]) -> bool {
 }
 
 impl From<[f64; 3]> for FirstShape {
-    fn from([x, y, _]: [f64; 3]) -> Self {
-        Self::at([x, y], None)
+    fn from([x, y, z]: [f64; 3]) -> Self {
+        Self { third: z, ..Self::at([x, y], None) }
     }
 }
 

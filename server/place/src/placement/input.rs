@@ -90,8 +90,10 @@ impl SourceInput {
             Some(definition) => Some(Plane { source: proj(&definition.text())?, wgs84: proj(WGS84)? }),
             None => None,
         };
+        let habit = Habit::of(&horizontal);
         let axes = match order {
             AxisOrder::Authority => horizontal.axes,
+            AxisOrder::EastFirst | AxisOrder::MostlyEastFirst if habit == Habit::None => horizontal.axes.east_first(),
             AxisOrder::EastFirst | AxisOrder::MostlyEastFirst => Axes::EAST_NORTH,
         };
         let height_unit_m = match &crs.vertical {
@@ -101,7 +103,6 @@ impl SourceInput {
             Vertical::Unknown if matches!(horizontal.system, System::Projected(_)) => unit,
             Vertical::Unknown => 1.0,
         };
-        let habit = Habit::of(&horizontal);
         Ok(Self {
             horizontal,
             axes,

@@ -1,6 +1,8 @@
-//! The extent of a mesh, by which it is told that its coordinates are degrees although its format has metres.
+//! The extent of a mesh, by which it is told that its coordinates are degrees although its format has metres, or that they are metres
+//! from the centre of the Earth.
 
 use super::first_shape::FirstShape;
+use std::ops::RangeInclusive;
 
 /// A mesh that is wider, in its units, is not in degrees: 0.2 degrees are 20 km.
 const MAX_SIDE: f64 = 0.2;
@@ -14,6 +16,11 @@ const LEAST_DISTANCE: f64 = 100.0;
 /// so thin.
 const CERTAIN_HEIGHT: f64 = 100.0;
 const CERTAIN_DISTANCE: f64 = 1000.0;
+
+/// Distances of the Earth's surface from its centre, with mountains and trenches.
+const EARTH_M: RangeInclusive<f64> = 6_340_000.0..=6_390_000.0;
+/// A mesh that is wider is not one of a city.
+const MAX_CITY_M: f64 = 200_000.0;
 
 /// Box of a mesh in coordinates towards east, north and up.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,6 +64,18 @@ impl MeshExtent {
         is_upright && distance > CERTAIN_DISTANCE * side && self.looks_like_degrees()
     }
 
+    /// Whether the coordinates are certainly metres from the centre of the Earth. No map has such heights.
+    pub fn is_certainly_geocentric(&self) -> bool {
+        let middle = self.middle();
+        let size = std::array::from_fn(|axis| self.high[axis] - self.low[axis]);
+        EARTH_M.contains(&length(middle)) && length(size) < MAX_CITY_M && middle[2].abs() > MAX_CITY_M
+    }
+
+    /// The middle of the box.
+    pub fn middle(&self) -> [f64; 3] {
+        std::array::from_fn(|axis| (self.low[axis] + self.high[axis]) / 2.0)
+    }
+
     /// For a warning: from which coordinates to which.
     pub fn text(&self) -> String {
         let ([west, south, _], [east, north, _]) = (self.low, self.high);
@@ -70,9 +89,26 @@ impl MeshExtent {
     }
 }
 
+fn length([x, y, z]: [f64; 3]) -> f64 {
+    libm::hypot(libm::hypot(x, y), z)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn meshes_around_the_centre_of_the_earth_are_told_from_those_on_a_map() {
+        let is_geocentric = |[x, y, z]: [f64; 3], size: f64| {
+            let corners = [[x, y, z], [x + size, y + size, z + size]];
+            MeshExtent::of(corners.into_iter()).unwrap().is_certainly_geocentric()
+        };
+        assert!(is_geocentric([4_177_000.0, 855_000.0, 4_727_700.0], 20.0), "Munich");
+        assert!(is_geocentric([-4_646_000.0, 2_553_000.0, -3_534_000.0], 5_000.0), "Sydney");
+        assert!(!is_geocentric([691_000.0, 5_334_000.0, 520.0], 20.0), "UTM");
+        assert!(!is_geocentric([3_500_000.0, 5_334_000.0, 520.0], 5_000.0), "as far from the origin, on a map");
+        assert!(!is_geocentric([4_177_000.0, 855_000.0, 4_727_700.0], 900_000.0), "a country");
+    }
 
     #[test]
     fn meshes_in_degrees_are_told_from_small_ones_in_metres() {

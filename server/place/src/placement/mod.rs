@@ -152,7 +152,7 @@ impl Placement {
         }
         if !world.is_settled() {
             let [x, y] = first.position;
-            let Some(position_deg) = placed.input.degrees([x, y, 0.0]) else { return Ok(()) };
+            let Some(position_deg) = placed.input.degrees([x, y, first.third]) else { return Ok(()) };
             world.settle_utm(position_deg);
         }
         placed.transform = world.transform(label, &placed.input, &mut placed.warnings)?;

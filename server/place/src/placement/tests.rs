@@ -240,6 +240,10 @@ fn habits_of_publishers_are_understood() {
     for p in [[19406.2, 3572920.1, 4.0], [-19406.2, -3572920.1, 4.0]] {
         assert_eq!(place("EPSG:2048", "EPSG:2048", p), [-19406.2, -3572920.1, 4.0]);
     }
+    // Transformer.from_crs(29377, 32733, always_xy=True).transform(-8000, 62000): Namibia has its origin in its middle, so that signs do
+    // not tell how coordinates count.
+    let namibia = place("EPSG:32733", "EPSG:29377", [-8000.0, 62000.0, 4.0]);
+    assert_near(namibia, [713563.6895, 7503666.4859, 4.0], 1.0);
     for p in [[1043000.5, 743000.25, 4.0], [743000.25, 1043000.5, 4.0], [-743000.25, -1043000.5, 4.0]] {
         assert_eq!(place("EPSG:5514", "EPSG:5514", p), [-743000.25, -1043000.5, 4.0]);
     }

@@ -246,7 +246,8 @@ pub fn cell_of_monument(inputs: &[PathBuf], has_stone: bool, at: Option<[f64; 3]
     let [low, high] = join(&collect(source, options.max_source_bytes).ok()?.meshes).bounds()?;
     let has_place = local_frame::find(source, at).ok()?.is_some();
     let extent = MeshExtent::of([low, high].into_iter().map(|corner| corner.to_array()));
-    if !has_stone && !has_place && extent.is_some_and(|extent| extent.is_certainly_in_degrees()) {
+    let is_on_earth = |extent: MeshExtent| extent.is_certainly_in_degrees() || extent.is_certainly_geocentric();
+    if !has_stone && !has_place && extent.is_some_and(is_on_earth) {
         return None;
     }
     let longest = (high - low).max_element();

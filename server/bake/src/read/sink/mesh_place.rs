@@ -1,10 +1,11 @@
-//! Meshes without a place whose coordinates look like degrees: their formats have metres only.
+//! Meshes without a place whose coordinates are degrees, although their formats have metres only, or metres from the centre of the
+//! Earth, as the contents of 3D Tiles have them.
 
 use super::SceneSink;
 use crate::read::scene_builder::OpenObject;
 use insula_place::placement::MeshExtent;
 use insula_source::error::InputError;
-use insula_source::object::{ObjectSink, Shape};
+use insula_source::object::{CrsReference, ObjectSink, Shape};
 use insula_source::problems::NO_CRS;
 
 /// What is known of the coordinates of a mesh without a place.
@@ -15,7 +16,7 @@ pub(super) struct UnplacedMesh {
 }
 
 impl SceneSink<'_, '_, '_> {
-    /// Takes a mesh as one in degrees if its first object is certainly so. A monument stays as it is.
+    /// Takes a mesh as one in degrees, or around the centre of the Earth, if its first object is certainly so. A monument stays as it is.
     pub(super) fn seek_mesh_place(&mut self, shape: &Shape) -> Result<(), InputError> {
         let is_first = self.unplaced_mesh.is_some_and(|mesh| mesh.extent.is_none());
         let Shape::Surfaces { polygons, meshes } = shape else { return Ok(()) };
@@ -25,11 +26,16 @@ impl SceneSink<'_, '_, '_> {
         let of_polygons = polygons.iter().flat_map(|surface| &surface.points);
         let positions = of_polygons.chain(meshes.iter().flat_map(|mesh| &mesh.positions));
         let Some(extent) = MeshExtent::of(positions.map(|position| self.frame.apply(*position))) else { return Ok(()) };
-        if !extent.is_certainly_in_degrees() {
+        let (reference, first, text) = if extent.is_certainly_geocentric() {
+            let text = format!("{} are taken as metres from the centre of the Earth (EPSG:4978)", extent.text());
+            (CrsReference::east_first("EPSG:4978"), extent.middle().into(), text)
+        } else if extent.is_certainly_in_degrees() {
+            let first = extent.first_shape();
+            let (Some(reference), text) = self.context.world.guess(&first) else { return Ok(()) };
+            (reference, first, text)
+        } else {
             return Ok(());
-        }
-        let first = extent.first_shape();
-        let (Some(reference), text) = self.context.world.guess(&first) else { return Ok(()) };
+        };
         self.report.problem(NO_CRS, || text);
         let frame = self.frame;
         self.set_crs(&reference)?;

@@ -438,3 +438,45 @@ fn plans_with_a_height_are_extruded_and_others_are_named() {
     let error = read_embedded(&[("a.json", hidden.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap_err();
     assert!(error.to_string().contains("underground"), "{error}");
 }
+
+#[test]
+fn outlines_of_roofs_are_no_second_building() {
+    let height = r#""measuredHeight": 2.0"#;
+    let building = |surfaces: &str, semantics: &str| {
+        let geometry = format!(r#"{{"type": "MultiSurface", "lod": "0", "boundaries": [{surfaces}]{semantics}}}"#);
+        let object = format!(r#""a": {{"type": "Building", "attributes": {{{height}}}, "geometry": [{geometry}]}}"#);
+        read(&document(&object, "")).0
+    };
+    let heights = |scene: &Scene| {
+        let z = || scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| corner[2]);
+        (z().fold(f32::MAX, f32::min), z().fold(f32::MIN, f32::max))
+    };
+    let roof = r#", "semantics": {"surfaces": [{"type": "RoofSurface"}], "values": [0]}"#;
+    for (surfaces, semantics) in [("[[0,1,2,3]],[[4,5,6,7]]", ""), ("[[4,5,6,7]]", roof)] {
+        let scene = building(surfaces, semantics);
+        assert!((volume(&scene) - 8.0).abs() < 1e-3, "{surfaces}: {}", volume(&scene));
+        let (low, high) = heights(&scene);
+        assert!((high - low - 2.0).abs() < 1e-3, "{surfaces}: {low} to {high}");
+    }
+}
+
+#[test]
+fn each_header_of_sequences_in_one_file_counts() {
+    let header = |shift: u32| {
+        let transform = format!(r#"{{"scale": [1, 1, 1], "translate": [{shift}, 0, 0]}}"#);
+        format!(
+            r#"{{"type": "CityJSON", "version": "2.0", "transform": {transform}, "CityObjects": {{}}, "vertices": []}}"#
+        )
+    };
+    let feature = |id: &str| {
+        let objects = object(id, &solid("1"));
+        format!(r#"{{"type": "CityJSONFeature", "id": "{id}", "CityObjects": {{{objects}}}, "vertices": [{CUBE}]}}"#)
+    };
+    let text = [header(0), feature("a"), header(100), feature("b")].join("\n");
+    let (scene, report) =
+        read_embedded(&[("a.city.jsonl", text.as_bytes())], &ReadOptions::default(), &|_| {}).unwrap();
+    assert_eq!(scene.objects.len(), 2, "{:?}", report.sources[0].skipped);
+    let x = || scene.triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| corner[0]);
+    let width = x().fold(f32::MIN, f32::max) - x().fold(f32::MAX, f32::min);
+    assert!((width - 102.0).abs() < 1e-3, "{width}");
+}

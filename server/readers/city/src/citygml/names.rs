@@ -165,6 +165,11 @@ impl Names {
         self.get(id).class
     }
 
+    /// Whether any name may be one of CityGML.
+    pub(super) fn may_be_city_gml(&self) -> bool {
+        self.list.iter().any(|name| matches!(name.family, Family::CityGml | Family::Urf | Family::Unknown))
+    }
+
     pub(super) fn local(&self, id: NameId) -> &str {
         &self.get(id).local
     }

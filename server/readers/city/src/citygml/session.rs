@@ -18,6 +18,7 @@ use super::xml::{Event, XmlReader};
 use insula_source::error::InputError;
 use insula_source::input::Input;
 use insula_source::object::{Description, ObjectSink, SurfaceRole};
+use insula_source::unread_formats;
 
 /// Further objects that refer to surfaces of later objects are read without those.
 const MAX_DEFERRED: usize = 1 << 20;
@@ -83,8 +84,11 @@ impl<'i, 's> Session<'i, 's> {
         let open = self.input.open()?;
         let text = TextReader::new(self.input.label, open.reader)?;
         let mut reader = XmlReader::new(self.input.label, text);
-        let result = self.run_reader(&mut reader, pass, &open.bytes_read);
+        let mut result = self.run_reader(&mut reader, pass, &open.bytes_read);
         if pass == Pass::Main {
+            if result.is_ok() && !reader.names.may_be_city_gml() {
+                result = Err(unread_formats::plain_gml(self.input.label));
+            }
             for (kind, detail) in std::mem::take(&mut reader.faults) {
                 self.sink.problem(kind, detail);
             }

@@ -27,7 +27,8 @@ const TICK_OBJECTS: usize = 256;
 pub(super) fn begin(label: &str, header: &CityJsonDocument<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputError> {
     let version = header.version.as_deref().unwrap_or("");
     if !(version.starts_with("1.") || version.starts_with("2.") || version.is_empty()) {
-        return Err(InputError::unsupported(label, format!("its version is CityJSON {version}")));
+        let what = format!("its version is CityJSON {version}; cjio's command upgrade makes it a newer one");
+        return Err(InputError::unsupported(label, what));
     }
     let metadata = header.metadata.and_then(|raw| serde_json::from_str(raw.get()).ok());
     let Some(name) = metadata.and_then(|metadata| metadata::describe(&metadata, sink)) else { return Ok(()) };

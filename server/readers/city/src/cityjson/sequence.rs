@@ -12,8 +12,8 @@ use insula_source::source::{NextLine, next_line};
 /// Lines between two progress reports.
 const TICK_LINES: usize = 64;
 
-/// Reads a sequence, whose lines have `max_line_bytes` at most. A damaged line is skipped and reported. Fails if the header
-/// is damaged.
+/// Reads a sequence, whose lines have `max_line_bytes` at most. A damaged line is skipped and reported. Several sequences may follow
+/// one another, each with its header. Fails if a header is damaged.
 pub(super) fn read(
     label: &str,
     lines: &mut dyn BufRead,
@@ -22,15 +22,45 @@ pub(super) fn read(
     bytes_read: &dyn Fn() -> u64,
 ) -> Result<(), InputError> {
     let limit = usize::try_from(max_line_bytes).unwrap_or(usize::MAX);
-    let mut line = Vec::new();
-    let mut next = |line: &mut Vec<u8>| next_line(lines, line, limit).map_err(|cause| InputError::io(label, cause));
-    if next(&mut line)? == NextLine::TooLong {
+    let mut lines = Lines { label, lines, limit, line: Vec::new(), number: 0, bytes_read };
+    if lines.next()? == NextLine::TooLong {
         let what = "the header line's length in bytes".to_owned();
         return Err(InputError::TooLarge { path: label.to_owned(), what, limit: limit as u64 });
     }
-    let first = without_bom(&line).to_vec();
+    let mut next = Some(without_bom(&lines.line).to_vec());
+    while let Some(header) = next {
+        next = read_sequence(&header, &mut lines, sink)?;
+    }
+    Ok(())
+}
+
+/// The lines of a file.
+struct Lines<'a> {
+    label: &'a str,
+    lines: &'a mut dyn BufRead,
+    limit: usize,
+    line: Vec<u8>,
+    /// Of the line, from 1.
+    number: usize,
+    bytes_read: &'a dyn Fn() -> u64,
+}
+
+impl Lines<'_> {
+    fn next(&mut self) -> Result<NextLine, InputError> {
+        self.number += 1;
+        next_line(self.lines, &mut self.line, self.limit).map_err(|cause| InputError::io(self.label, cause))
+    }
+}
+
+/// Reads the features behind a header. Returns the next header.
+fn read_sequence(
+    header: &[u8],
+    lines: &mut Lines<'_>,
+    sink: &mut dyn ObjectSink,
+) -> Result<Option<Vec<u8>>, InputError> {
+    let label = lines.label;
     let mut header: CityJsonDocument<'_> =
-        serde_json::from_slice(&first).map_err(|error| InputError::json(label, &error))?;
+        serde_json::from_slice(header).map_err(|error| InputError::json(label, &error))?;
     if header.kind.as_deref() != Some("CityJSON") {
         return Err(InputError::unsupported(label, "its first line is not a CityJSON header"));
     }
@@ -40,36 +70,39 @@ pub(super) fn read(
     let shared = SharedMembers { label, transform: header.transform, templates: &templates, appearance: &appearance };
     // The header may have objects too.
     read_feature(&shared, &header, sink)?;
-    let mut number = 1;
     loop {
-        let status = next(&mut line)?;
-        number += 1;
-        match status {
-            NextLine::EndOfFile => return Ok(()),
-            NextLine::TooLong => sink.skip("line too long", format!("line {number}: more than {limit} bytes")),
-            NextLine::Complete if line.trim_ascii().is_empty() => {}
+        match lines.next()? {
+            NextLine::EndOfFile => return Ok(None),
+            NextLine::TooLong => {
+                sink.skip("line too long", format!("line {}: more than {} bytes", lines.number, lines.limit));
+            }
+            NextLine::Complete if lines.line.trim_ascii().is_empty() => {}
             NextLine::Complete => {
                 let mut repaired = Vec::new();
-                if let Some(feature) = parse_feature(&line, &mut repaired, number, sink) {
-                    read_feature(&shared, &feature, sink)?;
+                match parse_line(&lines.line, &mut repaired, lines.number, sink) {
+                    Some(document) if document.kind.as_deref() == Some("CityJSON") => {
+                        return Ok(Some(without_bom(&lines.line).to_vec()));
+                    }
+                    Some(feature) => read_feature(&shared, &feature, sink)?,
+                    None => {}
                 }
             }
         }
-        if number % TICK_LINES == 0 {
-            sink.tick(bytes_read());
+        if lines.number % TICK_LINES == 0 {
+            sink.tick((lines.bytes_read)());
         }
     }
 }
 
-/// Parses a line; `None`, which is reported, if it is not a feature. `repaired` is a buffer.
-fn parse_feature<'t>(
+/// Parses a line; `None`, which is reported, if it is neither a feature nor a header. `repaired` is a buffer.
+fn parse_line<'t>(
     line: &'t [u8],
     repaired: &'t mut Vec<u8>,
     number: usize,
     sink: &mut dyn ObjectSink,
 ) -> Option<CityJsonDocument<'t>> {
     match lenient::parse::<CityJsonDocument<'_>>(line, repaired) {
-        Ok(document) if document.kind.as_deref() == Some("CityJSONFeature") => Some(document),
+        Ok(document) if matches!(document.kind.as_deref(), Some("CityJSONFeature" | "CityJSON")) => Some(document),
         Ok(document) => {
             let kind = document.kind.unwrap_or_default();
             sink.skip("line is no feature", format!("line {number}: its type is \"{kind}\""));

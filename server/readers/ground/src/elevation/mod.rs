@@ -65,14 +65,6 @@ const MAX_SIDECAR_BYTES: u64 = 1 << 20;
 /// A larger `layer.json` is refused. Lists of available tiles can be long.
 const MAX_LAYER_BYTES: u64 = 64 << 20;
 
-/// Web Mercator with heights above the ellipsoid, which has no code.
-const WEB_MERCATOR_3D: &str = r#"PROJCRS["WGS 84 / Pseudo-Mercator, ellipsoidal heights",
-    BASEGEOGCRS["WGS 84", DATUM["World Geodetic System 1984", ELLIPSOID["WGS 84", 6378137, 298.257223563]]],
-    CONVERSION["Popular Visualisation Pseudo-Mercator",
-        METHOD["Popular Visualisation Pseudo Mercator", ID["EPSG", 1024]]],
-    CS[Cartesian, 3], AXIS["easting", east], AXIS["northing", north], AXIS["ellipsoidal height", up],
-    LENGTHUNIT["metre", 1]]"#;
-
 /// A block's height at each point, by row.
 type Block = Box<[f32]>;
 
@@ -374,14 +366,7 @@ fn crs_of(source: &CitySource<'_>, raster: &Raster) -> Option<CrsReference> {
     };
     let named = [crs.horizontal.clone(), beside(), crs.citation.clone()];
     let horizontal = named.into_iter().flatten().find(|name| !is_undefined(name))?;
-    let name = match &crs.vertical {
-        Some(vertical) if horizontal.starts_with("EPSG:") => {
-            format!("{horizontal}+{}", vertical.trim_start_matches("EPSG:"))
-        }
-        None if crs.is_ellipsoidal && horizontal == "EPSG:4326" => "EPSG:4979".to_owned(),
-        None if crs.is_ellipsoidal && horizontal == "EPSG:3857" => WEB_MERCATOR_3D.to_owned(),
-        _ => horizontal,
-    };
+    let name = crs.with_vertical(horizontal);
     Some(CrsReference { height_unit_m: crs.height_unit_m, ..CrsReference::east_first(name) })
 }
 

@@ -71,6 +71,21 @@ pub(crate) struct RasterCrs {
     pub(crate) citation: Option<String>,
 }
 
+impl RasterCrs {
+    /// The name of a horizontal system together with the vertical one, if it is a code.
+    pub(crate) fn with_vertical(&self, horizontal: String) -> String {
+        if !horizontal.starts_with("EPSG:") {
+            return horizontal;
+        }
+        match self.vertical.as_deref().map(|vertical| vertical.trim_start_matches("EPSG:")) {
+            Some(vertical) => format!("{horizontal}+{vertical}"),
+            // Which ellipsoid it is makes no difference.
+            None if self.is_ellipsoidal => format!("{horizontal}+4979"),
+            None => horizontal,
+        }
+    }
+}
+
 /// Heights on land, in metres. Others are marks of missing heights that a file does not declare.
 pub const HEIGHTS_M: RangeInclusive<f64> = -500.0..=9000.0;
 /// Heights with those of the sea's ground.

@@ -8,7 +8,6 @@ use insula_source::units::metres_of;
 const FIRST_ESRI_CODE: i64 = 100_000;
 /// Esri's code for heights over the ellipsoid of WGS 84.
 const WGS84_HEIGHT: i64 = 115_700;
-const GEOGRAPHIC_WGS84: i64 = 4326;
 /// Codes of systems in degrees are below this one and above 4000.
 const DEGREES: std::ops::Range<i64> = 4001..5000;
 
@@ -40,13 +39,13 @@ impl LayerPlace {
             Some(model) => model.eq_ignore_ascii_case("ellipsoidal"),
             None => vertical == Some(WGS84_HEIGHT),
         };
+        let heights = if is_ellipsoidal { "+4979" } else { "" };
         let wkt = reference.and_then(|reference| reference.wkt.clone()).filter(|wkt| !wkt.is_empty());
         let name = match code {
-            Some(GEOGRAPHIC_WGS84) if is_ellipsoidal => Some("EPSG:4979".to_owned()),
             // Web Mercator, by the codes that came before EPSG's.
-            Some(102_100 | 102_113) => Some("EPSG:3857".to_owned()),
+            Some(102_100 | 102_113) => Some(format!("EPSG:3857{heights}")),
             Some(code) if code >= FIRST_ESRI_CODE => Some(wkt.unwrap_or_else(|| format!("ESRI:{code}"))),
-            Some(code) => Some(format!("EPSG:{code}")),
+            Some(code) => Some(format!("EPSG:{code}{heights}")),
             None => wkt.or_else(|| layer.store.as_ref().and_then(|store| store.vertex_crs.clone())),
         };
         let is_in_degrees = match code {
@@ -80,10 +79,10 @@ mod tests {
         let cases = [
             (
                 r#"{"spatialReference":{"wkid":4326},"heightModelInfo":{"heightModel":"ellipsoidal"}}"#,
-                Some("EPSG:4979"),
+                Some("EPSG:4326+4979"),
                 true,
             ),
-            (r#"{"spatialReference":{"wkid":4326,"vcsWkid":115700}}"#, Some("EPSG:4979"), true),
+            (r#"{"spatialReference":{"wkid":4326,"vcsWkid":115700}}"#, Some("EPSG:4326+4979"), true),
             (
                 r#"{"spatialReference":{"wkid":4326,"vcsWkid":5773},"heightModelInfo":{"heightModel":"gravity_related_height"}}"#,
                 Some("EPSG:4326"),

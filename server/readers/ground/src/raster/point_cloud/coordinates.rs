@@ -55,13 +55,7 @@ impl Coordinates {
 
 /// The name of the horizontal and the vertical system together.
 fn full_name(crs: &RasterCrs) -> Option<String> {
-    let horizontal = crs.horizontal.as_ref().or(crs.citation.as_ref())?;
-    Some(match &crs.vertical {
-        Some(vertical) if horizontal.starts_with("EPSG:") => {
-            format!("{horizontal}+{}", vertical.trim_start_matches("EPSG:"))
-        }
-        _ => horizontal.clone(),
-    })
+    Some(crs.with_vertical(crs.horizontal.as_ref().or(crs.citation.as_ref())?.clone()))
 }
 
 /// Metres of a unit towards east and north. Fails if the system is not that of a map.
