@@ -123,9 +123,18 @@ impl fmt::Display for AttributeValue {
 /// such as 0.333251953125, were written so.
 fn is_widened(number: f64) -> bool {
     /// Double precision has 15 to 17 digits.
-    const FEWEST_DIGITS: usize = 15;
-    let digits = || format!("{number:e}").bytes().take_while(|byte| *byte != b'e').filter(u8::is_ascii_digit).count();
-    number.fract() != 0.0 && f64::from(number as f32) == number && digits() >= FEWEST_DIGITS
+    const FULL_DIGITS: usize = 15;
+    /// Writers with fewer digits round more. Those of single precision are 9 at most.
+    const ROUNDED_DIGITS: usize = 12;
+    /// People write no more digits into single precision, so only numbers with as few are taken for rounded ones.
+    const WRITTEN_DIGITS: usize = 7;
+    let digits_of = |text: String| text.bytes().take_while(|byte| *byte != b'e').filter(u8::is_ascii_digit).count();
+    let (single, digits) = (number as f32, digits_of(format!("{number:e}")));
+    let is_within = |share: f64| (f64::from(single) - number).abs() <= share * number.abs();
+    // The last of the digits may be cut or rounded.
+    let is_all = digits >= FULL_DIGITS && is_within(1e-15);
+    let is_rounded = digits >= ROUNDED_DIGITS && is_within(1e-12) && digits_of(format!("{single:e}")) <= WRITTEN_DIGITS;
+    number.fract() != 0.0 && (is_all || is_rounded)
 }
 
 /// Patterns of names, such as `owner*`. Upper and lower case are the same.
@@ -221,5 +230,28 @@ mod tests {
         // Whole numbers may be identifiers.
         assert_eq!(attributes.get("e"), Some(&AttributeValue::Float(1_099_511_627_776.0)));
         assert!(matches!(AttributeValue::single(f32::NAN), AttributeValue::Float(number) if number.is_nan()));
+    }
+
+    #[test]
+    fn single_precision_is_found_behind_rounded_last_digits() {
+        let shown = |number| {
+            let mut attributes = Attributes::default();
+            attributes.push("a", AttributeValue::Float(number));
+            attributes.get("a").unwrap().to_string()
+        };
+        for (number, text) in [
+            (11.68000030517578, "11.68"),
+            (11.899999618530272, "11.9"),
+            (-11.899999618530274, "-11.9"),
+            (11.680000305176, "11.68"),
+            (12.345678329467772, "12.345678"),
+            // Of double precision, or with all of the digits that were written.
+            (11.6800003, "11.6800003"),
+            (84_533.267_812_345_1, "84533.2678123451"),
+            (52.0115770, "52.011577"),
+            (1.0 / 3.0, "0.3333333333333333"),
+        ] {
+            assert_eq!(shown(number), text);
+        }
     }
 }
