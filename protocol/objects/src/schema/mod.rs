@@ -83,7 +83,8 @@ impl Schema {
         self.attributes.iter().position(|attribute| attribute.name == name)
     }
 
-    /// Names by which objects can be coloured: of all attributes, and `height` and `kind`, which all cities have. Sorted.
+    /// Names by which objects can be coloured: of all attributes, and `height` and `kind`, which all cities have. Those whose labels have a
+    /// number come first, as in panels; the others follow by name, so that one of hundreds is found.
     #[must_use]
     pub fn names_to_color_by(&self) -> Vec<String> {
         let mut names: Vec<String> = self.attributes.iter().map(|info| info.name.clone()).collect();
@@ -92,7 +93,8 @@ impl Schema {
                 names.push(name.to_owned());
             }
         }
-        names.sort();
+        let number = |name: &String| self.labels.get(name).and_then(|label| label.order).unwrap_or(u32::MAX);
+        names.sort_by(|a, b| number(a).cmp(&number(b)).then_with(|| a.cmp(b)));
         names
     }
 

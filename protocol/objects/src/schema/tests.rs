@@ -101,3 +101,17 @@ fn schemas_over_a_limit_are_refused() {
     assert!(refused(&|schema| schema.searchable = vec!["n".into(); MAX_ATTRIBUTES + 1]));
     assert!(refused(&|schema| schema.attributes = vec![schema.attributes[0].clone(); MAX_ATTRIBUTES + 1]));
 }
+
+#[test]
+fn names_with_a_number_come_first_where_objects_are_coloured() {
+    let mut builder = SchemaBuilder::default();
+    for name in ["zone", "age", "floors", "b"] {
+        builder.add(name, &Value::Integer(1));
+    }
+    let mut schema = builder.finish(1);
+    assert_eq!(schema.names_to_color_by(), ["age", "b", "floors", "height", "kind", "zone"]);
+    for (name, order) in [("zone", 1), ("floors", 2), ("height", 2)] {
+        schema.labels.insert(name.to_owned(), AttributeLabel { order: Some(order), ..AttributeLabel::default() });
+    }
+    assert_eq!(schema.names_to_color_by(), ["zone", "floors", "height", "age", "b", "kind"]);
+}
