@@ -30,7 +30,7 @@ pub struct ObjectStyleArgs {
     /// Values of the two ends of the palette [default: the smallest and largest of the city].
     #[arg(long, value_name = "LOW,HIGH", value_parser = parse_range, allow_hyphen_values = true, requires = "color_by")]
     pub range: Option<[f64; 2]>,
-    /// Objects that pass, as in 'yearOfConstruction < 1900 && height > 20'.
+    /// Objects that pass, as in 'height > 20'.
     #[arg(long, value_name = "EXPR")]
     pub filter: Option<String>,
     /// What becomes of the others: pale, not drawn, or as they are, with those that pass in yellow or in the colour of `--color-by`.

@@ -1,6 +1,6 @@
 //! Divides a filter into tokens.
 
-use super::FilterError;
+use super::Fault;
 use crate::value::{Value, parse_date};
 
 /// A token with its offset in bytes.
@@ -24,7 +24,7 @@ pub(super) enum Token {
 const SYMBOLS: [&str; 15] = ["==", "!=", "<=", ">=", "&&", "||", "<", ">", "~", "!", "(", ")", ",", "-", "="];
 
 /// All tokens of a text.
-pub(super) fn tokens(text: &str) -> Result<Vec<Positioned>, FilterError> {
+pub(super) fn tokens(text: &str) -> Result<Vec<Positioned>, Fault> {
     let mut tokens = Vec::new();
     let mut rest = text;
     loop {
@@ -52,7 +52,7 @@ fn is_name_part(c: char) -> bool {
 }
 
 /// The text between quotes, and the bytes with them.
-fn quoted(rest: &str, at: usize, quote: char) -> Result<(String, usize), FilterError> {
+fn quoted(rest: &str, at: usize, quote: char) -> Result<(String, usize), Fault> {
     let mut text = String::new();
     let mut chars = rest.char_indices().skip(1);
     while let Some((offset, c)) = chars.next() {
@@ -62,15 +62,15 @@ fn quoted(rest: &str, at: usize, quote: char) -> Result<(String, usize), FilterE
             _ => text.push(c),
         }
     }
-    Err(FilterError { at, message: format!("a text in quotes has no end: add another {quote}") })
+    Err(Fault { at, message: format!("a text in quotes has no end: add another {quote}") })
 }
 
 /// A date, an integer or a float.
-fn number(rest: &str, at: usize) -> Result<(Token, usize), FilterError> {
+fn number(rest: &str, at: usize) -> Result<(Token, usize), Fault> {
     let end = |part: &dyn Fn(char) -> bool| rest.find(|c| !part(c)).unwrap_or(rest.len());
     let word = rest.get(..end(&|c| c.is_ascii_digit() || c == '-')).unwrap_or_default();
     if word.len() == 10 && word.bytes().filter(|byte| *byte == b'-').count() == 2 {
-        let wrong = || FilterError { at, message: format!("the date {word} does not exist: write it as YYYY-MM-DD") };
+        let wrong = || Fault { at, message: format!("the date {word} does not exist: write it as YYYY-MM-DD") };
         return Ok((Token::Literal(Value::Date(parse_date(word).ok_or_else(wrong)?)), word.len()));
     }
     let mut before = ' ';
@@ -84,8 +84,7 @@ fn number(rest: &str, at: usize) -> Result<(Token, usize), FilterError> {
     let integer = if is_integer { word.parse().ok().map(Value::Integer) } else { None };
     let float = || word.parse().ok().filter(|value: &f64| value.is_finite()).map(Value::Float);
     let hint = "write texts in double quotes, and names that begin with a digit in backticks";
-    let value =
-        integer.or_else(float).ok_or_else(|| FilterError { at, message: format!("{word} is no number: {hint}") })?;
+    let value = integer.or_else(float).ok_or_else(|| Fault { at, message: format!("{word} is no number: {hint}") })?;
     Ok((Token::Literal(value), word.len()))
 }
 
@@ -102,7 +101,7 @@ fn name(rest: &str) -> (Token, usize) {
     (token, bytes)
 }
 
-fn symbol(rest: &str, at: usize) -> Result<(Token, usize), FilterError> {
+fn symbol(rest: &str, at: usize) -> Result<(Token, usize), Fault> {
     let message = match SYMBOLS.into_iter().find(|symbol| rest.starts_with(symbol)) {
         Some("=") => "a single = is no comparison: write ==".to_owned(),
         Some(symbol) => return Ok((Token::Symbol(symbol), symbol.len())),
@@ -113,5 +112,5 @@ fn symbol(rest: &str, at: usize) -> Result<(Token, usize), FilterError> {
             format!("the character {c:?} has no meaning here: write names that have it in backticks")
         }
     };
-    Err(FilterError { at, message })
+    Err(Fault { at, message })
 }

@@ -47,12 +47,19 @@ pub const MAX_DEPTH: usize = 64;
 
 /// Why a text is no filter.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{message} (at byte {at})")]
+#[error("{message} (at character {at})")]
 pub struct FilterError {
-    /// Offset in the text in bytes.
+    /// Number of the character in the text, from 1.
     pub at: usize,
     /// What is wrong and what to do.
     pub message: String,
+}
+
+/// A [`FilterError`] whose place is in bytes.
+#[derive(Debug)]
+struct Fault {
+    at: usize,
+    message: String,
 }
 
 /// A condition on objects of a city.
@@ -66,11 +73,10 @@ impl Filter {
     /// Parses a filter for the objects of a city. Fails on texts over [`MAX_FILTER_BYTES`], expressions deeper than [`MAX_DEPTH`],
     /// unknown attributes, and comparisons of values of different types.
     pub fn parse(text: &str, schema: &Schema) -> Result<Self, FilterError> {
-        if text.len() > MAX_FILTER_BYTES {
-            let message = format!("a filter has at most {MAX_FILTER_BYTES} bytes: shorten it");
-            return Err(FilterError { at: text.floor_char_boundary(MAX_FILTER_BYTES), message });
-        }
-        let expression = parser::parse(text, schema)?;
+        let expression = Self::expression(text, schema).map_err(|Fault { at, message }| {
+            let before = text.get(..at).unwrap_or(text);
+            FilterError { at: before.chars().count() + 1, message }
+        })?;
         let mut attributes = Vec::new();
         expression.visit_sources(&mut |source| {
             if let Source::Attribute(attribute) = source {
@@ -80,6 +86,14 @@ impl Filter {
         attributes.sort_unstable();
         attributes.dedup();
         Ok(Self { expression, attributes })
+    }
+
+    fn expression(text: &str, schema: &Schema) -> Result<Expression, Fault> {
+        if text.len() > MAX_FILTER_BYTES {
+            let message = format!("a filter has at most {MAX_FILTER_BYTES} bytes: shorten it");
+            return Err(Fault { at: text.floor_char_boundary(MAX_FILTER_BYTES), message });
+        }
+        parser::parse(text, schema)
     }
 
     /// The ids of the block's objects that meet the condition. Parents and parts in other blocks are not seen: see [`FilterBuilder`].

@@ -1,7 +1,7 @@
 //! Parses a filter and checks its names and types.
 
 use super::{
-    FilterError, MAX_DEPTH, Source,
+    Fault, MAX_DEPTH, Source,
     evaluate::{Comparison, Expression, Operand},
     lexer::{Positioned, Token, tokens},
     similar_name, suggest,
@@ -13,8 +13,9 @@ use crate::{
 };
 
 /// Parses all of a text.
-pub(super) fn parse(text: &str, schema: &Schema) -> Result<Expression, FilterError> {
-    let mut parser = Parser { tokens: tokens(text)?.into_iter().peekable(), end: text.len(), schema, depth: 0 };
+pub(super) fn parse(text: &str, schema: &Schema) -> Result<Expression, Fault> {
+    let mut parser =
+        Parser { tokens: tokens(text)?.into_iter().peekable(), end: text.len(), schema, depth: 0, is_compared: false };
     let expression = parser.any()?;
     match parser.tokens.next() {
         None => Ok(expression),
@@ -23,12 +24,17 @@ pub(super) fn parse(text: &str, schema: &Schema) -> Result<Expression, FilterErr
     }
 }
 
+/// Attributes that an error names.
+const EXAMPLES: usize = 3;
+
 struct Parser<'a> {
     tokens: std::iter::Peekable<std::vec::IntoIter<Positioned>>,
     /// Bytes of the text.
     end: usize,
     schema: &'a Schema,
     depth: usize,
+    /// Whether the next value stands on the right of a comparison, where texts are most often meant.
+    is_compared: bool,
 }
 
 /// A condition, or a value that may become a part of one.
@@ -39,8 +45,8 @@ enum Term {
     Null(usize),
 }
 
-fn fail<T>(at: usize, message: impl Into<String>) -> Result<T, FilterError> {
-    Err(FilterError { at, message: message.into() })
+fn fail<T>(at: usize, message: impl Into<String>) -> Result<T, Fault> {
+    Err(Fault { at, message: message.into() })
 }
 
 impl Parser<'_> {
@@ -54,12 +60,12 @@ impl Parser<'_> {
         self.tokens.next_if(|(_, token)| matches!(token, Token::Symbol(found) if *found == symbol)).is_some()
     }
 
-    fn expect(&mut self, symbol: &str, message: &str) -> Result<(), FilterError> {
+    fn expect(&mut self, symbol: &str, message: &str) -> Result<(), Fault> {
         if self.take(symbol) { Ok(()) } else { fail(self.at(), message) }
     }
 
     /// Runs a parser one level deeper.
-    fn deeper<T>(&mut self, parse: impl FnOnce(&mut Self) -> Result<T, FilterError>) -> Result<T, FilterError> {
+    fn deeper<T>(&mut self, parse: impl FnOnce(&mut Self) -> Result<T, Fault>) -> Result<T, Fault> {
         if self.depth >= MAX_DEPTH {
             return fail(
                 self.at(),
@@ -72,7 +78,7 @@ impl Parser<'_> {
         parsed
     }
 
-    fn any(&mut self) -> Result<Expression, FilterError> {
+    fn any(&mut self) -> Result<Expression, Fault> {
         let mut parts = vec![self.all()?];
         while self.take("||") {
             parts.push(self.all()?);
@@ -80,7 +86,7 @@ impl Parser<'_> {
         Ok(single(parts, Expression::Any))
     }
 
-    fn all(&mut self) -> Result<Expression, FilterError> {
+    fn all(&mut self) -> Result<Expression, Fault> {
         let mut parts = vec![self.not()?];
         while self.take("&&") {
             parts.push(self.not()?);
@@ -88,7 +94,7 @@ impl Parser<'_> {
         Ok(single(parts, Expression::All))
     }
 
-    fn not(&mut self) -> Result<Expression, FilterError> {
+    fn not(&mut self) -> Result<Expression, Fault> {
         if self.take("!") {
             return self.deeper(|parser| Ok(Expression::Not(Box::new(parser.not()?))));
         }
@@ -96,7 +102,7 @@ impl Parser<'_> {
     }
 
     /// A comparison, or a value alone.
-    fn comparison(&mut self) -> Result<Expression, FilterError> {
+    fn comparison(&mut self) -> Result<Expression, Fault> {
         let left = self.term()?;
         let at = self.at();
         if self.tokens.next_if(|(_, token)| *token == Token::In).is_some() {
@@ -117,7 +123,7 @@ impl Parser<'_> {
             };
         };
         self.tokens.next();
-        let right = self.term()?;
+        let right = self.compared_term()?;
         self.compare(at, left, comparison, right)
     }
 
@@ -130,7 +136,7 @@ impl Parser<'_> {
         }
     }
 
-    fn compare(&self, at: usize, left: Term, comparison: Comparison, right: Term) -> Result<Expression, FilterError> {
+    fn compare(&self, at: usize, left: Term, comparison: Comparison, right: Term) -> Result<Expression, Fault> {
         let (left, right, value_at) = match (left, right) {
             (Term::Value(_, left), Term::Value(at, right)) => (left, right, at),
             (Term::Value(_, operand), Term::Null(_)) | (Term::Null(_), Term::Value(_, operand)) => {
@@ -156,7 +162,7 @@ impl Parser<'_> {
     }
 
     /// The rest of `operand in (value, ...)`.
-    fn one_of(&mut self, at: usize, left: Term) -> Result<Expression, FilterError> {
+    fn one_of(&mut self, at: usize, left: Term) -> Result<Expression, Fault> {
         let Term::Value(_, operand) = left else {
             return fail(at, "only values can be in a list: write an attribute before in");
         };
@@ -164,7 +170,7 @@ impl Parser<'_> {
         let mut values = Vec::new();
         loop {
             let at = self.at();
-            match self.term()? {
+            match self.compared_term()? {
                 Term::Value(at, value @ Operand::Constant(_)) => {
                     if let Operand::Constant(value) = self.checked(&operand, value, at)? {
                         values.push(value);
@@ -181,9 +187,9 @@ impl Parser<'_> {
     }
 
     /// The rest of `operand ~ "text"`.
-    fn contains(&mut self, at: usize, left: Term) -> Result<Expression, FilterError> {
+    fn contains(&mut self, at: usize, left: Term) -> Result<Expression, Fault> {
         let part_at = self.at();
-        let (Term::Value(_, operand), right) = (left, self.term()?) else {
+        let (Term::Value(_, operand), right) = (left, self.compared_term()?) else {
             return fail(at, "only texts contain something: write an attribute before ~");
         };
         if self.type_of(&operand) != ValueType::Text {
@@ -197,8 +203,15 @@ impl Parser<'_> {
         }
     }
 
+    /// A value on the right of a comparison.
+    fn compared_term(&mut self) -> Result<Term, Fault> {
+        self.is_compared = true;
+        self.term()
+    }
+
     /// A value, or a condition in parentheses.
-    fn term(&mut self) -> Result<Term, FilterError> {
+    fn term(&mut self) -> Result<Term, Fault> {
+        let is_compared = std::mem::take(&mut self.is_compared);
         let Some((at, token)) = self.tokens.next() else {
             return fail(self.end, "the filter ends where a value is missing: add one");
         };
@@ -229,21 +242,30 @@ impl Parser<'_> {
                     _ => fail(at, "only dates have a year: write an attribute of dates in the parentheses"),
                 }
             }
-            Token::Name { name, .. } => Ok(Term::Value(at, Operand::Source(self.source(&name, at)?))),
+            Token::Name { name, .. } => Ok(Term::Value(at, Operand::Source(self.source(&name, at, is_compared)?))),
             Token::In | Token::Symbol(_) => {
                 fail(at, "a value is missing here: write an attribute, number, text or date")
             }
         }
     }
 
-    fn source(&self, name: &str, at: usize) -> Result<Source, FilterError> {
-        Source::of_name(name, self.schema).ok_or_else(|| {
-            let hint = match similar_name(name, self.schema) {
-                Some(similar) => format!("did you mean {similar}?"),
-                None => "write texts in double quotes".to_owned(),
-            };
-            FilterError { at, message: format!("objects have no attribute {name}: {hint}") }
-        })
+    /// Where the values of a name come from. Fails if there is no such attribute or field.
+    fn source(&self, name: &str, at: usize, is_compared: bool) -> Result<Source, Fault> {
+        if let Some(source) = Source::of_name(name, self.schema) {
+            return Ok(source);
+        }
+        let hint = match similar_name(name, self.schema) {
+            Some(similar) => format!("did you mean {similar}?"),
+            None if is_compared => "write texts in double quotes".to_owned(),
+            None => {
+                let order = self.schema.display_order().into_iter();
+                let names = order.filter_map(|index| self.schema.attributes.get(index)).map(|info| info.name.as_str());
+                let shown = names.filter(|name| self.schema.is_shown(name)).take(EXAMPLES);
+                let known: Vec<&str> = shown.chain(["height", "kind"]).collect();
+                format!("write one that they have, such as {}", known.join(", "))
+            }
+        };
+        fail(at, format!("objects have no attribute {name}: {hint}"))
     }
 
     fn type_of(&self, operand: &Operand) -> ValueType {
@@ -261,7 +283,7 @@ impl Parser<'_> {
 
     /// A constant as it is compared with `other`: a text becomes a date beside a date. Other operands stay as they are. Fails if
     /// the two cannot be compared.
-    fn checked(&self, other: &Operand, operand: Operand, at: usize) -> Result<Operand, FilterError> {
+    fn checked(&self, other: &Operand, operand: Operand, at: usize) -> Result<Operand, Fault> {
         let (wanted, found) = (self.type_of(other), self.type_of(&operand));
         if let (Operand::Source(Source::Kind), Operand::Constant(Value::Text(name))) = (other, &operand) {
             let names = FeatureKind::NAMES.map(|(name, _)| name);

@@ -125,7 +125,11 @@ fn errors_say_what_where_and_what_to_do() {
     let cases = [
         ("", 0, "ends where a value is missing"),
         ("yearOfConstuction < 1", 0, "did you mean yearOfConstruction?"),
-        ("name && zzz", 8, "objects have no attribute zzz: write texts in double quotes"),
+        ("name && zzz", 8, "objects have no attribute zzz: write one that they have, such as "),
+        ("zzz == 1", 0, ", height, kind"),
+        ("name == zzz", 8, "objects have no attribute zzz: write texts in double quotes"),
+        ("name in (zzz)", 9, "write texts in double quotes"),
+        ("name == (zzz)", 9, "write one that they have"),
         ("name = 'x'", 5, "write =="),
         ("name & listed", 5, "write &&"),
         ("name | listed", 5, "write ||"),
@@ -159,7 +163,7 @@ fn errors_say_what_where_and_what_to_do() {
     ];
     for (text, at, message) in cases {
         let error = Filter::parse(text, &schema).unwrap_err();
-        assert!(error.at == at && error.message.contains(message), "{text}: {error:?}");
+        assert!(error.at == at + 1 && error.message.contains(message), "{text}: {error:?}");
     }
 }
 
@@ -175,7 +179,10 @@ fn long_and_deep_filters_are_refused() {
     let chain = vec!["name"; 512].join("&& ");
     assert!(Filter::parse(&chain, &schema).is_ok());
     let long = format!("name == '{}'", "x".repeat(4096));
-    assert_eq!(Filter::parse(&long, &schema).unwrap_err().at, MAX_FILTER_BYTES);
+    assert_eq!(Filter::parse(&long, &schema).unwrap_err().at, MAX_FILTER_BYTES + 1);
+    // People count characters, from 1.
+    let error = Filter::parse("name == 'München' zzz", &schema).unwrap_err();
+    assert!(error.at == 19 && error.to_string().ends_with("(at character 19)"), "{error}");
 }
 
 proptest! {
@@ -191,7 +198,7 @@ proptest! {
         let (schema, block) = city();
         match Filter::parse(&text, &schema) {
             Ok(filter) => prop_assert!(filter.select(&block).len() <= 3),
-            Err(error) => prop_assert!(error.at <= text.len()),
+            Err(error) => prop_assert!((1..=text.chars().count() + 1).contains(&error.at)),
         }
     }
 }
