@@ -148,6 +148,12 @@ fn report(drawing: &Drawing, args: &DrawArgs, bytes: u64) {
     let text = format!("wrote {} ({objects}, {})", args.out.display(), human_bytes(bytes));
     eprintln!("{}", printable(&text));
 }
+    if let (Some(scale), Some(fitting)) = (args.scale, drawing.fitting_scale) {
+        eprintln!(
+            "warning: not all is on the paper at 1:{scale}: --scale 1:{fitting} is the largest round scale at which it is; or take larger \
+             paper with --paper, or a part with --bbox"
+        );
+    }
 
 fn unreadable(error: &dyn std::fmt::Display) -> ClientError {
     ClientError::Failed(error.to_string())

@@ -18,6 +18,8 @@ pub struct Drawing {
     pub frame: PaperRect,
     /// How the paper lies in the city, for formats that draw in metres; `None` for a sheet, and for a perspective.
     pub metres: Option<MetreFrame>,
+    /// The largest round scale, one to this, at which all is on the paper; `None` if it is.
+    pub fitting_scale: Option<f64>,
     pub title: String,
     /// Who must be named wherever the drawing is shown; empty if nobody.
     pub attribution: String,

@@ -117,6 +117,7 @@ pub fn draw(
         grid: stage.grid,
         frame,
         metres: stage.projection.metres(scene.origin).filter(|_| !request.is_sheet),
+        fitting_scale: stage.projection.fitting_scale,
         title: block.title,
         attribution: block.attribution,
         is_exact: request.style.fill == FillMode::Object,

@@ -161,6 +161,8 @@ pub(crate) struct Projection {
     middle: DVec2,
     /// The scale is one to this; `None` for a perspective.
     pub(crate) scale: Option<f64>,
+    /// The largest round scale at which all is in the frame, if that of the drawing is too large for it.
+    pub(crate) fitting_scale: Option<f64>,
 }
 
 impl Projection {
@@ -175,7 +177,7 @@ impl Projection {
         let [width, height] = frame.size();
         if axes.position.is_some() {
             let factor = 0.5 * height / axes.tan_y;
-            return Self { axes, frame, factor, middle: DVec2::ZERO, scale: None };
+            return Self { axes, frame, factor, middle: DVec2::ZERO, scale: None, fitting_scale: None };
         }
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for point in points {
@@ -185,7 +187,8 @@ impl Projection {
         let size = (high - low).max(DVec2::splat(1.0));
         let fitting = 1000.0 * (size.x / width).max(size.y / height);
         let scale = scale.unwrap_or_else(|| round_scale(fitting));
-        Self { axes, frame, factor: 1000.0 / scale, middle: 0.5 * (low + high), scale: Some(scale) }
+        let fitting_scale = (scale < fitting).then(|| round_scale(fitting));
+        Self { axes, frame, factor: 1000.0 / scale, middle: 0.5 * (low + high), scale: Some(scale), fitting_scale }
     }
 
     /// Millimetres on paper of a metre across the view; in a perspective, at a distance of a metre.
@@ -273,7 +276,9 @@ mod tests {
         let axes = ViewAxes::new(&DrawView::Plan, [0.0; 3]).unwrap();
         let points = [DVec3::ZERO, DVec3::new(80.0, 30.0, 9.0)];
         let plan = Projection::new(axes, FRAME, None, points.into_iter());
-        assert_eq!(plan.scale, Some(1000.0));
+        assert_eq!((plan.scale, plan.fitting_scale), (Some(1000.0), None));
+        let at = |scale| Projection::new(axes, FRAME, Some(scale), points.into_iter()).fitting_scale;
+        assert_eq!([500.0, 799.0, 800.0, 5000.0].map(at), [Some(1000.0), Some(1000.0), None, None]);
         assert_eq!(plan.project(points[0]), DVec2::new(20.0, 20.0));
         assert_eq!(plan.project(points[1]), DVec2::new(100.0, 50.0));
         let metres = plan.metres([84_000.0, 446_000.0, 3.0]).unwrap();

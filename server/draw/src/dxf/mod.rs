@@ -379,6 +379,7 @@ mod tests {
             grid,
             frame: PaperRect { min: [0.0; 2], max: [100.0; 2] },
             metres,
+            fitting_scale: None,
             title: "Delft".to_owned(),
             attribution: "3DBAG, CC BY 4.0".to_owned(),
             is_exact: false,
