@@ -132,7 +132,11 @@ impl CityStamp {
     pub(super) fn of(folder: &Path) -> Result<Self, StoreError> {
         let file_stamp = |name: &str| {
             let path = folder.join(name);
-            let metadata = fs::metadata(&path).map_err(|source| StoreError::Io { path, source })?;
+            let metadata = fs::metadata(&path).map_err(|source| {
+                // Of a folder that is missing, no file is named that nobody has asked for.
+                let path = if folder.exists() { path } else { folder.to_owned() };
+                StoreError::Io { path, source }
+            })?;
             Ok(Some(FileIdentity::of(&metadata)))
         };
         let optional = |name: &str| match file_stamp(name) {
@@ -145,5 +149,19 @@ impl CityStamp {
         let [subtrees, blockmaps] = [TileKind::Subtree, TileKind::BlockMap].map(|kind| file_stamp(kind.file_name()));
         let stamps = [file_stamp(MANIFEST_FILE)?, subtrees?, blockmaps?, meshes?, objects?, search, visibility?];
         Ok(Self::Files(Box::new(stamps)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_is_missing_is_named_itself() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |path: &Path| CityStore::open(path).unwrap_err().to_string();
+        let missing = of(&folder.path().join("nofile.gml"));
+        assert!(missing.contains("nofile.gml:") && !missing.contains(MANIFEST_FILE), "{missing}");
+        assert!(of(folder.path()).contains(MANIFEST_FILE));
     }
 }
