@@ -200,7 +200,7 @@ fn view(args: &DrawArgs) -> Result<DrawView> {
 
 fn selection(args: &DrawArgs, source: &dyn ExportSource) -> Result<ObjectSelection> {
     let place = source.manifest().crs.as_deref().and_then(EarthPlace::of);
-    let bbox = args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(ClientError::Usage)?;
+    let bbox = args.area.world_box(|degrees| place.as_ref()?.box_on_map(degrees)).map_err(ClientError::Usage)?;
     let passing = |text: &String| {
         let filter = Filter::parse(text, source.schema())
             .map_err(|error| ClientError::Usage(format!("--filter {text}: {error}")))?;
@@ -211,6 +211,15 @@ fn selection(args: &DrawArgs, source: &dyn ExportSource) -> Result<ObjectSelecti
 }
 
 fn style(args: &DrawArgs, source: &dyn ExportSource) -> Result<Stylesheet> {
+    if let (Some(text), Some(objects)) = (&args.filter, &objects)
+        && objects.is_empty()
+    {
+        return Err(ClientError::Usage(format!("nothing to draw: --filter {text}: no object passes")));
+    }
+    let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
+    if let Some(reason) = bbox.and_then(|area| args.area.beyond(area, city, &|p| place.as_ref()?.lon_lat(p))) {
+        return Err(ClientError::Usage(format!("nothing to draw: {reason}")));
+    }
     let mut style = match &args.style {
         Some(path) => {
             let wrong = |error: DrawError| ClientError::Usage(format!("{}: {error}", path.display()));

@@ -26,6 +26,40 @@ impl AreaArgs {
             (None, metres) => Ok(metres.map(|[west, south, east, north]| [[west, south], [east, north]])),
         }
     }
+
+    /// Says that the area, which is `area` in world metres, has no place in common with a city between two corners, and where that lies;
+    /// `None` if it has one. `to_degrees` gives the longitude and latitude of a place on the map.
+    pub fn beyond(
+        &self,
+        area: [[f64; 2]; 2],
+        city: [[f64; 2]; 2],
+        to_degrees: &dyn Fn([f64; 2]) -> Option<[f64; 2]>,
+    ) -> Option<String> {
+        if (0..2).all(|k| area[0][k] <= city[1][k] && city[0][k] <= area[1][k]) {
+            return None;
+        }
+        let (option, given) = match (self.bbox, self.bbox_metres) {
+            (Some(degrees), _) => ("--bbox", degrees),
+            (None, metres) => ("--bbox-metres", metres?),
+        };
+        let lies = bounds_text(city, self.bbox.is_some().then_some(to_degrees));
+        let lies = lies.map(|bounds| format!(", which lies in {bounds}")).unwrap_or_default();
+        let given = given.map(|number| number.to_string()).join(",");
+        Some(format!("{option} {given}: beyond the city{lies}: write west, south, east, north"))
+    }
+}
+
+/// A rectangle around a city, in the units of the option.
+fn bounds_text(city: [[f64; 2]; 2], to_degrees: Option<&dyn Fn([f64; 2]) -> Option<[f64; 2]>>) -> Option<String> {
+    let [[west, south], [east, north]] = city;
+    let Some(to_degrees) = to_degrees else { return Some(format!("{west:.0},{south:.0},{east:.0},{north:.0}")) };
+    let corners = [[west, south], [east, south], [west, north], [east, north]].map(to_degrees);
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for corner in corners {
+        let corner = corner?;
+        (low, high) = ([0, 1].map(|k| low[k].min(corner[k])), [0, 1].map(|k| high[k].max(corner[k])));
+    }
+    Some(format!("{:.4},{:.4},{:.4},{:.4}", low[0], low[1], high[0], high[1]))
 }
 
 fn parse_box(text: &str) -> Option<[f64; 4]> {
@@ -75,5 +109,21 @@ mod tests {
         let metres = AreaArgs { bbox: None, bbox_metres: Some([1.0, 2.0, 3.0, 4.0]) };
         assert_eq!(metres.world_box(|_| None), Ok(Some([[1.0, 2.0], [3.0, 4.0]])));
         assert_eq!(AreaArgs::default().world_box(|_| None), Ok(None));
+    }
+
+    #[test]
+    fn areas_beyond_a_city_are_told_with_its_place() {
+        let city = [[84_000.0, 446_000.0], [86_000.0, 448_000.0]];
+        let to_degrees = |[x, y]: [f64; 2]| Some([x / 20_000.0, y / 8_000.0]);
+        let degrees = AreaArgs { bbox: Some([1.0, 2.0, 3.0, 4.5]), bbox_metres: None };
+        assert_eq!(
+            degrees.beyond([[1.0, 2.0], [3.0, 4.0]], city, &to_degrees).unwrap(),
+            "--bbox 1,2,3,4.5: beyond the city, which lies in 4.2000,55.7500,4.3000,56.0000: write west, south, east, north"
+        );
+        assert!(degrees.beyond([[1.0, 2.0], [3.0, 4.0]], city, &|_| None).unwrap().contains("beyond the city: write"));
+        let metres = AreaArgs { bbox: None, bbox_metres: Some([0.0, 0.0, 9.0, 9.0]) };
+        let text = metres.beyond([[0.0, 0.0], [9.0, 9.0]], city, &to_degrees).unwrap();
+        assert!(text.contains("--bbox-metres 0,0,9,9") && text.contains("84000,446000,86000,448000"), "{text}");
+        assert_eq!(metres.beyond([[0.0, 0.0], [84_000.0, 446_000.0]], city, &to_degrees), None);
     }
 }

@@ -16,7 +16,9 @@ pub enum DrawError {
     TooManyTriangles { limit: usize },
     #[error("more than {limit} parts of surfaces are in the drawing: draw a part of the city with --bbox or --filter")]
     TooManyParts { limit: usize },
-    #[error("nothing to draw: no surface of the selection is in the view")]
+    #[error(
+        "nothing to draw: no surface of the selection is in the view: choose another area (--bbox), filter (--filter) or view"
+    )]
     Empty,
     #[error("{0}")]
     Invalid(String),

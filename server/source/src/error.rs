@@ -80,11 +80,12 @@ pub enum InputError {
         advice: &'static str,
     },
     /// The sources have no triangles.
-    #[error("{sources}: the city is empty, not one triangle was read{hint}; check that the input contains surfaces")]
+    #[error("{sources}: the city is empty, not one triangle was read{hint}; {advice}")]
     Empty {
         sources: String,
-        /// The most frequent reason for skipping, if any.
+        /// The wanted area, or else the most frequent reason for skipping, if any.
         hint: String,
+        advice: &'static str,
     },
 }
 

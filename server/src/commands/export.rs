@@ -48,6 +48,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
     }
     let place = city.manifest().crs.as_deref().and_then(EarthPlace::of);
     let selection = selection(args, &source, place.as_ref())?;
+    let nothing = nothing_selected(args, &selection, &source, place.as_ref());
+    nothing.iter().for_each(|reason| eprintln!("note: nothing is selected: {}", printable(reason)));
     let failed = |reason: String| CommandError::Export { path: args.out.clone(), reason };
     let text = match format {
         ExportFormat::Glb => {
@@ -69,7 +71,13 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), CommandError> {
                 write_tileset(&tileset, Destination::of(&args.out)).map_err(|error| failed(error.to_string()))?;
             format!("{}, {}", count(report.files, "file"), human_bytes(report.bytes))
         }
-        ExportFormat::Table(format) => write_table(args, &source, format, &selection, place.as_ref())?,
+        ExportFormat::Table(format) => {
+            let (objects, text) = write_table(args, &source, format, &selection, place.as_ref())?;
+            if objects == 0 && nothing.is_none() && format != Format::GeoTiff {
+                eprintln!("note: nothing is selected{}", by_options(args));
+            }
+            text
+        }
     };
     print(&format!("wrote {} ({text})\n", args.out.display()));
     Ok(())
@@ -123,7 +131,7 @@ fn write_table(
     format: Format,
     selection: &ObjectSelection,
     place: Option<&EarthPlace>,
-) -> Result<String, CommandError> {
+) -> Result<(u64, String), CommandError> {
     let to_lon_lat = |p: [f64; 2]| place?.lon_lat(p);
     let definition = place.and_then(EarthPlace::definition).map(|(base_epsg, proj, ellipsoid)| PlaneDefinition {
         base_epsg,
@@ -145,8 +153,42 @@ fn write_table(
     if !report.attribution.is_empty() {
         eprintln!("note: name the source wherever this is shown: {}", printable(&report.attribution));
     }
-    let size = if is_table(format) { count(report.objects, "row") } else { count(report.objects, "object") };
-    Ok(format!("{size}, {}", human_bytes(report.bytes)))
+    let bytes = human_bytes(report.bytes);
+    let text = match format {
+        // A picture of heights has no objects.
+        Format::GeoTiff => bytes,
+        _ if is_table(format) => format!("{}, {bytes}", count(report.objects, "row")),
+        _ => format!("{}, {bytes}", count(report.objects, "object")),
+    };
+    Ok((report.objects, text))
+}
+
+/// Which option alone selects nothing, as a reason; `None` if none does.
+fn nothing_selected(
+    args: &ExportArgs,
+    selection: &ObjectSelection,
+    source: &StoredCity<'_>,
+    place: Option<&EarthPlace>,
+) -> Option<String> {
+    if let (Some(text), Some(objects)) = (&args.filter, &selection.objects)
+        && objects.is_empty()
+    {
+        return Some(format!("--filter {text}: no object passes"));
+    }
+    let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
+    args.area.beyond(selection.bbox?, city, &|p| place?.lon_lat(p))
+}
+
+/// The options that restrict a selection, in words.
+fn by_options(args: &ExportArgs) -> String {
+    let given = [
+        ("--bbox", args.area.bbox.is_some()),
+        ("--bbox-metres", args.area.bbox_metres.is_some()),
+        ("--filter", args.filter.is_some()),
+        ("--polygon", args.polygon.is_some()),
+    ];
+    let names: Vec<&str> = given.into_iter().filter(|(_, is_given)| *is_given).map(|(name, _)| name).collect();
+    if names.is_empty() { String::new() } else { format!(" by {}", names.join(" and ")) }
 }
 
 /// The view of `--view`. Fails if there is no such file or camera, or if the format has no views.

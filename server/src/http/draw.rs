@@ -42,7 +42,9 @@ const NOT_JSON: Problem =
     Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "the options must be JSON: content-type: application/json");
 const TOO_LARGE: Problem =
     Problem::bad_request("the drawing would be too large: choose a smaller bbox, a filter, or a smaller scale");
-const EMPTY: Problem = Problem::bad_request("nothing to draw: no surface of the selection is in the view");
+const EMPTY: Problem = Problem::bad_request(
+    "nothing to draw: no surface of the selection is in the view: choose another bbox, filter or view",
+);
 
 /// `POST /v1/cities/{city}/draw`. Fails with 400 for invalid options and for drawings that are too large, 401 without a required token,
 /// 404 for an unknown city, with a share link for a part of the city, and if no drawings are made; 408, 413 and 415 for a body that is

@@ -270,10 +270,11 @@ fn finish_city(read: ReadSources<'_>) -> Result<ReadCity, InputError> {
     let set_of_texture = std::mem::take(&mut context.textures.set_of_texture);
     let first = report.sources.first().map_or(String::new(), |source| source.path.clone());
     let failed = |error: BakeError| InputError::io(&first, std::io::Error::other(error));
+    let bbox_deg = context.options.placing.bbox_deg;
     let mut city = context.finish(&mut report).map_err(failed)?;
     if city.triangles == 0 {
         bad.fail_with_first()?;
-        return Err(empty_city(&report));
+        return Err(empty_city(&report, bbox_deg));
     }
     remove_empty_sources(&mut report, &mut set_of_source, &mut city, &mut bad)?;
     report.objects = city.objects.len() as u64;
@@ -440,10 +441,17 @@ fn is_elevation(source: &CitySource<'_>) -> bool {
     }
 }
 
-fn empty_city(report: &ReadReport) -> InputError {
+/// Says that nothing was read, and why: most likely the wanted area is elsewhere, if there is one.
+fn empty_city(report: &ReadReport, bbox_deg: Option<[f64; 4]>) -> InputError {
     let first = report.sources.first().map_or("", |source| &source.path);
     let others = report.sources.len().saturating_sub(1);
     let more = if others > 0 { format!(" and {others} more") } else { String::new() };
+    let sources = format!("{first}{more}");
+    if let Some(corners) = bbox_deg {
+        let hint = format!(" in --bbox {}", corners.map(|degrees| degrees.to_string()).join(","));
+        let advice = "check that the input reaches into this area, which is west, south, east and north in degrees";
+        return InputError::Empty { sources, hint, advice };
+    }
     let hint = report.main_reason().map(|reason| format!(" ({reason})")).unwrap_or_default();
-    InputError::Empty { sources: format!("{first}{more}"), hint }
+    InputError::Empty { sources, hint, advice: "check that the input contains surfaces" }
 }

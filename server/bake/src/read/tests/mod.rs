@@ -194,6 +194,11 @@ fn empty_city_is_an_error() {
         let error = embedded(&[(name, text.as_bytes())]).unwrap_err();
         assert!(matches!(error, InputError::Empty { .. }), "{error}");
     }
+    let mut elsewhere = ReadOptions::default();
+    elsewhere.placing.bbox_deg = Some([1.0, 2.0, 3.0, 4.5]);
+    let text = city("EPSG:7415");
+    let error = read_embedded(&[("a.json", text.as_bytes())], &elsewhere, &|_| {}).unwrap_err().to_string();
+    assert!(error.contains("not one triangle was read in --bbox 1,2,3,4.5; check"), "{error}");
     let bad = city("").replace("[0, 1, 2, 3]", "[0, 1, 2, 99]");
     let error = embedded(&[("a.json", bad.as_bytes())]).unwrap_err().to_string();
     assert!(error.contains("vertex index 99 out of range of 4"), "{error}");
