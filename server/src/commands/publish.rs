@@ -119,7 +119,6 @@ fn facts(city: &CityStore) -> CityFacts<'_> {
 fn in_city_folder(city: &CityStore, args: &PublishArgs, cities: usize) -> CityLinks {
     CityLinks {
         source: "./".into(),
-        manifest: MANIFEST_FILE.into(),
         root: "../../".into(),
         thumbnail: city.has_thumbnail().then(|| THUMBNAIL_FILE.to_owned()),
         list: (cities > 1).then(|| "../../".to_owned()),
@@ -131,7 +130,6 @@ fn in_city_folder(city: &CityStore, args: &PublishArgs, cities: usize) -> CityLi
 fn in_root(city: &CityStore, args: &PublishArgs) -> CityLinks {
     let folder = format!("cities/{}/", city.manifest().name);
     CityLinks {
-        manifest: format!("{folder}{MANIFEST_FILE}"),
         thumbnail: city.has_thumbnail().then(|| format!("{folder}{THUMBNAIL_FILE}")),
         source: folder,
         ..links(city, args)

@@ -119,7 +119,6 @@ pub(super) fn links(state: &AppState, city: &CityStore, is_public: bool, uri: &U
     CityLinks {
         source: relative(&root, &manifest),
         view_address: Some(displayed_origin(state, uri, headers) + &manifest),
-        manifest: relative(&root, &manifest),
         preview: thumbnail.as_ref().and_then(|path| Some(origin.clone()? + path)),
         thumbnail: thumbnail.map(|path| relative(&root, &path)),
         root,

@@ -74,7 +74,7 @@ pub(super) async fn index(
         }
     }
     let origin = displayed_origin(&state, &uri, &headers);
-    page.push_details(&format!(
+    page.push_for_programs(&format!(
         "<code>insula view {origin}{CITIES}/NAME</code>, <a href=\"{}\">{CITIES}</a>",
         relative("", CITIES)
     ));

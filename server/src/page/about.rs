@@ -3,32 +3,29 @@
 use super::{
     CityFacts, CityLinks,
     html::{credit, escape_html},
+    texts::SiteTexts,
 };
 use std::fmt::Write;
 
 /// Adds the description of a city after its title.
-pub(super) fn push_about(out: &mut String, city: CityFacts<'_>, links: &CityLinks) {
-    let manifest = city.manifest;
-    let nodes: u64 = manifest.counts.nodes_per_level.iter().sum();
-    let [width, depth] = extent_m(city);
+pub(super) fn push_about(out: &mut String, city: CityFacts<'_>, links: &CityLinks, texts: &SiteTexts) {
+    let (manifest, names) = (city.manifest, &texts.facts);
+    let size = format!("{}, {}", texts.size(&manifest.counts), texts.megabytes(city.file_bytes));
+    let system = manifest.crs.as_deref().unwrap_or(&names.local_metres);
+    let facts = [
+        (&names.extent, escape_html(&texts.extent_in_metres(extent_m(city)))),
+        (&names.size, escape_html(&size)),
+        (&names.reference_system, escape_html(system)),
+    ];
+    let sources = manifest.attribution.iter().map(|source| (&names.source, credit(source)));
+    out.push_str("<dl>");
+    for (name, html) in facts.into_iter().chain(sources) {
+        let _ = write!(out, "<dt>{}</dt><dd>{html}</dd>", escape_html(name));
+    }
+    out.push_str("</dl>");
     if let Some(address) = &links.view_address {
         let _ = write!(out, "<p><code>insula view {}</code></p>", escape_html(address));
     }
-    let url = escape_html(&links.manifest);
-    let _ = write!(
-        out,
-        "<dl><dt>Manifest</dt><dd><a href=\"{url}\">{url}</a></dd>\
-         <dt>Extent</dt><dd>{width:.0} m x {depth:.0} m, columns of {} m</dd>\
-         <dt>Size</dt><dd>{}, {nodes} nodes, {:.1} MB</dd><dt>Reference system</dt><dd>{}</dd>",
-        manifest.cell_m,
-        manifest.counts.words(),
-        city.file_bytes as f64 / 1e6,
-        escape_html(manifest.crs.as_deref().unwrap_or("local metres")),
-    );
-    for source in &manifest.attribution {
-        let _ = write!(out, "<dt>Source</dt><dd>{}</dd>", credit(source));
-    }
-    out.push_str("</dl>");
 }
 
 /// A sentence about a city for search engines and previews of links.

@@ -7,6 +7,7 @@ use super::{
     Brand, CityFacts, CityLinks, SERVICE_WORKER_FILE, ViewerAssets,
     about::{description, push_about},
     html::{escape_html, script_json},
+    texts::SiteTexts,
 };
 use insula_protocol::route::THUMBNAIL_PX;
 use std::fmt::Write;
@@ -52,7 +53,7 @@ pub(crate) fn city_page(city: CityFacts<'_>, links: &CityLinks, assets: &ViewerA
         let _ = write!(out, "<p><img src=\"{}\" alt=\"{title} from above\"></p>", escape_html(thumbnail));
     }
     let _ = write!(out, "</noscript><section id=\"insula-about\"><h1>{title}</h1>");
-    push_about(&mut out, city, links);
+    push_about(&mut out, city, links, SiteTexts::english());
     if let Some(list) = &links.list {
         let _ = write!(out, "<p><a rel=\"up\" href=\"{}\">All cities</a></p>", escape_html(list));
     }

@@ -79,10 +79,10 @@ impl<'a> CityListPage<'a> {
         let _ = write!(self.out, "<p>{html}</p>");
     }
 
-    /// Adds a paragraph of HTML that is for those who ask for it.
-    pub(crate) fn push_details(&mut self, html: &str) {
+    /// Adds a paragraph of HTML about all cities that is for programs and their authors.
+    pub(crate) fn push_for_programs(&mut self, html: &str) {
         self.set_list_open(false);
-        let summary = escape_html(&self.texts.details);
+        let summary = escape_html(&self.texts.programs);
         let _ = write!(self.out, "<details><summary>{summary}</summary><p>{html}</p></details>");
     }
 
@@ -112,8 +112,10 @@ impl<'a> CityListPage<'a> {
             let sources: Vec<_> = manifest.attribution.iter().map(credit).collect();
             let _ = write!(self.out, "<p class=\"sources\">{}</p>", sources.join("; "));
         }
-        let _ = write!(self.out, "<details><summary>{}</summary>", escape_html(&texts.details));
-        push_about(&mut self.out, city.facts, &city.links);
+        // Read without the card around them, all summaries would be the same.
+        let details = escape_html(&texts.details);
+        let _ = write!(self.out, "<details><summary aria-label=\"{details}: {title}\">{details}</summary>");
+        push_about(&mut self.out, city.facts, &city.links, texts);
         self.out.push_str("</details></article>");
     }
 
@@ -135,5 +137,27 @@ impl<'a> CityListPage<'a> {
         self.out.push_str(&self.imprint);
         self.out.push_str("</body></html>\n");
         self.out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_test_support::small_city::empty_manifest;
+
+    #[test]
+    fn a_card_names_its_details_and_has_no_words_of_the_format() {
+        let manifest = insula_protocol::Manifest { title: "A \"B\"".to_owned(), ..empty_manifest(0) };
+        let texts = SiteTexts::english();
+        let mut page = CityListPage::new(&Brand::default(), texts, None, None);
+        let facts = CityFacts { manifest: &manifest, file_bytes: 1_500_000 };
+        page.push_city(&CityInList { facts, page: None, links: CityLinks::default() });
+        page.push_for_programs("<code>insula view</code>");
+        let html = page.finish();
+        assert!(html.contains("<summary aria-label=\"Details: A &quot;B&quot;\">Details</summary>"), "{html}");
+        assert!(html.contains("1.5 MB") && html.contains("<summary>For programs</summary>"), "{html}");
+        for word in ["nodes", "columns of", "Manifest"] {
+            assert!(!html.contains(word), "{word}: {html}");
+        }
     }
 }

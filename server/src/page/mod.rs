@@ -43,8 +43,6 @@ pub(crate) struct CityFacts<'a> {
 pub(crate) struct CityLinks {
     /// Where the viewer finds the city: `src` of `<insula-city>`.
     pub(crate) source: String,
-    /// Address of the manifest.
-    pub(crate) manifest: String,
     /// The site's root: empty, or with a slash at the end. The viewer's files lie below it.
     pub(crate) root: String,
     /// The bake's picture, if there is one.

@@ -3,6 +3,7 @@
 use super::ViewerAssets;
 use insula_protocol::manifest::CityCounts;
 use serde::Deserialize;
+use std::sync::LazyLock;
 
 const ENGLISH: &str = include_str!("../../../client/web/page/language-en.json");
 /// Languages of an `Accept-Language` that are looked at.
@@ -24,12 +25,26 @@ pub(crate) struct SiteTexts {
     pub(crate) more: String,
     pub(crate) none: String,
     pub(super) details: String,
+    /// Of what only programs and their authors need.
+    pub(super) programs: String,
+    pub(super) facts: FactNames,
     pub(crate) not_found: String,
     pub(crate) not_found_hint: String,
     pub(crate) private: String,
     pub(crate) private_hint: String,
     pub(crate) cities: String,
     pub(super) imprint: String,
+}
+
+/// What the facts of a city are called.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct FactNames {
+    pub(super) extent: String,
+    pub(super) size: String,
+    pub(super) reference_system: String,
+    pub(super) local_metres: String,
+    pub(super) source: String,
 }
 
 /// A text for one, and one for any other number.
@@ -47,6 +62,12 @@ struct LanguageFile {
 }
 
 impl SiteTexts {
+    /// The texts of pages that have no others.
+    pub(super) fn english() -> &'static Self {
+        static TEXTS: LazyLock<SiteTexts> = LazyLock::new(|| SiteTexts::parse(ENGLISH.as_bytes()).unwrap_or_default());
+        &TEXTS
+    }
+
     /// The texts of a file; `None` if it is none, or lacks one.
     fn parse(json: &[u8]) -> Option<Self> {
         let LanguageFile { language, direction, site } = serde_json::from_slice(json).ok()?;
@@ -67,6 +88,17 @@ impl SiteTexts {
     pub(super) fn extent(&self, [width_m, depth_m]: [f64; 2]) -> String {
         let [width, depth] = [width_m, depth_m].map(|side_m| self.kilometres_of(side_m));
         self.kilometres.replace("{width}", &width).replace("{depth}", &depth)
+    }
+
+    /// Sides of a city in whole metres.
+    pub(super) fn extent_in_metres(&self, sides_m: [f64; 2]) -> String {
+        let [width, depth] = sides_m.map(|side_m| grouped(side_m.round() as u64));
+        format!("{width} m × {depth} m")
+    }
+
+    /// Millions of bytes.
+    pub(super) fn megabytes(&self, bytes: u64) -> String {
+        format!("{:.1} MB", bytes as f64 / 1e6).replace('.', &self.decimal)
     }
 
     fn kilometres_of(&self, side_m: f64) -> String {
@@ -95,8 +127,7 @@ pub(crate) struct Languages(Vec<(String, SiteTexts)>);
 impl Languages {
     /// The languages of a viewer. Without one, there is English only.
     pub(crate) fn of(viewer: Option<&ViewerAssets>) -> Self {
-        let english = SiteTexts::parse(ENGLISH.as_bytes()).unwrap_or_default();
-        let mut all = vec![("en".to_owned(), english)];
+        let mut all = vec![("en".to_owned(), SiteTexts::english().clone())];
         let codes = viewer.into_iter().flat_map(ViewerAssets::languages);
         all.extend(codes.filter_map(|(code, file)| Some((code.to_owned(), SiteTexts::parse(&file.plain)?))));
         Self(all)
@@ -164,6 +195,8 @@ mod tests {
         assert_eq!(english.extent([1234.0, 9960.0]), "1.2 km × 10 km");
         assert_eq!(german.extent([1234.0, 31_400.0]), "1,2 km × 31 km");
         let of = |objects, buildings| CityCounts { objects, buildings, ..CityCounts::default() };
+        assert_eq!(german.extent_in_metres([1234.4, 31_400.0]), "1234 m × 31\u{202f}400 m");
+        assert_eq!([english, german].map(|texts| texts.megabytes(1_260_000)), ["1.3 MB", "1,3 MB"]);
         assert_eq!([english.size(&of(1, None)), english.size(&of(2300, Some(0)))], ["1 object", "2300 objects"]);
         assert_eq!(english.size(&of(9, Some(1_234_567))), "1\u{202f}234\u{202f}567 buildings");
         let counts = of(2231, Some(1116));
