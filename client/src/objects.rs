@@ -39,7 +39,7 @@ pub struct ObjectStyleArgs {
 }
 
 /// Parses the values of both ends of a palette; they may be in falling order. Fails with what was expected.
-fn parse_range(text: &str) -> Result<[f64; 2], String> {
+pub(crate) fn parse_range(text: &str) -> Result<[f64; 2], String> {
     let ends = text.split_once(',').and_then(|(low, high)| Some([low.trim().parse().ok()?, high.trim().parse().ok()?]));
     ends.filter(|ends: &[f64; 2]| ends.iter().all(|end| end.is_finite()))
         .ok_or_else(|| "expected two numbers, separated by a comma, as in 1850,2020".to_owned())

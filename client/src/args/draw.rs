@@ -1,5 +1,7 @@
 //! Arguments of `insula draw`.
 
+use super::parse_switch;
+use crate::objects::parse_range;
 use clap::{ArgGroup, Args};
 use insula_command_line::{area::AreaArgs, output::OverwriteArgs};
 use insula_shaders::look::Look;
@@ -17,7 +19,7 @@ pub struct DrawArgs {
     #[arg(long, value_name = "PLACE", conflicts_with = "sources")]
     server: Option<PathBuf>,
     /// Perspective view of a camera file, as for `insula snapshot`. The field of view is the height of the drawing.
-    #[arg(long, value_name = "CAM.json")]
+    #[arg(long, visible_alias = "camera", value_name = "CAM.json")]
     pub view: Option<PathBuf>,
     /// View from above, to scale, north at the top.
     #[arg(long)]
@@ -34,9 +36,12 @@ pub struct DrawArgs {
     /// Only objects that pass, as in 'height > 20'.
     #[arg(long, value_name = "EXPR")]
     pub filter: Option<String>,
-    /// Colour objects by an attribute, by `kind` or by `height`, as for `insula view`: ATTRIBUTE or ATTRIBUTE:PALETTE.
+    /// Colour objects by an attribute, by `kind` or by `height`, as for `insula snapshot`: ATTRIBUTE or ATTRIBUTE:PALETTE.
     #[arg(long, value_name = "ATTRIBUTE[:PALETTE]")]
     pub color_by: Option<String>,
+    /// Values of the two ends of the palette [default: the smallest and largest of the city].
+    #[arg(long, value_name = "LOW,HIGH", value_parser = parse_range, allow_hyphen_values = true, requires = "color_by")]
+    pub range: Option<[f64; 2]>,
     /// Scale [default: the largest round one at which all is on the paper].
     #[arg(long, value_name = "1:N", value_parser = parse_scale, conflicts_with = "view")]
     pub scale: Option<f64>,
@@ -58,9 +63,9 @@ pub struct DrawArgs {
     /// Whose light fills have: `model`, a white model by day, or `paper`, even light for reports [default: that of the stylesheet, model].
     #[arg(long, value_name = "LOOK", value_parser = parse_look)]
     pub look: Option<Look>,
-    /// Draw the shadows of the sun as shapes.
-    #[arg(long)]
-    pub shadows: bool,
+    /// Whether the shadows of the sun are drawn as shapes; without a word, they are [default: as the stylesheet says, off].
+    #[arg(long, value_name = "on|off", num_args = 0..=1, default_missing_value = "on", value_parser = parse_switch)]
+    pub shadows: Option<bool>,
     /// Date and time of the light: 2024-06-21T17:00 in local mean solar time, or with an offset (Z, +09:00).
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with = "sun")]
     pub time: Option<SunTime>,
@@ -110,5 +115,27 @@ mod tests {
         assert!(parse_angles("30,91").is_err() && parse_angles("30").is_err());
         assert_eq!(parse_look("paper"), Ok(Look::Paper));
         assert!(parse_look("physical").is_err());
+    }
+
+    #[test]
+    fn options_have_the_names_and_values_of_those_of_pictures() {
+        #[derive(clap::Parser)]
+        struct Line {
+            #[command(flatten)]
+            draw: DrawArgs,
+        }
+        let parse = |words: &str| {
+            let line = format!("draw city --out a.svg {words}");
+            <Line as clap::Parser>::try_parse_from(line.split(' ')).map(|line| line.draw)
+        };
+        for (words, shadows) in
+            [("", None), (" --shadows", Some(true)), (" --shadows on", Some(true)), (" --shadows off", Some(false))]
+        {
+            assert_eq!(parse(&format!("--plan{words}")).unwrap().shadows, shadows, "{words}");
+        }
+        assert_eq!(parse("--camera c.json").unwrap().view, Some("c.json".into()));
+        let coloured = parse("--plan --color-by height --range -1,20").unwrap();
+        assert_eq!(coloured.range, Some([-1.0, 20.0]));
+        assert!(parse("--plan --range 1,2").is_err() && parse("--plan --shadows maybe").is_err());
     }
 }

@@ -92,6 +92,10 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
     let color_by = args.color_by.as_ref().map(|text| {
         let parsed = ColorBy::parse(text, source.schema());
         let color_by = parsed.map_err(|error| ClientError::Usage(format!("--color-by {text}: {error}")))?;
+        let color_by = match args.range {
+            Some(ends) => color_by.with_range(ends),
+            None => color_by,
+        };
         Ok::<_, ClientError>(color_by.in_language(&language::of_environment()))
     });
     let request = DrawRequest {
@@ -144,16 +148,16 @@ fn report(drawing: &Drawing, args: &DrawArgs, bytes: u64) {
     if args.bare && !drawing.attribution.is_empty() {
         eprintln!("note: name the source beside the drawing: {}", printable(&drawing.attribution));
     }
-    let objects = count(drawing.objects.iter().filter(|object| object.number.is_some()).count() as u64, "object");
-    let text = format!("wrote {} ({objects}, {})", args.out.display(), human_bytes(bytes));
-    eprintln!("{}", printable(&text));
-}
     if let (Some(scale), Some(fitting)) = (args.scale, drawing.fitting_scale) {
         eprintln!(
             "warning: not all is on the paper at 1:{scale}: --scale 1:{fitting} is the largest round scale at which it is; or take larger \
              paper with --paper, or a part with --bbox"
         );
     }
+    let objects = count(drawing.objects.iter().filter(|object| object.number.is_some()).count() as u64, "object");
+    let text = format!("wrote {} ({objects}, {})", args.out.display(), human_bytes(bytes));
+    eprintln!("{}", printable(&text));
+}
 
 fn unreadable(error: &dyn std::fmt::Display) -> ClientError {
     ClientError::Failed(error.to_string())
@@ -207,10 +211,6 @@ fn selection(args: &DrawArgs, source: &dyn ExportSource) -> Result<ObjectSelecti
         passing(source, &filter).map_err(|error| ClientError::Failed(error.to_string()))
     };
     let objects = args.filter.as_ref().map(passing).transpose()?;
-    Ok(ObjectSelection { bbox, objects, ..ObjectSelection::default() })
-}
-
-fn style(args: &DrawArgs, source: &dyn ExportSource) -> Result<Stylesheet> {
     if let (Some(text), Some(objects)) = (&args.filter, &objects)
         && objects.is_empty()
     {
@@ -220,6 +220,10 @@ fn style(args: &DrawArgs, source: &dyn ExportSource) -> Result<Stylesheet> {
     if let Some(reason) = bbox.and_then(|area| args.area.beyond(area, city, &|p| place.as_ref()?.lon_lat(p))) {
         return Err(ClientError::Usage(format!("nothing to draw: {reason}")));
     }
+    Ok(ObjectSelection { bbox, objects, ..ObjectSelection::default() })
+}
+
+fn style(args: &DrawArgs, source: &dyn ExportSource) -> Result<Stylesheet> {
     let mut style = match &args.style {
         Some(path) => {
             let wrong = |error: DrawError| ClientError::Usage(format!("{}: {error}", path.display()));
@@ -227,7 +231,7 @@ fn style(args: &DrawArgs, source: &dyn ExportSource) -> Result<Stylesheet> {
         }
         None => Stylesheet::default(),
     };
-    style.shadows |= args.shadows;
+    style.shadows = args.shadows.unwrap_or(style.shadows);
     style.look = args.look.unwrap_or(style.look);
     if args.sun.is_some() || args.time.is_some() {
         let options = SunOptions { time: args.time, bearing: args.sun, ..SunOptions::default() };

@@ -118,6 +118,12 @@ pub(super) fn cache_key(inputs: &[PathBuf], palette: &Palette, facades: FacadeOp
 /// Hashes a file, or all files below a folder. Links to folders are not followed below the input: one may lead to a folder
 /// above it, or out of it. Fails if a file cannot be read, or if there are too many.
 fn hash_path(input: &Path, hasher: &mut DefaultHasher) -> Result<()> {
+    if !input.exists() {
+        return Err(ClientError::Usage(format!(
+            "{}: there is no such file or folder: check the path",
+            input.display()
+        )));
+    }
     let input = input.canonicalize().map_err(ClientError::file(input))?;
     let mut waiting = vec![input.clone()];
     let mut count = 0usize;
@@ -346,5 +352,14 @@ mod tests {
         let inputs = [folder.path().join("link")];
         symlink(&city, &inputs[0]).unwrap();
         assert_eq!(cache_key(&inputs, &Palette::default(), FacadeOption::Plain, 1.0).unwrap(), key());
+    }
+
+    #[test]
+    fn an_input_that_is_missing_is_a_wrong_argument() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = folder.path().join("nope.gml");
+        let error = cache_key(&[missing], &Palette::default(), FacadeOption::default(), 1.0).unwrap_err();
+        assert_eq!(error.exit_code(), 2, "{error}");
+        assert!(error.to_string().contains("nope.gml: there is no such file or folder"), "{error}");
     }
 }

@@ -66,7 +66,7 @@ pub struct ExportArgs {
     #[arg(long, value_name = "FILE")]
     pub polygon: Option<PathBuf>,
     /// Only what a camera file's camera sees, as coarse as its picture allows, for `--format glb`
-    #[arg(long, value_name = "CAM.json")]
+    #[arg(long, visible_alias = "camera", value_name = "CAM.json")]
     pub view: Option<PathBuf>,
     /// Size of the picture of `--view`
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "1280x720", requires = "view")]
