@@ -88,7 +88,7 @@ fn read_sequence(
                 }
             }
         }
-        if lines.number % TICK_LINES == 0 {
+        if lines.number.is_multiple_of(TICK_LINES) {
             sink.tick((lines.bytes_read)());
         }
     }
