@@ -430,7 +430,7 @@ async fn a_long_list_comes_in_pages() {
         get_from(&service, &format!("/?{invalid}")).await.assert_problem(400);
     }
     let html = get_from(&service, "/").await;
-    assert!(html.text().contains("\"v1/cities/c199\"") && !html.text().contains("v1/cities/c200\""));
+    assert_eq!(html.text().matches("<summary aria-label").count(), 100, "a card for each city of the page");
     assert!(html.text().contains("/?limit=100&amp;after=c199"), "a link to the next page");
 }
 
