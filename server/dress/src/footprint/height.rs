@@ -4,9 +4,9 @@ use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, UN
 use std::ops::RangeInclusive;
 
 use super::height_names::{self, HeightRole, NamedHeight};
-use super::roof_tags::given_height_m;
+use super::lengths::{metres, roof_height_m};
 use insula_source::attributes::{AttributeValue, Attributes};
-use insula_source::units::{FOOT_M, HeightUnit, metres_of};
+use insula_source::units::HeightUnit;
 
 const ROOF_LEVELS: &[&str] = &["roof:levels", "roof_level"];
 /// Names of the base's height above the ground, for suspended parts such as gangways.
@@ -25,7 +25,6 @@ const LEVELS_RANGE: RangeInclusive<f64> = 0.0..=400.0;
 const BASE_LEVEL_RANGE: RangeInclusive<f64> = -20.0..=400.0;
 /// Plausible heights above sea level of objects on the ground.
 const ELEVATION_RANGE_M: RangeInclusive<f64> = -500.0..=10_000.0;
-const INCH_M: f64 = 0.0254;
 
 /// What is known of the heights in attributes besides these.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -73,7 +72,7 @@ impl BuildingHeight {
             let roof_levels = first_in_range(roof_levels, LEVELS_RANGE, &mut note).map(|(_, number)| number);
             // Storeys are counted below the roof.
             let roof_levels_m = roof_levels.map(|levels| levels * LEVEL_M).filter(|height_m| *height_m > 0.0);
-            let roof_m = given_height_m(attributes, hints).or(roof_levels_m);
+            let roof_m = roof_height_m(attributes, plain_m).or(roof_levels_m);
             let top_m = levels * LEVEL_M + roof_m.unwrap_or(0.0);
             if base_m < top_m {
                 note(GUESSED_FROM_LEVELS, &format!("{top_m} m"));
@@ -156,46 +155,6 @@ fn first_in_range<'v>(
         }
     }
     None
-}
-
-/// A length in metres; a plain number is in a unit of `plain_m` metres.
-pub(super) fn metres(value: &AttributeValue, plain_m: f64) -> Option<f64> {
-    match value {
-        AttributeValue::Text(text) => length_in(text, plain_m),
-        value => value.as_f64().map(|number| number * plain_m),
-    }
-}
-
-/// Parses a length such as `12`, `12.5 m`, `12,5`, `40 ft`, `40'` or `12'6"`, in metres.
-pub fn length_m(text: &str) -> Option<f64> {
-    length_in(text, 1.0)
-}
-
-/// Parses a length as [`length_m`] does; a plain number is in a unit of `plain_m` metres.
-fn length_in(text: &str, plain_m: f64) -> Option<f64> {
-    // Of several values the first.
-    let text = text.split(';').next().unwrap_or_default().trim().replace(',', ".");
-    let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
-    let (number, unit) = text.split_at(end);
-    let unit = unit.trim().to_ascii_lowercase().replace('\u{2032}', "'").replace('\u{2033}', "\"");
-    let (factor, rest_m) = match unit.as_str() {
-        "" => (plain_m, 0.0),
-        "\"" => (INCH_M, 0.0),
-        unit => match (unit.strip_prefix('\''), metres_of(unit)) {
-            (Some(inches), _) => (FOOT_M, inches_m(inches)?),
-            (None, known) => (known?, 0.0),
-        },
-    };
-    number.parse::<f64>().ok().map(|number| number * factor + rest_m)
-}
-
-/// Parses what follows the mark of feet: nothing, or inches as in `6"`; the mark of inches may be missing, or be `''`.
-fn inches_m(text: &str) -> Option<f64> {
-    let number = text.trim().trim_end_matches(['"', '\'']).trim_end();
-    if number.is_empty() {
-        return Some(0.0);
-    }
-    number.parse::<f64>().ok().filter(|inches| (0.0..12.0).contains(inches)).map(|inches| inches * INCH_M)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use std::borrow::Cow;
 
-use super::height::length_m;
+use super::lengths::length_m;
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::object::FeatureKind;
 

@@ -1,20 +1,17 @@
 //! The roof that attributes describe, in the names of OpenStreetMap's Simple 3D Buildings and of Overture.
 
-use super::height::{BuildingHeight, HeightHints, LEVEL_M, metres};
+use super::height::{BuildingHeight, HeightHints, LEVEL_M};
+use super::lengths::{ROOF_HEIGHT_RANGE_M, ROOF_SHAPE, number, roof_height_m, text};
 use crate::roof;
 use crate::roof::{RoofOrientation, RoofShape, RoofSpec};
 use insula_source::attributes::Attributes;
 use insula_source::units::HeightUnit;
 
 /// Names, also as Shapefiles cut them.
-const SHAPE: &[&str] = &["roof:shape", "building:roof:shape"];
-const HEIGHT: &[&str] = &["roof:height", "building:roof:height", "roof_heigh"];
 const LEVELS: &[&str] = &["roof:levels", "roof_level"];
 const DIRECTION: &[&str] = &["roof:direction", "roof:slope:direction", "roof_direc"];
 const ORIENTATION: &[&str] = &["roof:orientation", "roof_orien"];
 const ANGLE: &[&str] = &["roof:angle"];
-/// Valid heights of roofs.
-const HEIGHT_RANGE_M: std::ops::RangeInclusive<f64> = 0.1..=200.0;
 /// A roof leaves at least this much of the building's height to the walls, unless its own height says otherwise.
 const LEAST_WALL_SHARE: f64 = 0.35;
 
@@ -31,14 +28,14 @@ pub struct RoofTags {
 impl RoofTags {
     /// The described roof; `None` for a flat one. Passes a shape that is not known to `note`.
     pub fn of(attributes: &Attributes, hints: HeightHints<'_>, mut note: impl FnMut(&str)) -> Option<Self> {
-        let name = text(attributes, SHAPE)?;
+        let name = text(attributes, ROOF_SHAPE)?;
         let Some(shape) = roof::roof_shape_by_name(name) else {
             note(name);
             return None;
         };
         let levels_m = number(attributes, LEVELS, 1.0).map(|levels| levels * LEVEL_M);
-        let height_m =
-            given_height_m(attributes, hints).or(levels_m.filter(|height_m| HEIGHT_RANGE_M.contains(height_m)));
+        let height_m = roof_height_m(attributes, hints.unit.map_or(1.0, HeightUnit::metres))
+            .or(levels_m.filter(|height_m| ROOF_HEIGHT_RANGE_M.contains(height_m)));
         let orientation = match text(attributes, ORIENTATION) {
             Some("across") => Some(RoofOrientation::Across),
             Some("along") => Some(RoofOrientation::Along),
@@ -71,23 +68,6 @@ impl RoofTags {
             orientation: self.orientation,
         }
     }
-}
-
-/// The height of a roof that is not flat, as attributes give it in metres; `None` if they do not, or only in storeys.
-pub(super) fn given_height_m(attributes: &Attributes, hints: HeightHints<'_>) -> Option<f64> {
-    let shape = text(attributes, SHAPE).and_then(roof::roof_shape_by_name);
-    let plain_m = hints.unit.map_or(1.0, HeightUnit::metres);
-    number(attributes, HEIGHT, plain_m)
-        .filter(|height_m| shape != Some(RoofShape::Flat) && HEIGHT_RANGE_M.contains(height_m))
-}
-
-fn text<'a>(attributes: &'a Attributes, names: &[&str]) -> Option<&'a str> {
-    names.iter().find_map(|name| attributes.named(name)?.as_str())
-}
-
-/// The first of the named values that is a number. A plain number is in a unit of `plain_m` metres.
-fn number(attributes: &Attributes, names: &[&str], plain_m: f64) -> Option<f64> {
-    names.iter().find_map(|name| metres(attributes.named(name)?, plain_m))
 }
 
 /// Degrees from north, clockwise: a number or a point of the compass such as `SSW`.

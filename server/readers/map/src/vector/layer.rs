@@ -1,7 +1,24 @@
 //! A layer of features: its name and columns, and what they tell about them.
 
-use super::told::OSM_KEYS;
 use insula_source::object::FeatureKind;
+
+/// Keys of OpenStreetMap that tell what a feature is, several of which are hardly in any other table.
+pub(super) const OSM_KEYS: [&str; 14] = [
+    "admin_level",
+    "aeroway",
+    "amenity",
+    "barrier",
+    "boundary",
+    "building",
+    "highway",
+    "landuse",
+    "leisure",
+    "man_made",
+    "natural",
+    "railway",
+    "tourism",
+    "waterway",
+];
 
 /// Words in names of layers, tables and files, in the languages of the larger publishers.
 const WORDS: &[(FeatureKind, &[&str])] = &[

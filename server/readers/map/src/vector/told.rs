@@ -1,7 +1,7 @@
 //! What a feature is, by its attributes and its layer.
 
 use super::geometry::Geometry;
-use super::layer::{Columns, Layer};
+use super::layer::{Columns, Layer, OSM_KEYS};
 use crate::osm::{NOT_BUILT, kind_by_tags};
 use insula_dress::footprint::{HeightHints, has_height, kind_of};
 use insula_source::attributes::{AttributeValue, Attributes};
@@ -10,24 +10,7 @@ use insula_source::object::FeatureKind;
 /// Why a feature of OpenStreetMap is left out that is in none of the kinds of a city, as in its own files.
 pub(super) const NO_OBJECT: &str = "no object of a city by its tags";
 
-/// Keys of OpenStreetMap that tell what a feature is, several of which are hardly in any other table.
-pub(super) const OSM_KEYS: [&str; 14] = [
-    "admin_level",
-    "aeroway",
-    "amenity",
-    "barrier",
-    "boundary",
-    "building",
-    "highway",
-    "landuse",
-    "leisure",
-    "man_made",
-    "natural",
-    "railway",
-    "tourism",
-    "waterway",
-];
-/// Those that other tables may have, too.
+/// Keys of OpenStreetMap that other tables may have, too.
 const COMMON_KEYS: [&str; 4] = ["historic", "place", "power", "public_transport"];
 
 /// The kind of a feature; `None` if nothing tells it. Fails with the reason for leaving it out.

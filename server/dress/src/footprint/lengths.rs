@@ -1,0 +1,69 @@
+//! Lengths in attributes: numbers, and texts with a unit.
+
+use crate::roof::{self, RoofShape};
+use insula_source::attributes::{AttributeValue, Attributes};
+use insula_source::units::{FOOT_M, metres_of};
+
+/// Names, also as Shapefiles cut them.
+pub(super) const ROOF_SHAPE: &[&str] = &["roof:shape", "building:roof:shape"];
+const ROOF_HEIGHT: &[&str] = &["roof:height", "building:roof:height", "roof_heigh"];
+/// Valid heights of roofs.
+pub(super) const ROOF_HEIGHT_RANGE_M: std::ops::RangeInclusive<f64> = 0.1..=200.0;
+const INCH_M: f64 = 0.0254;
+
+/// The height of a roof that is not flat, as attributes give it in metres; `None` if they do not, or only in storeys.
+/// A plain number is in a unit of `plain_m` metres.
+pub(super) fn roof_height_m(attributes: &Attributes, plain_m: f64) -> Option<f64> {
+    let shape = text(attributes, ROOF_SHAPE).and_then(roof::roof_shape_by_name);
+    number(attributes, ROOF_HEIGHT, plain_m)
+        .filter(|height_m| shape != Some(RoofShape::Flat) && ROOF_HEIGHT_RANGE_M.contains(height_m))
+}
+
+pub(super) fn text<'a>(attributes: &'a Attributes, names: &[&str]) -> Option<&'a str> {
+    names.iter().find_map(|name| attributes.named(name)?.as_str())
+}
+
+/// The first of the named values that is a number. A plain number is in a unit of `plain_m` metres.
+pub(super) fn number(attributes: &Attributes, names: &[&str], plain_m: f64) -> Option<f64> {
+    names.iter().find_map(|name| metres(attributes.named(name)?, plain_m))
+}
+
+/// A length in metres; a plain number is in a unit of `plain_m` metres.
+pub(super) fn metres(value: &AttributeValue, plain_m: f64) -> Option<f64> {
+    match value {
+        AttributeValue::Text(text) => length_in(text, plain_m),
+        value => value.as_f64().map(|number| number * plain_m),
+    }
+}
+
+/// Parses a length such as `12`, `12.5 m`, `12,5`, `40 ft`, `40'` or `12'6"`, in metres.
+pub fn length_m(text: &str) -> Option<f64> {
+    length_in(text, 1.0)
+}
+
+/// Parses a length as [`length_m`] does; a plain number is in a unit of `plain_m` metres.
+fn length_in(text: &str, plain_m: f64) -> Option<f64> {
+    // Of several values the first.
+    let text = text.split(';').next().unwrap_or_default().trim().replace(',', ".");
+    let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '+' | '-'))).unwrap_or(text.len());
+    let (number, unit) = text.split_at(end);
+    let unit = unit.trim().to_ascii_lowercase().replace('\u{2032}', "'").replace('\u{2033}', "\"");
+    let (factor, rest_m) = match unit.as_str() {
+        "" => (plain_m, 0.0),
+        "\"" => (INCH_M, 0.0),
+        unit => match (unit.strip_prefix('\''), metres_of(unit)) {
+            (Some(inches), _) => (FOOT_M, inches_m(inches)?),
+            (None, known) => (known?, 0.0),
+        },
+    };
+    number.parse::<f64>().ok().map(|number| number * factor + rest_m)
+}
+
+/// Parses what follows the mark of feet: nothing, or inches as in `6"`; the mark of inches may be missing, or be `''`.
+fn inches_m(text: &str) -> Option<f64> {
+    let number = text.trim().trim_end_matches(['"', '\'']).trim_end();
+    if number.is_empty() {
+        return Some(0.0);
+    }
+    number.parse::<f64>().ok().filter(|inches| (0.0..12.0).contains(inches)).map(|inches| inches * INCH_M)
+}
