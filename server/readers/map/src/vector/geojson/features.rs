@@ -6,7 +6,6 @@ use serde_json::Value;
 
 use super::geometry::Fault;
 use super::schema::{GeoJsonFeature, GeoJsonGeometry};
-use super::stream::find_place_system;
 use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
 use crate::vector::geometry::{Geometry, UNKNOWN_TYPE};
 use crate::vector::layer::Columns;
@@ -14,7 +13,6 @@ use insula_dress::footprint::{HeightHints, has_height, kind_of};
 use insula_place::placement::is_on_globe;
 use insula_source::attributes::Attributes;
 use insula_source::error::{InputError, json_message};
-use insula_source::input::Input;
 use insula_source::json::attributes::flatten;
 use insula_source::json::members::Members;
 use insula_source::json::{lenient, metadata};
@@ -50,14 +48,18 @@ pub(super) struct FeatureReader<'a> {
     place_system: Option<String>,
     /// Whether `place_system` is known, or known to be missing.
     is_place_system_known: bool,
-    /// The document, in which `coordRefSys` may come after the features. Lines are no document.
-    document: Option<&'a Input<'a>>,
+    /// Finds a `coordRefSys` that comes after the features of a document. Lines are no document.
+    later_system: Option<&'a dyn Fn() -> Option<Value>>,
     /// Whether a feature without identifier is named by its text, because its number depends on the slice of the sequence.
     is_named_by_text: bool,
 }
 
 impl<'a> FeatureReader<'a> {
-    pub(super) fn new(writer: FeatureWriter<'a>, label: &'a str, document: Option<&'a Input<'a>>) -> Self {
+    pub(super) fn new(
+        writer: FeatureWriter<'a>,
+        label: &'a str,
+        later_system: Option<&'a dyn Fn() -> Option<Value>>,
+    ) -> Self {
         Self {
             writer,
             label,
@@ -65,7 +67,7 @@ impl<'a> FeatureReader<'a> {
             system: None,
             place_system: None,
             is_place_system_known: false,
-            document,
+            later_system,
             is_named_by_text: false,
         }
     }
@@ -129,7 +131,7 @@ impl<'a> FeatureReader<'a> {
     /// The system of places that name none. Looks for it behind the features, too.
     fn place_system(&mut self) -> Option<String> {
         if !self.is_place_system_known {
-            let found = self.document.and_then(find_place_system);
+            let found = self.later_system.and_then(|find| find());
             (self.place_system, self.is_place_system_known) = (found.as_ref().and_then(reference_system), true);
         }
         self.place_system.clone()

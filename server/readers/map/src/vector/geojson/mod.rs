@@ -19,8 +19,9 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     // The limits below name what is too large.
     let opened = Input { max_bytes: u64::MAX, ..*input }.open()?;
     let is_in_lines = kind_by_name(input.name) == Some(SourceKind::GeoJsonLines);
-    let document = (!is_in_lines).then_some(input);
-    let mut features = FeatureReader::new(FeatureWriter::new(input, sink), input.label, document);
+    let later_system = || stream::find_place_system(input);
+    let later_system = (!is_in_lines).then_some(&later_system as &dyn Fn() -> Option<_>);
+    let mut features = FeatureReader::new(FeatureWriter::new(input, sink), input.label, later_system);
     let bytes_read = || opened.bytes_read.get();
     if is_in_lines {
         features.read_lines(opened.reader, input.max_line_bytes, &bytes_read)?;
