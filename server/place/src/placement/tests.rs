@@ -240,8 +240,8 @@ fn habits_of_publishers_are_understood() {
     for p in [[19406.2, 3572920.1, 4.0], [-19406.2, -3572920.1, 4.0]] {
         assert_eq!(place("EPSG:2048", "EPSG:2048", p), [-19406.2, -3572920.1, 4.0]);
     }
-    // Transformer.from_crs(29377, 32733, always_xy=True).transform(-8000, 62000): Namibia has its origin in its middle, so that signs do
-    // not tell how coordinates count.
+    // Transformer.from_crs(29377, 32733, always_xy=True).transform(-8000, 62000). The origin is in the middle of Namibia: signs do not
+    // show the direction of the axes.
     let namibia = place("EPSG:32733", "EPSG:29377", [-8000.0, 62000.0, 4.0]);
     assert_near(namibia, [713563.6895, 7503666.4859, 4.0], 1.0);
     for p in [[1043000.5, 743000.25, 4.0], [743000.25, 1043000.5, 4.0], [-743000.25, -1043000.5, 4.0]] {
@@ -260,6 +260,8 @@ fn doubtful_accuracy_is_told() {
         warnings(&mut world, "EPSG:31467").contains("DHDN is shifted without its grid: expect an error of up to 5 m")
     );
     assert!(warnings(&mut world, "EPSG:2370").contains("is not known: positions can be off by hundreds of metres"));
+    let mut own = World::new(Some("EPSG:2370"), None).unwrap();
+    assert!(warnings(&mut own, "EPSG:2370").contains("the city can be hundreds of metres away from its place"));
     assert_eq!(warnings(&mut world, "EPSG:4258"), "");
     assert_eq!(warnings(&mut world, "EPSG:25832+7837"), "");
     assert!(warnings(&mut world, "EPSG:25832+5783").contains("heights are above DHHN92 (EPSG:5783)"));

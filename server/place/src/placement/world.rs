@@ -324,23 +324,25 @@ impl World {
     /// Warns if the shift between the datums is not exact.
     fn warn_of_shift(&self, input: &SourceInput, system: &WorldSystem, warnings: &mut Vec<String>) {
         let source = &input.horizontal;
-        let own = (&source.datum, source.shift_error_m);
-        let both = [own, (&system.datum, system.shift_error_m)];
-        let is_same = source.definition().is_some_and(|definition| definition.has_same_shift(&system.definition));
-        // A datum that is shifted alike in all inputs only moves the whole city.
-        let shifted = match is_same {
-            true if source.shift_error_m.is_infinite() => &both[..1],
-            true => return,
-            false => &both,
-        };
-        for (datum, error_m) in shifted {
+        if source.definition().is_some_and(|definition| definition.has_same_shift(&system.definition)) {
+            // Then the whole city is away from its place, and nothing within it.
+            if source.shift_error_m.is_infinite() {
+                warnings.push(format!(
+                    "the shift of the datum {} is not known: the city can be hundreds of metres away from its place on Earth; \
+                     reproject the file with ogr2ogr -t_srs EPSG:..., to a system of WGS 84",
+                    source.datum
+                ));
+            }
+            return;
+        }
+        for (datum, error_m) in [(&source.datum, source.shift_error_m), (&system.datum, system.shift_error_m)] {
             if error_m.is_infinite() {
                 warnings.push(format!(
                     "the shift of the datum {datum} is not known: positions can be off by hundreds of metres; \
                      reproject the file with ogr2ogr -t_srs {}",
                     system.label
                 ));
-            } else if *error_m > NOTED_SHIFT_ERROR_M {
+            } else if error_m > NOTED_SHIFT_ERROR_M {
                 warnings.push(format!(
                     "the datum {datum} is shifted without its grid: expect an error of up to {error_m} m; reproject \
                      the file with ogr2ogr -t_srs {} and the grids of PROJ if that is too much",

@@ -2,7 +2,7 @@
 
 use insula_source::object::FeatureKind;
 
-/// Keys of OpenStreetMap that tell what a feature is, several of which are hardly in any other table.
+/// Keys of OpenStreetMap that tell what a feature is. Other tables hardly have two of them.
 pub(super) const OSM_KEYS: [&str; 14] = [
     "admin_level",
     "aeroway",
