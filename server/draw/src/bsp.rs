@@ -22,8 +22,6 @@ const LEAST_SIDE: usize = 16;
 /// At most this part of a set may be split by such a plane: faces of small sets are split less by their own planes.
 const MOST_SPLITS: usize = 48;
 const NO_NODE: u32 = u32::MAX;
-/// No triangle of the scene.
-pub(crate) const NO_TRIANGLE: u32 = u32::MAX;
 
 /// Where the eye is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,7 +46,7 @@ impl Eye {
 #[derive(Debug, Default)]
 pub(crate) struct BspTree {
     nodes: Vec<BspNode>,
-    /// Of each cut, the scene's triangle whose plane made it; [`NO_TRIANGLE`] for planes parallel to the axes.
+    /// Of each cut, the node whose plane made it.
     cuts: Vec<u32>,
 }
 
@@ -82,7 +80,7 @@ impl BspTree {
             if let Some(parent) = tree.nodes.get_mut(parent as usize) {
                 *if is_front { &mut parent.front } else { &mut parent.back } = index;
             }
-            let (plane, owner) = choose_plane(&faces);
+            let plane = choose_plane(&faces);
             let mut node = BspNode { plane, faces: Vec::new(), front: NO_NODE, back: NO_NODE };
             let (mut front, mut back) = (Vec::new(), Vec::new());
             for face in faces {
@@ -93,7 +91,7 @@ impl BspTree {
                     Side::Both => {
                         total += 1;
                         let [before, behind] = face.split(&plane, first_cut.saturating_add(tree.cuts.len() as u32));
-                        tree.cuts.push(owner);
+                        tree.cuts.push(index);
                         front.extend(before);
                         back.extend(behind);
                     }
@@ -118,9 +116,12 @@ impl BspTree {
         self.nodes.iter().map(|node| node.faces.len()).sum()
     }
 
-    /// Of each cut, the scene's triangle whose plane made it; [`NO_TRIANGLE`] for planes parallel to the axes.
-    pub(crate) fn into_cuts(self) -> Vec<u32> {
-        self.cuts
+    /// Where faces of which `is_asked` holds pass through a plane at a cut. The cut itself goes on to the ends of the face that was
+    /// cut, beyond those of the faces that have cut it.
+    pub(crate) fn meetings(&self, cut: usize, plane: &FacePlane, is_asked: impl Fn(&Face) -> bool) -> Vec<[DVec3; 2]> {
+        let node = self.cuts.get(cut).and_then(|node| self.nodes.get(*node as usize));
+        let faces = node.into_iter().flat_map(|node| &node.faces).filter(|face| is_asked(face));
+        faces.filter_map(|face| face.meeting(plane)).collect()
     }
 
     /// The faces from the nearest to the farthest: none hides any face before it.
@@ -143,14 +144,9 @@ impl BspTree {
 }
 
 /// The plane by which a set is divided: at least one face is on it, or not all are on one side.
-fn choose_plane(faces: &[Face]) -> (FacePlane, u32) {
-    if faces.len() > MAX_OWN_PLANES
-        && let Some(plane) = axis_plane(faces)
-    {
-        return (plane, NO_TRIANGLE);
-    }
-    let face = best_face(faces);
-    (face.plane, face.triangle)
+fn choose_plane(faces: &[Face]) -> FacePlane {
+    let axis = if faces.len() > MAX_OWN_PLANES { axis_plane(faces) } else { None };
+    axis.unwrap_or_else(|| best_face(faces).plane)
 }
 
 /// Lowest and highest coordinate of a face along an axis.

@@ -65,6 +65,29 @@ impl Face {
         }
     }
 
+    /// The ends of the line in which the face passes through a plane or touches it; `None` if it does not, or lies in it.
+    pub(crate) fn meeting(&self, plane: &FacePlane) -> Option<[DVec3; 2]> {
+        let heights: Vec<f64> = self.points.iter().map(|p| plane.height(*p)).collect();
+        let mut ends: Vec<DVec3> = Vec::new();
+        for i in 0..self.points.len() {
+            let j = (i + 1) % self.points.len();
+            let (a, b) = (heights[i], heights[j]);
+            if a.abs() <= ON_PLANE_M {
+                ends.push(self.points[i]);
+            } else if b.abs() > ON_PLANE_M && (a < 0.0) != (b < 0.0) {
+                ends.push(self.points[i].lerp(self.points[j], a / (a - b)));
+            }
+        }
+        // A convex face has at most two, unless more of its corners lie in one line.
+        let first = *ends.first()?;
+        let far = |from: DVec3| {
+            ends.iter().copied().max_by(|a, b| a.distance_squared(from).total_cmp(&b.distance_squared(from)))
+        };
+        let one = far(first)?;
+        let other = far(one)?;
+        (ends.len() < self.points.len() && one != other).then_some([one, other])
+    }
+
     /// The parts in front of a plane and behind it. The new edges have the name `cut`. Neighbours that share an edge get the same
     /// point on it.
     pub(crate) fn split(&self, plane: &FacePlane, cut: u32) -> [Option<Self>; 2] {

@@ -89,21 +89,20 @@ pub(crate) fn class_of(scene: &DrawnScene, edge: &SceneEdge, eye: Eye, crease_de
 /// Joins the visible parts of each edge to lines.
 ///
 /// Edges from `first_cut` on are cuts of the BSP tree. Where only one side of a cut is visible, another surface passes through the
-/// face. It is drawn if `is_meeting` is true for the index of the cut and the face.
+/// face or hides its other side. It is drawn where `meetings`, for the index of the cut and the face, has lines in which others
+/// pass through the face.
 pub(crate) fn visible_lines(
     mut parts: Vec<EdgePart>,
     first_cut: u32,
     class_of: impl Fn(u32) -> Option<LineRole>,
-    is_meeting: impl Fn(u32, u32) -> bool,
+    meetings: impl Fn(u32, u32) -> Vec<[PagePoint; 2]>,
 ) -> Vec<VisibleLine> {
     parts.sort_by_key(|part| part.edge);
     let mut lines = Vec::new();
     for parts in parts.chunk_by(|a, b| a.edge == b.edge) {
         let edge = parts[0].edge;
         if edge >= first_cut {
-            if is_meeting(edge - first_cut, parts[0].face) {
-                cut_lines(parts, &mut lines);
-            }
+            cut_lines(parts, || meetings(edge - first_cut, parts[0].face), &mut lines);
         } else if let Some(class) = class_of(edge) {
             let line = EdgeDirection::of(parts);
             let all = joined(parts.iter().map(|part| line.interval(part).0).collect());
@@ -185,7 +184,17 @@ fn without(intervals: &[[At; 2]], others: &[[At; 2]]) -> Vec<[At; 2]> {
     left
 }
 
-fn cut_lines(parts: &[EdgePart], lines: &mut Vec<VisibleLine>) {
+/// What `intervals` and `others` have in common. `others` are sorted and disjoint.
+fn within(intervals: &[[At; 2]], others: &[[At; 2]]) -> Vec<[At; 2]> {
+    let common = |a: &[At; 2], b: &[At; 2]| {
+        let start = if a[0].0 >= b[0].0 { a[0] } else { b[0] };
+        let end = if a[1].0 <= b[1].0 { a[1] } else { b[1] };
+        (end.0 - start.0 > MIN_CUT_UNITS).then_some([start, end])
+    };
+    intervals.iter().flat_map(|a| others.iter().filter_map(move |b| common(a, b))).collect()
+}
+
+fn cut_lines(parts: &[EdgePart], meetings: impl FnOnce() -> Vec<[PagePoint; 2]>, lines: &mut Vec<VisibleLine>) {
     let line = EdgeDirection::of(parts);
     let mut sides = [Vec::new(), Vec::new()];
     for part in parts {
@@ -193,7 +202,15 @@ fn cut_lines(parts: &[EdgePart], lines: &mut Vec<VisibleLine>) {
         sides[usize::from(is_forward)].push(interval);
     }
     let [backward, forward] = sides.map(joined);
-    for [a, b] in without(&forward, &backward).into_iter().chain(without(&backward, &forward)) {
+    let one_sided = [without(&forward, &backward), without(&backward, &forward)].concat();
+    if one_sided.is_empty() {
+        return;
+    }
+    let meetings = meetings().into_iter().map(|ends| {
+        let [a, b] = ends.map(|point| line.at(point));
+        if a.0 <= b.0 { [a, b] } else { [b, a] }
+    });
+    for [a, b] in within(&one_sided, &joined(meetings.collect())) {
         lines.push(VisibleLine { class: LineRole::Intersection, face: parts[0].face, ends: [a.1, b.1] });
     }
 }
@@ -254,9 +271,15 @@ mod tests {
             part(5, 0, 3 * k),
             part(5, k, 0),
         ];
-        let lines = visible_lines(parts, 5, |edge| (edge == 1).then_some(LineRole::Crease), |_, _| true);
+        let meetings = |_, _| {
+            vec![
+                [PagePoint::new(9 * k, 0), PagePoint::new(2 * k, 0)],
+                [PagePoint::new(-k, 0), PagePoint::new(k / 2, 0)],
+            ]
+        };
+        let lines = visible_lines(parts, 5, |edge| (edge == 1).then_some(LineRole::Crease), meetings);
         let ends: Vec<_> = lines.iter().map(|line| (line.class, line.ends.map(|end| end.x))).collect();
-        assert_eq!(ends, [(LineRole::Crease, [0, 3 * k]), (LineRole::Intersection, [k, 3 * k])]);
+        assert_eq!(ends, [(LineRole::Crease, [0, 3 * k]), (LineRole::Intersection, [2 * k, 3 * k])]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Makes a drawing: reads the scene, culls faces, sorts them, removes hidden parts, and joins the visible ones.
 
 use crate::{
-    bsp::{BspTree, NO_TRIANGLE},
+    bsp::BspTree,
     convex::{Convex, PagePoint, PageRect},
     drawing::{Drawing, DrawingCounts, DrawnLine, DrawnObject, DrawnShape, ShapeRole},
     error::{DrawError, DrawProgress, DrawStep, advance},
@@ -91,7 +91,6 @@ pub fn draw(
     let tree = BspTree::new(facing, first_cut, request.limits.triangles, progress)?;
     counts.sorted = tree.len();
     let polygons = stage.polygons(&tree);
-    let cuts = tree.into_cuts();
     let parts = visible_parts(&polygons, stage.grid.rect(&frame), request.limits.parts, progress)?;
     counts.parts = parts.len();
     if parts.is_empty() {
@@ -105,7 +104,7 @@ pub fn draw(
         objects.add_shadows(stage.shadows(&polygons, &parts, progress)?, style);
     }
     objects.add_hatching(style, &stage.grid, progress)?;
-    objects.add_lines(stage.lines(&polygons, &parts, &cuts), &request.style);
+    objects.add_lines(stage.lines(&polygons, &parts, &tree), &request.style);
     let block = title_block(source, request, &stage.projection);
     let mut sheet = if request.is_bare { Vec::new() } else { sheet_items(&stage.projection, &block) };
     if let Some(color_by) = request.color_by.as_ref().filter(|_| !request.is_bare) {
@@ -254,27 +253,28 @@ impl Stage<'_> {
         shadows(self.scene, sun, (&self.projection, &self.grid), visible, (self.request.limits, progress))
     }
 
-    fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart], cuts: &[u32]) -> Vec<(u32, LineRole, Ends)> {
+    fn lines(&self, polygons: &[PagePolygon], parts: &[VisiblePart], tree: &BspTree) -> Vec<(u32, LineRole, Ends)> {
         let first_cut = self.scene.edges.len() as u32;
         let mut edges: Vec<EdgePart> = Vec::new();
         for part in parts {
             collect(&part.shape, polygons[part.polygon as usize].triangle, &mut edges);
         }
         let (eye, crease_deg) = (self.projection.axes.eye(), self.request.style.crease_deg);
+        let is_land = |face: u32| self.scene.object(face).kind == FeatureKind::Relief;
         let class = |edge: u32| {
             let edge = self.scene.edges.get(edge as usize)?;
             let class = class_of(self.scene, edge, eye, crease_deg)?;
             // The triangles of terrain are no lines of the city.
-            let is_land = self.scene.object(edge.faces[0]).kind == FeatureKind::Relief;
-            (!is_land || class == LineRole::Silhouette).then_some(class)
+            (!is_land(edge.faces[0]) || class == LineRole::Silhouette).then_some(class)
         };
-        // Planes of other faces go on where these have ended; land that passes through land is no line.
-        let is_meeting = |cut: u32, face: u32| {
-            let owner = cuts.get(cut as usize).copied().filter(|owner| *owner != NO_TRIANGLE);
-            let is_land = |face: u32| self.scene.object(face).kind == FeatureKind::Relief;
-            owner.is_some_and(|owner| !is_land(owner) || !is_land(face))
+        // Land that passes through land is no line.
+        let meetings = |cut: u32, face: u32| {
+            let is_asked = |other: &Face| !is_land(face) || !is_land(other.triangle);
+            let plane = &self.scene.faces[face as usize].plane;
+            let ends = tree.meetings(cut as usize, plane, is_asked).into_iter();
+            ends.map(|ends| ends.map(|point| self.grid.point(self.projection.project(point)))).collect()
         };
-        let lines = visible_lines(edges, first_cut, class, is_meeting).into_iter();
+        let lines = visible_lines(edges, first_cut, class, meetings).into_iter();
         lines.map(|line| (self.scene.face_objects[line.face as usize], line.class, line.ends)).collect()
     }
 }
