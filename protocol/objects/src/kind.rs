@@ -57,6 +57,12 @@ impl FeatureKind {
         matches!(self, Self::Building | Self::BuildingPart)
     }
 
+    /// Whether it lies on the ground. The box of such an object is as high as the ground rises below it, which is no height of its own.
+    #[must_use]
+    pub fn is_level(self) -> bool {
+        matches!(self, Self::Road | Self::Rail | Self::Water | Self::LandUse | Self::Relief)
+    }
+
     /// The kind of an object of CityJSON by its type. Unknown types, such as those of extensions, are generic.
     pub fn of_cityjson_type(name: &str) -> Self {
         match name {

@@ -125,7 +125,7 @@ pub(crate) enum Source {
     Id,
     Identifier,
     Kind,
-    /// Of the bounds, in metres.
+    /// Of the bounds, in metres. Nothing for kinds that lie on the ground.
     Height,
 }
 
@@ -147,6 +147,7 @@ impl Source {
             Self::Id => Some(ValueRef::Integer(i64::from(id))),
             Self::Identifier => block.identifier(id).map(ValueRef::Text),
             Self::Kind => block.kind(id).map(FeatureKind::name).map(ValueRef::Text),
+            Self::Height if block.kind(id).is_some_and(FeatureKind::is_level) => None,
             Self::Height => block.bounds(id).map(|bounds| ValueRef::Float(bounds.height_m())),
         }
     }

@@ -37,8 +37,13 @@ fn city() -> (Schema, ObjectBlock) {
         attributes: vec![(0, text("ÄRGER"))],
         ..full.clone()
     };
-    let bare =
-        ObjectRecord { identifier: "NL.3".into(), kind: FeatureKind::Road, attributes: Vec::new(), ..named.clone() };
+    let bare = ObjectRecord {
+        identifier: "NL.3".into(),
+        kind: FeatureKind::Road,
+        bounds,
+        attributes: Vec::new(),
+        ..named.clone()
+    };
     let records = [Some(full), Some(named), None, Some(bare)];
     let bytes = block::encode(0, &records, &schema).unwrap();
     let block = ObjectBlock::decode(0, &bytes, &schema).unwrap();
