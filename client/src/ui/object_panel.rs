@@ -6,7 +6,7 @@ use super::{
 };
 use crate::language;
 use egui::{Color32, RichText, Ui};
-use insula_objects::schema::ShownValue;
+use insula_objects::{FeatureKind, schema::ShownValue};
 use insula_protocol::text::printable;
 use insula_viewer::objects::ObjectDescription;
 use std::collections::BTreeSet;
@@ -138,9 +138,16 @@ impl ObjectPanel {
     }
 
     fn add(&mut self, found: FoundObject) {
-        if self.selected.contains(&found.id) {
-            // Its parts may be outlined now.
-            self.generation += 1;
+        if !self.selected.contains(&found.id) {
+            return;
+        }
+        // Its parts may be outlined now.
+        self.generation += 1;
+        // All land is one object: an outline of it would be one of the city.
+        let is_ground = |object: &ObjectDescription| object.kind == FeatureKind::Relief.name();
+        if found.result.as_ref().is_ok_and(|object| object.as_ref().is_some_and(is_ground)) {
+            self.selected.remove(&found.id);
+        } else {
             self.found.push(found);
         }
     }
@@ -247,6 +254,7 @@ fn show_object(ui: &mut Ui, object: &ObjectDescription, shown: &[ShownValue], ne
 mod tests {
     use super::*;
     use crate::error::ClientError;
+    use insula_objects::NamedValues;
 
     fn panel() -> ObjectPanel {
         ObjectPanel::new(SharedLookup::new(Box::new(|| Err(ClientError::Failed("no objects here".into())))))
@@ -275,6 +283,28 @@ mod tests {
         assert_eq!(panel.outlined(), BTreeSet::from([3, 5]));
         assert!(!panel.hover(Some(5)) && panel.hover(None));
         assert_eq!((panel.outlined(), panel.selected()), (BTreeSet::from([3]), &BTreeSet::from([3])));
+    }
+
+    #[test]
+    fn a_click_on_the_ground_selects_nothing() {
+        let mut panel = panel();
+        let found = |kind: FeatureKind| {
+            let object = ObjectDescription {
+                id: 3,
+                identifier: String::new(),
+                parent: None,
+                kind: kind.name(),
+                attributes: NamedValues::default(),
+                centre: None,
+                parts: Vec::new(),
+            };
+            FoundObject { id: 3, result: Ok(Some(object)), shown: Vec::new() }
+        };
+        for (kind, selected) in [(FeatureKind::Relief, BTreeSet::new()), (FeatureKind::Road, BTreeSet::from([3]))] {
+            panel.click(Some(3), false);
+            panel.add(found(kind));
+            assert_eq!(*panel.selected(), selected);
+        }
     }
 
     #[test]

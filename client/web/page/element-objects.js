@@ -2,6 +2,8 @@
 
 /** Most selected objects. */
 const MAX_SELECTED = 500;
+/** The kind of land. All of it is one object, so that an outline of it would be one of the city. */
+const GROUND = 'relief';
 
 /**
  * What is known of an object: see ObjectDescription in insula-viewer.d.ts.
@@ -69,13 +71,13 @@ export class ElementObjects {
   }
 
   /**
-   * A click on an object or on none. With `adds` it is added to the selection, or removed from it.
+   * A click on an object or on none. With `adds` it is added to the selection, or removed from it. The ground is none.
    * @param {ObjectMessage|null} object
    * @param {boolean} adds
    */
   click(object, adds) {
     this.#turn++;
-    if (!object) {
+    if (!object || object.kind === GROUND) {
       if (!adds && this.#selected.size > 0) this.#setSelection([]);
       return;
     }
@@ -90,7 +92,9 @@ export class ElementObjects {
    */
   async hover(object) {
     const hover = ++this.#hovers;
-    const id = await object;
+    const found = await object;
+    const isGround = found !== null && (await this.describe(found).catch(() => null))?.kind === GROUND;
+    const id = isGround ? null : found;
     if (hover !== this.#hovers || id === this.#hovered) return;
     this.#hovered = id;
     this.#outline();
