@@ -16,7 +16,7 @@ function address(name) {
   return `data:text/javascript;base64,${Buffer.from(joined).toString('base64')}`;
 }
 
-const { lonLatGrid } = await import(address('lon-lat.js'));
+const { lonLatGrid, placeNear } = await import(address('lon-lat.js'));
 const { cameraText, earthCamera, fitting, projected, unprojected } = await import(address('earth-camera.js'));
 const { shapesOf } = await import(address('geojson.js'));
 const { cells, dense } = await import(address('plan-cells.js'));
@@ -44,6 +44,14 @@ const tests = {
     for (const place of [[4.3577, 52.0114], [4.5, 52.1], [4.2, 51.9]]) near(grid.toLonLat(grid.toXy(place)), place, 1e-9);
     const fiji = lonLatGrid({ focus, location: { longitude_deg: 179.99, latitude_deg: -17, north_deg: -1 } });
     near(fiji.toLonLat(fiji.toXy([-179.98, -17.01])), [-179.98, -17.01], 1e-9);
+  },
+  'a typed place is metres or degrees in either order'() {
+    const city = { ...delft, bounds: [[84_500, 447_000, 0], [85_500, 448_000, 50]], ground_z_m: 2 };
+    near(placeNear([85_100, 447_600], city), [85_100, 447_600, 2], 0);
+    near(placeNear([85_100, 447_600, 9], city), [85_100, 447_600, 9], 0);
+    for (const typed of [[4.3577, 52.0114], [52.0114, 4.3577]]) near(placeNear(typed, city), [85_000, 447_500, 2], 1e-6);
+    for (const away of [[5.3577, 52.0114], [84_000, 457_500], [85_100, 447_600, 1e6]]) assert.equal(placeNear(away, city), null);
+    assert.equal(placeNear([4.3577, 52.0114], { ...city, location: null }), null);
   },
   'cameras come back'() {
     const camera = earthCamera(grid, CAMERA);

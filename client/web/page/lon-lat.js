@@ -6,6 +6,9 @@ const ECCENTRICITY_SQUARED = 6.694_379_990_14e-3;
 /** Each step leaves less than a hundredth of the error of the last one in a city. */
 const STEPS = 6;
 
+/** A place near a city lies within this multiple of its diagonal around its middle. */
+const MAX_DIAGONALS = 3;
+
 export const rad = (degrees) => (degrees * Math.PI) / 180;
 
 /**
@@ -71,4 +74,22 @@ function turn(degrees) {
  */
 export function isLonLat(longitude, latitude) {
   return Number.isFinite(longitude) && Number.isFinite(latitude) && Math.abs(Number(longitude)) <= 360 && Math.abs(Number(latitude)) <= 90;
+}
+
+/**
+ * The place near a city that two or three numbers name, else `null`: metres of its system, or degrees, longitude or latitude first.
+ * Without a height, that of the ground is taken.
+ * @param {number[]} numbers
+ * @param {any} manifest
+ * @returns {number[]|null}
+ */
+export function placeNear([x, y, z], manifest) {
+  const [low, high] = manifest.bounds;
+  const length = (from, to) => Math.hypot(...to.map((v, i) => v - from[i]));
+  const middle = low.map((v, i) => (v + high[i]) / 2);
+  const grid = lonLatGrid(manifest);
+  const degrees = [[x, y], [y, x]].filter(([longitude, latitude]) => grid && isLonLat(longitude, latitude));
+  const readings = [[x, y], ...degrees.map((lonLat) => /** @type {LonLatGrid} */ (grid).toXy(lonLat))];
+  const places = readings.map((plan) => [...plan, z ?? manifest.ground_z_m]);
+  return places.find((place) => length(middle, place) <= length(low, high) * MAX_DIAGONALS) ?? null;
 }
