@@ -222,6 +222,10 @@ fn appearance(texel: Texel) -> VoxelAppearance {
 
 /// The parent's column over four child columns, and whether it stands on the ground.
 fn merge_four(four: &[Option<&ChildColumn>; 4], cell_m: f32) -> (MergedColumn, bool) {
+    // Most of a rural extract.
+    if four.iter().all(Option::is_none) {
+        return (MergedColumn::default(), false);
+    }
     // Thin ground columns at four heights would have nothing in common, so all grounded columns get the lowest bottom.
     let lowest_m = four
         .iter()
