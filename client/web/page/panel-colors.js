@@ -203,10 +203,12 @@ function legendNodes(legend) {
   bar.hidden = !ramp;
   // The engine's own words are the last ones; values of the city stay as they are.
   const own = { 'no data': texts.noData, others: texts.others };
+  const { kinds } = strings.objects;
+  const isOfKinds = legend.title === 'kind' && entries.every(({ label }) => label in own || Object.hasOwn(kinds, label));
   const rows = entries.map(({ rgb, label }, i) => {
     const swatch = element('span', { class: 'swatch', 'aria-hidden': 'true' });
     swatch.style.backgroundColor = css(rgb);
-    const text = (i >= entries.length - 2 && own[label]) || printable(label);
+    const text = (i >= entries.length - 2 && own[label]) || (isOfKinds && kinds[label]) || printable(label);
     return element('li', { dir: 'auto' }, swatch, text);
   });
   return [heading, bar, element('ul', {}, ...rows)];

@@ -69,7 +69,8 @@ function card(city, object, needle, labels) {
   const visit = () => city.flyTo(centre).catch(() => {});
   const go = centre ? button({ text: texts.goTo, label: texts.goToNamed(name), press: visit }) : null;
   const head = element('div', { class: 'object-head' }, element('h3', { dir: 'auto' }, name), go);
-  const what = parent === null ? texts.kind(kind, String(id)) : texts.partOf(kind, String(id), printable(parent));
+  const word = texts.kinds[kind] ?? kind;
+  const what = parent === null ? texts.kind(word, String(id)) : texts.partOf(word, String(id), printable(parent));
   const rows = Object.entries(attributes)
     .filter(([key]) => labels.isShown(key))
     .map(([key, value]) => [labels.title(key), labels.text(key, value), key].map(printable))
