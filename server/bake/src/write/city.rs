@@ -35,6 +35,7 @@ use super::{
     attributions::{Attributions, is_publisher},
     files::write_synced,
     fingerprints::Fingerprints,
+    focus,
     objects::NumberedRecords,
     search, thumbnail,
     tile_bytes::TileContent,
@@ -366,29 +367,17 @@ fn build_manifest(input: &CityInput<'_>) -> Manifest {
     }
 }
 
-/// The rectangle between the first and the ninth decile of the leaves' bytes, along x and along y: `[min, max]` in
-/// world coordinates.
+/// What one sees first of the city: `[min, max]` in world coordinates.
 fn focus(input: &CityInput<'_>) -> [[f64; 2]; 2] {
     let CityInput { grid, facts, tree, .. } = input;
-    let leaves = tree.level(grid.depth);
-    if leaves.is_empty() {
+    let leaves = tree.level(grid.depth).iter().map(|tile| ([tile.id.x(), tile.id.y()], tile.bytes)).collect();
+    let Some(cells) = focus::of_leaves(leaves) else {
         return [0, 1].map(|end| [facts.bounds[end][0], facts.bounds[end][1]]);
-    }
-    let side = grid.node_side_m(grid.depth);
-    let quantile = |axis: usize, share: f64| {
-        let mut positions: Vec<(u32, u32)> =
-            leaves.iter().map(|tile| ([tile.id.x(), tile.id.y()][axis], tile.bytes)).collect();
-        positions.sort_unstable();
-        let wanted = share * positions.iter().map(|p| f64::from(p.1)).sum::<f64>();
-        let mut sum = 0.0;
-        let found = positions.iter().find(|p| {
-            sum += f64::from(p.1);
-            sum >= wanted
-        });
-        facts.origin[axis] + grid.corner[axis] + found.map_or(0.0, |p| f64::from(p.0)) * side
     };
-    let low = [0, 1].map(|axis| quantile(axis, 0.1).max(facts.bounds[0][axis]));
-    let high = [0, 1].map(|axis| (quantile(axis, 0.9) + side).min(facts.bounds[1][axis]));
+    let side_m = grid.node_side_m(grid.depth);
+    let along = |axis: usize, leaf: u32| facts.origin[axis] + grid.corner[axis] + f64::from(leaf) * side_m;
+    let low = [0, 1].map(|axis| along(axis, cells[0][axis]).max(facts.bounds[0][axis]));
+    let high = [0, 1].map(|axis| (along(axis, cells[1][axis]) + side_m).min(facts.bounds[1][axis]));
     [low, high]
 }
 

@@ -10,6 +10,7 @@ mod attributions;
 pub(crate) mod city;
 pub(crate) mod files;
 pub(crate) mod fingerprints;
+mod focus;
 mod known_sources;
 mod location;
 pub(crate) mod mesh_pack;
