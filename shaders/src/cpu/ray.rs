@@ -50,9 +50,8 @@ pub(crate) const MIN_DIRECTION: f32 = 1e-12;
 /// How far above a surface its ray towards the sun begins, in columns: steps between columns of one roof or wall must
 /// not cast shadows.
 pub(crate) const SUN_LIFT_CELLS: f32 = 0.5;
-/// The same above the plane where there is no column, in metres: with cells of up to 2 m, the city's ground ends up to 0.8 m above it, by a
-/// step that would shade a dashed line around the city.
-pub(crate) const SUN_LIFT_M: f32 = 0.8;
+/// The same above the plane where there is no column, in metres.
+pub(crate) const SUN_LIFT_M: f32 = 0.05;
 
 /// A part of a ray: from the eye to the visible surface, or from there towards the sun.
 #[derive(Debug, Clone, Copy)]

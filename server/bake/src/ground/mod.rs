@@ -60,6 +60,9 @@ const ROUNDING_M: f32 = 0.01;
 /// look under the ground there. This is the share of the ground that may, and how deep the rest may lie.
 const LOW_SHARE: f64 = 0.02;
 const MAX_DEPTH_M: f32 = 2.0;
+/// Terrain is level if this share of it is, and land is at least this share of it.
+const LEVEL_SHARE: f64 = 0.9;
+const LAND_SHARE: f64 = 0.05;
 /// Horizontal length of the skirt per metre of its height. It is at least [`NEAR_M`] long.
 const SKIRT_RUN: f32 = 6.0;
 
@@ -114,7 +117,7 @@ pub(crate) fn add(city: &mut ScratchScene, cell_m: f64) -> Result<Option<GroundR
         spacing_m: grid.step_m,
         triangles: triangles.len() as u64,
         z_range_m: [world(low), world(high)],
-        plane_z_m: world(surface.plane_m),
+        plane_z_m: world(surface.shown_plane_m),
     }))
 }
 
@@ -128,7 +131,10 @@ struct Surface<'a> {
     /// Vertices on given terrain.
     is_given: Vec<bool>,
     has_terrain: bool,
+    /// The height at which generated ground ends.
     plane_m: f32,
+    /// The height of the surrounding plane.
+    shown_plane_m: f32,
 }
 
 impl<'a> Surface<'a> {
@@ -151,6 +157,7 @@ impl<'a> Surface<'a> {
             return Ok(None);
         }
         let free = smooth_field(&bounds);
+        let under_m = UNDER_TERRAIN_M + 2.0 * steps.step_m as f32;
         let plane_m = plane_height(grid, &free, steps);
         let mut skirted = bounds.clone();
         let distances = grid.distances(|i| bounds.is_known(i));
@@ -167,7 +174,9 @@ impl<'a> Surface<'a> {
         }
         let is_given: Vec<bool> = terrain.iter().map(|z| z.is_finite()).collect();
         let has_terrain = is_given.contains(&true);
-        Ok(Some(Self { grid, field, bounds, is_near, is_given, has_terrain, plane_m }))
+        let level_m = level_height(&terrain, steps.step_m as f32);
+        let shown_plane_m = level_m.filter(|z| (plane_m..=plane_m + under_m).contains(z)).unwrap_or(plane_m);
+        Ok(Some(Self { grid, field, bounds, is_near, is_given, has_terrain, plane_m, shown_plane_m }))
     }
 
     /// The heights that triangles may have.
@@ -217,6 +226,17 @@ impl HeightSteps {
     fn round(self, z: f32, to_whole: fn(f64) -> f64) -> f32 {
         (to_whole((f64::from(z) + self.origin_m) / self.step_m) * self.step_m - self.origin_m) as f32
     }
+}
+
+/// The height of terrain that is level, but for a few piers, and for the sea a part of a cell below the land. The plane goes on at this
+/// height, and not at that of the ground below: a step all around the city would throw a shadow.
+fn level_height(terrain: &[f32], step_m: f32) -> Option<f32> {
+    let mut given: Vec<f32> = terrain.iter().copied().filter(|z| z.is_finite()).collect();
+    given.sort_unstable_by(f32::total_cmp);
+    let least = ((LAND_SHARE * given.len() as f64) as usize).max(1);
+    let land = given.windows(least).rev().find(|same| same[least - 1] - same[0] <= ROUNDING_M)?[0];
+    let level = given.iter().filter(|z| (-step_m..=ROUNDING_M).contains(&(**z - land))).count();
+    (level as f64 >= LEVEL_SHARE * given.len() as f64).then_some(land)
 }
 
 /// The height of the plane for a field without a skirt.

@@ -11,6 +11,7 @@ use insula_bake::{
     read::{ReadOptions, read_embedded},
     scene::Scene,
 };
+use insula_protocol::manifest::Manifest;
 use insula_test_support::{folder::TestFolder, rng::Rng};
 
 /// Metres of UTM zone 32 in a degree, at the equator and its central meridian.
@@ -140,5 +141,8 @@ fn a_coast_and_painted_streets_are_the_same_in_steps() {
         let work = folder.join("work");
         bake_in_steps(&work, &options, 1, 4).unwrap();
         assert_same(&files(&work.join("city")), &plain, name);
+        // As high as the level land, at whose end a step would throw a shadow.
+        let manifest: Manifest = serde_json::from_slice(&fs::read(work.join("city/city.json")).unwrap()).unwrap();
+        assert!((manifest.ground_z_m - 1.6).abs() < 0.1, "{name}: {}", manifest.ground_z_m);
     }
 }
