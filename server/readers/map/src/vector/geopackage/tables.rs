@@ -72,6 +72,10 @@ pub(super) fn find(connection: &Connection) -> rusqlite::Result<FoundTables> {
             found.left_out.push((name, "view, virtual or missing table not read"));
             continue;
         }
+        if found.features.iter().any(|known| known.name.eq_ignore_ascii_case(&name)) {
+            found.left_out.push((name, "table listed again, read once"));
+            continue;
+        }
         let (columns, key) = columns(connection, &name, &geometry)?;
         if !columns.iter().any(|column| column.name.eq_ignore_ascii_case(&geometry)) {
             found.left_out.push((name, "table without its geometry column"));
