@@ -172,15 +172,19 @@ fn claim(work: &Path) -> Result<File, CommandError> {
 }
 
 /// Ends what a publish left in its work folder: the site before gets its place again if that is free. Fails if there are files that no
-/// publish wrote, which stay.
+/// publish wrote, which stay, or if the site before has no place.
 fn clear(work: &Path, out: &Path) -> Result<(), CommandError> {
     let (new, old, journal) = (work.join(NEW), work.join(OLD), work.join(FILES));
     if kind_of(&old)?.is_some() {
+        // It fails for a folder that is not empty.
+        let _ = fs::remove_dir(out);
         if kind_of(out)?.is_none() {
             fs::rename(&old, out).map_err(|error| write_error(out, &error))?;
-        } else {
+        } else if out.join(SITE_FILE).is_file() {
             check_out(&old, &old, FileComparison::Bytes)?;
             remove_site(&old)?;
+        } else {
+            return Err(refuse(&old, "it is the site before, whose place has other files; move these away"));
         }
     }
     if kind_of(&new)?.is_some() {
