@@ -31,7 +31,7 @@ pub(super) async fn index(
     let catalog = state.catalog();
     let (access, credentials) = (catalog.access(), Credentials::new(&headers, &uri));
     let has_token = access.has_token(credentials);
-    let shared = access.shared(credentials).filter(|_| !has_token);
+    let shared = catalog.shared(credentials).filter(|_| !has_token);
     let is_shared = |name: &str| shared.as_ref().is_some_and(|grant| grant.city == name);
     let start = request.after.map_or(Bound::Unbounded, Bound::Excluded);
     let is_visible = |city: &&Arc<CityStore>| {

@@ -28,7 +28,7 @@ pub(super) async fn list_cities(
     let catalog = state.catalog();
     let (access, documents, credentials) = (catalog.access(), catalog.documents(), Credentials::new(&headers, &uri));
     let has_token = access.has_token(credentials);
-    let shared = access.shared(credentials).filter(|_| !has_token);
+    let shared = catalog.shared(credentials).filter(|_| !has_token);
     let made;
     let page = if request == PageRequest::default() && shared.is_none() {
         if has_token { &documents.full_list } else { &documents.public_list }
