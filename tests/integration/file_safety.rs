@@ -348,11 +348,12 @@ const FOLDERS: [&str; 5] = [
 fn folders_are_written_outside_of_kept_ones() {
     let place = Workplace::new();
     for line in FOLDERS {
-        for folder in ["city/new", "site/new", "work/new", "none/../city/new", "none/../site/new", "none/../work/new"] {
+        let of_kept = ["city", "site", "work"].map(|kept| [format!("{kept}/new"), format!("none/../{kept}/new")]);
+        for folder in of_kept.concat() {
             let before = tree(place.0.path());
-            let output = place.run(&line.replace("{}", folder));
+            let output = place.run(&line.replace("{}", &folder));
             let text = String::from_utf8_lossy(&output.stderr);
-            assert!(matches!(output.status.code(), Some(1 | 2)), "{line} to {folder}: {:?} {text}", output.status);
+            assert!(matches!(output.status.code(), Some(1..=3)), "{line} to {folder}: {:?} {text}", output.status);
             assert!(tree(place.0.path()) == before, "{line} to {folder} changed files: {text}");
             let _ = fs::remove_dir(place.path("none"));
         }
