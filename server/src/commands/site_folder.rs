@@ -118,11 +118,15 @@ impl SiteFolder {
 
 impl Drop for SiteFolder {
     fn drop(&mut self) {
-        // What cannot be removed now, the next publish names.
-        let _ = clear(&self.work, &self.out);
-        drop(self.lock.take());
-        let _ = fs::remove_file(self.work.join(LOCK));
-        let _ = fs::remove_dir(&self.work);
+        // What cannot be removed now, the next publish names: it knows the folder by the lock.
+        let is_clear = clear(&self.work, &self.out).is_ok();
+        // Held meanwhile, so that no other publish begins in the folder. Windows does not remove an open file.
+        let lock = self.lock.take().filter(|_| cfg!(unix));
+        if is_clear {
+            let _ = fs::remove_file(self.work.join(LOCK));
+            let _ = fs::remove_dir(&self.work);
+        }
+        drop(lock);
     }
 }
 
