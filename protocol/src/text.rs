@@ -9,8 +9,35 @@ pub const MAX_CHARS: usize = 8192;
 ///
 /// Line breaks and tabs become spaces. Other control characters, and characters that change the direction of text or are
 /// invisible, become escapes such as `\u{1b}`. A text of more than [`MAX_CHARS`] is cut. Everything that comes from a file,
-/// a server or an archive has to pass through here before a person sees it.
+/// a server or an archive has to pass through here before a person sees it. Addresses in it lose their users ([`without_users`]).
 pub fn printable(text: &str) -> Cow<'_, str> {
+    match without_users(text) {
+        Cow::Borrowed(text) => printable_characters(text),
+        Cow::Owned(text) => printable_characters(&text).into_owned().into(),
+    }
+}
+
+/// The text with addresses that name no users and passwords: `https://me:secret@host/city` becomes `https://host/city`.
+pub fn without_users(text: &str) -> Cow<'_, str> {
+    const SCHEME_END: &str = "://";
+    let mut plain = String::new();
+    let mut rest = text;
+    while let Some(start) = rest.find(SCHEME_END).map(|at| at + SCHEME_END.len()) {
+        let (before, after) = rest.split_at(start);
+        let is_end = |c: char| c.is_whitespace() || "/?#\"'<>\\".contains(c);
+        let authority = &after[..after.find(is_end).unwrap_or(after.len())];
+        let user = authority.rfind('@').map_or(0, |at| at + 1);
+        plain.push_str(before);
+        rest = &after[user..];
+    }
+    if plain.len() + rest.len() == text.len() {
+        return text.into();
+    }
+    plain.push_str(rest);
+    plain.into()
+}
+
+fn printable_characters(text: &str) -> Cow<'_, str> {
     if text.len() <= MAX_CHARS && !text.chars().any(is_unsafe) {
         return text.into();
     }
@@ -152,6 +179,21 @@ mod tests {
             let text = c.to_string();
             assert!(!printable(&text).chars().any(is_unsafe), "{c:?}");
         }
+    }
+
+    #[test]
+    fn users_of_addresses_are_not_shown() {
+        for (text, plain) in [
+            ("http://me:secret@h:1/a: no response", "http://h:1/a: no response"),
+            ("https://me@h and s3://a:b@c@d/e?f=g@h", "https://h and s3://d/e?f=g@h"),
+            ("{\"url\":\"http://me:secret@h\"}", "{\"url\":\"http://h\"}"),
+        ] {
+            assert_eq!(printable(text), plain);
+        }
+        for text in ["me@h, https://h/@me, https://h?a=b@c", "https://h, me@h", "://", "a://@", "ü://ü"] {
+            assert_eq!(without_users(text), text.replace("://@", "://"), "{text}");
+        }
+        assert!(matches!(without_users("https://h/a"), Cow::Borrowed(_)));
     }
 
     #[test]

@@ -118,6 +118,7 @@ fn print_and_exit(line: &[u8]) -> ! {
     // SAFETY: the file is not closed, and descriptor 2 is standard error.
     let mut error = ManuallyDrop::new(unsafe { File::from_raw_fd(2) });
     let _ = error.write_all(line);
+    remove_temporary();
     // SAFETY: POSIX's function has no preconditions.
     unsafe { _exit(1) }
 }
@@ -125,5 +126,12 @@ fn print_and_exit(line: &[u8]) -> ! {
 #[cfg(not(unix))]
 fn print_and_exit(line: &[u8]) -> ! {
     let _ = std::io::stderr().write_all(line);
+    remove_temporary();
     std::process::exit(1)
+}
+
+/// Removes copies of inputs, after the line: this allocates a little.
+fn remove_temporary() {
+    #[cfg(feature = "bake")]
+    insula_source::temporary::remove_all_unless_busy();
 }

@@ -15,7 +15,11 @@ use std::{
 };
 
 pub(crate) fn add(trials: &mut Trials) {
-    trials.add(tests![every_path_of_the_command_lines_has_a_case, outputs_replace_only_earlier_outputs]);
+    trials.add(tests![
+        every_path_of_the_command_lines_has_a_case,
+        outputs_replace_only_earlier_outputs,
+        folders_are_written_outside_of_kept_ones
+    ]);
     #[cfg(target_os = "linux")]
     trials.add(tests![inputs_that_are_no_regular_files_are_refused]);
 }
@@ -327,6 +331,31 @@ fn outputs_replace_only_earlier_outputs() {
             let before = tree(place.0.path());
             assert!(!place.run(&with("p.png")).status.success(), "{what}: two outputs of one name");
             assert!(tree(place.0.path()) == before, "{what}: two outputs of one name");
+        }
+    }
+}
+
+/// The commands that write a folder.
+const FOLDERS: [&str; 5] = [
+    "bake town.geojson --cell 4 --out {}",
+    "bake plan --inputs town.geojson --cell 4 --work {}",
+    "publish city --out {}",
+    "export city --format 3dtiles --out {}",
+    "man --out {}",
+];
+
+/// No folder is written into a city, a site or a work store, also by a path through a folder that would be created on the way.
+fn folders_are_written_outside_of_kept_ones() {
+    let place = Workplace::new();
+    for line in FOLDERS {
+        let of_kept = ["city", "site", "work"].map(|kept| [format!("{kept}/new"), format!("none/../{kept}/new")]);
+        for folder in of_kept.concat() {
+            let before = tree(place.0.path());
+            let output = place.run(&line.replace("{}", &folder));
+            let text = String::from_utf8_lossy(&output.stderr);
+            assert!(matches!(output.status.code(), Some(1..=3)), "{line} to {folder}: {:?} {text}", output.status);
+            assert!(tree(place.0.path()) == before, "{line} to {folder} changed files: {text}");
+            let _ = fs::remove_dir(place.path("none"));
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::{
     error::{ClientError, Result},
     image_files::picture_kind,
 };
-use insula_archive::new_file::replace;
+use insula_archive::{file::read_limited, new_file::replace};
 use insula_bake::read::{FACADE_ALGORITHM, FacadeOption};
 use insula_command_line::output::Outputs;
 use insula_protocol::{manifest::Attribution, text::printable};
@@ -95,7 +95,14 @@ fn unpack_demo(city: DemoCity, cache: &CacheRoot) -> Result<BakeJob> {
         let path = folder.join(name);
         if *name == INFO_FILE {
             info = serde_json::from_slice(bytes).map_err(|e| ClientError::Failed(format!("{INFO_FILE}: {e}")))?;
-        } else if fs::metadata(&path).map_or(0, |m| m.len()) != bytes.len() as u64 {
+            continue;
+        }
+        // Writing would follow it, to a file of somebody else.
+        if path.is_symlink() {
+            let what = "it is a link in the place of a file of the bundled city: remove it";
+            return Err(ClientError::Failed(format!("{}: {what}", path.display())));
+        }
+        if !read_limited(&path, bytes.len() as u64).is_ok_and(|found| found == *bytes) {
             replace(&path, bytes).map_err(ClientError::file(&path))?;
         }
     }
@@ -116,4 +123,31 @@ fn is_city_file(name: &str) -> bool {
 fn has_screen() -> bool {
     let is_set = |name| env::var_os(name).is_some_and(|value| !value.is_empty());
     !cfg!(all(unix, not(target_os = "macos"))) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bundled_files_are_unpacked_whole_and_through_no_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = CacheRoot::at(Some(folder.path())).unwrap();
+        // A program may be built without the city.
+        let Ok(job) = unpack_demo(DemoCity::Monaco, &cache) else { return };
+        let path = &job.inputs[0];
+        let good = fs::read(path).unwrap();
+        fs::write(path, vec![0; good.len()]).unwrap();
+        unpack_demo(DemoCity::Monaco, &cache).unwrap();
+        assert!(fs::read(path).unwrap() == good, "a damaged file of the same length");
+        #[cfg(unix)]
+        {
+            let other = folder.path().join("thesis");
+            fs::write(&other, "dear").unwrap();
+            fs::remove_file(path).unwrap();
+            std::os::unix::fs::symlink(&other, path).unwrap();
+            assert!(unpack_demo(DemoCity::Monaco, &cache).unwrap_err().to_string().contains("a link"));
+            assert_eq!(fs::read_to_string(&other).unwrap(), "dear");
+        }
+    }
 }

@@ -73,7 +73,8 @@ impl CacheRoot {
         Self::at(folders.as_ref().map(directories::ProjectDirs::cache_dir))
     }
 
-    fn at(folder: Option<&Path>) -> Result<Self> {
+    /// In a folder, if it can be written. Fails as [`Self::open`].
+    pub(super) fn at(folder: Option<&Path>) -> Result<Self> {
         const ADVICE: &str = "set XDG_CACHE_HOME to a folder that can be written";
         let reason = match folder {
             None => "there is no home folder".to_owned(),

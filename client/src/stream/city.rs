@@ -15,7 +15,7 @@ use insula_archive::{
 use insula_protocol::{
     Manifest,
     manifest::is_name,
-    route::{self, CITIES},
+    route::{self, CITIES, without_secrets},
     text::printable,
 };
 use insula_viewer::{
@@ -39,7 +39,7 @@ const OFFLINE_AFTER: Duration = Duration::from_secs(2);
 /// A city that can be streamed.
 #[derive(Debug, Clone)]
 pub struct OpenedCity {
-    /// URL for view links: `http://host:port/v1/cities/NAME`, or that of a web folder; empty for a local folder.
+    /// URL for view links: `http://host:port/v1/cities/NAME`, or that of a web folder, without a user; empty for a local folder.
     pub address: String,
     /// Checked manifest.
     pub manifest: Manifest,
@@ -157,7 +157,7 @@ impl CityOpener<'_> {
             Some(folder) => Arc::new(CachedCity::new(source, folder.clone(), &address, &manifest)),
             None => source,
         };
-        OpenedCity { address, manifest, source }
+        OpenedCity { address: without_secrets(&address).into_owned(), manifest, source }
     }
 
     /// `missing` is the message if there is no such file.
@@ -328,6 +328,14 @@ mod tests {
         let serve = || serve_slowly(head, body.clone(), Duration::ZERO);
         let error = open(&serve(), Some("town"), Duration::from_secs(5)).unwrap_err();
         assert!(error.to_string().contains("sent city test instead"), "{error}");
+    }
+
+    #[test]
+    fn pictures_and_links_name_no_user() {
+        let body = serde_json::to_vec(&insula_test_support::small_city::empty_manifest(3)).unwrap();
+        let base = serve_slowly("HTTP/1.1 200 OK\r\nconnection: close\r\n\r\n", body, Duration::ZERO);
+        let opened = open(&base.replace("//", "//me:secret@"), Some("test"), Duration::from_secs(5)).unwrap();
+        assert_eq!(opened.address, format!("{base}/v1/cities/test"));
     }
 
     #[test]

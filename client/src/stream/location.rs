@@ -4,7 +4,7 @@ use crate::error::{ClientError, Result};
 use insula_archive::city::MANIFEST_FILE;
 use insula_protocol::{
     manifest::is_name,
-    route::{self, CITIES},
+    route::{self, CITIES, without_secrets},
 };
 use std::{
     ffi::OsStr,
@@ -87,12 +87,12 @@ impl CityLocation {
 }
 
 impl fmt::Display for CityLocation {
-    /// As it may be shown: without the share link.
+    /// As it may be shown: without the share link and the user.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Server { base, name: Some(name), .. } => write!(f, "{base}{CITIES}/{name}"),
-            Self::Server { base, .. } => f.write_str(base),
-            Self::WebFolder(base) => write!(f, "{base}/"),
+            Self::Server { base, name: Some(name), .. } => write!(f, "{}{CITIES}/{name}", without_secrets(base)),
+            Self::Server { base, .. } => f.write_str(&without_secrets(base)),
+            Self::WebFolder(base) => write!(f, "{}/", without_secrets(base)),
             Self::Folder(path) => write!(f, "{}", path.display()),
         }
     }
@@ -163,6 +163,17 @@ mod tests {
         {
             let error = CityLocation::parse(invalid).unwrap_err();
             assert!(error.exit_code() == 2 && !error.to_string().contains("secret"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_user_is_not_shown() {
+        for (place, shown) in [
+            ("https://me:secret@h/maps/delft", "https://h/maps/delft/"),
+            ("http://me@h:1", "http://h:1"),
+            ("http://me:secret@h/v1/cities/delft", "http://h/v1/cities/delft"),
+        ] {
+            assert_eq!(CityLocation::parse(place).unwrap().to_string(), shown);
         }
     }
 

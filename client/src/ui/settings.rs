@@ -17,6 +17,8 @@ const MAX_BYTES: u64 = 4 << 20;
 const MAX_BOOKMARKS: usize = 200;
 /// Longest name of a bookmark, in characters.
 const MAX_NAME: usize = 80;
+/// Most damaged files that are kept.
+const MAX_DAMAGED: u32 = 100;
 /// Smallest and largest side of the window, in points.
 const WINDOW_SIDES: RangeInclusive<u32> = 100..=16_384;
 
@@ -78,10 +80,12 @@ impl UserSettings {
             Ok(settings) => return (settings, None),
             Err(error) => error,
         };
-        let renamed = path.with_extension("damaged.json");
-        let outcome = match fs::rename(path, &renamed) {
-            Ok(()) => format!("renamed to {}", renamed.display()),
-            Err(_) => "it will be overwritten".to_owned(),
+        // An earlier one may have bookmarks that somebody wants back.
+        let mut names = (1..=MAX_DAMAGED).map(|number| path.with_extension(format!("damaged-{number}.json")));
+        let unused = names.find(|name| name.symlink_metadata().is_err());
+        let outcome = match unused.filter(|name| fs::rename(path, name).is_ok()) {
+            Some(renamed) => format!("renamed to {}", renamed.display()),
+            None => "it will be overwritten".to_owned(),
         };
         let note = format!("{}: settings cannot be used ({error}): {outcome}, using the defaults", path.display());
         (Self::default(), Some(note))
@@ -177,11 +181,16 @@ mod tests {
         let folder = folder("damaged");
         let path = folder.join("settings.json");
         let wrong_camera = r#"{"bookmarks":{"a":[{"name":"b","camera":{"position":[0,0,0],"target":[0,0,0]}}]}}"#;
-        for damaged in ["", "{", "7", r#"{"tau_px":"x"}"#, r#"{"tau_px":0}"#, r#"{"window":[1,1]}"#, wrong_camera] {
+        for (damaged, number) in
+            ["", "{", "7", r#"{"tau_px":"x"}"#, r#"{"tau_px":0}"#, r#"{"window":[1,1]}"#, wrong_camera]
+                .into_iter()
+                .zip(1..)
+        {
             fs::write(&path, damaged).unwrap();
             let (settings, note) = UserSettings::load(&path);
             assert!(settings == UserSettings::default() && note.unwrap().contains("settings.json"), "{damaged}");
-            assert!(!path.exists() && fs::read_to_string(folder.join("settings.damaged.json")).unwrap() == damaged);
+            let kept = folder.join(format!("settings.damaged-{number}.json"));
+            assert!(!path.exists() && fs::read_to_string(kept).unwrap() == damaged);
         }
         fs::write(&path, r#"{"tau_px":3,"of_a_later_version":1}"#).unwrap();
         assert_eq!(UserSettings::load(&path).0.tau_px, 3.0);

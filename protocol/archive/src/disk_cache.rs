@@ -4,7 +4,11 @@
 //! modification time is that of its last use. So the cache survives restarts, several processes may share it, and a full or
 //! failing disk costs a fetch but gives no wrong byte. The files that were used longest ago are removed first.
 
-use crate::{file::open_regular, limits::MAX_READ_BYTES};
+use crate::{
+    file::open_regular,
+    limits::MAX_READ_BYTES,
+    places::{kept_folder, kept_folder_above},
+};
 use bytes::Bytes;
 use std::{
     collections::HashMap,
@@ -20,6 +24,8 @@ use std::{
 
 const CHECKSUM_BYTES: usize = 32;
 const MAX_KEY_BYTES: usize = 200;
+/// Digits of a hash in a key.
+const HASH_DIGITS: usize = 32;
 /// Longest file, however large the cache is.
 const MAX_FILE_BYTES: u64 = MAX_READ_BYTES + CHECKSUM_BYTES as u64;
 /// Most files, however small.
@@ -29,7 +35,8 @@ const STALE: Duration = Duration::from_secs(600);
 const UNFINISHED: &str = ".part";
 
 /// A bounded folder of bytes by key. Keys are 1 to 200 of `a-z`, `0-9`, `_` and `-`; the file of a key is `KEY.EXTENSION`.
-/// Files of other names are never touched.
+/// Files of other names are never touched. Only those whose key has a word of 32 hexadecimal digits are counted, and removed when there are
+/// too many: others may be somebody else's.
 #[derive(Debug)]
 pub struct DiskCache {
     folder: PathBuf,
@@ -59,8 +66,13 @@ struct CachedFile {
 }
 
 impl DiskCache {
-    /// Opens or creates a cache of at most `max_bytes`. Fails if the folder cannot be created or read.
+    /// Opens or creates a cache of at most `max_bytes`. Fails if the folder cannot be created or read, or if it is one that the programs
+    /// keep for other things.
     pub fn open(folder: &Path, extension: &'static str, max_bytes: u64) -> io::Result<Self> {
+        let above = || kept_folder_above(folder).map(|(_, kind)| kind);
+        if let Some(kind) = kept_folder(folder).or_else(above) {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, format!("it is, or lies in, {kind}")));
+        }
         fs::create_dir_all(folder)?;
         let cache = Self {
             folder: folder.to_owned(),
@@ -125,7 +137,9 @@ impl DiskCache {
         }
         let serial = self.serial.fetch_add(1, Ordering::Relaxed);
         let unfinished = path.with_extension(format!("{}.{}-{serial}{UNFINISHED}", self.extension, std::process::id()));
-        write_file(&unfinished, bytes).and_then(|()| fs::rename(&unfinished, &path)).inspect_err(|_| {
+        // One that exists is another process's, also in a container, where each has the same number.
+        let file = File::create_new(&unfinished)?;
+        write_all(file, bytes).and_then(|()| fs::rename(&unfinished, &path)).inspect_err(|_| {
             let _ = fs::remove_file(&unfinished);
         })?;
         let must_scan = {
@@ -175,7 +189,7 @@ impl DiskCache {
         let mut files = Vec::new();
         for entry in fs::read_dir(&self.folder)?.flatten() {
             let (Ok(about), Ok(name)) = (entry.metadata(), entry.file_name().into_string()) else { continue };
-            let Some((key, rest)) = name.split_once('.').filter(|(key, _)| is_key(key)) else { continue };
+            let Some((key, rest)) = name.split_once('.').filter(|(key, _)| is_own(key)) else { continue };
             let Some(rest) = rest.strip_prefix(self.extension).filter(|_| about.is_file()) else { continue };
             let used = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             if rest.is_empty() {
@@ -194,9 +208,15 @@ fn is_key(key: &str) -> bool {
         && key.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_' || b == b'-')
 }
 
+/// Whether a key is certainly one of a program: it has a hash.
+fn is_own(key: &str) -> bool {
+    let is_hash =
+        |word: &str| word.len() >= HASH_DIGITS && word.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'));
+    is_key(key) && key.split('-').any(is_hash)
+}
+
 /// The system's own modification times are coarser than the order of uses.
-fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = File::create_new(path)?;
+fn write_all(mut file: File, bytes: &[u8]) -> io::Result<()> {
     file.write_all(blake3::hash(bytes).as_bytes())?;
     file.write_all(bytes)?;
     file.set_modified(SystemTime::now())
@@ -205,6 +225,10 @@ fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn key(name: &str) -> String {
+        format!("{name}-{}", "0".repeat(HASH_DIGITS))
+    }
 
     fn cache(folder: &Path, max_bytes: u64) -> DiskCache {
         DiskCache::open(folder, "tile", max_bytes).unwrap()
@@ -219,11 +243,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let cache = cache(folder.path(), 10 * 132);
         for number in 0..30u8 {
-            cache.write(&format!("k-{number:x}"), &[number; 100]).unwrap();
-            assert_eq!(cache.read("k-0").unwrap(), &[0; 100][..], "it is in use");
+            cache.write(&key(&format!("k{number:x}")), &[number; 100]).unwrap();
+            assert_eq!(cache.read(&key("k0")).unwrap(), &[0; 100][..], "it is in use");
             assert!(bytes_on_disk(folder.path()) <= 10 * 132 && cache.bytes() == bytes_on_disk(folder.path()));
         }
-        assert!(cache.read("k-5").is_none() && !cache.contains("k-5") && cache.contains("k-1d"));
+        let [old, new] = ["k5", "k1d"].map(key);
+        assert!(cache.read(&old).is_none() && !cache.contains(&old) && cache.contains(&new));
         cache.write("huge", &[0; 2000]).unwrap();
         assert!(!cache.contains("huge"));
     }
@@ -232,29 +257,49 @@ mod tests {
     fn survives_restarts_and_leaves_foreign_files_alone() {
         let folder = tempfile::tempdir().unwrap();
         let first = cache(folder.path(), 1000);
-        for key in ["a", "b"] {
-            first.write(key, key.as_bytes()).unwrap();
-        }
-        first.replace("b", b"other").unwrap();
+        let [a, b] = ["a", "b"].map(key);
+        first.write(&a, b"a").unwrap();
+        first.write(&b, b"b").unwrap();
+        first.replace(&b, b"other").unwrap();
         drop(first);
-        let foreign = ["notes.txt", "a", "A.tile", "a.tiles", "x.part", ".tile", "a.block"];
+        let foreign =
+            ["notes.txt", "a", "A.tile", "a.tiles", "x.part", ".tile", "a.block", "roof.tile", "my-2024.tile"];
         for name in foreign {
             fs::write(folder.path().join(name), [0; 2000]).unwrap();
         }
         fs::create_dir(folder.path().join("folder.tile")).unwrap();
-        for (name, age_secs) in [("a.tile.7-0.part", 3600), ("b.tile.7-1.part", 0)] {
+        let [stale, fresh] = [format!("{a}.tile.7-0.part"), format!("{b}.tile.7-1.part")];
+        for (name, age_secs) in [(&stale, 3600), (&fresh, 0)] {
             let file = File::create(folder.path().join(name)).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_secs(age_secs)).unwrap();
         }
         let again = cache(folder.path(), 1000);
-        assert_eq!(again.read("a").unwrap(), &b"a"[..]);
-        assert_eq!(again.read("b").unwrap(), &b"other"[..]);
-        assert!(!folder.path().join("a.tile.7-0.part").exists(), "left by an interrupted process");
-        assert!(folder.path().join("b.tile.7-1.part").exists(), "another process may be writing it");
+        assert_eq!(again.read(&a).unwrap(), &b"a"[..]);
+        assert_eq!(again.read(&b).unwrap(), &b"other"[..]);
+        assert!(!folder.path().join(stale).exists(), "left by an interrupted process");
+        assert!(folder.path().join(fresh).exists(), "another process may be writing it");
         assert!(foreign.iter().all(|name| folder.path().join(name).exists()));
         drop(again);
         let smaller = cache(folder.path(), 50);
-        assert!(smaller.bytes() <= 50 && smaller.contains("b"), "the bound may be lowered");
+        assert!(smaller.bytes() <= 50 && smaller.contains(&b), "the bound may be lowered");
+        assert!(foreign.iter().all(|name| folder.path().join(name).exists()));
+        assert!(DiskCache::open(&folder.path().join("folder.tile"), "tile", 50).is_ok());
+        fs::write(folder.path().join("folder.tile").join(crate::places::WORK_FILE), "").unwrap();
+        for kept in ["folder.tile", "folder.tile/new"] {
+            assert!(DiskCache::open(&folder.path().join(kept), "tile", 50).is_err(), "{kept}");
+        }
+    }
+
+    #[test]
+    fn an_unfinished_file_of_another_process_of_this_number_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = cache(folder.path(), 1000);
+        let other = folder.path().join(format!("a.tile.{}-0{UNFINISHED}", std::process::id()));
+        fs::write(&other, "half").unwrap();
+        assert!(cache.write("a", b"a").is_err());
+        assert_eq!(fs::read_to_string(&other).unwrap(), "half");
+        cache.write("a", b"a").unwrap();
+        assert_eq!(cache.read("a").unwrap(), &b"a"[..]);
     }
 
     #[test]
@@ -301,7 +346,7 @@ mod tests {
         assert!(a.read("x").is_none() && !a.contains("x"));
         for number in 0..40 {
             let cache = if number % 2 == 0 { &a } else { &b };
-            cache.write(&format!("k{number}"), &[1; 100]).unwrap();
+            cache.write(&key(&format!("k{number}")), &[1; 100]).unwrap();
             assert!(bytes_on_disk(folder.path()) <= 2000 + 2 * 200, "each looks again after a tenth");
         }
     }

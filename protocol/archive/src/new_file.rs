@@ -10,6 +10,8 @@ use std::{
 
 /// Distinguishes the files of one process.
 static NEXT: AtomicU32 = AtomicU32::new(0);
+/// Names that are tried for a file.
+const MAX_TRIES: u32 = 10_000;
 
 /// A file under a temporary name beside its own. It is removed unless it is committed. A device or a pipe is written directly.
 #[derive(Debug)]
@@ -34,9 +36,7 @@ impl NewFile {
         if path.file_name().is_none() || found.as_ref().is_some_and(fs::Metadata::is_dir) {
             return Err(io::Error::new(io::ErrorKind::IsADirectory, "not the name of a file"));
         }
-        let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let partial = path.with_file_name(OsString::from(format!(".insula-{}-{number}.tmp", std::process::id())));
-        let file = File::options().read(true).write(true).create_new(true).open(&partial)?;
+        let (partial, file) = create_beside(&path)?;
         if let Some(found) = found {
             // Who could read the old file can read the new one. Some file systems have no permissions.
             let _ = file.set_permissions(found.permissions());
@@ -63,6 +63,21 @@ impl NewFile {
             let _ = File::open(folder).and_then(|folder| folder.sync_all());
         }
         Ok(bytes)
+    }
+}
+
+/// Creates a file of an unused name. Names of this process may be taken: in a container each program has the same number, and one that was
+/// killed leaves its files.
+fn create_beside(path: &Path) -> io::Result<(PathBuf, File)> {
+    let mut tries = 0;
+    loop {
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let partial = path.with_file_name(OsString::from(format!(".insula-{}-{number}.tmp", std::process::id())));
+        tries += 1;
+        match File::options().read(true).write(true).create_new(true).open(&partial) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists && tries < MAX_TRIES => {}
+            opened => return opened.map(|file| (partial, file)),
+        }
     }
 }
 
@@ -111,5 +126,19 @@ mod tests {
             assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
             replace(Path::new("/dev/null"), b"x").unwrap();
         }
+    }
+    #[test]
+    fn files_that_a_killed_program_of_the_same_number_left_are_passed_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json");
+        // Other tests of this process take numbers, too.
+        let next = NEXT.load(Ordering::Relaxed);
+        let left = |number: u32| folder.path().join(format!(".insula-{}-{number}.tmp", std::process::id()));
+        for number in next..next + 100 {
+            fs::write(left(number), "left").unwrap();
+        }
+        replace(&path, b"whole").unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "whole");
+        assert!((next..next + 100).all(|number| fs::read_to_string(left(number)).unwrap() == "left"));
     }
 }

@@ -45,6 +45,7 @@ impl fmt::Display for KeptFolder {
 
 /// What a folder is by its marker; `None` if it is somebody else's, or cannot be read.
 pub fn kept_folder(folder: &Path) -> Option<KeptFolder> {
+    let folder = &canonical(folder);
     let is_file = |name: &str| fs::symlink_metadata(folder.join(name)).is_ok_and(|found| found.is_file());
     if is_file(WORK_FILE) {
         return Some(KeptFolder::WorkStore);
@@ -77,16 +78,22 @@ pub fn has_manifest(folder: &Path) -> bool {
         && has("settings", Value::is_string)
 }
 
-/// The path without links, as far as it exists.
+/// The path without links and `..`, as far as it exists. What does not exist is taken for folders that are to be created.
 pub fn canonical(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     if let Ok(found) = fs::canonicalize(&absolute) {
         return found;
     }
-    match (absolute.parent(), absolute.file_name()) {
-        (Some(parent), Some(name)) => canonical(parent).join(name),
-        _ => absolute,
+    let Some(mut plain) = absolute.parent().map(canonical) else { return absolute };
+    match absolute.file_name() {
+        Some(name) => plain.push(name),
+        // It ends in `..`.
+        None => {
+            plain.pop();
+        }
     }
+    // A folder that is not there may be left again by `..`, to one that is.
+    fs::canonicalize(&plain).unwrap_or(plain)
 }
 
 #[cfg(test)]
@@ -113,10 +120,16 @@ mod tests {
         assert_eq!(above("work/scan/../scan/0"), Some(KeptFolder::WorkStore));
         assert_eq!(above("partial/x"), Some(KeptFolder::Scratch));
         assert_eq!((above("source/city.json"), above("city")), (None, None));
+        assert_eq!(kept_folder(&path("none/../city")), Some(KeptFolder::City));
+        // Where folders are created on the way.
+        assert_eq!(above("none/../city/x"), Some(KeptFolder::City));
+        assert_eq!(above("none/more/../../site/assets/new/../x"), Some(KeptFolder::Site));
+        assert_eq!(canonical(&path("none/../source/../new")), canonical(folder.path()).join("new"));
         #[cfg(unix)]
         {
             std::os::unix::fs::symlink(path("city"), path("link")).unwrap();
             assert_eq!(above("link/x"), Some(KeptFolder::City));
+            assert_eq!(above("none/../link/x"), Some(KeptFolder::City));
         }
     }
 }

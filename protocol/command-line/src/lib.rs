@@ -14,6 +14,7 @@ use insula_archive::{file::open_regular, new_file::replace};
 use insula_protocol::text::printable;
 use output::{FileKind, Outputs};
 use std::{
+    borrow::Cow,
     ffi::OsString,
     fs,
     io::{self, Write},
@@ -76,7 +77,17 @@ fn subcommand_of(program: &Command, line: impl IntoIterator<Item = OsString>) ->
 
 /// The text in one line that is safe to print.
 pub fn one_line(text: &str) -> String {
-    printable(&text.split_whitespace().collect::<Vec<_>>().join(" ")).into_owned()
+    printable(&text.split_whitespace().map(without_query).collect::<Vec<_>>().join(" ")).into_owned()
+}
+
+/// A word without the query of an address in it, which may be a signature.
+fn without_query(word: &str) -> Cow<'_, str> {
+    let start = ["http://", "https://", "s3://"].iter().filter_map(|scheme| word.find(scheme)).min();
+    let Some(query) = start.and_then(|start| Some(start + word[start..].find('?')?)) else { return word.into() };
+    let (plain, query) = word.split_at(query);
+    // What follows belongs to the sentence.
+    let end = query.trim_end_matches([':', ';', ',', '.', ')', '"', '\'', '>']).len();
+    format!("{plain}{}", &query[end..]).into()
 }
 
 /// The tolerated screen-space error in pixels, 0.1 to 1000. Fails with what was expected.
@@ -199,6 +210,17 @@ mod tests {
         let unknown = error(&["town", "dance"]);
         assert_eq!(unknown, "error: unrecognized subcommand 'dance'; see town --help");
         assert!(error(&["town", "build", "--storey", "1"]).contains("tip: "));
+    }
+
+    #[test]
+    fn errors_have_no_secrets_of_addresses() {
+        for (text, shown) in [
+            ("https://me:a@h/x.gml?sig=b: no such file", "https://h/x.gml: no such file"),
+            ("\"s3://h/x?sig=b\", (http://h?sig=b); what?", "\"s3://h/x\", (http://h); what?"),
+            ("write insula://host/v1/cities/NAME?camera=...", "write insula://host/v1/cities/NAME?camera=..."),
+        ] {
+            assert_eq!(one_line(text), shown);
+        }
     }
 
     #[test]

@@ -1,7 +1,10 @@
 //! The log of a program on standard error.
 
-use insula_protocol::text::printable;
-use std::{env, io::IsTerminal};
+use insula_protocol::text::{printable, without_users};
+use std::{
+    env,
+    io::{self, IsTerminal, Write},
+};
 use tracing_subscriber::{
     field::MakeExt,
     filter::Targets,
@@ -15,8 +18,10 @@ use tracing_subscriber::{
 pub fn start(levels: &str, json: bool) {
     let chosen = env::var("RUST_LOG").ok().filter(|text| !text.is_empty()).and_then(|text| text.parse().ok());
     let filter: Targets = chosen.or_else(|| levels.parse().ok()).unwrap_or_default();
-    let (registry, lines) =
-        (tracing_subscriber::registry(), tracing_subscriber::fmt::layer().with_writer(std::io::stderr));
+    let (registry, lines) = (
+        tracing_subscriber::registry(),
+        tracing_subscriber::fmt::layer().with_writer(|| WithoutUsers(std::io::stderr())),
+    );
     let _ = if json {
         let lines = lines.json().flatten_event(true).with_current_span(false).with_span_list(false);
         registry.with(lines.with_filter(filter)).try_init()
@@ -24,6 +29,20 @@ pub fn start(levels: &str, json: bool) {
         let lines = lines.fmt_fields(printable_fields()).with_ansi(std::io::stderr().is_terminal());
         registry.with(lines.with_filter(filter)).try_init()
     };
+}
+
+/// Writes lines, which come as a whole, without users and passwords of addresses.
+struct WithoutUsers<W>(W);
+
+impl<W: Write> Write for WithoutUsers<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write_all(without_users(&String::from_utf8_lossy(bytes)).as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
 }
 
 /// Writes fields as tracing does, but on one line and without anything that a terminal obeys: errors quote what is in files.
@@ -38,10 +57,7 @@ fn printable_fields() -> impl for<'writer> FormatFields<'writer> + Send + Sync +
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::{
-        io::Write,
-        sync::{Arc, Mutex},
-    };
+    use std::sync::{Arc, Mutex};
 
     #[derive(Clone, Default)]
     struct Log(Arc<Mutex<Vec<u8>>>);
@@ -70,5 +86,16 @@ mod tests {
         let line = text.strip_suffix('\n').unwrap();
         assert_eq!(printable(line), line);
         assert!(line.contains("cannot open a\\u{1b}[2J\\u{9b}31m ERROR forged\\u{202e} error=a\\u{1b}"), "{line}");
+    }
+    #[test]
+    fn no_line_has_the_password_of_an_address() {
+        let log = Log::default();
+        let writer = log.clone();
+        let subscriber = tracing_subscriber::fmt().json().with_writer(move || WithoutUsers(writer.clone())).finish();
+        tracing::subscriber::with_default(subscriber, || {
+            tracing::error!(place = "https://me:secret@h/city", "cannot read http://me:secret@h");
+        });
+        let text = String::from_utf8(log.0.lock().unwrap().clone()).unwrap();
+        assert!(text.contains("\"https://h/city\"") && !text.contains("secret"), "{text}");
     }
 }

@@ -212,18 +212,20 @@ impl Outputs {
         if let Some(kind) = kept_folder(path).filter(|kind| Some(*kind) != own) {
             return refuse(format!("it is {kind}; write elsewhere"));
         }
+        // The path may lead through folders that are still to be created.
+        let place = canonical(path);
         for input in &self.inputs {
-            if canonical(input).starts_with(canonical(path)) {
+            if canonical(input).starts_with(&place) {
                 return refuse(format!("it is, or contains, the input {}; write elsewhere", input.display()));
             }
         }
-        match fs::metadata(path) {
+        match fs::metadata(&place) {
             Ok(found) if !found.is_dir() => {
                 return refuse("a file or link with this name exists; give another name".to_owned());
             }
             Ok(_) => {
-                let is_empty = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
-                if !is_empty && !self.may_overwrite && !is_own(path) {
+                let is_empty = fs::read_dir(&place).is_ok_and(|mut entries| entries.next().is_none());
+                if !is_empty && !self.may_overwrite && !is_own(&place) {
                     return refuse(
                         "it has files that this command did not write; give another name, or --overwrite".to_owned(),
                     );
@@ -394,9 +396,10 @@ mod tests {
         assert!(check("empty", false).is_ok() && check("new", false).is_ok() && check("mine/in/new", false).is_ok());
         fs::write(path("empty/a"), "dear").unwrap();
         assert!(check("empty", false).is_err() && check("empty", true).is_ok());
-        for refused in ["mine", "site", "site/new", "site/insula-site.json"] {
+        for refused in ["mine", "site", "site/new", "site/insula-site.json", "none/../mine", "none/../site/new"] {
             assert!(check(refused, true).is_err(), "{refused}");
         }
+        assert!(check("none/../empty", false).is_err() && check("none/../other", false).is_ok());
     }
 
     #[test]

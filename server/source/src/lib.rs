@@ -21,6 +21,7 @@ pub mod report;
 pub mod ring_inside;
 pub mod source;
 pub mod subject;
+pub mod temporary;
 pub mod testing;
 pub mod text;
 pub mod texture;

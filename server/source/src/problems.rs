@@ -36,6 +36,14 @@ pub const OPEN_END: &str = "coastline ends within the map, drawn straight on to 
 pub const CONTRADICTION: &str = "coastline with land on both sides, or water, left out";
 /// It has too many nodes.
 pub const TOO_MANY: &str = "coastline with too many nodes, no sea made";
+/// Kinds of the problems that attributes or features are lost with the table that they are in: there is none.
+pub const NO_ATTRIBUTES: &str = "no attributes";
+/// It cannot be read.
+pub const DAMAGED_ATTRIBUTES: &str = "damaged attributes";
+/// It ends early.
+pub const FEWER_ATTRIBUTES: &str = "fewer attributes than shapes";
+/// It is none of features that may be read.
+pub const NO_TABLE: &str = "view, virtual or missing table not read";
 /// Kind of the problem that a picture from above has nothing to lie on.
 pub const PICTURE_ALONE: &str = "picture without an elevation model, not drawn";
 /// Kind of the problem that it is of another place.

@@ -1,7 +1,7 @@
 //! Files that are read in any order: on disk, or in a bucket.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -10,6 +10,7 @@ use bytes::Bytes;
 use lru::LruCache;
 
 use super::address_reader::AddressReader;
+use super::temporary::{self, TemporaryFile};
 
 /// Bytes of one request to a bucket.
 const BLOCK_BYTES: u64 = 4 << 20;
@@ -20,16 +21,13 @@ const KEPT_BLOCKS: NonZeroUsize = NonZeroUsize::new(16).unwrap();
 #[derive(Debug)]
 pub struct LocalFile {
     pub path: PathBuf,
-    pub copy: Option<tempfile::TempPath>,
+    pub copy: Option<TemporaryFile>,
 }
 
 /// Copies bytes to a temporary file.
 pub fn copy_to_disk(reader: &mut dyn Read) -> io::Result<LocalFile> {
-    let mut file = tempfile::NamedTempFile::new()?;
-    io::copy(reader, &mut file)?;
-    file.flush()?;
-    let copy = file.into_temp_path();
-    Ok(LocalFile { path: copy.to_path_buf(), copy: Some(copy) })
+    let copy = temporary::file_of(reader)?;
+    Ok(LocalFile { path: copy.path().to_owned(), copy: Some(copy) })
 }
 
 /// A file that is read in any order. Cheap to clone.

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::attributes::{AttributeValue, Attributes};
 use super::object::FeatureKind;
 use super::problems::{
-    CONTRADICTION, EITHER_ORDER, FAR, FAR_PICTURE, FAR_TERRAIN, GAP, GUESSED, GUESSED_FROM_LEVELS, INEXACT,
-    MISSING_GROUND, MISSING_HEIGHTS, NO_CRS, NO_GROUND_HEIGHT, OPEN_END, OUTSIDE, PICTURE_ALONE, SWAPPED, TOO_MANY,
-    TOO_WIDE, UNIT_GUESSED, WIDE,
+    CONTRADICTION, DAMAGED_ATTRIBUTES, EITHER_ORDER, FAR, FAR_PICTURE, FAR_TERRAIN, FEWER_ATTRIBUTES, GAP, GUESSED,
+    GUESSED_FROM_LEVELS, INEXACT, MISSING_GROUND, MISSING_HEIGHTS, NO_ATTRIBUTES, NO_CRS, NO_GROUND_HEIGHT, NO_TABLE,
+    OPEN_END, OUTSIDE, PICTURE_ALONE, SWAPPED, TOO_MANY, TOO_WIDE, UNIT_GUESSED, WIDE,
 };
 
 /// More guessed heights than this share of all are worth a warning.
@@ -414,10 +414,12 @@ impl ReadReport {
         all.into_iter()
     }
 
-    /// All warnings for the user: what was guessed, and what lies far from the rest.
+    /// All warnings for the user: what was guessed, what lies far from the rest, and what is lost as a whole.
     pub fn warnings(&self) -> impl Iterator<Item = String> {
         let of_objects = self.far_warnings().chain(self.wide_warnings()).chain(self.coast_warnings());
-        of_objects.chain(self.guess_warnings()).chain(self.problems_of(&[PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN]))
+        let lost =
+            &[NO_ATTRIBUTES, DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_TABLE, PICTURE_ALONE, FAR_PICTURE, FAR_TERRAIN];
+        of_objects.chain(self.guess_warnings()).chain(self.problems_of(lost))
     }
 
     /// Which objects lie far from the city, of each source with such, what is baked, and what to do.
@@ -538,6 +540,15 @@ mod tests {
         let expected = "a: 1 object is far from the city, left out: tokyo: 9000 km away; 1 object is baked; check the coordinates, \
             or bake each place as a city of its own";
         assert_eq!(warnings, [expected]);
+    }
+
+    #[test]
+    fn a_table_that_is_lost_is_a_warning() {
+        let mut report = SourceReport::new("a.shp", SourceFormat::Shapefile, 1);
+        report.problem(DAMAGED_ATTRIBUTES, || "a.dbf: the file ends within its header".to_owned());
+        let read = ReadReport { sources: vec![report], ..ReadReport::default() };
+        let expected = "a.shp: damaged attributes: a.dbf: the file ends within its header";
+        assert_eq!(read.warnings().collect::<Vec<_>>(), [expected]);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use insula_bake::read::{AddressReader, ListedObject};
 use insula_command_line::http::{self, Elsewhere, Redirects};
 use insula_protocol::route::{host_of, without_secrets};
 use object_store::{ObjectMeta, ObjectStore, ObjectStoreExt as _, aws::AmazonS3, path::Path as ObjectPath};
-use reqwest::header::LOCATION;
+use reqwest::{StatusCode, header::LOCATION};
 use std::{
     cell::RefCell,
     collections::{HashMap, hash_map::Entry},
@@ -80,16 +80,19 @@ impl Fetcher {
         let start = Instant::now();
         let response = self.client.get(url).send().await.map_err(network_error)?;
         let status = response.status();
-        if status.is_redirection() {
-            let to = response.headers().get(LOCATION).and_then(|to| to.to_str().ok()).unwrap_or("nowhere");
-            let host = host_of(to).unwrap_or("HOST");
-            let what = format!(
-                "{shown} redirects to {}, another host: allow it with --allow-host {host}",
-                without_secrets(to)
-            );
+        let to = response.headers().get(LOCATION).and_then(|to| to.to_str().ok());
+        if let Some(to) = to.filter(|_| status.is_redirection()) {
+            // Other schemes, such as `file:`, are never followed.
+            let is_web = ["http://", "https://"].iter().any(|scheme| to.starts_with(scheme));
+            let advice = match host_of(to).filter(|_| is_web) {
+                Some(host) => format!("allow it with --allow-host {host}"),
+                None => "give the address of the file itself".to_owned(),
+            };
+            let what = format!("{shown} redirects to {}, another host: {advice}", without_secrets(to));
             return Err(io::Error::new(io::ErrorKind::PermissionDenied, what));
         }
-        if !status.is_success() {
+        // A part of the file, which nobody asked for, would be taken for all of it.
+        if !matches!(status, StatusCode::OK | StatusCode::NON_AUTHORITATIVE_INFORMATION) {
             let not_found = matches!(status.as_u16(), 404 | 410);
             let kind = if not_found { io::ErrorKind::NotFound } else { io::ErrorKind::Other };
             return Err(io::Error::new(kind, format!("{shown}: the server answers {status}")));

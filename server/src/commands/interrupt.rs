@@ -23,6 +23,7 @@ pub(super) fn watch(
         });
         if let Some(number) = number {
             farewell();
+            insula_source::temporary::remove_all();
             end_by(number);
         }
     };

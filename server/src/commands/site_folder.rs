@@ -118,11 +118,15 @@ impl SiteFolder {
 
 impl Drop for SiteFolder {
     fn drop(&mut self) {
-        // What cannot be removed now, the next publish names.
-        let _ = clear(&self.work, &self.out);
-        drop(self.lock.take());
-        let _ = fs::remove_file(self.work.join(LOCK));
-        let _ = fs::remove_dir(&self.work);
+        // What cannot be removed now, the next publish names: it knows the folder by the lock.
+        let is_clear = clear(&self.work, &self.out).is_ok();
+        // Held meanwhile, so that no other publish begins in the folder. Windows does not remove an open file.
+        let lock = self.lock.take().filter(|_| cfg!(unix));
+        if is_clear {
+            let _ = fs::remove_file(self.work.join(LOCK));
+            let _ = fs::remove_dir(&self.work);
+        }
+        drop(lock);
     }
 }
 
@@ -172,15 +176,19 @@ fn claim(work: &Path) -> Result<File, CommandError> {
 }
 
 /// Ends what a publish left in its work folder: the site before gets its place again if that is free. Fails if there are files that no
-/// publish wrote, which stay.
+/// publish wrote, which stay, or if the site before has no place.
 fn clear(work: &Path, out: &Path) -> Result<(), CommandError> {
     let (new, old, journal) = (work.join(NEW), work.join(OLD), work.join(FILES));
     if kind_of(&old)?.is_some() {
+        // It fails for a folder that is not empty.
+        let _ = fs::remove_dir(out);
         if kind_of(out)?.is_none() {
             fs::rename(&old, out).map_err(|error| write_error(out, &error))?;
-        } else {
+        } else if out.join(SITE_FILE).is_file() {
             check_out(&old, &old, FileComparison::Bytes)?;
             remove_site(&old)?;
+        } else {
+            return Err(refuse(&old, "it is the site before, whose place has other files; move these away"));
         }
     }
     if kind_of(&new)?.is_some() {

@@ -4,6 +4,7 @@ use super::{
     addresses::Addresses,
     bake::{duplicates, height_unit, kind_filter, placing},
     error::CommandError,
+    interrupt,
     output::{print, print_json},
 };
 use crate::args::InspectArgs;
@@ -47,6 +48,8 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
         skip_bad_inputs: true,
         ..ReadOptions::default()
     };
+    // Which removes the copies of unpacked inputs.
+    interrupt::watch(None, || {}, || {});
     let last = Cell::new(Instant::now());
     let progress = |ReadProgress { bytes_done, bytes_total }: ReadProgress| {
         if std::io::stderr().is_terminal() && last.get().elapsed() > PROGRESS_INTERVAL {

@@ -117,7 +117,7 @@ impl AccessControl {
         found && scheme.eq_ignore_ascii_case(b"bearer ")
     }
 
-    /// What the request's share link opens, if it has a valid one.
+    /// What the request's share link opens, if it has a valid one: the version of its city is for the caller to check.
     pub(super) fn shared(&self, credentials: Credentials<'_>) -> Option<ShareGrant> {
         self.share_keys.verify(credentials.link?, SystemTime::now())
     }

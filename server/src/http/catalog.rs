@@ -1,7 +1,10 @@
 //! The cities that are served, with their encoded documents and access rules.
 
-use super::{access_control::AccessControl, city_documents::CityDocuments};
-use crate::store::Store;
+use super::{
+    access_control::{AccessControl, Credentials},
+    city_documents::CityDocuments,
+};
+use crate::{share_link::ShareGrant, store::Store};
 use std::sync::Arc;
 
 /// Open cities, their documents and their access rules; replaced as one value.
@@ -39,5 +42,12 @@ impl Catalog {
 
     pub(super) fn access(&self) -> &Arc<AccessControl> {
         &self.access
+    }
+
+    /// What the request's share link opens in lists, if it has a valid one: not the present version of a city if it is for another one.
+    pub(super) fn shared(&self, credentials: Credentials<'_>) -> Option<ShareGrant> {
+        let grant = self.access.shared(credentials)?;
+        let city = self.store.city(&grant.city)?;
+        grant.admits_version(&city.manifest().version).then_some(grant)
     }
 }

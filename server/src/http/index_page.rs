@@ -3,10 +3,12 @@
 use super::{
     access_control::Credentials,
     city_page::{facts, links, respond_with_city},
+    fair_queue::{Shed, StopFlag},
     page_request::page_request,
     page_response::{displayed_origin, relative, respond, share_query},
     problem::Problem,
     state::AppState,
+    work_queues::{RequestClient, WorkKind},
 };
 use crate::{
     page::{self, CityInList, CityListPage, NO_VIEWER, escape_html},
@@ -20,18 +22,25 @@ use axum::{
 use insula_protocol::route::{self, CITIES};
 use std::{ops::Bound, sync::Arc};
 
-/// `/`: the cities that the request may see, in pages.
+/// `/`: the cities that the request may see, in pages. Fails with 400 for an invalid `limit` or `after`, and with 503 if there is no time.
 pub(super) async fn index(
     State(state): State<AppState>,
+    RequestClient(client): RequestClient,
     method: Method,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
+    let asked = state.clone();
+    let work = move |_: &StopFlag| page_of(&asked, &method, &uri, &headers);
+    state.work(WorkKind::Lists).run(client, work).await.map_err(Shed::problem)?
+}
+
+fn page_of(state: &AppState, method: &Method, uri: &Uri, headers: &HeaderMap) -> Result<Response, Problem> {
     let request = page_request(uri.query().unwrap_or_default())?;
     let catalog = state.catalog();
-    let (access, credentials) = (catalog.access(), Credentials::new(&headers, &uri));
+    let (access, credentials) = (catalog.access(), Credentials::new(headers, uri));
     let has_token = access.has_token(credentials);
-    let shared = access.shared(credentials).filter(|_| !has_token);
+    let shared = catalog.shared(credentials).filter(|_| !has_token);
     let is_shared = |name: &str| shared.as_ref().is_some_and(|grant| grant.city == name);
     let start = request.after.map_or(Bound::Unbounded, Bound::Excluded);
     let is_visible = |city: &&Arc<CityStore>| {
@@ -45,11 +54,11 @@ pub(super) async fn index(
         let mut first = catalog.store().cities().filter(is_visible);
         if let (Some(city), None) = (first.next(), first.next()) {
             let is_public = !is_shared(&city.manifest().name);
-            return Ok(respond_with_city(&state, city, is_public, &method, &uri, &headers));
+            return Ok(respond_with_city(state, city, is_public, method, uri, headers));
         }
     }
     let icon = state.viewer().map(|viewer| viewer.assets().folder("") + "icon.svg");
-    let texts = state.texts(&headers);
+    let texts = state.texts(headers);
     let mut page = CityListPage::new(state.brand(), texts, icon.as_deref(), None);
     if state.viewer().is_none() {
         page.push_paragraph(NO_VIEWER);
@@ -60,8 +69,8 @@ pub(super) async fn index(
     let mut shown = 0;
     while let Some(city) = cities.next_if(|_| shown < request.limit.get() && !page.is_full()) {
         let name = &city.manifest().name;
-        let links = links(&state, city, !is_shared(name), &uri, &headers);
-        let query = if is_shared(name) { share_query(&uri) } else { None }.unwrap_or_default();
+        let links = links(state, city, !is_shared(name), uri, headers);
+        let query = if is_shared(name) { share_query(uri) } else { None }.unwrap_or_default();
         let city_page = state.viewer().map(|_| relative("", &route::city_page(name)) + &query);
         page.push_city(&CityInList { facts: facts(city), page: city_page, links });
         shown += 1;
@@ -73,11 +82,11 @@ pub(super) async fn index(
             ));
         }
     }
-    let origin = displayed_origin(&state, &uri, &headers);
+    let origin = displayed_origin(state, uri, headers);
     page.push_for_programs(&format!(
         "<code>insula view {origin}{CITIES}/NAME</code>, <a href=\"{}\">{CITIES}</a>",
         relative("", CITIES)
     ));
     let vary = Some(HeaderValue::from_static("accept-language"));
-    Ok(respond(page.finish(), page::list_policy(), is_public_page, vary, &method, &headers))
+    Ok(respond(page.finish(), page::list_policy(), is_public_page, vary, method, headers))
 }

@@ -5,9 +5,11 @@ use super::{
     access_control::{AccessRequest, CityAccess, Credentials},
     city_documents::{BINCODE, JSON, ListPage},
     city_page::respond_with_city,
+    fair_queue::{Shed, StopFlag},
     page_request::{PageRequest, page_request},
     problem::Problem,
     state::AppState,
+    work_queues::{RequestClient, WorkKind},
 };
 use axum::{
     body::Body,
@@ -16,27 +18,36 @@ use axum::{
     response::Response,
 };
 use insula_protocol::route::{CITIES, Route, RouteTemplate};
+use std::sync::Arc;
 
-/// `/v1/cities`: the cities that the request may see, in pages. Fails with 400 for an invalid `limit` or `after`.
+/// `/v1/cities`: the cities that the request may see, in pages. Fails with 400 for an invalid `limit` or `after`, and with 503 if there is no
+/// time for a page that is not in memory.
 pub(super) async fn list_cities(
     State(state): State<AppState>,
+    RequestClient(client): RequestClient,
     method: Method,
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let request = page_request(uri.query().unwrap_or_default())?;
-    let catalog = state.catalog();
-    let (access, documents, credentials) = (catalog.access(), catalog.documents(), Credentials::new(&headers, &uri));
-    let has_token = access.has_token(credentials);
-    let shared = access.shared(credentials).filter(|_| !has_token);
+    let catalog = state.catalog_now();
+    let documents = catalog.documents();
+    let credentials = Credentials::new(&headers, &uri);
+    let has_token = catalog.access().has_token(credentials);
+    let shared = catalog.shared(credentials).filter(|_| !has_token);
     let made;
     let page = if request == PageRequest::default() && shared.is_none() {
         if has_token { &documents.full_list } else { &documents.public_list }
     } else {
-        let is_shared = |name: &str| shared.as_ref().is_some_and(|grant| grant.city == name);
-        let is_listed = |name: &str| has_token || access.is_public(name) || is_shared(name);
-        let is_public = !has_token && shared.is_none();
-        made = ListPage::uncompressed(catalog.store(), request, &is_listed, is_public);
+        let (catalog, after) = (Arc::clone(&catalog), request.after.map(str::to_owned));
+        let work = move |_: &StopFlag| {
+            let is_shared = |name: &str| shared.as_ref().is_some_and(|grant| grant.city == name);
+            let is_listed = |name: &str| has_token || catalog.access().is_public(name) || is_shared(name);
+            let is_public = !has_token && shared.is_none();
+            let request = PageRequest { after: after.as_deref(), limit: request.limit };
+            ListPage::uncompressed(catalog.store(), request, &is_listed, is_public)
+        };
+        made = state.work(WorkKind::Lists).run(client, work).await.map_err(Shed::problem)?;
         &made
     };
     let mut response = page.content.select(&headers).clone().respond(&method, &headers).map(Body::from);

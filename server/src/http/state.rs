@@ -158,6 +158,11 @@ impl AppState {
         self.0.catalog.load()
     }
 
+    /// The same for work that lasts.
+    pub(super) fn catalog_now(&self) -> Arc<Catalog> {
+        self.0.catalog.load_full()
+    }
+
     /// The browser viewer; `None` if the program was built without it.
     pub(super) fn viewer(&self) -> Option<&ViewerContent> {
         self.0.viewer.as_ref()

@@ -24,10 +24,11 @@ pub(super) enum WorkKind {
     Groups,
     Tileset,
     Draw,
+    Lists,
 }
 
 impl WorkKind {
-    const ALL: [Self; 5] = [Self::Search, Self::Filter, Self::Groups, Self::Tileset, Self::Draw];
+    const ALL: [Self; 6] = [Self::Search, Self::Filter, Self::Groups, Self::Tileset, Self::Draw, Self::Lists];
 
     /// The work of a route; `None` for those that only send what exists.
     pub(super) const fn of_route(route: RouteTemplate) -> Option<Self> {
@@ -38,8 +39,9 @@ impl WorkKind {
             R::Groups => Some(Self::Groups),
             R::Tileset | R::TilesetFile => Some(Self::Tileset),
             R::Draw => Some(Self::Draw),
+            R::Cities | R::Index => Some(Self::Lists),
             R::Subtrees | R::BlockMaps | R::Meshes | R::Objects | R::Visibility => None,
-            R::Manifest | R::Cities | R::Index | R::OpenApi | R::CityPage | R::Thumbnail => None,
+            R::Manifest | R::OpenApi | R::CityPage | R::Thumbnail => None,
             R::Health | R::Readiness | R::Metrics | R::Asset | R::ServiceWorker | R::Other => None,
         }
     }
@@ -61,6 +63,8 @@ impl WorkKind {
             }
             // A core for up to a second.
             Self::Tileset => QueueLimits { at_once: 2, waiting: MAX_WAITING, at_ease, max_time: secs(30) },
+            // Up to a thousand cities, which take tens of milliseconds. The usual page of the list is in memory.
+            Self::Lists => QueueLimits { at_once: 2, waiting: MAX_WAITING, at_ease, max_time: secs(10) },
             Self::Draw => {
                 let DrawingsConfig { at_once, waiting, secs: max_secs, .. } = *drawings;
                 QueueLimits { at_once, waiting, at_ease, max_time: secs(max_secs) }

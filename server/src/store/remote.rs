@@ -16,7 +16,7 @@ use insula_archive::{
     city::{MANIFEST_FILE, MAX_MANIFEST_BYTES, SEARCH_FILE, parse_manifest},
     limits::MAX_OPENING_TIME,
 };
-use insula_protocol::TileKind;
+use insula_protocol::{TileKind, route::without_secrets};
 use object_store::{
     ClientOptions, GetOptions, ObjectStore, ObjectStoreExt as _, RetryConfig, aws::AmazonS3Builder, http::HttpBuilder,
     path::Path,
@@ -40,7 +40,11 @@ pub(super) struct RemoteCity {
 impl RemoteCity {
     /// Fails if the URL is of no known kind.
     pub(super) fn new(url: &str, requests: Arc<StoreRequests>, cache: Arc<BlockCache>) -> Result<Self, StoreError> {
-        let wrong = |reason: String| StoreError::Remote { url: url.to_owned(), reason };
+        let wrong = |reason: String| StoreError::Remote { url: without_secrets(url).into_owned(), reason };
+        if url.contains(['?', '#']) {
+            // It would become a part of names, and be shown with them.
+            return Err(wrong("an address with a query cannot be served".into()));
+        }
         let failed = |error: object_store::Error| wrong(error.to_string());
         let url = url.trim_end_matches('/');
         let (scheme, rest) = url.split_once("://").ok_or_else(|| wrong("not a URL".into()))?;

@@ -231,6 +231,15 @@ async fn a_share_link_can_be_limited_to_an_area_and_a_version() {
             let status = status(&["--expires", "1d", "--version", version], path).await;
             assert_eq!(status, expected, "{version} {path}");
         }
+        // Lists have no city of which the link opens another version only.
+        let link = sign(keys.path(), &["--expires", "1d", "--version", version]);
+        for path in ["/", "/v1/cities", "/v1/cities?limit=5"] {
+            let address =
+                format!("{path}{}{}", if path.contains('?') { "&" } else { "?" }, link.split_once('?').unwrap().1);
+            let list = server.get(&address, "").await;
+            let has_city = list.contains("Two") || list.contains("\"two\"");
+            assert_eq!(has_city, expected == "200", "{version} {path}: {list}");
+        }
     }
     server.stop().await;
 }

@@ -46,6 +46,8 @@ fn answer(mut stream: &TcpStream, notes: &Mutex<Vec<String>>, elsewhere: &str) -
     notes.lock().unwrap().push(request);
     let (head, body) = match path.split('?').next()? {
         "/moved.geojson" => (format!("302 Found\r\nLocation: {elsewhere}"), ""),
+        "/part.geojson" => ("206 Partial Content\r\nContent-Range: bytes 5-9/100000".to_owned(), HOUSE),
+        "/cached.geojson" => ("304 Not Modified".to_owned(), ""),
         _ => ("200 OK".to_owned(), HOUSE),
     };
     let length = body.len();
@@ -78,6 +80,21 @@ fn redirects_lead_to_other_hosts_only_if_they_are_allowed() {
     assert!(allowed.status.success(), "{allowed:?}");
     let asked = target.requests().to_ascii_lowercase();
     assert!(asked.contains("token=hidden") && !asked.contains("referer") && !asked.contains("key=secret"), "{asked}");
+}
+
+#[test]
+fn parts_of_files_and_other_schemes_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = WebServer::start("file:///etc/passwd");
+    for (file, reason) in [
+        ("part.geojson", "answers 206"),
+        ("cached.geojson", "answers 304"),
+        ("moved.geojson", "another host: give the address of the file itself"),
+    ] {
+        let output = bake(folder.path(), &[&format!("http://{}/{file}", server.address)]);
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && error.contains(reason), "{error}");
+    }
 }
 
 #[test]

@@ -195,3 +195,31 @@ fn interrupted_bake_names_the_command_that_continues_it() {
     assert!(resumed.status.success() && command.contains(" --resume "), "{command}: {resumed:?}");
     assert!(path("my city/city.json").exists() && !path("my city.partial").exists());
 }
+
+/// Copies of packed inputs, which some readers need, go with the program also if it is asked to end.
+#[cfg(unix)]
+#[test]
+fn a_signal_leaves_no_copy_of_a_packed_input() {
+    use rustix::process::{Pid, Signal, kill_process};
+    let folder = tempfile::tempdir().unwrap();
+    let temporary = folder.path().join("temporary");
+    fs::create_dir(&temporary).unwrap();
+    let mut grid = String::from("ncols 700\nnrows 700\nxllcorner 85000\nyllcorner 446000\ncellsize 1\n");
+    for row in 0..700 {
+        let heights: Vec<String> = (0..700).map(|column| ((row * column) % 7).to_string()).collect();
+        writeln!(grid, "{}", heights.join(" ")).unwrap();
+    }
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut packed, grid.as_bytes()).unwrap();
+    let input = folder.path().join("ground.asc.gz");
+    fs::write(&input, packed.finish().unwrap()).unwrap();
+    let out = folder.path().join("city");
+    let mut child = bake(&input, &out, &temporary, &["--crs", "28992", "--cell", "0.5"]).spawn().unwrap();
+    while names(&temporary).is_empty() {
+        assert!(child.try_wait().unwrap().is_none(), "the bake ends without a copy");
+        thread::sleep(POLL);
+    }
+    kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
+    assert!(!child.wait().unwrap().success());
+    assert_eq!(names(&temporary), [""; 0]);
+}

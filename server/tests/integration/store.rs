@@ -102,6 +102,15 @@ fn meshes_are_optional() {
 }
 
 #[tokio::test]
+async fn an_address_with_a_query_is_refused_and_not_shown() {
+    for url in ["https://me:secret@h/city?key=secret", "s3://bucket/city#secret"] {
+        let opened = Store::open_anywhere(&[url.into()], &BlockCacheConfig::default()).await;
+        let error = opened.unwrap_err().to_string();
+        assert!(error.contains("with a query") && !error.contains("secret"), "{error}");
+    }
+}
+
+#[tokio::test]
 async fn a_web_server_cannot_redirect_to_another_host() {
     let (hostile, victim) = (TcpListener::bind("127.0.0.1:0").unwrap(), TcpListener::bind("127.0.0.2:0").unwrap());
     let url = format!("http://{}/city", hostile.local_addr().unwrap());

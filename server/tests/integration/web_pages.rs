@@ -526,6 +526,16 @@ fn a_publish_that_was_killed_is_ended_by_the_next() {
         assert_eq!(tree(&site, &site), before);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "nothing stays beside it");
     }
+    // An empty folder in its place is none: the old site is there again, also if there will be no new one.
+    killed();
+    fs::rename(&site, work.join("old")).unwrap();
+    fs::create_dir(&site).unwrap();
+    let page = work.join("old/index.html");
+    fs::write(&page, fs::read_to_string(&page).unwrap() + "<!-- mine -->").unwrap();
+    assert!(publish(&[&city], &site).unwrap_err().contains("would remove it"));
+    assert!(fs::read_to_string(site.join("index.html")).unwrap().ends_with("<!-- mine -->"));
+    fs::remove_dir_all(&site).unwrap();
+    publish(&[&city], &site).unwrap();
     // What is not unfinished work stays.
     killed();
     fs::write(work.join("new/letters.txt"), "dear").unwrap();

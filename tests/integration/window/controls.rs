@@ -64,7 +64,7 @@ pub(super) fn a_user_controls_the_window() -> Result<()> {
     ensure!(note.is_none() && settings.window == SIZE, "the settings are {settings:?} {note:?}");
     ensure!(settings.bookmarks.get("chiba").is_some_and(|b| b.len() == 1), "the settings are {settings:?}");
     ensure!(!settings.overlay && !settings.minimap && !settings.full_screen, "the settings are {settings:?}");
-    ensure!(folder.path().join("insula").join("settings.damaged.json").is_file(), "the damaged file was not saved");
+    ensure!(folder.path().join("insula").join("settings.damaged-1.json").is_file(), "the damaged file was not saved");
 
     let _server = ServerProcess::serve(&city, &address)?;
     open_the_link(folder.path(), &link, &picture)

@@ -8,6 +8,7 @@ use super::{ReadOptions, ReadProgress, ReadReport, ScratchOptions, read_to_disk}
 use crate::error::BakeError;
 use crate::scene::scratch_budget::ScratchBudget;
 use insula_source::error::InputError;
+use insula_source::temporary;
 
 /// Size of the loaded textures together.
 const TEXTURE_CACHE_BYTES: usize = 64 << 20;
@@ -29,7 +30,7 @@ pub fn survey(
     options: &ReadOptions,
     progress: &dyn Fn(ReadProgress),
 ) -> Result<InputSurvey, BakeError> {
-    let folder = tempfile::tempdir().map_err(|cause| InputError::io("temporary folder", cause))?;
+    let folder = temporary::folder().map_err(|cause| InputError::io("temporary folder", cause))?;
     let budget = ScratchBudget::new(SCRATCH_BYTES);
     let scratch = ScratchOptions { folder: folder.path(), texture_cache_bytes: TEXTURE_CACHE_BYTES, budget: &budget };
     let (city, _, read) = read_to_disk(inputs, options, scratch, progress)?;

@@ -16,6 +16,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use insula_archive::places::has_manifest;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -67,19 +68,8 @@ impl ScratchFolder {
         if let Some(parent) = root.parent() {
             fs::create_dir_all(parent).map_err(|cause| BakeError::io(parent, "created", cause))?;
         }
-        let existed = root.exists();
-        if !existed {
-            check_out(out)?;
-        }
+        check_out(out)?;
         claim_scratch(&root)?;
-        // A bake that was killed between the two renames of `publish` left the previous city here.
-        let replaced = root.join("replaced");
-        if replaced.is_dir() && !out.exists() {
-            fs::rename(&replaced, out).map_err(|cause| BakeError::io(out, "restored", cause))?;
-        }
-        if existed {
-            check_out(out)?;
-        }
         let path = root.join("lock");
         // Neither truncated nor, as `claim_scratch` has checked, a link.
         let opened = fs::OpenOptions::new().write(true).create(true).truncate(false).open(&path);
@@ -88,6 +78,13 @@ impl ScratchFolder {
             Err(fs::TryLockError::WouldBlock) => return Err(BakeError::Busy { path: root }),
             // Some file systems have no locks. The user must then avoid two bakes of one city.
             Ok(()) | Err(fs::TryLockError::Error(_)) => {}
+        }
+        // A bake that was killed between the two renames of `publish` left the previous city here. One that runs is between them.
+        let replaced = root.join("replaced");
+        if replaced.is_dir() && !has_manifest(out) {
+            // Nothing, or an empty folder, as checked.
+            let _ = fs::remove_dir(out);
+            fs::rename(&replaced, out).map_err(|cause| BakeError::io(out, "restored", cause))?;
         }
         let scene_folder_created = Cell::new(false);
         Ok(Self { root, out: out.to_owned(), lock: Some(lock), scene_folder_created })
@@ -160,8 +157,11 @@ impl ScratchFolder {
         if let Some(parent) = self.out.parent().filter(|parent| !parent.as_os_str().is_empty()) {
             sync_folder(parent)?;
         }
-        self.lock = None;
-        remove_scratch(&self.root)
+        // Held meanwhile, so that no other bake begins in the folder. Windows does not remove a folder with an open file.
+        let lock = self.lock.take().filter(|_| cfg!(unix));
+        let removed = remove_scratch(&self.root);
+        drop(lock);
+        removed
     }
 }
 
@@ -398,11 +398,25 @@ mod tests {
     }
 
     #[test]
+    fn a_second_bake_leaves_the_previous_city_of_a_running_one_in_its_place() {
+        let folder = TestFolder::new("between-running");
+        let out = folder.path.join("city");
+        let running = ScratchFolder::lock(&out).unwrap();
+        let replaced = folder.path.join("city.partial/replaced");
+        write_manifest(&replaced, "old");
+        assert!(matches!(ScratchFolder::lock(&out), Err(BakeError::Busy { .. })));
+        assert!(!out.exists() && title(&replaced) == "old");
+        drop(running);
+    }
+
+    #[test]
     fn previous_city_is_restored_after_a_kill_between_the_renames() {
         let folder = TestFolder::new("between");
         let out = folder.path.join("city");
         start(&out, "a", false);
         write_manifest(&folder.path.join("city.partial/replaced"), "old");
+        // Somebody may have prepared the place for the next bake.
+        fs::create_dir(&out).unwrap();
         let mut scratch = ScratchFolder::lock(&out).unwrap();
         assert_eq!(title(&out), "old");
         scratch.prepare(&input("a"), false).unwrap();

@@ -276,6 +276,19 @@ fn broken_tiles_and_full_disks_are_errors() {
     assert!(tileset_of_nothing(&empty).is_err());
 }
 
+#[test]
+fn a_tileset_of_nothing_leaves_an_earlier_one() {
+    let (city, folder) = (deep_city(), tempfile::tempdir().unwrap());
+    write_tileset(&tileset(&city, &EVERYTHING), Destination::of(folder.path())).unwrap();
+    let path = folder.path().join(TILESET_JSON);
+    let before = std::fs::read(&path).unwrap();
+    let nothing = ObjectSelection { objects: Some(std::iter::empty::<u32>().collect()), ..EVERYTHING };
+    let written = write_tileset(&tileset(&city, &nothing), Destination::of(folder.path()));
+    assert!(matches!(written, Err(ExportError::Nothing(_))), "{written:?}");
+    assert!(std::fs::read(&path).unwrap() == before);
+    assert!(std::fs::read(folder.path().join("subtrees/0/0/0.subtree")).is_ok_and(|bytes| bytes.starts_with(b"subt")));
+}
+
 fn tileset_of_nothing(city: &TestCity) -> Result<Vec<u8>, ExportError> {
     Tileset::new(city, &EVERYTHING, &|_| None)?.tileset_json("")
 }

@@ -41,7 +41,7 @@ impl<'p> Destination<'p> {
 /// or if the destination cannot be written; what was written then stays.
 pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Result<ExportReport, ExportError> {
     let mut sink = match destination {
-        Destination::Folder(folder) => Sink::Folder(folder.to_owned()),
+        Destination::Folder(folder) => Sink::Folder(folder.to_owned(), Vec::new()),
         Destination::Archive(path) => {
             let failed = || ExportError::writing(path.display().to_string());
             let new = NewFile::create(path).map_err(failed())?;
@@ -64,7 +64,7 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
     let (Destination::Folder(path) | Destination::Archive(path) | Destination::PmTiles(path)) = destination;
     let name = path.display().to_string();
     match sink {
-        Sink::Folder(_) => Ok(report),
+        Sink::Folder(..) => Ok(report),
         Sink::Archive(archive, new) => {
             archive.finish()?;
             new.commit().map(|_| report).map_err(ExportError::writing(name))
@@ -92,9 +92,9 @@ fn write_subtree(
             continue;
         }
         if let Some(content) = tileset.node_content(node.id)? {
+            report.triangles += content.triangles as u64;
             write(sink, report, TilesetFile::Content(node.id), &content.bytes)?;
             report.files += 1;
-            report.triangles += content.triangles as u64;
             report.objects += content.objects as u64;
         }
     }
@@ -106,19 +106,30 @@ fn write(sink: &mut Sink, report: &mut ExportReport, file: TilesetFile, bytes: &
     match sink {
         Sink::Archive(archive, _) => archive.add(&file.to_string(), bytes),
         Sink::PmTiles(archive) => archive.add(file, bytes),
-        Sink::Folder(folder) => {
-            let path = folder.join(file.to_string());
-            let failed = || ExportError::writing(path.display().to_string());
-            if !is_replaceable(folder, &path, file) {
-                let what = "another file has the name of one of the tileset; write it elsewhere, or move the file away";
-                return Err(failed()(io::Error::new(io::ErrorKind::AlreadyExists, what)));
+        Sink::Folder(_, held) if report.triangles == 0 => {
+            held.push((file, bytes.to_vec()));
+            Ok(())
+        }
+        Sink::Folder(folder, held) => {
+            for (file, bytes) in std::mem::take(held) {
+                write_file(folder, file, &bytes)?;
             }
-            if let Some(parent) = path.parent() {
-                fs::create_dir_all(parent).map_err(failed())?;
-            }
-            replace(&path, bytes).map_err(failed())
+            write_file(folder, file, bytes)
         }
     }
+}
+
+fn write_file(folder: &Path, file: TilesetFile, bytes: &[u8]) -> Result<(), ExportError> {
+    let path = folder.join(file.to_string());
+    let failed = || ExportError::writing(path.display().to_string());
+    if !is_replaceable(folder, &path, file) {
+        let what = "another file has the name of one of the tileset; write it elsewhere, or move the file away";
+        return Err(failed()(io::Error::new(io::ErrorKind::AlreadyExists, what)));
+    }
+    if let Some(parent) = path.parent() {
+        fs::create_dir_all(parent).map_err(failed())?;
+    }
+    replace(&path, bytes).map_err(failed())
 }
 
 /// Whether there is no file of this path, or one as this file of a tileset begins.
@@ -135,7 +146,8 @@ fn is_replaceable(folder: &Path, path: &Path, file: TilesetFile) -> bool {
 }
 
 enum Sink {
-    Folder(PathBuf),
+    /// With the files that wait for the first triangle: a tileset of nothing must not replace an earlier one.
+    Folder(PathBuf, Vec<(TilesetFile, Vec<u8>)>),
     Archive(Box<ArchiveWriter<io::BufWriter<fs::File>>>, NewFile),
     PmTiles(Box<TileArchive>),
 }

@@ -12,6 +12,7 @@ use crate::{
     read::{PartHead, RECORDS, ReadProgress, SHAPES, ScratchOptions, TRIANGLES},
     scene::{scratch_budget::ScratchBudget, texture_store::texture_path},
 };
+use insula_source::temporary::{self, TemporaryFolder};
 
 pub(super) const HEAD: SealedKind = *b"HEAD";
 
@@ -87,9 +88,8 @@ impl BakeSteps<'_> {
 }
 
 /// A folder for the files of a step, which is removed with it. Fails if it cannot be created.
-pub(super) fn scratch_folder() -> Result<tempfile::TempDir, BakeError> {
-    let folder = std::env::temp_dir();
-    tempfile::Builder::new().prefix("insula-bake-").tempdir().map_err(|cause| BakeError::io(&folder, "written", cause))
+pub(super) fn scratch_folder() -> Result<TemporaryFolder, BakeError> {
+    temporary::folder().map_err(|cause| BakeError::io(&std::env::temp_dir(), "written", cause))
 }
 
 /// Copies a file to an object. Fails if that is not possible.

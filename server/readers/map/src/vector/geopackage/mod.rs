@@ -29,6 +29,9 @@ const CHECK_INSTRUCTIONS: i32 = 1 << 16;
 const MAX_CHECKS_OF_ROW: u64 = 1 << 12;
 /// A row takes at least this many bytes of the file; more rows mean that the tree of the table goes in circles.
 const MIN_ROW_BYTES: u64 = 4;
+/// Texts and geometries have at most so many bytes for each byte of the file: a text that is the default of its column is stored once.
+/// More mean that rows or tables share pages.
+const MAX_CONTENT_RATIO: u64 = 16;
 /// Longest text or geometry.
 const MAX_VALUE_BYTES: u64 = 1 << 30;
 /// Rows between two progress reports.
@@ -57,9 +60,9 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
         file_bytes,
         has_many_tables: found.features.len() > 1,
     };
-    let mut bytes_done = 0;
+    let mut done = Done::default();
     for table in &found.features {
-        reader.read(table, &mut writer, &mut bytes_done)?;
+        reader.read(table, &mut writer, &mut done)?;
     }
     writer.sink.tick(file_bytes);
     writer.finish()
@@ -106,6 +109,16 @@ fn damaged(input: &Input<'_>, place: &str, cause: &rusqlite::Error) -> InputErro
     InputError::damaged(input.label, place, cause.to_string())
 }
 
+/// What was read of all tables.
+#[derive(Default)]
+struct Done {
+    rows: u64,
+    /// Of texts and geometries.
+    content_bytes: u64,
+    /// For progress.
+    bytes: u64,
+}
+
 struct TableReader<'a> {
     input: &'a Input<'a>,
     connection: &'a Connection,
@@ -117,12 +130,7 @@ struct TableReader<'a> {
 }
 
 impl TableReader<'_> {
-    fn read(
-        &self,
-        table: &FeatureTable,
-        writer: &mut FeatureWriter<'_>,
-        bytes_done: &mut u64,
-    ) -> Result<(), InputError> {
+    fn read(&self, table: &FeatureTable, writer: &mut FeatureWriter<'_>, done: &mut Done) -> Result<(), InputError> {
         let place = format!("table {}", table.name);
         let fault = |cause: rusqlite::Error| damaged(self.input, &place, &cause);
         for text in [&table.title, &table.description].into_iter().flatten() {
@@ -135,16 +143,15 @@ impl TableReader<'_> {
         self.checks.store(0, Ordering::Relaxed);
         let mut statement = self.connection.prepare(&table.query()).map_err(fault)?;
         let mut rows = statement.query([]).map_err(fault)?;
-        let mut count = 0;
         while let Some(row) = rows.next().map_err(fault)? {
             self.checks.store(0, Ordering::Relaxed);
-            count += 1;
-            if count > self.max_rows {
+            done.rows += 1;
+            if done.rows > self.max_rows || done.content_bytes > self.file_bytes.saturating_mul(MAX_CONTENT_RATIO) {
                 return Err(InputError::damaged(self.input.label, place, "it has more rows than fit in the file"));
             }
-            self.read_row(row, table, writer, bytes_done)?;
-            if count.is_multiple_of(TICK_ROWS) {
-                writer.sink.tick((*bytes_done).min(self.file_bytes));
+            self.read_row(row, table, writer, done)?;
+            if done.rows.is_multiple_of(TICK_ROWS) {
+                writer.sink.tick(done.bytes.min(self.file_bytes));
             }
         }
         Ok(())
@@ -155,7 +162,7 @@ impl TableReader<'_> {
         row: &Row<'_>,
         table: &FeatureTable,
         writer: &mut FeatureWriter<'_>,
-        bytes_done: &mut u64,
+        done: &mut Done,
     ) -> Result<(), InputError> {
         let number = match row.get_ref(0) {
             Ok(ValueRef::Integer(number)) if self.has_many_tables => Some(format!("{}.{number}", table.name)),
@@ -166,7 +173,9 @@ impl TableReader<'_> {
             Ok(ValueRef::Blob(bytes)) => Some(bytes),
             _ => None,
         };
-        *bytes_done += bytes.map_or(0, <[u8]>::len) as u64;
+        let length = bytes.map_or(0, <[u8]>::len) as u64;
+        done.bytes += length;
+        done.content_bytes += length;
         if let Some(bounds) = bytes.and_then(blob::bounds)
             && writer.is_unwanted(bounds)
         {
@@ -176,7 +185,10 @@ impl TableReader<'_> {
         let mut attributes = Attributes::default();
         for (index, column) in table.columns.iter().enumerate() {
             let Ok(value) = row.get_ref(index + 2) else { continue };
-            *bytes_done += 8;
+            done.bytes += 8;
+            if let ValueRef::Text(text) = value {
+                done.content_bytes += text.len() as u64;
+            }
             if let Some(value) = value_of(value, column) {
                 attributes.push(&column.name, value);
             }

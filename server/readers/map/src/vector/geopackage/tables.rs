@@ -1,5 +1,6 @@
 //! Which tables have features, their columns and coordinate systems.
 
+use insula_source::problems::NO_TABLE;
 use rusqlite::{Connection, OptionalExtension, Row};
 
 /// Names of columns that only number the rows.
@@ -69,7 +70,11 @@ pub(super) fn find(connection: &Connection) -> rusqlite::Result<FoundTables> {
     let has_systems = is_table(connection, "gpkg_spatial_ref_sys")?;
     for ListedTable { name, geometry, srs_id, title, description } in listed? {
         if !is_table(connection, &name)? {
-            found.left_out.push((name, "view, virtual or missing table not read"));
+            found.left_out.push((name, NO_TABLE));
+            continue;
+        }
+        if found.features.iter().any(|known| known.name.eq_ignore_ascii_case(&name)) {
+            found.left_out.push((name, "table listed again, read once"));
             continue;
         }
         let (columns, key) = columns(connection, &name, &geometry)?;

@@ -17,6 +17,7 @@ use insula_source::attributes::Attributes;
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::ObjectSink;
+use insula_source::problems::{DAMAGED_ATTRIBUTES, FEWER_ATTRIBUTES, NO_ATTRIBUTES};
 
 const HEADER_BYTES: usize = 100;
 const FILE_CODE: u32 = 9994;
@@ -33,7 +34,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let mut table = match &dbf_input {
         Some(dbf_input) => open_attributes(input, dbf_input, &mut writer)?,
         None => {
-            writer.sink.problem("no attributes", format!("{}: no .dbf file beside it", input.name));
+            writer.sink.problem(NO_ATTRIBUTES, format!("{}: no .dbf file beside it", input.name));
             None
         }
     };
@@ -62,7 +63,7 @@ fn open_attributes<'a>(
     match AttributeReader::open(dbf_input.open()?.reader, code_page.as_deref()) {
         Ok(reader) => Ok(Some(reader)),
         Err(fault) => {
-            writer.sink.problem("damaged attributes", format!("{}: {fault}", dbf_input.name));
+            writer.sink.problem(DAMAGED_ATTRIBUTES, format!("{}: {fault}", dbf_input.name));
             Ok(None)
         }
     }
@@ -121,7 +122,7 @@ fn read_shape(
             Row::Read => {}
             Row::Deleted => return writer.add(Some(name), attributes, Err("deleted feature")),
             Row::Missing => {
-                writer.sink.problem("fewer attributes than shapes", name.clone());
+                writer.sink.problem(FEWER_ATTRIBUTES, name.clone());
                 *table = None;
             }
         }

@@ -109,6 +109,42 @@ fn views_and_virtual_tables_are_not_read() {
     assert!(run(read_geopackage, &[("a.gpkg", &endless_list)], None).0.is_err());
 }
 
+/// Ten houses that a small file has many times: by the name of their table, and by tables with the pages of another one.
+#[test]
+fn tables_and_rows_that_share_pages_are_refused() {
+    let house = || blob(&polygon_wkb(&[square(1.0, 1.0, 2.0)], None), None);
+    let add_houses = |connection: &Connection, columns: &str| {
+        add_table(connection, "a", 28992, columns);
+        for _ in 0..10 {
+            connection.execute("INSERT INTO a (geom) VALUES (?1)", (house(),)).unwrap();
+        }
+    };
+    let named_again = database(|connection| {
+        add_houses(connection, "");
+        for name in ["a", "A"] {
+            connection
+                .execute("INSERT INTO gpkg_geometry_columns VALUES (?1, 'geom', 'POLYGON', 28992)", (name,))
+                .unwrap();
+        }
+    });
+    let sink = read(read_geopackage, &[("a.gpkg", &named_again)]);
+    assert_eq!((sink.objects.len(), sink.problems.len()), (10, 2), "{:?}", sink.problems);
+    let same_pages = database(|connection| {
+        add_houses(connection, ", note TEXT");
+        connection.execute("UPDATE a SET note = ?1", ("x".repeat(100_000),)).unwrap();
+        for table in 0..100 {
+            add_table(connection, &format!("b{table}"), 28992, ", note TEXT");
+        }
+        let share = "PRAGMA writable_schema = ON;
+            UPDATE sqlite_schema SET rootpage = (SELECT rootpage FROM sqlite_schema WHERE name = 'a') WHERE name LIKE 'b%';
+            PRAGMA writable_schema = OFF;";
+        connection.execute_batch(share).unwrap();
+    });
+    let (result, sink) = run(read_geopackage, &[("a.gpkg", &same_pages)], None);
+    assert!(result.unwrap_err().to_string().contains("more rows than fit"), "{} objects", sink.objects.len());
+    assert!(sink.objects.len() < 500, "{}", sink.objects.len());
+}
+
 #[test]
 fn extents_filter_without_reading_geometries() {
     let bytes = database(|connection| {

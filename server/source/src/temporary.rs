@@ -1,0 +1,125 @@
+//! Temporary files and folders, which go with the value that has them, and also if a signal or the end of memory ends the program.
+//! What a killed program leaves is known by its name.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use tempfile::{Builder, TempDir, TempPath};
+
+/// Begins all names.
+const PREFIX: &str = "insula-";
+/// Attempts to remove one.
+const MAX_TRIES: u32 = 10;
+
+/// Those of this process.
+static ALL: Paths = Paths(Mutex::new(BTreeSet::new()));
+
+struct Paths(Mutex<BTreeSet<PathBuf>>);
+
+impl Paths {
+    fn lock(&self) -> MutexGuard<'_, BTreeSet<PathBuf>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds what `create` makes, which nobody can remove before.
+    fn add<T: AsRef<Path>>(&self, create: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
+        let mut paths = self.lock();
+        let made = create()?;
+        paths.insert(made.as_ref().to_owned());
+        Ok(made)
+    }
+
+    /// Removes all of them, for ever: who holds the list cannot add to it any more.
+    fn remove(mut paths: MutexGuard<'_, BTreeSet<PathBuf>>) {
+        for path in std::mem::take(&mut *paths) {
+            // Other threads may be writing into a folder. Nothing can be done about what cannot be removed.
+            let removes = || if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            let _ = (0..MAX_TRIES).any(|_| removes().is_ok());
+        }
+        std::mem::forget(paths);
+    }
+}
+
+/// A file or a folder in the system's temporary folder, which is removed with this value.
+#[derive(Debug)]
+pub struct Temporary<T: AsRef<Path>>(T);
+
+/// A temporary file.
+pub type TemporaryFile = Temporary<TempPath>;
+/// A temporary folder.
+pub type TemporaryFolder = Temporary<TempDir>;
+
+impl<T: AsRef<Path>> Temporary<T> {
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        self.0.as_ref()
+    }
+}
+
+impl<T: AsRef<Path>> Drop for Temporary<T> {
+    fn drop(&mut self) {
+        ALL.lock().remove(self.0.as_ref());
+    }
+}
+
+/// Copies bytes to a new file. Fails if they cannot be read or written.
+pub fn file_of(bytes: &mut dyn Read) -> io::Result<TemporaryFile> {
+    let mut file = None;
+    let made = ALL.add(|| {
+        let (opened, path) = Builder::new().prefix(PREFIX).tempfile()?.into_parts();
+        file = Some(opened);
+        Ok(path)
+    });
+    let made = made.map(Temporary)?;
+    file.map(|mut file| io::copy(bytes, &mut file)).transpose()?;
+    Ok(made)
+}
+
+/// A new folder. Fails if it cannot be created.
+pub fn folder() -> io::Result<TemporaryFolder> {
+    ALL.add(|| Builder::new().prefix(PREFIX).tempdir()).map(Temporary)
+}
+
+/// Removes all that this process has. Only for a program that ends at once: whoever makes or drops more waits for ever.
+pub fn remove_all() {
+    Paths::remove(ALL.lock());
+}
+
+/// The same, unless a thread, which may be this one, is adding to the list.
+pub fn remove_all_unless_busy() {
+    if let Ok(paths) = ALL.0.try_lock() {
+        Paths::remove(paths);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_listed_is_removed_at_the_end_of_the_program() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::create_dir_all(path("scratch/deep")).unwrap();
+        for name in ["copy", "scratch/deep/triangles", "other"] {
+            fs::write(path(name), "x").unwrap();
+        }
+        let all = Paths(Mutex::new(["copy", "scratch", "gone"].map(path).into()));
+        Paths::remove(all.lock());
+        assert!(!path("copy").exists() && !path("scratch").exists() && path("other").exists());
+    }
+
+    #[test]
+    fn files_and_folders_are_listed_as_long_as_they_exist() {
+        let is_listed = |path: &Path| ALL.lock().contains(path);
+        let (file, folder) = (file_of(&mut &b"text"[..]).unwrap(), super::folder().unwrap());
+        assert_eq!(fs::read_to_string(file.path()).unwrap(), "text");
+        let paths = [file.path(), folder.path()].map(Path::to_owned);
+        assert!(paths.iter().all(|path| is_listed(path) && path.to_string_lossy().contains(PREFIX)));
+        drop((file, folder));
+        assert!(!paths.iter().any(|path| is_listed(path) || path.exists()));
+    }
+}
