@@ -235,7 +235,7 @@ impl<'a> FeatureWriter<'a> {
             return Ok(());
         }
         if geometry.fill_heights() {
-            self.sink.problem(MISSING_GROUND, format!("{id}: at some of its positions"));
+            self.sink.problem(MISSING_GROUND, format!("{id}: at some or all of its positions"));
         }
         if rings::regroup(&mut geometry.polygons) {
             self.sink.problem("first ring does not enclose the others, rings grouped by containment", id.clone());
