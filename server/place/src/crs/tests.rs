@@ -212,6 +212,11 @@ const PROJJSON: &str = r#"{"type": "ProjectedCRS", "name": "NAD83 / UTM zone 18N
 fn projjson_is_read_by_code_and_by_parameters() {
     assert_eq!(codes(PROJJSON), (Some(26918), None));
     assert_eq!(codes(&PROJJSON.replace("\"EPSG\"", "\"other\"")), (Some(26918), None));
+    let bound = |part: &str| format!(r#"{{"type": "BoundCRS", "source_crs": {part}, "transformation": {{}}}}"#);
+    let height = r#"{"type": "VerticalCRS", "name": "x", "id": {"authority": "EPSG", "code": 5703}}"#;
+    let parts =
+        format!(r#"{{"type": "CompoundCRS", "name": "x", "components": [{}, {}]}}"#, bound(PROJJSON), bound(height));
+    assert_eq!(codes(&parts), (Some(26918), Some(5703)));
     assert_eq!(codes(&PROJJSON.replace("\"EPSG\"", "\"other\"").replace("-75", "-75.5")), (None, None));
     let crs84 = r#"{"type": "GeographicCRS", "name": "WGS 84 (CRS84)", "datum_ensemble": {"name":
         "World Geodetic System 1984 ensemble", "ellipsoid": {"semi_major_axis": 6378137, "inverse_flattening": 298.257223563}},
