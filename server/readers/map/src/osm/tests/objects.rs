@@ -35,7 +35,12 @@ fn every_form_of_a_file_has_the_same_objects() {
     let expected = read_map(&map);
     assert_eq!(expected.objects.len(), 9);
     assert_eq!(expected.skipped, [("outline covered by its building parts", "way/11".to_owned())]);
-    let files = [("map.osm.gz", gzip(&xml)), ("map.osm.pbf", map.pbf(true)), ("MAP.OSM.PBF", map.pbf(false))];
+    let files = [
+        ("map.osm.gz", gzip(&xml)),
+        ("map.osm.pbf", map.pbf(true)),
+        ("MAP.OSM.PBF", map.pbf(false)),
+        ("placed.osm.pbf", map.pbf_of_placed_ways()),
+    ];
     for (name, bytes) in files {
         let (sink, read) = read_bytes(name, &bytes);
         read.unwrap();
