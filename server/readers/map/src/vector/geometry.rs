@@ -61,29 +61,26 @@ impl Geometry {
     }
 
     /// Gives positions whose height is missing by a mark the lowest height of the others. Without any others the geometry has no heights.
-    /// Returns whether some are missing.
-    pub(super) fn fill_heights(&mut self) -> bool {
-        let has_marks = self.has_z && self.positions().any(|position| !HEIGHTS.contains(&position[2]));
-        if !has_marks {
-            return false;
-        }
-        let known = self.positions().map(|position| position[2]).filter(|z| HEIGHTS.contains(z));
-        if let Some(lowest) = known.reduce(f64::min) {
+    /// Returns the first mark.
+    pub(super) fn fill_heights(&mut self) -> Option<f64> {
+        let heights = || self.positions().map(|position| position[2]);
+        let mark = heights().find(|z| !HEIGHTS.contains(z)).filter(|_| self.has_z)?;
+        if let Some(lowest) = heights().filter(|z| HEIGHTS.contains(z)).reduce(f64::min) {
             self.for_each_position(|position| {
                 if !HEIGHTS.contains(&position[2]) {
                     position[2] = lowest;
                 }
             });
-            return true;
+            return Some(mark);
         }
         // Bodies may be in a small unit, whose heights are large.
-        let is_mark = |z: f64| !(HEIGHTS.start()..=&LARGEST).contains(&&z);
-        let has_no_heights = !self.is_surface && self.positions().all(|position| is_mark(position[2]));
-        if has_no_heights {
-            self.has_z = false;
-            self.for_each_position(|position| position[2] = 0.0);
+        let is_mark = |z: f64| !(*HEIGHTS.start()..=LARGEST).contains(&z);
+        if self.is_surface || !heights().all(is_mark) {
+            return None;
         }
-        has_no_heights
+        self.has_z = false;
+        self.for_each_position(|position| position[2] = 0.0);
+        Some(mark)
     }
 
     /// Changes all positions.
@@ -129,13 +126,13 @@ mod tests {
         };
         let filled = |heights| {
             let mut geometry = of(heights);
-            (geometry.fill_heights(), geometry == of([512.0, 513.0, 512.0]))
+            (geometry.fill_heights().is_some(), geometry == of([512.0, 513.0, 512.0]))
         };
         assert_eq!(filled([512.0, 513.0, -9999.0]), (true, true));
         assert_eq!(filled([512.0, 513.0, 512.0]), (false, true));
         for mark in [-9999.0, f64::NAN, -1.797e308, 3.4028235e38] {
             let mut geometry = of([mark; 3]);
-            assert!(geometry.fill_heights(), "{mark}");
+            assert_eq!(geometry.fill_heights().map(f64::to_bits), Some(mark.to_bits()));
             assert_eq!(geometry, Geometry { has_z: false, ..of([0.0; 3]) });
         }
         assert_eq!(filled([500_000.0; 3]), (false, false), "millimetres");
