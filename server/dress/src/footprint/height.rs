@@ -1,6 +1,6 @@
 //! Height of a footprint's prism, from the attribute names of OpenStreetMap, city offices and Overture.
 
-use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, UNIT_GUESSED};
+use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, UNIT_GUESSED};
 use std::ops::RangeInclusive;
 
 use super::height_names::{self, HeightRole, NamedHeight};
@@ -151,7 +151,7 @@ fn first_in_range<'v>(
         };
         match number.filter(|number| range.contains(number)) {
             Some(number) => return Some((name, number)),
-            None => note("height not understood", &format!("{name} is {value}")),
+            None => note(NOT_UNDERSTOOD, &format!("{name} is {value}")),
         }
     }
     None
@@ -224,7 +224,7 @@ mod tests {
         {
             let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}, "levels": 2}}"#));
             assert_eq!((base_m, top_m), (0.0, 6.0), "{text}");
-            assert_eq!(notes, ["height not understood", "height guessed from levels"], "{text}");
+            assert_eq!(notes, [NOT_UNDERSTOOD, GUESSED_FROM_LEVELS], "{text}");
         }
         let upside_down = height(r#"{"height": 5, "min_height": 5}"#);
         assert_eq!(upside_down, (0.0, 5.0, vec!["base not below the top, taken as 0".to_owned()]));

@@ -39,6 +39,7 @@ use self::point_cloud::PointCloud;
 use self::quantized_mesh::QuantizedMesh;
 use self::source::Source;
 use self::tiff::TiffRaster;
+use insula_place::crs::is_undefined;
 
 #[cfg(not(feature = "jpeg2000"))]
 mod jpeg2000 {
@@ -161,7 +162,7 @@ impl Raster {
     pub(crate) fn set_aux(&mut self, aux: &AuxFile) {
         let facts = &mut self.facts;
         facts.place = aux.place.or(facts.place);
-        if let Some(crs) = &aux.crs {
+        if let Some(crs) = aux.crs.as_ref().filter(|crs| !is_undefined(crs)) {
             facts.crs = RasterCrs { horizontal: Some(crs.clone()), ..RasterCrs::default() };
         }
         if aux.unit.is_some() {
