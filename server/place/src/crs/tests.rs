@@ -227,6 +227,13 @@ fn projjson_is_read_by_code_and_by_parameters() {
 
 #[test]
 fn strings_for_proj_are_systems_too() {
+    let unit_m = |rest: &str| match resolve(&format!("+proj=utm +zone=32 +ellps=GRS80 {rest}")).unwrap().vertical {
+        Vertical::Orthometric(datum) => Some(datum.unit_m),
+        _ => None,
+    };
+    assert_eq!((unit_m("+units=m +vunits=us-ft"), unit_m("+vto_meter=0.5")), (Some(1200.0 / 3937.0), Some(0.5)));
+    assert_eq!((unit_m("+units=us-ft +vunits=m"), unit_m("+units=m +vunits=m"), unit_m("")), (Some(1.0), None, None));
+    assert!(resolve("+proj=utm +zone=32 +vunits=cubit").is_err());
     let crs = resolve("+proj=utm +zone=32 +ellps=GRS80 +units=m +no_defs").unwrap();
     let known = resolve("EPSG:25832").unwrap();
     assert!(crs.horizontal.definition().unwrap().is_same_projection(known.horizontal.definition().unwrap()));
