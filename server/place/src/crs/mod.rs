@@ -224,7 +224,8 @@ pub fn is_undefined(name: &str) -> bool {
         (name.to_owned(), false)
     };
     let own = own.to_ascii_lowercase();
-    let says_so = matches!(&*own, "" | "none") || ["undefined", "unknown"].iter().any(|word| own.starts_with(word));
+    let says_so =
+        matches!(&*own, "" | "none") || ["undefined", "unknown", "unnamed"].iter().any(|word| own.starts_with(word));
     says_so && !is_on_earth
 }
 

@@ -287,7 +287,7 @@ fn systems_that_are_not_known_are_told_from_others() {
     let gdal = r#"LOCAL_CS["Undefined SRS",LOCAL_DATUM["unknown",32767],UNIT["unknown",0],AXIS["Easting",EAST]]"#;
     let wkt2 = r#"ENGCRS["Unknown engineering CRS",EDATUM["Unknown engineering datum"],CS[Cartesian,2]]"#;
     let json = r#"{"type": "EngineeringCRS", "name": "Undefined SRS", "datum": {}}"#;
-    for name in [gdal, wkt2, json, "undefined", " Unknown ", "NONE", ""] {
+    for name in [gdal, wkt2, json, "undefined", " Unknown ", "unnamed", "NONE", ""] {
         assert!(is_undefined(name), "{name}");
     }
     for name in [
