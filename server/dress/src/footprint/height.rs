@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use super::height_names::{self, HeightRole, NamedHeight};
 use super::lengths::{metres, roof_height_m};
 use insula_source::attributes::{AttributeValue, Attributes};
-use insula_source::units::HeightUnit;
+use insula_source::units::{HeightUnit, metres_of};
 
 const ROOF_LEVELS: &[&str] = &["roof:levels", "roof_level"];
 /// Names of the base's height above the ground, for suspended parts such as gangways.
@@ -20,6 +20,9 @@ const UNKNOWN_M: f64 = 6.0;
 /// Valid heights. Many files write 0 for an unknown height.
 const TOP_RANGE_M: RangeInclusive<f64> = 0.01..=2000.0;
 const BASE_RANGE_M: RangeInclusive<f64> = -500.0..=2000.0;
+/// Heights of the storeys above the ground, from the lowest.
+const STOREY_HEIGHTS: &str = "storeyHeightsAboveGround";
+const STOREY_RANGE_M: RangeInclusive<f64> = 1.0..=50.0;
 /// A building may have all of its storeys in its roof, and a roof may have none.
 const LEVELS_RANGE: RangeInclusive<f64> = 0.0..=400.0;
 const BASE_LEVEL_RANGE: RangeInclusive<f64> = -20.0..=400.0;
@@ -73,14 +76,43 @@ impl BuildingHeight {
             // Storeys are counted below the roof.
             let roof_levels_m = roof_levels.map(|levels| levels * LEVEL_M).filter(|height_m| *height_m > 0.0);
             let roof_m = roof_height_m(attributes, plain_m).or(roof_levels_m);
-            let top_m = levels * LEVEL_M + roof_m.unwrap_or(0.0);
+            let storeys_m = storey_heights_m(attributes, levels);
+            let top_m = storeys_m.unwrap_or(levels * LEVEL_M) + roof_m.unwrap_or(0.0);
             if base_m < top_m {
-                note(GUESSED_FROM_LEVELS, &format!("{top_m} m"));
+                if storeys_m.is_none() {
+                    note(GUESSED_FROM_LEVELS, &format!("{top_m} m"));
+                }
                 return Self { base_m, top_m, is_without_roof: roof_m.is_none() };
             }
         }
         note(GUESSED, &format!("{UNKNOWN_M} m"));
         Self { base_m, top_m: base_m + UNKNOWN_M, is_without_roof: false }
+    }
+}
+
+/// Height of all storeys together, if CityGML's list has one for each of them, or one for all. Marks of missing ones are none.
+fn storey_heights_m(attributes: &Attributes, levels: f64) -> Option<f64> {
+    // JSON has each in an attribute of its own.
+    let is_item = |rest: &str| rest.strip_prefix('.').is_some_and(|number| number.parse::<u16>().is_ok());
+    let is_of_list =
+        |name: &str| name.strip_prefix(STOREY_HEIGHTS).is_some_and(|rest| rest.is_empty() || is_item(rest));
+    let lists = attributes.iter().filter(|(name, _)| is_of_list(name)).map(|(_, value)| value.to_string());
+    let unit_m = match attributes.get(&format!("{STOREY_HEIGHTS}.uom")) {
+        Some(unit) => metres_of(unit.as_str()?)?,
+        None => 1.0,
+    };
+    let mut heights_m = Vec::new();
+    for text in lists {
+        for number in text.split_ascii_whitespace() {
+            let height_m = number.parse::<f64>().ok()? * unit_m;
+            heights_m.push(Some(height_m).filter(|height_m| STOREY_RANGE_M.contains(height_m))?);
+        }
+    }
+    match heights_m[..] {
+        [] => None,
+        [height_m] => Some(height_m * levels),
+        _ if heights_m.len() as f64 == levels => Some(heights_m.iter().sum()),
+        _ => None,
     }
 }
 
@@ -215,6 +247,19 @@ mod tests {
         assert_eq!(height(r#"{"Height": 10, "Building_Min_Height": 4}"#), (4.0, 10.0, vec![]));
         assert_eq!(height(r#"{"render_height": 10, "render_min_height": 4}"#), (4.0, 10.0, vec![]));
         assert_eq!(height(r#"{"NUM_FLOORS": 4, "MIN_FLOOR": 1}"#).0, 3.0);
+    }
+
+    #[test]
+    fn storeys_have_their_own_heights() {
+        let list = |list: &str| format!(r#"{{"storeysAboveGround": 2, "storeyHeightsAboveGround": {list}}}"#);
+        for (text, top_m) in [(r#""5 4.5""#, 9.5), ("[5, 4.5]", 9.5), ("4", 8.0), (r#""3.5""#, 7.0)] {
+            assert_eq!(height(&list(text)), (0.0, top_m, vec![]), "{text}");
+        }
+        let feet = r#"{"storeysAboveGround": 2, "storeyHeightsAboveGround": 10, "storeyHeightsAboveGround.uom": "ft"}"#;
+        assert_eq!(height(feet), (0.0, 6.096, vec![]));
+        for text in [r#""5 4 3""#, r#""-9999 -9999""#, r#""a b""#, "null"] {
+            assert_eq!(height(&list(text)), (0.0, 6.0, vec![GUESSED_FROM_LEVELS.to_owned()]), "{text}");
+        }
     }
 
     #[test]
