@@ -4,6 +4,7 @@
 
 pub mod address_reader;
 pub mod affine;
+pub mod arc;
 pub mod archive;
 pub mod attributes;
 pub mod bucket;

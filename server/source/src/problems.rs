@@ -20,6 +20,8 @@ pub const EITHER_ORDER: &str = "order of coordinates assumed, both are plausible
 pub const OUTSIDE: &str = "position outside of the area of use of the coordinate system";
 /// Note of a height of which nothing is known.
 pub const GUESSED: &str = "height guessed";
+/// Note of a value that should be a height, and is none.
+pub const NOT_UNDERSTOOD: &str = "height not understood";
 /// Note of a height by storeys.
 pub const GUESSED_FROM_LEVELS: &str = "height guessed from levels";
 /// Note of a height whose unit is not told.

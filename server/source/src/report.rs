@@ -9,7 +9,7 @@ use super::object::FeatureKind;
 use super::problems::{
     CONTRADICTION, DAMAGED_ATTRIBUTES, EITHER_ORDER, FAR, FAR_PICTURE, FAR_TERRAIN, FEWER_ATTRIBUTES, GAP, GUESSED,
     GUESSED_FROM_LEVELS, INEXACT, MISSING_GROUND, MISSING_HEIGHTS, NO_ATTRIBUTES, NO_CRS, NO_GROUND_HEIGHT, NO_TABLE,
-    OPEN_END, OUTSIDE, PICTURE_ALONE, SWAPPED, TOO_MANY, TOO_WIDE, UNIT_GUESSED, WIDE,
+    NOT_UNDERSTOOD, OPEN_END, OUTSIDE, PICTURE_ALONE, SWAPPED, TOO_MANY, TOO_WIDE, UNIT_GUESSED, WIDE,
 };
 
 /// More guessed heights than this share of all are worth a warning.
@@ -294,9 +294,13 @@ impl SourceReport {
             (false, 0) => format!("attributes with numbers: {}", names.join(", ")),
             (false, more) => format!("attributes with numbers: {} and {more} more", names.join(", ")),
         };
+        // Of the first guess, and of the first value that led to one.
+        let first = |kind: &str| self.problems.get(kind).and_then(|fault| fault.first.first());
+        let guess = first(GUESSED).map_or(String::new(), |guess| format!(", such as {guess}"));
+        let odd = first(NOT_UNDERSTOOD).map_or(String::new(), |value| format!("{NOT_UNDERSTOOD}, such as {value}; "));
         Some(format!(
-            "{}: {guessed} of {} heights of buildings are guessed{of_levels}; {found}; name the one that has the heights \
-             with --height-field",
+            "{}: {guessed} of {} heights of buildings are guessed{guess}{of_levels}; {odd}{found}; name the one that has \
+             the heights with --height-field",
             self.path, self.footprints
         ))
     }
@@ -560,14 +564,15 @@ mod tests {
         attributes.push("nombre", AttributeValue::Text("x".to_owned()));
         attributes.push("text_h", AttributeValue::Text("12,5".to_owned()));
         report.count_attributes(&attributes);
-        (0..5).for_each(|_| report.problem(GUESSED, || "b".to_owned()));
+        (0..5).for_each(|_| report.problem(GUESSED, || "b: 6 m".to_owned()));
         assert_eq!(report.guessed_heights(), None);
-        report.problem(GUESSED, || "b".to_owned());
+        report.problem(GUESSED, || "b: 6 m".to_owned());
+        report.problem(NOT_UNDERSTOOD, || "b: height is 3 floors".to_owned());
         report.problem(GUESSED_FROM_LEVELS, || "b".to_owned());
         let report = ReadReport { sources: vec![report], ..ReadReport::default() };
         let warnings: Vec<String> = report.guess_warnings().collect();
-        let expected = "a: 6 of 100 heights of buildings are guessed, 1 more from storeys; attributes with numbers: NUT_H, text_h; \
-            name the one that has the heights with --height-field";
+        let expected = "a: 6 of 100 heights of buildings are guessed, such as b: 6 m, 1 more from storeys; \
+            height not understood, such as b: height is 3 floors; attributes with numbers: NUT_H, text_h; name the one that has the heights with --height-field";
         assert_eq!(warnings, [expected]);
     }
 

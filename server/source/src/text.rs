@@ -9,7 +9,7 @@ use super::packed::unpacked_name;
 /// Extensions of formats that are text without a declaration of its encoding. Those of XML have one, and read it.
 const EXTENSIONS: &[&str] = &[
     "json", "cityjson", "jsonl", "geojson", "geojsonl", "geojsons", "csv", "tsv", "obj", "mtl", "off", "asc", "osm",
-    "prj", "tfw", "jgw", "pgw", "wld",
+    "prj", "qpj", "tfw", "jgw", "pgw", "wld",
 ];
 /// Bytes by which an encoding is told.
 pub(crate) const START_BYTES: usize = 3;

@@ -22,7 +22,10 @@ const FROM_TEXT: Conversion = Advice(
 );
 const FROM_CAD: Conversion = Advice("export it as OBJ, in metres, from the program that made it");
 const TO_GEOTIFF: Conversion = Command { command: "gdal_translate IN OUT", extension: "tif" };
+const FROM_HISTORY: Conversion = Advice("osmium time-filter makes a map of one day (.osm.pbf) of it");
+const FROM_CHANGES: Conversion = Advice("osmium apply-changes makes a map (.osm.pbf) of one and its changes");
 const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
+const UNPACK_OUTER: Conversion = Advice("unpack the outer one, and give what is in it");
 
 /// Extensions, without `.gz`, with the name of the format.
 const FORMATS: &[(&[&str], &str, Conversion)] = &[
@@ -43,7 +46,10 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["e57"], "point clouds", FROM_POINTS),
     (&["xyz"], "points as text", FROM_TEXT),
     (&["vrt", "img", "dem", "bil", "flt", "ecw", "jp2"], "rasters", TO_GEOTIFF),
+    (&["osh"], "histories of OpenStreetMap", FROM_HISTORY),
+    (&["osc"], "changes of OpenStreetMap", FROM_CHANGES),
     (&["7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
+    (&["zip", "3tz", "slpk"], "archives within another", UNPACK_OUTER),
 ];
 
 fn extension(name: &str) -> Option<String> {
@@ -70,13 +76,31 @@ pub fn refusal(path: &str) -> InputError {
     }
 }
 
+/// As [`refusal`], of a file in an archive, which programs do not find by its path.
+pub fn refusal_in_archive(archive: &str, name: &str) -> InputError {
+    let path = format!("{archive}/{name}");
+    match find(name) {
+        Some((_, format, conversion @ Command { .. })) => {
+            let advice = format!("unpack {}, and {}", shell_word(archive), advice(name, conversion));
+            InputError::NotRead { path, format, advice }
+        }
+        Some((_, format, conversion)) => not_read(&path, format, conversion),
+        None => refusal(&path),
+    }
+}
+
 /// The error of a GML file without an element of CityGML: maps of agencies, downloads of web feature services.
 pub fn plain_gml(path: &str) -> InputError {
     not_read(path, "GML without elements of CityGML", &TO_GEOJSON)
 }
 
 fn not_read(path: &str, format: &'static str, conversion: &Conversion) -> InputError {
-    let advice = match conversion {
+    InputError::NotRead { path: path.to_owned(), format, advice: advice(path, conversion) }
+}
+
+/// How to make a file that is read of the one at `path`.
+fn advice(path: &str, conversion: &Conversion) -> String {
+    match conversion {
         Advice(advice) => (*advice).to_owned(),
         Command { command, extension } => {
             let end = path.strip_suffix(".gz").unwrap_or(path).rfind('.').unwrap_or(path.len());
@@ -88,8 +112,7 @@ fn not_read(path: &str, format: &'static str, conversion: &Conversion) -> InputE
             });
             format!("convert it with: {}", words.collect::<Vec<_>>().join(" "))
         }
-    };
-    InputError::NotRead { path: path.to_owned(), format, advice }
+    }
 }
 
 #[cfg(test)]
@@ -108,5 +131,19 @@ mod tests {
         assert!(message("a.e57").contains("roofer"));
         assert!(message("notes.txt").contains("supported are CityGML"), "any other file");
         assert!(message("none").contains("supported are CityGML"));
+    }
+
+    #[test]
+    fn files_in_archives_are_unpacked_before() {
+        let message = |name: &str| refusal_in_archive("my town.zip", name).to_string();
+        assert_eq!(
+            message("a/doc.kml"),
+            "my town.zip/a/doc.kml: KML: not read; unpack 'my town.zip', and convert it with: ogr2ogr -f GeoJSON -t_srs \
+             EPSG:4326 a/doc.geojson a/doc.kml"
+        );
+        assert_eq!(
+            message("b.zip"),
+            "my town.zip/b.zip: archives within another: not read; unpack the outer one, and give what is in it"
+        );
     }
 }

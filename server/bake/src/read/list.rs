@@ -224,7 +224,7 @@ impl Lister {
         }
         let archives: Vec<PathBuf> =
             paths.iter().filter(|(name, _)| is_archive(name)).map(|(_, path)| path.clone()).collect();
-        let selection = select(paths.keys().cloned().collect());
+        let selection = select(paths.keys().filter(|name| !is_archive(name)).cloned().collect());
         if archives.is_empty() || !selection.names.is_empty() {
             self.check_selection(path, &selection)?;
         }
@@ -237,13 +237,17 @@ impl Lister {
                 self.list.sources.extend(bad.skip(&file.display().to_string(), source)?);
             }
         }
-        let before = self.list.sources.len();
+        let (before, mut not_read) = (self.list.sources.len(), None);
         for archive in &archives {
             match self.add_archive(archive, bad) {
                 // Archives of other things lie in any folder.
                 Err(
                     InputError::NoSource { .. } | InputError::UnknownFormat { .. } | InputError::Unsupported { .. },
                 ) => {}
+                Err(error @ InputError::NotRead { .. }) => {
+                    self.list.unread.push(error.to_string());
+                    not_read.get_or_insert(error);
+                }
                 added => {
                     bad.skip(&archive.display().to_string(), added)?;
                 }
@@ -251,7 +255,7 @@ impl Lister {
         }
         self.list.sources[before..].iter_mut().for_each(|source| source.found = true);
         if self.list.sources.is_empty() && !archives.is_empty() {
-            return Err(InputError::no_source(path));
+            return Err(not_read.unwrap_or_else(|| InputError::no_source(path)));
         }
         Ok(())
     }
@@ -317,6 +321,9 @@ impl Lister {
     fn check_selection(&mut self, path: &Path, selection: &SelectedFiles) -> Result<(), InputError> {
         if selection.names.is_empty() {
             return Err(match selection.unread.first() {
+                Some((_, first, _)) if path.is_file() => {
+                    unread_formats::refusal_in_archive(&path.display().to_string(), first)
+                }
                 Some((_, first, _)) => unread_formats::refusal(&path.join(first).display().to_string()),
                 None => InputError::no_source(path),
             });
@@ -422,6 +429,46 @@ mod tests {
         assert_eq!(selected(&["tileset.json", "x.json"]), ["tileset.json"]);
         let unread = select(vec!["a.ifc".to_owned(), "b/c.ifc".to_owned(), "d.json".to_owned()]).unread;
         assert_eq!(unread, [("IFC", "a.ifc".to_owned(), 2)]);
+    }
+
+    /// A ZIP archive of empty files.
+    fn empty_entries(names: &[&str]) -> Vec<u8> {
+        let (mut bytes, mut directory) = (Vec::new(), Vec::new());
+        for name in names {
+            let length = [name.len() as u8, 0, 0, 0];
+            directory.extend([b"PK\x01\x02\x14\0\x14\0".as_slice(), &[0; 20], &length, &[0; 10]].concat());
+            directory.extend((bytes.len() as u32).to_le_bytes());
+            directory.extend(name.as_bytes());
+            bytes.extend([b"PK\x03\x04\x14\0".as_slice(), &[0; 20], &length, name.as_bytes()].concat());
+        }
+        let count = (names.len() as u16).to_le_bytes();
+        let places = [directory.len() as u32, bytes.len() as u32].map(u32::to_le_bytes).concat();
+        [bytes, directory, [b"PK\x05\x06\0\0\0\0".as_slice(), &count, &count, &places, &[0; 2]].concat()].concat()
+    }
+
+    #[test]
+    fn archives_in_archives_and_their_other_formats_are_named() {
+        let folder = insula_test_support::folder::TestFolder::new("nested-archives");
+        let path = |name: &str| folder.path.join(name);
+        fs::create_dir_all(path("in")).unwrap();
+        let pack = |archive: &str, names: &[&str]| fs::write(path(archive), empty_entries(names)).unwrap();
+        pack("in/outer.zip", &["inner.zip"]);
+        pack("in/doc.zip", &["doc.kml"]);
+        let found = |inputs: &[PathBuf]| list(inputs, &ReadOptions::default(), &mut BadInputs::new(false));
+        let error = |input: &str| found(&[path(input)]).err().unwrap().to_string();
+        assert!(error("in/outer.zip").ends_with(
+            "outer.zip/inner.zip: archives within another: not read; unpack the outer one, and give what is in it"
+        ));
+        assert!(
+            error("in/doc.zip").ends_with("convert it with: ogr2ogr -f GeoJSON -t_srs EPSG:4326 doc.geojson doc.kml")
+        );
+        assert!(error("in").contains("doc.kml: KML: not read"));
+        pack("in/both.zip", &["a.obj", "more.zip"]);
+        let listed = found(&[path("in")]).unwrap();
+        assert_eq!((listed.sources.len(), listed.unread.len()), (1, 3), "{:?}", listed.unread);
+        assert!(
+            found(&[path("in/both.zip")]).unwrap().unread[0].contains("more.zip: archives within another: not read")
+        );
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! Height of a footprint's prism, from the attribute names of OpenStreetMap, city offices and Overture.
 
-use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, UNIT_GUESSED};
+use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, UNIT_GUESSED};
 use std::ops::RangeInclusive;
 
 use super::height_names::{self, HeightRole, NamedHeight};
 use super::lengths::{metres, roof_height_m};
 use insula_source::attributes::{AttributeValue, Attributes};
-use insula_source::units::HeightUnit;
+use insula_source::units::{HeightUnit, metres_of};
 
 const ROOF_LEVELS: &[&str] = &["roof:levels", "roof_level"];
 /// Names of the base's height above the ground, for suspended parts such as gangways.
@@ -20,6 +20,9 @@ const UNKNOWN_M: f64 = 6.0;
 /// Valid heights. Many files write 0 for an unknown height.
 const TOP_RANGE_M: RangeInclusive<f64> = 0.01..=2000.0;
 const BASE_RANGE_M: RangeInclusive<f64> = -500.0..=2000.0;
+/// Heights of the storeys above the ground, from the lowest.
+const STOREY_HEIGHTS: &str = "storeyHeightsAboveGround";
+const STOREY_RANGE_M: RangeInclusive<f64> = 1.0..=50.0;
 /// A building may have all of its storeys in its roof, and a roof may have none.
 const LEVELS_RANGE: RangeInclusive<f64> = 0.0..=400.0;
 const BASE_LEVEL_RANGE: RangeInclusive<f64> = -20.0..=400.0;
@@ -73,14 +76,43 @@ impl BuildingHeight {
             // Storeys are counted below the roof.
             let roof_levels_m = roof_levels.map(|levels| levels * LEVEL_M).filter(|height_m| *height_m > 0.0);
             let roof_m = roof_height_m(attributes, plain_m).or(roof_levels_m);
-            let top_m = levels * LEVEL_M + roof_m.unwrap_or(0.0);
+            let storeys_m = storey_heights_m(attributes, levels);
+            let top_m = storeys_m.unwrap_or(levels * LEVEL_M) + roof_m.unwrap_or(0.0);
             if base_m < top_m {
-                note(GUESSED_FROM_LEVELS, &format!("{top_m} m"));
+                if storeys_m.is_none() {
+                    note(GUESSED_FROM_LEVELS, &format!("{top_m} m"));
+                }
                 return Self { base_m, top_m, is_without_roof: roof_m.is_none() };
             }
         }
         note(GUESSED, &format!("{UNKNOWN_M} m"));
         Self { base_m, top_m: base_m + UNKNOWN_M, is_without_roof: false }
+    }
+}
+
+/// Height of all storeys together, if CityGML's list has one for each of them, or one for all. Marks of missing ones are none.
+fn storey_heights_m(attributes: &Attributes, levels: f64) -> Option<f64> {
+    // JSON has each in an attribute of its own.
+    let is_item = |rest: &str| rest.strip_prefix('.').is_some_and(|number| number.parse::<u16>().is_ok());
+    let is_of_list =
+        |name: &str| name.strip_prefix(STOREY_HEIGHTS).is_some_and(|rest| rest.is_empty() || is_item(rest));
+    let lists = attributes.iter().filter(|(name, _)| is_of_list(name)).map(|(_, value)| value.to_string());
+    let unit_m = match attributes.get(&format!("{STOREY_HEIGHTS}.uom")) {
+        Some(unit) => metres_of(unit.as_str()?)?,
+        None => 1.0,
+    };
+    let mut heights_m = Vec::new();
+    for text in lists {
+        for number in text.split_ascii_whitespace() {
+            let height_m = number.parse::<f64>().ok()? * unit_m;
+            heights_m.push(Some(height_m).filter(|height_m| STOREY_RANGE_M.contains(height_m))?);
+        }
+    }
+    match heights_m[..] {
+        [] => None,
+        [height_m] => Some(height_m * levels),
+        _ if heights_m.len() as f64 == levels => Some(heights_m.iter().sum()),
+        _ => None,
     }
 }
 
@@ -151,7 +183,7 @@ fn first_in_range<'v>(
         };
         match number.filter(|number| range.contains(number)) {
             Some(number) => return Some((name, number)),
-            None => note("height not understood", &format!("{name} is {value}")),
+            None => note(NOT_UNDERSTOOD, &format!("{name} is {value}")),
         }
     }
     None
@@ -218,13 +250,26 @@ mod tests {
     }
 
     #[test]
+    fn storeys_have_their_own_heights() {
+        let list = |list: &str| format!(r#"{{"storeysAboveGround": 2, "storeyHeightsAboveGround": {list}}}"#);
+        for (text, top_m) in [(r#""5 4.5""#, 9.5), ("[5, 4.5]", 9.5), ("4", 8.0), (r#""3.5""#, 7.0)] {
+            assert_eq!(height(&list(text)), (0.0, top_m, vec![]), "{text}");
+        }
+        let feet = r#"{"storeysAboveGround": 2, "storeyHeightsAboveGround": 10, "storeyHeightsAboveGround.uom": "ft"}"#;
+        assert_eq!(height(feet), (0.0, 6.096, vec![]));
+        for text in [r#""5 4 3""#, r#""-9999 -9999""#, r#""a b""#, "null"] {
+            assert_eq!(height(&list(text)), (0.0, 6.0, vec![GUESSED_FROM_LEVELS.to_owned()]), "{text}");
+        }
+    }
+
+    #[test]
     fn invalid_heights_are_reported_and_ignored() {
         for text in
             ["0", "-3", "1e9", "true", r#""tall""#, r#""12 km""#, r#""5-7""#, r#""nan""#, r#""5'x""#, r#""5'99\"""#]
         {
             let (base_m, top_m, notes) = height(&format!(r#"{{"height": {text}, "levels": 2}}"#));
             assert_eq!((base_m, top_m), (0.0, 6.0), "{text}");
-            assert_eq!(notes, ["height not understood", "height guessed from levels"], "{text}");
+            assert_eq!(notes, [NOT_UNDERSTOOD, GUESSED_FROM_LEVELS], "{text}");
         }
         let upside_down = height(r#"{"height": 5, "min_height": 5}"#);
         assert_eq!(upside_down, (0.0, 5.0, vec!["base not below the top, taken as 0".to_owned()]));

@@ -79,7 +79,7 @@ const LEAST_CUT_KEY: usize = 8;
 /// A beginning that says nothing of what is counted.
 const SAYS_NOTHING: &str = "numberof";
 /// Ends of names that tell their unit.
-const UNIT_ENDS: [&str; 7] = ["metres", "meters", "feet", "inch", "cm", "ft", "m"];
+const UNIT_ENDS: [&str; 10] = ["metres", "meters", "feet", "inch", "usft", "mm", "cm", "dm", "ft", "m"];
 
 /// An attribute that tells a height.
 #[derive(Debug, Clone, Copy)]
@@ -237,6 +237,8 @@ mod tests {
         assert_eq!(role("HEIGHT_FT"), Some((HeightRole::Top, Some(FOOT_M))));
         assert_eq!(role("height (m)"), Some((HeightRole::Top, Some(1.0))));
         assert_eq!(role("hgt_maxcm"), Some((HeightRole::Top, Some(0.01))));
+        assert_eq!(role("HEIGHT_MM"), Some((HeightRole::Top, Some(0.001))));
+        assert_eq!(role("HeightUSft").map(|(_, unit_m)| unit_m), Some(Some(insula_source::units::US_FOOT_M)));
         assert_eq!(role("b3_h_dak_max"), Some((HeightRole::Elevation, None)));
         assert_eq!(role("H_MAAIVELD"), Some((HeightRole::Ground, None)));
         // Limits for vehicles, parts of a roof, a place within a building.

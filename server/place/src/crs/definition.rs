@@ -323,14 +323,14 @@ pub(super) fn parse_shift(text: &str) -> Option<Shift> {
     }
 }
 
-fn unit_m(name: &str) -> Option<f64> {
+pub(super) fn unit_m(name: &str) -> Option<f64> {
     match name {
         "degrees" => Some(1.0),
         _ => UNITS_M.iter().find(|(known, _)| *known == name).map(|(_, metres)| *metres),
     }
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     let value = text.parse().ok().filter(|value: &f64| value.is_finite() && *value > 1e-6 && *value < 1e6);
     value.ok_or_else(|| format!("+to_meter={text} is invalid"))
 }

@@ -1,8 +1,9 @@
 //! Coordinate systems: what a source's name of one means, as a horizontal and a vertical part.
 //!
 //! Names are codes of the EPSG registry, URNs, URLs, well-known text of all dialects, PROJJSON, strings for PROJ, the
-//! names of the German AdV, and the own names `ECEF` and `ENU:LON,LAT,H`.
+//! lines of Arc/Info, the names of the German AdV, and the own names `ECEF` and `ENU:LON,LAT,H`.
 
+mod arc_info;
 mod area;
 mod axes;
 mod definition;
@@ -205,6 +206,8 @@ pub fn resolve(name: &str) -> Result<Crs, CrsError> {
         projjson::parse(name)
     } else if wkt_crs::is_wkt(name) {
         wkt_crs::parse(name)
+    } else if arc_info::is_description(name) {
+        arc_info::parse(name)
     } else {
         name::parse(name)
     }
@@ -221,7 +224,8 @@ pub fn is_undefined(name: &str) -> bool {
         (name.to_owned(), false)
     };
     let own = own.to_ascii_lowercase();
-    let says_so = matches!(&*own, "" | "none") || ["undefined", "unknown"].iter().any(|word| own.starts_with(word));
+    let says_so =
+        matches!(&*own, "" | "none") || ["undefined", "unknown", "unnamed"].iter().any(|word| own.starts_with(word));
     says_so && !is_on_earth
 }
 

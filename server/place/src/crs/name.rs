@@ -1,7 +1,7 @@
 //! Systems by name: codes, URNs, URLs and the names of agencies.
 
 use super::axes::Axes;
-use super::definition::Definition;
+use super::definition::{Definition, positive, unit_m};
 use super::{
     Crs, CrsError, Horizontal, LocalOrigin, System, Vertical, VerticalDatum, from_codes, horizontal_from_code, registry,
 };
@@ -110,7 +110,8 @@ fn proj_string(name: &str) -> Result<Crs, CrsError> {
         Some(_) => super::DEFAULT_SHIFT_ERROR_M,
         None => f64::INFINITY,
     };
-    let is_geocentric = definition.is_geocentric();
+    // Heights without a unit of their own are in that of the map.
+    let (is_geocentric, map_unit_m) = (definition.is_geocentric(), definition.unit_m);
     let system = if definition.is_geographic() {
         System::Geographic { definition, unit_deg: 1.0 }
     } else if is_geocentric {
@@ -120,8 +121,26 @@ fn proj_string(name: &str) -> Result<Crs, CrsError> {
     };
     let horizontal =
         Horizontal { code: None, system, axes: Axes::EAST_NORTH, datum: "its datum".to_owned(), shift_error_m };
-    let vertical = if is_geocentric { Vertical::Ellipsoidal { unit_m: 1.0 } } else { Vertical::Unknown };
+    let vertical = match vertical_unit_m(name).map_err(CrsError::Unsupported)? {
+        _ if is_geocentric => Vertical::Ellipsoidal { unit_m: 1.0 },
+        Some(unit_m) if unit_m != map_unit_m => {
+            Vertical::Orthometric(VerticalDatum { unit_m, ..VerticalDatum::named("its vertical datum") })
+        }
+        _ => Vertical::Unknown,
+    };
     Ok(Crs { name: name.to_owned(), horizontal, vertical })
+}
+
+/// Metres in the unit of heights, if a string for PROJ tells it. Fails with the reason if the unit is not known.
+fn vertical_unit_m(text: &str) -> Result<Option<f64>, String> {
+    for token in text.split_ascii_whitespace() {
+        match token.trim_start_matches('+').split_once('=') {
+            Some(("vunits", unit)) => return unit_m(unit).map(Some).ok_or(format!("the unit {unit} is not known")),
+            Some(("vto_meter", metres)) => return positive(metres).map(Some),
+            _ => {}
+        }
+    }
+    Ok(None)
 }
 
 /// Names such as `ETRS89_UTM32*DE_DHHN2016_NH*GCG2016`. Their projected coordinates are easting and northing.

@@ -24,9 +24,11 @@ pub(super) fn parse(text: &str) -> Result<Crs, CrsError> {
         Some(parts) => (parts.first().unwrap_or(&Value::Null), parts.get(1)),
         None => (value, None),
     };
+    // The parts of a compound system may be bound, too.
+    let (horizontal, own_shift) = unbound(horizontal);
     let mut described = horizontal_description(horizontal).ok_or(CrsError::Unknown)?;
-    described.shift = shift;
-    let vertical = vertical.map(vertical_description);
+    described.shift = shift.or(own_shift);
+    let vertical = vertical.map(|vertical| vertical_description(unbound(vertical).0));
     let code = value["components"].is_array().then(|| epsg(value)).flatten();
     describe::system(name, code, &described, vertical.as_ref())
 }

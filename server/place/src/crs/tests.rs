@@ -212,6 +212,11 @@ const PROJJSON: &str = r#"{"type": "ProjectedCRS", "name": "NAD83 / UTM zone 18N
 fn projjson_is_read_by_code_and_by_parameters() {
     assert_eq!(codes(PROJJSON), (Some(26918), None));
     assert_eq!(codes(&PROJJSON.replace("\"EPSG\"", "\"other\"")), (Some(26918), None));
+    let bound = |part: &str| format!(r#"{{"type": "BoundCRS", "source_crs": {part}, "transformation": {{}}}}"#);
+    let height = r#"{"type": "VerticalCRS", "name": "x", "id": {"authority": "EPSG", "code": 5703}}"#;
+    let parts =
+        format!(r#"{{"type": "CompoundCRS", "name": "x", "components": [{}, {}]}}"#, bound(PROJJSON), bound(height));
+    assert_eq!(codes(&parts), (Some(26918), Some(5703)));
     assert_eq!(codes(&PROJJSON.replace("\"EPSG\"", "\"other\"").replace("-75", "-75.5")), (None, None));
     let crs84 = r#"{"type": "GeographicCRS", "name": "WGS 84 (CRS84)", "datum_ensemble": {"name":
         "World Geodetic System 1984 ensemble", "ellipsoid": {"semi_major_axis": 6378137, "inverse_flattening": 298.257223563}},
@@ -222,6 +227,13 @@ fn projjson_is_read_by_code_and_by_parameters() {
 
 #[test]
 fn strings_for_proj_are_systems_too() {
+    let unit_m = |rest: &str| match resolve(&format!("+proj=utm +zone=32 +ellps=GRS80 {rest}")).unwrap().vertical {
+        Vertical::Orthometric(datum) => Some(datum.unit_m),
+        _ => None,
+    };
+    assert_eq!((unit_m("+units=m +vunits=us-ft"), unit_m("+vto_meter=0.5")), (Some(1200.0 / 3937.0), Some(0.5)));
+    assert_eq!((unit_m("+units=us-ft +vunits=m"), unit_m("+units=m +vunits=m"), unit_m("")), (Some(1.0), None, None));
+    assert!(resolve("+proj=utm +zone=32 +vunits=cubit").is_err());
     let crs = resolve("+proj=utm +zone=32 +ellps=GRS80 +units=m +no_defs").unwrap();
     let known = resolve("EPSG:25832").unwrap();
     assert!(crs.horizontal.definition().unwrap().is_same_projection(known.horizontal.definition().unwrap()));
@@ -275,7 +287,7 @@ fn systems_that_are_not_known_are_told_from_others() {
     let gdal = r#"LOCAL_CS["Undefined SRS",LOCAL_DATUM["unknown",32767],UNIT["unknown",0],AXIS["Easting",EAST]]"#;
     let wkt2 = r#"ENGCRS["Unknown engineering CRS",EDATUM["Unknown engineering datum"],CS[Cartesian,2]]"#;
     let json = r#"{"type": "EngineeringCRS", "name": "Undefined SRS", "datum": {}}"#;
-    for name in [gdal, wkt2, json, "undefined", " Unknown ", "NONE", ""] {
+    for name in [gdal, wkt2, json, "undefined", " Unknown ", "unnamed", "NONE", ""] {
         assert!(is_undefined(name), "{name}");
     }
     for name in [

@@ -50,7 +50,10 @@ impl FirstShape {
     pub fn looks_like_degrees(&self) -> bool {
         let [x, y] = self.low.map(f64::abs);
         let is_on_globe = is_on_globe([x, y]) || is_on_globe([y, x]);
-        let is_small = self.size.is_some_and(|size| size.iter().all(|side| *side < MAX_DEGREES));
+        let is_small = self.size.is_some_and(|[width, height]| {
+            let width = width_deg([self.low[0], self.low[0] + width]);
+            width < MAX_DEGREES && height < MAX_DEGREES
+        });
         is_on_globe && is_small && self.low != [0.0; 2]
     }
 
@@ -58,6 +61,12 @@ impl FirstShape {
     pub(super) fn is_latitude_first(&self) -> bool {
         self.low[1].abs() > 90.0
     }
+}
+
+/// Width of a shape by its lowest and highest longitude. Those of one that crosses the antimeridian are nearly a turn apart.
+pub fn width_deg([west, east]: [f64; 2]) -> f64 {
+    let width = east - west;
+    if west >= -180.0 && east <= 180.0 && width > 359.0 { 360.0 - width } else { width }
 }
 
 /// Whether degrees are a longitude (up to one turn, as in files of 0 to 360 degrees) and a latitude.
@@ -84,6 +93,7 @@ mod tests {
         assert!(shape(&turned).looks_like_degrees() && shape(&turned).is_latitude_first());
         assert!(shape(&house.map(|[x, y]| [x + 180.0, y])).looks_like_degrees(), "of 0 to 360 degrees");
         assert!(!shape(&house.map(|[x, y]| [x + 240.0, y])).looks_like_degrees());
+        assert!(shape(&[[179.9999, -16.8], [-179.9999, -16.8001]]).looks_like_degrees(), "across the antimeridian");
         assert!(!shape(&[[10.0, 10.0], [20.0, 20.0]]).looks_like_degrees());
         assert!(!shape(&[[0.0, 0.0], [0.1, 0.1]]).looks_like_degrees());
         assert!(!shape(&[[85_000.0, 446_000.0]]).looks_like_degrees());

@@ -512,3 +512,21 @@ fn a_model_without_a_system_is_placed_by_the_option_or_by_its_degrees() {
     assert_eq!(scene.crs.as_deref(), Some("EPSG:32632"));
     assert!(report.guess_warnings().any(|text| text.contains("look like degrees")));
 }
+
+#[test]
+fn files_of_gdal_beside_a_model_tell_its_place_and_its_unit() {
+    let dem = grid([-100.0, -100.0], [41, 41], 5.0, |x, y| ground_m(x, y) * 10.0 / 0.3048);
+    let (x, y) = (EAST_M - 102.5, NORTH_M + 102.5);
+    let aux = format!(
+        "<PAMDataset><SRS>EPSG:25832</SRS><GeoTransform>{x}, 5, 0, {y}, 0, -5</GeoTransform><PAMRasterBand band=\"1\">\
+         <UnitType>ft</UnitType><Scale>0.1</Scale></PAMRasterBand></PAMDataset>"
+    );
+    let moved = dem.replace("xllcenter 499900", "xllcenter 0");
+    let files = [("a.geojson", &*house([-20.0, 20.0])), ("dem.asc", &moved), ("dem.asc.aux.xml", &aux)];
+    let (scene, _) = read_files("aux", &files, &ReadOptions::default());
+    let terrain = corners(&scene, ObjectKind::Terrain);
+    for place in [[-50.0, -50.0], [0.0, 0.0], [50.0, 25.0]] {
+        let found = height_at(&terrain, place).unwrap();
+        assert!((found - ground_m(place[0], place[1])).abs() < 0.3, "{place:?}: {found}");
+    }
+}

@@ -45,7 +45,8 @@ impl AttributeReader<'_, '_> {
         }
         // The height of CityGML 3.0 is one of several between named references.
         if let Some(height) = self.attributes.get("height.value").cloned() {
-            self.attributes.push("measuredHeight", height);
+            let unit = self.attributes.get("height.value.uom").and_then(AttributeValue::as_str).map(str::to_owned);
+            self.push_height("measuredHeight", height, unit.as_deref());
         }
         self.attributes
     }
@@ -99,15 +100,20 @@ impl AttributeReader<'_, '_> {
     fn push_measure(&mut self, property: u32, name: &str, value: AttributeValue) {
         let unit = self.tree.attribute(property, AttributeKind::Uom);
         let unit = unit.filter(|unit| !unit.trim_start_matches('#').is_empty() && metres_of(unit) != Some(1.0));
-        match (unit, value.as_f64()) {
-            (Some(unit), Some(value)) if is_height(name) && metres_of(unit).is_some() => {
-                self.attributes.push(name, AttributeValue::Float(value * metres_of(unit).unwrap_or(1.0)));
+        self.push_height(name, value, unit);
+    }
+
+    /// Adds a value that may be a height in a unit, which becomes metres if it is known. Others keep their unit beside them.
+    fn push_height(&mut self, name: &str, value: AttributeValue, unit: Option<&str>) {
+        match (unit, value.as_f64(), unit.and_then(metres_of)) {
+            (Some(_), Some(value), Some(unit_m)) if is_height(name) => {
+                self.attributes.push(name, AttributeValue::Float(value * unit_m));
             }
-            (Some(unit), _) => {
+            (Some(unit), ..) => {
                 self.attributes.push(name, value);
                 self.attributes.push(&format!("{name}.uom"), AttributeValue::Text(unit.to_owned()));
             }
-            (None, _) => self.attributes.push(name, value),
+            (None, ..) => self.attributes.push(name, value),
         }
     }
 

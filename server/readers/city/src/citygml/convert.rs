@@ -12,6 +12,7 @@ use insula_source::object::{ObjectSink, Shape, Surface, TriangleMesh};
 
 const FEW_POINTS: &str = "ring has fewer than three points";
 const NO_NUMBERS: &str = "coordinates that are no numbers";
+pub(super) const UNREAD_CURVE: &str = "ring with a curve that is not read";
 const UV_MISFIT: &str = "texture coordinates do not fit the ring";
 
 /// Surfaces of one object.
@@ -123,6 +124,9 @@ impl<'c> Converter<'c> {
         piece: &Piece,
         texture: Option<u32>,
     ) -> Result<bool, &'static str> {
+        if ring.is_unread {
+            return Err(UNREAD_CURVE);
+        }
         let points = open_ring(self.tree.points_of(ring));
         let of_ring = texture.and_then(|material| {
             let (of_ring, uv) = self.appearances.texture_of_ring(ring.id)?;

@@ -2,7 +2,7 @@
 
 use std::io::{self, BufRead, Chain, Cursor, Read};
 
-use encoding_rs::{Encoding, UTF_8};
+use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
 
 use insula_source::error::InputError;
 use insula_source::text::DecodingReader;
@@ -36,8 +36,14 @@ impl<'a> TextReader<'a> {
                 .ok_or_else(|| InputError::unsupported(label, format!("the text encoding {name} is not known")))?,
             None => UTF_8,
         };
-        // A declaration that can be read byte by byte is not UTF-16, whatever it says.
-        let encoding = if encoding.is_ascii_compatible() { encoding } else { UTF_8 };
+        let encoding = match head.get(..2) {
+            // The first character of XML, without a mark before it.
+            Some(b"<\0") => UTF_16LE,
+            Some(b"\0<") => UTF_16BE,
+            _ if encoding.is_ascii_compatible() => encoding,
+            // A declaration that can be read byte by byte is not UTF-16, whatever it says.
+            _ => UTF_8,
+        };
         let inner = DecodingReader::new(Cursor::new(head).chain(inner), encoding.new_decoder());
         Ok(Self { inner, event_bytes_left: MAX_EVENT_BYTES, is_event_too_long: false })
     }
@@ -116,6 +122,12 @@ mod tests {
         let utf16: Vec<u8> =
             "\u{FEFF}<?xml encoding=\"UTF-16\"?><a>ü</a>".encode_utf16().flat_map(u16::to_le_bytes).collect();
         assert_eq!(decode(&utf16), ("<?xml encoding=\"UTF-16\"?><a>ü</a>".into(), false));
+        for text in ["<?xml encoding=\"UTF-16\"?><a>ü</a>", "<a>横</a>"] {
+            for bytes_of in [u16::to_le_bytes, u16::to_be_bytes] {
+                let bytes: Vec<u8> = text.encode_utf16().flat_map(bytes_of).collect();
+                assert_eq!(decode(&bytes), (text.into(), false), "without a mark");
+            }
+        }
         assert_eq!(decode(b"<?xml encoding=\"UTF-16\"?><a/>").0, "<?xml encoding=\"UTF-16\"?><a/>");
     }
 

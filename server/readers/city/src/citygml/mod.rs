@@ -11,6 +11,7 @@ mod attributes;
 mod codelists;
 mod convert;
 mod coordinates;
+mod curves;
 mod decode;
 mod elements;
 mod gather;

@@ -75,6 +75,14 @@ pub(super) enum Class {
     OrientableSurface,
     /// Curves and points, which have no surface.
     Lines,
+    /// A piece of a curve through three positions, or several such pieces.
+    Arc,
+    /// A whole circle through three positions.
+    Circle,
+    /// A curve that may be run through backwards.
+    OrientableCurve,
+    /// A piece of a curve of another form.
+    OtherCurve,
     ImplicitGeometry,
     Matrix,
     ReferencePoint,
@@ -200,6 +208,18 @@ fn gml_class(local: &str) -> Option<Class> {
         "coordinates" => Class::Coordinates,
         "OrientableSurface" => Class::OrientableSurface,
         "MultiCurve" | "CompositeCurve" | "MultiPoint" | "MultiLineString" => Class::Lines,
+        "Arc" | "ArcString" => Class::Arc,
+        "Circle" => Class::Circle,
+        "OrientableCurve" => Class::OrientableCurve,
+        "ArcByBulge"
+        | "ArcStringByBulge"
+        | "ArcByCenterPoint"
+        | "CircleByCenterPoint"
+        | "Bezier"
+        | "BSpline"
+        | "CubicSpline"
+        | "Clothoid"
+        | "OffsetCurve" => Class::OtherCurve,
         "metaDataProperty" | "stopLines" | "breakLines" | "controlPoint" | "maxLength" => Class::Ignored,
         _ => return None,
     })

@@ -1,7 +1,7 @@
 //! Makes objects of the tree of a top-level object: itself, its parts and its subdivisions.
 
 use super::attributes::AttributeReader;
-use super::convert::{Converter, Surfaces};
+use super::convert::{Converter, Surfaces, UNREAD_CURVE};
 use super::elements::Elements;
 use super::gather::{Faults, LIBRARY, Piece, PieceGeometry, Scene, UNRESOLVED};
 use super::kinds::{is_group, is_other_relief, kind_of};
@@ -179,6 +179,8 @@ impl Session<'_, '_> {
             Some(LIBRARY)
         } else if has_fault(UNRESOLVED) {
             Some(UNRESOLVED)
+        } else if surfaces.faults.iter().any(|(known, _)| known == UNREAD_CURVE) {
+            Some(UNREAD_CURVE)
         } else {
             Some("no usable surface")
         }

@@ -96,6 +96,8 @@ pub(super) struct Ring {
     pub(super) start: u32,
     pub(super) end: u32,
     pub(super) is_hole: bool,
+    /// A part of it is a curve that is not read, or a reference to one. It has no points then.
+    pub(super) is_unread: bool,
 }
 
 /// A planar surface. Its rings are those from `first_ring` on.

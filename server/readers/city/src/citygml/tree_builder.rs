@@ -1,8 +1,11 @@
 //! Builds the tree of an object from the events of its file.
 
+use std::ops::Range;
+
 use quick_xml::events::BytesStart;
 
 use super::coordinates::{push_positions, push_tuples};
+use super::curves::points_of_curves;
 use super::names::{Class, NameId, Names};
 use super::tree::{
     AttributeKind, Content, Face, MAX_OBJECT_BYTES, MAX_OBJECT_DEPTH, Node, Ring, Tree, TreeAttribute,
@@ -252,10 +255,17 @@ impl Builder<'_, '_> {
         }
         let is_mergeable = open.class == Class::Triangle && self.is_plain_triangle(node, first_ring);
         let tree = &mut *self.tree;
+        let srs = srs_within(tree, node, open.attributes_end);
         tree.nodes.truncate(node as usize + 1);
         tree.attributes.truncate(open.attributes_end);
         tree.text.truncate(open.text_start);
         tree.nodes[node as usize].end = node + 1;
+        if let Some(srs) = srs {
+            let start = tree.text.len() as u32;
+            tree.text.push_str(&srs);
+            tree.attributes.push(TreeAttribute { kind: AttributeKind::SrsName, start, end: tree.text.len() as u32 });
+            tree.nodes[node as usize].attributes.1 = tree.attributes.len() as u32;
+        }
         if is_mergeable {
             self.end_triangle(node, first_ring);
             return;
@@ -302,17 +312,35 @@ impl Builder<'_, '_> {
     }
 }
 
+/// The coordinate system that only the rings or positions of a face name. The attributes of the face itself end at `attributes_end`.
+fn srs_within(tree: &Tree, face: u32, attributes_end: usize) -> Option<String> {
+    let within = tree.attributes.get(attributes_end..)?;
+    let found = within.iter().find(|attribute| attribute.kind == AttributeKind::SrsName)?;
+    let has_own = tree.attribute(face, AttributeKind::SrsName).is_some();
+    tree.text.get(found.start as usize..found.end as usize).filter(|_| !has_own).map(str::to_owned)
+}
+
 /// The ring among the elements of an exterior or interior.
-fn ring_of(tree: &Tree, names: &Names, elements: std::ops::Range<u32>, is_hole: bool) -> Ring {
-    let mut ring = Ring { id: 0, start: 0, end: 0, is_hole };
-    for node in elements {
-        let element = tree.node(node);
+fn ring_of(tree: &mut Tree, names: &Names, elements: Range<u32>, is_hole: bool) -> Ring {
+    let mut ring = Ring { id: 0, start: 0, end: 0, is_hole, is_unread: false };
+    let mut has_curves = false;
+    for node in elements.clone() {
+        let (element, class) = (tree.node(node), tree.class(names, node));
+        has_curves |= matches!(class, Class::Arc | Class::Circle | Class::OrientableCurve | Class::OtherCurve)
+            || tree.attribute(node, AttributeKind::Href).is_some();
         if let Content::Points { start, end } = element.content {
             ring.start = if ring.end == 0 { start } else { ring.start };
             ring.end = end;
-        } else if names.class(element.name) == Class::Ring && ring.id == 0 {
+        } else if class == Class::Ring && ring.id == 0 {
             ring.id = tree.attribute(node, AttributeKind::Id).map_or(0, hash_of_reference);
         }
+    }
+    if has_curves {
+        let points = points_of_curves(tree, names, elements);
+        ring.is_unread = points.is_none();
+        ring.start = tree.points.len() as u32;
+        tree.points.extend(points.unwrap_or_default());
+        ring.end = tree.points.len() as u32;
     }
     ring
 }

@@ -8,6 +8,7 @@ use super::levels::level_of;
 use super::nested::{NULL, Nested};
 use super::schema::{
     CityJsonGeometry, CityJsonLod, CityObject, GeometryTemplates, SurfaceSemantics, ThemeValues, VertexTransform,
+    shell_depth,
 };
 use insula_dress::polygon::NO_AREA;
 use insula_source::affine::{Affine, TRANSPOSED};
@@ -239,16 +240,6 @@ fn collect_rings(
         surface.uv = Vec::new();
     }
     Ok(has_uv)
-}
-
-/// How many levels of nesting are above the surfaces in a geometry's boundaries; `None` if it has no surfaces.
-fn shell_depth(kind: &str) -> Option<u32> {
-    match kind {
-        "MultiSurface" | "CompositeSurface" => Some(0),
-        "Solid" => Some(1),
-        "MultiSolid" | "CompositeSolid" => Some(2),
-        _ => None,
-    }
 }
 
 /// The values of the default theme, or of the one whose name is alphabetically first.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::schema::{CityJsonGeometry, CityJsonLod, ObjectOutline};
+use super::schema::{CityJsonGeometry, CityJsonLod, GeometryOutline, ObjectOutline, shell_depth};
 
 /// More generations than this are treated as a loop.
 const MAX_ANCESTORS: usize = 8;
@@ -61,10 +61,15 @@ fn is_footprint(lod: CityJsonLod) -> bool {
     (0.0..1.0).contains(&lod.0)
 }
 
+/// The best level with surfaces, else of those without, so that its reader reports them.
 fn best_level(outline: Option<&ObjectOutline<'_>>, templates: &[CityJsonGeometry]) -> Option<CityJsonLod> {
     let geometries = outline?.geometry.as_ref()?.iter();
-    let levels = geometries.map(|geometry| level_of(geometry.lod, geometry.template, templates));
-    levels.max_by(|a, b| a.0.total_cmp(&b.0))
+    let has_surfaces = |geometry: &GeometryOutline| {
+        geometry.boundaries.0 && (geometry.template.is_some() || shell_depth(&geometry.kind).is_some())
+    };
+    let levels =
+        geometries.map(|geometry| (has_surfaces(geometry), level_of(geometry.lod, geometry.template, templates)));
+    levels.max_by(|a, b| a.0.cmp(&b.0).then(a.1.0.total_cmp(&b.1.0))).map(|(_, level)| level)
 }
 
 /// The level of a geometry. An instance has its template's level.
@@ -136,6 +141,16 @@ mod tests {
     fn highest_level_is_chosen_numerically() {
         let text = r#"[["a", {"geometry": [{"lod": "1.3"}, {"lod": "2.2"}, {"lod": "0"}, {"lod": 2}]}], ["b", {}]]"#;
         assert_eq!(choice(text), [LevelChoice::Level(CityJsonLod(2.2)), LevelChoice::NoGeometry]);
+    }
+
+    #[test]
+    fn levels_without_surfaces_count_only_if_there_are_no_others() {
+        let text = r#"[["a", {"geometry": [
+            {"type": "Solid", "lod": "2", "boundaries": [[[[0, 1, 2]]]]},
+            {"type": "Solid", "lod": "3", "boundaries": [[]]},
+            {"type": "MultiLineString", "lod": "3.1", "boundaries": [[0, 1]]}
+        ]}], ["b", {"geometry": [{"type": "MultiPoint", "lod": "1", "boundaries": [0]}]}]]"#;
+        assert_eq!(choice(text), [2.0, 1.0].map(|level| LevelChoice::Level(CityJsonLod(level))));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use serde::de::{Deserialize, Deserializer, SeqAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
 /// An index, an array of nested indices, or nothing. A number that is not an index becomes -1, which is always out of
 /// range.
@@ -83,6 +83,63 @@ impl<'de> Visitor<'de> for NestedVisitor {
     }
 }
 
+/// Whether nested arrays have a value that is no array. What cannot be [`Nested`] counts as one, so that its reader reports it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Filled(pub(crate) bool);
+
+impl<'de> Deserialize<'de> for Filled {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(FilledVisitor).map(Self)
+    }
+}
+
+struct FilledVisitor;
+
+impl<'de> Visitor<'de> for FilledVisitor {
+    type Value = bool;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a value or an array")
+    }
+
+    fn visit_bool<E>(self, _: bool) -> Result<bool, E> {
+        Ok(true)
+    }
+
+    fn visit_u64<E>(self, _: u64) -> Result<bool, E> {
+        Ok(true)
+    }
+
+    fn visit_i64<E>(self, _: i64) -> Result<bool, E> {
+        Ok(true)
+    }
+
+    fn visit_f64<E>(self, _: f64) -> Result<bool, E> {
+        Ok(true)
+    }
+
+    fn visit_str<E>(self, _: &str) -> Result<bool, E> {
+        Ok(true)
+    }
+
+    fn visit_unit<E>(self) -> Result<bool, E> {
+        Ok(false)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<bool, A::Error> {
+        let mut is_filled = false;
+        while let Some(Filled(is_value)) = seq.next_element()? {
+            is_filled |= is_value;
+        }
+        Ok(is_filled)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<bool, A::Error> {
+        while map.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
+        Ok(true)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -97,6 +154,13 @@ mod tests {
         assert_eq!(nested.child(9), &Nested::Null);
         assert_eq!(Nested::Index(7).child(3).child(1).index(), Some(7));
         assert!(serde_json::from_str::<Nested>("[\"a\"]").is_err());
+    }
+
+    #[test]
+    fn empty_arrays_of_any_depth_are_not_filled() {
+        let filled = |text: &str| serde_json::from_str::<Filled>(text).unwrap().0;
+        assert!(filled("[[], [[0]]]") && filled("7") && filled("[\"a\"]") && filled("{\"a\": []}"));
+        assert!(!filled("[]") && !filled("[[[]], [], null]") && !filled("null"));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::nested::Nested;
+use super::nested::{Filled, Nested};
 use insula_source::json::position::JsonPosition;
 use insula_source::object::unit_to_byte;
 
@@ -168,6 +168,16 @@ pub(crate) struct CityJsonGeometry {
     pub(crate) matrix: Option<Vec<f64>>,
 }
 
+/// How many levels of nesting are above the surfaces in a geometry's boundaries; `None` if it has no surfaces.
+pub(crate) fn shell_depth(kind: &str) -> Option<u32> {
+    match kind {
+        "MultiSurface" | "CompositeSurface" => Some(0),
+        "Solid" => Some(1),
+        "MultiSolid" | "CompositeSolid" => Some(2),
+        _ => None,
+    }
+}
+
 #[derive(Deserialize, Default)]
 #[serde(default)]
 pub(crate) struct SurfaceSemantics {
@@ -214,8 +224,11 @@ pub(crate) struct ObjectOutline<'a> {
 #[derive(Deserialize, Default)]
 #[serde(default)]
 pub(crate) struct GeometryOutline {
+    #[serde(rename = "type")]
+    pub(crate) kind: String,
     pub(crate) lod: CityJsonLod,
     pub(crate) template: Option<i64>,
+    pub(crate) boundaries: Filled,
 }
 
 /// A level of detail: a number, written as text since CityJSON 1.1. Negative if unknown.

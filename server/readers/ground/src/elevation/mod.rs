@@ -28,7 +28,7 @@ use std::path::Path;
 
 use lru::LruCache;
 
-use super::raster::{GeoPlace, Raster, RasterError, RasterLimits, SampleKind};
+use super::raster::{AuxFile, GeoPlace, Raster, RasterError, RasterLimits, SampleKind};
 use super::raster::{HEIGHTS_AND_DEPTHS_M, HEIGHTS_M};
 use fit::fit_to_bases;
 use insula_dress::building_base::BuildingBase;
@@ -155,7 +155,10 @@ impl Elevation {
             )
             .map_err(|error| raster_fault(&source.label, error))?
         };
-        if let Some(nodata) = nodata {
+        let aux = read_sibling(&*source.files, &format!("{}.aux.xml", unpacked_name(&source.name)), MAX_SIDECAR_BYTES);
+        let aux = aux.map(|bytes| AuxFile::parse(&String::from_utf8_lossy(&bytes))).unwrap_or_default();
+        raster.set_aux(&aux);
+        if let Some(nodata) = nodata.or(aux.nodata) {
             raster.set_nodata(nodata);
         }
         let facts = raster.facts();
@@ -167,7 +170,7 @@ impl Elevation {
         let is_picture = facts.bands > 2 || facts.sample == SampleKind::U8;
         let place = match facts.place {
             Some(place) => place,
-            None => world_file(source)?,
+            None => world_file(source, facts.control_points)?,
         };
         let crs = crs_of(source, &raster);
         self.is_settled = false;
@@ -337,14 +340,20 @@ fn open_terrain(source: &CitySource<'_>, file: &LocalFile) -> Result<Raster, Inp
 }
 
 /// Where a raster without a place of its own is: what the world file beside it says.
-fn world_file(source: &CitySource<'_>) -> Result<GeoPlace, InputError> {
+fn world_file(source: &CitySource<'_>, control_points: usize) -> Result<GeoPlace, InputError> {
     let stem = stem_of(source);
-    let extensions = ["tfw", "tifw", "wld", "jgw", "pgw", "j2w"];
+    let extensions =
+        ["tfw", "tifw", "tiffw", "wld", "jgw", "jpgw", "jpegw", "pgw", "pngw", "wpw", "webpw", "j2w", "jp2w"];
     let found = extensions
         .iter()
         .find_map(|extension| read_sibling(&*source.files, &format!("{stem}.{extension}"), MAX_SIDECAR_BYTES).ok());
     let Some(bytes) = found else {
-        let what = "it has no position, and no world file beside it (.tfw)";
+        let what = match control_points {
+            0 => "it has no position, and no world file beside it (.tfw)".to_owned(),
+            count => format!(
+                "only {count} of its pixels have a position (control points); gdalwarp makes a file of it that has one"
+            ),
+        };
         return Err(InputError::unsupported(&source.label, what));
     };
     GeoPlace::from_world_file(&String::from_utf8_lossy(&bytes)).map_err(|error| raster_fault(&source.label, error))

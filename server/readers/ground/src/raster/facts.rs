@@ -100,6 +100,8 @@ pub(crate) struct RasterFacts {
     pub(crate) sample: SampleKind,
     /// Where the pixels are; `None` if the file does not tell.
     pub(crate) place: Option<GeoPlace>,
+    /// Number of places by which the file tells in place of `place` where some pixels are.
+    pub(crate) control_points: usize,
     pub(crate) crs: RasterCrs,
     /// The value of pixels without one.
     pub(crate) nodata: Option<f64>,
@@ -119,6 +121,7 @@ impl RasterFacts {
             bands: 1,
             sample,
             place: None,
+            control_points: 0,
             crs: RasterCrs::default(),
             nodata: None,
             unknown_unit: None,

@@ -1,6 +1,7 @@
 //! The coordinate system of GeoTIFF (OGC 19-008), which LAS files have too.
 
 use super::facts::RasterCrs;
+use insula_place::crs::VerticalDatum;
 use insula_source::units::metres_of;
 
 /// Number of the tag, or of the record, with the keys.
@@ -17,6 +18,12 @@ const GEOGRAPHIC_TYPE_KEY: u64 = 2048;
 const GEOGRAPHIC_CITATION_KEY: u64 = 2049;
 const PROJECTED_TYPE_KEY: u64 = 3072;
 const PROJECTED_CITATION_KEY: u64 = 3073;
+const ELLIPSOID_KEY: u64 = 2056;
+const MERIDIAN_KEY: u64 = 2061;
+const RADIUS_KEY: u64 = 2057;
+const INVERSE_FLATTENING_KEY: u64 = 2059;
+/// In place of a code.
+const USER_DEFINED: u64 = 32767;
 const METHOD_KEY: u64 = 3075;
 const LINEAR_UNITS_KEY: u64 = 3076;
 const VERTICAL_TYPE_KEY: u64 = 4096;
@@ -61,18 +68,20 @@ impl GeoKeys {
         let is_ellipsoidal = code(VERTICAL_TYPE_KEY).is_some_and(|code| (5001..=5033).contains(&code));
         let of_datum = |code| VERTICAL_DATUMS.into_iter().find_map(|(datum, system)| (datum == code).then_some(system));
         let vertical = code(VERTICAL_TYPE_KEY).filter(|_| !is_ellipsoidal);
+        // That of a system with a code is known by its name.
+        let is_own = horizontal.as_ref().is_some_and(|name| name.starts_with('+'));
+        let unit_m = vertical.filter(|_| is_own).map(|code| VerticalDatum::from_code(code as u32).unit_m);
         let citation = [PROJECTED_CITATION_KEY, CITATION_KEY, GEOGRAPHIC_CITATION_KEY];
         RasterCrs {
             horizontal,
             vertical: vertical.map(|code| format!("EPSG:{}", of_datum(code).unwrap_or(code))),
             is_ellipsoidal,
-            height_unit_m: self.number(VERTICAL_UNITS_KEY).and_then(|code| metres_of(&code.to_string())),
+            height_unit_m: self.number(VERTICAL_UNITS_KEY).and_then(|code| metres_of(&code.to_string())).or(unit_m),
             citation: citation.into_iter().find_map(|key| self.text(key)),
         }
     }
 
-    /// A projection that the file defines by itself, for PROJ. `None` if its method or its datum is not known, or its
-    /// unit is not the metre.
+    /// A projection that the file defines by itself, for PROJ. `None` if its method, its datum or its unit is not known.
     fn projection(&self) -> Option<String> {
         let method = match self.number(METHOD_KEY)? {
             1 => "tmerc",
@@ -84,22 +93,39 @@ impl GeoKeys {
             16 => "sterea",
             _ => return None,
         };
-        if self.number(LINEAR_UNITS_KEY).is_some_and(|unit| unit != 9001) {
-            return None;
-        }
-        let datum = match self.number(GEOGRAPHIC_TYPE_KEY)? {
-            4326 => "+datum=WGS84",
-            // Of the continents: the same as WGS84 within a metre.
-            4258 | 4148 | 4283 | 4269 | 6668 | 4612 | 4674 => "+ellps=GRS80 +towgs84=0,0,0",
-            _ => return None,
-        };
-        let mut text = format!("+proj={method} {datum} +units=m");
+        let unit_m = self.number(LINEAR_UNITS_KEY).map_or(Some(1.0), |code| metres_of(&code.to_string()))?;
+        let unit = if unit_m == 1.0 { "+units=m".to_owned() } else { format!("+to_meter={unit_m}") };
+        let mut text = format!("+proj={method} {} {unit}", self.datum()?);
         for (name, keys) in PARAMETERS {
             if let Some(value) = keys.iter().find_map(|key| self.real(*key)) {
-                text += &format!(" +{name}={value}");
+                let is_length = matches!(name, "x_0" | "y_0");
+                text += &format!(" +{name}={}", if is_length { value * unit_m } else { value });
             }
         }
         Some(text)
+    }
+
+    /// The datum of a projection that the file defines by itself, or only its ellipsoid, for PROJ.
+    fn datum(&self) -> Option<String> {
+        if self.real(MERIDIAN_KEY).is_some_and(|longitude| longitude != 0.0) {
+            return None;
+        }
+        let known = match self.number(GEOGRAPHIC_TYPE_KEY) {
+            Some(4326) => Some("+datum=WGS84"),
+            // Of the continents: the same as WGS84 within a metre.
+            Some(4258 | 4148 | 4283 | 4269 | 6668 | 4612 | 4674) => Some("+ellps=GRS80 +towgs84=0,0,0"),
+            Some(code) if code != USER_DEFINED => return None,
+            _ => match self.number(ELLIPSOID_KEY) {
+                Some(7019) => Some("+ellps=GRS80"),
+                Some(7030) => Some("+ellps=WGS84"),
+                _ => None,
+            },
+        };
+        if let Some(known) = known {
+            return Some(known.to_owned());
+        }
+        let (radius, inverse_flattening) = (self.real(RADIUS_KEY)?, self.real(INVERSE_FLATTENING_KEY)?);
+        Some(format!("+a={radius} +rf={inverse_flattening}"))
     }
 
     /// Each key has four numbers: itself, where its value is (0: here), a count, and the value.

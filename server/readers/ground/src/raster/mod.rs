@@ -2,6 +2,7 @@
 //! memory.
 
 mod ascii_grid;
+mod aux_file;
 mod cache;
 mod error;
 mod facts;
@@ -21,10 +22,10 @@ mod tests;
 mod tiff;
 mod words;
 
+pub(crate) use self::aux_file::AuxFile;
 pub(crate) use self::error::RasterError;
 pub(crate) use self::facts::HEIGHTS_AND_DEPTHS_M;
 pub use self::facts::HEIGHTS_M;
-#[cfg(test)]
 pub(crate) use self::facts::RasterCrs;
 pub(crate) use self::facts::{RasterFacts, RasterLimits, RasterSize, SampleKind, Window};
 pub(crate) use self::place::GeoPlace;
@@ -38,6 +39,7 @@ use self::point_cloud::PointCloud;
 use self::quantized_mesh::QuantizedMesh;
 use self::source::Source;
 use self::tiff::TiffRaster;
+use insula_place::crs::is_undefined;
 
 #[cfg(not(feature = "jpeg2000"))]
 mod jpeg2000 {
@@ -93,6 +95,8 @@ pub(crate) struct Raster {
     facts: RasterFacts,
     limits: RasterLimits,
     content: Content,
+    /// Factor and summand of heights, of formats that have none of their own.
+    rule: Option<[f64; 2]>,
 }
 
 /// The formats.
@@ -131,7 +135,7 @@ impl Raster {
         } else {
             return Err(RasterError::NotThisFormat);
         };
-        Ok(Self { facts, limits, content })
+        Ok(Self { facts, limits, content, rule: None })
     }
 
     /// Opens terrain of Cesium by its `layer.json` and the files beside it.
@@ -141,7 +145,7 @@ impl Raster {
         limits: RasterLimits,
     ) -> Result<Self, RasterError> {
         let (terrain, facts) = QuantizedMesh::open(layer_json, tiles, limits)?;
-        Ok(Self { facts, limits, content: Content::QuantizedMesh(Box::new(terrain)) })
+        Ok(Self { facts, limits, content: Content::QuantizedMesh(Box::new(terrain)), rule: None })
     }
 
     /// Sets the value that marks missing heights besides the declared one, for formats that can have such.
@@ -151,6 +155,24 @@ impl Raster {
             Content::Ascii(grid) => grid.nodata_by_hand = Some(self.facts.sample.rounded(nodata)),
             Content::Hgt(hgt) => hgt.nodata_by_hand = Some(nodata),
             Content::Picture(_) | Content::QuantizedMesh(_) | Content::PointCloud(_) => {}
+        }
+    }
+
+    /// Takes what a file beside the raster tells, but for the mark of missing heights.
+    pub(crate) fn set_aux(&mut self, aux: &AuxFile) {
+        let facts = &mut self.facts;
+        facts.place = aux.place.or(facts.place);
+        if let Some(crs) = aux.crs.as_ref().filter(|crs| !is_undefined(crs)) {
+            facts.crs = RasterCrs { horizontal: Some(crs.clone()), ..RasterCrs::default() };
+        }
+        if aux.unit.is_some() {
+            facts.crs.height_unit_m = aux.unit_m();
+            facts.unknown_unit = aux.unit.clone().filter(|_| aux.unit_m().is_none());
+        }
+        match (&mut self.content, aux.heights) {
+            (Content::Tiff(tiff), Some(rule)) => tiff.set_rule(rule),
+            (_, Some(rule)) => self.rule = Some(rule),
+            (_, None) => {}
         }
     }
 
@@ -181,14 +203,18 @@ impl Raster {
     /// Fails if the window is not within the level.
     pub(crate) fn read_heights(&mut self, window: Window, level: usize) -> Result<Vec<f32>, RasterError> {
         let len = self.window_len(window, level)?;
-        match &mut self.content {
+        let mut heights = match &mut self.content {
             Content::Tiff(tiff) => tiff.read_heights(window, level, len),
             Content::Hgt(hgt) => hgt.read_heights(window, len),
             Content::Ascii(grid) => grid.read_heights(window, len),
             Content::QuantizedMesh(terrain) => terrain.read_heights(window, len),
             Content::PointCloud(cloud) => cloud.read_heights(window, len),
             Content::Picture(_) => Err(RasterError::unsupported("colours in place of heights")),
+        }?;
+        if let Some([scale, offset]) = self.rule {
+            heights.iter_mut().for_each(|height| *height = (f64::from(*height) * scale + offset) as f32);
         }
+        Ok(heights)
     }
 
     /// Red, green, blue and alpha of a window of a level by row, of 8 bits. Alpha is 0 where there is no

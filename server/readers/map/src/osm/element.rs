@@ -103,6 +103,14 @@ pub(super) enum Element<'a> {
     },
 }
 
+/// The error of a file that has all versions of its elements. `what` tells it.
+pub(super) fn of_history(label: &str, what: &str) -> InputError {
+    InputError::unsupported(
+        label,
+        format!("a history of a map ({what}); osmium time-filter makes a map of one day of it"),
+    )
+}
+
 /// Which elements a pass over a file is for. Others may be visited too.
 #[derive(Clone)]
 pub(super) enum Pass<'n> {

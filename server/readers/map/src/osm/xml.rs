@@ -12,7 +12,8 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
 use super::element::{
-    Element, ElementFile, ElementId, Member, Pass, Position, Tags, UNITS_PER_DEGREE, Visit, id_of_position, position,
+    Element, ElementFile, ElementId, Member, Pass, Position, Tags, UNITS_PER_DEGREE, Visit, id_of_position, of_history,
+    position,
 };
 use insula_source::error::InputError;
 use insula_source::input::Input;
@@ -79,6 +80,9 @@ impl ElementFile for XmlFile<'_> {
                         format!("XML with the root {root} is no map of OpenStreetMap, whose root is osm"),
                     ));
                 }
+                Step::History(element) => {
+                    return Err(of_history(self.input.label, &format!("{element} has several versions")));
+                }
                 Step::End => return Ok(()),
             }
             if matches!(pass, Pass::First) {
@@ -127,6 +131,12 @@ enum Kind {
     Relation,
 }
 
+impl Kind {
+    fn name(self) -> &'static str {
+        ["node", "way", "relation"][self as usize]
+    }
+}
+
 /// What an event of XML led to.
 #[derive(Debug, PartialEq, Eq)]
 enum Step {
@@ -137,6 +147,8 @@ enum Step {
     Element,
     /// The root is none of a map.
     Foreign(String),
+    /// An element is there in several versions.
+    History(String),
     End,
 }
 
@@ -155,6 +167,9 @@ struct Parser {
     is_closed: bool,
     current: Option<Kind>,
     id: Option<i64>,
+    version: Option<u64>,
+    /// The element before, with its version.
+    before: Option<(Kind, i64, u64)>,
     position: Option<Position>,
     has_position: bool,
     is_deleted: bool,
@@ -190,6 +205,8 @@ impl Parser {
             is_closed: false,
             current: None,
             id: None,
+            version: None,
+            before: None,
             position: None,
             has_position: false,
             is_deleted: false,
@@ -259,7 +276,7 @@ impl Parser {
             if self.current.is_some() {
                 self.begin(tag)?;
             }
-            return Ok(Step::Nothing);
+            return Ok(self.history(kind).map_or(Step::Nothing, Step::History));
         }
         match (name.as_ref(), self.current) {
             // Ways of the Overpass API have bounds, too.
@@ -284,6 +301,7 @@ impl Parser {
                 "id" => self.id = value.trim().parse().ok(),
                 "lon" => (lon, self.has_position) = (units(value), true),
                 "lat" => (lat, self.has_position) = (units(value), true),
+                "version" => self.version = value.trim().parse().ok(),
                 "visible" => self.is_deleted |= value == "false",
                 "action" => self.is_deleted |= value == "delete",
                 _ => {}
@@ -293,7 +311,16 @@ impl Parser {
         Ok(())
     }
 
+    /// The name of the element that begins, if the one before is another version of it.
+    fn history(&mut self, kind: Kind) -> Option<String> {
+        let own = self.id.zip(self.version).map(|(id, version)| (kind, id, version)).filter(|_| self.is_first)?;
+        let before = self.before.replace(own)?;
+        let is_other_version = (before.0, before.1) == (own.0, own.1) && before.2 != own.2;
+        is_other_version.then(|| format!("{}/{}", kind.name(), own.1))
+    }
+
     fn clear(&mut self) {
+        self.version = None;
         (self.id, self.position, self.has_position, self.is_deleted, self.fault) = (None, None, false, false, None);
         self.is_member = false;
         self.refs.clear();
@@ -394,7 +421,7 @@ impl Parser {
     /// Visits the current element.
     fn visit(&mut self, sink: &mut dyn ObjectSink, visit: &mut Visit<'_>) -> Result<ControlFlow<()>, InputError> {
         let Some(kind) = self.current.take() else { return Ok(ControlFlow::Continue(())) };
-        let name = ["node", "way", "relation"][kind as usize];
+        let name = kind.name();
         let Some(id) = self.id else {
             if self.is_first {
                 sink.problem("element without a valid identifier", name.to_owned());

@@ -234,8 +234,8 @@ impl<'a> FeatureWriter<'a> {
         {
             return Ok(());
         }
-        if geometry.fill_heights() {
-            self.sink.problem(MISSING_GROUND, format!("{id}: at some of its positions"));
+        if let Some(mark) = geometry.fill_heights() {
+            self.sink.problem(MISSING_GROUND, format!("{id}: {mark}"));
         }
         if rings::regroup(&mut geometry.polygons) {
             self.sink.problem("first ring does not enclose the others, rings grouped by containment", id.clone());

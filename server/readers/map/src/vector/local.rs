@@ -33,6 +33,11 @@ pub(super) fn sibling_text(input: &Input<'_>, extension: &str) -> Option<String>
     (!text.is_empty()).then(|| text.to_owned())
 }
 
+/// The coordinate system that a file beside the source tells: `.prj`, or `.qpj` of QGIS.
+pub(super) fn system_beside(input: &Input<'_>) -> Option<String> {
+    sibling_text(input, "prj").or_else(|| sibling_text(input, "qpj"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,6 +1,7 @@
 //! Well-known binary in all dialects: ISO (types + 1000, 2000, 3000), EWKB of PostGIS (flags and SRID), both byte orders.
 
-use super::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, divide_arcs};
+use super::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE};
+use insula_source::arc::divide_arcs;
 
 const FLAG_Z: u32 = 0x8000_0000;
 const FLAG_M: u32 = 0x4000_0000;

@@ -1,6 +1,7 @@
 //! Well-known text, also with the prefix `SRID=4326;` of PostGIS.
 
-use super::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, divide_arcs};
+use super::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE};
+use insula_source::arc::divide_arcs;
 
 /// Names of geometries. Longer names come before their beginnings.
 const NAMES: [&str; 17] = [

@@ -214,6 +214,19 @@ fn degrees_become_metres_in_the_zone_of_the_first_position() {
 }
 
 #[test]
+fn rings_across_the_antimeridian_are_one_piece() {
+    let text = |[west, east]: [&str; 2]| {
+        let ring = format!("[[{west},-16.8],[{east},-16.8],[{east},-16.7999],[{west},-16.7999],[{west},-16.8]]");
+        format!(r#"{{"type": "FeatureCollection", "features": [{}]}}"#, feature("t", TEN, &polygon(&ring)))
+    };
+    for sides in [["179.99995", "-179.99995"], ["179.99995", "180.00005"]] {
+        let (scene, _) = read(&text(sides));
+        // 10.66 m by 11.07 m, times the scale at the border of a zone.
+        assert!((volume_m3(&scene) - 1182.0).abs() < 5.0, "{sides:?}: {}", volume_m3(&scene));
+    }
+}
+
+#[test]
 fn features_are_read_line_by_line() {
     let (a, b) = (square_feature("a"), square_feature("b").replace("[10,0]", "[10,NaN]"));
     let degrees = |text: &str| text.replace("10]", "0.0001]").replace("[10", "[0.0001");

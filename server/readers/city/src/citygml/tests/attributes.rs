@@ -62,6 +62,8 @@ fn attributes_of_version_3() {
         ("measuredHeight", Float(8.5)),
     ];
     assert_eq!(attributes, expected);
+    let (in_feet, _) = read_bytes(text_3.replace("uom=\"m\">8.5", "uom=\"ft\">10").as_bytes());
+    assert_eq!(in_feet.objects[0].attributes.get("measuredHeight"), Some(&Float(3.048)));
 }
 
 #[test]

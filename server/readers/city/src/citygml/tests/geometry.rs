@@ -272,3 +272,57 @@ fn rings_in_the_forms_of_gml_2_and_single_positions() {
     assert_eq!(corners(&sink.objects[0]), [1.0, 2.0, 3.0]);
     assert!(polygons(&sink.objects[0]).iter().all(|surface| surface.points.len() == 3));
 }
+
+#[test]
+fn rings_of_curves_follow_them() {
+    let polygon = |curves: &str| {
+        format!(
+            "<gml:Polygon><gml:exterior><gml:Ring><gml:curveMember>{curves}</gml:curveMember></gml:Ring></gml:exterior></gml:Polygon>"
+        )
+    };
+    let segments = |content: &str| format!("<gml:Curve><gml:segments>{content}</gml:segments></gml:Curve>");
+    let read = |curves: &str| {
+        read_building(&format!("<bldg:lod1MultiSurface>{}</bldg:lod1MultiSurface>", multi_surface(&[polygon(curves)])))
+    };
+    let area = |sink: &insula_source::testing::TestSink| {
+        let points = &polygons(&sink.objects[0])[0].points;
+        let next = points.iter().cycle().skip(1);
+        points.iter().zip(next).map(|([x, y, _], [a, b, _])| (x * b - a * y) / 2.0).sum::<f64>()
+    };
+    let circle = "<gml:Circle><gml:posList>2 0 5 0 2 5 -2 0 5</gml:posList></gml:Circle>";
+    let arcs = "<gml:ArcString><gml:posList>2 0 5 0 2 5 -2 0 5 0 -2 5 2 0 5</gml:posList></gml:ArcString>";
+    let half = "<gml:Arc><gml:pos>2 0 5</gml:pos><gml:pos>0 2 5</gml:pos><gml:pos>-2 0 5</gml:pos></gml:Arc>";
+    let line = "<gml:LineStringSegment><gml:posList>-2 0 5 2 0 5</gml:posList></gml:LineStringSegment>";
+    let back = format!(
+        r#"<gml:CompositeCurve><gml:curveMember>{}</gml:curveMember><gml:curveMember><gml:OrientableCurve orientation="-"><gml:baseCurve><gml:LineString><gml:posList>2 0 5 -2 0 5</gml:posList></gml:LineString></gml:baseCurve></gml:OrientableCurve></gml:curveMember></gml:CompositeCurve>"#,
+        segments(half)
+    );
+    let round = 4.0 * std::f64::consts::PI;
+    for (curves, expected) in [
+        (segments(circle), round),
+        (segments(arcs), round),
+        (segments(&format!("{half}{line}")), round / 2.0),
+        (back, round / 2.0),
+    ] {
+        let sink = read(&curves);
+        assert!((area(&sink) / expected - 1.0).abs() < 1e-3, "{curves}: {}", area(&sink));
+        assert!(sink.problems.is_empty() && sink.skipped.is_empty());
+    }
+    let centre =
+        "<gml:CircleByCenterPoint><gml:pos>0 0 5</gml:pos><gml:radius>2</gml:radius></gml:CircleByCenterPoint>";
+    for curves in [segments(centre), r##"<gml:Curve xlink:href="#c"/>"##.to_owned()] {
+        let sink = read(&curves);
+        assert_eq!(sink.skipped, [("ring with a curve that is not read", "b".to_owned())]);
+    }
+}
+
+#[test]
+fn systems_are_found_on_every_element_of_a_surface() {
+    for element in ["Solid", "CompositeSurface", "Polygon", "LinearRing", "posList"] {
+        let plain = solid(&[polygon("", 1), polygon("", 2)]);
+        let named = plain.replace(&format!("<gml:{element}"), &format!(r#"<gml:{element} srsName="EPSG:25832""#));
+        let sink = read_building(&format!("<bldg:lod1Solid>{named}</bldg:lod1Solid>"));
+        assert_eq!(sink.crs, [CrsReference::authority("EPSG:25832".to_owned())], "{element}");
+        assert_eq!(corners(&sink.objects[0]), [1.0, 2.0], "{element}");
+    }
+}

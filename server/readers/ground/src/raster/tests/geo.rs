@@ -99,6 +99,23 @@ fn projections_that_the_file_defines() {
     let file = image().shorts(KEYS, &keys).tag(34736, Values::Doubles(vec![19.0])).file();
     let crs = open(&file).unwrap().facts().crs.clone();
     assert_eq!(crs.horizontal.as_deref(), Some("+proj=tmerc +datum=WGS84 +units=m +lon_0=19"));
-    let feet = [1, 1, 0, 4, 1024, 0, 1, 1, 2048, 0, 1, 4326, 3075, 0, 1, 1, 3076, 0, 1, 9002];
-    assert_eq!(open(&image().shorts(KEYS, &feet).file()).unwrap().facts().crs.horizontal, None);
+    let crs_of = |own: &[[u16; 4]], reals: &[f64]| {
+        let of_all = [[1, 1, 0, own.len() as u16 + 1], [1024, 0, 1, 1]];
+        let keys: Vec<u16> = of_all.iter().chain(own).flatten().copied().collect();
+        let file = image().shorts(KEYS, &keys).tag(34736, Values::Doubles(reals.to_vec())).file();
+        open(&file).unwrap().facts().crs.clone()
+    };
+    let [datum, method] = [[2048, 0, 1, 4326], [3075, 0, 1, 1]];
+    let feet = crs_of(&[datum, method, [3076, 0, 1, 9002], [3082, 34736, 1, 0], [4096, 0, 1, 6360]], &[1000.0]);
+    assert_eq!(feet.horizontal.as_deref(), Some("+proj=tmerc +datum=WGS84 +to_meter=0.3048 +x_0=304.8"));
+    assert!((feet.height_unit_m.unwrap() - 1200.0 / 3937.0).abs() < 1e-12, "of its vertical system");
+    assert_eq!(crs_of(&[datum, method, [3076, 0, 1, 32767]], &[0.0]).horizontal, None);
+    // Only the ellipsoid is known.
+    let own = [2048, 0, 1, 32767];
+    let by_code = crs_of(&[own, [2056, 0, 1, 7019], method], &[0.0]);
+    assert_eq!(by_code.horizontal.as_deref(), Some("+proj=tmerc +ellps=GRS80 +units=m"));
+    let radii = [[2057, 34736, 1, 0], [2059, 34736, 1, 1], [2061, 34736, 1, 2]];
+    let by_radii = |meridian| crs_of(&[own, radii[0], radii[1], radii[2], method], &[6378137.0, 298.25, meridian]);
+    assert_eq!(by_radii(0.0).horizontal.as_deref(), Some("+proj=tmerc +a=6378137 +rf=298.25 +units=m"));
+    assert_eq!(by_radii(2.3).horizontal, None, "another prime meridian");
 }

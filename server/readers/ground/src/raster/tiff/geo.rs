@@ -41,6 +41,11 @@ impl GeoTags {
         if is_point { GeoPlace::checked(corner, column, row) } else { GeoPlace::from_corner(corner, column, row) }
     }
 
+    /// Number of places that only tell where some pixels are.
+    pub(super) fn control_points(&self) -> usize {
+        if self.corner().is_none() { self.tie_points.len() / 6 } else { 0 }
+    }
+
     /// The position of the place (0, 0), and the steps to the next column and row.
     fn corner(&self) -> Option<([f64; 2], [f64; 2], [f64; 2])> {
         if let ([width, height, ..], [x, y, _, east, north, ..]) = (&self.scale[..], &self.tie_points[..]) {

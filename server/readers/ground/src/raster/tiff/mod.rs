@@ -56,6 +56,7 @@ impl TiffRaster {
         let mut facts = RasterFacts {
             bands: main.layout.bands,
             place: tags.place(),
+            control_points: tags.control_points(),
             crs: RasterCrs { height_unit_m: gdal.height_unit_m.or(crs.height_unit_m), ..crs },
             unknown_unit: gdal.unknown_unit,
             nodata: gdal.nodata,
@@ -69,6 +70,11 @@ impl TiffRaster {
         let chunks = Chunks::new(file, limits);
         let (nodata, heights) = (gdal.nodata, gdal.heights);
         Ok((Self { chunks, levels, masks, nodata, nodata_by_hand: None, heights }, facts))
+    }
+
+    /// Makes numbers heights by another factor and summand.
+    pub(super) fn set_rule(&mut self, [scale, offset]: [f64; 2]) {
+        self.heights = HeightRule { scale, offset };
     }
 
     /// Heights of a window that is within the level; NaN where there are none.

@@ -3,7 +3,7 @@
 use std::ops::{ControlFlow, Range};
 
 use super::wire::{Packed, WireFault, fields, zigzag};
-use crate::osm::element::{Element, ElementId, Member, Tags, Visit, position};
+use crate::osm::element::{Element, ElementId, Member, Tags, Visit, id_of_position, position};
 use insula_source::error::InputError;
 use insula_source::object::ObjectSink;
 
@@ -13,12 +13,14 @@ const MAX_REFS: usize = 1 << 20;
 const MAX_MEMBERS: usize = 1 << 20;
 
 /// Which elements of a block are decoded.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Wanted {
     pub(super) nodes: bool,
     pub(super) node_tags: bool,
     /// Numbers of ways.
     pub(super) ways: Range<u64>,
+    /// Positions that ways have in place of nodes, as nodes.
+    pub(super) way_nodes: bool,
     pub(super) relations: bool,
 }
 
@@ -29,6 +31,8 @@ pub(super) struct BlockContent {
     pub(super) nodes: Option<(i64, i64)>,
     /// Number of the first way, and the number after the last.
     pub(super) ways: [u64; 2],
+    /// Ways have the positions of their nodes, which are no elements then (the feature `LocationsOnWays`).
+    pub(super) has_way_nodes: bool,
 }
 
 /// Why the decoding of a block ended early.
@@ -129,8 +133,8 @@ impl BlockDecoder {
                 3 => {
                     let way = visitor.content.ways[1];
                     visitor.content.ways[1] += 1;
-                    if wanted.ways.contains(&way) {
-                        self.decode_way(block, message.bytes()?, way, visitor)?;
+                    if wanted.way_nodes || wanted.ways.contains(&way) {
+                        self.decode_way(block, message.bytes()?, way, wanted, visitor)?;
                     }
                 }
                 4 if wanted.relations => self.decode_relation(block, message.bytes()?, visitor)?,
@@ -228,16 +232,19 @@ impl BlockDecoder {
         block: &OpenBlock<'_>,
         message: &[u8],
         way: u64,
+        wanted: &Wanted,
         visitor: &mut Visitor<'_, '_>,
     ) -> Result<(), BlockFault> {
         let mut id = 0;
-        let [mut keys, mut values, mut refs] = [Packed::default(); 3];
+        let [mut keys, mut values, mut refs, mut lats, mut lons] = [Packed::default(); 5];
         fields(message, |number, value| {
             match number {
                 1 => id = value.number()? as i64,
                 2 => keys = Packed(value.bytes()?),
                 3 => values = Packed(value.bytes()?),
                 8 => refs = Packed(value.bytes()?),
+                9 => lats = Packed(value.bytes()?),
+                10 => lons = Packed(value.bytes()?),
                 _ => {}
             }
             Ok(())
@@ -252,11 +259,42 @@ impl BlockDecoder {
             node = node.wrapping_add(zigzag(step?));
             self.refs.push(node);
         }
+        if !lats.0.is_empty() {
+            visitor.content.has_way_nodes = true;
+            self.place_nodes(block, [lons, lats], wanted, visitor)?;
+        }
+        if wanted.way_nodes {
+            return Ok(());
+        }
         self.spans.clear();
         if !block.read_tags(keys, values, &mut self.spans)? {
             visitor.problem("tag with a text that the block lacks", || format!("way/{id}"));
         }
         visitor.element(Element::Way { id, number: way, refs: &self.refs, tags: block.tags(&self.spans) })
+    }
+
+    /// Replaces the nodes of a way by those at their positions, and visits these if they are wanted.
+    fn place_nodes(
+        &mut self,
+        block: &OpenBlock<'_>,
+        [lons, mut lats]: [Packed<'_>; 2],
+        wanted: &Wanted,
+        visitor: &mut Visitor<'_, '_>,
+    ) -> Result<(), BlockFault> {
+        let (mut lat, mut lon) = (0_i64, 0_i64);
+        for (node, step) in self.refs.iter_mut().zip(lons) {
+            lon = lon.wrapping_add(zigzag(step?));
+            lat = lat.wrapping_add(zigzag(lats.next().ok_or(WireFault)??));
+            let Some(position) = block.position(lon, lat) else {
+                visitor.problem("node outside of the world", || format!("node/{node}"));
+                continue;
+            };
+            *node = id_of_position(position);
+            if wanted.way_nodes {
+                visitor.element(Element::Node { id: *node, position, tags: Tags::default() })?;
+            }
+        }
+        Ok(())
     }
 
     fn decode_relation(

@@ -10,7 +10,7 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 
 use flate2::read::ZlibDecoder;
 
-use super::element::{ElementFile, Pass, Position, Visit, position};
+use super::element::{ElementFile, Pass, Position, Visit, of_history, position};
 use block::{BlockContent, BlockDecoder, BlockFault, Visitor, Wanted};
 use insula_source::error::InputError;
 use insula_source::input::{Input, LocalFile};
@@ -94,7 +94,8 @@ impl<'a> PbfFile<'a> {
                 BlobKind::Data if !has_header => return Err(self.damaged(place.start, "the file has no header")),
                 BlobKind::Data => {
                     self.unpack(&place)?;
-                    let wanted = Wanted { nodes: true, node_tags: true, ways: 0..u64::MAX, relations: true };
+                    let wanted =
+                        Wanted { nodes: true, node_tags: true, ways: 0..u64::MAX, way_nodes: false, relations: true };
                     let way = self.blobs.last().map_or(0, |blob| blob.content.ways[1]);
                     let (content, _) = self.visit_block(place.start, way, &wanted, sink, visit)?;
                     self.blobs.push(BlobPlace { content, ..place });
@@ -203,6 +204,9 @@ impl<'a> PbfFile<'a> {
             Ok(())
         });
         self.extent = extent.map(Into::into);
+        if unknown.as_deref() == Some("HistoricalInformation") {
+            return Err(of_history(self.label, "it needs HistoricalInformation"));
+        }
         if let Some(feature) = unknown {
             return Err(InputError::unsupported(self.label, format!("a PBF file that needs {feature}")));
         }
@@ -218,7 +222,7 @@ impl<'a> PbfFile<'a> {
         sink: &mut dyn ObjectSink,
         visit: &mut Visit<'_>,
     ) -> Result<(BlockContent, bool), InputError> {
-        let content = BlockContent { nodes: None, ways: [first_way; 2] };
+        let content = BlockContent { ways: [first_way; 2], ..BlockContent::default() };
         let mut visitor = Visitor { sink, visit, is_first: wanted.relations, content, is_ended: false };
         let unpacked = std::mem::take(&mut self.unpacked);
         let decoded = self.decoder.decode(&unpacked, wanted, &mut visitor);
@@ -240,14 +244,17 @@ impl ElementFile for PbfFile<'_> {
     ) -> Result<(), InputError> {
         let wanted = match &pass {
             Pass::First => return self.read_first(sink, visit),
-            Pass::Ways(ways) => Wanted { nodes: false, node_tags: false, ways: ways.clone(), relations: false },
-            Pass::Nodes(_) => Wanted { nodes: true, node_tags: false, ways: 0..0, relations: false },
+            Pass::Ways(ways) => Wanted { ways: ways.clone(), ..Wanted::default() },
+            Pass::Nodes(_) => Wanted { nodes: true, way_nodes: true, ..Wanted::default() },
         };
         for i in 0..self.blobs.len() {
             let place = self.blobs[i];
             let [first_way, end_way] = place.content.ways;
             let is_wanted = match pass {
-                Pass::Nodes(is_needed) => place.content.nodes.is_some_and(|(first, last)| is_needed(first, last)),
+                Pass::Nodes(is_needed) => {
+                    place.content.has_way_nodes
+                        || place.content.nodes.is_some_and(|(first, last)| is_needed(first, last))
+                }
                 _ => wanted.ways.start < end_way && first_way < wanted.ways.end,
             };
             if !is_wanted || first_way == end_way && !wanted.nodes {

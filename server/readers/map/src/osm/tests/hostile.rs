@@ -152,12 +152,14 @@ fn files_of_other_kinds_are_refused_with_a_reason() {
     bytes(&mut lzma, 4, &[1, 2, 3]);
     let mut history = Vec::new();
     bytes(&mut history, 4, b"HistoricalInformation");
-    let files: [(&str, Vec<u8>, &str); 5] = [
+    let versions = "<osm><way id='7' version='1' visible='true'/><way id='7' version='2'/></osm>";
+    let files: [(&str, Vec<u8>, &str); 6] = [
         ("a.pbf", [pbf_file(&[]), blob("OSMData", &lzma)].concat(), "LZMA"),
         ("b.pbf", blob("OSMHeader", &zlib_blob(&history, history.len() as u64)), "HistoricalInformation"),
         ("c.pbf", blob("OSMData", &zlib_blob(&[], 0)), "no header"),
         ("d.osm", b"<osmChange version='0.6'></osmChange>".to_vec(), "osmChange"),
         ("e.osm", b"\x89PNG\r\n".to_vec(), "byte"),
+        ("f.osm", versions.into(), "way/7 has several versions); osmium time-filter"),
     ];
     for (name, file, expected) in files {
         let message = read_bytes(name, &file).1.unwrap_err().to_string();

@@ -91,6 +91,22 @@ impl Map {
 
     /// The map as a PBF file of one block, with dense nodes or single ones.
     pub(super) fn pbf(&self, is_dense: bool) -> Vec<u8> {
+        self.pbf_with(is_dense, |_, _| ())
+    }
+
+    /// The map as a PBF file whose ways have the positions of their nodes, so that only nodes with tags are elements.
+    pub(super) fn pbf_of_placed_ways(&self) -> Vec<u8> {
+        let mut map = self.clone();
+        map.nodes.retain(|(.., tags)| !tags.is_empty());
+        map.pbf_with(true, |way, refs| {
+            let place = |id: &i64| self.nodes.iter().find(|(known, ..)| known == id).unwrap().1;
+            for (field, axis) in [(9, 1), (10, 0)] {
+                bytes(way, field, &deltas(refs.iter().map(|id| place(id)[axis])));
+            }
+        })
+    }
+
+    fn pbf_with(&self, is_dense: bool, add_to_way: impl Fn(&mut Vec<u8>, &[i64])) -> Vec<u8> {
         let mut table = Texts(vec![String::new()]);
         let mut group = Vec::new();
         if is_dense {
@@ -110,6 +126,7 @@ impl Map {
             number(&mut way, 1, *id as u64);
             table.write_tags(tags, &mut way);
             bytes(&mut way, 8, &deltas(refs.iter().copied()));
+            add_to_way(&mut way, refs);
             bytes(&mut group, 3, &way);
         }
         for (id, members, tags) in &self.relations {

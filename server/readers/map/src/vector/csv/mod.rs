@@ -45,7 +45,13 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let OpenInput { mut reader, bytes_read } = input.open()?;
     let mut head = Vec::new();
     reader.by_ref().take(HEAD_BYTES).read_to_end(&mut head).map_err(|cause| InputError::io(input.label, cause))?;
-    let delimiter = delimiter_of(&head);
+    let delimiter = match told_delimiter(&head) {
+        Some((delimiter, line_bytes)) => {
+            head.drain(..line_bytes);
+            delimiter
+        }
+        None => delimiter_of(&head),
+    };
     let whole: Box<dyn BufRead + '_> = Box::new(std::io::Cursor::new(head).chain(reader));
     let mut lines = ReaderBuilder::new().has_headers(false).flexible(true).delimiter(delimiter).from_reader(whole);
     let mut writer = FeatureWriter::new(input, sink);
@@ -57,7 +63,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
         return Err(InputError::unsupported(input.label, "lines of values without a column of WKT geometries"));
     };
     let layer = Layer::of_file(input.name, columns.names.iter().map(String::as_str));
-    writer.begin(layer, local::sibling_text(input, "prj"))?;
+    writer.begin(layer, local::system_beside(input))?;
     if !has_names {
         add(&first, &columns, &mut writer)?;
     }
@@ -88,6 +94,18 @@ fn next(
             other => InputError::damaged(input.label, format!("line {line}"), format!("{other:?}")),
         }
     })
+}
+
+/// The delimiter that a first line `sep=;` tells, as Excel has it, and the bytes of that line.
+fn told_delimiter(head: &[u8]) -> Option<(u8, usize)> {
+    let line = head.split_inclusive(|byte| *byte == b'\n').next()?;
+    let is_told = line.get(..4).is_some_and(|word| word.eq_ignore_ascii_case(b"sep="));
+    match line.get(4..)?.trim_ascii_end() {
+        [delimiter] if is_told => Some((*delimiter, line.len())),
+        // A tabulator is white space.
+        [] if is_told && line.get(4) == Some(&b'\t') => Some((b'\t', line.len())),
+        _ => None,
+    }
 }
 
 /// The delimiter that is most frequent in the first line, outside of quotation marks.

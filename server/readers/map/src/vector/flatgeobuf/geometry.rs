@@ -2,7 +2,8 @@
 
 use ::flatgeobuf::{Geometry as Table, GeometryType};
 
-use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, divide_arcs};
+use crate::vector::geometry::{Geometry, MALFORMED, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE};
+use insula_source::arc::divide_arcs;
 
 /// Reads a geometry. `header_type` is that of the whole file; `Unknown` if each geometry has its own. `positions_left` is
 /// the number of positions that may still be read. Fails with the reason for skipping the feature.

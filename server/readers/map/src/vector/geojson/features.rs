@@ -10,7 +10,7 @@ use crate::vector::feature::{DEGREES, FeatureWriter, NamedFeature};
 use crate::vector::geometry::{Geometry, UNKNOWN_TYPE};
 use crate::vector::layer::Columns;
 use insula_dress::footprint::{HeightHints, has_height, kind_of};
-use insula_place::placement::is_on_globe;
+use insula_place::placement::{is_on_globe, width_deg};
 use insula_source::attributes::Attributes;
 use insula_source::error::{InputError, json_message};
 use insula_source::json::attributes::flatten;
@@ -213,7 +213,7 @@ impl<'a> FeatureReader<'a> {
         let system = self.system.get_or_insert_with(|| {
             let is_on_globe = is_on_globe([west, south]) && is_on_globe([east, north]);
             let is_beyond_half_a_turn = west < -180.0 || east > 180.0;
-            let is_large = east - west > MAX_BUILDING_DEG || north - south > MAX_BUILDING_DEG;
+            let is_large = width_deg([west, east]) > MAX_BUILDING_DEG || north - south > MAX_BUILDING_DEG;
             let is_on_globe = is_on_globe && !(is_large && (is_beyond_half_a_turn || is_building(attributes)));
             // The sink says in which system it takes others.
             if is_on_globe { GeometrySystem::Prescribed } else { GeometrySystem::OfCity }

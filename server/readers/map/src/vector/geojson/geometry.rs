@@ -3,8 +3,9 @@
 use serde::Deserialize;
 
 use super::schema::GeoJsonGeometry;
-use crate::vector::geometry::{Geometry, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE, divide_arcs};
+use crate::vector::geometry::{Geometry, MAX_DEPTH, Polygon, Ring, TOO_DEEP, UNKNOWN_TYPE};
 use crate::vector::orient::ring_area_vector;
+use insula_source::arc::divide_arcs;
 use insula_source::error::json_message;
 use insula_source::json::position::JsonPosition;
 
@@ -188,7 +189,7 @@ mod tests {
         let straight = r#"{"type": "LineString", "coordinates": [[2, 0], [0, 0]]}"#;
         let curve = format!(r#"{{"type": "CompoundCurve", "geometries": [{arc}, {straight}]}}"#);
         let area = read(&format!(r#"{{"type": "CurvePolygon", "geometries": [{curve}]}}"#)).unwrap();
-        assert_eq!((area.polygons[0][0].len(), area.polygons[0][0].last()), (34, Some(&[0.0, 0.0, 0.0])));
+        assert_eq!((area.polygons[0][0].len(), area.polygons[0][0].last()), (47, Some(&[0.0, 0.0, 0.0])));
         let prism = r#"{"type": "Prism", "lower": 3, "upper": 9,
             "base": {"type": "Polygon", "coordinates": [[[0, 0], [0, 4], [4, 4], [4, 0], [0, 0]]]}}"#;
         let body = read(&format!(r#"{{"type": "MultiPrism", "geometries": [{prism}]}}"#)).unwrap();

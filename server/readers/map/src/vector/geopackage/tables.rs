@@ -165,7 +165,21 @@ fn crs(connection: &Connection, srs_id: i64) -> rusqlite::Result<Option<String>>
     {
         return Ok(Some(format!("EPSG:{code}")));
     }
-    let definition = definition.filter(|text| !text.trim().is_empty() && !text.eq_ignore_ascii_case("undefined"));
+    let is_given = |text: &String| !text.trim().is_empty() && !text.trim().eq_ignore_ascii_case("undefined");
+    let definition = match definition.filter(is_given) {
+        None => newer_definition(connection, srs_id)?.filter(is_given),
+        definition => definition,
+    };
     let named = code.map(|code| format!("{}:{code}", organisation.to_ascii_uppercase()));
     Ok(definition.or_else(|| named.filter(|_| !organisation.is_empty() && !organisation.eq_ignore_ascii_case("NONE"))))
+}
+
+/// The definition as WKT of 2019, which GDAL writes where the older form cannot tell the system; `None` if there is none.
+fn newer_definition(connection: &Connection, srs_id: i64) -> rusqlite::Result<Option<String>> {
+    let (columns, _) = columns(connection, "gpkg_spatial_ref_sys", "")?;
+    if !columns.iter().any(|column| column.name == "definition_12_063") {
+        return Ok(None);
+    }
+    let sql = "SELECT definition_12_063 FROM gpkg_spatial_ref_sys WHERE srs_id = ?1";
+    Ok(connection.query_row(sql, [srs_id], |row| row.get(0)).optional()?.flatten())
 }

@@ -2,9 +2,7 @@
 
 use std::io::{BufRead, Read};
 
-use encoding_rs::Encoding;
-
-use super::encoding::{decode, encoding_of};
+use super::encoding::{Charset, decode, encoding_of};
 use crate::vector::number::date_of_days;
 use insula_source::attributes::{AttributeValue, Attributes};
 
@@ -37,7 +35,7 @@ pub(super) struct AttributeReader<'a> {
     reader: Box<dyn BufRead + 'a>,
     columns: Vec<Column>,
     /// `None` if the table does not tell.
-    encoding: Option<&'static Encoding>,
+    encoding: Option<Charset>,
     row: Vec<u8>,
 }
 
@@ -101,7 +99,7 @@ impl<'a> AttributeReader<'a> {
 }
 
 /// The value of a field; `None` if it is empty or of a type without a meaning here.
-fn value(column: &Column, field: &[u8], encoding: Option<&'static Encoding>) -> Option<AttributeValue> {
+fn value(column: &Column, field: &[u8], encoding: Option<Charset>) -> Option<AttributeValue> {
     match column.kind {
         b'C' | b'V' => {
             let text = decode(field, encoding);

@@ -39,7 +39,7 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
         }
     };
     let names = table.iter().flat_map(AttributeReader::names);
-    writer.begin(Layer::of_file(input.name, names), local::sibling_text(input, "prj"))?;
+    writer.begin(Layer::of_file(input.name, names), local::system_beside(input))?;
     let mut content = Vec::new();
     let mut number = 0;
     while read_record(input, &mut reader, number + 1, &mut content)? {

@@ -32,6 +32,10 @@ fn delimiters_names_and_encodings() {
         let sink = read(read_csv, &[("a.tsv", lines.as_bytes())]);
         assert_eq!(sink.objects[0].attributes.get("ort"), Some(&text("Köln")), "found by its content");
     }
+    for (line, delimiter) in [("sep=;\r\n", ";"), ("SEP=,\n", ","), ("sep=\t\n", "\t")] {
+        let lines = format!("{line}nr{delimiter}form{delimiter}a,b;c,d\n7{delimiter}\"POINT (500 600)\"\n");
+        assert_eq!(read(read_csv, &[("a.csv", lines.as_bytes())]).objects.len(), 1, "{line}");
+    }
     let latin = read(read_csv, &[("a.csv", b"wkt;ort\nPOINT(500 600);K\xf6ln\n")]);
     assert_eq!(latin.objects[0].attributes.get("ort"), Some(&text("Köln")));
     let nameless = read(read_csv, &[("a.csv", b"POINT(500 600);x\nPOINT(500 700);y\n")]);

@@ -90,6 +90,21 @@ fn tables_of_features() {
 }
 
 #[test]
+fn newer_definitions_tell_systems_that_older_ones_cannot() {
+    let bytes = database(|connection| {
+        let newer = "ALTER TABLE gpkg_spatial_ref_sys ADD COLUMN definition_12_063 TEXT;
+            INSERT INTO gpkg_spatial_ref_sys VALUES ('d', 7, 'NONE', 7, 'undefined', '', 'PROJCRS[\"d\"]'),
+                ('e', 8, 'NONE', 8, 'PROJCS[\"e\"]', '', 'PROJCRS[\"e\"]');";
+        connection.execute_batch(newer).unwrap();
+        add_table(connection, "first", 7, "");
+        add_table(connection, "second", 8, "");
+    });
+    let sink = read(read_geopackage, &[("a.gpkg", &bytes)]);
+    let names: Vec<&str> = sink.crs.iter().map(|crs| crs.name.as_str()).collect();
+    assert_eq!(names, ["PROJCRS[\"d\"]", "PROJCS[\"e\"]"]);
+}
+
+#[test]
 fn views_and_virtual_tables_are_not_read() {
     let bytes = database(|connection| {
         add_table(connection, "real", 28992, "");

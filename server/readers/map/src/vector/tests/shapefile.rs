@@ -93,6 +93,8 @@ fn polygons_with_attributes_and_system() {
     ];
     let sink = read(read_shapefile, &files);
     assert_eq!(sink.crs[0].name, "PROJCS[]");
+    let of_qgis = [files[0], files[1], ("Haus.qpj", &b"PROJCS[qgis]"[..])];
+    assert_eq!(read(read_shapefile, &of_qgis).crs[0].name, "PROJCS[qgis]");
     let footprints = rings(&sink.objects[0].shape);
     assert_eq!((footprints.len(), footprints[0].rings.len(), footprints[1].rings.len()), (2, 1, 2));
     let expected = [

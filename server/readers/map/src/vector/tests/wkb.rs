@@ -59,7 +59,7 @@ fn surfaces_curves_and_empty_geometries() {
     let back = line(2, &[&[2.0, 0.0], &[0.0, 0.0]]);
     let area = read(&collection(12, &[collection(10, &[collection(9, &[arc, back])])])).unwrap();
     let ring = &area.polygons[0][0];
-    assert_eq!((ring.len(), ring.first(), ring.last()), (34, Some(&[0.0; 3]), Some(&[0.0; 3])));
+    assert_eq!((ring.len(), ring.first(), ring.last()), (47, Some(&[0.0; 3]), Some(&[0.0; 3])));
     assert!(read(&collection(7, &[])).unwrap().is_empty());
     assert!(read(&polygon_wkb(&[], None)).unwrap().is_empty());
     let nowhere = [&[1, 1, 0, 0, 0][..], &f64::NAN.to_le_bytes(), &f64::NAN.to_le_bytes()].concat();

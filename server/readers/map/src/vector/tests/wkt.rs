@@ -27,7 +27,7 @@ fn all_types_of_geometry() {
     assert!(read("POLYGON EMPTY").unwrap().is_empty());
     let curve = "CURVEPOLYGON(COMPOUNDCURVE(CIRCULARSTRING(0 0,1 1,2 0),(2 0,0 0)),(0.5 0.1,1 0.2,1 0.1,0.5 0.1))";
     let curved = read(curve).unwrap();
-    assert_eq!(curved.polygons[0].iter().map(Vec::len).collect::<Vec<_>>(), [34, 4]);
+    assert_eq!(curved.polygons[0].iter().map(Vec::len).collect::<Vec<_>>(), [47, 4]);
     assert_eq!(read("MULTISURFACE(((0 0,1 0,1 1,0 0)),CURVEPOLYGON((0 0,1 0,1 1,0 0)))").unwrap().polygons.len(), 2);
 }
 
