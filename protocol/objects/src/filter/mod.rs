@@ -133,11 +133,14 @@ impl Source {
     /// The fields that every object has, in the order of their names.
     const FIELDS: [Self; FIELD_NAMES.len()] = [Self::Id, Self::Identifier, Self::Kind, Self::Height];
 
-    /// The source of a name: an attribute of the schema or else a field.
+    /// The source of a name: an attribute of the schema or else a field. Heights as text, such as `12 m` of a map, do not hide the numbers
+    /// that all objects have.
     pub(crate) fn of_name(name: &str, schema: &Schema) -> Option<Self> {
         let attribute = schema.index_of(name).map(|index| Self::Attribute(index as u32));
         let mut fields = FIELD_NAMES.iter().zip(Self::FIELDS);
-        attribute.or_else(|| fields.find(|(known, _)| **known == name).map(|(_, field)| field))
+        let field = fields.find(|(known, _)| **known == name).map(|(_, field)| field);
+        let is_number = schema.index_of(name).is_some_and(|index| schema.attributes[index].value_type.is_number());
+        if field == Some(Self::Height) && !is_number { field } else { attribute.or(field) }
     }
 
     /// The value of the object in a row.

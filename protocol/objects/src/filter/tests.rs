@@ -4,7 +4,7 @@ use super::*;
 use crate::{
     block::{self, ObjectBounds, ObjectRecord},
     schema::SchemaBuilder,
-    value::{Value, parse_date},
+    value::{Value, ValueType, parse_date},
 };
 use insula_test_support::tier;
 use proptest::prelude::*;
@@ -122,6 +122,8 @@ fn attributes_are_listed_once_and_hide_fields() {
     schema.attributes[2].name = "height".into();
     assert_eq!(attributes("height > 1", &schema), [2]);
     assert!(Filter::parse("height == 1250.5", &schema).unwrap().select(&block).contains(0));
+    schema.attributes[2].value_type = ValueType::Text;
+    assert_eq!(attributes("height > 1", &schema), [0; 0], "text");
 }
 
 #[test]
