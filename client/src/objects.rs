@@ -6,6 +6,7 @@ use crate::{
     stream::fetch::Http,
 };
 use insula_objects::{Schema, search::SearchHit};
+use insula_protocol::text::printable;
 use insula_viewer::{
     objects::{CityObjects, FilteredOut, ObjectDescription, RulesError, StyleRules, StyledObjects},
     source::FetchError,
@@ -43,6 +44,14 @@ pub(crate) fn parse_range(text: &str) -> Result<[f64; 2], String> {
     let ends = text.split_once(',').and_then(|(low, high)| Some([low.trim().parse().ok()?, high.trim().parse().ok()?]));
     ends.filter(|ends: &[f64; 2]| ends.iter().all(|end| end.is_finite()))
         .ok_or_else(|| "expected two numbers, separated by a comma, as in 1850,2020".to_owned())
+}
+
+/// Says that `--range` changes nothing, because colours by this attribute are classes.
+pub(crate) fn warn_of_range(attribute: &str) {
+    eprintln!(
+        "warning: --range is not used: {} has texts or classes, and no gradient of numbers",
+        printable(attribute)
+    );
 }
 
 impl ObjectStyleArgs {
@@ -106,6 +115,9 @@ impl ObjectLookup {
             RulesError::Fetch(error) => fetch_error("objects", &error),
             invalid => ClientError::Usage(invalid.to_string()),
         })?;
+        if rules.range.is_some() && styled.legend.as_ref().is_some_and(|legend| legend.ramp.is_none()) {
+            warn_of_range(&rules.attribute);
+        }
         styled.legend = styled.legend.map(|legend| legend.in_language(&language::of_environment()));
         Ok(styled)
     }

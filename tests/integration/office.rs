@@ -257,5 +257,9 @@ fn labels_are_what_people_read() -> Result<()> {
         let drawn = fs::read_to_string(folder.join("plan.svg"))?;
         ensure!(drawn.contains(&format!(">{title}<")), "the legend of {language} has no {title}");
     }
+    let line = "draw town --plan --color-by naam --range 1,2 --overwrite --out plan.svg";
+    let drawn = run(Command::new(program("insula")?).current_dir(folder).args(line.split_whitespace()))?;
+    let errors = String::from_utf8_lossy(&drawn.stderr).into_owned();
+    ensure!(drawn.status.success() && errors.contains("--range is not used: naam"), "{errors}");
     Ok(())
 }

@@ -9,6 +9,7 @@ use crate::{
     args::{DrawArgs, GlobalArgs},
     error::{ClientError, Result},
     language,
+    objects::warn_of_range,
     stream::{city::OpenedCity, fetch::Http, jitter::jitter},
 };
 use bytes::Bytes;
@@ -93,7 +94,12 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
         let parsed = ColorBy::parse(text, source.schema());
         let color_by = parsed.map_err(|error| ClientError::Usage(format!("--color-by {text}: {error}")))?;
         let color_by = match args.range {
-            Some(ends) => color_by.with_range(ends),
+            Some(ends) => {
+                if color_by.range().is_none() {
+                    warn_of_range(text);
+                }
+                color_by.with_range(ends)
+            }
             None => color_by,
         };
         Ok::<_, ClientError>(color_by.in_language(&language::of_environment()))
