@@ -40,7 +40,7 @@ use grid::GroundGrid;
 use mesh::HeightRange;
 
 /// Increased whenever the same city would get another ground.
-pub const ALGORITHM: u32 = 6;
+pub const ALGORITHM: u32 = 7;
 /// Buildings may sink this far where that makes the ground smoother.
 const SINK_M: f32 = 0.8;
 /// Generated ground passes this far below given terrain, and ends below it.
@@ -196,8 +196,9 @@ impl<'a> Surface<'a> {
             let is_near = to_building[i] <= near_steps;
             let is_given = self.is_given[i];
             let is_within = is_near || to_open[i] > open_steps;
-            range.is_needed[i] =
-                if is_given { to_gap[i] <= UNDER_TERRAIN_STEPS } else { is_within || z != self.plane_m };
+            // The plane that goes on at the height of level terrain needs no ground below it, which would show at its end.
+            let is_under = is_given && self.shown_plane_m == self.plane_m && to_gap[i] <= UNDER_TERRAIN_STEPS;
+            range.is_needed[i] = if is_given { is_under } else { is_within || z != self.plane_m };
             let tolerance_m = TOLERANCE_M[usize::from(!is_near)];
             if is_given {
                 range.high[i] = z + UNDER_TERRAIN_M / 2.0;
