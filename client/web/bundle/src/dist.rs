@@ -109,16 +109,27 @@ fn open_to_all(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
+/// The shortest result of the encoder's modes: which one it is differs from file to file.
 fn brotli(content: &[u8]) -> io::Result<Vec<u8>> {
-    let parameters = brotli::enc::BrotliEncoderParams {
-        quality: BROTLI_QUALITY,
-        lgwin: BROTLI_WINDOW,
-        size_hint: content.len(),
-        ..Default::default()
+    use brotli::enc::backward_references::BrotliEncoderMode::{
+        BROTLI_FORCE_SIGNED_PRIOR, BROTLI_MODE_FONT, BROTLI_MODE_GENERIC, BROTLI_MODE_TEXT,
     };
-    let mut out = Vec::new();
-    brotli::BrotliCompress(&mut &*content, &mut out, &parameters)?;
-    Ok(out)
+    let mut shortest: Option<Vec<u8>> = None;
+    for mode in [BROTLI_MODE_GENERIC, BROTLI_MODE_TEXT, BROTLI_MODE_FONT, BROTLI_FORCE_SIGNED_PRIOR] {
+        let parameters = brotli::enc::BrotliEncoderParams {
+            mode,
+            quality: BROTLI_QUALITY,
+            lgwin: BROTLI_WINDOW,
+            size_hint: content.len(),
+            ..Default::default()
+        };
+        let mut out = Vec::new();
+        brotli::BrotliCompress(&mut &*content, &mut out, &parameters)?;
+        if shortest.as_ref().is_none_or(|known| out.len() < known.len()) {
+            shortest = Some(out);
+        }
+    }
+    Ok(shortest.unwrap_or_default())
 }
 
 fn gzip(content: &[u8]) -> io::Result<Vec<u8>> {
