@@ -105,7 +105,7 @@ fn files_are_written_and_removed_by_few() {
         "pipeline/steps/shuffle.rs",
     ];
     let of_bake = of_bake.iter().chain(&of_scratch).map(|file| format!("server/bake/src/{file}"));
-    // The system's temporary folder has what is of this process.
+    // It removes only temporary files that this process created.
     let of_bake = of_bake.chain(["server/dress/src/map_store/", "server/source/src/temporary.rs"].map(str::to_owned));
     // Build scripts, and the host tool that makes the files of the page.
     let of_client =

@@ -1,5 +1,5 @@
-//! Temporary files and folders, which go with the value that has them, and also if a signal or the end of memory ends the program.
-//! What a killed program leaves is known by its name.
+//! Temporary files and folders. They are removed when their value is dropped, and when a signal or a failed allocation ends the program.
+//! The prefix of their names identifies those that a killed program leaves.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -9,12 +9,12 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::{Builder, TempDir, TempPath};
 
-/// Begins all names.
+/// Prefix of all names.
 const PREFIX: &str = "insula-";
-/// Attempts to remove one.
+/// Attempts to remove each path.
 const MAX_TRIES: u32 = 10;
 
-/// Those of this process.
+/// Paths that this process created and has not removed.
 static ALL: Paths = Paths(Mutex::new(BTreeSet::new()));
 
 struct Paths(Mutex<BTreeSet<PathBuf>>);
@@ -24,7 +24,7 @@ impl Paths {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds what `create` makes, which nobody can remove before.
+    /// Creates a path and lists it. The lock is held meanwhile, so that no path exists without being listed.
     fn add<T: AsRef<Path>>(&self, create: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
         let mut paths = self.lock();
         let made = create()?;
@@ -32,7 +32,7 @@ impl Paths {
         Ok(made)
     }
 
-    /// Removes all of them, for ever: who holds the list cannot add to it any more.
+    /// Removes all listed paths. The lock is never released, so that no path is added afterwards.
     fn remove(mut paths: MutexGuard<'_, BTreeSet<PathBuf>>) {
         for path in std::mem::take(&mut *paths) {
             // Other threads may be writing into a folder. Nothing can be done about what cannot be removed.
@@ -43,7 +43,7 @@ impl Paths {
     }
 }
 
-/// A file or a folder in the system's temporary folder, which is removed with this value.
+/// A file or folder in the system's temporary folder. It is removed when this value is dropped.
 #[derive(Debug)]
 pub struct Temporary<T: AsRef<Path>>(T);
 
@@ -83,12 +83,12 @@ pub fn folder() -> io::Result<TemporaryFolder> {
     ALL.add(|| Builder::new().prefix(PREFIX).tempdir()).map(Temporary)
 }
 
-/// Removes all that this process has. Only for a program that ends at once: whoever makes or drops more waits for ever.
+/// Removes all listed paths. Call it only before the process exits: a thread that creates or drops one afterwards blocks forever.
 pub fn remove_all() {
     Paths::remove(ALL.lock());
 }
 
-/// The same, unless a thread, which may be this one, is adding to the list.
+/// The same, but does nothing while any thread, including this one, holds the list.
 pub fn remove_all_unless_busy() {
     if let Ok(paths) = ALL.0.try_lock() {
         Paths::remove(paths);

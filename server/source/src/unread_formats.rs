@@ -25,7 +25,7 @@ const TO_GEOTIFF: Conversion = Command { command: "gdal_translate IN OUT", exten
 const FROM_HISTORY: Conversion = Advice("osmium time-filter makes a map of one day (.osm.pbf) of it");
 const FROM_CHANGES: Conversion = Advice("osmium apply-changes makes a map (.osm.pbf) of one and its changes");
 const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
-const UNPACK_OUTER: Conversion = Advice("unpack the outer one, and give what is in it");
+const UNPACK_OUTER: Conversion = Advice("unpack the outer archive and give its files");
 
 /// Extensions, without `.gz`, with the name of the format.
 const FORMATS: &[(&[&str], &str, Conversion)] = &[
@@ -49,7 +49,7 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["osh"], "histories of OpenStreetMap", FROM_HISTORY),
     (&["osc"], "changes of OpenStreetMap", FROM_CHANGES),
     (&["7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
-    (&["zip", "3tz", "slpk"], "archives within another", UNPACK_OUTER),
+    (&["zip", "3tz", "slpk"], "an archive inside an archive", UNPACK_OUTER),
 ];
 
 fn extension(name: &str) -> Option<String> {
@@ -143,7 +143,7 @@ mod tests {
         );
         assert_eq!(
             message("b.zip"),
-            "my town.zip/b.zip: archives within another: not read; unpack the outer one, and give what is in it"
+            "my town.zip/b.zip: an archive inside an archive: not read; unpack the outer archive and give its files"
         );
     }
 }

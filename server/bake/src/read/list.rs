@@ -457,7 +457,7 @@ mod tests {
         let found = |inputs: &[PathBuf]| list(inputs, &ReadOptions::default(), &mut BadInputs::new(false));
         let error = |input: &str| found(&[path(input)]).err().unwrap().to_string();
         assert!(error("in/outer.zip").ends_with(
-            "outer.zip/inner.zip: archives within another: not read; unpack the outer one, and give what is in it"
+            "outer.zip/inner.zip: an archive inside an archive: not read; unpack the outer archive and give its files"
         ));
         assert!(
             error("in/doc.zip").ends_with("convert it with: ogr2ogr -f GeoJSON -t_srs EPSG:4326 doc.geojson doc.kml")
@@ -467,7 +467,8 @@ mod tests {
         let listed = found(&[path("in")]).unwrap();
         assert_eq!((listed.sources.len(), listed.unread.len()), (1, 3), "{:?}", listed.unread);
         assert!(
-            found(&[path("in/both.zip")]).unwrap().unread[0].contains("more.zip: archives within another: not read")
+            found(&[path("in/both.zip")]).unwrap().unread[0]
+                .contains("more.zip: an archive inside an archive: not read")
         );
     }
 
