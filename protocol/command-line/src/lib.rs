@@ -37,7 +37,7 @@ pub fn parse<P: Parser>() -> Result<P, ExitCode> {
             ExitCode::from(2)
         })?;
     }
-    P::try_parse().map_err(|error| {
+    P::try_parse_from(with_full_switches(&P::command(), std::env::args_os())).map_err(|error| {
         let is_requested = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
         if is_requested || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
             // A closed pipe (`| head`) is no failure.
@@ -47,6 +47,31 @@ pub fn parse<P: Parser>() -> Result<P, ExitCode> {
         }
         if is_requested { ExitCode::SUCCESS } else { ExitCode::from(2) }
     })
+}
+
+/// The command line with a value for each switch that needs none, such as `--shadows`, where the next word is not one of its values:
+/// that word would else be taken as one, though it may be the place of a city. The values are those that its name lists, the one that
+/// it means alone first.
+fn with_full_switches(program: &Command, line: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    let needs_none = |arg: &&clap::Arg| arg.get_num_args().is_some_and(|number| number.min_values() == 0);
+    let values =
+        |arg: &clap::Arg| Some((format!("--{}", arg.get_long()?), arg.get_value_names()?.first()?.to_string()));
+    let switches: Vec<(String, String)> = program
+        .get_subcommands()
+        .flat_map(|command| command.get_arguments().filter(|arg| arg.get_action().takes_values()))
+        .filter(needs_none)
+        .filter_map(values)
+        .collect();
+    let mut line: Vec<OsString> = line.into_iter().collect();
+    let end = line.iter().position(|word| word == "--").unwrap_or(line.len());
+    for index in 1..end {
+        let Some((name, values)) = switches.iter().find(|(name, _)| line[index] == **name) else { continue };
+        let is_value = |word: &OsString| values.split('|').any(|value| word == value);
+        if !line.get(index + 1).is_some_and(is_value) {
+            line[index] = format!("{name}={}", values.split('|').next().unwrap_or_default()).into();
+        }
+    }
+    line
 }
 
 /// The message of a usage error in one line: with the command and its help, without the usage that clap appends.
@@ -188,6 +213,11 @@ mod tests {
             /// Number of storeys
             #[arg(long)]
             storeys: u8,
+            /// Whether it has a cellar
+            #[arg(long, value_name = "on|off", num_args = 0..=1)]
+            cellar: Option<String>,
+            /// Where it stands
+            places: Vec<OsString>,
         },
         #[command(flatten)]
         Setup(SetupCommand),
@@ -210,6 +240,29 @@ mod tests {
         let unknown = error(&["town", "dance"]);
         assert_eq!(unknown, "error: unrecognized subcommand 'dance'; see town --help");
         assert!(error(&["town", "build", "--storey", "1"]).contains("tip: "));
+    }
+
+    #[test]
+    fn a_switch_does_not_take_the_place_behind_it() {
+        for (words, cellar, places) in [
+            ("--cellar street", "on", vec!["street"]),
+            ("street --cellar", "on", vec!["street"]),
+            ("--cellar off street", "off", vec!["street"]),
+            ("--cellar=off street", "off", vec!["street"]),
+            ("street -- --cellar on", "", vec!["street", "--cellar", "on"]),
+        ] {
+            let line = format!("town build --storeys 1 {words}");
+            let line = with_full_switches(&Town::command(), line.split(' ').map(OsString::from));
+            let TownCommand::Build { cellar: found, places: left, .. } = Town::try_parse_from(line).unwrap().command
+            else {
+                panic!("not built")
+            };
+            assert_eq!(
+                (found.unwrap_or_default().as_str(), left),
+                (cellar, places.into_iter().map(OsString::from).collect()),
+                "{words}"
+            );
+        }
     }
 
     #[test]
