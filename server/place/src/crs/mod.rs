@@ -1,6 +1,6 @@
 //! Coordinate systems: what a source's name of one means, as a horizontal and a vertical part.
 //!
-//! Names are codes of the EPSG registry, URNs, URLs, well-known text of all dialects, PROJJSON, strings for PROJ, the
+//! Names are codes and names of the EPSG registry, URNs, URLs, well-known text of all dialects, PROJJSON, strings for PROJ, the
 //! lines of Arc/Info, the names of the German AdV, and the own names `ECEF` and `ENU:LON,LAT,H`.
 
 mod arc_info;
@@ -11,6 +11,7 @@ mod describe;
 pub mod geoid;
 mod method;
 mod name;
+mod plain_name;
 mod projjson;
 mod registry;
 #[cfg(test)]

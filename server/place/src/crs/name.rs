@@ -3,7 +3,8 @@
 use super::axes::Axes;
 use super::definition::{Definition, positive, unit_m};
 use super::{
-    Crs, CrsError, Horizontal, LocalOrigin, System, Vertical, VerticalDatum, from_codes, horizontal_from_code, registry,
+    Crs, CrsError, Horizontal, LocalOrigin, System, Vertical, VerticalDatum, from_codes, horizontal_from_code,
+    plain_name, registry,
 };
 
 /// Longer names are refused.
@@ -79,7 +80,11 @@ pub(super) fn parse(name: &str) -> Result<Crs, CrsError> {
     if name.bytes().all(|byte| byte.is_ascii_digit()) {
         return from_codes(code(name).ok_or(CrsError::Unknown)?, None);
     }
-    tokens(&upper)
+    match (plain_name::codes(name), tokens(&upper)) {
+        (Some((horizontal, vertical)), Err(_)) => from_codes(horizontal, vertical),
+        (None, Err(error)) => adv(name, &upper).map_err(|_| error),
+        (_, known) => known,
+    }
 }
 
 fn code(text: &str) -> Option<u32> {
@@ -176,7 +181,7 @@ fn tokens(upper: &str) -> Result<Crs, CrsError> {
     let mut codes = Vec::new();
     for token in upper.split(is_separator).filter(|token| !token.is_empty()) {
         match token {
-            "EPSG" | "EPSG.XML" | "EPSG0" => registry = Registry::Epsg,
+            "EPSG" | "EPSG.XML" | "EPSG0" | "EPSG.IO" => registry = Registry::Epsg,
             "ESRI" => registry = Registry::Esri,
             "IGNF" => registry = Registry::Ignf,
             "SR-ORG" => registry = Registry::Other,

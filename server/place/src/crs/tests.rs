@@ -52,6 +52,31 @@ fn codes_are_found_in_every_spelling() {
 }
 
 #[test]
+fn systems_are_known_by_plain_names() {
+    for (name, code) in [
+        ("WGS 84 / UTM zone 32N", 32632),
+        ("WGS_1984_UTM_Zone_32S", 32732),
+        ("ETRS89 / UTM zone 33N", 25833),
+        ("ETRS89_UTM32", 25832),
+        ("Amersfoort / RD New", 28992),
+        ("RGF93 / Lambert-93", 2154),
+        ("OSGB 1936 / British National Grid", 27700),
+        ("DHDN / 3-degree Gauss-Kr\u{fc}ger zone 4", 31468),
+        ("CH1903+ / LV95", 2056),
+        ("JGD2011 / Japan Plane Rectangular CS IX", 6677),
+        ("ETRS89 / TM35FIN(E,N)", 3067),
+        ("WGS 84", 4326),
+        ("https://epsg.io/25832", 25832),
+    ] {
+        assert_eq!(codes(name), (Some(code), None), "{name}");
+    }
+    assert_eq!(codes("ETRS89 / UTM zone 32N + DHHN2016 height"), (Some(25832), Some(7837)));
+    for name in ["UTM zone 32N", "WGS 84 / UTM zone 61N", "ETRS89 / UTM zone 32S", "WGS 84 + some height", "local"] {
+        assert_eq!(resolve(name), Err(CrsError::Unknown), "{name}");
+    }
+}
+
+#[test]
 fn compound_systems_have_two_parts() {
     for (code, horizontal, vertical) in [
         (7415, 28992, 5709),
