@@ -1,5 +1,7 @@
 //! Coordinates in texts.
 
+use std::borrow::Cow;
+
 /// Reads the positions of a `posList` or `pos`, which may have two or three numbers each; heights that are missing are
 /// 0. `declared` is the dimension that the file declares. It is not believed where only the other one makes the list
 /// whole, or closes the ring: files that declare 2 for positions with heights exist. What is no number becomes NaN.
@@ -30,13 +32,37 @@ pub(super) fn push_positions(text: &str, declared: Option<u8>, points: &mut Vec<
     }
 }
 
-/// Reads `coordinates` of GML 2: positions separated by white space, their numbers by commas.
-pub(super) fn push_tuples(text: &str, points: &mut Vec<[f64; 3]>) {
-    for tuple in text.split_ascii_whitespace() {
-        let mut numbers = tuple.split(',').map(number);
+/// Reads `coordinates` of GML 2: positions separated by white space, their numbers by commas, or by the marks that its attributes tell.
+pub(super) fn push_tuples(text: &str, marks: Marks, points: &mut Vec<[f64; 3]>) {
+    let is_mark = |mark: char, c: char| if mark == ' ' { c.is_ascii_whitespace() } else { c == mark };
+    let text = text.trim();
+    for tuple in text.split(|c| is_mark(marks.tuple, c)).map(str::trim).filter(|tuple| !tuple.is_empty()) {
+        let mut numbers = tuple
+            .split(|c| is_mark(marks.coordinate, c))
+            .filter(|text| marks.coordinate != ' ' || !text.is_empty())
+            .map(|text| number(&with_point(text.trim(), marks.decimal)));
         let (x, y) = (numbers.next().unwrap_or(f64::NAN), numbers.next().unwrap_or(f64::NAN));
         points.push([x, y, numbers.next().unwrap_or(0.0)]);
     }
+}
+
+/// Characters between numbers, and within them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Marks {
+    pub(super) decimal: char,
+    pub(super) coordinate: char,
+    pub(super) tuple: char,
+}
+
+impl Default for Marks {
+    fn default() -> Self {
+        Self { decimal: '.', coordinate: ',', tuple: ' ' }
+    }
+}
+
+/// The text with points as decimal marks.
+pub(super) fn with_point(text: &str, decimal: char) -> Cow<'_, str> {
+    if decimal == '.' { text.into() } else { text.replace(decimal, ".").into() }
 }
 
 /// Reads the numbers of a text; what is no number becomes NaN.
@@ -85,8 +111,21 @@ mod tests {
         assert!(positions("1 x 3", None)[0][1].is_nan());
         assert!(positions("1 2 3 4 5", None).last().unwrap()[0].is_nan());
         let mut points = Vec::new();
-        push_tuples("1,2,3 4,5 6", &mut points);
+        push_tuples("1,2,3 4,5 6", Marks::default(), &mut points);
         assert_eq!(points[..2], [[1.0, 2.0, 3.0], [4.0, 5.0, 0.0]]);
         assert!(points[2][1].is_nan());
+    }
+
+    #[test]
+    fn marks_are_those_that_are_told() {
+        for (text, decimal, coordinate, tuple) in [
+            ("1,5 2 3;4 5 6,5", ',', ' ', ';'),
+            ("1,5;2;3\n 4;5;6,5 ", ',', ';', ' '),
+            (" 1.5 2 3, 4 5 6.5", '.', ' ', ','),
+        ] {
+            let mut points = Vec::new();
+            push_tuples(text, Marks { decimal, coordinate, tuple }, &mut points);
+            assert_eq!(points, [[1.5, 2.0, 3.0], [4.0, 5.0, 6.5]], "{text}");
+        }
     }
 }

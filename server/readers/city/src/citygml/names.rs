@@ -70,6 +70,8 @@ pub(super) enum Class {
     Positions,
     /// One position.
     Position,
+    /// One position in the style of GML 2: an element for each number.
+    Coordinate,
     /// Positions in the style of GML 2: `x,y,z x,y,z`.
     Coordinates,
     OrientableSurface,
@@ -205,6 +207,7 @@ fn gml_class(local: &str) -> Option<Class> {
         "interior" | "innerBoundaryIs" => Class::Interior,
         "posList" => Class::Positions,
         "pos" | "lowerCorner" | "upperCorner" => Class::Position,
+        "coord" => Class::Coordinate,
         "coordinates" => Class::Coordinates,
         "OrientableSurface" => Class::OrientableSurface,
         "MultiCurve" | "CompositeCurve" | "MultiPoint" | "MultiLineString" => Class::Lines,

@@ -27,6 +27,9 @@ pub(super) enum AttributeKind {
     Orientation,
     Ring,
     Uri,
+    Decimal,
+    CoordinateMark,
+    TupleMark,
 }
 
 impl AttributeKind {
@@ -42,6 +45,9 @@ impl AttributeKind {
             "orientation" => Self::Orientation,
             "ring" => Self::Ring,
             "uri" => Self::Uri,
+            "decimal" => Self::Decimal,
+            "cs" => Self::CoordinateMark,
+            "ts" => Self::TupleMark,
             _ => return None,
         })
     }
@@ -206,10 +212,19 @@ impl Tree {
 
     /// An attribute's value, trimmed.
     pub(super) fn attribute(&self, node: u32, kind: AttributeKind) -> Option<&str> {
+        self.raw_attribute(node, kind).map(str::trim)
+    }
+
+    fn raw_attribute(&self, node: u32, kind: AttributeKind) -> Option<&str> {
         let (start, end) = self.node(node).attributes;
         let attributes = self.attributes.get(start as usize..end as usize)?;
         let TreeAttribute { start, end, .. } = attributes.iter().find(|attribute| attribute.kind == kind)?;
-        self.text.get(*start as usize..*end as usize).map(str::trim)
+        self.text.get(*start as usize..*end as usize)
+    }
+
+    /// An attribute that is one character, which may be white space.
+    pub(super) fn mark(&self, node: u32, kind: AttributeKind) -> Option<char> {
+        self.raw_attribute(node, kind)?.chars().next().map(|c| if c.is_ascii_whitespace() { ' ' } else { c })
     }
 
     /// Hash of an element's identifier.

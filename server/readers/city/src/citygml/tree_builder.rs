@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use quick_xml::events::BytesStart;
 
-use super::coordinates::{push_positions, push_tuples};
+use super::coordinates::{Marks, push_positions, push_tuples, with_point};
 use super::curves::points_of_curves;
 use super::names::{Class, NameId, Names};
 use super::tree::{
@@ -194,6 +194,9 @@ impl Builder<'_, '_> {
             self.end_leaf(&open);
         }
         self.tree.nodes[node as usize].end = self.tree.nodes.len() as u32;
+        if open.has_children && open.class == Class::Coordinate {
+            self.end_coordinate(node, names);
+        }
         let is_face = matches!(open.class, Class::Face | Class::Triangle);
         if is_face {
             self.open_faces -= 1;
@@ -214,6 +217,12 @@ impl Builder<'_, '_> {
 
     fn end_leaf(&mut self, open: &OpenElement) {
         let tree = &mut *self.tree;
+        let decimal = tree.mark(open.node, AttributeKind::Decimal).unwrap_or('.');
+        let marks = Marks {
+            decimal,
+            coordinate: tree.mark(open.node, AttributeKind::CoordinateMark).unwrap_or(','),
+            tuple: tree.mark(open.node, AttributeKind::TupleMark).unwrap_or(' '),
+        };
         let text = &tree.text[open.text_start..];
         let first = tree.points.len() as u32;
         let dimension = open.dimension.or(self.context.dimension);
@@ -222,9 +231,9 @@ impl Builder<'_, '_> {
             return;
         }
         match open.class {
-            Class::Positions => push_positions(text, dimension, &mut tree.points),
-            Class::Position => push_positions(text, None, &mut tree.points),
-            Class::Coordinates => push_tuples(text, &mut tree.points),
+            Class::Positions => push_positions(&with_point(text, decimal), dimension, &mut tree.points),
+            Class::Position => push_positions(&with_point(text, decimal), None, &mut tree.points),
+            Class::Coordinates => push_tuples(text, marks, &mut tree.points),
             _ => {
                 let start = open.text_start + (text.len() - text.trim_start().len());
                 let end = start + text.trim().len();
@@ -237,6 +246,19 @@ impl Builder<'_, '_> {
         }
         tree.text.truncate(open.text_start);
         tree.nodes[open.node as usize].content = Content::Points { start: first, end: tree.points.len() as u32 };
+    }
+
+    /// Reads `coord` of GML 2, whose numbers are elements.
+    fn end_coordinate(&mut self, node: u32, names: &Names) {
+        let tree = &mut *self.tree;
+        let number = |name| {
+            let text = tree.child_named(names, node, name).map(|child| tree.text_of(child).unwrap_or_default());
+            text.map(|text| text.parse().unwrap_or(f64::NAN))
+        };
+        let point = [number("X").unwrap_or(f64::NAN), number("Y").unwrap_or(f64::NAN), number("Z").unwrap_or(0.0)];
+        let start = tree.points.len() as u32;
+        tree.points.push(point);
+        tree.nodes[node as usize].content = Content::Points { start, end: start + 1 };
     }
 
     /// Replaces the elements of a face by its rings.

@@ -9,7 +9,7 @@ use quick_xml::XmlVersion;
 use quick_xml::errors::Error as XmlError;
 use quick_xml::events::attributes::Attribute;
 use quick_xml::events::{BytesRef, BytesStart, Event as XmlEvent};
-use quick_xml::name::{NamespaceResolver, QName, ResolveResult};
+use quick_xml::name::{NamespaceError, NamespaceResolver, QName, ResolveResult};
 
 use super::decode::TextReader;
 use super::names::{Class, Family, NameId, Names};
@@ -182,8 +182,10 @@ pub(super) fn attribute_value<'e>(attribute: &Attribute<'e>) -> Cow<'e, str> {
     attribute.normalized_value(XmlVersion::Implicit1_0).unwrap_or_else(|_| attribute.value.clone())
 }
 
+/// Files of converters declare the namespaces of all that they know, which are more than a hundred.
+const MAX_NAMESPACES: usize = 1024;
+
 /// Namespaces that are declared, by the elements that declare them.
-#[derive(Default)]
 struct Scopes {
     resolver: NamespaceResolver,
     /// The depth of each declaring element, and the names with prefix that were resolved within it.
@@ -197,12 +199,26 @@ struct Resolved {
     undeclared: Option<String>,
 }
 
+impl Default for Scopes {
+    fn default() -> Self {
+        let mut resolver = NamespaceResolver::default();
+        resolver.set_max_namespace_bindings(MAX_NAMESPACES);
+        Self { resolver, open: Vec::new(), outside: HashMap::new() }
+    }
+}
+
 impl Scopes {
     /// Resolves the name of an element, `depth` deep, with the namespaces that it declares itself.
     fn open(&mut self, names: &mut Names, element: &BytesStart<'_>, depth: u32) -> Resolved {
         if element.attributes_raw().contains("xmlns") {
             if let Err(error) = self.resolver.push(element) {
-                return Resolved { name: Err(error.to_string()), undeclared: None };
+                let what = match error {
+                    NamespaceError::TooManyBindings(most) => {
+                        format!("more than {most} namespaces are declared at once")
+                    }
+                    error => error.to_string(),
+                };
+                return Resolved { name: Err(what), undeclared: None };
             }
             self.open.push((depth, HashMap::new()));
         }

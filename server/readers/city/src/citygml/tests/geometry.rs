@@ -326,3 +326,40 @@ fn systems_are_found_on_every_element_of_a_surface() {
         assert_eq!(corners(&sink.objects[0]), [1.0, 2.0], "{element}");
     }
 }
+
+#[test]
+fn coordinates_are_read_in_every_style_of_gml() {
+    let ring = [[1.5, 0.0, 0.0], [2.5, 0.0, 0.0], [2.5, 1.0, 0.0], [1.5, 0.0, 0.0]];
+    let joined = |start: &str, between: &str, end: &str, mark: &str| -> String {
+        let position = |point: &[f64; 3]| point.map(|number| number.to_string().replace('.', mark)).join(between);
+        ring.iter().map(|point| format!("{start}{}{end}", position(point))).collect()
+    };
+    let coord =
+        ring.map(|[x, y, z]| format!("<gml:coord><gml:X>{x}</gml:X><gml:Y>{y}</gml:Y><gml:Z>{z}</gml:Z></gml:coord>"));
+    for content in [
+        format!("<gml:posList>{}</gml:posList>", joined(" ", " ", "", ".")),
+        format!(r#"<gml:posList decimal=",">{}</gml:posList>"#, joined(" ", " ", "", ",")),
+        joined(r#"<gml:pos decimal=",">"#, " ", "</gml:pos>", ","),
+        coord.concat(),
+        format!("<gml:coordinates>{}</gml:coordinates>", joined(" ", ",", "", ".")),
+        format!(r#"<gml:coordinates decimal="," cs=" " ts=";">{}</gml:coordinates>"#, joined("", " ", ";", ",")),
+    ] {
+        let face = format!(
+            "<gml:Polygon><gml:exterior><gml:LinearRing>{content}</gml:LinearRing></gml:exterior></gml:Polygon>"
+        );
+        let sink = read_building(&format!("<bldg:lod1MultiSurface>{}</bldg:lod1MultiSurface>", multi_surface(&[face])));
+        assert!(sink.skipped.is_empty() && sink.problems.is_empty(), "{content}: {:?}", sink.skipped);
+        assert_eq!(polygons(&sink.objects[0])[0].points, ring[..3], "{content}");
+    }
+}
+
+#[test]
+fn files_of_converters_declare_many_namespaces() {
+    let declared = |count: u32| (0..count).map(|n| format!(" xmlns:n{n}=\"http://n/{n}\"")).collect::<String>();
+    let content = format!("<bldg:lod1Solid>{}</bldg:lod1Solid>", solid(&[polygon("a", 1)]));
+    let building = |count| member(&format!("<bldg:Building{}>{content}</bldg:Building>", declared(count)));
+    assert_eq!(read_2(&building(500)).objects.len(), 1);
+    let (_, result) = read_bytes(format!("{HEAD_2}{}{TAIL}", building(2000)).as_bytes());
+    let error = result.unwrap_err().to_string();
+    assert!(error.contains("more than 1024 namespaces are declared at once"), "{error}");
+}
