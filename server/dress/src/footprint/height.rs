@@ -3,8 +3,8 @@
 use insula_source::problems::{GUESSED, GUESSED_FROM_LEVELS, NO_GROUND_HEIGHT, NOT_UNDERSTOOD, UNIT_GUESSED};
 use std::ops::RangeInclusive;
 
-use super::height_names::{self, HeightRole, NamedHeight};
-use super::lengths::{metres, roof_height_m};
+use super::height_names::{self, HeightRole, NamedHeight, UnitGuess};
+use super::lengths::{metres, roof_height_m, storeys};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::units::{HeightUnit, metres_of};
 
@@ -53,7 +53,7 @@ impl BuildingHeight {
     /// Determines the height, with a default if nothing is known. Passes guesses and invalid values to `note`, with
     /// their kind and details.
     pub fn of(attributes: &Attributes, hints: HeightHints<'_>, mut note: impl FnMut(&str, &str)) -> Self {
-        let named = height_names::find(attributes);
+        let named = height_names::find(attributes, hints.unit.is_some());
         let mut first = |names: &[&str], range, unit_m| {
             let values = names.iter().filter_map(|name| Some((*name, attributes.named(name)?, unit_m)));
             first_in_range(values, range, &mut note).map(|(_, number)| number)
@@ -69,7 +69,9 @@ impl BuildingHeight {
             note("base not below the top, taken as 0", &format!("{base_m} to {top_m}"));
             return Self { base_m: 0.0, top_m, is_without_roof: false };
         }
-        let levels = of_role(&named, HeightRole::Levels, 1.0);
+        // Storeys in the place of a height are counted, too.
+        let told = of_role(&named, HeightRole::Top, 1.0).filter(|(_, value, _)| storeys(value).is_some());
+        let levels = of_role(&named, HeightRole::Levels, 1.0).chain(told);
         if let Some((_, levels)) = first_in_range(levels, LEVELS_RANGE, &mut note) {
             let roof_levels = ROOF_LEVELS.iter().filter_map(|name| Some((*name, attributes.named(name)?, 1.0)));
             let roof_levels = first_in_range(roof_levels, LEVELS_RANGE, &mut note).map(|(_, number)| number);
@@ -119,12 +121,12 @@ fn storey_heights_m(attributes: &Attributes, levels: f64) -> Option<f64> {
 /// Whether attributes tell the top of an area, in metres or storeys.
 pub fn has_height(attributes: &Attributes, hints: HeightHints<'_>) -> bool {
     hints.field.is_some_and(|field| attributes.get(field).is_some())
-        || height_names::find(attributes).iter().any(|height| height.role != HeightRole::Ground)
+        || height_names::find(attributes, hints.unit.is_some()).iter().any(|height| height.role != HeightRole::Ground)
 }
 
 /// Height above the ground that attributes tell, in metres.
 pub fn known_height_m(attributes: &Attributes, hints: HeightHints<'_>) -> Option<f64> {
-    top_m(attributes, &height_names::find(attributes), hints, &mut |_, _| {})
+    top_m(attributes, &height_names::find(attributes, hints.unit.is_some()), hints, &mut |_, _| {})
 }
 
 /// Height of the top above the ground by the attributes, except by storeys.
@@ -140,10 +142,15 @@ fn top_m(
         Some((field, attributes.get(field)?, unit_m))
     });
     let tops = by_hand.into_iter().chain(of_role(named, HeightRole::Top, plain_m));
+    let tops = tops.filter(|(_, value, _)| storeys(value).is_none());
     if let Some((name, top_m)) = first_in_range(tops, TOP_RANGE_M, note) {
         let known = named.iter().find(|height| height.name == name);
-        if known.is_some_and(|height| height.is_unit_guessed) && hints.unit.is_none() {
-            note(UNIT_GUESSED, &format!("{name} taken as feet, as its publisher means it (--height-unit)"));
+        if let Some(guess) = known.and_then(|height| height.unit_guess) {
+            let guess = match guess {
+                UnitGuess::Publisher => "feet, as its publisher means it".to_owned(),
+                UnitGuess::Beside(attribute, unit) => format!("{unit}, as {attribute} says"),
+            };
+            note(UNIT_GUESSED, &format!("{name} taken as {guess} (--height-unit)"));
         } else if hints.is_map_in_feet
             && hints.unit.is_none()
             && known.map_or_else(|| height_names::unit_of_name(name), |height| height.unit_m).is_none()
@@ -179,7 +186,7 @@ fn first_in_range<'v>(
     for (name, value, unit_m) in values {
         let number = match value {
             AttributeValue::Text(text) if text.trim().is_empty() => continue,
-            value => metres(value, unit_m),
+            value => storeys(value).or_else(|| metres(value, unit_m)),
         };
         match number.filter(|number| range.contains(number)) {
             Some(number) => return Some((name, number)),
@@ -295,6 +302,37 @@ mod tests {
         let in_feet = HeightHints { is_map_in_feet: true, ..HeightHints::default() };
         assert_eq!(height_with(r#"{"BLDG_HT": 20}"#, in_feet), (0.0, 20.0, vec![UNIT_GUESSED.to_owned()]));
         assert_eq!(height_with(r#"{"BLDG_HT": "20 m"}"#, in_feet).1, 20.0);
+    }
+
+    #[test]
+    fn units_may_be_told_by_an_attribute_beside_the_height() {
+        for own in [
+            r#"{"height": 100, "height_unit": "ft"}"#,
+            r#"{"measuredHeight": 100, "measuredHeight.uom": "urn:ogc:def:uom:UCUM::[ft_i]"}"#,
+            r#"{"BLDG_HT": 100, "HeightUnits": "Feet"}"#,
+            r#"{"height": {"value": 100, "unit": "ft"}}"#,
+        ] {
+            assert_eq!(height(own), (0.0, 30.48, vec![]), "{own}");
+        }
+        let beside = r#"{"height": 100, "units": "feet"}"#;
+        assert_eq!(height(beside), (0.0, 30.48, vec![UNIT_GUESSED.to_owned()]));
+        let metres = HeightHints { unit: Some(HeightUnit::Metre), ..HeightHints::default() };
+        assert_eq!(height_with(beside, metres), (0.0, 100.0, vec![]));
+        assert_eq!(height_with(r#"{"heightroof": 100, "groundelev": 30}"#, metres), (0.0, 100.0, vec![]));
+        // Dwellings.
+        assert_eq!(height(r#"{"height": 100, "units": 12}"#), (0.0, 100.0, vec![]));
+        assert_eq!(height(r#"{"height": "100 m", "unit": "ft"}"#).1, 100.0);
+    }
+
+    #[test]
+    fn storeys_in_the_place_of_a_height_are_counted() {
+        for text in ["3 floors", "3 storeys", "3 Geschosse", "3 floor", "3 étages", "3 levels"] {
+            let notes = vec![GUESSED_FROM_LEVELS.to_owned()];
+            assert_eq!(height(&format!(r#"{{"height": "{text}"}}"#)), (0.0, 9.0, notes.clone()), "{text}");
+            assert_eq!(height(&format!(r#"{{"levels": "{text}"}}"#)), (0.0, 9.0, notes), "{text}");
+        }
+        assert_eq!(height(r#"{"height": "3 floors", "measuredHeight": 20}"#).1, 20.0);
+        assert_eq!(height(r#"{"height": "3 floors", "levels": 5}"#).1, 15.0);
     }
 
     #[test]

@@ -78,6 +78,10 @@ const CUT_BYTES: usize = 10;
 const LEAST_CUT_KEY: usize = 8;
 /// A beginning that says nothing of what is counted.
 const SAYS_NOTHING: &str = "numberof";
+/// End of the name of a number that an object has beside its unit.
+const VALUE: &str = ".value";
+/// Names, or their ends, of attributes that tell a unit.
+const UNIT_WORDS: [&str; 5] = ["unit", "units", "uom", "unitofmeasure", "unitcode"];
 /// Ends of names that tell their unit.
 const UNIT_ENDS: [&str; 10] = ["metres", "meters", "feet", "inch", "usft", "mm", "cm", "dm", "ft", "m"];
 
@@ -88,19 +92,27 @@ pub(super) struct NamedHeight<'a> {
     rank: usize,
     pub(super) name: &'a str,
     pub(super) value: &'a AttributeValue,
-    /// Metres in the unit that the name tells.
+    /// Metres in the unit that the name, or an attribute beside it, tells.
     pub(super) unit_m: Option<f64>,
-    /// Whether the unit follows from the publisher.
-    pub(super) is_unit_guessed: bool,
+    /// Where the unit is from, if that is a guess: from the publisher, or from an attribute that may be of another one.
+    pub(super) unit_guess: Option<UnitGuess<'a>>,
 }
 
-/// All attributes that tell heights, best first within their role.
-pub(super) fn find(attributes: &Attributes) -> Vec<NamedHeight<'_>> {
+/// Where a unit is from that nothing tells for certain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum UnitGuess<'a> {
+    Publisher,
+    /// The name of the attribute, and its text.
+    Beside(&'a str, &'a str),
+}
+
+/// All attributes that tell heights, best first within their role. Units are not guessed where the user gives one.
+pub(super) fn find(attributes: &Attributes, is_unit_given: bool) -> Vec<NamedHeight<'_>> {
     let mut found: Vec<NamedHeight<'_>> = attributes
         .iter()
         .filter_map(|(name, value)| {
             let (role, rank, unit_m) = look_up(name)?;
-            Some(NamedHeight { role, rank, name, value, unit_m, is_unit_guessed: false })
+            Some(NamedHeight { role, rank, name, value, unit_m, unit_guess: None })
         })
         .collect();
     found.sort_by_key(|height| height.rank);
@@ -112,13 +124,48 @@ pub(super) fn find(attributes: &Attributes) -> Vec<NamedHeight<'_>> {
     let is_of_new_york = found.iter().any(|height| is_roof(height.name))
         && attributes.iter().any(|(name, _)| OF_NEW_YORK.contains(&&*key(name)));
     for height in &mut found {
+        if height.unit_m.is_some() || height.role == HeightRole::Levels {
+            continue;
+        }
         let is_roof = is_roof(height.name);
-        // That publisher gives the ground in feet, too.
-        if height.unit_m.is_none() && (is_roof || height.role == HeightRole::Ground) && is_of_new_york {
-            (height.unit_m, height.is_unit_guessed) = (Some(FOOT_M), is_roof);
+        if let Some(unit_m) = own_unit(attributes, height.name) {
+            height.unit_m = Some(unit_m);
+        } else if is_unit_given {
+            // It counts.
+        } else if (is_roof || height.role == HeightRole::Ground) && is_of_new_york {
+            // That publisher gives the ground in feet, too.
+            (height.unit_m, height.unit_guess) = (Some(FOOT_M), is_roof.then_some(UnitGuess::Publisher));
+        } else if let Some((name, unit, unit_m)) = unit_beside(attributes) {
+            (height.unit_m, height.unit_guess) = (Some(unit_m), Some(UnitGuess::Beside(name, unit)));
         }
     }
     found
+}
+
+/// Metres in the unit of a height that an attribute of its own tells, such as `height_unit`.
+fn own_unit(attributes: &Attributes, height: &str) -> Option<f64> {
+    let height = height.strip_suffix(VALUE).unwrap_or(height);
+    let key = key(height);
+    let is_of_it = |name: &str| {
+        let name = self::key(name);
+        let end = name.strip_prefix(&*key).or_else(|| name.strip_prefix("height"));
+        end.is_some_and(|end| UNIT_WORDS.contains(&end))
+    };
+    attributes.iter().filter(|(name, _)| is_of_it(name)).find_map(|(_, unit)| metres_of(unit.as_str()?))
+}
+
+/// An attribute that tells a unit of length, perhaps that of a height: its name, its text, and metres in it. Metres need not be told.
+fn unit_beside(attributes: &Attributes) -> Option<(&str, &str, f64)> {
+    let units = attributes.iter().filter(|(name, _)| UNIT_WORDS.contains(&&*key(name)));
+    units
+        .filter_map(|(name, unit)| Some((name, unit.as_str()?, metres_of(unit.as_str()?)?)))
+        .find(|(.., unit_m)| *unit_m != 1.0)
+}
+
+/// Whether a word such as `floors` says that storeys are counted.
+pub(super) fn counts_storeys(word: &str) -> bool {
+    let is_known = |word: &str| look_up(word).is_some_and(|(role, ..)| role == HeightRole::Levels);
+    is_known(word) || is_known(&format!("{}s", word.trim_end_matches('.')))
 }
 
 /// Whether a name is that of a height above the ground.
@@ -144,6 +191,7 @@ fn look_up(name: &str) -> Option<(HeightRole, usize, Option<f64>)> {
         let rows = NAMES.iter().flat_map(|(role, names)| names.split_whitespace().map(move |name| (*role, name)));
         rows.enumerate().map(|(rank, (role, name))| (name, (role, rank))).collect()
     });
+    let name = name.strip_suffix(VALUE).unwrap_or(name);
     let key = key(NAMESPACES.iter().find_map(|namespace| name.strip_prefix(namespace)).unwrap_or(name));
     if let Some((role, rank)) = table.get(&*key) {
         return Some((*role, *rank, None));

@@ -1,5 +1,6 @@
 //! Lengths in attributes: numbers, and texts with a unit.
 
+use super::height_names::counts_storeys;
 use crate::roof::{self, RoofShape};
 use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::units::{FOOT_M, metres_of};
@@ -34,6 +35,14 @@ pub(super) fn metres(value: &AttributeValue, plain_m: f64) -> Option<f64> {
         AttributeValue::Text(text) => length_in(text, plain_m),
         value => value.as_f64().map(|number| number * plain_m),
     }
+}
+
+/// The number in a text such as `3 floors`.
+pub(super) fn storeys(value: &AttributeValue) -> Option<f64> {
+    let text = value.as_str()?.trim();
+    let (number, word) = text.split_at(text.find(char::is_alphabetic)?);
+    let number = number.trim_end().replace(',', ".").parse().ok()?;
+    counts_storeys(word).then_some(number)
 }
 
 /// Parses a length such as `12`, `12.5 m`, `12,5`, `40 ft`, `40'` or `12'6"`, in metres.

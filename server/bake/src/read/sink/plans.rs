@@ -2,9 +2,10 @@
 
 use super::SceneSink;
 use insula_dress::footprint::{BuildingHeight, has_height, is_height};
+use insula_source::attributes::AttributeValue;
 use insula_source::object::{FeatureKind, Footprint, Shape, SourceObject, Surface, SurfaceRole};
 use insula_source::problems::UNIT_GUESSED;
-use insula_source::units::FOOT_M;
+use insula_source::units::{FOOT_M, metres_of};
 
 /// Problem of a building that stays a plan.
 const FLAT: &str = "building of level of detail 0 without a height, drawn flat";
@@ -30,7 +31,8 @@ impl SceneSink<'_, '_, '_> {
             return None;
         }
         let units = object.attributes.iter().filter_map(|(name, unit)| Some((name.strip_suffix(".uom")?, unit)));
-        for (name, unit) in units.filter(|(name, _)| is_height(name)) {
+        let is_unknown = |unit: &AttributeValue| unit.as_str().and_then(metres_of).is_none();
+        for (name, unit) in units.filter(|(name, unit)| is_height(name) && is_unknown(unit)) {
             self.report.problem(UNIT_GUESSED, || format!("{}: {name} in {unit}, taken as metres", object.id));
         }
         // Many programs write 0 where they know no height.
