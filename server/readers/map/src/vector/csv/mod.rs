@@ -1,9 +1,11 @@
-//! Lines of values, one of which is a geometry as WKT, or as hexadecimal WKB.
+//! Lines of values, one of which is a geometry as WKT, or as hexadecimal WKB, or two the coordinates of a point.
+
+mod place;
 
 use ::csv::{ByteRecord, Reader, ReaderBuilder};
 use std::io::{BufRead, Read};
 
-use super::feature::FeatureWriter;
+use super::feature::{DEGREES, FeatureWriter};
 use super::geometry::Geometry;
 use super::layer::Layer;
 use super::{local, wkb, wkt};
@@ -11,6 +13,7 @@ use insula_source::attributes::{AttributeValue, Attributes};
 use insula_source::error::InputError;
 use insula_source::input::{Input, OpenInput};
 use insula_source::object::ObjectSink;
+use place::Place;
 
 /// Names of geometry columns, in lower case, the most certain first.
 const GEOMETRY_NAMES: [&str; 10] = [
@@ -28,6 +31,7 @@ const GEOMETRY_NAMES: [&str; 10] = [
 /// Names of columns with the EPSG code of the geometry.
 const SRID_NAMES: [&str; 3] = ["epsg", "srid", "crs"];
 const DELIMITERS: [u8; 4] = [b',', b';', b'\t', b'|'];
+const NO_GEOMETRY: &str = "no geometry";
 /// Bytes in which the delimiter is looked for.
 const HEAD_BYTES: u64 = 1 << 16;
 /// Lines between two progress reports.
@@ -36,8 +40,9 @@ const TICK_LINES: u64 = 256;
 /// Columns of a source.
 struct Columns {
     names: Vec<String>,
-    geometry: usize,
+    place: Place,
     srid: Option<usize>,
+    delimiter: u8,
 }
 
 /// Reads a source. Fails if no column has geometries, or if it is in a system that cannot be placed.
@@ -59,11 +64,15 @@ pub fn read(input: &Input<'_>, sink: &mut dyn ObjectSink) -> Result<(), InputErr
     let mut second = ByteRecord::new();
     let has_first = next(input, &mut lines, &mut first)?;
     let has_second = has_first && next(input, &mut lines, &mut second)?;
-    let Some((columns, has_names)) = columns_of(&first, &second) else {
-        return Err(InputError::unsupported(input.label, "lines of values without a column of WKT geometries"));
+    let Some((columns, has_names)) = columns_of(&first, &second, delimiter) else {
+        return Err(InputError::unsupported(
+            input.label,
+            "lines of values without a column of WKT geometries, and without columns lon and lat, or x and y",
+        ));
     };
     let layer = Layer::of_file(input.name, columns.names.iter().map(String::as_str));
-    writer.begin(layer, local::system_beside(input))?;
+    let in_degrees = || columns.place.is_in_degrees().then(|| DEGREES.to_owned());
+    writer.begin(layer, local::system_beside(input).or_else(in_degrees))?;
     if !has_names {
         add(&first, &columns, &mut writer)?;
     }
@@ -133,14 +142,14 @@ fn delimiter_of(head: &[u8]) -> u8 {
 }
 
 /// Finds the columns by the first two lines, and whether the first line has their names; `None` without a geometry.
-fn columns_of(first: &ByteRecord, second: &ByteRecord) -> Option<(Columns, bool)> {
+fn columns_of(first: &ByteRecord, second: &ByteRecord, delimiter: u8) -> Option<(Columns, bool)> {
     let is_geometry = |field: &[u8]| {
         let text = text_of(field);
         wkt::looks_like_wkt(&text) || wkb::bytes_of_hex(&text).is_some()
     };
     if let Some(geometry) = first.iter().position(is_geometry) {
         let names = (1..=first.len()).map(|number| format!("column {number}")).collect();
-        return Some((Columns { names, geometry, srid: None }, false));
+        return Some((Columns { names, place: Place::Text(geometry), srid: None, delimiter }, false));
     }
     let names: Vec<String> = first.iter().map(|name| text_of(name).trim().to_owned()).collect();
     let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
@@ -148,9 +157,10 @@ fn columns_of(first: &ByteRecord, second: &ByteRecord) -> Option<(Columns, bool)
     let is_filled = |index: &usize| second.get(*index).is_some_and(is_geometry);
     let mut candidates: Vec<usize> = by_name.collect();
     candidates.extend((0..names.len()).filter(is_filled));
-    let geometry = candidates.iter().copied().find(is_filled).or_else(|| candidates.first().copied())?;
+    let filled = candidates.iter().copied().find(is_filled).map(Place::Text);
+    let place = filled.or_else(|| Place::of_names(&lower)).or_else(|| candidates.first().copied().map(Place::Text))?;
     let srid = SRID_NAMES.iter().find_map(|known| lower.iter().position(|name| name == known));
-    Some((Columns { names, geometry, srid }, true))
+    Some((Columns { names, place, srid, delimiter }, true))
 }
 
 /// A text in UTF-8, or else in Windows-1252.
@@ -170,19 +180,18 @@ fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -
     for (index, field) in record.iter().enumerate() {
         let text = text_of(field);
         if let Some(name) = columns.names.get(index)
-            && index != columns.geometry
+            && !columns.place.is_of(index)
             && !text.trim().is_empty()
         {
             attributes.push(name, AttributeValue::from_untyped(&text));
         }
     }
     let mut srid = columns.srid.and_then(|index| code_of(&text_of(record.get(index)?)));
-    let text = text_of(record.get(columns.geometry).unwrap_or_default());
     let mut geometry = Geometry::default();
-    let parsed = match wkb::bytes_of_hex(&text) {
-        _ if text.trim().is_empty() => Err("no geometry"),
-        Some(bytes) => wkb::parse(&bytes, &mut geometry),
-        None => wkt::parse(&text, &mut geometry),
+    let field = |index| text_of(record.get(index).unwrap_or_default());
+    let parsed = match &columns.place {
+        Place::Text(index) => geometry_of(&field(*index), &mut geometry),
+        place => place.add_point(|index| field(index), columns.delimiter, &mut geometry).map(|()| None),
     };
     if let Ok(Some(own)) = parsed {
         srid = Some(own);
@@ -191,6 +200,15 @@ fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -
         writer.set_crs(format!("EPSG:{srid}"))?;
     }
     writer.add(Some(format!("line {line}")), attributes, parsed.map(|_| geometry))
+}
+
+/// Reads a geometry; returns the code of its system if it tells one.
+fn geometry_of(text: &str, geometry: &mut Geometry) -> Result<Option<u32>, &'static str> {
+    match wkb::bytes_of_hex(text) {
+        _ if text.trim().is_empty() => Err(NO_GEOMETRY),
+        Some(bytes) => wkb::parse(&bytes, geometry),
+        None => wkt::parse(text, geometry),
+    }
 }
 
 /// The code in `28992` or `EPSG:28992`.

@@ -3,6 +3,7 @@
 use super::{attack, attributes, read, rings, run, square, text};
 use crate::vector::read_csv;
 use insula_source::attributes::AttributeValue;
+use insula_source::object::Shape;
 
 #[test]
 fn values_are_typed_and_geometries_found() {
@@ -56,4 +57,32 @@ fn other_tables_are_refused() {
     }
     let lines = b"wkt;n\n\"POLYGON((0 0,9 0,9 9,0 0))\";1\nPOINT(1 2);\"2\n";
     attack(read_csv, &[("a.csv", lines)], 1, 3);
+}
+
+#[test]
+fn points_may_be_in_columns_of_coordinates() {
+    let place = |lines: &str| {
+        let sink = read(read_csv, &[("trees.csv", lines.as_bytes())]);
+        let Shape::Points(points) = &sink.objects[0].shape else { panic!("{lines}: {:?}", sink.objects[0].shape) };
+        (sink.crs.first().map(|crs| crs.name.clone()), points[0].place[0], points[0].place[1])
+    };
+    let degrees = Some("OGC:CRS84".to_owned());
+    for lines in [
+        "name,Lat,Lon,height\nA,48.14,11.57,12\n",
+        "longitude;latitude\n11,57;48,14\n",
+        "id;geo_point_2d\n1;48.14, 11.57\n",
+        "X,Y\n11.57,48.14\n",
+    ] {
+        assert_eq!(place(lines), (degrees.clone(), 11.57, 48.14), "{lines}");
+    }
+    assert_eq!(
+        place("id;X_Coord;Y_Coord;EPSG\n1;691000,5;5334000;25832\n"),
+        (Some("EPSG:25832".into()), 691_000.5, 5_334_000.0)
+    );
+    assert_eq!(place("Rechtswert\tHochwert\n691000.5\t5334000\n"), (None, 691_000.5, 5_334_000.0));
+    // A geometry counts before.
+    assert_eq!(place("x,y,wkt\n1,2,POINT(500 600)\n").1, 500.0);
+    let faults = read(read_csv, &[("trees.csv", b"id,lat,lon\na,,\nb,x,11\nc,48,11\n")]);
+    let expected = [("no geometry", "a".to_owned()), ("coordinate not a number", "b".to_owned())];
+    assert_eq!((faults.objects.len(), &faults.skipped[..]), (1, &expected[..]));
 }
