@@ -74,6 +74,10 @@ impl AsciiGrid {
                 blocks.push(offset);
             }
         }
+        // Rows of another length would be read askew.
+        if words.next()?.is_some_and(|(_, word)| number_of(word).is_some()) {
+            return Err(RasterError::damaged("it has more heights than its header says"));
+        }
         let mut facts = RasterFacts::new(size, SampleKind::F32);
         facts.place = header.place();
         let nodata = SampleKind::F32.rounded(header.nodata.unwrap_or(DEFAULT_NODATA));

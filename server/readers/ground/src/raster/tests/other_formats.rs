@@ -60,6 +60,8 @@ fn damaged_ascii_grids() {
             panic!("{:?}", raster.facts());
         }
     }
+    let more = format!("{whole} 5");
+    assert!(open(format!("{whole}\n\u{1a}").as_bytes()).is_ok(), "an end as DOS has it");
     let long = format!("ncols {}", "1".repeat(1000));
     for text in [
         "ncols 1000000000\nnrows 1000000000\ncellsize 1\n1",
@@ -69,6 +71,7 @@ fn damaged_ascii_grids() {
         "ncols 1\nnrows 1\nwhat 1\n1",
         "ncols 1\nnrows 1\ncellsize x\n1",
         &long,
+        &more,
     ] {
         assert!(open(text.as_bytes()).is_err(), "{text}");
     }
