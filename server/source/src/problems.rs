@@ -4,6 +4,8 @@
 pub const INEXACT: &str = "coordinates less exact than possible";
 /// Kind of the problem that an elevation model has heights that are none on land.
 pub const MISSING_HEIGHTS: &str = "heights out of range, taken as missing";
+/// Kind of the problem that an elevation model has heights of exactly 0 far below all others.
+pub const ODD_ZEROS: &str = "heights of exactly 0 far below all others, taken as heights";
 /// Kind of the problem that a position of a map has a height that is none on land.
 pub const MISSING_GROUND: &str = "height of the ground out of range, taken as missing";
 /// Kind of the problem that a source names no coordinate system.

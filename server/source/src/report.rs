@@ -9,7 +9,7 @@ use super::object::FeatureKind;
 use super::problems::{
     CONTRADICTION, DAMAGED_ATTRIBUTES, EITHER_ORDER, FAR, FAR_PICTURE, FAR_TERRAIN, FEWER_ATTRIBUTES, GAP, GUESSED,
     GUESSED_FROM_LEVELS, INEXACT, MISSING_GROUND, MISSING_HEIGHTS, NO_ATTRIBUTES, NO_CRS, NO_GROUND_HEIGHT, NO_TABLE,
-    NOT_UNDERSTOOD, OPEN_END, OUTSIDE, PICTURE_ALONE, SWAPPED, TOO_MANY, TOO_WIDE, UNIT_GUESSED, WIDE,
+    NOT_UNDERSTOOD, ODD_ZEROS, OPEN_END, OUTSIDE, PICTURE_ALONE, SWAPPED, TOO_MANY, TOO_WIDE, UNIT_GUESSED, WIDE,
 };
 
 /// More guessed heights than this share of all are worth a warning.
@@ -458,7 +458,8 @@ impl ReadReport {
 
     /// What was guessed of heights and places, of each source with such.
     pub fn guess_warnings(&self) -> impl Iterator<Item = String> {
-        let kinds = &[SWAPPED, OUTSIDE, NO_CRS, UNIT_GUESSED, NO_GROUND_HEIGHT, MISSING_HEIGHTS, MISSING_GROUND];
+        let kinds =
+            &[SWAPPED, OUTSIDE, NO_CRS, UNIT_GUESSED, NO_GROUND_HEIGHT, MISSING_HEIGHTS, ODD_ZEROS, MISSING_GROUND];
         self.problems_of(kinds).chain(self.sources.iter().filter_map(SourceReport::guessed_heights))
     }
 
@@ -567,12 +568,12 @@ mod tests {
         (0..5).for_each(|_| report.problem(GUESSED, || "b: 6 m".to_owned()));
         assert_eq!(report.guessed_heights(), None);
         report.problem(GUESSED, || "b: 6 m".to_owned());
-        report.problem(NOT_UNDERSTOOD, || "b: height is 3 floors".to_owned());
+        report.problem(NOT_UNDERSTOOD, || "b: height is tall".to_owned());
         report.problem(GUESSED_FROM_LEVELS, || "b".to_owned());
         let report = ReadReport { sources: vec![report], ..ReadReport::default() };
         let warnings: Vec<String> = report.guess_warnings().collect();
         let expected = "a: 6 of 100 heights of buildings are guessed, such as b: 6 m, 1 more from storeys; \
-            height not understood, such as b: height is 3 floors; attributes with numbers: NUT_H, text_h; name the one that has the heights with --height-field";
+            height not understood, such as b: height is tall; attributes with numbers: NUT_H, text_h; name the one that has the heights with --height-field";
         assert_eq!(warnings, [expected]);
     }
 

@@ -1,7 +1,7 @@
 //! Options and shared state of reading.
 
 use insula_place::PlacingOptions;
-use insula_source::problems::{FAR_PICTURE, FAR_TERRAIN, MISSING_HEIGHTS, NO_CRS, OUTSIDE, PICTURE_ALONE};
+use insula_source::problems::{FAR_PICTURE, FAR_TERRAIN, MISSING_HEIGHTS, NO_CRS, ODD_ZEROS, OUTSIDE, PICTURE_ALONE};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -438,6 +438,10 @@ impl<'o> ReadContext<'o> {
         for (number, missing) in self.elevation.missing() {
             let Some(report) = sources.get_mut(number) else { continue };
             missing.into_iter().for_each(|text| report.problem(MISSING_HEIGHTS, || text));
+        }
+        for (number, zeros) in self.elevation.odd_zeros() {
+            let Some(report) = sources.get_mut(number) else { continue };
+            report.problem(ODD_ZEROS, || zeros);
         }
         for (number, names, count) in self.elevation.bad_tiles() {
             let Some(report) = sources.get_mut(number) else { continue };

@@ -500,6 +500,9 @@ fn heights_that_are_none_on_land_are_missing_and_counted() {
     assert_eq!(missing(&files(undeclared), &options), Vec::<String>::new());
     let by_hand = ReadOptions { nodata: Some(499.0), ..ReadOptions::default() };
     assert_eq!(missing(&files(dem(499.0)), &by_hand), Vec::<String>::new());
+    let (_, report) = read_files("zeros", &[("a.geojson", &house([150.0, 120.0])), ("dem.asc", &dem(0.0))], &options);
+    let warnings: Vec<String> = report.guess_warnings().collect();
+    assert!(warnings.len() == 1 && warnings[0].contains("36 pixels of 0, others from 500 to 500"), "{warnings:?}");
 }
 
 #[test]

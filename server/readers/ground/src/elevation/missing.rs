@@ -43,6 +43,44 @@ impl MissingHeights {
     }
 }
 
+/// Heights of exactly 0 far below all others: many programs write them where they know no height, but so is the sea.
+#[derive(Default)]
+pub(super) struct OddZeros {
+    /// Level and number of each.
+    pixels: HashSet<(usize, u64)>,
+    /// Lowest and highest of the others.
+    others: Option<[f32; 2]>,
+}
+
+impl OddZeros {
+    /// Others nearer to 0 are the land beside a sea.
+    const LOWEST_LAND: f32 = 30.0;
+
+    pub(super) fn add(&mut self, height: f32, level: usize, pixel: u64) {
+        if height != 0.0 {
+            let [low, high] = self.others.unwrap_or([height; 2]);
+            self.others = Some([low.min(height), high.max(height)]);
+        } else if self.pixels.len() < MAX_PIXELS && !self.has_low_land() {
+            self.pixels.insert((level, pixel));
+        }
+    }
+
+    fn has_low_land(&self) -> bool {
+        self.others.is_some_and(|[low, _]| low < Self::LOWEST_LAND)
+    }
+
+    /// What was found in the finest level that was read.
+    pub(super) fn text(&self) -> Option<String> {
+        let [low, high] = self.others.filter(|_| !self.has_low_land())?;
+        let level = self.pixels.iter().map(|(level, _)| *level).min()?;
+        let count = self.pixels.iter().filter(|(of, _)| *of == level).count();
+        let more = if self.pixels.len() == MAX_PIXELS { "more than " } else { "" };
+        Some(format!(
+            "{more}{count} pixels of 0, others from {low} to {high}; if they mark missing heights, give --nodata 0"
+        ))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -59,5 +97,22 @@ mod tests {
         let expected =
             ["900 pixels of -32768 taken as missing (--nodata)", "1 pixel of 1000000000 taken as missing (--nodata)"];
         assert_eq!(missing.texts(), expected);
+    }
+
+    #[test]
+    fn zeros_far_below_the_land_are_odd() {
+        let text = |heights: &[f32]| {
+            let mut zeros = OddZeros::default();
+            heights
+                .iter()
+                .chain(heights)
+                .enumerate()
+                .for_each(|(at, height)| zeros.add(*height, 0, (at % heights.len()) as u64));
+            zeros.text()
+        };
+        let expected = "2 pixels of 0, others from 500 to 506; if they mark missing heights, give --nodata 0";
+        assert_eq!(text(&[0.0, 500.0, 0.0, 506.0]).as_deref(), Some(expected));
+        assert_eq!(text(&[0.0, 500.0, 2.0]), None, "a coast");
+        assert_eq!((text(&[0.0, 0.0]), text(&[500.0])), (None, None));
     }
 }

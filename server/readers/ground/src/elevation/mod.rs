@@ -213,6 +213,11 @@ impl Elevation {
         self.models.iter().map(|model| (model.source, model.missing()))
     }
 
+    /// Heights of 0 that may be missing ones: the number of the model's report, and what to tell.
+    pub fn odd_zeros(&self) -> impl Iterator<Item = (usize, String)> {
+        self.models.iter().filter_map(|model| Some((model.source, model.odd_zeros()?)))
+    }
+
     /// The placed rasters: the number of each one's report, its placement, and how its system was guessed.
     pub fn placements(&self) -> impl Iterator<Item = (usize, &Placement, Option<&String>)> {
         let all = self.models.iter().chain(&self.pictures);

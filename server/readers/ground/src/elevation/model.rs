@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::ops::RangeInclusive;
 
 use super::lattice::{Lattice, MapGrid, RasterPoint};
-use super::missing::MissingHeights;
+use super::missing::{MissingHeights, OddZeros};
 use super::pixel_finder::PixelFinder;
 use crate::raster::{GeoPlace, HEIGHTS_M, Raster, RasterError, RasterSize, Window};
 use insula_place::placement::{FirstShape, Placement, World};
@@ -33,6 +33,7 @@ pub(super) struct PlacedRaster {
     /// Heights outside of it are missing.
     pub(super) heights_m: RangeInclusive<f64>,
     missing: RefCell<MissingHeights>,
+    zeros: RefCell<OddZeros>,
     /// How its system was guessed.
     pub(super) guess: Option<String>,
     raster: RefCell<Raster>,
@@ -77,6 +78,7 @@ impl PlacedRaster {
             is_surroundings: false,
             heights_m: HEIGHTS_M,
             missing: RefCell::default(),
+            zeros: RefCell::default(),
             guess: None,
             raster: RefCell::new(raster),
             place,
@@ -163,10 +165,12 @@ impl PlacedRaster {
         let mut heights = raster.read_heights(window, level)?;
         let unit_m = self.placed.as_ref().map_or(1.0, |placed| placed.placement.height_unit_m());
         let width = raster.facts().levels.get(level).map_or(0, |size| u64::from(size.width));
-        for (index, height) in heights.iter_mut().enumerate() {
-            if height.is_finite() && !self.heights_m.contains(&(f64::from(*height) * unit_m)) {
-                let (x, y) = (index as u32 % window.width, index as u32 / window.width);
-                let pixel = u64::from(window.y + y) * width + u64::from(window.x + x);
+        for (index, height) in heights.iter_mut().enumerate().filter(|(_, height)| height.is_finite()) {
+            let (x, y) = (index as u32 % window.width, index as u32 / window.width);
+            let pixel = u64::from(window.y + y) * width + u64::from(window.x + x);
+            if self.heights_m.contains(&(f64::from(*height) * unit_m)) {
+                self.zeros.borrow_mut().add(*height, level, pixel);
+            } else {
                 self.missing.borrow_mut().add(*height, level, pixel);
                 *height = f32::NAN;
             }
@@ -177,6 +181,11 @@ impl PlacedRaster {
     /// Which heights were taken as missing so far.
     pub(super) fn missing(&self) -> Vec<String> {
         self.missing.borrow().texts()
+    }
+
+    /// Heights of 0 that may be missing ones.
+    pub(super) fn odd_zeros(&self) -> Option<String> {
+        self.zeros.borrow().text().filter(|_| !self.is_surroundings)
     }
 
     /// Colours of a grid as 8-bit sRGB; `None` where the raster has none. Fails if it cannot be read.
