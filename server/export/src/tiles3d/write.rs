@@ -8,6 +8,7 @@ use insula_archive::{
     places::canonical,
 };
 use insula_protocol::{Subtree, TileId};
+use serde_json::Value;
 use std::{
     fs, io,
     path::{Path, PathBuf},
@@ -38,10 +39,10 @@ impl<'p> Destination<'p> {
 }
 
 /// Writes a whole tileset, node by node, with one tile in memory at a time. Fails if the city cannot be read, if nothing is selected,
-/// or if the destination cannot be written; what was written then stays.
+/// or if the destination cannot be written; in a folder, what was written then stays, with a tileset that shows nothing.
 pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Result<ExportReport, ExportError> {
     let mut sink = match destination {
-        Destination::Folder(folder) => Sink::Folder(folder.to_owned(), Vec::new()),
+        Destination::Folder(folder) => Sink::Folder(FolderSink { folder: folder.to_owned(), ..FolderSink::default() }),
         Destination::Archive(path) => {
             let failed = || ExportError::writing(path.display().to_string());
             let new = NewFile::create(path).map_err(failed())?;
@@ -64,7 +65,7 @@ pub fn write_tileset(tileset: &Tileset<'_>, destination: Destination<'_>) -> Res
     let (Destination::Folder(path) | Destination::Archive(path) | Destination::PmTiles(path)) = destination;
     let name = path.display().to_string();
     match sink {
-        Sink::Folder(..) => Ok(report),
+        Sink::Folder(folder) => folder.finish().map(|()| report),
         Sink::Archive(archive, new) => {
             archive.finish()?;
             new.commit().map(|_| report).map_err(ExportError::writing(name))
@@ -106,17 +107,18 @@ fn write(sink: &mut Sink, report: &mut ExportReport, file: TilesetFile, bytes: &
     match sink {
         Sink::Archive(archive, _) => archive.add(&file.to_string(), bytes),
         Sink::PmTiles(archive) => archive.add(file, bytes),
-        Sink::Folder(_, held) if report.triangles == 0 => {
-            held.push((file, bytes.to_vec()));
-            Ok(())
-        }
-        Sink::Folder(folder, held) => {
-            for (file, bytes) in std::mem::take(held) {
-                write_file(folder, file, &bytes)?;
-            }
-            write_file(folder, file, bytes)
-        }
+        Sink::Folder(folder) => folder.write(file, bytes, report.triangles > 0),
     }
+}
+
+/// A tileset in place of one that is being written: it shows nothing, and says why.
+fn unfinished(tileset: &[u8]) -> Vec<u8> {
+    let mut json: Value = serde_json::from_slice(tileset).unwrap_or_default();
+    if let Some(root) = json["root"].as_object_mut() {
+        root.retain(|name, _| name != "implicitTiling" && name != "content");
+    }
+    json["asset"]["extras"]["title"] = "An unfinished export: run it again".into();
+    json.to_string().into_bytes()
 }
 
 fn write_file(folder: &Path, file: TilesetFile, bytes: &[u8]) -> Result<(), ExportError> {
@@ -146,8 +148,42 @@ fn is_replaceable(folder: &Path, path: &Path, file: TilesetFile) -> bool {
 }
 
 enum Sink {
-    /// With the files that wait for the first triangle: a tileset of nothing must not replace an earlier one.
-    Folder(PathBuf, Vec<(TilesetFile, Vec<u8>)>),
+    Folder(FolderSink),
     Archive(Box<ArchiveWriter<io::BufWriter<fs::File>>>, NewFile),
     PmTiles(Box<TileArchive>),
+}
+
+#[derive(Default)]
+struct FolderSink {
+    folder: PathBuf,
+    /// It waits for the end: with parts of an earlier one, it would show both.
+    tileset: Vec<u8>,
+    /// Files that wait for the first triangle: a tileset of nothing must not replace an earlier one.
+    held: Vec<(TilesetFile, Vec<u8>)>,
+    is_begun: bool,
+}
+
+impl FolderSink {
+    fn write(&mut self, file: TilesetFile, bytes: &[u8], has_triangles: bool) -> Result<(), ExportError> {
+        if file == TilesetFile::Tileset {
+            self.tileset = bytes.to_vec();
+            return Ok(());
+        }
+        if !has_triangles {
+            self.held.push((file, bytes.to_vec()));
+            return Ok(());
+        }
+        if !self.is_begun {
+            write_file(&self.folder, TilesetFile::Tileset, &unfinished(&self.tileset))?;
+            self.is_begun = true;
+        }
+        for (file, bytes) in std::mem::take(&mut self.held) {
+            write_file(&self.folder, file, &bytes)?;
+        }
+        write_file(&self.folder, file, bytes)
+    }
+
+    fn finish(self) -> Result<(), ExportError> {
+        write_file(&self.folder, TilesetFile::Tileset, &self.tileset)
+    }
 }
