@@ -56,10 +56,11 @@ fn check(selection: &ObjectSelection) -> Result<(), ExportError> {
             return wrong("the box must be west, south, east, north, in metres of the city's coordinate system");
         }
     }
-    if let Some(rings) = &selection.polygon {
-        let is_finite = rings.iter().flatten().flatten().all(|v| v.is_finite());
-        if rings.is_empty() || rings.iter().any(|ring| ring.len() < 3) || !is_finite {
-            return wrong("the polygon needs rings of three or more points");
+    if let Some(polygons) = &selection.polygons {
+        let mut rings = polygons.iter().flatten();
+        let is_valid = |ring: &Vec<[f64; 2]>| ring.len() >= 3 && ring.iter().flatten().all(|v| v.is_finite());
+        if polygons.iter().any(Vec::is_empty) || polygons.is_empty() || !rings.all(is_valid) {
+            return wrong("a polygon needs rings of three or more points");
         }
     }
     Ok(())

@@ -7,14 +7,17 @@ use insula_objects::{
 };
 use roaring::RoaringBitmap;
 
+/// The rings of a polygon.
+pub type Polygon = Vec<Vec<[f64; 2]>>;
+
 /// A part of a city: the objects and places that are in all of the given sets.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ObjectSelection {
     /// Lower and upper corner in world metres, borders included.
     pub bbox: Option<[[f64; 2]; 2]>,
-    /// Closed rings in world metres. A place inside an odd number of them is in the polygon; the last point need not repeat the
-    /// first.
-    pub polygon: Option<Vec<Vec<[f64; 2]>>>,
+    /// Polygons of closed rings in world metres. A place inside an odd number of the rings of any of them is selected; the last point
+    /// need not repeat the first.
+    pub polygons: Option<Vec<Polygon>>,
     /// Numbers of objects.
     pub objects: Option<RoaringBitmap>,
 }
@@ -26,7 +29,7 @@ impl ObjectSelection {
     pub fn contains(&self, object: u32, bounds: Option<[[f64; 2]; 2]>) -> bool {
         let is_in_area = match bounds {
             Some([min, max]) => self.contains_point([0, 1].map(|k| 0.5 * (min[k] + max[k]))),
-            None => self.bbox.is_none() && self.polygon.is_none(),
+            None => self.bbox.is_none() && self.polygons.is_none(),
         };
         is_in_area && self.contains_object(object)
     }
@@ -41,9 +44,9 @@ impl ObjectSelection {
     #[must_use]
     pub fn contains_point(&self, point: [f64; 2]) -> bool {
         let in_bbox = |[min, max]: [[f64; 2]; 2]| [0, 1].iter().all(|k| min[*k] <= point[*k] && point[*k] <= max[*k]);
-        let in_polygon =
-            |rings: &Vec<Vec<[f64; 2]>>| rings.iter().filter(|ring| is_inside(ring, point)).count() % 2 == 1;
-        self.bbox.is_none_or(in_bbox) && self.polygon.as_ref().is_none_or(in_polygon)
+        let in_polygon = |rings: &Polygon| rings.iter().filter(|ring| is_inside(ring, point)).count() % 2 == 1;
+        let in_any = |polygons: &Vec<Polygon>| polygons.iter().any(in_polygon);
+        self.bbox.is_none_or(in_bbox) && self.polygons.as_ref().is_none_or(in_any)
     }
 
     /// Whether a rectangle may have selected places. Never false if it has one.
@@ -56,9 +59,9 @@ impl ObjectSelection {
     /// inverted if no place is selected.
     #[must_use]
     pub fn area(&self) -> Option<[[f64; 2]; 2]> {
-        let around = self.polygon.as_ref().map(|rings| {
+        let around = self.polygons.as_ref().map(|polygons| {
             let nothing = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-            rings.iter().flatten().fold(nothing, |[min, max], point| {
+            polygons.iter().flatten().flatten().fold(nothing, |[min, max], point| {
                 [[0, 1].map(|k| min[k].min(point[k])), [0, 1].map(|k| max[k].max(point[k]))]
             })
         });
@@ -108,11 +111,11 @@ mod tests {
         let ring = |min: f64, max: f64| vec![[min, min], [max, min], [max, max], [min, max]];
         let selection = ObjectSelection {
             bbox: Some([[0.0, 0.0], [8.0, 20.0]]),
-            polygon: Some(vec![ring(0.0, 10.0), ring(4.0, 6.0)]),
+            polygons: Some(vec![vec![ring(0.0, 10.0), ring(4.0, 6.0)], vec![ring(7.0, 9.0)], vec![ring(6.5, 8.0)]]),
             objects: Some([1, 2].into_iter().collect()),
         };
         let at = |object, x: f64, y: f64| selection.contains(object, Some([[x - 9.0, y - 1.0], [x + 9.0, y + 1.0]]));
-        assert!(at(1, 2.0, 2.0) && at(2, 7.0, 5.0));
+        assert!(at(1, 2.0, 2.0) && at(2, 7.0, 5.0) && at(1, 7.5, 7.4), "polygons may lie on each other");
         assert!(!at(3, 2.0, 2.0) && !at(1, 5.0, 5.0) && !at(1, 9.0, 5.0) && !at(1, 2.0, 12.0));
         assert!(!selection.contains(1, None));
         assert_eq!(selection.area(), Some([[0.0, 0.0], [8.0, 10.0]]));

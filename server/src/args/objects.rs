@@ -62,7 +62,7 @@ pub struct ExportArgs {
     /// A row for each part of a building in a table, instead of one for the building
     #[arg(long)]
     pub parts: bool,
-    /// Only objects with the middle in the polygon of a GeoJSON file, in metres of the city's coordinate system
+    /// Only objects with the middle in the polygons of a GeoJSON file, in degrees or in metres of the city's coordinate system
     #[arg(long, value_name = "FILE")]
     pub polygon: Option<PathBuf>,
     /// Only what a camera file's camera sees, as coarse as its picture allows, for `--format glb`

@@ -1,6 +1,6 @@
 //! `export`: a baked city, or a part of it, in the formats of other programs.
 
-use super::{error::CommandError, output::print};
+use super::{area_file::read_polygons, error::CommandError, output::print};
 use crate::{
     args::{ExportArgs, ExportFormat},
     store::{CityStore, StoredCity, StoredObjects},
@@ -26,7 +26,7 @@ use roaring::RoaringBitmap;
 use serde_json::Value;
 use std::path::Path;
 
-/// Largest file of a polygon or a camera.
+/// Largest file of a camera.
 const MAX_TEXT_BYTES: u64 = 16 << 20;
 /// A larger `tileset.json` is taken for somebody else's: it has no more than the attributes of a city.
 const MAX_TILESET_BYTES: u64 = 64 << 20;
@@ -213,9 +213,10 @@ fn selection(
     place: Option<&EarthPlace>,
 ) -> Result<ObjectSelection, CommandError> {
     let bbox = args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(CommandError::Usage)?;
-    let polygon = args.polygon.as_deref().map(read_polygon).transpose()?;
+    let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
+    let polygons = args.polygon.as_deref().map(|path| read_polygons(path, city, place)).transpose()?;
     let objects = args.filter.as_deref().map(|text| passing_objects(text, source, &args.city)).transpose()?;
-    Ok(ObjectSelection { bbox, polygon, objects })
+    Ok(ObjectSelection { bbox, polygons, objects })
 }
 
 /// The objects that pass a filter, with the parts of those that do.
@@ -224,21 +225,4 @@ fn passing_objects(text: &str, source: &StoredCity<'_>, city: &Path) -> Result<R
         .map_err(|error| CommandError::Usage(format!("--filter {text}: {error}")))?;
     let failed = |error: SourceError| CommandError::Export { path: city.to_owned(), reason: error.to_string() };
     passing(source, &filter).map_err(failed)
-}
-
-/// The rings of the first polygon of a GeoJSON file, in the city's coordinate system. Fails if there is none.
-fn read_polygon(path: &Path) -> Result<Vec<Vec<[f64; 2]>>, CommandError> {
-    let wrong = |reason: &str| CommandError::Usage(format!("--polygon {}: {reason}", path.display()));
-    let text = read_text(path, MAX_TEXT_BYTES).map_err(|error| wrong(&error.to_string()))?;
-    let json: Value = serde_json::from_str(&text).map_err(|error| wrong(&error.to_string()))?;
-    let geometry = json.pointer("/features/0/geometry").or_else(|| json.get("geometry")).unwrap_or(&json);
-    let rings = match geometry.get("type").and_then(Value::as_str) {
-        Some("Polygon") => geometry.get("coordinates"),
-        Some("MultiPolygon") => geometry.pointer("/coordinates/0"),
-        _ => None,
-    };
-    let point = |point: &Value| Some([point.get(0)?.as_f64()?, point.get(1)?.as_f64()?]);
-    let ring = |ring: &Value| ring.as_array()?.iter().map(point).collect::<Option<Vec<_>>>();
-    let rings = rings.and_then(Value::as_array).and_then(|rings| rings.iter().map(ring).collect());
-    rings.ok_or_else(|| wrong("no GeoJSON polygon, in metres of the city's coordinate system"))
 }

@@ -5,6 +5,8 @@ mod addresses;
 #[cfg(feature = "bake")]
 mod ao;
 #[cfg(feature = "bake")]
+mod area_file;
+#[cfg(feature = "bake")]
 mod bake;
 #[cfg(feature = "bake")]
 mod bake_progress;

@@ -194,8 +194,8 @@ fn selections_have_objects_by_their_middle() {
     let rows = csv_of(&ObjectSelection { bbox, ..ObjectSelection::default() });
     assert_eq!(rows.keys().copied().collect::<Vec<_>>(), [HOUSE, BUILDING, PARTS[0]]);
     assert_eq!(rows[&BUILDING]["area_m2"], "128");
-    let polygon = Some(vec![vec![[x + 45.0, y], [x + 128.0, y], [x + 128.0, y + 80.0], [x + 45.0, y + 80.0]]]);
-    assert_eq!(of(&ObjectSelection { polygon, ..ObjectSelection::default() }), [COURT, HEDGE]);
+    let polygons = Some(vec![vec![vec![[x + 45.0, y], [x + 128.0, y], [x + 128.0, y + 80.0], [x + 45.0, y + 80.0]]]]);
+    assert_eq!(of(&ObjectSelection { polygons, ..ObjectSelection::default() }), [COURT, HEDGE]);
     let objects = Some([PARTS[1], HEDGE, 77].into_iter().collect());
     assert_eq!(of(&ObjectSelection { objects, ..ObjectSelection::default() }), [PARTS[1], HEDGE]);
     let nowhere = Some([[x - 50.0, y], [x - 40.0, y + 1.0]]);
@@ -207,8 +207,8 @@ fn invalid_selections_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let selections = [
         ObjectSelection { bbox: Some([[1.0, 0.0], [0.0, 1.0]]), ..ObjectSelection::default() },
-        ObjectSelection { polygon: Some(vec![vec![[0.0, 0.0], [1.0, 1.0]]]), ..ObjectSelection::default() },
-        ObjectSelection { polygon: Some(Vec::new()), ..ObjectSelection::default() },
+        ObjectSelection { polygons: Some(vec![vec![vec![[0.0, 0.0], [1.0, 1.0]]]]), ..ObjectSelection::default() },
+        ObjectSelection { polygons: Some(Vec::new()), ..ObjectSelection::default() },
     ];
     for selection in selections {
         let out = folder.path().join("x");

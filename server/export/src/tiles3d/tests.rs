@@ -14,7 +14,7 @@ use insula_protocol::{Subtree, TileId};
 use serde_json::Value;
 use std::io::Read as _;
 
-const EVERYTHING: ObjectSelection = ObjectSelection { bbox: None, polygon: None, objects: None };
+const EVERYTHING: ObjectSelection = ObjectSelection { bbox: None, polygons: None, objects: None };
 
 /// A plane that touches the Earth at the null island.
 fn to_geocentric([x, y, z]: [f64; 3]) -> Option<[f64; 3]> {

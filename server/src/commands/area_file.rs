@@ -1,0 +1,103 @@
+//! The file of an area on the map.
+
+use super::error::CommandError;
+use insula_archive::file::read_text;
+use insula_bake::read::EarthPlace;
+use insula_export::selection::Polygon;
+use serde_json::Value;
+use std::path::Path;
+
+const MAX_BYTES: u64 = 16 << 20;
+const MAX_DEPTH: u32 = 16;
+
+/// All polygons of a GeoJSON file on the map of a city with these bounds. They may be in degrees, as GeoJSON has them, or in metres of the
+/// city's coordinate system. Fails if there is none, or if their places cannot be known.
+pub(super) fn read_polygons(
+    path: &Path,
+    city: [[f64; 2]; 2],
+    place: Option<&EarthPlace>,
+) -> Result<Vec<Polygon>, CommandError> {
+    let wrong = |reason: &str| CommandError::Usage(format!("--polygon {}: {reason}", path.display()));
+    let text = read_text(path, MAX_BYTES).map_err(|error| wrong(&error.to_string()))?;
+    let json: Value = serde_json::from_str(&text).map_err(|error| wrong(&error.to_string()))?;
+    let mut polygons = Vec::new();
+    let is_valid = add_polygons(&json, &mut polygons, 0).is_some();
+    if !is_valid || polygons.is_empty() {
+        return Err(wrong("no GeoJSON polygon, in degrees or in metres of the city's coordinate system"));
+    }
+    let points = || polygons.iter().flatten().flatten();
+    let is_in_degrees = points().all(|[x, y]| x.abs() <= 180.0 && y.abs() <= 90.0);
+    let bounds = [0, 1].map(|axis| {
+        let along = points().map(|point| point[axis]);
+        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+    });
+    let is_in_city = (0..2).all(|axis| bounds[axis][0] <= city[1][axis] && city[0][axis] <= bounds[axis][1]);
+    if !is_in_degrees || is_in_city {
+        return Ok(polygons);
+    }
+    let place = place.ok_or_else(|| {
+        wrong("it is in degrees, but it is not known where on Earth this city lies: write it in metres of the city")
+    })?;
+    for point in polygons.iter_mut().flatten().flatten() {
+        *point = place.on_map(*point).ok_or_else(|| wrong("it is out of the city's coordinate system"))?;
+    }
+    Ok(polygons)
+}
+
+/// Adds the polygons of a collection, a feature or a geometry; `None` if one is malformed.
+fn add_polygons(json: &Value, polygons: &mut Vec<Polygon>, depth: u32) -> Option<()> {
+    let point = |point: &Value| Some([point.get(0)?.as_f64()?, point.get(1)?.as_f64()?]);
+    let ring = |ring: &Value| ring.as_array()?.iter().map(point).collect::<Option<Vec<_>>>();
+    let polygon = |rings: &Value| rings.as_array()?.iter().map(ring).collect::<Option<Polygon>>();
+    let mut add_all = |list: &Value| {
+        let is_deeper = depth < MAX_DEPTH;
+        list.as_array().filter(|_| is_deeper)?.iter().try_for_each(|part| add_polygons(part, polygons, depth + 1))
+    };
+    match json.get("type").and_then(Value::as_str) {
+        Some("FeatureCollection") => add_all(json.get("features")?)?,
+        Some("GeometryCollection") => add_all(json.get("geometries")?)?,
+        Some("Polygon") => polygons.push(polygon(json.get("coordinates")?)?),
+        Some("MultiPolygon") => {
+            for rings in json.get("coordinates")?.as_array()? {
+                polygons.push(polygon(rings)?);
+            }
+        }
+        // Of what has no area, nothing is selected.
+        _ => json.get("geometry").map_or(Some(()), |geometry| add_polygons(geometry, polygons, depth + 1))?,
+    }
+    Some(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_polygons_count_in_degrees_and_in_metres() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = EarthPlace::of("EPSG:25832").unwrap();
+        let city = [[691_000.0, 5_334_000.0], [692_000.0, 5_335_000.0]];
+        let read = |text: &str, place: Option<&EarthPlace>| {
+            let path = folder.path().join("a.geojson");
+            std::fs::write(&path, text).unwrap();
+            read_polygons(&path, city, place).map_err(|error| error.to_string())
+        };
+        let polygon = |ring: &str| format!(r#"{{"type": "Polygon", "coordinates": [{ring}]}}"#);
+        let feature = |geometry: &str| format!(r#"{{"type": "Feature", "properties": {{}}, "geometry": {geometry}}}"#);
+        let ring = "[[691000, 5334000], [691500, 5334000], [691500, 5334500]]";
+        let metres = vec![vec![vec![[691_000.0, 5_334_000.0], [691_500.0, 5_334_000.0], [691_500.0, 5_334_500.0]]]];
+        assert_eq!(read(&polygon(ring), None), Ok(metres.clone()));
+        let multi = format!(r#"{{"type": "MultiPolygon", "coordinates": [[{ring}], [{ring}]]}}"#);
+        let point = feature(r#"{"type": "Point", "coordinates": [1, 2]}"#);
+        let all = [point, feature(&multi), feature(&polygon(ring)), feature("null")].join(",");
+        let all = format!(r#"{{"type": "FeatureCollection", "features": [{all}]}}"#);
+        assert_eq!(read(&all, None), Ok([&metres[..]; 3].concat()));
+        let degrees = polygon("[[11.567, 48.13], [11.57, 48.13], [11.57, 48.14]]");
+        let found = read(&degrees, Some(&place)).unwrap();
+        assert!((found[0][0][0][0] - 691_000.0).abs() < 10.0, "{found:?}");
+        assert!(read(&degrees, None).unwrap_err().contains("not known where on Earth"));
+        for wrong in ["{}", r#"{"type": "Polygon", "coordinates": [[["a", 1]]]}"#, r#"{"type": "Polygon"}"#] {
+            assert!(read(wrong, None).unwrap_err().contains("no GeoJSON polygon"), "{wrong}");
+        }
+    }
+}
