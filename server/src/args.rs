@@ -19,8 +19,8 @@ use insula_command_line::{SetupCommand, output::OverwriteArgs};
 use insula_protocol::{TileId, blockmap::Quality};
 use parse::{
     parse_address, parse_area, parse_bytes, parse_cell, parse_crs, parse_degrees_box, parse_kilometres,
-    parse_max_error, parse_metres, parse_name, parse_origin, parse_place, parse_positive_metres, parse_quality,
-    parse_ratio, parse_samples, parse_site_address, parse_tile,
+    parse_max_error, parse_metres, parse_name, parse_place, parse_positive_metres, parse_quality, parse_ratio,
+    parse_samples, parse_site_address, parse_tile,
 };
 use std::{path::PathBuf, time::Duration};
 
@@ -452,9 +452,9 @@ pub struct SignArgs {
     /// Version that the link opens; may end with * [default: all versions]
     #[arg(long, value_name = "V", default_value = "*", hide_default_value = true, value_parser = parse_version)]
     pub version: String,
-    /// Address of the server, which the link begins with
-    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7700", value_parser = parse_origin)]
-    pub url: String,
+    /// Address of the server, which the link begins with; with its path behind a proxy
+    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7700")]
+    pub url: PublicUrl,
     /// File of keys, one "ID SECRET" per line [default: access.share_keys of the settings]
     #[arg(long, value_name = "FILE")]
     pub keys: Option<PathBuf>,
@@ -537,6 +537,8 @@ mod tests {
         assert!(
             parse("insula-server sign --city a --expires 7d --bbox-metres -1,2,3,4 --read-only --version ab*").is_ok()
         );
+        let link = parse("insula-server sign --city a --expires 7d --url https://h/maps/3d/").unwrap();
+        assert!(matches!(link.command, ServerCommand::Sign(args) if args.url.base() == "https://h/maps/3d"));
         assert!(parse("insula-server publish a b --out s --title T --url https://h/path").is_ok());
         assert!(parse("insula-server inspect a --tile 1/1/0 --png p.png").is_ok());
         assert!(parse("insula-server search a kerk --limit 1000 --json").is_ok());
@@ -565,7 +567,7 @@ mod tests {
             "insula-server sign --city a --expires 7",
             "insula-server sign --city a --expires 7d --bbox-metres 1,2,3",
             "insula-server sign --city a --expires 7d --url h:80",
-            "insula-server sign --city a --expires 7d --url http://h/x",
+            "insula-server sign --city a --expires 7d --url http://h/x?y",
             "insula-server inspect a --tile 1/2/0 --png p",
             "insula-server inspect a --tile 1/1/0",
             "insula-server inspect a --png p",

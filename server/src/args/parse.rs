@@ -132,17 +132,6 @@ pub(super) fn parse_area(text: &str) -> Result<ShareArea, String> {
     share_link::parse_area(text).map(ShareArea)
 }
 
-/// Parses `http://HOST[:PORT]` or `https://...`. Fails if there is more, such as a path.
-pub(super) fn parse_origin(text: &str) -> Result<String, String> {
-    let origin = text.strip_suffix('/').unwrap_or(text);
-    let host = origin.strip_prefix("https://").or_else(|| origin.strip_prefix("http://"));
-    let is_allowed = |byte: u8| byte.is_ascii_alphanumeric() || b".-_:[]".contains(&byte);
-    match host {
-        Some(host) if !host.is_empty() && host.bytes().all(is_allowed) => Ok(origin.to_owned()),
-        _ => Err("expected http://HOST or https://HOST, with a port if it needs one".into()),
-    }
-}
-
 /// Parses an address of a web site, which gets a slash at the end.
 pub(super) fn parse_site_address(text: &str) -> Result<String, String> {
     let rest = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));

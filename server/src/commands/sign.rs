@@ -34,6 +34,6 @@ pub(super) fn run(args: &SignArgs) -> Result<(), CommandError> {
     let link = keys.sign(&grant).ok_or_else(|| {
         CommandError::Keys(format!("cannot sign: {}; write a line \"ID SECRET\" to it", faults.join("; ")))
     })?;
-    print(&format!("{}{}?{PARAMETER}={link}\n", args.url, route::manifest(&args.city)));
+    print(&format!("{}{}?{PARAMETER}={link}\n", args.url.base(), route::manifest(&args.city)));
     Ok(())
 }
