@@ -60,6 +60,9 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
         cities => list(cities, viewer, args, &brand),
     };
     site.write("index.html", index.as_bytes())?;
+    for city in brand.start_cities().filter(|name| store.city(name).is_none()) {
+        eprintln!("note: site.start: no city of the name {city} is published: check its spelling");
+    }
     let names: Vec<_> = cities.iter().map(|city| &city.manifest().name).collect();
     let about = serde_json::json!({ "assets": viewer.hash(), "cities": names });
     let (files, bytes) = site.publish(about)?;

@@ -44,6 +44,9 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), CommandError> {
         let listen_error = |source| CommandError::Listen { address: config.listen.clone(), source };
         let listener = TcpListener::bind(&config.listen).await.map_err(listen_error)?;
         let address = listener.local_addr().map_err(listen_error)?;
+        for (setting, city) in config.unknown_cities(|name| store.city(name).is_some()) {
+            tracing::warn!(setting, city, "no city of this name is served: check its spelling");
+        }
         tracing::info!(cities = store.cities().len(), threads = config.worker_threads(), "serving");
         let server = HttpServer::new(store, &config)?;
         if let Some(address) = server.metrics_address() {

@@ -184,6 +184,14 @@ mod tests {
     }
 
     #[test]
+    fn cities_that_are_not_served_are_told() {
+        let settings = ["access.tokens=t", "access.private=delft,delt", "site.start=a=1,2,3,4,5,6;delft=1,2,3,4,5,6"];
+        let config = load("", &[], &settings).unwrap();
+        let unknown = config.unknown_cities(|name| name == "delft");
+        assert_eq!(unknown, [("access.private", "delt"), ("site.start", "a")]);
+    }
+
+    #[test]
     fn printed_settings_load_to_the_same_config() {
         assert_eq!(load(&ServeConfig::default().to_toml(), &[], &[]).unwrap(), ServeConfig::default());
         let odd = [

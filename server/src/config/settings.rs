@@ -224,6 +224,12 @@ impl Default for LimitsConfig {
 }
 
 impl ServeConfig {
+    /// Cities that settings name but are not known, with the setting. One that was meant to be private is public then.
+    pub fn unknown_cities(&self, is_known: impl Fn(&str) -> bool) -> Vec<(&'static str, &str)> {
+        let private = self.access.private.iter().map(|name| ("access.private", name.as_str()));
+        private.chain(self.site.cities().map(|name| ("site.start", name))).filter(|(_, name)| !is_known(name)).collect()
+    }
+
     /// Number of worker threads.
     pub fn worker_threads(&self) -> usize {
         match self.threads {

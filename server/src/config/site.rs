@@ -22,6 +22,11 @@ pub struct SiteConfig {
 }
 
 impl SiteConfig {
+    /// The cities that have a first view.
+    pub fn cities(&self) -> impl Iterator<Item = &str> {
+        self.start.iter().filter_map(|view| view.split_once('=')).map(|(name, _)| name)
+    }
+
     /// The camera with which the page of a city begins, if one is set.
     pub fn start_of(&self, city: &str) -> Option<&str> {
         self.start.iter().filter_map(|view| view.split_once('=')).find(|(name, _)| *name == city).map(|(_, view)| view)

@@ -19,6 +19,7 @@ use std::{
     future::Future,
     io,
     net::{IpAddr, SocketAddr},
+    path::PathBuf,
     pin::pin,
     sync::Arc,
     time::Duration,
@@ -45,8 +46,8 @@ pub enum ServeError {
     /// No token and no key could be read: private cities could not be opened.
     #[error("cannot use access.tokens or access.share_keys: {0}")]
     Access(String),
-    #[error("cannot use site.logo: {0}")]
-    Logo(io::Error),
+    #[error("cannot use site.logo {}: {source}", path.display())]
+    Logo { path: PathBuf, source: io::Error },
     #[error("cannot listen on metrics_address {address}: {source}; use another one, port 0 picks a free one")]
     Metrics { address: String, source: io::Error },
     #[error("cannot start the server's threads: {0}")]
@@ -94,7 +95,8 @@ impl HttpServer {
             ),
             None => None,
         };
-        let brand = Brand::load(&config.site).map_err(ServeError::Logo)?;
+        let brand = Brand::load(&config.site)
+            .map_err(|source| ServeError::Logo { path: config.site.logo.clone().unwrap_or_default(), source })?;
         let state = AppState::with_access(store, config, access, ViewerAssets::embedded(), brand);
         report_failures(&state, state.catalog().store().failures());
         let service = HttpService::new(state);

@@ -32,6 +32,11 @@ impl Brand {
         if self.site.title.is_empty() { SITE_TITLE } else { &self.site.title }
     }
 
+    /// The cities that have a first view.
+    pub(crate) fn start_cities(&self) -> impl Iterator<Item = &str> {
+        self.site.cities()
+    }
+
     /// The camera with which the page of a city begins.
     pub(super) fn start_of(&self, city: &str) -> Option<&str> {
         self.site.start_of(city)
