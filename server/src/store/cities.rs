@@ -120,6 +120,9 @@ pub(super) struct CityFolders {
 /// Looks for cities in a folder. Fails if it cannot be read.
 pub(super) fn city_folders(folder: &Path) -> Result<CityFolders, StoreError> {
     let io_error = |source| StoreError::Io { path: folder.to_owned(), source };
+    if folder.is_file() {
+        return Err(StoreError::NotAFolder(folder.to_owned()));
+    }
     let mut found = CityFolders { cities: Vec::new(), unreadable: Vec::new() };
     if has_manifest(folder).map_err(io_error)? {
         found.cities.push(folder.to_owned());

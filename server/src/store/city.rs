@@ -53,6 +53,9 @@ impl CityStore {
     /// Opens a folder with `city.json`, an archive per [`TileKind`], and a search index if there is one. All files are of one version, even if the city is replaced
     /// meanwhile. Fails if a file is missing, damaged, or inconsistent with the manifest.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
+        if folder.is_file() {
+            return Err(StoreError::NotAFolder(folder.to_owned()));
+        }
         for _ in 0..MAX_ATTEMPTS {
             let stamp = CityStamp::of(folder)?;
             let (city, search) = (BakedCity::open(folder), SearchFile::open(folder));

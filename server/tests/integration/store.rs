@@ -28,6 +28,11 @@ fn a_folder_of_cities_opens_all_of_them() {
     let twice = Store::open(&[root.path().join("a"), root.path().to_owned()]);
     assert!(matches!(twice, Err(StoreError::SameName { .. })));
     assert!(matches!(Store::open(&[root.path().join("missing")]), Err(StoreError::Io { .. })));
+    let file = root.path().join("town.gml");
+    std::fs::write(&file, "<CityModel/>").unwrap();
+    assert!(matches!(Store::open(&[&file]), Err(StoreError::NotAFolder(_))));
+    let error = CityStore::open(&file).err().unwrap().to_string();
+    assert!(error.contains("town.gml is a file, not the folder of a city; make a city of it with"), "{error}");
 }
 
 #[tokio::test]
