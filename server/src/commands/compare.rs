@@ -6,7 +6,7 @@ use super::{
     output::{check_output, print, write},
 };
 use crate::{args::CompareArgs, store::CityStore};
-use insula_bake::read::{self, ReadOptions};
+use insula_bake::read::{self, PlacingOptions, ReadOptions};
 use insula_command_line::output::FileKind;
 use insula_protocol::{MeshTile, Subtree, TileId, TileKind, error::DecodeError, mesh::AttributeKind, mesh_tile};
 use insula_simplify::{
@@ -23,8 +23,8 @@ pub(super) fn run(args: &CompareArgs) -> Result<(), CommandError> {
     if let Some(heatmap) = &args.heatmap {
         check_output(heatmap, FileKind::PLY, [&args.a, &args.b], args.overwrite)?;
     }
-    let [a, b] = [&args.a, &args.b].map(|path| with_spinner("read", || load(path)));
-    let (a, b) = (a?, b?);
+    let (a, b) = with_spinner("read", || load_both(&args.a, &args.b))?;
+    check_places([&args.a, &args.b], [&a, &b])?;
     let (first, second) = (surface_of(&args.a, &a)?, surface_of(&args.b, &b)?);
     let (there, back) =
         with_spinner("compare", || (first.compare(&second, args.samples), second.compare(&first, args.samples)));
@@ -54,19 +54,72 @@ pub(super) fn run(args: &CompareArgs) -> Result<(), CommandError> {
     }
 }
 
-/// A mesh file, the finest meshes of a baked city, or the triangles of a city file or folder.
-fn load(path: &Path) -> Result<TriangleModel, CommandError> {
-    if path.join("city.json").is_file() {
-        return baked_model(path);
+/// Distances are told of surfaces that are nearer than so many times the larger one's diagonal.
+const FAR: f64 = 10.0;
+
+/// Both models in one coordinate system: that of a baked city, else that of the first city file. Fails if two baked cities have two.
+fn load_both(a: &Path, b: &Path) -> Result<(TriangleModel, TriangleModel), CommandError> {
+    let baked = |path: &Path| -> Result<Option<String>, CommandError> {
+        Ok(if is_baked(path) { CityStore::open(path)?.manifest().crs.clone() } else { None })
+    };
+    let known = match (baked(a)?, baked(b)?) {
+        (Some(first), Some(second)) if first != second => {
+            let what =
+                format!("it is in {second}, and {} in {first}: bake one in the system of the other", a.display());
+            return Err(mesh_error(b, &what));
+        }
+        (first, second) => first.or(second),
+    };
+    let (first, found) = load(a, known)?;
+    Ok((first, load(b, found)?.0))
+}
+
+fn is_baked(path: &Path) -> bool {
+    path.join("city.json").is_file()
+}
+
+/// A mesh file, the finest meshes of a baked city, or the triangles of a city file or folder, in a coordinate system if that is known.
+/// Returns the system for the next one, too.
+fn load(path: &Path, crs: Option<String>) -> Result<(TriangleModel, Option<String>), CommandError> {
+    if is_baked(path) {
+        return Ok((baked_model(path)?, crs));
     }
     if ModelFormat::of(path).is_some() {
-        return read_model(path);
+        return Ok((read_model(path)?, crs));
     }
-    let (scene, _) = read::read(&[path.to_owned()], &ReadOptions::default(), &|_| ())
-        .map_err(|error| CommandError::Bake(error.to_string()))?;
+    let placing = PlacingOptions { is_crs_found: crs.is_some(), crs: crs.clone(), ..PlacingOptions::default() };
+    let options = ReadOptions { placing, ..ReadOptions::default() };
+    let (scene, report) =
+        read::read(&[path.to_owned()], &options, &|_| ()).map_err(|error| CommandError::Bake(error.to_string()))?;
     let corners = scene.triangles.iter().flat_map(|triangle| triangle.corners);
     let positions = corners.map(|c| std::array::from_fn(|axis| scene.origin[axis] + f64::from(c[axis])));
-    separate_triangles(path, positions.collect())
+    Ok((separate_triangles(path, positions.collect())?, crs.or(report.crs)))
+}
+
+/// Fails if two models are so far from each other that they are hardly of one place.
+fn check_places(paths: [&Path; 2], models: [&TriangleModel; 2]) -> Result<(), CommandError> {
+    let boxes = models.map(|model| {
+        let nothing = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        model.positions.iter().fold(nothing, |[low, high], point| {
+            [0, 1].map(|end| {
+                [0, 1, 2].map(|axis| if end == 0 { low[axis].min(point[axis]) } else { high[axis].max(point[axis]) })
+            })
+        })
+    });
+    let length = |v: [f64; 3]| v.iter().map(|part| part * part).sum::<f64>().sqrt();
+    let diagonals = boxes.map(|[low, high]| length([0, 1, 2].map(|axis| high[axis] - low[axis])));
+    let [a, b] = boxes;
+    let gap = length([0, 1, 2].map(|axis| (b[0][axis] - a[1][axis]).max(a[0][axis] - b[1][axis]).max(0.0)));
+    if gap.is_finite() && gap > FAR * diagonals[0].max(diagonals[1]) {
+        let place = |[low, _]: [[f64; 3]; 2]| low.map(|number| format!("{number:.0}")).join(", ");
+        let [first, second] = [place(a), place(b)];
+        let what = format!(
+            "it begins at {second}, and {} at {first}, {gap:.0} away: give both in one place and coordinate system",
+            paths[0].display()
+        );
+        return Err(mesh_error(paths[1], &what));
+    }
+    Ok(())
 }
 
 /// Every three positions are a triangle. Fails if there are more than a model may have.
@@ -153,6 +206,27 @@ mod tests {
         .unwrap();
         let heat = read_model(&path("heat.ply")).unwrap();
         assert!(heat.layers[0].values.iter().all(|c| (c[0] - 0.85).abs() < 0.01 && c[2] < 0.11), "{:?}", heat.layers);
+        std::fs::write(path("far.off"), off(2e6)).unwrap();
+        let geojson = |name: &str, crs: &str, [x, y]: [f64; 2]| {
+            let ring =
+                format!("[[{x}, {y}], [{}, {y}], [{}, {}], [{x}, {}], [{x}, {y}]]", x + 9.0, x + 9.0, y + 9.0, y + 9.0);
+            let text = format!(
+                r#"{{"type": "FeatureCollection", "crs": {{"type": "name", "properties": {{"name": "{crs}"}}}}, "features": [{{"type": "Feature",
+                "properties": {{"height": 9}}, "geometry": {{"type": "Polygon", "coordinates": [{ring}]}}}}]}}"#
+            );
+            std::fs::write(path(name), text).unwrap();
+        };
+        geojson("utm.geojson", "EPSG:25832", [691_000.0, 5_334_000.0]);
+        geojson("gk.geojson", "EPSG:31468", [4_468_000.0, 5_334_000.0]);
+        let compare = |a: &str, b: &str| {
+            let [a, b] = [a, b].map(path);
+            run(&CompareArgs { a, b, samples: 10, heatmap: None, overwrite: OverwriteArgs::default() })
+        };
+        let error = compare("a.off", "far.off").unwrap_err().to_string();
+        assert!(error.contains("far.off") && error.contains("2000000 away"), "{error}");
+        let models = load_both(&path("utm.geojson"), &path("gk.geojson")).unwrap();
+        let [a, b] = [models.0, models.1].map(|model| model.positions[0]);
+        assert!((a[0] - b[0]).abs() < 1000.0 && (a[1] - b[1]).abs() < 5000.0, "{a:?} {b:?}");
         let other = CompareArgs {
             a: path("none"),
             b: path("b.off"),
