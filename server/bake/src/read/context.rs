@@ -336,7 +336,10 @@ impl<'o> ReadContext<'o> {
             return Ok(0.0);
         }
         self.elevation.settle(&mut self.world)?;
-        Ok(self.elevation.extended_height_m(position)?.unwrap_or(0.0))
+        Ok(match self.elevation.extended_height_m(position)? {
+            Some(height_m) => height_m,
+            None => self.elevation.border_height_m(position)?.unwrap_or(0.0),
+        })
     }
 
     /// Notes the buildings that terrain has to meet: those with heights of their own that are near the ground. The others

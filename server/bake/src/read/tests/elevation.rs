@@ -481,6 +481,19 @@ fn peaks_of_a_model_beside_the_grid_are_kept() {
 }
 
 #[test]
+fn buildings_beyond_a_small_fine_model_stand_at_the_height_of_its_border() {
+    let dem = grid([0.0, 0.0], [41, 46], 1.0, |_, _| 500.0);
+    for place in [[30.0, 90.0], [-300.0, 700.0], [2000.0, 20.0]] {
+        let files = [("a.geojson", house(place)), ("dem.asc", dem.clone())];
+        let files: Vec<(&str, &str)> = files.iter().map(|(name, text)| (*name, text.as_str())).collect();
+        let (scene, _) = read_files("beyond", &files, &ReadOptions::default());
+        let heights: Vec<f64> =
+            corners(&scene, ObjectKind::Building).iter().flatten().map(|corner| corner[2]).collect();
+        assert!(heights.iter().all(|height| (499.0..513.0).contains(height)), "{place:?}: {heights:?}");
+    }
+}
+
+#[test]
 fn heights_that_are_none_on_land_are_missing_and_counted() {
     let hole = |x: f64, y: f64| (40.0..70.0).contains(&x) && (40.0..70.0).contains(&y);
     let dem = |mark: f64| grid([-100.0, -100.0], [61, 61], 5.0, |x, y| if hole(x, y) { mark } else { 500.0 });

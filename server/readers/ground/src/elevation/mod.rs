@@ -60,6 +60,8 @@ const DIRECTIONS: [[f64; 2]; 8] =
     [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.7, 0.7], [-0.7, 0.7], [0.7, -0.7], [-0.7, -0.7]];
 const MAX_DOUBLINGS: u32 = 10;
 const HALVINGS: u32 = 5;
+/// Models further from a place tell nothing of it.
+const MAX_BEYOND_M: f64 = 5000.0;
 /// Larger files beside a raster are no world files or coordinate systems.
 const MAX_SIDECAR_BYTES: u64 = 1 << 20;
 /// A larger `layer.json` is refused. Lists of available tiles can be long.
@@ -281,6 +283,30 @@ impl Elevation {
             (sum, weights) = (sum + height * weight, weights + weight);
         }
         Ok((weights > 0.0).then(|| sum / weights))
+    }
+
+    /// World height of the ground at the border of the nearest model, for a place that is so far beyond that
+    /// [`Self::extended_height_m`] knows none; `None` if all models are elsewhere. Fails if a raster cannot be read.
+    pub fn border_height_m(&self, position: [f64; 2]) -> Result<Option<f64>, InputError> {
+        let beside = |model: &PlacedRaster| {
+            let placed = model.placed.as_ref()?;
+            let [low, high] = placed.bounds;
+            let inner = [0, 1].map(|axis| {
+                let middle = (low[axis] + high[axis]) / 2.0;
+                let [first, last] = [low[axis] + placed.pixel_m, high[axis] - placed.pixel_m];
+                if first < last { position[axis].clamp(first, last) } else { middle }
+            });
+            let distance_m = libm::hypot(inner[0] - position[0], inner[1] - position[1]);
+            (distance_m <= MAX_BEYOND_M).then_some((distance_m, inner))
+        };
+        let mut places: Vec<(f64, [f64; 2])> = self.models.iter().filter_map(beside).collect();
+        places.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, place) in places {
+            if let Some(height_m) = self.extended_height_m(place)? {
+                return Ok(Some(height_m));
+            }
+        }
+        Ok(None)
     }
 
     /// About the nearest known height in a direction, and its distance. Fails if a raster cannot be read.
