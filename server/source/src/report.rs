@@ -418,6 +418,12 @@ impl ReadReport {
         all.into_iter()
     }
 
+    /// Whether an object that was read has an attribute whose name is meant, or may have one.
+    pub fn may_have_attribute(&self, is_meant: impl Fn(&str) -> bool) -> bool {
+        let mut names = self.sources.iter().flat_map(|source| source.attributes.keys());
+        names.any(|name| name == OTHER_ATTRIBUTES || is_meant(name))
+    }
+
     /// All warnings for the user: what was guessed, what lies far from the rest, and what is lost as a whole.
     pub fn warnings(&self) -> impl Iterator<Item = String> {
         let of_objects = self.far_warnings().chain(self.wide_warnings()).chain(self.coast_warnings());

@@ -15,7 +15,8 @@ use insula_bake::{
     BakeError, BakeOptions, BakeReport, GroundOption,
     read::{
         AxisOrders, AxisRule, DuplicateOption, FacadeOption, FeatureKind, HeightUnit, InputError, KindFilter,
-        ObjUpAxis, Palette, PlacingOptions, ReadReport, SurroundingsOptions, TerrainOptions, cell_of_monument,
+        NamePatterns, ObjUpAxis, Palette, PlacingOptions, ReadReport, SurroundingsOptions, TerrainOptions,
+        cell_of_monument,
     },
     sample::{SampleSettings, VisibilityBackend},
 };
@@ -57,8 +58,23 @@ pub(super) fn run(args: &BakeArgs) -> Result<(), CommandError> {
             .map_err(|error| CommandError::Write { path: path.clone(), reason: error.to_string() })?;
         write(path, &json)?;
     }
+    unknown_names(&args.read, &report.read).iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
     print(&summary(&report, args));
     Ok(())
+}
+
+/// A warning for each attribute that an option names and no object has: one that should be dropped would be published.
+pub(super) fn unknown_names(args: &ReadArgs, read: &ReadReport) -> Vec<String> {
+    let dropped = args.drop.iter().map(|name| ("--drop", name));
+    let named = args.height_field.iter().map(|name| ("--height-field", name));
+    let named = named.chain(args.search.iter().map(|name| ("--search", name)));
+    let is_known = |option: &str, name: &String| {
+        let pattern = NamePatterns::parse(std::slice::from_ref(name)).unwrap_or_default();
+        read.may_have_attribute(|known| if option == "--drop" { pattern.contains(known) } else { known == name })
+    };
+    let unknown = dropped.chain(named).filter(|(option, name)| !is_known(option, name));
+    let advice = "no object has such an attribute: check its spelling; `insula-server inspect` lists those of an input";
+    unknown.map(|(option, name)| format!("{option} {name}: {advice}")).collect()
 }
 
 /// The colours of surfaces. Fails if their file cannot be read.
@@ -318,6 +334,20 @@ mod tests {
     use super::*;
     use crate::args::{Args, ServerCommand};
     use clap::Parser;
+
+    #[test]
+    fn attributes_that_no_object_has_are_told() {
+        let line = "insula-server bake a --out c --drop own* --drop ownr* --drop HOEHE --search name --search nme --height-field hoehe";
+        let ServerCommand::Bake(args) = Args::parse_from(line.split_whitespace()).command else { panic!("no bake") };
+        let mut source = insula_bake::read::SourceReport::new("a", insula_bake::read::SourceFormat::GeoJson, 1);
+        for name in ["owner", "hoehe", "name"] {
+            source.attributes.entry(name.to_owned()).or_default();
+        }
+        let read = ReadReport { sources: vec![source], ..ReadReport::default() };
+        let warnings = unknown_names(&args.read, &read).join("\n");
+        assert!(warnings.starts_with("--drop ownr*: no object") && warnings.contains("\n--search nme: "), "{warnings}");
+        assert_eq!(warnings.lines().count(), 2, "{warnings}");
+    }
 
     #[test]
     fn arguments_become_bake_options() {

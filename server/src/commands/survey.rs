@@ -2,7 +2,7 @@
 
 use super::{
     addresses::Addresses,
-    bake::{duplicates, height_unit, kind_filter, placing},
+    bake::{duplicates, height_unit, kind_filter, placing, unknown_names},
     error::CommandError,
     interrupt,
     output::{print, print_json},
@@ -67,12 +67,12 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
             .map_err(|error| CommandError::System { what: "encode JSON", source: error.into() })?;
         print_json(&json);
     } else {
-        print(&to_text(&found));
+        print(&to_text(&found, &unknown_names(&args.read, &found.read)));
     }
     Ok(())
 }
 
-fn to_text(survey: &InputSurvey) -> String {
+fn to_text(survey: &InputSurvey, more_warnings: &[String]) -> String {
     let read = &survey.read;
     let mut out = String::new();
     let mut line = |name: &str, value: String| {
@@ -94,7 +94,7 @@ fn to_text(survey: &InputSurvey) -> String {
     for warning in read.placing_warnings() {
         line("warning", warning.to_owned());
     }
-    for warning in read.warnings() {
+    for warning in read.warnings().chain(more_warnings.iter().cloned()) {
         line("warning", warning);
     }
     for source in read.sources.iter().take(MAX_ROWS) {
