@@ -17,8 +17,10 @@ fn walk(value: &Value, within: &str, sink: &mut dyn ObjectSink, crs: &mut Option
         Value::Array(entries) => entries.iter().for_each(|entry| walk(entry, within, sink, crs)),
         Value::Object(members) => {
             for (name, member) in members {
-                if let Value::String(text) = member {
-                    note(name, within, text, sink, crs);
+                if name.eq_ignore_ascii_case("referenceSystem") {
+                    *crs = crs.take().or_else(|| system_in(member));
+                } else if let Value::String(text) = member {
+                    note(name, within, text.trim(), sink);
                 } else {
                     walk(member, name, sink, crs);
                 }
@@ -28,13 +30,20 @@ fn walk(value: &Value, within: &str, sink: &mut dyn ObjectSink, crs: &mut Option
     }
 }
 
-fn note(name: &str, within: &str, text: &str, sink: &mut dyn ObjectSink, crs: &mut Option<String>) {
-    let text = text.trim();
-    if name.eq_ignore_ascii_case("referenceSystem") {
-        if crs.is_none() && !text.is_empty() {
-            *crs = Some(text.to_owned());
+/// The name of a coordinate system that is written as a text, as a code, or as GeoJSON has it.
+fn system_in(value: &Value) -> Option<String> {
+    match value {
+        Value::String(text) => Some(text.trim().to_owned()).filter(|text| !text.is_empty()),
+        Value::Number(code) => code.as_u64().map(|code| format!("EPSG:{code}")),
+        Value::Object(members) => {
+            ["properties", "name", "epsg", "code"].iter().find_map(|name| system_in(members.get(*name)?))
         }
-    } else if let Some(what) = description(name, within) {
+        _ => None,
+    }
+}
+
+fn note(name: &str, within: &str, text: &str, sink: &mut dyn ObjectSink) {
+    if let Some(what) = description(name, within) {
         sink.describe(what, text);
     }
 }
@@ -55,6 +64,24 @@ pub fn description(name: &str, within: &str) -> Option<Description> {
 mod tests {
     use super::*;
     use crate::testing::TestSink;
+
+    #[test]
+    fn systems_are_texts_codes_or_objects() {
+        for (system, expected) in [
+            (serde_json::json!(" EPSG:7415 "), Some("EPSG:7415")),
+            (serde_json::json!(7415), Some("EPSG:7415")),
+            (
+                serde_json::json!({"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::7415"}}),
+                Some("urn:ogc:def:crs:EPSG::7415"),
+            ),
+            (serde_json::json!({"epsg": 7415}), Some("EPSG:7415")),
+            (serde_json::json!(""), None),
+            (serde_json::json!({"properties": [{"name": 1}]}), None),
+        ] {
+            let metadata = serde_json::json!({ "referenceSystem": system });
+            assert_eq!(describe(&metadata, &mut TestSink::default()).as_deref(), expected, "{metadata}");
+        }
+    }
 
     #[test]
     fn members_are_found_in_arrays_and_extensions() {
