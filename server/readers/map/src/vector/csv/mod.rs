@@ -191,7 +191,7 @@ fn add(record: &ByteRecord, columns: &Columns, writer: &mut FeatureWriter<'_>) -
     let field = |index| text_of(record.get(index).unwrap_or_default());
     let parsed = match &columns.place {
         Place::Text(index) => geometry_of(&field(*index), &mut geometry),
-        place => place.add_point(|index| field(index), columns.delimiter, &mut geometry).map(|()| None),
+        place => place.add_point(field, columns.delimiter, &mut geometry).map(|()| None),
     };
     if let Ok(Some(own)) = parsed {
         srid = Some(own);
