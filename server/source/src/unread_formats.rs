@@ -24,6 +24,8 @@ const FROM_CAD: Conversion = Advice("export it as OBJ, in metres, from the progr
 const TO_GEOTIFF: Conversion = Command { command: "gdal_translate IN OUT", extension: "tif" };
 const FROM_HISTORY: Conversion = Advice("osmium time-filter makes a map of one day (.osm.pbf) of it");
 const FROM_CHANGES: Conversion = Advice("osmium apply-changes makes a map (.osm.pbf) of one and its changes");
+const FROM_PAGE: Conversion = Advice("see what it says, and fetch the file again");
+const FROM_OVERPASS: Conversion = Advice("ask the API for XML ([out:xml]), and name the file .osm");
 const UNPACK: Conversion = Advice("unpack it and give the files in it, or pack them as .zip");
 const UNPACK_OUTER: Conversion = Advice("unpack the outer archive and give its files");
 
@@ -51,6 +53,23 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["7z", "rar", "tar", "tgz", "zst", "bz2", "xz"], "packed files", UNPACK),
     (&["zip", "3tz", "slpk"], "an archive inside an archive", UNPACK_OUTER),
 ];
+
+/// How a file begins that is of another format than its name says, with the name of that format: all of the texts are in its first bytes,
+/// or in the first tag or line if it is no JSON.
+const CONTENTS: &[(&[&str], &str, Conversion)] = &[
+    (&["<!doctype html"], "a web page", FROM_PAGE),
+    (&["<html"], "a web page", FROM_PAGE),
+    (&["exceptionreport"], "the error of a web service", FROM_PAGE),
+    (&["<serviceexception"], "the error of a web service", FROM_PAGE),
+    (&["version https://git-lfs"], "a pointer of Git LFS", Advice("git lfs pull fetches the file that it stands for")),
+    (&["<kml"], "KML", TO_GEOJSON),
+    (&["\"geometrytype\"", "\"esrigeometry"], "Esri JSON", TO_GEOJSON),
+    (&["\"type\"", "\"topology\"", "\"arcs\""], "TopoJSON", TO_GEOJSON),
+    (&["\"elements\"", "\"nodes\""], "an answer of the Overpass API as JSON", FROM_OVERPASS),
+    (&["\"elements\"", "\"osm3s\""], "an answer of the Overpass API as JSON", FROM_OVERPASS),
+];
+/// Bytes at the start of a file by which [`by_content`] knows its format.
+pub const CONTENT_BYTES: u64 = 4096;
 
 fn extension(name: &str) -> Option<String> {
     let name = name.to_ascii_lowercase();
@@ -87,6 +106,19 @@ pub fn refusal_in_archive(archive: &str, name: &str) -> InputError {
         Some((_, format, conversion)) => not_read(&path, format, conversion),
         None => refusal(&path),
     }
+}
+
+/// The error of a file that could not be read and begins as one of another format; `None` if that is not known.
+pub fn by_content(path: &str, start: &[u8]) -> Option<InputError> {
+    let start = String::from_utf8_lossy(start).to_lowercase();
+    let start = start.trim_start_matches('\u{feff}').trim_start();
+    let start = start.strip_prefix("<?xml").and_then(|rest| rest.split_once("?>")).map_or(start, |(_, rest)| rest);
+    let is_json = start.starts_with('{');
+    let start = if is_json { start } else { start.trim_start().split(['>', '\n']).next().unwrap_or_default() };
+    let is_of_json = |text: &str| text.starts_with('"');
+    let begins = |texts: &[&str]| texts.iter().all(|text| is_of_json(text) == is_json && start.contains(text));
+    let (_, format, conversion) = CONTENTS.iter().find(|(texts, ..)| begins(texts))?;
+    Some(not_read(path, format, conversion))
 }
 
 /// The error of a GML file without an element of CityGML: maps of agencies, downloads of web feature services.
@@ -131,6 +163,29 @@ mod tests {
         assert!(message("a.e57").contains("roofer"));
         assert!(message("notes.txt").contains("supported are CityGML"), "any other file");
         assert!(message("none").contains("supported are CityGML"));
+    }
+
+    #[test]
+    fn contents_of_other_formats_are_known() {
+        let message = |start: &str| by_content("a.geojson", start.as_bytes()).map(|error| error.to_string());
+        for (start, format) in [
+            ("\u{feff}\n<!DOCTYPE HTML><html>", "a web page: not read; see what it says"),
+            ("<?xml version=\"1.0\"?><ows:ExceptionReport>", "the error of a web service"),
+            ("version https://git-lfs.github.com/spec/v1\noid", "git lfs pull"),
+            (
+                r#"{"displayFieldName": "", "geometryType": "esriGeometryPolygon"}"#,
+                "Esri JSON: not read; convert it with",
+            ),
+            (r#"{"type":"Topology","arcs":[]}"#, "TopoJSON"),
+            (r#"{"version": 0.6, "elements": [{"type": "way", "nodes": [1]}]}"#, "[out:xml]"),
+        ] {
+            assert!(message(start).is_some_and(|text| text.contains(format)), "{start}: {:?}", message(start));
+        }
+        for start in
+            [r#"{"type": "FeatureCollection", "note": "<html>"#, "<gml:FeatureCollection>\n<!-- <kml> -->", "nodes"]
+        {
+            assert_eq!(message(start), None, "{start}");
+        }
     }
 
     #[test]

@@ -21,6 +21,7 @@ mod texture;
 mod texture_level;
 
 use std::collections::VecDeque;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 pub use context::{ObjUpAxis, ReadOptions};
@@ -62,7 +63,7 @@ use insula_scratch::record_list::RecordScratch;
 use insula_source::input::Input;
 use insula_source::object::ObjectSink;
 use insula_source::problems::INEXACT;
-use insula_source::source::{CitySource, SourceKind, embedded, kind_by_name};
+use insula_source::source::{CitySource, SourceKind, embedded, kind_by_name, open};
 use insula_source::{subject, unread_formats};
 use json_kind::JsonKind;
 use list::SourceList;
@@ -349,8 +350,21 @@ fn read_source(
     let is_common = matches!(kind_by_name(&source.name), Some(SourceKind::Json | SourceKind::Xml | SourceKind::Csv));
     match read_by_kind(context, source, tick) {
         Err(InputError::Unsupported { .. } | InputError::UnknownFormat { .. }) if source.found && is_common => Ok(None),
+        Err(
+            error @ (InputError::Json { .. }
+            | InputError::Damaged { .. }
+            | InputError::Unsupported { .. }
+            | InputError::UnknownFormat { .. }),
+        ) => Err(other_content(source).unwrap_or(error)),
         result => result,
     }
+}
+
+/// The error of a source with the content of another format than its name says; `None` if that is not known.
+fn other_content(source: &CitySource<'_>) -> Option<InputError> {
+    let mut start = Vec::new();
+    open(source).ok()?.reader.take(unread_formats::CONTENT_BYTES).read_to_end(&mut start).ok()?;
+    unread_formats::by_content(&source.label, &start)
 }
 
 fn read_by_kind(
@@ -443,7 +457,10 @@ fn is_elevation(source: &CitySource<'_>) -> bool {
 
 /// Says that nothing was read, and why: most likely the wanted area is elsewhere, if there is one.
 fn empty_city(report: &ReadReport, bbox_deg: Option<[f64; 4]>) -> InputError {
-    let first = report.sources.first().map_or("", |source| &source.path);
+    let Some(first) = report.sources.first().map(|source| &source.path) else {
+        let path = report.ignored.first().cloned().unwrap_or_default();
+        return InputError::NoSource { path };
+    };
     let others = report.sources.len().saturating_sub(1);
     let more = if others > 0 { format!(" and {others} more") } else { String::new() };
     let sources = format!("{first}{more}");

@@ -294,3 +294,25 @@ fn alpha_cuts_holes_into_meshes() {
     let (top, _) = top_and_count(r#""alphaMode": "BLEND""#);
     assert!((top - 2.0).abs() < 0.3, "coverage of less than a half is a hole: {top}");
 }
+
+#[test]
+fn a_folder_without_a_city_is_told_by_a_file_in_it() {
+    let folder = folder("no-city", &[("city.json", br#"{"name": "baked", "version": "1"}"#)]);
+    let error = read(std::slice::from_ref(&folder.path), &ReadOptions::default(), &|_| {}).unwrap_err().to_string();
+    assert!(error.contains("city.json: contains no city file"), "{error}");
+}
+
+#[test]
+fn files_with_the_content_of_other_formats_are_told() {
+    for (name, text, expected) in [
+        ("a.geojson", "<!DOCTYPE html><html>", "a web page: not read"),
+        ("a.gml", "<html><body>", "a web page: not read"),
+        ("a.tif", "version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
+        ("a.json", r#"{"elements": [{"type": "way", "nodes": [1]}]}"#, "[out:xml]"),
+        ("a.json", r#"{"type": "Topology", "arcs": []}"#, "ogr2ogr -f GeoJSON"),
+        ("a.geojson", "{", "the file is damaged or cut short"),
+    ] {
+        let error = embedded(&[(name, text.as_bytes())]).unwrap_err().to_string();
+        assert!(error.starts_with(name) && error.contains(expected), "{error}");
+    }
+}
