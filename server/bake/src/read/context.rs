@@ -438,6 +438,18 @@ impl<'o> ReadContext<'o> {
             let path = report.path.clone();
             report.problem(FAR_TERRAIN, || path);
         }
+        self.report_odd_heights(sources);
+        for (number, names, count) in self.elevation.bad_tiles() {
+            let Some(report) = sources.get_mut(number) else { continue };
+            for index in 0..count {
+                report.problem(BAD_TILE, || names.get(index).cloned().unwrap_or_default());
+            }
+        }
+        made
+    }
+
+    /// Reports the heights of elevation models that were taken as missing, or may be missing ones.
+    fn report_odd_heights(&self, sources: &mut [SourceReport]) {
         for (number, missing) in self.elevation.missing() {
             let Some(report) = sources.get_mut(number) else { continue };
             missing.into_iter().for_each(|text| report.problem(MISSING_HEIGHTS, || text));
@@ -446,13 +458,6 @@ impl<'o> ReadContext<'o> {
             let Some(report) = sources.get_mut(number) else { continue };
             report.problem(ODD_ZEROS, || zeros);
         }
-        for (number, names, count) in self.elevation.bad_tiles() {
-            let Some(report) = sources.get_mut(number) else { continue };
-            for index in 0..count {
-                report.problem(BAD_TILE, || names.get(index).cloned().unwrap_or_default());
-            }
-        }
-        made
     }
 
     /// Reports the pictures that lie beyond the terrain of a city.
