@@ -82,13 +82,13 @@ pub(super) fn write(
         match key.kind() {
             TileKind::Subtree => {
                 let tile = subtrees.tile(key.id).map_err(|error| error.to_string())?;
-                Ok(tile.ok_or_else(missing)?.to_vec())
+                Ok(tile.map(Vec::from))
             }
             TileKind::Mesh => {
                 let mesh = city.mesh(key.id).iter().find(|mesh| mesh.lod == key.lod).ok_or_else(missing)?;
-                tiles.mesh(mesh).map_err(text)
+                tiles.mesh(mesh).map(Some).map_err(text)
             }
-            _ => tiles.tile(city.get(key.id).ok_or_else(missing)?).map_err(text),
+            _ => tiles.tile(city.get(key.id).ok_or_else(missing)?).map(Some).map_err(text),
         }
     };
     let mut picture = Picture::new(manifest, !city.meshes().is_empty());
@@ -168,8 +168,9 @@ impl Picture {
         }
     }
 
-    /// Reads tiles until the view lacks none, or the memory is full. Fails with the reason if a tile cannot be read or decoded.
-    fn load(&mut self, read: &mut impl FnMut(TileKey) -> Result<Vec<u8>, String>) -> Result<(), String> {
+    /// Reads tiles until the view lacks none, or the memory is full. A view asks for the subtrees below its eye before it knows whether
+    /// there are some: where land is plain, there are none. Fails with the reason if a tile cannot be read or decoded.
+    fn load(&mut self, read: &mut impl FnMut(TileKey) -> Result<Option<Vec<u8>>, String>) -> Result<(), String> {
         let of =
             |key: TileKey, reason: String| format!("{} {}, LOD {}: {reason}", key.kind().file_name(), key.id, key.lod);
         for _ in 0..MAX_PASSES {
@@ -178,11 +179,18 @@ impl Picture {
                 return Ok(());
             }
             for keys in missing.chunks(TILES_AT_ONCE) {
-                let read = |key: &TileKey| read(*key).map_err(|reason| of(*key, reason));
-                let bytes = keys.iter().map(read).collect::<Result<Vec<_>, _>>()?;
-                let decoded: Vec<_> = keys.par_iter().zip(bytes).map(|(key, bytes)| decode(*key, &bytes)).collect();
+                let read = |key: &TileKey| Ok((*key, read(*key).map_err(|reason| of(*key, reason))?));
+                let found = keys.iter().map(read).collect::<Result<Vec<_>, String>>()?;
+                let decode = |(key, bytes): &(TileKey, Option<Vec<u8>>)| {
+                    bytes.as_ref().map(|bytes| decode(*key, bytes)).transpose()
+                };
+                let decoded: Vec<_> = found.par_iter().map(decode).collect();
                 for (key, tile) in keys.iter().zip(decoded) {
-                    if !self.take_in(*key, tile.map_err(|error| of(*key, error.to_string()))?) {
+                    let Some(tile) = tile.map_err(|error| of(*key, error.to_string()))? else {
+                        self.apply(*key, &[TileEvent::Refuse]);
+                        continue;
+                    };
+                    if !self.take_in(*key, tile) {
                         self.select();
                         return Ok(());
                     }
@@ -219,10 +227,15 @@ impl Picture {
             },
             DecodedTile::Visibility(_) => {}
         }
-        for event in [TileEvent::Want { now: Duration::ZERO }, TileEvent::Start, TileEvent::Arrive, TileEvent::Upload] {
-            self.tree.apply(key, event);
-        }
+        self.apply(key, &[TileEvent::Arrive, TileEvent::Upload]);
         true
+    }
+
+    /// Applies what happened to a tile that was requested.
+    fn apply(&mut self, key: TileKey, events: &[TileEvent]) {
+        for event in [TileEvent::Want { now: Duration::ZERO }, TileEvent::Start].iter().chain(events) {
+            self.tree.apply(key, *event);
+        }
     }
 
     /// Draws the view with the tiles that are there.
@@ -256,5 +269,18 @@ mod tests {
         let other_encoder = marked(b"\xff\xd8\xff\xdb\0\x43 tables".to_vec());
         assert!(is_own(&other_encoder) && other_encoder.starts_with(b"\xff\xd8\xff\xfe"));
         assert!(!is_own(b"\xff\xd8\xff\xe1\0\x20Exif holiday"));
+    }
+
+    #[test]
+    fn tiles_that_do_not_exist_are_asked_for_once() {
+        let mut picture = Picture::new(&insula_test_support::small_city::manifest("city"), false);
+        let mut asked = Vec::new();
+        let mut nothing = |key| {
+            asked.push(key);
+            Ok(None)
+        };
+        picture.load(&mut nothing).unwrap();
+        let distinct: HashSet<TileKey> = asked.iter().copied().collect();
+        assert!(!asked.is_empty() && distinct.len() == asked.len(), "{asked:?}");
     }
 }
