@@ -86,3 +86,16 @@ pub(super) fn the_page_speaks_german() -> Result<()> {
     keep(&page, "german")?;
     ensure_no_problems(&page)
 }
+
+/// A day that is chosen by its name is that day in the year of the view, which may be a leap year.
+pub(super) fn chosen_days_are_those_they_name() -> Result<()> {
+    let (server, browser) = (serve()?, browser(false)?);
+    let page = CityPage::open(&browser, PageOptions::default(), &format!("{}#time=2024-01-01T12:00", url(&server)))?;
+    page.page.wait_for("document.querySelectorAll('.chip').length === 3", REACTION)?;
+    for (number, day) in ["03-21", "06-21", "12-21"].into_iter().enumerate() {
+        page.page.wait_for("document.querySelectorAll('.chip').length === 3", REACTION)?;
+        page.page.evaluate(&format!("document.querySelectorAll('.chip')[{number}].click()"))?;
+        page.page.wait_for(&format!("{}.view.time === '2024-{day}T12:00'", CityPage::element(0)), REACTION)?;
+    }
+    ensure_no_problems(&page)
+}
