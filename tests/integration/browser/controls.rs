@@ -8,8 +8,12 @@ use anyhow::{Result, ensure};
 use insula_tests::browser::{PageOptions, city_page::CityPage};
 use serde_json::json;
 
-/// A narrow phone upright and on its side, a tablet, a desktop.
+/// A narrow phone upright; the narrowest upright and a phone on its side; a larger one on its side, a tablet, a desktop.
 const PHONE: PageOptions = PageOptions { size: [360, 640], dark: false, touch: true };
+const SMALLER: [PageOptions; 2] = [
+    PageOptions { size: [320, 568], dark: false, touch: true },
+    PageOptions { size: [640, 360], dark: false, touch: true },
+];
 const LARGER: [PageOptions; 3] = [
     PageOptions { size: [740, 360], dark: false, touch: true },
     PageOptions { size: [1024, 768], dark: false, touch: false },
@@ -36,6 +40,14 @@ const COVERED: &str = "(() => {
     return found;
 })()";
 
+/// A legend, as of a city with objects.
+const LEGEND: &str = "(() => {
+    const entries = [{ rgb: [9, 9, 9], label: 'no data' }, { rgb: [200, 200, 200], label: 'others' }];
+    const legend = { title: 'height', ramp: { stops: [[0, 0, 0], [255, 255, 255]], range: [0, 50] }, entries };
+    const detail = { rules: { attribute: 'height' }, passing: 0, legend };
+    document.querySelector('insula-city').dispatchEvent(new CustomEvent('colors', { detail }));
+})()";
+
 fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
     let (server, browser) = (serve()?, browser(false)?);
     let [width, height] = options.size;
@@ -43,10 +55,11 @@ fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
     page.page.wait_for("document.querySelector('.has-controls') !== null", REACTION)?;
     let panels = page.page.evaluate("document.querySelectorAll('.panel').length")?.as_u64().unwrap_or_default();
     ensure!(panels >= 9, "{panels} panels");
+    page.page.evaluate(LEGEND)?;
     for panel in 0..=panels {
-        // After the last one, none is open.
+        // After the last one, none is open but the menu, where there is one.
         page.page.evaluate(&format!(
-            "(id => id === undefined ? document.querySelector('.panel:not([hidden]) header button').click()
+            "(id => id === undefined ? document.querySelector('.more').click()
                 : document.querySelector(`[aria-controls=\"${{id}}\"]`).click())
                 (document.querySelectorAll('.panel')[{panel}]?.id)"
         ))?;
@@ -64,6 +77,10 @@ fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
 
 pub(super) fn panels_cover_nothing_on_a_phone() -> Result<()> {
     ensure_nothing_is_covered(PHONE)
+}
+
+pub(super) fn panels_cover_nothing_on_smaller_screens() -> Result<()> {
+    SMALLER.into_iter().try_for_each(ensure_nothing_is_covered)
 }
 
 pub(super) fn panels_cover_nothing_on_larger_screens() -> Result<()> {
