@@ -20,7 +20,8 @@ const LARGER: [PageOptions; 3] = [
     PageOptions { size: [1440, 900], dark: false, touch: false },
 ];
 
-/// What is covered: pairs of boxes that meet although none is a part of the other, and buttons that reach out of the window.
+/// What is covered: pairs of boxes that meet although none is a part of the other, buttons that reach out of the window, and lines that
+/// are lower than their letters.
 const COVERED: &str = "(() => {
     const isShown = (e) => e.checkVisibility({ visibilityProperty: true }) && e.getClientRects().length > 0;
     const all = (selector) => [...document.querySelectorAll(selector)].filter(isShown);
@@ -36,6 +37,11 @@ const COVERED: &str = "(() => {
     for (const button of all('#insula-app button')) {
         const { left, right, top } = boxOf(button);
         if (left < -1 || right > innerWidth + 1 || top < -1) found.push(`${name(button)} reaches out of the window`);
+    }
+    for (const e of all('#insula-app *')) {
+        const { overflowY, lineHeight, fontSize } = getComputedStyle(e);
+        const isCut = overflowY === 'hidden' && parseFloat(lineHeight) < 1.2 * parseFloat(fontSize);
+        if (isCut) found.push(`${name(e)} cuts the marks of its letters`);
     }
     return found;
 })()";
