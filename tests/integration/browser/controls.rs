@@ -8,11 +8,12 @@ use anyhow::{Result, ensure};
 use insula_tests::browser::{PageOptions, city_page::CityPage};
 use serde_json::json;
 
-/// A narrow phone upright; the narrowest upright and a phone on its side; a larger one on its side, a tablet, a desktop.
+/// A narrow phone upright; the narrowest upright, a phone on its side, a frame in an article; a larger one on its side, a tablet, a desktop.
 const PHONE: PageOptions = PageOptions { size: [360, 640], dark: false, touch: true };
-const SMALLER: [PageOptions; 2] = [
+const SMALLER: [PageOptions; 3] = [
     PageOptions { size: [320, 568], dark: false, touch: true },
     PageOptions { size: [640, 360], dark: false, touch: true },
+    PageOptions { size: [480, 320], dark: false, touch: false },
 ];
 const LARGER: [PageOptions; 3] = [
     PageOptions { size: [740, 360], dark: false, touch: true },
