@@ -352,5 +352,14 @@ pub(super) fn hostile_names_are_text() -> Result<()> {
         page.page.evaluate("document.body.innerText.includes('<img src=x')")? == true,
         "the title is not in the list"
     );
-    ensure_no_problems(&page)
+    ensure_no_problems(&page)?;
+    // Long words are broken.
+    page.page.set_viewport([320, 568], 1.0, false)?;
+    page.page.set_scripts(false)?;
+    for path in ["", "cities/hostile"] {
+        page.page.navigate(&format!("http://{}/{path}", server.address))?;
+        let width = page.page.evaluate("document.documentElement.scrollWidth")?;
+        ensure!(width == 320, "/{path} is {width} pixels wide");
+    }
+    Ok(())
 }
