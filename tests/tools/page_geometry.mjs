@@ -1,5 +1,5 @@
 /**
- * Checks degrees, cameras and figures of the page against known values, and what it stores: node page_geometry.mjs FOLDER
+ * Checks degrees, cameras, figures and keys of the page against known values, and what it stores: node page_geometry.mjs FOLDER
  *
  * FOLDER has the modules of the page. Fails at the first that is wrong.
  */
@@ -20,6 +20,7 @@ const { lonLatGrid, placeNear } = await import(address('lon-lat.js'));
 const { cameraText, earthCamera, fitting, projected, unprojected } = await import(address('earth-camera.js'));
 const { shapesOf } = await import(address('geojson.js'));
 const { cells, dense } = await import(address('plan-cells.js'));
+const { codeOf } = await import(address('key-table.js'));
 const { BookmarkStore } = await import(address('bookmark-store.js'));
 
 const near = (found, expected, tolerance) => {
@@ -104,6 +105,19 @@ const tests = {
     assert.deepEqual(shapes.map(({ points, lines, polygons }) => [points.length, lines.length, polygons.length]), [[1, 0, 0], [0, 2, 0], [0, 0, 1]]);
     assert.deepEqual(skipped.map(({ index }) => index), [3, 4, 5, 6, 7, 8, 9, 10]);
     for (const nothing of [null, [], 'x', { type: 'FeatureCollection' }].slice(0, 3)) assert.throws(() => shapesOf(nothing, grid), TypeError);
+  },
+  'keys are what is written on them, and directions where they lie'() {
+    const keys = {
+      US: [['m', 'KeyM', 'KeyM'], ['/', 'Slash', 'Slash'], ['?', 'Slash', 'F1'], ['=', 'Equal', 'Equal'], ['w', 'KeyW', 'KeyW']],
+      German: [['z', 'KeyY', 'KeyZ', true], ['y', 'KeyZ', 'KeyY', true], ['/', 'Digit7', 'Slash'], ['-', 'Slash', 'Minus'], ['+', 'BracketRight', 'Equal']],
+      French: [['m', 'Semicolon', 'KeyM'], ['z', 'KeyW', 'KeyW'], ['z', 'KeyW', 'KeyZ', true], ['q', 'KeyA', 'KeyA'], ['C', 'KeyC', 'KeyC']],
+      Dvorak: [['o', 'KeyS', 'KeyS'], ['h', 'KeyJ', 'KeyH']],
+      Russian: [['ь', 'KeyM', 'KeyM'], ['я', 'KeyZ', 'KeyZ', true]],
+      any: [['Escape', 'Escape', 'Escape'], ['ArrowUp', 'ArrowUp', 'ArrowUp']],
+    };
+    for (const [keyboard, all] of Object.entries(keys)) {
+      for (const [key, code, meant, ctrlKey = false] of all) assert.equal(codeOf({ key, code, ctrlKey }), meant, `${keyboard}: ${key}`);
+    }
   },
   'two tabs keep all bookmarks'() {
     globalThis.localStorage = new Storage();

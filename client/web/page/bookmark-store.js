@@ -60,6 +60,6 @@ function isBookmark(value) {
     typeof value?.name === 'string' &&
     typeof value.camera === 'string' &&
     cameraNumbers(value.camera) !== null &&
-    (value.time === null || (typeof value.time === 'string' && isTime(value.time)))
+    (value.time === null || isTime(value.time))
   );
 }
