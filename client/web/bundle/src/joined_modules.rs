@@ -17,6 +17,8 @@ const ENTRIES: [(&str, &str); 4] = [
 ];
 /// Made by wasm-bindgen; several entries share it.
 const EXTERNAL: &str = "insula_web.js";
+/// Texts of the server's own pages, which no script needs.
+const SERVER_TEXTS: (&str, &str) = ("language-en.json", "site");
 /// Scripts that browsers fetch by themselves.
 const SEPARATE: [&str; 1] = ["service-worker.js"];
 
@@ -100,7 +102,11 @@ impl Joiner<'_> {
     /// The value of a JSON file, without spaces. JSON is JavaScript.
     fn json(&self, name: &str) -> Result<String, String> {
         let content = self.files.get(name).ok_or_else(|| format!("it imports {name}, and there is no such file"))?;
-        let value: serde_json::Value = serde_json::from_slice(content).map_err(|error| format!("{name}: {error}"))?;
+        let mut value: serde_json::Value =
+            serde_json::from_slice(content).map_err(|error| format!("{name}: {error}"))?;
+        if let Some(texts) = value.as_object_mut().filter(|_| name == SERVER_TEXTS.0) {
+            texts.remove(SERVER_TEXTS.1);
+        }
         Ok(value.to_string())
     }
 }
@@ -234,6 +240,16 @@ mod tests {
             assert!(join(files(&[("app.js", text), ("a.json", damaged)])).is_err(), "{damaged}");
         }
         assert!(join(files(&[("app.js", "import a from './a.json';"), ("a.json", "1")])).is_err());
+    }
+
+    #[test]
+    fn texts_of_the_server_are_in_no_script() {
+        let text = "import a from './language-en.json' with { type: 'json' };\n";
+        let language = r#"{ "site": { "b": "c" }, "d": "e" }"#;
+        let joined = join(files(&[("app.js", text), ("language-en.json", language)])).unwrap();
+        let script = String::from_utf8(joined["app.js"].clone()).unwrap();
+        assert!(script.contains("const a = {\"d\":\"e\"};\n"), "{script}");
+        assert_eq!(joined["language-en.json"], language.as_bytes());
     }
 
     #[test]
