@@ -116,6 +116,7 @@ pub(super) fn chosen_days_are_those_they_name() -> Result<()> {
     let (server, browser) = (serve()?, browser(false)?);
     let page = CityPage::open(&browser, PageOptions::default(), &format!("{}#time=2024-01-01T12:00", url(&server)))?;
     page.page.wait_for("document.querySelectorAll('.chip').length === 3", REACTION)?;
+    page.page.evaluate("document.querySelector('[aria-keyshortcuts=O]').click()")?;
     for (number, day) in ["03-21", "06-21", "12-21"].into_iter().enumerate() {
         page.page.wait_for("document.querySelectorAll('.chip').length === 3", REACTION)?;
         page.page.evaluate(&format!("document.querySelectorAll('.chip')[{number}].click()"))?;
