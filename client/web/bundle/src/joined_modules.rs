@@ -37,7 +37,9 @@ pub(crate) fn join(files: AssetFiles) -> Result<AssetFiles, BundleError> {
     let is_kept = |name: &str| !name.ends_with(".js") || name == EXTERNAL || SEPARATE.contains(&name);
     for (name, content) in files.iter().filter(|(name, _)| is_kept(name)) {
         let text = std::str::from_utf8(content).ok().filter(|_| name.ends_with(".js") || name.ends_with(".css"));
-        let content = text.map_or_else(|| content.clone(), |text| without_comments(text).into_bytes());
+        let text =
+            text.map(without_comments).map(|text| if name.ends_with(".css") { without_spaces(&text) } else { text });
+        let content = text.map_or_else(|| content.clone(), String::into_bytes);
         joined.insert(name.clone(), content);
     }
     Ok(joined)
@@ -158,9 +160,32 @@ fn without_comments(text: &str) -> String {
             line = rest.trim_start();
         }
         if !is_comment && !line.is_empty() && !line.starts_with("//") {
-            out += line;
+            out += &without_types(line);
             out.push('\n');
         }
+    }
+    out
+}
+
+/// A line without the types in it.
+fn without_types(mut line: &str) -> String {
+    let mut out = String::with_capacity(line.len());
+    while let Some((before, after)) = line.split_once("/** @type ") {
+        let Some((_, rest)) = after.split_once("*/ ") else { break };
+        out += before;
+        line = rest;
+    }
+    out + line
+}
+
+/// A style sheet without spaces that mean nothing. Before a colon, they are part of a selector. Texts in it have none.
+fn without_spaces(style: &str) -> String {
+    let mut out = String::with_capacity(style.len());
+    for word in style.split_whitespace() {
+        if !out.is_empty() && !out.ends_with(['{', '}', ';', ',', ':']) && !word.starts_with(['{', '}']) {
+            out.push(' ');
+        }
+        out += word;
     }
     out
 }
@@ -212,16 +237,16 @@ mod tests {
                 "/** The page.\n * Of many lines. */\nimport init, { A } from './insula_web.js';\nimport { a } from './a.js';\nimport {\n  b as c,\n} from './b.js';\nstart(a, c);\nexport class App {}\n",
             ),
             ("a.js", "import { b } from './b.js';\n// Why.\n/** @type {B} */ const d = b;\nexport const a = d;\n"),
-            ("b.js", "export function b() {}\n"),
+            ("b.js", "export function b() { return /** @type {B} */ (1); }\n"),
             ("insula_web.js", "export class A {\n    /**\n     * What.\n     */\n\n    /* a */ /* b\n*/ b() {}\n}\n"),
             ("style.css", "/* Why. */\n\na {\n  b: c;\n}\n"),
         ]);
         let joined = join(all).unwrap();
         let names: Vec<_> = joined.keys().map(String::as_str).collect();
         assert_eq!(names, ["app.js", "insula_web.js", "style.css"]);
-        assert_eq!(String::from_utf8(joined["style.css"].clone()).unwrap(), "a {\nb: c;\n}\n");
+        assert_eq!(String::from_utf8(joined["style.css"].clone()).unwrap(), "a{b:c;}");
         let expected = "import init, { A } from './insula_web.js';\n\
-            const module_b = (() => {\nfunction b() {}\nreturn { b };\n})();\n\
+            const module_b = (() => {\nfunction b() { return (1); }\nreturn { b };\n})();\n\
             const module_a = (() => {\nconst { b } = module_b;\nconst d = b;\nconst a = d;\nreturn { a };\n})();\n\
             const module_app = (() => {\nconst { a } = module_a;\nconst { b: c, } = module_b;\nstart(a, c);\nclass App {}\n\
             return { App };\n})();\nexport const { App } = module_app;\n";
