@@ -25,8 +25,7 @@ impl StatusMessage {
         let (kind, text) = match streamer.stream_status(elapsed) {
             StreamStatus::Ready => (None, String::new()),
             StreamStatus::Loading => (Some("loading"), String::new()),
-            // Why is in the browser's console, and of no use to people.
-            StreamStatus::Reconnecting => (Some("offline"), String::new()),
+            StreamStatus::Reconnecting => (Some("offline"), streamer.downloads().last_error().to_owned()),
             StreamStatus::Failed => {
                 let text = streamer.check().err().map(|e| e.to_string()).unwrap_or_default();
                 (Some(if text == REPLACED { "replaced" } else { "error" }), text)
