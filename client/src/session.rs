@@ -383,9 +383,9 @@ impl Session {
         self.streamer.lacks_tiles()
     }
 
-    /// Whether anything can be drawn.
+    /// See [`Streamer::has_frame`].
     pub fn has_frame(&self) -> bool {
-        !self.selection().draw_tiles.is_empty()
+        self.streamer.has_frame()
     }
 
     /// Tau of the last request.

@@ -1,5 +1,5 @@
 /**
- * Checks degrees, cameras and figures of the page against known values: node page_geometry.mjs FOLDER
+ * Checks degrees, cameras, figures and keys of the page against known values, and what it stores: node page_geometry.mjs FOLDER
  *
  * FOLDER has the modules of the page. Fails at the first that is wrong.
  */
@@ -20,6 +20,8 @@ const { lonLatGrid, placeNear } = await import(address('lon-lat.js'));
 const { cameraText, earthCamera, fitting, projected, unprojected } = await import(address('earth-camera.js'));
 const { shapesOf } = await import(address('geojson.js'));
 const { cells, dense } = await import(address('plan-cells.js'));
+const { codeOf } = await import(address('key-table.js'));
+const { BookmarkStore } = await import(address('bookmark-store.js'));
 
 const near = (found, expected, tolerance) => {
   const isNear = found.length === expected.length && found.every((value, i) => Math.abs(value - expected[i]) <= tolerance);
@@ -30,6 +32,17 @@ const delft = { focus, location: { longitude_deg: 4.3577, latitude_deg: 52.0114,
 const grid = lonLatGrid(delft);
 const SIZE = { width: 800, height: 400 };
 const CAMERA = '85000,447500,120,30,-40,60';
+
+/** What a browser stores, until it is full. */
+class Storage extends Map {
+  isFull = false;
+  getItem = (key) => this.get(key) ?? null;
+  removeItem = (key) => this.delete(key);
+  setItem(key, text) {
+    if (this.isFull) throw new Error('full');
+    this.set(key, text);
+  }
+}
 
 const tests = {
   'degrees are those of the native client'() {
@@ -92,6 +105,36 @@ const tests = {
     assert.deepEqual(shapes.map(({ points, lines, polygons }) => [points.length, lines.length, polygons.length]), [[1, 0, 0], [0, 2, 0], [0, 0, 1]]);
     assert.deepEqual(skipped.map(({ index }) => index), [3, 4, 5, 6, 7, 8, 9, 10]);
     for (const nothing of [null, [], 'x', { type: 'FeatureCollection' }].slice(0, 3)) assert.throws(() => shapesOf(nothing, grid), TypeError);
+  },
+  'keys are what is written on them, and directions where they lie'() {
+    const keys = {
+      US: [['m', 'KeyM', 'KeyM'], ['/', 'Slash', 'Slash'], ['?', 'Slash', 'F1'], ['=', 'Equal', 'Equal'], ['w', 'KeyW', 'KeyW']],
+      German: [['z', 'KeyY', 'KeyZ', true], ['y', 'KeyZ', 'KeyY', true], ['/', 'Digit7', 'Slash'], ['-', 'Slash', 'Minus'], ['+', 'BracketRight', 'Equal']],
+      French: [['m', 'Semicolon', 'KeyM'], ['z', 'KeyW', 'KeyW'], ['z', 'KeyW', 'KeyZ', true], ['q', 'KeyA', 'KeyA'], ['C', 'KeyC', 'KeyC']],
+      Dvorak: [['o', 'KeyS', 'KeyS'], ['h', 'KeyJ', 'KeyH']],
+      Russian: [['ь', 'KeyM', 'KeyM'], ['я', 'KeyZ', 'KeyZ', true]],
+      any: [['Escape', 'Escape', 'Escape'], ['ArrowUp', 'ArrowUp', 'ArrowUp']],
+    };
+    for (const [keyboard, all] of Object.entries(keys)) {
+      for (const [key, code, meant, ctrlKey = false] of all) assert.equal(codeOf({ key, code, ctrlKey }), meant, `${keyboard}: ${key}`);
+    }
+  },
+  'two tabs keep all bookmarks'() {
+    globalThis.localStorage = new Storage();
+    const [one, other] = [new BookmarkStore('city'), new BookmarkStore('city')];
+    const view = { camera: CAMERA, time: null };
+    assert(one.add({ name: 'a', ...view }) && other.add({ name: 'b', ...view }) && one.add({ name: 'c', ...view }));
+    assert.deepEqual(other.list.map(({ name }) => name), ['c', 'b', 'a']);
+    one.remove(other.list[1]);
+    assert.deepEqual(other.list.map(({ name }) => name), ['c', 'a']);
+    // What finds no room lasts as long as the page.
+    globalThis.localStorage.isFull = true;
+    assert.equal(one.add({ name: 'd', ...view }), false);
+    assert.deepEqual(one.list.map(({ name }) => name), ['d', 'c', 'a']);
+    for (const damaged of ['[null, 5, {"name": "x"}]', '{}', 'null', '{']) {
+      globalThis.localStorage = new Storage([['insula.bookmarks.other', damaged]]);
+      assert.deepEqual(new BookmarkStore('other').list, []);
+    }
   },
   'cells have the area of their polygon'() {
     const square = (low, high) => [[low, low], [high, low], [high, high], [low, high], [low, low]];

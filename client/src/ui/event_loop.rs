@@ -428,7 +428,9 @@ impl ViewerApp {
         let (PhysicalKey::Code(code), is_pressed) = (event.physical_key, event.state.is_pressed()) else {
             return false;
         };
-        let Some(action) = key_bindings::action_of(code, self.is_ctrl_down && is_pressed) else { return false };
+        let is_ctrl_down = self.is_ctrl_down && is_pressed;
+        let code = key_bindings::code_of(code, &event.logical_key, is_ctrl_down);
+        let Some(action) = key_bindings::action_of(code, is_ctrl_down) else { return false };
         if event.repeat {
             return false;
         }

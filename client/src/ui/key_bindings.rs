@@ -2,7 +2,7 @@
 
 use insula_shaders::layout::Shading;
 use insula_viewer::interaction::camera_control::MoveDirection;
-use winit::keyboard::KeyCode;
+use winit::keyboard::{Key, KeyCode};
 
 /// Action of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,6 +87,50 @@ pub const HELP: [(&str, &str); 31] = [
     ("Ctrl Q", "quit"),
 ];
 
+/// The keys of the letters A to Z.
+const LETTERS: [KeyCode; 26] = [
+    KeyCode::KeyA,
+    KeyCode::KeyB,
+    KeyCode::KeyC,
+    KeyCode::KeyD,
+    KeyCode::KeyE,
+    KeyCode::KeyF,
+    KeyCode::KeyG,
+    KeyCode::KeyH,
+    KeyCode::KeyI,
+    KeyCode::KeyJ,
+    KeyCode::KeyK,
+    KeyCode::KeyL,
+    KeyCode::KeyM,
+    KeyCode::KeyN,
+    KeyCode::KeyO,
+    KeyCode::KeyP,
+    KeyCode::KeyQ,
+    KeyCode::KeyR,
+    KeyCode::KeyS,
+    KeyCode::KeyT,
+    KeyCode::KeyU,
+    KeyCode::KeyV,
+    KeyCode::KeyW,
+    KeyCode::KeyX,
+    KeyCode::KeyY,
+    KeyCode::KeyZ,
+];
+
+/// The key that was meant: what moves the camera is where it lies on every keyboard, other letters and the slash are what is
+/// written on them. Where no letters are Latin, they are where they lie, too.
+pub fn code_of(lies_at: KeyCode, written: &Key, is_ctrl_down: bool) -> KeyCode {
+    let Key::Character(text) = written else { return lies_at };
+    if matches!(action_of(lies_at, is_ctrl_down), Some(KeyAction::Move(_))) {
+        return lies_at;
+    }
+    match text.as_bytes() {
+        b"/" => KeyCode::Slash,
+        [letter] if letter.is_ascii_alphabetic() => LETTERS[usize::from(letter.to_ascii_lowercase() - b'a')],
+        _ => lies_at,
+    }
+}
+
 /// The action of a key, if it has one. The page in browsers has the same keys, which `key-table.js` lists.
 pub fn action_of(code: KeyCode, is_ctrl_down: bool) -> Option<KeyAction> {
     if is_ctrl_down {
@@ -145,6 +189,22 @@ mod tests {
         assert_eq!(action_of(KeyCode::Escape, false), Some(KeyAction::EndInnermost));
         assert_eq!(action_of(KeyCode::Escape, true), None);
         assert_eq!(action_of(KeyCode::KeyQ, true), Some(KeyAction::Quit));
+    }
+
+    #[test]
+    fn keys_are_what_is_written_on_them() {
+        let code =
+            |lies_at, written: &str, is_ctrl_down| code_of(lies_at, &Key::Character(written.into()), is_ctrl_down);
+        // German.
+        assert_eq!(code(KeyCode::KeyY, "z", true), KeyCode::KeyZ);
+        assert_eq!(code(KeyCode::Digit7, "/", false), KeyCode::Slash);
+        // French: what quits on an American keyboard, and what moves forward there.
+        assert_eq!(code(KeyCode::KeyQ, "a", true), KeyCode::KeyA);
+        assert_eq!(code(KeyCode::KeyW, "z", false), KeyCode::KeyW);
+        assert_eq!(code(KeyCode::Semicolon, "M", false), KeyCode::KeyM);
+        // Russian.
+        assert_eq!(code(KeyCode::KeyM, "\u{44c}", false), KeyCode::KeyM);
+        assert_eq!(code_of(KeyCode::F1, &Key::Dead(None), false), KeyCode::F1);
     }
 
     /// The page names its keys by the same codes.

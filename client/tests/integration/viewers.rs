@@ -205,7 +205,7 @@ impl SimulatedViewer {
         let (request, begin) = (street(), Instant::now());
         loop {
             self.update(&request);
-            let has_frame = !self.streamer.selection().draw_tiles.is_empty();
+            let has_frame = self.streamer.has_frame();
             if has_frame && is_done(&self.streamer) {
                 return;
             }

@@ -263,6 +263,7 @@ export interface CameraDetail {
 export interface StatusDetail {
   /** `null` if all is well. */
   kind: null | 'loading' | 'offline' | 'error';
+  /** What is wrong, with `error`. */
   text: string;
 }
 

@@ -11,24 +11,19 @@ const MAX_NAME_CHARS = 80;
  * @typedef {{name: string, camera: string, time: string|null}} Bookmark
  */
 
-/** The saved views of one city. */
+/** The saved views of one city. Other tabs change them, too, so they are read at each use. */
 export class BookmarkStore {
   /** @type {string} */ #key;
-  /** @type {Bookmark[]} */ #list;
 
-  /**
-   * Reads the views of a city.
-   * @param {string} city Name of the city.
-   */
+  /** @param {string} city Name of the city. */
   constructor(city) {
     this.#key = `bookmarks.${city}`;
-    const stored = load(this.#key, []);
-    this.#list = (Array.isArray(stored) ? stored : []).filter(isBookmark).slice(0, MAX_BOOKMARKS);
   }
 
-  /** All views, the newest first. @returns {readonly Bookmark[]} */
+  /** All views, the newest first. @returns {Bookmark[]} */
   get list() {
-    return this.#list;
+    const stored = load(this.#key, []);
+    return (Array.isArray(stored) ? stored : []).filter(isBookmark).slice(0, MAX_BOOKMARKS);
   }
 
   /**
@@ -37,8 +32,7 @@ export class BookmarkStore {
    * @returns {boolean}
    */
   add({ name, camera, time }) {
-    this.#list = [{ name: name.slice(0, MAX_NAME_CHARS), camera, time }, ...this.#list].slice(0, MAX_BOOKMARKS);
-    return save(this.#key, this.#list);
+    return save(this.#key, [{ name: name.slice(0, MAX_NAME_CHARS), camera, time }, ...this.list]);
   }
 
   /**
@@ -46,8 +40,7 @@ export class BookmarkStore {
    * @param {Bookmark} bookmark
    */
   remove(bookmark) {
-    this.#list = this.#list.filter((other) => other !== bookmark);
-    save(this.#key, this.#list.length > 0 ? this.#list : null);
+    save(this.#key, this.list.filter((other) => JSON.stringify(other) !== JSON.stringify(bookmark)));
   }
 
   /**
@@ -57,7 +50,7 @@ export class BookmarkStore {
    */
   find(text) {
     const wanted = text.trim().toLocaleLowerCase();
-    return wanted === '' ? [] : this.#list.filter(({ name }) => name.toLocaleLowerCase().includes(wanted));
+    return wanted === '' ? [] : this.list.filter(({ name }) => name.toLocaleLowerCase().includes(wanted));
   }
 }
 
@@ -67,6 +60,6 @@ function isBookmark(value) {
     typeof value?.name === 'string' &&
     typeof value.camera === 'string' &&
     cameraNumbers(value.camera) !== null &&
-    (value.time === null || (typeof value.time === 'string' && isTime(value.time)))
+    (value.time === null || isTime(value.time))
   );
 }

@@ -24,7 +24,7 @@ function compass(page) {
   const label = () => {
     const degrees = Math.round(page.city.view?.azimuth ?? 0);
     const wind = texts.winds[Math.round(degrees / 45) % texts.winds.length];
-    node.setAttribute('aria-label', texts.compass(wind, ((degrees % 360) + 360) % 360));
+    node.setAttribute('aria-label', texts.compass(wind, degrees % 360));
   };
   follow(page.city, 'camera', ({ detail }) => needle.setAttribute('transform', `rotate(${-detail.azimuth})`));
   page.addEventListener('rest', label);

@@ -1,6 +1,6 @@
 /** Keys of the viewer: held keys move the camera, others are actions. */
 
-import { MOVES, VIEW_KEYS, isTaken, shadingOf } from './key-table.js';
+import { MOVES, VIEW_KEYS, codeOf, isTaken, shadingOf } from './key-table.js';
 
 /**
  * Receiver of keys.
@@ -49,7 +49,7 @@ export class KeyboardInput {
       if (isNew) this.#actions.send('move', { direction, held: true });
       return;
     }
-    const [action, shading] = [VIEW_KEYS[event.code], shadingOf(event.code)];
+    const [action, shading] = [VIEW_KEYS[codeOf(event)], shadingOf(event.code)];
     if (event.repeat && action !== 'closer' && action !== 'farther') return;
     if (action) this.#actions.act(action);
     else if (shading >= 0) this.#actions.act('shading', shading);

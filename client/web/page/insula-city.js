@@ -240,6 +240,8 @@ export class InsulaCity extends Base {
       if (performance.now() - this.#reopened > REOPEN_MS) return this.#reopen();
       detail.kind = 'error';
     }
+    // Why is in the browser's console: the page has its own words for it.
+    if (detail.kind === 'offline') detail.text = '';
     if (op === 'status' && detail.isTemporary) this.#retryLater(detail);
     if (op === 'status') this.#notices.showStatus(detail);
     if (op === 'adapter') this.#surface.dataset.adapter = detail.kind;

@@ -63,14 +63,27 @@ export const PAGE_KEYS = {
   Escape: 'escape',
 };
 
+/** Signs that lie elsewhere on other keyboards. */
+const SIGNS = { '/': 'Slash', '+': 'Equal', '-': 'Minus', '?': 'F1' };
+
+/**
+ * The key of the tables that was meant: what moves the camera is where it lies on every keyboard, other letters are what is
+ * written on them. Where none are Latin, they are where they lie, too.
+ * @param {KeyboardEvent} event
+ * @returns {string}
+ */
+export function codeOf({ key, code, ctrlKey }) {
+  if (MOVES[code] && !ctrlKey) return code;
+  return SIGNS[key] ?? (/^[a-z]$/i.test(key) ? 'Key' + key.toUpperCase() : code);
+}
+
 /**
  * The shading of a digit key, or -1.
  * @param {string} code
  * @returns {number}
  */
 export function shadingOf(code) {
-  const digit = /^Digit([1-6])$/.exec(code);
-  return digit ? Number(digit[1]) - 1 : -1;
+  return Number(/^Digit([1-6])$/.exec(code)?.[1] ?? 0) - 1;
 }
 
 /** Keys that controls such as sliders and lists use themselves. */
@@ -79,13 +92,12 @@ const TEXT_FIELDS = 'select, textarea, [contenteditable]:not([contenteditable=fa
 const PLAIN_INPUTS = ['range', 'checkbox', 'radio', 'button', 'submit'];
 
 /**
- * Whether a key belongs to the control that has the focus, to the browser, or to an open dialog.
+ * Whether a key belongs to the control that has the focus, to the browser, or to an open dialog. Not of those with Ctrl.
  * @param {KeyboardEvent} event
  * @returns {boolean}
  */
 export function isTaken(event) {
   if (event.defaultPrevented || event.isComposing || event.altKey || event.metaKey) return true;
-  if (event.ctrlKey && event.code !== 'KeyZ') return true;
   const target = event.composedPath()[0];
   if (!(target instanceof Element)) return false;
   if (target.closest('dialog') || target.closest(TEXT_FIELDS)) return true;

@@ -1,6 +1,6 @@
 /** Keys of the page: they open panels and do what the toolbar does. Keys of the view belong to the element. */
 
-import { PAGE_KEYS, isTaken } from './key-table.js';
+import { PAGE_KEYS, codeOf, isTaken } from './key-table.js';
 import { load, save } from './storage.js';
 
 const KEY = 'single-keys';
@@ -22,18 +22,16 @@ export function listenForPageKeys(city, actions) {
     city.listenForKeys(singleKeys ? document : city);
   };
   document.addEventListener('keydown', (event) => {
-    const isEscape = event.code === 'Escape';
+    const code = codeOf(event);
+    const isEscape = code === 'Escape';
     const isOnCity = event.target === city;
     if (event.repeat || (!isEscape && !isOnCity && !hasSingleKeys() && event.code !== 'F1')) return;
     // Escape closes a panel even from its text field.
-    const isDialog = event.target instanceof Element && event.target.closest('dialog') !== null;
-    if (isEscape ? isDialog || event.defaultPrevented : isTaken(event)) return;
-    if (event.ctrlKey && event.code !== 'KeyZ') return;
-    if (event.code === 'KeyZ' && !event.ctrlKey) return;
-    const action = event.key === '?' ? 'help' : PAGE_KEYS[event.code];
-    if (!action || !actions[action]) return;
+    if (isEscape ? event.defaultPrevented || event.target.closest?.('dialog') : isTaken(event)) return;
+    const action = actions[PAGE_KEYS[code]];
+    if (!action || event.ctrlKey !== (code === 'KeyZ')) return;
     if (!isEscape) event.preventDefault();
-    actions[action]();
+    action();
   });
   set(hasSingleKeys());
   return { set };

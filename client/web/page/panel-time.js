@@ -8,12 +8,9 @@ import { button, slider } from './widgets.js';
 const texts = strings.time;
 const MINUTE_STEP = 5;
 const DAY_MS = 86_400_000;
-/** Month and day of the equinox and the solstices, which studies of shadows compare. */
-const PRESETS = [
-  [3, 21],
-  [6, 21],
-  [12, 21],
-];
+/** Months of an equinox and the solstices, each on this day, which studies of shadows compare. */
+const PRESETS = [3, 6, 12];
+const PRESET_DAY = 21;
 
 /**
  * The panel of the time.
@@ -21,7 +18,8 @@ const PRESETS = [
  * @returns {import('./panels.js').Panel}
  */
 export function timePanel({ city, panels }) {
-  let shown = parse(city.view?.time) ?? { year: new Date().getFullYear(), day: 172, minute: 990 };
+  // Until a view is drawn.
+  let shown = { year: 2025, day: 172, minute: 990 };
   const change = (values) => {
     shown = { ...shown, ...values };
     city.setTime(format(shown));
@@ -46,9 +44,9 @@ export function timePanel({ city, panels }) {
     input: (day) => change({ day }),
   });
   const run = button({ icon: 'run', text: texts.run, press: () => city.setOptions({ day: !city.options.day }) });
-  const presets = PRESETS.map(([month, day]) => {
-    const ordinal = ordinalOf(shown.year, month, day);
-    return button({ text: dayText(shown.year, ordinal), class: 'chip', press: () => change({ day: ordinal }) });
+  const presets = PRESETS.map((month) => {
+    const ordinal = () => ordinalOf(shown.year, month, PRESET_DAY);
+    return button({ text: dayText(shown.year, ordinal()), class: 'chip', press: () => change({ day: ordinal() }) });
   });
   const show = () => {
     hour.set(shown.minute);

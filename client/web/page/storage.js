@@ -3,7 +3,7 @@
  */
 
 const PREFIX = 'insula.';
-/** @type {Map<string, string>} */
+/** What could not be stored. @type {Map<string, string>} */
 const fallback = new Map();
 
 /**
@@ -14,10 +14,8 @@ const fallback = new Map();
  * @returns {T}
  */
 export function load(key, otherwise) {
-  let text = fallback.get(key) ?? null;
   try {
-    text = localStorage.getItem(PREFIX + key) ?? text;
-    return text === null ? otherwise : JSON.parse(text);
+    return JSON.parse(fallback.get(key) ?? localStorage.getItem(PREFIX + key) ?? 'null') ?? otherwise;
   } catch {
     return otherwise;
   }
@@ -31,13 +29,13 @@ export function load(key, otherwise) {
  */
 export function save(key, value) {
   const text = JSON.stringify(value);
-  if (value === null) fallback.delete(key);
-  else fallback.set(key, text);
   try {
     if (value === null) localStorage.removeItem(PREFIX + key);
     else localStorage.setItem(PREFIX + key, text);
+    fallback.delete(key);
     return true;
   } catch {
+    fallback.set(key, text);
     return false;
   }
 }

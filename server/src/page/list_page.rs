@@ -13,12 +13,12 @@ const PAGE_BYTES: usize = 1 << 20;
 
 /// The style of lists, which is part of the page: a list needs no other file.
 pub(super) const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:84rem;margin:2rem auto;padding:0 1rem;\
-    color:#222;background:#fff}h1{font-weight:600}h2{font-size:1.25rem;margin:.6rem 0 .1rem}a{color:#0b57a4}\
+    color:#222;background:#fff;overflow-wrap:anywhere}h1{font-weight:600}h2{font-size:1.25rem;margin:.6rem 0 .1rem}a{color:#0b57a4}\
     main{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:2rem;align-items:start}\
     main img{display:block;width:100%;height:auto;aspect-ratio:16/9;object-fit:cover;border-radius:10px;background:#ccd5dc}\
     h1 .logo{block-size:2.5rem;inline-size:auto;vertical-align:middle;margin-inline-end:.75rem}p{margin:.3rem 0}.sources,details{font-size:.875rem;color:#555}summary{cursor:pointer;padding:.3rem 0}\
-    code{background:#f0f0f0;padding:.15rem .35rem;border-radius:3px;overflow-wrap:anywhere}\
-    dl{display:grid;grid-template-columns:max-content 1fr;gap:.2rem 1rem}dt{color:#666}dd{margin:0;overflow-wrap:anywhere}\
+    code{background:#f0f0f0;padding:.15rem .35rem;border-radius:3px}\
+    dl{display:grid;grid-template-columns:max-content 1fr;gap:.2rem 1rem}dt{color:#666}dd{margin:0}\
     @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}code{background:#2a2a2a}a{color:#8bf}\
     .sources,details,dt{color:#aaa}main img{background:#333}}";
 

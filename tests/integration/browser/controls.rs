@@ -8,15 +8,21 @@ use anyhow::{Result, ensure};
 use insula_tests::browser::{PageOptions, city_page::CityPage};
 use serde_json::json;
 
-/// A narrow phone upright and on its side, a tablet, a desktop.
+/// A narrow phone upright; the narrowest upright, a phone on its side, a frame in an article; a larger one on its side, a tablet, a desktop.
 const PHONE: PageOptions = PageOptions { size: [360, 640], dark: false, touch: true };
+const SMALLER: [PageOptions; 3] = [
+    PageOptions { size: [320, 568], dark: false, touch: true },
+    PageOptions { size: [640, 360], dark: false, touch: true },
+    PageOptions { size: [480, 320], dark: false, touch: false },
+];
 const LARGER: [PageOptions; 3] = [
     PageOptions { size: [740, 360], dark: false, touch: true },
     PageOptions { size: [1024, 768], dark: false, touch: false },
     PageOptions { size: [1440, 900], dark: false, touch: false },
 ];
 
-/// What is covered: pairs of boxes that meet although none is a part of the other, and buttons that reach out of the window.
+/// What is covered: pairs of boxes that meet although none is a part of the other, buttons that reach out of the window, and lines that
+/// are lower than their letters.
 const COVERED: &str = "(() => {
     const isShown = (e) => e.checkVisibility({ visibilityProperty: true }) && e.getClientRects().length > 0;
     const all = (selector) => [...document.querySelectorAll(selector)].filter(isShown);
@@ -33,7 +39,20 @@ const COVERED: &str = "(() => {
         const { left, right, top } = boxOf(button);
         if (left < -1 || right > innerWidth + 1 || top < -1) found.push(`${name(button)} reaches out of the window`);
     }
+    for (const e of all('#insula-app *')) {
+        const { overflowY, lineHeight, fontSize } = getComputedStyle(e);
+        const isCut = overflowY === 'hidden' && parseFloat(lineHeight) < 1.2 * parseFloat(fontSize);
+        if (isCut) found.push(`${name(e)} cuts the marks of its letters`);
+    }
     return found;
+})()";
+
+/// A legend, as of a city with objects.
+const LEGEND: &str = "(() => {
+    const entries = [{ rgb: [9, 9, 9], label: 'no data' }, { rgb: [200, 200, 200], label: 'others' }];
+    const legend = { title: 'height', ramp: { stops: [[0, 0, 0], [255, 255, 255]], range: [0, 50] }, entries };
+    const detail = { rules: { attribute: 'height' }, passing: 0, legend };
+    document.querySelector('insula-city').dispatchEvent(new CustomEvent('colors', { detail }));
 })()";
 
 fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
@@ -43,10 +62,11 @@ fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
     page.page.wait_for("document.querySelector('.has-controls') !== null", REACTION)?;
     let panels = page.page.evaluate("document.querySelectorAll('.panel').length")?.as_u64().unwrap_or_default();
     ensure!(panels >= 9, "{panels} panels");
+    page.page.evaluate(LEGEND)?;
     for panel in 0..=panels {
-        // After the last one, none is open.
+        // After the last one, none is open but the menu, where there is one.
         page.page.evaluate(&format!(
-            "(id => id === undefined ? document.querySelector('.panel:not([hidden]) header button').click()
+            "(id => id === undefined ? document.querySelector('.more').click()
                 : document.querySelector(`[aria-controls=\"${{id}}\"]`).click())
                 (document.querySelectorAll('.panel')[{panel}]?.id)"
         ))?;
@@ -64,6 +84,10 @@ fn ensure_nothing_is_covered(options: PageOptions) -> Result<()> {
 
 pub(super) fn panels_cover_nothing_on_a_phone() -> Result<()> {
     ensure_nothing_is_covered(PHONE)
+}
+
+pub(super) fn panels_cover_nothing_on_smaller_screens() -> Result<()> {
+    SMALLER.into_iter().try_for_each(ensure_nothing_is_covered)
 }
 
 pub(super) fn panels_cover_nothing_on_larger_screens() -> Result<()> {
@@ -84,5 +108,19 @@ pub(super) fn the_page_speaks_german() -> Result<()> {
     let role = page.page.evaluate(&format!("{}.getAttribute('aria-roledescription')", CityPage::element(0)))?;
     ensure!(role == "3D-Ansicht", "{role}");
     keep(&page, "german")?;
+    ensure_no_problems(&page)
+}
+
+/// A day that is chosen by its name is that day in the year of the view, which may be a leap year.
+pub(super) fn chosen_days_are_those_they_name() -> Result<()> {
+    let (server, browser) = (serve()?, browser(false)?);
+    let page = CityPage::open(&browser, PageOptions::default(), &format!("{}#time=2024-01-01T12:00", url(&server)))?;
+    page.page.wait_for("document.querySelectorAll('.chip').length === 3", REACTION)?;
+    page.page.evaluate("document.querySelector('[aria-keyshortcuts=O]').click()")?;
+    for (number, day) in ["03-21", "06-21", "12-21"].into_iter().enumerate() {
+        page.page.wait_for("document.querySelectorAll('.chip').length === 3", REACTION)?;
+        page.page.evaluate(&format!("document.querySelectorAll('.chip')[{number}].click()"))?;
+        page.page.wait_for(&format!("{}.view.time === '2024-{day}T12:00'", CityPage::element(0)), REACTION)?;
+    }
     ensure_no_problems(&page)
 }

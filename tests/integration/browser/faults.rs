@@ -21,10 +21,11 @@ fn ensure_it_says_so(page: &CityPage, name: &str) -> Result<()> {
     wait_for_status(page, "status.kind === 'offline'")?;
     ensure_city_is_visible(page)?;
     keep(page, name)?;
-    // The message is text on the page, for eyes and for screen readers.
+    // The message is text on the page, for eyes and for screen readers, in words of the page.
     let shown = "(() => { const roots = [document, ...[...document.querySelectorAll('*')].map(e => e.shadowRoot).filter(Boolean)];
         return roots.flatMap(root => [...root.querySelectorAll('[role=status], [role=alert], [aria-live]')])
-            .some(e => e.textContent.trim() !== '' && e.getClientRects().length > 0); })()";
+            .some(e => e.textContent.trim() !== '' && e.getClientRects().length > 0)
+            && document.querySelector('.notice.status').textContent.startsWith('Offline: the city is shown'); })()";
     page.page.wait_for(shown, REACTION)
 }
 

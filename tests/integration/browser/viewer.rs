@@ -257,7 +257,12 @@ pub(super) fn a_link_opens_its_view() -> Result<()> {
     let hostile = format!("{}#camera=1,2,<img src=x>,NaN,1e999,0&time=never", url(&server));
     let page = CityPage::open(browser(false)?.as_ref(), PageOptions::default(), &hostile)?;
     ensure_city_is_visible(&page)?;
-    ensure_no_problems(&page)
+    ensure_no_problems(&page)?;
+    drop(page);
+    // Nothing of the city is in view, which is a picture, too.
+    let sky = open_url(&format!("{}#camera=0,0,100,0,60,40", url(&server)))?;
+    ensure!(colours(&sky.picture(0, PICTURE)?) > 1, "the sky has one colour");
+    ensure_no_problems(&sky)
 }
 
 pub(super) fn a_click_picks_a_point() -> Result<()> {
@@ -347,5 +352,14 @@ pub(super) fn hostile_names_are_text() -> Result<()> {
         page.page.evaluate("document.body.innerText.includes('<img src=x')")? == true,
         "the title is not in the list"
     );
-    ensure_no_problems(&page)
+    ensure_no_problems(&page)?;
+    // Long words are broken.
+    page.page.set_viewport([320, 568], 1.0, false)?;
+    page.page.set_scripts(false)?;
+    for path in ["", "cities/hostile"] {
+        page.page.navigate(&format!("http://{}/{path}", server.address))?;
+        let width = page.page.evaluate("document.documentElement.scrollWidth")?;
+        ensure!(width == 320, "/{path} is {width} pixels wide");
+    }
+    Ok(())
 }

@@ -40,9 +40,14 @@ impl<F: TileFetcher> Streamer<F> {
             Ok(()) if failing_since.is_some_and(|since| now.saturating_sub(since) > SILENCE) => {
                 StreamStatus::Reconnecting
             }
-            Ok(()) if self.selection.draw_tiles.is_empty() => StreamStatus::Loading,
+            Ok(()) if !self.has_frame() => StreamStatus::Loading,
             Ok(()) => StreamStatus::Ready,
         }
+    }
+
+    /// Whether the last selection can be drawn: it shows something of the city, or nothing of the city is in view.
+    pub fn has_frame(&self) -> bool {
+        !self.selection.draw_tiles.is_empty() || self.tree().root().is_some() && !self.lacks_tiles()
     }
 
     /// Number of tiles that the last selection's frame lacks, preloaded ones aside.

@@ -80,3 +80,19 @@ fn occludable_tiles_wait_unless_the_source_does_not_respond() {
     streamer.select_and_request(&request, NOW);
     assert!(streamer.selection.requests.len() * 2 > wanted && waiting(&streamer).is_empty());
 }
+
+#[test]
+fn a_view_of_nothing_is_drawn_once_the_city_is_known() {
+    let (mut streamer, request) = after_first_frame(false);
+    let away = Camera { forward: -request.camera.forward, ..request.camera };
+    streamer.select_and_request(&FrameRequest { camera: away, ..request }, NOW);
+    assert!(streamer.selection.draw_tiles.is_empty() && streamer.has_frame());
+    assert_eq!(streamer.stream_status(NOW), StreamStatus::Ready);
+
+    let unknown = SceneTree::new(streamer.tree().manifest().clone());
+    let downloads = Downloads::new(Unresponsive { fails: false, started: Vec::new() }, 12);
+    let mut streamer = Streamer::new(unknown, downloads, 10_000);
+    streamer.select_and_request(&FrameRequest { camera: away, ..request }, NOW);
+    assert!(!streamer.has_frame());
+    assert_eq!(streamer.stream_status(NOW), StreamStatus::Loading);
+}

@@ -17,6 +17,8 @@ const ENTRIES: [(&str, &str); 4] = [
 ];
 /// Made by wasm-bindgen; several entries share it.
 const EXTERNAL: &str = "insula_web.js";
+/// Texts of the server's own pages, which no script needs.
+const SERVER_TEXTS: (&str, &str) = ("language-en.json", "site");
 /// Scripts that browsers fetch by themselves.
 const SEPARATE: [&str; 1] = ["service-worker.js"];
 
@@ -35,7 +37,9 @@ pub(crate) fn join(files: AssetFiles) -> Result<AssetFiles, BundleError> {
     let is_kept = |name: &str| !name.ends_with(".js") || name == EXTERNAL || SEPARATE.contains(&name);
     for (name, content) in files.iter().filter(|(name, _)| is_kept(name)) {
         let text = std::str::from_utf8(content).ok().filter(|_| name.ends_with(".js") || name.ends_with(".css"));
-        let content = text.map_or_else(|| content.clone(), |text| without_comments(text).into_bytes());
+        let text =
+            text.map(without_comments).map(|text| if name.ends_with(".css") { without_spaces(&text) } else { text });
+        let content = text.map_or_else(|| content.clone(), String::into_bytes);
         joined.insert(name.clone(), content);
     }
     Ok(joined)
@@ -100,7 +104,11 @@ impl Joiner<'_> {
     /// The value of a JSON file, without spaces. JSON is JavaScript.
     fn json(&self, name: &str) -> Result<String, String> {
         let content = self.files.get(name).ok_or_else(|| format!("it imports {name}, and there is no such file"))?;
-        let value: serde_json::Value = serde_json::from_slice(content).map_err(|error| format!("{name}: {error}"))?;
+        let mut value: serde_json::Value =
+            serde_json::from_slice(content).map_err(|error| format!("{name}: {error}"))?;
+        if let Some(texts) = value.as_object_mut().filter(|_| name == SERVER_TEXTS.0) {
+            texts.remove(SERVER_TEXTS.1);
+        }
         Ok(value.to_string())
     }
 }
@@ -152,9 +160,32 @@ fn without_comments(text: &str) -> String {
             line = rest.trim_start();
         }
         if !is_comment && !line.is_empty() && !line.starts_with("//") {
-            out += line;
+            out += &without_types(line);
             out.push('\n');
         }
+    }
+    out
+}
+
+/// A line without the types in it.
+fn without_types(mut line: &str) -> String {
+    let mut out = String::with_capacity(line.len());
+    while let Some((before, after)) = line.split_once("/** @type ") {
+        let Some((_, rest)) = after.split_once("*/ ") else { break };
+        out += before;
+        line = rest;
+    }
+    out + line
+}
+
+/// A style sheet without spaces that mean nothing. Before a colon, they are part of a selector. Texts in it have none.
+fn without_spaces(style: &str) -> String {
+    let mut out = String::with_capacity(style.len());
+    for word in style.split_whitespace() {
+        if !out.is_empty() && !out.ends_with(['{', '}', ';', ',', ':']) && !word.starts_with(['{', '}']) {
+            out.push(' ');
+        }
+        out += word;
     }
     out
 }
@@ -206,16 +237,16 @@ mod tests {
                 "/** The page.\n * Of many lines. */\nimport init, { A } from './insula_web.js';\nimport { a } from './a.js';\nimport {\n  b as c,\n} from './b.js';\nstart(a, c);\nexport class App {}\n",
             ),
             ("a.js", "import { b } from './b.js';\n// Why.\n/** @type {B} */ const d = b;\nexport const a = d;\n"),
-            ("b.js", "export function b() {}\n"),
+            ("b.js", "export function b() { return /** @type {B} */ (1); }\n"),
             ("insula_web.js", "export class A {\n    /**\n     * What.\n     */\n\n    /* a */ /* b\n*/ b() {}\n}\n"),
             ("style.css", "/* Why. */\n\na {\n  b: c;\n}\n"),
         ]);
         let joined = join(all).unwrap();
         let names: Vec<_> = joined.keys().map(String::as_str).collect();
         assert_eq!(names, ["app.js", "insula_web.js", "style.css"]);
-        assert_eq!(String::from_utf8(joined["style.css"].clone()).unwrap(), "a {\nb: c;\n}\n");
+        assert_eq!(String::from_utf8(joined["style.css"].clone()).unwrap(), "a{b:c;}");
         let expected = "import init, { A } from './insula_web.js';\n\
-            const module_b = (() => {\nfunction b() {}\nreturn { b };\n})();\n\
+            const module_b = (() => {\nfunction b() { return (1); }\nreturn { b };\n})();\n\
             const module_a = (() => {\nconst { b } = module_b;\nconst d = b;\nconst a = d;\nreturn { a };\n})();\n\
             const module_app = (() => {\nconst { a } = module_a;\nconst { b: c, } = module_b;\nstart(a, c);\nclass App {}\n\
             return { App };\n})();\nexport const { App } = module_app;\n";
@@ -234,6 +265,16 @@ mod tests {
             assert!(join(files(&[("app.js", text), ("a.json", damaged)])).is_err(), "{damaged}");
         }
         assert!(join(files(&[("app.js", "import a from './a.json';"), ("a.json", "1")])).is_err());
+    }
+
+    #[test]
+    fn texts_of_the_server_are_in_no_script() {
+        let text = "import a from './language-en.json' with { type: 'json' };\n";
+        let language = r#"{ "site": { "b": "c" }, "d": "e" }"#;
+        let joined = join(files(&[("app.js", text), ("language-en.json", language)])).unwrap();
+        let script = String::from_utf8(joined["app.js"].clone()).unwrap();
+        assert!(script.contains("const a = {\"d\":\"e\"};\n"), "{script}");
+        assert_eq!(joined["language-en.json"], language.as_bytes());
     }
 
     #[test]

@@ -150,9 +150,9 @@ impl CityViewer {
         self.streamer.missing_tiles()
     }
 
-    /// Whether anything of the city can be drawn.
+    /// See [`Streamer::has_frame`].
     pub fn has_frame(&self) -> bool {
-        !self.streamer.selection().draw_tiles.is_empty()
+        self.streamer.has_frame()
     }
 
     /// The point of the city at shares of the view's width and height, as x, y, z and the distance; empty if there is none.
