@@ -65,7 +65,7 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server serve", &["listen", "metrics_address"], TEXT),
     ("insula-server sign", &["keys"], Reads("sign --city city --expires 1h --keys {}", ".keys")),
     ("insula-server sign", &["config"], Reads("sign --city city --expires 1h --config {}", ".toml")),
-    ("insula-server sign", &["city", "url", "version"], TEXT),
+    ("insula-server sign", &["city", "version"], TEXT),
     ("insula-server publish", &["cities", "out"], FOLDER),
     ("insula-server publish", &["config"], Reads("publish city --out site --config {}", ".toml")),
     ("insula-server publish", &["title", "url"], TEXT),
