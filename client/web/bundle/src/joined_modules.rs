@@ -32,13 +32,14 @@ pub(crate) fn join(files: AssetFiles) -> Result<AssetFiles, BundleError> {
         if !exports.is_empty() {
             let _ = writeln!(text, "export const {{ {} }} = {};", exports.join(", "), variable(entry));
         }
-        joined.insert(file.to_owned(), text.into_bytes());
+        joined.insert(file.to_owned(), without_line_ends(&text).into_bytes());
     }
     let is_kept = |name: &str| !name.ends_with(".js") || name == EXTERNAL || SEPARATE.contains(&name);
     for (name, content) in files.iter().filter(|(name, _)| is_kept(name)) {
         let text = std::str::from_utf8(content).ok().filter(|_| name.ends_with(".js") || name.ends_with(".css"));
-        let text =
-            text.map(without_comments).map(|text| if name.ends_with(".css") { without_spaces(&text) } else { text });
+        let text = text
+            .map(without_comments)
+            .map(|text| if name.ends_with(".css") { without_spaces(&text) } else { without_line_ends(&text) });
         let content = text.map_or_else(|| content.clone(), String::into_bytes);
         joined.insert(name.clone(), content);
     }
@@ -167,6 +168,18 @@ fn without_comments(text: &str) -> String {
     out
 }
 
+/// A script without ends of lines that mean nothing: behind these signs, but for that of a comment.
+fn without_line_ends(script: &str) -> String {
+    let mut out = String::with_capacity(script.len());
+    for line in script.lines() {
+        out += line;
+        if line.contains("//") || !line.ends_with([';', '{', ',', '(', '[']) {
+            out.push('\n');
+        }
+    }
+    out
+}
+
 /// A line without the types in it.
 fn without_types(mut line: &str) -> String {
     let mut out = String::with_capacity(line.len());
@@ -245,13 +258,13 @@ mod tests {
         let names: Vec<_> = joined.keys().map(String::as_str).collect();
         assert_eq!(names, ["app.js", "insula_web.js", "style.css"]);
         assert_eq!(String::from_utf8(joined["style.css"].clone()).unwrap(), "a{b:c;}");
-        let expected = "import init, { A } from './insula_web.js';\n\
-            const module_b = (() => {\nfunction b() { return (1); }\nreturn { b };\n})();\n\
-            const module_a = (() => {\nconst { b } = module_b;\nconst d = b;\nconst a = d;\nreturn { a };\n})();\n\
-            const module_app = (() => {\nconst { a } = module_a;\nconst { b: c, } = module_b;\nstart(a, c);\nclass App {}\n\
-            return { App };\n})();\nexport const { App } = module_app;\n";
+        let expected = "import init, { A } from './insula_web.js';\
+            const module_b = (() => {function b() { return (1); }\nreturn { b };})();\
+            const module_a = (() => {const { b } = module_b;const d = b;const a = d;return { a };})();\
+            const module_app = (() => {const { a } = module_a;const { b: c, } = module_b;start(a, c);class App {}\n\
+            return { App };})();export const { App } = module_app;";
         assert_eq!(String::from_utf8(joined["app.js"].clone()).unwrap(), expected);
-        assert_eq!(String::from_utf8(joined["insula_web.js"].clone()).unwrap(), "export class A {\nb() {}\n}\n");
+        assert_eq!(String::from_utf8(joined["insula_web.js"].clone()).unwrap(), "export class A {b() {}\n}\n");
     }
 
     #[test]
@@ -259,7 +272,7 @@ mod tests {
         let text = "import a from './a.json' with { type: 'json' };\nexport const b = a;\n";
         let joined = join(files(&[("app.js", text), ("a.json", "{ \"c\":\n [1, \"d\"] }")])).unwrap();
         let script = String::from_utf8(joined["app.js"].clone()).unwrap();
-        assert!(script.contains("const a = {\"c\":[1,\"d\"]};\nconst b = a;\n"), "{script}");
+        assert!(script.contains("const a = {\"c\":[1,\"d\"]};const b = a;"), "{script}");
         assert!(joined.contains_key("a.json"));
         for damaged in ["{", ""] {
             assert!(join(files(&[("app.js", text), ("a.json", damaged)])).is_err(), "{damaged}");
@@ -273,7 +286,7 @@ mod tests {
         let language = r#"{ "site": { "b": "c" }, "d": "e" }"#;
         let joined = join(files(&[("app.js", text), ("language-en.json", language)])).unwrap();
         let script = String::from_utf8(joined["app.js"].clone()).unwrap();
-        assert!(script.contains("const a = {\"d\":\"e\"};\n"), "{script}");
+        assert!(script.contains("const a = {\"d\":\"e\"};"), "{script}");
         assert_eq!(joined["language-en.json"], language.as_bytes());
     }
 
