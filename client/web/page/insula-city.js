@@ -240,7 +240,7 @@ export class InsulaCity extends Base {
       if (performance.now() - this.#reopened > REOPEN_MS) return this.#reopen();
       detail.kind = 'error';
     }
-    // Why is in the browser's console: the page has its own words for it.
+    // The page has its own words for it. The browser's console has the reason.
     if (detail.kind === 'offline') detail.text = '';
     if (op === 'status' && detail.isTemporary) this.#retryLater(detail);
     if (op === 'status') this.#notices.showStatus(detail);

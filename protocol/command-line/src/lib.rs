@@ -49,9 +49,8 @@ pub fn parse<P: Parser>() -> Result<P, ExitCode> {
     })
 }
 
-/// The command line with a value for each switch that needs none, such as `--shadows`, where the next word is not one of its values:
-/// that word would else be taken as one, though it may be the place of a city. The values are those that its name lists, the one that
-/// it means alone first.
+/// The command line in which each switch whose value is optional, such as `--shadows`, has a value. Clap would take the next word as the
+/// value, also where it is the place of a city. A switch's value name lists the values, such as `on|off`; the first is the default.
 fn with_full_switches(program: &Command, line: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let needs_none = |arg: &&clap::Arg| arg.get_num_args().is_some_and(|number| number.min_values() == 0);
     let values =

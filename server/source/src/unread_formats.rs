@@ -54,8 +54,8 @@ const FORMATS: &[(&[&str], &str, Conversion)] = &[
     (&["zip", "3tz", "slpk"], "an archive inside an archive", UNPACK_OUTER),
 ];
 
-/// How a file begins that is of another format than its name says, with the name of that format: all of the texts are in its first bytes,
-/// or in the first tag or line if it is no JSON.
+/// Texts at the start of files whose content is of another format than their name says, and that format. A file must have all texts of a
+/// row: JSON in its first bytes, others in the first tag or line.
 const CONTENTS: &[(&[&str], &str, Conversion)] = &[
     (&["<!doctype html"], "a web page", FROM_PAGE),
     (&["<html"], "a web page", FROM_PAGE),

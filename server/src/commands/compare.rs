@@ -54,7 +54,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<(), CommandError> {
     }
 }
 
-/// Distances are told of surfaces that are nearer than so many times the larger one's diagonal.
+/// Surfaces that lie farther apart than this, in diagonals of the larger one, are not compared.
 const FAR: f64 = 10.0;
 
 /// Both models in one coordinate system: that of a baked city, else that of the first city file. Fails if two baked cities have two.

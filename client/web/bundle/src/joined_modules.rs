@@ -168,7 +168,7 @@ fn without_comments(text: &str) -> String {
     out
 }
 
-/// A script without ends of lines that mean nothing: behind these signs, but for that of a comment.
+/// A script without line ends that mean nothing: those behind these signs. A line end may also end a comment.
 fn without_line_ends(script: &str) -> String {
     let mut out = String::with_capacity(script.len());
     for line in script.lines() {
