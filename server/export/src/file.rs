@@ -30,7 +30,7 @@ pub fn export(
     check(selection)?;
     let city = City::new(source);
     match format {
-        Format::GeoTiff => raster::write(&city, selection, projections, out),
+        Format::GeoTiff => raster::write(source, selection, projections, out),
         Format::CityJsonSeq => cityjson::write(&city, &Plan::of(&city, selection)?, out),
         _ => {
             let mut plan = Plan::of(&city, selection)?;

@@ -9,7 +9,7 @@
 //! | `glb` | GLB files, with identities and attributes of objects |
 //! | `land_surface` | land as a surface with few triangles, in place of steps of columns |
 //! | `leaves` | the meshes of a city, leaf by leaf |
-//! | `raster` | heights as GeoTIFF |
+//! | `raster` | the tops of cells; heights and other values of cells as GeoTIFF |
 //! | `rings` | areas of rings, and rings without what is smaller than their precision |
 //! | `selection` | which part of a city an export has |
 //! | `source` | what an export reads: tiles and objects of a city |
@@ -27,7 +27,7 @@ pub mod glb;
 mod land_surface;
 pub mod leaves;
 mod matrix;
-mod raster;
+pub mod raster;
 pub mod rings;
 pub mod selection;
 pub mod source;

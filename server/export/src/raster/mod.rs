@@ -3,62 +3,96 @@
 //! Where a column is cut by a wall and the middle of its cell lies beyond the wall, the height is that of the top there. Land above
 //! the leaves' level repeats its coarser cells. Cells without a column and cells that are not selected are [`NODATA`].
 
-mod heights;
 #[cfg(test)]
 mod tests;
 mod tiff;
+mod tops;
 
 use crate::{
     format::Projections,
     selection::ObjectSelection,
-    table::{ExportError, ExportReport, city::City, output::OutputFile, walk::visit_end_nodes},
+    source::ExportSource,
+    table::{ExportError, ExportReport, output::OutputFile, walk::visit_end_nodes},
 };
-use heights::NodeHeights;
-use insula_protocol::NODE_CELLS;
+use insula_protocol::{Manifest, NODE_CELLS};
 use std::path::Path;
 use tiff::{TILE, TiffSetup, TiffWriter};
+pub use tops::CellTop;
+use tops::node_tops;
 
-/// Value of cells without a height.
-pub(crate) const NODATA: f32 = -9999.0;
+/// Value of cells without a value.
+pub const NODATA: f32 = -9999.0;
 /// Most cells along a side: what readers of TIFF expect.
 const MAX_SIDE: u32 = 1 << 30;
 
-/// The cells of a raster, from the city's corner.
+/// The cells of a raster, counted from the city's corner in cells of the leaves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Extent {
+pub struct CellExtent {
     /// South-west cell.
-    min: [u32; 2],
-    size: [u32; 2],
+    pub min: [u32; 2],
+    /// Columns and rows.
+    pub size: [u32; 2],
 }
 
 /// Writes the heights of the selected area. Fails if the area has no cells, tiles cannot be read, or the file cannot be written.
 pub(crate) fn write(
-    city: &City<'_>,
+    source: &dyn ExportSource,
     selection: &ObjectSelection,
     projections: &Projections<'_>,
     out: &Path,
 ) -> Result<ExportReport, ExportError> {
-    let mut report = ExportReport::new(city.source);
-    let manifest = city.manifest;
-    let extent = Extent::of(city, selection)?;
+    let manifest = source.manifest();
+    let extent = CellExtent::of(manifest, selection.area())?;
+    let datum = manifest.heights.as_ref().and_then(|heights| heights.datum.strip_prefix("EPSG:")?.parse().ok());
+    let mut read = |part: CellExtent| {
+        let mut tile = vec![NODATA; part.size.map(|side| side as usize).iter().product()];
+        visit_tops(source, part, &mut |cell, top| {
+            let place = part.middle(manifest, cell);
+            let is_selected = selection.objects.as_ref().is_none_or(|all| all.contains(top.object));
+            if is_selected && selection.contains_point(place) {
+                tile[part.index(cell)] = top.height;
+            }
+        })?;
+        Ok(tile)
+    };
+    write_raster(source, extent, projections, datum, &manifest.title, out, &mut read)
+}
+
+/// Writes a raster of float32 values whose cells are those of the city's leaves. `read` gives the values of a part of `extent`, row by row
+/// from the south; [`NODATA`] is no value. `vertical_epsg` is the vertical system of values that are heights. Fails with the error of
+/// `read`, and if the file cannot be written.
+pub fn write_raster(
+    source: &dyn ExportSource,
+    extent: CellExtent,
+    projections: &Projections<'_>,
+    vertical_epsg: Option<u32>,
+    title: &str,
+    out: &Path,
+    read: &mut dyn FnMut(CellExtent) -> Result<Vec<f32>, ExportError>,
+) -> Result<ExportReport, ExportError> {
+    let mut report = ExportReport::new(source);
+    let manifest = source.manifest();
     let (output, file) = OutputFile::create(out)?;
     let corner = |k: usize, cells: u32| manifest.origin[k] + f64::from(cells) * manifest.cell_m;
-    let datum = manifest.heights.as_ref().and_then(|heights| heights.datum.strip_prefix("EPSG:")?.parse().ok());
     let setup = TiffSetup {
         size: extent.size,
         north_west: [corner(0, extent.min[0]), corner(1, extent.min[1] + extent.size[1])],
         cell_m: manifest.cell_m,
         nodata: NODATA,
         epsg: projections.epsg,
-        vertical_epsg: datum,
-        title: &manifest.title,
+        vertical_epsg,
+        title,
         attribution: &report.attribution,
     };
     let mut writer = TiffWriter::new(file, &setup).map_err(ExportError::write(out))?;
     for tile_y in 0..extent.size[1].div_ceil(TILE) {
         for tile_x in 0..extent.size[0].div_ceil(TILE) {
-            let tile = read_tile(city, selection, extent, [tile_x * TILE, tile_y * TILE])?;
-            writer.add_tile(&tile).map_err(ExportError::write(out))?;
+            // Tiles begin in the north-west.
+            let first = [tile_x * TILE, tile_y * TILE];
+            let size = [0, 1].map(|k| TILE.min(extent.size[k] - first[k]));
+            let south = extent.min[1] + extent.size[1] - first[1] - size[1];
+            let values = read(CellExtent { min: [extent.min[0] + first[0], south], size })?;
+            writer.add_tile(&as_tile(&values, size)).map_err(ExportError::write(out))?;
         }
     }
     let file = writer.finish(&setup).map_err(ExportError::write(out))?;
@@ -70,12 +104,23 @@ pub(crate) fn write(
     Ok(report)
 }
 
-impl Extent {
-    /// The cells that the selected part of the city touches.
-    fn of(city: &City<'_>, selection: &ObjectSelection) -> Result<Self, ExportError> {
-        let manifest = city.manifest;
+/// A whole tile, row by row from the north, of values row by row from the south.
+fn as_tile(values: &[f32], [width, _]: [u32; 2]) -> Vec<f32> {
+    let side = TILE as usize;
+    let mut tile = vec![NODATA; side * side];
+    let rows = values.chunks_exact(width.max(1) as usize).rev();
+    for (to, from) in tile.chunks_exact_mut(side).zip(rows) {
+        to[..from.len()].copy_from_slice(from);
+    }
+    tile
+}
+
+impl CellExtent {
+    /// The cells of the city that an area touches, in world metres; `None` is the whole city. Fails if there are none, or too many along
+    /// a side.
+    pub fn of(manifest: &Manifest, area: Option<[[f64; 2]; 2]>) -> Result<Self, ExportError> {
         let all = manifest.bounds.map(|[x, y, _]| [x, y]);
-        let area = selection.area().unwrap_or(all);
+        let area = area.unwrap_or(all);
         let end = f64::from(NODE_CELLS as u32) * f64::from(1u32 << manifest.depth);
         let cell = |world: f64, k: usize| (world - manifest.origin[k]) / manifest.cell_m;
         // A border on the line between two cells belongs to one of them.
@@ -91,41 +136,56 @@ impl Extent {
         }
         Ok(Self { min: first.map(|v| v as u32), size })
     }
+
+    /// Index of a cell in an array of the raster's cells, row by row from the south. Requires a cell of the raster.
+    #[must_use]
+    pub fn index(&self, cell: [u32; 2]) -> usize {
+        let [x, y] = [0, 1].map(|k| (cell[k] - self.min[k]) as usize);
+        y * self.size[0] as usize + x
+    }
+
+    /// Middle of a cell in world metres.
+    #[must_use]
+    pub fn middle(&self, manifest: &Manifest, cell: [u32; 2]) -> [f64; 2] {
+        [0, 1].map(|k| manifest.origin[k] + (f64::from(cell[k]) + 0.5) * manifest.cell_m)
+    }
+
+    /// Number of cells.
+    #[must_use]
+    pub fn len(&self) -> u64 {
+        self.size.map(u64::from).iter().product()
+    }
+
+    /// Whether there is no cell.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
 }
 
-/// The heights of a tile, row by row from the north. `first` is its north-west cell, counted from that of the raster.
-fn read_tile(
-    city: &City<'_>,
-    selection: &ObjectSelection,
-    extent: Extent,
-    first: [u32; 2],
-) -> Result<Vec<f32>, ExportError> {
-    let manifest = city.manifest;
-    let side = TILE as usize;
-    let mut tile = vec![NODATA; side * side];
-    let size = [0, 1].map(|k| TILE.min(extent.size[k] - first[k]));
-    // From the city's corner, to the north.
-    let west = extent.min[0] + first[0];
-    let north = extent.min[1] + extent.size[1] - first[1];
-    let south = north - size[1];
-    let middle = |cell: u32, k: usize| manifest.origin[k] + (f64::from(cell) + 0.5) * manifest.cell_m;
-    let area = [[middle(west, 0), middle(south, 1)], [middle(west + size[0] - 1, 0), middle(north - 1, 1)]];
-    visit_end_nodes(city.source, area, &mut |node| {
-        let Some(map) = city.source.columns(node.id)? else { return Ok(()) };
-        let heights = NodeHeights::of(manifest, map, selection);
+/// Passes the top of each cell of `part` that has one to `put`. Fails if tiles cannot be read.
+pub fn visit_tops(
+    source: &dyn ExportSource,
+    part: CellExtent,
+    put: &mut dyn FnMut([u32; 2], CellTop),
+) -> Result<(), ExportError> {
+    let manifest = source.manifest();
+    let end = [0, 1].map(|k| part.min[k] + part.size[k]);
+    let area = [part.middle(manifest, part.min), part.middle(manifest, end.map(|v| v.saturating_sub(1)))];
+    visit_end_nodes(source, area, &mut |node| {
+        let Some(map) = source.columns(node.id)? else { return Ok(()) };
+        let tops = node_tops(manifest, map);
         let below = manifest.depth.saturating_sub(node.id.level());
         let corner = [node.id.x(), node.id.y()].map(|v| (v << below) * NODE_CELLS as u32);
-        let end = corner.map(|v| v + ((NODE_CELLS as u32) << below));
-        for y in south.max(corner[1])..north.min(end[1]) {
-            for x in west.max(corner[0])..(west + size[0]).min(end[0]) {
-                let place = [middle(x, 0), middle(y, 1)];
-                if selection.contains_point(place) {
-                    let cell = [(x - corner[0]) >> below, (y - corner[1]) >> below].map(|v| v as usize);
-                    tile[(north - 1 - y) as usize * side + (x - west) as usize] = heights.at(cell);
+        let node_end = corner.map(|v| v + ((NODE_CELLS as u32) << below));
+        for y in part.min[1].max(corner[1])..end[1].min(node_end[1]) {
+            for x in part.min[0].max(corner[0])..end[0].min(node_end[0]) {
+                let cell = [(x - corner[0]) >> below, (y - corner[1]) >> below].map(|v| v as usize);
+                if let Some(Some(top)) = tops.get(cell[1] * NODE_CELLS + cell[0]) {
+                    put([x, y], *top);
                 }
             }
         }
         Ok(())
-    })?;
-    Ok(tile)
+    })
 }

@@ -92,7 +92,7 @@ impl<'a> City<'a> {
     }
 
     /// The building, bridge or tunnel that an object is a part of, itself if it is none.
-    fn whole_of(&self, object: u32) -> Result<u32, ExportError> {
+    pub(crate) fn whole_of(&self, object: u32) -> Result<u32, ExportError> {
         let Some(mut info) = self.info(object)?.filter(|info| info.parent.is_some()) else { return Ok(object) };
         let mut whole = object;
         for ancestor in self.ancestors(object)? {

@@ -58,7 +58,8 @@ impl RecordWriter for Writer {
 
 /// A cell that no spreadsheet takes for a formula, unless formulas are kept. Numbers stay as they are. Some programs drop blanks and
 /// characters that nobody sees at the beginning, and take the wide signs of East Asian texts for the others.
-fn cell(text: String, keeps_formulas: bool) -> String {
+#[must_use]
+pub fn cell(text: String, keeps_formulas: bool) -> String {
     let is_unseen =
         |c: char| c.is_whitespace() || c.is_control() || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2060}' | '\u{feff}');
     let begin = text.trim_start_matches(is_unseen);

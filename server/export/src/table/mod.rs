@@ -32,7 +32,8 @@ mod tests;
 pub(crate) mod walk;
 mod wkb;
 
-pub use report::{ExportError, ExportReport};
+pub use csv::cell as csv_cell;
+pub use report::{ExportError, ExportReport, attribution};
 
 use crate::format::{Format, Projections};
 use city::{City, Plan};

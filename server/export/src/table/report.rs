@@ -38,7 +38,7 @@ impl ExportReport {
 }
 
 /// The sources of a city as one text: name, licence and web page of each, separated by semicolons.
-pub(crate) fn attribution(manifest: &Manifest) -> String {
+pub fn attribution(manifest: &Manifest) -> String {
     let of_source = |source: &insula_protocol::manifest::Attribution| {
         source.texts().map(String::as_str).collect::<Vec<_>>().join(", ")
     };
