@@ -1,28 +1,31 @@
 //! The command line as it is typed. `serve` turns its part into a [`ServeConfig`](crate::config::ServeConfig).
 
+#[cfg(feature = "bake")]
+mod analyse;
 mod choices;
 mod objects;
 mod parse;
+mod publish;
 
+#[cfg(feature = "bake")]
+pub use analyse::{AnalyseArgs, Analysis};
 pub use choices::{GeneratedFacades, GeneratedGround, LengthUnit, Preference, UpAxis, VisibilityRenderer};
 #[cfg(feature = "bake")]
 pub use objects::{ExportArgs, ExportFormat};
 pub use objects::{ObjectsArgs, SearchArgs};
 pub use parse::{DegreesBox, GeoPlace, ShareArea};
+pub use publish::{PublishArgs, SignArgs};
 
-use crate::{
-    config::PublicUrl,
-    share_link::{parse_lifetime, parse_version},
-};
+use crate::config::PublicUrl;
 use clap::{Parser, Subcommand, builder::ArgPredicate};
 use insula_command_line::{SetupCommand, output::OverwriteArgs};
 use insula_protocol::{TileId, blockmap::Quality};
 use parse::{
-    parse_address, parse_area, parse_bytes, parse_cell, parse_crs, parse_degrees_box, parse_kilometres,
-    parse_max_error, parse_metres, parse_name, parse_place, parse_positive_metres, parse_quality, parse_ratio,
-    parse_samples, parse_site_address, parse_tile,
+    parse_address, parse_bytes, parse_cell, parse_crs, parse_degrees_box, parse_kilometres, parse_max_error,
+    parse_metres, parse_name, parse_place, parse_positive_metres, parse_quality, parse_ratio, parse_samples,
+    parse_tile,
 };
-use std::{path::PathBuf, time::Duration};
+use std::path::PathBuf;
 
 const EXAMPLE: &str = "Example:\n  insula-server bake delft.city.json --out delft\n  insula-server serve delft";
 
@@ -78,6 +81,12 @@ pub enum ServerCommand {
         after_help = "Example:\n  insula-server export cities/delft --format flatgeobuf --out delft.fgb --filter 'height > 20'\n  insula-server export cities/delft --format 3dtiles --out delft.3tz"
     )]
     Export(ExportArgs),
+    /// Compute hours of sun, the sky that is seen, shadows, and what is seen from a place
+    #[cfg(feature = "bake")]
+    #[command(
+        after_help = "Example:\n  insula-server analyse cities/delft sun --rule nl-tno-light --out sun.tif --buildings sun.csv\n  insula-server analyse cities/delft sky --out sky.tif\n  insula-server analyse cities/delft shadow --time 2025-12-21T10:00+01:00 --out shadow.tif\n  insula-server analyse cities/delft view --from 4.3610,52.0116,40 --out view.tif\n\nRules: au-21-june, cn-great-cold, cn-winter-solstice, en-17037, jp-winter-solstice, nl-the-hague, nl-tno-light,\nnl-tno-strict, uk-br209-gardens, or a TOML file. A result says how many hours there are and how many the rule asks for;\nwhether a plan is lawful is for others to say."
+    )]
+    Analyse(AnalyseArgs),
     /// Check every checksum of a city and decode every tile
     #[command(
         after_help = "Example:\n  insula-server verify cities/delft\n\nPrints the damaged tiles, one per line, and exits with 1 if there are any."
@@ -432,55 +441,6 @@ pub struct ServeArgs {
     /// Print all settings as a TOML file instead of serving
     #[arg(long)]
     pub print_config: bool,
-}
-
-/// Arguments of `sign`.
-#[derive(Debug, clap::Args)]
-pub struct SignArgs {
-    /// Name of the city
-    #[arg(long, value_name = "C", value_parser = parse_name)]
-    pub city: String,
-    /// Lifetime of the link, as in 30m, 12h, 7d or 4w
-    #[arg(long, value_name = "TIME", value_parser = parse_lifetime)]
-    pub expires: Duration,
-    /// Area that the link opens, in metres of the city's reference system [default: all]
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
-    pub bbox_metres: Option<ShareArea>,
-    /// Page, manifest, tiles and search only
-    #[arg(long)]
-    pub read_only: bool,
-    /// Version that the link opens; may end with * [default: all versions]
-    #[arg(long, value_name = "V", default_value = "*", hide_default_value = true, value_parser = parse_version)]
-    pub version: String,
-    /// Address of the server, which the link begins with; with its path behind a proxy
-    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7700")]
-    pub url: PublicUrl,
-    /// File of keys, one "ID SECRET" per line [default: access.share_keys of the settings]
-    #[arg(long, value_name = "FILE")]
-    pub keys: Option<PathBuf>,
-    /// TOML file of settings
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-}
-
-/// Arguments of `publish`.
-#[derive(Debug, clap::Args)]
-pub struct PublishArgs {
-    /// City folders, or folders of city folders
-    #[arg(required = true, value_name = "CITY")]
-    pub cities: Vec<PathBuf>,
-    /// Folder to write the site to. A site there is replaced at the very end; any other folder that is not empty is refused
-    #[arg(long, value_name = "SITE")]
-    pub out: PathBuf,
-    /// Title of the site
-    #[arg(long, value_name = "T")]
-    pub title: Option<String>,
-    /// Address that the site will have, for previews of links to it
-    #[arg(long, value_name = "URL", value_parser = parse_site_address)]
-    pub url: Option<String>,
-    /// TOML file of settings, of which the table site counts: name, logo, colour, imprint and first views
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
 }
 
 /// Arguments of `inspect`.

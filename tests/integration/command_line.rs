@@ -80,7 +80,7 @@ fn both_programs_show_help_and_errors_alike() {
 }
 
 /// Runs a program in a folder to its end. Returns its exit code, and what it says on standard error.
-fn call(name: &str, folder: &Path, arguments: &[&OsStr]) -> (Option<i32>, String) {
+pub(crate) fn call(name: &str, folder: &Path, arguments: &[&OsStr]) -> (Option<i32>, String) {
     let mut command = Process::new(program(name).unwrap());
     command
         .current_dir(folder)

@@ -106,7 +106,7 @@ impl Workspace {
 }
 
 /// The packages of the workspace that each may depend on.
-const ALLOWED: [(&str, &[&str]); 24] = [
+const ALLOWED: [(&str, &[&str]); 25] = [
     ("insula-protocol", &[]),
     ("insula-archive", &["insula-protocol"]),
     ("insula-command-line", &["insula-protocol", "insula-archive"]),
@@ -147,6 +147,7 @@ const ALLOWED: [(&str, &[&str]); 24] = [
         "insula-draw",
         &["insula-protocol", "insula-archive", "insula-objects", "insula-export", "insula-roam", "insula-shaders"],
     ),
+    ("insula-analysis", &["insula-protocol", "insula-objects", "insula-export"]),
     ("insula-occlusion", &["insula-shaders"]),
     ("insula-roam", &[]),
     ("insula-visibility", &["insula-protocol"]),
@@ -157,6 +158,7 @@ const ALLOWED: [(&str, &[&str]); 24] = [
             "insula-archive",
             "insula-command-line",
             "insula-objects",
+            "insula-analysis",
             "insula-bake",
             "insula-draw",
             "insula-export",
@@ -201,6 +203,7 @@ fn packages_depend_only_on_those_below_them() {
 fn optional_parts_are_optional_dependencies() {
     let workspace = Workspace::load();
     for (package, optional) in [
+        ("insula-server", "insula-analysis"),
         ("insula-server", "insula-bake"),
         ("insula-server", "insula-draw"),
         ("insula-server", "insula-occlusion"),

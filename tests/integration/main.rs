@@ -7,6 +7,7 @@
 // The targets of `fuzz_targets` say `libfuzzer_sys::fuzz_target!`.
 extern crate self as libfuzzer_sys;
 
+mod analyse;
 mod bad_input;
 mod bake_same_bytes;
 mod browser;
@@ -51,7 +52,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 37] = [
+const MODULES: [(&str, Add); 38] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -85,6 +86,7 @@ const MODULES: [(&str, Add); 37] = [
     ("office", office::add),
     ("documents", documents::add),
     ("command_line", command_line::add),
+    ("analyse", analyse::add),
     ("fuzz_targets", fuzz_targets::add),
     ("dependencies", dependencies::add),
     ("structure", structure::add),

@@ -21,7 +21,7 @@ pub(crate) fn add(trials: &mut Trials) {
 }
 
 /// Folders of the crates' sources.
-const CRATES: [&str; 25] = [
+const CRATES: [&str; 26] = [
     "protocol/src",
     "protocol/archive/src",
     "protocol/objects/src",
@@ -29,6 +29,7 @@ const CRATES: [&str; 25] = [
     "client/viewer/src",
     "client/src",
     "client/web/src",
+    "server/analysis/src",
     "server/bake/src",
     "server/draw/src",
     "server/dress/src",

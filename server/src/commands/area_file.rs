@@ -10,14 +10,15 @@ use std::path::Path;
 const MAX_BYTES: u64 = 16 << 20;
 const MAX_DEPTH: u32 = 16;
 
-/// All polygons of a GeoJSON file on the map of a city with these bounds. They may be in degrees, as GeoJSON has them, or in metres of the
+/// All polygons of the GeoJSON file of an option on the map of a city with these bounds. They may be in degrees, as GeoJSON has them, or in metres of the
 /// city's coordinate system. Fails if there is none, or if their places cannot be known.
 pub(super) fn read_polygons(
+    option: &str,
     path: &Path,
     city: [[f64; 2]; 2],
     place: Option<&EarthPlace>,
 ) -> Result<Vec<Polygon>, CommandError> {
-    let wrong = |reason: &str| CommandError::Usage(format!("--polygon {}: {reason}", path.display()));
+    let wrong = |reason: &str| CommandError::Usage(format!("{option} {}: {reason}", path.display()));
     let text = read_text(path, MAX_BYTES).map_err(|error| wrong(&error.to_string()))?;
     let json: Value = serde_json::from_str(&text).map_err(|error| wrong(&error.to_string()))?;
     let mut polygons = Vec::new();
@@ -80,7 +81,7 @@ mod tests {
         let read = |text: &str, place: Option<&EarthPlace>| {
             let path = folder.path().join("a.geojson");
             std::fs::write(&path, text).unwrap();
-            read_polygons(&path, city, place).map_err(|error| error.to_string())
+            read_polygons("--polygon", &path, city, place).map_err(|error| error.to_string())
         };
         let polygon = |ring: &str| format!(r#"{{"type": "Polygon", "coordinates": [{ring}]}}"#);
         let feature = |geometry: &str| format!(r#"{{"type": "Feature", "properties": {{}}, "geometry": {geometry}}}"#);

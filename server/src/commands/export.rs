@@ -214,7 +214,7 @@ fn selection(
 ) -> Result<ObjectSelection, CommandError> {
     let bbox = args.area.world_box(|degrees| place?.box_on_map(degrees)).map_err(CommandError::Usage)?;
     let city = source.manifest().bounds.map(|[x, y, _]| [x, y]);
-    let polygons = args.polygon.as_deref().map(|path| read_polygons(path, city, place)).transpose()?;
+    let polygons = args.polygon.as_deref().map(|path| read_polygons("--polygon", path, city, place)).transpose()?;
     let objects = args.filter.as_deref().map(|text| passing_objects(text, source, &args.city)).transpose()?;
     Ok(ObjectSelection { bbox, polygons, objects })
 }

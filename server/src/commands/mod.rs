@@ -3,6 +3,8 @@
 #[cfg(feature = "bake")]
 mod addresses;
 #[cfg(feature = "bake")]
+mod analyse;
+#[cfg(feature = "bake")]
 mod ao;
 #[cfg(feature = "bake")]
 mod area_file;
@@ -62,6 +64,8 @@ pub fn run(args: Args) -> Result<(), CommandError> {
             Some(work) => bake_steps::run(&args, work),
             None => bake::run(&args),
         },
+        #[cfg(feature = "bake")]
+        ServerCommand::Analyse(args) => analyse::run(&args),
         #[cfg(feature = "bake")]
         ServerCommand::Export(args) => export::run(&args),
         #[cfg(feature = "bake")]

@@ -1,0 +1,141 @@
+//! Rays against the finest triangles of a city.
+
+use glam::{DVec3, Vec3A};
+use insula_export::{leaves::visit_leaf_meshes, source::ExportSource, table::ExportError};
+use obvhs::{
+    BvhBuildParams,
+    cwbvh::{CwBvh, builder::build_cwbvh_from_tris},
+    ray::{Ray, RayHit},
+    triangle::Triangle,
+};
+use std::time::Duration;
+
+/// Most triangles that are in memory, with about 110 bytes each.
+const MAX_TRIANGLES: usize = 16 << 20;
+
+/// The triangles of a part of a city.
+pub struct CityTriangles {
+    bvh: CwBvh,
+    triangles: Vec<Triangle>,
+    /// World position that the triangles count from.
+    origin: DVec3,
+    /// Highest corner above `origin`; `None` without triangles.
+    highest: Option<f32>,
+}
+
+impl CityTriangles {
+    /// Reads the triangles of the leaves that an area touches, in world metres. Fails if tiles cannot be read, or if there are too many
+    /// triangles.
+    pub fn read(source: &dyn ExportSource, area: [[f64; 2]; 2]) -> Result<Self, ExportError> {
+        let [min, max] = area;
+        let origin = DVec3::new(0.5 * (min[0] + max[0]), 0.5 * (min[1] + max[1]), source.manifest().origin[2]);
+        let mut triangles = Vec::new();
+        visit_leaf_meshes(source, area, 0.0, &mut |leaf| {
+            let corner = |vertex: u32| {
+                let position = leaf.positions.get(vertex as usize).copied().unwrap_or_default();
+                (DVec3::from(position) - origin).as_vec3a()
+            };
+            let mesh = &leaf.tile.mesh;
+            triangles.extend(mesh.triangles.iter().map(|corners| {
+                let [v0, v1, v2] = corners.map(corner);
+                Triangle { v0, v1, v2 }
+            }));
+            if triangles.len() > MAX_TRIANGLES {
+                let reason = format!(
+                    "more than {MAX_TRIANGLES} triangles around the points; choose fewer points or a smaller --reach"
+                );
+                return Err(ExportError::TooLarge { format: "an analysis", reason });
+            }
+            Ok(())
+        })?;
+        Ok(Self::new(triangles, origin))
+    }
+
+    fn new(triangles: Vec<Triangle>, origin: DVec3) -> Self {
+        let bvh = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
+        let corners = triangles.iter().flat_map(|triangle| [triangle.v0.z, triangle.v1.z, triangle.v2.z]);
+        let highest = corners.reduce(f32::max);
+        Self { bvh, triangles, origin, highest }
+    }
+
+    /// Whether nothing stands on the way from a place in world metres along a unit vector.
+    #[must_use]
+    pub fn is_free(&self, from: DVec3, direction: DVec3) -> bool {
+        if self.highest.is_none() {
+            return true;
+        }
+        let ray = ray((from - self.origin).as_vec3a(), direction.as_vec3a());
+        self.bvh
+            .ray_traverse_miss(ray, |ray, at| distance(&self.triangles[self.bvh.primitive_indices[at] as usize], ray))
+    }
+
+    /// Height of the highest surface at a place on the map, in world metres; `None` if there is none.
+    #[must_use]
+    pub fn top(&self, place: [f64; 2]) -> Option<f64> {
+        // From just above all: far away, single precision would miss edges.
+        let above = self.highest? + 1.0;
+        let from = DVec3::new(place[0], place[1], self.origin.z) - self.origin;
+        let ray = ray(from.as_vec3a() + Vec3A::Z * above, -Vec3A::Z);
+        let mut hit = RayHit::none();
+        self.bvh.ray_traverse(ray, &mut hit, |ray, at| {
+            distance(&self.triangles[self.bvh.primitive_indices[at] as usize], ray)
+        });
+        (hit.t < f32::MAX && hit.t.is_finite()).then(|| self.origin.z + f64::from(above - hit.t))
+    }
+}
+
+/// A ray that leaves all planes along the axes: the hierarchy loses those that run in one, as the top of a level roof is.
+fn ray(from: Vec3A, direction: Vec3A) -> Ray {
+    let aside = Vec3A::select(direction.cmpeq(Vec3A::ZERO), Vec3A::splat(1e-6), direction);
+    Ray::new_inf(from, aside)
+}
+
+/// How far barycentric coordinates may be outside, so that no ray passes between two triangles.
+const SLACK: f32 = 1e-5;
+
+/// Distance of a triangle along a ray, from either side; infinite if the ray misses it (Moeller and Trumbore, Fast, Minimum Storage
+/// Ray/Triangle Intersection, 1997).
+fn distance(triangle: &Triangle, ray: &Ray) -> f32 {
+    let (a, b) = (triangle.v1 - triangle.v0, triangle.v2 - triangle.v0);
+    let across = ray.direction.cross(b);
+    let volume = a.dot(across);
+    if volume.abs() < 1e-12 {
+        return f32::INFINITY;
+    }
+    let from = ray.origin - triangle.v0;
+    let over = from.cross(a);
+    let [u, v, t] = [from.dot(across), ray.direction.dot(over), b.dot(over)].map(|value| value / volume);
+    let is_inside = u >= -SLACK && v >= -SLACK && u + v <= 1.0 + SLACK;
+    if is_inside && t > 0.0 { t } else { f32::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_ray_passes_between_two_triangles() {
+        let [a, b, c, d] = [[0.0, 0.0], [20.0, 0.0], [20.0, 12.0], [0.0, 12.0]].map(|[x, y]| Vec3A::new(x, y, 9.0));
+        let pair = [Triangle { v0: a, v1: b, v2: c }, Triangle { v0: a, v1: c, v2: d }];
+        for i in 0..=200 {
+            // Along their common edge, from both sides.
+            let place = a + (c - a) * (i as f32 / 200.0);
+            for (side, away) in [(1.0, 5.0), (-1.0, 3.0)] {
+                let ray = Ray::new_inf(place + Vec3A::Z * side * away, -Vec3A::Z * side);
+                let nearest = pair.iter().map(|triangle| distance(triangle, &ray)).fold(f32::INFINITY, f32::min);
+                assert!((nearest - away).abs() < 1e-4, "{i}: {nearest}");
+            }
+        }
+        let city = CityTriangles::new(pair.to_vec(), DVec3::new(500.0, 600.0, 40.0));
+        assert_eq!(
+            [city.top([510.0, 606.0]), city.top([503.0, 601.0]), city.top([521.0, 606.0])],
+            [Some(49.0), Some(49.0), None]
+        );
+        assert!(
+            !city.is_free(DVec3::new(510.0, 606.0, 45.0), DVec3::Z)
+                && city.is_free(DVec3::new(510.0, 606.0, 50.0), DVec3::Z)
+        );
+        let beside = Ray::new_inf(Vec3A::new(20.1, 6.0, 20.0), -Vec3A::Z);
+        assert!(pair.iter().all(|triangle| distance(triangle, &beside) == f32::INFINITY));
+    }
+}

@@ -1,0 +1,283 @@
+//! Rules of sun hours: when the sun counts, where it is measured, and how much of it is asked for.
+//!
+//! A rule is a TOML file. Those built in are `rules/*.toml`, each with its source.
+
+use crate::sun::TimeSystem;
+use chrono::{Datelike, Days, NaiveDate};
+use serde::Deserialize;
+
+/// Most days of a rule: each is swept for itself.
+const MAX_DAYS: usize = 366;
+
+/// Names and texts of the rules that are built in.
+const BUILT_IN: [(&str, &str); 9] = [
+    ("au-21-june", include_str!("../rules/au-21-june.toml")),
+    ("cn-great-cold", include_str!("../rules/cn-great-cold.toml")),
+    ("cn-winter-solstice", include_str!("../rules/cn-winter-solstice.toml")),
+    ("en-17037", include_str!("../rules/en-17037.toml")),
+    ("jp-winter-solstice", include_str!("../rules/jp-winter-solstice.toml")),
+    ("nl-the-hague", include_str!("../rules/nl-the-hague.toml")),
+    ("nl-tno-light", include_str!("../rules/nl-tno-light.toml")),
+    ("nl-tno-strict", include_str!("../rules/nl-tno-strict.toml")),
+    ("uk-br209-gardens", include_str!("../rules/uk-br209-gardens.toml")),
+];
+
+/// Why a rule cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct RuleError(String);
+
+/// How the sun's times of one day make one number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CountMode {
+    /// All times together.
+    #[default]
+    Cumulative,
+    /// The longest time without shade.
+    LongestRun,
+}
+
+/// Which of a rule's days counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DayMode {
+    /// The day with the least sun: the rule asks for its hours on each day.
+    #[default]
+    Least,
+    /// The day with the most sun: one day is enough.
+    Most,
+    /// All days together.
+    Sum,
+}
+
+/// A rule of sun hours.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rule {
+    pub title: String,
+    /// Where the rule is written.
+    pub source: String,
+    pub days: Vec<NaiveDate>,
+    /// Days of the rule that are not among `days`, because it asks for every one of a range.
+    pub left_out: usize,
+    pub day_mode: DayMode,
+    /// First and last hour.
+    pub hours: [f64; 2],
+    pub time: TimeSystem,
+    /// The sun counts from this altitude on.
+    pub lowest_sun_deg: f64,
+    pub step_minutes: f64,
+    pub mode: CountMode,
+    /// Heights above the ground in metres at which walls are measured.
+    pub wall_heights_m: Vec<f64>,
+    /// Hours that the rule asks for; `None` if it asks for a diagram only.
+    pub asked_hours: Option<f64>,
+}
+
+/// The file of a rule.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RuleFile {
+    title: String,
+    source: String,
+    #[serde(default = "default_year")]
+    year: i32,
+    /// Days as MM-DD.
+    #[serde(default)]
+    days: Vec<String>,
+    /// First and last day as MM-DD; `every_days` apart, and the last one.
+    range: Option<[String; 2]>,
+    #[serde(default = "default_every")]
+    every_days: u64,
+    #[serde(default)]
+    day_mode: DayMode,
+    #[serde(default = "default_hours")]
+    hours: [f64; 2],
+    /// `true-solar`, `mean-solar`, or an offset such as `+09:00`.
+    #[serde(default = "default_time")]
+    time: String,
+    #[serde(default)]
+    lowest_sun_deg: f64,
+    #[serde(default = "default_step")]
+    step_minutes: f64,
+    #[serde(default)]
+    mode: CountMode,
+    #[serde(default = "default_heights")]
+    wall_heights_m: Vec<f64>,
+    asked_hours: Option<f64>,
+}
+
+fn default_year() -> i32 {
+    2025
+}
+
+fn default_every() -> u64 {
+    7
+}
+
+fn default_hours() -> [f64; 2] {
+    [0.0, 24.0]
+}
+
+fn default_time() -> String {
+    "true-solar".to_owned()
+}
+
+fn default_step() -> f64 {
+    5.0
+}
+
+fn default_heights() -> Vec<f64> {
+    vec![1.6]
+}
+
+impl Rule {
+    /// Names of the rules that are built in.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name)
+    }
+
+    /// The rule of a name; `None` if there is none.
+    #[must_use]
+    pub fn built_in(name: &str) -> Option<Self> {
+        let (_, text) = BUILT_IN.iter().find(|(known, _)| *known == name)?;
+        // A test parses all of them.
+        Self::parse(text).ok()
+    }
+
+    /// Reads a rule's file. Fails with the key that is wrong and what it may be.
+    pub fn parse(text: &str) -> Result<Self, RuleError> {
+        let file: RuleFile = toml::from_str(text).map_err(|error| RuleError(error.message().to_owned()))?;
+        let (days, left_out) = days(&file)?;
+        let [from, to] = file.hours;
+        if !(0.0 <= from && from < to && to <= 24.0) {
+            return wrong("hours: write the first and the last one, as in [8, 16]");
+        }
+        if !(1.0..=60.0).contains(&file.step_minutes) {
+            return wrong("step_minutes: 1 to 60");
+        }
+        if !(0.0..90.0).contains(&file.lowest_sun_deg) {
+            return wrong("lowest_sun_deg: 0 to 90");
+        }
+        let is_height = |height: &f64| (0.0..=1000.0).contains(height);
+        if file.wall_heights_m.len() > 16 || !file.wall_heights_m.iter().all(is_height) {
+            return wrong("wall_heights_m: at most 16 heights of 0 to 1000 m");
+        }
+        if file.asked_hours.is_some_and(|hours| !(hours > 0.0 && hours.is_finite())) {
+            return wrong("asked_hours: more than 0");
+        }
+        Ok(Self {
+            title: file.title,
+            source: file.source,
+            days,
+            left_out,
+            day_mode: file.day_mode,
+            hours: file.hours,
+            time: parse_time(&file.time)?,
+            lowest_sun_deg: file.lowest_sun_deg,
+            step_minutes: file.step_minutes,
+            mode: file.mode,
+            wall_heights_m: file.wall_heights_m,
+            asked_hours: file.asked_hours,
+        })
+    }
+}
+
+fn wrong<T>(reason: &str) -> Result<T, RuleError> {
+    Err(RuleError(reason.to_owned()))
+}
+
+/// The days of a rule, and how many of its range are left out.
+fn days(file: &RuleFile) -> Result<(Vec<NaiveDate>, usize), RuleError> {
+    let date = |text: &String| {
+        let parts = text.split_once('-').and_then(|(month, day)| Some((month.parse().ok()?, day.parse().ok()?)));
+        let date = parts.and_then(|(month, day)| NaiveDate::from_ymd_opt(file.year, month, day));
+        date.filter(|date| (1800..=2200).contains(&date.year()))
+            .ok_or_else(|| RuleError(format!("\"{text}\" is no day of {}: write 06-21; years 1800 to 2200", file.year)))
+    };
+    let mut days = file.days.iter().map(date).collect::<Result<Vec<_>, _>>()?;
+    let mut left_out = 0;
+    if let Some([first, last]) = &file.range {
+        let (first, last) = (date(first)?, date(last)?);
+        if first > last || file.every_days == 0 {
+            return wrong(
+                "range: write the first and the last day of one year, as in [\"02-19\", \"10-21\"], and every_days from 1 on",
+            );
+        }
+        let swept = std::iter::successors(Some(first), |day| day.checked_add_days(Days::new(file.every_days)));
+        let before = days.len();
+        days.extend(swept.take_while(|day| *day < last));
+        days.push(last);
+        left_out = (last - first).num_days() as usize + 1 - (days.len() - before);
+    }
+    if days.is_empty() || days.len() > MAX_DAYS {
+        return wrong("days or range: 1 to 366 days");
+    }
+    Ok((days, left_out))
+}
+
+fn parse_time(text: &str) -> Result<TimeSystem, RuleError> {
+    match text {
+        "true-solar" => return Ok(TimeSystem::TrueSolar),
+        "mean-solar" => return Ok(TimeSystem::MeanSolar),
+        _ => {}
+    }
+    let offset = || {
+        let (sign, rest) =
+            text.strip_prefix('+').map(|rest| (1.0, rest)).or(text.strip_prefix('-').map(|rest| (-1.0, rest)))?;
+        let (hours, minutes) = rest.split_once(':')?;
+        let [hours, minutes]: [u8; 2] = [hours.parse().ok()?, minutes.parse().ok()?];
+        let offset = f64::from(hours) + f64::from(minutes) / 60.0;
+        (hours <= 14 && minutes < 60).then_some(TimeSystem::Offset(sign * offset))
+    };
+    offset().ok_or_else(|| RuleError("time: true-solar, mean-solar, or an offset such as +09:00".to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rules_that_are_built_in_are_valid() {
+        for name in Rule::names() {
+            let rule = Rule::built_in(name).unwrap_or_else(|| {
+                panic!("{name}: {:?}", Rule::parse(BUILT_IN.iter().find(|(known, _)| *known == name).unwrap().1))
+            });
+            assert!(!rule.source.is_empty() && !rule.title.is_empty(), "{name}");
+        }
+        assert_eq!(Rule::built_in("nl"), None);
+        let light = Rule::built_in("nl-tno-light").unwrap();
+        assert_eq!((light.asked_hours, light.day_mode), (Some(2.0), DayMode::Least));
+        let ends = [(2, 19), (10, 21)].map(|(month, day)| NaiveDate::from_ymd_opt(2025, month, day).unwrap());
+        assert_eq!([light.days[0], *light.days.last().unwrap()], ends);
+        assert_eq!(light.left_out + light.days.len(), 245);
+    }
+
+    #[test]
+    fn wrong_rules_say_what_is_wrong() {
+        let parse = |lines: &str| Rule::parse(&format!("title = \"t\"\nsource = \"s\"\n{lines}"));
+        let rule = parse("days = [\"02-28\"]\ntime = \"-03:30\"\nhours = [8, 16.5]").unwrap();
+        assert_eq!((rule.time, rule.hours, rule.mode), (TimeSystem::Offset(-3.5), [8.0, 16.5], CountMode::Cumulative));
+        for (lines, word) in [
+            ("", "days"),
+            ("days = [\"02-29\"]", "02-29"),
+            ("days = [\"x\"]", "06-21"),
+            ("range = [\"10-01\", \"02-01\"]", "range"),
+            ("range = [\"01-01\", \"02-01\"]\nevery_days = 0", "every_days"),
+            ("days = [\"06-21\"]\nhours = [16, 8]", "hours"),
+            ("days = [\"06-21\"]\nhours = [nan, 8]", "hours"),
+            ("days = [\"06-21\"]\nstep_minutes = 0", "step_minutes"),
+            ("days = [\"06-21\"]\nlowest_sun_deg = -1", "lowest_sun_deg"),
+            ("days = [\"06-21\"]\ntime = \"9\"", "true-solar"),
+            ("days = [\"06-21\"]\ntime = \"+25:00\"", "true-solar"),
+            ("days = [\"06-21\"]\nwall_heights_m = [-1]", "wall_heights_m"),
+            ("days = [\"06-21\"]\nasked_hours = 0", "asked_hours"),
+            ("days = [\"06-21\"]\nmode = \"most\"", "longest-run"),
+            ("day = [\"06-21\"]", "day"),
+            ("days = [\"06-21\"]\nyear = 99999", "99999"),
+        ] {
+            let error = parse(lines).unwrap_err().to_string();
+            assert!(error.contains(word), "{lines}: {error}");
+        }
+    }
+}

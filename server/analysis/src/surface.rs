@@ -1,0 +1,279 @@
+//! The surface of a city as analyses see it: the top of each cell, and what stands there.
+
+use crate::raster::Raster;
+use insula_export::{
+    leaves::LeafObjects,
+    raster::{CellExtent, visit_tops},
+    selection::ObjectSelection,
+    source::ExportSource,
+    table::ExportError,
+};
+use insula_objects::FeatureKind;
+use insula_protocol::{mesh_tile::NO_OBJECT, octahedral};
+use std::collections::HashMap;
+
+/// Most cells of one analysis: they are in memory, with 20 to 30 bytes each.
+pub const MAX_CELLS: u64 = 200 << 20;
+
+/// Codes of [`CitySurface::kind`] above all indices of buildings.
+const NOTHING: u32 = u32::MAX;
+const GROUND: u32 = u32::MAX - 1;
+const OTHER: u32 = u32::MAX - 2;
+
+/// What the top of a cell belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TopKind {
+    /// Nothing was baked there.
+    Nothing,
+    /// Land, water, generated ground.
+    Ground,
+    /// A building, as an index into [`CitySurface::buildings`].
+    Roof(u32),
+    /// Trees, bridges, masts and all else that stands.
+    Other,
+}
+
+impl TopKind {
+    fn code(self) -> u32 {
+        match self {
+            Self::Nothing => NOTHING,
+            Self::Ground => GROUND,
+            Self::Other => OTHER,
+            Self::Roof(building) => building,
+        }
+    }
+}
+
+/// A building with its parts.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Building {
+    /// Number of the object.
+    pub number: u32,
+    /// Of the source; empty if it has none.
+    pub identifier: String,
+}
+
+/// The tops of the cells of a part of a city, row by row from the south-west.
+#[derive(Debug, Clone)]
+pub struct CitySurface {
+    pub extent: CellExtent,
+    /// Side of a cell in metres.
+    pub cell_m: f64,
+    /// World position of the south-western corner.
+    pub corner: [f64; 2],
+    /// World height that `tops` count from.
+    pub base_m: f64,
+    /// Metres above `base_m`; negative infinity where nothing was baked.
+    pub(crate) tops: Raster<f32>,
+    /// Octahedral codes of the normals of the tops.
+    pub(crate) normals: Raster<u16>,
+    kinds: Vec<u32>,
+    /// Indices of the cells with a wall below their tops, ascending, with the direction of its normal in 1/256 turns, 0 east, 64 north.
+    walls: Vec<(u32, u8)>,
+    pub buildings: Vec<Building>,
+}
+
+impl CitySurface {
+    /// Reads the surface of an area in world metres, or of the whole city. Fails if the area has no or too many cells, or if tiles cannot be
+    /// read.
+    pub fn read(source: &dyn ExportSource, area: Option<[[f64; 2]; 2]>) -> Result<Self, ExportError> {
+        let manifest = source.manifest();
+        let extent = CellExtent::of(manifest, area)?;
+        if extent.len() > MAX_CELLS {
+            let reason = format!("{} x {} cells; choose a smaller box", extent.size[0], extent.size[1]);
+            return Err(ExportError::TooLarge { format: "an analysis", reason });
+        }
+        let [width, height] = extent.size.map(|side| side as usize);
+        let cells = width * height;
+        let corner = [0, 1].map(|k| manifest.origin[k] + f64::from(extent.min[k]) * manifest.cell_m);
+        let mut surface = Self {
+            extent,
+            cell_m: manifest.cell_m,
+            corner,
+            base_m: manifest.origin[2],
+            tops: Raster::filled(width, height, f32::NEG_INFINITY),
+            normals: Raster::filled(width, height, up()),
+            kinds: vec![NOTHING; cells],
+            walls: Vec::new(),
+            buildings: Vec::new(),
+        };
+        let everything = ObjectSelection::default();
+        let mut kinds = KindsOfObjects::new(source, &everything);
+        let mut failure = None;
+        visit_tops(source, extent, &mut |cell, top| {
+            let index = extent.index(cell);
+            surface.tops.values[index] = (f64::from(top.height) - surface.base_m) as f32;
+            surface.normals.values[index] = top.normal.unwrap_or_else(up);
+            surface.walls.extend(top.wall.map(|wall| (index as u32, wall)));
+            match kinds.get(top.object) {
+                Ok(kind) => surface.kinds[index] = kind.code(),
+                Err(error) => failure = Some(error),
+            }
+        })?;
+        surface.walls.sort_unstable();
+        surface.buildings = kinds.buildings;
+        failure.map_or(Ok(surface), Err)
+    }
+
+    /// A surface of cells of a metre without walls of their own direction, for tests.
+    #[cfg(test)]
+    pub(crate) fn of_cells(size: [u32; 2], corner: [f64; 2], base_m: f64, tops: Vec<f32>, kinds: &[TopKind]) -> Self {
+        Self {
+            extent: CellExtent { min: [0, 0], size },
+            cell_m: 1.0,
+            corner,
+            base_m,
+            normals: Raster::filled(size[0] as usize, size[1] as usize, up()),
+            tops: Raster { width: size[0] as usize, height: size[1] as usize, values: tops },
+            kinds: kinds.iter().map(|kind| kind.code()).collect(),
+            walls: Vec::new(),
+            buildings: vec![Building { number: 7, identifier: "house".to_owned() }],
+        }
+    }
+
+    /// Metres above the base of the top of a cell; negative infinity where nothing was baked. Requires an index of a cell.
+    #[must_use]
+    pub fn top(&self, index: usize) -> f32 {
+        self.tops.values[index]
+    }
+
+    /// What the top of a cell belongs to. Requires an index of a cell.
+    #[must_use]
+    pub fn kind(&self, index: usize) -> TopKind {
+        match self.kinds[index] {
+            NOTHING => TopKind::Nothing,
+            GROUND => TopKind::Ground,
+            OTHER => TopKind::Other,
+            building => TopKind::Roof(building),
+        }
+    }
+
+    /// Direction of the normal of the wall below a cell's top, in degrees from the grid's north over east; `None` without a wall.
+    #[must_use]
+    pub fn wall_azimuth_deg(&self, index: usize) -> Option<f64> {
+        let at = self.walls.binary_search_by_key(&(index as u32), |(cell, _)| *cell).ok()?;
+        let turns = f64::from(self.walls[at].1) / 256.0;
+        Some((90.0 - turns * 360.0).rem_euclid(360.0))
+    }
+
+    /// World height of the ground at a place in world metres, or of the nearest ground up to two cells away; `None` if there is none.
+    #[must_use]
+    pub fn ground_at(&self, place: [f64; 2]) -> Option<f64> {
+        const NEAR: usize = 2;
+        let [x, y] = self.cell_at(place)?;
+        let [width, height] = self.size();
+        let range = |at: usize, side: usize| at.saturating_sub(NEAR)..(at + NEAR + 1).min(side);
+        let cells = range(y, height).flat_map(|row| range(x, width).map(move |column| (column, row)));
+        let ground = cells.filter(|(column, row)| self.kind(row * width + column) == TopKind::Ground);
+        let nearest = ground.min_by_key(|(column, row)| column.abs_diff(x).pow(2) + row.abs_diff(y).pow(2))?;
+        Some(self.base_m + f64::from(self.top(nearest.1 * width + nearest.0)))
+    }
+
+    /// The surface with nothing but ground within an outline on the map: cells there are as high as the lowest one, or one beside them.
+    #[must_use]
+    pub fn without(&self, outline: &[[f64; 2]]) -> Self {
+        let area = ObjectSelection { polygons: Some(vec![vec![outline.to_vec()]]), ..ObjectSelection::default() };
+        let [width, height] = self.size();
+        let range = area
+            .area()
+            .map(|corners| corners.map(|corner| [0, 1].map(|k| ((corner[k] - self.corner[k]) / self.cell_m).floor())));
+        let mut cleared = self.clone();
+        let Some([low, high]) = range else { return cleared };
+        let span = |k: usize, side: usize| {
+            let [from, to] = [low[k] - 1.0, high[k] + 2.0].map(|v| v.clamp(0.0, side as f64) as usize);
+            from..to
+        };
+        let cells: Vec<(usize, [f64; 2])> = span(1, height)
+            .flat_map(|y| span(0, width).map(move |x| (x, y)))
+            .map(|(x, y)| {
+                let middle = [x, y].map(|v| v as f64 + 0.5);
+                (y * width + x, [0, 1].map(|k| self.corner[k] + middle[k] * self.cell_m))
+            })
+            .collect();
+        let tops = cells.iter().map(|(index, _)| self.tops.values[*index]).filter(|top| top.is_finite());
+        let Some(lowest) = tops.reduce(f32::min) else { return cleared };
+        for (index, _) in cells.iter().filter(|(_, place)| area.contains_point(*place)) {
+            (cleared.tops.values[*index], cleared.kinds[*index], cleared.normals.values[*index]) =
+                (lowest, GROUND, up());
+        }
+        cleared
+    }
+
+    /// Columns and rows.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        self.extent.size.map(|side| side as usize)
+    }
+
+    /// The cell of a place in world metres; `None` outside of the surface.
+    #[must_use]
+    pub fn cell_at(&self, place: [f64; 2]) -> Option<[usize; 2]> {
+        let cell = [0, 1].map(|k| ((place[k] - self.corner[k]) / self.cell_m).floor());
+        let is_inside = (0..2).all(|k| cell[k] >= 0.0 && cell[k] < self.extent.size[k] as f64);
+        is_inside.then(|| cell.map(|v| v as usize))
+    }
+}
+
+/// The code of the normal of a level top.
+pub(crate) fn up() -> u16 {
+    octahedral::encode([0.0, 0.0, 1.0])
+}
+
+/// What the objects of a city are.
+struct KindsOfObjects<'a> {
+    objects: LeafObjects<'a>,
+    known: HashMap<u32, TopKind>,
+    /// Indices of buildings by number.
+    places: HashMap<u32, u32>,
+    buildings: Vec<Building>,
+    /// The latest answer: neighbours mostly show the same object.
+    latest: (u32, TopKind),
+}
+
+impl<'a> KindsOfObjects<'a> {
+    fn new(source: &'a dyn ExportSource, selection: &'a ObjectSelection) -> Self {
+        Self {
+            objects: LeafObjects::new(source, selection),
+            known: HashMap::new(),
+            places: HashMap::new(),
+            buildings: Vec::new(),
+            latest: (NO_OBJECT, TopKind::Ground),
+        }
+    }
+
+    /// Fails if the objects cannot be read.
+    fn get(&mut self, number: u32) -> Result<TopKind, ExportError> {
+        if self.latest.0 == number {
+            return Ok(self.latest.1);
+        }
+        let kind = match self.known.get(&number) {
+            Some(kind) => *kind,
+            None => {
+                let kind = self.read(number)?;
+                self.known.insert(number, kind);
+                kind
+            }
+        };
+        self.latest = (number, kind);
+        Ok(kind)
+    }
+
+    fn read(&mut self, number: u32) -> Result<TopKind, ExportError> {
+        let object = self.objects.get(number)?;
+        let kind = object.kind;
+        if insula_export::leaves::is_land(kind) {
+            return Ok(TopKind::Ground);
+        }
+        if !matches!(kind, FeatureKind::Building | FeatureKind::BuildingPart) {
+            return Ok(TopKind::Other);
+        }
+        let whole = self.objects.whole(number)?;
+        let identifier = self.objects.get(whole)?.identifier.clone();
+        let next = self.buildings.len() as u32;
+        let index = *self.places.entry(whole).or_insert(next);
+        if index == next {
+            self.buildings.push(Building { number: whole, identifier });
+        }
+        Ok(TopKind::Roof(index))
+    }
+}

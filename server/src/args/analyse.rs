@@ -1,0 +1,86 @@
+//! Arguments of `analyse`.
+
+use clap::ValueEnum;
+use insula_command_line::{area::AreaArgs, output::OverwriteArgs};
+use std::path::PathBuf;
+
+/// What `analyse` computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Analysis {
+    /// Hours of sun by a rule
+    Sun,
+    /// Share of the sky that is seen: sky view factors, and vertical sky components of walls
+    Sky,
+    /// Where shadow lies at a time
+    Shadow,
+    /// What is seen from a place
+    View,
+}
+
+/// Arguments of `analyse`.
+#[derive(Debug, clap::Args)]
+pub struct AnalyseArgs {
+    /// City folder
+    pub city: PathBuf,
+    /// What to compute
+    #[arg(value_enum, value_name = "WHAT")]
+    pub what: Analysis,
+    /// Raster of the results, one value for each cell of the city as it is seen from above: hours of sun; the share of the sky from 0 to 1;
+    /// 1 for shadow and for what is seen, 0 for the rest. Of `shadow` and `view` also their areas as polygons, in GeoJSON
+    #[arg(long, value_name = "FILE.tif|FILE.geojson|FILE.csv")]
+    pub out: PathBuf,
+    /// Table with a row for each building, of `sun` and `sky`
+    #[arg(long, value_name = "FILE.csv")]
+    pub buildings: Option<PathBuf>,
+    #[command(flatten)]
+    pub area: AreaArgs,
+    /// Rule of `sun`: a name or a TOML file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub rule: Option<String>,
+    /// Hours of `sun` at the points of this table, by rays against the finest triangles; --out is a table, too. Its columns are x and y in
+    /// metres or lon and lat in degrees, height above the ground or z above sea level, and, if wanted, id and azimuth, the direction that a
+    /// wall looks at
+    #[arg(long, value_name = "FILE.csv")]
+    pub points: Option<PathBuf>,
+    /// Time of `shadow`, with an offset from universal time, else in the city's mean solar time
+    #[arg(long, value_name = "YYYY-MM-DDTHH:MM[+HH:MM]")]
+    pub time: Option<String>,
+    /// Place of the eye of `view`: longitude, latitude, and metres above the ground or the roof there
+    #[arg(long, value_name = "LON,LAT,H", value_parser = parse_eye, allow_hyphen_values = true)]
+    pub from: Option<[f64; 3]>,
+    /// Height above the ground or the roof of what `view` looks for, in metres [default: 0, with --of 1.6, the eye of who looks]
+    #[arg(long, value_name = "M", value_parser = parse_height, allow_hyphen_values = true)]
+    pub target_height: Option<f64>,
+    /// Outline of a planned building, of which `view` tells the share that is seen from each place: a polygon in a GeoJSON file, in degrees or
+    /// in metres of the city's coordinate system
+    #[arg(long, value_name = "FILE", conflicts_with = "from", requires = "height")]
+    pub of: Option<PathBuf>,
+    /// Height of the planned building of --of above the ground, in metres
+    #[arg(long, value_name = "M", requires = "of", value_parser = parse_height, allow_hyphen_values = true)]
+    pub height: Option<f64>,
+    /// Heights above the ground of the points on walls, in metres [default: those of the rule, 1.6 for the sky]
+    #[arg(long, value_name = "M,M", value_delimiter = ',', value_parser = parse_height, allow_hyphen_values = true)]
+    pub wall_heights: Vec<f64>,
+    /// How far what lies around the area of --bbox or around the points counts, in metres
+    #[arg(long, value_name = "M", default_value = "3000", value_parser = parse_reach, allow_hyphen_values = true)]
+    pub reach: f64,
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
+}
+
+fn parse_eye(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let eye: Option<[f64; 3]> = numbers.and_then(|numbers| numbers.try_into().ok());
+    eye.filter(|[lon, lat, height]| lon.abs() <= 180.0 && lat.abs() <= 90.0 && (0.0..=10_000.0).contains(height))
+        .ok_or_else(|| "write longitude, latitude and metres above the ground, as in 4.3610,52.0116,1.6".to_owned())
+}
+
+fn parse_height(text: &str) -> Result<f64, String> {
+    let height = text.trim().parse().ok().filter(|height| (0.0..=1000.0).contains(height));
+    height.ok_or_else(|| "expected metres, 0 to 1000".to_owned())
+}
+
+fn parse_reach(text: &str) -> Result<f64, String> {
+    let reach = text.trim().parse().ok().filter(|reach| (0.0..=100_000.0).contains(reach));
+    reach.ok_or_else(|| "expected metres, 0 to 100000".to_owned())
+}

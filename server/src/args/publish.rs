@@ -1,0 +1,57 @@
+//! Arguments of `sign` and `publish`.
+
+use super::parse::{ShareArea, parse_area, parse_name, parse_site_address};
+use crate::{
+    config::PublicUrl,
+    share_link::{parse_lifetime, parse_version},
+};
+use std::{path::PathBuf, time::Duration};
+
+/// Arguments of `sign`.
+#[derive(Debug, clap::Args)]
+pub struct SignArgs {
+    /// Name of the city
+    #[arg(long, value_name = "C", value_parser = parse_name)]
+    pub city: String,
+    /// Lifetime of the link, as in 30m, 12h, 7d or 4w
+    #[arg(long, value_name = "TIME", value_parser = parse_lifetime)]
+    pub expires: Duration,
+    /// Area that the link opens, in metres of the city's reference system [default: all]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_area, allow_hyphen_values = true)]
+    pub bbox_metres: Option<ShareArea>,
+    /// Page, manifest, tiles and search only
+    #[arg(long)]
+    pub read_only: bool,
+    /// Version that the link opens; may end with * [default: all versions]
+    #[arg(long, value_name = "V", default_value = "*", hide_default_value = true, value_parser = parse_version)]
+    pub version: String,
+    /// Address of the server, which the link begins with; with its path behind a proxy
+    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7700")]
+    pub url: PublicUrl,
+    /// File of keys, one "ID SECRET" per line [default: access.share_keys of the settings]
+    #[arg(long, value_name = "FILE")]
+    pub keys: Option<PathBuf>,
+    /// TOML file of settings
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+}
+
+/// Arguments of `publish`.
+#[derive(Debug, clap::Args)]
+pub struct PublishArgs {
+    /// City folders, or folders of city folders
+    #[arg(required = true, value_name = "CITY")]
+    pub cities: Vec<PathBuf>,
+    /// Folder to write the site to. A site there is replaced at the very end; any other folder that is not empty is refused
+    #[arg(long, value_name = "SITE")]
+    pub out: PathBuf,
+    /// Title of the site
+    #[arg(long, value_name = "T")]
+    pub title: Option<String>,
+    /// Address that the site will have, for previews of links to it
+    #[arg(long, value_name = "URL", value_parser = parse_site_address)]
+    pub url: Option<String>,
+    /// TOML file of settings, of which the table site counts: name, logo, colour, imprint and first views
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+}
