@@ -36,6 +36,7 @@ mod stats;
 #[cfg(feature = "bake")]
 mod survey;
 mod verify;
+mod volume;
 #[cfg(feature = "bake")]
 mod work_store;
 
