@@ -10,6 +10,7 @@ extern crate self as libfuzzer_sys;
 mod bad_input;
 mod bake_same_bytes;
 mod browser;
+mod carving;
 mod command_line;
 mod dependencies;
 mod documents;
@@ -51,7 +52,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 37] = [
+const MODULES: [(&str, Add); 38] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -60,6 +61,7 @@ const MODULES: [(&str, Add); 37] = [
     ("mesh", mesh::add),
     ("faults", faults::add),
     ("zoo", zoo::add),
+    ("carving", carving::add),
     ("file_safety", file_safety::add),
     ("random_commands", random_commands::add),
     ("gaps", gaps::add),
