@@ -3,6 +3,7 @@
 #[cfg(feature = "bake")]
 mod analyse;
 mod choices;
+mod meshes;
 mod objects;
 mod parse;
 mod publish;
@@ -10,6 +11,7 @@ mod publish;
 #[cfg(feature = "bake")]
 pub use analyse::{AnalyseArgs, Analysis};
 pub use choices::{GeneratedFacades, GeneratedGround, LengthUnit, Preference, UpAxis, VisibilityRenderer};
+pub use meshes::{AoArgs, CompareArgs, CompressArgs, DecompressArgs, SimplifyArgs};
 #[cfg(feature = "bake")]
 pub use objects::{ExportArgs, ExportFormat};
 pub use objects::{ObjectsArgs, SearchArgs};
@@ -21,9 +23,8 @@ use clap::{Parser, Subcommand, builder::ArgPredicate};
 use insula_command_line::{SetupCommand, output::OverwriteArgs};
 use insula_protocol::{TileId, blockmap::Quality};
 use parse::{
-    parse_address, parse_bytes, parse_cell, parse_crs, parse_degrees_box, parse_kilometres, parse_max_error,
-    parse_metres, parse_name, parse_place, parse_positive_metres, parse_quality, parse_ratio, parse_samples,
-    parse_tile,
+    parse_address, parse_bytes, parse_cell, parse_crs, parse_degrees_box, parse_kilometres, parse_metres, parse_name,
+    parse_place, parse_positive_metres, parse_quality, parse_tile,
 };
 use std::path::PathBuf;
 
@@ -62,7 +63,7 @@ pub enum ServerCommand {
     Publish(PublishArgs),
     /// Show the contents of a city, or of a file before it is baked
     #[command(
-        after_help = "Example:\n  insula-server inspect cities/delft\n  insula-server inspect 52397519_bldg_6697_op.gml\n  insula-server inspect cities/delft --tile 3/2/5 --png node.png"
+        after_help = "Example:\n  insula-server inspect cities/delft\n  insula-server inspect 52397519_bldg_6697_op.gml\n  insula-server inspect cities/delft --tile 3/2/5 --png node.png\n  insula-server inspect cities/delft --volume 3/2/5 --png voxels.png --ply voxels.ply"
     )]
     Inspect(InspectArgs),
     /// Show what is known of objects, or the attributes that a city has
@@ -109,7 +110,7 @@ pub enum ServerCommand {
     Simplify(SimplifyArgs),
     /// Measure how far two meshes or cities lie from each other
     #[command(
-        after_help = "Example:\n  insula-server compare skull.obj skull_small.obj\n  insula-server compare delft.city.jsonl cities/delft --heatmap delft.ply\n\nReads PLY, OFF, OBJ and STL, baked cities (their finest meshes) and everything that `bake` reads. Prints the mean, the root mean\nsquare and the largest distance in both directions, and in parts of the first one's diagonal."
+        after_help = "Example:\n  insula-server compare skull.obj skull_small.obj\n  insula-server compare delft.city.jsonl cities/delft --heatmap delft.ply\n\nReads PLY, OFF, OBJ and STL, baked cities (their finest meshes, and columns where they have none)\nand everything that `bake` reads. Prints the mean, the root mean square and the largest distance in both directions, and in parts\nof the first one's diagonal."
     )]
     Compare(CompareArgs),
     /// Compute the ambient occlusion of a mesh
@@ -119,93 +120,6 @@ pub enum ServerCommand {
     Ao(AoArgs),
     #[command(flatten)]
     Setup(SetupCommand),
-}
-
-/// Arguments of `compress`.
-#[derive(Debug, clap::Args)]
-pub struct CompressArgs {
-    /// PLY, OFF, OBJ or STL file
-    pub input: PathBuf,
-    /// File to write
-    pub output: PathBuf,
-    /// Bits per coordinate, 8 to 16
-    #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u8).range(8..=16))]
-    pub bits: u8,
-    /// Bits per texture coordinate, 8 to 16
-    #[arg(long, value_name = "BITS", default_value_t = 12, value_parser = clap::value_parser!(u8).range(8..=16))]
-    pub texcoord_bits: u8,
-    #[command(flatten)]
-    pub overwrite: OverwriteArgs,
-}
-
-/// Arguments of `decompress`.
-#[derive(Debug, clap::Args)]
-pub struct DecompressArgs {
-    /// File that `compress` wrote
-    pub input: PathBuf,
-    /// PLY, OFF, OBJ or STL file to write
-    pub output: PathBuf,
-    #[command(flatten)]
-    pub overwrite: OverwriteArgs,
-}
-
-/// Arguments of `simplify`.
-#[derive(Debug, clap::Args)]
-#[command(group = clap::ArgGroup::new("goal").required(true))]
-pub struct SimplifyArgs {
-    /// PLY, OFF, OBJ or STL file
-    pub input: PathBuf,
-    /// PLY, OFF, OBJ or STL file to write
-    pub output: PathBuf,
-    /// Number of triangles to keep
-    #[arg(long, value_name = "N", group = "goal")]
-    pub triangles: Option<usize>,
-    /// Fraction of the triangles to keep, above 0 and at most 1
-    #[arg(long, value_name = "R", group = "goal", value_parser = parse_ratio, allow_negative_numbers = true)]
-    pub ratio: Option<f64>,
-    /// Largest distance of any point of either surface from the other one, in the file's units
-    #[arg(long, value_name = "M", group = "goal", value_parser = parse_max_error, allow_negative_numbers = true)]
-    pub error: Option<f64>,
-    #[command(flatten)]
-    pub overwrite: OverwriteArgs,
-}
-
-/// Arguments of `compare`.
-#[derive(Debug, clap::Args)]
-pub struct CompareArgs {
-    /// Mesh file, baked city, or city file
-    pub a: PathBuf,
-    /// The same
-    pub b: PathBuf,
-    /// Points that are spread over each surface, besides its vertices; at most 10 million
-    #[arg(long, value_name = "N", default_value_t = 200_000, value_parser = parse_samples)]
-    pub samples: usize,
-    /// PLY file to write: the first surface, with colours from blue (near) to red (the largest distance)
-    #[arg(long, value_name = "OUT.ply")]
-    pub heatmap: Option<PathBuf>,
-    #[command(flatten)]
-    pub overwrite: OverwriteArgs,
-}
-
-/// Arguments of `ao`.
-#[derive(Debug, clap::Args)]
-pub struct AoArgs {
-    /// PLY, OFF, OBJ or STL file
-    pub mesh: PathBuf,
-    /// PLY file to write
-    #[arg(long, value_name = "OUT.ply")]
-    pub out: PathBuf,
-    /// Directions from which the mesh is looked at, 1 to 4096. They come in opposite pairs
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    pub views: u32,
-    /// Side of a depth map in texels, 64 to 4096
-    #[arg(long, value_name = "PX", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(64..=4096))]
-    pub map: u32,
-    /// Compute on a GPU (containers are built without)
-    #[arg(long)]
-    pub gpu: bool,
-    #[command(flatten)]
-    pub overwrite: OverwriteArgs,
 }
 
 /// What is read of the inputs, and where it goes.
@@ -445,6 +359,7 @@ pub struct ServeArgs {
 
 /// Arguments of `inspect`.
 #[derive(Debug, clap::Args)]
+#[command(group = clap::ArgGroup::new("picture").multiple(true))]
 pub struct InspectArgs {
     /// City folder, or an input of `bake`
     #[arg(value_name = "CITY|INPUT")]
@@ -452,14 +367,20 @@ pub struct InspectArgs {
     #[command(flatten)]
     pub read: ReadArgs,
     /// Print JSON
-    #[arg(long, conflicts_with_all = ["tile", "png"])]
+    #[arg(long, conflicts_with_all = ["tile", "volume", "png", "ply"])]
     pub json: bool,
-    /// Node to draw, as level/x/y
-    #[arg(long, value_name = "L/X/Y", value_parser = parse_tile, requires = "png")]
+    /// Node of which the geometry, roof and wall maps are drawn, as level/x/y
+    #[arg(long, value_name = "L/X/Y", value_parser = parse_tile, requires = "png", group = "node")]
     pub tile: Option<TileId>,
-    /// Image file to write of the node's geometry, roof and wall maps
-    #[arg(long, value_name = "FILE", requires = "tile")]
+    /// Node of which the voxels are drawn: cubes of a column's width
+    #[arg(long, value_name = "L/X/Y", value_parser = parse_tile, requires = "picture", group = "node")]
+    pub volume: Option<TileId>,
+    /// Image file to write of the node
+    #[arg(long, value_name = "FILE", requires = "node", group = "picture")]
     pub png: Option<PathBuf>,
+    /// PLY file to write of the visible faces of the node's voxels
+    #[arg(long, value_name = "FILE", requires = "volume", group = "picture")]
+    pub ply: Option<PathBuf>,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
 }

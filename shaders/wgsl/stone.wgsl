@@ -44,6 +44,7 @@ fn stone_surface(stone: Stone, p_m: vec3<f32>, normal: vec3<f32>, ao: f32, footp
             surface = bronze(stone, surface, straight, exposure, footprint);
         }
         case STONE_LIMESTONE: { surface.albedo = limestone(stone, straight, footprint); }
+        case STONE_WOOD: { surface.albedo = limestone(stone, wood_place(straight), footprint); }
         default: {}
     }
     return surface;
@@ -203,6 +204,11 @@ fn ramp_integral(at: f32) -> f32 {
     let u = clamp(at, 0.0, 1.0);
     let above = max(at - 1.0, 0.0);
     return u * u * u / 6.0 + 0.5 * above * (above + 1.0);
+}
+
+fn wood_place(straight: vec3<f32>) -> vec3<f32> {
+    let around = (straight.x - straight.y) * FIBRE_WIDTH;
+    return vec3<f32>(straight.z * FIBRE_LENGTH, around, length(straight.xy));
 }
 
 fn limestone(stone: Stone, straight: vec3<f32>, footprint: f32) -> vec3<f32> {

@@ -5,6 +5,7 @@ pub mod baked;
 mod baked_meshes;
 pub mod browser;
 pub mod cameras;
+pub mod carving;
 pub mod compare;
 pub mod deep_city;
 pub mod draw_list;

@@ -4,6 +4,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::Parser;
 use insula_client::args::Cli;
+use insula_protocol::mesh_tile::MAX_LODS;
 use insula_server::{args::Args, page::ViewerAssets};
 use insula_test_support::programs::{ServerProcess, find_installed, program, run};
 use insula_tests::{
@@ -14,7 +15,11 @@ use insula_tests::{
 use std::{collections::BTreeSet, env, path::Path, process::Command};
 
 pub(crate) fn add(trials: &mut Trials) {
-    trials.add(tests![every_command_is_one_that_its_program_takes, the_doors_are_short_and_plain]);
+    trials.add(tests![
+        every_command_is_one_that_its_program_takes,
+        the_doors_are_short_and_plain,
+        pages_have_the_number_of_levels_of_the_code
+    ]);
     let lacks_a_tool = ["bash", "curl", "openssl"].into_iter().any(|tool| find_installed(tool).is_none());
     let is_ignored = lacks_a_tool || cfg!(not(target_os = "linux"));
     trials.add([
@@ -211,5 +216,34 @@ fn run_command(command: &str, folder: &Path, server: &mut Option<ServerProcess>)
     // A window is all that it lacks.
     let has_no_screen = command.starts_with("insula view ") && errors.contains("there is no screen");
     ensure!(output.status.success() || has_no_screen, "{}: {errors}", output.status);
+    Ok(())
+}
+
+/// A leaf has so many levels of detail, wherever a page names their number.
+fn pages_have_the_number_of_levels_of_the_code() -> Result<()> {
+    let (most, last) = (MAX_LODS, MAX_LODS - 1);
+    let pages = [
+        (
+            "docs/formats.md",
+            vec![
+                format!("the number of its levels of detail, 0 to {most}."),
+                format!("u8: level of detail, 0 (finest) to {last};"),
+                format!("| levels of detail of a leaf | {most} | `mesh_tile::MAX_LODS` |"),
+                format!("`lod` 0 (finest) to {last} |"),
+                format!("lod over {last}, "),
+            ],
+        ),
+        ("docs/papers.md", vec![format!("A leaf has at most {most} meshes")]),
+    ];
+    for (page, sentences) in pages {
+        let text = std::fs::read_to_string(root().join(page))?;
+        for sentence in sentences {
+            ensure!(text.contains(&sentence), "{page} lacks \"{sentence}\"");
+        }
+        let others = text.match_indices("leaf has at most ").map(|(at, words)| &text[at + words.len()..]);
+        for number in others.filter_map(|rest| rest.split(" meshes").next().filter(|number| number.len() < 10)) {
+            ensure!(number == most.to_string(), "{page}: a leaf has at most {number} meshes");
+        }
+    }
     Ok(())
 }

@@ -71,6 +71,7 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server publish", &["title", "url"], TEXT),
     ("insula-server inspect", &["city"], Reads("inspect {}", ".obj")),
     ("insula-server inspect", &["png"], Writes("inspect city --tile 0/0/0 --png {}", ".png")),
+    ("insula-server inspect", &["ply"], Writes("inspect city --volume 0/0/0 --ply {}", ".ply")),
     ("insula-server inspect", &["grids"], FOLDER),
     (
         "insula-server inspect",

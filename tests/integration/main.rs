@@ -11,6 +11,7 @@ mod analyse;
 mod bad_input;
 mod bake_same_bytes;
 mod browser;
+mod carving;
 mod command_line;
 mod dependencies;
 mod documents;
@@ -61,6 +62,7 @@ const MODULES: [(&str, Add); 38] = [
     ("mesh", mesh::add),
     ("faults", faults::add),
     ("zoo", zoo::add),
+    ("carving", carving::add),
     ("file_safety", file_safety::add),
     ("random_commands", random_commands::add),
     ("gaps", gaps::add),

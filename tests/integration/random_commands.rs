@@ -18,7 +18,7 @@ pub(crate) fn add(trials: &mut Trials) {
 }
 
 /// All commands that write, remove or rename. DIR, IN and OUT.EXTENSION are paths.
-const COMMANDS: [&str; 41] = [
+const COMMANDS: [&str; 42] = [
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --no-picture",
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --no-picture",
     "bake IN --out DIR --cell 8 --views 32 --no-street-sets --update --report OUT.json",
@@ -48,6 +48,7 @@ const COMMANDS: [&str; 41] = [
     "export city --format geotiff --out OUT.tif",
     "export DIR --format glb --out OUT.glb",
     "inspect DIR --tile 0/0/0 --png OUT.png",
+    "inspect DIR --volume 0/0/0 --png OUT.png --ply OUT.ply",
     "compress IN OUT.insm",
     "decompress a.insm OUT.ply",
     "simplify IN OUT.off --ratio 0.5",

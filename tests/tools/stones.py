@@ -17,7 +17,7 @@ import tempfile
 
 from PIL import Image, ImageDraw
 
-STONES = ["carrara-marble", "green-marble", "red-granite", "grey-granite", "bronze", "limestone"]
+STONES = ["carrara-marble", "green-marble", "red-marble", "black-marble", "red-granite", "grey-granite", "bronze", "limestone", "wood"]
 # Factors of the lengths that light goes in marble; 0 is opaque.
 SCALES = [0, 8, 30]
 # Azimuth from the camera, and height, in degrees.

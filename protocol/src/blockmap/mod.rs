@@ -18,6 +18,7 @@ pub mod objects;
 mod reflective;
 mod texel_coder;
 mod tops;
+pub mod voxels;
 mod walk;
 mod walls;
 
@@ -117,6 +118,19 @@ pub struct ColumnClip {
     pub corner: Option<CornerWall>,
     /// What lies beyond the plane; `None` if that is empty.
     pub outer: Option<OuterTop>,
+}
+
+impl ColumnClip {
+    /// Whether the middle of the cell is on the inner side.
+    #[must_use]
+    pub fn fills_middle(&self) -> bool {
+        let is_inside = self.offset >= 0;
+        match self.corner {
+            Some(corner) if corner.concave => is_inside || corner.offset >= 0,
+            Some(corner) => is_inside && corner.offset >= 0,
+            None => is_inside,
+        }
+    }
 }
 
 /// One column.

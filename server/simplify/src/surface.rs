@@ -7,18 +7,21 @@ use crate::{model::TriangleModel, triangle_distance::squared_distance};
 use glam::{DVec3, Vec3A};
 use obvhs::{
     BvhBuildParams,
-    aabb::Aabb,
     bvh2::{Bvh2, builder::build_bvh2_from_tris},
     triangle::Triangle,
 };
 use rayon::prelude::*;
-use std::{collections::HashSet, time::Duration};
+use std::{
+    collections::HashSet,
+    sync::atomic::{AtomicU64, Ordering::Relaxed},
+    time::Duration,
+};
 
 /// Steps of a sequence of points that fill a square evenly (Roberts 2018, "The unreasonable effectiveness of quasirandom
 /// sequences").
 const EVEN_STEPS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
-/// The first search reaches this part of the diagonal. Each further one reaches twice as far.
-const FIRST_REACH: f64 = 1.0 / 4096.0;
+/// Points of which a thread finds the distances one after the other.
+const POINTS_AT_ONCE: usize = 1024;
 /// Larger coordinates are refused. Below it, all numbers stay finite, also in f32.
 const MAX_COORDINATE: f64 = 1e15;
 
@@ -73,34 +76,69 @@ impl Surface {
 
     /// Distance of a point from the nearest triangle.
     pub fn distance(&self, p: [f64; 3]) -> f64 {
-        let p = DVec3::from(p);
-        let local = p - self.centre;
-        // Beyond this, the sphere contains the whole surface.
-        let whole = local.length() + self.diagonal;
-        let mut reach = (self.diagonal * FIRST_REACH).max(whole * 1e-6).max(f64::MIN_POSITIVE);
-        loop {
-            // Bounds are in f32.
-            let padded = Vec3A::splat(reach as f32 * 1.001 + whole as f32 * 1e-6);
-            let place = Vec3A::from(local.as_vec3());
-            let mut best = f64::INFINITY;
-            self.bvh.aabb_traverse(Aabb::new(place - padded, place + padded), |bvh, node| {
-                let node = &bvh.nodes[node as usize];
-                for at in node.first_index..node.first_index + node.prim_count {
-                    let triangle = bvh.primitive_indices[at as usize];
-                    best = best.min(squared_distance(p, self.triangles[triangle as usize]));
-                }
-                true
-            });
-            if best <= reach * reach || reach > whole {
-                return best.sqrt();
-            }
-            reach *= 2.0;
-        }
+        self.nearest(p, 0, 0.0, &mut Vec::new()).1
     }
 
-    /// Distances of points from the nearest triangles, on all cores.
+    /// The triangle nearest to a point, and its distance; or any triangle that is at most `enough` away. `guess` is any triangle: the
+    /// nearer it is, the fewer others are looked at. `open` is memory of the search.
+    fn nearest(&self, p: [f64; 3], guess: usize, enough: f64, open: &mut Vec<(u32, f32)>) -> (usize, f64) {
+        let p = DVec3::from(p);
+        let mut best = (guess, squared_distance(p, self.triangles[guess]));
+        let enough = enough * enough;
+        if best.1 <= enough {
+            return (best.0, best.1.sqrt());
+        }
+        let local = p - self.centre;
+        let place = Vec3A::from(local.as_vec3());
+        // Boxes are in f32: they may be nearer than they seem by this.
+        let slack = (local.length() + self.diagonal) as f32 * 1e-6;
+        let mut reach = best.1.sqrt() as f32 + slack;
+        let box_distance = |node: u32| {
+            let aabb = self.bvh.nodes[node as usize].aabb();
+            (place - place.clamp(aabb.min, aabb.max)).length()
+        };
+        open.clear();
+        open.push((0, 0.0));
+        while let Some((node, distance)) = open.pop() {
+            // With numbers that are too large, this is never so, and all triangles are looked at.
+            if distance > reach {
+                continue;
+            }
+            let node = &self.bvh.nodes[node as usize];
+            if node.prim_count == 0 {
+                let (a, b) = (node.first_index, node.first_index + 1);
+                let (a, b) = ((a, box_distance(a)), (b, box_distance(b)));
+                // The nearer one is next.
+                open.extend(if a.1 < b.1 { [b, a] } else { [a, b] });
+                continue;
+            }
+            for at in node.first_index..node.first_index + node.prim_count {
+                let triangle = self.bvh.primitive_indices[at as usize] as usize;
+                let squared = squared_distance(p, self.triangles[triangle]);
+                if squared < best.1 {
+                    best = (triangle, squared);
+                    reach = squared.sqrt() as f32 + slack;
+                    if squared <= enough {
+                        return (triangle, squared.sqrt());
+                    }
+                }
+            }
+        }
+        (best.0, best.1.sqrt())
+    }
+
+    /// Distances of points from the nearest triangles, on all cores. It is fastest if points that follow each other are near each other.
     pub fn distances(&self, points: &[[f64; 3]]) -> Vec<f64> {
-        points.par_iter().map(|p| self.distance(*p)).collect()
+        let mut distances = vec![0.0; points.len()];
+        points.par_chunks(POINTS_AT_ONCE).zip(distances.par_chunks_mut(POINTS_AT_ONCE)).for_each(
+            |(points, distances)| {
+                let (mut guess, mut open) = (0, Vec::new());
+                for (p, distance) in points.iter().zip(distances) {
+                    (guess, *distance) = self.nearest(*p, guess, 0.0, &mut open);
+                }
+            },
+        );
+        distances
     }
 
     /// About `count` points, evenly spread by area; none if all triangles are degenerate.
@@ -118,6 +156,25 @@ impl Surface {
             }
         }
         points
+    }
+
+    /// The largest distance of about `samples` points, and of all corners, from `other`: that of [`Self::compare`], much sooner. Of a
+    /// point that is nearer than the farthest one so far, the distance does not matter.
+    pub fn largest_distance(&self, other: &Self, samples: usize) -> f64 {
+        let mut points = self.even_points(samples);
+        points.extend(self.triangles.iter().flatten().map(DVec3::to_array));
+        // Distances are not negative, so that their bits have their order.
+        let largest = AtomicU64::new(0);
+        points.par_chunks(POINTS_AT_ONCE).for_each(|points| {
+            let (mut guess, mut open) = (0, Vec::new());
+            for p in points {
+                let so_far = f64::from_bits(largest.load(Relaxed));
+                let distance;
+                (guess, distance) = other.nearest(*p, guess, so_far, &mut open);
+                largest.fetch_max(distance.max(so_far).to_bits(), Relaxed);
+            }
+        });
+        f64::from_bits(largest.into_inner())
     }
 
     /// Distances of about `samples` points, and of all corners, from `other`.
@@ -170,6 +227,30 @@ mod tests {
         let point = Surface::new(vec![[[3.0, 0.0, 0.0]; 3]]).unwrap();
         assert_eq!(point.compare(&small, 10).max, 2.0);
         assert_eq!(small.distance([1e300, 0.0, 0.0]), f64::INFINITY);
+    }
+
+    #[test]
+    fn the_nearest_triangle_is_found_from_any_guess() {
+        // A bent sheet of 800 triangles, and points in and around it.
+        let at = |x: usize, y: usize| [x as f64, y as f64, ((x * y) as f64 / 9.0).sin() * 3.0];
+        let squares = (0..20).flat_map(|y| (0..20).map(move |x| [x, y]));
+        let sheet = squares.flat_map(|[x, y]| {
+            let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        let sheet = Surface::new(sheet.collect()).unwrap();
+        let part = |i: usize, step: f64| (i as f64 * step).fract() * 30.0 - 5.0;
+        let points: Vec<[f64; 3]> = (0..3000).map(|i| [part(i, 0.618), part(i, 0.755), part(i, 0.57)]).collect();
+        let all = |p: &[f64; 3]| {
+            let squared = |corners: &[DVec3; 3]| squared_distance(DVec3::from(*p), *corners);
+            sheet.triangles.iter().map(squared).fold(f64::INFINITY, f64::min).sqrt()
+        };
+        let found = sheet.distances(&points);
+        assert!(points.iter().zip(&found).all(|(p, distance)| all(p) == *distance && sheet.distance(*p) == *distance));
+        let cloud = Surface::new(points.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect()).unwrap();
+        for (a, b) in [(&cloud, &sheet), (&sheet, &cloud), (&sheet, &sheet)] {
+            assert_eq!(a.largest_distance(b, 5000), a.compare(b, 5000).max);
+        }
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub(super) fn run(args: &AoArgs) -> Result<(), CommandError> {
     let (vertices, triangles) = (model.positions.len(), model.triangles.len());
     let least = found.share.iter().copied().fold(1.0, f32::min);
     let mean = found.share.iter().map(|share| f64::from(*share)).sum::<f64>() / vertices.max(1) as f64;
-    write(&args.out, &with_occlusion(model, &found).write(ModelFormat::Ply))?;
+    write(&args.out, &with_occlusion(model, &found, args.stretch).write(ModelFormat::Ply))?;
     print(&format!(
         "{}: {triangles} triangles, {vertices} vertices, mean {mean:.3}, least {least:.3}, {seconds:.2} s\n",
         args.out.display()
@@ -70,11 +70,20 @@ fn implementation(gpu: bool) -> Result<Compute, CommandError> {
     }
 }
 
+/// Values of vertices stretched so that those of triangles are 0 to 1 (Mischitelli 2007, 3.4.2). If all are the same, they stay.
+fn stretched(triangles: &[[u32; 3]], share: &[f32]) -> Vec<f32> {
+    let used = triangles.as_flattened().iter().filter_map(|vertex| share.get(*vertex as usize));
+    let [low, high] = used.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], v| [low.min(*v), high.max(*v)]);
+    let stretch = |v: &f32| if low < high { ((*v - low) / (high - low)).clamp(0.0, 1.0) } else { *v };
+    share.iter().map(stretch).collect()
+}
+
 /// The model with occlusion as quality and as grey, instead of its colours.
-fn with_occlusion(mut model: TriangleModel, found: &Occlusion) -> TriangleModel {
+fn with_occlusion(mut model: TriangleModel, found: &Occlusion, stretch: bool) -> TriangleModel {
     let corners = model.triangles.as_flattened().to_vec();
     model.layers.retain(|layer| layer.kind != AttributeKind::Colour);
-    let grey = found.share.iter().map(|share| [*share, *share, *share, 0.0]).collect();
+    let greys = if stretch { stretched(&model.triangles, &found.share) } else { found.share.clone() };
+    let grey = greys.iter().map(|grey| [*grey, *grey, *grey, 0.0]).collect();
     model.layers.push(CornerLayer { kind: AttributeKind::Colour, width: 3, values: grey, corners: corners.clone() });
     let values = found.share.iter().map(|share| [*share, 0.0, 0.0, 0.0]).collect();
     model.layers.push(CornerLayer { kind: AttributeKind::Other, width: 1, values, corners });
@@ -94,6 +103,7 @@ mod tests {
             views: 128,
             map: 256,
             gpu: false,
+            stretch: false,
             overwrite: OverwriteArgs::default(),
         }
     }
@@ -120,6 +130,13 @@ mod tests {
         let (edge, outer) = (grey([0.0, 0.0, 0.0]), grey([0.0, 1.0, 0.0]));
         assert!(edge[0] > 0.85 && edge[0] < 0.95 && edge[0] == edge[1] && edge[1] == edge[2], "{edge:?}");
         assert!(outer[0] > edge[0] && outer[0] < 1.0, "{outer:?}");
+        run(&AoArgs { stretch: true, ..args(&path("a.off"), &path("c.ply")) }).unwrap();
+        let greys: Vec<f32> = read_model(&path("c.ply")).unwrap().layers[0].values.iter().map(|grey| grey[0]).collect();
+        assert!(greys.contains(&0.0) && greys.contains(&1.0), "{greys:?}");
+        assert!(greys.iter().any(|grey| *grey > 0.0 && *grey < 1.0), "{greys:?}");
+        // A vertex of no triangle has 1.
+        assert_eq!(stretched(&[[0, 1, 2]], &[0.25, 0.5, 0.75, 1.0]), [0.0, 0.5, 1.0, 1.0]);
+        assert_eq!(stretched(&[[0, 1, 0]], &[0.5, 0.5, 1.0]), [0.5, 0.5, 1.0], "nothing to stretch");
     }
 
     #[test]

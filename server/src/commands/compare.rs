@@ -5,10 +5,14 @@ use super::{
     mesh::{mesh_error, read_model, surface_of, with_spinner},
     output::{check_output, print, write},
 };
-use crate::{args::CompareArgs, store::CityStore};
+use crate::{
+    args::CompareArgs,
+    store::{CityStore, StoredCity, StoredObjects},
+};
 use insula_bake::read::{self, PlacingOptions, ReadOptions};
 use insula_command_line::output::FileKind;
-use insula_protocol::{MeshTile, Subtree, TileId, TileKind, error::DecodeError, mesh::AttributeKind, mesh_tile};
+use insula_export::{leaves::visit_leaf_meshes, table::ExportError};
+use insula_protocol::mesh::AttributeKind;
 use insula_simplify::{
     model::{CornerLayer, MAX_COUNT, ModelFormat, TriangleModel},
     surface::{Surface, SurfaceDistance},
@@ -78,7 +82,7 @@ fn is_baked(path: &Path) -> bool {
     path.join("city.json").is_file()
 }
 
-/// A mesh file, the finest meshes of a baked city, or the triangles of a city file or folder, in a coordinate system if that is known.
+/// A mesh file, a baked city, or the triangles of a city file or folder, in a coordinate system if that is known.
 /// Returns the system for the next one, too.
 fn load(path: &Path, crs: Option<String>) -> Result<(TriangleModel, Option<String>), CommandError> {
     if is_baked(path) {
@@ -131,38 +135,25 @@ fn separate_triangles(path: &Path, positions: Vec<[f64; 3]>) -> Result<TriangleM
     Ok(TriangleModel { positions, triangles, layers: Vec::new() })
 }
 
-/// The finest level of detail of all leaves, in world coordinates.
+/// The finest level of detail of all leaves, and the columns of nodes without a mesh, in world coordinates.
 fn baked_model(folder: &Path) -> Result<TriangleModel, CommandError> {
     let city = CityStore::open(folder)?;
-    let manifest = city.manifest();
-    let tile = |kind: TileKind, id: TileId| {
-        let bytes = city.tile(kind, id).map_err(|error| mesh_error(folder, &error))?;
-        bytes.ok_or_else(|| mesh_error(folder, &"a tile is missing: see `insula-server verify`"))
-    };
-    let decoded = |error: DecodeError| mesh_error(folder, &error);
-    let (mut positions, mut roots) = (Vec::new(), vec![TileId::ROOT]);
-    while let Some(root) = roots.pop() {
-        let subtree = Subtree::decode(&tile(TileKind::Subtree, root)?).map_err(decoded)?;
-        let is_root = |id: TileId, mask: u8| id != root && mask != 0 && Subtree::is_root(id);
-        roots.extend(subtree.nodes.iter().filter(|node| is_root(node.id, node.child_mask)).map(|node| node.id));
-        for leaf in subtree.meshes.iter().map(|mesh| mesh.id) {
-            let Some(at) = mesh_tile::archive_id(leaf, 0) else { continue };
-            let mesh = MeshTile::decode(leaf, 0, &tile(TileKind::Mesh, at)?).map_err(decoded)?.mesh;
-            let side_m = manifest.root_side_m / f64::from(1u32 << leaf.level());
-            let corner = [f64::from(leaf.x()) * side_m, f64::from(leaf.y()) * side_m, 0.0];
-            let place = |vertex: u32| -> [f64; 3] {
-                std::array::from_fn(|axis| {
-                    let steps = f64::from(mesh.positions[vertex as usize][axis]);
-                    manifest.origin[axis] + corner[axis] + mesh.grid.min[axis] + steps * mesh.grid.step
-                })
-            };
-            positions.extend(mesh.triangles.iter().flatten().map(|vertex| place(*vertex)));
-            if positions.len() / 3 > MAX_COUNT {
-                return separate_triangles(folder, positions);
-            }
-        }
+    let objects = StoredObjects::open(&city)?;
+    let read = |kind, id| city.tile(kind, id);
+    let source = StoredCity::new(city.manifest(), objects.schema(), &read);
+    // Not the land around it, of which no other surface has as much.
+    let area = city.manifest().bounds.map(|[x, y, _]| [x, y]);
+    let mut positions = Vec::new();
+    let visited = visit_leaf_meshes(&source, area, 0.0, &mut |leaf| {
+        let place = |vertex: &u32| leaf.positions[*vertex as usize];
+        positions.extend(leaf.tile.mesh.triangles.iter().flatten().map(place));
+        // `None` is not an error of the city.
+        if positions.len() / 3 > MAX_COUNT { Err(None::<ExportError>) } else { Ok(()) }
+    });
+    match visited {
+        Err(Some(error)) => Err(mesh_error(folder, &error)),
+        Ok(()) | Err(None) => separate_triangles(folder, positions),
     }
-    separate_triangles(folder, positions)
 }
 
 /// The model with its vertices coloured by their distance from `other`.
@@ -186,6 +177,7 @@ fn heatmap(mut model: TriangleModel, other: &Surface) -> TriangleModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_bake::BakeOptions;
     use insula_command_line::output::OverwriteArgs;
 
     #[test]
@@ -235,5 +227,31 @@ mod tests {
             overwrite: OverwriteArgs::default(),
         };
         assert!(run(&other).is_err());
+    }
+
+    #[test]
+    fn a_city_without_meshes_has_the_surface_of_its_columns() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let house = "OFF\n8 6 0\n0 0 0\n12 0 0\n12 9 0\n0 9 0\n0 0 7\n12 0 7\n12 9 7\n0 9 7\n4 3 2 1 0\n4 4 5 6 7\n\
+            4 0 1 5 4\n4 1 2 6 5\n4 2 3 7 6\n4 3 0 4 7\n";
+        std::fs::write(path("house.off"), house).unwrap();
+        let bake = |name: &str, meshes: bool| {
+            let (inputs, out) = (vec![path("house.off")], path(name));
+            let options = BakeOptions { inputs, out, cell_m: 1.0, meshes, ..BakeOptions::default() };
+            insula_bake::bake(&options, &insula_bake::Silent).unwrap();
+        };
+        bake("meshes", true);
+        bake("columns", false);
+        let largest = |name: &str| {
+            let (source, city) = load_both(&path("house.off"), &path(name)).unwrap();
+            let [source, city] = [source, city].map(|model| Surface::of_model(&model).unwrap());
+            [source.compare(&city, 1000).max, city.compare(&source, 1000).max]
+        };
+        let (meshes, columns) = (largest("meshes"), largest("columns"));
+        // Walls of boxes stand on borders of cells, and have no floor. The generated ground is no surface of the source.
+        assert!(meshes.iter().all(|distance| *distance < 0.02), "{meshes:?}");
+        assert!(columns.iter().all(|distance| *distance < 6.0), "{columns:?}");
+        assert!(columns[1] > 0.0 && columns[1] < 1.0, "{columns:?}");
     }
 }

@@ -1,19 +1,21 @@
-//! `inspect`: a city's statistics as text or JSON, or one node's maps as an image.
+//! `inspect`: a city's statistics as text or JSON, one node's maps as an image, or its voxels as an image or a mesh.
 
 use super::{
     error::CommandError,
     map_image,
-    output::{check_output, print, print_json, write},
+    output::{print, print_json, write},
     stats::{CityStats, LevelStats, MeshLodStats},
+    volume,
 };
 use crate::{
     args::InspectArgs,
     store::{CityStore, StoreError},
 };
-use image::ImageFormat;
-use insula_command_line::output::FileKind;
+use image::{ImageFormat, RgbImage};
+use insula_command_line::output::{FileKind, Outputs};
 use insula_protocol::{
     BlockMap, TileId, TileKind,
+    blockmap::voxels::Voxels,
     manifest::Attribution,
     text::{count, human_bytes, printable},
 };
@@ -26,9 +28,14 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
         return super::survey::run(args);
     }
     let city = CityStore::open(&args.city)?;
-    if let (Some(tile), Some(png)) = (args.tile, &args.png) {
-        check_output(png, FileKind::PNG, [&args.city], args.overwrite)?;
-        return write_map_image(&city, tile, png);
+    let mut outputs = Outputs::new(args.overwrite).reading([&args.city]);
+    for (path, kind) in [(&args.png, FileKind::PNG), (&args.ply, FileKind::PLY)] {
+        path.as_ref().map_or(Ok(()), |path| outputs.file(path, kind)).map_err(CommandError::Usage)?;
+    }
+    match (args.tile, args.volume) {
+        (Some(tile), _) => return write_maps(&city, tile, args),
+        (None, Some(node)) => return write_voxels(&city, node, args),
+        (None, None) => {}
     }
     let stats = CityStats::collect(&city).map_err(StoreError::from)?;
     if args.json {
@@ -41,18 +48,51 @@ pub(super) fn run(args: &InspectArgs) -> Result<(), CommandError> {
     Ok(())
 }
 
-fn write_map_image(city: &CityStore, id: TileId, png: &Path) -> Result<(), CommandError> {
+/// Writes the maps of a node.
+fn write_maps(city: &CityStore, id: TileId, args: &InspectArgs) -> Result<(), CommandError> {
+    let (map, bytes) = read_map(city, id)?;
+    let Some(png) = &args.png else { return Ok(()) };
+    write_png(png, &map_image::draw(&map.stand_on_ground()))?;
+    print(&format!("{}: geometry, roof and wall maps of {id}, {}\n", png.display(), human_bytes(bytes)));
+    Ok(())
+}
+
+/// Writes the voxels of a node. A mesh that would be too large is an error before anything is written.
+fn write_voxels(city: &CityStore, id: TileId, args: &InspectArgs) -> Result<(), CommandError> {
+    let (map, _) = read_map(city, id)?;
+    let z_base_m = map.z_base_m();
+    let voxels = Voxels::of(map);
+    if let Some(path) = &args.ply {
+        let Some((file, faces)) = volume::write_ply(&voxels, id, z_base_m, city.manifest()) else {
+            let reason = "it has more than 2,000,000 visible faces; `--png` draws it, or take a node of another level";
+            return Err(CommandError::Tile { tile: id.to_string(), reason: reason.into() });
+        };
+        write(path, &file)?;
+        print(&format!("{}: {faces} faces of voxels of {id}\n", path.display()));
+    }
+    if let Some(png) = &args.png {
+        write_png(png, &volume::draw(&voxels))?;
+        let rows = count(voxels.rows() as u64, "row");
+        print(&format!("{}: voxels of {id} from the south-west and the north-east, {rows}\n", png.display()));
+    }
+    Ok(())
+}
+
+/// The V-BlockMap of a node, and its bytes in the city.
+fn read_map(city: &CityStore, id: TileId) -> Result<(BlockMap, u64), CommandError> {
     let tile_error = |reason: String| CommandError::Tile { tile: id.to_string(), reason };
     let bytes = city.tile(TileKind::BlockMap, id).map_err(|error| tile_error(error.to_string()))?;
     let bytes = bytes.ok_or_else(|| tile_error("the city has no such node".into()))?;
-    let map = BlockMap::decode(id, &bytes).map_err(|error| tile_error(error.to_string()))?.stand_on_ground();
+    let map = BlockMap::decode(id, &bytes).map_err(|error| tile_error(error.to_string()))?;
+    Ok((map, bytes.len() as u64))
+}
+
+fn write_png(path: &Path, image: &RgbImage) -> Result<(), CommandError> {
     let mut out = Cursor::new(Vec::new());
-    map_image::draw(&map)
+    image
         .write_to(&mut out, ImageFormat::Png)
-        .map_err(|error| CommandError::Write { path: png.to_owned(), reason: error.to_string() })?;
-    write(png, out.get_ref())?;
-    print(&format!("{}: geometry, roof and wall maps of {id}, {}\n", png.display(), human_bytes(bytes.len() as u64)));
-    Ok(())
+        .map_err(|error| CommandError::Write { path: path.to_owned(), reason: error.to_string() })?;
+    write(path, out.get_ref())
 }
 
 fn to_table(stats: &CityStats<'_>) -> String {

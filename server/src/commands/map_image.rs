@@ -20,7 +20,7 @@ const WALL_WIDTH: u32 = 256;
 /// Rows of the wall map that are drawn at most. Real cities need fewer.
 const WALL_HEIGHT_MAX: u32 = 1024;
 
-const BACKGROUND: Rgb<u8> = Rgb([40, 40, 48]);
+pub(super) const BACKGROUND: Rgb<u8> = Rgb([40, 40, 48]);
 const EMPTY: Rgb<u8> = Rgb([0, 0, 0]);
 const SIDE: u32 = NODE_CELLS as u32;
 
@@ -85,7 +85,8 @@ fn strip_starts(map: &BlockMap) -> Vec<usize> {
     (0..COLUMNS).map(&mut advance).collect()
 }
 
-fn shade(texel: Texel) -> Rgb<u8> {
+/// A colour as it is under the sky.
+pub(super) fn shade(texel: Texel) -> Rgb<u8> {
     let light = u32::from(texel.ao());
     Rgb(texel.rgb().map(|v| (u32::from(v) * light / u32::from(AO_MAX)) as u8))
 }

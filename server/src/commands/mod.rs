@@ -38,6 +38,7 @@ mod stats;
 #[cfg(feature = "bake")]
 mod survey;
 mod verify;
+mod volume;
 #[cfg(feature = "bake")]
 mod work_store;
 

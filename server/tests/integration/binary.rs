@@ -178,6 +178,9 @@ fn usage_errors_are_one_line_and_exit_2() {
         &["serve", "a", "--listen", "nowhere"],
         &["inspect", "a", "--tile", "1/2/3", "--png", "p"],
         &["inspect", "a", "--tile", "1/1/1"],
+        &["inspect", "a", "--volume", "1/1/1"],
+        &["inspect", "a", "--tile", "1/1/1", "--ply", "p"],
+        &["inspect", "a", "--tile", "1/1/1", "--volume", "1/1/1", "--png", "p"],
         &["sign", "--city", "a", "--expires", "7d"],
         &["bake", "a"],
         &["bake", "a", "--out", "b", "--cell", "-1"],
@@ -228,6 +231,10 @@ fn inspect_shows_a_city_and_draws_a_node() {
     assert!(image::open(&png).unwrap().width() > 1000);
     let (line, code) = failure(&["inspect", city, "--tile", "1/0/0", "--png", text(&png)]);
     assert!(code == Some(1) && line.contains("1/0/0"), "{line}");
+    let (png, ply) = (folder.path().join("voxels.png"), folder.path().join("voxels.ply"));
+    let output = run(&["inspect", city, "--volume", "1/1/1", "--png", text(&png), "--ply", text(&ply)]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    assert!(image::open(&png).unwrap().width() > 1000 && std::fs::metadata(&ply).unwrap().len() > 300);
     let missing_folder = folder.path().join("no/node.png");
     assert!(failure(&["inspect", city, "--tile", "1/1/1", "--png", text(&missing_folder)]).0.contains("node.png"));
 }

@@ -55,6 +55,9 @@ pub(crate) const PATINA_F0: f32 = 0.04;
 /// Frequency of beds along the ground, and of grains of a limestone, in that of beds along the height.
 pub(crate) const BED_FLATNESS: f32 = 0.08;
 pub(crate) const LIMESTONE_GRAINS: f32 = 14.0;
+/// Frequency of fibres along the axis of wood and around it, in that across the rings.
+pub(crate) const FIBRE_LENGTH: f32 = 0.1;
+pub(crate) const FIBRE_WIDTH: f32 = 0.35;
 
 /// What a stone shows at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,6 +100,9 @@ pub fn stone_surface(stone: &Stone, p_m: Vec3, normal: Vec3, ao: f32, footprint_
         }
         kind if kind == StoneKind::Limestone as u32 => {
             StoneSurface { albedo: limestone(stone, straight, footprint), ..plain }
+        }
+        kind if kind == StoneKind::Wood as u32 => {
+            StoneSurface { albedo: limestone(stone, wood_place(straight), footprint), ..plain }
         }
         _ => plain,
     }
@@ -273,6 +279,13 @@ fn ramp_integral(at: f32) -> f32 {
     u * u * u / 6.0 + 0.5 * above * (above + 1.0)
 }
 
+/// Where wood has the pattern of limestone: the distance from its axis takes the place of the height, so that beds are rings and
+/// grains are fibres. Distances become at most a tenth longer, so footprints stay as they are.
+fn wood_place(straight: Vec3) -> Vec3 {
+    let around = (straight.x - straight.y) * FIBRE_WIDTH;
+    Vec3::new(straight.z * FIBRE_LENGTH, around, straight.xy().length())
+}
+
 /// Fine grains in faint level beds.
 fn limestone(stone: &Stone, straight: Vec3, footprint: f32) -> Vec3 {
     let slow = faded_noise(next_octave(straight, 0.2), footprint * 0.2);
@@ -344,6 +357,10 @@ mod tests {
             for lag in by_metres.chain(by_cells) {
                 // Beds are level: they may go on.
                 if stone.kind == StoneKind::Limestone as u32 && lag.z.abs() < scale_m {
+                    continue;
+                }
+                // So are fibres upright.
+                if stone.kind == StoneKind::Wood as u32 && lag.truncate().length() < scale_m {
                     continue;
                 }
                 let product = |(p, v): (&Vec3, &f32)| (luminance(*p + lag) - middle) * (v - middle);

@@ -29,17 +29,19 @@ pub enum StoneKind {
     Bronze = 3,
     /// Fine grains in faint level beds.
     Limestone = 4,
+    /// Rings around an upright axis, with fibres along it.
+    Wood = 5,
 }
 
 /// A stone, 128 bytes. Colours are linear RGB, 0 to 1. [`Stone::check`] says which values are valid.
 ///
-/// | field | marble | granite | bronze | limestone |
-/// |---|---|---|---|---|
-/// | `base` | ground | feldspar | tarnish on bare metal | ground |
-/// | `vein` | broad veins | quartz | patina | beds |
-/// | `grain` | fine veins | mica | thin patina | grains |
-/// | `blend` | strength of broad and of fine veins | share of quartz and of mica | share of patina, of thin patina in it | strength of beds and of grains |
-/// | `cells_per_m` | broad veins | grains | patches of patina | beds |
+/// | field | marble | granite | bronze | limestone | wood |
+/// |---|---|---|---|---|---|
+/// | `base` | ground | feldspar | tarnish on bare metal | ground | early wood |
+/// | `vein` | broad veins | quartz | patina | beds | rings |
+/// | `grain` | fine veins | mica | thin patina | grains | fibres |
+/// | `blend` | strength of broad and of fine veins | share of quartz and of mica | share of patina, of thin patina in it | strength of beds and of grains | strength of rings and of fibres |
+/// | `cells_per_m` | broad veins | grains | patches of patina | beds | rings |
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Stone {
@@ -144,7 +146,7 @@ impl Stone {
 
     /// Fails at the first parameter outside of its range. To be called with stones from outside before a shader reads them.
     pub fn check(&self) -> Result<(), StoneError> {
-        if self.kind > StoneKind::Limestone as u32 {
+        if self.kind > StoneKind::Wood as u32 {
             return Err(StoneError::Kind(self.kind));
         }
         for (field, colour) in [("base", self.base), ("vein", self.vein), ("grain", self.grain), ("f0", self.f0)] {

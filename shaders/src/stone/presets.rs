@@ -3,13 +3,16 @@
 use super::definition::{BOTH_VEINS, Stone, StoneKind};
 
 /// Names and stones. Colours are estimates from photographs of polished slabs and weathered statues, in linear light.
-pub const PRESETS: [(&str, Stone); 6] = [
+pub const PRESETS: [(&str, Stone); 9] = [
     ("carrara-marble", CARRARA),
     ("green-marble", GREEN),
+    ("red-marble", RED),
+    ("black-marble", BLACK),
     ("red-granite", RED_GRANITE),
     ("grey-granite", GREY_GRANITE),
     ("bronze", BRONZE),
     ("limestone", LIMESTONE),
+    ("wood", WOOD),
 ];
 
 const CARRARA: Stone = Stone {
@@ -44,6 +47,27 @@ const GREEN: Stone = Stone {
     blend: [0.9, 0.75],
     variation: 0.5,
     ..CARRARA
+};
+
+/// As Rosso Levanto: red and dark red clouds, few white veins.
+const RED: Stone = Stone {
+    base: [0.235, 0.052, 0.036],
+    vein: [0.065, 0.017, 0.015],
+    grain: [0.70, 0.60, 0.54],
+    vein_width: 0.11,
+    blend: [0.8, 0.7],
+    ..GREEN
+};
+
+/// As Nero Marquina: black, with sharp white veins.
+const BLACK: Stone = Stone {
+    base: [0.0105, 0.0105, 0.0115],
+    vein: [0.034, 0.034, 0.036],
+    grain: [0.66, 0.65, 0.63],
+    alpha: [0.05; 2],
+    vein_width: 0.06,
+    blend: [0.5, 0.85],
+    ..GREEN
 };
 
 const RED_GRANITE: Stone = Stone {
@@ -98,6 +122,22 @@ const LIMESTONE: Stone = Stone {
     blend: [0.75, 0.8],
     variation: 0.4,
     bend: 0.2,
+    ..Stone::NONE
+};
+
+/// As oak with a matt finish.
+const WOOD: Stone = Stone {
+    base: [0.45, 0.275, 0.14],
+    kind: StoneKind::Wood as u32,
+    vein: [0.20, 0.10, 0.042],
+    cells_per_m: 1.0 / 0.1,
+    grain: [0.27, 0.15, 0.068],
+    octaves: 2,
+    f0: [0.04; 3],
+    alpha: [0.3, 0.4],
+    blend: [0.85, 0.5],
+    variation: 0.3,
+    bend: 0.6,
     ..Stone::NONE
 };
 

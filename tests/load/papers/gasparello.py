@@ -281,7 +281,7 @@ def scene(setup):
         seen = (f"{middle(view, 'median_ms'):.0f}", f"{view[-1]['triangles']:,}") if view else ("", "")
         table.row(name, paper, speed, digits(fps), digits(fps / off), f"{100 * middle(flown, 'unconverged'):.0f}%", *seen,
                   size_text(middle(flown, "bytes")), flown[0]["command"])
-    table.row("9 levels", "table 5.7, d = 2", "fastest", "not possible", "", "", "", "", "", "a leaf has at most 4 meshes and its columns")
+    table.row("9 levels", "table 5.7, d = 2", "fastest", "not possible", "", "", "", "", "", "a leaf has at most 6 meshes and its columns")
     return table
 
 

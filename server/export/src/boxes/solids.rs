@@ -64,13 +64,7 @@ enum Part {
 fn at_middle(column: &MapColumn) -> Option<(MapColumn, Part)> {
     let inner = MapColumn { clip: None, ..column.clone() };
     let Some(clip) = column.clip else { return Some((inner, Part::Top)) };
-    let is_inside = clip.offset >= 0;
-    let is_inside = match clip.corner {
-        Some(corner) if corner.concave => is_inside || corner.offset >= 0,
-        Some(corner) => is_inside && corner.offset >= 0,
-        None => is_inside,
-    };
-    if is_inside {
+    if clip.fills_middle() {
         return Some((inner, Part::Top));
     }
     let outer = clip.outer?;

@@ -46,5 +46,5 @@ pub fn simplify_within(model: &TriangleModel, source: &Surface, limit: f64) -> S
 /// The larger one of the largest distances of both surfaces from each other: the Hausdorff distance. Infinite if nothing is left.
 pub fn largest_distance(source: &Surface, model: &TriangleModel) -> f64 {
     let Some(result) = Surface::of_model(model) else { return f64::INFINITY };
-    source.compare(&result, SAMPLES).max.max(result.compare(source, SAMPLES).max)
+    source.largest_distance(&result, SAMPLES).max(result.largest_distance(source, SAMPLES))
 }

@@ -15,11 +15,11 @@ use crate::{
         noise::{NOISE_DENSITY, NOISE_DENSITY_BEND},
         raycast::{pixel_m, stone_numbered},
         stone::{
-            BED_FLATNESS, BEND_FREQUENCY, BENT_SLOPE, BROAD_LACUNARITY, CRINKLE, CRINKLE_FREQUENCY, FINE_LACUNARITY,
-            FINE_WIDTH, GRAIN_BEND_FREQUENCY, GRAIN_FOOTPRINT, GRANITE_PERSISTENCE, LIMESTONE_GRAINS, MICA_FREQUENCY,
-            MIN_WIDTH, PATINA_ALPHA, PATINA_CREASES, PATINA_F0, PATINA_HEIGHT, PATINA_NOISE, PATINA_OPEN,
-            PATINA_TARNISH, PATINA_UPWARDS, PLACE_CONTRAST, PLACE_FREQUENCY, RAMP_RANGE, StoneSurface, VEIN_FALL,
-            VEIN_STRETCH, WIDTH_VARIATION, tangent_of,
+            BED_FLATNESS, BEND_FREQUENCY, BENT_SLOPE, BROAD_LACUNARITY, CRINKLE, CRINKLE_FREQUENCY, FIBRE_LENGTH,
+            FIBRE_WIDTH, FINE_LACUNARITY, FINE_WIDTH, GRAIN_BEND_FREQUENCY, GRAIN_FOOTPRINT, GRANITE_PERSISTENCE,
+            LIMESTONE_GRAINS, MICA_FREQUENCY, MIN_WIDTH, PATINA_ALPHA, PATINA_CREASES, PATINA_F0, PATINA_HEIGHT,
+            PATINA_NOISE, PATINA_OPEN, PATINA_TARNISH, PATINA_UPWARDS, PLACE_CONTRAST, PLACE_FREQUENCY, RAMP_RANGE,
+            StoneSurface, VEIN_FALL, VEIN_STRETCH, WIDTH_VARIATION, tangent_of,
         },
     },
     layout::FrameUniform,
@@ -126,7 +126,20 @@ fn stone_surfaces<S: Simd>(simd: S, stone: &Stone, points: &StonePoints<S>) -> S
         kind if kind == StoneKind::Limestone as u32 => {
             StoneSurfaces { albedo: here.limestone(straight, footprint), ..plain }
         }
+        kind if kind == StoneKind::Wood as u32 => {
+            StoneSurfaces { albedo: here.limestone(wood_place(straight), footprint), ..plain }
+        }
         _ => plain,
+    }
+}
+
+/// [`wood_place`](crate::cpu::stone).
+#[inline(always)]
+fn wood_place<S: Simd>(straight: Vec3s<S>) -> Vec3s<S> {
+    Vec3s::<S> {
+        x: straight.z * FIBRE_LENGTH,
+        y: (straight.x - straight.y) * FIBRE_WIDTH,
+        z: (straight.x * straight.x + straight.y * straight.y).sqrt(),
     }
 }
 
