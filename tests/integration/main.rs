@@ -14,6 +14,7 @@ mod command_line;
 mod dependencies;
 mod documents;
 mod drape;
+mod drawings;
 mod faults;
 mod fidelity;
 mod file_safety;
@@ -51,7 +52,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 37] = [
+const MODULES: [(&str, Add); 38] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -62,6 +63,7 @@ const MODULES: [(&str, Add); 37] = [
     ("zoo", zoo::add),
     ("file_safety", file_safety::add),
     ("random_commands", random_commands::add),
+    ("drawings", drawings::add),
     ("gaps", gaps::add),
     ("node_error", node_error::add),
     ("load", load::add),
