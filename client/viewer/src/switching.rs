@@ -52,7 +52,7 @@ impl SwitchDistances {
             SwitchVolume::Sphere => offset.length() - node.radius_m,
         };
         let drawn = self.metres.iter().filter(|metres| distance_m >= **metres).count();
-        f64::from(i32::from(level) - drawn as i32).exp2()
+        2.0f64.powi(i32::from(level) - drawn as i32)
     }
 }
 
