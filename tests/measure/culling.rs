@@ -102,7 +102,7 @@ fn compare_trees(session: &Session, planes: &[FrustumPlane; 5]) {
         "\n| level | side, m | nodes | of more than one cube | cubes | nodes in view | cubes in view |\n|---|---|---|---|---|---|---|"
     );
     let tree = session.tree();
-    let base_m = tree.manifest().bounds[0][2];
+    let base_m = tree.nodes().map(|node| node.centre.z - node.half.z).fold(f64::INFINITY, f64::min);
     let mut all = [0usize; 5];
     for level in 0..=tree.manifest().depth {
         let side_m = tree.manifest().cell_m_at(level) * NODE_CELLS as f64;
