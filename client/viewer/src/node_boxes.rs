@@ -5,6 +5,7 @@ use glam::{DVec2, DVec3};
 
 /// The ends of the boxes' edges in front of the camera, in shares of the frame's width and height from its upper left corner. Of nodes
 /// that are hidden, as far as that is known, there are none.
+#[cold]
 pub fn box_edges(tree: &SceneTree, selection: &Selection, view: &View) -> Vec<[DVec2; 2]> {
     let nodes = selection.unoccluded.iter().map(|node| tree.node(*node));
     let edges = nodes.flat_map(|node| (0..12).map(|edge| edge_of(edge).map(|corner| node.centre + node.half * corner)));

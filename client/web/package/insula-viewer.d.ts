@@ -110,10 +110,10 @@ export interface ViewerOptions {
   /** Frames a second while the view moves, 5 to 240: kept by a larger error, up to four times `tau`, then by fewer pixels. */
   fps: number;
   /**
-   * Metres, ascending: up to the first one the finest level of detail is drawn, and beyond each one the next coarser level. Without
-   * any, `tau` decides. At most 16.
+   * Metres, ascending, such as `50,100,200`: up to the first one the finest level of detail is drawn, and beyond each one the next
+   * coarser level. If empty, `tau` decides. At most 16.
    */
-  distances: number[];
+  distances: string;
   shading: Shading;
   /** How the city is shown: a white model by day, light as measured, or even light for reports. */
   look: 'model' | 'physical' | 'paper';

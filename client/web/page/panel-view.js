@@ -62,7 +62,7 @@ export function viewPanel({ city }, actions) {
   ends.append(element('span', {}, texts.fine), element('span', {}, texts.coarse));
 
   const distances = field({ text: texts.distances, placeholder: '50, 100, 200' });
-  distances.input.addEventListener('change', () => set({ distances: distances.input.value.split(/[\s,;]+/).filter(Boolean).map(Number) }));
+  distances.input.addEventListener('change', () => set({ distances: distances.input.value }));
 
   const show = () => {
     mode.set(options.mode);

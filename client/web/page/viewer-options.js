@@ -9,7 +9,7 @@ const ZOOM_STEP = 1.25;
  * @typedef {object} ViewerOptions
  * @property {number} tau Tolerated error in pixels.
  * @property {number} fps Frames a second while the view moves, 5 to 240.
- * @property {number[]} distances Where levels of detail change, in metres; empty if `tau` decides.
+ * @property {string} distances Where levels of detail change, in metres, such as `50,100`; empty if `tau` decides.
  * @property {string} shading One of SHADINGS.
  * @property {string} look One of LOOKS.
  * @property {boolean} shadows
@@ -20,7 +20,7 @@ const ZOOM_STEP = 1.25;
 
 /** @returns {ViewerOptions} */
 export function defaultOptions() {
-  return { tau: 1, fps: 30, distances: [], shading: 'lit', look: 'model', shadows: true, collision: null, mode: 'orbit', day: false };
+  return { tau: 1, fps: 30, distances: '', shading: 'lit', look: 'model', shadows: true, collision: null, mode: 'orbit', day: false };
 }
 
 /**
@@ -44,7 +44,7 @@ export function validChanges(changes) {
   const rules = {
     tau: isPositive,
     fps: isPositive,
-    distances: (value) => Array.isArray(value) && value.every(isPositive),
+    distances: (value) => typeof value === 'string',
     shading: (value) => SHADINGS.includes(value),
     look: (value) => LOOKS.includes(value),
     shadows: (value) => typeof value === 'boolean',

@@ -98,7 +98,7 @@ pub(crate) enum Command {
     Options {
         tau: Option<f64>,
         fps: Option<f64>,
-        distances: Option<Vec<f64>>,
+        distances: Option<String>,
         shadows: Option<bool>,
         shading: Option<usize>,
         look: Option<usize>,

@@ -321,6 +321,7 @@ pub(super) fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u3
 
 /// Colour of a triangle in [`Shading::Wire`] and [`Shading::Triangles`]; `None` in other shadings. `corners` are in steps of the
 /// mesh's grid.
+#[cold]
 fn shown_triangle(
     frame: &FrameUniform,
     dir: Vec3,

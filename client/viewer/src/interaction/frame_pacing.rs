@@ -17,11 +17,6 @@ const REST_IN_STEPS: Duration = Duration::from_millis(100);
 pub const FRAME_RATE: f64 = 30.0;
 /// Frame rates that can be asked for.
 pub const FRAME_RATES: RangeInclusive<f64> = 5.0..=240.0;
-/// While the view changes or tiles arrive, frames that would take this multiple of their budget, with everything besides the scene, are
-/// drawn with a half, a quarter or an eighth of the pixels along each side. Below, detail is to do.
-const MAX_MOVING_BUDGETS: f64 = 1.44;
-/// Least part of a frame's budget for the scene: where the rest takes long, the scene is not made ever coarser for it.
-const MIN_SCENE_SHARE: f64 = 0.58;
 /// Most of a frame's time that is taken for independent of its pixels. Two frames of different sizes may differ by chance.
 const MAX_FIXED_SHARE: f64 = 0.75;
 /// Longest frame of a resting view. A GPU draws it at once, and the user must wait for it to move on.
@@ -91,8 +86,8 @@ impl FramePacer {
     /// A pacer before the first frame. `draws_in_steps`: whether frames of a resting view are drawn in steps.
     pub fn new(now: Instant, draws_in_steps: bool) -> Self {
         // The estimate starts high, so that the first frame is coarse and appears early.
-        let budget = Duration::from_secs_f64(1.0 / FRAME_RATE);
-        let first = budget.mul_f64(MAX_MOVING_BUDGETS) * (MAX_DIVISOR * MAX_DIVISOR);
+        let budget = budget_of(FRAME_RATE);
+        let first = moving_limit(budget) * (MAX_DIVISOR * MAX_DIVISOR);
         let cost = |i: usize| if draws_in_steps { ADAPTIVE_COST[i] } else { ((i + 1) * (i + 1)) as f64 };
         Self {
             last_change: now,
@@ -117,7 +112,7 @@ impl FramePacer {
     /// Sets the frames a second that a changing view is to have. Others than [`FRAME_RATES`] become the nearest of them.
     pub fn set_frame_rate(&mut self, rate: f64) {
         let rate = if rate.is_nan() { FRAME_RATE } else { rate.clamp(*FRAME_RATES.start(), *FRAME_RATES.end()) };
-        self.budget = Duration::from_secs_f64(1.0 / rate);
+        self.budget = budget_of(rate);
     }
 
     /// What the chosen tau is multiplied by: more than 1 only while the view changes, on a machine that would not have the frame rate
@@ -130,9 +125,10 @@ impl FramePacer {
         now.duration_since(self.last_change) < self.rest()
     }
 
-    /// The part of a time for a frame that is for the scene.
+    /// The part of a time for a frame that is for the scene: at least half of it. Where the rest takes long, the scene is not made ever
+    /// coarser for it.
     fn for_scene(&self, frame: Duration) -> Duration {
-        frame.saturating_sub(self.overhead).max(frame.mul_f64(MIN_SCENE_SHARE))
+        frame.saturating_sub(self.overhead).max(frame / 2)
     }
 
     /// The view changed: frames are coarse until it rests.
@@ -150,7 +146,7 @@ impl FramePacer {
     pub fn detail(&self, now: Instant, is_settled: bool) -> FrameDetail {
         let is_changing = self.is_changing(now);
         let is_final = !is_changing && is_settled;
-        let moving_limit = self.for_scene(self.budget.mul_f64(MAX_MOVING_BUDGETS));
+        let moving_limit = self.for_scene(moving_limit(self.budget));
         let mut divisor = 1;
         while !is_final && divisor < MAX_DIVISOR && self.estimate_divided(divisor) > moving_limit {
             divisor *= 2;
@@ -283,6 +279,17 @@ impl FramePacer {
     pub fn final_frame_at(&self) -> Option<Instant> {
         (!self.is_finished).then(|| self.last_change + self.rest())
     }
+}
+
+/// Time of a frame at a frame rate.
+fn budget_of(rate: f64) -> Duration {
+    Duration::from_nanos((1e9 / rate) as u64)
+}
+
+/// While the view changes or tiles arrive, frames that would take longer, with everything besides the scene, are drawn with a half, a
+/// quarter or an eighth of the pixels along each side. Below, detail is to do.
+fn moving_limit(budget: Duration) -> Duration {
+    budget + budget / 2
 }
 
 /// Longest time of a frame that is told from longer ones.

@@ -49,7 +49,8 @@ impl CityViewer {
             }
             Command::Options { tau, fps, distances, shadows, shading, look } => {
                 self.set_options(tau, shadows);
-                if let Some(metres) = distances {
+                if let Some(text) = distances {
+                    let metres: Vec<f64> = text.split(',').filter_map(|metres| metres.trim().parse().ok()).collect();
                     self.switching = SwitchDistances::new(&metres, SwitchVolume::Box);
                 }
                 if let Some(fps) = fps {
