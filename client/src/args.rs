@@ -1,9 +1,11 @@
 //! The command line of `insula`.
 
 mod draw;
+mod switch;
 mod view_options;
 
 pub use draw::DrawArgs;
+pub use switch::SwitchArgs;
 pub use view_options::{PlaceArgs, StreetPlace, Target, ViewpointArgs};
 
 use crate::{
@@ -13,8 +15,8 @@ use clap::{Args, Parser, Subcommand, builder::TypedValueParser};
 use insula_command_line::{SetupCommand, output::OverwriteArgs, parse_size, parse_tau};
 use insula_shaders::{layout::Shading, look::Look};
 use insula_viewer::{
+    interaction::frame_pacing::FRAME_RATES,
     sun::{Bearing, SunOptions, SunTime, parse_bearing, parse_time},
-    switching::{MAX_SWITCHES, SwitchDistances, SwitchVolume},
     translucency::Translucency,
 };
 use std::path::PathBuf;
@@ -115,9 +117,15 @@ pub struct ViewArgs {
     /// Stop the flight after this many seconds [default: once along the path].
     #[arg(long, value_name = "SECS", value_parser = parse_positive, requires = "path")]
     pub seconds: Option<f64>,
+    /// Frames a second while the view moves, 5 to 240: on a slow machine by less detail, up to four times `--tau`, then by fewer pixels.
+    /// A view that rests has all of them [default: 30].
+    #[arg(long, value_name = "N", value_parser = parse_frame_rate)]
+    pub fps: Option<f64>,
     /// Switch levels of detail at once instead of cross-fading them.
     #[arg(long)]
     pub no_fades: bool,
+    #[command(flatten)]
+    pub switch: SwitchArgs,
     #[command(flatten)]
     pub pictures: PictureArgs,
     #[command(flatten)]
@@ -226,9 +234,12 @@ pub struct SnapshotArgs {
     /// Report file to write.
     #[arg(long, value_name = "JSON")]
     pub report: Option<PathBuf>,
-    /// Value that pixels show: lit, albedo, ao, normal, lod or kind.
+    /// Value that pixels show: lit, albedo, ao, normal, lod (levels of detail), kind (of columns), wire (edges of triangles), triangles
+    /// or bounds (levels of detail, and the boxes of nodes).
     #[arg(long, default_value = "lit", value_parser = parse_shading)]
     pub shading: Shading,
+    #[command(flatten)]
+    pub switch: SwitchArgs,
     #[command(flatten)]
     pub sun: SunArgs,
     #[command(flatten)]
@@ -262,16 +273,14 @@ pub struct FlyArgs {
     /// Simulated network: percentage of responses that break off half-way.
     #[arg(long, value_name = "PERCENT", value_parser = parse_percent)]
     pub loss: Option<f64>,
-    /// Distances in metres, ascending: up to the first one the finest level of detail is drawn, and beyond each one the next
-    /// coarser level [default: levels by `--tau`].
-    #[arg(long, value_name = "M,M,...", value_delimiter = ',', value_parser = parse_positive)]
-    pub switch: Vec<f64>,
-    /// Volume around a node to which these distances are measured.
-    #[arg(long, value_parser = ["box", "sphere"], default_value = "box", requires = "switch")]
-    pub switch_volume: String,
-    /// Pace frames like a window: fewer pixels while frames are slow.
+    #[command(flatten)]
+    pub switch: SwitchArgs,
+    /// Pace frames like a window: less detail and fewer pixels while frames are slow.
     #[arg(long)]
     pub paced: bool,
+    /// Frames a second that this keeps, 5 to 240 [default: 30].
+    #[arg(long, value_name = "N", value_parser = parse_frame_rate, requires = "paced")]
+    pub fps: Option<f64>,
     /// Switch levels of detail at once instead of cross-fading them.
     #[arg(long)]
     pub no_fades: bool,
@@ -289,18 +298,6 @@ pub struct FlyArgs {
     pub sun: SunArgs,
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
-}
-
-impl FlyArgs {
-    /// The switching distances, if there are any. Fails if they do not ascend.
-    pub fn switching(&self) -> Result<Option<SwitchDistances>, String> {
-        if self.switch.is_empty() {
-            return Ok(None);
-        }
-        let volume = if self.switch_volume == "sphere" { SwitchVolume::Sphere } else { SwitchVolume::Box };
-        let distances = SwitchDistances::new(&self.switch, volume);
-        distances.map(Some).ok_or_else(|| format!("--switch needs 1 to {MAX_SWITCHES} distances that ascend"))
-    }
 }
 
 /// Options of saved images, for all commands that write any.
@@ -412,6 +409,12 @@ fn parse_positive(text: &str) -> Result<f64, String> {
         Ok(v) if v > 0.0 && v < 1e6 => Ok(v),
         _ => Err("expected a number above 0 and below 1000000".into()),
     }
+}
+
+fn parse_frame_rate(text: &str) -> Result<f64, String> {
+    let [least, most] = [FRAME_RATES.start(), FRAME_RATES.end()];
+    let rate = text.parse().ok().filter(|rate| FRAME_RATES.contains(rate));
+    rate.ok_or_else(|| format!("expected a number from {least} to {most}"))
 }
 
 fn parse_percent(text: &str) -> Result<f64, String> {

@@ -13,6 +13,7 @@
 //! Only `stream` uses the network. Only `render` and `ui` name wgpu.
 
 pub mod args;
+mod box_lines;
 pub mod camera_files;
 pub mod commands;
 pub mod error;

@@ -1,7 +1,7 @@
 //! Streams and draws single pictures: to their end, and in strips, so that a large picture takes little memory of the device and
 //! can be cancelled.
 
-use crate::{error::Result, session::Session};
+use crate::{box_lines::paint_lines, error::Result, session::Session};
 use glam::Vec3;
 use insula_shaders::{
     cpu::raycast::Pixels,
@@ -67,6 +67,19 @@ pub fn settle(
     }
 }
 
+/// Draws the last selection, with the boxes of its nodes if the shading asks for them. Fails if the adapter fails.
+pub fn draw_whole(session: &mut Session, request: &FrameRequest, settings: &RenderSettings) -> Result<Pixels> {
+    let mut pixels = session.draw(request, settings)?;
+    add_boxes(session, request, settings, &mut pixels);
+    Ok(pixels)
+}
+
+fn add_boxes(session: &Session, request: &FrameRequest, settings: &RenderSettings, pixels: &mut Pixels) {
+    if settings.shading == Shading::Bounds {
+        paint_lines(pixels, &session.box_edges(request));
+    }
+}
+
 /// Draws the last selection in strips from top to bottom. `drawn` gets the share that is drawn, 0 to 1, and returns whether to
 /// continue. Returns the colours of the whole picture, without distances; `None` if it was cancelled. Fails if the adapter fails.
 pub fn draw_in_strips(
@@ -93,7 +106,9 @@ pub fn draw_in_strips(
     }
     // Exposure, lines and shade follow from the whole picture.
     let colour = develop(&whole, &words, &hits, &distances);
-    Ok(Some(Pixels { width_px, height_px, colour, ..Pixels::default() }))
+    let mut pixels = Pixels { width_px, height_px, colour, ..Pixels::default() };
+    add_boxes(session, request, settings, &mut pixels);
+    Ok(Some(pixels))
 }
 
 /// The frame of `rows` rows of another frame, from row `top`.

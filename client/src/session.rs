@@ -9,7 +9,7 @@ use crate::{
     report::{FlightSample, FrameTimes, RunReport},
     stream::{BackgroundFetcher, fetch::Http, notifier::Notifier},
 };
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use insula_protocol::blockmap::NO_OBJECT;
 use insula_shaders::{
     cpu::{
@@ -294,6 +294,11 @@ impl Session {
         self.streamer.set_sun(sun);
     }
 
+    /// See [`Streamer::set_tau_factor`].
+    pub fn set_tau_factor(&mut self, factor: f64) {
+        self.streamer.set_tau_factor(factor);
+    }
+
     /// See [`Streamer::set_transitions`].
     pub fn set_transitions(&mut self, is_on: bool) {
         self.streamer.set_transitions(is_on);
@@ -307,6 +312,11 @@ impl Session {
     /// See [`Streamer::report_hits`].
     pub fn report_hits(&mut self, query: &OcclusionQuery, pixels: &[u32]) {
         self.streamer.report_hits(query, pixels);
+    }
+
+    /// See [`Streamer::box_edges`].
+    pub fn box_edges(&self, request: &FrameRequest) -> Vec<[DVec2; 2]> {
+        self.streamer.box_edges(request)
     }
 
     /// Arrays for the ray-caster, for the last selection.

@@ -88,6 +88,8 @@ pub(crate) const GRID_NODE_MASK: u32 = GRID_NODES as u32 - 1;
 pub const FADE_RAYS: u32 = 64;
 /// Flag of a [surface](crate::cpu::shade::SurfaceSample) that belongs to a mesh. No column has this bit.
 pub const MESH_FLAG: u32 = 256;
+/// In [`DrawNode::level`]: the finest level of detail of a mesh. Coarser ones follow.
+pub const MESH_LEVEL: u32 = 32;
 /// In the hit buffer: no node was hit.
 pub const NO_NODE: u32 = u32::MAX;
 
@@ -104,18 +106,34 @@ pub enum Shading {
     Ao = 2,
     /// Normals as colours.
     Normal = 3,
-    /// A colour per level of detail.
+    /// A colour per level of detail: strong for nodes, pale for meshes.
     Lod = 4,
     /// A colour per kind of column: roof grey, exposed orange, suspended blue, with gaps red, inclined tinted green.
     /// Meshes are violet.
     Kind = 5,
     /// No picture: each pixel is the palette word of the object that its centre ray hits, as an address in the atlas, or 0.
     Objects = 6,
+    /// The edges of the triangles of meshes, one pixel wide. Columns are grey.
+    Wire = 7,
+    /// A colour for each triangle of a mesh. Columns are grey.
+    Triangles = 8,
+    /// As [`Self::Lod`]. Shells draw the boxes of the nodes over it.
+    Bounds = 9,
 }
 
 impl Shading {
     /// All shadings that are pictures, in the order of their keys in the client.
-    pub const ALL: [Self; 6] = [Self::Lit, Self::Albedo, Self::Ao, Self::Normal, Self::Lod, Self::Kind];
+    pub const ALL: [Self; 9] = [
+        Self::Lit,
+        Self::Albedo,
+        Self::Ao,
+        Self::Normal,
+        Self::Lod,
+        Self::Kind,
+        Self::Wire,
+        Self::Triangles,
+        Self::Bounds,
+    ];
 
     /// The word on command lines.
     pub const fn word(self) -> &'static str {
@@ -127,6 +145,9 @@ impl Shading {
             Self::Lod => "lod",
             Self::Kind => "kind",
             Self::Objects => "objects",
+            Self::Wire => "wire",
+            Self::Triangles => "triangles",
+            Self::Bounds => "bounds",
         }
     }
 }
@@ -305,7 +326,7 @@ pub struct DrawNode {
     /// Atlas pages of the [`PLANES`] in 24 bits, and above them how far quarters lie below the node
     /// ([`DrawNode::pages_and_quarters`]).
     pub pages: [u32; 4],
-    /// Level of the node in the city, for [`Shading::Lod`].
+    /// Level of the node in the city, or [`MESH_LEVEL`] and the level of detail of its mesh, for [`Shading::Lod`].
     pub level: u32,
     /// 1 + place of the head of its mesh in the atlas, in vec4s. 0: its columns are drawn.
     pub mesh: u32,

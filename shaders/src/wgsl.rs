@@ -17,7 +17,10 @@ use crate::{
     },
     cpu::{
         landmark::MIN_FACING_NORMAL,
-        mesh::{BOX_SLACK, EDGE_SLACK, MESH_LIFT_M, MESH_LIFT_SHARE, MIN_COSINE, PLANE_SINE_SQUARED, TIE_M, TIE_SHARE},
+        mesh::{
+            BOX_SLACK, EDGE_SLACK, MESH_LIFT_M, MESH_LIFT_SHARE, MIN_COSINE, PLANE_SINE_SQUARED, TIE_M, TIE_SHARE,
+            WIRE_LINE, WIRE_SURFACE,
+        },
         mesh_surface::{INSIDE_AO, ROOF_NORMAL_Z, ROOF_WEIGHT_ON_WALL, UNKNOWN_AO},
         night::{
             BAY_COUNT, BAYS_PER_M, GLASS_EAST, GLASS_HIGH, GLASS_LOW, GLASS_WEST, LAMP_BEGIN, LAMP_DEPTH, LAMP_FALL_M,
@@ -57,11 +60,11 @@ use crate::{
     layout::{
         ATTRIBUTE_PLANE, BLOCK_CELLS, BLOCK_SHIFT, GOLDEN_TURN, GRID_LEVEL_MASK, GRID_LEVEL_SHIFT, GRID_LEVELS,
         GRID_MIXED, GRID_NODE_BIT, GRID_NODE_MASK, GRID_SHARE_MASK, GRID_SHARE_SHIFT, HIT_BLOCK_PX, HIT_COUNTS_THREADS,
-        MAX_SAMPLES, MESH_FLAG, METER_READS, METER_THREADS, NO_NODE, NODE_BLOCKS, OBJECT_BITS, OCCLUSION_SPLIT,
-        OCCLUSION_THREADS, OUTLINE_RGB, PAGE_WORDS, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED, QUAD_TOP_BITS,
-        QUAD_TOP_MAX, QUARTER_MAX, QUARTER_SHIFT, ROOF_PLANE, SHORE_PARTS, SHORE_ROWS, SKY_AZIMUTHS, SKY_CELLS,
-        SKY_HEIGHTS, SLOT_SHIFT, STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_VEC4S, Shading, WALK_PLANE, WORKGROUP,
-        binding,
+        MAX_SAMPLES, MESH_FLAG, MESH_LEVEL, METER_READS, METER_THREADS, NO_NODE, NODE_BLOCKS, OBJECT_BITS,
+        OCCLUSION_SPLIT, OCCLUSION_THREADS, OUTLINE_RGB, PAGE_WORDS, PALETTE_COLOURED, PALETTE_HIDDEN,
+        PALETTE_OUTLINED, QUAD_TOP_BITS, QUAD_TOP_MAX, QUARTER_MAX, QUARTER_SHIFT, ROOF_PLANE, SHORE_PARTS, SHORE_ROWS,
+        SKY_AZIMUTHS, SKY_CELLS, SKY_HEIGHTS, SLOT_SHIFT, STRIP_PLANE, SUMMARY_BYTE_SHIFT, SUMMARY_VEC4S, Shading,
+        WALK_PLANE, WORKGROUP, binding,
     },
     light::SKY_LOW,
     mesh::{
@@ -327,12 +330,15 @@ fn other_constants() -> String {
             SHADING_LOD = Shading::Lod,
             SHADING_KIND = Shading::Kind,
             SHADING_OBJECTS = Shading::Objects,
+            SHADING_WIRE = Shading::Wire,
+            SHADING_TRIANGLES = Shading::Triangles,
+            SHADING_BOUNDS = Shading::Bounds,
         }
         // Words of the atlas.
         u32 { PAGE_WORDS, WALK_PLANE, ROOF_PLANE, ATTRIBUTE_PLANE, STRIP_PLANE, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK }
         u32 { OBJECT_BITS, PALETTE_COLOURED, PALETTE_HIDDEN, PALETTE_OUTLINED }
         u32 { AZIMUTH_SHIFT, AZIMUTHS, CLIP_OFFSET_SHIFT, CLIP_CORNER, CLIP_CONCAVE, STEPS_PER_CELL }
-        u32 { OPAQUE = insula_protocol::texel::OPAQUE, AO_SHIFT, MESH_FLAG }
+        u32 { OPAQUE = insula_protocol::texel::OPAQUE, AO_SHIFT, MESH_FLAG, MESH_LEVEL }
         u32 {
             OCCUPIED = flag::OCCUPIED,
             EXPOSED = flag::EXPOSED,
@@ -353,7 +359,7 @@ fn other_constants() -> String {
         f32 { INSIDE_AO, UNKNOWN_AO, ROOF_WEIGHT_ON_WALL, ROOF_NORMAL_Z }
         // Light.
         vec3 { HORIZON, ZENITH, GROUND, LUMINANCE, POWER_LOW, POWER_HIGH }
-        vec3 { TINT_ROOF, TINT_MESH, TINT_GAP, TINT_SUSPENDED, TINT_EXPOSED, TINT_INCLINED }
+        vec3 { TINT_ROOF, TINT_MESH, TINT_GAP, TINT_SUSPENDED, TINT_EXPOSED, TINT_INCLINED, WIRE_SURFACE, WIRE_LINE }
         vec3 { OUTLINE_RGB = glam::Vec3::from(OUTLINE_RGB) }
         f32 { GROUND_FADE_M, MIN_GROUND_DESCENT, DISC_INNER, DISC_OUTER, DISC, MIE_G, PHASE_SCALE, SKY_LOW }
         f32 { FACADES_BY_WALL, FACADES_BY_GROUND, GROUND_DEPTH, FACADE_DEPTH, ZENITH_SHARE, GOLDEN_COS = GOLDEN_TURN.x, GOLDEN_SIN = GOLDEN_TURN.y }
@@ -452,6 +458,37 @@ mod tests {
         let text = constants();
         for declaration in ["const PAGE_WORDS = 4096u;", "const NODE_CELLS = 64i;", "const MIN_DIRECTION = 1e-12f;"] {
             assert!(text.contains(declaration), "{declaration}");
+        }
+    }
+
+    /// What compilers make of a source, without names and places in it.
+    fn program(source: &str) -> String {
+        let module = format!("{:?}", naga::front::wgsl::parse_str(source).unwrap());
+        let unnamed: String = module.split('"').step_by(2).collect();
+        let is_span = |part: &str| part.starts_with(" start:");
+        let after_span = |part: &str| {
+            if is_span(part) { part.split_once('}').map_or("", |(_, rest)| rest) } else { part }.to_owned()
+        };
+        unnamed.split("Span {").map(after_span).collect()
+    }
+
+    /// Browsers get the WGSL without what compilers ignore (`build.rs`).
+    #[test]
+    fn squeezed_files_make_the_same_programs() {
+        let out = Path::new(env!("OUT_DIR"));
+        for source in [raycast(), compose(), contact(), meter(), hit_counts()] {
+            let mut small = source.clone();
+            for folder in ["", "shared"] {
+                for entry in fs::read_dir(out.join("squeezed").join(folder)).unwrap() {
+                    let path = entry.unwrap().path();
+                    if path.is_file() {
+                        let whole = fs::read_to_string(out.join(folder).join(path.file_name().unwrap())).unwrap();
+                        small = small.replace(&whole, &fs::read_to_string(&path).unwrap());
+                    }
+                }
+            }
+            assert!(small.len() < source.len(), "{} of {} bytes", small.len(), source.len());
+            assert!(program(&source) == program(&small));
         }
     }
 }

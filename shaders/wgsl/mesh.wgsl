@@ -266,11 +266,40 @@ fn hit_triangle(index: u32, step_m: f32, info: vec4<u32>) {
     if landmark.is_one {
         normal = normal_towards(landmark.normal, segment.dir);
     }
-    let colour = object_colour(mesh_hit.object, albedo);
+    var colour = object_colour(mesh_hit.object, albedo);
+    if FOR_STUDY && (frame.shading == SHADING_WIRE || frame.shading == SHADING_TRIANGLES) {
+        colour = shown_triangle(corners, step_m);
+    }
     // A colour of an object replaces its stone.
     let stone = select(0u, landmark.stone, all(colour == albedo));
     let level = nodes[index].level;
     ray_hit = RayHit(
         true, colour, light.sky, normal, flags, level, t, index, mesh_hit.object, shadow_origin, stone, p - landmark.origin,
     );
+}
+
+// Colour of the triangle that was hit in SHADING_WIRE and SHADING_TRIANGLES.
+fn shown_triangle(corners: TriangleCorners, step_m: f32) -> vec3<f32> {
+    if frame.shading == SHADING_TRIANGLES {
+        return triangle_tint(corners);
+    }
+    let ab = corners.b - corners.a;
+    let ac = corners.c - corners.a;
+    let p = ab * mesh_hit.u + ac * mesh_hit.v;
+    let nearest = min(min(distance_to(p, ab), distance_to(p, ac)), distance_to(p - ab, ac - ab));
+    let pixel_m = mesh_hit.t * 2.0 * length(frame.up) / f32(frame.height_px);
+    return mix(WIRE_SURFACE, WIRE_LINE, max(1.0 - nearest * step_m / pixel_m, 0.0));
+}
+
+// How far the ray through `p` passes a line through the origin.
+fn distance_to(p: vec3<f32>, along: vec3<f32>) -> f32 {
+    let across = cross(segment.dir, along);
+    return abs(dot(p, across)) / max(length(across), 1e-12);
+}
+
+// A colour that follows from the place of a triangle in its mesh.
+fn triangle_tint(corners: TriangleCorners) -> vec3<f32> {
+    let parts = vec3<u32>(corners.a + corners.b * 3.0 + corners.c * 7.0) * vec3<u32>(73856093u, 19349663u, 83492791u);
+    let mixed = parts.x ^ parts.y ^ parts.z;
+    return unpack4x8unorm(mixed ^ (mixed >> 13u)).rgb * 0.8 + 0.1;
 }

@@ -36,8 +36,9 @@ fn shade(albedo: vec3<f32>, ao: f32, n: vec3<f32>, flags: u32, level: u32) -> Ra
         case SHADING_ALBEDO: { return unlit(albedo); }
         case SHADING_AO: { return unlit(vec3<f32>(ao)); }
         case SHADING_NORMAL: { return unlit(n * 0.5 + 0.5); }
-        case SHADING_LOD: { return unlit(level_tint(level) * debug); }
+        case SHADING_LOD, SHADING_BOUNDS: { return unlit(level_tint(level) * debug); }
         case SHADING_KIND: { return unlit(kind_tint(flags) * debug); }
+        case SHADING_WIRE, SHADING_TRIANGLES: { return unlit(select(TINT_ROOF, albedo, (flags & MESH_FLAG) != 0u) * debug); }
         default: { return reflected(albedo, n, ao); }
     }
 }
@@ -155,7 +156,8 @@ fn fog_depth(place: vec3<f32>, distance_m: f32, fade: f32) -> f32 {
 
 fn level_tint(level: u32) -> vec3<f32> {
     let phase = f32(level * 5u % 8u) * 0.7853982;
-    return 0.55 + 0.4 * cos(vec3<f32>(phase, phase - 2.094, phase + 2.094));
+    let strength = select(0.4, 0.2, level >= MESH_LEVEL);
+    return 0.95 + strength * (cos(vec3<f32>(phase, phase - 2.094, phase + 2.094)) - 1.0);
 }
 
 fn kind_tint(flags: u32) -> vec3<f32> {

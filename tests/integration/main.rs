@@ -16,6 +16,7 @@ mod command_line;
 mod dependencies;
 mod documents;
 mod drape;
+mod drawings;
 mod faults;
 mod fidelity;
 mod file_safety;
@@ -65,6 +66,7 @@ const MODULES: [(&str, Add); 38] = [
     ("carving", carving::add),
     ("file_safety", file_safety::add),
     ("random_commands", random_commands::add),
+    ("drawings", drawings::add),
     ("gaps", gaps::add),
     ("node_error", node_error::add),
     ("load", load::add),

@@ -1,4 +1,5 @@
-//! Compares ways to find the nodes that a view needs: box and sphere in the frustum, hits and depth buffer behind occluders.
+//! Compares ways to find the nodes that a view needs: box and sphere in the frustum, quadtree and octree, hits and depth buffer behind
+//! occluders.
 //!
 //! `cargo run --release -p insula-measure --bin culling -- --city DIR [--camera FILE]`: DIR is a baked folder, for example of `synth`.
 //! The depth buffer is that of the finished frame at full size, which is more than a client could know before it draws. A pyramid of
@@ -8,6 +9,7 @@ use anyhow::{Result, ensure};
 use clap::Parser;
 use glam::DVec3;
 use insula_client::session::Session;
+use insula_protocol::NODE_CELLS;
 use insula_shaders::cpu::raycast::Pixels;
 use insula_tests::{
     synth::Viewpoint,
@@ -58,6 +60,7 @@ fn main() -> Result<()> {
     let view =
         View { camera, width_px, height_px, tau_px: args.tau, switching: None, budget_pages: 1, budget_nodes: 1 };
     compare_frustum_tests(&session, &view.planes());
+    compare_trees(&session, &view.planes());
     compare_occlusion(&mut session, &request, &view)
 }
 
@@ -90,6 +93,41 @@ fn print_test(name: &str, nodes: &[&TreeNode], is_in_view: impl Fn(&TreeNode) ->
         best_secs = best_secs.min(begin.elapsed().as_secs_f64());
     }
     println!("| {name} | {culled} | {:.1} |", best_secs * 1e9 / nodes.len() as f64);
+}
+
+/// All known nodes as those of an octree: of each, the cubes with its side, from the city's lowest point, that its box touches. An octree
+/// may have fewer where a node is empty at some height.
+fn compare_trees(session: &Session, planes: &[FrustumPlane; 5]) {
+    println!(
+        "\n| level | side, m | nodes | of more than one cube | cubes | nodes in view | cubes in view |\n|---|---|---|---|---|---|---|"
+    );
+    let tree = session.tree();
+    let base_m = tree.nodes().map(|node| node.centre.z - node.half.z).fold(f64::INFINITY, f64::min);
+    let mut all = [0usize; 5];
+    for level in 0..=tree.manifest().depth {
+        let side_m = tree.manifest().cell_m_at(level) * NODE_CELLS as f64;
+        let mut counts = [0usize; 5];
+        for node in tree.nodes().filter(|node| node.id.level() == level) {
+            let [low, high] = [node.centre.z - node.half.z, node.centre.z + node.half.z];
+            let first = ((low - base_m) / side_m).floor();
+            let count = (((high - base_m) / side_m).ceil() - first).max(1.0) as usize;
+            let is_in_view = |k: &usize| {
+                let [bottom, top] =
+                    [0.0, 1.0].map(|end| (base_m + (first + *k as f64 + end) * side_m).clamp(low, high));
+                let (centre, half) = (node.centre.with_z(0.5 * (bottom + top)), node.half.with_z(0.5 * (top - bottom)));
+                is_box_in_view(planes, centre, half)
+            };
+            let is_node_in_view = usize::from(is_box_in_view(planes, node.centre, node.half));
+            let in_view = (0..count).filter(is_in_view).count();
+            let one = [1, usize::from(count > 1), count, is_node_in_view, in_view];
+            (0..5).for_each(|k| counts[k] += one[k]);
+        }
+        (0..5).for_each(|k| all[k] += counts[k]);
+        let [nodes, several, cubes, nodes_in_view, cubes_in_view] = counts;
+        println!("| {level} | {side_m:.0} | {nodes} | {several} | {cubes} | {nodes_in_view} | {cubes_in_view} |");
+    }
+    let [nodes, several, cubes, nodes_in_view, cubes_in_view] = all;
+    println!("| all | | {nodes} | {several} | {cubes} | {nodes_in_view} | {cubes_in_view} |");
 }
 
 /// The nodes that a client draws that culls by the frustum alone: which are seen, and which a depth buffer takes for visible.

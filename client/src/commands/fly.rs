@@ -15,7 +15,7 @@ use insula_shaders::{cpu::raycast::Pixels, layout::Shading};
 use insula_viewer::{
     camera::CameraPath,
     frame::{MOVING_SAMPLES, RenderSettings},
-    interaction::frame_pacing::{FramePacer, FrameTime},
+    interaction::frame_pacing::{FRAME_RATE, FramePacer, FrameTime},
     streamer::FrameRequest,
     sun::Daylight,
 };
@@ -66,8 +66,7 @@ fn simulated_link(args: &FlyArgs) -> Option<SimulatedLink> {
 fn frame_request(path: &CameraPath, args: &FlyArgs, global: &GlobalArgs, t: f64) -> Result<FrameRequest> {
     let invalid = || ClientError::Usage(format!("camera path has no valid view direction at t={t:.3} s"));
     let camera = path.camera_at(t).ok_or_else(invalid)?;
-    let switching = args.switching().map_err(ClientError::Usage)?;
-    let tau_px = if switching.is_some() { 1.0 } else { global.tau };
+    let (switching, tau_px) = args.switch.switching(global.tau).map_err(ClientError::Usage)?;
     Ok(FrameRequest { camera, heading: path.camera_at(t + LOOKAHEAD_SECS), size_px: args.size, tau_px, switching })
 }
 
@@ -125,6 +124,7 @@ impl Flight<'_> {
         let begin = Instant::now();
         let mut clock = FlightClock { begin, frame_due: begin };
         let mut pacer = FramePacer::new(begin, false);
+        pacer.set_frame_rate(self.args.fps.unwrap_or(FRAME_RATE));
         let mut compare_at = self.args.compare.map(|_| 0.0);
         loop {
             let t = clock.secs();
@@ -163,6 +163,10 @@ impl Flight<'_> {
         measured: &mut FlightMeasurements,
     ) -> Result<Option<Pixels>> {
         let begin = Instant::now();
+        if self.args.paced {
+            pacer.view_changed(begin);
+            session.set_tau_factor(pacer.tau_factor(begin));
+        }
         session.update(request);
         session.check(self.timeout())?;
         measured.frames += 1;
@@ -191,7 +195,6 @@ impl Flight<'_> {
     /// Draws a frame with the detail that a window would choose.
     fn draw_paced(&self, session: &mut Session, request: &FrameRequest, pacer: &mut FramePacer) -> Result<Pixels> {
         let begin = Instant::now();
-        pacer.view_changed(begin);
         let detail = pacer.detail(begin, session.is_settled());
         let size_px = request.size_px.map(|side| (side / detail.divisor).max(1));
         let settings = RenderSettings { samples: detail.samples, ..self.settings };

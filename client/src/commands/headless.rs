@@ -79,7 +79,7 @@ pub(super) fn render_to_file(
     session.set_sun(settings.shadow_casting_sun());
     settle_with_progress(session, request, global)?;
     let begin = Instant::now();
-    let pixels = session.draw(request, &settings)?;
+    let pixels = picture::draw_whole(session, request, &settings)?;
     session.record_frame_time(begin.elapsed());
     let link = format_link(session.address(), &request.camera, daylight, None);
     let notes = PictureNotes::new(session.tree().manifest(), link, out.has_caption);

@@ -33,8 +33,8 @@ use std::{
 pub(super) fn run(args: &SnapshotArgs, global: &GlobalArgs) -> Result<()> {
     check_outputs(args).map_err(ClientError::Usage)?;
     let link = ViewLink::parse(args.place.place())?;
-    let request =
-        |camera| FrameRequest { camera, heading: None, size_px: args.size, tau_px: global.tau, switching: None };
+    let (switching, tau_px) = args.switch.switching(global.tau).map_err(ClientError::Usage)?;
+    let request = |camera| FrameRequest { camera, heading: None, size_px: args.size, tau_px, switching };
     let given = given_camera(&args.viewpoint, link.camera)?.map(request);
     let mut session = open_session(args.place.place(), global, None, given.as_ref())?;
     let request = match given {

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     args::{GlobalArgs, ViewArgs},
     camera_files::read_path,
-    error::Result,
+    error::{ClientError, Result},
     render::OpenedAdapter,
     session::Session,
     stream::{BackgroundFetcher, Wake, city::OpenedCity, fetch::Http},
@@ -26,6 +26,7 @@ use insula_shaders::look::Look;
 use insula_viewer::{
     cache::pages_for,
     camera::Camera,
+    interaction::frame_pacing::FRAME_RATE,
     scene::SceneTree,
     streamer::FrameRequest,
     sun::{Daylight, SunOptions, SunTime},
@@ -85,6 +86,7 @@ struct FirstView {
 fn open_window(first: FirstView, find: FindPlace, args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
     let started = Instant::now();
     let path = args.path.as_deref().map(read_path).transpose()?;
+    let (switching, _) = args.switch.switching(global.tau).map_err(ClientError::Usage)?;
     let event_loop = event_loop::event_loop()?;
     let http = Arc::new(Http::with_options(None, global.http_options())?);
     let options = WindowOptions {
@@ -93,6 +95,8 @@ fn open_window(first: FirstView, find: FindPlace, args: &ViewArgs, global: &Glob
         object: first.object,
         sun: args.sun.or_link(first.time, first.look).into(),
         tau_px: (global.tau != GlobalArgs::DEFAULT_TAU_PX).then_some(global.tau),
+        switching,
+        fps: args.fps.unwrap_or(FRAME_RATE),
         adapter: global.adapter,
         cache_bytes: u64::from(global.cache_mib) << 20,
         has_captions: !args.pictures.no_caption,

@@ -27,6 +27,7 @@ use insula_viewer::{
     },
     streamer::FrameRequest,
     sun::Daylight,
+    switching::SwitchDistances,
 };
 use std::time::Instant;
 
@@ -40,6 +41,10 @@ pub struct CityViewSetup {
     pub daylight: Daylight,
     /// Tolerated screen-space error.
     pub tau_px: f64,
+    /// What decides about levels of detail instead.
+    pub switching: Option<SwitchDistances>,
+    /// Frames a second while the view moves.
+    pub fps: f64,
     /// Whether saved images name the city's sources in a corner.
     pub has_captions: bool,
     pub playback: Option<PathPlayback>,
@@ -57,6 +62,8 @@ pub struct CityView {
     pub(super) has_captions: bool,
     pub(super) control: CameraControl,
     pub(super) display: DisplayOptions,
+    /// What decides about levels of detail instead of the tolerated error.
+    pub(super) switching: Option<SwitchDistances>,
     /// Settings for the displayed daylight, with one ray per pixel.
     pub(super) render_settings: RenderSettings,
     pub(super) bookmark_panel: BookmarkPanel,
@@ -96,6 +103,8 @@ impl CityView {
             camera,
             daylight,
             tau_px,
+            switching,
+            fps,
             has_captions,
             playback,
             open_again,
@@ -107,6 +116,8 @@ impl CityView {
         let draws_in_steps = matches!(session.adapter(), Adapter::Cpu(_));
         tracing::info!("opened {}", manifest.name);
         let stones = StonePanel::new(&manifest.stones);
+        let mut pacer = FramePacer::new(Instant::now(), draws_in_steps);
+        pacer.set_frame_rate(fps);
         let lookup = SharedLookup::new(Box::new(session.object_opener()));
         Self {
             session,
@@ -125,6 +136,7 @@ impl CityView {
                 shows_help: false,
                 message: None,
             },
+            switching,
             render_settings: daylight.render_settings(Shading::Lit, 1),
             bookmark_panel: BookmarkPanel::default(),
             measure: MeasureTool::default(),
@@ -141,7 +153,7 @@ impl CityView {
             recorder: None,
             playback,
             playback_heading: None,
-            pacer: FramePacer::new(Instant::now(), draws_in_steps),
+            pacer,
             counts_rays: false,
             ray_counts: None,
             must_store_settings: false,
@@ -171,8 +183,8 @@ impl CityView {
             camera: self.control.camera(),
             heading: if self.playback.is_some() { self.playback_heading } else { self.control.heading() },
             size_px: window.surface.size_px().map(|side| (side / divisor).max(1)),
-            tau_px: self.display.tau_px,
-            switching: None,
+            tau_px: if self.switching.is_some() { 1.0 } else { self.display.tau_px },
+            switching: self.switching,
         }
     }
 }

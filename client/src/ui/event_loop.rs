@@ -24,6 +24,7 @@ use insula_viewer::{
     camera::Camera,
     interaction::camera_control::MoveDirection,
     sun::{Daylight, SunOptions, parse_time},
+    switching::SwitchDistances,
 };
 use std::{
     panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
@@ -58,6 +59,10 @@ pub struct WindowOptions {
     pub sun: SunOptions,
     /// Tolerated screen-space error.
     pub tau_px: Option<f64>,
+    /// What decides about levels of detail instead.
+    pub switching: Option<SwitchDistances>,
+    /// Frames a second while the view moves.
+    pub fps: f64,
     pub adapter: AdapterChoice,
     pub cache_bytes: u64,
     /// Whether saved images name the city's sources in a corner.
@@ -264,6 +269,8 @@ impl ViewerApp {
             address: city.address,
             camera: self.options.camera,
             tau_px: self.options.tau_px.unwrap_or(self.settings.tau_px),
+            switching: self.options.switching,
+            fps: self.options.fps,
             has_captions: self.options.has_captions,
             playback: self.options.playback.take(),
             open_again: Arc::new({

@@ -67,7 +67,7 @@ pub const HELP: [(&str, &str); 31] = [
     ("H, U", "back to the first view, north up"),
     ("X", "stop at buildings and the ground, or not; on in walk mode"),
     ("F", "fly mode, walk mode or orbit mode"),
-    ("1 to 6", "light, colour, ambient occlusion, normals, levels, column kinds"),
+    ("1 to 9", "light, colour, ambient occlusion, normals, levels, column kinds, edges of triangles, triangles, boxes"),
     ("B", "bookmark this view"),
     ("V", "bookmarks and coordinates"),
     ("C", "copy a link to this view"),
@@ -176,6 +176,9 @@ pub fn action_of(code: KeyCode, is_ctrl_down: bool) -> Option<KeyAction> {
         KeyCode::Digit4 => KeyAction::SetShading(Shading::ALL[3]),
         KeyCode::Digit5 => KeyAction::SetShading(Shading::ALL[4]),
         KeyCode::Digit6 => KeyAction::SetShading(Shading::ALL[5]),
+        KeyCode::Digit7 => KeyAction::SetShading(Shading::ALL[6]),
+        KeyCode::Digit8 => KeyAction::SetShading(Shading::ALL[7]),
+        KeyCode::Digit9 => KeyAction::SetShading(Shading::ALL[8]),
         _ => return None,
     })
 }

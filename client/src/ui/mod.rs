@@ -5,6 +5,7 @@
 
 pub mod actions;
 pub mod bookmarks;
+pub mod box_view;
 pub mod city_chooser;
 pub mod city_view;
 pub mod compass;

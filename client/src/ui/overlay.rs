@@ -10,6 +10,7 @@ use insula_viewer::{
     interaction::{
         camera_control::{CameraControl, ControlMode},
         day_animation::{DAY_SECS, DayAnimation},
+        frame_pacing::FramePacer,
     },
     sun::Daylight,
     translucency::Translucency,
@@ -58,12 +59,7 @@ pub struct OverlayTexts {
 
 impl OverlayTexts {
     /// Texts for the last frame. `ray_counts` are shown if there are any.
-    pub fn new(
-        session: &Session,
-        frame_time: Duration,
-        control: &CameraControl,
-        ray_counts: Option<RayCounts>,
-    ) -> Self {
+    pub fn new(session: &Session, pacer: &FramePacer, control: &CameraControl, ray_counts: Option<RayCounts>) -> Self {
         let counters = session.selection().stats;
         let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1u32 << 20));
         let mode = match control.mode() {
@@ -72,7 +68,7 @@ impl OverlayTexts {
             ControlMode::Orbit => "orbit".into(),
         };
         let mut lines = vec![
-            ("frame", format!("{:.1} ms", frame_time.as_secs_f64() * 1e3)),
+            ("frame", format!("{:.1} ms", pacer.frame_time().as_secs_f64() * 1e3)),
             ("drawn", format!("{} nodes, error {:.1} px", counters.drawn, counters.worst_error_px)),
             ("meshes", format!("{}, {} triangles", counters.meshes, counters.triangles)),
             ("resident", format!("{} tiles, {}", session.cache().tile_count(), mib(session.cache().used_bytes()))),
@@ -97,7 +93,11 @@ impl OverlayTexts {
             lines.push(("per ray", format!("{nodes:.2} nodes, {steps:.1} steps, {fetches:.1} fetches")));
         }
         if counters.tau_px > 1.001 * session.requested_tau_px() {
-            lines.push(("cache full", format!("tau raised to {:.1} px", counters.tau_px)));
+            let is_slow = pacer.tau_factor(Instant::now()) > 1.0;
+            lines.push((
+                if is_slow { "slow frames" } else { "cache full" },
+                format!("tau raised to {:.1} px", counters.tau_px),
+            ));
         }
         let manifest = session.tree().manifest();
         let sources = manifest.attribution.iter().map(|a| match &a.licence {

@@ -6,7 +6,7 @@ use super::{
     view_link::format_link,
     window::ViewerWindow,
 };
-use crate::{error::Result, image_files::PictureNotes, render::Adapter};
+use crate::{error::Result, image_files::PictureNotes, picture::draw_whole, render::Adapter};
 use insula_viewer::{
     frame::{RenderSettings, STILL_SAMPLES},
     streamer::FrameRequest,
@@ -65,6 +65,6 @@ impl CityView {
     }
 
     fn draw_at_once(&mut self, order: &PictureOrder) -> Result<PathBuf> {
-        picture_job::save(&self.session.draw(&order.request, &order.settings)?, &order.notes)
+        picture_job::save(&draw_whole(&mut self.session, &order.request, &order.settings)?, &order.notes)
     }
 }

@@ -14,7 +14,8 @@ pub fn project_line(view: &View, ends: [DVec3; 2], screen: Rect) -> Option<[Pos2
     projection::project_line(view, ends).map(|ends| ends.map(|share| on_screen(share, screen)))
 }
 
-fn on_screen(share: DVec2, screen: Rect) -> Pos2 {
+/// A place on the screen of shares of its width and height.
+pub fn on_screen(share: DVec2, screen: Rect) -> Pos2 {
     let at = |share: f64, low: f32, high: f32| low + (high - low) * share as f32;
     pos2(at(share.x, screen.left(), screen.right()), at(share.y, screen.top(), screen.bottom()))
 }

@@ -2,6 +2,7 @@
 
 use super::{
     bookmarks::ViewAction,
+    box_view,
     city_view::CityView,
     furniture::{self, Furniture},
     measure_view, minimap,
@@ -355,16 +356,16 @@ impl Viewport {
     /// Updates the session. Returns the frame to draw and its detail.
     fn stream(&mut self, now: Instant, window: &ViewerWindow) -> (FrameDetail, FrameData) {
         let city = &mut self.city;
-        let detail = city.pacer.detail(now, city.session.is_settled());
+        let was_settled = city.session.is_settled();
         city.take_hits();
-        let settings =
-            RenderSettings { samples: detail.samples, shading: city.display.shading, ..city.render_settings };
+        let settings = RenderSettings { shading: city.display.shading, ..city.render_settings };
         city.session.set_sun(settings.shadow_casting_sun());
-        // Tiles are selected for the whole window, however few pixels are drawn: the speed of the ray-caster must not
-        // change what is fetched.
+        city.session.set_tau_factor(city.pacer.tau_factor(now));
+        // Tiles are selected for the whole window, however few pixels are drawn.
         let whole_window = city.frame_request(window, 1);
         city.session.update(&whole_window);
-        let detail = FrameDetail { is_final: detail.is_final && city.session.is_settled(), ..detail };
+        let detail = city.pacer.detail(now, was_settled && city.session.is_settled());
+        let settings = RenderSettings { samples: detail.samples, ..settings };
         let request = city.frame_request(window, detail.divisor);
         let data = city.session.frame_data(&request, &settings);
         (detail, data)
@@ -399,7 +400,6 @@ impl Viewport {
         self.city.sample_pointer(window);
         self.city.poll_objects();
         let request = self.city.frame_request(window, 1);
-        let frame_time = self.city.pacer.frame_time();
         let furniture = self.furniture(window);
         let CityView {
             session,
@@ -413,9 +413,10 @@ impl Viewport {
             stones,
             recorder,
             ray_counts,
+            pacer,
             ..
         } = &mut self.city;
-        let texts = OverlayTexts::new(session, frame_time, control, *ray_counts);
+        let texts = OverlayTexts::new(session, pacer, control, *ray_counts);
         let status_text = status_text(self.status, session);
         let is_error = self.status != StreamStatus::Loading;
         let camera = control.camera();
@@ -425,6 +426,7 @@ impl Viewport {
         let recording = recorder.as_ref().map(|recorder| format!("recording, {:.0} s", recorder.secs(Instant::now())));
         let (mut action, mut changed_stone) = (None, None);
         let layout = window.lay_out(|ctx| {
+            box_view::paint(session, &request, display.shading, ctx);
             measure_view::paint(measure, &ctx.layer_painter(egui::LayerId::background()), &view, ctx.content_rect());
             action = overlay::show(ctx, &texts, display).or(action);
             if furniture::show(ctx, &furniture) {

@@ -1,12 +1,14 @@
-//! Pictures: streamed to their end, and drawn in strips.
+//! Pictures: streamed to their end, drawn in strips, and with what developers look at.
 
 use super::{
-    fixture_city::city,
+    fixture_city::{city, city_with_meshes},
     test_server::TestServer,
     viewers::{TIMEOUT, open_session, request},
 };
-use insula_client::picture::{Settling, draw_in_strips, settle};
+use insula_client::picture::{Settling, draw_in_strips, draw_whole, settle};
+use insula_shaders::layout::Shading;
 use insula_viewer::{frame::RenderSettings, streamer::FrameRequest};
+use std::collections::BTreeMap;
 
 /// A picture that has several strips, of which the last is incomplete.
 fn large() -> FrameRequest {
@@ -45,4 +47,42 @@ fn a_cancelled_picture_does_not_wait_for_its_tiles() {
     let mut session = open_session(&server, 64);
     settle(&mut session, &large(), SETTLING, |_| false).unwrap();
     assert!(!session.has_frame());
+}
+
+/// Numbers of pixels by their colour, in a view of the city with meshes.
+fn colours(shading: Shading) -> BTreeMap<u32, usize> {
+    let server = TestServer::start(city_with_meshes());
+    let mut session = open_session(&server, 64);
+    settle(&mut session, &large(), SETTLING, |_| true).unwrap();
+    let settings = RenderSettings { shading, ..RenderSettings::default() };
+    let mut pixels = draw_whole(&mut session, &large(), &settings).unwrap();
+    if shading == Shading::Bounds {
+        let strips = draw_in_strips(&mut session, &large(), &settings, |_| true).unwrap().unwrap();
+        let same = strips.colour.iter().zip(&pixels.colour).filter(|(a, b)| a == b).count();
+        assert!(same * 100 > pixels.colour.len() * 99, "{same} pixels are the same in strips");
+    }
+    let mut counts = BTreeMap::new();
+    // Only what a mesh shows, or all with boxes.
+    let meshes: Vec<bool> = session.frame_data(&large(), &settings).nodes.iter().map(|node| node.mesh != 0).collect();
+    let is_shown = |hit: &u32| shading == Shading::Bounds || meshes.get(*hit as usize).is_some_and(|is_mesh| *is_mesh);
+    for (colour, _) in pixels.colour.drain(..).zip(&pixels.hit).filter(|(_, hit)| is_shown(hit)) {
+        *counts.entry(colour).or_default() += 1;
+    }
+    counts
+}
+
+#[test]
+fn pictures_show_triangles_their_edges_and_the_boxes_of_nodes() {
+    let count = |colours: &BTreeMap<u32, usize>, is_counted: &dyn Fn(u32) -> bool| -> usize {
+        colours.iter().filter(|(colour, _)| is_counted(**colour)).map(|(_, count)| count).sum()
+    };
+    let brightness = |colour: u32| colour.to_le_bytes()[..3].iter().map(|v| u32::from(*v)).sum::<u32>();
+    let (albedo, triangles) = (colours(Shading::Albedo), colours(Shading::Triangles));
+    assert!(triangles.len() > 2 * albedo.len() && triangles.len() < 500, "{} colours", triangles.len());
+    let wire = colours(Shading::Wire);
+    let (dark, light) = (count(&wire, &|c| brightness(c) < 200), count(&wire, &|c| brightness(c) > 300));
+    assert!(dark > 200 && light > 4 * dark, "{dark} dark and {light} light pixels");
+    let boxes = colours(Shading::Bounds);
+    let [white, black] = [0xffff_ffff, 0xff00_0000].map(|colour| boxes.get(&colour).copied().unwrap_or(0));
+    assert!(white > 500 && black > white, "{white} white and {black} black pixels");
 }

@@ -21,7 +21,7 @@ use insula_protocol::{Manifest, NODE_CELLS, TileId, blockmap::voxel_error_m};
 use insula_shaders::{
     cpu::night::bays_of,
     grid::{GridBuilder, GridFrame},
-    layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, PAGE_WORDS, Shading},
+    layout::{DrawNode, FrameUniform, Light, MAX_SAMPLES, MESH_LEVEL, PAGE_WORDS, Shading},
     light::{Air, NightLights, SUN_RADIUS_RAD},
     look::Look,
     mesh::{leaf_offset, ray_origin},
@@ -260,8 +260,9 @@ impl<'a> NodeList<'a> {
         let Some(source) = source else { return false };
         let id = tree.node(entry.node).id;
         let mut node = source.node(tree, eye);
-        if let Some(mesh) = entry.drawn.mesh_lod.and_then(|lod| cache.mesh(id, lod)) {
+        if let Some((lod, mesh)) = entry.drawn.mesh_lod.and_then(|lod| Some((lod, cache.mesh(id, lod)?))) {
             source.set_mesh(&mut node, id, mesh, tree, eye);
+            node.level = MESH_LEVEL + u32::from(lod);
             let origin = DVec3::from(tree.manifest().node_corner(id)).with_z(tree.manifest().origin[2]);
             self.landmarks.add(&mesh.landmarks, origin);
         }
@@ -401,7 +402,7 @@ impl CachedSource<'_> {
         let to_code = |z_m: f32| ((f64::from(z_m) - self.cached.z_base_m) / f64::from(self.cached.z_step_m)) as f32;
         [node.z_lo, node.z_hi] = mesh.z_m.map(to_code);
         node.corner = self.corner_of(leaf, tree, eye);
-        (node.leaf_offset, node.level) = (leaf_offset(leaf, self.id), u32::from(leaf.level()));
+        node.leaf_offset = leaf_offset(leaf, self.id);
     }
 }
 

@@ -17,6 +17,7 @@ pub mod earth;
 pub mod frame;
 pub mod interaction;
 mod moon;
+pub mod node_boxes;
 pub mod objects;
 pub mod projection;
 pub mod render;

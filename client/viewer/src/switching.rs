@@ -45,6 +45,7 @@ impl SwitchDistances {
 
     /// Stands for a screen-space error: 1 where `level`, counted from the finest one, is drawn, and twice as much for each level
     /// that it is coarser than that. Never larger for a child than for its parent, if its volume lies inside the parent's.
+    #[cold]
     pub(crate) fn error_px(&self, level: u8, node: &NodeVolume, eye: DVec3) -> f64 {
         let offset = eye - node.centre;
         let distance_m = match self.volume {
@@ -52,7 +53,7 @@ impl SwitchDistances {
             SwitchVolume::Sphere => offset.length() - node.radius_m,
         };
         let drawn = self.metres.iter().filter(|metres| distance_m >= **metres).count();
-        f64::from(i32::from(level) - drawn as i32).exp2()
+        2.0f64.powi(i32::from(level) - drawn as i32)
     }
 }
 

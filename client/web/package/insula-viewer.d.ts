@@ -69,7 +69,7 @@ export interface GeoJsonLayer {
 /** Solar time `YYYY-MM-DDThh:mm`, or a time with an offset from UTC such as `2024-06-21T17:00+09:00`. */
 export type TimeText = string;
 
-export type Shading = 'lit' | 'albedo' | 'ao' | 'normal' | 'lod' | 'kind';
+export type Shading = 'lit' | 'albedo' | 'ao' | 'normal' | 'lod' | 'kind' | 'wire' | 'triangles' | 'bounds';
 export type ControlMode = 'orbit' | 'fly' | 'walk';
 export type MeasureKind = 'line' | 'area' | 'height';
 
@@ -107,6 +107,13 @@ export interface Manifest {
 export interface ViewerOptions {
   /** Tolerated error on the screen, in pixels. */
   tau: number;
+  /** Frames a second while the view moves, 5 to 240: kept by a larger error, up to four times `tau`, then by fewer pixels. */
+  fps: number;
+  /**
+   * Metres, ascending, such as `50,100,200`: up to the first one the finest level of detail is drawn, and beyond each one the next
+   * coarser level. If empty, `tau` decides. At most 16.
+   */
+  distances: string;
   shading: Shading;
   /** How the city is shown: a white model by day, light as measured, or even light for reports. */
   look: 'model' | 'physical' | 'paper';

@@ -20,7 +20,7 @@ query: string, width: number, height: number, cacheBytes: number, tau: number | 
 /**
  * A command without an answer.
  */
-export type Command = { "resize": { width: number, height: number, } } | { "move": { direction: Direction, held: boolean, } } | { "fast": { held: boolean, } } | { "release": Record<symbol, never> } | { "drag": { dx: number, dy: number, } } | { "pan": { dx: number, dy: number, } } | { "zoom": { factor: number, } } | { "wheel": { steps: number, } } | { "turn": { rad: number, } } | { "tilt": { rad: number, } } | { "approach": { x: number, y: number, } } | { "mode": { mode: Mode, } } | { "north": Record<symbol, never> } | { "home": Record<symbol, never> } | { "collision": { on: boolean, } } | { "camera": { camera: string, seconds: number | null, } } | { "goto": { position: [number, number, number], seconds: number | null, } } | { "time": { time: string, } } | { "day": { running: boolean, } } | { "options": { tau: number | null, shadows: boolean | null, shading: number | null, look: number | null, } } | { "markers": { points: Array<[number, number, number]>, } } | { "lines": { lines: Array<Array<[number, number, number]>>, } } | { "measure": MeasureCommand };
+export type Command = { "resize": { width: number, height: number, } } | { "move": { direction: Direction, held: boolean, } } | { "fast": { held: boolean, } } | { "release": Record<symbol, never> } | { "drag": { dx: number, dy: number, } } | { "pan": { dx: number, dy: number, } } | { "zoom": { factor: number, } } | { "wheel": { steps: number, } } | { "turn": { rad: number, } } | { "tilt": { rad: number, } } | { "approach": { x: number, y: number, } } | { "mode": { mode: Mode, } } | { "north": Record<symbol, never> } | { "home": Record<symbol, never> } | { "collision": { on: boolean, } } | { "camera": { camera: string, seconds: number | null, } } | { "goto": { position: [number, number, number], seconds: number | null, } } | { "time": { time: string, } } | { "day": { running: boolean, } } | { "options": { tau: number | null, fps: number | null, distances: string | null, shadows: boolean | null, shading: number | null, look: number | null, } } | { "markers": { points: Array<[number, number, number]>, } } | { "lines": { lines: Array<Array<[number, number, number]>>, } } | { "measure": MeasureCommand };
 
 /**
  * What the measuring tool does.
@@ -95,6 +95,10 @@ markers: Array<[number, number, boolean]>,
  * The same of points along each line.
  */
 lines: Array<Array<[number, number, boolean]>>, measure: MeasureMessage | null, 
+/**
+ * Edges of the boxes of nodes, with a shading that asks for them: x, y, x, y.
+ */
+boxes: Array<[number, number, number, number]>, 
 /**
  * Tiles that the frame lacks.
  */

@@ -1,12 +1,12 @@
 /**
  * Keys and their actions, as in the native client.
  *
- * Browsers keep Tab for the focus and most function keys for themselves: F switches the mode, and the digits 1 to 6 alone
+ * Browsers keep Tab for the focus and most function keys for themselves: F switches the mode, and the digits 1 to 9 alone
  * choose the shading.
  */
 
 /** Names of shadings, in the order of their keys and of their numbers in the engine. */
-export const SHADINGS = ['lit', 'albedo', 'ao', 'normal', 'lod', 'kind'];
+export const SHADINGS = ['lit', 'albedo', 'ao', 'normal', 'lod', 'kind', 'wire', 'triangles', 'bounds'];
 /** Looks, in the order of their numbers in the engine. */
 export const LOOKS = ['model', 'physical', 'paper'];
 /** Control modes, in the order in which the key switches them. */
@@ -83,7 +83,7 @@ export function codeOf({ key, code, ctrlKey }) {
  * @returns {number}
  */
 export function shadingOf(code) {
-  return Number(/^Digit([1-6])$/.exec(code)?.[1] ?? 0) - 1;
+  return Number(/^Digit([1-9])$/.exec(code)?.[1] ?? 0) - 1;
 }
 
 /** Keys that controls such as sliders and lists use themselves. */

@@ -16,6 +16,7 @@ export class Overlay {
   nodes;
   #lineLayer = svg('g');
   #measureLine = svg('g', { class: 'measure' });
+  #boxLines = svg('g', { class: 'measure' });
   #measureText = element('div', { class: 'measure-text', part: 'measure', hidden: true });
   #markerLayer = element('div', { class: 'markers' });
   /** @type {{position: number[], node: HTMLElement, content: Element|null}[]} */
@@ -34,7 +35,7 @@ export class Overlay {
   constructor(host, changed) {
     this.#host = host;
     this.#changed = changed;
-    const figures = svg('svg', { class: 'figures', 'aria-hidden': 'true' }, this.#lineLayer, this.#measureLine);
+    const figures = svg('svg', { class: 'figures', 'aria-hidden': 'true' }, this.#lineLayer, this.#boxLines, this.#measureLine);
     this.nodes = [figures, this.#markerLayer, this.#measureText];
   }
 
@@ -89,10 +90,10 @@ export class Overlay {
 
   /**
    * Places everything where the engine projected it.
-   * @param {{markers?: Projected[], lines?: Projected[][], measure?: object|null}} frame
+   * @param {{markers?: Projected[], lines?: Projected[][], measure?: object|null, boxes?: number[][]}} frame
    * @param {number} ratio Device pixels per CSS pixel.
    */
-  update({ markers = [], lines = [], measure = null }, ratio) {
+  update({ markers = [], lines = [], measure = null, boxes = [] }, ratio) {
     // A frame that was drawn before the last change has another number of points.
     if (markers.length === this.#markers.length) {
       this.#markers.forEach(({ node }, i) => placeMarker(node, markers[i], ratio));
@@ -100,6 +101,7 @@ export class Overlay {
     if (lines.length === this.#lines.length) {
       this.#lines.forEach(({ node }, i) => node.setAttribute('d', pathOf(lines[i], ratio)));
     }
+    this.#boxLines.replaceChildren(...outlined(boxes, ratio));
     if (measure || this.#hasMeasure) this.#showMeasure(measure, ratio);
     this.#hasMeasure = measure !== null;
   }
@@ -117,15 +119,19 @@ export class Overlay {
     const points = measure?.points ?? [];
     const last = points.at(-1);
     this.#measureText.hidden = !last || !measure.text;
-    const lines = (measure?.lines ?? []).map(([x0, y0, x1, y1]) => `M${text([x0, y0], ratio)}L${text([x1, y1], ratio)}`);
-    const d = lines.join('');
     const dots = points.map(([x, y]) => svg('circle', { cx: x / ratio, cy: y / ratio, r: 4 }));
-    // The dark outline keeps the line visible over bright scenes.
-    this.#measureLine.replaceChildren(svg('path', { d, class: 'outline' }), svg('path', { d }), ...dots);
+    this.#measureLine.replaceChildren(...outlined(measure?.lines ?? [], ratio), ...dots);
     if (!last) return;
     setText(this.#measureText, measure.text);
     place(this.#measureText, last[0] / ratio, last[1] / ratio);
   }
+}
+
+/** Lines with a dark outline, which keeps them visible over bright scenes. */
+function outlined(lines, ratio) {
+  if (lines.length === 0) return [];
+  const d = lines.map(([x0, y0, x1, y1]) => `M${text([x0, y0], ratio)}L${text([x1, y1], ratio)}`).join('');
+  return [svg('path', { d, class: 'outline' }), svg('path', { d })];
 }
 
 function placeMarker(node, projected, ratio) {

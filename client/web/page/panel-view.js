@@ -6,7 +6,7 @@ import { LOOKS, MODES, SHADINGS } from './key-table.js';
 import { save } from './storage.js';
 import { strings } from './strings.js';
 import { collides } from './viewer-options.js';
-import { checkbox, choice, iconButton, slider } from './widgets.js';
+import { checkbox, choice, field, iconButton, slider } from './widgets.js';
 
 const texts = strings.view;
 /** Range of the tolerated error in pixels. The slider is logarithmic. */
@@ -61,6 +61,9 @@ export function viewPanel({ city }, actions) {
   const ends = element('div', { class: 'slider-ends', 'aria-hidden': 'true' });
   ends.append(element('span', {}, texts.fine), element('span', {}, texts.coarse));
 
+  const distances = field({ text: texts.distances, placeholder: '50, 100, 200' });
+  distances.input.addEventListener('change', () => set({ distances: distances.input.value }));
+
   const show = () => {
     mode.set(options.mode);
     setText(modeHint, texts.modeHints[options.mode]);
@@ -78,7 +81,7 @@ export function viewPanel({ city }, actions) {
   });
   const shown = element('fieldset', {}, element('legend', {}, texts.layers), shadows.node, collision.node);
   const developer = element('details', { class: 'developer' }, element('summary', {}, texts.developer));
-  developer.append(shading.node, error, counters.node);
+  developer.append(shading.node, error, distances.node, counters.node);
   const content = [mode.node, modeHint, turnButtons(city), look.node, shown, detail.node, ends, developer];
   return { title: texts.title, content, opened: show };
 }

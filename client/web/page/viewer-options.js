@@ -8,6 +8,8 @@ const ZOOM_STEP = 1.25;
  * What is displayed, and how the camera is steered.
  * @typedef {object} ViewerOptions
  * @property {number} tau Tolerated error in pixels.
+ * @property {number} fps Frames a second while the view moves, 5 to 240.
+ * @property {string} distances Where levels of detail change, in metres, such as `50,100`; empty if `tau` decides.
  * @property {string} shading One of SHADINGS.
  * @property {string} look One of LOOKS.
  * @property {boolean} shadows
@@ -18,7 +20,7 @@ const ZOOM_STEP = 1.25;
 
 /** @returns {ViewerOptions} */
 export function defaultOptions() {
-  return { tau: 1, shading: 'lit', look: 'model', shadows: true, collision: null, mode: 'orbit', day: false };
+  return { tau: 1, fps: 30, distances: '', shading: 'lit', look: 'model', shadows: true, collision: null, mode: 'orbit', day: false };
 }
 
 /**
@@ -36,9 +38,13 @@ export function collides({ collision, mode }) {
  * @returns {Partial<ViewerOptions>}
  */
 export function validChanges(changes) {
+  /** @type {(value: any) => boolean} */
+  const isPositive = (value) => Number.isFinite(value) && value > 0;
   /** @type {Record<string, (value: any) => boolean>} */
   const rules = {
-    tau: (value) => Number.isFinite(value) && value > 0,
+    tau: isPositive,
+    fps: isPositive,
+    distances: (value) => typeof value === 'string',
     shading: (value) => SHADINGS.includes(value),
     look: (value) => LOOKS.includes(value),
     shadows: (value) => typeof value === 'boolean',
@@ -54,11 +60,11 @@ export function validChanges(changes) {
  * @param {Partial<ViewerOptions>} changes
  * @returns {[string, object][]}
  */
-export function optionMessages({ tau, shading, look, shadows, collision, mode, day }) {
+export function optionMessages({ tau, fps, distances, shading, look, shadows, collision, mode, day }) {
   /** @type {(all: string[], word: string|undefined) => number|undefined} */
   const number = (all, word) => (word === undefined ? undefined : all.indexOf(word));
   const numbers = { shading: number(SHADINGS, shading), look: number(LOOKS, look) };
-  const shown = Object.entries({ tau, shadows, ...numbers }).filter(([, value]) => value !== undefined);
+  const shown = Object.entries({ tau, fps, distances, shadows, ...numbers }).filter(([, value]) => value !== undefined);
   /** @type {[string, object][]} */
   const messages = [];
   if (shown.length > 0) messages.push(['options', Object.fromEntries(shown)]);

@@ -29,6 +29,8 @@ pub(crate) struct FrameMessage {
     /// The same of points along each line.
     pub(crate) lines: Vec<Vec<(f64, f64, bool)>>,
     pub(crate) measure: Option<MeasureMessage>,
+    /// Edges of the boxes of nodes, with a shading that asks for them: x, y, x, y.
+    pub(crate) boxes: Vec<[f64; 4]>,
     /// Tiles that the frame lacks.
     pub(crate) missing: usize,
     /// Whether nothing can improve the frame.

@@ -71,6 +71,8 @@ pub struct DrawnShape {
     pub role: ShapeRole,
     pub color: Rgb,
     pub opacity: f64,
+    /// Translucent shapes are painted over all others, in this order: from the farthest to the nearest. 0 for other shapes.
+    pub order: u32,
     /// Outer rings and holes, filled by the rule "nonzero".
     pub(crate) rings: Rings,
 }
@@ -104,6 +106,19 @@ impl Drawing {
         let beyond = area(&all) - union.iter().map(area).sum::<i128>();
         let page: f64 = self.grid.size_mm.iter().map(|side| side * self.grid.units_per_mm).product();
         0.5 * beyond as f64 / page
+    }
+
+    /// Objects and their translucent shapes in the order in which these are painted; those of one object that follow each other are
+    /// together.
+    pub(crate) fn translucent(&self) -> Vec<(&DrawnObject, Vec<&DrawnShape>)> {
+        let mut shapes: Vec<(&DrawnObject, &DrawnShape)> = Vec::new();
+        for object in &self.objects {
+            let all = object.shapes.iter().filter(|shape| shape.role == ShapeRole::Surface && shape.opacity < 1.0);
+            shapes.extend(all.map(|shape| (object, shape)));
+        }
+        shapes.sort_by_key(|(_, shape)| shape.order);
+        let objects = shapes.chunk_by(|a, b| std::ptr::eq(a.0, b.0));
+        objects.map(|shapes| (shapes[0].0, shapes.iter().map(|(_, shape)| *shape).collect())).collect()
     }
 
     /// The rings of a shape in millimetres from the lower left corner of the paper.

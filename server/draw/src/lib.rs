@@ -12,6 +12,7 @@
 //! | `convex`, `warnock` | polygons on the page; their visible parts |
 //! | `join`, `lines` | visible parts as shapes and lines |
 //! | `overlap` | whether visible parts overlap |
+//! | `paint_order` | translucent surfaces from the farthest to the nearest |
 //! | `tone`, `paint`, `hatch`, `shadow` | colours of shapes, of objects by an attribute; hatching, shadows of the sun |
 //! | `drawing` | the finished drawing |
 //! | `pipeline` | all steps of a drawing |
@@ -32,6 +33,7 @@ pub mod lines;
 pub mod options;
 mod overlap;
 mod paint;
+mod paint_order;
 mod pdf;
 pub mod pipeline;
 mod scene;

@@ -58,7 +58,7 @@ impl Buckets {
 }
 
 /// The area that two convex polygons share, in square units.
-fn shared_area(a: &[PagePoint], b: &[PagePoint]) -> f64 {
+pub(crate) fn shared_area(a: &[PagePoint], b: &[PagePoint]) -> f64 {
     let first = a[0];
     let near =
         |p: &PagePoint| [i64::from(p.x) - i64::from(first.x), i64::from(p.y) - i64::from(first.y)].map(|v| v as f64);
@@ -98,7 +98,7 @@ mod tests {
 
     fn part(points: &[[i32; 2]]) -> VisiblePart {
         let points: Vec<PagePoint> = points.iter().map(|[x, y]| PagePoint::new(*x, *y)).collect();
-        VisiblePart { polygon: 0, shape: Convex { edges: vec![0; points.len()], points } }
+        VisiblePart { polygon: 0, cell: PagePoint::new(0, 0), shape: Convex { edges: vec![0; points.len()], points } }
     }
 
     fn square(x: i32, y: i32, side: i32) -> VisiblePart {

@@ -3,7 +3,7 @@
 //! Texts are in Helvetica, which every reader has; characters that it lacks are question marks.
 
 use crate::{
-    drawing::{Drawing, DrawnShape, ShapeRole, SheetItem, TextAnchor},
+    drawing::{Drawing, DrawnObject, DrawnShape, ShapeRole, SheetItem, TextAnchor},
     lines::LineRole,
     style::Rgb,
 };
@@ -143,7 +143,11 @@ impl PageContent<'_> {
         self.content.rect(pt(frame.min[0]), pt(frame.min[1]), size[0], size[1]).clip_nonzero().end_path();
         self.shapes(0, |shape| shape.role == ShapeRole::Surface && shape.opacity >= 1.0);
         self.shapes(1, |shape| shape.role == ShapeRole::Shadow);
-        self.shapes(2, |shape| shape.role == ShapeRole::Surface && shape.opacity < 1.0);
+        self.begin(2);
+        for (object, shapes) in drawing.translucent() {
+            self.object(object, &shapes);
+        }
+        self.content.end_marked_content();
         self.content.set_line_cap(LineCapStyle::RoundCap).set_line_join(LineJoinStyle::RoundJoin);
         let [r, g, b] = drawing.ink.map(share);
         self.content.set_stroke_rgb(r, g, b);
@@ -188,21 +192,25 @@ impl PageContent<'_> {
         let drawing = self.drawing;
         self.begin(layer);
         for object in &drawing.objects {
-            let mut shapes = object.shapes.iter().filter(|shape| is_in(shape)).peekable();
-            if shapes.peek().is_none() {
-                continue;
+            let shapes: Vec<&DrawnShape> = object.shapes.iter().filter(|shape| is_in(shape)).collect();
+            if !shapes.is_empty() {
+                self.object(object, &shapes);
             }
-            self.begin_object(object.number);
-            for shape in shapes {
-                self.fill_color(shape.color);
-                let step = (shape.opacity.clamp(0.0, 1.0) * f64::from(OPACITY_STEPS)).round() as u8;
-                self.content.set_parameters(Name(state_name(step).as_bytes()));
-                for ring in drawing.rings(shape) {
-                    self.path(&ring, true);
-                }
-                self.content.fill_nonzero();
+        }
+        self.content.end_marked_content();
+    }
+
+    fn object(&mut self, object: &DrawnObject, shapes: &[&DrawnShape]) {
+        let drawing = self.drawing;
+        self.begin_object(object.number);
+        for shape in shapes {
+            self.fill_color(shape.color);
+            let step = (shape.opacity.clamp(0.0, 1.0) * f64::from(OPACITY_STEPS)).round() as u8;
+            self.content.set_parameters(Name(state_name(step).as_bytes()));
+            for ring in drawing.rings(shape) {
+                self.path(&ring, true);
             }
-            self.content.end_marked_content();
+            self.content.fill_nonzero();
         }
         self.content.end_marked_content();
     }

@@ -13,8 +13,9 @@ use crate::{
     lines::{EdgePart, LineRole, chains, class_of, collect, visible_lines},
     overlap::largest_overlap,
     paint::attribute_colors,
+    paint_order::coats,
     scene::{DrawnScene, clip, turned},
-    shadow::shadows,
+    shadow::{plane_key, shadows},
     sheet::{Paper, TitleBlock, sheet_items},
     style::{FillMode, Rgb, Stylesheet, kind_name, parse_color},
     terrain::refine_terrain,
@@ -209,24 +210,28 @@ impl Stage<'_> {
         progress: DrawProgress<'_>,
     ) -> Result<Vec<(u32, DrawnShape)>, DrawError> {
         let tones = Tones::new(&self.request.style);
-        let mut groups: BTreeMap<ShapeKey, Rings> = BTreeMap::new();
-        for part in parts {
-            let face = polygons[part.polygon as usize].triangle;
-            let plane = self.scene.faces[face as usize].plane;
+        let name = |face: u32| -> Option<ShapeKey> {
             let object = self.scene.face_objects[face as usize];
-            let color = self.colors.get(object as usize).copied().flatten();
-            if let Some(color) = tones.color(self.scene.object(face), color, &plane) {
-                groups.entry((object, color)).or_default().push(part.shape.points.clone());
+            let own = self.colors.get(object as usize).copied().flatten();
+            Some((object, tones.color(self.scene.object(face), own, &self.scene.faces[face as usize].plane)?))
+        };
+        let mut opaque: BTreeMap<ShapeKey, Rings> = BTreeMap::new();
+        for part in parts.iter().filter(|part| polygons[part.polygon as usize].is_opaque) {
+            if let Some(key) = name(polygons[part.polygon as usize].triangle) {
+                opaque.entry(key).or_default().push(part.shape.points.clone());
             }
         }
-        let keys: Vec<ShapeKey> = groups.keys().copied().collect();
-        let joined = unions(groups.into_values().collect(), progress)?;
-        let shape = |((object, color), rings): (ShapeKey, Rings)| {
-            let kind = self.scene.objects[object as usize].kind;
-            let opacity = self.request.style.opacity(kind);
-            (object, DrawnShape { role: ShapeRole::Surface, color, opacity, rings })
+        let names = |face: u32| Some((name(face)?, plane_key(self.scene, face)));
+        let coats = coats(parts, polygons, names, self.request.limits.parts)?;
+        let orders = std::iter::repeat_n(0, opaque.len()).chain(1..);
+        let painted = opaque.into_iter().chain(coats.into_iter().map(|coat| (coat.shape, coat.rings)));
+        let (keys, groups): (Vec<ShapeKey>, Vec<Rings>) = painted.unzip();
+        let joined = keys.into_iter().zip(orders).zip(unions(groups, progress)?);
+        let shape = |(((object, color), order), rings): ((ShapeKey, u32), Rings)| {
+            let opacity = self.request.style.opacity(self.scene.objects[object as usize].kind);
+            (object, DrawnShape { role: ShapeRole::Surface, color, opacity, order, rings })
         };
-        Ok(keys.into_iter().zip(joined).filter(|(_, rings)| !rings.is_empty()).map(shape).collect())
+        Ok(joined.filter(|(_, rings)| !rings.is_empty()).map(shape).collect())
     }
 
     /// The colours by the attribute of all objects that can be seen.
@@ -303,7 +308,8 @@ impl Objects {
     fn add_shadows(&mut self, shadows: BTreeMap<u32, Rings>, style: &Stylesheet) {
         let color = parse_color(&style.shadow_color).unwrap_or([0; 3]);
         for (object, rings) in shadows {
-            let shape = DrawnShape { role: ShapeRole::Shadow, color, opacity: style.shadow_opacity, rings };
+            let opacity = style.shadow_opacity;
+            let shape = DrawnShape { role: ShapeRole::Shadow, color, opacity, order: 0, rings };
             self.0[object as usize].shapes.push(shape);
         }
     }

@@ -28,9 +28,10 @@ const NORMAL_STEP: f64 = 1e-3;
 const OFFSET_STEP_M: f64 = 0.02;
 
 /// An object and one of its planes.
-type PlaneKey = (u32, [i64; 4]);
+pub(crate) type PlaneKey = (u32, [i64; 4]);
 
-fn key(scene: &DrawnScene, face: u32) -> PlaneKey {
+/// What a face shares with those of its object that lie in its plane.
+pub(crate) fn plane_key(scene: &DrawnScene, face: u32) -> PlaneKey {
     let FacePlane { normal, offset } = scene.faces[face as usize].plane;
     let [x, y, z] = normal.to_array().map(|v| (v / NORMAL_STEP).round() as i64);
     (scene.face_objects[face as usize], [x, y, z, (offset / OFFSET_STEP_M).round() as i64])
@@ -48,12 +49,12 @@ pub(crate) fn shadows(
     let mut shown: BTreeMap<PlaneKey, Rings> = BTreeMap::new();
     for (face, ring) in visible {
         if scene.faces[face as usize].plane.normal.dot(towards_sun) > 0.0 {
-            shown.entry(key(scene, face)).or_default().push(ring);
+            shown.entry(plane_key(scene, face)).or_default().push(ring);
         }
     }
     let mut lit: BTreeMap<PlaneKey, Rings> = shown.keys().map(|key| (*key, Rings::new())).collect();
     for face in lit_faces(scene, towards_sun, limits, progress)? {
-        let Some(rings) = lit.get_mut(&key(scene, face.triangle)) else { continue };
+        let Some(rings) = lit.get_mut(&plane_key(scene, face.triangle)) else { continue };
         let planes = projection.planes();
         rings.extend(clip(face, &planes).and_then(|face| ring_of(&face, projection, grid)));
     }

@@ -5,7 +5,7 @@ use crate::{
     lines::LineRole,
     style::{color_text, kind_name},
 };
-use std::fmt::Write;
+use std::{collections::BTreeMap, fmt::Write};
 
 const UM_PER_MM: f64 = 1000.0;
 
@@ -29,7 +29,7 @@ pub fn to_svg(drawing: &Drawing) -> String {
     ));
     text.layers(|shape| shape.role == ShapeRole::Surface && shape.opacity >= 1.0, "");
     text.layers(|shape| shape.role == ShapeRole::Shadow, "shadow-");
-    text.layers(|shape| shape.role == ShapeRole::Surface && shape.opacity < 1.0, "translucent-");
+    text.translucent();
     text.push(format_args!("</g>\n"));
     text.lines();
     text.sheet();
@@ -116,19 +116,8 @@ impl Svg<'_> {
                     self.push(format_args!("<g id=\"{prefix}{}\">\n", kind_name(object.kind)));
                     is_open = true;
                 }
-                self.object(object, prefix);
-                for shape in shapes {
-                    let color = color_text(shape.color);
-                    self.push(format_args!("<path fill=\"{color}\""));
-                    if shape.opacity < 1.0 {
-                        self.push(format_args!(" fill-opacity=\"{:.3}\"", shape.opacity));
-                    }
-                    self.push(format_args!(" d=\""));
-                    for ring in drawing.rings(shape) {
-                        self.path(&ring, true);
-                    }
-                    self.push(format_args!("\"/>"));
-                }
+                self.object(object, prefix, "");
+                self.shapes(&shapes);
                 self.push(format_args!("</g>\n"));
             }
             if is_open {
@@ -137,10 +126,39 @@ impl Svg<'_> {
         }
     }
 
-    fn object(&mut self, object: &DrawnObject, prefix: &str) {
+    /// Translucent shapes in the order in which they are painted. An object whose shapes have others between them has several groups.
+    fn translucent(&mut self) {
+        let mut groups: BTreeMap<Option<u32>, u32> = BTreeMap::new();
+        for (object, shapes) in self.drawing.translucent() {
+            let group = groups.entry(object.number).or_default();
+            *group += 1;
+            let suffix = if *group > 1 { format!("-{group}") } else { String::new() };
+            self.object(object, "translucent-", &suffix);
+            self.shapes(&shapes);
+            self.push(format_args!("</g>\n"));
+        }
+    }
+
+    fn shapes(&mut self, shapes: &[&DrawnShape]) {
+        let drawing = self.drawing;
+        for shape in shapes {
+            let color = color_text(shape.color);
+            self.push(format_args!("<path fill=\"{color}\""));
+            if shape.opacity < 1.0 {
+                self.push(format_args!(" fill-opacity=\"{:.3}\"", shape.opacity));
+            }
+            self.push(format_args!(" d=\""));
+            for ring in drawing.rings(shape) {
+                self.path(&ring, true);
+            }
+            self.push(format_args!("\"/>"));
+        }
+    }
+
+    fn object(&mut self, object: &DrawnObject, prefix: &str, suffix: &str) {
         match object.number {
-            Some(number) => self.push(format_args!("<g id=\"{prefix}object-{number}\"")),
-            None => self.push(format_args!("<g id=\"{prefix}land\"")),
+            Some(number) => self.push(format_args!("<g id=\"{prefix}object-{number}{suffix}\"")),
+            None => self.push(format_args!("<g id=\"{prefix}land{suffix}\"")),
         }
         if !object.identifier.is_empty() {
             self.push(format_args!(" data-identifier=\"{}\"", escaped(&object.identifier)));

@@ -5,7 +5,7 @@
 //! exactly: each polygon without those before it. Another cell is divided into four.
 
 use crate::{
-    convex::{Convex, PageRect},
+    convex::{Convex, PagePoint, PageRect},
     error::{DrawError, DrawProgress, DrawStep, advance},
 };
 use rayon::prelude::*;
@@ -34,6 +34,8 @@ pub(crate) struct PagePolygon {
 pub(crate) struct VisiblePart {
     /// Index of the polygon.
     pub(crate) polygon: u32,
+    /// Lower left corner of its cell of the page. Parts of different cells do not overlap, those of one follow each other.
+    pub(crate) cell: PagePoint,
     pub(crate) shape: Convex,
 }
 
@@ -120,7 +122,7 @@ impl Subdivision<'_> {
                 }
                 rest = left;
             }
-            parts.extend(rest.into_iter().map(|shape| VisiblePart { polygon: index, shape }));
+            parts.extend(rest.into_iter().map(|shape| VisiblePart { polygon: index, cell: cell.min, shape }));
             if polygon.is_opaque {
                 nearer.push((shape, bounds));
             }
@@ -134,7 +136,7 @@ mod tests {
     use super::*;
     use crate::{
         bsp::{BspTree, Eye},
-        convex::{PagePoint, cross},
+        convex::cross,
         face::{Face, FacePlane},
     };
     use glam::DVec3;

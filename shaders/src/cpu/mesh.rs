@@ -12,7 +12,7 @@ use super::{
     words::halves,
 };
 use crate::{
-    layout::MESH_FLAG,
+    layout::{FrameUniform, MESH_FLAG, Shading},
     mesh::{REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TRAVERSAL_STACK},
 };
 use glam::Vec3;
@@ -36,6 +36,9 @@ pub(crate) const MESH_LIFT_M: f32 = 0.02;
 pub(crate) const MESH_LIFT_SHARE: f32 = 1e-4;
 /// Least cosine between ray and normal that a texture's level is chosen for.
 pub(crate) const MIN_COSINE: f32 = 0.15;
+/// Colours of [`Shading::Wire`].
+pub(crate) const WIRE_SURFACE: Vec3 = Vec3::new(0.72, 0.74, 0.76);
+pub(crate) const WIRE_LINE: Vec3 = Vec3::new(0.01, 0.02, 0.06);
 
 /// The ray in steps of the mesh's grid; `t` stays in metres.
 struct MeshRay {
@@ -293,7 +296,10 @@ pub(super) fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u3
         None => SurfaceLight { sky: INSIDE_AO, is_reflective: false },
     };
     let normal = landmark.map_or(flat, |landmark| landmark.normal_towards(segment.dir));
-    let colour = object_colour(ray, mesh_hit.object, albedo);
+    let colour = match shown_triangle(ray.scene.frame, segment.dir, [a, b, c], mesh_hit, step_m) {
+        Some(colour) => colour,
+        None => object_colour(ray, mesh_hit.object, albedo),
+    };
     // A colour of an object replaces its stone.
     let stone = landmark.filter(|_| colour == albedo).map_or(0, |landmark| landmark.stone);
     let reflective = if light.is_reflective { u32::from(flag::REFLECTIVE) } else { 0 };
@@ -311,6 +317,46 @@ pub(super) fn hit_triangle(ray: &mut Ray<'_>, index: u32, step_m: f32, info: [u3
         stone,
         stone_point: landmark.map_or(Vec3::ZERO, |landmark| p - landmark.origin),
     };
+}
+
+/// Colour of a triangle in [`Shading::Wire`] and [`Shading::Triangles`]; `None` in other shadings. `corners` are in steps of the
+/// mesh's grid.
+#[cold]
+fn shown_triangle(
+    frame: &FrameUniform,
+    dir: Vec3,
+    corners: [Vec3; 3],
+    mesh_hit: &MeshHit,
+    step_m: f32,
+) -> Option<Vec3> {
+    if frame.shading == Shading::Triangles as u32 {
+        return Some(triangle_tint(corners));
+    }
+    if frame.shading != Shading::Wire as u32 {
+        return None;
+    }
+    let [a, b, c] = corners;
+    let p = (b - a) * mesh_hit.u + (c - a) * mesh_hit.v;
+    // How far the ray passes a line.
+    let away = |from: Vec3, along: Vec3| {
+        let across = dir.cross(along);
+        (p - from).dot(across).abs() / across.length().max(1e-12)
+    };
+    let nearest = away(Vec3::ZERO, b - a).min(away(Vec3::ZERO, c - a)).min(away(b - a, c - b));
+    let pixel_m = mesh_hit.t * 2.0 * Vec3::from(frame.up).length() / frame.height_px as f32;
+    let line = (1.0 - nearest * step_m / pixel_m).max(0.0);
+    Some(WIRE_SURFACE + (WIRE_LINE - WIRE_SURFACE) * line)
+}
+
+/// A colour that follows from the place of a triangle in its mesh.
+fn triangle_tint(corners: [Vec3; 3]) -> Vec3 {
+    let sum = corners[0] + corners[1] * 3.0 + corners[2] * 7.0;
+    let mixed = (sum.x as u32).wrapping_mul(73_856_093)
+        ^ (sum.y as u32).wrapping_mul(19_349_663)
+        ^ (sum.z as u32).wrapping_mul(83_492_791);
+    let mixed = mixed ^ mixed >> 13;
+    let channel = |shift: u32| (mixed >> shift & 255) as f32 / 255.0;
+    Vec3::new(channel(0), channel(8), channel(16)) * 0.8 + 0.1
 }
 
 /// Where a ray hits a triangle with a texture.

@@ -14,7 +14,7 @@ pub(crate) use crate::srgb::{POWER_HIGH, POWER_LOW};
 pub use crate::srgb::{encode_srgb, linear_of};
 use crate::{
     atmosphere::{MIE_G, PHASE_SCALE},
-    layout::{FrameUniform, Light, MESH_FLAG, SKY_AZIMUTHS, SKY_HEIGHTS, Shading, SkyTable},
+    layout::{FrameUniform, Light, MESH_FLAG, MESH_LEVEL, SKY_AZIMUTHS, SKY_HEIGHTS, Shading, SkyTable},
     light::SKY_LOW,
 };
 use glam::{Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
@@ -93,7 +93,12 @@ pub fn shade(frame: &FrameUniform, surface: &SurfaceSample) -> Radiance {
         s if s == Shading::Albedo as u32 => Radiance::unlit(albedo),
         s if s == Shading::Ao as u32 => Radiance::unlit(Vec3::splat(ao)),
         s if s == Shading::Normal as u32 => Radiance::unlit(n * 0.5 + 0.5),
-        s if s == Shading::Lod as u32 => Radiance::unlit(debug(level_tint(surface.level))),
+        s if s == Shading::Lod as u32 || s == Shading::Bounds as u32 => {
+            Radiance::unlit(debug(level_tint(surface.level)))
+        }
+        s if s == Shading::Wire as u32 || s == Shading::Triangles as u32 => {
+            Radiance::unlit(debug(if surface.flags & MESH_FLAG != 0 { albedo } else { TINT_ROOF }))
+        }
         s if s == Shading::Kind as u32 => Radiance::unlit(debug(kind_tint(surface.flags))),
         _ => reflected(frame, albedo, n, ao),
     }
@@ -250,7 +255,8 @@ fn fog_depth(frame: &FrameUniform, place: Vec3, distance_m: f32, fade: f32) -> f
 
 fn level_tint(level: u32) -> Vec3 {
     let phase = (level * 5 % 8) as f32 * std::f32::consts::FRAC_PI_4;
-    Vec3::new(0.55 + 0.4 * phase.cos(), 0.55 + 0.4 * (phase - 2.094).cos(), 0.55 + 0.4 * (phase + 2.094).cos())
+    let strength = if level >= MESH_LEVEL { 0.2 } else { 0.4 };
+    Vec3::new(phase, phase - 2.094, phase + 2.094).map(|phase| 0.95 + strength * (phase.cos() - 1.0))
 }
 
 fn kind_tint(flags: u32) -> Vec3 {

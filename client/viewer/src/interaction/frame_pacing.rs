@@ -1,7 +1,11 @@
 //! Decides how finely frames are drawn: coarse while the view changes, fine when it rests.
+//!
+//! Where a changing view has no time for its frames, it first loses its second ray a pixel, then detail
+//! ([`FramePacer::tau_factor`]), and only then pixels.
 
+use super::frame_budget::FrameBudget;
 use crate::frame::{MOVING_SAMPLES, STILL_SAMPLES};
-use std::time::Duration;
+use std::{ops::RangeInclusive, time::Duration};
 use web_time::Instant;
 
 /// A view that has not changed for this time is drawn with more rays per pixel.
@@ -9,11 +13,10 @@ const REST: Duration = Duration::from_millis(250);
 /// The same for the CPU ray-caster, whose steps input never waits for: full quality is to be there half a second after the last
 /// motion.
 const REST_IN_STEPS: Duration = Duration::from_millis(100);
-/// While the view changes or tiles arrive, frames that would take longer, with everything besides the scene, are drawn with a half, a
-/// quarter or an eighth of the pixels along each side.
-const MAX_MOVING_FRAME: Duration = Duration::from_millis(48);
-/// Least time of such a frame for the scene: where the rest takes long, the scene is not made ever coarser for it.
-const MIN_MOVING_SCENE: Duration = Duration::from_millis(28);
+/// Frames a second that a changing view is to have, unless a shell asks for another number.
+pub const FRAME_RATE: f64 = 30.0;
+/// Frame rates that can be asked for.
+pub const FRAME_RATES: RangeInclusive<f64> = 5.0..=240.0;
 /// Most of a frame's time that is taken for independent of its pixels. Two frames of different sizes may differ by chance.
 const MAX_FIXED_SHARE: f64 = 0.75;
 /// Longest frame of a resting view. A GPU draws it at once, and the user must wait for it to move on.
@@ -39,6 +42,8 @@ pub struct FrameDetail {
     pub divisor: u32,
     /// Rays along a pixel's side.
     pub samples: u32,
+    /// Whether the view changes, and does not only wait for tiles.
+    pub is_changing: bool,
     /// Whether no later frame of this view will be finer.
     pub is_final: bool,
 }
@@ -72,13 +77,17 @@ pub struct FramePacer {
     last_frame: Option<(u32, Duration)>,
     is_finished: bool,
     draws_in_steps: bool,
+    /// Time of a frame of a changing view.
+    budget: Duration,
+    detail_budget: FrameBudget,
 }
 
 impl FramePacer {
     /// A pacer before the first frame. `draws_in_steps`: whether frames of a resting view are drawn in steps.
     pub fn new(now: Instant, draws_in_steps: bool) -> Self {
         // The estimate starts high, so that the first frame is coarse and appears early.
-        let first = MAX_MOVING_FRAME * (MAX_DIVISOR * MAX_DIVISOR);
+        let budget = budget_of(FRAME_RATE);
+        let first = moving_limit(budget) * (MAX_DIVISOR * MAX_DIVISOR);
         let cost = |i: usize| if draws_in_steps { ADAPTIVE_COST[i] } else { ((i + 1) * (i + 1)) as f64 };
         Self {
             last_change: now,
@@ -90,7 +99,36 @@ impl FramePacer {
             last_frame: None,
             is_finished: false,
             draws_in_steps,
+            budget,
+            detail_budget: FrameBudget::default(),
         }
+    }
+
+    /// Begins anew with another ray-caster, for the same frame rate.
+    pub fn restart(&mut self, now: Instant, draws_in_steps: bool) {
+        *self = Self { budget: self.budget, ..Self::new(now, draws_in_steps) };
+    }
+
+    /// Sets the frames a second that a changing view is to have. Others than [`FRAME_RATES`] become the nearest of them.
+    pub fn set_frame_rate(&mut self, rate: f64) {
+        let rate = if rate.is_nan() { FRAME_RATE } else { rate.clamp(*FRAME_RATES.start(), *FRAME_RATES.end()) };
+        self.budget = budget_of(rate);
+    }
+
+    /// What the chosen tau is multiplied by: more than 1 only while the view changes, on a machine that would not have the frame rate
+    /// with it.
+    pub fn tau_factor(&self, now: Instant) -> f64 {
+        if self.is_changing(now) { self.detail_budget.factor() } else { 1.0 }
+    }
+
+    fn is_changing(&self, now: Instant) -> bool {
+        now.duration_since(self.last_change) < self.rest()
+    }
+
+    /// The part of a time for a frame that is for the scene: at least half of it. Where the rest takes long, the scene is not made ever
+    /// coarser for it.
+    fn for_scene(&self, frame: Duration) -> Duration {
+        frame.saturating_sub(self.overhead).max(frame / 2)
     }
 
     /// The view changed: frames are coarse until it rests.
@@ -106,9 +144,9 @@ impl FramePacer {
 
     /// The detail of the next frame. `is_settled`: all tiles of the view are resident.
     pub fn detail(&self, now: Instant, is_settled: bool) -> FrameDetail {
-        let is_changing = now.duration_since(self.last_change) < self.rest();
+        let is_changing = self.is_changing(now);
         let is_final = !is_changing && is_settled;
-        let moving_limit = MAX_MOVING_FRAME.saturating_sub(self.overhead).max(MIN_MOVING_SCENE);
+        let moving_limit = self.for_scene(moving_limit(self.budget));
         let mut divisor = 1;
         while !is_final && divisor < MAX_DIVISOR && self.estimate_divided(divisor) > moving_limit {
             divisor *= 2;
@@ -116,12 +154,12 @@ impl FramePacer {
         let still_limit = if self.draws_in_steps { MAX_STILL_FRAME_IN_STEPS } else { MAX_STILL_FRAME };
         let samples = if is_final {
             if self.estimate(STILL_SAMPLES) <= still_limit { STILL_SAMPLES } else { MOVING_SAMPLES }
-        } else if self.estimate(MOVING_SAMPLES) <= moving_limit {
+        } else if self.estimate(MOVING_SAMPLES) <= self.for_scene(self.budget) && self.tau_factor(now) == 1.0 {
             MOVING_SAMPLES
         } else {
             1
         };
-        FrameDetail { divisor, samples, is_final }
+        FrameDetail { divisor, samples, is_changing, is_final }
     }
 
     /// How long a view must not change before it rests.
@@ -185,6 +223,10 @@ impl FramePacer {
         self.learn_fixed(frame.scene, detail);
         let fixed = self.fixed.min(frame.scene);
         self.measured(fixed + (frame.scene - fixed) * (detail.divisor * detail.divisor), detail.samples);
+        if detail.is_changing {
+            let load = self.estimate(1).as_secs_f64() / self.for_scene(self.budget).as_secs_f64();
+            self.detail_budget.update(load, frame.all.as_secs_f64());
+        }
         let was_finished = self.is_finished;
         self.is_finished = detail.is_final && is_presented;
         self.is_finished && !was_finished
@@ -239,6 +281,17 @@ impl FramePacer {
     }
 }
 
+/// Time of a frame at a frame rate.
+fn budget_of(rate: f64) -> Duration {
+    Duration::from_nanos((1e9 / rate) as u64)
+}
+
+/// While the view changes or tiles arrive, frames that would take longer, with everything besides the scene, are drawn with a half, a
+/// quarter or an eighth of the pixels along each side. Below, detail is to do.
+fn moving_limit(budget: Duration) -> Duration {
+    budget + budget / 2
+}
+
 /// Longest time of a frame that is told from longer ones.
 const MAX_ESTIMATE: Duration = Duration::from_secs(3600);
 
@@ -251,6 +304,8 @@ fn place_of(samples: u32) -> usize {
 mod tests {
     use super::*;
 
+    const MOVING_FRAME: Duration = Duration::from_millis(48);
+
     /// A pacer whose frames take `time` with a ray a pixel, and in proportion with more.
     fn pacer_of(begin: Instant, draws_in_steps: bool, time: Duration) -> FramePacer {
         let full_frame_times = [time, time * 4, time * 9];
@@ -260,18 +315,18 @@ mod tests {
     #[test]
     fn frames_are_coarse_while_the_view_changes_and_fine_after_a_rest() {
         let begin = Instant::now();
-        let mut pacer = pacer_of(begin, false, 3 * MAX_MOVING_FRAME);
-        let coarse = FrameDetail { divisor: 2, samples: 1, is_final: false };
+        let mut pacer = pacer_of(begin, false, 3 * MOVING_FRAME);
+        let coarse = FrameDetail { divisor: 2, samples: 1, is_changing: true, is_final: false };
         assert_eq!(pacer.detail(begin, true), coarse);
         let later = begin + REST;
-        assert_eq!(pacer.detail(later, false), coarse);
-        let fine = FrameDetail { divisor: 1, samples: MOVING_SAMPLES, is_final: true };
+        assert_eq!(pacer.detail(later, false), FrameDetail { is_changing: false, ..coarse });
+        let fine = FrameDetail { divisor: 1, samples: MOVING_SAMPLES, is_changing: false, is_final: true };
         assert_eq!(pacer.detail(later, true), fine, "three rays along a side would take too long");
-        let fast = pacer_of(begin, false, MAX_MOVING_FRAME / 4);
-        let moving = FrameDetail { divisor: 1, samples: MOVING_SAMPLES, is_final: false };
+        let fast = pacer_of(begin, false, MOVING_FRAME / 6);
+        let moving = FrameDetail { divisor: 1, samples: MOVING_SAMPLES, is_changing: true, is_final: false };
         assert_eq!(fast.detail(begin, true), moving);
         assert_eq!(fast.detail(later, true), FrameDetail { samples: STILL_SAMPLES, ..fine });
-        let in_steps = pacer_of(begin, true, 3 * MAX_MOVING_FRAME);
+        let in_steps = pacer_of(begin, true, 3 * MOVING_FRAME);
         assert_eq!(in_steps.detail(begin + REST_IN_STEPS, true).samples, STILL_SAMPLES, "input does not wait for it");
         assert_eq!(in_steps.rows_per_step(960, 1), 200);
         assert_eq!(in_steps.rows_per_step(960, STILL_SAMPLES), 22);
@@ -294,7 +349,7 @@ mod tests {
         let mut pacer = FramePacer::new(begin, true);
         let draw = |pacer: &mut FramePacer, samples: u32, ms: u64| {
             let scene = Duration::from_millis(ms);
-            let detail = FrameDetail { divisor: 1, samples, is_final: false };
+            let detail = FrameDetail { divisor: 1, samples, is_changing: true, is_final: false };
             pacer.end_frame(FrameTime { scene, all: scene }, detail, true);
         };
         draw(&mut pacer, 1, 20);
@@ -322,7 +377,7 @@ mod tests {
             let scene = Duration::from_micros(6000 + 72_000 / u64::from(divisor * divisor));
             pacer.end_frame(
                 FrameTime { scene, all: scene },
-                FrameDetail { divisor, samples: 1, is_final: false },
+                FrameDetail { divisor, samples: 1, is_changing: true, is_final: false },
                 true,
             );
             divisor
@@ -334,7 +389,7 @@ mod tests {
         let slow = Duration::from_millis(90);
         pacer.end_frame(
             FrameTime { scene: slow, all: slow },
-            FrameDetail { divisor: 2, samples: 1, is_final: false },
+            FrameDetail { divisor: 2, samples: 1, is_changing: true, is_final: false },
             true,
         );
         let divisors: Vec<u32> = (0..6).map(|_| draw(&mut pacer)).collect();
@@ -346,11 +401,71 @@ mod tests {
         let begin = Instant::now();
         let mut pacer = pacer_of(begin, true, Duration::from_millis(40));
         assert_eq!(pacer.detail(begin, true).divisor, 1);
-        let detail = FrameDetail { divisor: 1, samples: 1, is_final: false };
+        let detail = FrameDetail { divisor: 1, samples: 1, is_changing: true, is_final: false };
         let time = FrameTime { scene: Duration::from_millis(40), all: Duration::from_millis(70) };
         for _ in 0..8 {
             pacer.end_frame(time, detail, true);
         }
         assert_eq!(pacer.detail(begin, true).divisor, 2, "30 ms are for the rest of the frame");
+    }
+
+    /// Flies for `frames` frames whose scene takes `ms` with all pixels, one ray a pixel and a factor of tau of 1, and less with
+    /// larger ones. Returns the divisors.
+    fn fly(pacer: &mut FramePacer, now: Instant, frames: usize, ms: f64) -> Vec<u32> {
+        let frame = |pacer: &mut FramePacer| {
+            pacer.view_changed(now);
+            let detail = pacer.detail(now, false);
+            let rays = f64::from(detail.samples * detail.samples) / f64::from(detail.divisor * detail.divisor);
+            let scene = Duration::from_secs_f64(ms / 1e3 * rays / pacer.tau_factor(now).sqrt());
+            pacer.end_frame(FrameTime { scene, all: scene }, detail, true);
+            detail.divisor
+        };
+        (0..frames).map(|_| frame(pacer)).collect()
+    }
+
+    #[test]
+    fn a_slow_machine_loses_detail_before_pixels() {
+        let begin = Instant::now();
+        let mut pacer = FramePacer::new(begin, true);
+        fly(&mut pacer, begin, 100, 55.0);
+        let factor = pacer.tau_factor(begin);
+        let ms = pacer.full_frame_time().as_secs_f64() * 1e3;
+        assert!((2.0..4.0).contains(&factor) && ms < 1.11e3 / FRAME_RATE, "{ms} ms at {factor}");
+        assert!(fly(&mut pacer, begin, 100, 55.0).iter().all(|divisor| *divisor == 1));
+        // Detail alone does not do, so pixels go too.
+        assert!(fly(&mut pacer, begin, 100, 400.0)[50..].iter().all(|divisor| *divisor > 1));
+        assert_eq!(pacer.tau_factor(begin), 4.0);
+        // A view that rests has the chosen detail and all pixels, at once.
+        let later = begin + REST_IN_STEPS;
+        assert_eq!(pacer.tau_factor(later), 1.0);
+        assert_eq!(
+            pacer.detail(later, true),
+            FrameDetail { divisor: 1, samples: 3, is_changing: false, is_final: true }
+        );
+    }
+
+    #[test]
+    fn frames_that_wait_for_tiles_say_nothing_about_detail() {
+        let begin = Instant::now();
+        let mut pacer = FramePacer::new(begin, true);
+        let scene = Duration::from_millis(200);
+        for _ in 0..100 {
+            let detail = pacer.detail(begin + REST_IN_STEPS, false);
+            pacer.end_frame(FrameTime { scene, all: scene }, detail, true);
+        }
+        assert_eq!(pacer.tau_factor(begin), 1.0);
+    }
+
+    #[test]
+    fn the_frame_rate_is_that_of_the_shell() {
+        let begin = Instant::now();
+        let factor_at = |rate: f64| {
+            let mut pacer = FramePacer::new(begin, true);
+            pacer.set_frame_rate(rate);
+            fly(&mut pacer, begin, 200, 30.0);
+            pacer.tau_factor(begin)
+        };
+        assert_eq!([factor_at(f64::NAN), factor_at(5.0), factor_at(0.0)], [1.0; 3]);
+        assert!(factor_at(60.0) > 2.0);
     }
 }

@@ -5,6 +5,7 @@
 
 pub mod camera_control;
 pub mod day_animation;
+mod frame_budget;
 pub mod frame_pacing;
 pub mod measure;
 pub mod units;

@@ -1,4 +1,7 @@
-//! The adaptive error threshold: raises tau smoothly while the cache is full, and lowers it again when there is room.
+//! The adaptive error threshold: raises tau smoothly while the cache is full, and lowers it again when there is room. While frames
+//! are too slow, it is at least what the shell asks for ([`FramePacer::tau_factor`]).
+//!
+//! [`FramePacer::tau_factor`]: crate::interaction::frame_pacing::FramePacer::tau_factor
 //!
 //! A selection never exceeds its budget, but where it stops refining may differ from frame to frame. With a tau that just fits
 //! it does not stop early, so nothing appears and disappears at the limit.
@@ -18,6 +21,8 @@ const MAX_STEP_SECS: f64 = 0.1;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct AdaptiveThreshold {
     factor: f64,
+    /// The least factor, by the machine's speed.
+    for_speed: f64,
     /// It has risen since the camera last moved. It must not fall before the camera moves again, or it would oscillate.
     has_risen: bool,
     is_changing: bool,
@@ -38,14 +43,20 @@ pub(super) struct SelectionOutcome {
 
 impl Default for AdaptiveThreshold {
     fn default() -> Self {
-        Self { factor: 1.0, has_risen: false, is_changing: false }
+        Self { factor: 1.0, for_speed: 1.0, has_risen: false, is_changing: false }
     }
 }
 
 impl AdaptiveThreshold {
     /// The factor for the next selection, at least 1.
     pub(super) fn factor(&self) -> f64 {
-        self.factor
+        self.factor.max(self.for_speed)
+    }
+
+    /// Sets the least factor. Returns whether that changes it.
+    pub(super) fn set_for_speed(&mut self, factor: f64) -> bool {
+        let factor = factor.max(1.0);
+        std::mem::replace(&mut self.for_speed, factor) != factor
     }
 
     /// Whether the next selection has another factor than the last one.
@@ -58,8 +69,8 @@ impl AdaptiveThreshold {
         let secs = outcome.secs.clamp(0.0, MAX_STEP_SECS);
         self.has_risen &= !outcome.has_moved;
         self.is_changing = true;
-        if outcome.factor > self.factor * TOLERANCE {
-            self.factor = (self.factor * RISE_PER_SEC.powf(secs)).min(outcome.factor);
+        if outcome.factor > self.factor() * TOLERANCE {
+            self.factor = (self.factor() * RISE_PER_SEC.powf(secs)).min(outcome.factor);
             self.has_risen = true;
         } else if self.factor > 1.0 && outcome.budget_share < MAX_BUDGET_SHARE && !self.has_risen {
             self.factor = (self.factor / FALL_PER_SEC.powf(secs)).max(1.0);
@@ -125,5 +136,20 @@ mod tests {
             last = threshold.factor();
         }
         assert!(!threshold.is_changing() && (3.0 / TOLERANCE..=3.0).contains(&threshold.factor()), "{threshold:?}");
+    }
+
+    #[test]
+    fn the_larger_of_memory_and_speed_decides() {
+        let mut threshold = AdaptiveThreshold::default();
+        assert!(threshold.set_for_speed(3.0) && !threshold.set_for_speed(3.0));
+        assert_eq!(threshold.factor(), 3.0);
+        // What is selected with it fits, so memory asks for nothing.
+        threshold.update(outcome(3.0, 0.5, true));
+        assert_eq!((threshold.factor, threshold.is_changing()), (1.0, false));
+        // It does not fit: the threshold rises from there.
+        threshold.update(outcome(6.0, 0.99, true));
+        assert!((3.0..3.2).contains(&threshold.factor()), "{threshold:?}");
+        threshold.set_for_speed(f64::NAN);
+        assert!((3.0..3.2).contains(&threshold.factor()), "{threshold:?}");
     }
 }

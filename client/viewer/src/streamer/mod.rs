@@ -27,6 +27,7 @@ use crate::{
     cache::{Upload, slots_for},
     camera::{Camera, View},
     frame::{FrameData, FrameInputs, RenderSettings},
+    node_boxes::box_edges,
     objects::ObjectStyles,
     scene::{SceneTree, TileKey},
     select::{
@@ -42,7 +43,7 @@ use adaptive_threshold::{AdaptiveThreshold, SelectionOutcome};
 pub use downloads::{Downloads, FetchOutcome, TileFetcher};
 pub use error::StreamError;
 pub use frame_request::FrameRequest;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use idle_prefetch::Lookahead;
 pub use idle_prefetch::{FEEDBACK_DOWNSCALE, LookaheadState};
 use insula_protocol::TileKind;
@@ -407,6 +408,13 @@ impl<F: TileFetcher> Streamer<F> {
         }
     }
 
+    /// Multiplies tau by at least `factor` from the next frame on: more than 1 where frames of a moving view are too slow.
+    pub fn set_tau_factor(&mut self, factor: f64) {
+        if self.threshold.set_for_speed(factor) {
+            self.lookahead.reset();
+        }
+    }
+
     /// Whether levels of detail cross-fade ([`Transitions`]). Off by default.
     pub fn set_transitions(&mut self, is_enabled: bool) {
         self.transitions.set_enabled(is_enabled);
@@ -415,6 +423,11 @@ impl<F: TileFetcher> Streamer<F> {
     /// Ends all cross-fades: the next frame shows the selection as it is.
     pub fn end_transitions(&mut self) {
         self.transitions.reset();
+    }
+
+    /// The boxes of the last selection's nodes, in the frame of a request ([`box_edges`]).
+    pub fn box_edges(&self, request: &FrameRequest) -> Vec<[DVec2; 2]> {
+        box_edges(self.tree(), &self.selection, &self.view(request, request.camera))
     }
 
     /// Arrays for the ray-caster, for the last selection.

@@ -96,3 +96,18 @@ fn a_view_of_nothing_is_drawn_once_the_city_is_known() {
     assert!(!streamer.has_frame());
     assert_eq!(streamer.stream_status(NOW), StreamStatus::Loading);
 }
+
+#[test]
+fn slow_frames_ask_for_less_and_a_rest_for_all_again() {
+    let (mut streamer, request) = after_first_frame(false);
+    streamer.select_and_request(&request, NOW);
+    let chosen = streamer.selection.clone();
+    streamer.set_tau_factor(4.0);
+    streamer.select_and_request(&request, NOW);
+    assert_eq!(streamer.view(&request, request.camera).tau_px, 4.0);
+    let moving = &streamer.selection;
+    assert!(moving.requests.len() * 4 < chosen.requests.len() * 3, "{} requests", moving.requests.len());
+    streamer.set_tau_factor(1.0);
+    streamer.select_and_request(&request, NOW);
+    assert!(streamer.selection == chosen, "a view that rests has the chosen detail");
+}

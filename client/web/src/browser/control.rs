@@ -7,7 +7,12 @@ use super::{
 };
 use glam::DVec3;
 use insula_shaders::{layout::Shading, look::Look};
-use insula_viewer::{camera::Camera, camera_text, sun::parse_time};
+use insula_viewer::{
+    camera::Camera,
+    camera_text,
+    sun::parse_time,
+    switching::{SwitchDistances, SwitchVolume},
+};
 use wasm_bindgen::prelude::*;
 use web_time::Instant;
 
@@ -42,8 +47,15 @@ impl CityViewer {
                     self.day.toggle(Instant::now());
                 }
             }
-            Command::Options { tau, shadows, shading, look } => {
+            Command::Options { tau, fps, distances, shadows, shading, look } => {
                 self.set_options(tau, shadows);
+                if let Some(text) = distances {
+                    let metres: Vec<f64> = text.split(',').filter_map(|metres| metres.trim().parse().ok()).collect();
+                    self.switching = SwitchDistances::new(&metres, SwitchVolume::Box);
+                }
+                if let Some(fps) = fps {
+                    self.pacer.set_frame_rate(fps);
+                }
                 self.shading = chosen(&Shading::ALL, shading).unwrap_or(self.shading);
                 self.daylight.look = chosen(&Look::ALL, look).unwrap_or(self.daylight.look);
             }

@@ -7,6 +7,7 @@ use insula_shaders::{
 };
 use insula_viewer::{
     cache::Upload, camera::Camera, frame::FrameData, interaction::frame_pacing::FrameDetail, sun::Daylight,
+    switching::SwitchDistances,
 };
 use std::time::Duration;
 
@@ -87,6 +88,7 @@ pub(crate) struct DrawnView {
     pub(super) camera: Camera,
     pub(super) size_px: [u32; 2],
     pub(super) tau_px: f64,
+    pub(super) switching: Option<SwitchDistances>,
     pub(super) daylight: Daylight,
     pub(super) shading: Shading,
     pub(super) style_changes: u64,

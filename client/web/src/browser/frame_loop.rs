@@ -37,6 +37,8 @@ impl CityViewer {
         self.notice_view(now);
         self.take_gpu_hits();
         self.streamer.set_sun(self.daylight.render_settings(self.shading, 1).shadow_casting_sun());
+        let tau_factor = if self.picture_px.is_none() { self.pacer.tau_factor(now) } else { 1.0 };
+        self.streamer.set_tau_factor(tau_factor);
         let has_news = self.streamer.has_work();
         let request = self.request(1);
         let elapsed = self.elapsed();
@@ -172,6 +174,7 @@ impl CityViewer {
             camera: self.control.camera(),
             size_px: self.picture_px.unwrap_or(self.size_px),
             tau_px: self.tau_px,
+            switching: self.switching,
             daylight: self.daylight,
             shading: self.shading,
             style_changes: self.style_changes,
@@ -228,7 +231,7 @@ impl CityViewer {
             Some(size_px) => {
                 let is_picture = is_settled && self.streamer.has_feedback(size_px);
                 let samples = if is_picture { STILL_SAMPLES } else { 1 };
-                (FrameDetail { divisor: 1, samples, is_final: is_picture }, is_picture)
+                (FrameDetail { divisor: 1, samples, is_changing: false, is_final: is_picture }, is_picture)
             }
             None => (self.pacer.detail(now, is_settled), false),
         }

@@ -6,10 +6,12 @@ use super::{
     viewer::CityViewer,
 };
 use glam::{DVec2, DVec3};
+use insula_shaders::layout::Shading;
 use insula_viewer::{
     camera::View,
     camera_text,
     interaction::{camera_control::ControlMode, measure::MeasureKind},
+    node_boxes::box_edges,
     projection::{project, project_line},
     source::REPLACED,
     streamer::{StreamStatus, Streamer},
@@ -62,6 +64,7 @@ impl CityViewer {
             markers: self.markers.iter().map(marker).collect(),
             lines: self.lines.iter().map(|line| self.points_along(&view, line)).collect(),
             measure: self.measure_message(&view),
+            boxes: self.box_lines(&view),
             missing: self.streamer.missing_tiles(),
             is_settled: self.streamer.is_settled(),
             tiles: {
@@ -69,6 +72,15 @@ impl CityViewer {
                 counts.blockmaps + counts.meshes
             },
         }
+    }
+
+    fn box_lines(&self, view: &View) -> Vec<[f64; 4]> {
+        if self.shading != Shading::Bounds {
+            return Vec::new();
+        }
+        let size = DVec2::new(f64::from(view.width_px), f64::from(view.height_px));
+        let edges = box_edges(self.streamer.tree(), self.streamer.selection(), view);
+        edges.into_iter().map(|[a, b]| flat(a * size, b * size)).collect()
     }
 
     fn measure_message(&self, view: &View) -> Option<MeasureMessage> {

@@ -28,6 +28,7 @@ use insula_viewer::{
     source::{TileSource, Transport, server::ServerSource, web_folder},
     streamer::{Downloads, FrameRequest, Streamer},
     sun::{Daylight, SunOptions, parse_time},
+    switching::SwitchDistances,
 };
 use std::sync::Arc;
 use wasm_bindgen::prelude::*;
@@ -57,6 +58,8 @@ pub struct CityViewer {
     pub(crate) pacer: FramePacer,
     pub(crate) shading: Shading,
     pub(crate) tau_px: f64,
+    /// What decides about levels of detail instead.
+    pub(crate) switching: Option<SwitchDistances>,
     pub(crate) size_px: [u32; 2],
     /// Size of the picture that is being made.
     pub(crate) picture_px: Option<[u32; 2]>,
@@ -114,6 +117,7 @@ impl CityViewer {
             pacer: FramePacer::new(Instant::now(), true),
             shading: Shading::Lit,
             tau_px: clamped_tau(options.tau.unwrap_or(1.0)),
+            switching: None,
             size_px,
             picture_px: None,
             job: None,
@@ -189,7 +193,7 @@ impl CityViewer {
             _ => self.restart(pages),
         }
         self.renderer = Renderer::Gpu(gpu);
-        self.pacer = FramePacer::new(Instant::now(), false);
+        self.pacer.restart(Instant::now(), false);
         (self.job, self.view_state) = (None, None);
         name
     }
@@ -240,7 +244,7 @@ impl CityViewer {
         self.restart(pages_for(self.cache_bytes));
         self.renderer = Renderer::default();
         self.renderer.forget_past_writes();
-        self.pacer = FramePacer::new(Instant::now(), true);
+        self.pacer.restart(Instant::now(), true);
     }
 }
 
@@ -269,8 +273,8 @@ impl CityViewer {
             camera: self.control.camera(),
             heading: self.control.heading(),
             size_px,
-            tau_px: self.tau_px,
-            switching: None,
+            tau_px: if self.switching.is_some() { 1.0 } else { self.tau_px },
+            switching: self.switching,
         }
     }
 

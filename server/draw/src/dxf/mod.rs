@@ -358,7 +358,7 @@ mod tests {
         let grid = PaperGrid::new([100.0, 100.0]);
         let at = |x: f64, y: f64| grid.point(glam::DVec2::new(x, y));
         let half = |x: f64| vec![at(x, 10.0), at(x + 10.0, 10.0), at(x + 10.0, 20.0), at(x, 20.0)];
-        let shape = |x: f64, role| DrawnShape { role, color: [240; 3], opacity: 1.0, rings: vec![half(x)] };
+        let shape = |x: f64, role| DrawnShape { role, color: [240; 3], opacity: 1.0, order: 0, rings: vec![half(x)] };
         let line = |class, chain: Vec<PagePoint>| DrawnLine { class, width_mm: 0.1, chains: vec![chain] };
         let house = DrawnObject {
             number: Some(7),

@@ -16,7 +16,7 @@ use crate::{
         ray::SceneRef,
         words::halves,
     },
-    layout::DrawNode,
+    layout::{DrawNode, Shading},
     mesh::{REFERENCE_COUNT_SHIFT, REFERENCE_MASK, TRAVERSAL_STACK},
 };
 use fearless_simd::prelude::*;
@@ -107,7 +107,7 @@ pub(super) fn walk_meshes<S: Simd>(
     }
     let planes = planes_at(scene.atlas, node).filter(
         #[inline(always)]
-        |_| triangle_stride(info) <= 2,
+        |_| triangle_stride(info) <= 2 && scene.frame.shading < Shading::Wire as u32,
     );
     let Some(planes) = planes else {
         return hit_singly(scene, segments, (index, step_m, info), found, (&nearest, &objects), hits);
@@ -121,7 +121,7 @@ pub(super) fn walk_meshes<S: Simd>(
     }
 }
 
-/// Surfaces of landmarks, and where the atlas ends within a node's pages: ray by ray.
+/// Surfaces of landmarks, shadings that show triangles, and where the atlas ends within a node's pages: ray by ray.
 #[inline(always)]
 fn hit_singly<S: Simd>(
     scene: &SceneRef<'_>,
