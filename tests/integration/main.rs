@@ -54,7 +54,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 38] = [
+const MODULES: [(&str, Add); 40] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
