@@ -65,7 +65,7 @@ pub enum ServerCommand {
     #[command(
         after_help = "Example:\n  insula-server inspect cities/delft\n  insula-server inspect 52397519_bldg_6697_op.gml\n  insula-server inspect cities/delft --tile 3/2/5 --png node.png\n  insula-server inspect cities/delft --volume 3/2/5 --png voxels.png --ply voxels.ply"
     )]
-    Inspect(InspectArgs),
+    Inspect(Box<InspectArgs>),
     /// Show what is known of objects, or the attributes that a city has
     #[command(
         after_help = "Example:\n  insula-server objects cities/delft\n  insula-server objects cities/delft --ids 17,4711 --json"

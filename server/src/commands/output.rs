@@ -2,6 +2,7 @@
 
 use super::error::CommandError;
 use insula_archive::new_file;
+#[cfg(feature = "bake")]
 use insula_command_line::output::{FileKind, Outputs, OverwriteArgs};
 use insula_protocol::text::{printable_json, printable_lines};
 use std::{io::Write, path::Path};
@@ -29,6 +30,7 @@ pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CommandError> {
 }
 
 /// Checks that a command with one output may write it. Fails as [`Outputs::file`].
+#[cfg(feature = "bake")]
 pub(super) fn check_output<P: AsRef<Path>>(
     path: &Path,
     kind: FileKind,
