@@ -9,7 +9,7 @@ use crate::{
     sun::{Site, SunPosition},
     surface::{CitySurface, TopKind},
     sweep::{Heading, Shadows, sweep_shadows},
-    tally::{Count, Run, Tally},
+    tally::{Count, LitRun, Tally},
     walls::{WallPoint, WallRows, wall_points},
 };
 use chrono::NaiveDate;
@@ -45,7 +45,7 @@ pub struct SunHours {
 pub fn sun_hours(surface: &CitySurface, site: &Site, rule: &Rule, progress: &(dyn Fn(f64) + Sync)) -> SunHours {
     match rule.mode {
         CountMode::Cumulative => count::<Count>(surface, site, rule, progress),
-        CountMode::LongestRun => count::<Run>(surface, site, rule, progress),
+        CountMode::LongestRun => count::<LitRun>(surface, site, rule, progress),
     }
 }
 

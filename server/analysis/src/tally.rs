@@ -31,13 +31,13 @@ impl Tally for Count {
 
 /// Lit moments without a dark one between: at the beginning, at the end, and most of all.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct Run {
+pub(crate) struct LitRun {
     first: u16,
     last: u16,
     longest: u16,
 }
 
-impl Tally for Run {
+impl Tally for LitRun {
     fn add(&mut self, is_lit: bool, before: u16) {
         if !is_lit {
             self.last = 0;
@@ -67,8 +67,8 @@ impl Tally for Run {
 mod tests {
     use super::*;
 
-    fn run(text: &[u8]) -> Run {
-        let mut run = Run::default();
+    fn run(text: &[u8]) -> LitRun {
+        let mut run = LitRun::default();
         (0u16..).zip(text).for_each(|(before, c)| run.add(*c == b'1', before));
         run
     }
