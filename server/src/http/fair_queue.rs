@@ -12,9 +12,11 @@ use std::{
     collections::{HashMap, VecDeque},
     future::Future,
     net::IpAddr,
+    panic::{AssertUnwindSafe, catch_unwind},
     sync::{
         Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering::Relaxed},
+        mpsc,
     },
     time::Duration,
 };
@@ -280,20 +282,45 @@ impl Drop for QueuePlace {
     }
 }
 
-/// Runs `work` on a new thread of low priority. Its argument is closed when the request has left. Fails if it panics, or if the system has
+/// Runs `work` on a thread of low priority. Its argument is closed when the request has left. Fails if it panics, or if the system has
 /// no more threads.
 async fn on_low_thread<T: Send + 'static>(
     work: impl FnOnce(&mut oneshot::Sender<T>) -> T + Send + 'static,
 ) -> Result<T, Shed> {
     let (mut sender, result) = oneshot::channel();
     let run = move || {
-        lower_priority();
         let made = work(&mut sender);
         // Fails if the request has left.
         let _ = sender.send(made);
     };
-    std::thread::Builder::new().name("insula-low".to_owned()).spawn(run).map_err(|_| Shed)?;
+    start_low(Box::new(run))?;
     result.await.map_err(|_| Shed)
+}
+
+type LowWork = Box<dyn FnOnce() + Send>;
+
+/// Threads of low priority that have nothing to do. They are kept, as many as were at work at once: a thread that starts or ends
+/// changes the memory map of the process, for which all other threads wait while it has no core.
+static IDLE_LOW: Mutex<Vec<mpsc::SyncSender<LowWork>>> = Mutex::new(Vec::new());
+
+/// Starts work on a thread of low priority. Fails if the system has no thread.
+fn start_low(work: LowWork) -> Result<(), Shed> {
+    let idle = || IDLE_LOW.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(thread) = idle().pop() else {
+        let (thread, works) = mpsc::sync_channel::<LowWork>(1);
+        let serve = move || {
+            lower_priority();
+            let mut next = Ok(work);
+            while let Ok(work) = next {
+                // Its request learns of a panic by the sender that is dropped.
+                let _ = catch_unwind(AssertUnwindSafe(work));
+                idle().push(thread.clone());
+                next = works.recv();
+            }
+        };
+        return std::thread::Builder::new().name("insula-low".to_owned()).spawn(serve).map(drop).map_err(|_| Shed);
+    };
+    thread.send(work).map_err(|_| Shed)
 }
 
 /// Lowers the priority of this thread and of those that it starts: beside a thread of another client, it gets a tenth of a core, and it
@@ -442,6 +469,16 @@ mod tests {
         assert_eq!(queue.run(ip(1), |_| nice()).await, Ok(own), "threads of others were not lowered");
         assert_eq!(nice(), own);
         assert!(queue.lock().clients.is_empty());
+    }
+
+    #[tokio::test]
+    async fn threads_of_low_priority_are_used_again() {
+        let mut threads = std::collections::HashSet::new();
+        for _ in 0..50 {
+            assert_eq!(on_low_thread(|_| -> () { panic!("on purpose") }).await, Err(Shed));
+            threads.insert(on_low_thread(|_| std::thread::current().id()).await.unwrap());
+        }
+        assert!(threads.len() < 50, "{}", threads.len());
     }
 
     #[tokio::test]
