@@ -131,12 +131,16 @@ fn options_that_do_not_fit_are_refused() {
         ("sky --rule en-17037 --out a.tif", "--rule is an option of sun"),
         ("sky --out a.geojson", "GeoJSON"),
         ("shadow --out a.tif", "--time"),
-        ("shadow --time noon --out a.tif", "2025-12-21T10:00"),
+        ("shadow --time noon --out a.tif", "2024-06-21T17:00+09:00"),
         ("view --out a.tif", "--from"),
         ("view --from 5,5,5 --out a.tif", "which lies in"),
         ("view --of houses.geojson --out a.tif", "--height"),
         ("sun --rule en-17037 --points houses.geojson --out a.csv", "header"),
-        ("sun --rule en-17037 --points houses.geojson --buildings b.csv --out a.csv", "two runs"),
+        ("sun --rule en-17037 --points houses.geojson --buildings b.csv --out a.csv", "--buildings has no use"),
+        ("sun --rule en-17037 --points houses.geojson --wall-heights 2 --out a.csv", "--wall-heights has no use"),
+        ("sun --rule en-17037 --points houses.geojson --bbox 4,52,5,53 --out a.csv", "--bbox has no use"),
+        ("sun --rule en-17037 --points houses.geojson --out a.tif", ".csv"),
+        ("sun --rule en-17037 --out a.csv", ".tif"),
         ("sky --bbox-metres 0,0,9,9 --out a.tif", "no part of the city"),
     ] {
         let (code, error) = analyse(folder, arguments);

@@ -147,7 +147,7 @@ const ALLOWED: [(&str, &[&str]); 25] = [
         "insula-draw",
         &["insula-protocol", "insula-archive", "insula-objects", "insula-export", "insula-roam", "insula-shaders"],
     ),
-    ("insula-analysis", &["insula-protocol", "insula-objects", "insula-export"]),
+    ("insula-analysis", &["insula-protocol", "insula-objects", "insula-export", "insula-viewer"]),
     ("insula-occlusion", &["insula-shaders"]),
     ("insula-roam", &[]),
     ("insula-visibility", &["insula-protocol"]),

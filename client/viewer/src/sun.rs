@@ -56,6 +56,13 @@ pub struct SunTime {
     is_universal: bool,
 }
 
+impl SunTime {
+    /// Date and hour, and whether they are of universal time; otherwise, of the city's mean solar time.
+    pub fn date_and_hour(&self) -> (NaiveDate, f64, bool) {
+        (self.at.date(), f64::from(self.at.num_seconds_from_midnight()) / 3600.0, self.is_universal)
+    }
+}
+
 impl std::fmt::Display for SunTime {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let zone = if self.is_universal { "UTC" } else { "solar time" };
@@ -136,6 +143,22 @@ pub fn parse_bearing(text: &str) -> Result<Bearing, String> {
     Ok(Bearing { azimuth_deg: number(azimuth, 360.0)?.rem_euclid(360.0), altitude_deg: number(altitude, 90.0)? })
 }
 
+fn julian_date(date: NaiveDate, universal_hour: f64) -> Option<JulianDate> {
+    let midnight = JulianDate::from_utc(date.year(), date.month(), date.day(), 0, 0, 0.0, DELTA_T_SECS).ok()?;
+    JulianDate::new(midnight.julian_date() + universal_hour / 24.0, DELTA_T_SECS).ok()
+}
+
+fn bearing_at(time: JulianDate, location: Location, refraction: Option<RefractionCorrection>) -> Option<Bearing> {
+    let sun = SolarPositions::new().at_from_julian(time, location, 0.0, refraction).ok()?;
+    Some(Bearing { azimuth_deg: sun.azimuth(), altitude_deg: sun.elevation_angle() })
+}
+
+/// Position of the sun from true north, without the refraction of the air, on a day at an hour of universal time, seen from degrees north
+/// and east; `None` where the algorithm has no answer.
+pub fn true_bearing(date: NaiveDate, universal_hour: f64, [latitude, longitude]: [f64; 2]) -> Option<Bearing> {
+    bearing_at(julian_date(date, universal_hour)?, Location { latitude, longitude }, None)
+}
+
 impl Bearing {
     /// Unit vector: x east, y north, z up.
     pub fn direction(&self) -> DVec3 {
@@ -212,17 +235,11 @@ impl Daylight {
     }
 
     fn julian_date(&self) -> Option<JulianDate> {
-        let midnight =
-            JulianDate::from_utc(self.date.year(), self.date.month(), self.date.day(), 0, 0, 0.0, DELTA_T_SECS).ok()?;
-        let universal_hour = self.hour - self.site.location.longitude / 15.0;
-        JulianDate::new(midnight.julian_date() + universal_hour / 24.0, DELTA_T_SECS).ok()
+        julian_date(self.date, self.hour - self.site.location.longitude / 15.0)
     }
 
     fn computed_bearing(&self) -> Option<Bearing> {
-        let time = self.julian_date()?;
-        let refraction = Some(RefractionCorrection::standard());
-        let sun = SolarPositions::new().at_from_julian(time, self.site.location, 0.0, refraction).ok()?;
-        Some(Bearing { azimuth_deg: sun.azimuth(), altitude_deg: sun.elevation_angle() })
+        bearing_at(self.julian_date()?, self.site.location, Some(RefractionCorrection::standard()))
     }
 
     /// Unit vector towards the sun, in the city's coordinates.

@@ -5,7 +5,7 @@ use clap::Args;
 /// A rectangle on the map.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub struct AreaArgs {
-    /// Only objects with the middle in this area, in degrees; land is cut at its border
+    /// Only this area, in degrees: objects with the middle in it, and land and cells within its border
     #[arg(long, value_name = "W,S,E,N", value_parser = parse_area, allow_hyphen_values = true)]
     pub bbox: Option<[f64; 4]>,
     /// The same in metres of the city's coordinate system

@@ -2,7 +2,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `surface` | the tops of a city's cells, and what stands there |
+//! | `surface` | the tops of a city's cells, with their kinds and buildings |
 //! | `raster` | values of cells in rows along either axis |
 //! | `sweep` | the lines of one direction over all cells; shadows of one light |
 //! | `horizon` | the highest slope before each cell of a line |
@@ -10,7 +10,7 @@
 //! | `sun`, `rule` | positions of the sun; when it counts, and how much of it is asked for |
 //! | `sun_hours`, `tally` | hours of sun by a rule; what is counted of lit and dark moments |
 //! | `sky` | sky view factors, vertical sky components |
-//! | `view_shed` | what is seen from a place |
+//! | `view_shed` | the places that are visible from a point |
 //! | `rays`, `points` | the same for given points, by rays against the finest triangles |
 //! | `outlines` | polygons of places |
 //! | `buildings` | values of roofs and walls as a row for each building |

@@ -106,11 +106,11 @@ pub struct PointSun {
 }
 
 /// Hours of sun at points by a rule; `None` for a point at which there is no surface to measure its height from. `ground` has the ground
-/// that a bake made, which is no triangle and hides nothing.
+/// that a bake made, which is no triangle and hides nothing; points above the ground need it.
 #[must_use]
 pub fn sun_at_points(
     city: &CityTriangles,
-    ground: &CitySurface,
+    ground: Option<&CitySurface>,
     points: &[Point],
     site: &Site,
     rule: &Rule,
@@ -120,7 +120,7 @@ pub fn sun_at_points(
     let position = |point: &Point| {
         let z = match point.height {
             PointHeight::World(z) => z,
-            PointHeight::AboveTop(height) => city.top(point.place).or_else(|| ground.ground_at(point.place))? + height,
+            PointHeight::AboveTop(height) => city.top(point.place).or_else(|| ground?.ground_at(point.place))? + height,
         };
         Some(DVec3::new(point.place[0], point.place[1], z))
     };
@@ -131,7 +131,7 @@ pub fn sun_at_points(
 /// Hours in the middle of each step, with the directions to the sun.
 fn directions(site: &Site, rule: &Rule, day: NaiveDate) -> Vec<(f64, DVec3)> {
     let suns = suns_of_day(site, rule, day).into_iter();
-    suns.map(|(hour, sun)| (hour, DVec3::from(sun.direction()))).collect()
+    suns.map(|(hour, sun)| (hour, sun.direction())).collect()
 }
 
 fn sun_at(

@@ -1,4 +1,4 @@
-//! How much of the sky is seen from roofs, ground and walls.
+//! Shares of the sky that roofs, ground and walls see.
 
 use crate::{
     horizon::{Hull, sweep_horizons},
@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 /// Directions of the horizon.
 pub const AZIMUTHS: usize = 64;
 
-/// What is seen of the sky.
+/// Shares of the sky that roofs, ground and walls see.
 #[derive(Debug, Clone)]
 pub struct SkyView {
     /// Sky view factor of the tops of the surface's cells, 0 to 1: the share of the light of an even sky that a level surface gets. NaN where

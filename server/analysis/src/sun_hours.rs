@@ -6,7 +6,7 @@
 use crate::{
     raster::Raster,
     rule::{CountMode, DayMode, Rule},
-    sun::{Site, SunPosition},
+    sun::{Bearing, Site},
     surface::{CitySurface, TopKind},
     sweep::{Heading, Shadows, sweep_shadows},
     tally::{Count, LitRun, Tally},
@@ -24,8 +24,8 @@ const TOLERANCE_M: f32 = 0.1;
 const LEAST_FACING: f64 = 0.35;
 
 /// Whether the surface of each octahedral code of a normal faces the sun.
-fn facing(sun: SunPosition) -> Vec<bool> {
-    let direction = sun.direction();
+fn facing(sun: Bearing) -> Vec<bool> {
+    let direction = sun.direction().to_array();
     let cos = |code: u16| octahedral::decode(code).iter().zip(direction).map(|(n, d)| f64::from(*n) * d).sum::<f64>();
     (0..=u16::MAX).map(|code| cos(code) > 0.0).collect()
 }
@@ -50,7 +50,7 @@ pub fn sun_hours(surface: &CitySurface, site: &Site, rule: &Rule, progress: &(dy
 }
 
 /// The sun in the middle of each step of a day in which it counts, with the hour of the rule's time.
-pub(crate) fn suns_of_day(site: &Site, rule: &Rule, day: NaiveDate) -> Vec<(f64, SunPosition)> {
+pub(crate) fn suns_of_day(site: &Site, rule: &Rule, day: NaiveDate) -> Vec<(f64, Bearing)> {
     let [from, to] = rule.hours;
     let step = rule.step_minutes / 60.0;
     let steps = ((to - from) / step).round().max(1.0) as usize;
@@ -62,7 +62,7 @@ pub(crate) fn suns_of_day(site: &Site, rule: &Rule, day: NaiveDate) -> Vec<(f64,
 
 /// Which cells lie in shadow under a sun: their tops. Where nothing was baked, none.
 #[must_use]
-pub fn shadow(surface: &CitySurface, sun: SunPosition) -> Vec<bool> {
+pub fn shadow(surface: &CitySurface, sun: Bearing) -> Vec<bool> {
     if sun.altitude_deg <= 0.0 {
         return surface.tops.values.iter().map(|top| top.is_finite()).collect();
     }
@@ -93,7 +93,7 @@ fn count<T: Tally>(surface: &CitySurface, site: &Site, rule: &Rule, progress: &(
     };
     let mut best = DayBest { mode: rule.day_mode, tops: Vec::new(), walls: Vec::new() };
     for (i, day) in rule.days.iter().enumerate() {
-        let suns: Vec<SunPosition> = suns_of_day(site, rule, *day).into_iter().map(|(_, sun)| sun).collect();
+        let suns: Vec<Bearing> = suns_of_day(site, rule, *day).into_iter().map(|(_, sun)| sun).collect();
         let total = field.day::<T>(&suns);
         best.add(total.tops.values.iter().map(|tally| tally.steps()), total.walls.iter().map(|tally| tally.steps()));
         progress((i + 1) as f64 / rule.days.len() as f64);
@@ -156,7 +156,7 @@ struct DayPart<T> {
 
 impl Field<'_> {
     /// All moments of a day, divided among the threads.
-    fn day<T: Tally>(&self, suns: &[SunPosition]) -> DayPart<T> {
+    fn day<T: Tally>(&self, suns: &[Bearing]) -> DayPart<T> {
         let threads = rayon::current_num_threads().clamp(1, suns.len().max(1));
         let range = |i: usize| suns.len() * i / threads..suns.len() * (i + 1) / threads;
         let ranges: Vec<Range<usize>> = (0..threads).map(range).collect();
@@ -172,7 +172,7 @@ impl Field<'_> {
         })
     }
 
-    fn part<T: Tally>(&self, suns: &[SunPosition]) -> DayPart<T> {
+    fn part<T: Tally>(&self, suns: &[Bearing]) -> DayPart<T> {
         let mut is_transposed = false;
         let mut tops = Raster::filled(self.tops[0].width, self.tops[0].height, T::default());
         let mut walls = vec![T::default(); self.points.len()];
@@ -230,7 +230,7 @@ mod tests {
         let suns = suns_of_day(&DELFT, &rule, rule.days[0]);
         assert!((70..=73).contains(&suns.len()), "an equinox has 12 hours: {}", suns.len());
         let by_ray = |x: usize, y: usize| {
-            let is_lit = |(_, sun): &&(f64, SunPosition)| {
+            let is_lit = |(_, sun): &&(f64, Bearing)| {
                 let heading = Heading::of_azimuth(sun.azimuth_deg);
                 let rise = sun.altitude_deg.to_radians().tan();
                 // The ray leaves the house's height within 12 / rise metres.

@@ -12,8 +12,8 @@ use insula_objects::FeatureKind;
 use insula_protocol::{mesh_tile::NO_OBJECT, octahedral};
 use std::collections::HashMap;
 
-/// Most cells of one analysis: they are in memory, with 20 to 30 bytes each.
-pub const MAX_CELLS: u64 = 200 << 20;
+/// Most cells of one analysis. They are in memory, with about 35 bytes each.
+pub const MAX_CELLS: u64 = 64 << 20;
 
 /// Codes of [`CitySurface::kind`] above all indices of buildings.
 const NOTHING: u32 = u32::MAX;

@@ -1,4 +1,4 @@
-//! What is seen from a place, by rays to the border of an area.
+//! The places that are visible from a point, by rays to the border of an area.
 //!
 //! A ray runs from the eye to each cell of the border, and keeps the steepest slope to a top so far: what rises above it is seen. Each
 //! cell lies on a ray that passes within half a cell of its middle (the method R2 of Franklin and SightLine, Higher isn't necessarily better:

@@ -9,11 +9,11 @@ use std::path::PathBuf;
 pub enum Analysis {
     /// Hours of sun by a rule
     Sun,
-    /// Share of the sky that is seen: sky view factors, and vertical sky components of walls
+    /// Sky view factors, and vertical sky components of walls
     Sky,
-    /// Where shadow lies at a time
+    /// Shadows at a time
     Shadow,
-    /// What is seen from a place
+    /// Which places are visible from a point, or see a planned building
     View,
 }
 
@@ -25,8 +25,8 @@ pub struct AnalyseArgs {
     /// What to compute
     #[arg(value_enum, value_name = "WHAT")]
     pub what: Analysis,
-    /// Raster of the results, one value for each cell of the city as it is seen from above: hours of sun; the share of the sky from 0 to 1;
-    /// 1 for shadow and for what is seen, 0 for the rest. Of `shadow` and `view` also their areas as polygons, in GeoJSON
+    /// Raster of the results: hours of sun; sky view factors from 0 to 1; 1 for shadow and for visible places, 0 elsewhere. With a name
+    /// that ends with .geojson, the areas of `shadow` and `view` as polygons
     #[arg(long, value_name = "FILE.tif|FILE.geojson|FILE.csv")]
     pub out: PathBuf,
     /// Table with a row for each building, of `sun` and `sky`
@@ -48,11 +48,11 @@ pub struct AnalyseArgs {
     /// Place of the eye of `view`: longitude, latitude, and metres above the ground or the roof there
     #[arg(long, value_name = "LON,LAT,H", value_parser = parse_eye, allow_hyphen_values = true)]
     pub from: Option<[f64; 3]>,
-    /// Height above the ground or the roof of what `view` looks for, in metres [default: 0, with --of 1.6, the eye of who looks]
+    /// Height of the targets of `view` above the ground or the roof, in metres [default: 0; 1.6 with --of]
     #[arg(long, value_name = "M", value_parser = parse_height, allow_hyphen_values = true)]
     pub target_height: Option<f64>,
-    /// Outline of a planned building, of which `view` tells the share that is seen from each place: a polygon in a GeoJSON file, in degrees or
-    /// in metres of the city's coordinate system
+    /// Outline of a planned building, for the share of it that `view` sees from each place: a polygon in a GeoJSON file, in degrees or in
+    /// metres of the city's coordinate system
     #[arg(long, value_name = "FILE", conflicts_with = "from", requires = "height")]
     pub of: Option<PathBuf>,
     /// Height of the planned building of --of above the ground, in metres
@@ -61,7 +61,7 @@ pub struct AnalyseArgs {
     /// Heights above the ground of the points on walls, in metres [default: those of the rule, 1.6 for the sky]
     #[arg(long, value_name = "M,M", value_delimiter = ',', value_parser = parse_height, allow_hyphen_values = true)]
     pub wall_heights: Vec<f64>,
-    /// How far what lies around the area of --bbox or around the points counts, in metres
+    /// Distance around the area of --bbox or the points within which obstacles count, in metres
     #[arg(long, value_name = "M", default_value = "3000", value_parser = parse_reach, allow_hyphen_values = true)]
     pub reach: f64,
     #[command(flatten)]

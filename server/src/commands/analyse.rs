@@ -9,11 +9,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use insula_analysis::{
     buildings::{CityValues, PlaceValues, sum_up, write_table},
     outlines::outlines,
-    points::{around, parse_points, sun_at_points, write_table as write_points},
+    points::{PointHeight, around, parse_points, sun_at_points, write_table as write_points},
     rays::CityTriangles,
     rule::{DayMode, Rule},
     sky::sky_view,
-    sun::{Moment, Site, SunPosition},
+    sun::{Bearing, Site, parse_time},
     sun_hours::{shadow, sun_hours},
     surface::{CitySurface, TopKind},
     view_shed::{seen_from, share_seen},
@@ -43,7 +43,7 @@ const SKY_HEIGHTS_M: [f64; 1] = [EYE_M];
 /// Height of an eye above the ground.
 const EYE_M: f64 = 1.6;
 
-/// PlaceValues of a surface, and what they say.
+/// Values of a surface, and what they say.
 struct Answer {
     tops: Vec<f32>,
     points: Vec<WallPoint>,
@@ -70,11 +70,11 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let place = manifest.crs.as_deref().and_then(EarthPlace::of);
     let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
     let area = args.area.world_box(|degrees| place.as_ref()?.box_on_map(degrees)).map_err(CommandError::Usage)?;
-    let extent = CellExtent::of(manifest, area).map_err(failed)?;
-    let around = area.map(|[min, max]| [min.map(|v| v - args.reach), max.map(|v| v + args.reach)]);
     if let Some(points) = &args.points {
         return sun_at(args, points, &source, place.as_ref());
     }
+    let extent = CellExtent::of(manifest, area).map_err(failed)?;
+    let around = area.map(|[min, max]| [min.map(|v| v - args.reach), max.map(|v| v + args.reach)]);
     let surface = CitySurface::read(&source, around).map_err(failed)?;
     let answer = answer(args, &surface, Site::of(manifest), place.as_ref())?;
     let answer = answer.within(&surface, extent);
@@ -105,20 +105,42 @@ fn check_options(args: &AnalyseArgs) -> Result<(), CommandError> {
     of(!args.wall_heights.is_empty(), "--wall-heights", &[Sun, Sky])?;
     of(args.points.is_some(), "--points", &[Sun])?;
     of(args.time.is_some(), "--time", &[Shadow])?;
-    if args.points.is_some() && args.buildings.is_some() {
-        return Err(CommandError::Usage(
-            "--points and --buildings are of two runs: a table has points or buildings".to_owned(),
-        ));
-    }
     of(args.from.is_some(), "--from", &[View])?;
     of(args.of.is_some(), "--of", &[View])?;
     of(args.target_height.is_some(), "--target-height", &[View])?;
-    of(is_geojson(&args.out), "a GeoJSON file", &[Shadow, View])
+    of(is_geojson(&args.out), "a GeoJSON file", &[Shadow, View])?;
+    check_name(args)?;
+    let area = args.area.bbox.is_some() || args.area.bbox_metres.is_some();
+    let beside_points = [
+        ("--buildings", args.buildings.is_some()),
+        ("--wall-heights", !args.wall_heights.is_empty()),
+        ("--bbox", area),
+    ];
+    match beside_points.into_iter().find(|(_, is_given)| *is_given && args.points.is_some()) {
+        Some((option, _)) => {
+            Err(CommandError::Usage(format!("{option} has no use with --points: leave one of them out")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Fails on an output whose name says something else than its content.
+fn check_name(args: &AnalyseArgs) -> Result<(), CommandError> {
+    let ends = |known: &[&str]| known.iter().any(|end| has_extension(&args.out, end));
+    let (is_right, what) = match args.points.is_some() {
+        true => (ends(&["csv"]), "the table of --points is a .csv"),
+        false => (ends(&["tif", "tiff", "geojson"]), "a raster is a .tif; tables need --buildings or --points"),
+    };
+    if is_right { Ok(()) } else { Err(CommandError::Usage(format!("--out {}: {what}", args.out.display()))) }
+}
+
+fn has_extension(path: &Path, end: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(end))
 }
 
 /// Whether an output is to be polygons.
 fn is_geojson(path: &Path) -> bool {
-    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("geojson"))
+    has_extension(path, "geojson")
 }
 
 fn name(analysis: Analysis) -> &'static str {
@@ -172,9 +194,8 @@ fn answer(
                 .time
                 .as_deref()
                 .ok_or_else(|| CommandError::Usage("shadow needs --time, as in 2025-12-21T10:00+01:00".to_owned()))?;
-            let moment =
-                Moment::parse(text).map_err(|reason| CommandError::Usage(format!("--time {text}: {reason}")))?;
-            let sun = self::site(site)?.sun_at(&moment);
+            let time = parse_time(text).map_err(|reason| CommandError::Usage(format!("--time {text}: {reason}")))?;
+            let sun = self::site(site)?.sun_at(&time);
             let sun = sun.ok_or_else(|| CommandError::Usage(format!("--time {text}: the sun's place is not known")))?;
             let dark = shadow(surface, sun);
             Answer { notes: vec![sun_text(sun)], ..Answer::of_places(surface, &dark, format!("shadow at {text}")) }
@@ -190,7 +211,7 @@ fn progress_bar() -> ProgressBar {
     ProgressBar::new(1000).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-fn sun_text(sun: SunPosition) -> String {
+fn sun_text(sun: Bearing) -> String {
     if sun.altitude_deg <= 0.0 {
         return "the sun is below the horizon: all lies in shadow".to_owned();
     }
@@ -266,9 +287,13 @@ fn sun_at(
     let site = site(Site::of(source.manifest()))?;
     let city = CityTriangles::read(source, around(&points, args.reach))
         .map_err(|error| CommandError::Export { path: args.city.clone(), reason: error.to_string() })?;
-    let ground = CitySurface::read(source, Some(around(&points, GROUND_M)))
+    // A surface of the whole city takes long; only heights above the ground need it.
+    let needs_ground = points.iter().any(|point| matches!(point.height, PointHeight::AboveTop(_)));
+    let ground = needs_ground.then(|| CitySurface::read(source, Some(around(&points, GROUND_M))));
+    let ground = ground
+        .transpose()
         .map_err(|error| CommandError::Export { path: args.city.clone(), reason: error.to_string() })?;
-    let suns = sun_at_points(&city, &ground, &points, &site, &rule);
+    let suns = sun_at_points(&city, ground.as_ref(), &points, &site, &rule);
     let failed = |error: std::io::Error| CommandError::Write { path: args.out.clone(), reason: error.to_string() };
     let mut bytes = Vec::new();
     write_points(&points, &suns, &rule, &mut bytes).map_err(failed)?;

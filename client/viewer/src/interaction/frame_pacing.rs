@@ -104,7 +104,7 @@ impl FramePacer {
         }
     }
 
-    /// Begins anew with another ray-caster, for the same frame rate.
+    /// Starts again for another ray-caster, and keeps the frame rate.
     pub fn restart(&mut self, now: Instant, draws_in_steps: bool) {
         *self = Self { budget: self.budget, ..Self::new(now, draws_in_steps) };
     }
