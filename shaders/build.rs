@@ -1,4 +1,4 @@
-//! Copies the WGSL into the build: for browsers, which download it with the program, squeezed, and squeezed beside it for tests.
+//! Copies the WGSL into the build: for browsers, which download it with the program, minified, and minified beside it for tests.
 
 use std::{
     cmp::Reverse,
@@ -28,12 +28,12 @@ fn main() -> io::Result<()> {
             }
         }
     }
-    let squeezed: Vec<String> = files.values().map(|source| squeezed(source)).collect();
-    let short = short_names(&squeezed);
-    for ((name, source), small) in files.iter().zip(&squeezed) {
+    let minified: Vec<String> = files.values().map(|source| minified(source)).collect();
+    let short = short_names(&minified);
+    for ((name, source), small) in files.iter().zip(&minified) {
         let small: String = tokens(small).map(|token| short.get(token).map_or(token, String::as_str)).collect();
         for (path, text) in
-            [(Path::new("squeezed").join(name), &small), (name.clone(), if is_browser { &small } else { source })]
+            [(Path::new("minified").join(name), &small), (name.clone(), if is_browser { &small } else { source })]
         {
             let path = Path::new(&out).join(path);
             fs::create_dir_all(path.parent().unwrap_or(Path::new("")))?;
@@ -50,7 +50,7 @@ fn is_word(c: char) -> bool {
 /// The code without comments and the spaces and lines that separate nothing: those beside brackets, commas and semicolons, and between a
 /// word and an operator. Words stay apart, and so do operators: two of them might be another one. WGSL has no strings, so that `//`
 /// always begins a comment.
-fn squeezed(source: &str) -> String {
+fn minified(source: &str) -> String {
     let is_bracket = |c: char| ",;(){}[]".contains(c);
     let code = source.lines().map(|line| line.split("//").next().unwrap_or_default().trim());
     let code = code.filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ");

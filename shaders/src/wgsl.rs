@@ -474,12 +474,12 @@ mod tests {
 
     /// Browsers get the WGSL without what compilers ignore (`build.rs`).
     #[test]
-    fn squeezed_files_make_the_same_programs() {
+    fn minified_files_make_the_same_programs() {
         let out = Path::new(env!("OUT_DIR"));
         for source in [raycast(), compose(), contact(), meter(), hit_counts()] {
             let mut small = source.clone();
             for folder in ["", "shared"] {
-                for entry in fs::read_dir(out.join("squeezed").join(folder)).unwrap() {
+                for entry in fs::read_dir(out.join("minified").join(folder)).unwrap() {
                     let path = entry.unwrap().path();
                     if path.is_file() {
                         let whole = fs::read_to_string(out.join(folder).join(path.file_name().unwrap())).unwrap();

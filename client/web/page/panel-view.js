@@ -62,7 +62,11 @@ export function viewPanel({ city }, actions) {
   ends.append(element('span', {}, texts.fine), element('span', {}, texts.coarse));
 
   const distances = field({ text: texts.distances, placeholder: '50, 100, 200' });
-  distances.input.addEventListener('change', () => set({ distances: distances.input.value }));
+  distances.input.addEventListener('change', () => {
+    set({ distances: distances.input.value });
+    // What is no list of distances is not taken.
+    distances.input.value = options.distances;
+  });
 
   const show = () => {
     mode.set(options.mode);

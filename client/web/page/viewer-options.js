@@ -40,11 +40,14 @@ export function collides({ collision, mode }) {
 export function validChanges(changes) {
   /** @type {(value: any) => boolean} */
   const isPositive = (value) => Number.isFinite(value) && value > 0;
+  /** @type {(values: number[]) => boolean} */
+  const isAscending = (values) =>
+    values.length <= 16 && values.every((value, i) => Number.isFinite(value) && value > (values[i - 1] ?? 0));
   /** @type {Record<string, (value: any) => boolean>} */
   const rules = {
     tau: isPositive,
     fps: isPositive,
-    distances: (value) => typeof value === 'string',
+    distances: (value) => value === '' || (typeof value === 'string' && isAscending(value.split(',').map(Number))),
     shading: (value) => SHADINGS.includes(value),
     look: (value) => LOOKS.includes(value),
     shadows: (value) => typeof value === 'boolean',

@@ -1,4 +1,4 @@
-//! Horizons by sweeps: along each line of a direction, the highest slope to what stands before a cell.
+//! Horizons by sweeps: along each line of a direction, the steepest slope to an obstacle before a cell.
 //!
 //! A line keeps the upper hull of the tops that it has passed, seen from the cells to come (Timonen and Westerholm, Scalable Height Field
 //! Self-Shadowing, Computer Graphics Forum 29(2), 2010). What a later top hides from all that follows is dropped, so that each top is

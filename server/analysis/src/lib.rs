@@ -5,7 +5,7 @@
 //! | `surface` | the tops of a city's cells, with their kinds and buildings |
 //! | `raster` | values of cells in rows along either axis |
 //! | `sweep` | the lines of one direction over all cells; shadows of one light |
-//! | `horizon` | the highest slope before each cell of a line |
+//! | `horizon` | the steepest slope before each cell of a line |
 //! | `walls` | points on the walls of buildings |
 //! | `sun`, `rule` | positions of the sun; when it counts, and how much of it is asked for |
 //! | `sun_hours`, `tally` | hours of sun by a rule; what is counted of lit and dark moments |

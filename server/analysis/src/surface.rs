@@ -1,4 +1,4 @@
-//! The surface of a city as analyses see it: the top of each cell, and what stands there.
+//! The surface of a city as analyses see it: the top of each cell, and the object that it belongs to.
 
 use crate::raster::Raster;
 use insula_export::{

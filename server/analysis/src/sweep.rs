@@ -73,7 +73,7 @@ impl Lines {
 /// Others are parts of a slope.
 pub(crate) const WALL_SLOPE: f64 = 2.0;
 
-/// Passes each row to `visit` with the height up to which each of its cells is in the shadow of what stands towards a light; negative
+/// Passes each row to `visit` with the height up to which each of its cells is in the shadow of obstacles towards a light; negative
 /// infinity in the open. A cell's own top is no part of its shadow. `slope` is the tangent of the light's altitude. `tops` is transposed
 /// if the heading says so.
 pub(crate) fn sweep_shadows(

@@ -34,7 +34,7 @@ const OUTLINE_HEIGHTS: usize = 6;
 
 /// Which share of the walls of a planned building is seen from each cell, 0 to 1, by an eye `eye_m` above its top. `outline` is on the map
 /// in world metres; the building stands on the lowest ground along it and is `height_m` high. The surface is as it is without the
-/// building, and what stands within its outline hides nothing. `None` if no point of the outline is on the surface.
+/// building, and existing buildings within its outline are left out. `None` if no point of the outline is on the surface.
 #[must_use]
 pub fn share_seen(
     surface: &CitySurface,

@@ -357,7 +357,7 @@ fn view(
     let eye = [on_map[0], on_map[1], surface.base_m + f64::from(top) + height];
     let target_m = args.target_height.unwrap_or(0.0);
     let seen = seen_from(surface, eye, target_m, f64::INFINITY).ok_or_else(beyond)?;
-    let note = format!("the eye is {height} m above the top of what stands there, {:.1} m above sea level", eye[2]);
+    let note = format!("the eye is {height} m above the ground or roof there, {:.1} m above sea level", eye[2]);
     Ok(Answer { notes: vec![note], ..Answer::of_places(surface, &seen, "seen".to_owned()) })
 }
 
