@@ -274,6 +274,7 @@ mod tests {
             first_leaf: [0; 2],
             z_range_m: [0.0, 20.0],
             sky_directions: 64,
+            is_level: false,
         }
     }
 

@@ -68,6 +68,8 @@ pub(super) struct LocalBlock {
     pub(super) z_range_m: [f32; 2],
     /// Number of directions above the horizon from which visibility is tested.
     pub(super) sky_directions: u32,
+    /// All triangles are terrain of one height.
+    pub(super) is_level: bool,
 }
 
 impl LocalBlock {
@@ -89,8 +91,12 @@ impl LocalBlock {
             });
         mark_closed_shells(&mut triangles);
         let extent_m = leaves.map(|n| (f64::from(n) * side_m) as f32);
+        let z_m = triangles.first().map_or(0.0, |triangle| triangle.corners[0].z);
+        let is_level = ground.is_empty()
+            && triangles.iter().all(|triangle| triangle.is_terrain && triangle.corners.iter().all(|c| c.z == z_m));
         Some(Self {
             z_range_m: z_range_m(triangles.iter().chain(&ground), extent_m),
+            is_level,
             triangles,
             ground: ground.into_iter().map(|triangle| triangle.corners).collect(),
             cell_m: input.grid.cell_m as f32,

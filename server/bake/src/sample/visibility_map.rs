@@ -68,6 +68,11 @@ impl VisibilityMap {
     /// Draws the block as seen from `direction`. A GPU that fails is replaced by the CPU.
     pub(super) fn draw(&mut self, block: &LocalBlock, direction: Vec3) {
         self.aim(block, direction);
+        if block.is_level {
+            // Nothing is in front of anything: what lies outside of the map is visible.
+            self.size = [0; 2];
+            return;
+        }
         self.planes.clear();
         self.planes.resize(block.triangles.len(), Vec3::ZERO);
         if self.backend == VisibilityBackend::Gpu

@@ -125,6 +125,37 @@ fn random_points_are_sea_or_land_as_the_coast_says() {
 }
 
 #[test]
+fn level_ground_lies_only_around_what_is_painted() {
+    let mut map = "<osm version=\"0.6\">".to_owned();
+    // A road of 4.7 km between two houses, and their corners.
+    let houses =
+        [[0.0, 0.0], [0.2, 0.0], [0.2, 0.2], [0.0, 0.2], [29.8, 29.8], [30.0, 29.8], [30.0, 30.0], [29.8, 30.0]];
+    for (number, [x, y]) in (1..).zip(houses) {
+        write!(map, "<node id=\"{number}\" lat=\"{:.7}\" lon=\"{:.7}\"/>", y / 1e3, 9.0 + x / 1e3).unwrap();
+    }
+    for (corners, tag) in
+        [([1, 2, 3, 4, 1].as_slice(), "building"), (&[5, 6, 7, 8, 5], "building"), (&[3, 5], "highway")]
+    {
+        let nodes: String = corners.iter().map(|number| format!("<nd ref=\"{number}\"/>")).collect();
+        let value = if tag == "highway" { "residential" } else { "yes" };
+        write!(map, "<way id=\"{}\">{nodes}<tag k=\"{tag}\" v=\"{value}\"/></way>", corners[0] + corners[1]).unwrap();
+    }
+    map += "</osm>";
+    let read = ReadOptions { level_ground: true, ..ReadOptions::default() };
+    let (scene, report) = read_embedded(&[("road.osm", map.as_bytes())], &read, &|_| {}).unwrap();
+    assert_eq!(report.sources[0].painted, 1, "{report:?}");
+    let ground = scene.triangles.iter().filter(|triangle| scene.objects[triangle.object as usize].kind.is_terrain());
+    let ground: Vec<_> = ground.collect();
+    let area_m2 = |[a, b, c]: [[f32; 3]; 3]| ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2.0;
+    let all_m2: f32 = ground.iter().map(|triangle| area_m2(triangle.corners)).sum();
+    // Of its bounds, 11 square kilometres: three squares of 128 m where it crosses from one column of them to the next.
+    assert!((0.4e6..1.6e6).contains(&all_m2), "{all_m2}");
+    let corners = ground.iter().flat_map(|triangle| triangle.corners);
+    let [lowest, highest] = [f32::min, f32::max].map(|of| corners.clone().map(|corner| corner[0]).reduce(of).unwrap());
+    assert!(highest - lowest > 3250.0, "from house to house: {lowest} {highest}");
+}
+
+#[test]
 fn a_coast_and_painted_streets_are_the_same_in_steps() {
     let folder = TestFolder::new("steps-coast");
     let file = |name: &str, text: &str| -> PathBuf {

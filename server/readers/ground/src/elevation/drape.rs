@@ -31,6 +31,45 @@ pub struct Drape {
     pub has_photo: bool,
 }
 
+/// The ground as seen from above.
+pub(super) struct AerialPicture {
+    /// By row from the south; `None` where there is nothing to show.
+    colours: Vec<Option<[u8; 3]>>,
+    /// World position of its south-western corner.
+    corner: [f64; 2],
+    texel_m: f64,
+    size: [usize; 2],
+    has_photo: bool,
+}
+
+impl AerialPicture {
+    /// The part that shows a rectangle, which lies within the picture; `None` if there is nothing to show.
+    pub(super) fn part(&self, [low, high]: [[f64; 2]; 2], ground: &GroundPictures<'_>) -> Option<Drape> {
+        let texels = |axis: usize| {
+            let [first, end] = [low, high].map(|bound| (bound[axis] - self.corner[axis]) / self.texel_m);
+            (first.floor().max(0.0) as usize, (end.ceil().max(0.0) as usize).min(self.size[axis]))
+        };
+        let row = |y: usize, [first, end]: [usize; 2]| &self.colours[y * self.size[0] + first..y * self.size[0] + end];
+        let ((west, east), (south, north)) = (texels(0), texels(1));
+        if !(south..north).any(|y| row(y, [west, east]).iter().any(Option::is_some)) {
+            return None;
+        }
+        let margin = MARGIN as usize;
+        let around =
+            |(first, end): (usize, usize), size: usize| [first.saturating_sub(margin), (end + margin).min(size)];
+        let (columns, rows) = (around((west, east), self.size[0]), around((south, north), self.size[1]));
+        // Rows of textures go from the top.
+        let colours = (rows[0]..rows[1]).rev().flat_map(|y| row(y, columns));
+        let rgb = colours.map(|colour| colour.unwrap_or(ground.ground)).collect();
+        let size = [columns, rows].map(|[first, end]| end - first);
+        let texture = SceneTexture { width: size[0] as u32, height: size[1] as u32, rgb, is_pattern: false };
+        let first = [columns[0], rows[0]];
+        let corner = [0, 1].map(|axis| self.corner[axis] + first[axis] as f64 * self.texel_m);
+        let place = DrapePlace { corner, size_m: size.map(|side| side as f64 * self.texel_m) };
+        Some(Drape { texture, place, has_photo: self.has_photo })
+    }
+}
+
 /// Where a texture lies on the map.
 #[derive(Debug, Clone, Copy)]
 pub struct DrapePlace {
@@ -79,11 +118,11 @@ impl<'s> GroundPictures<'s> {
 impl Elevation {
     /// A picture of the rectangle from `low` to `high`, with texels as large as wanted, or as the photos' pixels if
     /// those are larger; `None` if there is nothing to show. Fails if a photo or a shape cannot be read.
-    pub(super) fn drape(
+    pub(super) fn picture(
         &self,
         [low, high]: [[f64; 2]; 2],
         ground: &GroundPictures<'_>,
-    ) -> Result<Option<Drape>, InputError> {
+    ) -> Result<Option<AerialPicture>, InputError> {
         let overlapping = || {
             let placed = self.pictures.iter().filter_map(|picture| Some((picture, picture.placed.as_ref()?)));
             placed.filter(|(_, placed)| {
@@ -112,15 +151,17 @@ impl Elevation {
                 *colour = finer.or(*colour);
             }
         }
-        if colours.iter().all(Option::is_none) {
-            return Ok(None);
-        }
-        // Rows of textures go from the top.
-        let rows = colours.chunks_exact(size[0]).rev().flatten();
-        let rgb = rows.map(|colour| colour.unwrap_or(ground.ground)).collect();
-        let texture = SceneTexture { width: size[0] as u32, height: size[1] as u32, rgb, is_pattern: false };
-        let size_m = size.map(|side| side as f64 * texel_m);
-        Ok(Some(Drape { texture, place: DrapePlace { corner, size_m }, has_photo }))
+        let is_empty = colours.iter().all(Option::is_none);
+        Ok((!is_empty).then_some(AerialPicture { colours, corner, texel_m, size, has_photo }))
+    }
+
+    /// A picture of a whole rectangle, as [`Self::picture`].
+    pub(super) fn drape(
+        &self,
+        bounds: [[f64; 2]; 2],
+        ground: &GroundPictures<'_>,
+    ) -> Result<Option<Drape>, InputError> {
+        Ok(self.picture(bounds, ground)?.and_then(|picture| picture.part(bounds, ground)))
     }
 
     /// What is painted in a rectangle, by row from the south.

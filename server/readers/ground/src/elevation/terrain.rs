@@ -22,10 +22,13 @@ const MAX_TILE_PIXELS: f64 = 4096.0;
 const STEPS_PER_PIXEL: f64 = 4.0;
 /// Coarser steps, in cells, would miss the buildings that the ground meets.
 const FIT_CELLS: f64 = 2.0;
-/// Ground without elevation models reaches so far beyond the city at most, and this is the side of its tiles, of which those without a
-/// picture are left to the generated ground.
+/// Ground without elevation models reaches so far beyond the city at most.
 const LEVEL_MARGIN_M: f64 = 32.0;
-const LEVEL_TILE_M: f64 = 512.0;
+/// Side, in leaves, of the squares of level ground, of which those without a picture are left to the generated ground: a block of leaves,
+/// which are sampled together.
+const LEVEL_SQUARE_LEAVES: f64 = 2.0;
+/// Side of a tile of it in such squares, if all of them have a picture.
+const LEVEL_TILE_SQUARES: u32 = 4;
 /// Where land surrounds the city, its terrain ends at squares of this many leaves, at which that land begins.
 pub const ALIGNED_LEAVES: f64 = 2.0;
 /// It ends this far within them, so that no rounding makes it reach the next square.
@@ -201,8 +204,9 @@ impl Elevation {
     ) -> Result<(), InputError> {
         let Some(region) = Region::new(self, city, cell_m, options.margin_m) else { return Ok(()) };
         let picture_m = if self.pictures.is_empty() && !ground.is_painted() { f64::INFINITY } else { ground.side_m() };
-        let is_level = self.level.as_ref().is_some_and(LevelGround::is_level);
-        let picture_m = if is_level { picture_m.min(LEVEL_TILE_M) } else { picture_m };
+        if self.level.as_ref().is_some_and(LevelGround::is_level) {
+            return self.make_level_terrain(&region, cell_m, picture_m, ground, add);
+        }
         let tile_steps = region.tile_steps(picture_m);
         let borders = Borders::survey(&region, tile_steps, (options.error_cells * cell_m) as f32)?;
         for tile in borders.tiling().tiles() {
@@ -214,13 +218,67 @@ impl Elevation {
                 continue;
             }
             let drape = self.drape(bounds_on_map(&triangles), ground)?;
-            if is_level && drape.is_none() {
-                continue;
-            }
             add(TerrainTile { name: format!("terrain {}/{}", tile[0], tile[1]), triangles, drape });
         }
         Ok(())
     }
+
+    /// Passes level ground to `add`, where it has a picture. On a map of roads over a country, these are few places.
+    fn make_level_terrain(
+        &self,
+        region: &Region<'_>,
+        cell_m: f64,
+        picture_m: f64,
+        ground: &GroundPictures<'_>,
+        add: &mut dyn FnMut(TerrainTile),
+    ) -> Result<(), InputError> {
+        let square_m = cell_m * NODE_CELLS as f64 * LEVEL_SQUARE_LEAVES;
+        let along = ((picture_m / square_m) as u32).clamp(1, LEVEL_TILE_SQUARES);
+        let tile_m = square_m * f64::from(along);
+        let ends = [region.position([0; 2]), region.position(region.size.map(|points| points - 1))];
+        let clip = |[low, high]: [[f64; 2]; 2]| {
+            let [first, last] =
+                [low, high].map(|corner| array::from_fn(|axis| corner[axis].clamp(ends[0][axis], ends[1][axis])));
+            (0..2).all(|axis| first[axis] < last[axis]).then_some([first, last])
+        };
+        // On the world's grid, as leaves are.
+        let first: [f64; 2] = array::from_fn(|axis| (ends[0][axis] / tile_m).floor());
+        let count = array::from_fn(|axis| ((ends[1][axis] / tile_m).ceil() - first[axis]) as u32);
+        for [x, y] in places(count) {
+            let corner: [f64; 2] = array::from_fn(|axis| (first[axis] + f64::from([x, y][axis])) * tile_m);
+            let Some(tile) = clip([corner, corner.map(|low| low + tile_m)]) else { continue };
+            let Some(picture) = self.picture(tile, ground)? else { continue };
+            let squares = places([along; 2]).filter_map(|place| {
+                let low: [f64; 2] = array::from_fn(|axis| corner[axis] + f64::from(place[axis]) * square_m);
+                Some((place, clip([low, low.map(|low| low + square_m)])?))
+            });
+            let squares: Vec<_> =
+                squares.map(|(place, square)| (place, square, picture.part(square, ground))).collect();
+            let mut add = |[column, row]: [u32; 2], bounds, drape| {
+                let name = format!("terrain {}/{}", x * along + column, y * along + row);
+                add(TerrainTile { name, triangles: level_square(bounds), drape: Some(drape) });
+            };
+            if squares.iter().all(|(_, _, part)| part.is_some()) {
+                picture.part(tile, ground).into_iter().for_each(|drape| add([0; 2], tile, drape));
+                continue;
+            }
+            squares
+                .into_iter()
+                .for_each(|(place, bounds, part)| part.into_iter().for_each(|drape| add(place, bounds, drape)));
+        }
+        Ok(())
+    }
+}
+
+/// Columns and rows, row by row.
+fn places([columns, rows]: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
+    (0..rows).flat_map(move |y| (0..columns).map(move |x| [x, y]))
+}
+
+/// Two triangles at the height 0.
+fn level_square([low, high]: [[f64; 2]; 2]) -> Vec<[[f64; 3]; 3]> {
+    let [a, b, c, d] = [low, [high[0], low[1]], high, [low[0], high[1]]].map(|[x, y]| [x, y, 0.0]);
+    vec![[a, b, c], [a, c, d]]
 }
 
 /// Lowest and highest corner on the map.
