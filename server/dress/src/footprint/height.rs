@@ -10,7 +10,7 @@ use insula_source::units::{HeightUnit, metres_of};
 
 const ROOF_LEVELS: &[&str] = &["roof:levels", "roof_level"];
 /// Names of the base's height above the ground, for suspended parts such as gangways.
-pub(super) const BASE: &[&str] = &["min_height", "building:min_height", "render_min_height"];
+pub(super) const BASE: &[&str] = &["min_height", "building:min_height", "render_min_height", "base_height"];
 const BASE_LEVEL: &[&str] = &["building:min_level", "min_level", "min_floor"];
 
 /// Height of a storey, where only the number of storeys is known.
@@ -253,6 +253,7 @@ mod tests {
         assert_eq!(height(r#"{"HEIGHT": 10, "MIN_HEIGHT": 4}"#), (4.0, 10.0, vec![]));
         assert_eq!(height(r#"{"Height": 10, "Building_Min_Height": 4}"#), (4.0, 10.0, vec![]));
         assert_eq!(height(r#"{"render_height": 10, "render_min_height": 4}"#), (4.0, 10.0, vec![]));
+        assert_eq!(height(r#"{"height": 10, "base_height": 4}"#), (4.0, 10.0, vec![]));
         assert_eq!(height(r#"{"NUM_FLOORS": 4, "MIN_FLOOR": 1}"#).0, 3.0);
     }
 

@@ -164,7 +164,7 @@ impl Elevation {
             raster.set_nodata(nodata);
         }
         let facts = raster.facts();
-        let mut warnings: Vec<String> = raster.warning().map(str::to_owned).into_iter().collect();
+        let mut warnings: Vec<String> = raster.warning().into_iter().collect();
         if let Some(unit) = &facts.unknown_unit {
             warnings.push(format!("the unit of heights \"{unit}\" is not known; they are taken in that of the system"));
         }

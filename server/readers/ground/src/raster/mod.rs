@@ -176,10 +176,11 @@ impl Raster {
         }
     }
 
-    /// What is inexact about the heights.
-    pub(crate) fn warning(&self) -> Option<&'static str> {
+    /// What is inexact or guessed about the heights.
+    pub(crate) fn warning(&self) -> Option<String> {
         match &self.content {
-            Content::PointCloud(cloud) => cloud.warning(),
+            Content::PointCloud(cloud) => cloud.warning().map(str::to_owned),
+            Content::Tiff(tiff) => tiff.warning(),
             _ => None,
         }
     }

@@ -131,7 +131,27 @@ fn missing_values_and_scales() {
     assert_heights(&heights(&bytes, 0), &[f32::NAN, -9.5, 115.0]);
     let raster = open(&bytes).unwrap();
     assert_eq!((raster.facts().nodata, raster.facts().sample), (Some(0.0), SampleKind::U8));
-    assert_eq!(raster.facts().crs.height_unit_m, Some(0.3048));
+    assert_eq!((raster.facts().crs.height_unit_m, raster.warning()), (Some(0.3048), None));
+}
+
+#[test]
+fn scale_of_heights() {
+    let image = |scale: f64| {
+        let image = TestImage::new([2, 1], 1, [8, 1], vec![10, 250]).tag(33550, Values::Doubles(vec![1.0, 1.0, scale]));
+        image.tag(33922, Values::Doubles(vec![0.0, 0.0, 10.0, 0.0, 0.0, 7.0]))
+    };
+    let bytes = image(0.1).file();
+    assert_heights(&heights(&bytes, 0), &[7.0, 31.0]);
+    assert_eq!(
+        open(&bytes).unwrap().warning().as_deref(),
+        Some("heights are taken as 0.1 times the numbers plus 6, by ModelPixelScale")
+    );
+    for (scale, metadata) in [(0.0, ""), (1.0, ""), (f64::NAN, ""), (0.1, "<Item sample=\"0\" role=\"scale\">1</Item>")]
+    {
+        let bytes = image(scale).tag(42112, Values::Text(metadata)).file();
+        assert_heights(&heights(&bytes, 0), &[10.0, 250.0]);
+        assert_eq!(open(&bytes).unwrap().warning(), None);
+    }
 }
 
 #[test]

@@ -18,7 +18,8 @@ pub(super) struct HeightRule {
 /// What the tags of GDAL tell.
 pub(super) struct GdalTags {
     pub(super) nodata: Option<f64>,
-    pub(super) heights: HeightRule,
+    /// `None` if they do not tell.
+    pub(super) heights: Option<HeightRule>,
     /// Metres of one unit of height.
     pub(super) height_unit_m: Option<f64>,
     /// A unit of height that is not known.
@@ -36,7 +37,10 @@ impl GdalTags {
         let unit = item(&metadata, "unittype").map(str::trim).filter(|unit| !unit.is_empty());
         Ok(Self {
             nodata: nodata.map(|number| sample.rounded(number)),
-            heights: HeightRule { scale: number("scale").unwrap_or(1.0), offset: number("offset").unwrap_or(0.0) },
+            heights: match (number("scale"), number("offset")) {
+                (None, None) => None,
+                (scale, offset) => Some(HeightRule { scale: scale.unwrap_or(1.0), offset: offset.unwrap_or(0.0) }),
+            },
             height_unit_m: unit.and_then(metres_of),
             unknown_unit: unit.filter(|unit| metres_of(unit).is_none()).map(str::to_owned),
         })
@@ -52,6 +56,8 @@ fn item<'t>(metadata: &'t str, role: &str) -> Option<&'t str> {
 }
 
 impl HeightRule {
+    pub(super) const AS_IS: Self = Self { scale: 1.0, offset: 0.0 };
+
     /// The height of a number; NaN for missing ones, which one of the marks marks.
     pub(super) fn height(self, number: f64, sample: SampleKind, marks: [Option<f64>; 2]) -> f32 {
         let is_mark = |mark: &Option<f64>| mark.is_some_and(|mark| sample.is_mark(number, mark));

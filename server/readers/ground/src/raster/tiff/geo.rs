@@ -5,6 +5,7 @@ use super::super::facts::RasterCrs;
 use super::super::geo_keys::{GEO_KEYS, GEO_REALS, GEO_TEXTS, GeoKeys, RASTER_TYPE_KEY};
 use super::super::place::GeoPlace;
 use super::directory::{Directory, TiffFile};
+use super::gdal::HeightRule;
 
 const MODEL_PIXEL_SCALE: u16 = 33550;
 const MODEL_TIE_POINT: u16 = 33922;
@@ -55,6 +56,17 @@ impl GeoTags {
         }
         let [a, b, _, east, d, e, _, north, ..] = self.transformation[..] else { return None };
         Some(([east, north], [a, d], [b, e]))
+    }
+
+    /// How numbers become heights by the third numbers of scale and tie point (OGC 19-008, 7.3.1); `None` if they stay as they are.
+    pub(super) fn heights(&self) -> Option<HeightRule> {
+        let ([_, _, scale, ..], [_, _, number, _, _, height, ..]) = (&self.scale[..], &self.tie_points[..]) else {
+            return None;
+        };
+        let rule = HeightRule { scale: *scale, offset: height - number * scale };
+        // Most writers of level rasters leave a 0, or a 1, there.
+        let is_set = rule.scale.is_finite() && rule.offset.is_finite() && ![0.0, 1.0].contains(&rule.scale);
+        is_set.then_some(rule)
     }
 
     /// The coordinate system.

@@ -44,6 +44,8 @@ pub(super) struct TiffRaster {
     /// The mark of missing heights that the user gives.
     pub(super) nodata_by_hand: Option<f64>,
     heights: HeightRule,
+    /// The rule is that of the scale of pixels, which few writers mean.
+    is_scaled: bool,
 }
 
 impl TiffRaster {
@@ -68,13 +70,23 @@ impl TiffRaster {
         facts.levels = levels.iter().map(|level| level.layout.size).collect();
         facts.has_mask = masks.iter().any(|mask| mask.layout.size == facts.size);
         let chunks = Chunks::new(file, limits);
-        let (nodata, heights) = (gdal.nodata, gdal.heights);
-        Ok((Self { chunks, levels, masks, nodata, nodata_by_hand: None, heights }, facts))
+        let scaled = tags.heights().filter(|_| gdal.heights.is_none());
+        let heights = gdal.heights.or(scaled).unwrap_or(HeightRule::AS_IS);
+        let (nodata, is_scaled) = (gdal.nodata, scaled.is_some());
+        Ok((Self { chunks, levels, masks, nodata, nodata_by_hand: None, heights, is_scaled }, facts))
     }
 
     /// Makes numbers heights by another factor and summand.
     pub(super) fn set_rule(&mut self, [scale, offset]: [f64; 2]) {
         self.heights = HeightRule { scale, offset };
+        self.is_scaled = false;
+    }
+
+    /// What is guessed about the heights.
+    pub(super) fn warning(&self) -> Option<String> {
+        let HeightRule { scale, offset } = self.heights;
+        self.is_scaled
+            .then(|| format!("heights are taken as {scale} times the numbers plus {offset}, by ModelPixelScale"))
     }
 
     /// Heights of a window that is within the level; NaN where there are none.
