@@ -88,6 +88,8 @@ pub enum ServerCommand {
         after_help = "Example:\n  insula-server analyse cities/delft sun --rule nl-tno-light --out sun.tif --buildings sun.csv\n  insula-server analyse cities/delft sky --out sky.tif\n  insula-server analyse cities/delft shadow --time 2025-12-21T10:00+01:00 --out shadow.tif\n  insula-server analyse cities/delft view --from 4.3610,52.0116,40 --out view.tif\n\nRules: au-21-june, cn-great-cold, cn-winter-solstice, en-17037, jp-winter-solstice, nl-the-hague, nl-tno-light,\nnl-tno-strict, uk-br209-gardens, or a TOML file. A result says how many hours there are and how many the rule asks for;\nwhether a plan is lawful is for others to say."
     )]
     Analyse(AnalyseArgs),
+    /// Print the HTTP interface as OpenAPI 3.0
+    Openapi,
     /// Check every checksum of a city and decode every tile
     #[command(
         after_help = "Example:\n  insula-server verify cities/delft\n\nPrints the damaged tiles, one per line, and exits with 1 if there are any."
@@ -419,7 +421,9 @@ mod tests {
             parse("insula-server sign --city a --expires 7d --bbox-metres -1,2,3,4 --read-only --version ab*").is_ok()
         );
         let link = parse("insula-server sign --city a --expires 7d --url https://h/maps/3d/").unwrap();
-        assert!(matches!(link.command, ServerCommand::Sign(args) if args.url.base() == "https://h/maps/3d"));
+        assert!(
+            matches!(link.command, ServerCommand::Sign(args) if args.url.as_ref().is_some_and(|url| url.base() == "https://h/maps/3d"))
+        );
         assert!(parse("insula-server publish a b --out s --title T --url https://h/path").is_ok());
         assert!(parse("insula-server inspect a --tile 1/1/0 --png p.png").is_ok());
         assert!(parse("insula-server search a kerk --limit 1000 --json").is_ok());

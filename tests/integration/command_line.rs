@@ -203,11 +203,12 @@ fn a_cache_folder_that_cannot_be_written_is_a_warning() {
 
 fn a_view_is_exported_with_its_camera() {
     let folder = baked_city("houses.geojson".as_ref(), "city".as_ref());
-    let export = |more: &[&str]| {
-        let arguments = [&["export", "city", "--out", "view.glb"], more].concat();
+    let export_to = |out: &str, more: &[&str]| {
+        let arguments = [&["export", "city", "--out", out], more].concat();
         let arguments: Vec<&OsStr> = arguments.into_iter().map(OsStr::new).collect();
         call("insula-server", folder.path(), &arguments)
     };
+    let export = |more: &[&str]| export_to("view.glb", more);
     let view = ["--format", "glb", "--view", "camera.json"];
     assert_eq!(export(&[&view[..], &["--tau", "2", "--size", "640x360"]].concat()), (Some(0), String::new()));
     let glb = fs::read(folder.path().join("view.glb")).unwrap();
@@ -227,9 +228,16 @@ fn a_view_is_exported_with_its_camera() {
     fs::write(folder.path().join("here.json"), CAMERA.replace("85010, 447006, 4", "84980, 446970, 30")).unwrap();
     let away = CAMERA.replace("84980, 446970", "80000, 440000").replace("85010, 447006", "79000, 439000");
     fs::write(folder.path().join("away.json"), away).unwrap();
+    for (out, more, words) in [
+        ("rows.csv", &["--view", "camera.json"][..], "--format glb"),
+        ("rows.csv", &["--format", "geojson"], "another format"),
+        ("-", &["--format", "csv"], "standard output"),
+    ] {
+        let (found, error) = export_to(out, more);
+        assert!(found == Some(2) && error.contains(words) && !folder.path().join(out).exists(), "{out}: {error}");
+    }
     for (more, code, words) in [
-        (&["--format", "csv", "--view", "camera.json", "--overwrite"][..], 2, "--format glb"),
-        (&["--format", "glb", "--view", "none.json"], 2, "none.json"),
+        (&["--format", "glb", "--view", "none.json"][..], 2, "none.json"),
         (&["--format", "glb", "--view", "here.json"], 2, "must differ"),
         (&["--format", "glb", "--view", "houses.geojson"], 2, "unknown field"),
         (&["--format", "glb", "--tau", "2"], 2, "--view"),

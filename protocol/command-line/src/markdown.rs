@@ -6,12 +6,14 @@ use std::collections::BTreeSet;
 
 /// Options that so many commands have are in one table.
 const SHARED: usize = 3;
+/// For scripts. The programs' tests check it.
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 a step of a bake that no retry mends. An error is one line on standard error.";
 
 /// A section for the program, one for each command that help lists, with a table of its arguments and options, and one for the options
 /// of several commands.
 pub(crate) fn page(program: &Command) -> String {
     let name = program.get_name();
-    let mut page = format!("# {name}\n\n{}\n", about(program));
+    let mut page = format!("# {name}\n\n{}\n\n{EXIT_CODES}\n", about(program));
     let options = rows(program);
     if !options.is_empty() {
         page += &format!("\nOptions of all its commands:\n\n{}", table("option", &options));

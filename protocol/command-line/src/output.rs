@@ -169,6 +169,9 @@ impl Outputs {
     /// such as its materials, is not replaced in any case. Nothing is written yet.
     pub fn file(&mut self, path: &Path, kind: FileKind) -> Result<(), String> {
         let refuse = |reason: String| Err(format!("{}: {reason}", path.display()));
+        if path.as_os_str() == "-" {
+            return refuse("standard output is not written; give the name of a file".to_owned());
+        }
         let found = fs::metadata(path).ok();
         if found.as_ref().is_some_and(is_stream) {
             return Ok(());

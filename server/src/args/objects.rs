@@ -83,7 +83,7 @@ pub struct ExportArgs {
 
 #[cfg(feature = "bake")]
 impl ExportArgs {
-    /// The format, by its name or by that of the file. Fails if neither tells it.
+    /// The format, by its name or by that of the file. Fails if neither tells it, or if they differ.
     pub fn format(&self) -> Result<ExportFormat, String> {
         use insula_export::format::Format;
         let name = self.out.extension().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
@@ -98,8 +98,15 @@ impl ExportArgs {
             "tif" | "tiff" => Some(ExportFormat::Table(Format::GeoTiff)),
             _ => None,
         };
-        let known = self.format.or(by_name);
-        known.ok_or_else(|| format!("{}: its name tells no format: give --format FORMAT", self.out.display()))
+        let out = self.out.display();
+        match (self.format, by_name) {
+            (Some(format), Some(named)) if format != named => {
+                Err(format!("{out}: its name tells another format than --format; change one of them"))
+            }
+            (format, named) => {
+                format.or(named).ok_or_else(|| format!("{out}: its name tells no format; give --format FORMAT"))
+            }
+        }
     }
 
     /// Whether a model is written as text: JSON with its bytes inside.

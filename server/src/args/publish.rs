@@ -25,9 +25,10 @@ pub struct SignArgs {
     /// Version that the link opens; may end with * [default: all versions]
     #[arg(long, value_name = "V", default_value = "*", hide_default_value = true, value_parser = parse_version)]
     pub version: String,
-    /// Address of the server, which the link begins with; with its path behind a proxy
-    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7700")]
-    pub url: PublicUrl,
+    /// Address of the server, which the link begins with; with its path behind a proxy [default: public_url of the settings, or
+    /// http://127.0.0.1:7700]
+    #[arg(long, value_name = "URL")]
+    pub url: Option<PublicUrl>,
     /// File of keys, one "ID SECRET" per line [default: access.share_keys of the settings]
     #[arg(long, value_name = "FILE")]
     pub keys: Option<PathBuf>,

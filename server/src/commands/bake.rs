@@ -126,9 +126,13 @@ fn kinds(names: &[String]) -> Result<Vec<FeatureKind>, CommandError> {
     names.iter().map(of).collect()
 }
 
-/// The kinds that are read. Fails if one does not exist.
+/// The kinds that are read. Fails if one does not exist, or if none is left.
 pub(super) fn kind_filter(args: &ReadArgs) -> Result<KindFilter, CommandError> {
-    Ok(KindFilter { only: kinds(&args.only)?, skip: kinds(&args.skip)? })
+    let filter = KindFilter { only: kinds(&args.only)?, skip: kinds(&args.skip)? };
+    if !FeatureKind::NAMES.iter().any(|(_, kind)| filter.contains(*kind)) {
+        return Err(CommandError::Usage("--only and --skip leave no kind of objects".to_owned()));
+    }
+    Ok(filter)
 }
 
 /// Coordinate systems and places. Fails if an order of coordinates is none.

@@ -45,7 +45,10 @@ mod work_store;
 pub use error::CommandError;
 pub use publish::publish_site;
 
-use crate::args::{Args, ServerCommand};
+use crate::{
+    args::{Args, ServerCommand},
+    http::OPENAPI,
+};
 
 /// Runs a command. Fails with its error, which [`CommandError::exit_code`] maps to the exit code.
 pub fn run(args: Args) -> Result<(), CommandError> {
@@ -57,6 +60,10 @@ pub fn run(args: Args) -> Result<(), CommandError> {
         ServerCommand::Objects(args) => objects::run(&args),
         ServerCommand::Search(args) => search::run(&args),
         ServerCommand::Verify(args) => verify::run(&args),
+        ServerCommand::Openapi => {
+            output::print(OPENAPI);
+            Ok(())
+        }
         ServerCommand::Setup(setup) => {
             setup.run::<Args>().map_err(|(path, error)| CommandError::Write { path, reason: error.to_string() })
         }

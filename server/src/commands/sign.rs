@@ -3,23 +3,21 @@
 use super::{error::CommandError, output::print};
 use crate::{
     args::SignArgs,
-    config::{ServeConfig, environment},
+    config::{PublicUrl, ServeConfig, environment},
     share_link::{PARAMETER, ShareGrant, ShareKeys, ShareScope},
 };
 use insula_protocol::route;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+/// Where `serve` listens by default.
+const LOCAL_ADDRESS: &str = "http://127.0.0.1:7700";
+
 /// Runs `sign`. Fails if there is no key.
 pub(super) fn run(args: &SignArgs) -> Result<(), CommandError> {
-    let path = match &args.keys {
-        Some(path) => path.clone(),
-        None => {
-            let config = ServeConfig::load(args.config.as_deref(), environment(), &[])?;
-            config.access.share_keys.ok_or_else(|| {
-                CommandError::Usage("no key file: use --keys FILE, or set access.share_keys in --config".into())
-            })?
-        }
-    };
+    let config = ServeConfig::load(args.config.as_deref(), environment(), &[])?;
+    let path = args.keys.clone().or(config.access.share_keys).ok_or_else(|| {
+        CommandError::Usage("no key file: use --keys FILE, or set access.share_keys in --config".into())
+    })?;
     let (keys, faults) = ShareKeys::read(&path);
     for fault in &faults {
         tracing::warn!(fault, "part of the keys cannot be used");
@@ -34,6 +32,8 @@ pub(super) fn run(args: &SignArgs) -> Result<(), CommandError> {
     let link = keys.sign(&grant).ok_or_else(|| {
         CommandError::Keys(format!("cannot sign: {}; write a line \"ID SECRET\" to it", faults.join("; ")))
     })?;
-    print(&format!("{}{}?{PARAMETER}={link}\n", args.url.base(), route::manifest(&args.city)));
+    let url = args.url.as_ref().or(config.public_url.as_ref());
+    let base = url.map_or(LOCAL_ADDRESS, PublicUrl::base);
+    print(&format!("{base}{}?{PARAMETER}={link}\n", route::manifest(&args.city)));
     Ok(())
 }

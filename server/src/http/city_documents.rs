@@ -18,8 +18,8 @@ pub(super) const BINCODE: &str = "application/x-bincode";
 /// A page ends early at this size.
 const PAGE_BYTES: usize = 1 << 20;
 
-/// The HTTP contract; the tests check the server against it.
-const OPENAPI: &str = include_str!("../../openapi.json");
+/// The HTTP contract as OpenAPI 3.0; the tests check the server against it.
+pub const OPENAPI: &str = include_str!("../../openapi.json");
 
 /// All documents about the cities, ready to be sent.
 #[derive(Debug)]

@@ -65,6 +65,7 @@ mod work_queues;
 mod worker;
 mod wrong_address;
 
+pub use city_documents::OPENAPI;
 pub use problem::Problem;
 pub use server::{HttpServer, ServeError, serve};
 pub use service::HttpService;

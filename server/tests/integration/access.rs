@@ -159,6 +159,32 @@ fn sign(keys: &Path, args: &[&str]) -> String {
     link.trim_end().to_owned()
 }
 
+#[test]
+fn a_share_link_begins_with_the_public_address() {
+    let folder = tempfile::tempdir().unwrap();
+    let keys = folder.path().join("keys");
+    std::fs::write(&keys, "old 0123456789abcdef0123456789abcdef\n").unwrap();
+    let config = folder.path().join("serve.toml");
+    std::fs::write(&config, "public_url = \"https://cities.example.org/3d/\"\n").unwrap();
+    let link = |url: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_insula-server"));
+        command.args(["sign", "--city", "two", "--expires", "1h", "--keys"]).arg(&keys).arg("--config").arg(&config);
+        String::from_utf8(command.args(url).output().unwrap().stdout).unwrap()
+    };
+    assert!(link(&[]).starts_with("https://cities.example.org/3d/v1/cities/two?share="), "{}", link(&[]));
+    assert!(link(&["--url", "http://other"]).starts_with("http://other/v1/cities/two?share="));
+}
+
+#[tokio::test]
+async fn the_openapi_document_is_printed_as_it_is_served() {
+    let server = TestServer::start(|_| {}).await;
+    let printed = Command::new(env!("CARGO_BIN_EXE_insula-server")).arg("openapi").output().unwrap();
+    let printed = String::from_utf8(printed.stdout).unwrap();
+    let served = server.get("/v1/openapi.json", "").await;
+    assert!(served.ends_with(&printed) && printed.len() > 1000, "{printed}");
+    server.stop().await;
+}
+
 #[tokio::test]
 async fn a_share_link_opens_a_private_city() {
     let folder = tempfile::tempdir().unwrap();
