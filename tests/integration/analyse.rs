@@ -110,6 +110,10 @@ fn a_house_has_sun_and_shade_where_it_should() {
     assert!((1500.0..1900.0).contains(&value(&solar, 3)) && value(&solar, 7) < 400.0, "{solar:?}");
     assert!((200.0..280.0).contains(&value(&solar, 10)), "{solar:?}");
     assert!((value(&solar, 11) - value(&solar, 4) * value(&solar, 10)).abs() < 200.0, "{solar:?}");
+    assert_eq!(analyse(folder, "sun --rule rule.toml --out sun.tif --buildings houses.fgb"), ok());
+    let table = fs::read(folder.join("houses.fgb")).unwrap();
+    let has = |text: &str| table.windows(text.len()).any(|bytes| bytes == text.as_bytes());
+    assert!(table.starts_with(b"fgb") && has("wall_hours_least") && has("feature 1"));
     for name in ["sun.tif", "sky.tif", "solar.tif"] {
         assert_eq!(fs::read(folder.join(name)).unwrap()[..4], *b"II*\0", "{name}");
     }

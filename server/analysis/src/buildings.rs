@@ -4,7 +4,7 @@ use crate::{
     surface::{Building, CitySurface, TopKind},
     walls::WallPoint,
 };
-use insula_export::table::csv_cell;
+use insula_export::table::{AddedValues, csv_cell};
 use std::io::{self, Write};
 
 /// The values of some cells or points of a building.
@@ -99,14 +99,40 @@ pub struct Columns<'a> {
     pub total: Option<&'a str>,
 }
 
+impl Columns<'_> {
+    fn names(&self) -> Vec<String> {
+        let names = if self.has_asked { &COLUMNS[..] } else { &COLUMNS[..10] };
+        let names = names.iter().map(|name| name.replace("{}", self.what));
+        let of_area = self.total.map(|total| ["roof_area_m2".to_owned(), format!("roof_{total}")]);
+        names.chain(of_area.into_iter().flatten()).collect()
+    }
+}
+
+/// The same columns and rows as numbers of the buildings' objects, but for buildings without any value.
+#[must_use]
+pub fn added_values(city: &CityValues<'_>, columns: Columns<'_>) -> AddedValues {
+    let with_values = city.buildings.iter().filter(|row| row.roof.count + row.walls.count > 0);
+    let of_row = |row: &BuildingValues<'_>| {
+        let of_places = |places: &PlaceValues| {
+            let [least, most] = [places.least, places.most].map(|end| (places.count > 0).then_some(f64::from(end)));
+            [Some(f64::from(places.count)), least, places.mean(), most]
+        };
+        let share = columns.has_asked.then(|| row.walls.share());
+        let of_area = columns.total.map(|_| [row.roof_area_m2, row.roof_total].map(Some));
+        let values = of_places(&row.roof).into_iter().chain(of_places(&row.walls)).chain(share);
+        let values = values.chain(of_area.into_iter().flatten());
+        // Thousandths, as the table has them.
+        (row.building.number, values.map(|value| value.map(|value| (value * 1000.0).round() / 1000.0)).collect())
+    };
+    // The number and the identifier are columns of the city's own.
+    AddedValues { names: columns.names().split_off(2), values: with_values.map(of_row).collect() }
+}
+
 /// Writes a row for each building as CSV. Fails if `out` cannot be written.
 pub fn write_table(city: &CityValues<'_>, columns: Columns<'_>, out: impl Write) -> io::Result<()> {
     let mut rows = csv::Writer::from_writer(out);
-    let Columns { what, has_asked, total } = columns;
-    let names = if has_asked { &COLUMNS[..] } else { &COLUMNS[..10] };
-    let names = names.iter().map(|name| name.replace("{}", what));
-    let of_area = total.map(|total| ["roof_area_m2".to_owned(), format!("roof_{total}")]);
-    rows.write_record(names.chain(of_area.into_iter().flatten()))?;
+    let Columns { has_asked, total, .. } = columns;
+    rows.write_record(columns.names())?;
     for row in &city.buildings {
         let number = |value: Option<f64>| value.map(|value| format!("{value:.3}")).unwrap_or_default();
         let values = |values: &PlaceValues| {

@@ -31,8 +31,9 @@ pub struct AnalyseArgs {
     /// that ends with .geojson, the areas of `shadow` and `view` as polygons
     #[arg(long, value_name = "FILE.tif|FILE.geojson|FILE.csv")]
     pub out: PathBuf,
-    /// Table with a row for each building, of `sun`, `sky`, `solar` and `view --vista`
-    #[arg(long, value_name = "FILE.csv")]
+    /// Table with a row for each building, of `sun`, `sky`, `solar` and `view --vista`. With a name that ends with .fgb, it is FlatGeobuf,
+    /// with the footprints and attributes of buildings
+    #[arg(long, value_name = "FILE.csv|FILE.fgb")]
     pub buildings: Option<PathBuf>,
     #[command(flatten)]
     pub area: AreaArgs,

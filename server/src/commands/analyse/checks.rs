@@ -41,6 +41,9 @@ pub(super) fn check_options(args: &AnalyseArgs) -> Result<(), CommandError> {
     if args.vista.is_some() && area {
         return Err(CommandError::Usage("--bbox has no use with --vista: corridors are whole".to_owned()));
     }
+    if args.vista.is_some() && args.buildings.as_deref().is_some_and(is_flatgeobuf) {
+        return Err(CommandError::Usage("--buildings of --vista is a .csv".to_owned()));
+    }
     let at_points = if args.points.is_some() { "--points" } else { "--between" };
     match beside_points.into_iter().find(|(_, is_given)| *is_given && has_points(args)) {
         Some((option, _)) => {
@@ -76,6 +79,11 @@ pub(super) fn is_geojson(path: &Path) -> bool {
     has_extension(path, "geojson")
 }
 
+/// Whether a table is to have footprints.
+pub(super) fn is_flatgeobuf(path: &Path) -> bool {
+    has_extension(path, "fgb")
+}
+
 fn name(analysis: Analysis) -> &'static str {
     match analysis {
         Analysis::Sun => "sun",
@@ -107,7 +115,9 @@ pub(super) fn check_outputs<'a>(
     if let Some(folder) = &args.evidence {
         outputs.folder(folder, None, has_pictures_only).map_err(CommandError::Usage)?;
     }
-    args.buildings.iter().try_for_each(|path| outputs.file(path, FileKind::ANALYSIS_TABLE)).map_err(CommandError::Usage)
+    let Some(path) = &args.buildings else { return Ok(()) };
+    let kind = if is_flatgeobuf(path) { FileKind::FLATGEOBUF } else { FileKind::ANALYSIS_TABLE };
+    outputs.file(path, kind).map_err(CommandError::Usage)
 }
 
 /// Whether a folder has what an earlier run may have written there.

@@ -3,18 +3,19 @@
 use super::{
     super::{error::CommandError, output::print},
     Answer, Question,
-    checks::is_geojson,
+    checks::{is_flatgeobuf, is_geojson},
 };
 use crate::args::Analysis;
 use insula_analysis::{
-    buildings::{BuildingValues, CityValues, Columns, PlaceValues, sum_up, write_table},
+    buildings::{BuildingValues, CityValues, Columns, PlaceValues, added_values, sum_up, write_table},
     outlines::outlines,
     surface::CitySurface,
 };
 use insula_archive::new_file::replace;
 use insula_bake::read::EarthPlace;
 use insula_export::{
-    format::Projections,
+    file::export_values,
+    format::{Format, Projections},
     raster::{CellExtent, NODATA, write_raster},
 };
 use insula_protocol::text::{count, human_bytes, printable};
@@ -40,16 +41,29 @@ pub(super) fn write(
     }
     let values = sum_up(surface, &answer.tops, &answer.points, &answer.walls, answer.asked);
     if let Some(path) = &question.args.buildings {
-        write_buildings(&values, &answer, path)?;
+        write_buildings(question, &values, &answer, path)?;
     }
     print(&text(question, &answer, Some(&values), &written));
     Ok(())
 }
 
-fn write_buildings(values: &CityValues<'_>, answer: &Answer, path: &Path) -> Result<(), CommandError> {
+/// Writes a table of buildings, as FlatGeobuf with their footprints if its name says so. Fails if it cannot be written.
+fn write_buildings(
+    question: &Question,
+    values: &CityValues<'_>,
+    answer: &Answer,
+    path: &Path,
+) -> Result<(), CommandError> {
+    let columns = Columns { what: answer.column, has_asked: answer.asked.is_some(), total: answer.total };
+    if is_flatgeobuf(path) {
+        let projections = Projections { epsg: question.place.and_then(EarthPlace::epsg), ..Projections::default() };
+        let added = added_values(values, columns);
+        return export_values(question.source, Format::FlatGeobuf, &added, &projections, path)
+            .map(|report| report.warnings.iter().for_each(|warning| eprintln!("note: {}", printable(warning))))
+            .map_err(|error| CommandError::Export { path: path.to_owned(), reason: error.to_string() });
+    }
     let failed = |error: std::io::Error| CommandError::Write { path: path.to_owned(), reason: error.to_string() };
     let mut bytes = Vec::new();
-    let columns = Columns { what: answer.column, has_asked: answer.asked.is_some(), total: answer.total };
     write_table(values, columns, &mut bytes).map_err(failed)?;
     write_bytes(path, &bytes)
 }
