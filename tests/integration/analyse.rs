@@ -114,6 +114,10 @@ fn a_house_has_sun_and_shade_where_it_should() {
     let table = fs::read(folder.join("houses.fgb")).unwrap();
     let has = |text: &str| table.windows(text.len()).any(|bytes| bytes == text.as_bytes());
     assert!(table.starts_with(b"fgb") && has("wall_hours_least") && has("feature 1"));
+    assert_eq!(analyse(folder, "sun --rule rule.toml --out sun.tif --pdf sun.pdf"), ok());
+    let sheet = fs::read(folder.join("sun.pdf")).unwrap();
+    let has = |text: &str| sheet.windows(text.len()).any(|bytes| bytes == text.as_bytes());
+    assert!(sheet.starts_with(b"%PDF") && has("/SMask") && has("(values)"));
     for name in ["sun.tif", "sky.tif", "solar.tif"] {
         assert_eq!(fs::read(folder.join(name)).unwrap()[..4], *b"II*\0", "{name}");
     }
@@ -167,8 +171,12 @@ fn shadows_of_a_day_are_a_file_for_each_time() {
     let [morning, evening] = ["day-2025-06-21T0900.geojson", "day-2025-06-21T1700.geojson"].map(east);
     assert!(evening > morning, "shadows wander to the east: {morning} {evening}");
     assert!(!folder.join("day.geojson").exists() && folder.join("day-2025-06-21T1300.geojson").exists());
-    assert_eq!(analyse(folder, "shadow --time 2025-06-21T09:00 --time 2025-12-21T09:00 --out two.tif"), ok());
+    assert_eq!(
+        analyse(folder, "shadow --time 2025-06-21T09:00 --time 2025-12-21T09:00 --out two.tif --pdf two.pdf"),
+        ok()
+    );
     assert!(folder.join("two-2025-06-21T0900.tif").exists() && folder.join("two-2025-12-21T0900.tif").exists());
+    assert!(folder.join("two-2025-06-21T0900.pdf").exists() && folder.join("two-2025-12-21T0900.pdf").exists());
 }
 
 /// The house of 9 m stands between the points at its south and at its north; two masts of 15 m look over it.

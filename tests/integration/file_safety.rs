@@ -92,6 +92,7 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
     ("insula-server analyse", &["of"], Reads("analyse city view --height 9 --out new.tif --of {}", ".geojson")),
     ("insula-server analyse", &["out"], Writes("analyse city sky --out {}", ".tif")),
     ("insula-server analyse", &["buildings"], Writes("analyse city sky --out sky.tif --buildings {}", ".csv")),
+    ("insula-server analyse", &["pdf"], Writes("analyse city sky --out sky.tif --pdf {}", ".pdf")),
     ("insula-server analyse", &["city", "evidence"], FOLDER),
     ("insula-server analyse", &["time", "times", "time_zone"], TEXT),
     ("insula-server export", &["polygon"], Reads("export city --format csv --out new.csv --polygon {}", ".geojson")),

@@ -35,6 +35,9 @@ pub struct AnalyseArgs {
     /// with the footprints and attributes of buildings
     #[arg(long, value_name = "FILE.csv|FILE.fgb")]
     pub buildings: Option<PathBuf>,
+    /// Sheet of paper with the plan of the city under the colours of the values, for a part of a city (--bbox) or a small one
+    #[arg(long, value_name = "FILE.pdf")]
+    pub pdf: Option<PathBuf>,
     #[command(flatten)]
     pub area: AreaArgs,
     /// Rule of `sun`: a name or a TOML file

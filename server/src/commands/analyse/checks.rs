@@ -1,6 +1,6 @@
 //! Which options of `analyse` go together.
 
-use super::super::error::CommandError;
+use super::{super::error::CommandError, Files};
 use crate::args::{AnalyseArgs, Analysis};
 use insula_command_line::output::{FileKind, Outputs};
 use std::path::{Path, PathBuf};
@@ -35,6 +35,7 @@ pub(super) fn check_options(args: &AnalyseArgs) -> Result<(), CommandError> {
     let area = args.area.bbox.is_some() || args.area.bbox_metres.is_some();
     let beside_points = [
         ("--buildings", args.buildings.is_some()),
+        ("--pdf", args.pdf.is_some()),
         ("--wall-heights", !args.wall_heights.is_empty()),
         ("--bbox", area),
     ];
@@ -95,10 +96,7 @@ fn name(analysis: Analysis) -> &'static str {
 }
 
 /// Fails on an output that may not be written. `times` are the files of shadows.
-pub(super) fn check_outputs<'a>(
-    args: &'a AnalyseArgs,
-    times: impl Iterator<Item = &'a PathBuf>,
-) -> Result<(), CommandError> {
+pub(super) fn check_outputs(args: &AnalyseArgs, mut times: Vec<Files>) -> Result<(), CommandError> {
     let rule = args.rule.as_ref().map(PathBuf::from).filter(|path| path.is_file());
     let inputs = [Some(&args.city), rule.as_ref(), args.points.as_ref(), args.of.as_ref(), args.vista.as_ref()];
     let mut outputs = Outputs::new(args.overwrite).reading(inputs.into_iter().flatten().chain(&args.between));
@@ -107,11 +105,13 @@ pub(super) fn check_outputs<'a>(
         () if is_geojson(&args.out) => FileKind::GEOJSON,
         () => FileKind::TIFF,
     };
-    let mut main = times.peekable();
-    if main.peek().is_none() {
-        outputs.file(&args.out, kind).map_err(CommandError::Usage)?;
+    if times.is_empty() {
+        times.push(Files::of(args));
     }
-    main.try_for_each(|path| outputs.file(path, kind)).map_err(CommandError::Usage)?;
+    for Files { out, pdf } in &times {
+        outputs.file(out, kind).map_err(CommandError::Usage)?;
+        pdf.iter().try_for_each(|path| outputs.file(path, FileKind::PDF)).map_err(CommandError::Usage)?;
+    }
     if let Some(folder) = &args.evidence {
         outputs.folder(folder, None, has_pictures_only).map_err(CommandError::Usage)?;
     }

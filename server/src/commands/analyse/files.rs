@@ -2,8 +2,9 @@
 
 use super::{
     super::{error::CommandError, output::print},
-    Answer, Question,
+    Answer, Files, Question,
     checks::{is_flatgeobuf, is_geojson},
+    sheet,
 };
 use crate::args::Analysis;
 use insula_analysis::{
@@ -19,31 +20,35 @@ use insula_export::{
     raster::{CellExtent, NODATA, write_raster},
 };
 use insula_protocol::text::{count, human_bytes, printable};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Writes an answer and says what it is. Fails if a file cannot be written.
 pub(super) fn write(
     question: &Question,
     surface: &CitySurface,
     answer: Answer,
-    out: &Path,
+    files: &Files,
 ) -> Result<(), CommandError> {
     let answer = answer.within(surface, question.extent);
+    let out = &files.out;
     let written = match is_geojson(out) {
         true => write_polygons(question, &answer, surface, out)?,
         false => write_cells(question, &answer, surface, out)?,
     };
+    if let Some(path) = &files.pdf {
+        sheet::write(question, &answer, surface, path)?;
+    }
     if let Some(table) = &answer.table {
         let path = question.args.buildings.as_ref();
         path.map_or(Ok(()), |path| write_bytes(path, table))?;
-        print(&text(question, &answer, None, &written));
+        print(&text(question, &answer, None, &written, files));
         return Ok(());
     }
     let values = sum_up(surface, &answer.tops, &answer.points, &answer.walls, answer.asked);
     if let Some(path) = &question.args.buildings {
         write_buildings(question, &values, &answer, path)?;
     }
-    print(&text(question, &answer, Some(&values), &written));
+    print(&text(question, &answer, Some(&values), &written, files));
     Ok(())
 }
 
@@ -93,7 +98,7 @@ fn write_cells(
     let report = write_raster(source, question.extent, &projections, None, &title, out, &mut part)
         .map_err(|error| CommandError::Export { path: out.to_owned(), reason: error.to_string() })?;
     report.warnings.iter().for_each(|warning| eprintln!("note: {}", printable(warning)));
-    Ok(Written { path: out.to_owned(), bytes: report.bytes, attribution: report.attribution })
+    Ok(Written { bytes: report.bytes, attribution: report.attribution })
 }
 
 /// Writes the areas of an answer as polygons in degrees (RFC 7946). Fails if it is not known where the city lies, or if the file
@@ -130,26 +135,32 @@ fn write_polygons(
     });
     let bytes = collection.to_string().into_bytes();
     replace(out, &bytes).map_err(|error| CommandError::Write { path: out.to_owned(), reason: error.to_string() })?;
-    Ok(Written { path: out.to_owned(), bytes: bytes.len() as u64, attribution })
+    Ok(Written { bytes: bytes.len() as u64, attribution })
 }
 
 /// An output that was written.
 struct Written {
-    path: PathBuf,
     bytes: u64,
     attribution: String,
 }
 
 /// What was written and what it says.
-fn text(question: &Question, answer: &Answer, values: Option<&CityValues<'_>>, written: &Written) -> String {
+fn text(
+    question: &Question,
+    answer: &Answer,
+    values: Option<&CityValues<'_>>,
+    written: &Written,
+    files: &Files,
+) -> String {
     let (args, attribution) = (question.args, &written.attribution);
-    let mut lines = vec![format!("wrote {} ({})", written.path.display(), human_bytes(written.bytes))];
+    let mut lines = vec![format!("wrote {} ({})", files.out.display(), human_bytes(written.bytes))];
     if let Some(path) = &args.buildings {
         let has_values = |row: &&BuildingValues| row.roof.count + row.walls.count > 0;
         let number = values.map(|values| values.buildings.iter().filter(has_values).count() as u64);
         let number = number.map(|number| format!(" ({})", count(number, "building"))).unwrap_or_default();
         lines.push(format!("wrote {}{number}", path.display()));
     }
+    lines.extend(files.pdf.iter().map(|path| format!("wrote {}", path.display())));
     lines.extend(answer.notes.iter().map(|note| printable(note).to_string()));
     let parts = values.map(|city| [("roofs", &city.roofs), ("walls", &city.walls), ("ground", &city.ground)]);
     for (name, part) in parts.into_iter().flatten() {

@@ -3,6 +3,7 @@
 mod checks;
 mod files;
 mod shadow;
+mod sheet;
 mod sight;
 mod sun;
 mod view;
@@ -19,6 +20,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use insula_analysis::{sky::sky_view, solar::solar_year, sun::Site, surface::CitySurface, walls::WallPoint};
 use insula_bake::read::EarthPlace;
 use insula_export::{raster::CellExtent, source::ExportSource, table::ExportError};
+use std::path::PathBuf;
 
 /// Heights above the ground at which walls look at the sky: an eye.
 const SKY_HEIGHTS_M: [f64; 1] = [EYE_M];
@@ -52,6 +54,19 @@ struct Answer {
     table: Option<Vec<u8>>,
 }
 
+/// Where an answer is written.
+#[derive(Debug, Clone)]
+struct Files {
+    out: PathBuf,
+    pdf: Option<PathBuf>,
+}
+
+impl Files {
+    fn of(args: &AnalyseArgs) -> Self {
+        Self { out: args.out.clone(), pdf: args.pdf.clone() }
+    }
+}
+
 /// What is asked, and of which city.
 struct Question<'a> {
     args: &'a AnalyseArgs,
@@ -66,7 +81,7 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     check_options(args)?;
     let city = CityStore::open(&args.city)?;
     let times = if args.what == Analysis::Shadow { shadow::files(args)? } else { Vec::new() };
-    check_outputs(args, times.iter().map(|(_, path)| path))?;
+    check_outputs(args, times.iter().map(|(_, files)| files.clone()).collect())?;
     let objects = StoredObjects::open(&city)?;
     let read = |kind, id| city.tile(kind, id);
     let source = StoredCity::new(city.manifest(), objects.schema(), &read);
@@ -84,14 +99,14 @@ pub(super) fn run(args: &AnalyseArgs) -> Result<(), CommandError> {
     let question = Question { args, source: &source, place: place.as_ref(), extent };
     let around = area.map(|[min, max]| [min.map(|v| v - args.reach), max.map(|v| v + args.reach)]);
     let mut surface = CitySurface::read(&source, around).map_err(failed)?;
-    for (moment, path) in &times {
-        write(&question, &surface, shadow::at(&surface, &question.site()?, moment)?, path)?;
+    for (moment, files) in &times {
+        write(&question, &surface, shadow::at(&surface, &question.site()?, moment)?, files)?;
     }
     match args.what {
         Analysis::Shadow => Ok(()),
         _ => {
             let answer = question.answer(&mut surface)?;
-            write(&question, &surface, answer, &args.out)
+            write(&question, &surface, answer, &Files::of(args))
         }
     }
 }

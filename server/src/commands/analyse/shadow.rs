@@ -1,6 +1,6 @@
 //! Shadows at the times of `--time` and `--times`.
 
-use super::{super::error::CommandError, Answer};
+use super::{super::error::CommandError, Answer, Files};
 use crate::args::AnalyseArgs;
 use insula_analysis::{
     clock::{Moment, TimeSystem},
@@ -8,25 +8,32 @@ use insula_analysis::{
     sun_hours::shadow,
     surface::CitySurface,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Most times of one run: each is a file.
 const MAX_TIMES: usize = 1000;
 
-/// Which times `shadow` is asked for, and the file of each: --out, with the time in its name if there are several.
-pub(super) fn files(args: &AnalyseArgs) -> Result<Vec<(Moment, PathBuf)>, CommandError> {
+/// Which times `shadow` is asked for, and the files of each: with the time in their names if there are several.
+pub(super) fn files(args: &AnalyseArgs) -> Result<Vec<(Moment, Files)>, CommandError> {
     let moments = moments(args)?;
-    let [first, ..] = &moments[..] else {
-        return Err(CommandError::Usage("shadow needs --time, as in 2025-12-21T10:00+01:00, or --times".to_owned()));
-    };
-    if moments.len() == 1 {
-        return Ok(vec![(first.clone(), args.out.clone())]);
+    let own = Files::of(args);
+    match moments.len() {
+        0 => Err(CommandError::Usage("shadow needs --time, as in 2025-12-21T10:00+01:00, or --times".to_owned())),
+        1 => Ok(moments.into_iter().map(|moment| (moment, own.clone())).collect()),
+        _ => {
+            let files = |moment: &Moment| Files {
+                out: with_time(&own.out, moment),
+                pdf: own.pdf.as_deref().map(|path| with_time(path, moment)),
+            };
+            Ok(moments.into_iter().map(|moment| (moment.clone(), files(&moment))).collect())
+        }
     }
-    let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
-    let (stem, extension) = (part(args.out.file_stem()), part(args.out.extension()));
-    let path =
-        |moment: &Moment| args.out.with_file_name(format!("{stem}-{}.{extension}", moment.at.format("%Y-%m-%dT%H%M")));
-    Ok(moments.into_iter().map(|moment| (moment.clone(), path(&moment))).collect())
+}
+
+fn with_time(path: &Path, moment: &Moment) -> PathBuf {
+    let [stem, extension] = [path.file_stem(), path.extension()].map(Option::unwrap_or_default);
+    let [stem, extension] = [stem, extension].map(|part| part.to_string_lossy());
+    path.with_file_name(format!("{stem}-{}.{extension}", moment.at.format("%Y-%m-%dT%H%M")))
 }
 
 fn moments(args: &AnalyseArgs) -> Result<Vec<Moment>, CommandError> {
