@@ -85,9 +85,9 @@ pub enum ServerCommand {
     /// Compute hours of sun, sky view factors, shadows and view sheds
     #[cfg(feature = "bake")]
     #[command(
-        after_help = "Example:\n  insula-server analyse cities/delft sun --rule nl-tno-light --out sun.tif --buildings sun.csv\n  insula-server analyse cities/delft sky --out sky.tif\n  insula-server analyse cities/delft shadow --time 2025-12-21T10:00+01:00 --out shadow.tif\n  insula-server analyse cities/delft view --from 4.3610,52.0116,40 --out view.tif\n\nRules: au-21-june, cn-great-cold, cn-winter-solstice, en-17037, jp-winter-solstice, nl-the-hague, nl-tno-light,\nnl-tno-strict, uk-br209-gardens, or a TOML file. A result says how many hours there are and how many the rule asks for;\nwhether a plan is lawful is for others to say."
+        after_help = "Example:\n  insula-server analyse cities/delft sun --rule nl-tno-light --out sun.tif --buildings sun.csv\n  insula-server analyse cities/delft sky --out sky.tif\n  insula-server analyse cities/delft shadow --time 2025-12-21T10:00+01:00 --out shadow.tif\n  insula-server analyse cities/delft view --from 4.3610,52.0116,40 --out view.tif\n  insula-server analyse cities/delft view --between masts.csv houses.csv --out lines.csv\n\nRules: au-21-june, cn-great-cold, cn-winter-solstice, en-17037, jp-winter-solstice, nl-the-hague, nl-tno-light,\nnl-tno-strict, uk-br209-apsh, uk-br209-apsh-winter, uk-br209-gardens, or a TOML file. A result says how many hours there are and how many the rule asks for;\nwhether a plan is lawful is for others to say."
     )]
-    Analyse(AnalyseArgs),
+    Analyse(Box<AnalyseArgs>),
     /// Print the HTTP interface as OpenAPI 3.0
     Openapi,
     /// Check every checksum of a city and decode every tile

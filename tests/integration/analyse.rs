@@ -9,6 +9,10 @@ pub(crate) fn add(trials: &mut Trials) {
     trials.add(tests![
         a_house_has_sun_and_shade_where_it_should,
         shadows_and_views_are_areas_on_the_map,
+        shadows_of_a_day_are_a_file_for_each_time,
+        lines_of_sight_say_what_stands_in_the_way,
+        vistas_say_which_buildings_break_into_them,
+        points_have_pictures_as_evidence,
         options_that_do_not_fit_are_refused
     ]);
 }
@@ -81,6 +85,13 @@ fn a_house_has_sun_and_shade_where_it_should() {
     assert_eq!([&at_points[3][0], &at_points[3][6]], ["behind", "2025-03-21"]);
     assert_eq!(at_points[3][7].split(' ').count(), 2, "sun in the morning and in the evening: {}", at_points[3][7]);
 
+    // Of the year's probable sunlight the roof has nearly all; a share of the year has no day.
+    assert_eq!(analyse(folder, "sun --rule uk-br209-apsh --points points.csv --out share.csv"), ok());
+    let shares = rows(&folder.join("share.csv"));
+    let share = |row: usize| shares[row][4].parse::<f64>().unwrap();
+    assert!((95.0..102.0).contains(&share(0)) && share(2) < 25.0 && share(1) > 50.0, "{shares:?}");
+    assert_eq!([&shares[0][5], &shares[0][6]], ["25", ""]);
+
     assert_eq!(analyse(folder, "sun --rule rule.toml --out sun.tif --buildings houses.csv"), ok());
     assert_eq!(analyse(folder, "sky --out sky.tif --buildings sky.csv"), ok());
     let of_house = |name: &str| {
@@ -93,7 +104,21 @@ fn a_house_has_sun_and_shade_where_it_should() {
     assert!(value(&sun, 4) > 11.5 && value(&sun, 7) < 1.0 && value(&sun, 9) > 11.0, "{sun:?}");
     // Nothing stands before its walls.
     assert!(value(&sky, 4) > 0.99 && (value(&sky, 8) - 39.6).abs() < 1.0, "{sky:?}");
-    for name in ["sun.tif", "sky.tif"] {
+    assert_eq!(analyse(folder, "solar --out solar.tif --buildings solar.csv"), ok());
+    let solar = of_house("solar.csv");
+    // A level roof of 20 x 12 m with all of the sun.
+    assert!((1500.0..1900.0).contains(&value(&solar, 3)) && value(&solar, 7) < 400.0, "{solar:?}");
+    assert!((200.0..280.0).contains(&value(&solar, 10)), "{solar:?}");
+    assert!((value(&solar, 11) - value(&solar, 4) * value(&solar, 10)).abs() < 200.0, "{solar:?}");
+    assert_eq!(analyse(folder, "sun --rule rule.toml --out sun.tif --buildings houses.fgb"), ok());
+    let table = fs::read(folder.join("houses.fgb")).unwrap();
+    let has = |text: &str| table.windows(text.len()).any(|bytes| bytes == text.as_bytes());
+    assert!(table.starts_with(b"fgb") && has("wall_hours_least") && has("feature 1"));
+    assert_eq!(analyse(folder, "sun --rule rule.toml --out sun.tif --pdf sun.pdf"), ok());
+    let sheet = fs::read(folder.join("sun.pdf")).unwrap();
+    let has = |text: &str| sheet.windows(text.len()).any(|bytes| bytes == text.as_bytes());
+    assert!(sheet.starts_with(b"%PDF") && has("/SMask") && has("(values)"));
+    for name in ["sun.tif", "sky.tif", "solar.tif"] {
         assert_eq!(fs::read(folder.join(name)).unwrap()[..4], *b"II*\0", "{name}");
     }
 }
@@ -103,9 +128,7 @@ fn shadows_and_views_are_areas_on_the_map() {
     let folder = folder.path();
     // Shortly before noon: the shadow falls to the north.
     assert_eq!(analyse(folder, "shadow --time 2025-03-21T12:00 --out shadow.geojson"), ok());
-    let shadow: Value = serde_json::from_slice(&fs::read(folder.join("shadow.geojson")).unwrap()).unwrap();
-    let polygons: Vec<Vec<Vec<[f64; 2]>>> =
-        serde_json::from_value(shadow["features"][0]["geometry"]["coordinates"].clone()).unwrap();
+    let polygons = polygons(&folder.join("shadow.geojson"));
     let ring = &polygons.iter().max_by_key(|rings| rings[0].len()).unwrap()[0];
     let (low, high) = ring.iter().fold((f64::MAX, f64::MIN), |(low, high), [_, lat]| (low.min(*lat), high.max(*lat)));
     // 9 m of height make 11.5 m of shadow at an altitude of 38 degrees; a degree of latitude has 111.2 km.
@@ -122,6 +145,102 @@ fn shadows_and_views_are_areas_on_the_map() {
     assert_eq!(analyse(folder, "view --of tower.geojson --height 40 --out tower.tif"), ok());
 }
 
+/// Polygons of a GeoJSON file, of its first feature.
+fn polygons(path: &Path) -> Vec<Vec<Vec<[f64; 2]>>> {
+    let file: Value = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
+    serde_json::from_value(file["features"][0]["geometry"]["coordinates"].clone()).unwrap()
+}
+
+/// The clocks of the Netherlands are 1.7 hours ahead of the sun there in summer, and one less in winter.
+fn shadows_of_a_day_are_a_file_for_each_time() {
+    let folder = baked_city();
+    let folder = folder.path();
+    let times = "shadow --times 2025-06-21T09:00/2025-06-21T17:00/4h --time-zone Europe/Amsterdam --out day.geojson";
+    assert_eq!(analyse(folder, times), ok());
+    assert_eq!(analyse(folder, "shadow --time 2025-06-21T09:00+02:00 --out offset.geojson"), ok());
+    let at = |name: &str| polygons(&folder.join(name));
+    assert_eq!(at("day-2025-06-21T0900.geojson"), at("offset.geojson"));
+    // That of the house is the widest one.
+    let ends = |rings: &Vec<Vec<[f64; 2]>>| {
+        rings[0].iter().fold([f64::MAX, f64::MIN], |[low, high], [lon, _]| [low.min(*lon), high.max(*lon)])
+    };
+    let east = |name: &str| {
+        let all: Vec<[f64; 2]> = at(name).iter().map(ends).collect();
+        all.into_iter().max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0]))).unwrap()[1]
+    };
+    let [morning, evening] = ["day-2025-06-21T0900.geojson", "day-2025-06-21T1700.geojson"].map(east);
+    assert!(evening > morning, "shadows wander to the east: {morning} {evening}");
+    assert!(!folder.join("day.geojson").exists() && folder.join("day-2025-06-21T1300.geojson").exists());
+    assert_eq!(
+        analyse(folder, "shadow --time 2025-06-21T09:00 --time 2025-12-21T09:00 --out two.tif --pdf two.pdf"),
+        ok()
+    );
+    assert!(folder.join("two-2025-06-21T0900.tif").exists() && folder.join("two-2025-12-21T0900.tif").exists());
+    assert!(folder.join("two-2025-06-21T0900.pdf").exists() && folder.join("two-2025-12-21T0900.pdf").exists());
+}
+
+/// The house of 9 m stands between the points at its south and at its north; two masts of 15 m look over it.
+fn lines_of_sight_say_what_stands_in_the_way() {
+    let folder = baked_city();
+    let folder = folder.path();
+    fs::write(folder.join("from.csv"), "id,x,y,height\nlow,85010,446980,2\nmast,85010,446980,15\n").unwrap();
+    fs::write(folder.join("to.csv"), "id,x,y,height\nnorth,85010,447030,2\nmast,85010,447030,15\n").unwrap();
+    assert_eq!(analyse(folder, "view --between from.csv to.csv --out lines.csv"), ok());
+    let lines = rows(&folder.join("lines.csv"));
+    let visible: Vec<[&str; 3]> = lines.iter().map(|row| [&row[0], &row[1], &row[3]].map(String::as_str)).collect();
+    assert_eq!(
+        visible,
+        [["low", "north", "no"], ["low", "mast", "no"], ["mast", "north", "no"], ["mast", "mast", "yes"]]
+    );
+    let number = |row: usize, column: usize| lines[row][column].parse::<f64>().unwrap();
+    // The southern wall, 2 m above the ground; the roof is 7 m higher.
+    assert!((number(0, 5) - 447_000.0).abs() < 0.1 && lines[0][8] == "feature 1", "{:?}", lines[0]);
+    assert!((number(0, 9) + 7.0).abs() < 0.3 && (number(3, 9) - 6.0).abs() < 0.3, "{lines:?}");
+}
+
+/// A plane from 2 m at the south over the house to 12 m: the roof's northern edge is at 32 of 60 m, where the plane is at 7.3 m.
+fn vistas_say_which_buildings_break_into_them() {
+    let folder = baked_city();
+    let folder = folder.path();
+    let line = "[[85010, 446980, 2], [85010, 447040, 12]]";
+    let vista = format!(
+        r#"{{"type":"Feature","properties":{{"name":"hill","width_m":20}},"geometry":{{"type":"LineString","coordinates":{line}}}}}"#
+    );
+    fs::write(folder.join("vista.geojson"), vista).unwrap();
+    assert_eq!(analyse(folder, "view --vista vista.geojson --out vista.tif --buildings vista.csv"), ok());
+    let rows = rows(&folder.join("vista.csv"));
+    let [row] = &rows[..] else { panic!("{rows:?}") };
+    assert_eq!([&row[0], &row[2]], ["hill", "feature 1"]);
+    let above: f64 = row[3].parse().unwrap();
+    // Its southern edge is at 20 m, where the plane is at 5.3 m.
+    assert!((3.2..4.0).contains(&above), "{row:?}");
+    assert_eq!(analyse(folder, "view --vista vista.geojson --out vista.geojson.geojson"), ok());
+    assert!(!polygons(&folder.join("vista.geojson.geojson")).is_empty());
+}
+
+fn points_have_pictures_as_evidence() {
+    let folder = baked_city();
+    let folder = folder.path();
+    fs::write(folder.join("rule.toml"), RULE).unwrap();
+    fs::write(folder.join("points.csv"), POINTS.replace("behind", "../behind")).unwrap();
+    let run = "sun --rule rule.toml --points points.csv --out sun.csv --evidence pictures";
+    assert_eq!([analyse(folder, run), analyse(folder, run)], [ok(), ok()]);
+    let mut names: Vec<String> = fs::read_dir(folder.join("pictures"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    let wanted = ["0001-roof.png", "0002-south_wall.png", "0003-north_wall.png", "0004-___behind.png", "0005-far.png"];
+    assert_eq!(names, wanted);
+    let picture = image::open(folder.join("pictures/0004-___behind.png")).unwrap().to_rgb8();
+    let share = |color: [u8; 3]| picture.pixels().filter(|pixel| pixel.0 == color).count();
+    // Sky, the house, and the sun's path in sun and in shade.
+    assert!([[205, 226, 245], [120, 116, 112], [255, 205, 40], [40, 30, 80]].map(share).iter().all(|n| *n > 500));
+    fs::write(folder.join("pictures/mine.txt"), "dear").unwrap();
+    let (code, error) = analyse(folder, run);
+    assert!(matches!(code, Some(1 | 2)) && error.contains("did not write"), "{error}");
+}
+
 fn options_that_do_not_fit_are_refused() {
     let folder = baked_city();
     let folder = folder.path();
@@ -131,9 +250,20 @@ fn options_that_do_not_fit_are_refused() {
         ("sky --rule en-17037 --out a.tif", "--rule is an option of sun"),
         ("sky --out a.geojson", "GeoJSON"),
         ("shadow --out a.tif", "--time"),
-        ("shadow --time noon --out a.tif", "2024-06-21T17:00+09:00"),
+        ("shadow --time noon --out a.tif", "2025-12-21T10:00+01:00"),
+        ("shadow --time 2025-03-30T02:30 --time-zone Europe/Amsterdam --out a.tif", "summer time"),
+        ("shadow --time 2025-03-30T02:30 --time-zone Delft --out a.tif", "Europe/Amsterdam"),
+        ("shadow --times 2025-03-30T02:30 --out a.tif", "the step"),
+        ("shadow --time 2025-03-30T02:30 --time 2025-03-30T02:30Z --out a.tif", "two outputs"),
+        ("sky --time-zone Europe/Amsterdam --out a.tif", "--time-zone is an option of shadow"),
         ("view --out a.tif", "--from"),
         ("view --from 5,5,5 --out a.tif", "which lies in"),
+        ("view --vista houses.geojson --out a.tif", "LineString"),
+        ("view --vista houses.geojson --bbox 4,52,5,53 --out a.tif", "--bbox has no use"),
+        ("view --between houses.geojson houses.geojson --out a.csv", "header"),
+        ("view --between houses.geojson houses.geojson --out a.tif", ".csv"),
+        ("view --between houses.geojson --out a.csv", "2 values"),
+        ("sun --rule en-17037 --evidence b --out a.tif", "--points"),
         ("view --of houses.geojson --out a.tif", "--height"),
         ("sun --rule en-17037 --points houses.geojson --out a.csv", "header"),
         ("sun --rule en-17037 --points houses.geojson --buildings b.csv --out a.csv", "--buildings has no use"),

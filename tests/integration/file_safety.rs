@@ -87,11 +87,14 @@ const CASES: &[(&str, &[&str], PathUse)] = &[
         Reads("analyse city sun --bbox-metres 0,0,9,9 --out new.tif --rule {}", ".toml"),
     ),
     ("insula-server analyse", &["points"], Reads("analyse city sun --rule en-17037 --out new.csv --points {}", ".csv")),
+    ("insula-server analyse", &["between"], Reads("analyse city view --out new.csv --between {} town.geojson", ".csv")),
+    ("insula-server analyse", &["vista"], Reads("analyse city view --out new.tif --vista {}", ".geojson")),
     ("insula-server analyse", &["of"], Reads("analyse city view --height 9 --out new.tif --of {}", ".geojson")),
     ("insula-server analyse", &["out"], Writes("analyse city sky --out {}", ".tif")),
     ("insula-server analyse", &["buildings"], Writes("analyse city sky --out sky.tif --buildings {}", ".csv")),
-    ("insula-server analyse", &["city"], FOLDER),
-    ("insula-server analyse", &["time"], TEXT),
+    ("insula-server analyse", &["pdf"], Writes("analyse city sky --out sky.tif --pdf {}", ".pdf")),
+    ("insula-server analyse", &["city", "evidence"], FOLDER),
+    ("insula-server analyse", &["time", "times", "time_zone"], TEXT),
     ("insula-server export", &["polygon"], Reads("export city --format csv --out new.csv --polygon {}", ".geojson")),
     ("insula-server export", &["view"], Reads("export city --format glb --out new.glb --view {}", ".json")),
     ("insula-server export", &["out"], Writes("export city --format csv --out {}", ".csv")),
@@ -200,6 +203,7 @@ impl Workplace {
             ("a.off", OFF),
             ("b.off", &OFF.replace("4 3 7", "4 3 8")),
             ("camera.json", CAMERA),
+            ("points.csv", "lon,lat,height\n4.3601,52.01005,0\n"),
             ("path.json", &format!(r#"{{"seconds":0.05,"keys":[{}]}}"#, CAMERA.replacen('{', r#"{"t":0,"#, 1))),
             ("site/insula-site.json", r#"{"assets":"a","cities":[],"files":{}}"#),
             ("site/index.html", "dear"),
@@ -348,12 +352,13 @@ fn outputs_replace_only_earlier_outputs() {
 }
 
 /// The commands that write a folder.
-const FOLDERS: [&str; 5] = [
+const FOLDERS: [&str; 6] = [
     "bake town.geojson --cell 4 --out {}",
     "bake plan --inputs town.geojson --cell 4 --work {}",
     "publish city --out {}",
     "export city --format 3dtiles --out {}",
     "man --out {}",
+    "analyse city sun --rule en-17037 --points points.csv --out new.csv --evidence {}",
 ];
 
 /// No folder is written into a city, a site or a work store, also by a path through a folder that would be created on the way.

@@ -123,6 +123,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         is_checked: std::env::var_os("OVERLAP").is_some(),
         is_sheet: false,
         date: String::new(),
+        note: String::new(),
         color_by: color_by.transpose()?,
         limits: DrawLimits::default(),
     };

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Compares `insula-server analyse CITY sun|sky` with rays on the triangles of its source.
+"""Compares `insula-server analyse CITY sun|sky|solar` with rays on the triangles of its source.
 
 usage: analysis_truth.py SOURCE.city.jsonl CITY --server PROGRAM [--rule NAME] [--points N] [--seed N]
 
 The source is CityJSON or CityJSONSeq of buildings on ground that is nearly level. The sun is that of pvlib, the rays are Embree's
-(packages embreex, trimesh, pvlib, numpy, mapbox_earcut, tifffile, imagecodecs, shapely). Prints a line each for roofs and ground, by the raster and at given points, and for the sky:
+(packages embreex, trimesh, pvlib, numpy, mapbox_earcut, tifffile, imagecodecs, shapely). Prints a line each for roofs and ground, by the raster and at given points, for the sky and for the sun of a year:
 quantiles of the difference, and the share of places for which a rule's answer is the same.
 """
 import argparse, csv, datetime, json, pathlib, subprocess, sys, tempfile
@@ -70,6 +70,23 @@ def sun_directions(manifest, date, first, last, minutes):
     return np.stack([np.sin(azimuth) * np.cos(altitude), np.cos(azimuth) * np.cos(altitude), np.sin(altitude)], axis=1)
 
 
+def year(manifest, turbidity):
+    """Suns of a year under the clear sky of pvlib: directions, direct normal and diffuse irradiation of each in kWh/m2."""
+    place = manifest["location"]
+    lat, lon, north = place["latitude_deg"], place["longitude_deg"], place["north_deg"]
+    days, minutes = 5, 30
+    steps = [datetime.datetime(2025, 1, 3, tzinfo=datetime.timezone.utc) + datetime.timedelta(days=d, minutes=minutes * (i + 0.5))
+             for d in range(0, 365, days) for i in range(24 * 60 // minutes)]
+    sun = pvlib.solarposition.get_solarposition(steps, lat, lon)
+    sun = sun[sun["elevation"] > 0.1]
+    mass = pvlib.atmosphere.get_absolute_airmass(pvlib.atmosphere.get_relative_airmass(sun["apparent_zenith"]))
+    sky = pvlib.clearsky.ineichen(sun["apparent_zenith"], mass, turbidity, dni_extra=pvlib.irradiance.get_extra_radiation(sun.index))
+    azimuth, altitude = np.radians(sun["azimuth"].values + north), np.radians(sun["elevation"].values)
+    directions = np.stack([np.sin(azimuth) * np.cos(altitude), np.cos(azimuth) * np.cos(altitude), np.sin(altitude)], axis=1)
+    hours = days * minutes / 60 / 1000
+    return directions, np.nan_to_num(sky["dni"].values) * hours, np.nan_to_num(sky["dhi"].values) * hours
+
+
 def quantiles(name, difference, unit):
     text = ", ".join(f"p{q} {np.percentile(np.abs(difference), q):.3f}" for q in (50, 90, 95, 99))
     print(f"{name}: {len(difference)} points, {text} {unit}, mean {np.mean(difference):+.4f}, RMS {np.sqrt(np.mean(difference**2)):.4f}")
@@ -97,6 +114,7 @@ def main():
     run = lambda *more: subprocess.run([args.server, "analyse", args.city, *more], check=True, stdout=sys.stderr)
     run("sun", "--rule", rule, "--out", folder / "sun.tif")
     run("sky", "--out", folder / "sky.tif")
+    run("solar", "--turbidity", "3", "--out", folder / "solar.tif")
     subprocess.run([args.server, "export", args.city, "--format", "geotiff", "--out", folder / "top.tif"], check=True, stdout=sys.stderr)
     hours, corner, cell = read_raster(folder / "sun.tif")
     sky, tops = read_raster(folder / "sky.tif")[0], read_raster(folder / "top.tif")[0]
@@ -114,10 +132,13 @@ def main():
     chosen = random.choice(np.nonzero(inside)[0], size=min(args.points * 2, int(inside.sum())), replace=False)
     rows, columns, place = rows[chosen], columns[chosen], place[chosen]
     start = np.column_stack([place, np.full(len(place), high[2] + 10)]) - centre
-    hits, ray, _ = rays.intersects_location(start, np.tile([0, 0, -1.0], (len(start), 1)), multiple_hits=False)
+    hits, ray, hit_triangles = rays.intersects_location(start, np.tile([0, 0, -1.0], (len(start), 1)), multiple_hits=False)
     top = tops[rows, columns].astype(float)
     is_roof = np.zeros(len(place), bool)
     is_roof[ray] = True
+    normals = np.tile([0.0, 0.0, 1.0], (len(place), 1))
+    upward = mesh.face_normals[hit_triangles]
+    normals[ray] = upward * np.sign(upward[:, 2:])
     height = top.copy()
     height[ray] = hits[:, 2] + centre[2]
     # Where the middle of a cell is a roof on one side and ground on the other, the place is not the same.
@@ -157,6 +178,19 @@ def main():
     for name, which in (("roofs", is_roof), ("ground", ~is_roof)):
         which = which & same
         quantiles(f"sky on {name}", (sky[rows, columns] - truth)[which], "")
+    # The year: each sun on the surface as it is inclined, and an even sky above it.
+    visible_sky = truth
+    suns, direct, diffuse = year(manifest, 3)
+    truth = diffuse.sum() * visible_sky
+    for sun, energy in zip(suns, direct):
+        facing = np.maximum(normals @ sun, 0)
+        truth += energy * facing * ~rays.intersects_any(origin, np.tile(sun, (len(origin), 1)))
+    solar = read_raster(folder / "solar.tif")[0]
+    for name, which in (("roofs", is_roof), ("ground", ~is_roof)):
+        which = which & same
+        ratio = solar[rows, columns][which].sum() / truth[which].sum()
+        quantiles(f"year on {name}", (solar[rows, columns] - truth)[which], "kWh/m2")
+        print(f"  {truth[which].mean():.0f} kWh/m2 on average, {ratio:.3f} of it by the raster")
 
 
 if __name__ == "__main__":

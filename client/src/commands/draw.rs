@@ -115,6 +115,7 @@ fn draw_source(args: &DrawArgs, manifest: &Manifest, read: &ReadTileFn<'_>) -> R
         is_checked: false,
         is_sheet: args.sheet,
         date: args.time.map(|time| time.to_string()).unwrap_or_default(),
+        note: String::new(),
         color_by: color_by.transpose()?,
         limits: DrawLimits::default(),
     };

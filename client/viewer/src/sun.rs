@@ -56,13 +56,6 @@ pub struct SunTime {
     is_universal: bool,
 }
 
-impl SunTime {
-    /// Date and hour, and whether they are of universal time; otherwise, of the city's mean solar time.
-    pub fn date_and_hour(&self) -> (NaiveDate, f64, bool) {
-        (self.at.date(), f64::from(self.at.num_seconds_from_midnight()) / 3600.0, self.is_universal)
-    }
-}
-
 impl std::fmt::Display for SunTime {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let zone = if self.is_universal { "UTC" } else { "solar time" };

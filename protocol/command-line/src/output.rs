@@ -91,9 +91,17 @@ impl FileKind {
     pub const CITYJSON_SEQUENCE: Self = Self::Has("a CityJSON text sequence", &["\"CityJSON\"", "\"type\""]);
     /// Tables of objects: their last column.
     pub const TABLE: Self = Self::Has("a table of objects", &["wkt"]);
-    /// Tables of an analysis: of buildings, and of points.
-    pub const ANALYSIS_TABLE: Self =
-        Self::Begins("a table of an analysis", &[b"object,identifier,roof_cells", b"id,x,y,z,hours"]);
+    /// Tables of an analysis: of buildings, of points, of lines of sight, and of vistas.
+    pub const ANALYSIS_TABLE: Self = Self::Begins(
+        "a table of an analysis",
+        &[
+            b"object,identifier,roof_cells",
+            b"id,x,y,z,hours",
+            b"id,x,y,z,percent",
+            b"from,to,length_m",
+            b"vista,object,identifier",
+        ],
+    );
     /// Man pages.
     pub const MAN_PAGE: Self = Self::Has("a man page", &[".TH "]);
     /// Everything begins with no bytes.

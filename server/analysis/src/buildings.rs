@@ -1,10 +1,10 @@
-//! PlaceValues of roofs and walls as a row for each building.
+//! Values of roofs and walls as a row for each building.
 
 use crate::{
     surface::{Building, CitySurface, TopKind},
     walls::WallPoint,
 };
-use insula_export::table::csv_cell;
+use insula_export::table::{AddedValues, csv_cell};
 use std::io::{self, Write};
 
 /// The values of some cells or points of a building.
@@ -57,9 +57,13 @@ pub struct BuildingValues<'a> {
     pub building: &'a Building,
     pub roof: PlaceValues,
     pub walls: PlaceValues,
+    /// Of its roofs as they are inclined, in square metres.
+    pub roof_area_m2: f64,
+    /// The roof's values times their areas.
+    pub roof_total: f64,
 }
 
-/// PlaceValues of a city by what they belong to.
+/// Values of a city by what they belong to.
 #[derive(Debug, Clone)]
 pub struct CityValues<'a> {
     /// Of all buildings of the surface, in the order of their numbers.
@@ -84,12 +88,51 @@ const COLUMNS: [&str; 11] = [
     "wall_share_reaching",
 ];
 
-/// Writes a row for each building as CSV. `what` is a word for the names of columns, such as `hours`; `asked` says whether shares count.
-/// Fails if `out` cannot be written.
-pub fn write_table(city: &CityValues<'_>, what: &str, asked: bool, out: impl Write) -> io::Result<()> {
+/// What is written of buildings.
+#[derive(Debug, Clone, Copy)]
+pub struct Columns<'a> {
+    /// A word for the names of columns, such as `hours`.
+    pub what: &'a str,
+    /// Whether something is asked for, so that shares count.
+    pub has_asked: bool,
+    /// A word for the sum over the area of the roof, if it means something.
+    pub total: Option<&'a str>,
+}
+
+impl Columns<'_> {
+    fn names(&self) -> Vec<String> {
+        let names = if self.has_asked { &COLUMNS[..] } else { &COLUMNS[..10] };
+        let names = names.iter().map(|name| name.replace("{}", self.what));
+        let of_area = self.total.map(|total| ["roof_area_m2".to_owned(), format!("roof_{total}")]);
+        names.chain(of_area.into_iter().flatten()).collect()
+    }
+}
+
+/// The same columns and rows as numbers of the buildings' objects, but for buildings without any value.
+#[must_use]
+pub fn added_values(city: &CityValues<'_>, columns: Columns<'_>) -> AddedValues {
+    let with_values = city.buildings.iter().filter(|row| row.roof.count + row.walls.count > 0);
+    let of_row = |row: &BuildingValues<'_>| {
+        let of_places = |places: &PlaceValues| {
+            let [least, most] = [places.least, places.most].map(|end| (places.count > 0).then_some(f64::from(end)));
+            [Some(f64::from(places.count)), least, places.mean(), most]
+        };
+        let share = columns.has_asked.then(|| row.walls.share());
+        let of_area = columns.total.map(|_| [row.roof_area_m2, row.roof_total].map(Some));
+        let values = of_places(&row.roof).into_iter().chain(of_places(&row.walls)).chain(share);
+        let values = values.chain(of_area.into_iter().flatten());
+        // Thousandths, as the table has them.
+        (row.building.number, values.map(|value| value.map(|value| (value * 1000.0).round() / 1000.0)).collect())
+    };
+    // The number and the identifier are columns of the city's own.
+    AddedValues { names: columns.names().split_off(2), values: with_values.map(of_row).collect() }
+}
+
+/// Writes a row for each building as CSV. Fails if `out` cannot be written.
+pub fn write_table(city: &CityValues<'_>, columns: Columns<'_>, out: impl Write) -> io::Result<()> {
     let mut rows = csv::Writer::from_writer(out);
-    let columns = if asked { &COLUMNS[..] } else { &COLUMNS[..10] };
-    rows.write_record(columns.iter().map(|name| name.replace("{}", what)))?;
+    let Columns { has_asked, total, .. } = columns;
+    rows.write_record(columns.names())?;
     for row in &city.buildings {
         let number = |value: Option<f64>| value.map(|value| format!("{value:.3}")).unwrap_or_default();
         let values = |values: &PlaceValues| {
@@ -99,7 +142,9 @@ pub fn write_table(city: &CityValues<'_>, what: &str, asked: bool, out: impl Wri
         let mut cells = vec![row.building.number.to_string(), csv_cell(row.building.identifier.clone(), false)];
         cells.extend(values(&row.roof));
         cells.extend(values(&row.walls));
-        cells.extend(asked.then(|| number(row.walls.share())));
+        cells.extend(has_asked.then(|| number(row.walls.share())));
+        let of_area = total.map(|_| [row.roof_area_m2, row.roof_total].map(|value| format!("{value:.1}")));
+        cells.extend(of_area.into_iter().flatten());
         rows.write_record(cells)?;
     }
     rows.flush()
@@ -114,19 +159,32 @@ pub fn sum_up<'a>(
     walls: &[f32],
     asked: Option<f64>,
 ) -> CityValues<'a> {
-    let row = |building| BuildingValues { building, roof: PlaceValues::default(), walls: PlaceValues::default() };
+    let row = |building| BuildingValues {
+        building,
+        roof: PlaceValues::default(),
+        walls: PlaceValues::default(),
+        roof_area_m2: 0.0,
+        roof_total: 0.0,
+    };
     let mut city = CityValues {
         buildings: surface.buildings.iter().map(row).collect(),
         ground: PlaceValues::default(),
         roofs: PlaceValues::default(),
         walls: PlaceValues::default(),
     };
-    for (index, value) in tops.iter().enumerate() {
-        match surface.kind(index) {
+    let kinds = (0..surface.size()[1]).flat_map(|row| surface.kinds_of_row(row));
+    for (index, (value, kind)) in tops.iter().zip(kinds).enumerate() {
+        match kind {
             TopKind::Ground => city.ground.add(*value, asked),
             TopKind::Roof(building) => {
                 city.roofs.add(*value, asked);
-                city.buildings[building as usize].roof.add(*value, asked);
+                let row = &mut city.buildings[building as usize];
+                row.roof.add(*value, asked);
+                if !value.is_nan() {
+                    let area = surface.area_m2(index);
+                    row.roof_area_m2 += area;
+                    row.roof_total += area * f64::from(*value);
+                }
             }
             TopKind::Other | TopKind::Nothing => {}
         }

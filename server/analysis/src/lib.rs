@@ -3,26 +3,40 @@
 //! | module | contents |
 //! |---|---|
 //! | `surface` | the tops of a city's cells, with their kinds and buildings |
+//! | `kinds` | codes of cells in runs |
 //! | `raster` | values of cells in rows along either axis |
 //! | `sweep` | the lines of one direction over all cells; shadows of one light |
 //! | `horizon` | the steepest slope before each cell of a line |
 //! | `walls` | points on the walls of buildings |
-//! | `sun`, `rule` | positions of the sun; when it counts, and how much of it is asked for |
-//! | `sun_hours`, `tally` | hours of sun by a rule; what is counted of lit and dark moments |
+//! | `clock`, `sun`, `rule` | times; positions of the sun; when it counts, and how much of it is asked for |
+//! | `probable` | what hours count: themselves, or shares of probable sunlight |
+//! | `light`, `tally` | what many positions of a light reach; what is counted of it |
+//! | `sun_hours` | hours of sun by a rule |
 //! | `sky` | sky view factors, vertical sky components |
+//! | `solar` | irradiation of a year under a clear sky |
 //! | `view_shed` | the places that are visible from a point |
 //! | `rays`, `points` | the same for given points, by rays against the finest triangles |
+//! | `evidence`, `canvas` | what a point sees of the sky, as a picture |
+//! | `sight`, `vista` | lines of sight between points; what breaks into protected vistas |
 //! | `outlines` | polygons of places |
 //! | `buildings` | values of roofs and walls as a row for each building |
 
 pub mod buildings;
+mod canvas;
+pub mod clock;
+pub mod evidence;
 mod horizon;
+mod kinds;
+mod light;
 pub mod outlines;
 pub mod points;
+mod probable;
 mod raster;
 pub mod rays;
 pub mod rule;
+pub mod sight;
 pub mod sky;
+pub mod solar;
 pub mod sun;
 pub mod sun_hours;
 pub mod surface;
@@ -31,4 +45,5 @@ mod tally;
 #[cfg(test)]
 mod test_surface;
 pub mod view_shed;
+pub mod vista;
 pub mod walls;

@@ -1,10 +1,11 @@
 //! Hours of sun at given points, by rays against the finest triangles: the evidence for a window or a bench.
 
 use crate::{
+    clock::clock_text,
+    probable::day_weights,
     rays::CityTriangles,
-    rule::{CountMode, DayMode, Rule},
+    rule::{CountMode, DayMode, Measure, Rule},
     sun::Site,
-    sun_hours::suns_of_day,
     surface::CitySurface,
 };
 use chrono::NaiveDate;
@@ -16,7 +17,7 @@ use std::io::{self, Write};
 /// Most points of a file.
 const MAX_POINTS: usize = 1_000_000;
 /// Rays start this far before their surface, so that it does not hide itself.
-const AWAY_M: f64 = 0.05;
+pub(crate) const AWAY_M: f64 = 0.05;
 
 /// A point, and what its surface looks at.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,6 +38,27 @@ pub enum PointHeight {
     AboveTop(f64),
     /// World metres.
     World(f64),
+}
+
+impl Point {
+    /// Its place in world metres; `None` if there is no surface to measure its height from. `ground` has the ground that a bake made, which
+    /// is no triangle.
+    #[must_use]
+    pub fn position(&self, city: &CityTriangles, ground: Option<&CitySurface>) -> Option<DVec3> {
+        let z = match self.height {
+            PointHeight::World(z) => z,
+            PointHeight::AboveTop(height) => city.top(self.place).or_else(|| ground?.ground_at(self.place))? + height,
+        };
+        Some(DVec3::new(self.place[0], self.place[1], z))
+    }
+
+    /// What its surface looks at.
+    pub(crate) fn normal(&self, site: &Site) -> DVec3 {
+        self.azimuth_deg.map_or(DVec3::Z, |azimuth| {
+            let (x, y) = (azimuth + site.north_deg).to_radians().sin_cos();
+            DVec3::new(x, y, 0.0)
+        })
+    }
 }
 
 /// Reads points from CSV with a header: `x` and `y` in world metres or `lon` and `lat` in degrees; `height` in metres above the ground or
@@ -98,8 +120,9 @@ pub fn around(points: &[Point], reach_m: f64) -> [[f64; 2]; 2] {
 pub struct PointSun {
     /// World metres.
     pub position: [f64; 3],
-    pub hours: f64,
-    /// The day that the hours are of; the first of several days together.
+    /// Hours, or percent of probable sunlight.
+    pub value: f64,
+    /// The day that the value is of; the first of several days together.
     pub day: NaiveDate,
     /// From when to when the sun is seen on that day, in hours of the rule's time.
     pub times: Vec<[f64; 2]>,
@@ -115,40 +138,31 @@ pub fn sun_at_points(
     site: &Site,
     rule: &Rule,
 ) -> Vec<Option<PointSun>> {
-    let days: Vec<(NaiveDate, Vec<(f64, DVec3)>)> =
-        rule.days.iter().map(|day| (*day, directions(site, rule, *day))).collect();
-    let position = |point: &Point| {
-        let z = match point.height {
-            PointHeight::World(z) => z,
-            PointHeight::AboveTop(height) => city.top(point.place).or_else(|| ground?.ground_at(point.place))? + height,
-        };
-        Some(DVec3::new(point.place[0], point.place[1], z))
-    };
-    let sun = |point: &Point| sun_at(city, position(point)?, point.azimuth_deg, site, rule, &days);
+    let day = |(day, weight): (&NaiveDate, f64)| Day { day: *day, suns: directions(site, rule, *day), weight };
+    let days: Vec<Day> = rule.days.iter().zip(day_weights(site, rule)).map(day).collect();
+    let sun = |point: &Point| sun_at(city, point.position(city, ground)?, point.normal(site), rule, &days);
     points.par_iter().map(sun).collect()
+}
+
+/// A day of a rule.
+struct Day {
+    day: NaiveDate,
+    /// Hours in the middle of each step, with the directions to the sun.
+    suns: Vec<(f64, DVec3)>,
+    /// What an hour of sun counts.
+    weight: f64,
 }
 
 /// Hours in the middle of each step, with the directions to the sun.
 fn directions(site: &Site, rule: &Rule, day: NaiveDate) -> Vec<(f64, DVec3)> {
-    let suns = suns_of_day(site, rule, day).into_iter();
+    let suns = rule.suns(site, day).into_iter();
     suns.map(|(hour, sun)| (hour, sun.direction())).collect()
 }
 
-fn sun_at(
-    city: &CityTriangles,
-    position: DVec3,
-    azimuth_deg: Option<f64>,
-    site: &Site,
-    rule: &Rule,
-    days: &[(NaiveDate, Vec<(f64, DVec3)>)],
-) -> Option<PointSun> {
-    let normal = azimuth_deg.map_or(DVec3::Z, |azimuth| {
-        let (x, y) = (azimuth + site.north_deg).to_radians().sin_cos();
-        DVec3::new(x, y, 0.0)
-    });
+fn sun_at(city: &CityTriangles, position: DVec3, normal: DVec3, rule: &Rule, days: &[Day]) -> Option<PointSun> {
     let from = position + normal * AWAY_M;
     let half = rule.step_minutes / 120.0;
-    let of_day = |(day, suns): &(NaiveDate, Vec<(f64, DVec3)>)| {
+    let of_day = |Day { day, suns, weight }: &Day| {
         let mut times: Vec<[f64; 2]> = Vec::new();
         for (hour, direction) in suns {
             if normal.dot(*direction) <= 0.0 || !city.is_free(from, *direction) {
@@ -165,12 +179,12 @@ fn sun_at(
             CountMode::Cumulative => lengths.fold(0.0, |sum, length| sum + length),
             CountMode::LongestRun => lengths.fold(0.0, f64::max),
         };
-        PointSun { position: position.to_array(), hours, day: *day, times }
+        PointSun { position: position.to_array(), value: hours * weight, day: *day, times }
     };
     days.iter().map(of_day).reduce(|a, b| match rule.day_mode {
-        DayMode::Least if b.hours < a.hours => b,
-        DayMode::Most if b.hours > a.hours => b,
-        DayMode::Sum => PointSun { hours: a.hours + b.hours, ..a },
+        DayMode::Least if b.value < a.value => b,
+        DayMode::Most if b.value > a.value => b,
+        DayMode::Sum => PointSun { value: a.value + b.value, ..a },
         DayMode::Least | DayMode::Most => a,
     })
 }
@@ -178,12 +192,9 @@ fn sun_at(
 /// Writes a row for each point as CSV. Fails if `out` cannot be written.
 pub fn write_table(points: &[Point], suns: &[Option<PointSun>], rule: &Rule, out: impl Write) -> io::Result<()> {
     let mut rows = csv::Writer::from_writer(out);
-    rows.write_record(["id", "x", "y", "z", "hours", "asked_hours", "day", "times"])?;
-    let clock = |hour: f64| {
-        let minutes = (hour * 60.0).round().rem_euclid(1440.0) as u32;
-        format!("{:02}:{:02}", minutes / 60, minutes % 60)
-    };
-    let asked = rule.asked_hours.map(|hours| hours.to_string()).unwrap_or_default();
+    let unit = rule.measure.unit();
+    rows.write_record(["id", "x", "y", "z", unit, &format!("asked_{unit}"), "day", "times"])?;
+    let asked = rule.asked.map(|hours| hours.to_string()).unwrap_or_default();
     for (point, sun) in points.iter().zip(suns) {
         let id = csv_cell(point.id.clone(), false);
         let place = |[x, y]: [f64; 2]| [format!("{x:.2}"), format!("{y:.2}")];
@@ -194,9 +205,12 @@ pub fn write_table(points: &[Point], suns: &[Option<PointSun>], rule: &Rule, out
             continue;
         };
         let times: Vec<String> =
-            sun.times.iter().map(|[from, to]| format!("{}-{}", clock(*from), clock(*to))).collect();
-        let [z, hours] = [sun.position[2], sun.hours].map(|value| format!("{value:.2}"));
-        rows.write_record([id, x, y, z, hours, asked.clone(), sun.day.to_string(), times.join(" ")])?;
+            sun.times.iter().map(|[from, to]| format!("{}-{}", clock_text(*from), clock_text(*to))).collect();
+        let [z, value] = [sun.position[2], sun.value].map(|value| format!("{value:.2}"));
+        // A share of the year has no day.
+        let of_day = rule.measure == Measure::Hours;
+        let [day, times] = if of_day { [sun.day.to_string(), times.join(" ")] } else { Default::default() };
+        rows.write_record([id, x, y, z, value, asked.clone(), day, times])?;
     }
     rows.flush()
 }

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3A};
 use insula_export::{leaves::visit_leaf_meshes, source::ExportSource, table::ExportError};
+use insula_protocol::mesh_tile::NO_OBJECT;
 use obvhs::{
     BvhBuildParams,
     cwbvh::{CwBvh, builder::build_cwbvh_from_tris},
@@ -10,13 +11,15 @@ use obvhs::{
 };
 use std::time::Duration;
 
-/// Most triangles that are in memory, with about 110 bytes each.
+/// Most triangles that are in memory, with about 115 bytes each.
 const MAX_TRIANGLES: usize = 16 << 20;
 
 /// The triangles of a part of a city.
 pub struct CityTriangles {
     bvh: CwBvh,
     triangles: Vec<Triangle>,
+    /// For each of `triangles`; `NO_OBJECT` of none.
+    objects: Vec<u32>,
     /// World position that the triangles count from.
     origin: DVec3,
     /// Highest corner above `origin`; `None` without triangles.
@@ -29,7 +32,7 @@ impl CityTriangles {
     pub fn read(source: &dyn ExportSource, area: [[f64; 2]; 2]) -> Result<Self, ExportError> {
         let [min, max] = area;
         let origin = DVec3::new(0.5 * (min[0] + max[0]), 0.5 * (min[1] + max[1]), source.manifest().origin[2]);
-        let mut triangles = Vec::new();
+        let (mut triangles, mut objects) = (Vec::new(), Vec::new());
         visit_leaf_meshes(source, area, 0.0, &mut |leaf| {
             let corner = |vertex: u32| {
                 let position = leaf.positions.get(vertex as usize).copied().unwrap_or_default();
@@ -40,6 +43,9 @@ impl CityTriangles {
                 let [v0, v1, v2] = corners.map(corner);
                 Triangle { v0, v1, v2 }
             }));
+            objects.extend_from_slice(&leaf.tile.objects);
+            // A mesh without any object says so in short.
+            objects.resize(triangles.len(), NO_OBJECT);
             if triangles.len() > MAX_TRIANGLES {
                 let reason = format!(
                     "more than {MAX_TRIANGLES} triangles around the points; choose fewer points or a smaller --reach"
@@ -48,14 +54,14 @@ impl CityTriangles {
             }
             Ok(())
         })?;
-        Ok(Self::new(triangles, origin))
+        Ok(Self::new(triangles, objects, origin))
     }
 
-    fn new(triangles: Vec<Triangle>, origin: DVec3) -> Self {
+    fn new(triangles: Vec<Triangle>, objects: Vec<u32>, origin: DVec3) -> Self {
         let bvh = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
         let corners = triangles.iter().flat_map(|triangle| [triangle.v0.z, triangle.v1.z, triangle.v2.z]);
         let highest = corners.reduce(f32::max);
-        Self { bvh, triangles, origin, highest }
+        Self { bvh, triangles, objects, origin, highest }
     }
 
     /// Whether nothing stands on the way from a place in world metres along a unit vector.
@@ -73,14 +79,28 @@ impl CityTriangles {
     #[must_use]
     pub fn top(&self, place: [f64; 2]) -> Option<f64> {
         // From just above all: far away, single precision would miss edges.
-        let above = self.highest? + 1.0;
-        let from = DVec3::new(place[0], place[1], self.origin.z) - self.origin;
-        let ray = ray(from.as_vec3a() + Vec3A::Z * above, -Vec3A::Z);
+        let above = self.origin.z + f64::from(self.highest?) + 1.0;
+        self.top_below(DVec3::new(place[0], place[1], above))
+    }
+
+    /// Height of the highest surface below a place in world metres; `None` if there is none.
+    #[must_use]
+    pub fn top_below(&self, from: DVec3) -> Option<f64> {
+        let (distance, _) = self.first(from, -DVec3::Z)?;
+        Some(from.z - distance)
+    }
+
+    /// Distance and object of what stands first on the way from a place in world metres along a unit vector; `None` if nothing does.
+    #[must_use]
+    pub fn first(&self, from: DVec3, direction: DVec3) -> Option<(f64, u32)> {
+        self.highest?;
+        let ray = ray((from - self.origin).as_vec3a(), direction.as_vec3a());
         let mut hit = RayHit::none();
         self.bvh.ray_traverse(ray, &mut hit, |ray, at| {
             distance(&self.triangles[self.bvh.primitive_indices[at] as usize], ray)
         });
-        (hit.t < f32::MAX && hit.t.is_finite()).then(|| self.origin.z + f64::from(above - hit.t))
+        let is_hit = hit.t < f32::MAX && hit.t.is_finite();
+        is_hit.then(|| (f64::from(hit.t), self.objects[self.bvh.primitive_indices[hit.primitive_id as usize] as usize]))
     }
 }
 
@@ -110,8 +130,19 @@ fn distance(triangle: &Triangle, ray: &Ray) -> f32 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+
+    /// The sides of a block.
+    pub(crate) fn block(low: [f32; 3], high: [f32; 3], object: u32) -> CityTriangles {
+        let corner = |i: usize| Vec3A::from_array([0, 1, 2].map(|k| if i >> k & 1 == 0 { low[k] } else { high[k] }));
+        let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+        let triangles = sides.iter().flat_map(|side| {
+            let [a, b, c, d] = side.map(corner);
+            [Triangle { v0: a, v1: b, v2: c }, Triangle { v0: a, v1: c, v2: d }]
+        });
+        CityTriangles::new(triangles.collect(), vec![object; 12], DVec3::ZERO)
+    }
 
     #[test]
     fn no_ray_passes_between_two_triangles() {
@@ -126,7 +157,7 @@ mod tests {
                 assert!((nearest - away).abs() < 1e-4, "{i}: {nearest}");
             }
         }
-        let city = CityTriangles::new(pair.to_vec(), DVec3::new(500.0, 600.0, 40.0));
+        let city = CityTriangles::new(pair.to_vec(), vec![7; 2], DVec3::new(500.0, 600.0, 40.0));
         assert_eq!(
             [city.top([510.0, 606.0]), city.top([503.0, 601.0]), city.top([521.0, 606.0])],
             [Some(49.0), Some(49.0), None]

@@ -2,15 +2,18 @@
 //!
 //! A rule is a TOML file. Those built in are `rules/*.toml`, each with its source.
 
-use crate::sun::TimeSystem;
-use chrono::{Datelike, Days, NaiveDate};
+use crate::{
+    clock::TimeSystem,
+    sun::{Bearing, Site},
+};
+use chrono::{Datelike, Days, Months, NaiveDate};
 use serde::Deserialize;
 
 /// Most days of a rule: each is swept for itself.
 const MAX_DAYS: usize = 366;
 
 /// Names and texts of the rules that are built in.
-const BUILT_IN: [(&str, &str); 9] = [
+const BUILT_IN: [(&str, &str); 11] = [
     ("au-21-june", include_str!("../rules/au-21-june.toml")),
     ("cn-great-cold", include_str!("../rules/cn-great-cold.toml")),
     ("cn-winter-solstice", include_str!("../rules/cn-winter-solstice.toml")),
@@ -19,6 +22,8 @@ const BUILT_IN: [(&str, &str); 9] = [
     ("nl-the-hague", include_str!("../rules/nl-the-hague.toml")),
     ("nl-tno-light", include_str!("../rules/nl-tno-light.toml")),
     ("nl-tno-strict", include_str!("../rules/nl-tno-strict.toml")),
+    ("uk-br209-apsh", include_str!("../rules/uk-br209-apsh.toml")),
+    ("uk-br209-apsh-winter", include_str!("../rules/uk-br209-apsh-winter.toml")),
     ("uk-br209-gardens", include_str!("../rules/uk-br209-gardens.toml")),
 ];
 
@@ -51,6 +56,27 @@ pub enum DayMode {
     Sum,
 }
 
+/// What a rule counts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Measure {
+    /// Hours of sun.
+    Hours,
+    /// The share of the year's probable sunlight in percent: of all hours in which the sun would shine on open ground, each weighted by how
+    /// probable it is that no cloud is before it. These are the mean hours of sunshine of each month; `None` counts all hours alike.
+    ProbableSunlight(Option<[f64; 12]>),
+}
+
+impl Measure {
+    /// A word for the names of columns.
+    #[must_use]
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Hours => "hours",
+            Self::ProbableSunlight(_) => "percent",
+        }
+    }
+}
+
 /// A rule of sun hours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rule {
@@ -70,8 +96,9 @@ pub struct Rule {
     pub mode: CountMode,
     /// Heights above the ground in metres at which walls are measured.
     pub wall_heights_m: Vec<f64>,
-    /// Hours that the rule asks for; `None` if it asks for a diagram only.
-    pub asked_hours: Option<f64>,
+    pub measure: Measure,
+    /// What the rule asks for, in hours or percent; `None` if it asks for a diagram only.
+    pub asked: Option<f64>,
 }
 
 /// The file of a rule.
@@ -93,7 +120,7 @@ struct RuleFile {
     day_mode: DayMode,
     #[serde(default = "default_hours")]
     hours: [f64; 2],
-    /// `true-solar`, `mean-solar`, or an offset such as `+09:00`.
+    /// `true-solar`, `mean-solar`, an offset such as `+09:00`, or a time zone.
     #[serde(default = "default_time")]
     time: String,
     #[serde(default)]
@@ -105,6 +132,20 @@ struct RuleFile {
     #[serde(default = "default_heights")]
     wall_heights_m: Vec<f64>,
     asked_hours: Option<f64>,
+    /// `hours`, or `probable-sunlight`.
+    #[serde(default)]
+    measure: MeasureName,
+    /// Mean sunshine of each month.
+    sunshine_hours: Option<[f64; 12]>,
+    asked_percent: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum MeasureName {
+    #[default]
+    Hours,
+    ProbableSunlight,
 }
 
 fn default_year() -> i32 {
@@ -163,28 +204,63 @@ impl Rule {
         if file.wall_heights_m.len() > 16 || !file.wall_heights_m.iter().all(is_height) {
             return wrong("wall_heights_m: at most 16 heights of 0 to 1000 m");
         }
-        if file.asked_hours.is_some_and(|hours| !(hours > 0.0 && hours.is_finite())) {
-            return wrong("asked_hours: more than 0");
-        }
+        let (measure, asked) = measure(&file)?;
+        let is_share = matches!(measure, Measure::ProbableSunlight(_));
         Ok(Self {
             title: file.title,
             source: file.source,
             days,
             left_out,
-            day_mode: file.day_mode,
+            day_mode: if is_share { DayMode::Sum } else { file.day_mode },
             hours: file.hours,
-            time: parse_time(&file.time)?,
+            time: TimeSystem::parse(&file.time).map_err(|reason| RuleError(format!("time: {reason}")))?,
             lowest_sun_deg: file.lowest_sun_deg,
             step_minutes: file.step_minutes,
             mode: file.mode,
             wall_heights_m: file.wall_heights_m,
-            asked_hours: file.asked_hours,
+            measure,
+            asked,
         })
+    }
+
+    /// The sun in the middle of each step of a day in which it counts, with the hour of the rule's time.
+    pub(crate) fn suns(&self, site: &Site, day: NaiveDate) -> Vec<(f64, Bearing)> {
+        let [from, to] = self.hours;
+        let step = self.step_minutes / 60.0;
+        let steps = ((to - from) / step).round().max(1.0) as usize;
+        let hours = (0..steps).map(|i| from + (i as f64 + 0.5) * step);
+        let suns = hours.filter_map(|hour| Some((hour, site.sun(day, hour, &self.time)?)));
+        // A sun on the horizon itself lights nothing.
+        suns.filter(|(_, sun)| sun.altitude_deg >= self.lowest_sun_deg.max(0.1)).collect()
     }
 }
 
 fn wrong<T>(reason: &str) -> Result<T, RuleError> {
     Err(RuleError(reason.to_owned()))
+}
+
+/// What a rule counts, and how much of it is asked for.
+fn measure(file: &RuleFile) -> Result<(Measure, Option<f64>), RuleError> {
+    let (measure, asked, other) = match file.measure {
+        MeasureName::Hours => (Measure::Hours, file.asked_hours, file.asked_percent),
+        MeasureName::ProbableSunlight => {
+            (Measure::ProbableSunlight(file.sunshine_hours), file.asked_percent, file.asked_hours)
+        }
+    };
+    let is_number = |value: f64| (0.0..=1000.0).contains(&value);
+    if other.is_some() || measure == Measure::Hours && file.sunshine_hours.is_some() {
+        return wrong("measure: \"hours\" has asked_hours, \"probable-sunlight\" has asked_percent and sunshine_hours");
+    }
+    if file.sunshine_hours.is_some_and(|months| !months.iter().all(|hours| is_number(*hours)) || months == [0.0; 12]) {
+        return wrong("sunshine_hours: the mean sunshine of each of twelve months, in hours");
+    }
+    if file.measure == MeasureName::ProbableSunlight && file.mode != CountMode::Cumulative {
+        return wrong("mode: probable sunlight is cumulative");
+    }
+    if asked.is_some_and(|asked| !(asked > 0.0 && is_number(asked))) {
+        return wrong("asked_hours or asked_percent: more than 0");
+    }
+    Ok((measure, asked))
 }
 
 /// The days of a rule, and how many of its range are left out.
@@ -198,11 +274,13 @@ fn days(file: &RuleFile) -> Result<(Vec<NaiveDate>, usize), RuleError> {
     let mut days = file.days.iter().map(date).collect::<Result<Vec<_>, _>>()?;
     let mut left_out = 0;
     if let Some([first, last]) = &file.range {
-        let (first, last) = (date(first)?, date(last)?);
-        if first > last || file.every_days == 0 {
-            return wrong(
-                "range: write the first and the last day of one year, as in [\"02-19\", \"10-21\"], and every_days from 1 on",
-            );
+        let (first, mut last) = (date(first)?, date(last)?);
+        if first > last {
+            // Over the turn of the year; only a 29 February has no such day in the next one.
+            last = last.checked_add_months(Months::new(12)).unwrap_or(last);
+        }
+        if file.every_days == 0 {
+            return wrong("range: write every_days from 1 on");
         }
         let swept = std::iter::successors(Some(first), |day| day.checked_add_days(Days::new(file.every_days)));
         let before = days.len();
@@ -214,23 +292,6 @@ fn days(file: &RuleFile) -> Result<(Vec<NaiveDate>, usize), RuleError> {
         return wrong("days or range: 1 to 366 days");
     }
     Ok((days, left_out))
-}
-
-fn parse_time(text: &str) -> Result<TimeSystem, RuleError> {
-    match text {
-        "true-solar" => return Ok(TimeSystem::TrueSolar),
-        "mean-solar" => return Ok(TimeSystem::MeanSolar),
-        _ => {}
-    }
-    let offset = || {
-        let (sign, rest) =
-            text.strip_prefix('+').map(|rest| (1.0, rest)).or(text.strip_prefix('-').map(|rest| (-1.0, rest)))?;
-        let (hours, minutes) = rest.split_once(':')?;
-        let [hours, minutes]: [u8; 2] = [hours.parse().ok()?, minutes.parse().ok()?];
-        let offset = f64::from(hours) + f64::from(minutes) / 60.0;
-        (hours <= 14 && minutes < 60).then_some(TimeSystem::Offset(sign * offset))
-    };
-    offset().ok_or_else(|| RuleError("time: true-solar, mean-solar, or an offset such as +09:00".to_owned()))
 }
 
 #[cfg(test)]
@@ -247,7 +308,7 @@ mod tests {
         }
         assert_eq!(Rule::built_in("nl"), None);
         let light = Rule::built_in("nl-tno-light").unwrap();
-        assert_eq!((light.asked_hours, light.day_mode), (Some(2.0), DayMode::Least));
+        assert_eq!((light.asked, light.day_mode), (Some(2.0), DayMode::Least));
         let ends = [(2, 19), (10, 21)].map(|(month, day)| NaiveDate::from_ymd_opt(2025, month, day).unwrap());
         assert_eq!([light.days[0], *light.days.last().unwrap()], ends);
         assert_eq!(light.left_out + light.days.len(), 245);
@@ -257,12 +318,14 @@ mod tests {
     fn wrong_rules_say_what_is_wrong() {
         let parse = |lines: &str| Rule::parse(&format!("title = \"t\"\nsource = \"s\"\n{lines}"));
         let rule = parse("days = [\"02-28\"]\ntime = \"-03:30\"\nhours = [8, 16.5]").unwrap();
+        let winter = parse("range = [\"12-30\", \"01-02\"]\nevery_days = 1").unwrap();
+        let wanted = [(2025, 12, 30), (2025, 12, 31), (2026, 1, 1), (2026, 1, 2)];
+        assert_eq!(winter.days, wanted.map(|(year, month, day)| NaiveDate::from_ymd_opt(year, month, day).unwrap()));
         assert_eq!((rule.time, rule.hours, rule.mode), (TimeSystem::Offset(-3.5), [8.0, 16.5], CountMode::Cumulative));
         for (lines, word) in [
             ("", "days"),
             ("days = [\"02-29\"]", "02-29"),
             ("days = [\"x\"]", "06-21"),
-            ("range = [\"10-01\", \"02-01\"]", "range"),
             ("range = [\"01-01\", \"02-01\"]\nevery_days = 0", "every_days"),
             ("days = [\"06-21\"]\nhours = [16, 8]", "hours"),
             ("days = [\"06-21\"]\nhours = [nan, 8]", "hours"),
@@ -272,6 +335,10 @@ mod tests {
             ("days = [\"06-21\"]\ntime = \"+25:00\"", "true-solar"),
             ("days = [\"06-21\"]\nwall_heights_m = [-1]", "wall_heights_m"),
             ("days = [\"06-21\"]\nasked_hours = 0", "asked_hours"),
+            ("days = [\"06-21\"]\nasked_percent = 5", "measure"),
+            ("days = [\"06-21\"]\nmeasure = \"probable-sunlight\"\nasked_hours = 5", "measure"),
+            ("days = [\"06-21\"]\nmeasure = \"probable-sunlight\"\nmode = \"longest-run\"", "cumulative"),
+            ("days = [\"06-21\"]\nmeasure = \"probable-sunlight\"\nsunshine_hours = [1, 2]", "length"),
             ("days = [\"06-21\"]\nmode = \"most\"", "longest-run"),
             ("day = [\"06-21\"]", "day"),
             ("days = [\"06-21\"]\nyear = 99999", "99999"),

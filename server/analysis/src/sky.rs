@@ -3,7 +3,7 @@
 use crate::{
     horizon::{Hull, sweep_horizons},
     raster::Raster,
-    surface::{CitySurface, TopKind},
+    surface::CitySurface,
     sweep::Heading,
     walls::{WallPoint, WallRows, wall_points},
 };
@@ -25,82 +25,89 @@ pub struct SkyView {
     pub walls: Vec<f32>,
 }
 
+/// What a direction without any horizon adds to a sum: all of them together fit into 16 bits.
+const WHOLE: f32 = (u16::MAX as usize / AZIMUTHS) as f32;
+
 /// Sums over some directions.
 struct SkySums {
-    tops: Raster<f32>,
+    /// Shares of the sky's light in parts of [`WHOLE`].
+    tops: Raster<u16>,
     walls: Vec<f32>,
 }
 
-/// Computes sky view factors of all cells, and vertical sky components on walls at heights above the ground in metres.
+/// Computes sky view factors of all cells, and vertical sky components on walls at heights above the ground in metres. The surface is
+/// turned meanwhile.
 #[must_use]
-pub fn sky_view(surface: &CitySurface, wall_heights_m: &[f64], progress: &(dyn Fn(f64) + Sync)) -> SkyView {
+pub fn sky_view(surface: &mut CitySurface, wall_heights_m: &[f64], progress: &(dyn Fn(f64) + Sync)) -> SkyView {
     let points = wall_points(surface, wall_heights_m);
-    let across = surface.tops.transposed();
-    // Directions of one orientation follow one another, so that sums are turned once.
+    // Directions of one orientation follow one another, so that the surface is turned once.
     let mut azimuths: Vec<f64> = (0..AZIMUTHS).map(|i| (i as f64 + 0.5) * 360.0 / AZIMUTHS as f64).collect();
     azimuths.sort_by_key(|azimuth| Heading::of_azimuth(*azimuth).is_transposed());
     let (along, over) = azimuths.split_at(azimuths.partition_point(|a| !Heading::of_azimuth(*a).is_transposed()));
-    let rows = [false, true].map(|is_transposed| WallRows::new(&points, &surface.tops, is_transposed));
     let done = std::sync::atomic::AtomicUsize::new(0);
-    let threads = rayon::current_num_threads().clamp(1, AZIMUTHS / 2);
-    let sum = |heights: &Raster<f32>, rows: &WallRows, azimuths: &[f64]| {
-        let share = azimuths.len().div_ceil(threads).max(1);
-        let parts: Vec<SkySums> = azimuths
-            .par_chunks(share)
-            .map(|azimuths| {
-                let mut part = SkySums {
-                    tops: Raster::filled(heights.width, heights.height, 0.0f32),
-                    walls: vec![0.0; points.len()],
-                };
-                let mut hulls = Vec::new();
-                for azimuth in azimuths {
-                    add_direction(heights, rows, &points, surface.cell_m, *azimuth, &mut hulls, &mut part);
-                    let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-                    progress(done as f64 / AZIMUTHS as f64);
-                }
-                part
-            })
-            .collect();
-        let mut parts = parts.into_iter();
-        let first = parts
-            .next()
-            .unwrap_or_else(|| SkySums { tops: Raster::filled(heights.width, heights.height, 0.0), walls: Vec::new() });
-        parts.fold(first, |mut all, next| {
-            add_all(&mut all.tops.values, &next.tops.values);
-            add_all(&mut all.walls, &next.walls);
-            all
-        })
+    let step = || {
+        let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+        progress(done as f64 / AZIMUTHS as f64);
     };
-    let mut all = sum(&surface.tops, &rows[0], along);
-    let turned = sum(&across, &rows[1], over);
-    add_all(&mut all.tops.values, &turned.tops.transposed().values);
-    add_all(&mut all.walls, &turned.walls);
-    let of_cell = |(index, sum): (usize, f32)| match surface.kind(index) {
-        TopKind::Nothing => f32::NAN,
-        _ => sum / AZIMUTHS as f32,
+    let mut all = sums(surface, &points, along, false, &step);
+    surface.turn();
+    all.tops = all.tops.transposed();
+    let turned = sums(surface, &points, over, true, &step);
+    all.add(turned);
+    surface.turn();
+    let tops = all.tops.transposed();
+    let of_cell = |(index, sum): (usize, u16)| match surface.is_known(index) {
+        true => f32::from(sum) / (WHOLE * AZIMUTHS as f32),
+        false => f32::NAN,
     };
-    SkyView {
-        tops: all.tops.values.into_iter().enumerate().map(of_cell).collect(),
-        walls: all.walls,
-        wall_points: points,
+    SkyView { tops: tops.values.into_iter().enumerate().map(of_cell).collect(), walls: all.walls, wall_points: points }
+}
+
+/// The sums over directions of one orientation.
+fn sums(
+    surface: &CitySurface,
+    points: &[WallPoint],
+    azimuths: &[f64],
+    is_turned: bool,
+    step: &(dyn Fn() + Sync),
+) -> SkySums {
+    let rows = WallRows::new(points, surface.size(), is_turned);
+    let nothing =
+        || SkySums { tops: Raster::filled(surface.tops.width, surface.tops.height, 0), walls: vec![0.0; points.len()] };
+    let share = azimuths.len().div_ceil(rayon::current_num_threads()).max(1);
+    let part = |azimuths: &[f64]| {
+        let mut part = nothing();
+        let mut hulls = Vec::new();
+        for azimuth in azimuths {
+            add_direction(surface, &rows, points, *azimuth, &mut hulls, &mut part);
+            step();
+        }
+        part
+    };
+    let parts: Vec<SkySums> = azimuths.par_chunks(share).map(part).collect();
+    let mut parts = parts.into_iter();
+    let mut all = parts.next().unwrap_or_else(nothing);
+    parts.for_each(|next| all.add(next));
+    all
+}
+
+impl SkySums {
+    fn add(&mut self, more: Self) {
+        self.tops.values.iter_mut().zip(more.tops.values).for_each(|(a, b)| *a += b);
+        self.walls.iter_mut().zip(more.walls).for_each(|(a, b)| *a += b);
     }
 }
 
-fn add_all(all: &mut [f32], more: &[f32]) {
-    all.iter_mut().zip(more).for_each(|(a, b)| *a += b);
-}
-
 fn add_direction(
-    heights: &Raster<f32>,
+    surface: &CitySurface,
     rows: &WallRows,
     points: &[WallPoint],
-    cell_m: f64,
     azimuth_deg: f64,
     hulls: &mut Vec<Hull>,
     part: &mut SkySums,
 ) {
     let SkySums { tops, walls } = part;
-    let per_metre = (1.0 / cell_m) as f32;
+    let per_metre = (1.0 / surface.cell_m) as f32;
     let on_walls = |row: usize, line: &[Hull], at: f32| {
         for (number, place) in rows.row(row, points) {
             let point = &points[number];
@@ -111,11 +118,12 @@ fn add_direction(
             }
         }
     };
-    sweep_horizons(heights, Heading::of_azimuth(azimuth_deg), cell_m, hulls, on_walls, |row, slopes| {
+    let heading = Heading::of_azimuth(azimuth_deg);
+    sweep_horizons(&surface.tops, heading, surface.cell_m, hulls, on_walls, |row, slopes| {
         for (sum, slope) in tops.row_mut(row).iter_mut().zip(slopes) {
             // The squared cosine of the horizon's altitude: the share of an even sky's light above it.
             let slope = slope.max(0.0);
-            *sum += 1.0 / (1.0 + slope * slope);
+            *sum += (WHOLE / (1.0 + slope * slope) + 0.5) as u16;
         }
     });
 }
@@ -140,8 +148,8 @@ mod tests {
     #[test]
     fn a_street_sees_the_sky_between_its_roofs() {
         let is_street = |x: usize| (40..61).contains(&x);
-        let surface = surface(101, 1001, |x, _| if is_street(x) { 0.0 } else { 15.0 });
-        let sky = sky_view(&surface, &[], &|_| {});
+        let mut surface = surface(101, 1001, |x, _| if is_street(x) { 0.0 } else { 15.0 });
+        let sky = sky_view(&mut surface, &[], &|_| {});
         let wanted = (15.0f64 / 11.0).atan().cos();
         let found = f64::from(sky.tops[500 * 101 + 50]);
         // Walls begin at the middle of their cells.
@@ -151,8 +159,9 @@ mod tests {
 
     #[test]
     fn walls_of_a_lonely_house_see_half_of_the_sky() {
-        let surface = surface(41, 41, |x, y| if (15..25).contains(&x) && (15..25).contains(&y) { 9.0 } else { 0.0 });
-        let sky = sky_view(&surface, &[1.5, 20.0], &|_| {});
+        let mut surface =
+            surface(41, 41, |x, y| if (15..25).contains(&x) && (15..25).contains(&y) { 9.0 } else { 0.0 });
+        let sky = sky_view(&mut surface, &[1.5, 20.0], &|_| {});
         assert_eq!(sky.walls.len(), 40, "20 m is above the roof");
         assert!(sky.walls.iter().all(|share| (share - 39.6).abs() < 0.3), "{:?}", sky.walls);
     }

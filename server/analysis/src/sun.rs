@@ -1,10 +1,11 @@
 //! Positions of the sun over a city, at times of several systems.
 
+use crate::clock::{Moment, TimeSystem};
 use chrono::NaiveDate;
 use insula_protocol::{Manifest, manifest::GeoLocation};
-use insula_viewer::sun::{SunTime, true_bearing};
+use insula_viewer::sun::true_bearing;
 
-pub use insula_viewer::sun::{Bearing, parse_time};
+pub use insula_viewer::sun::Bearing;
 
 /// Where a city lies on Earth.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,17 +16,6 @@ pub struct Site {
     pub north_deg: f64,
 }
 
-/// How the hours of a rule count.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum TimeSystem {
-    /// The sun stands in the meridian at 12 h on each day, as on a sundial.
-    TrueSolar,
-    /// 12 h is when the mean sun stands in the city's meridian.
-    MeanSolar,
-    /// Civil time: so many hours ahead of universal time, summer time included.
-    Offset(f64),
-}
-
 impl Site {
     /// `None` if the bake did not know where the city lies.
     #[must_use]
@@ -34,19 +24,18 @@ impl Site {
         Some(Self { latitude_deg, longitude_deg, north_deg })
     }
 
-    /// The sun at a time as people write it, from the grid's north and without refraction; `None` where the algorithm has no answer.
+    /// The sun at a moment, as [`Self::sun`].
     #[must_use]
-    pub fn sun_at(&self, time: &SunTime) -> Option<Bearing> {
-        let (date, hour, is_universal) = time.date_and_hour();
-        self.sun(date, hour, if is_universal { TimeSystem::Offset(0.0) } else { TimeSystem::MeanSolar })
+    pub fn sun_at(&self, moment: &Moment) -> Option<Bearing> {
+        self.sun(moment.at.date(), moment.hour(), &moment.system)
     }
 
     /// The sun on a day at an hour of a time system, from the grid's north and without refraction, as rules count it. `None` where the
-    /// algorithm has no answer.
+    /// algorithm has no answer, and at hours that clocks skip.
     #[must_use]
-    pub fn sun(&self, date: NaiveDate, hour: f64, system: TimeSystem) -> Option<Bearing> {
+    pub fn sun(&self, date: NaiveDate, hour: f64, system: &TimeSystem) -> Option<Bearing> {
         let universal = match system {
-            TimeSystem::Offset(hours) => hour - hours,
+            TimeSystem::Offset(_) | TimeSystem::Zone(_) => system.universal(date, hour)?,
             TimeSystem::MeanSolar => hour - self.longitude_deg / 15.0,
             TimeSystem::TrueSolar => hour - self.longitude_deg / 15.0 - self.equation_of_time(date)?,
         };
@@ -80,7 +69,7 @@ mod tests {
         for (month, date, minutes) in [(2, 11, -14.2), (11, 3, 16.4), (12, 21, 1.8), (4, 15, 0.0)] {
             let found = TOKYO.equation_of_time(day(month, date)).unwrap() * 60.0;
             assert!((found - minutes).abs() < 0.3, "{month}-{date}: {found}");
-            let noon = TOKYO.sun(day(month, date), 12.0, TimeSystem::TrueSolar).unwrap();
+            let noon = TOKYO.sun(day(month, date), 12.0, &TimeSystem::TrueSolar).unwrap();
             assert!((noon.azimuth_deg - 180.0).abs() < 0.05, "{noon:?}");
         }
     }
@@ -88,15 +77,17 @@ mod tests {
     /// 90 - 35.68 - 23.44 degrees at noon; Japan's clocks are 9 h ahead.
     #[test]
     fn the_winter_sun_stands_low_over_tokyo() {
-        let noon = TOKYO.sun(day(12, 21), 12.0, TimeSystem::MeanSolar).unwrap();
+        let noon = TOKYO.sun(day(12, 21), 12.0, &TimeSystem::MeanSolar).unwrap();
         assert!((noon.altitude_deg - 30.88).abs() < 0.05, "{noon:?}");
-        let civil = TOKYO.sun(day(12, 21), 12.0 - (139.76 - 135.0) / 15.0, TimeSystem::Offset(9.0)).unwrap();
+        let civil = TOKYO.sun(day(12, 21), 12.0 - (139.76 - 135.0) / 15.0, &TimeSystem::Offset(9.0)).unwrap();
         assert!((civil.azimuth_deg - noon.azimuth_deg).abs() < 1e-6);
-        let time = parse_time("2025-12-21T11:40+09:00").unwrap();
-        assert_eq!(TOKYO.sun_at(&time), TOKYO.sun(day(12, 21), 2.0 + 40.0 / 60.0, TimeSystem::Offset(0.0)));
-        let solar = parse_time("2025-12-21T12:00").unwrap();
-        assert_eq!(TOKYO.sun_at(&solar), Some(noon));
-        let turned = Site { north_deg: 5.0, ..TOKYO }.sun(day(12, 21), 12.0, TimeSystem::MeanSolar).unwrap();
+        let at = |text: &str| TOKYO.sun_at(&Moment::parse(text, &TimeSystem::MeanSolar).unwrap());
+        assert_eq!(at("2025-12-21T11:40+09:00"), TOKYO.sun(day(12, 21), 2.0 + 40.0 / 60.0, &TimeSystem::Offset(0.0)));
+        assert_eq!(at("2025-12-21T12:00"), Some(noon));
+        let clock = Moment::parse("2025-12-21T11:40", &TimeSystem::parse("Asia/Tokyo").unwrap()).unwrap();
+        let azimuths = [TOKYO.sun_at(&clock), at("2025-12-21T11:40+09:00")].map(|sun| sun.unwrap().azimuth_deg);
+        assert!((azimuths[0] - azimuths[1]).abs() < 1e-6);
+        let turned = Site { north_deg: 5.0, ..TOKYO }.sun(day(12, 21), 12.0, &TimeSystem::MeanSolar).unwrap();
         assert!((turned.azimuth_deg - noon.azimuth_deg - 5.0).abs() < 1e-9);
     }
 }

@@ -1,6 +1,6 @@
 //! The surface of a city as analyses see it: the top of each cell, and the object that it belongs to.
 
-use crate::raster::Raster;
+use crate::{kinds::Kinds, raster::Raster};
 use insula_export::{
     leaves::LeafObjects,
     raster::{CellExtent, visit_tops},
@@ -10,9 +10,9 @@ use insula_export::{
 };
 use insula_objects::FeatureKind;
 use insula_protocol::{mesh_tile::NO_OBJECT, octahedral};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
-/// Most cells of one analysis. They are in memory, with about 35 bytes each.
+/// Most cells of one analysis. They are in memory, with about 25 bytes each.
 pub const MAX_CELLS: u64 = 64 << 20;
 
 /// Codes of [`CitySurface::kind`] above all indices of buildings.
@@ -42,6 +42,15 @@ impl TopKind {
             Self::Roof(building) => building,
         }
     }
+
+    fn of_code(code: u32) -> Self {
+        match code {
+            NOTHING => Self::Nothing,
+            GROUND => Self::Ground,
+            OTHER => Self::Other,
+            building => Self::Roof(building),
+        }
+    }
 }
 
 /// A building with its parts.
@@ -67,7 +76,7 @@ pub struct CitySurface {
     pub(crate) tops: Raster<f32>,
     /// Octahedral codes of the normals of the tops.
     pub(crate) normals: Raster<u16>,
-    kinds: Vec<u32>,
+    kinds: Kinds,
     /// Indices of the cells with a wall below their tops, ascending, with the direction of its normal in 1/256 turns, 0 east, 64 north.
     walls: Vec<(u32, u8)>,
     pub buildings: Vec<Building>,
@@ -93,25 +102,27 @@ impl CitySurface {
             base_m: manifest.origin[2],
             tops: Raster::filled(width, height, f32::NEG_INFINITY),
             normals: Raster::filled(width, height, up()),
-            kinds: vec![NOTHING; cells],
+            kinds: Kinds::default(),
             walls: Vec::new(),
             buildings: Vec::new(),
         };
         let everything = ObjectSelection::default();
-        let mut kinds = KindsOfObjects::new(source, &everything);
+        let mut objects = KindsOfObjects::new(source, &everything);
+        let mut kinds = vec![NOTHING; cells];
         let mut failure = None;
         visit_tops(source, extent, &mut |cell, top| {
             let index = extent.index(cell);
             surface.tops.values[index] = (f64::from(top.height) - surface.base_m) as f32;
             surface.normals.values[index] = top.normal.unwrap_or_else(up);
             surface.walls.extend(top.wall.map(|wall| (index as u32, wall)));
-            match kinds.get(top.object) {
-                Ok(kind) => surface.kinds[index] = kind.code(),
+            match objects.get(top.object) {
+                Ok(kind) => kinds[index] = kind.code(),
                 Err(error) => failure = Some(error),
             }
         })?;
         surface.walls.sort_unstable();
-        surface.buildings = kinds.buildings;
+        surface.kinds = Kinds::new(width, kinds.chunks_exact(width.max(1)));
+        surface.buildings = objects.buildings;
         failure.map_or(Ok(surface), Err)
     }
 
@@ -125,7 +136,10 @@ impl CitySurface {
             base_m,
             normals: Raster::filled(size[0] as usize, size[1] as usize, up()),
             tops: Raster { width: size[0] as usize, height: size[1] as usize, values: tops },
-            kinds: kinds.iter().map(|kind| kind.code()).collect(),
+            kinds: Kinds::new(
+                size[0] as usize,
+                kinds.chunks(size[0] as usize).map(|row| row.iter().map(|kind| kind.code()).collect::<Vec<u32>>()),
+            ),
             walls: Vec::new(),
             buildings: vec![Building { number: 7, identifier: "house".to_owned() }],
         }
@@ -140,12 +154,18 @@ impl CitySurface {
     /// What the top of a cell belongs to. Requires an index of a cell.
     #[must_use]
     pub fn kind(&self, index: usize) -> TopKind {
-        match self.kinds[index] {
-            NOTHING => TopKind::Nothing,
-            GROUND => TopKind::Ground,
-            OTHER => TopKind::Other,
-            building => TopKind::Roof(building),
-        }
+        TopKind::of_code(self.kinds.get(index))
+    }
+
+    /// The kinds of a row, cell by cell: cheaper than one by one. Requires a row.
+    pub(crate) fn kinds_of_row(&self, row: usize) -> impl Iterator<Item = TopKind> + '_ {
+        self.kinds.row(row).map(TopKind::of_code)
+    }
+
+    /// Whether anything was baked at a cell. Requires an index of a cell.
+    #[must_use]
+    pub fn is_known(&self, index: usize) -> bool {
+        self.tops.values[index].is_finite()
     }
 
     /// Direction of the normal of the wall below a cell's top, in degrees from the grid's north over east; `None` without a wall.
@@ -154,6 +174,14 @@ impl CitySurface {
         let at = self.walls.binary_search_by_key(&(index as u32), |(cell, _)| *cell).ok()?;
         let turns = f64::from(self.walls[at].1) / 256.0;
         Some((90.0 - turns * 360.0).rem_euclid(360.0))
+    }
+
+    /// Square metres of a cell's top, as it is inclined. Requires an index of a cell.
+    #[must_use]
+    pub fn area_m2(&self, index: usize) -> f64 {
+        let [_, _, up] = octahedral::decode(self.normals.values[index]);
+        // What is steeper is no roof.
+        self.cell_m * self.cell_m / f64::from(up).max(0.17)
     }
 
     /// World height of the ground at a place in world metres, or of the nearest ground up to two cells away; `None` if there is none.
@@ -192,17 +220,38 @@ impl CitySurface {
             .collect();
         let tops = cells.iter().map(|(index, _)| self.tops.values[*index]).filter(|top| top.is_finite());
         let Some(lowest) = tops.reduce(f32::min) else { return cleared };
-        for (index, _) in cells.iter().filter(|(_, place)| area.contains_point(*place)) {
-            (cleared.tops.values[*index], cleared.kinds[*index], cleared.normals.values[*index]) =
-                (lowest, GROUND, up());
+        let inside: BTreeSet<usize> =
+            cells.iter().filter(|(_, place)| area.contains_point(*place)).map(|(index, _)| *index).collect();
+        for index in &inside {
+            (cleared.tops.values[*index], cleared.normals.values[*index]) = (lowest, up());
         }
+        cleared.kinds = Kinds::new(
+            width,
+            (0..height).map(|y| {
+                let code = |(x, code)| if inside.contains(&(y * width + x)) { GROUND } else { code };
+                self.kinds.row(y).enumerate().map(code).collect::<Vec<u32>>()
+            }),
+        );
         cleared
+    }
+
+    /// Makes columns rows, or rows again, of heights and normals. Nothing else may be asked of a surface that is turned.
+    pub(crate) fn turn(&mut self) {
+        self.tops = self.tops.transposed();
+        self.normals = self.normals.transposed();
     }
 
     /// Columns and rows.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         self.extent.size.map(|side| side as usize)
+    }
+
+    /// Lower and upper corner on the map, in world metres.
+    #[must_use]
+    pub fn bounds(&self) -> [[f64; 2]; 2] {
+        let size = self.size().map(|cells| cells as f64 * self.cell_m);
+        [self.corner, [0, 1].map(|k| self.corner[k] + size[k])]
     }
 
     /// The cell of a place in world metres; `None` outside of the surface.

@@ -73,6 +73,9 @@ impl Lines {
 /// Others are parts of a slope.
 pub(crate) const WALL_SLOPE: f64 = 2.0;
 
+/// Heights of columns are rounded to a sixteenth of a cell: a top is in shadow when more than this of it is.
+pub(crate) const TOLERANCE_M: f32 = 0.1;
+
 /// Passes each row to `visit` with the height up to which each of its cells is in the shadow of obstacles towards a light; negative
 /// infinity in the open. A cell's own top is no part of its shadow. `slope` is the tangent of the light's altitude. `tops` is transposed
 /// if the heading says so.

@@ -1,9 +1,6 @@
 //! Points on the walls of buildings, where they stand on the ground.
 
-use crate::{
-    raster::Raster,
-    surface::{CitySurface, TopKind},
-};
+use crate::surface::{CitySurface, TopKind};
 
 /// A lower difference between a roof and the ground beside it is no wall that anybody looks out of.
 const LEAST_WALL_M: f32 = 2.0;
@@ -26,14 +23,21 @@ pub struct WallPoint {
 pub fn wall_points(surface: &CitySurface, heights_m: &[f64]) -> Vec<WallPoint> {
     let [width, height] = surface.size();
     let mut points = Vec::new();
+    let row = |y: usize| -> Vec<TopKind> { if y < height { surface.kinds_of_row(y).collect() } else { Vec::new() } };
+    // The rows before, at and after the one that is looked at.
+    let mut kinds = [Vec::new(), Vec::new(), row(0)];
     for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+        if x == 0 {
+            kinds.rotate_left(1);
+            kinds[2] = row(y + 1);
+        }
         let roof = y * width + x;
-        let TopKind::Roof(building) = surface.kind(roof) else { continue };
+        let TopKind::Roof(building) = kinds[1][x] else { continue };
         for (step, axis_deg) in [([1, 0], 90.0), ([0, 1], 0.0), ([-1, 0], 270.0), ([0, -1], 180.0)] {
             let Some([before_x, before_y]) = neighbour([x, y], step, [width, height]) else { continue };
             let before = before_y * width + before_x;
             let (ground, top) = (surface.top(before), surface.top(roof));
-            if surface.kind(before) != TopKind::Ground || top - ground < LEAST_WALL_M {
+            if kinds[before_y + 1 - y][before_x] != TopKind::Ground || top - ground < LEAST_WALL_M {
                 continue;
             }
             // A wall that runs across the cells has its own direction, as long as it looks over this side of the cell.
@@ -73,19 +77,23 @@ pub(crate) struct WallRows {
 }
 
 impl WallRows {
-    pub(crate) fn new(points: &[WallPoint], surface: &Raster<f32>, is_transposed: bool) -> Self {
-        let rows = if is_transposed { surface.width } else { surface.height };
-        let mut all =
-            Self { starts: vec![0; rows + 1], points: Vec::new(), width: surface.width as u32, is_transposed };
-        let mut numbers: Vec<u32> = (0..points.len() as u32).collect();
-        numbers.sort_unstable_by_key(|number| all.row_and_place(&points[*number as usize]));
-        all.points = numbers;
+    /// For a raster of `size`, turned or not.
+    pub(crate) fn new(points: &[WallPoint], [width, height]: [usize; 2], is_transposed: bool) -> Self {
+        let rows = if is_transposed { width } else { height };
+        let mut all = Self { starts: vec![0; rows + 1], points: Vec::new(), width: width as u32, is_transposed };
         for point in points {
             let (row, _) = all.row_and_place(point);
             all.starts[row + 1] += 1;
         }
         for row in 0..rows {
             all.starts[row + 1] += all.starts[row];
+        }
+        let mut next = all.starts.clone();
+        all.points.resize(points.len(), 0);
+        for (number, point) in (0u32..).zip(points) {
+            let (row, _) = all.row_and_place(point);
+            all.points[next[row] as usize] = number;
+            next[row] += 1;
         }
         all
     }

@@ -29,11 +29,26 @@ pub struct Drawing {
     pub ink: Rgb,
     /// By kind, and by number within a kind.
     pub objects: Vec<DrawnObject>,
+    /// A picture of the map over surfaces and under lines, of formats that have pictures: PDF.
+    pub picture: Option<MapPicture>,
     /// Parts of the sheet around the drawing.
     pub sheet: Vec<SheetItem>,
     pub counts: DrawingCounts,
     /// The largest area that two visible parts share, as a share of the page; `None` if it was not asked for.
     pub largest_overlap: Option<f64>,
+}
+
+/// A picture whose sides are those of a rectangle of the paper.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapPicture {
+    /// Columns and rows.
+    pub size: [u32; 2],
+    /// Row by row from the north.
+    pub rgb: Vec<[u8; 3]>,
+    /// How opaque each pixel is.
+    pub opacity: Vec<u8>,
+    /// Millimetres of the paper.
+    pub place: PaperRect,
 }
 
 /// How much work a drawing was.

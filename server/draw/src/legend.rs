@@ -97,6 +97,52 @@ pub(crate) fn legend_items(legend: &Legend, frame: &PaperRect) -> Vec<SheetItem>
     items
 }
 
+/// Most characters of a line of notes.
+const NOTE_CHARACTERS: usize = 100;
+
+/// Lines of text in a box in the lower left corner of the frame. What has no space is left out.
+pub(crate) fn note_items(notes: &[String], frame: &PaperRect) -> Vec<SheetItem> {
+    let [width, height] = frame.size();
+    let most = (((width - 4.0 * PADDING_MM) / (CHARACTER * TEXT_MM)) as usize).clamp(20, NOTE_CHARACTERS);
+    let lines: Vec<String> = notes.iter().flat_map(|note| wrapped(note, most)).collect();
+    let lines = &lines[..lines.len().min((0.4 * height / ROW_MM) as usize)];
+    let widest = lines.iter().map(|line| line.chars().count()).max().unwrap_or(0);
+    if widest == 0 {
+        return Vec::new();
+    }
+    let size = [
+        widest as f64 * CHARACTER * TEXT_MM + 2.0 * PADDING_MM,
+        lines.len() as f64 * ROW_MM + 2.0 * PADDING_MM - (ROW_MM - TEXT_MM),
+    ];
+    let corner = [0, 1].map(|k| frame.min[k] + PADDING_MM);
+    let mut outline = rectangle(corner, size);
+    let mut items = vec![SheetItem::Swatch { points: outline.clone(), color: [255; 3] }];
+    outline.push(corner);
+    items.push(SheetItem::Line { points: outline, width_mm: 0.18 });
+    items.extend(lines.iter().enumerate().map(|(i, line)| SheetItem::Text {
+        at: [corner[0] + PADDING_MM, corner[1] + size[1] - PADDING_MM - TEXT_MM - ROW_MM * i as f64],
+        size_mm: TEXT_MM,
+        anchor: TextAnchor::Start,
+        text: line.clone(),
+    }));
+    items
+}
+
+/// Lines of at most so many characters, if no word is longer.
+fn wrapped(text: &str, most: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= most => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.chars().take(most).collect()),
+        }
+    }
+    lines
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -151,5 +197,18 @@ mod tests {
                 assert!(swatches.len() > 3 && swatches.len() <= count.min(20) + 1);
             }
         }
+    }
+
+    #[test]
+    fn notes_are_wrapped_and_fit_into_the_frame() {
+        let frame = PaperRect { min: [10.0, 34.0], max: [410.0, 287.0] };
+        let notes = ["word ".repeat(60), "second".to_owned()];
+        let items = note_items(&notes, &frame);
+        let texts: Vec<&String> = items
+            .iter()
+            .filter_map(|item| if let SheetItem::Text { text, .. } = item { Some(text) } else { None })
+            .collect();
+        assert_eq!(texts.iter().map(|text| text.len()).collect::<Vec<_>>(), [99, 99, 99, 6]);
+        assert!(note_items(&["a".repeat(9999)], &frame).len() == 3 && note_items(&[], &frame).is_empty());
     }
 }

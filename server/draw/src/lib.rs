@@ -15,6 +15,7 @@
 //! | `paint_order` | translucent surfaces from the farthest to the nearest |
 //! | `tone`, `paint`, `hatch`, `shadow` | colours of shapes, of objects by an attribute; hatching, shadows of the sun |
 //! | `drawing` | the finished drawing |
+//! | `picture` | values as colours over the surfaces of a plan |
 //! | `pipeline` | all steps of a drawing |
 //! | `svg`, `pdf`, `dxf`, `file` | files |
 
@@ -35,6 +36,7 @@ mod overlap;
 mod paint;
 mod paint_order;
 mod pdf;
+pub mod picture;
 pub mod pipeline;
 mod scene;
 mod shadow;

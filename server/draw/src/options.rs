@@ -123,6 +123,7 @@ impl DrawingOptions {
             is_checked: false,
             is_sheet: self.sheet,
             date: String::new(),
+            note: String::new(),
             color_by,
             limits,
         })

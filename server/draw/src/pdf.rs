@@ -3,7 +3,7 @@
 //! Texts are in Helvetica, which every reader has; characters that it lacks are question marks.
 
 use crate::{
-    drawing::{Drawing, DrawnObject, DrawnShape, ShapeRole, SheetItem, TextAnchor},
+    drawing::{Drawing, DrawnObject, DrawnShape, MapPicture, ShapeRole, SheetItem, TextAnchor},
     lines::LineRole,
     style::Rgb,
 };
@@ -31,6 +31,8 @@ const LAYERS: [&str; 9] = [
 const LINES: [LineRole; 5] =
     [LineRole::Hatch, LineRole::Crease, LineRole::Intersection, LineRole::Border, LineRole::Silhouette];
 const FIRST_LINES: usize = 3;
+/// The layer of a picture, which few drawings have.
+const PICTURE_LAYER: &str = "values";
 /// Opacities are rounded to this many steps, each of which is a graphics state.
 const OPACITY_STEPS: u8 = 100;
 
@@ -41,13 +43,17 @@ const PAGE: Ref = Ref::new(3);
 const CONTENT: Ref = Ref::new(4);
 const FONT: Ref = Ref::new(5);
 const INFO: Ref = Ref::new(6);
+const PICTURE: Ref = Ref::new(7);
+const PICTURE_OPACITY: Ref = Ref::new(8);
 const FIRST_LAYER: i32 = 10;
 const FIRST_STATE: i32 = 100;
 
 /// The drawing as a PDF file.
 pub(crate) fn to_pdf(drawing: &Drawing) -> Vec<u8> {
     let mut pdf = Pdf::new();
-    let layers = || (0..LAYERS.len()).map(|k| Ref::new(FIRST_LAYER + k as i32));
+    let picture = drawing.picture.as_ref();
+    let names = || LAYERS.into_iter().chain(picture.map(|_| PICTURE_LAYER));
+    let layers = || (0..names().count()).map(|k| Ref::new(FIRST_LAYER + k as i32));
     let mut catalog = pdf.catalog(CATALOG);
     catalog.pages(PAGES);
     let mut properties = catalog.insert(Name(b"OCProperties")).dict();
@@ -55,7 +61,7 @@ pub(crate) fn to_pdf(drawing: &Drawing) -> Vec<u8> {
     properties.insert(Name(b"D")).dict().insert(Name(b"Order")).array().items(layers());
     properties.finish();
     catalog.finish();
-    for (k, name) in LAYERS.iter().enumerate() {
+    for (k, name) in names().enumerate() {
         let mut layer = pdf.indirect(Ref::new(FIRST_LAYER + k as i32)).dict();
         layer.pair(Name(b"Type"), Name(b"OCG")).pair(Name(b"Name"), TextStr(name));
     }
@@ -70,6 +76,9 @@ pub(crate) fn to_pdf(drawing: &Drawing) -> Vec<u8> {
         states.pair(Name(state_name(step).as_bytes()), Ref::new(FIRST_STATE + i32::from(step)));
     }
     states.finish();
+    if picture.is_some() {
+        resources.x_objects().pair(Name(b"P"), PICTURE);
+    }
     let mut named = resources.insert(Name(b"Properties")).dict();
     for (k, layer) in layers().enumerate() {
         named.pair(Name(format!("L{k}").as_bytes()), layer);
@@ -84,17 +93,45 @@ pub(crate) fn to_pdf(drawing: &Drawing) -> Vec<u8> {
     pdf.type1_font(FONT).base_font(Name(b"Helvetica")).encoding_predefined(Name(b"WinAnsiEncoding"));
     pdf.document_info(INFO).title(TextStr(&drawing.title)).producer(TextStr("Insula"));
     let content = PageContent { drawing, content: Content::new() }.finish();
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
-    match encoder.write_all(&content).and_then(|()| encoder.finish()) {
-        Ok(packed) => {
+    match packed(&content) {
+        Some(packed) => {
             pdf.stream(CONTENT, &packed).filter(Filter::FlateDecode);
         }
-        // Memory does not fail to be written; without compression the page is the same.
-        Err(_) => {
+        // Without compression the page is the same.
+        None => {
             pdf.stream(CONTENT, &content);
         }
     }
+    if let Some(picture) = picture {
+        add_picture(&mut pdf, picture);
+    }
     pdf.finish()
+}
+
+/// Compressed bytes; `None` if that fails, which memory does not.
+fn packed(bytes: &[u8]) -> Option<Vec<u8>> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    encoder.write_all(bytes).and_then(|()| encoder.finish()).ok()
+}
+
+fn add_picture(pdf: &mut Pdf, picture: &MapPicture) {
+    let mut add = |place: Ref, bytes: &[u8], is_color: bool| {
+        let packed = packed(bytes);
+        let mut image = pdf.image_xobject(place, packed.as_deref().unwrap_or(bytes));
+        if packed.is_some() {
+            image.filter(Filter::FlateDecode);
+        }
+        let [width, height] = picture.size.map(|side| side as i32);
+        image.width(width).height(height).bits_per_component(8).interpolate(false);
+        if is_color {
+            image.color_space().device_rgb();
+            image.s_mask(PICTURE_OPACITY);
+        } else {
+            image.color_space().device_gray();
+        }
+    };
+    add(PICTURE, picture.rgb.as_flattened(), true);
+    add(PICTURE_OPACITY, &picture.opacity, false);
 }
 
 fn pt(mm: f64) -> f32 {
@@ -148,6 +185,7 @@ impl PageContent<'_> {
             self.object(object, &shapes);
         }
         self.content.end_marked_content();
+        self.picture();
         self.content.set_line_cap(LineCapStyle::RoundCap).set_line_join(LineJoinStyle::RoundJoin);
         let [r, g, b] = drawing.ink.map(share);
         self.content.set_stroke_rgb(r, g, b);
@@ -157,6 +195,15 @@ impl PageContent<'_> {
         self.content.restore_state();
         self.sheet();
         self.content.finish().to_vec()
+    }
+
+    fn picture(&mut self) {
+        let Some(picture) = &self.drawing.picture else { return };
+        self.begin(LAYERS.len());
+        self.content.save_state().set_parameters(Name(state_name(OPACITY_STEPS).as_bytes()));
+        let ([x, y], [width, height]) = (picture.place.min.map(pt), picture.place.size().map(pt));
+        self.content.transform([width, 0.0, 0.0, height, x, y]).x_object(Name(b"P")).restore_state();
+        self.content.end_marked_content();
     }
 
     fn fill_color(&mut self, color: Rgb) {

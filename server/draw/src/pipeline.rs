@@ -50,6 +50,8 @@ pub struct DrawRequest {
     pub is_sheet: bool,
     /// Date and time of the light for the title block; empty if it is not known.
     pub date: String,
+    /// What the title block says in place of the light; empty if that.
+    pub note: String,
     /// Colours of objects by an attribute, in place of those by kind.
     pub color_by: Option<ColorBy>,
     pub limits: DrawLimits,
@@ -124,6 +126,7 @@ pub fn draw(
         paper: color(&request.style.paper, [255; 3]),
         ink: color(&request.style.ink, [0; 3]),
         objects: objects.sorted(),
+        picture: None,
         sheet,
         counts,
         largest_overlap,
@@ -132,6 +135,9 @@ pub fn draw(
 
 /// The light of a drawing in words: when, and where the sun stands.
 fn light(request: &DrawRequest) -> String {
+    if !request.note.is_empty() {
+        return request.note.clone();
+    }
     let [azimuth, altitude] = request.style.sun.map(|degrees| at_most(degrees, 1));
     let sun = format!("Sun {azimuth}\u{b0} from north, {altitude}\u{b0} above the horizon");
     if request.date.is_empty() { sun } else { format!("{}. {sun}", request.date) }

@@ -7,7 +7,7 @@ use crate::{
     selection::ObjectSelection,
     source::ExportSource,
     table::{
-        self, ExportError, ExportReport, TableOptions,
+        self, AddedValues, ExportError, ExportReport, TableOptions,
         city::{City, Plan},
     },
 };
@@ -37,9 +37,25 @@ pub fn export(
             if !options.keeps_parts {
                 plan.select_wholes(&city)?;
             }
-            table::write(&city, format, &plan, projections, options, out)
+            table::write(&city, format, &plan, projections, (options, &AddedValues::default()), out)
         }
     }
+}
+
+/// Writes a table of the objects that have values which are none of the city's, with these as columns before the attributes. Fails as
+/// [`export`].
+pub fn export_values(
+    source: &dyn ExportSource,
+    format: Format,
+    added: &AddedValues,
+    projections: &Projections<'_>,
+    out: &Path,
+) -> Result<ExportReport, ExportError> {
+    let city = City::new(source);
+    let objects = Some(added.values.keys().copied().collect());
+    let mut plan = Plan::of(&city, &ObjectSelection { objects, ..ObjectSelection::default() })?;
+    plan.select_wholes(&city)?;
+    table::write(&city, format, &plan, projections, (TableOptions::default(), added), out)
 }
 
 /// The file that [`export`] writes beside the one of a format, with its text: who must be named. `None` if there is none.

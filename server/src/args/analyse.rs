@@ -11,6 +11,8 @@ pub enum Analysis {
     Sun,
     /// Sky view factors, and vertical sky components of walls
     Sky,
+    /// Energy of sun and sky in a year without clouds
+    Solar,
     /// Shadows at a time
     Shadow,
     /// Which places are visible from a point, or see a planned building
@@ -25,13 +27,17 @@ pub struct AnalyseArgs {
     /// What to compute
     #[arg(value_enum, value_name = "WHAT")]
     pub what: Analysis,
-    /// Raster of the results: hours of sun; sky view factors from 0 to 1; 1 for shadow and for visible places, 0 elsewhere. With a name
+    /// Raster of the results: hours of sun; sky view factors from 0 to 1; kWh/m2 a year of `solar`; 1 for shadow and for visible places, 0 elsewhere. With a name
     /// that ends with .geojson, the areas of `shadow` and `view` as polygons
     #[arg(long, value_name = "FILE.tif|FILE.geojson|FILE.csv")]
     pub out: PathBuf,
-    /// Table with a row for each building, of `sun` and `sky`
-    #[arg(long, value_name = "FILE.csv")]
+    /// Table with a row for each building, of `sun`, `sky`, `solar` and `view --vista`. With a name that ends with .fgb, it is FlatGeobuf,
+    /// with the footprints and attributes of buildings
+    #[arg(long, value_name = "FILE.csv|FILE.fgb")]
     pub buildings: Option<PathBuf>,
+    /// Sheet of paper with the plan of the city under the colours of the values, for a part of a city (--bbox) or a small one
+    #[arg(long, value_name = "FILE.pdf")]
+    pub pdf: Option<PathBuf>,
     #[command(flatten)]
     pub area: AreaArgs,
     /// Rule of `sun`: a name or a TOML file
@@ -42,9 +48,23 @@ pub struct AnalyseArgs {
     /// wall looks at
     #[arg(long, value_name = "FILE.csv")]
     pub points: Option<PathBuf>,
-    /// Time of `shadow`, with an offset from universal time, else in the city's mean solar time
+    /// Folder for a picture of each point of --points: the sky that its rays see, with the sun's path, in sun and in shade
+    #[arg(long, value_name = "DIR", requires = "points")]
+    pub evidence: Option<PathBuf>,
+    /// Linke's turbidity of the air of `solar`: 2 is very clear, 5 is haze [default: 3]
+    #[arg(long, value_name = "T", value_parser = parse_turbidity)]
+    pub turbidity: Option<f64>,
+    /// Time of `shadow`, with an offset from universal time, else in the time of --time-zone. Several of them make as many files, with the
+    /// time in their names
     #[arg(long, value_name = "YYYY-MM-DDTHH:MM[+HH:MM]")]
-    pub time: Option<String>,
+    pub time: Vec<String>,
+    /// First and last time of `shadow`, and the step between, as in 2025-06-21T09:00/2025-06-21T15:00/1h or /30min
+    #[arg(long, value_name = "FROM/TO/STEP")]
+    pub times: Option<String>,
+    /// What the hours of --time and --times are that have no offset: true-solar, mean-solar, or a time zone with its summer time, such as
+    /// Europe/Amsterdam [default: mean-solar]
+    #[arg(long, value_name = "NAME")]
+    pub time_zone: Option<String>,
     /// Place of the eye of `view`: longitude, latitude, and metres above the ground or the roof there
     #[arg(long, value_name = "LON,LAT,H", value_parser = parse_eye, allow_hyphen_values = true)]
     pub from: Option<[f64; 3]>,
@@ -58,7 +78,16 @@ pub struct AnalyseArgs {
     /// Height of the planned building of --of above the ground, in metres
     #[arg(long, value_name = "M", requires = "of", value_parser = parse_height, allow_hyphen_values = true)]
     pub height: Option<f64>,
-    /// Heights above the ground of the points on walls, in metres [default: those of the rule, 1.6 for the sky]
+    /// Protected vistas, for what breaks into them: a GeoJSON file with a line from the viewpoint to the target of each, with their heights
+    /// above sea level, and the corridor's width there as `width_m`, or its angle as `angle_deg`. The raster has metres above the plane;
+    /// the table of --buildings has a row for each building that rises above it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["from", "of"])]
+    pub vista: Option<PathBuf>,
+    /// Lines of sight of `view` from each point of a table to each of another one; --out is a table, too: whether the line is free, what
+    /// stands in the way first, and by how much it passes above all else. Columns are those of --points
+    #[arg(long, num_args = 2, value_names = ["FILE.csv", "FILE.csv"], conflicts_with_all = ["from", "of", "vista"])]
+    pub between: Vec<PathBuf>,
+    /// Heights above the ground of the points on walls, in metres [default: those of the rule, 1.6 for the sky, 5 for `solar`]
     #[arg(long, value_name = "M,M", value_delimiter = ',', value_parser = parse_height, allow_hyphen_values = true)]
     pub wall_heights: Vec<f64>,
     /// Distance around the area of --bbox or the points within which obstacles count, in metres
@@ -83,4 +112,9 @@ fn parse_height(text: &str) -> Result<f64, String> {
 fn parse_reach(text: &str) -> Result<f64, String> {
     let reach = text.trim().parse().ok().filter(|reach| (0.0..=100_000.0).contains(reach));
     reach.ok_or_else(|| "expected metres, 0 to 100000".to_owned())
+}
+
+fn parse_turbidity(text: &str) -> Result<f64, String> {
+    let turbidity = text.trim().parse().ok().filter(|turbidity| (1.0..=20.0).contains(turbidity));
+    turbidity.ok_or_else(|| "expected 1 to 20".to_owned())
 }

@@ -26,23 +26,32 @@ pub(super) fn read_polygons(
     if !is_valid || polygons.is_empty() {
         return Err(wrong("no GeoJSON polygon, in degrees or in metres of the city's coordinate system"));
     }
-    let points = || polygons.iter().flatten().flatten();
-    let is_in_degrees = points().all(|[x, y]| x.abs() <= 180.0 && y.abs() <= 90.0);
+    bring_to_map(&mut polygons.iter_mut().flatten().flatten().collect::<Vec<_>>(), city, place).map_err(wrong)?;
+    Ok(polygons)
+}
+
+/// Brings the points of a file to the map of a city with these bounds: they may be in degrees, or in metres of the city. Fails if their
+/// places cannot be known.
+pub(super) fn bring_to_map(
+    points: &mut [&mut [f64; 2]],
+    city: [[f64; 2]; 2],
+    place: Option<&EarthPlace>,
+) -> Result<(), &'static str> {
+    let is_in_degrees = points.iter().all(|[x, y]| x.abs() <= 180.0 && y.abs() <= 90.0);
     let bounds = [0, 1].map(|axis| {
-        let along = points().map(|point| point[axis]);
+        let along = points.iter().map(|point| point[axis]);
         along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
     });
     let is_in_city = (0..2).all(|axis| bounds[axis][0] <= city[1][axis] && city[0][axis] <= bounds[axis][1]);
     if !is_in_degrees || is_in_city {
-        return Ok(polygons);
+        return Ok(());
     }
-    let place = place.ok_or_else(|| {
-        wrong("it is in degrees, but it is not known where on Earth this city lies: write it in metres of the city")
-    })?;
-    for point in polygons.iter_mut().flatten().flatten() {
-        *point = place.on_map(*point).ok_or_else(|| wrong("it is out of the city's coordinate system"))?;
+    let place = place
+        .ok_or("it is in degrees, but it is not known where on Earth this city lies: write it in metres of the city")?;
+    for point in points {
+        **point = place.on_map(**point).ok_or("it is out of the city's coordinate system")?;
     }
-    Ok(polygons)
+    Ok(())
 }
 
 /// Adds the polygons of a collection, a feature or a geometry; `None` if one is malformed.

@@ -77,6 +77,7 @@ async fn drawings_are_those_of_the_command() {
             is_checked: false,
             is_sheet: false,
             date: String::new(),
+            note: String::new(),
             color_by: None,
             limits: DrawLimits::default(),
         };

@@ -386,6 +386,7 @@ mod tests {
             paper: [255; 3],
             ink: [0; 3],
             objects: vec![house],
+            picture: None,
             sheet: vec![SheetItem::Text { at: [5.0, 5.0], size_mm: 2.0, anchor: TextAnchor::Middle, text: "N".into() }],
             counts: DrawingCounts::default(),
             largest_overlap: None,

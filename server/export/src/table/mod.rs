@@ -44,6 +44,7 @@ use output::OutputFile;
 use record::{Field, Record};
 use roaring::RoaringBitmap;
 use std::{
+    collections::HashMap,
     fs::File,
     path::{Path, PathBuf},
 };
@@ -82,17 +83,25 @@ pub struct TableOptions {
     pub keeps_parts: bool,
 }
 
+/// Numbers of objects that are none of the city's, as columns of a table.
+#[derive(Debug, Clone, Default)]
+pub struct AddedValues {
+    pub names: Vec<String>,
+    /// By the number of the object, in the order of the names.
+    pub values: HashMap<u32, Vec<Option<f64>>>,
+}
+
 /// Writes a row for each selected object of `plan`. Fails if tiles cannot be read or the file cannot be written.
 pub(crate) fn write(
     city: &City<'_>,
     format: Format,
     plan: &Plan,
     projections: &Projections<'_>,
-    options: TableOptions,
+    (options, added): (TableOptions, &AddedValues),
     out: &Path,
 ) -> Result<ExportReport, ExportError> {
     let mut report = ExportReport::new(city.source);
-    let fields = record::fields(city.source.schema());
+    let fields = record::fields(city.source.schema(), &added.names);
     let (output, file) = OutputFile::create(out)?;
     let attribution = report.attribution.clone();
     let title = &city.manifest.title;
@@ -105,7 +114,7 @@ pub(crate) fn write(
         Format::FlatGeobuf => Box::new(flatgeobuf::Writer::new(&setup, file)?),
         _ => Box::new(csv::Writer::new(&setup, file)?),
     };
-    write_records(city, plan, writer.as_mut(), &mut report)?;
+    write_records(city, plan, added, writer.as_mut(), &mut report)?;
     report.bytes = output.commit(writer.finish()?)?;
     report.files.push(out.to_owned());
     match format {
@@ -128,6 +137,7 @@ pub(crate) fn write(
 fn write_records(
     city: &City<'_>,
     plan: &Plan,
+    added: &AddedValues,
     writer: &mut dyn RecordWriter,
     report: &mut ExportReport,
 ) -> Result<(), ExportError> {
@@ -145,7 +155,8 @@ fn write_records(
         }
         of_parts.complete(&mut attributes);
         let parent = parent.map(|parent| parent.identifier);
-        let record = Record { object, identifier, parent, kind, footprint, attributes };
+        let added = added.values.get(&object).cloned().unwrap_or_default();
+        let record = Record { object, identifier, parent, kind, footprint, attributes, added };
         match writer.write(&record)? {
             Some(reason) => report.skip(reason),
             None => {

@@ -18,6 +18,8 @@ pub(crate) struct Record {
     pub(crate) footprint: Option<Footprint>,
     /// Indices of attributes in the schema, ascending, with their values.
     pub(crate) attributes: Vec<(u32, Value)>,
+    /// Numbers that are none of the city's.
+    pub(crate) added: Vec<Option<f64>>,
 }
 
 /// What a column has.
@@ -32,6 +34,8 @@ enum Content {
     Height,
     Area,
     Attribute(u32),
+    /// A number that is none of the city's: by its place.
+    Added(u32),
 }
 
 /// A column of the table.
@@ -61,7 +65,9 @@ const RESERVED: [&str; 5] = ["geometry", "bbox", "wkt", "fid", "id"];
 
 /// The columns of a city's table: the common ones, and one for each attribute of the schema in the order in which attributes are shown.
 /// An attribute whose name is taken gets a number: `height_m_2`.
-pub(crate) fn fields(schema: &Schema) -> Vec<Field> {
+///
+/// Between them are those of numbers that are none of the city's, by their names.
+pub(crate) fn fields(schema: &Schema, added: &[String]) -> Vec<Field> {
     let mut taken: BTreeSet<String> = RESERVED.iter().map(|name| (*name).to_owned()).collect();
     let mut fields: Vec<Field> = COMMON
         .iter()
@@ -75,6 +81,11 @@ pub(crate) fn fields(schema: &Schema) -> Vec<Field> {
             }
         })
         .collect();
+    for (number, name) in (0u32..).zip(added) {
+        taken.insert(name.to_lowercase());
+        let (name, value_type, content) = (name.clone(), ValueType::Float, Content::Added(number));
+        fields.push(Field { name, value_type, unit: None, content });
+    }
     for (index, attribute) in
         schema.display_order().into_iter().filter_map(|index| Some((index, schema.attributes.get(index)?)))
     {
@@ -119,6 +130,7 @@ impl Record {
             Content::RoofZ => metres(&|footprint| footprint.z_m[1]),
             Content::Height => metres(&|footprint| footprint.z_m[1] - footprint.z_m[0]),
             Content::Area => metres(&|footprint| footprint.area_m2),
+            Content::Added(at) => self.added.get(at as usize).copied().flatten().map(Value::Float),
             Content::Attribute(_) => None,
         }
     }
@@ -140,7 +152,7 @@ mod tests {
         for name in ["Kind", "kind_2", "ID", "year"] {
             builder.add(name, &Value::Integer(1));
         }
-        let fields = fields(&builder.finish(1));
+        let fields = fields(&builder.finish(1), &[]);
         let names: Vec<&str> = fields.iter().skip(8).map(|field| field.name.as_str()).collect();
         // The year is told first.
         assert_eq!(names, ["year", "Kind_2", "kind_2_2", "ID_2"]);
@@ -152,7 +164,7 @@ mod tests {
         builder.add("a", &Value::Integer(1));
         builder.add("b", &Value::Bool(true));
         builder.add("c", &Value::Float(2.5));
-        let fields = fields(&builder.finish(1));
+        let fields = fields(&builder.finish(1), &["Sun_hours".to_owned(), "A".to_owned()]);
         let record = Record {
             object: 7,
             identifier: "x".into(),
@@ -160,12 +172,14 @@ mod tests {
             kind: FeatureKind::Bridge,
             footprint: None,
             attributes: vec![(0, Value::Integer(4)), (2, Value::Float(0.5))],
+            added: vec![Some(1.5), None],
         };
         let values: Vec<String> = record
             .values(&fields)
             .into_iter()
             .map(|value| value.map(|value| value.to_string()).unwrap_or_default())
             .collect();
-        assert_eq!(values, ["7", "x", "", "bridge", "", "", "", "", "4", "", "0.5"]);
+        assert_eq!(fields[10].name, "a_2", "the name of an attribute was taken");
+        assert_eq!(values, ["7", "x", "", "bridge", "", "", "", "", "1.5", "", "4", "", "0.5"]);
     }
 }

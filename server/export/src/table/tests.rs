@@ -1,18 +1,23 @@
 //! Exports of a small city, read back.
 
 use super::{
-    ExportError, ExportReport, TableOptions,
+    AddedValues, ExportError, ExportReport, TableOptions,
     test_city::{BRIDGE, BUILDING, COURT, GHOST, HEDGE, HOUSE, ORIGIN, PARTS, TestCity},
 };
 use crate::{
-    file::export,
+    file::{export, export_values},
     format::{Format, PlaneDefinition, Projections},
     selection::ObjectSelection,
 };
 use arrow_array::{Array, BinaryArray, BooleanArray, Date32Array, Float64Array, Int64Array, StringArray, StructArray};
 use flatgeobuf::{FallibleStreamingIterator, FeatureProperties, FgbReader};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
-use std::{collections::BTreeMap, fs::File, io::BufReader, path::PathBuf};
+use std::{
+    collections::{BTreeMap, HashMap},
+    fs::File,
+    io::BufReader,
+    path::PathBuf,
+};
 
 struct Exported {
     report: ExportReport,
@@ -300,6 +305,23 @@ fn flatgeobuf_has_an_index_and_types() {
     assert_eq!(feature.property::<f64>("area_m2").unwrap(), 80.0);
     assert!(feature.property::<bool>("listed").unwrap());
     assert!(features.next().unwrap().is_none());
+}
+
+#[test]
+fn values_of_an_analysis_are_columns_beside_the_attributes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sun.fgb");
+    let values = HashMap::from([(HOUSE, vec![Some(2.5), None])]);
+    let added = AddedValues { names: vec!["sun_hours".to_owned(), "share".to_owned()], values };
+    let city = TestCity::new(true);
+    let report = export_values(&city, Format::FlatGeobuf, &added, &Projections::default(), &path).unwrap();
+    assert_eq!(report.objects, 1);
+    let reader = FgbReader::open(BufReader::new(File::open(&path).unwrap())).unwrap();
+    let mut features = reader.select_all().unwrap();
+    let feature = features.next().unwrap().unwrap();
+    assert_eq!(feature.property::<String>("identifier").unwrap(), "b-a");
+    assert_eq!(feature.property::<f64>("sun_hours").unwrap(), 2.5);
+    assert!(feature.property::<f64>("share").is_err() && feature.property::<i64>("year").unwrap() == 1894);
 }
 
 #[test]

@@ -1,0 +1,195 @@
+//! What `analyse` writes, and what it says of it.
+
+use super::{
+    super::{error::CommandError, output::print},
+    Answer, Files, Question,
+    checks::{is_flatgeobuf, is_geojson},
+    sheet,
+};
+use crate::args::Analysis;
+use insula_analysis::{
+    buildings::{BuildingValues, CityValues, Columns, PlaceValues, added_values, sum_up, write_table},
+    outlines::outlines,
+    surface::CitySurface,
+};
+use insula_archive::new_file::replace;
+use insula_bake::read::EarthPlace;
+use insula_export::{
+    file::export_values,
+    format::{Format, Projections},
+    raster::{CellExtent, NODATA, write_raster},
+};
+use insula_protocol::text::{count, human_bytes, printable};
+use std::path::Path;
+
+/// Writes an answer and says what it is. Fails if a file cannot be written.
+pub(super) fn write(
+    question: &Question,
+    surface: &CitySurface,
+    answer: Answer,
+    files: &Files,
+) -> Result<(), CommandError> {
+    let answer = answer.within(surface, question.extent);
+    let out = &files.out;
+    let written = match is_geojson(out) {
+        true => write_polygons(question, &answer, surface, out)?,
+        false => write_cells(question, &answer, surface, out)?,
+    };
+    if let Some(path) = &files.pdf {
+        sheet::write(question, &answer, surface, path)?;
+    }
+    if let Some(table) = &answer.table {
+        let path = question.args.buildings.as_ref();
+        path.map_or(Ok(()), |path| write_bytes(path, table))?;
+        print(&text(question, &answer, None, &written, files));
+        return Ok(());
+    }
+    let values = sum_up(surface, &answer.tops, &answer.points, &answer.walls, answer.asked);
+    if let Some(path) = &question.args.buildings {
+        write_buildings(question, &values, &answer, path)?;
+    }
+    print(&text(question, &answer, Some(&values), &written, files));
+    Ok(())
+}
+
+/// Writes a table of buildings, as FlatGeobuf with their footprints if its name says so. Fails if it cannot be written.
+fn write_buildings(
+    question: &Question,
+    values: &CityValues<'_>,
+    answer: &Answer,
+    path: &Path,
+) -> Result<(), CommandError> {
+    let columns = Columns { what: answer.column, has_asked: answer.asked.is_some(), total: answer.total };
+    if is_flatgeobuf(path) {
+        let projections = Projections { epsg: question.place.and_then(EarthPlace::epsg), ..Projections::default() };
+        let added = added_values(values, columns);
+        return export_values(question.source, Format::FlatGeobuf, &added, &projections, path)
+            .map(|report| report.warnings.iter().for_each(|warning| eprintln!("note: {}", printable(warning))))
+            .map_err(|error| CommandError::Export { path: path.to_owned(), reason: error.to_string() });
+    }
+    let failed = |error: std::io::Error| CommandError::Write { path: path.to_owned(), reason: error.to_string() };
+    let mut bytes = Vec::new();
+    write_table(values, columns, &mut bytes).map_err(failed)?;
+    write_bytes(path, &bytes)
+}
+
+fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), CommandError> {
+    replace(path, bytes).map_err(|error| CommandError::Write { path: path.to_owned(), reason: error.to_string() })
+}
+
+/// Writes the values as a raster. Fails if it cannot be written.
+fn write_cells(
+    question: &Question,
+    answer: &Answer,
+    surface: &CitySurface,
+    out: &Path,
+) -> Result<Written, CommandError> {
+    let source = question.source;
+    let projections = Projections { epsg: question.place.and_then(EarthPlace::epsg), ..Projections::default() };
+    let title = format!("{}: {}", source.manifest().title, answer.title);
+    let mut part = |part: CellExtent| {
+        let cells = (0..part.len() as usize).map(|i| {
+            let [x, y] = [i % part.size[0] as usize, i / part.size[0] as usize].map(|v| v as u32);
+            let value = answer.tops[surface.extent.index([part.min[0] + x, part.min[1] + y])];
+            if value.is_nan() { NODATA } else { value }
+        });
+        Ok(cells.collect())
+    };
+    let report = write_raster(source, question.extent, &projections, None, &title, out, &mut part)
+        .map_err(|error| CommandError::Export { path: out.to_owned(), reason: error.to_string() })?;
+    report.warnings.iter().for_each(|warning| eprintln!("note: {}", printable(warning)));
+    Ok(Written { bytes: report.bytes, attribution: report.attribution })
+}
+
+/// Writes the areas of an answer as polygons in degrees (RFC 7946). Fails if it is not known where the city lies, or if the file
+/// cannot be written.
+fn write_polygons(
+    question: &Question,
+    answer: &Answer,
+    surface: &CitySurface,
+    out: &Path,
+) -> Result<Written, CommandError> {
+    let unknown = "it is not known where on Earth this city lies: write a .tif";
+    let place = question.place.ok_or_else(|| CommandError::Usage(unknown.to_owned()))?;
+    let is_in: Vec<bool> = answer.tops.iter().map(|value| *value > answer.area_from).collect();
+    let degrees = |[x, y]: &[u32; 2]| {
+        let corner = [x, y].map(|v| f64::from(*v) * surface.cell_m);
+        // Decimals of a degree below a centimetre.
+        let round = |degrees: f64| (degrees * 1e7).round() / 1e7;
+        place.lon_lat([0, 1].map(|k| surface.corner[k] + corner[k])).map(|place| place.map(round))
+    };
+    let ring = |ring: &Vec<[u32; 2]>| ring.iter().chain(ring.first()).map(degrees).collect::<Option<Vec<_>>>();
+    let polygons = outlines(&is_in, surface.size()[0]);
+    let polygons: Option<Vec<_>> =
+        polygons.iter().map(|rings| rings.iter().map(ring).collect::<Option<Vec<_>>>()).collect();
+    let polygons = polygons.ok_or_else(|| CommandError::Usage(unknown.to_owned()))?;
+    let attribution = insula_export::table::attribution(question.source.manifest());
+    let collection = serde_json::json!({
+        "type": "FeatureCollection",
+        "attribution": attribution,
+        "features": [{
+            "type": "Feature",
+            "properties": { "title": answer.title },
+            "geometry": { "type": "MultiPolygon", "coordinates": polygons },
+        }],
+    });
+    let bytes = collection.to_string().into_bytes();
+    replace(out, &bytes).map_err(|error| CommandError::Write { path: out.to_owned(), reason: error.to_string() })?;
+    Ok(Written { bytes: bytes.len() as u64, attribution })
+}
+
+/// An output that was written.
+struct Written {
+    bytes: u64,
+    attribution: String,
+}
+
+/// What was written and what it says.
+fn text(
+    question: &Question,
+    answer: &Answer,
+    values: Option<&CityValues<'_>>,
+    written: &Written,
+    files: &Files,
+) -> String {
+    let (args, attribution) = (question.args, &written.attribution);
+    let mut lines = vec![format!("wrote {} ({})", files.out.display(), human_bytes(written.bytes))];
+    if let Some(path) = &args.buildings {
+        let has_values = |row: &&BuildingValues| row.roof.count + row.walls.count > 0;
+        let number = values.map(|values| values.buildings.iter().filter(has_values).count() as u64);
+        let number = number.map(|number| format!(" ({})", count(number, "building"))).unwrap_or_default();
+        lines.push(format!("wrote {}{number}", path.display()));
+    }
+    lines.extend(files.pdf.iter().map(|path| format!("wrote {}", path.display())));
+    lines.extend(answer.notes.iter().map(|note| printable(note).to_string()));
+    let parts = values.map(|city| [("roofs", &city.roofs), ("walls", &city.walls), ("ground", &city.ground)]);
+    for (name, part) in parts.into_iter().flatten() {
+        lines.extend(summary(args.what, answer.column, part, answer.asked).map(|summary| format!("{name}: {summary}")));
+    }
+    if !attribution.is_empty() {
+        lines.push(format!("name the source wherever this is shown: {}", printable(attribution)));
+    }
+    lines.iter().map(|line| format!("{line}\n")).collect()
+}
+
+/// The values of one kind of place in words; `None` without a value.
+pub(super) fn summary(what: Analysis, unit: &str, values: &PlaceValues, asked: Option<f64>) -> Option<String> {
+    let mean = values.mean()?;
+    let percent = |share: f64| format!("{:.1}%", share * 100.0);
+    Some(match what {
+        Analysis::Sun => {
+            let [sign, what] = if unit == "percent" { ["%", "probable sunlight"] } else { [" h", "sun"] };
+            let text = format!("{mean:.2}{sign} of {what} on average, {:.2} to {:.2}", values.least, values.most);
+            let reaching = asked.zip(values.share());
+            let reaching =
+                reaching.map(|(asked, share)| format!("; {} reach the {asked}{sign} asked for", percent(share)));
+            text + &reaching.unwrap_or_default()
+        }
+        Analysis::Sky => format!("{mean:.3} on average, {:.3} to {:.3}", values.least, values.most),
+        Analysis::Solar => {
+            format!("{mean:.0} kWh/m2 a year on average, {:.0} to {:.0}", values.least, values.most)
+        }
+        Analysis::Shadow => format!("{} in shadow", percent(mean)),
+        Analysis::View => format!("{} seen", percent(mean)),
+    })
+}

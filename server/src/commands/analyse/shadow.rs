@@ -1,0 +1,69 @@
+//! Shadows at the times of `--time` and `--times`.
+
+use super::{super::error::CommandError, Answer, Files};
+use crate::args::AnalyseArgs;
+use insula_analysis::{
+    clock::{Moment, TimeSystem},
+    sun::{Bearing, Site},
+    sun_hours::shadow,
+    surface::CitySurface,
+};
+use std::path::{Path, PathBuf};
+
+/// Most times of one run: each is a file.
+const MAX_TIMES: usize = 1000;
+
+/// Which times `shadow` is asked for, and the files of each: with the time in their names if there are several.
+pub(super) fn files(args: &AnalyseArgs) -> Result<Vec<(Moment, Files)>, CommandError> {
+    let moments = moments(args)?;
+    let own = Files::of(args);
+    match moments.len() {
+        0 => Err(CommandError::Usage("shadow needs --time, as in 2025-12-21T10:00+01:00, or --times".to_owned())),
+        1 => Ok(moments.into_iter().map(|moment| (moment, own.clone())).collect()),
+        _ => {
+            let files = |moment: &Moment| Files {
+                out: with_time(&own.out, moment),
+                pdf: own.pdf.as_deref().map(|path| with_time(path, moment)),
+            };
+            Ok(moments.into_iter().map(|moment| (moment.clone(), files(&moment))).collect())
+        }
+    }
+}
+
+fn with_time(path: &Path, moment: &Moment) -> PathBuf {
+    let [stem, extension] = [path.file_stem(), path.extension()].map(Option::unwrap_or_default);
+    let [stem, extension] = [stem, extension].map(|part| part.to_string_lossy());
+    path.with_file_name(format!("{stem}-{}.{extension}", moment.at.format("%Y-%m-%dT%H%M")))
+}
+
+fn moments(args: &AnalyseArgs) -> Result<Vec<Moment>, CommandError> {
+    let wrong = |option: &str, reason: String| CommandError::Usage(format!("{option}: {reason}"));
+    let system = args.time_zone.as_deref().map_or(Ok(TimeSystem::MeanSolar), TimeSystem::parse);
+    let system = system.map_err(|reason| wrong("--time-zone", reason))?;
+    let single = args.time.iter().map(|text| Moment::parse(text, &system));
+    let mut moments = single.collect::<Result<Vec<_>, _>>().map_err(|reason| wrong("--time", reason))?;
+    if let Some(text) = &args.times {
+        moments.extend(
+            Moment::range(text, &system, MAX_TIMES).map_err(|reason| wrong("--times", format!("{text}: {reason}")))?,
+        );
+    }
+    if moments.len() > MAX_TIMES {
+        return Err(wrong("--times", format!("{} times, of which {MAX_TIMES} fit in one run", moments.len())));
+    }
+    Ok(moments)
+}
+
+/// The shadow at a time.
+pub(super) fn at(surface: &CitySurface, site: &Site, moment: &Moment) -> Result<Answer, CommandError> {
+    let sun = site.sun_at(moment);
+    let sun = sun.ok_or_else(|| CommandError::Usage(format!("{moment}: the sun's place is not known")))?;
+    let dark = shadow(surface, sun);
+    Ok(Answer { notes: vec![sun_text(sun)], ..Answer::of_places(surface, &dark, format!("shadow at {moment}")) })
+}
+
+fn sun_text(sun: Bearing) -> String {
+    if sun.altitude_deg <= 0.0 {
+        return "the sun is below the horizon: all lies in shadow".to_owned();
+    }
+    format!("the sun stands at {:.1} degrees, {:.1} above the horizon", sun.azimuth_deg, sun.altitude_deg)
+}

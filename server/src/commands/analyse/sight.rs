@@ -1,0 +1,57 @@
+//! Lines of sight between the points of two tables.
+
+use super::{
+    super::{error::CommandError, output::print},
+    sun::{GROUND_M, ground_of, read_points},
+};
+use crate::args::AnalyseArgs;
+use insula_analysis::{
+    points::{Point, around},
+    rays::CityTriangles,
+    sight::{MAX_LINES, sights, write_table},
+};
+use insula_archive::new_file::replace;
+use insula_bake::read::EarthPlace;
+use insula_export::{source::ExportSource, table::ExportError};
+use insula_protocol::text::{count, printable};
+use std::path::PathBuf;
+
+/// Writes the lines from each point of a table to each of another one. Fails if the city cannot be read or the output not be written.
+pub(super) fn between(
+    args: &AnalyseArgs,
+    tables: [&PathBuf; 2],
+    source: &dyn ExportSource,
+    place: Option<&EarthPlace>,
+) -> Result<(), CommandError> {
+    let [from, to] = tables.map(|path| read_points("--between", path, place));
+    let (from, to) = (from?, to?);
+    let number = from.len().saturating_mul(to.len());
+    if number > MAX_LINES {
+        let reason = format!("--between: {number} lines, of which {MAX_LINES} fit in one run; choose fewer points");
+        return Err(CommandError::Usage(reason));
+    }
+    let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
+    let all: Vec<Point> = from.iter().chain(&to).cloned().collect();
+    let city = CityTriangles::read(source, around(&all, 1.0)).map_err(failed)?;
+    let ground = ground_of(source, &all, GROUND_M).map_err(failed)?;
+    let ends = |points| -> Vec<_> {
+        let ends = |point| (point, Point::position(point, &city, ground.as_ref()));
+        <[Point]>::iter(points).map(ends).collect()
+    };
+    let (from, to) = (ends(&from), ends(&to));
+    let lines = sights(&city, ground.as_ref(), &from, &to);
+    let unwritten = |error: std::io::Error| CommandError::Write { path: args.out.clone(), reason: error.to_string() };
+    let mut bytes = Vec::new();
+    write_table(source, [&from, &to], &lines, &mut bytes).map_err(failed)?.map_err(unwritten)?;
+    replace(&args.out, &bytes).map_err(unwritten)?;
+    let free = lines.iter().flatten().filter(|line| line.obstacle.is_none()).count();
+    let beyond = lines.iter().filter(|line| line.is_none()).count();
+    let mut text = format!("wrote {} ({})\n", printable(&args.out.display().to_string()), count(number as u64, "line"));
+    text += &format!("{free} of them are free\n");
+    if beyond > 0 {
+        let lines = count(beyond as u64, "line");
+        text += &format!("{lines} with an end without a surface to measure its height from: beyond the city?\n");
+    }
+    print(&text);
+    Ok(())
+}

@@ -1,0 +1,208 @@
+//! Hours of sun by a rule: of a whole city, and at the points of a table.
+
+use super::{
+    super::{error::CommandError, output::print},
+    Answer,
+    files::summary,
+    site_of,
+};
+use crate::args::{AnalyseArgs, Analysis};
+use image::ImageFormat;
+use insula_analysis::{
+    buildings::PlaceValues,
+    evidence::Evidence,
+    points::{Point, PointHeight, PointSun, around, parse_points, sun_at_points, write_table},
+    rays::CityTriangles,
+    rule::{DayMode, Measure, Rule},
+    sun::Site,
+    sun_hours::sun_hours,
+    surface::CitySurface,
+};
+use insula_archive::{file::read_text, new_file::replace};
+use insula_bake::read::EarthPlace;
+use insula_export::{
+    source::ExportSource,
+    table::{ExportError, attribution},
+};
+use insula_protocol::text::{count, printable};
+use std::{io::Cursor, path::Path};
+
+/// How far around points the ground is read.
+pub(super) const GROUND_M: f64 = 20.0;
+/// Largest file of points.
+const MAX_POINTS_BYTES: u64 = 256 << 20;
+/// Most pictures of one run: each takes a second.
+const MAX_PICTURES: usize = 1000;
+/// Largest file of a rule.
+const MAX_RULE_BYTES: u64 = 1 << 20;
+
+pub(super) fn sun(
+    args: &AnalyseArgs,
+    surface: &mut CitySurface,
+    site: &Site,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Answer, CommandError> {
+    let rule = rule(args)?;
+    let hours = sun_hours(surface, site, &rule, progress);
+    Ok(Answer {
+        tops: hours.tops,
+        points: hours.wall_points,
+        walls: hours.walls,
+        asked: rule.asked,
+        notes: notes_of(&rule),
+        title: rule.title,
+        column: rule.measure.unit(),
+        ..Answer::default()
+    })
+}
+
+/// The rule of `--rule`. Fails if there is none of its name, and no such file.
+fn rule(args: &AnalyseArgs) -> Result<Rule, CommandError> {
+    let names = || Rule::names().collect::<Vec<_>>().join(", ");
+    let text = args
+        .rule
+        .as_deref()
+        .ok_or_else(|| CommandError::Usage(format!("sun needs --rule: {}, or a TOML file", names())))?;
+    let mut rule = match Rule::built_in(text) {
+        Some(rule) => rule,
+        None => read_rule(Path::new(text))
+            .map_err(|reason| CommandError::Usage(format!("--rule {text}: {reason}; built in are {}", names())))?,
+    };
+    if !args.wall_heights.is_empty() {
+        rule.wall_heights_m.clone_from(&args.wall_heights);
+    }
+    Ok(rule)
+}
+
+/// What a rule says, in sentences.
+fn notes_of(rule: &Rule) -> Vec<String> {
+    let mut notes =
+        vec![format!("rule: {} ({})", rule.title, rule.source), format!("the rule's hours are those of {}", rule.time)];
+    if rule.left_out > 0 {
+        let each = count(rule.days.len() as u64, "day");
+        notes.push(format!("{each} of the rule's {} were computed", rule.days.len() + rule.left_out));
+    }
+    match rule.measure {
+        Measure::Hours => {}
+        Measure::ProbableSunlight(Some(_)) => notes.push(
+            "an hour of sun counts by the mean sunshine of its month, all hours of the month alike; BR 209 has it by hours"
+                .to_owned(),
+        ),
+        Measure::ProbableSunlight(None) => {
+            notes.push("all hours of sun count alike: the rule has no sunshine_hours, so clouds are left out".to_owned());
+        }
+    }
+    if rule.days.len() > 1 && rule.measure == Measure::Hours {
+        let which = match rule.day_mode {
+            DayMode::Least => "hours are those of the day with the least sun",
+            DayMode::Most => "hours are those of the day with the most sun",
+            DayMode::Sum => "hours are those of all days together",
+        };
+        notes.push(which.to_owned());
+    }
+    notes
+}
+
+/// The points of a table. Fails with what is wrong with it.
+pub(super) fn read_points(option: &str, path: &Path, place: Option<&EarthPlace>) -> Result<Vec<Point>, CommandError> {
+    let wrong = |reason: String| CommandError::Usage(format!("{option} {}: {reason}", path.display()));
+    let text = read_text(path, MAX_POINTS_BYTES).map_err(|error| wrong(error.to_string()))?;
+    parse_points(&text, &|degrees| place?.on_map(degrees)).map_err(wrong)
+}
+
+/// The ground around points, if one of them needs it: a surface of the whole city takes long.
+pub(super) fn ground_of(
+    source: &dyn ExportSource,
+    points: &[Point],
+    reach_m: f64,
+) -> Result<Option<CitySurface>, ExportError> {
+    let needs_ground = points.iter().any(|point| matches!(point.height, PointHeight::AboveTop(_)));
+    needs_ground.then(|| CitySurface::read(source, Some(around(points, reach_m)))).transpose()
+}
+
+/// The city and who must be named.
+fn credit(source: &dyn ExportSource) -> String {
+    let attribution = attribution(source.manifest());
+    let title = &source.manifest().title;
+    if attribution.is_empty() { title.clone() } else { format!("{title}: {attribution}") }
+}
+
+/// Writes a picture of each point that has a place, and returns how many. Fails if there are too many, or if one cannot be written.
+fn write_pictures(
+    evidence: &Evidence<'_>,
+    points: &[Point],
+    suns: &[Option<PointSun>],
+    folder: &Path,
+) -> Result<usize, CommandError> {
+    if points.len() > MAX_PICTURES {
+        let reason = format!("--evidence: {} points, of which {MAX_PICTURES} fit in one run", points.len());
+        return Err(CommandError::Usage(reason));
+    }
+    let failed = |error: &dyn std::fmt::Display, path: &Path| CommandError::Write {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    };
+    std::fs::create_dir_all(folder).map_err(|error| failed(&error, folder))?;
+    let mut number = 0;
+    for (i, (point, sun)) in points.iter().zip(suns).enumerate() {
+        let Some(sun) = sun else { continue };
+        let path = folder.join(picture_name(i + 1, &point.id));
+        let mut bytes = Cursor::new(Vec::new());
+        evidence.picture(point, sun).write_to(&mut bytes, ImageFormat::Png).map_err(|error| failed(&error, &path))?;
+        replace(&path, bytes.get_ref()).map_err(|error| failed(&error, &path))?;
+        number += 1;
+    }
+    Ok(number)
+}
+
+/// Name of a picture by the number of its point, with what of its identifier is good in a name.
+fn picture_name(number: usize, id: &str) -> String {
+    let good = |c: char| if c.is_alphanumeric() || c == '-' { c } else { '_' };
+    let id: String = id.chars().map(good).take(40).collect();
+    format!("{number:04}-{id}.png")
+}
+
+/// Hours of sun at the points of a table.
+pub(super) fn sun_at(
+    args: &AnalyseArgs,
+    path: &Path,
+    source: &dyn ExportSource,
+    place: Option<&EarthPlace>,
+) -> Result<(), CommandError> {
+    let rule = rule(args)?;
+    let points = read_points("--points", path, place)?;
+    let site = site_of(source)?;
+    let failed = |error: ExportError| CommandError::Export { path: args.city.clone(), reason: error.to_string() };
+    let city = CityTriangles::read(source, around(&points, args.reach)).map_err(failed)?;
+    let ground = ground_of(source, &points, GROUND_M).map_err(failed)?;
+    let suns = sun_at_points(&city, ground.as_ref(), &points, &site, &rule);
+    let failed = |error: std::io::Error| CommandError::Write { path: args.out.clone(), reason: error.to_string() };
+    let mut bytes = Vec::new();
+    write_table(&points, &suns, &rule, &mut bytes).map_err(failed)?;
+    replace(&args.out, &bytes).map_err(failed)?;
+    let mut lines = vec![format!("wrote {} ({})", args.out.display(), count(points.len() as u64, "point"))];
+    if let Some(folder) = &args.evidence {
+        let credit = credit(source);
+        let evidence = Evidence { city: &city, site: &site, rule: &rule, credit };
+        let number = write_pictures(&evidence, &points, &suns, folder)?;
+        lines.push(format!("wrote {} to {}", count(number as u64, "picture"), folder.display()));
+    }
+    lines.extend(notes_of(&rule));
+    let beyond = suns.iter().filter(|sun| sun.is_none()).count();
+    if beyond > 0 {
+        lines.push(format!(
+            "{} without a surface to measure the height from: beyond the city?",
+            count(beyond as u64, "point")
+        ));
+    }
+    let mut values = PlaceValues::default();
+    suns.iter().flatten().for_each(|sun| values.add(sun.value as f32, rule.asked));
+    lines.extend(summary(Analysis::Sun, rule.measure.unit(), &values, rule.asked));
+    print(&lines.iter().map(|line| format!("{}\n", printable(line))).collect::<String>());
+    Ok(())
+}
+
+fn read_rule(path: &Path) -> Result<Rule, String> {
+    let text = read_text(path, MAX_RULE_BYTES).map_err(|error| error.to_string())?;
+    Rule::parse(&text).map_err(|error| error.to_string())
+}
