@@ -10,6 +10,7 @@ mod component;
 mod controls;
 mod driver;
 mod faults;
+mod map_layer;
 mod objects;
 mod pictures;
 mod site;
@@ -87,9 +88,12 @@ const FULL: [(&str, Run); 24] = [
 ];
 
 /// Tests that need files of others, and the variable that names them.
-const WITH_FILES: [(&str, Run, &str); 4] = [
+const WITH_FILES: [(&str, Run, &str); 7] = [
     ("the_react_example_runs", component::the_react_example_runs, "INSULA_VENDOR"),
     ("the_maplibre_example_runs", component::the_maplibre_example_runs, "INSULA_VENDOR"),
+    ("a_map_has_the_native_picture", map_layer::a_map_has_the_native_picture, "INSULA_VENDOR"),
+    ("houses_hide_boxes_and_labels_of_a_map", map_layer::houses_hide_boxes_and_labels_of_a_map, "INSULA_VENDOR"),
+    ("a_map_survives_a_lost_context", map_layer::a_map_survives_a_lost_context, "INSULA_VENDOR"),
     ("axe_finds_nothing_serious", accessibility::axe_finds_nothing_serious, "INSULA_AXE"),
     ("cesium_draws_the_tileset", objects::cesium_draws_the_tileset, "INSULA_CESIUM"),
 ];
