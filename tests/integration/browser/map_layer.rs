@@ -1,20 +1,24 @@
 //! The city as a layer of a MapLibre map: the same picture and distances as the native client's, houses that hide what stands behind
-//! them, and a lost context. `INSULA_VENDOR` names the folder with MapLibre, as for the examples.
+//! them, and a lost context; and the same in a scene of three.js. `INSULA_VENDOR` names the folder with both, as for the examples.
 
-use super::{browser, component::ExampleSite, viewer::REACTION};
+use super::{
+    browser,
+    component::ExampleSite,
+    viewer::{CITY_COLOURS, REACTION},
+};
 use anyhow::{Context, Result, ensure};
 use image::{Rgb, RgbImage};
 use insula_tests::{
     browser::{
         Page, PageOptions,
-        city_page::FINAL,
+        city_page::{FINAL, colours},
         same_picture::{SharedView, TIME, native_with, share_of_same},
     },
     fixtures,
     pfm::Pfm,
 };
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The map is as wide as the page, without its margins.
 const PAGE: PageOptions = PageOptions { size: [640, 640], dark: false, touch: false };
@@ -96,10 +100,8 @@ impl MapPage {
     }
 
     fn keep(&self, name: &str) -> Result<RgbImage> {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("browser");
-        std::fs::create_dir_all(&folder)?;
         let picture = self.picture()?;
-        picture.save(folder.join(format!("{name}.png")))?;
+        picture.save(kept(name)?)?;
         Ok(picture)
     }
 
@@ -108,8 +110,7 @@ impl MapPage {
         let at = self.page.evaluate(&format!(
             "tools.find(height => {condition}).then(hit => (globalThis.{name} = hit, [hit.column, hit.row]))"
         ))?;
-        let number = |value: &Value| value.as_u64().map(|number| number as u32).context("no place");
-        Ok([number(&at[0])?, number(&at[1])?])
+        pixel(&at)
     }
 }
 
@@ -210,4 +211,56 @@ pub(super) fn a_map_survives_a_lost_context() -> Result<()> {
     ensure!(before.abs_diff(after) * 100 < before, "{before} pixels of the city, {after} after the loss");
     map.page.evaluate("map.setProjection({ type: 'globe' }); void map.jumpTo({ zoom: 4 })")?;
     map.page.wait_for_message("console", "globe")
+}
+
+/// A house of the scene: where its pixel is, and places before and behind its surface there.
+const FIND_HOUSE: &str = r"(async () => {
+    const { manifest } = city.caster, [low, high] = manifest.focus, { width, height } = renderer.domElement;
+    const origin = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, manifest.ground_z_m];
+    for (let y = 0.4; y > -0.8; y -= 0.07) for (let x = -0.6; x < 0.6; x += 0.07) {
+        const hit = await city.pick({ x, y });
+        if (!hit || hit.height - manifest.ground_z_m < 15) continue;
+        const at = city.localToWorld(new city.position.constructor(...hit.position.map((value, i) => value - origin[i])));
+        const away = at.clone().sub(camera.position).normalize();
+        globalThis.house = { before: at.clone().addScaledVector(away, -10), behind: at.clone().addScaledVector(away, 10) };
+        return [Math.floor((1 + x) / 2 * width), Math.floor((1 - y) / 2 * height)];
+    }
+    throw new Error('no house');
+})()";
+
+/// In a scene, too: a ball before a house is seen, and one behind its surface is not.
+pub(super) fn a_scene_has_the_city_in_it() -> Result<()> {
+    let (site, browser) = (ExampleSite::start()?, browser(false)?);
+    let page = browser.open_page(PAGE)?;
+    page.navigate(&site.url("three"))?;
+    page.wait_for("city.caster.frame?.isFinal", FINAL)?;
+    let [x, y] = pixel(&page.evaluate(FIND_HOUSE)?)?;
+    let picture = |place: &str| -> Result<RgbImage> {
+        // Of three metres. The picture is taken in the task that draws it.
+        let script = format!("ball.scale.setScalar(0.1), ball.position.copy(house.{place}), draw()");
+        let take = format!("new Promise(done => {{ {script}; renderer.domElement.toBlob(done); }})");
+        let picture = image::load_from_memory(&page.blob(&take)?)?.to_rgb8();
+        picture.save(kept(&format!("scene-{place}"))?)?;
+        Ok(picture)
+    };
+    let before = picture("before")?;
+    ensure!(is_red(before.get_pixel(x, y)), "{:?}: the ball is not before the house", before.get_pixel(x, y));
+    ensure!(colours(&before) >= CITY_COLOURS, "{} colours", colours(&before));
+    let behind = picture("behind")?;
+    ensure!(!is_red(behind.get_pixel(x, y)), "the ball is before the house");
+    ensure!(page.problems()?.is_empty(), "{:?}", page.problems()?);
+    Ok(())
+}
+
+/// Where a picture is kept for people.
+fn kept(name: &str) -> Result<PathBuf> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("browser");
+    std::fs::create_dir_all(&folder)?;
+    Ok(folder.join(format!("{name}.png")))
+}
+
+/// A pixel that a script has found.
+fn pixel(at: &Value) -> Result<[u32; 2]> {
+    let number = |value: &Value| value.as_u64().map(|number| number as u32).context("no place");
+    Ok([number(&at[0])?, number(&at[1])?])
 }
