@@ -41,8 +41,10 @@ class FramePost {
     this.#post(colours, colours.buffer, this.#step, this.#distances);
   }
 
-  rest(waitMs) {
+  rest(viewer, waitMs) {
     if (waitMs < REST_MS || this.#isResting || !this.#step?.isFinal) return;
+    // What the last frame has hit may ask for other tiles, which are on their way.
+    if (!JSON.parse(viewer.frame()).isSettled) return;
     this.#isResting = true;
     postMessage({ op: 'rest' });
   }

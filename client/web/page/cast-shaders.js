@@ -70,14 +70,15 @@ export const MOVED = {
   vertex: `${HEAD}
 uniform float pointSize;
 uniform int stride;
-out vec2 share;
+flat out vec3 rgb;
 void main() {
   ivec2 size = textureSize(distances, 0);
   int number = gl_VertexID + gl_InstanceID * ${RUN};
   int across = (size.x + stride - 1) / stride;
   ivec2 pixel = ivec2(number % across, number / across) * stride;
   float metres = all(lessThan(pixel, size)) ? texelFetch(distances, pixel, 0).r : 1e30;
-  share = (vec2(pixel) + 0.5) / vec2(size);
+  vec2 share = (vec2(pixel) + 0.5) / vec2(size);
+  rgb = textureLod(colours, share, 0.0).rgb;
   vec2 place = vec2(2.0 * share.x - 1.0, 1.0 - 2.0 * share.y);
   vec3 position = beside(place, metres);
   gl_Position = castToClip * vec4(position, 1.0);
@@ -87,11 +88,10 @@ void main() {
 }`,
   fragment: `#version 300 es
 precision highp float;
-uniform sampler2D colours;
-in vec2 share;
+flat in vec3 rgb;
 out vec4 colour;
 void main() {
-  colour = vec4(textureLod(colours, share, 0.0).rgb, 1.0);
+  colour = vec4(rgb, 1.0);
 }`,
 };
 

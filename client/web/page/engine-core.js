@@ -20,7 +20,7 @@ compiled.catch(() => {});
  * @property {(image: ImageData) => void} show A frame of the CPU is complete.
  * @property {(step: object) => void} [begin] A step of a frame begins.
  * @property {(step: object, hit: Uint32Array) => void} [rows] Rows were drawn: for each its nodes, then its distances.
- * @property {(waitMs: number) => void} [rest] Nothing is drawn for this time, unless something changes.
+ * @property {(viewer: CityViewer, waitMs: number) => void} [rest] Nothing is drawn for this time, unless something changes.
  * @property {(viewer: CityViewer, step: object) => Promise<void>} [drawn] The GPU is drawing a frame: called in the task that began it.
  */
 
@@ -146,7 +146,7 @@ export class Engine {
     this.#report();
     if (step.action === 'none') {
       this.#announceArrivals();
-      this.#screen.rest?.(step.waitMs);
+      this.#screen.rest?.(this.#viewer, step.waitMs);
       // Messages must be received although the loop goes on.
       if (step.waitMs === 0) await new Promise((resolve) => setTimeout(resolve, 10));
       return step.waitMs;

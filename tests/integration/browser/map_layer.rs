@@ -196,6 +196,32 @@ pub(super) fn houses_hide_boxes_and_labels_of_a_map() -> Result<()> {
     Ok(())
 }
 
+/// While a map moves, its last cast moves along: the picture is like that of a new cast.
+pub(super) fn a_moving_map_takes_its_last_cast_along() -> Result<()> {
+    let map = MapPage::open()?;
+    let before = map.picture()?;
+    map.page.evaluate(
+        "layer.caster.cast = () => {}; void map.jumpTo({ bearing: map.getBearing() + 6, zoom: map.getZoom() + 0.1 })",
+    )?;
+    let moved = map.keep("map-layer-moved")?;
+    map.page.evaluate("delete layer.caster.cast; map.triggerRepaint()")?;
+    map.page.wait_for("tools.idle()", FINAL)?;
+    let expected = map.keep("map-layer-moved-to")?;
+    let [moved, before] = [like(&expected, &moved), like(&expected, &before)];
+    println!("{moved:.3} of the picture is there at once, {before:.3} of it was before");
+    ensure!(
+        moved > 0.75 && moved > before + 0.15,
+        "{moved} of the picture is there at once, {before} of it was before"
+    );
+    Ok(())
+}
+
+/// Share of pixels of about the same colours.
+fn like(a: &RgbImage, b: &RgbImage) -> f64 {
+    let is_like = |(a, b): &(&Rgb<u8>, &Rgb<u8>)| a.0.iter().zip(b.0).all(|(a, b)| a.abs_diff(b) < 24);
+    a.pixels().zip(b.pixels()).filter(is_like).count() as f64 / a.pixels().len() as f64
+}
+
 /// A lost context comes back with the layer, and a globe is told to have none.
 pub(super) fn a_map_survives_a_lost_context() -> Result<()> {
     let map = MapPage::open()?;

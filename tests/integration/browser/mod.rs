@@ -91,13 +91,19 @@ const FULL: [(&str, Run); 24] = [
 ];
 
 /// Tests that need files of others, the variable that names their folder or file, and one of those in the folder.
-const WITH_FILES: [(&str, Run, &str, &str); 8] = [
+const WITH_FILES: [(&str, Run, &str, &str); 9] = [
     ("the_react_example_runs", component::the_react_example_runs, "INSULA_VENDOR", "react.production.min.js"),
     ("the_maplibre_example_runs", component::the_maplibre_example_runs, "INSULA_VENDOR", MAPLIBRE),
     ("a_map_has_the_native_picture", map_layer::a_map_has_the_native_picture, "INSULA_VENDOR", MAPLIBRE),
     (
         "houses_hide_boxes_and_labels_of_a_map",
         map_layer::houses_hide_boxes_and_labels_of_a_map,
+        "INSULA_VENDOR",
+        MAPLIBRE,
+    ),
+    (
+        "a_moving_map_takes_its_last_cast_along",
+        map_layer::a_moving_map_takes_its_last_cast_along,
         "INSULA_VENDOR",
         MAPLIBRE,
     ),
