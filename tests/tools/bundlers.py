@@ -7,7 +7,7 @@ CITY is a baked city whose manifest has a location, PROGRAM `insula-server`, FOL
 `client/web/dist/package`. A WAY is one of vite, vite-dev, webpack, esbuild, next, plain and types; without any, all are tried.
 
 npm packs the package and installs it with the newest bundlers from the registry. Each page is `bundlers/main.js` as it is: it draws the
-city, uses degrees, gives objects a colour and draws GeoJSON. `types` has no page: it compiles `bundlers/types.tsx`. Prints a line for each
+city, uses degrees, gives objects a colour, draws GeoJSON and casts without an element. `types` has no page: it compiles `bundlers/types.tsx`. Prints a line for each
 way, writes the pictures to the folder of `--out`, and exits with 1 if a build fails, a page has an error or a picture shows no city.
 """
 import argparse, contextlib, functools, http.server, json, os, pathlib, re, shutil, signal, subprocess, sys, tempfile, threading, time
@@ -50,10 +50,12 @@ def page(src):
     return HTML.format(title="city", head="", body=SCRIPT.format(src=src))
 
 
-IMPORT_MAP = '<script type="importmap">{"imports": {"@insula/viewer": "./node_modules/@insula/viewer/insula-city.js"}}</script>'
+IMPORTS = {"@insula/viewer": "city", **{f"@insula/viewer/{name}": name for name in ("caster", "maplibre", "three")}}
+IMPORTS = {name: f"./node_modules/@insula/viewer/insula-{file}.js" for name, file in IMPORTS.items()}
+IMPORT_MAP = f'<script type="importmap">{json.dumps({"imports": IMPORTS})}</script>'
 # esbuild copies no files that scripts name: workers and module are entries of their own.
-ESBUILD = ["npx", "esbuild", "main.js", "@insula/viewer/engine.js", "@insula/viewer/helper.js", "@insula/viewer/insula_web_bg.wasm",
-           "--bundle", "--format=esm", "--loader:.wasm=copy", "--entry-names=[name]", "--outdir=dist"]
+ESBUILD = ["npx", "esbuild", "main.js", "@insula/viewer/engine.js", "@insula/viewer/cast-engine.js", "@insula/viewer/helper.js",
+           "@insula/viewer/insula_web_bg.wasm", "--bundle", "--format=esm", "--loader:.wasm=copy", "--entry-names=[name]", "--outdir=dist"]
 TSC = ["npx", "tsc", "--noEmit", "--strict", "--target", "es2022", "--module", "esnext", "--moduleResolution", "bundler", "--jsx",
        "react-jsx", "types.tsx"]
 NEXT_FILES = {"app/page.jsx": NEXT_PAGE, "app/layout.jsx": NEXT_LAYOUT, "app/main.js": "main.js"}

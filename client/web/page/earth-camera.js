@@ -53,7 +53,7 @@ export function cameraText(grid, { lon, lat, height, heading, pitch, fov }) {
 }
 
 /** The axes of a camera's text: into the view, to its right, and to its top. */
-function axes(text) {
+export function axes(text) {
   const [x, y, z, azimuth, pitch, fov] = text.split(',').map(Number);
   const [sinA, cosA, sinP, cosP] = [Math.sin(rad(azimuth)), Math.cos(rad(azimuth)), Math.sin(rad(pitch)), Math.cos(rad(pitch))];
   const forward = [sinA * cosP, cosA * cosP, sinP];

@@ -32,9 +32,10 @@ export class EngineClient {
   /**
    * Starts a worker whose messages go to `onMessage`.
    * @param {(message: {op: string, [key: string]: unknown}) => void} onMessage
+   * @param {Worker} [worker] Another one than that of an element.
    */
-  constructor(onMessage) {
-    this.#worker = takeWorker();
+  constructor(onMessage, worker = takeWorker()) {
+    this.#worker = worker;
     const report = (text) => onMessage({ op: 'status', kind: 'error', text });
     this.#worker.onmessage = ({ data }) => (data.op === 'reply' ? this.#settle(data) : onMessage(data));
     this.#worker.onerror = (event) => report(event.message || 'engine.js');
@@ -45,11 +46,12 @@ export class EngineClient {
    * Starts the viewer. Fails if it cannot be loaded.
    * @param {object} values Values of `init`.
    * @param {OffscreenCanvas[]} canvases
+   * @returns {Promise<{manifest: object}>}
    */
-  async init(values, canvases) {
+  init(values, canvases) {
     const id = this.#nextId++;
     this.#worker.postMessage({ ...values, op: 'init', id }, canvases);
-    await new Promise((resolve, reject) => this.#pending.set(id, { resolve, reject }));
+    return new Promise((resolve, reject) => this.#pending.set(id, { resolve, reject }));
   }
 
   /**

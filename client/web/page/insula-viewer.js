@@ -1,11 +1,11 @@
 /** The element as pages of others have it: with degrees, figures of GeoJSON, and states of single objects. */
 
-import { cssColour } from './colour.js';
 import { DrapedFigures } from './draped-figures.js';
 import { cameraText, earthCamera, fitting, projected, unprojected } from './earth-camera.js';
 import { shapesOf } from './geojson.js';
 import { InsulaCity as Element } from './insula-city.js';
 import { isLonLat, lonLatGrid } from './lon-lat.js';
+import { ObjectStates } from './object-states.js';
 
 /** Field of view of a camera that does not say it, before there is a view. */
 const DEFAULT_FOV_DEG = 40;
@@ -13,21 +13,18 @@ const DEFAULT_FIT_PITCH_DEG = -45;
 const DEFAULT_PADDING_PX = 32;
 /** Cameras further from the middle of the city show none of it. */
 const FAR_KM = 500;
-/** States for the engine, besides colours. */
-const [HIDDEN, AS_RULES_SAY] = [-1, -2];
 
 /** The members are documented for users in insula-viewer.d.ts of the package. */
 export class InsulaCity extends Element {
   /** @type {{manifest: any, grid: import('./lon-lat.js').LonLatGrid|null}} */
   #known = { manifest: null, grid: null };
   /** @type {DrapedFigures|null} */ #figures = null;
-  /** By object: what is asked for. @type {Map<number, {color?: string|null, hidden?: boolean}>} */ #states = new Map();
-  /** Objects whose states the engine does not have yet. @type {Set<number>} */ #changed = new Set();
+  #states = new ObjectStates((op, values) => this.steer(op, values));
 
   constructor() {
     super();
     this.addEventListener('frame', ({ detail }) => this.#figures?.show(detail));
-    this.addEventListener('ready', () => this.#sendStates([...this.#states.keys()]));
+    this.addEventListener('ready', () => this.#states.sendAll());
   }
 
   /** Numbers of objects and places on Earth are those of one city. */
@@ -103,24 +100,17 @@ export class InsulaCity extends Element {
   }
 
   async screenshot(options) {
-    this.#sendStates([...this.#changed]);
+    this.#states.sendChanged();
     const picture = await super.screenshot(options);
     return this.#figures ? this.#figures.over(picture) : picture;
   }
 
   setFeatureState(id, state) {
-    const number = Number(id);
-    if (!Number.isInteger(number) || number < 0 || number >= 2 ** 32) throw new RangeError(`${id} is not the number of an object`);
-    if (state?.color) cssColour(state.color);
-    if (state === null) this.#states.delete(number);
-    else this.#states.set(number, { ...this.#states.get(number), ...state });
-    // Each message costs a pass over the palettes: one for all changes of a script.
-    if (this.#changed.size === 0) queueMicrotask(() => this.#sendStates([...this.#changed]));
-    this.#changed.add(number);
+    this.#states.set(id, state);
   }
 
   getFeatureState(id) {
-    return { ...this.#states.get(Number(id)) };
+    return this.#states.get(id);
   }
 
   async addGeoJson(data, style = {}) {
@@ -154,12 +144,6 @@ export class InsulaCity extends Element {
 
   #size() {
     return { width: Math.max(this.clientWidth, 1), height: Math.max(this.clientHeight, 1) };
-  }
-
-  #sendStates(objects) {
-    this.#changed.clear();
-    const number = ({ color, hidden } = {}) => (hidden ? HIDDEN : color ? cssColour(color) : AS_RULES_SAY);
-    if (objects.length > 0) this.steer('states', { objects, states: objects.map((object) => number(this.#states.get(object))) });
   }
 }
 

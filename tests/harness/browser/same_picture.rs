@@ -12,7 +12,7 @@ use std::{net::SocketAddr, path::Path, process::Command};
 /// Greatest difference of a channel of two equal pixels.
 const SAME_COLOUR: u8 = 2;
 /// Without doubt about the day's light.
-const TIME: &str = "2024-06-21T14:00";
+pub const TIME: &str = "2024-06-21T14:00";
 
 /// A view of a city on a server.
 #[derive(Debug, Clone)]

@@ -29,8 +29,13 @@ const LARGE: [u32; 2] = [1000, 800];
 /// A page of the examples; ended in the reverse order.
 struct Example {
     page: CityPage,
-    _host: FaultyHost,
-    _server: ServerProcess,
+    _site: ExampleSite,
+}
+
+/// The package as npm lays it out, on a plain host, and a server of the bundled city.
+pub(super) struct ExampleSite {
+    host: FaultyHost,
+    pub(super) server: ServerProcess,
     _folder: TempDir,
 }
 
@@ -56,9 +61,9 @@ fn serve_located(folder: &Path) -> Result<ServerProcess> {
     ServerProcess::serve(folder, "127.0.0.1:0")
 }
 
-impl Example {
-    /// The package as npm lays it out: the published assets, beside the examples.
-    fn open(name: &str, size: [u32; 2]) -> Result<Self> {
+impl ExampleSite {
+    /// The published assets, beside the examples.
+    pub(super) fn start() -> Result<Self> {
         let (site, folder) = (publish()?, tempfile::tempdir()?);
         let assets = fs::read_dir(site.path().join("site/assets"))?.next().context("no assets")??.path();
         copy(&assets, folder.path())?;
@@ -70,11 +75,22 @@ impl Example {
             copy(Path::new(&vendor), &folder.path().join("examples/vendor"))?;
         }
         let server = serve_located(&folder.path().join("cities/chiba"))?;
-        let host = FaultyHost::start(folder.path());
-        let url = format!("{}/examples/{name}.html?src=http://{}/v1/cities/chiba", host.url(), server.address);
-        let page = CityPage::open(browser(false)?.as_ref(), PageOptions { size, ..PageOptions::default() }, &url)?;
+        Ok(Self { host: FaultyHost::start(folder.path()), server, _folder: folder })
+    }
+
+    /// The address of an example that shows the city.
+    pub(super) fn url(&self, name: &str) -> String {
+        format!("{}/examples/{name}.html?src=http://{}/v1/cities/chiba", self.host.url(), self.server.address)
+    }
+}
+
+impl Example {
+    fn open(name: &str, size: [u32; 2]) -> Result<Self> {
+        let site = ExampleSite::start()?;
+        let options = PageOptions { size, ..PageOptions::default() };
+        let page = CityPage::open(browser(false)?.as_ref(), options, &site.url(name))?;
         page.wait_until_final(0)?;
-        Ok(Self { page, _host: host, _server: server, _folder: folder })
+        Ok(Self { page, _site: site })
     }
 
     /// The middle of an element in CSS pixels.

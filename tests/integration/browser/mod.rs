@@ -10,6 +10,7 @@ mod component;
 mod controls;
 mod driver;
 mod faults;
+mod map_layer;
 mod objects;
 mod pictures;
 mod site;
@@ -22,6 +23,7 @@ use insula_tests::{
     trials::{Test, Trials, Turn},
 };
 use std::{
+    path::Path,
     process::Command,
     sync::{Arc, Mutex, PoisonError},
 };
@@ -31,6 +33,8 @@ static BROWSER: Turn = Turn::new();
 static SHARED: Mutex<[Option<Arc<Browser>>; 2]> = Mutex::new([None, None]);
 
 type Run = fn() -> Result<()>;
+
+const MAPLIBRE: &str = "maplibre-gl.mjs";
 
 const QUICK_DRIVER: [(&str, Run); 1] = [("driver_collects_errors", driver::errors_are_collected)];
 
@@ -86,12 +90,27 @@ const FULL: [(&str, Run); 24] = [
     ("a_plain_host_is_searched_in_the_page", objects::a_plain_host_is_searched_in_the_page),
 ];
 
-/// Tests that need files of others, and the variable that names them.
-const WITH_FILES: [(&str, Run, &str); 4] = [
-    ("the_react_example_runs", component::the_react_example_runs, "INSULA_VENDOR"),
-    ("the_maplibre_example_runs", component::the_maplibre_example_runs, "INSULA_VENDOR"),
-    ("axe_finds_nothing_serious", accessibility::axe_finds_nothing_serious, "INSULA_AXE"),
-    ("cesium_draws_the_tileset", objects::cesium_draws_the_tileset, "INSULA_CESIUM"),
+/// Tests that need files of others, the variable that names their folder or file, and one of those in the folder.
+const WITH_FILES: [(&str, Run, &str, &str); 9] = [
+    ("the_react_example_runs", component::the_react_example_runs, "INSULA_VENDOR", "react.production.min.js"),
+    ("the_maplibre_example_runs", component::the_maplibre_example_runs, "INSULA_VENDOR", MAPLIBRE),
+    ("a_map_has_the_native_picture", map_layer::a_map_has_the_native_picture, "INSULA_VENDOR", MAPLIBRE),
+    (
+        "houses_hide_boxes_and_labels_of_a_map",
+        map_layer::houses_hide_boxes_and_labels_of_a_map,
+        "INSULA_VENDOR",
+        MAPLIBRE,
+    ),
+    (
+        "a_moving_map_takes_its_last_cast_along",
+        map_layer::a_moving_map_takes_its_last_cast_along,
+        "INSULA_VENDOR",
+        MAPLIBRE,
+    ),
+    ("a_map_survives_a_lost_context", map_layer::a_map_survives_a_lost_context, "INSULA_VENDOR", MAPLIBRE),
+    ("a_scene_has_the_city_in_it", map_layer::a_scene_has_the_city_in_it, "INSULA_VENDOR", "three.module.js"),
+    ("axe_finds_nothing_serious", accessibility::axe_finds_nothing_serious, "INSULA_AXE", ""),
+    ("cesium_draws_the_tileset", objects::cesium_draws_the_tileset, "INSULA_CESIUM", ""),
 ];
 
 pub(crate) fn add(trials: &mut Trials) {
@@ -112,8 +131,9 @@ pub(crate) fn add(trials: &mut Trials) {
     trials.add(DRIVER.map(|run| test(run, has_browser).full_tier()));
     trials.add(QUICK.map(|run| test(run, has_viewer)));
     trials.add(FULL.map(|run| test(run, has_viewer).full_tier()));
-    trials.add(WITH_FILES.map(|(name, run, variable)| {
-        let has_files = std::env::var_os(variable).is_some();
+    trials.add(WITH_FILES.map(|(name, run, variable, file)| {
+        let has_files =
+            std::env::var_os(variable).is_some_and(|at| file.is_empty() || Path::new(&at).join(file).exists());
         test((name, run), has_viewer).ignored_if(!has_files).full_tier()
     }));
 }

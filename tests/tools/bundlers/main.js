@@ -1,5 +1,8 @@
 /** Draws a city with the package, does what a page does with it, and reports to the test. */
 import '@insula/viewer';
+import { createCaster } from '@insula/viewer/caster';
+import { insulaLayer } from '@insula/viewer/maplibre';
+import { insulaObject } from '@insula/viewer/three';
 
 const query = new URLSearchParams(location.search);
 const send = (kind, body) => fetch(`${query.get('report')}/${kind}`, { method: 'POST', mode: 'no-cors', body });
@@ -95,6 +98,15 @@ async function useDegrees() {
   return frame;
 }
 
+/** A caster has a worker of its own. */
+async function useCaster() {
+  if (insulaLayer({ url: city.src }).id !== 'insula' || typeof insulaObject !== 'function') throw new Error('no layer');
+  const frame = new Promise((resolve) => createCaster({ url: city.src, adapter: 'cpu', onFrame: (cast) => cast.isFinal && resolve(cast) })
+    .then((caster) => caster.setCamera(city.view.camera, { width: 64, height: 40 }), fail));
+  const { distances } = await frame;
+  if (!distances.some(Number.isFinite)) throw new Error('the caster sees nothing');
+}
+
 city.addEventListener('ready', async () => {
   try {
     await city.whenReady();
@@ -102,6 +114,7 @@ city.addEventListener('ready', async () => {
     const colours = await coloursOf();
     await useStates();
     await useDegrees();
+    await useCaster();
     const picture = await city.screenshot({ width: 640, height: 400 });
     await send('picture', picture);
     await send('done', JSON.stringify({ colours, ready: counts.ready }));

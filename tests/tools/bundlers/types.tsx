@@ -1,6 +1,9 @@
 /** Uses the types of the package as pages do: what is wrong must not compile. */
 import type { EarthCamera, GeoJsonLayer } from '@insula/viewer';
+import { createCaster, type Cast } from '@insula/viewer/caster';
+import { insulaLayer } from '@insula/viewer/maplibre';
 import type {} from '@insula/viewer/react';
+import { insulaObject } from '@insula/viewer/three';
 import { useEffect, useRef } from 'react';
 
 const city = document.querySelector('insula-city')!;
@@ -15,6 +18,11 @@ layer.setState(at === null ? null : 'a', { hidden: true });
 city.setFeatureState(3, { color: null });
 // @ts-expect-error: a longitude is a number.
 await city.flyTo({ lon: '7.42', lat: 43.74 });
+const caster = await createCaster({ url: '/v1/cities/monaco', onFrame: ({ distances }: Cast) => console.log(distances.length) });
+caster.setCamera(camera, { width: 640, height: 400 });
+const map = insulaLayer({ url: '/v1/cities/monaco', labels: ['places'] });
+console.log((await map.pick({ x: 1, y: 2 }))?.object?.kind, map.hides([7.42, 43.74]));
+insulaObject({ Mesh: class {} }, { url: '/v1/cities/monaco', origin: [0, 0, 0] }).dispose();
 // @ts-expect-error: there is no such state.
 city.setFeatureState(3, { colour: 'red' });
 

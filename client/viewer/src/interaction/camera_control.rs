@@ -7,7 +7,7 @@ use web_time::Instant;
 
 /// Angle per pixel of dragging.
 const DRAG_RAD_PER_PX: f64 = 0.004;
-/// Largest pitch, a little under 90 degrees: the horizon stays level.
+/// Largest pitch that the mouse and the keys lead to, a little under 90 degrees: the horizon stays level.
 const MAX_PITCH_RAD: f64 = 1.55;
 /// How far ahead the camera's motion is prefetched, in seconds.
 const LOOKAHEAD_SECS: f64 = 0.5;
@@ -216,7 +216,6 @@ impl CameraControl {
             self.mode = ControlMode::Fly;
         }
         (self.yaw_rad, self.pitch_rad) = camera.angles();
-        self.pitch_rad = self.pitch_rad.clamp(-MAX_PITCH_RAD, MAX_PITCH_RAD);
         (self.position, self.fov_y_rad) = (camera.position, camera.fov_y_rad);
         self.checked = self.position;
         self.pivot_distance_m = self.distance_to_ground_m();
@@ -396,6 +395,15 @@ mod tests {
         assert!(control.heading().is_some());
         control.release_keys();
         assert!(!control.is_moving());
+    }
+
+    #[test]
+    fn maps_look_straight_down() {
+        let mut control = control();
+        let down = Camera::from_angles(DVec3::new(5.0, 6.0, 70.0), 0.7, -FRAC_PI_2, 0.6);
+        control.set_camera(&down);
+        let camera = control.camera();
+        assert!((camera.forward + DVec3::Z).length() < 1e-12 && (camera.right - down.right).length() < 1e-12);
     }
 
     #[test]

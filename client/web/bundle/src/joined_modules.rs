@@ -9,11 +9,15 @@ use crate::{asset_files::AssetFiles, error::BundleError};
 use std::fmt::Write;
 
 /// Modules that the page, a page of others or a worker starts with, and the files that they become.
-const ENTRIES: [(&str, &str); 4] = [
+const ENTRIES: [(&str, &str); 8] = [
     ("app.js", "app.js"),
     ("insula-viewer.js", "insula-city.js"),
     ("engine.js", "engine.js"),
     ("helper.js", "helper.js"),
+    ("caster.js", "insula-caster.js"),
+    ("maplibre-layer.js", "insula-maplibre.js"),
+    ("three-object.js", "insula-three.js"),
+    ("cast-engine.js", "cast-engine.js"),
 ];
 /// Made by wasm-bindgen; several entries share it.
 const EXTERNAL: &str = "insula_web.js";

@@ -119,6 +119,15 @@ impl CityViewer {
         gpu.draw(&job.data, size_px).map_err(|reason| JsError::new(&reason))
     }
 
+    /// The distances of the frame that [`CityViewer::draw_gpu`] draws, whose promise resolves to their bytes; `None` if no GPU draws.
+    #[wasm_bindgen(js_name = gpuDistances)]
+    pub fn gpu_distances(&self) -> Option<Promise> {
+        match &self.renderer {
+            Renderer::Gpu(gpu) => Some(gpu.distances()),
+            Renderer::Cpu { .. } => None,
+        }
+    }
+
     /// A frame of the GPU took `ms`.
     #[wasm_bindgen(js_name = gpuDrawn)]
     pub fn gpu_drawn(&mut self, ms: f64) {

@@ -5,7 +5,7 @@ use insula_viewer::{
     frame::FrameData,
     render::{GpuAdapter, GpuDevice},
 };
-use js_sys::Promise;
+use js_sys::{Promise, Uint8Array};
 use std::sync::{Arc, OnceLock};
 use wasm_bindgen::JsValue;
 use web_sys::OffscreenCanvas;
@@ -106,34 +106,49 @@ impl GpuCanvas {
         }))
     }
 
-    /// Draws a frame of one pixel, which is not shown. The promise resolves to its word. Fails with a reason.
+    /// Draws a frame of one pixel, which is not shown. The promise resolves to the bytes of its word. Fails with a reason.
     pub(crate) fn probe(&mut self, data: &FrameData) -> Result<Promise, String> {
-        let GpuDevice { device, queue, .. } = self.adapter.device.clone();
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("probe") });
+        let mut encoder = self.encoder("probe");
         self.adapter.encode(&mut encoder, data).map_err(|error| error.to_string())?;
-        let word = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("probe"),
-            size: 4,
+        Ok(self.read(encoder, self.adapter.raycaster.colour_buffer(), 4))
+    }
+
+    /// The promise resolves to the bytes of the distances of the last frame's pixels.
+    pub(crate) fn distances(&self) -> Promise {
+        let buffer = self.adapter.raycaster.distance_buffer();
+        self.read(self.encoder("distances"), buffer, buffer.size())
+    }
+
+    fn encoder(&self, label: &str) -> wgpu::CommandEncoder {
+        self.adapter.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) })
+    }
+
+    /// Submits commands. The promise resolves to the first bytes that a buffer has then.
+    fn read(&self, mut encoder: wgpu::CommandEncoder, source: &wgpu::Buffer, size: u64) -> Promise {
+        let GpuDevice { device, queue, .. } = &self.adapter.device;
+        let copy = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read"),
+            size,
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        encoder.copy_buffer_to_buffer(self.adapter.raycaster.colour_buffer(), 0, &word, 0, 4);
+        encoder.copy_buffer_to_buffer(source, 0, &copy, 0, size);
         queue.submit([encoder.finish()]);
-        Ok(Promise::new(&mut |resolve, reject| {
-            let mapped = word.clone();
-            word.map_async(wgpu::MapMode::Read, .., move |result| {
+        Promise::new(&mut |resolve, reject| {
+            let mapped = copy.clone();
+            copy.map_async(wgpu::MapMode::Read, .., move |result| {
                 let found = result.map_err(|error| error.to_string()).and_then(|()| {
                     let bytes = mapped.get_mapped_range(..).map_err(|error| error.to_string())?;
-                    Ok(bytes.first_chunk().map(|bytes| u32::from_le_bytes(*bytes)))
+                    Ok(Uint8Array::from(&bytes[..]))
                 });
                 let reply = match found {
-                    Ok(word) => resolve.call1(&JsValue::UNDEFINED, &word.into()),
+                    Ok(bytes) => resolve.call1(&JsValue::UNDEFINED, &bytes.into()),
                     Err(reason) => reject.call1(&JsValue::UNDEFINED, &reason.into()),
                 };
                 // The functions of a promise do not fail.
                 let _ = reply;
             });
-        }))
+        })
     }
 
     fn resize(&mut self, [width, height]: [u32; 2]) {

@@ -1,4 +1,4 @@
-//! What the crate needs from the page: `page/engine.js` implements it.
+//! What the crate needs from the page: `page/engine-core.js` implements it.
 
 use js_sys::{Promise, Uint8Array};
 use wasm_bindgen::prelude::*;

@@ -15,7 +15,7 @@ impl CityViewer {
         frame_words(&self.probe(x, y))
     }
 
-    /// The same on the GPU: the promise resolves to the word. Fails with the reason if no GPU draws.
+    /// The same on the GPU: the promise resolves to the bytes of the word. Fails with the reason if no GPU draws.
     #[wasm_bindgen(js_name = probeOnGpu)]
     pub fn probe_on_gpu(&mut self, x: f64, y: f64) -> Result<Promise, JsError> {
         let data = self.probe(x, y);
