@@ -5,7 +5,7 @@
 //! |---|---|
 //! | 0 walk | `z_max` (12 bits), `z_min` (12), flags (8). With [`flag::GAP`] the two heights are those of the gap, so that a ray below an overhang reads nothing else: where the part above the gap begins, and where the part below it (or beyond the clipping plane, if that is higher) ends |
 //! | 1 roof | texel |
-//! | 2 attributes | roof normal (16), wall azimuth (8), offset of the plane that clips the column (8, signed) |
+//! | 2 attributes | roof normal (16), wall azimuth (8), offset of the plane that clips the column (8, signed). With [`flag::HOLES`] and without [`flag::CLIPPED`], that offset is the code of the share of a thin column's sides, and the normal that of its top; 0 if it is not thin |
 //! | 3 strips | address of the column's strip: a word of the atlas, 0 without a strip |
 //! | last | objects of a node that has some: 1 + places in the palette, of the top (12 bits), the wall (12) and the lower top (8). The palette is among the strips: a word per object, see [`crate::layout::PALETTE_COLOURED`] |
 //! | 4... | strips; none crosses a page. With [`flag::GAP`] the two words before the texels are the gap, `low \| high << 16`, and `z_max \| z_min << 12`; with [`flag::CLIPPED`] the two words before those are [`clip_word`] and the texel beyond the plane |
@@ -17,7 +17,7 @@ use crate::layout::{
 use crate::{atmosphere::LUMINANCE, srgb::linear_of, words};
 use insula_protocol::{
     BlockMap, NODE_CELLS,
-    blockmap::{COLUMNS, ColumnClip, MIN_NORMAL_Z, NO_OBJECT, STEPS_PER_CELL, flag, strip_rows},
+    blockmap::{COLUMNS, ColumnClip, MIN_NORMAL_Z, NO_OBJECT, STEPS_PER_CELL, ThinShare, flag, strip_rows},
     octahedral,
 };
 use serde::{Deserialize, Serialize};
@@ -38,6 +38,8 @@ pub(crate) const CLIP_OFFSET_SHIFT: u32 = 24;
 pub const CLIP_CORNER: u32 = 1 << HEIGHT_BITS;
 /// In a [`clip_word`]: the column fills the inner side of either plane, not of both.
 pub const CLIP_CONCAVE: u32 = 1 << 13;
+/// What the number of a column adds to the thresholds of rays that meet it, in 65,536ths: the golden ratio.
+pub(crate) const THIN_STEP: u32 = 40503;
 /// Where the visible share of the sky begins in a texel.
 pub(crate) const AO_SHIFT: u32 = 26;
 
@@ -157,6 +159,11 @@ fn plane_bits(azimuth: u8, offset: i8) -> u32 {
     u32::from(azimuth) << AZIMUTH_SHIFT | u32::from(offset as u8) << CLIP_OFFSET_SHIFT
 }
 
+/// Attributes of a thin column: share of the top (8 bits, instead of its normal), a byte of zero, azimuth, share of the sides.
+fn thin_bits(share: ThinShare, azimuth: u8) -> u32 {
+    u32::from(share.top) | plane_bits(azimuth, 0) | u32::from(share.side) << CLIP_OFFSET_SHIFT
+}
+
 /// Words before a strip's texels: a clipped column's [`clip_word`] and the texel beyond its plane, then the gap and the
 /// column's bounds.
 pub fn head_words(flags: u8) -> usize {
@@ -193,6 +200,7 @@ impl PackedNode {
         let mut pages: Vec<Page> = vec![vec![0; PAGE_WORDS].into(); page_count(map)];
         let mut layout = StripLayout::default();
         let (mut gaps, mut clips, mut strips) = (map.gaps.iter(), map.clips.iter(), &map.strips[..]);
+        let mut thin = map.thin.iter().peekable();
         for i in 0..COLUMNS {
             let flags = map.flags[i];
             let bounds = u32::from(map.z_max[i]) | u32::from(map.z_min[i]) << HEIGHT_BITS;
@@ -200,7 +208,11 @@ impl PackedNode {
             pages[ROOF_PLANE][i] = map.roof[i].0;
             let clip = (flags & flag::CLIPPED != 0).then(|| clips.next()).flatten();
             let offset = clip.map_or(0, |clip| clip.offset);
-            pages[ATTRIBUTE_PLANE][i] = u32::from(map.roof_normal[i]) | plane_bits(map.wall_azimuth[i], offset);
+            let share = thin.next_if(|(column, _)| usize::from(*column) == i).map(|(_, share)| share);
+            pages[ATTRIBUTE_PLANE][i] = match share {
+                Some(share) => thin_bits(*share, map.wall_azimuth[i]),
+                None => u32::from(map.roof_normal[i]) | plane_bits(map.wall_azimuth[i], offset),
+            };
             let words = strip_words(map, i);
             if words == 0 {
                 continue;

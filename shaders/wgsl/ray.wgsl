@@ -75,7 +75,7 @@ struct NodeRay {
 }
 
 var<private> segment: RaySegment;
-// Which of two nodes the ray sees where one cross-fades into the other, 0 to FADE_RAYS - 1.
+// Which of two nodes the ray sees where one cross-fades into the other, and which thin columns it hits: 0 to 4,095.
 var<private> threshold: u32;
 var<private> ray_hit: RayHit;
 var<private> node_ray: NodeRay;

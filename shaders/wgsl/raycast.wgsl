@@ -91,6 +91,11 @@ fn pixel_of(group: vec2<u32>, rows: u32, lane: u32) -> vec2<u32> {
 
 fn threshold_of(pixel: vec2<u32>, samples: u32, sample: vec2<u32>) -> u32 {
     let p = pixel * samples + sample + vec2<u32>(0u, samples / 2u);
+    return (order_of(p) << 6u) | order_of(p >> vec2<u32>(3u));
+}
+
+// The order of a place in a pattern of 8 x 8.
+fn order_of(p: vec2<u32>) -> u32 {
     let a = p.x ^ p.y;
     let low = ((a & 4u) >> 1u) | ((p.y & 4u) >> 2u);
     return ((a & 1u) << 5u) | ((p.y & 1u) << 4u) | ((a & 2u) << 2u) | ((p.y & 2u) << 1u) | low;

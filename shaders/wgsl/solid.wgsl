@@ -18,6 +18,10 @@ fn hit_solid(cell: vec2<i32>) {
     let solid = found.solid;
     let flags = flags_of(column.walk);
     let side = span.face == SIDE_FACE;
+    let thin = is_thin(flags, found.attributes) && solid == UPPER_SOLID;
+    if thin && !hits_share(thin_share(found.attributes, side), threshold, i) {
+        return;
+    }
     let face = face_normal(cell);
     let outer = solid == OUTER_SOLID;
     let roof = solid == UPPER_SOLID && span.face == TOP_FACE;
@@ -36,7 +40,7 @@ fn hit_solid(cell: vec2<i32>) {
     } else if outer {
         normal = select(normal, face, side);
     } else if !has_rows {
-        normal = select(normal, octahedral(found.attributes), span.face != BOTTOM_FACE);
+        normal = select(normal, octahedral(found.attributes), span.face != BOTTOM_FACE && !thin);
         if !roof && dot(normal, segment.dir) >= 0.0 {
             normal = face;
         }
@@ -88,7 +92,11 @@ fn adjacent_wall(before: vec2<i32>, t: f32) -> AdjacentWall {
     if is_open(read_word(texel_at)) {
         return none;
     }
-    return AdjacentWall(texel_at, azimuth_of(read_plane(ATTRIBUTE_PLANE, i)));
+    let attributes = read_plane(ATTRIBUTE_PLANE, i);
+    if is_thin(flags, attributes) {
+        return none;
+    }
+    return AdjacentWall(texel_at, azimuth_of(attributes));
 }
 
 // Normal of a wall that the ray enters from outside, else of the cell's face.

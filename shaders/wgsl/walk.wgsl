@@ -359,7 +359,7 @@ fn quad_top(tops: QuadTops, cell: vec2<i32>) -> f32 {
 // The node that the ray sees in a square: the one that the entry names, or the next one, from which the square
 // cross-fades.
 fn seen_node(entry: u32) -> u32 {
-    return (entry & GRID_NODE_MASK) + select(0u, 1u, threshold < ((entry >> GRID_SHARE_SHIFT) & GRID_SHARE_MASK));
+    return (entry & GRID_NODE_MASK) + select(0u, 1u, (threshold >> 6u) < ((entry >> GRID_SHARE_SHIFT) & GRID_SHARE_MASK));
 }
 
 // The level whose nodes are good enough at distance `t`: its exponent is the logarithm, rounded down.

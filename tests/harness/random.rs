@@ -10,8 +10,8 @@ use glam::{DVec3, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
     blockmap::{
-        COLUMNS, ColumnClip, ColumnObjects, CornerWall, MapColumn, OuterTop, STEPS_PER_CELL, WallStrip, Z_CODE_MAX,
-        Z_SHIFT_MAX, strip_rows,
+        COLUMNS, ColumnClip, ColumnObjects, CornerWall, MapColumn, OuterTop, STEPS_PER_CELL, ThinShare, WallStrip,
+        Z_CODE_MAX, Z_SHIFT_MAX, strip_rows,
     },
     octahedral,
 };
@@ -137,10 +137,14 @@ fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<MapColumn> {
     let clip = (strip.is_some() && rng.chance(0.4)).then(|| clip(rng, z_min, z_max));
     let lean = if rng.chance(0.5) { 0.3 } else { 1.5 };
     let n = Vec3::new(rng.range(-lean, lean) as f32, rng.range(-lean, lean) as f32, 1.0).normalize_or(Vec3::Z);
+    let inclined = rng.chance(style.inclined);
+    // Of the heights, so that all else is as without.
+    let may_be_thin = strip.is_some() && clip.is_none() && !inclined && (z_max + z_min) % 5 < 2;
+    let thin = may_be_thin.then_some(ThinShare { side: (z_max % 255 + 1) as u8, top: (z_max * 7 % 256) as u8 });
     Some(MapColumn {
         z_min,
         z_max,
-        inclined: rng.chance(style.inclined),
+        inclined,
         suspended,
         gap,
         roof: texel(rng),
@@ -148,6 +152,7 @@ fn column(rng: &mut Rng, style: &Style, z_shift: u8) -> Option<MapColumn> {
         strip,
         clip,
         reflective: false,
+        thin,
     })
 }
 

@@ -5,7 +5,7 @@ use crate::{draw_list::CityArea, view::Camera};
 use glam::{DVec2, DVec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel,
-    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, MapColumn, STEPS_PER_CELL, flag, strip_rows},
+    blockmap::{CLIP_STEPS_PER_CELL, COLUMNS, ColumnClip, MapColumn, STEPS_PER_CELL, ThinShare, flag, strip_rows},
 };
 use insula_shaders::pack::slope_codes;
 
@@ -30,6 +30,16 @@ struct Solid {
     /// For a column without a wall strip: the facades of the columns to the west, east, south and north, which cover its sides.
     neighbours: [Option<Facade>; 4],
     part: CellPart,
+    /// What a thin column covers, and its number.
+    thin: Option<(ThinShare, usize)>,
+}
+
+/// A ray, and which of the rays through thin objects it is: 0 to 4,095 by its pixel, as even as possible.
+#[derive(Debug, Clone, Copy)]
+struct ThresholdRay {
+    o: DVec3,
+    d: DVec3,
+    threshold: u32,
 }
 
 /// A wall that covers the side of the column behind it.
@@ -80,18 +90,23 @@ impl ReferenceCaster {
         Self { area, solids }
     }
 
-    /// Casts a ray from `camera` along the unit vector `dir`.
-    pub fn cast(&self, camera: &Camera, dir: DVec3) -> ReferencePixel {
+    /// Casts the ray of a pixel from `camera` along the unit vector `dir`.
+    pub fn cast(&self, camera: &Camera, dir: DVec3, pixel: [u32; 2]) -> ReferencePixel {
         let o = DVec3::from(camera.position) - DVec3::from(self.area.origin);
         let mut events = Vec::new();
         for solid in &self.solids {
-            solid.intersect(o, dir, &mut events);
+            solid.intersect(&ThresholdRay { o, d: dir, threshold: threshold(pixel) }, &mut events);
         }
         events.sort_by(|a, b| a.0.total_cmp(&b.0));
         events.first().map_or(ReferencePixel { distance_m: f64::INFINITY, rgb: DVec3::ZERO }, |(distance_m, texel)| {
             ReferencePixel { distance_m: *distance_m, rgb: linear(*texel) }
         })
     }
+}
+
+/// The order of Bayer's matrix of 64 x 64.
+fn threshold([x, y]: [u32; 2]) -> u32 {
+    (0..6).fold(0, |sum, k| sum * 4 + ((x ^ y) >> k & 1) * 2 + (y >> k & 1))
 }
 
 fn linear(texel: Texel) -> DVec3 {
@@ -138,12 +153,14 @@ fn add_solids(area: CityArea, map: &BlockMap, solids: &mut Vec<Solid>) {
             let (bottom_m, top_m) = (z_m(f64::from(column.z_min)), z_m(f64::from(outer.z)));
             let (slope, roof, wall) = (DVec2::ZERO, Some(outer.roof), Wall::Plain(outer.roof));
             let (neighbours, part) = (Default::default(), part(true));
-            solids.push(Solid { low, cell_m, bottom_m, top_m, slope, roof, wall, neighbours, part });
+            let thin = None;
+            solids.push(Solid { low, cell_m, bottom_m, top_m, slope, roof, wall, neighbours, part, thin });
         }
         let facade = |dx: i32, dy: i32| {
             let (x, y) = ((i % NODE_CELLS) as i32 + dx, (i / NODE_CELLS) as i32 + dy);
             let inside = (0..NODE_CELLS as i32).contains(&x) && (0..NODE_CELLS as i32).contains(&y);
             let other = inside.then(|| columns[y as usize * NODE_CELLS + x as usize].as_ref()).flatten()?;
+            let other = Some(other).filter(|other| other.thin.is_none())?;
             let base_m = z_m(f64::from(other.z_min / codes * codes));
             let (bottom_m, top_m) = (z_m(f64::from(other.z_min)), z_m(f64::from(other.z_max)));
             Some(Facade { texels: other.strip.as_ref()?.texels.clone(), base_m, bottom_m, top_m })
@@ -170,6 +187,7 @@ fn add_solids(area: CityArea, map: &BlockMap, solids: &mut Vec<Solid>) {
                 wall,
                 neighbours: if column.strip.is_none() { facades() } else { Default::default() },
                 part: part(false),
+                thin: column.thin.filter(|_| is_top).map(|share| (share, i)),
             });
         }
     }
@@ -189,7 +207,8 @@ fn planes(column: &MapColumn, clip: &ColumnClip, cell_m: f64) -> (Vec<Plane>, bo
 
 impl Solid {
     /// Adds the intersections with a ray: distance, texel and coverage.
-    fn intersect(&self, o: DVec3, d: DVec3, events: &mut Vec<(f64, Texel)>) {
+    fn intersect(&self, ray: &ThresholdRay, events: &mut Vec<(f64, Texel)>) {
+        let (o, d) = (ray.o, ray.d);
         let (mut s, mut e) = (0.0, f64::INFINITY);
         for axis in 0..2 {
             clip(&mut s, &mut e, o[axis] - self.low[axis], d[axis]);
@@ -202,16 +221,17 @@ impl Solid {
             clip(&mut from, &mut to, offset - normal.dot(o.truncate() - centre), -normal.dot(d.truncate()));
         }
         match &self.part {
-            CellPart::All(_) => self.intersect_part(o, d, [from, to], events),
+            CellPart::All(_) => self.intersect_part(ray, [from, to], events),
             CellPart::NotAll(_) if from < to => {
-                self.intersect_part(o, d, [s, from], events);
-                self.intersect_part(o, d, [to, e], events);
+                self.intersect_part(ray, [s, from], events);
+                self.intersect_part(ray, [to, e], events);
             }
-            CellPart::NotAll(_) => self.intersect_part(o, d, [s, e], events),
+            CellPart::NotAll(_) => self.intersect_part(ray, [s, e], events),
         }
     }
 
-    fn intersect_part(&self, o: DVec3, d: DVec3, [mut s, mut e]: [f64; 2], events: &mut Vec<(f64, Texel)>) {
+    fn intersect_part(&self, ray: &ThresholdRay, [mut s, mut e]: [f64; 2], events: &mut Vec<(f64, Texel)>) {
+        let (o, d) = (ray.o, ray.d);
         let side_entry = s;
         clip(&mut s, &mut e, o.z - self.bottom_m, d.z);
         if s >= e {
@@ -227,6 +247,14 @@ impl Solid {
         // From inside, a solid is invisible.
         if s <= 0.0 {
             return;
+        }
+        if let Some((share, i)) = self.thin {
+            let share = if s == side_entry { share.side } else { share.top };
+            // Each column shifts the thresholds by another part of the golden ratio.
+            let share = u32::from(share) * (u32::from(share) + 2);
+            if (ray.threshold * 16 + i as u32 * 40503) % 65536 >= share {
+                return;
+            }
         }
         match (&self.wall, self.roof) {
             (_, Some(roof)) if through_top => events.push((s, roof)),

@@ -35,6 +35,7 @@ mod stream_slow_link;
 mod stream_sources;
 mod structure;
 mod synth;
+mod thin;
 mod tidy;
 mod translucency;
 mod twin_compose;
@@ -54,7 +55,7 @@ use insula_tests::trials::Trials;
 type Add = fn(&mut Trials);
 
 /// Those that take longest come first, so that none is left over at the end.
-const MODULES: [(&str, Add); 40] = [
+const MODULES: [(&str, Add); 41] = [
     ("browser", browser::add),
     ("window", window::add),
     ("fidelity", fidelity::add),
@@ -68,6 +69,7 @@ const MODULES: [(&str, Add); 40] = [
     ("random_commands", random_commands::add),
     ("drawings", drawings::add),
     ("gaps", gaps::add),
+    ("thin", thin::add),
     ("node_error", node_error::add),
     ("load", load::add),
     ("stream_slow_link", stream_slow_link::add),

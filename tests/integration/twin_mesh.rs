@@ -190,6 +190,7 @@ fn a_mesh_has_the_sky_occlusion_of_its_columns() -> Result<()> {
             strip: None,
             clip: None,
             reflective: false,
+            thin: None,
         };
         Some(no)
     };

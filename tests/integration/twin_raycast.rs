@@ -473,7 +473,7 @@ fn cpu_draws_what_the_reference_caster_draws() -> Result<()> {
                 .collect();
             if let Some(i) = verdicts.iter().position(|v| *v == Verdict::Different) {
                 let (x, y) = (i as u32 % spec.width_px, i as u32 / spec.width_px);
-                let seen = reference_caster.cast(&camera, camera.ray(&spec, x, y));
+                let seen = reference_caster.cast(&camera, camera.ray(&spec, x, y), [x, y]);
                 let wrong = verdicts.iter().filter(|v| **v == Verdict::Different).count();
                 anyhow::bail!(
                     "city {seed}, {pose:?}: {wrong} wrong, first at {x}, {y}: drawn {:08x} {}, meant {seen:?}\n{camera:?}",
@@ -548,7 +548,8 @@ fn compare_with_reference(
     drawn: &Pixels,
     i: u32,
 ) -> Verdict {
-    let dir = camera.ray(spec, i % spec.width_px, i / spec.width_px);
+    let pixel = [i % spec.width_px, i / spec.width_px];
+    let dir = camera.ray(spec, pixel[0], pixel[1]);
     let agrees = |seen: ReferencePixel| {
         let (drawn_m, reference_m) = (f64::from(drawn.distance[i as usize]), seen.distance_m);
         if drawn_m.is_finite() != reference_m.is_finite() {
@@ -562,7 +563,7 @@ fn compare_with_reference(
         let reference = encode_srgb(rgb).to_le_bytes();
         drawn.colour[i as usize].to_le_bytes().iter().zip(reference).all(|(a, b)| a.abs_diff(b) <= 3)
     };
-    if agrees(reference_caster.cast(camera, dir)) {
+    if agrees(reference_caster.cast(camera, dir, pixel)) {
         return Verdict::Equal;
     }
     let (side, up) = dir.any_orthonormal_pair();
@@ -571,7 +572,7 @@ fn compare_with_reference(
         let offset = [2e-6, 2e-5, 1e-4][k as usize / 8];
         (dir + (side * angle.cos() + up * angle.sin()) * offset).normalize_or(dir)
     });
-    if rotations.into_iter().any(|rotated| agrees(reference_caster.cast(camera, rotated))) {
+    if rotations.into_iter().any(|rotated| agrees(reference_caster.cast(camera, rotated, pixel))) {
         Verdict::EqualIfRotated
     } else {
         Verdict::Different

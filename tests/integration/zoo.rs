@@ -217,8 +217,7 @@ fn a_fence_of_posts_and_rails() {
     shapes.cuboid([-6.0, -0.05, 0.6], [5.0, 0.05, 0.75]).cuboid([-6.0, -0.05, 1.2], [5.0, 0.05, 1.35]);
     let cameras = [orbit_camera([0.0, 0.0, 0.7], 10.0, -80.0, 10.0)];
     let mut shape = BakedShape::bake("fence", shapes.scene([0.0; 3]), CELL_M).unwrap();
-    // Posts and rails are much thinner than a cell. They are drawn as a wall, which is a little lower and shorter than the one
-    // that encloses them; most of it is not there.
+    // Posts and rails are much thinner than a cell. As many rays hit their columns as they cover of the wall that encloses them: 0.3.
     let mut wall = Shapes::default();
     wall.cuboid([-6.06, -0.06, 0.0], [5.06, 0.06, 1.5]);
     let source = std::mem::replace(&mut shape.truth, Truth::new(wall.scene([0.0; 3])));
@@ -226,8 +225,9 @@ fn a_fence_of_posts_and_rails() {
     shape.truth = source;
     let fence = shape.score(&cameras).unwrap();
     println!("fence: {fence:?}, enclosing wall: {enclosing:?}");
-    fence.ensure_at_least(0.28, 0.99, 0.88).unwrap();
-    enclosing.ensure_at_least(0.58, 0.99, 0.88).unwrap();
+    fence.ensure_at_least(0.18, 0.99, 0.88).unwrap();
+    enclosing.ensure_at_least(0.24, 0.99, 0.88).unwrap();
+    assert!(enclosing.iou < 0.4, "the fence has swollen");
 }
 
 fn water_and_a_quay() {

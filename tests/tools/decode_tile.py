@@ -48,6 +48,8 @@ def blockmap_values(tile, ground):
         if tile.has(i, CLIPPED):
             outer = tile.clip[i]["outer"]
             column["clip"] = tile.clip[i] | {"outer": outer and [outer[0], packed_texel(outer[1])]}
+        if tile.thin[i]:
+            column["thin"] = tile.thin[i]
         if tile.objects:
             column["objects"] = [tile.objects.roof[i], tile.objects.wall[i], tile.objects.lower[i]]
         columns.append(column)

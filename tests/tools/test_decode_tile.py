@@ -138,6 +138,13 @@ class FrozenTiles(unittest.TestCase):
         self.assertEqual(texels_crc32(values), 4_232_154_836)
         self.assertEqual(zlib.crc32(struct.pack("<16384H", *shapes)), 405_737_478)
 
+    def test_thin_columns(self):
+        columns = decode(vector("thin_blockmap"))["columns"]
+        thin = {column["column"]: column["thin"] for column in columns if "thin" in column}
+        railing = {20 * 64 + x: (33 + x % 3, 14) for x in range(5, 40)}
+        self.assertEqual(thin, railing | {20 * 64 + 40: (51, 10), 30 * 64: (255, 0)})
+        self.assertEqual(len(columns), 38)
+
     def test_a_town_with_objects(self):
         values = decode(vector("town_with_objects"))
         parts = [[NONE] * 4096 for _ in range(3)]

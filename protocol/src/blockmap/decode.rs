@@ -2,11 +2,12 @@
 
 use super::{
     BlockMap, Z_SHIFT_MAX,
-    encode::{MAX_COLOUR_STEP, TAG_COLUMNS, TAG_GROUND, TAG_META, TAG_OBJECTS, TAG_REFLECTIVE},
+    encode::{MAX_COLOUR_STEP, TAG_COLUMNS, TAG_GROUND, TAG_META, TAG_OBJECTS, TAG_REFLECTIVE, TAG_THIN},
     ground::{self, NodeGround},
     objects::{self, ColumnObjects},
     reflective,
     texel_coder::QuantisationSteps,
+    thin,
 };
 use crate::{
     TileId, TileKind,
@@ -32,6 +33,7 @@ impl BlockMap {
         check_end(&coder)?;
         map.ground = read_ground(&tile)?;
         read_reflective(&tile, &mut map)?;
+        read_thin(&tile, &mut map)?;
         map.objects = read_objects(&tile, &map)?;
         map.check()?;
         Ok(map)
@@ -75,6 +77,16 @@ fn read_reflective(tile: &TileReader<'_>, map: &mut BlockMap) -> Result<(), Deco
     }
     let mut coder = RangeDecoder::new(&section);
     reflective::code(&mut coder, map)?;
+    check_end(&coder)
+}
+
+fn read_thin(tile: &TileReader<'_>, map: &mut BlockMap) -> Result<(), DecodeError> {
+    let section = tile.section(TAG_THIN, MAX_SECTION_BYTES as usize)?;
+    if section.is_empty() {
+        return Ok(());
+    }
+    let mut coder = RangeDecoder::new(&section);
+    thin::code(&mut coder, map)?;
     check_end(&coder)
 }
 

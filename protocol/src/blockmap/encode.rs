@@ -3,7 +3,7 @@
 //! In: a [`BlockMap`]. Out: the bytes of its tile. Next: the bake stores them in an archive.
 
 use super::{
-    BlockMap, COLUMNS, appearance, facades, flag, ground, objects, reflective, texel_coder::QuantisationSteps,
+    BlockMap, COLUMNS, appearance, facades, flag, ground, objects, reflective, texel_coder::QuantisationSteps, thin,
 };
 use crate::{
     TileKind,
@@ -18,6 +18,7 @@ pub(super) const TAG_COLUMNS: u8 = 2;
 pub(super) const TAG_GROUND: u8 = 3;
 pub(super) const TAG_REFLECTIVE: u8 = 4;
 pub(super) const TAG_OBJECTS: u8 = 5;
+pub(super) const TAG_THIN: u8 = 6;
 
 /// Loss of a map's colours and occlusion. Shapes are always lossless.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,6 +70,11 @@ impl BlockMap {
             let mut coder = RangeEncoder::default();
             objects::code(&mut coder, self, value)?;
             writer.add_raw_section(TAG_OBJECTS, &coder.finish())?;
+        }
+        if !self.thin.is_empty() {
+            let mut coder = RangeEncoder::default();
+            thin::code(&mut coder, &mut self.clone())?;
+            writer.add_raw_section(TAG_THIN, &coder.finish())?;
         }
         writer.finish()
     }

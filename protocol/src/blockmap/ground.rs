@@ -357,11 +357,16 @@ impl BlockMap {
         if column.z_max + margin <= ground.z_max {
             return ground;
         }
+        if column.thin.is_some() {
+            match self.thin_on_ground(column, &ground) {
+                Ok(thin) => return thin,
+                Err(rest) => column = rest,
+            }
+        }
         let foot = column.z_min;
-        let max_foot = (MAX_FOOT_M / self.z_step_m()).max(self.codes_per_cell());
         let above = f32::from(foot) - f32::from(ground.z_max);
         if foot > ground.z_min {
-            let is_above = column.suspended && above > 1.0 || above > max_foot;
+            let is_above = column.suspended && above > 1.0 || above > self.max_foot();
             self.lower(&mut column, ground.z_min);
             if is_above {
                 self.hang(&mut column, [ground.z_max, foot]);
@@ -373,8 +378,13 @@ impl BlockMap {
         column
     }
 
+    /// Columns that end at most this far above the ground are continued to it, in height codes.
+    pub(super) fn max_foot(&self) -> f32 {
+        (MAX_FOOT_M / self.z_step_m()).max(self.codes_per_cell())
+    }
+
     /// Extends a column down to `z_min`. Its wall continues as it is at its bottom.
-    fn lower(&self, column: &mut MapColumn, z_min: u16) {
+    pub(super) fn lower(&self, column: &mut MapColumn, z_min: u16) {
         let (old, _) = strip_rows(column.z_min, column.z_max, self.z_shift);
         let (new, _) = strip_rows(z_min, column.z_max, self.z_shift);
         if let Some(strip) = &mut column.strip {

@@ -17,6 +17,7 @@ mod neighbours;
 pub mod objects;
 mod reflective;
 mod texel_coder;
+mod thin;
 mod tops;
 pub mod voxels;
 mod walk;
@@ -26,6 +27,7 @@ pub use encode::Quality;
 pub use ground::NodeGround;
 pub use objects::{ColumnObjects, NO_OBJECT};
 pub use texel_coder::QuantisationSteps;
+pub use thin::ThinShare;
 
 use crate::{
     TileId,
@@ -62,7 +64,7 @@ pub mod flag {
     pub const INCLINED: u8 = 4;
     /// It is two solids with a gap between them.
     pub const GAP: u8 = 8;
-    /// Some of its strip's texels are not opaque.
+    /// Some of its strip's texels are open, or it is thin ([`super::ThinShare`]).
     pub const HOLES: u8 = 16;
     /// Its bottom is above the ground (type 2 of Vacca 3.1.1). For debug views only.
     pub const SUSPENDED: u8 = 32;
@@ -156,6 +158,8 @@ pub struct MapColumn {
     pub clip: Option<ColumnClip>,
     /// Whether most of its surface is water or glass.
     pub reflective: bool,
+    /// How much of it a thin object covers. Only exposed columns with neither a clip nor a slope may be thin.
+    pub thin: Option<ThinShare>,
 }
 
 /// First row and number of rows of a strip: the rows of texels that `z_min..z_max` touches.
@@ -196,6 +200,8 @@ pub struct BlockMap {
     pub clips: Vec<ColumnClip>,
     /// Strips of the exposed columns, concatenated in column order.
     pub strips: Vec<Texel>,
+    /// The thin columns, by their numbers, ascending.
+    pub thin: Vec<(u16, ThinShare)>,
     /// Ground that is stored beside the columns; see [`BlockMap::stand_on_ground`].
     pub ground: Option<Box<NodeGround>>,
     /// The objects that the columns show; `None` if no column has any.
@@ -219,6 +225,7 @@ impl BlockMap {
             gaps: Vec::new(),
             clips: Vec::new(),
             strips: Vec::new(),
+            thin: Vec::new(),
             ground: None,
             objects: None,
         }
@@ -269,7 +276,7 @@ impl BlockMap {
         }
         if let Some(strip) = &column.strip {
             flags |= flag::EXPOSED;
-            if strip.texels.iter().any(|t| t.is_open()) {
+            if column.thin.is_some() || strip.texels.iter().any(|t| t.is_open()) {
                 flags |= flag::HOLES;
             }
             self.wall_azimuth[i] = strip.azimuth;
@@ -280,6 +287,7 @@ impl BlockMap {
             }
             self.strips.extend_from_slice(&strip.texels);
         }
+        self.thin.extend(column.thin.map(|share| (i as u16, share)));
         self.flags[i] = flags;
         self.z_min[i] = column.z_min;
         self.z_max[i] = column.z_max;
@@ -301,6 +309,7 @@ impl BlockMap {
     /// The inverse of [`BlockMap::from_columns`]. The ground is not among the columns.
     pub fn columns(&self) -> Vec<Option<MapColumn>> {
         let (mut gaps, mut clips, mut strips) = (self.gaps.iter(), self.clips.iter(), &self.strips[..]);
+        let mut thin = self.thin.iter().peekable();
         (0..COLUMNS)
             .map(|i| {
                 let flags = self.flags[i];
@@ -326,6 +335,7 @@ impl BlockMap {
                     strip,
                     clip,
                     reflective: flags & flag::REFLECTIVE != 0,
+                    thin: thin.next_if(|(column, _)| usize::from(*column) == i).map(|(_, share)| *share),
                 })
             })
             .collect()
@@ -335,6 +345,7 @@ impl BlockMap {
     pub(crate) fn check(&self) -> Result<(), DecodeError> {
         self.ground.as_ref().map_or(Ok(()), |ground| ground.check())?;
         self.objects.as_ref().map_or(Ok(()), |objects| objects.check())?;
+        thin::check(self)?;
         let mut texels = 0usize;
         let (mut gaps, mut clips) = (self.gaps.iter(), self.clips.iter());
         let heights = self.z_min.iter().zip(&self.z_max);

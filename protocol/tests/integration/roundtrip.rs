@@ -2,7 +2,7 @@
 
 use insula_protocol::{
     BlockMap, DecodeError, Texel, TileId, TileKind,
-    blockmap::{COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, Quality, WallStrip, strip_rows},
+    blockmap::{COLUMNS, ColumnClip, CornerWall, MapColumn, OuterTop, Quality, ThinShare, WallStrip, strip_rows},
     texel::OPAQUE,
     tile::TileWriter,
 };
@@ -38,7 +38,9 @@ fn column() -> impl Strategy<Value = MapColumn> {
             let outer = (outer && height > 1).then_some(OuterTop { z: z_max - 1, roof: opaque(seed) });
             let corner = corner.then_some(CornerWall { azimuth, offset: (seed >> 8) as i8, concave });
             let clip = (clipped && exposed).then_some(ColumnClip { offset: seed as i8, corner, outer });
-            MapColumn { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip, reflective }
+            let may_be_thin = exposed && !clipped && !inclined && seed % 3 == 0;
+            let thin = may_be_thin.then_some(ThinShare { side: (seed >> 24) as u8 | 1, top: (seed >> 16) as u8 });
+            MapColumn { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip, reflective, thin }
         },
     )
 }
@@ -65,7 +67,7 @@ proptest! {
         prop_assert!(back.flags == map.flags, "flags");
         prop_assert!((&back.z_min, &back.z_max, &back.gaps) == (&map.z_min, &map.z_max, &map.gaps), "heights");
         prop_assert!((&back.roof_normal, &back.wall_azimuth) == (&map.roof_normal, &map.wall_azimuth), "directions");
-        prop_assert!(back.clips == map.clips, "clips");
+        prop_assert!((&back.clips, &back.thin) == (&map.clips, &map.thin), "clips and thin columns");
         prop_assert!(back.roof == map.roof, "roofs");
         prop_assert!(back.strips == map.strips, "strips");
         prop_assert!(back == map);

@@ -132,7 +132,19 @@ fn town_blockmap() -> BlockMap {
         let clip = (is_wall && plot % 3 == 0).then_some(ColumnClip { offset: (x as i8) - 30, corner, outer });
         let roof_normal = if inclined { slope } else { up };
         let suspended = is_bridge;
-        Some(MapColumn { z_min, z_max, inclined, suspended, gap, roof, roof_normal, strip, clip, reflective: false })
+        Some(MapColumn {
+            z_min,
+            z_max,
+            inclined,
+            suspended,
+            gap,
+            roof,
+            roof_normal,
+            strip,
+            clip,
+            reflective: false,
+            thin: None,
+        })
     };
     let columns: Vec<_> = (0..COLUMNS).map(column).collect();
     BlockMap::from_columns(node_id(), 1.0, -3, 0, &columns).unwrap()

@@ -24,7 +24,7 @@ use crate::{ground, hash, mesh};
 use insula_place::PlacingOptions;
 
 /// Increased whenever the same scene and settings would give different tiles than before.
-pub const ALGORITHM: u32 = 14;
+pub const ALGORITHM: u32 = 15;
 /// Cells outside this range are taken for typing errors.
 const CELL_RANGE_M: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 /// Default memory limit; 192 MiB per thread if that is more.

@@ -65,8 +65,9 @@ impl NodeShape {
             }
             let strip = map.strips.get(strip_at..strip_at + rows).unwrap_or_default();
             strip_at += rows;
-            let column =
-                HeightColumn { map: &map, i, gap, clip, strip, hangs: flags & flag::SUSPENDED != 0 && !stands[i] };
+            let hangs = flags & flag::SUSPENDED != 0 && !stands[i];
+            let is_thin = map.thin.binary_search_by_key(&(i as u16), |(column, _)| *column).is_ok();
+            let column = HeightColumn { map: &map, i, gap, clip, strip, hangs, is_thin };
             shape.put(&column, scale);
         }
         shape
@@ -87,7 +88,12 @@ impl NodeShape {
             }
             self.solids[i] = outer;
         }
-        if let Some([low, high]) = column.gap {
+        if column.is_thin {
+            // One sees through what is thin.
+            let from = column.gap.map_or(0, |[low, _]| scale.down(column.height(f64::from(low))));
+            self.solids[i] = from;
+            self.free_from[i] = [from; 4];
+        } else if let Some([low, high]) = column.gap {
             let (low, high) = (scale.down(column.height(f64::from(low))), scale.up(column.height(f64::from(high))));
             // What a clip leaves free beside a gap may lead into it.
             self.gaps.push(Gap { column: i as u16, low, high, is_open: column.clip.is_some() });
@@ -174,6 +180,7 @@ struct HeightColumn<'a> {
     strip: &'a [insula_protocol::Texel],
     /// Whether nothing supports it.
     hangs: bool,
+    is_thin: bool,
 }
 
 impl HeightColumn<'_> {

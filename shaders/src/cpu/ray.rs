@@ -135,7 +135,7 @@ impl NodeRay {
 pub(super) struct Ray<'a> {
     pub(super) scene: &'a SceneRef<'a>,
     pub(super) segment: RaySegment,
-    /// Which of two nodes the ray sees where one cross-fades into the other, 0 to `FADE_RAYS - 1`.
+    /// Which of two nodes the ray sees where one cross-fades into the other, and which thin columns it hits: 0 to 4,095.
     pub(super) threshold: u32,
     pub(super) hit: RayHit,
     pub(super) node: NodeRay,

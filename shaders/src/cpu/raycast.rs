@@ -187,10 +187,15 @@ fn sun_direction(frame: &FrameUniform, axes: &[Vec3; 2], area: f32, turn: Vec2) 
     Vec3::from(frame.sun) + (axes[0] * turn.x + axes[1] * turn.y) * area.sqrt()
 }
 
-/// From 0 to 63, as even as possible: an ordered pattern of 8 x 8 rays (Bayer 1973). Of 2 x 2 rays per pixel, the one
+/// From 0 to 4,095, as even as possible: an ordered pattern of 64 x 64 rays (Bayer 1973). Of 2 x 2 rays per pixel, the one
 /// that reports the pixel's hit has the lowest.
 pub(super) fn threshold_of([x, y]: [u32; 2], samples: u32, sample: u32) -> u32 {
     let (x, y) = (x * samples + sample % samples, y * samples + sample / samples + samples / 2);
+    order_of(x, y) << 6 | order_of(x >> 3, y >> 3)
+}
+
+/// The order of a place in a pattern of 8 x 8.
+fn order_of(x: u32, y: u32) -> u32 {
     let a = x ^ y;
     (a & 1) << 5 | (y & 1) << 4 | (a & 2) << 2 | (y & 2) << 1 | (a & 4) >> 1 | (y & 4) >> 2
 }

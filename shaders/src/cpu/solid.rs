@@ -10,7 +10,7 @@ use super::{
     objects::{is_hidden, object_colour, object_of_solid},
     ray::{NodeRay, Ray, RayHit, SUN_LIFT_CELLS},
     shade::linear_of,
-    words::{ao_of, azimuth_direction, azimuth_of, codes_per_row, flags_of, is_open},
+    words::{ao_of, azimuth_direction, azimuth_of, codes_per_row, flags_of, hits_share, is_open, is_thin, thin_share},
 };
 use crate::{
     layout::{ATTRIBUTE_PLANE, ROOF_PLANE, STRIP_PLANE, WALK_PLANE},
@@ -31,7 +31,11 @@ pub(super) fn hit_solid(ray: &mut Ray<'_>, column: &ColumnVisit, found: &FoundSo
         return;
     }
     let side = span.face == SolidFace::Side;
-    let roof_normal = Vec3::from(octahedral::decode(column.attributes as u16));
+    let thin = is_thin(flags, column.attributes) && found.solid == ColumnSolid::Upper;
+    if thin && !hits_share(thin_share(column.attributes, side), ray.threshold, column.i as u32) {
+        return;
+    }
+    let roof_normal = if thin { Vec3::Z } else { Vec3::from(octahedral::decode(column.attributes as u16)) };
     let flat_normal = if span.face == SolidFace::Bottom { Vec3::NEG_Z } else { Vec3::Z };
     let (mut texel, mut normal) = (0, flat_normal);
     let mut has_rows = false;
@@ -100,7 +104,7 @@ fn adjacent_wall(ray: &mut Ray<'_>, cell: IVec2, t: f32) -> Option<(u32, Vec3)> 
     let codes = codes_per_row(ray.node.z_shift);
     let texel = ray.read_word(strip + (floor(z / codes) - floor(z_min / codes)) as usize);
     let attributes = ray.read_plane(ATTRIBUTE_PLANE, i);
-    (!is_open(texel)).then(|| (texel, wall_normal(ray, cell, azimuth_of(attributes))))
+    (!is_open(texel) && !is_thin(flags, attributes)).then(|| (texel, wall_normal(ray, cell, azimuth_of(attributes))))
 }
 
 /// Normal of a wall that the ray enters from outside, else of the cell's face.

@@ -317,7 +317,7 @@ fn quad_top(tops: &QuadTops, cell: IVec2) -> f32 {
 /// The node that the ray sees in a square: the one that the entry names, or the next one, from which the square
 /// cross-fades.
 fn seen_node(ray: &Ray<'_>, entry: u32) -> u32 {
-    (entry & GRID_NODE_MASK) + u32::from(ray.threshold < entry >> GRID_SHARE_SHIFT & GRID_SHARE_MASK)
+    (entry & GRID_NODE_MASK) + u32::from(ray.threshold >> 6 < entry >> GRID_SHARE_SHIFT & GRID_SHARE_MASK)
 }
 
 /// The level whose nodes are good enough at distance `t`: its exponent is the logarithm, rounded down.

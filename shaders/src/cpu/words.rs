@@ -1,9 +1,11 @@
 //! Fields of the atlas's words ([`crate::pack`]). GPU twin: `shared/words.wgsl`.
 
-use crate::pack::{AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK};
+use crate::pack::{
+    AO_SHIFT, AZIMUTH_SHIFT, AZIMUTHS, CLIP_OFFSET_SHIFT, FLAGS_SHIFT, HEIGHT_BITS, HEIGHT_MASK, THIN_STEP,
+};
 use glam::Vec2;
 use insula_protocol::{
-    blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL},
+    blockmap::{CLIP_STEPS_PER_CELL, STEPS_PER_CELL, flag},
     texel::OPAQUE,
 };
 use std::sync::LazyLock;
@@ -48,6 +50,25 @@ pub(super) fn azimuth_directions() -> &'static [Vec2; AZIMUTHS as usize] {
 #[inline]
 pub(super) fn clip_offset_of(word: u32) -> f32 {
     (word as i32 >> CLIP_OFFSET_SHIFT) as f32 / CLIP_STEPS_PER_CELL as f32
+}
+
+/// Whether a column with these flags and attributes is thin.
+#[inline]
+pub(super) fn is_thin(flags: u8, attributes: u32) -> bool {
+    flags & (flag::HOLES | flag::CLIPPED) == flag::HOLES && attributes >> CLIP_OFFSET_SHIFT != 0
+}
+
+/// The code of the share of a thin column's sides, or of its top and underside.
+#[inline]
+pub(super) fn thin_share(attributes: u32, side: bool) -> u32 {
+    if side { attributes >> CLIP_OFFSET_SHIFT } else { attributes & 0xff }
+}
+
+/// Whether a ray is among the share, given as a code, of all rays that hit what they meet in column `i`. Neighbouring rays differ by their thresholds
+/// so that any few of them hit as often as many; in the next column, others do.
+#[inline]
+pub(super) fn hits_share(share: u32, threshold: u32, i: u32) -> bool {
+    ((threshold << 4) + i * THIN_STEP) & 0xffff < share * (share + 2)
 }
 
 /// Whether rays pass a texel.

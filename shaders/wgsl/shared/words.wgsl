@@ -29,6 +29,21 @@ fn clip_offset_of(word: u32) -> f32 {
     return f32(bitcast<i32>(word) >> CLIP_OFFSET_SHIFT) / CLIP_STEPS_PER_CELL;
 }
 
+// Whether a column with these flags and attributes is thin.
+fn is_thin(flags: u32, attributes: u32) -> bool {
+    return (flags & (HOLES | CLIPPED)) == HOLES && (attributes >> CLIP_OFFSET_SHIFT) != 0u;
+}
+
+// The code of the share of a thin column's sides, or of its top and underside.
+fn thin_share(attributes: u32, side: bool) -> u32 {
+    return select(attributes & 0xffu, attributes >> CLIP_OFFSET_SHIFT, side);
+}
+
+// Whether a ray is among the share, given as a code, of all rays that hit what they meet in column `i`.
+fn hits_share(share: u32, threshold: u32, i: u32) -> bool {
+    return (((threshold << 4u) + i * THIN_STEP) & 0xffffu) < share * (share + 2u);
+}
+
 // Whether rays pass a texel.
 fn is_open(texel: u32) -> bool {
     return (texel & OPAQUE) == 0u;

@@ -191,6 +191,7 @@ fn column(raster: &Raster, own: &Cell, centre: DVec2, around: &[Option<&Cell>; 9
         wall: wall.collect(),
         clip,
         objects: VoxelObjects::default(),
+        thin: None,
         reflective: false,
     }
 }

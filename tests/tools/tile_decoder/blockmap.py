@@ -4,8 +4,8 @@ from .appearance import read_appearance
 from .container import BadTile, Bytes
 from .ground import read_ground
 from .object_names import read_column_objects
-from .range_coder import RangeReader, bit_models
-from .shapes import (COLUMNS, OCCUPIED, REFLECTIVE, Map, facade_order, neighbour, read_bottoms, read_exposed, read_tops,
+from .range_coder import RangeReader, bit_models, number_models
+from .shapes import (CLIPPED, COLUMNS, EXPOSED, HOLES, INCLINED, OCCUPIED, REFLECTIVE, Map, clamp, facade_order, neighbour, read_bottoms, read_exposed, read_tops,
                      read_walls)
 
 
@@ -20,6 +20,8 @@ def read_blockmap(tile_id, sections):
         read_section(sections[4], lambda coder: read_reflective(coder, tile))
     if 5 in sections:
         tile.objects = read_column_objects(sections[5], tile)
+    if 6 in sections:
+        read_section(sections[6], lambda coder: read_thin(coder, tile))
     check_columns(tile)
     return tile, ground
 
@@ -73,3 +75,18 @@ def read_reflective(coder, tile):
                 tile.flags[i] |= REFLECTIVE
     if not any(flags & REFLECTIVE for flags in tile.flags):
         raise BadTile("no column is reflective")
+
+
+def read_thin(coder, tile):
+    """"The thin section"."""
+    is_thin, shares, last = bit_models(3), number_models(2), (0, 0)
+    for i in range(COLUMNS):
+        if tile.flags[i] & (EXPOSED | HOLES | CLIPPED | INCLINED) != EXPOSED | HOLES:
+            continue
+        west, south = (None if j is None else tile.thin[j] for j in (neighbour(i, -1, 0), neighbour(i, 0, -1)))
+        if coder.bit(is_thin[sum(share is not None for share in (west, south))]):
+            expected = west or south or last
+            side, top = (clamp(expected[k] + coder.number(shares[k]), 0, 255) for k in range(2))
+            last = tile.thin[i] = max(side, 1), top
+    if not any(tile.thin):
+        raise BadTile("no column is thin")

@@ -46,6 +46,8 @@ class Map:
         self.gap, self.clip = [None] * COLUMNS, [None] * COLUMNS
         # Texels are (r, g, b, ao, coverage).
         self.roof, self.strip = [None] * COLUMNS, [None] * COLUMNS
+        # Shares of the sides and of the top of thin columns, in 256ths.
+        self.thin = [None] * COLUMNS
         # The numbers of the objects that the columns show, if the tile has them.
         self.objects = None
 

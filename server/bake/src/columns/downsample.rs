@@ -14,7 +14,7 @@ use crate::{
         merge::{LINES_PER_SIDE, MergedColumn, PARENT_GAPS, VerticalLine, line_position_m},
         object_votes::ObjectVotes,
         srgb::linear_from_srgb,
-        voxels::{SolidRun, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelObjects},
+        voxels::{SolidRun, ThinShares, VoxelAppearance, VoxelClip, VoxelColumn, VoxelGround, VoxelNode, VoxelObjects},
         wall_fit::{CellObservations, WallPiece},
     },
     scene::grid::CityGrid,
@@ -23,7 +23,7 @@ use glam::{Vec2, Vec3};
 use insula_protocol::{
     BlockMap, NODE_CELLS, Texel, TileId,
     blockmap::{
-        CLIP_STEPS_PER_CELL, COLUMNS, MapColumn, NO_OBJECT, STEPS_PER_CELL,
+        CLIP_STEPS_PER_CELL, COLUMNS, MapColumn, NO_OBJECT, STEPS_PER_CELL, ThinShare,
         ground::{SKY_MAX, SQUARES, VERTEX_COUNT, VERTICES, is_used_vertex},
         strip_rows,
     },
@@ -35,9 +35,9 @@ use insula_protocol::{
 const SKIRT: f32 = 0.25;
 
 /// A child's column in metres.
-struct ChildColumn {
-    merged: MergedColumn,
-    is_grounded: bool,
+pub(super) struct ChildColumn {
+    pub(super) merged: MergedColumn,
+    pub(super) is_grounded: bool,
     roof_normal: Vec3,
     roof: VoxelAppearance,
     /// The top beyond the column's clip.
@@ -57,15 +57,15 @@ struct ChildWall {
 }
 
 /// The columns of up to four children in quadrant order; no columns for a missing child.
-type ChildColumns = [Vec<Option<ChildColumn>>; 4];
+pub(super) type ChildColumns = [Vec<Option<ChildColumn>>; 4];
 
 /// The columns of a parent while they are made.
-struct ParentColumns {
-    children: ChildColumns,
-    merged: Vec<MergedColumn>,
-    is_grounded: Vec<bool>,
+pub(super) struct ParentColumns {
+    pub(super) children: ChildColumns,
+    pub(super) merged: Vec<MergedColumn>,
+    pub(super) is_grounded: Vec<bool>,
     /// Side of a parent's cell.
-    cell_m: f32,
+    pub(super) cell_m: f32,
 }
 
 /// The parent `id` of `children`, which are given in quadrant order. `plane_m` is the height at which generated ground ends,
@@ -110,7 +110,7 @@ fn parent_ground(children: [Option<&BlockMap>; 4], plane_m: Option<f32>) -> Opti
 }
 
 /// The four child columns under the parent's column `i`, in quadrant order.
-fn four_children(children: &ChildColumns, i: usize) -> [Option<&ChildColumn>; 4] {
+pub(super) fn four_children(children: &ChildColumns, i: usize) -> [Option<&ChildColumn>; 4] {
     let (x, y) = (i % NODE_CELLS * 2, i / NODE_CELLS * 2);
     std::array::from_fn(|q| {
         let (x, y) = (x + (q & 1), y + (q >> 1));
@@ -157,7 +157,7 @@ fn child_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32)
         outer_top_m: clip.outer.map(|outer| metres(outer.z)),
     });
     ChildColumn {
-        merged: MergedColumn { solids, slope, is_inclined: column.inclined, clip },
+        merged: MergedColumn { solids, slope, is_inclined: column.inclined, clip, thin: column.thin.map(thin_shares) },
         is_grounded: !column.suspended,
         roof_normal: normal,
         roof: appearance(column.roof),
@@ -166,6 +166,11 @@ fn child_column(column: &MapColumn, map: &BlockMap, metres: impl Fn(u16) -> f32)
         is_reflective: column.reflective,
         objects: VoxelObjects::default(),
     }
+}
+
+fn thin_shares(share: ThinShare) -> ThinShares {
+    let [side, top] = share.shares();
+    ThinShares { side, top }
 }
 
 /// The full height codes of a column, from the bottom up: all but its gap and the open rows of its wall.
@@ -231,14 +236,14 @@ fn merge_four(four: &[Option<&ChildColumn>; 4], cell_m: f32) -> (MergedColumn, b
         .iter()
         .flatten()
         .filter(|child| child.is_grounded)
-        .filter_map(|child| Some(child.merged.solids.first()?.bottom_m))
+        .filter_map(|child| Some(child.merged.opaque_solids().first()?.bottom_m))
         .fold(f32::INFINITY, f32::min);
     let lines: Vec<VerticalLine> = (0..LINES_PER_SIDE * LINES_PER_SIDE)
         .map(|i| {
             let position_m = line_position_m(i, cell_m);
             let q = usize::from(position_m.x > 0.0) | usize::from(position_m.y > 0.0) << 1;
             let Some(child) = four[q] else { return VerticalLine { position_m, runs: Vec::new() } };
-            let mut runs = child.merged.runs_at(position_m - quadrant_centre_m(q, cell_m));
+            let mut runs = child.merged.opaque_runs_at(position_m - quadrant_centre_m(q, cell_m));
             if let (true, Some(first)) = (child.is_grounded, runs.first_mut()) {
                 first.bottom_m = lowest_m;
             }
@@ -261,7 +266,7 @@ fn quadrant_centre_m(q: usize, cell_m: f32) -> Vec2 {
 
 /// The walls of a child's column: at its clip, or else on its cell's border.
 fn wall_pieces(child: &ChildColumn, q: usize, cell_m: f32) -> Vec<WallPiece> {
-    let Some(wall) = child.wall.as_ref() else { return Vec::new() };
+    let Some(wall) = child.wall.as_ref().filter(|_| child.merged.thin.is_none()) else { return Vec::new() };
     let planes = match child.merged.clip {
         None => vec![WallPlane { normal: wall.normal, offset_m: 0.25 * cell_m * wall.normal.abs().max_element() }],
         Some(CellClip { plane, corner: None, .. }) => vec![plane],
@@ -281,6 +286,7 @@ impl ParentColumns {
         let (merged, is_grounded) = (0..COLUMNS).map(|i| merge_four(&four_children(&children, i), cell_m)).unzip();
         let mut columns = Self { children, merged, is_grounded, cell_m };
         columns.lower_bottoms();
+        columns.add_thin();
         columns
     }
 
@@ -319,7 +325,9 @@ impl ParentColumns {
         let at_top: Vec<&ChildColumn> = children.iter().copied().filter(is_at_top).collect();
         let tops = if at_top.is_empty() { &children } else { &at_top };
         let [sx, sy] = own.slope;
-        let normal = if own.is_inclined {
+        let normal = if own.thin.is_some() {
+            Vec3::Z
+        } else if own.is_inclined {
             Vec3::new(-sx, -sy, 1.0).normalize_or(Vec3::Z)
         } else {
             tops.iter().map(|child| child.roof_normal).sum::<Vec3>().normalize_or(Vec3::Z)
@@ -338,6 +346,7 @@ impl ParentColumns {
         Some(VoxelColumn {
             clip,
             solids,
+            thin: own.thin,
             inclined: own.is_inclined,
             suspended: !self.is_grounded[i],
             normal: normal.to_array(),
@@ -360,6 +369,7 @@ impl ParentColumns {
         let is_on_border = x == 0 || y == 0 || x == n - 1 || y == n - 1;
         let is_hanging_slab = !self.is_grounded[i] && own.is_slab(self.cell_m);
         if own.clip.is_some()
+            || own.thin.is_some()
             || own.solids.len() > 1
             || is_hanging_slab
             || is_on_border && children.iter().any(|child| child.wall.is_some())

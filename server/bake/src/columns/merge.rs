@@ -6,7 +6,10 @@
 //! lines run through the source's surfaces (`sample::solids`), for parents through the children's columns
 //! (`downsample`).
 
-use crate::columns::{clip::CellClip, voxels::SolidRun};
+use crate::columns::{
+    clip::CellClip,
+    voxels::{SolidRun, ThinShares},
+};
 use glam::Vec2;
 
 /// Number of vertical lines along a cell's side.
@@ -52,6 +55,8 @@ pub(crate) struct MergedColumn {
     pub(crate) is_inclined: bool,
     /// Where the column ends inside the cell.
     pub(crate) clip: Option<CellClip>,
+    /// What of the last run is full, if that is a thin object. Then there is neither a slope nor a clip.
+    pub(crate) thin: Option<ThinShares>,
 }
 
 /// A plane through the tops of lines.
@@ -95,6 +100,43 @@ impl MergedColumn {
         runs
     }
 
+    /// The runs that no ray passes.
+    pub(crate) fn opaque_solids(&self) -> &[SolidRun] {
+        &self.solids[..self.solids.len() - usize::from(self.thin.is_some())]
+    }
+
+    /// The same runs at a point relative to the cell's centre.
+    pub(crate) fn opaque_runs_at(&self, p_m: Vec2) -> Vec<SolidRun> {
+        let mut runs = self.runs_at(p_m);
+        runs.truncate(self.opaque_solids().len());
+        runs
+    }
+
+    /// Cuts the column off at a height.
+    pub(crate) fn cut(&mut self, top_m: f32) {
+        let below = std::mem::take(self).solids.into_iter().filter(|run| run.bottom_m < top_m);
+        self.solids = below.map(|run| SolidRun { top_m: run.top_m.min(top_m), ..run }).collect();
+    }
+
+    /// Puts an opaque run on top of the column.
+    pub(crate) fn put(&mut self, run: SolidRun) {
+        match self.solids.last_mut().filter(|below| below.top_m >= run.bottom_m) {
+            Some(below) => below.top_m = run.top_m,
+            None => self.solids.push(run),
+        }
+        self.slope = [0.0; 2];
+        self.is_inclined = false;
+        self.clip = None;
+    }
+
+    /// Puts a thin object on top of the column.
+    pub(crate) fn put_thin(&mut self, run: SolidRun, shares: ThinShares) {
+        self.solids.push(run);
+        self.slope = [0.0; 2];
+        self.is_inclined = false;
+        self.thin = Some(shares);
+    }
+
     /// Height of the column's side that its neighbour does not cover, in metres. `half_step` leads from the cell's
     /// centre to the middle of the shared border. Where the neighbour is clipped, the largest of three points along the
     /// border counts.
@@ -108,7 +150,7 @@ impl MergedColumn {
     }
 
     fn open_height_at(&self, neighbour: Option<&Self>, half_step: Vec2, along: Vec2) -> f32 {
-        let covers = neighbour.map_or_else(Vec::new, |neighbour| neighbour.runs_at(along - half_step));
+        let covers = neighbour.map_or_else(Vec::new, |neighbour| neighbour.opaque_runs_at(along - half_step));
         let mut open_m = 0.0;
         for run in self.runs_at(along + half_step) {
             open_m += run.top_m - run.bottom_m;

@@ -17,7 +17,7 @@ use insula_protocol::{
     BlockMap, DecodeError, NODE_CELLS, Texel,
     blockmap::{
         CLIP_STEPS_PER_CELL, ColumnClip, ColumnObjects, CornerWall, MAX_TEXELS, MapColumn, NodeGround, OuterTop,
-        STEPS_PER_CELL, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX, flag,
+        STEPS_PER_CELL, ThinShare, WallStrip, Z_CODE_MAX, Z_SHIFT_MAX, flag,
         ground::{self, HEIGHTS_PER_CELL, MAX_HEIGHT, SKY_MAX, VERTICES, is_used_vertex},
         objects::lower_tops,
         strip_rows,
@@ -47,6 +47,8 @@ struct CodeRange {
     gap: Option<[u16; 2]>,
     /// All others.
     other_gaps: Vec<CodeGap>,
+    /// Whether the run above the exact gap, or the only one, is a thin object.
+    is_thin: bool,
     /// Open rows within the exact gap. Readers replace that gap by the one above generated ground.
     replaced_rows: Range<u16>,
 }
@@ -54,7 +56,7 @@ struct CodeRange {
 impl CodeRange {
     /// The range of a column without gaps.
     fn whole(z_min: u16, z_max: u16) -> Self {
-        Self { z_min, z_max, gap: None, other_gaps: Vec::new(), replaced_rows: 0..0 }
+        Self { z_min, z_max, gap: None, other_gaps: Vec::new(), is_thin: false, replaced_rows: 0..0 }
     }
 }
 
@@ -121,6 +123,7 @@ pub fn parametrise(grid: &CityGrid, node: &VoxelNode) -> Result<BlockMap, Decode
                 column.strip = None;
                 column.gap = None;
                 column.clip = None;
+                column.thin = None;
             }
             Some(column)
         })
@@ -198,6 +201,7 @@ fn encode_column(column: &VoxelColumn, codes: &HeightCodes) -> MapColumn {
         strip: column.exposed.then(|| encode_strip(column, codes, &range)),
         clip: column.clip.filter(|_| column.exposed).map(|clip| encode_clip(&clip, codes, &range)),
         reflective: column.reflective,
+        thin: column.thin.filter(|_| range.is_thin).map(|shares| ThinShare::new(shares.side, shares.top)),
     }
 }
 
@@ -227,7 +231,7 @@ fn encode_azimuth([x, y]: [f32; 2]) -> u8 {
 /// The range of a column with a wall strip: its widest gap is exact, or that of which rows would show the least.
 fn code_range(column: &VoxelColumn, codes: &HeightCodes, z_min: u16, z_max: u16) -> CodeRange {
     if column.solids.len() < 2 {
-        return CodeRange::whole(z_min, z_max);
+        return CodeRange { is_thin: column.thin.is_some(), ..CodeRange::whole(z_min, z_max) };
     }
     let solids = column.solids.iter().map(|run| [codes.encode(run.bottom_m), codes.encode(run.top_m)]);
     let mut solids: Vec<[u16; 2]> = solids.collect();
@@ -237,11 +241,18 @@ fn code_range(column: &VoxelColumn, codes: &HeightCodes, z_min: u16, z_max: u16)
     solids[last] = [solids[last][0].min(z_max - 1), z_max];
     // A leaf may be seen from near, so its rows leave no run out.
     let (codes_per_row, leaves_runs_out) = (STEPS_PER_CELL >> codes.shift, !codes.is_leaf);
+    let top = solids[last - 1][1];
+    if column.thin.is_some() && top + 1 < z_max {
+        // What is thin begins above a gap, if only of one code.
+        let other_gaps = gaps_between(&solids[..last], codes_per_row, leaves_runs_out);
+        let gap = Some([top, solids[last][0].max(top + 1)]);
+        return CodeRange { z_min, z_max, gap, other_gaps, is_thin: true, replaced_rows: 0..0 };
+    }
     let mut other_gaps = gaps_between(&solids, codes_per_row, leaves_runs_out);
     let gap = exact_gap(&other_gaps).map(|i| other_gaps.remove(i).codes);
     let hangs = column.suspended && codes.has_ground;
     let replaced = gap.filter(|_| hangs).map(|[low, high]| low.div_ceil(codes_per_row)..high / codes_per_row);
-    CodeRange { z_min, z_max, gap, other_gaps, replaced_rows: replaced.unwrap_or(0..0) }
+    CodeRange { z_min, z_max, gap, other_gaps, is_thin: false, replaced_rows: replaced.unwrap_or(0..0) }
 }
 
 fn encode_strip(column: &VoxelColumn, codes: &HeightCodes, range: &CodeRange) -> WallStrip {
@@ -298,6 +309,7 @@ mod tests {
             clip: None,
             reflective: false,
             objects: VoxelObjects::default(),
+            thin: None,
         }
     }
 

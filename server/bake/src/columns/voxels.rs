@@ -82,6 +82,25 @@ impl Default for VoxelObjects {
     }
 }
 
+/// How much a thin object covers of its part of a cell (Vacca 2008, 3.4.2), 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ThinShares {
+    /// Seen from the side.
+    pub side: f32,
+    /// Seen from above.
+    pub top: f32,
+}
+
+/// Least height, in cells, by which an object of one cell rises above the columns around it to be a thin one.
+pub(crate) const LEAST_THIN_RISE: f32 = 1.5;
+
+impl ThinShares {
+    /// Whether they are those of a thin object: others look more like a whole cell.
+    pub(crate) fn is_thin(self) -> bool {
+        self.side < 0.8 || self.top < 0.6
+    }
+}
+
 /// One column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoxelColumn {
@@ -108,6 +127,8 @@ pub struct VoxelColumn {
     /// Whether most of its visible surface is water or glass.
     pub reflective: bool,
     pub objects: VoxelObjects,
+    /// What of the last run is full, if that is a thin object. Only exposed columns with neither a slope nor a clip have one.
+    pub thin: Option<ThinShares>,
 }
 
 /// The columns of one node, [`COLUMNS`] of them, row-major from the south-west corner.

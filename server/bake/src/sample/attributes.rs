@@ -309,7 +309,9 @@ impl ColumnAccumulator {
             vec![SolidRun { bottom_m: first.bottom_m, top_m: last.top_m }]
         };
         let [sx, sy] = cell.column.slope;
-        let normal = if cell.column.is_inclined {
+        let normal = if cell.column.thin.is_some() {
+            Vec3::Z
+        } else if cell.column.is_inclined {
             Vec3::new(-sx, -sy, 1.0).normalize_or(Vec3::Z)
         } else {
             self.roof_normal.normalize_or(Vec3::Z)
@@ -330,6 +332,7 @@ impl ColumnAccumulator {
             first_row: self.first_row,
             wall: self.wall(&solids, cells.cell_m()),
             solids,
+            thin: cell.column.thin,
             reflective: self.reflective_m2 > 0.0 && self.reflective_m2 >= self.matt_m2,
             objects: VoxelObjects {
                 roof: self.roof_objects.winner(),

@@ -3,7 +3,7 @@
 use crate::columns::{
     clip::{CellClip, WallPlane},
     merge::{LEAF_GAPS, MergedColumn, close_gaps},
-    voxels::SolidRun,
+    voxels::{SolidRun, ThinShares},
 };
 use glam::Vec2;
 
@@ -76,6 +76,55 @@ impl CellGrid {
         }
     }
 
+    /// Puts a thin object on top of a cell's column. A column that ends inside the cell stays as it is.
+    pub(super) fn insert_thin(&mut self, at: [i32; 2], run: SolidRun, floor_m: f32, shares: ThinShares) {
+        let is_below = |cell: &GridCell| cell.column.solids.last().is_some_and(|bar| run.bottom_m < bar.bottom_m);
+        let has_bar = self.has_bar(at) && self.at(at[0], at[1]).is_some_and(is_below);
+        let cell_m = self.cell_m;
+        let Some(cell) = self.at_mut(at).filter(|cell| cell.column.clip.is_none() || has_bar) else { return };
+        let (mut bottom_m, mut run) = (run.bottom_m, run);
+        if let Some(bar) = cell.column.solids.last().filter(|_| has_bar) {
+            run.top_m = run.top_m.max(bar.top_m);
+            cell.column = MergedColumn::default();
+        }
+        match cell.column.solids.last() {
+            Some(below) if bottom_m - below.top_m < LEAF_GAPS[0] * cell_m => bottom_m = below.top_m,
+            Some(_) => {}
+            None => cell.is_grounded = bottom_m < floor_m + cell_m,
+        }
+        if run.top_m > bottom_m {
+            cell.column.put_thin(SolidRun { bottom_m, ..run }, shares);
+        }
+    }
+
+    /// Whether a cell has nothing but a bar that is thinner than half of it in height and ends inside the cell, such as the top of a
+    /// railing, and the cells around it have no more.
+    pub(super) fn has_bar(&self, [x, y]: [i32; 2]) -> bool {
+        let is_bar = |column: &MergedColumn| match column.solids[..] {
+            [run] => {
+                run.top_m - run.bottom_m < 0.5 * self.cell_m
+                    && column.clip.is_some_and(|clip| clip.outer_top_m.is_none())
+            }
+            _ => false,
+        };
+        let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy)));
+        let mut columns = around.filter_map(|(x, y)| Some(&self.at(x, y)?.column));
+        self.at(x, y).is_some_and(|cell| is_bar(&cell.column))
+            && columns.all(|column| column.thin.is_some() || column.solids.is_empty() || is_bar(column))
+    }
+
+    /// Cuts a column off at a height.
+    pub(super) fn cut(&mut self, at: [i32; 2], top_m: f32) {
+        if let Some(cell) = self.at_mut(at) {
+            cell.column.cut(top_m);
+        }
+    }
+
+    fn at_mut(&mut self, [x, y]: [i32; 2]) -> Option<&mut GridCell> {
+        let (x, y) = (usize::try_from(x + 1).ok()?, usize::try_from(y + 1).ok()?);
+        if x >= self.width { None } else { self.list.get_mut(y * self.width + x) }
+    }
+
     /// Ends runs that reach into the ground a little below the lowest ground around them.
     fn end_runs_below_ground(&mut self) {
         let width = self.width as isize;
@@ -98,6 +147,7 @@ impl CellGrid {
     pub(super) fn is_exposed(&self, x: i32, y: i32) -> bool {
         let Some(own) = self.at(x, y) else { return false };
         own.column.clip.is_some()
+            || own.column.thin.is_some()
             || own.column.solids.len() > 1
             || (!own.is_grounded && own.column.is_slab(self.cell_m))
             || [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| {

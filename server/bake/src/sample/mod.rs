@@ -14,6 +14,7 @@
 //! | from which directions crossings and surfels are visible | `directions`, `visibility`, `visibility_map` |
 //! | full runs and slopes of each column, walls inside cells | `solids`, `wall_pieces`, `cell_grid` |
 //! | columns for walls that no vertical line meets | `thin_surfaces` |
+//! | columns for masts, railings and cables, which cover a share of their cells | `thin_objects` |
 //! | heights and occlusion of generated ground | `ground` |
 //! | colour, normal and occlusion of the visible voxels | `attributes`, `texture` |
 //! | appearance of the voxels without surfels | `columns::fill` |
@@ -33,6 +34,7 @@ mod settings;
 mod solids;
 mod surfels;
 pub(crate) mod texture;
+mod thin_objects;
 mod thin_surfaces;
 mod visibility;
 mod visibility_map;
@@ -58,7 +60,9 @@ pub fn sample_block(input: &BlockInput<'_>, settings: &SampleSettings) -> Vec<Vo
     surfels::share_sky(&mut surfels);
     let mut cells = solids::build_columns(&block, &floor, &crossings, &surfels);
     drop(crossings);
+    thin_objects::cut_swollen(&block, &surfels, &mut cells);
     thin_surfaces::add_columns(&block, &floor, &surfels, &mut cells);
+    thin_objects::add_columns(&block, &floor, &surfels, &mut cells);
     let mut nodes = attributes::build_nodes(&block, input, &cells, &surfels, ground.as_ref());
     for node in &mut nodes {
         fill_unknown(node);

@@ -1,12 +1,18 @@
 //! Columns for walls too thin for vertical lines to meet: fences, parapets, the shells of houses without a floor.
 //!
 //! Visible wall surfels that no column covers are summed per cell and row. A row with enough wall area becomes full,
-//! clipped at the wall's plane.
+//! clipped at the wall's plane. What is no closed wall, such as the posts of a railing, is left to `thin_objects`.
 
-use super::{cell_grid::CellGrid, floor::Floor, local_block::LocalBlock, surfels::Surfel};
+use super::{
+    cell_grid::CellGrid,
+    floor::Floor,
+    local_block::LocalBlock,
+    surfels::Surfel,
+    thin_objects::{ProjectedAreas, is_free},
+};
 use crate::columns::{clip::WallPlane, voxels::SolidRun};
 use glam::{Vec2, Vec3, Vec3Swizzles};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Wall area in a row of a cell, in squares of the cell's side, from which on the row is full. Where a wall crosses the
 /// border of two cells, at least one of them has half of its area. Masts and wires have less, and must not swell to a
@@ -14,6 +20,8 @@ use std::collections::BTreeMap;
 const FULL_AREA: f32 = 0.45;
 /// The same for a row that continues a full row of the same wall.
 const CONTINUED_AREA: f32 = 0.03;
+/// Least share of its plane in a cell that a closed wall fills.
+const SHEET_SHARE: f32 = 0.8;
 /// Least thickness of a wall, in cells. A wall on its cell's border would have none, and rays would slip through.
 const MIN_THICKNESS: f32 = 0.125;
 /// Least cosine between normals of pieces of the same wall.
@@ -44,11 +52,29 @@ struct WallRow {
     normal_sum: Vec2,
     /// Sum of the positions relative to the cell's centre, weighted by area.
     position_sum: Vec2,
+    areas: ProjectedAreas,
 }
 
 impl WallRow {
     fn new(p: Vec3) -> Self {
-        Self { area_m2: 0.0, low_m: p.z, high_m: p.z, normal_sum: Vec2::ZERO, position_sum: Vec2::ZERO }
+        Self {
+            area_m2: 0.0,
+            low_m: p.z,
+            high_m: p.z,
+            normal_sum: Vec2::ZERO,
+            position_sum: Vec2::ZERO,
+            areas: ProjectedAreas::NONE,
+        }
+    }
+
+    fn has_full_area(&self, cell_m: f32) -> bool {
+        self.area_m2 >= FULL_AREA * cell_m * cell_m
+    }
+
+    /// Whether the row is a closed wall from side to side of its cell.
+    fn is_sheet(&self, cell_m: f32) -> bool {
+        let Some((area_m2, normal)) = self.areas.plane() else { return false };
+        area_m2 >= SHEET_SHARE * self.areas.height_m(cell_m) * chord_m(self.position_sum / self.area_m2, normal, cell_m)
     }
 
     /// The mean plane of the wall; `None` if its normals differ too much.
@@ -70,7 +96,9 @@ impl WallRow {
 pub(super) fn add_columns(block: &LocalBlock, floor: &Floor, surfels: &[Surfel], cells: &mut CellGrid) {
     let rows = uncovered_rows(block, surfels, cells);
     let c = block.cell_m;
-    for (at, row) in rows.iter().filter(|(at, row)| is_full(&rows, **at, row, c)) {
+    let loose: BTreeSet<VoxelPosition> =
+        rows.iter().filter(|(at, row)| is_loose(&rows, **at, row, cells)).map(|(at, _)| *at).collect();
+    for (at, row) in rows.iter().filter(|(at, row)| !loose.contains(at) && is_full(&rows, **at, row, c)) {
         let run = SolidRun { bottom_m: row.low_m, top_m: row.high_m.max(row.low_m + 0.25 * c) };
         let floor_m = floor.at((at.x as f32 + 0.5) * c, (at.y as f32 + 0.5) * c);
         cells.insert(at.x, at.y, run, floor_m, row.thickened_plane(c));
@@ -91,6 +119,7 @@ fn uncovered_rows(block: &LocalBlock, surfels: &[Surfel], cells: &CellGrid) -> B
         let centre = (Vec2::new(at.x as f32, at.y as f32) + 0.5) * c;
         let row = rows.entry(at).or_insert(WallRow::new(p));
         let outward = if surfel.visible_side() == 1 { -triangle.normal } else { triangle.normal };
+        row.areas.add(surfel, triangle, c);
         row.area_m2 += surfel.area_m2;
         row.normal_sum += outward.xy().normalize() * surfel.area_m2;
         row.position_sum += (p.xy() - centre) * surfel.area_m2;
@@ -102,16 +131,42 @@ fn uncovered_rows(block: &LocalBlock, surfels: &[Surfel], cells: &CellGrid) -> B
 
 /// Whether a row has enough wall of its own, or continues a full row of the same wall.
 fn is_full(rows: &BTreeMap<VoxelPosition, WallRow>, at: VoxelPosition, row: &WallRow, cell_m: f32) -> bool {
-    let has_full_area = |row: &WallRow| row.area_m2 >= FULL_AREA * cell_m * cell_m;
     let continues = |plane: WallPlane, other: &WallRow| {
-        has_full_area(other) && other.plane().is_some_and(|other| other.normal.dot(plane.normal) > SAME_WALL_COSINE)
+        other.has_full_area(cell_m)
+            && other.plane().is_some_and(|other| other.normal.dot(plane.normal) > SAME_WALL_COSINE)
     };
-    let continues_any = |plane: WallPlane| {
-        let around =
-            (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| VoxelPosition { x: at.x + dx, y: at.y + dy, row: at.row }));
-        around.filter_map(|key| rows.get(&key)).any(|other| continues(plane, other))
+    let continues_any = |plane: WallPlane| rows_around(rows, at).any(|other| continues(plane, other));
+    row.has_full_area(cell_m)
+        || (row.area_m2 >= CONTINUED_AREA * cell_m * cell_m && row.plane().is_some_and(continues_any))
+}
+
+/// Whether a row is part of a thin object, not of a wall.
+fn is_loose(rows: &BTreeMap<VoxelPosition, WallRow>, at: VoxelPosition, row: &WallRow, cells: &CellGrid) -> bool {
+    let middle_m = 0.5 * (row.low_m + row.high_m);
+    let is_wall = |row: &WallRow| row.has_full_area(cells.cell_m()) && row.is_sheet(cells.cell_m());
+    let own = row.is_sheet(cells.cell_m());
+    !own && !rows_around(rows, at).any(is_wall) && is_free(cells, [at.x, at.y], middle_m)
+}
+
+/// A row, and those beside it.
+fn rows_around(rows: &BTreeMap<VoxelPosition, WallRow>, at: VoxelPosition) -> impl Iterator<Item = &WallRow> {
+    let around =
+        (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| VoxelPosition { x: at.x + dx, y: at.y + dy, row: at.row }));
+    around.filter_map(|key| rows.get(&key))
+}
+
+/// Length inside a cell of the plane through a point, which is relative to the cell's centre.
+fn chord_m(p: Vec2, normal: Vec2, cell_m: f32) -> f32 {
+    let (along, p) = (normal.perp(), p.clamp(Vec2::splat(-0.5 * cell_m), Vec2::splat(0.5 * cell_m)));
+    let ends = |p: f32, along: f32| {
+        if along.abs() < 1e-3 {
+            return [f32::NEG_INFINITY, f32::INFINITY];
+        }
+        let reach = |side: f32| (side * 0.5 * cell_m - p) / along;
+        [reach(-1.0).min(reach(1.0)), reach(-1.0).max(reach(1.0))]
     };
-    has_full_area(row) || (row.area_m2 >= CONTINUED_AREA * cell_m * cell_m && row.plane().is_some_and(continues_any))
+    let (x, y) = (ends(p.x, along.x), ends(p.y, along.y));
+    (x[1].min(y[1]) - x[0].max(y[0])).max(0.0)
 }
 
 /// Whether a column at the point, or next to it on either side of its wall, is full at its height.

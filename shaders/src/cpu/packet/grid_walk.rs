@@ -298,7 +298,7 @@ fn high_bit<S: Simd>(simd: S, v: I<S>) -> I<S> {
 fn seen_node<S: Simd>(simd: S, threshold: U<S>, entry: U<S>) -> U<S> {
     let share = (entry >> GRID_SHARE_SHIFT) & GRID_SHARE_MASK;
     let (one, zeros) = (splat_u(simd, 1), splat_u(simd, 0));
-    (entry & GRID_NODE_MASK) + threshold.simd_lt(share).select(one, zeros)
+    (entry & GRID_NODE_MASK) + (threshold >> 6).simd_lt(share).select(one, zeros)
 }
 
 /// The level whose nodes are good enough at distance `t`.

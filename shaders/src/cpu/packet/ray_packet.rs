@@ -189,7 +189,13 @@ impl<S: Simd> RayPacket<S> {
     #[inline(always)]
     fn threshold(&self, samples: u32) -> U<S> {
         let (x, y) = (self.x * samples + self.column, self.y * samples + self.row + samples / 2);
-        let a = x ^ y;
-        ((a & 1) << 5) | ((y & 1) << 4) | ((a & 2) << 2) | ((y & 2) << 1) | ((a & 4) >> 1) | ((y & 4) >> 2)
+        let order = always(
+            #[inline(always)]
+            |x: U<S>, y: U<S>| {
+                let a = x ^ y;
+                ((a & 1) << 5) | ((y & 1) << 4) | ((a & 2) << 2) | ((y & 2) << 1) | ((a & 4) >> 1) | ((y & 4) >> 2)
+            },
+        );
+        (order(x, y) << 6) | order(x >> 3, y >> 3)
     }
 }
