@@ -89,6 +89,7 @@ pub enum ServerCommand {
     )]
     Analyse(Box<AnalyseArgs>),
     /// Print the HTTP interface as OpenAPI 3.0
+    #[command(after_help = "Example:\n  insula-server openapi > openapi.json")]
     Openapi,
     /// Check every checksum of a city and decode every tile
     #[command(

@@ -161,7 +161,7 @@ mod tests {
     fn all_that_help_lists_is_in_the_tables() {
         let several = "\nAnd those of [several commands](#options-of-several-commands-of-town): `--overwrite`.\n";
         let expected = format!(
-            "# town\n\nA program.\n\nOptions of all its commands:\n\n| option | meaning |\n|---|---|\n\
+            "# town\n\nA program.\n\n{EXIT_CODES}\n\nOptions of all its commands:\n\n| option | meaning |\n|---|---|\n\
             | `--loud` | Say all. There is much [environment: `TOWN_LOUD`] |\n\n\
             ## town build\n\nBuild a house.\n\n| argument or option | meaning |\n|---|---|\n\
             | `PLAN...` | Plans, as in 'plans/\\*.gml'. |\n\

@@ -231,9 +231,11 @@ fn mesh_commands_do_not_overwrite_their_input() {
     assert!(place.refused("simplify a.off thesis.ply --ratio 0.5").contains("--overwrite"));
     place.succeeds("simplify a.off thesis.ply --ratio 0.5 --overwrite");
     place.succeeds("simplify a.off thesis.ply --ratio 0.5");
-    for out in
-        ["--format csv --out town/city.json", "--format csv --out town/meshes.pmtiles", "--format 3dtiles --out town"]
-    {
+    for out in [
+        "--format csv --out town/city.json",
+        "--format 3dtiles --out town/meshes.pmtiles",
+        "--format 3dtiles --out town",
+    ] {
         assert!(place.refused(&format!("export town {out}")).contains("baked city"));
     }
     for tileset in ["{}", r#"{"asset":{"version":"1.1","generator":"theirs"},"geometricError":1,"root":{}}"#] {

@@ -24,11 +24,11 @@ const STEPS_PER_PIXEL: f64 = 4.0;
 const FIT_CELLS: f64 = 2.0;
 /// Ground without elevation models reaches so far beyond the city at most.
 const LEVEL_MARGIN_M: f64 = 32.0;
-/// Side, in leaves, of the squares of level ground, of which those without a picture are left to the generated ground: a block of leaves,
-/// which are sampled together.
+/// Longest side of a tile of it.
+const LEVEL_TILE_M: f64 = 512.0;
+/// Side, in leaves, of the squares of a tile, of which those without a picture are left to the generated ground: a block of leaves, which
+/// are sampled together.
 const LEVEL_SQUARE_LEAVES: f64 = 2.0;
-/// Side of a tile of it in such squares, if all of them have a picture.
-const LEVEL_TILE_SQUARES: u32 = 4;
 /// Where land surrounds the city, its terrain ends at squares of this many leaves, at which that land begins.
 pub const ALIGNED_LEAVES: f64 = 2.0;
 /// It ends this far within them, so that no rounding makes it reach the next square.
@@ -232,8 +232,9 @@ impl Elevation {
         ground: &GroundPictures<'_>,
         add: &mut dyn FnMut(TerrainTile),
     ) -> Result<(), InputError> {
-        let square_m = cell_m * NODE_CELLS as f64 * LEVEL_SQUARE_LEAVES;
-        let along = ((picture_m / square_m) as u32).clamp(1, LEVEL_TILE_SQUARES);
+        let longest_m = picture_m.min(LEVEL_TILE_M);
+        let square_m = (cell_m * NODE_CELLS as f64 * LEVEL_SQUARE_LEAVES).min(longest_m);
+        let along = (longest_m / square_m) as u32;
         let tile_m = square_m * f64::from(along);
         let ends = [region.position([0; 2]), region.position(region.size.map(|points| points - 1))];
         let clip = |[low, high]: [[f64; 2]; 2]| {
@@ -241,11 +242,12 @@ impl Elevation {
                 [low, high].map(|corner| array::from_fn(|axis| corner[axis].clamp(ends[0][axis], ends[1][axis])));
             (0..2).all(|axis| first[axis] < last[axis]).then_some([first, last])
         };
-        // On the world's grid, as leaves are.
-        let first: [f64; 2] = array::from_fn(|axis| (ends[0][axis] / tile_m).floor());
-        let count = array::from_fn(|axis| ((ends[1][axis] / tile_m).ceil() - first[axis]) as u32);
+        // On the world's grid, as leaves are, if they are small.
+        let start: [f64; 2] =
+            array::from_fn(|axis| if along > 1 { (ends[0][axis] / tile_m).floor() * tile_m } else { ends[0][axis] });
+        let count = array::from_fn(|axis| ((ends[1][axis] - start[axis]) / tile_m).ceil() as u32);
         for [x, y] in places(count) {
-            let corner: [f64; 2] = array::from_fn(|axis| (first[axis] + f64::from([x, y][axis])) * tile_m);
+            let corner: [f64; 2] = array::from_fn(|axis| start[axis] + f64::from([x, y][axis]) * tile_m);
             let Some(tile) = clip([corner, corner.map(|low| low + tile_m)]) else { continue };
             let Some(picture) = self.picture(tile, ground)? else { continue };
             let squares = places([along; 2]).filter_map(|place| {
