@@ -412,6 +412,8 @@ impl<F: TileFetcher> Streamer<F> {
     pub fn set_tau_factor(&mut self, factor: f64) {
         if self.threshold.set_for_speed(factor) {
             self.lookahead.reset();
+            // The next selection is of another view, whose hits only a frame tells, although nothing moves.
+            self.has_news = true;
         }
     }
 

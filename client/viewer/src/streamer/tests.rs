@@ -107,7 +107,9 @@ fn slow_frames_ask_for_less_and_a_rest_for_all_again() {
     assert_eq!(streamer.view(&request, request.camera).tau_px, 4.0);
     let moving = &streamer.selection;
     assert!(moving.requests.len() * 4 < chosen.requests.len() * 3, "{} requests", moving.requests.len());
+    assert!(!streamer.has_work());
     streamer.set_tau_factor(1.0);
+    assert!(streamer.has_work(), "a shell that draws only what is new draws again");
     streamer.select_and_request(&request, NOW);
     assert!(streamer.selection == chosen, "a view that rests has the chosen detail");
 }
