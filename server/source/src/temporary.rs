@@ -11,8 +11,6 @@ use tempfile::{Builder, TempDir, TempPath};
 
 /// Prefix of all names.
 const PREFIX: &str = "insula-";
-/// Attempts to remove each path.
-const MAX_TRIES: u32 = 10;
 
 /// Paths that this process created and has not removed.
 static ALL: Paths = Paths(Mutex::new(BTreeSet::new()));
@@ -35,12 +33,23 @@ impl Paths {
     /// Removes all listed paths. The lock is never released, so that no path is added afterwards.
     fn remove(mut paths: MutexGuard<'_, BTreeSet<PathBuf>>) {
         for path in std::mem::take(&mut *paths) {
-            // Other threads may be writing into a folder. Nothing can be done about what cannot be removed.
-            let removes = || if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
-            let _ = (0..MAX_TRIES).any(|_| removes().is_ok());
+            remove(&path);
         }
         std::mem::forget(paths);
     }
+}
+
+/// Removes a file or folder. Nothing can be done about what cannot be removed.
+fn remove(path: &Path) {
+    if !path.is_dir() {
+        let _ = fs::remove_file(path);
+        return;
+    }
+    // Other threads may be writing into the folder: they find it no more.
+    let mut away = path.as_os_str().to_owned();
+    away.push(".removed");
+    let away = if fs::rename(path, &away).is_ok() { Path::new(&away) } else { path };
+    let _ = fs::remove_dir_all(away);
 }
 
 /// A file or folder in the system's temporary folder. It is removed when this value is dropped.
@@ -61,7 +70,10 @@ impl<T: AsRef<Path>> Temporary<T> {
 
 impl<T: AsRef<Path>> Drop for Temporary<T> {
     fn drop(&mut self) {
-        ALL.lock().remove(self.0.as_ref());
+        let mut paths = ALL.lock();
+        // Before it leaves the list: a signal may end the program at any time.
+        remove(self.path());
+        paths.remove(self.path());
     }
 }
 
@@ -121,5 +133,27 @@ mod tests {
         assert!(paths.iter().all(|path| is_listed(path) && path.to_string_lossy().contains(PREFIX)));
         drop((file, folder));
         assert!(!paths.iter().any(|path| is_listed(path) || path.exists()));
+    }
+
+    #[test]
+    fn nothing_exists_after_it_left_the_list() {
+        struct IsGone(PathBuf);
+        impl AsRef<Path> for IsGone {
+            fn as_ref(&self) -> &Path {
+                &self.0
+            }
+        }
+        // Dropped after the value that holds it has left the list.
+        impl Drop for IsGone {
+            fn drop(&mut self) {
+                assert!(!self.0.exists());
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        for is_folder in [false, true] {
+            let path = folder.path().join("scratch");
+            if is_folder { fs::create_dir_all(path.join("deep")) } else { fs::write(&path, "x") }.unwrap();
+            drop(Temporary(IsGone(path)));
+        }
     }
 }

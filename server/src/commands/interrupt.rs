@@ -3,29 +3,33 @@
 use std::time::Duration;
 
 /// Calls `tick` at each `interval`, if there is one. At the first signal that asks the program to end, calls `farewell` and
-/// ends the program as the signal would have. Without a thread to do so, signals end it as usual.
+/// ends the program as the signal would have. From the return on, no signal is missed. Without a thread or handlers, signals
+/// end the program as usual.
 pub(super) fn watch(
     interval: Option<Duration>,
     tick: impl Fn() + Send + 'static,
     farewell: impl FnOnce() + Send + 'static,
 ) {
+    let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else { return };
+    // Not on the thread, which may start after the first temporary file is written.
+    let registered = {
+        let _context = runtime.enter();
+        EndSignals::register()
+    };
+    let Ok(mut signals) = registered else { return };
     let run = move || {
-        let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else { return };
+        let never = Duration::from_secs(u64::from(u32::MAX));
         let number = runtime.block_on(async {
-            let Ok(mut signals) = EndSignals::register() else { return None };
-            let never = Duration::from_secs(u64::from(u32::MAX));
             loop {
                 tokio::select! {
-                    number = signals.next() => return Some(number),
+                    number = signals.next() => return number,
                     () = tokio::time::sleep(interval.unwrap_or(never)) => tick(),
                 }
             }
         });
-        if let Some(number) = number {
-            farewell();
-            insula_source::temporary::remove_all();
-            end_by(number);
-        }
+        farewell();
+        insula_source::temporary::remove_all();
+        end_by(number);
     };
     // The thread ends with the process.
     let _ = std::thread::Builder::new().name("interrupt".into()).spawn(run);
@@ -90,4 +94,18 @@ impl EndSignals {
 #[cfg(not(unix))]
 fn end_by(number: i32) -> ! {
     std::process::exit(128 + number)
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    #[test]
+    fn signals_are_caught_as_soon_as_they_are_watched() {
+        super::watch(None, || {}, || {});
+        let status = std::fs::read_to_string("/proc/self/status").unwrap();
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap();
+        let caught = u64::from_str_radix(caught.trim(), 16).unwrap();
+        // Interrupt (2) and terminate (15), as bits from 1.
+        assert_eq!(caught >> 1 & 1, 1);
+        assert_eq!(caught >> 14 & 1, 1);
+    }
 }
