@@ -1,4 +1,4 @@
-//! Lines of sight between points: whether they are free, what stands in the way first, and by how much they pass above all else.
+//! Lines of sight between points: whether each is free, its first obstacle, and its clearance.
 
 use crate::{points::Point, rays::CityTriangles, surface::CitySurface};
 use glam::DVec3;

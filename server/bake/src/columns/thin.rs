@@ -8,7 +8,7 @@ use glam::Vec2;
 
 /// Heights at which the children are looked at.
 const SLICES: usize = 16;
-/// Points along a side of a child's cell that tell how much of it a clipped column fills.
+/// Sample points along each side of a cell whose column is clipped.
 const POINTS: usize = 16;
 /// Most rows of cells that are looked at: of two cells of a parent.
 const ROWS: usize = 4;

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::columns::voxels::{LEAST_THIN_RISE, SolidRun, ThinShares};
 use glam::{Vec2, Vec3Swizzles};
-use std::{collections::BTreeMap, f32::consts::TAU};
+use std::{collections::BTreeMap, f32::consts::TAU, sync::LazyLock};
 
 /// Horizontal directions of views, around the circle.
 const DIRECTIONS: usize = 16;
@@ -87,9 +87,15 @@ impl ProjectedAreas {
     }
 }
 
+/// Direction `k` of two turns.
 fn direction(k: usize) -> Vec2 {
-    let (sin, cos) = libm::sincosf(k as f32 / DIRECTIONS as f32 * TAU);
-    Vec2::new(cos, sin)
+    static ALL: LazyLock<[Vec2; 2 * DIRECTIONS]> = LazyLock::new(|| {
+        std::array::from_fn(|k| {
+            let (sin, cos) = libm::sincosf(k as f32 / DIRECTIONS as f32 * TAU);
+            Vec2::new(cos, sin)
+        })
+    });
+    ALL[k]
 }
 
 /// Cuts columns of one cell that rise above all around them and fill little of the cell: a mast that many of the lines met.

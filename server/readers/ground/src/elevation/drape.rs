@@ -43,30 +43,41 @@ pub(super) struct AerialPicture {
 }
 
 impl AerialPicture {
-    /// The part that shows a rectangle, which lies within the picture; `None` if there is nothing to show.
-    pub(super) fn part(&self, [low, high]: [[f64; 2]; 2], ground: &GroundPictures<'_>) -> Option<Drape> {
-        let texels = |axis: usize| {
+    /// Whether there is anything to show in a rectangle, which lies within the picture.
+    pub(super) fn shows(&self, bounds: [[f64; 2]; 2]) -> bool {
+        let [columns, [south, north]] = self.texels(bounds);
+        (south..north).any(|y| self.row(y, columns).iter().any(Option::is_some))
+    }
+
+    /// Columns and rows of a rectangle's texels, first and end.
+    fn texels(&self, [low, high]: [[f64; 2]; 2]) -> [[usize; 2]; 2] {
+        [0, 1].map(|axis| {
             let [first, end] = [low, high].map(|bound| (bound[axis] - self.corner[axis]) / self.texel_m);
-            (first.floor().max(0.0) as usize, (end.ceil().max(0.0) as usize).min(self.size[axis]))
-        };
-        let row = |y: usize, [first, end]: [usize; 2]| &self.colours[y * self.size[0] + first..y * self.size[0] + end];
-        let ((west, east), (south, north)) = (texels(0), texels(1));
-        if !(south..north).any(|y| row(y, [west, east]).iter().any(Option::is_some)) {
-            return None;
-        }
+            [first.floor().max(0.0) as usize, (end.ceil().max(0.0) as usize).min(self.size[axis])]
+        })
+    }
+
+    fn row(&self, y: usize, [first, end]: [usize; 2]) -> &[Option<[u8; 3]>] {
+        &self.colours[y * self.size[0] + first..y * self.size[0] + end]
+    }
+
+    /// The part in a rectangle, which lies within the picture.
+    pub(super) fn part(&self, bounds: [[f64; 2]; 2], ground: &GroundPictures<'_>) -> Drape {
         let margin = MARGIN as usize;
-        let around =
-            |(first, end): (usize, usize), size: usize| [first.saturating_sub(margin), (end + margin).min(size)];
-        let (columns, rows) = (around((west, east), self.size[0]), around((south, north), self.size[1]));
+        let texels = self.texels(bounds);
+        let [columns, rows] = [0, 1].map(|axis| {
+            let [first, end] = texels[axis];
+            [first.saturating_sub(margin), (end + margin).min(self.size[axis])]
+        });
         // Rows of textures go from the top.
-        let colours = (rows[0]..rows[1]).rev().flat_map(|y| row(y, columns));
+        let colours = (rows[0]..rows[1]).rev().flat_map(|y| self.row(y, columns));
         let rgb = colours.map(|colour| colour.unwrap_or(ground.ground)).collect();
         let size = [columns, rows].map(|[first, end]| end - first);
         let texture = SceneTexture { width: size[0] as u32, height: size[1] as u32, rgb, is_pattern: false };
         let first = [columns[0], rows[0]];
         let corner = [0, 1].map(|axis| self.corner[axis] + first[axis] as f64 * self.texel_m);
         let place = DrapePlace { corner, size_m: size.map(|side| side as f64 * self.texel_m) };
-        Some(Drape { texture, place, has_photo: self.has_photo })
+        Drape { texture, place, has_photo: self.has_photo }
     }
 }
 
@@ -161,7 +172,10 @@ impl Elevation {
         bounds: [[f64; 2]; 2],
         ground: &GroundPictures<'_>,
     ) -> Result<Option<Drape>, InputError> {
-        Ok(self.picture(bounds, ground)?.and_then(|picture| picture.part(bounds, ground)))
+        Ok(self
+            .picture(bounds, ground)?
+            .filter(|picture| picture.shows(bounds))
+            .map(|picture| picture.part(bounds, ground)))
     }
 
     /// What is painted in a rectangle, by row from the south.

@@ -254,19 +254,17 @@ impl Elevation {
                 let low: [f64; 2] = array::from_fn(|axis| corner[axis] + f64::from(place[axis]) * square_m);
                 Some((place, clip([low, low.map(|low| low + square_m)])?))
             });
-            let squares: Vec<_> =
-                squares.map(|(place, square)| (place, square, picture.part(square, ground))).collect();
-            let mut add = |[column, row]: [u32; 2], bounds, drape| {
-                let name = format!("terrain {}/{}", x * along + column, y * along + row);
-                add(TerrainTile { name, triangles: level_square(bounds), drape: Some(drape) });
-            };
-            if squares.iter().all(|(_, _, part)| part.is_some()) {
-                picture.part(tile, ground).into_iter().for_each(|drape| add([0; 2], tile, drape));
-                continue;
+            let mut squares: Vec<_> = squares.collect();
+            let all = squares.len();
+            squares.retain(|(_, square)| picture.shows(*square));
+            if squares.len() == all {
+                squares = vec![([0; 2], tile)];
             }
-            squares
-                .into_iter()
-                .for_each(|(place, bounds, part)| part.into_iter().for_each(|drape| add(place, bounds, drape)));
+            for ([column, row], bounds) in squares {
+                let name = format!("terrain {}/{}", x * along + column, y * along + row);
+                let drape = Some(picture.part(bounds, ground));
+                add(TerrainTile { name, triangles: level_square(bounds), drape });
+            }
         }
         Ok(())
     }
