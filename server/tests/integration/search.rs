@@ -211,7 +211,8 @@ async fn filters_name_the_objects_that_pass() {
         assert!(response.contains(header), "{header} is not in {response}");
     }
     // The part is of another kind, of which none passes.
-    let expected = FilteredObjects { passing: [0].into_iter().collect(), ..FilteredObjects::default() };
+    let expected =
+        FilteredObjects { passing: [0].into_iter().collect(), passing_wholes: 1, ..FilteredObjects::default() };
     assert!(response.contains(&format!("content-length: {}\r\n", expected.encode().len())), "{response}");
     for query in ["", "expr=", "expr=heigt+%3E+3", "expr=height+%3E", "expr=height&expr=height", "q=height"] {
         assert_problem(&server.get(&filter(query), "").await, 400);

@@ -53,13 +53,13 @@ struct Facts {
 pub struct StyleBuilder {
     facts: BTreeMap<u32, Facts>,
     filter: FilterBuilder,
-    objects: u64,
+    objects: usize,
 }
 
 impl StyleBuilder {
     /// Evaluates the objects of a block.
     pub fn add(&mut self, block: &ObjectBlock, query: &ObjectQuery) {
-        self.objects += block.ids().len() as u64;
+        self.objects += block.ids().len();
         if let Some(filter) = &query.filter {
             self.filter.add(block, filter);
         }
@@ -85,10 +85,10 @@ impl StyleBuilder {
         }
     }
 
-    /// The styles of all objects that were added, and how many pass the filter.
+    /// The styles of all objects that were added, and how many pass the filter: a building counts once with its parts.
     pub fn finish(self, query: &ObjectQuery) -> (ObjectStyles, usize) {
         let filtered = query.filter.is_some().then(|| self.filter.finish());
-        let passing = filtered.as_ref().map_or(self.objects, |filtered| filtered.passing.len());
+        let passing = filtered.as_ref().map_or(self.objects, |filtered| filtered.passing_wholes as usize);
         let mut styles = ObjectStyles::default();
         if let Some(filtered) = &filtered {
             highlight(&mut styles, filtered, query.filtered_out);
@@ -99,7 +99,7 @@ impl StyleBuilder {
         if let Some(filtered) = &filtered {
             filter_out(&mut styles, filtered, query.filtered_out);
         }
-        (styles, passing as usize)
+        (styles, passing)
     }
 }
 
@@ -234,6 +234,6 @@ mod tests {
         let query = ObjectQuery { filter, filtered_out: FilteredOut::Hide, color: None };
         let (words, passing) = styles(&query, &block);
         assert_eq!(words, [0, 0, 0, 0, PALETTE_HIDDEN, PALETTE_HIDDEN]);
-        assert_eq!(passing, 3);
+        assert_eq!(passing, 1, "a house with its parts");
     }
 }

@@ -107,7 +107,7 @@ impl CityObjects {
             && let Some(filtered) = self.filter(&text).await?
         {
             let styles = styles_of_filter(&filtered, query.filtered_out);
-            return Ok(StyledObjects { styles, legend: None, passing: filtered.passing.len() as usize });
+            return Ok(StyledObjects { styles, legend: None, passing: filtered.passing_wholes as usize });
         }
         let mut builder = StyleBuilder::default();
         if !rules.is_empty() {

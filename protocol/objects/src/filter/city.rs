@@ -23,6 +23,8 @@ pub struct FilteredObjects {
     pub passing: RoaringBitmap,
     /// Objects of the same kinds that do not.
     pub others: RoaringBitmap,
+    /// Objects that pass, or of which a part does: a building counts once with its parts, as in tables.
+    pub passing_wholes: u32,
 }
 
 /// Evaluates a filter on the blocks of a city: on one after the other by [`FilterBuilder::add`], then on the pairs of
@@ -103,12 +105,21 @@ impl FilterBuilder {
         let passing = self.passing | parts;
         let is_filtered = |objects: &&RoaringBitmap| !objects.is_disjoint(&passing);
         let others = self.by_kind.values().filter(is_filtered).fold(RoaringBitmap::new(), |all, objects| all | objects);
-        FilteredObjects { others: others - &passing, passing }
+        let kind_of = |id| self.by_kind.iter().find(|(_, objects)| objects.contains(id)).map(|(kind, _)| *kind);
+        let mut wholes = passing.clone();
+        for [part, parent] in self.parts.into_iter().filter(|[part, _]| passing.contains(*part)) {
+            let is_part = |part: FeatureKind| kind_of(parent).is_some_and(|parent| part.is_part_of(parent));
+            if kind_of(part).is_some_and(is_part) {
+                wholes.remove(part);
+                wholes.insert(parent);
+            }
+        }
+        FilteredObjects { others: others - &passing, passing, passing_wholes: wholes.len() as u32 }
     }
 }
 
 impl FilteredObjects {
-    /// The bytes for a client: the length of the first bitmap (u32), `passing`, `others`.
+    /// The bytes for a client: the length of the first bitmap (u32), `passing`, `others`, `passing_wholes` (u32).
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let mut bytes = (self.passing.serialized_size() as u32).to_le_bytes().to_vec();
@@ -116,6 +127,7 @@ impl FilteredObjects {
             // Writing to memory does not fail.
             let _ = bitmap.serialize_into(&mut bytes);
         }
+        bytes.extend_from_slice(&self.passing_wholes.to_le_bytes());
         bytes
     }
 
@@ -127,7 +139,10 @@ impl FilteredObjects {
             return Err(invalid);
         };
         let [Some(passing), Some(others)] = [first, second].map(bitmap) else { return Err(invalid) };
-        Ok(Self { passing, others })
+        // Earlier servers do not send it.
+        let count = second.get(others.serialized_size()..).and_then(<[u8]>::first_chunk);
+        let passing_wholes = count.map_or(passing.len() as u32, |count| u32::from_le_bytes(*count));
+        Ok(Self { passing, others, passing_wholes })
     }
 }
 
@@ -164,8 +179,10 @@ mod tests {
 
     #[test]
     fn parts_pass_with_their_parents_and_other_kinds_stay() {
-        let FilteredObjects { passing, others } = filtered("year < 1900");
+        let FilteredObjects { passing, others, passing_wholes } = filtered("year < 1900");
         assert_eq!((passing.iter().collect(), others.iter().collect()), (vec![1, 2], vec![3]));
+        assert_eq!(passing_wholes, 1, "a house with its part");
+        assert_eq!(filtered("kind == \"building-part\"").passing_wholes, 1);
         assert_eq!(filtered("year > 3000"), FilteredObjects::default());
     }
 
