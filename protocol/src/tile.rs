@@ -4,7 +4,7 @@
 
 use crate::{
     TileId, codec,
-    codec::byte_reader::ByteReader,
+    codec::{byte_reader::ByteReader, checksum},
     error::{DecodeError, check_limit},
 };
 use serde::{Deserialize, Serialize};
@@ -133,7 +133,7 @@ impl TileWriter {
             packing,
             packed_bytes: length(bytes.len())?,
             raw_bytes: length(raw_bytes)?,
-            crc32: crc32fast::hash(bytes),
+            crc32: checksum(bytes),
         });
         self.body.extend_from_slice(bytes);
         Ok(())
@@ -148,7 +148,7 @@ impl TileWriter {
         out.push(self.kind as u8);
         out.push(0);
         out.extend_from_slice(&length(header.len())?.to_le_bytes());
-        out.extend_from_slice(&crc32fast::hash(&header).to_le_bytes());
+        out.extend_from_slice(&checksum(&header).to_le_bytes());
         out.extend_from_slice(&header);
         out.extend_from_slice(&self.body);
         Ok(out)
@@ -189,7 +189,7 @@ impl<'a> TileReader<'a> {
         }
         let (header_bytes, crc32) = (reader.u32()? as usize, reader.u32()?);
         let header = reader.take(header_bytes)?;
-        if crc32fast::hash(header) != crc32 {
+        if checksum(header) != crc32 {
             return Err(DecodeError::Checksum("the tile header"));
         }
         let header: TileHeader = codec::bincode::from_bytes(header)?;
@@ -210,7 +210,7 @@ impl<'a> TileReader<'a> {
                 return Err(DecodeError::Invalid("two sections of a tile have the same tag"));
             }
             let packed = reader.take(entry.packed_bytes as usize)?;
-            if crc32fast::hash(packed) != entry.crc32 {
+            if checksum(packed) != entry.crc32 {
                 return Err(DecodeError::Checksum("a section"));
             }
             sections.push((entry, packed));

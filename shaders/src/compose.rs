@@ -5,8 +5,8 @@
 //! Alchemy (McGuire et al., "The Alchemy Screen-Space Ambient Obscurance Algorithm", 2011) for one pixel of each block of two by two.
 
 use crate::layout::{ComposeUniform, FrameUniform, GOLDEN_TURN, Shading};
+use crate::parallel::*;
 use glam::{IVec2, Vec2, Vec3, Vec4, Vec4Swizzles};
-use rayon::prelude::*;
 
 /// A pixel that is nearer than the mean of its neighbours by these shares of its depth begins to have a line, and has it.
 pub(crate) const LINE_BEGIN: f32 = 0.004;

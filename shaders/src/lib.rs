@@ -16,6 +16,7 @@ pub mod light;
 pub mod look;
 pub mod mesh;
 pub mod pack;
+mod parallel;
 pub mod shore;
 pub mod srgb;
 pub mod stone;

@@ -1,6 +1,7 @@
 //! From radiance to the screen: storage of a pixel's radiance, exposure by the frame's mean, tone curve, dithering. GPU twin:
 //! `wgsl/shared/tone.wgsl` and `wgsl/meter.wgsl`.
 
+use crate::parallel::*;
 use crate::{
     atmosphere::LUMINANCE,
     compose::shades,
@@ -8,7 +9,6 @@ use crate::{
     srgb::{encode_srgb, encoded},
 };
 use glam::{Mat3, Vec3};
-use rayon::prelude::*;
 use std::sync::LazyLock;
 
 /// Bits of a component's mantissa in a stored radiance, and the bias of the common exponent.
@@ -119,7 +119,8 @@ pub(crate) fn exposure_with(
     let [white, usual, power, longest] = frame.light.grade;
     if white <= 0.0 {
         let add = |a: MeterCounts, b: MeterCounts| std::array::from_fn(|i| a[i] + b[i]);
-        let bins = words.par_chunks(METER_PIXELS).map(count).reduce(|| [0; METER_BINS as usize], add);
+        let chunks: Vec<MeterCounts> = words.par_chunks(METER_PIXELS).map(count).collect();
+        let bins = chunks.into_iter().fold([0; METER_BINS as usize], add);
         return frame.light.key / mean_of(&bins).exp2();
     }
     // An even choice, as on the GPU.

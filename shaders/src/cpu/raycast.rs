@@ -22,6 +22,7 @@ use super::{
     walk::walk_grid,
     ward::{StoneSide, reflect_stone},
 };
+use crate::parallel::*;
 use crate::{
     layout::{FrameUniform, GOLDEN_TURN, MAX_SAMPLES, NO_NODE, OUTLINE_RGB, PALETTE_OUTLINED, Shading},
     mesh::ORIGINS_PER_M,
@@ -30,7 +31,6 @@ use crate::{
 };
 use glam::{Vec2, Vec3};
 use insula_protocol::blockmap::flag;
-use rayon::prelude::*;
 use std::f32::consts::TAU;
 
 /// A finished frame, row by row from the top.
@@ -111,11 +111,10 @@ pub fn count_where(scene: &SceneRef<'_>, is_counted: impl Fn(usize) -> bool + Sy
         }
         sum
     };
-    let add = |mut a: RayCounts, b: RayCounts| {
-        a += b;
-        a
-    };
-    (0..height).into_par_iter().map(row).reduce(RayCounts::default, add)
+    let mut sum = RayCounts::default();
+    let rows: Vec<RayCounts> = (0..height).into_par_iter().map(row).collect();
+    rows.into_iter().for_each(|counts| sum += counts);
+    sum
 }
 
 /// WGSL's entry point.

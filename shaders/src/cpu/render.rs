@@ -8,10 +8,9 @@ use super::{
 use crate::{
     compose::shades,
     layout::{FrameUniform, Shading},
+    parallel::*,
     tone::{DisplayTables, exposure_with, longer},
 };
-use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
-use std::sync::OnceLock;
 
 /// Renders the whole frame on all cores. Words that point outside of the arrays read as zero.
 pub fn render(scene: &SceneRef<'_>) -> Pixels {
@@ -27,8 +26,10 @@ pub fn render_with(scene: &SceneRef<'_>, set: Option<InstructionSet>, sampling: 
 
 /// Draws on all cores but one where there are more than two: a window that streams leaves a core to what fetches and decodes tiles. On
 /// two cores the threads share them by turns, because one core alone would draw half as fast all the time.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn with_spare_core<T: Send>(draw: impl FnOnce() -> T + Send) -> T {
-    static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
+    use rayon::{ThreadPool, ThreadPoolBuilder};
+    static POOL: std::sync::OnceLock<Option<ThreadPool>> = std::sync::OnceLock::new();
     let pool = POOL.get_or_init(|| {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let threads = ThreadPoolBuilder::new().num_threads(cores.saturating_sub(1));
@@ -38,6 +39,12 @@ pub fn with_spare_core<T: Send>(draw: impl FnOnce() -> T + Send) -> T {
         Some(pool) => pool.install(draw),
         None => draw(),
     }
+}
+
+/// Draws: a module in a browser has one thread.
+#[cfg(target_arch = "wasm32")]
+pub fn with_spare_core<T>(draw: impl FnOnce() -> T) -> T {
+    draw()
 }
 
 /// Pixels that a thread develops at once.

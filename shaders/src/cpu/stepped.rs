@@ -9,7 +9,7 @@ use super::{
     raycast::{Pixel, Pixels, Sampling, SceneRef},
     render::{developed, render_band},
 };
-use rayon::prelude::*;
+use crate::parallel::*;
 use std::sync::{
     Mutex, PoisonError,
     atomic::{AtomicUsize, Ordering},
@@ -132,7 +132,7 @@ fn in_units<T: Send>(
             }
         }
     };
-    rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| take_units())));
+    on_all_cores(take_units);
     taken.into_inner().min(count)
 }
 

@@ -8,12 +8,12 @@ use super::{
     walk::walk_grid,
     ward::{MIN_FACING, mean_transmitted, transmitted},
 };
+use crate::parallel::*;
 use crate::{
     mesh::{ORIGINS_PER_M, pack_normal},
     translucency::{COARSEST_PX, OCCUPIED, TranslucencyMap, map_words},
 };
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
 /// The words of map `number` of the frame, finest level first; empty if the frame does not have it.
 pub fn make_map(scene: &SceneRef<'_>, number: usize) -> Vec<u32> {

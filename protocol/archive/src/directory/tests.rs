@@ -7,6 +7,7 @@ use crate::{
 };
 use futures_util::FutureExt;
 use std::{
+    io::Write,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -251,4 +252,24 @@ fn opening_ends_at_its_deadline() {
     let load = |deadline| Archive::load(source.clone(), Some(deadline)).now_or_never().unwrap();
     assert_eq!(load(Instant::now()).unwrap_err(), ArchiveError::TooSlow);
     assert!(load(Instant::now() + Duration::from_secs(3600)).is_ok());
+}
+
+#[test]
+fn gzip_files_of_any_header_are_unpacked_and_checked() {
+    let content = b"entries of a directory ".repeat(40);
+    let plain = flate2::GzBuilder::new();
+    let named = flate2::GzBuilder::new().filename("a").comment("b").extra(*b"xyz").mtime(7);
+    for builder in [plain, named] {
+        let mut encoder = builder.write(Vec::new(), flate2::Compression::best());
+        encoder.write_all(&content).unwrap();
+        let packed = encoder.finish().unwrap();
+        assert_eq!(unpack_gzip(&packed, 10_000).as_ref(), Some(&content));
+        assert_eq!(unpack_gzip(&packed, content.len() as u64), None, "too long");
+        for end in 0..packed.len() {
+            assert_eq!(unpack_gzip(&packed[..end], 10_000), None, "{end} bytes");
+        }
+        let mut damaged = packed.clone();
+        *damaged.iter_mut().nth_back(5).unwrap() ^= 1;
+        assert_eq!(unpack_gzip(&damaged, 10_000), None);
+    }
 }
