@@ -14,6 +14,11 @@ full:
 ci STEP:
     .ci/run {{STEP}}
 
+# The viewer of the pages, and the release programs with it.
+dist:
+    client/web/build
+    cargo build --release
+
 # Runs the tests that a changed file concerns (by default, of all files that differ from HEAD), or those of a crate.
 t *CHANGED:
     tests/tools/affected.py --profile {{profile}} {{CHANGED}}

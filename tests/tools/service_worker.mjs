@@ -13,7 +13,12 @@ const ORIGIN = 'https://h';
 const PAGE = `${ORIGIN}/cities/a`;
 const ASSET = `${ORIGIN}/assets/0123456789abcdef/app.js`;
 const ARCHIVE = `${ORIGIN}/site/cities/a/blockmaps.pmtiles?v=1`;
+const MANIFEST = `${ORIGIN}/v1/cities/a`;
 const tile = (number) => `${ORIGIN}/v1/cities/a/v1/blockmaps/12/${number}/0`;
+
+/** The worker's seconds are shorter. */
+const TIMES_FASTER = 10;
+const sooner = (act, ms) => setTimeout(act, ms / TIMES_FASTER);
 
 /** A browser that runs the worker. */
 class World {
@@ -40,9 +45,9 @@ class World {
     };
     const navigator = { storage: { estimate: async () => ({ quota: this.quota }) } };
     const indexedDB = { deleteDatabase() {} };
-    const fetch = (request) => this.#fetch(request);
+    const fetch = (request, options) => this.#fetch(request, options);
     const given = { self, caches, fetch, navigator, indexedDB };
-    const builtIn = { Response, Request, Headers, URL, Blob, AbortSignal, setTimeout, clearTimeout, console };
+    const builtIn = { Response, Request, Headers, URL, Blob, AbortController, setTimeout: sooner, clearTimeout, console };
     vm.runInContext(code, vm.createContext({ ...given, ...builtIn }));
   }
 
@@ -75,9 +80,11 @@ class World {
     };
   }
 
-  async #fetch(request) {
+  async #fetch(request, { signal } = {}) {
     if (!this.isOnline) throw new TypeError('offline');
-    return this.answers.get(request.url ?? request)?.(request) ?? new Response('', { status: 404 });
+    const aborted = new Promise((_, reject) => signal?.addEventListener('abort', () => reject(signal.reason)));
+    const answer = this.answers.get(request.url ?? request)?.(request, aborted) ?? new Response('', { status: 404 });
+    return Promise.race([answer, aborted]);
   }
 
   /** The answer to a request, once the worker's work for it is done. */
@@ -107,6 +114,25 @@ function text(content, type) {
   return () => new Response(content, { headers: { 'content-type': type } });
 }
 
+/** Content whose last part comes late, unless the request is aborted before. */
+function slowText(content, type) {
+  return (_, aborted) => {
+    const start = (stream) => {
+      stream.enqueue(new TextEncoder().encode(content.slice(0, 1)));
+      const end = () => {
+        stream.enqueue(new TextEncoder().encode(content.slice(1)));
+        stream.close();
+      };
+      const timer = sooner(end, 5_000);
+      aborted.catch((reason) => {
+        clearTimeout(timer);
+        stream.error(reason);
+      });
+    };
+    return new Response(new ReadableStream({ start }), { headers: { 'content-type': type } });
+  };
+}
+
 function redirected() {
   const response = bytes(9)();
   Object.defineProperty(response, 'redirected', { value: true });
@@ -126,7 +152,8 @@ const tests = {
     }
   },
   async 'what must not be kept is not'() {
-    for (const answer of [bytes(9, { 'cache-control': 'private, no-store' }), text('Log in!', 'text/html'), redirected]) {
+    const others = ['text/html', 'text/plain; charset=utf-8', 'application/json'].map((type) => text('Log in!', type));
+    for (const answer of [bytes(9, { 'cache-control': 'private, No-Store' }), redirected, ...others]) {
       const world = new World();
       world.answers.set(tile(1), answer).set(PAGE, text('{}', 'application/json'));
       await world.get(tile(1));
@@ -136,13 +163,62 @@ const tests = {
       await assert.rejects(world.get(PAGE, { isPage: true }));
     }
   },
+  async 'files are kept with the types that hosts send for them, and with no other'() {
+    const asset = (name) => `${ORIGIN}/assets/0123456789abcdef/${name}`;
+    for (const [address, type, isKept] of [
+      [asset('app.js'), 'application/javascript', true],
+      [asset('app.js'), 'text/plain', false],
+      [asset('style.css'), 'text/css; charset=utf-8', true],
+      [asset('insula_web_bg.wasm'), 'application/wasm', true],
+      [asset('insula_web_bg.wasm'), 'binary/octet-stream', true],
+      [asset('insula_web_bg.wasm'), 'text/plain', true],
+      [asset('style.css'), 'text/plain', false],
+      [asset('icon.svg'), 'image/svg+xml', true],
+      [asset('icon-192.png'), 'image/png', true],
+      [asset('icon-192.png'), 'text/html', false],
+      [asset('language-de.json'), 'application/json', true],
+      [asset('manifest.webmanifest'), 'application/manifest+json', true],
+      [`${ORIGIN}/cities/a/thumbnail.jpg`, 'image/jpeg', true],
+      [`${ORIGIN}/cities/a/city.json`, 'application/json', true],
+      [`${ORIGIN}/cities/a/city.json`, 'text/html', false],
+      [`${ORIGIN}/v1/cities`, 'application/json', true],
+      [MANIFEST, 'text/plain', false],
+    ]) {
+      const world = new World();
+      world.answers.set(address, text('content', type));
+      await world.get(address);
+      world.isOnline = false;
+      assert.equal(await world.get(address).then(Boolean, () => false), isKept, `${address}: ${type}`);
+    }
+    const world = new World();
+    world.answers.set(ASSET, () => new Response(new Uint8Array(9)));
+    await world.get(ASSET);
+    world.isOnline = false;
+    assert.equal((await world.get(ASSET)).status, 200, 'a host that names no type');
+  },
+  async 'a slow answer is waited for, and a kept one shown where none begins'() {
+    const world = new World();
+    const json = (version, make = text) => make(`{"version": ${version}}`, 'application/json');
+    world.answers.set(MANIFEST, json(1));
+    await world.get(MANIFEST);
+    world.answers.set(MANIFEST, json(2, slowText));
+    for (const isOnline of [true, false]) {
+      world.isOnline = isOnline;
+      assert.deepEqual(await (await world.get(MANIFEST)).json(), { version: 2 });
+    }
+    world.isOnline = true;
+    world.answers.set(MANIFEST, () => new Promise(() => {}));
+    assert.deepEqual(await (await world.get(MANIFEST)).json(), { version: 2 });
+  },
   async 'caches that fail or hang leave everything to the network'() {
     for (const fault of ['hasCaches', 'isHanging']) {
       const world = new World();
       world[fault] = fault === 'isHanging';
       world.answers.set(tile(1), bytes(5)).set(PAGE, text('page', 'text/html'));
       world.answers.set(ARCHIVE, () => new Response('0123', { status: 206, headers: { 'content-range': 'bytes 0-3/9' } }));
-      assert.equal((await world.get(tile(1))).status, 200);
+      const documents = [MANIFEST, `${ORIGIN}/site/cities/a/city.json`, `${ORIGIN}/v1/cities`];
+      for (const address of documents) world.answers.set(address, text('{}', 'application/json'));
+      for (const address of [tile(1), ...documents]) assert.equal((await world.get(address)).status, 200);
       assert.equal((await world.get(PAGE, { isPage: true })).status, 200);
       assert.equal((await world.get(ARCHIVE, { range: 'bytes=0-3' })).status, 206);
     }

@@ -78,7 +78,8 @@ export interface CityControls {
 }
 
 /** A city without an element of its own. */
-export class Caster implements CityControls {
+export interface Caster extends CityControls {}
+export class Caster {
   constructor(options: CasterOptions);
   /** Resolves when the manifest is there. Rejects if there is no city, or no answer; in the latter case it is asked again. */
   readonly opened: Promise<Caster>;
@@ -99,13 +100,6 @@ export class Caster implements CityControls {
   rest(): void;
   /** Ends the workers. */
   dispose(): void;
-  setColors(rules: ColorRules | null): Promise<Colors>;
-  setFilter(filter: string | null): Promise<Colors>;
-  setFeatureState(id: number, state: FeatureState | null): void;
-  getFeatureState(id: number): FeatureState;
-  setGround(isShown: boolean): void;
-  setTime(time: TimeText): void;
-  setOptions(changes: Partial<ViewerOptions>): void;
 }
 
 /** A caster whose manifest is there. */

@@ -268,9 +268,9 @@ export interface CameraDetail {
 }
 
 export interface StatusDetail {
-  /** `null` if all is well. */
-  kind: null | 'loading' | 'offline' | 'error';
-  /** What is wrong, with `error`. */
+  /** `null` if all is well; `waiting` for a server that does not answer yet, and is asked again. */
+  kind: null | 'loading' | 'waiting' | 'offline' | 'error';
+  /** What is wrong, with `error` and `waiting`. */
   text: string;
 }
 
@@ -453,6 +453,12 @@ export class InsulaCity extends HTMLElement {
     options?: boolean | EventListenerOptions,
   ): void;
 }
+
+/**
+ * Gives the elements of the page the words of another language: those of a file `language-CODE.json` of the package, or some of them.
+ * What is left out is English.
+ */
+export function setTexts(texts: object): void;
 
 declare global {
   interface HTMLElementTagNameMap {

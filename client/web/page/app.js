@@ -7,7 +7,7 @@ import { load } from './storage.js';
 import { loadLanguage, strings } from './strings.js';
 import { applyTheme } from './theme.js';
 import { parseView } from './view-text.js';
-import { registerServiceWorker, startWorkersBeside } from './workers.js';
+import { registerServiceWorker } from './workers.js';
 
 /** The manifest in the page; `null` if there is none or it is malformed. */
 function inlineManifest() {
@@ -31,7 +31,6 @@ function offeredLanguages() {
   return list.split(' ').filter((code) => /^[a-z]{2,3}$/.test(code));
 }
 
-startWorkersBeside();
 prepareEngine();
 const language = loadLanguage(navigator.languages ?? [navigator.language], offeredLanguages());
 if (!customElements.get('insula-city')) customElements.define('insula-city', InsulaCity);

@@ -49,7 +49,7 @@ export class KeyboardInput {
       if (isNew) this.#actions.send('move', { direction, held: true });
       return;
     }
-    const [action, shading] = [VIEW_KEYS[codeOf(event)], shadingOf(event.code)];
+    const [action, shading] = [VIEW_KEYS[codeOf(event)], shadingOf(codeOf(event))];
     if (event.repeat && action !== 'closer' && action !== 'farther') return;
     if (action) this.#actions.act(action);
     else if (shading >= 0) this.#actions.act('shading', shading);

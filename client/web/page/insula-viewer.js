@@ -6,6 +6,7 @@ import { shapesOf } from './geojson.js';
 import { InsulaCity as Element } from './insula-city.js';
 import { isLonLat, lonLatGrid } from './lon-lat.js';
 import { ObjectStates } from './object-states.js';
+import { useTexts } from './strings.js';
 
 /** Field of view of a camera that does not say it, before there is a view. */
 const DEFAULT_FOV_DEG = 40;
@@ -145,6 +146,12 @@ export class InsulaCity extends Element {
   #size() {
     return { width: Math.max(this.clientWidth, 1), height: Math.max(this.clientHeight, 1) };
   }
+}
+
+/** Gives the elements of the page the words of a language: those of a file `language-CODE.json`, or some of them. @param {any} texts */
+export function setTexts(texts) {
+  useTexts(texts);
+  document.querySelectorAll('insula-city').forEach((city) => city.describeInWords?.());
 }
 
 /** A place as users give it, `[lon, lat, height]` or with names. */

@@ -202,7 +202,7 @@ function legendNodes(legend) {
   if (ramp) bar.style.backgroundImage = `linear-gradient(to right, ${ramp.stops.map(css).join(', ')})`;
   bar.hidden = !ramp;
   // The engine's own words are the last ones; values of the city stay as they are.
-  const own = { 'no data': texts.noData, others: texts.others };
+  const own = { 'no data': texts.noData, others: texts.otherValues };
   const { kinds } = strings.objects;
   const isOfKinds = legend.title === 'kind' && entries.every(({ label }) => label in own || Object.hasOwn(kinds, label));
   const rows = entries.map(({ rgb, label }, i) => {

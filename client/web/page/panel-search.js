@@ -51,12 +51,12 @@ export function searchPanel(page) {
   form.addEventListener('submit', async (event) => {
     event.preventDefault();
     const [bookmark] = page.bookmarks.find(input.value);
-    const place = parseCoordinates(input.value, page.manifest);
-    if ('position' in place) {
-      page.city.flyTo(place.position);
+    const found = parseCoordinates(input.value, page.manifest);
+    if ('place' in found) {
+      page.city.flyTo(found.place);
       announce(texts.moved(input.value));
     } else if (bookmark) open(bookmark);
-    else if (!(await search.visitFirst(input.value))) setText(error, error.textContent || place.error);
+    else if (!(await search.visitFirst(input.value))) setText(error, error.textContent || found.error);
   });
   showResults();
   return { title: texts.title, content: [form, error, results, objects], opened: () => input.select(), focus: input };

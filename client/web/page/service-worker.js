@@ -37,6 +37,21 @@ const MAX_GROUP_BYTES = 65536;
 const ARCHIVE = /\/[a-z]+\.pmtiles$/;
 const MANIFEST = /(\/city\.json|\/v1\/cities\/[^/]+)$/;
 const PAGE_FILE = /\/(thumbnail\.jpg|v1\/cities)$/;
+/** Content types of what is kept. Hosts of files may send none, and any for archives: that these are answered by ranges is enough. */
+const PAGE_TYPE = /^text\/html\b/i;
+const TILE_TYPE = /^$|octet-stream/i;
+const RANGE_TYPE = /^(?!text\/html\b)/i;
+/** By the end of a file's name; others are JSON. A page is only kept with all of its files, and old hosts do not know two of them. */
+const TYPE_WORDS = {
+  js: 'javascript',
+  css: 'css',
+  wasm: 'wasm|^text/plain',
+  webmanifest: 'json|^text/plain',
+  svg: 'svg',
+  png: 'png',
+  jpg: 'jpeg',
+  woff2: 'woff2',
+};
 const ASSET_IN_PAGE = /(?:href|src)="([^"]*assets\/[0-9a-f]{16}\/[^"]+)"/g;
 
 self.addEventListener('install', (event) => event.waitUntil(self.skipWaiting()));
@@ -59,7 +74,7 @@ async function start() {
   const pages = await self.clients.matchAll({ type: 'window', includeUncontrolled: true });
   const keepOpen = async ({ url }) => {
     const response = await fetch(url);
-    if (isKept(response, true)) await keepPage(withoutHash(url), response);
+    if (isKept(response, PAGE_TYPE)) await keepPage(withoutHash(url), response);
   };
   await Promise.all(pages.map((page) => keepOpen(page).catch(() => null)));
 }
@@ -89,7 +104,8 @@ async function fromCacheFirst(request, later) {
   const found = await lookUpUnlessReloaded(request, request.url);
   if (found) return found;
   const response = await fetch(request);
-  if (isKept(response)) later(keep(request.url, response.clone()));
+  const { pathname } = new URL(request.url);
+  if (isKept(response, TILE.test(pathname) ? TILE_TYPE : fileType(pathname))) later(keep(request.url, response.clone()));
   return response;
 }
 
@@ -101,7 +117,7 @@ async function groupOf(request, later) {
   const url = new URL(request.url);
   try {
     const response = await fetch(request);
-    if (isKept(response)) later(keepTilesOf(url, response.clone()));
+    if (isKept(response, TILE_TYPE)) later(keepTilesOf(url, response.clone()));
     return (response.status >= 500 && (await groupOfKept(url))) || response;
   } catch (error) {
     const kept = await groupOfKept(url);
@@ -187,12 +203,13 @@ async function fromNetworkFirst(request, isPage, later) {
   const key = withoutHash(request.url);
   const known = await lookUp(key);
   try {
-    const options = known ? { signal: AbortSignal.timeout(PATIENCE_MS) } : {};
-    const response = await fetch(request, options);
-    if (isKept(response, isPage)) {
-      const copy = response.clone();
-      if (isPage) later(keepPage(key, copy));
-      else await keep(key, copy);
+    const late = new AbortController();
+    const timer = known && setTimeout(() => late.abort(), PATIENCE_MS);
+    const response = await fetch(request, known ? { signal: late.signal } : {});
+    // A body may take its time.
+    clearTimeout(timer);
+    if (isKept(response, isPage ? PAGE_TYPE : fileType(new URL(key).pathname))) {
+      later((isPage ? keepPage : keep)(key, response.clone()));
     }
     // A gateway whose server is down is no better than no network.
     return known && response.status >= 500 ? known : response;
@@ -216,7 +233,7 @@ async function rangeOf(request, later) {
   const part = wanted && request.cache !== 'reload' ? await partOfKept(file, wanted) : undefined;
   if (part) return part;
   const response = await fetch(request);
-  if (isKept(response, false, 206)) {
+  if (isKept(response, RANGE_TYPE, 206)) {
     const { headers, body } = response.clone();
     later(keep(key, new Response(body, { status: 200, headers })));
     if (wanted) later(noteRange(file, wanted));
@@ -290,14 +307,18 @@ function boundsOf(request) {
 }
 
 /**
- * Whether a response may be kept: a whole one, or a range, of the address that was asked for. Portals and wrong addresses answer with
- * pages where none is expected.
- * @param {Response} response
+ * Whether a response may be kept: a whole one, or a range, of the address and the type that were asked for. Portals and wrong addresses
+ * answer with other types.
+ * @param {Response} response @param {RegExp} type
  */
-function isKept({ status, redirected, headers }, isPage = false, expected = 200) {
-  const isHtml = /^text\/html\b/.test(headers.get('content-type') ?? '');
-  const isForbidden = redirected || /no-store/.test(headers.get('cache-control') ?? '');
-  return status === expected && !isForbidden && isHtml === isPage;
+function isKept({ status, redirected, headers }, type, expected = 200) {
+  const isForbidden = redirected || /no-store/i.test(headers.get('cache-control') ?? '');
+  return status === expected && !isForbidden && type.test(headers.get('content-type') ?? '');
+}
+
+/** The type of a file by the end of its path, in any of its spellings, or one of hosts that do not know it. @param {string} path */
+function fileType(path) {
+  return new RegExp(`^$|octet-stream|${TYPE_WORDS[/\.(\w+)$/.exec(path)?.[1]] ?? 'json'}`, 'i');
 }
 
 /** @param {string} address */
@@ -312,7 +333,7 @@ async function keepPage(key, response) {
   const fetchMissing = async (address) => {
     if (new URL(address).origin !== self.location.origin || (await lookUp(address))) return;
     const asset = await fetch(address);
-    if (!isKept(asset)) throw new Error(address);
+    if (!isKept(asset, fileType(address))) throw new Error(address);
     await keep(address, asset);
   };
   await Promise.all([...new Set(addresses)].map(fetchMissing));

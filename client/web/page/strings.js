@@ -22,7 +22,7 @@ const MAX_CHARS = 1 << 17;
 /** The texts. Their objects stay the same when the language changes. @type {any} */
 export const strings = {};
 
-use(english);
+useTexts(english);
 
 /**
  * Fetches the texts of the best language that the page offers, and uses them from now on. Without them, the page stays English.
@@ -36,7 +36,7 @@ export async function loadLanguage(wanted, offered) {
     const signal = AbortSignal.timeout(MAX_WAIT_MS);
     const response = await fetch(new URL(`${folder}language-${code}.json`), { signal });
     const text = response.ok ? await response.text() : '';
-    if (text !== '' && text.length <= MAX_CHARS) use(JSON.parse(text));
+    if (text !== '' && text.length <= MAX_CHARS) useTexts(JSON.parse(text));
   } catch (error) {
     console.warn(`language-${code}.json: ${error?.message ?? error}`);
   }
@@ -57,8 +57,8 @@ function bestLanguage(wanted, offered) {
   return null;
 }
 
-/** Uses a language's texts. */
-function use(texts) {
+/** Uses a language's texts. @param {any} texts */
+export function useTexts(texts) {
   const language = typeof texts.language === 'string' ? texts.language : english.language;
   plurals = new Intl.PluralRules(language);
   numbers = new Intl.NumberFormat(language);

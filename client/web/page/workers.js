@@ -10,14 +10,6 @@ export const folder = import.meta.url.replace(/[^/]*$/, '');
  */
 const policy = globalThis.trustedTypes?.createPolicy('insula', { createScriptURL: (url) => url }) ?? { createScriptURL: (url) => url };
 
-/** Whether the scripts lie beside this one under their own names. A bundler gives them others. */
-let areBeside = false;
-
-/** Tells that this is the page of a server or a published site. To be called before a worker starts. */
-export function startWorkersBeside() {
-  areBeside = true;
-}
-
 /**
  * Registers the worker that keeps visited cities for offline use. Without it, the page works online. Browsers offer it only on https and
  * localhost.
@@ -39,11 +31,27 @@ export function startWorker(name, start) {
   const url = new URL(folder + name);
   // A bundler may leave the address of a source file here; only `start` has the script's new address then.
   if (url.protocol === 'file:' || url.origin === self.origin) {
-    return areBeside ? new Worker(policy.createScriptURL(url.href), { type: 'module' }) : start();
+    return globalThis.trustedTypes ? withPolicy(start) : start();
   }
   const script = new Blob([`import ${JSON.stringify(url.href)};`], { type: 'text/javascript' });
   const blobUrl = URL.createObjectURL(script);
   const worker = new Worker(policy.createScriptURL(blobUrl), { type: 'module' });
   worker.addEventListener('message', () => URL.revokeObjectURL(blobUrl), { once: true });
   return worker;
+}
+
+/**
+ * Starts a worker with an address of the policy. `start` cannot ask for it: bundlers follow only calls of `Worker` with the address itself.
+ * @param {() => Worker} start
+ * @returns {Worker}
+ */
+function withPolicy(start) {
+  const { Worker: original } = globalThis;
+  const construct = (_, [url, options]) => new original(policy.createScriptURL(String(url)), options);
+  globalThis.Worker = new Proxy(original, { construct });
+  try {
+    return start();
+  } finally {
+    globalThis.Worker = original;
+  }
 }

@@ -49,7 +49,7 @@ pub struct PublishArgs {
     /// Title of the site
     #[arg(long, value_name = "T")]
     pub title: Option<String>,
-    /// Address that the site will have, for previews of links to it
+    /// Address that the site will have, for previews of links to it and for the page of wrong addresses
     #[arg(long, value_name = "URL", value_parser = parse_site_address)]
     pub url: Option<String>,
     /// TOML file of settings, of which the table site counts: name, logo, colour, imprint and first views

@@ -4,6 +4,7 @@
 //! SITE/index.html                 the list of cities; of a single city, its page
 //!      assets/HASH/FILE           the viewer; FILE.br and FILE.gz for hosts that send compressed files
 //!      cities/NAME/index.html     page, and beside it the files of the city
+//!      404.html                   for wrong addresses
 //!      service-worker.js
 //!      insula-site.json           marks the folder, and lists its files with their hashes: only what is on the list is ever removed
 //! ```
@@ -14,7 +15,7 @@ use crate::{
     config::ServeConfig,
     page::{
         self, Brand, CityFacts, CityInList, CityLinks, CityListPage, Languages, SERVICE_WORKER_FILE, ViewerAssets,
-        list_policy, meta_policy, viewer_policy,
+        escape_html, list_policy, meta_policy, viewer_policy,
     },
     store::{CityStore, Store},
 };
@@ -28,6 +29,9 @@ use insula_protocol::{
     text::{count, human_bytes},
 };
 use std::sync::Arc;
+
+/// What many hosts of files answer for an address that leads to no file.
+const WRONG_ADDRESS_FILE: &str = "404.html";
 
 /// Runs `publish` with the viewer of this program.
 pub(super) fn run(args: &PublishArgs) -> Result<(), CommandError> {
@@ -60,6 +64,7 @@ pub fn publish_site(args: &PublishArgs, viewer: &ViewerAssets) -> Result<(), Com
         cities => list(cities, viewer, args, &brand),
     };
     site.write("index.html", index.as_bytes())?;
+    site.write(WRONG_ADDRESS_FILE, wrong_address(&cities, viewer, args, &brand).as_bytes())?;
     for city in brand.start_cities().filter(|name| store.city(name).is_none()) {
         eprintln!("note: site.start: no city of the name {city} is published: check its spelling");
     }
@@ -160,4 +165,52 @@ fn list(cities: &[&Arc<CityStore>], viewer: &ViewerAssets, args: &PublishArgs, b
         page.push_city(&CityInList { facts: facts(city), page: Some(links.source.clone()), links });
     }
     page.finish()
+}
+
+/// The page for wrong addresses, with a link to the site's start. It is shown at addresses of any depth, so its links are whole ones:
+/// without `--url`, the site is thought to be all of its host.
+fn wrong_address(cities: &[&Arc<CityStore>], viewer: &ViewerAssets, args: &PublishArgs, brand: &Brand) -> String {
+    let root = args.url.as_deref().unwrap_or("/");
+    let icon = viewer.folder(root) + "icon.svg";
+    let (policy, languages) = (meta_policy(list_policy()), Languages::of(Some(viewer)));
+    let texts = languages.english();
+    let icon = viewer.has("icon.svg").then_some(icon.as_str());
+    let mut page = CityListPage::new(brand, texts, icon, Some(&policy));
+    let start = match cities {
+        [city] => &city.manifest().title,
+        _ => &texts.cities,
+    };
+    page.push_paragraph(&format!("<strong>{}</strong>", escape_html(&texts.not_found)));
+    page.push_paragraph(&escape_html(&texts.not_found_hint));
+    page.push_paragraph(&format!("<a href=\"{}\">{}</a>", escape_html(root), escape_html(start)));
+    page.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use insula_test_support::small_city;
+    use std::fs;
+
+    #[test]
+    fn wrong_addresses_lead_to_the_start() {
+        let folder = tempfile::tempdir().unwrap();
+        let (one, other, out) = (folder.path().join("one"), folder.path().join("other"), folder.path().join("site"));
+        small_city::write_city(&one, "one");
+        small_city::write_city(&other, "other");
+        let viewer = ViewerAssets::new("00112233445566ff", []);
+        let publish = |cities: &[&std::path::PathBuf], url: Option<&str>| {
+            let cities = cities.iter().map(|city| (*city).clone()).collect();
+            let url = url.map(str::to_owned);
+            publish_site(&PublishArgs { cities, out: out.clone(), title: None, url, config: None }, &viewer).unwrap();
+            fs::read_to_string(out.join("404.html")).unwrap()
+        };
+        let page = publish(&[&one], None);
+        assert!(page.contains("There is no such page here") && page.contains("<a href=\"/\">"), "{page}");
+        // A part of the site as all others: it is on its list, and replaced.
+        let page = publish(&[&one, &other], Some("https://example.org/maps/"));
+        assert!(page.contains("<a href=\"https://example.org/maps/\">Cities</a>"), "{page}");
+        let list: serde_json::Value = serde_json::from_slice(&fs::read(out.join("insula-site.json")).unwrap()).unwrap();
+        assert!(list["files"]["404.html"].is_string(), "{list}");
+    }
 }

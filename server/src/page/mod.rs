@@ -24,7 +24,8 @@ pub(crate) use texts::{Languages, SiteTexts};
 use insula_protocol::Manifest;
 
 /// Says how to get the viewer, on the pages of a server that was built without it.
-pub(crate) const NO_VIEWER: &str = "To see cities in the browser, run client/web/build and build insula-server again.";
+pub(crate) const NO_VIEWER: &str =
+    "This server was built without the viewer for browsers. Its operator gets both with: just dist";
 /// Name of a site that has no other.
 pub(crate) const SITE_TITLE: &str = "Insula";
 /// File of the viewer that must lie above all pages that it keeps.

@@ -26,6 +26,10 @@ use tempfile::TempDir;
 const SMALL: [u32; 2] = [480, 640];
 const LARGE: [u32; 2] = [1000, 800];
 
+/// What a page says that demands Trusted Types, and allows those of the element.
+const TRUSTED_TYPES: &str = "<meta http-equiv=\"Content-Security-Policy\" \
+    content=\"require-trusted-types-for 'script'; trusted-types insula\">";
+
 /// A page of the examples; ended in the reverse order.
 struct Example {
     page: CityPage,
@@ -69,6 +73,11 @@ impl ExampleSite {
         copy(&assets, folder.path())?;
         let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../client/web/package/examples");
         copy(&examples, &folder.path().join("examples"))?;
+        let plain = fs::read_to_string(examples.join("plain.html"))?;
+        fs::write(
+            folder.path().join("examples/trusted.html"),
+            plain.replacen("<title>", &format!("{TRUSTED_TYPES}<title>"), 1),
+        )?;
         // Browsers ask every host for it.
         fs::write(folder.path().join("favicon.ico"), "icon")?;
         if let Some(vendor) = std::env::var_os("INSULA_VENDOR") {
@@ -134,6 +143,15 @@ pub(super) fn the_plain_example_runs() -> Result<()> {
     ensure_no_problems(page)
 }
 
+/// Scripts of the element's own origin need an address of its policy, too.
+pub(super) fn a_page_with_trusted_types_shows_the_city() -> Result<()> {
+    let example = Example::open("trusted", SMALL)?;
+    example.ensure_cities(1)?;
+    let is_refused = "(() => { try { new Worker('../engine.js'); return false } catch { return true } })()";
+    ensure!(example.page.page.evaluate(is_refused)? == true, "the page demands nothing");
+    Ok(())
+}
+
 pub(super) fn the_react_example_runs() -> Result<()> {
     let example = Example::open("react", LARGE)?;
     let page = &example.page;
@@ -167,7 +185,7 @@ pub(super) fn markers_are_occluded() -> Result<()> {
     ensure_no_problems(&example.page)
 }
 
-/// With `gestures="cooperative"`, the wheel scrolls the page until the city has the focus.
+/// With `gestures="cooperative"`, the wheel scrolls the page until the city has the focus. The hint has the language of the article.
 pub(super) fn an_article_keeps_its_wheel() -> Result<()> {
     let example = Example::open("plain", SMALL)?;
     let page = &example.page;
@@ -181,6 +199,15 @@ pub(super) fn an_article_keeps_its_wheel() -> Result<()> {
     ensure!(page.camera(0)? == camera, "the city took the wheel, too");
     let hint = page.page.evaluate(&format!("{element}.shadowRoot.querySelector('.gesture').textContent"))?;
     ensure!(hint.as_str().is_some_and(|hint| hint.contains("wheel")), "{hint}");
+    page.page.evaluate(
+        "scrollTo(0, 0); import(new URL('../insula-city.js', location)).then(async ({ setTexts }) =>
+            setTexts(await (await fetch('../language-de.json')).json()))",
+    )?;
+    page.page.wheel(at, 1.0)?;
+    page.page.wait_for(
+        &format!("{element}.shadowRoot.querySelector('.gesture').textContent.includes('Mausrad')"),
+        REACTION,
+    )?;
     page.page.evaluate(&format!("scrollTo(0, 0); {element}.focus({{ preventScroll: true }})"))?;
     page.moves_by("the wheel", 0, |page| page.wheel(at, -240.0))?;
     ensure!(page.page.evaluate("scrollY")? == 0, "the page took the wheel, too");

@@ -63,7 +63,7 @@ const QUICK: [(&str, Run); 15] = [
     ("a_published_site_needs_no_server_of_ours", site::a_published_site_works),
 ];
 
-const FULL: [(&str, Run); 24] = [
+const FULL: [(&str, Run); 25] = [
     ("the_page_shows_the_city_on_a_dark_phone", viewer::dark_phones_show_the_city),
     ("the_page_shows_the_city_on_a_desktop", viewer::desktops_show_the_city),
     ("the_page_shows_the_city_on_a_dark_desktop", viewer::dark_desktops_show_the_city),
@@ -83,6 +83,7 @@ const FULL: [(&str, Run); 24] = [
     ("a_bad_host_is_survived", site::a_bad_host_is_survived),
     ("damaged_bytes_are_fetched_again", site::damaged_bytes_are_fetched_again),
     ("the_plain_example_runs", component::the_plain_example_runs),
+    ("a_page_with_trusted_types_shows_the_city", component::a_page_with_trusted_types_shows_the_city),
     ("the_geojson_example_runs", component::the_geojson_example_runs),
     ("markers_are_occluded", component::markers_are_occluded),
     ("clicks_meet_the_same_objects_on_a_gpu", objects::clicks_meet_the_same_objects_on_a_gpu),

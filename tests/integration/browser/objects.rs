@@ -202,6 +202,7 @@ pub(super) fn clicks_meet_the_same_objects_on_a_gpu() -> Result<()> {
 /// What is typed is found, selected and approached.
 pub(super) fn the_search_finds_objects() -> Result<()> {
     let (_town, page) = Town::open(false)?;
+    let first = page.camera(0)?;
     page.page.press("/")?;
     let panel = "document.querySelector('.panel:not([hidden])')";
     page.page.wait_for(&format!("{panel} !== null"), REACTION)?;
@@ -220,6 +221,11 @@ pub(super) fn the_search_finds_objects() -> Result<()> {
         ensure!((a - b).abs() < STEP_M, "the view's middle {middle} is not at {centre}");
     }
     keep(&page, "object-search")?;
+    // The six numbers of a camera lead there, as in the window.
+    page.page.evaluate(&format!(
+        "(form => {{ form.querySelector('input').value = '{first}'; form.requestSubmit(); }})(document.querySelector('.search-form'))"
+    ))?;
+    page.wait_for_view(0, &first)?;
     ensure_no_problems(&page)
 }
 

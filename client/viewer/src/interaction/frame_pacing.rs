@@ -29,6 +29,8 @@ const MAX_BLURRED: Duration = Duration::from_millis(400);
 pub const STEP: Duration = Duration::from_millis(30);
 /// Largest divisor of the number of pixels along a side.
 const MAX_DIVISOR: u32 = 8;
+/// That of the first frame, of which nothing is known: on a slow machine it is early, and on a fast one no mosaic.
+const FIRST_DIVISOR: u32 = 4;
 /// Most rays along a pixel's side whose frames are measured apart.
 const MAX_PACED: usize = STILL_SAMPLES as usize;
 /// Duration of a frame with 1, 2, ... rays along a pixel's side in relation to one with a single ray, before one was measured: the
@@ -87,7 +89,7 @@ impl FramePacer {
     pub fn new(now: Instant, draws_in_steps: bool) -> Self {
         // The estimate starts high, so that the first frame is coarse and appears early.
         let budget = budget_of(FRAME_RATE);
-        let first = moving_limit(budget) * (MAX_DIVISOR * MAX_DIVISOR);
+        let first = moving_limit(budget) * (FIRST_DIVISOR * FIRST_DIVISOR);
         let cost = |i: usize| if draws_in_steps { ADAPTIVE_COST[i] } else { ((i + 1) * (i + 1)) as f64 };
         Self {
             last_change: now,
@@ -344,6 +346,15 @@ mod tests {
     }
 
     #[test]
+    fn the_first_frame_is_early_and_no_mosaic() {
+        let begin = Instant::now();
+        for draws_in_steps in [false, true] {
+            let detail = FramePacer::new(begin, draws_in_steps).detail(begin, false);
+            assert_eq!((detail.divisor, detail.samples), (4, 1));
+        }
+    }
+
+    #[test]
     fn the_cost_of_more_rays_is_learnt() {
         let begin = Instant::now();
         let mut pacer = FramePacer::new(begin, true);
@@ -383,7 +394,7 @@ mod tests {
             divisor
         };
         let divisors: Vec<u32> = (0..6).map(|_| draw(&mut pacer)).collect();
-        assert_eq!((divisors[0], divisors[5]), (8, 2), "{divisors:?}");
+        assert_eq!((divisors[0], divisors[5]), (FIRST_DIVISOR, 2), "{divisors:?}");
         assert!(pacer.full_frame_time().abs_diff(Duration::from_millis(78)) < Duration::from_millis(1));
         // A frame that took long by chance is forgotten with the next one.
         let slow = Duration::from_millis(90);

@@ -1,9 +1,13 @@
 //! Checks the languages of the page, `language-CODE.json`, against the English one: the page takes a text that a language lacks from
-//! there, but a misspelt key or place would only be noticed by readers.
+//! there, but a misspelt key or place would only be noticed by readers. So would a key that stands twice: the last text counts.
 
 use crate::{asset_files::AssetFiles, error::BundleError};
-use serde_json::Value;
-use std::collections::BTreeSet;
+use serde::{
+    Deserialize, Deserializer,
+    de::{Error, MapAccess, SeqAccess, Visitor},
+};
+use serde_json::{Map, Value};
+use std::{collections::BTreeSet, fmt};
 
 const PREFIX: &str = "language-";
 const ENGLISH: &str = "language-en.json";
@@ -21,7 +25,50 @@ pub(crate) fn check(files: &AssetFiles) -> Result<(), BundleError> {
 }
 
 fn parsed(name: &str, content: &[u8]) -> Result<Value, BundleError> {
-    serde_json::from_slice(content).map_err(|error| BundleError::Asset(format!("{name}: {error}")))
+    let read = serde_json::from_slice(content).map(|Texts(value)| value);
+    read.map_err(|error| BundleError::Asset(format!("{name}: {error}")))
+}
+
+/// Texts of a language, no two with the same key.
+struct Texts(Value);
+
+impl<'de> Deserialize<'de> for Texts {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(TextsVisitor).map(Self)
+    }
+}
+
+struct TextsVisitor;
+
+impl<'de> Visitor<'de> for TextsVisitor {
+    type Value = Value;
+
+    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("a text, a list or an object of texts")
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<Value, E> {
+        Ok(Value::String(text.to_owned()))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Value, A::Error> {
+        let mut texts = Vec::new();
+        while let Some(Texts(value)) = list.next_element()? {
+            texts.push(value);
+        }
+        Ok(Value::Array(texts))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Value, A::Error> {
+        let mut texts = Map::new();
+        while let Some((key, Texts(value))) = entries.next_entry::<String, Texts>()? {
+            if texts.contains_key(&key) {
+                return Err(A::Error::custom(format!("the key {key:?} stands twice in one object")));
+            }
+            texts.insert(key, value);
+        }
+        Ok(Value::Object(texts))
+    }
 }
 
 fn compare(key: &str, english: &Value, text: &Value) -> Result<(), String> {
@@ -79,7 +126,10 @@ mod tests {
             (r##"{"a": "zu {ort}"}"##, "{ort}"),
             (r##"{"b": {"one": "#"}}"##, "\"other\""),
             (r##"{"c": []}"##, "a list of 1"),
-            (r##"{"a": 1}"##, "another kind"),
+            (r##"{"a": ["?"]}"##, "another kind"),
+            (r##"{"a": 1}"##, "expected a text"),
+            (r##"{"c": [], "a": "1", "b": {"other": "2"}, "a": "3"}"##, "the key \"a\" stands twice"),
+            (r##"{"b": {"other": "2", "other": "#"}}"##, "stands twice"),
             ("{", "language-de.json"),
         ] {
             let error = checked(language).unwrap_err();
