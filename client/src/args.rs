@@ -111,6 +111,10 @@ fn picture_path() -> impl TypedValueParser<Value = PathBuf> {
 pub struct ViewArgs {
     #[command(flatten)]
     pub place: PlaceArgs,
+    /// Camera to begin with: a camera file, or the `camera=` text of a view link [default: that of the view link, else the first view of
+    /// the city].
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    pub camera: Option<PathBuf>,
     /// Fly along a camera path repeatedly, and print frame times and memory use.
     #[arg(long, value_name = "PATH.json")]
     pub path: Option<PathBuf>,

@@ -1,21 +1,40 @@
-//! Reads camera and camera path files.
+//! Camera and camera path files.
 
 use crate::error::{ClientError, Result};
 use insula_archive::file::read_text;
-use insula_viewer::camera::{Camera, CameraFile, CameraPath};
-use std::path::Path;
+use insula_archive::new_file::replace;
+use insula_command_line::output::unused_file;
+use insula_viewer::{
+    camera::{Camera, CameraFile, CameraPath},
+    camera_text,
+};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
 
 /// Larger files are refused. A path of an hour has some megabytes.
 const MAX_BYTES: u64 = 64 << 20;
 
-/// Reads a camera file. Fails if it cannot be read or holds no valid camera.
-pub fn read_camera(path: &Path) -> Result<Camera> {
-    read(path, CameraFile::parse)
+/// The camera of an option: the text of a camera as view links have it, or a camera file. Fails if a file cannot be read or holds no valid
+/// camera.
+pub fn read_camera(text_or_file: &Path) -> Result<Camera> {
+    match camera_text::parse(&text_or_file.to_string_lossy()) {
+        Some(camera) => Ok(camera),
+        None => read(text_or_file, CameraFile::parse),
+    }
 }
 
 /// Reads a camera path file. Fails if it cannot be read or holds no valid path.
 pub fn read_path(path: &Path) -> Result<CameraPath> {
     read(path, CameraPath::parse)
+}
+
+/// Writes a camera or a path into `folder` under the first unused number, and returns the file. Fails if it cannot be written.
+pub fn write_new(value: &impl Serialize, folder: &Path, stem: &str) -> Result<PathBuf> {
+    let json = serde_json::to_string(value)
+        .map_err(|e| ClientError::Failed(format!("{stem} cannot be written as JSON: {e}")))?;
+    let file = unused_file(folder, stem, "json").map_err(ClientError::Failed)?;
+    replace(&file, (json + "\n").as_bytes()).map_err(ClientError::file(&file))?;
+    Ok(file)
 }
 
 fn read<T>(path: &Path, parse: impl Fn(&str) -> Result<T, String>) -> Result<T> {

@@ -8,7 +8,7 @@ use crate::{
 };
 use glam::DVec2;
 use insula_protocol::Manifest;
-use insula_viewer::{camera::Camera, camera_text, earth::grid_position};
+use insula_viewer::{camera::Camera, earth::grid_position};
 use std::f64::consts::FRAC_PI_2;
 
 /// Height of eyes above streets.
@@ -26,7 +26,7 @@ const MARGIN_M: f64 = 2000.0;
 /// The camera of `--camera`, or else `linked` of a view link; `None` if the city has to be known. Fails if a file cannot be read.
 pub fn given_camera(args: &ViewpointArgs, linked: Option<Camera>) -> Result<Option<Camera>> {
     match &args.camera {
-        Some(file) => camera_text::parse(&file.to_string_lossy()).map_or_else(|| read_camera(file), Ok).map(Some),
+        Some(given) => read_camera(given).map(Some),
         None if args.at_street.is_some() || args.lookat.is_some() => Ok(None),
         None => Ok(linked),
     }

@@ -11,7 +11,8 @@ pub(crate) fn add(trials: &mut Trials) {
         a_view_link_is_a_place_of_all_commands,
         a_cache_folder_that_cannot_be_written_is_a_warning,
         a_view_is_exported_with_its_camera,
-        a_city_at_an_address_is_drawn_as_its_folder_is
+        a_city_at_an_address_is_drawn_as_its_folder_is,
+        without_a_desktop_no_driver_complains
     ]);
     #[cfg(target_os = "linux")]
     trials.add(tests![names_that_are_not_text_work_everywhere]);
@@ -162,6 +163,15 @@ fn a_view_link_is_a_place_of_all_commands() {
     }
 }
 
+fn without_a_desktop_no_driver_complains() {
+    let folder = baked_city("in.geojson".as_ref(), "city".as_ref());
+    let mut command = Process::new(program("insula").unwrap());
+    command.args(["snapshot", "city", "--size", "32x24", "--out", "any.png"]).current_dir(folder.path());
+    let output = run(command.env_remove("XDG_RUNTIME_DIR")).unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && !errors.contains("XDG_RUNTIME_DIR"), "{errors}");
+}
+
 #[cfg(target_os = "linux")]
 fn names_that_are_not_text_work_everywhere() {
     use std::os::unix::ffi::OsStrExt;
@@ -209,7 +219,7 @@ fn a_view_is_exported_with_its_camera() {
         call("insula-server", folder.path(), &arguments)
     };
     let export = |more: &[&str]| export_to("view.glb", more);
-    let view = ["--format", "glb", "--view", "camera.json"];
+    let view = ["--format", "glb", "--camera", "camera.json"];
     assert_eq!(export(&[&view[..], &["--tau", "2", "--size", "640x360"]].concat()), (Some(0), String::new()));
     let glb = fs::read(folder.path().join("view.glb")).unwrap();
     let camera = br#""perspective":{"aspectRatio":1.7777777777777777,"yfov":1.04719755"#;
@@ -229,7 +239,7 @@ fn a_view_is_exported_with_its_camera() {
     let away = CAMERA.replace("84980, 446970", "80000, 440000").replace("85010, 447006", "79000, 439000");
     fs::write(folder.path().join("away.json"), away).unwrap();
     for (out, more, words) in [
-        ("rows.csv", &["--view", "camera.json"][..], "--format glb"),
+        ("rows.csv", &["--camera", "camera.json"][..], "--format glb"),
         ("rows.csv", &["--format", "geojson"], "another format"),
         ("-", &["--format", "csv"], "standard output"),
     ] {
@@ -237,11 +247,11 @@ fn a_view_is_exported_with_its_camera() {
         assert!(found == Some(2) && error.contains(words) && !folder.path().join(out).exists(), "{out}: {error}");
     }
     for (more, code, words) in [
-        (&["--format", "glb", "--view", "none.json"][..], 2, "none.json"),
-        (&["--format", "glb", "--view", "here.json"], 2, "must differ"),
-        (&["--format", "glb", "--view", "houses.geojson"], 2, "unknown field"),
-        (&["--format", "glb", "--tau", "2"], 2, "--view"),
-        (&["--format", "glb", "--view", "away.json"], 1, "nothing to export"),
+        (&["--format", "glb", "--camera", "none.json"][..], 2, "none.json"),
+        (&["--format", "glb", "--camera", "here.json"], 2, "must differ"),
+        (&["--format", "glb", "--camera", "houses.geojson"], 2, "unknown field"),
+        (&["--format", "glb", "--tau", "2"], 2, "--camera"),
+        (&["--format", "glb", "--camera", "away.json"], 1, "nothing to export"),
     ] {
         let (found, error) = export(more);
         assert!(found == Some(code) && error.contains(words), "{more:?}: {found:?} {error}");

@@ -70,7 +70,7 @@ def main():
             name = pathlib.Path(camera).stem
             svg, raw = folder / f"{name}.svg", folder / f"{name}.u32"
             paper = f"{width / 10}x{height / 10}"
-            subprocess.run([args.insula, "draw", args.city, "--view", camera, "--paper", paper, "--bare", "--style",
+            subprocess.run([args.insula, "draw", args.city, "--camera", camera, "--paper", paper, "--bare", "--style",
                             folder / "style.toml", "--out", svg], check=True, stderr=subprocess.DEVNULL)
             if not raw.exists():
                 subprocess.run([args.insula, "snapshot", "--server", args.city, "--camera", camera, "--size", args.size,

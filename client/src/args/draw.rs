@@ -18,8 +18,9 @@ pub struct DrawArgs {
     /// The same as one SOURCE.
     #[arg(long, value_name = "PLACE", conflicts_with = "sources")]
     server: Option<PathBuf>,
-    /// Perspective view of a camera file, as for `insula snapshot`. The field of view is the height of the drawing.
-    #[arg(long, visible_alias = "camera", value_name = "CAM.json")]
+    /// Perspective view: a camera file, or the `camera=` text of a view link, as for `insula snapshot`. The field of view is the height of
+    /// the drawing.
+    #[arg(long = "camera", alias = "view", value_name = "CAMERA", allow_hyphen_values = true)]
     pub view: Option<PathBuf>,
     /// View from above, to scale, north at the top.
     #[arg(long)]

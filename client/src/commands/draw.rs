@@ -7,6 +7,7 @@ use super::{
 };
 use crate::{
     args::{DrawArgs, GlobalArgs},
+    camera_files::read_camera,
     error::{ClientError, Result},
     language,
     objects::warn_of_range,
@@ -49,7 +50,7 @@ use std::{
 
 /// A tile of a city at an address is given up after so many failures.
 const MAX_ATTEMPTS: u8 = 5;
-/// Larger stylesheets and camera files are refused.
+/// Larger stylesheets are refused.
 const MAX_TEXT_BYTES: u64 = 1 << 20;
 
 /// Runs the command. Fails if the files cannot be baked, the city cannot be read, there is nothing or too much to draw, or the file
@@ -200,12 +201,8 @@ fn view(args: &DrawArgs) -> Result<DrawView> {
     if let Some([azimuth_deg, elevation_deg]) = args.axonometric {
         return Ok(DrawView::Axonometric { azimuth_deg, elevation_deg });
     }
-    let Some(path) = &args.view else { return Ok(DrawView::Plan) };
-    let text = read_text(path)?;
-    let wrong = |error: String| ClientError::Usage(format!("{}: {error}", path.display()));
-    CameraFile::parse(&text).map_err(wrong)?;
-    let file: CameraFile = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
-    let CameraFile { position, target, up, fov_y_deg } = file;
+    let Some(given) = &args.view else { return Ok(DrawView::Plan) };
+    let CameraFile { position, target, up, fov_y_deg } = CameraFile::from_camera(&read_camera(given)?);
     Ok(DrawView::Perspective { position, target, up, fov_y_deg })
 }
 

@@ -122,7 +122,7 @@ fn check_outputs(args: &SnapshotArgs) -> std::result::Result<(), String> {
         outputs.file(path, FileKind::PFM)?;
     }
     if let Some(path) = &args.objects {
-        outputs.file(path, objects_kind(path, args.size))?;
+        outputs.file(path, objects_kind(path))?;
     }
     if let Some(path) = &args.objects_json {
         outputs.file(path, FileKind::Json("a list of objects", &["pixels"]))?;

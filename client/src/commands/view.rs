@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     args::{GlobalArgs, ViewArgs},
-    camera_files::read_path,
+    camera_files::{read_camera, read_path},
     error::{ClientError, Result},
     render::OpenedAdapter,
     session::Session,
@@ -49,7 +49,7 @@ pub(super) fn run(args: &ViewArgs, global: &GlobalArgs) -> Result<()> {
     let link = ViewLink::parse(args.place.place())?;
     let first = FirstView {
         status: StartStatus::new(format!("connecting to {}", link.location)),
-        camera: link.camera,
+        camera: args.camera.as_deref().map(read_camera).transpose()?.or(link.camera),
         time: link.time,
         look: link.look,
         object: link.object,

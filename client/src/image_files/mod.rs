@@ -104,9 +104,8 @@ pub fn picture_kind(path: &Path) -> FileKind {
 }
 
 /// What a file has that [`write_objects`] writes to this path.
-pub fn objects_kind(path: &Path, [width, height]: [u32; 2]) -> FileKind {
-    let pixels = u64::from(width) * u64::from(height);
-    if is_png(path) { FileKind::PNG } else { FileKind::Words("a file of objects of this size", pixels) }
+pub fn objects_kind(path: &Path) -> FileKind {
+    if is_png(path) { FileKind::PNG } else { FileKind::Unmarked("known to be an earlier one") }
 }
 
 /// Writes the distances as PFM. Fails if the file cannot be written.

@@ -1,18 +1,17 @@
 //! Actions of keys, panels and clicks on the viewed city.
 
 use super::{
-    bookmarks::ViewAction,
-    city_view::CityView,
-    key_bindings::KeyAction,
-    overlay::has_room,
-    path_recording::{PathRecorder, write_path},
-    settings::UserSettings,
-    view_link::format_link,
-    window::ViewerWindow,
+    bookmarks::ViewAction, city_view::CityView, key_bindings::KeyAction, overlay::has_room,
+    path_recording::PathRecorder, settings::UserSettings, view_link::format_link, window::ViewerWindow,
 };
+use crate::camera_files::write_new;
 use glam::DVec3;
-use insula_viewer::camera::CameraFile;
+use insula_viewer::{camera::CameraFile, camera_text};
+use serde::Serialize;
 use std::time::Instant;
+
+/// How much larger what is ahead becomes by one press.
+const ZOOM_STEP: f64 = 1.25;
 
 impl CityView {
     /// Performs the action of a key. The event loop itself performs movement, quitting and full screen.
@@ -20,6 +19,9 @@ impl CityView {
         let display = &mut self.display;
         match action {
             KeyAction::ToggleMode => self.control.toggle_mode(),
+            KeyAction::Closer => self.control.zoom(ZOOM_STEP),
+            KeyAction::Farther => self.control.zoom(1.0 / ZOOM_STEP),
+            KeyAction::ClickMiddle => self.click([0.5; 2], window),
             KeyAction::GoHome => self.control.go_home(),
             KeyAction::TurnNorth => self.control.turn_north(),
             KeyAction::ToggleCollision => {
@@ -72,7 +74,13 @@ impl CityView {
             self.report_measure();
             return true;
         }
-        let panels = [&mut self.search.is_open, &mut self.bookmark_panel.is_open, &mut self.stones.is_open];
+        let panels = [
+            &mut self.search.is_open,
+            &mut self.bookmark_panel.is_open,
+            &mut self.stones.is_open,
+            &mut self.display.shows_sliders,
+            &mut self.display.shows_map,
+        ];
         if panels.into_iter().any(std::mem::take) || self.styles.close() {
             return true;
         }
@@ -126,12 +134,16 @@ impl CityView {
                 let ground_z_m = self.session.tree().manifest().ground_z_m;
                 self.control.go_to(DVec3::new(x, y, z.unwrap_or(ground_z_m)));
             }
+            ViewAction::SetCamera(camera) => self.control.set_camera(&camera),
             ViewAction::DeselectObjects => self.select_object(None, false),
             ViewAction::SelectObject(id) => {
                 self.select_object(Some(id), false);
                 self.objects.go_to_when_known(id);
             }
             ViewAction::CopyLink => self.copy_link(window),
+            ViewAction::SaveCamera => {
+                self.write_here("camera", "insula-camera", &CameraFile::from_camera(&self.control.camera()));
+            }
             ViewAction::NorthUp => self.control.turn_north(),
             ViewAction::SavePicture => self.save_picture(window),
         }
@@ -150,13 +162,20 @@ impl CityView {
 
     fn copy_link(&mut self, window: &ViewerWindow) {
         let object = self.objects.only_selected();
-        match format_link(&self.address, &self.control.camera(), &self.display.daylight, object) {
-            Some(link) => {
-                window.egui.copy_text(link.clone());
-                self.show_message(format!("copied {link}"));
-            }
-            None => self.show_message("no link: this city is a local folder".to_owned()),
-        }
+        let camera = self.control.camera();
+        let link = format_link(&self.address, &camera, &self.display.daylight, object);
+        // A city in a folder of this machine has no address.
+        let copied = link.unwrap_or_else(|| camera_text::format(&camera));
+        window.egui.copy_text(copied.clone());
+        self.show_message(format!("copied {copied}"));
+    }
+
+    /// Writes a camera or a path into the current folder, and says so.
+    fn write_here(&mut self, what: &str, stem: &str, value: &impl Serialize) {
+        self.show_message(match write_new(value, &std::env::current_dir().unwrap_or_default(), stem) {
+            Ok(file) => format!("wrote {}", file.display()),
+            Err(error) => format!("no {what} saved: {error}"),
+        });
     }
 
     /// Starts recording the camera's path, or ends the recording and writes it.
@@ -167,9 +186,6 @@ impl CityView {
             return self.show_message("recording: press R to stop".to_owned());
         };
         let path = recorder.finish(now, &camera);
-        self.show_message(match write_path(&path, &std::env::current_dir().unwrap_or_default()) {
-            Ok(file) => format!("wrote {}", file.display()),
-            Err(error) => format!("no path saved: {error}"),
-        });
+        self.write_here("path", "insula-path", &path);
     }
 }

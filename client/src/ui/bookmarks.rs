@@ -4,6 +4,7 @@ use super::settings::Bookmark;
 use egui::{Color32, Key, RichText, TextEdit, Ui};
 use glam::DVec3;
 use insula_protocol::Manifest;
+use insula_viewer::{camera::Camera, camera_text, earth::grid_position};
 
 /// Coordinates must lie within this multiple of the city's diagonal around its centre.
 const MAX_DIAGONALS: f64 = 3.0;
@@ -19,12 +20,16 @@ pub enum ViewAction {
     AddBookmark,
     /// Centre a point in the view; on the ground if `z` is `None`.
     GoTo { x: f64, y: f64, z: Option<f64> },
+    /// Look from a camera.
+    SetCamera(Camera),
     /// Select an object and go to it.
     SelectObject(u32),
     /// Select no object.
     DeselectObjects,
     /// Copy a link to the current view.
     CopyLink,
+    /// Write a camera file into the current folder.
+    SaveCamera,
     /// Turn to the north.
     NorthUp,
     /// Save a picture of the chosen size.
@@ -64,13 +69,18 @@ impl BookmarkPanel {
             if ui.button("Copy link").clicked() {
                 action = Some(ViewAction::CopyLink);
             }
+            if ui.button("Save camera").on_hover_text("a file for --camera of other commands").clicked() {
+                action = Some(ViewAction::SaveCamera);
+            }
         });
         ui.separator();
         let crs = manifest.crs.as_deref().unwrap_or("metres in the source's coordinates");
-        ui.label(format!("Go to x, y or x, y, z ({crs})"));
-        let field = ui.add(TextEdit::singleline(&mut self.coordinates).hint_text("85000, 447000").desired_width(200.0));
+        ui.label(format!("Go to x, y or x, y, z ({crs}), degrees, or a copied camera"));
+        let [low, high] = manifest.bounds;
+        let hint = [0, 1].map(|axis| format!("{:.0}", 0.5 * (low[axis] + high[axis]))).join(", ");
+        let field = ui.add(TextEdit::singleline(&mut self.coordinates).hint_text(hint).desired_width(200.0));
         if field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter)) {
-            match parse_coordinates(&self.coordinates, manifest) {
+            match parse_place(&self.coordinates, manifest) {
                 Ok(go_to) => (action, self.error) = (Some(go_to), None),
                 Err(error) => self.error = Some(error),
             }
@@ -82,37 +92,66 @@ impl BookmarkPanel {
     }
 }
 
-/// Parses two or three numbers between commas, semicolons or spaces. Fails if they are far from the city.
-fn parse_coordinates(text: &str, manifest: &Manifest) -> Result<ViewAction, String> {
+/// Parses two or three numbers between commas, semicolons or spaces, in metres or, in either order, degrees; or the six of a camera. Fails
+/// if they are far from the city.
+fn parse_place(text: &str, manifest: &Manifest) -> Result<ViewAction, String> {
     let parts = text.split([',', ';', ' ', '\t']).filter(|part| !part.is_empty());
     let numbers: Vec<f64> =
         parts.map(|n| n.parse().map_err(|_| format!("{n:.40} is not a number"))).collect::<Result<_, _>>()?;
     let (x, y, z) = match numbers[..] {
         [x, y] => (x, y, None),
         [x, y, z] => (x, y, Some(z)),
-        _ => return Err("expected two or three numbers".into()),
+        [_, _, _, _, _, _] => {
+            let text: Vec<String> = numbers.iter().map(f64::to_string).collect();
+            let camera = camera_text::parse(&text.join(","));
+            return camera.map(ViewAction::SetCamera).ok_or_else(|| "not a camera: x,y,z,azimuth,pitch,fov".into());
+        }
+        _ => return Err("expected two or three numbers, or the six of a camera".into()),
     };
     let [low, high] = manifest.bounds.map(DVec3::from);
-    let point = DVec3::new(x, y, z.unwrap_or(manifest.ground_z_m));
-    let is_near = point.distance((low + high) * 0.5) <= (high - low).length() * MAX_DIAGONALS;
-    if is_near {
-        return Ok(ViewAction::GoTo { x, y, z });
-    }
-    Err(format!("far from the city, which has x {:.0} to {:.0}, y {:.0} to {:.0}", low.x, high.x, low.y, high.y))
+    let is_near = |[x, y]: &[f64; 2]| {
+        let point = DVec3::new(*x, *y, z.unwrap_or(manifest.ground_z_m));
+        point.distance((low + high) * 0.5) <= (high - low).length() * MAX_DIAGONALS
+    };
+    let on_earth = |[lon, lat]: [f64; 2]| {
+        let is_on_earth = lon.abs() <= 180.0 && lat.abs() <= 90.0;
+        is_on_earth.then(|| grid_position(manifest, [lon, lat])).flatten().map(|place| place.to_array())
+    };
+    let meant = [Some([x, y]), on_earth([x, y]), on_earth([y, x])].into_iter().flatten().find(is_near);
+    meant.map(|[x, y]| ViewAction::GoTo { x, y, z }).ok_or_else(|| {
+        format!("far from the city, which has x {:.0} to {:.0}, y {:.0} to {:.0}", low.x, high.x, low.y, high.y)
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use insula_protocol::manifest::GeoLocation;
 
     #[test]
     fn coordinates_may_be_separated_in_several_ways() {
         let manifest = insula_test_support::small_city::empty_manifest(0);
-        let parse = |text: &str| parse_coordinates(text, &manifest);
+        let parse = |text: &str| parse_place(text, &manifest);
         assert_eq!(parse("10, 20"), Ok(ViewAction::GoTo { x: 10.0, y: 20.0, z: None }));
         assert_eq!(parse(" 10.5;20  3 "), Ok(ViewAction::GoTo { x: 10.5, y: 20.0, z: Some(3.0) }));
         for invalid in ["", "1", "1,2,3,4", "a,b", "NaN,0", "inf 0", "1e9,0"] {
             assert!(parse(invalid).is_err(), "{invalid}");
         }
+    }
+
+    #[test]
+    fn degrees_and_cameras_are_places() {
+        let location = GeoLocation { longitude_deg: 4.3571, latitude_deg: 52.0116, north_deg: 0.0 };
+        let bounds = [[84_000.0, 446_000.0, 0.0], [86_000.0, 448_000.0, 90.0]];
+        let focus = bounds.map(|[x, y, _]| [x, y]);
+        let empty = insula_test_support::small_city::empty_manifest(0);
+        let manifest = Manifest { location: Some(location), focus, bounds, ..empty };
+        for text in ["4.3571, 52.0116", "52.0116 4.3571"] {
+            let place = parse_place(text, &manifest);
+            assert_eq!(place, Ok(ViewAction::GoTo { x: 85_000.0, y: 447_000.0, z: None }), "{text}");
+        }
+        let text = "84500,446500,80,45,-10,60";
+        assert_eq!(parse_place(text, &manifest), Ok(ViewAction::SetCamera(camera_text::parse(text).unwrap())));
+        assert!(parse_place("84500,446500,80,45,-100,60", &manifest).is_err());
     }
 }

@@ -12,6 +12,11 @@ pub enum KeyAction {
     /// End what Escape ends. It never quits.
     EndInnermost,
     Quit,
+    /// Move along the view.
+    Closer,
+    Farther,
+    /// Click in the middle of the window.
+    ClickMiddle,
     /// Switch between flying and orbiting.
     ToggleMode,
     /// Go back to the first view.
@@ -53,12 +58,14 @@ pub enum KeyAction {
 }
 
 /// Lines of the help panel: keys, and what they do.
-pub const HELP: [(&str, &str); 31] = [
+pub const HELP: [(&str, &str); 33] = [
     ("drag", "look around (fly and walk mode), turn around the point ahead (orbit mode)"),
     ("W A S D, arrows", "move; with Shift, four times as fast"),
     ("Q E, Page Down and Up", "move down and up"),
     ("wheel", "speed (fly mode), distance (orbit mode)"),
+    ("+ -", "closer, farther"),
     ("touchpad", "two fingers: like the wheel, or turn; pinch: closer; rotate: turn"),
+    ("Enter", "click in the middle of the window"),
     ("click, Shift click", "select an object and show its attributes; add one to the selection"),
     ("/", "search names, addresses and identifiers"),
     ("G", "colours and filter of objects by their attributes"),
@@ -67,10 +74,9 @@ pub const HELP: [(&str, &str); 31] = [
     ("H, U", "back to the first view, north up"),
     ("X", "stop at buildings and the ground, or not; on in walk mode"),
     ("F", "fly mode, walk mode or orbit mode"),
-    ("1 to 9", "light, colour, ambient occlusion, normals, levels, column kinds, edges of triangles, triangles, boxes"),
     ("B", "bookmark this view"),
-    ("V", "bookmarks and coordinates"),
-    ("C", "copy a link to this view"),
+    ("V", "bookmarks, going to coordinates, camera file"),
+    ("C", "copy a link to this view, or its camera if the city is a folder"),
     ("M", "measure lines, then areas, then heights by clicks"),
     ("Backspace, Ctrl Z", "remove the last measured point"),
     ("N", "map; click it to go there"),
@@ -78,13 +84,14 @@ pub const HELP: [(&str, &str); 31] = [
     ("P", "save a picture in the current folder, at the size of panel O"),
     ("O", "panel of light, detail and pictures"),
     ("T", "run or pause the time of day"),
-    ("I", "developer counters"),
     ("L", "sun shadows on or off"),
-    ("K", "count ray steps when the view rests"),
     ("F11", "full screen"),
     ("F1", "this help"),
     ("Esc", "close a panel, end measuring, deselect, cancel a picture, leave full screen"),
     ("Ctrl Q", "quit"),
+    ("", "For developers"),
+    ("1 to 9", "light, colour, ambient occlusion, normals, levels, column kinds, edges of triangles, triangles, boxes"),
+    ("I, K", "counters; count ray steps when the view rests"),
 ];
 
 /// The keys of the letters A to Z.
@@ -126,6 +133,9 @@ pub fn code_of(lies_at: KeyCode, written: &Key, is_ctrl_down: bool) -> KeyCode {
     }
     match text.as_bytes() {
         b"/" => KeyCode::Slash,
+        b"?" => KeyCode::F1,
+        b"+" => KeyCode::Equal,
+        b"-" => KeyCode::Minus,
         [letter] if letter.is_ascii_alphabetic() => LETTERS[usize::from(letter.to_ascii_lowercase() - b'a')],
         _ => lies_at,
     }
@@ -148,6 +158,9 @@ pub fn action_of(code: KeyCode, is_ctrl_down: bool) -> Option<KeyAction> {
         KeyCode::KeyE | KeyCode::PageUp => KeyAction::Move(MoveDirection::Up),
         KeyCode::KeyQ | KeyCode::PageDown => KeyAction::Move(MoveDirection::Down),
         KeyCode::Escape => KeyAction::EndInnermost,
+        KeyCode::Equal | KeyCode::NumpadAdd => KeyAction::Closer,
+        KeyCode::Minus | KeyCode::NumpadSubtract => KeyAction::Farther,
+        KeyCode::Enter => KeyAction::ClickMiddle,
         KeyCode::KeyF => KeyAction::ToggleMode,
         KeyCode::KeyH | KeyCode::Home => KeyAction::GoHome,
         KeyCode::KeyU => KeyAction::TurnNorth,
@@ -201,6 +214,9 @@ mod tests {
         // German.
         assert_eq!(code(KeyCode::KeyY, "z", true), KeyCode::KeyZ);
         assert_eq!(code(KeyCode::Digit7, "/", false), KeyCode::Slash);
+        assert_eq!(code(KeyCode::Slash, "-", false), KeyCode::Minus);
+        // American.
+        assert_eq!(code(KeyCode::Slash, "?", false), KeyCode::F1);
         // French: what quits on an American keyboard, and what moves forward there.
         assert_eq!(code(KeyCode::KeyQ, "a", true), KeyCode::KeyA);
         assert_eq!(code(KeyCode::KeyW, "z", false), KeyCode::KeyW);
@@ -210,33 +226,58 @@ mod tests {
         assert_eq!(code_of(KeyCode::F1, &Key::Dead(None), false), KeyCode::F1);
     }
 
-    /// The page names its keys by the same codes.
+    /// The page names its keys by the same codes. Each side may have keys that the other has no use for.
     #[test]
     fn keys_of_the_page_do_the_same() {
-        let table = include_str!("../../web/page/key-table.js");
-        let same = [
-            ("KeyF: 'mode'", KeyCode::KeyF, KeyAction::ToggleMode),
-            ("KeyH: 'home'", KeyCode::KeyH, KeyAction::GoHome),
-            ("KeyU: 'north'", KeyCode::KeyU, KeyAction::TurnNorth),
-            ("KeyX: 'collision'", KeyCode::KeyX, KeyAction::ToggleCollision),
-            ("KeyL: 'shadows'", KeyCode::KeyL, KeyAction::ToggleShadows),
-            ("KeyT: 'day'", KeyCode::KeyT, KeyAction::ToggleDay),
-            ("KeyB: 'bookmark'", KeyCode::KeyB, KeyAction::AddBookmark),
-            ("KeyC: 'copyLink'", KeyCode::KeyC, KeyAction::CopyLink),
-            ("KeyG: 'colors'", KeyCode::KeyG, KeyAction::ToggleStyles),
-            ("KeyI: 'counters'", KeyCode::KeyI, KeyAction::ToggleCounters),
-            ("KeyM: 'measure'", KeyCode::KeyM, KeyAction::ToggleMeasuring),
-            ("KeyO: 'time'", KeyCode::KeyO, KeyAction::ToggleSliders),
-            ("KeyP: 'picture'", KeyCode::KeyP, KeyAction::SaveImage),
-            ("KeyV: 'bookmarks'", KeyCode::KeyV, KeyAction::ToggleBookmarks),
-            ("Slash: 'search'", KeyCode::Slash, KeyAction::ToggleSearch),
-            ("Backspace: 'undo'", KeyCode::Backspace, KeyAction::UndoPoint),
-            ("F1: 'help'", KeyCode::F1, KeyAction::ToggleHelp),
-            ("Escape: 'escape'", KeyCode::Escape, KeyAction::EndInnermost),
+        const SAME: [(&str, KeyAction); 21] = [
+            ("closer", KeyAction::Closer),
+            ("farther", KeyAction::Farther),
+            ("middle", KeyAction::ClickMiddle),
+            ("mode", KeyAction::ToggleMode),
+            ("home", KeyAction::GoHome),
+            ("north", KeyAction::TurnNorth),
+            ("collision", KeyAction::ToggleCollision),
+            ("shadows", KeyAction::ToggleShadows),
+            ("day", KeyAction::ToggleDay),
+            ("bookmark", KeyAction::AddBookmark),
+            ("copyLink", KeyAction::CopyLink),
+            ("colors", KeyAction::ToggleStyles),
+            ("counters", KeyAction::ToggleCounters),
+            ("measure", KeyAction::ToggleMeasuring),
+            ("time", KeyAction::ToggleSliders),
+            ("picture", KeyAction::SaveImage),
+            ("bookmarks", KeyAction::ToggleBookmarks),
+            ("search", KeyAction::ToggleSearch),
+            ("undo", KeyAction::UndoPoint),
+            ("help", KeyAction::ToggleHelp),
+            ("escape", KeyAction::EndInnermost),
         ];
-        for (line, code, action) in same {
-            assert!(table.contains(line), "the page has another key than {line}");
-            assert_eq!(action_of(code, false), Some(action), "{line}");
+        // Stones, the map, paths, counts of rays and full screen: the page has no such panels, or the browser has the key.
+        const ONLY_HERE: [KeyCode; 5] = [KeyCode::KeyJ, KeyCode::KeyN, KeyCode::KeyR, KeyCode::KeyK, KeyCode::F11];
+        let table = include_str!("../../web/page/key-table.js");
+        let (_, actions) = table.split_once("VIEW_KEYS").unwrap();
+        let of_page: std::collections::BTreeMap<&str, &str> = actions
+            .lines()
+            .filter_map(|line| line.trim().strip_suffix("',")?.split_once(": '"))
+            .filter(|(code, _)| code.chars().all(char::is_alphanumeric))
+            .collect();
+        let codes: Vec<KeyCode> = LETTERS
+            .into_iter()
+            .chain([KeyCode::Equal, KeyCode::NumpadAdd, KeyCode::Minus, KeyCode::NumpadSubtract, KeyCode::Enter])
+            .chain([KeyCode::Home, KeyCode::Slash, KeyCode::Backspace, KeyCode::F1, KeyCode::F11, KeyCode::Escape])
+            .collect();
+        for name in of_page.keys() {
+            assert!(codes.iter().any(|code| format!("{code:?}") == **name), "this test knows no key {name}");
+        }
+        for code in codes {
+            // The page takes Z with Ctrl only.
+            let action = action_of(code, code == KeyCode::KeyZ);
+            let is_move = matches!(action, Some(KeyAction::Move(_)));
+            let page = of_page.get(format!("{code:?}").as_str());
+            let expected = page.map(|page| SAME.iter().find(|(name, _)| name == page).expect(page).1);
+            if !is_move && !ONLY_HERE.contains(&code) {
+                assert_eq!(action, expected, "{code:?}");
+            }
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The map: the city from above with its draw tiles and the camera.
+//! The map: where the city is, from above, and the camera.
 
 use crate::session::Session;
 use egui::{Color32, Pos2, Rect, Sense, Shape, Stroke, StrokeKind, Ui, pos2, vec2};
@@ -12,6 +12,8 @@ const SIDE_SHARE: f32 = 0.35;
 const MIN_SIDE: f32 = 70.0;
 /// Length of the camera's wedge, in points.
 const WEDGE_LENGTH: f32 = 26.0;
+
+const LAND: Color32 = Color32::from_rgb(96, 110, 124);
 
 /// The part of the world that the map shows: a square around the city.
 #[derive(Debug, Clone, Copy)]
@@ -42,8 +44,8 @@ pub fn side(window: egui::Vec2) -> Option<f32> {
     Some((window.min_elem() * SIDE_SHARE).min(MAX_SIDE)).filter(|side| *side >= MIN_SIDE)
 }
 
-/// Draws the map with the given side. Returns the position in the city that was clicked or dragged to.
-pub fn show(ui: &mut Ui, side: f32, session: &Session, camera: &Camera) -> Option<DVec2> {
+/// Draws the map with the given side: land where there is any city, to developers each node that is drawn. Returns the position in the city that was clicked or dragged to.
+pub fn show(ui: &mut Ui, side: f32, session: &Session, camera: &Camera, is_developer: bool) -> Option<DVec2> {
     let (map, response) = ui.allocate_exact_size(vec2(side, side), Sense::click_and_drag());
     let painter = ui.painter_at(map);
     let tree = session.tree();
@@ -54,6 +56,10 @@ pub fn show(ui: &mut Ui, side: f32, session: &Session, camera: &Camera) -> Optio
         let side_m = tree.manifest().node_side_m(node.id.level());
         let area = Rect::from_two_pos(extent.to_map(corner, map), extent.to_map(corner + DVec2::splat(side_m), map))
             .shrink(0.25);
+        if !is_developer {
+            painter.rect_filled(area.expand(0.5), 0.0, LAND);
+            continue;
+        }
         let depth_share = f32::from(node.id.level()) / f32::from(tree.manifest().depth.max(1));
         let shade = Color32::from_rgb(
             60 + (60.0 * depth_share) as u8,

@@ -201,7 +201,11 @@ fn slider_panel(ctx: &Context, texts: &OverlayTexts, options: &mut DisplayOption
         sun_sliders(ui, &mut options.daylight);
         day_row(ui, &mut options.day);
         action = options.picture.show(ui).then_some(ViewAction::SavePicture);
-        ui.label(RichText::new(format!("{}   F1: help", options.shading.word())).color(Color32::from_gray(160)));
+        let shading = match options.shading {
+            Shading::Lit => String::new(),
+            other => format!("{}   ", other.word()),
+        };
+        ui.label(RichText::new(format!("{shading}F1: help")).color(Color32::from_gray(160)));
     });
     action
 }

@@ -1,13 +1,7 @@
 //! Records the camera's motion as a path file for `insula fly`.
 
-use crate::error::{ClientError, Result};
-use insula_archive::new_file::replace;
-use insula_command_line::output::unused_file;
 use insula_viewer::camera::{Camera, CameraPath, PathKey};
-use std::{
-    path::{Path, PathBuf},
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 
 /// Interval between two keys. The straight lines between them are not noticeable.
 const KEY_INTERVAL: Duration = Duration::from_millis(100);
@@ -71,19 +65,10 @@ impl PathRecorder {
     }
 }
 
-/// Writes a path into `folder` under the first unused number, and returns the file. Fails if it cannot be written.
-pub fn write_path(path: &CameraPath, folder: &Path) -> Result<PathBuf> {
-    let json = serde_json::to_string(path)
-        .map_err(|e| ClientError::Failed(format!("the camera path cannot be written as JSON: {e}")))?;
-    let file = unused_file(folder, "insula-path", "json").map_err(ClientError::Failed)?;
-    replace(&file, (json + "\n").as_bytes()).map_err(ClientError::file(&file))?;
-    Ok(file)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera_files::read_path;
+    use crate::camera_files::{read_path, write_new};
     use glam::DVec3;
 
     #[test]
@@ -110,7 +95,8 @@ mod tests {
         assert!(path.keys.len() < 50, "{} keys, though a resting camera needs only two", path.keys.len());
         let folder = std::env::temp_dir().join(format!("insula-record-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
-        let (file, other) = (write_path(&path, &folder).unwrap(), write_path(&path, &folder).unwrap());
+        let write = || write_new(&path, &folder, "insula-path").unwrap();
+        let (file, other) = (write(), write());
         assert_ne!(file, other);
         let path = read_path(&file).unwrap();
         std::fs::remove_dir_all(folder).unwrap();

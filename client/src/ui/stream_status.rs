@@ -1,16 +1,16 @@
 //! The state of streaming in words.
 
 use crate::session::Session;
-use insula_protocol::text::printable;
+use insula_protocol::text::{count, printable};
 use insula_viewer::streamer::StreamStatus;
 use std::time::Duration;
 
-/// What is being loaded, for a number of missing tiles; `None` without any.
-pub fn loading_text(missing: usize) -> Option<String> {
+/// What is said while tiles are missing, to developers with their number; `None` without any.
+pub fn loading_text(missing: usize, is_developer: bool) -> Option<String> {
     match missing {
         0 => None,
-        1 => Some("loading 1 tile".to_owned()),
-        _ => Some(format!("loading {missing} tiles")),
+        _ if is_developer => Some(count(missing as u64, "tile") + " missing"),
+        _ => Some("loading …".to_owned()),
     }
 }
 
@@ -49,9 +49,9 @@ mod tests {
 
     #[test]
     fn texts_are_plain_words() {
-        assert_eq!(loading_text(0), None);
-        assert_eq!(loading_text(1).unwrap(), "loading 1 tile");
-        assert_eq!(loading_text(14).unwrap(), "loading 14 tiles");
+        assert_eq!(loading_text(0, true), None);
+        assert_eq!(loading_text(14, false).unwrap(), "loading …");
+        assert_eq!(loading_text(14, true).unwrap(), "14 tiles missing");
         assert!(plain_words("tcp connect error: Connection refused (os error 111)").contains("does not run"));
         assert_eq!(plain_words("operation timed out"), "no answer in time");
         assert_eq!(plain_words("status 503"), "status 503");

@@ -437,7 +437,7 @@ impl Viewport {
             }
             if let Some(side) = minimap::side(ctx.content_rect().size()).filter(|_| display.shows_map) {
                 panel(ctx, "map", Align2::RIGHT_TOP, [-10.0, 10.0], |ui| {
-                    let point = minimap::show(ui, side, session, &camera);
+                    let point = minimap::show(ui, side, session, &camera, display.shows_counters);
                     action = point.map(|p| ViewAction::GoTo { x: p.x, y: p.y, z: None }).or(action);
                 });
             }
@@ -485,7 +485,7 @@ impl Viewport {
             metres_per_point: readout.metres_per_px().map(|metres| metres * pixels_per_point),
             has_pointer: readout.has_pointer(),
             coordinates: readout.text(session.tree().manifest().crs.as_deref()),
-            works: loading_text(session.missing_tiles())
+            works: loading_text(session.missing_tiles(), self.city.display.shows_counters)
                 .into_iter()
                 .chain(picture.as_ref().map(PictureJob::text))
                 .collect(),

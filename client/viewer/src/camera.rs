@@ -173,10 +173,13 @@ impl CameraFile {
     /// The file of a camera.
     pub fn from_camera(camera: &Camera) -> Self {
         let target = camera.position + camera.forward * 100.0;
+        // What the vertical tells, unless the camera is tilted sideways or looks along it.
+        let is_plain = camera.right.z.abs() < 1e-9 && camera.forward.z.abs() < 0.999;
+        let up = if is_plain { default_up() } else { camera.up.to_array() };
         Self {
             position: camera.position.to_array(),
             target: target.to_array(),
-            up: default_up(),
+            up,
             fov_y_deg: camera.fov_y_rad.to_degrees(),
         }
     }

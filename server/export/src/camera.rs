@@ -3,6 +3,9 @@
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
+/// Distance of the point that a camera of a text looks at.
+const TARGET_DISTANCE_M: f64 = 100.0;
+
 /// A camera file: `{"position":[x,y,z],"target":[x,y,z],"up":[0,0,1],"fov_y_deg":60}` in world metres.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -26,6 +29,25 @@ fn default_fov_deg() -> f64 {
 }
 
 impl ExportCamera {
+    /// Parses the text of a camera in view links, `X,Y,Z,AZIMUTH,PITCH,FOV` in metres and degrees; `None` if it is none.
+    #[must_use]
+    pub fn of_text(text: &str) -> Option<Self> {
+        let numbers: Vec<f64> = text.split(',').map(|number| number.trim().parse().ok()).collect::<Option<_>>()?;
+        let [x, y, z, azimuth_deg, pitch_deg, fov_y_deg] = numbers[..] else { return None };
+        let [(east, north), (up, level)] = [azimuth_deg, pitch_deg].map(|degrees| degrees.to_radians().sin_cos());
+        let forward = DVec3::new(east * level, north * level, up);
+        // Also of a camera that looks straight down.
+        let upright = DVec3::new(-east * up, -north * up, level);
+        let position = DVec3::new(x, y, z);
+        let camera = Self {
+            position: position.to_array(),
+            target: (position + forward * TARGET_DISTANCE_M).to_array(),
+            up: upright.to_array(),
+            fov_y_deg,
+        };
+        ((-90.0..=90.0).contains(&pitch_deg) && camera.axes().is_some()).then_some(camera)
+    }
+
     /// The unit vectors to the right, to the top and into the frame, as columns. An `up` along the view is replaced. `None` if
     /// position and target are equal, or a value is not finite or out of range.
     #[must_use]
@@ -44,6 +66,19 @@ impl ExportCamera {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn texts_of_links_are_cameras() {
+        let east = ExportCamera::of_text("10, 20,30,90,0,50").unwrap();
+        let axes = east.axes().unwrap();
+        assert!((axes.z_axis - DVec3::X).length() < 1e-12 && (axes.y_axis - DVec3::Z).length() < 1e-12);
+        assert_eq!((east.position, east.fov_y_deg), ([10.0, 20.0, 30.0], 50.0));
+        let down = ExportCamera::of_text("0,0,30,90,-90,50").unwrap().axes().unwrap();
+        assert!((down.z_axis + DVec3::Z).length() < 1e-12 && (down.y_axis - DVec3::X).length() < 1e-12);
+        for wrong in ["", "1,2,3", "0,0,0,0,91,50", "0,0,0,0,0,0.5", "nan,0,0,0,0,50", "camera.json"] {
+            assert_eq!(ExportCamera::of_text(wrong), None, "{wrong}");
+        }
+    }
 
     #[test]
     fn axes_are_orthogonal_and_invalid_cameras_have_none() {

@@ -65,13 +65,13 @@ pub struct ExportArgs {
     /// Only objects with the middle in the polygons of a GeoJSON file, in degrees or in metres of the city's coordinate system
     #[arg(long, value_name = "FILE")]
     pub polygon: Option<PathBuf>,
-    /// Only what a camera file's camera sees, as coarse as its picture allows, for `--format glb`
-    #[arg(long, visible_alias = "camera", value_name = "CAM.json")]
+    /// Only what a camera sees, as coarse as its picture allows, for `--format glb`: a camera file, or the `camera=` text of a view link
+    #[arg(long = "camera", alias = "view", value_name = "CAMERA", allow_hyphen_values = true)]
     pub view: Option<PathBuf>,
-    /// Size of the picture of `--view`
+    /// Size of the picture of `--camera`
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "1280x720", requires = "view")]
     pub size: [u32; 2],
-    /// Tolerated error in pixels of the picture of `--view`
+    /// Tolerated error in pixels of the picture of `--camera`
     #[arg(long, value_name = "PX", value_parser = parse_tau, default_value = "1", requires = "view")]
     pub tau: f64,
     /// Leave texts that spreadsheets run as formulas as they are, for `--format csv` [default: an apostrophe before them]

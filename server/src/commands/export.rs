@@ -12,6 +12,7 @@ use insula_archive::{
 use insula_bake::read::EarthPlace;
 use insula_command_line::output::{FileKind, Outputs};
 use insula_export::{
+    camera::ExportCamera,
     file,
     format::{Format, PlaneDefinition, Projections},
     glb::{self, ExportView},
@@ -191,17 +192,22 @@ fn by_options(args: &ExportArgs) -> String {
     if names.is_empty() { String::new() } else { format!(" by {}", names.join(" and ")) }
 }
 
-/// The view of `--view`. Fails if there is no such file or camera, or if the format has no views.
+/// The view of `--camera`. Fails if there is no such file or camera, or if the format has no views.
 fn view(args: &ExportArgs, format: ExportFormat) -> Result<Option<ExportView>, CommandError> {
     let Some(path) = &args.view else { return Ok(None) };
     if format != ExportFormat::Glb {
         return Err(CommandError::Usage(
-            "--view needs --format glb: other formats have no levels of detail".to_owned(),
+            "--camera needs --format glb: other formats have no levels of detail".to_owned(),
         ));
     }
-    let wrong = |reason: String| CommandError::Usage(format!("--view {}: {reason}", path.display()));
-    let text = read_text(path, MAX_TEXT_BYTES).map_err(|error| wrong(error.to_string()))?;
-    let camera = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+    let wrong = |reason: String| CommandError::Usage(format!("--camera {}: {reason}", path.display()));
+    let camera = match ExportCamera::of_text(&path.to_string_lossy()) {
+        Some(camera) => camera,
+        None => {
+            let text = read_text(path, MAX_TEXT_BYTES).map_err(|error| wrong(error.to_string()))?;
+            serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?
+        }
+    };
     let view = ExportView::new(camera, args.size, args.tau);
     view.map(Some).ok_or_else(|| wrong("position and target must differ, and fov_y_deg must be 1 to 170".to_owned()))
 }
